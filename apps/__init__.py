@@ -1,0 +1,1 @@
+"""What ties the services together: the `readygo` command, the local fleet and the demo."""

@@ -1,0 +1,43 @@
+"""The avatar: animatable Gaussians bound to a SMPL-24 skeleton."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from common.gaussians import GaussianCloud
+from common.messages.checks import check_array
+
+SMPL_PARENTS = np.array(
+    [-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21], dtype=np.int32
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Avatar:
+    """A person in a canonical pose, SMPL axes (y up, +x the body's left, +z facing, soles at y = 0)."""
+
+    name: str
+    license: str
+    height_m: float
+    cloud: GaussianCloud
+    """Gaussians in the canonical pose [m], SMPL axes."""
+    lbs_index: npt.NDArray[np.uint8]
+    """Joints that move each Gaussian, shape (N, 4)."""
+    lbs_weight: npt.NDArray[np.float32]
+    """Their weights, rows sum to 1, shape (N, 4)."""
+    joints_canonical_m: npt.NDArray[np.float32]
+    """Joints in the canonical pose [m], shape (24, 3)."""
+    joints_tpose_m: npt.NDArray[np.float32]
+    """Joints in SMPL's T-pose [m], shape (24, 3): forward kinematics starts here."""
+    R_tpose_canonical: npt.NDArray[np.float32]
+    """Rotation of each joint from the canonical pose to the T-pose, shape (24, 3, 3)
+    (the file's `R_canonical_to_tpose`)."""
+
+    def __post_init__(self) -> None:
+        count = len(self.cloud)
+        check_array("lbs_index", self.lbs_index, np.uint8, (count, 4))
+        check_array("lbs_weight", self.lbs_weight, np.float32, (count, 4))
+        for name in ("joints_canonical_m", "joints_tpose_m"):
+            check_array(name, getattr(self, name), np.float32, (24, 3))
+        check_array("R_tpose_canonical", self.R_tpose_canonical, np.float32, (24, 3, 3))

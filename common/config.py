@@ -1,0 +1,73 @@
+"""Configuration sections: frozen dataclasses that travel as plain mappings (TOML tables, message fields)."""
+
+import dataclasses
+import types
+import typing
+from collections.abc import Mapping
+from typing import Any, TypeVar
+
+from common.errors import ConfigError
+
+Section = TypeVar("Section")
+
+
+def section_to_mapping(section: Any) -> dict[str, Any]:
+    """A dataclass as a mapping of plain values; tuples become lists, as in TOML and MessagePack."""
+
+    def plain(value: Any) -> Any:
+        if dataclasses.is_dataclass(value):
+            return {field.name: plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
+        if isinstance(value, Mapping):
+            return {str(key): plain(item) for key, item in value.items()}
+        if isinstance(value, (tuple, list)):
+            return [plain(item) for item in value]
+        return value
+
+    mapping: dict[str, Any] = plain(section)
+    return mapping
+
+
+def section_from_mapping(cls: type[Section], mapping: Mapping[str, Any], *, where: str = "") -> Section:
+    """A dataclass `cls` from a mapping; missing keys take their defaults.
+
+    Args:
+        cls: A dataclass whose fields are plain values, tuples of them, or dataclasses.
+        mapping: Keys are field names.
+        where: Path of the section, for error messages.
+
+    Raises:
+        ConfigError: If a key is unknown or a value has the wrong type.
+    """
+    hints = typing.get_type_hints(cls)
+    unknown = sorted(set(mapping) - set(hints))
+    if unknown:
+        raise ConfigError(f"Unknown key {where}{unknown[0]!r}; known keys: {', '.join(sorted(hints))}.")
+    values = {key: _convert(hints[key], value, f"{where}{key}") for key, value in mapping.items()}
+    try:
+        return cls(**values)
+    except (TypeError, ValueError) as error:
+        raise ConfigError(f"{where or cls.__name__}: {error}") from error
+
+
+def _convert(hint: Any, value: Any, where: str) -> Any:
+    origin = typing.get_origin(hint)
+    if dataclasses.is_dataclass(hint) and isinstance(hint, type):
+        if not isinstance(value, Mapping):
+            raise ConfigError(f"{where} must be a table, got {value!r}.")
+        return section_from_mapping(hint, value, where=f"{where}.")
+    if origin is tuple:
+        item_hint = typing.get_args(hint)[0]
+        return tuple(_convert(item_hint, item, where) for item in value)
+    if origin is typing.Literal:
+        if value not in typing.get_args(hint):
+            raise ConfigError(f"{where} must be one of {list(typing.get_args(hint))}, got {value!r}.")
+        return value
+    if origin in (types.UnionType, typing.Union):
+        if value is None:
+            return None
+        return _convert(next(arg for arg in typing.get_args(hint) if arg is not type(None)), value, where)
+    if hint is float and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    if isinstance(hint, type) and (not isinstance(value, hint) or (hint is int and isinstance(value, bool))):
+        raise ConfigError(f"{where} must be {hint.__name__}, got {value!r}.")
+    return value

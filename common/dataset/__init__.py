@@ -1,0 +1,1 @@
+"""Shards: reading, indexing and validating."""

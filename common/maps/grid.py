@@ -1,0 +1,59 @@
+"""2-D grids of a scene: which cells block an agent, and how high the floor is."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from common.messages.checks import check_array
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GridFrame:
+    """Where a grid lies: cell (row i, column j) covers x = origin_x + j*r .. +(j+1)*r, y = origin_y + i*r .. ."""
+
+    origin_x_m: float
+    origin_y_m: float
+    resolution_m: float
+
+    def cell(self, x_m: float, y_m: float) -> tuple[int, int]:
+        """Row and column of the cell that holds a point (may lie outside of the grid)."""
+        return (
+            math.floor((y_m - self.origin_y_m) / self.resolution_m),
+            math.floor((x_m - self.origin_x_m) / self.resolution_m),
+        )
+
+    def centre_m(self, row: int, column: int) -> tuple[float, float]:
+        """World x, y of a cell's centre [m]."""
+        return (
+            self.origin_x_m + (column + 0.5) * self.resolution_m,
+            self.origin_y_m + (row + 0.5) * self.resolution_m,
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OccupancyMap:
+    """Cells that an agent of one height must not touch; not inflated.
+
+    A cell without floor (unknown, outside) counts as occupied for planning and judging alike.
+    """
+
+    frame: GridFrame
+    occupied: npt.NDArray[np.bool_]
+    """True where something stands or no floor is known, shape (H, W); row 0 is the smallest y."""
+
+    def __post_init__(self) -> None:
+        check_array("occupied", self.occupied, np.bool_, (None, None))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FloorMap:
+    """Height of the local floor."""
+
+    frame: GridFrame
+    height_m: npt.NDArray[np.float32]
+    """World z of the floor at cell centres [m], shape (H, W), finite everywhere (extrapolated beyond known floor)."""
+
+    def __post_init__(self) -> None:
+        check_array("height_m", self.height_m, np.float32, (None, None))

@@ -1,0 +1,55 @@
+"""What a robot did in an episode, and how it ended."""
+
+import enum
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from common.messages.checks import check_array
+
+
+class Outcome(enum.Enum):
+    """How an episode ended."""
+
+    SUCCESS = "success"
+    STATIC_COLLISION = "static_collision"
+    HUMAN_COLLISION = "human_collision"
+    TIMEOUT = "timeout"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class RobotTrajectory:
+    """A robot's closed-loop run: T samples at 20 Hz, from the start to the end of the episode."""
+
+    outcome: Outcome
+    xyyaw: npt.NDArray[np.float64]
+    """Pose at each sample's time: x [m], y [m], yaw [rad] (not wrapped), shape (T, 3)."""
+    actions: npt.NDArray[np.float64]
+    """Command executed over the next dt: v [m/s], w [rad/s], shape (T, 2)."""
+    replanned: npt.NDArray[np.bool_]
+    """True where the expert planned anew at this step, shape (T,)."""
+    human_visible: npt.NDArray[np.bool_]
+    """True where the robot perceives a human (field of view and range), shape (T,)."""
+    human_distance_m: npt.NDArray[np.float64]
+    """Distance of the centres of robot and nearest human [m], inf without humans, shape (T,)."""
+    time_to_collision_s: npt.NDArray[np.float64]
+    """Time until the discs of robot and some human touch at constant velocities [s], inf if never, shape (T,)."""
+    expert_cost: npt.NDArray[np.float64]
+    """Cost of the plan in force, shape (T,)."""
+    replan_times_s: npt.NDArray[np.float64]
+    """CPU time of each replan [s], shape (R,); not part of the recorded samples."""
+
+    def __post_init__(self) -> None:
+        count = len(self.xyyaw)
+        check_array("xyyaw", self.xyyaw, np.float64, (None, 3))
+        check_array("actions", self.actions, np.float64, (count, 2))
+        for name in ("replanned", "human_visible"):
+            check_array(name, getattr(self, name), np.bool_, (count,))
+        for name in ("human_distance_m", "time_to_collision_s", "expert_cost"):
+            check_array(name, getattr(self, name), np.float64, (count,))
+
+    @property
+    def duration_s(self) -> float:
+        """Simulated time until the episode ended [s]."""
+        return len(self.xyyaw) * 0.05

@@ -1,0 +1,57 @@
+"""Render requests: images of a scene with people in it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from common.messages.checks import check_array
+from common.messages.motion import HumanMotion, Motion
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class RenderView:
+    """One camera at one simulated step of one episode."""
+
+    people: str
+    """Key of the people to draw, as given in `RenderRequest.people` now or earlier; empty draws none."""
+    step: int
+    """Simulation step (20 Hz) whose motion rows are drawn."""
+    T_world_camera: npt.NDArray[np.float64]
+    """Camera pose, OpenCV axes, shape (4, 4)."""
+
+    def __post_init__(self) -> None:
+        check_array("T_world_camera", self.T_world_camera, np.float64, (4, 4))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class People:
+    """Humans that later requests refer to by `key`."""
+
+    key: str
+    humans: tuple[HumanMotion, ...]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class RenderRequest:
+    """A batch of views of the loaded scene with the robot's camera."""
+
+    views: tuple[RenderView, ...]
+    people: tuple[People, ...] = ()
+    """People that the renderer has not seen yet; it keeps the latest few hundred keys."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class RenderReply:
+    """Images in the order of the request's views."""
+
+    rgb: npt.NDArray[np.uint8]
+    """sRGB images, shape (B, H, W, 3)."""
+    unknown_people: tuple[str, ...] = ()
+    """Keys that the renderer does not hold (any more): send them along and ask again; `rgb` is then empty."""
+
+    def __post_init__(self) -> None:
+        check_array("rgb", self.rgb, np.uint8, (None, None, None, 3))
+
+
+__all__ = ["HumanMotion", "Motion", "People", "RenderReply", "RenderRequest", "RenderView"]

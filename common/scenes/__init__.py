@@ -1,0 +1,1 @@
+"""Scene bundles: a folder with a Gaussian scene, its maps and its metadata."""

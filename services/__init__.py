@@ -1,0 +1,1 @@
+"""One folder per service; services never import each other, they talk over the bus."""

@@ -1,0 +1,1 @@
+"""The animator: how humans move along their trajectories."""

@@ -1,0 +1,1 @@
+"""The coordinator: owns a run's ledger."""

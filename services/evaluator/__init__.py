@@ -1,0 +1,1 @@
+"""The evaluator: closed-loop success rates."""

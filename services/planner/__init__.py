@@ -1,0 +1,1 @@
+"""The planners: where humans walk and how the expert drives."""

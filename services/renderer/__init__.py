@@ -1,0 +1,1 @@
+"""The renderer: images of a scene with people in it."""

@@ -1,0 +1,1 @@
+"""The trainer: policies from shards."""
