@@ -57,3 +57,22 @@ class FloorMap:
 
     def __post_init__(self) -> None:
         check_array("height_m", self.height_m, np.float32, (None, None))
+
+    def at(self, x_m: float, y_m: float) -> float:
+        """Floor height [m] at a point, bilinear between cell centres, held constant beyond the grid."""
+        return float(self.at_many(np.array([[x_m, y_m]]))[0])
+
+    def at_many(self, xy_m: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+        """Floor heights [m] at points of shape (N, 2); see `at`."""
+        height, width = self.height_m.shape
+        u = np.clip((xy_m[:, 0] - self.frame.origin_x_m) / self.frame.resolution_m - 0.5, 0.0, width - 1.0)
+        v = np.clip((xy_m[:, 1] - self.frame.origin_y_m) / self.frame.resolution_m - 0.5, 0.0, height - 1.0)
+        j = np.minimum(u.astype(np.int64), max(width - 2, 0))
+        i = np.minimum(v.astype(np.int64), max(height - 2, 0))
+        j1, i1 = np.minimum(j + 1, width - 1), np.minimum(i + 1, height - 1)
+        a, b = u - j, v - i
+        z = self.height_m.astype(np.float64, copy=False)
+        low = (1 - a) * z[i, j] + a * z[i, j1]
+        high = (1 - a) * z[i1, j] + a * z[i1, j1]
+        heights: npt.NDArray[np.float64] = (1 - b) * low + b * high
+        return heights

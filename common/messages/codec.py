@@ -38,7 +38,7 @@ def decode(cls: type[Message], payload: bytes) -> Message:
 
 def _plain(value: Any) -> Any:
     if dataclasses.is_dataclass(value):
-        return {name: _plain(getattr(value, name)) for name in _fields(type(value))}
+        return {name: _plain(getattr(value, name)) for name in _fields(value.__class__)}
     if isinstance(value, enum.Enum):
         return value.value
     if isinstance(value, (tuple, list)):
@@ -87,6 +87,8 @@ def _build(hint: Any, value: Any) -> Any:
     if origin in (types.UnionType, typing.Union):
         inner = next(arg for arg in typing.get_args(hint) if arg is not type(None))
         return None if value is None else _build(inner, value)
+    if origin is dict:
+        return dict(value)
     if isinstance(hint, type) and issubclass(hint, enum.Enum):
         return hint(value)
     return value

@@ -1,0 +1,164 @@
+"""The lease protocol between workers, recorders and the coordinator.
+
+An episode passes the stages in order; a worker claims the next one that waits for its stage and holds it under an
+attempt number until it completes or the lease runs out. Late work carries an old attempt and is answered "stale".
+"""
+
+import enum
+from dataclasses import dataclass
+
+from common.messages.episode import EpisodeKey
+
+
+class Stage(enum.Enum):
+    """Stages of the assembly line, in order; the value is part of the topic."""
+
+    HUMAN_PLAN = "human-plan"
+    ANIMATE = "animate"
+    ROBOT_PLAN = "robot-plan"
+    RENDER = "render"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Blob:
+    """A content-addressed result; `data` is empty when it is too large to travel along: ask "blob"."""
+
+    sha256: str
+    data: bytes = b""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class BlobRequest:
+    """Topic "blob": one chunk of a blob."""
+
+    sha256: str
+    offset: int = 0
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class BlobReply:
+    """A chunk; `size` is the blob's whole size, -1 when the blob is unknown."""
+
+    size: int
+    data: bytes
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ClaimRequest:
+    """Topic "coord/{stage}/claim": a worker asks for work."""
+
+    worker: str
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ClaimReply:
+    """`status` is "lease", "wait" (ask again soon) or "done" (the run needs no more work of this stage)."""
+
+    status: str
+    episode: EpisodeKey | None = None
+    attempt: int = 0
+    ttl_s: float = 0.0
+    """The lease ends this long after the claim or the latest renewal [s]."""
+    inputs: tuple[Blob, ...] = ()
+    """Encoded results of the earlier stages, in their order."""
+    recorder: str = ""
+    """Stage RENDER: the recorder to append to, topic "rec/{recorder}/append"."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RenewRequest:
+    """Topic "coord/{stage}/renew": the worker is still at it."""
+
+    worker: str
+    index: int
+    attempt: int
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class CompleteRequest:
+    """Topic "coord/{stage}/complete": a stage's result, or why the episode is rejected."""
+
+    worker: str
+    index: int
+    attempt: int
+    result: bytes = b""
+    rejected: str = ""
+    """Reason; the same episode is then never tried again."""
+    cpu_s: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class GrantRequest:
+    """Topic "coord/rec/grant": may this recorder make the episode durable under this attempt?"""
+
+    recorder: str
+    index: int
+    attempt: int
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class DoneRequest:
+    """Topic "coord/rec/done": the episode is durable in this shard. Sent again until it is acknowledged."""
+
+    recorder: str
+    index: int
+    attempt: int
+    shard: str
+    sample_count: int
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LostRequest:
+    """Topic "coord/rec/lost": a granted episode did not become durable; it is rendered again."""
+
+    recorder: str
+    index: int
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PendingRequest:
+    """Topic "coord/rec/pending": which grants does the coordinator believe this recorder holds?"""
+
+    recorder: str
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PendingReply:
+    """Indices that were granted to the recorder and not reported done."""
+
+    indices: tuple[int, ...]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Verdict:
+    """Answer to renew, complete, grant, done and lost: "ok", "stale" (another attempt holds it) or "done" (durable)."""
+
+    status: str
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class StatusRequest:
+    """Topic "ctl/status": how far is the run?"""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class StatusReply:
+    """Counts of episodes by state."""
+
+    wanted: int
+    committed: int
+    samples: int
+    waiting: dict[str, int]
+    """Episodes that wait, by stage."""
+    leased: dict[str, int]
+    """Episodes that a worker holds, by stage."""
+    rejected: dict[str, int]
+    """Rejected indices by reason."""
+    requeued: int
+    """Leases that ended without a result."""
+    cpu_s: dict[str, float]
+    """CPU time of completed work by stage [s]."""
+    finished: bool
+    failed: str = ""
+    """Why the run cannot be finished; empty while it can."""
