@@ -71,8 +71,8 @@ class FloorMap:
         i = np.minimum(v.astype(np.int64), max(height - 2, 0))
         j1, i1 = np.minimum(j + 1, width - 1), np.minimum(i + 1, height - 1)
         a, b = u - j, v - i
-        z = self.height_m.astype(np.float64, copy=False)
-        low = (1 - a) * z[i, j] + a * z[i, j1]
-        high = (1 - a) * z[i1, j] + a * z[i1, j1]
+        z = self.height_m
+        low = (1 - a) * z[i, j].astype(np.float64) + a * z[i, j1]
+        high = (1 - a) * z[i1, j].astype(np.float64) + a * z[i1, j1]
         heights: npt.NDArray[np.float64] = (1 - b) * low + b * high
         return heights
