@@ -2,5 +2,6 @@
 
 from common.bus.in_process import InProcessBus
 from common.bus.interface import Bus
+from common.bus.leases import StageResult, claim_once, fetch_blob, pull
 
-__all__ = ["Bus", "InProcessBus"]
+__all__ = ["Bus", "InProcessBus", "StageResult", "claim_once", "fetch_blob", "pull"]

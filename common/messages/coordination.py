@@ -6,8 +6,9 @@ attempt number until it completes or the lease runs out. Late work carries an ol
 
 import enum
 from dataclasses import dataclass
+from typing import Any
 
-from common.messages.episode import EpisodeKey
+from common.messages.episode import EpisodeKey, Split
 
 
 class Stage(enum.Enum):
@@ -48,11 +49,13 @@ class ClaimRequest:
     """Topic "coord/{stage}/claim": a worker asks for work."""
 
     worker: str
+    numeric_class: str = ""
+    """What the bits of this worker's results depend on: backend, package versions, architecture."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ClaimReply:
-    """`status` is "lease", "wait" (ask again soon) or "done" (the run needs no more work of this stage)."""
+    """`status` is "lease", "wait" (ask again soon), "done" (the run is over) or "refused" (another numeric class)."""
 
     status: str
     episode: EpisodeKey | None = None
@@ -84,6 +87,8 @@ class CompleteRequest:
     result: bytes = b""
     rejected: str = ""
     """Reason; the same episode is then never tried again."""
+    failed: str = ""
+    """An error of the worker's; the episode is tried again a few times, then the run fails with this text."""
     cpu_s: float = 0.0
 
 
@@ -162,3 +167,48 @@ class StatusReply:
     finished: bool
     failed: str = ""
     """Why the run cannot be finished; empty while it can."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FileRef:
+    """A file of the run that workers can fetch as a blob."""
+
+    path: str
+    """Path relative to its bundle, with forward slashes."""
+    sha256: str
+    size: int
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RunSpec:
+    """Everything that fixes a run's samples, and where to find it."""
+
+    run: str
+    """Name of the run on the bus."""
+    scene_path: str
+    scene_hash: str
+    scene_files: tuple[FileRef, ...]
+    avatars_path: str
+    """Folder or file of the avatars; empty for the embedded ones."""
+    avatar_hashes: dict[str, str]
+    """Content hash by avatar name."""
+    seed: int
+    split: Split
+    static: bool
+    """True leaves the humans out."""
+    config: dict[str, Any]
+    """Resolved sections: robot, episode, human_planner, expert, animator, renderer, recorder."""
+    metadata: dict[str, Any]
+    """Versions, commit and licences, recorded with the data; not part of the identity."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RunSpecRequest:
+    """Topic "coord/spec": what is this run?"""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ControlRequest:
+    """Topic "ctl": `command` is "pause", "resume" or "cancel"."""
+
+    command: str

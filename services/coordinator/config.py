@@ -1,0 +1,24 @@
+"""Settings of the coordinator."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class CoordinatorConfig:
+    """Leases and limits; none of them changes a sample."""
+
+    lease_s: float = 15.0
+    """A lease ends this long after its claim or latest renewal [s]."""
+    plan_ahead: int = 64
+    """Planning pauses while this many episodes are between planning and the shards."""
+    failures_max: int = 3
+    """A worker's errors on one stage of one episode before the run fails."""
+    rejections_max: int = 200
+    """The run fails after this many rejections if fewer than one index in 20 was accepted."""
+    inline_bytes: int = 16_000
+    """Results up to this size travel in the claim's reply; larger ones are fetched as blobs."""
+    blob_chunk_bytes: int = 1_000_000
+
+    def __post_init__(self) -> None:
+        if self.lease_s <= 0 or min(self.plan_ahead, self.failures_max, self.rejections_max) < 1:
+            raise ValueError("lease_s, plan_ahead, failures_max and rejections_max must be positive.")

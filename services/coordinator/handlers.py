@@ -1,0 +1,229 @@
+"""Requests to the coordinator -> replies; the ledger holds all state that must survive."""
+
+import threading
+import time
+from collections.abc import Callable
+
+from common.errors import ReadygoError, RunError
+from common.messages import (
+    Blob,
+    BlobReply,
+    BlobRequest,
+    ClaimReply,
+    ClaimRequest,
+    CompleteRequest,
+    ControlRequest,
+    DoneRequest,
+    EpisodeKey,
+    GrantRequest,
+    LostRequest,
+    PendingReply,
+    PendingRequest,
+    RenewRequest,
+    RunSpec,
+    RunSpecRequest,
+    Stage,
+    StatusReply,
+    StatusRequest,
+    Verdict,
+)
+from services.coordinator.blobs import BlobStore
+from services.coordinator.config import CoordinatorConfig
+from services.coordinator.ledger import STAGES, Lease, Ledger
+
+
+class Coordinator:
+    """One run: what is wanted, what is done, and who may do the rest."""
+
+    def __init__(
+        self,
+        *,
+        spec: RunSpec,
+        wanted: int,
+        ledger: Ledger,
+        blobs: BlobStore,
+        recorders: tuple[str, ...],
+        config: CoordinatorConfig | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.spec = spec
+        self.wanted = wanted
+        self.ledger = ledger
+        self.blobs = blobs
+        self.recorders = recorders
+        self.config = config or CoordinatorConfig()
+        self.clock = clock
+        self.failed = ""
+        self.paused = False
+        self.cancelled = False
+        self.lock = threading.Lock()
+        ledger.requeue_all()
+        blobs.keep_only(ledger.results())
+        ledger.open_episodes(wanted)
+
+    @property
+    def finished(self) -> bool:
+        """True when all wanted episodes are durable."""
+        return self.ledger.committed()[0] >= self.wanted
+
+    @property
+    def over(self) -> bool:
+        """True when no more work will be given out."""
+        return bool(self.failed) or self.cancelled or self.finished
+
+
+def handle_spec(coordinator: Coordinator, request: RunSpecRequest) -> RunSpec:
+    """What the run is."""
+    return coordinator.spec
+
+
+def handle_claim(coordinator: Coordinator, stage: Stage, request: ClaimRequest) -> ClaimReply:
+    """Lease the next episode that waits for `stage`."""
+    if coordinator.over:
+        return ClaimReply(status="done")
+    if not _same_numeric_class(coordinator, request.numeric_class):
+        return ClaimReply(status="refused")
+    if coordinator.paused or (stage is STAGES[0] and _planned_ahead(coordinator)):
+        return ClaimReply(status="wait")
+    with coordinator.lock:
+        lease = coordinator.ledger.claim(stage, request.worker, coordinator.clock() + coordinator.config.lease_s)
+    return ClaimReply(status="wait") if lease is None else _lease_reply(coordinator, stage, lease)
+
+
+def handle_renew(coordinator: Coordinator, stage: Stage, request: RenewRequest) -> Verdict:
+    """Prolong a lease."""
+    deadline_s = coordinator.clock() + coordinator.config.lease_s
+    return Verdict(status="ok" if coordinator.ledger.renew(request.index, request.attempt, deadline_s) else "stale")
+
+
+def handle_complete(coordinator: Coordinator, stage: Stage, request: CompleteRequest) -> Verdict:
+    """Take a stage's result, a rejection or a failure."""
+    ledger = coordinator.ledger
+    ledger.add(f"cpu_s/{stage.value}", request.cpu_s)
+    if request.failed:
+        failures = ledger.fail(stage, request.index, request.attempt)
+        if failures is not None and failures >= coordinator.config.failures_max:
+            coordinator.failed = f"Stage {stage.value} of episode {request.index} failed: {request.failed}"
+        return Verdict(status="stale" if failures is None else "ok")
+    if request.rejected:
+        held = ledger.reject(stage, request.index, request.attempt, request.rejected)
+        if held:
+            _after_rejection(coordinator)
+        return Verdict(status="ok" if held else "stale")
+    if stage is STAGES[-1]:
+        raise RunError("The last stage is completed by the recorder's commit, not by its worker.")
+    held = ledger.advance(stage, request.index, request.attempt, coordinator.blobs.put(request.result))
+    return Verdict(status="ok" if held else "stale")
+
+
+def handle_grant(coordinator: Coordinator, request: GrantRequest) -> Verdict:
+    """May the recorder make this attempt durable?"""
+    return Verdict(status=coordinator.ledger.grant(request.index, request.attempt, request.recorder))
+
+
+def handle_done(coordinator: Coordinator, request: DoneRequest) -> Verdict:
+    """An episode is durable."""
+    for sha256 in coordinator.ledger.commit(request.index, request.recorder, request.shard, request.sample_count):
+        coordinator.blobs.drop(sha256)
+    return Verdict(status="ok")
+
+
+def handle_lost(coordinator: Coordinator, request: LostRequest) -> Verdict:
+    """A granted episode did not become durable."""
+    coordinator.ledger.take_back(request.index, request.recorder)
+    if request.reason:
+        coordinator.failed = request.reason
+    return Verdict(status="ok")
+
+
+def handle_pending(coordinator: Coordinator, request: PendingRequest) -> PendingReply:
+    """Which grants does the recorder hold?"""
+    return PendingReply(indices=coordinator.ledger.granted(request.recorder))
+
+
+def handle_blob(coordinator: Coordinator, request: BlobRequest) -> BlobReply:
+    """One chunk of a blob."""
+    size, data = coordinator.blobs.read(request.sha256, request.offset, coordinator.config.blob_chunk_bytes)
+    return BlobReply(size=size, data=data)
+
+
+def handle_control(coordinator: Coordinator, request: ControlRequest) -> Verdict:
+    """Pause, resume or cancel the run."""
+    if request.command not in ("pause", "resume", "cancel"):
+        raise RunError(f"Unknown command {request.command!r}; use pause, resume or cancel.")
+    coordinator.paused = request.command == "pause"
+    coordinator.cancelled = coordinator.cancelled or request.command == "cancel"
+    return Verdict(status="ok")
+
+
+def handle_status(coordinator: Coordinator, request: StatusRequest) -> StatusReply:
+    """How far the run is."""
+    ledger = coordinator.ledger
+    committed, samples = ledger.committed()
+    counters = ledger.counters()
+    prefix = "cpu_s/"
+    return StatusReply(
+        wanted=coordinator.wanted,
+        committed=committed,
+        samples=samples,
+        waiting=ledger.count("waiting"),
+        leased=ledger.count("leased"),
+        rejected=ledger.rejections(),
+        requeued=int(counters.get("requeued", 0)),
+        cpu_s={name.removeprefix(prefix): value for name, value in counters.items() if name.startswith(prefix)},
+        finished=coordinator.finished,
+        failed=coordinator.failed,
+    )
+
+
+def requeue_lost(coordinator: Coordinator, *, worker: str | None = None) -> None:
+    """End the leases that ran out, or those of a worker that is gone."""
+    ledger = coordinator.ledger
+    ended = ledger.requeue_expired(coordinator.clock()) if worker is None else ledger.requeue_worker(worker)
+    if ended:
+        ledger.add("requeued", ended)
+
+
+def _same_numeric_class(coordinator: Coordinator, numeric_class: str) -> bool:
+    if not numeric_class:
+        return True
+    with coordinator.lock:
+        agreed = coordinator.ledger.get("numeric_class")
+        if agreed is None:
+            coordinator.ledger.put("numeric_class", numeric_class)
+    return agreed is None or agreed == numeric_class
+
+
+def _planned_ahead(coordinator: Coordinator) -> bool:
+    busy = {**coordinator.ledger.count("waiting")}
+    for stage, count in coordinator.ledger.count("leased").items():
+        busy[stage] = busy.get(stage, 0) + count
+    return sum(count for stage, count in busy.items() if stage != STAGES[0].value) >= coordinator.config.plan_ahead
+
+
+def _lease_reply(coordinator: Coordinator, stage: Stage, lease: Lease) -> ClaimReply:
+    inputs = []
+    for sha256 in lease.inputs:
+        data = coordinator.blobs.get(sha256)
+        if data is None:
+            raise ReadygoError(f"Result {sha256} of episode {lease.index} is gone from the run's folder.")
+        inputs.append(Blob(sha256=sha256, data=data if len(data) <= coordinator.config.inline_bytes else b""))
+    return ClaimReply(
+        status="lease",
+        episode=EpisodeKey(seed=coordinator.spec.seed, split=coordinator.spec.split, index=lease.index),
+        attempt=lease.attempt,
+        ttl_s=coordinator.config.lease_s,
+        inputs=tuple(inputs),
+        recorder=coordinator.recorders[lease.index % len(coordinator.recorders)] if stage is STAGES[-1] else "",
+    )
+
+
+def _after_rejection(coordinator: Coordinator) -> None:
+    rejected = sum(coordinator.ledger.rejections().values())
+    waiting = coordinator.ledger.count("waiting")
+    accepted = coordinator.ledger.committed()[0] + waiting.get(STAGES[-1].value, 0)
+    if rejected >= coordinator.config.rejections_max and rejected > 20 * accepted:
+        reasons = ", ".join(f"{reason} ({count})" for reason, count in coordinator.ledger.rejections().items())
+        coordinator.failed = f"{rejected} indices were rejected and {accepted} accepted: {reasons}."
+        return
+    coordinator.ledger.open_episodes(coordinator.wanted)

@@ -1,0 +1,263 @@
+"""The run's ledger: which episode is at which stage, who holds it, and under which attempt.
+
+One SQLite file (write-ahead log). Episodes are the rows; a run of N episodes always has exactly N rows that are not
+rejected, opened in the order of their indices, so the committed ones are the N smallest accepted indices and nothing is
+ever made in vain.
+"""
+
+import sqlite3
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from common.messages import Stage
+
+STAGES = tuple(Stage)
+
+_SCHEMA = """
+CREATE TABLE IF NOT EXISTS episode (
+    idx INTEGER PRIMARY KEY,
+    stage TEXT NOT NULL,
+    state TEXT NOT NULL CHECK (state IN ('waiting', 'leased', 'granted', 'committed', 'rejected')),
+    attempt INTEGER NOT NULL DEFAULT 0,
+    failures INTEGER NOT NULL DEFAULT 0,
+    worker TEXT NOT NULL DEFAULT '',
+    deadline_s REAL NOT NULL DEFAULT 0,
+    recorder TEXT NOT NULL DEFAULT '',
+    reason TEXT NOT NULL DEFAULT '',
+    shard TEXT NOT NULL DEFAULT '',
+    samples INTEGER NOT NULL DEFAULT 0
+);
+CREATE INDEX IF NOT EXISTS by_state ON episode (state, stage, idx);
+CREATE TABLE IF NOT EXISTS result (
+    idx INTEGER NOT NULL,
+    stage TEXT NOT NULL,
+    sha256 TEXT NOT NULL,
+    PRIMARY KEY (idx, stage)
+);
+CREATE TABLE IF NOT EXISTS counter (name TEXT PRIMARY KEY, value REAL NOT NULL);
+CREATE TABLE IF NOT EXISTS run (key TEXT PRIMARY KEY, value TEXT NOT NULL);
+"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lease:
+    """A claim on one stage of one episode."""
+
+    index: int
+    attempt: int
+    inputs: tuple[str, ...]
+    """Hashes of the earlier stages' results, in their order."""
+
+
+class Ledger:
+    """Transactions on the ledger file; safe to call from several threads."""
+
+    def __init__(self, path: Path) -> None:
+        self._db = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
+        self._lock = threading.RLock()
+        self._db.execute("PRAGMA journal_mode = WAL")
+        # NORMAL loses at most the latest leases in a power cut; grants are confirmed again by the recorder's own files.
+        self._db.execute("PRAGMA synchronous = NORMAL")
+        self._db.executescript(_SCHEMA)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._db.close()
+
+    def get(self, key: str) -> str | None:
+        """A value of the run, such as its identity."""
+        row = self._one("SELECT value FROM run WHERE key = ?", key)
+        return None if row is None else str(row[0])
+
+    def put(self, key: str, value: str) -> None:
+        """Store a value of the run."""
+        self._run("INSERT OR REPLACE INTO run VALUES (?, ?)", key, value)
+
+    def open_episodes(self, wanted: int) -> int:
+        """Open indices until `wanted` of them are not rejected; returns how many were opened."""
+        with self._lock, self._db:
+            self._db.execute("BEGIN IMMEDIATE")
+            (alive,) = self._db.execute("SELECT count(*) FROM episode WHERE state != 'rejected'").fetchone()
+            (following,) = self._db.execute("SELECT coalesce(max(idx) + 1, 0) FROM episode").fetchone()
+            missing: int = max(0, wanted - alive)
+            self._db.executemany(
+                "INSERT INTO episode (idx, stage, state) VALUES (?, ?, 'waiting')",
+                [(following + k, STAGES[0].value) for k in range(missing)],
+            )
+        return missing
+
+    def claim(self, stage: Stage, worker: str, deadline_s: float) -> Lease | None:
+        """Lease the waiting episode of smallest index at `stage`, if there is one."""
+        with self._lock:
+            row = self._one(
+                """UPDATE episode SET state = 'leased', attempt = attempt + 1, worker = ?, deadline_s = ?
+                WHERE idx = (SELECT idx FROM episode WHERE state = 'waiting' AND stage = ? ORDER BY idx LIMIT 1)
+                RETURNING idx, attempt""",
+                worker,
+                deadline_s,
+                stage.value,
+            )
+            if row is None:
+                return None
+            results = dict(self._all("SELECT stage, sha256 FROM result WHERE idx = ?", row[0]))
+        earlier = STAGES[: STAGES.index(stage)]
+        return Lease(index=row[0], attempt=row[1], inputs=tuple(results[s.value] for s in earlier))
+
+    def renew(self, index: int, attempt: int, deadline_s: float) -> bool:
+        """Prolong a lease; False if the attempt does not hold it any more."""
+        return self._held(
+            "UPDATE episode SET deadline_s = ? WHERE idx = ? AND attempt = ? AND state = 'leased' RETURNING idx",
+            deadline_s,
+            index,
+            attempt,
+        )
+
+    def advance(self, stage: Stage, index: int, attempt: int, sha256: str) -> bool:
+        """Store a stage's result and pass the episode on; False if the attempt does not hold the lease."""
+        following = STAGES[STAGES.index(stage) + 1]
+        with self._lock, self._db:
+            self._db.execute("BEGIN IMMEDIATE")
+            held = self._held(
+                """UPDATE episode SET stage = ?, state = 'waiting', worker = '', failures = 0
+                WHERE idx = ? AND attempt = ? AND state = 'leased' AND stage = ? RETURNING idx""",
+                following.value,
+                index,
+                attempt,
+                stage.value,
+            )
+            if held:
+                self._db.execute("INSERT OR REPLACE INTO result VALUES (?, ?, ?)", (index, stage.value, sha256))
+        return held
+
+    def reject(self, stage: Stage, index: int, attempt: int, reason: str) -> bool:
+        """Skip an index for good; False if the attempt does not hold the lease."""
+        return self._held(
+            """UPDATE episode SET state = 'rejected', reason = ?, worker = ''
+            WHERE idx = ? AND attempt = ? AND state = 'leased' AND stage = ? RETURNING idx""",
+            reason,
+            index,
+            attempt,
+            stage.value,
+        )
+
+    def fail(self, stage: Stage, index: int, attempt: int) -> int | None:
+        """Put an episode back after a worker's error; returns its failures at this stage, None if not held."""
+        row = self._one(
+            """UPDATE episode SET state = 'waiting', failures = failures + 1, worker = ''
+            WHERE idx = ? AND attempt = ? AND state = 'leased' AND stage = ? RETURNING failures""",
+            index,
+            attempt,
+            stage.value,
+        )
+        return None if row is None else int(row[0])
+
+    def grant(self, index: int, attempt: int, recorder: str) -> str:
+        """Let a recorder make an episode durable: "ok", "stale" or "done"."""
+        row = self._one(
+            """UPDATE episode SET state = 'granted', recorder = ? WHERE idx = ? AND attempt = ? AND stage = 'render'
+            AND (state = 'leased' OR (state = 'granted' AND recorder = ?)) RETURNING idx""",
+            recorder,
+            index,
+            attempt,
+            recorder,
+        )
+        if row is not None:
+            return "ok"
+        state = self._one("SELECT state FROM episode WHERE idx = ?", index)
+        return "done" if state is not None and state[0] == "committed" else "stale"
+
+    def commit(self, index: int, recorder: str, shard: str, samples: int) -> list[str]:
+        """Note that an episode is durable; returns the hashes of results that nobody needs any more."""
+        with self._lock, self._db:
+            self._db.execute("BEGIN IMMEDIATE")
+            self._db.execute(
+                """UPDATE episode SET state = 'committed', stage = 'render', recorder = ?, shard = ?, samples = ?,
+                worker = '' WHERE idx = ?""",
+                (recorder, shard, samples, index),
+            )
+            hashes = [row[0] for row in self._db.execute("SELECT sha256 FROM result WHERE idx = ?", (index,))]
+            self._db.execute("DELETE FROM result WHERE idx = ?", (index,))
+        return hashes
+
+    def take_back(self, index: int, recorder: str) -> None:
+        """Undo a grant whose episode did not become durable."""
+        self._run(
+            "UPDATE episode SET state = 'waiting', worker = '' WHERE idx = ? AND state = 'granted' AND recorder = ?",
+            index,
+            recorder,
+        )
+
+    def granted(self, recorder: str) -> tuple[int, ...]:
+        """Indices granted to a recorder and not yet reported durable."""
+        rows = self._all("SELECT idx FROM episode WHERE state = 'granted' AND recorder = ? ORDER BY idx", recorder)
+        return tuple(row[0] for row in rows)
+
+    def requeue_expired(self, now_s: float) -> int:
+        """End the leases whose time is over; returns how many."""
+        return self._requeue("deadline_s < ?", now_s)
+
+    def requeue_worker(self, worker: str) -> int:
+        """End the leases of a worker that is gone; returns how many."""
+        return self._requeue("worker = ?", worker)
+
+    def requeue_all(self) -> None:
+        """End every lease: a new fleet starts on an old ledger."""
+        self._requeue("true")
+
+    def count(self, state: str) -> dict[str, int]:
+        """Episodes in a state, by stage."""
+        return dict(self._all("SELECT stage, count(*) FROM episode WHERE state = ? GROUP BY stage", state))
+
+    def rejections(self) -> dict[str, int]:
+        """Rejected indices by reason."""
+        return dict(
+            self._all("SELECT reason, count(*) FROM episode WHERE state = 'rejected' GROUP BY reason ORDER BY reason")
+        )
+
+    def committed(self) -> tuple[int, int]:
+        """Durable episodes, and the samples in them."""
+        row = self._one("SELECT count(*), coalesce(sum(samples), 0) FROM episode WHERE state = 'committed'")
+        assert row is not None
+        return int(row[0]), int(row[1])
+
+    def committed_indices(self) -> tuple[int, ...]:
+        """Indices of the durable episodes."""
+        return tuple(row[0] for row in self._all("SELECT idx FROM episode WHERE state = 'committed' ORDER BY idx"))
+
+    def results(self) -> set[str]:
+        """Hashes of all results that are still needed."""
+        return {row[0] for row in self._all("SELECT sha256 FROM result")}
+
+    def add(self, counter: str, amount: float) -> None:
+        """Add to a counter."""
+        self._run(
+            "INSERT INTO counter VALUES (?, ?) ON CONFLICT (name) DO UPDATE SET value = value + excluded.value",
+            counter,
+            amount,
+        )
+
+    def counters(self) -> dict[str, float]:
+        """All counters."""
+        return dict(self._all("SELECT name, value FROM counter"))
+
+    def _requeue(self, condition: str, *values: object) -> int:
+        statement = (
+            f"UPDATE episode SET state = 'waiting', worker = '' WHERE state = 'leased' AND {condition} RETURNING 1"
+        )
+        return len(self._all(statement, *values))
+
+    def _held(self, statement: str, *values: object) -> bool:
+        return self._one(statement, *values) is not None
+
+    def _one(self, statement: str, *values: object) -> tuple[Any, ...] | None:
+        rows = self._all(statement, *values)
+        return rows[0] if rows else None
+
+    def _all(self, statement: str, *values: object) -> list[tuple[Any, ...]]:
+        with self._lock:
+            return self._db.execute(statement, values).fetchall()
+
+    def _run(self, statement: str, *values: object) -> None:
+        self._all(statement, *values)
