@@ -1,0 +1,240 @@
+"""`readygo generate`: from a scene to a recorded dataset."""
+
+import dataclasses
+import fcntl
+import json as json_module
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Literal
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from apps.fleet import Fleet
+from apps.run import RunConfig, RunFolder, load_run_config, numeric_class, resolved_sections, run_metadata, run_name
+from apps.scene_argument import open_scene
+from apps.stages import stage_work
+from apps.worker import make_coordinator, recorded_metadata
+from apps.world import World
+from common.avatars import load_avatars
+from common.avatars.file import avatar_hash
+from common.bus import InProcessBus, claim_once
+from common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
+from common.errors import BusError, RunError
+from common.messages import FileRef, RunSpec, Split, Stage, StatusReply, StatusRequest
+from common.robot import load_robot
+from common.scenes import Scene
+from services import coordinator as coordination
+from services.recorder import Recorder
+from services.recorder import attach as attach_recorder
+
+Show = Callable[[StatusReply], None]
+POLL_S = 0.25
+
+
+def generate(
+    scene: str,
+    /,
+    *,
+    out: Path,
+    episodes: int = 100,
+    workers: int = 1,
+    split: Literal["train", "val", "test"] = "train",
+    seed: int = 0,
+    avatars: Path | None = None,
+    static: bool = False,
+    robot: Path | None = None,
+    config: Path | None = None,
+    listen: str = "",
+    json: bool = False,
+) -> None:
+    """Record episodes of an expert among walking people; run again to resume.
+
+    Args:
+        scene: Scene bundle, or "embedded".
+        out: Data folder; shards appear in it.
+        episodes: Episodes to record.
+        workers: Renderer processes, besides one process for each other role; 0 does everything in this process.
+        split: Random streams to draw the episodes from; train, val and test never share an episode.
+        seed: Seed of the run.
+        avatars: Avatar file or folder of them; the embedded ones by default.
+        static: Leave the humans out.
+        robot: robot.toml of another robot.
+        config: TOML file with sections of settings.
+        listen: Endpoint of the fleet's router, such as tcp/127.0.0.1:7447; a free loopback port by default.
+        json: Print the summary as JSON.
+    """
+    if episodes < 1 or not 0 <= workers <= 256:
+        raise RunError(f"--episodes must be at least 1 and --workers 0..256, got {episodes} and {workers}.")
+    run_config = load_run_config(config, load_robot(robot) if robot else None)
+    spec = make_spec(open_scene(scene), avatars, run_config, seed=seed, split=Split(split), static=static)
+    folder = RunFolder(out)
+    folder.prepare(spec, _wanted(folder, episodes))
+    console = Console(stderr=True)
+    begin_s = time.monotonic()
+    with _only_one(folder), _progress(console, quiet=json) as show:
+        if workers == 0:
+            status = run_in_process(folder, show)
+        else:
+            status = run_fleet(folder, workers, listen or free_endpoint(), show)
+    _report(folder, status, time.monotonic() - begin_s, as_json=json, console=console)
+
+
+def make_spec(
+    scene: Scene, avatars: Path | None, config: RunConfig, *, seed: int, split: Split, static: bool
+) -> RunSpec:
+    """The run of these settings."""
+    people = {} if static else load_avatars(avatars)
+    spec = RunSpec(
+        run="",
+        scene_path=str(scene.path.resolve()),
+        scene_hash=scene.content_hash,
+        scene_files=tuple(FileRef(path=f.path, sha256=f.sha256, size=f.size) for f in scene.files),
+        avatars_path=str(avatars.resolve()) if avatars else "",
+        avatar_hashes={name: avatar_hash(avatar) for name, avatar in people.items()},
+        seed=seed,
+        split=split,
+        static=static,
+        config=resolved_sections(config),
+        metadata=run_metadata(
+            config,
+            scene={"name": scene.name, "hash": scene.content_hash, "license": scene.metadata.get("licence", "")},
+            avatars={n: {"hash": avatar_hash(a), "license": a.license} for n, a in people.items()},
+        ),
+    )
+    return dataclasses.replace(spec, run=run_name(spec))
+
+
+def run_in_process(folder: RunFolder, show: Show) -> StatusReply:
+    """Do all stages in this process, through the same handlers."""
+    bus = InProcessBus()
+    coordinator = make_coordinator(folder)
+    coordination.attach(bus, coordinator)
+    world = World(coordinator.spec, bus)
+    recorder = Recorder(
+        folder=folder.path, name="rec0", bus=bus, metadata=recorded_metadata(world), config=world.config.recorder
+    )
+    attach_recorder(bus, recorder)
+    works = {stage: stage_work(stage, world, bus) for stage in reversed(Stage)}
+    numbers = numeric_class(world.config)
+    try:
+        while not coordinator.over:
+            # Later stages first: an episode is finished before the next one is begun.
+            if all(claim_once(bus, stage, "in-process", numbers, work) == "wait" for stage, work in works.items()):
+                raise RunError("No stage has work, yet the run is not finished; its ledger is damaged.")
+            show(bus.request("ctl/status", StatusRequest(), StatusReply))
+    finally:
+        recorder.close()
+    status = bus.request("ctl/status", StatusRequest(), StatusReply)
+    coordinator.ledger.close()
+    return status
+
+
+def run_fleet(folder: RunFolder, workers: int, endpoint: str, show: Show) -> StatusReply:
+    """Do the run with a local fleet over Zenoh."""
+    spec, _ = folder.load()
+    router = Router(endpoint)
+    fleet = Fleet(connect=endpoint, run=spec.run, data=folder.path.resolve(), logs=folder.logs)
+    bus = ZenohBus(endpoint, spec.run)
+    try:
+        fleet.add("coordinator", "coordinator")
+        fleet.add("recorder", "rec0")
+        for role in ("human-planner", "animator", "robot-planner"):
+            fleet.add(role, f"{role}0")
+        for number in range(workers):
+            fleet.add("renderer", f"renderer{number}")
+        return _supervise(fleet, bus, show)
+    finally:
+        fleet.stop()
+        bus.close()
+        router.close()
+
+
+def _supervise(fleet: Fleet, bus: ZenohBus, show: Show) -> StatusReply:
+    heard_s = time.monotonic()
+    while True:
+        time.sleep(POLL_S)
+        fleet.check()
+        try:
+            status = bus.request("ctl/status", StatusRequest(), StatusReply, timeout_s=2.0)
+        except BusError:
+            if time.monotonic() - heard_s > 60.0:
+                raise
+            continue
+        heard_s = time.monotonic()
+        show(status)
+        if status.finished or status.failed:
+            return status
+
+
+@contextmanager
+def _only_one(folder: RunFolder) -> Iterator[None]:
+    """Hold the data folder's lock; it is released with the process, however that ends."""
+    with (folder.state / "lock").open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise RunError(f"Another process is generating into {folder.path}; wait for it or stop it.") from error
+        yield
+
+
+def _wanted(folder: RunFolder, episodes: int) -> int:
+    """The number of episodes asked for; a data folder may grow, never shrink."""
+    if not folder.ledger.exists():
+        return episodes
+    ledger = coordination.Ledger(folder.ledger)
+    committed, _ = ledger.committed()
+    ledger.close()
+    if committed > episodes:
+        raise RunError(f"{folder.path} holds {committed} episodes already; ask for at least as many with --episodes.")
+    return episodes
+
+
+@contextmanager
+def _progress(console: Console, *, quiet: bool) -> Iterator[Show]:
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[rate]:.0f} samples/s, {task.fields[rejected]} rejected, ETA"),
+        TimeRemainingColumn(),
+    )
+    begin_s = time.monotonic()
+    samples_before: int | None = None
+    with Progress(*columns, console=console, disable=quiet) as progress:
+        task = progress.add_task("episodes", total=None, rate=0.0, rejected=0)
+
+        def show(status: StatusReply) -> None:
+            nonlocal samples_before
+            if samples_before is None:
+                samples_before = status.samples
+            rate = (status.samples - samples_before) / max(time.monotonic() - begin_s, 1e-3)
+            rejected = sum(status.rejected.values())
+            progress.update(task, total=status.wanted, completed=status.committed, rate=rate, rejected=rejected)
+
+        yield show
+
+
+def _report(folder: RunFolder, status: StatusReply, wall_s: float, *, as_json: bool, console: Console) -> None:
+    if status.failed:
+        raise RunError(f"{status.failed} ({status.committed} of {status.wanted} episodes are recorded.)")
+    summary = {
+        "episodes": status.committed,
+        "samples": status.samples,
+        "wall_s": round(wall_s, 2),
+        "samples_per_s": round(status.samples / wall_s, 1),
+        "rejected": status.rejected,
+        "requeued": status.requeued,
+        "cpu_s": {stage: round(seconds, 2) for stage, seconds in status.cpu_s.items()},
+        "data": str(folder.path),
+    }
+    if as_json:
+        sys.stdout.write(json_module.dumps(summary) + "\n")
+        return
+    console.print(f"{status.committed} episodes, {status.samples} samples in {folder.path} ({wall_s:.1f} s).")
+    for reason, count in status.rejected.items():
+        console.print(f"  rejected {count}: {reason}")
+    console.print(f"Next: readygo validate {folder.path} && readygo train {folder.path} --out policy")

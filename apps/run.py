@@ -1,0 +1,177 @@
+"""What a run is: its resolved configuration, its identity and its folder."""
+
+import dataclasses
+import hashlib
+import importlib.metadata
+import json
+import os
+import platform
+import subprocess
+import tomllib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from services.animator.config import AnimatorConfig
+from services.planner.config import ExpertConfig, HumanPlannerConfig
+from services.recorder.config import RecorderConfig
+from services.renderer.config import RendererConfig
+
+from common.config import section_from_mapping, section_to_mapping
+from common.episode import EpisodeConfig
+from common.errors import ConfigError, RunError
+from common.messages import RunSpec, decode, encode
+from common.robot import RobotConfig
+
+STATE_FOLDER = ".readygo"
+_NUMERIC_PACKAGES = ("numpy", "numba", "llvmlite", "scipy", "opencv-python-headless")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunConfig:
+    """Every setting of a run, by section; recorded with its data."""
+
+    robot: RobotConfig = field(default_factory=RobotConfig)
+    episode: EpisodeConfig = field(default_factory=EpisodeConfig)
+    human_planner: HumanPlannerConfig = field(default_factory=HumanPlannerConfig)
+    expert: ExpertConfig = field(default_factory=ExpertConfig)
+    animator: AnimatorConfig = field(default_factory=AnimatorConfig)
+    renderer: RendererConfig = field(default_factory=RendererConfig)
+    recorder: RecorderConfig = field(default_factory=RecorderConfig)
+
+
+def load_run_config(path: Path | None, robot: RobotConfig | None = None) -> RunConfig:
+    """The defaults, changed by the sections of a TOML file.
+
+    Raises:
+        ConfigError: If the file cannot be read or holds an unknown key or a wrong value.
+    """
+    if path is None:
+        config = RunConfig()
+    else:
+        try:
+            config = section_from_mapping(RunConfig, tomllib.loads(path.read_text()))
+        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+            raise ConfigError(f"Configuration {path} cannot be read: {error}.") from error
+    return config if robot is None else dataclasses.replace(config, robot=robot)
+
+
+def numeric_class(config: RunConfig) -> str:
+    """What the bits of a run's samples depend on besides their key: backend, package versions, architecture."""
+    versions = [f"{name}-{importlib.metadata.version(name)}" for name in _NUMERIC_PACKAGES]
+    return " ".join([config.renderer.backend, platform.machine(), *versions])
+
+
+def identity(spec: RunSpec) -> dict[str, Any]:
+    """What must be equal for two runs to give the same samples, as plain values."""
+    config = {name: section for name, section in spec.config.items() if name != "recorder"}
+    return {
+        "scene": spec.scene_hash,
+        "avatars": spec.avatar_hashes,
+        "seed": spec.seed,
+        "split": spec.split.value,
+        "static": spec.static,
+        "config": config,
+    }
+
+
+def run_name(spec: RunSpec) -> str:
+    """A short name for the run on the bus, from its identity."""
+    text = json.dumps(identity(spec), sort_keys=True)
+    return f"run-{hashlib.sha256(text.encode()).hexdigest()[:12]}"
+
+
+def run_metadata(config: RunConfig, *, scene: dict[str, Any], avatars: dict[str, dict[str, str]]) -> dict[str, Any]:
+    """What is recorded with the data besides the identity."""
+    return {
+        "readygo_version": importlib.metadata.version("readygo"),
+        "commit": _commit(),
+        "numeric_class": numeric_class(config),
+        "scene": scene,
+        "avatars": avatars,
+    }
+
+
+def resolved_sections(config: RunConfig) -> dict[str, Any]:
+    """The configuration as plain mappings, as it travels in the run's spec."""
+    return section_to_mapping(config)
+
+
+@dataclass(frozen=True)
+class RunFolder:
+    """A data folder: finished shards on top, the run's state below `.readygo`."""
+
+    path: Path
+
+    @property
+    def state(self) -> Path:
+        """Folder of ledger, blobs, logs and spec."""
+        return self.path / STATE_FOLDER
+
+    @property
+    def ledger(self) -> Path:
+        """The ledger's file."""
+        return self.state / "ledger.sqlite"
+
+    @property
+    def blobs(self) -> Path:
+        """Results between the stages."""
+        return self.state / "blobs"
+
+    @property
+    def logs(self) -> Path:
+        """Logs of the fleet's processes."""
+        return self.state / "logs"
+
+    def prepare(self, spec: RunSpec, wanted: int) -> None:
+        """Create the folder, or check that it belongs to this run.
+
+        Raises:
+            RunError: If the folder holds another run's data, or cannot be written.
+        """
+        spec_file = self.state / "spec.msgpack"
+        if spec_file.exists():
+            self._check(decode(RunSpec, spec_file.read_bytes()), spec)
+        elif self.path.exists() and any(self.path.iterdir()):
+            raise RunError(f"{self.path} holds files of something else; choose an empty or new folder with --out.")
+        try:
+            self.logs.mkdir(parents=True, exist_ok=True)
+            write_atomically(spec_file, encode(spec))
+            write_atomically(self.state / "wanted", str(wanted).encode())
+        except OSError as error:
+            raise RunError(f"{self.path} cannot be written: {error.strerror}.") from error
+
+    def load(self) -> tuple[RunSpec, int]:
+        """The run's spec and the number of wanted episodes."""
+        try:
+            spec = decode(RunSpec, (self.state / "spec.msgpack").read_bytes())
+            return spec, int((self.state / "wanted").read_text())
+        except (OSError, ValueError) as error:
+            raise RunError(f"{self.path} is no data folder of a run: {error}.") from error
+
+    def _check(self, old: RunSpec, new: RunSpec) -> None:
+        theirs, ours = identity(old), identity(new)
+        different = [key for key in ours if theirs.get(key) != ours[key]]
+        if "config" in different:
+            sections = [name for name in ours["config"] if theirs["config"].get(name) != ours["config"][name]]
+            different[different.index("config")] = f"config ({', '.join(sections) or 'sections'})"
+        if different:
+            raise RunError(
+                f"{self.path} holds data of another run: {', '.join(different)} differ. "
+                "Choose another --out, or the settings of that run to resume it."
+            )
+
+
+def write_atomically(path: Path, data: bytes) -> None:
+    """Write a file so that it is there whole or not at all."""
+    part = path.with_name(path.name + ".part")
+    part.write_bytes(data)
+    os.replace(part, path)
+
+
+def _commit() -> str:
+    root = Path(__file__).resolve().parents[1]
+    if not (root / ".git").exists():
+        return ""
+    done = subprocess.run(["git", "rev-parse", "HEAD"], cwd=root, capture_output=True, text=True, check=False)
+    return done.stdout.strip()

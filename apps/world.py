@@ -1,0 +1,87 @@
+"""Builds the services' objects from a run's spec."""
+
+from functools import cached_property
+from pathlib import Path
+
+from apps.paths import cache_folder
+from apps.run import RunConfig, write_atomically
+from common.avatars import Avatar, load_avatars
+from common.avatars.file import avatar_hash
+from common.bus import Bus, fetch_blob
+from common.config import section_from_mapping
+from common.errors import RunError
+from common.messages import RunSpec
+from common.scenes import Scene, load_scene
+from services.animator import Animator
+from services.planner import Planner
+from services.renderer import Renderer
+
+
+class World:
+    """Scene, avatars and configuration of a run, loaded when they are first needed."""
+
+    def __init__(self, spec: RunSpec, bus: Bus | None = None) -> None:
+        self.spec = spec
+        self.config = section_from_mapping(RunConfig, spec.config)
+        self._bus = bus
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The scene of the spec: at its path if it is there, else fetched from the run.
+
+        Raises:
+            RunError: If the scene at hand is another one than the run's.
+        """
+        path = Path(self.spec.scene_path)
+        if not path.is_dir() and self._bus is not None:
+            path = _fetched_scene(self._bus, self.spec)
+        scene = load_scene(path)
+        if scene.content_hash != self.spec.scene_hash:
+            raise RunError(f"Scene {path} has changed since the run began; import it under another name.")
+        return scene
+
+    @cached_property
+    def avatars(self) -> dict[str, Avatar]:
+        """The avatars of the run, by name."""
+        avatars = load_avatars(Path(self.spec.avatars_path) if self.spec.avatars_path else None)
+        missing = sorted(set(self.spec.avatar_hashes) - set(avatars))
+        if missing:
+            raise RunError(
+                f"Avatar {missing[0]!r} of the run is not in {self.spec.avatars_path or 'the embedded ones'}."
+            )
+        for name, expected in self.spec.avatar_hashes.items():
+            if avatar_hash(avatars[name]) != expected:
+                raise RunError(f"Avatar {name!r} has changed since the run began.")
+        return {name: avatars[name] for name in self.spec.avatar_hashes}
+
+    def planner(self) -> Planner:
+        """Human planner and robot expert."""
+        config = self.config
+        return Planner(
+            maps=self.scene.maps,
+            avatars=self.avatars,
+            robot=config.robot,
+            episode_config=config.episode,
+            human_config=config.human_planner,
+            expert_config=config.expert,
+        )
+
+    def animator(self) -> Animator:
+        """The animator."""
+        return Animator(avatars=self.avatars, floor=self.scene.maps.floor, config=self.config.animator)
+
+    def renderer(self) -> Renderer:
+        """The renderer."""
+        return Renderer(scene=self.scene, avatars=self.avatars, robot=self.config.robot, config=self.config.renderer)
+
+
+def _fetched_scene(bus: Bus, spec: RunSpec) -> Path:
+    folder = cache_folder("scenes") / spec.scene_hash
+    for file in spec.scene_files:
+        path = folder / file.path
+        if folder.resolve() not in path.resolve().parents:
+            raise RunError(f"The run names a scene file outside of its bundle: {file.path!r}.")
+        if not path.exists() or path.stat().st_size != file.size:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_atomically(path, fetch_blob(bus, file.sha256))
+    return folder
