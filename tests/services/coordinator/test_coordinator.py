@@ -1,0 +1,252 @@
+from pathlib import Path
+
+import pytest
+
+from common.bus import InProcessBus
+from common.messages import (
+    ClaimReply,
+    ClaimRequest,
+    CompleteRequest,
+    ControlRequest,
+    DoneRequest,
+    GrantRequest,
+    LostRequest,
+    PendingReply,
+    PendingRequest,
+    RenewRequest,
+    RunSpec,
+    Split,
+    Stage,
+    StatusReply,
+    StatusRequest,
+    Verdict,
+)
+from services.coordinator import BlobStore, Coordinator, CoordinatorConfig, Ledger, attach, requeue_lost
+
+SPEC = RunSpec(
+    run="run-test",
+    scene_path="scene",
+    scene_hash="0",
+    scene_files=(),
+    avatars_path="",
+    avatar_hashes={},
+    seed=5,
+    split=Split.TRAIN,
+    static=False,
+    config={},
+    metadata={},
+)
+
+
+class Line:
+    """A coordinator on an in-process bus with a hand-set clock."""
+
+    def __init__(self, folder: Path, wanted: int = 3, **settings: object) -> None:
+        self.now_s = 0.0
+        self.bus = InProcessBus()
+        self.coordinator = Coordinator(
+            spec=SPEC,
+            wanted=wanted,
+            ledger=Ledger(folder / "ledger.sqlite"),
+            blobs=BlobStore(folder / "blobs"),
+            recorders=("rec0",),
+            config=CoordinatorConfig(**settings),  # type: ignore[arg-type]
+            clock=lambda: self.now_s,
+        )
+        attach(self.bus, self.coordinator)
+
+    def claim(self, stage: Stage, worker: str = "w", numeric_class: str = "") -> ClaimReply:
+        request = ClaimRequest(worker=worker, numeric_class=numeric_class)
+        return self.bus.request(f"coord/{stage.value}/claim", request, ClaimReply)
+
+    def complete(self, stage: Stage, claim: ClaimReply, **fields: object) -> str:
+        assert claim.episode is not None
+        request = CompleteRequest(worker="w", index=claim.episode.index, attempt=claim.attempt, **fields)  # type: ignore[arg-type]
+        return self.bus.request(f"coord/{stage.value}/complete", request, Verdict).status
+
+    def plan(self, *, rejected: str = "") -> ClaimReply:
+        """Pass the next episode through all stages before rendering."""
+        for stage in (Stage.HUMAN_PLAN, Stage.ANIMATE, Stage.ROBOT_PLAN):
+            claim = self.claim(stage)
+            last = stage is Stage.ROBOT_PLAN
+            assert self.complete(stage, claim, result=stage.value.encode(), rejected=rejected if last else "") == "ok"
+        return claim
+
+    def grant(self, claim: ClaimReply) -> str:
+        assert claim.episode is not None
+        request = GrantRequest(recorder="rec0", index=claim.episode.index, attempt=claim.attempt)
+        return self.bus.request("coord/rec/grant", request, Verdict).status
+
+    def done(self, claim: ClaimReply) -> str:
+        assert claim.episode is not None
+        request = DoneRequest(
+            recorder="rec0", index=claim.episode.index, attempt=claim.attempt, shard="s", sample_count=10
+        )
+        return self.bus.request("coord/rec/done", request, Verdict).status
+
+    def status(self) -> StatusReply:
+        return self.bus.request("ctl/status", StatusRequest(), StatusReply)
+
+
+@pytest.fixture
+def line(tmp_path: Path) -> Line:
+    return Line(tmp_path)
+
+
+def test_episode_passes_the_stages_in_order_with_the_earlier_results(line: Line) -> None:
+    assert line.claim(Stage.ANIMATE).status == "wait"
+    line.plan()
+    claim = line.claim(Stage.RENDER)
+    assert [blob.data for blob in claim.inputs] == [b"human-plan", b"animate", b"robot-plan"]
+    assert claim.recorder == "rec0"
+    assert claim.episode is not None
+    assert (claim.episode.seed, claim.episode.split, claim.episode.index) == (5, Split.TRAIN, 0)
+
+
+def test_run_is_finished_when_all_wanted_episodes_are_durable(line: Line) -> None:
+    for _ in range(3):
+        line.plan()
+        claim = line.claim(Stage.RENDER)
+        assert line.grant(claim) == "ok"
+        assert line.done(claim) == "ok"
+    status = line.status()
+    assert (status.finished, status.committed, status.samples) == (True, 3, 30)
+    assert line.claim(Stage.HUMAN_PLAN).status == "done"
+    assert list((line.coordinator.blobs._folder).iterdir()) == []
+
+
+def test_rejected_index_is_replaced_by_the_next_one(line: Line) -> None:
+    line.plan(rejected="timeout")
+    opened = []
+    while (claim := line.claim(Stage.HUMAN_PLAN)).status == "lease":
+        assert claim.episode is not None
+        opened.append(claim.episode.index)
+    assert opened == [1, 2, 3]
+    assert line.status().rejected == {"timeout": 1}
+
+
+def test_expired_lease_is_given_to_another_and_late_work_is_stale(line: Line) -> None:
+    late = line.claim(Stage.HUMAN_PLAN, "slow")
+    line.now_s = 100.0
+    requeue_lost(line.coordinator)
+    fresh = line.claim(Stage.HUMAN_PLAN, "fast")
+    assert fresh.episode == late.episode
+    assert line.complete(Stage.HUMAN_PLAN, late, result=b"late") == "stale"
+    assert line.complete(Stage.HUMAN_PLAN, fresh, result=b"fresh") == "ok"
+    assert line.claim(Stage.ANIMATE).inputs[0].data == b"fresh"
+    assert line.status().requeued == 1
+
+
+def test_renewed_lease_does_not_expire(line: Line) -> None:
+    claim = line.claim(Stage.HUMAN_PLAN)
+    line.now_s = 14.0
+    renew = RenewRequest(worker="w", index=0, attempt=claim.attempt)
+    assert line.bus.request("coord/human-plan/renew", renew, Verdict).status == "ok"
+    line.now_s = 20.0
+    requeue_lost(line.coordinator)
+    assert line.complete(Stage.HUMAN_PLAN, claim, result=b"x") == "ok"
+
+
+def test_dead_workers_leases_are_free_at_once(line: Line) -> None:
+    line.claim(Stage.HUMAN_PLAN, "dead")
+    alive = line.claim(Stage.HUMAN_PLAN, "alive")
+    requeue_lost(line.coordinator, worker="dead")
+    again = line.claim(Stage.HUMAN_PLAN, "alive")
+    assert again.episode is not None
+    assert (again.episode.index, again.attempt) == (0, 2)
+    assert line.complete(Stage.HUMAN_PLAN, alive, result=b"x") == "ok"
+
+
+def test_grant_is_refused_to_an_attempt_that_lost_its_lease(line: Line) -> None:
+    line.plan()
+    late = line.claim(Stage.RENDER)
+    line.now_s = 100.0
+    requeue_lost(line.coordinator)
+    fresh = line.claim(Stage.RENDER)
+    assert line.grant(late) == "stale"
+    assert line.grant(fresh) == "ok"
+    assert line.grant(fresh) == "ok"
+    line.done(fresh)
+    assert line.grant(late) == "done"
+
+
+def test_granted_episode_does_not_expire_and_is_listed_as_pending(line: Line) -> None:
+    line.plan()
+    claim = line.claim(Stage.RENDER)
+    line.grant(claim)
+    line.now_s = 1000.0
+    requeue_lost(line.coordinator)
+    assert line.claim(Stage.RENDER).status == "wait"
+    assert line.bus.request("coord/rec/pending", PendingRequest(recorder="rec0"), PendingReply).indices == (0,)
+    line.bus.request("coord/rec/lost", LostRequest(recorder="rec0", index=0, reason=""), Verdict)
+    assert line.claim(Stage.RENDER).status == "lease"
+
+
+def test_restart_keeps_progress_and_frees_leases(tmp_path: Path) -> None:
+    first = Line(tmp_path)
+    first.plan()
+    claim = first.claim(Stage.RENDER)
+    first.grant(claim)
+    first.done(claim)
+    late = first.claim(Stage.HUMAN_PLAN)
+    first.coordinator.ledger.close()
+    second = Line(tmp_path, wanted=4)
+    assert second.status().committed == 1
+    indices = []
+    while (claim := second.claim(Stage.HUMAN_PLAN)).status == "lease":
+        assert claim.episode is not None
+        indices.append(claim.episode.index)
+    assert indices == [1, 2, 3]
+    assert second.complete(Stage.HUMAN_PLAN, late, result=b"late") == "stale"
+
+
+def test_repeated_failure_fails_the_run_with_the_workers_words(line: Line) -> None:
+    for attempt in range(3):
+        assert line.status().failed == ""
+        claim = line.claim(Stage.HUMAN_PLAN)
+        assert claim.attempt == attempt + 1
+        line.complete(Stage.HUMAN_PLAN, claim, failed="ValueError: no floor")
+    assert "ValueError: no floor" in line.status().failed
+    assert line.claim(Stage.HUMAN_PLAN).status == "done"
+
+
+def test_scene_in_which_every_index_is_rejected_ends_the_run(tmp_path: Path) -> None:
+    line = Line(tmp_path, wanted=2, rejections_max=5)
+    while (claim := line.claim(Stage.HUMAN_PLAN)).status == "lease":
+        line.complete(Stage.HUMAN_PLAN, claim, rejected="no path")
+    assert line.status().failed == "5 indices were rejected and 0 accepted: no path (5)."
+
+
+def test_planning_waits_while_enough_is_planned(tmp_path: Path) -> None:
+    line = Line(tmp_path, wanted=5, plan_ahead=2)
+    line.plan()
+    line.plan()
+    assert line.claim(Stage.HUMAN_PLAN).status == "wait"
+    claim = line.claim(Stage.RENDER)
+    line.grant(claim)
+    line.done(claim)
+    assert line.claim(Stage.HUMAN_PLAN).status == "lease"
+
+
+def test_worker_of_another_numeric_class_is_refused(line: Line) -> None:
+    assert line.claim(Stage.HUMAN_PLAN, numeric_class="numpy-1").status == "lease"
+    assert line.claim(Stage.HUMAN_PLAN, numeric_class="numpy-2").status == "refused"
+
+
+def test_paused_run_gives_no_work_until_resumed(line: Line) -> None:
+    line.bus.request("ctl", ControlRequest(command="pause"), Verdict)
+    assert line.claim(Stage.HUMAN_PLAN).status == "wait"
+    line.bus.request("ctl", ControlRequest(command="resume"), Verdict)
+    assert line.claim(Stage.HUMAN_PLAN).status == "lease"
+    line.bus.request("ctl", ControlRequest(command="cancel"), Verdict)
+    assert line.claim(Stage.HUMAN_PLAN).status == "done"
+
+
+def test_large_result_is_fetched_in_chunks(tmp_path: Path) -> None:
+    from common.bus import fetch_blob
+
+    line = Line(tmp_path, inline_bytes=10, blob_chunk_bytes=7)
+    line.complete(Stage.HUMAN_PLAN, line.claim(Stage.HUMAN_PLAN), result=bytes(range(100)))
+    (blob,) = line.claim(Stage.ANIMATE).inputs
+    assert blob.data == b""
+    assert fetch_blob(line.bus, blob.sha256) == bytes(range(100))
