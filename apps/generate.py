@@ -72,11 +72,14 @@ def generate(
     run_config = load_run_config(config, load_robot(robot) if robot else None)
     spec = make_spec(open_scene(scene), avatars, run_config, seed=seed, split=Split(split), static=static)
     folder = RunFolder(out)
-    folder.prepare(spec, _wanted(folder, episodes))
+    recorded = _recorded(folder)
+    folder.prepare(spec, max(episodes, recorded))
+    if recorded > episodes:
+        raise RunError(f"{out} holds {recorded} episodes already; ask for at least as many with --episodes.")
     console = Console(stderr=True)
     begin_s = time.monotonic()
     with _only_one(folder), _progress(console, quiet=json) as show:
-        if workers == 0:
+        if workers == 0 or recorded == episodes:
             status = run_in_process(folder, show)
         else:
             status = run_fleet(folder, workers, listen or free_endpoint(), show)
@@ -118,9 +121,9 @@ def run_in_process(folder: RunFolder, show: Show) -> StatusReply:
         folder=folder.path, name="rec0", bus=bus, metadata=recorded_metadata(world), config=world.config.recorder
     )
     attach_recorder(bus, recorder)
-    works = {stage: stage_work(stage, world, bus) for stage in reversed(Stage)}
     numbers = numeric_class(world.config)
     try:
+        works = {} if coordinator.over else {stage: stage_work(stage, world, bus) for stage in reversed(Stage)}
         while not coordinator.over:
             # Later stages first: an episode is finished before the next one is begun.
             if all(claim_once(bus, stage, "in-process", numbers, work) == "wait" for stage, work in works.items()):
@@ -181,16 +184,14 @@ def _only_one(folder: RunFolder) -> Iterator[None]:
         yield
 
 
-def _wanted(folder: RunFolder, episodes: int) -> int:
-    """The number of episodes asked for; a data folder may grow, never shrink."""
+def _recorded(folder: RunFolder) -> int:
+    """Durable episodes of the folder's run."""
     if not folder.ledger.exists():
-        return episodes
+        return 0
     ledger = coordination.Ledger(folder.ledger)
     committed, _ = ledger.committed()
     ledger.close()
-    if committed > episodes:
-        raise RunError(f"{folder.path} holds {committed} episodes already; ask for at least as many with --episodes.")
-    return episodes
+    return committed
 
 
 @contextmanager

@@ -28,6 +28,8 @@ ROLE_STAGE: dict[str, Stage] = {
     "robot-planner": Stage.ROBOT_PLAN,
     "renderer": Stage.RENDER,
 }
+SETTLE_S = 0.5
+"""How often the recorder repeats reports that the coordinator has not acknowledged [s]."""
 TICK_S = 0.2
 """How often the coordinator looks for leases that ran out [s]."""
 
@@ -102,7 +104,8 @@ def _record(bus: ZenohBus, name: str, folder: RunFolder, stop: threading.Event) 
     )
     attach_recorder(bus, recorder)
     bus.announce("recorder", name)
-    stop.wait()
+    while not stop.wait(SETTLE_S):
+        recorder.settle()
     recorder.close()
 
 

@@ -119,6 +119,7 @@ class LostRequest:
     recorder: str
     index: int
     reason: str
+    """Empty: render the episode again. Otherwise the run fails with this text (a full disk, for example)."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

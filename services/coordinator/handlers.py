@@ -122,10 +122,11 @@ def handle_grant(coordinator: Coordinator, request: GrantRequest) -> Verdict:
 
 
 def handle_done(coordinator: Coordinator, request: DoneRequest) -> Verdict:
-    """An episode is durable."""
-    for sha256 in coordinator.ledger.commit(request.index, request.recorder, request.shard, request.sample_count):
+    """An episode is durable; "stale" if it is in another recorder's shard already."""
+    hashes = coordinator.ledger.commit(request.index, request.recorder, request.shard, request.sample_count)
+    for sha256 in hashes or ():
         coordinator.blobs.drop(sha256)
-    return Verdict(status="ok")
+    return Verdict(status="stale" if hashes is None else "ok")
 
 
 def handle_lost(coordinator: Coordinator, request: LostRequest) -> Verdict:

@@ -168,15 +168,25 @@ class Ledger:
         state = self._one("SELECT state FROM episode WHERE idx = ?", index)
         return "done" if state is not None and state[0] == "committed" else "stale"
 
-    def commit(self, index: int, recorder: str, shard: str, samples: int) -> list[str]:
-        """Note that an episode is durable; returns the hashes of results that nobody needs any more."""
+    def commit(self, index: int, recorder: str, shard: str, samples: int) -> list[str] | None:
+        """Note that an episode is durable.
+
+        Returns:
+            Hashes of results that nobody needs any more; None if another recorder has made the episode durable.
+        """
         with self._lock, self._db:
             self._db.execute("BEGIN IMMEDIATE")
-            self._db.execute(
+            held = self._held(
                 """UPDATE episode SET state = 'committed', stage = 'render', recorder = ?, shard = ?, samples = ?,
-                worker = '' WHERE idx = ?""",
-                (recorder, shard, samples, index),
+                worker = '' WHERE idx = ? AND NOT (state = 'committed' AND recorder != ?) RETURNING idx""",
+                recorder,
+                shard,
+                samples,
+                index,
+                recorder,
             )
+            if not held:
+                return None
             hashes = [row[0] for row in self._db.execute("SELECT sha256 FROM result WHERE idx = ?", (index,))]
             self._db.execute("DELETE FROM result WHERE idx = ?", (index,))
         return hashes

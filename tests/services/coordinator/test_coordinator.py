@@ -250,3 +250,13 @@ def test_large_result_is_fetched_in_chunks(tmp_path: Path) -> None:
     (blob,) = line.claim(Stage.ANIMATE).inputs
     assert blob.data == b""
     assert fetch_blob(line.bus, blob.sha256) == bytes(range(100))
+
+
+def test_second_recorders_copy_of_a_durable_episode_is_stale(line: Line) -> None:
+    line.plan()
+    claim = line.claim(Stage.RENDER)
+    line.grant(claim)
+    assert line.done(claim) == "ok"
+    other = DoneRequest(recorder="rec1", index=0, attempt=1, shard="t", sample_count=10)
+    assert line.bus.request("coord/rec/done", other, Verdict).status == "stale"
+    assert line.done(claim) == "ok"

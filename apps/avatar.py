@@ -1,0 +1,180 @@
+"""`readygo avatar`: who can walk through scenes, and what they look like."""
+
+import json as json_module
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from rich.console import Console
+from rich.table import Table
+
+from common.avatars import Avatar, avatar_hash, avatar_paths, joint_positions, load_avatar
+from common.avatars.file import EMBEDDED_FOLDER
+from common.errors import AvatarError
+from common.frames import axis_angle_from_matrix, matrix_from_axis_angle
+from common.gaussians import GaussianCloud
+from common.messages import Motion
+
+FloatArray = npt.NDArray[np.float32]
+Image = npt.NDArray[np.uint8]
+
+VIEW_COUNT = 8
+TILE_HEIGHT_PX, TILE_WIDTH_PX = 420, 240
+CAMERA_DISTANCE_M, CAMERA_HEIGHT_M, FOCAL_PX = 4.2, 1.2, 830.0
+WALL_COLOUR = (0.80, 0.82, 0.84)
+
+
+def avatar_list(*, avatars: Path | None = None, json: bool = False) -> None:
+    """List avatars with their heights, sizes and licences (--json tells the licences in full).
+
+    Args:
+        avatars: Avatar file or folder of them; the embedded ones by default.
+        json: Print a JSON array.
+    """
+    rows = [_described(path) for path in avatar_paths(avatars)]
+    if json:
+        sys.stdout.write(json_module.dumps(rows, indent=2) + "\n")
+        return
+    table = Table("name", "height [m]", "Gaussians", "size [MB]", "licence")
+    for row in rows:
+        size_mb, licence = row["size_bytes"] / 1e6, row["license"].split(". ")[0]
+        table.add_row(row["name"], f"{row['height_m']:.2f}", f"{row['gaussians']:,}", f"{size_mb:.2f}", licence)
+    Console().print(table)
+
+
+def avatar_preview(avatar: Path, /, *, out: Path) -> None:
+    """Draw a person from all sides, standing and in mid-stride.
+
+    Args:
+        avatar: Avatar file, or the name of an embedded avatar.
+        out: PNG to write.
+    """
+    if out.suffix.lower() != ".png":
+        raise AvatarError(f"--out {out} must end in .png.")
+    person = load_avatar(_file_of(avatar))
+    poses = (standing_pose(), stride_pose())
+    _write_png(out, turntable(person, poses))
+
+
+def turntable(avatar: Avatar, poses: Sequence[FloatArray]) -> Image:
+    """A sheet with a row of views per pose, the person turning left from image to image.
+
+    Args:
+        avatar: Who.
+        poses: Joint rotations [rad] as in `Motion` for a person that faces SMPL's +z, shape (24, 3) each.
+
+    Returns:
+        RGB, shape (len(poses) * 420, 8 * 240, 3).
+    """
+    from common.rasterizer.cpu import CpuRasterizer, PosedPerson
+    from common.rasterizer.packed import pack_cloud
+
+    K_px = np.array([[FOCAL_PX, 0, TILE_WIDTH_PX / 2], [0, FOCAL_PX, TILE_HEIGHT_PX / 2], [0, 0, 1]])
+    rasterizer = CpuRasterizer(pack_cloud(_wall()), [avatar], K_px, TILE_HEIGHT_PX, TILE_WIDTH_PX)
+    T_world_camera = _camera(avatar.height_m)
+    rows = []
+    for pose in poses:
+        tiles = []
+        for view in range(VIEW_COUNT):
+            turned = _turned(pose, 2 * np.pi * view / VIEW_COUNT)
+            person = PosedPerson(avatar=0, root_m=_grounded_root(avatar, turned), pose_axis_angle=turned)
+            tiles.append(rasterizer.render(T_world_camera, [person]))
+        rows.append(np.concatenate(tiles, axis=1))
+    return np.concatenate(rows)
+
+
+def standing_pose() -> FloatArray:
+    """Upright, arms down."""
+    pose = np.zeros((24, 3), dtype=np.float32)
+    pose[16] = (0.0, -0.15, -1.22)
+    pose[17] = (0.0, 0.15, 1.22)
+    pose[18], pose[19] = (0.0, -0.25, 0.0), (0.0, 0.25, 0.0)
+    return pose
+
+
+def stride_pose() -> FloatArray:
+    """The left foot ahead, the right arm with it."""
+    pose = standing_pose()
+    pose[1], pose[2] = (-0.42, 0.0, 0.0), (0.30, 0.0, 0.0)
+    pose[4], pose[5] = (0.10, 0.0, 0.0), (0.45, 0.0, 0.0)
+    pose[8] = (0.25, 0.0, 0.0)
+    pose[16], pose[17] = _after(pose[16], 0.35), _after(pose[17], -0.40)
+    return pose
+
+
+def _after(axis_angle: FloatArray, swing_rad: float) -> FloatArray:
+    """A rotation followed by one about the axis to the body's left."""
+    R = matrix_from_axis_angle((swing_rad, 0.0, 0.0)) @ matrix_from_axis_angle(axis_angle)
+    return axis_angle_from_matrix(R).astype(np.float32)
+
+
+def _described(path: Path) -> dict[str, Any]:
+    avatar = load_avatar(path)
+    return {
+        "name": avatar.name,
+        "path": str(path),
+        "height_m": avatar.height_m,
+        "gaussians": len(avatar.cloud),
+        "size_bytes": path.stat().st_size,
+        "license": avatar.license,
+        "hash": avatar_hash(avatar),
+    }
+
+
+def _file_of(avatar: Path) -> Path:
+    embedded = EMBEDDED_FOLDER / f"{avatar}.npz"
+    if avatar.exists() or avatar.name != str(avatar) or not embedded.exists():
+        return avatar
+    return embedded
+
+
+def _turned(pose: FloatArray, angle_rad: float) -> FloatArray:
+    turned = pose.copy()
+    R = matrix_from_axis_angle((0.0, angle_rad, 0.0)) @ matrix_from_axis_angle(pose[0])
+    turned[0] = axis_angle_from_matrix(R)
+    return turned
+
+
+def _grounded_root(avatar: Avatar, pose: FloatArray) -> FloatArray:
+    """The pelvis' place that puts the lower ankle where it is when the person stands on z = 0."""
+    motion = Motion(root_m=np.zeros((1, 3), dtype=np.float32), pose_axis_angle=pose[None])
+    ankles_m = joint_positions(avatar, motion)[0, [7, 8], 2]
+    return np.array([0.0, 0.0, avatar.joints_tpose_m[7, 1] - ankles_m.min()], dtype=np.float32)
+
+
+def _camera(height_m: float) -> npt.NDArray[np.float64]:
+    """In front of the person, who faces -y, looking at the middle of the body."""
+    drop = (CAMERA_HEIGHT_M - 0.52 * height_m) / CAMERA_DISTANCE_M
+    forward = np.array([0.0, 1.0, -drop]) / np.hypot(1.0, drop)
+    right = np.array([1.0, 0.0, 0.0])
+    T = np.eye(4)
+    T[:3, :3] = np.stack([right, np.cross(forward, right), forward], axis=1)
+    T[:3, 3] = (0.0, -CAMERA_DISTANCE_M, CAMERA_HEIGHT_M)
+    return T
+
+
+def _wall() -> GaussianCloud:
+    """A plain grey backdrop."""
+    count = 4
+    means = np.stack([np.zeros(count), np.linspace(19.0, 20.0, count), np.full(count, 1.0)], axis=1)
+    return GaussianCloud(
+        means_m=means.astype(np.float32),
+        quats_wxyz=np.tile(np.array([1, 0, 0, 0], dtype=np.float32), (count, 1)),
+        scales_m=np.tile(np.array([60.0, 0.01, 60.0], dtype=np.float32), (count, 1)),
+        opacities=np.full(count, 0.99, dtype=np.float32),
+        sh=np.tile((np.array(WALL_COLOUR, dtype=np.float32) - 0.5) / np.float32(0.28209479), (count, 1, 1)),
+    )
+
+
+def _write_png(path: Path, rgb: Image) -> None:
+    import cv2
+
+    done, data = cv2.imencode(".png", rgb[:, :, ::-1])
+    assert done
+    part = path.with_name(path.name + ".part")
+    part.write_bytes(bytes(data))
+    os.replace(part, path)

@@ -1,0 +1,286 @@
+"""Avatar files, format `readygo-avatar/1`: a NumPy archive that may hold half-precision or 8-bit arrays."""
+
+import contextlib
+import hashlib
+import os
+import zipfile
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from common.avatars.avatar import SMPL_PARENTS, Avatar
+from common.errors import AvatarError
+from common.gaussians import GaussianCloud
+
+FORMAT = "readygo-avatar/1"
+EMBEDDED_FOLDER = Path(__file__).parent / "data"
+"""The avatars that come with the product."""
+
+_ARRAY_SHAPES: dict[str, tuple[int | str, ...]] = {
+    "means": ("N", 3),
+    "quats_wxyz": ("N", 4),
+    "scales": ("N", 3),
+    "opacities": ("N",),
+    "sh": ("N", "K", 3),
+    "lbs_index": ("N", 4),
+    "lbs_weight": ("N", 4),
+    "parents": (24,),
+    "joints_canonical": (24, 3),
+    "joints_tpose": (24, 3),
+    "R_canonical_to_tpose": (24, 3, 3),
+}
+_INTEGER_ARRAYS = ("lbs_index", "parents")
+_TEXTS = ("format", "name", "license")
+# Half precision keeps a mean within 0.5 mm (a person is below 2 m); 8 bits would move it by 4 mm.
+_HALF_PRECISION = ("means",)
+_EIGHT_BIT = ("quats_wxyz", "scales", "opacities", "sh", "lbs_weight")
+
+Float32Array = npt.NDArray[np.float32]
+Float64Array = npt.NDArray[np.float64]
+
+
+def load_avatar(path: str | Path) -> Avatar:
+    """Read an avatar file; quaternions and skinning weights come back normalised.
+
+    Args:
+        path: A `.npz` of format `readygo-avatar/1`. An array may be float32, float16, or uint8 with
+            `<key>_min` and `<key>_max`: value = min + code / 255 * (max - min).
+
+    Raises:
+        AvatarError: If the file cannot be read, or a key is missing, misshapen or holds a value that no avatar has.
+    """
+    path = Path(path)
+    entries = _read_archive(path)
+    missing = sorted((set(_ARRAY_SHAPES) | set(_TEXTS) | {"height_m"}) - set(entries))
+    if missing:
+        raise AvatarError(f"Avatar file {path} lacks {', '.join(missing)}; bake or import it again.")
+    if _text(entries, "format") != FORMAT:
+        raise AvatarError(f"Avatar file {path} has format {_text(entries, 'format')!r}, expected {FORMAT!r}.")
+    arrays = {key: _values(path, entries, key) for key in _ARRAY_SHAPES}
+    _check_shapes(path, arrays)
+    _check_values(path, arrays)
+    return _avatar(path, entries, arrays)
+
+
+def save_avatar(avatar: Avatar, path: str | Path, *, quantise: bool = True) -> None:
+    """Write an avatar file that `load_avatar` reads back.
+
+    Args:
+        avatar: The avatar.
+        path: Where to write; appears only once it is complete.
+        quantise: Store means as float16 and everything else that is per Gaussian in 8 bits (about a third of the
+            size; colours move by at most 1/510 of their range, means by at most 0.5 mm). Otherwise float32.
+    """
+    path = Path(path)
+    cloud = avatar.cloud
+    floats = {
+        "means": cloud.means_m,
+        "quats_wxyz": cloud.quats_wxyz,
+        "scales": cloud.scales_m,
+        "opacities": cloud.opacities,
+        "sh": cloud.sh,
+        "lbs_weight": avatar.lbs_weight,
+    }
+    entries: dict[str, Any] = {
+        "format": np.array(FORMAT),
+        "name": np.array(avatar.name),
+        "license": np.array(avatar.license),
+        "height_m": np.float32(avatar.height_m),
+        "lbs_index": avatar.lbs_index,
+        "parents": SMPL_PARENTS.astype(np.int8),
+        "joints_canonical": avatar.joints_canonical_m,
+        "joints_tpose": avatar.joints_tpose_m,
+        "R_canonical_to_tpose": avatar.R_tpose_canonical,
+    }
+    for key, array in floats.items():
+        entries |= _encoded(key, array, quantise)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    try:
+        with temporary.open("wb") as stream:
+            np.savez_compressed(stream, allow_pickle=False, **entries)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def avatar_paths(path: Path | None) -> tuple[Path, ...]:
+    """The avatar files of a folder, or one file; None stands for the embedded avatars.
+
+    Raises:
+        AvatarError: If there is none.
+    """
+    place = EMBEDDED_FOLDER if path is None else path
+    if place.is_file():
+        return (place,)
+    if not place.is_dir():
+        raise AvatarError(f"Avatar path {place} does not exist; give a folder of .npz files or one such file.")
+    found = tuple(sorted(place.glob("*.npz")))
+    if not found:
+        raise AvatarError(f"Folder {place} holds no avatar (.npz); give a folder of avatar files.")
+    return found
+
+
+def load_avatars(path: Path | None = None) -> dict[str, Avatar]:
+    """Avatars by name, in the order of their names.
+
+    Args:
+        path: A folder of `.npz` files or one file; None stands for the embedded avatars.
+
+    Raises:
+        AvatarError: If there is none, one cannot be read, or two have the same name.
+    """
+    avatars: dict[str, Avatar] = {}
+    for file in avatar_paths(path):
+        avatar = load_avatar(file)
+        if avatar.name in avatars:
+            raise AvatarError(f"Avatar file {file} has the name {avatar.name!r} of another file; rename one.")
+        avatars[avatar.name] = avatar
+    return dict(sorted(avatars.items()))
+
+
+def avatar_hash(avatar: Avatar) -> str:
+    """SHA-256 of what an avatar looks like and how it moves, hexadecimal; how its file is compressed does not matter.
+
+    A run records it to say whom it showed.
+    """
+    cloud = avatar.cloud
+    arrays = (
+        cloud.means_m,
+        cloud.quats_wxyz,
+        cloud.scales_m,
+        cloud.opacities,
+        cloud.sh,
+        avatar.lbs_index,
+        avatar.lbs_weight,
+        avatar.joints_canonical_m,
+        avatar.joints_tpose_m,
+        avatar.R_tpose_canonical,
+    )
+    digest = hashlib.sha256(f"{FORMAT} {avatar.name} {avatar.height_m!r}".encode())
+    for array in arrays:
+        digest.update(f"{array.dtype.str} {array.shape}".encode())
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
+
+
+def _read_archive(path: Path) -> dict[str, npt.NDArray[Any]]:
+    try:
+        with contextlib.ExitStack() as stack:
+            archive = np.load(stack.enter_context(path.open("rb")), allow_pickle=False)
+            if not isinstance(archive, np.lib.npyio.NpzFile):
+                raise AvatarError(f"Avatar file {path} is not a NumPy archive (.npz).")
+            stack.enter_context(archive)
+            return {key: archive[key] for key in archive.files}
+    except (ValueError, EOFError, KeyError, NotImplementedError, zipfile.BadZipFile, zlib.error) as error:
+        raise AvatarError(f"Avatar file {path} is not a readable NumPy archive (.npz): {_line(error)}") from error
+    except OSError as error:
+        raise AvatarError(f"Avatar file {path} cannot be read: {error.strerror or _line(error)}.") from error
+
+
+def _line(error: Exception) -> str:
+    return " ".join(str(error).split())
+
+
+def _text(entries: Mapping[str, npt.NDArray[Any]], key: str) -> str:
+    return str(entries[key])
+
+
+def _values(path: Path, entries: Mapping[str, npt.NDArray[Any]], key: str) -> npt.NDArray[Any]:
+    array = entries[key]
+    if key in _INTEGER_ARRAYS:
+        if array.dtype.kind not in "iu":
+            raise AvatarError(f"Avatar file {path}: {key} must hold integers, got {array.dtype}.")
+        return array.astype(np.int64)
+    if array.dtype.kind == "f":
+        return array.astype(np.float64)
+    if array.dtype != np.uint8 or f"{key}_min" not in entries or f"{key}_max" not in entries:
+        raise AvatarError(
+            f"Avatar file {path}: {key} must be floating point, or uint8 with {key}_min and {key}_max, "
+            f"got {array.dtype}."
+        )
+    low, high = (entries[f"{key}_{end}"].astype(np.float64) for end in ("min", "max"))
+    try:
+        return np.asarray(low + array / 255.0 * (high - low))
+    except ValueError as error:
+        raise AvatarError(
+            f"Avatar file {path}: {key}_min {low.shape} and {key}_max {high.shape} do not fit {key} {array.shape}."
+        ) from error
+
+
+def _check_shapes(path: Path, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
+    count = len(arrays["means"]) if arrays["means"].ndim else 0
+    degrees = arrays["sh"].shape[1] if arrays["sh"].ndim == 3 else 0
+    for key, shape in _ARRAY_SHAPES.items():
+        want = tuple({"N": count, "K": degrees}[item] if isinstance(item, str) else item for item in shape)
+        if arrays[key].shape != want:
+            raise AvatarError(f"Avatar file {path}: {key} must have shape {shape}, got {arrays[key].shape}.")
+    if count == 0:
+        raise AvatarError(f"Avatar file {path} holds no Gaussian.")
+    if degrees not in (1, 4, 9, 16):
+        raise AvatarError(f"Avatar file {path}: sh must have 1, 4, 9 or 16 coefficients, got {degrees}.")
+
+
+def _check_values(path: Path, arrays: Mapping[str, npt.NDArray[Any]]) -> None:
+    endless = [key for key, array in arrays.items() if not np.isfinite(array).all()]
+    if endless:
+        raise AvatarError(f"Avatar file {path}: {', '.join(endless)} hold values that are not finite.")
+    if not np.array_equal(arrays["parents"], SMPL_PARENTS):
+        raise AvatarError(f"Avatar file {path}: parents are not those of the SMPL-24 skeleton.")
+    faults = {
+        "quats_wxyz holds a zero quaternion": (arrays["quats_wxyz"] ** 2).sum(axis=1).min() < 1e-6,
+        "scales must be positive": arrays["scales"].min() <= 0,
+        "opacities must lie in 0..1": arrays["opacities"].min() < 0 or arrays["opacities"].max() > 1.0 + 1e-6,
+        "lbs_index must lie in 0..23": arrays["lbs_index"].min() < 0 or arrays["lbs_index"].max() > 23,
+        "lbs_weight must not be negative": arrays["lbs_weight"].min() < 0,
+        "lbs_weight holds a row of zeros": arrays["lbs_weight"].sum(axis=1).min() < 1e-3,
+    }
+    for fault, present in faults.items():
+        if present:
+            raise AvatarError(f"Avatar file {path}: {fault}.")
+
+
+def _avatar(path: Path, entries: Mapping[str, npt.NDArray[Any]], arrays: Mapping[str, npt.NDArray[Any]]) -> Avatar:
+    height = entries["height_m"]
+    if height.shape != () or height.dtype.kind not in "fiu" or not 0.2 < float(height) < 3.0:
+        raise AvatarError(f"Avatar file {path}: height_m must be one number in 0.2..3 m, got {height}.")
+    q, w = arrays["quats_wxyz"], arrays["lbs_weight"]
+    norm = np.sqrt(q[:, 0] * q[:, 0] + q[:, 1] * q[:, 1] + q[:, 2] * q[:, 2] + q[:, 3] * q[:, 3])
+    total = w[:, 0] + w[:, 1] + w[:, 2] + w[:, 3]
+    cloud = GaussianCloud(
+        means_m=_single(arrays["means"]),
+        quats_wxyz=_single(q / norm[:, None]),
+        scales_m=_single(arrays["scales"]),
+        opacities=_single(np.minimum(arrays["opacities"], 1.0)),
+        sh=_single(arrays["sh"]),
+    )
+    return Avatar(
+        name=_text(entries, "name"),
+        license=_text(entries, "license"),
+        height_m=round(float(height), 4),
+        cloud=cloud,
+        lbs_index=np.ascontiguousarray(arrays["lbs_index"].astype(np.uint8)),
+        lbs_weight=_single(w / total[:, None]),
+        joints_canonical_m=_single(arrays["joints_canonical"]),
+        joints_tpose_m=_single(arrays["joints_tpose"]),
+        R_tpose_canonical=_single(arrays["R_canonical_to_tpose"]),
+    )
+
+
+def _single(array: Float64Array) -> Float32Array:
+    return np.ascontiguousarray(array, dtype=np.float32)
+
+
+def _encoded(key: str, array: Float32Array, quantise: bool) -> dict[str, npt.NDArray[Any]]:
+    if not quantise:
+        return {key: array}
+    if key in _HALF_PRECISION:
+        return {key: array.astype(np.float16)}
+    assert key in _EIGHT_BIT
+    low, high = array.min(axis=0), array.max(axis=0)
+    span = np.where(high > low, high - low, 1.0)
+    codes = np.rint((array.astype(np.float64) - low) / span * 255.0).astype(np.uint8)
+    return {key: codes, f"{key}_min": low, f"{key}_max": high}

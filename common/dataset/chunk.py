@@ -1,0 +1,212 @@
+"""An episode as the bytes of one MCAP chunk: what recorder workers agree on, wherever and whenever they run.
+
+The chunk's times are simulated: episode `index` begins at `index * EPISODE_SLOT_NS`, so that the episodes of a shard
+follow one another on a viewer's time line. There is no wall clock in it, and the same key gives the same bytes up to
+the last message, EpisodeCommit, which carries their SHA-256 and the attempt.
+"""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from google.protobuf.message import DecodeError
+from mcap.opcode import Opcode
+
+from common.dataset import schemas
+from common.dataset.records import MESSAGE_FIELDS_SIZE, MESSAGE_HEADER, Message, field_span, iter_messages
+from common.errors import DatasetError
+from common.messages.episode import EpisodeKey
+from common.messages.samples import EpisodeHeader, Sample
+
+EPISODE_SLOT_NS = 100 * schemas.NS_PER_S
+"""Longer episodes are recorded as well; they only overlap the next one on a viewer's time line."""
+SAMPLE_DTYPE = np.dtype(
+    [
+        ("time_ns", "<i8"),
+        ("image_offset", "<u8"),
+        ("image_length", "<u4"),
+        ("action", "<f4", (2,)),
+        ("goal_xy_m", "<f4", (2,)),
+        ("pose", "<f8", (4,)),
+        ("human_distance_m", "<f4"),
+        ("time_to_collision_s", "<f4"),
+        ("expert_cost", "<f4"),
+        ("human_visible", "?"),
+        ("replanned", "?"),
+    ]
+)
+"""One sample: action = v [m/s], w [rad/s]; goal in the robot's frame; pose = x, y, z [m], yaw [rad]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EpisodeChunk:
+    """One episode, encoded; `data` are the chunk's uncompressed records."""
+
+    episode: EpisodeKey
+    attempt: int
+    sha256: str
+    data: bytes | memoryview
+    start_time_ns: int
+    end_time_ns: int
+    height_px: int
+    width_px: int
+    start_xyyaw: tuple[float, float, float]
+    goal_xy_m: tuple[float, float]
+    message_offsets: dict[int, list[tuple[int, int]]]
+    """(log time [ns], offset in `data`) of the messages of each channel."""
+    samples: npt.NDArray[np.void]
+    """Rows of `SAMPLE_DTYPE`; `image_offset` counts from the beginning of `data`."""
+
+    @property
+    def sample_count(self) -> int:
+        """Number of samples."""
+        return len(self.samples)
+
+
+class _ChunkParts:
+    """Message records in a row, hashed as they come."""
+
+    def __init__(self) -> None:
+        self.parts: list[bytes] = []
+        self.hash = hashlib.sha256()
+
+    def add(self, channel: schemas.Channel, sequence: int, log_time_ns: int, payload: bytes) -> None:
+        length = MESSAGE_FIELDS_SIZE + len(payload)
+        head = MESSAGE_HEADER.pack(Opcode.MESSAGE, length, channel.number, sequence, log_time_ns, log_time_ns)
+        self.parts += (head, payload)
+        self.hash.update(head)
+        self.hash.update(payload)
+
+
+def encode_episode(header: EpisodeHeader, attempt: int, samples: Sequence[Sample]) -> EpisodeChunk:
+    """Encode an episode as one chunk.
+
+    Args:
+        header: What is constant over the episode.
+        attempt: The lease's number; only EpisodeCommit carries it.
+        samples: All samples of the episode in order.
+
+    Raises:
+        DatasetError: If samples are missing.
+    """
+    if not samples or [sample.seq for sample in samples] != list(range(header.sample_count)):
+        name = header.episode.episode_id
+        raise DatasetError(f"Episode {name} has {header.sample_count} samples, got {len(samples)} to record.")
+    base_ns = header.episode.index * EPISODE_SLOT_NS
+    chunk = _ChunkParts()
+    chunk.add(schemas.EPISODE_START, 0, base_ns, schemas.start_message(header))
+    chunk.add(schemas.CALIBRATION, 0, base_ns, schemas.calibration_message(header, base_ns))
+    for sample in samples:
+        time_ns = base_ns + sample.time_ns
+        for channel, payload in schemas.sample_messages(sample, header.image_format, time_ns):
+            chunk.add(channel, sample.seq, time_ns, payload)
+    sha256 = chunk.hash.hexdigest()
+    commit = schemas.commit_message(header.episode, attempt, len(samples), sha256)
+    chunk.add(schemas.EPISODE_COMMIT, 0, base_ns + samples[-1].time_ns, commit)
+    return read_chunk(b"".join(chunk.parts), sha256=sha256)
+
+
+def read_chunk(data: bytes | memoryview, *, sha256: str = "") -> EpisodeChunk:
+    """The episode in a chunk's records.
+
+    Args:
+        data: The chunk's uncompressed records.
+        sha256: The episode's hash where it is known already; otherwise it is computed.
+
+    Raises:
+        DatasetError: If the records are not one whole, committed episode with the hash that its commit names.
+    """
+    view = memoryview(data)
+    by_channel: dict[int, list[Message]] = {channel.number: [] for channel in schemas.CHANNELS}
+    for message in iter_messages(view, 0, len(view)):
+        if message.channel not in by_channel:
+            raise DatasetError(f"a message is on the unknown channel {message.channel}")
+        by_channel[message.channel].append(message)
+    start, calibration, commit = (
+        _only(view, by_channel, channel)
+        for channel in (schemas.EPISODE_START, schemas.CALIBRATION, schemas.EPISODE_COMMIT)
+    )
+    commit_message = by_channel[schemas.EPISODE_COMMIT.number][0]
+    if commit_message.end != len(view):
+        raise DatasetError(f"episode {start.episode_id} goes on after its commit")
+    if commit.sha256 != (sha256 or hashlib.sha256(view[: commit_message.offset]).hexdigest()):
+        raise DatasetError(f"episode {start.episode_id} does not match the SHA-256 of its commit")
+    base_ns = by_channel[schemas.EPISODE_START.number][0].log_time_ns
+    rows = _sample_rows(view, by_channel, base_ns)
+    if not len(rows) == commit.sample_count == start.sample_count:
+        raise DatasetError(f"episode {start.episode_id} has {len(rows)} samples, its commit says {commit.sample_count}")
+    return EpisodeChunk(
+        episode=schemas.episode_key(start),
+        attempt=commit.attempt,
+        sha256=commit.sha256,
+        data=data,
+        start_time_ns=base_ns,
+        end_time_ns=commit_message.log_time_ns,
+        height_px=calibration.height,
+        width_px=calibration.width,
+        start_xyyaw=(start.start_x_m, start.start_y_m, start.start_yaw_rad),
+        goal_xy_m=(start.goal_x_m, start.goal_y_m),
+        message_offsets={
+            number: [(message.log_time_ns, message.offset) for message in messages]
+            for number, messages in by_channel.items()
+        },
+        samples=rows,
+    )
+
+
+def parse(channel: schemas.Channel, payload: memoryview) -> Any:
+    """The message of a channel in its payload.
+
+    Raises:
+        DatasetError: If the payload is no such message.
+    """
+    try:
+        return channel.message.FromString(payload)
+    except DecodeError as error:
+        raise DatasetError(f"a message on {channel.topic} cannot be read: {error}") from error
+
+
+def _only(view: memoryview, by_channel: dict[int, list[Message]], channel: schemas.Channel) -> Any:
+    messages = by_channel[channel.number]
+    if len(messages) != 1:
+        raise DatasetError(f"an episode has {len(messages)} messages on {channel.topic}, not 1")
+    return parse(channel, view[messages[0].body : messages[0].end])
+
+
+def _sample_rows(view: memoryview, by_channel: dict[int, list[Message]], base_ns: int) -> npt.NDArray[np.void]:
+    columns = [by_channel[channel.number] for channel in schemas.SAMPLE_CHANNELS]
+    count = len(columns[0])
+    for channel, column in zip(schemas.SAMPLE_CHANNELS, columns, strict=True):
+        if len(column) != count:
+            raise DatasetError(f"an episode has {count} images, but {len(column)} messages on {channel.topic}")
+    rows = np.zeros(count, dtype=SAMPLE_DTYPE)
+    for seq, messages in enumerate(zip(*columns, strict=True)):
+        if {(message.sequence, message.log_time_ns) for message in messages} != {(seq, messages[0].log_time_ns)}:
+            raise DatasetError(f"the messages of sample {seq} do not belong together")
+        rows[seq] = _sample_row(view, messages, base_ns)
+    return rows
+
+
+def _sample_row(view: memoryview, messages: tuple[Message, ...], base_ns: int) -> tuple[Any, ...]:
+    image = messages[0]
+    pose, action, goal, truth = (
+        parse(schemas.SAMPLE_CHANNELS[column], view[messages[column].body : messages[column].end])
+        for column in (1, 3, 4, 5)
+    )
+    image_offset, image_length = field_span(view, image.body, image.end, schemas.IMAGE.message.DATA_FIELD_NUMBER)
+    return (
+        image.log_time_ns - base_ns,
+        image_offset,
+        image_length,
+        (action.v_mps, action.w_radps),
+        (goal.x_m, goal.y_m),
+        schemas.pose_xyzyaw(pose.pose),
+        truth.human_distance_m,
+        truth.time_to_collision_s,
+        truth.expert_cost,
+        truth.human_visible,
+        truth.replanned,
+    )

@@ -1,0 +1,229 @@
+"""What must hold in one recorded episode."""
+
+import hashlib
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from common.dataset import schemas
+from common.dataset.chunk import parse
+from common.dataset.reader import decode_image
+from common.dataset.records import ChunkSpan, Message, iter_messages
+from common.errors import DatasetError
+from common.messages.episode import EpisodeKey
+from common.robot.config import RobotConfig
+from common.robot.kinematics import DT_S, RATE_HZ, step_unicycle
+
+STEP_NS = schemas.NS_PER_S // RATE_HZ
+LIMIT_TOLERANCE = 1e-6
+"""Slack on speeds [m/s, rad/s]: limits are applied in float64."""
+POSITION_TOLERANCE_M = 1e-5
+YAW_TOLERANCE_RAD = 1e-6
+
+Finding = tuple[str, str]
+"""Kind and text of a defect."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """The robot that an episode's actions are held against; None leaves them unchecked."""
+
+    robot: RobotConfig | None
+
+
+@dataclass(frozen=True, slots=True)
+class _Step:
+    """One sample, decoded."""
+
+    pose: tuple[float, float, float, float]
+    v_mps: float
+    w_radps: float
+    goal_xy_m: tuple[float, float]
+    image: bytes
+    image_format: str
+
+
+class EpisodeChecks:
+    """Checks the episode in one chunk."""
+
+    def __init__(self, view: memoryview, span: ChunkSpan, limits: Limits) -> None:
+        self.episode: EpisodeKey | None = None
+        self.sample_count = 0
+        self._view = view
+        self._span = span
+        self._robot = limits.robot
+        self._by_channel: dict[int, list[Message]] = {channel.number: [] for channel in schemas.CHANNELS}
+        self._name = f"the episode at byte {span.body}"
+
+    def run(self) -> Iterator[Finding]:
+        """Everything that does not hold."""
+        try:
+            yield from self._frame()
+            start, calibration, commit = (
+                self._parsed(channel, 0)
+                for channel in (schemas.EPISODE_START, schemas.CALIBRATION, schemas.EPISODE_COMMIT)
+            )
+            self.episode = schemas.episode_key(start)
+            self._name = f"episode {self.episode.episode_id}"
+            self.sample_count = len(self._messages(schemas.IMAGE))
+            yield from self._hash(commit)
+            broken = list(self._sequence(start, commit))
+            yield from broken
+            yield from self._times()
+            if not broken:
+                yield from self._content(start, calibration)
+        except DatasetError as error:
+            yield "sequence", f"{self._name}: {error}"
+
+    def _messages(self, channel: schemas.Channel) -> list[Message]:
+        return self._by_channel[channel.number]
+
+    def _parsed(self, channel: schemas.Channel, position: int) -> Any:
+        message = self._messages(channel)[position]
+        return parse(channel, self._view[message.body : message.end])
+
+    def _frame(self) -> Iterator[Finding]:
+        """Group the messages; an episode begins with its start and ends with its commit."""
+        numbers: list[int] = []
+        for message in iter_messages(self._view, self._span.body, self._span.end):
+            if message.channel not in self._by_channel:
+                raise DatasetError(f"a message is on the unknown channel {message.channel}")
+            self._by_channel[message.channel].append(message)
+            numbers.append(message.channel)
+        for channel in (schemas.EPISODE_START, schemas.CALIBRATION, schemas.EPISODE_COMMIT):
+            if len(self._messages(channel)) != 1:
+                raise DatasetError(f"there are {len(self._messages(channel))} messages on {channel.topic}, not 1")
+        if (numbers[0], numbers[-1]) != (schemas.EPISODE_START.number, schemas.EPISODE_COMMIT.number):
+            yield "sequence", f"{self._name} does not begin with its start and end with its commit"
+
+    def _hash(self, commit: Any) -> Iterator[Finding]:
+        end = self._messages(schemas.EPISODE_COMMIT)[0].offset
+        if hashlib.sha256(self._view[self._span.body : end]).hexdigest() != commit.sha256:
+            yield "sha256", f"{self._name} does not match the SHA-256 of its commit"
+
+    def _sequence(self, start: Any, commit: Any) -> Iterator[Finding]:
+        for channel in schemas.SAMPLE_CHANNELS:
+            numbers = [message.sequence for message in self._messages(channel)]
+            if numbers != list(range(commit.sample_count)):
+                missing = sorted(set(range(commit.sample_count)) - set(numbers))
+                what = f"lacks samples {_some(missing)}" if missing else "has samples out of order"
+                yield "sequence", f"{self._name}: {channel.topic} {what}"
+        if not start.sample_count == commit.sample_count > 0:
+            yield "sequence", f"{self._name}: start says {start.sample_count} samples, commit {commit.sample_count}"
+        if (start.episode_id, start.index) != (commit.episode_id, commit.index):
+            yield "sequence", f"{self._name}: its commit is that of {commit.episode_id}"
+
+    def _times(self) -> Iterator[Finding]:
+        base_ns = self._messages(schemas.EPISODE_START)[0].log_time_ns
+        for channel in schemas.SAMPLE_CHANNELS:
+            wrong = [
+                message.sequence
+                for message in self._messages(channel)
+                if not message.publish_time_ns == message.log_time_ns == base_ns + message.sequence * STEP_NS
+            ]
+            if wrong:
+                yield "time", f"{self._name}: {channel.topic} is not at {RATE_HZ} Hz at samples {_some(wrong)}"
+        for channel in (schemas.IMAGE, schemas.ROBOT_POSE, schemas.HUMANS):
+            wrong = [
+                message.sequence
+                for position, message in enumerate(self._messages(channel))
+                if self._parsed(channel, position).timestamp.ToNanoseconds() != message.log_time_ns
+            ]
+            if wrong:
+                yield "time", f"{self._name}: {channel.topic} has other stamps inside at samples {_some(wrong)}"
+
+    def _content(self, start: Any, calibration: Any) -> Iterator[Finding]:
+        steps = [self._step(seq) for seq in range(self.sample_count)]
+        goal_xy_m = (start.goal_x_m, start.goal_y_m)
+        first = (start.start_x_m, start.start_y_m, 0.0, start.start_yaw_rad)
+        if not _near_pose(first, steps[0].pose):
+            yield "motion", f"{self._name}: sample 0 is not at the episode's start pose"
+        checks: list[tuple[str, str, Callable[[int], bool]]] = [
+            ("motion", "the pose does not follow from the pose and the action before", _follows(steps)),
+            ("goal", "the relative goal contradicts the pose and the goal", _points_at(steps, goal_xy_m)),
+            ("image", "the image is damaged or has another size or format", self._pictures(steps, start, calibration)),
+        ]
+        if self._robot is not None:
+            checks.append(("action", "the action is beyond the robot's limits", _within_limits(steps, self._robot)))
+            checks.append(("action", "the action changes faster than the robot can", _smooth(steps, self._robot)))
+        for kind, text, holds in checks:
+            wrong = [seq for seq in range(len(steps)) if not holds(seq)]
+            if wrong:
+                yield kind, f"{self._name}: {text} at samples {_some(wrong)}"
+
+    def _step(self, seq: int) -> _Step:
+        image, pose, action, goal = (
+            self._parsed(channel, seq) for channel in (schemas.IMAGE, schemas.ROBOT_POSE, schemas.ACTION, schemas.GOAL)
+        )
+        return _Step(
+            schemas.pose_xyzyaw(pose.pose),
+            action.v_mps,
+            action.w_radps,
+            (goal.x_m, goal.y_m),
+            image.data,
+            image.format,
+        )
+
+    def _pictures(self, steps: Sequence[_Step], start: Any, calibration: Any) -> Callable[[int], bool]:
+        shape = (calibration.height, calibration.width, 3)
+
+        def holds(seq: int) -> bool:
+            image = decode_image(steps[seq].image)
+            return image is not None and image.shape == shape and steps[seq].image_format == start.image_format
+
+        return holds
+
+
+def _follows(steps: Sequence[_Step]) -> Callable[[int], bool]:
+    def holds(seq: int) -> bool:
+        if seq == 0:
+            return True
+        before = steps[seq - 1]
+        x_m, y_m, yaw_rad = step_unicycle(before.pose[0], before.pose[1], before.pose[3], before.v_mps, before.w_radps)
+        return _near_pose((x_m, y_m, 0.0, yaw_rad), steps[seq].pose)
+
+    return holds
+
+
+def _points_at(steps: Sequence[_Step], goal_xy_m: tuple[float, float]) -> Callable[[int], bool]:
+    def holds(seq: int) -> bool:
+        x_m, y_m, _, yaw_rad = steps[seq].pose
+        dx, dy = goal_xy_m[0] - x_m, goal_xy_m[1] - y_m
+        c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+        forward_m, left_m = steps[seq].goal_xy_m
+        return math.hypot(c * dx + s * dy - forward_m, c * dy - s * dx - left_m) <= POSITION_TOLERANCE_M
+
+    return holds
+
+
+def _within_limits(steps: Sequence[_Step], robot: RobotConfig) -> Callable[[int], bool]:
+    def holds(seq: int) -> bool:
+        step = steps[seq]
+        v_fits = -LIMIT_TOLERANCE <= step.v_mps <= robot.v_max_mps + LIMIT_TOLERANCE
+        return v_fits and abs(step.w_radps) <= robot.w_max_radps + LIMIT_TOLERANCE
+
+    return holds
+
+
+def _smooth(steps: Sequence[_Step], robot: RobotConfig) -> Callable[[int], bool]:
+    def holds(seq: int) -> bool:
+        if seq == 0:
+            return True
+        before, step = steps[seq - 1], steps[seq]
+        v_fits = abs(step.v_mps - before.v_mps) <= robot.a_max_mps2 * DT_S + LIMIT_TOLERANCE
+        return v_fits and abs(step.w_radps - before.w_radps) <= robot.alpha_max_radps2 * DT_S + LIMIT_TOLERANCE
+
+    return holds
+
+
+def _near_pose(a: tuple[float, float, float, float], b: tuple[float, float, float, float]) -> bool:
+    """True if x, y and yaw agree; heights come from the floor."""
+    turn_rad = math.remainder(a[3] - b[3], math.tau) if math.isfinite(a[3] - b[3]) else math.inf
+    return math.hypot(a[0] - b[0], a[1] - b[1]) <= POSITION_TOLERANCE_M and abs(turn_rad) <= YAW_TOLERANCE_RAD
+
+
+def _some(numbers: Sequence[int]) -> str:
+    """The first few numbers."""
+    shown = ", ".join(map(str, numbers[:5]))
+    return shown if len(numbers) <= 5 else f"{shown} and {len(numbers) - 5} more"

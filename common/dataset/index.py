@@ -1,0 +1,271 @@
+"""The offset index beside a shard: random access without parsing MCAP.
+
+`shard-r0-00000.index` holds one row per sample and one per episode (NumPy's .npz layout). It names the size of its
+shard and the SHA-256 of the shard's end; the end holds the CRC-32 of all that is before it. An index that is missing
+or belongs to other bytes is made again from the shard.
+"""
+
+import hashlib
+import io
+import json
+import mmap
+import os
+import zipfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Metadata
+
+from common.dataset.chunk import SAMPLE_DTYPE, EpisodeChunk, read_chunk
+from common.dataset.metadata import RECORD_NAME, metadata_from_strings
+from common.dataset.records import MAGIC, RECORD_HEADER, Record, chunk_span, is_intact, iter_records
+from common.errors import DatasetError
+from common.messages.episode import EpisodeKey, Split
+
+INDEX_FORMAT = "readygo-index/1"
+EPISODE_DTYPE = np.dtype(
+    [
+        ("seed", "<u8"),
+        ("split", "S8"),
+        ("index", "<u8"),
+        ("attempt", "<u4"),
+        ("first_sample", "<u8"),
+        ("sample_count", "<u4"),
+        ("height_px", "<u4"),
+        ("width_px", "<u4"),
+        ("start_xyyaw", "<f8", (3,)),
+        ("goal_xy_m", "<f8", (2,)),
+        ("sha256", "S64"),
+    ]
+)
+"""One episode; `first_sample` is its first row among the shard's samples, `sha256` is hexadecimal."""
+FOOTER_SIZE = RECORD_HEADER.size + 8 + 8 + 4 + len(MAGIC)
+DATA_END_SIZE = RECORD_HEADER.size + 4
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ShardIndex:
+    """What a shard holds and where."""
+
+    metadata: dict[str, Any]
+    episodes: npt.NDArray[np.void]
+    """Rows of `EPISODE_DTYPE`, in the order of the shard."""
+    samples: npt.NDArray[np.void]
+    """Rows of `SAMPLE_DTYPE`; `image_offset` counts from the beginning of the file."""
+    size_bytes: int
+    tail_sha256: str
+    """SHA-256 of the shard from its end-of-data record on."""
+
+    def episode_key(self, row: int) -> EpisodeKey:
+        """Key of the episode in a row of `episodes`."""
+        episode = self.episodes[row]
+        return EpisodeKey(
+            seed=int(episode["seed"]), split=Split(episode["split"].decode()), index=int(episode["index"])
+        )
+
+    def equals(self, other: "ShardIndex") -> bool:
+        """True if both describe the same shard in the same way."""
+        return (
+            (self.metadata, self.size_bytes, self.tail_sha256) == (other.metadata, other.size_bytes, other.tail_sha256)
+            and self.episodes.tobytes() == other.episodes.tobytes()
+            and self.samples.tobytes() == other.samples.tobytes()
+        )
+
+
+class IndexRows:
+    """Collects the rows of an index, episode by episode."""
+
+    def __init__(self) -> None:
+        self._episodes: list[tuple[Any, ...]] = []
+        self._samples: list[npt.NDArray[np.void]] = []
+        self._sample_count = 0
+
+    def add(self, chunk: EpisodeChunk, body_offset: int) -> None:
+        """Add an episode whose chunk's records begin at `body_offset` in the file."""
+        key = chunk.episode
+        self._episodes.append(
+            (
+                key.seed,
+                key.split.value.encode(),
+                key.index,
+                chunk.attempt,
+                self._sample_count,
+                chunk.sample_count,
+                chunk.height_px,
+                chunk.width_px,
+                chunk.start_xyyaw,
+                chunk.goal_xy_m,
+                chunk.sha256.encode(),
+            )
+        )
+        rows = chunk.samples.copy()
+        rows["image_offset"] += np.uint64(body_offset)
+        self._samples.append(rows)
+        self._sample_count += len(rows)
+
+    def index(self, metadata: Mapping[str, Any], *, size_bytes: int, tail: bytes | memoryview) -> ShardIndex:
+        """The index of a shard of `size_bytes` that ends in `tail`."""
+        return ShardIndex(
+            # Through JSON, as a reader gets it: tuples become lists.
+            metadata=json.loads(json.dumps(dict(metadata))),
+            episodes=np.array(self._episodes, dtype=EPISODE_DTYPE),
+            samples=np.concatenate(self._samples) if self._samples else np.zeros(0, dtype=SAMPLE_DTYPE),
+            size_bytes=size_bytes,
+            tail_sha256=hashlib.sha256(tail).hexdigest(),
+        )
+
+
+def index_path(shard: Path) -> Path:
+    """Where a shard's index is."""
+    return shard.with_suffix(".index")
+
+
+def load_index(shard: Path) -> ShardIndex:
+    """A shard's index; made again, and stored if the folder can be written, when it is missing or does not match.
+
+    Raises:
+        DatasetError: If the shard is truncated or damaged.
+    """
+    with mapped(shard) as view:
+        index = read_index(index_path(shard))
+        if index is not None and (index.size_bytes, index.tail_sha256) == (len(view), _tail_sha256(view, shard)):
+            return index
+        index = build_index(view, shard)
+    with suppress(OSError):
+        write_index(index, index_path(shard))
+    return index
+
+
+def build_index(view: memoryview, shard: Path) -> ShardIndex:
+    """The index of a finished shard, from its chunks.
+
+    Raises:
+        DatasetError: If the shard is truncated or damaged.
+    """
+    rows, metadata = IndexRows(), None
+    end = tail_offset(view, shard)
+    try:
+        for record in iter_records(view):
+            if record.opcode == Opcode.METADATA:
+                metadata = read_metadata(view, record) or metadata
+            elif record.opcode == Opcode.CHUNK:
+                span = chunk_span(view, record)
+                if not is_intact(view, span):
+                    raise DatasetError(f"the chunk at byte {record.offset} does not match its CRC-32")
+                rows.add(read_chunk(view[span.body : span.end]), span.body)
+        if metadata is None:
+            raise DatasetError("there is no readygo metadata in it")
+    except DatasetError as error:
+        raise DatasetError(f"Shard {shard} cannot be read: {error}; see `readygo validate {shard.parent}`.") from error
+    return rows.index(metadata, size_bytes=len(view), tail=view[end:])
+
+
+def read_metadata(view: memoryview, record: Record) -> dict[str, Any] | None:
+    """The shard's metadata in a metadata record, None if it is somebody else's.
+
+    Raises:
+        DatasetError: If it is of another format.
+    """
+    try:
+        metadata = Metadata.read(ReadDataStream(io.BytesIO(view[record.body : record.end])))
+    except (UnicodeDecodeError, EOFError) as error:
+        raise DatasetError(f"the metadata at byte {record.offset} cannot be read") from error
+    return metadata_from_strings(metadata.metadata) if metadata.name == RECORD_NAME else None
+
+
+def write_index(index: ShardIndex, path: Path, *, fsync: bool = False) -> None:
+    """Write an index file, whole or not at all.
+
+    Raises:
+        OSError: If the disk refused.
+    """
+    header = {
+        "format": INDEX_FORMAT,
+        "metadata": index.metadata,
+        "size_bytes": index.size_bytes,
+        "tail_sha256": index.tail_sha256,
+    }
+    buffer = io.BytesIO()
+    header_bytes = np.frombuffer(json.dumps(header, sort_keys=True).encode(), dtype=np.uint8)
+    np.savez(buffer, header=header_bytes, episodes=index.episodes, samples=index.samples)
+    part = path.with_name(f"{path.name}.{os.getpid()}.part")
+    try:
+        with part.open("wb") as file:
+            file.write(buffer.getbuffer())
+            file.flush()
+            if fsync:
+                os.fsync(file.fileno())
+        os.replace(part, path)
+    except OSError:
+        part.unlink(missing_ok=True)
+        raise
+
+
+def read_index(path: Path) -> ShardIndex | None:
+    """An index file; None if it is missing, damaged or of another format."""
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            header = json.loads(arrays["header"].tobytes())
+            episodes, samples = arrays["episodes"], arrays["samples"]
+        if header["format"] != INDEX_FORMAT or (episodes.dtype, samples.dtype) != (EPISODE_DTYPE, SAMPLE_DTYPE):
+            return None
+        return ShardIndex(
+            metadata=header["metadata"],
+            episodes=episodes,
+            samples=samples,
+            size_bytes=header["size_bytes"],
+            tail_sha256=header["tail_sha256"],
+        )
+    except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
+        return None
+
+
+@contextmanager
+def mapped(path: Path) -> Iterator[memoryview]:
+    """A file's bytes, memory-mapped.
+
+    Raises:
+        DatasetError: If the file is empty or cannot be read.
+    """
+    try:
+        with path.open("rb") as file:
+            mapping = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+    except (OSError, ValueError) as error:
+        raise DatasetError(f"Shard {path} cannot be read: {error}.") from error
+    view = memoryview(mapping)
+    try:
+        yield view
+    finally:
+        # A view that a caller kept holds the mapping open; it goes when that view goes.
+        with suppress(BufferError):
+            view.release()
+            mapping.close()
+
+
+def _tail_sha256(view: memoryview, shard: Path) -> str:
+    return hashlib.sha256(view[tail_offset(view, shard) :]).hexdigest()
+
+
+def tail_offset(view: memoryview, shard: Path) -> int:
+    """Where the end-of-data record of a finished shard begins.
+
+    Raises:
+        DatasetError: If the shard has no proper end.
+    """
+    footer = len(view) - FOOTER_SIZE
+    if footer >= len(MAGIC) and view[: len(MAGIC)] == MAGIC and view[-len(MAGIC) :] == MAGIC:
+        opcode, length = RECORD_HEADER.unpack_from(view, footer)
+        summary_start = int.from_bytes(view[footer + RECORD_HEADER.size : footer + RECORD_HEADER.size + 8], "little")
+        if (opcode, length) == (Opcode.FOOTER, 20) and DATA_END_SIZE < summary_start <= footer:
+            return summary_start - DATA_END_SIZE
+    raise DatasetError(
+        f"Shard {shard} is truncated or no readygo shard: its end is missing; "
+        f"remove it, or restore it and run `readygo validate {shard.parent}`."
+    )

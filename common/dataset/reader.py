@@ -1,0 +1,278 @@
+"""Recorded episodes as arrays and images, whatever the shards they are in."""
+
+import hashlib
+import json
+import mmap
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from common.dataset.index import ShardIndex, load_index
+from common.dataset.metadata import robot_of
+from common.errors import DatasetError
+from common.messages.episode import EpisodeKey
+from common.robot import RobotConfig
+from common.robot.kinematics import RATE_HZ
+
+OPEN_SHARDS_MAX = 128
+"""Shards that are mapped at the same time; each holds a file descriptor."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class EpisodeEntry:
+    """One episode of a dataset."""
+
+    episode: EpisodeKey
+    first_sample: int
+    """The episode's first row in the dataset's arrays."""
+    sample_count: int
+    attempt: int
+    shard: Path
+    sha256: str
+    """SHA-256 of the episode's bytes, the same on every worker."""
+
+
+class Dataset:
+    """All episodes of some folders.
+
+    Episodes come folder by folder, by seed, split and index within a folder: how they were spread over shards does not
+    show. Shards that are still written (".part") are left out.
+    """
+
+    def __init__(self, folders: Sequence[Path]) -> None:
+        """Open the shards of `folders`.
+
+        Raises:
+            DatasetError: If a folder is missing or has no shards, a shard is truncated, an episode is there twice, or
+                image sizes or robots differ.
+        """
+        self.shards: tuple[Path, ...] = tuple(shard for folder in folders for shard in find_shards(folder))
+        indexes = [load_index(shard) for shard in self.shards]
+        _check_alike(self.shards, indexes)
+        self.metadata: dict[str, Any] = indexes[0].metadata
+        """Metadata of the first shard; robot and image size are the same in all."""
+        self.height_px, self.width_px = (int(indexes[0].episodes[0][name]) for name in ("height_px", "width_px"))
+        order = _episode_order(self.shards, indexes)
+        self.episodes: tuple[EpisodeEntry, ...] = _entries(self.shards, indexes, order)
+        _check_unique(self.episodes)
+        rows = np.concatenate([_episode_rows(indexes[shard], row) for shard, row in order])
+        counts = np.array([entry.sample_count for entry in self.episodes])
+        self._shard_of_sample = np.repeat(np.array([shard for shard, _ in order], dtype=np.int32), counts)
+        self._rows = rows
+        self.episode_of_sample: npt.NDArray[np.int32] = np.repeat(np.arange(len(counts), dtype=np.int32), counts)
+        """Row in `episodes` of each sample, shape (S,)."""
+        self._first_sample = np.repeat(np.cumsum(counts) - counts, counts)
+        self._maps: OrderedDict[int, mmap.mmap] = OrderedDict()
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Memory maps cannot be pickled; a data loader's worker opens its own.
+        return {**self.__dict__, "_maps": OrderedDict()}
+
+    @cached_property
+    def actions(self) -> npt.NDArray[np.float32]:
+        """Commands executed after each sample: v [m/s], w [rad/s], shape (S, 2)."""
+        return np.ascontiguousarray(self._rows["action"])
+
+    @cached_property
+    def goals_xy_m(self) -> npt.NDArray[np.float32]:
+        """Goal in the robot's frame at each sample [m], shape (S, 2)."""
+        return np.ascontiguousarray(self._rows["goal_xy_m"])
+
+    @cached_property
+    def time_ns(self) -> npt.NDArray[np.int64]:
+        """Simulated time since the episode began [ns], shape (S,)."""
+        return np.ascontiguousarray(self._rows["time_ns"])
+
+    @cached_property
+    def poses(self) -> npt.NDArray[np.float64]:
+        """Robot on the floor: x, y, z [m], yaw [rad] in [-pi, pi], shape (S, 4)."""
+        return np.ascontiguousarray(self._rows["pose"])
+
+    @property
+    def truth(self) -> npt.NDArray[np.void]:
+        """What the robot does not know, shape (S,).
+
+        Fields human_distance_m, time_to_collision_s, expert_cost, human_visible, replanned.
+        """
+        return self._rows[["human_distance_m", "time_to_collision_s", "expert_cost", "human_visible", "replanned"]]
+
+    @cached_property
+    def previous_actions(self) -> npt.NDArray[np.float32]:
+        """Commands executed before each sample, zero at an episode's start, shape (S, 2)."""
+        previous = np.roll(self.actions, 1, axis=0)
+        previous[self._first_sample[self._first_sample == np.arange(len(self))]] = 0.0
+        return previous
+
+    @cached_property
+    def robot(self) -> RobotConfig | None:
+        """The robot that the samples were recorded with, None if the metadata does not say."""
+        return robot_of(self.metadata)
+
+    @cached_property
+    def content_hash(self) -> str:
+        """SHA-256 over the hashes of all episodes; independent of the order of folders and of the shards."""
+        return hashlib.sha256("\n".join(sorted(entry.sha256 for entry in self.episodes)).encode()).hexdigest()
+
+    def image(self, index: int) -> bytes:
+        """The encoded image of a sample."""
+        row = self._rows[index]
+        offset = int(row["image_offset"])
+        return self._map(int(self._shard_of_sample[index]))[offset : offset + int(row["image_length"])]
+
+    def decode(self, index: int) -> npt.NDArray[np.uint8]:
+        """The image of a sample, sRGB, shape (H, W, 3).
+
+        Raises:
+            DatasetError: If the image cannot be decoded or has another size than the dataset's.
+        """
+        image = decode_image(self.image(index))
+        if image is None or image.shape != (self.height_px, self.width_px, 3):
+            raise DatasetError(f"The image of sample {index} in {self._shard_of(index)} is damaged.")
+        return image
+
+    def windows(
+        self, samples: npt.ArrayLike | None = None, *, frame_count: int = 3, spacing_s: float = 0.5
+    ) -> npt.NDArray[np.int64]:
+        """Samples whose images a policy sees together; an episode's oldest image stands in for what was before.
+
+        Args:
+            samples: The newest sample of each window, shape (N,); all samples by default.
+            frame_count: Images per window.
+            spacing_s: Time between images [s], a multiple of 0.05 s.
+
+        Returns:
+            Sample numbers, the newest first, shape (N, frame_count).
+        """
+        newest = np.arange(len(self)) if samples is None else np.asarray(samples, dtype=np.int64)
+        back = np.arange(frame_count) * round(spacing_s * RATE_HZ)
+        window: npt.NDArray[np.int64] = np.maximum(newest[:, None] - back, self._first_sample[newest][:, None])
+        return window
+
+    def close(self) -> None:
+        """Close the shards; images can still be read, they are opened again."""
+        while self._maps:
+            self._maps.popitem()[1].close()
+
+    def _shard_of(self, index: int) -> Path:
+        return self.shards[int(self._shard_of_sample[index])]
+
+    def _map(self, shard: int) -> mmap.mmap:
+        if shard in self._maps:
+            self._maps.move_to_end(shard)
+            return self._maps[shard]
+        while len(self._maps) >= OPEN_SHARDS_MAX:
+            self._maps.popitem(last=False)[1].close()
+        with self.shards[shard].open("rb") as file:
+            self._maps[shard] = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+        return self._maps[shard]
+
+
+def find_shards(folder: Path) -> list[Path]:
+    """The finished shards of a folder, by name.
+
+    Raises:
+        DatasetError: If the folder is missing or has none.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise DatasetError(f"Data folder {folder} does not exist; record one with `readygo generate`.")
+    shards = sorted(folder.glob("shard-*.mcap"))
+    if not shards:
+        open_count = len(list(folder.glob("shard-*.mcap.part")))
+        hint = f"{open_count} are still being written" if open_count else "record some with `readygo generate`"
+        raise DatasetError(f"Data folder {folder} holds no finished shards (shard-*.mcap); {hint}.")
+    return shards
+
+
+def decode_image(data: bytes) -> npt.NDArray[np.uint8] | None:
+    """An encoded image as sRGB, shape (H, W, 3); None if it cannot be decoded."""
+    import cv2
+
+    if not data:
+        return None
+    bgr = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_COLOR)
+    if bgr is None:
+        return None
+    return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), dtype=np.uint8)
+
+
+def _episode_order(shards: Sequence[Path], indexes: Sequence[ShardIndex]) -> list[tuple[int, int]]:
+    """(shard, row) of every episode in the dataset's order."""
+    folders = list(dict.fromkeys(shard.parent for shard in shards))
+
+    def rank(place: tuple[int, int]) -> tuple[Any, ...]:
+        episode = indexes[place[0]].episodes[place[1]]
+        return folders.index(shards[place[0]].parent), episode["seed"], episode["split"], episode["index"]
+
+    places = [(shard, row) for shard, index in enumerate(indexes) for row in range(len(index.episodes))]
+    return sorted(places, key=rank)
+
+
+def _entries(
+    shards: Sequence[Path], indexes: Sequence[ShardIndex], order: Sequence[tuple[int, int]]
+) -> tuple[EpisodeEntry, ...]:
+    entries: list[EpisodeEntry] = []
+    first_sample = 0
+    for shard, row in order:
+        episode = indexes[shard].episodes[row]
+        entry = EpisodeEntry(
+            episode=indexes[shard].episode_key(row),
+            first_sample=first_sample,
+            sample_count=int(episode["sample_count"]),
+            attempt=int(episode["attempt"]),
+            shard=shards[shard],
+            sha256=episode["sha256"].decode(),
+        )
+        entries.append(entry)
+        first_sample += entry.sample_count
+    return tuple(entries)
+
+
+def _episode_rows(index: ShardIndex, row: int) -> npt.NDArray[np.void]:
+    first = int(index.episodes[row]["first_sample"])
+    return index.samples[first : first + int(index.episodes[row]["sample_count"])]
+
+
+def _check_alike(shards: Sequence[Path], indexes: Sequence[ShardIndex]) -> None:
+    """Raise DatasetError if image sizes or robots differ."""
+
+    def robot(index: ShardIndex) -> str:
+        return json.dumps(index.metadata.get("config", {}).get("robot"), sort_keys=True)
+
+    def sizes(index: ShardIndex) -> list[tuple[int, int]]:
+        return sorted({(int(row["height_px"]), int(row["width_px"])) for row in index.episodes})
+
+    first_size = sizes(indexes[0])[0]
+    for shard, index in zip(shards, indexes, strict=True):
+        for size in sizes(index):
+            if size != first_size:
+                raise DatasetError(
+                    f"Image sizes differ: {first_size[0]}x{first_size[1]} in {shards[0]}, {size[0]}x{size[1]} in "
+                    f"{shard}; use them as separate datasets."
+                )
+        if robot(index) != robot(indexes[0]):
+            raise DatasetError(
+                f"Robots differ: {robot(indexes[0])} in {shards[0]}, {robot(index)} in {shard}; "
+                "use them as separate datasets."
+            )
+
+
+def _check_unique(episodes: Sequence[EpisodeEntry]) -> None:
+    """Raise DatasetError if an episode is there twice; other scenes may use the same keys."""
+    seen: dict[str, EpisodeEntry] = {}
+    for entry in episodes:
+        if entry.sha256 in seen:
+            raise DatasetError(
+                f"Episode {entry.episode.episode_id} is there twice, in {seen[entry.sha256].shard} and {entry.shard}; "
+                "give every folder once."
+            )
+        seen[entry.sha256] = entry

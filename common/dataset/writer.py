@@ -1,0 +1,293 @@
+"""Shards as they are written: one chunk per episode, durable before `append` returns.
+
+Layout of a shard: header, metadata, schemas, channels; then per episode a chunk and its message indexes; then the end
+of data, and the summary. While it is open, its name ends in ".part". A failed write is cut off again, so that the file
+always ends after a whole episode.
+"""
+
+import errno
+import os
+import zlib
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Channel,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    MessageIndex,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+
+from common.dataset.chunk import EpisodeChunk
+from common.dataset.index import IndexRows, index_path, write_index
+from common.dataset.metadata import RECORD_NAME, metadata_to_strings
+from common.dataset.records import CHUNK_FIELDS, MAGIC, RECORD_HEADER
+from common.dataset.schemas import CHANNELS, descriptor_set
+
+PART_SUFFIX = ".part"
+
+
+def shard_name(recorder: str, number: int) -> str:
+    """File name of a recorder's finished shard."""
+    return f"shard-{recorder}-{number:05d}.mcap"
+
+
+def sync_folder(folder: Path) -> None:
+    """Make the folder's entries durable."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+class ShardWriter:
+    """Writes one shard; use it as a context manager or call `close`."""
+
+    def __init__(
+        self, path: Path, metadata: Mapping[str, Any], *, fsync: bool = True, part_suffix: str = PART_SUFFIX
+    ) -> None:
+        """Open `path` + `part_suffix`.
+
+        Args:
+            path: The finished shard, see `shard_name`.
+            metadata: What the shard says about its run, see `common.dataset.metadata`.
+            fsync: False trades durability for speed.
+            part_suffix: Ending of the open file's name; its existing file is overwritten.
+
+        Raises:
+            OSError: If the file cannot be written; nothing is left of it then.
+        """
+        self.path = path
+        self.metadata = dict(metadata)
+        self._part = path.with_name(path.name + part_suffix)
+        self._fsync = fsync
+        self._rows = IndexRows()
+        self._message_counts: Counter[int] = Counter()
+        self._chunk_indexes: list[ChunkIndex] = []
+        self._offset = 0
+        self._data_crc32 = 0
+        self._descriptor: int | None = os.open(self._part, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
+        try:
+            head, self._metadata_index = _head(metadata_to_strings(metadata))
+            self._write(head)
+            self._data_crc32 = zlib.crc32(head)
+            if fsync:
+                sync_folder(path.parent)
+        except BaseException:
+            self.abandon()
+            self._part.unlink(missing_ok=True)
+            raise
+
+    def __enter__(self) -> "ShardWriter":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is None:
+            self.close()
+        else:
+            self.abandon()
+
+    @property
+    def episode_count(self) -> int:
+        """Number of durable episodes."""
+        return len(self._chunk_indexes)
+
+    def append(self, chunk: EpisodeChunk) -> None:
+        """Write an episode and make it durable.
+
+        Raises:
+            OSError: If it could not be made durable; the file then ends after the episode before.
+        """
+        parts, index = _chunk_record(chunk, self._offset)
+        self._write(*parts)
+        for part in parts:
+            self._data_crc32 = zlib.crc32(part, self._data_crc32)
+        self._rows.add(chunk, index.chunk_start_offset + _CHUNK_HEADER_SIZE)
+        self._chunk_indexes.append(index)
+        self._message_counts.update({number: len(rows) for number, rows in chunk.message_offsets.items()})
+
+    def close(self) -> Path | None:
+        """Write the summary and the index, and give the shard its final name.
+
+        Returns:
+            The finished shard; None if it had no episodes and was removed.
+
+        Raises:
+            OSError: If the disk refused; the file still holds all its episodes and `close` may be called again.
+        """
+        if not self._chunk_indexes:
+            self._part.unlink()
+            self.abandon()
+            return None
+        good_offset = self._offset
+        data_end = _record_bytes(DataEnd(self._data_crc32))
+        tail = data_end + self._summary(good_offset + len(data_end))
+        self._write(tail)
+        try:
+            index = self._rows.index(self.metadata, size_bytes=self._offset, tail=tail)
+            write_index(index, index_path(self.path), fsync=self._fsync)
+            os.replace(self._part, self.path)
+        except OSError:
+            self._cut(good_offset)
+            raise
+        self.abandon()
+        if self._fsync:
+            sync_folder(self.path.parent)
+        return self.path
+
+    def abandon(self) -> None:
+        """Close the file as it is; an open shard stays for salvage."""
+        if self._descriptor is not None:
+            os.close(self._descriptor)
+            self._descriptor = None
+
+    def _write(self, *parts: bytes | memoryview) -> None:
+        """Write all parts durably, or nothing."""
+        if self._descriptor is None:
+            raise OSError(errno.EBADF, "the shard is not open any more", str(self._part))
+        start = self._offset
+        try:
+            for part in parts:
+                view = memoryview(part)
+                while view:
+                    view = view[os.write(self._descriptor, view) :]
+            if self._fsync:
+                os.fsync(self._descriptor)
+        except OSError:
+            self._cut(start)
+            raise
+        self._offset = start + sum(map(len, parts))
+
+    def _cut(self, offset: int) -> None:
+        assert self._descriptor is not None
+        try:
+            os.ftruncate(self._descriptor, offset)
+            os.lseek(self._descriptor, offset, os.SEEK_SET)
+        except OSError:
+            # What is behind `offset` is unknown now: nothing may follow it.
+            self.abandon()
+            raise
+        self._offset = offset
+
+    def _summary(self, summary_start: int) -> bytes:
+        builder = RecordBuilder()
+        offsets: list[SummaryOffset] = []
+        groups: list[tuple[int, list[Any]]] = [
+            (Opcode.SCHEMA, _schemas()),
+            (Opcode.CHANNEL, _channels()),
+            (Opcode.STATISTICS, [self._statistics()]),
+            (Opcode.CHUNK_INDEX, self._chunk_indexes),
+            (Opcode.METADATA_INDEX, [self._metadata_index]),
+        ]
+        for opcode, records in groups:
+            start = builder.count
+            for record in records:
+                record.write(builder)
+            if builder.count > start:
+                offsets.append(SummaryOffset(opcode, summary_start + start, builder.count - start))
+        offsets_start = summary_start + builder.count
+        for offset in offsets:
+            offset.write(builder)
+        summary = _built(builder)
+        footer = _record_bytes(Footer(summary_start, offsets_start, 0))
+        # The footer's own CRC field is its last four bytes and not covered.
+        crc32 = zlib.crc32(footer[:-4], zlib.crc32(summary))
+        return summary + _record_bytes(Footer(summary_start, offsets_start, crc32)) + MAGIC
+
+    def _statistics(self) -> Statistics:
+        return Statistics(
+            attachment_count=0,
+            channel_count=len(CHANNELS),
+            channel_message_counts=dict(sorted(self._message_counts.items())),
+            chunk_count=len(self._chunk_indexes),
+            message_count=self._message_counts.total(),
+            message_start_time=min(index.message_start_time for index in self._chunk_indexes),
+            message_end_time=max(index.message_end_time for index in self._chunk_indexes),
+            metadata_count=1,
+            schema_count=len(CHANNELS),
+        )
+
+
+_CHUNK_HEADER_SIZE = RECORD_HEADER.size + CHUNK_FIELDS.size + 4 + 8
+
+
+def _head(metadata: dict[str, str]) -> tuple[bytes, MetadataIndex]:
+    before = MAGIC + _record_bytes(Header(profile="", library="readygo"))
+    record = _record_bytes(Metadata(name=RECORD_NAME, metadata=metadata))
+    index = MetadataIndex(offset=len(before), length=len(record), name=RECORD_NAME)
+    return before + record + b"".join(map(_record_bytes, [*_schemas(), *_channels()])), index
+
+
+def _schemas() -> list[Schema]:
+    return [
+        Schema(
+            id=channel.number,
+            name=channel.message.DESCRIPTOR.full_name,
+            encoding="protobuf",
+            data=descriptor_set(channel.message),
+        )
+        for channel in CHANNELS
+    ]
+
+
+def _channels() -> list[Channel]:
+    return [
+        Channel(
+            id=channel.number, schema_id=channel.number, topic=channel.topic, message_encoding="protobuf", metadata={}
+        )
+        for channel in CHANNELS
+    ]
+
+
+def _chunk_record(chunk: EpisodeChunk, offset: int) -> tuple[tuple[bytes | memoryview, ...], ChunkIndex]:
+    """A chunk's record and message indexes in parts, to be written at `offset`, and its entry in the summary."""
+    size = len(chunk.data)
+    header = RECORD_HEADER.pack(Opcode.CHUNK, _CHUNK_HEADER_SIZE - RECORD_HEADER.size + size) + CHUNK_FIELDS.pack(
+        chunk.start_time_ns, chunk.end_time_ns, size, zlib.crc32(chunk.data)
+    )
+    header += bytes(4) + size.to_bytes(8, "little")
+    position = offset + len(header) + size
+    index_offsets: dict[int, int] = {}
+    indexes: list[bytes] = []
+    for number, records in chunk.message_offsets.items():
+        index_offsets[number] = position
+        indexes.append(_record_bytes(MessageIndex(channel_id=number, records=records)))
+        position += len(indexes[-1])
+    index = ChunkIndex(
+        chunk_length=len(header) + size,
+        chunk_start_offset=offset,
+        compression="",
+        compressed_size=size,
+        message_end_time=chunk.end_time_ns,
+        message_index_length=position - offset - len(header) - size,
+        message_index_offsets=index_offsets,
+        message_start_time=chunk.start_time_ns,
+        uncompressed_size=size,
+    )
+    return (header, chunk.data, b"".join(indexes)), index
+
+
+def _record_bytes(record: Any) -> bytes:
+    builder = RecordBuilder()
+    record.write(builder)
+    return _built(builder)
+
+
+def _built(builder: Any) -> bytes:
+    data: bytes = builder.end()
+    return data

@@ -1,0 +1,54 @@
+"""Reading Gaussians from whatever file holds them."""
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from common.errors import SceneError
+from common.gaussians.cloud import GaussianCloud
+from common.gaussians.compressed_ply import cloud_from_compressed_ply, is_compressed_ply
+from common.gaussians.ply import cloud_from_ply
+from common.gaussians.ply_format import read_ply
+
+
+def load_gaussians(path: str | Path) -> GaussianCloud:
+    """Read a 3DGS .ply or a PlayCanvas .compressed.ply; the header decides which.
+
+    Quaternions are normalised; axes and units stay those of the file.
+
+    Args:
+        path: File.
+
+    Returns:
+        The Gaussians, all numbers finite.
+
+    Raises:
+        SceneError: If the file is missing, truncated, empty, of another format, or holds numbers that are not finite.
+    """
+    path = Path(path)
+    tables = read_ply(path)
+    if "vertex" not in tables:
+        raise SceneError(f"{path} has no element 'vertex', only {sorted(tables)}: it is not a Gaussian file.")
+    if len(tables["vertex"]) == 0:
+        raise SceneError(f"{path} is empty: it holds no Gaussians.")
+    if is_compressed_ply(tables):
+        return _validated(cloud_from_compressed_ply(tables, path), path)
+    return _validated(cloud_from_ply(tables["vertex"], path), path)
+
+
+def _validated(cloud: GaussianCloud, path: Path) -> GaussianCloud:
+    q = cloud.quats_wxyz.astype(np.float64)
+    length = np.sqrt(q[:, 0] * q[:, 0] + q[:, 1] * q[:, 1] + q[:, 2] * q[:, 2] + q[:, 3] * q[:, 3])
+    bad = ~np.isfinite(length) | (length == 0)
+    for array in (cloud.means_m, cloud.scales_m, cloud.opacities, cloud.sh):
+        bad |= ~np.isfinite(array.reshape(len(cloud), -1)).all(axis=1)
+    if bad.any():
+        raise SceneError(
+            f"{path} has {int(bad.sum())} of {len(cloud)} Gaussians with numbers that are not finite (first: index "
+            f"{int(np.argmax(bad))}); remove them, for example with `splat-transform IN --filter-nan OUT`."
+        )
+    unit: npt.NDArray[np.float32] = (q / length[:, None]).astype(np.float32)
+    return GaussianCloud(
+        means_m=cloud.means_m, quats_wxyz=unit, scales_m=cloud.scales_m, opacities=cloud.opacities, sh=cloud.sh
+    )

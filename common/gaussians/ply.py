@@ -1,0 +1,90 @@
+"""3DGS .ply files: logit opacities, log scales, SH channel by channel."""
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from common.errors import SceneError
+from common.gaussians.activations import (
+    logits_from_opacities,
+    logs_from_scales,
+    opacities_from_logits,
+    scales_from_logs,
+)
+from common.gaussians.cloud import GaussianCloud
+from common.gaussians.ply_format import Table, columns, require_fields
+
+POSITION = ["x", "y", "z"]
+SH_DC = ["f_dc_0", "f_dc_1", "f_dc_2"]
+SCALE = ["scale_0", "scale_1", "scale_2"]
+ROTATION = ["rot_0", "rot_1", "rot_2", "rot_3"]
+SH_REST_COUNTS = (0, 9, 24, 45)
+"""Number of f_rest properties of SH degree 0..3."""
+
+
+def cloud_from_ply(vertices: Table, path: Path) -> GaussianCloud:
+    """Gaussians of a 3DGS vertex table; not validated.
+
+    Raises:
+        SceneError: If a property is missing or the number of SH properties fits no degree.
+    """
+    require_fields(vertices, [*POSITION, *SH_DC, "opacity", *SCALE, *ROTATION], path, "a 3DGS Gaussian file")
+    return GaussianCloud(
+        means_m=columns(vertices, POSITION),
+        quats_wxyz=columns(vertices, ROTATION),
+        scales_m=scales_from_logs(columns(vertices, SCALE)),
+        opacities=opacities_from_logits(columns(vertices, ["opacity"])[:, 0]),
+        sh=sh_from_channels(columns(vertices, SH_DC), columns(vertices, sh_rest_names(vertices, path))),
+    )
+
+
+def sh_rest_names(table: Table, path: Path) -> list[str]:
+    """The f_rest properties of a table in order.
+
+    Raises:
+        SceneError: If their number fits no SH degree, or one is missing.
+    """
+    count = sum(name.startswith("f_rest_") for name in table.dtype.names or ())
+    if count not in SH_REST_COUNTS:
+        raise SceneError(f"{path} has {count} f_rest properties; spherical harmonics have 0, 9, 24 or 45.")
+    names = [f"f_rest_{i}" for i in range(count)]
+    require_fields(table, names, path, "a 3DGS Gaussian file with all its spherical harmonics")
+    return names
+
+
+def sh_from_channels(dc: npt.NDArray[np.float32], rest: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    """SH coefficients (N, K, 3) of f_dc (N, 3) and channel-major f_rest (N, 3 (K-1))."""
+    count, per_channel = len(dc), rest.shape[1] // 3
+    sh = np.empty((count, per_channel + 1, 3), np.float32)
+    sh[:, 0] = dc
+    sh[:, 1:] = rest.reshape(count, 3, per_channel).transpose(0, 2, 1)
+    return sh
+
+
+def save_ply(cloud: GaussianCloud, path: str | Path) -> None:
+    """Write a 3DGS .ply that common viewers and `load_gaussians` read.
+
+    Opacities of exactly 0 or 1 are stored as logits of -+40. The file appears under its name only when it is complete.
+    """
+    path = Path(path)
+    rest = cloud.sh[:, 1:].transpose(0, 2, 1).reshape(len(cloud), -1)
+    names = [*POSITION, *SH_DC, *(f"f_rest_{i}" for i in range(rest.shape[1])), "opacity", *SCALE, *ROTATION]
+    rows = np.concatenate(
+        [
+            cloud.means_m,
+            cloud.sh[:, 0],
+            rest,
+            logits_from_opacities(cloud.opacities)[:, None],
+            logs_from_scales(cloud.scales_m),
+            cloud.quats_wxyz,
+        ],
+        axis=1,
+    )
+    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(cloud)}"]
+    header += [*(f"property float {name}" for name in names), "end_header"]
+    partial = path.with_name(path.name + ".partial")
+    with partial.open("wb") as file:
+        file.write(("\n".join(header) + "\n").encode())
+        np.ascontiguousarray(rows, dtype="<f4").tofile(file)
+    partial.replace(path)

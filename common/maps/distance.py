@@ -1,0 +1,96 @@
+"""Clearance of cells, and the areas that a disc can reach."""
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from common.maps.grid import OccupancyMap
+
+_FAR = np.int32(1 << 15)
+"""Longer column distances [half cells] count as this; its square still fits 32 bits."""
+
+
+@njit(cache=True)
+def _column_distance(occupied: npt.NDArray[np.bool_], far: int, out: npt.NDArray[np.int32]) -> None:
+    """Distance to the nearest occupied edge in the same column [half cells]; beyond the grid is occupied."""
+    rows, columns = occupied.shape
+    for j in range(columns):
+        gap = -1
+        for i in range(rows):
+            gap = 0 if occupied[i, j] else min(gap + 2 if gap > 0 else 1, far)
+            out[i, j] = gap
+        gap = -1
+        for i in range(rows - 1, -1, -1):
+            gap = 0 if occupied[i, j] else min(gap + 2 if gap > 0 else 1, far)
+            out[i, j] = min(out[i, j], gap)
+
+
+@njit(cache=True)
+def _clearance(vertical: npt.NDArray[np.int32], half_cell_m: float, out: npt.NDArray[np.float32]) -> None:
+    rows, columns = vertical.shape
+    for i in range(rows):
+        for j in range(columns):
+            best = vertical[i, j] * vertical[i, j]
+            for step in range(1, columns + 1):
+                side = (2 * step - 1) * (2 * step - 1)
+                if side >= best:
+                    break
+                left = vertical[i, j - step] if j >= step else 0
+                right = vertical[i, j + step] if j + step < columns else 0
+                nearest = min(left, right)
+                best = min(best, side + nearest * nearest)
+            out[i, j] = np.sqrt(float(best)) * half_cell_m
+
+
+def clearance_m(occupancy: OccupancyMap) -> npt.NDArray[np.float32]:
+    """Distance from each cell's centre to the nearest point of an occupied cell [m]; 0 inside occupied cells.
+
+    Exact for the cells as squares (not for their centres): a disc of radius r on a cell's centre touches an occupied
+    cell exactly if its clearance is at most r. Everything beyond the grid counts as occupied. Elsewhere in the cell
+    the distance is smaller by at most half a cell's diagonal.
+
+    Args:
+        occupancy: Map, not inflated.
+
+    Returns:
+        Clearances [m], shape (H, W).
+    """
+    vertical = np.empty(occupancy.occupied.shape, np.int32)
+    _column_distance(occupancy.occupied, int(_FAR), vertical)
+    out = np.empty(vertical.shape, np.float32)
+    _clearance(vertical, 0.5 * occupancy.frame.resolution_m, out)
+    return out
+
+
+def free_components(free: npt.NDArray[np.bool_]) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int64]]:
+    """Connected areas of free cells (neighbours share an edge).
+
+    Args:
+        free: True where an agent's centre may be, shape (H, W).
+
+    Returns:
+        Labels, shape (H, W): 0 is blocked, 1 the largest area, 2 the next; and the cells of each label, shape (L + 1,).
+    """
+    from scipy import ndimage
+
+    labels, count = ndimage.label(free)
+    sizes = np.bincount(labels.reshape(-1), minlength=count + 1)
+    order = np.argsort(-sizes[1:], kind="stable")
+    rank = np.zeros(count + 1, np.int32)
+    rank[order + 1] = np.arange(1, count + 1)
+    return rank[labels], np.concatenate([sizes[:1], sizes[1:][order]]).astype(np.int64)
+
+
+def largest_free_area(occupancy: OccupancyMap, radius_m: float) -> tuple[npt.NDArray[np.bool_], float]:
+    """The largest connected set of cells on whose centres a disc stands clear of everything.
+
+    Args:
+        occupancy: Map, not inflated.
+        radius_m: Radius of the disc [m].
+
+    Returns:
+        The cells, shape (H, W), and their area [m2], 0 if there are none.
+    """
+    labels, sizes = free_components(clearance_m(occupancy) > radius_m)
+    area_m2 = float(sizes[1]) * occupancy.frame.resolution_m**2 if len(sizes) > 1 else 0.0
+    return labels == 1, area_m2

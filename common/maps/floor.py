@@ -1,0 +1,180 @@
+"""The local floor of a scene: uneven, tilted, partly hidden."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from common.errors import SceneError
+from common.gaussians import GaussianCloud
+from common.maps.fill import box_mean, fill_smoothly
+from common.maps.floor_layers import COLUMN_M, CoarseFloor, find_coarse_floor
+from common.maps.grid import FloorMap, GridFrame
+from common.maps.surface import SurfaceSamples, sample_surfaces
+
+AREA_MIN_M2 = 2.0
+"""Smaller surfaces are objects, not floors [m2]."""
+BAND_M = 0.15
+"""Surfaces within this of the coarse floor take part in the local one [m]."""
+BIN_M = 0.01
+COVERAGE_MIN = 0.2
+"""A cell has floor if lying Gaussians cover this part of its surroundings within SUPPORT_M of the floor."""
+SUPPORT_M = 0.05
+HALF_ABSORBED = 0.5 * math.log(2.0)
+"""Coverage (1-sigma area times opacity, which is half of a Gaussian's optical depth) that halves the light."""
+GAP_MAX_M = 0.25
+"""Gaps in the support up to twice this wide, and up to four cells, are closed [m]."""
+MARGIN_M = 0.5
+"""The maps reach this far beyond the floor [m]."""
+CELLS_MAX = 16_000_000
+"""Largest number of map cells."""
+
+_BINS = round(2 * BAND_M / BIN_M)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FloorEstimate:
+    """Height of the floor, and where the scene shows one."""
+
+    floor: FloorMap
+    supported: npt.NDArray[np.bool_]
+    """True where floor is seen, or hidden by a small gap only; same grid as the floor, shape (H, W)."""
+
+
+def estimate_floor(cloud: GaussianCloud, cell_m: float) -> FloorEstimate:
+    """Find the floor of a scene and its height everywhere around.
+
+    The lowest of the large, continuous, roughly level surfaces is the floor. In each cell its height is that of the
+    visible surface, seen from above, among the lying Gaussians within BAND_M of it (glossy floors have layers of
+    reflections below the visible one); median-filtered, and continued smoothly where the floor is hidden.
+
+    Args:
+        cloud: Gaussians, metres, z up.
+        cell_m: Edge of the floor map's cells [m].
+
+    Raises:
+        SceneError: If there is no floor, or the map would be too large.
+    """
+    coarse = find_coarse_floor(sample_surfaces(cloud, COLUMN_M / 2))
+    if coarse is None or coarse.area_m2 < AREA_MIN_M2:
+        found_m2 = 0.0 if coarse is None else coarse.area_m2
+        raise SceneError(
+            f"The scene has no floor: the largest level surface covers {found_m2:.1f} m2, {AREA_MIN_M2:.0f} m2 are "
+            "needed; check the up axis and the scale, or import a whole place instead of an object."
+        )
+    frame, shape = _fine_grid(coarse, cell_m)
+    prior = _prior(coarse, frame, shape)
+    masses = np.zeros((*shape, _BINS), np.float32)
+    _histogram(*_arrays(sample_surfaces(cloud, cell_m)), prior, frame.origin_x_m, frame.origin_y_m, cell_m, masses)
+    offset, covered_m2 = _visible_offset(masses, cell_m * cell_m)
+    known = covered_m2 >= COVERAGE_MIN * cell_m * cell_m
+    if not known.any():
+        raise SceneError("The scene has no floor: its level surfaces are too faint; check the scale.")
+    height = _smoothed(prior + offset, known)
+    floor = FloorMap(frame=frame, height_m=height.astype(np.float32))
+    return FloorEstimate(floor=floor, supported=_closed(known, cell_m))
+
+
+def _arrays(samples: SurfaceSamples) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+    return samples.xyz_m, samples.area_m2
+
+
+def _fine_grid(coarse: CoarseFloor, cell_m: float) -> tuple[GridFrame, tuple[int, int]]:
+    """A grid around the coarse floor; its origin is a multiple of the cell."""
+    rows, columns = np.nonzero(np.isfinite(coarse.height_m))
+    low = (np.array([columns.min(), rows.min()]) * COLUMN_M) + (coarse.frame.origin_x_m, coarse.frame.origin_y_m)
+    high = low + (np.array([np.ptp(columns), np.ptp(rows)]) + 1) * COLUMN_M
+    first = np.floor((low - MARGIN_M) / cell_m)
+    width, height = np.ceil((high + MARGIN_M) / cell_m - first).astype(int).tolist()
+    if 4 * width * height > CELLS_MAX:
+        raise SceneError(
+            f"The floor spans {high[0] - low[0]:.0f} x {high[1] - low[1]:.0f} m: over {CELLS_MAX // 10**6} million "
+            f"cells of {cell_m / 2:g} m; use a coarser resolution, for example {cell_m:g} m, or crop the scene."
+        )
+    frame = GridFrame(origin_x_m=float(first[0]) * cell_m, origin_y_m=float(first[1]) * cell_m, resolution_m=cell_m)
+    return frame, (height, width)
+
+
+def _prior(coarse: CoarseFloor, frame: GridFrame, shape: tuple[int, int]) -> npt.NDArray[np.float64]:
+    """The coarse floor, without gaps, at the centres of a finer grid."""
+    filled = fill_smoothly(coarse.height_m, np.isfinite(coarse.height_m))
+    surface = FloorMap(frame=coarse.frame, height_m=filled.astype(np.float32))
+    x = frame.origin_x_m + (np.arange(shape[1]) + 0.5) * frame.resolution_m
+    y = frame.origin_y_m + (np.arange(shape[0]) + 0.5) * frame.resolution_m
+    xy = np.stack(np.meshgrid(x, y), axis=-1)
+    return surface.at_many(xy.reshape(-1, 2)).reshape(shape)
+
+
+@njit(cache=True)
+def _histogram(
+    xyz: npt.NDArray[np.float32],
+    area: npt.NDArray[np.float32],
+    prior: npt.NDArray[np.float64],
+    origin_x: float,
+    origin_y: float,
+    cell: float,
+    masses: npt.NDArray[np.float32],
+) -> None:
+    for n in range(len(area)):
+        i, j = math.floor((xyz[n, 1] - origin_y) / cell), math.floor((xyz[n, 0] - origin_x) / cell)
+        if i < 0 or j < 0 or i >= prior.shape[0] or j >= prior.shape[1]:
+            continue
+        b = math.floor((xyz[n, 2] - prior[i, j] + BAND_M) / BIN_M)
+        if 0 <= b < masses.shape[2]:
+            masses[i, j, b] += area[n]
+
+
+@njit(cache=True)
+def _visible_offset(
+    masses: npt.NDArray[np.float32], cell_m2: float
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Visible height above the prior in 3x3 cells [m], and the area covered near it, per cell [m2].
+
+    Visible is the height at which half of the light from above is absorbed, or half of all there is.
+    """
+    rows, columns, bins = masses.shape
+    offset, covered = np.zeros((rows, columns)), np.zeros((rows, columns))
+    window = np.empty(bins)
+    reach = round(SUPPORT_M / BIN_M)
+    for i in range(rows):
+        for j in range(columns):
+            window[:] = 0.0
+            cells = 0
+            for di in range(max(i - 1, 0), min(i + 2, rows)):
+                for dj in range(max(j - 1, 0), min(j + 2, columns)):
+                    cells += 1
+                    for b in range(bins):
+                        window[b] += masses[di, dj, b]
+            total = window.sum()
+            if total <= 0.0:
+                continue
+            limit = min(0.5 * total, cells * cell_m2 * HALF_ABSORBED)
+            above, b = 0.0, bins - 1
+            while above + window[b] < limit:
+                above += window[b]
+                b -= 1
+            offset[i, j] = (b + 1 - (limit - above) / window[b]) * BIN_M - BAND_M
+            covered[i, j] = window[max(0, b - reach) : b + reach + 1].sum() / cells
+    return offset, covered
+
+
+def _smoothed(height_m: npt.NDArray[np.float64], known: npt.NDArray[np.bool_]) -> npt.NDArray[np.float64]:
+    from scipy import ndimage
+
+    filled = fill_smoothly(height_m, known)
+    median: npt.NDArray[np.float64] = ndimage.median_filter(filled, size=5, mode="nearest")
+    return box_mean(median)
+
+
+def _closed(known: npt.NDArray[np.bool_], cell_m: float) -> npt.NDArray[np.bool_]:
+    """Morphological closing by a disc."""
+    from scipy import ndimage
+
+    reach = max(2, round(GAP_MAX_M / cell_m))
+    i, j = np.mgrid[-reach : reach + 1, -reach : reach + 1]
+    disc = i * i + j * j <= reach * reach
+    padded = np.pad(known, reach)
+    closed: npt.NDArray[np.bool_] = ndimage.binary_closing(padded, disc)[reach:-reach, reach:-reach]
+    return closed

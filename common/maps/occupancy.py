@@ -1,0 +1,176 @@
+"""Maps of a scene for agents of two heights, from its Gaussians.
+
+Voxels are stacked on the local floor: each Gaussian is lowered by the floor's height at its centre before the exact
+ellipsoid test, so that a layer has one height above the floor everywhere, also on tilted and uneven ground.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from common.gaussians import GaussianCloud
+from common.maps.floor import FloorEstimate, estimate_floor
+from common.maps.grid import FloorMap, GridFrame, OccupancyMap
+from common.maps.voxels import opacity_sums
+
+FLOOR_CELLS = 2
+"""Cells of the floor map are this many map cells wide."""
+LOW_BAND_M = 0.10
+LOW_WIDTH_M = 0.15
+"""Up to LOW_BAND_M over the ground clearance, things narrower than this with nothing above are noise of the floor [m].
+
+A reconstructed floor is some 10 cm thick; its highest Gaussians would close doorways.
+"""
+RAIL_TOP_M = 1.3
+RAIL_WIDTH_M = 0.4
+RAIL_LENGTH_M = 0.8
+"""A handrail is at most this high above the floor, at most this wide and at least this long [m]."""
+VOXELS_PER_BAND = 16_000_000
+"""Largest number of voxels held at a time."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapConfig:
+    """How the maps of a scene are made."""
+
+    resolution_m: float = 0.05
+    """Edge of cells and voxels [m]."""
+    opacity_threshold: float = 0.5
+    """A voxel is occupied if the opacities of the Gaussians that touch it sum up to more than this."""
+    opacity_min: float = 0.2
+    """Fainter Gaussians are haze and occupy nothing."""
+    ground_clearance_m: float = 0.10
+    """Lower things count as floor [m]."""
+    robot_height_m: float = 0.6
+    human_height_m: float = 1.9
+    slope_max: float = 0.35
+    """Steeper floor (rise over run) is blocked."""
+
+    def __post_init__(self) -> None:
+        if not 0.01 <= self.resolution_m <= 1.0:
+            raise ValueError(f"resolution_m must be 0.01..1, got {self.resolution_m}.")
+        if not self.opacity_threshold > 0 or not self.slope_max > 0:
+            raise ValueError("opacity_threshold and slope_max must be positive.")
+        if not 0 <= self.ground_clearance_m < min(self.robot_height_m, self.human_height_m):
+            raise ValueError(
+                f"ground_clearance_m {self.ground_clearance_m} must be below the heights of robot and human, "
+                f"{self.robot_height_m} and {self.human_height_m}."
+            )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ScenePlan:
+    """What `plan_scene` makes of a cloud."""
+
+    robot: OccupancyMap
+    human: OccupancyMap
+    floor: FloorMap
+    unknown: npt.NDArray[np.bool_]
+    """Cells that are occupied only because no floor, or a too steep one, is seen there, shape (H, W)."""
+
+
+def plan_scene(cloud: GaussianCloud, config: MapConfig) -> ScenePlan:
+    """Floor and occupancy maps of a scene.
+
+    Args:
+        cloud: Gaussians, metres, z up; no sky.
+        config: Cells, thresholds and heights.
+
+    Raises:
+        SceneError: If no floor is found.
+    """
+    estimate = estimate_floor(cloud, FLOOR_CELLS * config.resolution_m)
+    frame = replace(estimate.floor.frame, resolution_m=config.resolution_m)
+    shape = tuple(FLOOR_CELLS * n for n in estimate.supported.shape)
+    bands = _occupied_bands(_above_floor(cloud, estimate.floor), frame, (shape[0], shape[1]), config)
+    robot = _with_compact_low(bands.low, bands.robot, config.resolution_m)
+    robot |= _railings(bands.waist, robot, config.resolution_m)
+    human = _with_compact_low(bands.low, bands.human, config.resolution_m)
+    closed = ~_walkable(estimate, config.slope_max)
+    return ScenePlan(
+        robot=OccupancyMap(frame=frame, occupied=robot | closed),
+        human=OccupancyMap(frame=frame, occupied=human | closed),
+        floor=estimate.floor,
+        unknown=closed & ~robot & ~human,
+    )
+
+
+def _walkable(estimate: FloorEstimate, slope_max: float) -> npt.NDArray[np.bool_]:
+    """Map cells with floor that is not too steep."""
+    height, cell_m = estimate.floor.height_m.astype(np.float64), estimate.floor.frame.resolution_m
+    padded = np.pad(height, 1, mode="edge")
+    rise_x = (padded[1:-1, 2:] - padded[1:-1, :-2]) / (2 * cell_m)
+    rise_y = (padded[2:, 1:-1] - padded[:-2, 1:-1]) / (2 * cell_m)
+    walkable = estimate.supported & (rise_x * rise_x + rise_y * rise_y <= slope_max * slope_max)
+    return walkable.repeat(FLOOR_CELLS, axis=0).repeat(FLOOR_CELLS, axis=1)
+
+
+def _above_floor(cloud: GaussianCloud, floor: FloorMap) -> GaussianCloud:
+    """The cloud with heights above the local floor instead of world z."""
+    means = cloud.means_m.copy()
+    means[:, 2] -= floor.at_many(cloud.means_m[:, :2].astype(np.float64)).astype(np.float32)
+    return replace(cloud, means_m=means)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Bands:
+    """Cells with an occupied voxel in a range of heights above the floor, shape (H, W) each."""
+
+    low: npt.NDArray[np.bool_]
+    """From the ground clearance over LOW_BAND_M: where noise of the floor reaches."""
+    robot: npt.NDArray[np.bool_]
+    """Above `low`, up to the robot's height."""
+    waist: npt.NDArray[np.bool_]
+    """Above the robot, up to RAIL_TOP_M."""
+    human: npt.NDArray[np.bool_]
+    """Above `low`, up to the human's height."""
+
+
+def _occupied_bands(cloud: GaussianCloud, frame: GridFrame, shape: tuple[int, int], config: MapConfig) -> _Bands:
+    """Voxelise a cloud whose heights are relative to the floor, in bands of rows that fit into memory."""
+    cell_m, bottom_m = config.resolution_m, config.ground_clearance_m
+    low, robot, rail, human = (
+        math.ceil((top_m - bottom_m) / cell_m - 1e-6)
+        for top_m in (bottom_m + LOW_BAND_M, config.robot_height_m, RAIL_TOP_M, config.human_height_m)
+    )
+    layers = max(low, robot, rail, human)
+    reach = cloud.scales_m.max(axis=1)
+    z, y = cloud.means_m[:, 2], cloud.means_m[:, 1]
+    solid = (z + reach > bottom_m) & (z - reach < bottom_m + layers * cell_m) & (cloud.opacities >= config.opacity_min)
+    bands = np.zeros((4, *shape), np.bool_)
+    rows_per_band = max(1, VOXELS_PER_BAND // (layers * shape[1]))
+    for row in range(0, shape[0], rows_per_band):
+        rows = min(rows_per_band, shape[0] - row)
+        low_m = frame.origin_y_m + row * cell_m
+        here = cloud.select(solid & (y + reach > low_m) & (y - reach < low_m + rows * cell_m))
+        sums = opacity_sums(here, replace(frame, origin_y_m=low_m), bottom_m, (layers, rows, shape[1]))
+        occupied = sums > config.opacity_threshold
+        for band, (first, last) in zip(bands, ((0, low), (low, robot), (robot, rail), (low, human)), strict=True):
+            band[row : row + rows] = occupied[first:last].any(axis=0)
+    return _Bands(low=bands[0], robot=bands[1], waist=bands[2], human=bands[3])
+
+
+def _with_compact_low(low: npt.NDArray[np.bool_], high: npt.NDArray[np.bool_], cell_m: float) -> npt.NDArray[np.bool_]:
+    """Cells of `high`, and those of `low` that belong to something at least LOW_WIDTH_M wide."""
+    from scipy import ndimage
+
+    width = max(2, round(LOW_WIDTH_M / cell_m))
+    compact: npt.NDArray[np.bool_] = ndimage.binary_opening(low | high, np.ones((width, width), np.bool_))
+    return high | (low & compact)
+
+
+def _railings(waist: npt.NDArray[np.bool_], below: npt.NDArray[np.bool_], cell_m: float) -> npt.NDArray[np.bool_]:
+    """Narrow, long things at waist height over free ground: handrails, whose glass or thin bars the scene lacks."""
+    from scipy import ndimage
+
+    reach = max(1, round(RAIL_WIDTH_M / (2 * cell_m)))
+    i, j = np.mgrid[-reach : reach + 1, -reach : reach + 1]
+    broad = ndimage.binary_opening(waist | below, i * i + j * j <= (reach + 0.1) ** 2)
+    labels, count = ndimage.label(waist & ~below & ~broad, np.ones((3, 3), np.bool_))
+    long = np.zeros(count + 1, np.bool_)
+    for label, (rows, columns) in enumerate(ndimage.find_objects(labels), start=1):
+        long[label] = math.hypot(rows.stop - rows.start, columns.stop - columns.start) * cell_m >= RAIL_LENGTH_M
+    railings: npt.NDArray[np.bool_] = long[labels]
+    return railings

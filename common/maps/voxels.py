@@ -1,0 +1,128 @@
+"""Opacity per voxel: every voxel that a Gaussian's 1-sigma ellipsoid touches receives the Gaussian's opacity.
+
+Row by row along x: the part of an ellipsoid inside one (y, z) slab of voxels has a closed-form x extent, so that no
+voxel is tested on its own and the result is exact.
+"""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from common.gaussians import GaussianCloud
+from common.gaussians.covariance import Covariance, covariance_of
+from common.maps.grid import GridFrame
+
+SCALE_MIN_M = 1e-4
+"""Thinner Gaussians count as this thick; keeps their covariance invertible."""
+
+_EMPTY = -1e300
+
+
+@njit(cache=True, inline="always")
+def _face_reach(
+    at: float, s_ab: float, s_ac: float, s_aa: float, s_bb: float, s_bc: float, s_cc: float, low: float, high: float
+) -> float:
+    """Largest b on the cut of the ellipsoid by the plane a = at, with c in [low, high]; _EMPTY if there is none.
+
+    `s_ab` and so on are covariance entries of the axes a (fixed), b (maximised) and c (clamped).
+    """
+    left = 1.0 - at * at / s_aa
+    if left < 0.0:
+        return _EMPTY
+    centre_b, centre_c = s_ab / s_aa * at, s_ac / s_aa * at
+    v_bb = max(s_bb - s_ab * s_ab / s_aa, 0.0)
+    v_bc = s_bc - s_ab * s_ac / s_aa
+    v_cc = max(s_cc - s_ac * s_ac / s_aa, 0.0)
+    reach = math.sqrt(left * v_bb)
+    c = centre_c + (left * v_bc / reach if reach > 0.0 else 0.0)
+    if low <= c <= high:
+        return centre_b + reach
+    off = (low if c < low else high) - centre_c
+    if v_cc <= 0.0:
+        return _EMPTY
+    left -= off * off / v_cc
+    if left < 0.0:
+        return _EMPTY
+    return centre_b + v_bc / v_cc * off + math.sqrt(left * max(v_bb - v_bc * v_bc / v_cc, 0.0))
+
+
+@njit(cache=True, inline="always")
+def _slab_reach(S: Covariance, y0: float, y1: float, z0: float, z1: float) -> float:
+    """Largest x of the ellipsoid x^T S^-1 x <= 1 within y0..y1 and z0..z1; _EMPTY if they do not meet."""
+    s_xx, s_xy, s_xz, s_yy, s_yz, s_zz = S
+    reach = math.sqrt(s_xx)
+    y, z = s_xy / reach, s_xz / reach
+    if y0 <= y <= y1 and z0 <= z <= z1:
+        return reach
+    best = _EMPTY
+    if y < y0 or y > y1:
+        best = _face_reach(y0 if y < y0 else y1, s_xy, s_yz, s_yy, s_xx, s_xz, s_zz, z0, z1)
+    if z < z0 or z > z1:
+        best = max(best, _face_reach(z0 if z < z0 else z1, s_xz, s_yz, s_zz, s_xx, s_xy, s_yy, y0, y1))
+    return best
+
+
+@njit(cache=True)
+def _accumulate(
+    means: npt.NDArray[np.float32],
+    quats: npt.NDArray[np.float32],
+    scales: npt.NDArray[np.float32],
+    opacities: npt.NDArray[np.float32],
+    origin: tuple[float, float, float],
+    h: float,
+    sums: npt.NDArray[np.float32],
+) -> None:
+    nz, ny, nx = sums.shape
+    for n in range(means.shape[0]):
+        X, Y, Z = means[n, 0] - origin[0], means[n, 1] - origin[1], means[n, 2] - origin[2]
+        far = max(scales[n, 0], scales[n, 1], scales[n, 2], SCALE_MIN_M)
+        if X + far < 0 or Y + far < 0 or Z + far < 0 or X - far > nx * h or Y - far > ny * h or Z - far > nz * h:
+            continue
+        S = covariance_of(
+            quats[n, 0],
+            quats[n, 1],
+            quats[n, 2],
+            quats[n, 3],
+            max(scales[n, 0], SCALE_MIN_M),
+            max(scales[n, 1], SCALE_MIN_M),
+            max(scales[n, 2], SCALE_MIN_M),
+        )
+        ey, ez = math.sqrt(S[3]), math.sqrt(S[5])
+        j0, j1 = max(0, math.floor((Y - ey) / h)), min(ny - 1, math.floor((Y + ey) / h))
+        k0, k1 = max(0, math.floor((Z - ez) / h)), min(nz - 1, math.floor((Z + ez) / h))
+        for k in range(k0, k1 + 1):
+            z0 = k * h - Z
+            for j in range(j0, j1 + 1):
+                y0 = j * h - Y
+                high = _slab_reach(S, y0, y0 + h, z0, z0 + h)
+                if high == _EMPTY:
+                    continue
+                # The ellipsoid is symmetric: its smallest x is the largest one in the mirrored slab.
+                low = -_slab_reach(S, -y0 - h, -y0, -z0 - h, -z0)
+                i0, i1 = max(0, math.floor((X + low) / h)), min(nx - 1, math.floor((X + high) / h))
+                for i in range(i0, i1 + 1):
+                    sums[k, j, i] += opacities[n]
+
+
+def opacity_sums(
+    cloud: GaussianCloud, frame: GridFrame, bottom_m: float, shape: tuple[int, int, int]
+) -> npt.NDArray[np.float32]:
+    """Sum of the opacities of all Gaussians whose 1-sigma ellipsoid touches each voxel.
+
+    Args:
+        cloud: Gaussians.
+        frame: Places rows (y) and columns (x); its resolution is the edge of the cubic voxels.
+        bottom_m: World z of the lowest layer's lower face [m].
+        shape: Layers, rows, columns.
+
+    Returns:
+        Sums, shape `shape` = (z, y, x).
+    """
+    sums = np.zeros(shape, np.float32)
+    origin = (float(frame.origin_x_m), float(frame.origin_y_m), float(bottom_m))
+    _accumulate(
+        cloud.means_m, cloud.quats_wxyz, cloud.scales_m, cloud.opacities, origin, float(frame.resolution_m), sums
+    )
+    return sums

@@ -1,0 +1,285 @@
+"""Samples in, durable episodes out: exactly once, whatever dies meanwhile."""
+
+import errno
+import fcntl
+import os
+import re
+import threading
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, TypeVar
+
+from common.bus import Bus
+from common.dataset import EpisodeChunk, ShardWriter, encode_episode, shard_name
+from common.dataset.metadata import metadata_to_strings
+from common.errors import BusError, RunError
+from common.messages import (
+    AppendReply,
+    AppendRequest,
+    DoneRequest,
+    EpisodeKey,
+    GrantRequest,
+    LostRequest,
+    PendingReply,
+    PendingRequest,
+    Split,
+    Verdict,
+)
+from services.recorder.buffers import EpisodeBuffers
+from services.recorder.config import RecorderConfig
+from services.recorder.reports import Reports
+from services.recorder.salvage import Durable, OpenShard, finished_episodes, next_number, open_shards, publish
+
+Reply = TypeVar("Reply")
+
+
+class Recorder:
+    """Owns the shards of one name in one folder; safe to call from several threads."""
+
+    def __init__(
+        self,
+        folder: Path,
+        name: str,
+        bus: Bus,
+        metadata: Mapping[str, Any],
+        config: RecorderConfig | None = None,
+    ) -> None:
+        """Take over the folder: finished shards are read, open ones are saved as soon as the coordinator answers.
+
+        Args:
+            folder: Where the shards go; made if it is missing.
+            name: The recorder's name, part of its topic and of its shards' names.
+            bus: Where the coordinator is asked.
+            metadata: What every shard says about its run, see `common.dataset.metadata`.
+            config: Settings.
+
+        Raises:
+            RunError: If another process records under this name into this folder.
+            DatasetError: If a finished shard is damaged, or the metadata is no plain data.
+        """
+        metadata_to_strings(metadata)
+        if not re.fullmatch(r"[A-Za-z0-9_]+", name):
+            raise RunError(f"A recorder's name must be letters, digits and underscores, got {name!r}.")
+        self.name = name
+        self._folder = Path(folder)
+        self._bus = bus
+        self._metadata = dict(metadata)
+        self._config = config or RecorderConfig()
+        self._folder.mkdir(parents=True, exist_ok=True)
+        self._lock_descriptor: int | None = _lock(self._folder, name)
+        self._buffers = EpisodeBuffers(self._config.buffer_mib * 2**20)
+        self._reports = Reports(bus, self._config.coordinator_timeout_s)
+        self._committed: dict[int, Durable] = {}
+        self._open_shards: list[OpenShard] = []
+        self._run: tuple[int, Split] | None = None
+        self._writer: ShardWriter | None = None
+        self._reconciled = False
+        self._closed = False
+        self._lock = threading.RLock()
+        try:
+            self._committed = finished_episodes(self._folder, name)
+            self._open_shards = open_shards(self._folder, name)
+        except BaseException:
+            self._unlock()
+            raise
+
+    def append(self, request: AppendRequest) -> AppendReply:
+        """Take a batch of samples; the last one of an episode makes it durable.
+
+        Raises:
+            DatasetError: If the sender contradicts itself.
+            RunError: If the disk refuses, or the episode belongs to another run.
+        """
+        with self._lock:
+            episode = request.header.episode
+            if self._closed:
+                return AppendReply(status="retry", detail=f"recorder {self.name} is closed")
+            self._check_run(episode)
+            if episode.index in self._committed:
+                return self._finished(episode.index, "dup")
+            reply = self._buffers.add(request)
+            return self._commit(episode.index) if reply.status == "ok" and request.last else reply
+
+    def settle(self) -> bool:
+        """Send outstanding reports and, once after a start, clear up what the last process left.
+
+        Call it now and then: the coordinator may have been away when the run's last episode became durable.
+
+        Returns:
+            True if nothing is outstanding; False if the coordinator does not answer.
+
+        Raises:
+            RunError: If the disk refuses.
+        """
+        with self._lock:
+            if not self._reports.flush():
+                return False
+            if not self._reconciled:
+                try:
+                    self._reconcile()
+                except BusError:
+                    return False
+            return self._reports.flush()
+
+    def close(self) -> None:
+        """Finish the open shard; unfinished episodes are forgotten, their leases run out.
+
+        Raises:
+            RunError: If the disk refuses; the episodes are safe in the open shard, and the next start finishes it.
+        """
+        with self._lock:
+            if not self._closed:
+                self._closed = True
+                self.settle()
+            self._close_shard()
+            self._unlock()
+
+    def _commit(self, index: int) -> AppendReply:
+        """Make a complete episode durable."""
+        if not self.settle():
+            return AppendReply(status="retry", detail="the coordinator does not answer")
+        buffer = self._buffers.get(index)
+        if index in self._committed or buffer is None:
+            return self._finished(index, "dup")
+        chunk = encode_episode(buffer.header, buffer.attempt, buffer.samples)
+        try:
+            grant = GrantRequest(recorder=self.name, index=index, attempt=buffer.attempt)
+            status = self._ask("coord/rec/grant", grant, Verdict).status
+        except BusError as error:
+            # The grant may have been given and its answer lost: ask again what is pending.
+            self._reconciled = False
+            return AppendReply(status="retry", detail=str(error))
+        if status != "ok":
+            return self._finished(index, "dup" if status == "done" else "stale")
+        self._write(chunk)
+        return self._finished(index, "committed")
+
+    def _ask(self, topic: str, request: object, reply_type: type[Reply]) -> Reply:
+        return self._bus.request(topic, request, reply_type, timeout_s=self._config.coordinator_timeout_s)
+
+    def _finished(self, index: int, status: str) -> AppendReply:
+        self._buffers.drop(index)
+        return AppendReply(status=status)
+
+    def _write(self, chunk: EpisodeChunk) -> None:
+        """Write a granted episode and report it, done or lost."""
+        try:
+            if self._shard_is_full():
+                self._close_shard()
+            if self._writer is None:
+                path = self._folder / shard_name(self.name, next_number(self._folder, self.name))
+                self._writer = ShardWriter(path, self._metadata, fsync=self._config.fsync)
+            self._writer.append(chunk)
+        except (OSError, RunError) as error:
+            failure = error if isinstance(error, RunError) else self._disk_error(error)
+            self._buffers.drop(chunk.episode.index)
+            self._reports.add(LostRequest(recorder=self.name, index=chunk.episode.index, reason=str(failure)))
+            self._reports.flush()
+            raise failure from error
+        durable = Durable.of_chunk(chunk, self._writer.path.name)
+        self._committed[chunk.episode.index] = durable
+        self._reports.add(self._done_report(durable))
+        self._reports.flush()
+        if self._shard_is_full():
+            # The episode is safe whatever happens here, and the next one tries again and says what is wrong.
+            with suppress(RunError):
+                self._close_shard()
+
+    def _shard_is_full(self) -> bool:
+        return self._writer is not None and self._writer.episode_count >= self._config.episodes_per_shard
+
+    def _done_report(self, durable: Durable) -> DoneRequest:
+        return DoneRequest(
+            recorder=self.name,
+            index=durable.episode.index,
+            attempt=durable.attempt,
+            shard=durable.shard,
+            sample_count=durable.sample_count,
+        )
+
+    def _reconcile(self) -> None:
+        """Save open shards, and answer for every grant that the coordinator believes this recorder holds."""
+        while self._open_shards:
+            self._salvage(self._open_shards[0])
+            self._open_shards.pop(0)
+        pending = self._ask("coord/rec/pending", PendingRequest(recorder=self.name), PendingReply)
+        self._reconciled = True
+        for index in pending.indices:
+            buffer = self._buffers.get(index)
+            if index in self._committed:
+                self._reports.add(self._done_report(self._committed[index]))
+            elif buffer is not None and buffer.complete:
+                self._commit(index)
+            else:
+                self._reports.add(LostRequest(recorder=self.name, index=index, reason=""))
+
+    def _salvage(self, shard: OpenShard) -> None:
+        """Publish an open shard without the episodes that are elsewhere by now."""
+        target = self._folder / shard.path.stem
+        if target.exists():
+            target = self._folder / shard_name(self.name, next_number(self._folder, self.name))
+        kept: dict[int, EpisodeChunk] = {}
+        for chunk in shard.chunks:
+            index, report = chunk.episode.index, self._done_report(Durable.of_chunk(chunk, target.name))
+            known = index in self._committed or index in kept
+            if not known and self._ask("coord/rec/done", report, Verdict).status != "stale":
+                kept[index] = chunk
+        try:
+            publish(shard, tuple(kept.values()), target, fsync=self._config.fsync)
+        except OSError as error:
+            raise self._disk_error(error) from error
+        self._committed.update({index: Durable.of_chunk(chunk, target.name) for index, chunk in kept.items()})
+
+    def _close_shard(self) -> None:
+        if self._writer is None:
+            return
+        try:
+            self._writer.close()
+        except OSError as error:
+            raise self._disk_error(error) from error
+        self._writer = None
+
+    def _unlock(self) -> None:
+        if self._lock_descriptor is not None:
+            _lock_path(self._folder, self.name).unlink(missing_ok=True)
+            os.close(self._lock_descriptor)
+            self._lock_descriptor = None
+
+    def _check_run(self, episode: EpisodeKey) -> None:
+        """Indices name episodes within one run only."""
+        if self._run is None:
+            first = next(iter(self._committed.values()), None)
+            self._run = (first.episode.seed, first.episode.split) if first else (episode.seed, episode.split)
+        if (episode.seed, episode.split) != self._run:
+            raise RunError(
+                f"Folder {self._folder} holds {self._run[1].value} episodes of seed {self._run[0]}, got "
+                f"{episode.episode_id}; record every run into a folder of its own."
+            )
+
+    def _disk_error(self, error: OSError) -> RunError:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            return RunError(f"No space left in {self._folder}; free some and run the same command again to go on.")
+        return RunError(f"Writing to {self._folder} failed: {error.strerror or error}; mend it and run again to go on.")
+
+
+def handle_append(recorder: Recorder, request: AppendRequest) -> AppendReply:
+    """Take a batch of samples."""
+    return recorder.append(request)
+
+
+def _lock_path(folder: Path, name: str) -> Path:
+    return folder / f".recorder-{name}.lock"
+
+
+def _lock(folder: Path, name: str) -> int:
+    """Hold the recorder's name in this folder; the operating system lets go of it when the process dies."""
+    descriptor = os.open(_lock_path(folder, name), os.O_RDWR | os.O_CREAT, 0o644)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        os.close(descriptor)
+        raise RunError(
+            f"Recorder {name} is recording into {folder} already; stop it, or choose another name."
+        ) from error
+    return descriptor

@@ -1,0 +1,119 @@
+"""What a recorder finds in its folder when it starts: finished shards, and open ones that a crash left behind."""
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mcap.opcode import Opcode
+
+from common.dataset import EpisodeChunk, ShardWriter, read_chunk, shard_name
+from common.dataset.index import load_index, mapped, read_metadata
+from common.dataset.records import MAGIC, chunk_span, is_intact, iter_records
+from common.dataset.writer import PART_SUFFIX, sync_folder
+from common.errors import DatasetError
+from common.messages import EpisodeKey
+
+SALVAGE_SUFFIX = ".salvage"
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Durable:
+    """An episode in a shard."""
+
+    episode: EpisodeKey
+    attempt: int
+    shard: str
+    sample_count: int
+
+    @classmethod
+    def of_chunk(cls, chunk: EpisodeChunk, shard: str) -> "Durable":
+        """The episode of a chunk in `shard`."""
+        return cls(episode=chunk.episode, attempt=chunk.attempt, shard=shard, sample_count=chunk.sample_count)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OpenShard:
+    """A shard that was never finished, and the whole episodes in it."""
+
+    path: Path
+    metadata: dict[str, Any] | None
+    chunks: tuple[EpisodeChunk, ...]
+
+
+def finished_episodes(folder: Path, recorder: str) -> dict[int, Durable]:
+    """The episodes in a recorder's finished shards, by index.
+
+    Raises:
+        DatasetError: If a shard is damaged.
+    """
+    episodes: dict[int, Durable] = {}
+    for shard in sorted(folder.glob(shard_pattern(recorder))):
+        index = load_index(shard)
+        for row, episode in enumerate(index.episodes):
+            durable = Durable(
+                episode=index.episode_key(row),
+                attempt=int(episode["attempt"]),
+                shard=shard.name,
+                sample_count=int(episode["sample_count"]),
+            )
+            episodes[durable.episode.index] = durable
+    return episodes
+
+
+def open_shards(folder: Path, recorder: str) -> list[OpenShard]:
+    """The shards that a crash left open, with the episodes that can be saved."""
+    return [read_open_shard(path) for path in sorted(folder.glob(shard_pattern(recorder) + PART_SUFFIX))]
+
+
+def read_open_shard(path: Path) -> OpenShard:
+    """The whole episodes of an open shard: chunks that match their CRC-32 and end in a valid commit."""
+    metadata: dict[str, Any] | None = None
+    chunks: list[EpisodeChunk] = []
+    try:
+        with mapped(path) as view:
+            if view[: len(MAGIC)] != MAGIC:
+                raise DatasetError("it does not begin as an MCAP file")
+            for record in iter_records(view):
+                if record.opcode == Opcode.METADATA:
+                    metadata = read_metadata(view, record) or metadata
+                elif record.opcode == Opcode.CHUNK:
+                    span = chunk_span(view, record)
+                    if is_intact(view, span):
+                        chunks.append(read_chunk(view[span.body : span.end]))
+    except DatasetError as error:
+        _log.info("%s ends after %d whole episodes: %s", path.name, len(chunks), error)
+    return OpenShard(path=path, metadata=metadata, chunks=tuple(chunks))
+
+
+def publish(shard: OpenShard, chunks: Sequence[EpisodeChunk], target: Path, *, fsync: bool) -> None:
+    """Write episodes of an open shard as the finished shard `target`, then remove the open one.
+
+    Raises:
+        OSError: If the disk refused; the open shard is still there then.
+    """
+    writer = ShardWriter(target, shard.metadata or {}, fsync=fsync, part_suffix=SALVAGE_SUFFIX)
+    try:
+        for chunk in chunks:
+            writer.append(chunk)
+        writer.close()
+    except BaseException:
+        writer.abandon()
+        raise
+    shard.path.unlink()
+    if fsync:
+        sync_folder(target.parent)
+
+
+def next_number(folder: Path, recorder: str) -> int:
+    """A shard number that no file of the recorder has."""
+    names = [path.name for path in folder.glob(f"{shard_pattern(recorder)}*")]
+    numbers = [int(name.removeprefix(f"shard-{recorder}-").split(".")[0]) for name in names]
+    return max(numbers, default=-1) + 1
+
+
+def shard_pattern(recorder: str) -> str:
+    """Glob pattern of a recorder's finished shards."""
+    return shard_name(recorder, 0).replace("00000", "[0-9]" * 5)

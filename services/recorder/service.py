@@ -1,0 +1,13 @@
+"""The recorder on the bus."""
+
+from functools import partial
+
+from common.bus import Bus
+from common.messages import AppendRequest
+from services.recorder.handlers import Recorder, handle_append
+
+
+def attach(bus: Bus, recorder: Recorder) -> None:
+    """Serve a recorder; what its last process left is cleared up first if the coordinator answers already."""
+    recorder.settle()
+    bus.serve(f"rec/{recorder.name}/append", AppendRequest, partial(handle_append, recorder))

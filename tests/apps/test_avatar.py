@@ -1,0 +1,63 @@
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from apps.avatar import avatar_list, avatar_preview, standing_pose, stride_pose, turntable
+from common.avatars import load_avatars
+from common.errors import AvatarError
+
+
+def test_list_as_json_describes_every_embedded_avatar(capsys: pytest.CaptureFixture[str]) -> None:
+    avatar_list(json=True)
+    rows = json.loads(capsys.readouterr().out)
+    assert [row["name"] for row in rows] == list(load_avatars())
+    assert all(row["size_bytes"] < 1_500_000 and row["gaussians"] > 0 and len(row["hash"]) == 64 for row in rows)
+    assert all("CC0" in row["license"] for row in rows)
+
+
+def test_list_prints_names_and_heights(capsys: pytest.CaptureFixture[str]) -> None:
+    avatar_list()
+    printed = capsys.readouterr().out
+    assert all(name in printed and f"{avatar.height_m:.2f}" in printed for name, avatar in load_avatars().items())
+
+
+def test_list_of_a_folder_without_avatars_says_so(tmp_path: Path) -> None:
+    with pytest.raises(AvatarError, match="no avatar"):
+        avatar_list(avatars=tmp_path)
+
+
+def test_preview_shows_the_person_from_all_sides(tmp_path: Path) -> None:
+    name = next(iter(load_avatars()))
+    avatar_preview(Path(name), out=tmp_path / "sheet.png")
+    sheet = cv2.imread(str(tmp_path / "sheet.png")).astype(int)
+    height, width = sheet.shape[0] // 2, sheet.shape[1] // 8
+    wall = sheet[2, 2]
+    for row in range(2):
+        for column in range(8):
+            tile = sheet[row * height : (row + 1) * height, column * width : (column + 1) * width]
+            person = np.abs(tile - wall).max(axis=2) > 25
+            assert 0.05 < person.mean() < 0.5
+            assert not person[:4].any()
+            assert not person[-4:].any()
+    assert [path.name for path in tmp_path.iterdir()] == ["sheet.png"]
+
+
+def test_front_and_back_differ() -> None:
+    avatar = next(iter(load_avatars().values()))
+    sheet = turntable(avatar, [standing_pose()]).astype(int)
+    front, back = sheet[:, :240], sheet[:, 4 * 240 : 5 * 240]
+    assert np.abs(front - back).max(axis=2).mean() > 1.0
+
+
+def test_stride_moves_the_legs_apart() -> None:
+    assert np.abs(stride_pose() - standing_pose())[[1, 2]].max() > 0.2
+
+
+def test_preview_refuses_other_formats_and_missing_files(tmp_path: Path) -> None:
+    with pytest.raises(AvatarError, match=r"\.png"):
+        avatar_preview(Path("amara"), out=tmp_path / "sheet.jpg")
+    with pytest.raises(AvatarError, match="cannot be read"):
+        avatar_preview(Path("nobody"), out=tmp_path / "sheet.png")

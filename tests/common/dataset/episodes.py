@@ -1,0 +1,119 @@
+"""Small, physically consistent episodes, and datasets made of them."""
+
+import dataclasses
+import functools
+import math
+import zlib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from common.config import section_to_mapping
+from common.dataset import ShardWriter, encode_episode, shard_name
+from common.messages import AppendRequest, EpisodeHeader, EpisodeKey, Sample, Split
+from common.robot import CameraConfig, RobotConfig, limit_command, step_unicycle
+
+ROBOT = RobotConfig(camera=CameraConfig(height_px=24, width_px=32))
+METADATA = {
+    "config": {"robot": section_to_mapping(ROBOT), "episode": {"time_limit_s": 50.0}},
+    "numeric_class": {"backend": "cpu", "machine": "x86_64"},
+    "version": "0.1.0",
+    "commit": "0" * 40,
+    "scene": {"name": "plaza", "sha256": "ab" * 32, "licence": "CC0"},
+    "avatars": [{"name": "ann", "sha256": "cd" * 32, "licence": "CC0"}],
+}
+GOAL_XY_M = (4.0, 1.0)
+
+
+@functools.cache
+def jpeg(number: int, height_px: int = 24, width_px: int = 32) -> bytes:
+    pixels = np.random.default_rng(number).integers(0, 255, (height_px, width_px, 3), dtype=np.uint8)
+    return cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, 90])[1].tobytes()
+
+
+def make_header(index: int, sample_count: int, **changes: Any) -> EpisodeHeader:
+    header = EpisodeHeader(
+        episode=EpisodeKey(seed=7, split=Split.TRAIN, index=index),
+        sample_count=sample_count,
+        goal_xy_m=GOAL_XY_M,
+        start_xyyaw=(0.0, 0.5 * index, 0.1),
+        avatars=("ann",),
+        encounters=("crossing",),
+        image_format="jpeg",
+        height_px=ROBOT.camera.height_px,
+        width_px=ROBOT.camera.width_px,
+        K_px=tuple(ROBOT.camera.K_px.ravel().tolist()),
+    )
+    return dataclasses.replace(header, **changes)
+
+
+def make_samples(header: EpisodeHeader) -> tuple[Sample, ...]:
+    x_m, y_m, yaw_rad = header.start_xyyaw
+    v_mps = w_radps = 0.0
+    samples = []
+    for seq in range(header.sample_count):
+        v_mps, w_radps = limit_command(0.8, math.sin(0.3 * seq), v_mps, w_radps, ROBOT)
+        dx, dy = header.goal_xy_m[0] - x_m, header.goal_xy_m[1] - y_m
+        c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+        image = jpeg(1000 * header.episode.index + seq, header.height_px, header.width_px)
+        sample = Sample(
+            seq=seq,
+            crc32=zlib.crc32(image),
+            time_ns=seq * 50_000_000,
+            image=image,
+            action_v_mps=v_mps,
+            action_w_radps=w_radps,
+            goal_xy_robot_m=(c * dx + s * dy, c * dy - s * dx),
+            robot_xyzyaw=(x_m, y_m, 0.02, yaw_rad),
+            humans_xyzyaw=((2.0, 0.05 * seq, 0.0, math.pi / 2),),
+            human_distance_m=math.hypot(2.0 - x_m, 0.05 * seq - y_m),
+            time_to_collision_s=math.inf,
+            human_visible=seq % 2 == 0,
+            expert_cost=1.5,
+            replanned=seq == 3,
+        )
+        samples.append(sample)
+        x_m, y_m, yaw_rad = step_unicycle(x_m, y_m, yaw_rad, v_mps, w_radps)
+    return tuple(samples)
+
+
+def make_episode(index: int, sample_count: int = 12, **changes: Any) -> tuple[EpisodeHeader, tuple[Sample, ...]]:
+    header = make_header(index, sample_count, **changes)
+    return header, make_samples(header)
+
+
+def append_requests(
+    index: int, sample_count: int = 12, *, attempt: int = 1, batch: int = 8, **changes: Any
+) -> list[AppendRequest]:
+    header, samples = make_episode(index, sample_count, **changes)
+    return [
+        AppendRequest(
+            attempt=attempt,
+            header=header,
+            first_seq=first,
+            samples=samples[first : first + batch],
+            last=first + batch >= sample_count,
+        )
+        for first in range(0, sample_count, batch)
+    ]
+
+
+def write_shard(
+    folder: Path,
+    indices: Iterable[int],
+    *,
+    number: int = 0,
+    recorder: str = "r0",
+    sample_count: int = 12,
+    metadata: dict[str, Any] = METADATA,
+    **changes: Any,
+) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    with ShardWriter(folder / shard_name(recorder, number), metadata, fsync=False) as writer:
+        for index in indices:
+            header, samples = make_episode(index, sample_count, **changes)
+            writer.append(encode_episode(header, 1, samples))
+    return folder / shard_name(recorder, number)

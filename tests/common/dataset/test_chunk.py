@@ -1,0 +1,128 @@
+import dataclasses
+import hashlib
+
+import numpy as np
+import pytest
+
+from common.dataset import encode_episode, read_chunk, schemas
+from common.dataset.records import iter_messages
+from common.errors import DatasetError
+from tests.common.dataset.episodes import make_episode
+
+GOLDEN_SHA256 = "a7395f7efdde6b4850eaa79b541a2797abbab063d2fbb797ae4f1843d68a59ba"
+
+
+def test_samples_come_back_as_they_went_in() -> None:
+    header, samples = make_episode(3)
+    chunk = read_chunk(encode_episode(header, 2, samples).data)
+    assert (chunk.episode, chunk.attempt) == (header.episode, 2)
+    assert (chunk.height_px, chunk.width_px) == (24, 32)
+    assert (chunk.start_xyyaw, chunk.goal_xy_m) == (header.start_xyyaw, header.goal_xy_m)
+    for row, sample in zip(chunk.samples, samples, strict=True):
+        offset = int(row["image_offset"])
+        assert chunk.data[offset : offset + int(row["image_length"])] == sample.image
+        assert row["time_ns"] == sample.time_ns
+        assert row["action"].tolist() == pytest.approx((sample.action_v_mps, sample.action_w_radps), abs=1e-7)
+        assert row["goal_xy_m"].tolist() == pytest.approx(sample.goal_xy_robot_m, rel=1e-6)
+        assert row["pose"].tolist() == pytest.approx(sample.robot_xyzyaw, abs=1e-12)
+        assert (row["human_visible"], row["replanned"]) == (sample.human_visible, sample.replanned)
+        assert row["human_distance_m"] == np.float32(sample.human_distance_m)
+        assert np.isinf(row["time_to_collision_s"])
+
+
+@pytest.mark.parametrize("yaw_rad", [3.0, -3.0, 3.3, 6.0, -40.0])
+def test_yaw_comes_back_wrapped(yaw_rad) -> None:
+    header, samples = make_episode(0, 1)
+    sample = dataclasses.replace(samples[0], robot_xyzyaw=(0.0, 0.0, 0.0, yaw_rad))
+    pose = encode_episode(header, 1, [sample]).samples[0]["pose"]
+    assert abs(pose[3]) <= np.pi
+    assert np.exp(1j * pose[3]) == pytest.approx(np.exp(1j * yaw_rad))
+
+
+def test_only_the_commit_knows_the_attempt() -> None:
+    header, samples = make_episode(0)
+    first, second = encode_episode(header, 1, samples), encode_episode(header, 2, samples)
+    assert first.sha256 == second.sha256
+    assert first.data != second.data
+    commit_offset = first.message_offsets[schemas.EPISODE_COMMIT.number][0][1]
+    assert first.data[:commit_offset] == second.data[:commit_offset]
+    assert hashlib.sha256(first.data[:commit_offset]).hexdigest() == first.sha256
+
+
+def test_hash_depends_on_every_sample() -> None:
+    header, samples = make_episode(0)
+    changed = [*samples[:5], dataclasses.replace(samples[5], expert_cost=1.6), *samples[6:]]
+    assert encode_episode(header, 1, changed).sha256 != encode_episode(header, 1, samples).sha256
+
+
+def test_bytes_of_an_episode_do_not_change_between_versions() -> None:
+    header, samples = make_episode(
+        5, 4, start_xyyaw=(1.0, 2.0, 0.0), K_px=(16.0, 0.0, 16.0, 0.0, 16.0, 12.0, 0.0, 0.0, 1.0)
+    )
+    samples = [
+        dataclasses.replace(
+            sample,
+            image=b"\xff\xd8pixels",
+            action_v_mps=0.5,
+            action_w_radps=-0.25,
+            goal_xy_robot_m=(3.0, -1.0),
+            robot_xyzyaw=(1.0, 2.0, 0.0, 0.0),
+            humans_xyzyaw=((2.0, 0.5, 0.25, 0.0),),
+            human_distance_m=1.75,
+        )
+        for sample in samples
+    ]
+    assert encode_episode(header, 1, samples).sha256 == GOLDEN_SHA256
+
+
+def test_times_are_simulated_and_grow_within_and_between_episodes() -> None:
+    times = []
+    for index in (0, 1):
+        chunk = encode_episode(*_with_attempt(*make_episode(index)))
+        view = memoryview(chunk.data)
+        times += [message.log_time_ns for message in iter_messages(view, 0, len(view))]
+    assert times[0] == 0
+    assert times == sorted(times)
+    assert times[-1] == 100_000_000_000 + 11 * 50_000_000
+
+
+def test_missing_samples_are_refused() -> None:
+    header, samples = make_episode(0)
+    for some in (samples[:-1], samples[1:], ()):
+        with pytest.raises(DatasetError, match="has 12 samples, got"):
+            encode_episode(header, 1, some)
+
+
+def test_any_flipped_byte_is_noticed() -> None:
+    header, samples = make_episode(0, 2)
+    data = encode_episode(header, 1, samples).data
+    for offset in range(0, len(data), 7):
+        damaged = bytearray(data)
+        damaged[offset] ^= 0x10
+        try:
+            chunk = read_chunk(bytes(damaged))
+        except DatasetError:
+            continue
+        # Left are fields of the commit that the hash does not cover.
+        commit_offset = chunk.message_offsets[schemas.EPISODE_COMMIT.number][0][1]
+        assert offset >= commit_offset
+
+
+def test_every_channel_carries_its_descriptor_with_imports() -> None:
+    from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+
+    for channel in schemas.CHANNELS:
+        files = descriptor_pb2.FileDescriptorSet.FromString(schemas.descriptor_set(channel.message)).file
+        pool = descriptor_pool.DescriptorPool()
+        for file in files:
+            pool.Add(file)
+        name = channel.message.DESCRIPTOR.full_name
+        assert message_factory.GetMessageClass(pool.FindMessageTypeByName(name))().DESCRIPTOR.full_name == name
+
+
+def test_channel_numbers_are_their_positions() -> None:
+    assert [channel.number for channel in schemas.CHANNELS] == list(range(1, len(schemas.CHANNELS) + 1))
+
+
+def _with_attempt(header, samples):
+    return header, 1, samples

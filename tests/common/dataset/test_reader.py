@@ -1,0 +1,230 @@
+import copy
+import pickle
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from common.dataset import Dataset
+from common.dataset.index import build_index, index_path, load_index, mapped, read_index
+from common.errors import DatasetError
+from tests.common.dataset.episodes import METADATA, ROBOT, jpeg, make_episode, write_shard
+
+
+@pytest.fixture
+def folder(tmp_path):
+    write_shard(tmp_path, [4, 0], number=0)
+    write_shard(tmp_path, [2], number=1, sample_count=30)
+    return tmp_path
+
+
+def test_episodes_come_in_order_of_their_index(folder) -> None:
+    dataset = Dataset([folder])
+    entries = dataset.episodes
+    assert [(entry.episode.index, entry.first_sample, entry.sample_count) for entry in entries] == [
+        (0, 0, 12),
+        (2, 12, 30),
+        (4, 42, 12),
+    ]
+    assert [entry.shard.name for entry in entries] == [f"shard-r0-0000{number}.mcap" for number in (0, 1, 0)]
+    assert len(dataset) == 54
+
+
+def test_arrays_hold_every_sample(folder) -> None:
+    dataset = Dataset([folder])
+    samples = [sample for index, count in ((0, 12), (2, 30), (4, 12)) for sample in make_episode(index, count)[1]]
+    np.testing.assert_array_equal(
+        dataset.actions, np.float32([(sample.action_v_mps, sample.action_w_radps) for sample in samples])
+    )
+    np.testing.assert_array_equal(dataset.goals_xy_m, np.float32([sample.goal_xy_robot_m for sample in samples]))
+    np.testing.assert_array_equal(dataset.time_ns, [sample.time_ns for sample in samples])
+    np.testing.assert_allclose(dataset.poses, [sample.robot_xyzyaw for sample in samples], atol=1e-12)
+    np.testing.assert_array_equal(dataset.truth["human_visible"], [sample.human_visible for sample in samples])
+    assert [dataset.image(number) for number in range(54)] == [sample.image for sample in samples]
+    assert (dataset.actions.dtype, dataset.goals_xy_m.dtype) == (np.float32, np.float32)
+
+
+def test_previous_action_is_that_of_the_sample_before_and_zero_at_the_start(folder) -> None:
+    dataset = Dataset([folder])
+    np.testing.assert_array_equal(dataset.previous_actions[[0, 12, 42]], 0.0)
+    np.testing.assert_array_equal(dataset.previous_actions[13:42], dataset.actions[12:41])
+
+
+def test_decoded_image_is_rgb(tmp_path) -> None:
+    import cv2
+
+    write_shard(tmp_path, [0])
+    dataset = Dataset([tmp_path])
+    image = dataset.decode(3)
+    assert (image.shape, image.dtype) == ((24, 32, 3), np.uint8)
+    bgr = cv2.imdecode(np.frombuffer(jpeg(3), np.uint8), cv2.IMREAD_COLOR)
+    np.testing.assert_array_equal(image, bgr[..., ::-1])
+
+
+def test_window_repeats_the_oldest_image_at_the_start(folder) -> None:
+    windows = Dataset([folder]).windows([0, 9, 10, 12, 21, 22, 41, 42])
+    assert windows.tolist() == [
+        [0, 0, 0],
+        [9, 0, 0],
+        [10, 0, 0],
+        [12, 12, 12],
+        [21, 12, 12],
+        [22, 12, 12],
+        [41, 31, 21],
+        [42, 42, 42],
+    ]
+
+
+def test_windows_of_all_samples_with_another_spacing(folder) -> None:
+    windows = Dataset([folder]).windows(frame_count=2, spacing_s=0.05)
+    assert windows.shape == (54, 2)
+    assert windows[[0, 1, 53]].tolist() == [[0, 0], [1, 0], [53, 52]]
+
+
+def test_shard_layout_does_not_show(tmp_path) -> None:
+    write_shard(tmp_path / "one", [0, 1, 2])
+    write_shard(tmp_path / "many", [2], number=0, recorder="r1")
+    write_shard(tmp_path / "many", [1], number=7, recorder="r0")
+    write_shard(tmp_path / "many", [0], number=8, recorder="r0")
+    one, many = Dataset([tmp_path / "one"]), Dataset([tmp_path / "many"])
+    assert [entry.sha256 for entry in one.episodes] == [entry.sha256 for entry in many.episodes]
+    np.testing.assert_array_equal(one.actions, many.actions)
+    assert [one.image(number) for number in range(36)] == [many.image(number) for number in range(36)]
+    assert one.content_hash == many.content_hash
+
+
+def test_content_hash_changes_with_the_content(tmp_path) -> None:
+    write_shard(tmp_path / "a", [0, 1])
+    write_shard(tmp_path / "b", [0, 2])
+    assert Dataset([tmp_path / "a"]).content_hash != Dataset([tmp_path / "b"]).content_hash
+
+
+def test_metadata_and_robot_come_with_the_data(folder) -> None:
+    dataset = Dataset([folder])
+    assert dataset.metadata == METADATA
+    assert dataset.robot == ROBOT
+
+
+def test_missing_or_stale_index_is_made_again(folder) -> None:
+    shard = folder / "shard-r0-00000.mcap"
+    want = index_path(shard).read_bytes()
+    for content in (None, b"", b"damaged", index_path(folder / "shard-r0-00001.mcap").read_bytes()):
+        index_path(shard).unlink()
+        if content is not None:
+            index_path(shard).write_bytes(content)
+        assert len(Dataset([folder])) == 54
+        assert index_path(shard).read_bytes() == want
+
+
+def test_index_of_a_changed_shard_of_the_same_size_is_not_used(folder) -> None:
+    shard = folder / "shard-r0-00000.mcap"
+    index = index_path(shard).read_bytes()
+    size = shard.stat().st_size
+    write_shard(folder, [4, 0], number=0, goal_xy_m=(3.0, 1.0))
+    index_path(shard).write_bytes(index)
+    assert shard.stat().st_size == size
+    assert Dataset([folder]).goals_xy_m[0] == pytest.approx(make_episode(0, goal_xy_m=(3.0, 1.0))[1][0].goal_xy_robot_m)
+
+
+def test_dataset_without_indexes_in_a_folder_that_cannot_be_written(folder, monkeypatch) -> None:
+    for path in folder.glob("*.index"):
+        path.unlink()
+
+    def refuse(*arguments: object, **options: object) -> None:
+        raise PermissionError("read-only file system")
+
+    monkeypatch.setattr("common.dataset.index.write_index", refuse)
+    assert len(Dataset([folder])) == 54
+
+
+def test_written_index_equals_the_rebuilt_one(folder) -> None:
+    shard = folder / "shard-r0-00001.mcap"
+    with mapped(shard) as view:
+        rebuilt = build_index(view, shard)
+    stored = read_index(index_path(shard))
+    assert stored is not None
+    assert stored.equals(rebuilt)
+    assert load_index(shard).equals(rebuilt)
+
+
+def test_missing_folder_and_folder_without_shards_are_named(tmp_path) -> None:
+    with pytest.raises(DatasetError, match="nowhere does not exist; record one"):
+        Dataset([tmp_path / "nowhere"])
+    with pytest.raises(DatasetError, match="holds no finished shards"):
+        Dataset([tmp_path])
+    (tmp_path / "shard-r0-00000.mcap.part").write_bytes(b"")
+    with pytest.raises(DatasetError, match="1 are still being written"):
+        Dataset([tmp_path])
+
+
+def test_open_shards_are_left_out(folder) -> None:
+    (folder / "shard-r0-00002.mcap.part").write_bytes(b"half of something")
+    assert len(Dataset([folder])) == 54
+
+
+@pytest.mark.parametrize("cut", [1, 8, 30, 3000])
+def test_truncated_shard_is_named(folder, cut) -> None:
+    shard = folder / "shard-r0-00001.mcap"
+    shard.write_bytes(shard.read_bytes()[:-cut])
+    with pytest.raises(DatasetError, match=r"shard-r0-00001\.mcap is truncated"):
+        Dataset([folder])
+
+
+def test_empty_shard_is_named(folder) -> None:
+    (folder / "shard-r0-00001.mcap").write_bytes(b"")
+    with pytest.raises(DatasetError, match=r"shard-r0-00001\.mcap cannot be read"):
+        Dataset([folder])
+
+
+def test_mixed_image_sizes_are_refused_with_both(folder) -> None:
+    write_shard(folder, [9], number=9, height_px=16, width_px=20)
+    with pytest.raises(DatasetError, match=r"24x32 in .*00000.mcap, 16x20 in .*00009.mcap"):
+        Dataset([folder])
+
+
+def test_mixed_robots_are_refused_with_both(folder) -> None:
+    metadata = copy.deepcopy(METADATA)
+    metadata["config"]["robot"]["v_max_mps"] = 0.7
+    write_shard(folder, [9], number=9, metadata=metadata)
+    with pytest.raises(DatasetError, match=r'"v_max_mps": 1.0.*00000.mcap.*"v_max_mps": 0.7.*00009.mcap'):
+        Dataset([folder])
+
+
+def test_folder_given_twice_is_refused(folder) -> None:
+    with pytest.raises(DatasetError, match="train-7-000000 is there twice"):
+        Dataset([folder, folder])
+
+
+def test_dataset_travels_to_other_processes(folder) -> None:
+    dataset = Dataset([folder])
+    image = dataset.image(0)
+    copied = pickle.loads(pickle.dumps(dataset))
+    assert copied.image(0) == image
+    dataset.close()
+    assert dataset.image(0) == image
+
+
+def test_more_shards_than_may_be_open(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr("common.dataset.reader.OPEN_SHARDS_MAX", 2)
+    for number in range(4):
+        write_shard(tmp_path, [number], number=number, sample_count=2)
+    dataset = Dataset([tmp_path])
+    assert [dataset.image(number) for number in (0, 2, 4, 6, 0)] == [jpeg(n) for n in (0, 1000, 2000, 3000, 0)]
+    assert len(dataset._maps) == 2
+
+
+def test_damaged_image_is_named(tmp_path) -> None:
+    shard = write_shard(tmp_path, [0])
+    dataset = Dataset([tmp_path])
+    data = bytearray(shard.read_bytes())
+    offset = int(dataset._rows[3]["image_offset"])
+    data[offset : offset + 100] = bytes(100)
+    shard.write_bytes(data)
+    with pytest.raises(DatasetError, match=r"image of sample 3 in .*shard-r0-00000\.mcap is damaged"):
+        dataset.decode(3)
+
+
+def test_import_loads_no_opencv() -> None:
+    code = "import sys, common.dataset; sys.exit(any(name in sys.modules for name in ('cv2', 'torch', 'zenoh')))"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -1,0 +1,283 @@
+import copy
+import dataclasses
+
+import pytest
+
+from common.dataset import ShardWriter, encode_episode, schemas, validate
+from common.dataset.index import index_path, load_index, write_index
+from common.errors import DatasetError
+from tests.common.dataset.episodes import METADATA, jpeg, make_episode, write_shard
+from tests.common.dataset.forge import chunks_of, rewrite
+
+
+@pytest.fixture
+def shard(tmp_path):
+    return write_shard(tmp_path, [0, 1])
+
+
+def kinds(folder) -> set[str]:
+    return {defect.kind for defect in validate(folder).defects}
+
+
+def texts(folder) -> str:
+    return "\n".join(map(str, validate(folder).defects))
+
+
+def at(records, channel, sequence):
+    return next(record for record in records if record.channel is channel and record.sequence == sequence)
+
+
+def test_good_dataset_has_no_defects_and_is_counted(shard) -> None:
+    progress = []
+    report = validate(shard.parent, progress=lambda done, total: progress.append((done, total)))
+    assert report.ok
+    assert (report.shard_count, report.episode_count, report.sample_count) == (1, 2, 24)
+    assert report.notes == ()
+    size = shard.stat().st_size
+    assert progress[-1] == (size, size)
+    assert len(progress) == 3
+
+
+def test_missing_folder_is_an_error_not_a_defect(tmp_path) -> None:
+    with pytest.raises(DatasetError, match="does not exist"):
+        validate(tmp_path / "nowhere")
+
+
+def test_rewriting_without_a_change_is_no_defect(shard) -> None:
+    rewrite(shard, lambda records: records)
+    assert validate(shard.parent).ok
+
+
+def test_flipped_byte_in_an_image_is_found(shard) -> None:
+    offset = int(load_index(shard).samples[5]["image_offset"])
+    data = bytearray(shard.read_bytes())
+    data[offset + 50] ^= 1
+    shard.write_bytes(data)
+    assert {"crc", "sha256"} <= kinds(shard.parent)
+    assert "chunk at byte" in texts(shard.parent)
+
+
+def test_any_flipped_byte_of_the_file_is_found(tmp_path) -> None:
+    shard = write_shard(tmp_path, [0], sample_count=1)
+    data = shard.read_bytes()
+    for offset in range(3, len(data), max(1, len(data) // 150)):
+        damaged = bytearray(data)
+        damaged[offset] ^= 0x04
+        shard.write_bytes(damaged)
+        assert not validate(tmp_path).ok, offset
+
+
+def test_every_truncation_is_found(shard) -> None:
+    data = shard.read_bytes()
+    for cut in (1, 9, 40, 500, len(data) // 2, len(data) - 3, len(data)):
+        shard.write_bytes(data[:-cut])
+        assert kinds(shard.parent) == {"file"}
+
+
+@pytest.mark.parametrize("channel", schemas.SAMPLE_CHANNELS, ids=lambda channel: channel.topic)
+def test_dropped_message_is_found(shard, channel) -> None:
+    rewrite(shard, lambda records: [r for r in records if not (r.channel is channel and r.sequence == 4)])
+    assert f"{channel.topic} lacks samples 4" in texts(shard.parent)
+
+
+def test_dropped_last_sample_is_found(shard) -> None:
+    rewrite(shard, lambda records: [r for r in records if r.sequence != 11])
+    assert "lacks samples 11" in texts(shard.parent)
+
+
+@pytest.mark.parametrize("channel", [schemas.EPISODE_START, schemas.EPISODE_COMMIT, schemas.CALIBRATION])
+def test_missing_frame_of_an_episode_is_found(shard, channel) -> None:
+    rewrite(shard, lambda records: [r for r in records if r.channel is not channel])
+    assert f"there are 0 messages on {channel.topic}" in texts(shard.parent)
+
+
+def test_messages_in_another_order_are_found(shard) -> None:
+    rewrite(shard, lambda records: [*records[:2], *records[8:14], *records[2:8], *records[14:]])
+    assert "has samples out of order" in texts(shard.parent)
+
+
+def test_duplicate_episode_is_found(tmp_path) -> None:
+    write_shard(tmp_path, [0, 1], number=0)
+    write_shard(tmp_path, [2, 1], number=1)
+    report = validate(tmp_path)
+    assert [(defect.shard, defect.kind) for defect in report.defects] == [("shard-r0-00001.mcap", "duplicate")]
+    assert "train-7-000001 is in shard-r0-00000.mcap already" in str(report.defects[0])
+
+
+def test_wrong_time_stamp_is_found(shard) -> None:
+    def late(records):
+        at(records, schemas.ACTION, 6).log_time_ns += 1_000_000
+        return records
+
+    rewrite(shard, late)
+    assert "/robot/action is not at 20 Hz at samples 6" in texts(shard.parent)
+
+
+def test_gap_in_time_is_found(shard) -> None:
+    def gap(records):
+        for record in records:
+            if record.sequence >= 6:
+                record.log_time_ns += 50_000_000
+        return records
+
+    rewrite(shard, gap)
+    assert "is not at 20 Hz at samples 6, 7, 8, 9, 10 and 1 more" in texts(shard.parent)
+
+
+def test_stamp_inside_a_message_that_contradicts_its_time_is_found(shard) -> None:
+    def stamp(records):
+        at(records, schemas.ROBOT_POSE, 3).message.timestamp.nanos += 1
+        return records
+
+    rewrite(shard, stamp)
+    assert "/robot/pose has other stamps inside at samples 3" in texts(shard.parent)
+
+
+def test_swapped_images_are_found_by_the_hash(shard) -> None:
+    def swap(records):
+        one, other = at(records, schemas.IMAGE, 2).message, at(records, schemas.IMAGE, 7).message
+        one.data, other.data = other.data, one.data
+        return records
+
+    rewrite(shard, swap, rehash=False)
+    assert kinds(shard.parent) == {"sha256"}
+
+
+@pytest.mark.parametrize("data", [b"", b"no image", jpeg(0)[:60], jpeg(0, 24, 30)], ids=["none", "text", "cut", "size"])
+def test_bad_image_is_found(shard, data) -> None:
+    def replace(records):
+        at(records, schemas.IMAGE, 2).message.data = data
+        return records
+
+    rewrite(shard, replace)
+    assert "image is damaged or has another size or format at samples 2" in texts(shard.parent)
+
+
+def test_action_beyond_the_limits_is_found(shard) -> None:
+    def turn(records):
+        at(records, schemas.ACTION, 11).message.w_radps = 1.3
+        return records
+
+    rewrite(shard, turn)
+    assert "action is beyond the robot's limits at samples 11" in texts(shard.parent)
+
+
+def test_action_that_is_not_a_number_is_found(shard) -> None:
+    def spoil(records):
+        at(records, schemas.ACTION, 11).message.v_mps = float("nan")
+        return records
+
+    rewrite(shard, spoil)
+    assert "action is beyond the robot's limits at samples 11" in texts(shard.parent)
+
+
+def test_action_that_jumps_is_found(shard) -> None:
+    def jump(records):
+        at(records, schemas.ACTION, 11).message.v_mps += 0.06
+        return records
+
+    rewrite(shard, jump)
+    assert "action changes faster than the robot can at samples 11" in texts(shard.parent)
+
+
+def test_limits_are_those_of_the_recorded_robot(tmp_path) -> None:
+    metadata = copy.deepcopy(METADATA)
+    metadata["config"]["robot"]["v_max_mps"] = 0.5
+    write_shard(tmp_path, [0], metadata=metadata, sample_count=15)
+    assert "beyond the robot's limits at samples 10, 11, 12, 13, 14" in texts(tmp_path)
+
+
+def test_data_without_a_robot_is_noted(tmp_path) -> None:
+    write_shard(tmp_path, [0], metadata={"config": {}})
+    report = validate(tmp_path)
+    assert report.ok
+    assert report.notes == ("The metadata names no robot: its limits were not checked.",)
+
+
+def test_pose_that_does_not_follow_from_the_action_is_found(shard) -> None:
+    def shift(records):
+        at(records, schemas.ROBOT_POSE, 5).message.pose.position.x += 0.01
+        return records
+
+    rewrite(shard, shift)
+    found = texts(shard.parent)
+    assert "pose does not follow from the pose and the action before at samples 5, 6" in found
+    assert "relative goal contradicts the pose and the goal at samples 5" in found
+
+
+def test_actions_that_are_one_step_late_are_found(tmp_path) -> None:
+    header, samples = make_episode(0)
+    late = [
+        dataclasses.replace(now, action_v_mps=before.action_v_mps, action_w_radps=before.action_w_radps)
+        for now, before in zip(samples[1:], samples, strict=False)
+    ]
+    with ShardWriter(tmp_path / "shard-r0-00000.mcap", METADATA, fsync=False) as writer:
+        writer.append(encode_episode(header, 1, [samples[0], *late]))
+    assert "motion" in kinds(tmp_path)
+
+
+def test_episode_that_begins_elsewhere_is_found(shard) -> None:
+    def move(records):
+        at(records, schemas.EPISODE_START, 0).message.start_x_m += 1.0
+        return records
+
+    rewrite(shard, move)
+    assert "sample 0 is not at the episode's start pose" in texts(shard.parent)
+
+
+def test_wrong_relative_goal_is_found(shard) -> None:
+    def mirror(records):
+        goal = at(records, schemas.GOAL, 8).message
+        goal.y_m = -goal.y_m
+        return records
+
+    rewrite(shard, mirror)
+    assert "relative goal contradicts the pose and the goal at samples 8" in texts(shard.parent)
+
+
+def test_index_of_other_content_is_found(shard) -> None:
+    index = load_index(shard)
+    samples = index.samples.copy()
+    samples["image_offset"][3] += 1
+    write_index(dataclasses.replace(index, samples=samples), index_path(shard))
+    assert kinds(shard.parent) == {"index"}
+    index_path(shard).write_bytes(b"damaged")
+    assert kinds(shard.parent) == {"index"}
+
+
+def test_missing_index_is_noted(shard) -> None:
+    index_path(shard).unlink()
+    report = validate(shard.parent)
+    assert report.ok
+    assert report.notes == ("shard-r0-00000.mcap has no index; readers make it again.",)
+
+
+def test_open_shards_are_noted(shard) -> None:
+    shard.with_name("shard-r0-00001.mcap.part").write_bytes(b"")
+    report = validate(shard.parent)
+    assert report.ok
+    assert "1 shards are open" in report.notes[0]
+
+
+def test_shard_of_another_robot_is_found(shard) -> None:
+    metadata = copy.deepcopy(METADATA)
+    metadata["config"]["robot"]["radius_m"] = 0.2
+    write_shard(shard.parent, [5], number=1, metadata=metadata)
+    assert "its robot is not that of shard-r0-00000.mcap" in texts(shard.parent)
+
+
+def test_shard_without_our_metadata_is_found(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr("common.dataset.writer.RECORD_NAME", "somebody-else")
+    write_shard(tmp_path, [0])
+    assert kinds(tmp_path) == {"metadata"}
+
+
+def test_foreign_file_under_a_shard_name_is_found(shard) -> None:
+    shard.with_name("shard-r0-00001.mcap").write_bytes(b"not an MCAP file at all" * 100)
+    report = validate(shard.parent)
+    assert {defect.shard for defect in report.defects} == {"shard-r0-00001.mcap"}
+    assert report.episode_count == 2
+
+
+def test_forging_tool_reads_back_what_was_written(shard) -> None:
+    assert [chunk.episode.index for chunk in chunks_of(shard)] == [0, 1]

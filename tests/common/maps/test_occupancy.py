@@ -1,0 +1,100 @@
+import numpy as np
+import pytest
+
+from common.gaussians import concatenate, load_gaussians
+from common.maps import MapConfig, largest_free_area, plan_scene
+from tests.common.maps.room import box, room, sheet
+
+CONFIG = MapConfig()
+
+
+def state(occupancy, x_m, y_m):
+    return bool(occupancy.occupied[occupancy.frame.cell(x_m, y_m)])
+
+
+def test_room_is_free_inside_and_blocked_at_walls_and_outside():
+    plan = plan_scene(room(), CONFIG)
+    for occupancy in (plan.robot, plan.human):
+        assert not state(occupancy, 3, 2.5)
+        assert state(occupancy, 0.0, 2.5)
+        assert state(occupancy, -0.3, 2.5)
+    _, area_m2 = largest_free_area(plan.robot, 0.3)
+    assert area_m2 == pytest.approx(5.3 * 4.3, rel=0.04)
+    assert plan.unknown[plan.robot.frame.cell(-0.3, 2.5)]
+    assert not plan.unknown[plan.robot.frame.cell(3, 2.5)]
+
+
+def test_table_blocks_people_but_not_a_low_robot():
+    plan = plan_scene(concatenate([room(), box((2, 2, 0.72), (3.6, 3, 0.76))]), CONFIG)
+    assert state(plan.human, 2.8, 2.5)
+    assert not state(plan.robot, 2.8, 2.5)
+
+
+def test_box_on_a_tilted_floor_blocks_and_the_tilt_does_not():
+    tilt = 0.1
+    cloud = concatenate([room(tilt=tilt), box((4, 2, 4 * tilt), (4.5, 2.5, 4 * tilt + 0.4))])
+    plan = plan_scene(cloud, CONFIG)
+    assert state(plan.robot, 4.25, 2.05)
+    assert not state(plan.robot, 1.0, 1.0)
+    assert not state(plan.robot, 5.5, 4.0)
+
+
+def test_things_below_the_ground_clearance_are_floor():
+    plan = plan_scene(concatenate([room(), box((2, 2, 0), (3, 3, 0.06))]), CONFIG)
+    assert not state(plan.robot, 2.5, 2.5)
+
+
+def test_haze_and_single_specks_over_the_floor_do_not_close_it():
+    haze = sheet((1, 1, 0.3), (1, 0, 0), (0, 1, 0), opacity=0.15)
+    speck = sheet((4, 4, 0.13), (0.05, 0, 0), (0, 0.05, 0))
+    plan = plan_scene(concatenate([room(), haze, speck]), CONFIG)
+    assert not state(plan.robot, 1.5, 1.5)
+    assert not state(plan.robot, 4.02, 4.02)
+
+
+def test_low_but_wide_obstacle_blocks():
+    plan = plan_scene(concatenate([room(), box((2, 2, 0), (2.5, 2.5, 0.17))]), CONFIG)
+    assert state(plan.robot, 2.25, 2.25)
+
+
+def test_thin_pole_blocks():
+    plan = plan_scene(concatenate([room(), box((3, 3, 0), (3.04, 3.04, 1.5))]), CONFIG)
+    assert state(plan.robot, 3.02, 3.02)
+
+
+def test_handrail_over_invisible_glass_blocks_the_robot():
+    rail = box((0.1, 2.4, 1.0), (5.9, 2.5, 1.06))
+    plan = plan_scene(concatenate([room(), rail]), CONFIG)
+    assert state(plan.robot, 3.0, 2.45)
+    _, open_m2 = largest_free_area(plan_scene(room(), CONFIG).robot, 0.3)
+    _, closed_m2 = largest_free_area(plan.robot, 0.3)
+    assert closed_m2 < 0.6 * open_m2
+
+
+def test_maps_do_not_depend_on_the_number_of_row_bands(monkeypatch):
+    cloud = concatenate([room(), box((2, 2, 0), (3, 3, 1.2))])
+    whole = plan_scene(cloud, CONFIG)
+    monkeypatch.setattr("common.maps.occupancy.VOXELS_PER_BAND", 30_000)
+    banded = plan_scene(cloud, CONFIG)
+    np.testing.assert_array_equal(whole.robot.occupied, banded.robot.occupied)
+    np.testing.assert_array_equal(whole.human.occupied, banded.human.occupied)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"resolution_m": 0.0}, {"opacity_threshold": 0.0}, {"robot_height_m": 0.05}, {"human_height_m": 0.1}]
+)
+def test_config_refuses_values_without_meaning(wrong):
+    with pytest.raises(ValueError, match="must be"):
+        MapConfig(**wrong)
+
+
+def test_real_flat_has_the_free_area_of_its_rooms(shared_data):
+    plan = plan_scene(load_gaussians(shared_data / "scenes" / "showroom.compressed.ply"), CONFIG)
+    cells, area_m2 = largest_free_area(plan.robot, 0.3)
+    assert 80 <= area_m2 <= 110
+    living_room, terrace, bedroom = (1.5, -5.6), (2.5, -0.5), (-5.0, -3.5)
+    for x_m, y_m in (living_room, terrace, bedroom):
+        row, column = plan.robot.frame.cell(x_m, y_m)
+        assert cells[row - 10 : row + 11, column - 10 : column + 11].any()
+    beyond_the_glass_railing = plan.robot.frame.cell(2.5, 2.6)
+    assert not cells[beyond_the_glass_railing]

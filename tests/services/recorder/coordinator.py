@@ -1,0 +1,58 @@
+"""A coordinator that can be away, refuse, and remember what it was told."""
+
+from common.bus import InProcessBus
+from common.errors import BusError
+from common.messages import DoneRequest, GrantRequest, LostRequest, PendingReply, PendingRequest, Verdict
+
+
+class FakeCoordinator:
+    def __init__(self) -> None:
+        self.bus = InProcessBus()
+        self.away: set[str] = set()
+        """Topics that are not answered; "grant-reply" acts on the grant and loses the answer."""
+        self.verdicts: dict[int, str] = {}
+        self.stale_done: set[int] = set()
+        self.granted: dict[int, int] = {}
+        self.done: list[DoneRequest] = []
+        self.lost: list[LostRequest] = []
+        self.bus.serve("coord/rec/grant", GrantRequest, self._grant)
+        self.bus.serve("coord/rec/done", DoneRequest, self._done)
+        self.bus.serve("coord/rec/lost", LostRequest, self._lost)
+        self.bus.serve("coord/rec/pending", PendingRequest, self._pending)
+
+    @property
+    def done_indices(self) -> list[int]:
+        return [report.index for report in self.done]
+
+    def go_away(self) -> None:
+        self.away = {"grant", "done", "lost", "pending"}
+
+    def _answer(self, topic: str) -> None:
+        if topic in self.away:
+            raise BusError(f"Nobody answered {topic}.")
+
+    def _grant(self, request: GrantRequest) -> Verdict:
+        self._answer("grant")
+        status = self.verdicts.get(request.index, "ok")
+        if status == "ok":
+            self.granted[request.index] = request.attempt
+        self._answer("grant-reply")
+        return Verdict(status=status)
+
+    def _done(self, request: DoneRequest) -> Verdict:
+        self._answer("done")
+        if request.index in self.stale_done:
+            return Verdict(status="stale")
+        self.granted.pop(request.index, None)
+        self.done.append(request)
+        return Verdict(status="ok")
+
+    def _lost(self, request: LostRequest) -> Verdict:
+        self._answer("lost")
+        self.granted.pop(request.index, None)
+        self.lost.append(request)
+        return Verdict(status="ok")
+
+    def _pending(self, request: PendingRequest) -> PendingReply:
+        self._answer("pending")
+        return PendingReply(indices=tuple(sorted(self.granted)))

@@ -1,0 +1,324 @@
+import dataclasses
+import errno
+import os
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from common.bus import InProcessBus
+from common.dataset import Dataset, validate
+from common.errors import DatasetError, RunError
+from common.messages import AppendReply, AppendRequest, EpisodeKey, Split
+from services.recorder import Recorder, RecorderConfig, attach, handle_append
+from tests.common.dataset.episodes import METADATA, append_requests
+from tests.services.recorder.coordinator import FakeCoordinator
+
+MakeRecorder = Callable[..., Recorder]
+
+
+@pytest.fixture
+def coordinator() -> FakeCoordinator:
+    return FakeCoordinator()
+
+
+@pytest.fixture
+def make_recorder(tmp_path: Path, coordinator: FakeCoordinator) -> Iterator[MakeRecorder]:
+    def make(name: str = "r0", **settings: object) -> Recorder:
+        config = RecorderConfig(**{"fsync": False, "episodes_per_shard": 3, **settings})
+        return Recorder(tmp_path, name, coordinator.bus, METADATA, config)
+
+    return make
+
+
+def send(recorder: Recorder, requests: list[AppendRequest]) -> list[str]:
+    return [handle_append(recorder, request).status for request in requests]
+
+
+def crash(recorder: Recorder) -> None:
+    """Leave everything as a killed process does: its files stay, its lock goes."""
+    if recorder._writer is not None:
+        recorder._writer.abandon()
+    recorder._unlock()
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_episode_is_committed_with_its_last_batch(make_recorder, coordinator, tmp_path) -> None:
+    recorder = make_recorder()
+    assert send(recorder, append_requests(0, 20)) == ["ok", "ok", "committed"]
+    assert [(report.index, report.attempt, report.sample_count) for report in coordinator.done] == [(0, 1, 20)]
+    recorder.close()
+    assert coordinator.done[0].shard == "shard-r0-00000.mcap"
+    assert [entry.sample_count for entry in Dataset([tmp_path]).episodes] == [20]
+    assert names(tmp_path) == ["shard-r0-00000.index", "shard-r0-00000.mcap"]
+    assert validate(tmp_path).defects == ()
+
+
+def test_full_shard_is_finished_at_once(make_recorder, tmp_path) -> None:
+    recorder = make_recorder()
+    for index in range(4):
+        send(recorder, append_requests(index))
+    assert [entry.episode.index for entry in Dataset([tmp_path]).episodes] == [0, 1, 2]
+    recorder.close()
+    assert len(Dataset([tmp_path]).episodes) == 4
+
+
+def test_recorder_without_episodes_leaves_nothing(make_recorder, tmp_path) -> None:
+    make_recorder().close()
+    assert names(tmp_path) == []
+
+
+def test_batch_sent_again_changes_nothing(make_recorder, coordinator, tmp_path) -> None:
+    recorder = make_recorder()
+    first, last = append_requests(0)
+    assert send(recorder, [first, first, last, last, first]) == ["ok", "ok", "committed", "dup", "dup"]
+    recorder.close()
+    assert len(Dataset([tmp_path])) == 12
+    assert coordinator.done_indices == [0]
+
+
+def test_missing_batch_is_asked_for(make_recorder) -> None:
+    recorder = make_recorder()
+    first, second, last = append_requests(0, 20)
+    assert handle_append(recorder, second) == AppendReply(status="gap", expected_seq=0)
+    assert send(recorder, [first]) == ["ok"]
+    assert handle_append(recorder, last) == AppendReply(status="gap", expected_seq=8)
+    assert send(recorder, [second, last]) == ["ok", "committed"]
+
+
+def test_damaged_sample_is_asked_for_again_but_not_for_ever(make_recorder) -> None:
+    recorder = make_recorder()
+    good, _ = append_requests(0)
+    samples = list(good.samples)
+    samples[5] = dataclasses.replace(samples[5], image=samples[5].image[:-1] + b"\0")
+    damaged = dataclasses.replace(good, samples=tuple(samples))
+    for _ in range(3):
+        reply = handle_append(recorder, damaged)
+        assert (reply.status, reply.expected_seq) == ("gap", 5)
+    with pytest.raises(DatasetError, match="sample 5 never matches its CRC-32"):
+        handle_append(recorder, damaged)
+    assert handle_append(recorder, good).status == "ok"
+
+
+def test_contradicting_batches_are_refused(make_recorder) -> None:
+    recorder = make_recorder()
+    first, last = append_requests(0)
+    send(recorder, [first])
+    with pytest.raises(DatasetError, match="two different headers"):
+        handle_append(recorder, dataclasses.replace(last, header=dataclasses.replace(last.header, width_px=64)))
+    with pytest.raises(DatasetError, match="closed after 10 of 12 samples"):
+        handle_append(recorder, dataclasses.replace(last, samples=last.samples[:2]))
+    with pytest.raises(DatasetError, match="sent sample 11 where 10 was due"):
+        handle_append(recorder, dataclasses.replace(last, first_seq=10, samples=last.samples[3:]))
+
+
+def test_newer_attempt_replaces_older_one(make_recorder, coordinator) -> None:
+    recorder = make_recorder()
+    old_first, old_last = append_requests(0, attempt=1)
+    new_first, new_last = append_requests(0, attempt=2)
+    assert send(recorder, [old_first, new_first, old_last, new_last]) == ["ok", "ok", "stale", "committed"]
+    assert coordinator.done[0].attempt == 2
+
+
+def test_attempt_that_lost_its_lease_is_stale(make_recorder, coordinator, tmp_path) -> None:
+    recorder = make_recorder()
+    coordinator.verdicts[0] = "stale"
+    assert send(recorder, append_requests(0)) == ["ok", "stale"]
+    coordinator.verdicts[1] = "done"
+    assert send(recorder, append_requests(1)) == ["ok", "dup"]
+    recorder.close()
+    assert names(tmp_path) == []
+
+
+def test_absent_coordinator_is_answered_with_retry(make_recorder, coordinator, tmp_path) -> None:
+    coordinator.go_away()
+    recorder = make_recorder()
+    first, last = append_requests(0)
+    assert send(recorder, [first, last, last]) == ["ok", "retry", "retry"]
+    assert list(tmp_path.glob("shard-*")) == []
+    coordinator.away.clear()
+    assert send(recorder, [last]) == ["committed"]
+
+
+def test_grant_whose_answer_is_lost_is_still_used(make_recorder, coordinator) -> None:
+    recorder = make_recorder()
+    coordinator.away = {"grant-reply"}
+    assert send(recorder, append_requests(0)) == ["ok", "retry"]
+    coordinator.away.clear()
+    # The sender died: the recorder finds the grant among the pending ones by itself.
+    assert recorder.settle()
+    assert coordinator.done_indices == [0]
+    assert coordinator.granted == {}
+
+
+def test_report_is_sent_until_it_is_acknowledged(make_recorder, coordinator) -> None:
+    recorder = make_recorder()
+    coordinator.away = {"done"}
+    assert send(recorder, append_requests(0)) == ["ok", "committed"]
+    assert not recorder.settle()
+    coordinator.away.clear()
+    assert recorder.settle()
+    assert recorder.settle()
+    assert coordinator.done_indices == [0]
+
+
+def test_episode_given_away_after_its_grant_is_an_error(make_recorder, coordinator) -> None:
+    recorder = make_recorder()
+    coordinator.stale_done = {0}
+    with pytest.raises(RunError, match="remove one of the two shards"):
+        send(recorder, append_requests(0))
+
+
+def test_full_disk_cuts_the_shard_back_and_names_the_folder(make_recorder, coordinator, tmp_path, monkeypatch) -> None:
+    recorder = make_recorder()
+    send(recorder, append_requests(0))
+    part = tmp_path / "shard-r0-00000.mcap.part"
+    good = part.read_bytes()
+    real_write = os.write
+
+    def write_half(descriptor: int, data: memoryview) -> int:
+        if len(data) < 5000:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return real_write(descriptor, data[: len(data) // 2])
+
+    monkeypatch.setattr("common.dataset.writer.os.write", write_half)
+    with pytest.raises(RunError, match=f"No space left in {tmp_path}; free some"):
+        send(recorder, append_requests(1))
+    assert part.read_bytes() == good
+    assert [report.index for report in coordinator.lost] == [1]
+    assert "No space left" in coordinator.lost[0].reason
+    with pytest.raises(RunError, match="No space left"):
+        recorder.close()
+    assert part.read_bytes() == good
+    monkeypatch.undo()
+
+    crash(recorder)
+    resumed = make_recorder()
+    assert send(resumed, append_requests(1, attempt=2)) == ["ok", "committed"]
+    resumed.close()
+    assert [entry.episode.index for entry in Dataset([tmp_path]).episodes] == [0, 1]
+    assert validate(tmp_path).defects == ()
+
+
+def test_full_disk_while_a_shard_is_finished_loses_nothing(make_recorder, tmp_path, monkeypatch) -> None:
+    recorder = make_recorder(episodes_per_shard=1)
+
+    def refuse(*arguments: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("common.dataset.writer.os.replace", refuse)
+    assert send(recorder, append_requests(0)) == ["ok", "committed"]
+    with pytest.raises(RunError, match="No space left"):
+        send(recorder, append_requests(1))
+    monkeypatch.undo()
+    assert send(recorder, append_requests(1, attempt=2)) == ["ok", "committed"]
+    recorder.close()
+    assert len(Dataset([tmp_path]).episodes) == 2
+    assert validate(tmp_path).defects == ()
+
+
+def test_nothing_follows_a_failed_write_that_cannot_be_cut_off(make_recorder, tmp_path, monkeypatch) -> None:
+    recorder = make_recorder()
+    send(recorder, append_requests(0))
+
+    def refuse(*arguments: object) -> None:
+        raise OSError(errno.EIO, "Input/output error")
+
+    monkeypatch.setattr("common.dataset.writer.os.write", refuse)
+    monkeypatch.setattr("common.dataset.writer.os.ftruncate", refuse)
+    with pytest.raises(RunError, match=r"Writing to .* failed: Input/output error"):
+        send(recorder, append_requests(1))
+    monkeypatch.undo()
+    with pytest.raises(RunError, match="not open any more"):
+        send(recorder, append_requests(1, attempt=2))
+    crash(recorder)
+    resumed = make_recorder()
+    resumed.settle()
+    assert len(Dataset([tmp_path]).episodes) == 1
+
+
+def test_longest_untouched_buffer_goes_first(make_recorder) -> None:
+    recorder = make_recorder()
+    requests = {index: append_requests(index, 20) for index in range(3)}
+    batch_bytes = sum(len(sample.image) for sample in requests[0][0].samples)
+    recorder._buffers._limit_bytes = int(2.5 * batch_bytes)
+    assert [handle_append(recorder, requests[index][0]).status for index in (0, 1, 2)] == ["ok"] * 3
+    assert handle_append(recorder, requests[0][1]) == AppendReply(status="gap", expected_seq=0)
+    assert handle_append(recorder, requests[2][1]).status == "ok"
+
+
+def test_an_episode_larger_than_the_bound_is_still_recorded(make_recorder) -> None:
+    recorder = make_recorder()
+    recorder._buffers._limit_bytes = 100
+    assert send(recorder, append_requests(0, 20)) == ["ok", "ok", "committed"]
+
+
+def test_second_recorder_of_a_name_is_refused(make_recorder, tmp_path) -> None:
+    recorder = make_recorder()
+    with pytest.raises(RunError, match=r"r0 is recording into .* already"):
+        make_recorder()
+    make_recorder("r1").close()
+    recorder.close()
+    make_recorder().close()
+
+
+def test_name_must_fit_a_topic(make_recorder) -> None:
+    with pytest.raises(RunError, match="letters, digits and underscores"):
+        make_recorder("a/b")
+
+
+def test_metadata_that_cannot_be_recorded_is_refused_at_the_start(tmp_path) -> None:
+    with pytest.raises(DatasetError, match="must be plain values"):
+        Recorder(tmp_path, "r0", InProcessBus(), {"scene": tmp_path})
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_episode_of_another_run_is_refused(make_recorder) -> None:
+    recorder = make_recorder()
+    send(recorder, append_requests(0))
+    recorder.close()
+    other = append_requests(1, episode=EpisodeKey(seed=8, split=Split.TRAIN, index=1))
+    with pytest.raises(RunError, match="holds train episodes of seed 7, got train-8-000001"):
+        send(make_recorder(), other)
+
+
+def test_closed_recorder_asks_to_try_again(make_recorder) -> None:
+    recorder = make_recorder()
+    recorder.close()
+    assert send(recorder, append_requests(0)) == ["retry", "retry"]
+
+
+def test_service_answers_on_its_topic(make_recorder, coordinator) -> None:
+    recorder = make_recorder()
+    attach(coordinator.bus, recorder)
+    replies = [coordinator.bus.request("rec/r0/append", r, AppendReply).status for r in append_requests(0)]
+    assert replies == ["ok", "committed"]
+
+
+def test_service_starts_without_a_coordinator(tmp_path) -> None:
+    bus = InProcessBus()
+    recorder = Recorder(tmp_path, "r0", bus, METADATA, RecorderConfig(fsync=False))
+    attach(bus, recorder)
+    assert bus.request("rec/r0/append", append_requests(0)[0], AppendReply).status == "ok"
+    recorder.close()
+
+
+def test_interleaved_senders_in_threads_all_commit(make_recorder, coordinator, tmp_path) -> None:
+    recorder = make_recorder()
+    threads = [threading.Thread(target=send, args=(recorder, append_requests(index))) for index in range(6)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    recorder.close()
+    assert sorted(coordinator.done_indices) == list(range(6))
+    assert validate(tmp_path).episode_count == 6
+
+
+def test_settings_are_checked() -> None:
+    with pytest.raises(ValueError, match="episodes_per_shard must be positive"):
+        RecorderConfig(episodes_per_shard=0)

@@ -1,0 +1,79 @@
+"""Synthetic episodes whose images tell the action."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from common.config import section_to_mapping
+from common.messages import EpisodeKey, Split
+from common.robot import CameraConfig, RobotConfig
+
+
+@dataclass
+class FakeEpisode:
+    episode: EpisodeKey
+    first_sample: int
+    sample_count: int
+
+
+@dataclass
+class FakeSource:
+    """Like `common.dataset.Dataset`: a bright bar's column tells w, the rows' brightness tells v."""
+
+    episodes: list
+    actions: np.ndarray
+    goals_xy_m: np.ndarray
+    metadata: dict
+    content_hash: str
+    camera: CameraConfig
+    decoded: int = 0
+
+    def decode(self, index):
+        self.decoded += 1
+        height, width = self.camera.height_px, self.camera.width_px
+        v, w = self.actions[index].tolist()
+        image = np.full((height, width, 3), round(40 + 120 * v), np.uint8)
+        column = round((0.5 - 0.4 * w / 1.2) * (width - 1))
+        image[:, max(0, column - 2) : column + 3] = (255, 255, 0)
+        return image
+
+
+def make_source(*, episodes=6, samples=60, seed=0, camera=None, name="data"):
+    camera = camera or CameraConfig(height_px=32, width_px=64)
+    rng = np.random.default_rng(seed)
+    count = episodes * samples
+    steps = np.arange(samples) / 20
+    actions = np.concatenate(
+        [
+            np.stack(
+                [
+                    0.5 + 0.4 * np.sin(rng.uniform(1, 3) * steps + rng.uniform(0, 6)),
+                    1.1 * np.sin(rng.uniform(1, 3) * steps + rng.uniform(0, 6)),
+                ],
+                axis=1,
+            )
+            for _ in range(episodes)
+        ]
+    ).astype(np.float32)
+    return FakeSource(
+        episodes=[
+            FakeEpisode(EpisodeKey(seed=seed, split=Split.TRAIN, index=i), i * samples, samples)
+            for i in range(episodes)
+        ],
+        actions=actions,
+        goals_xy_m=rng.uniform(-8, 8, (count, 2)).astype(np.float32),
+        metadata={"config": {"robot": section_to_mapping(RobotConfig(camera=camera))}},
+        content_hash=f"{name}-{seed}",
+        camera=camera,
+    )
+
+
+@pytest.fixture
+def make_data():
+    return make_source
+
+
+@pytest.fixture
+def source():
+    return make_source()

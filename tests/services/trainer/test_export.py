@@ -1,0 +1,64 @@
+import numpy as np
+import pytest
+import torch
+from torch import nn
+
+from common.policy import PolicySpec, load_policy
+from common.robot import CameraConfig, RobotConfig
+from services.trainer.export import export_policy
+from services.trainer.model import PolicyNet, images_from_bytes
+
+
+def trained_looking_model(robot):
+    """A network whose normalisations have seen data."""
+    torch.manual_seed(3)
+    model = PolicyNet(robot)
+    for module in model.modules():
+        if isinstance(module, nn.BatchNorm2d):
+            module.running_mean.normal_(0, 0.3)
+            module.running_var.uniform_(0.3, 2.0)
+            module.weight.data.uniform_(0.5, 1.5)
+            module.bias.data.normal_(0, 0.3)
+    model.head.layer3.weight.data.mul_(4)
+    return model.eval()
+
+
+@pytest.mark.parametrize("size", [(144, 256), (90, 161), (8, 8)])
+def test_exported_graphs_answer_what_torch_answers(tmp_path, size):
+    robot = RobotConfig(v_max_mps=0.7, w_max_radps=0.9, camera=CameraConfig(height_px=size[0], width_px=size[1]))
+    model = trained_looking_model(robot)
+    export_policy(model, PolicySpec(robot=robot), tmp_path)
+    policy = load_policy(tmp_path, robot=robot)
+    rng = np.random.default_rng(0)
+    images = rng.integers(0, 256, (4, *size, 3), dtype=np.uint8)
+    previous = rng.uniform((0, -0.9), (0.7, 0.9), (2, 2)).astype(np.float32)
+    goals = np.array([[4.0, -2.0], [25.0, 3.0]], np.float32)
+    window = torch.tensor([[0, 1, 2], [1, 2, 3]])
+    with torch.inference_mode():
+        latents = model.encode_windows(images_from_bytes(torch.from_numpy(images)), window)
+        normalised = model.normalise_previous(torch.from_numpy(previous))
+        expected = model.clip(model.act(latents, normalised, torch.from_numpy(goals))).numpy()
+    ours = policy.encode(images)
+    assert np.abs(ours[window].reshape(2, -1) - latents.numpy()).max() < 1e-5
+    assert np.abs(policy.act(ours[window].reshape(2, -1), previous, goals) - expected).max() < 1e-5
+
+
+def test_actions_stay_within_the_limits(tmp_path):
+    robot = RobotConfig(camera=CameraConfig(height_px=16, width_px=16))
+    model = trained_looking_model(robot)
+    model.head.layer3.weight.data.mul_(100)
+    export_policy(model, PolicySpec(robot=robot), tmp_path)
+    rng = np.random.default_rng(0)
+    latents = rng.normal(0, 3, (50, 60)).astype(np.float32)
+    actions = load_policy(tmp_path).act(latents, np.zeros((50, 2), np.float32), np.zeros((50, 2), np.float32))
+    assert actions.min(axis=0).tolist() == pytest.approx([0.0, -1.2])
+    assert actions.max(axis=0).tolist() == pytest.approx([1.0, 1.2])
+
+
+def test_equal_weights_give_equal_files(tmp_path):
+    robot = RobotConfig(camera=CameraConfig(height_px=16, width_px=16))
+    for name in ("a", "b"):
+        export_policy(trained_looking_model(robot), PolicySpec(robot=robot), tmp_path / name)
+    for file in ("encoder.onnx", "head.onnx", "policy.toml"):
+        assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes()
+    assert sorted(path.name for path in (tmp_path / "a").iterdir()) == ["encoder.onnx", "head.onnx", "policy.toml"]

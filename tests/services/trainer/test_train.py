@@ -1,0 +1,176 @@
+import dataclasses
+import json
+
+import cv2
+import numpy as np
+import pytest
+import torch
+
+from common.errors import DatasetError, PolicyError
+from common.policy import load_policy
+from common.robot import CameraConfig
+from services.trainer import TrainConfig, paper_recipe
+from services.trainer.run import learning_rate
+from services.trainer.train import train
+
+QUICK = TrainConfig(
+    epochs=2, threads=1, batch_size=40, validate_every_steps=5, validation_samples=60, shift_px=0, mirror=0.0
+)
+
+
+def weights(folder):
+    return (folder / "encoder.onnx").read_bytes() + (folder / "head.onnx").read_bytes()
+
+
+def test_policy_learns_what_the_images_tell(source, tmp_path):
+    config = dataclasses.replace(QUICK, epochs=40, learning_rate=2e-3)
+    metrics = train(source, config, tmp_path)
+    assert metrics["without_previous_ratio_w"] < 0.6
+    assert metrics["without_previous_ratio_v"] < 0.6
+
+
+def test_run_leaves_a_policy_metrics_and_a_curve(source, tmp_path):
+    metrics = train(source, QUICK, tmp_path)
+    assert json.loads((tmp_path / "metrics.json").read_text()) == metrics
+    assert cv2.imread(str(tmp_path / "loss.png")).shape == (540, 960, 3)
+    training = load_policy(tmp_path).spec.training
+    assert training["data_sha256"] == "data-0"
+    assert training["config"]["seed"] == 0
+    assert not [path for path in tmp_path.iterdir() if "part" in path.name]
+
+
+def test_mean_baseline_is_the_spread_of_held_out_actions_around_the_training_mean(make_data, tmp_path):
+    source, held_out = make_data(), make_data(seed=1)
+    metrics = train(source, QUICK, tmp_path, validation=held_out)
+    expected = np.sqrt(np.mean((held_out.actions - source.actions.mean(0)) ** 2, axis=0))
+    assert metrics["mean_baseline_rmse_v_mps"] == pytest.approx(expected[0], rel=1e-5)
+    assert metrics["mean_baseline_rmse_w_radps"] == pytest.approx(expected[1], rel=1e-5)
+    assert metrics["validation_episodes"] == len(held_out.episodes)
+
+
+def test_equal_seeds_give_equal_weights(source, tmp_path):
+    for name in ("a", "b"):
+        train(source, QUICK, tmp_path / name)
+    train(source, dataclasses.replace(QUICK, seed=1), tmp_path / "c")
+    assert weights(tmp_path / "a") == weights(tmp_path / "b")
+    assert weights(tmp_path / "a") != weights(tmp_path / "c")
+
+
+def test_interrupted_run_goes_on_as_if_nothing_had_happened(source, tmp_path):
+    train(source, QUICK, tmp_path / "whole")
+
+    def interrupt(progress):
+        if progress.step == 7:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        train(source, QUICK, tmp_path / "parts", report=interrupt)
+    train(source, QUICK, tmp_path / "parts")
+    assert weights(tmp_path / "parts") == weights(tmp_path / "whole")
+
+
+def test_finished_run_trains_no_further(source, tmp_path):
+    first = train(source, QUICK, tmp_path)
+    assert train(source, QUICK, tmp_path)["steps"] == first["steps"]
+
+
+def test_larger_budget_goes_on(source, tmp_path):
+    first = train(source, QUICK, tmp_path)
+    more = train(source, dataclasses.replace(QUICK, epochs=3), tmp_path)
+    assert more["steps"] == 1.5 * first["steps"]
+
+
+def test_minutes_end_training(source, tmp_path):
+    metrics = train(source, dataclasses.replace(QUICK, epochs=None, minutes=0.01), tmp_path)
+    assert metrics["elapsed_s"] >= 0.6
+    assert metrics["steps"] > 0
+
+
+def test_folder_of_another_run_is_refused(make_data, tmp_path):
+    train(make_data(), QUICK, tmp_path)
+    with pytest.raises(PolicyError, match="training data"):
+        train(make_data(seed=5), QUICK, tmp_path)
+    with pytest.raises(PolicyError, match="learning_rate"):
+        train(make_data(), paper_recipe(QUICK), tmp_path)
+
+
+def test_broken_checkpoint_is_named(source, tmp_path):
+    (tmp_path / "checkpoint.pt").write_bytes(b"no checkpoint")
+    with pytest.raises(PolicyError, match="delete it to start anew"):
+        train(source, QUICK, tmp_path)
+
+
+def test_pickled_objects_in_a_checkpoint_are_refused(source, tmp_path):
+    torch.save({"format": "readygo-training/1", "identity": pytest.approx}, tmp_path / "checkpoint.pt")
+    with pytest.raises(PolicyError, match="cannot be read"):
+        train(source, QUICK, tmp_path)
+
+
+def test_closed_loop_success_chooses_the_checkpoint(source, tmp_path):
+    asked = []
+
+    def evaluate(folder):
+        load_policy(folder)
+        asked.append(folder)
+        return 0.75 if len(asked) == 2 else 0.5
+
+    config = dataclasses.replace(QUICK, epochs=3, rollout_every=1)
+    metrics = train(source, config, tmp_path, evaluate=evaluate)
+    assert metrics["chosen_step"] == metrics["history"][1]["step"]
+    assert len(asked) == len(metrics["history"])
+    assert not asked[0].exists()
+
+
+def test_policy_that_was_never_rolled_out_is_at_the_end(source, tmp_path):
+    metrics = train(source, dataclasses.replace(QUICK, rollout_every=100), tmp_path, evaluate=lambda _: 0.5)
+    assert metrics["chosen_step"] == metrics["steps"]
+
+
+def test_images_of_another_size_are_refused(source, tmp_path):
+    source.camera = CameraConfig(height_px=32, width_px=48)
+    with pytest.raises(DatasetError, match=r"robot\.toml"):
+        train(source, QUICK, tmp_path)
+
+
+def test_data_without_a_robot_are_refused(source, tmp_path):
+    source.metadata = {}
+    with pytest.raises(DatasetError, match="which robot"):
+        train(source, QUICK, tmp_path)
+
+
+def test_robots_of_training_and_validation_must_agree(make_data, tmp_path):
+    other = make_data(camera=CameraConfig(height_px=32, width_px=48))
+    with pytest.raises(DatasetError, match="different robots"):
+        train(make_data(), QUICK, tmp_path, validation=other)
+
+
+def test_frames_within_the_cache_are_decoded_once(source, tmp_path):
+    train(source, QUICK, tmp_path / "cached")
+    once = source.decoded
+    train(source, dataclasses.replace(QUICK, cache_mb=0), tmp_path / "not")
+    assert once <= 360
+    assert source.decoded > 3 * once
+
+
+def test_learning_rate_warms_up_and_falls():
+    rates = [learning_rate(TrainConfig(), step, step / 1000) for step in range(1001)]
+    assert rates[0] < 0.1 * max(rates)
+    assert rates[-1] == pytest.approx(1e-5)
+    assert learning_rate(paper_recipe(TrainConfig()), 500, 0.5) == 1e-4
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"minutes": 0.0}, {"epochs": 0}, {"batch_size": 0}, {"ema_decay": 1.0}, {"learning_rate": 0.0}]
+)
+def test_settings_that_make_no_sense_are_refused(wrong):
+    with pytest.raises(ValueError, match=next(iter(wrong))):
+        TrainConfig(**wrong)
+
+
+@pytest.mark.slow
+def test_four_episodes_can_be_learned_by_heart(make_data, tmp_path):
+    source = make_data(episodes=5, samples=100)
+    config = dataclasses.replace(QUICK, epochs=200, validation_fraction=0.2, previous_dropout=0.0, photometric=0.0)
+    metrics = train(source, config, tmp_path, validation=source)
+    assert metrics["rmse_v_mps"] < 0.05
+    assert metrics["rmse_w_radps"] < 0.05
