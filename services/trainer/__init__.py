@@ -1,1 +1,8 @@
-"""The trainer: policies from shards."""
+"""The trainer: policies from shards.
+
+torch is imported by `services.trainer.train`, not here.
+"""
+
+from services.trainer.config import TrainConfig, paper_recipe
+
+__all__ = ["TrainConfig", "paper_recipe"]

@@ -38,7 +38,7 @@ def box(low_m, high_m):
 
 
 def room(width_m=6.0, depth_m=5.0, *, height_m=2.5, tilt=0.0):
-    """Floor, four walls and a ceiling; the floor rises by `tilt` metres per metre of x. One corner lies at (0, 0, 0)."""
+    """Floor, four walls and a ceiling with a corner at (0, 0, 0); the floor rises by `tilt` metres per metre of x."""
     x, y, z = np.array([width_m, 0, tilt * width_m]), np.array([0, depth_m, 0]), np.array([0, 0, height_m])
     zero = np.zeros(3)
     return concatenate(

@@ -40,7 +40,7 @@ def test_outside_of_the_room_no_floor_is_seen_but_a_height_is_given():
 def test_floor_hidden_below_a_wide_box_has_no_support():
     cloud = room(8.0, 8.0)
     inside = (np.abs(cloud.means_m[:, :2] - 4.0) < 1.2).all(axis=1) & (cloud.means_m[:, 2] < 1)
-    estimate = estimate_floor(concatenate([cloud.select(~inside), box((2.8, 2.8, 0), (5.2, 5.2, 1))]), 0.1)
+    estimate = estimate_floor(concatenate([cloud.select(~inside), box((2.8, 2.8, 0.3), (5.2, 5.2, 1))]), 0.1)
     row, column = estimate.floor.frame.cell(4.0, 4.0)
     assert not estimate.supported[row, column]
 
@@ -69,9 +69,9 @@ def test_floor_of_a_real_flat_is_where_its_dense_floor_gaussians_are(shared_data
     upright = np.abs(matrix_from_quat(cloud.quats_wxyz[lying])[np.arange(len(thin)), 2, thin]) > 0.8
     tree = cKDTree(cloud.means_m[lying][upright, :2])
     frame = estimate.floor.frame
-    cells = np.argwhere(estimate.supported)[::7]
+    cells = np.argwhere(estimate.supported)[::25]
     centres = np.stack([frame.centre_m(*cell) for cell in cells])
     near = tree.query_ball_point(centres, 0.25)
     errors = np.array([np.median(above[lying][upright][n]) for n in near if len(n) >= 10])
-    assert len(errors) > 1000
-    assert (np.abs(errors) < 0.03).mean() > 0.8
+    assert len(errors) > 300
+    assert (np.abs(errors) < 0.03).mean() > 0.85

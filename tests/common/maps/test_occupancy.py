@@ -46,7 +46,7 @@ def test_things_below_the_ground_clearance_are_floor():
 
 def test_haze_and_single_specks_over_the_floor_do_not_close_it():
     haze = sheet((1, 1, 0.3), (1, 0, 0), (0, 1, 0), opacity=0.15)
-    speck = sheet((4, 4, 0.13), (0.05, 0, 0), (0, 0.05, 0))
+    speck = sheet((4.01, 4.01, 0.13), (0.03, 0, 0), (0, 0.03, 0), spacing_m=0.03)
     plan = plan_scene(concatenate([room(), haze, speck]), CONFIG)
     assert not state(plan.robot, 1.5, 1.5)
     assert not state(plan.robot, 4.02, 4.02)

@@ -42,7 +42,7 @@ def smallest_distance(P, low, high):
 
 def test_voxels_are_those_that_the_ellipsoid_touches():
     rng = np.random.default_rng(3)
-    cloud = random_cloud(rng, 12)
+    cloud = random_cloud(rng, 6)
     for n in range(len(cloud)):
         touched = opacity_sums(cloud.select(np.array([n])), FRAME, BOTTOM_M, SHAPE) > 0
         R = matrix_from_quat(cloud.quats_wxyz[n])

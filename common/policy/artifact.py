@@ -1,0 +1,109 @@
+"""The policy artifact: a folder with `policy.toml`, `encoder.onnx`, `head.onnx` and `metrics.json`.
+
+encoder.onnx: `image` uint8 (B, H, W, 3) RGB -> `latent` float32 (B, 20).
+head.onnx: `features` float32 (B, 64) -> `action` float32 (B, 2), v [m/s] and w [rad/s] within the robot's limits.
+The 64 features are the latents of t - 2 spacings, t - 1 spacing and t, then the previous action (v [m/s], w [rad/s])
+and the goal in the robot's frame (dx, dy) [m]. Every normalisation lies inside of the two graphs.
+"""
+
+import os
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from common.config import section_from_mapping, section_to_mapping
+from common.errors import ConfigError, PolicyError
+from common.robot import RobotConfig
+from common.robot.kinematics import RATE_HZ
+
+POLICY_FORMAT = "readygo-policy/1"
+LATENT_COUNT = 20
+FRAME_COUNT = 3
+FEATURE_COUNT = FRAME_COUNT * LATENT_COUNT + 4
+GOAL_SCALE_M = 10.0
+"""Goals are divided by this and clipped to [-1, 1] [m]."""
+ENCODER_FILE = "encoder.onnx"
+HEAD_FILE = "head.onnx"
+SPEC_FILE = "policy.toml"
+METRICS_FILE = "metrics.json"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PolicySpec:
+    """What a policy was trained for."""
+
+    robot: RobotConfig
+    frame_spacing_s: float = 0.5
+    """Time between the three frames [s]; a multiple of the step of 0.05 s."""
+    training: Mapping[str, Any] = field(default_factory=dict)
+    """Where it comes from: data hashes, seed, versions."""
+
+    def __post_init__(self) -> None:
+        steps = self.frame_spacing_s * RATE_HZ
+        if steps < 1 or abs(steps - round(steps)) > 1e-6:
+            raise ValueError(f"frame_spacing_s must be a multiple of {1 / RATE_HZ} s, got {self.frame_spacing_s}.")
+
+    @property
+    def frame_spacing_steps(self) -> int:
+        """Simulation steps between the three frames."""
+        return round(self.frame_spacing_s * RATE_HZ)
+
+
+def save_spec(spec: PolicySpec, folder: Path) -> None:
+    """Write `policy.toml` in one piece."""
+    mapping = {
+        "format": POLICY_FORMAT,
+        "frame_spacing_s": spec.frame_spacing_s,
+        "robot": section_to_mapping(spec.robot),
+        "training": dict(spec.training),
+    }
+    temporary = folder / f".{SPEC_FILE}.part"
+    temporary.write_text("\n".join(_toml_lines(mapping)) + "\n")
+    os.replace(temporary, folder / SPEC_FILE)
+
+
+def load_spec(folder: Path) -> PolicySpec:
+    """Read `policy.toml`.
+
+    Raises:
+        PolicyError: If the file is missing, broken, or of another format.
+    """
+    path = folder / SPEC_FILE
+    try:
+        mapping = tomllib.loads(path.read_text())
+    except OSError as error:
+        raise PolicyError(
+            f"{folder} holds no {SPEC_FILE}; give the folder that `readygo train --out` wrote."
+        ) from error
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise PolicyError(f"{path} is no TOML file: {error}; export the policy again.") from error
+    if mapping.get("format") != POLICY_FORMAT:
+        raise PolicyError(f"{path} has format {mapping.get('format')!r}, this version reads {POLICY_FORMAT!r}.")
+    try:
+        robot = section_from_mapping(RobotConfig, mapping["robot"], where="robot.")
+        return PolicySpec(
+            robot=robot, frame_spacing_s=float(mapping["frame_spacing_s"]), training=mapping.get("training", {})
+        )
+    except (ConfigError, KeyError, TypeError, ValueError) as error:
+        raise PolicyError(f"{path} cannot be used: {error}; export the policy again.") from error
+
+
+def _toml_lines(mapping: Mapping[str, Any], path: str = "") -> list[str]:
+    lines = [f"{key} = {_toml_value(value)}" for key, value in mapping.items() if not isinstance(value, Mapping)]
+    for key, value in mapping.items():
+        if isinstance(value, Mapping):
+            lines += ["", f"[{path}{key}]", *_toml_lines(value, f"{path}{key}.")]
+    return lines
+
+
+def _toml_value(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, (int, float)):
+        return repr(value)
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(_toml_value(item) for item in value)}]"
+    text = str(value).replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
+    return f'"{text}"'

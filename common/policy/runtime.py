@@ -1,0 +1,177 @@
+"""Run an exported policy with onnxruntime: one thread, the same numbers whatever the batch."""
+
+from collections import deque
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from common.errors import PolicyError
+from common.messages.checks import check_array
+from common.policy.artifact import (
+    ENCODER_FILE,
+    FEATURE_COUNT,
+    HEAD_FILE,
+    LATENT_COUNT,
+    SPEC_FILE,
+    PolicySpec,
+    load_spec,
+)
+from common.robot import RobotConfig
+
+
+class PolicyMemory:
+    """What a policy remembers of one episode: the latents of the last two frame spacings."""
+
+    def __init__(self, frame_spacing_steps: int) -> None:
+        self._spacing = frame_spacing_steps
+        self._latents: deque[npt.NDArray[np.float32]] = deque(maxlen=2 * frame_spacing_steps + 1)
+
+    def push(self, latent: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        """Remember the latent of the current step, and return what the head sees.
+
+        Args:
+            latent: Latent of the frame at this step, shape (20,).
+
+        Returns:
+            Latents of two spacings ago, one spacing ago and now, shape (60,); the episode's first frame stands for
+            those before it.
+        """
+        self._latents.append(latent)
+        last = len(self._latents) - 1
+        rows = (max(last - 2 * self._spacing, 0), max(last - self._spacing, 0), last)
+        return np.concatenate([self._latents[row] for row in rows])
+
+
+class Policy:
+    """An exported policy; `load_policy` makes it."""
+
+    def __init__(self, spec: PolicySpec, encoder: Any, head: Any) -> None:
+        self.spec = spec
+        self._encoder = encoder
+        self._head = head
+
+    def start(self) -> PolicyMemory:
+        """Memory for a new episode."""
+        return PolicyMemory(self.spec.frame_spacing_steps)
+
+    def encode(self, images: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
+        """Latents of RGB images, shape (B, H, W, 3) -> (B, 20).
+
+        Images go through one at a time: the sums of a batch are grouped differently, and an episode's result would
+        depend on which other episodes run beside it.
+
+        Raises:
+            PolicyError: If the images do not have the size that the policy was trained for.
+        """
+        check_array("images", images, np.uint8, (None, None, None, 3))
+        camera = self.spec.robot.camera
+        if images.shape[1:3] != (camera.height_px, camera.width_px):
+            raise PolicyError(
+                f"The policy sees images of {camera.height_px}x{camera.width_px} px, got "
+                f"{images.shape[1]}x{images.shape[2]}; use the robot.toml that it was trained with."
+            )
+        latents = np.empty((len(images), LATENT_COUNT), np.float32)
+        for row, image in enumerate(images):
+            latents[row] = self._encoder.run(None, {"image": image[None]})[0][0]
+        return latents
+
+    def act(
+        self,
+        latents: npt.NDArray[np.float32],
+        previous_actions: npt.NDArray[np.float32],
+        goals_xy_m: npt.NDArray[np.float32],
+    ) -> npt.NDArray[np.float32]:
+        """Actions of several episodes.
+
+        Args:
+            latents: What `PolicyMemory.push` returned, one row per episode, shape (B, 60).
+            previous_actions: Commands executed over the last step: v [m/s], w [rad/s], shape (B, 2).
+            goals_xy_m: Goals in the robots' frames (x forward, y left) [m], shape (B, 2).
+
+        Returns:
+            Commands v [m/s], w [rad/s] within the robot's limits, shape (B, 2).
+        """
+        features = np.concatenate([latents, previous_actions, goals_xy_m], axis=1).astype(np.float32)
+        check_array("features", features, np.float32, (None, FEATURE_COUNT))
+        rows = [self._head.run(None, {"features": row[None]})[0] for row in features]
+        return np.concatenate(rows) if rows else np.empty((0, 2), np.float32)
+
+    def step(
+        self,
+        memories: Sequence[PolicyMemory],
+        images: npt.NDArray[np.uint8],
+        previous_actions: npt.NDArray[np.float32],
+        goals_xy_m: npt.NDArray[np.float32],
+    ) -> npt.NDArray[np.float32]:
+        """One control step of several episodes: `encode`, remember, `act`; shapes as there, one row per memory."""
+        latents = self.encode(images)
+        seen = [memory.push(latent) for memory, latent in zip(memories, latents, strict=True)]
+        return self.act(np.stack(seen), previous_actions, goals_xy_m)
+
+
+def load_policy(folder: str | Path, *, robot: RobotConfig | None = None) -> Policy:
+    """Load an exported policy.
+
+    Args:
+        folder: The folder that training wrote.
+        robot: The robot that it shall drive; None skips the comparison.
+
+    Raises:
+        PolicyError: If a file is missing or broken, the format is another version's, the camera differs from
+            `robot`'s, or onnxruntime is not installed.
+    """
+    folder = Path(folder)
+    spec = load_spec(folder)
+    if robot is not None:
+        check_policy_camera(spec, robot)
+    policy = Policy(spec, _open_session(folder / ENCODER_FILE), _open_session(folder / HEAD_FILE))
+    _check_graphs(policy, folder)
+    return policy
+
+
+def check_policy_camera(spec: PolicySpec, robot: RobotConfig) -> None:
+    """Raise PolicyError unless the robot has the camera that the policy was trained with."""
+    ours, theirs = spec.robot.camera, robot.camera
+    if (ours.height_px, ours.width_px) != (theirs.height_px, theirs.width_px):
+        raise PolicyError(
+            f"The policy sees images of {ours.height_px}x{ours.width_px} px, the robot's camera gives "
+            f"{theirs.height_px}x{theirs.width_px}; evaluate with the robot.toml that it was trained with."
+        )
+    if ours != theirs:
+        raise PolicyError(
+            f"The policy was trained with a camera of {ours.horizontal_fov_deg} deg at {ours.mount_height_m} m, the "
+            f"robot's has {theirs.horizontal_fov_deg} deg at {theirs.mount_height_m} m; use one robot.toml."
+        )
+
+
+def _open_session(path: Path) -> Any:
+    try:
+        import onnxruntime
+    except ImportError as error:
+        raise PolicyError("onnxruntime is not installed; run `pip install 'readygo[policy]'`.") from error
+    if not path.is_file():
+        raise PolicyError(f"Policy file {path} is missing; export the policy again.")
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = 1
+    options.inter_op_num_threads = 1
+    options.log_severity_level = 4
+    try:
+        return onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # onnxruntime raises a dozen unrelated types for a broken file
+        reason = str(error).splitlines()[0]
+        raise PolicyError(f"Policy file {path} cannot be loaded: {reason}; export the policy again.") from error
+
+
+def _check_graphs(policy: Policy, folder: Path) -> None:
+    camera = policy.spec.robot.camera
+    try:
+        latents = policy.encode(np.zeros((1, camera.height_px, camera.width_px, 3), np.uint8))
+        policy.act(np.tile(latents, (1, 3)), np.zeros((1, 2), np.float32), np.zeros((1, 2), np.float32))
+    except PolicyError:
+        raise
+    except Exception as error:  # as above: a graph of other inputs or shapes
+        reason = str(error).splitlines()[0]
+        raise PolicyError(f"The graphs of {folder} do not fit its {SPEC_FILE}: {reason}.") from error

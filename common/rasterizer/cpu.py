@@ -1,0 +1,212 @@
+"""The CPU rasterizer: a static scene, its sky and posed people in one depth-sorted pass."""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from common.avatars import Avatar, joint_transforms
+from common.rasterizer import cpu_blend
+from common.rasterizer.constants import NEAR_M
+from common.rasterizer.cpu_project import FAR_BITS, NEAR_BITS, Gaussians, Skin, Slab, project_person, project_scene
+from common.rasterizer.cpu_tiles import MAX_TILES
+from common.rasterizer.cpu_view import View, VisibleChunks, cull_person, cull_scene, make_view
+from common.rasterizer.cpu_workspace import Workspace, make_workspace, tile_count, with_room
+from common.rasterizer.packed import CHUNK, PackedScene
+from common.rasterizer.packed_avatar import PackedAvatar, pack_avatar
+
+SLAB_SHARES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)
+"""Shares of the visible chunks, nearest first, at which one slab ends and the next begins."""
+SLAB_MIN_CHUNKS = 64
+"""Fewer chunks are not worth a slab."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PosedPerson:
+    """A person in one pose."""
+
+    avatar: int
+    """Index of the avatar in the rasterizer's sequence."""
+    root_m: npt.NDArray[np.floating]
+    """Pelvis in the z-up world [m], shape (3,)."""
+    pose_axis_angle: npt.NDArray[np.floating]
+    """Joint rotations [rad] as in `Motion`, shape (24, 3)."""
+
+
+def _frozen(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """A read-only plain view: mapped and other packs then have one numba type, so that kernels compile once."""
+    view = array.view(np.ndarray)
+    view.flags.writeable = False
+    return view
+
+
+class _Layer:
+    """One cloud of the image: its chunks that may be seen, and how to project some of them."""
+
+    def __init__(self, scene: PackedScene) -> None:
+        self.gaussians = Gaussians(
+            _frozen(scene.centre_m),
+            _frozen(scene.geometry).reshape(-1),
+            _frozen(scene.colour).reshape(-1),
+            _frozen(scene.sh).reshape(-1),
+            float(scene.sh_step[0]),
+            scene.sh.shape[3] if len(scene.sh) else 1,
+        )
+        self.scene = scene
+        self._boxes = _frozen(scene.centre_m), _frozen(scene.half_m), _frozen(scene.reach_m)
+        self._chunks = VisibleChunks(
+            np.empty(scene.chunk_count, dtype=np.int64),
+            np.empty(scene.chunk_count, dtype=np.float64),
+            np.empty(scene.chunk_count, dtype=np.int64),
+            np.empty((2, 3), dtype=np.float64),
+        )
+
+    def cull(self, view: View) -> VisibleChunks:
+        count = cull_scene(view, *self._boxes, self._chunks)
+        return self._first(count)
+
+    def _first(self, count: int) -> VisibleChunks:
+        number, depth_m, box, corners = self._chunks
+        return VisibleChunks(number[:count], depth_m[:count], box[:count], corners)
+
+    def project(self, view: View, chunks: VisibleChunks, slab: Slab, ws: Workspace) -> None:
+        project_scene(view, self.gaussians, chunks, slab, ws)
+
+
+class _Person(_Layer):
+    """A person of the image."""
+
+    def __init__(self, avatar: Avatar, packed: PackedAvatar) -> None:
+        super().__init__(packed.scene)
+        self.avatar, self.packed = avatar, packed
+        self.skin = Skin(packed.joint_start, packed.joint, packed.weight.reshape(-1))
+        self._A_CS = np.empty((24, 3, 4), dtype=np.float32)
+
+    def pose(self, person: PosedPerson, view: View) -> None:
+        A_WS = joint_transforms(self.avatar, person.root_m, person.pose_axis_angle)
+        A_WS[:, :, 3] -= view.p_WC
+        R = view.R_CW
+        for i in range(3):
+            self._A_CS[:, i] = R[i, 0] * A_WS[:, 0] + R[i, 1] * A_WS[:, 1] + R[i, 2] * A_WS[:, 2]
+
+    def cull(self, view: View) -> VisibleChunks:
+        p = self.packed
+        count = cull_person(
+            view, self._A_CS, p.box_start, p.box_joint, p.box_centre_m, p.box_half_m, self._boxes[2], self._chunks
+        )
+        return self._first(count)
+
+    def project(self, view: View, chunks: VisibleChunks, slab: Slab, ws: Workspace) -> None:
+        project_person(view, self.gaussians, self.skin, self._A_CS, chunks, slab, ws)
+
+
+class CpuRasterizer:
+    """Renders one scene with people in it, for one camera; not to be shared between threads.
+
+    Chunks are drawn in a few slabs of depth, nearest first, so that what lies behind finished pixels is neither
+    projected nor sorted.
+
+    Args:
+        scenes: Static clouds, such as a scene and its sky.
+        avatars: Who may be drawn.
+        K_px: Intrinsics [px] without skew, shape (3, 3).
+        height_px: Image height.
+        width_px: Image width.
+
+    Raises:
+        ValueError: If the image is too large.
+    """
+
+    def __init__(
+        self,
+        scenes: PackedScene | Sequence[PackedScene],
+        avatars: Sequence[Avatar],
+        K_px: npt.ArrayLike,
+        height_px: int,
+        width_px: int,
+    ) -> None:
+        if tile_count(height_px, width_px) >= MAX_TILES:
+            raise ValueError(f"images are limited to {MAX_TILES} tiles of 16x16 px, got {height_px}x{width_px} px.")
+        self._layers = [_Layer(scene) for scene in ([scenes] if isinstance(scenes, PackedScene) else scenes)]
+        self._avatars = [(avatar, pack_avatar(avatar)) for avatar in avatars]
+        self._people: list[_Person] = []
+        self._K_px = np.asarray(K_px, dtype=np.float64)
+        self._height, self._width = height_px, width_px
+        self._ws = make_workspace(height_px, width_px, 0, 0)
+
+    def render(self, T_world_camera: npt.ArrayLike, people: Sequence[PosedPerson] = ()) -> npt.NDArray[np.uint8]:
+        """The image as bytes, sRGB for scenes trained on sRGB images.
+
+        Args:
+            T_world_camera: Camera pose, OpenCV axes, shape (4, 4).
+            people: People to draw.
+
+        Returns:
+            Shape (H, W, 3).
+
+        Raises:
+            ValueError: If the camera pose is not a finite 4x4 matrix.
+        """
+        self._draw(T_world_camera, people)
+        rgb = np.empty((self._height, self._width, 3), dtype=np.uint8)
+        cpu_blend.write_bytes(self._width, self._ws, rgb)
+        return rgb
+
+    def render_float(
+        self, T_world_camera: npt.ArrayLike, people: Sequence[PosedPerson] = ()
+    ) -> npt.NDArray[np.float32]:
+        """The image before rounding, not clipped above 1, shape (H, W, 3); see `render`."""
+        self._draw(T_world_camera, people)
+        rgb = np.empty((self._height, self._width, 3), dtype=np.float32)
+        cpu_blend.write_floats(self._width, self._ws, rgb)
+        return rgb
+
+    def _draw(self, T_world_camera: npt.ArrayLike, people: Sequence[PosedPerson]) -> None:
+        pose = np.asarray(T_world_camera, dtype=np.float64)
+        if pose.shape != (4, 4) or not np.isfinite(pose).all():
+            raise ValueError(f"T_world_camera must be a finite 4x4 matrix, got {pose.tolist()}.")
+        view = make_view(pose, self._K_px, self._height, self._width)
+        layers = [*self._layers, *self._pose(people, view)]
+        seen = [layer.cull(view) for layer in layers]
+        self._ws = with_room(self._ws, records=CHUNK * sum(len(chunks.number) for chunks in seen))
+        cpu_blend.begin_image(self._width, self._height, self._ws)
+        for slab in _slabs(seen):
+            cpu_blend.begin_slab(self._width, slab.limit_bits, self._ws)
+            for layer, chunks in zip(layers, seen, strict=True):
+                layer.project(view, chunks, slab, self._ws)
+            in_sorted = cpu_blend.sort_keys(self._ws)
+            self._ws = with_room(self._ws, entries=cpu_blend.begin_tiles(self._ws))
+            cpu_blend.fill_tiles(self._width, in_sorted, self._ws)
+            cpu_blend.blend_tiles(self._width, self._ws)
+
+    def _pose(self, people: Sequence[PosedPerson], view: View) -> list[_Layer]:
+        """A layer per person; layers are kept for the next image."""
+        for person in people[len(self._people) :]:
+            self._people.append(_Person(*self._avatars[person.avatar]))
+        layers: list[_Layer] = []
+        for place, person in enumerate(people):
+            avatar, packed = self._avatars[person.avatar]
+            if self._people[place].avatar is not avatar:
+                self._people[place] = _Person(avatar, packed)
+            self._people[place].pose(person, view)
+            layers.append(self._people[place])
+        return layers
+
+
+def _slabs(seen: Sequence[VisibleChunks]) -> list[Slab]:
+    """Split the depths at the shares of `SLAB_SHARES`."""
+    depths = np.sort(np.concatenate([chunks.depth_m for chunks in seen]))
+    limits = [float(depths[int(share * len(depths))]) for share in SLAB_SHARES] if len(depths) > SLAB_MIN_CHUNKS else []
+    limits = sorted({limit for limit in limits if limit > NEAR_M})
+    edges = [-np.inf, *limits, np.inf]
+    return [
+        Slab(first, limit, _depth_bits(limit), number > 0)
+        for number, (first, limit) in enumerate(itertools.pairwise(edges))
+    ]
+
+
+def _depth_bits(depth_m: float) -> int:
+    return FAR_BITS if depth_m == np.inf else int(np.float32(depth_m).view(np.int32)) - NEAR_BITS

@@ -1,0 +1,120 @@
+"""The slow, obvious rasterizer that the fast ones are compared with: float64 NumPy, one Gaussian after the other."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from common.frames import matrix_from_quat
+from common.gaussians import GaussianCloud, sh_basis
+from common.rasterizer.constants import (
+    ALPHA_MAX,
+    ALPHA_MIN,
+    DILATION_PX2,
+    FOV_MARGIN,
+    NEAR_M,
+    TRANSMITTANCE_MIN,
+)
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ReferenceImages:
+    """Images over a black background."""
+
+    rgb: npt.NDArray[np.float32]
+    """Colour as stored in the cloud (sRGB for trained scenes), not clipped above 1, shape (H, W, 3)."""
+    alpha: npt.NDArray[np.float32]
+    """One minus the transmittance that is left, shape (H, W)."""
+    depth_m: npt.NDArray[np.float32]
+    """Mean depth along the optical axis, weighted as colours are [m]; inf where nothing is drawn, shape (H, W)."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Splats:
+    """Gaussians in the image, nearest first."""
+
+    centre_px: Floats
+    conic: Floats
+    """Inverse covariance: xx, xy, yy, shape (N, 3)."""
+    half_px: Floats
+    """Half size of the box outside of which alpha is below the threshold, shape (N, 2)."""
+    opacity: Floats
+    rgb: Floats
+    depth_m: Floats
+
+
+def rasterize_reference(
+    cloud: GaussianCloud, T_world_camera: npt.ArrayLike, K_px: npt.ArrayLike, height_px: int, width_px: int
+) -> ReferenceImages:
+    """Draw Gaussians; the rules are in `common.rasterizer.constants`.
+
+    Args:
+        cloud: Gaussians in the world [m].
+        T_world_camera: Camera pose, OpenCV axes, shape (4, 4).
+        K_px: Intrinsics [px] without skew, shape (3, 3).
+        height_px: Image height.
+        width_px: Image width.
+
+    Returns:
+        Colour, opacity and depth.
+    """
+    K = np.asarray(K_px, dtype=np.float64)
+    splats = _project(cloud, np.asarray(T_world_camera, dtype=np.float64), K, height_px, width_px)
+    transmittance = np.ones((height_px, width_px))
+    rgb = np.zeros((height_px, width_px, 3))
+    depth = np.zeros((height_px, width_px))
+    low = np.maximum(np.ceil(splats.centre_px - splats.half_px - 0.5), 0).astype(np.int64)
+    limit = np.array([width_px, height_px]) - 1
+    high = np.minimum(np.floor(splats.centre_px + splats.half_px - 0.5), limit).astype(np.int64)
+    for n in np.flatnonzero((low <= high).all(axis=1)):
+        box = np.s_[low[n, 1] : high[n, 1] + 1, low[n, 0] : high[n, 0] + 1]
+        dx = np.arange(low[n, 0], high[n, 0] + 1) + 0.5 - splats.centre_px[n, 0]
+        dy = (np.arange(low[n, 1], high[n, 1] + 1) + 0.5 - splats.centre_px[n, 1])[:, None]
+        xx, xy, yy = splats.conic[n]
+        alpha = np.minimum(ALPHA_MAX, splats.opacity[n] * np.exp(-0.5 * (xx * dx * dx + yy * dy * dy) - xy * dx * dy))
+        alive = (alpha >= ALPHA_MIN) & (transmittance[box] >= TRANSMITTANCE_MIN)
+        weight = np.where(alive, alpha, 0.0) * transmittance[box]
+        rgb[box] += weight[..., None] * splats.rgb[n]
+        depth[box] += weight * splats.depth_m[n]
+        transmittance[box] -= weight
+    alpha = 1.0 - transmittance
+    mean_depth = np.divide(depth, alpha, out=np.full_like(depth, np.inf), where=alpha > 0)
+    return ReferenceImages(
+        rgb=rgb.astype(np.float32), alpha=alpha.astype(np.float32), depth_m=mean_depth.astype(np.float32)
+    )
+
+
+def _project(cloud: GaussianCloud, T_world_camera: Floats, K: Floats, height_px: int, width_px: int) -> _Splats:
+    R_CW = T_world_camera[:3, :3].T
+    p_WQ = cloud.means_m.astype(np.float64)
+    p_CQ = (p_WQ - T_world_camera[:3, 3]) @ R_CW.T
+    index = np.flatnonzero((p_CQ[:, 2] > NEAR_M) & (cloud.opacities >= ALPHA_MIN))
+    index = index[np.argsort(p_CQ[index, 2], kind="stable")]
+    p_CQ, p_WQ = p_CQ[index], p_WQ[index]
+    x, y, z = p_CQ.T
+    fx, fy, cx, cy = K[0, 0], K[1, 1], K[0, 2], K[1, 2]
+    margin_x, margin_y = FOV_MARGIN * 0.5 * width_px / fx, FOV_MARGIN * 0.5 * height_px / fy
+    u = np.clip(x / z, -cx / fx - margin_x, (width_px - cx) / fx + margin_x)
+    v = np.clip(y / z, -cy / fy - margin_y, (height_px - cy) / fy + margin_y)
+    zero = np.zeros_like(z)
+    J = np.stack([np.stack([fx / z, zero, -fx * u / z], -1), np.stack([zero, fy / z, -fy * v / z], -1)], axis=-2)
+    axes = matrix_from_quat(cloud.quats_wxyz[index]) * cloud.scales_m[index].astype(np.float64)[:, None, :]
+    L = J @ R_CW @ axes
+    S = L @ np.swapaxes(L, 1, 2) + DILATION_PX2 * np.eye(2)
+    det = S[:, 0, 0] * S[:, 1, 1] - S[:, 0, 1] ** 2
+    opacity = cloud.opacities[index].astype(np.float64)
+    reach = 2 * np.log(opacity / ALPHA_MIN)
+    directions = p_WQ - T_world_camera[:3, 3]
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    basis = sh_basis(directions, cloud.sh_degree)
+    rgb = np.maximum(0.5 + np.einsum("nk,nkc->nc", basis, cloud.sh[index].astype(np.float64)), 0.0)
+    return _Splats(
+        centre_px=np.stack([fx * x / z + cx, fy * y / z + cy], axis=1),
+        conic=np.stack([S[:, 1, 1] / det, -S[:, 0, 1] / det, S[:, 0, 0] / det], axis=1),
+        half_px=np.sqrt(reach[:, None] * np.stack([S[:, 0, 0], S[:, 1, 1]], axis=1)),
+        opacity=opacity,
+        rgb=rgb,
+        depth_m=z,
+    )

@@ -1,0 +1,57 @@
+"""Compile the CPU rasterizer's kernels before they are needed."""
+
+import fcntl
+from pathlib import Path
+
+import numpy as np
+
+from common.avatars import Avatar
+from common.gaussians import GaussianCloud
+from common.rasterizer.cpu import CpuRasterizer, PosedPerson
+from common.rasterizer.cpu_project import project_scene
+from common.rasterizer.packed import pack_cloud
+
+
+def warm() -> None:
+    """Compile all kernels, or load them from numba's cache.
+
+    Processes that do this at the same time wait for the first one and then load what it compiled.
+    """
+    folder = Path(project_scene._cache.cache_path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = (folder / "rasterizer.lock").open("w")
+    except OSError:
+        # Without a cache folder there is nothing to share.
+        _draw_something()
+        return
+    with lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        _draw_something()
+
+
+def _draw_something() -> None:
+    """Call every kernel once, with the argument types of every later call."""
+    cloud = GaussianCloud(
+        means_m=np.array([[0.0, 0.0, 2.0]], dtype=np.float32),
+        quats_wxyz=np.array([[1.0, 0.0, 0.0, 0.0]], dtype=np.float32),
+        scales_m=np.full((1, 3), 0.1, dtype=np.float32),
+        opacities=np.array([0.5], dtype=np.float32),
+        sh=np.zeros((1, 1, 3), dtype=np.float32),
+    )
+    avatar = Avatar(
+        name="warm",
+        license="",
+        height_m=1.0,
+        cloud=cloud,
+        lbs_index=np.zeros((1, 4), dtype=np.uint8),
+        lbs_weight=np.array([[1.0, 0.0, 0.0, 0.0]], dtype=np.float32),
+        joints_canonical_m=np.zeros((24, 3), dtype=np.float32),
+        joints_tpose_m=np.zeros((24, 3), dtype=np.float32),
+        R_tpose_canonical=np.broadcast_to(np.eye(3, dtype=np.float32), (24, 3, 3)).copy(),
+    )
+    K_px = np.array([[16.0, 0.0, 8.0], [0.0, 16.0, 8.0], [0.0, 0.0, 1.0]])
+    rasterizer = CpuRasterizer(pack_cloud(cloud), [avatar], K_px, 16, 16)
+    person = PosedPerson(avatar=0, root_m=np.zeros(3), pose_axis_angle=np.zeros((24, 3)))
+    rasterizer.render(np.eye(4), [person])
+    rasterizer.render_float(np.eye(4), [person])

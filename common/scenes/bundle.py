@@ -1,0 +1,238 @@
+"""Making scene bundles: from a Gaussian file, or from Gaussians in memory."""
+
+import json
+import math
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from common.config import section_to_mapping
+from common.errors import SceneError
+from common.gaussians import GaussianCloud, R_from_up, load_gaussians, save_ply, transform_cloud
+from common.maps import MapConfig, ScenePlan, largest_free_area, plan_scene, save_ros_map
+from common.robot import RobotConfig
+from common.scenes.manifest import FORMAT, MANIFEST, combined_hash, file_of, grid_digest, toml_text
+from common.scenes.report import scene_report
+from common.scenes.scene import (
+    CLOUD_FILE,
+    FLOOR_FILE,
+    HUMAN_MAP_FILE,
+    REPORT_FILE,
+    ROBOT_MAP_FILE,
+    SKY_FILE,
+    Scene,
+    load_scene,
+)
+
+FREE_AREA_MIN_M2 = 1.0
+"""A scene whose largest connected free area for the robot is smaller is refused [m2]."""
+FRAME = "metres, z up, right-handed"
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneSource:
+    """Where a scene comes from."""
+
+    file: str = ""
+    """Name of the file it was imported from."""
+    sha256: str = ""
+    """Hash of that file."""
+    up: str = "+z"
+    """Axis of the file that points up."""
+    scale: float = 1.0
+    """Metres per unit of the file."""
+    scale_origin: str = ""
+    """How the scale was obtained."""
+    translate_m: tuple[float, ...] = (0.0, 0.0, 0.0)
+    """Added after turning and scaling [m]."""
+
+
+def import_scene(
+    source: str | Path,
+    out: str | Path,
+    *,
+    name: str = "",
+    sky: str | Path | None = None,
+    up: str = "+z",
+    scale: float = 1.0,
+    translate_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    licence: str = "",
+    robot: RobotConfig | None = None,
+    resolution_m: float = 0.05,
+    opacity_threshold: float = 0.5,
+    human_height_m: float = 1.9,
+) -> Scene:
+    """Make a scene bundle of a Gaussian file.
+
+    Args:
+        source: A 3DGS .ply or a PlayCanvas .compressed.ply.
+        out: Folder to make; must not exist.
+        name: Name of the scene; the folder's by default.
+        sky: Gaussians of the far surroundings, in the frame of `source`.
+        up: Axis of the file that points up: +x, -x, +y, -y, +z or -z.
+        scale: Metres per unit of the file.
+        translate_m: Added after turning and scaling [m].
+        licence: Licence of the scene, for everything made from it.
+        robot: Footprint and height for the robot map.
+        resolution_m: Edge of map cells [m].
+        opacity_threshold: Opacity sum above which a voxel is occupied.
+        human_height_m: Height of people for their map [m].
+
+    Returns:
+        The scene.
+
+    Raises:
+        SceneError: If the file cannot be used, `out` exists, or the scene has no floor or no free area.
+    """
+    source, out, robot = Path(source), Path(out), robot or RobotConfig()
+    _refuse_existing(out)
+    R = R_from_up(up)
+    if not (math.isfinite(scale) and scale > 0) or not all(map(math.isfinite, translate_m)):
+        raise SceneError(f"The scale must be positive and the translation finite, got {scale} and {translate_m}.")
+    config = _map_config(robot, resolution_m, opacity_threshold, human_height_m)
+    cloud = transform_cloud(load_gaussians(source), R, translate_m, scale)
+    sky_cloud = None if sky is None else transform_cloud(load_gaussians(sky), R, translate_m, scale)
+    provenance = SceneSource(
+        file=source.name,
+        sha256=file_of(source.parent, source.name).sha256,
+        up=up,
+        scale=float(scale),
+        scale_origin="as in the file" if scale == 1 else "given on import",
+        translate_m=tuple(map(float, translate_m)),
+    )
+    return save_scene(
+        cloud, sky_cloud, out, name=name, licence=licence, source=provenance, robot=robot, map_config=config
+    )
+
+
+def save_scene(
+    cloud: GaussianCloud,
+    sky: GaussianCloud | None,
+    out: str | Path,
+    *,
+    name: str = "",
+    licence: str = "",
+    source: SceneSource | None = None,
+    robot: RobotConfig | None = None,
+    map_config: MapConfig | None = None,
+) -> Scene:
+    """Make a scene bundle of Gaussians: maps, report, hashes.
+
+    The bundle is built beside `out` and renamed when it is complete.
+
+    Args:
+        cloud: Gaussians, metres, z up.
+        sky: Gaussians of the far surroundings in the same frame; they take no part in the maps.
+        out: Folder to make; must not exist.
+        name: Name of the scene; the folder's by default.
+        licence: Licence of the scene.
+        source: Where it comes from.
+        robot: Footprint and height for the robot map.
+        map_config: How the maps are made; with the robot's height by default.
+
+    Raises:
+        SceneError: If `out` exists, or the scene has no floor or no free area.
+    """
+    out, robot = Path(out), robot or RobotConfig()
+    _refuse_existing(out)
+    config = map_config or MapConfig(robot_height_m=robot.height_m)
+    plan = plan_scene(cloud, config)
+    _refuse_without_free_area(plan, robot)
+    with _built_beside(out) as folder:
+        save_ply(cloud, folder / CLOUD_FILE)
+        if sky is not None:
+            save_ply(sky, folder / SKY_FILE)
+        (folder / "maps").mkdir()
+        save_ros_map(plan.robot, folder / ROBOT_MAP_FILE, unknown=plan.unknown)
+        save_ros_map(plan.human, folder / HUMAN_MAP_FILE, unknown=plan.unknown)
+        np.save(folder / FLOOR_FILE, plan.floor.height_m)
+        report = scene_report(cloud, sky, plan.robot, plan.human, plan.floor, robot.planning_radius_m)
+        (folder / REPORT_FILE).write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
+        manifest = _manifest(folder, plan, name or out.resolve().name, licence, source or SceneSource(), robot, config)
+        (folder / MANIFEST).write_text(toml_text(manifest), encoding="utf-8")
+    return load_scene(out)
+
+
+def _manifest(
+    folder: Path,
+    plan: ScenePlan,
+    name: str,
+    licence: str,
+    source: SceneSource,
+    robot: RobotConfig,
+    config: MapConfig,
+) -> dict[str, Any]:
+    paths = sorted(p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file())
+    files = {path: file_of(folder, path) for path in paths}
+    content = {path: files[path].sha256 for path in (CLOUD_FILE, SKY_FILE) if path in files}
+    content["maps/robot"] = grid_digest(plan.robot.occupied, plan.robot.frame)
+    content["maps/human"] = grid_digest(plan.human.occupied, plan.human.frame)
+    content["maps/floor"] = grid_digest(plan.floor.height_m, plan.floor.frame)
+    return {
+        "format": FORMAT,
+        "name": name,
+        "frame": FRAME,
+        "licence": licence,
+        "content_hash": combined_hash(content),
+        "source": section_to_mapping(source),
+        "maps": {**section_to_mapping(config), "planning_radius_m": robot.planning_radius_m},
+        "floor": section_to_mapping(plan.floor.frame),
+        "content": content,
+        "files": {path: {"size": file.size, "sha256": file.sha256} for path, file in files.items()},
+    }
+
+
+def _map_config(robot: RobotConfig, resolution_m: float, opacity_threshold: float, human_height_m: float) -> MapConfig:
+    try:
+        return MapConfig(
+            resolution_m=resolution_m,
+            opacity_threshold=opacity_threshold,
+            robot_height_m=robot.height_m,
+            human_height_m=human_height_m,
+        )
+    except ValueError as error:
+        raise SceneError(str(error)) from error
+
+
+def _refuse_existing(out: Path) -> None:
+    if out.exists() or out.is_symlink():
+        raise SceneError(f"{out} exists already; remove it, or choose another folder.")
+
+
+def _refuse_without_free_area(plan: ScenePlan, robot: RobotConfig) -> None:
+    radius_m = robot.planning_radius_m
+    _, area_m2 = largest_free_area(plan.robot, radius_m)
+    if area_m2 >= FREE_AREA_MIN_M2:
+        return
+    floor_m2 = float((~plan.unknown).sum()) * plan.robot.frame.resolution_m**2
+    clear_m2 = float((~plan.robot.occupied).sum()) * plan.robot.frame.resolution_m**2
+    raise SceneError(
+        f"The scene has no free area for the robot: of {floor_m2:.1f} m2 mapped, {clear_m2:.1f} m2 are clear of "
+        f"obstacles, and a disc of radius {radius_m:g} m can move on {area_m2:.1f} m2 ({FREE_AREA_MIN_M2:g} m2 are "
+        "needed); check the up axis and the scale."
+    )
+
+
+@contextmanager
+def _built_beside(out: Path) -> Iterator[Path]:
+    """A temporary folder that becomes `out` when the block ends well, and vanishes when it does not."""
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        folder = Path(tempfile.mkdtemp(prefix=f".{out.name}.partial-", dir=out.parent))
+    except OSError as error:
+        raise SceneError(f"{out} cannot be made: {error.strerror or error}.") from error
+    try:
+        yield folder
+        folder.chmod(0o755)
+        _refuse_existing(out)
+        folder.rename(out)
+    except OSError as error:
+        raise SceneError(f"{out} cannot be written: {error.strerror or error}.") from error
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)

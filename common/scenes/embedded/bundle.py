@@ -1,0 +1,90 @@
+"""The embedded scene as a bundle on disk, made when it is first needed."""
+
+import hashlib
+import shutil
+import tempfile
+from pathlib import Path
+
+import common.maps
+from common.errors import SceneError
+from common.scenes.bundle import SceneSource, save_scene
+from common.scenes.embedded.scene import embedded_scene_cloud, embedded_sky
+from common.scenes.manifest import MANIFEST
+from common.scenes.scene import Scene, load_scene
+
+NAME = "embedded"
+LICENCE = "made by readygo's own code; free for every use"
+_FILE = "readygo embedded scene"
+
+
+def ensure_embedded_scene(folder: str | Path) -> Scene:
+    """The bundle of the embedded scene in `folder`, made or made anew if it is not there or not up to date.
+
+    Several processes may call this at once: each finds or makes a complete bundle.
+
+    Args:
+        folder: Where the bundle is kept.
+
+    Raises:
+        SceneError: If `folder` holds something else, or cannot be written.
+    """
+    folder, recipe = Path(folder), recipe_hash()
+    scene = _current(folder, recipe)
+    return scene if scene is not None else _make(folder, recipe)
+
+
+def recipe_hash() -> str:
+    """Hash of the code that makes the scene and its maps: equal recipes give equal bundles."""
+    digest = hashlib.sha256()
+    for package in (Path(__file__).parent, Path(common.maps.__file__).parent):
+        for path in sorted(package.glob("*.py")):
+            digest.update(f"{package.name}/{path.name}\n".encode() + path.read_bytes())
+    return digest.hexdigest()
+
+
+def _current(folder: Path, recipe: str) -> Scene | None:
+    """The bundle in `folder` if it is intact and of this recipe; None where it may be replaced."""
+    if not folder.exists():
+        return None
+    if folder.is_dir() and not any(folder.iterdir()):
+        return None
+    if not (folder / MANIFEST).is_file():
+        raise SceneError(f"{folder} holds something else than a scene; move it away, or choose another folder.")
+    try:
+        scene = load_scene(folder)
+    except SceneError:
+        return None
+    source = scene.metadata.get("source", {})
+    if source.get("file") != _FILE:
+        raise SceneError(f"{folder} holds another scene ({scene.name!r}); choose another folder.")
+    return scene if source.get("sha256") == recipe else None
+
+
+def _make(folder: Path, recipe: str) -> Scene:
+    source = SceneSource(file=_FILE, sha256=recipe, scale_origin="made in metres")
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        workplace = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
+    except OSError as error:
+        raise SceneError(f"{folder} cannot be made: {error.strerror or error}.") from error
+    try:
+        made = workplace / "new"
+        save_scene(embedded_scene_cloud(), embedded_sky(), made, name=NAME, licence=LICENCE, source=source)
+        found = _current(folder, recipe)
+        if found is not None:
+            return found
+        _swap(made, folder, workplace / "old")
+        return load_scene(folder)
+    finally:
+        shutil.rmtree(workplace, ignore_errors=True)
+
+
+def _swap(made: Path, folder: Path, old: Path) -> None:
+    try:
+        if folder.exists():
+            folder.rename(old)
+        made.rename(folder)
+    except OSError as error:
+        # Another process may have put its own, equal bundle there in between.
+        if not (folder / MANIFEST).is_file():
+            raise SceneError(f"{folder} cannot be written: {error.strerror or error}.") from error

@@ -1,0 +1,103 @@
+"""The embedded scene: a small furnished flat that needs no download."""
+
+import numpy as np
+import numpy.typing as npt
+
+from common.gaussians import GaussianCloud
+from common.scenes.embedded.floors import build_floors
+from common.scenes.embedded.furnishing import LAMP_HEIGHT_M, LAMPS_M, furnish
+from common.scenes.embedded.lighting import Lights, lit_colours, voxelise
+from common.scenes.embedded.outdoors import build_outdoors
+from common.scenes.embedded.plan import CEILING_M, EAST_M, NORTH_M, OPENINGS, SOUTH_M, WALLS, WEST_M
+from common.scenes.embedded.shell import build_shell
+from common.scenes.embedded.surfaces import OPACITY, Surfaces, SurfaceSamples
+from common.scenes.embedded.textures import Array, value_noise
+
+_SH_C0 = 0.28209479177387814
+_SKY_LIGHT = np.array([5.6, 6.3, 7.2])
+_LAMP_LIGHT = np.array([1.15, 1.02, 0.80])
+_SUN_LIGHT = np.array([5.2, 4.6, 3.6])
+_SUN_DIRECTION = np.array([-0.45, -0.70, 0.55])
+
+
+def embedded_scene_cloud(seed: int = 0) -> GaussianCloud:
+    """The flat without its surroundings: four furnished rooms around a hall, 10.4 m x 9.6 m.
+
+    World metres, z up, floor within 12 mm of z = 0, colours of SH degree 0. Takes a few seconds of CPU time.
+
+    Args:
+        seed: Varies books, leaves, brick tones and small irregularities; the plan stays.
+    """
+    build = Surfaces(np.random.Generator(np.random.PCG64(seed)))
+    build_shell(build)
+    build_floors(build)
+    furnish(build)
+    samples = build.samples()
+    low = np.array([WEST_M - 0.25, SOUTH_M - 0.25, -0.05])
+    high = np.array([EAST_M + 0.25, NORTH_M + 0.25, CEILING_M + 0.05])
+    grid = voxelise(build.solid_points_m(), low, high)
+    return _cloud(samples, lit_colours(samples, grid, _lights()), settle=True)
+
+
+def embedded_sky() -> GaussianCloud:
+    """What the flat's windows show: sky, garden and hills up to 90 m away."""
+    build = Surfaces(np.random.Generator(np.random.PCG64(0)))
+    build_outdoors(build)
+    samples = build.samples()
+    return _cloud(samples, samples.colour, settle=False)
+
+
+def floor_height_m(x_m: Array, y_m: Array) -> Array:
+    """Height of the flat's floor: a tilt of 1 mm/m and bumps of a few millimetres, shape of `x_m`."""
+    return 0.0010 * x_m - 0.0006 * y_m + 0.006 * (value_noise(x_m / 1.7, y_m / 1.7, 3) - 0.5)
+
+
+def _cloud(samples: SurfaceSamples, colour: Array, *, settle: bool) -> GaussianCloud:
+    position = samples.position_m.copy()
+    if settle:
+        # The whole house follows its floor, so that furniture neither floats nor sinks.
+        position[:, 2] += floor_height_m(position[:, 0], position[:, 1])
+    count = len(position)
+    return GaussianCloud(
+        means_m=_rounded(position),
+        quats_wxyz=_rounded(samples.quats_wxyz()),
+        scales_m=_rounded(np.maximum(samples.sigma_m, 0.001)),
+        opacities=np.full(count, OPACITY, dtype=np.float32),
+        sh=_rounded((colour - 0.5) / _SH_C0)[:, None, :],
+    )
+
+
+def _rounded(values: Array) -> npt.NDArray[np.float32]:
+    # The last bits of cos, sin and matrix products differ between machines. Five decimals do not, once a small shift
+    # has moved round numbers off the ties.
+    return np.round(values + 1.3e-7, 5).astype(np.float32)
+
+
+def _lights() -> Lights:
+    position, direction, power = [], [], []
+    for opening in OPENINGS:
+        wall = WALLS[opening.wall]
+        if not opening.is_window:
+            continue
+        inward = np.array([1.0, 0, 0]) if wall.axis == "x" else np.array([0, 1.0, 0])
+        inward = inward if opening.wall in ("west", "south") else -inward
+        width, height = opening.end_m - opening.begin_m, opening.top_m - opening.bottom_m
+        for a in (1 / 6, 1 / 2, 5 / 6):
+            for b in (1 / 4, 3 / 4):
+                along, z = opening.begin_m + a * width, opening.bottom_m + b * height
+                across = (wall.low_m + wall.high_m) / 2
+                position.append((across, along, z) if wall.axis == "x" else (along, across, z))
+                direction.append(inward)
+                power.append(_SKY_LIGHT * width * height / 6 / np.pi)
+    for x, y in LAMPS_M:
+        position.append((x, y, LAMP_HEIGHT_M if (x, y) != LAMPS_M[1] else 1.62))
+        direction.append(np.zeros(3))
+        power.append(_LAMP_LIGHT)
+    sun = _SUN_DIRECTION / np.sqrt(_SUN_DIRECTION @ _SUN_DIRECTION)
+    return Lights(
+        position_m=np.array(position),
+        direction=np.array(direction),
+        power=np.array(power),
+        sun_direction=sun,
+        sun_power=_SUN_LIGHT,
+    )

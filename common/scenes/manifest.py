@@ -1,0 +1,111 @@
+"""`scene.toml`: what a bundle holds, where it comes from, and the hashes of its content."""
+
+import hashlib
+import json
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from common.errors import SceneError
+from common.maps import GridFrame
+
+MANIFEST = "scene.toml"
+FORMAT = "readygo-scene/1"
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneFile:
+    """One file of a bundle."""
+
+    path: str
+    """Relative to the bundle, with forward slashes."""
+    sha256: str
+    size: int
+    """Bytes."""
+
+
+def file_of(folder: Path, relative: str) -> SceneFile:
+    """Describe a file of a bundle; reads it once."""
+    path = folder / relative
+    with path.open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    return SceneFile(path=relative, sha256=digest, size=path.stat().st_size)
+
+
+def grid_digest(cells: npt.NDArray[Any], frame: GridFrame) -> str:
+    """Hash of a grid's cells and place, which does not depend on how its file is compressed."""
+    place = (frame.origin_x_m, frame.origin_y_m, frame.resolution_m, cells.shape, cells.dtype.str)
+    return hashlib.sha256(repr(place).encode() + np.ascontiguousarray(cells).tobytes()).hexdigest()
+
+
+def combined_hash(digests: Mapping[str, str]) -> str:
+    """One hash of named digests; their order does not matter."""
+    lines = "".join(f"{name} {digests[name]}\n" for name in sorted(digests))
+    return hashlib.sha256(lines.encode()).hexdigest()
+
+
+def toml_text(mapping: Mapping[str, Any]) -> str:
+    """A mapping of plain values, lists and tables as TOML; tables inside of tables are written inline."""
+    lines = [f"{_key(key)} = {_value(value)}" for key, value in mapping.items() if not isinstance(value, Mapping)]
+    for name, table in mapping.items():
+        if isinstance(table, Mapping):
+            lines += ["", f"[{_key(name)}]", *(f"{_key(key)} = {_value(value)}" for key, value in table.items())]
+    return "\n".join(lines) + "\n"
+
+
+def _key(name: str) -> str:
+    return name if name.isidentifier() and name.isascii() else json.dumps(name, ensure_ascii=False)
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        # JSON's escapes are a subset of TOML's, which also wants DEL escaped.
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(value, (int, float)):
+        return repr(value)
+    if isinstance(value, Mapping):
+        return f"{{ {', '.join(f'{_key(key)} = {_value(item)}' for key, item in value.items())} }}"
+    return f"[{', '.join(_value(item) for item in value)}]"
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """The parsed `scene.toml` of a bundle.
+
+    Raises:
+        SceneError: If `folder` is no bundle, its manifest is broken, or a file is missing or has another size.
+    """
+    path = folder / MANIFEST
+    if not path.is_file():
+        what = "does not exist" if not folder.exists() else f"is not a scene bundle (no {MANIFEST})"
+        raise SceneError(f"{folder} {what}; make one with `readygo scene import FILE --out {folder}`.")
+    try:
+        manifest = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise SceneError(f"{path} cannot be read: {error}.") from error
+    if manifest.get("format") != FORMAT:
+        raise SceneError(f"{path} has format {manifest.get('format')!r}, not {FORMAT!r}; import the scene again.")
+    _check(manifest, folder)
+    return manifest
+
+
+def _check(manifest: dict[str, Any], folder: Path) -> None:
+    try:
+        sizes = {name: entry["size"] for name, entry in manifest["files"].items()}
+        intact = manifest["content_hash"] == combined_hash(manifest["content"])
+    except (KeyError, TypeError, AttributeError) as error:
+        raise SceneError(f"{folder / MANIFEST} is incomplete ({error!r}); import the scene again.") from error
+    if not intact:
+        raise SceneError(f"{folder / MANIFEST} was edited: its content_hash fits no longer; import the scene again.")
+    for name, size in sizes.items():
+        path = folder / name
+        found = path.stat().st_size if path.is_file() else None
+        if found != size:
+            state = "is missing" if found is None else f"has {found} bytes instead of {size}"
+            raise SceneError(f"Scene {folder} is damaged: {name} {state}; import the scene again.")

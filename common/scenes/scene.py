@@ -1,0 +1,127 @@
+"""A scene bundle on disk, read piece by piece when it is needed."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from common.errors import SceneError
+from common.gaussians import GaussianCloud, load_gaussians
+from common.maps import FloorMap, GridFrame, OccupancyMap, load_ros_map
+from common.scenes.manifest import MANIFEST, SceneFile, combined_hash, file_of, grid_digest, read_manifest
+
+CLOUD_FILE = "scene.ply"
+SKY_FILE = "sky.ply"
+ROBOT_MAP_FILE = "maps/robot.yaml"
+HUMAN_MAP_FILE = "maps/human.yaml"
+FLOOR_FILE = "maps/floor_height_m.npy"
+REPORT_FILE = "report.json"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SceneMaps:
+    """The maps of a scene; each is read when it is first used."""
+
+    folder: Path
+    """The bundle."""
+    floor_frame: GridFrame
+
+    @cached_property
+    def robot(self) -> OccupancyMap:
+        """What blocks the robot, not inflated."""
+        return load_ros_map(self.folder / ROBOT_MAP_FILE)
+
+    @cached_property
+    def human(self) -> OccupancyMap:
+        """What blocks people, not inflated."""
+        return load_ros_map(self.folder / HUMAN_MAP_FILE)
+
+    @cached_property
+    def floor(self) -> FloorMap:
+        """Height of the local floor."""
+        path = self.folder / FLOOR_FILE
+        try:
+            height_m = np.load(path, allow_pickle=False)
+            return FloorMap(frame=self.floor_frame, height_m=height_m)
+        except (OSError, ValueError) as error:
+            raise SceneError(f"Floor map {path} cannot be read: {error}; import the scene again.") from error
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Scene:
+    """A scene bundle. Gaussians and maps are read when they are first used."""
+
+    name: str
+    path: Path
+    """Folder of the bundle."""
+    content_hash: str
+    """Hash of Gaussians, sky and maps; equal for equal content, however its files are compressed."""
+    metadata: Mapping[str, Any]
+    """The parsed `scene.toml`: licence, frame, source, settings of the maps, counts."""
+
+    @cached_property
+    def cloud(self) -> GaussianCloud:
+        """The Gaussians, metres, z up, without the sky."""
+        return load_gaussians(self.path / CLOUD_FILE)
+
+    @cached_property
+    def sky(self) -> GaussianCloud | None:
+        """Gaussians of the far surroundings in the same frame, or None."""
+        return load_gaussians(self.path / SKY_FILE) if SKY_FILE in self.metadata["files"] else None
+
+    @cached_property
+    def maps(self) -> SceneMaps:
+        """Occupancy of robot and human, and the floor."""
+        floor = self.metadata["floor"]
+        frame = GridFrame(**{key: float(floor[key]) for key in ("origin_x_m", "origin_y_m", "resolution_m")})
+        return SceneMaps(folder=self.path, floor_frame=frame)
+
+    @cached_property
+    def files(self) -> tuple[SceneFile, ...]:
+        """All files that make up the bundle, the manifest among them; caches and pictures are left out."""
+        listed = [SceneFile(path=name, **entry) for name, entry in self.metadata["files"].items()]
+        return (*listed, file_of(self.path, MANIFEST))
+
+
+def load_scene(path: str | Path) -> Scene:
+    """Open a scene bundle; checks its manifest and the sizes of its files, and reads nothing else.
+
+    Raises:
+        SceneError: If `path` is no bundle, or it is damaged.
+    """
+    path = Path(path)
+    manifest = read_manifest(path)
+    try:
+        scene = Scene(name=manifest["name"], path=path, content_hash=manifest["content_hash"], metadata=manifest)
+        _ = scene.maps
+    except (KeyError, TypeError, ValueError) as error:
+        raise SceneError(f"{path / MANIFEST} is incomplete ({error!r}); import the scene again.") from error
+    return scene
+
+
+def verify_scene(scene: Scene) -> None:
+    """Read everything and compare it with the hashes of the manifest.
+
+    Raises:
+        SceneError: If a file or the content hash differs.
+    """
+    for name, entry in scene.metadata["files"].items():
+        if file_of(scene.path, name).sha256 != entry["sha256"]:
+            raise SceneError(f"Scene {scene.path} is damaged: {name} has changed; import the scene again.")
+    if combined_hash(content_digests(scene)) != scene.content_hash:
+        raise SceneError(f"Scene {scene.path} is damaged: its content hash differs; import the scene again.")
+
+
+def content_digests(scene: Scene) -> dict[str, str]:
+    """Digest of each part that makes the scene what it is, by name; reads every file."""
+    clouds = [name for name in (CLOUD_FILE, SKY_FILE) if (scene.path / name).is_file()]
+    maps = scene.maps
+    return {
+        **{name: file_of(scene.path, name).sha256 for name in clouds},
+        "maps/robot": grid_digest(maps.robot.occupied, maps.robot.frame),
+        "maps/human": grid_digest(maps.human.occupied, maps.human.frame),
+        "maps/floor": grid_digest(maps.floor.height_m, maps.floor.frame),
+    }

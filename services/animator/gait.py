@@ -1,0 +1,78 @@
+"""The `gait` motion generator: a parametric walk whose feet stay where they step.
+
+The root follows the trajectory, footsteps are planned beside it, the feet roll over heel and ball contacts that do not
+move, and the legs follow by inverse kinematics. Speeds, cadences and joint curves are matched to CMU mocap
+(mocap.cs.cmu.edu, NSF EIA-0196217).
+"""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from common.maps.grid import FloorMap
+from common.messages import Motion
+from services.animator.config import AnimatorConfig
+from services.animator.gait_body import drive_of, pelvis_path, pelvis_rotations, pose_frames
+from services.animator.gait_feet import Feet, pose_foot
+from services.animator.gait_math import Array, Ground
+from services.animator.gait_path import DT_S, check_trajectory, extend, plan_track, stride_rate
+from services.animator.gait_person import GaitSkeleton, GaitStyle, draw_style
+from services.animator.gait_steps import ON, plan_contacts
+
+SETTLED_AFTER_S = 0.35
+
+
+def _walk(x: Array, z: Array, skeleton: GaitSkeleton, style: GaitStyle, ground: Ground) -> tuple[Array, Array, float]:
+    """Pelvis in the y-up world, pose, and the time of the last touch-down [s]."""
+    track = plan_track(x, z, style, skeleton.size)
+    count = len(x)
+    times_s = np.arange(count, dtype=np.float64) * DT_S
+    feet = Feet(np.empty((2, count, 3)), np.empty((2, count, 3, 3)), np.empty((2, count, 3, 3)))
+    last_s = 0.0
+    for foot in range(2):
+        contacts = plan_contacts(track, foot, skeleton, style, ground)
+        pose_foot(contacts, foot, skeleton, times_s, feet)
+        last_s = max(last_s, float(contacts[-1, ON]))
+    drive = drive_of(track, style, skeleton.size)
+    R_pelvis = pelvis_rotations(track, drive, style)
+    P = pelvis_path(track, drive, R_pelvis, feet, skeleton, style, ground)
+    return P, pose_frames(track, drive, R_pelvis, P, feet, skeleton, style), last_s
+
+
+def walk(
+    skeleton: GaitSkeleton,
+    trajectory_xy_m: npt.NDArray[np.float64],
+    floor: FloorMap,
+    rng: np.random.Generator,
+    config: AnimatorConfig,
+) -> Motion:
+    """A person who walks along a trajectory and then stands.
+
+    Args:
+        skeleton: Measures of the body, see `skeleton_of`.
+        trajectory_xy_m: Ground position at 20 Hz in the z-up world [m], shape (T, 2). A trajectory that starts faster
+            than 0.3 m/s begins in mid-gait, a slower one from a stand.
+        floor: Height of the local floor.
+        rng: Source of the person's style.
+        config: Variation of styles.
+
+    Returns:
+        The motion: at least T rows, the pelvis above the trajectory, and after its end up to `config.settle_max_s` more
+        until the person stands still.
+
+    Raises:
+        MotionError: If the trajectory is empty, not finite, or jumps faster than 5 m/s.
+    """
+    xy = np.asarray(trajectory_xy_m, dtype=np.float64)
+    check_trajectory(xy)
+    style = draw_style(rng, config.style_variation, skeleton.size)
+    x, z, lead = extend(xy, style, 1.0 / float(stride_rate(1.2, skeleton.size)), config.settle_max_s)
+    grid = floor.frame
+    heights = np.array(floor.height_m, order="C")  # a copy: arrays out of messages are read-only, another type
+    ground = Ground(heights, float(grid.origin_x_m), float(grid.origin_y_m), float(grid.resolution_m))
+    P, pose, last_s = _walk(x, z, skeleton, style, ground)
+    settled = math.ceil((last_s + SETTLED_AFTER_S) / DT_S) if last_s > 0.0 else 0
+    end = min(max(lead + len(xy), settled), len(x))
+    root = np.stack([P[lead:end, 0], -P[lead:end, 2], P[lead:end, 1]], axis=1)
+    return Motion(root_m=root.astype(np.float32), pose_axis_angle=pose[lead:end].astype(np.float32))

@@ -1,0 +1,14 @@
+"""The animator on the bus."""
+
+from functools import partial
+
+from common.bus import Bus
+from common.messages import AnimateRequest
+from services.animator.handlers import Animator, handle_animate
+
+TOPIC = "animate"
+
+
+def attach(bus: Bus, animator: Animator) -> None:
+    """Answer `animate` requests."""
+    bus.serve(TOPIC, AnimateRequest, partial(handle_animate, animator))

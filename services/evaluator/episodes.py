@@ -1,0 +1,132 @@
+"""The episodes of an evaluation: the same starts, goals and humans for every method."""
+
+import enum
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from common.bus import Bus
+from common.episode import EpisodeConfig
+from common.episode.grid_search import shortest_way_m
+from common.errors import SceneError
+from common.maps import OccupancyMap
+from common.messages import (
+    AnimateReply,
+    AnimateRequest,
+    EpisodeKey,
+    EpisodeMotions,
+    HumanPlanReply,
+    HumanPlanRequest,
+    Scenario,
+    Split,
+)
+from common.robot import RobotConfig
+from services.evaluator.config import EvaluatorConfig
+
+
+class Task(enum.Enum):
+    """What an episode asks of the robot."""
+
+    STATIC = "static"
+    """Reach the goal; nobody is there."""
+    DYNAMIC = "dynamic"
+    """Reach the goal among walking people."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MatchedEpisode:
+    """One episode that every method drives through."""
+
+    task: Task
+    scenario: Scenario
+    motions: EpisodeMotions
+    shortest_m: float
+    """Shortest way to the circle of success around the goal [m], people aside."""
+
+
+class EpisodeSource:
+    """Draws episodes from planner and animator."""
+
+    def __init__(
+        self,
+        bus: Bus,
+        *,
+        robot: RobotConfig,
+        robot_map: OccupancyMap,
+        episode_config: EpisodeConfig,
+        config: EvaluatorConfig,
+    ) -> None:
+        self._bus = bus
+        self._robot, self._robot_map = robot, robot_map
+        self._episode_config, self._config = episode_config, config
+
+    def draw(self, *, seed: int, split: Split, count: int, tasks: Sequence[Task]) -> tuple[list[MatchedEpisode], int]:
+        """The first `count` indices whose dynamic scenario is accepted, each as every task, and the number of skipped.
+
+        Whether an index counts never depends on how a method does in it, nor on the tasks that are asked for: the
+        static task drives between the starts and goals of the dynamic one.
+
+        Raises:
+            SceneError: If the planner rejects scenario after scenario.
+        """
+        episodes: list[MatchedEpisode] = []
+        accepted = skipped = skipped_in_a_row = 0
+        for key in _keys(seed, split):
+            if accepted == count:
+                break
+            dynamic, reason = self._dynamic(key)
+            if dynamic is None:
+                skipped, skipped_in_a_row = skipped + 1, skipped_in_a_row + 1
+                if skipped_in_a_row == self._config.rejected_max:
+                    raise SceneError(
+                        f"The last {skipped_in_a_row} scenarios were rejected ({reason}); look at the maps."
+                    )
+                continue
+            accepted, skipped_in_a_row = accepted + 1, 0
+            episodes += [dynamic if task is Task.DYNAMIC else self._static(dynamic) for task in tasks]
+        return episodes, skipped
+
+    def _dynamic(self, key: EpisodeKey) -> tuple[MatchedEpisode | None, str]:
+        timeout_s = self._config.request_timeout_s
+        plan = self._bus.request("human-plan", HumanPlanRequest(episode=key), HumanPlanReply, timeout_s=timeout_s)
+        if plan.rejected or plan.scenario is None:
+            return None, plan.rejected
+        animate = AnimateRequest(scenario=plan.scenario)
+        animated = self._bus.request("animate", animate, AnimateReply, timeout_s=timeout_s)
+        if animated.rejected or animated.motions is None:
+            return None, animated.rejected
+        episode = MatchedEpisode(
+            task=Task.DYNAMIC,
+            scenario=plan.scenario,
+            motions=animated.motions,
+            shortest_m=self._shortest_m(plan.scenario),
+        )
+        return episode, ""
+
+    def _static(self, dynamic: MatchedEpisode) -> MatchedEpisode:
+        scenario = Scenario(
+            episode=dynamic.scenario.episode,
+            start_xyyaw=dynamic.scenario.start_xyyaw,
+            goal_xy_m=dynamic.scenario.goal_xy_m,
+            humans=(),
+        )
+        return MatchedEpisode(
+            task=Task.STATIC, scenario=scenario, motions=EpisodeMotions(humans=()), shortest_m=dynamic.shortest_m
+        )
+
+    def _shortest_m(self, scenario: Scenario) -> float:
+        start_x, start_y, _ = scenario.start_xyyaw.tolist()
+        goal_x, goal_y = scenario.goal_xy_m.tolist()
+        return shortest_way_m(
+            self._robot_map,
+            self._robot.radius_m,
+            (start_x, start_y),
+            (goal_x, goal_y),
+            goal_radius_m=self._episode_config.success_radius_m,
+        )
+
+
+def _keys(seed: int, split: Split) -> Iterator[EpisodeKey]:
+    index = 0
+    while True:
+        yield EpisodeKey(seed=seed, split=split, index=index)
+        index += 1

@@ -1,0 +1,64 @@
+"""What robots see: batches of views from a renderer."""
+
+import hashlib
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from common.bus import Bus
+from common.episode.simulation import EpisodeSimulation
+from common.errors import BusError
+from common.maps import FloorMap
+from common.messages import EpisodeMotions, People, RenderReply, RenderRequest, RenderView, encode
+from common.robot import RobotConfig
+
+
+class Eyes:
+    """Asks one renderer for images; people travel once, then by their key."""
+
+    def __init__(self, bus: Bus, topic: str, *, robot: RobotConfig, floor: FloorMap, timeout_s: float) -> None:
+        self._bus, self._topic, self._timeout_s = bus, topic, timeout_s
+        self._robot, self._floor = robot, floor
+        self._sent: set[str] = set()
+
+    def look(self, simulations: Sequence[EpisodeSimulation], people: Sequence[str]) -> npt.NDArray[np.uint8]:
+        """What each robot sees now.
+
+        Args:
+            simulations: Episodes, at any step.
+            people: Key of each episode's people, from `people_key`.
+
+        Returns:
+            sRGB images, shape (B, H, W, 3).
+
+        Raises:
+            BusError: If the renderer does not answer, or not with one image per view.
+        """
+        views = tuple(self._view(simulation, key) for simulation, key in zip(simulations, people, strict=True))
+        known = {key: simulation.motions for key, simulation in zip(people, simulations, strict=True) if key}
+        reply = self._ask(views, {key: motions for key, motions in known.items() if key not in self._sent})
+        if reply.unknown_people:
+            # A renderer keeps a few hundred keys only, and may have been replaced by another one.
+            self._sent.difference_update(reply.unknown_people)
+            reply = self._ask(views, known)
+        if len(reply.rgb) != len(views):
+            raise BusError(f"{self._topic!r} answered {len(reply.rgb)} images to {len(views)} views.")
+        self._sent.update(known)
+        return reply.rgb
+
+    def _ask(self, views: tuple[RenderView, ...], people: dict[str, EpisodeMotions]) -> RenderReply:
+        request = RenderRequest(
+            views=views, people=tuple(People(key=key, humans=motions.humans) for key, motions in people.items())
+        )
+        return self._bus.request(self._topic, request, RenderReply, timeout_s=self._timeout_s)
+
+    def _view(self, simulation: EpisodeSimulation, people: str) -> RenderView:
+        x_m, y_m = simulation.x_m, simulation.y_m
+        pose = self._robot.camera.T_world_camera(x_m, y_m, simulation.yaw_rad, self._floor.at(x_m, y_m))
+        return RenderView(people=people, step=simulation.step, T_world_camera=pose)
+
+
+def people_key(motions: EpisodeMotions) -> str:
+    """A name for the people of an episode, from who they are and how they move; empty without people."""
+    return hashlib.sha256(encode(motions)).hexdigest()[:24] if motions.humans else ""

@@ -1,0 +1,157 @@
+"""One evaluation: request -> reply."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from common.bus import Bus
+from common.episode import EpisodeConfig
+from common.episode.metrics import TaskSummary
+from common.episode.simulation import EpisodeSimulation
+from common.errors import PolicyError
+from common.maps import FloorMap, OccupancyMap
+from common.messages import RobotPlanReply, RobotPlanRequest, RobotTrajectory, Split
+from common.policy import Policy, check_policy_camera
+from common.robot import RobotConfig
+from services.evaluator.config import EvaluatorConfig
+from services.evaluator.drivers import Driver, Method, PolicyDriver, StraightLineDriver
+from services.evaluator.episodes import EpisodeSource, MatchedEpisode, Task
+from services.evaluator.eyes import Eyes
+from services.evaluator.records import EpisodeRecord, make_record, summarize_records
+from services.evaluator.rollout import roll_out
+
+Report = Callable[[EpisodeRecord], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvaluateRequest:
+    """Which methods to drive through which episodes."""
+
+    tasks: tuple[Task, ...] = (Task.STATIC, Task.DYNAMIC)
+    methods: tuple[Method, ...] = (Method.POLICY, Method.EXPERT, Method.STRAIGHT_LINE)
+    episodes: int = 100
+    """Episodes per task."""
+    seed: int = 0
+    split: Split = Split.TEST
+
+    def __post_init__(self) -> None:
+        if not self.tasks or not self.methods or self.episodes < 1 or self.seed < 0:
+            raise ValueError("an evaluation needs a task, a method, one or more episodes and a seed >= 0.")
+        if len(set(self.tasks)) < len(self.tasks) or len(set(self.methods)) < len(self.methods):
+            raise ValueError("tasks and methods must not repeat.")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EvaluateReply:
+    """Records by task, method and episode, and their scores."""
+
+    records: tuple[EpisodeRecord, ...]
+    summaries: dict[tuple[Task, Method], TaskSummary]
+    skipped: int
+    """Indices that the planner or the animator rejected before anybody drove."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Evaluator:
+    """What an evaluation needs besides the services on the bus."""
+
+    bus: Bus
+    """Serves "human-plan", "animate", "robot-plan" and a renderer."""
+    robot: RobotConfig
+    robot_map: OccupancyMap
+    floor: FloorMap
+    episode_config: EpisodeConfig = field(default_factory=EpisodeConfig)
+    config: EvaluatorConfig = field(default_factory=EvaluatorConfig)
+    policy: Policy | None = None
+
+    def __post_init__(self) -> None:
+        if self.policy is not None:
+            check_policy_camera(self.policy.spec, self.robot)
+
+
+def handle_evaluate(evaluator: Evaluator, request: EvaluateRequest, *, report: Report | None = None) -> EvaluateReply:
+    """Drive every method through the same episodes.
+
+    Args:
+        evaluator: Scene, robot, policy and bus.
+        request: What to drive.
+        report: Told about every episode that ends.
+
+    Raises:
+        PolicyError: If a policy is asked for and none is loaded.
+        SceneError: If the scene yields no episodes.
+        BusError: If a service does not answer.
+    """
+    if Method.POLICY in request.methods and evaluator.policy is None:
+        raise PolicyError("No policy is given; give its folder, or leave the method `policy` out.")
+    source = EpisodeSource(
+        evaluator.bus,
+        robot=evaluator.robot,
+        robot_map=evaluator.robot_map,
+        episode_config=evaluator.episode_config,
+        config=evaluator.config,
+    )
+    episodes, skipped = source.draw(seed=request.seed, split=request.split, count=request.episodes, tasks=request.tasks)
+    records: list[EpisodeRecord] = []
+    for task in request.tasks:
+        of_task = [episode for episode in episodes if episode.task is task]
+        for method in request.methods:
+            records += _drive_all(evaluator, method, of_task, report or (lambda _: None))
+    return EvaluateReply(
+        records=tuple(records),
+        summaries=summarize_records(records, time_limit_s=evaluator.episode_config.time_limit_s),
+        skipped=skipped,
+    )
+
+
+def _drive_all(
+    evaluator: Evaluator, method: Method, episodes: Sequence[MatchedEpisode], report: Report
+) -> list[EpisodeRecord]:
+    """Records of one method, in the order of `episodes`."""
+    records: dict[int, EpisodeRecord] = {}
+    runs = (
+        ((row, _ask_expert(evaluator, episode)) for row, episode in enumerate(episodes))
+        if method is Method.EXPERT
+        else roll_out(
+            episodes,
+            _make_driver(evaluator, method),
+            _simulate_on(evaluator),
+            lockstep=evaluator.config.lockstep,
+        )
+    )
+    for row, trajectory in runs:
+        records[row] = make_record(episodes[row], method, trajectory, evaluator.episode_config)
+        report(records[row])
+    return [records[row] for row in range(len(episodes))]
+
+
+def _simulate_on(evaluator: Evaluator) -> Callable[[MatchedEpisode], EpisodeSimulation]:
+    """Starts simulations on the evaluator's map."""
+
+    def simulate(episode: MatchedEpisode) -> EpisodeSimulation:
+        return EpisodeSimulation(
+            episode.scenario, episode.motions, evaluator.robot_map, evaluator.robot, evaluator.episode_config
+        )
+
+    return simulate
+
+
+def _make_driver(evaluator: Evaluator, method: Method) -> Driver:
+    if method is Method.STRAIGHT_LINE:
+        return StraightLineDriver(evaluator.robot)
+    assert evaluator.policy is not None
+    config = evaluator.config
+    eyes = Eyes(
+        evaluator.bus,
+        f"render/{config.renderer}",
+        robot=evaluator.robot,
+        floor=evaluator.floor,
+        timeout_s=config.request_timeout_s,
+    )
+    return PolicyDriver(evaluator.policy, eyes)
+
+
+def _ask_expert(evaluator: Evaluator, episode: MatchedEpisode) -> RobotTrajectory | None:
+    """The expert's run, rejected or not: a failed one counts as its failure."""
+    request = RobotPlanRequest(scenario=episode.scenario, motions=episode.motions)
+    timeout_s = evaluator.config.request_timeout_s
+    return evaluator.bus.request("robot-plan", request, RobotPlanReply, timeout_s=timeout_s).trajectory

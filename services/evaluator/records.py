@@ -1,0 +1,132 @@
+"""Results of an evaluation, as records, files and tables."""
+
+import dataclasses
+import json
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.table import Table
+
+from common.episode import EpisodeConfig
+from common.episode.metrics import EpisodeResult, TaskSummary, summarize
+from common.messages import EpisodeKey, Outcome, RobotTrajectory
+from services.evaluator.drivers import Method
+from services.evaluator.episodes import MatchedEpisode, Task
+
+RECORDS_FILE = "episodes.jsonl"
+SUMMARY_FILE = "summary.json"
+
+
+@dataclass(frozen=True, kw_only=True)
+class EpisodeRecord:
+    """How one method did in one episode."""
+
+    episode: EpisodeKey
+    task: Task
+    method: Method
+    result: EpisodeResult
+    human_distance_min_m: float
+    """Smallest distance of the centres of robot and any human [m]; inf without humans."""
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Plain values, as in a line of `episodes.jsonl`; a distance that is not there is None."""
+        return {
+            "episode": self.episode.episode_id,
+            "seed": self.episode.seed,
+            "split": self.episode.split.value,
+            "index": self.episode.index,
+            "task": self.task.value,
+            "method": self.method.value,
+            "outcome": self.result.outcome.value,
+            "duration_s": round(self.result.duration_s, 6),
+            "path_length_m": round(self.result.path_length_m, 6),
+            "shortest_m": _finite(self.result.shortest_m),
+            "human_distance_min_m": _finite(self.human_distance_min_m),
+        }
+
+
+def make_record(
+    episode: MatchedEpisode, method: Method, trajectory: RobotTrajectory | None, episode_config: EpisodeConfig
+) -> EpisodeRecord:
+    """The record of a run; a planner that found no way at all (None) stood still until the time was over."""
+    if trajectory is None:
+        result = EpisodeResult(
+            outcome=Outcome.TIMEOUT,
+            duration_s=episode_config.time_limit_s,
+            path_length_m=0.0,
+            shortest_m=episode.shortest_m,
+        )
+        distance_m = math.inf
+    else:
+        result = EpisodeResult.from_trajectory(trajectory, episode.shortest_m)
+        distance_m = min(trajectory.human_distance_m.tolist(), default=math.inf)
+    return EpisodeRecord(
+        episode=episode.scenario.episode,
+        task=episode.task,
+        method=method,
+        result=result,
+        human_distance_min_m=distance_m,
+    )
+
+
+def summarize_records(
+    records: Sequence[EpisodeRecord], *, time_limit_s: float
+) -> dict[tuple[Task, Method], TaskSummary]:
+    """Scores by task and method, in the order in which they first appear."""
+    groups: dict[tuple[Task, Method], list[EpisodeResult]] = {}
+    for record in records:
+        groups.setdefault((record.task, record.method), []).append(record.result)
+    return {group: summarize(results, time_limit_s=time_limit_s) for group, results in groups.items()}
+
+
+def summary_mapping(summaries: dict[tuple[Task, Method], TaskSummary]) -> dict[str, dict[str, dict[str, float | int]]]:
+    """Scores as plain values: task -> method -> measure."""
+    mapping: dict[str, dict[str, dict[str, float | int]]] = {}
+    for (task, method), summary in summaries.items():
+        mapping.setdefault(task.value, {})[method.value] = dataclasses.asdict(summary)
+    return mapping
+
+
+def write_results(folder: Path, records: Sequence[EpisodeRecord], summary: dict[str, Any]) -> None:
+    """Write `episodes.jsonl` and `summary.json`, each in one piece."""
+    folder.mkdir(parents=True, exist_ok=True)
+    lines = [json.dumps(record.to_mapping()) for record in records]
+    _write(folder / RECORDS_FILE, "\n".join(lines) + "\n")
+    _write(folder / SUMMARY_FILE, json.dumps(summary, indent=2) + "\n")
+
+
+def summary_table(summaries: dict[tuple[Task, Method], TaskSummary]) -> Table:
+    """Scores for people to read."""
+    table = Table(title="Closed loop on matched episodes")
+    table.add_column("task")
+    table.add_column("method")
+    for name in ("SR %", "95 %", "ART s", "SPL", "static coll. %", "human coll. %", "timeout %", "episodes"):
+        table.add_column(name, justify="right")
+    for (task, method), summary in summaries.items():
+        table.add_row(
+            task.value,
+            method.value,
+            f"{100 * summary.success_rate:.1f}",
+            f"{100 * summary.success_rate_low:.1f} - {100 * summary.success_rate_high:.1f}",
+            f"{summary.art_s:.1f}",
+            f"{summary.spl:.3f}",
+            f"{100 * summary.static_collision_rate:.1f}",
+            f"{100 * summary.human_collision_rate:.1f}",
+            f"{100 * summary.timeout_rate:.1f}",
+            str(summary.episode_count),
+        )
+    return table
+
+
+def _finite(value: float) -> float | None:
+    return round(value, 6) if math.isfinite(value) else None
+
+
+def _write(path: Path, text: str) -> None:
+    temporary = path.with_name(f".{path.name}.part")
+    temporary.write_text(text)
+    os.replace(temporary, path)

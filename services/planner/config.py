@@ -1,0 +1,127 @@
+"""How scenarios are drawn and how the expert drives. The run's config carries both.
+
+"Paper" marks what the ReaDy-Go paper states; everything else is our choice, because the paper leaves it open.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True, kw_only=True)
+class HumanPlannerConfig:
+    """Start, goal and the humans' trajectories (stage 1)."""
+
+    start_margin_m: float = 0.10
+    """Free space around the planning disc at start and goal [m]."""
+    detour_max: float = 3.0
+    """Longest way to the goal, as a multiple of the straight distance."""
+    clearance_m: float = 0.35
+    """No point of a human's path is nearer to an obstacle [m]."""
+    route_clearance_m: float = 0.375
+    """Cells that a human's route may use [m]."""
+    preferred_clearance_m: float = 0.6
+    """Below this distance obstacles push the spline away [m]."""
+    spline_spacing_m: float = 0.4
+    """Distance of the B-spline's control points [m]."""
+    obstacle_weight: float = 200.0
+    jerk_weight: float = 2.0
+    length_weight: float = 0.02
+    iterations: int = 60
+    crossing_share: float = 0.5
+    """Share of humans that cross the robot's way; the others walk along it (paper: crossing or parallel)."""
+    crossing_fraction_min: float = 0.3
+    crossing_fraction_max: float = 0.7
+    crossing_angle_min_deg: float = 45.0
+    crossing_angle_max_deg: float = 135.0
+    parallel_offset_m: float = 1.0
+    """Largest lateral offset of a parallel human [m]."""
+    robot_speed_fraction: float = 0.85
+    """Mean speed that crossings are timed for, as a share of v_max."""
+    meeting_jitter_s: float = 0.5
+    """Standard deviation of the time between robot and human at the crossing [s]."""
+    start_distance_min_m: float = 1.5
+    """Between a human's first position and the robot [m]."""
+    parked_distance_min_m: float = 1.6
+    """Between a human's last position and the goal [m]."""
+    attempts: int = 150
+    """Draws per human and encounter before the episode is rejected."""
+
+    def __post_init__(self) -> None:
+        if not 0 < self.clearance_m <= self.route_clearance_m <= self.preferred_clearance_m:
+            raise ValueError("clearances must be 0 < clearance_m <= route_clearance_m <= preferred_clearance_m.")
+        if not 0 <= self.crossing_share <= 1:
+            raise ValueError(f"crossing_share must be 0..1, got {self.crossing_share}.")
+        if not 0 <= self.crossing_fraction_min <= self.crossing_fraction_max <= 1:
+            raise ValueError("crossing fractions must be 0 <= min <= max <= 1.")
+        if self.detour_max < 1 or self.attempts < 1:
+            raise ValueError("detour_max and attempts must be at least 1.")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExpertConfig:
+    """The robot expert (stage 3)."""
+
+    mode: Literal["paper"] = "paper"
+    primitive_s: float = 0.5
+    """Duration of a primitive [s]; three speeds by left, straight, right are the paper's."""
+    heading_count: int = 72
+    goal_tolerance_m: float = 0.25
+    """A plan ends this near to the goal [m]."""
+    heuristic_weight: float = 1.5
+    """1.0 searches for the cheapest path, more is faster."""
+    steering_cost: float = 0.2
+    """Cost of full turning, per metre at full speed (the penalty is the paper's, its weight ours)."""
+    slow_cost: float = 0.2
+    """Cost of standing still, per metre at full speed; 0 is the paper's cost, which dawdles."""
+    turn_cost_m: float = 0.8
+    """Cost of turning in place by one radian, which only a standing robot may do [m]."""
+    wall_cost: float = 0.5
+    """Extra cost per metre right at the planning distance from a wall."""
+    wall_distance_m: float = 0.2
+    """Width of the strip that this cost falls off over [m]."""
+    cell_margin_m: float = 0.01
+    """Added to the planning radius at cell centres; elsewhere in a cell a wall may be 0.035 m nearer [m]."""
+    tight_margin_m: float = 0.03
+    """Added to the robot's radius where no way keeps the planning radius [m]."""
+    expansions_max: int = 30_000
+    near_m: float = 1.0
+    """A visible human enters the map if this near to the plan [m] (paper: "a safety margin")."""
+    range_m: float = 10.0
+    """Farther humans are not perceived [m]."""
+    line_of_sight: bool = False
+    """True hides humans behind obstacles; the paper asks for the field of view only."""
+    memory_s: float = 0.0
+    """How long a human that left the view stays in the map, moving on [s]."""
+    prediction_s: float = 2.0
+    """Constant-velocity prediction (paper: 2 s)."""
+    velocity_window_s: float = 0.5
+    """Velocities are estimated over this much continuous observation [s]."""
+    buffer_m: float = 0.10
+    """Added to the human's radius along the prediction, and around the avatar's Gaussians [m]."""
+    replan_period_s: float = 1.0
+    replan_distance_m: float = 0.8
+    """A human this near to the path ahead triggers a replan [m]."""
+    replan_lookahead_s: float = 2.0
+    replan_interval_min_s: float = 0.1
+    dear_factor: int = 40
+    """Cost factor (in quarters) of predicted ground when no path avoids it."""
+    lookahead_m: tuple[float, ...] = (1.0, 0.7, 0.45, 0.3, 0.2)
+    """Pursuit distances, the first that keeps the disc free is taken [m]."""
+    tracking_margin_m: float = 0.01
+    """Free space around the disc that tracking keeps [m]."""
+    yield_to_humans: bool = True
+    """True lets tracking slow down for visible humans on its way."""
+    yield_margin_m: float = 0.1
+    """Free space between robot and human that yielding aims at [m]."""
+    evasion_gap_m: float = 0.4
+    """Free space that evading aims at [m]."""
+
+    def __post_init__(self) -> None:
+        if self.heuristic_weight < 1 or self.expansions_max < 1 or self.heading_count < 8:
+            raise ValueError("heuristic_weight and expansions_max must be at least 1, heading_count at least 8.")
+        if not 4 <= self.dear_factor <= 60:
+            raise ValueError(f"dear_factor must be 4..60, got {self.dear_factor}.")
+        if not self.lookahead_m or min(self.lookahead_m) <= 0:
+            raise ValueError("lookahead_m needs at least one positive distance.")
+        if min(self.primitive_s, self.replan_period_s, self.replan_interval_min_s, self.prediction_s) <= 0:
+            raise ValueError("durations must be positive.")

@@ -1,0 +1,140 @@
+"""Answers planning requests: scenarios (stage 1) and expert runs (stage 3)."""
+
+from collections.abc import Mapping
+from typing import Protocol
+
+from common.avatars import Avatar, FootprintModel
+from common.episode import EpisodeConfig, EpisodeSimulation, Purpose, episode_rng
+from common.errors import AvatarError
+from common.maps import FloorMap, OccupancyMap
+from common.messages import (
+    EpisodeMotions,
+    HumanPlanReply,
+    HumanPlanRequest,
+    Outcome,
+    RobotPlanReply,
+    RobotPlanRequest,
+    RobotTrajectory,
+    Scenario,
+)
+from common.robot import RobotConfig
+from services.planner.config import ExpertConfig, HumanPlannerConfig
+from services.planner.expert import ExpertGround, RobotExpert
+from services.planner.scenario import RejectedError, ScenarioSampler
+
+
+class SceneMaps(Protocol):
+    """The maps of a scene that planning needs."""
+
+    @property
+    def robot(self) -> OccupancyMap:
+        """What blocks the robot."""
+        ...
+
+    @property
+    def human(self) -> OccupancyMap:
+        """What blocks a human."""
+        ...
+
+    @property
+    def floor(self) -> FloorMap:
+        """Height of the floor."""
+        ...
+
+
+class Planner:
+    """Plans episodes in one scene; what does not depend on the episode is computed once. Not thread-safe."""
+
+    def __init__(
+        self,
+        maps: SceneMaps,
+        avatars: Mapping[str, Avatar],
+        robot: RobotConfig,
+        episode_config: EpisodeConfig,
+        human_config: HumanPlannerConfig,
+        expert_config: ExpertConfig,
+    ) -> None:
+        """Prepare a scene.
+
+        Args:
+            maps: The scene's maps.
+            avatars: Avatars by name; may be empty if there are no humans.
+            robot: Footprint and limits.
+            episode_config: Task and judging.
+            human_config: How scenarios are drawn.
+            expert_config: How the expert drives.
+
+        Raises:
+            SceneError: If the robot has no free space.
+        """
+        self.maps, self.robot, self.episode_config = maps, robot, episode_config
+        self.avatar_names = sorted(avatars)
+        self.sampler = ScenarioSampler(
+            maps.robot, maps.human, robot, episode_config, human_config, expert_config.cell_margin_m
+        )
+        self.ground = ExpertGround(maps.robot, robot, episode_config, expert_config)
+        self._avatars = dict(avatars)
+        self._footprints: dict[str, FootprintModel] = {}
+
+    def footprint(self, name: str) -> tuple[Avatar, FootprintModel]:
+        """An avatar and its footprint model.
+
+        Raises:
+            AvatarError: If there is no such avatar.
+        """
+        if name not in self._avatars:
+            raise AvatarError(f"Avatar {name!r} is not loaded; loaded: {', '.join(self.avatar_names) or 'none'}.")
+        if name not in self._footprints:
+            self._footprints[name] = FootprintModel.from_avatar(self._avatars[name])
+        return self._avatars[name], self._footprints[name]
+
+    def expert(self, scenario: Scenario, motions: EpisodeMotions) -> RobotExpert:
+        """An expert for one episode.
+
+        Raises:
+            AvatarError: If a human's avatar is not loaded.
+        """
+        people = [(human, *self.footprint(human.avatar)) for human in motions.humans]
+        return RobotExpert(self.ground, scenario, people)
+
+    def simulation(self, scenario: Scenario, motions: EpisodeMotions) -> EpisodeSimulation:
+        """The closed loop of one episode, at its start."""
+        return EpisodeSimulation(scenario, motions, self.maps.robot, self.robot, self.episode_config)
+
+
+def handle_human_plan(planner: Planner, request: HumanPlanRequest) -> HumanPlanReply:
+    """Draw the scenario of an episode; an episode that cannot take place is rejected with a short reason."""
+    rng = episode_rng(request.episode, Purpose.SCENARIO)
+    try:
+        scenario = planner.sampler.draw(request.episode, rng, planner.avatar_names, static=request.static)
+    except RejectedError as reason:
+        return HumanPlanReply(episode=request.episode, rejected=str(reason))
+    return HumanPlanReply(episode=request.episode, scenario=scenario)
+
+
+def handle_robot_plan(planner: Planner, request: RobotPlanRequest) -> RobotPlanReply:
+    """Drive the expert through a scenario; a run that does not succeed is rejected with its outcome."""
+    trajectory = drive(planner, request.scenario, request.motions)
+    success = trajectory.outcome is Outcome.SUCCESS
+    return RobotPlanReply(
+        episode=request.scenario.episode,
+        trajectory=trajectory,
+        rejected="" if success else trajectory.outcome.value,
+    )
+
+
+def drive(planner: Planner, scenario: Scenario, motions: EpisodeMotions) -> RobotTrajectory:
+    """The expert's closed loop, from start to end."""
+    simulation = planner.simulation(scenario, motions)
+    expert = planner.expert(scenario, motions)
+    decisions = []
+    while simulation.outcome is None:
+        decision = expert.act(simulation)
+        decisions.append(decision)
+        simulation.advance(decision.v_mps, decision.w_radps)
+    return simulation.trajectory(
+        human_visible=[decision.visible for decision in decisions],
+        replanned=[decision.replanned for decision in decisions],
+        expert_cost=[decision.cost for decision in decisions],
+        replan_times_s=expert.replan_times_s,
+    )

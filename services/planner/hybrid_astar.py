@@ -1,0 +1,317 @@
+"""Hybrid A*: a search over robot poses with motion primitives, on a grid of cost factors.
+
+A node keeps its continuous pose; one node per cell and heading survives. Sources: Dolgov et al., Path planning for
+autonomous vehicles in unknown semi-structured environments, IJRR 29 (2010); primitives and cost after the ReaDy-Go
+paper: three speeds by three turn rates, arc length plus a steering penalty.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from common.episode.grid_search import FREE, UNITS_PER_CELL, UNREACHED
+from common.maps import GridFrame
+from common.robot import RobotConfig
+from services.planner.config import ExpertConfig
+
+Float64Array = npt.NDArray[np.float64]
+Int32Array = npt.NDArray[np.int32]
+UInt8Array = npt.NDArray[np.uint8]
+
+_SAMPLE_M = 0.05
+_TABLE_SIZE = 1 << 19
+_ROOT_COUNT = 24
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Primitives:
+    """Motion primitives, sampled every 5 cm."""
+
+    offsets: Float64Array
+    """Poses x [m], y [m], yaw [rad] relative to the primitive's start, shape (P, K, 3)."""
+    sample_counts: npt.NDArray[np.int64]
+    """Samples that each primitive uses, shape (P,)."""
+    costs: Float64Array
+    """Cost on free ground [m], shape (P,)."""
+    speeds_mps: Float64Array
+    """Shape (P,)."""
+
+
+def make_primitives(robot: RobotConfig, config: ExpertConfig) -> Primitives:
+    """Three speeds by left, straight and right, each for `config.primitive_s`."""
+    duration_s, v_max, w_max = config.primitive_s, robot.v_max_mps, robot.w_max_radps
+    commands = [(v_max * k / 3, w_max * side) for k in (3, 2, 1) for side in (0, -1, 1)]
+    counts = [math.ceil(v * duration_s / _SAMPLE_M - 1e-9) for v, _ in commands]
+    offsets = np.zeros((len(commands), max(counts), 3))
+    costs = []
+    for p, (v, w) in enumerate(commands):
+        for k in range(counts[p]):
+            t = duration_s * (k + 1) / counts[p]
+            arc = (v * t, 0.0) if w == 0 else (v / w * math.sin(w * t), v / w * (1 - math.cos(w * t)))
+            offsets[p, k] = (*arc, w * t)
+        turning = config.steering_cost * abs(w) / w_max * v
+        slowness = config.slow_cost * (1 - v / v_max) * v_max
+        costs.append((v + turning + slowness) * duration_s)
+    return Primitives(
+        offsets=offsets,
+        sample_counts=np.array(counts),
+        costs=np.array(costs),
+        speeds_mps=np.array([v for v, _ in commands]),
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Plan:
+    """A path to the goal."""
+
+    xyyaw: Float64Array
+    """Poses about every 5 cm, the start included: x [m], y [m] in the world, yaw [rad], shape (N, 3)."""
+    speed_mps: Float64Array
+    """Speed of the primitive that leads to each pose, shape (N,)."""
+    cost: float
+    expansion_count: int
+
+
+class HybridAStar:
+    """Searches on grids of one shape; keeps its working memory, so it is not thread-safe."""
+
+    def __init__(self, frame: GridFrame, robot: RobotConfig, config: ExpertConfig) -> None:
+        self._frame, self._config = frame, config
+        self._primitives = make_primitives(robot, config)
+        capacity = config.expansions_max * 4 + 16
+        self._nodes = np.empty((capacity, 4))
+        self._links = np.empty((capacity, 2), np.int32)
+        self._table_key = np.empty(_TABLE_SIZE, np.int64)
+        self._table_node = np.empty(_TABLE_SIZE, np.int32)
+        self._table_stamp = np.zeros(_TABLE_SIZE, np.int32)
+        self._heap_cost = np.empty(capacity)
+        self._heap_node = np.empty(capacity, np.int32)
+        self._stamp = 0
+        self._points = np.empty((4096, 4))
+        self.expansion_count = 0
+        """Expansions of the latest search."""
+
+    def search(
+        self,
+        factor: UInt8Array,
+        heuristic: Int32Array,
+        start_xyyaw: tuple[float, float, float],
+        goal_xy_m: Float64Array,
+        *,
+        turn_first: bool = False,
+    ) -> Plan | None:
+        """Search a path.
+
+        Args:
+            factor: Cost factors of the cells (see `common.episode.grid_search`), shape (H, W).
+            heuristic: Distances to the goal on the same grid, UNITS_PER_CELL a cell, shape (H, W).
+            start_xyyaw: Pose in the world [m, m, rad]; its own cell may be blocked.
+            goal_xy_m: Goal in the world, shape (2,).
+            turn_first: True lets the path begin with any heading, at the price of turning there in place.
+
+        Returns:
+            A plan, or None if there is none within the limit of expansions.
+        """
+        frame, primitives, config = self._frame, self._primitives, self._config
+        ox, oy = frame.origin_x_m, frame.origin_y_m
+        self._stamp += 1
+        last, self.expansion_count = _search(
+            factor,
+            heuristic,
+            frame.resolution_m,
+            (start_xyyaw[0] - ox, start_xyyaw[1] - oy, start_xyyaw[2]),
+            (float(goal_xy_m[0]) - ox, float(goal_xy_m[1]) - oy, config.goal_tolerance_m),
+            (primitives.offsets, primitives.sample_counts, primitives.costs),
+            (_ROOT_COUNT if turn_first else 1, config.turn_cost_m),
+            config.heuristic_weight,
+            config.heading_count,
+            config.expansions_max,
+            self._stamp,
+            (self._nodes, self._links, self._heap_cost, self._heap_node),
+            (self._table_key, self._table_node, self._table_stamp),
+        )
+        if last < 0:
+            return None
+        count = _trace(
+            last,
+            self._nodes,
+            self._links,
+            primitives.offsets,
+            primitives.sample_counts,
+            primitives.speeds_mps,
+            self._points,
+        )
+        rows = self._points[len(self._points) - count :]
+        xyyaw = rows[:, :3].copy()
+        xyyaw[:, 0] += ox
+        xyyaw[:, 1] += oy
+        return Plan(
+            xyyaw=xyyaw,
+            speed_mps=rows[:, 3].copy(),
+            cost=float(self._nodes[last, 3]),
+            expansion_count=self.expansion_count,
+        )
+
+
+@njit(cache=True)
+def _push(costs: Float64Array, nodes: Int32Array, count: int, cost: float, node: int) -> int:
+    k = count
+    while k > 0:
+        parent = (k - 1) >> 1
+        if costs[parent] <= cost:
+            break
+        costs[k], nodes[k] = costs[parent], nodes[parent]
+        k = parent
+    costs[k], nodes[k] = cost, node
+    return count + 1
+
+
+@njit(cache=True)
+def _pop(costs: Float64Array, nodes: Int32Array, count: int) -> int:
+    """Remove the cheapest entry, which the caller has read from the top."""
+    count -= 1
+    cost, node = costs[count], nodes[count]
+    k = 0
+    while True:
+        child = 2 * k + 1
+        if child >= count:
+            break
+        if child + 1 < count and costs[child + 1] < costs[child]:
+            child += 1
+        if costs[child] >= cost:
+            break
+        costs[k], nodes[k] = costs[child], nodes[child]
+        k = child
+    costs[k], nodes[k] = cost, node
+    return count
+
+
+@njit(cache=True)
+def _slot(key: int, stamp: int, table_key: npt.NDArray[np.int64], table_stamp: Int32Array) -> int:
+    """Table slot of a key: where it is, or where it would be put (open addressing, Fibonacci hashing)."""
+    mask = len(table_key) - 1
+    mixed = key * -7046029254386353131
+    slot = (mixed ^ (mixed >> 29)) & mask
+    while table_stamp[slot] == stamp and table_key[slot] != key:
+        slot = (slot + 1) & mask
+    return slot
+
+
+@njit(cache=True)
+def _drive_cost(
+    factor: UInt8Array, resolution: float, x: float, y: float, c: float, s: float, offsets: Float64Array, count: int
+) -> float:
+    """Mean cost factor along a primitive (1 on free ground), negative if it is blocked."""
+    height, width = factor.shape
+    total = 0
+    for k in range(count):
+        px = x + c * offsets[k, 0] - s * offsets[k, 1]
+        py = y + s * offsets[k, 0] + c * offsets[k, 1]
+        if px < 0.0 or py < 0.0:
+            return -1.0
+        i, j = int(py / resolution), int(px / resolution)
+        if i >= height or j >= width or factor[i, j] == 0:
+            return -1.0
+        total += factor[i, j]
+    return total / (FREE * count)
+
+
+@njit(cache=True)
+def _search(
+    factor: UInt8Array,
+    heuristic: Int32Array,
+    resolution: float,
+    start: tuple[float, float, float],
+    goal: tuple[float, float, float],
+    primitives: tuple[Float64Array, npt.NDArray[np.int64], Float64Array],
+    roots: tuple[int, float],
+    weight: float,
+    heading_count: int,
+    expansions_max: int,
+    stamp: int,
+    memory: tuple[Float64Array, Int32Array, Float64Array, Int32Array],
+    table: tuple[npt.NDArray[np.int64], Int32Array, Int32Array],
+) -> tuple[int, int]:
+    """Last node (x, y, yaw, cost in `nodes`; parent, primitive in `links`) or -1, and the number of expansions."""
+    offsets, sample_counts, costs = primitives
+    nodes, links, heap_cost, heap_node = memory
+    table_key, table_node, table_stamp = table
+    width = factor.shape[1]
+    metres = weight * resolution / UNITS_PER_CELL
+    per_rad = heading_count / (2 * math.pi)
+    count, waiting, expansions = 0, 0, 0
+    for k in range(roots[0]):
+        turn = k * 2 * math.pi / roots[0]
+        cost = roots[1] * min(turn, 2 * math.pi - turn)
+        nodes[k, 0], nodes[k, 1], nodes[k, 2], nodes[k, 3] = start[0], start[1], (start[2] + turn) % (2 * math.pi), cost
+        links[k, 0], links[k, 1] = -1, -1
+        waiting = _push(heap_cost, heap_node, waiting, cost, k)
+        count += 1
+    while waiting > 0 and expansions < expansions_max:
+        node = heap_node[0]
+        waiting = _pop(heap_cost, heap_node, waiting)
+        x, y, yaw, cost = nodes[node, 0], nodes[node, 1], nodes[node, 2], nodes[node, 3]
+        if node >= roots[0]:
+            cell = int(y / resolution) * width + int(x / resolution)
+            key = cell * heading_count + int(yaw * per_rad) % heading_count
+            if table_node[_slot(key, stamp, table_key, table_stamp)] != node:
+                continue
+        if (x - goal[0]) ** 2 + (y - goal[1]) ** 2 < goal[2] * goal[2]:
+            return node, expansions
+        expansions += 1
+        c, s = math.cos(yaw), math.sin(yaw)
+        for p in range(len(costs)):
+            samples = sample_counts[p]
+            mean_factor = _drive_cost(factor, resolution, x, y, c, s, offsets[p], samples)
+            if mean_factor < 0:
+                continue
+            end = offsets[p, samples - 1]
+            xx, yy = x + c * end[0] - s * end[1], y + s * end[0] + c * end[1]
+            i, j = int(yy / resolution), int(xx / resolution)
+            if heuristic[i, j] >= UNREACHED:
+                continue
+            new_yaw = (yaw + end[2]) % (2 * math.pi)
+            new_cost = cost + costs[p] * mean_factor
+            key = (i * width + j) * heading_count + int(new_yaw * per_rad) % heading_count
+            slot = _slot(key, stamp, table_key, table_stamp)
+            if table_stamp[slot] == stamp and nodes[table_node[slot], 3] <= new_cost:
+                continue
+            if count >= len(nodes):
+                return -1, expansions
+            nodes[count, 0], nodes[count, 1], nodes[count, 2], nodes[count, 3] = xx, yy, new_yaw, new_cost
+            links[count, 0], links[count, 1] = node, p
+            table_stamp[slot], table_key[slot], table_node[slot] = stamp, key, count
+            waiting = _push(heap_cost, heap_node, waiting, new_cost + metres * heuristic[i, j], count)
+            count += 1
+    return -1, expansions
+
+
+@njit(cache=True)
+def _trace(
+    node: int,
+    nodes: Float64Array,
+    links: Int32Array,
+    offsets: Float64Array,
+    sample_counts: npt.NDArray[np.int64],
+    speeds: Float64Array,
+    points: Float64Array,
+) -> int:
+    """Fill the end of `points` with x, y, yaw, speed from start to `node`; returns their number."""
+    at = len(points)
+    while links[node, 0] >= 0 and at > 16:
+        parent, p = links[node, 0], links[node, 1]
+        c, s = math.cos(nodes[parent, 2]), math.sin(nodes[parent, 2])
+        for k in range(sample_counts[p] - 1, -1, -1):
+            at -= 1
+            points[at, 0] = nodes[parent, 0] + c * offsets[p, k, 0] - s * offsets[p, k, 1]
+            points[at, 1] = nodes[parent, 1] + s * offsets[p, k, 0] + c * offsets[p, k, 1]
+            points[at, 2] = nodes[parent, 2] + offsets[p, k, 2]
+            points[at, 3] = speeds[p]
+        node = parent
+    at -= 1
+    points[at, 0], points[at, 1], points[at, 2] = nodes[node, 0], nodes[node, 1], nodes[node, 2]
+    points[at, 3] = points[at + 1, 3] if at + 1 < len(points) else 0.0
+    return len(points) - at

@@ -1,0 +1,247 @@
+"""Runs of the robot a few seconds ahead, to try a command before it is executed.
+
+Steering law: Coulter, Implementation of the pure pursuit path tracking algorithm, CMU-RI-TR-92-01. Evasion: Fox,
+Burgard and Thrun, The dynamic window approach to collision avoidance, IEEE RAM 4 (1997).
+"""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from common.episode.collision import disc_meets_cells
+from common.episode.grid_search import UNITS_PER_CELL, UNREACHED
+from common.robot.kinematics import DT_S
+
+Float64Array = npt.NDArray[np.float64]
+Int32Array = npt.NDArray[np.int32]
+BoolArray = npt.NDArray[np.bool_]
+State = tuple[float, float, float, float, float]
+"""x [m], y [m], yaw [rad], v [m/s], w [rad/s]."""
+Limits = tuple[float, float, float, float]
+"""v_max [m/s], w_max [rad/s], a_max [m/s^2], alpha_max [rad/s^2]."""
+Ground = tuple[BoolArray, Float64Array, float, float, float]
+"""Occupied cells, distances to them [m], origin x [m], origin y [m], cell size [m]."""
+
+FREE_RUN = 1 << 20
+"""Steps of a run that meets no obstacle."""
+
+_TURN_FIRST_RAD = 1.2
+_AHEAD_STEPS = 40
+
+
+@njit(cache=True)
+def slow_ahead(path: Float64Array, deceleration_mps2: float) -> None:
+    """Lower the speeds (fourth column) of a path so that slower stretches ahead are reached in time."""
+    for k in range(len(path) - 2, -1, -1):
+        gap = math.sqrt((path[k + 1, 0] - path[k, 0]) ** 2 + (path[k + 1, 1] - path[k, 1]) ** 2)
+        path[k, 3] = min(path[k, 3], math.sqrt(path[k + 1, 3] ** 2 + 2 * deceleration_mps2 * gap))
+
+
+@njit(cache=True)
+def nearest_ahead(path: Float64Array, progress: int, x: float, y: float) -> int:
+    """Index of the path's point nearest to (x, y), from `progress` on and not far ahead."""
+    best, found = np.inf, progress
+    for k in range(progress, min(progress + 16, len(path))):
+        squared = (path[k, 0] - x) ** 2 + (path[k, 1] - y) ** 2
+        if squared < best:
+            best, found = squared, k
+    return found
+
+
+@njit(cache=True)
+def _clip(value: float, low: float, high: float) -> float:
+    return min(max(value, low), high)
+
+
+@njit(cache=True)
+def limited(v: float, w: float, state: State, limits: Limits) -> tuple[float, float]:
+    """The command that the robot executes when (v, w) is asked for."""
+    v_max, w_max, a_max, alpha_max = limits
+    return (
+        _clip(_clip(v, 0.0, v_max), state[3] - a_max * DT_S, state[3] + a_max * DT_S),
+        _clip(_clip(w, -w_max, w_max), state[4] - alpha_max * DT_S, state[4] + alpha_max * DT_S),
+    )
+
+
+@njit(cache=True)
+def _pursue(
+    path: Float64Array, progress: int, state: State, lookahead: float, scale: float, limits: Limits
+) -> tuple[float, float]:
+    """Command of one pursuit step, within the limits."""
+    x, y, yaw, _, _ = state
+    w_max = limits[1]
+    target = len(path) - 1
+    for k in range(progress, len(path)):
+        if (path[k, 0] - x) ** 2 + (path[k, 1] - y) ** 2 >= lookahead * lookahead:
+            target = k
+            break
+    c, s = math.cos(yaw), math.sin(yaw)
+    dx, dy = path[target, 0] - x, path[target, 1] - y
+    ahead, left = c * dx + s * dy, c * dy - s * dx
+    bearing = math.atan2(left, ahead)
+    curvature = 2 * left / max(ahead * ahead + left * left, 0.04)
+    wanted = scale * path[progress, 3]
+    if abs(bearing) > _TURN_FIRST_RAD:
+        wanted = 0.0
+    elif abs(curvature) > 1e-6:
+        wanted = min(wanted, 0.95 * w_max / abs(curvature))
+    v, _ = limited(wanted, 0.0, state, limits)
+    # At rest the robot turns towards the path; while it drives, it steers along the arc to the target.
+    turning = 2.0 * bearing if wanted < 0.05 else v * curvature
+    return limited(wanted, turning, state, limits)
+
+
+@njit(cache=True)
+def _step(state: State, v: float, w: float) -> State:
+    """The state after one step; the chord replaces the arc, which differs by less than 0.1 mm."""
+    x, y, yaw, _, _ = state
+    middle = yaw + 0.5 * w * DT_S
+    return x + v * DT_S * math.cos(middle), y + v * DT_S * math.sin(middle), yaw + w * DT_S, v, w
+
+
+@njit(cache=True)
+def _meets(state: State, ground: Ground, radius: float) -> bool:
+    occupied, clearance, ox, oy, resolution = ground
+    i, j = math.floor((state[1] - oy) / resolution), math.floor((state[0] - ox) / resolution)
+    if 0 <= i < occupied.shape[0] and 0 <= j < occupied.shape[1] and clearance[i, j] > radius + 0.71 * resolution:
+        # Half a cell's diagonal covers the offset of the point from its cell's centre.
+        return False
+    return disc_meets_cells(occupied, ox, oy, resolution, state[0], state[1], radius)
+
+
+@njit(cache=True)
+def _gap(state: State, humans: Float64Array, time_s: float, contact: float) -> float:
+    """Free space to the nearest human after `time_s` at constant velocities [m]."""
+    gap = np.inf
+    for m in range(len(humans)):
+        dx = humans[m, 0] + time_s * humans[m, 2] - state[0]
+        dy = humans[m, 1] + time_s * humans[m, 3] - state[1]
+        gap = min(gap, math.sqrt(dx * dx + dy * dy) - contact)
+    return gap
+
+
+@njit(cache=True)
+def _stop_steps(speed: float, limits: Limits) -> int:
+    """Steps within which the robot could come to rest, and some to spare."""
+    return int(speed / (limits[2] * DT_S)) + 9
+
+
+@njit(cache=True)
+def try_pursuit(
+    path: Float64Array,
+    progress: int,
+    state: State,
+    lookahead: float,
+    scale: float,
+    limits: Limits,
+    ground: Ground,
+    radius: float,
+    humans: Float64Array,
+    contact: float,
+) -> tuple[int, float, float, float]:
+    """Follow a path; returns steps until the disc meets an obstacle, smallest gap to a human, first command."""
+    first_v, first_w, gap = 0.0, 0.0, np.inf
+    stop_steps = _stop_steps(state[3], limits)
+    steps = max(stop_steps, _AHEAD_STEPS) if len(humans) > 0 else stop_steps
+    for k in range(steps):
+        progress = nearest_ahead(path, progress, state[0], state[1])
+        v, w = _pursue(path, progress, state, lookahead, scale, limits)
+        if k == 0:
+            first_v, first_w = v, w
+        state = _step(state, v, w)
+        if k < stop_steps and _meets(state, ground, radius):
+            return k, gap, first_v, first_w
+        gap = min(gap, _gap(state, humans, (k + 1) * DT_S, contact))
+    return FREE_RUN, gap, first_v, first_w
+
+
+@njit(cache=True)
+def try_arc(
+    v: float,
+    w: float,
+    state: State,
+    limits: Limits,
+    ground: Ground,
+    radius: float,
+    humans: Float64Array,
+    contact: float,
+    to_goal: Int32Array,
+) -> tuple[int, float, float]:
+    """Keep asking for (v, w); returns steps until an obstacle, smallest gap, smallest distance to the goal [m]."""
+    gap, goal_units = np.inf, UNREACHED
+    _, _, ox, oy, resolution = ground
+    stop_steps = _stop_steps(max(state[3], v), limits)
+    for k in range(max(stop_steps, _AHEAD_STEPS)):
+        command = limited(v, w, state, limits)
+        state = _step(state, command[0], command[1])
+        if k < stop_steps and _meets(state, ground, radius):
+            return k, gap, np.inf
+        gap = min(gap, _gap(state, humans, (k + 1) * DT_S, contact))
+        i, j = math.floor((state[1] - oy) / resolution), math.floor((state[0] - ox) / resolution)
+        if 0 <= i < to_goal.shape[0] and 0 <= j < to_goal.shape[1]:
+            goal_units = min(goal_units, to_goal[i, j])
+    return FREE_RUN, gap, goal_units * resolution / UNITS_PER_CELL
+
+
+@njit(cache=True)
+def choose_pursuit(
+    path: Float64Array,
+    progress: int,
+    state: State,
+    lookaheads: Float64Array,
+    lookahead_max: float,
+    scales: Float64Array,
+    limits: Limits,
+    ground: Ground,
+    radius: float,
+    humans: Float64Array,
+    contact: float,
+    margin: float,
+) -> tuple[bool, float, float, float]:
+    """The first run that keeps off obstacles and humans, else the longest: (found, v, w, look-ahead)."""
+    best = -1
+    v, w, chosen = 0.0, 0.0, lookaheads[0]
+    for scale in scales:
+        for lookahead in lookaheads:
+            tried = min(lookahead, lookahead_max)
+            steps, gap, first_v, first_w = try_pursuit(
+                path, progress, state, tried, scale, limits, ground, radius, humans, contact
+            )
+            if steps >= FREE_RUN and gap >= margin:
+                return True, first_v, first_w, tried
+            if steps > best:
+                best, v, w, chosen = steps, first_v, first_w, tried
+    return False, v, w, chosen
+
+
+@njit(cache=True)
+def choose_evasion(
+    state: State,
+    limits: Limits,
+    ground: Ground,
+    radius: float,
+    humans: Float64Array,
+    contact: float,
+    wide: float,
+    to_goal: Int32Array,
+) -> tuple[bool, float, float]:
+    """The arc that keeps off obstacles and scores best by gap to humans and way to the goal: (found, v, w)."""
+    best, found, best_v, best_w = -np.inf, False, 0.0, 0.0
+    for a in range(5):
+        v = limits[0] * a / 4
+        for b in range(-4, 5):
+            w = limits[1] * b / 4
+            steps, gap, to_go = try_arc(v, w, state, limits, ground, radius, humans, contact, to_goal)
+            if steps < FREE_RUN:
+                continue
+            score = -min(to_go, 1e3) - 0.1 * abs(w - state[4]) / limits[1]
+            if gap < wide:
+                score -= 4.0 * (wide - gap) / wide
+            if gap < 0:
+                score -= 20.0 * (0.3 - gap)
+            if score > best:
+                best, found, best_v, best_w = score, True, v, w
+    v, w = limited(best_v, best_w, state, limits)
+    return found, v, w

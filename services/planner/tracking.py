@@ -1,0 +1,156 @@
+"""Drives along a plan within the robot's limits; every command is tried out ahead before it is executed.
+
+Pursuit with several look-ahead distances and speeds is simulated until the robot could stand. The first run that
+keeps the disc off obstacles, and off visible humans at constant velocity, is taken. If a human leaves no such run,
+the robot evades on the arc that keeps the widest gap.
+"""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from common.episode.collision import disc_meets_cells
+from common.maps import OccupancyMap
+from common.robot import RobotConfig
+from services.planner.config import ExpertConfig
+from services.planner.hybrid_astar import Plan
+from services.planner.rollouts import (
+    FREE_RUN,
+    State,
+    choose_evasion,
+    choose_pursuit,
+    limited,
+    nearest_ahead,
+    slow_ahead,
+    try_arc,
+)
+
+Float64Array = npt.NDArray[np.float64]
+Int32Array = npt.NDArray[np.int32]
+
+_MOVING = np.array([1.0, 0.6, 0.3, 0.0])
+_TURNED_RAD = 0.1
+_NO_HUMANS = np.empty((0, 4))
+
+
+class PathTracker:
+    """Follows one plan at a time; a new plan starts where the robot is."""
+
+    def __init__(
+        self,
+        occupancy: OccupancyMap,
+        clearance: Float64Array,
+        to_goal: Int32Array,
+        robot: RobotConfig,
+        contact_m: float,
+        config: ExpertConfig,
+    ) -> None:
+        """Prepare for one episode.
+
+        Args:
+            occupancy: Un-inflated map.
+            clearance: Distances to its obstacles [m], shape (H, W).
+            to_goal: Way to the goal, UNITS_PER_CELL a cell, shape (H, W).
+            robot: Footprint and limits.
+            contact_m: Sum of the radii of robot and human [m].
+            config: Look-ahead distances and margins.
+        """
+        frame = occupancy.frame
+        self._ground = (occupancy.occupied, clearance, frame.origin_x_m, frame.origin_y_m, frame.resolution_m)
+        self._limits = (robot.v_max_mps, robot.w_max_radps, robot.a_max_mps2, robot.alpha_max_radps2)
+        self._to_goal = to_goal
+        self._robot, self._config, self._contact_m = robot, config, contact_m
+        self._lookaheads = np.array(config.lookahead_m)
+        self._lookahead_m = float(self._lookaheads.min())
+        self._turn_to_rad: float | None = None
+        self.path = np.empty((0, 4))
+        """x [m], y [m], yaw [rad], speed [m/s] of the plan's points, shape (N, 4); empty without a plan."""
+        self.progress = 0
+        """Index of the path's point that the robot has reached."""
+
+    def follow(self, plan: Plan, yaw_rad: float) -> None:
+        """Take a new plan, which may begin with a turn in place."""
+        self.path = np.column_stack([plan.xyyaw, plan.speed_mps])
+        slow_ahead(self.path, 0.9 * self._robot.a_max_mps2)
+        self.progress = 0
+        first_rad = float(plan.xyyaw[0, 2])
+        self._turn_to_rad = first_rad if abs(_wrapped(first_rad - yaw_rad)) > 1e-6 else None
+
+    def update(self, x_m: float, y_m: float) -> None:
+        """Note where the robot is along the path."""
+        self.progress = nearest_ahead(self.path, self.progress, x_m, y_m)
+
+    def command(self, state: State, humans: Float64Array = _NO_HUMANS) -> tuple[float, float]:
+        """Command that follows the plan.
+
+        Args:
+            state: Robot's x [m], y [m], yaw [rad], v [m/s], w [rad/s].
+            humans: Humans to keep off: x, y [m], vx, vy [m/s], shape (M, 4).
+
+        Returns:
+            v [m/s], w [rad/s], reachable within the robot's limits.
+        """
+        if self._turn_to_rad is not None:
+            turn_rad = _wrapped(self._turn_to_rad - state[2])
+            if abs(turn_rad) > _TURNED_RAD:
+                return self.turn(state, turn_rad, humans)
+            self._turn_to_rad = None
+        found, v, w, lookahead_m = choose_pursuit(
+            self.path,
+            self.progress,
+            state,
+            self._lookaheads,
+            self._lookahead_m * 1.15 + 0.01,
+            _MOVING,
+            self._limits,
+            self._ground,
+            self._radius_m(state),
+            humans,
+            self._contact_m,
+            self._config.yield_margin_m,
+        )
+        self._lookahead_m = lookahead_m
+        return (v, w) if found else self._evade(state, humans, (v, w))
+
+    def turn(self, state: State, turn_rad: float, humans: Float64Array = _NO_HUMANS) -> tuple[float, float]:
+        """Command that brakes and turns in place by `turn_rad`, unless a human comes too near."""
+        # The rate ends the turn without overshoot under the robot's angular acceleration.
+        rate = math.sqrt(2 * 0.8 * self._robot.alpha_max_radps2 * abs(turn_rad))
+        w = math.copysign(min(rate, self._robot.w_max_radps), turn_rad)
+        steps, gap, _ = try_arc(
+            0.0, w, state, self._limits, self._ground, self._radius_m(state), humans, self._contact_m, self._to_goal
+        )
+        command: tuple[float, float] = limited(0.0, w, state, self._limits)
+        if steps >= FREE_RUN and gap >= self._config.yield_margin_m:
+            return command
+        return self._evade(state, humans, command)
+
+    def _evade(self, state: State, humans: Float64Array, otherwise: tuple[float, float]) -> tuple[float, float]:
+        if len(humans) == 0:
+            return otherwise
+        found, v, w = choose_evasion(
+            state,
+            self._limits,
+            self._ground,
+            self._radius_m(state),
+            humans,
+            self._contact_m,
+            self._config.evasion_gap_m,
+            self._to_goal,
+        )
+        return (v, w) if found else otherwise
+
+    def _radius_m(self, state: State) -> float:
+        """Radius that runs keep free: the disc and a margin, unless the robot stands within the margin already."""
+        wide_m = self._robot.radius_m + self._config.tracking_margin_m
+        close = self._meets(state, wide_m)
+        return self._robot.radius_m + 0.1 * self._config.tracking_margin_m if close else wide_m
+
+    def _meets(self, state: State, radius_m: float) -> bool:
+        occupied, _, ox, oy, resolution = self._ground
+        return bool(disc_meets_cells(occupied, ox, oy, resolution, state[0], state[1], radius_m))
+
+
+def _wrapped(angle_rad: float) -> float:
+    return (angle_rad + math.pi) % (2 * math.pi) - math.pi

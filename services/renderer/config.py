@@ -1,0 +1,23 @@
+"""Settings of the renderer."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True, kw_only=True)
+class RendererConfig:
+    """How images are made and encoded; recorded with every dataset."""
+
+    backend: Literal["cpu", "reference"] = "cpu"
+    """"reference" is the slow oracle of `common.rasterizer.reference`: seconds per image."""
+    image_format: Literal["jpeg", "png"] = "jpeg"
+    """Encoding of recorded images; "png" is lossless."""
+    jpeg_quality: int = 90
+
+    def __post_init__(self) -> None:
+        if self.backend not in ("cpu", "reference"):
+            raise ValueError(f'backend must be "cpu" or "reference", got {self.backend!r}.')
+        if self.image_format not in ("jpeg", "png"):
+            raise ValueError(f'image_format must be "jpeg" or "png", got {self.image_format!r}.')
+        if not 1 <= self.jpeg_quality <= 100:
+            raise ValueError(f"jpeg_quality must be 1..100, got {self.jpeg_quality}.")

@@ -1,0 +1,189 @@
+"""Render requests, and the samples of whole episodes."""
+
+import math
+import zlib
+from collections import OrderedDict
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from common.avatars import Avatar
+from common.errors import AvatarError
+from common.messages import (
+    EpisodeHeader,
+    EpisodeMotions,
+    HumanMotion,
+    People,
+    RenderReply,
+    RenderRequest,
+    RobotTrajectory,
+    Sample,
+    Scenario,
+)
+from common.robot import RobotConfig
+from common.scenes import Scene
+from services.renderer.config import RendererConfig
+from services.renderer.drawing import CpuDrawing, Drawing, ReferenceDrawing
+from services.renderer.encoding import encode_image
+
+PEOPLE_KEPT = 512
+"""Keys of people that a renderer remembers."""
+STEP_NS = 50_000_000
+
+
+class Renderer:
+    """One scene with its avatars, ready to be drawn.
+
+    Args:
+        scene: The scene bundle.
+        avatars: Avatars by name.
+        robot: Whose camera looks.
+        config: Settings.
+    """
+
+    def __init__(self, scene: Scene, avatars: Mapping[str, Avatar], robot: RobotConfig, config: RendererConfig) -> None:
+        self.scene, self.robot, self.config = scene, robot, config
+        self.avatars = dict(avatars)
+        make_drawing = CpuDrawing if config.backend == "cpu" else ReferenceDrawing
+        self.drawing: Drawing = make_drawing(scene, self.avatars, robot.camera)
+        self._people: OrderedDict[str, tuple[HumanMotion, ...]] = OrderedDict()
+
+    def remember(self, people: People) -> None:
+        """Keep people for later requests.
+
+        Raises:
+            AvatarError: If one of them wears an avatar that is not loaded.
+        """
+        self.check_avatars(people.humans)
+        self._people[people.key] = people.humans
+
+    def recall(self, key: str) -> tuple[HumanMotion, ...] | None:
+        """People by key: nobody for the empty key, None for an unknown one."""
+        if not key:
+            return ()
+        if key in self._people:
+            self._people.move_to_end(key)
+        return self._people.get(key)
+
+    def forget_old(self) -> None:
+        """Drop the people that were not asked for longest."""
+        while len(self._people) > PEOPLE_KEPT:
+            self._people.popitem(last=False)
+
+    def check_avatars(self, humans: tuple[HumanMotion, ...]) -> None:
+        """Raise AvatarError unless every human's avatar is loaded."""
+        for human in humans:
+            if human.avatar not in self.avatars:
+                raise AvatarError(f"Avatar {human.avatar!r} is not loaded; loaded: {sorted(self.avatars)}.")
+
+
+def handle_render(renderer: Renderer, request: RenderRequest) -> RenderReply:
+    """Draw the views of a request.
+
+    Raises:
+        AvatarError: If a human wears an avatar that is not loaded.
+    """
+    for people in request.people:
+        renderer.remember(people)
+    known = {view.people: renderer.recall(view.people) for view in request.views}
+    camera = renderer.robot.camera
+    rgb = np.empty((0, camera.height_px, camera.width_px, 3), dtype=np.uint8)
+    unknown = tuple(key for key, humans in known.items() if humans is None)
+    if not unknown and request.views:
+        views = [
+            renderer.drawing.draw(view.T_world_camera, known[view.people] or (), view.step) for view in request.views
+        ]
+        rgb = np.stack(views)
+    renderer.forget_old()
+    return RenderReply(rgb=rgb, unknown_people=unknown)
+
+
+def episode_header(renderer: Renderer, scenario: Scenario, trajectory: RobotTrajectory) -> EpisodeHeader:
+    """What is constant over an episode's samples."""
+    camera = renderer.robot.camera
+    x_m, y_m, yaw_rad = (float(value) for value in scenario.start_xyyaw)
+    return EpisodeHeader(
+        episode=scenario.episode,
+        sample_count=len(trajectory.xyyaw),
+        goal_xy_m=(float(scenario.goal_xy_m[0]), float(scenario.goal_xy_m[1])),
+        start_xyyaw=(x_m, y_m, yaw_rad),
+        avatars=tuple(human.avatar for human in scenario.humans),
+        encounters=tuple(human.encounter for human in scenario.humans),
+        image_format=renderer.config.image_format,
+        height_px=camera.height_px,
+        width_px=camera.width_px,
+        K_px=tuple(float(value) for value in camera.K_px.ravel()),
+    )
+
+
+def episode_samples(
+    renderer: Renderer, scenario: Scenario, motions: EpisodeMotions, trajectory: RobotTrajectory
+) -> Iterator[Sample]:
+    """Draw and describe every row of a trajectory, one sample each.
+
+    Args:
+        renderer: Scene, avatars and camera.
+        scenario: Goal of the robot.
+        motions: How the humans move; after its last row a motion is held.
+        trajectory: What the robot did.
+
+    Raises:
+        AvatarError: If a human wears an avatar that is not loaded.
+    """
+    renderer.check_avatars(motions.humans)
+    for step in range(len(trajectory.xyyaw)):
+        yield _sample(renderer, scenario, motions, trajectory, step)
+
+
+def _sample(
+    renderer: Renderer, scenario: Scenario, motions: EpisodeMotions, trajectory: RobotTrajectory, step: int
+) -> Sample:
+    x_m, y_m, yaw_rad = (float(value) for value in trajectory.xyyaw[step])
+    floor_m = renderer.scene.maps.floor.at(x_m, y_m)
+    T_world_camera = renderer.robot.camera.T_world_camera(x_m, y_m, yaw_rad, floor_m)
+    image = encode_image(renderer.drawing.draw(T_world_camera, motions.humans, step), renderer.config)
+    return Sample(
+        seq=step,
+        crc32=zlib.crc32(image),
+        time_ns=step * STEP_NS,
+        image=image,
+        action_v_mps=float(trajectory.actions[step, 0]),
+        action_w_radps=float(trajectory.actions[step, 1]),
+        goal_xy_robot_m=_in_robot_frame(scenario.goal_xy_m, x_m, y_m, yaw_rad),
+        robot_xyzyaw=(x_m, y_m, floor_m, yaw_rad),
+        humans_xyzyaw=tuple(_human_xyzyaw(renderer, human, step) for human in motions.humans),
+        human_distance_m=float(trajectory.human_distance_m[step]),
+        time_to_collision_s=float(trajectory.time_to_collision_s[step]),
+        human_visible=bool(trajectory.human_visible[step]),
+        expert_cost=float(trajectory.expert_cost[step]),
+        replanned=bool(trajectory.replanned[step]),
+    )
+
+
+def _in_robot_frame(point_m: npt.NDArray[np.float64], x_m: float, y_m: float, yaw_rad: float) -> tuple[float, float]:
+    """A world point in the frame of a robot at (x, y, yaw)."""
+    dx, dy = float(point_m[0]) - x_m, float(point_m[1]) - y_m
+    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    return c * dx + s * dy, c * dy - s * dx
+
+
+def _human_xyzyaw(renderer: Renderer, human: HumanMotion, step: int) -> tuple[float, float, float, float]:
+    row = human.motion.row(step)
+    x_m, y_m = float(human.motion.root_m[row, 0]), float(human.motion.root_m[row, 1])
+    return x_m, y_m, renderer.scene.maps.floor.at(x_m, y_m), facing_yaw(human.motion.pose_axis_angle[row, 0])
+
+
+def facing_yaw(orientation_axis_angle: npt.NDArray[np.float32]) -> float:
+    """Heading in the z-up world [rad] of a body whose global orientation, SMPL y-up, is an axis-angle vector [rad].
+
+    The body faces SMPL's +z, which Rodrigues' formula turns; (x, y, z)_zup = (x, -z, y)_yup.
+    """
+    a, b, c = (float(value) for value in orientation_axis_angle)
+    angle = math.sqrt(a * a + b * b + c * c)
+    if angle < 1e-9:
+        return math.atan2(-1.0, 0.0)
+    a, b, c = a / angle, b / angle, c / angle
+    x = math.sin(angle) * b + (1.0 - math.cos(angle)) * a * c
+    z = math.cos(angle) + (1.0 - math.cos(angle)) * c * c
+    return math.atan2(-z, x)

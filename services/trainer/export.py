@@ -1,0 +1,168 @@
+"""Write a policy network as the two ONNX graphs of the policy artifact.
+
+The graphs are built from the weights, operation by operation: the file depends on nothing but the weights, and batch
+normalisation is folded into the convolutions before it.
+"""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import onnx
+import torch
+from onnx import TensorProto, helper, numpy_helper
+from torch import nn
+
+from common.policy.artifact import (
+    ENCODER_FILE,
+    FEATURE_COUNT,
+    FRAME_COUNT,
+    GOAL_SCALE_M,
+    HEAD_FILE,
+    LATENT_COUNT,
+    PolicySpec,
+    save_spec,
+)
+from common.robot import RobotConfig
+from services.trainer.model import Encoder, Head, PolicyNet, ResidualBlock
+
+OPSET = 17
+IR_VERSION = 8
+"""ONNX 1.12's; onnxruntime 1.13 and later read it."""
+
+Array = npt.NDArray[np.float32]
+
+
+class GraphBuilder:
+    """A chain of ONNX nodes; every method appends nodes and returns the name of their result."""
+
+    def __init__(self) -> None:
+        self.nodes: list[onnx.NodeProto] = []
+        self.constants: list[onnx.TensorProto] = []
+
+    def constant(self, value: npt.NDArray[np.generic]) -> str:
+        """A stored array."""
+        name = f"constant{len(self.constants)}"
+        self.constants.append(numpy_helper.from_array(np.ascontiguousarray(value), name))
+        return name
+
+    def scalar(self, value: float) -> str:
+        """A stored number."""
+        return self.constant(np.array(value, np.float32))
+
+    def node(self, operation: str, inputs: Sequence[str], **attributes: Any) -> str:
+        """One operation."""
+        name = f"value{len(self.nodes)}"
+        self.nodes.append(helper.make_node(operation, list(inputs), [name], **attributes))
+        return name
+
+    def conv(self, x: str, conv: nn.Conv2d, norm: nn.BatchNorm2d | None) -> str:
+        """A convolution with its batch normalisation folded in."""
+        weight, bias = fold_norm(conv, norm)
+        padding = int(conv.padding[0])
+        return self.node(
+            "Conv",
+            [x, self.constant(weight), self.constant(bias)],
+            strides=list(conv.stride),
+            pads=[padding] * 4,
+            kernel_shape=list(conv.kernel_size),
+        )
+
+    def linear(self, x: str, linear: nn.Linear) -> str:
+        """A fully connected layer."""
+        names = [self.constant(_array(linear.weight)), self.constant(_array(linear.bias))]
+        return self.node("Gemm", [x, *names], transB=1)
+
+    def model(self, result: str, inputs: onnx.ValueInfoProto, outputs: onnx.ValueInfoProto) -> onnx.ModelProto:
+        """The checked model whose output is `result`."""
+        self.nodes.append(helper.make_node("Identity", [result], [outputs.name]))
+        graph = helper.make_graph(self.nodes, "readygo-policy", [inputs], [outputs], self.constants)
+        model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", OPSET)], producer_name="readygo")
+        model.ir_version = IR_VERSION
+        onnx.checker.check_model(model, full_check=True)
+        return model
+
+
+def fold_norm(conv: nn.Conv2d, norm: nn.BatchNorm2d | None) -> tuple[Array, Array]:
+    """Weight and bias of a convolution followed by a batch normalisation in evaluation mode."""
+    weight = conv.weight.detach().double()
+    bias = torch.zeros(conv.out_channels, dtype=torch.float64) if conv.bias is None else conv.bias.detach().double()
+    if norm is not None:
+        assert norm.running_mean is not None
+        assert norm.running_var is not None
+        scale = norm.weight.detach().double() / torch.sqrt(norm.running_var.double() + norm.eps)
+        weight = weight * scale[:, None, None, None]
+        bias = (bias - norm.running_mean.double()) * scale + norm.bias.detach().double()
+    return weight.float().numpy(), bias.float().numpy()
+
+
+def encoder_graph(encoder: Encoder, robot: RobotConfig) -> onnx.ModelProto:
+    """`image` uint8 (B, H, W, 3) -> `latent` float32 (B, 20)."""
+    graph = GraphBuilder()
+    x = graph.node("Cast", ["image"], to=TensorProto.FLOAT)
+    x = graph.node("Transpose", [x], perm=[0, 3, 1, 2])
+    x = graph.node("Mul", [x, graph.scalar(1 / 127.5)])
+    x = graph.node("Sub", [x, graph.scalar(1.0)])
+    x = graph.node("Relu", [graph.conv(x, encoder.stem, encoder.stem_norm)])
+    for block in encoder.blocks:
+        assert isinstance(block, ResidualBlock)
+        x = _append_block(graph, x, block)
+    x = graph.node("Relu", [graph.conv(x, encoder.neck, None)])
+    x = graph.linear(graph.node("Flatten", [x], axis=1), encoder.latent)
+    camera = robot.camera
+    image = helper.make_tensor_value_info("image", TensorProto.UINT8, ["batch", camera.height_px, camera.width_px, 3])
+    return graph.model(x, image, _float_value("latent", LATENT_COUNT))
+
+
+def _append_block(graph: GraphBuilder, x: str, block: ResidualBlock) -> str:
+    y = graph.node("Relu", [graph.conv(x, block.conv1, block.norm1)])
+    y = graph.conv(y, block.conv2, block.norm2)
+    shortcut = graph.node("AveragePool", [x], kernel_shape=[2, 2], strides=[2, 2], ceil_mode=1, count_include_pad=0)
+    pads = graph.constant(np.array([0, 0, 0, 0, 0, block.extra_channels, 0, 0], np.int64))
+    return graph.node("Relu", [graph.node("Add", [y, graph.node("Pad", [shortcut, pads])])])
+
+
+def head_graph(head: Head, robot: RobotConfig) -> onnx.ModelProto:
+    """`features` float32 (B, 64), previous action and goal in SI units -> `action` float32 (B, 2) in SI units."""
+    graph = GraphBuilder()
+    latents = FRAME_COUNT * LATENT_COUNT
+    scale, offset, limit = np.ones(FEATURE_COUNT), np.zeros(FEATURE_COUNT), np.full(FEATURE_COUNT, np.inf)
+    scale[latents:] = (2 / robot.v_max_mps, 1 / robot.w_max_radps, 1 / GOAL_SCALE_M, 1 / GOAL_SCALE_M)
+    offset[latents] = -1.0
+    limit[latents + 2 :] = 1.0
+    x = graph.node("Mul", ["features", graph.constant(scale.astype(np.float32))])
+    x = graph.node("Add", [x, graph.constant(offset.astype(np.float32))])
+    x = graph.node("Min", [x, graph.constant(limit.astype(np.float32))])
+    x = graph.node("Max", [x, graph.constant(-limit.astype(np.float32))])
+    x = graph.node("Relu", [graph.linear(x, head.layer1)])
+    x = graph.node("Relu", [graph.linear(x, head.layer2)])
+    x = graph.linear(x, head.layer3)
+    x = graph.node("Min", [x, graph.constant(np.array([1.0, 1.0], np.float32))])
+    x = graph.node("Max", [x, graph.constant(np.array([0.0, -1.0], np.float32))])
+    x = graph.node("Mul", [x, graph.constant(np.array([robot.v_max_mps, robot.w_max_radps], np.float32))])
+    return graph.model(x, _float_value("features", FEATURE_COUNT), _float_value("action", 2))
+
+
+def export_policy(model: PolicyNet, spec: PolicySpec, folder: Path) -> None:
+    """Write `encoder.onnx`, `head.onnx` and `policy.toml`, each in one piece, the last one last."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, graph in (
+        (ENCODER_FILE, encoder_graph(model.encoder, spec.robot)),
+        (HEAD_FILE, head_graph(model.head, spec.robot)),
+    ):
+        temporary = folder / f".{name}.part"
+        temporary.write_bytes(graph.SerializeToString())
+        os.replace(temporary, folder / name)
+    save_spec(spec, folder)
+
+
+def _array(tensor: torch.Tensor) -> Array:
+    array: Array = tensor.detach().float().numpy()
+    return array
+
+
+def _float_value(name: str, width: int) -> onnx.ValueInfoProto:
+    return helper.make_tensor_value_info(name, TensorProto.FLOAT, ["batch", width])

@@ -1,0 +1,131 @@
+import subprocess
+import sys
+
+import numpy as np
+import onnx
+import pytest
+from onnx import TensorProto, helper, numpy_helper
+
+from common.errors import PolicyError
+from common.policy import PolicyMemory, PolicySpec, load_policy, save_spec
+from common.robot import CameraConfig, RobotConfig
+
+CAMERA = CameraConfig(height_px=8, width_px=10)
+ROBOT = RobotConfig(camera=CAMERA)
+
+
+def linear_graph(path, name_in, dtype, shape, name_out, weight):
+    nodes = [
+        helper.make_node("Cast", [name_in], ["x"], to=TensorProto.FLOAT),
+        helper.make_node("Flatten", ["x"], ["flat"], axis=1),
+        helper.make_node("MatMul", ["flat", "weight"], [name_out]),
+    ]
+    graph = helper.make_graph(
+        nodes,
+        "linear",
+        [helper.make_tensor_value_info(name_in, dtype, ["batch", *shape])],
+        [helper.make_tensor_value_info(name_out, TensorProto.FLOAT, ["batch", weight.shape[1]])],
+        [numpy_helper.from_array(weight, "weight")],
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)])
+    model.ir_version = 8
+    path.write_bytes(model.SerializeToString())
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A policy of two random linear maps."""
+    rng = np.random.default_rng(0)
+    pixels = CAMERA.height_px * CAMERA.width_px * 3
+    encoder = rng.normal(0, 0.01, (pixels, 20)).astype(np.float32)
+    head = rng.normal(0, 0.1, (64, 2)).astype(np.float32)
+    linear_graph(tmp_path / "encoder.onnx", "image", TensorProto.UINT8, (8, 10, 3), "latent", encoder)
+    linear_graph(tmp_path / "head.onnx", "features", TensorProto.FLOAT, (64,), "action", head)
+    save_spec(PolicySpec(robot=ROBOT), tmp_path)
+    return tmp_path
+
+
+def images(count, seed=1):
+    return np.random.default_rng(seed).integers(0, 256, (count, 8, 10, 3), dtype=np.uint8)
+
+
+def test_result_does_not_depend_on_the_batch(folder):
+    policy, seen = load_policy(folder), images(5)
+    together = policy.encode(seen)
+    alone = np.concatenate([policy.encode(image[None]) for image in seen])
+    assert np.array_equal(together, alone)
+
+
+def test_memory_sees_now_and_one_and_two_spacings_ago():
+    memory = PolicyMemory(10)
+    for step in range(31):
+        window = memory.push(np.full(20, step, np.float32))
+    assert window.reshape(3, 20)[:, 0].tolist() == [10, 20, 30]
+
+
+def test_memory_repeats_the_first_frame_at_the_start():
+    memory = PolicyMemory(10)
+    windows = [memory.push(np.full(20, step, np.float32)).reshape(3, 20)[:, 0].tolist() for step in range(13)]
+    assert windows[0] == [0, 0, 0]
+    assert windows[9] == [0, 0, 9]
+    assert windows[12] == [0, 2, 12]
+
+
+def test_step_equals_encode_and_act_of_each_episode(folder):
+    policy, seen = load_policy(folder), images(2)
+    previous, goals = np.array([[0.2, 0.1], [0.5, -0.3]], np.float32), np.array([[3, 1], [2, -1]], np.float32)
+    actions = policy.step([policy.start(), policy.start()], seen, previous, goals)
+    windows = np.tile(policy.encode(seen), (1, 3))
+    assert np.array_equal(actions, policy.act(windows, previous, goals))
+    assert not np.array_equal(actions[0], actions[1])
+
+
+def test_head_sees_latents_then_previous_action_then_goal(folder):
+    policy = load_policy(folder)
+    weight = numpy_helper.to_array(onnx.load(folder / "head.onnx").graph.initializer[0])
+    zeros = np.zeros((1, 2), np.float32)
+    by_previous = policy.act(np.zeros((1, 60), np.float32), np.array([[1, 0]], np.float32), zeros)
+    by_goal = policy.act(np.zeros((1, 60), np.float32), zeros, np.array([[0, 1]], np.float32))
+    assert np.allclose(by_previous[0], weight[60])
+    assert np.allclose(by_goal[0], weight[63])
+
+
+def test_images_of_another_size_are_refused(folder):
+    with pytest.raises(PolicyError, match=r"8x10 px, got 8x12"):
+        load_policy(folder).encode(np.zeros((1, 8, 12, 3), np.uint8))
+
+
+def test_robot_with_another_image_size_is_refused(folder):
+    with pytest.raises(PolicyError, match="144x256"):
+        load_policy(folder, robot=RobotConfig())
+
+
+def test_robot_with_another_mount_is_refused(folder):
+    robot = RobotConfig(camera=CameraConfig(height_px=8, width_px=10, mount_height_m=0.9))
+    with pytest.raises(PolicyError, match=r"0\.9 m"):
+        load_policy(folder, robot=robot)
+
+
+@pytest.mark.parametrize("name", ["encoder.onnx", "head.onnx", "policy.toml"])
+def test_missing_file_is_named(folder, name):
+    (folder / name).unlink()
+    with pytest.raises(PolicyError, match=name):
+        load_policy(folder)
+
+
+def test_broken_graph_is_named_in_one_line(folder):
+    (folder / "head.onnx").write_bytes(b"not a graph")
+    with pytest.raises(PolicyError, match=r"head\.onnx") as caught:
+        load_policy(folder)
+    assert "\n" not in str(caught.value)
+
+
+def test_graphs_that_do_not_fit_the_spec_are_refused(folder):
+    save_spec(PolicySpec(robot=RobotConfig()), folder)
+    with pytest.raises(PolicyError, match="do not fit"):
+        load_policy(folder)
+
+
+def test_importing_the_package_loads_neither_torch_nor_onnxruntime():
+    code = "import sys, common.policy; assert not {'torch', 'onnxruntime', 'onnx', 'cv2'} & set(sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True)

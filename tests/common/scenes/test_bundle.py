@@ -1,0 +1,213 @@
+import json
+import tomllib
+
+import numpy as np
+import pytest
+
+from common.errors import SceneError
+from common.frames import matrix_from_axis_angle
+from common.gaussians import concatenate, save_ply, transform_cloud
+from common.maps import MapConfig, largest_free_area
+from common.robot import RobotConfig
+from common.scenes import import_scene, load_scene, save_scene, verify_scene
+from common.scenes.manifest import toml_text
+from tests.common.maps.room import box, room, sheet
+
+
+def small_room():
+    return concatenate([room(4.0, 3.0), box((1, 1, 0), (1.4, 1.4, 0.5))])
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    sky = sheet((-50, -50, -5), (100, 0, 0), (0, 100, 0), spacing_m=10)
+    return save_scene(small_room(), sky, tmp_path_factory.mktemp("scenes") / "small", licence="CC0")
+
+
+def test_bundle_holds_gaussians_maps_report_and_nothing_else(scene):
+    files = sorted(p.relative_to(scene.path).as_posix() for p in scene.path.rglob("*") if p.is_file())
+    maps = ["maps/floor_height_m.npy", "maps/human.png", "maps/human.yaml", "maps/robot.png", "maps/robot.yaml"]
+    assert files == [*maps, "report.json", "scene.ply", "scene.toml", "sky.ply"]
+    assert [p.name for p in scene.path.parent.iterdir()] == ["small"]
+
+
+def test_loaded_scene_has_what_was_saved(scene):
+    loaded = load_scene(scene.path)
+    assert (loaded.name, loaded.content_hash) == ("small", scene.content_hash)
+    assert loaded.metadata["licence"] == "CC0"
+    np.testing.assert_array_equal(loaded.cloud.means_m, small_room().means_m)
+    assert loaded.sky is not None
+    assert len(loaded.sky) == 100
+    row, column = loaded.maps.robot.frame.cell(1.2, 1.02)
+    assert loaded.maps.robot.occupied[row, column]
+    assert loaded.maps.human.occupied[row, column]
+    assert loaded.maps.floor.at(3.0, 2.0) == pytest.approx(0.0, abs=0.01)
+    assert loaded.maps.robot is loaded.maps.robot
+
+
+def test_maps_load_without_the_gaussians(scene):
+    loaded = load_scene(scene.path)
+    _ = loaded.maps.robot, loaded.maps.human, loaded.maps.floor
+    assert "cloud" not in loaded.__dict__
+    assert "sky" not in loaded.__dict__
+
+
+def test_report_names_the_reachable_area(scene):
+    report = json.loads((scene.path / "report.json").read_text())
+    _, area_m2 = largest_free_area(scene.maps.robot, 0.3)
+    assert report["robot"]["reachable_m2"] == pytest.approx(area_m2, abs=0.01)
+    assert report["gaussians"] == len(small_room())
+    assert report["floor"]["tilt_deg"] < 0.1
+
+
+def test_content_hash_depends_on_content_and_not_on_name_or_folder(scene, tmp_path):
+    sky = sheet((-50, -50, -5), (100, 0, 0), (0, 100, 0), spacing_m=10)
+    same = save_scene(small_room(), sky, tmp_path / "other", name="another", licence="none")
+    assert same.content_hash == scene.content_hash
+    assert save_scene(small_room(), None, tmp_path / "no_sky").content_hash != scene.content_hash
+    low = MapConfig(robot_height_m=0.3)
+    assert save_scene(small_room(), sky, tmp_path / "low", map_config=low).content_hash != scene.content_hash
+
+
+def test_files_of_a_scene_make_a_copy_that_loads(scene, tmp_path):
+    for file in scene.files:
+        target = tmp_path / "copy" / file.path
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_bytes((scene.path / file.path).read_bytes())
+        assert target.stat().st_size == file.size
+    copy = load_scene(tmp_path / "copy")
+    assert copy.content_hash == scene.content_hash
+    verify_scene(copy)
+
+
+@pytest.fixture
+def copy(scene, tmp_path):
+    for file in scene.files:
+        target = tmp_path / "copy" / file.path
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_bytes((scene.path / file.path).read_bytes())
+    return tmp_path / "copy"
+
+
+def test_folder_that_is_no_bundle_says_how_to_make_one(tmp_path):
+    for path in (tmp_path, tmp_path / "none"):
+        with pytest.raises(SceneError, match="readygo scene import"):
+            load_scene(path)
+
+
+def test_missing_or_cut_files_are_named(copy):
+    (copy / "maps" / "human.png").unlink()
+    with pytest.raises(SceneError, match=r"human\.png is missing"):
+        load_scene(copy)
+    (copy / "maps" / "human.png").write_bytes(b"")
+    with pytest.raises(SceneError, match=r"human\.png has 0 bytes"):
+        load_scene(copy)
+
+
+def test_changed_bytes_are_found_by_verification(copy):
+    path = copy / "scene.ply"
+    data = bytearray(path.read_bytes())
+    data[-1] ^= 1
+    path.write_bytes(data)
+    with pytest.raises(SceneError, match=r"scene\.ply has changed"):
+        verify_scene(load_scene(copy))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("readygo-scene/1", "readygo-scene/9", "format"),
+        ('content_hash = "', 'content_hash = "0', "was edited"),
+        ("[content]", "[contents]", "incomplete"),
+        ("[floor]", "[flour]", "incomplete"),
+        ('name = "', "name = ", "cannot be read"),
+    ],
+)
+def test_broken_manifest_is_refused_in_one_line(copy, old, new, message):
+    path = copy / "scene.toml"
+    path.write_text(path.read_text().replace(old, new, 1))
+    with pytest.raises(SceneError, match=message) as caught:
+        load_scene(copy)
+    assert "\n" not in str(caught.value)
+
+
+def test_import_turns_scales_and_moves_the_file_and_its_sky(tmp_path):
+    R_file_world = matrix_from_axis_angle([np.pi / 2, 0, 0])
+    in_file = transform_cloud(small_room(), R_file_world, (0, 0, 0), 0.5)
+    save_ply(in_file, tmp_path / "a.ply")
+    imported = import_scene(
+        tmp_path / "a.ply", tmp_path / "out", sky=tmp_path / "a.ply", up="-y", scale=2.0, translate_m=(1.0, 2.0, 3.0)
+    )
+    np.testing.assert_allclose(imported.cloud.means_m, small_room().means_m + np.float32([1, 2, 3]), atol=1e-5)
+    np.testing.assert_array_equal(imported.sky.means_m, imported.cloud.means_m)
+    source = imported.metadata["source"]
+    assert (source["file"], source["up"], source["scale"]) == ("a.ply", "-y", 2.0)
+    assert source["translate_m"] == [1.0, 2.0, 3.0]
+    assert len(source["sha256"]) == 64
+    assert imported.maps.floor.at(3.0, 4.0) == pytest.approx(3.0, abs=0.01)
+
+
+def test_robot_height_shapes_the_robot_map(tmp_path):
+    cloud = concatenate([room(4.0, 3.0), box((1.5, 1, 0.72), (2.5, 2, 0.76))])
+    save_ply(cloud, tmp_path / "a.ply")
+    low = import_scene(tmp_path / "a.ply", tmp_path / "low")
+    tall = import_scene(tmp_path / "a.ply", tmp_path / "tall", robot=RobotConfig(height_m=1.0))
+    cell = low.maps.robot.frame.cell(2.0, 1.5)
+    assert not low.maps.robot.occupied[cell]
+    assert tall.maps.robot.occupied[cell]
+
+
+def test_refused_import_leaves_nothing_behind(tmp_path):
+    save_ply(box((0, 0, 0), (0.5, 0.5, 0.5)), tmp_path / "object.ply")
+    save_ply(room(1.6, 1.6), tmp_path / "closet.ply")
+    with pytest.raises(SceneError, match="no floor"):
+        import_scene(tmp_path / "object.ply", tmp_path / "a")
+    with pytest.raises(SceneError, match=r"no free area .* a disc of radius 0.3 m"):
+        import_scene(tmp_path / "closet.ply", tmp_path / "b")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["closet.ply", "object.ply"]
+
+
+def test_failure_while_writing_leaves_nothing_behind(tmp_path, monkeypatch):
+    def full_disk(*_args, **_kwargs):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("common.scenes.bundle.np.save", full_disk)
+    with pytest.raises(SceneError, match="No space left"):
+        save_scene(small_room(), None, tmp_path / "out")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_existing_folder_is_not_touched(tmp_path):
+    (tmp_path / "out").mkdir()
+    with pytest.raises(SceneError, match="exists already"):
+        save_scene(small_room(), None, tmp_path / "out")
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"scale": 0.0},
+        {"scale": float("nan")},
+        {"translate_m": (0.0, float("inf"), 0.0)},
+        {"up": "north"},
+        {"resolution_m": -1.0},
+        {"human_height_m": 0.0},
+    ],
+)
+def test_wrong_arguments_are_scene_errors(tmp_path, wrong):
+    save_ply(small_room(), tmp_path / "a.ply")
+    with pytest.raises(SceneError):
+        import_scene(tmp_path / "a.ply", tmp_path / "out", **wrong)
+
+
+def test_toml_text_reads_back_as_it_was():
+    mapping = {
+        "text": 'quotes " back\\slash \n tab \t umlaut ü del \x7f',
+        "number": 0.1,
+        "whole": 3,
+        "flag": True,
+        "list": [1.5, 2.5],
+        "a table": {"key with.dot": "x", "inner": {"size": 1, "name": "y"}},
+    }
+    assert tomllib.loads(toml_text(mapping)) == mapping
