@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -67,23 +67,54 @@ def generate(
         listen: Endpoint of the fleet's router, such as tcp/127.0.0.1:7447; a free loopback port by default.
         json: Print the summary as JSON.
     """
-    if episodes < 1 or not 0 <= workers <= 256:
-        raise RunError(f"--episodes must be at least 1 and --workers 0..256, got {episodes} and {workers}.")
     run_config = load_run_config(config, load_robot(robot) if robot else None)
     spec = make_spec(open_scene(scene), avatars, run_config, seed=seed, split=Split(split), static=static)
+    summary = record(spec, out, episodes=episodes, workers=workers, listen=listen, quiet=json)
+    if json:
+        sys.stdout.write(json_module.dumps(summary) + "\n")
+        return
+    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    console.print(f"{summary['episodes']} episodes, {summary['samples']} samples in {out} ({summary['wall_s']:.1f} s).")
+    for reason, count in summary["rejected"].items():
+        console.print(f"  rejected {count}: {reason}", markup=False)
+    console.print(f"Next: readygo validate {out} && readygo train {out} --out policy", markup=False)
+
+
+def record(
+    spec: RunSpec, out: Path, *, episodes: int, workers: int, listen: str = "", quiet: bool = False
+) -> dict[str, Any]:
+    """Do a run, or the rest of it.
+
+    Args:
+        spec: What the run is.
+        out: Its data folder.
+        episodes: Episodes that the folder shall hold.
+        workers: Renderer processes of the fleet; 0 does everything in this process.
+        listen: Endpoint of the fleet's router; empty takes a free loopback port.
+        quiet: True shows no progress.
+
+    Returns:
+        What was done and what it cost, as plain values.
+
+    Raises:
+        RunError: If the run cannot be done; what is recorded stays.
+    """
+    if episodes < 1 or not 0 <= workers <= 256:
+        raise RunError(f"--episodes must be at least 1 and --workers 0..256, got {episodes} and {workers}.")
     folder = RunFolder(out)
     recorded = _recorded(folder)
     folder.prepare(spec, max(episodes, recorded))
     if recorded > episodes:
         raise RunError(f"{out} holds {recorded} episodes already; ask for at least as many with --episodes.")
-    console = Console(stderr=True)
     begin_s = time.monotonic()
-    with _only_one(folder), _progress(console, quiet=json) as show:
+    with _only_one(folder), _progress(quiet=quiet) as show:
         if workers == 0 or recorded == episodes:
             status = run_in_process(folder, show)
         else:
             status = run_fleet(folder, workers, listen or free_endpoint(), show)
-    _report(folder, status, time.monotonic() - begin_s, as_json=json, console=console)
+    if status.failed:
+        raise RunError(f"{status.failed} ({status.committed} of {status.wanted} episodes are recorded.)")
+    return _summary(out, status, time.monotonic() - begin_s)
 
 
 def make_spec(
@@ -195,7 +226,7 @@ def _recorded(folder: RunFolder) -> int:
 
 
 @contextmanager
-def _progress(console: Console, *, quiet: bool) -> Iterator[Show]:
+def _progress(*, quiet: bool) -> Iterator[Show]:
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -205,7 +236,7 @@ def _progress(console: Console, *, quiet: bool) -> Iterator[Show]:
     )
     begin_s = time.monotonic()
     samples_before: int | None = None
-    with Progress(*columns, console=console, disable=quiet) as progress:
+    with Progress(*columns, console=Console(stderr=True), disable=quiet) as progress:
         task = progress.add_task("episodes", total=None, rate=0.0, rejected=0)
 
         def show(status: StatusReply) -> None:
@@ -219,10 +250,8 @@ def _progress(console: Console, *, quiet: bool) -> Iterator[Show]:
         yield show
 
 
-def _report(folder: RunFolder, status: StatusReply, wall_s: float, *, as_json: bool, console: Console) -> None:
-    if status.failed:
-        raise RunError(f"{status.failed} ({status.committed} of {status.wanted} episodes are recorded.)")
-    summary = {
+def _summary(out: Path, status: StatusReply, wall_s: float) -> dict[str, Any]:
+    return {
         "episodes": status.committed,
         "samples": status.samples,
         "wall_s": round(wall_s, 2),
@@ -230,12 +259,5 @@ def _report(folder: RunFolder, status: StatusReply, wall_s: float, *, as_json: b
         "rejected": status.rejected,
         "requeued": status.requeued,
         "cpu_s": {stage: round(seconds, 2) for stage, seconds in status.cpu_s.items()},
-        "data": str(folder.path),
+        "data": str(out),
     }
-    if as_json:
-        sys.stdout.write(json_module.dumps(summary) + "\n")
-        return
-    console.print(f"{status.committed} episodes, {status.samples} samples in {folder.path} ({wall_s:.1f} s).")
-    for reason, count in status.rejected.items():
-        console.print(f"  rejected {count}: {reason}")
-    console.print(f"Next: readygo validate {folder.path} && readygo train {folder.path} --out policy")

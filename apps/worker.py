@@ -135,7 +135,9 @@ def _stop_signal(exit_with_parent: bool) -> threading.Event:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
 
         def watch_parent() -> None:
-            sys.stdin.buffer.read()
+            # The raw descriptor: a daemon thread inside of a buffered read breaks the interpreter's shutdown.
+            while os.read(0, 1):
+                pass
             stop.set()
             # The parent is gone, and with it the router: nobody is left to finish work for.
             threading.Timer(10.0, lambda: os._exit(1)).start()

@@ -59,7 +59,8 @@ def quat_from_matrix(R: npt.ArrayLike) -> Array:
     best = np.argmax(squares, axis=-1)[..., None, None]
     q = np.take_along_axis(candidates, best, axis=-2)[..., 0, :]
     q = q / np.linalg.norm(q, axis=-1, keepdims=True)
-    return np.where(q[..., :1] < 0, -q, q)
+    result: Array = np.where(q[..., :1] < 0, -q, q)
+    return result
 
 
 def quat_multiply(p_wxyz: npt.ArrayLike, q_wxyz: npt.ArrayLike) -> Array:
@@ -100,10 +101,12 @@ def axis_angle_from_matrix(R: npt.ArrayLike) -> Array:
     w, v = q[..., :1], q[..., 1:]
     n = np.linalg.norm(v, axis=-1, keepdims=True)
     small = n < 1e-12
-    scale = np.where(small, 2.0, 2 * np.arctan2(n, w) / np.where(small, 1.0, n))
-    return scale * v
+    scale: Array = np.where(small, 2.0, 2 * np.arctan2(n, w) / np.where(small, 1.0, n))
+    axis_angle: Array = scale * v
+    return axis_angle
 
 
 def wrap_angle(angle_rad: npt.ArrayLike) -> Array:
     """Angles [rad] wrapped to [-pi, pi)."""
-    return (np.asarray(angle_rad, dtype=np.float64) + np.pi) % (2 * np.pi) - np.pi
+    wrapped: Array = (np.asarray(angle_rad, dtype=np.float64) + np.pi) % (2 * np.pi) - np.pi
+    return wrapped

@@ -12,11 +12,7 @@ class AnimatorConfig:
     """Motion generator: "gait" is parametric and needs no files."""
     style_variation: float = 1.0
     """How much people differ in cadence, arm swing, lean and step width: 0 (all alike) to 1."""
-    settle_max_s: float = 1.3
-    """Longest time appended after a trajectory's end for the closing steps into a stand [s]."""
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.style_variation <= 1.0:
             raise ValueError(f"style_variation must be within 0..1, got {self.style_variation}.")
-        if not 0.0 <= self.settle_max_s <= 5.0:
-            raise ValueError(f"settle_max_s must be within 0..5 s, got {self.settle_max_s}.")

@@ -21,6 +21,8 @@ from services.animator.gait_person import GaitSkeleton, GaitStyle, draw_style
 from services.animator.gait_steps import ON, plan_contacts
 
 SETTLED_AFTER_S = 0.35
+SETTLE_MAX_S = 1.5
+"""Longest time appended after a trajectory's end for the closing steps into a stand."""
 
 
 def _walk(x: Array, z: Array, skeleton: GaitSkeleton, style: GaitStyle, ground: Ground) -> tuple[Array, Array, float]:
@@ -58,8 +60,8 @@ def walk(
         config: Variation of styles.
 
     Returns:
-        The motion: at least T rows, the pelvis above the trajectory, and after its end up to `config.settle_max_s` more
-        until the person stands still.
+        The motion: at least T rows, the pelvis above the trajectory, and after its end up to 1.5 s more until the
+        person stands still.
 
     Raises:
         MotionError: If the trajectory is empty, not finite, or jumps faster than 5 m/s.
@@ -67,7 +69,7 @@ def walk(
     xy = np.asarray(trajectory_xy_m, dtype=np.float64)
     check_trajectory(xy)
     style = draw_style(rng, config.style_variation, skeleton.size)
-    x, z, lead = extend(xy, style, 1.0 / float(stride_rate(1.2, skeleton.size)), config.settle_max_s)
+    x, z, lead = extend(xy, style, 1.0 / float(stride_rate(1.2, skeleton.size)), SETTLE_MAX_S)
     grid = floor.frame
     heights = np.array(floor.height_m, order="C")  # a copy: arrays out of messages are read-only, another type
     ground = Ground(heights, float(grid.origin_x_m), float(grid.origin_y_m), float(grid.resolution_m))

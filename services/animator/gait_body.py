@@ -200,11 +200,11 @@ def _pose_arm(G: Array, side: int, a: float, cycle: float, lean: float, style: G
     beat = -left * math.cos(2.0 * math.pi * (cycle - 0.02))
     swing = style.arm_swing * (1.0 + left * style.arm_asymmetry)
     forward = (0.29 * beat - 0.07) * a * swing + 0.02 + sway
-    elbow = max(0.22 + style.elbow_rad + 0.08 * a + 0.17 * a * swing * (1.0 + beat), 0.1)
+    elbow = max(0.18 + style.elbow_rad + 0.08 * a + 0.17 * a * swing * (1.0 + beat), 0.1)
     down = 0.5 * math.pi - style.arm_abduction_rad
     G[13 + side] = mat_mul(G[9], rot_z(-left * 0.05))
     hang = mat_mul(G[9], rot_x(-0.6 * lean - forward))
-    G[16 + side] = mat_mul(hang, mat_mul(rot_z(-left * down), rot_x(0.18)))
+    G[16 + side] = mat_mul(hang, mat_mul(rot_z(-left * down), rot_x(0.03)))
     G[18 + side] = mat_mul(G[16 + side], mat_mul(rot_y(-left * elbow), rot_x(0.10)))
     G[20 + side] = mat_mul(G[18 + side], rot_z(-left * 0.08))
     G[22 + side] = mat_mul(G[20 + side], rot_z(-left * 0.20))

@@ -107,7 +107,7 @@ def draw_style(rng: np.random.Generator, variation: float, size: float) -> GaitS
         cadence=float(1.0 + 0.02 * n[0]),
         arm_swing=float(1.0 + 0.14 * n[1]),
         arm_asymmetry=float(0.08 * n[2]),
-        arm_abduction_rad=float(0.15 + 0.02 * n[3]),
+        arm_abduction_rad=float(0.17 + 0.02 * n[3]),
         elbow_rad=float(0.06 * n[4]),
         lean_rad=float(0.015 * n[5]),
         step_half_width_m=float((0.058 + 0.006 * n[6]) * size),

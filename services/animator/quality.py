@@ -5,11 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from common.avatars import SMPL_PARENTS
-from common.frames import R_zup_yup, matrix_from_axis_angle
+from common.avatars import Avatar
+from common.avatars.kinematics import fill_globals
+from common.frames import matrix_from_axis_angle
 from common.maps.grid import FloorMap
 from common.messages import Motion
-from services.animator.gait_person import GaitSkeleton
+from services.animator.gait_person import GaitSkeleton, skeleton_of
 
 Array = npt.NDArray[np.float64]
 
@@ -44,37 +45,32 @@ class MotionQuality:
     jerk_max_mps3: float
 
 
-def joints_of(motion: Motion, skeleton: GaitSkeleton) -> tuple[Array, Array]:
-    """Global joint rotations (T, 24, 3, 3) and positions [m] (T, 24, 3) in the y-up world."""
-    local = matrix_from_axis_angle(motion.pose_axis_angle)
-    G = np.empty_like(local)
-    P = np.empty((len(local), 24, 3))
-    G[:, 0], P[:, 0] = local[:, 0], motion.root_m.astype(np.float64) @ R_zup_yup
-    for j in range(1, 24):
-        parent = SMPL_PARENTS[j]
-        G[:, j] = G[:, parent] @ local[:, j]
-        P[:, j] = P[:, parent] + np.einsum("tij,j->ti", G[:, parent], skeleton.offsets_m[j])
+def joints_of(motion: Motion, avatar: Avatar) -> tuple[Array, Array]:
+    """Global joint rotations (T, 24, 3, 3) and positions [m] (T, 24, 3) in the z-up world."""
+    G, P = np.empty((len(motion.root_m), 24, 3, 3)), np.empty((len(motion.root_m), 24, 3))
+    roots, poses = motion.root_m.astype(np.float64), motion.pose_axis_angle.astype(np.float64)
+    for row in range(len(roots)):
+        fill_globals(roots[row], poses[row], avatar.joints_tpose_m, G[row], P[row])
     return G, P
 
 
 def sole_points(G: Array, P: Array, skeleton: GaitSkeleton) -> Array:
-    """Heel (both edges), ball (both edges) and toe tip of both soles in the y-up world [m], shape (T, 2, 5, 3)."""
-    heel = [[x, -skeleton.sole_m, -skeleton.heel_m] for x in (SOLE_HALF_WIDTH_M, -SOLE_HALF_WIDTH_M)]
+    """Heel (both edges), ball (both edges) and toe tip of both soles in the world [m], shape (T, 2, 5, 3)."""
+    edges = (SOLE_HALF_WIDTH_M, -SOLE_HALF_WIDTH_M)
+    heel = np.array([[x, -skeleton.sole_m, -skeleton.heel_m] for x in edges])
     points = np.empty((len(G), 2, 5, 3))
     for foot in range(2):
-        tip = skeleton.toe_m - skeleton.offsets_m[10 + foot, 2]
-        front = [[x, -skeleton.toe_sole_m, 0.0] for x in (SOLE_HALF_WIDTH_M, -SOLE_HALF_WIDTH_M)]
-        front.append([0.0, -skeleton.toe_sole_m, tip])
-        points[:, foot, :2] = P[:, None, 7 + foot] + np.einsum("tij,pj->tpi", G[:, 7 + foot], np.array(heel))
-        points[:, foot, 2:] = P[:, None, 10 + foot] + np.einsum("tij,pj->tpi", G[:, 10 + foot], np.array(front))
+        tip = [0.0, -skeleton.toe_sole_m, skeleton.toe_m - skeleton.offsets_m[10 + foot, 2]]
+        front = np.array([*([x, -skeleton.toe_sole_m, 0.0] for x in edges), tip])
+        points[:, foot, :2] = P[:, None, 7 + foot] + np.einsum("tij,pj->tpi", G[:, 7 + foot], heel)
+        points[:, foot, 2:] = P[:, None, 10 + foot] + np.einsum("tij,pj->tpi", G[:, 10 + foot], front)
     return points
 
 
 def heights_above(points: Array, floor: FloorMap) -> Array:
-    """Height [m] of y-up world points above the floor, shape (..., 3) -> (...)."""
+    """Height [m] of world points above the floor, shape (..., 3) -> (...)."""
     flat = points.reshape(-1, 3)
-    ground = floor.at_many(np.stack([flat[:, 0], -flat[:, 2]], axis=1))
-    heights: Array = (flat[:, 1] - ground).reshape(points.shape[:-1])
+    heights: Array = (flat[:, 2] - floor.at_many(flat[:, :2])).reshape(points.shape[:-1])
     return heights
 
 
@@ -86,12 +82,16 @@ def bend_deg(P: Array, upper: int, middle: int, lower: int) -> Array:
     return angles
 
 
-def elbow_deg(motion: Motion, side: int) -> Array:
-    """Forward bend of an elbow [deg] (side 0 left, 1 right), shape (T,); negative is backwards."""
-    R = matrix_from_axis_angle(motion.pose_axis_angle[:, 18 + side])
-    bone = R[:, :, 0] if side == 0 else -R[:, :, 0]
-    angles: Array = np.degrees(np.arctan2(bone[:, 2], bone[:, 0] if side == 0 else -bone[:, 0]))
-    return angles
+def elbow_deg(G: Array, P: Array, side: int) -> Array:
+    """Bend of an elbow [deg] (side 0 left, 1 right), shape (T,); negative where the forearm points backwards."""
+    forearm = P[:, 20 + side] - P[:, 18 + side]
+    upper = P[:, 18 + side] - P[:, 16 + side]
+    # In SMPL's T-pose both forearms bend forward about the vertical, towards z of the upper arm's frame.
+    forward = G[:, 16 + side, :, 2]
+    ahead = np.einsum("ti,ti->t", forearm, forward) / np.linalg.norm(forearm, axis=1)
+    ahead = ahead - np.einsum("ti,ti->t", upper, forward) / np.linalg.norm(upper, axis=1)
+    bends: Array = np.sign(ahead) * bend_deg(P, 16 + side, 18 + side, 20 + side)
+    return bends
 
 
 def _joint_speed_degps(motion: Motion) -> Array:
@@ -101,22 +101,20 @@ def _joint_speed_degps(motion: Motion) -> Array:
     return speeds
 
 
-def measure(
-    motion: Motion, skeleton: GaitSkeleton, floor: FloorMap, trajectory_xy_m: npt.NDArray[np.float64]
-) -> MotionQuality:
+def measure(motion: Motion, avatar: Avatar, floor: FloorMap, trajectory_xy_m: npt.NDArray[np.float64]) -> MotionQuality:
     """Measure a motion.
 
     Args:
         motion: At least 4 rows.
-        skeleton: Measures of the body that the motion was made for.
+        avatar: The body that the motion was made for.
         floor: The floor that it walks on.
         trajectory_xy_m: The ground positions it was asked to follow, shape (T, 2).
     """
-    G, P = joints_of(motion, skeleton)
-    points = sole_points(G, P, skeleton)
+    G, P = joints_of(motion, avatar)
+    points = sole_points(G, P, skeleton_of(avatar))
     heights = heights_above(points, floor)
     held = (heights[1:] < CONTACT_HEIGHT_M) & (heights[:-1] < CONTACT_HEIGHT_M)
-    slide = np.linalg.norm(np.diff(points, axis=0)[..., [0, 2]], axis=-1)[held] * motion.rate_hz * 100.0
+    slide = np.linalg.norm(np.diff(points, axis=0)[..., :2], axis=-1)[held] * motion.rate_hz * 100.0
     rows = min(len(trajectory_xy_m), len(motion.root_m))
     off = np.linalg.norm(motion.root_m[:rows, :2] - trajectory_xy_m[:rows], axis=1)
     knees = np.stack([bend_deg(P, 1 + side, 4 + side, 7 + side) for side in range(2)])
@@ -130,7 +128,7 @@ def measure(
         root_error_max_cm=float(off.max() * 100.0),
         knee_min_deg=float(knees.min()),
         knee_max_deg=float(knees.max()),
-        elbow_min_deg=float(min(elbow_deg(motion, 0).min(), elbow_deg(motion, 1).min())),
+        elbow_min_deg=float(min(elbow_deg(G, P, 0).min(), elbow_deg(G, P, 1).min())),
         pelvis_oscillation_cm=float((high - low) * 100.0),
         joint_speed_max_degps=float(_joint_speed_degps(motion).max()),
         jerk_mean_mps3=float(jerk.mean()),
@@ -138,14 +136,14 @@ def measure(
     )
 
 
-def cadence_per_min(motion: Motion, skeleton: GaitSkeleton) -> float:
+def cadence_per_min(motion: Motion, avatar: Avatar) -> float:
     """Steps per minute of a motion that walks from the first to the last row, from the ankles' forward peaks.
 
     Raises:
         ValueError: If there are fewer than two strides.
     """
-    G, P = joints_of(motion, skeleton)
-    forward = G[:, 0, :, 2] * np.array([1.0, 0.0, 1.0])
+    G, P = joints_of(motion, avatar)
+    forward = G[:, 0, :, 2] * np.array([1.0, 1.0, 0.0])
     forward /= np.linalg.norm(forward, axis=1, keepdims=True)
     strides = []
     for ankle in (7, 8):

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from rich import box
 from rich.table import Table
 
 from common.episode import EpisodeConfig
@@ -100,18 +101,18 @@ def write_results(folder: Path, records: Sequence[EpisodeRecord], summary: dict[
 
 
 def summary_table(summaries: dict[tuple[Task, Method], TaskSummary]) -> Table:
-    """Scores for people to read."""
-    table = Table(title="Closed loop on matched episodes")
-    table.add_column("task")
-    table.add_column("method")
-    for name in ("SR %", "95 %", "ART s", "SPL", "static coll. %", "human coll. %", "timeout %", "episodes"):
-        table.add_column(name, justify="right")
+    """Scores for people to read, 80 columns wide: success rate and its interval, collisions by kind, timeouts."""
+    table = Table(title="Closed loop on matched episodes", box=box.SIMPLE_HEAD, padding=(0, 1))
+    table.add_column("task", no_wrap=True)
+    table.add_column("method", no_wrap=True)
+    for name in ("SR %", "95 %", "ART s", "SPL", "wall %", "human %", "late %", "N"):
+        table.add_column(name, justify="right", no_wrap=True)
     for (task, method), summary in summaries.items():
         table.add_row(
             task.value,
             method.value,
             f"{100 * summary.success_rate:.1f}",
-            f"{100 * summary.success_rate_low:.1f} - {100 * summary.success_rate_high:.1f}",
+            f"{100 * summary.success_rate_low:.0f}-{100 * summary.success_rate_high:.0f}",
             f"{summary.art_s:.1f}",
             f"{summary.spl:.3f}",
             f"{100 * summary.static_collision_rate:.1f}",

@@ -41,6 +41,10 @@ class HumanPlannerConfig:
     """Standard deviation of the time between robot and human at the crossing [s]."""
     start_distance_min_m: float = 1.5
     """Between a human's first position and the robot [m]."""
+    start_peace_s: float = 3.0
+    """Nobody comes to a robot that stays at its start before this time [s]; it starts at rest and cannot back off."""
+    start_peace_m: float = 0.75
+    """Distance that this means [m]."""
     parked_distance_min_m: float = 1.6
     """Between a human's last position and the goal [m]."""
     attempts: int = 150
@@ -113,6 +117,8 @@ class ExpertConfig:
     """True lets tracking slow down for visible humans on its way."""
     yield_margin_m: float = 0.1
     """Free space between robot and human that yielding aims at [m]."""
+    doubt_mps: float = 0.1
+    """Growth of the predicted humans' radius while tracking [m/s]."""
     evasion_gap_m: float = 0.4
     """Free space that evading aims at [m]."""
 

@@ -24,6 +24,9 @@ Limits = tuple[float, float, float, float]
 Ground = tuple[BoolArray, Float64Array, float, float, float]
 """Occupied cells, distances to them [m], origin x [m], origin y [m], cell size [m]."""
 
+Contact = tuple[float, float]
+"""Sum of the radii of robot and human [m], and how fast the doubt about a human's position grows [m/s]."""
+
 FREE_RUN = 1 << 20
 """Steps of a run that meets no obstacle."""
 
@@ -112,13 +115,13 @@ def _meets(state: State, ground: Ground, radius: float) -> bool:
 
 
 @njit(cache=True)
-def _gap(state: State, humans: Float64Array, time_s: float, contact: float) -> float:
-    """Free space to the nearest human after `time_s` at constant velocities [m]."""
+def _gap(state: State, humans: Float64Array, time_s: float, contact: Contact) -> float:
+    """Free space to the nearest human after `time_s` at constant velocities, less the doubt about them [m]."""
     gap = np.inf
     for m in range(len(humans)):
         dx = humans[m, 0] + time_s * humans[m, 2] - state[0]
         dy = humans[m, 1] + time_s * humans[m, 3] - state[1]
-        gap = min(gap, math.sqrt(dx * dx + dy * dy) - contact)
+        gap = min(gap, math.sqrt(dx * dx + dy * dy) - contact[0] - contact[1] * time_s)
     return gap
 
 
@@ -139,7 +142,7 @@ def try_pursuit(
     ground: Ground,
     radius: float,
     humans: Float64Array,
-    contact: float,
+    contact: Contact,
 ) -> tuple[int, float, float, float]:
     """Follow a path; returns steps until the disc meets an obstacle, smallest gap to a human, first command."""
     first_v, first_w, gap = 0.0, 0.0, np.inf
@@ -166,7 +169,7 @@ def try_arc(
     ground: Ground,
     radius: float,
     humans: Float64Array,
-    contact: float,
+    contact: Contact,
     to_goal: Int32Array,
 ) -> tuple[int, float, float]:
     """Keep asking for (v, w); returns steps until an obstacle, smallest gap, smallest distance to the goal [m]."""
@@ -197,7 +200,7 @@ def choose_pursuit(
     ground: Ground,
     radius: float,
     humans: Float64Array,
-    contact: float,
+    contact: Contact,
     margin: float,
 ) -> tuple[bool, float, float, float]:
     """The first run that keeps off obstacles and humans, else the longest: (found, v, w, look-ahead)."""
@@ -223,7 +226,7 @@ def choose_evasion(
     ground: Ground,
     radius: float,
     humans: Float64Array,
-    contact: float,
+    contact: Contact,
     wide: float,
     to_goal: Int32Array,
 ) -> tuple[bool, float, float]:

@@ -163,7 +163,8 @@ class ScenarioSampler:
         low, high = math.radians(config.crossing_angle_min_deg), math.radians(config.crossing_angle_max_deg)
         angle = rng.uniform(low, high) * (1.0 if rng.random() < 0.5 else -1.0)
         meeting_s = fraction * length_m(task.way_m) / (config.robot_speed_fraction * self._robot.v_max_mps)
-        meeting_s = max(0.0, meeting_s + rng.normal(0.0, config.meeting_jitter_s))
+        getting_going_s = 0.5 * self._robot.v_max_mps / self._robot.a_max_mps2
+        meeting_s = max(0.0, meeting_s + getting_going_s + rng.normal(0.0, config.meeting_jitter_s))
         before_m, after_m = min(max(speed * meeting_s, 1.5), 8.0), rng.uniform(2.0, 6.0)
         (x, y), (ux, uy) = _point_and_tangent(task.way_m, fraction)
         wx, wy = _turned(ux, uy, angle)
@@ -199,7 +200,10 @@ class ScenarioSampler:
         return self._human_paths.path([start, end])
 
     def _fits(self, xy_m: Float64Array, task: Task, others: list[HumanTrajectory]) -> bool:
-        """True if the humans do not run into each other, and leave the robot a way when all have arrived."""
+        """True if the robot is left in peace at first, humans do not run into each other, and parked ones leave a way."""
+        early = xy_m[: round(self._config.start_peace_s / DT_S) + 1] - np.array(task.start_m)
+        if np.min(early[:, 0] ** 2 + early[:, 1] ** 2) < self._config.start_peace_m**2:
+            return False
         contact_m = 2 * self._episode.human_radius_m
         if any(_nearest_m(xy_m, other.xy_m) < contact_m for other in others):
             return False

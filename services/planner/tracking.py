@@ -60,7 +60,8 @@ class PathTracker:
         self._ground = (occupancy.occupied, clearance, frame.origin_x_m, frame.origin_y_m, frame.resolution_m)
         self._limits = (robot.v_max_mps, robot.w_max_radps, robot.a_max_mps2, robot.alpha_max_radps2)
         self._to_goal = to_goal
-        self._robot, self._config, self._contact_m = robot, config, contact_m
+        self._robot, self._config = robot, config
+        self._contact = (contact_m, config.doubt_mps)
         self._lookaheads = np.array(config.lookahead_m)
         self._lookahead_m = float(self._lookaheads.min())
         self._turn_to_rad: float | None = None
@@ -107,7 +108,7 @@ class PathTracker:
             self._ground,
             self._radius_m(state),
             humans,
-            self._contact_m,
+            self._contact,
             self._config.yield_margin_m,
         )
         self._lookahead_m = lookahead_m
@@ -119,7 +120,7 @@ class PathTracker:
         rate = math.sqrt(2 * 0.8 * self._robot.alpha_max_radps2 * abs(turn_rad))
         w = math.copysign(min(rate, self._robot.w_max_radps), turn_rad)
         steps, gap, _ = try_arc(
-            0.0, w, state, self._limits, self._ground, self._radius_m(state), humans, self._contact_m, self._to_goal
+            0.0, w, state, self._limits, self._ground, self._radius_m(state), humans, self._contact, self._to_goal
         )
         command: tuple[float, float] = limited(0.0, w, state, self._limits)
         if steps >= FREE_RUN and gap >= self._config.yield_margin_m:
@@ -135,7 +136,7 @@ class PathTracker:
             self._ground,
             self._radius_m(state),
             humans,
-            self._contact_m,
+            self._contact,
             self._config.evasion_gap_m,
             self._to_goal,
         )

@@ -170,7 +170,7 @@ def test_results_are_written_as_records_and_summary(make_evaluator, tmp_path):
 
 def test_table_shows_rates_and_interval(make_evaluator):
     reply = handle_evaluate(make_evaluator(), EvaluateRequest(episodes=3, tasks=(Task.STATIC,)))
-    console = Console(width=140, record=True, file=io.StringIO())
+    console = Console(width=80, record=True, file=io.StringIO())
     console.print(summary_table(reply.summaries))
     text = console.export_text()
     assert "straight-line" in text

@@ -1,0 +1,97 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from common.bus import InProcessBus
+from common.errors import AvatarError
+from common.messages import (
+    AnimateReply,
+    AnimateRequest,
+    EpisodeKey,
+    HumanTrajectory,
+    Scenario,
+    Split,
+    decode,
+    encode,
+)
+from services.animator import Animator, AnimatorConfig, attach, handle_animate
+from tests.services.animator.conftest import make_avatar
+from tests.services.animator.paths import circle, floor, line
+
+
+def human(avatar, xy):
+    return HumanTrajectory(avatar=avatar, encounter="crossing", speed_mps=1.0, xy_m=xy)
+
+
+def scenario(*humans, index=5):
+    return Scenario(
+        episode=EpisodeKey(seed=1, split=Split.TRAIN, index=index),
+        start_xyyaw=np.zeros(3),
+        goal_xy_m=np.ones(2),
+        humans=humans,
+    )
+
+
+@pytest.fixture(scope="module")
+def animator():
+    return Animator({"ada": make_avatar("ada"), "bob": make_avatar("bob", 1.1)}, floor(), AnimatorConfig())
+
+
+def test_every_human_gets_a_motion_in_order(animator):
+    reply = handle_animate(
+        animator, AnimateRequest(scenario=scenario(human("bob", line(1.0)), human("ada", circle(0.9))))
+    )
+    assert reply.rejected == ""
+    assert [person.avatar for person in reply.motions.humans] == ["bob", "ada"]
+    assert reply.motions.humans[1].motion.root_m[50, :2] == pytest.approx(circle(0.9)[50], abs=0.02)
+
+
+def test_scenario_without_humans_has_no_motions(animator):
+    assert handle_animate(animator, AnimateRequest(scenario=scenario())).motions.humans == ()
+
+
+def test_motion_depends_on_the_episode_and_on_no_other_human(animator):
+    def second(first, index=5):
+        request = AnimateRequest(scenario=scenario(human("bob", first), human("ada", line(1.0)), index=index))
+        return handle_animate(animator, request).motions.humans[1].motion.pose_axis_angle
+
+    assert np.array_equal(second(line(1.0)), second(circle(0.5)))
+    assert not np.array_equal(second(line(1.0)), second(line(1.0), index=6))
+
+
+def test_impossible_trajectory_rejects_the_episode(animator):
+    xy = line(1.0)
+    xy[9] = np.nan
+    reply = handle_animate(animator, AnimateRequest(scenario=scenario(human("ada", xy))))
+    assert reply.motions is None
+    assert reply.rejected.startswith("motion: Row 9")
+    assert "\n" not in reply.rejected
+
+
+def test_unknown_avatar_is_named(animator):
+    with pytest.raises(AvatarError, match=r"'zoe' of episode train-1-000005 .* loaded: ada, bob"):
+        handle_animate(animator, AnimateRequest(scenario=scenario(human("zoe", line(1.0)))))
+
+
+def test_avatar_that_cannot_stand_is_refused():
+    body = make_avatar("stump")
+    joints = body.joints_canonical_m.copy()
+    joints[:, 1] += 1.0
+    with pytest.raises(AvatarError, match="'stump' cannot walk"):
+        Animator({"stump": dataclasses.replace(body, joints_canonical_m=joints)}, floor(), AnimatorConfig())
+
+
+def test_decoded_requests_give_the_same_motion_over_the_bus(animator):
+    request = AnimateRequest(scenario=scenario(human("ada", line(1.2))))
+    bus = InProcessBus()
+    attach(bus, animator)
+    direct = handle_animate(animator, request)
+    over = bus.request("animate", decode(AnimateRequest, encode(request)), AnimateReply)
+    assert encode(direct) == encode(over)
+
+
+@pytest.mark.parametrize("value", [-0.1, 1.5, float("nan")])
+def test_style_variation_outside_of_its_range_is_refused(value):
+    with pytest.raises(ValueError, match=r"within 0\.\.1"):
+        AnimatorConfig(style_variation=value)

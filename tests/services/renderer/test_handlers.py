@@ -1,0 +1,183 @@
+import zlib
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from common.avatars import pose_avatar
+from common.bus import InProcessBus
+from common.errors import AvatarError
+from common.messages import EpisodeMotions, HumanMotion, People, RenderReply, RenderRequest, RenderView
+from services.renderer import Renderer, RendererConfig, attach, episode_header, episode_samples, handle_render
+from services.renderer import handlers as handlers_module
+from services.renderer.drawing import packed_layers
+from services.renderer.handlers import facing_yaw
+
+
+def view(renderer: Renderer, people: str = "", step: int = 0, yaw: float = 0.0) -> RenderView:
+    return RenderView(people=people, step=step, T_world_camera=renderer.robot.camera.T_world_camera(0, 0, yaw, 0.0))
+
+
+def render(renderer: Renderer, *views: RenderView, people: tuple[People, ...] = ()) -> RenderReply:
+    return handle_render(renderer, RenderRequest(views=views, people=people))
+
+
+def test_views_come_back_in_order(renderer: Renderer) -> None:
+    views = [view(renderer, yaw=yaw) for yaw in (0.0, 1.0, 2.0)]
+    reply = render(renderer, *views)
+    assert reply.rgb.shape == (3, 48, 80, 3)
+    assert reply.unknown_people == ()
+    for number, single in enumerate(views):
+        assert np.array_equal(reply.rgb[number], render(renderer, single).rgb[0])
+    assert not np.array_equal(reply.rgb[0], reply.rgb[1])
+
+
+def test_people_are_drawn_and_remembered(renderer: Renderer, human: HumanMotion) -> None:
+    empty = render(renderer, view(renderer)).rgb[0]
+    first = render(renderer, view(renderer, "walk"), people=(People(key="walk", humans=(human,)),)).rgb[0]
+    assert (np.abs(first.astype(int) - empty).max(axis=2) > 20).mean() > 0.02
+    assert np.array_equal(first, render(renderer, view(renderer, "walk")).rgb[0])
+
+
+def test_unknown_people_are_named_and_nothing_is_drawn(renderer: Renderer) -> None:
+    reply = render(renderer, view(renderer), view(renderer, "nobody"))
+    assert reply.unknown_people == ("nobody",)
+    assert reply.rgb.shape == (0, 48, 80, 3)
+
+
+def test_last_row_of_a_motion_is_held(renderer: Renderer, human: HumanMotion) -> None:
+    people = (People(key="held", humans=(human,)),)
+    reply = render(renderer, *(view(renderer, "held", step) for step in (2, 3, 4, 400)), people=people)
+    assert not np.array_equal(reply.rgb[0], reply.rgb[1])
+    assert np.array_equal(reply.rgb[1], reply.rgb[2])
+    assert np.array_equal(reply.rgb[1], reply.rgb[3])
+
+
+def test_people_asked_for_longest_ago_are_forgotten(
+    renderer: Renderer, human: HumanMotion, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(handlers_module, "PEOPLE_KEPT", 2)
+    for key in ("a", "b"):
+        render(renderer, view(renderer, key), people=(People(key=key, humans=(human,)),))
+    render(renderer, view(renderer, "a"))
+    render(renderer, view(renderer, "c"), people=(People(key="c", humans=(human,)),))
+    assert render(renderer, view(renderer, "b")).unknown_people == ("b",)
+    assert render(renderer, view(renderer, "a"), view(renderer, "c")).unknown_people == ()
+
+
+def test_unknown_avatar_is_refused_by_name(renderer: Renderer, human: HumanMotion) -> None:
+    stranger = replace(human, avatar="stranger")
+    with pytest.raises(AvatarError, match="'stranger' is not loaded"):
+        render(renderer, people=(People(key="x", humans=(stranger,)),))
+
+
+def test_request_over_the_bus_is_answered(renderer: Renderer) -> None:
+    bus = InProcessBus()
+    attach(bus, renderer, "7")
+    reply = bus.request("render/7", RenderRequest(views=(view(renderer),)), RenderReply)
+    assert np.array_equal(reply.rgb, render(renderer, view(renderer)).rgb)
+
+
+def test_samples_describe_the_trajectory(renderer: Renderer, episode) -> None:
+    scenario, motions, trajectory = episode
+    samples = list(episode_samples(renderer, scenario, motions, trajectory))
+    assert [sample.seq for sample in samples] == list(range(7))
+    assert [sample.time_ns for sample in samples] == [k * 50_000_000 for k in range(7)]
+    assert all(sample.intact and zlib.crc32(sample.image) == sample.crc32 for sample in samples)
+    third = samples[2]
+    assert (third.action_v_mps, third.action_w_radps, third.expert_cost) == (2.0, 4.0, 3.0)
+    assert third.replanned
+    assert not samples[3].replanned
+    assert third.robot_xyzyaw == pytest.approx((0.1, 0.0, renderer.scene.maps.floor.at(0.1, 0.0), 0.2))
+    c, s = np.cos(0.2), np.sin(0.2)
+    assert third.goal_xy_robot_m == pytest.approx((c * 2.9 + s * 1.0, c * 1.0 - s * 2.9))
+    assert samples[0].humans_xyzyaw[0][:2] == pytest.approx((2.0, -0.3))
+    assert samples[0].humans_xyzyaw[0][2] == pytest.approx(renderer.scene.maps.floor.at(2.0, -0.3))
+    assert abs(samples[0].humans_xyzyaw[0][3]) == pytest.approx(np.pi)
+    assert samples[6].humans_xyzyaw[0] == pytest.approx((2.0, 0.0, samples[6].humans_xyzyaw[0][2], -np.pi / 2))
+    assert (samples[3].human_visible, samples[4].human_visible) == (True, False)
+
+
+def test_sample_image_is_what_the_camera_sees_there(renderer: Renderer, episode) -> None:
+    scenario, motions, trajectory = episode
+    camera = renderer.robot.camera
+    png = Renderer(renderer.scene, renderer.avatars, renderer.robot, RendererConfig(image_format="png"))
+    sample = list(episode_samples(png, scenario, motions, trajectory))[5]
+    image = cv2.imdecode(np.frombuffer(sample.image, dtype=np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
+    x, y, yaw = trajectory.xyyaw[5]
+    pose = camera.T_world_camera(x, y, yaw, renderer.scene.maps.floor.at(x, y))
+    seen = RenderView(people="p", step=5, T_world_camera=pose)
+    assert np.array_equal(image, render(renderer, seen, people=(People(key="p", humans=motions.humans),)).rgb[0])
+
+
+def test_jpeg_is_close_to_the_image(renderer: Renderer, episode) -> None:
+    scenario, motions, trajectory = episode
+    sample = next(episode_samples(renderer, scenario, motions, trajectory))
+    assert sample.image[:2] == b"\xff\xd8"
+    image = cv2.imdecode(np.frombuffer(sample.image, dtype=np.uint8), cv2.IMREAD_COLOR)[..., ::-1].astype(int)
+    pose = renderer.robot.camera.T_world_camera(0, 0, 0, renderer.scene.maps.floor.at(0, 0))
+    exact = renderer.drawing.draw(pose, motions.humans, 0)
+    assert np.abs(image - exact).mean() < 6
+
+
+def test_header_describes_the_episode(renderer: Renderer, episode, human: HumanMotion) -> None:
+    scenario, _, trajectory = episode
+    header = episode_header(renderer, scenario, trajectory)
+    assert header.episode == scenario.episode
+    assert header.sample_count == 7
+    assert header.goal_xy_m == (3.0, 1.0)
+    assert header.start_xyyaw == (0.0, 0.0, 0.0)
+    assert (header.avatars, header.encounters) == ((human.avatar,), ("crossing",))
+    assert (header.image_format, header.height_px, header.width_px) == ("jpeg", 48, 80)
+    assert np.array_equal(np.reshape(header.K_px, (3, 3)), renderer.robot.camera.K_px)
+
+
+def test_two_renderers_give_the_same_bytes(renderer: Renderer, episode) -> None:
+    scenario, motions, trajectory = episode
+    other = Renderer(renderer.scene, renderer.avatars, renderer.robot, renderer.config)
+    first = [sample.image for sample in episode_samples(renderer, scenario, motions, trajectory)]
+    assert first == [sample.image for sample in episode_samples(other, scenario, motions, trajectory)]
+
+
+def test_episode_with_an_unknown_avatar_is_refused(renderer: Renderer, episode) -> None:
+    scenario, motions, trajectory = episode
+    strangers = EpisodeMotions(humans=(replace(motions.humans[0], avatar="stranger"),))
+    with pytest.raises(AvatarError):
+        next(episode_samples(renderer, scenario, strangers, trajectory))
+
+
+def test_reference_backend_draws_the_same(renderer: Renderer, human: HumanMotion) -> None:
+    reference = Renderer(renderer.scene, renderer.avatars, renderer.robot, RendererConfig(backend="reference"))
+    people = (People(key="walk", humans=(human,)),)
+    slow, fast = (render(r, view(r, "walk", 1), people=people).rgb.astype(int) for r in (reference, renderer))
+    # The avatar's quantised coordinates give some Gaussians almost equal depths, whose order may differ.
+    assert (np.abs(slow - fast) > 2).mean() < 0.01
+    assert np.abs(slow - fast).mean() < 0.1
+
+
+def test_sky_is_drawn_and_both_packs_are_cached(scene, renderer: Renderer) -> None:
+    assert len(packed_layers(scene)) == 2
+    names = sorted(path.name for path in (scene.path / "cache").iterdir())
+    assert names == ["packed-c0ffeec0ffeec0ff-scene", "packed-c0ffeec0ffeec0ff-sky"]
+    (scene.path / "scene.ply").unlink()
+    assert len(packed_layers(scene)) == 2
+
+
+@pytest.mark.parametrize("orientation", [(0.0, 0.0, 0.0), (0.3, 1.2, -0.4), (0.0, -2.5, 0.1), (np.pi, 0.0, 0.01)])
+def test_yaw_is_where_the_body_faces(renderer: Renderer, orientation: tuple[float, float, float]) -> None:
+    avatar = next(iter(renderer.avatars.values()))
+    pose = np.zeros((24, 3), dtype=np.float32)
+    base = pose_avatar(avatar, np.zeros(3), pose).means_m.astype(np.float64)
+    pose[0] = orientation
+    turned = pose_avatar(avatar, np.zeros(3), pose).means_m.astype(np.float64)
+    R = np.linalg.lstsq(base - base.mean(0), turned - turned.mean(0), rcond=None)[0].T
+    # Upright and unturned, a body faces SMPL's +z: -y in the world.
+    facing = R @ np.array([0.0, -1.0, 0.0])
+    assert facing_yaw(pose[0]) == pytest.approx(np.arctan2(facing[1], facing[0]), abs=1e-4)
+
+
+@pytest.mark.parametrize("wrong", [{"backend": "cuda"}, {"image_format": "gif"}, {"jpeg_quality": 0}])
+def test_wrong_settings_are_refused(wrong) -> None:
+    with pytest.raises(ValueError, match=next(iter(wrong))):
+        RendererConfig(**wrong)
