@@ -92,7 +92,8 @@ def matrix_from_axis_angle(axis_angle_rad: npt.ArrayLike) -> Array:
     # sinc keeps both factors smooth through angle = 0.
     s = np.sinc(angle / np.pi)
     c = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
-    return np.eye(3) + s * K + c * (K @ K)
+    R: Array = np.eye(3) + s * K + c * (K @ K)
+    return R
 
 
 def axis_angle_from_matrix(R: npt.ArrayLike) -> Array:

@@ -23,8 +23,8 @@ class CameraConfig:
     """Height of the camera above the local floor [m]."""
 
     def __post_init__(self) -> None:
-        if not (8 <= self.height_px <= 4096 and 8 <= self.width_px <= 4096):
-            raise ValueError(f"image size must be 8..4096 px, got {self.height_px}x{self.width_px}.")
+        if not (8 <= self.height_px <= 4095 and 8 <= self.width_px <= 4095):
+            raise ValueError(f"image size must be 8..4095 px, got {self.height_px}x{self.width_px}.")
         if not 10.0 <= self.horizontal_fov_deg <= 170.0:
             raise ValueError(f"horizontal_fov_deg must be 10..170, got {self.horizontal_fov_deg}.")
 

@@ -102,10 +102,16 @@ def write_results(folder: Path, records: Sequence[EpisodeRecord], summary: dict[
 
 def summary_table(summaries: dict[tuple[Task, Method], TaskSummary]) -> Table:
     """Scores for people to read, 80 columns wide: success rate and its interval, collisions by kind, timeouts."""
-    table = Table(title="Closed loop on matched episodes", box=box.SIMPLE_HEAD, padding=(0, 1))
+    counts = max(summary.episode_count for summary in summaries.values())
+    table = Table(
+        title=f"Closed loop, {counts} matched episodes per task",
+        box=box.SIMPLE_HEAD,
+        padding=(0, 1, 0, 0),
+        pad_edge=False,
+    )
     table.add_column("task", no_wrap=True)
     table.add_column("method", no_wrap=True)
-    for name in ("SR %", "95 %", "ART s", "SPL", "wall %", "human %", "late %", "N"):
+    for name in ("SR %", "95 %", "ART s", "SPL", "wall %", "human %", "late %"):
         table.add_column(name, justify="right", no_wrap=True)
     for (task, method), summary in summaries.items():
         table.add_row(
@@ -118,7 +124,6 @@ def summary_table(summaries: dict[tuple[Task, Method], TaskSummary]) -> Table:
             f"{100 * summary.static_collision_rate:.1f}",
             f"{100 * summary.human_collision_rate:.1f}",
             f"{100 * summary.timeout_rate:.1f}",
-            str(summary.episode_count),
         )
     return table
 

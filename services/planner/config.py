@@ -94,7 +94,7 @@ class ExpertConfig:
     """Farther humans are not perceived [m]."""
     line_of_sight: bool = False
     """True hides humans behind obstacles; the paper asks for the field of view only."""
-    memory_s: float = 0.0
+    memory_s: float = 1.0
     """How long a human that left the view stays in the map, moving on [s]."""
     prediction_s: float = 2.0
     """Constant-velocity prediction (paper: 2 s)."""

@@ -32,7 +32,7 @@ from services.planner.tracking import PathTracker
 Float64Array = npt.NDArray[np.float64]
 UInt8Array = npt.NDArray[np.uint8]
 
-_HEURISTIC_SLACK_M = 3.0
+_HEURISTIC_SLACK_M = 1.5
 _START_GAP_M = 0.03
 _CONTACT_GAP_M = 0.03
 _STANDING_MPS = 0.1

@@ -22,7 +22,7 @@ def test_robot_file_round_trips(tmp_path: Path) -> None:
         ("speed = 1.0", "Unknown key 'speed'"),
         ("v_max_mps = 'fast'", "v_max_mps must be float"),
         ("v_max_mps = -1", "v_max_mps must be positive"),
-        ("[camera]\nwidth_px = 2", "image size must be 8..4096"),
+        ("[camera]\nwidth_px = 2", "image size must be 8..4095"),
         ("radius_m = 0.5", "planning_radius_m 0.3 is below"),
         ("= 3", "cannot be read"),
     ],

@@ -175,4 +175,4 @@ def test_table_shows_rates_and_interval(make_evaluator):
     text = console.export_text()
     assert "straight-line" in text
     assert "66.7" in text
-    assert np.all([name in text for name in ("SR %", "95 %", "ART s", "SPL")])
+    assert np.all([name in text for name in ("SR %", "95 %", "ART s", "SPL", "late %")])
