@@ -6,9 +6,12 @@ import sys
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from apps.compiled import use_own_kernels
+
 # One numba and BLAS thread per process: the fleet is parallel by processes. Set before NumPy is imported.
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
+use_own_kernels()
 
 USER_MISTAKE = 2
 INTERRUPTED = 130

@@ -13,7 +13,23 @@ def warm() -> None:
 
 
 def warm_all() -> None:
-    """Compile what the stages use; one process compiles while others wait."""
+    """Take one short episode of the embedded scene through all stages."""
+    from apps.generate import make_spec
+    from apps.run import RunConfig
+    from apps.scene_argument import open_scene
+    from apps.world import World
+    from common.messages import AnimateRequest, EpisodeKey, HumanPlanRequest, RobotPlanRequest, Split
     from common.rasterizer.warm import warm as warm_rasterizer
+    from services.animator import handle_animate
+    from services.planner import handle_human_plan, handle_robot_plan
 
     warm_rasterizer()
+    world = World(make_spec(open_scene("embedded"), None, RunConfig(), seed=0, split=Split.TRAIN, static=False))
+    planner, animator = world.planner(), world.animator()
+    for index in range(100):
+        key = EpisodeKey(seed=0, split=Split.TRAIN, index=index)
+        scenario = handle_human_plan(planner, HumanPlanRequest(episode=key)).scenario
+        motions = handle_animate(animator, AnimateRequest(scenario=scenario)).motions if scenario else None
+        if scenario and motions:
+            handle_robot_plan(planner, RobotPlanRequest(scenario=scenario, motions=motions))
+            return

@@ -15,6 +15,7 @@ from common.bus import pull
 from common.bus.zenoh_bus import ZenohBus
 from common.errors import RunError
 from common.messages import RunSpec, RunSpecRequest, Stage
+from common.rasterizer.warm import warm as warm_rasterizer
 from services import coordinator as coordination
 from services.recorder import Recorder
 from services.recorder import attach as attach_recorder
@@ -116,6 +117,9 @@ def recorded_metadata(world: World) -> dict[str, object]:
 
 def _work(bus: ZenohBus, stage: Stage, role: str, name: str, stop: threading.Event) -> None:
     world = World(bus.request("coord/spec", RunSpecRequest(), RunSpec, timeout_s=30.0), bus)
+    if stage is Stage.RENDER:
+        # One renderer compiles while the others wait.
+        warm_rasterizer()
     work = stage_work(stage, world, bus)
     bus.announce(role, name)
     pull(bus, stage, name, numeric_class(world.config), work, stop=stop)

@@ -4,6 +4,10 @@ from pathlib import Path
 
 import pytest
 
+from apps.compiled import use_own_kernels
+
+use_own_kernels()
+
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 

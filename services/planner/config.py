@@ -87,7 +87,7 @@ class ExpertConfig:
     """Added to the planning radius at cell centres; elsewhere in a cell a wall may be 0.035 m nearer [m]."""
     tight_margin_m: float = 0.03
     """Added to the robot's radius where no way keeps the planning radius [m]."""
-    expansions_max: int = 30_000
+    expansions_max: int = 10_000
     near_m: float = 1.0
     """A visible human enters the map if this near to the plan [m] (paper: "a safety margin")."""
     range_m: float = 10.0
@@ -103,6 +103,8 @@ class ExpertConfig:
     buffer_m: float = 0.10
     """Added to the human's radius along the prediction, and around the avatar's Gaussians [m]."""
     replan_period_s: float = 1.0
+    keep_ratio: float = 1.1
+    """The old plan stays if it is free and costs at most this many times as much as the new one."""
     replan_distance_m: float = 0.8
     """A human this near to the path ahead triggers a replan [m]."""
     replan_lookahead_s: float = 2.0

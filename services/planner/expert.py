@@ -22,6 +22,7 @@ from services.planner.obstacles import (
     paint_capsule,
     paint_points,
     paint_slope,
+    path_cost,
     path_distance,
     static_factor,
 )
@@ -36,6 +37,7 @@ _HEURISTIC_SLACK_M = 1.5
 _START_GAP_M = 0.03
 _CONTACT_GAP_M = 0.03
 _STANDING_MPS = 0.1
+_OFF_PATH_M = 0.15
 
 
 class _Margin(enum.Enum):
@@ -117,6 +119,7 @@ class RobotExpert:
         )
         self._plan: Plan | None = None
         self._planned_at_step = -(1 << 20)
+        self._latest_factor = ground.static_factor
         self.replan_times_s: list[float] = []
         """CPU time of each replan [s]."""
 
@@ -174,9 +177,22 @@ class RobotExpert:
         for margin in _Margin if near else (_Margin.FULL, _Margin.CONTACT):
             plan = self._search(simulation, near, margin)
             if plan is not None:
-                self._plan = plan
-                self._tracker.follow(plan, simulation.yaw_rad)
+                if not self._is_old_as_good(plan, simulation):
+                    self._plan = plan
+                    self._tracker.follow(plan, simulation.yaw_rad)
                 return
+
+    def _is_old_as_good(self, plan: Plan, simulation: EpisodeSimulation) -> bool:
+        """True if the rest of the old plan is free on the latest map and hardly dearer; switching costs smoothness."""
+        ground, tracker = self._ground, self._tracker
+        if self._plan is None or tracker.turning or tracker.gap_m(simulation.x_m, simulation.y_m) > _OFF_PATH_M:
+            return False
+        new = np.column_stack([plan.xyyaw, plan.speed_mps])
+        turn = plan.xyyaw[0, 2] - simulation.yaw_rad
+        turn_m = self._config.turn_cost_m * abs((turn + math.pi) % (2 * math.pi) - math.pi)
+        v_max = ground.robot.v_max_mps
+        old_m = path_cost(tracker.path, tracker.progress, self._latest_factor, ground.frame, v_max)
+        return old_m <= self._config.keep_ratio * (path_cost(new, 0, self._latest_factor, ground.frame, v_max) + turn_m)
 
     def _search(self, simulation: EpisodeSimulation, near: list[PerceivedHuman], margin: _Margin) -> Plan | None:
         ground = self._ground
@@ -194,6 +210,7 @@ class RobotExpert:
             ground.search.distances(factor, self._goal_cell, target=(i, j), slack_units=slack, out=heuristic)
         if heuristic[i, j] >= UNREACHED:
             return None
+        self._latest_factor = factor
         standing = simulation.v_mps < _STANDING_MPS
         return ground.hybrid.search(factor, heuristic, pose, self._goal, turn_first=standing)
 

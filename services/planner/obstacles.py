@@ -159,3 +159,33 @@ def path_distance(path: Float64Array, first: int, last: int, ends: tuple[float, 
     for k in range(first, min(last, len(path))):
         best = min(best, segment_distance(path[k, 0], path[k, 1], ends[0], ends[1], ends[2], ends[3]))
     return best
+
+
+@njit(cache=True)
+def _path_cost(
+    path: Float64Array, first: int, factor: UInt8Array, ox: float, oy: float, resolution: float, v_max: float
+) -> float:
+    total = 0.0
+    for k in range(first + 1, len(path)):
+        i = math.floor((path[k, 1] - oy) / resolution)
+        j = math.floor((path[k, 0] - ox) / resolution)
+        if i < 0 or j < 0 or i >= factor.shape[0] or j >= factor.shape[1] or factor[i, j] == 0:
+            return np.inf
+        dx, dy = path[k, 0] - path[k - 1, 0], path[k, 1] - path[k - 1, 1]
+        slowness = v_max / max(path[k, 3], 0.1 * v_max)
+        total += math.sqrt(dx * dx + dy * dy) * slowness * factor[i, j] / FREE
+    return total
+
+
+def path_cost(path: Float64Array, first: int, factor: UInt8Array, frame: GridFrame, v_max_mps: float) -> float:
+    """Time-like cost of a path from a point on [m at full speed]: length by slowness by factor; inf if blocked.
+
+    Args:
+        path: x [m], y [m], yaw [rad], speed [m/s], shape (N, 4).
+        first: Index of the point to start from.
+        factor: Cost factors, shape (H, W).
+        frame: Where the cells lie.
+        v_max_mps: Full speed [m/s].
+    """
+    place = (frame.origin_x_m, frame.origin_y_m, frame.resolution_m)
+    return float(_path_cost(path, first, factor, *place, v_max_mps))

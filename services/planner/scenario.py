@@ -200,7 +200,7 @@ class ScenarioSampler:
         return self._human_paths.path([start, end])
 
     def _fits(self, xy_m: Float64Array, task: Task, others: list[HumanTrajectory]) -> bool:
-        """True if the robot is left in peace at first, humans do not run into each other, and parked ones leave a way."""
+        """True if the start is left in peace, humans keep off each other, and parked ones leave the robot a way."""
         early = xy_m[: round(self._config.start_peace_s / DT_S) + 1] - np.array(task.start_m)
         if np.min(early[:, 0] ** 2 + early[:, 1] ** 2) < self._config.start_peace_m**2:
             return False

@@ -82,6 +82,16 @@ class PathTracker:
         """Note where the robot is along the path."""
         self.progress = nearest_ahead(self.path, self.progress, x_m, y_m)
 
+    @property
+    def turning(self) -> bool:
+        """True while the plan's first turn in place is not done."""
+        return self._turn_to_rad is not None
+
+    def gap_m(self, x_m: float, y_m: float) -> float:
+        """Distance between the robot and its point on the path [m]."""
+        x, y = self.path[self.progress, :2].tolist()
+        return math.hypot(x - x_m, y - y_m)
+
     def command(self, state: State, humans: Float64Array = _NO_HUMANS) -> tuple[float, float]:
         """Command that follows the plan.
 
