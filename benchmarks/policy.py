@@ -9,6 +9,7 @@ and goals, beside an expert and a straight line.
 import argparse
 import json
 import math
+import os
 import sys
 import tempfile
 import time
@@ -16,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
+os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.toy_rooms import Rooms, Task, draw_task, drive, expert_command, make_rooms, record

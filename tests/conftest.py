@@ -1,13 +1,17 @@
 """Fixtures shared by all tests."""
 
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+import numpy.typing as npt
 import pytest
 
 from apps.compiled import use_own_kernels
 
 use_own_kernels()
 
+GOLDEN = Path(__file__).resolve().parent / "golden"
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 
@@ -17,3 +21,25 @@ def shared_data() -> Path:
     if not SHARED.is_dir():
         pytest.skip("the real scenes and avatars (../shared/data) are not on this machine")
     return SHARED
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--update-golden", action="store_true", help="rewrite tests/golden from what the code makes now")
+
+
+@pytest.fixture
+def golden_image(request: pytest.FixtureRequest) -> Callable[[str, npt.NDArray[np.uint8]], None]:
+    """Compares an RGB image with `tests/golden/NAME.png`; up to 2 of 255 may differ per channel."""
+
+    def compare(name: str, rgb: npt.NDArray[np.uint8]) -> None:
+        import cv2
+
+        path = GOLDEN / f"{name}.png"
+        if request.config.getoption("--update-golden"):
+            cv2.imwrite(str(path), rgb[..., ::-1])
+        stored = cv2.imread(str(path))
+        assert stored is not None, f"{path.name} is missing: run `make golden` and look at it"
+        difference = np.abs(stored[..., ::-1].astype(np.int16) - rgb)
+        assert difference.max() <= 2, f"{path.name} differs in {np.mean(difference.max(axis=2) > 2):.1%} of its pixels"
+
+    return compare

@@ -103,7 +103,7 @@ class ExpertConfig:
     buffer_m: float = 0.10
     """Added to the human's radius along the prediction, and around the avatar's Gaussians [m]."""
     replan_period_s: float = 1.0
-    keep_ratio: float = 1.1
+    keep_ratio: float = 1.25
     """The old plan stays if it is free and costs at most this many times as much as the new one."""
     replan_distance_m: float = 0.8
     """A human this near to the path ahead triggers a replan [m]."""

@@ -73,6 +73,7 @@ class PathTracker:
     def follow(self, plan: Plan, yaw_rad: float) -> None:
         """Take a new plan, which may begin with a turn in place."""
         self.path = np.column_stack([plan.xyyaw, plan.speed_mps])
+        self.path[:, 3] = self._robot.v_max_mps
         slow_ahead(self.path, 0.9 * self._robot.a_max_mps2)
         self.progress = 0
         first_rad = float(plan.xyyaw[0, 2])
