@@ -1,7 +1,17 @@
+import math
+
 import numpy as np
 import torch
 
-from services.trainer.augment import corrupt_previous, shift_frames, vary_light
+from common.robot import CameraConfig
+from services.trainer.augment import (
+    correct_for_turn,
+    corrupt_previous,
+    draw_yaws,
+    shift_frames,
+    turn_frames,
+    vary_light,
+)
 
 
 def test_light_varies_alike_within_an_episode():
@@ -45,3 +55,47 @@ def test_previous_action_is_withheld_as_often_as_asked():
 def test_previous_action_carries_noise():
     corrupted = corrupt_previous(torch.zeros(4000, 2), 0.1, 0.0, np.random.default_rng(0))
     assert 0.095 < corrupted.std() < 0.105
+
+
+def panorama(K_px, yaw_rad, size=(48, 96)):
+    """What a level camera sees of a world whose brightness is a function of direction alone."""
+    rows, columns = np.mgrid[: size[0], : size[1]] + 0.5
+    x, y = (columns - K_px[0, 2]) / K_px[0, 0], (rows - K_px[1, 2]) / K_px[1, 1]
+    heading_rad, rise = yaw_rad - np.arctan(x), y / np.hypot(1, x)
+    brightness = 128 + 60 * np.sin(5 * heading_rad) + 60 * np.sin(4 * rise)
+    return np.repeat(np.rint(brightness).astype(np.uint8)[:, :, None], 3, axis=2)
+
+
+def test_turned_frame_is_what_the_turned_camera_sees():
+    K_px = CameraConfig(height_px=48, width_px=96).K_px
+    frames = np.stack([panorama(K_px, 0.3), panorama(K_px, 0.3)])
+    turned = turn_frames(frames, np.array([0.2, -0.2]), K_px)
+    left = np.abs(turned[0].astype(int) - panorama(K_px, 0.5))[10:-10, 25:]
+    right = np.abs(turned[1].astype(int) - panorama(K_px, 0.1))[10:-10, :-25]
+    assert left.max() <= 3
+    assert right.max() <= 3
+
+
+def test_unturned_frame_is_unchanged():
+    K_px = CameraConfig(height_px=48, width_px=96).K_px
+    frames = panorama(K_px, 0.3)[None]
+    assert np.array_equal(turn_frames(frames, np.zeros(1), K_px), frames)
+
+
+def test_robot_turned_left_sees_its_goal_on_the_right_and_turns_back():
+    actions, goals = correct_for_turn(
+        torch.tensor([[0.8, 0.1], [0.8, 1.1]]),
+        torch.tensor([[2.0, 0.0], [2.0, 0.0]]),
+        torch.tensor([math.pi / 2, -0.3]),
+        0.5,
+        1.2,
+    )
+    assert torch.allclose(goals[0], torch.tensor([0.0, -2.0]), atol=1e-6)
+    assert torch.allclose(actions, torch.tensor([[0.8, 0.1 - math.pi / 4], [0.8, 1.2]]))
+
+
+def test_yaw_errors_are_alike_within_an_episode_and_bounded():
+    yaws_rad = draw_yaws(np.repeat(np.arange(3000), 2), 0.1, np.random.default_rng(0))
+    assert np.array_equal(yaws_rad[::2], yaws_rad[1::2])
+    assert 0.09 < yaws_rad.std() < 0.1
+    assert np.abs(yaws_rad).max() <= 0.25

@@ -1,0 +1,109 @@
+"""What a report shows: plain data that the demo fills in."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from apps.demo.plan_view import DrawnEpisode
+from common.episode.metrics import TaskSummary
+from common.maps import OccupancyMap
+from common.scenes.top_view import TopView
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StripImage:
+    """One image of the film strip."""
+
+    rgb: npt.NDArray[np.uint8]
+    """Shape (H, W, 3)."""
+    time_s: float
+    """Simulated time since the episode began [s]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LossCurve:
+    """One line of the training chart."""
+
+    name: str
+    """For example "training" or "validation"."""
+    step: npt.NDArray[np.float64]
+    """Optimiser steps or epochs, rising, shape (N,)."""
+    loss: npt.NDArray[np.float64]
+    """Shape (N,); values that are not finite are left out."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Score:
+    """One row of the result table."""
+
+    task: str
+    """For example "static" or "with people"."""
+    driver: str
+    """Who drove: "policy", "expert", "straight line"."""
+    summary: TaskSummary
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunNumbers:
+    """What the generation run made and what it cost."""
+
+    episodes: int
+    samples: int
+    wall_s: float
+    """From the first claim to the last commit [s]."""
+    workers: int
+    rejected: Mapping[str, int] = field(default_factory=dict)
+    """Episodes that were not recorded, by reason."""
+    cpu_s_by_stage: Mapping[str, float] = field(default_factory=dict)
+    """CPU time per stage [s], in the order to be shown."""
+
+    @property
+    def samples_per_s(self) -> float:
+        """Recorded samples per second of wall time."""
+        return self.samples / self.wall_s if self.wall_s > 0 else 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Command:
+    """A command line and what it does."""
+
+    what: str
+    line: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ReportContent:
+    """Everything in a report. Parts that are empty or None are left out."""
+
+    title: str
+    subtitle: str
+    """One or two sentences on what was done."""
+    scene_name: str
+    scene_note: str = ""
+    """For example size, number of Gaussians, licence."""
+    top_view: TopView | None = None
+    occupancy: OccupancyMap | None = None
+    episodes: tuple[DrawnEpisode, ...] = ()
+    """Drawn on the map."""
+    strip: tuple[StripImage, ...] = ()
+    """Consecutive images of the robot's camera, best with a person who walks by."""
+    strip_note: str = ""
+    animation: Path | None = None
+    """An animated WebP of one episode, embedded into the report (see `apps.demo.video.write_episode_animation`)."""
+    video: Path | None = None
+    """The same episode as MP4, beside the report; only its name is shown."""
+    losses: tuple[LossCurve, ...] = ()
+    loss_step_name: str = "step"
+    training_note: str = ""
+    scores: tuple[Score, ...] = ()
+    scores_note: str = ""
+    run: RunNumbers | None = None
+    commands: tuple[Command, ...] = ()
+    """The commands that made what the report shows."""
+    next_steps: tuple[Command, ...] = ()
+    """What to run next on one's own scene."""
+    provenance: Mapping[str, str] = field(default_factory=dict)
+    """For the footer: versions, commit, hashes, numeric class, machine."""
