@@ -12,16 +12,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from services.animator.config import AnimatorConfig
-from services.planner.config import ExpertConfig, HumanPlannerConfig
-from services.recorder.config import RecorderConfig
-from services.renderer.config import RendererConfig
-
 from common.config import section_from_mapping, section_to_mapping
 from common.episode import EpisodeConfig
 from common.errors import ConfigError, RunError
 from common.messages import RunSpec, decode, encode
 from common.robot import RobotConfig
+from services.animator.config import AnimatorConfig
+from services.planner.config import ExpertConfig, HumanPlannerConfig
+from services.recorder.config import RecorderConfig
+from services.renderer.config import RendererConfig
 
 STATE_FOLDER = ".readygo"
 _NUMERIC_PACKAGES = ("numpy", "numba", "llvmlite", "scipy", "opencv-python-headless")

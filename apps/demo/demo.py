@@ -22,9 +22,9 @@ from apps.scene_argument import open_scene
 from apps.train import make_config, run_training
 from apps.warm import warm_all
 from apps.world import World
-from common.frames import wrap_angle
 from common.dataset import Dataset, EpisodeEntry, validate
 from common.errors import DatasetError
+from common.frames import wrap_angle
 from common.messages import AnimateRequest, HumanPlanRequest, Scenario, Split
 from common.policy import load_policy
 from common.scenes.top_view import top_view

@@ -27,7 +27,7 @@ from services.planner.obstacles import (
     static_factor,
 )
 from services.planner.perception import HumanTracks, PerceivedHuman
-from services.planner.rollouts import State
+from services.planner.rollouts import AHEAD_STEPS, State
 from services.planner.tracking import PathTracker
 
 Float64Array = npt.NDArray[np.float64]
@@ -192,7 +192,8 @@ class RobotExpert:
         turn_m = self._config.turn_cost_m * abs((turn + math.pi) % (2 * math.pi) - math.pi)
         v_max = ground.robot.v_max_mps
         old_m = path_cost(tracker.path, tracker.progress, self._latest_factor, ground.frame, v_max)
-        return old_m <= self._config.keep_ratio * (path_cost(new, 0, self._latest_factor, ground.frame, v_max) + turn_m)
+        new_m = turn_m + path_cost(new, 0, self._latest_factor, ground.frame, v_max)
+        return bool(old_m <= self._config.keep_ratio * new_m)
 
     def _search(self, simulation: EpisodeSimulation, near: list[PerceivedHuman], margin: _Margin) -> Plan | None:
         ground = self._ground
@@ -245,8 +246,7 @@ class RobotExpert:
 
     def _drive(self, state: State, humans: list[PerceivedHuman]) -> tuple[float, float]:
         watched = humans if self._config.yield_to_humans else []
-        rows = [(human.x_m, human.y_m, human.vx_mps, human.vy_mps) for human in watched]
-        moving = np.array(rows).reshape(-1, 4)
+        moving = np.array([human.ahead(AHEAD_STEPS) for human in watched]).reshape(-1, AHEAD_STEPS, 2)
         if self._plan is None:
             return self._tracker.turn(state, self._way_out(state), moving)
         return self._tracker.command(state, moving)

@@ -28,6 +28,11 @@ class PerceivedHuman:
     seen: bool
     """True if in view now; else moved on from the latest view."""
 
+    def ahead(self, count: int) -> Float64Array:
+        """Positions after 1 .. `count` steps at constant velocity [m], shape (count, 2)."""
+        t = np.arange(1, count + 1) * DT_S
+        return np.stack([self.x_m + t * self.vx_mps, self.y_m + t * self.vy_mps], axis=1)
+
 
 class HumanTracks:
     """Positions of the humans while they are in view."""

@@ -31,7 +31,8 @@ FREE_RUN = 1 << 20
 """Steps of a run that meets no obstacle."""
 
 _TURN_FIRST_RAD = 1.2
-_AHEAD_STEPS = 40
+AHEAD_STEPS = 40
+"""How far ahead runs look where humans are, and predictions must reach."""
 
 
 @njit(cache=True)
@@ -115,13 +116,13 @@ def _meets(state: State, ground: Ground, radius: float) -> bool:
 
 
 @njit(cache=True)
-def _gap(state: State, humans: Float64Array, time_s: float, contact: Contact) -> float:
-    """Free space to the nearest human after `time_s` at constant velocities, less the doubt about them [m]."""
+def _gap(state: State, humans: Float64Array, k: int, contact: Contact) -> float:
+    """Free space to the nearest human k + 1 steps ahead, less the doubt about where they are [m]."""
     gap = np.inf
-    for m in range(len(humans)):
-        dx = humans[m, 0] + time_s * humans[m, 2] - state[0]
-        dy = humans[m, 1] + time_s * humans[m, 3] - state[1]
-        gap = min(gap, math.sqrt(dx * dx + dy * dy) - contact[0] - contact[1] * time_s)
+    row = min(k, humans.shape[1] - 1)
+    for m in range(humans.shape[0]):
+        dx, dy = humans[m, row, 0] - state[0], humans[m, row, 1] - state[1]
+        gap = min(gap, math.sqrt(dx * dx + dy * dy) - contact[0] - contact[1] * (k + 1) * DT_S)
     return gap
 
 
@@ -147,7 +148,7 @@ def try_pursuit(
     """Follow a path; returns steps until the disc meets an obstacle, smallest gap to a human, first command."""
     first_v, first_w, gap = 0.0, 0.0, np.inf
     stop_steps = _stop_steps(state[3], limits)
-    steps = max(stop_steps, _AHEAD_STEPS) if len(humans) > 0 else stop_steps
+    steps = max(stop_steps, AHEAD_STEPS) if len(humans) > 0 else stop_steps
     for k in range(steps):
         progress = nearest_ahead(path, progress, state[0], state[1])
         v, w = _pursue(path, progress, state, lookahead, scale, limits)
@@ -156,7 +157,7 @@ def try_pursuit(
         state = _step(state, v, w)
         if k < stop_steps and _meets(state, ground, radius):
             return k, gap, first_v, first_w
-        gap = min(gap, _gap(state, humans, (k + 1) * DT_S, contact))
+        gap = min(gap, _gap(state, humans, k, contact))
     return FREE_RUN, gap, first_v, first_w
 
 
@@ -176,12 +177,12 @@ def try_arc(
     gap, goal_units = np.inf, UNREACHED
     _, _, ox, oy, resolution = ground
     stop_steps = _stop_steps(max(state[3], v), limits)
-    for k in range(max(stop_steps, _AHEAD_STEPS)):
+    for k in range(max(stop_steps, AHEAD_STEPS)):
         command = limited(v, w, state, limits)
         state = _step(state, command[0], command[1])
         if k < stop_steps and _meets(state, ground, radius):
             return k, gap, np.inf
-        gap = min(gap, _gap(state, humans, (k + 1) * DT_S, contact))
+        gap = min(gap, _gap(state, humans, k, contact))
         i, j = math.floor((state[1] - oy) / resolution), math.floor((state[0] - ox) / resolution)
         if 0 <= i < to_goal.shape[0] and 0 <= j < to_goal.shape[1]:
             goal_units = min(goal_units, to_goal[i, j])

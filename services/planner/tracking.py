@@ -31,7 +31,7 @@ Int32Array = npt.NDArray[np.int32]
 
 _MOVING = np.array([1.0, 0.6, 0.3, 0.0])
 _TURNED_RAD = 0.1
-_NO_HUMANS = np.empty((0, 4))
+_NO_HUMANS = np.empty((0, 1, 2))
 
 
 class PathTracker:
@@ -73,7 +73,6 @@ class PathTracker:
     def follow(self, plan: Plan, yaw_rad: float) -> None:
         """Take a new plan, which may begin with a turn in place."""
         self.path = np.column_stack([plan.xyyaw, plan.speed_mps])
-        self.path[:, 3] = self._robot.v_max_mps
         slow_ahead(self.path, 0.9 * self._robot.a_max_mps2)
         self.progress = 0
         first_rad = float(plan.xyyaw[0, 2])
@@ -98,7 +97,7 @@ class PathTracker:
 
         Args:
             state: Robot's x [m], y [m], yaw [rad], v [m/s], w [rad/s].
-            humans: Humans to keep off: x, y [m], vx, vy [m/s], shape (M, 4).
+            humans: Where humans are expected after 1, 2, ... steps: x, y [m], shape (M, T, 2).
 
         Returns:
             v [m/s], w [rad/s], reachable within the robot's limits.

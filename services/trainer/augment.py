@@ -1,5 +1,8 @@
 """Random changes to training samples."""
 
+import math
+
+import cv2
 import numpy as np
 import numpy.typing as npt
 import torch
@@ -49,6 +52,67 @@ def shift_frames(
     for k, frame in enumerate(frames):
         shifted[k] = frame[rows[k]][:, columns[k]]
     return shifted
+
+
+def draw_yaws(groups: Indices, sigma_rad: float, rng: np.random.Generator) -> npt.NDArray[np.float64]:
+    """A yaw error [rad] for each row, alike within a group, cut off at 2.5 standard deviations.
+
+    Args:
+        groups: What belongs together, for each row, shape (F,).
+        sigma_rad: Standard deviation [rad].
+        rng: Random generator.
+    """
+    names, member = np.unique(groups, return_inverse=True)
+    yaws: npt.NDArray[np.float64] = sigma_rad * np.clip(rng.normal(0.0, 1.0, len(names)), -2.5, 2.5)[member]
+    return yaws
+
+
+def turn_frames(
+    frames: npt.NDArray[np.uint8], yaws_rad: npt.NDArray[np.float64], K_px: npt.NDArray[np.float64]
+) -> npt.NDArray[np.uint8]:
+    """What a level camera would have seen, had the robot been turned to the left; the edge is repeated.
+
+    A rotation moves pixels the same way at every depth, so that the images are exact but for what was out of view.
+
+    Args:
+        frames: Frames, shape (F, H, W, 3).
+        yaws_rad: Turn of each frame to the left [rad], shape (F,).
+        K_px: Intrinsics [px], pixel centres at +0.5, shape (3, 3).
+    """
+    # OpenCV's warp counts pixel centres from 0.
+    K = np.array([[1.0, 0.0, -0.5], [0.0, 1.0, -0.5], [0.0, 0.0, 1.0]]) @ K_px
+    turned = np.empty_like(frames)
+    for k, (frame, yaw_rad) in enumerate(zip(frames, yaws_rad.tolist(), strict=True)):
+        c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+        R_before_after = np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
+        turned[k] = cv2.warpPerspective(
+            frame,
+            K @ R_before_after @ np.linalg.inv(K),
+            (frame.shape[1], frame.shape[0]),
+            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+            borderMode=cv2.BORDER_REPLICATE,
+        )
+    return turned
+
+
+def correct_for_turn(
+    actions: Tensor, goals_xy_m: Tensor, yaws_rad: Tensor, gain_per_s: float, w_max_radps: float
+) -> tuple[Tensor, Tensor]:
+    """Action and goal of samples whose robot was turned to the left by `yaws_rad`.
+
+    Args:
+        actions: v [m/s], w [rad/s], shape (B, 2).
+        goals_xy_m: Goals in the robot's frame [m], shape (B, 2).
+        yaws_rad: Turn of each robot [rad], shape (B,).
+        gain_per_s: Turn rate per yaw error that brings the robot back [1/s].
+        w_max_radps: Limit of the corrected turn rate [rad/s].
+
+    Source: Bojarski et al., End to end learning for self-driving cars, 2016 (rotated views with corrected steering).
+    """
+    c, s = torch.cos(yaws_rad), torch.sin(yaws_rad)
+    x, y = goals_xy_m.unbind(1)
+    w = (actions[:, 1] - gain_per_s * yaws_rad).clamp(-w_max_radps, w_max_radps)
+    return torch.stack([actions[:, 0], w], dim=1), torch.stack([c * x + s * y, c * y - s * x], dim=1)
 
 
 def corrupt_previous(previous: Tensor, noise: float, dropout: float, rng: np.random.Generator) -> Tensor:

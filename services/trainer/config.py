@@ -34,6 +34,10 @@ class TrainConfig:
     """Largest relative change of brightness, contrast and colour in training; 0 turns it off."""
     shift_px: int = 4
     """Largest shift of the images in training [px]; 0 turns it off."""
+    yaw_error_rad: float = 0.1
+    """Standard deviation of a yaw error that training images and goals are turned by [rad]; 0 turns it off."""
+    yaw_gain_per_s: float = 2.0
+    """Turn rate that the policy learns against a yaw error [1/s]."""
     mirror: float = 0.5
     """Probability that a batch is mirrored left to right in training, with goals and turns."""
     frame_spacing_s: float = 0.5

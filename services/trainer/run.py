@@ -14,7 +14,14 @@ from torch import nn
 
 from common.config import section_to_mapping
 from common.policy import PolicySpec
-from services.trainer.augment import corrupt_previous, shift_frames, vary_light
+from services.trainer.augment import (
+    correct_for_turn,
+    corrupt_previous,
+    draw_yaws,
+    shift_frames,
+    turn_frames,
+    vary_light,
+)
 from services.trainer.checkpoint import load_checkpoint, save_checkpoint
 from services.trainer.config import TrainConfig
 from services.trainer.export import export_policy
@@ -134,12 +141,22 @@ class TrainRun:
         part, config = self.train_part, self.config
         rng = np.random.default_rng([config.seed, self.epoch, self.epoch_step])
         self.model.train()
-        frames = shift_frames(part.frames.get(batch.frames), part.table.first[batch.frames], config.shift_px, rng)
+        first = part.table.first
+        yaws_rad = draw_yaws(first[batch.frames], config.yaw_error_rad, rng)
+        frames = part.frames.get(batch.frames)
+        if config.yaw_error_rad > 0:
+            frames = turn_frames(frames, yaws_rad, self.robot.camera.K_px)
+        frames = shift_frames(frames, first[batch.frames], config.shift_px, rng)
         images = images_from_bytes(torch.from_numpy(frames))
-        vary_light(images, part.table.first[batch.frames], config.photometric, rng)
+        vary_light(images, first[batch.frames], config.photometric, rng)
         previous = torch.from_numpy(part.table.previous[batch.samples])
-        goals = torch.from_numpy(part.table.goals_xy_m[batch.samples])
-        actions = torch.from_numpy(part.table.actions[batch.samples])
+        actions, goals = correct_for_turn(
+            torch.from_numpy(part.table.actions[batch.samples]),
+            torch.from_numpy(part.table.goals_xy_m[batch.samples]),
+            torch.from_numpy(yaws_rad[batch.window[:, -1]].astype(np.float32)),
+            config.yaw_gain_per_s,
+            self.robot.w_max_radps,
+        )
         if rng.random() < config.mirror:
             images, left = images.flip(3), torch.tensor([1.0, -1.0])
             previous, goals, actions = previous * left, goals * left, actions * left
