@@ -65,17 +65,19 @@ def failure(scenario: Scenario, motions: EpisodeMotions, trajectory: RobotTrajec
     return f"human {place}, robot {'standing' if trajectory.actions[-1, 0] < 0.1 else 'moving'}"
 
 
-def measure(maps: Any, count: int, *, static: bool, pictures: Path | None) -> dict[str, Any]:
-    """Run the first `count` accepted test episodes of seed 1."""
+def measure(
+    maps: Any, count: int, expert: ExpertConfig, *, seed: int, static: bool, pictures: Path | None
+) -> dict[str, Any]:
+    """Run the first `count` accepted test episodes."""
     avatars = load_avatars()
     robot, config = RobotConfig(), EpisodeConfig()
-    planner = Planner(maps, avatars, robot, config, HumanPlannerConfig(), ExpertConfig())
+    planner = Planner(maps, avatars, robot, config, HumanPlannerConfig(), expert)
     animator = Animator(avatars, maps.floor, AnimatorConfig())
     results, speeds, replans_ms, human_ms, robot_ms = [], [], [], [], []
     failures, rejected, encounters = Counter[str](), Counter[str](), Counter[str]()
     index = 0
     while len(results) < count:
-        episode = EpisodeKey(seed=1, split=Split.TEST, index=index)
+        episode = EpisodeKey(seed=seed, split=Split.TEST, index=index)
         index += 1
         started = time.thread_time()
         plan = handle_human_plan(planner, HumanPlanRequest(episode=episode, static=static))
@@ -132,12 +134,15 @@ def main() -> None:
     parser.add_argument("scenes", nargs="*", default=["embedded"])
     parser.add_argument("--episodes", type=int, default=100)
     parser.add_argument("--pictures", type=Path, help="folder for a picture of every dynamic episode")
+    parser.add_argument("--seed", type=int, default=2)
+    parser.add_argument("--foresight-s", type=float, default=0.0, help="see ExpertConfig")
     arguments = parser.parse_args()
+    expert = ExpertConfig(foresight_s=arguments.foresight_s)
     for scene in arguments.scenes:
         maps = open_maps(scene)
         for static in (True, False):
             pictures = None if static else arguments.pictures
-            numbers = measure(maps, arguments.episodes, static=static, pictures=pictures)
+            numbers = measure(maps, arguments.episodes, expert, seed=arguments.seed, static=static, pictures=pictures)
             print(json.dumps({"scene": Path(scene).stem, "task": "static" if static else "dynamic", **numbers}))
 
 

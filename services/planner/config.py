@@ -94,11 +94,11 @@ class ExpertConfig:
     """Farther humans are not perceived [m]."""
     line_of_sight: bool = False
     """True hides humans behind obstacles; the paper asks for the field of view only."""
-    memory_s: float = 1.0
+    memory_s: float = 2.0
     """How long a human that left the view stays in the map, moving on [s]."""
     prediction_s: float = 2.0
     """Constant-velocity prediction (paper: 2 s)."""
-    velocity_window_s: float = 0.5
+    velocity_window_s: float = 0.2
     """Velocities are estimated over this much continuous observation [s]."""
     buffer_m: float = 0.10
     """Added to the human's radius along the prediction, and around the avatar's Gaussians [m]."""
@@ -117,10 +117,15 @@ class ExpertConfig:
     """Free space around the disc that tracking keeps [m]."""
     yield_to_humans: bool = True
     """True lets tracking slow down for visible humans on its way."""
-    yield_margin_m: float = 0.1
+    yield_margin_m: float = 0.15
     """Free space between robot and human that yielding aims at [m]."""
     doubt_mps: float = 0.1
     """Growth of the predicted humans' radius while tracking [m/s]."""
+    foresight_s: float = 0.0
+    """Tracking knows where humans in view truly will be for this long [s], before constant velocity takes over.
+
+    A policy cannot see this: an option that lets more dynamic episodes succeed.
+    """
     evasion_gap_m: float = 0.4
     """Free space that evading aims at [m]."""
 

@@ -134,7 +134,7 @@ class RobotExpert:
             started_s = time.thread_time()
             self._replan(simulation, near)
             self.replan_times_s.append(time.thread_time() - started_s)
-        v, w = self._drive((*pose, simulation.v_mps, simulation.w_radps), humans)
+        v, w = self._drive(simulation, humans)
         return Decision(
             v_mps=v,
             w_radps=w,
@@ -203,7 +203,8 @@ class RobotExpert:
         if near or margin is not _Margin.FULL or factor[i, j] == 0:
             factor, heuristic = ground.factor, ground.heuristic
             factor[:] = ground.static_factor if margin is _Margin.FULL else ground.tight_factor
-            tolerated_m = ground.robot.radius_m + self._config.tight_margin_m
+            # Whoever stands nearer to a wall than planned must be able to leave.
+            tolerated_m = min(ground.robot.radius_m + self._config.tight_margin_m, ground.clearance[i, j] - 0.02)
             open_around(factor, ground.frame, ground.clearance, pose[:2], tolerated_m, self._config.dear_factor)
             for human in near:
                 self._paint(factor, human, simulation.step, pose[:2], margin)
@@ -244,12 +245,25 @@ class RobotExpert:
         who, avatar, model = self._people[human.index]
         return footprint_xy(model, avatar, who.motion, step)
 
-    def _drive(self, state: State, humans: list[PerceivedHuman]) -> tuple[float, float]:
+    def _drive(self, simulation: EpisodeSimulation, humans: list[PerceivedHuman]) -> tuple[float, float]:
+        state = (simulation.x_m, simulation.y_m, simulation.yaw_rad, simulation.v_mps, simulation.w_radps)
         watched = humans if self._config.yield_to_humans else []
-        moving = np.array([human.ahead(AHEAD_STEPS) for human in watched]).reshape(-1, AHEAD_STEPS, 2)
+        expected = [self._expected(simulation, human) for human in watched]
+        expected_m = np.array(expected).reshape(-1, AHEAD_STEPS, 2)
         if self._plan is None:
-            return self._tracker.turn(state, self._way_out(state), moving)
-        return self._tracker.command(state, moving)
+            return self._tracker.turn(state, self._way_out(state), expected_m)
+        return self._tracker.command(state, expected_m)
+
+    def _expected(self, simulation: EpisodeSimulation, human: PerceivedHuman) -> Float64Array:
+        """Where a human is expected in the next steps [m], shape (AHEAD_STEPS, 2)."""
+        ahead = human.ahead(AHEAD_STEPS)
+        known = min(round(self._config.foresight_s * RATE_HZ), AHEAD_STEPS) if human.seen else 0
+        if known == 0:
+            return ahead
+        true = [simulation.human_xy_at(simulation.step + k)[human.index] for k in range(known + 1)]
+        step = true[-1] - true[-2]
+        beyond = [true[-1] + k * step for k in range(1, AHEAD_STEPS - known + 1)]
+        return np.array(true[1:] + beyond)
 
     def _way_out(self, state: State) -> float:
         """Bearing of the reachable cell within 0.5 m that is nearest to the goal by the static heuristic [rad]."""

@@ -1,0 +1,112 @@
+import math
+
+import numpy as np
+import pytest
+
+from common.episode import goal_in_robot_frame, time_to_contact_s
+from common.errors import SceneError
+from common.messages import Outcome
+from common.robot import RobotConfig
+
+ROBOT = RobotConfig()
+
+
+def _drive(simulation, v=1.0, w=0.0):
+    while simulation.outcome is None:
+        simulation.advance(v, w)
+    return simulation.trajectory()
+
+
+def test_recorded_actions_are_the_executed_commands_and_lead_from_pose_to_pose(simulate):
+    simulation = simulate()
+    rng = np.random.default_rng(0)
+    while simulation.outcome is None:
+        simulation.advance(*rng.uniform((-2, -4), (3, 4)))
+    run = simulation.trajectory()
+    v, w = run.actions.T
+    assert v.min() >= 0
+    assert v.max() <= ROBOT.v_max_mps
+    assert np.abs(w).max() <= ROBOT.w_max_radps
+    assert np.abs(np.diff(v, prepend=0)).max() <= ROBOT.a_max_mps2 * 0.05 + 1e-12
+    assert np.abs(np.diff(w, prepend=0)).max() <= ROBOT.alpha_max_radps2 * 0.05 + 1e-12
+    assert np.allclose(np.diff(run.xyyaw[:, 2]), 0.05 * w[:-1])
+    assert np.allclose(np.hypot(*np.diff(run.xyyaw[:, :2], axis=0).T), 0.05 * v[:-1], atol=1e-4)
+
+
+def test_success_within_the_radius_of_the_goal(simulate):
+    run = _drive(simulate(goal=(5.0, 0.0)))
+    assert run.outcome is Outcome.SUCCESS
+    last = run.xyyaw[-1, 0] + 0.05 * run.actions[-1, 0]
+    assert run.xyyaw[-1, 0] < 4.0 <= last + 1e-9
+    assert run.duration_s == pytest.approx(4.0 + 0.5, abs=0.1)
+
+
+def test_pillar_on_the_way_is_a_static_collision(simulate):
+    run = _drive(simulate(start=(0.0, 1.0, 0.0), goal=(8.0, 1.0)))
+    assert run.outcome is Outcome.STATIC_COLLISION
+    assert 4.0 - 0.25 - 0.05 <= run.xyyaw[-1, 0] + 0.05 * run.actions[-1, 0] < 4.0 - 0.25 + 0.05
+
+
+def test_standing_human_is_hit_when_the_discs_overlap(simulate):
+    run = _drive(simulate(tracks=[[(3.0, 0.0)]]))
+    assert run.outcome is Outcome.HUMAN_COLLISION
+    assert run.human_distance_m[-1] == pytest.approx(0.55, abs=0.06)
+    assert run.human_distance_m[0] == 3.0
+
+
+def test_collision_wins_over_success_in_the_same_step(simulate):
+    run = _drive(simulate(goal=(5.0, 0.0), tracks=[[(4.5, 0.0)]]))
+    assert run.outcome is Outcome.HUMAN_COLLISION
+
+
+def test_robot_that_stands_times_out(simulate):
+    run = _drive(simulate(time_limit_s=2.0), v=0.0)
+    assert run.outcome is Outcome.TIMEOUT
+    assert len(run.actions) == 40
+
+
+def test_human_follows_its_motion_and_then_stands(simulate):
+    track = np.column_stack([np.arange(10) * 0.05 + 3, np.full(10, 2.0)])
+    simulation = simulate(tracks=[track])
+    for _ in range(15):
+        assert np.allclose(simulation.human_xy_m[0], track[min(simulation.step, 9)], atol=1e-6)
+        simulation.advance(0.0, 0.0)
+
+
+def test_time_to_collision_counts_down_to_the_touch(simulate):
+    track = np.column_stack([6.0 - 0.05 * np.arange(200), np.zeros(200)])
+    run = _drive(simulate(goal=(8.0, 0.0), tracks=[track]), v=0.0)
+    assert run.outcome is Outcome.HUMAN_COLLISION
+    assert run.time_to_collision_s[0] == pytest.approx(5.5, abs=1e-3)
+    assert np.allclose(np.diff(run.time_to_collision_s), -0.05, atol=1e-3)
+    assert _drive(simulate()).time_to_collision_s.min() == np.inf
+
+
+@pytest.mark.parametrize(
+    ("relative", "velocity", "expected"),
+    [((3, 0), (-1, 0), 2.5), ((3, 0), (1, 0), math.inf), ((3, 2), (-1, 0), math.inf), ((0.3, 0), (1, 0), 0.0)],
+)
+def test_time_to_contact(relative, velocity, expected):
+    assert time_to_contact_s(*relative, *velocity, 0.5) == pytest.approx(expected)
+
+
+def test_goal_in_robot_frame_is_forward_and_left():
+    assert goal_in_robot_frame(1.0, 1.0, math.pi / 2, np.array([0.0, 3.0])) == pytest.approx((2.0, 1.0))
+
+
+def test_start_in_an_obstacle_is_refused(simulate):
+    with pytest.raises(SceneError, match="starts in an obstacle"):
+        simulate(start=(3.9, 1.0, 0.0))
+
+
+def test_misuse_is_refused(simulate):
+    simulation = simulate(time_limit_s=0.05)
+    with pytest.raises(ValueError, match="still runs"):
+        simulation.trajectory()
+    with pytest.raises(ValueError, match="finite"):
+        simulation.advance(math.nan, 0.0)
+    simulation.advance(0.0, 0.0)
+    with pytest.raises(ValueError, match="has ended"):
+        simulation.advance(0.0, 0.0)
+    with pytest.raises(ValueError, match="human_visible"):
+        simulation.trajectory(human_visible=[True, False])

@@ -1,0 +1,60 @@
+import numpy as np
+import pytest
+
+from common.bus import InProcessBus
+from common.config import section_from_mapping, section_to_mapping
+from common.messages import HumanPlanReply, HumanPlanRequest, RobotPlanReply, RobotPlanRequest, decode, encode
+from services.planner import ExpertConfig, HumanPlannerConfig
+from services.planner.picture import draw_episode
+from services.planner.service import attach
+from tests.services.planner.conftest import animate, key
+
+
+@pytest.fixture
+def bus(planner):
+    bus = InProcessBus()
+    attach(bus, planner)
+    return bus
+
+
+def test_both_topics_answer_and_their_replies_survive_the_wire(bus, planner):
+    scenario, index = None, 0
+    while scenario is None:
+        plan = bus.request("human-plan", HumanPlanRequest(episode=key(index)), HumanPlanReply)
+        scenario, index = decode(HumanPlanReply, encode(plan)).scenario, index + 1
+    run = bus.request("robot-plan", RobotPlanRequest(scenario=scenario, motions=animate(scenario)), RobotPlanReply)
+    again = decode(RobotPlanReply, encode(run))
+    assert again.episode == scenario.episode
+    assert np.array_equal(again.trajectory.actions, run.trajectory.actions)
+
+
+def test_picture_shows_map_ways_and_outcome(bus, planner):
+    scenario = bus.request("human-plan", HumanPlanRequest(episode=key(1)), HumanPlanReply).scenario
+    motions = animate(scenario)
+    run = bus.request("robot-plan", RobotPlanRequest(scenario=scenario, motions=motions), RobotPlanReply).trajectory
+    plain = draw_episode(planner.maps.robot, scenario)
+    full = draw_episode(planner.maps.robot, scenario, run, motions=motions)
+    assert full.dtype == np.uint8
+    assert full.ndim == 3
+    assert min(full.shape[:2]) > 100
+    assert len(np.unique(full.reshape(-1, 3), axis=0)) > 5
+    assert plain.shape != full.shape or not np.array_equal(plain, full)
+
+
+@pytest.mark.parametrize("config", [ExpertConfig(memory_s=1.0), HumanPlannerConfig(attempts=7)])
+def test_configs_travel_as_mappings(config):
+    assert section_from_mapping(type(config), section_to_mapping(config)) == config
+
+
+@pytest.mark.parametrize(
+    "values",
+    [{"heuristic_weight": 0.5}, {"lookahead_m": ()}, {"dear_factor": 99}, {"replan_period_s": 0.0}],
+)
+def test_nonsense_in_the_experts_config_is_refused(values):
+    with pytest.raises(ValueError, match=r"must be|at least"):
+        ExpertConfig(**values)
+
+
+def test_nonsense_in_the_human_planners_config_is_refused():
+    with pytest.raises(ValueError, match="crossing_share"):
+        HumanPlannerConfig(crossing_share=1.5)
