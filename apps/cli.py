@@ -11,7 +11,6 @@ from apps.compiled import use_own_kernels
 # One numba and BLAS thread per process: the fleet is parallel by processes. Set before NumPy is imported.
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
-use_own_kernels()
 
 USER_MISTAKE = 2
 INTERRUPTED = 130
@@ -38,13 +37,14 @@ def main() -> None:
     from common.errors import ReadygoError
 
     try:
+        use_own_kernels()
         run(sys.argv[1:])
     except ReadygoError as error:
         _stop(str(error), USER_MISTAKE)
     except OSError as error:
         _stop(f"{error.strerror or error}{f': {error.filename}' if error.filename else ''}.", USER_MISTAKE)
     except KeyboardInterrupt:
-        _stop("stopped; nothing recorded is lost, run the same command again to go on.", INTERRUPTED)
+        _stop("stopped; what is recorded or saved stays, run the same command again to go on.", INTERRUPTED)
 
 
 def run(argv: list[str]) -> None:

@@ -4,13 +4,17 @@ Numba compares the file of a compiled function only, so an edited function that 
 stale machine code behind, and with it other samples.
 """
 
+import contextlib
 import hashlib
 import os
+import re
 import shutil
 from pathlib import Path
 
 from apps.paths import cache_folder
 
+_WORDS = (b"njit", b"kernel", b"intrinsic")
+_IMPORT = re.compile(rb"^from ((?:common|services)[.\w]*) import", re.MULTILINE)
 _KEPT = 4
 """States whose kernels are kept, the latest ones."""
 
@@ -28,14 +32,31 @@ def use_own_kernels() -> None:
 def _sources_digest() -> str:
     root = Path(__file__).resolve().parents[1]
     digest = hashlib.sha256()
-    for path in sorted(p for top in ("common", "services") for p in (root / top).rglob("*.py")):
-        source = path.read_bytes()
-        if b"njit" in source or b"kernel" in source or b"intrinsic" in source:
-            digest.update(path.relative_to(root).as_posix().encode() + source)
+    for name, source in sorted(_compiled_sources(root).items()):
+        digest.update(name.encode() + source)
     return digest.hexdigest()[:16]
 
 
+def _compiled_sources(root: Path) -> dict[str, bytes]:
+    """Files with compiled functions, and all that these import: constants become part of the machine code."""
+    paths = (path for top in ("common", "services") for path in (root / top).rglob("*.py"))
+    sources = {path.relative_to(root).as_posix(): path.read_bytes() for path in paths}
+    found: dict[str, bytes] = {}
+    waiting = [name for name, source in sources.items() if any(word in source for word in _WORDS)]
+    while waiting:
+        name = waiting.pop()
+        if name in found or name not in sources:
+            continue
+        found[name] = sources[name]
+        for module in _IMPORT.findall(sources[name]):
+            place = module.decode().replace(".", "/")
+            waiting += [f"{place}.py", f"{place}/__init__.py"]
+    return found
+
+
 def _forget_old(folder: Path) -> None:
-    states = sorted(folder.iterdir(), key=lambda state: state.stat().st_mtime, reverse=True)
-    for state in states[_KEPT:]:
-        shutil.rmtree(state, ignore_errors=True)
+    # Another process may be doing the same.
+    with contextlib.suppress(FileNotFoundError):
+        states = sorted(folder.iterdir(), key=lambda state: state.stat().st_mtime, reverse=True)
+        for state in states[_KEPT:]:
+            shutil.rmtree(state, ignore_errors=True)

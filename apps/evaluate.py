@@ -20,7 +20,7 @@ from common.config import section_to_mapping
 from common.errors import RunError
 from common.messages import Split
 from common.policy import Policy, load_policy
-from common.robot import load_robot
+from common.robot import RobotConfig, load_robot
 from services.animator.service import attach as attach_animator
 from services.evaluator import (
     EpisodeRecord,
@@ -72,7 +72,7 @@ def evaluate(
         seed: Seed of the episodes.
         out: Folder for episodes.jsonl and summary.json.
         avatars: Avatar file or folder of them; the embedded ones by default.
-        robot: robot.toml; by default the policy's robot.
+        robot: robot.toml; by default the one in `config`, else the policy's robot.
         config: TOML file with sections of settings, as given to `readygo generate`.
         lockstep: Episodes that run side by side.
         json: Print the summary as JSON.
@@ -80,11 +80,13 @@ def evaluate(
     request = make_request(episodes, tasks, methods if policy else _without_policy(methods), Split(split), seed)
     loaded = load_policy(policy) if policy else None
     run_config = load_run_config(config, load_robot(robot) if robot else None)
-    if loaded is not None and robot is None and config is None:
+    if loaded is not None and robot is None and run_config.robot == RobotConfig():
         run_config = dataclasses.replace(run_config, robot=loaded.spec.robot)
     evaluator = make_evaluator(
         scene, run_config, avatars=avatars, seed=seed, policy=loaded, evaluator_config=make_evaluator_config(lockstep)
     )
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
     total = len(request.tasks) * len(request.methods) * request.episodes
     with _progress(Console(stderr=True), total, quiet=json) as show:
         reply = handle_evaluate(evaluator, request, report=show)
@@ -177,7 +179,10 @@ def summarize(reply: EvaluateReply, request: EvaluateRequest, evaluator: Evaluat
 
 
 def _without_policy(methods: tuple[MethodName, ...]) -> tuple[MethodName, ...]:
-    return tuple(method for method in methods if method != "policy")
+    others = tuple(method for method in methods if method != "policy")
+    if methods and not others:
+        raise RunError("The method `policy` needs a policy: readygo evaluate SCENE POLICY.")
+    return others
 
 
 @contextmanager

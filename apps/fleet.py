@@ -40,14 +40,14 @@ class Fleet:
         self._start(member)
 
     def check(self) -> None:
-        """Start workers anew that died; those that finished stay away.
+        """Start workers anew that ended, however they ended; call it only while the run is not over.
 
         Raises:
-            RunError: If a worker dies again and again; the message carries its last words.
+            RunError: If a worker ends again and again; the message carries its last words.
         """
         for member in self.members:
             code = member.process.poll() if member.process else 0
-            if code in (None, 0):
+            if code is None:
                 continue
             if code == 2 or member.restarts >= RESTARTS_MAX:
                 raise RunError(f"Worker {member.name} ended with exit code {code}: {last_words(member.log)}")
@@ -70,11 +70,30 @@ class Fleet:
                 if process.stdin:
                     process.stdin.close()
 
+    def check_recorders(self) -> None:
+        """Look at how the recorders ended, after `stop`.
+
+        Raises:
+            RunError: If one of them could not finish its shard.
+        """
+        for member in self.members:
+            code = member.process.returncode if member.process else 0
+            if member.role == "recorder" and code != 0:
+                raise RunError(
+                    f"Recorder {member.name} could not finish its shard (exit code {code}): {last_words(member.log)} "
+                    "Its episodes are safe; run the same command again to finish it."
+                )
+
+    def command(self, member: Member) -> list[str]:
+        """The command line that fills a place."""
+        return [sys.executable, "-m", "apps", "worker", member.role, "--name", member.name, *self._arguments]
+
     def _start(self, member: Member) -> None:
-        command = [sys.executable, "-m", "apps", "worker", member.role, "--name", member.name, *self._arguments]
+        if member.process and member.process.stdin:
+            member.process.stdin.close()
         with member.log.open("ab") as log:
             member.process = subprocess.Popen(
-                command,
+                self.command(member),
                 stdin=subprocess.PIPE,
                 stdout=log,
                 stderr=log,

@@ -1,7 +1,6 @@
 """`readygo generate`: from a scene to a recorded dataset."""
 
 import dataclasses
-import fcntl
 import json as json_module
 import sys
 import time
@@ -64,7 +63,8 @@ def generate(
         static: Leave the humans out.
         robot: robot.toml of another robot.
         config: TOML file with sections of settings.
-        listen: Endpoint of the fleet's router, such as tcp/127.0.0.1:7447; a free loopback port by default.
+        listen: Endpoint of the fleet's router, such as tcp/127.0.0.1:7447, for workers that are started by hand; a
+            free loopback port by default.
         json: Print the summary as JSON.
     """
     run_config = load_run_config(config, load_robot(robot) if robot else None)
@@ -102,25 +102,33 @@ def record(
     if episodes < 1 or not 0 <= workers <= 256:
         raise RunError(f"--episodes must be at least 1 and --workers 0..256, got {episodes} and {workers}.")
     folder = RunFolder(out)
-    recorded = _recorded(folder)
-    folder.prepare(spec, max(episodes, recorded))
-    if recorded > episodes:
-        raise RunError(f"{out} holds {recorded} episodes already; ask for at least as many with --episodes.")
+    folder.check(spec)
     begin_s = time.monotonic()
-    with _only_one(folder), _progress(quiet=quiet) as show:
-        if workers == 0 or recorded == episodes:
-            status = run_in_process(folder, show)
-        else:
-            status = run_fleet(folder, workers, listen or free_endpoint(), show)
+    with folder.locked():
+        recorded, samples_before = _recorded(folder, episodes)
+        folder.save(spec, episodes)
+        if listen and workers and not quiet:
+            _say_how_to_join(listen, spec.run)
+        with _progress(quiet=quiet) as show:
+            if workers == 0 or recorded == episodes:
+                status = run_in_process(folder, show)
+            else:
+                status = run_fleet(folder, workers, listen or free_endpoint(), show)
     if status.failed:
         raise RunError(f"{status.failed} ({status.committed} of {status.wanted} episodes are recorded.)")
-    return _summary(out, status, time.monotonic() - begin_s)
+    return _summary(out, status, samples_before, time.monotonic() - begin_s)
 
 
 def make_spec(
     scene: Scene, avatars: Path | None, config: RunConfig, *, seed: int, split: Split, static: bool
 ) -> RunSpec:
-    """The run of these settings."""
+    """The run of these settings.
+
+    Raises:
+        RunError: If the seed cannot be recorded.
+    """
+    if not 0 <= seed < 2**63:
+        raise RunError(f"--seed must be 0..2^63-1, got {seed}.")
     people = {} if static else load_avatars(avatars)
     spec = RunSpec(
         run="",
@@ -180,49 +188,51 @@ def run_fleet(folder: RunFolder, workers: int, endpoint: str, show: Show) -> Sta
             fleet.add(role, f"{role}0")
         for number in range(workers):
             fleet.add("renderer", f"renderer{number}")
-        return _supervise(fleet, bus, show)
+        status = _supervise(fleet, bus, show)
     finally:
         fleet.stop()
         bus.close()
         router.close()
+    if status.finished:
+        fleet.check_recorders()
+    return status
 
 
 def _supervise(fleet: Fleet, bus: ZenohBus, show: Show) -> StatusReply:
     heard_s = time.monotonic()
     while True:
         time.sleep(POLL_S)
-        fleet.check()
         try:
             status = bus.request("ctl/status", StatusRequest(), StatusReply, timeout_s=2.0)
         except BusError:
             if time.monotonic() - heard_s > 60.0:
                 raise
-            continue
-        heard_s = time.monotonic()
-        show(status)
-        if status.finished or status.failed:
-            return status
+        else:
+            heard_s = time.monotonic()
+            show(status)
+            if status.finished or status.failed:
+                return status
+        fleet.check()
 
 
-@contextmanager
-def _only_one(folder: RunFolder) -> Iterator[None]:
-    """Hold the data folder's lock; it is released with the process, however that ends."""
-    with (folder.state / "lock").open("w") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            raise RunError(f"Another process is generating into {folder.path}; wait for it or stop it.") from error
-        yield
-
-
-def _recorded(folder: RunFolder) -> int:
-    """Durable episodes of the folder's run."""
+def _recorded(folder: RunFolder, wanted: int) -> tuple[int, int]:
+    """Durable episodes of the folder's run, and the samples in them; refuses to make the run shorter than they are."""
     if not folder.ledger.exists():
-        return 0
+        return 0, 0
     ledger = coordination.Ledger(folder.ledger)
-    committed, _ = ledger.committed()
+    (episodes, samples), wanted_min = ledger.committed(), ledger.wanted_min()
     ledger.close()
-    return committed
+    if wanted_min > wanted:
+        raise RunError(
+            f"{folder.path} holds {episodes} episodes already, the last one is number {wanted_min} of its run; "
+            f"ask for at least {wanted_min} with --episodes."
+        )
+    return episodes, samples
+
+
+def _say_how_to_join(endpoint: str, run: str) -> None:
+    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    console.print(f"More workers can join: readygo worker renderer --connect {endpoint} --run {run}", markup=False)
 
 
 @contextmanager
@@ -250,12 +260,12 @@ def _progress(*, quiet: bool) -> Iterator[Show]:
         yield show
 
 
-def _summary(out: Path, status: StatusReply, wall_s: float) -> dict[str, Any]:
+def _summary(out: Path, status: StatusReply, samples_before: int, wall_s: float) -> dict[str, Any]:
     return {
         "episodes": status.committed,
         "samples": status.samples,
         "wall_s": round(wall_s, 2),
-        "samples_per_s": round(status.samples / wall_s, 1),
+        "samples_per_s": round((status.samples - samples_before) / wall_s, 1),
         "rejected": status.rejected,
         "requeued": status.requeued,
         "cpu_s": {stage: round(seconds, 2) for stage, seconds in status.cpu_s.items()},

@@ -1,13 +1,17 @@
 """What a run is: its resolved configuration, its identity and its folder."""
 
 import dataclasses
+import fcntl
 import hashlib
 import importlib.metadata
 import json
 import os
 import platform
 import subprocess
+import tempfile
 import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -122,20 +126,45 @@ class RunFolder:
         """Logs of the fleet's processes."""
         return self.state / "logs"
 
-    def prepare(self, spec: RunSpec, wanted: int) -> None:
-        """Create the folder, or check that it belongs to this run.
+    def check(self, spec: RunSpec) -> None:
+        """See whether this run may use the folder; changes nothing.
 
         Raises:
-            RunError: If the folder holds another run's data, or cannot be written.
+            RunError: If the folder holds another run's data, or files of something else.
         """
         spec_file = self.state / "spec.msgpack"
         if spec_file.exists():
-            self._check(decode(RunSpec, spec_file.read_bytes()), spec)
-        elif self.path.exists() and any(self.path.iterdir()):
+            self._compare(decode(RunSpec, spec_file.read_bytes()), spec)
+        elif self.path.exists() and any(entry.name != STATE_FOLDER for entry in self.path.iterdir()):
             raise RunError(f"{self.path} holds files of something else; choose an empty or new folder with --out.")
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Hold the folder's lock, made if it is missing; the lock goes with the process, however that ends.
+
+        Raises:
+            RunError: If another process holds it, or the folder cannot be written.
+        """
         try:
             self.logs.mkdir(parents=True, exist_ok=True)
-            write_atomically(spec_file, encode(spec))
+            lock = (self.state / "lock").open("w")
+        except OSError as error:
+            raise RunError(f"{self.path} cannot be written: {error.strerror}.") from error
+        with lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError as error:
+                raise RunError(f"Another process is generating into {self.path}; wait for it or stop it.") from error
+            yield
+
+    def save(self, spec: RunSpec, wanted: int) -> None:
+        """Write what `load` reads.
+
+        Raises:
+            RunError: If the folder cannot be written.
+        """
+        try:
+            write_atomically(self.state / "spec.msgpack", encode(spec))
             write_atomically(self.state / "wanted", str(wanted).encode())
         except OSError as error:
             raise RunError(f"{self.path} cannot be written: {error.strerror}.") from error
@@ -148,7 +177,7 @@ class RunFolder:
         except (OSError, ValueError) as error:
             raise RunError(f"{self.path} is no data folder of a run: {error}.") from error
 
-    def _check(self, old: RunSpec, new: RunSpec) -> None:
+    def _compare(self, old: RunSpec, new: RunSpec) -> None:
         theirs, ours = identity(old), identity(new)
         different = [key for key in ours if theirs.get(key) != ours[key]]
         if "config" in different:
@@ -162,10 +191,15 @@ class RunFolder:
 
 
 def write_atomically(path: Path, data: bytes) -> None:
-    """Write a file so that it is there whole or not at all."""
-    part = path.with_name(path.name + ".part")
-    part.write_bytes(data)
-    os.replace(part, path)
+    """Write a file so that it is there whole or not at all, also when several processes do so at once."""
+    descriptor, part = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
+    try:
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(data)
+        os.replace(part, path)
+    except BaseException:
+        Path(part).unlink(missing_ok=True)
+        raise
 
 
 def _commit() -> str:

@@ -126,13 +126,16 @@ def run_training(
 
 def closed_loop(scene: str, *, episodes: int, seed: int) -> "Evaluate":
     """Measures the static and dynamic success rate of a policy on the split val of a scene; their mean counts."""
-    from apps.evaluate import make_evaluator
+    from apps.evaluate import make_evaluator, make_request
     from apps.run import RunConfig
+    from apps.scene_argument import open_scene
     from common.messages import Split
     from common.policy import load_policy
-    from services.evaluator import EvaluateRequest, Method, handle_evaluate
+    from services.evaluator import handle_evaluate
 
-    request = EvaluateRequest(methods=(Method.POLICY,), episodes=episodes, seed=seed, split=Split.VAL)
+    # What is wrong with these is said now, not when the first checkpoint is measured.
+    request = make_request(episodes, ("static", "dynamic"), ("policy",), Split.VAL, seed)
+    open_scene(scene)
     evaluators: dict[str, Any] = {}
 
     def success_rate(folder: Path) -> float:

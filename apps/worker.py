@@ -3,6 +3,7 @@
 import logging
 import os
 import signal
+import socket
 import sys
 import threading
 from pathlib import Path
@@ -50,14 +51,14 @@ def worker(
     Args:
         role: What to do.
         connect: Endpoint of the fleet's router, such as tcp/127.0.0.1:7447.
-        run: Name of the run, as `readygo generate` prints it.
+        run: Name of the run, as `readygo generate --listen` prints it.
         name: Name of this worker; must differ between workers of one role.
         data: Data folder of the run (coordinator and recorder only).
         exit_with_parent: Exit as soon as standard input is closed.
     """
     logging.basicConfig(level=logging.INFO, stream=sys.stderr, format="%(asctime)s %(name)s %(levelname)s %(message)s")
     stop = _stop_signal(exit_with_parent)
-    name = name or f"{role}-{os.getpid()}"
+    name = name or f"{role}-{socket.gethostname()}-{os.getpid()}"
     bus = ZenohBus(connect, run)
     try:
         if role == "coordinator":
@@ -144,7 +145,9 @@ def _stop_signal(exit_with_parent: bool) -> threading.Event:
                 pass
             stop.set()
             # The parent is gone, and with it the router: nobody is left to finish work for.
-            threading.Timer(10.0, lambda: os._exit(1)).start()
+            late = threading.Timer(10.0, lambda: os._exit(1))
+            late.daemon = True
+            late.start()
 
         threading.Thread(target=watch_parent, name="parent", daemon=True).start()
     return stop

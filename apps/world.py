@@ -42,8 +42,18 @@ class World:
 
     @cached_property
     def avatars(self) -> dict[str, Avatar]:
-        """The avatars of the run, by name."""
-        avatars = load_avatars(Path(self.spec.avatars_path) if self.spec.avatars_path else None)
+        """The avatars of the run, by name.
+
+        Raises:
+            RunError: If they are not on this machine, or others than the run's.
+        """
+        place = Path(self.spec.avatars_path) if self.spec.avatars_path else None
+        if place is not None and not place.exists():
+            raise RunError(
+                f"The run's avatars are not on this machine: copy them to {place}. A scene travels to the workers, "
+                "avatars do not."
+            )
+        avatars = load_avatars(place)
         missing = sorted(set(self.spec.avatar_hashes) - set(avatars))
         if missing:
             raise RunError(

@@ -41,12 +41,12 @@ def section_from_mapping(cls: type[Section], mapping: Mapping[str, Any], *, wher
     hints = typing.get_type_hints(cls)
     unknown = sorted(set(mapping) - set(hints))
     if unknown:
-        raise ConfigError(f"Unknown key {where}{unknown[0]!r}; known keys: {', '.join(sorted(hints))}.")
+        raise ConfigError(f"Unknown key {where + unknown[0]!r}; known keys: {', '.join(sorted(hints))}.")
     values = {key: _convert(hints[key], value, f"{where}{key}") for key, value in mapping.items()}
     try:
         return cls(**values)
     except (TypeError, ValueError) as error:
-        raise ConfigError(f"{where or cls.__name__}: {error}") from error
+        raise ConfigError(f"{where.rstrip('.') or cls.__name__}: {error}") from error
 
 
 def _convert(hint: Any, value: Any, where: str) -> Any:
@@ -56,6 +56,8 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
             raise ConfigError(f"{where} must be a table, got {value!r}.")
         return section_from_mapping(hint, value, where=f"{where}.")
     if origin is tuple:
+        if not isinstance(value, (tuple, list)):
+            raise ConfigError(f"{where} must be an array, got {value!r}.")
         item_hint = typing.get_args(hint)[0]
         return tuple(_convert(item_hint, item, where) for item in value)
     if origin is typing.Literal:

@@ -17,13 +17,13 @@ from apps.demo.report_content import Command, LossCurve, ReportContent, RunNumbe
 from apps.demo.video import EpisodeFilm, write_episode_animation, write_episode_video
 from apps.evaluate import make_evaluator, summarize
 from apps.generate import make_spec, record
-from apps.run import RunConfig
+from apps.run import RunConfig, write_atomically
 from apps.scene_argument import open_scene
 from apps.train import make_config, run_training
 from apps.warm import warm_all
 from apps.world import World
 from common.dataset import Dataset, EpisodeEntry, validate
-from common.errors import DatasetError
+from common.errors import DatasetError, RunError
 from common.frames import wrap_angle
 from common.messages import AnimateRequest, HumanPlanRequest, Scenario, Split
 from common.policy import load_policy
@@ -32,6 +32,8 @@ from services.animator import handle_animate
 from services.evaluator import EvaluateReply, EvaluateRequest, Method, handle_evaluate, summary_table, write_results
 from services.planner import handle_human_plan
 
+MARKER = ".readygo-demo"
+"""File that says that a folder is a demo's, and may be replaced."""
 TASK_NAMES = {"static": "static", "dynamic": "with people"}
 _CLOSE_UP_RAD = 0.6
 """A person this far from the middle of the image is shown well [rad]."""
@@ -51,24 +53,26 @@ class _Timer:
 def demo(
     *,
     out: Path = Path("demo"),
-    episodes: int = 14,
+    episodes: int = 20,
     workers: int = 1,
-    train_minutes: float = 1.0,
-    evaluate_episodes: int = 3,
+    train_minutes: float = 1.5,
+    evaluate_episodes: int = 4,
 ) -> None:
     """Generate, train and evaluate on the embedded scene, and write a report and a film.
 
     Args:
-        out: Folder for report.html, episode.mp4 and what they are made from; replaced if it is there.
+        out: Folder for report.html, episode.mp4 and what they are made from; an earlier demo in it is replaced.
         episodes: Episodes to record.
         workers: Renderer processes, besides one process for each other role.
         train_minutes: Training time [min].
         evaluate_episodes: Matched episodes per task.
+
+    Raises:
+        RunError: If `out` holds files of something else.
     """
     console = Console(stderr=True, highlight=False, soft_wrap=True)
     timer = _Timer(console=console, begin_s=time.monotonic())
-    for name in ("data", "policy", "evaluation"):
-        shutil.rmtree(out / name, ignore_errors=True)
+    _clear(out)
     timer.say("compiling kernels (once per machine) and building the embedded scene")
     warm_all()
     config = RunConfig()
@@ -83,7 +87,8 @@ def demo(
     timer.say("evaluating policy, expert and straight line on matched test episodes")
     reply = _evaluate(out, config, evaluate_episodes)
     timer.say("drawing the report")
-    _write_pictures(out, World(spec), run, metrics, reply, workers=workers)
+    commands = _commands(out, episodes, workers, train_minutes, evaluate_episodes)
+    _write_pictures(out, World(spec), run, metrics, reply, workers=workers, commands=commands)
     console.print(summary_table(reply.summaries))
     timer.say("done")
     sys.stdout.write(
@@ -91,6 +96,17 @@ def demo(
         "Next, your own place: readygo scene import SCENE.ply --out out/place && "
         "readygo generate out/place --episodes 400 --out out/data\n"
     )
+
+
+def _clear(out: Path) -> None:
+    """Remove an earlier demo; folders that no demo has made stay untouched."""
+    marker = out / MARKER
+    if out.exists() and any(out.iterdir()) and not marker.exists():
+        raise RunError(f"{out} holds files of something else; choose an empty or new folder with --out.")
+    out.mkdir(parents=True, exist_ok=True)
+    marker.touch()
+    for name in ("data", "policy", "evaluation"):
+        shutil.rmtree(out / name, ignore_errors=True)
 
 
 def _evaluate(out: Path, config: RunConfig, episodes: int) -> EvaluateReply:
@@ -110,6 +126,7 @@ def _write_pictures(
     reply: EvaluateReply,
     *,
     workers: int,
+    commands: tuple[Command, ...],
 ) -> None:
     dataset = Dataset([out / "data"])
     view = top_view(world.scene)
@@ -144,12 +161,12 @@ def _write_pictures(
             rejected=run["rejected"],
             cpu_s_by_stage=run["cpu_s"],
         ),
-        commands=_commands(run),
+        commands=commands,
         next_steps=_next_steps(),
         provenance={key: str(world.spec.metadata[key]) for key in ("readygo_version", "commit", "numeric_class")},
     )
     write_report(out / "report.html", content)
-    (out / "run.json").write_text(json.dumps(run, indent=2) + "\n")
+    write_atomically(out / "run.json", (json.dumps(run, indent=2) + "\n").encode())
 
 
 class _Scenarios:
@@ -252,12 +269,14 @@ def _scores(reply: EvaluateReply) -> tuple[Score, ...]:
     )
 
 
-def _commands(run: dict[str, Any]) -> tuple[Command, ...]:
+def _commands(out: Path, episodes: int, workers: int, minutes: float, evaluated: int) -> tuple[Command, ...]:
+    data, policy, options = out / "data", out / "policy", f"--episodes {episodes} --workers {workers}"
+    evaluate = f"readygo evaluate embedded {policy} --episodes {evaluated} --out {out / 'evaluation'}"
     return (
-        Command(what="record", line=f"readygo generate embedded --episodes {run['episodes']} --out demo/data"),
-        Command(what="check", line="readygo validate demo/data"),
-        Command(what="train", line="readygo train demo/data --minutes 1 --out demo/policy"),
-        Command(what="evaluate", line="readygo evaluate embedded demo/policy --episodes 3 --out demo/evaluation"),
+        Command(what="record", line=f"readygo generate embedded {options} --out {data}"),
+        Command(what="check", line=f"readygo validate {data}"),
+        Command(what="train", line=f"readygo train {data} --minutes {minutes:g} --out {policy}"),
+        Command(what="evaluate", line=evaluate),
     )
 
 

@@ -53,7 +53,7 @@ class RunNumbers:
     episodes: int
     samples: int
     wall_s: float
-    """From the first claim to the last commit [s]."""
+    """Of the whole run, start and stop of its processes included [s]."""
     workers: int
     rejected: Mapping[str, int] = field(default_factory=dict)
     """Episodes that were not recorded, by reason."""

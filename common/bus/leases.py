@@ -73,7 +73,10 @@ def claim_once(bus: Bus, stage: Stage, worker: str, numeric_class: str, work: Wo
     request = ClaimRequest(worker=worker, numeric_class=numeric_class)
     claim = bus.request(f"coord/{stage.value}/claim", request, ClaimReply)
     if claim.status == "refused":
-        raise RunError(f"The run's samples are of another numeric class than this worker's ({numeric_class}).")
+        raise RunError(
+            f"The run's samples are of another numeric class than this worker's ({numeric_class}); install the "
+            "versions that the run began with (`readygo inspect` names them), or record into a new folder."
+        )
     if claim.status == "lease":
         _work_on(bus, stage, worker, claim, work)
     return claim.status
@@ -86,7 +89,7 @@ def pull(bus: Bus, stage: Stage, worker: str, numeric_class: str, work: Work, *,
         BusError: If the coordinator stays away.
         RunError: If the coordinator refuses this worker.
     """
-    heard_s = time.monotonic()
+    silent_since_s: float | None = None
 
     def kept(claim: ClaimReply, inputs: tuple[bytes, ...]) -> StageResult | None:
         with _renewed(bus, stage, worker, claim):
@@ -96,12 +99,14 @@ def pull(bus: Bus, stage: Stage, worker: str, numeric_class: str, work: Work, *,
         try:
             status = claim_once(bus, stage, worker, numeric_class, kept)
         except BusError as error:
-            if time.monotonic() - heard_s > COORDINATOR_ABSENT_S:
+            # Work may take longer than the coordinator may be absent: its time does not count.
+            silent_since_s = time.monotonic() if silent_since_s is None else silent_since_s
+            if time.monotonic() - silent_since_s > COORDINATOR_ABSENT_S:
                 raise
             log.warning("%s; trying again", error)
             stop.wait(0.5)
             continue
-        heard_s = time.monotonic()
+        silent_since_s = None
         if status == "done":
             return
         if status == "wait":
@@ -120,8 +125,6 @@ def _work_on(bus: Bus, stage: Stage, worker: str, claim: ClaimReply, work: Work)
     except Exception as error:
         log.exception("stage %s of %s failed", stage.value, claim.episode.episode_id)
         failed = f"{type(error).__name__}: {error}"
-    if outcome is None and not failed:
-        return
     request = CompleteRequest(
         worker=worker,
         index=claim.episode.index,

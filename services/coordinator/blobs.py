@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 class BlobStore:
-    """Blobs in a folder, named by their SHA-256; files of the run's scene and avatars are served from their place."""
+    """Blobs in a folder, named by their SHA-256; files of the run's scene are served from their place."""
 
     def __init__(self, folder: Path, files: Mapping[str, Path] | None = None) -> None:
         self._folder = folder

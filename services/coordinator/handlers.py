@@ -31,6 +31,8 @@ from services.coordinator.blobs import BlobStore
 from services.coordinator.config import CoordinatorConfig
 from services.coordinator.ledger import STAGES, Lease, Ledger
 
+CANCELLED = "The run was cancelled; run the same command again to go on."
+
 
 class Coordinator:
     """One run: what is wanted, what is done, and who may do the rest."""
@@ -58,6 +60,7 @@ class Coordinator:
         self.cancelled = False
         self.lock = threading.Lock()
         ledger.requeue_all()
+        ledger.drop_episodes(wanted)
         blobs.keep_only(ledger.results())
         ledger.open_episodes(wanted)
 
@@ -111,7 +114,8 @@ def handle_complete(coordinator: Coordinator, stage: Stage, request: CompleteReq
             _after_rejection(coordinator)
         return Verdict(status="ok" if held else "stale")
     if stage is STAGES[-1]:
-        raise RunError("The last stage is completed by the recorder's commit, not by its worker.")
+        # The recorder's commit completes the last stage; its worker only says what the work cost.
+        return Verdict(status="ok")
     held = ledger.advance(stage, request.index, request.attempt, coordinator.blobs.put(request.result))
     return Verdict(status="ok" if held else "stale")
 
@@ -173,7 +177,7 @@ def handle_status(coordinator: Coordinator, request: StatusRequest) -> StatusRep
         requeued=int(counters.get("requeued", 0)),
         cpu_s={name.removeprefix(prefix): value for name, value in counters.items() if name.startswith(prefix)},
         finished=coordinator.finished,
-        failed=coordinator.failed,
+        failed=coordinator.failed or (CANCELLED if coordinator.cancelled and not coordinator.finished else ""),
     )
 
 

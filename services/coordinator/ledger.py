@@ -7,10 +7,13 @@ ever made in vain.
 
 import sqlite3
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from common.errors import RunError
 from common.messages import Stage
 
 STAGES = tuple(Stage)
@@ -55,12 +58,20 @@ class Ledger:
     """Transactions on the ledger file; safe to call from several threads."""
 
     def __init__(self, path: Path) -> None:
-        self._db = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
+        """Open the file, or make it.
+
+        Raises:
+            RunError: If it is no ledger or cannot be written; so do all other methods.
+        """
+        self._path = path
         self._lock = threading.RLock()
-        self._db.execute("PRAGMA journal_mode = WAL")
-        # NORMAL loses at most the latest leases in a power cut; grants are confirmed again by the recorder's own files.
-        self._db.execute("PRAGMA synchronous = NORMAL")
-        self._db.executescript(_SCHEMA)
+        with self._worded():
+            self._db = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
+            self._db.execute("PRAGMA journal_mode = WAL")
+            # NORMAL loses at most the latest leases in a power cut; grants are confirmed again by the recorder's own
+            # files.
+            self._db.execute("PRAGMA synchronous = NORMAL")
+            self._db.executescript(_SCHEMA)
 
     def close(self) -> None:
         """Close the file."""
@@ -77,8 +88,7 @@ class Ledger:
 
     def open_episodes(self, wanted: int) -> int:
         """Open indices until `wanted` of them are not rejected; returns how many were opened."""
-        with self._lock, self._db:
-            self._db.execute("BEGIN IMMEDIATE")
+        with self._transaction():
             (alive,) = self._db.execute("SELECT count(*) FROM episode WHERE state != 'rejected'").fetchone()
             (following,) = self._db.execute("SELECT coalesce(max(idx) + 1, 0) FROM episode").fetchone()
             missing: int = max(0, wanted - alive)
@@ -87,6 +97,29 @@ class Ledger:
                 [(following + k, STAGES[0].value) for k in range(missing)],
             )
         return missing
+
+    def drop_episodes(self, wanted: int) -> None:
+        """Forget the indices behind the `wanted` smallest ones that are not rejected: the run was to be longer.
+
+        Nothing is forgotten where an index behind them is durable, see `wanted_min`.
+        """
+        with self._transaction():
+            if wanted >= self.wanted_min():
+                self._db.execute(
+                    """DELETE FROM episode WHERE idx > (SELECT idx FROM episode WHERE state != 'rejected'
+                    ORDER BY idx LIMIT 1 OFFSET ?)""",
+                    (wanted - 1,),
+                )
+                self._db.execute("DELETE FROM result WHERE idx NOT IN (SELECT idx FROM episode)")
+
+    def wanted_min(self) -> int:
+        """Length of the shortest run that holds all durable episodes."""
+        row = self._one(
+            """SELECT count(*) FROM episode WHERE state != 'rejected'
+            AND idx <= (SELECT max(idx) FROM episode WHERE state IN ('granted', 'committed'))"""
+        )
+        assert row is not None
+        return int(row[0])
 
     def claim(self, stage: Stage, worker: str, deadline_s: float) -> Lease | None:
         """Lease the waiting episode of smallest index at `stage`, if there is one."""
@@ -117,8 +150,7 @@ class Ledger:
     def advance(self, stage: Stage, index: int, attempt: int, sha256: str) -> bool:
         """Store a stage's result and pass the episode on; False if the attempt does not hold the lease."""
         following = STAGES[STAGES.index(stage) + 1]
-        with self._lock, self._db:
-            self._db.execute("BEGIN IMMEDIATE")
+        with self._transaction():
             held = self._held(
                 """UPDATE episode SET stage = ?, state = 'waiting', worker = '', failures = 0
                 WHERE idx = ? AND attempt = ? AND state = 'leased' AND stage = ? RETURNING idx""",
@@ -174,8 +206,7 @@ class Ledger:
         Returns:
             Hashes of results that nobody needs any more; None if another recorder has made the episode durable.
         """
-        with self._lock, self._db:
-            self._db.execute("BEGIN IMMEDIATE")
+        with self._transaction():
             held = self._held(
                 """UPDATE episode SET state = 'committed', stage = 'render', recorder = ?, shard = ?, samples = ?,
                 worker = '' WHERE idx = ? AND NOT (state = 'committed' AND recorder != ?) RETURNING idx""",
@@ -258,6 +289,22 @@ class Ledger:
         )
         return len(self._all(statement, *values))
 
+    @contextmanager
+    def _transaction(self) -> Iterator[None]:
+        with self._lock, self._worded(), self._db:
+            self._db.execute("BEGIN IMMEDIATE")
+            yield
+
+    @contextmanager
+    def _worded(self) -> Iterator[None]:
+        try:
+            yield
+        except sqlite3.Error as error:
+            raise RunError(
+                f"The run's ledger {self._path} cannot be used: {error}; if the disk is full, free some space and run "
+                "the same command again, else record into a new folder."
+            ) from error
+
     def _held(self, statement: str, *values: object) -> bool:
         return self._one(statement, *values) is not None
 
@@ -266,7 +313,7 @@ class Ledger:
         return rows[0] if rows else None
 
     def _all(self, statement: str, *values: object) -> list[tuple[Any, ...]]:
-        with self._lock:
+        with self._lock, self._worded():
             return self._db.execute(statement, values).fetchall()
 
     def _run(self, statement: str, *values: object) -> None:

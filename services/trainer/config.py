@@ -26,9 +26,9 @@ class TrainConfig:
     """Decoupled weight decay (AdamW); 0 is plain Adam."""
     ema_decay: float = 0.995
     """Decay per step of the averaged weights that are validated and exported; 0 exports the latest weights."""
-    previous_dropout: float = 0.3
+    previous_dropout: float = 0.5
     """Probability that a training sample does not see the previous action (against copying it)."""
-    previous_noise: float = 0.05
+    previous_noise: float = 0.1
     """Standard deviation of the noise on the previous action in training, in units of its limits."""
     photometric: float = 0.2
     """Largest relative change of brightness, contrast and colour in training; 0 turns it off."""

@@ -88,6 +88,8 @@ class TrainRun:
             self.model.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay, fused=True
         )
         self.step, self.epoch, self.epoch_step, self.samples_seen = 0, 0, 0, 0
+        self.epoch_length = 1
+        """Batches of an epoch, known once it has begun."""
         self.elapsed_s = 0.0
         self.history: list[dict[str, float]] = []
         self.best: dict[str, Any] = {}
@@ -99,8 +101,9 @@ class TrainRun:
         """Train until the budget is spent."""
         while self.fraction() < 1.0:
             batches = self._epoch_batches()
+            self.epoch_length = len(batches)
             while self.epoch_step < len(batches) and self.fraction() < 1.0:
-                self._timed_step(batches[self.epoch_step], len(batches))
+                self._timed_step(batches[self.epoch_step])
                 if self.step % self.config.validate_every_steps == 0:
                     self._validate()
                 report(self._progress())
@@ -112,7 +115,7 @@ class TrainRun:
     def fraction(self) -> float:
         """Share of the budget that is spent."""
         if self.config.epochs is not None:
-            return self.epoch / self.config.epochs
+            return (self.epoch + self.epoch_step / self.epoch_length) / self.config.epochs
         return self.elapsed_s / (60 * self.config.minutes)
 
     def _epoch_batches(self) -> list[Indices]:
@@ -124,13 +127,10 @@ class TrainRun:
             rng=np.random.default_rng([self.config.seed, self.epoch]),
         )
 
-    def _timed_step(self, samples: Indices, batch_count: int) -> None:
+    def _timed_step(self, samples: Indices) -> None:
         begin_s = time.monotonic()
-        fraction = self.fraction()
-        if self.config.epochs is not None:
-            fraction += self.epoch_step / batch_count / self.config.epochs
         for group in self.optimizer.param_groups:
-            group["lr"] = learning_rate(self.config, self.step, fraction)
+            group["lr"] = learning_rate(self.config, self.step, self.fraction())
         batch = make_batch(samples, self.train_part.table.first, self.spec.frame_spacing_steps)
         self._losses.append(self._optimise(batch))
         self.step, self.epoch_step = self.step + 1, self.epoch_step + 1
@@ -228,7 +228,7 @@ class TrainRun:
                 "model": self.model.state_dict(),
                 "average": self.average.state_dict(),
                 "optimizer": self.optimizer.state_dict(),
-                "counters": [self.step, self.epoch, self.epoch_step, self.samples_seen],
+                "counters": [self.step, self.epoch, self.epoch_step, self.epoch_length, self.samples_seen],
                 "elapsed_s": self.elapsed_s,
                 "history": self.history,
                 "best": self.best,
@@ -243,7 +243,7 @@ class TrainRun:
         self.model.load_state_dict(state["model"])
         self.average.load_state_dict(state["average"])
         self.optimizer.load_state_dict(state["optimizer"])
-        self.step, self.epoch, self.epoch_step, self.samples_seen = state["counters"]
+        self.step, self.epoch, self.epoch_step, self.epoch_length, self.samples_seen = state["counters"]
         self.elapsed_s, self.history, self.best = state["elapsed_s"], state["history"], state["best"]
 
     def _progress(self) -> TrainProgress:

@@ -3,6 +3,7 @@ from pathlib import Path
 import pytest
 
 from common.bus import InProcessBus
+from common.errors import RunError
 from common.messages import (
     ClaimReply,
     ClaimRequest,
@@ -238,8 +239,10 @@ def test_paused_run_gives_no_work_until_resumed(line: Line) -> None:
     assert line.claim(Stage.HUMAN_PLAN).status == "wait"
     line.bus.request("ctl", ControlRequest(command="resume"), Verdict)
     assert line.claim(Stage.HUMAN_PLAN).status == "lease"
+    assert line.status().failed == ""
     line.bus.request("ctl", ControlRequest(command="cancel"), Verdict)
     assert line.claim(Stage.HUMAN_PLAN).status == "done"
+    assert line.status().failed.startswith("The run was cancelled")
 
 
 def test_large_result_is_fetched_in_chunks(tmp_path: Path) -> None:
@@ -260,3 +263,58 @@ def test_second_recorders_copy_of_a_durable_episode_is_stale(line: Line) -> None
     other = DoneRequest(recorder="rec1", index=0, attempt=1, shard="t", sample_count=10)
     assert line.bus.request("coord/rec/done", other, Verdict).status == "stale"
     assert line.done(claim) == "ok"
+
+
+def _indices(line: Line) -> list[int]:
+    """The indices that wait for planning; claims them all."""
+    indices = []
+    while (claim := line.claim(Stage.HUMAN_PLAN)).status == "lease":
+        assert claim.episode is not None
+        indices.append(claim.episode.index)
+    return indices
+
+
+def test_shorter_run_keeps_the_smallest_indices_and_a_longer_one_opens_the_rest_again(tmp_path: Path) -> None:
+    first = Line(tmp_path, wanted=6)
+    first.plan()
+    first.plan(rejected="timeout")
+    last = [first.claim(Stage.HUMAN_PLAN) for _ in range(4)][-1]
+    first.complete(Stage.HUMAN_PLAN, last, rejected="no path")
+    first.coordinator.ledger.close()
+    second = Line(tmp_path, wanted=3)
+    assert second.status().rejected == {"timeout": 1}
+    assert _indices(second) == [2, 3]
+    second.coordinator.ledger.close()
+    third = Line(tmp_path, wanted=6)
+    assert _indices(third) == [2, 3, 4, 5, 6]
+
+
+def test_shortest_run_reaches_to_the_last_durable_episode(tmp_path: Path) -> None:
+    ledger = Ledger(tmp_path / "ledger.sqlite")
+    ledger.open_episodes(5)
+    assert ledger.wanted_min() == 0
+    ledger.commit(1, "rec0", "s", 10)
+    ledger.commit(3, "rec0", "s", 10)
+    assert ledger.wanted_min() == 4
+    ledger.drop_episodes(2)
+    assert ledger.count("waiting") == {"human-plan": 3}
+    ledger.drop_episodes(4)
+    assert ledger.count("waiting") == {"human-plan": 2}
+    ledger.close()
+
+
+def test_file_that_is_no_ledger_is_said_in_one_line(tmp_path: Path) -> None:
+    (tmp_path / "ledger.sqlite").write_bytes(b"something else " * 100)
+    with pytest.raises(RunError, match=r"ledger\.sqlite cannot be used: file is not a database"):
+        Ledger(tmp_path / "ledger.sqlite")
+
+
+def test_full_disk_is_said_in_one_line_and_undoes_the_step(tmp_path: Path) -> None:
+    ledger = Ledger(tmp_path / "ledger.sqlite")
+    ledger.open_episodes(3)
+    (pages,) = ledger._db.execute("PRAGMA page_count").fetchone()
+    ledger._db.execute(f"PRAGMA max_page_count = {pages}")
+    with pytest.raises(RunError, match="database or disk is full; if the disk is full, free some space"):
+        ledger.open_episodes(10_000)
+    assert ledger.count("waiting") == {"human-plan": 3}
+    ledger.close()

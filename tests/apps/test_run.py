@@ -1,0 +1,85 @@
+import threading
+from pathlib import Path
+
+import pytest
+
+from apps.generate import make_spec, record
+from apps.run import RunConfig, RunFolder, write_atomically
+from apps.scene_argument import open_scene
+from common.errors import RunError
+from common.messages import RunSpec, Split
+from services.coordinator import Ledger
+
+SPEC = RunSpec(
+    run="run-test",
+    scene_path="scene",
+    scene_hash="0",
+    scene_files=(),
+    avatars_path="",
+    avatar_hashes={},
+    seed=5,
+    split=Split.TRAIN,
+    static=False,
+    config={},
+    metadata={},
+)
+
+
+def test_folder_that_was_begun_on_a_full_disk_can_be_used_again(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path / "data")
+    with folder.locked():
+        pass
+    folder.check(SPEC)
+    folder.save(SPEC, 3)
+    assert folder.load() == (SPEC, 3)
+
+
+def test_second_process_changes_nothing_in_the_folder_of_a_running_one(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path)
+    with folder.locked():
+        folder.save(SPEC, 3)
+        with pytest.raises(RunError, match="Another process is generating"):
+            record(SPEC, tmp_path, episodes=7, workers=0)
+    assert folder.load() == (SPEC, 3)
+
+
+def test_run_cannot_be_made_shorter_than_what_is_recorded(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path)
+    with folder.locked():
+        folder.save(SPEC, 5)
+    ledger = Ledger(folder.ledger)
+    ledger.open_episodes(5)
+    ledger.commit(0, "rec0", "shard", 10)
+    ledger.commit(3, "rec0", "shard", 10)
+    ledger.close()
+    with pytest.raises(RunError, match=r"holds 2 episodes already.* at least 4 with --episodes"):
+        record(SPEC, tmp_path, episodes=3, workers=0)
+    assert folder.load() == (SPEC, 5)
+
+
+@pytest.mark.parametrize("seed", [-1, 2**63])
+def test_seed_that_cannot_be_recorded_is_refused(seed: int) -> None:
+    with pytest.raises(RunError, match="--seed must be"):
+        make_spec(open_scene("embedded"), None, RunConfig(), seed=seed, split=Split.TRAIN, static=True)
+
+
+def test_processes_that_write_the_same_file_do_not_meet(tmp_path: Path) -> None:
+    path = tmp_path / "scene.ply"
+    contents = [bytes([number]) * 2_000_000 for number in range(4)]
+    threads = [
+        threading.Thread(target=lambda data=data: [write_atomically(path, data) for _ in range(5)]) for data in contents
+    ]
+    failures: list[object] = []
+    threading.excepthook, before = failures.append, threading.excepthook
+    try:
+        for thread in threads:
+            thread.start()
+        while any(thread.is_alive() for thread in threads):
+            if path.exists():
+                assert path.read_bytes() in contents
+        for thread in threads:
+            thread.join()
+    finally:
+        threading.excepthook = before
+    assert failures == []
+    assert [entry.name for entry in tmp_path.iterdir()] == ["scene.ply"]
