@@ -183,7 +183,7 @@ def drive(rooms: Rooms, task: Task, command, *, time_limit_s: float = 50.0):
     for _ in range(round(time_limit_s / DT_S)):
         image, goal = rooms.image(*pose), goal_in_robot(pose, task.goal)
         action = limit_command(*command(image, goal, previous, pose), *previous, rooms.robot)
-        records.append((image, goal, action))
+        records.append((image, goal, action, (pose[0], pose[1], 0.0, pose[2])))
         pose, previous = step_unicycle(*pose, *action), action
         if rooms.clearance_m(pose[0], pose[1]) < rooms.robot.radius_m:
             return "static_collision", records
@@ -208,6 +208,7 @@ class ToyDataset:
     episodes: list[ToyEpisode]
     actions: npt.NDArray[np.float32]
     goals_xy_m: npt.NDArray[np.float32]
+    poses: npt.NDArray[np.float64]
     images: list[npt.NDArray[np.uint8]]
     metadata: dict
     content_hash: str = "toy"
@@ -229,11 +230,12 @@ def record(rooms: Rooms, count: int, *, seed: int) -> ToyDataset:
             key = EpisodeKey(seed=seed, split=Split.TRAIN, index=len(episodes))
             episodes.append(ToyEpisode(key, len(rows), len(records)))
             rows += records
-    images, goals, actions = zip(*rows, strict=True)
+    images, goals, actions, poses = zip(*rows, strict=True)
     return ToyDataset(
         episodes,
         np.array(actions, np.float32),
         np.array(goals, np.float32),
+        np.array(poses),
         list(images),
         {"config": {"robot": section_to_mapping(rooms.robot)}},
         f"toy-{seed}-{count}",

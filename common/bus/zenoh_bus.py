@@ -4,7 +4,9 @@ Multicast and shared memory are off: shared memory corrupts data when a receiver
 by chance. RELIABLE + BLOCK is no durability, so whatever must arrive is a request with a reply.
 """
 
+import contextlib
 import json
+import logging
 import queue
 import socket
 import threading
@@ -19,6 +21,8 @@ from common.messages.codec import decode, encode
 
 Request = TypeVar("Request")
 Reply = TypeVar("Reply")
+
+log = logging.getLogger(__name__)
 
 _RETRY_S = 0.05
 _LEASE_MS = 2000
@@ -153,5 +157,8 @@ class ZenohBus:
             except Exception as error:
                 # The asker gets the reason: a handler never swallows.
                 text = str(error) if isinstance(error, ReadygoError) else f"{type(error).__name__}: {error}"
-                query.reply_err(text.encode())
+                log.warning("%s: %s", query.key_expr, text, exc_info=not isinstance(error, ReadygoError))
+                # An asker that is gone must not end the thread that answers all others.
+                with contextlib.suppress(zenoh.ZError):
+                    query.reply_err(text.encode())
             query.drop()

@@ -8,7 +8,10 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
-from services.trainer.samples import Indices
+from services.trainer.samples import Indices, SampleTable
+
+NEAR_M = 1.0
+"""Goals are reached at this distance [m]."""
 
 
 def vary_light(images: Tensor, groups: Indices, strength: float, rng: np.random.Generator) -> None:
@@ -113,6 +116,36 @@ def correct_for_turn(
     x, y = goals_xy_m.unbind(1)
     w = (actions[:, 1] - gain_per_s * yaws_rad).clamp(-w_max_radps, w_max_radps)
     return torch.stack([actions[:, 0], w], dim=1), torch.stack([c * x + s * y, c * y - s * x], dim=1)
+
+
+def hindsight_goals(
+    table: SampleTable, samples: Indices, share: float, rng: np.random.Generator
+) -> npt.NDArray[np.float32]:
+    """Goals of samples, some of them replaced by a place that the robot reached later in the same episode.
+
+    What the expert did was right for every place that it came to, so that one episode teaches many goals. Places within
+    `NEAR_M` are no goals: an episode ends before the robot is that near.
+
+    Args:
+        table: Poses, goals and episodes.
+        samples: Sample indices, shape (B,).
+        share: Probability that a sample's goal is replaced.
+        rng: Random generator.
+
+    Returns:
+        Goals in the robot's frame [m], shape (B, 2).
+
+    Source: Andrychowicz et al., Hindsight experience replay, 2017; Ghosh et al., Learning to reach goals via iterated
+    supervised learning, 2019.
+    """
+    later = samples + np.ceil(rng.random(len(samples)) * (table.last[samples] - samples)).astype(np.int64)
+    x, y, yaw = table.xyyaw[samples].T
+    dx, dy = table.xyyaw[later, 0] - x, table.xyyaw[later, 1] - y
+    c, s = np.cos(yaw), np.sin(yaw)
+    reached = np.stack([c * dx + s * dy, c * dy - s * dx], axis=1).astype(np.float32)
+    replaced = (rng.random(len(samples)) < share) & (dx * dx + dy * dy > NEAR_M**2)
+    goals: npt.NDArray[np.float32] = np.where(replaced[:, None], reached, table.goals_xy_m[samples])
+    return goals
 
 
 def corrupt_previous(previous: Tensor, noise: float, dropout: float, rng: np.random.Generator) -> Tensor:

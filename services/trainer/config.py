@@ -38,6 +38,8 @@ class TrainConfig:
     """Standard deviation of a yaw error that training images and goals are turned by [rad]; 0 turns it off."""
     yaw_gain_per_s: float = 2.0
     """Turn rate that the policy learns against a yaw error [1/s]."""
+    hindsight: float = 0.5
+    """Share of training samples whose goal is a place that the robot reached later."""
     mirror: float = 0.5
     """Probability that a batch is mirrored left to right in training, with goals and turns."""
     frame_spacing_s: float = 0.5
@@ -64,6 +66,9 @@ class TrainConfig:
         for name in ("previous_dropout", "ema_decay", "validation_fraction", "photometric"):
             if not 0 <= getattr(self, name) < 1:
                 raise ValueError(f"{name} must be in [0, 1), got {getattr(self, name)}.")
+        for name in ("mirror", "hindsight"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise ValueError(f"{name} must be in [0, 1], got {getattr(self, name)}.")
         for name in ("learning_rate", "frame_spacing_s"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} must be positive, got {getattr(self, name)}.")

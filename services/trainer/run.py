@@ -18,6 +18,7 @@ from services.trainer.augment import (
     correct_for_turn,
     corrupt_previous,
     draw_yaws,
+    hindsight_goals,
     shift_frames,
     turn_frames,
     vary_light,
@@ -152,7 +153,7 @@ class TrainRun:
         previous = torch.from_numpy(part.table.previous[batch.samples])
         actions, goals = correct_for_turn(
             torch.from_numpy(part.table.actions[batch.samples]),
-            torch.from_numpy(part.table.goals_xy_m[batch.samples]),
+            torch.from_numpy(hindsight_goals(part.table, batch.samples, config.hindsight, rng)),
             torch.from_numpy(yaws_rad[batch.window[:, -1]].astype(np.float32)),
             config.yaw_gain_per_s,
             self.robot.w_max_radps,

@@ -52,6 +52,11 @@ class SampleSource(Protocol):
         ...
 
     @property
+    def poses(self) -> npt.NDArray[np.float64]:
+        """Robot on the floor: x, y, z [m], yaw [rad], shape (S, 4)."""
+        ...
+
+    @property
     def metadata(self) -> dict[str, Any]:
         """What was recorded with the run; "robot" of its "config" is the robot."""
         ...
@@ -72,10 +77,14 @@ class SampleTable:
 
     first: Indices
     """First sample of each sample's episode, shape (S,)."""
+    last: Indices
+    """Last sample of each sample's episode, shape (S,)."""
     actions: npt.NDArray[np.float32]
     previous: npt.NDArray[np.float32]
     """Action of the sample before; the robot starts at rest, shape (S, 2)."""
     goals_xy_m: npt.NDArray[np.float32]
+    xyyaw: npt.NDArray[np.float64]
+    """Robot's pose: x, y [m], yaw [rad], shape (S, 3)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -93,13 +102,20 @@ class Batch:
 def build_table(source: SampleSource) -> SampleTable:
     """Flat arrays of a source."""
     count = sum(episode.sample_count for episode in source.episodes)
-    first = np.zeros(count, np.int64)
+    first, last = np.zeros(count, np.int64), np.zeros(count, np.int64)
     previous = np.zeros((count, 2), np.float32)
     for episode in source.episodes:
         begin, end = episode.first_sample, episode.first_sample + episode.sample_count
-        first[begin:end] = begin
+        first[begin:end], last[begin:end] = begin, end - 1
         previous[begin + 1 : end] = source.actions[begin : end - 1]
-    return SampleTable(first=first, actions=source.actions, previous=previous, goals_xy_m=source.goals_xy_m)
+    return SampleTable(
+        first=first,
+        last=last,
+        actions=source.actions,
+        previous=previous,
+        goals_xy_m=source.goals_xy_m,
+        xyyaw=source.poses[:, [0, 1, 3]],
+    )
 
 
 def split_episodes(

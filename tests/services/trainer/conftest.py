@@ -24,6 +24,7 @@ class FakeSource:
     episodes: list
     actions: np.ndarray
     goals_xy_m: np.ndarray
+    poses: np.ndarray
     metadata: dict
     content_hash: str
     camera: CameraConfig
@@ -63,6 +64,7 @@ def make_source(*, episodes=6, samples=60, seed=0, camera=None, name="data"):
         ],
         actions=actions,
         goals_xy_m=rng.uniform(-8, 8, (count, 2)).astype(np.float32),
+        poses=rng.uniform(-3, 3, (count, 4)),
         metadata={"config": {"robot": section_to_mapping(RobotConfig(camera=camera))}},
         content_hash=f"{name}-{seed}",
         camera=camera,

@@ -8,10 +8,12 @@ from services.trainer.augment import (
     correct_for_turn,
     corrupt_previous,
     draw_yaws,
+    hindsight_goals,
     shift_frames,
     turn_frames,
     vary_light,
 )
+from services.trainer.samples import build_table
 
 
 def test_light_varies_alike_within_an_episode():
@@ -99,3 +101,28 @@ def test_yaw_errors_are_alike_within_an_episode_and_bounded():
     assert np.array_equal(yaws_rad[::2], yaws_rad[1::2])
     assert 0.09 < yaws_rad.std() < 0.1
     assert np.abs(yaws_rad).max() <= 0.25
+
+
+def test_hindsight_goal_is_a_place_that_the_robot_reached_later_in_its_episode(make_data):
+    source = make_data(episodes=3, samples=40)
+    source.poses[:, 0] = np.tile(np.arange(40) * 0.19, 3)
+    source.poses[:, 1] = np.repeat([0.0, 100.0, 200.0], 40)
+    source.poses[:, 3] = np.pi / 2
+    table = build_table(source)
+    samples = np.arange(120)
+    goals = hindsight_goals(table, samples, 1.0, np.random.default_rng(0))
+    replaced = np.any(goals != source.goals_xy_m, axis=1)
+    # Facing +y and driving along +x, whatever comes later is to the right.
+    np.testing.assert_allclose(goals[replaced, 0], 0.0, atol=1e-5)
+    steps_later = -goals[replaced, 1] / 0.19
+    np.testing.assert_allclose(steps_later, np.round(steps_later), atol=1e-4)
+    assert np.all(steps_later <= (table.last - samples)[replaced] + 1e-4)
+    assert np.all(-goals[replaced, 1] > 1.0)
+    assert not replaced[(table.last - samples) * 0.19 <= 1.0].any()
+
+
+def test_hindsight_share_zero_keeps_every_goal(make_data):
+    source = make_data()
+    samples = np.arange(60)
+    goals = hindsight_goals(build_table(source), samples, 0.0, np.random.default_rng(0))
+    np.testing.assert_array_equal(goals, source.goals_xy_m[samples])
