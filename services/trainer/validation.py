@@ -54,15 +54,12 @@ def _predict_batch(
 def validation_loss(
     predictions: Predictions, actions: npt.NDArray[np.float32], limits: npt.NDArray[np.float32]
 ) -> float:
-    """Mean squared error in units of the limits, averaged over the previous action given and withheld.
+    """Mean squared error in units of the limits, the previous action withheld.
 
-    With the previous action alone a policy that copies it would win; without it, one that ignores it.
+    Given the previous action, a policy that copies it has the smallest error on recorded data, and the checkpoint would
+    be chosen for copying; what images and goal teach shows without it.
     """
-    errors = [
-        np.mean(((predicted - actions) / limits).astype(np.float64) ** 2)
-        for predicted in (predictions.with_previous, predictions.without_previous)
-    ]
-    return float(np.mean(errors))
+    return float(np.mean(((predictions.without_previous - actions) / limits).astype(np.float64) ** 2))
 
 
 def error_metrics(
