@@ -1,0 +1,32 @@
+"""What a rasterizer can make of one view."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+OUTPUTS = ("rgb", "depth", "median_depth", "alpha", "mask", "normal")
+"""Names of the images that can be asked for."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Images:
+    """The images of one view; those that were not asked for are None.
+
+    A pixel's median Gaussian is the one that brings its transmittance below one half.
+    """
+
+    rgb: npt.NDArray[np.uint8]
+    """sRGB for scenes trained on sRGB images, shape (H, W, 3)."""
+    depth_m: npt.NDArray[np.float32] | None = None
+    """Mean depth along the optical axis, weighted as colours are [m]; inf where nothing is drawn, shape (H, W)."""
+    median_depth_m: npt.NDArray[np.float32] | None = None
+    """Depth of the median Gaussian [m]; inf where there is none, shape (H, W)."""
+    alpha: npt.NDArray[np.float32] | None = None
+    """One minus the transmittance that is left, shape (H, W)."""
+    mask: npt.NDArray[np.uint8] | None = None
+    """Whose the median Gaussian is: k for the k-th person that was asked for, counted from 1; 0 for the scene and
+    where there is none, shape (H, W)."""
+    normal: npt.NDArray[np.float32] | None = None
+    """Mean of the Gaussians' shortest axes that look towards the camera, weighted as colours are, of length 1, in the
+    camera's frame; 0 where nothing is drawn, shape (H, W, 3)."""
