@@ -29,6 +29,8 @@ from common.scenes import Scene
 from services import coordinator as coordination
 from services.recorder import Recorder
 from services.recorder import attach as attach_recorder
+from services.renderer.sensor import SensorName
+from services.renderer.sensor_lens import check_sensor
 
 Show = Callable[[StatusReply], None]
 POLL_S = 0.25
@@ -47,6 +49,7 @@ def generate(
     static: bool = False,
     robot: Path | None = None,
     config: Path | None = None,
+    sensor: SensorName | None = None,
     listen: str = "",
     json: bool = False,
 ) -> None:
@@ -63,11 +66,12 @@ def generate(
         static: Leave the humans out.
         robot: robot.toml of another robot.
         config: TOML file with sections of settings.
+        sensor: Recipe of the camera's lens and sensor, in place of the section [renderer.sensor] of `config`.
         listen: Endpoint of the fleet's router, such as tcp/127.0.0.1:7447, for workers that are started by hand; a
             free loopback port by default.
         json: Print the summary as JSON.
     """
-    run_config = load_run_config(config, load_robot(robot) if robot else None)
+    run_config = load_run_config(config, load_robot(robot) if robot else None, sensor)
     spec = make_spec(open_scene(scene), avatars, run_config, seed=seed, split=Split(split), static=static)
     summary = record(spec, out, episodes=episodes, workers=workers, listen=listen, quiet=json)
     if json:
@@ -126,9 +130,11 @@ def make_spec(
 
     Raises:
         RunError: If the seed cannot be recorded.
+        ConfigError: If the robot's camera cannot have the sensor's lens.
     """
     if not 0 <= seed < 2**63:
         raise RunError(f"--seed must be 0..2^63-1, got {seed}.")
+    check_sensor(config.renderer.sensor, config.robot.camera)
     people = {} if static else load_avatars(avatars)
     spec = RunSpec(
         run="",

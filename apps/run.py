@@ -25,6 +25,7 @@ from services.animator.config import AnimatorConfig
 from services.planner.config import ExpertConfig, HumanPlannerConfig
 from services.recorder.config import RecorderConfig
 from services.renderer.config import RendererConfig
+from services.renderer.sensor import SENSOR_RECIPES, SensorName
 
 STATE_FOLDER = ".readygo"
 _NUMERIC_PACKAGES = ("numpy", "numba", "llvmlite", "scipy", "opencv-python-headless")
@@ -43,8 +44,8 @@ class RunConfig:
     recorder: RecorderConfig = field(default_factory=RecorderConfig)
 
 
-def load_run_config(path: Path | None, robot: RobotConfig | None = None) -> RunConfig:
-    """The defaults, changed by the sections of a TOML file.
+def load_run_config(path: Path | None, robot: RobotConfig | None = None, sensor: SensorName | None = None) -> RunConfig:
+    """The defaults, changed by the sections of a TOML file, by another robot and by a sensor's recipe.
 
     Raises:
         ConfigError: If the file cannot be read or holds an unknown key or a wrong value.
@@ -56,6 +57,9 @@ def load_run_config(path: Path | None, robot: RobotConfig | None = None) -> RunC
             config = section_from_mapping(RunConfig, tomllib.loads(path.read_text()))
         except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
             raise ConfigError(f"Configuration {path} cannot be read: {error}.") from error
+    if sensor is not None:
+        renderer = dataclasses.replace(config.renderer, sensor=SENSOR_RECIPES[sensor]())
+        config = dataclasses.replace(config, renderer=renderer)
     return config if robot is None else dataclasses.replace(config, robot=robot)
 
 

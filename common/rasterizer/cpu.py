@@ -9,13 +9,14 @@ import numpy as np
 import numpy.typing as npt
 
 from common.avatars import Avatar, joint_transforms
+from common.gaussians import GaussianCloud
 from common.rasterizer import cpu_blend
 from common.rasterizer.constants import NEAR_M
 from common.rasterizer.cpu_project import FAR_BITS, NEAR_BITS, Gaussians, Skin, Slab, project_person, project_scene
 from common.rasterizer.cpu_tiles import MAX_TILES
 from common.rasterizer.cpu_view import View, VisibleChunks, cull_person, cull_scene, make_view
 from common.rasterizer.cpu_workspace import Workspace, make_workspace, tile_count, with_room
-from common.rasterizer.packed import CHUNK, PackedScene
+from common.rasterizer.packed import CHUNK, PackedScene, pack_sorted
 from common.rasterizer.packed_avatar import PackedAvatar, pack_avatar
 
 SLAB_SHARES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)
@@ -131,11 +132,17 @@ class CpuRasterizer:
         if tile_count(height_px, width_px) >= MAX_TILES:
             raise ValueError(f"images are limited to {MAX_TILES} tiles of 16x16 px, got {height_px}x{width_px} px.")
         self._layers = [_Layer(scene) for scene in ([scenes] if isinstance(scenes, PackedScene) else scenes)]
+        self._scene_count = len(self._layers)
         self._avatars = [(avatar, pack_avatar(avatar)) for avatar in avatars]
         self._people: list[_Person] = []
         self._K_px = np.asarray(K_px, dtype=np.float64)
         self._height, self._width = height_px, width_px
         self._ws = make_workspace(height_px, width_px, 0, 0)
+
+    def set_extra(self, cloud: GaussianCloud | None) -> None:
+        """Draw a few more Gaussians with the scene, such as shadows, until they are set anew; None: no more."""
+        extra = [] if cloud is None else [_Layer(pack_sorted(cloud))]
+        self._layers = [*self._layers[: self._scene_count], *extra]
 
     def render(self, T_world_camera: npt.ArrayLike, people: Sequence[PosedPerson] = ()) -> npt.NDArray[np.uint8]:
         """The image as bytes, sRGB for scenes trained on sRGB images.

@@ -1,7 +1,9 @@
 """Settings of the renderer."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
+
+from services.renderer.sensor import SensorConfig
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -13,6 +15,10 @@ class RendererConfig:
     image_format: Literal["jpeg", "png"] = "jpeg"
     """Encoding of recorded images; "png" is lossless."""
     jpeg_quality: int = 90
+    contact_shadow: bool = False
+    """True puts soft shadows under people's feet."""
+    sensor: SensorConfig = field(default_factory=SensorConfig)
+    """Lens, shutter, exposure and noise; off by default."""
 
     def __post_init__(self) -> None:
         if self.backend not in ("cpu", "reference"):
