@@ -1,8 +1,8 @@
 """Pinhole images that hold all that a distorted image shows, and the way from the ones to the other.
 
-Up to `ONE_FACE_MAX_RAD` from the optical axis one wide image does; beyond that the faces of a cube around the camera,
-as a pinhole image would need ever more pixels there. All faces have the same intrinsics, so that one rasterizer draws
-them all.
+Up to 60 deg from the optical axis one wide image does; beyond that faces around the camera as of a cube, as a pinhole
+image would need ever more pixels there. Front and sides reach 45 deg to the right and left, and 60 deg up and down: two
+more faces are rarely needed. All faces have the same intrinsics, so that one rasterizer draws them all.
 
 Legend: (x, y) = point of a ray on the camera's plane z = 1; (fu, fv) = on the face's plane z = 1.
 """
@@ -20,7 +20,7 @@ from services.renderer.sensor_lens import Lens
 
 Floats = npt.NDArray[np.float64]
 
-ONE_FACE_MAX_RAD = math.radians(60.0)
+FACE_TAN_MAX = math.tan(math.radians(60.0))
 OVERSAMPLING = 1.5
 """Pixels of a face per pixel of the image where they are scarcest, along each axis: interpolation then blurs no more
 than the finer pixels sharpen."""
@@ -104,7 +104,7 @@ def plan_faces(lenses: Sequence[Lens]) -> Faces:
     stride = -(-max(first.height_px, first.width_px) // _GRID)
     uv = _grid(first.height_px, first.width_px, stride)
     rays = [_known_rays(lens, uv) for lens in lenses]
-    cube = max(float(np.abs(xy).max()) for xy in rays) > math.tan(ONE_FACE_MAX_RAD)
+    cube = max(float(np.abs(xy).max()) for xy in rays) > FACE_TAN_MAX
     scarcest, densest = math.inf, 0.0
     low, high = np.full(2, math.inf), np.full(2, -math.inf)
     for lens, xy in zip(lenses, rays, strict=True):
@@ -194,8 +194,9 @@ def _face_places(xy: Floats, cube: bool) -> npt.NDArray[np.int64]:
     x, y = xy.T
     beside = np.where(x > 0, 1, 2)
     upright = np.where(y > 0, 3, 4)
-    side = np.where(np.abs(x) >= np.abs(y), beside, upright)
-    return np.where(np.maximum(np.abs(x), np.abs(y)) <= 1.0, 0, side).astype(np.int64)
+    around = np.where(np.abs(x) <= 1.0, 0, beside)
+    level = np.abs(y) <= FACE_TAN_MAX * np.maximum(np.abs(x), 1.0)
+    return np.where(level, around, upright).astype(np.int64)
 
 
 def _along_axis(xy: Floats, place: npt.NDArray[np.int64]) -> Floats:
