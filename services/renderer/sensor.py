@@ -90,7 +90,8 @@ class SensorConfig:
     readout_s: float = 0.0
     """Time from the first row's end of exposure to the last row's [s]: rolling shutter."""
     sub_frames: int = 8
-    """Images drawn per frame where the shutter takes time: the cost of a frame grows with it."""
+    """Images drawn per frame where the shutter takes time: the cost of a frame grows with it. Enough are those between
+    which the image moves by about a pixel."""
     ranges: SensorRanges = field(default_factory=SensorRanges)
 
     def __post_init__(self) -> None:
@@ -164,6 +165,7 @@ def sensor_phone_like() -> SensorConfig:
     """A small camera module as in a phone: slight distortion, noise, motion blur and rolling shutter, all varied."""
     return SensorConfig(
         distortion="brown_conrady",
+        sub_frames=4,
         ranges=SensorRanges(
             k1=(-0.04, 0.01),
             k2=(-0.002, 0.006),
