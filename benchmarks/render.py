@@ -37,7 +37,7 @@ STAGES: dict[str, tuple[Any, tuple[str, ...]]] = {
     "project_scene": (cpu, ("project_scene",)),
     "pose_and_project_people": (cpu, ("project_person",)),
     "sort": (cpu_blend, ("begin_slab", "sort_keys")),
-    "bin": (cpu_blend, ("begin_tiles", "fill_tiles")),
+    "bin": (cpu_blend, ("fill_tiles",)),
     "blend": (cpu_blend, ("begin_image", "blend_tiles", "write_bytes")),
 }
 IMAGES_PER_RUN = 4

@@ -12,9 +12,8 @@ from common.avatars import Avatar, joint_transforms
 from common.rasterizer import cpu_blend
 from common.rasterizer.constants import NEAR_M
 from common.rasterizer.cpu_project import FAR_BITS, NEAR_BITS, Gaussians, Skin, Slab, project_person, project_scene
-from common.rasterizer.cpu_tiles import MAX_TILES
 from common.rasterizer.cpu_view import View, VisibleChunks, cull_person, cull_scene, make_view
-from common.rasterizer.cpu_workspace import Workspace, make_workspace, tile_count, with_room
+from common.rasterizer.cpu_workspace import KEYS, LARGE_ENTRIES, MAX_SIDE_PX, Workspace, make_workspace, with_room
 from common.rasterizer.packed import CHUNK, PackedScene
 from common.rasterizer.packed_avatar import PackedAvatar, pack_avatar
 
@@ -128,14 +127,14 @@ class CpuRasterizer:
         height_px: int,
         width_px: int,
     ) -> None:
-        if tile_count(height_px, width_px) >= MAX_TILES:
-            raise ValueError(f"images are limited to {MAX_TILES} tiles of 16x16 px, got {height_px}x{width_px} px.")
+        if max(height_px, width_px) > MAX_SIDE_PX:
+            raise ValueError(f"images are limited to {MAX_SIDE_PX} px a side, got {height_px}x{width_px} px.")
         self._layers = [_Layer(scene) for scene in ([scenes] if isinstance(scenes, PackedScene) else scenes)]
         self._avatars = [(avatar, pack_avatar(avatar)) for avatar in avatars]
         self._people: list[_Person] = []
         self._K_px = np.asarray(K_px, dtype=np.float64)
         self._height, self._width = height_px, width_px
-        self._ws = make_workspace(height_px, width_px, 0, 0)
+        self._ws = make_workspace(height_px, width_px)
 
     def render(self, T_world_camera: npt.ArrayLike, people: Sequence[PosedPerson] = ()) -> npt.NDArray[np.uint8]:
         """The image as bytes, sRGB for scenes trained on sRGB images.
@@ -177,8 +176,10 @@ class CpuRasterizer:
             cpu_blend.begin_slab(self._width, slab.limit_bits, self._ws)
             for layer, chunks in zip(layers, seen, strict=True):
                 layer.project(view, chunks, slab, self._ws)
+            # Each key meets up to four tiles, or all that its large box meets.
+            counts = self._ws.counts
+            self._ws = with_room(self._ws, entries=int(4 * counts[KEYS] + counts[LARGE_ENTRIES]))
             in_sorted = cpu_blend.sort_keys(self._ws)
-            self._ws = with_room(self._ws, entries=cpu_blend.begin_tiles(self._ws))
             cpu_blend.fill_tiles(self._width, in_sorted, self._ws)
             cpu_blend.blend_tiles(self._width, self._ws)
 

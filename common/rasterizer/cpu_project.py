@@ -7,15 +7,14 @@ import numpy.typing as npt
 
 from common.rasterizer.compilation import inlined, kernel
 from common.rasterizer.constants import DILATION_PX2, FOV_MARGIN, NEAR_M
-from common.rasterizer.cpu_tiles import any_alive, box_codes, count_entries, is_alive
-from common.rasterizer.cpu_view import View, VisibleChunks, unpack_box
-from common.rasterizer.cpu_workspace import KEYS, LATER, RECORD, RECORD_BOUNDS_X, RECORD_BOUNDS_Y, RECORDS, Workspace
-from common.rasterizer.simd_memory import load_f16, load_short, store_f16, store_i16, transpose_in_place
+from common.rasterizer.cpu_tiles import LARGE, any_alive, box_codes, is_alive, unpack_box
+from common.rasterizer.cpu_view import View, VisibleChunks
+from common.rasterizer.cpu_workspace import KEYS, LARGE_ENTRIES, LATER, RECORD, RECORDS, Workspace
+from common.rasterizer.simd_memory import load_f16, load_short, peek, poke, store_f16, store_i16, transpose_in_place
 from common.rasterizer.simd_types import (
     bit_pattern,
     ceil,
     f16,
-    float_of_bits,
     floor,
     fma,
     fms,
@@ -160,10 +159,11 @@ def _image_block(lens: _Lens, geometry: Singles, g: int, x: Any, y: Any, z: Any,
         store_f16(ws.scratch, 80, load_f16(geometry, g + 144))
         store_f16(ws.scratch, 144, z)
         first_x, last_x, first_y, last_y = truncate(x0) >> 2, truncate(x1) >> 2, truncate(y0) >> 2, truncate(y1) >> 2
-        store_f16(ws.scratch, 16 * RECORD_BOUNDS_X, float_of_bits(first_x | (last_x << 16)))
-        store_f16(ws.scratch, 16 * RECORD_BOUNDS_Y, float_of_bits(first_y | (last_y << 16)))
-        store_i16(ws.scratch_bits, 0, box_codes(first_x, last_x, first_y, last_y, lens.columns))
-        store_i16(ws.scratch_bits, 16, bit_pattern(z) - NEAR_BITS)
+        tile, low, high = box_codes(first_x, last_x, first_y, last_y, lens.columns)
+        store_i16(ws.scratch_bits, 0, tile)
+        store_i16(ws.scratch_bits, 16, low)
+        store_i16(ws.scratch_bits, 32, high)
+        store_i16(ws.scratch_bits, 48, bit_pattern(z) - NEAR_BITS)
     return seen
 
 
@@ -233,23 +233,35 @@ def _emit(seen: int, counts: tuple[int, int, int], slab: Slab, columns: int, ws:
     """
     transpose_in_place(ws.scratch, 0)
     records, keys, later = counts
+    bits = ws.scratch_bits
     while seen:
         lane = lowest_bit(seen)
         seen &= seen - 1
-        code, depth_bits = np.int64(ws.scratch_bits[lane]), np.int64(ws.scratch_bits[16 + lane])
+        tile = np.int64(peek(bits, lane))
+        blocks = (np.int64(peek(bits, 16 + lane)) & 0xFFFFFFFF) | (np.int64(peek(bits, 32 + lane)) << 32)
+        depth_bits = np.int64(peek(bits, 48 + lane))
         store_f16(ws.records, records * RECORD, load_f16(ws.scratch, lane * RECORD))
+        if tile == LARGE:
+            ws.counts[LARGE_ENTRIES] += _tiles_met(blocks)
         # Written in any case, counted if true: cheaper than branches that the CPU cannot foresee.
-        alive = is_alive(ws, columns, code, records) if slab.cull else 1
+        alive = is_alive(ws, columns, tile, blocks) if slab.cull else 1
         due = alive if depth_bits < slab.limit_bits else 0
         key = (depth_bits << 32) | records
-        ws.codes[records] = code
-        ws.keys[keys] = key
-        ws.later[later] = key
-        count_entries(ws, columns, code, records, due)
+        poke(ws.boxes, 2 * records, tile)
+        poke(ws.boxes, 2 * records + 1, blocks)
+        poke(ws.keys, keys, key)
+        poke(ws.later, later, key)
         records += alive
         keys += due
         later += alive - due
     return records, keys, later
+
+
+@inlined
+def _tiles_met(box: int) -> int:
+    """Number of tiles that a packed box meets."""
+    x0, x1, y0, y1 = unpack_box(box)
+    return ((x1 >> 2) - (x0 >> 2) + 1) * ((y1 >> 2) - (y0 >> 2) + 1)
 
 
 @inlined
@@ -259,8 +271,7 @@ def _is_due(chunks: VisibleChunks, i: int, slab: Slab, columns: int, ws: Workspa
         return False
     if not slab.cull:
         return True
-    x0, x1, y0, y1 = unpack_box(chunks.box[i])
-    return bool(any_alive(ws.tile_alive, columns, x0, x1, y0, y1))
+    return bool(any_alive(ws.tile_alive, columns, chunks.box[i]))
 
 
 @kernel
