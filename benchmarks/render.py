@@ -38,7 +38,7 @@ STAGES: dict[str, tuple[Any, tuple[str, ...]]] = {
     "pose_and_project_people": (cpu, ("project_person",)),
     "sort": (cpu_blend, ("begin_slab", "sort_keys")),
     "bin": (cpu_blend, ("fill_tiles",)),
-    "blend": (cpu_blend, ("begin_image", "blend_tiles", "write_bytes")),
+    "blend": (cpu_blend, ("blend_tiles",)), "io": (cpu_blend, ("begin_image","write_bytes")),
 }
 IMAGES_PER_RUN = 4
 TURN_RAD = 0.01

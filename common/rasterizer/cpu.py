@@ -170,12 +170,14 @@ class CpuRasterizer:
         view = make_view(pose, self._K_px, self._height, self._width)
         layers = [*self._layers, *self._pose(people, view)]
         seen = [layer.cull(view) for layer in layers]
+        ranges_m = [(chunks.depth_m.min(initial=np.inf), chunks.depth_m.max(initial=-np.inf)) for chunks in seen]
         self._ws = with_room(self._ws, records=CHUNK * sum(len(chunks.number) for chunks in seen))
         cpu_blend.begin_image(self._width, self._height, self._ws)
         for slab in _slabs(seen):
             cpu_blend.begin_slab(self._width, slab.limit_bits, self._ws)
-            for layer, chunks in zip(layers, seen, strict=True):
-                layer.project(view, chunks, slab, self._ws)
+            for layer, chunks, (nearest_m, farthest_m) in zip(layers, seen, ranges_m, strict=True):
+                if nearest_m < slab.limit_m and farthest_m >= slab.first_m:
+                    layer.project(view, chunks, slab, self._ws)
             # Each key meets up to four tiles, or all that its large box meets.
             counts = self._ws.counts
             self._ws = with_room(self._ws, entries=int(4 * counts[KEYS] + counts[LARGE_ENTRIES]))
