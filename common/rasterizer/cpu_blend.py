@@ -19,9 +19,7 @@ from common.rasterizer.simd_types import (
     lowest_bit,
     mask_bits,
     minimum,
-    nearest,
     to_float,
-    truncate,
     where,
 )
 
@@ -30,6 +28,8 @@ Singles = npt.NDArray[np.float32]
 
 LOG2_ALPHA_MIN = -7.994353436858858
 DIGIT_BITS = 12
+ROUNDING = 12582912.0
+"""1.5 * 2^23: added to a smaller float32, it leaves the nearest integer in the lowest bits."""
 
 
 @kernel
@@ -95,7 +95,7 @@ def sort_keys(ws: Workspace) -> bool:
             poke(places, value, peek(places, value) + 1)
     source, target = ws.keys, ws.sorted_keys
     for k in range(passes):
-        first = 0
+        first = np.int64(0)
         for value in range(k * DIGITS, k * DIGITS + last + 1):
             size = np.int64(peek(places, value))
             poke(places, value, first)
@@ -163,12 +163,12 @@ def _fill_large(ws: Workspace, nodes: int, columns: int, record: int, box: int) 
 @inlined
 def _exp2(t: Any) -> Any:
     """2^t for t in -126..1, relative error below 8e-5: a polynomial of degree 3, best in the relative sense."""
-    whole = nearest(t)
-    f = t - whole
+    shifted = t + ROUNDING
+    f = t - (shifted - ROUNDING)
     p = fma(f, 0.0551716703, 0.242611125)
     p = fma(p, f, 0.693260985)
     p = fma(p, f, 0.999928073)
-    return float_of_bits(bit_pattern(p) + (truncate(whole) << 23))
+    return float_of_bits(bit_pattern(p) + (bit_pattern(shifted) << 23))
 
 
 @inlined

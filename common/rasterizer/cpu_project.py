@@ -13,17 +13,17 @@ from common.rasterizer.cpu_workspace import KEYS, LARGE_ENTRIES, LATER, RECORD, 
 from common.rasterizer.simd_memory import load_f16, load_short, peek, poke, store_f16, store_i16, transpose_in_place
 from common.rasterizer.simd_types import (
     bit_pattern,
-    ceil,
     f16,
-    floor,
     fma,
     fms,
     fnma,
+    integer_where,
     lowest_bit,
     mask_bits,
     maximum,
     minimum,
     sqrt,
+    to_float,
     truncate,
 )
 
@@ -109,6 +109,16 @@ def _lens(view: View) -> _Lens:
 
 
 @inlined
+def _pixels_within(low: Any, high: Any, last: Any) -> Any:
+    """First and last of the pixels 0, 1, .. `last` within [low, high] (I16 each), and where there is one (M16)."""
+    low, high = minimum(maximum(low, 0.0), last + 1.0), minimum(high, last)
+    first = truncate(low)
+    first = first + integer_where(to_float(first) < low, 1, 0)
+    final = truncate(maximum(high, 0.0))
+    return first, final, (high >= 0.0) & (first <= final)
+
+
+@inlined
 def _image_block(lens: _Lens, geometry: Singles, g: int, x: Any, y: Any, z: Any, R: Any, ws: Workspace) -> int:
     """Project a block of 16 Gaussians: their record rows go to the scratch memory, their mask of visible lanes back.
 
@@ -148,9 +158,9 @@ def _image_block(lens: _Lens, geometry: Singles, g: int, x: Any, y: Any, z: Any,
     det = fms(sxx, syy, sxy * sxy)
     half_x, half_y = sqrt(reach * sxx), sqrt(reach * syy)
     left, top = mean_x - 0.5, mean_y - 0.5
-    x0, x1 = maximum(ceil(left - half_x), 0.0), minimum(floor(left + half_x), lens.x_last)
-    y0, y1 = maximum(ceil(top - half_y), 0.0), minimum(floor(top + half_y), lens.y_last)
-    seen: int = mask_bits((z > NEAR_M) & (reach >= 0.0) & (det > 0.0) & (x0 <= x1) & (y0 <= y1))
+    x0, x1, in_columns = _pixels_within(left - half_x, left + half_x, lens.x_last)
+    y0, y1, in_rows = _pixels_within(top - half_y, top + half_y, lens.y_last)
+    seen: int = mask_bits((z > NEAR_M) & (reach >= 0.0) & (det > 0.0) & in_columns & in_rows)
     if seen:
         scale = LOG2_E / det
         store_f16(ws.scratch, 0, mean_x)
@@ -160,8 +170,7 @@ def _image_block(lens: _Lens, geometry: Singles, g: int, x: Any, y: Any, z: Any,
         store_f16(ws.scratch, 64, scale * sxx * -0.5)
         store_f16(ws.scratch, 80, load_f16(geometry, g + 144))
         store_f16(ws.scratch, 144, z)
-        first_x, last_x, first_y, last_y = truncate(x0) >> 2, truncate(x1) >> 2, truncate(y0) >> 2, truncate(y1) >> 2
-        tile, low, high = box_codes(first_x, last_x, first_y, last_y, lens.columns)
+        tile, low, high = box_codes(x0 >> 2, x1 >> 2, y0 >> 2, y1 >> 2, lens.columns)
         store_i16(ws.scratch_bits, 0, tile)
         store_i16(ws.scratch_bits, 16, low)
         store_i16(ws.scratch_bits, 32, high)
@@ -263,7 +272,8 @@ def _emit(seen: int, counts: tuple[int, int, int], slab: Slab, columns: int, ws:
 def _tiles_met(box: int) -> int:
     """Number of tiles that a packed box meets."""
     x0, x1, y0, y1 = unpack_box(box)
-    return ((x1 >> 2) - (x0 >> 2) + 1) * ((y1 >> 2) - (y0 >> 2) + 1)
+    count: int = ((x1 >> 2) - (x0 >> 2) + 1) * ((y1 >> 2) - (y0 >> 2) + 1)
+    return count
 
 
 @inlined

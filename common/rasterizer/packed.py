@@ -25,6 +25,8 @@ Singles = npt.NDArray[np.float32]
 FORMAT = "readygo-packed/1"
 CHUNK = 256
 """Gaussians per chunk."""
+PIECE = 1 << 17
+"""Gaussians that are packed at a time: a multiple of `CHUNK` that bounds the memory for intermediate results."""
 BLOCKS = CHUNK // 16
 GEOMETRY_ROWS = 11
 """Mean (3), covariance xx xy xz yy yz zz (6), log2 opacity, squared reach in sigmas (negative: padding)."""
@@ -67,42 +69,64 @@ def pack_cloud(cloud: GaussianCloud) -> PackedScene:
     Uses only operations that round alike on every CPU, so that packs made on different machines are equal.
     """
     index = np.flatnonzero(cloud.opacities >= np.float32(ALPHA_MIN))
-    cloud = cloud.select(index)
-    cloud = cloud.select(np.argsort(morton_codes(cloud.means_m), kind="stable"))
-    return pack_sorted(cloud)
+    return pack_sorted(cloud, index[np.argsort(morton_codes(cloud.means_m[index]), kind="stable")])
 
 
-def pack_sorted(cloud: GaussianCloud, *, centred: bool = True) -> PackedScene:
+def pack_sorted(
+    cloud: GaussianCloud, order: npt.NDArray[np.int64] | None = None, *, centred: bool = True
+) -> PackedScene:
     """Pack a cloud in its order.
 
     Args:
-        cloud: Gaussians, opacities at least 1/255.
+        cloud: Gaussians.
+        order: Which of them, opacities at least 1/255, in which order; all as they come by default.
         centred: Store means relative to their chunk's centre; otherwise all centres are 0.
     """
+    order = np.arange(len(cloud)) if order is None else order
+    starts = range(0, len(order), PIECE)
+    step = _sh_step(cloud, [order[start : start + PIECE] for start in starts])
+    scene = _empty_pack(-(-len(order) // CHUNK), cloud.sh.shape[1], step)
+    for start in starts:
+        piece = cloud.select(order[start : start + PIECE])
+        _pack_piece(piece, step, centred, scene, start // CHUNK)
+    return scene
+
+
+def _empty_pack(chunks: int, coefficients: int, step: float) -> PackedScene:
+    flat, curved = (chunks, 0) if coefficients == 1 else (0, chunks)
+    return PackedScene(
+        centre_m=np.empty((chunks, 3)),
+        half_m=np.empty((chunks, 3), dtype=np.float32),
+        reach_m=np.empty(chunks, dtype=np.float32),
+        geometry=np.empty((chunks, BLOCKS, GEOMETRY_ROWS, 16), dtype=np.float32),
+        colour=np.empty((flat, BLOCKS, 3, 16), dtype=np.float32),
+        sh=np.empty((curved, BLOCKS, 3, coefficients, 16), dtype=np.int16),
+        sh_step=np.array([step], dtype=np.float32),
+    )
+
+
+def _pack_piece(cloud: GaussianCloud, step: float, centred: bool, scene: PackedScene, first: int) -> None:
+    """Write a part of a cloud to the chunks of `scene` from `first` on."""
     count = len(cloud)
     chunks = -(-count // CHUNK)
+    here = slice(first, first + chunks)
     valid = np.arange(chunks * CHUNK).reshape(chunks, CHUNK) < count
     means = _padded(cloud.means_m.astype(np.float64), chunks)
-    covariance = _padded(covariances(cloud), chunks)
     log2_opacity, reach2 = opacity_terms(cloud.opacities)
     largest_scale = cloud.scales_m.max(axis=1, initial=0.0).astype(np.float64)
     reach = _padded((np.sqrt(reach2) * largest_scale)[:, None], chunks)[..., 0].max(axis=1)
     centre, half = chunk_boxes(means, valid)
     relative = means - centre[:, None] if centred else means
-    rows = np.concatenate(
-        [relative, covariance, _padded(log2_opacity[:, None], chunks), _padded(reach2[:, None], chunks)], axis=2
-    )
+    terms = [_padded(covariances(cloud), chunks), *(_padded(term[:, None], chunks) for term in (log2_opacity, reach2))]
+    rows = np.concatenate([relative, *terms], axis=2)
     rows[~valid, -1] = -1.0
-    colour, sh, step = _colours(cloud, chunks)
-    return PackedScene(
-        centre_m=centre,
-        half_m=rounded_up(half),
-        reach_m=rounded_up(reach),
-        geometry=_blocks(rows).astype(np.float32),
-        colour=colour,
-        sh=sh,
-        sh_step=np.array([step], dtype=np.float32),
-    )
+    scene.centre_m[here], scene.half_m[here], scene.reach_m[here] = centre, rounded_up(half), rounded_up(reach)
+    scene.geometry[here] = _blocks(rows)
+    if len(scene.sh):
+        scene.sh[here] = _sh_steps(cloud, chunks, step)
+    else:
+        rgb = np.maximum(0.5 + _C0 * cloud.sh[:, 0].astype(np.float64), 0.0)
+        scene.colour[here] = _blocks(_padded(rgb, chunks))
 
 
 def chunk_boxes(means_m: Floats, valid: npt.NDArray[np.bool_]) -> tuple[Floats, Floats]:
@@ -182,22 +206,20 @@ def _blocks(rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
     return np.ascontiguousarray(rows.reshape(chunks, BLOCKS, 16, n).transpose(0, 1, 3, 2))
 
 
-def _colours(cloud: GaussianCloud, chunks: int) -> tuple[Singles, npt.NDArray[np.int16], float]:
+def _sh_step(cloud: GaussianCloud, pieces: list[npt.NDArray[np.int64]]) -> float:
+    """The step that spans the coefficients of some Gaussians with 16 bits; 1 for degree 0."""
+    if cloud.sh.shape[1] == 1:
+        return 1.0
+    largest = max((float(np.abs(cloud.sh[piece]).max(initial=0.0)) for piece in pieces), default=0.0)
+    return float(np.float32(max(largest, 1e-6) / 32767.0))
+
+
+def _sh_steps(cloud: GaussianCloud, chunks: int, step: float) -> npt.NDArray[np.float64]:
+    """Coefficients as whole numbers of steps, shape (C, 16, 3, K, 16)."""
     coefficients = cloud.sh.shape[1]
-    if coefficients == 1:
-        rgb = np.maximum(0.5 + _C0 * cloud.sh[:, 0].astype(np.float64), 0.0)
-        blocks = _blocks(_padded(rgb, chunks)).astype(np.float32)
-        return blocks, np.zeros((0, BLOCKS, 3, 1, 16), dtype=np.int16), 1.0
-    largest = float(np.abs(cloud.sh).max(initial=0.0))
-    step = float(np.float32(max(largest, 1e-6) / 32767.0))
     steps = np.clip(np.rint(cloud.sh.astype(np.float64) / step), -32767, 32767)
     rows = steps.transpose(0, 2, 1).reshape(len(cloud), 3 * coefficients)
-    sh = _blocks(_padded(rows, chunks)).astype(np.int16)
-    return (
-        np.zeros((0, BLOCKS, 3, 16), dtype=np.float32),
-        sh.reshape(chunks, BLOCKS, 3, coefficients, 16),
-        step,
-    )
+    return _blocks(_padded(rows, chunks)).reshape(chunks, BLOCKS, 3, coefficients, 16)
 
 
 def save_packed(scene: PackedScene, folder: str | Path) -> None:

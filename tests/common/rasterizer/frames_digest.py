@@ -1,7 +1,11 @@
-"""Prints a hash of packed arrays and frames; run by a test under different instruction sets."""
+"""Prints a hash of packed arrays and frames, and saves the frames to a file if one is named.
+
+Run by a test under different instruction sets.
+"""
 
 import hashlib
 import math
+import sys
 
 import numpy as np
 
@@ -48,11 +52,15 @@ def main() -> str:
             digest.update(array.tobytes())
     K = np.array([[60.0, 0.0, 64.0], [0.0, 60.0, 40.0], [0.0, 0.0, 1.0]])
     rasterizer = CpuRasterizer(scenes, [avatar()], K, 80, 128)
+    frames = []
     for k in range(4):
         c, s = math.cos(0.7 * k), math.sin(0.7 * k)
         T = np.array([[s, 0.0, c, -2.0 * c], [-c, 0.0, s, -2.0 * s], [0.0, -1.0, 0.0, 0.1 * k], [0.0, 0.0, 0.0, 1.0]])
         pose = 0.3 * np.sin(np.arange(72.0) * (k + 1)).reshape(24, 3)
-        digest.update(rasterizer.render_float(T, [PosedPerson(avatar=0, root_m=np.zeros(3), pose_axis_angle=pose)]))
+        frames.append(rasterizer.render_float(T, [PosedPerson(avatar=0, root_m=np.zeros(3), pose_axis_angle=pose)]))
+        digest.update(frames[-1])
+    for path in sys.argv[1:]:
+        np.save(path, np.stack(frames))
     return digest.hexdigest()
 
 
