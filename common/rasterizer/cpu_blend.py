@@ -8,7 +8,16 @@ import numpy.typing as npt
 from common.rasterizer.compilation import inlined, kernel
 from common.rasterizer.constants import ALPHA_MAX, TRANSMITTANCE_MIN
 from common.rasterizer.cpu_tiles import LARGE, bounds, count_entries, first_tile, is_alive, masks, tile_blocks
-from common.rasterizer.cpu_workspace import KEYS, LATER, RECORD, TILE_STATE, Workspace
+from common.rasterizer.cpu_workspace import (
+    KEYS,
+    LATER,
+    RECORD,
+    RECORD_DEPTH,
+    RECORD_NORMAL,
+    TILE_STATE,
+    Depths,
+    Workspace,
+)
 from common.rasterizer.simd_memory import compress, load_bits, load_f16, load_i16, prefetch, store_f16, store_i16
 from common.rasterizer.simd_types import (
     bit_pattern,
@@ -18,6 +27,7 @@ from common.rasterizer.simd_types import (
     fma,
     fnma,
     has_bit,
+    integer_where,
     lane_number,
     lowest_bit,
     mask_bits,
@@ -192,12 +202,22 @@ def _exp2(t: Any) -> Any:
 
 
 @inlined
-def _blend_block(ws: Workspace, place: int, first: int, end: int, x: Any, y: Any) -> bool:
-    """Blend the records lists[first:end] into a 4x4 block of pixels; True if a pixel is not finished."""
+def _blend_block(
+    ws: Workspace, depths: Depths | None, normals: Singles | None, place: int, first: int, end: int, x: Any, y: Any
+) -> bool:
+    """Blend the records lists[first:end] into a 4x4 block of pixels; True if a pixel is not finished.
+
+    Where `depths` or `normals` is None, the compiled code has no trace of it.
+    """
     state = ws.tile_state
     red, green = load_f16(state, place), load_f16(state, place + 16)
     blue, transmittance = load_f16(state, place + 32), load_f16(state, place + 48)
     records = ws.records
+    if depths is not None:
+        depth, median = load_f16(depths.weighted_m, place >> 2), load_i16(depths.median, place >> 2)
+    if normals is not None:
+        n = 3 * (place >> 2)
+        normal_x, normal_y, normal_z = load_f16(normals, n), load_f16(normals, n + 16), load_f16(normals, n + 32)
     for i in range(first, end):
         r = np.int64(ws.lists[i]) * RECORD
         dx, dy = x - records[r], y - records[r + 1]
@@ -209,11 +229,30 @@ def _blend_block(ws: Workspace, place: int, first: int, end: int, x: Any, y: Any
             fma(weight, records[r + 7], green),
             fma(weight, records[r + 8], blue),
         )
+        if depths is not None:
+            # Not for finished pixels: a sky at 1.8 km would move even a weight of TRANSMITTANCE_MIN by 0.2 m.
+            unfinished = transmittance >= TRANSMITTANCE_MIN
+            depth = where(unfinished, fma(weight, records[r + RECORD_DEPTH], depth), depth)
+            # Every Gaussian of the list while half of the light is left; the last of them takes it below.
+            median = integer_where(transmittance >= 0.5, ws.lists[i], median)
+        if normals is not None:
+            normal_x, normal_y, normal_z = (
+                fma(weight, records[r + RECORD_NORMAL], normal_x),
+                fma(weight, records[r + RECORD_NORMAL + 1], normal_y),
+                fma(weight, records[r + RECORD_NORMAL + 2], normal_z),
+            )
         transmittance = fnma(alpha, transmittance, transmittance)
     store_f16(state, place, red)
     store_f16(state, place + 16, green)
     store_f16(state, place + 32, blue)
     store_f16(state, place + 48, transmittance)
+    if depths is not None:
+        store_f16(depths.weighted_m, place >> 2, depth)
+        store_i16(depths.median, place >> 2, median)
+    if normals is not None:
+        store_f16(normals, n, normal_x)
+        store_f16(normals, n + 16, normal_y)
+        store_f16(normals, n + 32, normal_z)
     return bool(mask_bits(transmittance >= TRANSMITTANCE_MIN) != 0)
 
 
@@ -232,10 +271,16 @@ def _fill_lists(ws: Workspace, entry: int, n: int, sizes: Integers) -> None:
 
 
 @kernel
-def blend_tiles(width: int, ws: Workspace) -> int:
+def blend_tiles(width: int, ws: Workspace, depths: Depths | None, normals: Singles | None) -> int:
     """Blend the slab's lists into the tiles, nearest first; the number of entries that were looked at.
 
     A block is left alone once all of its pixels are finished, a tile once all of its blocks are.
+
+    Args:
+        width: Image width [px].
+        ws: Workspace.
+        depths: Where depths are summed up, if they are wanted.
+        normals: Where normals are summed up, if they are wanted.
     """
     columns = (width + 15) >> 4
     sizes = ws.list_sizes
@@ -257,7 +302,7 @@ def blend_tiles(width: int, ws: Workspace) -> int:
                 x = lane_x + np.float32(left + 4 * (block & 3))
                 y = lane_y + np.float32(top + 4 * (block >> 2))
                 place, first = tile * TILE_STATE + block * 64, block * LIST
-                if not _blend_block(ws, place, first, first + sizes[block], x, y):
+                if not _blend_block(ws, depths, normals, place, first, first + sizes[block], x, y):
                     alive &= ~(1 << block)
             entry += BATCH
             looked_at += n

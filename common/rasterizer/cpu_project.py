@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from common.rasterizer.compilation import inlined, kernel
 from common.rasterizer.constants import DILATION_PX2, FOV_MARGIN, NEAR_M
+from common.rasterizer.cpu_outputs import normal_block
 from common.rasterizer.cpu_tiles import any_alive, box_codes, count_entries, is_alive
 from common.rasterizer.cpu_view import View, VisibleChunks, unpack_box
 from common.rasterizer.cpu_workspace import KEYS, LATER, RECORD, RECORD_BOUNDS_X, RECORD_BOUNDS_Y, RECORDS, Workspace
@@ -50,6 +51,8 @@ class Gaussians(NamedTuple):
     sh_step: float
     sh_count: int
     """Coefficients per channel; 1: `colour` is used."""
+    normal: npt.NDArray[np.int16] | None = None
+    """None where no normals are wanted; the compiled code then has no trace of them."""
 
 
 class Skin(NamedTuple):
@@ -296,6 +299,7 @@ def project_scene(view: View, cloud: Gaussians, chunks: VisibleChunks, slab: Sla
             seen = _image_block(lens, cloud.geometry, g, x, y, z, R, ws)
             if seen:
                 _colour_block(cloud, block, x, y, z, view.R_CW, ws)
+                normal_block(cloud.normal, block, x, y, z, R, ws)
                 counts = _emit(seen, counts, slab, lens.columns, ws)
     ws.counts[RECORDS], ws.counts[KEYS], ws.counts[LATER] = counts
 
@@ -380,5 +384,6 @@ def project_person(
             seen = _image_block(lens, cloud.geometry, g, x, y, z, R, ws)
             if seen:
                 _colour_block(cloud, block, x, y, z, view.R_CW, ws)
+                normal_block(cloud.normal, block, x, y, z, R, ws)
                 counts = _emit(seen, counts, slab, lens.columns, ws)
     ws.counts[RECORDS], ws.counts[KEYS], ws.counts[LATER] = counts
