@@ -197,7 +197,7 @@ def _stages_ms(
 def _clocks() -> Iterator[dict[str, float]]:
     """Time the kernels of each stage while the block runs."""
     spent_s = dict.fromkeys(STAGES, 0.0)
-    originals = [(module, name, getattr(module, name)) for module, names in STAGES.values() for name in names]
+    originals = [(cpu_blend, "draw_slab", cpu_blend.draw_slab)] + [(module, name, getattr(module, name)) for module, names in STAGES.values() for name in names]
 
     def clocked(stage: str, kernel: Callable[..., Any]) -> Callable[..., Any]:
         def call(*args: Any) -> Any:
@@ -208,6 +208,8 @@ def _clocks() -> Iterator[dict[str, float]]:
 
         return call
 
+    # The body of this kernel calls the stages, clocked, from Python.
+    cpu_blend.draw_slab = cpu_blend.draw_slab.py_func
     for stage, (module, names) in STAGES.items():
         for name in names:
             setattr(module, name, clocked(stage, getattr(module, name)))

@@ -8,13 +8,25 @@ import numpy.typing as npt
 from common.rasterizer.compilation import inlined, kernel
 from common.rasterizer.constants import ALPHA_MAX, TRANSMITTANCE_MIN
 from common.rasterizer.cpu_tiles import LARGE, is_alive, tile_blocks, unpack_box, update_quads
-from common.rasterizer.cpu_workspace import DIGITS, KEYS, LATER, NODE, RECORD, TILE_STATE, Workspace
-from common.rasterizer.simd_memory import load_f16, peek, poke, prefetch, store_f16, touching
+from common.rasterizer.cpu_workspace import (
+    DIGITS,
+    KEYS,
+    LATER,
+    NODE,
+    RECORD,
+    RECORD_DEPTH,
+    RECORD_NORMAL,
+    TILE_STATE,
+    Depths,
+    Workspace,
+)
+from common.rasterizer.simd_memory import load_f16, load_i16, peek, poke, prefetch, store_f16, store_i16, touching
 from common.rasterizer.simd_types import (
     bit_pattern,
     f16,
     float_of_bits,
     fma,
+    integer_where,
     lane_number,
     lowest_bit,
     mask_bits,
@@ -46,6 +58,7 @@ def begin_image(width: int, height: int, ws: Workspace) -> None:
             for channel in range(3):
                 store_f16(ws.tile_state, place + 16 * channel, f16(0.0))
             store_f16(ws.tile_state, place + 48, f16(1.0))
+    update_quads(ws, columns)
 
 
 @kernel
@@ -172,11 +185,22 @@ def _exp2(t: Any) -> Any:
 
 
 @inlined
-def _blend_block(ws: Workspace, place: int, entry: int, touched: int, x: Any, y: Any) -> bool:
+def _blend_block(
+    ws: Workspace,
+    depths: Depths | None,
+    normals: Singles | None,
+    place: int,
+    entry: int,
+    touched: int,
+    x: Any,
+    y: Any,
+) -> bool:
     """Blend those of a node's entries whose bit is set into a 4x4 block of pixels.
 
     Args:
         ws: Workspace.
+        depths: Where depths are summed up; None: the compiled code has no trace of them.
+        normals: Where normals are summed up; None: likewise.
         place: Where the block's state begins.
         entry: First entry of the node.
         touched: A bit per entry.
@@ -190,8 +214,14 @@ def _blend_block(ws: Workspace, place: int, entry: int, touched: int, x: Any, y:
     red, green = load_f16(state, place), load_f16(state, place + 16)
     blue, transmittance = load_f16(state, place + 32), load_f16(state, place + 48)
     records = ws.records
+    if depths is not None:
+        depth, median = load_f16(depths.weighted_m, place >> 2), load_i16(depths.median, place >> 2)
+    if normals is not None:
+        n = 3 * (place >> 2)
+        normal_x, normal_y, normal_z = load_f16(normals, n), load_f16(normals, n + 16), load_f16(normals, n + 32)
     while touched:
-        r = np.int64(peek(ws.entry_record, entry + lowest_bit(touched))) * RECORD
+        record = np.int64(peek(ws.entry_record, entry + lowest_bit(touched)))
+        r = record * RECORD
         touched &= touched - 1
         dx, dy = x - peek(records, r), y - peek(records, r + 1)
         t = fma(
@@ -206,19 +236,44 @@ def _blend_block(ws: Workspace, place: int, entry: int, touched: int, x: Any, y:
             fma(weight, peek(records, r + 7), green),
             fma(weight, peek(records, r + 8), blue),
         )
+        if depths is not None:
+            # Not for finished pixels: a sky at 1.8 km would move even a weight of TRANSMITTANCE_MIN by 0.2 m.
+            unfinished = transmittance >= TRANSMITTANCE_MIN
+            depth = where(unfinished, fma(weight, peek(records, r + RECORD_DEPTH), depth), depth)
+            # Every Gaussian of the list while half of the light is left; the last of them takes it below.
+            median = integer_where(transmittance >= 0.5, record, median)
+        if normals is not None:
+            normal_x, normal_y, normal_z = (
+                fma(weight, peek(records, r + RECORD_NORMAL), normal_x),
+                fma(weight, peek(records, r + RECORD_NORMAL + 1), normal_y),
+                fma(weight, peek(records, r + RECORD_NORMAL + 2), normal_z),
+            )
         transmittance = transmittance - weight
     store_f16(state, place, red)
     store_f16(state, place + 16, green)
     store_f16(state, place + 32, blue)
     store_f16(state, place + 48, transmittance)
+    if depths is not None:
+        store_f16(depths.weighted_m, place >> 2, depth)
+        store_i16(depths.median, place >> 2, median)
+    if normals is not None:
+        store_f16(normals, n, normal_x)
+        store_f16(normals, n + 16, normal_y)
+        store_f16(normals, n + 32, normal_z)
     return bool(mask_bits(transmittance >= TRANSMITTANCE_MIN) != 0)
 
 
 @kernel
-def blend_tiles(width: int, ws: Workspace) -> int:
+def blend_tiles(width: int, ws: Workspace, depths: Depths | None, normals: Singles | None) -> int:
     """Blend the slab's lists into the tiles, nearest first; the number of entries that were looked at.
 
     A block is left alone once all of its pixels are finished, a tile once all of its blocks are.
+
+    Args:
+        width: Image width [px].
+        ws: Workspace.
+        depths: Where depths are summed up, if they are wanted.
+        normals: Where normals are summed up, if they are wanted.
     """
     columns = (width + 15) >> 4
     lane_x, lane_y = to_float(lane_number() & 3) + 0.5, to_float(lane_number() >> 2) + 0.5
@@ -245,7 +300,8 @@ def blend_tiles(width: int, ws: Workspace) -> int:
                     continue
                 x = lane_x + np.float32(left + 4 * (block & 3))
                 y = lane_y + np.float32(top + 4 * (block >> 2))
-                if not _blend_block(ws, tile * TILE_STATE + block * 64, entry, touched, x, y):
+                place = tile * TILE_STATE + block * 64
+                if not _blend_block(ws, depths, normals, place, entry, touched, x, y):
                     alive &= ~(1 << block)
             looked_at += size
         ws.tile_alive[tile] = alive
@@ -256,6 +312,15 @@ def blend_tiles(width: int, ws: Workspace) -> int:
 def _prefetch_records(ws: Workspace, node: int, size: int) -> None:
     for i in range(node * NODE, node * NODE + size):
         prefetch(ws.records, np.int64(peek(ws.entry_record, i)) * RECORD)
+
+
+@kernel
+def draw_slab(width: int, next_limit_bits: int, ws: Workspace, depths: Depths | None, normals: Singles | None) -> None:
+    """Draw what was projected for a slab, and begin the next one; one call, because each one from Python takes 4 us."""
+    in_sorted = sort_keys(ws)
+    fill_tiles(width, in_sorted, ws)
+    blend_tiles(width, ws, depths, normals)
+    begin_slab(width, next_limit_bits, ws)
 
 
 @kernel

@@ -7,6 +7,8 @@ import numpy.typing as npt
 
 from common.rasterizer.compilation import inlined, kernel
 from common.rasterizer.constants import DILATION_PX2, FOV_MARGIN, NEAR_M
+from common.rasterizer.cpu_outputs import normal_block
+from common.rasterizer.cpu_posing import nearest_rotation
 from common.rasterizer.cpu_tiles import LARGE, any_alive, box_codes, is_alive, unpack_box
 from common.rasterizer.cpu_view import View, VisibleChunks
 from common.rasterizer.cpu_workspace import KEYS, LARGE_ENTRIES, LATER, RECORD, RECORDS, Workspace
@@ -33,8 +35,6 @@ Float64s = npt.NDArray[np.float64]
 
 LOG2_E = 1.4426950408889634
 NEAR_BITS = int(np.float32(NEAR_M).view(np.int32))
-ALMOST_ROTATION = 3e-4
-"""Distance of a determinant from 1 that one more step of `_nearest_rotation` brings below the precision of float32."""
 FAR_BITS = 1 << 31
 """Above the depth bits of every key."""
 GEOMETRY = 176
@@ -51,6 +51,8 @@ class Gaussians(NamedTuple):
     sh_step: float
     sh_count: int
     """Coefficients per channel; 1: `colour` is used."""
+    normal: npt.NDArray[np.int16] | None = None
+    """None where no normals are wanted; the compiled code then has no trace of them."""
 
 
 class Skin(NamedTuple):
@@ -319,46 +321,9 @@ def project_scene(view: View, cloud: Gaussians, chunks: VisibleChunks, slab: Sla
             seen = _image_block(lens, cloud.geometry, g, x, y, z, R, ws)
             if seen:
                 _colour_block(cloud, block, x, y, z, view.R_CW, ws)
+                normal_block(cloud.normal, block, x, y, z, R, ws)
                 counts = _emit(seen, counts, slab, lens.columns, ws)
     ws.counts[RECORDS], ws.counts[KEYS], ws.counts[LATER] = counts
-
-
-@inlined
-def _nearest_rotation(M: Any) -> Any:
-    """Rotation nearest to a blend of rotations, row by row, nine values: Newton's iteration M <- (M + M^-T) / 2.
-
-    It squares the distance of the singular values from 1. They are at most 1 at first and at least 1 after a step, so
-    that the determinant bounds them. Four steps bring 0.5, a blend of rotations that are 120 deg apart, to 1 within
-    1e-7; most blends need two.
-
-    Source: Higham, Computing the polar decomposition - with applications, 1986.
-    """
-    for _ in range(4):
-        c0, c1, c2 = (
-            fms(M[4], M[8], M[5] * M[7]),
-            fms(M[5], M[6], M[3] * M[8]),
-            fms(M[3], M[7], M[4] * M[6]),
-        )
-        c3, c4, c5 = (
-            fms(M[2], M[7], M[1] * M[8]),
-            fms(M[0], M[8], M[2] * M[6]),
-            fms(M[1], M[6], M[0] * M[7]),
-        )
-        c6, c7, c8 = (
-            fms(M[1], M[5], M[2] * M[4]),
-            fms(M[2], M[3], M[0] * M[5]),
-            fms(M[0], M[4], M[1] * M[3]),
-        )
-        det = fma(M[0], c0, fma(M[1], c1, M[2] * c2))
-        s = 0.5 / det
-        M = (
-            fma(M[0], 0.5, c0 * s), fma(M[1], 0.5, c1 * s), fma(M[2], 0.5, c2 * s),
-            fma(M[3], 0.5, c3 * s), fma(M[4], 0.5, c4 * s), fma(M[5], 0.5, c5 * s),
-            fma(M[6], 0.5, c6 * s), fma(M[7], 0.5, c7 * s), fma(M[8], 0.5, c8 * s),
-        )  # fmt: skip
-        if mask_bits(det >= 1.0 - ALMOST_ROTATION) & mask_bits(det <= 1.0 + ALMOST_ROTATION) == 0xFFFF:
-            break
-    return M
 
 
 @kernel
@@ -404,9 +369,10 @@ def project_person(
             y = fma(m4, px, fma(m5, py, fma(m6, pz, m7)))
             M = (m0, m1, m2, m4, m5, m6, m8, m9, m10)
             # One joint carries the block rigidly: its matrix is a rotation already.
-            R = M if end - first == 1 else _nearest_rotation(M)
+            R = M if end - first == 1 else nearest_rotation(M)
             seen = _image_block(lens, cloud.geometry, g, x, y, z, R, ws)
             if seen:
                 _colour_block(cloud, block, x, y, z, view.R_CW, ws)
+                normal_block(cloud.normal, block, x, y, z, R, ws)
                 counts = _emit(seen, counts, slab, lens.columns, ws)
     ws.counts[RECORDS], ws.counts[KEYS], ws.counts[LATER] = counts

@@ -10,7 +10,9 @@ Singles = npt.NDArray[np.float32]
 
 RECORD = 16
 """Float32 numbers per projected Gaussian, one cache line: centre x y [px]; -log2(e)/2 conic xx, -log2(e) conic xy,
--log2(e)/2 conic yy; log2 opacity; red, green, blue; depth [m]; the rest is unused."""
+-log2(e)/2 conic yy; log2 opacity; red, green, blue; depth [m]; two that are unused; normal towards the camera, if it
+was asked for; one that is unused."""
+RECORD_DEPTH, RECORD_NORMAL = 9, 12
 TILE = 16
 """Pixels along a tile's side."""
 MAX_SIDE_PX = 4 * 65535
@@ -60,6 +62,26 @@ class Workspace(NamedTuple):
     """A 16x16 matrix, shape (256,)."""
     scratch_bits: npt.NDArray[np.int32]
     """First tiles, low and high half of the blocks, and depth bits of a block of Gaussians, shape (64,)."""
+
+
+class Depths(NamedTuple):
+    """What is kept per pixel for depths and the mask; per tile 16 blocks of 4x4 px."""
+
+    weighted_m: Singles
+    """Sum of depths, weighted as colours are [m], shape (T * 256,)."""
+    median: npt.NDArray[np.int32]
+    """Record number of the median Gaussian where the transmittance is below one half, shape (T * 256,)."""
+
+
+def make_depths(height_px: int, width_px: int) -> Depths:
+    """Memory for the depths of images of one size."""
+    pixels = tile_count(height_px, width_px) * TILE * TILE
+    return Depths(_aligned(pixels, np.float32), _aligned(pixels, np.int32))
+
+
+def make_normals(height_px: int, width_px: int) -> Singles:
+    """Memory for sums of normals, per tile 16 blocks of x, y, z of 4x4 px, shape (T * 768,)."""
+    return _aligned(tile_count(height_px, width_px) * TILE * TILE * 3, np.float32)
 
 
 def make_workspace(height_px: int, width_px: int) -> Workspace:

@@ -32,7 +32,7 @@ def digest(*arguments: str, **environment: str) -> str:
 
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="compares x86 instruction sets")
 @pytest.mark.skipif(not binding.get_host_cpu_features().get("avx2", False), reason="this CPU has no AVX2")
-def test_packs_and_frames_have_the_same_bytes_with_avx2_as_with_what_this_cpu_has() -> None:
+def test_packs_frames_and_their_other_images_have_the_same_bytes_with_avx2_as_with_what_this_cpu_has() -> None:
     assert digest(**AVX2, NPY_DISABLE_CPU_FEATURES=_numpy_features_above_avx2()) == digest()
 
 
