@@ -65,8 +65,11 @@ def load_run_config(path: Path | None, robot: RobotConfig | None = None, sensor:
 
 def numeric_class(config: RunConfig) -> str:
     """What the bits of a run's samples depend on besides their key: backend, package versions, architecture."""
+    from common.rasterizer.simd_types import fuses_multiply_adds
+
+    architecture = f"{platform.machine()}{'' if fuses_multiply_adds() else '-without-fma'}"
     versions = [f"{name}-{importlib.metadata.version(name)}" for name in _NUMERIC_PACKAGES]
-    return " ".join([config.renderer.backend, platform.machine(), *versions])
+    return " ".join([config.renderer.backend, architecture, *versions])
 
 
 def identity(spec: RunSpec) -> dict[str, Any]:

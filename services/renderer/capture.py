@@ -110,10 +110,12 @@ class Capture:
         light, out = LightSum(height, width), None
         for moment, weight, rows in _exposures(camera.shutter, moment_at, step):
             poses = _face_poses(moment.T_world_camera, camera.remap)
-            faces = [self.drawing.draw_images(pose, moment.humans, moment.step, outputs) for pose in poses]
+            names = outputs if rows.any() else ("rgb",)
+            faces = [self.drawing.draw_images(pose, moment.humans, moment.step, names) for pose in poses]
             light.add(np.stack([face.rgb for face in faces]), camera.remap, weight)
-            seen = faces[0] if camera.remap is None else _looked_up(faces, camera.remap)
-            out = seen if out is None else _with_rows(out, seen, rows)
+            if rows.any():
+                seen = faces[0] if camera.remap is None else _looked_up(faces, camera.remap)
+                out = seen if out is None else _with_rows(out, seen, rows)
         assert out is not None
         rgb = light.developed(camera.sensor, camera.gain, camera.stream.of_frame(step))
         return dataclasses.replace(out, rgb=rgb)

@@ -1,5 +1,6 @@
 """Drawing a scene with people in it, by the backend of the config."""
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Protocol
@@ -88,7 +89,15 @@ class CpuDrawing:
         self, T_world_camera: Pose, humans: Sequence[HumanMotion], step: float, outputs: Sequence[str]
     ) -> Images:
         """See `Drawing.draw_images`."""
-        return Images(rgb=self.draw(T_world_camera, humans, step))
+        people = self._people(T_world_camera, humans, step)
+        if self._shadows is None:
+            return self._rasterizer.render_images(T_world_camera, people, outputs)
+        rgb = self._rasterizer.render(T_world_camera, people)
+        if set(outputs) <= {"rgb"}:
+            return Images(rgb=rgb)
+        # Shadows are pulled towards the camera: they belong to the colours only.
+        self._rasterizer.set_extra(None)
+        return dataclasses.replace(self._rasterizer.render_images(T_world_camera, people, outputs), rgb=rgb)
 
     def _people(self, T_world_camera: Pose, humans: Sequence[HumanMotion], step: float) -> list[PosedPerson]:
         """The people to draw; their shadows are laid out."""
