@@ -260,3 +260,40 @@ def test_blurred_image_is_the_mean_light_along_the_robots_arc(renderer: Renderer
     expected = byte_of_light()[np.rint(np.mean([light_of_byte()[image] for image in sharp], axis=0)).astype(int)]
     assert np.abs(blurred.astype(int) - expected).max() <= 1
     assert np.abs(blurred.astype(int) - sharp[-1]).max() > 20
+
+
+@pytest.mark.parametrize("lens", ["brown_conrady", "fisheye"])
+def test_depth_and_mask_come_through_the_lens(renderer: Renderer, human: HumanMotion, lens: str) -> None:
+    outputs = ("rgb", "median_depth", "alpha", "mask")
+    moment = Moment(T_world_camera=renderer.robot.camera.T_world_camera(0, 0, 0, 0.0), humans=(human,), step=1.0)
+    config = RendererConfig(sensor=SensorConfig(distortion=lens, exposure_s=0.01))
+    bent = Renderer(renderer.scene, renderer.avatars, renderer.robot, config).capture
+    camera = bent.camera_of(STREAM)
+    through = bent.take(camera, lambda _: moment, 1, outputs)
+    plain = renderer.capture.take(renderer.capture.camera_of(STREAM), lambda _: moment, 1, outputs)
+    for images in (through, plain):
+        assert images.normal is images.depth_m is None
+        assert images.mask is not None
+        assert set(np.unique(images.mask)) == {0, 1}
+    u, v = np.meshgrid(np.arange(plain.rgb.shape[1]) + 0.5, np.arange(plain.rgb.shape[0]) + 0.5)
+    rays = camera.lens.rays(np.stack([u, v], axis=-1).reshape(-1, 2))
+    K = renderer.robot.camera.K_px
+    columns = np.floor(rays[:, 0] * K[0, 0] + K[0, 2]).astype(int)
+    rows = np.floor(rays[:, 1] * K[1, 1] + K[1, 2]).astype(int)
+    inside = (columns >= 0) & (columns < u.shape[1]) & (rows >= 0) & (rows < u.shape[0])
+    assert inside.mean() > 0.6
+    for name in ("mask", "median_depth_m"):
+        one = getattr(through, name).reshape(-1)[inside]
+        two = getattr(plain, name)[rows[inside], columns[inside]]
+        same = np.isclose(one, two, rtol=0.03) | (np.isinf(one) & np.isinf(two))
+        assert same.mean() > 0.9
+
+
+def test_shadows_leave_depth_and_mask_alone(renderer: Renderer, human: HumanMotion) -> None:
+    config = RendererConfig(contact_shadow=True)
+    shadowed = Renderer(renderer.scene, renderer.avatars, renderer.robot, config).drawing
+    pose = renderer.robot.camera.T_world_camera(0, 0, 0, 0.0)
+    one, two = (d.draw_images(pose, (human,), 0, ("rgb", "depth", "mask")) for d in (shadowed, renderer.drawing))
+    assert np.array_equal(one.depth_m, two.depth_m)
+    assert np.array_equal(one.mask, two.mask)
+    assert np.array_equal(one.rgb, shadowed.draw(pose, (human,), 0))
