@@ -129,15 +129,16 @@ def decode_output(name: str, data: bytes | memoryview) -> npt.NDArray[Any] | Non
 
 
 def _parameters(*, smooth: bool) -> list[int]:
-    """Settings of the PNG encoder: the fastest that still compress.
+    """Settings of the PNG encoder for speed.
 
-    Runs alone find as much as zlib's level 1 in rendered depths and masks, in two thirds of its time.
+    Depths of 144x256 pixels take 0.6 ms and 36 kB with runs and one fixed filter, 1.1 ms and 34 kB with level 1 and
+    OpenCV's choice of filters, 0.1 ms and 74 kB uncompressed.
     """
     import cv2
 
     parameters = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE]
     # OpenCV before 4.12 has no choice of filters and takes SUB.
     if hasattr(cv2, "IMWRITE_PNG_FILTER"):
-        chosen = cv2.IMWRITE_PNG_FILTER_SUB if smooth else cv2.IMWRITE_PNG_FILTER_NONE
+        chosen = cv2.IMWRITE_PNG_FILTER_UP if smooth else cv2.IMWRITE_PNG_FILTER_NONE
         parameters += [cv2.IMWRITE_PNG_FILTER, chosen]
     return parameters
