@@ -22,7 +22,7 @@ from common.avatars import load_avatars
 from common.avatars.file import avatar_hash
 from common.bus import InProcessBus, claim_once
 from common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
-from common.errors import BusError, RunError
+from common.errors import BusError, ConfigError, RunError
 from common.messages import FileRef, RunSpec, Split, Stage, StatusReply, StatusRequest
 from common.robot import load_robot
 from common.scenes import Scene
@@ -45,6 +45,7 @@ def generate(
     seed: int = 0,
     avatars: Path | None = None,
     static: bool = False,
+    outputs: str = "",
     robot: Path | None = None,
     config: Path | None = None,
     listen: str = "",
@@ -61,6 +62,8 @@ def generate(
         seed: Seed of the run.
         avatars: Avatar file or folder of them; the embedded ones by default.
         static: Leave the humans out.
+        outputs: Images to record, separated by commas, of rgb, depth, median_depth, alpha, mask and normal, such as
+            rgb,depth,mask; rgb alone by default.
         robot: robot.toml of another robot.
         config: TOML file with sections of settings.
         listen: Endpoint of the fleet's router, such as tcp/127.0.0.1:7447, for workers that are started by hand; a
@@ -68,6 +71,8 @@ def generate(
         json: Print the summary as JSON.
     """
     run_config = load_run_config(config, load_robot(robot) if robot else None)
+    if outputs:
+        run_config = with_outputs(run_config, outputs)
     spec = make_spec(open_scene(scene), avatars, run_config, seed=seed, split=Split(split), static=static)
     summary = record(spec, out, episodes=episodes, workers=workers, listen=listen, quiet=json)
     if json:
@@ -78,6 +83,23 @@ def generate(
     for reason, count in summary["rejected"].items():
         console.print(f"  rejected {count}: {reason}", markup=False)
     console.print(f"Next: readygo validate {out} && readygo train {out} --out policy", markup=False)
+
+
+def with_outputs(config: RunConfig, names: str) -> RunConfig:
+    """The configuration with other recorded images.
+
+    Args:
+        config: A configuration.
+        names: Names of the images, separated by commas.
+
+    Raises:
+        ConfigError: If a name is unknown, or rgb is missing.
+    """
+    try:
+        renderer = dataclasses.replace(config.renderer, outputs=tuple(name.strip() for name in names.split(",")))
+    except ValueError as error:
+        raise ConfigError(f"--{error}") from error
+    return dataclasses.replace(config, renderer=renderer)
 
 
 def record(

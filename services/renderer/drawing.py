@@ -11,6 +11,7 @@ from common.avatars import Avatar, pose_avatar
 from common.gaussians import concatenate, load_gaussians
 from common.messages import HumanMotion
 from common.rasterizer.cpu import CpuRasterizer, PosedPerson
+from common.rasterizer.images import Images
 from common.rasterizer.packed import PackedScene, load_or_pack
 from common.rasterizer.reference import rasterize_reference
 from common.rasterizer.warm import warm
@@ -29,6 +30,12 @@ class Drawing(Protocol):
         """The scene with `humans` at simulation step `step`, sRGB, shape (H, W, 3)."""
         ...
 
+    def draw_images(
+        self, T_world_camera: Pose, humans: Sequence[HumanMotion], step: int, outputs: Sequence[str]
+    ) -> Images:
+        """The same view as `draw`, with its other images in `outputs`; `rgb` has the bytes of `draw`."""
+        ...
+
 
 class CpuDrawing:
     """Draws with the CPU rasterizer."""
@@ -43,6 +50,12 @@ class CpuDrawing:
     def draw(self, T_world_camera: Pose, humans: Sequence[HumanMotion], step: int) -> Image:
         """See `Drawing.draw`."""
         return self._rasterizer.render(T_world_camera, [self._posed(human, step) for human in humans])
+
+    def draw_images(
+        self, T_world_camera: Pose, humans: Sequence[HumanMotion], step: int, outputs: Sequence[str]
+    ) -> Images:
+        """See `Drawing.draw_images`."""
+        return Images(rgb=self.draw(T_world_camera, humans, step))
 
     def _posed(self, human: HumanMotion, step: int) -> PosedPerson:
         motion = human.motion
@@ -72,6 +85,12 @@ class ReferenceDrawing:
         camera = self._camera
         images = rasterize_reference(cloud, T_world_camera, camera.K_px, camera.height_px, camera.width_px)
         return (np.clip(images.rgb, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+
+    def draw_images(
+        self, T_world_camera: Pose, humans: Sequence[HumanMotion], step: int, outputs: Sequence[str]
+    ) -> Images:
+        """See `Drawing.draw_images`."""
+        return Images(rgb=self.draw(T_world_camera, humans, step))
 
 
 def packed_layers(scene: Scene) -> list[PackedScene]:

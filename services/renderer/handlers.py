@@ -1,7 +1,6 @@
 """Render requests, and the samples of whole episodes."""
 
 import math
-import zlib
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping
 
@@ -20,12 +19,13 @@ from common.messages import (
     RobotTrajectory,
     Sample,
     Scenario,
+    sample_crc32,
 )
 from common.robot import RobotConfig
 from common.scenes import Scene
 from services.renderer.config import RendererConfig
 from services.renderer.drawing import CpuDrawing, Drawing, ReferenceDrawing
-from services.renderer.encoding import encode_image
+from services.renderer.encoding import encode_image, encode_outputs
 
 PEOPLE_KEPT = 512
 """Keys of people that a renderer remembers."""
@@ -142,10 +142,11 @@ def _sample(
     x_m, y_m, yaw_rad = (float(value) for value in trajectory.xyyaw[step])
     floor_m = renderer.scene.maps.floor.at(x_m, y_m)
     T_world_camera = renderer.robot.camera.T_world_camera(x_m, y_m, yaw_rad, floor_m)
-    image = encode_image(renderer.drawing.draw(T_world_camera, motions.humans, step), renderer.config)
+    images = renderer.drawing.draw_images(T_world_camera, motions.humans, step, renderer.config.outputs)
+    image, outputs = encode_image(images.rgb, renderer.config), encode_outputs(images, renderer.config)
     return Sample(
         seq=step,
-        crc32=zlib.crc32(image),
+        crc32=sample_crc32(image, outputs),
         time_ns=step * STEP_NS,
         image=image,
         action_v_mps=float(trajectory.actions[step, 0]),
@@ -158,6 +159,7 @@ def _sample(
         human_visible=bool(trajectory.human_visible[step]),
         expert_cost=float(trajectory.expert_cost[step]),
         replanned=bool(trajectory.replanned[step]),
+        outputs=outputs,
     )
 
 
