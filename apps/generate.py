@@ -22,7 +22,7 @@ from common.avatars import load_avatars
 from common.avatars.file import avatar_hash
 from common.bus import InProcessBus, claim_once
 from common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
-from common.errors import BusError, RunError
+from common.errors import BusError, ConfigError, RunError
 from common.messages import FileRef, RunSpec, Split, Stage, StatusReply, StatusRequest
 from common.robot import load_robot
 from common.scenes import Scene
@@ -47,6 +47,7 @@ def generate(
     seed: int = 0,
     avatars: Path | None = None,
     static: bool = False,
+    outputs: str = "",
     robot: Path | None = None,
     config: Path | None = None,
     sensor: SensorName | None = None,
@@ -64,6 +65,8 @@ def generate(
         seed: Seed of the run.
         avatars: Avatar file or folder of them; the embedded ones by default.
         static: Leave the humans out.
+        outputs: Images to record, separated by commas, of rgb, depth, median_depth, alpha, mask and normal, such as
+            rgb,depth,mask; rgb alone by default.
         robot: robot.toml of another robot.
         config: TOML file with sections of settings.
         sensor: Recipe of the camera's lens and sensor, in place of the section [renderer.sensor] of `config`.
@@ -72,6 +75,8 @@ def generate(
         json: Print the summary as JSON.
     """
     run_config = load_run_config(config, load_robot(robot) if robot else None, sensor)
+    if outputs:
+        run_config = with_outputs(run_config, outputs)
     spec = make_spec(open_scene(scene), avatars, run_config, seed=seed, split=Split(split), static=static)
     summary = record(spec, out, episodes=episodes, workers=workers, listen=listen, quiet=json)
     if json:
@@ -82,6 +87,23 @@ def generate(
     for reason, count in summary["rejected"].items():
         console.print(f"  rejected {count}: {reason}", markup=False)
     console.print(f"Next: readygo validate {out} && readygo train {out} --out policy", markup=False)
+
+
+def with_outputs(config: RunConfig, names: str) -> RunConfig:
+    """The configuration with other recorded images.
+
+    Args:
+        config: A configuration.
+        names: Names of the images, separated by commas.
+
+    Raises:
+        ConfigError: If a name is unknown, or rgb is missing.
+    """
+    try:
+        renderer = dataclasses.replace(config.renderer, outputs=tuple(name.strip() for name in names.split(",")))
+    except ValueError as error:
+        raise ConfigError(f"--{error}") from error
+    return dataclasses.replace(config, renderer=renderer)
 
 
 def record(

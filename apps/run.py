@@ -185,7 +185,7 @@ class RunFolder:
             raise RunError(f"{self.path} is no data folder of a run: {error}.") from error
 
     def _compare(self, old: RunSpec, new: RunSpec) -> None:
-        theirs, ours = identity(old), identity(new)
+        theirs, ours = identity(_with_new_settings(old)), identity(_with_new_settings(new))
         different = [key for key in ours if theirs.get(key) != ours[key]]
         if "config" in different:
             sections = [name for name in ours["config"] if theirs["config"].get(name) != ours["config"][name]]
@@ -195,6 +195,15 @@ class RunFolder:
                 f"{self.path} holds data of another run: {', '.join(different)} differ. "
                 "Choose another --out, or the settings of that run to resume it."
             )
+
+
+def _with_new_settings(spec: RunSpec) -> RunSpec:
+    """The spec with the settings that it is too old to have: they are added with defaults that change nothing."""
+    try:
+        config = section_from_mapping(RunConfig, spec.config)
+    except ConfigError:
+        return spec
+    return dataclasses.replace(spec, config=resolved_sections(config))
 
 
 def write_atomically(path: Path, data: bytes) -> None:

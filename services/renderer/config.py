@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
+from common.rasterizer.images import OUTPUTS
 from services.renderer.sensor import SensorConfig
 
 
@@ -15,6 +16,8 @@ class RendererConfig:
     image_format: Literal["jpeg", "png"] = "jpeg"
     """Encoding of recorded images; "png" is lossless."""
     jpeg_quality: int = 90
+    outputs: tuple[str, ...] = ("rgb",)
+    """Images that are recorded, of `common.rasterizer.images.OUTPUTS`; "rgb" is always among them."""
     contact_shadow: bool = False
     """True puts soft shadows under people's feet."""
     sensor: SensorConfig = field(default_factory=SensorConfig)
@@ -27,3 +30,10 @@ class RendererConfig:
             raise ValueError(f'image_format must be "jpeg" or "png", got {self.image_format!r}.')
         if not 1 <= self.jpeg_quality <= 100:
             raise ValueError(f"jpeg_quality must be 1..100, got {self.jpeg_quality}.")
+        unknown = [name for name in self.outputs if name not in OUTPUTS]
+        if unknown:
+            raise ValueError(f"outputs must be of {', '.join(OUTPUTS)}, got {unknown[0]!r}.")
+        if "rgb" not in self.outputs:
+            raise ValueError(f"outputs must hold rgb, got {', '.join(self.outputs) or 'none'}; add it.")
+        # One order, so that the same images are the same run.
+        object.__setattr__(self, "outputs", tuple(name for name in OUTPUTS if name in self.outputs))

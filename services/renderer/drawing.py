@@ -12,9 +12,9 @@ from common.avatars import Avatar, pose_avatar
 from common.gaussians import GaussianCloud, concatenate, load_gaussians
 from common.messages import HumanMotion
 from common.rasterizer.cpu import CpuRasterizer, PosedPerson
-from common.rasterizer.images import Images
+from common.rasterizer.images import Images, require_outputs
 from common.rasterizer.packed import PackedScene, load_or_pack
-from common.rasterizer.reference import rasterize_reference
+from common.rasterizer.reference import ReferenceImages, rasterize_reference
 from common.rasterizer.warm import warm
 from common.scenes import Scene
 from common.scenes.scene import CLOUD_FILE, SKY_FILE
@@ -24,6 +24,8 @@ Image = npt.NDArray[np.uint8]
 Pose = npt.NDArray[np.float64]
 
 
+FIELDS = {"depth": "depth_m", "median_depth": "median_depth_m"}
+"""Fields of `Images` whose names are not those of the outputs."""
 Shadows = Callable[[Sequence[PosedHuman], Pose], GaussianCloud | None]
 """Makes the shadows of people for a camera centre [m], shape (3,)."""
 
@@ -69,16 +71,26 @@ class CpuDrawing:
         avatars: Avatars by name.
         camera: The pinhole camera.
         shadows: None leaves people without shadows.
+        outputs: Images that may be asked for.
     """
 
     def __init__(
-        self, scene: Scene, avatars: Mapping[str, Avatar], camera: PinholeCamera, shadows: Shadows | None = None
+        self,
+        scene: Scene,
+        avatars: Mapping[str, Avatar],
+        camera: PinholeCamera,
+        shadows: Shadows | None = None,
+        outputs: Sequence[str] = ("rgb",),
     ) -> None:
         warm()
         self._shadows = shadows
         self._number = {name: number for number, name in enumerate(avatars)}
         self._rasterizer = CpuRasterizer(
-            packed_layers(scene), list(avatars.values()), camera.K_px, camera.height_px, camera.width_px
+            packed_layers(scene, normals="normal" in outputs),
+            list(avatars.values()),
+            camera.K_px,
+            camera.height_px,
+            camera.width_px,
         )
 
     def draw(self, T_world_camera: Pose, humans: Sequence[HumanMotion], step: float) -> Image:
@@ -114,7 +126,12 @@ class ReferenceDrawing:
     """Draws with the reference rasterizer; arguments as of `CpuDrawing`."""
 
     def __init__(
-        self, scene: Scene, avatars: Mapping[str, Avatar], camera: PinholeCamera, shadows: Shadows | None = None
+        self,
+        scene: Scene,
+        avatars: Mapping[str, Avatar],
+        camera: PinholeCamera,
+        shadows: Shadows | None = None,
+        outputs: Sequence[str] = ("rgb",),
     ) -> None:
         self._cloud = scene.cloud if scene.sky is None else concatenate([scene.cloud, scene.sky])
         self._avatars, self._camera, self._shadows = avatars, camera, shadows
@@ -122,28 +139,40 @@ class ReferenceDrawing:
     def draw(self, T_world_camera: Pose, humans: Sequence[HumanMotion], step: float) -> Image:
         """See `Drawing.draw`."""
         people = posed(humans, step)
-        clouds = [pose_avatar(self._avatars[one.avatar], one.root_m, one.pose_axis_angle) for one in people]
         shadows = self._shadows(people, T_world_camera[:3, 3]) if self._shadows is not None else None
-        if shadows is not None:
-            clouds.append(shadows)
-        cloud = concatenate([self._cloud, *clouds]) if clouds else self._cloud
-        camera = self._camera
-        images = rasterize_reference(cloud, T_world_camera, camera.K_px, camera.height_px, camera.width_px)
-        return (np.clip(images.rgb, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+        rgb = self._rasterized(T_world_camera, people, [] if shadows is None else [shadows]).rgb
+        return (np.clip(rgb, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
 
     def draw_images(
         self, T_world_camera: Pose, humans: Sequence[HumanMotion], step: float, outputs: Sequence[str]
     ) -> Images:
         """See `Drawing.draw_images`."""
-        return Images(rgb=self.draw(T_world_camera, humans, step))
+        images = Images(rgb=self.draw(T_world_camera, humans, step))
+        names = {name: FIELDS.get(name, name) for name in require_outputs(outputs) - {"rgb"}}
+        if not names:
+            return images
+        drawn = self._rasterized(T_world_camera, posed(humans, step), [])
+        return dataclasses.replace(images, **{name: getattr(drawn, name) for name in names.values()})
+
+    def _rasterized(
+        self, T_world_camera: Pose, people: Sequence[PosedHuman], others: Sequence[GaussianCloud]
+    ) -> ReferenceImages:
+        clouds = [pose_avatar(self._avatars[one.avatar], one.root_m, one.pose_axis_angle) for one in people]
+        clouds = [self._cloud, *clouds, *others]
+        numbers = [0, *range(1, len(people) + 1), *(0 for _ in others)]
+        instances = np.repeat(np.array(numbers, dtype=np.uint8), [len(cloud) for cloud in clouds])
+        cloud, camera = concatenate(clouds), self._camera
+        return rasterize_reference(
+            cloud, T_world_camera, camera.K_px, camera.height_px, camera.width_px, instances=instances
+        )
 
 
-def packed_layers(scene: Scene) -> list[PackedScene]:
+def packed_layers(scene: Scene, *, normals: bool = False) -> list[PackedScene]:
     """The scene and, if it has one, its sky; packed in the bundle's cache folder by whichever worker comes first."""
     names = [CLOUD_FILE, *([SKY_FILE] if SKY_FILE in scene.metadata["files"] else [])]
-    return [_packed_layer(scene, name) for name in names]
+    return [_packed_layer(scene, name, normals=normals) for name in names]
 
 
-def _packed_layer(scene: Scene, name: str) -> PackedScene:
+def _packed_layer(scene: Scene, name: str, *, normals: bool) -> PackedScene:
     folder = scene.path / "cache" / f"packed-{scene.content_hash[:16]}-{Path(name).stem}"
-    return load_or_pack(folder, lambda: load_gaussians(scene.path / name))
+    return load_or_pack(folder, lambda: load_gaussians(scene.path / name), normals=normals)

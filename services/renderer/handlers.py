@@ -1,7 +1,6 @@
 """Render requests, and the samples of whole episodes."""
 
 import math
-import zlib
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
@@ -24,6 +23,7 @@ from common.messages import (
     RobotTrajectory,
     Sample,
     Scenario,
+    sample_crc32,
 )
 from common.rasterizer.images import Images
 from common.robot import RobotConfig
@@ -32,7 +32,7 @@ from services.renderer.capture import Capture, EpisodeCamera, pinhole_of
 from services.renderer.config import RendererConfig
 from services.renderer.contact_shadow import shadow_cloud
 from services.renderer.drawing import CpuDrawing, Drawing, ReferenceDrawing
-from services.renderer.encoding import encode_image
+from services.renderer.encoding import encode_image, encode_outputs
 from services.renderer.sensor_motion import Moment, PosedHuman, Timeline
 from services.renderer.sensor_streams import SensorStream
 
@@ -57,7 +57,7 @@ class Renderer:
         shadows = partial(self._shadows, floor=scene.maps.floor) if config.contact_shadow else None
         make_drawing = CpuDrawing if config.backend == "cpu" else ReferenceDrawing
         pinhole = pinhole_of(config.sensor, robot.camera)
-        self.drawing: Drawing = make_drawing(scene, self.avatars, pinhole, shadows)
+        self.drawing: Drawing = make_drawing(scene, self.avatars, pinhole, shadows, config.outputs)
         self.capture = Capture(drawing=self.drawing, pinhole=pinhole, sensor=config.sensor, camera=robot.camera)
         self._people: OrderedDict[str, tuple[HumanMotion, ...]] = OrderedDict()
 
@@ -124,7 +124,8 @@ def _view_rgb(renderer: Renderer, view: RenderView, humans: tuple[HumanMotion, .
 
 def episode_header(renderer: Renderer, scenario: Scenario, trajectory: RobotTrajectory) -> EpisodeHeader:
     """What is constant over an episode's samples."""
-    lens = _episode_camera(renderer, scenario).lens
+    camera = _episode_camera(renderer, scenario)
+    lens = camera.lens
     x_m, y_m, yaw_rad = (float(value) for value in scenario.start_xyyaw)
     return EpisodeHeader(
         episode=scenario.episode,
@@ -137,6 +138,8 @@ def episode_header(renderer: Renderer, scenario: Scenario, trajectory: RobotTraj
         height_px=lens.height_px,
         width_px=lens.width_px,
         K_px=tuple(float(value) for value in lens.K_px.ravel()),
+        distortion_model=camera.distortion_model,
+        distortion=lens.coefficients,
     )
 
 
@@ -167,7 +170,7 @@ def episode_samples(
         camera=renderer.robot.camera,
     )
     for step in range(len(trajectory.xyyaw)):
-        images = renderer.capture.take(camera, timeline.at, step)
+        images = renderer.capture.take(camera, timeline.at, step, renderer.config.outputs)
         yield _sample(renderer, scenario, motions, trajectory, step, images)
 
 
@@ -181,10 +184,10 @@ def _sample(
 ) -> Sample:
     x_m, y_m, yaw_rad = (float(value) for value in trajectory.xyyaw[step])
     floor_m = renderer.scene.maps.floor.at(x_m, y_m)
-    image = encode_image(images.rgb, renderer.config)
+    image, outputs = encode_image(images.rgb, renderer.config), encode_outputs(images, renderer.config)
     return Sample(
         seq=step,
-        crc32=zlib.crc32(image),
+        crc32=sample_crc32(image, outputs),
         time_ns=step * STEP_NS,
         image=image,
         action_v_mps=float(trajectory.actions[step, 0]),
@@ -197,6 +200,7 @@ def _sample(
         human_visible=bool(trajectory.human_visible[step]),
         expert_cost=float(trajectory.expert_cost[step]),
         replanned=bool(trajectory.replanned[step]),
+        outputs=outputs,
     )
 
 
