@@ -38,14 +38,15 @@ class Drawing(Protocol):
 
 
 class CpuDrawing:
-    """Draws with the CPU rasterizer."""
+    """Draws with the CPU rasterizer; `outputs` are the images that will be asked for."""
 
-    def __init__(self, scene: Scene, avatars: Mapping[str, Avatar], camera: CameraConfig) -> None:
-        warm()
+    def __init__(
+        self, scene: Scene, avatars: Mapping[str, Avatar], camera: CameraConfig, outputs: Sequence[str] = ("rgb",)
+    ) -> None:
+        warm(outputs)
         self._number = {name: number for number, name in enumerate(avatars)}
-        self._rasterizer = CpuRasterizer(
-            packed_layers(scene), list(avatars.values()), camera.K_px, camera.height_px, camera.width_px
-        )
+        layers = packed_layers(scene, normals="normal" in outputs)
+        self._rasterizer = CpuRasterizer(layers, list(avatars.values()), camera.K_px, camera.height_px, camera.width_px)
 
     def draw(self, T_world_camera: Pose, humans: Sequence[HumanMotion], step: int) -> Image:
         """See `Drawing.draw`."""
@@ -55,7 +56,8 @@ class CpuDrawing:
         self, T_world_camera: Pose, humans: Sequence[HumanMotion], step: int, outputs: Sequence[str]
     ) -> Images:
         """See `Drawing.draw_images`."""
-        return Images(rgb=self.draw(T_world_camera, humans, step))
+        people = [self._posed(human, step) for human in humans]
+        return self._rasterizer.render_images(T_world_camera, people, outputs)
 
     def _posed(self, human: HumanMotion, step: int) -> PosedPerson:
         motion = human.motion
@@ -76,29 +78,42 @@ class ReferenceDrawing:
 
     def draw(self, T_world_camera: Pose, humans: Sequence[HumanMotion], step: int) -> Image:
         """See `Drawing.draw`."""
-        people = []
-        for human in humans:
-            motion = human.motion
-            row = motion.row(step)
-            people.append(pose_avatar(self._avatars[human.avatar], motion.root_m[row], motion.pose_axis_angle[row]))
-        cloud = concatenate([self._cloud, *people]) if people else self._cloud
-        camera = self._camera
-        images = rasterize_reference(cloud, T_world_camera, camera.K_px, camera.height_px, camera.width_px)
-        return (np.clip(images.rgb, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+        return self.draw_images(T_world_camera, humans, step, ("rgb",)).rgb
 
     def draw_images(
         self, T_world_camera: Pose, humans: Sequence[HumanMotion], step: int, outputs: Sequence[str]
     ) -> Images:
         """See `Drawing.draw_images`."""
-        return Images(rgb=self.draw(T_world_camera, humans, step))
+        clouds = [self._cloud]
+        for human in humans:
+            motion = human.motion
+            row = motion.row(step)
+            clouds.append(pose_avatar(self._avatars[human.avatar], motion.root_m[row], motion.pose_axis_angle[row]))
+        camera = self._camera
+        images = rasterize_reference(
+            concatenate(clouds) if humans else self._cloud,
+            T_world_camera,
+            camera.K_px,
+            camera.height_px,
+            camera.width_px,
+            instances=np.repeat(np.arange(len(clouds)), [len(cloud) for cloud in clouds]),
+        )
+        return Images(
+            rgb=(np.clip(images.rgb, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8),
+            depth_m=images.depth_m if "depth" in outputs else None,
+            median_depth_m=images.median_depth_m if "median_depth" in outputs else None,
+            alpha=images.alpha if "alpha" in outputs else None,
+            mask=images.mask if "mask" in outputs else None,
+            normal=images.normal if "normal" in outputs else None,
+        )
 
 
-def packed_layers(scene: Scene) -> list[PackedScene]:
+def packed_layers(scene: Scene, *, normals: bool = False) -> list[PackedScene]:
     """The scene and, if it has one, its sky; packed in the bundle's cache folder by whichever worker comes first."""
     names = [CLOUD_FILE, *([SKY_FILE] if SKY_FILE in scene.metadata["files"] else [])]
-    return [_packed_layer(scene, name) for name in names]
+    return [_packed_layer(scene, name, normals=normals) for name in names]
 
 
-def _packed_layer(scene: Scene, name: str) -> PackedScene:
+def _packed_layer(scene: Scene, name: str, *, normals: bool) -> PackedScene:
     folder = scene.path / "cache" / f"packed-{scene.content_hash[:16]}-{Path(name).stem}"
-    return load_or_pack(folder, lambda: load_gaussians(scene.path / name))
+    return load_or_pack(folder, lambda: load_gaussians(scene.path / name), normals=normals)

@@ -45,8 +45,11 @@ class Renderer:
     def __init__(self, scene: Scene, avatars: Mapping[str, Avatar], robot: RobotConfig, config: RendererConfig) -> None:
         self.scene, self.robot, self.config = scene, robot, config
         self.avatars = dict(avatars)
-        make_drawing = CpuDrawing if config.backend == "cpu" else ReferenceDrawing
-        self.drawing: Drawing = make_drawing(scene, self.avatars, robot.camera)
+        self.drawing: Drawing
+        if config.backend == "cpu":
+            self.drawing = CpuDrawing(scene, self.avatars, robot.camera, config.outputs)
+        else:
+            self.drawing = ReferenceDrawing(scene, self.avatars, robot.camera)
         self._people: OrderedDict[str, tuple[HumanMotion, ...]] = OrderedDict()
 
     def remember(self, people: People) -> None:
