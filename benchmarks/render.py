@@ -38,7 +38,8 @@ STAGES: dict[str, tuple[Any, tuple[str, ...]]] = {
     "pose_and_project_people": (cpu, ("project_person",)),
     "sort": (cpu_blend, ("begin_slab", "sort_keys")),
     "bin": (cpu_blend, ("fill_tiles",)),
-    "blend": (cpu_blend, ("blend_tiles",)), "io": (cpu_blend, ("begin_image","write_bytes")),
+    "blend": (cpu_blend, ("blend_tiles",)),
+    "io": (cpu_blend, ("begin_image", "write_bytes")),
 }
 IMAGES_PER_RUN = 4
 TURN_RAD = 0.01
@@ -197,7 +198,9 @@ def _stages_ms(
 def _clocks() -> Iterator[dict[str, float]]:
     """Time the kernels of each stage while the block runs."""
     spent_s = dict.fromkeys(STAGES, 0.0)
-    originals = [(cpu_blend, "draw_slab", cpu_blend.draw_slab)] + [(module, name, getattr(module, name)) for module, names in STAGES.values() for name in names]
+    originals = [(cpu_blend, "draw_slab", cpu_blend.draw_slab)] + [
+        (module, name, getattr(module, name)) for module, names in STAGES.values() for name in names
+    ]
 
     def clocked(stage: str, kernel: Callable[..., Any]) -> Callable[..., Any]:
         def call(*args: Any) -> Any:

@@ -103,11 +103,7 @@ def encode_output(images: Images, name: str) -> bytes:
     if image is None:
         raise ValueError(f"the view has no {name} image; ask for it when it is drawn.")
     pixels = form.to_pixels(image)
-    if form.flat:
-        return _encode_runs(pixels)
-    from common.rasterizer.png import encode_png
-
-    return encode_png(pixels)
+    return _encode_png(pixels[..., ::-1] if form.channel_count == 3 else pixels, form.flat)
 
 
 def decode_output(name: str, data: bytes | memoryview) -> npt.NDArray[Any] | None:
@@ -126,14 +122,15 @@ def decode_output(name: str, data: bytes | memoryview) -> npt.NDArray[Any] | Non
     return form.from_pixels(pixels[..., ::-1] if form.channel_count == 3 else pixels)
 
 
-def _encode_runs(pixels: npt.NDArray[Any]) -> bytes:
-    """A PNG file of an image in which long runs are all that there is to find."""
+def _encode_png(pixels: npt.NDArray[Any], flat: bool) -> bytes:
+    """A PNG file; OpenCV's order of channels."""
     import cv2
 
+    # Runs are all that is quick to find: in depths those of equal steps from the row above.
     parameters = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE]
     # OpenCV before 4.12 has no choice of filters.
     if hasattr(cv2, "IMWRITE_PNG_FILTER"):
-        parameters += [cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_NONE]
+        parameters += [cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_NONE if flat else cv2.IMWRITE_PNG_FILTER_UP]
     done, encoded = cv2.imencode(".png", pixels, parameters)
     assert done
     return bytes(encoded)

@@ -70,8 +70,8 @@ class CpuDrawing:
         scene: The scene bundle.
         avatars: Avatars by name.
         camera: The pinhole camera.
+        outputs: Images that will be asked for.
         shadows: None leaves people without shadows.
-        outputs: Images that may be asked for.
     """
 
     def __init__(
@@ -79,19 +79,15 @@ class CpuDrawing:
         scene: Scene,
         avatars: Mapping[str, Avatar],
         camera: PinholeCamera,
-        shadows: Shadows | None = None,
         outputs: Sequence[str] = ("rgb",),
+        *,
+        shadows: Shadows | None = None,
     ) -> None:
-        warm()
+        warm(outputs)
         self._shadows = shadows
         self._number = {name: number for number, name in enumerate(avatars)}
-        self._rasterizer = CpuRasterizer(
-            packed_layers(scene, normals="normal" in outputs),
-            list(avatars.values()),
-            camera.K_px,
-            camera.height_px,
-            camera.width_px,
-        )
+        layers = packed_layers(scene, normals="normal" in outputs)
+        self._rasterizer = CpuRasterizer(layers, list(avatars.values()), camera.K_px, camera.height_px, camera.width_px)
 
     def draw(self, T_world_camera: Pose, humans: Sequence[HumanMotion], step: float) -> Image:
         """See `Drawing.draw`."""
@@ -126,12 +122,7 @@ class ReferenceDrawing:
     """Draws with the reference rasterizer; arguments as of `CpuDrawing`."""
 
     def __init__(
-        self,
-        scene: Scene,
-        avatars: Mapping[str, Avatar],
-        camera: PinholeCamera,
-        shadows: Shadows | None = None,
-        outputs: Sequence[str] = ("rgb",),
+        self, scene: Scene, avatars: Mapping[str, Avatar], camera: PinholeCamera, *, shadows: Shadows | None = None
     ) -> None:
         self._cloud = scene.cloud if scene.sky is None else concatenate([scene.cloud, scene.sky])
         self._avatars, self._camera, self._shadows = avatars, camera, shadows

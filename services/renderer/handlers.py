@@ -55,9 +55,12 @@ class Renderer:
         self.scene, self.robot, self.config = scene, robot, config
         self.avatars = dict(avatars)
         shadows = partial(self._shadows, floor=scene.maps.floor) if config.contact_shadow else None
-        make_drawing = CpuDrawing if config.backend == "cpu" else ReferenceDrawing
         pinhole = pinhole_of(config.sensor, robot.camera)
-        self.drawing: Drawing = make_drawing(scene, self.avatars, pinhole, shadows, config.outputs)
+        self.drawing: Drawing
+        if config.backend == "cpu":
+            self.drawing = CpuDrawing(scene, self.avatars, pinhole, config.outputs, shadows=shadows)
+        else:
+            self.drawing = ReferenceDrawing(scene, self.avatars, pinhole, shadows=shadows)
         self.capture = Capture(drawing=self.drawing, pinhole=pinhole, sensor=config.sensor, camera=robot.camera)
         self._people: OrderedDict[str, tuple[HumanMotion, ...]] = OrderedDict()
 

@@ -10,7 +10,7 @@ from common.bus import InProcessBus
 from common.errors import AvatarError, RunError
 from common.messages import EpisodeMotions, HumanMotion, People, RenderReply, RenderRequest, RenderView
 from common.rasterizer.image_files import decode_output
-from common.rasterizer.images import Images
+from common.rasterizer.images import OUTPUTS, Images
 from services.renderer import Renderer, RendererConfig, attach, episode_header, episode_samples, handle_render
 from services.renderer import handlers as handlers_module
 from services.renderer.drawing import Drawing, packed_layers
@@ -210,6 +210,21 @@ def test_samples_hold_the_outputs_that_the_config_asks_for(renderer: Renderer, e
         assert (decode_output("mask", sample.outputs["mask"]) == step % 2).all()
     plain = list(episode_samples(renderer, *episode))
     assert [sample.image for sample in samples] == [sample.image for sample in plain]
+
+
+@pytest.mark.parametrize("backend", ["cpu", "reference"])
+def test_every_output_can_be_recorded(renderer: Renderer, episode, backend: str) -> None:
+    config = RendererConfig(backend=backend, outputs=OUTPUTS)
+    rich = Renderer(renderer.scene, renderer.avatars, renderer.robot, config)
+    sample = next(episode_samples(rich, *episode))
+    images = {name: decode_output(name, data) for name, data in sample.outputs.items()}
+    assert tuple(images) == OUTPUTS[1:]
+    person = images["mask"] == 1
+    assert 0.01 < person.mean() < 0.5
+    # The person walks 2 m ahead, the walls are 5 m away.
+    assert np.abs(np.median(images["depth"][person]) - 2.0) < 0.5
+    assert np.median(images["depth"][~person & np.isfinite(images["depth"])]) > 2.5
+    assert np.abs(np.linalg.norm(images["normal"][person], axis=1) - 1.0).max() < 1e-3
 
 
 def test_samples_hold_no_outputs_by_default(renderer: Renderer, episode) -> None:
