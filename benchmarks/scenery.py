@@ -2,6 +2,7 @@
 
 import hashlib
 import math
+import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -73,9 +74,15 @@ def scene_scenery(scene: Scene) -> Scenery:
 
 
 def synthetic_scenery(count: int, seed: int) -> Scenery:
-    """The synthetic flat with `count` Gaussians; packed once into the user's cache."""
+    """The synthetic flat with `count` Gaussians; packed once into the user's cache.
+
+    Packs that another version of `synthetic_room.py` has left there are removed.
+    """
     source = hashlib.sha256(Path(synthetic_room.__file__).read_bytes()).hexdigest()[:12]
     folder = cache_folder("benchmarks") / f"room-{source}-{count}-{seed}"
+    for stale in folder.parent.glob("room-*"):
+        if not stale.name.startswith(f"room-{source}-"):
+            shutil.rmtree(stale, ignore_errors=True)
     occupancy, floor = synthetic_room.room_maps(seed)
     return Scenery(
         name=f"synthetic flat, seed {seed}",

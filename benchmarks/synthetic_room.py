@@ -210,7 +210,7 @@ def _cover(sheet: Sheet, count: int, spacing_m: float, rng: np.random.Generator)
     fuzzy = rng.random(count) < FUZZY_SHARE
     thin = int(np.flatnonzero(np.abs(sheet.sides_m).sum(axis=0) == 0)[0])
     means = sheet.corner_m + at @ sheet.sides_m
-    scales = spacing_m * 0.8 * np.exp(0.45 * rng.standard_normal((count, 3)))
+    scales = spacing_m * 0.75 * np.exp(0.4 * rng.standard_normal((count, 3)))
     scales[~fuzzy, thin] *= 0.08
     means[:, thin] += np.where(fuzzy, 1.2, 0.05) * spacing_m * rng.standard_normal(count)
     opacities = np.where(rng.random(count) < 0.65, rng.beta(6.0, 0.8, count), rng.beta(0.8, 1.6, count))

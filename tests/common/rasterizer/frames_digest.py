@@ -1,14 +1,19 @@
-"""Prints a hash of packed arrays and frames; run by a test under different instruction sets."""
+"""Prints a hash of packed arrays and frames; run by a test under different instruction sets.
+
+With numbers of frames as arguments: the hash of each of these frames, drawn in this order.
+"""
 
 import hashlib
 import math
+import sys
+from collections.abc import Iterable
 
 import numpy as np
 
 from common.avatars import Avatar
 from common.gaussians import GaussianCloud
 from common.rasterizer.cpu import CpuRasterizer, PosedPerson
-from common.rasterizer.packed import pack_cloud
+from common.rasterizer.packed import PackedScene, pack_cloud
 
 
 def cloud(count: int, coefficients: int, spread_m: float) -> GaussianCloud:
@@ -40,21 +45,35 @@ def avatar() -> Avatar:
     )
 
 
-def main() -> str:
-    digest = hashlib.sha256()
-    scenes = [pack_cloud(cloud(20000, 1, 5.0)), pack_cloud(cloud(3000, 16, 60.0))]
-    for scene in scenes:
-        for array in (scene.centre_m, scene.geometry, scene.colour, scene.sh):
-            digest.update(array.tobytes())
+def packed_scenes() -> list[PackedScene]:
+    return [pack_cloud(cloud(20000, 1, 5.0)), pack_cloud(cloud(3000, 16, 60.0))]
+
+
+def frames(scenes: list[PackedScene], numbers: Iterable[int]) -> list[bytes]:
     K = np.array([[60.0, 0.0, 64.0], [0.0, 60.0, 40.0], [0.0, 0.0, 1.0]])
     rasterizer = CpuRasterizer(scenes, [avatar()], K, 80, 128)
-    for k in range(4):
+    drawn = []
+    for k in numbers:
         c, s = math.cos(0.7 * k), math.sin(0.7 * k)
         T = np.array([[s, 0.0, c, -2.0 * c], [-c, 0.0, s, -2.0 * s], [0.0, -1.0, 0.0, 0.1 * k], [0.0, 0.0, 0.0, 1.0]])
         pose = 0.3 * np.sin(np.arange(72.0) * (k + 1)).reshape(24, 3)
-        digest.update(rasterizer.render_float(T, [PosedPerson(avatar=0, root_m=np.zeros(3), pose_axis_angle=pose)]))
+        people = [PosedPerson(avatar=0, root_m=np.zeros(3), pose_axis_angle=pose)] * (1 + k % 2)
+        drawn.append(rasterizer.render_float(T, people).tobytes())
+    return drawn
+
+
+def main() -> str:
+    digest = hashlib.sha256()
+    scenes = packed_scenes()
+    for scene in scenes:
+        for array in (scene.centre_m, scene.geometry, scene.colour, scene.sh):
+            digest.update(array.tobytes())
+    for frame in frames(scenes, range(4)):
+        digest.update(frame)
     return digest.hexdigest()
 
 
 if __name__ == "__main__":
-    print(main())  # noqa: T201
+    chosen = [int(argument) for argument in sys.argv[1:]]
+    hashes = [hashlib.sha256(frame).hexdigest() for frame in frames(packed_scenes(), chosen)] if chosen else [main()]
+    print("\n".join(hashes))  # noqa: T201

@@ -1,23 +1,57 @@
-"""The same bytes from AVX2 and AVX-512 machines, and from every process."""
+"""The same bytes from AVX2 and AVX-512 machines, from any thread and process, and in any order of frames."""
 
+import hashlib
 import os
 import platform
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 from llvmlite import binding
 
+from tests.common.rasterizer import frames_digest
+
 ROOT = Path(__file__).parents[3]
 AVX2 = {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": "+avx2,+fma,+bmi,+bmi2,+lzcnt,+popcnt,+sse4.2"}
 
 
-def digest(**environment: str) -> str:
-    script = Path(__file__).parent / "frames_digest.py"
+def digest(*frames: int, **environment: str) -> str:
     paths = {**os.environ, "PYTHONPATH": str(ROOT), **environment}
-    run = subprocess.run([sys.executable, str(script)], env=paths, cwd=ROOT, capture_output=True, text=True, check=True)
+    command = [sys.executable, str(Path(__file__).parent / "frames_digest.py"), *map(str, frames)]
+    run = subprocess.run(command, env=paths, cwd=ROOT, capture_output=True, text=True, check=True)
     return run.stdout.strip()
+
+
+def one_by_one(order: list[int]) -> dict[int, str]:
+    """Hash of each frame, drawn in this order by a rasterizer of its own."""
+    frames = frames_digest.frames(frames_digest.packed_scenes(), order)
+    return {number: hashlib.sha256(frame).hexdigest() for number, frame in zip(order, frames, strict=True)}
+
+
+@pytest.fixture(scope="module")
+def hashes() -> dict[int, str]:
+    """Hash of each of six frames."""
+    in_order = one_by_one(list(range(6)))
+    assert len(set(in_order.values())) == 6
+    return in_order
+
+
+@pytest.mark.parametrize("order", [[5, 4, 3, 2, 1, 0], [3, 3, 0, 5, 0, 3], [2]])
+def test_frames_have_the_same_bytes_in_any_order(hashes: dict[int, str], order: list[int]) -> None:
+    assert one_by_one(order) == {number: hashes[number] for number in order}
+
+
+def test_frames_have_the_same_bytes_in_another_process(hashes: dict[int, str]) -> None:
+    assert digest(4, 1).split() == [hashes[4], hashes[1]]
+
+
+def test_frames_have_the_same_bytes_on_any_number_of_threads(hashes: dict[int, str]) -> None:
+    with ThreadPoolExecutor(3) as threads:
+        drawn = list(threads.map(one_by_one, ([0, 3, 1, 4], [4, 2, 5, 0], [5, 1, 3, 2])))
+    for part in drawn:
+        assert part == {number: hashes[number] for number in part}
 
 
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="compares x86 instruction sets")
