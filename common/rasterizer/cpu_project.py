@@ -310,10 +310,13 @@ def project_scene(view: View, cloud: Gaussians, chunks: VisibleChunks, slab: Sla
         tx = view.R_CW[0, 0] * dx + view.R_CW[0, 1] * dy + view.R_CW[0, 2] * dz
         ty = view.R_CW[1, 0] * dx + view.R_CW[1, 1] * dy + view.R_CW[1, 2] * dz
         tz = view.R_CW[2, 0] * dx + view.R_CW[2, 1] * dy + view.R_CW[2, 2] * dz
+        # Depths decide the order: the chunk's is added without the rounding of float32.
+        tz_high = np.float32(tz)
+        tz_low = np.float32(tz - np.float64(tz_high))
         for block in range(chunk * 16, chunk * 16 + 16):
             g = block * GEOMETRY
             px, py, pz = load_f16(cloud.geometry, g), load_f16(cloud.geometry, g + 16), load_f16(cloud.geometry, g + 32)
-            z = fma(R[6], px, fma(R[7], py, fma(R[8], pz, tz)))
+            z = fma(R[6], px, fma(R[7], py, fma(R[8], pz, tz_low))) + tz_high
             if mask_bits(z > NEAR_M) == 0:
                 continue
             x = fma(R[0], px, fma(R[1], py, fma(R[2], pz, tx)))

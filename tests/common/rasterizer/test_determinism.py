@@ -1,10 +1,15 @@
-"""The same bytes from AVX2 and AVX-512 machines and from every process; other machines draw the same images."""
+"""The same bytes from AVX2 and AVX-512 machines, from any thread and process, and in any order of frames.
 
+Other machines draw the same images.
+"""
+
+import hashlib
 import os
 import platform
 import re
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +19,7 @@ from numba import njit
 
 from common.rasterizer import cpu_blend
 from common.rasterizer.warm import warm
+from tests.common.rasterizer import frames_digest
 
 ROOT = Path(__file__).parents[3]
 AVX2 = {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": "+avx2,+fma,+bmi,+bmi2,+lzcnt,+popcnt,+sse4.2"}
@@ -22,12 +28,41 @@ AVX2 = {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": "+avx2,+fma,+bmi,+bmi
 PLAIN = {"NUMBA_CPU_NAME": "x86-64", "NUMBA_CPU_FEATURES": "+sse2"}
 
 
-def digest(*arguments: str, **environment: str) -> str:
-    script = Path(__file__).parent / "frames_digest.py"
+def digest(*arguments: int | str, **environment: str) -> str:
     paths = {**os.environ, "PYTHONPATH": str(ROOT), **environment}
-    command = [sys.executable, str(script), *arguments]
+    command = [sys.executable, str(Path(__file__).parent / "frames_digest.py"), *map(str, arguments)]
     run = subprocess.run(command, env=paths, cwd=ROOT, capture_output=True, text=True, check=True)
     return run.stdout.strip()
+
+
+def one_by_one(order: list[int]) -> dict[int, str]:
+    """Hash of each frame, drawn in this order by a rasterizer of its own."""
+    frames = frames_digest.frames(frames_digest.packed_scenes(), order)
+    return {number: hashlib.sha256(frame).hexdigest() for number, frame in zip(order, frames, strict=True)}
+
+
+@pytest.fixture(scope="module")
+def hashes() -> dict[int, str]:
+    """Hash of each of six frames."""
+    in_order = one_by_one(list(range(6)))
+    assert len(set(in_order.values())) == 6
+    return in_order
+
+
+@pytest.mark.parametrize("order", [[5, 4, 3, 2, 1, 0], [3, 3, 0, 5, 0, 3], [2]])
+def test_frames_have_the_same_bytes_in_any_order(hashes: dict[int, str], order: list[int]) -> None:
+    assert one_by_one(order) == {number: hashes[number] for number in order}
+
+
+def test_frames_have_the_same_bytes_in_another_process(hashes: dict[int, str]) -> None:
+    assert digest(4, 1).split() == [hashes[4], hashes[1]]
+
+
+def test_frames_have_the_same_bytes_on_any_number_of_threads(hashes: dict[int, str]) -> None:
+    with ThreadPoolExecutor(3) as threads:
+        drawn = list(threads.map(one_by_one, ([0, 3, 1, 4], [4, 2, 5, 0], [5, 1, 3, 2])))
+    for part in drawn:
+        assert part == {number: hashes[number] for number in part}
 
 
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="compares x86 instruction sets")
