@@ -246,6 +246,7 @@ def _sweep(job: Job, batches: Sequence[int], seconds: float) -> Iterator[dict[st
         (most, {"tile_width_px": 16, "tile_height_px": 16, "blend_warps": 2}),
         *((most, {"slab_shares": shares}) for shares in ((), (0.25,), (0.15, 0.4), (0.1, 0.2, 0.3, 0.5, 0.7))),
         *((most, {"sort_run": run, "sort_warps": warps}) for run, warps in ((64, 1), (128, 1), (512, 2), (1024, 4))),
+        *((most, {"long_sort_run": run, "long_sort_warps": warps}) for run, warps in ((512, 4), (2048, 8))),
         *((most, {"project_warps": warps}) for warps in (4,)),
         *((most, {"programs_per_processor": count}) for count in (4, 16)),
         *((most, {"cameras_per_pass": count}) for count in (32, 128, 256)),

@@ -59,12 +59,16 @@ def make_batch(
     most = max((len(group) for group in people), default=0)
     avatar = np.full((len(T), most), -1, dtype=np.int32)
     root, pose = np.zeros((len(T), most, 3)), np.zeros((len(T), most, 24, 3))
-    for camera, group in enumerate(people):
-        for place, person in enumerate(group):
+    everyone = [person for group in people for person in group]
+    if everyone:
+        for person in everyone:
             if not 0 <= person.avatar < avatar_count:
                 raise ValueError(f"avatar must be 0..{avatar_count - 1}, got {person.avatar}.")
-            avatar[camera, place] = person.avatar
-            root[camera, place], pose[camera, place] = person.root_m, person.pose_axis_angle
+        camera = np.repeat(np.arange(len(T)), [len(group) for group in people])
+        place = np.concatenate([np.arange(len(group)) for group in people])
+        avatar[camera, place] = [person.avatar for person in everyone]
+        root[camera, place] = np.array([person.root_m for person in everyone])
+        pose[camera, place] = np.array([person.pose_axis_angle for person in everyone])
     if not (np.isfinite(root).all() and np.isfinite(pose).all()):
         raise ValueError("root_m and pose_axis_angle of people must be finite; got some that are not.")
     return Batch(

@@ -137,11 +137,7 @@ class TritonPipeline:
             self.clock("bin")
             starts, counts = self._bin(seen, alive, pair_total, buffers)
             self.clock("sort")
-            in_spare = torch.empty_like(counts)
-            sort_lists[(len(counts),)](
-                buffers.entries, buffers.spare, starts, counts, buffers.entry_capacity, in_spare,
-                RUN=self._settings.sort_run, num_warps=self._settings.sort_warps, **_FUSED,
-            )  # fmt: skip
+            in_spare = self._sort(starts, counts, buffers)
             self.clock("blend")
             blend[(len(counts),)](
                 buffers.entries, buffers.spare, starts, counts, in_spare, buffers.entry_capacity,
@@ -265,6 +261,17 @@ class TritonPipeline:
         visit(torch.zeros_like(counts), True)
         self._needed[1:] = torch.maximum(self._needed[1:], ends[-1:])
         return starts, counts
+
+    def _sort(self, starts: Tensor, counts: Tensor, buffers: Buffers) -> Tensor:
+        """Sort all lists; 1 for those whose sorted form is in the spare buffer."""
+        in_spare, settings = torch.zeros_like(counts), self._settings
+        lists = (buffers.entries, buffers.spare, starts, counts, buffers.entry_capacity, in_spare)
+        limit = settings.long_sort_run
+        sort_lists[(len(counts),)](*lists, 2, limit, RUN=settings.sort_run, num_warps=settings.sort_warps, **_FUSED)
+        sort_lists[(len(counts),)](
+            *lists, limit + 1, 2**31 - 1, RUN=limit, num_warps=settings.long_sort_warps, **_FUSED
+        )
+        return in_spare
 
     def _roomy(self, instances: int, normals: bool) -> Buffers:
         """The buffers; of a first guess if there are none that hold what is wanted."""

@@ -68,9 +68,9 @@ def bin_entries(
             column = tl.where(at_end, 0, column)
 
 
-@triton.jit(do_not_specialize=["entry_capacity"])
-def sort_lists(entries, spare, starts, counts, entry_capacity, in_spare, RUN: tl.constexpr):
-    """Sort the list of each tile; programs (B * T,).
+@triton.jit(do_not_specialize=["entry_capacity", "least", "most"])
+def sort_lists(entries, spare, starts, counts, entry_capacity, in_spare, least, most, RUN: tl.constexpr):
+    """Sort the lists of `least` to `most` entries, one per program; programs (B * T,).
 
     Runs of RUN entries are sorted in registers, then merged two by two: an entry's place in the merged run is its place
     in its own run plus the number of smaller entries in the other one, found by bisection.
@@ -82,14 +82,16 @@ def sort_lists(entries, spare, starts, counts, entry_capacity, in_spare, RUN: tl
         counts: Entries of each list, shape (B * T,).
         entry_capacity: Room for entries.
         in_spare: Written: 1 for lists whose sorted form is in `spare`, int32, shape (B * T,).
+        least: Shorter lists are left alone.
+        most: So are longer ones.
         RUN: Entries that are sorted in registers, a power of two.
     """
     tile = tl.program_id(0)
     start = tl.load(starts + tile)
     count = tl.minimum(tl.load(counts + tile), tl.maximum(entry_capacity - start, 0)).to(tl.int32)
     lane = tl.arange(0, RUN)
-    swapped = 0
-    if count > 1:
+    if (count >= least) & (count <= most):
+        swapped = 0
         for first in range(0, count, RUN):
             inside = first + lane < count
             keys = tl.sort(tl.load(entries + start + first + lane, mask=inside, other=_LAST))
@@ -104,7 +106,7 @@ def sort_lists(entries, spare, starts, counts, entry_capacity, in_spare, RUN: tl
                 _merge_runs(spare + start, entries + start, width, count, lane, RUN)
             swapped = 1 - swapped
             width *= 2
-    tl.store(in_spare + tile, swapped)
+        tl.store(in_spare + tile, swapped)
 
 
 @triton.jit

@@ -20,4 +20,4 @@ def test_every_launch_compiles_for_a_hopper_gpu(tmp_path: Path) -> None:
         env=environment, capture_output=True, text=True, check=False, cwd=root,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr[-2000:]
-    assert len(done.stdout.splitlines()) == 11, done.stdout
+    assert len(done.stdout.splitlines()) == 12, done.stdout

@@ -16,7 +16,14 @@ def rasterizer(triton_device: str):
     from common.rasterizer.gpu.triton_settings import TritonSettings
 
     def make(scenes, avatars, K, height: int = HEIGHT, width: int = WIDTH, **settings):
-        chosen = {"tile_height_px": 16, "slab_shares": (0.4,), "sort_run": 64, "programs_per_processor": 1, **settings}
+        chosen = {
+            "tile_height_px": 16,
+            "slab_shares": (0.4,),
+            "sort_run": 64,
+            "long_sort_run": 64,
+            "programs_per_processor": 1,
+            **settings,
+        }
         return GpuRasterizer(
             scenes, avatars, K, height, width, kernels="triton", device=triton_device, settings=TritonSettings(**chosen)
         )
@@ -198,9 +205,10 @@ def test_lists_of_any_length_are_sorted(triton_device: str, run: int) -> None:
         torch.tensor(keys, device=triton_device),
         torch.zeros(len(keys), dtype=torch.int64, device=triton_device),
     )
-    flags = torch.full((len(lengths),), -1, dtype=torch.int32, device=triton_device)
+    flags = torch.zeros(len(lengths), dtype=torch.int32, device=triton_device)
     tensors = [torch.tensor(array, device=triton_device) for array in (starts, counts)]
-    sort_lists[(len(lengths),)](entries, spare, *tensors, len(keys), flags, RUN=run)
+    for least, most in ((2, 16), (17, 1000)):
+        sort_lists[(len(lengths),)](entries, spare, *tensors, len(keys), flags, least, most, RUN=run)
     for start, length, flag in zip(starts, lengths, flags.tolist(), strict=True):
         found = (spare if flag else entries)[start : start + length].cpu().numpy()
         assert np.array_equal(found, np.sort(keys[start : start + length]))
@@ -239,7 +247,7 @@ def test_too_many_tiles_and_bad_requests_are_refused(make_cloud, camera, small_a
 
 
 @pytest.mark.parametrize(
-    "bad", [{"tile_width_px": 12}, {"slab_shares": (0.5, 0.2)}, {"sort_run": 48}, {"cameras_per_pass": 0}]
+    "bad", [{"tile_width_px": 12}, {"slab_shares": (0.5, 0.2)}, {"long_sort_run": 48}, {"cameras_per_pass": 0}]
 )
 def test_bad_settings_are_refused(bad: dict[str, object]) -> None:
     from common.rasterizer.gpu.triton_settings import TritonSettings
