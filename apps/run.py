@@ -24,7 +24,7 @@ from common.robot import RobotConfig
 from services.animator.config import AnimatorConfig
 from services.planner.config import ExpertConfig, HumanPlannerConfig
 from services.recorder.config import RecorderConfig
-from services.renderer.config import RendererConfig
+from services.renderer.config import GPU_BACKENDS, RendererConfig
 from services.renderer.sensor import SENSOR_RECIPES, SensorName
 
 STATE_FOLDER = ".readygo"
@@ -64,12 +64,19 @@ def load_run_config(path: Path | None, robot: RobotConfig | None = None, sensor:
 
 
 def numeric_class(config: RunConfig) -> str:
-    """What the bits of a run's samples depend on besides their key: backend, package versions, architecture."""
+    """What the bits of a run's samples depend on besides their key: backend, package versions, architecture.
+
+    Raises:
+        ReadygoError: If the backend cannot run on this machine.
+    """
+    from common.rasterizer.gpu.availability import device_class
     from common.rasterizer.simd_types import fuses_multiply_adds
 
     architecture = f"{platform.machine()}{'' if fuses_multiply_adds() else '-without-fma'}"
     versions = [f"{name}-{importlib.metadata.version(name)}" for name in _NUMERIC_PACKAGES]
-    return " ".join([config.renderer.backend, architecture, *versions])
+    backend = config.renderer.backend
+    device = [device_class(backend)] if backend in GPU_BACKENDS else []
+    return " ".join([backend, *device, architecture, *versions])
 
 
 def identity(spec: RunSpec) -> dict[str, Any]:

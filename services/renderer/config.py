@@ -1,18 +1,22 @@
 """Settings of the renderer."""
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, get_args
 
 from common.rasterizer.images import OUTPUTS
 from services.renderer.sensor import SensorConfig
+
+Backend = Literal["cpu", "reference", "triton", "gsplat"]
+GPU_BACKENDS = ("triton", "gsplat")
 
 
 @dataclass(frozen=True, kw_only=True)
 class RendererConfig:
     """How images are made and encoded; recorded with every dataset."""
 
-    backend: Literal["cpu", "reference"] = "cpu"
-    """"reference" is the slow oracle of `common.rasterizer.reference`: seconds per image."""
+    backend: Backend = "cpu"
+    """"reference" is the slow oracle of `common.rasterizer.reference`: seconds per image; "triton" and "gsplat" draw on
+    a GPU, see `common/rasterizer/gpu`."""
     image_format: Literal["jpeg", "png"] = "jpeg"
     """Encoding of recorded images; "png" is lossless."""
     jpeg_quality: int = 90
@@ -24,8 +28,10 @@ class RendererConfig:
     """Lens, shutter, exposure and noise; off by default."""
 
     def __post_init__(self) -> None:
-        if self.backend not in ("cpu", "reference"):
-            raise ValueError(f'backend must be "cpu" or "reference", got {self.backend!r}.')
+        if self.backend not in get_args(Backend):
+            raise ValueError(f"backend must be one of {', '.join(get_args(Backend))}, got {self.backend!r}.")
+        if self.contact_shadow and self.backend in GPU_BACKENDS:
+            raise ValueError(f"contact_shadow is drawn by the backends cpu and reference only, got {self.backend!r}.")
         if self.image_format not in ("jpeg", "png"):
             raise ValueError(f'image_format must be "jpeg" or "png", got {self.image_format!r}.')
         if not 1 <= self.jpeg_quality <= 100:

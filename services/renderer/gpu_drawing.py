@@ -9,8 +9,10 @@ from common.avatars import Avatar
 from common.messages import HumanMotion
 from common.rasterizer.cpu import PosedPerson
 from common.rasterizer.gpu.availability import require_kernels
-from common.robot import CameraConfig
+from common.rasterizer.images import Images
 from common.scenes import Scene
+from services.renderer.drawing import PinholeCamera
+from services.renderer.sensor_motion import posed
 
 Image = npt.NDArray[np.uint8]
 Pose = npt.NDArray[np.float64]
@@ -34,7 +36,7 @@ class GpuDrawing:
         self,
         scene: Scene,
         avatars: Mapping[str, Avatar],
-        camera: CameraConfig,
+        camera: PinholeCamera,
         kernels: str = "triton",
         device: str = "cuda",
     ) -> None:
@@ -54,12 +56,18 @@ class GpuDrawing:
             device=device,
         )
 
-    def draw(self, T_world_camera: Pose, humans: Sequence[HumanMotion], step: int) -> Image:
+    def draw(self, T_world_camera: Pose, humans: Sequence[HumanMotion], step: float) -> Image:
         """See `Drawing.draw`."""
-        return self._rasterizer.render(T_world_camera, self._posed(humans, step))
+        return self._rasterizer.render(T_world_camera, self._people(humans, step))
+
+    def draw_images(
+        self, T_world_camera: Pose, humans: Sequence[HumanMotion], step: float, outputs: Sequence[str]
+    ) -> Images:
+        """See `Drawing.draw_images`."""
+        return self._rasterizer.render_images(T_world_camera, self._people(humans, step), outputs)
 
     def draw_batch(
-        self, T_world_camera: Pose, humans: Sequence[Sequence[HumanMotion]], steps: Sequence[int]
+        self, T_world_camera: Pose, humans: Sequence[Sequence[HumanMotion]], steps: Sequence[float]
     ) -> npt.NDArray[np.uint8]:
         """Many views in one call.
 
@@ -71,18 +79,11 @@ class GpuDrawing:
         Returns:
             sRGB, shape (B, H, W, 3).
         """
-        people = [self._posed(group, step) for group, step in zip(humans, steps, strict=True)]
+        people = [self._people(group, step) for group, step in zip(humans, steps, strict=True)]
         return self._rasterizer.render_batch(T_world_camera, people)
 
-    def _posed(self, humans: Sequence[HumanMotion], step: int) -> list[PosedPerson]:
-        people = []
-        for human in humans:
-            row = human.motion.row(step)
-            people.append(
-                PosedPerson(
-                    avatar=self._number[human.avatar],
-                    root_m=human.motion.root_m[row],
-                    pose_axis_angle=human.motion.pose_axis_angle[row],
-                )
-            )
-        return people
+    def _people(self, humans: Sequence[HumanMotion], step: float) -> list[PosedPerson]:
+        return [
+            PosedPerson(avatar=self._number[one.avatar], root_m=one.root_m, pose_axis_angle=one.pose_axis_angle)
+            for one in posed(humans, step)
+        ]

@@ -28,11 +28,12 @@ from common.messages import (
 from common.rasterizer.images import Images
 from common.robot import RobotConfig
 from common.scenes import Scene
-from services.renderer.capture import Capture, EpisodeCamera, pinhole_of
-from services.renderer.config import RendererConfig
+from services.renderer.capture import Capture, EpisodeCamera, Pinhole, pinhole_of
+from services.renderer.config import GPU_BACKENDS, RendererConfig
 from services.renderer.contact_shadow import shadow_cloud
 from services.renderer.drawing import CpuDrawing, Drawing, ReferenceDrawing
 from services.renderer.encoding import encode_image, encode_outputs
+from services.renderer.gpu_drawing import GpuDrawing
 from services.renderer.sensor_motion import Moment, PosedHuman, Timeline
 from services.renderer.sensor_streams import SensorStream
 
@@ -54,15 +55,19 @@ class Renderer:
     def __init__(self, scene: Scene, avatars: Mapping[str, Avatar], robot: RobotConfig, config: RendererConfig) -> None:
         self.scene, self.robot, self.config = scene, robot, config
         self.avatars = dict(avatars)
-        shadows = partial(self._shadows, floor=scene.maps.floor) if config.contact_shadow else None
         pinhole = pinhole_of(config.sensor, robot.camera)
-        self.drawing: Drawing
-        if config.backend == "cpu":
-            self.drawing = CpuDrawing(scene, self.avatars, pinhole, config.outputs, shadows=shadows)
-        else:
-            self.drawing = ReferenceDrawing(scene, self.avatars, pinhole, shadows=shadows)
+        self.drawing = self._make_drawing(pinhole)
         self.capture = Capture(drawing=self.drawing, pinhole=pinhole, sensor=config.sensor, camera=robot.camera)
         self._people: OrderedDict[str, tuple[HumanMotion, ...]] = OrderedDict()
+
+    def _make_drawing(self, pinhole: Pinhole) -> Drawing:
+        scene, config = self.scene, self.config
+        if config.backend in GPU_BACKENDS:
+            return GpuDrawing(scene, self.avatars, pinhole, config.backend)
+        shadows = partial(self._shadows, floor=scene.maps.floor) if config.contact_shadow else None
+        if config.backend == "cpu":
+            return CpuDrawing(scene, self.avatars, pinhole, config.outputs, shadows=shadows)
+        return ReferenceDrawing(scene, self.avatars, pinhole, shadows=shadows)
 
     def remember(self, people: People) -> None:
         """Keep people for later requests.

@@ -1,5 +1,6 @@
 """Whether this machine can draw on a GPU, said in one line if it cannot."""
 
+import importlib.metadata
 import importlib.util
 import shutil
 
@@ -37,6 +38,20 @@ def require_kernels(kernels: str, device: str) -> None:
         )
     if kernels == "gsplat":
         _require_gsplat_kernels()
+
+
+def device_class(kernels: str, device: str = "cuda") -> str:
+    """What the bits of images depend on: the device, and the versions of torch and of the kernels' package.
+
+    Raises:
+        ReadygoError: If the kernels cannot run, see `require_kernels`.
+    """
+    require_kernels(kernels, device)
+    import torch
+
+    name = torch.cuda.get_device_name(device) if torch.cuda.is_available() else "interpreter"
+    versions = [f"{package}-{importlib.metadata.version(package)}" for package in ("torch", kernels)]
+    return " ".join([name.replace(" ", "-"), *versions])
 
 
 def _is_interpreted() -> bool:
