@@ -109,7 +109,7 @@ def run(job: Job, *, peers: bool = True) -> dict[str, Any]:
     gaussians = _gaussians(layers)
     result |= {"gaussians": gaussians, "sh_degree": _degree(layers)}
     timings = [measure(setting, render)] if job.threads == 1 else measure_in_processes(job)
-    result |= speed(timings)
+    result |= speed(timings, wall=job.backend == "gpu")
     if job.backend == "cpu":
         result["stages_ms"] = stages_ms(setting, render)
     if peers:
@@ -171,15 +171,17 @@ def _degree(layers: list[PackedScene]) -> int:
     return {1: 0, 4: 1, 9: 2, 16: 3}[_coefficients(layers)]
 
 
-def speed(timings: list[Timing]) -> dict[str, Any]:
+def speed(timings: list[Timing], *, wall: bool = False) -> dict[str, Any]:
     """Images per second of all processes together, and the spread over views on one core.
 
-    An image's cost is the least CPU time of its runs; a view's is the mean over its images.
+    An image's cost is the least CPU time of its runs, or wall time where a device does the work; a view's is the mean
+    over its images.
     """
-    per_view = [timing.cpu_s.min(axis=0).mean(axis=1) for timing in timings]
+    spent_s = [timing.wall_s if wall else timing.cpu_s for timing in timings]
+    per_view = [seconds.min(axis=0).mean(axis=1) for seconds in spent_s]
     all_views = np.concatenate(per_view)
     fast, median, slow = (1 / float(np.percentile(all_views, q)) for q in (10, 50, 90))
-    disturbed = [float(np.median(timing.cpu_s / timing.cpu_s.min(axis=0))) - 1 for timing in timings]
+    disturbed = [float(np.median(seconds / seconds.min(axis=0))) - 1 for seconds in spent_s]
     return {
         "images_per_s": sum(1 / float(seconds.mean()) for seconds in per_view),
         "images_per_s_wall": sum(timing.wall_s.size / float(timing.wall_s.sum()) for timing in timings),

@@ -18,6 +18,7 @@ from benchmarks.render_setting import Job, Setting, open_setting
 from common.errors import ConfigError
 from common.rasterizer import cpu, cpu_blend
 from common.rasterizer.cpu import CpuRasterizer, PosedPerson
+from common.rasterizer.gpu.availability import require_kernels
 from common.rasterizer.reference import rasterize_reference
 from common.rasterizer.warm import warm
 
@@ -91,8 +92,25 @@ def _reference(setting: Setting) -> Render:
     return render
 
 
+def make_gpu_render(setting: Setting, kernels: str) -> Render:
+    """The GPU's drawing function, one image per call; `benchmarks/gpu.py` measures batches.
+
+    Raises:
+        ReadygoError: If the kernels cannot run here.
+    """
+    require_kernels(kernels, "cuda")
+    from common.rasterizer.gpu.rasterizer import GpuRasterizer
+
+    camera = setting.camera
+    clouds = [setting.scenery.cloud()]
+    size = camera.height_px, camera.width_px
+    return GpuRasterizer(clouds, setting.avatars, camera.K_px, *size, kernels=kernels).render
+
+
 def _gpu(setting: Setting) -> Render:
-    raise ConfigError("--backend gpu: this version has no GPU backend; use --backend cpu.")
+    if setting.job.lod == "on":
+        raise ConfigError("--lod on: the GPU rasterizer has no levels of detail; use --lod off.")
+    return make_gpu_render(setting, "triton")
 
 
 BACKENDS: dict[str, Callable[[Setting], Render]] = {"cpu": _cpu, "gpu": _gpu, "reference": _reference}
