@@ -1,0 +1,111 @@
+"""What the kernels of the differentiable rasterizer read and write, apart from the common workspace."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+Singles = npt.NDArray[np.float32]
+Integers = npt.NDArray[np.int64]
+
+STAGED_ROWS, STAGED_LANES = 12, 32
+"""Offset from the camera (3), quaternion (4), scales (3), opacity, number; up to 31 Gaussians that wait for 16."""
+KEPT_ROWS = 21
+"""Offset from the camera (3), quaternion (4), scales (3), opacity, derivatives of red, green, blue by the offset (9),
+and the larger half side of the box [px]."""
+RADIUS = 20
+"""Row of the last of these."""
+TRANSMITTANCE, RED, DEPTH, PLANES = 0, 1, 4, 5
+"""Planes of an image: transmittance, red, green, blue, depth times weight, and then the features."""
+WEIGHT, CHANNELS = 6, 7
+"""Places in a gradient record: six moments, the sum of weights, then red, green, blue, depth and the features."""
+GRADIENT_ROWS = 11
+"""Numbers of a gradient record without features."""
+FEATURE_GROUP = 4
+"""Features are handled in groups of this many; the last group is filled up with zeros."""
+
+
+class Cloud(NamedTuple):
+    """Parameters of N Gaussians as flat float32 arrays."""
+
+    means_m: Singles
+    quats_wxyz: Singles
+    scales_m: Singles
+    opacities: Singles
+    sh: Singles
+    """Coefficients, three colours each; empty if there is no colour."""
+    sh_stride: int
+    """Numbers per Gaussian in `sh`."""
+    sh_count: int
+    """Coefficients per colour that are used; 0: no colour."""
+
+
+class Kept(NamedTuple):
+    """What the projection hands to the backward pass; row r, Gaussian n at `rows[r * stride + n]`."""
+
+    index: npt.NDArray[np.int32]
+    """Numbers of the Gaussians that are drawn, in the order of the records, shape (N + slack,)."""
+    rows: Singles
+    """See `KEPT_ROWS`."""
+    stride: int
+    staged: Singles
+    """See `STAGED_ROWS`."""
+    coefficients: Singles
+    """Of 16 Gaussians SH coefficients (48), derivatives of their colours (9), half sides; shape (58 * 16,)."""
+
+
+class Raster(NamedTuple):
+    """Images and lists that forward and backward blending share."""
+
+    planes: Singles
+    """Images one after the other, with sides that are multiples of 16 px; see `PLANES`."""
+    height: int
+    """Rows of one plane [px]."""
+    stride: int
+    """Columns of one plane [px]."""
+    features: Singles
+    """Features of the records, shape (records * feature_count,)."""
+    feature_count: int
+    """Features per record, a multiple of `FEATURE_GROUP`."""
+    block_end: npt.NDArray[np.int32]
+    """First entry of each 4x4 block that was not drawn any more, shape (T * 16,)."""
+    weights: Singles
+    """Weights of one list of entries in one block, shape (64 * 16,)."""
+    state: Singles
+    """What a tile's blocks need while it is blended, shape (16 * (feature_count + 7) * 16,)."""
+
+
+class Gradients(NamedTuple):
+    """Derivatives of the loss, one row per record, with room for 16 more rows."""
+
+    records: Singles
+    """Gradient records, see `GRADIENT_ROWS`, shape (N * record_size,)."""
+    record_size: int
+    """Numbers per gradient record, a multiple of 16."""
+    sums: Singles
+    """A gradient record in 16 parts each, shape (record_size * 16,)."""
+    means_m: Singles
+    quats_wxyz: Singles
+    scales_m: Singles
+    opacities: Singles
+    sh: Singles
+    weights: Singles
+    """Sum of the Gaussian's weights over all pixels."""
+    means_px: Singles
+    """By the projected means: all x, from `means_px[stride]` on all y."""
+    stride: int
+    pose: Singles
+    """Derivatives by R_CW, row by row, and by the camera centre, in 16 parts each, shape (12 * 16,)."""
+
+
+def aligned(count: int, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
+    """Uninitialised array that begins on a cache line."""
+    size = count * np.dtype(dtype).itemsize
+    raw = np.empty(size + 128, dtype=np.uint8)
+    start = -raw.ctypes.data % 64
+    return raw[start : start + size].view(dtype)
+
+
+def row_stride(count: int) -> int:
+    """Distance of rows with room for `count` and 16 more numbers, so that equal places of rows share no cache set."""
+    return (count + 16 + 1023) // 1024 * 1024 + 16

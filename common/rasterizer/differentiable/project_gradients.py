@@ -1,0 +1,236 @@
+"""From derivatives by projected Gaussians to derivatives by their parameters and the camera pose.
+
+Legend: d = mean - camera centre, R = R_CW, (x, y, z) = R d, tangents (u, v) = (x / z, y / z) clamped to (uc, vc),
+E = rows of J R without the factors fx / z and fy / z, Q = rotation of the Gaussian, A = E Q, s = scales. The image axes
+are a_k = A_0k s_k fx / z, b_k = A_1k s_k fy / z, the covariance is that of `image_covariance`, K is its inverse.
+With v = dL / d ln(alpha) of a pixel at offset (dx, dy) from the projected mean, the moments of a record are the sums of
+v, v dx, v dy, v dx^2, v dx dy, v dy^2 over its pixels:
+
+    dL / d ln(opacity) = m0,   dL / d mean_px = K (m1, m2),   dL / d covariance = K M K / 2 with M = [[m3, m4], [m4, m5]].
+"""
+
+from typing import Any
+
+from common.rasterizer.compilation import inlined, kernel
+from common.rasterizer.cpu_view import View
+from common.rasterizer.cpu_workspace import RECORD, RECORDS, Workspace
+from common.rasterizer.differentiable.colour import write_coefficient_gradients
+from common.rasterizer.differentiable.lens import (
+    Lens,
+    clamped,
+    image_axes,
+    image_covariance,
+    image_rows,
+    lens_of,
+    quaternion_matrix,
+    rotation_rows,
+    to_camera,
+)
+from common.rasterizer.differentiable.memory import CHANNELS, WEIGHT, Cloud, Gradients, Kept
+from common.rasterizer.differentiable.simd_rows import rows_of_four, rows_of_three
+from common.rasterizer.simd_memory import load_f16, store_f16, transpose_in_place
+from common.rasterizer.simd_types import (
+    f16,
+    fma,
+    fnma,
+    lane_number,
+    sqrt,
+    where,
+)
+
+
+@inlined
+def _row(kept: Kept, row: int, first: int) -> Any:
+    return load_f16(kept.rows, row * kept.stride + first)
+
+
+@inlined
+def _quaternion_gradient(q: Any, G: Any) -> Any:
+    """Derivatives by quaternions of any length of a loss whose derivatives by their rotations are G, row by row."""
+    inverse = 1.0 / sqrt(fma(q[0], q[0], fma(q[1], q[1], fma(q[2], q[2], q[3] * q[3]))))
+    w, x, y, z = q[0] * inverse, q[1] * inverse, q[2] * inverse, q[3] * inverse
+    n0, n1, n2 = G[7] - G[5], G[2] - G[6], G[3] - G[1]
+    p01, p02, p12 = G[1] + G[3], G[2] + G[6], G[5] + G[7]
+    gw = fma(x, n0, fma(y, n1, z * n2))
+    gx = fma(y, p01, fma(z, p02, fnma(x * 2.0, G[4] + G[8], w * n0)))
+    gy = fma(x, p01, fma(z, p12, fnma(y * 2.0, G[0] + G[8], w * n1)))
+    gz = fma(x, p02, fma(y, p12, fnma(z * 2.0, G[0] + G[4], w * n2)))
+    along = fma(w, gw, fma(x, gx, fma(y, gy, z * gz)))
+    twice = inverse * 2.0
+    return (gw - along * w) * twice, (gx - along * x) * twice, (gy - along * y) * twice, (gz - along * z) * twice
+
+
+@inlined
+def _add_pose(k: int, value: Any, out: Gradients) -> None:
+    store_f16(out.pose, k * 16, load_f16(out.pose, k * 16) + value)
+
+
+@inlined
+def _gradient_rows(first: int, out: Gradients) -> None:
+    """Bring the first 16 numbers of 16 gradient records to one row each."""
+    for lane in range(16):
+        store_f16(out.sums, lane * 16, load_f16(out.records, (first + lane) * out.record_size))
+    transpose_in_place(out.sums, 0)
+
+
+@inlined
+def _shape_gradients(lens: Lens, R: Any, first: int, kept: Kept, out: Gradients) -> Any:
+    """Derivatives by quaternions, scales and opacities, written; those by the offsets in camera axes, returned.
+
+    Also returned: what the covariances add to the derivatives by R_CW, row by row.
+    """
+    d = (_row(kept, 0, first), _row(kept, 1, first), _row(kept, 2, first))
+    x, y, z = to_camera(R, d)
+    inverse_z = 1.0 / z
+    u, v = x * inverse_z, y * inverse_z
+    uc, vc = clamped(lens, u, v)
+    q = (_row(kept, 3, first), _row(kept, 4, first), _row(kept, 5, first), _row(kept, 6, first))
+    Q = quaternion_matrix(q[0], q[1], q[2], q[3])
+    E = image_rows(R, uc, vc)
+    A = image_axes(E, Q)
+    du, dv = inverse_z * lens.fx, inverse_z * lens.fy
+    s0, s1, s2 = _row(kept, 7, first), _row(kept, 8, first), _row(kept, 9, first)
+    su0, su1, su2, sv0, sv1, sv2 = s0 * du, s1 * du, s2 * du, s0 * dv, s1 * dv, s2 * dv
+    a = (A[0] * su0, A[1] * su1, A[2] * su2)
+    b = (A[3] * sv0, A[4] * sv1, A[5] * sv2)
+    sxx, sxy, syy, det = image_covariance(a, b)
+    scale = 1.0 / det
+    kxx, kxy, kyy = syy * scale, fnma(sxy, scale, f16(0.0)), sxx * scale
+    m0, m1, m2 = load_f16(out.sums, 0), load_f16(out.sums, 16), load_f16(out.sums, 32)
+    m3, m4, m5 = load_f16(out.sums, 48), load_f16(out.sums, 64), load_f16(out.sums, 80)
+    store_f16(out.weights, first, load_f16(out.sums, WEIGHT * 16))
+    store_f16(out.opacities, first, m0 / _row(kept, 10, first))
+    gx, gy = fma(kxx, m1, kxy * m2), fma(kxy, m1, kyy * m2)
+    store_f16(out.means_px, first, gx)
+    store_f16(out.means_px, out.stride + first, gy)
+    p00, p01 = fma(kxx, m3, kxy * m4), fma(kxy, m3, kyy * m4)
+    p10, p11 = fma(kxx, m4, kxy * m5), fma(kxy, m4, kyy * m5)
+    wxx, wxy, wyy = fma(p00, kxx, p10 * kxy), fma(p00, kxy, p10 * kyy), fma(p01, kxy, p11 * kyy)
+    ga0, ga1, ga2 = fma(wxx, a[0], wxy * b[0]), fma(wxx, a[1], wxy * b[1]), fma(wxx, a[2], wxy * b[2])
+    gb0, gb1, gb2 = fma(wxy, a[0], wyy * b[0]), fma(wxy, a[1], wyy * b[1]), fma(wxy, a[2], wyy * b[2])
+    r0, r1, r2 = rows_of_three(
+        fma(ga0 * du, A[0], gb0 * dv * A[3]),
+        fma(ga1 * du, A[1], gb1 * dv * A[4]),
+        fma(ga2 * du, A[2], gb2 * dv * A[5]),
+    )
+    store_f16(out.scales_m, 3 * first, r0)
+    store_f16(out.scales_m, 3 * first + 16, r1)
+    store_f16(out.scales_m, 3 * first + 32, r2)
+    # By ln(fx / z) and ln(fy / z), both of which move with -ln(z).
+    g_zoom = fma(ga0, a[0], fma(ga1, a[1], ga2 * a[2])) + fma(gb0, b[0], fma(gb1, b[1], gb2 * b[2]))
+    g0, g1, g2, g3, g4, g5 = ga0 * su0, ga1 * su1, ga2 * su2, gb0 * sv0, gb1 * sv1, gb2 * sv2
+    w0, w1, w2, w3 = _quaternion_gradient(
+        q,
+        (
+            fma(E[0], g0, E[3] * g3), fma(E[0], g1, E[3] * g4), fma(E[0], g2, E[3] * g5),
+            fma(E[1], g0, E[4] * g3), fma(E[1], g1, E[4] * g4), fma(E[1], g2, E[4] * g5),
+            fma(E[2], g0, E[5] * g3), fma(E[2], g1, E[5] * g4), fma(E[2], g2, E[5] * g5),
+        ),
+    )  # fmt: skip
+    h0, h1, h2, h3 = rows_of_four(w0, w1, w2, w3)
+    store_f16(out.quats_wxyz, 4 * first, h0)
+    store_f16(out.quats_wxyz, 4 * first + 16, h1)
+    store_f16(out.quats_wxyz, 4 * first + 32, h2)
+    store_f16(out.quats_wxyz, 4 * first + 48, h3)
+    e0, e1, e2 = (
+        fma(Q[0], g0, fma(Q[1], g1, Q[2] * g2)),
+        fma(Q[3], g0, fma(Q[4], g1, Q[5] * g2)),
+        fma(Q[6], g0, fma(Q[7], g1, Q[8] * g2)),
+    )
+    e3, e4, e5 = (
+        fma(Q[0], g3, fma(Q[1], g4, Q[2] * g5)),
+        fma(Q[3], g3, fma(Q[4], g4, Q[5] * g5)),
+        fma(Q[6], g3, fma(Q[7], g4, Q[8] * g5)),
+    )
+    g_uc, g_vc = fma(e0, R[6], fma(e1, R[7], e2 * R[8])), fma(e3, R[6], fma(e4, R[7], e5 * R[8]))
+    # A clamped tangent does not move with the mean.
+    inside_u, inside_v = (u > lens.u_low) & (u < lens.u_high), (v > lens.v_low) & (v < lens.v_high)
+    g_u = fma(gx, lens.fx, where(inside_u, 0.0 - g_uc, 0.0))
+    g_v = fma(gy, lens.fy, where(inside_v, 0.0 - g_vc, 0.0))
+    g_depth = load_f16(out.sums, (CHANNELS + 3) * 16)
+    g_z = fnma(fma(g_u, u, fma(g_v, v, g_zoom)), inverse_z, g_depth)
+    t0, t1, t2 = fma(uc, e0, vc * e3), fma(uc, e1, vc * e4), fma(uc, e2, vc * e5)
+    zero = f16(0.0)
+    return (g_u * inverse_z, g_v * inverse_z, g_z), (e0, e1, e2, e3, e4, e5, zero - t0, zero - t1, zero - t2)
+
+
+@inlined
+def _colour_gradients(
+    cloud: Cloud, first: int, lanes: int, dense: bool, records: Any, kept: Kept, out: Gradients
+) -> Any:
+    """Derivatives by the coefficients, written; those by the offsets in world axes, returned."""
+    zero = f16(0.0)
+    if cloud.sh_count == 0:
+        return zero, zero, zero
+    g = (
+        where(load_f16(records, 0) > 0.0, load_f16(out.sums, CHANNELS * 16), 0.0),
+        where(load_f16(records, 16) > 0.0, load_f16(out.sums, (CHANNELS + 1) * 16), 0.0),
+        where(load_f16(records, 32) > 0.0, load_f16(out.sums, (CHANNELS + 2) * 16), 0.0),
+    )
+    d = (_row(kept, 0, first), _row(kept, 1, first), _row(kept, 2, first))
+    inverse = 1.0 / sqrt(fma(d[0], d[0], fma(d[1], d[1], d[2] * d[2])))
+    write_coefficient_gradients(
+        cloud, kept, d[0] * inverse, d[1] * inverse, d[2] * inverse, g, first, lanes, dense, out
+    )
+    if cloud.sh_count == 1:
+        return zero, zero, zero
+    return (
+        fma(g[0], _row(kept, 11, first), fma(g[1], _row(kept, 14, first), g[2] * _row(kept, 17, first))),
+        fma(g[0], _row(kept, 12, first), fma(g[1], _row(kept, 15, first), g[2] * _row(kept, 18, first))),
+        fma(g[0], _row(kept, 13, first), fma(g[1], _row(kept, 16, first), g[2] * _row(kept, 19, first))),
+    )
+
+
+@inlined
+def _record_colours(first: int, ws: Workspace) -> None:
+    """Bring red, green and blue of 16 records to one row each in the scratch memory."""
+    for channel in range(3):
+        for lane in range(16):
+            ws.scratch[channel * 16 + lane] = ws.records[(first + lane) * RECORD + 6 + channel]
+
+
+@kernel
+def project_gradients(view: View, cloud: Cloud, dense: bool, kept: Kept, ws: Workspace, out: Gradients) -> None:
+    """Derivatives by all parameters of the Gaussians that were drawn, sixteen at a time.
+
+    Args:
+        view: Camera.
+        cloud: Parameters.
+        dense: Write those by SH coefficients to the rows of the Gaussians instead of those of the records.
+        kept: What the projection kept.
+        ws: Workspace after the projection.
+        out: Gradient records, and where to write.
+    """
+    lens, R = lens_of(view), rotation_rows(view.R_CW)
+    for k in range(12):
+        store_f16(out.pose, k * 16, f16(0.0))
+    count = ws.counts[RECORDS]
+    for first in range(0, count, 16):
+        lanes = min(count - first, 16)
+        _gradient_rows(first, out)
+        g, G = _shape_gradients(lens, R, first, kept, out)
+        _record_colours(first, ws)
+        c0, c1, c2 = _colour_gradients(cloud, first, lanes, dense, ws.scratch, kept, out)
+        w0, w1, w2 = (
+            fma(R[0], g[0], fma(R[3], g[1], fma(R[6], g[2], c0))),
+            fma(R[1], g[0], fma(R[4], g[1], fma(R[7], g[2], c1))),
+            fma(R[2], g[0], fma(R[5], g[1], fma(R[8], g[2], c2))),
+        )
+        r0, r1, r2 = rows_of_three(w0, w1, w2)
+        store_f16(out.means_m, 3 * first, r0)
+        store_f16(out.means_m, 3 * first + 16, r1)
+        store_f16(out.means_m, 3 * first + 32, r2)
+        valid = lane_number() < lanes
+        d = (_row(kept, 0, first), _row(kept, 1, first), _row(kept, 2, first))
+        _add_pose(0, where(valid, fma(g[0], d[0], G[0]), 0.0), out)
+        _add_pose(1, where(valid, fma(g[0], d[1], G[1]), 0.0), out)
+        _add_pose(2, where(valid, fma(g[0], d[2], G[2]), 0.0), out)
+        _add_pose(3, where(valid, fma(g[1], d[0], G[3]), 0.0), out)
+        _add_pose(4, where(valid, fma(g[1], d[1], G[4]), 0.0), out)
+        _add_pose(5, where(valid, fma(g[1], d[2], G[5]), 0.0), out)
+        _add_pose(6, where(valid, fma(g[2], d[0], G[6]), 0.0), out)
+        _add_pose(7, where(valid, fma(g[2], d[1], G[7]), 0.0), out)
+        _add_pose(8, where(valid, fma(g[2], d[2], G[8]), 0.0), out)
+        _add_pose(9, where(valid, 0.0 - w0, 0.0), out)
+        _add_pose(10, where(valid, 0.0 - w1, 0.0), out)
+        _add_pose(11, where(valid, 0.0 - w2, 0.0), out)
