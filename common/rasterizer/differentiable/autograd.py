@@ -228,7 +228,13 @@ class _Rasterize(torch.autograd.Function):
         if transmittance is not None:
             images[TRANSMITTANCE] = transmittance
         dense = not settings.sparse_gradients
-        out = frame.derive(whole.numpy(), padded, absolute=settings.absolute_gradients, dense=dense)
+        out = frame.derive(
+            whole.numpy(),
+            padded,
+            with_depth=depth is not None,
+            absolute=settings.absolute_gradients,
+            dense=dense,
+        )
         visibility: Visibility = ctx.visibility
         visibility.gradient_px = torch.from_numpy(out.means_px)
         visibility.weight = torch.from_numpy(out.weights)

@@ -75,7 +75,7 @@ def _begin_sums(out: Gradients, used: int) -> None:
 
 @inlined
 def _replay_entry(
-    ws: Workspace, raster: Raster, record: int, bits: int, left: int, top: int, absolute: bool, out: Gradients
+    ws: Workspace, raster: Raster, record: int, bits: int, left: int, top: int, with_depth: bool, absolute: bool, out: Gradients
 ) -> None:
     """Draw one record into its blocks once more, and add its derivatives.
 
@@ -86,6 +86,7 @@ def _replay_entry(
         bits: Blocks of the tile.
         left: First column of the tile [px].
         top: First row of the tile [px].
+        with_depth: The loss depends on the depth plane.
         absolute: Sum up absolute derivatives by the mean as well.
         out: Where to add.
     """
@@ -106,7 +107,7 @@ def _replay_entry(
         block = lowest_bit(bits)
         bits &= bits - 1
         place = block * rows * 16
-        dx, dy = corner_x + np.float32(4 * (block & 3)), corner_y + np.float32(4 * (block >> 2))
+        dx, dy = corner_x + raster.block_x[block], corner_y + raster.block_y[block]
         t = fma(dx, fma(dx, a, dy * b), fma(dy * c, dy, log2_opacity))
         drawn = t >= LOG2_ALPHA_MIN
         if mask_bits(drawn) == 0:
@@ -116,9 +117,12 @@ def _replay_entry(
         transmittance = load_f16(state, place)
         weight = alpha * transmittance
         slope_red, slope_green = load_f16(state, place + 48), load_f16(state, place + 64)
-        slope_blue, slope_depth = load_f16(state, place + 80), load_f16(state, place + 96)
+        slope_blue = load_f16(state, place + 80)
         slope = fma(red, slope_red, fma(green, slope_green, fma(blue, slope_blue, load_f16(state, place + 32))))
-        slope = fma(depth, slope_depth, slope)
+        if with_depth:
+            slope_depth = load_f16(state, place + 96)
+            slope = fma(depth, slope_depth, slope)
+            sum_depth = fma(weight, slope_depth, sum_depth)
         if raster.feature_count:
             slope = _feature_slopes(raster, place, record, slope)
             _add_feature_sums(raster, place, weight, out)
@@ -130,8 +134,7 @@ def _replay_entry(
         m0, m1, m2 = m0 + v, m1 + vx, m2 + vy
         m3, m4, m5 = fma(vx, dx, m3), fma(vx, dy, m4), fma(vy, dy, m5)
         sum_red, sum_green = fma(weight, slope_red, sum_red), fma(weight, slope_green, sum_green)
-        sum_blue, sum_depth = fma(weight, slope_blue, sum_blue), fma(weight, slope_depth, sum_depth)
-        total = total + weight
+        sum_blue, total = fma(weight, slope_blue, sum_blue), total + weight
         store_f16(state, place, fnma(alpha, transmittance, transmittance))
         store_f16(state, place + 16, behind)
         if absolute:
@@ -172,7 +175,7 @@ def _add_rows(record: int, sums: Any, out: Gradients) -> None:
 
 @kernel
 def blend_gradients(
-    width: int, ws: Workspace, raster: Raster, slopes: Singles, absolute: bool, out: Gradients
+    width: int, ws: Workspace, raster: Raster, slopes: Singles, with_depth: bool, absolute: bool, out: Gradients
 ) -> None:
     """Derivatives of the loss by what the records hold.
 
@@ -181,6 +184,7 @@ def blend_gradients(
         ws: Workspace after `blend`.
         raster: Planes and lists after `blend`.
         slopes: Derivatives of the loss by the planes, laid out as these.
+        with_depth: Those by the depth plane are not all zero.
         absolute: Sum up the absolute values of each pixel's derivatives by the projected mean, in log2 units, after
             the features' sums.
         out: Gradient records are written here.
@@ -204,5 +208,6 @@ def blend_gradients(
                 prefetch(out.records, ahead * out.record_size)
                 bits = np.int64(ws.entry_blocks[i]) & alive
                 if bits:
-                    _replay_entry(ws, raster, np.int64(ws.entry_record[i]), bits, left, top, absolute, out)
+                    record = np.int64(ws.entry_record[i])
+                    _replay_entry(ws, raster, record, bits, left, top, with_depth, absolute, out)
             entry += BATCH

@@ -11,9 +11,9 @@ from typing import Any
 from common.rasterizer.compilation import inlined
 from common.rasterizer.cpu_workspace import Workspace
 from common.rasterizer.differentiable.memory import STAGED_LANES, STAGED_ROWS, Cloud, Gradients, Kept
-from common.rasterizer.differentiable.simd_rows import load_first, store_first
-from common.rasterizer.simd_memory import load_f16, store_f16, transpose_in_place
-from common.rasterizer.simd_types import f16, float_bits, fma, fms, lowest_bit, maximum, sqrt
+from common.rasterizer.differentiable.simd_rows import load_first, store_first, stream_f16
+from common.rasterizer.simd_memory import load_f16, store_f16, store_i16, transpose_in_place
+from common.rasterizer.simd_types import f16, float_bits, fma, fms, i16, integer_where, lowest_bit, maximum, sqrt
 
 C0 = 0.28209479177387814
 C1 = 0.48860251190292
@@ -56,8 +56,12 @@ def colour_block(cloud: Cloud, kept: Kept, keep: bool, seen: int, ws: Workspace)
     )
     inverse = 1.0 / sqrt(fma(dx, dx, fma(dy, dy, dz * dz)))
     x, y, z = dx * inverse, dy * inverse, dz * inverse
+    coloured = i16(0)
     for channel in range(3):
-        store_f16(ws.scratch, 96 + 16 * channel, _value(kept, channel, cloud.sh_count, x, y, z))
+        value = _value(kept, channel, cloud.sh_count, x, y, z)
+        store_f16(ws.scratch, 96 + 16 * channel, value)
+        coloured = coloured | integer_where(value > 0.0, 1 << channel, 0)
+    store_i16(kept.coefficients, 58 * 16, coloured)
     if keep and cloud.sh_count > 1:
         for channel in range(3):
             _write_derivative(kept, channel, cloud.sh_count, x, y, z, inverse)
@@ -181,4 +185,8 @@ def write_coefficient_gradients(
         row = kept.index[first + lane] if dense else first + lane
         start = row * cloud.sh_stride
         for j in range(0, count, 16):
-            store_first(out.sh, start + j, count - j, load_f16(kept.coefficients, 16 * j + 16 * lane))
+            value = load_f16(kept.coefficients, 16 * j + 16 * lane)
+            if cloud.sh_stride == 48 and count - j >= 16:
+                stream_f16(out.sh, start + j, value)
+            else:
+                store_first(out.sh, start + j, count - j, value)

@@ -30,7 +30,7 @@ from common.rasterizer.differentiable.memory import (
     aligned,
     row_stride,
 )
-from common.rasterizer.differentiable.pool import ArrayPool
+from common.rasterizer.differentiable.pool import ArrayPool, zeros
 from common.rasterizer.differentiable.project import project
 from common.rasterizer.differentiable.project_gradients import project_gradients
 
@@ -74,7 +74,7 @@ class Frame:
             np.empty(0, dtype=np.float32),
             0,
             np.zeros(STAGED_ROWS * STAGED_LANES, dtype=np.float32),
-            np.zeros(58 * 16, dtype=np.float32),
+            np.zeros(59 * 16, dtype=np.float32),
         )
         self._raster = Raster(
             planes=np.empty(0, dtype=np.float32),
@@ -85,6 +85,8 @@ class Frame:
             block_end=np.zeros(16 * tile_count(height_px, width_px), dtype=np.int32),
             weights=aligned(64 * 16, np.float32),
             state=aligned(16 * STATE_ROWS * 16, np.float32),
+            block_x=np.tile(np.arange(0, 16, 4, dtype=np.float32), 4),
+            block_y=np.repeat(np.arange(0, 16, 4, dtype=np.float32), 4),
         )
         self._token: Callable[[], npt.NDArray[np.float32] | None] = lambda: None
 
@@ -163,12 +165,15 @@ class Frame:
             self._features.reshape(-1), self._features.shape[1], self.count, self._kept, self._raster
         )
 
-    def derive(self, planes: Singles, slopes: Singles, *, absolute: bool, dense: bool) -> FrameGradients:
+    def derive(
+        self, planes: Singles, slopes: Singles, *, with_depth: bool, absolute: bool, dense: bool
+    ) -> FrameGradients:
         """Derivatives of a loss by all parameters.
 
         Args:
             planes: What `draw` gave.
             slopes: Derivatives of the loss by the planes, in memory that `padded` gave.
+            with_depth: False if the derivatives by the depth plane are all zero.
             absolute: Also sum up the pixels' absolute derivatives by the projected means.
             dense: Give SH coefficients' derivatives for all Gaussians.
         """
@@ -176,7 +181,7 @@ class Frame:
         record_size = -(-(GRADIENT_ROWS + feature_count + 2 * absolute) // 16) * 16
         out = self._gradients(record_size, dense)
         raster = self._raster._replace(planes=planes.reshape(-1))
-        blend_gradients(self._view.width, self._ws, raster, slopes.reshape(-1), absolute, out)
+        blend_gradients(self._view.width, self._ws, raster, slopes.reshape(-1), with_depth, absolute, out)
         project_gradients(self._view, self._cloud, dense, self._kept, self._ws, out)
         return self._results(out, absolute, dense)
 
@@ -194,7 +199,7 @@ class Frame:
         if cloud.sh_count == 0:
             sh = np.empty(0, dtype=np.float32)
         elif dense or 3 * cloud.sh_count < cloud.sh_stride:
-            sh = np.zeros(sh_rows * cloud.sh_stride, dtype=np.float32)
+            sh = zeros(sh_rows * cloud.sh_stride, np.float32)
         else:
             sh = _POOL.take("sh", sh_rows * cloud.sh_stride, np.float32)
         return Gradients(

@@ -10,11 +10,11 @@ Integers = npt.NDArray[np.int64]
 
 STAGED_ROWS, STAGED_LANES = 12, 32
 """Offset from the camera (3), quaternion (4), scales (3), opacity, number; up to 31 Gaussians that wait for 16."""
-KEPT_ROWS = 21
+KEPT_ROWS = 22
 """Offset from the camera (3), quaternion (4), scales (3), opacity, derivatives of red, green, blue by the offset (9),
-and the larger half side of the box [px]."""
-RADIUS = 20
-"""Row of the last of these."""
+the larger half side of the box [px], and which channels are not black (bits)."""
+RADIUS, COLOURED = 20, 21
+"""Rows of the last two of these."""
 TRANSMITTANCE, RED, DEPTH, PLANES = 0, 1, 4, 5
 """Planes of an image: transmittance, red, green, blue, depth times weight, and then the features."""
 WEIGHT, CHANNELS = 6, 7
@@ -51,7 +51,8 @@ class Kept(NamedTuple):
     staged: Singles
     """See `STAGED_ROWS`."""
     coefficients: Singles
-    """Of 16 Gaussians SH coefficients (48), derivatives of their colours (9), half sides; shape (58 * 16,)."""
+    """Of 16 Gaussians SH coefficients (48), derivatives of their colours (9), half sides, bits of
+    `COLOURED`; shape (59 * 16,)."""
 
 
 class Raster(NamedTuple):
@@ -73,6 +74,10 @@ class Raster(NamedTuple):
     """Weights of one list of entries in one block, shape (64 * 16,)."""
     state: Singles
     """What a tile's blocks need while it is blended, shape (16 * (feature_count + 7) * 16,)."""
+    block_x: Singles
+    """Columns of a tile's blocks within it [px], shape (16,)."""
+    block_y: Singles
+    """Rows [px], shape (16,)."""
 
 
 class Gradients(NamedTuple):

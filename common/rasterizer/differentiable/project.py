@@ -23,11 +23,13 @@ from common.rasterizer.differentiable.lens import (
     rotation_rows,
     to_camera,
 )
-from common.rasterizer.differentiable.memory import RADIUS, STAGED_LANES, STAGED_ROWS, Cloud, Kept
+from common.rasterizer.differentiable.memory import COLOURED, RADIUS, STAGED_LANES, STAGED_ROWS, Cloud, Kept
 from common.rasterizer.differentiable.simd_rows import columns_of_four, columns_of_three, load_first
 from common.rasterizer.simd_memory import (
     compress,
     load_f16,
+    load_i16,
+    prefetch,
     store_f16,
     store_i16,
     transpose_in_place,
@@ -36,6 +38,7 @@ from common.rasterizer.simd_types import (
     bit_pattern,
     ceil,
     count_bits,
+    float_bits,
     float_of_bits,
     floor,
     fma,
@@ -140,7 +143,12 @@ def _stage_block(view: View, lens: Lens, R: Any, cloud: Cloud, first: int, stage
     _stage(9, staged, seen, s2, kept)
     _stage(10, staged, seen, opacity, kept)
     _stage(11, staged, seen, float_of_bits(lane_number() + first), kept)
-    return staged + count_bits(bits)
+    size = count_bits(bits)
+    for j in range(0, 3 * cloud.sh_count, 16):
+        for lane in range(staged, staged + size):
+            number = float_bits(kept.staged[(STAGED_ROWS - 1) * STAGED_LANES + lane])
+            prefetch(cloud.sh, number * cloud.sh_stride + j)
+    return staged + size
 
 
 @inlined
@@ -201,6 +209,8 @@ def _keep(seen: int, records: int, cloud: Cloud, kept: Kept) -> None:
     for row in range(STAGED_ROWS - 1):
         value = float_of_bits(compress(lanes, bit_pattern(_staged(kept, row))))
         store_f16(kept.rows, row * kept.stride + records, value)
+    if cloud.sh_count:
+        store_i16(kept.rows, COLOURED * kept.stride + records, compress(lanes, load_i16(kept.coefficients, 58 * 16)))
     if cloud.sh_count > 1:
         for row in range(STAGED_ROWS - 1, RADIUS):
             derivative = load_f16(kept.coefficients, (48 + row - STAGED_ROWS + 1) * 16)

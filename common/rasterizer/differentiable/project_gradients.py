@@ -13,7 +13,7 @@ from typing import Any
 
 from common.rasterizer.compilation import inlined, kernel
 from common.rasterizer.cpu_view import View
-from common.rasterizer.cpu_workspace import RECORD, RECORDS, Workspace
+from common.rasterizer.cpu_workspace import RECORDS, Workspace
 from common.rasterizer.differentiable.colour import write_coefficient_gradients
 from common.rasterizer.differentiable.lens import (
     Lens,
@@ -26,13 +26,14 @@ from common.rasterizer.differentiable.lens import (
     rotation_rows,
     to_camera,
 )
-from common.rasterizer.differentiable.memory import CHANNELS, WEIGHT, Cloud, Gradients, Kept
+from common.rasterizer.differentiable.memory import CHANNELS, COLOURED, WEIGHT, Cloud, Gradients, Kept
 from common.rasterizer.differentiable.simd_rows import rows_of_four, rows_of_three
-from common.rasterizer.simd_memory import load_f16, store_f16, transpose_in_place
+from common.rasterizer.simd_memory import load_f16, load_i16, store_f16, transpose_in_place
 from common.rasterizer.simd_types import (
     f16,
     fma,
     fnma,
+    has_bit,
     lane_number,
     sqrt,
     where,
@@ -155,17 +156,16 @@ def _shape_gradients(lens: Lens, R: Any, first: int, kept: Kept, out: Gradients)
 
 
 @inlined
-def _colour_gradients(
-    cloud: Cloud, first: int, lanes: int, dense: bool, records: Any, kept: Kept, out: Gradients
-) -> Any:
+def _colour_gradients(cloud: Cloud, first: int, lanes: int, dense: bool, kept: Kept, out: Gradients) -> Any:
     """Derivatives by the coefficients, written; those by the offsets in world axes, returned."""
     zero = f16(0.0)
     if cloud.sh_count == 0:
         return zero, zero, zero
+    coloured = load_i16(kept.rows, COLOURED * kept.stride + first)
     g = (
-        where(load_f16(records, 0) > 0.0, load_f16(out.sums, CHANNELS * 16), 0.0),
-        where(load_f16(records, 16) > 0.0, load_f16(out.sums, (CHANNELS + 1) * 16), 0.0),
-        where(load_f16(records, 32) > 0.0, load_f16(out.sums, (CHANNELS + 2) * 16), 0.0),
+        where(has_bit(coloured, 1), load_f16(out.sums, CHANNELS * 16), 0.0),
+        where(has_bit(coloured, 2), load_f16(out.sums, (CHANNELS + 1) * 16), 0.0),
+        where(has_bit(coloured, 4), load_f16(out.sums, (CHANNELS + 2) * 16), 0.0),
     )
     d = (_row(kept, 0, first), _row(kept, 1, first), _row(kept, 2, first))
     inverse = 1.0 / sqrt(fma(d[0], d[0], fma(d[1], d[1], d[2] * d[2])))
@@ -179,14 +179,6 @@ def _colour_gradients(
         fma(g[0], _row(kept, 12, first), fma(g[1], _row(kept, 15, first), g[2] * _row(kept, 18, first))),
         fma(g[0], _row(kept, 13, first), fma(g[1], _row(kept, 16, first), g[2] * _row(kept, 19, first))),
     )
-
-
-@inlined
-def _record_colours(first: int, ws: Workspace) -> None:
-    """Bring red, green and blue of 16 records to one row each in the scratch memory."""
-    for channel in range(3):
-        for lane in range(16):
-            ws.scratch[channel * 16 + lane] = ws.records[(first + lane) * RECORD + 6 + channel]
 
 
 @kernel
@@ -209,8 +201,7 @@ def project_gradients(view: View, cloud: Cloud, dense: bool, kept: Kept, ws: Wor
         lanes = min(count - first, 16)
         _gradient_rows(first, out)
         g, G = _shape_gradients(lens, R, first, kept, out)
-        _record_colours(first, ws)
-        c0, c1, c2 = _colour_gradients(cloud, first, lanes, dense, ws.scratch, kept, out)
+        c0, c1, c2 = _colour_gradients(cloud, first, lanes, dense, kept, out)
         w0, w1, w2 = (
             fma(R[0], g[0], fma(R[3], g[1], fma(R[6], g[2], c0))),
             fma(R[1], g[0], fma(R[4], g[1], fma(R[7], g[2], c1))),

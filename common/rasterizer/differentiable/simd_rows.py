@@ -10,7 +10,7 @@ from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
 
-from common.rasterizer.simd_memory import _pointer, _shuffle
+from common.rasterizer.simd_memory import _per_quarter, _pointer, _shuffle
 from common.rasterizer.simd_types import F16, LANES, _as_i32, call_llvm, f32_vector, i32_vector
 
 _i32 = ir.IntType(32)
@@ -52,6 +52,19 @@ def store_first(typing_context: Any, array: Any, index: Any, count: Any, value: 
         return context.get_dummy_value()
 
     return types.void(array, index, count, F16), emit
+
+
+@_intrinsic
+def stream_f16(typing_context: Any, array: Any, index: Any, value: Any) -> Any:
+    """Write an F16 past the caches to the 16 float32 elements at `index`, which begin on a cache line."""
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        store = builder.store(args[2], _pointer(context, builder, sig, args, f32_vector))
+        store.align = 64
+        store.set_metadata("nontemporal", builder.module.add_metadata([ir.Constant(_i32, 1)]))
+        return context.get_dummy_value()
+
+    return types.void(array, index, F16), emit
 
 
 def _rows_of_four(context: Any, builder: Any, sig: Any, args: Any) -> list[Any]:
@@ -164,24 +177,39 @@ columns_of_four = _tuple_of(_four, 4, _rows_to_columns_of_four, "64 numbers in r
 rows_of_four = _tuple_of(_four, 4, _columns_to_rows_of_four, "The inverse of `columns_of_four`.")
 
 
-def _lane_sums(builder: Any, values: list[Any]) -> Any:
-    """Halve the number of vectors four times; a lane then stands for more and more of them."""
+def _merged(builder: Any, values: list[Any], near: list[int], far: list[int]) -> list[Any]:
+    """Sums of two shuffles of each pair of vectors; None stands for zeros."""
     zero = ir.Constant(f32_vector, None)
-    for level in range(4):
-        width = 1 << level
-        first = [lane - (lane & width) + 16 * ((lane & width) != 0) for lane in range(16)]
-        merged = []
-        for k in range(0, len(values), 2):
-            a, b = values[k], values[k + 1]
-            if a is None and b is None:
-                merged.append(None)
-                continue
-            a, b = zero if a is None else a, zero if b is None else b
-            near = _shuffle(builder, a, b, first)
-            far = _shuffle(builder, a, b, [lane + width for lane in first])
-            merged.append(builder.fadd(near, far))
-        values = merged
-    return values[0]
+    out: list[Any] = []
+    for a, b in zip(values[::2], values[1::2], strict=True):
+        if a is None and b is None:
+            out.append(None)
+            continue
+        pair = (zero if a is None else a, zero if b is None else b)
+        out.append(builder.fadd(_shuffle(builder, *pair, near), _shuffle(builder, *pair, far)))
+    return out
+
+
+def _halves(builder: Any, value: Any, lanes: int) -> Any:
+    """Sum of the lower and the upper half of a vector of `lanes` lanes."""
+    half = ir.VectorType(_i32, lanes // 2)
+    undefined = ir.Constant(value.type, ir.Undefined)
+    low, high = (
+        builder.shuffle_vector(value, undefined, ir.Constant(half, list(range(first, first + lanes // 2))))
+        for first in (0, lanes // 2)
+    )
+    return builder.fadd(low, high)
+
+
+def _lane_sums(builder: Any, values: list[Any]) -> Any:
+    """Two steps within the four 128-bit quarters, where shuffles are cheap, then the sum of the quarters."""
+    pairs = _merged(builder, values, _per_quarter(0, 16, 1, 17), _per_quarter(2, 18, 3, 19))
+    fours = _merged(builder, pairs, _per_quarter(0, 1, 16, 17), _per_quarter(2, 3, 18, 19))
+    zero = ir.Constant(_quarter, None)
+    parts = [zero if four is None else _halves(builder, _halves(builder, four, 16), 8) for four in fours]
+    eight = ir.Constant(ir.VectorType(_i32, 8), list(range(8)))
+    low, high = (builder.shuffle_vector(parts[k], parts[k + 1], eight) for k in (0, 2))
+    return builder.shuffle_vector(low, high, ir.Constant(i32_vector, list(range(LANES))))
 
 
 @_intrinsic
