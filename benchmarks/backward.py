@@ -34,11 +34,12 @@ Floats = npt.NDArray[np.float64]
 Parameters = dict[str, torch.Tensor]
 
 STAGES = {
-    "project": ("project",),
-    "sort": ("sort_keys",),
+    "cull": ("bound_chunks",),
+    "project": ("project", "list_drawn"),
+    "sort": ("begin_slab", "sort_keys"),
     "bin": ("begin_tiles", "fill_tiles"),
-    "blend": ("gather_features", "blend"),
-    "blend_gradients": ("blend_gradients",),
+    "blend": ("begin_planes", "gather_features", "blend"),
+    "blend_gradients": ("begin_replay", "blend_gradients"),
     "project_gradients": ("project_gradients",),
 }
 ROOM_M = np.array([8.0, 6.0, 2.8])

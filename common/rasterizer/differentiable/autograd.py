@@ -194,15 +194,15 @@ class _Rasterize(torch.autograd.Function):
         pose = T_world_camera.detach().numpy().astype(np.float64)
         view = make_view(pose, settings.K_px, settings.height_px, settings.width_px)
         drawn = None if features is None else features.detach().numpy()
-        planes, token = frame.draw(view, cloud, drawn, keep=any(ctx.needs_input_grad))
-        visibility.index = torch.from_numpy(frame.index.astype(np.int64))
-        visibility.radius_px = torch.from_numpy(frame.radius_px.copy())
+        out = frame.draw(view, cloud, drawn, keep=any(ctx.needs_input_grad))
+        visibility.index = torch.from_numpy(out.index)
+        visibility.radius_px = torch.from_numpy(out.radius_px)
         ctx.frame, ctx.settings, ctx.visibility = frame, settings, visibility
         ctx.set_materialize_grads(False)
-        whole = torch.from_numpy(planes)
+        whole = torch.from_numpy(out.planes)
         # The parameters are saved so that torch notices when one is changed before the backward pass.
         saved = [means_m, quats_wxyz, scales_m, opacities, sh, features, T_world_camera]
-        ctx.save_for_backward(whole, torch.from_numpy(token), *saved)
+        ctx.save_for_backward(whole, torch.from_numpy(out.token), *saved)
         images = whole[:, : settings.height_px, : settings.width_px]
         return (
             images[RED : RED + 3].permute(1, 2, 0),

@@ -7,15 +7,26 @@ import numpy as np
 from common.rasterizer.compilation import inlined, kernel
 from common.rasterizer.constants import ALPHA_MAX, TRANSMITTANCE_MIN
 from common.rasterizer.cpu_blend import BATCH, LIST, LOG2_ALPHA_MIN, _exp2, _fill_lists
-from common.rasterizer.cpu_workspace import RECORD, Workspace
-from common.rasterizer.differentiable.memory import DEPTH, FEATURE_GROUP, PLANES, RED, TRANSMITTANCE, Kept, Raster
-from common.rasterizer.differentiable.simd_rows import store_block
+from common.rasterizer.cpu_workspace import RECORD, RECORDS, Workspace
+from common.rasterizer.differentiable.memory import (
+    DEPTH,
+    FEATURE_GROUP,
+    GROUP,
+    NUMBER,
+    PLANES,
+    RADIUS,
+    TRANSMITTANCE,
+    Kept,
+    Raster,
+    Singles,
+)
+from common.rasterizer.differentiable.simd_rows import load_block, store_block
 from common.rasterizer.simd_memory import load_f16, prefetch, store_f16
-from common.rasterizer.simd_types import f16, fma, fnma, lane_number, lowest_bit, mask_bits, minimum, to_float, where
+from common.rasterizer.simd_types import float_bits, fma, fnma, lane_number, lowest_bit, mask_bits, minimum, to_float, where
 
 
 @inlined
-def alive_blocks(width: int, height: int, left: int, top: int) -> int:
+def _alive_blocks(width: int, height: int, left: int, top: int) -> int:
     """Bits of a tile's 4x4 blocks that hold pixels of the image."""
     blocks_x, blocks_y = min((width - left + 3) >> 2, 4), min((height - top + 3) >> 2, 4)
     row = (1 << blocks_x) - 1
@@ -23,13 +34,27 @@ def alive_blocks(width: int, height: int, left: int, top: int) -> int:
 
 
 @kernel
-def gather_features(features: Any, count: int, records: int, kept: Kept, raster: Raster) -> None:
-    """Copy the features of the Gaussians that are drawn, `count` numbers each, and fill rows up with zeros."""
+def begin_planes(width: int, height: int, ws: Workspace, raster: Raster) -> None:
+    """Forget the last image: black, transparent, all blocks of pixels alive."""
+    columns = (width + 15) >> 4
+    ws.counts[:] = 0
+    for tile in range(len(ws.tile_start) - 1):
+        ws.tile_alive[tile] = _alive_blocks(width, height, (tile % columns) * 16, (tile // columns) * 16)
+    size = raster.height * raster.stride
+    raster.planes[:] = np.float32(0.0)
+    raster.planes[TRANSMITTANCE * size : (TRANSMITTANCE + 1) * size] = np.float32(1.0)
+
+
+@kernel
+def gather_features(features: Singles, count: int, first: int, kept: Kept, ws: Workspace, raster: Raster) -> None:
+    """Copy the features of the records from `first` on, `count` numbers each, and fill rows up with zeros."""
     stride = raster.feature_count
-    for record in range(records):
-        row = np.int64(kept.index[record]) * count
-        for k in range(stride):
-            raster.features[record * stride + k] = features[row + k] if k < count else np.float32(0.0)
+    for record in range(first, ws.counts[RECORDS]):
+        place = (record >> 4) * GROUP + (record & 15)
+        if kept.groups[place + 16 * RADIUS] > 0.0 and (record & 15) < kept.lanes[record >> 4]:
+            row = float_bits(kept.groups[place + 16 * NUMBER]) * count
+            for k in range(stride):
+                raster.features[record * stride + k] = features[row + k] if k < count else np.float32(0.0)
 
 
 @inlined
@@ -85,19 +110,22 @@ def _blend_features(ws: Workspace, raster: Raster, place: int, first: int, end: 
 
 
 @inlined
-def _store_tile(raster: Raster, left: int, top: int, planes: int) -> None:
-    """Copy the state of a tile's blocks to the planes."""
+def _copy_tile(raster: Raster, left: int, top: int, planes: int, store: bool) -> None:
+    """Copy the state of a tile's blocks from the planes, or back to them."""
     size = raster.height * raster.stride
     for block in range(16):
         pixel = (top + 4 * (block >> 2)) * raster.stride + left + 4 * (block & 3)
         for plane in range(planes):
-            value = load_f16(raster.state, (block * planes + plane) * 16)
-            store_block(raster.planes, plane * size + pixel, raster.stride, value)
+            place, p = (block * planes + plane) * 16, plane * size + pixel
+            if store:
+                store_block(raster.planes, p, raster.stride, load_f16(raster.state, place))
+            else:
+                store_f16(raster.state, place, load_block(raster.planes, p, raster.stride))
 
 
 @kernel
-def blend(width: int, height: int, ws: Workspace, raster: Raster) -> None:
-    """Blend the tiles' lists, nearest first, and note where each 4x4 block of pixels was finished.
+def blend(width: int, ws: Workspace, raster: Raster) -> None:
+    """Blend the slab's lists into the planes, nearest first, and note where each 4x4 block of pixels was finished.
 
     A block is left alone once all of its pixels are finished, a tile once all of its blocks are; both are asked after
     every `BATCH` entries.
@@ -106,13 +134,14 @@ def blend(width: int, height: int, ws: Workspace, raster: Raster) -> None:
     sizes = ws.list_sizes
     lane_x, lane_y = to_float(lane_number() & 3) + 0.5, to_float(lane_number() >> 2) + 0.5
     for tile in range(len(ws.tile_start) - 1):
-        left, top = (tile % columns) * 16, (tile // columns) * 16
-        alive = alive_blocks(width, height, left, top)
+        alive = ws.tile_alive[tile]
         entry, end = ws.tile_start[tile], ws.tile_start[tile + 1] - 1
         for block in range(16):
-            for plane in range(planes):
-                store_f16(raster.state, (block * planes + plane) * 16, f16(1.0 if plane == TRANSMITTANCE else 0.0))
             raster.block_end[tile * 16 + block] = end if (alive >> block) & 1 else 0
+        if entry >= end or alive == 0:
+            continue
+        left, top = (tile % columns) * 16, (tile // columns) * 16
+        _copy_tile(raster, left, top, planes, False)
         while entry < end and alive:
             n = min(BATCH, end - entry)
             _fill_lists(ws, entry, n, sizes)
@@ -122,8 +151,7 @@ def blend(width: int, height: int, ws: Workspace, raster: Raster) -> None:
             while waiting:
                 block = lowest_bit(waiting)
                 waiting &= waiting - 1
-                x = lane_x + np.float32(left + 4 * (block & 3))
-                y = lane_y + np.float32(top + 4 * (block >> 2))
+                x, y = lane_x + (left + raster.block_x[block]), lane_y + (top + raster.block_y[block])
                 place, first = block * planes * 16, block * LIST
                 unfinished = _blend_block(ws, raster, place, first, first + sizes[block], x, y)
                 if raster.feature_count:
@@ -132,4 +160,5 @@ def blend(width: int, height: int, ws: Workspace, raster: Raster) -> None:
                     alive &= ~(1 << block)
                     raster.block_end[tile * 16 + block] = entry + n
             entry += BATCH
-        _store_tile(raster, left, top, planes)
+        ws.tile_alive[tile] = alive
+        _copy_tile(raster, left, top, planes, True)

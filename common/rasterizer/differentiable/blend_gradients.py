@@ -17,33 +17,63 @@ from common.rasterizer.differentiable.memory import (
     Raster,
     Singles,
 )
-from common.rasterizer.differentiable.simd_rows import lane_sums_at, lane_sums_of_eleven, load_block
+from common.rasterizer.differentiable.simd_rows import lane_sums_at, lane_sums_of_eleven, load_block, store_block
 from common.rasterizer.simd_memory import load_f16, load_i16, prefetch, store_f16
 from common.rasterizer.simd_types import f16, fma, fnma, lane_number, lowest_bit, mask_bits, minimum, to_float, where
 
 STATE_ROWS = PLANES + 2
 """Per block: transmittance, what is left behind, then the derivatives of the planes, that of transmittance negative."""
-AHEAD = 8
+AHEAD = 16
 """Entries for which memory is asked in advance."""
 
 
 @inlined
-def _load_tile(raster: Raster, slopes: Singles, left: int, top: int, rows: int) -> None:
-    """Set up the state of a tile's blocks; what is left behind the camera is the whole image."""
+def _load_tile(raster: Raster, slopes: Singles, replay: Singles, left: int, top: int) -> None:
+    """Set up the state of a tile's blocks."""
+    size = raster.height * raster.stride
+    planes = PLANES + raster.feature_count
+    for block in range(16):
+        pixel = (top + 4 * (block >> 2)) * raster.stride + left + 4 * (block & 3)
+        place = block * (planes + 2) * 16
+        store_f16(raster.state, place, load_block(replay, pixel, raster.stride))
+        store_f16(raster.state, place + 16, load_block(replay, size + pixel, raster.stride))
+        # The sum of weights is one minus the transmittance.
+        store_f16(raster.state, place + 32, 0.0 - load_block(slopes, TRANSMITTANCE * size + pixel, raster.stride))
+        for plane in range(1, planes):
+            store_f16(raster.state, place + 32 + 16 * plane, load_block(slopes, plane * size + pixel, raster.stride))
+
+
+@inlined
+def _store_tile(raster: Raster, replay: Singles, left: int, top: int) -> None:
+    """Keep transmittance and what is left behind for the next slab."""
     size = raster.height * raster.stride
     for block in range(16):
         pixel = (top + 4 * (block >> 2)) * raster.stride + left + 4 * (block & 3)
-        place = block * rows * 16
-        slope = f16(0.0) - load_block(slopes, TRANSMITTANCE * size + pixel, raster.stride)
-        # The sum of weights is one minus the transmittance.
-        behind = slope * (1.0 - load_block(raster.planes, TRANSMITTANCE * size + pixel, raster.stride))
-        store_f16(raster.state, place, f16(1.0))
-        store_f16(raster.state, place + 32, slope)
+        place = block * (STATE_ROWS + raster.feature_count) * 16
+        store_block(replay, pixel, raster.stride, load_f16(raster.state, place))
+        store_block(replay, size + pixel, raster.stride, load_f16(raster.state, place + 16))
+
+
+@kernel
+def begin_replay(ws: Workspace, raster: Raster, slopes: Singles, replay: Singles, out: Gradients) -> None:
+    """Start with full transmittance, the whole image left behind, and no derivatives.
+
+    Args:
+        ws: Workspace after the last slab.
+        raster: Finished planes.
+        slopes: Derivatives of the loss by the planes, laid out as these.
+        replay: Two planes: transmittance, and the sum of slopes times what the entries to come add to the planes.
+        out: Its gradient records are set to 0.
+    """
+    size = raster.height * raster.stride
+    for p in range(0, size, 16):
+        store_f16(replay, p, f16(1.0))
+        behind = load_f16(slopes, p) * (load_f16(raster.planes, p) - 1.0)
         for plane in range(1, PLANES + raster.feature_count):
-            slope = load_block(slopes, plane * size + pixel, raster.stride)
-            behind = fma(slope, load_block(raster.planes, plane * size + pixel, raster.stride), behind)
-            store_f16(raster.state, place + 32 + 16 * plane, slope)
-        store_f16(raster.state, place + 16, behind)
+            behind = fma(load_f16(slopes, plane * size + p), load_f16(raster.planes, plane * size + p), behind)
+        store_f16(replay, size + p, behind)
+    for k in range(0, ws.counts[RECORDS] * out.record_size, 16):
+        store_f16(out.records, k, f16(0.0))
 
 
 @inlined
@@ -110,8 +140,6 @@ def _replay_entry(
         dx, dy = corner_x + raster.block_x[block], corner_y + raster.block_y[block]
         t = fma(dx, fma(dx, a, dy * b), fma(dy * c, dy, log2_opacity))
         drawn = t >= LOG2_ALPHA_MIN
-        if mask_bits(drawn) == 0:
-            continue
         uncapped = _exp2(t)
         alpha = where(drawn, minimum(uncapped, ALPHA_MAX), 0.0)
         transmittance = load_f16(state, place)
@@ -175,33 +203,37 @@ def _add_rows(record: int, sums: Any, out: Gradients) -> None:
 
 @kernel
 def blend_gradients(
-    width: int, ws: Workspace, raster: Raster, slopes: Singles, with_depth: bool, absolute: bool, out: Gradients
+    width: int,
+    ws: Workspace,
+    raster: Raster,
+    slopes: Singles,
+    replay: Singles,
+    with_depth: bool,
+    absolute: bool,
+    out: Gradients,
 ) -> None:
-    """Derivatives of the loss by what the records hold.
+    """Derivatives of the loss by what the records of one slab hold; slabs are replayed in their order.
 
     Args:
         width: Columns of the image.
-        ws: Workspace after `blend`.
-        raster: Planes and lists after `blend`.
-        slopes: Derivatives of the loss by the planes, laid out as these.
-        with_depth: Those by the depth plane are not all zero.
+        ws: Workspace with the lists of the slab.
+        raster: What the slab's `blend` noted.
+        slopes: Derivatives of the loss by the planes.
+        replay: See `begin_replay`.
+        with_depth: Derivatives by the depth plane are not all zero.
         absolute: Sum up the absolute values of each pixel's derivatives by the projected mean, in log2 units, after
             the features' sums.
-        out: Gradient records are written here.
+        out: Gradient records are added to.
     """
-    columns, rows = (width + 15) >> 4, STATE_ROWS + raster.feature_count
-    for k in range(ws.counts[RECORDS] * out.record_size):
-        out.records[k] = np.float32(0.0)
+    columns = (width + 15) >> 4
     for tile in range(len(ws.tile_start) - 1):
         entry, end = ws.tile_start[tile], ws.tile_start[tile + 1] - 1
-        if entry >= end:
+        alive = mask_bits(load_i16(raster.block_end, tile * 16) > entry)
+        if entry >= end or alive == 0:
             continue
         left, top = (tile % columns) * 16, (tile // columns) * 16
-        _load_tile(raster, slopes, left, top, rows)
-        while entry < end:
-            alive = mask_bits(load_i16(raster.block_end, tile * 16) > entry)
-            if alive == 0:
-                break
+        _load_tile(raster, slopes, replay, left, top)
+        while entry < end and alive:
             for i in range(entry, min(entry + BATCH, end)):
                 ahead = np.int64(ws.entry_record[min(i + AHEAD, end - 1)])
                 prefetch(ws.records, ahead * RECORD)
@@ -211,3 +243,5 @@ def blend_gradients(
                     record = np.int64(ws.entry_record[i])
                     _replay_entry(ws, raster, record, bits, left, top, with_depth, absolute, out)
             entry += BATCH
+            alive = mask_bits(load_i16(raster.block_end, tile * 16) > entry)
+        _store_tile(raster, replay, left, top)

@@ -10,7 +10,7 @@ from typing import Any
 
 from common.rasterizer.compilation import inlined
 from common.rasterizer.cpu_workspace import Workspace
-from common.rasterizer.differentiable.memory import STAGED_LANES, STAGED_ROWS, Cloud, Gradients, Kept
+from common.rasterizer.differentiable.memory import COLOURED, DERIVATIVES, GROUP, NUMBER, Cloud, Gradients, Kept
 from common.rasterizer.differentiable.simd_rows import load_first, store_first, stream_f16
 from common.rasterizer.simd_memory import load_f16, store_f16, store_i16, transpose_in_place
 from common.rasterizer.simd_types import f16, float_bits, fma, fms, i16, integer_where, lowest_bit, maximum, sqrt
@@ -28,13 +28,13 @@ def _coefficient(kept: Kept, k: int, channel: int) -> Any:
 
 
 @inlined
-def _load_coefficients(cloud: Cloud, kept: Kept, seen: int) -> None:
-    """Coefficients of the staged Gaussians that are seen, one row of 16 lanes each."""
+def _load_coefficients(cloud: Cloud, group: int, drawn: int, kept: Kept) -> None:
+    """Coefficients of the Gaussians of a group that are drawn, one row of 16 lanes each."""
     count = 3 * cloud.sh_count
-    while seen:
-        lane = lowest_bit(seen)
-        seen &= seen - 1
-        start = float_bits(kept.staged[(STAGED_ROWS - 1) * STAGED_LANES + lane]) * cloud.sh_stride
+    while drawn:
+        lane = lowest_bit(drawn)
+        drawn &= drawn - 1
+        start = float_bits(kept.groups[group * GROUP + 16 * NUMBER + lane]) * cloud.sh_stride
         for j in range(0, count, 16):
             store_f16(kept.coefficients, 16 * j + 16 * lane, load_first(cloud.sh, start + j, count - j))
     for j in range(0, count, 16):
@@ -42,18 +42,15 @@ def _load_coefficients(cloud: Cloud, kept: Kept, seen: int) -> None:
 
 
 @inlined
-def colour_block(cloud: Cloud, kept: Kept, keep: bool, seen: int, ws: Workspace) -> None:
-    """Write the colours of the staged Gaussians that are seen to the scratch memory, and derivatives if asked."""
+def colour_group(cloud: Cloud, group: int, drawn: int, keep: bool, kept: Kept, ws: Workspace) -> None:
+    """Write the colours of a group to the scratch memory, and their derivatives to the group if asked."""
     if cloud.sh_count == 0:
         for channel in range(3):
             store_f16(ws.scratch, 96 + 16 * channel, f16(0.0))
         return
-    _load_coefficients(cloud, kept, seen)
-    dx, dy, dz = (
-        load_f16(kept.staged, 0),
-        load_f16(kept.staged, STAGED_LANES),
-        load_f16(kept.staged, 2 * STAGED_LANES),
-    )
+    _load_coefficients(cloud, group, drawn, kept)
+    place = group * GROUP
+    dx, dy, dz = load_f16(kept.groups, place), load_f16(kept.groups, place + 16), load_f16(kept.groups, place + 32)
     inverse = 1.0 / sqrt(fma(dx, dx, fma(dy, dy, dz * dz)))
     x, y, z = dx * inverse, dy * inverse, dz * inverse
     coloured = i16(0)
@@ -61,10 +58,12 @@ def colour_block(cloud: Cloud, kept: Kept, keep: bool, seen: int, ws: Workspace)
         value = _value(kept, channel, cloud.sh_count, x, y, z)
         store_f16(ws.scratch, 96 + 16 * channel, value)
         coloured = coloured | integer_where(value > 0.0, 1 << channel, 0)
-    store_i16(kept.coefficients, 58 * 16, coloured)
-    if keep and cloud.sh_count > 1:
-        for channel in range(3):
-            _write_derivative(kept, channel, cloud.sh_count, x, y, z, inverse)
+    if keep:
+        store_i16(kept.groups, place + 16 * COLOURED, coloured)
+        if cloud.sh_count > 1:
+            for channel in range(3):
+                target = place + 16 * (DERIVATIVES + 3 * channel)
+                _write_derivative(kept, channel, cloud.sh_count, x, y, z, inverse, target)
 
 
 @inlined
@@ -99,8 +98,10 @@ def _value(kept: Kept, channel: int, count: int, x: Any, y: Any, z: Any) -> Any:
 
 
 @inlined
-def _write_derivative(kept: Kept, channel: int, count: int, x: Any, y: Any, z: Any, inverse: Any) -> None:
-    """Derivatives of one channel by the offset from the camera, whose inverse length is `inverse`."""
+def _write_derivative(
+    kept: Kept, channel: int, count: int, x: Any, y: Any, z: Any, inverse: Any, place: int
+) -> None:
+    """Derivatives of one channel by the offset from the camera, whose inverse length is `inverse`, to `place`."""
     jx = _coefficient(kept, 3, channel) * -C1
     jy = _coefficient(kept, 1, channel) * -C1
     jz = _coefficient(kept, 2, channel) * C1
@@ -124,10 +125,9 @@ def _write_derivative(kept: Kept, channel: int, count: int, x: Any, y: Any, z: A
             jz = fma(fma(k10, s1, k14 * c1), C4, fma(fma(k11, y, k13 * x) * z, -2.0 * 2.285228997322329, jz))
             jz = fma(k12, fma(zz, 3.0 * 1.865881662950577, -1.119528997770346), jz)
     along = fma(jx, x, fma(jy, y, jz * z))
-    place = (48 + 3 * channel) * 16
-    store_f16(kept.coefficients, place, (jx - along * x) * inverse)
-    store_f16(kept.coefficients, place + 16, (jy - along * y) * inverse)
-    store_f16(kept.coefficients, place + 32, (jz - along * z) * inverse)
+    store_f16(kept.groups, place, (jx - along * x) * inverse)
+    store_f16(kept.groups, place + 16, (jy - along * y) * inverse)
+    store_f16(kept.groups, place + 32, (jz - along * z) * inverse)
 
 
 @inlined
@@ -139,20 +139,20 @@ def _put(kept: Kept, k: int, basis: Any, g: Any) -> None:
 
 @inlined
 def write_coefficient_gradients(
-    cloud: Cloud, kept: Kept, x: Any, y: Any, z: Any, g: Any, first: int, lanes: int, dense: bool, out: Gradients
+    cloud: Cloud, group: int, x: Any, y: Any, z: Any, g: Any, first: int, dense: bool, kept: Kept, out: Gradients
 ) -> None:
-    """Derivatives by the coefficients of the records first..first+lanes-1.
+    """Derivatives by the coefficients of a group.
 
     Args:
         cloud: Parameters.
-        kept: What the projection kept.
+        group: Number of the group.
         x: Unit directions from the camera.
         y: See `x`.
         z: See `x`.
         g: Derivatives by red, green and blue.
-        first: First record.
-        lanes: Number of records.
-        dense: Write to the rows of the Gaussians instead of those of the records.
+        first: Row of the group's first Gaussian.
+        dense: Write to the rows of all Gaussians instead of those of the groups'.
+        kept: What the projection kept.
         out: Where to write.
     """
     _put(kept, 0, f16(C0), g)
@@ -181,8 +181,9 @@ def write_coefficient_gradients(
     count = 3 * cloud.sh_count
     for j in range(0, count, 16):
         transpose_in_place(kept.coefficients, 16 * j)
-    for lane in range(lanes):
-        row = kept.index[first + lane] if dense else first + lane
+    for lane in range(kept.lanes[group]):
+        number = float_bits(kept.groups[group * GROUP + 16 * NUMBER + lane])
+        row = number if dense else first + lane
         start = row * cloud.sh_stride
         for j in range(0, count, 16):
             value = load_f16(kept.coefficients, 16 * j + 16 * lane)

@@ -1,46 +1,55 @@
 """One view, forward and backward, on NumPy arrays."""
 
+import itertools
 import weakref
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from common.rasterizer.cpu_blend import begin_tiles, fill_tiles, sort_keys
+from common.rasterizer.constants import NEAR_M
+from common.rasterizer.cpu_blend import begin_slab, begin_tiles, fill_tiles, sort_keys
+from common.rasterizer.cpu_project import FAR_BITS, NEAR_BITS
 from common.rasterizer.cpu_tiles import MAX_TILES
 from common.rasterizer.cpu_view import View
-from common.rasterizer.cpu_workspace import RECORDS, TILE, Workspace, make_workspace, tile_count, with_room
-from common.rasterizer.differentiable.blend import blend, gather_features
-from common.rasterizer.differentiable.blend_gradients import STATE_ROWS, blend_gradients
+from common.rasterizer.cpu_workspace import KEYS, RECORDS, TILE, Workspace, make_workspace, tile_count, with_room
+from common.rasterizer.differentiable.blend import begin_planes, blend, gather_features
+from common.rasterizer.differentiable.blend_gradients import STATE_ROWS, begin_replay, blend_gradients
+from common.rasterizer.differentiable.cull import bound_chunks
 from common.rasterizer.differentiable.memory import (
+    CHUNK,
     FEATURE_GROUP,
     GRADIENT_ROWS,
-    KEPT_ROWS,
+    GROUP,
     PLANES,
-    RADIUS,
     STAGED_LANES,
     STAGED_ROWS,
+    Chunks,
     Cloud,
     Gradients,
     Kept,
     Raster,
     Singles,
+    Slab,
     aligned,
-    row_stride,
 )
-from common.rasterizer.differentiable.pool import ArrayPool, zeros
-from common.rasterizer.differentiable.project import project
-from common.rasterizer.differentiable.project_gradients import project_gradients
+from common.rasterizer.differentiable.pool import ArrayPool
+from common.rasterizer.differentiable.project import list_drawn, project
+from common.rasterizer.differentiable.project_gradients import gather_sums, project_gradients
 
+SLAB_SHARES = (0.1, 0.25, 0.45, 0.7)
+"""Shares of the visible chunks, nearest first, at which one slab ends and the next begins."""
+SLAB_MIN_CHUNKS = 64
+"""Fewer chunks are not worth a slab."""
 LN_2 = 0.6931471805599453
 _POOL = ArrayPool()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FrameGradients:
-    """Derivatives of the loss; rows are those of `Frame.index` unless said otherwise."""
+    """Derivatives of the loss; rows are those of `Drawn.index` unless said otherwise."""
 
     means_m: Singles
     quats_wxyz: Singles
@@ -61,8 +70,25 @@ class FrameGradients:
     """Sums of weights over all pixels, shape (n,)."""
 
 
+class Drawn(NamedTuple):
+    """What a view looks like."""
+
+    planes: Singles
+    """See `memory.PLANES`; sides are multiples of 16 px, features are filled up to a multiple of `FEATURE_GROUP`."""
+    token: Singles
+    """The frame stays in use while this lives."""
+    index: npt.NDArray[np.int64]
+    """Gaussians of the groups, ascending, shape (n,)."""
+    radius_px: Singles
+    """The larger half side of the box outside of which their alpha is below the threshold; 0: not drawn, shape (n,)."""
+
+
 class Frame:
-    """Memory of one view from its forward to its backward pass."""
+    """Memory of one view from its forward to its backward pass.
+
+    Chunks are drawn in a few slabs of depth, nearest first, so that what lies behind finished pixels is neither
+    projected nor sorted; lists of tiles are kept per slab.
+    """
 
     def __init__(self, height_px: int, width_px: int) -> None:
         if tile_count(height_px, width_px) >= MAX_TILES:
@@ -70,12 +96,13 @@ class Frame:
         self.size_px = (height_px, width_px)
         self._ws = make_workspace(height_px, width_px, 0, 0)
         self._kept = Kept(
-            np.empty(0, dtype=np.int32),
-            np.empty(0, dtype=np.float32),
-            0,
-            np.zeros(STAGED_ROWS * STAGED_LANES, dtype=np.float32),
-            np.zeros(59 * 16, dtype=np.float32),
+            groups=np.empty(0, dtype=np.float32),
+            lanes=np.empty(0, dtype=np.int32),
+            staged=np.zeros(STAGED_ROWS * STAGED_LANES, dtype=np.float32),
+            coefficients=np.zeros(48 * 16, dtype=np.float32),
         )
+        self._chunk_room = _chunk_arrays(0)
+        self._bounds = aligned(5 * 16, np.float32)
         self._raster = Raster(
             planes=np.empty(0, dtype=np.float32),
             height=-(-height_px // TILE) * TILE,
@@ -88,6 +115,8 @@ class Frame:
             block_x=np.tile(np.arange(0, 16, 4, dtype=np.float32), 4),
             block_y=np.repeat(np.arange(0, 16, 4, dtype=np.float32), 4),
         )
+        self._slabs: list[_SlabLists] = []
+        self._slab_count = 0
         self._token: Callable[[], npt.NDArray[np.float32] | None] = lambda: None
 
     @property
@@ -95,23 +124,7 @@ class Frame:
         """True while the token of the last `draw` lives."""
         return self._token() is not None
 
-    @property
-    def count(self) -> int:
-        """Gaussians that were drawn, n."""
-        return int(self._ws.counts[RECORDS])
-
-    @property
-    def index(self) -> npt.NDArray[np.int32]:
-        """Which ones, ascending, shape (n,)."""
-        return self._kept.index[: self.count]
-
-    @property
-    def radius_px(self) -> Singles:
-        """The larger half side of the box outside of which their alpha is below the threshold, shape (n,)."""
-        first = RADIUS * self._kept.stride
-        return self._kept.rows[first : first + self.count]
-
-    def draw(self, view: View, cloud: Cloud, features: Singles | None, *, keep: bool) -> tuple[Singles, Singles]:
+    def draw(self, view: View, cloud: Cloud, features: Singles | None, *, keep: bool) -> Drawn:
         """Draw a view.
 
         Args:
@@ -119,51 +132,66 @@ class Frame:
             cloud: Parameters.
             features: Shape (N, F).
             keep: Prepare for `derive`.
-
-        Returns:
-            Planes as in `memory.PLANES`, with sides that are multiples of 16 px, and the features filled up to a multiple
-            of `FEATURE_GROUP`; and a token: the frame stays in use while that lives.
         """
         self._view, self._cloud, self._features = view, cloud, features
-        self._make_room(len(cloud.opacities), 0 if features is None else features.shape[1])
-        project(view, cloud, keep, self._kept, self._ws)
-        self._gather()
-        in_sorted = sort_keys(self._ws)
-        self._ws = with_room(self._ws, entries=begin_tiles(self._ws))
-        fill_tiles(view.width, in_sorted, self._ws)
-        blend(view.width, view.height, self._ws, self._raster)
+        self._begin(len(cloud.opacities), 0 if features is None else features.shape[1])
+        count = bound_chunks(view, cloud, self._bounds, self._chunk_room)
+        self._chunks = Chunks(*(array[:count] for array in self._chunk_room))
+        self._make_room(count)
+        begin_planes(view.width, view.height, self._ws, self._raster)
+        self._slab_count = 0
+        for slab in _slabs_of(self._chunks.depth_m):
+            self._draw_slab(slab, keep)
+        index, radius_px = np.empty(self._ws.counts[RECORDS], np.int64), np.empty(self._ws.counts[RECORDS], np.float32)
+        self._rows = list_drawn(self._chunks, self._kept, index, radius_px)
         token = np.zeros(1, dtype=np.float32)
         self._token = weakref.ref(token)
         planes = self._raster.planes.reshape(-1, self._raster.height, self._raster.stride)
         # Whoever holds the images keeps their memory; the frame does not.
         self._raster = self._raster._replace(planes=np.empty(0, dtype=np.float32))
-        return planes, token
+        return Drawn(planes, token, index[: self._rows], radius_px[: self._rows])
 
-    def _make_room(self, count: int, features: int) -> None:
-        self._ws = with_room(self._ws, records=count + 16)
-        if count + 16 > len(self._kept.index):
-            stride = row_stride(count + count // 4)
-            self._kept = self._kept._replace(
-                index=aligned(stride, np.int32), rows=aligned(KEPT_ROWS * stride, np.float32), stride=stride
-            )
+    def _begin(self, count: int, features: int) -> None:
+        chunks = -(-count // CHUNK)
+        if chunks > len(self._chunk_room.number):
+            self._chunk_room = _chunk_arrays(chunks + chunks // 4)
         groups = -(-features // FEATURE_GROUP) * FEATURE_GROUP
         raster = self._raster
         if groups != raster.feature_count:
-            raster = raster._replace(
-                feature_count=groups, state=aligned(16 * (STATE_ROWS + groups) * 16, np.float32)
-            )
+            state = aligned(16 * (STATE_ROWS + groups) * 16, np.float32)
+            raster = raster._replace(feature_count=groups, state=state)
         size = (PLANES + groups) * raster.height * raster.stride
         self._raster = raster._replace(planes=_POOL.take("planes", size, np.float32))
 
-    def _gather(self) -> None:
-        if self._features is None:
-            return
-        if self.count * self._raster.feature_count > len(self._raster.features):
-            room = (self.count + self.count // 4) * self._raster.feature_count
+    def _make_room(self, chunks: int) -> None:
+        """Room for all Gaussians of the chunks, and 16 more for the writes that follow the last one."""
+        count = chunks * CHUNK + 16
+        self._ws = with_room(self._ws, records=count)
+        if count // 16 > len(self._kept.lanes):
+            room = (count + count // 4) // 16
+            self._kept = self._kept._replace(groups=aligned(room * GROUP, np.float32), lanes=aligned(room, np.int32))
+        if count * self._raster.feature_count > len(self._raster.features):
+            room = (count + count // 4) * self._raster.feature_count
             self._raster = self._raster._replace(features=aligned(room, np.float32))
-        gather_features(
-            self._features.reshape(-1), self._features.shape[1], self.count, self._kept, self._raster
-        )
+
+    def _draw_slab(self, slab: Slab, keep: bool) -> None:
+        view, features = self._view, self._features
+        if self._slab_count == len(self._slabs):
+            self._slabs.append(_SlabLists(self._ws, self._raster))
+        lists = self._slabs[self._slab_count]
+        first = int(self._ws.counts[RECORDS])
+        begin_slab(view.width, slab.limit_bits, self._ws)
+        project(view, self._cloud, self._chunks, slab, keep, self._kept, self._ws)
+        if self._ws.counts[KEYS] == 0:
+            return
+        if features is not None:
+            gather_features(features.reshape(-1), features.shape[1], first, self._kept, self._ws, self._raster)
+        in_sorted = sort_keys(self._ws)
+        ws = lists.of(self._ws)
+        ws = lists.with_room(ws, begin_tiles(ws))
+        fill_tiles(view.width, in_sorted, ws)
+        blend(view.width, ws, self._raster._replace(block_end=lists.block_end))
+        self._slab_count += 1
 
     def derive(
         self, planes: Singles, slopes: Singles, *, with_depth: bool, absolute: bool, dense: bool
@@ -181,8 +209,20 @@ class Frame:
         record_size = -(-(GRADIENT_ROWS + feature_count + 2 * absolute) // 16) * 16
         out = self._gradients(record_size, dense)
         raster = self._raster._replace(planes=planes.reshape(-1))
-        blend_gradients(self._view.width, self._ws, raster, slopes.reshape(-1), with_depth, absolute, out)
-        project_gradients(self._view, self._cloud, dense, self._kept, self._ws, out)
+        replay = _POOL.take("replay", 2 * raster.height * raster.stride, np.float32)
+        begin_replay(self._ws, raster, slopes.reshape(-1), replay, out)
+        for lists in self._slabs[: self._slab_count]:
+            blend_gradients(
+                self._view.width,
+                lists.of(self._ws),
+                raster._replace(block_end=lists.block_end),
+                slopes.reshape(-1),
+                replay,
+                with_depth,
+                absolute,
+                out,
+            )
+        project_gradients(self._view, self._cloud, self._chunks, dense, self._kept, out)
         return self._results(out, absolute, dense)
 
     def padded(self) -> Singles:
@@ -194,36 +234,30 @@ class Frame:
         return array.reshape(-1, raster.height, raster.stride)
 
     def _gradients(self, record_size: int, dense: bool) -> Gradients:
-        room, stride, cloud = self.count + 16, row_stride(self.count), self._cloud
-        sh_rows = len(cloud.opacities) if dense else room
-        if cloud.sh_count == 0:
-            sh = np.empty(0, dtype=np.float32)
-        elif dense or 3 * cloud.sh_count < cloud.sh_stride:
-            sh = zeros(sh_rows * cloud.sh_stride, np.float32)
-        else:
-            sh = _POOL.take("sh", sh_rows * cloud.sh_stride, np.float32)
+        room, cloud = self._rows + 16, self._cloud
+        sh_size = (len(cloud.opacities) if dense else room) * cloud.sh_stride if cloud.sh_count else 0
+        sh = _POOL.take("sh", sh_size, np.float32)
+        if dense or 3 * cloud.sh_count < cloud.sh_stride:
+            sh.fill(0.0)
         return Gradients(
-            records=_POOL.take("records", room * record_size, np.float32),
+            records=_POOL.take("records", int(self._ws.counts[RECORDS]) * record_size, np.float32),
             record_size=record_size,
-            sums=_POOL.take("sums", max(record_size, 16) * 16, np.float32),
+            sums=_POOL.take("sums", record_size * 16, np.float32),
             means_m=_POOL.take("means_m", room * 3, np.float32),
             quats_wxyz=_POOL.take("quats_wxyz", room * 4, np.float32),
             scales_m=_POOL.take("scales_m", room * 3, np.float32),
             opacities=_POOL.take("opacities", room, np.float32),
             sh=sh,
             weights=_POOL.take("weights", room, np.float32),
-            means_px=_POOL.take("means_px", 2 * stride, np.float32),
-            stride=stride,
+            means_px=_POOL.take("means_px", 2 * room, np.float32),
+            stride=room,
             pose=_POOL.take("pose", 12 * 16, np.float32),
         )
 
     def _results(self, out: Gradients, absolute: bool, dense: bool) -> FrameGradients:
-        n, stride = self.count, self._cloud.sh_stride
-        records = out.records.reshape(-1, out.record_size)[:n]
-        used = GRADIENT_ROWS + self._raster.feature_count
+        n, stride = self._rows, self._cloud.sh_stride
         pose = out.pose.reshape(12, 16).sum(axis=1, dtype=np.float64)
         sh_rows = len(self._cloud.opacities) if dense else n
-        features = self._features
         return FrameGradients(
             means_m=out.means_m[: 3 * n].reshape(n, 3),
             quats_wxyz=out.quats_wxyz[: 4 * n].reshape(n, 4),
@@ -231,14 +265,61 @@ class Frame:
             opacities=out.opacities[:n],
             sh=out.sh[: sh_rows * stride].reshape(sh_rows, -1, 3) if self._cloud.sh_count else None,
             features=None
-            if features is None
-            else records[:, GRADIENT_ROWS : GRADIENT_ROWS + features.shape[1]].copy(),
+            if self._features is None
+            else self._sums(out, GRADIENT_ROWS, self._features.shape[1]),
             R_CW=pose[:9].reshape(3, 3),
             p_WC=pose[9:],
             means_px=out.means_px.reshape(2, -1)[:, :n].T,
-            absolute_px=LN_2 * records[:, used : used + 2] if absolute else None,
+            absolute_px=LN_2 * self._sums(out, GRADIENT_ROWS + self._raster.feature_count, 2) if absolute else None,
             weights=out.weights[:n],
         )
+
+    def _sums(self, out: Gradients, first: int, count: int) -> Singles:
+        """Numbers first..first+count-1 of the gradient records, in the order of rows."""
+        rows = np.empty((self._rows, count), dtype=np.float32)
+        gather_sums(self._chunks, self._kept, out, first, rows)
+        return rows
+
+
+class _SlabLists:
+    """Lists of the tiles of one slab."""
+
+    def __init__(self, ws: Workspace, raster: Raster) -> None:
+        self._tile_start = np.zeros_like(ws.tile_start)
+        self._entry_record = aligned(0, np.int32)
+        self._entry_blocks = aligned(0, np.uint16)
+        self.block_end = np.zeros_like(raster.block_end)
+
+    def of(self, ws: Workspace) -> Workspace:
+        """The workspace with these lists."""
+        return ws._replace(
+            tile_start=self._tile_start, entry_record=self._entry_record, entry_blocks=self._entry_blocks
+        )
+
+    def with_room(self, ws: Workspace, entries: int) -> Workspace:
+        """The workspace with these lists, large enough."""
+        ws = with_room(ws, entries=entries)
+        self._entry_record, self._entry_blocks = ws.entry_record, ws.entry_blocks
+        return ws
+
+
+def _chunk_arrays(count: int) -> Chunks:
+    return Chunks(*(np.zeros(count, dtype=np.float64 if name == "depth_m" else np.int64) for name in Chunks._fields))
+
+
+def _slabs_of(depth_m: npt.NDArray[np.float64]) -> list[Slab]:
+    """Split the depths at the shares of `SLAB_SHARES`."""
+    depths = np.sort(depth_m)
+    limits = {float(depths[int(share * len(depths))]) for share in SLAB_SHARES} if len(depths) > SLAB_MIN_CHUNKS else ()
+    edges = [-np.inf, *sorted(limit for limit in limits if limit > NEAR_M), np.inf]
+    return [
+        Slab(first, limit, _depth_bits(limit), number > 0)
+        for number, (first, limit) in enumerate(itertools.pairwise(edges))
+    ]
+
+
+def _depth_bits(depth_m: float) -> int:
+    return FAR_BITS if depth_m == np.inf else int(np.float32(depth_m).view(np.int32)) - NEAR_BITS
 
 
 _FRAMES: list[Frame] = []

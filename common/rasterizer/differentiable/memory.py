@@ -6,15 +6,20 @@ import numpy as np
 import numpy.typing as npt
 
 Singles = npt.NDArray[np.float32]
+Float64s = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
+CHUNK = 256
+"""Gaussians that follow each other in memory and are culled together."""
 STAGED_ROWS, STAGED_LANES = 12, 32
 """Offset from the camera (3), quaternion (4), scales (3), opacity, number; up to 31 Gaussians that wait for 16."""
-KEPT_ROWS = 22
-"""Offset from the camera (3), quaternion (4), scales (3), opacity, derivatives of red, green, blue by the offset (9),
-the larger half side of the box [px], and which channels are not black (bits)."""
-RADIUS, COLOURED = 20, 21
-"""Rows of the last two of these."""
+GROUP_ROWS = 23
+"""What is kept of 16 Gaussians: the staged rows, then derivatives of red, green, blue by the offset (9), which of them
+are not black (bits), the larger half side of the box [px], 0 where nothing is drawn."""
+NUMBER, DERIVATIVES, COLOURED, RADIUS = 11, 12, 21, 22
+"""Rows of a group."""
+GROUP = GROUP_ROWS * 16
+"""Numbers per group."""
 TRANSMITTANCE, RED, DEPTH, PLANES = 0, 1, 4, 5
 """Planes of an image: transmittance, red, green, blue, depth times weight, and then the features."""
 WEIGHT, CHANNELS = 6, 7
@@ -40,19 +45,50 @@ class Cloud(NamedTuple):
     """Coefficients per colour that are used; 0: no colour."""
 
 
-class Kept(NamedTuple):
-    """What the projection hands to the backward pass; row r, Gaussian n at `rows[r * stride + n]`."""
+class Chunks(NamedTuple):
+    """Chunks that may touch the image, in the order of memory."""
 
-    index: npt.NDArray[np.int32]
-    """Numbers of the Gaussians that are drawn, in the order of the records, shape (N + slack,)."""
-    rows: Singles
-    """See `KEPT_ROWS`."""
-    stride: int
+    number: Integers
+    """Chunk numbers, shape (C,)."""
+    depth_m: Float64s
+    """Lower bound of the depths of their means [m], shape (C,)."""
+    box: Integers
+    """Bounds of their footprints in 4x4 blocks, packed as in `cpu_view.pack_box`, shape (C,)."""
+    blocks: Integers
+    """Which of their blocks of 16 Gaussians may touch the image (bits), shape (C,)."""
+    first_group: Integers
+    """First group of each chunk, shape (C,)."""
+    group_count: Integers
+    """Groups of each chunk; 0: nothing of it was projected, shape (C,)."""
+
+
+class Slab(NamedTuple):
+    """A range of depths that is drawn in one go, nearest first."""
+
+    first_m: float
+    """Chunks whose means may lie nearer were projected before [m]."""
+    limit_m: float
+    """Chunks whose means all lie beyond wait for a later slab [m]."""
+    limit_bits: int
+    """Depth bits of the keys that wait for a later slab."""
+    cull: bool
+    """True if some pixels may be finished."""
+
+
+class Kept(NamedTuple):
+    """What the projection hands to the backward pass: groups of up to 16 Gaussians of one chunk.
+
+    Record `16 * group + lane` is that of the group's Gaussian `lane`.
+    """
+
+    groups: Singles
+    """See `GROUP_ROWS`, shape (G * GROUP,)."""
+    lanes: npt.NDArray[np.int32]
+    """Gaussians of each group, shape (G,)."""
     staged: Singles
     """See `STAGED_ROWS`."""
     coefficients: Singles
-    """Of 16 Gaussians SH coefficients (48), derivatives of their colours (9), half sides, bits of
-    `COLOURED`; shape (59 * 16,)."""
+    """SH coefficients of 16 Gaussians, shape (48 * 16,)."""
 
 
 class Raster(NamedTuple):
@@ -69,7 +105,7 @@ class Raster(NamedTuple):
     feature_count: int
     """Features per record, a multiple of `FEATURE_GROUP`."""
     block_end: npt.NDArray[np.int32]
-    """First entry of each 4x4 block that was not drawn any more, shape (T * 16,)."""
+    """First entry of each 4x4 block that was not drawn any more in this slab, shape (T * 16,)."""
     weights: Singles
     """Weights of one list of entries in one block, shape (64 * 16,)."""
     state: Singles
@@ -81,7 +117,7 @@ class Raster(NamedTuple):
 
 
 class Gradients(NamedTuple):
-    """Derivatives of the loss, one row per record, with room for 16 more rows."""
+    """Derivatives of the loss: gradient records, and one row per Gaussian of a group with room for 16 more rows."""
 
     records: Singles
     """Gradient records, see `GRADIENT_ROWS`, shape (N * record_size,)."""
@@ -109,8 +145,3 @@ def aligned(count: int, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
     raw = np.empty(size + 128, dtype=np.uint8)
     start = -raw.ctypes.data % 64
     return raw[start : start + size].view(dtype)
-
-
-def row_stride(count: int) -> int:
-    """Distance of rows with room for `count` and 16 more numbers, so that equal places of rows share no cache set."""
-    return (count + 16 + 1023) // 1024 * 1024 + 16

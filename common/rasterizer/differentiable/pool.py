@@ -46,11 +46,6 @@ class ArrayPool:
         return array
 
 
-def zeros(count: int, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
-    """New array of zeros that begins on a cache line; pages that are never written cost nothing."""
-    return np.frombuffer(_pages(max(count * np.dtype(dtype).itemsize, 1)), dtype=dtype, count=count)
-
-
 def _pages(size: int) -> mmap.mmap:
     memory = mmap.mmap(-1, size)
     if hasattr(mmap, "MADV_HUGEPAGE"):

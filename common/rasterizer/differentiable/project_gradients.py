@@ -11,9 +11,10 @@ v, v dx, v dy, v dx^2, v dx dy, v dy^2 over its pixels:
 
 from typing import Any
 
+import numpy as np
+
 from common.rasterizer.compilation import inlined, kernel
 from common.rasterizer.cpu_view import View
-from common.rasterizer.cpu_workspace import RECORDS, Workspace
 from common.rasterizer.differentiable.colour import write_coefficient_gradients
 from common.rasterizer.differentiable.lens import (
     Lens,
@@ -26,7 +27,18 @@ from common.rasterizer.differentiable.lens import (
     rotation_rows,
     to_camera,
 )
-from common.rasterizer.differentiable.memory import CHANNELS, COLOURED, WEIGHT, Cloud, Gradients, Kept
+from common.rasterizer.differentiable.memory import (
+    CHANNELS,
+    COLOURED,
+    GROUP,
+    RADIUS,
+    WEIGHT,
+    Chunks,
+    Cloud,
+    Gradients,
+    Kept,
+    Singles,
+)
 from common.rasterizer.differentiable.simd_rows import rows_of_four, rows_of_three
 from common.rasterizer.simd_memory import load_f16, load_i16, store_f16, transpose_in_place
 from common.rasterizer.simd_types import (
@@ -41,8 +53,8 @@ from common.rasterizer.simd_types import (
 
 
 @inlined
-def _row(kept: Kept, row: int, first: int) -> Any:
-    return load_f16(kept.rows, row * kept.stride + first)
+def _row(kept: Kept, group: int, row: int) -> Any:
+    return load_f16(kept.groups, group * GROUP + 16 * row)
 
 
 @inlined
@@ -62,35 +74,60 @@ def _quaternion_gradient(q: Any, G: Any) -> Any:
 
 
 @inlined
-def _add_pose(k: int, value: Any, out: Gradients) -> None:
-    store_f16(out.pose, k * 16, load_f16(out.pose, k * 16) + value)
+def _add_pose(k: int, drawn: Any, value: Any, out: Gradients) -> None:
+    store_f16(out.pose, k * 16, load_f16(out.pose, k * 16) + where(drawn, value, 0.0))
 
 
 @inlined
-def _gradient_rows(first: int, out: Gradients) -> None:
-    """Bring the first 16 numbers of 16 gradient records to one row each."""
+def _add_poses(drawn: Any, d: Any, g: Any, G: Any, w: Any, out: Gradients) -> None:
+    """Add derivatives by R_CW, of which `G` holds what the covariances give, and by the camera centre."""
+    _add_pose(0, drawn, fma(g[0], d[0], G[0]), out)
+    _add_pose(1, drawn, fma(g[0], d[1], G[1]), out)
+    _add_pose(2, drawn, fma(g[0], d[2], G[2]), out)
+    _add_pose(3, drawn, fma(g[1], d[0], G[3]), out)
+    _add_pose(4, drawn, fma(g[1], d[1], G[4]), out)
+    _add_pose(5, drawn, fma(g[1], d[2], G[5]), out)
+    _add_pose(6, drawn, fma(g[2], d[0], G[6]), out)
+    _add_pose(7, drawn, fma(g[2], d[1], G[7]), out)
+    _add_pose(8, drawn, fma(g[2], d[2], G[8]), out)
+    _add_pose(9, drawn, 0.0 - w[0], out)
+    _add_pose(10, drawn, 0.0 - w[1], out)
+    _add_pose(11, drawn, 0.0 - w[2], out)
+
+
+@inlined
+def _write_rows_of_three(rows: Singles, first: int, columns: Any) -> None:
+    r0, r1, r2 = rows_of_three(columns[0], columns[1], columns[2])
+    store_f16(rows, 3 * first, r0)
+    store_f16(rows, 3 * first + 16, r1)
+    store_f16(rows, 3 * first + 32, r2)
+
+
+@inlined
+def _gradient_rows(group: int, out: Gradients) -> None:
+    """Bring the first 16 numbers of a group's gradient records to one row each."""
     for lane in range(16):
-        store_f16(out.sums, lane * 16, load_f16(out.records, (first + lane) * out.record_size))
+        store_f16(out.sums, lane * 16, load_f16(out.records, (16 * group + lane) * out.record_size))
     transpose_in_place(out.sums, 0)
 
 
 @inlined
-def _shape_gradients(lens: Lens, R: Any, first: int, kept: Kept, out: Gradients) -> Any:
+def _shape_gradients(lens: Lens, R: Any, group: int, first: int, drawn: Any, kept: Kept, out: Gradients) -> Any:
     """Derivatives by quaternions, scales and opacities, written; those by the offsets in camera axes, returned.
 
     Also returned: what the covariances add to the derivatives by R_CW, row by row.
     """
-    d = (_row(kept, 0, first), _row(kept, 1, first), _row(kept, 2, first))
+    d = (_row(kept, group, 0), _row(kept, group, 1), _row(kept, group, 2))
     x, y, z = to_camera(R, d)
     inverse_z = 1.0 / z
     u, v = x * inverse_z, y * inverse_z
     uc, vc = clamped(lens, u, v)
-    q = (_row(kept, 3, first), _row(kept, 4, first), _row(kept, 5, first), _row(kept, 6, first))
+    q = (_row(kept, group, 3), _row(kept, group, 4), _row(kept, group, 5), _row(kept, group, 6))
     Q = quaternion_matrix(q[0], q[1], q[2], q[3])
     E = image_rows(R, uc, vc)
     A = image_axes(E, Q)
     du, dv = inverse_z * lens.fx, inverse_z * lens.fy
-    s0, s1, s2 = _row(kept, 7, first), _row(kept, 8, first), _row(kept, 9, first)
+    s0, s1, s2 = _row(kept, group, 7), _row(kept, group, 8), _row(kept, group, 9)
     su0, su1, su2, sv0, sv1, sv2 = s0 * du, s1 * du, s2 * du, s0 * dv, s1 * dv, s2 * dv
     a = (A[0] * su0, A[1] * su1, A[2] * su2)
     b = (A[3] * sv0, A[4] * sv1, A[5] * sv2)
@@ -100,23 +137,21 @@ def _shape_gradients(lens: Lens, R: Any, first: int, kept: Kept, out: Gradients)
     m0, m1, m2 = load_f16(out.sums, 0), load_f16(out.sums, 16), load_f16(out.sums, 32)
     m3, m4, m5 = load_f16(out.sums, 48), load_f16(out.sums, 64), load_f16(out.sums, 80)
     store_f16(out.weights, first, load_f16(out.sums, WEIGHT * 16))
-    store_f16(out.opacities, first, m0 / _row(kept, 10, first))
+    store_f16(out.opacities, first, where(drawn, m0 / _row(kept, group, 10), 0.0))
     gx, gy = fma(kxx, m1, kxy * m2), fma(kxy, m1, kyy * m2)
-    store_f16(out.means_px, first, gx)
-    store_f16(out.means_px, out.stride + first, gy)
+    store_f16(out.means_px, first, where(drawn, gx, 0.0))
+    store_f16(out.means_px, out.stride + first, where(drawn, gy, 0.0))
     p00, p01 = fma(kxx, m3, kxy * m4), fma(kxy, m3, kyy * m4)
     p10, p11 = fma(kxx, m4, kxy * m5), fma(kxy, m4, kyy * m5)
     wxx, wxy, wyy = fma(p00, kxx, p10 * kxy), fma(p00, kxy, p10 * kyy), fma(p01, kxy, p11 * kyy)
     ga0, ga1, ga2 = fma(wxx, a[0], wxy * b[0]), fma(wxx, a[1], wxy * b[1]), fma(wxx, a[2], wxy * b[2])
     gb0, gb1, gb2 = fma(wxy, a[0], wyy * b[0]), fma(wxy, a[1], wyy * b[1]), fma(wxy, a[2], wyy * b[2])
-    r0, r1, r2 = rows_of_three(
-        fma(ga0 * du, A[0], gb0 * dv * A[3]),
-        fma(ga1 * du, A[1], gb1 * dv * A[4]),
-        fma(ga2 * du, A[2], gb2 * dv * A[5]),
+    g_scales = (
+        where(drawn, fma(ga0 * du, A[0], gb0 * dv * A[3]), 0.0),
+        where(drawn, fma(ga1 * du, A[1], gb1 * dv * A[4]), 0.0),
+        where(drawn, fma(ga2 * du, A[2], gb2 * dv * A[5]), 0.0),
     )
-    store_f16(out.scales_m, 3 * first, r0)
-    store_f16(out.scales_m, 3 * first + 16, r1)
-    store_f16(out.scales_m, 3 * first + 32, r2)
+    _write_rows_of_three(out.scales_m, first, g_scales)
     # By ln(fx / z) and ln(fy / z), both of which move with -ln(z).
     g_zoom = fma(ga0, a[0], fma(ga1, a[1], ga2 * a[2])) + fma(gb0, b[0], fma(gb1, b[1], gb2 * b[2]))
     g0, g1, g2, g3, g4, g5 = ga0 * su0, ga1 * su1, ga2 * su2, gb0 * sv0, gb1 * sv1, gb2 * sv2
@@ -128,7 +163,9 @@ def _shape_gradients(lens: Lens, R: Any, first: int, kept: Kept, out: Gradients)
             fma(E[2], g0, E[5] * g3), fma(E[2], g1, E[5] * g4), fma(E[2], g2, E[5] * g5),
         ),
     )  # fmt: skip
-    h0, h1, h2, h3 = rows_of_four(w0, w1, w2, w3)
+    h0, h1, h2, h3 = rows_of_four(
+        where(drawn, w0, 0.0), where(drawn, w1, 0.0), where(drawn, w2, 0.0), where(drawn, w3, 0.0)
+    )
     store_f16(out.quats_wxyz, 4 * first, h0)
     store_f16(out.quats_wxyz, 4 * first + 16, h1)
     store_f16(out.quats_wxyz, 4 * first + 32, h2)
@@ -156,72 +193,73 @@ def _shape_gradients(lens: Lens, R: Any, first: int, kept: Kept, out: Gradients)
 
 
 @inlined
-def _colour_gradients(cloud: Cloud, first: int, lanes: int, dense: bool, kept: Kept, out: Gradients) -> Any:
+def _colour_gradients(cloud: Cloud, group: int, first: int, dense: bool, kept: Kept, out: Gradients) -> Any:
     """Derivatives by the coefficients, written; those by the offsets in world axes, returned."""
     zero = f16(0.0)
     if cloud.sh_count == 0:
         return zero, zero, zero
-    coloured = load_i16(kept.rows, COLOURED * kept.stride + first)
+    coloured = load_i16(kept.groups, group * GROUP + 16 * COLOURED)
     g = (
         where(has_bit(coloured, 1), load_f16(out.sums, CHANNELS * 16), 0.0),
         where(has_bit(coloured, 2), load_f16(out.sums, (CHANNELS + 1) * 16), 0.0),
         where(has_bit(coloured, 4), load_f16(out.sums, (CHANNELS + 2) * 16), 0.0),
     )
-    d = (_row(kept, 0, first), _row(kept, 1, first), _row(kept, 2, first))
+    d = (_row(kept, group, 0), _row(kept, group, 1), _row(kept, group, 2))
     inverse = 1.0 / sqrt(fma(d[0], d[0], fma(d[1], d[1], d[2] * d[2])))
-    write_coefficient_gradients(
-        cloud, kept, d[0] * inverse, d[1] * inverse, d[2] * inverse, g, first, lanes, dense, out
-    )
+    x, y, z = d[0] * inverse, d[1] * inverse, d[2] * inverse
+    write_coefficient_gradients(cloud, group, x, y, z, g, first, dense, kept, out)
     if cloud.sh_count == 1:
         return zero, zero, zero
     return (
-        fma(g[0], _row(kept, 11, first), fma(g[1], _row(kept, 14, first), g[2] * _row(kept, 17, first))),
-        fma(g[0], _row(kept, 12, first), fma(g[1], _row(kept, 15, first), g[2] * _row(kept, 18, first))),
-        fma(g[0], _row(kept, 13, first), fma(g[1], _row(kept, 16, first), g[2] * _row(kept, 19, first))),
+        fma(g[0], _row(kept, group, 12), fma(g[1], _row(kept, group, 15), g[2] * _row(kept, group, 18))),
+        fma(g[0], _row(kept, group, 13), fma(g[1], _row(kept, group, 16), g[2] * _row(kept, group, 19))),
+        fma(g[0], _row(kept, group, 14), fma(g[1], _row(kept, group, 17), g[2] * _row(kept, group, 20))),
     )
 
 
 @kernel
-def project_gradients(view: View, cloud: Cloud, dense: bool, kept: Kept, ws: Workspace, out: Gradients) -> None:
-    """Derivatives by all parameters of the Gaussians that were drawn, sixteen at a time.
+def project_gradients(
+    view: View, cloud: Cloud, chunks: Chunks, dense: bool, kept: Kept, out: Gradients
+) -> None:
+    """Derivatives by all parameters of the Gaussians of the groups, in the order of memory.
 
     Args:
         view: Camera.
         cloud: Parameters.
-        dense: Write those by SH coefficients to the rows of the Gaussians instead of those of the records.
+        chunks: Chunks after the projection.
+        dense: Write those by SH coefficients to the rows of all Gaussians instead of those of the groups'.
         kept: What the projection kept.
-        ws: Workspace after the projection.
         out: Gradient records, and where to write.
     """
     lens, R = lens_of(view), rotation_rows(view.R_CW)
     for k in range(12):
         store_f16(out.pose, k * 16, f16(0.0))
-    count = ws.counts[RECORDS]
-    for first in range(0, count, 16):
-        lanes = min(count - first, 16)
-        _gradient_rows(first, out)
-        g, G = _shape_gradients(lens, R, first, kept, out)
-        c0, c1, c2 = _colour_gradients(cloud, first, lanes, dense, kept, out)
-        w0, w1, w2 = (
-            fma(R[0], g[0], fma(R[3], g[1], fma(R[6], g[2], c0))),
-            fma(R[1], g[0], fma(R[4], g[1], fma(R[7], g[2], c1))),
-            fma(R[2], g[0], fma(R[5], g[1], fma(R[8], g[2], c2))),
-        )
-        r0, r1, r2 = rows_of_three(w0, w1, w2)
-        store_f16(out.means_m, 3 * first, r0)
-        store_f16(out.means_m, 3 * first + 16, r1)
-        store_f16(out.means_m, 3 * first + 32, r2)
-        valid = lane_number() < lanes
-        d = (_row(kept, 0, first), _row(kept, 1, first), _row(kept, 2, first))
-        _add_pose(0, where(valid, fma(g[0], d[0], G[0]), 0.0), out)
-        _add_pose(1, where(valid, fma(g[0], d[1], G[1]), 0.0), out)
-        _add_pose(2, where(valid, fma(g[0], d[2], G[2]), 0.0), out)
-        _add_pose(3, where(valid, fma(g[1], d[0], G[3]), 0.0), out)
-        _add_pose(4, where(valid, fma(g[1], d[1], G[4]), 0.0), out)
-        _add_pose(5, where(valid, fma(g[1], d[2], G[5]), 0.0), out)
-        _add_pose(6, where(valid, fma(g[2], d[0], G[6]), 0.0), out)
-        _add_pose(7, where(valid, fma(g[2], d[1], G[7]), 0.0), out)
-        _add_pose(8, where(valid, fma(g[2], d[2], G[8]), 0.0), out)
-        _add_pose(9, where(valid, 0.0 - w0, 0.0), out)
-        _add_pose(10, where(valid, 0.0 - w1, 0.0), out)
-        _add_pose(11, where(valid, 0.0 - w2, 0.0), out)
+    first = 0
+    for i in range(len(chunks.number)):
+        for group in range(chunks.first_group[i], chunks.first_group[i] + chunks.group_count[i]):
+            lanes = np.int64(kept.lanes[group])
+            drawn = (_row(kept, group, RADIUS) > 0.0) & (lane_number() < lanes)
+            _gradient_rows(group, out)
+            g, G = _shape_gradients(lens, R, group, first, drawn, kept, out)
+            c = _colour_gradients(cloud, group, first, dense, kept, out)
+            w = (
+                where(drawn, fma(R[0], g[0], fma(R[3], g[1], fma(R[6], g[2], c[0]))), 0.0),
+                where(drawn, fma(R[1], g[0], fma(R[4], g[1], fma(R[7], g[2], c[1]))), 0.0),
+                where(drawn, fma(R[2], g[0], fma(R[5], g[1], fma(R[8], g[2], c[2]))), 0.0),
+            )
+            _write_rows_of_three(out.means_m, first, w)
+            _add_poses(drawn, (_row(kept, group, 0), _row(kept, group, 1), _row(kept, group, 2)), g, G, w, out)
+            first += lanes
+
+
+@kernel
+def gather_sums(chunks: Chunks, kept: Kept, out: Gradients, begin: int, rows: Singles) -> None:
+    """Copy numbers from `begin` on of the gradient records to `rows`, one row per Gaussian in the order of memory."""
+    row = 0
+    for i in range(len(chunks.number)):
+        for group in range(chunks.first_group[i], chunks.first_group[i] + chunks.group_count[i]):
+            for lane in range(kept.lanes[group]):
+                place = (16 * group + lane) * out.record_size + begin
+                for k in range(rows.shape[1]):
+                    rows[row, k] = out.records[place + k]
+                row += 1
