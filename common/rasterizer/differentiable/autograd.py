@@ -8,7 +8,7 @@ import numpy.typing as npt
 import torch
 
 from common.rasterizer.cpu_view import make_view
-from common.rasterizer.differentiable.frame import Frame, FrameGradients, free_frame
+from common.rasterizer.differentiable.frame import Frame, FrameGradients, free_frame, zeros
 from common.rasterizer.differentiable.memory import DEPTH, PLANES, RED, TRANSMITTANCE, Cloud
 
 Tensor = torch.Tensor
@@ -39,11 +39,23 @@ class Rendered:
     """Colour over the background, not clipped above 1; None without `sh`, shape (H, W, 3)."""
     features: Tensor | None
     """Features weighted as colours are, over zero, shape (H, W, F)."""
-    depth_m: Tensor
-    """Mean depth along the optical axis, weighted as colours are [m]; inf where nothing is drawn, shape (H, W)."""
-    alpha: Tensor
-    """One minus the transmittance that is left, shape (H, W)."""
+    depth_sum_m: Tensor
+    """Depths weighted as colours are, over zero [m], shape (H, W)."""
+    transmittance: Tensor
+    """What is left of the background, shape (H, W)."""
     visibility: Visibility
+
+    @property
+    def alpha(self) -> Tensor:
+        """One minus the transmittance that is left, shape (H, W)."""
+        return 1.0 - self.transmittance
+
+    @property
+    def depth_m(self) -> Tensor:
+        """Mean depth along the optical axis, weighted as colours are [m]; inf where nothing is drawn, shape (H, W)."""
+        alpha = self.alpha
+        something = alpha > 0.0
+        return torch.where(something, self.depth_sum_m / torch.where(something, alpha, 1.0), torch.inf)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -116,16 +128,13 @@ def rasterize(
     )
     visibility = Visibility(index=torch.empty(0, dtype=torch.int64), radius_px=torch.empty(0))
     colour, drawn, depth, transmittance = _Rasterize.apply(*parameters, pose, settings, visibility)  # type: ignore[no-untyped-call]
-    alpha = 1.0 - transmittance
     if background is not None and sh is not None:
         colour = colour + transmittance[..., None] * background
-    something = alpha > 0.0
-    depth_m = torch.where(something, depth / torch.where(something, alpha, 1.0), torch.inf)
     return Rendered(
         rgb=None if sh is None else colour,
         features=None if features is None else drawn,
-        depth_m=depth_m,
-        alpha=alpha,
+        depth_sum_m=depth,
+        transmittance=transmittance,
         visibility=visibility,
     )
 
@@ -213,7 +222,7 @@ class _Rasterize(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx: Any, *slopes: Tensor | None) -> tuple[Tensor | None, ...]:
-        whole, _, means_m, _, _, _, sh, features, pose = ctx.saved_tensors
+        whole, _, means_m, _, _, _, _, _, pose = ctx.saved_tensors
         frame: Frame = ctx.frame
         settings: _Settings = ctx.settings
         padded = frame.padded()
@@ -242,12 +251,12 @@ class _Rasterize(torch.autograd.Function):
             visibility.absolute_gradient_px = torch.from_numpy(out.absolute_px)
         rows = _Rows(visibility.index, len(means_m), dense)
         return (
-            rows.tensor(out.means_m),
-            rows.tensor(out.quats_wxyz),
-            rows.tensor(out.scales_m),
-            rows.tensor(out.opacities),
-            None if sh is None else torch.from_numpy(out.sh) if dense else rows.tensor(out.sh),
-            None if features is None else rows.tensor(out.features),
+            rows.tensor("means_m", out.means_m),
+            rows.tensor("quats_wxyz", out.quats_wxyz),
+            rows.tensor("scales_m", out.scales_m),
+            rows.tensor("opacities", out.opacities),
+            torch.from_numpy(out.sh) if dense and out.sh is not None else rows.tensor("sh", out.sh),
+            rows.tensor("features", out.features),
             _pose_gradient(out).to(pose.dtype),
             None,
             None,
@@ -262,11 +271,12 @@ class _Rows:
     count: int
     dense: bool
 
-    def tensor(self, rows: npt.NDArray[np.float32] | None) -> Tensor:
-        values = torch.from_numpy(rows)
-        shape = (self.count, *values.shape[1:])
+    def tensor(self, name: str, rows: npt.NDArray[np.float32] | None) -> Tensor | None:
+        if rows is None:
+            return None
+        values, shape = torch.from_numpy(rows), (self.count, *rows.shape[1:])
         if self.dense:
-            return torch.zeros(shape).index_copy_(0, self.index, values)
+            return torch.from_numpy(zeros(f"dense_{name}", shape)).index_copy_(0, self.index, values)
         return torch.sparse_coo_tensor(self.index[None], values, shape, is_coalesced=True, check_invariants=False)
 
 

@@ -14,13 +14,12 @@ from common.rasterizer.differentiable.memory import (
     GROUP,
     NUMBER,
     PLANES,
-    RADIUS,
     TRANSMITTANCE,
     Kept,
     Raster,
     Singles,
 )
-from common.rasterizer.differentiable.simd_rows import load_block, store_block
+from common.rasterizer.differentiable.simd_rows import load_block, load_first, store_block, store_first
 from common.rasterizer.simd_memory import load_f16, prefetch, store_f16
 from common.rasterizer.simd_types import float_bits, fma, fnma, lane_number, lowest_bit, mask_bits, minimum, to_float, where
 
@@ -48,13 +47,16 @@ def begin_planes(width: int, height: int, ws: Workspace, raster: Raster) -> None
 @kernel
 def gather_features(features: Singles, count: int, first: int, kept: Kept, ws: Workspace, raster: Raster) -> None:
     """Copy the features of the records from `first` on, `count` numbers each, and fill rows up with zeros."""
-    stride = raster.feature_count
-    for record in range(first, ws.counts[RECORDS]):
-        place = (record >> 4) * GROUP + (record & 15)
-        if kept.groups[place + 16 * RADIUS] > 0.0 and (record & 15) < kept.lanes[record >> 4]:
-            row = float_bits(kept.groups[place + 16 * NUMBER]) * count
-            for k in range(stride):
-                raster.features[record * stride + k] = features[row + k] if k < count else np.float32(0.0)
+    stride, end = raster.feature_count, ws.counts[RECORDS] >> 4
+    for group in range(first >> 4, end):
+        place = group * GROUP
+        for lane in range(kept.lanes[group + 1] if group + 1 < end else 0):
+            prefetch(features, float_bits(kept.groups[place + GROUP + 16 * NUMBER + lane]) * count)
+        for lane in range(kept.lanes[group]):
+            row = float_bits(kept.groups[place + 16 * NUMBER + lane]) * count
+            target = (16 * group + lane) * stride
+            for k in range(0, stride, 16):
+                store_first(raster.features, target + k, stride - k, load_first(features, row + k, count - k))
 
 
 @inlined
@@ -146,7 +148,10 @@ def blend(width: int, ws: Workspace, raster: Raster) -> None:
             n = min(BATCH, end - entry)
             _fill_lists(ws, entry, n, sizes)
             for i in range(entry + BATCH, min(end, entry + 2 * BATCH)):
-                prefetch(ws.records, np.int64(ws.entry_record[i]) * RECORD)
+                record = np.int64(ws.entry_record[i])
+                prefetch(ws.records, record * RECORD)
+                if raster.feature_count:
+                    prefetch(raster.features, record * raster.feature_count)
             waiting = alive
             while waiting:
                 block = lowest_bit(waiting)

@@ -1,6 +1,6 @@
 """Backward blending: the tiles' lists are replayed front to back."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -10,14 +10,14 @@ from common.rasterizer.cpu_blend import BATCH, LOG2_ALPHA_MIN, _exp2
 from common.rasterizer.cpu_workspace import RECORD, RECORDS, Workspace
 from common.rasterizer.differentiable.memory import (
     FEATURE_GROUP,
-    GRADIENT_ROWS,
+    LATER_ROWS,
     PLANES,
     TRANSMITTANCE,
     Gradients,
     Raster,
     Singles,
 )
-from common.rasterizer.differentiable.simd_rows import lane_sums_at, lane_sums_of_eleven, load_block, store_block
+from common.rasterizer.differentiable.simd_rows import lane_sums_at, lane_sums_of_eleven, lane_sums_of_fifteen, load_block, store_block
 from common.rasterizer.simd_memory import load_f16, load_i16, prefetch, store_f16
 from common.rasterizer.simd_types import f16, fma, fnma, lane_number, lowest_bit, mask_bits, minimum, to_float, where
 
@@ -25,6 +25,17 @@ STATE_ROWS = PLANES + 2
 """Per block: transmittance, what is left behind, then the derivatives of the planes, that of transmittance negative."""
 AHEAD = 16
 """Entries for which memory is asked in advance."""
+
+
+class Options(NamedTuple):
+    """What is wanted of the derivatives."""
+
+    with_depth: bool
+    """Derivatives by the depth plane are not all zero."""
+    absolute: bool
+    """Sum up the absolute values of each pixel's derivatives by the projected mean as well, in log2 units."""
+    absolute_row: int
+    """Where these are in a gradient record, behind the features."""
 
 
 @inlined
@@ -77,35 +88,33 @@ def begin_replay(ws: Workspace, raster: Raster, slopes: Singles, replay: Singles
 
 
 @inlined
-def _feature_slopes(raster: Raster, place: int, record: int, slope: Any) -> Any:
-    """Add the record's features times the derivatives by the feature planes."""
+def _later_features(raster: Raster, place: int, record: int, slope: Any) -> Any:
+    """Add the record's features beyond the first group times the derivatives by their planes."""
     state, features = raster.state, raster.features
-    for group in range(0, raster.feature_count, FEATURE_GROUP):
-        p, r = place + 16 * (STATE_ROWS + group), record * raster.feature_count + group
-        slope = fma(load_f16(state, p), features[r], slope)
-        slope = fma(load_f16(state, p + 16), features[r + 1], slope)
-        slope = fma(load_f16(state, p + 32), features[r + 2], slope)
-        slope = fma(load_f16(state, p + 48), features[r + 3], slope)
+    for k in range(FEATURE_GROUP, raster.feature_count):
+        value = features[record * raster.feature_count + k]
+        slope = fma(load_f16(state, place + 16 * (STATE_ROWS + k)), value, slope)
     return slope
 
 
 @inlined
-def _add_feature_sums(raster: Raster, place: int, weight: Any, out: Gradients) -> None:
-    for k in range(raster.feature_count):
-        p = (GRADIENT_ROWS + k) * 16
+def _add_later_features(raster: Raster, place: int, weight: Any, out: Gradients) -> None:
+    for k in range(FEATURE_GROUP, raster.feature_count):
+        p = (LATER_ROWS + k - FEATURE_GROUP) * 16
         slope = load_f16(raster.state, place + 16 * (STATE_ROWS + k))
         store_f16(out.sums, p, fma(weight, slope, load_f16(out.sums, p)))
 
 
 @inlined
-def _begin_sums(out: Gradients, used: int) -> None:
-    for k in range(GRADIENT_ROWS, used):
-        store_f16(out.sums, k * 16, f16(0.0))
+def _add_absolute(row: int, x: Any, y: Any, out: Gradients) -> None:
+    p = row * 16
+    store_f16(out.sums, p, load_f16(out.sums, p) + where(x >= 0.0, x, 0.0 - x))
+    store_f16(out.sums, p + 16, load_f16(out.sums, p + 16) + where(y >= 0.0, y, 0.0 - y))
 
 
 @inlined
 def _replay_entry(
-    ws: Workspace, raster: Raster, record: int, bits: int, left: int, top: int, with_depth: bool, absolute: bool, out: Gradients
+    ws: Workspace, raster: Raster, record: int, bits: int, left: int, top: int, options: Options, out: Gradients
 ) -> None:
     """Draw one record into its blocks once more, and add its derivatives.
 
@@ -116,12 +125,11 @@ def _replay_entry(
         bits: Blocks of the tile.
         left: First column of the tile [px].
         top: First row of the tile [px].
-        with_depth: The loss depends on the depth plane.
-        absolute: Sum up absolute derivatives by the mean as well.
+        options: What is wanted.
         out: Where to add.
     """
-    state, records, r = raster.state, ws.records, record * RECORD
-    rows = STATE_ROWS + raster.feature_count
+    state, records, r, features = raster.state, ws.records, record * RECORD, raster.features
+    rows, f = STATE_ROWS + raster.feature_count, record * raster.feature_count
     lane_x, lane_y = to_float(lane_number() & 3) + 0.5, to_float(lane_number() >> 2) + 0.5
     corner_x, corner_y = lane_x + (np.float32(left) - records[r]), lane_y + (np.float32(top) - records[r + 1])
     a, b, c, log2_opacity = f16(records[r + 2]), f16(records[r + 3]), f16(records[r + 4]), f16(records[r + 5])
@@ -129,31 +137,35 @@ def _replay_entry(
     zero = f16(0.0)
     m0, m1, m2, m3, m4, m5, total = zero, zero, zero, zero, zero, zero, zero
     sum_red, sum_green, sum_blue, sum_depth = zero, zero, zero, zero
-    extra = raster.feature_count > 0 or absolute
-    used = GRADIENT_ROWS + raster.feature_count
-    if extra:
-        _begin_sums(out, out.record_size)
+    f0, f1, f2, f3 = zero, zero, zero, zero
+    for k in range(LATER_ROWS, out.record_size):
+        store_f16(out.sums, k * 16, zero)
     while bits:
         block = lowest_bit(bits)
         bits &= bits - 1
         place = block * rows * 16
         dx, dy = corner_x + raster.block_x[block], corner_y + raster.block_y[block]
         t = fma(dx, fma(dx, a, dy * b), fma(dy * c, dy, log2_opacity))
-        drawn = t >= LOG2_ALPHA_MIN
         uncapped = _exp2(t)
-        alpha = where(drawn, minimum(uncapped, ALPHA_MAX), 0.0)
+        alpha = where(t >= LOG2_ALPHA_MIN, minimum(uncapped, ALPHA_MAX), 0.0)
         transmittance = load_f16(state, place)
         weight = alpha * transmittance
         slope_red, slope_green = load_f16(state, place + 48), load_f16(state, place + 64)
         slope_blue = load_f16(state, place + 80)
         slope = fma(red, slope_red, fma(green, slope_green, fma(blue, slope_blue, load_f16(state, place + 32))))
-        if with_depth:
+        sum_red, sum_green = fma(weight, slope_red, sum_red), fma(weight, slope_green, sum_green)
+        sum_blue, total = fma(weight, slope_blue, sum_blue), total + weight
+        if options.with_depth:
             slope_depth = load_f16(state, place + 96)
-            slope = fma(depth, slope_depth, slope)
-            sum_depth = fma(weight, slope_depth, sum_depth)
+            slope, sum_depth = fma(depth, slope_depth, slope), fma(weight, slope_depth, sum_depth)
         if raster.feature_count:
-            slope = _feature_slopes(raster, place, record, slope)
-            _add_feature_sums(raster, place, weight, out)
+            s0, s1 = load_f16(state, place + 112), load_f16(state, place + 128)
+            s2, s3 = load_f16(state, place + 144), load_f16(state, place + 160)
+            slope = fma(s0, features[f], fma(s1, features[f + 1], slope))
+            slope = fma(s2, features[f + 2], fma(s3, features[f + 3], slope))
+            f0, f1, f2, f3 = fma(weight, s0, f0), fma(weight, s1, f1), fma(weight, s2, f2), fma(weight, s3, f3)
+            slope = _later_features(raster, place, record, slope)
+            _add_later_features(raster, place, weight, out)
         behind = fnma(weight, slope, load_f16(state, place + 16))
         # Derivative by the logarithm of alpha.
         v = fma(weight, slope, behind * (alpha / (alpha - 1.0)))
@@ -161,44 +173,19 @@ def _replay_entry(
         vx, vy = v * dx, v * dy
         m0, m1, m2 = m0 + v, m1 + vx, m2 + vy
         m3, m4, m5 = fma(vx, dx, m3), fma(vx, dy, m4), fma(vy, dy, m5)
-        sum_red, sum_green = fma(weight, slope_red, sum_red), fma(weight, slope_green, sum_green)
-        sum_blue, total = fma(weight, slope_blue, sum_blue), total + weight
         store_f16(state, place, fnma(alpha, transmittance, transmittance))
         store_f16(state, place + 16, behind)
-        if absolute:
-            _add_absolute(used, fma(vx, a * 2.0, vy * b), fma(vx, b, vy * (c * 2.0)), out)
-    if extra:
-        _add_rows(record, (m0, m1, m2, m3, m4, m5, total, sum_red, sum_green, sum_blue, sum_depth), out)
+        if options.absolute:
+            _add_absolute(options.absolute_row, fma(vx, a * 2.0, vy * b), fma(vx, b, vy * (c * 2.0)), out)
+    place = record * out.record_size
+    sums = (m0, m1, m2, m3, m4, m5, total, sum_red, sum_green, sum_blue, sum_depth)
+    if raster.feature_count:
+        first = lane_sums_of_fifteen(sums, (f0, f1, f2, f3))
     else:
-        place = record * out.record_size
-        sums = lane_sums_of_eleven(m0, m1, m2, m3, m4, m5, total, sum_red, sum_green, sum_blue, sum_depth)
-        store_f16(out.records, place, load_f16(out.records, place) + sums)
-
-
-@inlined
-def _add_absolute(used: int, x: Any, y: Any, out: Gradients) -> None:
-    p = used * 16
-    store_f16(out.sums, p, load_f16(out.sums, p) + where(x >= 0.0, x, 0.0 - x))
-    store_f16(out.sums, p + 16, load_f16(out.sums, p + 16) + where(y >= 0.0, y, 0.0 - y))
-
-
-@inlined
-def _add_rows(record: int, sums: Any, out: Gradients) -> None:
-    """Add a gradient record of any size; its first rows come in `sums`, the others are in memory."""
-    store_f16(out.sums, 0, sums[0])
-    store_f16(out.sums, 16, sums[1])
-    store_f16(out.sums, 32, sums[2])
-    store_f16(out.sums, 48, sums[3])
-    store_f16(out.sums, 64, sums[4])
-    store_f16(out.sums, 80, sums[5])
-    store_f16(out.sums, 96, sums[6])
-    store_f16(out.sums, 112, sums[7])
-    store_f16(out.sums, 128, sums[8])
-    store_f16(out.sums, 144, sums[9])
-    store_f16(out.sums, 160, sums[10])
-    for k in range(0, out.record_size, 16):
-        place = record * out.record_size + k
-        store_f16(out.records, place, load_f16(out.records, place) + lane_sums_at(out.sums, k * 16))
+        first = lane_sums_of_eleven(sums)
+    store_f16(out.records, place, load_f16(out.records, place) + first)
+    for k in range(LATER_ROWS, out.record_size, 16):
+        store_f16(out.records, place + k, load_f16(out.records, place + k) + lane_sums_at(out.sums, k * 16))
 
 
 @kernel
@@ -208,8 +195,7 @@ def blend_gradients(
     raster: Raster,
     slopes: Singles,
     replay: Singles,
-    with_depth: bool,
-    absolute: bool,
+    options: Options,
     out: Gradients,
 ) -> None:
     """Derivatives of the loss by what the records of one slab hold; slabs are replayed in their order.
@@ -220,9 +206,7 @@ def blend_gradients(
         raster: What the slab's `blend` noted.
         slopes: Derivatives of the loss by the planes.
         replay: See `begin_replay`.
-        with_depth: Derivatives by the depth plane are not all zero.
-        absolute: Sum up the absolute values of each pixel's derivatives by the projected mean, in log2 units, after
-            the features' sums.
+        options: What is wanted.
         out: Gradient records are added to.
     """
     columns = (width + 15) >> 4
@@ -238,10 +222,12 @@ def blend_gradients(
                 ahead = np.int64(ws.entry_record[min(i + AHEAD, end - 1)])
                 prefetch(ws.records, ahead * RECORD)
                 prefetch(out.records, ahead * out.record_size)
+                if raster.feature_count:
+                    prefetch(raster.features, ahead * raster.feature_count)
                 bits = np.int64(ws.entry_blocks[i]) & alive
                 if bits:
                     record = np.int64(ws.entry_record[i])
-                    _replay_entry(ws, raster, record, bits, left, top, with_depth, absolute, out)
+                    _replay_entry(ws, raster, record, bits, left, top, options, out)
             entry += BATCH
             alive = mask_bits(load_i16(raster.block_end, tile * 16) > entry)
         _store_tile(raster, replay, left, top)

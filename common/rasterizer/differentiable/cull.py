@@ -11,11 +11,13 @@ from common.rasterizer.cpu_view import PAD_PX, View, pack_box
 from common.rasterizer.differentiable.lens import Lens, lens_of, rotation_rows, to_camera
 from common.rasterizer.differentiable.memory import CHUNK, Chunks, Cloud, Singles
 from common.rasterizer.differentiable.simd_rows import columns_of_three, load_first
-from common.rasterizer.simd_memory import load_f16, store_f16
+from common.rasterizer.simd_memory import load_f16, prefetch, store_f16
 from common.rasterizer.simd_types import f16, fma, lane_number, mask_bits, maximum, minimum, where
 
 REACH = math.sqrt(2.0 * math.log(1.0 / ALPHA_MIN))
 """Standard deviations beyond which an opaque Gaussian is not drawn."""
+AHEAD = 512
+"""Gaussians for which memory is asked in advance."""
 FAR = np.float32(3e38)
 
 
@@ -97,6 +99,10 @@ def _bound(bounds: Singles, k: int) -> float:
 def _bound_block(view: View, lens: Lens, R: Any, cloud: Cloud, first: int, bounds: Singles) -> int:
     """Widen the bounds by a block of 16 Gaussians; the lanes that may touch the image."""
     left = len(cloud.opacities) - first
+    for k in range(0, 48, 16):
+        prefetch(cloud.means_m, 3 * (first + AHEAD) + k)
+        prefetch(cloud.scales_m, 3 * (first + AHEAD) + k)
+    prefetch(cloud.opacities, first + AHEAD)
     p = to_camera(R, offsets_from_camera(view, cloud, first, left))
     if mask_bits((p[2] > NEAR_M) & (lane_number() < left)) == 0:
         return 0

@@ -1,6 +1,7 @@
 """One view, forward and backward, on NumPy arrays."""
 
 import itertools
+import math
 import weakref
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,13 +17,13 @@ from common.rasterizer.cpu_tiles import MAX_TILES
 from common.rasterizer.cpu_view import View
 from common.rasterizer.cpu_workspace import KEYS, RECORDS, TILE, Workspace, make_workspace, tile_count, with_room
 from common.rasterizer.differentiable.blend import begin_planes, blend, gather_features
-from common.rasterizer.differentiable.blend_gradients import STATE_ROWS, begin_replay, blend_gradients
+from common.rasterizer.differentiable.blend_gradients import STATE_ROWS, Options, begin_replay, blend_gradients
 from common.rasterizer.differentiable.cull import bound_chunks
 from common.rasterizer.differentiable.memory import (
     CHUNK,
     FEATURE_GROUP,
-    GRADIENT_ROWS,
     GROUP,
+    LATER_ROWS,
     PLANES,
     STAGED_LANES,
     STAGED_ROWS,
@@ -45,6 +46,13 @@ SLAB_MIN_CHUNKS = 64
 """Fewer chunks are not worth a slab."""
 LN_2 = 0.6931471805599453
 _POOL = ArrayPool()
+
+
+def zeros(name: str, shape: tuple[int, ...]) -> Singles:
+    """Zeros in memory that is used again when they are dropped."""
+    array: Singles = _POOL.take(name, math.prod(shape), np.float32)
+    array.fill(0.0)
+    return array.reshape(shape)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -206,7 +214,8 @@ class Frame:
             dense: Give SH coefficients' derivatives for all Gaussians.
         """
         feature_count = self._raster.feature_count
-        record_size = -(-(GRADIENT_ROWS + feature_count + 2 * absolute) // 16) * 16
+        absolute_row = LATER_ROWS + max(feature_count - FEATURE_GROUP, 0)
+        record_size = -(-(absolute_row + 2 * absolute) // 16) * 16
         out = self._gradients(record_size, dense)
         raster = self._raster._replace(planes=planes.reshape(-1))
         replay = _POOL.take("replay", 2 * raster.height * raster.stride, np.float32)
@@ -218,23 +227,20 @@ class Frame:
                 raster._replace(block_end=lists.block_end),
                 slopes.reshape(-1),
                 replay,
-                with_depth,
-                absolute,
+                Options(with_depth, absolute, absolute_row),
                 out,
             )
         project_gradients(self._view, self._cloud, self._chunks, dense, self._kept, out)
-        return self._results(out, absolute, dense)
+        return self._results(out, absolute_row if absolute else None, dense)
 
     def padded(self) -> Singles:
         """Zeros in the layout of the planes, for `derive`."""
         raster = self._raster
-        size = (PLANES + raster.feature_count) * raster.height * raster.stride
-        array = _POOL.take("slopes", size, np.float32)
-        array.fill(0.0)
-        return array.reshape(-1, raster.height, raster.stride)
+        return zeros("slopes", (PLANES + raster.feature_count, raster.height, raster.stride))
 
     def _gradients(self, record_size: int, dense: bool) -> Gradients:
         room, cloud = self._rows + 16, self._cloud
+        features = 0 if self._features is None else self._features.shape[1]
         sh_size = (len(cloud.opacities) if dense else room) * cloud.sh_stride if cloud.sh_count else 0
         sh = _POOL.take("sh", sh_size, np.float32)
         if dense or 3 * cloud.sh_count < cloud.sh_stride:
@@ -248,13 +254,15 @@ class Frame:
             scales_m=_POOL.take("scales_m", room * 3, np.float32),
             opacities=_POOL.take("opacities", room, np.float32),
             sh=sh,
+            features=_POOL.take("features", room * features, np.float32),
+            feature_size=features,
             weights=_POOL.take("weights", room, np.float32),
             means_px=_POOL.take("means_px", 2 * room, np.float32),
             stride=room,
             pose=_POOL.take("pose", 12 * 16, np.float32),
         )
 
-    def _results(self, out: Gradients, absolute: bool, dense: bool) -> FrameGradients:
+    def _results(self, out: Gradients, absolute_row: int | None, dense: bool) -> FrameGradients:
         n, stride = self._rows, self._cloud.sh_stride
         pose = out.pose.reshape(12, 16).sum(axis=1, dtype=np.float64)
         sh_rows = len(self._cloud.opacities) if dense else n
@@ -263,19 +271,17 @@ class Frame:
             quats_wxyz=out.quats_wxyz[: 4 * n].reshape(n, 4),
             scales_m=out.scales_m[: 3 * n].reshape(n, 3),
             opacities=out.opacities[:n],
-            sh=out.sh[: sh_rows * stride].reshape(sh_rows, -1, 3) if self._cloud.sh_count else None,
-            features=None
-            if self._features is None
-            else self._sums(out, GRADIENT_ROWS, self._features.shape[1]),
+            sh=out.sh[: sh_rows * stride].reshape(sh_rows, stride // 3, 3) if self._cloud.sh_count else None,
+            features=None if self._features is None else out.features[: n * out.feature_size].reshape(n, out.feature_size),
             R_CW=pose[:9].reshape(3, 3),
             p_WC=pose[9:],
             means_px=out.means_px.reshape(2, -1)[:, :n].T,
-            absolute_px=LN_2 * self._sums(out, GRADIENT_ROWS + self._raster.feature_count, 2) if absolute else None,
+            absolute_px=None if absolute_row is None else LN_2 * self._sums(out, absolute_row, 2),
             weights=out.weights[:n],
         )
 
     def _sums(self, out: Gradients, first: int, count: int) -> Singles:
-        """Numbers first..first+count-1 of the gradient records, in the order of rows."""
+        """Numbers from `first` on of the gradient records, in the order of rows."""
         rows = np.empty((self._rows, count), dtype=np.float32)
         gather_sums(self._chunks, self._kept, out, first, rows)
         return rows

@@ -25,7 +25,8 @@ TRANSMITTANCE, RED, DEPTH, PLANES = 0, 1, 4, 5
 WEIGHT, CHANNELS = 6, 7
 """Places in a gradient record: six moments, the sum of weights, then red, green, blue, depth and the features."""
 GRADIENT_ROWS = 11
-"""Numbers of a gradient record without features."""
+"""Numbers of a gradient record without features; the first group of these follows, and from LATER_ROWS on the others."""
+LATER_ROWS = 16
 FEATURE_GROUP = 4
 """Features are handled in groups of this many; the last group is filled up with zeros."""
 
@@ -120,7 +121,7 @@ class Gradients(NamedTuple):
     """Derivatives of the loss: gradient records, and one row per Gaussian of a group with room for 16 more rows."""
 
     records: Singles
-    """Gradient records, see `GRADIENT_ROWS`, shape (N * record_size,)."""
+    """Gradient records, see `GRADIENT_ROWS`, shape (records * record_size,)."""
     record_size: int
     """Numbers per gradient record, a multiple of 16."""
     sums: Singles
@@ -130,6 +131,9 @@ class Gradients(NamedTuple):
     scales_m: Singles
     opacities: Singles
     sh: Singles
+    features: Singles
+    feature_size: int
+    """Features per Gaussian, not filled up."""
     weights: Singles
     """Sum of the Gaussian's weights over all pixels."""
     means_px: Singles

@@ -30,7 +30,10 @@ from common.rasterizer.differentiable.lens import (
 from common.rasterizer.differentiable.memory import (
     CHANNELS,
     COLOURED,
+    FEATURE_GROUP,
+    GRADIENT_ROWS,
     GROUP,
+    LATER_ROWS,
     RADIUS,
     WEIGHT,
     Chunks,
@@ -39,8 +42,8 @@ from common.rasterizer.differentiable.memory import (
     Kept,
     Singles,
 )
-from common.rasterizer.differentiable.simd_rows import rows_of_four, rows_of_three
-from common.rasterizer.simd_memory import load_f16, load_i16, store_f16, transpose_in_place
+from common.rasterizer.differentiable.simd_rows import load_first, rows_of_four, rows_of_three, store_first
+from common.rasterizer.simd_memory import load_f16, load_i16, prefetch, store_f16, transpose_in_place
 from common.rasterizer.simd_types import (
     f16,
     fma,
@@ -96,11 +99,32 @@ def _add_poses(drawn: Any, d: Any, g: Any, G: Any, w: Any, out: Gradients) -> No
 
 
 @inlined
+def _copy_features(group: int, first: int, lanes: int, out: Gradients) -> None:
+    """Copy derivatives by features from the gradient records to rows."""
+    size = out.feature_size
+    for lane in range(lanes):
+        source, target = (16 * group + lane) * out.record_size, (first + lane) * size
+        head = load_first(out.records, source + GRADIENT_ROWS, FEATURE_GROUP)
+        store_first(out.features, target, min(size, FEATURE_GROUP), head)
+        for k in range(FEATURE_GROUP, size, 16):
+            tail = load_f16(out.records, source + LATER_ROWS + k - FEATURE_GROUP)
+            store_first(out.features, target + k, size - k, tail)
+
+
+@inlined
 def _write_rows_of_three(rows: Singles, first: int, columns: Any) -> None:
     r0, r1, r2 = rows_of_three(columns[0], columns[1], columns[2])
     store_f16(rows, 3 * first, r0)
     store_f16(rows, 3 * first + 16, r1)
     store_f16(rows, 3 * first + 32, r2)
+
+
+@inlined
+def _ask_for(group: int, kept: Kept, out: Gradients) -> None:
+    for k in range(0, GROUP, 16):
+        prefetch(kept.groups, group * GROUP + k)
+    for lane in range(16):
+        prefetch(out.records, (16 * group + lane) * out.record_size)
 
 
 @inlined
@@ -238,6 +262,7 @@ def project_gradients(
     for i in range(len(chunks.number)):
         for group in range(chunks.first_group[i], chunks.first_group[i] + chunks.group_count[i]):
             lanes = np.int64(kept.lanes[group])
+            _ask_for(group + 2, kept, out)
             drawn = (_row(kept, group, RADIUS) > 0.0) & (lane_number() < lanes)
             _gradient_rows(group, out)
             g, G = _shape_gradients(lens, R, group, first, drawn, kept, out)
@@ -249,6 +274,8 @@ def project_gradients(
             )
             _write_rows_of_three(out.means_m, first, w)
             _add_poses(drawn, (_row(kept, group, 0), _row(kept, group, 1), _row(kept, group, 2)), g, G, w, out)
+            if out.feature_size:
+                _copy_features(group, first, lanes, out)
             first += lanes
 
 

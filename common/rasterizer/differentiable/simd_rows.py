@@ -213,15 +213,27 @@ def _lane_sums(builder: Any, values: list[Any]) -> Any:
 
 
 @_intrinsic
-def lane_sums_of_eleven(
-    typing_context: Any, a: Any, b: Any, c: Any, d: Any, e: Any, f: Any, g: Any, h: Any, i: Any, j: Any, k: Any
-) -> Any:
-    """F16 whose lane n is the sum over the lanes of the n-th argument; lanes 11 to 15 are 0."""
+def lane_sums_of_eleven(typing_context: Any, values: Any) -> Any:
+    """F16 whose lane n is the sum over the lanes of the n-th F16 of a tuple of 11; the other lanes are 0."""
 
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return _lane_sums(builder, [*args, *[None] * 5])
+        return _lane_sums(builder, [*_members(builder, args[0], 11), *[None] * 5])
 
-    return F16(*[F16] * 11), emit
+    return F16(types.UniTuple(F16, 11)), emit
+
+
+@_intrinsic
+def lane_sums_of_fifteen(typing_context: Any, values: Any, more: Any) -> Any:
+    """The same for a tuple of 11 and a tuple of 4."""
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return _lane_sums(builder, [*_members(builder, args[0], 11), *_members(builder, args[1], 4), None])
+
+    return F16(types.UniTuple(F16, 11), _four), emit
+
+
+def _members(builder: Any, value: Any, count: int) -> list[Any]:
+    return [builder.extract_value(value, k) for k in range(count)]
 
 
 @_intrinsic
