@@ -98,15 +98,17 @@ def rasterize(
         opacities: Peak opacities in 0..1, shape (N,).
         sh: SH coefficients in 3DGS order and sign, shape (N, K, 3), K = 1, 4, 9 or 16.
         features: Any other numbers per Gaussian to be blended like colours, shape (N, F).
-        T_world_camera: Camera pose, OpenCV axes, float32 or float64, shape (4, 4). Its inverse is taken as (R^T, -R^T p):
-            the gradient by the 12 entries is that of this formula, and is meant for the parameters of a rigid motion.
+        T_world_camera: Camera pose, OpenCV axes, float32 or float64, shape (4, 4). Its inverse is taken as (R^T,
+            -R^T p): the gradient by the 12 entries is that of this formula, and is meant for the parameters of a rigid
+            motion.
         K_px: Intrinsics [px] without skew, not differentiable, shape (3, 3).
         height_px: Image height.
         width_px: Image width.
         sh_degree: Coefficients of higher degrees are left out, as in the first part of a training.
         background: Colour behind everything, shape (3,); black by default.
         sparse_gradients: Give the gradients by parameters as sparse (COO) tensors with rows for `visibility.index`
-            alone: filling dense ones takes longer than all the rest for large clouds.
+            alone (`grad._indices()`, `grad._values()`): filling dense ones for large clouds takes as long as a third
+            of all the rest, and an optimiser that runs over all of them many times longer.
         absolute_gradients: Also fill `visibility.absolute_gradient_px`.
 
     Returns:

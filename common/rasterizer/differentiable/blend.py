@@ -21,7 +21,7 @@ from common.rasterizer.differentiable.memory import (
 )
 from common.rasterizer.differentiable.simd_rows import load_block, load_first, store_block, store_first
 from common.rasterizer.simd_memory import load_f16, prefetch, store_f16
-from common.rasterizer.simd_types import float_bits, fma, fnma, lane_number, lowest_bit, mask_bits, minimum, to_float, where
+from common.rasterizer.simd_types import float_bits, fma, lane_number, lowest_bit, mask_bits, minimum, to_float, where
 
 
 @inlined
@@ -71,14 +71,16 @@ def _blend_block(ws: Workspace, raster: Raster, place: int, first: int, end: int
         dx, dy = x - records[r], y - records[r + 1]
         t = fma(dx, fma(dx, records[r + 2], dy * records[r + 3]), fma(dy * records[r + 4], dy, records[r + 5]))
         alpha = where(t >= LOG2_ALPHA_MIN, minimum(_exp2(t), ALPHA_MAX), 0.0)
-        weight = alpha * transmittance
+        # Finished pixels stay as they are, even if their block goes on: a difference of `TRANSMITTANCE_MIN` behind an
+        # alpha of 0.99 would be a hundred times larger in the gradient.
+        weight = where(transmittance >= TRANSMITTANCE_MIN, alpha * transmittance, 0.0)
         red, green, blue, depth = (
             fma(weight, records[r + 6], red),
             fma(weight, records[r + 7], green),
             fma(weight, records[r + 8], blue),
             fma(weight, records[r + 9], depth),
         )
-        transmittance = fnma(alpha, transmittance, transmittance)
+        transmittance = transmittance - weight
         if keep_weights:
             store_f16(weights, (i - first) * 16, weight)
     store_f16(state, place, transmittance)

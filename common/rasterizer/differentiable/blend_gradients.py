@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from common.rasterizer.compilation import inlined, kernel
-from common.rasterizer.constants import ALPHA_MAX
+from common.rasterizer.constants import ALPHA_MAX, TRANSMITTANCE_MIN
 from common.rasterizer.cpu_blend import BATCH, LOG2_ALPHA_MIN, _exp2
 from common.rasterizer.cpu_workspace import RECORD, RECORDS, Workspace
 from common.rasterizer.differentiable.memory import (
@@ -17,7 +17,13 @@ from common.rasterizer.differentiable.memory import (
     Raster,
     Singles,
 )
-from common.rasterizer.differentiable.simd_rows import lane_sums_at, lane_sums_of_eleven, lane_sums_of_fifteen, load_block, store_block
+from common.rasterizer.differentiable.simd_rows import (
+    lane_sums_at,
+    lane_sums_of_eleven,
+    lane_sums_of_fifteen,
+    load_block,
+    store_block,
+)
 from common.rasterizer.simd_memory import load_f16, load_i16, prefetch, store_f16
 from common.rasterizer.simd_types import f16, fma, fnma, lane_number, lowest_bit, mask_bits, minimum, to_float, where
 
@@ -147,8 +153,9 @@ def _replay_entry(
         dx, dy = corner_x + raster.block_x[block], corner_y + raster.block_y[block]
         t = fma(dx, fma(dx, a, dy * b), fma(dy * c, dy, log2_opacity))
         uncapped = _exp2(t)
-        alpha = where(t >= LOG2_ALPHA_MIN, minimum(uncapped, ALPHA_MAX), 0.0)
         transmittance = load_f16(state, place)
+        drawn = (t >= LOG2_ALPHA_MIN) & (transmittance >= TRANSMITTANCE_MIN)
+        alpha = where(drawn, minimum(uncapped, ALPHA_MAX), 0.0)
         weight = alpha * transmittance
         slope_red, slope_green = load_f16(state, place + 48), load_f16(state, place + 64)
         slope_blue = load_f16(state, place + 80)
@@ -173,16 +180,13 @@ def _replay_entry(
         vx, vy = v * dx, v * dy
         m0, m1, m2 = m0 + v, m1 + vx, m2 + vy
         m3, m4, m5 = fma(vx, dx, m3), fma(vx, dy, m4), fma(vy, dy, m5)
-        store_f16(state, place, fnma(alpha, transmittance, transmittance))
+        store_f16(state, place, transmittance - weight)
         store_f16(state, place + 16, behind)
         if options.absolute:
             _add_absolute(options.absolute_row, fma(vx, a * 2.0, vy * b), fma(vx, b, vy * (c * 2.0)), out)
     place = record * out.record_size
     sums = (m0, m1, m2, m3, m4, m5, total, sum_red, sum_green, sum_blue, sum_depth)
-    if raster.feature_count:
-        first = lane_sums_of_fifteen(sums, (f0, f1, f2, f3))
-    else:
-        first = lane_sums_of_eleven(sums)
+    first = lane_sums_of_fifteen(sums, (f0, f1, f2, f3)) if raster.feature_count else lane_sums_of_eleven(sums)
     store_f16(out.records, place, load_f16(out.records, place) + first)
     for k in range(LATER_ROWS, out.record_size, 16):
         store_f16(out.records, place + k, load_f16(out.records, place + k) + lane_sums_at(out.sums, k * 16))

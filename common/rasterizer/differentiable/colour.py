@@ -88,9 +88,7 @@ def _value(kept: Kept, channel: int, count: int, x: Any, y: Any, z: Any) -> Any:
             value = fma(s2 * -C3, _coefficient(kept, 9, channel), value)
             value = fma(z * s1 * C4, _coefficient(kept, 10, channel), value)
             value = fma(t * y, _coefficient(kept, 11, channel), value)
-            value = fma(
-                z * fma(zz, 1.865881662950577, -1.119528997770346), _coefficient(kept, 12, channel), value
-            )
+            value = fma(z * fma(zz, 1.865881662950577, -1.119528997770346), _coefficient(kept, 12, channel), value)
             value = fma(t * x, _coefficient(kept, 13, channel), value)
             value = fma(z * c1 * C4, _coefficient(kept, 14, channel), value)
             value = fma(c2 * -C3, _coefficient(kept, 15, channel), value)
@@ -98,9 +96,7 @@ def _value(kept: Kept, channel: int, count: int, x: Any, y: Any, z: Any) -> Any:
 
 
 @inlined
-def _write_derivative(
-    kept: Kept, channel: int, count: int, x: Any, y: Any, z: Any, inverse: Any, place: int
-) -> None:
+def _write_derivative(kept: Kept, channel: int, count: int, x: Any, y: Any, z: Any, inverse: Any, place: int) -> None:
     """Derivatives of one channel by the offset from the camera, whose inverse length is `inverse`, to `place`."""
     jx = _coefficient(kept, 3, channel) * -C1
     jy = _coefficient(kept, 1, channel) * -C1

@@ -89,7 +89,7 @@ def _widen(bounds: Singles, k: int, seen: Any, value: Any) -> None:
 
 @inlined
 def _bound(bounds: Singles, k: int) -> float:
-    low = bounds[16 * k]
+    low: float = bounds[16 * k]
     for lane in range(1, 16):
         low = min(low, bounds[16 * k + lane])
     return low

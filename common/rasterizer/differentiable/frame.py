@@ -5,7 +5,6 @@ import math
 import weakref
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -78,7 +77,8 @@ class FrameGradients:
     """Sums of weights over all pixels, shape (n,)."""
 
 
-class Drawn(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Drawn:
     """What a view looks like."""
 
     planes: Singles
@@ -144,7 +144,7 @@ class Frame:
         self._view, self._cloud, self._features = view, cloud, features
         self._begin(len(cloud.opacities), 0 if features is None else features.shape[1])
         count = bound_chunks(view, cloud, self._bounds, self._chunk_room)
-        self._chunks = Chunks(*(array[:count] for array in self._chunk_room))
+        self._chunks = _first_chunks(self._chunk_room, count)
         self._make_room(count)
         begin_planes(view.width, view.height, self._ws, self._raster)
         self._slab_count = 0
@@ -272,7 +272,9 @@ class Frame:
             scales_m=out.scales_m[: 3 * n].reshape(n, 3),
             opacities=out.opacities[:n],
             sh=out.sh[: sh_rows * stride].reshape(sh_rows, stride // 3, 3) if self._cloud.sh_count else None,
-            features=None if self._features is None else out.features[: n * out.feature_size].reshape(n, out.feature_size),
+            features=None
+            if self._features is None
+            else out.features[: n * out.feature_size].reshape(n, out.feature_size),
             R_CW=pose[:9].reshape(3, 3),
             p_WC=pose[9:],
             means_px=out.means_px.reshape(2, -1)[:, :n].T,
@@ -310,7 +312,15 @@ class _SlabLists:
 
 
 def _chunk_arrays(count: int) -> Chunks:
-    return Chunks(*(np.zeros(count, dtype=np.float64 if name == "depth_m" else np.int64) for name in Chunks._fields))
+    def integers() -> npt.NDArray[np.int64]:
+        return np.zeros(count, dtype=np.int64)
+
+    return Chunks(integers(), np.zeros(count), integers(), integers(), integers(), integers())
+
+
+def _first_chunks(chunks: Chunks, n: int) -> Chunks:
+    number, depth_m, box, blocks, first_group, group_count = chunks
+    return Chunks(number[:n], depth_m[:n], box[:n], blocks[:n], first_group[:n], group_count[:n])
 
 
 def _slabs_of(depth_m: npt.NDArray[np.float64]) -> list[Slab]:

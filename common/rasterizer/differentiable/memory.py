@@ -25,7 +25,7 @@ TRANSMITTANCE, RED, DEPTH, PLANES = 0, 1, 4, 5
 WEIGHT, CHANNELS = 6, 7
 """Places in a gradient record: six moments, the sum of weights, then red, green, blue, depth and the features."""
 GRADIENT_ROWS = 11
-"""Numbers of a gradient record without features; the first group of these follows, and from LATER_ROWS on the others."""
+"""Numbers of a gradient record without features; the first group of these follows, the others are at LATER_ROWS."""
 LATER_ROWS = 16
 FEATURE_GROUP = 4
 """Features are handled in groups of this many; the last group is filled up with zeros."""

@@ -106,7 +106,7 @@ def _stage_block(view: View, lens: Lens, R: Any, cloud: Cloud, first: int, stage
     _stage(9, staged, seen, s[2], kept)
     _stage(10, staged, seen, opacity, kept)
     _stage(NUMBER, staged, seen, float_of_bits(lane_number() + first), kept)
-    size = count_bits(mask_bits(seen))
+    size: int = count_bits(mask_bits(seen))
     for j in range(0, 3 * cloud.sh_count, 16):
         for lane in range(staged, staged + size):
             number = float_bits(kept.staged[NUMBER * STAGED_LANES + lane])
@@ -183,9 +183,7 @@ def _unhidden(seen: int, columns: int, ws: Workspace) -> int:
 
 
 @inlined
-def _emit(
-    drawn: int, first: int, counts: tuple[int, int], slab: Slab, columns: int, ws: Workspace
-) -> tuple[int, int]:
+def _emit(drawn: int, first: int, counts: tuple[int, int], slab: Slab, columns: int, ws: Workspace) -> tuple[int, int]:
     """Write the records of a group, the first of which is `first`, and append keys to this slab's or the later ones.
 
     Args:

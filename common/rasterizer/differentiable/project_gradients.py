@@ -6,7 +6,7 @@ are a_k = A_0k s_k fx / z, b_k = A_1k s_k fy / z, the covariance is that of `ima
 With v = dL / d ln(alpha) of a pixel at offset (dx, dy) from the projected mean, the moments of a record are the sums of
 v, v dx, v dy, v dx^2, v dx dy, v dy^2 over its pixels:
 
-    dL / d ln(opacity) = m0,   dL / d mean_px = K (m1, m2),   dL / d covariance = K M K / 2 with M = [[m3, m4], [m4, m5]].
+    dL / d ln(opacity) = m0,  dL / d mean_px = K (m1, m2),  dL / d covariance = K M K / 2,  M = [[m3, m4], [m4, m5]].
 """
 
 from typing import Any
@@ -242,9 +242,7 @@ def _colour_gradients(cloud: Cloud, group: int, first: int, dense: bool, kept: K
 
 
 @kernel
-def project_gradients(
-    view: View, cloud: Cloud, chunks: Chunks, dense: bool, kept: Kept, out: Gradients
-) -> None:
+def project_gradients(view: View, cloud: Cloud, chunks: Chunks, dense: bool, kept: Kept, out: Gradients) -> None:
     """Derivatives by all parameters of the Gaussians of the groups, in the order of memory.
 
     Args:
@@ -258,7 +256,7 @@ def project_gradients(
     lens, R = lens_of(view), rotation_rows(view.R_CW)
     for k in range(12):
         store_f16(out.pose, k * 16, f16(0.0))
-    first = 0
+    first = np.int64(0)
     for i in range(len(chunks.number)):
         for group in range(chunks.first_group[i], chunks.first_group[i] + chunks.group_count[i]):
             lanes = np.int64(kept.lanes[group])

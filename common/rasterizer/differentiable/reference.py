@@ -1,4 +1,4 @@
-"""The slow, obvious differentiable rasterizer that the fast one is compared with: plain torch operations, any precision.
+"""The slow, obvious differentiable rasterizer that the fast one is compared with: plain torch, any precision.
 
 Every Gaussian meets every pixel, so time and memory grow with their product.
 """
@@ -114,7 +114,8 @@ def _conics(
         [torch.stack([fx / z, zero, -fx * u / z], dim=-1), torch.stack([zero, fy / z, -fy * v / z], dim=-1)], dim=-2
     )
     axes = J @ R_CW @ (rotations(quats_wxyz) * scales_m[:, None, :])
-    return torch.linalg.inv(axes @ axes.mT + DILATION_PX2 * torch.eye(2, dtype=p_C.dtype))
+    inverse: Tensor = torch.linalg.inv(axes @ axes.mT + DILATION_PX2 * torch.eye(2, dtype=p_C.dtype))
+    return inverse
 
 
 def rotations(quats_wxyz: Tensor) -> Tensor:
@@ -161,7 +162,7 @@ def _blend(splats: _Splats, height_px: int, width_px: int) -> tuple[Tensor, Tens
         torch.arange(height_px, dtype=dtype), torch.arange(width_px, dtype=dtype), indexing="ij"
     )
     pixels = torch.stack([column, row], dim=-1).reshape(-1, 2) + 0.5
-    parts = [_blend_pixels(splats, part) for part in pixels.split(PIXELS_AT_ONCE)]
+    parts = [_blend_pixels(splats, part) for part in torch.split(pixels, PIXELS_AT_ONCE)]
     values, transmittance = (torch.cat(images) for images in zip(*parts, strict=True))
     return values.reshape(height_px, width_px, -1), transmittance.reshape(height_px, width_px)
 

@@ -1,4 +1,4 @@
-"""Sixteen-lane values (see `common.rasterizer.simd_types`) that come from rows of 3 or 4 numbers, from images, or sum up.
+"""Sixteen-lane values (see `common.rasterizer.simd_types`) from rows of 3 or 4 numbers and from images, and their sums.
 
 There are no bounds checks: the caller guarantees that what is read and written lies within the array.
 """
@@ -16,7 +16,8 @@ from common.rasterizer.simd_types import F16, LANES, _as_i32, call_llvm, f32_vec
 _i32 = ir.IntType(32)
 _quarter = ir.VectorType(ir.FloatType(), 4)
 _intrinsic: Any = intrinsic
-_three, _four = types.UniTuple(F16, 3), types.UniTuple(F16, 4)
+_tuple: Any = types.UniTuple
+_three, _four = _tuple(F16, 3), _tuple(F16, 4)
 
 
 def _first_lanes(context: Any, builder: Any, kind: Any, count: Any) -> Any:
@@ -33,9 +34,7 @@ def load_first(typing_context: Any, array: Any, index: Any, count: Any) -> Any:
         pointer = _pointer(context, builder, sig, args, f32_vector)
         mask = _first_lanes(context, builder, sig.args[2], args[2])
         zero = ir.Constant(f32_vector, None)
-        return call_llvm(
-            builder, "llvm.masked.load.v16f32.p0", f32_vector, [pointer, ir.Constant(_i32, 4), mask, zero]
-        )
+        return call_llvm(builder, "llvm.masked.load.v16f32.p0", f32_vector, [pointer, ir.Constant(_i32, 4), mask, zero])
 
     return F16(array, index, count), emit
 
@@ -219,7 +218,7 @@ def lane_sums_of_eleven(typing_context: Any, values: Any) -> Any:
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return _lane_sums(builder, [*_members(builder, args[0], 11), *[None] * 5])
 
-    return F16(types.UniTuple(F16, 11)), emit
+    return F16(_tuple(F16, 11)), emit
 
 
 @_intrinsic
@@ -229,7 +228,7 @@ def lane_sums_of_fifteen(typing_context: Any, values: Any, more: Any) -> Any:
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         return _lane_sums(builder, [*_members(builder, args[0], 11), *_members(builder, args[1], 4), None])
 
-    return F16(types.UniTuple(F16, 11), _four), emit
+    return F16(_tuple(F16, 11), _four), emit
 
 
 def _members(builder: Any, value: Any, count: int) -> list[Any]:
