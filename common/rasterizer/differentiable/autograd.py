@@ -106,9 +106,9 @@ def rasterize(
         width_px: Image width.
         sh_degree: Coefficients of higher degrees are left out, as in the first part of a training.
         background: Colour behind everything, shape (3,); black by default.
-        sparse_gradients: Give the gradients by parameters as sparse (COO) tensors with rows for `visibility.index`
-            alone (`grad._indices()`, `grad._values()`): filling dense ones for large clouds takes as long as a third
-            of all the rest, and an optimiser that runs over all of them many times longer.
+        sparse_gradients: Give the gradients by parameters as sparse (COO) tensors with rows for those Gaussians alone
+            that have weight in the image (`grad._indices()`, `grad._values()`). Dense ones for large clouds take a
+            third longer to make, and many times longer to optimise with.
         absolute_gradients: Also fill `visibility.absolute_gradient_px`.
 
     Returns:
@@ -251,7 +251,7 @@ class _Rasterize(torch.autograd.Function):
         visibility.weight = torch.from_numpy(out.weights)
         if out.absolute_px is not None:
             visibility.absolute_gradient_px = torch.from_numpy(out.absolute_px)
-        rows = _Rows(visibility.index, len(means_m), dense)
+        rows = _Rows(torch.from_numpy(out.index), len(means_m), dense)
         return (
             rows.tensor("means_m", out.means_m),
             rows.tensor("quats_wxyz", out.quats_wxyz),

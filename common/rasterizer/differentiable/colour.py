@@ -135,22 +135,22 @@ def _put(kept: Kept, k: int, basis: Any, g: Any) -> None:
 
 @inlined
 def write_coefficient_gradients(
-    cloud: Cloud, group: int, x: Any, y: Any, z: Any, g: Any, first: int, dense: bool, kept: Kept, out: Gradients
+    cloud: Cloud, group: int, d: Any, g: Any, row: int, weighty: int, dense: bool, kept: Kept, out: Gradients
 ) -> None:
-    """Derivatives by the coefficients of a group.
+    """Derivatives by the coefficients of some lanes of a group.
 
     Args:
         cloud: Parameters.
         group: Number of the group.
-        x: Unit directions from the camera.
-        y: See `x`.
-        z: See `x`.
+        d: Unit directions from the camera.
         g: Derivatives by red, green and blue.
-        first: Row of the group's first Gaussian.
-        dense: Write to the rows of all Gaussians instead of those of the groups'.
+        row: Row of the first lane.
+        weighty: Lanes (bits).
+        dense: Write to the rows of all Gaussians instead.
         kept: What the projection kept.
         out: Where to write.
     """
+    x, y, z = d[0], d[1], d[2]
     _put(kept, 0, f16(C0), g)
     if cloud.sh_count >= 4:
         _put(kept, 1, y * -C1, g)
@@ -177,10 +177,12 @@ def write_coefficient_gradients(
     count = 3 * cloud.sh_count
     for j in range(0, count, 16):
         transpose_in_place(kept.coefficients, 16 * j)
-    for lane in range(kept.lanes[group]):
+    while weighty:
+        lane = lowest_bit(weighty)
+        weighty &= weighty - 1
         number = float_bits(kept.groups[group * GROUP + 16 * NUMBER + lane])
-        row = number if dense else first + lane
-        start = row * cloud.sh_stride
+        start = (number if dense else row) * cloud.sh_stride
+        row += 1
         for j in range(0, count, 16):
             value = load_f16(kept.coefficients, 16 * j + 16 * lane)
             if cloud.sh_stride == 48 and count - j >= 16:

@@ -56,14 +56,16 @@ def zeros(name: str, shape: tuple[int, ...]) -> Singles:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FrameGradients:
-    """Derivatives of the loss; rows are those of `Drawn.index` unless said otherwise."""
+    """Derivatives of the loss by parameters of m Gaussians, and by n projected means: those of `Drawn.index`."""
 
+    index: npt.NDArray[np.int64]
+    """The Gaussians that have weight in the image, ascending, shape (m,)."""
     means_m: Singles
     quats_wxyz: Singles
     scales_m: Singles
     opacities: Singles
     sh: Singles | None
-    """All Gaussians' rows if they were asked for, shape (n or N, K, 3)."""
+    """All Gaussians' rows if they were asked for, shape (m or N, K, 3)."""
     features: Singles | None
     R_CW: npt.NDArray[np.float64]
     """Shape (3, 3)."""
@@ -230,8 +232,8 @@ class Frame:
                 Options(with_depth, absolute, absolute_row),
                 out,
             )
-        project_gradients(self._view, self._cloud, self._chunks, dense, self._kept, out)
-        return self._results(out, absolute_row if absolute else None, dense)
+        rows = project_gradients(self._view, self._cloud, self._chunks, dense, self._kept, out)
+        return self._results(out, rows, absolute_row if absolute else None, dense)
 
     def padded(self) -> Singles:
         """Zeros in the layout of the planes, for `derive`."""
@@ -249,6 +251,7 @@ class Frame:
             records=_POOL.take("records", int(self._ws.counts[RECORDS]) * record_size, np.float32),
             record_size=record_size,
             sums=_POOL.take("sums", record_size * 16, np.float32),
+            numbers=_POOL.take("numbers", room, np.int64),
             means_m=_POOL.take("means_m", room * 3, np.float32),
             quats_wxyz=_POOL.take("quats_wxyz", room * 4, np.float32),
             scales_m=_POOL.take("scales_m", room * 3, np.float32),
@@ -262,19 +265,20 @@ class Frame:
             pose=_POOL.take("pose", 12 * 16, np.float32),
         )
 
-    def _results(self, out: Gradients, absolute_row: int | None, dense: bool) -> FrameGradients:
+    def _results(self, out: Gradients, m: int, absolute_row: int | None, dense: bool) -> FrameGradients:
         n, stride = self._rows, self._cloud.sh_stride
         pose = out.pose.reshape(12, 16).sum(axis=1, dtype=np.float64)
-        sh_rows = len(self._cloud.opacities) if dense else n
+        sh_rows = len(self._cloud.opacities) if dense else m
         return FrameGradients(
-            means_m=out.means_m[: 3 * n].reshape(n, 3),
-            quats_wxyz=out.quats_wxyz[: 4 * n].reshape(n, 4),
-            scales_m=out.scales_m[: 3 * n].reshape(n, 3),
-            opacities=out.opacities[:n],
+            index=out.numbers[:m],
+            means_m=out.means_m[: 3 * m].reshape(m, 3),
+            quats_wxyz=out.quats_wxyz[: 4 * m].reshape(m, 4),
+            scales_m=out.scales_m[: 3 * m].reshape(m, 3),
+            opacities=out.opacities[:m],
             sh=out.sh[: sh_rows * stride].reshape(sh_rows, stride // 3, 3) if self._cloud.sh_count else None,
             features=None
             if self._features is None
-            else out.features[: n * out.feature_size].reshape(n, out.feature_size),
+            else out.features[: m * out.feature_size].reshape(m, out.feature_size),
             R_CW=pose[:9].reshape(3, 3),
             p_WC=pose[9:],
             means_px=out.means_px.reshape(2, -1)[:, :n].T,

@@ -118,7 +118,10 @@ class Raster(NamedTuple):
 
 
 class Gradients(NamedTuple):
-    """Derivatives of the loss: gradient records, and one row per Gaussian of a group with room for 16 more rows."""
+    """Derivatives of the loss: gradient records, and rows with room for 16 more.
+
+    Parameters have a row per Gaussian with weight; weights and projected means one per Gaussian of a group.
+    """
 
     records: Singles
     """Gradient records, see `GRADIENT_ROWS`, shape (records * record_size,)."""
@@ -126,6 +129,8 @@ class Gradients(NamedTuple):
     """Numbers per gradient record, a multiple of 16."""
     sums: Singles
     """A gradient record in 16 parts each, shape (record_size * 16,)."""
+    numbers: Integers
+    """Which Gaussians have weight, ascending."""
     means_m: Singles
     quats_wxyz: Singles
     scales_m: Singles

@@ -11,8 +11,6 @@ v, v dx, v dy, v dx^2, v dx dy, v dy^2 over its pixels:
 
 from typing import Any
 
-import numpy as np
-
 from common.rasterizer.compilation import inlined, kernel
 from common.rasterizer.cpu_view import View
 from common.rasterizer.differentiable.colour import write_coefficient_gradients
@@ -34,7 +32,7 @@ from common.rasterizer.differentiable.memory import (
     GRADIENT_ROWS,
     GROUP,
     LATER_ROWS,
-    RADIUS,
+    NUMBER,
     WEIGHT,
     Chunks,
     Cloud,
@@ -43,13 +41,19 @@ from common.rasterizer.differentiable.memory import (
     Singles,
 )
 from common.rasterizer.differentiable.simd_rows import load_first, rows_of_four, rows_of_three, store_first
-from common.rasterizer.simd_memory import load_f16, load_i16, prefetch, store_f16, transpose_in_place
+from common.rasterizer.simd_memory import compress, load_f16, load_i16, prefetch, store_f16, transpose_in_place
 from common.rasterizer.simd_types import (
+    bit_pattern,
+    count_bits,
     f16,
+    float_bits,
+    float_of_bits,
     fma,
     fnma,
     has_bit,
     lane_number,
+    lowest_bit,
+    mask_bits,
     sqrt,
     where,
 )
@@ -99,11 +103,14 @@ def _add_poses(drawn: Any, d: Any, g: Any, G: Any, w: Any, out: Gradients) -> No
 
 
 @inlined
-def _copy_features(group: int, first: int, lanes: int, out: Gradients) -> None:
-    """Copy derivatives by features from the gradient records to rows."""
+def _copy_features(group: int, row: int, weighty: int, out: Gradients) -> None:
+    """Copy derivatives by features from the gradient records of the lanes `weighty` to rows from `row` on."""
     size = out.feature_size
-    for lane in range(lanes):
-        source, target = (16 * group + lane) * out.record_size, (first + lane) * size
+    while weighty:
+        lane = lowest_bit(weighty)
+        weighty &= weighty - 1
+        source, target = (16 * group + lane) * out.record_size, row * size
+        row += 1
         head = load_first(out.records, source + GRADIENT_ROWS, FEATURE_GROUP)
         store_first(out.features, target, min(size, FEATURE_GROUP), head)
         for k in range(FEATURE_GROUP, size, 16):
@@ -112,11 +119,17 @@ def _copy_features(group: int, first: int, lanes: int, out: Gradients) -> None:
 
 
 @inlined
-def _write_rows_of_three(rows: Singles, first: int, columns: Any) -> None:
-    r0, r1, r2 = rows_of_three(columns[0], columns[1], columns[2])
-    store_f16(rows, 3 * first, r0)
-    store_f16(rows, 3 * first + 16, r1)
-    store_f16(rows, 3 * first + 32, r2)
+def _packed(lanes: Any, value: Any) -> Any:
+    """The lanes of a mask, moved to the front."""
+    return float_of_bits(compress(lanes, bit_pattern(value)))
+
+
+@inlined
+def _write_rows_of_three(rows: Singles, row: int, lanes: Any, a: Any, b: Any, c: Any) -> None:
+    r0, r1, r2 = rows_of_three(_packed(lanes, a), _packed(lanes, b), _packed(lanes, c))
+    store_f16(rows, 3 * row, r0)
+    store_f16(rows, 3 * row + 16, r1)
+    store_f16(rows, 3 * row + 32, r2)
 
 
 @inlined
@@ -136,7 +149,9 @@ def _gradient_rows(group: int, out: Gradients) -> None:
 
 
 @inlined
-def _shape_gradients(lens: Lens, R: Any, group: int, first: int, drawn: Any, kept: Kept, out: Gradients) -> Any:
+def _shape_gradients(
+    lens: Lens, R: Any, group: int, first: int, row: int, lanes: Any, kept: Kept, out: Gradients
+) -> Any:
     """Derivatives by quaternions, scales and opacities, written; those by the offsets in camera axes, returned.
 
     Also returned: what the covariances add to the derivatives by R_CW, row by row.
@@ -160,22 +175,23 @@ def _shape_gradients(lens: Lens, R: Any, group: int, first: int, drawn: Any, kep
     kxx, kxy, kyy = syy * scale, fnma(sxy, scale, f16(0.0)), sxx * scale
     m0, m1, m2 = load_f16(out.sums, 0), load_f16(out.sums, 16), load_f16(out.sums, 32)
     m3, m4, m5 = load_f16(out.sums, 48), load_f16(out.sums, 64), load_f16(out.sums, 80)
-    store_f16(out.weights, first, load_f16(out.sums, WEIGHT * 16))
-    store_f16(out.opacities, first, where(drawn, m0 / _row(kept, group, 10), 0.0))
+    store_f16(out.opacities, row, _packed(lanes, m0 / _row(kept, group, 10)))
     gx, gy = fma(kxx, m1, kxy * m2), fma(kxy, m1, kyy * m2)
-    store_f16(out.means_px, first, where(drawn, gx, 0.0))
-    store_f16(out.means_px, out.stride + first, where(drawn, gy, 0.0))
+    store_f16(out.means_px, first, where(lanes, gx, 0.0))
+    store_f16(out.means_px, out.stride + first, where(lanes, gy, 0.0))
     p00, p01 = fma(kxx, m3, kxy * m4), fma(kxy, m3, kyy * m4)
     p10, p11 = fma(kxx, m4, kxy * m5), fma(kxy, m4, kyy * m5)
     wxx, wxy, wyy = fma(p00, kxx, p10 * kxy), fma(p00, kxy, p10 * kyy), fma(p01, kxy, p11 * kyy)
     ga0, ga1, ga2 = fma(wxx, a[0], wxy * b[0]), fma(wxx, a[1], wxy * b[1]), fma(wxx, a[2], wxy * b[2])
     gb0, gb1, gb2 = fma(wxy, a[0], wyy * b[0]), fma(wxy, a[1], wyy * b[1]), fma(wxy, a[2], wyy * b[2])
-    g_scales = (
-        where(drawn, fma(ga0 * du, A[0], gb0 * dv * A[3]), 0.0),
-        where(drawn, fma(ga1 * du, A[1], gb1 * dv * A[4]), 0.0),
-        where(drawn, fma(ga2 * du, A[2], gb2 * dv * A[5]), 0.0),
+    _write_rows_of_three(
+        out.scales_m,
+        row,
+        lanes,
+        fma(ga0 * du, A[0], gb0 * dv * A[3]),
+        fma(ga1 * du, A[1], gb1 * dv * A[4]),
+        fma(ga2 * du, A[2], gb2 * dv * A[5]),
     )
-    _write_rows_of_three(out.scales_m, first, g_scales)
     # By ln(fx / z) and ln(fy / z), both of which move with -ln(z).
     g_zoom = fma(ga0, a[0], fma(ga1, a[1], ga2 * a[2])) + fma(gb0, b[0], fma(gb1, b[1], gb2 * b[2]))
     g0, g1, g2, g3, g4, g5 = ga0 * su0, ga1 * su1, ga2 * su2, gb0 * sv0, gb1 * sv1, gb2 * sv2
@@ -187,13 +203,11 @@ def _shape_gradients(lens: Lens, R: Any, group: int, first: int, drawn: Any, kep
             fma(E[2], g0, E[5] * g3), fma(E[2], g1, E[5] * g4), fma(E[2], g2, E[5] * g5),
         ),
     )  # fmt: skip
-    h0, h1, h2, h3 = rows_of_four(
-        where(drawn, w0, 0.0), where(drawn, w1, 0.0), where(drawn, w2, 0.0), where(drawn, w3, 0.0)
-    )
-    store_f16(out.quats_wxyz, 4 * first, h0)
-    store_f16(out.quats_wxyz, 4 * first + 16, h1)
-    store_f16(out.quats_wxyz, 4 * first + 32, h2)
-    store_f16(out.quats_wxyz, 4 * first + 48, h3)
+    h0, h1, h2, h3 = rows_of_four(_packed(lanes, w0), _packed(lanes, w1), _packed(lanes, w2), _packed(lanes, w3))
+    store_f16(out.quats_wxyz, 4 * row, h0)
+    store_f16(out.quats_wxyz, 4 * row + 16, h1)
+    store_f16(out.quats_wxyz, 4 * row + 32, h2)
+    store_f16(out.quats_wxyz, 4 * row + 48, h3)
     e0, e1, e2 = (
         fma(Q[0], g0, fma(Q[1], g1, Q[2] * g2)),
         fma(Q[3], g0, fma(Q[4], g1, Q[5] * g2)),
@@ -217,7 +231,7 @@ def _shape_gradients(lens: Lens, R: Any, group: int, first: int, drawn: Any, kep
 
 
 @inlined
-def _colour_gradients(cloud: Cloud, group: int, first: int, dense: bool, kept: Kept, out: Gradients) -> Any:
+def _colour_gradients(cloud: Cloud, group: int, row: int, weighty: int, dense: bool, kept: Kept, out: Gradients) -> Any:
     """Derivatives by the coefficients, written; those by the offsets in world axes, returned."""
     zero = f16(0.0)
     if cloud.sh_count == 0:
@@ -231,7 +245,7 @@ def _colour_gradients(cloud: Cloud, group: int, first: int, dense: bool, kept: K
     d = (_row(kept, group, 0), _row(kept, group, 1), _row(kept, group, 2))
     inverse = 1.0 / sqrt(fma(d[0], d[0], fma(d[1], d[1], d[2] * d[2])))
     x, y, z = d[0] * inverse, d[1] * inverse, d[2] * inverse
-    write_coefficient_gradients(cloud, group, x, y, z, g, first, dense, kept, out)
+    write_coefficient_gradients(cloud, group, (x, y, z), g, row, weighty, dense, kept, out)
     if cloud.sh_count == 1:
         return zero, zero, zero
     return (
@@ -241,40 +255,76 @@ def _colour_gradients(cloud: Cloud, group: int, first: int, dense: bool, kept: K
     )
 
 
+@inlined
+def _write_numbers(group: int, row: int, weighty: int, kept: Kept, out: Gradients) -> None:
+    while weighty:
+        lane = lowest_bit(weighty)
+        weighty &= weighty - 1
+        out.numbers[row] = float_bits(kept.groups[group * GROUP + 16 * NUMBER + lane])
+        row += 1
+
+
+@inlined
+def _group_gradients(
+    lens: Lens,
+    R: Any,
+    cloud: Cloud,
+    group: int,
+    first: int,
+    row: int,
+    lanes: Any,
+    dense: bool,
+    kept: Kept,
+    out: Gradients,
+) -> None:
+    """Derivatives by all parameters of the lanes `lanes` of a group, whose gradient records are in `sums`."""
+    weighty = mask_bits(lanes)
+    _write_numbers(group, row, weighty, kept, out)
+    g, G = _shape_gradients(lens, R, group, first, row, lanes, kept, out)
+    c = _colour_gradients(cloud, group, row, weighty, dense, kept, out)
+    w = (
+        fma(R[0], g[0], fma(R[3], g[1], fma(R[6], g[2], c[0]))),
+        fma(R[1], g[0], fma(R[4], g[1], fma(R[7], g[2], c[1]))),
+        fma(R[2], g[0], fma(R[5], g[1], fma(R[8], g[2], c[2]))),
+    )
+    _write_rows_of_three(out.means_m, row, lanes, w[0], w[1], w[2])
+    _add_poses(lanes, (_row(kept, group, 0), _row(kept, group, 1), _row(kept, group, 2)), g, G, w, out)
+    if out.feature_size:
+        _copy_features(group, row, weighty, out)
+
+
 @kernel
-def project_gradients(view: View, cloud: Cloud, chunks: Chunks, dense: bool, kept: Kept, out: Gradients) -> None:
-    """Derivatives by all parameters of the Gaussians of the groups, in the order of memory.
+def project_gradients(view: View, cloud: Cloud, chunks: Chunks, dense: bool, kept: Kept, out: Gradients) -> int:
+    """Derivatives by all parameters of the Gaussians with weight, in the order of memory; the number of these.
 
     Args:
         view: Camera.
         cloud: Parameters.
         chunks: Chunks after the projection.
-        dense: Write those by SH coefficients to the rows of all Gaussians instead of those of the groups'.
+        dense: Write those by SH coefficients to the rows of all Gaussians instead.
         kept: What the projection kept.
         out: Gradient records, and where to write.
     """
     lens, R = lens_of(view), rotation_rows(view.R_CW)
     for k in range(12):
         store_f16(out.pose, k * 16, f16(0.0))
-    first = np.int64(0)
+    first, row = 0, 0
     for i in range(len(chunks.number)):
         for group in range(chunks.first_group[i], chunks.first_group[i] + chunks.group_count[i]):
-            lanes = np.int64(kept.lanes[group])
+            count: int = kept.lanes[group]
             _ask_for(group + 2, kept, out)
-            drawn = (_row(kept, group, RADIUS) > 0.0) & (lane_number() < lanes)
             _gradient_rows(group, out)
-            g, G = _shape_gradients(lens, R, group, first, drawn, kept, out)
-            c = _colour_gradients(cloud, group, first, dense, kept, out)
-            w = (
-                where(drawn, fma(R[0], g[0], fma(R[3], g[1], fma(R[6], g[2], c[0]))), 0.0),
-                where(drawn, fma(R[1], g[0], fma(R[4], g[1], fma(R[7], g[2], c[1]))), 0.0),
-                where(drawn, fma(R[2], g[0], fma(R[5], g[1], fma(R[8], g[2], c[2]))), 0.0),
-            )
-            _write_rows_of_three(out.means_m, first, w)
-            _add_poses(drawn, (_row(kept, group, 0), _row(kept, group, 1), _row(kept, group, 2)), g, G, w, out)
-            if out.feature_size:
-                _copy_features(group, first, lanes, out)
-            first += lanes
+            weight = load_f16(out.sums, WEIGHT * 16)
+            lanes = (weight > 0.0) & (lane_number() < count)
+            store_f16(out.weights, first, weight)
+            if mask_bits(lanes):
+                _group_gradients(lens, R, cloud, group, first, row, lanes, dense, kept, out)
+                row += count_bits(mask_bits(lanes))
+            else:
+                store_f16(out.means_px, first, f16(0.0))
+                store_f16(out.means_px, out.stride + first, f16(0.0))
+            first += count
+    return row
 
 
 @kernel
