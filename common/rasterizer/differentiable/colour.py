@@ -36,7 +36,9 @@ def _load_coefficients(cloud: Cloud, group: int, drawn: int, kept: Kept) -> None
         drawn &= drawn - 1
         start = float_bits(kept.groups[group * GROUP + 16 * NUMBER + lane]) * cloud.sh_stride
         for j in range(0, count, 16):
-            store_f16(kept.coefficients, 16 * j + 16 * lane, load_first(cloud.sh, start + j, count - j))
+            whole = count - j >= 16
+            value = load_f16(cloud.sh, start + j) if whole else load_first(cloud.sh, start + j, count - j)
+            store_f16(kept.coefficients, 16 * j + 16 * lane, value)
     for j in range(0, count, 16):
         transpose_in_place(kept.coefficients, 16 * j)
 
