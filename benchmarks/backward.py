@@ -2,15 +2,14 @@
 
     python benchmarks/backward.py --json
 
-The scene is a synthetic furnished room of flat Gaussians of 1 to 4 cm with SH of degree 3, sorted by `spatial_order`;
-cameras stand in its free middle. A view is `rasterize`, and the gradients of all parameters for a given gradient of its
+The scene is the flat of `synthetic_room.py` with SH of degree 3, sorted by `spatial_order`; the robot's camera stands
+anywhere in its free area. A view is `rasterize`, and the gradients of all parameters for a given gradient of its
 colours, once with sparse and once with dense gradients. Nothing is kept from one view to the next but memory, as all
 parameters change in a training. Times are CPU times of this thread; per view the fastest of several runs counts, and
 the mean over views is given, next to the slowest. The peer is the torch reference on a scene that it can hold.
 """
 
 import json
-import math
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -25,10 +24,13 @@ import tyro
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from benchmarks.scenery import random_places, synthetic_scenery
+from benchmarks.synthetic_room import room_cloud
 from common.rasterizer.differentiable import frame
 from common.rasterizer.differentiable.autograd import Rendered, rasterize
 from common.rasterizer.differentiable.order import spatial_order
 from common.rasterizer.differentiable.reference import rasterize_with_torch
+from common.robot import CameraConfig
 
 Floats = npt.NDArray[np.float64]
 Parameters = dict[str, torch.Tensor]
@@ -42,10 +44,9 @@ STAGES = {
     "blend_gradients": ("begin_replay", "blend_gradients"),
     "project_gradients": ("project_gradients",),
 }
-ROOM_M = np.array([8.0, 6.0, 2.8])
-PIECES = 14
-"""Boxes that stand along the walls."""
-FOV_RAD = math.radians(100.0)
+MAP_GAUSSIANS = 1000
+"""The flat's map does not depend on the number of its Gaussians."""
+PEER_PX = (72, 128)
 
 
 def main(
@@ -73,10 +74,9 @@ def main(
     """
     torch.set_num_threads(1)
     rng = np.random.default_rng(seed)
-    scene = parameters(room(gaussians, rng), rng, 0)
-    poses = [camera_pose(rng) for _ in range(views)]
+    scene = parameters(gaussians, seed)
     cases = [
-        _measure(with_features(scene, features, rng), poses, size, runs, sparse)
+        _measure(with_features(scene, features, rng), camera_poses(size, views, seed), size, runs, sparse)
         for size in sizes_px
         for features in feature_counts
         for sparse in (True, False)
@@ -84,52 +84,16 @@ def main(
     ]
     result: dict[str, Any] = {"gaussians": gaussians, "sh_degree": 3, "cases": cases}
     if peer_gaussians:
-        result["peer"] = _peer(parameters(room(peer_gaussians, rng), rng, 0), poses[0])
+        result["peer"] = _peer(parameters(peer_gaussians, seed), camera_poses(PEER_PX, 1, seed)[0])
     print(json.dumps(result) if json_output else _table(result))
 
 
-def room(count: int, rng: np.random.Generator) -> dict[str, Floats]:
-    """Means, quaternions, scales and opacities of flat Gaussians on the surfaces of a furnished room."""
-    boxes = [np.stack([np.zeros(3), ROOM_M]), *(_piece(rng) for _ in range(PIECES))]
-    faces = [(box, axis, side) for box in boxes for axis in range(3) for side in range(2)]
-    area = np.array([np.prod(np.delete(box[1] - box[0], axis)) for box, axis, _ in faces])
-    face = np.sort(rng.choice(len(faces), size=count, p=area / area.sum()))
-    means = rng.uniform(size=(count, 3))
-    quats = np.zeros((count, 4))
-    # The third axis, which is thin, is turned into the direction of the surface's normal.
-    turns = ((1.0, 0.0, 1.0, 0.0), (1.0, 1.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
-    for number, (box, axis, side) in enumerate(faces):
-        here = face == number
-        means[here] = box[0] + means[here] * (box[1] - box[0])
-        means[here, axis] = box[side, axis]
-        quats[here] = turns[axis]
-    scales = rng.uniform(0.01, 0.04, size=(count, 3))
-    scales[:, 2] = 0.002
-    return {
-        "means_m": means + rng.normal(scale=0.003, size=(count, 3)),
-        "quats_wxyz": quats + rng.normal(scale=0.05, size=(count, 4)),
-        "scales_m": scales,
-        "opacities": 1 / (1 + np.exp(-rng.normal(0.5, 2.0, size=count))),
-    }
-
-
-def _piece(rng: np.random.Generator) -> Floats:
-    """A box at a wall: its lowest and highest corner."""
-    size = rng.uniform((0.5, 0.5, 0.4), (1.6, 0.9, 2.0))
-    low = rng.uniform((0.0, 0.0, 0.0), ROOM_M - size)
-    axis = int(rng.integers(0, 2))
-    low[axis] = rng.choice((0.0, ROOM_M[axis] - size[axis]))
-    low[2] = 0.0
-    return np.stack([low, low + size])
-
-
-def parameters(arrays: dict[str, Floats], rng: np.random.Generator, features: int) -> Parameters:
-    """Tensors that require gradients, in spatial order."""
-    order = spatial_order(arrays["means_m"].astype(np.float32))
-    sh = 0.1 * rng.normal(size=(len(order), 16, 3))
-    sh[:, 0] = rng.uniform(-1.6, 1.6, size=(len(order), 3))
-    values = {**{name: array[order] for name, array in arrays.items()}, "sh": sh}
-    return {name: torch.tensor(array, dtype=torch.float32, requires_grad=True) for name, array in values.items()}
+def parameters(count: int, seed: int) -> Parameters:
+    """The synthetic flat as tensors that require gradients, in spatial order."""
+    cloud = room_cloud(count, seed)
+    order = spatial_order(cloud.means_m)
+    names = ("means_m", "quats_wxyz", "scales_m", "opacities", "sh")
+    return {name: torch.tensor(getattr(cloud, name)[order], requires_grad=True) for name in names}
 
 
 def with_features(scene: Parameters, count: int, rng: np.random.Generator) -> Parameters:
@@ -140,20 +104,12 @@ def with_features(scene: Parameters, count: int, rng: np.random.Generator) -> Pa
     return {**scene, "features": features}
 
 
-def camera_pose(rng: np.random.Generator) -> torch.Tensor:
-    """A level camera in the middle of the room that looks anywhere."""
-    yaw = rng.uniform(-math.pi, math.pi)
-    c, s = math.cos(yaw), math.sin(yaw)
-    T = np.eye(4)
-    T[:3, :3] = [[s, 0.0, c], [-c, 0.0, s], [0.0, -1.0, 0.0]]
-    T[:3, 3] = rng.uniform((2.0, 2.0, 0.5), (6.0, 4.0, 1.5))
-    return torch.tensor(T, requires_grad=True)
-
-
-def _intrinsics(size_px: tuple[int, int]) -> Floats:
-    height, width = size_px
-    focal = 0.5 * width / math.tan(0.5 * FOV_RAD)
-    return np.array([[focal, 0.0, 0.5 * width], [0.0, focal, 0.5 * height], [0.0, 0.0, 1.0]])
+def camera_poses(size_px: tuple[int, int], views: int, seed: int) -> list[torch.Tensor]:
+    """Poses of the robot's camera at random places of the flat's free area."""
+    scenery = synthetic_scenery(MAP_GAUSSIANS, seed)
+    camera = CameraConfig(height_px=size_px[0], width_px=size_px[1])
+    places = random_places(scenery, 0, views, seed)
+    return [torch.tensor(place.T_world_camera(camera, 0), requires_grad=True) for place in places]
 
 
 def _view(
@@ -162,8 +118,9 @@ def _view(
     """Forward, and backward from gradients of colours and features."""
     for tensor in (*scene.values(), pose):
         tensor.grad = None
+    camera = CameraConfig(height_px=size_px[0], width_px=size_px[1])
     rendered = draw(
-        **scene, T_world_camera=pose, K_px=_intrinsics(size_px), height_px=size_px[0], width_px=size_px[1], **options
+        **scene, T_world_camera=pose, K_px=camera.K_px, height_px=size_px[0], width_px=size_px[1], **options
     )
     images = [rendered.rgb] if rendered.features is None else [rendered.rgb, rendered.features]
     torch.autograd.backward(images, [torch.ones_like(image) for image in images])
@@ -209,7 +166,7 @@ def _measure(
 
 def _peer(scene: Parameters, pose: torch.Tensor) -> dict[str, Any]:
     """The torch reference in both precisions on the same small view."""
-    size_px = (72, 128)
+    size_px = PEER_PX
     seconds = {}
     for name, dtype in (("torch_float32", torch.float32), ("torch_float64", torch.float64)):
         copies = {key: value.detach().to(dtype).requires_grad_() for key, value in scene.items()}

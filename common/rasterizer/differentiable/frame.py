@@ -48,7 +48,7 @@ from common.rasterizer.differentiable.pool import ArrayPool
 from common.rasterizer.differentiable.project import list_drawn, project
 from common.rasterizer.differentiable.project_gradients import gather_sums, project_gradients
 
-SLAB_SHARES = (0.1, 0.25, 0.45, 0.7)
+SLAB_SHARES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)
 """Shares of the visible chunks, nearest first, at which one slab ends and the next begins."""
 SLAB_MIN_CHUNKS = 64
 """Fewer chunks are not worth a slab."""
