@@ -27,6 +27,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "train": ("apps.train:train", "learn a policy from recorded episodes"),
     "evaluate": ("apps.evaluate:evaluate", "measure success rates in closed loop"),
     "worker": ("apps.worker:worker", "join a fleet as one worker"),
+    "bench render": ("benchmarks.render:bench_render", "measure images per second, beside the bound and a peer"),
     "warm": ("apps.warm:warm", "compile all kernels once"),
 }
 """Command -> (where its function is, what it does)."""

@@ -110,6 +110,7 @@ def _summary(data: Path) -> dict[str, Any]:
         "size_bytes": sum(shard.stat().st_size for shard in dataset.shards),
         "image_height_px": dataset.height_px,
         "image_width_px": dataset.width_px,
+        "outputs": list(dataset.outputs),
         "speed_mean_mps": round(float(dataset.actions[:, 0].mean()), 3),
         "human_visible_fraction": round(float(truth["human_visible"].mean()), 3),
         "human_distance_min_m": round(float(with_human.min()), 3) if len(with_human) else None,

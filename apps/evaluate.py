@@ -36,6 +36,7 @@ from services.evaluator import (
     write_results,
 )
 from services.planner.service import attach as attach_planner
+from services.renderer.sensor import SensorName
 from services.renderer.service import attach as attach_renderer
 
 TaskName = Literal["static", "dynamic"]
@@ -57,6 +58,7 @@ def evaluate(
     avatars: Path | None = None,
     robot: Path | None = None,
     config: Path | None = None,
+    sensor: SensorName | None = None,
     lockstep: int = 8,
     json: bool = False,
 ) -> None:
@@ -74,12 +76,13 @@ def evaluate(
         avatars: Avatar file or folder of them; the embedded ones by default.
         robot: robot.toml; by default the one in `config`, else the policy's robot.
         config: TOML file with sections of settings, as given to `readygo generate`.
+        sensor: Recipe of the camera's lens and sensor, in place of the section [renderer.sensor] of `config`.
         lockstep: Episodes that run side by side.
         json: Print the summary as JSON.
     """
     request = make_request(episodes, tasks, methods if policy else _without_policy(methods), Split(split), seed)
     loaded = load_policy(policy) if policy else None
-    run_config = load_run_config(config, load_robot(robot) if robot else None)
+    run_config = load_run_config(config, load_robot(robot) if robot else None, sensor)
     if loaded is not None and robot is None and run_config.robot == RobotConfig():
         run_config = dataclasses.replace(run_config, robot=loaded.spec.robot)
     evaluator = make_evaluator(

@@ -22,13 +22,15 @@ from common.avatars import load_avatars
 from common.avatars.file import avatar_hash
 from common.bus import InProcessBus, claim_once
 from common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
-from common.errors import BusError, RunError
+from common.errors import BusError, ConfigError, RunError
 from common.messages import FileRef, RunSpec, Split, Stage, StatusReply, StatusRequest
 from common.robot import load_robot
 from common.scenes import Scene
 from services import coordinator as coordination
 from services.recorder import Recorder
 from services.recorder import attach as attach_recorder
+from services.renderer.sensor import SensorName
+from services.renderer.sensor_lens import check_sensor
 
 Show = Callable[[StatusReply], None]
 POLL_S = 0.25
@@ -45,8 +47,10 @@ def generate(
     seed: int = 0,
     avatars: Path | None = None,
     static: bool = False,
+    outputs: str = "",
     robot: Path | None = None,
     config: Path | None = None,
+    sensor: SensorName | None = None,
     listen: str = "",
     json: bool = False,
 ) -> None:
@@ -61,13 +65,18 @@ def generate(
         seed: Seed of the run.
         avatars: Avatar file or folder of them; the embedded ones by default.
         static: Leave the humans out.
+        outputs: Images to record, separated by commas, of rgb, depth, median_depth, alpha, mask and normal, such as
+            rgb,depth,mask; rgb alone by default.
         robot: robot.toml of another robot.
         config: TOML file with sections of settings.
+        sensor: Recipe of the camera's lens and sensor, in place of the section [renderer.sensor] of `config`.
         listen: Endpoint of the fleet's router, such as tcp/127.0.0.1:7447, for workers that are started by hand; a
             free loopback port by default.
         json: Print the summary as JSON.
     """
-    run_config = load_run_config(config, load_robot(robot) if robot else None)
+    run_config = load_run_config(config, load_robot(robot) if robot else None, sensor)
+    if outputs:
+        run_config = with_outputs(run_config, outputs)
     spec = make_spec(open_scene(scene), avatars, run_config, seed=seed, split=Split(split), static=static)
     summary = record(spec, out, episodes=episodes, workers=workers, listen=listen, quiet=json)
     if json:
@@ -78,6 +87,23 @@ def generate(
     for reason, count in summary["rejected"].items():
         console.print(f"  rejected {count}: {reason}", markup=False)
     console.print(f"Next: readygo validate {out} && readygo train {out} --out policy", markup=False)
+
+
+def with_outputs(config: RunConfig, names: str) -> RunConfig:
+    """The configuration with other recorded images.
+
+    Args:
+        config: A configuration.
+        names: Names of the images, separated by commas.
+
+    Raises:
+        ConfigError: If a name is unknown, or rgb is missing.
+    """
+    try:
+        renderer = dataclasses.replace(config.renderer, outputs=tuple(name.strip() for name in names.split(",")))
+    except ValueError as error:
+        raise ConfigError(f"--{error}") from error
+    return dataclasses.replace(config, renderer=renderer)
 
 
 def record(
@@ -126,9 +152,11 @@ def make_spec(
 
     Raises:
         RunError: If the seed cannot be recorded.
+        ConfigError: If the robot's camera cannot have the sensor's lens.
     """
     if not 0 <= seed < 2**63:
         raise RunError(f"--seed must be 0..2^63-1, got {seed}.")
+    check_sensor(config.renderer.sensor, config.robot.camera)
     people = {} if static else load_avatars(avatars)
     spec = RunSpec(
         run="",

@@ -24,7 +24,8 @@ from common.robot import RobotConfig
 from services.animator.config import AnimatorConfig
 from services.planner.config import ExpertConfig, HumanPlannerConfig
 from services.recorder.config import RecorderConfig
-from services.renderer.config import RendererConfig
+from services.renderer.config import GPU_BACKENDS, RendererConfig
+from services.renderer.sensor import SENSOR_RECIPES, SensorName
 
 STATE_FOLDER = ".readygo"
 _NUMERIC_PACKAGES = ("numpy", "numba", "llvmlite", "scipy", "opencv-python-headless")
@@ -43,8 +44,8 @@ class RunConfig:
     recorder: RecorderConfig = field(default_factory=RecorderConfig)
 
 
-def load_run_config(path: Path | None, robot: RobotConfig | None = None) -> RunConfig:
-    """The defaults, changed by the sections of a TOML file.
+def load_run_config(path: Path | None, robot: RobotConfig | None = None, sensor: SensorName | None = None) -> RunConfig:
+    """The defaults, changed by the sections of a TOML file, by another robot and by a sensor's recipe.
 
     Raises:
         ConfigError: If the file cannot be read or holds an unknown key or a wrong value.
@@ -56,13 +57,26 @@ def load_run_config(path: Path | None, robot: RobotConfig | None = None) -> RunC
             config = section_from_mapping(RunConfig, tomllib.loads(path.read_text()))
         except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
             raise ConfigError(f"Configuration {path} cannot be read: {error}.") from error
+    if sensor is not None:
+        renderer = dataclasses.replace(config.renderer, sensor=SENSOR_RECIPES[sensor]())
+        config = dataclasses.replace(config, renderer=renderer)
     return config if robot is None else dataclasses.replace(config, robot=robot)
 
 
 def numeric_class(config: RunConfig) -> str:
-    """What the bits of a run's samples depend on besides their key: backend, package versions, architecture."""
+    """What the bits of a run's samples depend on besides their key: backend, package versions, architecture.
+
+    Raises:
+        ReadygoError: If the backend cannot run on this machine.
+    """
+    from common.rasterizer.gpu.availability import device_class
+    from common.rasterizer.simd_types import fuses_multiply_adds
+
+    architecture = f"{platform.machine()}{'' if fuses_multiply_adds() else '-without-fma'}"
     versions = [f"{name}-{importlib.metadata.version(name)}" for name in _NUMERIC_PACKAGES]
-    return " ".join([config.renderer.backend, platform.machine(), *versions])
+    backend = config.renderer.backend
+    device = [device_class(backend)] if backend in GPU_BACKENDS else []
+    return " ".join([backend, *device, architecture, *versions])
 
 
 def identity(spec: RunSpec) -> dict[str, Any]:
@@ -178,7 +192,7 @@ class RunFolder:
             raise RunError(f"{self.path} is no data folder of a run: {error}.") from error
 
     def _compare(self, old: RunSpec, new: RunSpec) -> None:
-        theirs, ours = identity(old), identity(new)
+        theirs, ours = identity(_with_new_settings(old)), identity(_with_new_settings(new))
         different = [key for key in ours if theirs.get(key) != ours[key]]
         if "config" in different:
             sections = [name for name in ours["config"] if theirs["config"].get(name) != ours["config"][name]]
@@ -188,6 +202,15 @@ class RunFolder:
                 f"{self.path} holds data of another run: {', '.join(different)} differ. "
                 "Choose another --out, or the settings of that run to resume it."
             )
+
+
+def _with_new_settings(spec: RunSpec) -> RunSpec:
+    """The spec with the settings that it is too old to have: they are added with defaults that change nothing."""
+    try:
+        config = section_from_mapping(RunConfig, spec.config)
+    except ConfigError:
+        return spec
+    return dataclasses.replace(spec, config=resolved_sections(config))
 
 
 def write_atomically(path: Path, data: bytes) -> None:

@@ -43,6 +43,7 @@ def scene_import(
     licence: str = "",
     robot: Path | None = None,
     resolution: float = 0.05,
+    drop_bad: bool = False,
     json: bool = False,
 ) -> None:
     """Make a scene bundle (Gaussians, maps, report) of a Gaussian file.
@@ -58,6 +59,7 @@ def scene_import(
         licence: Licence of the scene; recorded with everything made from it.
         robot: robot.toml, for the height and radius that the maps are made for.
         resolution: Edge of map cells [m].
+        drop_bad: Leave out Gaussians that cannot be drawn (numbers that are not finite; beyond 10 km) and say how many.
         json: Print one JSON object instead of a table.
     """
     scene = import_scene(
@@ -71,6 +73,7 @@ def scene_import(
         licence=licence,
         robot=None if robot is None else load_robot(robot),
         resolution_m=resolution,
+        drop_bad=drop_bad,
     )
     _print(scene, json_module.loads((scene.path / "report.json").read_text()), [], json=json)
 
@@ -150,19 +153,26 @@ def _write_png(path: Path, rgb: Picture) -> None:
 
 def _print(scene: Scene, report: dict[str, Any], pictures: list[Path], *, json: bool) -> None:
     if json:
-        head = {"name": scene.name, "path": str(scene.path), "content_hash": scene.content_hash}
+        head: dict[str, Any] = {"name": scene.name, "path": str(scene.path), "content_hash": scene.content_hash}
         head["licence"] = scene.metadata.get("licence", "")
+        head["dropped_gaussians"] = _dropped(scene)
         row = {**head, **report, "pictures": [str(path) for path in pictures]}
         sys.stdout.write(json_module.dumps(row) + "\n")
         return
     table = Table(title=f"scene {scene.name}", show_header=False)
     for label, text in _rows(report):
         table.add_row(label, text)
+    if _dropped(scene):
+        table.add_row("left out", f"{_dropped(scene):,} Gaussians that cannot be drawn")
     table.add_row("licence", scene.metadata.get("licence", "") or "not given")
     table.add_row("bundle", str(scene.path))
     for path in pictures:
         table.add_row("picture", str(path))
     Console().print(table)
+
+
+def _dropped(scene: Scene) -> int:
+    return int(scene.metadata.get("source", {}).get("dropped_gaussians", 0))
 
 
 def _rows(report: dict[str, Any]) -> list[tuple[str, str]]:

@@ -4,19 +4,21 @@ import subprocess
 import sys
 from pathlib import Path
 
-from apps.scene_argument import open_scene
-
-HERE = Path(__file__).resolve().parent
+ROOT = Path(__file__).resolve().parents[1]
+COMMANDS = (
+    ["-m", "apps", "bench", "render"],
+    ["benchmarks/motion.py"],
+    ["benchmarks/dataset.py"],
+    ["benchmarks/policy.py", "cost"],
+)
 
 
 def main() -> int:
     """Run the benchmarks; returns the first exit code that is not 0."""
-    scene = str(open_scene("embedded").path)
-    commands = (["render.py", scene], ["motion.py"], ["dataset.py"], ["policy.py", "cost"])
-    for command in commands:
-        sys.stdout.write(f"\n$ python benchmarks/{' '.join(command)}\n")
+    for command in COMMANDS:
+        sys.stdout.write(f"\n$ python {' '.join(command)}\n")
         sys.stdout.flush()
-        code = subprocess.run([sys.executable, str(HERE / command[0]), *command[1:]], check=False).returncode
+        code = subprocess.run([sys.executable, *command], cwd=ROOT, check=False).returncode
         if code:
             return code
     return 0

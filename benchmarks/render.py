@@ -1,249 +1,236 @@
-"""Images per second and per-stage times of the CPU rasterizer on one core, next to the reference backend.
+"""`readygo bench render`: images per second, the split per stage, the theoretical bound and a peer.
 
-    python benchmarks/render.py scenes/lobby --people 2 --motion walk.npz
-
-Camera poses are drawn at random from the free area of the scene's robot map; people walk 2 and 3 m ahead of the camera.
-Every view is drawn a few times while the camera turns by 0.01 rad per image, as on a robot, and the fastest of several
-such runs counts. Times are CPU times of this thread.
+The method is described in `benchmarks/README.md`.
 """
 
-import json
-import math
+import json as json_module
+import os
+import platform
 import sys
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-import tyro
+from llvmlite import binding
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from benchmarks.render_bound import bound_ms, mean_work, peak_fma_per_s
+from benchmarks.render_peers import PEERS, PeerResult
+from benchmarks.render_run import (
+    RUNS,
+    Render,
+    Timing,
+    images_per_run,
+    make_render,
+    measure,
+    measure_in_processes,
+    no_device,
+    stages_ms,
+)
+from benchmarks.render_setting import Backend, Job, Placement, Setting, Switch, open_setting
+from benchmarks.scenery import gaussian_count
+from common.errors import ConfigError
+from common.rasterizer.packed import PackedScene
 
-from common.avatars import Avatar, load_avatars
-from common.maps import largest_free_area
-from common.messages import HumanMotion, Motion
-from common.rasterizer import cpu, cpu_blend
-from common.rasterizer.cpu import CpuRasterizer, PosedPerson
-from common.rasterizer.warm import warm
-from common.robot import CameraConfig
-from common.scenes import Scene, load_scene
-from services.renderer.drawing import ReferenceDrawing, packed_layers
-
-STAGES: dict[str, tuple[Any, tuple[str, ...]]] = {
-    "cull": (cpu, ("cull_scene", "cull_person", "joint_transforms")),
-    "project_scene": (cpu, ("project_scene",)),
-    "pose_and_project_people": (cpu, ("project_person",)),
-    "sort": (cpu_blend, ("begin_slab", "sort_keys")),
-    "bin": (cpu_blend, ("begin_tiles", "fill_tiles")),
-    "blend": (cpu_blend, ("begin_image", "blend_tiles", "write_bytes")),
-}
-IMAGES_PER_RUN = 4
-TURN_RAD = 0.01
+BOUND_GAUSSIANS_MAX = 5_000_000
+"""Larger scenes are not unpacked again to count their work."""
 
 
-@dataclass(frozen=True)
-class Place:
-    """A camera pose and the people in front of it."""
-
-    x_m: float
-    y_m: float
-    yaw_rad: float
-    humans: tuple[HumanMotion, ...]
-
-
-def main(
-    scene: Path,
-    /,
+def bench_render(
     *,
-    avatars: Path | None = None,
+    scene: str = "",
+    synthetic: str = "",
+    avatars: int = 2,
+    placement: Placement = "free",
+    avatar_folder: Path | None = None,
+    avatar_gaussians: str = "",
     motion: Path | None = None,
-    people: int = 2,
-    views: int = 12,
-    runs: int = 4,
-    height_px: int = 144,
-    width_px: int = 256,
-    reference_views: int = 1,
+    size: str = "144x256",
+    frames: int = 400,
+    views: int = 20,
+    threads: int = 1,
+    backend: Backend = "cpu",
+    lod: Switch = "off",
+    peers: bool = True,
     seed: int = 0,
-    json_output: Annotated[bool, tyro.conf.arg(name="json")] = False,
+    json: bool = False,
 ) -> None:
-    """Measure.
+    """Measure how fast images of a scene with walking people are drawn.
 
     Args:
-        scene: Scene bundle.
-        avatars: Folder of avatars; the embedded ones by default.
-        motion: .npz with root_m and pose_axis_angle; people stand in the T-pose without it.
-        people: People in front of the camera, 0 to 2.
-        views: Camera poses.
-        runs: Runs per view, of which the fastest counts.
-        height_px: Image height.
-        width_px: Image width.
-        reference_views: Views that the reference backend draws as well.
-        seed: Seed of the camera poses.
-        json_output: Print JSON.
+        scene: Scene bundle, or "embedded" (the default).
+        synthetic: Instead of a scene: a flat of that many Gaussians of SH degree 3, such as 500k, 1.5M or 20M.
+        avatars: People in every image, 0 to 8, 2 m and more ahead of the camera.
+        placement: Where people stand: on free ground in sight of the camera, or whatever stands there.
+        avatar_folder: Folder of avatars; the embedded ones by default.
+        avatar_gaussians: Gaussians per person, such as 30k; as many as they have by default.
+        motion: How people walk: .npz with root_m and pose_axis_angle; the built-in gait by default.
+        size: Height and width of the image [px].
+        frames: Images that each process times.
+        views: Standpoints of the camera among which they are divided.
+        threads: Processes of one thread each that draw at the same time; images/s are their sum.
+        backend: Rasterizer to measure.
+        lod: Level of detail.
+        peers: Measure the peers and the bound too.
+        seed: Seed of standpoints, of people's habits and of the synthetic flat.
+        json: Print one JSON object instead of a table.
     """
-    warm()
-    loaded, wearers = load_scene(scene), load_avatars(avatars)
-    camera = CameraConfig(height_px=height_px, width_px=width_px)
-    layers = packed_layers(loaded)
-    rasterizer = CpuRasterizer(layers, list(wearers.values()), camera.K_px, height_px, width_px)
-    places = list(random_places(loaded, wearers, _motion(motion), people, views, seed))
-    image_s = [min(_run(rasterizer, loaded, camera, wearers, place) for _ in range(runs)) for place in places]
-    result: dict[str, Any] = {
-        "scene": loaded.name,
-        "gaussians": sum(int((layer.geometry[:, :, 10] >= 0).sum()) for layer in layers),
-        "people": people,
-        "people_gaussians": sum(len(wearers[human.avatar].cloud) for human in places[0].humans),
-        "image_px": [height_px, width_px],
-        "images_per_s": 1 / float(np.mean(image_s)),
-        "slowest_view_images_per_s": 1 / max(image_s),
-        "stages_ms": _stages_ms(rasterizer, loaded, camera, wearers, places),
-    }
-    if reference_views:
-        drawing = ReferenceDrawing(loaded, wearers, camera)
-        result |= _against_reference(drawing, rasterizer, loaded, camera, wearers, places[:reference_views])
-    print(json.dumps(result) if json_output else _table(result))
+    height_px, width_px = _size(size)
+    job = Job(
+        scene=scene,
+        synthetic=synthetic,
+        avatars=avatars,
+        placement=placement,
+        avatar_folder=avatar_folder,
+        avatar_gaussians=gaussian_count(avatar_gaussians) if avatar_gaussians else None,
+        motion=motion,
+        height_px=height_px,
+        width_px=width_px,
+        frames=frames,
+        views=views,
+        threads=threads,
+        backend=backend,
+        lod=lod,
+        seed=seed,
+    )
+    result = run(job, peers=peers)
+    sys.stdout.write(json_module.dumps(result) + "\n" if json else table(result))
 
 
-def random_places(
-    scene: Scene, avatars: dict[str, Avatar], motion: Motion, people: int, count: int, seed: int
-) -> Iterator[Place]:
-    """Places in the robot's free area, with people ahead."""
-    rng = np.random.default_rng(seed)
-    occupancy = scene.maps.robot
-    cells = np.argwhere(largest_free_area(occupancy, 0.3)[0])
-    names = sorted(avatars)
-    for row, column in cells[rng.integers(0, len(cells), count)]:
-        x_m, y_m = occupancy.frame.centre_m(int(row), int(column))
-        yaw_rad = float(rng.uniform(-math.pi, math.pi))
-        ahead = ((2.0, 0.5, 40), (3.0, -0.7, 63))[:people]
-        humans = [
-            _human(names[k % len(names)], motion, step, x_m, y_m, yaw_rad, forward_m, left_m)
-            for k, (forward_m, left_m, step) in enumerate(ahead)
-        ]
-        yield Place(x_m, y_m, yaw_rad, tuple(humans))
+def run(job: Job, *, peers: bool = True) -> dict[str, Any]:
+    """Measure a job; keys carry units."""
+    setting = open_setting(job)
+    result = _head(setting)
+    missing = no_device(job)
+    if missing:
+        return {**result, "images_per_s": None, "why_none": missing}
+    render = make_render(setting)
+    layers = setting.scenery.layers()
+    gaussians = _gaussians(layers)
+    result |= {"gaussians": gaussians, "sh_degree": _degree(layers)}
+    timings = [measure(setting, render)] if job.threads == 1 else measure_in_processes(job)
+    result |= speed(timings, wall=job.backend == "gpu")
+    if job.backend == "cpu":
+        result["stages_ms"] = stages_ms(setting, render)
+    if peers:
+        result |= _bound(setting, layers, gaussians, result)
+        result["peers"] = _peers(setting, render, gaussians)
+    return result
 
 
-def _human(
-    avatar: str, motion: Motion, step: int, x_m: float, y_m: float, yaw_rad: float, forward_m: float, left_m: float
-) -> HumanMotion:
-    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
-    row = motion.row(step)
-    root = motion.root_m[row : row + 1].copy()
-    root[0, :2] = x_m + c * forward_m - s * left_m, y_m + s * forward_m + c * left_m
-    return HumanMotion(avatar=avatar, motion=Motion(root_m=root, pose_axis_angle=motion.pose_axis_angle[row : row + 1]))
+def _size(text: str) -> tuple[int, int]:
+    height, _, width = text.lower().partition("x")
+    if not (height.isdigit() and width.isdigit()):
+        raise ConfigError(f"--size must be HEIGHTxWIDTH in pixels such as 144x256, got {text!r}.")
+    return int(height), int(width)
 
 
-def _motion(path: Path | None) -> Motion:
-    if path is None:
-        root = np.array([[0.0, 0.0, 0.95]], dtype=np.float32)
-        return Motion(root_m=root, pose_axis_angle=np.zeros((1, 24, 3), dtype=np.float32))
-    arrays = np.load(path, allow_pickle=False)
-    return Motion(root_m=arrays["root_m"], pose_axis_angle=arrays["pose_axis_angle"])
-
-
-def _view(scene: Scene, camera: CameraConfig, place: Place, turn_rad: float = 0.0) -> Any:
-    floor_m = scene.maps.floor.at(place.x_m, place.y_m)
-    return camera.T_world_camera(place.x_m, place.y_m, place.yaw_rad + turn_rad, floor_m)
-
-
-def _people(avatars: dict[str, Avatar], place: Place) -> list[PosedPerson]:
-    number = {name: k for k, name in enumerate(avatars)}
-    return [
-        PosedPerson(
-            avatar=number[human.avatar],
-            root_m=human.motion.root_m[0],
-            pose_axis_angle=human.motion.pose_axis_angle[0],
-        )
-        for human in place.humans
-    ]
-
-
-def _run(
-    rasterizer: CpuRasterizer, scene: Scene, camera: CameraConfig, avatars: dict[str, Avatar], place: Place
-) -> float:
-    """CPU time of one image, the first of the run left out [s]."""
-    people = _people(avatars, place)
-    poses = [_view(scene, camera, place, TURN_RAD * k) for k in range(IMAGES_PER_RUN)]
-    rasterizer.render(poses[0], people)
-    begin_s = time.thread_time()
-    for pose in poses[1:]:
-        rasterizer.render(pose, people)
-    return (time.thread_time() - begin_s) / (IMAGES_PER_RUN - 1)
-
-
-def _stages_ms(
-    rasterizer: CpuRasterizer,
-    scene: Scene,
-    camera: CameraConfig,
-    avatars: dict[str, Avatar],
-    places: list[Place],
-) -> dict[str, float]:
-    with _clocks() as spent_s:
-        begin_s = time.thread_time()
-        for place in places:
-            people = _people(avatars, place)
-            for k in range(IMAGES_PER_RUN):
-                rasterizer.render(_view(scene, camera, place, TURN_RAD * k), people)
-        total_s = time.thread_time() - begin_s
-    images = len(places) * IMAGES_PER_RUN
-    stages = {name: 1e3 * seconds / images for name, seconds in spent_s.items()}
-    return {**stages, "everything_else": 1e3 * total_s / images - sum(stages.values())}
-
-
-@contextmanager
-def _clocks() -> Iterator[dict[str, float]]:
-    """Time the kernels of each stage while the block runs."""
-    spent_s = dict.fromkeys(STAGES, 0.0)
-    originals = [(module, name, getattr(module, name)) for module, names in STAGES.values() for name in names]
-
-    def clocked(stage: str, kernel: Callable[..., Any]) -> Callable[..., Any]:
-        def call(*args: Any) -> Any:
-            begin_s = time.thread_time()
-            result = kernel(*args)
-            spent_s[stage] += time.thread_time() - begin_s
-            return result
-
-        return call
-
-    for stage, (module, names) in STAGES.items():
-        for name in names:
-            setattr(module, name, clocked(stage, getattr(module, name)))
-    try:
-        yield spent_s
-    finally:
-        for module, name, kernel in originals:
-            setattr(module, name, kernel)
-
-
-def _against_reference(
-    drawing: ReferenceDrawing,
-    rasterizer: CpuRasterizer,
-    scene: Scene,
-    camera: CameraConfig,
-    avatars: dict[str, Avatar],
-    places: list[Place],
-) -> dict[str, float]:
-    begin_s = time.thread_time()
-    slow = [drawing.draw(_view(scene, camera, place), place.humans, 0) for place in places]
-    reference_s = (time.thread_time() - begin_s) / len(places)
-    fast = [rasterizer.render(_view(scene, camera, place), _people(avatars, place)) for place in places]
-    error = np.stack(slow).astype(np.float64) - np.stack(fast)
+def _head(setting: Setting) -> dict[str, Any]:
+    job = setting.job
     return {
-        "reference_images_per_s": 1 / reference_s,
-        "psnr_to_reference_db": 10 * math.log10(255**2 / max(float((error**2).mean()), 1e-12)),
-        "share_of_values_off_by_more_than_2": float((np.abs(error) > 2).mean()),
+        "machine": {"cpu": _cpu_name(), "cores": len(os.sched_getaffinity(0)), "simd": _simd()},
+        "backend": job.backend,
+        "lod": job.lod,
+        "scene": setting.scenery.name,
+        "avatars": job.avatars,
+        "placement": job.placement,
+        "avatar_gaussians": [len(avatar.cloud) for avatar in setting.avatars],
+        "image_px": [job.height_px, job.width_px],
+        "threads": job.threads,
+        "views": job.views,
+        "runs": RUNS,
+        "frames": images_per_run(job) * job.views * RUNS,
+        "seed": job.seed,
     }
 
 
-def _table(result: dict[str, Any]) -> str:
-    stages = result.pop("stages_ms")
-    lines = [f"{key:36s} {f'{value:.4g}' if isinstance(value, float) else value}" for key, value in result.items()]
-    lines += [f"  {stage:34s} {value:.2f} ms" for stage, value in stages.items()]
-    return "\n".join(lines)
+def _cpu_name() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.processor() or platform.machine()
+    return next((line.partition(": ")[2] for line in lines if line.startswith("model name")), platform.machine())
 
 
-if __name__ == "__main__":
-    tyro.cli(main)
+def _simd() -> str:
+    """The widest instructions that kernels are compiled for."""
+    named = os.environ.get("NUMBA_CPU_FEATURES")
+    features = set(named.split(",")) if named else {f"+{k}" for k, on in binding.get_host_cpu_features().items() if on}
+    return next((name for flag, name in (("+avx512f", "AVX-512"), ("+avx2", "AVX2")) if flag in features), "128 bit")
+
+
+def _gaussians(layers: list[PackedScene]) -> int:
+    return sum(int((layer.geometry[:, :, 10] >= 0).sum()) for layer in layers)
+
+
+def _coefficients(layers: list[PackedScene]) -> int:
+    return max(layer.sh.shape[3] if len(layer.sh) else 1 for layer in layers)
+
+
+def _degree(layers: list[PackedScene]) -> int:
+    return {1: 0, 4: 1, 9: 2, 16: 3}[_coefficients(layers)]
+
+
+def speed(timings: list[Timing], *, wall: bool = False) -> dict[str, Any]:
+    """Images per second of all processes together, and the spread over views on one core.
+
+    An image's cost is the least CPU time of its runs, or wall time where a device does the work; a view's is the mean
+    over its images.
+    """
+    spent_s = [timing.wall_s if wall else timing.cpu_s for timing in timings]
+    per_view = [seconds.min(axis=0).mean(axis=1) for seconds in spent_s]
+    all_views = np.concatenate(per_view)
+    fast, median, slow = (1 / float(np.percentile(all_views, q)) for q in (10, 50, 90))
+    disturbed = [float(np.median(seconds / seconds.min(axis=0))) - 1 for seconds in spent_s]
+    return {
+        "images_per_s": sum(1 / float(seconds.mean()) for seconds in per_view),
+        "images_per_s_wall": sum(timing.wall_s.size / float(timing.wall_s.sum()) for timing in timings),
+        "ms_per_image": 1e3 * float(all_views.mean()),
+        "images_per_s_per_core": {"median": median, "p10": slow, "p90": fast, "slowest": 1 / float(all_views.max())},
+        "median_run_over_fastest": max(disturbed),
+    }
+
+
+def _bound(setting: Setting, layers: list[PackedScene], gaussians: int, result: dict[str, Any]) -> dict[str, Any]:
+    if gaussians > BOUND_GAUSSIANS_MAX or setting.job.backend != "cpu":
+        return {}
+    work, peak = mean_work(setting), peak_fma_per_s()
+    stages = bound_ms(work, setting, _coefficients(layers), peak)
+    total_ms = sum(stages.values())
+    return {
+        "work_per_image": {name: round(count) for name, count in work.items()},
+        "peak_fma16_per_s": peak,
+        "bound_stages_ms": stages,
+        "bound_images_per_s": 1e3 * setting.job.threads / total_ms,
+        "share_of_bound": total_ms / result["ms_per_image"],
+    }
+
+
+def _peers(setting: Setting, render: Render, gaussians: int) -> dict[str, dict[str, Any]]:
+    results: dict[str, PeerResult] = {name: peer(setting, render, gaussians) for name, peer in PEERS.items()}
+    return {name: {k: v for k, v in asdict(peer).items() if v not in (None, "")} for name, peer in results.items()}
+
+
+def table(result: dict[str, Any]) -> str:
+    """The result as aligned text."""
+    lines = []
+    for key, value in result.items():
+        if key in ("bound_stages_ms", "why_none"):
+            continue
+        if key == "stages_ms":
+            bound = result.get("bound_stages_ms", {})
+            lines.append(f"{'stages':26s} {'ms':>8s} {'bound ms':>9s}")
+            lines += [f"  {stage:24s} {ms:8.2f} {_number(bound.get(stage, '')):>9s}" for stage, ms in value.items()]
+        elif isinstance(value, dict):
+            lines.append(f"{key:26s} " + ", ".join(f"{name} {_number(item)}" for name, item in value.items()))
+        else:
+            lines.append(f"{key:26s} {result.get('why_none', '') if value is None else _number(value)}")
+    return "\n".join(lines) + "\n"
+
+
+def _number(value: Any) -> str:
+    if isinstance(value, dict):
+        return "(" + ", ".join(f"{name} {_number(item)}" for name, item in value.items()) + ")"
+    if isinstance(value, float):
+        return f"{value:.3g}" if abs(value) < 10 else f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.1f}"
+    return f"{value:,}" if isinstance(value, int) else str(value)

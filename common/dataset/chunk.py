@@ -7,7 +7,7 @@ the last message, EpisodeCommit, which carries their SHA-256 and the attempt.
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -39,6 +39,8 @@ SAMPLE_DTYPE = np.dtype(
     ]
 )
 """One sample: action = v [m/s], w [rad/s]; goal in the robot's frame; pose = x, y, z [m], yaw [rad]."""
+OUTPUT_DTYPE = np.dtype([("offset", "<u8"), ("length", "<u4")])
+"""Where one sample's encoded image of one output is."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,6 +61,8 @@ class EpisodeChunk:
     """(log time [ns], offset in `data`) of the messages of each channel."""
     samples: npt.NDArray[np.void]
     """Rows of `SAMPLE_DTYPE`; `image_offset` counts from the beginning of `data`."""
+    outputs: dict[str, npt.NDArray[np.void]] = field(default_factory=dict)
+    """By output besides rgb: rows of `OUTPUT_DTYPE`, one per sample; `offset` counts from the beginning of `data`."""
 
     @property
     def sample_count(self) -> int:
@@ -90,11 +94,17 @@ def encode_episode(header: EpisodeHeader, attempt: int, samples: Sequence[Sample
         samples: All samples of the episode in order.
 
     Raises:
-        DatasetError: If samples are missing.
+        DatasetError: If samples are missing, or do not all have the same outputs.
     """
+    name = header.episode.episode_id
     if not samples or [sample.seq for sample in samples] != list(range(header.sample_count)):
-        name = header.episode.episode_id
         raise DatasetError(f"Episode {name} has {header.sample_count} samples, got {len(samples)} to record.")
+    for sample in samples:
+        if sample.outputs.keys() != samples[0].outputs.keys():
+            raise DatasetError(
+                f"Episode {name} has the outputs {sorted(samples[0].outputs)} at sample 0, but "
+                f"{sorted(sample.outputs)} at sample {sample.seq}."
+            )
     base_ns = header.episode.index * EPISODE_SLOT_NS
     chunk = _ChunkParts()
     chunk.add(schemas.EPISODE_START, 0, base_ns, schemas.start_message(header))
@@ -120,11 +130,7 @@ def read_chunk(data: bytes | memoryview, *, sha256: str = "") -> EpisodeChunk:
         DatasetError: If the records are not one whole, committed episode with the hash that its commit names.
     """
     view = memoryview(data)
-    by_channel: dict[int, list[Message]] = {channel.number: [] for channel in schemas.CHANNELS}
-    for message in iter_messages(view, 0, len(view)):
-        if message.channel not in by_channel:
-            raise DatasetError(f"a message is on the unknown channel {message.channel}")
-        by_channel[message.channel].append(message)
+    by_channel = _messages_by_channel(view)
     start, calibration, commit = (
         _only(view, by_channel, channel)
         for channel in (schemas.EPISODE_START, schemas.CALIBRATION, schemas.EPISODE_COMMIT)
@@ -135,7 +141,8 @@ def read_chunk(data: bytes | memoryview, *, sha256: str = "") -> EpisodeChunk:
     if commit.sha256 != (sha256 or hashlib.sha256(view[: commit_message.offset]).hexdigest()):
         raise DatasetError(f"episode {start.episode_id} does not match the SHA-256 of its commit")
     base_ns = by_channel[schemas.EPISODE_START.number][0].log_time_ns
-    rows = _sample_rows(view, by_channel, base_ns)
+    outputs = {name: c for name, c in schemas.OUTPUT_CHANNELS.items() if c.number in by_channel}
+    rows = _sample_rows(view, by_channel, tuple(outputs.values()), base_ns)
     if not len(rows) == commit.sample_count == start.sample_count:
         raise DatasetError(f"episode {start.episode_id} has {len(rows)} samples, its commit says {commit.sample_count}")
     return EpisodeChunk(
@@ -154,6 +161,7 @@ def read_chunk(data: bytes | memoryview, *, sha256: str = "") -> EpisodeChunk:
             for number, messages in by_channel.items()
         },
         samples=rows,
+        outputs={name: _image_places(view, by_channel[channel.number]) for name, channel in outputs.items()},
     )
 
 
@@ -169,6 +177,17 @@ def parse(channel: schemas.Channel, payload: memoryview) -> Any:
         raise DatasetError(f"a message on {channel.topic} cannot be read: {error}") from error
 
 
+def _messages_by_channel(view: memoryview) -> dict[int, list[Message]]:
+    """The messages of each channel; outputs that the episode has not are left out."""
+    known = {channel.number for channel in schemas.OUTPUT_CHANNELS.values()}
+    by_channel: dict[int, list[Message]] = {channel.number: [] for channel in schemas.CHANNELS}
+    for message in iter_messages(view, 0, len(view)):
+        if message.channel not in by_channel and message.channel not in known:
+            raise DatasetError(f"a message is on the unknown channel {message.channel}")
+        by_channel.setdefault(message.channel, []).append(message)
+    return by_channel
+
+
 def _only(view: memoryview, by_channel: dict[int, list[Message]], channel: schemas.Channel) -> Any:
     messages = by_channel[channel.number]
     if len(messages) != 1:
@@ -176,10 +195,13 @@ def _only(view: memoryview, by_channel: dict[int, list[Message]], channel: schem
     return parse(channel, view[messages[0].body : messages[0].end])
 
 
-def _sample_rows(view: memoryview, by_channel: dict[int, list[Message]], base_ns: int) -> npt.NDArray[np.void]:
-    columns = [by_channel[channel.number] for channel in schemas.SAMPLE_CHANNELS]
+def _sample_rows(
+    view: memoryview, by_channel: dict[int, list[Message]], outputs: tuple[schemas.Channel, ...], base_ns: int
+) -> npt.NDArray[np.void]:
+    channels = (*schemas.SAMPLE_CHANNELS, *outputs)
+    columns = [by_channel[channel.number] for channel in channels]
     count = len(columns[0])
-    for channel, column in zip(schemas.SAMPLE_CHANNELS, columns, strict=True):
+    for channel, column in zip(channels, columns, strict=True):
         if len(column) != count:
             raise DatasetError(f"an episode has {count} images, but {len(column)} messages on {channel.topic}")
     rows = np.zeros(count, dtype=SAMPLE_DTYPE)
@@ -196,7 +218,7 @@ def _sample_row(view: memoryview, messages: tuple[Message, ...], base_ns: int) -
         parse(schemas.SAMPLE_CHANNELS[column], view[messages[column].body : messages[column].end])
         for column in (1, 3, 4, 5)
     )
-    image_offset, image_length = field_span(view, image.body, image.end, schemas.IMAGE.message.DATA_FIELD_NUMBER)
+    image_offset, image_length = _image_place(view, image)
     return (
         image.log_time_ns - base_ns,
         image_offset,
@@ -210,3 +232,12 @@ def _sample_row(view: memoryview, messages: tuple[Message, ...], base_ns: int) -
         truth.human_visible,
         truth.replanned,
     )
+
+
+def _image_places(view: memoryview, messages: list[Message]) -> npt.NDArray[np.void]:
+    return np.array([_image_place(view, message) for message in messages], dtype=OUTPUT_DTYPE)
+
+
+def _image_place(view: memoryview, message: Message) -> tuple[int, int]:
+    """Offset and length of the encoded image in a CompressedImage."""
+    return field_span(view, message.body, message.end, schemas.IMAGE.message.DATA_FIELD_NUMBER)

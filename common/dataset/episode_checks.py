@@ -12,6 +12,7 @@ from common.dataset.reader import decode_image
 from common.dataset.records import ChunkSpan, Message, iter_messages
 from common.errors import DatasetError
 from common.messages.episode import EpisodeKey
+from common.rasterizer.image_files import FILE_FORMAT, decode_output
 from common.robot.config import RobotConfig
 from common.robot.kinematics import DT_S, RATE_HZ, step_unicycle
 
@@ -45,15 +46,19 @@ class _Step:
 
 
 class EpisodeChecks:
-    """Checks the episode in one chunk."""
+    """Checks the episode in one chunk; `outputs` are the images besides rgb that its shard has channels for."""
 
-    def __init__(self, view: memoryview, span: ChunkSpan, limits: Limits) -> None:
+    def __init__(self, view: memoryview, span: ChunkSpan, limits: Limits, outputs: Sequence[str] = ()) -> None:
         self.episode: EpisodeKey | None = None
         self.sample_count = 0
         self._view = view
         self._span = span
         self._robot = limits.robot
-        self._by_channel: dict[int, list[Message]] = {channel.number: [] for channel in schemas.CHANNELS}
+        self._outputs = schemas.output_channels(outputs)
+        self._sample_channels = (*schemas.SAMPLE_CHANNELS, *self._outputs.values())
+        self._by_channel: dict[int, list[Message]] = {
+            channel.number: [] for channel in schemas.channels_with(self._outputs)
+        }
         self._name = f"the episode at byte {span.body}"
 
     def run(self) -> Iterator[Finding]:
@@ -73,6 +78,7 @@ class EpisodeChecks:
             yield from self._times()
             if not broken:
                 yield from self._content(start, calibration)
+                yield from self._output_images(start, calibration)
         except DatasetError as error:
             yield "sequence", f"{self._name}: {error}"
 
@@ -103,7 +109,7 @@ class EpisodeChecks:
             yield "sha256", f"{self._name} does not match the SHA-256 of its commit"
 
     def _sequence(self, start: Any, commit: Any) -> Iterator[Finding]:
-        for channel in schemas.SAMPLE_CHANNELS:
+        for channel in self._sample_channels:
             numbers = [message.sequence for message in self._messages(channel)]
             if numbers != list(range(commit.sample_count)):
                 missing = sorted(set(range(commit.sample_count)) - set(numbers))
@@ -116,7 +122,7 @@ class EpisodeChecks:
 
     def _times(self) -> Iterator[Finding]:
         base_ns = self._messages(schemas.EPISODE_START)[0].log_time_ns
-        for channel in schemas.SAMPLE_CHANNELS:
+        for channel in self._sample_channels:
             wrong = [
                 message.sequence
                 for message in self._messages(channel)
@@ -124,7 +130,7 @@ class EpisodeChecks:
             ]
             if wrong:
                 yield "time", f"{self._name}: {channel.topic} is not at {RATE_HZ} Hz at samples {_some(wrong)}"
-        for channel in (schemas.IMAGE, schemas.ROBOT_POSE, schemas.HUMANS):
+        for channel in (schemas.IMAGE, schemas.ROBOT_POSE, schemas.HUMANS, *self._outputs.values()):
             wrong = [
                 message.sequence
                 for position, message in enumerate(self._messages(channel))
@@ -151,6 +157,24 @@ class EpisodeChecks:
             wrong = [seq for seq in range(len(steps)) if not holds(seq)]
             if wrong:
                 yield kind, f"{self._name}: {text} at samples {_some(wrong)}"
+
+    def _output_images(self, start: Any, calibration: Any) -> Iterator[Finding]:
+        """Images besides rgb must be whole, and masks must name people of the episode."""
+        shape = (calibration.height, calibration.width)
+        for name, channel in self._outputs.items():
+            bad, strangers = [], []
+            for seq in range(self.sample_count):
+                message = self._parsed(channel, seq)
+                image = decode_output(name, message.data)
+                if image is None or image.shape[:2] != shape or message.format != FILE_FORMAT:
+                    bad.append(seq)
+                elif name == "mask" and image.max() > len(start.avatars):
+                    strangers.append(seq)
+            if bad:
+                text = f"the {name} image is damaged or has another size or format at samples {_some(bad)}"
+                yield "image", f"{self._name}: {text}"
+            if strangers:
+                yield "image", f"{self._name}: the mask names people who are not there at samples {_some(strangers)}"
 
     def _step(self, seq: int) -> _Step:
         image, pose, action, goal = (

@@ -1,8 +1,8 @@
 """The offset index beside a shard: random access without parsing MCAP.
 
-`shard-r0-00000.index` holds one row per sample and one per episode (NumPy's .npz layout). It names the size of its
-shard and the SHA-256 of the shard's end; the end holds the CRC-32 of all that is before it. An index that is missing
-or belongs to other bytes is made again from the shard.
+`shard-r0-00000.index` holds one row per sample and one per episode, and one more array per output besides rgb that the
+shard has (NumPy's .npz layout). It names the size of its shard and the SHA-256 of the shard's end; the end holds the
+CRC-32 of all that is before it. An index that is missing or belongs to other bytes is made again from the shard.
 """
 
 import hashlib
@@ -13,7 +13,7 @@ import os
 import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Metadata
 
-from common.dataset.chunk import SAMPLE_DTYPE, EpisodeChunk, read_chunk
+from common.dataset.chunk import OUTPUT_DTYPE, SAMPLE_DTYPE, EpisodeChunk, read_chunk
 from common.dataset.metadata import RECORD_NAME, metadata_from_strings
 from common.dataset.records import MAGIC, RECORD_HEADER, Record, chunk_span, is_intact, iter_records
 from common.errors import DatasetError
@@ -48,6 +48,7 @@ EPISODE_DTYPE = np.dtype(
 """One episode; `first_sample` is its first row among the shard's samples, `sha256` is hexadecimal."""
 FOOTER_SIZE = RECORD_HEADER.size + 8 + 8 + 4 + len(MAGIC)
 DATA_END_SIZE = RECORD_HEADER.size + 4
+_OUTPUT_PREFIX = "output_"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,6 +63,8 @@ class ShardIndex:
     size_bytes: int
     tail_sha256: str
     """SHA-256 of the shard from its end-of-data record on."""
+    outputs: dict[str, npt.NDArray[np.void]] = field(default_factory=dict)
+    """By output besides rgb: rows of `OUTPUT_DTYPE`, one per sample; `offset` counts from the beginning of the file."""
 
     def episode_key(self, row: int) -> EpisodeKey:
         """Key of the episode in a row of `episodes`."""
@@ -76,6 +79,8 @@ class ShardIndex:
             (self.metadata, self.size_bytes, self.tail_sha256) == (other.metadata, other.size_bytes, other.tail_sha256)
             and self.episodes.tobytes() == other.episodes.tobytes()
             and self.samples.tobytes() == other.samples.tobytes()
+            and {name: rows.tobytes() for name, rows in self.outputs.items()}
+            == {name: rows.tobytes() for name, rows in other.outputs.items()}
         )
 
 
@@ -85,11 +90,21 @@ class IndexRows:
     def __init__(self) -> None:
         self._episodes: list[tuple[Any, ...]] = []
         self._samples: list[npt.NDArray[np.void]] = []
+        self._outputs: list[dict[str, npt.NDArray[np.void]]] = []
         self._sample_count = 0
 
     def add(self, chunk: EpisodeChunk, body_offset: int) -> None:
-        """Add an episode whose chunk's records begin at `body_offset` in the file."""
+        """Add an episode whose chunk's records begin at `body_offset` in the file.
+
+        Raises:
+            DatasetError: If its outputs are not those of the episodes before.
+        """
         key = chunk.episode
+        outputs = {name: _shifted(places, "offset", body_offset) for name, places in chunk.outputs.items()}
+        first = self._outputs[0] if self._outputs else outputs
+        if outputs.keys() != first.keys():
+            raise DatasetError(f"episode {key.episode_id} has the outputs {list(outputs)}, others have {list(first)}")
+        self._outputs.append(outputs)
         self._episodes.append(
             (
                 key.seed,
@@ -105,10 +120,8 @@ class IndexRows:
                 chunk.sha256.encode(),
             )
         )
-        rows = chunk.samples.copy()
-        rows["image_offset"] += np.uint64(body_offset)
-        self._samples.append(rows)
-        self._sample_count += len(rows)
+        self._samples.append(_shifted(chunk.samples, "image_offset", body_offset))
+        self._sample_count += chunk.sample_count
 
     def index(self, metadata: Mapping[str, Any], *, size_bytes: int, tail: bytes | memoryview) -> ShardIndex:
         """The index of a shard of `size_bytes` that ends in `tail`."""
@@ -119,7 +132,18 @@ class IndexRows:
             samples=np.concatenate(self._samples) if self._samples else np.zeros(0, dtype=SAMPLE_DTYPE),
             size_bytes=size_bytes,
             tail_sha256=hashlib.sha256(tail).hexdigest(),
+            outputs={
+                name: np.concatenate([outputs[name] for outputs in self._outputs])
+                for name in (self._outputs[0] if self._outputs else ())
+            },
         )
+
+
+def _shifted(rows: npt.NDArray[np.void], field_name: str, offset: int) -> npt.NDArray[np.void]:
+    """A copy of `rows` with `offset` added to one of their fields."""
+    shifted = rows.copy()
+    shifted[field_name] += np.uint64(offset)
+    return shifted
 
 
 def index_path(shard: Path) -> Path:
@@ -194,7 +218,8 @@ def write_index(index: ShardIndex, path: Path, *, fsync: bool = False) -> None:
     }
     buffer = io.BytesIO()
     header_bytes = np.frombuffer(json.dumps(header, sort_keys=True).encode(), dtype=np.uint8)
-    np.savez(buffer, header=header_bytes, episodes=index.episodes, samples=index.samples)
+    outputs: dict[str, Any] = {f"{_OUTPUT_PREFIX}{name}": rows for name, rows in index.outputs.items()}
+    np.savez(buffer, header=header_bytes, episodes=index.episodes, samples=index.samples, **outputs)
     part = path.with_name(f"{path.name}.{os.getpid()}.part")
     try:
         with part.open("wb") as file:
@@ -214,7 +239,11 @@ def read_index(path: Path) -> ShardIndex | None:
         with np.load(path, allow_pickle=False) as arrays:
             header = json.loads(arrays["header"].tobytes())
             episodes, samples = arrays["episodes"], arrays["samples"]
+            names = [name for name in arrays.files if name.startswith(_OUTPUT_PREFIX)]
+            outputs = {name.removeprefix(_OUTPUT_PREFIX): arrays[name] for name in names}
         if header["format"] != INDEX_FORMAT or (episodes.dtype, samples.dtype) != (EPISODE_DTYPE, SAMPLE_DTYPE):
+            return None
+        if any((rows.dtype, rows.shape) != (OUTPUT_DTYPE, samples.shape) for rows in outputs.values()):
             return None
         return ShardIndex(
             metadata=header["metadata"],
@@ -222,6 +251,7 @@ def read_index(path: Path) -> ShardIndex | None:
             samples=samples,
             size_bytes=header["size_bytes"],
             tail_sha256=header["tail_sha256"],
+            outputs=outputs,
         )
     except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
         return None

@@ -17,6 +17,7 @@ from common.dataset.index import ShardIndex, load_index
 from common.dataset.metadata import robot_of
 from common.errors import DatasetError
 from common.messages.episode import EpisodeKey
+from common.rasterizer.image_files import decode_output
 from common.robot import RobotConfig
 from common.robot.kinematics import RATE_HZ
 
@@ -65,6 +66,12 @@ class Dataset:
         counts = np.array([entry.sample_count for entry in self.episodes])
         self._shard_of_sample = np.repeat(np.array([shard for shard, _ in order], dtype=np.int32), counts)
         self._rows = rows
+        self.outputs: tuple[str, ...] = ("rgb", *_common_outputs(indexes))
+        """Names of the images that every sample has."""
+        self._output_rows = {
+            name: np.concatenate([_episode_rows(indexes[shard], row, name) for shard, row in order])
+            for name in self.outputs[1:]
+        }
         self.episode_of_sample: npt.NDArray[np.int32] = np.repeat(np.arange(len(counts), dtype=np.int32), counts)
         """Row in `episodes` of each sample, shape (S,)."""
         self._first_sample = np.repeat(np.cumsum(counts) - counts, counts)
@@ -137,6 +144,41 @@ class Dataset:
         image = decode_image(self.image(index))
         if image is None or image.shape != (self.height_px, self.width_px, 3):
             raise DatasetError(f"The image of sample {index} in {self._shard_of(index)} is damaged.")
+        return image
+
+    def output(self, index: int, name: str) -> bytes:
+        """The encoded image of a sample's output, see `common.rasterizer.image_files`; "rgb" is `image`.
+
+        Raises:
+            DatasetError: If not all samples have this output.
+        """
+        if name not in self.outputs:
+            raise DatasetError(
+                f"The samples of {self.shards[0].parent} have no {name!r} images, they have {', '.join(self.outputs)}; "
+                "record others with `readygo generate --outputs`."
+            )
+        if name == "rgb":
+            return self.image(index)
+        row = self._output_rows[name][index]
+        offset = int(row["offset"])
+        return self._map(int(self._shard_of_sample[index]))[offset : offset + int(row["length"])]
+
+    def decode_output(self, index: int, name: str) -> npt.NDArray[Any]:
+        """The image of a sample's output.
+
+        Returns:
+            Depths [m] float32 with inf where there is nothing or beyond 65.535 m, alpha float32, mask uint8, all of
+            shape (H, W); normals float32 in the camera's frame, 0 where there is nothing, shape (H, W, 3); "rgb" as
+            `decode`.
+
+        Raises:
+            DatasetError: If not all samples have this output, or the image is damaged or of another size.
+        """
+        if name == "rgb":
+            return self.decode(index)
+        image = decode_output(name, self.output(index, name))
+        if image is None or image.shape[:2] != (self.height_px, self.width_px):
+            raise DatasetError(f"The {name} image of sample {index} in {self._shard_of(index)} is damaged.")
         return image
 
     def windows(
@@ -237,9 +279,14 @@ def _entries(
     return tuple(entries)
 
 
-def _episode_rows(index: ShardIndex, row: int) -> npt.NDArray[np.void]:
+def _episode_rows(index: ShardIndex, row: int, output: str = "rgb") -> npt.NDArray[np.void]:
     first = int(index.episodes[row]["first_sample"])
-    return index.samples[first : first + int(index.episodes[row]["sample_count"])]
+    rows = index.samples if output == "rgb" else index.outputs[output]
+    return rows[first : first + int(index.episodes[row]["sample_count"])]
+
+
+def _common_outputs(indexes: Sequence[ShardIndex]) -> list[str]:
+    return [name for name in indexes[0].outputs if all(name in index.outputs for index in indexes)]
 
 
 def _check_alike(shards: Sequence[Path], indexes: Sequence[ShardIndex]) -> None:

@@ -1,11 +1,11 @@
 """The channels of a shard: topics, schemas, and the messages of a sample.
 
-Channel numbers are the positions in `CHANNELS` plus one. They are part of the bytes that an episode's SHA-256 covers:
-new channels go to the end.
+Channel numbers are part of the bytes that an episode's SHA-256 covers: no channel ever gets another one. Those of
+`CHANNELS` are in every shard, those of `OUTPUT_CHANNELS` in the shards whose samples have these outputs.
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,6 +23,7 @@ from common.errors import DatasetError
 from common.messages.episode import EpisodeKey, Split
 from common.messages.proto.readygo_pb2 import Action, EpisodeCommit, EpisodeStart, Goal, StepTruth
 from common.messages.samples import EpisodeHeader, Sample
+from common.rasterizer.image_files import FILE_FORMAT
 
 NS_PER_S = 1_000_000_000
 WORLD_FRAME = "world"
@@ -50,6 +51,34 @@ EPISODE_COMMIT = Channel(9, "/episode/commit", EpisodeCommit)
 CHANNELS = (EPISODE_START, CALIBRATION, IMAGE, ROBOT_POSE, HUMANS, ACTION, GOAL, TRUTH, EPISODE_COMMIT)
 SAMPLE_CHANNELS = (IMAGE, ROBOT_POSE, HUMANS, ACTION, GOAL, TRUTH)
 """Every sample has one message on each of these, in this order."""
+OUTPUT_CHANNELS: Mapping[str, Channel] = {
+    "depth": Channel(10, "/camera/depth", CompressedImage),
+    "median_depth": Channel(11, "/camera/median_depth", CompressedImage),
+    "alpha": Channel(12, "/camera/alpha", CompressedImage),
+    "mask": Channel(13, "/camera/mask", CompressedImage),
+    "normal": Channel(14, "/camera/normal", CompressedImage),
+}
+"""Channels of the images besides rgb, in the order of their messages, which follow those of `SAMPLE_CHANNELS`."""
+SCHEMA_NUMBERS: Mapping[Any, int] = {channel.message: channel.number for channel in CHANNELS}
+"""Number of the schema of each message class."""
+
+
+def channels_with(outputs: Iterable[str]) -> tuple[Channel, ...]:
+    """All channels of a shard whose samples have `outputs`."""
+    return (*CHANNELS, *output_channels(outputs).values())
+
+
+def output_channels(outputs: Iterable[str]) -> dict[str, Channel]:
+    """The channels of some outputs, in their order in a shard.
+
+    Raises:
+        DatasetError: If there is no channel for an output.
+    """
+    names = set(outputs)
+    unknown = sorted(names - set(OUTPUT_CHANNELS))
+    if unknown:
+        raise DatasetError(f"There is no channel for {unknown[0]!r} images; known are {', '.join(OUTPUT_CHANNELS)}.")
+    return {name: channel for name, channel in OUTPUT_CHANNELS.items() if name in names}
 
 
 def descriptor_set(message: Any) -> bytes:
@@ -93,7 +122,7 @@ def start_message(header: EpisodeHeader) -> bytes:
 
 
 def calibration_message(header: EpisodeHeader, stamp_ns: int) -> bytes:
-    """The CameraCalibration of an episode: an ideal pinhole camera."""
+    """The CameraCalibration of an episode."""
     k = list(header.K_px)
     return _serialized(
         CameraCalibration(
@@ -101,6 +130,8 @@ def calibration_message(header: EpisodeHeader, stamp_ns: int) -> bytes:
             frame_id=CAMERA_FRAME,
             width=header.width_px,
             height=header.height_px,
+            distortion_model=header.distortion_model,
+            D=header.distortion,
             K=k,
             R=[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
             P=[*k[0:3], 0.0, *k[3:6], 0.0, *k[6:9], 0.0],
@@ -109,7 +140,7 @@ def calibration_message(header: EpisodeHeader, stamp_ns: int) -> bytes:
 
 
 def sample_messages(sample: Sample, image_format: str, stamp_ns: int) -> Iterable[tuple[Channel, bytes]]:
-    """The messages of one sample, in the order of `SAMPLE_CHANNELS`."""
+    """The messages of one sample, in the order of `SAMPLE_CHANNELS` and `OUTPUT_CHANNELS`."""
     stamp = _timestamp(stamp_ns)
     image = CompressedImage(timestamp=stamp, frame_id=CAMERA_FRAME, data=sample.image, format=image_format)
     humans = PosesInFrame(timestamp=stamp, frame_id=WORLD_FRAME, poses=[_pose(*row) for row in sample.humans_xyzyaw])
@@ -128,7 +159,12 @@ def sample_messages(sample: Sample, image_format: str, stamp_ns: int) -> Iterabl
         Goal(x_m=sample.goal_xy_robot_m[0], y_m=sample.goal_xy_robot_m[1]),
         truth,
     )
-    return zip(SAMPLE_CHANNELS, map(_serialized, messages), strict=True)
+    channels = output_channels(sample.outputs)
+    outputs = (
+        CompressedImage(timestamp=stamp, frame_id=CAMERA_FRAME, data=sample.outputs[name], format=FILE_FORMAT)
+        for name in channels
+    )
+    return zip((*SAMPLE_CHANNELS, *channels.values()), map(_serialized, (*messages, *outputs)), strict=True)
 
 
 def commit_message(episode: EpisodeKey, attempt: int, sample_count: int, sha256: str) -> bytes:

@@ -15,6 +15,7 @@ from common.dataset.index import DATA_END_SIZE, build_index, index_path, mapped,
 from common.dataset.metadata import robot_of
 from common.dataset.reader import find_shards
 from common.dataset.records import RECORD_HEADER, ChunkSpan, chunk_span, is_intact, iter_records
+from common.dataset.schemas import OUTPUT_CHANNELS
 from common.errors import ReadygoError
 from common.messages.episode import EpisodeKey
 
@@ -119,18 +120,22 @@ class _FolderCheck:
 
     def _records(self, shard: Path, view: memoryview) -> None:
         limits: Limits | None = None
+        outputs: list[str] = []
         for record in iter_records(view):
             if record.opcode == Opcode.METADATA:
                 metadata = read_metadata(view, record)
                 if metadata is not None:
                     limits = Limits(robot_of(metadata))
                     self._metadata(shard, limits)
+            if record.opcode == Opcode.CHANNEL:
+                number = int.from_bytes(view[record.body : record.body + 2], "little")
+                outputs += [name for name, channel in OUTPUT_CHANNELS.items() if channel.number == number]
             if record.opcode != Opcode.CHUNK:
                 continue
             span = chunk_span(view, record)
             if not is_intact(view, span):
                 self._add(shard, "crc", f"the chunk at byte {record.offset} does not match its CRC-32")
-            self._chunk(shard, view, span, limits or Limits(None))
+            self._chunk(shard, view, span, limits or Limits(None), tuple(outputs))
             self._progress(self._done_bytes + record.end, self._size_bytes)
         if limits is None:
             self._add(shard, "metadata", "there is no readygo metadata in it")
@@ -143,8 +148,8 @@ class _FolderCheck:
         elif self._robot[1] != limits.robot:
             self._add(shard, "metadata", f"its robot is not that of {self._robot[0]}")
 
-    def _chunk(self, shard: Path, view: memoryview, span: ChunkSpan, limits: Limits) -> None:
-        checks = EpisodeChecks(view, span, limits)
+    def _chunk(self, shard: Path, view: memoryview, span: ChunkSpan, limits: Limits, outputs: tuple[str, ...]) -> None:
+        checks = EpisodeChecks(view, span, limits, outputs)
         for kind, text in checks.run():
             self._add(shard, kind, text)
         self._counts["episodes"] += 1

@@ -9,7 +9,7 @@ import errno
 import os
 import zlib
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -30,11 +30,12 @@ from mcap.records import (
     SummaryOffset,
 )
 
+from common.dataset import schemas
 from common.dataset.chunk import EpisodeChunk
 from common.dataset.index import IndexRows, index_path, write_index
 from common.dataset.metadata import RECORD_NAME, metadata_to_strings
 from common.dataset.records import CHUNK_FIELDS, MAGIC, RECORD_HEADER
-from common.dataset.schemas import CHANNELS, descriptor_set
+from common.errors import DatasetError
 
 PART_SUFFIX = ".part"
 
@@ -57,23 +58,33 @@ class ShardWriter:
     """Writes one shard; use it as a context manager or call `close`."""
 
     def __init__(
-        self, path: Path, metadata: Mapping[str, Any], *, fsync: bool = True, part_suffix: str = PART_SUFFIX
+        self,
+        path: Path,
+        metadata: Mapping[str, Any],
+        *,
+        outputs: Iterable[str] = (),
+        fsync: bool = True,
+        part_suffix: str = PART_SUFFIX,
     ) -> None:
         """Open `path` + `part_suffix`.
 
         Args:
             path: The finished shard, see `shard_name`.
             metadata: What the shard says about its run, see `common.dataset.metadata`.
+            outputs: The images besides rgb that all samples of the shard have.
             fsync: False trades durability for speed.
             part_suffix: Ending of the open file's name; its existing file is overwritten.
 
         Raises:
             OSError: If the file cannot be written; nothing is left of it then.
+            DatasetError: If an output is unknown.
         """
         self.path = path
+        self.outputs = tuple(schemas.output_channels(outputs))
         self.metadata = dict(metadata)
         self._part = path.with_name(path.name + part_suffix)
         self._fsync = fsync
+        self._channels = schemas.channels_with(self.outputs)
         self._rows = IndexRows()
         self._message_counts: Counter[int] = Counter()
         self._chunk_indexes: list[ChunkIndex] = []
@@ -81,7 +92,7 @@ class ShardWriter:
         self._data_crc32 = 0
         self._descriptor: int | None = os.open(self._part, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
         try:
-            head, self._metadata_index = _head(metadata_to_strings(metadata))
+            head, self._metadata_index = _head(metadata_to_strings(metadata), self._channels)
             self._write(head)
             self._data_crc32 = zlib.crc32(head)
             if fsync:
@@ -112,7 +123,13 @@ class ShardWriter:
 
         Raises:
             OSError: If it could not be made durable; the file then ends after the episode before.
+            DatasetError: If its outputs are not the shard's.
         """
+        if tuple(chunk.outputs) != self.outputs:
+            raise DatasetError(
+                f"Episode {chunk.episode.episode_id} has the outputs {list(chunk.outputs)}, its shard "
+                f"{list(self.outputs)}; begin a new shard."
+            )
         parts, index = _chunk_record(chunk, self._offset)
         self._write(*parts)
         for part in parts:
@@ -188,8 +205,8 @@ class ShardWriter:
         builder = RecordBuilder()
         offsets: list[SummaryOffset] = []
         groups: list[tuple[int, list[Any]]] = [
-            (Opcode.SCHEMA, _schemas()),
-            (Opcode.CHANNEL, _channels()),
+            (Opcode.SCHEMA, _schema_records()),
+            (Opcode.CHANNEL, _channel_records(self._channels)),
             (Opcode.STATISTICS, [self._statistics()]),
             (Opcode.CHUNK_INDEX, self._chunk_indexes),
             (Opcode.METADATA_INDEX, [self._metadata_index]),
@@ -212,45 +229,49 @@ class ShardWriter:
     def _statistics(self) -> Statistics:
         return Statistics(
             attachment_count=0,
-            channel_count=len(CHANNELS),
+            channel_count=len(self._channels),
             channel_message_counts=dict(sorted(self._message_counts.items())),
             chunk_count=len(self._chunk_indexes),
             message_count=self._message_counts.total(),
             message_start_time=min(index.message_start_time for index in self._chunk_indexes),
             message_end_time=max(index.message_end_time for index in self._chunk_indexes),
             metadata_count=1,
-            schema_count=len(CHANNELS),
+            schema_count=len(schemas.SCHEMA_NUMBERS),
         )
 
 
 _CHUNK_HEADER_SIZE = RECORD_HEADER.size + CHUNK_FIELDS.size + 4 + 8
 
 
-def _head(metadata: dict[str, str]) -> tuple[bytes, MetadataIndex]:
+def _head(metadata: dict[str, str], channels: Iterable[schemas.Channel]) -> tuple[bytes, MetadataIndex]:
     before = MAGIC + _record_bytes(Header(profile="", library="readygo"))
     record = _record_bytes(Metadata(name=RECORD_NAME, metadata=metadata))
     index = MetadataIndex(offset=len(before), length=len(record), name=RECORD_NAME)
-    return before + record + b"".join(map(_record_bytes, [*_schemas(), *_channels()])), index
+    return before + record + b"".join(map(_record_bytes, [*_schema_records(), *_channel_records(channels)])), index
 
 
-def _schemas() -> list[Schema]:
+def _schema_records() -> list[Schema]:
     return [
         Schema(
-            id=channel.number,
-            name=channel.message.DESCRIPTOR.full_name,
+            id=number,
+            name=message.DESCRIPTOR.full_name,
             encoding="protobuf",
-            data=descriptor_set(channel.message),
+            data=schemas.descriptor_set(message),
         )
-        for channel in CHANNELS
+        for message, number in schemas.SCHEMA_NUMBERS.items()
     ]
 
 
-def _channels() -> list[Channel]:
+def _channel_records(channels: Iterable[schemas.Channel]) -> list[Channel]:
     return [
         Channel(
-            id=channel.number, schema_id=channel.number, topic=channel.topic, message_encoding="protobuf", metadata={}
+            id=channel.number,
+            schema_id=schemas.SCHEMA_NUMBERS[channel.message],
+            topic=channel.topic,
+            message_encoding="protobuf",
+            metadata={},
         )
-        for channel in CHANNELS
+        for channel in channels
     ]
 
 

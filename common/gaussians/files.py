@@ -8,6 +8,7 @@ import numpy.typing as npt
 from common.errors import SceneError
 from common.gaussians.cloud import GaussianCloud
 from common.gaussians.compressed_ply import cloud_from_compressed_ply, is_compressed_ply
+from common.gaussians.defects import refusal, unusable, without
 from common.gaussians.ply import cloud_from_ply
 from common.gaussians.ply_format import read_ply
 
@@ -26,6 +27,20 @@ def load_gaussians(path: str | Path) -> GaussianCloud:
     Raises:
         SceneError: If the file is missing, truncated, empty, of another format, or holds numbers that are not finite.
     """
+    cloud = read_gaussians(path)
+    good, counts = without(cloud, unusable(cloud))
+    if counts:
+        remedy = "import the file with `readygo scene import --drop-bad`, which leaves them out"
+        raise refusal(str(path), counts, len(cloud) - len(good), len(cloud), remedy)
+    return with_unit_rotations(good)
+
+
+def read_gaussians(path: str | Path) -> GaussianCloud:
+    """As `load_gaussians`, but with whatever numbers the file holds.
+
+    Raises:
+        SceneError: If the file is missing, truncated, empty or of another format.
+    """
     path = Path(path)
     tables = read_ply(path)
     if "vertex" not in tables:
@@ -33,21 +48,14 @@ def load_gaussians(path: str | Path) -> GaussianCloud:
     if len(tables["vertex"]) == 0:
         raise SceneError(f"{path} is empty: it holds no Gaussians.")
     if is_compressed_ply(tables):
-        return _validated(cloud_from_compressed_ply(tables, path), path)
-    return _validated(cloud_from_ply(tables["vertex"], path), path)
+        return cloud_from_compressed_ply(tables, path)
+    return cloud_from_ply(tables["vertex"], path)
 
 
-def _validated(cloud: GaussianCloud, path: Path) -> GaussianCloud:
+def with_unit_rotations(cloud: GaussianCloud) -> GaussianCloud:
+    """The cloud with quaternions of length 1; none may be zero."""
     q = cloud.quats_wxyz.astype(np.float64)
     length = np.sqrt(q[:, 0] * q[:, 0] + q[:, 1] * q[:, 1] + q[:, 2] * q[:, 2] + q[:, 3] * q[:, 3])
-    bad = ~np.isfinite(length) | (length == 0)
-    for array in (cloud.means_m, cloud.scales_m, cloud.opacities, cloud.sh):
-        bad |= ~np.isfinite(array.reshape(len(cloud), -1)).all(axis=1)
-    if bad.any():
-        raise SceneError(
-            f"{path} has {int(bad.sum())} of {len(cloud)} Gaussians with numbers that are not finite (first: index "
-            f"{int(np.argmax(bad))}); remove them, for example with `splat-transform IN --filter-nan OUT`."
-        )
     unit: npt.NDArray[np.float32] = (q / length[:, None]).astype(np.float32)
     return GaussianCloud(
         means_m=cloud.means_m, quats_wxyz=unit, scales_m=cloud.scales_m, opacities=cloud.opacities, sh=cloud.sh

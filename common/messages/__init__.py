@@ -27,7 +27,7 @@ from common.messages.episode import EpisodeKey, HumanTrajectory, Scenario, Split
 from common.messages.motion import EpisodeMotions, HumanMotion, Motion
 from common.messages.plan import Outcome, RobotTrajectory
 from common.messages.render import People, RenderReply, RenderRequest, RenderView
-from common.messages.samples import AppendReply, AppendRequest, EpisodeHeader, Sample
+from common.messages.samples import AppendReply, AppendRequest, EpisodeHeader, Sample, sample_crc32
 from common.messages.stages import (
     AnimateReply,
     AnimateRequest,
@@ -83,4 +83,5 @@ __all__ = [
     "Verdict",
     "decode",
     "encode",
+    "sample_crc32",
 ]

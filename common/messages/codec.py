@@ -14,6 +14,8 @@ from common.errors import BusError
 
 Message = TypeVar("Message")
 ARRAY_EXT = 1
+OMITTED_WHEN_EMPTY = {"omitted_when_empty": True}
+"""Metadata of a field with an empty default that was added to a message: without it the bytes are those of before."""
 
 
 def encode(message: Any) -> bytes:
@@ -38,7 +40,8 @@ def decode(cls: type[Message], payload: bytes) -> Message:
 
 def _plain(value: Any) -> Any:
     if dataclasses.is_dataclass(value):
-        return {name: _plain(getattr(value, name)) for name in _fields(value.__class__)}
+        items = ((name, getattr(value, name), optional) for name, optional in _fields(value.__class__))
+        return {name: _plain(item) for name, item, optional in items if not optional or item}
     if isinstance(value, enum.Enum):
         return value.value
     if isinstance(value, (tuple, list)):
@@ -67,8 +70,9 @@ def _unpack_array(code: int, data: bytes) -> Any:
 
 
 @functools.cache
-def _fields(cls: type) -> tuple[str, ...]:
-    return tuple(field.name for field in dataclasses.fields(cls))
+def _fields(cls: type) -> tuple[tuple[str, bool], ...]:
+    """Names of a message's fields, and whether they are left out when they are empty."""
+    return tuple((field.name, field.metadata == OMITTED_WHEN_EMPTY) for field in dataclasses.fields(cls))
 
 
 @functools.cache

@@ -1,9 +1,19 @@
 """Recorded samples on their way from a renderer to a recorder."""
 
 import zlib
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
+from common.messages.codec import OMITTED_WHEN_EMPTY
 from common.messages.episode import EpisodeKey
+
+DISTORTION_MODELS: Mapping[str, int] = {"": 0, "plumb_bob": 5, "rational_polynomial": 8, "kannala_brandt": 4}
+"""Models of a lens and the number of their coefficients, by the names that ROS and Foxglove use.
+
+"" is an ideal pinhole camera; "plumb_bob" is Brown-Conrady (k1, k2, p1, p2, k3), "rational_polynomial" the same and
+(k4, k5, k6), both as in OpenCV; "kannala_brandt" is OpenCV's fisheye, the equidistant one (k1, k2, k3, k4).
+Source: foxglove.CameraCalibration, https://docs.foxglove.dev/docs/sdk/schemas/camera-calibration.
+"""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -13,7 +23,7 @@ class Sample:
     seq: int
     """Number of the sample in its episode, from 0."""
     crc32: int
-    """CRC-32 of `image`."""
+    """See `sample_crc32`."""
     time_ns: int
     """Simulated time since the episode began [ns]."""
     image: bytes
@@ -31,11 +41,27 @@ class Sample:
     human_visible: bool
     expert_cost: float
     replanned: bool
+    outputs: dict[str, bytes] = field(default_factory=dict, hash=False, metadata=OMITTED_WHEN_EMPTY)
+    """Further images of the same view by their names in `common.rasterizer.images.OUTPUTS`, encoded as
+    `common.rasterizer.image_files` says."""
 
     @property
     def intact(self) -> bool:
         """True if the image bytes match their checksum."""
-        return zlib.crc32(self.image) == self.crc32
+        return sample_crc32(self.image, self.outputs) == self.crc32
+
+    @property
+    def images_size_bytes(self) -> int:
+        """Size of all images together."""
+        return len(self.image) + sum(map(len, self.outputs.values()))
+
+
+def sample_crc32(image: bytes, outputs: Mapping[str, bytes]) -> int:
+    """CRC-32 of a sample's image, and after it of the names and images of its outputs in alphabetical order."""
+    crc32 = zlib.crc32(image)
+    for name in sorted(outputs):
+        crc32 = zlib.crc32(outputs[name], zlib.crc32(name.encode(), crc32))
+    return crc32
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -54,6 +80,21 @@ class EpisodeHeader:
     width_px: int
     K_px: tuple[float, ...]
     """Intrinsics [px], row-major, 9 numbers."""
+    distortion_model: str = field(default="", metadata=OMITTED_WHEN_EMPTY)
+    """One of `DISTORTION_MODELS`."""
+    distortion: tuple[float, ...] = field(default=(), metadata=OMITTED_WHEN_EMPTY)
+    """Coefficients of the distortion model."""
+
+    def __post_init__(self) -> None:
+        known = DISTORTION_MODELS.get(self.distortion_model)
+        if known is None:
+            raise ValueError(
+                f"distortion_model must be one of {sorted(DISTORTION_MODELS)}, got {self.distortion_model!r}."
+            )
+        if len(self.distortion) != known:
+            raise ValueError(
+                f"distortion model {self.distortion_model!r} has {known} coefficients, got {len(self.distortion)}."
+            )
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -3,28 +3,43 @@
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from common.avatars import Avatar, joint_transforms
+from common.gaussians import GaussianCloud
 from common.rasterizer import cpu_blend
 from common.rasterizer.constants import NEAR_M
 from common.rasterizer.cpu_lod import Cut, cull_person_tree, cull_tree
+from common.rasterizer.cpu_outputs import MAX_PEOPLE, Sums, instance_of_records, write_images
 from common.rasterizer.cpu_project import FAR_BITS, NEAR_BITS, Gaussians, Skin, Slab, project_person, project_scene
-from common.rasterizer.cpu_tiles import MAX_TILES
 from common.rasterizer.cpu_view import View, VisibleChunks, cull_person, cull_scene, make_view
-from common.rasterizer.cpu_workspace import Workspace, make_workspace, tile_count, with_room
+from common.rasterizer.cpu_workspace import (
+    KEYS,
+    LARGE_ENTRIES,
+    MAX_SIDE_PX,
+    RECORDS,
+    Depths,
+    Workspace,
+    make_depths,
+    make_normals,
+    make_workspace,
+    with_room,
+)
+from common.rasterizer.images import Images, require_outputs
 from common.rasterizer.lod import ChunkTree
 from common.rasterizer.lod_avatar import AvatarTree
-from common.rasterizer.packed import CHUNK, PackedScene
+from common.rasterizer.packed import CHUNK, PackedScene, pack_sorted
 from common.rasterizer.packed_avatar import PackedAvatar, pack_avatar
 
 SLAB_SHARES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)
 """Shares of the visible chunks, nearest first, at which one slab ends and the next begins."""
 SLAB_MIN_CHUNKS = 64
 """Fewer chunks are not worth a slab."""
+_RGB_ONLY = Sums()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -49,7 +64,7 @@ def _frozen(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
 class _Layer:
     """One cloud of the image: its chunks that may be seen, and how to project some of them."""
 
-    def __init__(self, scene: PackedScene, cut: Cut | None) -> None:
+    def __init__(self, scene: PackedScene, cut: Cut | None = None) -> None:
         self._cut = cut
         self.gaussians = Gaussians(
             _frozen(scene.centre_m),
@@ -59,6 +74,7 @@ class _Layer:
             float(scene.sh_step[0]),
             scene.sh.shape[3] if len(scene.sh) else 1,
         )
+        self.normal = None if scene.normal is None else _frozen(scene.normal).reshape(-1)
         self.scene = scene
         self._boxes = _frozen(scene.centre_m), _frozen(scene.half_m), _frozen(scene.reach_m)
         self._chunks = VisibleChunks(
@@ -78,6 +94,10 @@ class _Layer:
     def _first(self, count: int) -> VisibleChunks:
         number, depth_m, box, corners = self._chunks
         return VisibleChunks(number[:count], depth_m[:count], box[:count], corners)
+
+    def want_normals(self, wanted: bool) -> None:
+        """Project with normals from now on, or without."""
+        self.gaussians = self.gaussians._replace(normal=self.normal if wanted else None)
 
     def project(self, view: View, chunks: VisibleChunks, slab: Slab, ws: Workspace) -> None:
         project_scene(view, self.gaussians, chunks, slab, ws)
@@ -143,10 +163,11 @@ class CpuRasterizer:
         packed_avatars: Sequence[PackedAvatar | AvatarTree] | None = None,
         coarseness: float = 1.0,
     ) -> None:
-        if tile_count(height_px, width_px) >= MAX_TILES:
-            raise ValueError(f"images are limited to {MAX_TILES} tiles of 16x16 px, got {height_px}x{width_px} px.")
+        if max(height_px, width_px) > MAX_SIDE_PX:
+            raise ValueError(f"images are limited to {MAX_SIDE_PX} px a side, got {height_px}x{width_px} px.")
         scenes = [scenes] if isinstance(scenes, PackedScene | ChunkTree) else scenes
         self._layers = [_Layer(*_with_cut(scene, coarseness)) for scene in scenes]
+        self._scene_count = len(self._layers)
         packed = [pack_avatar(avatar) for avatar in avatars] if packed_avatars is None else packed_avatars
         if len(packed) != len(avatars):
             raise ValueError(f"packed_avatars must be as many as avatars, {len(avatars)}, got {len(packed)}.")
@@ -154,7 +175,13 @@ class CpuRasterizer:
         self._people: list[_Person] = []
         self._K_px = np.asarray(K_px, dtype=np.float64)
         self._height, self._width = height_px, width_px
-        self._ws = make_workspace(height_px, width_px, 0, 0)
+        self._ws = make_workspace(height_px, width_px)
+        self._record_ends: list[int] = []
+
+    def set_extra(self, cloud: GaussianCloud | None) -> None:
+        """Draw a few more Gaussians with the scene, such as shadows, until they are set anew; None: no more."""
+        extra = [] if cloud is None else [_Layer(pack_sorted(cloud))]
+        self._layers = [*self._layers[: self._scene_count], *extra]
 
     def render(self, T_world_camera: npt.ArrayLike, people: Sequence[PosedPerson] = ()) -> npt.NDArray[np.uint8]:
         """The image as bytes, sRGB for scenes trained on sRGB images.
@@ -170,6 +197,9 @@ class CpuRasterizer:
             ValueError: If the camera pose is not a finite 4x4 matrix.
         """
         self._draw(T_world_camera, people)
+        return self._bytes()
+
+    def _bytes(self) -> npt.NDArray[np.uint8]:
         rgb = np.empty((self._height, self._width, 3), dtype=np.uint8)
         cpu_blend.write_bytes(self._width, self._ws, rgb)
         return rgb
@@ -183,23 +213,67 @@ class CpuRasterizer:
         cpu_blend.write_floats(self._width, self._ws, rgb)
         return rgb
 
-    def _draw(self, T_world_camera: npt.ArrayLike, people: Sequence[PosedPerson]) -> None:
+    def render_images(
+        self, T_world_camera: npt.ArrayLike, people: Sequence[PosedPerson] = (), outputs: Sequence[str] = ("rgb",)
+    ) -> Images:
+        """The image and others from the same pass; the colours have the bytes of `render`.
+
+        Args:
+            T_world_camera: Camera pose, OpenCV axes, shape (4, 4).
+            people: People to draw; the mask numbers them from 1 in this order.
+            outputs: Names out of `common.rasterizer.images.OUTPUTS`; "rgb" is always made. Each new set of kinds of
+                images (depths and mask; normals) is compiled when it is first asked for.
+
+        Returns:
+            The images.
+
+        Raises:
+            ValueError: If the camera pose is not a finite 4x4 matrix, a name is unknown, normals are wanted of a scene
+                that was packed without, or a mask of more than 255 people.
+        """
+        wanted = require_outputs(outputs)
+        if "normal" in wanted and any(layer.normal is None for layer in self._layers):
+            raise ValueError("normals need scenes that were packed with them; pass normals=True when packing.")
+        if "mask" in wanted and len(people) > MAX_PEOPLE:
+            raise ValueError(f"a mask can tell {MAX_PEOPLE} people apart, got {len(people)}.")
+        sums = Sums(self._depths if wanted - {"rgb", "alpha"} else None, self._normals if "normal" in wanted else None)
+        self._draw(T_world_camera, people, sums)
+        ids = [0] * len(self._layers) + list(range(1, len(people) + 1))
+        instances = instance_of_records(self._record_ends, ids) if "mask" in wanted else None
+        return write_images(wanted, self._bytes(), self._ws, sums, instances)
+
+    @cached_property
+    def _depths(self) -> Depths:
+        return make_depths(self._height, self._width)
+
+    @cached_property
+    def _normals(self) -> npt.NDArray[np.float32]:
+        return make_normals(self._height, self._width)
+
+    def _draw(self, T_world_camera: npt.ArrayLike, people: Sequence[PosedPerson], sums: Sums = _RGB_ONLY) -> None:
         pose = np.asarray(T_world_camera, dtype=np.float64)
         if pose.shape != (4, 4) or not np.isfinite(pose).all():
             raise ValueError(f"T_world_camera must be a finite 4x4 matrix, got {pose.tolist()}.")
         view = make_view(pose, self._K_px, self._height, self._width)
         layers = [*self._layers, *self._pose(people, view)]
+        for layer in layers:
+            layer.want_normals(sums.normals is not None)
         seen = [layer.cull(view) for layer in layers]
+        ranges_m = [(chunks.depth_m.min(initial=np.inf), chunks.depth_m.max(initial=-np.inf)) for chunks in seen]
         self._ws = with_room(self._ws, records=CHUNK * sum(len(chunks.number) for chunks in seen))
         cpu_blend.begin_image(self._width, self._height, self._ws)
-        for slab in _slabs(seen):
-            cpu_blend.begin_slab(self._width, slab.limit_bits, self._ws)
-            for layer, chunks in zip(layers, seen, strict=True):
-                layer.project(view, chunks, slab, self._ws)
-            in_sorted = cpu_blend.sort_keys(self._ws)
-            self._ws = with_room(self._ws, entries=cpu_blend.begin_tiles(self._ws))
-            cpu_blend.fill_tiles(self._width, in_sorted, self._ws)
-            cpu_blend.blend_tiles(self._width, self._ws)
+        self._record_ends.clear()
+        sums.clear()
+        slabs = _slabs(seen)
+        for slab, next_limit_bits in zip(slabs, [*(slab.limit_bits for slab in slabs[1:]), FAR_BITS], strict=True):
+            for layer, chunks, (nearest_m, farthest_m) in zip(layers, seen, ranges_m, strict=True):
+                if nearest_m < slab.limit_m and farthest_m >= slab.first_m:
+                    layer.project(view, chunks, slab, self._ws)
+                self._record_ends.append(int(self._ws.counts[RECORDS]))
+            # Each key meets up to four tiles, or all that its large box meets.
+            counts = self._ws.counts
+            self._ws = with_room(self._ws, entries=int(4 * counts[KEYS] + counts[LARGE_ENTRIES]))
+            cpu_blend.draw_slab(self._width, next_limit_bits, self._ws, sums.depths, sums.normals)
 
     def _pose(self, people: Sequence[PosedPerson], view: View) -> list[_Layer]:
         """A layer per person; layers are kept for the next image."""

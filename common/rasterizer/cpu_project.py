@@ -7,24 +7,25 @@ import numpy.typing as npt
 
 from common.rasterizer.compilation import inlined, kernel
 from common.rasterizer.constants import DILATION_PX2, FOV_MARGIN, NEAR_M
-from common.rasterizer.cpu_tiles import any_alive, box_codes, count_entries, is_alive
-from common.rasterizer.cpu_view import View, VisibleChunks, unpack_box
-from common.rasterizer.cpu_workspace import KEYS, LATER, RECORD, RECORD_BOUNDS_X, RECORD_BOUNDS_Y, RECORDS, Workspace
-from common.rasterizer.simd_memory import load_f16, load_short, store_f16, store_i16, transpose_in_place
+from common.rasterizer.cpu_outputs import normal_block
+from common.rasterizer.cpu_posing import nearest_rotation
+from common.rasterizer.cpu_tiles import LARGE, any_alive, box_codes, is_alive, unpack_box
+from common.rasterizer.cpu_view import View, VisibleChunks
+from common.rasterizer.cpu_workspace import KEYS, LARGE_ENTRIES, LATER, RECORD, RECORDS, Workspace
+from common.rasterizer.simd_memory import load_f16, load_short, peek, poke, store_f16, store_i16, transpose_in_place
 from common.rasterizer.simd_types import (
     bit_pattern,
-    ceil,
     f16,
-    float_of_bits,
-    floor,
     fma,
     fms,
     fnma,
+    integer_where,
     lowest_bit,
     mask_bits,
     maximum,
     minimum,
     sqrt,
+    to_float,
     truncate,
 )
 
@@ -50,6 +51,8 @@ class Gaussians(NamedTuple):
     sh_step: float
     sh_count: int
     """Coefficients per channel; 1: `colour` is used."""
+    normal: npt.NDArray[np.int16] | None = None
+    """None where no normals are wanted; the compiled code then has no trace of them."""
 
 
 class Skin(NamedTuple):
@@ -108,6 +111,16 @@ def _lens(view: View) -> _Lens:
 
 
 @inlined
+def _pixels_within(low: Any, high: Any, last: Any) -> Any:
+    """First and last of the pixels 0, 1, .. `last` within [low, high] (I16 each), and where there is one (M16)."""
+    low, high = minimum(maximum(low, 0.0), last + 1.0), minimum(high, last)
+    first = truncate(low)
+    first = first + integer_where(to_float(first) < low, 1, 0)
+    final = truncate(maximum(high, 0.0))
+    return first, final, (high >= 0.0) & (first <= final)
+
+
+@inlined
 def _image_block(lens: _Lens, geometry: Singles, g: int, x: Any, y: Any, z: Any, R: Any, ws: Workspace) -> int:
     """Project a block of 16 Gaussians: their record rows go to the scratch memory, their mask of visible lanes back.
 
@@ -147,9 +160,9 @@ def _image_block(lens: _Lens, geometry: Singles, g: int, x: Any, y: Any, z: Any,
     det = fms(sxx, syy, sxy * sxy)
     half_x, half_y = sqrt(reach * sxx), sqrt(reach * syy)
     left, top = mean_x - 0.5, mean_y - 0.5
-    x0, x1 = maximum(ceil(left - half_x), 0.0), minimum(floor(left + half_x), lens.x_last)
-    y0, y1 = maximum(ceil(top - half_y), 0.0), minimum(floor(top + half_y), lens.y_last)
-    seen: int = mask_bits((z > NEAR_M) & (reach >= 0.0) & (det > 0.0) & (x0 <= x1) & (y0 <= y1))
+    x0, x1, in_columns = _pixels_within(left - half_x, left + half_x, lens.x_last)
+    y0, y1, in_rows = _pixels_within(top - half_y, top + half_y, lens.y_last)
+    seen: int = mask_bits((z > NEAR_M) & (reach >= 0.0) & (det > 0.0) & in_columns & in_rows)
     if seen:
         scale = LOG2_E / det
         store_f16(ws.scratch, 0, mean_x)
@@ -159,11 +172,11 @@ def _image_block(lens: _Lens, geometry: Singles, g: int, x: Any, y: Any, z: Any,
         store_f16(ws.scratch, 64, scale * sxx * -0.5)
         store_f16(ws.scratch, 80, load_f16(geometry, g + 144))
         store_f16(ws.scratch, 144, z)
-        first_x, last_x, first_y, last_y = truncate(x0) >> 2, truncate(x1) >> 2, truncate(y0) >> 2, truncate(y1) >> 2
-        store_f16(ws.scratch, 16 * RECORD_BOUNDS_X, float_of_bits(first_x | (last_x << 16)))
-        store_f16(ws.scratch, 16 * RECORD_BOUNDS_Y, float_of_bits(first_y | (last_y << 16)))
-        store_i16(ws.scratch_bits, 0, box_codes(first_x, last_x, first_y, last_y, lens.columns))
-        store_i16(ws.scratch_bits, 16, bit_pattern(z) - NEAR_BITS)
+        tile, low, high = box_codes(x0 >> 2, x1 >> 2, y0 >> 2, y1 >> 2, lens.columns)
+        store_i16(ws.scratch_bits, 0, tile)
+        store_i16(ws.scratch_bits, 16, low)
+        store_i16(ws.scratch_bits, 32, high)
+        store_i16(ws.scratch_bits, 48, bit_pattern(z) - NEAR_BITS)
     return seen
 
 
@@ -233,23 +246,36 @@ def _emit(seen: int, counts: tuple[int, int, int], slab: Slab, columns: int, ws:
     """
     transpose_in_place(ws.scratch, 0)
     records, keys, later = counts
+    bits = ws.scratch_bits
     while seen:
         lane = lowest_bit(seen)
         seen &= seen - 1
-        code, depth_bits = np.int64(ws.scratch_bits[lane]), np.int64(ws.scratch_bits[16 + lane])
+        tile = np.int64(peek(bits, lane))
+        blocks = (np.int64(peek(bits, 16 + lane)) & 0xFFFFFFFF) | (np.int64(peek(bits, 32 + lane)) << 32)
+        depth_bits = np.int64(peek(bits, 48 + lane))
         store_f16(ws.records, records * RECORD, load_f16(ws.scratch, lane * RECORD))
+        if tile == LARGE:
+            ws.counts[LARGE_ENTRIES] += _tiles_met(blocks)
         # Written in any case, counted if true: cheaper than branches that the CPU cannot foresee.
-        alive = is_alive(ws, columns, code, records) if slab.cull else 1
+        alive = is_alive(ws, columns, tile, blocks) if slab.cull else 1
         due = alive if depth_bits < slab.limit_bits else 0
         key = (depth_bits << 32) | records
-        ws.codes[records] = code
-        ws.keys[keys] = key
-        ws.later[later] = key
-        count_entries(ws, columns, code, records, due)
+        poke(ws.boxes, 2 * records, tile)
+        poke(ws.boxes, 2 * records + 1, blocks)
+        poke(ws.keys, keys, key)
+        poke(ws.later, later, key)
         records += alive
         keys += due
         later += alive - due
     return records, keys, later
+
+
+@inlined
+def _tiles_met(box: int) -> int:
+    """Number of tiles that a packed box meets."""
+    x0, x1, y0, y1 = unpack_box(box)
+    count: int = ((x1 >> 2) - (x0 >> 2) + 1) * ((y1 >> 2) - (y0 >> 2) + 1)
+    return count
 
 
 @inlined
@@ -259,8 +285,7 @@ def _is_due(chunks: VisibleChunks, i: int, slab: Slab, columns: int, ws: Workspa
         return False
     if not slab.cull:
         return True
-    x0, x1, y0, y1 = unpack_box(chunks.box[i])
-    return bool(any_alive(ws.tile_alive, columns, x0, x1, y0, y1))
+    return bool(any_alive(ws.tile_alive, columns, chunks.box[i]))
 
 
 @kernel
@@ -285,10 +310,13 @@ def project_scene(view: View, cloud: Gaussians, chunks: VisibleChunks, slab: Sla
         tx = view.R_CW[0, 0] * dx + view.R_CW[0, 1] * dy + view.R_CW[0, 2] * dz
         ty = view.R_CW[1, 0] * dx + view.R_CW[1, 1] * dy + view.R_CW[1, 2] * dz
         tz = view.R_CW[2, 0] * dx + view.R_CW[2, 1] * dy + view.R_CW[2, 2] * dz
+        # Depths decide the order: the chunk's is added without the rounding of float32.
+        tz_high = np.float32(tz)
+        tz_low = np.float32(tz - np.float64(tz_high))
         for block in range(chunk * 16, chunk * 16 + 16):
             g = block * GEOMETRY
             px, py, pz = load_f16(cloud.geometry, g), load_f16(cloud.geometry, g + 16), load_f16(cloud.geometry, g + 32)
-            z = fma(R[6], px, fma(R[7], py, fma(R[8], pz, tz)))
+            z = fma(R[6], px, fma(R[7], py, fma(R[8], pz, tz_low))) + tz_high
             if mask_bits(z > NEAR_M) == 0:
                 continue
             x = fma(R[0], px, fma(R[1], py, fma(R[2], pz, tx)))
@@ -296,41 +324,9 @@ def project_scene(view: View, cloud: Gaussians, chunks: VisibleChunks, slab: Sla
             seen = _image_block(lens, cloud.geometry, g, x, y, z, R, ws)
             if seen:
                 _colour_block(cloud, block, x, y, z, view.R_CW, ws)
+                normal_block(cloud.normal, block, x, y, z, R, ws)
                 counts = _emit(seen, counts, slab, lens.columns, ws)
     ws.counts[RECORDS], ws.counts[KEYS], ws.counts[LATER] = counts
-
-
-@inlined
-def _nearest_rotation(M: Any) -> Any:
-    """Rotation nearest to a blend of rotations, row by row, nine values: Newton's iteration M <- (M + M^-T) / 2.
-
-    Four steps bring singular values of 0.5, a blend of rotations that are 120 deg apart, to 1 within 1e-7.
-
-    Source: Higham, Computing the polar decomposition - with applications, 1986.
-    """
-    for _ in range(4):
-        c0, c1, c2 = (
-            fms(M[4], M[8], M[5] * M[7]),
-            fms(M[5], M[6], M[3] * M[8]),
-            fms(M[3], M[7], M[4] * M[6]),
-        )
-        c3, c4, c5 = (
-            fms(M[2], M[7], M[1] * M[8]),
-            fms(M[0], M[8], M[2] * M[6]),
-            fms(M[1], M[6], M[0] * M[7]),
-        )
-        c6, c7, c8 = (
-            fms(M[1], M[5], M[2] * M[4]),
-            fms(M[2], M[3], M[0] * M[5]),
-            fms(M[0], M[4], M[1] * M[3]),
-        )
-        s = 0.5 / fma(M[0], c0, fma(M[1], c1, M[2] * c2))
-        M = (
-            fma(M[0], 0.5, c0 * s), fma(M[1], 0.5, c1 * s), fma(M[2], 0.5, c2 * s),
-            fma(M[3], 0.5, c3 * s), fma(M[4], 0.5, c4 * s), fma(M[5], 0.5, c5 * s),
-            fma(M[6], 0.5, c6 * s), fma(M[7], 0.5, c7 * s), fma(M[8], 0.5, c8 * s),
-        )  # fmt: skip
-    return M
 
 
 @kernel
@@ -376,9 +372,10 @@ def project_person(
             y = fma(m4, px, fma(m5, py, fma(m6, pz, m7)))
             M = (m0, m1, m2, m4, m5, m6, m8, m9, m10)
             # One joint carries the block rigidly: its matrix is a rotation already.
-            R = M if end - first == 1 else _nearest_rotation(M)
+            R = M if end - first == 1 else nearest_rotation(M)
             seen = _image_block(lens, cloud.geometry, g, x, y, z, R, ws)
             if seen:
                 _colour_block(cloud, block, x, y, z, view.R_CW, ws)
+                normal_block(cloud.normal, block, x, y, z, R, ws)
                 counts = _emit(seen, counts, slab, lens.columns, ws)
     ws.counts[RECORDS], ws.counts[KEYS], ws.counts[LATER] = counts

@@ -1,8 +1,8 @@
 """Which tiles and which 4x4 blocks of their pixels a Gaussian's box touches.
 
-A box is kept as a 32-bit code: the number of the tile that holds its top left corner, and one bit per column and row of
-the blocks that it covers there and in the next tiles to the right and below. Larger boxes have the code `LARGE` and are
-read from their record.
+A box is kept as two int64 numbers: the tile that holds its top left corner, and the blocks that it covers there, in the
+next tile to the right, the one below and the one right below, 16 bits each. A box that meets more than these four
+tiles has the tile `LARGE`, and its bounds, packed as in `pack_box`, in place of the blocks.
 """
 
 from typing import Any
@@ -11,47 +11,54 @@ import numpy as np
 import numpy.typing as npt
 
 from common.rasterizer.compilation import inlined
-from common.rasterizer.cpu_workspace import RECORD, RECORD_BOUNDS_X, RECORD_BOUNDS_Y, Workspace
-from common.rasterizer.simd_types import float_bits, integer_minimum, integer_where
+from common.rasterizer.cpu_workspace import Workspace
+from common.rasterizer.simd_memory import peek
+from common.rasterizer.simd_types import integer_minimum, integer_where
 
 Integers = npt.NDArray[np.int64]
 
 LARGE = -1
-"""Code of a box that meets more than 2x2 tiles."""
-MAX_TILES = 65535
+"""Tile of a box that meets more than 2x2 tiles."""
+
+
+@inlined
+def pack_box(x0: int, x1: int, y0: int, y1: int) -> int:
+    """Bounds in blocks of 4x4 px, both ends included, in one int64."""
+    return x0 | (x1 << 16) | (y0 << 32) | (y1 << 48)
+
+
+@inlined
+def unpack_box(box: int) -> tuple[int, int, int, int]:
+    """x0, x1, y0, y1 of `pack_box`."""
+    return box & 0xFFFF, (box >> 16) & 0xFFFF, (box >> 32) & 0xFFFF, (box >> 48) & 0xFFFF
+
+
+@inlined
+def _spread(rows: Any) -> Any:
+    """Bits 0..3 moved to 0, 4, 8, 12."""
+    return (rows & 1) | ((rows & 2) << 3) | ((rows & 4) << 6) | ((rows & 8) << 9)
 
 
 @inlined
 def box_codes(x0: Any, x1: Any, y0: Any, y1: Any, columns: int) -> Any:
-    """Codes (I16) of boxes whose bounds are given in blocks, both ends included (I16 each)."""
+    """Codes of boxes whose bounds are given in blocks, both ends included (I16 each).
+
+    Returns:
+        First tiles, and the low and the high half of the blocks (I16 each).
+    """
     across, down = integer_minimum(x1 - (x0 & -4), 8), integer_minimum(y1 - (y0 & -4), 8)
     first_column, first_row = 1 << (x0 & 3), 1 << (y0 & 3)
     column_bits, row_bits = (2 << across) - first_column, (2 << down) - first_row
-    code = ((y0 >> 2) * columns + (x0 >> 2)) | (column_bits << 16) | (row_bits << 24)
-    return integer_where((column_bits | row_bits) > 255, LARGE, code)
-
-
-@inlined
-def first_tile(code: int) -> int:
-    """Number of the tile that holds the box's top left corner."""
-    return code & 0xFFFF
-
-
-@inlined
-def masks(code: int, row_masks: Integers) -> tuple[int, int, int, int]:
-    """Blocks that the box covers in its first tile, the one to the right, the one below, and the one right below."""
-    left, right = (code >> 16) & 15, (code >> 20) & 15
-    rows = row_masks[(code >> 24) & 255]
-    upper, lower = rows & 0xFFFF, rows >> 16
-    return left * upper, right * upper, left * lower, right * lower
-
-
-@inlined
-def bounds(records: npt.NDArray[np.float32], record: int) -> tuple[int, int, int, int]:
-    """x0, x1, y0, y1 of a record's box in blocks, both ends included."""
-    x = float_bits(records[record * RECORD + RECORD_BOUNDS_X])
-    y = float_bits(records[record * RECORD + RECORD_BOUNDS_Y])
-    return x & 0xFFFF, x >> 16, y & 0xFFFF, y >> 16
+    large = (column_bits | row_bits) > 255
+    # A product with the spread bits of rows repeats the bits of the columns in every row.
+    column_pair = (column_bits & 15) | ((column_bits & 240) << 12)
+    low, high = column_pair * _spread(row_bits), column_pair * _spread(row_bits >> 4)
+    tile = (y0 >> 2) * columns + (x0 >> 2)
+    return (
+        integer_where(large, LARGE, tile),
+        integer_where(large, x0 | (x1 << 16), low),
+        integer_where(large, y0 | (y1 << 16), high),
+    )
 
 
 @inlined
@@ -65,8 +72,9 @@ def tile_blocks(x0: int, x1: int, y0: int, y1: int, tile_x: int, tile_y: int) ->
 
 
 @inlined
-def any_alive(tile_alive: Integers, columns: int, x0: int, x1: int, y0: int, y1: int) -> bool:
-    """True if a block within bounds is not finished."""
+def any_alive(tile_alive: Integers, columns: int, box: int) -> bool:
+    """True if a block within a packed box is not finished."""
+    x0, x1, y0, y1 = unpack_box(box)
     for tile_y in range(y0 >> 2, (y1 >> 2) + 1):
         for tile_x in range(x0 >> 2, (x1 >> 2) + 1):
             if tile_alive[tile_y * columns + tile_x] & tile_blocks(x0, x1, y0, y1, tile_x, tile_y):
@@ -75,35 +83,19 @@ def any_alive(tile_alive: Integers, columns: int, x0: int, x1: int, y0: int, y1:
 
 
 @inlined
-def is_alive(ws: Workspace, columns: int, code: int, record: int) -> int:
+def is_alive(ws: Workspace, columns: int, tile: int, blocks: int) -> int:
     """1 if a block that the box covers is not finished, else 0."""
-    if code == LARGE:
-        x0, x1, y0, y1 = bounds(ws.records, record)
-        return 1 if any_alive(ws.tile_alive, columns, x0, x1, y0, y1) else 0
-    tile = first_tile(code)
-    here, right, below, beyond = masks(code, ws.row_masks)
-    alive = ws.tile_alive
-    # `tile_alive` is longer than the image has tiles, so that the four can be read without asking whether they exist.
-    common = (here & alive[tile]) | (right & alive[tile + 1])
-    common |= (below & alive[tile + columns]) | (beyond & alive[tile + columns + 1])
-    return 1 if common != 0 else 0
+    if tile == LARGE:
+        return 1 if any_alive(ws.tile_alive, columns, blocks) else 0
+    return 1 if blocks & peek(ws.quad_alive, tile) else 0
 
 
 @inlined
-def count_entries(ws: Workspace, columns: int, code: int, record: int, times: int) -> None:
-    """Count `times` (0 or 1) entries for every tile that the box meets."""
-    stride = len(ws.tile_alive)
-    counts = ws.tile_count
-    if code == LARGE:
-        x0, x1, y0, y1 = bounds(ws.records, record)
-        for tile_y in range(y0 >> 2, (y1 >> 2) + 1):
-            for tile_x in range(x0 >> 2, (x1 >> 2) + 1):
-                counts[tile_y * columns + tile_x] += np.int32(times)
-        return
-    tile = first_tile(code)
-    across, down = np.int32((code >> 20) & 15 != 0) * times, np.int32((code >> 28) & 15 != 0)
-    # Four counters per tile: neighbouring increments do not wait for each other.
-    counts[tile] += np.int32(times)
-    counts[stride + tile + 1] += np.int32(across)
-    counts[2 * stride + tile + columns] += np.int32(down * times)
-    counts[3 * stride + tile + columns + 1] += np.int32(across * down)
+def update_quads(ws: Workspace, columns: int) -> None:
+    """Put together what is alive in each tile, right of it, below and right below, as in a box's blocks."""
+    alive = ws.tile_alive
+    # `tile_alive` is longer than the image has tiles, so that the four can be read without asking whether they exist.
+    for tile in range(len(ws.quad_alive)):
+        ws.quad_alive[tile] = (
+            alive[tile] | (alive[tile + 1] << 16) | (alive[tile + columns] << 32) | (alive[tile + columns + 1] << 48)
+        )

@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from common.rasterizer.compilation import inlined, kernel
 from common.rasterizer.constants import FOV_MARGIN, NEAR_M
+from common.rasterizer.cpu_tiles import pack_box
 
 Floats = npt.NDArray[np.float64]
 Singles = npt.NDArray[np.float32]
@@ -61,18 +62,6 @@ def make_view(T_world_camera: Floats, K_px: Floats, height_px: int, width_px: in
         width_px,
         height_px,
     )
-
-
-@inlined
-def pack_box(x0: int, x1: int, y0: int, y1: int) -> int:
-    """Bounds in blocks of 4x4 px, both ends included, in one int64."""
-    return x0 | (x1 << 16) | (y0 << 32) | (y1 << 48)
-
-
-@inlined
-def unpack_box(box: int) -> tuple[int, int, int, int]:
-    """x0, x1, y0, y1 of `pack_box`."""
-    return box & 0xFFFF, (box >> 16) & 0xFFFF, (box >> 32) & 0xFFFF, (box >> 48) & 0xFFFF
 
 
 @inlined

@@ -10,113 +10,135 @@ Singles = npt.NDArray[np.float32]
 
 RECORD = 16
 """Float32 numbers per projected Gaussian, one cache line: centre x y [px]; -log2(e)/2 conic xx, -log2(e) conic xy,
--log2(e)/2 conic yy; log2 opacity; red, green, blue; depth [m]; first and last 4-px block in x and in y, as the bits of
-two 16-bit numbers each; the rest is unused."""
-RECORD_BOUNDS_X, RECORD_BOUNDS_Y = 10, 11
+-log2(e)/2 conic yy; log2 opacity; red, green, blue; depth [m]; two that are unused; normal towards the camera, if it
+was asked for; one that is unused."""
+RECORD_DEPTH, RECORD_NORMAL = 9, 12
 TILE = 16
 """Pixels along a tile's side."""
+MAX_SIDE_PX = 4 * 65535
+"""Longest side of an image: numbers of 4-px blocks take 16 bits."""
 TILE_STATE = 1024
 """Per tile: 16 blocks of red, green, blue, transmittance, each of 4x4 px."""
-RECORDS, KEYS, LATER = 0, 1, 2
+NODE = 64
+"""Entries per node of the tiles' lists, one bit each of an int64."""
+DIGITS = 1 << 12
+"""Most values that a digit of the depth sort can have."""
+RECORDS, KEYS, LATER, LARGE_ENTRIES = 0, 1, 2, 3
 
 
 class Workspace(NamedTuple):
     """Buffers for one camera at a time; numbers are in `counts`."""
 
     counts: Integers
-    """Numbers of records, of keys for this slab, and of keys for later slabs, shape (3,)."""
+    """Numbers of records, of keys for this slab, of keys for later slabs, and of the tiles that all boxes of more than
+    2x2 tiles meet, shape (4,)."""
     records: Singles
     """Projected Gaussians, shape (N * 16,)."""
-    codes: npt.NDArray[np.int32]
-    """Their boxes (see `cpu_tiles`), shape (N,)."""
+    boxes: Integers
+    """First tile and blocks of their boxes (see `cpu_tiles`), shape (N * 2,)."""
     keys: Integers
     """Depth bits and record number of what this slab draws, shape (N,)."""
     sorted_keys: Integers
     """The same, sorted, shape (N,)."""
     later: Integers
     """Keys beyond the slab, shape (N,)."""
-    tile_count: npt.NDArray[np.int32]
-    """Entries per tile, four counters each, shape (4 * (T + slack),)."""
     tile_place: Integers
     """Where each tile's next entry goes, and three places for entries that do not exist, shape (T + 3,)."""
-    tile_start: Integers
-    """First entry of each tile, shape (T + 1,)."""
     tile_alive: Integers
     """Bit k is set while the tile's 4x4 block k is not finished; 0 beyond the image, shape (T + slack,)."""
-    row_masks: Integers
-    """Rows of blocks as bits of two tiles, see `_row_mask_table`, shape (256,)."""
+    quad_alive: Integers
+    """The same of a tile and its neighbours, laid out as a box's blocks, shape (T,)."""
     tile_state: Singles
     """Colour and transmittance, shape (T * 1024,)."""
+    node_next: Integers
+    """The node that follows each node of a tile's list; the first T nodes begin the lists, shape (E / 64,)."""
     entry_record: npt.NDArray[np.int32]
-    """Record numbers of all tiles' entries, nearest first within a tile, shape (E,)."""
+    """Record numbers of the entries, nearest first within a tile, shape (E,)."""
     entry_blocks: npt.NDArray[np.uint16]
     """Blocks of the tile that the entry touches, shape (E,)."""
-    lists: npt.NDArray[np.int32]
-    """Records of one batch per block of a tile, shape (16 * 64,)."""
-    list_sizes: Integers
-    """Records in each list, shape (16,)."""
-    digit_places: Integers
-    """Where the sort's next key of each digit value goes, shape (3, 512)."""
+    digit_places: npt.NDArray[np.int32]
+    """Where the sort's next key of each digit value goes, shape (3 * 4096,)."""
     scratch: Singles
     """A 16x16 matrix, shape (256,)."""
     scratch_bits: npt.NDArray[np.int32]
-    """Codes and depth bits of a block of Gaussians, shape (32,)."""
+    """First tiles, low and high half of the blocks, and depth bits of a block of Gaussians, shape (64,)."""
 
 
-def make_workspace(height_px: int, width_px: int, records: int, entries: int) -> Workspace:
-    """A workspace for images of one size with room for `records` Gaussians and `entries` in the tiles' lists."""
+class Depths(NamedTuple):
+    """What is kept per pixel for depths and the mask; per tile 16 blocks of 4x4 px."""
+
+    weighted_m: Singles
+    """Sum of depths, weighted as colours are [m], shape (T * 256,)."""
+    median: npt.NDArray[np.int32]
+    """Record number of the median Gaussian where the transmittance is below one half, shape (T * 256,)."""
+
+
+def make_depths(height_px: int, width_px: int) -> Depths:
+    """Memory for the depths of images of one size."""
+    pixels = tile_count(height_px, width_px) * TILE * TILE
+    return Depths(_aligned(pixels, np.float32), _aligned(pixels, np.int32))
+
+
+def make_normals(height_px: int, width_px: int) -> Singles:
+    """Memory for sums of normals, per tile 16 blocks of x, y, z of 4x4 px, shape (T * 768,)."""
+    return _aligned(tile_count(height_px, width_px) * TILE * TILE * 3, np.float32)
+
+
+def make_workspace(height_px: int, width_px: int) -> Workspace:
+    """A workspace for images of one size; see `with_room`."""
     tiles, slack = tile_count(height_px, width_px), -(-width_px // TILE) + 1
-    return Workspace(
-        counts=np.zeros(3, dtype=np.int64),
-        records=_aligned(records * RECORD, np.float32),
-        codes=_aligned(records, np.int32),
-        keys=_aligned(records, np.int64),
-        sorted_keys=_aligned(records, np.int64),
-        later=_aligned(records, np.int64),
-        tile_count=_aligned(4 * (tiles + slack), np.int32),
+    ws = Workspace(
+        counts=np.zeros(4, dtype=np.int64),
+        records=_aligned(0, np.float32),
+        boxes=_aligned(0, np.int64),
+        keys=_aligned(0, np.int64),
+        sorted_keys=_aligned(0, np.int64),
+        later=_aligned(0, np.int64),
         tile_place=_aligned(tiles + 3, np.int64),
-        tile_start=_aligned(tiles + 1, np.int64),
         tile_alive=np.zeros(tiles + slack, dtype=np.int64),
-        row_masks=_row_mask_table(),
+        quad_alive=np.zeros(tiles, dtype=np.int64),
         tile_state=_aligned(tiles * TILE_STATE, np.float32),
-        entry_record=_aligned(entries, np.int32),
-        entry_blocks=_aligned(entries, np.uint16),
-        lists=_aligned(16 * 64, np.int32),
-        list_sizes=_aligned(16, np.int64),
-        digit_places=np.zeros((3, 512), dtype=np.int64),
+        node_next=_aligned(0, np.int64),
+        entry_record=_aligned(0, np.int32),
+        entry_blocks=_aligned(0, np.uint16),
+        digit_places=_aligned(3 * DIGITS, np.int32),
         scratch=_aligned(256, np.float32),
-        scratch_bits=_aligned(32, np.int32),
+        scratch_bits=_aligned(64, np.int32),
     )
+    return with_room(ws, records=1, entries=1)
 
 
 def with_room(ws: Workspace, *, records: int = 0, entries: int = 0) -> Workspace:
-    """The workspace, with larger buffers where these numbers do not fit; contents of replaced buffers are lost."""
-    if records > len(ws.codes):
+    """The workspace, with larger buffers where these numbers do not fit; contents of replaced buffers are lost.
+
+    Args:
+        ws: What there is.
+        records: Projected Gaussians of an image.
+        entries: Entries of a slab in all tiles' lists.
+    """
+    if 2 * records > len(ws.boxes):
         room = records + records // 4
         ws = ws._replace(
             records=_aligned(room * RECORD, np.float32),
-            codes=_aligned(room, np.int32),
+            boxes=_aligned(room * 2, np.int64),
             keys=_aligned(room, np.int64),
             sorted_keys=_aligned(room, np.int64),
             later=_aligned(room, np.int64),
         )
-    if entries > len(ws.entry_record):
-        room = entries + entries // 4
-        ws = ws._replace(entry_record=_aligned(room, np.int32), entry_blocks=_aligned(room, np.uint16))
+    nodes = entries // NODE + 2 * len(ws.quad_alive) + 1
+    if entries and nodes > len(ws.node_next):
+        room = nodes + nodes // 4
+        ws = ws._replace(
+            node_next=_aligned(room, np.int64),
+            entry_record=_aligned(room * NODE, np.int32),
+            entry_blocks=_aligned(room * NODE, np.uint16),
+        )
     return ws
 
 
 def tile_count(height_px: int, width_px: int) -> int:
     """Number of tiles of an image."""
     return -(-height_px // TILE) * -(-width_px // TILE)
-
-
-def _row_mask_table() -> Integers:
-    """For eight rows of blocks in two tiles, one bit each: bits 0, 4, 8, 12 of the upper and, shifted by 16, lower."""
-    table = np.zeros(256, dtype=np.int64)
-    for rows in range(256):
-        table[rows] = sum(1 << (4 * (row % 4) + 16 * (row // 4)) for row in range(8) if rows >> row & 1)
-    return table
 
 
 def _aligned(count: int, dtype: npt.DTypeLike) -> npt.NDArray[Any]:

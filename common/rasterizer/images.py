@@ -1,5 +1,6 @@
 """What a rasterizer can make of one view."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,6 +8,18 @@ import numpy.typing as npt
 
 OUTPUTS = ("rgb", "depth", "median_depth", "alpha", "mask", "normal")
 """Names of the images that can be asked for."""
+
+
+def require_outputs(outputs: Sequence[str]) -> frozenset[str]:
+    """The names as a set.
+
+    Raises:
+        ValueError: If a name is not one of `OUTPUTS`.
+    """
+    unknown = sorted({name for name in outputs if name not in OUTPUTS})
+    if isinstance(outputs, str) or unknown:
+        raise ValueError(f"outputs must be names out of {', '.join(OUTPUTS)}; got {outputs!r}.")
+    return frozenset(outputs)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -3,6 +3,9 @@
 A packed scene is a folder of .npy files that all workers of a host map read-only, so that it is in memory once.
 """
 
+import contextlib
+import dataclasses
+import functools
 import json
 import math
 import os
@@ -25,10 +28,15 @@ Singles = npt.NDArray[np.float32]
 FORMAT = "readygo-packed/1"
 CHUNK = 256
 """Gaussians per chunk."""
+PIECE = 1 << 17
+"""Gaussians that are packed at a time: a multiple of `CHUNK` that bounds the memory for intermediate results."""
 BLOCKS = CHUNK // 16
 GEOMETRY_ROWS = 11
 """Mean (3), covariance xx xy xz yy yz zz (6), log2 opacity, squared reach in sigmas (negative: padding)."""
+_NORMAL_FILE = "normal.npy"
 _C0 = 0.28209479177387814
+NORMAL_STEP = 1.0 / 32767.0
+"""Value of one step of a packed normal."""
 _ARRAYS = ("centre_m", "half_m", "reach_m", "geometry", "colour", "sh", "sh_step")
 
 
@@ -54,6 +62,9 @@ class PackedScene:
     """SH coefficients in steps of `sh_step`, shape (C, 16, 3, K, 16), or (0, 16, 3, 1, 16)."""
     sh_step: Singles
     """Value of one step, shape (1,)."""
+    normal: npt.NDArray[np.int16] | None = None
+    """Shortest axis of every Gaussian in steps of `NORMAL_STEP`, in the frame of the covariances, shape
+    (C, 16, 3, 16); None for those who need no images of normals."""
 
     @property
     def chunk_count(self) -> int:
@@ -61,48 +72,80 @@ class PackedScene:
         return len(self.centre_m)
 
 
-def pack_cloud(cloud: GaussianCloud) -> PackedScene:
-    """Pack a cloud; Gaussians that never reach alpha 1/255 are left out.
+def pack_cloud(cloud: GaussianCloud, *, normals: bool = False) -> PackedScene:
+    """Pack a cloud, with normals if they are wanted; Gaussians that never reach alpha 1/255 are left out.
 
     Uses only operations that round alike on every CPU, so that packs made on different machines are equal.
     """
+    return pack_sorted(cloud, packing_order(cloud), normals=normals)
+
+
+def packing_order(cloud: GaussianCloud) -> npt.NDArray[np.int64]:
+    """Numbers of the Gaussians that can be seen, along a Morton curve."""
     index = np.flatnonzero(cloud.opacities >= np.float32(ALPHA_MIN))
-    cloud = cloud.select(index)
-    cloud = cloud.select(np.argsort(morton_codes(cloud.means_m), kind="stable"))
-    return pack_sorted(cloud)
+    return index[np.argsort(morton_codes(cloud.means_m[index]), kind="stable")]
 
 
-def pack_sorted(cloud: GaussianCloud, *, centred: bool = True) -> PackedScene:
+def pack_sorted(
+    cloud: GaussianCloud,
+    order: npt.NDArray[np.int64] | None = None,
+    *,
+    centred: bool = True,
+    normals: bool = False,
+) -> PackedScene:
     """Pack a cloud in its order.
 
     Args:
-        cloud: Gaussians, opacities at least 1/255.
+        cloud: Gaussians.
+        order: Which of them, opacities at least 1/255, in which order; all as they come by default.
         centred: Store means relative to their chunk's centre; otherwise all centres are 0.
+        normals: Pack normals as well.
     """
+    order = np.arange(len(cloud)) if order is None else order
+    starts = range(0, len(order), PIECE)
+    step = _sh_step(cloud, [order[start : start + PIECE] for start in starts])
+    scene = _empty_pack(-(-len(order) // CHUNK), cloud.sh.shape[1], step)
+    for start in starts:
+        piece = cloud.select(order[start : start + PIECE])
+        _pack_piece(piece, step, centred, scene, start // CHUNK)
+    return dataclasses.replace(scene, normal=_normals(cloud, order)) if normals else scene
+
+
+def _empty_pack(chunks: int, coefficients: int, step: float) -> PackedScene:
+    flat, curved = (chunks, 0) if coefficients == 1 else (0, chunks)
+    return PackedScene(
+        centre_m=np.empty((chunks, 3)),
+        half_m=np.empty((chunks, 3), dtype=np.float32),
+        reach_m=np.empty(chunks, dtype=np.float32),
+        geometry=np.empty((chunks, BLOCKS, GEOMETRY_ROWS, 16), dtype=np.float32),
+        colour=np.empty((flat, BLOCKS, 3, 16), dtype=np.float32),
+        sh=np.empty((curved, BLOCKS, 3, coefficients, 16), dtype=np.int16),
+        sh_step=np.array([step], dtype=np.float32),
+    )
+
+
+def _pack_piece(cloud: GaussianCloud, step: float, centred: bool, scene: PackedScene, first: int) -> None:
+    """Write a part of a cloud to the chunks of `scene` from `first` on."""
     count = len(cloud)
     chunks = -(-count // CHUNK)
+    here = slice(first, first + chunks)
     valid = np.arange(chunks * CHUNK).reshape(chunks, CHUNK) < count
     means = _padded(cloud.means_m.astype(np.float64), chunks)
-    covariance = _padded(covariances(cloud), chunks)
     log2_opacity, reach2 = opacity_terms(cloud.opacities)
     largest_scale = cloud.scales_m.max(axis=1, initial=0.0).astype(np.float64)
     reach = _padded((np.sqrt(reach2) * largest_scale)[:, None], chunks)[..., 0].max(axis=1)
     centre, half = chunk_boxes(means, valid)
     relative = means - centre[:, None] if centred else means
-    rows = np.concatenate(
-        [relative, covariance, _padded(log2_opacity[:, None], chunks), _padded(reach2[:, None], chunks)], axis=2
-    )
+    terms = [_padded(covariances(cloud), chunks), *(_padded(term[:, None], chunks) for term in (log2_opacity, reach2))]
+    rows = np.concatenate([relative, *terms], axis=2)
     rows[~valid, -1] = -1.0
-    colour, sh, step = _colours(cloud, chunks)
-    return PackedScene(
-        centre_m=centre,
-        half_m=rounded_up(half),
-        reach_m=rounded_up(reach),
-        geometry=_blocks(rows).astype(np.float32),
-        colour=colour,
-        sh=sh,
-        sh_step=np.array([step], dtype=np.float32),
-    )
+    scene.centre_m[here], scene.half_m[here], scene.reach_m[here] = centre, rounded_up(half), rounded_up(reach)
+    scene.geometry[here] = _blocks(rows)
+    if len(scene.sh):
+        scene.sh[here] = _sh_steps(cloud, chunks, step)
+    else:
+        rgb = np.maximum(0.5 + _C0 * cloud.sh[:, 0].astype(np.float64), 0.0)
+        scene.colour[here] = _blocks(_padded(rgb, chunks))
 
 
 def chunk_boxes(means_m: Floats, valid: npt.NDArray[np.bool_]) -> tuple[Floats, Floats]:
@@ -149,17 +192,38 @@ def _spread(x: npt.NDArray[np.uint64]) -> npt.NDArray[np.uint64]:
 
 def covariances(cloud: GaussianCloud) -> Floats:
     """Covariances xx, xy, xz, yy, yz, zz [m2], shape (N, 6)."""
+    R, scale = _rotations(cloud), cloud.scales_m.astype(np.float64).T
+    L = [[R[i][k] * scale[k] for k in range(3)] for i in range(3)]
+    pairs = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+    return np.stack([L[i][0] * L[j][0] + L[i][1] * L[j][1] + L[i][2] * L[j][2] for i, j in pairs], axis=1)
+
+
+def shortest_axes(cloud: GaussianCloud) -> Floats:
+    """Unit vectors along the axis with the smallest scale, the first one of equals, shape (N, 3)."""
+    R = np.stack([np.stack(row, axis=1) for row in _rotations(cloud)], axis=1)
+    shortest = np.argmin(cloud.scales_m, axis=1) if len(cloud) else np.zeros(0, dtype=np.int64)
+    return np.take_along_axis(R, shortest[:, None, None], axis=2)[..., 0]
+
+
+def _rotations(cloud: GaussianCloud) -> list[list[Floats]]:
+    """Rotation matrices from the principal axes, entry by entry, 3 rows of 3 arrays of shape (N,)."""
     q = cloud.quats_wxyz.astype(np.float64)
     w, x, y, z = q.T / np.sqrt(q[:, 0] * q[:, 0] + q[:, 1] * q[:, 1] + q[:, 2] * q[:, 2] + q[:, 3] * q[:, 3])
-    scale = cloud.scales_m.astype(np.float64).T
-    R = [
+    return [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
         [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
         [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
     ]
-    L = [[R[i][k] * scale[k] for k in range(3)] for i in range(3)]
-    pairs = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
-    return np.stack([L[i][0] * L[j][0] + L[i][1] * L[j][1] + L[i][2] * L[j][2] for i, j in pairs], axis=1)
+
+
+def _normals(cloud: GaussianCloud, order: npt.NDArray[np.int64]) -> npt.NDArray[np.int16]:
+    """Packed normals of some Gaussians."""
+    normal = np.empty((-(-len(order) // CHUNK), BLOCKS, 3, 16), dtype=np.int16)
+    for start in range(0, len(order), PIECE):
+        axes = shortest_axes(cloud.select(order[start : start + PIECE]))
+        chunks = -(-len(axes) // CHUNK)
+        normal[start // CHUNK :][:chunks] = _blocks(_padded(np.rint(axes / NORMAL_STEP), chunks))
+    return normal
 
 
 def opacity_terms(opacities: Singles) -> tuple[Floats, Floats]:
@@ -182,22 +246,20 @@ def _blocks(rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
     return np.ascontiguousarray(rows.reshape(chunks, BLOCKS, 16, n).transpose(0, 1, 3, 2))
 
 
-def _colours(cloud: GaussianCloud, chunks: int) -> tuple[Singles, npt.NDArray[np.int16], float]:
+def _sh_step(cloud: GaussianCloud, pieces: list[npt.NDArray[np.int64]]) -> float:
+    """The step that spans the coefficients of some Gaussians with 16 bits; 1 for degree 0."""
+    if cloud.sh.shape[1] == 1:
+        return 1.0
+    largest = max((float(np.abs(cloud.sh[piece]).max(initial=0.0)) for piece in pieces), default=0.0)
+    return float(np.float32(max(largest, 1e-6) / 32767.0))
+
+
+def _sh_steps(cloud: GaussianCloud, chunks: int, step: float) -> npt.NDArray[np.float64]:
+    """Coefficients as whole numbers of steps, shape (C, 16, 3, K, 16)."""
     coefficients = cloud.sh.shape[1]
-    if coefficients == 1:
-        rgb = np.maximum(0.5 + _C0 * cloud.sh[:, 0].astype(np.float64), 0.0)
-        blocks = _blocks(_padded(rgb, chunks)).astype(np.float32)
-        return blocks, np.zeros((0, BLOCKS, 3, 1, 16), dtype=np.int16), 1.0
-    largest = float(np.abs(cloud.sh).max(initial=0.0))
-    step = float(np.float32(max(largest, 1e-6) / 32767.0))
     steps = np.clip(np.rint(cloud.sh.astype(np.float64) / step), -32767, 32767)
     rows = steps.transpose(0, 2, 1).reshape(len(cloud), 3 * coefficients)
-    sh = _blocks(_padded(rows, chunks)).astype(np.int16)
-    return (
-        np.zeros((0, BLOCKS, 3, 16), dtype=np.float32),
-        sh.reshape(chunks, BLOCKS, 3, coefficients, 16),
-        step,
-    )
+    return _blocks(_padded(rows, chunks)).reshape(chunks, BLOCKS, 3, coefficients, 16)
 
 
 def save_packed(scene: PackedScene, folder: str | Path) -> None:
@@ -208,6 +270,8 @@ def save_packed(scene: PackedScene, folder: str | Path) -> None:
     try:
         for name in _ARRAYS:
             np.save(temporary / f"{name}.npy", getattr(scene, name))
+        if scene.normal is not None:
+            np.save(temporary / _NORMAL_FILE, scene.normal)
         (temporary / "packed.json").write_text(json.dumps({"format": FORMAT}))
         temporary.chmod(0o755)
         shutil.rmtree(folder, ignore_errors=True)
@@ -239,25 +303,54 @@ def load_packed(folder: str | Path) -> PackedScene | None:
         return None
     if chunks not in (len(arrays["colour"]), len(arrays["sh"])):
         return None
-    return PackedScene(**arrays)
+    return PackedScene(**arrays, normal=_load_normals(folder, chunks))
 
 
-def load_or_pack(folder: str | Path, cloud: Callable[[], GaussianCloud]) -> PackedScene:
+def _load_normals(folder: Path, chunks: int) -> npt.NDArray[np.int16] | None:
+    """Map the normals of a pack read-only; None if there are none."""
+    try:
+        normal: npt.NDArray[np.int16] = np.load(folder / _NORMAL_FILE, mmap_mode="r", allow_pickle=False)
+    except (OSError, ValueError, EOFError):
+        return None
+    return normal if normal.shape == (chunks, BLOCKS, 3, 16) and normal.dtype == np.int16 else None
+
+
+def load_or_pack(folder: str | Path, cloud: Callable[[], GaussianCloud], *, normals: bool = False) -> PackedScene:
     """The packed scene in `folder`; packed from `cloud()` and written there if it is missing or damaged.
 
     Args:
         folder: Cache folder of one cloud; its name carries the cloud's content hash.
         cloud: Loads the cloud; not called when the cache is good.
+        normals: The pack shall have normals; they are added to the folder if they are missing there.
 
     Returns:
         A read-only memory map, or the pack itself where the folder cannot be written.
     """
-    packed = load_packed(folder)
-    if packed is not None:
-        return packed
-    scene = pack_cloud(cloud())
+    cloud = functools.cache(cloud)
+    packed = load_packed(folder) or _pack_into(Path(folder), cloud())
+    if normals and packed.normal is None:
+        return _add_normals(packed, Path(folder), cloud())
+    return packed
+
+
+def _pack_into(folder: Path, cloud: GaussianCloud) -> PackedScene:
+    scene = pack_cloud(cloud)
     try:
         save_packed(scene, folder)
     except OSError:
         return scene
     return load_packed(folder) or scene
+
+
+def _add_normals(scene: PackedScene, folder: Path, cloud: GaussianCloud) -> PackedScene:
+    """The pack of `cloud` in `folder` with normals, which are written there if that is possible."""
+    normal = _normals(cloud, packing_order(cloud))
+    temporary = folder / f".{os.getpid()}-{_NORMAL_FILE}"
+    try:
+        np.save(temporary, normal)
+        os.replace(temporary, folder / _NORMAL_FILE)
+    except OSError:
+        with contextlib.suppress(OSError):
+            temporary.unlink()
+    mapped = _load_normals(folder, scene.chunk_count)
+    return dataclasses.replace(scene, normal=normal if mapped is None else mapped)

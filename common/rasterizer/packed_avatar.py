@@ -42,7 +42,7 @@ def pack_avatar(avatar: Avatar) -> PackedAvatar:
     joints = _joint_sets(avatar)
     order = index[np.lexsort((morton_codes(avatar.cloud.means_m[index]), joints[index]))]
     weights = _dense_weights(avatar)[order]
-    scene = pack_sorted(avatar.cloud.select(order), centred=False)
+    scene = pack_sorted(avatar.cloud.select(order), centred=False, normals=True)
     padded = np.zeros((scene.chunk_count * CHUNK, 24), dtype=np.float32)
     padded[: len(weights)] = weights
     blocks = padded.reshape(-1, 16, 24)

@@ -29,6 +29,13 @@ class ReferenceImages:
     """One minus the transmittance that is left, shape (H, W)."""
     depth_m: npt.NDArray[np.float32]
     """Mean depth along the optical axis, weighted as colours are [m]; inf where nothing is drawn, shape (H, W)."""
+    median_depth_m: npt.NDArray[np.float32]
+    """Depth of the Gaussian that brings the transmittance below one half [m]; inf where there is none, shape (H, W)."""
+    mask: npt.NDArray[np.uint8]
+    """The instance of that Gaussian; 0 where there is none, shape (H, W)."""
+    normal: npt.NDArray[np.float32]
+    """Mean of the shortest axes that look towards the camera, weighted as colours are, of length 1, in the camera's
+    frame; 0 where nothing is drawn, shape (H, W, 3)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,10 +50,19 @@ class _Splats:
     opacity: Floats
     rgb: Floats
     depth_m: Floats
+    normal: Floats
+    """Shortest axis, towards the camera, in its frame, shape (N, 3)."""
+    instance: npt.NDArray[np.uint8]
 
 
 def rasterize_reference(
-    cloud: GaussianCloud, T_world_camera: npt.ArrayLike, K_px: npt.ArrayLike, height_px: int, width_px: int
+    cloud: GaussianCloud,
+    T_world_camera: npt.ArrayLike,
+    K_px: npt.ArrayLike,
+    height_px: int,
+    width_px: int,
+    *,
+    instances: npt.ArrayLike | None = None,
 ) -> ReferenceImages:
     """Draw Gaussians; the rules are in `common.rasterizer.constants`.
 
@@ -56,15 +72,18 @@ def rasterize_reference(
         K_px: Intrinsics [px] without skew, shape (3, 3).
         height_px: Image height.
         width_px: Image width.
+        instances: What the mask shows of each Gaussian, 0 to 255, shape (N,); 0 by default.
 
     Returns:
-        Colour, opacity and depth.
+        The images.
     """
     K = np.asarray(K_px, dtype=np.float64)
-    splats = _project(cloud, np.asarray(T_world_camera, dtype=np.float64), K, height_px, width_px)
+    instance = np.zeros(len(cloud), dtype=np.uint8) if instances is None else np.asarray(instances, dtype=np.uint8)
+    splats = _project(cloud, instance, np.asarray(T_world_camera, dtype=np.float64), K, height_px, width_px)
     transmittance = np.ones((height_px, width_px))
     rgb = np.zeros((height_px, width_px, 3))
-    depth = np.zeros((height_px, width_px))
+    depth, normal = np.zeros((height_px, width_px)), np.zeros((height_px, width_px, 3))
+    median_depth, mask = np.full((height_px, width_px), np.inf), np.zeros((height_px, width_px), dtype=np.uint8)
     low = np.maximum(np.ceil(splats.centre_px - splats.half_px - 0.5), 0).astype(np.int64)
     limit = np.array([width_px, height_px]) - 1
     high = np.minimum(np.floor(splats.centre_px + splats.half_px - 0.5), limit).astype(np.int64)
@@ -78,15 +97,31 @@ def rasterize_reference(
         weight = np.where(alive, alpha, 0.0) * transmittance[box]
         rgb[box] += weight[..., None] * splats.rgb[n]
         depth[box] += weight * splats.depth_m[n]
+        normal[box] += weight[..., None] * splats.normal[n]
+        median = (transmittance[box] >= 0.5) & (transmittance[box] - weight < 0.5)
+        median_depth[box][median], mask[box][median] = splats.depth_m[n], splats.instance[n]
         transmittance[box] -= weight
     alpha = 1.0 - transmittance
     mean_depth = np.divide(depth, alpha, out=np.full_like(depth, np.inf), where=alpha > 0)
+    length = np.linalg.norm(normal, axis=2, keepdims=True)
     return ReferenceImages(
-        rgb=rgb.astype(np.float32), alpha=alpha.astype(np.float32), depth_m=mean_depth.astype(np.float32)
+        rgb=rgb.astype(np.float32),
+        alpha=alpha.astype(np.float32),
+        depth_m=mean_depth.astype(np.float32),
+        median_depth_m=median_depth.astype(np.float32),
+        mask=mask,
+        normal=np.divide(normal, length, out=np.zeros_like(normal), where=length > 0).astype(np.float32),
     )
 
 
-def _project(cloud: GaussianCloud, T_world_camera: Floats, K: Floats, height_px: int, width_px: int) -> _Splats:
+def _project(
+    cloud: GaussianCloud,
+    instance: npt.NDArray[np.uint8],
+    T_world_camera: Floats,
+    K: Floats,
+    height_px: int,
+    width_px: int,
+) -> _Splats:
     R_CW = T_world_camera[:3, :3].T
     p_WQ = cloud.means_m.astype(np.float64)
     p_CQ = (p_WQ - T_world_camera[:3, 3]) @ R_CW.T
@@ -100,8 +135,8 @@ def _project(cloud: GaussianCloud, T_world_camera: Floats, K: Floats, height_px:
     v = np.clip(y / z, -cy / fy - margin_y, (height_px - cy) / fy + margin_y)
     zero = np.zeros_like(z)
     J = np.stack([np.stack([fx / z, zero, -fx * u / z], -1), np.stack([zero, fy / z, -fy * v / z], -1)], axis=-2)
-    axes = matrix_from_quat(cloud.quats_wxyz[index]) * cloud.scales_m[index].astype(np.float64)[:, None, :]
-    L = J @ R_CW @ axes
+    R_WQ = matrix_from_quat(cloud.quats_wxyz[index])
+    L = J @ R_CW @ (R_WQ * cloud.scales_m[index].astype(np.float64)[:, None, :])
     S = L @ np.swapaxes(L, 1, 2) + DILATION_PX2 * np.eye(2)
     det = S[:, 0, 0] * S[:, 1, 1] - S[:, 0, 1] ** 2
     opacity = cloud.opacities[index].astype(np.float64)
@@ -117,4 +152,12 @@ def _project(cloud: GaussianCloud, T_world_camera: Floats, K: Floats, height_px:
         opacity=opacity,
         rgb=rgb,
         depth_m=z,
+        normal=_normals(p_CQ, R_CW @ R_WQ, cloud.scales_m[index]),
+        instance=instance[index],
     )
+
+
+def _normals(p_CQ: Floats, R_CQ: Floats, scales_m: npt.NDArray[np.float32]) -> Floats:
+    """The shortest axis of each Gaussian, turned towards the camera."""
+    axis = R_CQ[np.arange(len(p_CQ)), :, np.argmin(scales_m, axis=1)]
+    return np.where((axis * p_CQ).sum(axis=1, keepdims=True) > 0, -axis, axis)

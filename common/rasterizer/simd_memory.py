@@ -9,7 +9,7 @@ from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
 
-from common.rasterizer.simd_types import F16, I16, LANES, M16, call_llvm, f32_vector, i32_vector
+from common.rasterizer.simd_types import F16, I16, LANES, f32_vector, i32_vector
 
 _i32 = ir.IntType(32)
 _intrinsic: Any = intrinsic
@@ -50,7 +50,6 @@ def _store(vector: Any, stored: Any, doc: str) -> Any:
 
 load_f16 = _load(F16, f32_vector, 4, lambda b, v: v, "F16 from 16 float32 elements at `index`.")
 load_i16 = _load(I16, i32_vector, 4, lambda b, v: v, "I16 from 16 int32 elements at `index`.")
-load_bits = _load(I16, _i16_vector, 2, lambda b, v: b.zext(v, i32_vector), "I16 from 16 uint16 elements at `index`.")
 load_short = _load(
     F16,
     _i16_vector,
@@ -63,14 +62,47 @@ store_i16 = _store(I16, i32_vector, "Write an I16 to 16 int32 elements at `index
 
 
 @_intrinsic
-def compress(typing_context: Any, mask: Any, value: Any) -> Any:
-    """The lanes of the I16 `value` where `mask` holds, moved to the front; the rest is undefined."""
+def touching(typing_context: Any, array: Any, index: Any, bits: Any) -> Any:
+    """Which of the 64 uint16 elements at `index` share a set bit with the scalar `bits`, as an int64."""
 
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        name = "llvm.experimental.vector.compress.v16i32"
-        return call_llvm(builder, name, i32_vector, [args[1], args[0], ir.Constant(i32_vector, ir.Undefined)])
+        vector = ir.VectorType(ir.IntType(16), 64)
+        value = builder.load(_pointer(context, builder, sig, args, vector))
+        value.align = 2
+        first = builder.insert_element(
+            ir.Constant(vector, ir.Undefined), builder.trunc(args[2], ir.IntType(16)), ir.Constant(_i32, 0)
+        )
+        wanted = builder.shuffle_vector(
+            first, ir.Constant(vector, ir.Undefined), ir.Constant(ir.VectorType(_i32, 64), [0] * 64)
+        )
+        shared = builder.icmp_unsigned("!=", builder.and_(value, wanted), ir.Constant(vector, None))
+        return builder.bitcast(shared, ir.IntType(64))
 
-    return I16(M16, I16), emit
+    return types.int64(array, index, types.int64), emit
+
+
+@_intrinsic
+def peek(typing_context: Any, array: Any, index: Any) -> Any:
+    """Element `index` of an array, without numba's treatment of negative indices."""
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        value = builder.load(_pointer(context, builder, sig, args, context.get_data_type(sig.args[0].dtype)))
+        return value
+
+    return array.dtype(array, index), emit
+
+
+@_intrinsic
+def poke(typing_context: Any, array: Any, index: Any, value: Any) -> Any:
+    """Write element `index` of an array, without numba's treatment of negative indices."""
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        dtype = sig.args[0].dtype
+        stored = context.cast(builder, args[2], sig.args[2], dtype)
+        builder.store(stored, _pointer(context, builder, sig, args, context.get_data_type(dtype)))
+        return context.get_dummy_value()
+
+    return types.void(array, index, value), emit
 
 
 @_intrinsic

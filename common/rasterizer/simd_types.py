@@ -2,7 +2,7 @@
 
 Every operation is one IEEE-754 operation per lane: no fast-math flags, so no contraction, no reciprocal estimates and
 no reassociation. Kernels that fuse a multiply and an add say so with `fma`. AVX2 and AVX-512 machines therefore compute
-the same bits.
+the same bits; x86-64 machines without fused multiply-adds round twice (see `fuses_multiply_adds`).
 
 Shuffles and memory access are in `simd_memory`.
 """
@@ -13,6 +13,7 @@ from typing import Any
 
 from llvmlite import ir
 from numba.core import types
+from numba.core.registry import cpu_target
 from numba.extending import intrinsic, lower_builtin, models, register_model, type_callable
 
 LANES = 16
@@ -170,37 +171,35 @@ def i16(typing_context: Any, x: Any) -> Any:
     return I16(x), lambda context, builder, sig, args: _as_i32(context, builder, sig.args[0], args[0])
 
 
-@_intrinsic
-def fma(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
-    """`a * b + c`, rounded once; arguments are F16 or scalars."""
+def fuses_multiply_adds() -> bool:
+    """True if kernels round `fma` once: the machine that numba compiles for can, or is no x86-64 machine.
 
-    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        vectors = [_as_f32(context, builder, kind, arg) for kind, arg in zip(sig.args, args, strict=True)]
-        return call_llvm(builder, "llvm.fma.v16f32", f32_vector, vectors)
-
-    return F16(a, b, c), emit
+    Without the instruction, LLVM would call a library function per lane.
+    """
+    triple, _, features = cpu_target.target_context.codegen().magic_tuple()
+    return "+fma" in features.split(",") or not triple.startswith(("x86_64", "i686"))
 
 
-@_intrinsic
-def fms(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
-    """`a * b - c`, rounded once; arguments are F16 or scalars."""
+def _multiply_add(doc: str, negate: int) -> Any:
+    """The intrinsic a * b + c with argument `negate` negated first; 3: none of them."""
 
-    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        x, y, z = (_as_f32(context, builder, kind, arg) for kind, arg in zip(sig.args, args, strict=True))
-        return call_llvm(builder, "llvm.fma.v16f32", f32_vector, [x, y, builder.fneg(z)])
+    def function(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
+        def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+            vectors = [_as_f32(context, builder, kind, arg) for kind, arg in zip(sig.args, args, strict=True)]
+            x, y, z = (builder.fneg(v) if place == negate else v for place, v in enumerate(vectors))
+            if fuses_multiply_adds():
+                return call_llvm(builder, "llvm.fma.v16f32", f32_vector, [x, y, z])
+            return builder.fadd(builder.fmul(x, y), z)
 
-    return F16(a, b, c), emit
+        return F16(a, b, c), emit
+
+    function.__doc__ = doc
+    return _intrinsic(function)
 
 
-@_intrinsic
-def fnma(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
-    """`c - a * b`, rounded once; arguments are F16 or scalars."""
-
-    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        x, y, z = (_as_f32(context, builder, kind, arg) for kind, arg in zip(sig.args, args, strict=True))
-        return call_llvm(builder, "llvm.fma.v16f32", f32_vector, [builder.fneg(x), y, z])
-
-    return F16(a, b, c), emit
+fma = _multiply_add("`a * b + c`; arguments are F16 or scalars; rounded once where the machine can.", 3)
+fms = _multiply_add("`a * b - c`, see `fma`.", 2)
+fnma = _multiply_add("`c - a * b`, see `fma`.", 0)
 
 
 def _unary(name: str, doc: str) -> Any:
@@ -212,9 +211,6 @@ def _unary(name: str, doc: str) -> Any:
 
 
 sqrt = _unary("llvm.sqrt.v16f32", "Square root.")
-floor = _unary("llvm.floor.v16f32", "Largest integral value not above.")
-ceil = _unary("llvm.ceil.v16f32", "Smallest integral value not below.")
-nearest = _unary("llvm.rint.v16f32", "Nearest integral value, ties to even.")
 
 
 def _choose(predicate: str, doc: str) -> Any:
@@ -301,30 +297,9 @@ def mask_bits(typing_context: Any, mask: Any) -> Any:
 
 
 @_intrinsic
-def has_bit(typing_context: Any, value: Any, bits: Any) -> Any:
-    """Lanes of the I16 `value` that share a set bit with the scalar `bits`."""
-
-    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        common = builder.and_(args[0], _as_i32(context, builder, sig.args[1], args[1]))
-        return builder.icmp_signed("!=", common, ir.Constant(i32_vector, None))
-
-    return M16(value, bits), emit
-
-
-@_intrinsic
 def lane_number(typing_context: Any) -> Any:
     """I16 of 0, 1, .. 15."""
     return I16(), lambda context, builder, sig, args: ir.Constant(i32_vector, list(range(LANES)))
-
-
-@_intrinsic
-def count_bits(typing_context: Any, bits: Any) -> Any:
-    """Number of set bits of an int64."""
-
-    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return call_llvm(builder, "llvm.ctpop.i64", ir.IntType(64), list(args))
-
-    return types.int64(types.int64), emit
 
 
 @_intrinsic
@@ -335,13 +310,3 @@ def lowest_bit(typing_context: Any, bits: Any) -> Any:
         return call_llvm(builder, "llvm.cttz.i64", ir.IntType(64), [args[0], ir.Constant(ir.IntType(1), 1)])
 
     return types.int64(types.int64), emit
-
-
-@_intrinsic
-def float_bits(typing_context: Any, x: Any) -> Any:
-    """The bits of a scalar float32 as an int64 in 0..2^32."""
-
-    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return builder.zext(builder.bitcast(args[0], _i32), ir.IntType(64))
-
-    return types.int64(types.float32), emit

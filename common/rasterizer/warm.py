@@ -1,6 +1,7 @@
 """Compile the CPU rasterizer's kernels before they are needed."""
 
 import fcntl
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +13,13 @@ from common.rasterizer.cpu_project import project_scene
 from common.rasterizer.packed import pack_cloud
 
 
-def warm() -> None:
-    """Compile all kernels, or load them from numba's cache.
+def warm(outputs: Sequence[str] = ("rgb",)) -> None:
+    """Compile the kernels, or load them from numba's cache.
 
     Processes that do this at the same time wait for the first one and then load what it compiled.
+
+    Args:
+        outputs: Images that will be asked for, see `CpuRasterizer.render_images`.
     """
     folder = Path(project_scene._cache.cache_path)
     try:
@@ -23,14 +27,14 @@ def warm() -> None:
         lock = (folder / "rasterizer.lock").open("w")
     except OSError:
         # Without a cache folder there is nothing to share.
-        _draw_something()
+        _draw_something(outputs)
         return
     with lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        _draw_something()
+        _draw_something(outputs)
 
 
-def _draw_something() -> None:
+def _draw_something(outputs: Sequence[str]) -> None:
     """Call every kernel once, with the argument types of every later call."""
     cloud = GaussianCloud(
         means_m=np.array([[0.0, 0.0, 2.0]], dtype=np.float32),
@@ -51,7 +55,9 @@ def _draw_something() -> None:
         R_tpose_canonical=np.broadcast_to(np.eye(3, dtype=np.float32), (24, 3, 3)).copy(),
     )
     K_px = np.array([[16.0, 0.0, 8.0], [0.0, 16.0, 8.0], [0.0, 0.0, 1.0]])
-    rasterizer = CpuRasterizer(pack_cloud(cloud), [avatar], K_px, 16, 16)
+    rasterizer = CpuRasterizer(pack_cloud(cloud, normals=True), [avatar], K_px, 16, 16)
     person = PosedPerson(avatar=0, root_m=np.zeros(3), pose_axis_angle=np.zeros((24, 3)))
     rasterizer.render(np.eye(4), [person])
     rasterizer.render_float(np.eye(4), [person])
+    if set(outputs) - {"rgb"}:
+        rasterizer.render_images(np.eye(4), [person], outputs)

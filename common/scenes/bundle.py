@@ -11,10 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from common.config import section_to_mapping
 from common.errors import SceneError
-from common.gaussians import GaussianCloud, R_from_up, load_gaussians, save_ply, transform_cloud
+from common.gaussians import GaussianCloud, R_from_up, save_ply, transform_cloud
+from common.gaussians.defects import excessive, refusal, unusable, without
+from common.gaussians.files import read_gaussians, with_unit_rotations
 from common.maps import MapConfig, ScenePlan, largest_free_area, plan_scene, save_ros_map
 from common.robot import RobotConfig
 from common.scenes.manifest import FORMAT, MANIFEST, combined_hash, file_of, grid_digest, toml_text
@@ -51,6 +54,8 @@ class SceneSource:
     """How the scale was obtained."""
     translate_m: tuple[float, ...] = (0.0, 0.0, 0.0)
     """Added after turning and scaling [m]."""
+    dropped_gaussians: int = 0
+    """Gaussians of the files that could not be drawn and were left out."""
 
 
 def import_scene(
@@ -67,6 +72,7 @@ def import_scene(
     resolution_m: float = 0.05,
     opacity_threshold: float = 0.5,
     human_height_m: float = 1.9,
+    drop_bad: bool = False,
 ) -> Scene:
     """Make a scene bundle of a Gaussian file.
 
@@ -83,6 +89,8 @@ def import_scene(
         resolution_m: Edge of map cells [m].
         opacity_threshold: Opacity sum above which a voxel is occupied.
         human_height_m: Height of people for their map [m].
+        drop_bad: Leave out Gaussians that cannot be drawn (`common.gaussians.defects`) instead of refusing the file;
+            their number is kept in `SceneSource.dropped_gaussians`.
 
     Returns:
         The scene.
@@ -96,8 +104,8 @@ def import_scene(
     if not (math.isfinite(scale) and scale > 0) or not all(map(math.isfinite, translate_m)):
         raise SceneError(f"The scale must be positive and the translation finite, got {scale} and {translate_m}.")
     config = _map_config(robot, resolution_m, opacity_threshold, human_height_m)
-    cloud = transform_cloud(load_gaussians(source), R, translate_m, scale)
-    sky_cloud = None if sky is None else transform_cloud(load_gaussians(sky), R, translate_m, scale)
+    files = [_sound(Path(file), R, translate_m, scale, drop_bad=drop_bad) for file in (source, sky) if file is not None]
+    cloud, sky_cloud = files[0][0], files[1][0] if sky is not None else None
     provenance = SceneSource(
         file=source.name,
         sha256=file_of(source.parent, source.name).sha256,
@@ -105,10 +113,32 @@ def import_scene(
         scale=float(scale),
         scale_origin="as in the file" if scale == 1 else "given on import",
         translate_m=tuple(map(float, translate_m)),
+        dropped_gaussians=sum(dropped for _, dropped in files),
     )
     return save_scene(
         cloud, sky_cloud, out, name=name, licence=licence, source=provenance, robot=robot, map_config=config
     )
+
+
+def _sound(
+    path: Path, R: npt.ArrayLike, translate_m: npt.ArrayLike, scale: float, *, drop_bad: bool
+) -> tuple[GaussianCloud, int]:
+    """The Gaussians of a file that can be drawn, metres, z up, and the number of the others.
+
+    Raises:
+        SceneError: If there are others and `drop_bad` is false, or if none is left.
+    """
+    stored = read_gaussians(path)
+    usable, counts = without(stored, unusable(stored))
+    moved = transform_cloud(with_unit_rotations(usable), R, translate_m, scale)
+    cloud, more = without(moved, excessive(moved))
+    bad = len(stored) - len(cloud)
+    if bad and not drop_bad:
+        remedy = "check the scale, or leave them out with --drop-bad"
+        raise refusal(str(path), counts | more, bad, len(stored), remedy)
+    if len(cloud) == 0:
+        raise refusal(str(path), counts | more, bad, len(stored), "export it again")
+    return cloud, bad
 
 
 def save_scene(

@@ -84,7 +84,7 @@ def _take(buffer: EpisodeBuffer, request: AppendRequest) -> AppendReply:
                 raise DatasetError(f"{_name(request)}: sample {seq} never matches its CRC-32.")
             return AppendReply(status="gap", expected_seq=seq, detail=f"sample {seq} does not match its CRC-32")
         buffer.samples.append(sample)
-        buffer.size_bytes += len(sample.image)
+        buffer.size_bytes += sample.images_size_bytes
     if request.last and not buffer.complete:
         raise DatasetError(
             f"{_name(request)} was closed after {len(buffer.samples)} of {buffer.header.sample_count} samples."

@@ -165,11 +165,11 @@ class Recorder:
     def _write(self, chunk: EpisodeChunk) -> None:
         """Write a granted episode and report it, done or lost."""
         try:
-            if self._shard_is_full():
+            if self._shard_is_full() or (self._writer is not None and self._writer.outputs != tuple(chunk.outputs)):
                 self._close_shard()
             if self._writer is None:
                 path = self._folder / shard_name(self.name, next_number(self._folder, self.name))
-                self._writer = ShardWriter(path, self._metadata, fsync=self._config.fsync)
+                self._writer = ShardWriter(path, self._metadata, outputs=chunk.outputs, fsync=self._config.fsync)
             self._writer.append(chunk)
         except (OSError, RunError) as error:
             failure = error if isinstance(error, RunError) else self._disk_error(error)

@@ -94,7 +94,8 @@ def publish(shard: OpenShard, chunks: Sequence[EpisodeChunk], target: Path, *, f
     Raises:
         OSError: If the disk refused; the open shard is still there then.
     """
-    writer = ShardWriter(target, shard.metadata or {}, fsync=fsync, part_suffix=SALVAGE_SUFFIX)
+    outputs = chunks[0].outputs if chunks else ()
+    writer = ShardWriter(target, shard.metadata or {}, outputs=outputs, fsync=fsync, part_suffix=SALVAGE_SUFFIX)
     try:
         for chunk in chunks:
             writer.append(chunk)

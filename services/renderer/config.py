@@ -1,23 +1,45 @@
 """Settings of the renderer."""
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, field
+from typing import Literal, get_args
+
+from common.rasterizer.images import OUTPUTS
+from services.renderer.sensor import SensorConfig
+
+Backend = Literal["cpu", "reference", "triton", "gsplat"]
+GPU_BACKENDS = ("triton", "gsplat")
 
 
 @dataclass(frozen=True, kw_only=True)
 class RendererConfig:
     """How images are made and encoded; recorded with every dataset."""
 
-    backend: Literal["cpu", "reference"] = "cpu"
-    """"reference" is the slow oracle of `common.rasterizer.reference`: seconds per image."""
+    backend: Backend = "cpu"
+    """"reference" is the slow oracle of `common.rasterizer.reference`: seconds per image; "triton" and "gsplat" draw on
+    a GPU, see `common/rasterizer/gpu`."""
     image_format: Literal["jpeg", "png"] = "jpeg"
     """Encoding of recorded images; "png" is lossless."""
     jpeg_quality: int = 90
+    outputs: tuple[str, ...] = ("rgb",)
+    """Images that are recorded, of `common.rasterizer.images.OUTPUTS`; "rgb" is always among them."""
+    contact_shadow: bool = False
+    """True puts soft shadows under people's feet."""
+    sensor: SensorConfig = field(default_factory=SensorConfig)
+    """Lens, shutter, exposure and noise; off by default."""
 
     def __post_init__(self) -> None:
-        if self.backend not in ("cpu", "reference"):
-            raise ValueError(f'backend must be "cpu" or "reference", got {self.backend!r}.')
+        if self.backend not in get_args(Backend):
+            raise ValueError(f"backend must be one of {', '.join(get_args(Backend))}, got {self.backend!r}.")
+        if self.contact_shadow and self.backend in GPU_BACKENDS:
+            raise ValueError(f"contact_shadow is drawn by the backends cpu and reference only, got {self.backend!r}.")
         if self.image_format not in ("jpeg", "png"):
             raise ValueError(f'image_format must be "jpeg" or "png", got {self.image_format!r}.')
         if not 1 <= self.jpeg_quality <= 100:
             raise ValueError(f"jpeg_quality must be 1..100, got {self.jpeg_quality}.")
+        unknown = [name for name in self.outputs if name not in OUTPUTS]
+        if unknown:
+            raise ValueError(f"outputs must be of {', '.join(OUTPUTS)}, got {unknown[0]!r}.")
+        if "rgb" not in self.outputs:
+            raise ValueError(f"outputs must hold rgb, got {', '.join(self.outputs) or 'none'}; add it.")
+        # One order, so that the same images are the same run.
+        object.__setattr__(self, "outputs", tuple(name for name in OUTPUTS if name in self.outputs))

@@ -1,6 +1,7 @@
 """Drawing a scene with people in it, by the backend of the config."""
 
-from collections.abc import Mapping, Sequence
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Protocol
 
@@ -8,78 +9,161 @@ import numpy as np
 import numpy.typing as npt
 
 from common.avatars import Avatar, pose_avatar
-from common.gaussians import concatenate, load_gaussians
+from common.gaussians import GaussianCloud, concatenate, load_gaussians
 from common.messages import HumanMotion
 from common.rasterizer.cpu import CpuRasterizer, PosedPerson
+from common.rasterizer.images import Images, require_outputs
 from common.rasterizer.packed import PackedScene, load_or_pack
-from common.rasterizer.reference import rasterize_reference
+from common.rasterizer.reference import ReferenceImages, rasterize_reference
 from common.rasterizer.warm import warm
-from common.robot import CameraConfig
 from common.scenes import Scene
 from common.scenes.scene import CLOUD_FILE, SKY_FILE
+from services.renderer.sensor_motion import PosedHuman, posed
 
 Image = npt.NDArray[np.uint8]
 Pose = npt.NDArray[np.float64]
 
 
-class Drawing(Protocol):
-    """Makes images of one scene with one camera."""
+FIELDS = {"depth": "depth_m", "median_depth": "median_depth_m"}
+"""Fields of `Images` whose names are not those of the outputs."""
+Shadows = Callable[[Sequence[PosedHuman], Pose], GaussianCloud | None]
+"""Makes the shadows of people for a camera centre [m], shape (3,)."""
 
-    def draw(self, T_world_camera: Pose, humans: Sequence[HumanMotion], step: int) -> Image:
+
+class PinholeCamera(Protocol):
+    """A pinhole camera; `CameraConfig` is one."""
+
+    @property
+    def K_px(self) -> Pose:
+        """Intrinsics [px], shape (3, 3)."""
+        ...
+
+    @property
+    def height_px(self) -> int:
+        """Image height."""
+        ...
+
+    @property
+    def width_px(self) -> int:
+        """Image width."""
+        ...
+
+
+class Drawing(Protocol):
+    """Makes images of one scene with one pinhole camera."""
+
+    def draw(self, T_world_camera: Pose, humans: Sequence[HumanMotion], step: float) -> Image:
         """The scene with `humans` at simulation step `step`, sRGB, shape (H, W, 3)."""
+        ...
+
+    def draw_images(
+        self, T_world_camera: Pose, humans: Sequence[HumanMotion], step: float, outputs: Sequence[str]
+    ) -> Images:
+        """The same view as `draw`, with its other images in `outputs`; `rgb` has the bytes of `draw`."""
         ...
 
 
 class CpuDrawing:
-    """Draws with the CPU rasterizer."""
+    """Draws with the CPU rasterizer.
 
-    def __init__(self, scene: Scene, avatars: Mapping[str, Avatar], camera: CameraConfig) -> None:
-        warm()
+    Args:
+        scene: The scene bundle.
+        avatars: Avatars by name.
+        camera: The pinhole camera.
+        outputs: Images that will be asked for.
+        shadows: None leaves people without shadows.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        avatars: Mapping[str, Avatar],
+        camera: PinholeCamera,
+        outputs: Sequence[str] = ("rgb",),
+        *,
+        shadows: Shadows | None = None,
+    ) -> None:
+        warm(outputs)
+        self._shadows = shadows
         self._number = {name: number for number, name in enumerate(avatars)}
-        self._rasterizer = CpuRasterizer(
-            packed_layers(scene), list(avatars.values()), camera.K_px, camera.height_px, camera.width_px
-        )
+        layers = packed_layers(scene, normals="normal" in outputs)
+        self._rasterizer = CpuRasterizer(layers, list(avatars.values()), camera.K_px, camera.height_px, camera.width_px)
 
-    def draw(self, T_world_camera: Pose, humans: Sequence[HumanMotion], step: int) -> Image:
+    def draw(self, T_world_camera: Pose, humans: Sequence[HumanMotion], step: float) -> Image:
         """See `Drawing.draw`."""
-        return self._rasterizer.render(T_world_camera, [self._posed(human, step) for human in humans])
+        return self._rasterizer.render(T_world_camera, self._people(T_world_camera, humans, step))
 
-    def _posed(self, human: HumanMotion, step: int) -> PosedPerson:
-        motion = human.motion
-        row = motion.row(step)
-        return PosedPerson(
-            avatar=self._number[human.avatar],
-            root_m=motion.root_m[row],
-            pose_axis_angle=motion.pose_axis_angle[row],
-        )
+    def draw_images(
+        self, T_world_camera: Pose, humans: Sequence[HumanMotion], step: float, outputs: Sequence[str]
+    ) -> Images:
+        """See `Drawing.draw_images`."""
+        people = self._people(T_world_camera, humans, step)
+        if self._shadows is None:
+            return self._rasterizer.render_images(T_world_camera, people, outputs)
+        rgb = self._rasterizer.render(T_world_camera, people)
+        if set(outputs) <= {"rgb"}:
+            return Images(rgb=rgb)
+        # Shadows are pulled towards the camera: they belong to the colours only.
+        self._rasterizer.set_extra(None)
+        return dataclasses.replace(self._rasterizer.render_images(T_world_camera, people, outputs), rgb=rgb)
+
+    def _people(self, T_world_camera: Pose, humans: Sequence[HumanMotion], step: float) -> list[PosedPerson]:
+        """The people to draw; their shadows are laid out."""
+        people = posed(humans, step)
+        if self._shadows is not None:
+            self._rasterizer.set_extra(self._shadows(people, T_world_camera[:3, 3]))
+        return [
+            PosedPerson(avatar=self._number[one.avatar], root_m=one.root_m, pose_axis_angle=one.pose_axis_angle)
+            for one in people
+        ]
 
 
 class ReferenceDrawing:
-    """Draws with the reference rasterizer."""
+    """Draws with the reference rasterizer; arguments as of `CpuDrawing`."""
 
-    def __init__(self, scene: Scene, avatars: Mapping[str, Avatar], camera: CameraConfig) -> None:
+    def __init__(
+        self, scene: Scene, avatars: Mapping[str, Avatar], camera: PinholeCamera, *, shadows: Shadows | None = None
+    ) -> None:
         self._cloud = scene.cloud if scene.sky is None else concatenate([scene.cloud, scene.sky])
-        self._avatars, self._camera = avatars, camera
+        self._avatars, self._camera, self._shadows = avatars, camera, shadows
 
-    def draw(self, T_world_camera: Pose, humans: Sequence[HumanMotion], step: int) -> Image:
+    def draw(self, T_world_camera: Pose, humans: Sequence[HumanMotion], step: float) -> Image:
         """See `Drawing.draw`."""
-        people = []
-        for human in humans:
-            motion = human.motion
-            row = motion.row(step)
-            people.append(pose_avatar(self._avatars[human.avatar], motion.root_m[row], motion.pose_axis_angle[row]))
-        cloud = concatenate([self._cloud, *people]) if people else self._cloud
-        camera = self._camera
-        images = rasterize_reference(cloud, T_world_camera, camera.K_px, camera.height_px, camera.width_px)
-        return (np.clip(images.rgb, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+        people = posed(humans, step)
+        shadows = self._shadows(people, T_world_camera[:3, 3]) if self._shadows is not None else None
+        rgb = self._rasterized(T_world_camera, people, [] if shadows is None else [shadows]).rgb
+        return (np.clip(rgb, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+
+    def draw_images(
+        self, T_world_camera: Pose, humans: Sequence[HumanMotion], step: float, outputs: Sequence[str]
+    ) -> Images:
+        """See `Drawing.draw_images`."""
+        images = Images(rgb=self.draw(T_world_camera, humans, step))
+        names = {name: FIELDS.get(name, name) for name in require_outputs(outputs) - {"rgb"}}
+        if not names:
+            return images
+        drawn = self._rasterized(T_world_camera, posed(humans, step), [])
+        return dataclasses.replace(images, **{name: getattr(drawn, name) for name in names.values()})
+
+    def _rasterized(
+        self, T_world_camera: Pose, people: Sequence[PosedHuman], others: Sequence[GaussianCloud]
+    ) -> ReferenceImages:
+        clouds = [pose_avatar(self._avatars[one.avatar], one.root_m, one.pose_axis_angle) for one in people]
+        clouds = [self._cloud, *clouds, *others]
+        numbers = [0, *range(1, len(people) + 1), *(0 for _ in others)]
+        instances = np.repeat(np.array(numbers, dtype=np.uint8), [len(cloud) for cloud in clouds])
+        cloud, camera = concatenate(clouds), self._camera
+        return rasterize_reference(
+            cloud, T_world_camera, camera.K_px, camera.height_px, camera.width_px, instances=instances
+        )
 
 
-def packed_layers(scene: Scene) -> list[PackedScene]:
+def packed_layers(scene: Scene, *, normals: bool = False) -> list[PackedScene]:
     """The scene and, if it has one, its sky; packed in the bundle's cache folder by whichever worker comes first."""
     names = [CLOUD_FILE, *([SKY_FILE] if SKY_FILE in scene.metadata["files"] else [])]
-    return [_packed_layer(scene, name) for name in names]
+    return [_packed_layer(scene, name, normals=normals) for name in names]
 
 
-def _packed_layer(scene: Scene, name: str) -> PackedScene:
+def _packed_layer(scene: Scene, name: str, *, normals: bool) -> PackedScene:
     folder = scene.path / "cache" / f"packed-{scene.content_hash[:16]}-{Path(name).stem}"
-    return load_or_pack(folder, lambda: load_gaussians(scene.path / name))
+    return load_or_pack(folder, lambda: load_gaussians(scene.path / name), normals=normals)

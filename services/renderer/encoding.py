@@ -3,6 +3,9 @@
 import numpy as np
 import numpy.typing as npt
 
+from common.errors import RunError
+from common.rasterizer.image_files import encode_output
+from common.rasterizer.images import Images
 from services.renderer.config import RendererConfig
 
 
@@ -17,3 +20,15 @@ def encode_image(rgb: npt.NDArray[np.uint8], config: RendererConfig) -> bytes:
         done, encoded = cv2.imencode(".png", bgr)
     assert done
     return bytes(encoded)
+
+
+def encode_outputs(images: Images, config: RendererConfig) -> dict[str, bytes]:
+    """The images of a view besides rgb that the config asks for, by name, as `common.rasterizer.image_files` says.
+
+    Raises:
+        RunError: If the view lacks one of them.
+    """
+    try:
+        return {name: encode_output(images, name) for name in config.outputs if name != "rgb"}
+    except ValueError as error:
+        raise RunError(f"The {config.backend} backend cannot do that: {error}") from error

@@ -1,15 +1,17 @@
 """Render requests, and the samples of whole episodes."""
 
 import math
-import zlib
 from collections import OrderedDict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
 from common.avatars import Avatar
 from common.errors import AvatarError
+from common.gaussians import GaussianCloud
+from common.maps import FloorMap
 from common.messages import (
     EpisodeHeader,
     EpisodeMotions,
@@ -17,15 +19,23 @@ from common.messages import (
     People,
     RenderReply,
     RenderRequest,
+    RenderView,
     RobotTrajectory,
     Sample,
     Scenario,
+    sample_crc32,
 )
+from common.rasterizer.images import Images
 from common.robot import RobotConfig
 from common.scenes import Scene
-from services.renderer.config import RendererConfig
+from services.renderer.capture import Capture, EpisodeCamera, Pinhole, pinhole_of
+from services.renderer.config import GPU_BACKENDS, RendererConfig
+from services.renderer.contact_shadow import shadow_cloud
 from services.renderer.drawing import CpuDrawing, Drawing, ReferenceDrawing
-from services.renderer.encoding import encode_image
+from services.renderer.encoding import encode_image, encode_outputs
+from services.renderer.gpu_drawing import GpuDrawing
+from services.renderer.sensor_motion import Moment, PosedHuman, Timeline
+from services.renderer.sensor_streams import SensorStream
 
 PEOPLE_KEPT = 512
 """Keys of people that a renderer remembers."""
@@ -45,9 +55,19 @@ class Renderer:
     def __init__(self, scene: Scene, avatars: Mapping[str, Avatar], robot: RobotConfig, config: RendererConfig) -> None:
         self.scene, self.robot, self.config = scene, robot, config
         self.avatars = dict(avatars)
-        make_drawing = CpuDrawing if config.backend == "cpu" else ReferenceDrawing
-        self.drawing: Drawing = make_drawing(scene, self.avatars, robot.camera)
+        pinhole = pinhole_of(config.sensor, robot.camera)
+        self.drawing = self._make_drawing(pinhole)
+        self.capture = Capture(drawing=self.drawing, pinhole=pinhole, sensor=config.sensor, camera=robot.camera)
         self._people: OrderedDict[str, tuple[HumanMotion, ...]] = OrderedDict()
+
+    def _make_drawing(self, pinhole: Pinhole) -> Drawing:
+        scene, config = self.scene, self.config
+        if config.backend in GPU_BACKENDS:
+            return GpuDrawing(scene, self.avatars, pinhole, config.backend)
+        shadows = partial(self._shadows, floor=scene.maps.floor) if config.contact_shadow else None
+        if config.backend == "cpu":
+            return CpuDrawing(scene, self.avatars, pinhole, config.outputs, shadows=shadows)
+        return ReferenceDrawing(scene, self.avatars, pinhole, shadows=shadows)
 
     def remember(self, people: People) -> None:
         """Keep people for later requests.
@@ -71,6 +91,11 @@ class Renderer:
         while len(self._people) > PEOPLE_KEPT:
             self._people.popitem(last=False)
 
+    def _shadows(
+        self, people: Sequence[PosedHuman], p_WC: npt.NDArray[np.float64], *, floor: FloorMap
+    ) -> GaussianCloud | None:
+        return shadow_cloud(self.avatars, people, floor, p_WC)
+
     def check_avatars(self, humans: tuple[HumanMotion, ...]) -> None:
         """Raise AvatarError unless every human's avatar is loaded."""
         for human in humans:
@@ -80,6 +105,9 @@ class Renderer:
 
 def handle_render(renderer: Renderer, request: RenderRequest) -> RenderReply:
     """Draw the views of a request.
+
+    A view has one pose and no past: lens, exposure and noise apply, but neither motion blur nor rolling shutter. What a
+    sensor draws per episode and frame, it draws per key of the people and step.
 
     Raises:
         AvatarError: If a human wears an avatar that is not loaded.
@@ -91,17 +119,21 @@ def handle_render(renderer: Renderer, request: RenderRequest) -> RenderReply:
     rgb = np.empty((0, camera.height_px, camera.width_px, 3), dtype=np.uint8)
     unknown = tuple(key for key, humans in known.items() if humans is None)
     if not unknown and request.views:
-        views = [
-            renderer.drawing.draw(view.T_world_camera, known[view.people] or (), view.step) for view in request.views
-        ]
-        rgb = np.stack(views)
+        rgb = np.stack([_view_rgb(renderer, view, known[view.people] or ()) for view in request.views])
     renderer.forget_old()
     return RenderReply(rgb=rgb, unknown_people=unknown)
 
 
+def _view_rgb(renderer: Renderer, view: RenderView, humans: tuple[HumanMotion, ...]) -> npt.NDArray[np.uint8]:
+    moment = Moment(T_world_camera=view.T_world_camera, humans=humans, step=view.step)
+    camera = renderer.capture.camera_of(SensorStream.of_people(view.people))
+    return renderer.capture.take(camera, lambda _: moment, view.step).rgb
+
+
 def episode_header(renderer: Renderer, scenario: Scenario, trajectory: RobotTrajectory) -> EpisodeHeader:
     """What is constant over an episode's samples."""
-    camera = renderer.robot.camera
+    camera = _episode_camera(renderer, scenario)
+    lens = camera.lens
     x_m, y_m, yaw_rad = (float(value) for value in scenario.start_xyyaw)
     return EpisodeHeader(
         episode=scenario.episode,
@@ -111,10 +143,16 @@ def episode_header(renderer: Renderer, scenario: Scenario, trajectory: RobotTraj
         avatars=tuple(human.avatar for human in scenario.humans),
         encounters=tuple(human.encounter for human in scenario.humans),
         image_format=renderer.config.image_format,
-        height_px=camera.height_px,
-        width_px=camera.width_px,
-        K_px=tuple(float(value) for value in camera.K_px.ravel()),
+        height_px=lens.height_px,
+        width_px=lens.width_px,
+        K_px=tuple(float(value) for value in lens.K_px.ravel()),
+        distortion_model=camera.distortion_model,
+        distortion=lens.coefficients,
     )
+
+
+def _episode_camera(renderer: Renderer, scenario: Scenario) -> EpisodeCamera:
+    return renderer.capture.camera_of(SensorStream.of_episode(scenario.episode))
 
 
 def episode_samples(
@@ -132,20 +170,32 @@ def episode_samples(
         AvatarError: If a human wears an avatar that is not loaded.
     """
     renderer.check_avatars(motions.humans)
+    camera = _episode_camera(renderer, scenario)
+    timeline = Timeline(
+        xyyaw=trajectory.xyyaw,
+        humans=motions.humans,
+        floor=renderer.scene.maps.floor,
+        camera=renderer.robot.camera,
+    )
     for step in range(len(trajectory.xyyaw)):
-        yield _sample(renderer, scenario, motions, trajectory, step)
+        images = renderer.capture.take(camera, timeline.at, step, renderer.config.outputs)
+        yield _sample(renderer, scenario, motions, trajectory, step, images)
 
 
 def _sample(
-    renderer: Renderer, scenario: Scenario, motions: EpisodeMotions, trajectory: RobotTrajectory, step: int
+    renderer: Renderer,
+    scenario: Scenario,
+    motions: EpisodeMotions,
+    trajectory: RobotTrajectory,
+    step: int,
+    images: Images,
 ) -> Sample:
     x_m, y_m, yaw_rad = (float(value) for value in trajectory.xyyaw[step])
     floor_m = renderer.scene.maps.floor.at(x_m, y_m)
-    T_world_camera = renderer.robot.camera.T_world_camera(x_m, y_m, yaw_rad, floor_m)
-    image = encode_image(renderer.drawing.draw(T_world_camera, motions.humans, step), renderer.config)
+    image, outputs = encode_image(images.rgb, renderer.config), encode_outputs(images, renderer.config)
     return Sample(
         seq=step,
-        crc32=zlib.crc32(image),
+        crc32=sample_crc32(image, outputs),
         time_ns=step * STEP_NS,
         image=image,
         action_v_mps=float(trajectory.actions[step, 0]),
@@ -158,6 +208,7 @@ def _sample(
         human_visible=bool(trajectory.human_visible[step]),
         expert_cost=float(trajectory.expert_cost[step]),
         replanned=bool(trajectory.replanned[step]),
+        outputs=outputs,
     )
 
 

@@ -78,3 +78,18 @@ def test_missing_folder_is_one_clear_line(tmp_path) -> None:
     for command in (validate, inspect):
         with pytest.raises(DatasetError, match="does not exist"):
             command(tmp_path / "nowhere")
+
+
+def test_inspect_lists_the_outputs(folder, tmp_path, capsys) -> None:
+    write_shard(tmp_path / "rich", [0], outputs=("mask", "depth"))
+    for data, want in ((folder, ["rgb"]), (tmp_path / "rich", ["rgb", "depth", "mask"])):
+        inspect(data, json=True)
+        assert json.loads(capsys.readouterr().out)["outputs"] == want
+    inspect(tmp_path / "rich")
+    assert "rgb, depth, mask" in capsys.readouterr().out
+
+
+def test_validate_counts_outputs_as_parts_of_their_samples(tmp_path, capsys) -> None:
+    write_shard(tmp_path, [0, 1], outputs=("mask", "depth"))
+    validate(tmp_path)
+    assert "is sound: 2 episodes, 24 samples, 1 shards." in capsys.readouterr().out

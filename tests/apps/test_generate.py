@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from apps.generate import generate
-from common.dataset import Dataset
+from common.dataset import Dataset, validate
 from common.errors import RunError
 from common.scenes.embedded import ensure_embedded_scene
 
@@ -84,6 +84,25 @@ def test_recorded_dataset_holds_the_smallest_accepted_indices(in_one_process: Pa
     episodes = Dataset([in_one_process]).episodes
     assert len(episodes) == EPISODES
     assert all(entry.sample_count > 20 for entry in episodes)
+
+
+def test_depth_and_masks_are_recorded_beside_the_same_images(
+    in_one_process: Path, scene: Path, config: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "rich"
+    generate(str(scene), out=out, episodes=1, workers=0, config=config, outputs="rgb,depth,mask", json=True)
+    rich, plain = Dataset([out]), Dataset([in_one_process])
+    assert rich.outputs == ("rgb", "depth", "mask")
+    assert [rich.image(sample) for sample in range(len(rich))] == [plain.image(sample) for sample in range(len(rich))]
+    seen = [sample for sample in range(len(rich)) if rich.decode_output(sample, "mask").any()]
+    assert seen
+    for sample in seen:
+        depth_m = rich.decode_output(sample, "depth")[rich.decode_output(sample, "mask") == 1]
+        # The avatar reaches out of the disc that stands for it.
+        assert depth_m.min() > rich.truth["human_distance_m"][sample] - 1.5
+    assert validate(out).ok
+    with pytest.raises(RunError, match=r"config \(renderer\) differ"):
+        generate(str(scene), out=out, episodes=1, workers=0, config=config, json=True)
 
 
 def test_running_again_on_a_complete_folder_changes_nothing(in_one_process: Path, scene: Path, config: Path) -> None:

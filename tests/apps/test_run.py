@@ -1,11 +1,16 @@
+import copy
+import dataclasses
+import sys
 import threading
 from pathlib import Path
 
 import pytest
 
-from apps.generate import make_spec, record
-from apps.run import RunConfig, RunFolder, write_atomically
+from apps.cli import main
+from apps.generate import make_spec, record, with_outputs
+from apps.run import RunConfig, RunFolder, resolved_sections, run_name, write_atomically
 from apps.scene_argument import open_scene
+from common.config import section_from_mapping
 from common.errors import RunError
 from common.messages import RunSpec, Split
 from services.coordinator import Ledger
@@ -83,3 +88,63 @@ def test_processes_that_write_the_same_file_do_not_meet(tmp_path: Path) -> None:
         threading.excepthook = before
     assert failures == []
     assert [entry.name for entry in tmp_path.iterdir()] == ["scene.ply"]
+
+
+def test_folder_of_a_version_without_some_setting_can_be_gone_on_with(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path)
+    ours = dataclasses.replace(SPEC, config=resolved_sections(RunConfig()))
+    theirs = dataclasses.replace(SPEC, config=copy.deepcopy(ours.config))
+    del theirs.config["renderer"]["outputs"]
+    with folder.locked():
+        folder.save(theirs, 3)
+    folder.check(ours)
+
+
+def test_folder_with_other_outputs_is_refused(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path)
+    plain, rich = (
+        dataclasses.replace(SPEC, config=resolved_sections(with_outputs(RunConfig(), names)))
+        for names in ("rgb", "rgb,depth")
+    )
+    with folder.locked():
+        folder.save(plain, 3)
+    folder.check(plain)
+    with pytest.raises(RunError, match=r"config \(renderer\) differ"):
+        folder.check(rich)
+
+
+def test_folder_of_a_later_version_is_refused(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path)
+    with folder.locked():
+        folder.save(dataclasses.replace(SPEC, config={"renderer": {"antigravity": True}}), 3)
+    with pytest.raises(RunError, match=r"config \(.*renderer.*\) differ"):
+        folder.check(dataclasses.replace(SPEC, config=resolved_sections(RunConfig())))
+
+
+def test_outputs_of_the_command_line_become_settings() -> None:
+    config = with_outputs(RunConfig(), "mask, rgb,depth")
+    assert config.renderer.outputs == ("rgb", "depth", "mask")
+    sections = resolved_sections(config)
+    assert sections["renderer"]["outputs"] == ["rgb", "depth", "mask"]
+    assert section_from_mapping(RunConfig, sections) == config
+    assert run_name(dataclasses.replace(SPEC, config=sections)) != run_name(
+        dataclasses.replace(SPEC, config=resolved_sections(RunConfig()))
+    )
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        ("rgb,thermal", "--outputs must be of rgb, depth, median_depth, alpha, mask, normal, got 'thermal'."),
+        ("depth,mask", "--outputs must hold rgb, got depth, mask; add it."),
+        ("rgb,,depth", "--outputs must be of rgb, depth, median_depth, alpha, mask, normal, got ''."),
+    ],
+)
+def test_wrong_outputs_exit_with_2_and_one_line(names: str, message: str, capsys, monkeypatch, tmp_path: Path) -> None:
+    arguments = ["generate", "embedded", "--out", str(tmp_path / "data"), "--outputs", names]
+    monkeypatch.setattr(sys, "argv", ["readygo", *arguments])
+    with pytest.raises(SystemExit) as exit_info:
+        main()
+    assert exit_info.value.code == 2
+    assert capsys.readouterr().err == f"readygo: {message}\n"
+    assert not (tmp_path / "data").exists()

@@ -2,20 +2,21 @@ import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
+TOPS = ("common", "services", "apps", "benchmarks")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 
 
 def test_every_package_of_the_tree_is_in_the_wheel() -> None:
     tree = {
         "readygo." + ".".join(path.parent.relative_to(ROOT).parts)
-        for top in ("common", "services", "apps")
+        for top in TOPS
         for path in (ROOT / top).rglob("__init__.py")
     }
     assert tree | {"readygo"} == set(PROJECT["tool"]["setuptools"]["packages"])
 
 
 def test_every_package_has_an_init_file() -> None:
-    folders = {path.parent for top in ("common", "services", "apps") for path in (ROOT / top).rglob("*.py")}
+    folders = {path.parent for top in TOPS for path in (ROOT / top).rglob("*.py")}
     assert [folder for folder in sorted(folders) if not (folder / "__init__.py").exists()] == []
 
 

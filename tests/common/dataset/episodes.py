@@ -3,8 +3,7 @@
 import dataclasses
 import functools
 import math
-import zlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,9 @@ import numpy as np
 
 from common.config import section_to_mapping
 from common.dataset import ShardWriter, encode_episode, shard_name
-from common.messages import AppendRequest, EpisodeHeader, EpisodeKey, Sample, Split
+from common.messages import AppendRequest, EpisodeHeader, EpisodeKey, Sample, Split, sample_crc32
+from common.rasterizer.image_files import encode_output
+from common.rasterizer.images import Images
 from common.robot import CameraConfig, RobotConfig, limit_command, step_unicycle
 
 ROBOT = RobotConfig(camera=CameraConfig(height_px=24, width_px=32))
@@ -34,6 +35,31 @@ def jpeg(number: int, height_px: int = 24, width_px: int = 32) -> bytes:
     return cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, 90])[1].tobytes()
 
 
+@functools.cache
+def make_images(number: int, height_px: int = 24, width_px: int = 32) -> Images:
+    """Images of all kinds, with places where there is nothing; the mask knows one person."""
+    rng = np.random.default_rng(number)
+    shape = (height_px, width_px)
+    nothing = rng.random(shape) < 0.2
+    normal = rng.normal(size=(*shape, 3))
+    normal /= np.linalg.norm(normal, axis=2, keepdims=True)
+    normal[nothing] = 0.0
+    depth_m = np.where(nothing, np.inf, rng.uniform(0.05, 60.0, shape)).astype(np.float32)
+    return Images(
+        rgb=rng.integers(0, 255, (*shape, 3), dtype=np.uint8),
+        depth_m=depth_m,
+        median_depth_m=depth_m * np.float32(0.9),
+        alpha=np.where(nothing, 0.0, rng.random(shape)).astype(np.float32),
+        mask=rng.integers(0, 2, shape, dtype=np.uint8),
+        normal=normal.astype(np.float32),
+    )
+
+
+def image_number(index: int, seq: int) -> int:
+    """Number of the images of a sample."""
+    return 1000 * index + seq
+
+
 def make_header(index: int, sample_count: int, **changes: Any) -> EpisodeHeader:
     header = EpisodeHeader(
         episode=EpisodeKey(seed=7, split=Split.TRAIN, index=index),
@@ -50,7 +76,7 @@ def make_header(index: int, sample_count: int, **changes: Any) -> EpisodeHeader:
     return dataclasses.replace(header, **changes)
 
 
-def make_samples(header: EpisodeHeader) -> tuple[Sample, ...]:
+def make_samples(header: EpisodeHeader, names: Sequence[str] = ()) -> tuple[Sample, ...]:
     x_m, y_m, yaw_rad = header.start_xyyaw
     v_mps = w_radps = 0.0
     samples = []
@@ -58,10 +84,13 @@ def make_samples(header: EpisodeHeader) -> tuple[Sample, ...]:
         v_mps, w_radps = limit_command(0.8, math.sin(0.3 * seq), v_mps, w_radps, ROBOT)
         dx, dy = header.goal_xy_m[0] - x_m, header.goal_xy_m[1] - y_m
         c, s = math.cos(yaw_rad), math.sin(yaw_rad)
-        image = jpeg(1000 * header.episode.index + seq, header.height_px, header.width_px)
+        number = image_number(header.episode.index, seq)
+        image = jpeg(number, header.height_px, header.width_px)
+        images = make_images(number, header.height_px, header.width_px) if names else None
+        outputs = {name: encode_output(images, name) for name in names}
         sample = Sample(
             seq=seq,
-            crc32=zlib.crc32(image),
+            crc32=sample_crc32(image, outputs),
             time_ns=seq * 50_000_000,
             image=image,
             action_v_mps=v_mps,
@@ -74,15 +103,18 @@ def make_samples(header: EpisodeHeader) -> tuple[Sample, ...]:
             human_visible=seq % 2 == 0,
             expert_cost=1.5,
             replanned=seq == 3,
+            outputs=outputs,
         )
         samples.append(sample)
         x_m, y_m, yaw_rad = step_unicycle(x_m, y_m, yaw_rad, v_mps, w_radps)
     return tuple(samples)
 
 
-def make_episode(index: int, sample_count: int = 12, **changes: Any) -> tuple[EpisodeHeader, tuple[Sample, ...]]:
+def make_episode(
+    index: int, sample_count: int = 12, *, outputs: Sequence[str] = (), **changes: Any
+) -> tuple[EpisodeHeader, tuple[Sample, ...]]:
     header = make_header(index, sample_count, **changes)
-    return header, make_samples(header)
+    return header, make_samples(header, outputs)
 
 
 def append_requests(
@@ -109,11 +141,12 @@ def write_shard(
     recorder: str = "r0",
     sample_count: int = 12,
     metadata: dict[str, Any] = METADATA,
+    outputs: Sequence[str] = (),
     **changes: Any,
 ) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
-    with ShardWriter(folder / shard_name(recorder, number), metadata, fsync=False) as writer:
+    with ShardWriter(folder / shard_name(recorder, number), metadata, outputs=outputs, fsync=False) as writer:
         for index in indices:
-            header, samples = make_episode(index, sample_count, **changes)
+            header, samples = make_episode(index, sample_count, outputs=outputs, **changes)
             writer.append(encode_episode(header, 1, samples))
     return folder / shard_name(recorder, number)

@@ -34,7 +34,7 @@ def rewrite(shard: Path, change: Change, *, rehash: bool = True) -> None:
     """Change the messages of a shard's first episode; `rehash` mends its SHA-256, the CRCs are always right."""
     metadata, chunks = load_index(shard).metadata, chunks_of(shard)
     index_path(shard).unlink()
-    with ShardWriter(shard, metadata, fsync=False) as writer:
+    with ShardWriter(shard, metadata, outputs=chunks[0].outputs, fsync=False) as writer:
         writer.append(_changed(chunks[0], change, rehash))
         for chunk in chunks[1:]:
             writer.append(chunk)
@@ -44,10 +44,11 @@ def rewrite(shard: Path, change: Change, *, rehash: bool = True) -> None:
 
 def _changed(chunk: EpisodeChunk, change: Change, rehash: bool) -> EpisodeChunk:
     view = memoryview(chunk.data)
+    by_number = {channel.number: channel for channel in schemas.channels_with(schemas.OUTPUT_CHANNELS)}
     records = [
         Record(channel, m.sequence, m.log_time_ns, channel.message.FromString(view[m.body : m.end]))
         for m in iter_messages(view, 0, len(view))
-        for channel in [schemas.CHANNELS[m.channel - 1]]
+        for channel in [by_number[m.channel]]
     ]
     data, offsets = bytearray(), {}
     for record in change(records):

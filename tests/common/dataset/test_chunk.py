@@ -7,9 +7,11 @@ import pytest
 from common.dataset import encode_episode, read_chunk, schemas
 from common.dataset.records import iter_messages
 from common.errors import DatasetError
+from common.messages import EpisodeHeader, Sample
 from tests.common.dataset.episodes import make_episode
 
 GOLDEN_SHA256 = "a7395f7efdde6b4850eaa79b541a2797abbab063d2fbb797ae4f1843d68a59ba"
+GOLDEN_OUTPUTS_SHA256 = "52b5bd8b1db18c267acf18e4f335605a5defb93a645e8434749d9e8a462a8cb9"
 
 
 def test_samples_come_back_as_they_went_in() -> None:
@@ -55,11 +57,12 @@ def test_hash_depends_on_every_sample() -> None:
     assert encode_episode(header, 1, changed).sha256 != encode_episode(header, 1, samples).sha256
 
 
-def test_bytes_of_an_episode_do_not_change_between_versions() -> None:
+def golden_episode() -> tuple[EpisodeHeader, list[Sample]]:
+    """An episode whose bytes depend on no encoder and no mathematical library."""
     header, samples = make_episode(
         5, 4, start_xyyaw=(1.0, 2.0, 0.0), K_px=(16.0, 0.0, 16.0, 0.0, 16.0, 12.0, 0.0, 0.0, 1.0)
     )
-    samples = [
+    return header, [
         dataclasses.replace(
             sample,
             image=b"\xff\xd8pixels",
@@ -72,7 +75,70 @@ def test_bytes_of_an_episode_do_not_change_between_versions() -> None:
         )
         for sample in samples
     ]
+
+
+def test_bytes_of_an_episode_do_not_change_between_versions() -> None:
+    header, samples = golden_episode()
     assert encode_episode(header, 1, samples).sha256 == GOLDEN_SHA256
+
+
+def test_bytes_of_an_episode_with_outputs_do_not_change_between_versions() -> None:
+    header, samples = golden_episode()
+    header = dataclasses.replace(header, distortion_model="plumb_bob", distortion=(0.5, -0.25, 0.0, 0.125, 1.0))
+    outputs = {name: f"{name} file".encode() for name in schemas.OUTPUT_CHANNELS}
+    samples = [dataclasses.replace(sample, outputs=outputs) for sample in samples]
+    assert encode_episode(header, 1, samples).sha256 == GOLDEN_OUTPUTS_SHA256
+
+
+def test_outputs_come_back_as_they_went_in() -> None:
+    header, samples = make_episode(3, outputs=("mask", "depth"))
+    chunk = read_chunk(encode_episode(header, 2, samples).data)
+    assert list(chunk.outputs) == ["depth", "mask"]
+    for name, places in chunk.outputs.items():
+        found = [chunk.data[offset : offset + length] for offset, length in places.tolist()]
+        assert found == [sample.outputs[name] for sample in samples]
+
+
+def test_order_in_which_outputs_are_named_does_not_matter() -> None:
+    one, other = (make_episode(0, 3, outputs=names) for names in (("depth", "mask"), ("mask", "depth")))
+    assert encode_episode(one[0], 1, one[1]).data == encode_episode(other[0], 1, other[1]).data
+
+
+def test_samples_with_different_outputs_are_refused() -> None:
+    header, samples = make_episode(0, 4, outputs=("depth", "mask"))
+    odd = dataclasses.replace(samples[2], outputs={"depth": b""})
+    with pytest.raises(DatasetError, match=r"outputs \['depth', 'mask'\] at sample 0, but \['depth'\] at sample 2"):
+        encode_episode(header, 1, [*samples[:2], odd, samples[3]])
+
+
+def test_output_without_a_channel_is_refused() -> None:
+    header, samples = make_episode(0, 1)
+    with pytest.raises(DatasetError, match="no channel for 'thermal' images; known are depth, median_depth"):
+        encode_episode(header, 1, [dataclasses.replace(samples[0], outputs={"thermal": b"hot"})])
+
+
+def test_output_that_misses_samples_is_refused() -> None:
+    header, samples = make_episode(0, 3, outputs=("depth",))
+    chunk = encode_episode(header, 1, samples)
+    offset = chunk.message_offsets[schemas.OUTPUT_CHANNELS["depth"].number][1][1]
+    view = memoryview(chunk.data)
+    end = next(message.end for message in iter_messages(view, 0, len(view)) if message.offset == offset)
+    data = bytes(view[:offset]) + bytes(view[end:])
+    with pytest.raises(DatasetError, match="3 images, but 2 messages on /camera/depth"):
+        read_chunk(data, sha256=chunk.sha256)
+
+
+@pytest.mark.parametrize(
+    ("model", "coefficients"), [("plumb_bob", (0.1, -0.2, 0.3, 0.4, 0.5)), ("kannala_brandt", (0.1, 0.2, 0.3, 0.4))]
+)
+def test_calibration_carries_the_distortion(model, coefficients) -> None:
+    header, samples = make_episode(0, 1, distortion_model=model, distortion=coefficients)
+    chunk = encode_episode(header, 1, samples)
+    view = memoryview(chunk.data)
+    found = [m for m in iter_messages(view, 0, len(view)) if m.channel == schemas.CALIBRATION.number]
+    calibration = schemas.CALIBRATION.message.FromString(view[found[0].body : found[0].end])
+    assert (calibration.distortion_model, tuple(calibration.D)) == (model, coefficients)
+    assert tuple(calibration.K) == header.K_px
 
 
 def test_times_are_simulated_and_grow_within_and_between_episodes() -> None:
@@ -121,7 +187,8 @@ def test_every_channel_carries_its_descriptor_with_imports() -> None:
 
 
 def test_channel_numbers_are_their_positions() -> None:
-    assert [channel.number for channel in schemas.CHANNELS] == list(range(1, len(schemas.CHANNELS) + 1))
+    channels = schemas.channels_with(schemas.OUTPUT_CHANNELS)
+    assert [channel.number for channel in channels] == list(range(1, 15))
 
 
 def _with_attempt(header, samples):

@@ -9,7 +9,8 @@ import pytest
 from common.dataset import Dataset
 from common.dataset.index import build_index, index_path, load_index, mapped, read_index
 from common.errors import DatasetError
-from tests.common.dataset.episodes import METADATA, ROBOT, jpeg, make_episode, write_shard
+from common.rasterizer.images import OUTPUTS
+from tests.common.dataset.episodes import METADATA, ROBOT, image_number, jpeg, make_episode, make_images, write_shard
 
 
 @pytest.fixture
@@ -228,3 +229,94 @@ def test_damaged_image_is_named(tmp_path) -> None:
 def test_import_loads_no_opencv() -> None:
     code = "import sys, common.dataset; sys.exit(any(name in sys.modules for name in ('cv2', 'torch', 'zenoh')))"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+@pytest.fixture
+def with_outputs(tmp_path):
+    write_shard(tmp_path, [4, 0], number=0, outputs=("depth", "mask"), sample_count=5)
+    write_shard(tmp_path, [2], number=1, outputs=("mask", "depth", "alpha"), sample_count=4)
+    return tmp_path
+
+
+def test_any_output_of_any_sample_can_be_read(with_outputs) -> None:
+    dataset = Dataset([with_outputs])
+    assert dataset.outputs == ("rgb", "depth", "mask")
+    samples = [s for index, n in ((0, 5), (2, 4), (4, 5)) for s in make_episode(index, n, outputs=("depth", "mask"))[1]]
+    for number in np.random.default_rng(0).permutation(len(samples)).tolist():
+        for name in ("depth", "mask"):
+            assert dataset.output(number, name) == samples[number].outputs[name]
+        assert dataset.output(number, "rgb") == dataset.image(number) == samples[number].image
+
+
+def test_depth_is_decoded_to_metres_and_the_mask_to_people(with_outputs) -> None:
+    dataset = Dataset([with_outputs])
+    for number, (index, seq) in ((0, (0, 0)), (7, (2, 2)), (13, (4, 4))):
+        images = make_images(image_number(index, seq))
+        depth_m, mask = dataset.decode_output(number, "depth"), dataset.decode_output(number, "mask")
+        assert (depth_m.dtype, mask.dtype) == (np.float32, np.uint8)
+        np.testing.assert_array_equal(np.isinf(depth_m), np.isinf(images.depth_m))
+        np.testing.assert_allclose(depth_m, images.depth_m, atol=0.000505)
+        np.testing.assert_array_equal(mask, images.mask)
+    np.testing.assert_array_equal(dataset.decode_output(3, "rgb"), dataset.decode(3))
+
+
+def test_all_outputs_can_be_recorded_together(tmp_path) -> None:
+    write_shard(tmp_path, [0], outputs=OUTPUTS[1:], sample_count=2)
+    dataset = Dataset([tmp_path])
+    assert dataset.outputs == OUTPUTS
+    shapes = {name: dataset.decode_output(1, name).shape for name in dataset.outputs}
+    assert shapes == dict.fromkeys(OUTPUTS, (24, 32)) | dict.fromkeys(("rgb", "normal"), (24, 32, 3))
+
+
+def test_output_that_some_samples_lack_is_refused_by_name(with_outputs) -> None:
+    dataset = Dataset([with_outputs])
+    for name in ("alpha", "thermal"):
+        with pytest.raises(DatasetError, match=rf"have no '{name}' images, they have rgb, depth, mask; record others"):
+            dataset.decode_output(0, name)
+
+
+def test_outputs_do_not_change_what_else_is_read(tmp_path) -> None:
+    write_shard(tmp_path / "plain", [0, 1])
+    write_shard(tmp_path / "more", [0, 1], outputs=("depth", "mask", "normal"))
+    plain, more = Dataset([tmp_path / "plain"]), Dataset([tmp_path / "more"])
+    assert plain.outputs == ("rgb",)
+    np.testing.assert_array_equal(plain.actions, more.actions)
+    np.testing.assert_array_equal(plain.poses, more.poses)
+    np.testing.assert_array_equal(plain.windows(), more.windows())
+    assert [plain.image(number) for number in range(24)] == [more.image(number) for number in range(24)]
+
+
+def test_index_with_outputs_is_made_again_as_it_was(with_outputs) -> None:
+    shard = with_outputs / "shard-r0-00001.mcap"
+    stored, want = read_index(index_path(shard)), index_path(shard).read_bytes()
+    index_path(shard).unlink()
+    assert stored is not None
+    assert list(stored.outputs) == ["depth", "alpha", "mask"]
+    assert load_index(shard).equals(stored)
+    assert index_path(shard).read_bytes() == want
+
+
+def test_indexes_that_differ_in_the_place_of_an_output_are_not_equal(with_outputs) -> None:
+    index = load_index(with_outputs / "shard-r0-00000.mcap")
+    other = copy.deepcopy(index)
+    assert index.equals(other)
+    other.outputs["mask"]["offset"][3] += 1
+    assert not index.equals(other)
+    del other.outputs["mask"]
+    assert not index.equals(other)
+
+
+def test_pickled_dataset_reads_outputs(with_outputs) -> None:
+    dataset = Dataset([with_outputs])
+    assert pickle.loads(pickle.dumps(dataset)).output(6, "mask") == dataset.output(6, "mask")
+
+
+def test_damaged_output_is_named(tmp_path) -> None:
+    shard = write_shard(tmp_path, [0], outputs=("depth",))
+    dataset = Dataset([tmp_path])
+    data = bytearray(shard.read_bytes())
+    offset = int(dataset._output_rows["depth"][3]["offset"])
+    data[offset : offset + 100] = bytes(100)
+    shard.write_bytes(data)
+    with pytest.raises(DatasetError, match=r"depth image of sample 3 in .*shard-r0-00000\.mcap is damaged"):
+        dataset.decode_output(3, "depth")

@@ -6,7 +6,8 @@ import pytest
 from common.dataset import ShardWriter, encode_episode, schemas, validate
 from common.dataset.index import index_path, load_index, write_index
 from common.errors import DatasetError
-from tests.common.dataset.episodes import METADATA, jpeg, make_episode, write_shard
+from common.rasterizer.image_files import encode_output
+from tests.common.dataset.episodes import METADATA, jpeg, make_episode, make_images, write_shard
 from tests.common.dataset.forge import chunks_of, rewrite
 
 
@@ -281,3 +282,117 @@ def test_foreign_file_under_a_shard_name_is_found(shard) -> None:
 
 def test_forging_tool_reads_back_what_was_written(shard) -> None:
     assert [chunk.episode.index for chunk in chunks_of(shard)] == [0, 1]
+
+
+DEPTH, MASK = schemas.OUTPUT_CHANNELS["depth"], schemas.OUTPUT_CHANNELS["mask"]
+
+
+@pytest.fixture
+def rich_shard(tmp_path):
+    return write_shard(tmp_path, [0, 1], outputs=("depth", "mask"))
+
+
+def test_good_dataset_with_outputs_has_no_defects(rich_shard) -> None:
+    report = validate(rich_shard.parent)
+    assert report.ok
+    assert (report.episode_count, report.sample_count, report.notes) == (2, 24, ())
+
+
+def test_rewriting_outputs_without_a_change_is_no_defect(rich_shard) -> None:
+    rewrite(rich_shard, lambda records: records)
+    assert validate(rich_shard.parent).ok
+
+
+def test_dropped_output_is_found(rich_shard) -> None:
+    rewrite(rich_shard, lambda records: [r for r in records if not (r.channel == MASK and r.sequence == 4)])
+    assert "/camera/mask lacks samples 4" in texts(rich_shard.parent)
+
+
+def test_episode_without_an_output_of_its_shard_is_found(rich_shard, monkeypatch) -> None:
+    # The writer would refuse it.
+    monkeypatch.setattr(ShardWriter, "append", _append_unchecked)
+    rewrite(rich_shard, lambda records: [r for r in records if r.channel != MASK])
+    assert "/camera/mask lacks samples 0, 1, 2, 3, 4 and 7 more" in texts(rich_shard.parent)
+
+
+def _append_unchecked(writer, chunk, append=ShardWriter.append) -> None:
+    outputs, writer.outputs = writer.outputs, tuple(chunk.outputs)
+    append(writer, chunk)
+    writer.outputs = outputs
+
+
+def test_output_that_the_shard_has_no_channel_for_is_found(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(ShardWriter, "append", _append_unchecked)
+    with ShardWriter(tmp_path / "shard-r0-00000.mcap", METADATA, outputs=("depth",), fsync=False) as writer:
+        header, samples = make_episode(0, outputs=("depth", "mask"))
+        writer.append(encode_episode(header, 1, samples))
+    assert "a message is on the unknown channel 13" in texts(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"",
+        b"no image",
+        encode_output(make_images(0), "depth")[:60],
+        encode_output(make_images(0, 24, 30), "depth"),
+        encode_output(make_images(0), "mask"),
+    ],
+    ids=["none", "text", "cut", "size", "8 bit"],
+)
+def test_bad_output_is_found(rich_shard, data) -> None:
+    def replace(records):
+        at(records, DEPTH, 2).message.data = data
+        return records
+
+    rewrite(rich_shard, replace)
+    assert "the depth image is damaged or has another size or format at samples 2" in texts(rich_shard.parent)
+
+
+def test_output_in_another_format_than_it_says_is_found(rich_shard) -> None:
+    def rename(records):
+        at(records, MASK, 3).message.format = "jpeg"
+        return records
+
+    rewrite(rich_shard, rename)
+    assert "the mask image is damaged or has another size or format at samples 3" in texts(rich_shard.parent)
+
+
+def test_mask_of_people_who_are_not_there_is_found(rich_shard) -> None:
+    def crowd(records):
+        images = dataclasses.replace(make_images(0), mask=make_images(0).mask * 2)
+        at(records, MASK, 5).message.data = encode_output(images, "mask")
+        return records
+
+    rewrite(rich_shard, crowd)
+    assert "the mask names people who are not there at samples 5" in texts(rich_shard.parent)
+
+
+def test_output_at_a_wrong_time_is_found(rich_shard) -> None:
+    def late(records):
+        at(records, DEPTH, 6).log_time_ns += 1_000_000
+        at(records, MASK, 7).message.timestamp.nanos += 1
+        return records
+
+    rewrite(rich_shard, late)
+    found = texts(rich_shard.parent)
+    assert "/camera/depth is not at 20 Hz at samples 6" in found
+    assert "/camera/mask has other stamps inside at samples 7" in found
+
+
+def test_flipped_byte_in_an_output_is_found(rich_shard) -> None:
+    offset = int(load_index(rich_shard).outputs["depth"]["offset"][5])
+    data = bytearray(rich_shard.read_bytes())
+    data[offset + 50] ^= 1
+    rich_shard.write_bytes(data)
+    assert {"crc", "sha256"} <= kinds(rich_shard.parent)
+
+
+def test_index_with_another_place_of_an_output_is_found(rich_shard) -> None:
+    index = load_index(rich_shard)
+    index.outputs["mask"]["offset"][3] += 1
+    write_index(index, index_path(rich_shard))
+    assert kinds(rich_shard.parent) == {"index"}
+    del index.outputs["mask"]
+    write_index(index, index_path(rich_shard))
+    assert kinds(rich_shard.parent) == {"index"}

@@ -1,10 +1,18 @@
+import hashlib
+
+import numpy as np
 import pytest
 from mcap.reader import NonSeekingReader, make_reader
 
 from common.dataset import ShardWriter, encode_episode
+from common.dataset.index import index_path
 from common.dataset.metadata import metadata_from_strings
 from common.errors import DatasetError
 from tests.common.dataset.episodes import METADATA, make_episode, write_shard
+from tests.common.dataset.test_chunk import golden_episode
+
+GOLDEN_SHARD_SHA256 = "c692843b7bc34f5033ed19169f9e5efb67b6aa5255e49520bdff2ffaf694c9a0"
+"""Of a shard without outputs; the schemas that protobuf packages bring are part of it."""
 
 CHANNEL_SCHEMAS = {
     "/camera/image": "foxglove.CompressedImage",
@@ -72,3 +80,54 @@ def test_same_episodes_give_the_same_file(tmp_path) -> None:
     one, other = write_shard(tmp_path / "a", [0, 1]), write_shard(tmp_path / "b", [0, 1])
     assert one.read_bytes() == other.read_bytes()
     assert one.with_suffix(".index").read_bytes() == other.with_suffix(".index").read_bytes()
+
+
+def test_bytes_of_a_shard_without_outputs_do_not_change_between_versions(tmp_path) -> None:
+    shard = tmp_path / "shard-r0-00000.mcap"
+    with ShardWriter(shard, {"config": {"robot": None}}, fsync=False) as writer:
+        writer.append(encode_episode(*_with_attempt(*golden_episode())))
+    assert hashlib.sha256(shard.read_bytes()).hexdigest() == GOLDEN_SHARD_SHA256
+    with np.load(index_path(shard)) as arrays:
+        assert arrays.files == ["header", "episodes", "samples"]
+
+
+@pytest.mark.parametrize("reader", [make_reader, NonSeekingReader])
+def test_outputs_are_further_channels_of_compressed_images(tmp_path, reader) -> None:
+    shard = write_shard(tmp_path, [1, 0], outputs=("mask", "depth", "normal"), sample_count=5)
+    with shard.open("rb") as file:
+        messages = list(reader(file, validate_crcs=True).iter_messages())
+    schemas = {channel.topic: schema.name for schema, channel, _ in messages}
+    extra = dict.fromkeys(("/camera/depth", "/camera/mask", "/camera/normal"), "foxglove.CompressedImage")
+    assert schemas == CHANNEL_SCHEMAS | extra
+    assert len(messages) == 2 * (5 * 9 + 3)
+
+
+def test_outputs_are_png_images_to_viewers(tmp_path) -> None:
+    from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+
+    shard = write_shard(tmp_path, [1], outputs=("depth",), sample_count=3)
+    samples = make_episode(1, 3, outputs=("depth",))[1]
+    with shard.open("rb") as file:
+        found = [m for _, _, m in make_reader(file).iter_messages(topics="/camera/depth")]
+    for sample, message in zip(samples, found, strict=True):
+        image = CompressedImage.FromString(message.data)
+        assert (image.format, image.frame_id, image.data) == ("png", "camera", sample.outputs["depth"])
+        assert image.timestamp.ToNanoseconds() == message.log_time == 100_000_000_000 + sample.time_ns
+
+
+def test_episode_with_other_outputs_than_its_shard_is_refused(tmp_path) -> None:
+    header, samples = make_episode(0, 2, outputs=("depth",))
+    with ShardWriter(tmp_path / "shard-r0-00000.mcap", METADATA, outputs=("depth", "mask")) as writer:
+        with pytest.raises(DatasetError, match=r"000000 has the outputs \['depth'\], its shard \['depth', 'mask'\]"):
+            writer.append(encode_episode(header, 1, samples))
+        assert writer.episode_count == 0
+
+
+def test_shard_with_an_unknown_output_is_refused_without_leaving_a_file(tmp_path) -> None:
+    with pytest.raises(DatasetError, match="no channel for 'thermal'"):
+        ShardWriter(tmp_path / "shard-r0-00000.mcap", METADATA, outputs=("thermal",))
+    assert list(tmp_path.iterdir()) == []
+
+
+def _with_attempt(header, samples):
+    return header, 1, samples

@@ -90,11 +90,21 @@ def test_truncated_file_tells_expected_and_found_bytes(tmp_path):
         load_gaussians(path)
 
 
-@pytest.mark.parametrize(("column", "value"), [(0, np.nan), (3, np.inf), (6, np.nan), (7, 1000.0), (8, np.nan)])
-def test_numbers_that_are_not_finite_are_counted(tmp_path, column, value):
+@pytest.mark.parametrize(
+    ("column", "value", "kind"),
+    [
+        (0, np.nan, "position"),
+        (3, np.inf, "colour"),
+        (6, np.nan, "opacity"),
+        (7, 1000.0, "scale"),
+        (8, np.nan, "scale"),
+        (12, np.nan, "rotation"),
+    ],
+)
+def test_numbers_that_are_not_finite_are_counted(tmp_path, column, value, kind):
     rows = [good_row() for _ in range(4)]
     rows[1][column] = rows[3][column] = value
-    with pytest.raises(SceneError, match=r"2 of 4 Gaussians .* index 1"):
+    with pytest.raises(SceneError, match=rf"2 of 4 Gaussians .*\({kind} not finite[^:]*: 2\)"):
         load_gaussians(write_ply(tmp_path / "a.ply", FIELDS, rows))
 
 

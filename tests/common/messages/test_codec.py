@@ -74,6 +74,7 @@ def _message(cls: type) -> typing.Any:
             replan_times_s=np.zeros(1),
         ),
         RenderView: lambda: RenderView(people="p", step=4, T_world_camera=np.eye(4)),
+        EpisodeHeader: lambda: _header(distortion_model="plumb_bob", distortion=(0.1, -0.2, 0.3, 0.4, 0.5)),
         messages.RenderReply: lambda: messages.RenderReply(rgb=np.zeros((1, 2, 3, 3), np.uint8)),
     }
     if cls in arrays:
@@ -103,7 +104,23 @@ def test_every_message_round_trips(cls: type) -> None:
     assert _plain(decode(cls, encode(message))) == _plain(message)
 
 
-def test_wire_format_of_an_append_does_not_change_silently() -> None:
+def _header(**changes: typing.Any) -> EpisodeHeader:
+    header = EpisodeHeader(
+        episode=KEY,
+        sample_count=1,
+        goal_xy_m=(1.0, 2.0),
+        start_xyyaw=(0.0, 0.0, 0.0),
+        avatars=("ann",),
+        encounters=("crossing",),
+        image_format="jpeg",
+        height_px=144,
+        width_px=256,
+        K_px=(1.0,) * 9,
+    )
+    return dataclasses.replace(header, **changes)
+
+
+def _sample(**changes: typing.Any) -> Sample:
     sample = Sample(
         seq=0,
         crc32=1,
@@ -120,23 +137,37 @@ def test_wire_format_of_an_append_does_not_change_silently() -> None:
         expert_cost=4.0,
         replanned=False,
     )
-    header = EpisodeHeader(
-        episode=KEY,
-        sample_count=1,
-        goal_xy_m=(1.0, 2.0),
-        start_xyyaw=(0.0, 0.0, 0.0),
-        avatars=("ann",),
-        encounters=("crossing",),
-        image_format="jpeg",
-        height_px=144,
-        width_px=256,
-        K_px=(1.0,) * 9,
-    )
+    return dataclasses.replace(sample, **changes)
+
+
+OLD_DIGEST = "d5622e95c6c006518bface14e4fb73ba1b0a132ecee91b14784b3e8e1dd2efc7"
+"""Of an append whose messages had neither outputs nor distortion yet."""
+NEW_DIGEST = "4421117732129706089e16af539a3501bf68b869fcc5d4025958f5b714d0a852"
+
+
+@pytest.mark.parametrize(
+    ("header", "sample", "want"),
+    [
+        (_header(), _sample(), OLD_DIGEST),
+        (
+            _header(distortion_model="kannala_brandt", distortion=(0.1, 0.2, 0.3, 0.4)),
+            _sample(outputs={"depth": b"png16", "mask": b"png8"}),
+            NEW_DIGEST,
+        ),
+    ],
+    ids=["plain", "outputs"],
+)
+def test_wire_format_of_an_append_does_not_change_silently(header, sample, want) -> None:
     request = AppendRequest(attempt=1, header=header, first_seq=0, samples=(sample,), last=True)
     digest = hashlib.sha256(encode(request)).hexdigest()
-    assert digest == "d5622e95c6c006518bface14e4fb73ba1b0a132ecee91b14784b3e8e1dd2efc7", (
-        f"the wire format changed: {digest}"
-    )
+    assert digest == want, f"the wire format changed: {digest}"
+
+
+def test_message_without_the_new_fields_takes_their_defaults() -> None:
+    request = AppendRequest(attempt=1, header=_header(), first_seq=0, samples=(_sample(),), last=True)
+    assert b"outputs" not in encode(request)
+    assert b"distortion" not in encode(request)
+    assert decode(AppendRequest, encode(request)) == request
 
 
 def test_missing_new_field_takes_its_default() -> None:

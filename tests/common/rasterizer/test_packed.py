@@ -3,6 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from common.frames import matrix_from_quat
 from common.gaussians import GaussianCloud
 from common.rasterizer.packed import (
     CHUNK,
@@ -116,3 +117,53 @@ def test_folder_that_cannot_be_written_gives_an_unmapped_pack(make_cloud, tmp_pa
     (tmp_path / "file").write_text("")
     cloud = make_cloud(300)
     assert same(pack_cloud(cloud), load_or_pack(tmp_path / "file" / "packed", lambda: cloud))
+
+
+def test_normals_are_added_to_a_pack_that_has_none(make_cloud, tmp_path: Path) -> None:
+    cloud = make_cloud(700)
+    plain = load_or_pack(tmp_path / "packed", lambda: cloud)
+    with_normals = load_or_pack(tmp_path / "packed", lambda: cloud, normals=True)
+    expected = pack_cloud(cloud, normals=True)
+    assert plain.normal is None
+    assert same(plain, with_normals)
+    assert isinstance(with_normals.normal, np.memmap)
+    assert np.array_equal(with_normals.normal, expected.normal)
+    save_packed(expected, tmp_path / "at once")
+    assert np.array_equal(load_packed(tmp_path / "at once").normal, expected.normal)
+    assert sorted(path.name for path in (tmp_path / "packed").iterdir()) == sorted(
+        path.name for path in (tmp_path / "at once").iterdir()
+    )
+
+    def unwanted() -> GaussianCloud:
+        raise AssertionError("the cloud was loaded")
+
+    again = load_or_pack(tmp_path / "packed", unwanted, normals=True)
+    assert np.array_equal(again.normal, expected.normal)
+
+
+def test_damaged_normals_are_made_anew_and_harm_nothing_else(make_cloud, tmp_path: Path) -> None:
+    cloud = make_cloud(300)
+    good = load_or_pack(tmp_path / "packed", lambda: cloud, normals=True)
+    expected = np.array(good.normal)
+    path = tmp_path / "packed" / "normal.npy"
+    path.write_bytes(path.read_bytes()[:500])
+    assert load_packed(tmp_path / "packed").normal is None
+    assert np.array_equal(load_or_pack(tmp_path / "packed", lambda: cloud, normals=True).normal, expected)
+
+
+def test_normals_in_a_folder_that_cannot_be_written_stay_in_memory(make_cloud, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    cloud = make_cloud(300)
+    packed = load_or_pack(tmp_path / "file" / "packed", lambda: cloud, normals=True)
+    assert np.array_equal(packed.normal, pack_cloud(cloud, normals=True).normal)
+
+
+def test_packed_normals_are_the_unit_axes_with_the_smallest_scale(make_cloud) -> None:
+    cloud = make_cloud(40)
+    order = np.argsort(cloud.scales_m, axis=1)
+    packed = pack_sorted(cloud, normals=True)
+    normals = packed.normal.transpose(0, 1, 3, 2).reshape(-1, 3)[:40] / 32767
+    axes = matrix_from_quat(cloud.quats_wxyz)
+    for rank, cosine in ((0, 1.0), (1, 0.0), (2, 0.0)):
+        axis = axes[np.arange(40), :, order[:, rank]]
+        assert (normals * axis).sum(axis=1) == pytest.approx(np.full(40, cosine), abs=1e-4)

@@ -1,3 +1,4 @@
+import dataclasses
 import math
 
 import numpy as np
@@ -75,3 +76,29 @@ def test_depth_is_infinite_where_nothing_is() -> None:
     _, alpha, depth = draw(ball(4.0, scale_m=0.05))
     assert np.isinf(depth[alpha == 0]).all()
     assert np.isfinite(depth[alpha > 0]).all()
+
+
+def test_median_is_the_gaussian_that_takes_the_transmittance_below_one_half() -> None:
+    cloud = concatenate([ball(2.0, opacity=0.4), ball(6.0, opacity=0.9), ball(4.0, opacity=0.3)])
+    images = rasterize_reference(cloud, np.eye(4), K, 17, 21, instances=[7, 8, 9])
+    # 0.6 of the light is left after the first, 0.42 after the second.
+    assert images.median_depth_m[8, 10] == pytest.approx(4.0)
+    assert images.mask[8, 10] == 9
+    half_left = images.alpha < 0.5
+    assert half_left.any()
+    assert np.isposinf(images.median_depth_m[half_left]).all()
+    assert images.mask[half_left].max() == 0
+
+
+def test_normal_is_the_shortest_axis_towards_the_camera() -> None:
+    # The camera at the origin looks along its z at a disc that is tilted by 60 deg about its x.
+    for half_turn in (30.0, 30.0 + 90.0):
+        angle = math.radians(half_turn)
+        disc = dataclasses.replace(
+            ball(4.0),
+            quats_wxyz=np.array([[math.cos(angle), math.sin(angle), 0.0, 0.0]], dtype=np.float32),
+            scales_m=np.array([[0.5, 0.4, 0.1]], dtype=np.float32),
+        )
+        normal = rasterize_reference(disc, np.eye(4), K, 17, 21).normal
+        assert normal[8, 10] == pytest.approx([0.0, math.sqrt(0.75), -0.5], abs=1e-6)
+        assert np.abs(normal[0, 0]).max() == 0

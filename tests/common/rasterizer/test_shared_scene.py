@@ -8,6 +8,7 @@ import numpy as np
 from common.avatars import load_avatar, pose_avatar
 from common.gaussians import concatenate, load_gaussians
 from common.rasterizer.cpu import CpuRasterizer, PosedPerson
+from common.rasterizer.images import OUTPUTS
 from common.rasterizer.packed import pack_cloud
 from common.rasterizer.reference import rasterize_reference
 from common.robot import CameraConfig
@@ -23,12 +24,19 @@ def test_showroom_with_a_person_looks_as_in_the_reference(shared_data: Path) -> 
     person = PosedPerson(avatar=0, root_m=root, pose_axis_angle=motion["pose_axis_angle"][40])
     camera = CameraConfig()
     T = camera.T_world_camera(0.0, 0.0, 0.0, 0.0)
-    image = CpuRasterizer([pack_cloud(scene), pack_cloud(sky)], [avatar], camera.K_px, 144, 256).render_float(
-        T, [person]
-    )
+    layers = [pack_cloud(scene, normals=True), pack_cloud(sky, normals=True)]
+    rasterizer = CpuRasterizer(layers, [avatar], camera.K_px, 144, 256)
+    image = rasterizer.render_float(T, [person])
+    others = rasterizer.render_images(T, [person], OUTPUTS)
     body = pose_avatar(avatar, root, person.pose_axis_angle)
-    reference = rasterize_reference(concatenate([scene, sky, body]), T, camera.K_px, 144, 256).rgb
-    error = np.abs(image - reference).max(axis=2)
-    assert -10 * math.log10(float(((image.astype(np.float64) - reference) ** 2).mean())) > 50
+    instances = np.repeat([0, 1], [len(scene) + len(sky), len(body)])
+    reference = rasterize_reference(concatenate([scene, sky, body]), T, camera.K_px, 144, 256, instances=instances)
+    error = np.abs(image - reference.rgb).max(axis=2)
+    assert -10 * math.log10(float(((image.astype(np.float64) - reference.rgb) ** 2).mean())) > 50
     # The file's quantised coordinates give some Gaussians exactly equal depths, whose order is open.
     assert (error > 2 / 255).mean() < 0.005
+    assert np.bincount(reference.mask.ravel(), minlength=2).min() > 1000
+    assert (others.mask != reference.mask).mean() < 0.0005
+    for name in ("depth_m", "median_depth_m"):
+        assert (~np.isclose(getattr(others, name), getattr(reference, name), rtol=2e-3)).mean() < 0.0005
+    assert (np.linalg.norm(others.normal - reference.normal, axis=2) > 0.05).mean() < 0.005

@@ -1,8 +1,10 @@
 import numpy as np
+import pytest
 
 from common.avatars import Avatar
-from common.rasterizer import cpu_blend, cpu_project, cpu_view
+from common.rasterizer import cpu_blend, cpu_outputs, cpu_project, cpu_view
 from common.rasterizer.cpu import CpuRasterizer, PosedPerson
+from common.rasterizer.images import OUTPUTS
 from common.rasterizer.packed import load_packed, pack_cloud, save_packed
 from common.rasterizer.warm import warm
 
@@ -10,24 +12,28 @@ from common.rasterizer.warm import warm
 def signatures() -> dict[str, int]:
     return {
         name: len(function.signatures)
-        for module in (cpu_blend, cpu_project, cpu_view)
+        for module in (cpu_blend, cpu_outputs, cpu_project, cpu_view)
         for name, function in vars(module).items()
         if hasattr(function, "signatures") and hasattr(function, "stats") and not name.startswith("_")
     }
 
 
-def test_nothing_is_left_to_compile_after_warming(make_cloud, camera, avatar: Avatar, tmp_path) -> None:
-    warm()
+@pytest.mark.parametrize("outputs", [("rgb",), ("depth", "mask"), OUTPUTS])
+def test_nothing_is_left_to_compile_after_warming(
+    make_cloud, camera, avatar: Avatar, tmp_path, outputs: tuple[str, ...]
+) -> None:
+    warm(outputs)
     compiled = signatures()
     assert compiled["project_scene"] >= 1
     assert compiled["project_person"] >= 1
-    save_packed(pack_cloud(make_cloud(900, coefficients=16)), tmp_path / "packed")
+    save_packed(pack_cloud(make_cloud(900, coefficients=16), normals=True), tmp_path / "packed")
     mapped = load_packed(tmp_path / "packed")
     assert mapped is not None
     T, K = camera(-4.0, 0.0, 0.0, 256, 144)
     pose = np.zeros((24, 3), dtype=np.float32)
     people = [PosedPerson(avatar=0, root_m=np.zeros(3, dtype=np.float32), pose_axis_angle=pose)]
-    rasterizer = CpuRasterizer([mapped, pack_cloud(make_cloud(90))], [avatar], K, 144, 256)
+    rasterizer = CpuRasterizer([mapped, pack_cloud(make_cloud(90), normals=True)], [avatar], K, 144, 256)
     rasterizer.render(T, people)
     rasterizer.render_float(T, people)
+    rasterizer.render_images(T, people, outputs)
     assert signatures() == compiled

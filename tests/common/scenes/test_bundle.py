@@ -211,3 +211,60 @@ def test_toml_text_reads_back_as_it_was():
         "a table": {"key with.dot": "x", "inner": {"size": 1, "name": "y"}},
     }
     assert tomllib.loads(toml_text(mapping)) == mapping
+
+
+def room_with(**values):
+    """A room in which two Gaussians have other numbers, one of them twice over."""
+    sound = small_room()
+    arrays = {name: getattr(sound, name).copy() for name in ("means_m", "quats_wxyz", "scales_m", "opacities", "sh")}
+    for name, value in values.items():
+        arrays[name][[10, 20]] = value
+    return type(sound)(**arrays)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"means_m": np.nan}, "2 of .*position not finite: 2"),
+        ({"means_m": 2e4}, "2 of .*position beyond 10000 m: 2"),
+        ({"scales_m": 2e4}, "2 of .*scale above 10000 m: 2"),
+        ({"scales_m": np.inf, "sh": 200.0}, r"2 of .*scale not finite: 2\)"),
+        ({"sh": -200.0}, "2 of .*colour beyond 100: 2"),
+    ],
+)
+def test_gaussians_that_cannot_be_drawn_are_refused_or_dropped_with_their_count(tmp_path, values, message):
+    save_ply(room_with(**values), tmp_path / "room.ply")
+    with pytest.raises(SceneError, match=message) as caught:
+        import_scene(tmp_path / "room.ply", tmp_path / "out")
+    assert "\n" not in str(caught.value)
+    assert "--drop-bad" in str(caught.value)
+    assert not (tmp_path / "out").exists()
+    scene = import_scene(tmp_path / "room.ply", tmp_path / "out", drop_bad=True)
+    assert scene.metadata["source"]["dropped_gaussians"] == 2
+    kept = np.delete(small_room().means_m, [10, 20], axis=0)
+    np.testing.assert_allclose(scene.cloud.means_m, kept, atol=1e-6)
+
+
+def test_defects_are_judged_in_metres_and_in_the_sky_too(tmp_path):
+    save_ply(small_room(), tmp_path / "room.ply")
+    save_ply(room_with(means_m=2e4), tmp_path / "sky.ply")
+    with pytest.raises(SceneError, match=r"sky\.ply has 2 of"):
+        import_scene(tmp_path / "room.ply", tmp_path / "out", sky=tmp_path / "sky.ply")
+    save_ply(transform_cloud(room_with(means_m=2e4), np.eye(3), scale=2.0), tmp_path / "double.ply")
+    scene = import_scene(tmp_path / "double.ply", tmp_path / "half", scale=0.5, drop_bad=True)
+    assert scene.metadata["source"]["dropped_gaussians"] == 2
+
+
+def test_scene_of_sound_gaussians_drops_none_whatever_is_asked(tmp_path):
+    save_ply(small_room(), tmp_path / "room.ply")
+    scene = import_scene(tmp_path / "room.ply", tmp_path / "out", drop_bad=True)
+    assert scene.metadata["source"]["dropped_gaussians"] == 0
+    assert len(scene.cloud) == len(small_room())
+
+
+def test_file_without_a_sound_gaussian_is_refused_even_when_bad_ones_may_be_dropped(tmp_path):
+    bad = room_with()
+    bad.means_m[:] = np.nan
+    save_ply(bad, tmp_path / "room.ply")
+    with pytest.raises(SceneError, match="cannot be drawn"):
+        import_scene(tmp_path / "room.ply", tmp_path / "out", drop_bad=True)

@@ -10,9 +10,10 @@ import pytest
 from common.bus import InProcessBus
 from common.dataset import Dataset, validate
 from common.errors import DatasetError, RunError
-from common.messages import AppendReply, AppendRequest, EpisodeKey, Split
+from common.messages import AppendReply, AppendRequest, EpisodeKey, Split, decode, encode
 from services.recorder import Recorder, RecorderConfig, attach, handle_append
-from tests.common.dataset.episodes import METADATA, append_requests
+from services.recorder.buffers import EpisodeBuffers
+from tests.common.dataset.episodes import METADATA, append_requests, make_episode
 from tests.services.recorder.coordinator import FakeCoordinator
 
 MakeRecorder = Callable[..., Recorder]
@@ -322,3 +323,44 @@ def test_interleaved_senders_in_threads_all_commit(make_recorder, coordinator, t
 def test_settings_are_checked() -> None:
     with pytest.raises(ValueError, match="episodes_per_shard must be positive"):
         RecorderConfig(episodes_per_shard=0)
+
+
+def test_outputs_are_recorded_and_found_again(make_recorder, tmp_path) -> None:
+    recorder = make_recorder()
+    for index in range(4):
+        requests = append_requests(index, outputs=("depth", "mask"))
+        assert send(recorder, [decode(AppendRequest, encode(request)) for request in requests])[-1] == "committed"
+    recorder.close()
+    assert validate(tmp_path).defects == ()
+    dataset, samples = Dataset([tmp_path]), make_episode(2, outputs=("depth", "mask"))[1]
+    assert dataset.outputs == ("rgb", "depth", "mask")
+    assert [dataset.output(24 + seq, "mask") for seq in range(12)] == [sample.outputs["mask"] for sample in samples]
+
+
+def test_output_that_is_damaged_on_its_way_is_asked_for_again(make_recorder) -> None:
+    recorder = make_recorder()
+    first, last = append_requests(0, outputs=("depth",))
+    sample = first.samples[3]
+    damaged = dataclasses.replace(sample, outputs={"depth": sample.outputs["depth"][:-1] + b"x"})
+    samples = (*first.samples[:3], damaged, *first.samples[4:])
+    reply = handle_append(recorder, dataclasses.replace(first, samples=samples))
+    assert (reply.status, reply.expected_seq) == ("gap", 3)
+    assert send(recorder, [first, last]) == ["ok", "committed"]
+
+
+def test_episodes_with_other_outputs_go_into_a_shard_of_their_own(make_recorder, tmp_path) -> None:
+    recorder = make_recorder()
+    for index, outputs in enumerate([(), ("depth",), ("depth",)]):
+        send(recorder, append_requests(index, outputs=outputs))
+    recorder.close()
+    assert validate(tmp_path).defects == ()
+    assert [entry.shard.name[-6] for entry in Dataset([tmp_path]).episodes] == ["0", "1", "1"]
+
+
+def test_memory_bound_counts_outputs() -> None:
+    buffers = EpisodeBuffers(limit_bytes=2**20)
+    request = append_requests(0, outputs=("depth", "normal"))[0]
+    buffers.add(request)
+    buffer = buffers.get(0)
+    assert buffer is not None
+    assert buffer.size_bytes == sum(len(s.image) + sum(map(len, s.outputs.values())) for s in request.samples)

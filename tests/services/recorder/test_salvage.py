@@ -208,3 +208,19 @@ def test_damaged_finished_shard_stops_the_start_and_frees_the_name(tmp_path) -> 
         start(tmp_path, FakeCoordinator())
     shard.write_bytes(data)
     start(tmp_path, FakeCoordinator()).close()
+
+
+def test_outputs_survive_a_crash(tmp_path) -> None:
+    writer = ShardWriter(tmp_path / PART.removesuffix(".part"), METADATA, outputs=("depth", "mask"), fsync=False)
+    for index in (0, 1):
+        header, samples = make_episode(index, 4, outputs=("depth", "mask"))
+        writer.append(encode_episode(header, 1, samples))
+    writer.abandon()
+    coordinator = FakeCoordinator()
+    recorder = start(tmp_path, coordinator)
+    assert recorder.settle()
+    recorder.close()
+    dataset = Dataset([tmp_path])
+    assert dataset.outputs == ("rgb", "depth", "mask")
+    assert dataset.output(7, "mask") == make_episode(1, 4, outputs=("mask",))[1][3].outputs["mask"]
+    assert validate(tmp_path).defects == ()

@@ -7,11 +7,13 @@ import pytest
 
 from common.avatars import pose_avatar
 from common.bus import InProcessBus
-from common.errors import AvatarError
+from common.errors import AvatarError, RunError
 from common.messages import EpisodeMotions, HumanMotion, People, RenderReply, RenderRequest, RenderView
+from common.rasterizer.image_files import decode_output
+from common.rasterizer.images import OUTPUTS, Images
 from services.renderer import Renderer, RendererConfig, attach, episode_header, episode_samples, handle_render
 from services.renderer import handlers as handlers_module
-from services.renderer.drawing import packed_layers
+from services.renderer.drawing import Drawing, packed_layers
 from services.renderer.handlers import facing_yaw
 
 
@@ -175,6 +177,78 @@ def test_yaw_is_where_the_body_faces(renderer: Renderer, orientation: tuple[floa
     # Upright and unturned, a body faces SMPL's +z: -y in the world.
     facing = R @ np.array([0.0, -1.0, 0.0])
     assert facing_yaw(pose[0]) == pytest.approx(np.arctan2(facing[1], facing[0]), abs=1e-4)
+
+
+class AllImages:
+    """A drawing that makes every kind of image, the depth of a step in metres being its number plus one."""
+
+    def __init__(self, drawing: Drawing) -> None:
+        self.drawing, self.asked = drawing, set()
+
+    def draw_images(self, T_world_camera, humans, step, outputs) -> Images:
+        self.asked.add(tuple(outputs))
+        rgb = self.drawing.draw(T_world_camera, humans, step)
+        depth_m = np.full(rgb.shape[:2], step + 1.0, dtype=np.float32)
+        mask = np.full(rgb.shape[:2], step % 2, dtype=np.uint8)
+        return Images(rgb=rgb, depth_m=depth_m, mask=mask if "mask" in outputs else None)
+
+
+def with_outputs(renderer: Renderer, *outputs: str) -> Renderer:
+    changed = Renderer(renderer.scene, renderer.avatars, renderer.robot, RendererConfig(outputs=outputs))
+    changed.capture = replace(changed.capture, drawing=AllImages(renderer.drawing))
+    return changed
+
+
+def test_samples_hold_the_outputs_that_the_config_asks_for(renderer: Renderer, episode) -> None:
+    rich = with_outputs(renderer, "rgb", "depth", "mask")
+    samples = list(episode_samples(rich, *episode))
+    assert rich.capture.drawing.asked == {("rgb", "depth", "mask")}
+    for step, sample in enumerate(samples):
+        assert sample.intact
+        assert list(sample.outputs) == ["depth", "mask"]
+        assert (decode_output("depth", sample.outputs["depth"]) == step + 1.0).all()
+        assert (decode_output("mask", sample.outputs["mask"]) == step % 2).all()
+    plain = list(episode_samples(renderer, *episode))
+    assert [sample.image for sample in samples] == [sample.image for sample in plain]
+
+
+@pytest.mark.parametrize("backend", ["cpu", "reference"])
+def test_every_output_can_be_recorded(renderer: Renderer, episode, backend: str) -> None:
+    config = RendererConfig(backend=backend, outputs=OUTPUTS)
+    rich = Renderer(renderer.scene, renderer.avatars, renderer.robot, config)
+    sample = next(episode_samples(rich, *episode))
+    images = {name: decode_output(name, data) for name, data in sample.outputs.items()}
+    assert tuple(images) == OUTPUTS[1:]
+    person = images["mask"] == 1
+    assert 0.01 < person.mean() < 0.5
+    # The person walks 2 m ahead, the walls are 5 m away.
+    assert np.abs(np.median(images["depth"][person]) - 2.0) < 0.5
+    assert np.median(images["depth"][~person & np.isfinite(images["depth"])]) > 2.5
+    assert np.abs(np.linalg.norm(images["normal"][person], axis=1) - 1.0).max() < 1e-3
+
+
+def test_samples_hold_no_outputs_by_default(renderer: Renderer, episode) -> None:
+    scenario, motions, trajectory = episode
+    sample = next(episode_samples(renderer, scenario, motions, trajectory))
+    assert sample.outputs == {}
+    assert sample.crc32 == zlib.crc32(sample.image)
+
+
+def test_output_that_the_drawing_does_not_make_is_refused(renderer: Renderer, episode) -> None:
+    with pytest.raises(RunError, match="cpu backend cannot do that: the view has no normal image"):
+        next(episode_samples(with_outputs(renderer, "rgb", "normal"), *episode))
+
+
+def test_outputs_have_one_order() -> None:
+    config = RendererConfig(outputs=("mask", "rgb", "depth", "mask"))
+    assert config.outputs == ("rgb", "depth", "mask")
+    assert config == RendererConfig(outputs=("rgb", "depth", "mask"))
+
+
+@pytest.mark.parametrize("outputs", [(), ("depth",), ("rgb", "thermal"), ("rgb", "")])
+def test_outputs_without_rgb_or_with_unknown_names_are_refused(outputs) -> None:
+    with pytest.raises(ValueError, match=r"outputs must (hold rgb, got|be of rgb, depth, median_depth, .*, got)"):
+        RendererConfig(outputs=outputs)
 
 
 @pytest.mark.parametrize("wrong", [{"backend": "cuda"}, {"image_format": "gif"}, {"jpeg_quality": 0}])

@@ -1,0 +1,179 @@
+"""Gaussian clouds in chunks of 256 neighbours, laid out for a GPU: one row of 256 numbers per quantity."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from common.avatars import Avatar
+from common.frames import matrix_from_quat
+from common.gaussians import GaussianCloud
+from common.rasterizer.constants import ALPHA_MIN
+from common.rasterizer.packed import CHUNK, chunk_boxes, covariances, morton_codes, opacity_terms, rounded_up
+
+Floats = npt.NDArray[np.float64]
+Singles = npt.NDArray[np.float32]
+
+GEOMETRY_ROWS = 11
+"""Mean (3), covariance xx xy xz yy yz zz (6), log2 opacity, squared reach in sigmas (negative: padding)."""
+_C0 = 0.28209479177387814
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ChunkedCloud:
+    """C chunks of up to 256 Gaussians that lie close together."""
+
+    centre_m: Floats
+    """Centre of each chunk's means [m], shape (C, 3)."""
+    half_m: Singles
+    """Half sizes of the box around a chunk's means [m], shape (C, 3)."""
+    reach_m: Singles
+    """Largest distance from its mean at which a Gaussian of the chunk has alpha 1/255 [m], shape (C,)."""
+    geometry: Singles
+    """The rows of `GEOMETRY_ROWS`, shape (C, 11, 256)."""
+    colour: Singles
+    """Colour of degree 0, not clamped, shape (C, 3, 256)."""
+    sh: npt.NDArray[np.float16]
+    """Coefficients above degree 0, shape (C, K - 1, 3, 256)."""
+    normal: Singles
+    """Shortest axis of each Gaussian, in the frame of its covariance, shape (C, 3, 256)."""
+
+    @property
+    def chunk_count(self) -> int:
+        """Number of chunks, C."""
+        return len(self.centre_m)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ChunkedAvatar:
+    """An avatar in canonical coordinates, sorted by the joints that move its Gaussians."""
+
+    cloud: ChunkedCloud
+    """Gaussians; means relative to the origin, not to their chunk's centre."""
+    joint: npt.NDArray[np.uint8]
+    """Joints that move each Gaussian, shape (C, 4, 256)."""
+    weight: Singles
+    """Their weights, shape (C, 4, 256)."""
+    box_joint: npt.NDArray[np.int32]
+    """Joint that carries each box of a chunk, -1: no box, shape (C, J)."""
+    box_centre_m: Singles
+    """Centres of the boxes around those means of the chunk that the joint moves [m], shape (C, J, 3)."""
+    box_half_m: Singles
+    """Their half sizes [m], shape (C, J, 3)."""
+
+
+def morton_order(cloud: GaussianCloud) -> npt.NDArray[np.int64]:
+    """Indices of the Gaussians that can be drawn, neighbours together.
+
+    Left out are those that never reach alpha 1/255 and those with a number that is not finite or a quaternion of
+    length 0.
+    """
+    index = np.flatnonzero(_drawable(cloud))
+    order: npt.NDArray[np.int64] = index[np.argsort(morton_codes(cloud.means_m[index]), kind="stable")]
+    return order
+
+
+def chunk_cloud(cloud: GaussianCloud) -> ChunkedCloud:
+    """Chunks of a static cloud, means relative to their chunk's centre."""
+    return _chunks(cloud.select(morton_order(cloud)), centred=True)
+
+
+def chunk_avatar(avatar: Avatar) -> ChunkedAvatar:
+    """Chunks of an avatar, so that few joints move each chunk."""
+    index = np.flatnonzero(_drawable(avatar.cloud))
+    joints = np.bitwise_or.reduce(
+        np.where(avatar.lbs_weight != 0, np.int64(1) << avatar.lbs_index.astype(np.int64), 0), axis=1
+    )
+    order = index[np.lexsort((morton_codes(avatar.cloud.means_m[index]), joints[index]))]
+    cloud = _chunks(avatar.cloud.select(order), centred=False)
+    joint, weight = avatar.lbs_index[order], avatar.lbs_weight[order]
+    box_joint, centre, half = _joint_boxes(avatar.cloud.means_m[order].astype(np.float64), joint, weight)
+    return ChunkedAvatar(
+        cloud=cloud,
+        joint=_rows(joint).astype(np.uint8),
+        weight=_rows(weight).astype(np.float32),
+        box_joint=box_joint,
+        box_centre_m=centre.astype(np.float32),
+        box_half_m=rounded_up(half),
+    )
+
+
+def _drawable(cloud: GaussianCloud) -> npt.NDArray[np.bool_]:
+    finite = cloud.opacities >= np.float32(ALPHA_MIN)
+    for array in (cloud.means_m, cloud.quats_wxyz, cloud.scales_m, cloud.sh):
+        finite &= np.isfinite(array).all(axis=tuple(range(1, array.ndim)))
+    drawable: npt.NDArray[np.bool_] = finite & (cloud.quats_wxyz != 0).any(axis=1)
+    return drawable
+
+
+def _chunks(cloud: GaussianCloud, *, centred: bool) -> ChunkedCloud:
+    """Chunks of a cloud in its order."""
+    count, bands = len(cloud), cloud.sh.shape[1] - 1
+    chunks = -(-count // CHUNK)
+    valid = np.arange(chunks * CHUNK).reshape(chunks, CHUNK) < count
+    means = _padded(cloud.means_m.astype(np.float64))
+    centre, half = chunk_boxes(means, valid)
+    log2_opacity, reach2 = opacity_terms(cloud.opacities)
+    reach = np.sqrt(reach2) * cloud.scales_m.max(axis=1, initial=0.0)
+    rows = np.concatenate(
+        [
+            means - centre[:, None] if centred else means,
+            _padded(covariances(cloud)),
+            _padded(log2_opacity[:, None]),
+            _padded(reach2[:, None]),
+        ],
+        axis=2,
+    )
+    rows[~valid, -1] = -1.0
+    return ChunkedCloud(
+        centre_m=centre,
+        half_m=rounded_up(half),
+        reach_m=rounded_up(_padded(reach[:, None].astype(np.float64))[..., 0].max(axis=1)),
+        geometry=np.ascontiguousarray(rows.swapaxes(1, 2), dtype=np.float32),
+        colour=_rows(0.5 + _C0 * cloud.sh[:, 0].astype(np.float64)).astype(np.float32),
+        sh=_rows(cloud.sh[:, 1:].reshape(count, 3 * bands)).reshape(chunks, bands, 3, CHUNK).astype(np.float16),
+        normal=_rows(_shortest_axes(cloud)).astype(np.float32),
+    )
+
+
+def _padded(values: npt.NDArray[np.floating]) -> Floats:
+    """Rows (N, n) in chunks (C, 256, n), filled up with zeros."""
+    chunks = -(-len(values) // CHUNK)
+    padded = np.zeros((chunks * CHUNK, values.shape[1]))
+    padded[: len(values)] = values
+    return padded.reshape(chunks, CHUNK, values.shape[1])
+
+
+def _rows(values: npt.NDArray[np.generic]) -> Floats:
+    """Rows (N, n) as chunks (C, n, 256), filled up with zeros."""
+    chunks = -(-len(values) // CHUNK)
+    padded = np.zeros((chunks * CHUNK, values.shape[1]))
+    padded[: len(values)] = values
+    return np.ascontiguousarray(padded.reshape(chunks, CHUNK, values.shape[1]).swapaxes(1, 2))
+
+
+def _shortest_axes(cloud: GaussianCloud) -> Floats:
+    """Unit vectors along the axis with the smallest scale, the first one of equals, shape (N, 3)."""
+    q = cloud.quats_wxyz.astype(np.float64)
+    R = matrix_from_quat(q / np.linalg.norm(q, axis=1, keepdims=True))
+    shortest = cloud.scales_m.argmin(axis=1) if len(cloud) else np.zeros(0, dtype=np.int64)
+    return np.take_along_axis(R, shortest[:, None, None], axis=2)[..., 0]
+
+
+def _joint_boxes(
+    means_m: Floats, joint: npt.NDArray[np.uint8], weight: Singles
+) -> tuple[npt.NDArray[np.int32], Floats, Floats]:
+    """Boxes around the means of each chunk that each joint moves: joints (C, J), centres and half sizes (C, J, 3)."""
+    chunks = -(-len(means_m) // CHUNK)
+    movers = np.zeros((chunks * CHUNK, 24), dtype=np.bool_)
+    for k in range(4):
+        movers[np.arange(len(means_m)), joint[:, k]] |= weight[:, k] != 0
+    moved = movers.reshape(chunks, CHUNK, 24)
+    chunk, mover = np.nonzero(moved.any(axis=1))
+    place = np.arange(len(chunk)) - np.searchsorted(chunk, chunk)
+    boxes = int(place.max(initial=0)) + 1
+    box_joint = np.full((chunks, boxes), -1, dtype=np.int32)
+    centre, half = np.zeros((chunks, boxes, 3)), np.zeros((chunks, boxes, 3))
+    box_joint[chunk, place] = mover
+    centre[chunk, place], half[chunk, place] = chunk_boxes(_padded(means_m)[chunk], moved[chunk, :, mover])
+    return box_joint, centre, half

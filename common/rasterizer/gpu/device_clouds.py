@@ -1,0 +1,120 @@
+"""Scenes and avatars in the memory of a device, as the Triton kernels read them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from torch import Tensor
+
+from common.avatars import Avatar
+from common.gaussians import GaussianCloud
+from common.rasterizer.gpu.chunks import GEOMETRY_ROWS, ChunkedCloud, chunk_avatar, chunk_cloud
+from common.rasterizer.gpu.posing import Skeletons, load_skeletons
+from common.rasterizer.packed import CHUNK
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DeviceClouds:
+    """The chunks of all scenes, then those of all avatars; C chunks, of which D belong to avatars."""
+
+    scene_chunks: int
+    """C - D."""
+    person_chunks: int
+    """Chunks of the largest avatar."""
+    sh_count: int
+    """SH coefficients per channel, 1, 4, 9 or 16: the largest number of any cloud."""
+    box_count: int
+    """Boxes per chunk of an avatar."""
+    centres: Tensor
+    """Centres of the scenes' chunks [m], float64, shape (C - D, 3)."""
+    halves: Tensor
+    """Half sizes of the boxes around their means [m], shape (C - D, 3)."""
+    reaches: Tensor
+    """How far the Gaussians of each chunk reach [m], shape (C,)."""
+    geometry: Tensor
+    """See `ChunkedCloud.geometry`, shape (C, 11, 256)."""
+    colours: Tensor
+    """See `ChunkedCloud.colour`, shape (C, 3, 256)."""
+    normals: Tensor
+    """See `ChunkedCloud.normal`, shape (C, 3, 256)."""
+    sh: Tensor
+    """Higher coefficients of the S chunks that have them, filled up with zeros, shape (S, sh_count - 1, 3, 256)."""
+    sh_rows: Tensor
+    """Row in `sh` of each chunk, -1: none, int32, shape (C,)."""
+    first_chunks: Tensor
+    """First chunk of each avatar, counted from the first avatar's, int32, shape (A,)."""
+    chunk_counts: Tensor
+    """Number of its chunks, int32, shape (A,)."""
+    joints: Tensor
+    """See `ChunkedAvatar.joint`, shape (D, 4, 256)."""
+    weights: Tensor
+    """See `ChunkedAvatar.weight`, shape (D, 4, 256)."""
+    box_joints: Tensor
+    """See `ChunkedAvatar.box_joint`, shape (D, box_count)."""
+    box_centres: Tensor
+    """See `ChunkedAvatar.box_centre_m`, shape (D, box_count, 3)."""
+    box_halves: Tensor
+    """See `ChunkedAvatar.box_half_m`, shape (D, box_count, 3)."""
+    skeletons: Skeletons
+    """Joints of the avatars."""
+
+
+def upload(scenes: Sequence[GaussianCloud], avatars: Sequence[Avatar], device: torch.device | str) -> DeviceClouds:
+    """Cut clouds and avatars into chunks and copy them to a device."""
+    layers = [chunk_cloud(scene) for scene in scenes]
+    people = [chunk_avatar(avatar) for avatar in avatars]
+    clouds = [*layers, *(person.cloud for person in people)]
+    counts = np.array([person.cloud.chunk_count for person in people], dtype=np.int32)
+    boxes = max((person.box_joint.shape[1] for person in people), default=1)
+    bands = max((cloud.sh.shape[1] for cloud in clouds if cloud.chunk_count), default=0)
+    sh, sh_rows = _sh(clouds, bands)
+
+    def on_device(array: npt.NDArray[np.generic]) -> Tensor:
+        return torch.from_numpy(np.ascontiguousarray(array)).to(device)
+
+    def joined(arrays: Sequence[npt.NDArray[np.generic]], shape: tuple[int, ...], dtype: npt.DTypeLike) -> Tensor:
+        return on_device(np.concatenate([np.zeros((0, *shape), dtype=dtype), *arrays]))
+
+    return DeviceClouds(
+        scene_chunks=sum(layer.chunk_count for layer in layers),
+        person_chunks=int(counts.max(initial=0)),
+        sh_count=bands + 1,
+        box_count=boxes,
+        centres=joined([layer.centre_m for layer in layers], (3,), np.float64),
+        halves=joined([layer.half_m for layer in layers], (3,), np.float32),
+        reaches=joined([cloud.reach_m for cloud in clouds], (), np.float32),
+        geometry=joined([cloud.geometry for cloud in clouds], (GEOMETRY_ROWS, CHUNK), np.float32),
+        colours=joined([cloud.colour for cloud in clouds], (3, CHUNK), np.float32),
+        normals=joined([cloud.normal for cloud in clouds], (3, CHUNK), np.float32),
+        sh=on_device(sh),
+        sh_rows=on_device(sh_rows),
+        first_chunks=on_device(np.cumsum(counts, dtype=np.int32) - counts),
+        chunk_counts=on_device(counts),
+        joints=joined([person.joint for person in people], (4, CHUNK), np.uint8),
+        weights=joined([person.weight for person in people], (4, CHUNK), np.float32),
+        box_joints=joined([_widened(p.box_joint, boxes, -1) for p in people], (boxes,), np.int32),
+        box_centres=joined([_widened(p.box_centre_m, boxes, 0) for p in people], (boxes, 3), np.float32),
+        box_halves=joined([_widened(p.box_half_m, boxes, 0) for p in people], (boxes, 3), np.float32),
+        skeletons=load_skeletons(avatars, device),
+    )
+
+
+def _sh(clouds: Sequence[ChunkedCloud], bands: int) -> tuple[npt.NDArray[np.float16], npt.NDArray[np.int32]]:
+    """Higher coefficients of the clouds that have any, and each chunk's row there."""
+    blocks, rows, used = [np.zeros((0, bands, 3, CHUNK), dtype=np.float16)], [np.zeros(0, dtype=np.int32)], 0
+    for cloud in clouds:
+        if cloud.sh.shape[1] == 0:
+            rows.append(np.full(cloud.chunk_count, -1, dtype=np.int32))
+            continue
+        blocks.append(_widened(cloud.sh, bands, 0).astype(np.float16))
+        rows.append(np.arange(used, used + cloud.chunk_count, dtype=np.int32))
+        used += cloud.chunk_count
+    return np.concatenate(blocks), np.concatenate(rows)
+
+
+def _widened(array: npt.NDArray[np.generic], size: int, value: float) -> npt.NDArray[np.generic]:
+    """The array with axis 1 filled up to `size`."""
+    missing = size - array.shape[1]
+    return np.pad(array, [(0, 0), (0, missing), *[(0, 0)] * (array.ndim - 2)], constant_values=value)

@@ -1,0 +1,60 @@
+"""Images of a batch while they are on the device."""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from common.rasterizer.images import Images
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DeviceImages:
+    """Images of B cameras; see `common.rasterizer.images.Images` for what they show."""
+
+    rgb: Tensor
+    """Colours before rounding, not clipped above 1, shape (B, H, W, 3)."""
+    alpha: Tensor
+    """Shape (B, H, W)."""
+    depth_m: Tensor | None = None
+    """Shape (B, H, W)."""
+    median_depth_m: Tensor | None = None
+    """Shape (B, H, W)."""
+    mask: Tensor | None = None
+    """Uint8, shape (B, H, W)."""
+    normal: Tensor | None = None
+    """Shape (B, H, W, 3)."""
+
+
+def rgb_bytes(rgb: Tensor) -> Tensor:
+    """Colours as bytes, rounded and clipped."""
+    return (rgb * 255.0 + 0.5).clamp(0.0, 255.0).to(torch.uint8)
+
+
+def mean_depth(weighted_m: Tensor, alpha: Tensor) -> Tensor:
+    """Depth sums over weights; inf where nothing is drawn."""
+    drawn = alpha > 0
+    return torch.where(drawn, weighted_m / torch.where(drawn, alpha, torch.ones_like(alpha)), torch.inf)
+
+
+def unit_normals(sums: Tensor) -> Tensor:
+    """Sums of normals (..., 3) at length 1; 0 where nothing is drawn."""
+    length = sums.norm(dim=-1, keepdim=True)
+    return torch.where(length > 0, sums / torch.where(length > 0, length, torch.ones_like(length)), 0.0)
+
+
+def host_images(images: DeviceImages, wanted: frozenset[str]) -> Images:
+    """The wanted images of the first camera, copied from the device."""
+
+    def copied(name: str, tensor: Tensor | None) -> Tensor | None:
+        return tensor[0].cpu() if tensor is not None and name in wanted else None
+
+    rest = {
+        "depth_m": copied("depth", images.depth_m),
+        "median_depth_m": copied("median_depth", images.median_depth_m),
+        "alpha": copied("alpha", images.alpha),
+        "mask": copied("mask", images.mask),
+        "normal": copied("normal", images.normal),
+    }
+    arrays = {name: None if tensor is None else tensor.numpy() for name, tensor in rest.items()}
+    return Images(rgb=rgb_bytes(images.rgb[0]).cpu().numpy(), **arrays)

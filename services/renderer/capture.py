@@ -1,0 +1,202 @@
+"""From moments to the images that a camera records: lens, shutter, exposure, noise.
+
+Without a sensor an image is exactly what the rasterizer draws.
+"""
+
+import dataclasses
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from common.rasterizer.images import Images
+from common.robot import CameraConfig
+from services.renderer.drawing import Drawing
+from services.renderer.sensor import SensorConfig
+from services.renderer.sensor_faces import R_FACE_CAMERA, Faces, Remap, make_remap, plan_faces
+from services.renderer.sensor_lens import Lens, make_lens
+from services.renderer.sensor_light import LightSum, exposure_gain
+from services.renderer.sensor_motion import Moment
+from services.renderer.sensor_shutter import Shutter, make_shutter
+from services.renderer.sensor_streams import SensorStream
+
+MomentAt = Callable[[float], Moment]
+"""The moment at a simulation step, which need not be whole."""
+EPISODE_CAMERAS_KEPT = 16
+"""Remaps take 3 MB each for an image of 144x256."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EpisodeCamera:
+    """The camera of one episode: the sensor's values as they were drawn for it."""
+
+    sensor: SensorConfig
+    """Without ranges."""
+    lens: Lens
+    remap: Remap | None
+    shutter: Shutter
+    gain: npt.NDArray[np.float64]
+    stream: SensorStream
+
+    @cached_property
+    def distortion_model(self) -> str:
+        """Foxglove's name of the lens: "plumb_bob", "kannala_brandt", or empty for a pinhole."""
+        return {"none": "", "brown_conrady": "plumb_bob", "fisheye": "kannala_brandt"}[self.lens.distortion]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Pinhole:
+    """What the rasterizer has to draw for a sensor."""
+
+    faces: Faces | None
+    """None: the image itself."""
+    K_px: npt.NDArray[np.float64]
+    height_px: int
+    width_px: int
+
+
+def pinhole_of(sensor: SensorConfig, camera: CameraConfig) -> Pinhole:
+    """The pinhole camera that holds what every lens of a sensor's ranges shows.
+
+    Raises:
+        ConfigError: If a lens cannot be drawn.
+    """
+    if sensor.distortion == "none":
+        return Pinhole(faces=None, K_px=camera.K_px, height_px=camera.height_px, width_px=camera.width_px)
+    faces = plan_faces([make_lens(extreme, camera) for extreme in sensor.extremes()])
+    return Pinhole(faces=faces, K_px=faces.K_px, height_px=faces.height_px, width_px=faces.width_px)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Capture:
+    """Takes pictures."""
+
+    drawing: Drawing
+    """Draws with the pinhole camera of `pinhole`."""
+    pinhole: Pinhole
+    sensor: SensorConfig
+    camera: CameraConfig
+    _cameras: OrderedDict[SensorStream, EpisodeCamera] = field(default_factory=OrderedDict)
+
+    def camera_of(self, stream: SensorStream) -> EpisodeCamera:
+        """The camera of the episode that a stream belongs to."""
+        if stream not in self._cameras:
+            self._cameras[stream] = self._drawn(stream)
+            while len(self._cameras) > EPISODE_CAMERAS_KEPT:
+                self._cameras.popitem(last=False)
+        self._cameras.move_to_end(stream)
+        return self._cameras[stream]
+
+    def take(self, camera: EpisodeCamera, moment_at: MomentAt, step: int, outputs: Sequence[str] = ("rgb",)) -> Images:
+        """The images of one frame.
+
+        Colour is what the sensor makes of the light. Depth, alpha, mask and normal have no noise and no blur: each
+        pixel shows the middle of its row's exposure, at its centre. Depth is along the optical axis.
+
+        Args:
+            camera: Of this episode.
+            moment_at: Camera pose and people over time.
+            step: The frame's own step, at which its last row's exposure ends.
+            outputs: Names out of `common.rasterizer.images.OUTPUTS`.
+        """
+        if self.sensor.off:
+            moment = moment_at(float(step))
+            return self.drawing.draw_images(moment.T_world_camera, moment.humans, moment.step, outputs)
+        height, width = self.camera.height_px, self.camera.width_px
+        light, out = LightSum(height, width), None
+        for moment, weight, rows in _exposures(camera.shutter, moment_at, step):
+            poses = _face_poses(moment.T_world_camera, camera.remap)
+            names = outputs if rows.any() else ("rgb",)
+            faces = [self.drawing.draw_images(pose, moment.humans, moment.step, names) for pose in poses]
+            light.add(np.stack([face.rgb for face in faces]), camera.remap, weight)
+            if rows.any():
+                seen = faces[0] if camera.remap is None else _looked_up(faces, camera.remap)
+                out = seen if out is None else _with_rows(out, seen, rows)
+        assert out is not None
+        rgb = light.developed(camera.sensor, camera.gain, camera.stream.of_frame(step))
+        return dataclasses.replace(out, rgb=rgb)
+
+    def _drawn(self, stream: SensorStream) -> EpisodeCamera:
+        sensor = self.sensor.drawn(stream.of_draws())
+        lens = make_lens(sensor, self.camera)
+        return EpisodeCamera(
+            sensor=sensor,
+            lens=lens,
+            remap=self._remap(lens),
+            shutter=make_shutter(sensor, self.camera.height_px),
+            gain=exposure_gain(sensor, self.camera.height_px, self.camera.width_px),
+            stream=stream,
+        )
+
+    def _remap(self, lens: Lens) -> Remap | None:
+        if self.pinhole.faces is None:
+            return None
+        known = (camera.remap for camera in self._cameras.values() if camera.lens.coefficients == lens.coefficients)
+        return next(known, None) or make_remap(lens, self.pinhole.faces)
+
+
+def _exposures(
+    shutter: Shutter, moment_at: MomentAt, step: int
+) -> list[tuple[Moment, npt.NDArray[np.int64], npt.NDArray[np.bool_]]]:
+    """Moments, the share of each in each row, and the rows whose middle each is; equal neighbours become one."""
+    found: list[tuple[Moment, npt.NDArray[np.int64], npt.NDArray[np.bool_]]] = []
+    for index, after in enumerate(shutter.steps):
+        moment, weight, rows = moment_at(step + after), shutter.weight[index], shutter.middle == index
+        if found and moment.equals(found[-1][0]):
+            moment, weight, rows = found[-1][0], found[-1][1] + weight, found[-1][2] | rows
+            found.pop()
+        found.append((moment, weight, rows))
+    return found
+
+
+def _face_poses(T_world_camera: npt.NDArray[np.float64], remap: Remap | None) -> list[npt.NDArray[np.float64]]:
+    """Poses of the cameras that draw the faces."""
+    if remap is None:
+        return [T_world_camera]
+    poses = []
+    for face in remap.faces:
+        pose = T_world_camera.copy()
+        for k, axis in enumerate(R_FACE_CAMERA[face]):
+            pose[:3, k] = axis[0] * T_world_camera[:3, 0] + axis[1] * T_world_camera[:3, 1]
+            pose[:3, k] += axis[2] * T_world_camera[:3, 2]
+        poses.append(pose)
+    return poses
+
+
+def _looked_up(faces: Sequence[Images], remap: Remap) -> Images:
+    """Images of the faces at the centres of the distorted image's pixels; depth along the camera's optical axis."""
+    values: dict[str, npt.NDArray[Any]] = {}
+    for name in _names(faces[0]):
+        stacked = np.stack([getattr(face, name) for face in faces])
+        values[name] = stacked.reshape(-1, *stacked.shape[3:])[remap.nearest]
+        if name in ("depth_m", "median_depth_m"):
+            values[name] = (values[name] * remap.depth_factor).astype(np.float32)
+        elif name == "normal":
+            values[name] = _turned_back(values[name], remap)
+    return Images(**values)
+
+
+def _names(images: Images) -> list[str]:
+    """The images that are there."""
+    return [entry.name for entry in dataclasses.fields(images) if getattr(images, entry.name) is not None]
+
+
+def _turned_back(normal: npt.NDArray[Any], remap: Remap) -> npt.NDArray[np.float32]:
+    """Normals in the faces' frames, shape (H, W, 3), in the camera's frame."""
+    R = R_FACE_CAMERA[list(remap.faces)][remap.face].astype(np.float32)
+    turned = [
+        R[..., 0, i] * normal[..., 0] + R[..., 1, i] * normal[..., 1] + R[..., 2, i] * normal[..., 2] for i in range(3)
+    ]
+    return np.stack(turned, axis=-1).astype(np.float32)
+
+
+def _with_rows(images: Images, others: Images, rows: npt.NDArray[np.bool_]) -> Images:
+    """Images whose given rows are those of others."""
+    values = {name: getattr(images, name).copy() for name in _names(images)}
+    for name, value in values.items():
+        value[rows] = getattr(others, name)[rows]
+    return Images(**values)

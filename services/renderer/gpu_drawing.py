@@ -1,0 +1,89 @@
+"""Drawing a scene with people in it on a GPU."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from common.avatars import Avatar
+from common.messages import HumanMotion
+from common.rasterizer.cpu import PosedPerson
+from common.rasterizer.gpu.availability import require_kernels
+from common.rasterizer.images import Images
+from common.scenes import Scene
+from services.renderer.drawing import PinholeCamera
+from services.renderer.sensor_motion import posed
+
+Image = npt.NDArray[np.uint8]
+Pose = npt.NDArray[np.float64]
+
+
+class GpuDrawing:
+    """Draws with the GPU rasterizer; see `services.renderer.drawing.Drawing`.
+
+    Args:
+        scene: Scene bundle.
+        avatars: Who may be drawn, by name.
+        camera: Camera.
+        kernels: "triton" or "gsplat".
+        device: CUDA device.
+
+    Raises:
+        ReadygoError: If a package, a GPU or a compiler is missing.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        avatars: Mapping[str, Avatar],
+        camera: PinholeCamera,
+        kernels: str = "triton",
+        device: str = "cuda",
+    ) -> None:
+        require_kernels(kernels, device)
+        # torch takes seconds to load; this module does not.
+        from common.rasterizer.gpu.rasterizer import GpuRasterizer
+
+        self._number = {name: number for number, name in enumerate(avatars)}
+        clouds = [scene.cloud] if scene.sky is None else [scene.cloud, scene.sky]
+        self._rasterizer = GpuRasterizer(
+            clouds,
+            list(avatars.values()),
+            camera.K_px,
+            camera.height_px,
+            camera.width_px,
+            kernels=kernels,
+            device=device,
+        )
+
+    def draw(self, T_world_camera: Pose, humans: Sequence[HumanMotion], step: float) -> Image:
+        """See `Drawing.draw`."""
+        return self._rasterizer.render(T_world_camera, self._people(humans, step))
+
+    def draw_images(
+        self, T_world_camera: Pose, humans: Sequence[HumanMotion], step: float, outputs: Sequence[str]
+    ) -> Images:
+        """See `Drawing.draw_images`."""
+        return self._rasterizer.render_images(T_world_camera, self._people(humans, step), outputs)
+
+    def draw_batch(
+        self, T_world_camera: Pose, humans: Sequence[Sequence[HumanMotion]], steps: Sequence[float]
+    ) -> npt.NDArray[np.uint8]:
+        """Many views in one call.
+
+        Args:
+            T_world_camera: Camera poses, OpenCV axes, shape (B, 4, 4).
+            humans: People that each camera sees, B sequences.
+            steps: Simulation step of each view.
+
+        Returns:
+            sRGB, shape (B, H, W, 3).
+        """
+        people = [self._people(group, step) for group, step in zip(humans, steps, strict=True)]
+        return self._rasterizer.render_batch(T_world_camera, people)
+
+    def _people(self, humans: Sequence[HumanMotion], step: float) -> list[PosedPerson]:
+        return [
+            PosedPerson(avatar=self._number[one.avatar], root_m=one.root_m, pose_axis_angle=one.pose_axis_angle)
+            for one in posed(humans, step)
+        ]

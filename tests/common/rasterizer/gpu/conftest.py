@@ -1,0 +1,66 @@
+import importlib.util
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from common.avatars import Avatar, pose_avatar
+from common.gaussians import GaussianCloud, concatenate
+from common.rasterizer.cpu import PosedPerson
+
+Pose = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]
+
+
+@pytest.fixture(scope="session")
+def triton_device() -> Iterator[str]:
+    """Where Triton kernels run here: a CUDA device, or the CPU under Triton's interpreter."""
+    if importlib.util.find_spec("triton") is None:
+        pytest.skip("triton is not installed (the extra `gpu`)")
+    torch = pytest.importorskip("torch", reason="torch is not installed")
+    if torch.cuda.is_available():
+        yield "cuda"
+        return
+    # Triton decides when a kernel is defined: this must stand before the first import of one.
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("TRITON_INTERPRET", "1")
+        yield "cpu"
+
+
+@pytest.fixture(scope="session")
+def small_avatar(avatar: Avatar) -> Avatar:
+    """A few Gaussians of the stick figure: Triton's interpreter takes a millisecond for each in a tile."""
+    index = np.random.default_rng(0).permutation(len(avatar.cloud))[:150]
+    return Avatar(
+        name="small",
+        license="",
+        height_m=avatar.height_m,
+        cloud=avatar.cloud.select(index),
+        lbs_index=avatar.lbs_index[index],
+        lbs_weight=avatar.lbs_weight[index],
+        joints_canonical_m=avatar.joints_canonical_m,
+        joints_tpose_m=avatar.joints_tpose_m,
+        R_tpose_canonical=avatar.R_tpose_canonical,
+    )
+
+
+@pytest.fixture(scope="session")
+def person() -> Callable[..., PosedPerson]:
+    """Makes a person in a random pose at a place."""
+
+    def make(x_m: float, y_m: float, *, avatar: int = 0, seed: int = 1) -> PosedPerson:
+        pose = 0.5 * np.random.default_rng(seed).normal(size=(24, 3))
+        return PosedPerson(avatar=avatar, root_m=np.array([x_m, y_m, 1.0]), pose_axis_angle=pose)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def posed() -> Callable[..., GaussianCloud]:
+    """The scene and its people as one cloud."""
+
+    def make(cloud: GaussianCloud, avatars: Sequence[Avatar], people: Sequence[PosedPerson]) -> GaussianCloud:
+        bodies = [pose_avatar(avatars[p.avatar], p.root_m, p.pose_axis_angle) for p in people]
+        return concatenate([cloud, *bodies]) if bodies else cloud
+
+    return make

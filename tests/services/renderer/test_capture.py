@@ -1,0 +1,319 @@
+import math
+from dataclasses import fields, replace
+from functools import partial
+
+import cv2
+import numpy as np
+import pytest
+
+from common.messages import EpisodeKey, EpisodeMotions, HumanMotion, RenderRequest, RenderView, Split
+from common.rasterizer.images import OUTPUTS, Images
+from common.robot import CameraConfig, RobotConfig, step_unicycle
+from services.renderer import Renderer, RendererConfig, episode_header, episode_samples, handle_render
+from services.renderer.capture import Capture, Pinhole, pinhole_of
+from services.renderer.sensor import SensorConfig, SensorRanges, sensor_phone_like
+from services.renderer.sensor_light import byte_of_light, light_of_byte
+from services.renderer.sensor_motion import Moment
+from services.renderer.sensor_streams import SensorStream
+
+CAMERA = CameraConfig(height_px=96, width_px=160)
+STREAM = SensorStream((3, 4))
+TURN_RADPS = 1.2
+DARK = 0.05
+"""Light of the world where it is not bright."""
+
+
+class PosterWorld:
+    """A world at infinity, as bright (0 to 1) as azimuth and elevation say; counts its images."""
+
+    def __init__(self, pinhole: Pinhole, bright) -> None:
+        self.pinhole, self.bright, self.count = pinhole, bright, 0
+
+    def draw_images(self, T_world_camera, humans, step, outputs) -> Images:
+        self.count += 1
+        p = self.pinhole
+        u, v = np.meshgrid(np.arange(p.width_px) + 0.5, np.arange(p.height_px) + 0.5)
+        K = p.K_px
+        rays = np.stack([(u - K[0, 2]) / K[0, 0], (v - K[1, 2]) / K[1, 1], np.ones_like(u)], axis=-1)
+        world = rays @ T_world_camera[:3, :3].T
+        azimuth = np.arctan2(world[..., 1], world[..., 0])
+        elevation = np.arctan2(world[..., 2], np.hypot(world[..., 0], world[..., 1]))
+        bright = self.bright(azimuth, elevation)
+        grey = byte_of_light()[np.rint((DARK + (1.0 - DARK) * bright) * 65535).astype(int)]
+        rgb = np.repeat(grey[..., None], 3, axis=-1)
+        near = np.full(u.shape, 2.0, dtype=np.float32)
+        mask = (bright > 0.5).astype(np.uint8)
+        normal = -rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+        # Walls 2 m away along the optical axis of whichever camera looks.
+        return Images(rgb=rgb, depth_m=near, mask=mask, alpha=np.ones_like(near), normal=normal.astype(np.float32))
+
+    def draw(self, T_world_camera, humans, step) -> np.ndarray:
+        return self.draw_images(T_world_camera, humans, step, ("rgb",)).rgb
+
+
+def capture(sensor: SensorConfig, bright, camera: CameraConfig = CAMERA) -> Capture:
+    pinhole = pinhole_of(sensor, camera)
+    return Capture(drawing=PosterWorld(pinhole, bright), pinhole=pinhole, sensor=sensor, camera=camera)
+
+
+def turning(step: float, *, rate_radps: float = TURN_RADPS) -> Moment:
+    pose = CAMERA.T_world_camera(0.0, 0.0, rate_radps * 0.05 * step, 0.0)
+    return Moment(T_world_camera=pose, humans=(), step=step)
+
+
+def bar(azimuth: np.ndarray, elevation: np.ndarray) -> np.ndarray:
+    return np.clip((0.08 - np.abs(azimuth)) / 0.05, 0.0, 1.0)
+
+
+def take(sensor: SensorConfig, bright, moment_at=turning, camera: CameraConfig = CAMERA) -> Images:
+    taking = capture(sensor, bright, camera)
+    return taking.take(taking.camera_of(STREAM), moment_at, 0)
+
+
+def light(image: np.ndarray) -> np.ndarray:
+    return light_of_byte()[image[..., 0]] / 65535
+
+
+def test_motion_blur_is_as_long_as_the_turn_and_keeps_the_light() -> None:
+    exposure_s = 0.04
+    sharp = light(take(SensorConfig(), bar).rgb)
+    blurred = light(take(SensorConfig(exposure_s=exposure_s, sub_frames=32), bar).rgb)
+    row = CAMERA.height_px // 2
+    assert blurred[row].mean() == pytest.approx(sharp[row].mean(), rel=0.01)
+    dark = sharp[row].min()
+    width = [int((lights[row] > dark + 0.01).sum()) for lights in (sharp, blurred)]
+    streak_px = CAMERA.K_px[0, 0] * TURN_RADPS * exposure_s
+    assert width[1] - width[0] == pytest.approx(streak_px, abs=2)
+    # All of it is in the past: the robot turns left, so the bar was further left in the image's past.
+    centre_px = np.average(np.arange(CAMERA.width_px) + 0.5, weights=blurred[row] - dark)
+    assert centre_px == pytest.approx(CAMERA.width_px / 2 - streak_px / 2, abs=0.5)
+
+
+def test_rolling_shutter_shows_upper_rows_earlier() -> None:
+    readout_s = 0.04
+    image = light(take(SensorConfig(readout_s=readout_s, sub_frames=32), bar).rgb)
+    columns = np.arange(CAMERA.width_px) + 0.5
+    centres = np.array([np.average(columns, weights=row - image.min()) for row in image])
+    skew_px = CAMERA.K_px[0, 0] * TURN_RADPS * readout_s
+    # Turning left moves the world to the right in the image, from row to row.
+    assert centres[-1] - centres[0] == pytest.approx(skew_px, abs=1.0)
+    assert (np.diff(centres) >= -0.01).all()
+    assert centres[-1] == pytest.approx(CAMERA.width_px / 2, abs=1.0)
+    mirrored = light(take(SensorConfig(readout_s=readout_s), bar, partial(turning, rate_radps=-TURN_RADPS)).rgb)
+    assert np.average(columns, weights=mirrored[0] - mirrored.min()) > CAMERA.width_px / 2 + 2.5
+
+
+def test_mask_shows_each_row_at_the_middle_of_its_exposure() -> None:
+    images = take(SensorConfig(exposure_s=0.02, readout_s=0.03, sub_frames=64), bar)
+    columns = np.arange(CAMERA.width_px) + 0.5
+    assert images.mask is not None
+    for row, time_s in ((0, -0.04), (CAMERA.height_px - 1, -0.01)):
+        expected = CAMERA.width_px / 2 + CAMERA.K_px[0, 0] * math.tan(TURN_RADPS * time_s)
+        assert columns[images.mask[row] > 0].mean() == pytest.approx(expected, abs=0.6)
+
+
+def test_what_stands_still_is_drawn_once() -> None:
+    taking = capture(SensorConfig(exposure_s=0.02, readout_s=0.02), bar)
+    still = taking.take(taking.camera_of(STREAM), lambda step: turning(0.0), 5)
+    assert taking.drawing.count == 1
+    assert np.array_equal(still.rgb, PosterWorld(taking.pinhole, bar).draw(turning(0.0).T_world_camera, (), 0))
+
+
+def straightness_px(image: np.ndarray) -> float:
+    """Largest distance of a bright curve's points from the straight line through its ends."""
+    weights = light(image) - light(image).min()
+    rows = np.arange(len(weights)) + 0.5
+    centres = (weights * (np.arange(weights.shape[1]) + 0.5)).sum(axis=1) / weights.sum(axis=1)
+    line = np.interp(rows, rows[[0, -1]], centres[[0, -1]])
+    return float(np.abs(centres - line).max())
+
+
+def test_straight_line_bends_as_the_lens_says() -> None:
+    def post(azimuth: np.ndarray, elevation: np.ndarray) -> np.ndarray:
+        return np.clip((0.05 - np.abs(azimuth - 0.6)) / 0.03, 0.0, 1.0)
+
+    still = partial(turning, rate_radps=0.0)
+    assert straightness_px(take(SensorConfig(), post, still).rgb) < 0.6
+    sensor = SensorConfig(distortion="brown_conrady", k1=-0.1)
+    taking = capture(sensor, post)
+    lens = taking.camera_of(STREAM).lens
+    image = taking.take(taking.camera_of(STREAM), still, 0).rgb
+    # The post is where x / z = -tan(0.6); its point at each row is found by the lens itself.
+    elevations = np.linspace(-1.5, 1.5, 400)
+    curve = lens.pixels(np.stack([np.full_like(elevations, -math.tan(0.6)), elevations], axis=1))
+    weights = light(image) - light(image).min()
+    centres = (weights * (np.arange(CAMERA.width_px) + 0.5)).sum(axis=1) / weights.sum(axis=1)
+    expected = np.interp(np.arange(CAMERA.height_px) + 0.5, curve[:, 1], curve[:, 0])
+    assert np.abs(centres - expected)[2:-2].max() < 0.3
+    assert straightness_px(image) > 1.5
+
+
+def test_wide_fisheye_shows_a_level_horizon_and_depth_along_the_optical_axis() -> None:
+    camera = CameraConfig(height_px=72, width_px=128, horizontal_fov_deg=150.0)
+    sensor = SensorConfig(distortion="fisheye")
+    still = partial(turning, rate_radps=0.0)
+    images = take(sensor, lambda azimuth, elevation: (elevation > 0.0).astype(float), still, camera)
+    assert (images.rgb[:35] > 250).all()
+    assert (images.rgb[37:] < 70).all()
+    taking = capture(sensor, bar, camera)
+    remap = taking.camera_of(STREAM).remap
+    assert remap is not None
+    assert remap.faces == (0, 1, 2)
+    assert images.depth_m is not None
+    assert images.normal is not None
+    # Faces see walls 2 m along their own axes.
+    assert images.depth_m[36, 64] == pytest.approx(2.0)
+    angle = math.radians(75.0) * 63.5 / 64
+    assert images.depth_m[36, 0] == pytest.approx(2.0 / math.tan(angle), rel=0.01)
+    assert images.normal[36, 0] == pytest.approx((math.sin(angle), 0.0, -math.cos(angle)), abs=0.03)
+    assert (images.alpha == 1.0).all()
+
+
+def test_off_is_what_the_rasterizer_draws(renderer: Renderer, human: HumanMotion) -> None:
+    moment = Moment(T_world_camera=CAMERA.T_world_camera(0, 0, 0.3, 0), humans=(human,), step=1.0)
+    taken = renderer.capture.take(renderer.capture.camera_of(STREAM), lambda _: moment, 1)
+    assert np.array_equal(taken.rgb, renderer.drawing.draw(moment.T_world_camera, (human,), 1))
+
+
+@pytest.fixture(scope="module")
+def phone(renderer: Renderer) -> Renderer:
+    config = RendererConfig(image_format="png", contact_shadow=True, sensor=sensor_phone_like())
+    return Renderer(renderer.scene, renderer.avatars, renderer.robot, config)
+
+
+def test_frames_are_the_same_in_any_order_and_from_any_renderer(phone: Renderer, episode) -> None:
+    scenario, motions, trajectory = episode
+    first = [sample.image for sample in episode_samples(phone, scenario, motions, trajectory)]
+    other = Renderer(phone.scene, phone.avatars, phone.robot, phone.config)
+    elsewhere = replace(scenario, episode=EpisodeKey(seed=1, split=Split.TEST, index=3))
+    next(episode_samples(other, elsewhere, motions, trajectory))
+    assert first == [sample.image for sample in episode_samples(other, scenario, motions, trajectory)]
+    assert next(episode_samples(phone, elsewhere, motions, trajectory)).image != first[0]
+
+
+def test_header_holds_the_lens_that_was_drawn(phone: Renderer, episode) -> None:
+    scenario, _, trajectory = episode
+    camera = phone.capture.camera_of(SensorStream.of_episode(scenario.episode))
+    header = episode_header(phone, scenario, trajectory)
+    assert np.array_equal(np.reshape(header.K_px, (3, 3)), camera.lens.K_px)
+    assert (header.height_px, header.width_px) == (48, 80)
+    assert header.distortion_model == "plumb_bob"
+    assert len(header.distortion) == 5
+    assert header.distortion[0] == camera.sensor.k1 != 0.0
+
+
+def test_views_have_noise_of_their_people_and_step_and_no_blur(phone: Renderer, human: HumanMotion) -> None:
+    pose = phone.robot.camera.T_world_camera(0.0, 0.0, 0.0, 0.0)
+    views = tuple(RenderView(people="", step=step, T_world_camera=pose) for step in (4, 4, 5))
+    images = handle_render(phone, RenderRequest(views=views)).rgb
+    assert np.array_equal(images[0], images[1])
+    difference = images[0].astype(int) - images[2]
+    assert 0 < np.abs(difference).mean() < 12
+    assert abs(difference.mean()) < 0.5
+
+
+def test_blur_comes_from_people_too(renderer: Renderer, episode) -> None:
+    _, motions, _ = episode
+    config = RendererConfig(image_format="png", sensor=SensorConfig(exposure_s=0.05))
+    slow = Renderer(renderer.scene, renderer.avatars, renderer.robot, config)
+    camera = slow.capture.camera_of(STREAM)
+    floor_m = slow.scene.maps.floor.at(0.0, 0.0)
+
+    def at(step: float) -> Moment:
+        pose = slow.robot.camera.T_world_camera(0.0, 0.0, 0.0, floor_m)
+        return Moment(T_world_camera=pose, humans=motions.humans, step=step)
+
+    blurred = slow.capture.take(camera, at, 2).rgb.astype(int)
+    sharp = slow.drawing.draw(at(2.0).T_world_camera, motions.humans, 2).astype(int)
+    changed = np.abs(blurred - sharp).max(axis=2) > 8
+    assert 0.01 < changed.mean() < 0.5
+    empty = slow.drawing.draw(at(2.0).T_world_camera, (), 2).astype(int)
+    person = np.abs(sharp - empty).max(axis=2) > 0
+    assert changed[:, :10].sum() == 0
+    assert changed[person].sum() > 0
+
+
+def test_lens_that_the_camera_cannot_have_is_refused_at_once(renderer: Renderer) -> None:
+    from common.errors import ConfigError
+
+    folding = SensorConfig(distortion="brown_conrady", ranges=SensorRanges(k1=(-0.4, 0.0)))
+    with pytest.raises(ConfigError, match="folds the image"):
+        Renderer(renderer.scene, renderer.avatars, RobotConfig(), RendererConfig(sensor=folding))
+
+
+def test_blurred_image_is_the_mean_light_along_the_robots_arc(renderer: Renderer, episode) -> None:
+    scenario, _, trajectory = episode
+    rows = [(0.0, 0.0, 0.0)]
+    for _ in range(6):
+        rows.append(step_unicycle(*rows[-1], 0.5, 1.0))
+    arcs = replace(trajectory, xyyaw=np.array(rows))
+    config = RendererConfig(image_format="png", sensor=SensorConfig(exposure_s=0.04, sub_frames=4))
+    blurring = Renderer(renderer.scene, renderer.avatars, renderer.robot, config)
+    sample = list(episode_samples(blurring, scenario, EpisodeMotions(humans=()), arcs))[4]
+    blurred = cv2.imdecode(np.frombuffer(sample.image, dtype=np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
+    poses = [step_unicycle(*rows[3], 0.5, 1.0, 0.05 - before_s) for before_s in (0.035, 0.025, 0.015, 0.005)]
+    camera, floor = renderer.robot.camera, renderer.scene.maps.floor
+    sharp = [
+        renderer.drawing.draw(camera.T_world_camera(x_m, y_m, yaw_rad, floor.at(x_m, y_m)), (), 0)
+        for x_m, y_m, yaw_rad in poses
+    ]
+    expected = byte_of_light()[np.rint(np.mean([light_of_byte()[image] for image in sharp], axis=0)).astype(int)]
+    assert np.abs(blurred.astype(int) - expected).max() <= 1
+    assert np.abs(blurred.astype(int) - sharp[-1]).max() > 20
+
+
+@pytest.mark.parametrize("lens", ["brown_conrady", "fisheye"])
+def test_depth_and_mask_come_through_the_lens(renderer: Renderer, human: HumanMotion, lens: str) -> None:
+    outputs = ("rgb", "median_depth", "alpha", "mask")
+    moment = Moment(T_world_camera=renderer.robot.camera.T_world_camera(0, 0, 0, 0.0), humans=(human,), step=1.0)
+    config = RendererConfig(sensor=SensorConfig(distortion=lens, exposure_s=0.01))
+    bent = Renderer(renderer.scene, renderer.avatars, renderer.robot, config).capture
+    camera = bent.camera_of(STREAM)
+    through = bent.take(camera, lambda _: moment, 1, outputs)
+    plain = renderer.capture.take(renderer.capture.camera_of(STREAM), lambda _: moment, 1, outputs)
+    for images in (through, plain):
+        assert images.normal is images.depth_m is None
+        assert images.mask is not None
+        assert set(np.unique(images.mask)) == {0, 1}
+    u, v = np.meshgrid(np.arange(plain.rgb.shape[1]) + 0.5, np.arange(plain.rgb.shape[0]) + 0.5)
+    rays = camera.lens.rays(np.stack([u, v], axis=-1).reshape(-1, 2))
+    K = renderer.robot.camera.K_px
+    columns = np.floor(rays[:, 0] * K[0, 0] + K[0, 2]).astype(int)
+    rows = np.floor(rays[:, 1] * K[1, 1] + K[1, 2]).astype(int)
+    inside = (columns >= 0) & (columns < u.shape[1]) & (rows >= 0) & (rows < u.shape[0])
+    assert inside.mean() > 0.6
+    for name in ("mask", "median_depth_m"):
+        one = getattr(through, name).reshape(-1)[inside]
+        two = getattr(plain, name)[rows[inside], columns[inside]]
+        same = np.isclose(one, two, rtol=0.03) | (np.isinf(one) & np.isinf(two))
+        assert same.mean() > 0.9
+
+
+def test_shadows_leave_depth_and_mask_alone(renderer: Renderer, human: HumanMotion) -> None:
+    config = RendererConfig(contact_shadow=True)
+    shadowed = Renderer(renderer.scene, renderer.avatars, renderer.robot, config).drawing
+    pose = renderer.robot.camera.T_world_camera(0, 0, 0, 0.0)
+    one, two = (d.draw_images(pose, (human,), 0, ("rgb", "depth", "mask")) for d in (shadowed, renderer.drawing))
+    assert np.array_equal(one.depth_m, two.depth_m)
+    assert np.array_equal(one.mask, two.mask)
+    assert np.array_equal(one.rgb, shadowed.draw(pose, (human,), 0))
+
+
+def test_both_backends_give_every_output_and_samples_carry_what_is_asked_for(
+    renderer: Renderer, episode, human: HumanMotion
+) -> None:
+    scenario, motions, trajectory = episode
+    config = RendererConfig(outputs=OUTPUTS, sensor=SensorConfig(distortion="fisheye"))
+    asked = Renderer(renderer.scene, renderer.avatars, renderer.robot, config)
+    sample = next(episode_samples(asked, scenario, motions, trajectory))
+    assert set(sample.outputs) == set(OUTPUTS) - {"rgb"}
+    assert sample.intact
+    reference = Renderer(renderer.scene, renderer.avatars, renderer.robot, replace(config, backend="reference"))
+    pose = renderer.robot.camera.T_world_camera(0, 0, 0, 0.0)
+    moment = Moment(T_world_camera=pose, humans=(human,), step=0.0)
+    slow, fast = (
+        one.capture.take(one.capture.camera_of(STREAM), lambda _: moment, 0, OUTPUTS) for one in (reference, asked)
+    )
+    for entry in fields(Images):
+        one, two = getattr(slow, entry.name), getattr(fast, entry.name)
+        assert np.isclose(one, two, rtol=0.01, atol=0.03 if entry.name != "rgb" else 2).mean() > 0.97, entry.name
