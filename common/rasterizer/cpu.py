@@ -13,7 +13,7 @@ from common.avatars import Avatar, joint_transforms
 from common.gaussians import GaussianCloud
 from common.rasterizer import cpu_blend
 from common.rasterizer.constants import NEAR_M
-from common.rasterizer.cpu_lod import Cut, cull_person_tree, cull_tree
+from common.rasterizer.cpu_lod import COARSENESS, Cut, cull_person_tree, cull_tree
 from common.rasterizer.cpu_outputs import MAX_PEOPLE, Sums, instance_of_records, write_images
 from common.rasterizer.cpu_project import FAR_BITS, NEAR_BITS, Gaussians, Skin, Slab, project_person, project_scene
 from common.rasterizer.cpu_view import View, VisibleChunks, cull_person, cull_scene, make_view
@@ -161,7 +161,7 @@ class CpuRasterizer:
         width_px: int,
         *,
         packed_avatars: Sequence[PackedAvatar | AvatarTree] | None = None,
-        coarseness: float = 1.0,
+        coarseness: float = COARSENESS,
     ) -> None:
         if max(height_px, width_px) > MAX_SIDE_PX:
             raise ValueError(f"images are limited to {MAX_SIDE_PX} px a side, got {height_px}x{width_px} px.")

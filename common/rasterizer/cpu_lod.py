@@ -14,6 +14,10 @@ Singles = npt.NDArray[np.float32]
 Integers = npt.NDArray[np.int64]
 
 
+COARSENESS = 1.2
+"""At it, images of a furnished flat with people 2 and 3 m ahead keep 41 dB against the exact ones (5th percentile)."""
+
+
 class Cut(NamedTuple):
     """A tree and where to cut it."""
 

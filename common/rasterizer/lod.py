@@ -24,13 +24,14 @@ from common.rasterizer.lod_clusters import (
     Labels,
     Originals,
     gather_colours,
+    gather_normals,
     gather_region,
     make_clusters,
     opacity_of_cover,
 )
 from common.rasterizer.lod_cost import MergeRule
 from common.rasterizer.lod_merge import merge_regions
-from common.rasterizer.packed import BLOCKS, CHUNK, GEOMETRY_ROWS, PackedScene
+from common.rasterizer.packed import BLOCKS, CHUNK, GEOMETRY_ROWS, NORMAL_STEP, PackedScene
 
 Singles = npt.NDArray[np.float32]
 
@@ -84,6 +85,8 @@ class Node:
     """Rows of packed colours, shape (count, n)."""
     skin: Singles | None = None
     """Weights of joints, shape (count, 24) or (count, 0)."""
+    normal: Floats | None = None
+    """Packed normals, shape (count, 3); None for a cloud without."""
 
 
 def build_tree(scene: PackedScene) -> ChunkTree:
@@ -117,7 +120,8 @@ class _Forest:
     def __init__(self, scene: PackedScene, skin: Singles, centred: bool) -> None:
         self._originals = _originals(scene, skin, centred)
         count = len(skin)
-        self._packed_colours = (scene.colour if len(scene.colour) else scene.sh).reshape(-1)
+        self._packed_colours = _plain(scene.colour if len(scene.colour) else scene.sh)
+        self._packed_normals = None if scene.normal is None else _plain(scene.normal)
         self._colour_rows = 3 * (1 if len(scene.colour) else scene.sh.shape[3])
         self._first = np.minimum(np.arange(scene.chunk_count + 1) * CHUNK, count)
         self._count = np.diff(self._first)
@@ -191,6 +195,11 @@ class _Forest:
         gather_colours(
             self._originals, self._label, *span, pixel_m, self._packed_colours, clusters.weight, node.colour
         )
+        if self._packed_normals is not None:
+            sums = np.empty((node.count, 3))
+            gather_normals(self._originals, self._label, *span, pixel_m, self._packed_normals, sums)
+            length = np.sqrt(sums[:, 0] * sums[:, 0] + sums[:, 1] * sums[:, 1] + sums[:, 2] * sums[:, 2])
+            node.normal = sums / (NORMAL_STEP * np.maximum(length, 1e-30))[:, None]
         node.rows = _geometry_rows(clusters, node.count, self._originals.mean_m[node.first])
         node.skin = clusters.skin[: node.count].astype(np.float32)
 
@@ -225,6 +234,7 @@ def tree_of_nodes(scene: PackedScene, nodes: list[Node], *, centred: bool = True
     centre, half, reach = scene.centre_m[chunks], scene.half_m[chunks], scene.reach_m[chunks]
     geometry, colour, sh = scene.geometry[chunks], scene.colour[chunks if len(scene.colour) else []], scene.sh
     sh = sh[chunks if len(sh) else []]
+    normal = None if scene.normal is None else scene.normal[chunks]
     for k in range(len(nodes) - 1, -1, -1):
         node, below = nodes[k], list(children_of(k, skip))
         if node.rows is None or node.colour is None:
@@ -236,14 +246,30 @@ def tree_of_nodes(scene: PackedScene, nodes: list[Node], *, centred: bool = True
         half[k] = np.nextafter(np.maximum(high - centre[k], centre[k] - low).astype(np.float32), np.float32(np.inf))
         reach[k] = max(_reach(node.rows), reach[below].max())
         geometry[k] = _blocks(node.rows - np.pad(centre[k] * centred, (0, GEOMETRY_ROWS - 3)), -1.0)
+        if normal is not None and node.normal is not None:
+            normal[k] = np.rint(_blocks(node.normal, 0.0))
         if len(colour):
             colour[k] = _blocks(node.colour, 0.0)
         else:
             sh[k] = np.rint(_blocks(node.colour, 0.0)).reshape(sh.shape[1:])
     packed = PackedScene(
-        centre_m=centre, half_m=half, reach_m=reach, geometry=geometry, colour=colour, sh=sh, sh_step=scene.sh_step
+        centre_m=centre,
+        half_m=half,
+        reach_m=reach,
+        geometry=geometry,
+        colour=colour,
+        sh=sh,
+        sh_step=scene.sh_step,
+        normal=normal,
     )
     return ChunkTree(scene=packed, skip=skip, pixel_m=np.array([node.pixel_m for node in nodes]))
+
+
+def _plain(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """A flat view that cannot be written, of one type whether mapped or not, so that kernels compile once."""
+    flat = array.view(np.ndarray).reshape(-1)
+    flat.flags.writeable = False
+    return flat
 
 
 def _skips(nodes: list[Node]) -> Integers:

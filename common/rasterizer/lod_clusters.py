@@ -245,3 +245,31 @@ def gather_colours(
         place = (i >> 4) * rows * 16 + (i & 15)
         for row in range(rows):
             out[label[i], row] += w * packed[place + 16 * row]
+
+
+@kernel
+def gather_normals(
+    originals: Originals, label: Labels, first: int, end: int, pixel_m: float, packed: Any, out: Floats
+) -> None:
+    """Mean packed normals of the clusters of one region, not of length 1; their signs mean nothing.
+
+    Args:
+        originals: Gaussians.
+        label: Cluster of each Gaussian within its region, shape (N,).
+        first: First Gaussian of the region.
+        end: Behind its last one.
+        pixel_m: Size of a pixel at the Gaussians [m].
+        packed: Normals in blocks of 16 Gaussians, flat.
+        out: Where to write, shape (clusters, 3).
+    """
+    dilation = dilation_m2(pixel_m)
+    out[:] = 0.0
+    for i in range(first, end):
+        w = originals.opacity[i] * area_m2(originals.covariance_m2[i], dilation)
+        place, k = (i >> 4) * 48 + (i & 15), label[i]
+        x, y, z = packed[place], packed[place + 16], packed[place + 32]
+        if x * out[k, 0] + y * out[k, 1] + z * out[k, 2] < 0.0:
+            w = -w
+        out[k, 0] += w * x
+        out[k, 1] += w * y
+        out[k, 2] += w * z
