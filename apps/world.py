@@ -64,6 +64,10 @@ class World:
                 raise RunError(f"Avatar {name!r} has changed since the run began.")
         return {name: avatars[name] for name in self.spec.avatar_hashes}
 
+    def forget_avatars(self) -> None:
+        """Let go of the avatars, 14 MB each, once those who need them have them; they are loaded again if asked for."""
+        self.__dict__.pop("avatars", None)
+
     def planner(self) -> Planner:
         """Human planner and robot expert."""
         config = self.config

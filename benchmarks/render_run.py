@@ -1,5 +1,6 @@
 """Timed drawing: backends, runs, the split per stage, several processes at once."""
 
+import hashlib
 import importlib.util
 import multiprocessing
 import time
@@ -7,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing.synchronize import Barrier
 from types import ModuleType
 from typing import Any
@@ -14,11 +16,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from apps.paths import cache_folder
 from benchmarks.render_setting import Job, Setting, open_setting
+from common.avatars.file import avatar_hash
 from common.errors import ConfigError
 from common.rasterizer import cpu, cpu_blend
 from common.rasterizer.cpu import CpuRasterizer, PosedPerson
 from common.rasterizer.gpu.availability import require_kernels
+from common.rasterizer.lod_files import load_or_build_avatar_tree, load_or_build_tree
+from common.rasterizer.packed import PackedScene
 from common.rasterizer.reference import rasterize_reference
 from common.rasterizer.warm import warm
 
@@ -27,7 +33,9 @@ Seconds = npt.NDArray[np.float64]
 Render = Callable[[Pose, Sequence[PosedPerson]], npt.NDArray[np.uint8]]
 
 STAGES: dict[str, tuple[tuple[ModuleType, str], ...]] = {
-    "cull": ((cpu, "cull_scene"), (cpu, "cull_person"), (cpu, "joint_transforms")),
+    "cull": tuple(
+        (cpu, name) for name in ("cull_scene", "cull_person", "cull_tree", "cull_person_tree", "joint_transforms")
+    ),
     "project_scene": ((cpu, "project_scene"),),
     "pose_and_project_people": ((cpu, "project_person"),),
     "sort": ((cpu_blend, "begin_slab"), (cpu_blend, "sort_keys")),
@@ -72,12 +80,35 @@ def make_render(setting: Setting) -> Render:
 
 
 def _cpu(setting: Setting) -> Render:
-    if setting.job.lod == "on":
-        raise ConfigError("--lod on: the CPU rasterizer has no levels of detail in this version; use --lod off.")
     warm()
-    camera = setting.camera
-    layers = setting.scenery.layers()
-    return CpuRasterizer(layers, setting.avatars, camera.K_px, camera.height_px, camera.width_px).render
+    return make_cpu(setting, lod=setting.job.lod == "on").render
+
+
+def make_cpu(setting: Setting, *, lod: bool) -> CpuRasterizer:
+    """The CPU rasterizer of a setting, with levels of detail or exact."""
+    camera, layers = setting.camera, setting.scenery.layers()
+    size = camera.height_px, camera.width_px
+    if not lod:
+        return CpuRasterizer(layers, setting.avatars, camera.K_px, *size)
+    trees = [
+        load_or_build_tree(cache_folder("benchmarks") / f"lod-{digest(layer)}", partial(_itself, layer))
+        for layer in layers
+    ]
+    packed = [
+        load_or_build_avatar_tree(cache_folder("benchmarks") / f"lod-{avatar_hash(avatar)[:16]}", avatar)
+        for avatar in setting.avatars
+    ]
+    return CpuRasterizer(trees, setting.avatars, camera.K_px, *size, packed_avatars=packed)
+
+
+def _itself(layer: PackedScene) -> PackedScene:
+    return layer
+
+
+def digest(layer: PackedScene) -> str:
+    """Short hash of a pack."""
+    arrays = (layer.centre_m, layer.geometry, layer.colour, layer.sh)
+    return hashlib.sha256(b"".join(hashlib.sha256(array).digest() for array in arrays)).hexdigest()[:16]
 
 
 def _reference(setting: Setting) -> Render:

@@ -1,5 +1,6 @@
 """The avatar: animatable Gaussians bound to a SMPL-24 skeleton."""
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,6 +34,16 @@ class Avatar:
     R_tpose_canonical: npt.NDArray[np.float32]
     """Rotation of each joint from the canonical pose to the T-pose, shape (24, 3, 3)
     (the file's `R_canonical_to_tpose`)."""
+
+    def skeleton(self) -> "Avatar":
+        """The avatar without its Gaussians, for those who have them packed: some kilobytes."""
+        nobody = np.zeros(0, dtype=np.int64)
+        return dataclasses.replace(
+            self,
+            cloud=self.cloud.select(nobody),
+            lbs_index=self.lbs_index[nobody],
+            lbs_weight=self.lbs_weight[nobody],
+        )
 
     def __post_init__(self) -> None:
         count = len(self.cloud)

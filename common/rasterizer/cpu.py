@@ -13,6 +13,7 @@ from common.avatars import Avatar, joint_transforms
 from common.gaussians import GaussianCloud
 from common.rasterizer import cpu_blend
 from common.rasterizer.constants import NEAR_M
+from common.rasterizer.cpu_lod import COARSENESS, Cut, cull_person_tree, cull_tree
 from common.rasterizer.cpu_outputs import MAX_PEOPLE, Sums, instance_of_records, write_images
 from common.rasterizer.cpu_project import FAR_BITS, NEAR_BITS, Gaussians, Skin, Slab, project_person, project_scene
 from common.rasterizer.cpu_view import View, VisibleChunks, cull_person, cull_scene, make_view
@@ -29,6 +30,8 @@ from common.rasterizer.cpu_workspace import (
     with_room,
 )
 from common.rasterizer.images import Images, require_outputs
+from common.rasterizer.lod import ChunkTree
+from common.rasterizer.lod_avatar import AvatarTree
 from common.rasterizer.packed import CHUNK, PackedScene, pack_sorted
 from common.rasterizer.packed_avatar import PackedAvatar, pack_avatar
 
@@ -61,7 +64,8 @@ def _frozen(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
 class _Layer:
     """One cloud of the image: its chunks that may be seen, and how to project some of them."""
 
-    def __init__(self, scene: PackedScene) -> None:
+    def __init__(self, scene: PackedScene, cut: Cut | None = None) -> None:
+        self._cut = cut
         self.gaussians = Gaussians(
             _frozen(scene.centre_m),
             _frozen(scene.geometry).reshape(-1),
@@ -81,7 +85,10 @@ class _Layer:
         )
 
     def cull(self, view: View) -> VisibleChunks:
-        count = cull_scene(view, *self._boxes, self._chunks)
+        if self._cut is None:
+            count = cull_scene(view, *self._boxes, self._chunks)
+        else:
+            count = cull_tree(view, *self._boxes, self._cut, self._chunks)
         return self._first(count)
 
     def _first(self, count: int) -> VisibleChunks:
@@ -99,10 +106,12 @@ class _Layer:
 class _Person(_Layer):
     """A person of the image."""
 
-    def __init__(self, avatar: Avatar, packed: PackedAvatar) -> None:
-        super().__init__(packed.scene)
+    def __init__(self, avatar: Avatar, packed: PackedAvatar, cut: Cut | None) -> None:
+        super().__init__(packed.scene, cut)
         self.avatar, self.packed = avatar, packed
-        self.skin = Skin(packed.joint_start, packed.joint, packed.weight.reshape(-1))
+        self.skin = Skin(_frozen(packed.joint_start), _frozen(packed.joint), _frozen(packed.weight).reshape(-1))
+        arrays = (packed.box_start, packed.box_joint, packed.box_centre_m, packed.box_half_m)
+        self._joint_boxes = tuple(_frozen(array) for array in arrays)
         self._A_CS = np.empty((24, 3, 4), dtype=np.float32)
 
     def pose(self, person: PosedPerson, view: View) -> None:
@@ -113,9 +122,9 @@ class _Person(_Layer):
             self._A_CS[:, i] = R[i, 0] * A_WS[:, 0] + R[i, 1] * A_WS[:, 1] + R[i, 2] * A_WS[:, 2]
 
     def cull(self, view: View) -> VisibleChunks:
-        p = self.packed
-        count = cull_person(
-            view, self._A_CS, p.box_start, p.box_joint, p.box_centre_m, p.box_half_m, self._boxes[2], self._chunks
+        boxes = (view, self._A_CS, *self._joint_boxes, self._boxes[2])
+        count = cull_person(*boxes, self._chunks) if self._cut is None else cull_person_tree(
+            *boxes, self._cut, self._chunks
         )
         return self._first(count)
 
@@ -130,29 +139,39 @@ class CpuRasterizer:
     projected nor sorted.
 
     Args:
-        scenes: Static clouds, such as a scene and its sky.
+        scenes: Static clouds, such as a scene and its sky; those that are trees are drawn with levels of detail.
         avatars: Who may be drawn.
         K_px: Intrinsics [px] without skew, shape (3, 3).
         height_px: Image height.
         width_px: Image width.
+        packed_avatars: The avatars packed, in their order; those that are trees are drawn with levels of detail. Packed
+            here by default.
+        coarseness: Levels of detail are chosen as if pixels were larger by this factor; 0 draws every Gaussian.
 
     Raises:
-        ValueError: If the image is too large.
+        ValueError: If the image is too large, or the numbers of avatars differ.
     """
 
     def __init__(
         self,
-        scenes: PackedScene | Sequence[PackedScene],
+        scenes: PackedScene | ChunkTree | Sequence[PackedScene | ChunkTree],
         avatars: Sequence[Avatar],
         K_px: npt.ArrayLike,
         height_px: int,
         width_px: int,
+        *,
+        packed_avatars: Sequence[PackedAvatar | AvatarTree] | None = None,
+        coarseness: float = COARSENESS,
     ) -> None:
         if max(height_px, width_px) > MAX_SIDE_PX:
             raise ValueError(f"images are limited to {MAX_SIDE_PX} px a side, got {height_px}x{width_px} px.")
-        self._layers = [_Layer(scene) for scene in ([scenes] if isinstance(scenes, PackedScene) else scenes)]
+        scenes = [scenes] if isinstance(scenes, PackedScene | ChunkTree) else scenes
+        self._layers = [_Layer(*_with_cut(scene, coarseness)) for scene in scenes]
         self._scene_count = len(self._layers)
-        self._avatars = [(avatar, pack_avatar(avatar)) for avatar in avatars]
+        packed = [pack_avatar(avatar) for avatar in avatars] if packed_avatars is None else packed_avatars
+        if len(packed) != len(avatars):
+            raise ValueError(f"packed_avatars must be as many as avatars, {len(avatars)}, got {len(packed)}.")
+        self._avatars = [(avatar, *_avatar_with_cut(p, coarseness)) for avatar, p in zip(avatars, packed, strict=True)]
         self._people: list[_Person] = []
         self._K_px = np.asarray(K_px, dtype=np.float64)
         self._height, self._width = height_px, width_px
@@ -262,12 +281,24 @@ class CpuRasterizer:
             self._people.append(_Person(*self._avatars[person.avatar]))
         layers: list[_Layer] = []
         for place, person in enumerate(people):
-            avatar, packed = self._avatars[person.avatar]
+            avatar = self._avatars[person.avatar][0]
             if self._people[place].avatar is not avatar:
-                self._people[place] = _Person(avatar, packed)
+                self._people[place] = _Person(*self._avatars[person.avatar])
             self._people[place].pose(person, view)
             layers.append(self._people[place])
         return layers
+
+
+def _cut(tree: ChunkTree | AvatarTree, coarseness: float) -> Cut:
+    return Cut(_frozen(tree.skip), _frozen(tree.pixel_m), float(coarseness))
+
+
+def _with_cut(scene: PackedScene | ChunkTree, coarseness: float) -> tuple[PackedScene, Cut | None]:
+    return (scene.scene, _cut(scene, coarseness)) if isinstance(scene, ChunkTree) else (scene, None)
+
+
+def _avatar_with_cut(packed: PackedAvatar | AvatarTree, coarseness: float) -> tuple[PackedAvatar, Cut | None]:
+    return (packed.avatar, _cut(packed, coarseness)) if isinstance(packed, AvatarTree) else (packed, None)
 
 
 def _slabs(seen: Sequence[VisibleChunks]) -> list[Slab]:

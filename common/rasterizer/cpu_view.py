@@ -98,7 +98,7 @@ def _blocks_of_range(
 
 
 @inlined
-def _add_if_visible(view: View, low: Floats, high: Floats, reach: float, i: int, n: int, out: VisibleChunks) -> int:
+def add_if_visible(view: View, low: Floats, high: Floats, reach: float, i: int, n: int, out: VisibleChunks) -> int:
     """Write chunk `i`, whose means lie in a box of the camera frame, to place `n`; the number of chunks after that."""
     if high[2] <= NEAR_M:
         return n
@@ -113,20 +113,49 @@ def _add_if_visible(view: View, low: Floats, high: Floats, reach: float, i: int,
     return n + 1
 
 
+@inlined
+def camera_box(view: View, centre_m: Floats, half_m: Singles, low: Floats, high: Floats) -> None:
+    """Write the bounds of a box in the camera's frame."""
+    R = view.R_CW
+    dx, dy, dz = centre_m[0] - view.p_WC[0], centre_m[1] - view.p_WC[1], centre_m[2] - view.p_WC[2]
+    for k in range(3):
+        middle = R[k, 0] * dx + R[k, 1] * dy + R[k, 2] * dz
+        half = abs(R[k, 0]) * half_m[0] + abs(R[k, 1]) * half_m[1] + abs(R[k, 2]) * half_m[2] + SLACK_M
+        low[k], high[k] = middle - half, middle + half
+
+
 @kernel
 def cull_scene(view: View, centre_m: Floats, half_m: Singles, reach_m: Singles, out: VisibleChunks) -> int:
     """Write the chunks whose Gaussians may touch the image, and return their number."""
-    R = view.R_CW
     low, high = out.corners[0], out.corners[1]
     n = 0
     for i in range(len(centre_m)):
-        dx, dy, dz = centre_m[i, 0] - view.p_WC[0], centre_m[i, 1] - view.p_WC[1], centre_m[i, 2] - view.p_WC[2]
-        for k in range(3):
-            middle = R[k, 0] * dx + R[k, 1] * dy + R[k, 2] * dz
-            half = abs(R[k, 0]) * half_m[i, 0] + abs(R[k, 1]) * half_m[i, 1] + abs(R[k, 2]) * half_m[i, 2] + SLACK_M
-            low[k], high[k] = middle - half, middle + half
-        n = _add_if_visible(view, low, high, reach_m[i], i, n, out)
+        camera_box(view, centre_m[i], half_m[i], low, high)
+        n = add_if_visible(view, low, high, reach_m[i], i, n, out)
     return n
+
+
+@inlined
+def posed_box(
+    A_CS: Singles,
+    first: int,
+    end: int,
+    box_joint: Integers,
+    centre_m: Singles,
+    half_m: Singles,
+    low: Floats,
+    high: Floats,
+) -> None:
+    """Write the bounds in the camera's frame of the boxes `first` to `end`, each carried along by its joint."""
+    for k in range(3):
+        low[k], high[k] = np.inf, -np.inf
+    for b in range(first, end):
+        A = A_CS[box_joint[b]]
+        c, h = centre_m[b], half_m[b]
+        for k in range(3):
+            middle = A[k, 0] * c[0] + A[k, 1] * c[1] + A[k, 2] * c[2] + A[k, 3]
+            half = abs(A[k, 0]) * h[0] + abs(A[k, 1]) * h[1] + abs(A[k, 2]) * h[2] + SLACK_M
+            low[k], high[k] = min(low[k], float(middle - half)), max(high[k], float(middle + half))
 
 
 @kernel
@@ -158,14 +187,6 @@ def cull_person(
     low, high = out.corners[0], out.corners[1]
     n = 0
     for i in range(len(reach_m)):
-        for k in range(3):
-            low[k], high[k] = np.inf, -np.inf
-        for b in range(box_start[i], box_start[i + 1]):
-            A = A_CS[box_joint[b]]
-            c, h = centre_m[b], half_m[b]
-            for k in range(3):
-                middle = A[k, 0] * c[0] + A[k, 1] * c[1] + A[k, 2] * c[2] + A[k, 3]
-                half = abs(A[k, 0]) * h[0] + abs(A[k, 1]) * h[1] + abs(A[k, 2]) * h[2] + SLACK_M
-                low[k], high[k] = min(low[k], float(middle - half)), max(high[k], float(middle + half))
-        n = _add_if_visible(view, low, high, reach_m[i], i, n, out)
+        posed_box(A_CS, box_start[i], box_start[i + 1], box_joint, centre_m, half_m, low, high)
+        n = add_if_visible(view, low, high, reach_m[i], i, n, out)
     return n

@@ -10,7 +10,10 @@ from common.avatars import Avatar
 from common.gaussians import GaussianCloud
 from common.rasterizer.cpu import CpuRasterizer, PosedPerson
 from common.rasterizer.cpu_project import project_scene
+from common.rasterizer.lod import ChunkTree
+from common.rasterizer.lod_avatar import AvatarTree
 from common.rasterizer.packed import pack_cloud
+from common.rasterizer.packed_avatar import pack_avatar
 
 
 def warm(outputs: Sequence[str] = ("rgb",)) -> None:
@@ -55,9 +58,14 @@ def _draw_something(outputs: Sequence[str]) -> None:
         R_tpose_canonical=np.broadcast_to(np.eye(3, dtype=np.float32), (24, 3, 3)).copy(),
     )
     K_px = np.array([[16.0, 0.0, 8.0], [0.0, 16.0, 8.0], [0.0, 0.0, 1.0]])
-    rasterizer = CpuRasterizer(pack_cloud(cloud, normals=True), [avatar], K_px, 16, 16)
+    scene = pack_cloud(cloud, normals=True)
+    rasterizer = CpuRasterizer(scene, [avatar], K_px, 16, 16)
     person = PosedPerson(avatar=0, root_m=np.zeros(3), pose_axis_angle=np.zeros((24, 3)))
     rasterizer.render(np.eye(4), [person])
     rasterizer.render_float(np.eye(4), [person])
     if set(outputs) - {"rgb"}:
         rasterizer.render_images(np.eye(4), [person], outputs)
+    skip, pixel_m = np.ones(1, dtype=np.int64), np.zeros(1)
+    tree = ChunkTree(scene=scene, skip=skip, pixel_m=pixel_m)
+    person_tree = AvatarTree(avatar=pack_avatar(avatar), skip=skip, pixel_m=pixel_m)
+    CpuRasterizer(tree, [avatar], K_px, 16, 16, packed_avatars=[person_tree]).render(np.eye(4), [person])

@@ -22,6 +22,8 @@ class RendererConfig:
     jpeg_quality: int = 90
     outputs: tuple[str, ...] = ("rgb",)
     """Images that are recorded, of `common.rasterizer.images.OUTPUTS`; "rgb" is always among them."""
+    detail: Literal["exact", "lod"] = "exact"
+    """"lod" draws far things and people with fewer Gaussians, about twice as fast; backend cpu only."""
     contact_shadow: bool = False
     """True puts soft shadows under people's feet."""
     sensor: SensorConfig = field(default_factory=SensorConfig)
@@ -30,6 +32,10 @@ class RendererConfig:
     def __post_init__(self) -> None:
         if self.backend not in get_args(Backend):
             raise ValueError(f"backend must be one of {', '.join(get_args(Backend))}, got {self.backend!r}.")
+        if self.detail not in ("exact", "lod"):
+            raise ValueError(f'detail must be "exact" or "lod", got {self.detail!r}.')
+        if self.detail == "lod" and self.backend != "cpu":
+            raise ValueError(f'detail "lod" is drawn by the backend cpu only, got {self.backend!r}.')
         if self.contact_shadow and self.backend in GPU_BACKENDS:
             raise ValueError(f"contact_shadow is drawn by the backends cpu and reference only, got {self.backend!r}.")
         if self.image_format not in ("jpeg", "png"):

@@ -57,6 +57,9 @@ class Renderer:
         self.avatars = dict(avatars)
         pinhole = pinhole_of(config.sensor, robot.camera)
         self.drawing = self._make_drawing(pinhole)
+        if config.backend == "cpu":
+            # Its Gaussians are mapped from the scene's cache by all renderers of a host.
+            self.avatars = {name: avatar.skeleton() for name, avatar in avatars.items()}
         self.capture = Capture(drawing=self.drawing, pinhole=pinhole, sensor=config.sensor, camera=robot.camera)
         self._people: OrderedDict[str, tuple[HumanMotion, ...]] = OrderedDict()
 
@@ -66,7 +69,7 @@ class Renderer:
             return GpuDrawing(scene, self.avatars, pinhole, config.backend)
         shadows = partial(self._shadows, floor=scene.maps.floor) if config.contact_shadow else None
         if config.backend == "cpu":
-            return CpuDrawing(scene, self.avatars, pinhole, config.outputs, shadows=shadows)
+            return CpuDrawing(scene, self.avatars, pinhole, config.outputs, detail=config.detail, shadows=shadows)
         return ReferenceDrawing(scene, self.avatars, pinhole, shadows=shadows)
 
     def remember(self, people: People) -> None:
