@@ -1,0 +1,85 @@
+"""Puts generated joints on the scene's floor, with the measures of the body that will wear them."""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from services.animator.gait_math import Array, Ground, clip, floor_at, smooth, smooth_above
+from services.animator.gait_person import GaitSkeleton
+from services.animator.smpl_fit import REACH, fit_rotations
+
+HUMANML3D_LEG_M = 0.821
+"""Thigh and shin of the skeleton that HumanML3D's motions are brought to, its file 000021."""
+FLOOR_SIGMA_FRAMES = 4.0
+LOWER_MAX = 0.12
+"""How far the body sinks for a foot that is too far away, in leg lengths."""
+LOWER_SIGMA_FRAMES = 2.0
+
+
+def wear(joints_m: Array, skeleton: GaitSkeleton, ground: Ground) -> tuple[Array, Array]:
+    """Rotations and pelvis of a body that moves as the given joints do.
+
+    The ankles go where the joints say, over the floor below each foot; the pelvis keeps its place on the map, and its
+    height over the feet unless a leg would have to stretch.
+
+    Args:
+        joints_m: Joints 0..21 in y-up axes over a floor at y = 0 [m], of a skeleton with the body's leg length and the
+            balls of its feet at y = 0, shape (T, 22, 3).
+        skeleton: The body.
+        ground: The floor.
+
+    Returns:
+        Global rotations (T, 24, 3, 3) and pelvis positions [m] (T, 3), y-up.
+    """
+    joints = joints_m.copy()
+    offsets = skeleton.offsets_m
+    hips_below = float(np.mean(joints[:, 0, 1] - 0.5 * (joints[:, 1, 1] + joints[:, 2, 1])))
+    raise_m = -0.5 * (offsets[1, 1] + offsets[2, 1]) - hips_below
+    _onto_floor(joints, ground, skeleton.sole_m, skeleton.toe_sole_m, float(raise_m))
+    G, X = fit_rotations(joints, offsets, retarget=True)
+    sink = _sink(X, joints, skeleton.leg_m)
+    if sink.max() > 0.0:
+        upper = [j for j in range(22) if j not in (4, 5, 7, 8, 10, 11)]
+        joints[:, upper, 1] -= sink[:, None]
+        G, X = fit_rotations(joints, offsets, retarget=True)
+    return G, X[:, 0].copy()
+
+
+@njit(cache=True)
+def _onto_floor(joints: Array, ground: Ground, sole: float, ball_sole: float, raise_m: float) -> None:
+    count = len(joints)
+    base = np.empty(count)
+    for t in range(count):
+        floors = 0.0
+        for side in range(2):
+            ankle, ball = joints[t, 7 + side], joints[t, 10 + side]
+            below_ankle, below_ball = floor_at(ground, ankle[0], ankle[2]), floor_at(ground, ball[0], ball[2])
+            ankle[1] = below_ankle + max(ankle[1] + ball_sole, sole)
+            ball[1] = below_ball + max(ball[1] + ball_sole, ball_sole)
+            floors += 0.5 * below_ankle
+        base[t] = floors
+    base = smooth(base, FLOOR_SIGMA_FRAMES)
+    for t in range(count):
+        for j in range(22):
+            if j == 4 or j == 5:
+                joints[t, j, 1] += base[t] + ball_sole
+            elif j != 7 and j != 8 and j != 10 and j != 11:
+                joints[t, j, 1] += base[t] + ball_sole + raise_m
+
+
+@njit(cache=True)
+def _sink(X: Array, joints: Array, leg: float) -> Array:
+    """How far the body must be lower for both ankles to be within reach [m], smooth over time."""
+    count = len(X)
+    need = np.zeros(count)
+    reach = REACH * leg
+    for t in range(count):
+        for side in range(2):
+            hip, ankle = X[t, 1 + side], joints[t, 7 + side]
+            flat = (hip[0] - ankle[0]) ** 2 + (hip[2] - ankle[2]) ** 2
+            top = ankle[1] + math.sqrt(max(reach * reach - flat, 0.0))
+            need[t] = max(need[t], clip(hip[1] - top, 0.0, LOWER_MAX * leg))
+    if need.max() <= 0.0:
+        return need
+    return smooth_above(need, LOWER_SIGMA_FRAMES)
