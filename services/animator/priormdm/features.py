@@ -184,7 +184,9 @@ def encode(joints_m: npt.ArrayLike) -> tuple[Array, Start]:
     features[:, HEIGHT] = joints[:-1, 0, 1]
     below = joints[:-1, :1] * (1.0, 0.0, 1.0)
     features[:, RIC] = _turned(joints[:-1, 1:] - below, psi[:-1]).reshape(-1, 63)
-    features[:, ROTATIONS] = _bone_rotations(joints[:-1], psi[:-1])[..., :2].swapaxes(-1, -2).reshape(-1, 126)
+    # HumanML3D's clips begin with heading 0, and shortest ways depend on it.
+    turned = _turned(joints[:-1], np.full(len(psi) - 1, psi[0]))
+    features[:, ROTATIONS] = _bone_rotations(turned, psi[:-1] - psi[0])[..., :2].swapaxes(-1, -2).reshape(-1, 126)
     steps = np.diff(joints, axis=0)
     features[:, VELOCITIES] = _turned(steps, psi[:-1]).reshape(-1, 66)
     features[:, CONTACTS] = np.sum(steps[:, [7, 10, 8, 11]] ** 2, axis=2) < CONTACT_STEP_M2

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numba import njit
 
-from services.animator.gait_math import Array, Ground, clip, floor_at, smooth, smooth_above
+from services.animator.gait_math import Array, Ground, clip, floor_at, mat_mul, rot_x, smooth, smooth_above
 from services.animator.gait_person import GaitSkeleton
 from services.animator.smpl_fit import REACH, fit_rotations
 
@@ -15,6 +15,8 @@ FLOOR_SIGMA_FRAMES = 4.0
 LOWER_MAX = 0.12
 """How far the body sinks for a foot that is too far away, in leg lengths."""
 LOWER_SIGMA_FRAMES = 2.0
+TOE_BEND_MAX_RAD = 1.0
+TOE_SIGMA_FRAMES = 0.7
 
 
 def wear(joints_m: Array, skeleton: GaitSkeleton, ground: Ground) -> tuple[Array, Array]:
@@ -43,6 +45,7 @@ def wear(joints_m: Array, skeleton: GaitSkeleton, ground: Ground) -> tuple[Array
         upper = [j for j in range(22) if j not in (4, 5, 7, 8, 10, 11)]
         joints[:, upper, 1] -= sink[:, None]
         G, X = fit_rotations(joints, offsets, retarget=True)
+    _bend_toes(G, X, ground, skeleton.toe_sole_m, skeleton.toe_m - 0.5 * float(offsets[10, 2] + offsets[11, 2]))
     return G, X[:, 0].copy()
 
 
@@ -83,3 +86,35 @@ def _sink(X: Array, joints: Array, leg: float) -> Array:
     if need.max() <= 0.0:
         return need
     return smooth_above(need, LOWER_SIGMA_FRAMES)
+
+
+@njit(cache=True)
+def _bend_toes(G: Array, X: Array, ground: Ground, ball_sole: float, toes_m: float) -> None:
+    """Bend the toes up, at least as far as their tip would else be in the floor."""
+    for side in range(2):
+        bend = np.zeros(len(G))
+        for t in range(len(G)):
+            bend[t] = _toe_bend(G[t, 7 + side], X[t, 10 + side], ground, ball_sole, toes_m)
+        bend = smooth_above(bend, TOE_SIGMA_FRAMES)
+        for t in range(len(G)):
+            G[t, 10 + side] = mat_mul(G[t, 7 + side], rot_x(-bend[t]))
+
+
+@njit(cache=True)
+def _toe_bend(foot: Array, ball: Array, ground: Ground, ball_sole: float, toes_m: float) -> float:
+    tip_x = ball[0] - foot[0, 1] * ball_sole + foot[0, 2] * toes_m
+    tip_z = ball[2] - foot[2, 1] * ball_sole + foot[2, 2] * toes_m
+    clearance = ball[1] - floor_at(ground, tip_x, tip_z)
+    # Height of the tip over the ball's joint at a bend: a cos + b sin.
+    a = -foot[1, 1] * ball_sole + foot[1, 2] * toes_m
+    b = foot[1, 1] * toes_m + foot[1, 2] * ball_sole
+    if clearance + a >= 0.0:
+        return 0.0
+    low, high = 0.0, TOE_BEND_MAX_RAD
+    for _ in range(20):
+        middle = 0.5 * (low + high)
+        if clearance + a * math.cos(middle) + b * math.sin(middle) < 0.0:
+            low = middle
+        else:
+            high = middle
+    return high
