@@ -154,15 +154,20 @@ def decode_joints(features: npt.ArrayLike, start: Start) -> Array:
 
 
 def facing_of(joints_m: Array) -> Array:
-    """Smoothed heading [rad], unwrapped, of a person with joints (T, >= 18, 3) in y-up axes, shape (T,)."""
+    """Heading [rad], unwrapped, of a person with joints (T, >= 18, 3) in y-up axes, shape (T,).
+
+    As in HumanML3D's files (its sample 012314 shows it): the hips count against the shoulders, smoothed over time; only
+    the first heading is that of hips and shoulders together, as they are. Their difference is a jump after row 0.
+    """
     from scipy.ndimage import gaussian_filter1d
 
-    # The hips count against the shoulders in HumanML3D's data (its sample 012314 shows it); sums turn by up to 0.6 rad.
-    across = (joints_m[:, 17] - joints_m[:, 16]) - (joints_m[:, 2] - joints_m[:, 1])
+    shoulders, hips = joints_m[:, 17] - joints_m[:, 16], joints_m[:, 2] - joints_m[:, 1]
+    across = shoulders - hips
     across /= np.maximum(np.sqrt(np.sum(across * across, axis=1, keepdims=True)), 1e-9)
-    smooth = gaussian_filter1d(across, HEADING_SIGMA_FRAMES, axis=0, mode="nearest")
+    across = gaussian_filter1d(across, HEADING_SIGMA_FRAMES, axis=0, mode="nearest")
+    across[0] = shoulders[0] + hips[0]
     # The direction faced is the up axis times the direction across: (across_z, -across_x).
-    return np.unwrap(np.arctan2(smooth[:, 2], -smooth[:, 0]))
+    return np.unwrap(np.arctan2(across[:, 2], -across[:, 0]))
 
 
 def encode(joints_m: npt.ArrayLike) -> tuple[Array, Start]:

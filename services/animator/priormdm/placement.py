@@ -3,9 +3,11 @@
 import math
 
 import numpy as np
+import numpy.typing as npt
 from numba import njit
 
-from services.animator.gait_math import Array, Ground, clip, floor_at, mat_mul, rot_x, smooth, smooth_above
+from services.animator.gait_math import Array, Ground, clip, ease, floor_at, mat_mul, rot_x, smooth, smooth_above
+from services.animator.gait_path import DT_S
 from services.animator.gait_person import GaitSkeleton
 from services.animator.smpl_fit import REACH, fit_rotations
 
@@ -15,6 +17,12 @@ FLOOR_SIGMA_FRAMES = 4.0
 LOWER_MAX = 0.12
 """How far the body sinks for a foot that is too far away, in leg lengths."""
 LOWER_SIGMA_FRAMES = 2.0
+REST_HEIGHT_M = 0.04
+REST_SPEED_MPS = 0.5
+REST_FRAMES = 3
+"""The ball of a foot that is lower and slower than this for at least so many frames rests on the floor."""
+HOLD_MAX_M = 0.06
+"""A resting foot is moved at most this far to where it rests on average."""
 TOE_BEND_MAX_RAD = 1.0
 TOE_SIGMA_FRAMES = 0.7
 
@@ -36,6 +44,7 @@ def wear(joints_m: Array, skeleton: GaitSkeleton, ground: Ground) -> tuple[Array
     """
     joints = joints_m.copy()
     offsets = skeleton.offsets_m
+    _hold_feet(joints)
     hips_below = float(np.mean(joints[:, 0, 1] - 0.5 * (joints[:, 1, 1] + joints[:, 2, 1])))
     raise_m = -0.5 * (offsets[1, 1] + offsets[2, 1]) - hips_below
     _onto_floor(joints, ground, skeleton.sole_m, skeleton.toe_sole_m, float(raise_m))
@@ -47,6 +56,53 @@ def wear(joints_m: Array, skeleton: GaitSkeleton, ground: Ground) -> tuple[Array
         G, X = fit_rotations(joints, offsets, retarget=True)
     _bend_toes(G, X, ground, skeleton.toe_sole_m, skeleton.toe_m - 0.5 * float(offsets[10, 2] + offsets[11, 2]))
     return G, X[:, 0].copy()
+
+
+@njit(cache=True)
+def _hold_feet(joints: Array) -> None:
+    """Keep the balls of resting feet from sliding; between two rests the correction fades from one to the other."""
+    count = len(joints)
+    for side in range(2):
+        ball = joints[:, 10 + side].copy()
+        rests = _rests(ball)
+        shift = np.zeros((count, 2))
+        last = -1
+        for first, end in rests:
+            for k in range(2):
+                axis = 2 * k
+                mean = np.mean(ball[first:end, axis])
+                for t in range(first, end):
+                    shift[t, k] = clip(mean - ball[t, axis], -HOLD_MAX_M, HOLD_MAX_M)
+                for t in range(last + 1, first):
+                    before = shift[last, k] if last >= 0 else 0.0
+                    shift[t, k] = before + (shift[first, k] - before) * ease((t - last) / (first - last))
+            last = end - 1
+        for t in range(count):
+            for k in range(2):
+                joints[t, 7 + side, 2 * k] += shift[t, k]
+                joints[t, 10 + side, 2 * k] += shift[t, k]
+
+
+@njit(cache=True)
+def _rests(ball: Array) -> npt.NDArray[np.int64]:
+    """First row and the row after the last one of every rest of a ball (T, 3), shape (R, 2)."""
+    count = len(ball)
+    rests = np.empty((count, 2), np.int64)
+    found, first = 0, -1
+    for t in range(count + 1):
+        resting = False
+        if t < count:
+            a, b = max(t - 1, 0), min(t + 1, count - 1)
+            way = math.sqrt((ball[b, 0] - ball[a, 0]) ** 2 + (ball[b, 2] - ball[a, 2]) ** 2)
+            resting = ball[t, 1] < REST_HEIGHT_M and way <= REST_SPEED_MPS * DT_S * (b - a)
+        if resting and first < 0:
+            first = t
+        elif not resting and first >= 0:
+            if t - first >= REST_FRAMES:
+                rests[found, 0], rests[found, 1] = first, t
+                found += 1
+            first = -1
+    return rests[:found]
 
 
 @njit(cache=True)

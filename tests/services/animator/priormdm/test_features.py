@@ -96,7 +96,7 @@ def test_real_sample_statistics_fit_our_walk(shared_data, animate, avatar):
     features, _ = encode(joints)
     z = (features - mean) / std
     assert np.abs(z[:, RIC].mean(axis=0)).max() < 3.0
-    assert np.abs(z[:, PATH]).max() < 6.0
+    assert np.abs(z[1:, PATH]).max() < 6.0  # row 0 holds the jump to the smoothed heading
 
 
 def test_wrong_shapes_are_worded():
