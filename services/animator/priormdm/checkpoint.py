@@ -51,6 +51,8 @@ def load_model(config: PriorMdmConfig) -> TrainedModel:
         config.check_named()
     except ValueError as error:
         raise ConfigError(f"{error}") from error
+    if not Path(config.weights).is_file():
+        raise ConfigError(f"priormdm.weights {config.weights} cannot be read: no such file on this machine.")
     if config.sha256 and config.sha256 != files_digest(config):
         raise ConfigError(
             f"The priormdm files are others than the run's (sha256 {config.sha256[:12]}...); use those it began with."

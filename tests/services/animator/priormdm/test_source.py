@@ -202,7 +202,7 @@ def test_animator_answers_with_motions_of_the_model(release):
 
 def test_animator_without_the_weights_at_hand_says_so(release):
     config = dataclasses.replace(release[1], weights=str(release[0] / "gone.pt"), args=str(release[0] / "args.json"))
-    with pytest.raises(ConfigError, match=r"gone\.pt cannot be read: No such file"):
+    with pytest.raises(ConfigError, match=r"gone\.pt cannot be read: no such file"):
         Animator({}, floor(), AnimatorConfig(source="priormdm", priormdm=config))
 
 
