@@ -3,7 +3,8 @@
 Pelvis and chest are aligned with their several children (Horn); other joints turn by the shortest way so that their
 bone points at the next joint. Positions do not see twists: thighs and upper arms take theirs from the plane in which
 knee and elbow bend, with what a body would do where the limb is straight; the twist between pelvis and chest is shared
-out over the spine; soles stay level across. Head, hands and toes go with their parents.
+out over the spine; soles stay level across; forearms have the twist of relaxed ones. Head, hands and toes go with
+their parents.
 
 Legend: G = rotation of a joint in the y-up world, X = position of a fitted joint, P = position that is asked for.
 """
@@ -26,6 +27,8 @@ STRAIGHT_KNEE_M = 0.01
 """A knee that is closer than this to the line from hip to ankle points forward as much as it shows."""
 LEVEL_MAX_RAD = 0.5
 TWIST_SIGMA_FRAMES = 1.5
+PRONATION_RAD = 0.25
+"""Twist of a relaxed forearm that turns the palm inward; no position shows it."""
 SHOULDER_WEIGHT = 0.03
 """Share of the shoulders in the chest's alignment: collar bones are short, and shoulders say better where it turns."""
 
@@ -221,6 +224,8 @@ def _fit_limbs(P: Array, offsets: Array, retarget: bool, normals: Array, G: Arra
         hinge = cross(offsets[elbow], forward)
         G[shoulder] = _upper_limb(collar, offsets[elbow], hinge, upper, normals[2 + side])
         G[elbow] = _swing_to(elbow, wrist, G[shoulder], P, X, retarget, offsets)
+        inward = PRONATION_RAD if side == 0 else -PRONATION_RAD
+        G[elbow] = mat_mul(G[elbow], turn(unit(offsets[wrist], forward), inward))
         _place(wrist, offsets, G, X)
         G[wrist] = _swing_to(wrist, hand, G[elbow], P, X, retarget, offsets) if len(P) == 24 else G[elbow].copy()
         _place(hand, offsets, G, X)

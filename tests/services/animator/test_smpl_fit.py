@@ -67,7 +67,7 @@ def test_bent_limbs_turn_about_their_hinges_and_hardly_twist():
     G, _ = fit_rotations(P, offsets)
     for upper, lower, axis in ((16, 18, 1), (17, 19, 1), (1, 4, 0), (2, 5, 0)):
         local = G[5, upper].T @ G[5, lower]
-        assert abs(local[axis, axis]) > 0.99
+        assert abs(local[axis, axis]) > 0.96
         assert np.trace(G[5, upper]) > 1.0 + 2.0 * np.cos(0.15)
 
 
