@@ -15,14 +15,16 @@ Index = npt.NDArray[np.int64]
 _TOKENS = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+")
 _LEFT, _RIGHT = ("l", "left", "lft", "lf"), ("r", "right", "rgt", "rt")
 _NOISE = frozenset(
-    ["mixamorig", "def", "org", "bip", "j", "c", "cc", "base", "armature", "rig", "bone", "jnt", "joint", "bn", "sk", "skel", "m", "f", "avg", "b", "character", "human", "body", "smpl", "valve", "biped", "genesis", "male", "female", "g", "ccbase"]
-)  # fmt: skip
+    {"mixamorig", "def", "org", "bip", "valve", "biped", "j", "c", "cc", "ccbase", "base", "armature", "rig", "bone"}
+    | {"jnt", "joint", "bn", "sk", "skel", "m", "f", "g", "b", "avg", "smpl", "genesis", "character", "human", "body"}
+    | {"male", "female"}
+)
 _LIMB_WORDS: Mapping[str, frozenset[str]] = {
     "hip": frozenset(["upleg", "upperleg", "thigh", "thighbend", "legupper", "femur", "hip"]),
     "knee": frozenset(["lowerleg", "lowleg", "loleg", "calf", "shin", "knee", "leglower", "tibia"]),
-    "ankle": frozenset(["foot", "ankle", "feet"]),
+    "ankle": frozenset(["ankle", "feet"]),
     "foot": frozenset(["toe", "toes", "ball", "toebone"]),
-    "collar": frozenset(["clavicle", "collar", "collarbone", "clav"]),
+    "collar": frozenset(["clavicle", "collar", "collarbone", "clav", "scapula"]),
     "shoulder": frozenset(["upperarm", "uparm", "armupper", "shldr", "shldrbend", "bicep", "humerus"]),
     "elbow": frozenset(["lowerarm", "lowarm", "loarm", "forearm", "forearmbend", "elbow", "armlower"]),
     "wrist": frozenset(("wrist",)),
@@ -80,6 +82,9 @@ def joints_by_name(names: Sequence[str], parents: Index) -> dict[str, int]:
             found[joint] = first
     if "head" not in found:
         found |= _numbered_spine(middle, parents, found)
+    if "pelvis" not in found and "left_hip" in found and "right_hip" in found:
+        meeting = _meeting(found["left_hip"], found["right_hip"], parents)
+        found |= {} if meeting is None else {"pelvis": meeting}
     return found
 
 
@@ -109,10 +114,10 @@ def chain_between(start: int, end: int, parents: Index) -> list[int]:
 
 
 def _limb_bones(words: Sequence[str]) -> dict[str, int]:
-    """Parts of one side's limbs; "leg", "arm", "shoulder" and "hand" mean what their neighbours leave to them."""
+    """Parts of one side's limbs; "leg", "foot", "shoulder" and "hand" mean what their neighbours leave to them."""
     limbs = ((part, _first(words, known)) for part, known in _LIMB_WORDS.items())
     found = {part: bone for part, bone in limbs if bone is not None}
-    plain = {word: _first(words, (word,)) for word in ("leg", "arm", "shoulder", "hand")}
+    plain = {word: _first(words, (word,)) for word in ("leg", "foot", "arm", "shoulder", "hand")}
 
     def fill(part: str, word: str) -> None:
         bone = plain[word]
@@ -120,6 +125,7 @@ def _limb_bones(words: Sequence[str]) -> dict[str, int]:
             found[part] = bone
 
     fill("knee" if "hip" in found else "hip", "leg")
+    fill("foot" if "ankle" in found else "ankle", "foot")
     has_upper_arm = "shoulder" in found or plain["arm"] is not None
     fill("collar" if has_upper_arm and "collar" not in found else "shoulder", "shoulder")
     fill("shoulder", "arm")
@@ -142,6 +148,17 @@ def _numbered_spine(words: Sequence[str], parents: Index, found: Mapping[str, in
         if above:
             named["neck"] = above[0]
     return named
+
+
+def _meeting(first: int, second: int, parents: Index) -> int | None:
+    """The nearest bone above both."""
+    above = []
+    while first >= 0:
+        above.append(first)
+        first = int(parents[first])
+    while second >= 0 and second not in above:
+        second = int(parents[second])
+    return second if second >= 0 else None
 
 
 def _first(words: Sequence[str], known: Sequence[str] | frozenset[str]) -> int | None:

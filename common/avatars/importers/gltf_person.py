@@ -118,7 +118,7 @@ def _standing_guess(points: Array, bones: Bones) -> tuple[Array, float]:
     """A rotation that sets the figure upright, y up and x to its left, and the height of its soles then.
 
     The skeleton is thinnest from front to back; files have y or z up, and hands and head are in the upper half; the
-    soles reach further ahead of the shins than behind them.
+    soles reach further ahead of the legs' bones than behind them.
     """
     depth = int(np.argmin(np.ptp(bones.heads, axis=0)))
     upright = 1 if depth != 1 else 2
@@ -128,12 +128,14 @@ def _standing_guess(points: Array, bones: Bones) -> tuple[Array, float]:
     left[3 - depth - upright] = 1.0
     R: Array = np.stack([left, up, np.cross(left, up)])
     turned = points @ R.T
-    low = turned[:, 1] < turned[:, 1].min() + 0.03 * np.ptp(turned[:, 1])
-    shin = np.abs(turned[:, 1] - turned[:, 1].min() - 0.12 * np.ptp(turned[:, 1])) < 0.02 * np.ptp(turned[:, 1])
-    ahead = turned[low, 2].max() + turned[low, 2].min() - 2 * np.median(turned[shin if shin.any() else low, 2])
+    sole, height = float(turned[:, 1].min()), float(np.ptp(turned[:, 1]))
+    soles = turned[turned[:, 1] < sole + 0.03 * height, 2]
+    heads = bones.heads @ R.T
+    legs = heads[(heads[:, 1] > sole + 0.04 * height) & (heads[:, 1] < sole + 0.6 * height), 2]
+    ahead = soles.max() + soles.min() - 2 * np.median(legs if len(legs) else soles)
     if ahead < 0.0:
         R = R * np.array([[-1.0], [1.0], [-1.0]])
-    return R, float((points @ R[1]).min())
+    return R, sole
 
 
 def _moved(figure: Figure, R: Array, scale: float, shift: Array) -> Figure:

@@ -100,7 +100,12 @@ _KNOWN: Mapping[str, Any] = {
     "numpy.dtype": np.dtype,
     "_codecs.encode": _latin1,
     **{f"{module}._reconstructor": _new_record for module in ("copy_reg", "copyreg")},
-    **{f"{module}.object": object for module in ("__builtin__", "builtins")},
+    **{
+        f"{module}.{kind.__name__}": kind
+        for module in ("__builtin__", "builtins")
+        for kind in (object, set, frozenset, list, dict, tuple)
+    },
+    "collections.OrderedDict": dict,
 }
 
 
