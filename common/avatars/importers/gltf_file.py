@@ -43,7 +43,8 @@ class GltfFile:
             self.json: Json = json.loads(text)
         except ValueError as error:
             raise AvatarError(f"{path} is not glTF: its JSON cannot be read ({error}).") from error
-        version = str(self.json.get("asset", {}).get("version", "")) if isinstance(self.json, dict) else ""
+        asset = self.json.get("asset") if isinstance(self.json, dict) else None
+        version = str(asset.get("version", "")) if isinstance(asset, dict) else ""
         if not version.startswith("2"):
             raise AvatarError(f"{path} is glTF of version {version or 'unknown'}; only 2.x is read.")
         compressed = [name for name in self.json.get("extensionsRequired", []) if name in _UNREADABLE]

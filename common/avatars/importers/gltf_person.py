@@ -52,9 +52,10 @@ def gltf_person(
     """
     file = GltfFile(path)
     try:
-        figure = read_figure(file)
+        with np.errstate(all="ignore"):  # damaged numbers are found by the checks that follow
+            figure = read_figure(file)
         materials, notes = read_materials(file, figure.parts)
-    except (KeyError, IndexError, TypeError, ValueError) as error:
+    except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise AvatarError(f"{path} is not valid glTF ({type(error).__name__}: {error}).") from error
     if not any(len(part.triangles) for part in figure.parts):
         raise AvatarError(f"{path} has no skinned triangles.")
@@ -129,7 +130,7 @@ def _standing_guess(points: Array, bones: Bones) -> tuple[Array, float]:
     R: Array = np.stack([left, up, np.cross(left, up)])
     turned = points @ R.T
     sole, height = float(turned[:, 1].min()), float(np.ptp(turned[:, 1]))
-    soles = turned[turned[:, 1] < sole + 0.03 * height, 2]
+    soles = turned[turned[:, 1] <= sole + 0.03 * height, 2]
     heads = bones.heads @ R.T
     legs = heads[(heads[:, 1] > sole + 0.04 * height) & (heads[:, 1] < sole + 0.6 * height), 2]
     ahead = soles.max() + soles.min() - 2 * np.median(legs if len(legs) else soles)

@@ -86,6 +86,9 @@ def read_figure(file: GltfFile) -> Figure:
     parts += _rigid_parts(file, parents, world, binds, place)
     joint, inverse = skins[0][0][0], skins[0][1][0]
     scale = float(np.cbrt(abs(np.linalg.det((world[joint] @ inverse)[:3, :3]))))
+    lengths = (np.array([scale]), bones.heads, *(part.positions for part in parts))
+    if not (scale > 0.0 and all(np.isfinite(values).all() for values in lengths)):
+        raise AvatarError(f"{file.path} places bones or skin at no finite place; the file is damaged.")
     return Figure(bones=bones, parts=tuple(parts), scale=scale)
 
 
@@ -194,7 +197,8 @@ def _part(file: GltfFile, primitive: Json, space: Array, index: Index, weight: A
     attributes = primitive["attributes"]
 
     def optional(name: str) -> npt.NDArray[Any] | None:
-        return file.accessor(attributes[name]).astype(np.float64) if name in attributes else None
+        values = file.accessor(attributes[name]).astype(np.float64) if name in attributes else None
+        return values if values is None or len(values) == count else None
 
     positions = file.accessor(attributes["POSITION"]).astype(np.float64)
     count = len(positions)

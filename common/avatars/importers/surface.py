@@ -15,13 +15,15 @@ Index = npt.NDArray[np.int64]
 
 OVERSAMPLING = 6
 """Candidates per Gaussian: they carry the colours that a Gaussian averages."""
-SIGMA_PER_RADIUS = 0.72
-"""Standard deviation along the surface, relative to the least distance of two samples."""
+SIGMA_PER_SPACING = 0.52
+"""Standard deviation along the surface, relative to the mean distance of a sample's six nearest."""
+SIGMA_LIMITS = 0.65, 1.3
+"""Least and greatest standard deviation along the surface, relative to the least distance of two samples."""
 FLATNESS = 0.12
 """Standard deviation along the normal, relative to the one along the surface."""
 OPACITY = 0.98
-COVER_OFFSETS_M = (0.004, 0.008, 0.014, 0.022, 0.032)
-"""Distances along the normal at which a covering layer, such as a shirt over the skin, is looked for."""
+COVER_PROBES_M = ((0.003, 0.0024), (0.006, 0.0042), (0.010, 0.006), (0.016, 0.0096), (0.024, 0.0144), (0.034, 0.02))
+"""Where along the normal, and within which distance, a covering layer such as a shirt over the skin is looked for."""
 # A saturated set of random disks of diameter r covers 0.547 of an area (Feder, Random sequential adsorption, 1980);
 # six candidates per sample fill about three quarters of that.
 _SATURATION = 0.75 * 0.547 * 4.0 / np.pi
@@ -73,10 +75,11 @@ def gaussians_of_mesh(mesh: Mesh, paint: Painter, count: int) -> tuple[GaussianC
     radii = np.sqrt(_SATURATION * area / count / mesh.density[face])
     kept = _thinned(points, radii)
     averaged = _averaged(points, normals, colours, kept)
+    sigma = _sigma(points[kept], radii[kept])
     cloud = GaussianCloud(
         means_m=points[kept].astype(np.float32),
         quats_wxyz=quat_from_matrix(_frames(normals[kept])).astype(np.float32),
-        scales_m=(radii[kept, None] * SIGMA_PER_RADIUS * np.array([1.0, 1.0, FLATNESS])).astype(np.float32),
+        scales_m=(sigma[:, None] * np.array([1.0, 1.0, FLATNESS])).astype(np.float32),
         opacities=(OPACITY * np.clip(averaged[:, 3], 0.0, 1.0)).astype(np.float32),
         sh=((averaged[:, None, :3] - 0.5) / _SH_DC).astype(np.float32),
     )
@@ -111,8 +114,8 @@ def _covered(points: Array, normals: Array, alpha: Array) -> npt.NDArray[np.bool
     if len(opaque) == 0:
         return covered
     tree = cKDTree(points[opaque])
-    for offset_m in COVER_OFFSETS_M:
-        distance, nearest = tree.query(points + offset_m * normals, distance_upper_bound=0.6 * offset_m)
+    for offset_m, reach_m in COVER_PROBES_M:
+        distance, nearest = tree.query(points + offset_m * normals, distance_upper_bound=reach_m)
         found = np.isfinite(distance)
         other = opaque[nearest[found]]
         same_way = (normals[found] * normals[other]).sum(axis=1) > 0.5
@@ -138,6 +141,16 @@ def _thinned(points: Array, radii: Array) -> Index:
         both = undecided[first] & undecided[second]
         first, second = first[both], second[both]
     return np.flatnonzero(chosen)
+
+
+def _sigma(points: Array, radii: Array) -> Array:
+    """Standard deviation along the surface: wider where samples happen to lie apart, so that no gap stays open."""
+    count = min(7, len(points))
+    distance, _ = cKDTree(points).query(points, k=count)
+    spacing = distance.reshape(len(points), count)[:, 1:].sum(axis=1) / max(count - 1, 1)
+    low, high = SIGMA_LIMITS
+    sigma: Array = np.clip(SIGMA_PER_SPACING * spacing, low * radii, high * radii)
+    return sigma
 
 
 def _averaged(points: Array, normals: Array, colours: Array, kept: Index) -> Array:

@@ -194,8 +194,9 @@ def write_glb(
         owners, [JOINT[f"{s}_{p}"] for s in ("left", "right") for p in ("shoulder", "elbow", "wrist", "hand")]
     )
     vertices = np.where(is_arm[:, None], lowered_arms(vertices, lowered_rad), vertices)
-    turned = lowered_arms(vertices_before + normals, lowered_rad) - lowered_arms(vertices_before, lowered_rad)
-    normals = np.where(is_arm[:, None], turned, normals)
+    for sign in (1.0, -1.0):
+        arm = is_arm & (sign * vertices_before[:, 0] > 0)
+        normals[arm] = normals[arm] @ matrix_from_axis_angle((0.0, 0.0, -sign * lowered_rad)).T
     place = {number: k for k, number in enumerate(kept)}
     while not np.isin(owners, kept).all():
         owners = np.where(np.isin(owners, kept), owners, SMPL_PARENTS[owners])

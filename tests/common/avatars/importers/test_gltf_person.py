@@ -270,6 +270,10 @@ def _without_positions(document: dict[str, Any]) -> None:
     del document["meshes"][0]["primitives"][0]["attributes"]["POSITION"]
 
 
+def _scaled_to_nothing(document: dict[str, Any]) -> None:
+    document["nodes"].append({"name": "root", "scale": [0, 0, 0], "children": [0, 1]})
+
+
 def _looped(document: dict[str, Any]) -> None:
     document["nodes"][5]["children"] = [1]
 
@@ -283,6 +287,7 @@ def _looped(document: dict[str, Any]) -> None:
         (_without_inverses, "no inverse bind matrices"),
         (_without_positions, "no skinned triangles"),
         (_looped, "their own ancestors"),
+        (_scaled_to_nothing, "at no finite place"),
     ],
 )
 def test_damaged_files_are_refused_in_one_line(tmp_path: Path, edit: Any, message: str) -> None:
