@@ -7,6 +7,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 COMMANDS = (
     ["-m", "apps", "bench", "render"],
+    ["benchmarks/backward.py"],
+    ["benchmarks/gpu.py"],
     ["benchmarks/motion.py"],
     ["benchmarks/dataset.py"],
     ["benchmarks/policy.py", "cost"],

@@ -12,7 +12,7 @@ from numba.core.caching import FunctionCache
 def _source_digest() -> str:
     """Hash of this package's sources."""
     digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.glob("*.py")):
+    for path in sorted(Path(__file__).parent.rglob("*.py")):
         digest.update(path.read_bytes())
     return digest.hexdigest()
 

@@ -9,7 +9,7 @@ from common.rasterizer.compilation import inlined, kernel
 from common.rasterizer.constants import DILATION_PX2, FOV_MARGIN, NEAR_M
 from common.rasterizer.cpu_outputs import normal_block
 from common.rasterizer.cpu_posing import nearest_rotation
-from common.rasterizer.cpu_tiles import LARGE, any_alive, box_codes, is_alive, unpack_box
+from common.rasterizer.cpu_tiles import LARGE, any_alive, box_codes, is_alive, tiles_met
 from common.rasterizer.cpu_view import View, VisibleChunks
 from common.rasterizer.cpu_workspace import KEYS, LARGE_ENTRIES, LATER, RECORD, RECORDS, Workspace
 from common.rasterizer.simd_memory import load_f16, load_short, peek, poke, store_f16, store_i16, transpose_in_place
@@ -111,7 +111,7 @@ def _lens(view: View) -> _Lens:
 
 
 @inlined
-def _pixels_within(low: Any, high: Any, last: Any) -> Any:
+def pixels_within(low: Any, high: Any, last: Any) -> Any:
     """First and last of the pixels 0, 1, .. `last` within [low, high] (I16 each), and where there is one (M16)."""
     low, high = minimum(maximum(low, 0.0), last + 1.0), minimum(high, last)
     first = truncate(low)
@@ -160,8 +160,8 @@ def _image_block(lens: _Lens, geometry: Singles, g: int, x: Any, y: Any, z: Any,
     det = fms(sxx, syy, sxy * sxy)
     half_x, half_y = sqrt(reach * sxx), sqrt(reach * syy)
     left, top = mean_x - 0.5, mean_y - 0.5
-    x0, x1, in_columns = _pixels_within(left - half_x, left + half_x, lens.x_last)
-    y0, y1, in_rows = _pixels_within(top - half_y, top + half_y, lens.y_last)
+    x0, x1, in_columns = pixels_within(left - half_x, left + half_x, lens.x_last)
+    y0, y1, in_rows = pixels_within(top - half_y, top + half_y, lens.y_last)
     seen: int = mask_bits((z > NEAR_M) & (reach >= 0.0) & (det > 0.0) & in_columns & in_rows)
     if seen:
         scale = LOG2_E / det
@@ -255,7 +255,7 @@ def _emit(seen: int, counts: tuple[int, int, int], slab: Slab, columns: int, ws:
         depth_bits = np.int64(peek(bits, 48 + lane))
         store_f16(ws.records, records * RECORD, load_f16(ws.scratch, lane * RECORD))
         if tile == LARGE:
-            ws.counts[LARGE_ENTRIES] += _tiles_met(blocks)
+            ws.counts[LARGE_ENTRIES] += tiles_met(blocks)
         # Written in any case, counted if true: cheaper than branches that the CPU cannot foresee.
         alive = is_alive(ws, columns, tile, blocks) if slab.cull else 1
         due = alive if depth_bits < slab.limit_bits else 0
@@ -268,14 +268,6 @@ def _emit(seen: int, counts: tuple[int, int, int], slab: Slab, columns: int, ws:
         keys += due
         later += alive - due
     return records, keys, later
-
-
-@inlined
-def _tiles_met(box: int) -> int:
-    """Number of tiles that a packed box meets."""
-    x0, x1, y0, y1 = unpack_box(box)
-    count: int = ((x1 >> 2) - (x0 >> 2) + 1) * ((y1 >> 2) - (y0 >> 2) + 1)
-    return count
 
 
 @inlined

@@ -34,6 +34,14 @@ def unpack_box(box: int) -> tuple[int, int, int, int]:
 
 
 @inlined
+def tiles_met(box: int) -> int:
+    """Number of tiles that a packed box meets."""
+    x0, x1, y0, y1 = unpack_box(box)
+    count: int = ((x1 >> 2) - (x0 >> 2) + 1) * ((y1 >> 2) - (y0 >> 2) + 1)
+    return count
+
+
+@inlined
 def _spread(rows: Any) -> Any:
     """Bits 0..3 moved to 0, 4, 8, 12."""
     return (rows & 1) | ((rows & 2) << 3) | ((rows & 4) << 6) | ((rows & 8) << 9)

@@ -9,14 +9,14 @@ from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
 
-from common.rasterizer.simd_types import F16, I16, LANES, f32_vector, i32_vector
+from common.rasterizer.simd_types import F16, I16, LANES, M16, call_llvm, f32_vector, i32_vector
 
 _i32 = ir.IntType(32)
 _intrinsic: Any = intrinsic
 _i16_vector = ir.VectorType(ir.IntType(16), LANES)
 
 
-def _pointer(context: Any, builder: Any, sig: Any, args: Any, pointee: Any) -> Any:
+def pointer_to(context: Any, builder: Any, sig: Any, args: Any, pointee: Any) -> Any:
     """Pointer to element `args[1]` of the array `args[0]`."""
     array = context.make_array(sig.args[0])(context, builder, args[0])
     index = context.cast(builder, args[1], sig.args[1], types.intp)
@@ -26,7 +26,7 @@ def _pointer(context: Any, builder: Any, sig: Any, args: Any, pointee: Any) -> A
 def _load(result: Any, stored: Any, align: int, widen: Any, doc: str) -> Any:
     def function(typing_context: Any, array: Any, index: Any) -> Any:
         def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-            value = builder.load(_pointer(context, builder, sig, args, stored))
+            value = builder.load(pointer_to(context, builder, sig, args, stored))
             value.align = align
             return widen(builder, value)
 
@@ -39,7 +39,7 @@ def _load(result: Any, stored: Any, align: int, widen: Any, doc: str) -> Any:
 def _store(vector: Any, stored: Any, doc: str) -> Any:
     def function(typing_context: Any, array: Any, index: Any, value: Any) -> Any:
         def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-            builder.store(args[2], _pointer(context, builder, sig, args, stored)).align = 4
+            builder.store(args[2], pointer_to(context, builder, sig, args, stored)).align = 4
             return context.get_dummy_value()
 
         return types.void(array, index, vector), emit
@@ -67,7 +67,7 @@ def touching(typing_context: Any, array: Any, index: Any, bits: Any) -> Any:
 
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         vector = ir.VectorType(ir.IntType(16), 64)
-        value = builder.load(_pointer(context, builder, sig, args, vector))
+        value = builder.load(pointer_to(context, builder, sig, args, vector))
         value.align = 2
         first = builder.insert_element(
             ir.Constant(vector, ir.Undefined), builder.trunc(args[2], ir.IntType(16)), ir.Constant(_i32, 0)
@@ -86,7 +86,7 @@ def peek(typing_context: Any, array: Any, index: Any) -> Any:
     """Element `index` of an array, without numba's treatment of negative indices."""
 
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        value = builder.load(_pointer(context, builder, sig, args, context.get_data_type(sig.args[0].dtype)))
+        value = builder.load(pointer_to(context, builder, sig, args, context.get_data_type(sig.args[0].dtype)))
         return value
 
     return array.dtype(array, index), emit
@@ -99,10 +99,21 @@ def poke(typing_context: Any, array: Any, index: Any, value: Any) -> Any:
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         dtype = sig.args[0].dtype
         stored = context.cast(builder, args[2], sig.args[2], dtype)
-        builder.store(stored, _pointer(context, builder, sig, args, context.get_data_type(dtype)))
+        builder.store(stored, pointer_to(context, builder, sig, args, context.get_data_type(dtype)))
         return context.get_dummy_value()
 
     return types.void(array, index, value), emit
+
+
+@_intrinsic
+def compress(typing_context: Any, mask: Any, value: Any) -> Any:
+    """The lanes of the I16 `value` where `mask` holds, moved to the front; the rest is undefined."""
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        name = "llvm.experimental.vector.compress.v16i32"
+        return call_llvm(builder, name, i32_vector, [args[1], args[0], ir.Constant(i32_vector, ir.Undefined)])
+
+    return I16(M16, I16), emit
 
 
 @_intrinsic
@@ -110,7 +121,7 @@ def prefetch(typing_context: Any, array: Any, index: Any) -> Any:
     """Ask the cache for the line of an element; harmless beyond the array."""
 
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        pointer = _pointer(context, builder, sig, args, ir.IntType(8))
+        pointer = pointer_to(context, builder, sig, args, ir.IntType(8))
         read, keep, data = (ir.Constant(_i32, number) for number in (0, 3, 1))
         function_type = ir.FunctionType(ir.VoidType(), [pointer.type, _i32, _i32, _i32])
         function = builder.module.globals.get("llvm.prefetch.p0")
@@ -122,11 +133,12 @@ def prefetch(typing_context: Any, array: Any, index: Any) -> Any:
     return types.void(array, index), emit
 
 
-def _shuffle(builder: Any, a: Any, b: Any, lanes: list[int]) -> Any:
+def shuffled(builder: Any, a: Any, b: Any, lanes: list[int]) -> Any:
+    """The LLVM value of these lanes of two vectors in a row."""
     return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(_i32, LANES), lanes))
 
 
-def _per_quarter(*lanes: int) -> list[int]:
+def per_quarter(*lanes: int) -> list[int]:
     """The same pick within each of the four 128-bit quarters."""
     return [lane + 4 * quarter for quarter in range(4) for lane in lanes]
 
@@ -138,22 +150,22 @@ def _quarters(*picks: int) -> list[int]:
 
 def _transpose(builder: Any, rows: list[Any]) -> list[Any]:
     """Transpose 16 vectors by unpacking pairs within quarters, then moving quarters."""
-    low, high = _per_quarter(0, 16, 1, 17), _per_quarter(2, 18, 3, 19)
-    low_pair, high_pair = _per_quarter(0, 1, 16, 17), _per_quarter(2, 3, 18, 19)
+    low, high = per_quarter(0, 16, 1, 17), per_quarter(2, 18, 3, 19)
+    low_pair, high_pair = per_quarter(0, 1, 16, 17), per_quarter(2, 3, 18, 19)
     even, odd = _quarters(0, 2, 0, 2), _quarters(1, 3, 1, 3)
-    t = [_shuffle(builder, rows[k & ~1], rows[k | 1], high if k & 1 else low) for k in range(16)]
+    t = [shuffled(builder, rows[k & ~1], rows[k | 1], high if k & 1 else low) for k in range(16)]
     r: list[Any] = []
     for k in range(0, 16, 4):
         r += [
-            _shuffle(builder, t[k + half], t[k + 2 + half], pick) for half in (0, 1) for pick in (low_pair, high_pair)
+            shuffled(builder, t[k + half], t[k + 2 + half], pick) for half in (0, 1) for pick in (low_pair, high_pair)
         ]
-    t = [_shuffle(builder, r[g + k], r[g + 4 + k], pick) for g in (0, 8) for pick in (even, odd) for k in range(4)]
+    t = [shuffled(builder, r[g + k], r[g + 4 + k], pick) for g in (0, 8) for pick in (even, odd) for k in range(4)]
     out: list[Any] = [None] * 16
     for k in range(4):
-        out[k] = _shuffle(builder, t[k], t[8 + k], even)
-        out[8 + k] = _shuffle(builder, t[k], t[8 + k], odd)
-        out[4 + k] = _shuffle(builder, t[4 + k], t[12 + k], even)
-        out[12 + k] = _shuffle(builder, t[4 + k], t[12 + k], odd)
+        out[k] = shuffled(builder, t[k], t[8 + k], even)
+        out[8 + k] = shuffled(builder, t[k], t[8 + k], odd)
+        out[4 + k] = shuffled(builder, t[4 + k], t[12 + k], even)
+        out[12 + k] = shuffled(builder, t[4 + k], t[12 + k], odd)
     return out
 
 
@@ -162,7 +174,7 @@ def transpose_in_place(typing_context: Any, array: Any, index: Any) -> Any:
     """Transpose the 16x16 float32 matrix at `index`."""
 
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        first = _pointer(context, builder, sig, args, f32_vector)
+        first = pointer_to(context, builder, sig, args, f32_vector)
         places = [builder.gep(first, [ir.Constant(_i32, k)]) for k in range(LANES)]
         rows = []
         for place in places:

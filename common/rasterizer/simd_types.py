@@ -78,14 +78,14 @@ def call_llvm(builder: Any, name: str, result: Any, args: list[Any]) -> Any:
     return builder.call(function, args)
 
 
-def _as_f32(context: Any, builder: Any, numba_type: Any, value: Any) -> Any:
+def as_f32(context: Any, builder: Any, numba_type: Any, value: Any) -> Any:
     """A float32 vector of an F16 or of a scalar."""
     if isinstance(numba_type, F16Type):
         return value
     return splat(builder, context.cast(builder, value, numba_type, types.float32), f32_vector)
 
 
-def _as_i32(context: Any, builder: Any, numba_type: Any, value: Any) -> Any:
+def as_i32(context: Any, builder: Any, numba_type: Any, value: Any) -> Any:
     """An int32 vector of an I16 or of a scalar."""
     if isinstance(numba_type, I16Type):
         return value
@@ -133,10 +133,10 @@ for _op, _name in (
     (operator.mul, "fmul"),
     (operator.truediv, "fdiv"),
 ):
-    _define_operator(_op, F16, _as_f32, F16, _method(_name))
+    _define_operator(_op, F16, as_f32, F16, _method(_name))
 for _op, _name in ((operator.lt, "<"), (operator.le, "<="), (operator.gt, ">"), (operator.ge, ">=")):
-    _define_operator(_op, F16, _as_f32, M16, _float_compare(_name))
-    _define_operator(_op, I16, _as_i32, M16, _integer_compare(_name))
+    _define_operator(_op, F16, as_f32, M16, _float_compare(_name))
+    _define_operator(_op, I16, as_i32, M16, _integer_compare(_name))
 for _op, _name in (
     (operator.add, "add"),
     (operator.sub, "sub"),
@@ -146,7 +146,7 @@ for _op, _name in (
     (operator.lshift, "shl"),
     (operator.rshift, "ashr"),
 ):
-    _define_operator(_op, I16, _as_i32, I16, _method(_name))
+    _define_operator(_op, I16, as_i32, I16, _method(_name))
 
 
 @_type_callable(operator.and_)
@@ -162,13 +162,13 @@ def _lower_mask_and(context: Any, builder: Any, sig: Any, args: Any) -> Any:
 @_intrinsic
 def f16(typing_context: Any, x: Any) -> Any:
     """F16 with the scalar `x` in every lane."""
-    return F16(x), lambda context, builder, sig, args: _as_f32(context, builder, sig.args[0], args[0])
+    return F16(x), lambda context, builder, sig, args: as_f32(context, builder, sig.args[0], args[0])
 
 
 @_intrinsic
 def i16(typing_context: Any, x: Any) -> Any:
     """I16 with the scalar `x` in every lane."""
-    return I16(x), lambda context, builder, sig, args: _as_i32(context, builder, sig.args[0], args[0])
+    return I16(x), lambda context, builder, sig, args: as_i32(context, builder, sig.args[0], args[0])
 
 
 def fuses_multiply_adds() -> bool:
@@ -185,7 +185,7 @@ def _multiply_add(doc: str, negate: int) -> Any:
 
     def function(typing_context: Any, a: Any, b: Any, c: Any) -> Any:
         def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-            vectors = [_as_f32(context, builder, kind, arg) for kind, arg in zip(sig.args, args, strict=True)]
+            vectors = [as_f32(context, builder, kind, arg) for kind, arg in zip(sig.args, args, strict=True)]
             x, y, z = (builder.fneg(v) if place == negate else v for place, v in enumerate(vectors))
             if fuses_multiply_adds():
                 return call_llvm(builder, "llvm.fma.v16f32", f32_vector, [x, y, z])
@@ -216,7 +216,7 @@ sqrt = _unary("llvm.sqrt.v16f32", "Square root.")
 def _choose(predicate: str, doc: str) -> Any:
     def function(typing_context: Any, a: Any, b: Any) -> Any:
         def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-            x, y = (_as_f32(context, builder, kind, arg) for kind, arg in zip(sig.args, args, strict=True))
+            x, y = (as_f32(context, builder, kind, arg) for kind, arg in zip(sig.args, args, strict=True))
             return builder.select(builder.fcmp_ordered(predicate, x, y), x, y)
 
         return F16(a, b), emit
@@ -234,7 +234,7 @@ def where(typing_context: Any, mask: Any, a: Any, b: Any) -> Any:
     """`a` where `mask` holds, else `b`; F16 or scalars."""
 
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        x, y = (_as_f32(context, builder, kind, arg) for kind, arg in zip(sig.args[1:], args[1:], strict=True))
+        x, y = (as_f32(context, builder, kind, arg) for kind, arg in zip(sig.args[1:], args[1:], strict=True))
         return builder.select(args[0], x, y)
 
     return F16(mask, a, b), emit
@@ -245,7 +245,7 @@ def integer_minimum(typing_context: Any, a: Any, b: Any) -> Any:
     """Smaller of `a` and `b` (I16 or scalars)."""
 
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        x, y = (_as_i32(context, builder, kind, arg) for kind, arg in zip(sig.args, args, strict=True))
+        x, y = (as_i32(context, builder, kind, arg) for kind, arg in zip(sig.args, args, strict=True))
         return builder.select(builder.icmp_signed("<", x, y), x, y)
 
     return I16(a, b), emit
@@ -256,7 +256,7 @@ def integer_where(typing_context: Any, mask: Any, a: Any, b: Any) -> Any:
     """`a` where `mask` holds, else `b`; I16 or scalars."""
 
     def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        x, y = (_as_i32(context, builder, kind, arg) for kind, arg in zip(sig.args[1:], args[1:], strict=True))
+        x, y = (as_i32(context, builder, kind, arg) for kind, arg in zip(sig.args[1:], args[1:], strict=True))
         return builder.select(args[0], x, y)
 
     return I16(mask, a, b), emit
@@ -297,9 +297,30 @@ def mask_bits(typing_context: Any, mask: Any) -> Any:
 
 
 @_intrinsic
+def has_bit(typing_context: Any, value: Any, bits: Any) -> Any:
+    """Lanes of the I16 `value` that share a set bit with the scalar `bits`."""
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        common = builder.and_(args[0], as_i32(context, builder, sig.args[1], args[1]))
+        return builder.icmp_signed("!=", common, ir.Constant(i32_vector, None))
+
+    return M16(value, bits), emit
+
+
+@_intrinsic
 def lane_number(typing_context: Any) -> Any:
     """I16 of 0, 1, .. 15."""
     return I16(), lambda context, builder, sig, args: ir.Constant(i32_vector, list(range(LANES)))
+
+
+@_intrinsic
+def count_bits(typing_context: Any, bits: Any) -> Any:
+    """Number of set bits of an int64."""
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return call_llvm(builder, "llvm.ctpop.i64", ir.IntType(64), list(args))
+
+    return types.int64(types.int64), emit
 
 
 @_intrinsic
@@ -310,3 +331,13 @@ def lowest_bit(typing_context: Any, bits: Any) -> Any:
         return call_llvm(builder, "llvm.cttz.i64", ir.IntType(64), [args[0], ir.Constant(ir.IntType(1), 1)])
 
     return types.int64(types.int64), emit
+
+
+@_intrinsic
+def float_bits(typing_context: Any, x: Any) -> Any:
+    """The bits of a scalar float32 as an int64 in 0..2^32."""
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return builder.zext(builder.bitcast(args[0], _i32), ir.IntType(64))
+
+    return types.int64(types.float32), emit

@@ -1,0 +1,225 @@
+"""Forward blending of the tiles' lists into planes: transmittance, colour, depth and any number of features."""
+
+from typing import Any
+
+import numpy as np
+
+from common.rasterizer.compilation import inlined, kernel
+from common.rasterizer.constants import ALPHA_MAX, TRANSMITTANCE_MIN
+from common.rasterizer.cpu_blend import LOG2_ALPHA_MIN, ROUNDING
+from common.rasterizer.cpu_tiles import update_quads
+from common.rasterizer.cpu_workspace import NODE, RECORD, RECORDS, Workspace
+from common.rasterizer.differentiable.memory import (
+    DEPTH,
+    FEATURE_GROUP,
+    GROUP,
+    NUMBER,
+    PLANES,
+    TRANSMITTANCE,
+    Kept,
+    Raster,
+    Singles,
+)
+from common.rasterizer.differentiable.simd_rows import load_block, load_first, store_block, store_first
+from common.rasterizer.simd_memory import load_f16, peek, prefetch, store_f16, touching
+from common.rasterizer.simd_types import (
+    bit_pattern,
+    float_bits,
+    float_of_bits,
+    fma,
+    lane_number,
+    lowest_bit,
+    mask_bits,
+    minimum,
+    to_float,
+    where,
+)
+
+NEVER = 1 << 30
+"""Nodes of a block that is not finished in a slab."""
+
+
+@inlined
+def _alive_blocks(width: int, height: int, left: int, top: int) -> int:
+    """Bits of a tile's 4x4 blocks that hold pixels of the image."""
+    blocks_x, blocks_y = min((width - left + 3) >> 2, 4), min((height - top + 3) >> 2, 4)
+    row = (1 << blocks_x) - 1
+    return row * (0x1111 & ((1 << (4 * blocks_y)) - 1))
+
+
+@kernel
+def begin_planes(width: int, height: int, ws: Workspace, raster: Raster) -> None:
+    """Forget the last image: black, transparent, all blocks of pixels alive."""
+    columns = (width + 15) >> 4
+    ws.counts[:] = 0
+    for tile in range(len(ws.quad_alive)):
+        ws.tile_alive[tile] = _alive_blocks(width, height, (tile % columns) * 16, (tile // columns) * 16)
+    size = raster.height * raster.stride
+    raster.planes[:] = np.float32(0.0)
+    raster.planes[TRANSMITTANCE * size : (TRANSMITTANCE + 1) * size] = np.float32(1.0)
+    update_quads(ws, columns)
+
+
+@kernel
+def gather_features(features: Singles, count: int, first: int, kept: Kept, ws: Workspace, raster: Raster) -> None:
+    """Copy the features of the records from `first` on, `count` numbers each, and fill rows up with zeros."""
+    stride, end = raster.feature_count, ws.counts[RECORDS] >> 4
+    for group in range(first >> 4, end):
+        place = group * GROUP
+        for lane in range(kept.lanes[group + 1] if group + 1 < end else 0):
+            prefetch(features, float_bits(kept.groups[place + GROUP + 16 * NUMBER + lane]) * count)
+        for lane in range(kept.lanes[group]):
+            row = float_bits(kept.groups[place + 16 * NUMBER + lane]) * count
+            target = (16 * group + lane) * stride
+            for k in range(0, stride, 16):
+                store_first(raster.features, target + k, stride - k, load_first(features, row + k, count - k))
+
+
+@inlined
+def exp2(t: Any) -> Any:
+    """2^t for t in -126..1, relative error below 3e-6: a polynomial of degree 4.
+
+    One degree more than images need: behind an alpha of 0.99, errors of transmittances are a hundred times larger.
+    """
+    shifted = t + ROUNDING
+    f = t - (shifted - ROUNDING)
+    p = fma(f, 0.00956967494, 0.0559182479)
+    p = fma(p, f, 0.240247667)
+    p = fma(p, f, 0.693121734)
+    p = fma(p, f, 0.999999236)
+    return float_of_bits(bit_pattern(p) + (bit_pattern(shifted) << 23))
+
+
+@inlined
+def _blend_block(ws: Workspace, raster: Raster, place: int, entry: int, touched: int, x: Any, y: Any) -> bool:
+    """Blend those of a node's entries whose bit is set into a 4x4 block of pixels; True if a pixel is not finished."""
+    state, records, weights = raster.state, ws.records, raster.weights
+    transmittance, depth = load_f16(state, place), load_f16(state, place + 16 * DEPTH)
+    red, green, blue = load_f16(state, place + 16), load_f16(state, place + 32), load_f16(state, place + 48)
+    keep_weights = raster.feature_count > 0
+    kept = 0
+    while touched:
+        r = np.int64(peek(ws.entry_record, entry + lowest_bit(touched))) * RECORD
+        touched &= touched - 1
+        dx, dy = x - peek(records, r), y - peek(records, r + 1)
+        t = fma(
+            dx,
+            fma(dx, peek(records, r + 2), dy * peek(records, r + 3)),
+            fma(dy * peek(records, r + 4), dy, peek(records, r + 5)),
+        )
+        alpha = where(t >= LOG2_ALPHA_MIN, minimum(exp2(t), ALPHA_MAX), 0.0)
+        # Finished pixels stay as they are, even if their block goes on: a difference of `TRANSMITTANCE_MIN` behind an
+        # alpha of 0.99 would be a hundred times larger in the gradient.
+        weight = where(transmittance >= TRANSMITTANCE_MIN, alpha * transmittance, 0.0)
+        red, green, blue, depth = (
+            fma(weight, peek(records, r + 6), red),
+            fma(weight, peek(records, r + 7), green),
+            fma(weight, peek(records, r + 8), blue),
+            fma(weight, peek(records, r + 9), depth),
+        )
+        transmittance = transmittance - weight
+        if keep_weights:
+            store_f16(weights, kept, weight)
+            kept += 16
+    store_f16(state, place, transmittance)
+    store_f16(state, place + 16, red)
+    store_f16(state, place + 32, green)
+    store_f16(state, place + 48, blue)
+    store_f16(state, place + 16 * DEPTH, depth)
+    return bool(mask_bits(transmittance >= TRANSMITTANCE_MIN) != 0)
+
+
+@inlined
+def _blend_features(ws: Workspace, raster: Raster, place: int, entry: int, touched: int) -> None:
+    """Add the features of those of a node's entries whose bit is set, and whose weights are known, four at a time."""
+    state, features = raster.state, raster.features
+    for group in range(0, raster.feature_count, FEATURE_GROUP):
+        p = place + 16 * (PLANES + group)
+        a, b, c, d = load_f16(state, p), load_f16(state, p + 16), load_f16(state, p + 32), load_f16(state, p + 48)
+        waiting, kept = touched, 0
+        while waiting:
+            r = np.int64(peek(ws.entry_record, entry + lowest_bit(waiting))) * raster.feature_count + group
+            waiting &= waiting - 1
+            weight = load_f16(raster.weights, kept)
+            kept += 16
+            a, b, c, d = (
+                fma(weight, features[r], a),
+                fma(weight, features[r + 1], b),
+                fma(weight, features[r + 2], c),
+                fma(weight, features[r + 3], d),
+            )
+        store_f16(state, p, a)
+        store_f16(state, p + 16, b)
+        store_f16(state, p + 32, c)
+        store_f16(state, p + 48, d)
+
+
+@inlined
+def _copy_tile(raster: Raster, left: int, top: int, planes: int, store: bool) -> None:
+    """Copy the state of a tile's blocks from the planes, or back to them."""
+    size = raster.height * raster.stride
+    for block in range(16):
+        pixel = (top + 4 * (block >> 2)) * raster.stride + left + 4 * (block & 3)
+        for plane in range(planes):
+            place, p = (block * planes + plane) * 16, plane * size + pixel
+            if store:
+                store_block(raster.planes, p, raster.stride, load_f16(raster.state, place))
+            else:
+                store_f16(raster.state, place, load_block(raster.planes, p, raster.stride))
+
+
+@kernel
+def blend(width: int, ws: Workspace, raster: Raster) -> None:
+    """Blend the slab's lists into the planes, nearest first, and note where each 4x4 block of pixels was finished.
+
+    A block is left alone once all of its pixels are finished, a tile once all of its blocks are; both are asked after
+    every node.
+    """
+    columns, planes = (width + 15) >> 4, PLANES + raster.feature_count
+    lane_x, lane_y = to_float(lane_number() & 3) + 0.5, to_float(lane_number() >> 2) + 0.5
+    for tile in range(len(ws.quad_alive)):
+        alive = ws.tile_alive[tile]
+        last_place = ws.tile_place[tile]
+        for block in range(16):
+            raster.block_end[tile * 16 + block] = NEVER if (alive >> block) & 1 else 0
+        if last_place == tile * NODE or alive == 0:
+            continue
+        left, top = (tile % columns) * 16, (tile // columns) * 16
+        _copy_tile(raster, left, top, planes, False)
+        node, last, drawn = tile, last_place >> 6, 0
+        size = NODE
+        while alive and size == NODE:
+            if node == last:
+                size = last_place & (NODE - 1)
+            entry = node * NODE
+            valid = (1 << size) - 1 if size < NODE else -1
+            if node != last:
+                node = ws.node_next[node]
+                _prefetch_node(ws, raster, node, NODE if node != last else last_place & (NODE - 1))
+            drawn += 1
+            waiting = alive
+            while waiting:
+                block = lowest_bit(waiting)
+                waiting &= waiting - 1
+                touched = touching(ws.entry_blocks, entry, 1 << block) & valid
+                if not touched:
+                    continue
+                x, y = lane_x + (left + raster.block_x[block]), lane_y + (top + raster.block_y[block])
+                place = block * planes * 16
+                unfinished = _blend_block(ws, raster, place, entry, touched, x, y)
+                if raster.feature_count:
+                    _blend_features(ws, raster, place, entry, touched)
+                if not unfinished:
+                    alive &= ~(1 << block)
+                    raster.block_end[tile * 16 + block] = drawn
+        ws.tile_alive[tile] = alive
+        _copy_tile(raster, left, top, planes, True)
+
+
+@inlined
+def _prefetch_node(ws: Workspace, raster: Raster, node: int, size: int) -> None:
+    for i in range(node * NODE, node * NODE + size):
+        record = np.int64(peek(ws.entry_record, i))
+        prefetch(ws.records, record * RECORD)
+        if raster.feature_count:
+            prefetch(raster.features, record * raster.feature_count)

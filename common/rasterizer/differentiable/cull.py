@@ -1,0 +1,161 @@
+"""Which chunks and which blocks of 16 Gaussians may touch the image."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from common.rasterizer.compilation import inlined, kernel
+from common.rasterizer.constants import ALPHA_MIN, NEAR_M
+from common.rasterizer.cpu_tiles import pack_box
+from common.rasterizer.cpu_view import PAD_PX, View
+from common.rasterizer.differentiable.lens import Lens, lens_of, rotation_rows, to_camera
+from common.rasterizer.differentiable.memory import CHUNK, Chunks, Cloud, Singles
+from common.rasterizer.differentiable.simd_rows import columns_of_three, load_first
+from common.rasterizer.simd_memory import load_f16, prefetch, store_f16
+from common.rasterizer.simd_types import f16, fma, lane_number, mask_bits, maximum, minimum, where
+
+REACH = math.sqrt(2.0 * math.log(1.0 / ALPHA_MIN))
+"""Standard deviations beyond which an opaque Gaussian is not drawn."""
+AHEAD = 512
+"""Gaussians for which memory is asked in advance."""
+FAR = np.float32(3e38)
+
+
+@inlined
+def offsets_from_camera(view: View, cloud: Cloud, first: int, left: int) -> Any:
+    """World coordinates of the Gaussians first..first+15 relative to the camera; 0 from the `left`-th on."""
+    p = columns_of_three(
+        load_first(cloud.means_m, 3 * first, 3 * left),
+        load_first(cloud.means_m, 3 * first + 16, 3 * left - 16),
+        load_first(cloud.means_m, 3 * first + 32, 3 * left - 32),
+    )
+    # In two steps, so that the difference of large coordinates loses nothing.
+    x, y, z = np.float32(view.p_WC[0]), np.float32(view.p_WC[1]), np.float32(view.p_WC[2])
+    return (
+        (p[0] - x) - (view.p_WC[0] - x),
+        (p[1] - y) - (view.p_WC[1] - y),
+        (p[2] - z) - (view.p_WC[2] - z),
+    )
+
+
+@inlined
+def scales_at(cloud: Cloud, first: int, left: int) -> Any:
+    """Scales of the Gaussians first..first+15."""
+    return columns_of_three(
+        load_first(cloud.scales_m, 3 * first, 3 * left),
+        load_first(cloud.scales_m, 3 * first + 16, 3 * left - 16),
+        load_first(cloud.scales_m, 3 * first + 32, 3 * left - 32),
+    )
+
+
+@inlined
+def footprint_reach(lens: Lens, s: Any) -> Any:
+    """How far Gaussians reach in the image, times depth [px m].
+
+    A ball of radius r at tangent u and depth z reaches r sqrt(1 + u^2) / z; u is clamped in the projection.
+    """
+    reach = maximum(maximum(s[0], s[1]), s[2]) * REACH
+    u, v = max(-lens.u_low, lens.u_high), max(-lens.v_low, lens.v_high)
+    return reach * (lens.fx * math.sqrt(1.0 + u * u)), reach * (lens.fy * math.sqrt(1.0 + v * v))
+
+
+@inlined
+def in_view(lens: Lens, p: Any, reach: Any, opacity: Any, left: int) -> Any:
+    """Lanes whose footprints may meet the image; camera coordinates `p`."""
+    x, y = p[0] * lens.fx, p[1] * lens.fy
+    return (
+        (p[2] > NEAR_M)
+        & (lane_number() < left)
+        & (opacity >= ALPHA_MIN)
+        & (fma(p[2], lens.cx + PAD_PX, x + reach[0]) >= 0.0)
+        & (fma(p[2], lens.x_last + 1.0 - lens.cx + PAD_PX, reach[0] - x) >= 0.0)
+        & (fma(p[2], lens.cy + PAD_PX, y + reach[1]) >= 0.0)
+        & (fma(p[2], lens.y_last + 1.0 - lens.cy + PAD_PX, reach[1] - y) >= 0.0)
+    )
+
+
+@inlined
+def _begin_bounds(bounds: Singles) -> None:
+    for k in range(5):
+        store_f16(bounds, 16 * k, f16(FAR))
+
+
+@inlined
+def _widen(bounds: Singles, k: int, seen: Any, value: Any) -> None:
+    """Lower the k-th bound to `value` in the lanes that are seen."""
+    old = load_f16(bounds, 16 * k)
+    store_f16(bounds, 16 * k, where(seen, minimum(value, old), old))
+
+
+@inlined
+def _bound(bounds: Singles, k: int) -> float:
+    low: float = bounds[16 * k]
+    for lane in range(1, 16):
+        low = min(low, bounds[16 * k + lane])
+    return low
+
+
+@inlined
+def _bound_block(view: View, lens: Lens, R: Any, cloud: Cloud, first: int, bounds: Singles) -> int:
+    """Widen the bounds by a block of 16 Gaussians; the lanes that may touch the image."""
+    left = len(cloud.opacities) - first
+    for k in range(0, 48, 16):
+        prefetch(cloud.means_m, 3 * (first + AHEAD) + k)
+        prefetch(cloud.scales_m, 3 * (first + AHEAD) + k)
+    prefetch(cloud.opacities, first + AHEAD)
+    p = to_camera(R, offsets_from_camera(view, cloud, first, left))
+    if mask_bits((p[2] > NEAR_M) & (lane_number() < left)) == 0:
+        return 0
+    reach = footprint_reach(lens, scales_at(cloud, first, left))
+    seen = in_view(lens, p, reach, load_first(cloud.opacities, first, left), left)
+    bits: int = mask_bits(seen)
+    if bits:
+        inverse_z = 1.0 / p[2]
+        x, y = p[0] * inverse_z * lens.fx, p[1] * inverse_z * lens.fy
+        _widen(bounds, 0, seen, p[2])
+        _widen(bounds, 1, seen, x - reach[0] * inverse_z)
+        _widen(bounds, 2, seen, 0.0 - (x + reach[0] * inverse_z))
+        _widen(bounds, 3, seen, y - reach[1] * inverse_z)
+        _widen(bounds, 4, seen, 0.0 - (y + reach[1] * inverse_z))
+    return bits
+
+
+@inlined
+def _to_block(pixel: float, last: float) -> int:
+    """Number of the 4-px block that holds a pixel coordinate, moved into the image."""
+    return int(min(max(pixel, 0.0), last)) >> 2
+
+
+@kernel
+def bound_chunks(view: View, cloud: Cloud, bounds: Singles, out: Chunks) -> int:
+    """Write the chunks that may touch the image, and return their number.
+
+    Args:
+        view: Camera.
+        cloud: Parameters.
+        bounds: Scratch memory, shape (5 * 16,).
+        out: Where to write, with room for all chunks.
+    """
+    lens, R = lens_of(view), rotation_rows(view.R_CW)
+    count = len(cloud.opacities)
+    n = 0
+    for start in range(0, count, CHUNK):
+        blocks = 0
+        _begin_bounds(bounds)
+        for block in range(min(CHUNK, count - start + 15) >> 4):
+            if _bound_block(view, lens, R, cloud, start + 16 * block, bounds):
+                blocks |= 1 << block
+        if blocks == 0:
+            continue
+        x0 = _to_block(lens.cx + _bound(bounds, 1) - PAD_PX, lens.x_last)
+        x1 = _to_block(lens.cx - _bound(bounds, 2) + PAD_PX, lens.x_last)
+        y0 = _to_block(lens.cy + _bound(bounds, 3) - PAD_PX, lens.y_last)
+        y1 = _to_block(lens.cy - _bound(bounds, 4) + PAD_PX, lens.y_last)
+        out.number[n] = start // CHUNK
+        out.depth_m[n] = _bound(bounds, 0)
+        out.box[n] = pack_box(x0, x1, y0, y1)
+        out.blocks[n] = blocks
+        out.group_count[n] = 0
+        n += 1
+    return n

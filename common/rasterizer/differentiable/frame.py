@@ -1,0 +1,372 @@
+"""One view, forward and backward, on NumPy arrays."""
+
+import itertools
+import math
+import weakref
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from common.rasterizer.constants import NEAR_M
+from common.rasterizer.cpu_blend import begin_slab, fill_tiles, sort_keys
+from common.rasterizer.cpu_project import FAR_BITS, NEAR_BITS
+from common.rasterizer.cpu_view import View
+from common.rasterizer.cpu_workspace import (
+    KEYS,
+    LARGE_ENTRIES,
+    MAX_SIDE_PX,
+    RECORDS,
+    TILE,
+    Workspace,
+    make_workspace,
+    tile_count,
+    with_room,
+)
+from common.rasterizer.differentiable.blend import begin_planes, blend, gather_features
+from common.rasterizer.differentiable.blend_gradients import STATE_ROWS, Options, begin_replay, blend_gradients
+from common.rasterizer.differentiable.cull import bound_chunks
+from common.rasterizer.differentiable.memory import (
+    CHUNK,
+    FEATURE_GROUP,
+    GROUP,
+    LATER_ROWS,
+    PLANES,
+    STAGED_LANES,
+    STAGED_ROWS,
+    Chunks,
+    Cloud,
+    Gradients,
+    Kept,
+    Raster,
+    Singles,
+    Slab,
+    aligned,
+)
+from common.rasterizer.differentiable.pool import ArrayPool
+from common.rasterizer.differentiable.project import list_drawn, project
+from common.rasterizer.differentiable.project_gradients import gather_sums, project_gradients
+
+SLAB_SHARES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)
+"""Shares of the visible chunks, nearest first, at which one slab ends and the next begins."""
+SLAB_MIN_CHUNKS = 64
+"""Fewer chunks are not worth a slab."""
+LN_2 = 0.6931471805599453
+_POOL = ArrayPool()
+
+
+def zeros(name: str, shape: tuple[int, ...]) -> Singles:
+    """Zeros in memory that is used again when they are dropped."""
+    array: Singles = _POOL.take(name, math.prod(shape), np.float32)
+    array.fill(0.0)
+    return array.reshape(shape)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FrameGradients:
+    """Derivatives of the loss by parameters of m Gaussians, and by n projected means: those of `Drawn.index`."""
+
+    index: npt.NDArray[np.int64]
+    """The Gaussians that have weight in the image, ascending, shape (m,)."""
+    means_m: Singles
+    quats_wxyz: Singles
+    scales_m: Singles
+    opacities: Singles
+    sh: Singles | None
+    """All Gaussians' rows if they were asked for, shape (m or N, K, 3)."""
+    features: Singles | None
+    R_CW: npt.NDArray[np.float64]
+    """Shape (3, 3)."""
+    p_WC: npt.NDArray[np.float64]
+    """Shape (3,)."""
+    means_px: Singles
+    """Shape (n, 2)."""
+    absolute_px: Singles | None
+    """Sums of the pixels' absolute derivatives by the projected means, shape (n, 2)."""
+    weights: Singles
+    """Sums of weights over all pixels, shape (n,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """What a view looks like."""
+
+    planes: Singles
+    """See `memory.PLANES`; sides are multiples of 16 px, features are filled up to a multiple of `FEATURE_GROUP`."""
+    token: Singles
+    """The frame stays in use while this lives."""
+    index: npt.NDArray[np.int64]
+    """Gaussians of the groups, ascending, shape (n,)."""
+    radius_px: Singles
+    """The larger half side of the box outside of which their alpha is below the threshold; 0: not drawn, shape (n,)."""
+
+
+class Frame:
+    """Memory of one view from its forward to its backward pass.
+
+    Chunks are drawn in a few slabs of depth, nearest first, so that what lies behind finished pixels is neither
+    projected nor sorted; lists of tiles are kept per slab.
+    """
+
+    def __init__(self, height_px: int, width_px: int) -> None:
+        if max(height_px, width_px) > MAX_SIDE_PX:
+            raise ValueError(f"images are limited to {MAX_SIDE_PX} px a side, got {height_px}x{width_px} px.")
+        self.size_px = (height_px, width_px)
+        self._ws = make_workspace(height_px, width_px)
+        self._kept = Kept(
+            groups=np.empty(0, dtype=np.float32),
+            lanes=np.empty(0, dtype=np.int32),
+            staged=np.zeros(STAGED_ROWS * STAGED_LANES, dtype=np.float32),
+            coefficients=np.zeros(48 * 16, dtype=np.float32),
+        )
+        self._chunk_room = _chunk_arrays(0)
+        self._bounds = aligned(5 * 16, np.float32)
+        self._raster = Raster(
+            planes=np.empty(0, dtype=np.float32),
+            height=-(-height_px // TILE) * TILE,
+            stride=-(-width_px // TILE) * TILE,
+            features=np.empty(0, dtype=np.float32),
+            feature_count=0,
+            block_end=np.zeros(16 * tile_count(height_px, width_px), dtype=np.int32),
+            weights=aligned(64 * 16, np.float32),
+            state=aligned(16 * STATE_ROWS * 16, np.float32),
+            block_x=np.tile(np.arange(0, 16, 4, dtype=np.float32), 4),
+            block_y=np.repeat(np.arange(0, 16, 4, dtype=np.float32), 4),
+        )
+        self._slabs: list[_SlabLists] = []
+        self._slab_count = 0
+        self._token: Callable[[], npt.NDArray[np.float32] | None] = lambda: None
+
+    @property
+    def in_use(self) -> bool:
+        """True while the token of the last `draw` lives."""
+        return self._token() is not None
+
+    def draw(self, view: View, cloud: Cloud, features: Singles | None, *, keep: bool) -> Drawn:
+        """Draw a view.
+
+        Args:
+            view: Camera.
+            cloud: Parameters.
+            features: Shape (N, F).
+            keep: Prepare for `derive`.
+        """
+        self._view, self._cloud, self._features = view, cloud, features
+        self._begin(len(cloud.opacities), 0 if features is None else features.shape[1])
+        count = bound_chunks(view, cloud, self._bounds, self._chunk_room)
+        self._chunks = _first_chunks(self._chunk_room, count)
+        self._make_room(count)
+        begin_planes(view.width, view.height, self._ws, self._raster)
+        self._slab_count = 0
+        for slab in _slabs_of(self._chunks.depth_m):
+            self._draw_slab(slab, keep)
+        index, radius_px = np.empty(self._ws.counts[RECORDS], np.int64), np.empty(self._ws.counts[RECORDS], np.float32)
+        self._rows = list_drawn(self._chunks, self._kept, index, radius_px)
+        token = np.zeros(1, dtype=np.float32)
+        self._token = weakref.ref(token)
+        planes = self._raster.planes.reshape(-1, self._raster.height, self._raster.stride)
+        # Whoever holds the images keeps their memory; the frame does not.
+        self._raster = self._raster._replace(planes=np.empty(0, dtype=np.float32))
+        return Drawn(planes, token, index[: self._rows], radius_px[: self._rows])
+
+    def _begin(self, count: int, features: int) -> None:
+        chunks = -(-count // CHUNK)
+        if chunks > len(self._chunk_room.number):
+            self._chunk_room = _chunk_arrays(chunks + chunks // 4)
+        groups = -(-features // FEATURE_GROUP) * FEATURE_GROUP
+        raster = self._raster
+        if groups != raster.feature_count:
+            state = aligned(16 * (STATE_ROWS + groups) * 16, np.float32)
+            raster = raster._replace(feature_count=groups, state=state)
+        size = (PLANES + groups) * raster.height * raster.stride
+        self._raster = raster._replace(planes=_POOL.take("planes", size, np.float32))
+
+    def _make_room(self, chunks: int) -> None:
+        """Room for all Gaussians of the chunks, and 16 more for the writes that follow the last one."""
+        count = chunks * CHUNK + 16
+        self._ws = with_room(self._ws, records=count)
+        if count // 16 > len(self._kept.lanes):
+            room = (count + count // 4) // 16
+            self._kept = self._kept._replace(groups=aligned(room * GROUP, np.float32), lanes=aligned(room, np.int32))
+        if count * self._raster.feature_count > len(self._raster.features):
+            room = (count + count // 4) * self._raster.feature_count
+            self._raster = self._raster._replace(features=aligned(room, np.float32))
+
+    def _draw_slab(self, slab: Slab, keep: bool) -> None:
+        view, features = self._view, self._features
+        if self._slab_count == len(self._slabs):
+            self._slabs.append(_SlabLists(self._ws, self._raster))
+        lists = self._slabs[self._slab_count]
+        first = int(self._ws.counts[RECORDS])
+        begin_slab(view.width, slab.limit_bits, self._ws)
+        project(view, self._cloud, self._chunks, slab, keep, self._kept, self._ws)
+        if self._ws.counts[KEYS] == 0:
+            return
+        if features is not None:
+            gather_features(features.reshape(-1), features.shape[1], first, self._kept, self._ws, self._raster)
+        in_sorted = sort_keys(self._ws)
+        counts = self._ws.counts
+        ws = lists.with_room(lists.of(self._ws), int(4 * counts[KEYS] + counts[LARGE_ENTRIES]))
+        fill_tiles(view.width, in_sorted, ws)
+        blend(view.width, ws, self._raster._replace(block_end=lists.block_end))
+        self._slab_count += 1
+
+    def derive(
+        self, planes: Singles, slopes: Singles, *, with_depth: bool, absolute: bool, dense: bool
+    ) -> FrameGradients:
+        """Derivatives of a loss by all parameters.
+
+        Args:
+            planes: What `draw` gave.
+            slopes: Derivatives of the loss by the planes, in memory that `padded` gave.
+            with_depth: False if the derivatives by the depth plane are all zero.
+            absolute: Also sum up the pixels' absolute derivatives by the projected means.
+            dense: Give SH coefficients' derivatives for all Gaussians.
+        """
+        feature_count = self._raster.feature_count
+        absolute_row = LATER_ROWS + max(feature_count - FEATURE_GROUP, 0)
+        record_size = -(-(absolute_row + 2 * absolute) // 16) * 16
+        out = self._gradients(record_size, dense)
+        raster = self._raster._replace(planes=planes.reshape(-1))
+        replay = _POOL.take("replay", 2 * raster.height * raster.stride, np.float32)
+        begin_replay(self._ws, raster, slopes.reshape(-1), replay, out)
+        for lists in self._slabs[: self._slab_count]:
+            blend_gradients(
+                self._view.width,
+                lists.of(self._ws),
+                raster._replace(block_end=lists.block_end),
+                slopes.reshape(-1),
+                replay,
+                Options(with_depth, absolute, absolute_row),
+                out,
+            )
+        rows = project_gradients(self._view, self._cloud, self._chunks, dense, self._kept, out)
+        return self._results(out, rows, absolute_row if absolute else None, dense)
+
+    def padded(self) -> Singles:
+        """Zeros in the layout of the planes, for `derive`."""
+        raster = self._raster
+        return zeros("slopes", (PLANES + raster.feature_count, raster.height, raster.stride))
+
+    def _gradients(self, record_size: int, dense: bool) -> Gradients:
+        room, cloud = self._rows + 16, self._cloud
+        features = 0 if self._features is None else self._features.shape[1]
+        sh_size = (len(cloud.opacities) if dense else room) * cloud.sh_stride if cloud.sh_count else 0
+        sh = _POOL.take("sh", sh_size, np.float32)
+        if dense or 3 * cloud.sh_count < cloud.sh_stride:
+            sh.fill(0.0)
+        return Gradients(
+            records=_POOL.take("records", int(self._ws.counts[RECORDS]) * record_size, np.float32),
+            record_size=record_size,
+            sums=_POOL.take("sums", record_size * 16, np.float32),
+            numbers=_POOL.take("numbers", room, np.int64),
+            means_m=_POOL.take("means_m", room * 3, np.float32),
+            quats_wxyz=_POOL.take("quats_wxyz", room * 4, np.float32),
+            scales_m=_POOL.take("scales_m", room * 3, np.float32),
+            opacities=_POOL.take("opacities", room, np.float32),
+            sh=sh,
+            features=_POOL.take("features", room * features, np.float32),
+            feature_size=features,
+            weights=_POOL.take("weights", room, np.float32),
+            means_px=_POOL.take("means_px", 2 * room, np.float32),
+            stride=room,
+            pose=_POOL.take("pose", 12 * 16, np.float32),
+        )
+
+    def _results(self, out: Gradients, m: int, absolute_row: int | None, dense: bool) -> FrameGradients:
+        n, stride = self._rows, self._cloud.sh_stride
+        pose = out.pose.reshape(12, 16).sum(axis=1, dtype=np.float64)
+        sh_rows = len(self._cloud.opacities) if dense else m
+        return FrameGradients(
+            index=out.numbers[:m],
+            means_m=out.means_m[: 3 * m].reshape(m, 3),
+            quats_wxyz=out.quats_wxyz[: 4 * m].reshape(m, 4),
+            scales_m=out.scales_m[: 3 * m].reshape(m, 3),
+            opacities=out.opacities[:m],
+            sh=out.sh[: sh_rows * stride].reshape(sh_rows, stride // 3, 3) if self._cloud.sh_count else None,
+            features=None
+            if self._features is None
+            else out.features[: m * out.feature_size].reshape(m, out.feature_size),
+            R_CW=pose[:9].reshape(3, 3),
+            p_WC=pose[9:],
+            means_px=out.means_px.reshape(2, -1)[:, :n].T,
+            absolute_px=None if absolute_row is None else LN_2 * self._sums(out, absolute_row, 2),
+            weights=out.weights[:n],
+        )
+
+    def _sums(self, out: Gradients, first: int, count: int) -> Singles:
+        """Numbers from `first` on of the gradient records, in the order of rows."""
+        rows = np.empty((self._rows, count), dtype=np.float32)
+        gather_sums(self._chunks, self._kept, out, first, rows)
+        return rows
+
+
+class _SlabLists:
+    """Lists of the tiles of one slab."""
+
+    def __init__(self, ws: Workspace, raster: Raster) -> None:
+        self._tile_place = np.zeros_like(ws.tile_place)
+        self._node_next = aligned(0, np.int64)
+        self._entry_record = aligned(0, np.int32)
+        self._entry_blocks = aligned(0, np.uint16)
+        self.block_end = np.zeros_like(raster.block_end)
+
+    def of(self, ws: Workspace) -> Workspace:
+        """The workspace with these lists."""
+        return ws._replace(
+            tile_place=self._tile_place,
+            node_next=self._node_next,
+            entry_record=self._entry_record,
+            entry_blocks=self._entry_blocks,
+        )
+
+    def with_room(self, ws: Workspace, entries: int) -> Workspace:
+        """The workspace with these lists, large enough."""
+        ws = with_room(ws, entries=entries)
+        self._node_next, self._entry_record, self._entry_blocks = ws.node_next, ws.entry_record, ws.entry_blocks
+        return ws
+
+
+def _chunk_arrays(count: int) -> Chunks:
+    def integers() -> npt.NDArray[np.int64]:
+        return np.zeros(count, dtype=np.int64)
+
+    return Chunks(integers(), np.zeros(count), integers(), integers(), integers(), integers())
+
+
+def _first_chunks(chunks: Chunks, n: int) -> Chunks:
+    number, depth_m, box, blocks, first_group, group_count = chunks
+    return Chunks(number[:n], depth_m[:n], box[:n], blocks[:n], first_group[:n], group_count[:n])
+
+
+def _slabs_of(depth_m: npt.NDArray[np.float64]) -> list[Slab]:
+    """Split the depths at the shares of `SLAB_SHARES`."""
+    depths = np.sort(depth_m)
+    limits = {float(depths[int(share * len(depths))]) for share in SLAB_SHARES} if len(depths) > SLAB_MIN_CHUNKS else ()
+    edges = [-np.inf, *sorted(limit for limit in limits if limit > NEAR_M), np.inf]
+    return [
+        Slab(first, limit, _depth_bits(limit), number > 0)
+        for number, (first, limit) in enumerate(itertools.pairwise(edges))
+    ]
+
+
+def _depth_bits(depth_m: float) -> int:
+    return FAR_BITS if depth_m == np.inf else int(np.float32(depth_m).view(np.int32)) - NEAR_BITS
+
+
+_FRAMES: list[Frame] = []
+_FREE_FRAMES = 4
+
+
+def free_frame(height_px: int, width_px: int) -> Frame:
+    """A frame that is not in use."""
+    free = [frame for frame in _FRAMES if not frame.in_use]
+    for frame in free:
+        if frame.size_px == (height_px, width_px):
+            return frame
+    if len(free) >= _FREE_FRAMES:
+        _FRAMES.remove(free[0])
+    frame = Frame(height_px, width_px)
+    _FRAMES.append(frame)
+    return frame

@@ -1,0 +1,156 @@
+"""What the kernels of the differentiable rasterizer read and write, apart from the common workspace."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+Singles = npt.NDArray[np.float32]
+Float64s = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+
+CHUNK = 256
+"""Gaussians that follow each other in memory and are culled together."""
+STAGED_ROWS, STAGED_LANES = 12, 32
+"""Offset from the camera (3), quaternion (4), scales (3), opacity, number; up to 31 Gaussians that wait for 16."""
+GROUP_ROWS = 23
+"""What is kept of 16 Gaussians: the staged rows, then derivatives of red, green, blue by the offset (9), which of them
+are not black (bits), the larger half side of the box [px], 0 where nothing is drawn."""
+NUMBER, DERIVATIVES, COLOURED, RADIUS = 11, 12, 21, 22
+"""Rows of a group."""
+GROUP = GROUP_ROWS * 16
+"""Numbers per group."""
+TRANSMITTANCE, RED, DEPTH, PLANES = 0, 1, 4, 5
+"""Planes of an image: transmittance, red, green, blue, depth times weight, and then the features."""
+WEIGHT, CHANNELS = 6, 7
+"""Places in a gradient record: six moments, the sum of weights, then red, green, blue, depth and the features."""
+GRADIENT_ROWS = 11
+"""Numbers of a gradient record without features; the first group of these follows, the others are at LATER_ROWS."""
+LATER_ROWS = 16
+FEATURE_GROUP = 4
+"""Features are handled in groups of this many; the last group is filled up with zeros."""
+
+
+class Cloud(NamedTuple):
+    """Parameters of N Gaussians as flat float32 arrays."""
+
+    means_m: Singles
+    quats_wxyz: Singles
+    scales_m: Singles
+    opacities: Singles
+    sh: Singles
+    """Coefficients, three colours each; empty if there is no colour."""
+    sh_stride: int
+    """Numbers per Gaussian in `sh`."""
+    sh_count: int
+    """Coefficients per colour that are used; 0: no colour."""
+
+
+class Chunks(NamedTuple):
+    """Chunks that may touch the image, in the order of memory."""
+
+    number: Integers
+    """Chunk numbers, shape (C,)."""
+    depth_m: Float64s
+    """Lower bound of the depths of their means [m], shape (C,)."""
+    box: Integers
+    """Bounds of their footprints in 4x4 blocks, packed as in `cpu_view.pack_box`, shape (C,)."""
+    blocks: Integers
+    """Which of their blocks of 16 Gaussians may touch the image (bits), shape (C,)."""
+    first_group: Integers
+    """First group of each chunk, shape (C,)."""
+    group_count: Integers
+    """Groups of each chunk; 0: nothing of it was projected, shape (C,)."""
+
+
+class Slab(NamedTuple):
+    """A range of depths that is drawn in one go, nearest first."""
+
+    first_m: float
+    """Chunks whose means may lie nearer were projected before [m]."""
+    limit_m: float
+    """Chunks whose means all lie beyond wait for a later slab [m]."""
+    limit_bits: int
+    """Depth bits of the keys that wait for a later slab."""
+    cull: bool
+    """True if some pixels may be finished."""
+
+
+class Kept(NamedTuple):
+    """What the projection hands to the backward pass: groups of up to 16 Gaussians of one chunk.
+
+    Record `16 * group + lane` is that of the group's Gaussian `lane`.
+    """
+
+    groups: Singles
+    """See `GROUP_ROWS`, shape (G * GROUP,)."""
+    lanes: npt.NDArray[np.int32]
+    """Gaussians of each group, shape (G,)."""
+    staged: Singles
+    """See `STAGED_ROWS`."""
+    coefficients: Singles
+    """SH coefficients of 16 Gaussians, shape (48 * 16,)."""
+
+
+class Raster(NamedTuple):
+    """Images and lists that forward and backward blending share."""
+
+    planes: Singles
+    """Images one after the other, with sides that are multiples of 16 px; see `PLANES`."""
+    height: int
+    """Rows of one plane [px]."""
+    stride: int
+    """Columns of one plane [px]."""
+    features: Singles
+    """Features of the records, shape (records * feature_count,)."""
+    feature_count: int
+    """Features per record, a multiple of `FEATURE_GROUP`."""
+    block_end: npt.NDArray[np.int32]
+    """Nodes of the slab's lists that were drawn into each 4x4 block until it was finished, shape (T * 16,)."""
+    weights: Singles
+    """Weights of one list of entries in one block, shape (64 * 16,)."""
+    state: Singles
+    """What a tile's blocks need while it is blended, shape (16 * (feature_count + 7) * 16,)."""
+    block_x: Singles
+    """Columns of a tile's blocks within it [px], shape (16,)."""
+    block_y: Singles
+    """Rows [px], shape (16,)."""
+
+
+class Gradients(NamedTuple):
+    """Derivatives of the loss: gradient records, and rows with room for 16 more.
+
+    Parameters have a row per Gaussian with weight; weights and projected means one per Gaussian of a group.
+    """
+
+    records: Singles
+    """Gradient records, see `GRADIENT_ROWS`, shape (records * record_size,)."""
+    record_size: int
+    """Numbers per gradient record, a multiple of 16."""
+    sums: Singles
+    """A gradient record in 16 parts each, shape (record_size * 16,)."""
+    numbers: Integers
+    """Which Gaussians have weight, ascending."""
+    means_m: Singles
+    quats_wxyz: Singles
+    scales_m: Singles
+    opacities: Singles
+    sh: Singles
+    features: Singles
+    feature_size: int
+    """Features per Gaussian, not filled up."""
+    weights: Singles
+    """Sum of the Gaussian's weights over all pixels."""
+    means_px: Singles
+    """By the projected means: all x, from `means_px[stride]` on all y."""
+    stride: int
+    pose: Singles
+    """Derivatives by R_CW, row by row, and by the camera centre, in 16 parts each, shape (12 * 16,)."""
+
+
+def aligned(count: int, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
+    """Uninitialised array that begins on a cache line."""
+    size = count * np.dtype(dtype).itemsize
+    raw = np.empty(size + 128, dtype=np.uint8)
+    start = -raw.ctypes.data % 64
+    return raw[start : start + size].view(dtype)

@@ -1,0 +1,304 @@
+"""From parameters in any order to records, keys and counts per tile."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from common.rasterizer.compilation import inlined, kernel
+from common.rasterizer.constants import ALPHA_MIN
+from common.rasterizer.cpu_project import LOG2_E, NEAR_BITS, pixels_within
+from common.rasterizer.cpu_tiles import LARGE, any_alive, box_codes, is_alive, tiles_met
+from common.rasterizer.cpu_view import View
+from common.rasterizer.cpu_workspace import KEYS, LARGE_ENTRIES, LATER, RECORD, RECORDS, Workspace
+from common.rasterizer.differentiable.colour import colour_group
+from common.rasterizer.differentiable.cull import footprint_reach, in_view, offsets_from_camera, scales_at
+from common.rasterizer.differentiable.lens import (
+    Lens,
+    clamped,
+    image_axes,
+    image_covariance,
+    image_rows,
+    lens_of,
+    quaternion_matrix,
+    rotation_rows,
+    to_camera,
+)
+from common.rasterizer.differentiable.memory import (
+    CHUNK,
+    GROUP,
+    NUMBER,
+    RADIUS,
+    STAGED_LANES,
+    STAGED_ROWS,
+    Chunks,
+    Cloud,
+    Integers,
+    Kept,
+    Singles,
+    Slab,
+)
+from common.rasterizer.differentiable.simd_rows import columns_of_four, load_first
+from common.rasterizer.simd_memory import (
+    compress,
+    load_f16,
+    peek,
+    poke,
+    prefetch,
+    store_f16,
+    store_i16,
+    transpose_in_place,
+)
+from common.rasterizer.simd_types import (
+    bit_pattern,
+    count_bits,
+    float_bits,
+    float_of_bits,
+    fma,
+    has_bit,
+    i16,
+    lane_number,
+    lowest_bit,
+    mask_bits,
+    maximum,
+    sqrt,
+    to_float,
+    where,
+)
+
+LN_4 = 2.0 * math.log(2.0)
+TWO_LN_255 = -2.0 * math.log(ALPHA_MIN)
+
+
+@inlined
+def _log2(x: Any) -> Any:
+    """Binary logarithm of positive normal numbers, absolute error below 2e-7: a series of artanh((m - 1) / (m + 1))."""
+    exponent = (bit_pattern(x) - 0x3F2AAAAB) >> 23
+    m = float_of_bits(bit_pattern(x) - (exponent << 23)) - 1.0
+    s = m / (m + 2.0)
+    ss = s * s
+    p = fma(ss, fma(ss, fma(ss, fma(ss, 2.0 / 9.0, 2.0 / 7.0), 2.0 / 5.0), 2.0 / 3.0), 2.0)
+    return fma(s * p, LOG2_E, to_float(exponent))
+
+
+@inlined
+def _stage(row: int, staged: int, seen: Any, value: Any, kept: Kept) -> None:
+    store_f16(kept.staged, row * STAGED_LANES + staged, float_of_bits(compress(seen, bit_pattern(value))))
+
+
+@inlined
+def _stage_block(view: View, lens: Lens, R: Any, cloud: Cloud, first: int, staged: int, kept: Kept) -> int:
+    """Append the Gaussians first..first+15 that may be seen to the staged ones; the new number of these."""
+    left = len(cloud.opacities) - first
+    d, s = offsets_from_camera(view, cloud, first, left), scales_at(cloud, first, left)
+    opacity = load_first(cloud.opacities, first, left)
+    seen = in_view(lens, to_camera(R, d), footprint_reach(lens, s), opacity, left)
+    q = columns_of_four(
+        load_first(cloud.quats_wxyz, 4 * first, 4 * left),
+        load_first(cloud.quats_wxyz, 4 * first + 16, 4 * left - 16),
+        load_first(cloud.quats_wxyz, 4 * first + 32, 4 * left - 32),
+        load_first(cloud.quats_wxyz, 4 * first + 48, 4 * left - 48),
+    )
+    _stage(0, staged, seen, d[0], kept)
+    _stage(1, staged, seen, d[1], kept)
+    _stage(2, staged, seen, d[2], kept)
+    _stage(3, staged, seen, q[0], kept)
+    _stage(4, staged, seen, q[1], kept)
+    _stage(5, staged, seen, q[2], kept)
+    _stage(6, staged, seen, q[3], kept)
+    _stage(7, staged, seen, s[0], kept)
+    _stage(8, staged, seen, s[1], kept)
+    _stage(9, staged, seen, s[2], kept)
+    _stage(10, staged, seen, opacity, kept)
+    _stage(NUMBER, staged, seen, float_of_bits(lane_number() + first), kept)
+    size: int = count_bits(mask_bits(seen))
+    for j in range(0, 3 * cloud.sh_count, 16):
+        for lane in range(staged, staged + size):
+            number = float_bits(kept.staged[NUMBER * STAGED_LANES + lane])
+            prefetch(cloud.sh, number * cloud.sh_stride + j)
+    return staged + size
+
+
+@inlined
+def _row(kept: Kept, group: int, row: int) -> Any:
+    return load_f16(kept.groups, group * GROUP + 16 * row)
+
+
+@inlined
+def _begin_group(staged: int, group: int, kept: Kept) -> int:
+    """Move up to 16 staged Gaussians to a group; the number of those that still wait."""
+    for row in range(STAGED_ROWS):
+        place = row * STAGED_LANES
+        store_f16(kept.groups, group * GROUP + 16 * row, load_f16(kept.staged, place))
+        store_f16(kept.staged, place, load_f16(kept.staged, place + 16))
+    kept.lanes[group] = min(staged, 16)
+    return max(staged - 16, 0)
+
+
+@inlined
+def _image_group(lens: Lens, R: Any, group: int, kept: Kept, ws: Workspace) -> int:
+    """Project a group: its record rows go to the scratch memory, the lanes that cover a pixel centre back."""
+    x, y, z = to_camera(R, (_row(kept, group, 0), _row(kept, group, 1), _row(kept, group, 2)))
+    inverse_z = 1.0 / z
+    u, v = x * inverse_z, y * inverse_z
+    mean_x, mean_y = fma(u, lens.fx, lens.cx), fma(v, lens.fy, lens.cy)
+    uc, vc = clamped(lens, u, v)
+    Q = quaternion_matrix(_row(kept, group, 3), _row(kept, group, 4), _row(kept, group, 5), _row(kept, group, 6))
+    A = image_axes(image_rows(R, uc, vc), Q)
+    du, dv = inverse_z * lens.fx, inverse_z * lens.fy
+    s0, s1, s2 = _row(kept, group, 7), _row(kept, group, 8), _row(kept, group, 9)
+    sxx, sxy, syy, det = image_covariance(
+        (A[0] * s0 * du, A[1] * s1 * du, A[2] * s2 * du), (A[3] * s0 * dv, A[4] * s1 * dv, A[5] * s2 * dv)
+    )
+    log2_opacity = _log2(_row(kept, group, 10))
+    reach = maximum(fma(log2_opacity, LN_4, TWO_LN_255), 0.0)
+    half_x, half_y = sqrt(reach * sxx), sqrt(reach * syy)
+    left, top = mean_x - 0.5, mean_y - 0.5
+    x0, x1, in_columns = pixels_within(left - half_x, left + half_x, lens.x_last)
+    y0, y1, in_rows = pixels_within(top - half_y, top + half_y, lens.y_last)
+    valid = (lane_number() < np.int64(kept.lanes[group])) & (det > 0.0) & (det < np.inf)
+    seen: int = mask_bits(valid & in_columns & in_rows)
+    scale = LOG2_E / det
+    store_f16(ws.scratch, 0, mean_x)
+    store_f16(ws.scratch, 16, mean_y)
+    store_f16(ws.scratch, 32, scale * syy * -0.5)
+    store_f16(ws.scratch, 48, scale * sxy)
+    store_f16(ws.scratch, 64, scale * sxx * -0.5)
+    store_f16(ws.scratch, 80, log2_opacity)
+    store_f16(ws.scratch, 144, z)
+    tile, low, high = box_codes(x0 >> 2, x1 >> 2, y0 >> 2, y1 >> 2, lens.columns)
+    store_i16(ws.scratch_bits, 0, tile)
+    store_i16(ws.scratch_bits, 16, low)
+    store_i16(ws.scratch_bits, 32, high)
+    store_i16(ws.scratch_bits, 48, bit_pattern(z) - NEAR_BITS)
+    store_f16(kept.groups, group * GROUP + 16 * RADIUS, maximum(half_x, half_y))
+    return seen
+
+
+@inlined
+def _box(lane: int, ws: Workspace) -> Any:
+    """First tile and blocks of a lane's box, see `cpu_tiles`."""
+    bits = ws.scratch_bits
+    low, high = np.int64(peek(bits, 16 + lane)), np.int64(peek(bits, 32 + lane))
+    return np.int64(peek(bits, lane)), (low & 0xFFFFFFFF) | (high << 32)
+
+
+@inlined
+def _unhidden(seen: int, columns: int, ws: Workspace) -> int:
+    """Those of the seen lanes whose box meets pixels that are not finished."""
+    alive, waiting = 0, seen
+    while waiting:
+        lane = lowest_bit(waiting)
+        waiting &= waiting - 1
+        tile, blocks = _box(lane, ws)
+        alive |= is_alive(ws, columns, tile, blocks) << lane
+    return alive
+
+
+@inlined
+def _emit(drawn: int, first: int, counts: tuple[int, int], slab: Slab, ws: Workspace) -> tuple[int, int]:
+    """Write the records of a group, the first of which is `first`, and append keys to this slab's or the later ones.
+
+    Args:
+        drawn: Lanes that are drawn.
+        first: Number of the first record.
+        counts: Numbers of this slab's keys and of later keys.
+        slab: Depths that are drawn now.
+        ws: Workspace.
+
+    Returns:
+        The new counts.
+    """
+    transpose_in_place(ws.scratch, 0)
+    keys, later = counts
+    while drawn:
+        lane = lowest_bit(drawn)
+        drawn &= drawn - 1
+        record = first + lane
+        tile, blocks = _box(lane, ws)
+        depth_bits = np.int64(peek(ws.scratch_bits, 48 + lane))
+        store_f16(ws.records, record * RECORD, load_f16(ws.scratch, lane * RECORD))
+        if tile == LARGE:
+            ws.counts[LARGE_ENTRIES] += tiles_met(blocks)
+        poke(ws.boxes, 2 * record, tile)
+        poke(ws.boxes, 2 * record + 1, blocks)
+        # Written in any case, counted if true: cheaper than branches that the CPU cannot foresee.
+        due = 1 if depth_bits < slab.limit_bits else 0
+        key = (depth_bits << 32) | record
+        poke(ws.keys, keys, key)
+        poke(ws.later, later, key)
+        keys += due
+        later += 1 - due
+    return keys, later
+
+
+@inlined
+def _is_due(chunks: Chunks, i: int, slab: Slab, columns: int, ws: Workspace) -> bool:
+    """True if a chunk belongs to the slab and some pixel that it may touch is not finished."""
+    if not slab.first_m <= chunks.depth_m[i] < slab.limit_m:
+        return False
+    if not slab.cull:
+        return True
+    return bool(any_alive(ws.tile_alive, columns, chunks.box[i]))
+
+
+@kernel
+def project(view: View, cloud: Cloud, chunks: Chunks, slab: Slab, keep: bool, kept: Kept, ws: Workspace) -> None:
+    """Project the slab's chunks, and append the Gaussians that touch unfinished pixels.
+
+    Args:
+        view: Camera.
+        cloud: Parameters.
+        chunks: Chunks that may be seen.
+        slab: Depths that are drawn now.
+        keep: Prepare for the backward pass.
+        kept: Where the groups are written.
+        ws: Workspace with room for all Gaussians of these chunks.
+    """
+    lens, R = lens_of(view), rotation_rows(view.R_CW)
+    group = ws.counts[RECORDS] >> 4
+    counts = (ws.counts[KEYS], ws.counts[LATER])
+    for i in range(len(chunks.number)):
+        if not _is_due(chunks, i, slab, lens.columns, ws):
+            continue
+        chunks.first_group[i] = group
+        blocks, staged = chunks.blocks[i], 0
+        while blocks or staged:
+            if blocks:
+                block = lowest_bit(blocks)
+                blocks &= blocks - 1
+                staged = _stage_block(view, lens, R, cloud, chunks.number[i] * CHUNK + 16 * block, staged, kept)
+            if staged >= 16 or (staged > 0 and blocks == 0):
+                staged = _begin_group(staged, group, kept)
+                drawn = _image_group(lens, R, group, kept, ws)
+                if slab.cull:
+                    drawn = _unhidden(drawn, lens.columns, ws)
+                radius = group * GROUP + 16 * RADIUS
+                store_f16(kept.groups, radius, where(_lanes(drawn), load_f16(kept.groups, radius), 0.0))
+                if drawn:
+                    colour_group(cloud, group, drawn, keep, kept, ws)
+                    counts = _emit(drawn, 16 * group, counts, slab, ws)
+                group += 1
+        chunks.group_count[i] = group - chunks.first_group[i]
+    ws.counts[RECORDS] = 16 * group
+    ws.counts[KEYS], ws.counts[LATER] = counts
+
+
+@inlined
+def _lanes(bits: int) -> Any:
+    """M16 of the lowest 16 bits of an integer."""
+    return has_bit(i16(1) << lane_number(), bits)
+
+
+@kernel
+def list_drawn(chunks: Chunks, kept: Kept, index: Integers, radius_px: Singles) -> int:
+    """Write numbers and radii of all Gaussians of the groups in the order of memory, and return their number."""
+    n = 0
+    for i in range(len(chunks.number)):
+        for group in range(chunks.first_group[i], chunks.first_group[i] + chunks.group_count[i]):
+            place = group * GROUP
+            for lane in range(kept.lanes[group]):
+                index[n] = float_bits(kept.groups[place + 16 * NUMBER + lane])
+                radius_px[n] = kept.groups[place + 16 * RADIUS + lane]
+                n += 1
+    return n

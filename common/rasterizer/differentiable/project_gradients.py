@@ -1,0 +1,340 @@
+"""From derivatives by projected Gaussians to derivatives by their parameters and the camera pose.
+
+Legend: d = mean - camera centre, R = R_CW, (x, y, z) = R d, tangents (u, v) = (x / z, y / z) clamped to (uc, vc),
+E = rows of J R without the factors fx / z and fy / z, Q = rotation of the Gaussian, A = E Q, s = scales. The image axes
+are a_k = A_0k s_k fx / z, b_k = A_1k s_k fy / z, the covariance is that of `image_covariance`, K is its inverse.
+With v = dL / d ln(alpha) of a pixel at offset (dx, dy) from the projected mean, the moments of a record are the sums of
+v, v dx, v dy, v dx^2, v dx dy, v dy^2 over its pixels:
+
+    dL / d ln(opacity) = m0,  dL / d mean_px = K (m1, m2),  dL / d covariance = K M K / 2,  M = [[m3, m4], [m4, m5]].
+"""
+
+from typing import Any
+
+from common.rasterizer.compilation import inlined, kernel
+from common.rasterizer.cpu_view import View
+from common.rasterizer.differentiable.colour import write_coefficient_gradients
+from common.rasterizer.differentiable.lens import (
+    Lens,
+    clamped,
+    image_axes,
+    image_covariance,
+    image_rows,
+    lens_of,
+    quaternion_matrix,
+    rotation_rows,
+    to_camera,
+)
+from common.rasterizer.differentiable.memory import (
+    CHANNELS,
+    COLOURED,
+    FEATURE_GROUP,
+    GRADIENT_ROWS,
+    GROUP,
+    LATER_ROWS,
+    NUMBER,
+    WEIGHT,
+    Chunks,
+    Cloud,
+    Gradients,
+    Kept,
+    Singles,
+)
+from common.rasterizer.differentiable.simd_rows import load_first, rows_of_four, rows_of_three, store_first
+from common.rasterizer.simd_memory import compress, load_f16, load_i16, prefetch, store_f16, transpose_in_place
+from common.rasterizer.simd_types import (
+    bit_pattern,
+    count_bits,
+    f16,
+    float_bits,
+    float_of_bits,
+    fma,
+    fnma,
+    has_bit,
+    lane_number,
+    lowest_bit,
+    mask_bits,
+    sqrt,
+    where,
+)
+
+
+@inlined
+def _row(kept: Kept, group: int, row: int) -> Any:
+    return load_f16(kept.groups, group * GROUP + 16 * row)
+
+
+@inlined
+def _quaternion_gradient(q: Any, G: Any) -> Any:
+    """Derivatives by quaternions of any length of a loss whose derivatives by their rotations are G, row by row."""
+    inverse = 1.0 / sqrt(fma(q[0], q[0], fma(q[1], q[1], fma(q[2], q[2], q[3] * q[3]))))
+    w, x, y, z = q[0] * inverse, q[1] * inverse, q[2] * inverse, q[3] * inverse
+    n0, n1, n2 = G[7] - G[5], G[2] - G[6], G[3] - G[1]
+    p01, p02, p12 = G[1] + G[3], G[2] + G[6], G[5] + G[7]
+    gw = fma(x, n0, fma(y, n1, z * n2))
+    gx = fma(y, p01, fma(z, p02, fnma(x * 2.0, G[4] + G[8], w * n0)))
+    gy = fma(x, p01, fma(z, p12, fnma(y * 2.0, G[0] + G[8], w * n1)))
+    gz = fma(x, p02, fma(y, p12, fnma(z * 2.0, G[0] + G[4], w * n2)))
+    along = fma(w, gw, fma(x, gx, fma(y, gy, z * gz)))
+    twice = inverse * 2.0
+    return (gw - along * w) * twice, (gx - along * x) * twice, (gy - along * y) * twice, (gz - along * z) * twice
+
+
+@inlined
+def _add_pose(k: int, drawn: Any, value: Any, out: Gradients) -> None:
+    store_f16(out.pose, k * 16, load_f16(out.pose, k * 16) + where(drawn, value, 0.0))
+
+
+@inlined
+def _add_poses(drawn: Any, d: Any, g: Any, G: Any, w: Any, out: Gradients) -> None:
+    """Add derivatives by R_CW, of which `G` holds what the covariances give, and by the camera centre."""
+    _add_pose(0, drawn, fma(g[0], d[0], G[0]), out)
+    _add_pose(1, drawn, fma(g[0], d[1], G[1]), out)
+    _add_pose(2, drawn, fma(g[0], d[2], G[2]), out)
+    _add_pose(3, drawn, fma(g[1], d[0], G[3]), out)
+    _add_pose(4, drawn, fma(g[1], d[1], G[4]), out)
+    _add_pose(5, drawn, fma(g[1], d[2], G[5]), out)
+    _add_pose(6, drawn, fma(g[2], d[0], G[6]), out)
+    _add_pose(7, drawn, fma(g[2], d[1], G[7]), out)
+    _add_pose(8, drawn, fma(g[2], d[2], G[8]), out)
+    _add_pose(9, drawn, 0.0 - w[0], out)
+    _add_pose(10, drawn, 0.0 - w[1], out)
+    _add_pose(11, drawn, 0.0 - w[2], out)
+
+
+@inlined
+def _copy_features(group: int, row: int, weighty: int, out: Gradients) -> None:
+    """Copy derivatives by features from the gradient records of the lanes `weighty` to rows from `row` on."""
+    size = out.feature_size
+    while weighty:
+        lane = lowest_bit(weighty)
+        weighty &= weighty - 1
+        source, target = (16 * group + lane) * out.record_size, row * size
+        row += 1
+        head = load_first(out.records, source + GRADIENT_ROWS, FEATURE_GROUP)
+        store_first(out.features, target, min(size, FEATURE_GROUP), head)
+        for k in range(FEATURE_GROUP, size, 16):
+            tail = load_f16(out.records, source + LATER_ROWS + k - FEATURE_GROUP)
+            store_first(out.features, target + k, size - k, tail)
+
+
+@inlined
+def _packed(lanes: Any, value: Any) -> Any:
+    """The lanes of a mask, moved to the front."""
+    return float_of_bits(compress(lanes, bit_pattern(value)))
+
+
+@inlined
+def _write_rows_of_three(rows: Singles, row: int, lanes: Any, a: Any, b: Any, c: Any) -> None:
+    r0, r1, r2 = rows_of_three(_packed(lanes, a), _packed(lanes, b), _packed(lanes, c))
+    store_f16(rows, 3 * row, r0)
+    store_f16(rows, 3 * row + 16, r1)
+    store_f16(rows, 3 * row + 32, r2)
+
+
+@inlined
+def _ask_for(group: int, kept: Kept, out: Gradients) -> None:
+    for k in range(0, GROUP, 16):
+        prefetch(kept.groups, group * GROUP + k)
+    for lane in range(16):
+        prefetch(out.records, (16 * group + lane) * out.record_size)
+
+
+@inlined
+def _gradient_rows(group: int, out: Gradients) -> None:
+    """Bring the first 16 numbers of a group's gradient records to one row each."""
+    for lane in range(16):
+        store_f16(out.sums, lane * 16, load_f16(out.records, (16 * group + lane) * out.record_size))
+    transpose_in_place(out.sums, 0)
+
+
+@inlined
+def _shape_gradients(
+    lens: Lens, R: Any, group: int, first: int, row: int, lanes: Any, kept: Kept, out: Gradients
+) -> Any:
+    """Derivatives by quaternions, scales and opacities, written; those by the offsets in camera axes, returned.
+
+    Also returned: what the covariances add to the derivatives by R_CW, row by row.
+    """
+    d = (_row(kept, group, 0), _row(kept, group, 1), _row(kept, group, 2))
+    x, y, z = to_camera(R, d)
+    inverse_z = 1.0 / z
+    u, v = x * inverse_z, y * inverse_z
+    uc, vc = clamped(lens, u, v)
+    q = (_row(kept, group, 3), _row(kept, group, 4), _row(kept, group, 5), _row(kept, group, 6))
+    Q = quaternion_matrix(q[0], q[1], q[2], q[3])
+    E = image_rows(R, uc, vc)
+    A = image_axes(E, Q)
+    du, dv = inverse_z * lens.fx, inverse_z * lens.fy
+    s0, s1, s2 = _row(kept, group, 7), _row(kept, group, 8), _row(kept, group, 9)
+    su0, su1, su2, sv0, sv1, sv2 = s0 * du, s1 * du, s2 * du, s0 * dv, s1 * dv, s2 * dv
+    a = (A[0] * su0, A[1] * su1, A[2] * su2)
+    b = (A[3] * sv0, A[4] * sv1, A[5] * sv2)
+    sxx, sxy, syy, det = image_covariance(a, b)
+    scale = 1.0 / det
+    kxx, kxy, kyy = syy * scale, fnma(sxy, scale, f16(0.0)), sxx * scale
+    m0, m1, m2 = load_f16(out.sums, 0), load_f16(out.sums, 16), load_f16(out.sums, 32)
+    m3, m4, m5 = load_f16(out.sums, 48), load_f16(out.sums, 64), load_f16(out.sums, 80)
+    store_f16(out.opacities, row, _packed(lanes, m0 / _row(kept, group, 10)))
+    gx, gy = fma(kxx, m1, kxy * m2), fma(kxy, m1, kyy * m2)
+    store_f16(out.means_px, first, where(lanes, gx, 0.0))
+    store_f16(out.means_px, out.stride + first, where(lanes, gy, 0.0))
+    p00, p01 = fma(kxx, m3, kxy * m4), fma(kxy, m3, kyy * m4)
+    p10, p11 = fma(kxx, m4, kxy * m5), fma(kxy, m4, kyy * m5)
+    wxx, wxy, wyy = fma(p00, kxx, p10 * kxy), fma(p00, kxy, p10 * kyy), fma(p01, kxy, p11 * kyy)
+    ga0, ga1, ga2 = fma(wxx, a[0], wxy * b[0]), fma(wxx, a[1], wxy * b[1]), fma(wxx, a[2], wxy * b[2])
+    gb0, gb1, gb2 = fma(wxy, a[0], wyy * b[0]), fma(wxy, a[1], wyy * b[1]), fma(wxy, a[2], wyy * b[2])
+    _write_rows_of_three(
+        out.scales_m,
+        row,
+        lanes,
+        fma(ga0 * du, A[0], gb0 * dv * A[3]),
+        fma(ga1 * du, A[1], gb1 * dv * A[4]),
+        fma(ga2 * du, A[2], gb2 * dv * A[5]),
+    )
+    # By ln(fx / z) and ln(fy / z), both of which move with -ln(z).
+    g_zoom = fma(ga0, a[0], fma(ga1, a[1], ga2 * a[2])) + fma(gb0, b[0], fma(gb1, b[1], gb2 * b[2]))
+    g0, g1, g2, g3, g4, g5 = ga0 * su0, ga1 * su1, ga2 * su2, gb0 * sv0, gb1 * sv1, gb2 * sv2
+    w0, w1, w2, w3 = _quaternion_gradient(
+        q,
+        (
+            fma(E[0], g0, E[3] * g3), fma(E[0], g1, E[3] * g4), fma(E[0], g2, E[3] * g5),
+            fma(E[1], g0, E[4] * g3), fma(E[1], g1, E[4] * g4), fma(E[1], g2, E[4] * g5),
+            fma(E[2], g0, E[5] * g3), fma(E[2], g1, E[5] * g4), fma(E[2], g2, E[5] * g5),
+        ),
+    )  # fmt: skip
+    h0, h1, h2, h3 = rows_of_four(_packed(lanes, w0), _packed(lanes, w1), _packed(lanes, w2), _packed(lanes, w3))
+    store_f16(out.quats_wxyz, 4 * row, h0)
+    store_f16(out.quats_wxyz, 4 * row + 16, h1)
+    store_f16(out.quats_wxyz, 4 * row + 32, h2)
+    store_f16(out.quats_wxyz, 4 * row + 48, h3)
+    e0, e1, e2 = (
+        fma(Q[0], g0, fma(Q[1], g1, Q[2] * g2)),
+        fma(Q[3], g0, fma(Q[4], g1, Q[5] * g2)),
+        fma(Q[6], g0, fma(Q[7], g1, Q[8] * g2)),
+    )
+    e3, e4, e5 = (
+        fma(Q[0], g3, fma(Q[1], g4, Q[2] * g5)),
+        fma(Q[3], g3, fma(Q[4], g4, Q[5] * g5)),
+        fma(Q[6], g3, fma(Q[7], g4, Q[8] * g5)),
+    )
+    g_uc, g_vc = fma(e0, R[6], fma(e1, R[7], e2 * R[8])), fma(e3, R[6], fma(e4, R[7], e5 * R[8]))
+    # A clamped tangent does not move with the mean.
+    inside_u, inside_v = (u > lens.u_low) & (u < lens.u_high), (v > lens.v_low) & (v < lens.v_high)
+    g_u = fma(gx, lens.fx, where(inside_u, 0.0 - g_uc, 0.0))
+    g_v = fma(gy, lens.fy, where(inside_v, 0.0 - g_vc, 0.0))
+    g_depth = load_f16(out.sums, (CHANNELS + 3) * 16)
+    g_z = fnma(fma(g_u, u, fma(g_v, v, g_zoom)), inverse_z, g_depth)
+    t0, t1, t2 = fma(uc, e0, vc * e3), fma(uc, e1, vc * e4), fma(uc, e2, vc * e5)
+    zero = f16(0.0)
+    return (g_u * inverse_z, g_v * inverse_z, g_z), (e0, e1, e2, e3, e4, e5, zero - t0, zero - t1, zero - t2)
+
+
+@inlined
+def _colour_gradients(cloud: Cloud, group: int, row: int, weighty: int, dense: bool, kept: Kept, out: Gradients) -> Any:
+    """Derivatives by the coefficients, written; those by the offsets in world axes, returned."""
+    zero = f16(0.0)
+    if cloud.sh_count == 0:
+        return zero, zero, zero
+    coloured = load_i16(kept.groups, group * GROUP + 16 * COLOURED)
+    g = (
+        where(has_bit(coloured, 1), load_f16(out.sums, CHANNELS * 16), 0.0),
+        where(has_bit(coloured, 2), load_f16(out.sums, (CHANNELS + 1) * 16), 0.0),
+        where(has_bit(coloured, 4), load_f16(out.sums, (CHANNELS + 2) * 16), 0.0),
+    )
+    d = (_row(kept, group, 0), _row(kept, group, 1), _row(kept, group, 2))
+    inverse = 1.0 / sqrt(fma(d[0], d[0], fma(d[1], d[1], d[2] * d[2])))
+    x, y, z = d[0] * inverse, d[1] * inverse, d[2] * inverse
+    write_coefficient_gradients(cloud, group, (x, y, z), g, row, weighty, dense, kept, out)
+    if cloud.sh_count == 1:
+        return zero, zero, zero
+    return (
+        fma(g[0], _row(kept, group, 12), fma(g[1], _row(kept, group, 15), g[2] * _row(kept, group, 18))),
+        fma(g[0], _row(kept, group, 13), fma(g[1], _row(kept, group, 16), g[2] * _row(kept, group, 19))),
+        fma(g[0], _row(kept, group, 14), fma(g[1], _row(kept, group, 17), g[2] * _row(kept, group, 20))),
+    )
+
+
+@inlined
+def _write_numbers(group: int, row: int, weighty: int, kept: Kept, out: Gradients) -> None:
+    while weighty:
+        lane = lowest_bit(weighty)
+        weighty &= weighty - 1
+        out.numbers[row] = float_bits(kept.groups[group * GROUP + 16 * NUMBER + lane])
+        row += 1
+
+
+@inlined
+def _group_gradients(
+    lens: Lens,
+    R: Any,
+    cloud: Cloud,
+    group: int,
+    first: int,
+    row: int,
+    lanes: Any,
+    dense: bool,
+    kept: Kept,
+    out: Gradients,
+) -> None:
+    """Derivatives by all parameters of the lanes `lanes` of a group, whose gradient records are in `sums`."""
+    weighty = mask_bits(lanes)
+    _write_numbers(group, row, weighty, kept, out)
+    g, G = _shape_gradients(lens, R, group, first, row, lanes, kept, out)
+    c = _colour_gradients(cloud, group, row, weighty, dense, kept, out)
+    w = (
+        fma(R[0], g[0], fma(R[3], g[1], fma(R[6], g[2], c[0]))),
+        fma(R[1], g[0], fma(R[4], g[1], fma(R[7], g[2], c[1]))),
+        fma(R[2], g[0], fma(R[5], g[1], fma(R[8], g[2], c[2]))),
+    )
+    _write_rows_of_three(out.means_m, row, lanes, w[0], w[1], w[2])
+    _add_poses(lanes, (_row(kept, group, 0), _row(kept, group, 1), _row(kept, group, 2)), g, G, w, out)
+    if out.feature_size:
+        _copy_features(group, row, weighty, out)
+
+
+@kernel
+def project_gradients(view: View, cloud: Cloud, chunks: Chunks, dense: bool, kept: Kept, out: Gradients) -> int:
+    """Derivatives by all parameters of the Gaussians with weight, in the order of memory; the number of these.
+
+    Args:
+        view: Camera.
+        cloud: Parameters.
+        chunks: Chunks after the projection.
+        dense: Write those by SH coefficients to the rows of all Gaussians instead.
+        kept: What the projection kept.
+        out: Gradient records, and where to write.
+    """
+    lens, R = lens_of(view), rotation_rows(view.R_CW)
+    for k in range(12):
+        store_f16(out.pose, k * 16, f16(0.0))
+    first, row = 0, 0
+    for i in range(len(chunks.number)):
+        for group in range(chunks.first_group[i], chunks.first_group[i] + chunks.group_count[i]):
+            count: int = kept.lanes[group]
+            _ask_for(group + 2, kept, out)
+            _gradient_rows(group, out)
+            weight = load_f16(out.sums, WEIGHT * 16)
+            lanes = (weight > 0.0) & (lane_number() < count)
+            store_f16(out.weights, first, weight)
+            if mask_bits(lanes):
+                _group_gradients(lens, R, cloud, group, first, row, lanes, dense, kept, out)
+                row += count_bits(mask_bits(lanes))
+            else:
+                store_f16(out.means_px, first, f16(0.0))
+                store_f16(out.means_px, out.stride + first, f16(0.0))
+            first += count
+    return row
+
+
+@kernel
+def gather_sums(chunks: Chunks, kept: Kept, out: Gradients, begin: int, rows: Singles) -> None:
+    """Copy numbers from `begin` on of the gradient records to `rows`, one row per Gaussian in the order of memory."""
+    row = 0
+    for i in range(len(chunks.number)):
+        for group in range(chunks.first_group[i], chunks.first_group[i] + chunks.group_count[i]):
+            for lane in range(kept.lanes[group]):
+                place = (16 * group + lane) * out.record_size + begin
+                for k in range(rows.shape[1]):
+                    rows[row, k] = out.records[place + k]
+                row += 1
