@@ -81,7 +81,9 @@ def main(
     exact, lod = make_cpu(setting, lod=False), make_cpu(setting, lod=True)
     result = {"scene": setting.scenery.name, "avatars": avatars, "views": views, "image_px": [height_px, width_px]}
     result |= _likeness(setting, exact, lod) | _speed(setting, [exact, lod], timed_views, runs)
-    text = json_module.dumps(result) if json else "\n".join(f"{key:28s} {_text(value)}" for key, value in result.items())
+    text = (
+        json_module.dumps(result) if json else "\n".join(f"{key:28s} {_text(value)}" for key, value in result.items())
+    )
     sys.stdout.write(text + "\n")
 
 

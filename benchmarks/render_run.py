@@ -108,7 +108,7 @@ def _itself(layer: PackedScene) -> PackedScene:
 def digest(layer: PackedScene) -> str:
     """Short hash of a pack."""
     arrays = (layer.centre_m, layer.geometry, layer.colour, layer.sh)
-    return hashlib.sha256(b"".join(hashlib.sha256(array).digest() for array in arrays)).hexdigest()[:16]
+    return hashlib.sha256(b"".join(hashlib.sha256(array.data).digest() for array in arrays)).hexdigest()[:16]
 
 
 def _reference(setting: Setting) -> Render:

@@ -123,8 +123,10 @@ class _Person(_Layer):
 
     def cull(self, view: View) -> VisibleChunks:
         boxes = (view, self._A_CS, *self._joint_boxes, self._boxes[2])
-        count = cull_person(*boxes, self._chunks) if self._cut is None else cull_person_tree(
-            *boxes, self._cut, self._chunks
+        count = (
+            cull_person(*boxes, self._chunks)
+            if self._cut is None
+            else cull_person_tree(*boxes, self._cut, self._chunks)
         )
         return self._first(count)
 

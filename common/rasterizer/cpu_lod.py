@@ -36,9 +36,7 @@ def _is_fine(view: View, cut: Cut, i: int, nearest_m: float) -> bool:
 
 
 @kernel
-def cull_tree(
-    view: View, centre_m: Floats, half_m: Singles, reach_m: Singles, cut: Cut, out: VisibleChunks
-) -> int:
+def cull_tree(view: View, centre_m: Floats, half_m: Singles, reach_m: Singles, cut: Cut, out: VisibleChunks) -> int:
     """Write the nodes of a cut whose Gaussians may touch the image, and return their number.
 
     A node's box holds those of the nodes below it: what is below an invisible node is invisible, and no node below is

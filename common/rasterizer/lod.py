@@ -39,6 +39,7 @@ FIRST_PIXEL_M, LAST_PIXEL_M = 0.004, 300.0
 """Sizes of a pixel of the first level and of the last one that may be made."""
 LEVEL_RATIO = math.sqrt(2.0)
 TOLERANCE = 0.03
+"""Largest cost of a merger: one tenth of a colour's range, squared, at three pixels."""
 CONTRAST = 0.1
 SKIN_TOLERANCE = 0.5
 ROUNDS = 3
@@ -95,18 +96,19 @@ def build_tree(scene: PackedScene) -> ChunkTree:
     return tree_of_nodes(scene, list(preorder(grow(scene, np.zeros((count, 0), dtype=np.float32)))))
 
 
-def grow(scene: PackedScene, skin: Singles, *, centred: bool = True) -> list[Node]:
+def grow(scene: PackedScene, skin: Singles, *, centred: bool = True, tolerance: float = TOLERANCE) -> list[Node]:
     """Merge level by level.
 
     Args:
         scene: A packed cloud whose padding is at its end.
         skin: Weights of joints, shape (N, 24), or (N, 0).
         centred: False if the scene's means are not relative to their chunks' centres.
+        tolerance: Largest cost of a merger, see `lod_cost`.
 
     Returns:
         The roots, in order.
     """
-    forest = _Forest(scene, skin, centred)
+    forest = _Forest(scene, skin, centred, tolerance)
     pixel_m = FIRST_PIXEL_M
     while forest.count_total > CHUNK // 8 and pixel_m <= LAST_PIXEL_M:
         forest.coarsen(pixel_m)
@@ -117,7 +119,8 @@ def grow(scene: PackedScene, skin: Singles, *, centred: bool = True) -> list[Nod
 class _Forest:
     """The regions of one level and the nodes that stand for them."""
 
-    def __init__(self, scene: PackedScene, skin: Singles, centred: bool) -> None:
+    def __init__(self, scene: PackedScene, skin: Singles, centred: bool, tolerance: float) -> None:
+        self._tolerance = tolerance
         self._originals = _originals(scene, skin, centred)
         count = len(skin)
         self._packed_colours = _plain(scene.colour if len(scene.colour) else scene.sh)
@@ -141,16 +144,14 @@ class _Forest:
 
     def coarsen(self, pixel_m: float) -> None:
         """Go on to a level."""
-        rule = MergeRule(pixel_m, TOLERANCE, CONTRAST, SKIN_TOLERANCE)
+        rule = MergeRule(pixel_m, self._tolerance, CONTRAST, SKIN_TOLERANCE)
         side_px = (self._high - self._low).max(axis=1, initial=0.0) / pixel_m
         leeway = np.maximum((CROWDED_PX / np.maximum(side_px, 1e-3)) ** 2, 1.0)
         regions = (self._label, self._first, self._count, self._wait, leeway)
         merge_regions(self._originals, *regions, rule, ROUNDS, self._clusters)
         runs = list(self._runs(pixel_m))
         counts = [int(self._count[begin:end].sum()) for begin, end in runs]
-        self.nodes = [
-            self._node(begin, end, count, pixel_m) for (begin, end), count in zip(runs, counts, strict=True)
-        ]
+        self.nodes = [self._node(begin, end, count, pixel_m) for (begin, end), count in zip(runs, counts, strict=True)]
         starts = [begin for begin, _ in runs]
         self._first = np.append(self._first[starts], self._first[-1])
         self._count = np.array(counts, dtype=np.int64)
@@ -192,9 +193,7 @@ class _Forest:
         clusters, span = self._clusters, (node.first, node.end)
         gather_region(self._originals, self._label, *span, node.count, pixel_m, clusters)
         node.colour = np.empty((node.count, self._colour_rows))
-        gather_colours(
-            self._originals, self._label, *span, pixel_m, self._packed_colours, clusters.weight, node.colour
-        )
+        gather_colours(self._originals, self._label, *span, pixel_m, self._packed_colours, clusters.weight, node.colour)
         if self._packed_normals is not None:
             sums = np.empty((node.count, 3))
             gather_normals(self._originals, self._label, *span, pixel_m, self._packed_normals, sums)

@@ -9,13 +9,16 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from common.rasterizer.lod import ChunkTree, Floats, Integers, Node, children_of, grow, preorder, tree_of_nodes
+from common.rasterizer.lod import ChunkTree, Node, children_of, grow, preorder, tree_of_nodes
+from common.rasterizer.lod_clusters import Floats, Integers
 from common.rasterizer.packed import BLOCKS, CHUNK, rounded_up
 from common.rasterizer.packed_avatar import PackedAvatar
 
 Singles = npt.NDArray[np.float32]
 
 JOINTS = 24
+TOLERANCE = 0.01
+"""Below that of scenes: people move, and a node of theirs that changes its level would be noticed."""
 LEAST_WEIGHT = 1e-3
 """Smaller weights of merged Gaussians are dropped: they would make most blocks depend on many joints."""
 
@@ -36,7 +39,7 @@ def build_avatar_tree(packed: PackedAvatar) -> AvatarTree:
     """The tree above a packed avatar; takes some seconds."""
     weights = _chunk_weights(packed)
     count = int((packed.scene.geometry[:, :, -1] >= 0).sum())
-    roots = grow(packed.scene, weights.reshape(-1, JOINTS)[:count], centred=False)
+    roots = grow(packed.scene, weights.reshape(-1, JOINTS)[:count], centred=False, tolerance=TOLERANCE)
     nodes = list(preorder(roots))
     tree = tree_of_nodes(packed.scene, nodes, centred=False)
     node_weights = np.stack([_node_weights(node, weights) for node in nodes]) if nodes else weights
@@ -70,7 +73,8 @@ def _chunk_weights(packed: PackedAvatar) -> Singles:
 def _node_weights(node: Node, chunk_weights: Singles) -> Singles:
     """Weights of a node's Gaussians, shape (256, 24)."""
     if node.skin is None:
-        return chunk_weights[node.chunk]
+        leaf: Singles = chunk_weights[node.chunk]
+        return leaf
     kept = np.where(node.skin < LEAST_WEIGHT, np.float32(0.0), node.skin)
     padded = np.zeros((CHUNK, JOINTS), dtype=np.float32)
     padded[: node.count] = kept / kept.sum(axis=1, keepdims=True)

@@ -41,7 +41,8 @@ def _planes(c: Any, d: float) -> tuple[Any, Any, Any]:
 
 @inlined
 def _root_det(a: Any) -> float:
-    return math.sqrt(max(a[0] * a[2] - a[1] * a[1], 0.0))
+    root: float = math.sqrt(max(a[0] * a[2] - a[1] * a[1], 0.0))
+    return root
 
 
 @inlined
@@ -52,7 +53,8 @@ def _overlap(a: Any, b: Any, x: float, y: float, power: float) -> float:
     q = (yy * x * x - 2.0 * xy * x * y + xx * y * y) / det
     if q > FAR_Q:
         return 0.0
-    return 2.0 / power * _root_det(a) * _root_det(b) / math.sqrt(det) * math.exp(-0.5 * power * q)
+    overlap: float = 2.0 / power * _root_det(a) * _root_det(b) / math.sqrt(det) * math.exp(-0.5 * power * q)
+    return overlap
 
 
 @inlined
@@ -76,7 +78,8 @@ def _order_cost(i: int, j: int, d: float, c: Clusters) -> float:
     x, y, z = _offset(i, j, c)
     a, b = _planes(c.covariance_m2[i], d), _planes(c.covariance_m2[j], d)
     overlap = _overlap(a[0], b[0], x, y, 2.0) + _overlap(a[1], b[1], x, z, 2.0) + _overlap(a[2], b[2], y, z, 2.0)
-    return 0.25 * oi * oi * oj * oj * overlap
+    cost: float = 0.25 * oi * oi * oj * oj * overlap
+    return cost
 
 
 @inlined
@@ -118,7 +121,8 @@ def merger_cost(i: int, j: int, rule: MergeRule, c: Clusters) -> float:
     total += _blend_cost(a[1], b[1], m[1], x, z, fi, opacities, contrast2, rule.contrast)
     total += _blend_cost(a[2], b[2], m[2], y, z, fi, opacities, contrast2, rule.contrast)
     total += math.sqrt(x * x + y * y + z * z) * (fj * c.unrest[i] + fi * c.unrest[j])
-    return total * math.pi / (3.0 * rule.pixel_m * rule.pixel_m)
+    cost: float = total * math.pi / (3.0 * rule.pixel_m * rule.pixel_m)
+    return cost
 
 
 @inlined
@@ -132,4 +136,5 @@ def _blend_cost(
     am, bm = _overlap(a, m, fj * x, fj * y, 1.0), _overlap(b, m, fi * x, fi * y, 1.0)
     coverage = oi * oi * aa + oj * oj * bb + om * om * mm + 2.0 * (oi * oj * ab - om * (oi * am + oj * bm))
     colour = oi * oi * fj * fj * aa + oj * oj * fi * fi * bb - 2.0 * oi * oj * fi * fj * ab
-    return contrast * max(coverage, 0.0) + contrast2 * max(colour, 0.0)
+    cost: float = contrast * max(coverage, 0.0) + contrast2 * max(colour, 0.0)
+    return cost

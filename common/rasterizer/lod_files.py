@@ -30,9 +30,7 @@ _TREE_ARRAYS = ("skip", "pixel_m")
 _AVATAR_ARRAYS = ("joint_start", "joint", "weight", "box_start", "box_joint", "box_centre_m", "box_half_m")
 
 
-def load_or_build_tree(
-    folder: str | Path, scene: Callable[[], PackedScene], *, normals: bool = False
-) -> ChunkTree:
+def load_or_build_tree(folder: str | Path, scene: Callable[[], PackedScene], *, normals: bool = False) -> ChunkTree:
     """The tree in `folder`; built above `scene()` and written there if it is missing or damaged.
 
     Args:
@@ -186,4 +184,9 @@ def _is_avatar(scene: PackedScene, arrays: Arrays) -> bool:
 
 def _is_index(start: npt.NDArray[Any], count: int, end: int) -> bool:
     """True if `start` divides 0..end into `count` runs."""
-    return start.shape == (count + 1,) and int(start[0]) == 0 and int(start[-1]) == end and bool((np.diff(start) >= 0).all())
+    return (
+        start.shape == (count + 1,)
+        and int(start[0]) == 0
+        and int(start[-1]) == end
+        and bool((np.diff(start) >= 0).all())
+    )

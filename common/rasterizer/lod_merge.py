@@ -76,10 +76,10 @@ def _find_partners(count: int, rule: MergeRule, wait: Integers, c: Clusters) -> 
 
 @inlined
 def _all_wait(count: int, wait: Integers) -> bool:
+    waiting = 0
     for k in range(count):
-        if wait[k] == 0:
-            return False
-    return True
+        waiting += 1 if wait[k] > 0 else 0
+    return waiting == count
 
 
 @inlined

@@ -60,7 +60,8 @@ def _draw_something(outputs: Sequence[str]) -> None:
     K_px = np.array([[16.0, 0.0, 8.0], [0.0, 16.0, 8.0], [0.0, 0.0, 1.0]])
     scene = pack_cloud(cloud, normals=True)
     rasterizer = CpuRasterizer(scene, [avatar], K_px, 16, 16)
-    person = PosedPerson(avatar=0, root_m=np.zeros(3), pose_axis_angle=np.zeros((24, 3)))
+    # In sight, or nothing of the person would be projected: SMPL's (0, 0, 2) is (0, -2, 0) with z up.
+    person = PosedPerson(avatar=0, root_m=np.array([0.0, 2.0, 2.0]), pose_axis_angle=np.zeros((24, 3)))
     rasterizer.render(np.eye(4), [person])
     rasterizer.render_float(np.eye(4), [person])
     if set(outputs) - {"rgb"}:

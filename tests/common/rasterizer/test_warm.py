@@ -2,9 +2,11 @@ import numpy as np
 import pytest
 
 from common.avatars import Avatar
-from common.rasterizer import cpu_blend, cpu_outputs, cpu_project, cpu_view
+from common.rasterizer import cpu_blend, cpu_lod, cpu_outputs, cpu_project, cpu_view
 from common.rasterizer.cpu import CpuRasterizer, PosedPerson
 from common.rasterizer.images import OUTPUTS
+from common.rasterizer.lod import ChunkTree
+from common.rasterizer.lod_files import load_or_build_avatar_tree
 from common.rasterizer.packed import load_packed, pack_cloud, save_packed
 from common.rasterizer.warm import warm
 
@@ -12,7 +14,7 @@ from common.rasterizer.warm import warm
 def signatures() -> dict[str, int]:
     return {
         name: len(function.signatures)
-        for module in (cpu_blend, cpu_outputs, cpu_project, cpu_view)
+        for module in (cpu_blend, cpu_lod, cpu_outputs, cpu_project, cpu_view)
         for name, function in vars(module).items()
         if hasattr(function, "signatures") and hasattr(function, "stats") and not name.startswith("_")
     }
@@ -36,4 +38,9 @@ def test_nothing_is_left_to_compile_after_warming(
     rasterizer.render(T, people)
     rasterizer.render_float(T, people)
     rasterizer.render_images(T, people, outputs)
+    count = mapped.chunk_count
+    tree = ChunkTree(scene=mapped, skip=np.arange(1, count + 1), pixel_m=np.zeros(count))
+    load_or_build_avatar_tree(tmp_path / "avatar", avatar)
+    people_tree = load_or_build_avatar_tree(tmp_path / "avatar", avatar)
+    CpuRasterizer(tree, [avatar], K, 144, 256, packed_avatars=[people_tree]).render(T, people)
     assert signatures() == compiled

@@ -1,0 +1,71 @@
+"""Levels of detail as a setting of the renderer."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from common.avatars import Avatar
+from common.messages import HumanMotion, Motion
+from common.rasterizer import lod_files
+from common.scenes import Scene
+from services.renderer import Renderer, RendererConfig
+from tests.services.renderer.conftest import ROBOT
+
+
+def rendered(scene: Scene, avatars: dict[str, Avatar], detail: str) -> np.ndarray:
+    renderer = Renderer(scene, avatars, ROBOT, RendererConfig(detail=detail))
+    name = next(iter(avatars))
+    root = np.array([[2.5, 0.0, 0.95]], dtype=np.float32)
+    motion = Motion(root_m=root, pose_axis_angle=np.zeros((1, 24, 3), dtype=np.float32))
+    T = ROBOT.camera.T_world_camera(0.0, 0.0, 0.0, 0.0)
+    return renderer.drawing.draw(T, [HumanMotion(avatar=name, motion=motion)], 0)
+
+
+def test_lod_is_not_the_exact_image_but_much_like_it(scene: Scene, avatars: dict[str, Avatar]) -> None:
+    exact, lod = (rendered(scene, avatars, detail).astype(np.float64) for detail in ("exact", "lod"))
+    assert not np.array_equal(exact, lod)
+    assert ((exact - lod) ** 2).mean() < 255**2 * 10**-3.5
+
+
+def test_second_renderer_builds_nothing(scene: Scene, avatars: dict[str, Avatar], monkeypatch) -> None:
+    first = {detail: rendered(scene, avatars, detail) for detail in ("exact", "lod")}
+
+    def unwanted(*_: object) -> None:
+        raise AssertionError("something was built again")
+
+    for name in ("build_tree", "build_avatar_tree", "pack_avatar"):
+        monkeypatch.setattr(lod_files, name, unwanted)
+    for detail, image in first.items():
+        assert np.array_equal(rendered(scene, avatars, detail), image)
+
+
+def test_cache_belongs_to_the_content_of_scene_and_avatar(scene: Scene, avatars: dict[str, Avatar]) -> None:
+    def folders() -> set[Path]:
+        return {path for path in (scene.path / "cache").iterdir() if path.is_dir()}
+
+    rendered(scene, avatars, "lod")
+    before = folders()
+    assert all(path.name.startswith("lod-c0ffee") or path.name.startswith(("packed-", "avatar-")) for path in before)
+    rendered(dataclasses.replace(scene, content_hash="decade" * 4), avatars, "lod")
+    assert {path.name for path in folders() - before} >= {"lod-decadedecadedeca-scene", "lod-decadedecadedeca-sky"}
+    name, avatar = next(iter(avatars.items()))
+    before = folders()
+    rendered(scene, {name: dataclasses.replace(avatar, height_m=avatar.height_m + 0.01)}, "lod")
+    assert len(folders() - before) == 1
+
+
+def test_renderer_holds_no_gaussians_of_its_avatars(scene: Scene, avatars: dict[str, Avatar]) -> None:
+    renderer = Renderer(scene, avatars, ROBOT, RendererConfig())
+    assert [len(avatar.cloud) for avatar in renderer.avatars.values()] == [0] * len(avatars)
+    assert all(len(avatar.cloud) for avatar in avatars.values())
+
+
+@pytest.mark.parametrize(("settings", "message"), [
+    ({"detail": "coarse"}, "detail must be"),
+    ({"detail": "lod", "backend": "reference"}, "backend cpu only"),
+])  # fmt: skip
+def test_detail_that_cannot_be_drawn_is_refused(settings: dict[str, str], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        RendererConfig(**settings)
