@@ -76,7 +76,10 @@ def make_render(setting: Setting) -> Render:
     Raises:
         ConfigError: If the backend lacks what the job asks for.
     """
-    return BACKENDS[setting.job.backend](setting)
+    job = setting.job
+    if job.lod == "on" and job.backend != "cpu":
+        raise ConfigError(f"--lod on: only the backend cpu has levels of detail, got {job.backend!r}; use --lod off.")
+    return BACKENDS[job.backend](setting)
 
 
 def _cpu(setting: Setting) -> Render:
@@ -139,8 +142,6 @@ def make_gpu_render(setting: Setting, kernels: str) -> Render:
 
 
 def _gpu(setting: Setting) -> Render:
-    if setting.job.lod == "on":
-        raise ConfigError("--lod on: the GPU rasterizer has no levels of detail; use --lod off.")
     return make_gpu_render(setting, "triton")
 
 

@@ -54,23 +54,21 @@ class Renderer:
 
     def __init__(self, scene: Scene, avatars: Mapping[str, Avatar], robot: RobotConfig, config: RendererConfig) -> None:
         self.scene, self.robot, self.config = scene, robot, config
-        self.avatars = dict(avatars)
         pinhole = pinhole_of(config.sensor, robot.camera)
-        self.drawing = self._make_drawing(pinhole)
-        if config.backend == "cpu":
-            # Its Gaussians are mapped from the scene's cache by all renderers of a host.
-            self.avatars = {name: avatar.skeleton() for name, avatar in avatars.items()}
+        self.drawing = self._make_drawing(avatars, pinhole)
+        # Gaussians stay with the drawing, which maps them from the scene's cache if it can.
+        self.skeletons = {name: avatar.skeleton() for name, avatar in avatars.items()}
         self.capture = Capture(drawing=self.drawing, pinhole=pinhole, sensor=config.sensor, camera=robot.camera)
         self._people: OrderedDict[str, tuple[HumanMotion, ...]] = OrderedDict()
 
-    def _make_drawing(self, pinhole: Pinhole) -> Drawing:
+    def _make_drawing(self, avatars: Mapping[str, Avatar], pinhole: Pinhole) -> Drawing:
         scene, config = self.scene, self.config
         if config.backend in GPU_BACKENDS:
-            return GpuDrawing(scene, self.avatars, pinhole, config.backend)
+            return GpuDrawing(scene, avatars, pinhole, config.backend)
         shadows = partial(self._shadows, floor=scene.maps.floor) if config.contact_shadow else None
         if config.backend == "cpu":
-            return CpuDrawing(scene, self.avatars, pinhole, config.outputs, detail=config.detail, shadows=shadows)
-        return ReferenceDrawing(scene, self.avatars, pinhole, shadows=shadows)
+            return CpuDrawing(scene, avatars, pinhole, config.outputs, detail=config.detail, shadows=shadows)
+        return ReferenceDrawing(scene, avatars, pinhole, shadows=shadows)
 
     def remember(self, people: People) -> None:
         """Keep people for later requests.
@@ -97,13 +95,13 @@ class Renderer:
     def _shadows(
         self, people: Sequence[PosedHuman], p_WC: npt.NDArray[np.float64], *, floor: FloorMap
     ) -> GaussianCloud | None:
-        return shadow_cloud(self.avatars, people, floor, p_WC)
+        return shadow_cloud(self.skeletons, people, floor, p_WC)
 
     def check_avatars(self, humans: tuple[HumanMotion, ...]) -> None:
         """Raise AvatarError unless every human's avatar is loaded."""
         for human in humans:
-            if human.avatar not in self.avatars:
-                raise AvatarError(f"Avatar {human.avatar!r} is not loaded; loaded: {sorted(self.avatars)}.")
+            if human.avatar not in self.skeletons:
+                raise AvatarError(f"Avatar {human.avatar!r} is not loaded; loaded: {sorted(self.skeletons)}.")
 
 
 def handle_render(renderer: Renderer, request: RenderRequest) -> RenderReply:

@@ -16,7 +16,7 @@ from common.errors import RunError
 from common.scenes.embedded import ensure_embedded_scene
 
 ROOT = Path(__file__).resolve().parents[2]
-EPISODES = 4
+EPISODES = 8
 CONFIG = """
 [episode]
 goal_distance_max_m = 4.0
@@ -71,7 +71,7 @@ def _wait_for(condition: Callable[[], bool], timeout_s: float = 90.0) -> None:
     deadline_s = time.monotonic() + timeout_s
     while not condition():
         assert time.monotonic() < deadline_s, "the fleet did not get that far in time"
-        time.sleep(0.05)
+        time.sleep(0.01)
 
 
 def _rendering(out: Path) -> bool:

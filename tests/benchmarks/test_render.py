@@ -93,7 +93,7 @@ def test_what_cannot_be_measured_is_said_in_one_line() -> None:
     for options, message in (
         ({"size": "144"}, "HEIGHTxWIDTH"),
         ({"size": "4x4"}, "8..4095"),
-        ({"lod": "on"}, "--lod on"),
+        ({"lod": "on", "backend": "reference"}, "--lod on"),
         ({"scene": "a", "synthetic": "3k"}, "exclude each other"),
         ({"synthetic": "many"}, "1k to 100M"),
         ({"avatars": 9}, "0 to 8"),
@@ -160,8 +160,8 @@ def test_processes_measure_the_same_number_of_images_each() -> None:
 
 
 def test_process_that_fails_ends_the_measurement_with_its_error() -> None:
-    with pytest.raises(ConfigError, match="--lod on"):
-        measure_in_processes(dataclasses.replace(JOB, threads=1, lod="on"))
+    with pytest.raises(ConfigError, match="exclude each other"):
+        measure_in_processes(dataclasses.replace(JOB, threads=1, scene="embedded"))
 
 
 def test_only_images_after_the_first_of_a_view_are_timed(setting: Setting) -> None:

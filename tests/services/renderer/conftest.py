@@ -4,7 +4,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from common.avatars import Avatar, load_avatars
+from common.avatars import Avatar
 from common.gaussians import GaussianCloud, save_ply
 from common.maps import FloorMap, GridFrame
 from common.messages import (
@@ -21,6 +21,7 @@ from common.messages import (
 from common.robot import CameraConfig, RobotConfig
 from common.scenes import Scene
 from services.renderer import Renderer, RendererConfig
+from tests.services.renderer.wearers import wearers
 
 ROBOT = RobotConfig(camera=CameraConfig(height_px=48, width_px=80))
 
@@ -58,8 +59,7 @@ def scene(tmp_path: Path) -> Scene:
 
 @pytest.fixture(scope="session")
 def avatars() -> dict[str, Avatar]:
-    loaded = load_avatars()
-    return {name: loaded[name] for name in sorted(loaded)[:2]}
+    return wearers()
 
 
 @pytest.fixture(scope="module")

@@ -15,6 +15,7 @@ from services.renderer.sensor import SensorConfig, SensorRanges, sensor_phone_li
 from services.renderer.sensor_light import byte_of_light, light_of_byte
 from services.renderer.sensor_motion import Moment
 from services.renderer.sensor_streams import SensorStream
+from tests.services.renderer.wearers import wearers
 
 CAMERA = CameraConfig(height_px=96, width_px=160)
 STREAM = SensorStream((3, 4))
@@ -178,13 +179,13 @@ def test_off_is_what_the_rasterizer_draws(renderer: Renderer, human: HumanMotion
 @pytest.fixture(scope="module")
 def phone(renderer: Renderer) -> Renderer:
     config = RendererConfig(image_format="png", contact_shadow=True, sensor=sensor_phone_like())
-    return Renderer(renderer.scene, renderer.avatars, renderer.robot, config)
+    return Renderer(renderer.scene, wearers(), renderer.robot, config)
 
 
 def test_frames_are_the_same_in_any_order_and_from_any_renderer(phone: Renderer, episode) -> None:
     scenario, motions, trajectory = episode
     first = [sample.image for sample in episode_samples(phone, scenario, motions, trajectory)]
-    other = Renderer(phone.scene, phone.avatars, phone.robot, phone.config)
+    other = Renderer(phone.scene, wearers(), phone.robot, phone.config)
     elsewhere = replace(scenario, episode=EpisodeKey(seed=1, split=Split.TEST, index=3))
     next(episode_samples(other, elsewhere, motions, trajectory))
     assert first == [sample.image for sample in episode_samples(other, scenario, motions, trajectory)]
@@ -215,7 +216,7 @@ def test_views_have_noise_of_their_people_and_step_and_no_blur(phone: Renderer, 
 def test_blur_comes_from_people_too(renderer: Renderer, episode) -> None:
     _, motions, _ = episode
     config = RendererConfig(image_format="png", sensor=SensorConfig(exposure_s=0.05))
-    slow = Renderer(renderer.scene, renderer.avatars, renderer.robot, config)
+    slow = Renderer(renderer.scene, wearers(), renderer.robot, config)
     camera = slow.capture.camera_of(STREAM)
     floor_m = slow.scene.maps.floor.at(0.0, 0.0)
 
@@ -238,7 +239,7 @@ def test_lens_that_the_camera_cannot_have_is_refused_at_once(renderer: Renderer)
 
     folding = SensorConfig(distortion="brown_conrady", ranges=SensorRanges(k1=(-0.4, 0.0)))
     with pytest.raises(ConfigError, match="folds the image"):
-        Renderer(renderer.scene, renderer.avatars, RobotConfig(), RendererConfig(sensor=folding))
+        Renderer(renderer.scene, wearers(), RobotConfig(), RendererConfig(sensor=folding))
 
 
 def test_blurred_image_is_the_mean_light_along_the_robots_arc(renderer: Renderer, episode) -> None:
@@ -248,7 +249,7 @@ def test_blurred_image_is_the_mean_light_along_the_robots_arc(renderer: Renderer
         rows.append(step_unicycle(*rows[-1], 0.5, 1.0))
     arcs = replace(trajectory, xyyaw=np.array(rows))
     config = RendererConfig(image_format="png", sensor=SensorConfig(exposure_s=0.04, sub_frames=4))
-    blurring = Renderer(renderer.scene, renderer.avatars, renderer.robot, config)
+    blurring = Renderer(renderer.scene, wearers(), renderer.robot, config)
     sample = list(episode_samples(blurring, scenario, EpisodeMotions(humans=()), arcs))[4]
     blurred = cv2.imdecode(np.frombuffer(sample.image, dtype=np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
     poses = [step_unicycle(*rows[3], 0.5, 1.0, 0.05 - before_s) for before_s in (0.035, 0.025, 0.015, 0.005)]
@@ -267,7 +268,7 @@ def test_depth_and_mask_come_through_the_lens(renderer: Renderer, human: HumanMo
     outputs = ("rgb", "median_depth", "alpha", "mask")
     moment = Moment(T_world_camera=renderer.robot.camera.T_world_camera(0, 0, 0, 0.0), humans=(human,), step=1.0)
     config = RendererConfig(sensor=SensorConfig(distortion=lens, exposure_s=0.01))
-    bent = Renderer(renderer.scene, renderer.avatars, renderer.robot, config).capture
+    bent = Renderer(renderer.scene, wearers(), renderer.robot, config).capture
     camera = bent.camera_of(STREAM)
     through = bent.take(camera, lambda _: moment, 1, outputs)
     plain = renderer.capture.take(renderer.capture.camera_of(STREAM), lambda _: moment, 1, outputs)
@@ -291,7 +292,7 @@ def test_depth_and_mask_come_through_the_lens(renderer: Renderer, human: HumanMo
 
 def test_shadows_leave_depth_and_mask_alone(renderer: Renderer, human: HumanMotion) -> None:
     config = RendererConfig(contact_shadow=True)
-    shadowed = Renderer(renderer.scene, renderer.avatars, renderer.robot, config).drawing
+    shadowed = Renderer(renderer.scene, wearers(), renderer.robot, config).drawing
     pose = renderer.robot.camera.T_world_camera(0, 0, 0, 0.0)
     one, two = (d.draw_images(pose, (human,), 0, ("rgb", "depth", "mask")) for d in (shadowed, renderer.drawing))
     assert np.array_equal(one.depth_m, two.depth_m)
@@ -304,11 +305,11 @@ def test_both_backends_give_every_output_and_samples_carry_what_is_asked_for(
 ) -> None:
     scenario, motions, trajectory = episode
     config = RendererConfig(outputs=OUTPUTS, sensor=SensorConfig(distortion="fisheye"))
-    asked = Renderer(renderer.scene, renderer.avatars, renderer.robot, config)
+    asked = Renderer(renderer.scene, wearers(), renderer.robot, config)
     sample = next(episode_samples(asked, scenario, motions, trajectory))
     assert set(sample.outputs) == set(OUTPUTS) - {"rgb"}
     assert sample.intact
-    reference = Renderer(renderer.scene, renderer.avatars, renderer.robot, replace(config, backend="reference"))
+    reference = Renderer(renderer.scene, wearers(), renderer.robot, replace(config, backend="reference"))
     pose = renderer.robot.camera.T_world_camera(0, 0, 0, 0.0)
     moment = Moment(T_world_camera=pose, humans=(human,), step=0.0)
     slow, fast = (

@@ -58,7 +58,7 @@ def test_cache_belongs_to_the_content_of_scene_and_avatar(scene: Scene, avatars:
 
 def test_renderer_holds_no_gaussians_of_its_avatars(scene: Scene, avatars: dict[str, Avatar]) -> None:
     renderer = Renderer(scene, avatars, ROBOT, RendererConfig())
-    assert [len(avatar.cloud) for avatar in renderer.avatars.values()] == [0] * len(avatars)
+    assert [len(avatar.cloud) for avatar in renderer.skeletons.values()] == [0] * len(avatars)
     assert all(len(avatar.cloud) for avatar in avatars.values())
 
 

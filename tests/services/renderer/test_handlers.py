@@ -15,6 +15,7 @@ from services.renderer import Renderer, RendererConfig, attach, episode_header, 
 from services.renderer import handlers as handlers_module
 from services.renderer.drawing import Drawing, packed_layers
 from services.renderer.handlers import facing_yaw
+from tests.services.renderer.wearers import wearers
 
 
 def view(renderer: Renderer, people: str = "", step: int = 0, yaw: float = 0.0) -> RenderView:
@@ -104,7 +105,7 @@ def test_samples_describe_the_trajectory(renderer: Renderer, episode) -> None:
 def test_sample_image_is_what_the_camera_sees_there(renderer: Renderer, episode) -> None:
     scenario, motions, trajectory = episode
     camera = renderer.robot.camera
-    png = Renderer(renderer.scene, renderer.avatars, renderer.robot, RendererConfig(image_format="png"))
+    png = Renderer(renderer.scene, wearers(), renderer.robot, RendererConfig(image_format="png"))
     sample = list(episode_samples(png, scenario, motions, trajectory))[5]
     image = cv2.imdecode(np.frombuffer(sample.image, dtype=np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
     x, y, yaw = trajectory.xyyaw[5]
@@ -137,7 +138,7 @@ def test_header_describes_the_episode(renderer: Renderer, episode, human: HumanM
 
 def test_two_renderers_give_the_same_bytes(renderer: Renderer, episode) -> None:
     scenario, motions, trajectory = episode
-    other = Renderer(renderer.scene, renderer.avatars, renderer.robot, renderer.config)
+    other = Renderer(renderer.scene, wearers(), renderer.robot, renderer.config)
     first = [sample.image for sample in episode_samples(renderer, scenario, motions, trajectory)]
     assert first == [sample.image for sample in episode_samples(other, scenario, motions, trajectory)]
 
@@ -150,7 +151,7 @@ def test_episode_with_an_unknown_avatar_is_refused(renderer: Renderer, episode) 
 
 
 def test_reference_backend_draws_the_same(renderer: Renderer, human: HumanMotion) -> None:
-    reference = Renderer(renderer.scene, renderer.avatars, renderer.robot, RendererConfig(backend="reference"))
+    reference = Renderer(renderer.scene, wearers(), renderer.robot, RendererConfig(backend="reference"))
     people = (People(key="walk", humans=(human,)),)
     slow, fast = (render(r, view(r, "walk", 1), people=people).rgb.astype(int) for r in (reference, renderer))
     # The avatar's quantised coordinates give some Gaussians almost equal depths, whose order may differ.
@@ -168,7 +169,7 @@ def test_sky_is_drawn_and_both_packs_are_cached(scene, renderer: Renderer) -> No
 
 @pytest.mark.parametrize("orientation", [(0.0, 0.0, 0.0), (0.3, 1.2, -0.4), (0.0, -2.5, 0.1), (np.pi, 0.0, 0.01)])
 def test_yaw_is_where_the_body_faces(renderer: Renderer, orientation: tuple[float, float, float]) -> None:
-    avatar = next(iter(renderer.avatars.values()))
+    avatar = next(iter(wearers().values()))
     pose = np.zeros((24, 3), dtype=np.float32)
     base = pose_avatar(avatar, np.zeros(3), pose).means_m.astype(np.float64)
     pose[0] = orientation
@@ -194,7 +195,7 @@ class AllImages:
 
 
 def with_outputs(renderer: Renderer, *outputs: str) -> Renderer:
-    changed = Renderer(renderer.scene, renderer.avatars, renderer.robot, RendererConfig(outputs=outputs))
+    changed = Renderer(renderer.scene, wearers(), renderer.robot, RendererConfig(outputs=outputs))
     changed.capture = replace(changed.capture, drawing=AllImages(renderer.drawing))
     return changed
 
@@ -215,7 +216,7 @@ def test_samples_hold_the_outputs_that_the_config_asks_for(renderer: Renderer, e
 @pytest.mark.parametrize("backend", ["cpu", "reference"])
 def test_every_output_can_be_recorded(renderer: Renderer, episode, backend: str) -> None:
     config = RendererConfig(backend=backend, outputs=OUTPUTS)
-    rich = Renderer(renderer.scene, renderer.avatars, renderer.robot, config)
+    rich = Renderer(renderer.scene, wearers(), renderer.robot, config)
     sample = next(episode_samples(rich, *episode))
     images = {name: decode_output(name, data) for name, data in sample.outputs.items()}
     assert tuple(images) == OUTPUTS[1:]
