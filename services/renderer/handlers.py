@@ -57,9 +57,6 @@ class Renderer:
         self.avatars = dict(avatars)
         pinhole = pinhole_of(config.sensor, robot.camera)
         self.drawing = self._make_drawing(pinhole)
-        if config.backend == "cpu":
-            # Its Gaussians are mapped from the scene's cache by all renderers of a host.
-            self.avatars = {name: avatar.skeleton() for name, avatar in avatars.items()}
         self.capture = Capture(drawing=self.drawing, pinhole=pinhole, sensor=config.sensor, camera=robot.camera)
         self._people: OrderedDict[str, tuple[HumanMotion, ...]] = OrderedDict()
 
@@ -71,6 +68,11 @@ class Renderer:
         if config.backend == "cpu":
             return CpuDrawing(scene, self.avatars, pinhole, config.outputs, detail=config.detail, shadows=shadows)
         return ReferenceDrawing(scene, self.avatars, pinhole, shadows=shadows)
+
+    def forget_gaussians(self) -> None:
+        """Let go of the avatars' Gaussians, 14 MB each: backend cpu has them in a map that a host's renderers share."""
+        if self.config.backend == "cpu":
+            self.avatars = {name: avatar.skeleton() for name, avatar in self.avatars.items()}
 
     def remember(self, people: People) -> None:
         """Keep people for later requests.

@@ -15,5 +15,5 @@ def test_detail_of_the_command_line_takes_the_place_of_the_configurations() -> N
 
 def test_backend_without_levels_of_detail_is_named() -> None:
     config = section_from_mapping(RunConfig, {"renderer": {"backend": "reference"}})
-    with pytest.raises(ConfigError, match="--detail: .*backend cpu only, got 'reference'"):
+    with pytest.raises(ConfigError, match=r"--detail: .*backend cpu only, got 'reference'"):
         with_detail(config, "lod")

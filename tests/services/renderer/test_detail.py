@@ -56,10 +56,16 @@ def test_cache_belongs_to_the_content_of_scene_and_avatar(scene: Scene, avatars:
     assert len(folders() - before) == 1
 
 
-def test_renderer_holds_no_gaussians_of_its_avatars(scene: Scene, avatars: dict[str, Avatar]) -> None:
-    renderer = Renderer(scene, avatars, ROBOT, RendererConfig())
-    assert [len(avatar.cloud) for avatar in renderer.avatars.values()] == [0] * len(avatars)
+def test_renderer_that_forgot_its_avatars_gaussians_draws_the_same(
+    renderer: Renderer, avatars: dict[str, Avatar], human: HumanMotion
+) -> None:
+    other = Renderer(renderer.scene, avatars, ROBOT, RendererConfig(contact_shadow=True))
+    T = ROBOT.camera.T_world_camera(0.0, 0.0, 0.0, 0.0)
+    before = other.drawing.draw(T, [human], 1)
+    other.forget_gaussians()
+    assert [len(avatar.cloud) for avatar in other.avatars.values()] == [0] * len(avatars)
     assert all(len(avatar.cloud) for avatar in avatars.values())
+    assert np.array_equal(other.drawing.draw(T, [human], 1), before)
 
 
 @pytest.mark.parametrize(("settings", "message"), [
