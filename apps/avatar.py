@@ -46,18 +46,28 @@ def avatar_list(*, avatars: Path | None = None, json: bool = False) -> None:
     Console().print(table)
 
 
-def avatar_preview(avatar: Path, /, *, out: Path) -> None:
-    """Draw a person from all sides, standing and in mid-stride.
+def avatar_preview(avatar: Path, /, *, out: Path | None = None, video: Path | None = None, seed: int = 0) -> None:
+    """Draw a person from all sides, standing and in mid-stride; or film them on a walk.
 
     Args:
         avatar: Avatar file, or the name of an embedded avatar.
         out: PNG to write.
+        video: MP4 to write: the person walks an S-curve over a floor with lines every 0.5 m.
+        seed: Habits of the person on the walk.
     """
-    if out.suffix.lower() != ".png":
+    if out is None and video is None:
+        raise AvatarError("Say what to make: --out person.png, --video person.mp4, or both.")
+    if out is not None and out.suffix.lower() != ".png":
         raise AvatarError(f"--out {out} must end in .png.")
+    if video is not None and video.suffix.lower() != ".mp4":
+        raise AvatarError(f"--video {video} must end in .mp4.")
     person = load_avatar(_file_of(avatar))
-    poses = (standing_pose(), stride_pose())
-    _write_png(out, turntable(person, poses))
+    if out is not None:
+        write_png(out, turntable(person, (standing_pose(), stride_pose())))
+    if video is not None:
+        from apps.avatar_film import walk_frames, write_film
+
+        write_film(video, walk_frames(person, seed=seed))
 
 
 def turntable(avatar: Avatar, poses: Sequence[FloatArray]) -> Image:
@@ -170,7 +180,8 @@ def _wall() -> GaussianCloud:
     )
 
 
-def _write_png(path: Path, rgb: Image) -> None:
+def write_png(path: Path, rgb: Image) -> None:
+    """Write a picture (H, W, 3); the file appears only once it is complete."""
     import cv2
 
     done, data = cv2.imencode(".png", rgb[:, :, ::-1])

@@ -175,6 +175,7 @@ def make_spec(
     if not 0 <= seed < 2**63:
         raise RunError(f"--seed must be 0..2^63-1, got {seed}.")
     check_sensor(config.renderer.sensor, config.robot.camera)
+    config = _with_weights_named(config)
     people = {} if static else load_avatars(avatars)
     spec = RunSpec(
         run="",
@@ -194,6 +195,20 @@ def make_spec(
         ),
     )
     return dataclasses.replace(spec, run=run_name(spec))
+
+
+def _with_weights_named(config: RunConfig) -> RunConfig:
+    """The configuration with the digest of a motion model's files, so that workers with others are refused."""
+    if config.animator.source != "priormdm":
+        return config
+    from services.animator.priormdm.checkpoint import files_digest
+
+    try:
+        config.animator.priormdm.check_named()
+    except ValueError as error:
+        raise ConfigError(f"{error}") from error
+    model = dataclasses.replace(config.animator.priormdm, sha256=files_digest(config.animator.priormdm))
+    return dataclasses.replace(config, animator=dataclasses.replace(config.animator, priormdm=model))
 
 
 def run_in_process(folder: RunFolder, show: Show) -> StatusReply:

@@ -75,8 +75,13 @@ def numeric_class(config: RunConfig) -> str:
     architecture = f"{platform.machine()}{'' if fuses_multiply_adds() else '-without-fma'}"
     versions = [f"{name}-{importlib.metadata.version(name)}" for name in _NUMERIC_PACKAGES]
     backend = config.renderer.backend
-    device = [device_class(backend)] if backend in GPU_BACKENDS else []
-    return " ".join([backend, *device, architecture, *versions])
+    devices = [device_class(backend)] if backend in GPU_BACKENDS else []
+    if config.animator.source == "priormdm":
+        # Loads torch.
+        from services.animator.priormdm import source
+
+        devices.append(source.numeric_class(config.animator.priormdm))
+    return " ".join([backend, *devices, architecture, *versions])
 
 
 def identity(spec: RunSpec) -> dict[str, Any]:

@@ -56,6 +56,13 @@ def test_stride_moves_the_legs_apart() -> None:
     assert np.abs(stride_pose() - standing_pose())[[1, 2]].max() > 0.2
 
 
+def test_preview_asks_what_to_make(tmp_path: Path) -> None:
+    with pytest.raises(AvatarError, match="--video"):
+        avatar_preview(Path("amara"))
+    with pytest.raises(AvatarError, match=r"\.mp4"):
+        avatar_preview(Path("amara"), video=tmp_path / "film.avi")
+
+
 def test_preview_refuses_other_formats_and_missing_files(tmp_path: Path) -> None:
     with pytest.raises(AvatarError, match=r"\.png"):
         avatar_preview(Path("amara"), out=tmp_path / "sheet.jpg")

@@ -1,0 +1,156 @@
+"""glTF 2.0 containers: .glb and .gltf, their accessors and images.
+
+Source: Khronos Group, glTF 2.0 Specification.
+"""
+
+import base64
+import json
+import struct
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+import numpy as np
+import numpy.typing as npt
+
+from common.errors import AvatarError
+
+GLB_MAGIC = b"glTF"
+_JSON_CHUNK, _BIN_CHUNK = 0x4E4F534A, 0x004E4942
+_COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+_SIZES = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+_UNREADABLE = ("KHR_draco_mesh_compression", "EXT_meshopt_compression")
+
+Json = Mapping[str, Any]
+
+
+class GltfFile:
+    """One file with its buffers.
+
+    Args:
+        path: A .glb, or a .gltf whose buffers lie beside it or within it.
+
+    Raises:
+        AvatarError: If it is not glTF 2.0, is truncated, or its geometry is compressed.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        data = path.read_bytes()
+        text, self._binary = _chunks(path, data) if data[:4] == GLB_MAGIC else (data, b"")
+        try:
+            self.json: Json = json.loads(text)
+        except ValueError as error:
+            raise AvatarError(f"{path} is not glTF: its JSON cannot be read ({error}).") from error
+        asset = self.json.get("asset") if isinstance(self.json, dict) else None
+        version = str(asset.get("version", "")) if isinstance(asset, dict) else ""
+        if not version.startswith("2"):
+            raise AvatarError(f"{path} is glTF of version {version or 'unknown'}; only 2.x is read.")
+        compressed = [name for name in self.json.get("extensionsRequired", []) if name in _UNREADABLE]
+        if compressed:
+            raise AvatarError(f"{path} needs {', '.join(compressed)}; export it without compression.")
+        self._buffers: dict[int, bytes] = {}
+
+    def items(self, kind: str) -> Sequence[Json]:
+        """The file's nodes, meshes, skins, ...; empty if it has none."""
+        found: Sequence[Json] = self.json.get(kind, [])
+        return found
+
+    def accessor(self, number: int) -> npt.NDArray[Any]:
+        """Values of an accessor, shape (count, size); normalised integers become floats in -1..1.
+
+        Raises:
+            AvatarError: If it reaches beyond its buffer, or is of an unknown kind.
+        """
+        try:
+            entry = self.items("accessors")[number]
+            dtype, size = np.dtype(_COMPONENTS[entry["componentType"]]), _SIZES[entry["type"]]
+            count = int(entry["count"])
+            values = self._values(entry, dtype, size, count)
+            if "sparse" in entry:
+                values = self._with_sparse(values, entry["sparse"], dtype, size)
+        except (KeyError, IndexError, TypeError, ValueError, struct.error) as error:
+            raise AvatarError(f"{self.path}: accessor {number} cannot be read; the file is damaged.") from error
+        if entry.get("normalized") and dtype.kind in "iu":
+            return np.maximum(values.astype(np.float64) / np.iinfo(dtype).max, -1.0)
+        return values
+
+    def _values(self, entry: Json, dtype: np.dtype[Any], size: int, count: int) -> npt.NDArray[Any]:
+        if "bufferView" not in entry:
+            return np.zeros((count, size), dtype)
+        view = self.items("bufferViews")[entry["bufferView"]]
+        data = self._view(entry["bufferView"])[int(entry.get("byteOffset", 0)) :]
+        stride = int(view.get("byteStride", dtype.itemsize * size))
+        if count < 1 or stride < dtype.itemsize * size or (count - 1) * stride + dtype.itemsize * size > len(data):
+            raise ValueError("beyond the buffer")
+        return np.ndarray((count, size), dtype, data, strides=(stride, dtype.itemsize)).copy()
+
+    def _with_sparse(self, values: npt.NDArray[Any], sparse: Json, dtype: np.dtype[Any], size: int) -> npt.NDArray[Any]:
+        count = int(sparse["count"])
+        index = self._values(sparse["indices"], np.dtype(_COMPONENTS[sparse["indices"]["componentType"]]), 1, count)
+        values[index[:, 0]] = self._values(sparse["values"], dtype, size, count)
+        return values
+
+    def image(self, number: int) -> npt.NDArray[np.uint8] | None:
+        """Pixels of an image as RGBA, shape (H, W, 4); None if it is missing or OpenCV cannot read its format."""
+        import cv2
+
+        try:
+            entry = self.items("images")[number]
+            data = self._view(entry["bufferView"]) if "bufferView" in entry else self._resource(str(entry["uri"]))
+        except (KeyError, IndexError, TypeError, OSError, ValueError):
+            return None
+        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if len(data) else None
+        if pixels is None or pixels.dtype not in (np.uint8, np.uint16):
+            return None
+        if pixels.dtype == np.uint16:
+            pixels = (pixels // 256).astype(np.uint8)
+        if pixels.ndim == 2 or pixels.shape[2] == 1:
+            return np.asarray(cv2.cvtColor(pixels, cv2.COLOR_GRAY2RGBA), dtype=np.uint8)
+        code = cv2.COLOR_BGR2RGBA if pixels.shape[2] == 3 else cv2.COLOR_BGRA2RGBA
+        return np.asarray(cv2.cvtColor(pixels, code), dtype=np.uint8)
+
+    def _view(self, number: int) -> bytes:
+        view = self.items("bufferViews")[number]
+        start = int(view.get("byteOffset", 0))
+        data = self._buffer(int(view["buffer"]))[start : start + int(view["byteLength"])]
+        if start < 0 or len(data) < int(view["byteLength"]):
+            raise ValueError("beyond the buffer")
+        return data
+
+    def _buffer(self, number: int) -> bytes:
+        if number not in self._buffers:
+            uri = self.items("buffers")[number].get("uri")
+            self._buffers[number] = self._binary if uri is None else self._resource(uri)
+        return self._buffers[number]
+
+    def _resource(self, uri: str) -> bytes:
+        if uri.startswith("data:"):
+            return base64.b64decode(uri.partition(",")[2])
+        folder = self.path.parent.resolve()
+        place = (folder / unquote(uri)).resolve()
+        if not place.is_relative_to(folder):
+            raise AvatarError(f"{self.path} refers to {uri!r}, which lies outside of its folder.")
+        try:
+            return place.read_bytes()
+        except OSError as error:
+            raise AvatarError(f"{self.path} refers to {uri!r}, which cannot be read: {error.strerror}.") from error
+
+
+def _chunks(path: Path, data: bytes) -> tuple[bytes, bytes]:
+    """JSON and binary chunk of a .glb."""
+    text, binary, place = None, b"", 12
+    while place + 8 <= len(data):
+        length, kind = struct.unpack_from("<II", data, place)
+        chunk = data[place + 8 : place + 8 + length]
+        if len(chunk) < length:
+            raise AvatarError(f"{path} is truncated: a chunk of {length} bytes ends after {len(chunk)}.")
+        if kind == _JSON_CHUNK and text is None:
+            text = chunk
+        elif kind == _BIN_CHUNK and not binary:
+            binary = chunk
+        place += 8 + length + (-length) % 4
+    if text is None:
+        raise AvatarError(f"{path} is a .glb without JSON; the file is damaged.")
+    return text, binary

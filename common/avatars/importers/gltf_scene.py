@@ -1,0 +1,261 @@
+"""The skinned figure of a glTF file in its bind pose: bones, triangles, materials."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from common.avatars.importers.gltf_file import GltfFile, Json
+from common.errors import AvatarError
+from common.frames import matrix_from_quat
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.int64]
+
+_TRIANGLES = 4
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Bones:
+    """A foreign skeleton; parents stand before their children."""
+
+    names: tuple[str, ...]
+    nodes: tuple[int, ...]
+    """Numbers of the file's nodes."""
+    parents: Index
+    """Nearest ancestor that is a bone, -1 for none, shape (B,)."""
+    heads: Array
+    """Where each bone begins in the bind pose, shape (B, 3)."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Part:
+    """Triangles of one material; V vertices, F triangles."""
+
+    positions: Array
+    """Bind pose, shape (V, 3)."""
+    normals: Array | None
+    uv: Array | None
+    colours: Array | None
+    """Linear RGBA in 0..1, shape (V, 4)."""
+    bone_index: Index
+    """Bones that move each vertex, shape (V, k)."""
+    bone_weight: Array
+    """Shape (V, k), rows sum to 1."""
+    triangles: Index
+    material: int | None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Figure:
+    """A skinned figure in its bind pose, in the axes that it was modelled in."""
+
+    bones: Bones
+    parts: tuple[Part, ...]
+    scale: float
+    """Length in the scene, which glTF measures in metres, of a unit of the bind pose."""
+
+
+def read_figure(file: GltfFile) -> Figure:
+    """All skinned meshes of a file, in the bind pose of the first skin.
+
+    Inverse bind matrices, not the nodes' present places, say where bones and skin fit together: files often rest in
+    the first frame of an animation.
+
+    Raises:
+        AvatarError: If nothing in it is skinned, or skin and bones do not fit.
+    """
+    nodes = file.items("nodes")
+    skinned = [node for node in nodes if "mesh" in node and "skin" in node]
+    if not skinned:
+        raise AvatarError(f"{file.path} has no skin: give a figure whose mesh is bound to bones.")
+    parents = _node_parents(nodes)
+    world = _world_matrices(nodes, parents)
+    skins = [_skin(file, number) for number in sorted({int(node["skin"]) for node in skinned})]
+    numbers = sorted({int(node["skin"]) for node in skinned})
+    binds, spaces = _common_space(skins, world)
+    bones = _bones(nodes, parents, binds)
+    place = {node: k for k, node in enumerate(bones.nodes)}
+    parts = []
+    for node in skinned:
+        k = numbers.index(int(node["skin"]))
+        joints = np.array([place[joint] for joint in skins[k][0]])
+        parts += _parts(file, int(node["mesh"]), joints, spaces[k])
+    parts += _rigid_parts(file, parents, world, binds, place)
+    joint, inverse = skins[0][0][0], skins[0][1][0]
+    scale = float(np.cbrt(abs(np.linalg.det((world[joint] @ inverse)[:3, :3]))))
+    lengths = (np.array([scale]), bones.heads, *(part.positions for part in parts))
+    if not (scale > 0.0 and all(np.isfinite(values).all() for values in lengths)):
+        raise AvatarError(f"{file.path} places bones or skin at no finite place; the file is damaged.")
+    return Figure(bones=bones, parts=tuple(parts), scale=scale)
+
+
+def _skin(file: GltfFile, number: int) -> tuple[list[int], Array]:
+    """Nodes of a skin's joints and their inverse bind matrices, shape (J, 4, 4)."""
+    skin = file.items("skins")[number]
+    joints = [int(joint) for joint in skin["joints"]]
+    if "inverseBindMatrices" not in skin:
+        raise AvatarError(f"{file.path}: skin {number} has no inverse bind matrices; export it again with them.")
+    values = file.accessor(int(skin["inverseBindMatrices"])).astype(np.float64)
+    inverse = values.reshape(-1, 4, 4).transpose(0, 2, 1)
+    if len(inverse) < len(joints) or not np.isfinite(inverse).all():
+        raise AvatarError(
+            f"{file.path}: the inverse bind matrices of skin {number} do not fit its {len(joints)} joints."
+        )
+    if (np.abs(np.linalg.det(inverse[: len(joints), :3, :3])) < 1e-18).any():
+        raise AvatarError(f"{file.path}: skin {number} has inverse bind matrices that cannot be inverted.")
+    return joints, inverse[: len(joints)]
+
+
+def _common_space(
+    skins: Sequence[tuple[list[int], Array]], world: Sequence[Array]
+) -> tuple[dict[int, Array], list[Array]]:
+    """Bind matrices of all joints by node, and what maps each skin's bind space to that of the first skin."""
+    binds: dict[int, Array] = {}
+    spaces: list[Array] = []
+    joint_0, inverse_0 = skins[0][0][0], skins[0][1][0]
+    for joints, inverse in skins:
+        space = np.eye(4)
+        if spaces:
+            shared = next((k for k, joint in enumerate(joints) if joint in binds), None)
+            if shared is not None:
+                space = binds[joints[shared]] @ inverse[shared]
+            else:
+                space = np.linalg.inv(world[joint_0] @ inverse_0) @ world[joints[0]] @ inverse[0]
+        spaces.append(space)
+        for joint, matrix in zip(joints, inverse, strict=True):
+            binds.setdefault(joint, space @ np.linalg.inv(matrix))
+    return binds, spaces
+
+
+def _bones(nodes: Sequence[Json], parents: Sequence[int], binds: dict[int, Array]) -> Bones:
+    def ancestry(node: int) -> list[int]:
+        line = [node]
+        while parents[line[-1]] >= 0:
+            line.append(parents[line[-1]])
+        return line
+
+    order = sorted(binds, key=lambda node: (len(ancestry(node)), node))
+    place = {node: k for k, node in enumerate(order)}
+    above = [next((place[a] for a in ancestry(node)[1:] if a in place), -1) for node in order]
+    return Bones(
+        names=tuple(str(nodes[node].get("name", f"node {node}")) for node in order),
+        nodes=tuple(order),
+        parents=np.array(above, dtype=np.int64),
+        heads=np.array([binds[node][:3, 3] for node in order]),
+    )
+
+
+def _parts(file: GltfFile, mesh: int, joints: Index, space: Array) -> list[Part]:
+    parts = []
+    for primitive in file.items("meshes")[mesh]["primitives"]:
+        attributes = primitive["attributes"]
+        if int(primitive.get("mode", _TRIANGLES)) != _TRIANGLES or "POSITION" not in attributes:
+            continue
+        if "JOINTS_0" not in attributes or "WEIGHTS_0" not in attributes:
+            raise AvatarError(f"{file.path}: mesh {mesh} has a skin, but vertices without joints and weights.")
+        sets = [k for k in range(4) if f"JOINTS_{k}" in attributes and f"WEIGHTS_{k}" in attributes]
+        index = np.concatenate([file.accessor(attributes[f"JOINTS_{k}"]) for k in sets], axis=1).astype(np.int64)
+        weight = np.concatenate([file.accessor(attributes[f"WEIGHTS_{k}"]) for k in sets], axis=1).astype(np.float64)
+        if not np.isfinite(weight).all():
+            raise AvatarError(f"{file.path}: skinning weights of mesh {mesh} are not finite.")
+        total = weight.sum(axis=1, keepdims=True)
+        used = weight > 0
+        if (total <= 0).any() or index[used].max(initial=0) >= len(joints):
+            raise AvatarError(f"{file.path}: skinning weights of mesh {mesh} are zero or name joints it has not.")
+        index = joints[np.where(used, index, 0)]
+        parts.append(_part(file, primitive, space, index, weight / total))
+    return parts
+
+
+def _rigid_parts(
+    file: GltfFile, parents: Sequence[int], world: Sequence[Array], binds: dict[int, Array], place: dict[int, int]
+) -> list[Part]:
+    """Meshes that hang at a bone without being skinned, such as glasses."""
+    parts = []
+    for number, node in enumerate(file.items("nodes")):
+        if "mesh" not in node or "skin" in node:
+            continue
+        bone = parents[number]
+        while bone >= 0 and bone not in binds:
+            bone = parents[bone]
+        if bone < 0:
+            continue
+        space = binds[bone] @ np.linalg.inv(world[bone]) @ world[number]
+        for primitive in file.items("meshes")[int(node["mesh"])]["primitives"]:
+            if int(primitive.get("mode", _TRIANGLES)) != _TRIANGLES or "POSITION" not in primitive["attributes"]:
+                continue
+            count = file.items("accessors")[primitive["attributes"]["POSITION"]]["count"]
+            index = np.full((int(count), 1), place[bone], dtype=np.int64)
+            parts.append(_part(file, primitive, space, index, np.ones((int(count), 1))))
+    return parts
+
+
+def _part(file: GltfFile, primitive: Json, space: Array, index: Index, weight: Array) -> Part:
+    attributes = primitive["attributes"]
+
+    def optional(name: str) -> npt.NDArray[Any] | None:
+        values = file.accessor(attributes[name]).astype(np.float64) if name in attributes else None
+        return values if values is None or len(values) == count else None
+
+    positions = file.accessor(attributes["POSITION"]).astype(np.float64)
+    count = len(positions)
+    if not np.isfinite(positions).all() or len(index) != count:
+        raise AvatarError(f"{file.path}: vertices that are not finite, or not one weight each; the file is damaged.")
+    corners = file.accessor(primitive["indices"])[:, 0] if "indices" in primitive else np.arange(count)
+    triangles = corners[: len(corners) // 3 * 3].reshape(-1, 3).astype(np.int64)
+    if triangles.max(initial=0) >= count:
+        raise AvatarError(f"{file.path}: triangles name vertices beyond the {count} of their mesh.")
+    normals = optional("NORMAL")
+    if normals is not None:
+        normals = normals @ np.linalg.inv(space[:3, :3])
+    colours = optional("COLOR_0")
+    if colours is not None and colours.shape[1] == 3:
+        colours = np.concatenate([colours, np.ones((count, 1))], axis=1)
+    return Part(
+        positions=positions @ space[:3, :3].T + space[:3, 3],
+        normals=normals,
+        uv=optional("TEXCOORD_0"),
+        colours=colours,
+        bone_index=index,
+        bone_weight=weight,
+        triangles=triangles,
+        material=primitive.get("material"),
+    )
+
+
+def _node_parents(nodes: Sequence[Json]) -> list[int]:
+    parents = [-1] * len(nodes)
+    for number, node in enumerate(nodes):
+        for child in node.get("children", []):
+            parents[child] = number
+    for number in range(len(nodes)):
+        above, steps = parents[number], 0
+        while above >= 0:
+            above, steps = parents[above], steps + 1
+            if steps > len(nodes):
+                raise AvatarError("The file's nodes are their own ancestors; it is damaged.")
+    return parents
+
+
+def _world_matrices(nodes: Sequence[Json], parents: Sequence[int]) -> list[Array]:
+    world: dict[int, Array] = {-1: np.eye(4)}
+
+    def matrix(number: int) -> Array:
+        if number not in world:
+            world[number] = matrix(parents[number]) @ _local_matrix(nodes[number])
+        return world[number]
+
+    return [matrix(number) for number in range(len(nodes))]
+
+
+def _local_matrix(node: Json) -> Array:
+    if "matrix" in node:
+        return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
+    T = np.eye(4)
+    x, y, z, w = node.get("rotation", (0.0, 0.0, 0.0, 1.0))
+    T[:3, :3] = matrix_from_quat((w, x, y, z)) * np.array(node.get("scale", (1.0, 1.0, 1.0)))
+    T[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
+    return T

@@ -1,0 +1,117 @@
+"""One door for people from elsewhere."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from common.avatars.avatar import Avatar
+from common.avatars.importers.archives import read_npz
+from common.avatars.importers.assemble import CanonicalPerson, assembled
+from common.avatars.importers.gaussian_person import gaussian_person
+from common.avatars.importers.gltf_person import GAUSSIAN_COUNT, gltf_person
+from common.avatars.importers.hugs import hugs_person, load_checkpoint
+from common.avatars.importers.kinds import FileKind, kind_of
+from common.avatars.importers.report import ImportReport, SkeletonReport
+from common.avatars.importers.smpl_model import load_smpl_model
+from common.avatars.importers.smpl_person import smpl_person
+from common.errors import AvatarError
+
+GAUSSIAN_LIMITS = 1_000, 500_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImportOptions:
+    """What comes with a file."""
+
+    license: str
+    """Terms under which the person may be used; recorded in the avatar and with every run that shows it."""
+    name: str | None = None
+    """Name of the avatar; the file's name by default."""
+    height_m: float | None = None
+    """True height; by default the file's unit is the metre."""
+    smpl: Path | None = None
+    """SMPL model file of a HUGS checkpoint."""
+    betas: Path | None = None
+    """.npz with `betas`, the shape of a HUGS or SMPL person; the mean shape by default."""
+    weights: Path | None = None
+    """.npz that binds the Gaussians of a .ply."""
+    gaussians: int = GAUSSIAN_COUNT
+    """Wanted number of Gaussians of people who are meshes."""
+
+    def __post_init__(self) -> None:
+        low, high = GAUSSIAN_LIMITS
+        if not self.license.strip():
+            raise AvatarError("--license must say under which terms the person may be used, for example 'CC0-1.0'.")
+        if not low <= self.gaussians <= high:
+            raise AvatarError(f"--gaussians must lie in {low}..{high}, got {self.gaussians}.")
+        if self.height_m is not None and not np.isfinite(self.height_m):
+            raise AvatarError(f"--height-m must be a finite number, got {self.height_m}.")
+
+
+def import_person(path: Path, options: ImportOptions) -> tuple[Avatar, ImportReport]:
+    """Make an avatar of a file, whose kind is found by its content.
+
+    Args:
+        path: HUGS checkpoint, SMPL model, skinned glTF figure, or 3DGS .ply.
+        options: What comes with it.
+
+    Returns:
+        The avatar, and what was done.
+
+    Raises:
+        AvatarError: If the file is of no such kind, is damaged, or something that it needs is missing.
+        SceneError: If a .ply is not a Gaussian file.
+        OSError: If a file cannot be read.
+    """
+    kind = kind_of(path)
+    person, skeleton, notes = _read(kind, path, options)
+    name = options.name or path.stem
+    avatar, scale = assembled(person, name=name, license_text=options.license, height_m=options.height_m)
+    report = ImportReport(
+        kind=kind.value,
+        name=avatar.name,
+        license=avatar.license,
+        gaussians=len(avatar.cloud),
+        height_m=avatar.height_m,
+        scale=scale,
+        skeleton=skeleton,
+        notes=notes,
+    )
+    return avatar, report
+
+
+def _read(
+    kind: FileKind, path: Path, options: ImportOptions
+) -> tuple[CanonicalPerson, SkeletonReport | None, tuple[str, ...]]:
+    if kind is FileKind.GLTF:
+        return gltf_person(path, height_m=options.height_m, count=options.gaussians)
+    if kind is FileKind.GAUSSIANS:
+        if options.weights is None:
+            raise AvatarError(
+                f"{path} holds Gaussians without a skeleton; give the file that binds them with --weights."
+            )
+        return gaussian_person(path, options.weights), None, ()
+    if kind is FileKind.SMPL:
+        model = load_smpl_model(path, betas=_betas(options))
+        person, notes = smpl_person(model, count=options.gaussians)
+        return person, None, notes
+    checkpoint = load_checkpoint(path)
+    if options.smpl is None:
+        raise AvatarError(f"{path} is a HUGS checkpoint; give the SMPL model of its body with --smpl.")
+    person, notes = hugs_person(checkpoint, load_smpl_model(options.smpl, betas=_betas(options)))
+    if options.betas is None:
+        notes = (*notes, "The checkpoint does not hold the body's shape: joints are those of the mean shape.")
+    return person, None, notes
+
+
+def _betas(options: ImportOptions) -> npt.NDArray[np.float64] | None:
+    if options.betas is None:
+        return None
+    arrays = read_npz(options.betas)
+    if "betas" not in arrays or arrays["betas"].dtype.kind not in "fiu" or arrays["betas"].size == 0:
+        raise AvatarError(f"{options.betas} holds no betas, the shape coefficients of the body.")
+    betas = arrays["betas"].astype(np.float64)
+    # NeuMan's files hold a row per image; the shape is the same in all.
+    return betas[0].reshape(-1)[:10] if betas.ndim > 1 else betas[:10]

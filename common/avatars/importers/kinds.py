@@ -1,0 +1,67 @@
+"""What a file is, by its content."""
+
+import enum
+import json
+import zipfile
+from pathlib import Path
+
+from common.avatars.file import FORMAT
+from common.avatars.importers.gltf_file import GLB_MAGIC
+from common.errors import AvatarError
+
+
+class FileKind(enum.Enum):
+    """People that can be imported."""
+
+    HUGS = "HUGS checkpoint"
+    SMPL = "SMPL model"
+    GLTF = "glTF figure"
+    GAUSSIANS = "3DGS .ply with weights"
+
+
+def kind_of(path: Path) -> FileKind:
+    """Find out what a file is.
+
+    Raises:
+        AvatarError: If it is none of the kinds that can be imported.
+    """
+    with path.open("rb") as stream:
+        start = stream.read(64)
+    if start[:4] == GLB_MAGIC:
+        return FileKind.GLTF
+    if start[:3] == b"ply":
+        return FileKind.GAUSSIANS
+    if start[:2] == b"PK":
+        return _kind_of_archive(path)
+    if start.lstrip()[:1] == b"{" and _is_gltf_json(path):
+        return FileKind.GLTF
+    # Pickles of protocol 2 and later begin with \\x80; SMPL's old ones are text of protocol 0.
+    if start[:1] == b"\x80" or start[:1] == b"(":
+        return FileKind.HUGS if path.suffix.lower() in (".pth", ".pt") else FileKind.SMPL
+    raise AvatarError(
+        f"{path} is no person that can be imported; give a HUGS checkpoint (.pth), a SMPL model (.pkl, .npz), a "
+        "skinned glTF figure (.glb, .gltf, .vrm), or a 3DGS .ply with --weights."
+    )
+
+
+def _kind_of_archive(path: Path) -> FileKind:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            names = archive.namelist()
+            is_avatar = "format.npy" in names and FORMAT.encode("utf-32-le") in archive.read("format.npy")
+    except (zipfile.BadZipFile, EOFError, NotImplementedError) as error:
+        raise AvatarError(f"{path} is a damaged archive: {error}") from error
+    if is_avatar:
+        raise AvatarError(f"{path} is an avatar file already; use it as it is.")
+    if any(name.endswith("data.pkl") for name in names):
+        return FileKind.HUGS
+    if "v_template.npy" in names or "weights.npy" in names:
+        return FileKind.SMPL
+    raise AvatarError(f"{path} is an archive of {', '.join(names[:6])}: neither a HUGS checkpoint nor a SMPL model.")
+
+
+def _is_gltf_json(path: Path) -> bool:
+    try:
+        return "asset" in json.loads(path.read_bytes())
+    except ValueError:
+        return False

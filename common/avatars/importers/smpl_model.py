@@ -1,0 +1,110 @@
+"""SMPL model files (.npz, .pkl), which users bring under their own licence."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from common.avatars.avatar import SMPL_PARENTS
+from common.avatars.importers.archives import read_npz
+from common.avatars.importers.pickles import array_of, load_pickle
+from common.errors import AvatarError
+
+Array = npt.NDArray[np.float64]
+
+MODEL_KEYS = ("v_template", "weights", "J_regressor", "kintree_table")
+"""What every SMPL model file holds; `f` (faces) and `shapedirs` are needed only by some uses."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SmplModel:
+    """A SMPL body of one shape in its zero pose (y up, +x the body's left, +z facing)."""
+
+    vertices_m: Array
+    """Shape (V, 3)."""
+    faces: npt.NDArray[np.int64]
+    """Corners of triangles, shape (F, 3); F may be 0."""
+    weights: Array
+    """Skinning weights, shape (V, 24)."""
+    joints_m: Array
+    """Shape (24, 3)."""
+
+
+def load_smpl_model(path: str | Path, *, betas: npt.ArrayLike | None = None) -> SmplModel:
+    """Read a SMPL model file.
+
+    Args:
+        path: A `.npz`, or a pickle (old ones with chumpy arrays as well; nothing in it is run).
+        betas: Shape coefficients, at most as many as the file has shape directions; None stands for the mean shape.
+
+    Raises:
+        AvatarError: If the file cannot be read, or is not a SMPL model of 24 joints.
+    """
+    path = Path(path)
+    entries = smpl_entries(path)
+    missing = [key for key in MODEL_KEYS if key not in entries]
+    if missing:
+        raise AvatarError(f"{path} lacks {', '.join(missing)}: it is not a SMPL model file.")
+    table = _array(path, entries, "kintree_table", (2, None)).astype(np.int64)
+    joint_count = table.shape[1]
+    parents = np.where(table[0] >= joint_count, -1, table[0])
+    if joint_count != 24 or not np.array_equal(parents, SMPL_PARENTS):
+        raise AvatarError(f"{path} has a skeleton of {joint_count} joints that is not SMPL-24; give a SMPL model.")
+    template = _array(path, entries, "v_template", (None, 3)).astype(np.float64)
+    count = len(template)
+    vertices = template + _shape_offsets(path, entries, count, betas)
+    regressor = _array(path, entries, "J_regressor", (24, count)).astype(np.float64)
+    weights = _array(path, entries, "weights", (count, 24)).astype(np.float64)
+    faces = np.empty((0, 3), dtype=np.int64)
+    if "f" in entries:
+        faces = _array(path, entries, "f", (None, 3)).astype(np.int64)
+    if len(faces) and (faces.min() < 0 or faces.max() >= count):
+        raise AvatarError(f"{path}: f names vertices beyond the {count} of v_template.")
+    return SmplModel(vertices_m=vertices, faces=faces, weights=weights, joints_m=regressor @ vertices)
+
+
+def smpl_entries(path: Path) -> Mapping[str, Any]:
+    """Entries of a model file by name, still as the file has them.
+
+    Raises:
+        AvatarError: If the file is neither a NumPy archive nor a pickled dictionary.
+    """
+    with path.open("rb") as stream:
+        start = stream.read(4)
+    if start[:2] == b"PK":
+        return read_npz(path)
+    entries = load_pickle(path)
+    if not isinstance(entries, dict):
+        raise AvatarError(f"{path} holds a {type(entries).__name__}, not the dictionary of a SMPL model.")
+    return entries
+
+
+def _shape_offsets(path: Path, entries: Mapping[str, Any], count: int, betas: npt.ArrayLike | None) -> Array:
+    if betas is None:
+        return np.zeros((count, 3))
+    coefficients = np.asarray(betas, dtype=np.float64).reshape(-1)
+    if not np.isfinite(coefficients).all():
+        raise AvatarError("Shape coefficients (betas) must be finite numbers.")
+    if "shapedirs" not in entries:
+        raise AvatarError(f"{path} has no shapedirs, so that betas cannot be applied.")
+    directions = _array(path, entries, "shapedirs", (count, 3, None)).astype(np.float64)
+    if len(coefficients) > directions.shape[2]:
+        raise AvatarError(f"{path} has {directions.shape[2]} shape directions, but {len(coefficients)} betas came.")
+    offsets: Array = directions[:, :, : len(coefficients)] @ coefficients
+    return offsets
+
+
+def _array(path: Path, entries: Mapping[str, Any], key: str, shape: tuple[int | None, ...]) -> npt.NDArray[Any]:
+    array = array_of(entries[key])
+    if array is None or array.dtype.kind not in "fiu":
+        raise AvatarError(f"{path}: {key} holds no numbers that can be read.")
+    fits = array.ndim == len(shape) and all(want in (None, got) for want, got in zip(shape, array.shape, strict=True))
+    if not fits:
+        text = " x ".join("any" if size is None else str(size) for size in shape)
+        raise AvatarError(f"{path}: {key} must be {text}, got {array.shape}.")
+    if not np.isfinite(array).all():
+        raise AvatarError(f"{path}: {key} holds values that are not finite.")
+    return array

@@ -1,0 +1,8 @@
+"""Motions from a diffusion model of the user's: trajectory -> HumanML3D features -> joints -> SMPL rotations.
+
+Importing this package loads no torch; `services.animator.priormdm.source` does.
+"""
+
+from services.animator.priormdm.config import PriorMdmConfig
+
+__all__ = ["PriorMdmConfig"]

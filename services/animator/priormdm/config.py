@@ -1,0 +1,55 @@
+"""Settings of the `priormdm` motion source; light to import."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True, kw_only=True)
+class PriorMdmConfig:
+    """A released motion diffusion model and how to sample from it; the files are the user's own."""
+
+    weights: str = ""
+    """State dict of the model, e.g. root_horizontal_finetuned/model000280000.pt of PriorMDM's release."""
+    args: str = ""
+    """Settings of its training; empty takes args.json beside the weights."""
+    mean: str = ""
+    """HumanML3D's Mean.npy (not t2m_mean.npy, which belongs to the evaluator)."""
+    std: str = ""
+    """HumanML3D's Std.npy."""
+    text_embedding: str = ""
+    """CLIP ViT-B/32 embedding of a text, e.g. "a person walks", as .npy of 512 numbers; empty samples without text."""
+    guidance: float = 2.5
+    """Weight of the text (classifier-free guidance); 1 is the text alone."""
+    sampler: Literal["ddpm", "ddim"] = "ddpm"
+    """ddpm draws noise at every step, as the release does; ddim needs fewer steps."""
+    steps: int = 0
+    """Diffusion steps, spread evenly over the trained ones; 0 takes all of them."""
+    overlap: int = 40
+    """Frames that neighbouring windows share, for motions longer than a window of 196."""
+    device: str = "cpu"
+    """torch device."""
+    sha256: str = ""
+    """Digest of the files (`files_digest`); other files are refused. Empty accepts any."""
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.steps <= 10_000:
+            raise ValueError(f"priormdm.steps must be within 0..10000, got {self.steps}.")
+        if not 1 <= self.overlap <= 98:
+            raise ValueError(f"priormdm.overlap must be within 1..98 frames, got {self.overlap}.")
+        if not 0.0 <= self.guidance <= 20.0:
+            raise ValueError(f"priormdm.guidance must be within 0..20, got {self.guidance}.")
+
+    def check_named(self) -> None:
+        """Refuse to go on without the files that the model consists of.
+
+        Raises:
+            ValueError: If one of them is not named.
+        """
+        missing = [name for name in ("weights", "mean", "std") if not getattr(self, name)]
+        if missing:
+            raise ValueError(
+                f'source "priormdm" needs the user\'s files, not set: {", ".join("priormdm." + n for n in missing)}; '
+                "weights (.pt) with args.json come from the release of github.com/priorMDM/priorMDM "
+                "(root_horizontal_finetuned), mean and std are Mean.npy and Std.npy of "
+                'github.com/EricGuo5513/HumanML3D; or set source = "gait".'
+            )

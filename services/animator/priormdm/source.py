@@ -1,0 +1,170 @@
+"""The `priormdm` motion source: a diffusion model draws the body's motion over a given ground path.
+
+The path becomes the first three features of every frame, the model fills in the rest, joints are decoded and worn by
+the body at hand. The pelvis is above the trajectory in every row.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import numpy.typing as npt
+import torch
+
+from common.errors import ConfigError
+from common.maps.grid import FloorMap
+from common.messages import Motion
+from services.animator.gait_math import Array, Ground, smooth
+from services.animator.gait_path import check_trajectory, heading
+from services.animator.gait_person import GaitSkeleton
+from services.animator.priormdm.checkpoint import TrainedModel, load_model
+from services.animator.priormdm.config import PriorMdmConfig
+from services.animator.priormdm.diffusion import FloatArray, cosine_schedule, sample
+from services.animator.priormdm.features import (
+    FEATURE_COUNT,
+    HEADING_SIGMA_FRAMES,
+    PATH,
+    Start,
+    decode_joints,
+    encode_path,
+)
+from services.animator.priormdm.placement import HUMANML3D_LEG_M, wear
+from services.animator.priormdm.windows import WINDOW, PredictBatch, over_windows
+from services.animator.smpl_fit import pose_of
+
+SETTLE_FRAMES = 20
+"""Rows after the trajectory's end, in which the person comes to stand."""
+
+
+class PriorMdm:
+    """A loaded model that moves people along trajectories."""
+
+    def __init__(self, model: TrainedModel, config: PriorMdmConfig) -> None:
+        """Prepare sampling.
+
+        Raises:
+            ConfigError: If more steps are asked for than the model was trained with.
+        """
+        self.model = model
+        self.config = config
+        try:
+            self.schedule = cosine_schedule(model.diffusion_steps, config.steps, sigma_small=model.sigma_small)
+        except ValueError as error:
+            raise ConfigError(f"priormdm.{error}") from error
+
+    @classmethod
+    def load(cls, config: PriorMdmConfig) -> "PriorMdm":
+        """Load the user's files; see `load_model`."""
+        return cls(load_model(config), config)
+
+    def walk(
+        self,
+        skeleton: GaitSkeleton,
+        trajectory_xy_m: npt.NDArray[np.float64],
+        floor: FloorMap,
+        rng: np.random.Generator,
+    ) -> Motion:
+        """A person who goes along a trajectory; the counterpart of `services.animator.gait.walk`.
+
+        Args:
+            skeleton: Measures of the body, see `skeleton_of`.
+            trajectory_xy_m: Ground position at 20 Hz in the z-up world [m], shape (T, 2).
+            floor: Height of the local floor.
+            rng: Source of all chance.
+
+        Returns:
+            The motion, T + 20 rows: the pelvis above the trajectory, then above its end.
+
+        Raises:
+            MotionError: If the trajectory is empty, not finite, or jumps faster than 5 m/s.
+            ConfigError: If the model's weights give numbers that are not finite.
+        """
+        xy = np.asarray(trajectory_xy_m, dtype=np.float64)
+        check_trajectory(xy)
+        rows = len(xy) + SETTLE_FRAMES
+        features, start, scale = self._draw(xy, skeleton, rng, rows)
+        grid = floor.frame
+        heights = np.array(floor.height_m, order="C")
+        ground = Ground(heights, float(grid.origin_x_m), float(grid.origin_y_m), float(grid.resolution_m))
+        G, pelvis = wear(decode_joints(features, start) * scale, skeleton, ground)
+        held = np.concatenate([xy, np.repeat(xy[-1:], SETTLE_FRAMES, axis=0)])
+        root = np.concatenate([held, pelvis[:, 1:2]], axis=1)
+        return Motion(root_m=root.astype(np.float32), pose_axis_angle=pose_of(G).astype(np.float32))
+
+    def _draw(
+        self, xy: Array, skeleton: GaitSkeleton, rng: np.random.Generator, rows: int
+    ) -> tuple[Array, Start, float]:
+        """Features of the first rows, where they begin, and metres of the body per metre of HumanML3D's skeleton."""
+        scale = skeleton.leg_m / HUMANML3D_LEG_M
+        frames = max(rows, WINDOW)
+        held = np.concatenate([xy, np.repeat(xy[-1:], frames + 1 - len(xy), axis=0)]) / scale
+        x, z = np.ascontiguousarray(held[:, 0]), -held[:, 1]
+        psi = smooth(heading(x * scale, z * scale, 2.0 * np.pi * rng.random()), HEADING_SIGMA_FRAMES)
+        features = self.complete(encode_path(x, z, psi), rng, rows)
+        return features[:rows], Start(float(x[0]), float(z[0]), float(psi[0])), scale
+
+    def complete(self, path: Array, rng: np.random.Generator, rows: int | None = None) -> Array:
+        """Features of a motion over a path.
+
+        Args:
+            path: The columns `PATH` of the features, shape (T, 3), T >= 196.
+            rng: Source of all noise.
+            rows: Frames that count; later ones are padding. None: all.
+
+        Returns:
+            Not normalised, shape (T, 263); the given columns as they were given.
+
+        Raises:
+            ConfigError: If the weights give numbers that are not finite.
+        """
+        model = self.model
+        known = np.zeros((len(path), FEATURE_COUNT))
+        known[:, PATH] = (path - model.mean[PATH]) / model.std[PATH]
+        is_known = np.zeros(known.shape, np.bool_)
+        is_known[:, PATH] = True
+        # Models that saw padding as zeros get the path's continuation, a stand, in its place.
+        valid = np.arange(len(path)) < (len(path) if rows is None else rows) if model.mask_frames else None
+        predict = over_windows(self._predictor(valid), len(path), self.config.overlap)
+        with _one_thread():
+            drawn = sample(predict, known, is_known, self.schedule, rng, sampler=self.config.sampler)
+        if not np.isfinite(drawn).all():
+            raise ConfigError(f"The model {self.config.weights} gives numbers that are not finite; check the weights.")
+        features = drawn.astype(np.float64) * model.std + model.mean
+        features[:, PATH] = path
+        return features
+
+    def _predictor(self, valid: npt.NDArray[np.bool_] | None) -> PredictBatch:
+        model, config = self.model, self.config
+        # Padding exists in motions of one window only.
+        mask = None if valid is None or valid.all() else torch.from_numpy(valid[None, :WINDOW]).to(config.device)
+        text = None if model.text is None else torch.from_numpy(model.text[None]).to(config.device)
+
+        def predict(windows: FloatArray, step: int) -> FloatArray:
+            with torch.inference_mode():
+                x = torch.from_numpy(windows).to(config.device)
+                steps = torch.full((len(windows),), step, dtype=torch.int64, device=config.device)
+                clean = model.network(x, steps, None, mask)
+                if text is not None:
+                    worded = model.network(x, steps, text.expand(len(windows), -1), mask)
+                    clean = clean + config.guidance * (worded - clean)
+                result: FloatArray = clean.float().cpu().numpy()
+            return result
+
+        return predict
+
+
+def numeric_class(config: PriorMdmConfig) -> str:
+    """What the bits of this source's motions depend on besides the run's own numeric class."""
+    processor = torch.backends.cpu.get_cpu_capability() if config.device == "cpu" else torch.cuda.get_device_name()
+    return f"torch-{torch.__version__} {config.device} {processor}".replace("  ", " ")
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Sums of one thread: their order, and so their bits, do not depend on the machine's cores."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)

@@ -1,0 +1,329 @@
+"""Skinned glTF people: joints, skin and colours end where they belong, whatever the file's names, axes and unit."""
+
+import json
+import math
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from common.avatars import SMPL_PARENTS, Avatar, joint_positions, pose_avatar
+from common.avatars.importers import ImportOptions, import_person
+from common.avatars.importers.joints import JOINT, JOINT_NAMES
+from common.errors import AvatarError
+from common.frames import R_zup_yup, matrix_from_axis_angle
+from common.messages import Motion
+from tests.common.avatars.importers.people import HEIGHT_M, MIXAMO, tpose_joints_m, write_glb
+
+OPTIONS = ImportOptions(license="test", gaussians=4000)
+VRM = {
+    "pelvis": "J_Bip_C_Hips", "spine1": "J_Bip_C_Spine", "spine2": "J_Bip_C_Chest", "spine3": "J_Bip_C_UpperChest",
+    "neck": "J_Bip_C_Neck", "head": "J_Bip_C_Head",
+    **{
+        f"{side}_{part}": f"J_Bip_{side[0].upper()}_{bone}"
+        for side in ("left", "right")
+        for part, bone in {
+            "hip": "UpperLeg", "knee": "LowerLeg", "ankle": "Foot", "foot": "ToeBase", "collar": "Shoulder",
+            "shoulder": "UpperArm", "elbow": "LowerArm", "wrist": "Hand", "hand": "Middle1",
+        }.items()
+    },
+}  # fmt: skip
+RIGIFY = {
+    "pelvis": "DEF-spine", "spine1": "DEF-spine.001", "spine2": "DEF-spine.002", "spine3": "DEF-spine.003",
+    "neck": "DEF-spine.004", "head": "DEF-spine.006",
+    **{
+        f"{side}_{part}": f"DEF-{bone}.{side[0].upper()}"
+        for side in ("left", "right")
+        for part, bone in {
+            "hip": "thigh", "knee": "shin", "ankle": "foot", "foot": "toe", "collar": "shoulder",
+            "shoulder": "upper_arm", "elbow": "forearm", "wrist": "hand", "hand": "f_middle.01",
+        }.items()
+    },
+}  # fmt: skip
+UNREAL = {
+    "pelvis": "pelvis", "spine1": "spine_01", "spine2": "spine_02", "spine3": "spine_03", "neck": "neck_01",
+    "head": "head",
+    **{
+        f"{side}_{part}": f"{bone}_{side[0]}"
+        for side in ("left", "right")
+        for part, bone in {
+            "hip": "thigh", "knee": "calf", "ankle": "foot", "foot": "ball", "collar": "clavicle",
+            "shoulder": "upperarm", "elbow": "lowerarm", "wrist": "hand", "hand": "middle_01",
+        }.items()
+    },
+}  # fmt: skip
+SMPL = {joint: f"m_avg_{joint.replace('left_', 'L_').replace('right_', 'R_').title()}" for joint in JOINT_NAMES}
+
+
+@pytest.fixture(scope="module")
+def tpose_person(tmp_path_factory: pytest.TempPathFactory) -> Avatar:
+    return import_person(write_glb(tmp_path_factory.mktemp("glb") / "person.glb"), OPTIONS)[0]
+
+
+def _zup(points: Any) -> Any:
+    return (points @ R_zup_yup.T).astype(np.float32)
+
+
+@pytest.mark.parametrize(
+    ("names", "prefix"), [(MIXAMO, "mixamorig:"), (MIXAMO, ""), (VRM, ""), (RIGIFY, ""), (UNREAL, ""), (SMPL, "")]
+)
+def test_all_joints_are_found_by_the_names_of_common_rigs(tmp_path: Path, names: dict[str, str], prefix: str) -> None:
+    avatar, report = import_person(write_glb(tmp_path / "p.glb", names=names, prefix=prefix), OPTIONS)
+    assert report.skeleton is not None
+    assert report.skeleton.source == "names"
+    assert report.skeleton.bone_of_joint == {joint: prefix + names[joint] for joint in JOINT_NAMES}
+    np.testing.assert_allclose(avatar.joints_canonical_m, tpose_joints_m(), atol=0.01)
+
+
+def test_humanoid_extension_decides_where_names_say_nothing(tmp_path: Path) -> None:
+    names = {joint: f"bone_{number:02d}" for number, joint in enumerate(JOINT_NAMES)}
+    bones = {"hips": "pelvis", "neck": "neck", "head": "head"}
+    for side in ("left", "right"):
+        parts = {"UpperLeg": "hip", "LowerLeg": "knee", "Foot": "ankle", "UpperArm": "shoulder", "LowerArm": "elbow"}
+        bones |= {f"{side}{bone}": f"{side}_{part}" for bone, part in (parts | {"Hand": "wrist"}).items()}
+
+    def edit(document: dict[str, Any]) -> None:
+        human = {bone: {"node": JOINT[joint] + 1} for bone, joint in bones.items()}
+        document["extensions"] = {"VRMC_vrm": {"humanoid": {"humanBones": human}}}
+
+    avatar, report = import_person(write_glb(tmp_path / "p.glb", names=names, prefix="", edit=edit), OPTIONS)
+    assert report.skeleton is not None
+    assert report.skeleton.source == "humanoid extension"
+    assert report.skeleton.bone_of_joint["spine2"] == "bone_06"
+    kept = [JOINT[joint] for joint in bones.values()]
+    np.testing.assert_allclose(avatar.joints_canonical_m[kept], tpose_joints_m()[kept], atol=0.01)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_geometry_finds_joints_of_nameless_bones(tmp_path: Path, turned: bool) -> None:
+    names = {joint: f"bone_{number:02d}" for number, joint in enumerate(JOINT_NAMES)}
+    M = np.diag([-1.0, 1.0, -1.0, 1.0]) if turned else None
+    path = write_glb(tmp_path / "p.glb", names=names, prefix="", M_world_bind=M, lowered_rad=0.5)
+    avatar, report = import_person(path, OPTIONS)
+    assert report.skeleton is not None
+    assert report.skeleton.source == "geometry"
+    limbs = [
+        f"{s}_{p}" for s in ("left", "right") for p in ("hip", "knee", "ankle", "foot", "shoulder", "elbow", "wrist")
+    ]
+    assert {joint: report.skeleton.bone_of_joint[joint] for joint in limbs} == {joint: names[joint] for joint in limbs}
+    assert report.skeleton.bone_of_joint["pelvis"] == names["pelvis"]
+    assert avatar.joints_canonical_m[JOINT["left_hip"], 0] > 0.05
+
+
+def test_axes_and_unit_of_the_bind_pose_do_not_matter(tmp_path: Path, tpose_person: Avatar) -> None:
+    M = np.eye(4)
+    M[:3, :3] = 0.01 * np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
+    M[:3, 3] = (0.0, 0.2, 0.0)
+    avatar, report = import_person(write_glb(tmp_path / "cm_zup.glb", M_world_bind=M), OPTIONS)
+    assert avatar.height_m == pytest.approx(HEIGHT_M, abs=0.01)
+    np.testing.assert_allclose(avatar.joints_canonical_m, tpose_person.joints_canonical_m, atol=0.005)
+    assert any("0.01" in note for note in report.notes)
+
+
+def test_bind_pose_counts_and_not_the_pose_that_nodes_rest_in(tmp_path: Path, tpose_person: Avatar) -> None:
+    avatar, _ = import_person(write_glb(tmp_path / "posed.glb", posed=True), OPTIONS)
+    np.testing.assert_allclose(avatar.joints_canonical_m, tpose_person.joints_canonical_m, atol=1e-5)
+
+
+def test_tpose_of_a_tpose_figure_is_the_figure(tpose_person: Avatar) -> None:
+    root = _zup(tpose_person.joints_tpose_m[0])
+    pose = np.zeros((24, 3))
+    posed = pose_avatar(tpose_person, root, pose).means_m
+    # The file's arms and legs are straight, SMPL's are bent by a few degrees.
+    moved = np.linalg.norm(posed - _zup(tpose_person.cloud.means_m), axis=1)
+    assert moved.max() < 0.12
+    trunk = tpose_person.lbs_index[:, 0] == JOINT["spine3"]
+    assert moved[trunk].max() < 0.012
+    assert posed[:, 2].min() == pytest.approx(0.0, abs=0.01)
+
+
+def test_tpose_of_an_apose_figure_puts_joints_and_skin_on_the_tpose(tmp_path: Path, tpose_person: Avatar) -> None:
+    avatar, _ = import_person(write_glb(tmp_path / "apose.glb", lowered_rad=0.8), OPTIONS)
+    np.testing.assert_allclose(avatar.joints_tpose_m, tpose_person.joints_tpose_m, atol=0.01)
+    motion = Motion(root_m=_zup(avatar.joints_tpose_m[:1]), pose_axis_angle=np.zeros((1, 24, 3), np.float32))
+    np.testing.assert_allclose(joint_positions(avatar, motion)[0], _zup(avatar.joints_tpose_m), atol=1e-5)
+    posed = pose_avatar(avatar, motion.root_m[0], motion.pose_axis_angle[0]).means_m
+    arms = np.isin(avatar.lbs_index[:, 0], [JOINT["left_elbow"], JOINT["right_elbow"]])
+    shoulder_z = avatar.joints_tpose_m[JOINT["left_shoulder"], 1]
+    assert np.abs(posed[arms, 2] - shoulder_z).max() < 0.12
+    assert (avatar.cloud.means_m[arms, 1] < shoulder_z - 0.1).all()
+
+
+def test_bent_knee_moves_only_what_lies_below(tpose_person: Avatar) -> None:
+    root = _zup(tpose_person.joints_tpose_m[0])
+    pose = np.zeros((24, 3))
+    straight = pose_avatar(tpose_person, root, pose).means_m.astype(np.float64)
+    pose[JOINT["left_knee"], 0] = 1.0
+    bent = pose_avatar(tpose_person, root, pose).means_m.astype(np.float64)
+    below = np.isin(tpose_person.lbs_index[:, 0], [JOINT["left_knee"], JOINT["left_ankle"], JOINT["left_foot"]])
+    np.testing.assert_allclose(bent[~below], straight[~below], atol=1e-6)
+    knee = _zup(tpose_person.joints_tpose_m[JOINT["left_knee"]])
+    R = R_zup_yup @ matrix_from_axis_angle((1.0, 0.0, 0.0)) @ R_zup_yup.T
+    np.testing.assert_allclose(bent[below], (straight[below] - knee) @ R.T + knee, atol=1e-5)
+
+
+def test_colours_come_from_the_texture(tpose_person: Avatar) -> None:
+    rgb = 0.5 + 0.28209479 * tpose_person.cloud.sh[:, 0]
+    legs = np.isin(tpose_person.lbs_index[:, 0], [JOINT["left_knee"], JOINT["right_knee"]])
+    arms = np.isin(tpose_person.lbs_index[:, 0], [JOINT["left_elbow"], JOINT["right_elbow"]])
+    assert (rgb[legs, 2] > 0.6).all()
+    assert (rgb[legs, 0] < 0.2).all()
+    assert (rgb[arms, 0] > 0.6).all()
+    assert (rgb[arms, 2] < 0.2).all()
+
+
+def test_without_texture_the_base_colour_stands_in_and_is_noted(tmp_path: Path) -> None:
+    avatar, report = import_person(write_glb(tmp_path / "plain.glb", texture=False), OPTIONS)
+    rgb = 0.5 + 0.28209479 * avatar.cloud.sh[:, 0]
+    assert (rgb[:, 1] > 0.8).all()
+    assert (rgb[:, [0, 2]] < 0.01).all()
+    assert any("no texture" in note for note in report.notes)
+
+
+def test_thin_axis_of_gaussians_is_the_normal(tpose_person: Avatar) -> None:
+    from common.frames import matrix_from_quat
+
+    thin = matrix_from_quat(tpose_person.cloud.quats_wxyz)[:, :, 2]
+    assert (np.abs(thin).max(axis=1) > 0.99).all()
+    scales = tpose_person.cloud.scales_m
+    assert (scales[:, 2] < 0.2 * scales[:, 0]).all()
+
+
+def test_gaussians_cover_the_surface_evenly(tpose_person: Avatar) -> None:
+    from scipy.spatial import cKDTree
+
+    assert 3000 < len(tpose_person.cloud) < 5500
+    knees = tpose_person.lbs_index[:, 0] == JOINT["left_knee"]
+    points = tpose_person.cloud.means_m[knees]
+    distance = cKDTree(points).query(points, k=2)[0][:, 1]
+    assert distance.min() > 0.5 * np.median(distance)
+    assert np.quantile(distance, 0.95) < 1.5 * np.median(distance)
+
+
+def test_missing_bones_are_estimated_and_reported(tmp_path: Path) -> None:
+    drop = ("left_foot", "right_foot", "left_hand", "right_hand", "left_collar", "right_collar", "neck", "spine2")
+    avatar, report = import_person(write_glb(tmp_path / "p.glb", drop=drop), OPTIONS)
+    assert report.skeleton is not None
+    assert set(report.skeleton.estimated) == set(drop)
+    want = tpose_joints_m()
+    for joint in drop:
+        assert np.linalg.norm(avatar.joints_canonical_m[JOINT[joint]] - want[JOINT[joint]]) < 0.09, joint
+
+
+def test_unmapped_bones_follow_their_nearest_mapped_ancestor(tmp_path: Path) -> None:
+    _, report = import_person(write_glb(tmp_path / "p.glb"), OPTIONS)
+    assert report.skeleton is not None
+    merged = {bone.removeprefix("mixamorig:"): joint for bone, joint in report.skeleton.merged.items()}
+    assert merged == {
+        "HeadTop_End": "head",
+        "LeftHandThumb1": "left_hand",
+        "RightHandThumb1": "right_hand",
+        "LeftArmTwist": "left_shoulder",
+        "RightArmTwist": "right_shoulder",
+    }
+
+
+def test_essential_joints_without_bones_are_named(tmp_path: Path) -> None:
+    drop = ("left_elbow", "left_wrist", "left_hand")
+    with pytest.raises(AvatarError, match=r"left_elbow, left_wrist, neither by name nor by place"):
+        import_person(write_glb(tmp_path / "p.glb", drop=drop), OPTIONS)
+
+
+def test_wrong_size_asks_for_the_height_and_takes_it(tmp_path: Path) -> None:
+    def edit(document: dict[str, Any]) -> None:
+        document["nodes"].append({"name": "root", "scale": [10, 10, 10], "children": [0, 1]})
+
+    path = write_glb(tmp_path / "giant.glb", edit=edit)
+    with pytest.raises(AvatarError, match=r"17\.5\d* m tall.*--height-m"):
+        import_person(path, OPTIONS)
+    avatar, _ = import_person(path, ImportOptions(license="test", gaussians=4000, height_m=1.6))
+    assert avatar.height_m == pytest.approx(1.6, abs=1e-4)
+    np.testing.assert_allclose(avatar.joints_canonical_m, tpose_joints_m() * 1.6 / HEIGHT_M, atol=0.01)
+
+
+def test_same_file_gives_the_same_avatar(tmp_path: Path, tpose_person: Avatar) -> None:
+    from common.avatars import avatar_hash
+
+    again, _ = import_person(write_glb(tmp_path / "person.glb"), OPTIONS)
+    assert avatar_hash(again) == avatar_hash(tpose_person)
+
+
+def _without_skin(document: dict[str, Any]) -> None:
+    del document["nodes"][0]["skin"]
+
+
+def _with_long_accessor(document: dict[str, Any]) -> None:
+    document["accessors"][0]["count"] = 10**6
+
+
+def _compressed(document: dict[str, Any]) -> None:
+    document["extensionsRequired"] = ["KHR_draco_mesh_compression"]
+
+
+def _without_inverses(document: dict[str, Any]) -> None:
+    del document["skins"][0]["inverseBindMatrices"]
+
+
+def _without_positions(document: dict[str, Any]) -> None:
+    del document["meshes"][0]["primitives"][0]["attributes"]["POSITION"]
+
+
+def _scaled_to_nothing(document: dict[str, Any]) -> None:
+    document["nodes"].append({"name": "root", "scale": [0, 0, 0], "children": [0, 1]})
+
+
+def _looped(document: dict[str, Any]) -> None:
+    document["nodes"][5]["children"] = [1]
+
+
+@pytest.mark.parametrize(
+    ("edit", "message"),
+    [
+        (_without_skin, "has no skin"),
+        (_with_long_accessor, "accessor 0 cannot be read"),
+        (_compressed, "KHR_draco_mesh_compression"),
+        (_without_inverses, "no inverse bind matrices"),
+        (_without_positions, "no skinned triangles"),
+        (_looped, "their own ancestors"),
+        (_scaled_to_nothing, "at no finite place"),
+    ],
+)
+def test_damaged_files_are_refused_in_one_line(tmp_path: Path, edit: Any, message: str) -> None:
+    with pytest.raises(AvatarError, match=message) as raised:
+        import_person(write_glb(tmp_path / "p.glb", edit=edit), OPTIONS)
+    assert "\n" not in str(raised.value)
+
+
+def test_truncated_and_foreign_files_are_refused(tmp_path: Path) -> None:
+    data = write_glb(tmp_path / "p.glb").read_bytes()
+    for size in (8, 200, len(data) // 2, len(data) - 400):
+        (tmp_path / "short.glb").write_bytes(data[:size])
+        with pytest.raises(AvatarError):
+            import_person(tmp_path / "short.glb", OPTIONS)
+    (tmp_path / "old.gltf").write_text(json.dumps({"asset": {"version": "1.0"}}))
+    with pytest.raises(AvatarError, match=r"version 1\.0"):
+        import_person(tmp_path / "old.gltf", OPTIONS)
+
+
+def test_weights_that_are_not_finite_are_refused(tmp_path: Path) -> None:
+    path = write_glb(tmp_path / "p.glb")
+    whole, broken = struct.pack("<8f", *[1, 0, 0, 0] * 2), struct.pack("<8f", *[math.nan, 0, 0, 0] * 2)
+    path.write_bytes(path.read_bytes().replace(whole, broken, 1))
+    with pytest.raises(AvatarError, match="weights of mesh 0 are not finite"):
+        import_person(path, OPTIONS)
+
+
+def test_buffers_outside_of_the_folder_are_refused(tmp_path: Path) -> None:
+    def edit(document: dict[str, Any]) -> None:
+        document["buffers"][0]["uri"] = "../../../etc/passwd"
+
+    with pytest.raises(AvatarError, match="outside of its folder"):
+        import_person(write_glb(tmp_path / "p.glb", edit=edit), OPTIONS)
+
+
+def test_skeleton_of_the_avatar_has_smpls_parents(tpose_person: Avatar) -> None:
+    lengths = np.linalg.norm(tpose_person.joints_tpose_m[1:] - tpose_person.joints_tpose_m[SMPL_PARENTS[1:]], axis=1)
+    want = np.linalg.norm(tpose_joints_m()[1:] - tpose_joints_m()[SMPL_PARENTS[1:]], axis=1)
+    np.testing.assert_allclose(lengths, want, atol=1e-3)

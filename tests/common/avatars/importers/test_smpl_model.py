@@ -1,0 +1,123 @@
+"""SMPL model files are read without running anything, and become people in plain clothes."""
+
+import pickle
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from common.avatars.importers import ImportOptions, import_person, load_smpl_model
+from common.avatars.importers.joints import JOINT
+from common.avatars.importers.pickles import load_pickle
+from common.errors import AvatarError
+from tests.common.avatars.importers.people import (
+    HEIGHT_M,
+    smpl_entries,
+    tpose_joints_m,
+    write_smpl_npz,
+    write_smpl_pickle,
+)
+
+
+@pytest.mark.parametrize("protocol", [0, 1, 2, 4])
+def test_old_pickle_with_chumpy_and_sparse_arrays_is_read(tmp_path: Path, protocol: int) -> None:
+    model = load_smpl_model(write_smpl_pickle(tmp_path / "SMPL.pkl", protocol=protocol))
+    entries = smpl_entries()
+    np.testing.assert_array_equal(model.vertices_m, entries["v_template"])
+    np.testing.assert_array_equal(model.weights, entries["weights"])
+    np.testing.assert_array_equal(model.faces, entries["f"])
+    np.testing.assert_allclose(model.joints_m, tpose_joints_m(), atol=1e-12)
+
+
+def test_archive_and_pickle_hold_the_same_model(tmp_path: Path) -> None:
+    one, other = (
+        load_smpl_model(write_smpl_npz(tmp_path / "a.npz")),
+        load_smpl_model(write_smpl_pickle(tmp_path / "a.pkl")),
+    )
+    np.testing.assert_array_equal(one.vertices_m, other.vertices_m)
+    np.testing.assert_allclose(one.joints_m, other.joints_m, atol=1e-12)
+
+
+def test_betas_change_vertices_and_joints(tmp_path: Path) -> None:
+    path = write_smpl_pickle(tmp_path / "SMPL.pkl")
+    larger = load_smpl_model(path, betas=[1.0])
+    np.testing.assert_allclose(larger.joints_m, 1.1 * tpose_joints_m(), atol=1e-12)
+    with pytest.raises(AvatarError, match="2 shape directions, but 3 betas"):
+        load_smpl_model(path, betas=[1.0, 0.0, 0.0])
+
+
+class _Harmful:
+    def __init__(self, function: Any, *arguments: Any) -> None:
+        self.reduced = function, arguments
+
+    def __reduce__(self) -> Any:
+        return self.reduced
+
+
+@pytest.mark.parametrize("protocol", [0, 2, 4])
+def test_pickles_that_name_anything_else_are_refused_by_name(tmp_path: Path, protocol: int) -> None:
+    import os
+
+    path, witness = tmp_path / "SMPL.pkl", tmp_path / "ran"
+    entries = smpl_entries() | {"extra": _Harmful(os.system, f"touch {witness}")}
+    path.write_bytes(pickle.dumps(entries, protocol=protocol))
+    with pytest.raises(AvatarError, match=r"posix\.system") as raised:
+        load_smpl_model(path)
+    assert "\n" not in str(raised.value)
+    assert not witness.exists()
+
+
+@pytest.mark.parametrize("function", [eval, getattr, np.load, np.save])
+def test_no_function_can_be_called(tmp_path: Path, function: Any) -> None:
+    path = tmp_path / "x.pkl"
+    path.write_bytes(pickle.dumps(_Harmful(function, "1"), protocol=2))
+    with pytest.raises(AvatarError, match="not loaded, because a pickle can run programs"):
+        load_pickle(path)
+
+
+@pytest.mark.parametrize(
+    "data", [b"", b"\x80\x02", b"(dp0\n", b"\x80\x04\x95\xff\xff\xff\xff", b"\x80\x02}q\x00.", b"cx\n"]
+)
+def test_broken_pickles_are_refused_in_one_line(tmp_path: Path, data: bytes) -> None:
+    (tmp_path / "x.pkl").write_bytes(data)
+    with pytest.raises(AvatarError) as raised:
+        load_smpl_model(tmp_path / "x.pkl")
+    assert "\n" not in str(raised.value)
+
+
+def test_missing_keys_are_named(tmp_path: Path) -> None:
+    with pytest.raises(AvatarError, match="lacks weights, J_regressor"):
+        load_smpl_model(write_smpl_pickle(tmp_path / "x.pkl", drop=("weights", "J_regressor")))
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("weights", np.zeros((5, 24)), "weights must be .* x 24, got"),
+        ("v_template", np.full((632, 3), np.nan), "v_template holds values that are not finite"),
+        ("J_regressor", np.zeros((24, 7)), "J_regressor must be"),
+        ("kintree_table", np.zeros((2, 55), np.int64), "55 joints that is not SMPL-24"),
+        ("f", np.full((4, 3), 10**6), "f names vertices beyond"),
+        ("v_template", "text", "v_template holds no numbers"),
+    ],
+)
+def test_wrong_entries_are_refused(tmp_path: Path, key: str, value: Any, message: str) -> None:
+    path = tmp_path / "x.pkl"
+    path.write_bytes(pickle.dumps(smpl_entries() | {key: value}, protocol=2))
+    with pytest.raises(AvatarError, match=message):
+        load_smpl_model(path)
+
+
+def test_model_becomes_a_person_in_plain_clothes(tmp_path: Path) -> None:
+    path = write_smpl_pickle(tmp_path / "SMPL_NEUTRAL.pkl")
+    avatar, report = import_person(path, ImportOptions(license="own", gaussians=3000))
+    assert (report.kind, report.name) == ("SMPL model", "SMPL_NEUTRAL")
+    assert avatar.height_m == pytest.approx(HEIGHT_M, abs=0.01)
+    np.testing.assert_allclose(avatar.joints_tpose_m, tpose_joints_m(), atol=0.005)
+    np.testing.assert_array_equal(avatar.R_tpose_canonical, np.tile(np.eye(3), (24, 1, 1)))
+    colours = {
+        joint: np.median(avatar.cloud.sh[avatar.lbs_index[:, 0] == JOINT[joint], 0], axis=0)
+        for joint in ("spine3", "left_knee", "left_elbow", "left_foot")
+    }
+    assert len({tuple(np.round(colour, 2)) for colour in colours.values()}) == 4

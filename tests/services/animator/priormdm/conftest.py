@@ -1,0 +1,47 @@
+import json
+
+import numpy as np
+import pytest
+import torch
+
+from services.animator.priormdm import PriorMdmConfig
+from services.animator.priormdm.features import FEATURE_COUNT
+from services.animator.priormdm.network import Mdm, NetworkShape
+
+SMALL = NetworkShape(layers=2, latent_dim=32, ff_size=48, num_heads=4)
+ARGS = {
+    "arch": "trans_enc",
+    "dataset": "humanml",
+    "layers": 2,
+    "latent_dim": 32,
+    "ff_size": 48,
+    "emb_trans_dec": False,
+    "diffusion_steps": 50,
+    "noise_schedule": "cosine",
+    "sigma_small": True,
+    "inpainting_mask": "root_horizontal",
+}
+
+
+def random_network(shape=SMALL, seed=0):
+    torch.manual_seed(seed)
+    return Mdm(shape).eval().requires_grad_(False)
+
+
+@pytest.fixture
+def release(tmp_path):
+    """A folder laid out as a user's: weights, args.json, Mean.npy, Std.npy; and a configuration that names them."""
+    torch.save(random_network().state_dict(), tmp_path / "model.pt")
+    (tmp_path / "args.json").write_text(json.dumps(ARGS))
+    rng = np.random.default_rng(4)
+    mean = rng.normal(0.0, 0.1, FEATURE_COUNT).astype(np.float32)
+    mean[3] = 0.93
+    np.save(tmp_path / "Mean.npy", mean)
+    np.save(tmp_path / "Std.npy", rng.uniform(0.02, 0.3, FEATURE_COUNT).astype(np.float32))
+    config = PriorMdmConfig(
+        weights=str(tmp_path / "model.pt"),
+        mean=str(tmp_path / "Mean.npy"),
+        std=str(tmp_path / "Std.npy"),
+        steps=6,
+    )
+    return tmp_path, config
