@@ -86,7 +86,8 @@ class World:
 
     def renderer(self) -> Renderer:
         """The renderer."""
-        return Renderer(scene=self.scene, avatars=self.avatars, robot=self.config.robot, config=self.config.renderer)
+        config = self.config
+        return Renderer(scene=self.scene, avatars=self.avatars, robot=config.robot, config=config.renderer)
 
 
 def _fetched_scene(bus: Bus, spec: RunSpec) -> Path:

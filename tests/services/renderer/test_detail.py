@@ -56,10 +56,14 @@ def test_cache_belongs_to_the_content_of_scene_and_avatar(scene: Scene, avatars:
     assert len(folders() - before) == 1
 
 
-def test_renderer_holds_no_gaussians_of_its_avatars(scene: Scene, avatars: dict[str, Avatar]) -> None:
-    renderer = Renderer(scene, avatars, ROBOT, RendererConfig())
-    assert [len(avatar.cloud) for avatar in renderer.skeletons.values()] == [0] * len(avatars)
+def test_renderer_holds_no_gaussians_of_its_avatars(
+    renderer: Renderer, avatars: dict[str, Avatar], human: HumanMotion
+) -> None:
+    other = Renderer(renderer.scene, avatars, ROBOT, RendererConfig(contact_shadow=True))
+    assert [len(avatar.cloud) for avatar in other.skeletons.values()] == [0] * len(avatars)
     assert all(len(avatar.cloud) for avatar in avatars.values())
+    T = ROBOT.camera.T_world_camera(0.0, 0.0, 0.0, 0.0)
+    assert not np.array_equal(other.drawing.draw(T, [human], 1), renderer.drawing.draw(T, [human], 1))
 
 
 @pytest.mark.parametrize(("settings", "message"), [
