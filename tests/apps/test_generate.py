@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -130,7 +131,10 @@ def test_interrupted_fleet_leaves_nothing_behind_and_resumes_to_the_same_bytes(
 ) -> None:
     out = tmp_path / "one"
     command = _command(scene, config, out, workers=1)
-    run = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    # A job in a shell's background ignores Ctrl-C, and so would its children.
+    listen = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    run = subprocess.Popen(command, cwd=ROOT, text=True, preexec_fn=listen, **pipes)
     _wait_for(lambda: _rendering(out))
     children = _children(run.pid)
     assert len(children) == 6
