@@ -16,6 +16,7 @@ class Purpose(enum.IntEnum):
     MOTION = 1
     EXPERT = 2
     SENSOR = 3
+    AVATAR = 4
 
 
 def episode_rng(episode: EpisodeKey, purpose: Purpose) -> np.random.Generator:

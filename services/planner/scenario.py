@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from common.episode import EpisodeConfig, GridSearch
+from common.episode import EpisodeConfig, GridSearch, Purpose, episode_rng
 from common.episode.grid_search import FREE, taut_path_m
 from common.errors import AvatarError, SceneError
 from common.maps import OccupancyMap, clearance_m
@@ -86,7 +86,9 @@ class ScenarioSampler:
         if not static and count > 0:
             if not avatar_names:
                 raise AvatarError("Humans are asked for but there are no avatars; add one or set human counts to 0.")
-            order = [avatar_names[int(k)] for k in rng.permutation(len(avatar_names))]
+            # A stream of their own: who walks changes nothing about where.
+            people = episode_rng(episode, Purpose.AVATAR)
+            order = [avatar_names[int(k)] for k in people.permutation(len(avatar_names))]
             for k in range(count):
                 humans.append(self._draw_human(rng, task, order[k % len(order)], humans))
         (x, y), (goal_x, goal_y) = task.start_m, task.goal_m
