@@ -51,7 +51,7 @@ class _Margin(enum.Enum):
     """No contact with humans where they are now; predicted ground is dear."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Decision:
     """What the expert does in one step, and why."""
 
@@ -63,6 +63,10 @@ class Decision:
     """Cost of the plan in force; 0 without a plan."""
     visible: bool
     """True if a human is in view."""
+    path_xy_m: Float64Array
+    """What is left of the path in force [m], shape (N, 2); empty without a plan. A view: copy it to keep it."""
+    perceived: tuple[PerceivedHuman, ...]
+    """The humans that the expert knows of."""
 
 
 class ExpertGround:
@@ -141,6 +145,8 @@ class RobotExpert:
             replanned=replanned,
             cost=0.0 if self._plan is None else self._plan.cost,
             visible=any(human.seen for human in humans),
+            path_xy_m=self._tracker.path[self._tracker.progress :, :2],
+            perceived=tuple(humans),
         )
 
     def _is_near_plan(self, human: PerceivedHuman) -> bool:
