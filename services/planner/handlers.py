@@ -1,6 +1,6 @@
 """Answers planning requests: scenarios (stage 1) and expert runs (stage 3)."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from common.avatars import Avatar, FootprintModel
@@ -19,7 +19,7 @@ from common.messages import (
 )
 from common.robot import RobotConfig
 from services.planner.config import ExpertConfig, HumanPlannerConfig
-from services.planner.expert import ExpertGround, RobotExpert
+from services.planner.expert import Decision, ExpertGround, RobotExpert
 from services.planner.scenario import RejectedError, ScenarioSampler
 
 
@@ -123,14 +123,21 @@ def handle_robot_plan(planner: Planner, request: RobotPlanRequest) -> RobotPlanR
     )
 
 
-def drive(planner: Planner, scenario: Scenario, motions: EpisodeMotions) -> RobotTrajectory:
-    """The expert's closed loop, from start to end."""
+def drive(
+    planner: Planner,
+    scenario: Scenario,
+    motions: EpisodeMotions,
+    *,
+    observe: Callable[[Decision], None] = lambda _: None,
+) -> RobotTrajectory:
+    """The expert's closed loop, from start to end; `observe` is told of every decision before it is executed."""
     simulation = planner.simulation(scenario, motions)
     expert = planner.expert(scenario, motions)
     decisions = []
     while simulation.outcome is None:
         decision = expert.act(simulation)
         decisions.append(decision)
+        observe(decision)
         simulation.advance(decision.v_mps, decision.w_radps)
     return simulation.trajectory(
         human_visible=[decision.visible for decision in decisions],
