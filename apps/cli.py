@@ -26,6 +26,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "generate": ("apps.generate:generate", "record episodes of an expert among walking people"),
     "validate": ("apps.data:validate", "read a dataset again and report every defect"),
     "inspect": ("apps.data:inspect", "say what a dataset holds"),
+    "coverage": ("apps.coverage:coverage", "show what a dataset covers, and what it does not, on one page"),
     "train": ("apps.train:train", "learn a policy from recorded episodes"),
     "evaluate": ("apps.evaluate:evaluate", "measure success rates in closed loop"),
     "worker": ("apps.worker:worker", "join a fleet as one worker"),
