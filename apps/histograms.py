@@ -15,6 +15,8 @@ Counts = npt.NDArray[np.int64]
 _COLOUR, _REST_COLOUR = "#0072b2", "#9aa3ad"
 _WIDTH, _HEIGHT = 460, 230
 _LEFT, _RIGHT, _TOP, _BOTTOM = 52, 12, 12, 40
+_REST_PX = 56
+"""Width of a bar behind the axis, with its name."""
 _ROSE_PX, _ROSE_RADIUS = 260, 100
 
 
@@ -29,8 +31,8 @@ def bar_chart(edges: Array, counts: Counts, *, axis: str, count_name: str, rest:
         rest: Bars behind the last bin, in grey: (name, count), such as values beyond the last edge.
     """
     rest = [(name, count) for name, count in rest if count]
-    slots = len(counts) + (1 + 2 * len(rest) if rest else 0)
-    slot_px = (_WIDTH - _LEFT - _RIGHT) / slots
+    right = _WIDTH - _RIGHT - _REST_PX * len(rest)
+    slot_px = (right - _LEFT) / len(counts)
     high = max([int(counts.max(initial=0)), *(count for _, count in rest), 1])
     ticks = [tick for tick in nice_ticks(0.0, float(high)) if tick == int(tick)]
     high = max(high, int(ticks[-1]))
@@ -40,14 +42,14 @@ def bar_chart(edges: Array, counts: Counts, *, axis: str, count_name: str, rest:
         parts.append(f'<line x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{y:.1f}" y2="{y:.1f}" class="grid"/>')
         parts.append(f'<text x="{_LEFT - 8}" y="{y + 4:.1f}" text-anchor="end">{number_text(tick)}</text>')
     for k, count in enumerate(counts.tolist()):
-        title = f"{number_text(edges[k])} to {number_text(edges[k + 1])}: {count}"
+        title = f"{_rounded(edges[k])} to {_rounded(edges[k + 1])}: {count}"
         parts.append(_bar(_LEFT + k * slot_px, slot_px, count, high, _COLOUR, title))
     for k, (name, count) in enumerate(rest):
-        x = _LEFT + (len(counts) + 1 + 2 * k) * slot_px
-        parts.append(_bar(x, 1.6 * slot_px, count, high, _REST_COLOUR, f"{name}: {count}"))
-        parts.append(_axis_text(x + 0.8 * slot_px, escape(name)))
-    parts += _edge_texts(edges, slot_px)
-    parts.append(_name_text((_LEFT + _WIDTH - _RIGHT) / 2, axis))
+        middle = right + (k + 0.5) * _REST_PX + 8
+        parts.append(_bar(middle - slot_px / 2, slot_px, count, high, _REST_COLOUR, f"{name}: {count}"))
+        parts.append(_axis_text(middle, escape(name)))
+    parts += _axis_texts(edges, right)
+    parts.append(_name_text((_LEFT + right) / 2, axis))
     return "".join([*parts, "</svg>"])
 
 
@@ -101,11 +103,11 @@ def grid_chart(x_edges: Array, y_edges: Array, counts: Counts, *, x_axis: str, y
             f'<rect x="{x:.1f}" y="{y:.1f}" width="{width:.1f}" height="{height:.1f}" fill="{_COLOUR}" '
             f'fill-opacity="{opacity:.2f}"><title>{int(counts[i, j])}</title></rect>'
         )
-    parts += _edge_texts(x_edges, width)
+    parts += _axis_texts(x_edges, _WIDTH - _RIGHT)
     step = max(1, round(rows / 5))
     for i in range(0, rows + 1, step):
         y = _HEIGHT - _BOTTOM - i * height
-        parts.append(f'<text x="{_LEFT - 8}" y="{y + 4:.1f}" text-anchor="end">{_edge(y_edges[i])}</text>')
+        parts.append(f'<text x="{_LEFT - 8}" y="{y + 4:.1f}" text-anchor="end">{_rounded(y_edges[i])}</text>')
     parts.append(_name_text((_LEFT + _WIDTH - _RIGHT) / 2, x_axis))
     middle = (_TOP + _HEIGHT - _BOTTOM) / 2
     parts.append(
@@ -131,13 +133,15 @@ def _bar(x: float, width: float, count: int, high: int, colour: str, title: str)
     )
 
 
-def _edge_texts(edges: Array, slot_px: float) -> list[str]:
-    """Texts at about six of the edges."""
-    step = max(1, math.ceil(len(edges) / 7))
-    return [_axis_text(_LEFT + k * slot_px, _edge(edges[k])) for k in range(0, len(edges), step)]
+def _axis_texts(edges: Array, right: float) -> list[str]:
+    """Round numbers along an axis from the first to the last edge."""
+    low, high = float(edges[0]), float(edges[-1])
+    ticks = [tick for tick in nice_ticks(low, high) if tick <= high + 1e-6 * (high - low)]
+    places = [_LEFT + (tick - low) / (high - low) * (right - _LEFT) for tick in ticks]
+    return [_axis_text(place, _rounded(tick)) for place, tick in zip(places, ticks, strict=True)]
 
 
-def _edge(value: float) -> str:
+def _rounded(value: float) -> str:
     return number_text(round(float(value), 6) + 0.0)
 
 
