@@ -19,7 +19,7 @@ _COLOUR_PLANES = tl.constexpr(COLOUR_PLANES)
 _DEPTH_PLANES = tl.constexpr(DEPTH_PLANES)
 _ALPHA_MAX = tl.constexpr(constants.ALPHA_MAX)
 _TRANSMITTANCE_MIN = tl.constexpr(constants.TRANSMITTANCE_MIN)
-_LOG2_ALPHA_MIN = tl.constexpr(-7.994353436858858)
+_LOG2_ALPHA_MIN = tl.constexpr(constants.LOG2_ALPHA_MIN)
 _BATCH = tl.constexpr(32)
 """Entries between two looks at whether all pixels are finished."""
 
