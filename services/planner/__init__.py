@@ -1,7 +1,8 @@
 """The planners: where humans walk and how the expert drives."""
 
-from services.planner.config import ExpertConfig, HumanPlannerConfig
+from services.planner.config import HumanPlannerConfig
 from services.planner.expert import Decision, RobotExpert
+from services.planner.expert_config import ExpertConfig, expert_recipe
 from services.planner.handlers import Planner, handle_human_plan, handle_robot_plan
 
 __all__ = [
@@ -10,6 +11,7 @@ __all__ = [
     "HumanPlannerConfig",
     "Planner",
     "RobotExpert",
+    "expert_recipe",
     "handle_human_plan",
     "handle_robot_plan",
 ]

@@ -15,7 +15,7 @@ from common.maps import OccupancyMap, clearance_m
 from common.messages import HumanMotion, Scenario
 from common.robot import RobotConfig
 from common.robot.kinematics import RATE_HZ
-from services.planner.config import ExpertConfig
+from services.planner.expert_config import ExpertConfig
 from services.planner.hybrid_astar import HybridAStar, Plan
 from services.planner.obstacles import (
     open_around,

@@ -18,8 +18,9 @@ from common.messages import (
     Scenario,
 )
 from common.robot import RobotConfig
-from services.planner.config import ExpertConfig, HumanPlannerConfig
+from services.planner.config import HumanPlannerConfig
 from services.planner.expert import ExpertGround, RobotExpert
+from services.planner.expert_config import ExpertConfig
 from services.planner.scenario import RejectedError, ScenarioSampler
 
 

@@ -9,7 +9,7 @@ from numba import njit
 
 from common.maps import OccupancyMap
 from common.robot.kinematics import DT_S
-from services.planner.config import ExpertConfig
+from services.planner.expert_config import ExpertConfig
 
 Float64Array = npt.NDArray[np.float64]
 Pose = tuple[float, float, float]
@@ -82,7 +82,7 @@ class HumanTracks:
         if not in_view(pose, x_m, y_m, self._half_fov_rad, self._config.range_m, self._radius_m):
             return False
         frame = self._map.frame
-        return not self._config.line_of_sight or bool(
+        return not self._config.needs_line_of_sight or bool(
             _sees(self._map.occupied, frame.origin_x_m, frame.origin_y_m, frame.resolution_m, pose, x_m, y_m)
         )
 

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from common.episode.collision import disc_meets_cells
 from common.maps import OccupancyMap
 from common.robot import RobotConfig
-from services.planner.config import ExpertConfig
+from services.planner.expert_config import ExpertConfig
 from services.planner.hybrid_astar import Plan
 from services.planner.rollouts import (
     FREE_RUN,
