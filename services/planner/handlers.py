@@ -1,6 +1,6 @@
 """Answers planning requests: scenarios (stage 1) and expert runs (stage 3)."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from common.avatars import Avatar, FootprintModel
@@ -19,12 +19,12 @@ from common.messages import (
 )
 from common.robot import RobotConfig
 from services.planner.config import HumanPlannerConfig
-from services.planner.expert import Expert
+from services.planner.expert import Decision, Expert
+from services.planner.expert_config import ExpertConfig
 from services.planner.expert_paper import PaperExpert
 from services.planner.expert_spacetime import SpaceTimeExpert
 from services.planner.ground import ExpertGround
 from services.planner.hybrid_astar import HybridAStar
-from services.planner.expert_config import ExpertConfig
 from services.planner.scenario import RejectedError, ScenarioSampler
 from services.planner.spacetime_search import SpaceTimeSearch
 
@@ -143,14 +143,21 @@ def handle_robot_plan(planner: Planner, request: RobotPlanRequest) -> RobotPlanR
     )
 
 
-def drive(planner: Planner, scenario: Scenario, motions: EpisodeMotions) -> RobotTrajectory:
-    """The expert's closed loop, from start to end."""
+def drive(
+    planner: Planner,
+    scenario: Scenario,
+    motions: EpisodeMotions,
+    *,
+    observe: Callable[[Decision], None] = lambda _: None,
+) -> RobotTrajectory:
+    """The expert's closed loop, from start to end; `observe` is told of every decision before it is executed."""
     simulation = planner.simulation(scenario, motions)
     expert = planner.expert(scenario, motions)
     decisions = []
     while simulation.outcome is None:
         decision = expert.act(simulation)
         decisions.append(decision)
+        observe(decision)
         simulation.advance(decision.v_mps, decision.w_radps)
     return simulation.trajectory(
         human_visible=[decision.visible for decision in decisions],
