@@ -20,6 +20,7 @@ from common.messages import (
 from common.robot import RobotConfig
 from services.planner.config import ExpertConfig, HumanPlannerConfig
 from services.planner.expert import ExpertGround, RobotExpert
+from services.planner.human import without_slopes
 from services.planner.scenario import RejectedError, ScenarioSampler
 
 
@@ -69,8 +70,9 @@ class Planner:
         """
         self.maps, self.robot, self.episode_config = maps, robot, episode_config
         self.avatar_names = sorted(avatars)
+        human_map = without_slopes(maps.human, maps.floor, human_config.slope_max)
         self.sampler = ScenarioSampler(
-            maps.robot, maps.human, robot, episode_config, human_config, expert_config.cell_margin_m
+            maps.robot, human_map, robot, episode_config, human_config, expert_config.cell_margin_m
         )
         self.ground = ExpertGround(maps.robot, robot, episode_config, expert_config)
         self._avatars = dict(avatars)
