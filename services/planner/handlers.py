@@ -24,6 +24,7 @@ from services.planner.expert_config import ExpertConfig
 from services.planner.expert_paper import PaperExpert
 from services.planner.expert_spacetime import SpaceTimeExpert
 from services.planner.ground import ExpertGround
+from services.planner.human import without_slopes
 from services.planner.hybrid_astar import HybridAStar
 from services.planner.scenario import RejectedError, ScenarioSampler
 from services.planner.spacetime_search import SpaceTimeSearch
@@ -75,8 +76,9 @@ class Planner:
         """
         self.maps, self.robot, self.episode_config = maps, robot, episode_config
         self.avatar_names = sorted(avatars)
+        human_map = without_slopes(maps.human, maps.floor, human_config.slope_max)
         self.sampler = ScenarioSampler(
-            maps.robot, maps.human, robot, episode_config, human_config, expert_config.cell_margin_m
+            maps.robot, human_map, robot, episode_config, human_config, expert_config.cell_margin_m
         )
         sight = getattr(maps, "sight", None) if expert_config.needs_line_of_sight else None
         self.ground = ExpertGround(maps.robot, maps.human, sight, robot, episode_config, expert_config)
