@@ -69,7 +69,7 @@ def plan(
         index: Number of the episode.
         seed: Seed of the run.
         split: Random streams to draw the episode from.
-        mode: How the expert plans, "paper" or another of its modes; as in `config` by default.
+        mode: How the expert plans, "paper" or "spacetime"; as in `config` by default.
         static: Leave the humans out.
         config: TOML file with sections of settings, as given to `readygo generate`.
         robot: robot.toml of another robot.
@@ -243,7 +243,7 @@ def _driven(run: ExpertRun) -> Numbers:
         "duration_s": round(trajectory.duration_s, 2),
         "path_length_m": round(EpisodeResult.from_trajectory(trajectory, 0.0).path_length_m, 3),
         "replans": int(trajectory.replanned.sum()),
-        "plans": len(run.journal.changes),
+        "ways": len(run.journal.changes),
         "replan_p50_ms": round(float(np.percentile(times_ms, 50)), 3) if len(times_ms) else None,
         "replan_p99_ms": round(float(np.percentile(times_ms, 99)), 3) if len(times_ms) else None,
         "human_distance_min_m": _finite(float(trajectory.human_distance_m.min())),
@@ -277,7 +277,7 @@ def _rows(numbers: Numbers) -> list[tuple[str, str]]:
         share = 100 * numbers["human_visible_share"]
         rows.insert(0, ("outcome", f"{numbers['outcome'].replace('_', ' ')} after {numbers['duration_s']:.2f} s"))
         rows.append(("way", f"{numbers['path_length_m']:.2f} m"))
-        replans = f"{numbers['replans']}, {numbers['plans']} plans in force"
+        replans = f"{numbers['replans']}, {numbers['ways']} different ways"
         if numbers["replans"]:
             replans += f"; p50 {numbers['replan_p50_ms']:.2f} ms, p99 {numbers['replan_p99_ms']:.2f} ms"
         rows.append(("replans", replans))

@@ -17,8 +17,8 @@ from services.planner.handlers import Planner
 from services.planner.journal import ExpertRun
 from services.planner.moments import Moment, pick_moments
 from services.planner.picture_layers import (
+    EXPECTED_SHARE,
     OUTCOMES,
-    PREDICTED_SHARE,
     SIGHT,
     SIGHT_SHARE,
     SUPERSEDED,
@@ -229,7 +229,7 @@ def _headline(scenario: Scenario, trajectory: RobotTrajectory | None, run: Exper
         words.append((f"closest {closest_m:.2f} m", INK))
     if run is not None:
         searches, changes = sum(run.journal.searched), len(run.journal.changes)
-        words.append((f"searches {searches}, new plans {changes}", INK))
+        words.append((f"{searches} replans, {changes} ways", INK))
     return [*words, (scenario.episode.episode_id, INK)]
 
 
@@ -238,10 +238,10 @@ def _legend(scenario: Scenario, trajectory: RobotTrajectory | None, run: ExpertR
     for k, human in enumerate(scenario.humans):
         items.append((dotted_swatch(human_colour(k)), f"person {k + 1}: {human.avatar}, {human.encounter}"))
     if run is not None:
-        items.append((lambda picture, x, y: put_diamond(picture, (x, y)), "new plan"))
-        items += [(line_swatch(SUPERSEDED), "plan given up")] if len(run.journal.changes) > 1 else []
+        items.append((lambda picture, x, y: put_diamond(picture, (x, y)), "chose another way"))
+        items += [(line_swatch(SUPERSEDED), "way given up")] if len(run.journal.changes) > 1 else []
         items.append((area_swatch(SIGHT, SIGHT_SHARE), "field of view"))
     if run is not None and scenario.humans:
-        items.append((area_swatch(human_colour(0), PREDICTED_SHARE), "expected there"))
+        items.append((area_swatch(human_colour(0), EXPECTED_SHARE), "expected there"))
         items.append((ring_swatch(human_colour(0), filled=False), "not perceived"))
     return [*items, (ring_swatch(GOAL), "goal")]
