@@ -45,6 +45,11 @@ class Journal:
                 steps.append(step)
         return tuple(steps)
 
+    @property
+    def given_up(self) -> tuple[int, ...]:
+        """The changes at which there was a way that was given up for the new one."""
+        return tuple(step for step in self.changes if step > 0 and len(self.paths_m[step - 1]))
+
     def seen(self, human: int) -> npt.NDArray[np.bool_]:
         """Where a human was in view, one flag per step."""
         return np.array([any(who.seen and who.index == human for who in row) for row in self.perceived], dtype=np.bool_)

@@ -239,7 +239,7 @@ def _legend(scenario: Scenario, trajectory: RobotTrajectory | None, run: ExpertR
         items.append((dotted_swatch(human_colour(k)), f"person {k + 1}: {human.avatar}, {human.encounter}"))
     if run is not None:
         items.append((lambda picture, x, y: put_diamond(picture, (x, y)), "chose another way"))
-        items += [(line_swatch(SUPERSEDED), "way given up")] if len(run.journal.changes) > 1 else []
+        items += [(line_swatch(SUPERSEDED), "way given up")] if run.journal.given_up else []
         items.append((area_swatch(SIGHT, SIGHT_SHARE), "field of view"))
     if run is not None and scenario.humans:
         items.append((area_swatch(human_colour(0), EXPECTED_SHARE), "expected there"))

@@ -50,8 +50,8 @@ def draw_way(picture: Picture, view: TopView, xy_m: Float64Array, colour: Rgb, *
 
 def draw_superseded(picture: Picture, view: TopView, run: ExpertRun, steps: range | None = None) -> None:
     """The plans that another one replaced, at any time or at some steps, as they were then."""
-    for step in run.journal.changes:
-        if step > 0 and (steps is None or step in steps):
+    for step in run.journal.given_up:
+        if steps is None or step in steps:
             plan_view.draw_path(picture, view, run.journal.paths_m[step - 1], SUPERSEDED, width_px=1)
 
 
