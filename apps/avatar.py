@@ -1,7 +1,6 @@
 """`readygo avatar`: who can walk through scenes, and what they look like."""
 
 import json as json_module
-import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy.typing as npt
 from rich.console import Console
 from rich.table import Table
 
+from apps.pictures import write_png
 from common.avatars import Avatar, avatar_hash, avatar_paths, joint_positions, load_avatar
 from common.avatars.file import EMBEDDED_FOLDER
 from common.errors import AvatarError
@@ -178,14 +178,3 @@ def _wall() -> GaussianCloud:
         opacities=np.full(count, 0.99, dtype=np.float32),
         sh=np.tile((np.array(WALL_COLOUR, dtype=np.float32) - 0.5) / np.float32(0.28209479), (count, 1, 1)),
     )
-
-
-def write_png(path: Path, rgb: Image) -> None:
-    """Write a picture (H, W, 3); the file appears only once it is complete."""
-    import cv2
-
-    done, data = cv2.imencode(".png", rgb[:, :, ::-1])
-    assert done
-    part = path.with_name(path.name + ".part")
-    part.write_bytes(bytes(data))
-    os.replace(part, path)

@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from apps.pictures import require_png, write_png
 from common.dataset import Dataset, Report
 from common.dataset import validate as validate_folder
 from common.errors import DatasetError
@@ -49,16 +50,22 @@ def validate(data: Path, /, *, json: bool = False) -> None:
         )
 
 
-def inspect(data: Path, /, *, json: bool = False) -> None:
-    """Say what a dataset holds.
+def inspect(data: Path, /, *, overlay: Path | None = None, json: bool = False) -> None:
+    """Say what a dataset holds, or show how its labels lie on its people.
 
     Args:
         data: Data folder.
+        overlay: PNG to write: images with people, their joints, boxes and ground points drawn over them.
         json: Print the result as JSON.
 
     Raises:
-        DatasetError: If there is no readable dataset.
+        DatasetError: If there is no readable dataset, or no labels for an overlay.
     """
+    if overlay is not None:
+        from apps.label_overlay import label_overlay
+
+        require_png("--overlay", overlay)
+        write_png(overlay, label_overlay(Dataset([data])))
     summary = _summary(data)
     if json:
         _print_json(summary)
