@@ -11,7 +11,6 @@ import numpy.typing as npt
 from rich.console import Console
 from rich.table import Table
 
-from apps.pictures import write_png
 from common.avatars import Avatar, avatar_hash, avatar_paths, joint_positions, load_avatar
 from common.avatars.file import EMBEDDED_FOLDER
 from common.errors import AvatarError
@@ -63,9 +62,12 @@ def avatar_preview(avatar: Path, /, *, out: Path | None = None, video: Path | No
         raise AvatarError(f"--video {video} must end in .mp4.")
     person = load_avatar(_file_of(avatar))
     if out is not None:
+        from common.drawing.files import write_png
+
         write_png(out, turntable(person, (standing_pose(), stride_pose())))
     if video is not None:
-        from apps.avatar_film import walk_frames, write_film
+        from apps.avatar_film import walk_frames
+        from common.drawing.film import write_film
 
         write_film(video, walk_frames(person, seed=seed))
 

@@ -11,10 +11,9 @@ from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from apps.pictures import require_png, write_png
 from common.dataset import Dataset, Report
 from common.dataset import validate as validate_folder
-from common.errors import DatasetError
+from common.errors import ConfigError, DatasetError
 from common.robot.kinematics import RATE_HZ
 
 DEFECTS_SHOWN = 20
@@ -62,9 +61,11 @@ def inspect(data: Path, /, *, overlay: Path | None = None, json: bool = False) -
         DatasetError: If there is no readable dataset, or no labels for an overlay.
     """
     if overlay is not None:
+        if overlay.suffix.lower() != ".png":
+            raise ConfigError(f"--overlay {overlay} must end in .png.")
         from apps.label_overlay import label_overlay
+        from common.drawing.files import write_png
 
-        require_png("--overlay", overlay)
         write_png(overlay, label_overlay(Dataset([data])))
     summary = _summary(data)
     if json:

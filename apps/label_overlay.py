@@ -6,19 +6,21 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from apps.demo.plan_view import HUMANS, INK
 from common.avatars import SMPL_PARENTS
 from common.dataset import Calibration, Dataset
+from common.drawing.files import Picture
+from common.drawing.plan_view import GOAL, HUMANS, INK, Rgb, put_text
+from common.drawing.sheet import line_swatch, sheet
 from common.errors import DatasetError
 
 Array = npt.NDArray[np.float64]
-Picture = npt.NDArray[np.uint8]
 
 COLUMNS, TILES = 2, 8
-WIDTH_PX = 768
+WIDTH_PX = 640
 """Width of one image on the sheet."""
 NEAR_M = 0.1
-_GAP_PX = 6
+NEAREST_SHOWN_M = 1.5
+"""Who is nearer does not fit into an image."""
 _SUBPIXEL_BITS = 4
 _EDGES = [(a, a ^ bit) for a in range(8) for bit in (1, 2, 4) if not a & bit]
 
@@ -40,10 +42,15 @@ def label_overlay(dataset: Dataset) -> Picture:
     seen = np.flatnonzero(dataset.truth["human_visible"])
     if len(seen) == 0:
         raise DatasetError("There is no sample in which the robot sees somebody.")
-    chosen = np.unique(seen[np.linspace(0, len(seen) - 1, TILES).round().astype(int)]).tolist()
+    parts = np.array_split(seen, min(TILES, len(seen)))
+    chosen = [min(part.tolist(), key=lambda index: _ahead_m(dataset, index)) for part in parts]
     tiles = [labelled_image(dataset, index) for index in chosen]
-    tiles += [np.full_like(tiles[0], 255)] * (-len(tiles) % COLUMNS)
-    return _sheet(tiles)
+    rows = [tiles[k : k + COLUMNS] for k in range(0, len(tiles), COLUMNS)]
+    legend = [
+        (line_swatch(colour), f"human {k}")
+        for k, colour in enumerate(HUMANS[: max(map(len, map(dataset.boxes, chosen)))])
+    ]
+    return sheet(rows, [("labels of people", INK), ("joints, box, footprint; behind walls too", GOAL)], legend)
 
 
 def labelled_image(dataset: Dataset, index: int) -> Picture:
@@ -66,7 +73,7 @@ def labelled_image(dataset: Dataset, index: int) -> Picture:
         _lines(picture, edges, _EDGES, colour, 1)
         _lines(picture, joints, [(j, int(SMPL_PARENTS[j])) for j in range(1, 24)], colour, 2)
         _dots(picture, joints, (255, 255, 255), 2.0)
-    cv2.putText(picture, f"sample {index}", (8, size[1] - 10), cv2.FONT_HERSHEY_SIMPLEX, 0.5, INK, 1, cv2.LINE_AA)
+    put_text(picture, f"sample {index}", (8, size[1] - 10))
     return picture
 
 
@@ -104,11 +111,14 @@ def project(p_WQ: npt.ArrayLike, T_world_camera: Array, calibration: Calibration
     return pixels
 
 
-def _sheet(tiles: Sequence[Picture]) -> Picture:
-    """Tiles in rows of two, with gaps."""
-    padded = [np.pad(tile, ((0, _GAP_PX), (0, _GAP_PX), (0, 0)), constant_values=255) for tile in tiles]
-    rows = [np.concatenate(padded[k : k + COLUMNS], axis=1) for k in range(0, len(padded), COLUMNS)]
-    return np.concatenate(rows)[:-_GAP_PX, :-_GAP_PX]
+def _ahead_m(dataset: Dataset, index: int) -> float:
+    """Distance of the nearest human who is well within the view of a sample; inf without one."""
+    x_m, y_m, _, yaw_rad = dataset.poses[index].tolist()
+    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
+    offset = dataset.joints_m(index)[:, 0, :2] - (x_m, y_m)
+    forward, left = c * offset[:, 0] + s * offset[:, 1], c * offset[:, 1] - s * offset[:, 0]
+    in_view = (forward > NEAREST_SHOWN_M) & (np.abs(left) < 0.7 * forward)
+    return float(forward[in_view].min(initial=np.inf))
 
 
 def _fixed(pixel: Array) -> tuple[int, int]:
@@ -117,15 +127,13 @@ def _fixed(pixel: Array) -> tuple[int, int]:
     return round(float(u)), round(float(v))
 
 
-def _lines(
-    picture: Picture, points: Array, pairs: Sequence[tuple[int, int]], colour: tuple[int, int, int], width_px: int
-) -> None:
+def _lines(picture: Picture, points: Array, pairs: Sequence[tuple[int, int]], colour: Rgb, width_px: int) -> None:
     for a, b in pairs:
         if np.isfinite(points[[a, b]]).all():
             cv2.line(picture, _fixed(points[a]), _fixed(points[b]), colour, width_px, cv2.LINE_AA, _SUBPIXEL_BITS)
 
 
-def _dots(picture: Picture, points: Array, colour: tuple[int, int, int], radius_px: float) -> None:
+def _dots(picture: Picture, points: Array, colour: Rgb, radius_px: float) -> None:
     for point in points[np.isfinite(points).all(axis=1)]:
         radius = round(radius_px * (1 << _SUBPIXEL_BITS))
         cv2.circle(picture, _fixed(point), radius, colour, cv2.FILLED, cv2.LINE_AA, _SUBPIXEL_BITS)

@@ -22,7 +22,8 @@ from common.errors import ConfigError, RunError
 from common.messages import RunSpec, decode, encode
 from common.robot import RobotConfig
 from services.animator.config import AnimatorConfig
-from services.planner.config import ExpertConfig, HumanPlannerConfig
+from services.planner.config import HumanPlannerConfig
+from services.planner.expert_config import ExpertConfig
 from services.recorder.config import RecorderConfig
 from services.renderer.config import GPU_BACKENDS, RendererConfig
 from services.renderer.sensor import SENSOR_RECIPES, SensorName
