@@ -81,6 +81,30 @@ class ExpertConfig:
     """
     evasion_gap_m: float = 0.4
     """Free space that evading aims at [m]."""
+    timed_heuristic_weight: float = 1.2
+    """The following are of mode "spacetime". 1.0 searches for the cheapest plan, more is faster."""
+    timed_heading_count: int = 36
+    timed_expansions_max: int = 4000
+    timed_steering_cost: float = 0.15
+    """Cost of turning fully, per second and metre per second of full speed."""
+    swerve_cost: float = 0.1
+    """Cost of changing the turn rate by its maximum, in metres at full speed of 1 m/s."""
+    timed_prediction_s: float = 4.0
+    """How far ahead humans are predicted [s]."""
+    oracle_prediction_s: float = 8.0
+    """How far ahead an oracle knows them [s]."""
+    timed_margin_m: float = 0.2
+    """Free space between robot and human that a plan keeps [m]."""
+    doubt_growth_mps: float = 0.05
+    """Growth of this space with the time ahead [m/s]."""
+    doubt_max_m: float = 0.2
+    """Largest growth [m]."""
+    nearness_cost: float = 0.5
+    """Cost of a second at the edge of this space, in metres at full speed."""
+    nearness_m: float = 0.5
+    """Width of the strip around it over which this cost falls off [m]."""
+    timed_replan_s: float = 0.25
+    """Time after which a plan that has come to meet a human is made anew [s]."""
 
     def __post_init__(self) -> None:
         if self.heuristic_weight < 1 or self.expansions_max < 1 or self.heading_count < 8:

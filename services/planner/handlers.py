@@ -19,9 +19,14 @@ from common.messages import (
 )
 from common.robot import RobotConfig
 from services.planner.config import HumanPlannerConfig
-from services.planner.expert import ExpertGround, RobotExpert
+from services.planner.expert import Expert
+from services.planner.expert_paper import PaperExpert
+from services.planner.expert_spacetime import SpaceTimeExpert
+from services.planner.ground import ExpertGround
+from services.planner.hybrid_astar import HybridAStar
 from services.planner.expert_config import ExpertConfig
 from services.planner.scenario import RejectedError, ScenarioSampler
+from services.planner.spacetime_search import SpaceTimeSearch
 
 
 class SceneMaps(Protocol):
@@ -73,7 +78,9 @@ class Planner:
         self.sampler = ScenarioSampler(
             maps.robot, maps.human, robot, episode_config, human_config, expert_config.cell_margin_m
         )
-        self.ground = ExpertGround(maps.robot, robot, episode_config, expert_config)
+        sight = getattr(maps, "sight", None) if expert_config.needs_line_of_sight else None
+        self.ground = ExpertGround(maps.robot, maps.human, sight, robot, episode_config, expert_config)
+        self._search = expert_search(self.ground)
         self._avatars = dict(avatars)
         self._footprints: dict[str, FootprintModel] = {}
 
@@ -89,18 +96,30 @@ class Planner:
             self._footprints[name] = FootprintModel.from_avatar(self._avatars[name])
         return self._avatars[name], self._footprints[name]
 
-    def expert(self, scenario: Scenario, motions: EpisodeMotions) -> RobotExpert:
+    def expert(self, scenario: Scenario, motions: EpisodeMotions) -> Expert:
         """An expert for one episode.
 
         Raises:
             AvatarError: If a human's avatar is not loaded.
         """
         people = [(human, *self.footprint(human.avatar)) for human in motions.humans]
-        return RobotExpert(self.ground, scenario, people)
+        if isinstance(self._search, HybridAStar):
+            return PaperExpert(self.ground, self._search, scenario, people)
+        return SpaceTimeExpert(self.ground, self._search, scenario, people)
 
     def simulation(self, scenario: Scenario, motions: EpisodeMotions) -> EpisodeSimulation:
         """The closed loop of one episode, at its start."""
         return EpisodeSimulation(scenario, motions, self.maps.robot, self.robot, self.episode_config)
+
+
+def expert_search(ground: ExpertGround) -> HybridAStar | SpaceTimeSearch:
+    """The search of the configured mode, with its working memory."""
+    config, robot = ground.config, ground.robot
+    if config.mode == "paper":
+        return HybridAStar(robot, config)
+    # Arriving means to come within the circle of success; a person who stands nearer to the goal does not matter.
+    tolerance_m = max(config.goal_tolerance_m, ground.success_radius_m - 0.2)
+    return SpaceTimeSearch(robot, config, tolerance_m)
 
 
 def handle_human_plan(planner: Planner, request: HumanPlanRequest) -> HumanPlanReply:
