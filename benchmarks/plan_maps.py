@@ -24,6 +24,8 @@ GAUSSIAN_FILES = (".compressed.ply", ".ply")
 MAP_FILES = (".yaml", ".map")
 SKY_ENDING = "_env"
 """A scene's sky lies beside it as NAME_env.ply or NAME_env.compressed.ply."""
+SCENE_CELL_M = {"taebak": 0.1}
+"""Edge of map cells where it is not the usual 0.05 m [m]: the camp site spans 490 x 200 m, in Gaussians of 0.3 m."""
 CITY_CELL_M = 0.2
 """Edge that cells of MovingAI maps are given [m]; the files do not say."""
 
@@ -124,6 +126,8 @@ def _imported(name: str, source: Path, sky: Path | None) -> Path:
     """The bundle of a Gaussian file in the user's cache; made anew when the file, or what makes maps, has changed."""
     digest = hashlib.sha256()
     makers = [*(ROOT / "common" / "maps").glob("*.py"), ROOT / "common" / "scenes" / "bundle.py"]
+    cell_m = SCENE_CELL_M.get(name, 0.05)
+    digest.update(str(cell_m).encode())
     for path in (source, *([sky] if sky is not None else []), *sorted(makers)):
         digest.update(path.read_bytes())
     folder = cache_folder("bench-scenes") / f"{name}-{digest.hexdigest()[:12]}"
@@ -131,7 +135,7 @@ def _imported(name: str, source: Path, sky: Path | None) -> Path:
         return folder
     sys.stderr.write(f"importing {source.name} into {folder}\n")
     try:
-        import_scene(source, folder, name=name, sky=sky)
+        import_scene(source, folder, name=name, sky=sky, resolution_m=cell_m)
     except SceneError:
         # Another process may have been faster.
         if not folder.is_dir():

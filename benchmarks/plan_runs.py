@@ -147,9 +147,9 @@ class Course:
         assert run is not None
         failure = self._failure(run, motions)
         if failure and pictures is not None:
-            name = f"{scenario.episode.episode_id}.png"
+            folder = pictures / mode / failure.replace(", ", "_").replace(" ", "-")
             picture = draw_episode(self._maps.robot, scenario, run, motions=motions)
-            write_png(pictures / mode / failure.replace(", ", "_").replace(" ", "-") / name, picture)
+            write_png(folder / f"{scenario.episode.episode_id}.png", picture)
         free = self._free_steps(run)
         return Run(
             result=EpisodeResult.from_trajectory(run, self._shortest_m(scenario)),
@@ -178,7 +178,7 @@ class Course:
         if run.outcome is Outcome.SUCCESS:
             return ""
         if run.outcome is not Outcome.HUMAN_COLLISION:
-            return run.outcome.value.replace("_", " ")
+            return str(run.outcome.value).replace("_", " ")
         step = len(run.xyyaw) - 1
         x, y, yaw = run.xyyaw[-1].tolist()
         roots = [human.motion.root_m[human.motion.row(step), :2].tolist() for human in motions.humans]
