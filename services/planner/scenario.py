@@ -36,6 +36,11 @@ from services.planner.walk import nearest_m
 Float64Array = npt.NDArray[np.float64]
 UInt8Array = npt.NDArray[np.uint8]
 
+PARKED_GAP_M = 0.05
+"""Room beyond its planning radius that the robot keeps to whoever has arrived [m]."""
+GROUP_GAP_M = 0.25
+"""The same for groups that stand from the beginning [m]."""
+
 NO_WAY = "no way from start to goal"
 NO_ROOM = "no room for a human"
 
@@ -187,7 +192,8 @@ class ScenarioSampler:
             if not self._is_fair(person.xy_m, task) or not self._fits(person.xy_m, task, tracks):
                 return False
             tracks.append(person.xy_m)
-        return True
+        # People in conversation do not leave: the robot shall pass without touching their arms.
+        return self._leave_a_way(task, tracks, PARKED_GAP_M if len(people) == 1 else GROUP_GAP_M)
 
     def _is_fair(self, xy_m: Float64Array, task: Task) -> bool:
         (x0, y0), (x1, y1) = xy_m[[0, -1]].tolist()
@@ -195,18 +201,18 @@ class ScenarioSampler:
         return away and math.hypot(x1 - task.goal_m[0], y1 - task.goal_m[1]) >= self._config.parked_distance_min_m
 
     def _fits(self, xy_m: Float64Array, task: Task, others: list[Float64Array]) -> bool:
-        """True if a human meets no wall, leaves the start in peace, keeps off the others, and the robot keeps a way."""
+        """True if a human meets no wall, leaves the start in peace and keeps off the others."""
         early = xy_m[: round(self._config.start_peace_s / DT_S) + 1] - np.array(task.start_m)
         if np.min(early[:, 0] ** 2 + early[:, 1] ** 2) < self._config.start_peace_m**2:
             return False
         radius_m = self._episode.human_radius_m
         if any(nearest_m(xy_m, other) < 2 * radius_m for other in others):
             return False
-        return self.site.paths.keeps_clear(xy_m, radius_m) and self._leave_a_way(task, [xy_m, *others])
+        return self.site.paths.keeps_clear(xy_m, radius_m)
 
-    def _leave_a_way(self, task: Task, tracks: list[Float64Array]) -> bool:
+    def _leave_a_way(self, task: Task, tracks: list[Float64Array], gap_m: float) -> bool:
         """True if the robot can get to its goal among people who stand at the ends of their tracks."""
-        keep_off_m = self._robot.planning_radius_m + self._episode.human_radius_m + 0.05
+        keep_off_m = self._robot.planning_radius_m + self._episode.human_radius_m + gap_m
         parked = [track[-1] for track in tracks]
         gaps = [task.way_m - point for point in parked]
         # Nobody near the way: it is still there. A cell's diagonal and the way's spacing are on the safe side.
