@@ -100,7 +100,14 @@ class HumanPlannerConfig:
     parked_distance_min_m: float = 1.6
     """Between a human's last position and the goal [m]."""
     attempts: int = 150
-    """Draws per human and family before another family is tried, and at last the episode rejected."""
+    """Draws per human and family before another family is tried."""
+    searches: int = 1000
+    """Paths that are searched in these draws, which is what they cost, before another family is tried."""
+    families_tried: int = 4
+    """Families that are tried for a human before there is no room."""
+    fewer_humans: bool = False
+    """True: where the drawn number finds no room, the episode has fewer, but at least `human_count_min`; False rejects
+    it."""
     hidden_until_s: float = 2.0
     """Whoever comes round a blind corner is hidden from the robot's expected way until this long before [s]."""
     pause_min_s: float = 1.5
@@ -118,8 +125,8 @@ class HumanPlannerConfig:
             raise ValueError("pauses must be 0 < pause_min_s <= pause_max_s.")
         if not 0 <= self.crossing_fraction_min <= self.crossing_fraction_max <= 1:
             raise ValueError("crossing fractions must be 0 <= min <= max <= 1.")
-        if self.detour_max < 1 or self.attempts < 1:
-            raise ValueError("detour_max and attempts must be at least 1.")
+        if self.detour_max < 1 or min(self.attempts, self.searches, self.families_tried) < 1:
+            raise ValueError("detour_max, attempts, searches and families_tried must be at least 1.")
 
 
 @dataclass(frozen=True, kw_only=True)

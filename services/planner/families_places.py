@@ -1,6 +1,7 @@
 """Families that need a place of their own: blind corners, doorways, groups that stand, walkers that pause."""
 
 import math
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +13,6 @@ from services.planner.walk import ACCELERATION_MPS2, Walk, held, nearest_along, 
 
 Float64Array = npt.NDArray[np.float64]
 
-_CORNER_TRIES = 60
 _GROUP_STEP_M = 0.35
 _GROUP_SPEED_MPS = 0.5
 
@@ -20,18 +20,16 @@ _GROUP_SPEED_MPS = 0.5
 def blind_corner(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> People:
     """Out from behind an obstacle: hidden from the robot's expected way until shortly before the meeting."""
     speed, hidden_s = site.speed_mps(rng), site.config.hidden_until_s
-    for _ in range(_CORNER_TRIES):
-        fraction = rng.uniform(0.25, 0.85)
-        angle = rng.uniform(math.radians(40), math.radians(140)) * (1.0 if rng.random() < 0.5 else -1.0)
-        meeting, tangent = task.at(fraction)
-        direction = turned(tangent, angle)
-        meeting_s = site.drive.time_s(fraction * task.length_m)
-        behind = moved(meeting, direction, -speed * hidden_s)
-        along_m = site.drive.along_m(meeting_s - hidden_s)
-        robot, _ = task.at(along_m / task.length_m)
-        if site.paths.component(behind) and site.sight.hides(robot, behind):
-            break
-    else:
+    fraction = rng.uniform(0.25, 0.85)
+    angle = rng.uniform(math.radians(40), math.radians(140)) * (1.0 if rng.random() < 0.5 else -1.0)
+    meeting, tangent = task.at(fraction)
+    direction = turned(tangent, angle)
+    meeting_s = site.drive.time_s(fraction * task.length_m)
+    behind = moved(meeting, direction, -speed * hidden_s)
+    if not site.paths.component(behind):
+        return ()
+    robot, _ = task.at(site.drive.along_m(meeting_s - hidden_s) / task.length_m)
+    if not site.sight.hides(robot, behind):
         return ()
     path = path_across(site, meeting, direction, speed * meeting_s, rng.uniform(1.5, 4.0))
     xy_m = None if path is None else timed_to_meet(path, meeting, meeting_s, speed)
@@ -83,6 +81,7 @@ def _path_through(
     return site.paths.path([moved(middle, far, before_m), middle, moved(middle, near, after_m)])
 
 
+@lru_cache(maxsize=1)
 def passages_on_way(site: Site, task: Task) -> list[tuple[Point, float]]:
     """Middles of the passages that the robot's way leads through, and how far along the way they are [m]."""
     middles = np.array([passage.middle_m for passage in site.passages]).reshape(-1, 1, 2)

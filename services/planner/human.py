@@ -29,6 +29,8 @@ class HumanPathPlanner:
     def __init__(self, occupancy: OccupancyMap, config: HumanPlannerConfig) -> None:
         self.frame = occupancy.frame
         self._map, self._config = occupancy, config
+        self.searches = 0
+        """Paths that were asked for so far."""
         self._clearance = clearance_m(occupancy).astype(np.float64)
         walkable = self._clearance > config.route_clearance_m
         # Dear near walls: (1 + 4 pen^2), pen from 0 at 1 m to 1 at the wall.
@@ -90,6 +92,7 @@ class HumanPathPlanner:
         components = {self.component(point) for point in via_m}
         if components == {0} or len(components) != 1:
             return None
+        self.searches += 1
         longest_m = detour_max * length_m(np.array(via_m)) + 0.5
         route = self._route(via_m, longest_m)
         if route is None or length_m(route) > longest_m:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from itertools import islice
 
 import numpy as np
 import numpy.typing as npt
@@ -124,7 +125,12 @@ class ScenarioSampler:
             people = episode_rng(episode, Purpose.AVATAR)
             order = [avatar_names[int(k)] for k in people.permutation(len(avatar_names))]
             while len(humans) < count:
-                family, walks = self._draw_people(rng, task, count - len(humans), humans)
+                drawn = self._draw_people(rng, task, count - len(humans), [human.xy_m for human in humans])
+                if drawn is None:
+                    if self._config.fewer_humans and len(humans) >= self._episode.human_count_min:
+                        break
+                    raise RejectedError(NO_ROOM)
+                family, walks = drawn
                 for walk in walks:
                     avatar = order[len(humans) % len(order)]
                     humans.append(
@@ -175,19 +181,23 @@ class ScenarioSampler:
         return way
 
     def _draw_people(
-        self, rng: np.random.Generator, task: Task, wanted: int, others: list[HumanTrajectory]
-    ) -> tuple[str, People]:
-        """People of a drawn family, or of another one of the mix where the place has no room for it."""
-        for family in drawn_order(rng, self._config.mix):
+        self, rng: np.random.Generator, task: Task, wanted: int, others: list[Float64Array]
+    ) -> tuple[str, People] | None:
+        """People of a drawn family, or of another one of the mix where the place has no room for it, or None."""
+        for family in islice(drawn_order(rng, self._config.mix), self._config.families_tried):
+            paths = self.site.paths
+            last = paths.searches + self._config.searches
             for _ in range(self._config.attempts):
+                if paths.searches >= last:
+                    break
                 people = FAMILIES[family](self.site, rng, task, wanted)
                 if people and self._fit(people, task, others):
                     return family, people
-        raise RejectedError(NO_ROOM)
+        return None
 
-    def _fit(self, people: People, task: Task, others: list[HumanTrajectory]) -> bool:
+    def _fit(self, people: People, task: Task, others: list[Float64Array]) -> bool:
         """True if people who come together can join the others."""
-        tracks = [other.xy_m for other in others]
+        tracks = list(others)
         for person in people:
             if not self._is_fair(person.xy_m, task) or not self._fits(person.xy_m, task, tracks):
                 return False
