@@ -60,6 +60,10 @@ class HumanPlannerConfig:
     """Families of encounters (paper: crossing or parallel)."""
     reactive: bool = False
     """True lets people yield to the robot that they see: planned against the expert, see the README."""
+    reactive_cone_deg: float = 200.0
+    """Width of the view of people who react [deg]."""
+    reactive_range_m: float = 5.0
+    """How far away they care [m]."""
     goal_snap_m: float = 0.5
     """A scripted goal inside an obstacle moves to the nearest free place this near [m]; 0 refuses it."""
     slope_max: float = 0.0
@@ -119,6 +123,8 @@ class HumanPlannerConfig:
             raise ValueError("clearances must be 0 < clearance_m <= route_clearance_m <= preferred_clearance_m.")
         if not (0 <= self.goal_snap_m <= 5 and 0 <= self.slope_max):
             raise ValueError("goal_snap_m must be 0..5 m and slope_max at least 0.")
+        if not (0 < self.reactive_cone_deg <= 360 and self.reactive_range_m > 0):
+            raise ValueError("reactive_cone_deg must be above 0 and at most 360, reactive_range_m above 0.")
         if not 0 < self.hidden_until_s <= 10:
             raise ValueError(f"hidden_until_s must be above 0 and at most 10 s, got {self.hidden_until_s}.")
         if not 0 < self.pause_min_s <= self.pause_max_s:

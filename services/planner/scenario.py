@@ -44,6 +44,7 @@ GROUP_GAP_M = 0.25
 
 NO_WAY = "no way from start to goal"
 NO_ROOM = "no room for a human"
+IN_THE_WAY = "people in each other's way"
 
 FAMILIES: dict[str, Draw] = {
     draw.__name__: draw
