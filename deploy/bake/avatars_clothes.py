@@ -82,7 +82,7 @@ def _buttoned(figure: Figure, samples: Samples) -> Samples:
 def _inner(figure: Figure, rng: np.random.Generator) -> Samples:
     """What an open jacket shows, tucked under its edges."""
     inner = figure.person.inner
-    samples = scatter(hung(figure, figure.tights, inner), figure.spacing(CLOTH_SPACING_M), rng)
+    samples = scatter(hung(figure, figure.tights, inner, over_hips=True), figure.spacing(CLOTH_SPACING_M), rng)
     samples, _ = hemmed(samples, lambda rest, weights: inner_field(figure, rest, weights))
     tucked = 0.015 * step(0.006, -0.010, opening_field(figure, samples.rest))
     samples = laid(figure, samples, inner, figure.person.seed * 10 + 5)

@@ -5,6 +5,8 @@ import numpy.typing as npt
 from avatars_figure import ARMS, LEGS, Figure
 from avatars_people import Garment
 from avatars_surface import Surface, averaged, smoothed, step
+from scipy.ndimage import map_coordinates
+from scipy.spatial import ConvexHull
 
 Array = npt.NDArray[np.float64]
 
@@ -13,12 +15,9 @@ SLEEVE_RADII_M = (0.058, 0.053, 0.043)
 LEG_RADII_M = (0.090, 0.073, 0.068)
 SLACK_LIMIT_M = 0.03
 BRIDGED_LIMIT_M = 0.035
-HIP_ROUNDS = 200
 
 
-def hung(
-    figure: Figure, surface: Surface, garment: Garment, *, rounds: int = 24, over_hips: bool = False
-) -> Surface:
+def hung(figure: Figure, surface: Surface, garment: Garment, *, rounds: int = 24, over_hips: bool = False) -> Surface:
     """The surface widened to cloth: hollows bridged, bumps softened, sleeves and legs straightened, off the body.
 
     Args:
@@ -29,17 +28,37 @@ def hung(
         over_hips: It hangs over the hips as a shirt does, not between the legs as trousers do.
     """
     size = figure.size
-    bridged = ((smoothed(surface, rounds) - surface.vertices) * surface.normals).sum(1)
     if over_hips:
-        wide = ((smoothed(surface, HIP_ROUNDS) - surface.vertices) * surface.normals).sum(1)
-        below = step(figure.joints[3, 1] + 0.08 * size, figure.joints[3, 1] - 0.02 * size, surface.rest[:, 1])
-        below = below * step(0.3, 0.0, surface.skin_weights[:, ARMS].sum(1))
-        bridged = np.maximum(bridged, below * wide)
+        surface = _over_hips(figure, surface)
+    bridged = ((smoothed(surface, rounds) - surface.vertices) * surface.normals).sum(1)
     bridged = np.clip(bridged, -0.6 * garment.offset_m, BRIDGED_LIMIT_M * size)
     lift = garment.offset_m + bridged * (0.5 + 0.5 * garment.looseness)
     lift += garment.looseness * _slack(figure, surface)
     lift = averaged(surface, lift, 5)
     return surface.moved(surface.vertices + surface.normals * lift[:, None])
+
+
+def _over_hips(figure: Figure, surface: Surface) -> Surface:
+    """The surface, below the waist pushed out to the convex outline of the body: a shirt spans furrows."""
+    waist, size = figure.joints[3, 1], figure.size
+    trunk = surface.skin_weights[:, ARMS].sum(1) < 0.3
+    x, y, z = surface.rest.T
+    z_axis = float(figure.joints[0, 2])
+    heights = np.arange(figure.joints[1, 1] - 0.12 * size, waist + 0.08 * size, 0.01)
+    turns = np.linspace(-np.pi, np.pi, 73)
+    rings = []
+    for height in heights:
+        near = trunk & (np.abs(y - height) < 0.015)
+        edges = ConvexHull(np.stack([x[near], z[near] - z_axis], axis=1)).equations
+        facing = np.maximum(np.sin(turns)[:, None] * edges[:, 0] + np.cos(turns)[:, None] * edges[:, 1], 1e-6)
+        rings.append((-edges[:, 2] / facing).min(axis=1))
+    place = (y - heights[0]) / 0.01
+    turn = (np.arctan2(x, z - z_axis) + np.pi) / (2 * np.pi) * 72
+    outline = map_coordinates(np.array(rings), [place, turn], order=1, mode="nearest")
+    below = step(waist + 0.06 * size, waist - 0.06 * size, y) * trunk
+    radius = np.hypot(x, z - z_axis)
+    grown = 1 + below * np.maximum(outline - radius, 0.0) / np.maximum(radius, 0.02)
+    return surface.moved(np.stack([x * grown, y, z_axis + (z - z_axis) * grown], axis=1))
 
 
 def _slack(figure: Figure, surface: Surface) -> Array:

@@ -83,11 +83,10 @@ def test_standing_person_touches_the_floor_and_is_as_wide_as_a_person(avatar: Av
 
 
 def run_pose() -> npt.NDArray[np.float32]:
-    """One knee at 90 degrees behind, the other ahead, elbows bent."""
+    """One knee at 90 degrees behind, the other ahead, arms held out to the sides."""
     pose = np.zeros((24, 3), dtype=np.float32)
     pose[1], pose[2], pose[4], pose[5] = (-0.7, 0, 0), (0.3, 0, 0), (0.8, 0, 0), (1.5, 0, 0)
-    pose[16], pose[17] = (0.35, -0.3, -1.15), (-0.35, -0.3, 1.15)
-    pose[18], pose[19] = (0, -1.0, 0), (0, 1.0, 0)
+    pose[16], pose[17] = (0, 0, -0.6), (0, 0, 0.6)
     return pose
 
 
