@@ -164,7 +164,7 @@ def _roll_speed(contact: Array, skeleton: GaitSkeleton, curves: Curves, joint: i
 def _clearance(x: float, a: Array, b: Array, size: float) -> float:
     """Least height of the sole above the floor [m] at share `x` of a swing."""
     # The sole leaves and meets the floor steeply, so that it does not sweep along it.
-    lift = 1.0 - (1.0 - x / 0.35) ** 5 if x < 0.35 else 1.0 - ((x - 0.35) / 0.65) ** 6
+    lift = 1.0 - (1.0 - x / 0.3) ** 5 if x < 0.3 else 1.0 - ((x - 0.3) / 0.7) ** 8
     reach = clip(0.5 + 0.5 * max(a[A_OUT], b[A_IN]), 0.0, 1.0)
     height: float = CLEARANCE_M * size * reach * lift
     return height
@@ -212,13 +212,13 @@ def _swing(
     F = flat_frame(yaw, a[SLOPE] + u * (b[SLOPE] - a[SLOPE]), a[ROLL] + u * (b[ROLL] - a[ROLL]))
     pitch, bent = _swing_pitch(x, a, b, curves), clip(x / TOE_RELEASE, 0.0, 1.0)
     R_foot[:] = mat_mul(F, rot_x(pitch))
-    R_toe[:] = mat_mul(F, rot_x(pitch - _swing_pitch(0.0, a, b, curves) * (1.0 - bent * bent * (3.0 - 2.0 * bent))))
+    R_toe[:] = mat_mul(F, rot_x(pitch * bent * bent * (3.0 - 2.0 * bent)))
     ends = _ends_of_swing(a, b, skeleton, curves, joint)
     dx, dz = ends[1, 0] - ends[0, 0], ends[1, 2] - ends[0, 2]
     # The ankle leaves and arrives with the speed of the foot's roll, and bends aside around the body's curve.
     leave_m = _roll_speed(a, skeleton, curves, joint, True) * swing_s
     arrive_m = _roll_speed(b, skeleton, curves, joint, False) * swing_s
-    leaving, arriving = x * (1.0 - x) ** 4, -(1.0 - x) * x**6
+    leaving, arriving = x * (1.0 - x) ** 4, -(1.0 - x) * x**5
     slope_a, slope_b = (
         _way(END_SHARE, a, b, curves) / END_SHARE,
         (1.0 - _way(1.0 - END_SHARE, a, b, curves)) / END_SHARE,
