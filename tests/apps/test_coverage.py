@@ -4,19 +4,23 @@ import dataclasses
 import json
 import math
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from apps.coverage import coverage
-from apps.coverage_numbers import Histogram, casts_of, count_encounters, measure, visited_share
+from apps.coverage_numbers import Histogram, Visits, casts_of, count_encounters, measure, visited_share
 from apps.coverage_page import RunFacts, coverage_page, heat_map
+from apps.coverage_runs import failed_encounters, rejected
 from common.dataset import Dataset, ShardWriter, encode_episode, shard_name
 from common.dataset.casts import Cast
 from common.errors import DatasetError, RunError, SceneError
 from common.maps import GridFrame, OccupancyMap, save_ros_map
-from common.messages import EpisodeKey, Split
+from common.messages import EpisodeKey, HumanPlanRequest, Split
+from services.planner import handle_human_plan
 from tests.common.dataset.episodes import METADATA, make_episode
+from tests.services.planner.conftest import key, make_planner
 
 COUNT = 20
 
@@ -151,6 +155,12 @@ def test_heat_map_is_darkest_where_most_episodes_came_by(data, room) -> None:
     assert colours[0] < colours[1] < colours[2]
 
 
+def test_heat_map_of_a_corridor_has_room_for_its_scale() -> None:
+    frame = GridFrame(origin_x_m=0.0, origin_y_m=0.0, resolution_m=0.1)
+    picture = heat_map(Visits(frame=frame, episodes=np.ones((2000, 1), np.int64)), None)
+    assert picture.shape[1] > 320
+
+
 def test_files_are_complete_and_the_same_each_time(data, tmp_path, capsys) -> None:
     for name in ("a", "b"):
         coverage(data, out=tmp_path / name)
@@ -215,3 +225,23 @@ def test_other_scene_than_the_datas_is_refused(data, tmp_path, monkeypatch) -> N
         writer.append(encode_episode(header, 1, samples))
     with pytest.raises(RunError, match="recorded in another scene"):
         coverage(folder, out=tmp_path / "out", scene="elsewhere")
+
+
+def test_failures_are_told_by_the_scenarios_of_rejected_indices(data, monkeypatch) -> None:
+    planner = make_planner()
+    drawn = [handle_human_plan(planner, HumanPlanRequest(episode=key(k))).scenario for k in range(6)]
+    kinds = {k: tuple(human.encounter for human in scenario.humans) for k, scenario in enumerate(drawn) if scenario}
+    recorded, failed, *_ = sorted(kinds)
+    spec = SimpleNamespace(seed=1, split=Split.TEST, static=False)
+    monkeypatch.setattr("apps.coverage_runs.load_spec", lambda data: spec)
+    monkeypatch.setattr("apps.coverage_runs.World", lambda spec: SimpleNamespace(planner=lambda: planner))
+    cast = Cast(episode=key(recorded), avatars=(), encounters=kinds[recorded])
+    reasons = {failed: "timeout", 99: "no room for a human"}
+    assert failed_encounters(data, reasons, [cast]) == {kind: {"timeout": 1} for kind in sorted(set(kinds[failed]))}
+    other = dataclasses.replace(cast, encounters=("teleport",))
+    assert failed_encounters(data, reasons, [other]) is None
+
+
+def test_folder_without_a_run_knows_no_failures(data) -> None:
+    assert rejected(data) is None
+    assert failed_encounters(data, {}, []) is None
