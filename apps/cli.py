@@ -31,6 +31,8 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "evaluate": ("apps.evaluate:evaluate", "measure success rates in closed loop"),
     "worker": ("apps.worker:worker", "join a fleet as one worker"),
     "bench render": ("benchmarks.render:bench_render", "measure images per second, beside the bound and a peer"),
+    "bench motion": ("benchmarks.motion:bench_motion", "measure how human the gait is, against its gates"),
+    "bench plan": ("benchmarks.plan:bench_plan", "measure success, times and smoothness of the robot experts"),
     "warm": ("apps.warm:warm", "compile all kernels once"),
 }
 """Command -> (where its function is, what it does)."""

@@ -10,7 +10,22 @@ from services.animator.gait_curves import Curves, curve_at, weights_of
 from services.animator.gait_math import Array, clip, ease, mat_mul, mat_vec, rot_x, soft_max, wrap
 from services.animator.gait_person import GaitSkeleton
 from services.animator.gait_steps import (
-    A_IN, A_OUT, ASIDE_X, ASIDE_Z, BUMP, OFF, ON, ROLL, RUN, SLOPE, SPEED, STANCE, YAW, X, Y, Z,
+    A_IN,
+    A_OUT,
+    ASIDE_X,
+    ASIDE_Z,
+    BUMP,
+    OFF,
+    ON,
+    ROLL,
+    RUN,
+    SLOPE,
+    SPEED,
+    STANCE,
+    YAW,
+    X,
+    Y,
+    Z,
 )
 
 CLEARANCE_M = 0.022
@@ -85,7 +100,8 @@ def _swing_pitch(x: float, a: Array, b: Array, curves: Curves) -> float:
     """Pitch of the foot at share `x` of a swing, the one of the stances at its ends."""
     table, later = curves.swing_pitch, ease(x)
     start, end = curve_at(table, _weights(a, curves), x), curve_at(table, _weights(b, curves), x)
-    return (1.0 - later) * a[A_OUT] * start + later * b[A_IN] * end
+    pitch_rad: float = (1.0 - later) * a[A_OUT] * start + later * b[A_IN] * end
+    return pitch_rad
 
 
 @njit(cache=True)
@@ -116,8 +132,7 @@ def _height_needed(
 
 @njit(cache=True)
 def _ends_of_swing(a: Array, b: Array, skeleton: GaitSkeleton, curves: Curves, joint: int) -> Array:
-    """Ankle, height of the floor's plane below it and of the ankle above that, at lift-off from `a` and at touch-down
-    on `b`, shape (2, 5)."""
+    """Where a swing begins and ends, shape (2, 5): ankle, height of the floor's plane and of the ankle above it."""
     ends = np.empty((2, 5))
     R_foot, R_toe = np.empty((3, 3)), np.empty((3, 3))
     for n in range(2):
@@ -149,7 +164,7 @@ def _roll_speed(contact: Array, skeleton: GaitSkeleton, curves: Curves, joint: i
 def _clearance(x: float, a: Array, b: Array, size: float) -> float:
     """Least height of the sole above the floor [m] at share `x` of a swing."""
     # The sole leaves and meets the floor steeply, so that it does not sweep along it.
-    lift = 1.0 - (1.0 - x / 0.35) ** 4 if x < 0.35 else 1.0 - ((x - 0.35) / 0.65) ** 6
+    lift = 1.0 - (1.0 - x / 0.35) ** 5 if x < 0.35 else 1.0 - ((x - 0.35) / 0.65) ** 6
     reach = clip(0.5 + 0.5 * max(a[A_OUT], b[A_IN]), 0.0, 1.0)
     height: float = CLEARANCE_M * size * reach * lift
     return height
@@ -165,7 +180,8 @@ def _raised(x: float, a: Array, b: Array, ends: Array, skeleton: GaitSkeleton, c
     early, late = clip(1.0 - x / 0.6, 0.0, 1.0), clip(1.0 - (1.0 - x) / 0.5, 0.0, 1.0)
     up += early * early * (ends[0, 4] - skeleton.sole_m - start * curve_at(table, weights_a, 0.0))
     up += late * late * (ends[1, 4] - skeleton.sole_m - end * curve_at(table, weights_b, 1.0))
-    return skeleton.sole_m + up
+    height_m: float = skeleton.sole_m + up
+    return height_m
 
 
 @njit(cache=True)
@@ -202,8 +218,11 @@ def _swing(
     # The ankle leaves and arrives with the speed of the foot's roll, and bends aside around the body's curve.
     leave_m = _roll_speed(a, skeleton, curves, joint, True) * swing_s
     arrive_m = _roll_speed(b, skeleton, curves, joint, False) * swing_s
-    leaving, arriving = x * (1.0 - x) ** 4, -(1.0 - x) * x**8
-    slope_a, slope_b = _way(END_SHARE, a, b, curves) / END_SHARE, (1.0 - _way(1.0 - END_SHARE, a, b, curves)) / END_SHARE
+    leaving, arriving = x * (1.0 - x) ** 4, -(1.0 - x) * x**6
+    slope_a, slope_b = (
+        _way(END_SHARE, a, b, curves) / END_SHARE,
+        (1.0 - _way(1.0 - END_SHARE, a, b, curves)) / END_SHARE,
+    )
     bend = 16.0 * (x * (1.0 - x)) ** 2
     off_x = leaving * (leave_m * math.sin(a[YAW]) - slope_a * dx) + bend * a[ASIDE_X]
     off_z = leaving * (leave_m * math.cos(a[YAW]) - slope_a * dz) + bend * a[ASIDE_Z]
@@ -231,9 +250,7 @@ class Feet(NamedTuple):
 
 
 @njit(cache=True)
-def pose_foot(
-    contacts: Array, foot: int, skeleton: GaitSkeleton, curves: Curves, times_s: Array, feet: Feet
-) -> None:
+def pose_foot(contacts: Array, foot: int, skeleton: GaitSkeleton, curves: Curves, times_s: Array, feet: Feet) -> None:
     """Fill in one foot's poses.
 
     Args:

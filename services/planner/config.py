@@ -59,6 +59,10 @@ class HumanPlannerConfig:
     """Families of encounters (paper: crossing or parallel)."""
     reactive: bool = False
     """True lets people yield to the robot that they see: planned against the expert, see the README."""
+    reactive_cone_deg: float = 200.0
+    """Width of the view of people who react [deg]."""
+    reactive_range_m: float = 5.0
+    """How far away they care [m]."""
     goal_snap_m: float = 0.5
     """A scripted goal inside an obstacle moves to the nearest free place this near [m]; 0 refuses it."""
     slope_max: float = 0.0
@@ -99,7 +103,14 @@ class HumanPlannerConfig:
     parked_distance_min_m: float = 1.6
     """Between a human's last position and the goal [m]."""
     attempts: int = 150
-    """Draws per human and family before another family is tried, and at last the episode rejected."""
+    """Draws per human and family before another family is tried."""
+    searches: int = 1000
+    """Paths that are searched in these draws, which is what they cost, before another family is tried."""
+    families_tried: int = 4
+    """Families that are tried for a human before there is no room."""
+    fewer_humans: bool = False
+    """True: where the drawn number finds no room, the episode has fewer, but at least `human_count_min`; False rejects
+    it."""
     hidden_until_s: float = 2.0
     """Whoever comes round a blind corner is hidden from the robot's expected way until this long before [s]."""
     pause_min_s: float = 1.5
@@ -111,11 +122,13 @@ class HumanPlannerConfig:
             raise ValueError("clearances must be 0 < clearance_m <= route_clearance_m <= preferred_clearance_m.")
         if not (0 <= self.goal_snap_m <= 5 and self.slope_max >= 0):
             raise ValueError("goal_snap_m must be 0..5 m and slope_max at least 0.")
+        if not (0 < self.reactive_cone_deg <= 360 and self.reactive_range_m > 0):
+            raise ValueError("reactive_cone_deg must be above 0 and at most 360, reactive_range_m above 0.")
         if not 0 < self.hidden_until_s <= 10:
             raise ValueError(f"hidden_until_s must be above 0 and at most 10 s, got {self.hidden_until_s}.")
         if not 0 < self.pause_min_s <= self.pause_max_s:
             raise ValueError("pauses must be 0 < pause_min_s <= pause_max_s.")
         if not 0 <= self.crossing_fraction_min <= self.crossing_fraction_max <= 1:
             raise ValueError("crossing fractions must be 0 <= min <= max <= 1.")
-        if self.detour_max < 1 or self.attempts < 1:
-            raise ValueError("detour_max and attempts must be at least 1.")
+        if self.detour_max < 1 or min(self.attempts, self.searches, self.families_tried) < 1:
+            raise ValueError("detour_max, attempts, searches and families_tried must be at least 1.")

@@ -21,7 +21,7 @@ from services.planner.human import HumanPathPlanner
 from services.planner.passages import Passage, find_passages
 from services.planner.sight import Sight
 from services.planner.spline import at_constant_speed, length_m
-from services.planner.task import ExpectedDrive, Point, Task, apart_m, moved, point_and_tangent, turned
+from services.planner.task import ExpectedDrive, Point, Task, apart_m, moved, turned
 from services.planner.walk import Walk, cut_to_meet, held, timed_to_meet
 
 Float64Array = npt.NDArray[np.float64]
@@ -31,6 +31,8 @@ PASSAGE_WIDTH_MAX_M = 1.6
 PASSAGE_WIDER_M = 0.5
 PASSING_M = 0.85
 """Least distance to the side at which a faster person overtakes the robot [m]: it cannot see who comes from behind."""
+SLOWER, FASTER = 0.75, 1.3
+"""Speeds of people who are overtaken and who overtake, as shares of the robot's: at most and at least."""
 WALK_MIN_M = 1.0
 """Shorter walks are none [m]."""
 
@@ -103,7 +105,7 @@ def _crossing(site: Site, rng: np.random.Generator, task: Task, turn: float | No
         turn = 1.0 if rng.random() < 0.5 else -1.0
     meeting_s = max(0.0, site.drive.time_s(fraction * task.length_m) + rng.normal(0.0, config.meeting_jitter_s))
     before_m, after_m = min(max(speed * meeting_s, 1.5), 8.0), rng.uniform(2.0, 6.0)
-    meeting, tangent = point_and_tangent(task.way_m, fraction)
+    meeting, tangent = task.at(fraction)
     path = path_across(site, meeting, turned(tangent, turn * angle), before_m, after_m)
     if path is None:
         return ()
@@ -131,8 +133,8 @@ def parallel(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> P
     speed = site.speed_mps(rng)
     offset = rng.uniform(-site.config.parallel_offset_m, site.config.parallel_offset_m)
     same = rng.random() < 0.5
-    start, tangent = point_and_tangent(task.way_m, 0.0)
-    goal, goal_tangent = point_and_tangent(task.way_m, 1.0)
+    start, tangent = task.at(0.0)
+    goal, goal_tangent = task.at(1.0)
     if same:
         a = moved(start, tangent, rng.uniform(1.0, 3.0), offset)
         b = moved(goal, goal_tangent, rng.uniform(0.0, 2.0), offset)
@@ -155,7 +157,7 @@ def frontal(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> Pe
     path = path_against(site, task, fraction, offset, speed * meeting_s, rng.uniform(2.0, 5.0))
     if path is None:
         return ()
-    meeting = moved(*point_and_tangent(task.way_m, fraction), 0.0, offset)
+    meeting = moved(*task.at(fraction), 0.0, offset)
     xy_m = timed_to_meet(path, meeting, meeting_s, speed)
     if xy_m is None or not is_frontal(site, task, xy_m):
         return ()
@@ -177,7 +179,7 @@ def path_against(
     """
     a = _along(site, task, fraction * task.length_m + before_m, offset_m)
     b = _along(site, task, fraction * task.length_m - after_m, offset_m)
-    via = site.paths.settled(moved(*point_and_tangent(task.way_m, fraction), 0.0, offset_m), 0.3)
+    via = site.paths.settled(moved(*task.at(fraction), 0.0, offset_m), 0.3)
     if a is None or b is None or via is None or not _is_fair(site, task, a, b):
         return None
     return site.paths.path([a, via, b])
@@ -190,18 +192,22 @@ def overtaking(site: Site, rng: np.random.Generator, task: Task, wanted: int) ->
         site.episode.human_speed_min_mps,
         site.episode.human_speed_max_mps,
     )
-    slow, fast = low <= 0.65 * robot_mps, high >= 1.35 * robot_mps
+    slow, fast = low <= SLOWER * robot_mps, high >= FASTER * robot_mps
     if not (slow or fast):
         return ()
     if slow and (not fast or rng.random() < 0.5):
-        speed = rng.uniform(low, min(high, 0.65 * robot_mps))
+        speed = rng.uniform(low, min(high, SLOWER * robot_mps))
         ahead_m, offset = rng.uniform(1.6, 3.0), rng.uniform(-0.4, 0.4)
     else:
-        speed = rng.uniform(max(low, 1.35 * robot_mps), high)
+        speed = rng.uniform(max(low, FASTER * robot_mps), high)
         ahead_m, offset = -rng.uniform(1.6, 4.0), rng.uniform(PASSING_M, 1.15) * (1 if rng.random() < 0.5 else -1)
     a = _along(site, task, ahead_m, offset)
-    via = site.paths.settled(moved(*point_and_tangent(task.way_m, 0.5), 0.0, offset), 0.2)
+    via = site.paths.settled(moved(*task.at(0.5), 0.0, offset), 0.2)
+    short_m = rng.uniform(0.1, 1.5)
     b = _along(site, task, task.length_m + rng.uniform(1.7, 3.0), offset)
+    if b is None or apart_m(b, task.goal_m) < site.config.parked_distance_min_m:
+        # No room beyond the goal: they stop before it.
+        b = _along(site, task, task.length_m - site.config.parked_distance_min_m - short_m, offset)
     if a is None or b is None or via is None or not _is_fair(site, task, a, b):
         return ()
     path = site.paths.path([a, via, b], detour_max=1.3)
@@ -217,9 +223,8 @@ def is_overtaking(site: Site, task: Task, xy_m: Float64Array) -> bool:
     Whoever comes from behind keeps to the side.
     """
     count = math.ceil(site.drive.time_s(0.85 * task.length_m) / DT_S) + 1
-    robot, person = site.drive.rows(task, count), held(xy_m, count)
-    gap = person - robot
-    ahead = robot[np.minimum(np.arange(count) + 10, count - 1)] - robot[np.maximum(np.arange(count) - 10, 0)]
+    gap = held(xy_m, count) - site.drive.rows(task, count)
+    ahead = site.drive.directions(task, count)
     side = gap[:, 0] * ahead[:, 0] + gap[:, 1] * ahead[:, 1] > 0
     changes = np.flatnonzero(side[1:] != side[:-1])
     if len(changes) != 1:
@@ -234,7 +239,7 @@ def goalward(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> P
     """To the robot's goal from elsewhere and past it, there when the robot arrives or a little earlier."""
     speed = site.speed_mps(rng)
     angle = rng.uniform(math.radians(40), math.pi) * (1.0 if rng.random() < 0.5 else -1.0)
-    goal, tangent = point_and_tangent(task.way_m, 1.0)
+    goal, tangent = task.at(1.0)
     via = site.paths.settled(goal, 0.3)
     arrival_s = max(1.0, site.drive.time_s(task.length_m) + rng.uniform(-2.5, 0.5))
     after_m = rng.uniform(1.8, 3.5)
@@ -261,7 +266,7 @@ def is_goalward(site: Site, task: Task, xy_m: Float64Array) -> bool:
 def _along(site: Site, task: Task, along_m: float, offset_m: float) -> Point | None:
     """A walkable place along the robot's way, also before its start and beyond its goal, to the left of it."""
     inside_m = min(max(along_m, 0.0), task.length_m)
-    base, tangent = point_and_tangent(task.way_m, inside_m / task.length_m)
+    base, tangent = task.at(inside_m / task.length_m)
     beside = site.paths.settled(moved(base, tangent, 0.0, offset_m), 0.3)
     beyond_m = along_m - inside_m
     if beside is None or beyond_m == 0:
@@ -279,7 +284,7 @@ def _is_fair(site: Site, task: Task, start: Point, end: Point) -> bool:
 
 def _turn_rad(site: Site, task: Task, xy_m: Float64Array, step: int) -> float:
     """Angle between the headings of robot and person around a step [rad]: 0 the same, pi opposite."""
-    a, b = max(step - 5, 0), step + 6
-    robot, person = site.drive.rows(task, b + 1), held(xy_m, b + 1)
-    (rx, ry), (px, py) = (robot[b] - robot[a]).tolist(), (person[b] - person[a]).tolist()
+    a, b = max(step - 5, 0), step + 5
+    person = held(xy_m, b + 1)
+    (rx, ry), (px, py) = site.drive.directions(task, step + 1)[step].tolist(), (person[b] - person[a]).tolist()
     return abs(math.atan2(rx * py - ry * px, rx * px + ry * py))

@@ -1,18 +1,18 @@
 """Families that need a place of their own: blind corners, doorways, groups that stand, walkers that pause."""
 
 import math
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
 from common.robot.kinematics import DT_S
 from services.planner.families import People, Site, path_across, path_against
-from services.planner.task import Point, Task, apart_m, moved, point_and_tangent, turned
+from services.planner.task import Point, Task, apart_m, moved, turned
 from services.planner.walk import ACCELERATION_MPS2, Walk, held, nearest_along, timed, timed_to_meet
 
 Float64Array = npt.NDArray[np.float64]
 
-_CORNER_TRIES = 60
 _GROUP_STEP_M = 0.35
 _GROUP_SPEED_MPS = 0.5
 
@@ -20,18 +20,16 @@ _GROUP_SPEED_MPS = 0.5
 def blind_corner(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> People:
     """Out from behind an obstacle: hidden from the robot's expected way until shortly before the meeting."""
     speed, hidden_s = site.speed_mps(rng), site.config.hidden_until_s
-    for _ in range(_CORNER_TRIES):
-        fraction = rng.uniform(0.25, 0.85)
-        angle = rng.uniform(math.radians(40), math.radians(140)) * (1.0 if rng.random() < 0.5 else -1.0)
-        meeting, tangent = point_and_tangent(task.way_m, fraction)
-        direction = turned(tangent, angle)
-        meeting_s = site.drive.time_s(fraction * task.length_m)
-        behind = moved(meeting, direction, -speed * hidden_s)
-        along_m = site.drive.along_m(meeting_s - hidden_s)
-        robot, _ = point_and_tangent(task.way_m, along_m / task.length_m)
-        if site.paths.component(behind) and site.sight.hides(robot, behind):
-            break
-    else:
+    fraction = rng.uniform(0.25, 0.85)
+    angle = rng.uniform(math.radians(40), math.radians(140)) * (1.0 if rng.random() < 0.5 else -1.0)
+    meeting, tangent = task.at(fraction)
+    direction = turned(tangent, angle)
+    meeting_s = site.drive.time_s(fraction * task.length_m)
+    behind = moved(meeting, direction, -speed * hidden_s)
+    if not site.paths.component(behind):
+        return ()
+    robot, _ = task.at(site.drive.along_m(meeting_s - hidden_s) / task.length_m)
+    if not site.sight.hides(robot, behind):
         return ()
     path = path_across(site, meeting, direction, speed * meeting_s, rng.uniform(1.5, 4.0))
     xy_m = None if path is None else timed_to_meet(path, meeting, meeting_s, speed)
@@ -63,7 +61,7 @@ def doorway(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> Pe
     if rng.random() < 0.5:
         path = path_against(site, task, fraction, 0.0, before_m, after_m)
     else:
-        _, tangent = point_and_tangent(task.way_m, fraction)
+        _, tangent = task.at(fraction)
         path = _path_through(site, rng, middle, tangent, before_m, after_m)
     xy_m = None if path is None else timed_to_meet(path, middle, meeting_s, speed)
     if xy_m is None or not is_doorway(site, task, xy_m):
@@ -83,16 +81,17 @@ def _path_through(
     return site.paths.path([moved(middle, far, before_m), middle, moved(middle, near, after_m)])
 
 
+@lru_cache(maxsize=1)
 def passages_on_way(site: Site, task: Task) -> list[tuple[Point, float]]:
     """Middles of the passages that the robot's way leads through, and how far along the way they are [m]."""
+    middles = np.array([passage.middle_m for passage in site.passages]).reshape(-1, 1, 2)
+    gaps = middles - task.way_m
+    squared = gaps[:, :, 0] ** 2 + gaps[:, :, 1] ** 2
+    nearest = np.argmin(squared, axis=1).tolist()
     found = []
-    for passage in site.passages:
-        gaps = task.way_m - np.array(passage.middle_m)
-        squared = gaps[:, 0] ** 2 + gaps[:, 1] ** 2
-        nearest = int(np.argmin(squared))
-        along_m = task.length_m * nearest / (len(task.way_m) - 1)
-        inside = squared[nearest] < (0.5 * passage.width_m) ** 2
-        if inside and 0.8 <= along_m <= task.length_m - 0.5:
+    for passage, row, k in zip(site.passages, squared, nearest, strict=True):
+        along_m = task.length_m * k / (len(task.way_m) - 1)
+        if row[k] < (0.5 * passage.width_m) ** 2 and 0.8 <= along_m <= task.length_m - 0.5:
             found.append((passage.middle_m, along_m))
     return found
 
@@ -106,7 +105,7 @@ def is_doorway(site: Site, task: Task, xy_m: Float64Array) -> bool:
         if squared[step] > 0.4**2 or abs(step * DT_S - site.drive.time_s(along_m)) > 1.0:
             continue
         a, b = xy_m[max(step - 5, 0)], xy_m[min(step + 5, len(xy_m) - 1)]
-        _, tangent = point_and_tangent(task.way_m, along_m / task.length_m)
+        _, tangent = task.at(along_m / task.length_m)
         if float((b - a)[0]) * tangent[0] + float((b - a)[1]) * tangent[1] < 0:
             return True
     return False
@@ -117,7 +116,7 @@ def standing_group(site: Site, rng: np.random.Generator, task: Task, wanted: int
     if wanted < 2:
         return ()
     count = int(rng.integers(2, min(wanted, 4) + 1))
-    point, tangent = point_and_tangent(task.way_m, rng.uniform(0.25, 0.75))
+    point, tangent = task.at(rng.uniform(0.25, 0.75))
     side = 1.0 if rng.random() < 0.5 else -1.0
     radius_m = rng.uniform(0.45, 0.6) if count == 2 else rng.uniform(0.6, 0.8)
     centre = moved(point, tangent, 0.0, side * rng.uniform(radius_m, radius_m + 0.9))
@@ -144,7 +143,7 @@ def stop_and_go(site: Site, rng: np.random.Generator, task: Task, wanted: int) -
     pause_s = rng.uniform(site.config.pause_min_s, site.config.pause_max_s)
     early_s, short_m = rng.uniform(0.0, 2.0), rng.uniform(0.0, 1.0)
     meeting_s = site.drive.time_s(fraction * task.length_m)
-    meeting, tangent = point_and_tangent(task.way_m, fraction)
+    meeting, tangent = task.at(fraction)
     if rng.random() < 0.7:
         angle = rng.uniform(math.radians(45), math.radians(135)) * (1.0 if rng.random() < 0.5 else -1.0)
         path = path_across(site, meeting, turned(tangent, angle), speed * meeting_s, rng.uniform(2.0, 5.0))

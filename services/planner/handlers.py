@@ -1,6 +1,7 @@
 """Answers planning requests: scenarios (stage 1) and expert runs (stage 3)."""
 
-from collections.abc import Callable, Mapping
+import itertools
+from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
 from common.avatars import Avatar, FootprintModel
@@ -18,6 +19,7 @@ from common.messages import (
     Scenario,
 )
 from common.robot import RobotConfig
+from common.robot.kinematics import RATE_HZ
 from services.planner.config import HumanPlannerConfig
 from services.planner.expert import Decision, Expert
 from services.planner.expert_config import ExpertConfig
@@ -26,8 +28,10 @@ from services.planner.expert_spacetime import SpaceTimeExpert
 from services.planner.ground import ExpertGround
 from services.planner.human import without_slopes
 from services.planner.hybrid_astar import HybridAStar
-from services.planner.scenario import RejectedError, ScenarioSampler
+from services.planner.reactive import ReactivePeople, ReactiveSimulation, reacted
+from services.planner.scenario import IN_THE_WAY, RejectedError, ScenarioSampler
 from services.planner.spacetime_search import SpaceTimeSearch
+from services.planner.walk import nearest_m
 
 
 class SceneMaps(Protocol):
@@ -76,9 +80,10 @@ class Planner:
         """
         self.maps, self.robot, self.episode_config = maps, robot, episode_config
         self.avatar_names = sorted(avatars)
-        human_map = without_slopes(maps.human, maps.floor, human_config.slope_max)
+        self.human_config = human_config
+        self.human_map = without_slopes(maps.human, maps.floor, human_config.slope_max)
         self.sampler = ScenarioSampler(
-            maps.robot, human_map, robot, episode_config, human_config, expert_config.cell_margin_m
+            maps.robot, self.human_map, robot, episode_config, human_config, expert_config.cell_margin_m
         )
         sight = getattr(maps, "sight", None) if expert_config.needs_line_of_sight else None
         self.ground = ExpertGround(maps.robot, maps.human, sight, robot, episode_config, expert_config)
@@ -129,9 +134,40 @@ def handle_human_plan(planner: Planner, request: HumanPlanRequest) -> HumanPlanR
     rng = episode_rng(request.episode, Purpose.SCENARIO)
     try:
         scenario = planner.sampler.draw(request.episode, rng, planner.avatar_names, static=request.static)
+        if planner.human_config.reactive and scenario.humans:
+            scenario = let_react(planner, scenario, [True] * len(scenario.humans))
     except RejectedError as reason:
         return HumanPlanReply(episode=request.episode, rejected=str(reason))
     return HumanPlanReply(episode=request.episode, scenario=scenario)
+
+
+def let_react(planner: Planner, scenario: Scenario, reacts: Sequence[bool]) -> Scenario:
+    """The scenario as its people walk it who see the expert drive; when it has ended they go on alone.
+
+    Args:
+        planner: Maps, robot and expert.
+        scenario: With drawn trajectories.
+        reacts: Who yields, by the order of the humans; the others keep to their trajectories.
+
+    Raises:
+        RejectedError: If people run into each other.
+    """
+    config = planner.episode_config
+    contact_m = planner.robot.radius_m + config.human_radius_m
+    drawn = [human.xy_m for human in scenario.humans]
+    people = ReactivePeople(drawn, reacts, planner.human_map, contact_m, config, planner.human_config)
+    simulation = ReactiveSimulation(scenario, people, planner.maps.robot, planner.robot, config)
+    expert = planner.expert(scenario, simulation.motions)
+    while simulation.outcome is None:
+        decision = expert.act(simulation)
+        simulation.advance(decision.v_mps, decision.w_radps)
+    while not people.at_rest and len(people.xy_m) < round(config.time_limit_s * RATE_HZ):
+        people.advance(None)
+    walked = reacted(scenario, people)
+    for a, b in itertools.combinations(walked.humans, 2):
+        if nearest_m(a.xy_m, b.xy_m) < 2 * config.human_radius_m - 0.05:
+            raise RejectedError(IN_THE_WAY)
+    return walked
 
 
 def handle_robot_plan(planner: Planner, request: RobotPlanRequest) -> RobotPlanReply:

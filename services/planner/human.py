@@ -17,6 +17,7 @@ from services.planner.spline import length_m, smooth_path
 from services.planner.task import Point
 
 Float64Array = npt.NDArray[np.float64]
+Cell = tuple[int, int]
 
 _RUN_M = 0.3
 """Slopes are measured across this distance: about a step's length, and more than a map's noise [m]."""
@@ -28,6 +29,8 @@ class HumanPathPlanner:
     def __init__(self, occupancy: OccupancyMap, config: HumanPlannerConfig) -> None:
         self.frame = occupancy.frame
         self._map, self._config = occupancy, config
+        self.searches = 0
+        """Paths that were asked for so far."""
         self._clearance = clearance_m(occupancy).astype(np.float64)
         walkable = self._clearance > config.route_clearance_m
         # Dear near walls: (1 + 4 pen^2), pen from 0 at 1 m to 1 at the wall.
@@ -89,9 +92,10 @@ class HumanPathPlanner:
         components = {self.component(point) for point in via_m}
         if components == {0} or len(components) != 1:
             return None
-        route = self._route(via_m)
-        straight_m = length_m(np.array(via_m))
-        if route is None or length_m(route) > detour_max * straight_m + 0.5:
+        self.searches += 1
+        longest_m = detour_max * length_m(np.array(via_m)) + 0.5
+        route = self._route(via_m, longest_m)
+        if route is None or length_m(route) > longest_m:
             return None
         config = self._config
         return smooth_path(
@@ -105,15 +109,42 @@ class HumanPathPlanner:
             iterations=config.iterations,
         )
 
-    def _route(self, via_m: list[Point]) -> Float64Array | None:
-        legs: list[Point] = [via_m[0]]
+    def _route(self, via_m: list[Point], longest_m: float) -> Float64Array | None:
+        """Grid route through points; None if there is none, or surely none of this length."""
+        frame, straight_m = self.frame, length_m(np.array(via_m))
+        legs = [np.array(via_m[:1])]
         for start, end in itertools.pairwise(via_m):
-            cells = self._search.path(self._factor, self.frame.cell(*start), self.frame.cell(*end))
+            spare_m = longest_m - straight_m
+            cells = self._cells(frame.cell(*start), frame.cell(*end), spare_m)
             if cells is None:
                 return None
-            legs += [self.frame.centre_m(i, j) for i, j in cells[1:-1].tolist()]
-            legs.append(end)
-        return np.array(legs)
+            inner = cells[1:-1] + 0.5
+            x = frame.origin_x_m + inner[:, 1] * frame.resolution_m
+            y = frame.origin_y_m + inner[:, 0] * frame.resolution_m
+            legs += [np.stack([x, y], axis=1), np.array([end])]
+        return np.concatenate(legs)
+
+    def _cells(self, start: Cell, goal: Cell, spare_m: float) -> npt.NDArray[np.int64] | None:
+        """Cheapest way between two cells, at most so much longer than straight; None if there is none.
+
+        A window that holds every way of that length is searched first: its cheapest way is the map's if no way that
+        leaves the window can be cheaper.
+        """
+        # Half the minor axis of the ellipse of all such ways; along its major axis less would do.
+        direct_m = math.hypot(goal[0] - start[0], goal[1] - start[1]) * self.frame.resolution_m
+        margin = math.ceil(0.5 * math.sqrt((2 * direct_m + spare_m) * spare_m) / self.frame.resolution_m) + 2
+        low = (max(min(start[0], goal[0]) - margin, 0), max(min(start[1], goal[1]) - margin, 0))
+        high = (max(start[0], goal[0]) + margin + 1, max(start[1], goal[1]) + margin + 1)
+        factor = np.ascontiguousarray(self._factor[low[0] : high[0], low[1] : high[1]])
+        if 2 * factor.size > self._factor.size:
+            return self._search.path(self._factor, start, goal)
+        inner = (start[0] - low[0], start[1] - low[1]), (goal[0] - low[0], goal[1] - low[1])
+        cells = GridSearch((factor.shape[0], factor.shape[1])).path(factor, *inner)
+        if cells is None:
+            return None
+        cells += low
+        outside = 5 * FREE * (2 * margin + min(abs(start[0] - goal[0]), abs(start[1] - goal[1])))
+        return cells if _cost(cells, self._factor) < outside else self._search.path(self._factor, start, goal)
 
 
 def without_slopes(occupancy: OccupancyMap, floor: FloorMap, slope_max: float) -> OccupancyMap:
@@ -138,6 +169,16 @@ def without_slopes(occupancy: OccupancyMap, floor: FloorMap, slope_max: float) -
     rise_y = padded[2 * reach :, middle] - padded[: -2 * reach, middle]
     steep = rise_x * rise_x + rise_y * rise_y > (slope_max * run_m) ** 2
     return OccupancyMap(frame=frame, occupied=occupancy.occupied | steep)
+
+
+@njit(cache=True)
+def _cost(cells: npt.NDArray[np.int64], factor: npt.NDArray[np.uint8]) -> int:
+    """What the search counts for a way that was flooded from its end."""
+    total = 0
+    for k in range(len(cells) - 1):
+        straight = cells[k, 0] == cells[k + 1, 0] or cells[k, 1] == cells[k + 1, 1]
+        total += (5 if straight else 7) * int(factor[cells[k, 0], cells[k, 1]])
+    return total
 
 
 @njit(cache=True)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from itertools import islice
 
 import numpy as np
 import numpy.typing as npt
@@ -36,8 +37,14 @@ from services.planner.walk import nearest_m
 Float64Array = npt.NDArray[np.float64]
 UInt8Array = npt.NDArray[np.uint8]
 
+PARKED_GAP_M = 0.05
+"""Room beyond its planning radius that the robot keeps to whoever has arrived [m]."""
+GROUP_GAP_M = 0.25
+"""The same for groups that stand from the beginning [m]."""
+
 NO_WAY = "no way from start to goal"
 NO_ROOM = "no room for a human"
+IN_THE_WAY = "people in each other's way"
 
 FAMILIES: dict[str, Draw] = {
     draw.__name__: draw
@@ -119,7 +126,12 @@ class ScenarioSampler:
             people = episode_rng(episode, Purpose.AVATAR)
             order = [avatar_names[int(k)] for k in people.permutation(len(avatar_names))]
             while len(humans) < count:
-                family, walks = self._draw_people(rng, task, count - len(humans), humans)
+                drawn = self._draw_people(rng, task, count - len(humans), [human.xy_m for human in humans])
+                if drawn is None:
+                    if self._config.fewer_humans and len(humans) >= self._episode.human_count_min:
+                        break
+                    raise RejectedError(NO_ROOM)
+                family, walks = drawn
                 for walk in walks:
                     avatar = order[len(humans) % len(order)]
                     humans.append(
@@ -170,24 +182,29 @@ class ScenarioSampler:
         return way
 
     def _draw_people(
-        self, rng: np.random.Generator, task: Task, wanted: int, others: list[HumanTrajectory]
-    ) -> tuple[str, People]:
-        """People of a drawn family, or of another one of the mix where the place has no room for it."""
-        for family in drawn_order(rng, self._config.mix):
+        self, rng: np.random.Generator, task: Task, wanted: int, others: list[Float64Array]
+    ) -> tuple[str, People] | None:
+        """People of a drawn family, or of another one of the mix where the place has no room for it, or None."""
+        for family in islice(drawn_order(rng, self._config.mix), self._config.families_tried):
+            paths = self.site.paths
+            last = paths.searches + self._config.searches
             for _ in range(self._config.attempts):
+                if paths.searches >= last:
+                    break
                 people = FAMILIES[family](self.site, rng, task, wanted)
                 if people and self._fit(people, task, others):
                     return family, people
-        raise RejectedError(NO_ROOM)
+        return None
 
-    def _fit(self, people: People, task: Task, others: list[HumanTrajectory]) -> bool:
+    def _fit(self, people: People, task: Task, others: list[Float64Array]) -> bool:
         """True if people who come together can join the others."""
-        tracks = [other.xy_m for other in others]
+        tracks = list(others)
         for person in people:
             if not self._is_fair(person.xy_m, task) or not self._fits(person.xy_m, task, tracks):
                 return False
             tracks.append(person.xy_m)
-        return True
+        # People in conversation do not leave: the robot shall pass without touching their arms.
+        return self._leave_a_way(task, tracks, PARKED_GAP_M if len(people) == 1 else GROUP_GAP_M)
 
     def _is_fair(self, xy_m: Float64Array, task: Task) -> bool:
         (x0, y0), (x1, y1) = xy_m[[0, -1]].tolist()
@@ -195,18 +212,18 @@ class ScenarioSampler:
         return away and math.hypot(x1 - task.goal_m[0], y1 - task.goal_m[1]) >= self._config.parked_distance_min_m
 
     def _fits(self, xy_m: Float64Array, task: Task, others: list[Float64Array]) -> bool:
-        """True if a human meets no wall, leaves the start in peace, keeps off the others, and the robot keeps a way."""
+        """True if a human meets no wall, leaves the start in peace and keeps off the others."""
         early = xy_m[: round(self._config.start_peace_s / DT_S) + 1] - np.array(task.start_m)
         if np.min(early[:, 0] ** 2 + early[:, 1] ** 2) < self._config.start_peace_m**2:
             return False
         radius_m = self._episode.human_radius_m
         if any(nearest_m(xy_m, other) < 2 * radius_m for other in others):
             return False
-        return self.site.paths.keeps_clear(xy_m, radius_m) and self._leave_a_way(task, [xy_m, *others])
+        return self.site.paths.keeps_clear(xy_m, radius_m)
 
-    def _leave_a_way(self, task: Task, tracks: list[Float64Array]) -> bool:
+    def _leave_a_way(self, task: Task, tracks: list[Float64Array], gap_m: float) -> bool:
         """True if the robot can get to its goal among people who stand at the ends of their tracks."""
-        keep_off_m = self._robot.planning_radius_m + self._episode.human_radius_m + 0.05
+        keep_off_m = self._robot.planning_radius_m + self._episode.human_radius_m + gap_m
         parked = [track[-1] for track in tracks]
         gaps = [task.way_m - point for point in parked]
         # Nobody near the way: it is still there. A cell's diagonal and the way's spacing are on the safe side.

@@ -39,9 +39,10 @@ class Sight:
 
 
 @njit(cache=True)
-def _is_open(
+def is_open(
     free: npt.NDArray[np.uint8], ox: float, oy: float, res: float, ax: float, ay: float, bx: float, by: float
 ) -> bool:
+    """True if free cells (1) lie all along a line between two points."""
     i0, j0, i1, j1 = (ay - oy) / res, (ax - ox) / res, (by - oy) / res, (bx - ox) / res
     height, width = free.shape
     if min(i0, i1, j0, j1) < 0 or max(i0, i1) >= height or max(j0, j1) >= width:
@@ -57,7 +58,7 @@ def _hides(
     norm = max(math.sqrt(dx * dx + dy * dy), 1e-9)
     for side in range(-1, 2):
         x, y = bx - side * _SHOULDER_M * dy / norm, by + side * _SHOULDER_M * dx / norm
-        if _is_open(free, ox, oy, res, ax, ay, x, y):
+        if is_open(free, ox, oy, res, ax, ay, x, y):
             return False
     return True
 

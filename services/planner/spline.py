@@ -5,6 +5,8 @@ points, minimised with L-BFGS. Loops over scalars only: the result may not depen
 Sources: Nocedal & Wright, Numerical Optimization, 2nd ed., algorithm 7.4; de Boor, A Practical Guide to Splines.
 """
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 from numba import njit
@@ -34,9 +36,13 @@ def length_m(points_m: Float64Array) -> float:
     return float(_lengths(points_m)[-1])
 
 
+@njit(cache=True)
 def _lengths(points_m: Float64Array) -> Float64Array:
-    steps = np.diff(points_m, axis=0)
-    return np.concatenate([[0.0], np.cumsum(np.sqrt(steps[:, 0] ** 2 + steps[:, 1] ** 2))])
+    lengths = np.zeros(len(points_m))
+    for k in range(1, len(points_m)):
+        dx, dy = points_m[k, 0] - points_m[k - 1, 0], points_m[k, 1] - points_m[k - 1, 1]
+        lengths[k] = lengths[k - 1] + math.sqrt(dx * dx + dy * dy)
+    return lengths
 
 
 def at_lengths(points_m: Float64Array, lengths_m: Float64Array) -> Float64Array:

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +28,20 @@ class Task:
     """Evenly spaced points from start to goal [m], shape (N, 2)."""
     length_m: float
     """Length of the way [m]."""
+
+    @cached_property
+    def _points(self) -> list[Point]:
+        return [(x, y) for x, y in self.way_m.tolist()]
+
+    def at(self, fraction: float) -> tuple[Point, Point]:
+        """Point at a fraction of the way [m], and the unit direction there, over half a metre."""
+        points = self._points
+        last = len(points) - 1
+        k = min(int(fraction * last), last)
+        (ax, ay), (bx, by) = points[max(0, k - 5)], points[min(last, k + 5)]
+        dx, dy = bx - ax, by - ay
+        norm = math.hypot(dx, dy)
+        return points[k], (dx / norm, dy / norm)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,19 +69,17 @@ class ExpectedDrive:
 
     def rows(self, task: Task, count: int) -> Float64Array:
         """Where the robot is at the first `count` steps; at the goal it stays [m], shape (count, 2)."""
-        along = (np.arange(count) * DT_S - self.getting_going_s) * self.speed_mps
-        return at_lengths(task.way_m, np.clip(along, 0.0, task.length_m))
+        return at_lengths(task.way_m, self._along(task, count))
 
+    def directions(self, task: Task, count: int) -> Float64Array:
+        """Where the way leads at the first `count` steps, over half a metre; not normalised, shape (count, 2)."""
+        along = self._along(task, count)
+        ahead, behind = np.minimum(along + 0.25, task.length_m), np.maximum(along - 0.25, 0.0)
+        return at_lengths(task.way_m, ahead) - at_lengths(task.way_m, behind)
 
-def point_and_tangent(way: Float64Array, fraction: float) -> tuple[Point, Point]:
-    """Point at a fraction of an evenly sampled way, and the unit direction there, over half a metre."""
-    last = len(way) - 1
-    k = min(int(fraction * last), last)
-    a, b = max(0, k - 5), min(last, k + 5)
-    (ax, ay), (bx, by), (x, y) = way[[a, b, k]].tolist()
-    dx, dy = bx - ax, by - ay
-    norm = math.hypot(dx, dy)
-    return (x, y), (dx / norm, dy / norm)
+    def _along(self, task: Task, count: int) -> Float64Array:
+        along: Float64Array = (np.arange(count) * DT_S - self.getting_going_s) * self.speed_mps
+        return np.clip(along, 0.0, task.length_m)
 
 
 def turned(direction: Point, angle_rad: float) -> Point:

@@ -3,6 +3,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from benchmarks.motion_paths import circle, floor, line
 from common.bus import InProcessBus
 from common.errors import AvatarError
 from common.messages import (
@@ -17,7 +18,6 @@ from common.messages import (
 )
 from services.animator import Animator, AnimatorConfig, attach, handle_animate
 from tests.services.animator.conftest import make_avatar
-from benchmarks.motion_paths import circle, floor, line
 
 
 def human(avatar, xy):

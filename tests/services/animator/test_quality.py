@@ -3,10 +3,10 @@ import dataclasses
 import numpy as np
 import pytest
 
+from benchmarks.motion_paths import floor, line
 from common.avatars import joint_positions
 from services.animator import measure
 from services.animator.quality import joints_of
-from benchmarks.motion_paths import floor, line
 
 FLAT = floor()
 

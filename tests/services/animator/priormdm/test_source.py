@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from benchmarks.motion_paths import circle, floor, line, s_curve
 from common.errors import ConfigError, MotionError
 from common.messages import AnimateRequest, EpisodeKey, HumanTrajectory, Scenario, Split, encode
 from services.animator import Animator, AnimatorConfig, handle_animate, skeleton_of
@@ -15,7 +16,6 @@ from services.animator.priormdm.placement import HUMANML3D_LEG_M
 from services.animator.priormdm.source import SETTLE_FRAMES, PriorMdm
 from services.animator.quality import joints_of, measure
 from tests.services.animator.conftest import make_avatar
-from benchmarks.motion_paths import circle, floor, line, s_curve
 from tests.services.animator.priormdm.conftest import SMALL
 
 
