@@ -15,7 +15,7 @@ from common.drawing.files import Picture
 from common.drawing.plan_view import INK, WHITE, draw_scale_bar, map_window, put_text, text_width_px
 from common.maps import OccupancyMap
 
-MARGIN_M = 0.5
+MARGIN_M, ASPECT_MIN = 0.5, 0.5
 MAP_SIDE_MIN_PX, MAP_SIDE_MAX_PX = 500, 1400
 # Pale yellow to dark red: told apart from the grey of walls in print and with every common colour vision.
 _HEAT = np.array([(255, 237, 160), (254, 178, 76), (240, 59, 32), (128, 0, 38)], dtype=np.float64)
@@ -52,8 +52,10 @@ def heat_map(visits: Visits, occupancy: OccupancyMap | None) -> Picture:
         corner = np.array([ground.frame.origin_x_m, ground.frame.origin_y_m])
         low_m = np.minimum(low_m, corner + free.min(axis=0)[::-1] * ground.frame.resolution_m)
         high_m = np.maximum(high_m, corner + (free.max(axis=0)[::-1] + 1) * ground.frame.resolution_m)
-    low_m, high_m = low_m - MARGIN_M, high_m + MARGIN_M
-    side_m = float((high_m - low_m).max())
+    side_m = float((high_m - low_m).max()) + 2 * MARGIN_M
+    # A long corridor keeps room for the scale below it.
+    spare_m = np.maximum(MARGIN_M, (ASPECT_MIN * side_m - (high_m - low_m)) / 2)
+    low_m, high_m = low_m - spare_m, high_m + spare_m
     side_px = min(max(MAP_SIDE_MIN_PX, 60 * side_m), MAP_SIDE_MAX_PX)
     view = map_window(ground, low_m, high_m, pixel_m=side_m / side_px)
     picture = view.rgb.copy()

@@ -277,9 +277,10 @@ def _print(numbers: Numbers, written: Sequence[Path]) -> None:
     table = Table(title=f"episode {numbers['episode']}, mode {numbers['mode']}", show_header=False)
     for name, value in _rows(numbers):
         table.add_row(name, value)
+    console = Console(highlight=False)
+    console.print(table)
     for path in written:
-        table.add_row("written", str(path))
-    Console(highlight=False).print(table)
+        console.print(f"Open {path}.", markup=False, soft_wrap=True)
 
 
 def _rows(numbers: Numbers) -> list[tuple[str, str]]:

@@ -38,12 +38,13 @@ def wedge_m(
 
 def _reach_m(sees: Callable[[float, float], bool], x: float, y: float, c: float, s: float, range_m: float) -> float:
     """How far people are seen along a ray: up to the first place where they are hidden [m]."""
-    reach_m, step_m = 0.0, COARSE_M
-    while reach_m + step_m <= range_m:
-        if sees(x + (reach_m + step_m) * c, y + (reach_m + step_m) * s):
-            reach_m += step_m
-        elif step_m > FINE_M:
-            step_m = FINE_M
-        else:
-            break
-    return reach_m
+    for coarse in range(1, math.floor(range_m / COARSE_M + 1e-9) + 1):
+        if not sees(x + coarse * COARSE_M * c, y + coarse * COARSE_M * s):
+            seen_m = (coarse - 1) * COARSE_M
+            for fine in range(1, round(COARSE_M / FINE_M)):
+                reach_m = (coarse - 1) * COARSE_M + fine * FINE_M
+                if not sees(x + reach_m * c, y + reach_m * s):
+                    break
+                seen_m = reach_m
+            return seen_m
+    return range_m
