@@ -1,7 +1,6 @@
 """`readygo avatar`: who can walk through scenes, and what they look like."""
 
 import json as json_module
-import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -63,9 +62,12 @@ def avatar_preview(avatar: Path, /, *, out: Path | None = None, video: Path | No
         raise AvatarError(f"--video {video} must end in .mp4.")
     person = load_avatar(_file_of(avatar))
     if out is not None:
+        from common.drawing.files import write_png
+
         write_png(out, turntable(person, (standing_pose(), stride_pose())))
     if video is not None:
-        from apps.avatar_film import walk_frames, write_film
+        from apps.avatar_film import walk_frames
+        from common.drawing.film import write_film
 
         write_film(video, walk_frames(person, seed=seed))
 
@@ -178,14 +180,3 @@ def _wall() -> GaussianCloud:
         opacities=np.full(count, 0.99, dtype=np.float32),
         sh=np.tile((np.array(WALL_COLOUR, dtype=np.float32) - 0.5) / np.float32(0.28209479), (count, 1, 1)),
     )
-
-
-def write_png(path: Path, rgb: Image) -> None:
-    """Write a picture (H, W, 3); the file appears only once it is complete."""
-    import cv2
-
-    done, data = cv2.imencode(".png", rgb[:, :, ::-1])
-    assert done
-    part = path.with_name(path.name + ".part")
-    part.write_bytes(bytes(data))
-    os.replace(part, path)

@@ -1,19 +1,11 @@
 """A film of an avatar on a walk, over a floor on which sliding feet would show."""
 
-import itertools
-import os
-import sys
-import tempfile
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
-from pathlib import Path
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
 
 from common.avatars import Avatar, joint_positions
-from common.errors import ReadygoError
 from common.maps import FloorMap, GridFrame
 from common.messages import Motion
 from services.animator import AnimatorConfig, skeleton_of, walk
@@ -27,8 +19,6 @@ HEIGHT_PX, WIDTH_PX, FOCAL_PX = 540, 960, 1000.0
 SPEED_MPS, LENGTH_M, AMPLITUDE_M = 1.2, 7.0, 0.8
 LINE_SPACING_M, LINE_WIDTH_M = 0.5, 0.012
 CAMERA_DISTANCE_M, CAMERA_HEIGHT_M = 3.6, 1.25
-# Browsers play H.264; OpenCV's own builds often lack its encoder, but all write MPEG-4 part 2.
-CODECS = ("avc1", "mp4v")
 _FLOOR, _LINE, _WALL = (0.70, 0.71, 0.72), (0.40, 0.43, 0.47), (0.84, 0.86, 0.88)
 _SHADOW_RADIUS_M, _SHADOW_DEPTH, _SHADOW_FADE_M = 0.13, 0.45, 0.10
 
@@ -73,58 +63,6 @@ def s_curve_walk(avatar: Avatar, *, seed: int = 0) -> Motion:
     floor = FloorMap(frame=frame, height_m=np.zeros((10, int(LENGTH_M) + 12), dtype=np.float32))
     rng = np.random.Generator(np.random.Philox(seed))
     return walk(skeleton_of(avatar), trajectory, floor, rng, AnimatorConfig())
-
-
-def write_film(path: Path, frames: Iterable[Image]) -> None:
-    """Write an MP4 that appears under its name only when it is complete.
-
-    Args:
-        path: File to write.
-        frames: Pictures of one even size, shape (H, W, 3).
-
-    Raises:
-        ReadygoError: If this OpenCV cannot write videos.
-    """
-    import cv2
-
-    pictures = iter(frames)
-    first = next(pictures)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.stem}-") as folder:
-        unfinished = Path(folder) / "film.mp4"
-        writer = _writer(unfinished, (first.shape[1], first.shape[0]))
-        for picture in itertools.chain([first], pictures):
-            writer.write(np.ascontiguousarray(picture[:, :, ::-1]))
-        writer.release()
-        if not unfinished.exists() or unfinished.stat().st_size == 0:
-            raise ReadygoError(f"OpenCV {cv2.__version__} cannot write {path}; install opencv-python-headless.")
-        unfinished.replace(path)
-
-
-def _writer(path: Path, size: tuple[int, int]) -> Any:
-    import cv2
-
-    for codec in CODECS:
-        with _quiet_libraries():
-            writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*codec), FPS, size)
-        if writer.isOpened():
-            return writer
-    raise ReadygoError(f"OpenCV {cv2.__version__} cannot write videos; install opencv-python-headless from PyPI.")
-
-
-@contextmanager
-def _quiet_libraries() -> Iterator[None]:
-    """Keep FFmpeg from reporting on stderr that an encoder is missing: another one follows."""
-    sys.stderr.flush()
-    kept = os.dup(2)
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    try:
-        os.dup2(nowhere, 2)
-        yield
-    finally:
-        os.dup2(kept, 2)
-        os.close(kept)
-        os.close(nowhere)
 
 
 def _smoothed(xy: Array) -> Array:

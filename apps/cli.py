@@ -22,6 +22,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "avatar list": ("apps.avatar:avatar_list", "list the people that can walk through scenes"),
     "avatar import": ("apps.avatar_import:avatar_import", "make an avatar of a HUGS, SMPL, glTF or Gaussian file"),
     "avatar preview": ("apps.avatar:avatar_preview", "draw a person from all sides, or film them walking"),
+    "plan": ("apps.plan:plan", "plan one episode again and explain it in numbers, a picture or a film"),
     "generate": ("apps.generate:generate", "record episodes of an expert among walking people"),
     "validate": ("apps.data:validate", "read a dataset again and report every defect"),
     "inspect": ("apps.data:inspect", "say what a dataset holds"),

@@ -111,6 +111,7 @@ def _summary(data: Path) -> dict[str, Any]:
         "image_height_px": dataset.height_px,
         "image_width_px": dataset.width_px,
         "outputs": list(dataset.outputs),
+        "labels": list(dataset.labels),
         "speed_mean_mps": round(float(dataset.actions[:, 0].mean()), 3),
         "human_visible_fraction": round(float(truth["human_visible"].mean()), 3),
         "human_distance_min_m": round(float(with_human.min()), 3) if len(with_human) else None,

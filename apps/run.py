@@ -22,7 +22,8 @@ from common.errors import ConfigError, RunError
 from common.messages import RunSpec, decode, encode
 from common.robot import RobotConfig
 from services.animator.config import AnimatorConfig
-from services.planner.config import ExpertConfig, HumanPlannerConfig
+from services.planner.config import HumanPlannerConfig
+from services.planner.expert_config import ExpertConfig
 from services.recorder.config import RecorderConfig
 from services.renderer.config import GPU_BACKENDS, RendererConfig
 from services.renderer.sensor import SENSOR_RECIPES, SensorName
@@ -210,9 +211,11 @@ class RunFolder:
 
 
 def _with_new_settings(spec: RunSpec) -> RunSpec:
-    """The spec with the settings that it is too old to have: they are added with defaults that change nothing."""
+    """The spec with the settings that it is too old to have: they are added with values that change nothing."""
+    # Before samples had labels, none were recorded: what goes on in such a folder must not begin to.
+    renderer = {"labels": False, **spec.config.get("renderer", {})}
     try:
-        config = section_from_mapping(RunConfig, spec.config)
+        config = section_from_mapping(RunConfig, {**spec.config, "renderer": renderer})
     except ConfigError:
         return spec
     return dataclasses.replace(spec, config=resolved_sections(config))

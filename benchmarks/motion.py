@@ -19,7 +19,7 @@ from common.avatars import Avatar, load_avatars
 from common.maps.grid import FloorMap
 from services.animator import AnimatorConfig, measure, skeleton_of, walk
 from services.animator.quality import cadence_per_min
-from tests.services.animator.paths import Array, circle, floor, line, s_curve, stop_and_go
+from benchmarks.motion_paths import Array, circle, floor, line, s_curve, stop_and_go
 
 PATHS = {"straight": line, "circle_r1.5": circle, "s_curve": s_curve, "stop_and_go": stop_and_go}
 SPEEDS_MPS = (0.4, 0.8, 1.2, 1.4, 1.6, 2.0)

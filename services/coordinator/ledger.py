@@ -263,10 +263,6 @@ class Ledger:
         assert row is not None
         return int(row[0]), int(row[1])
 
-    def committed_indices(self) -> tuple[int, ...]:
-        """Indices of the durable episodes."""
-        return tuple(row[0] for row in self._all("SELECT idx FROM episode WHERE state = 'committed' ORDER BY idx"))
-
     def results(self) -> set[str]:
         """Hashes of all results that are still needed."""
         return {row[0] for row in self._all("SELECT sha256 FROM result")}

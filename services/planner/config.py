@@ -1,11 +1,10 @@
-"""How scenarios are drawn and how the expert drives. The run's config carries both.
+"""How scenarios are drawn. The run's config carries it.
 
 "Paper" marks what the ReaDy-Go paper states; everything else is our choice, because the paper leaves it open.
 """
 
 import math
 from dataclasses import asdict, dataclass, field
-from typing import Literal
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,7 +120,7 @@ class HumanPlannerConfig:
     def __post_init__(self) -> None:
         if not 0 < self.clearance_m <= self.route_clearance_m <= self.preferred_clearance_m:
             raise ValueError("clearances must be 0 < clearance_m <= route_clearance_m <= preferred_clearance_m.")
-        if not (0 <= self.goal_snap_m <= 5 and 0 <= self.slope_max):
+        if not (0 <= self.goal_snap_m <= 5 and self.slope_max >= 0):
             raise ValueError("goal_snap_m must be 0..5 m and slope_max at least 0.")
         if not (0 < self.reactive_cone_deg <= 360 and self.reactive_range_m > 0):
             raise ValueError("reactive_cone_deg must be above 0 and at most 360, reactive_range_m above 0.")
@@ -133,82 +132,3 @@ class HumanPlannerConfig:
             raise ValueError("crossing fractions must be 0 <= min <= max <= 1.")
         if self.detour_max < 1 or min(self.attempts, self.searches, self.families_tried) < 1:
             raise ValueError("detour_max, attempts, searches and families_tried must be at least 1.")
-
-
-@dataclass(frozen=True, kw_only=True)
-class ExpertConfig:
-    """The robot expert (stage 3)."""
-
-    mode: Literal["paper"] = "paper"
-    primitive_s: float = 0.5
-    """Duration of a primitive [s]; three speeds by left, straight, right are the paper's."""
-    heading_count: int = 72
-    goal_tolerance_m: float = 0.25
-    """A plan ends this near to the goal [m]."""
-    heuristic_weight: float = 1.5
-    """1.0 searches for the cheapest path, more is faster."""
-    steering_cost: float = 0.2
-    """Cost of full turning, per metre at full speed (the penalty is the paper's, its weight ours)."""
-    slow_cost: float = 0.2
-    """Cost of standing still, per metre at full speed; 0 is the paper's cost, which dawdles."""
-    turn_cost_m: float = 0.8
-    """Cost of turning in place by one radian, which only a standing robot may do [m]."""
-    wall_cost: float = 0.5
-    """Extra cost per metre right at the planning distance from a wall."""
-    wall_distance_m: float = 0.2
-    """Width of the strip that this cost falls off over [m]."""
-    cell_margin_m: float = 0.01
-    """Added to the planning radius at cell centres; elsewhere in a cell a wall may be 0.035 m nearer [m]."""
-    tight_margin_m: float = 0.03
-    """Added to the robot's radius where no way keeps the planning radius [m]."""
-    expansions_max: int = 10_000
-    near_m: float = 1.0
-    """A visible human enters the map if this near to the plan [m] (paper: "a safety margin")."""
-    range_m: float = 10.0
-    """Farther humans are not perceived [m]."""
-    line_of_sight: bool = False
-    """True hides humans behind obstacles; the paper asks for the field of view only."""
-    memory_s: float = 2.0
-    """How long a human that left the view stays in the map, moving on [s]."""
-    prediction_s: float = 2.0
-    """Constant-velocity prediction (paper: 2 s)."""
-    velocity_window_s: float = 0.2
-    """Velocities are estimated over this much continuous observation [s]."""
-    buffer_m: float = 0.10
-    """Added to the human's radius along the prediction, and around the avatar's Gaussians [m]."""
-    replan_period_s: float = 1.0
-    keep_ratio: float = 1.25
-    """The old plan stays if it is free and costs at most this many times as much as the new one."""
-    replan_distance_m: float = 0.8
-    """A human this near to the path ahead triggers a replan [m]."""
-    replan_lookahead_s: float = 2.0
-    replan_interval_min_s: float = 0.1
-    dear_factor: int = 40
-    """Cost factor (in quarters) of predicted ground when no path avoids it."""
-    lookahead_m: tuple[float, ...] = (1.0, 0.7, 0.45, 0.3, 0.2)
-    """Pursuit distances, the first that keeps the disc free is taken [m]."""
-    tracking_margin_m: float = 0.01
-    """Free space around the disc that tracking keeps [m]."""
-    yield_to_humans: bool = True
-    """True lets tracking slow down for visible humans on its way."""
-    yield_margin_m: float = 0.15
-    """Free space between robot and human that yielding aims at [m]."""
-    doubt_mps: float = 0.1
-    """Growth of the predicted humans' radius while tracking [m/s]."""
-    foresight_s: float = 0.0
-    """Tracking knows where humans in view truly will be for this long [s], before constant velocity takes over.
-
-    A policy cannot see this: an option that lets more dynamic episodes succeed.
-    """
-    evasion_gap_m: float = 0.4
-    """Free space that evading aims at [m]."""
-
-    def __post_init__(self) -> None:
-        if self.heuristic_weight < 1 or self.expansions_max < 1 or self.heading_count < 8:
-            raise ValueError("heuristic_weight and expansions_max must be at least 1, heading_count at least 8.")
-        if not 4 <= self.dear_factor <= 60:
-            raise ValueError(f"dear_factor must be 4..60, got {self.dear_factor}.")
-        if not self.lookahead_m or min(self.lookahead_m) <= 0:
-            raise ValueError("lookahead_m needs at least one positive distance.")
-        if min(self.primitive_s, self.replan_period_s, self.replan_interval_min_s, self.prediction_s) <= 0:
-            raise ValueError("durations must be positive.")

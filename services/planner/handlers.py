@@ -1,7 +1,7 @@
 """Answers planning requests: scenarios (stage 1) and expert runs (stage 3)."""
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Protocol
 
 from common.avatars import Avatar, FootprintModel
@@ -20,11 +20,17 @@ from common.messages import (
 )
 from common.robot import RobotConfig
 from common.robot.kinematics import RATE_HZ
-from services.planner.config import ExpertConfig, HumanPlannerConfig
-from services.planner.expert import ExpertGround, RobotExpert
+from services.planner.config import HumanPlannerConfig
+from services.planner.expert import Decision, Expert
+from services.planner.expert_config import ExpertConfig
+from services.planner.expert_paper import PaperExpert
+from services.planner.expert_spacetime import SpaceTimeExpert
+from services.planner.ground import ExpertGround
 from services.planner.human import without_slopes
+from services.planner.hybrid_astar import HybridAStar
 from services.planner.reactive import ReactivePeople, ReactiveSimulation, reacted
 from services.planner.scenario import IN_THE_WAY, RejectedError, ScenarioSampler
+from services.planner.spacetime_search import SpaceTimeSearch
 from services.planner.walk import nearest_m
 
 
@@ -79,7 +85,9 @@ class Planner:
         self.sampler = ScenarioSampler(
             maps.robot, self.human_map, robot, episode_config, human_config, expert_config.cell_margin_m
         )
-        self.ground = ExpertGround(maps.robot, robot, episode_config, expert_config)
+        sight = getattr(maps, "sight", None) if expert_config.needs_line_of_sight else None
+        self.ground = ExpertGround(maps.robot, maps.human, sight, robot, episode_config, expert_config)
+        self._search = expert_search(self.ground)
         self._avatars = dict(avatars)
         self._footprints: dict[str, FootprintModel] = {}
 
@@ -95,18 +103,30 @@ class Planner:
             self._footprints[name] = FootprintModel.from_avatar(self._avatars[name])
         return self._avatars[name], self._footprints[name]
 
-    def expert(self, scenario: Scenario, motions: EpisodeMotions) -> RobotExpert:
+    def expert(self, scenario: Scenario, motions: EpisodeMotions) -> Expert:
         """An expert for one episode.
 
         Raises:
             AvatarError: If a human's avatar is not loaded.
         """
         people = [(human, *self.footprint(human.avatar)) for human in motions.humans]
-        return RobotExpert(self.ground, scenario, people)
+        if isinstance(self._search, HybridAStar):
+            return PaperExpert(self.ground, self._search, scenario, people)
+        return SpaceTimeExpert(self.ground, self._search, scenario, people)
 
     def simulation(self, scenario: Scenario, motions: EpisodeMotions) -> EpisodeSimulation:
         """The closed loop of one episode, at its start."""
         return EpisodeSimulation(scenario, motions, self.maps.robot, self.robot, self.episode_config)
+
+
+def expert_search(ground: ExpertGround) -> HybridAStar | SpaceTimeSearch:
+    """The search of the configured mode, with its working memory."""
+    config, robot = ground.config, ground.robot
+    if config.mode == "paper":
+        return HybridAStar(robot, config)
+    # Arriving means to come within the circle of success; a person who stands nearer to the goal does not matter.
+    tolerance_m = max(config.goal_tolerance_m, ground.success_radius_m - 0.2)
+    return SpaceTimeSearch(robot, config, tolerance_m)
 
 
 def handle_human_plan(planner: Planner, request: HumanPlanRequest) -> HumanPlanReply:
@@ -137,10 +157,8 @@ def let_react(planner: Planner, scenario: Scenario, reacts: Sequence[bool]) -> S
     drawn = [human.xy_m for human in scenario.humans]
     people = ReactivePeople(drawn, reacts, planner.human_map, contact_m, config, planner.human_config)
     simulation = ReactiveSimulation(scenario, people, planner.maps.robot, planner.robot, config)
-    expert = planner.expert(scenario, simulation.motions)
-    while simulation.outcome is None:
-        decision = expert.act(simulation)
-        simulation.advance(decision.v_mps, decision.w_radps)
+    for _ in decisions(planner.expert(scenario, simulation.motions), simulation):
+        pass
     while not people.at_rest and len(people.xy_m) < round(config.time_limit_s * RATE_HZ):
         people.advance(None)
     walked = reacted(scenario, people)
@@ -161,18 +179,31 @@ def handle_robot_plan(planner: Planner, request: RobotPlanRequest) -> RobotPlanR
     )
 
 
-def drive(planner: Planner, scenario: Scenario, motions: EpisodeMotions) -> RobotTrajectory:
-    """The expert's closed loop, from start to end."""
+def drive(
+    planner: Planner,
+    scenario: Scenario,
+    motions: EpisodeMotions,
+    *,
+    observe: Callable[[Decision], None] = lambda _: None,
+) -> RobotTrajectory:
+    """The expert's closed loop, from start to end; `observe` is told of every decision before it is executed."""
     simulation = planner.simulation(scenario, motions)
     expert = planner.expert(scenario, motions)
-    decisions = []
-    while simulation.outcome is None:
-        decision = expert.act(simulation)
-        decisions.append(decision)
-        simulation.advance(decision.v_mps, decision.w_radps)
+    made = []
+    for decision in decisions(expert, simulation):
+        made.append(decision)
+        observe(decision)
     return simulation.trajectory(
-        human_visible=[decision.visible for decision in decisions],
-        replanned=[decision.replanned for decision in decisions],
-        expert_cost=[decision.cost for decision in decisions],
+        human_visible=[decision.visible for decision in made],
+        replanned=[decision.replanned for decision in made],
+        expert_cost=[decision.cost for decision in made],
         replan_times_s=expert.replan_times_s,
     )
+
+
+def decisions(expert: Expert, simulation: EpisodeSimulation) -> Iterator[Decision]:
+    """What the expert decides until the episode ends; each decision is executed when the next one is asked for."""
+    while simulation.outcome is None:
+        decision = expert.act(simulation)
+        yield decision
+        simulation.advance(decision.v_mps, decision.w_radps)

@@ -9,8 +9,8 @@ from numba import njit
 from scipy import ndimage
 
 from common.episode import GridSearch
-from common.episode.grid_search import FACTOR_MAX, FREE
 from common.episode.collision import disc_meets_cells
+from common.episode.grid_search import FACTOR_MAX, FREE
 from common.maps import FloorMap, OccupancyMap, clearance_m
 from services.planner.config import HumanPlannerConfig
 from services.planner.spline import length_m, smooth_path

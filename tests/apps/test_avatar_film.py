@@ -1,15 +1,12 @@
-"""The film of a walk: people stand on the floor's lines, and it plays back."""
+"""The film of a walk: people stand on the floor's lines."""
 
 import itertools
-from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
-from apps.avatar_film import AMPLITUDE_M, HEIGHT_PX, LENGTH_M, WIDTH_PX, s_curve_walk, walk_frames, write_film
+from apps.avatar_film import AMPLITUDE_M, HEIGHT_PX, LENGTH_M, WIDTH_PX, s_curve_walk, walk_frames
 from common.avatars import Avatar, load_avatars
-from common.errors import ReadygoError
 
 
 @pytest.fixture(scope="module")
@@ -34,25 +31,3 @@ def test_pictures_show_the_person_before_wall_and_floor(person: Avatar) -> None:
     lines = first[-5].astype(int).mean(axis=1)
     assert lines.min() < lines.max() - 30
     assert (first != last).any()
-
-
-def test_film_plays_back_with_all_pictures(tmp_path: Path) -> None:
-    pictures = [np.full((48, 64, 3), 10 * k, np.uint8) for k in range(10)]
-    write_film(tmp_path / "new" / "film.mp4", pictures)
-    capture = cv2.VideoCapture(str(tmp_path / "new" / "film.mp4"))
-    assert capture.get(cv2.CAP_PROP_FPS) == pytest.approx(20.0)
-    levels = []
-    while (read := capture.read())[0]:
-        levels.append(float(read[1].mean()))
-    np.testing.assert_allclose(levels, np.arange(10) * 10, atol=8)
-    assert [path.name for path in (tmp_path / "new").iterdir()] == ["film.mp4"]
-
-
-def test_missing_encoders_leave_no_file_and_no_noise(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr("apps.avatar_film.CODECS", ("none",))
-    with pytest.raises(ReadygoError, match="cannot write videos"):
-        write_film(tmp_path / "film.mp4", [np.zeros((48, 64, 3), np.uint8)])
-    assert list(tmp_path.iterdir()) == []
-    assert capfd.readouterr().err == ""

@@ -8,7 +8,7 @@ from common.frames import matrix_from_axis_angle
 from services.animator import measure, skeleton_of
 from services.animator.quality import cadence_per_min, heights_above, joints_of, sole_points
 from tests.services.animator.conftest import make_avatar
-from tests.services.animator.paths import circle, floor, hard_stops, line, reversal, s_curve, stop_and_go, times
+from benchmarks.motion_paths import circle, floor, hard_stops, line, reversal, s_curve, stop_and_go, times
 
 FLAT = floor()
 SLOPE = floor(lambda x, y: 0.10 * x + 0.05 * y)

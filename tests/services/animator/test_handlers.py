@@ -17,7 +17,7 @@ from common.messages import (
 )
 from services.animator import Animator, AnimatorConfig, attach, handle_animate
 from tests.services.animator.conftest import make_avatar
-from tests.services.animator.paths import circle, floor, line
+from benchmarks.motion_paths import circle, floor, line
 
 
 def human(avatar, xy):

@@ -6,7 +6,7 @@ import pytest
 from common.avatars import joint_positions
 from services.animator import measure
 from services.animator.quality import joints_of
-from tests.services.animator.paths import floor, line
+from benchmarks.motion_paths import floor, line
 
 FLAT = floor()
 

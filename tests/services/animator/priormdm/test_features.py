@@ -18,7 +18,7 @@ from services.animator.priormdm.features import (
     zup_from_yup,
 )
 from services.animator.quality import joints_of
-from tests.services.animator.paths import circle, floor, reversal, s_curve, stop_and_go
+from benchmarks.motion_paths import circle, floor, reversal, s_curve, stop_and_go
 
 
 @pytest.mark.parametrize("xy", [s_curve(1.2), circle(1.6), stop_and_go(1.4), reversal(1.0)], ids=lambda xy: len(xy))

@@ -15,7 +15,7 @@ from services.animator.priormdm.placement import HUMANML3D_LEG_M
 from services.animator.priormdm.source import SETTLE_FRAMES, PriorMdm
 from services.animator.quality import joints_of, measure
 from tests.services.animator.conftest import make_avatar
-from tests.services.animator.paths import circle, floor, line, s_curve
+from benchmarks.motion_paths import circle, floor, line, s_curve
 from tests.services.animator.priormdm.conftest import SMALL
 
 

@@ -37,6 +37,14 @@ def stop_and_go(speed_mps: float) -> Array:
     return np.cumsum(along * (speed_mps * 0.05 * pace)[:, None], axis=0)
 
 
+def turn_in_place(speed_mps: float) -> Array:
+    """Walk along x, stop, turn by 135 deg and walk away, with eased starts and stops."""
+    t = times()
+    pace = np.interp(t, [0.3, 1.1, 3.5, 4.3, 6.0, 6.8], [0.0, 1.0, 1.0, 0.0, 0.0, 1.0])
+    along = np.where((t < 5.0)[:, None], [1.0, 0.0], [-np.sqrt(0.5), np.sqrt(0.5)])
+    return np.cumsum(along * (speed_mps * 0.05 * pace)[:, None], axis=0)
+
+
 def hard_stops(speed_mps: float, pause_s: float) -> Array:
     """Full speed from the first row, a pause after 3 s, full speed again for 3 s, and an abrupt end."""
     t = times(6.0 + pause_s)

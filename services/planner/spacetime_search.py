@@ -1,0 +1,290 @@
+"""Hybrid A* in space and time: the robot's ground is free of a human when the human is not there yet, or gone.
+
+Nodes keep pose, command and time; one node per place, heading, speed and half second survives. Waiting and turning in
+place are primitives like any other. Sources: Dolgov et al., IJRR 29 (2010), for the search over poses; Silver,
+Cooperative pathfinding, AIIDE 2005, for reserving cells in time.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from common.episode.grid_search import FREE, UNITS_PER_CELL, UNREACHED
+from common.maps import GridFrame
+from common.robot import RobotConfig
+from common.robot.kinematics import DT_S
+from services.planner.expert_config import ExpertConfig
+from services.planner.hybrid_astar import pop, push, slot_of
+from services.planner.rollouts import State
+from services.planner.timed_primitives import make_timed_primitives
+
+Float64Array = npt.NDArray[np.float64]
+Int32Array = npt.NDArray[np.int32]
+UInt8Array = npt.NDArray[np.uint8]
+
+_TABLE_SIZE = 1 << 18
+_KEY_CELL_M = 0.1
+_PARTIAL_S = 2.0
+_ESCAPE_M = 0.02
+CHECK_STEPS = 2
+"""Steps between two checks of a primitive against walls and humans."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TimedPlan:
+    """Commands for the next steps, and where they lead."""
+
+    rows: Float64Array
+    """x [m], y [m], yaw [rad], v [m/s], w [rad/s] after 0, 1, 2, ... steps, shape (N, 5)."""
+    cost: float
+    """Cost of the rows, in metres at full speed, and of the way that is left after them."""
+    complete: bool
+    """True if the plan ends at the goal."""
+
+
+class SpaceTimeSearch:
+    """Keeps its working memory between searches, so it is not thread-safe."""
+
+    def __init__(self, robot: RobotConfig, config: ExpertConfig, goal_tolerance_m: float) -> None:
+        self._config, self._goal_tolerance_m = config, goal_tolerance_m
+        self._primitives = make_timed_primitives(robot, config)
+        capacity = config.timed_expansions_max * 8 + 64
+        self._nodes = np.empty((capacity, 4))
+        self._links = np.empty((capacity, 4), np.int32)
+        self._table_key = np.empty(_TABLE_SIZE, np.int64)
+        self._table_node = np.empty(_TABLE_SIZE, np.int32)
+        self._table_stamp = np.zeros(_TABLE_SIZE, np.int32)
+        self._heap_cost = np.empty(capacity)
+        self._heap_node = np.empty(capacity, np.int32)
+        self._stamp = 0
+        self.expansion_count = 0
+        """Expansions of the latest search."""
+
+    def search(
+        self,
+        factor: UInt8Array,
+        heuristic: Int32Array,
+        frame: GridFrame,
+        state: State,
+        goal_xy_m: tuple[float, float],
+        humans: tuple[Float64Array, Float64Array],
+        *,
+        partial: bool,
+    ) -> TimedPlan | None:
+        """Search commands that lead to the goal.
+
+        Args:
+            factor: Cost factors of the cells (see `common.episode.grid_search`), shape (H, W).
+            heuristic: Distances to the goal on the same grid, UNITS_PER_CELL a cell, shape (H, W).
+            frame: Where the cells lie.
+            state: Robot's x [m], y [m], yaw [rad], v [m/s], w [rad/s].
+            goal_xy_m: Goal in the world [m].
+            humans: Where they are expected after 1, 2, ... steps [m], shape (M, T, 2), and the distance of the centres
+                to keep from them by then [m], shape (T,). Later than T steps nobody is expected.
+            partial: True returns the most promising plan of at least two seconds if none reaches the goal.
+
+        Returns:
+            A plan, or None if there is none within the limit of expansions.
+        """
+        config, primitives = self._config, self._primitives
+        ox, oy = frame.origin_x_m, frame.origin_y_m
+        expected, keep_off = humans
+        self._stamp += 1
+        primitives.fill_root(state[3], state[4])
+        found, complete, self.expansion_count = _search(
+            factor,
+            heuristic,
+            frame.resolution_m,
+            (state[0] - ox, state[1] - oy, state[2]),
+            (goal_xy_m[0] - ox, goal_xy_m[1] - oy, self._goal_tolerance_m),
+            (primitives.rows, primitives.costs, primitives.lengths_m, primitives.ends, primitives.first),
+            len(primitives.w_levels),
+            (expected - np.array([ox, oy]), keep_off),
+            (config.timed_heuristic_weight, config.nearness_cost, config.nearness_m),
+            (config.timed_heading_count, config.timed_expansions_max, round(_PARTIAL_S / config.primitive_s)),
+            self._stamp,
+            (self._nodes, self._links, self._heap_cost, self._heap_node),
+            (self._table_key, self._table_node, self._table_stamp),
+        )
+        if found < 0 or not (complete or partial):
+            return None
+        depth = int(self._links[found, 2])
+        rows = np.empty((depth * primitives.steps + 1, 5))
+        rows[0] = state
+        _trace(found, self._nodes, self._links, primitives.rows, (ox, oy), rows)
+        i, j = frame.cell(float(rows[-1, 0]), float(rows[-1, 1]))
+        left = 0.0 if complete else float(heuristic[i, j]) * frame.resolution_m / UNITS_PER_CELL
+        return TimedPlan(rows=rows, cost=float(self._nodes[found, 3]) + left, complete=bool(complete))
+
+
+@njit(cache=True)
+def primitive_cost(
+    factor: UInt8Array,
+    resolution: float,
+    pose: tuple[float, float, float],
+    rows: Float64Array,
+    length: float,
+    humans: tuple[Float64Array, Float64Array],
+    step: int,
+    escape: Float64Array,
+    nearness: tuple[float, float],
+) -> float:
+    """What walls and humans add to the cost of a primitive; negative if they block it."""
+    expected, keep_off = humans
+    height, width = factor.shape
+    x, y, yaw = pose
+    c, s = math.cos(yaw), math.sin(yaw)
+    total, checks, extra = 0, 0, 0.0
+    for k in range(CHECK_STEPS - 1, len(rows), CHECK_STEPS):
+        px, py = x + c * rows[k, 0] - s * rows[k, 1], y + s * rows[k, 0] + c * rows[k, 1]
+        if px < 0.0 or py < 0.0:
+            return -1.0
+        i, j = int(py / resolution), int(px / resolution)
+        if i >= height or j >= width or factor[i, j] == 0:
+            return -1.0
+        total += factor[i, j] - FREE
+        checks += 1
+        row = step + k
+        if row >= len(keep_off):
+            continue
+        nearest = np.inf
+        for m in range(len(expected)):
+            dx, dy = expected[m, row, 0] - px, expected[m, row, 1] - py
+            squared = dx * dx + dy * dy
+            wide = keep_off[row] + nearness[1]
+            if squared < wide * wide:
+                # Whoever is nearer already must be able to leave.
+                kept = min(keep_off[row], escape[m])
+                if squared < kept * kept:
+                    return -1.0
+                nearest = min(nearest, math.sqrt(squared) - keep_off[row])
+        if nearest < nearness[1]:
+            extra += nearness[0] * (1.0 - nearest / nearness[1]) * CHECK_STEPS * DT_S
+    return length * total / (FREE * checks) + extra
+
+
+@njit(cache=True)
+def _search(
+    factor: UInt8Array,
+    heuristic: Int32Array,
+    resolution: float,
+    start: tuple[float, float, float],
+    goal: tuple[float, float, float],
+    primitives: tuple[Float64Array, Float64Array, Float64Array, Int32Array, Int32Array],
+    turn_levels: int,
+    humans: tuple[Float64Array, Float64Array],
+    weights: tuple[float, float, float],
+    limits: tuple[int, int, int],
+    stamp: int,
+    memory: tuple[Float64Array, Int32Array, Float64Array, Int32Array],
+    table: tuple[npt.NDArray[np.int64], Int32Array, Int32Array],
+) -> tuple[int, bool, int]:
+    """Last node or -1, whether it is at the goal, and the number of expansions.
+
+    `nodes` holds x, y, yaw, cost; `links` parent, primitive, depth, group of primitives that may follow.
+    """
+    rows, costs, lengths, ends, first = primitives
+    nodes, links, heap_cost, heap_node = memory
+    table_key, table_node, table_stamp = table
+    expected, keep_off = humans
+    heading_count, expansions_max, partial_depth = limits
+    steps = rows.shape[1]
+    depth_max = len(keep_off) // steps + 1 if len(expected) > 0 else 0
+    metres = resolution / UNITS_PER_CELL
+    per_rad = heading_count / (2 * math.pi)
+    columns = int(factor.shape[1] * resolution / _KEY_CELL_M) + 2
+    speeds = len(first)
+    escape = np.empty(len(expected))
+    for m in range(len(expected)):
+        dx, dy = expected[m, 0, 0] - start[0], expected[m, 0, 1] - start[1]
+        escape[m] = math.sqrt(dx * dx + dy * dy) - _ESCAPE_M
+    nodes[0, 0], nodes[0, 1], nodes[0, 2], nodes[0, 3] = start[0], start[1], start[2] % (2 * math.pi), 0.0
+    links[0, 0], links[0, 1], links[0, 2], links[0, 3] = -1, -1, 0, len(first) - 2
+    waiting = push(heap_cost, heap_node, 0, 0.0, 0)
+    count, expansions = 1, 0
+    best, best_left = -1, np.inf
+    while waiting > 0 and expansions < expansions_max:
+        node = heap_node[0]
+        waiting = pop(heap_cost, heap_node, waiting)
+        x, y, yaw, cost = nodes[node, 0], nodes[node, 1], nodes[node, 2], nodes[node, 3]
+        depth, group = links[node, 2], links[node, 3]
+        cell = int(y / _KEY_CELL_M) * columns + int(x / _KEY_CELL_M)
+        if node > 0:
+            key = cell * heading_count + int(yaw * per_rad) % heading_count
+            key = (key * 64 + min(depth, depth_max)) * speeds + group // turn_levels
+            if table_node[slot_of(key, stamp, table_key, table_stamp)] != node:
+                continue
+        if (x - goal[0]) ** 2 + (y - goal[1]) ** 2 < goal[2] * goal[2] and node > 0:
+            return node, True, expansions
+        left = heuristic[int(y / resolution), int(x / resolution)] * metres
+        if depth >= partial_depth and left < best_left:
+            best, best_left = node, left
+        expansions += 1
+        c, s = math.cos(yaw), math.sin(yaw)
+        for q in range(first[group], first[group + 1]):
+            end = rows[q, steps - 1]
+            xx, yy = x + c * end[0] - s * end[1], y + s * end[0] + c * end[1]
+            if xx < 0.0 or yy < 0.0:
+                continue
+            i, j = int(yy / resolution), int(xx / resolution)
+            if i >= factor.shape[0] or j >= factor.shape[1] or heuristic[i, j] >= UNREACHED:
+                continue
+            new_yaw = (yaw + end[2]) % (2 * math.pi)
+            key = (int(yy / _KEY_CELL_M) * columns + int(xx / _KEY_CELL_M)) * heading_count
+            key += int(new_yaw * per_rad) % heading_count
+            key = (key * 64 + min(depth + 1, depth_max)) * speeds + ends[q] // turn_levels
+            slot = slot_of(key, stamp, table_key, table_stamp)
+            known = table_stamp[slot] == stamp
+            new_cost = cost + costs[q]
+            if known and nodes[table_node[slot], 3] <= new_cost:
+                continue
+            extra = primitive_cost(
+                factor,
+                resolution,
+                (x, y, yaw),
+                rows[q],
+                lengths[q],
+                humans,
+                depth * steps,
+                escape,
+                (weights[1], weights[2]),
+            )
+            new_cost += extra
+            if extra < 0.0 or (known and nodes[table_node[slot], 3] <= new_cost):
+                continue
+            if count >= len(nodes):
+                return best, False, expansions
+            nodes[count, 0], nodes[count, 1], nodes[count, 2], nodes[count, 3] = xx, yy, new_yaw, new_cost
+            links[count, 0], links[count, 1], links[count, 2], links[count, 3] = node, q, depth + 1, ends[q]
+            table_stamp[slot], table_key[slot], table_node[slot] = stamp, key, count
+            estimate = new_cost + weights[0] * metres * heuristic[i, j]
+            waiting = push(heap_cost, heap_node, waiting, estimate, count)
+            count += 1
+    return best, False, expansions
+
+
+@njit(cache=True)
+def _trace(
+    node: int,
+    nodes: Float64Array,
+    links: Int32Array,
+    primitives: Float64Array,
+    origin: tuple[float, float],
+    rows: Float64Array,
+) -> None:
+    """Fill `rows`, the first of which is there, with the primitives that lead to a node."""
+    steps = primitives.shape[1]
+    while links[node, 0] >= 0:
+        parent, q = links[node, 0], links[node, 1]
+        c, s = math.cos(nodes[parent, 2]), math.sin(nodes[parent, 2])
+        at = links[parent, 2] * steps + 1
+        for k in range(steps):
+            ahead, left = primitives[q, k, 0], primitives[q, k, 1]
+            rows[at + k, 0] = nodes[parent, 0] + c * ahead - s * left + origin[0]
+            rows[at + k, 1] = nodes[parent, 1] + s * ahead + c * left + origin[1]
+            rows[at + k, 2] = nodes[parent, 2] + primitives[q, k, 2]
+            rows[at + k, 3], rows[at + k, 4] = primitives[q, k, 3], primitives[q, k, 4]
+        node = parent
