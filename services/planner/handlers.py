@@ -7,7 +7,7 @@ from typing import Protocol
 from common.avatars import Avatar, FootprintModel
 from common.episode import EpisodeConfig, EpisodeSimulation, Purpose, episode_rng
 from common.errors import AvatarError
-from common.maps import FloorMap, OccupancyMap
+from common.maps import FloorMap, OccupancyMap, sight_of_occupancy
 from common.messages import (
     EpisodeMotions,
     HumanPlanReply,
@@ -83,7 +83,13 @@ class Planner:
         self.human_config = human_config
         self.human_map = without_slopes(maps.human, maps.floor, human_config.slope_max)
         self.sampler = ScenarioSampler(
-            maps.robot, self.human_map, robot, episode_config, human_config, expert_config.cell_margin_m
+            maps.robot,
+            self.human_map,
+            robot,
+            episode_config,
+            human_config,
+            expert_config.cell_margin_m,
+            find_sight=lambda: getattr(maps, "sight", None) or sight_of_occupancy(maps.robot),
         )
         sight = getattr(maps, "sight", None) if expert_config.needs_line_of_sight else None
         self.ground = ExpertGround(maps.robot, maps.human, sight, robot, episode_config, expert_config)

@@ -1,7 +1,7 @@
 """Draws scenarios: where the robot starts and goes, and which humans meet it on the way."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import islice
 
 import numpy as np
@@ -11,7 +11,7 @@ from scipy import ndimage
 from common.episode import EpisodeConfig, GridSearch, Purpose, episode_rng
 from common.episode.grid_search import FREE, taut_path_m
 from common.errors import AvatarError, SceneError
-from common.maps import OccupancyMap, clearance_m
+from common.maps import OccupancyMap, SightMap, clearance_m, sight_of_occupancy
 from common.messages import EpisodeKey, HumanTrajectory, Scenario
 from common.robot import RobotConfig
 from common.robot.kinematics import DT_S
@@ -80,8 +80,19 @@ class ScenarioSampler:
         episode_config: EpisodeConfig,
         config: HumanPlannerConfig,
         cell_margin_m: float,
+        *,
+        find_sight: Callable[[], SightMap] | None = None,
     ) -> None:
         """Precompute free space and its connected regions.
+
+        Args:
+            robot_map: What blocks the robot.
+            human_map: What blocks humans.
+            robot: Footprint and limits.
+            episode_config: Distances, counts and speeds.
+            config: How scenarios are drawn.
+            cell_margin_m: Added to the planning radius at cell centres [m].
+            find_sight: What hides people from a camera; without it, all of the robot's map does.
 
         Raises:
             SceneError: If the robot's map has no free space for it.
@@ -90,11 +101,11 @@ class ScenarioSampler:
         self._frame = robot_map.frame
         self.site = Site(
             paths=HumanPathPlanner(human_map, config),
-            robot_map=robot_map,
             robot=robot,
             episode=episode_config,
             config=config,
             drive=ExpectedDrive.of(robot, config.robot_speed_fraction),
+            find_sight=find_sight or (lambda: sight_of_occupancy(robot_map)),
         )
         clearance = clearance_m(robot_map)
         planning_m = robot.planning_radius_m + cell_margin_m
