@@ -30,6 +30,8 @@ from services.planner.human import without_slopes
 from services.planner.hybrid_astar import HybridAStar
 from services.planner.reactive import ReactivePeople, ReactiveSimulation, reacted
 from services.planner.scenario import IN_THE_WAY, RejectedError, ScenarioSampler
+from services.planner.scenario_file import ScenarioFile
+from services.planner.scripted import Script, ScriptMaps
 from services.planner.spacetime_search import SpaceTimeSearch
 from services.planner.walk import nearest_m
 
@@ -64,6 +66,7 @@ class Planner:
         episode_config: EpisodeConfig,
         human_config: HumanPlannerConfig,
         expert_config: ExpertConfig,
+        scenarios: ScenarioFile | None = None,
     ) -> None:
         """Prepare a scene.
 
@@ -74,9 +77,11 @@ class Planner:
             episode_config: Task and judging.
             human_config: How scenarios are drawn.
             expert_config: How the expert drives.
+            scenarios: Is played instead of drawing.
 
         Raises:
             SceneError: If the robot has no free space.
+            ConfigError: If a scenario of the file cannot take place here.
         """
         self.maps, self.robot, self.episode_config = maps, robot, episode_config
         self.avatar_names = sorted(avatars)
@@ -91,6 +96,10 @@ class Planner:
             expert_config.cell_margin_m,
             find_sight=lambda: getattr(maps, "sight", None) or sight_of_occupancy(maps.robot),
         )
+        self.script = None
+        if scenarios is not None:
+            places = ScriptMaps(robot_map=maps.robot, human_map=maps.human, paths=self.sampler.site.paths)
+            self.script = Script(scenarios, places, robot, episode_config, human_config, self.avatar_names)
         sight = getattr(maps, "sight", None) if expert_config.needs_line_of_sight else None
         self.ground = ExpertGround(maps.robot, maps.human, sight, robot, episode_config, expert_config)
         self._search = expert_search(self.ground)
@@ -136,12 +145,16 @@ def expert_search(ground: ExpertGround) -> HybridAStar | SpaceTimeSearch:
 
 
 def handle_human_plan(planner: Planner, request: HumanPlanRequest) -> HumanPlanReply:
-    """Draw the scenario of an episode; an episode that cannot take place is rejected with a short reason."""
+    """Draw the scenario of an episode, or play the file's; an episode that cannot take place is rejected with a short reason."""
     rng = episode_rng(request.episode, Purpose.SCENARIO)
     try:
-        scenario = planner.sampler.draw(request.episode, rng, planner.avatar_names, static=request.static)
-        if planner.human_config.reactive and scenario.humans:
-            scenario = let_react(planner, scenario, [True] * len(scenario.humans))
+        if planner.script is None:
+            scenario = planner.sampler.draw(request.episode, rng, planner.avatar_names, static=request.static)
+            reacts = [True] * len(scenario.humans)
+        else:
+            scenario, reacts = planner.script.scenario(request.episode, static=request.static)
+        if planner.human_config.reactive and any(reacts):
+            scenario = let_react(planner, scenario, reacts)
     except RejectedError as reason:
         return HumanPlanReply(episode=request.episode, rejected=str(reason))
     return HumanPlanReply(episode=request.episode, scenario=scenario)

@@ -29,7 +29,7 @@ from services.planner.families import (
     parallel,
 )
 from services.planner.families_places import blind_corner, doorway, standing_group, stop_and_go
-from services.planner.human import HumanPathPlanner
+from services.planner.human import HumanPathPlanner, keeps_clear
 from services.planner.spline import length_m, resample
 from services.planner.task import SPACING_M, ExpectedDrive, Point, Task
 from services.planner.walk import nearest_m
@@ -230,7 +230,7 @@ class ScenarioSampler:
         radius_m = self._episode.human_radius_m
         if any(nearest_m(xy_m, other) < 2 * radius_m for other in others):
             return False
-        return self.site.paths.keeps_clear(xy_m, radius_m)
+        return keeps_clear(self.site.paths.occupancy, xy_m, radius_m)
 
     def _leave_a_way(self, task: Task, tracks: list[Float64Array], gap_m: float) -> bool:
         """True if the robot can get to its goal among people who stand at the ends of their tracks."""
