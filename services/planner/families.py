@@ -287,8 +287,10 @@ def _is_fair(site: Site, task: Task, start: Point, end: Point) -> bool:
 
 
 def _turn_rad(site: Site, task: Task, xy_m: Float64Array, step: int) -> float:
-    """Angle between the headings of robot and person around a step [rad]: 0 the same, pi opposite."""
+    """Angle between the headings of robot and person around a step [rad]: 0 the same, pi opposite, pi/2 standing."""
     a, b = max(step - 5, 0), step + 5
     person = held(xy_m, b + 1)
     (rx, ry), (px, py) = site.drive.directions(task, step + 1)[step].tolist(), (person[b] - person[a]).tolist()
+    if math.hypot(px, py) < 0.1:
+        return 0.5 * math.pi
     return abs(math.atan2(rx * py - ry * px, rx * px + ry * py))

@@ -145,7 +145,7 @@ def expert_search(ground: ExpertGround) -> HybridAStar | SpaceTimeSearch:
 
 
 def handle_human_plan(planner: Planner, request: HumanPlanRequest) -> HumanPlanReply:
-    """Draw the scenario of an episode, or play the file's; an episode that cannot take place is rejected with a short reason."""
+    """Draw the scenario of an episode, or play the file's; what cannot take place is rejected with a short reason."""
     rng = episode_rng(request.episode, Purpose.SCENARIO)
     try:
         if planner.script is None:

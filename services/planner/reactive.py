@@ -1,8 +1,8 @@
 """People who yield: the drawn trajectories, walked again among each other and beside the expert's robot.
 
 Everybody follows the drawn rows and, at each step, takes the velocity of a fan around the wanted one that costs least:
-how far it is off, and how soon it touches the robot or somebody else if nobody changes course. Whoever stands outside of
-a person's view, or behind an obstacle, is not there for that person. Walls are never touched.
+how far it is off, and how soon it touches the robot or somebody else if nobody changes course. Whoever is outside of a
+person's view, or behind an obstacle, is not there for that person. Walls are never touched.
 Source: van den Berg, Lin, Manocha, Reciprocal velocity obstacles for real-time multi-agent navigation, ICRA 2008
 (sampled velocities and the penalty of time to collision; here each one avoids fully instead of by half).
 """

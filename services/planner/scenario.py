@@ -127,7 +127,7 @@ class ScenarioSampler:
             RejectedError: If the draw cannot take place.
             AvatarError: If humans are wanted but there are no avatars.
         """
-        task = self._draw_task(rng)
+        task = self.draw_task(rng)
         count = int(rng.integers(self._episode.human_count_min, self._episode.human_count_max + 1))
         humans: list[HumanTrajectory] = []
         if not static and count > 0:
@@ -156,8 +156,12 @@ class ScenarioSampler:
             humans=tuple(humans),
         )
 
-    def _draw_task(self, rng: np.random.Generator) -> Task:
-        """Start and goal in one region, the distance drawn evenly from the config's range."""
+    def draw_task(self, rng: np.random.Generator) -> Task:
+        """Start and goal in one region, the distance drawn evenly from the config's range.
+
+        Raises:
+            RejectedError: If there is none.
+        """
         for _ in range(100):
             start = self._draw_start(rng)
             region = self._region[self._frame.cell(*start)]
@@ -272,12 +276,15 @@ def drawn_order(rng: np.random.Generator, mix: FamilyMix) -> Iterator[str]:
     """All families of a mix, each drawn by its share among those that are left; what is not asked for is not drawn."""
     shares = mix.shares
     while shares:
-        family = next(iter(shares))
-        if len(shares) > 1:
-            left = rng.random() * sum(shares.values())
-            for family, share in shares.items():
-                left -= share
-                if left < 0:
-                    break
+        family = _drawn(rng, shares) if len(shares) > 1 else next(iter(shares))
         del shares[family]
         yield family
+
+
+def _drawn(rng: np.random.Generator, shares: dict[str, float]) -> str:
+    left = rng.random() * sum(shares.values())
+    for family, share in shares.items():
+        left -= share
+        if left < 0:
+            return family
+    return next(reversed(shares))
