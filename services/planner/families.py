@@ -13,13 +13,12 @@ import numpy as np
 import numpy.typing as npt
 
 from common.episode import EpisodeConfig
-from common.maps import OccupancyMap
+from common.maps import SightMap
 from common.robot import RobotConfig
 from common.robot.kinematics import DT_S
 from services.planner.config import HumanPlannerConfig
 from services.planner.human import HumanPathPlanner
 from services.planner.passages import Passage, find_passages
-from services.planner.sight import Sight
 from services.planner.spline import at_constant_speed, length_m
 from services.planner.task import ExpectedDrive, Point, Task, apart_m, moved, turned
 from services.planner.walk import Walk, cut_to_meet, held, timed_to_meet
@@ -42,16 +41,21 @@ class Site:
     """What families draw on: one scene's maps and the settings. What is dear is computed when it is first asked for."""
 
     paths: HumanPathPlanner
-    robot_map: OccupancyMap
     robot: RobotConfig
     episode: EpisodeConfig
     config: HumanPlannerConfig
     drive: ExpectedDrive
+    find_sight: Callable[[], SightMap]
+    """What hides people from a camera: dear, so only asked for where a family needs it."""
 
     @cached_property
-    def sight(self) -> Sight:
-        """Who hides whom."""
-        return Sight(self.robot_map)
+    def sight(self) -> SightMap:
+        """What hides people from a camera."""
+        return self.find_sight()
+
+    def sees(self, robot_m: Point, person_m: Point) -> bool:
+        """True if a robot there could see a person there, whichever way it looks."""
+        return self.sight.sees(*robot_m, self.robot.camera.mount_height_m, person_m)
 
     @cached_property
     def passages(self) -> tuple[Passage, ...]:
@@ -283,8 +287,10 @@ def _is_fair(site: Site, task: Task, start: Point, end: Point) -> bool:
 
 
 def _turn_rad(site: Site, task: Task, xy_m: Float64Array, step: int) -> float:
-    """Angle between the headings of robot and person around a step [rad]: 0 the same, pi opposite."""
+    """Angle between the headings of robot and person around a step [rad]: 0 the same, pi opposite, pi/2 standing."""
     a, b = max(step - 5, 0), step + 5
     person = held(xy_m, b + 1)
     (rx, ry), (px, py) = site.drive.directions(task, step + 1)[step].tolist(), (person[b] - person[a]).tolist()
+    if math.hypot(px, py) < 0.1:
+        return 0.5 * math.pi
     return abs(math.atan2(rx * py - ry * px, rx * px + ry * py))

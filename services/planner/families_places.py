@@ -29,7 +29,7 @@ def blind_corner(site: Site, rng: np.random.Generator, task: Task, wanted: int) 
     if not site.paths.component(behind):
         return ()
     robot, _ = task.at(site.drive.along_m(meeting_s - hidden_s) / task.length_m)
-    if not site.sight.hides(robot, behind):
+    if site.sees(robot, behind):
         return ()
     path = path_across(site, meeting, direction, speed * meeting_s, rng.uniform(1.5, 4.0))
     xy_m = None if path is None else timed_to_meet(path, meeting, meeting_s, speed)
@@ -44,8 +44,9 @@ def is_blind_corner(site: Site, task: Task, xy_m: Float64Array) -> bool:
     first = max(step - round(site.config.hidden_until_s / DT_S), 0)
     if gap_m > 0.7 or first == 0:
         return False
-    seen = site.sight.first_seen(site.drive.rows(task, step), held(xy_m, step))
-    return seen >= first
+    robot, person = site.drive.rows(task, first).tolist(), held(xy_m, first).tolist()
+    # From the last moment on: that is where most who are seen are seen.
+    return not any(site.sees(tuple(robot[k]), tuple(person[k])) for k in reversed(range(first)))
 
 
 def doorway(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> People:

@@ -28,7 +28,7 @@ class HumanPathPlanner:
 
     def __init__(self, occupancy: OccupancyMap, config: HumanPlannerConfig) -> None:
         self.frame = occupancy.frame
-        self._map, self._config = occupancy, config
+        self.occupancy, self._config = occupancy, config
         self.searches = 0
         """Paths that were asked for so far."""
         self._clearance = clearance_m(occupancy).astype(np.float64)
@@ -72,12 +72,6 @@ class HumanPathPlanner:
         gaps = (x - point_m[0]) ** 2 + (y - point_m[1]) ** 2
         best = int(np.argmin(gaps))
         return (float(x[best]), float(y[best])) if gaps[best] <= reach_m * reach_m else None
-
-    def keeps_clear(self, xy_m: Float64Array, radius_m: float) -> bool:
-        """True if a disc meets nothing at any of these places, by the definition of collisions."""
-        frame = self.frame
-        place = (frame.origin_x_m, frame.origin_y_m, frame.resolution_m)
-        return bool(_keeps_clear(self._map.occupied, *place, xy_m, radius_m))
 
     def path(self, via_m: list[Point], *, detour_max: float = 1.6) -> Float64Array | None:
         """A smooth path through points that all lie in one walkable region.
@@ -145,6 +139,13 @@ class HumanPathPlanner:
         cells += low
         outside = 5 * FREE * (2 * margin + min(abs(start[0] - goal[0]), abs(start[1] - goal[1])))
         return cells if _cost(cells, self._factor) < outside else self._search.path(self._factor, start, goal)
+
+
+def keeps_clear(occupancy: OccupancyMap, xy_m: Float64Array, radius_m: float) -> bool:
+    """True if a disc meets nothing at any of these places (N, 2) [m], by the definition of collisions."""
+    frame = occupancy.frame
+    place = (frame.origin_x_m, frame.origin_y_m, frame.resolution_m)
+    return bool(_keeps_clear(occupancy.occupied, *place, xy_m, radius_m))
 
 
 def without_slopes(occupancy: OccupancyMap, floor: FloorMap, slope_max: float) -> OccupancyMap:

@@ -58,9 +58,7 @@ def _root(parent: npt.NDArray[np.int32], label: int) -> int:
 
 
 @njit(cache=True)
-def _meetings(
-    clearance: Float64Array, order: npt.NDArray[np.int64], deeper_m: float
-) -> npt.NDArray[np.int64]:
+def _meetings(clearance: Float64Array, order: npt.NDArray[np.int64], deeper_m: float) -> npt.NDArray[np.int64]:
     """Cells at which two deep basins meet first, shape (M, 2); further meetings beside them do not count."""
     height, width = clearance.shape
     label = np.zeros((height, width), np.int32)

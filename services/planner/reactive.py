@@ -1,8 +1,8 @@
 """People who yield: the drawn trajectories, walked again among each other and beside the expert's robot.
 
 Everybody follows the drawn rows and, at each step, takes the velocity of a fan around the wanted one that costs least:
-how far it is off, and how soon it touches the robot or somebody else if nobody changes course. Whoever stands outside of
-a person's view, or behind an obstacle, is not there for that person. Walls are never touched.
+how far it is off, and how soon it touches the robot or somebody else if nobody changes course. Whoever is outside of a
+person's view, or behind an obstacle, is not there for that person. Walls are never touched.
 Source: van den Berg, Lin, Manocha, Reciprocal velocity obstacles for real-time multi-agent navigation, ICRA 2008
 (sampled velocities and the penalty of time to collision; here each one avoids fully instead of by half).
 """
@@ -17,13 +17,14 @@ from numba import njit
 
 from common.episode import EpisodeConfig, EpisodeSimulation
 from common.episode.collision import disc_meets_cells
+from common.episode.grid_search import line_is_free
 from common.episode.simulation import time_to_contact_s
 from common.maps import OccupancyMap
 from common.messages import EpisodeMotions, HumanMotion, Motion, Outcome, Scenario
 from common.robot import RobotConfig
 from common.robot.kinematics import DT_S, RATE_HZ
 from services.planner.config import HumanPlannerConfig
-from services.planner.sight import is_open
+from services.planner.walk import held
 
 Float64Array = npt.NDArray[np.float64]
 
@@ -150,24 +151,25 @@ class ReactiveSimulation(EpisodeSimulation):
         super().__init__(scenario, self._stand_ins, robot_map, robot, episode_config)
 
     def human_xy_at(self, step: int) -> Float64Array:
-        """Where the people are at a step [m], shape (N, 2); for the future, where they are now."""
-        return self._people.xy_m[min(step, len(self._people.xy_m) - 1)]
+        """Where the people are at a step [m], shape (N, 2); in the future, where they were drawn to be."""
+        walked = self._people.xy_m
+        return walked[step] if step < len(walked) else super().human_xy_at(step)
 
     def advance(self, v_mps: float, w_radps: float) -> Outcome | None:
         """See `EpisodeSimulation.advance`; people see where the robot is before it moves."""
         vx, vy = self.v_mps * math.cos(self.yaw_rad), self.v_mps * math.sin(self.yaw_rad)
         self._people.advance((self.x_m, self.y_m, vx, vy))
         for human, xy in zip(self._stand_ins.humans, self._people.xy_m[-1], strict=True):
-            human.motion.root_m[self.step + 1 :, :2] = xy
+            human.motion.root_m[self.step + 1, :2] = xy
         return super().advance(v_mps, w_radps)
 
 
 def stand_ins(scenario: Scenario, count: int) -> EpisodeMotions:
-    """Motions of people whose arms hang, at their first places; the simulation moves them as it goes."""
+    """Motions of people whose arms hang, along the drawn trajectories; the simulation moves them as it goes."""
     humans = []
     for human in scenario.humans:
         root, pose = np.zeros((count, 3), np.float32), np.zeros((count, 24, 3), np.float32)
-        root[:, :2], root[:, 2] = human.xy_m[0], 0.9
+        root[:, :2], root[:, 2] = held(human.xy_m, count), 0.9
         # The shoulders: SMPL's figure without rotations holds its arms out.
         pose[:, 16, 2], pose[:, 17, 2] = -1.3, 1.3
         humans.append(HumanMotion(avatar=human.avatar, motion=Motion(root_m=root, pose_axis_angle=pose)))
@@ -215,7 +217,14 @@ def _step(
         dx, dy = discs[d, 0] - here[0], discs[d, 1] - here[1]
         away = max(math.sqrt(dx * dx + dy * dy), 1e-9)
         inside = away <= view[1] and dx * heading[0] + dy * heading[1] >= view[0] * away
-        seen[d] = inside and is_open(free, ox, oy, res, here[0], here[1], discs[d, 0], discs[d, 1])
+        seen[d] = inside and line_is_free(
+            free,
+            (here[1] - oy) / res,
+            (here[0] - ox) / res,
+            (discs[d, 1] - oy) / res,
+            (discs[d, 0] - ox) / res,
+            1,
+        )
     px, py = target[0] - here[0], target[1] - here[1]
     distance = math.sqrt(px * px + py * py)
     if distance < 1e-9:

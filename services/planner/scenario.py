@@ -1,7 +1,7 @@
 """Draws scenarios: where the robot starts and goes, and which humans meet it on the way."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import islice
 
 import numpy as np
@@ -11,7 +11,7 @@ from scipy import ndimage
 from common.episode import EpisodeConfig, GridSearch, Purpose, episode_rng
 from common.episode.grid_search import FREE, taut_path_m
 from common.errors import AvatarError, SceneError
-from common.maps import OccupancyMap, clearance_m
+from common.maps import OccupancyMap, SightMap, clearance_m, sight_of_occupancy
 from common.messages import EpisodeKey, HumanTrajectory, Scenario
 from common.robot import RobotConfig
 from common.robot.kinematics import DT_S
@@ -29,7 +29,7 @@ from services.planner.families import (
     parallel,
 )
 from services.planner.families_places import blind_corner, doorway, standing_group, stop_and_go
-from services.planner.human import HumanPathPlanner
+from services.planner.human import HumanPathPlanner, keeps_clear
 from services.planner.spline import length_m, resample
 from services.planner.task import SPACING_M, ExpectedDrive, Point, Task
 from services.planner.walk import nearest_m
@@ -80,8 +80,19 @@ class ScenarioSampler:
         episode_config: EpisodeConfig,
         config: HumanPlannerConfig,
         cell_margin_m: float,
+        *,
+        find_sight: Callable[[], SightMap] | None = None,
     ) -> None:
         """Precompute free space and its connected regions.
+
+        Args:
+            robot_map: What blocks the robot.
+            human_map: What blocks humans.
+            robot: Footprint and limits.
+            episode_config: Distances, counts and speeds.
+            config: How scenarios are drawn.
+            cell_margin_m: Added to the planning radius at cell centres [m].
+            find_sight: What hides people from a camera; without it, all of the robot's map does.
 
         Raises:
             SceneError: If the robot's map has no free space for it.
@@ -90,11 +101,11 @@ class ScenarioSampler:
         self._frame = robot_map.frame
         self.site = Site(
             paths=HumanPathPlanner(human_map, config),
-            robot_map=robot_map,
             robot=robot,
             episode=episode_config,
             config=config,
             drive=ExpectedDrive.of(robot, config.robot_speed_fraction),
+            find_sight=find_sight or (lambda: sight_of_occupancy(robot_map)),
         )
         clearance = clearance_m(robot_map)
         planning_m = robot.planning_radius_m + cell_margin_m
@@ -116,7 +127,7 @@ class ScenarioSampler:
             RejectedError: If the draw cannot take place.
             AvatarError: If humans are wanted but there are no avatars.
         """
-        task = self._draw_task(rng)
+        task = self.draw_task(rng)
         count = int(rng.integers(self._episode.human_count_min, self._episode.human_count_max + 1))
         humans: list[HumanTrajectory] = []
         if not static and count > 0:
@@ -145,8 +156,12 @@ class ScenarioSampler:
             humans=tuple(humans),
         )
 
-    def _draw_task(self, rng: np.random.Generator) -> Task:
-        """Start and goal in one region, the distance drawn evenly from the config's range."""
+    def draw_task(self, rng: np.random.Generator) -> Task:
+        """Start and goal in one region, the distance drawn evenly from the config's range.
+
+        Raises:
+            RejectedError: If there is none.
+        """
         for _ in range(100):
             start = self._draw_start(rng)
             region = self._region[self._frame.cell(*start)]
@@ -219,7 +234,7 @@ class ScenarioSampler:
         radius_m = self._episode.human_radius_m
         if any(nearest_m(xy_m, other) < 2 * radius_m for other in others):
             return False
-        return self.site.paths.keeps_clear(xy_m, radius_m)
+        return keeps_clear(self.site.paths.occupancy, xy_m, radius_m)
 
     def _leave_a_way(self, task: Task, tracks: list[Float64Array], gap_m: float) -> bool:
         """True if the robot can get to its goal among people who stand at the ends of their tracks."""
@@ -261,12 +276,15 @@ def drawn_order(rng: np.random.Generator, mix: FamilyMix) -> Iterator[str]:
     """All families of a mix, each drawn by its share among those that are left; what is not asked for is not drawn."""
     shares = mix.shares
     while shares:
-        family = next(iter(shares))
-        if len(shares) > 1:
-            left = rng.random() * sum(shares.values())
-            for family, share in shares.items():
-                left -= share
-                if left < 0:
-                    break
+        family = _drawn(rng, shares) if len(shares) > 1 else next(iter(shares))
         del shares[family]
         yield family
+
+
+def _drawn(rng: np.random.Generator, shares: dict[str, float]) -> str:
+    left = rng.random() * sum(shares.values())
+    for family, share in shares.items():
+        left -= share
+        if left < 0:
+            return family
+    return next(reversed(shares))

@@ -24,7 +24,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -43,6 +43,7 @@ SCRIPTED = "scripted"
 """Encounter of humans whose file names no other."""
 
 Point = tuple[float, ...]
+Section = TypeVar("Section")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -195,12 +196,12 @@ def _parse_entry(row: Any, source: str, number: int) -> ScriptedScenario:
         raise ConfigError(f"{where}: {error}") from error
 
 
-def _section(cls: Any, mapping: Any, where: str) -> Any:
+def _section(cls: type[Section], mapping: Any, where: str) -> Section:
     if not isinstance(mapping, Mapping):
         raise ConfigError(f"{where} must be a table, got {mapping!r}.")
     missing = sorted(
         field.name
-        for field in dataclasses.fields(cls)
+        for field in dataclasses.fields(cls)  # type: ignore[arg-type]
         if field.default is dataclasses.MISSING and field.name not in mapping
     )
     if missing:

@@ -55,9 +55,7 @@ class ExpectedDrive:
     @classmethod
     def of(cls, robot: RobotConfig, speed_fraction: float) -> "ExpectedDrive":
         """The drive of a robot at a share of its top speed."""
-        return cls(
-            speed_mps=speed_fraction * robot.v_max_mps, getting_going_s=0.5 * robot.v_max_mps / robot.a_max_mps2
-        )
+        return cls(speed_mps=speed_fraction * robot.v_max_mps, getting_going_s=0.5 * robot.v_max_mps / robot.a_max_mps2)
 
     def time_s(self, along_m: float) -> float:
         """When the robot is a distance along its way [s]."""
@@ -78,8 +76,9 @@ class ExpectedDrive:
         return at_lengths(task.way_m, ahead) - at_lengths(task.way_m, behind)
 
     def _along(self, task: Task, count: int) -> Float64Array:
-        along: Float64Array = (np.arange(count) * DT_S - self.getting_going_s) * self.speed_mps
-        return np.clip(along, 0.0, task.length_m)
+        along = (np.arange(count, dtype=np.float64) * DT_S - self.getting_going_s) * self.speed_mps
+        clipped: Float64Array = np.clip(along, 0.0, task.length_m).astype(np.float64, copy=False)
+        return clipped
 
 
 def turned(direction: Point, angle_rad: float) -> Point:
