@@ -106,14 +106,14 @@ class Course:
         Raises:
             SceneError: If the maps cannot be used.
         """
-        self.job, self._robot, self._episode = job, RobotConfig(), EpisodeConfig()
-        self._maps, avatars = open_maps(job.source), load_avatars()
-        self._planners = {
-            mode: Planner(self._maps, avatars, self._robot, self._episode, HumanPlannerConfig(), expert_recipe(mode))
+        self.job, self.robot, self.episode = job, RobotConfig(), EpisodeConfig()
+        self.maps, avatars = open_maps(job.source), load_avatars()
+        self.planners = {
+            mode: Planner(self.maps, avatars, self.robot, self.episode, HumanPlannerConfig(), expert_recipe(mode))
             for mode in dict.fromkeys(("paper", *job.modes))
         }
-        self._animator = Animator(avatars, self._maps.floor, AnimatorConfig())
-        self._clearance_m = clearance_m(self._maps.robot)
+        self.animator = Animator(avatars, self.maps.floor, AnimatorConfig())
+        self._clearance_m = clearance_m(self.maps.robot)
         for index in range(REJECTED_MAX):
             if not self.draw(index, pictures=None).rejected:
                 return
@@ -122,12 +122,12 @@ class Course:
         """Draw an index and let every expert drive through it; an index counts if its dynamic scenario does."""
         key = EpisodeKey(seed=self.job.seed, split=Split.TEST, index=index)
         # Whether a scenario exists must not depend on the modes asked for.
-        planner = self._planners["paper"]
+        planner = self.planners["paper"]
         plan, scenario_ms = timed(lambda: handle_human_plan(planner, HumanPlanRequest(episode=key)))
         if plan.scenario is None:
             return Draw(index=index, rejected=plan.rejected, scenario_ms=scenario_ms)
         request = AnimateRequest(scenario=plan.scenario)
-        animated, motion_ms = timed(lambda: handle_animate(self._animator, request))
+        animated, motion_ms = timed(lambda: handle_animate(self.animator, request))
         if animated.motions is None:
             return Draw(index=index, rejected="motion", scenario_ms=scenario_ms)
         still = handle_human_plan(planner, HumanPlanRequest(episode=key, static=True)).scenario
@@ -142,13 +142,13 @@ class Course:
 
     def _drive(self, mode: str, scenario: Scenario, motions: EpisodeMotions, pictures: Path | None) -> Run:
         request = RobotPlanRequest(scenario=scenario, motions=motions)
-        reply, expert_ms = timed(lambda: handle_robot_plan(self._planners[mode], request))
+        reply, expert_ms = timed(lambda: handle_robot_plan(self.planners[mode], request))
         run = reply.trajectory
         assert run is not None
         failure = self._failure(run, motions)
         if failure and pictures is not None:
             folder = pictures / mode / failure.replace(", ", "_").replace(" ", "-")
-            picture = draw_episode(self._maps.robot, scenario, run, motions=motions)
+            picture = draw_episode(self.maps.robot, scenario, run, motions=motions)
             write_png(folder / f"{scenario.episode.episode_id}.png", picture)
         free = self._free_steps(run)
         return Run(
@@ -166,11 +166,11 @@ class Course:
     def _shortest_m(self, scenario: Scenario) -> float:
         start, goal = scenario.start_xyyaw.tolist(), scenario.goal_xy_m.tolist()
         return shortest_way_m(
-            self._maps.robot,
-            self._robot.radius_m,
+            self.maps.robot,
+            self.robot.radius_m,
             (start[0], start[1]),
             (goal[0], goal[1]),
-            goal_radius_m=self._episode.success_radius_m,
+            goal_radius_m=self.episode.success_radius_m,
         )
 
     def _failure(self, run: RobotTrajectory, motions: EpisodeMotions) -> str:
@@ -184,14 +184,14 @@ class Course:
         roots = [human.motion.root_m[human.motion.row(step), :2].tolist() for human in motions.humans]
         dx, dy = min(((hx - x, hy - y) for hx, hy in roots), key=lambda gap: math.hypot(*gap))
         bearing = (math.atan2(dy, dx) - yaw + math.pi) % (2 * math.pi) - math.pi
-        seen = abs(bearing) <= math.radians(self._robot.camera.horizontal_fov_deg) / 2
+        seen = abs(bearing) <= math.radians(self.robot.camera.horizontal_fov_deg) / 2
         moving = run.actions[-1, 0] >= 0.1
         return f"human {'in' if seen else 'out of'} view, robot {'moving' if moving else 'standing'}"
 
     def _free_steps(self, run: RobotTrajectory) -> npt.NDArray[np.bool_]:
-        frame = self._maps.robot.frame
+        frame = self.maps.robot.frame
         cells = np.array([frame.cell(x, y) for x, y in run.xyyaw[:, :2].tolist()])
-        wide = self._clearance_m[cells[:, 0], cells[:, 1]] > self._robot.planning_radius_m + FREE_GAP_M
+        wide = self._clearance_m[cells[:, 0], cells[:, 1]] > self.robot.planning_radius_m + FREE_GAP_M
         late = np.arange(len(cells)) >= START_S * RATE_HZ
         free: npt.NDArray[np.bool_] = wide & late & (run.human_distance_m > FREE_HUMAN_M)
         return free
