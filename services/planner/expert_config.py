@@ -94,15 +94,21 @@ class ExpertConfig:
     oracle_prediction_s: float = 8.0
     """How far ahead an oracle knows them [s]."""
     hard_margin_m: float = 0.03
-    """Free space between robot and expected human that a plan never undercuts [m]."""
+    """Smaller gaps between robot and expected human count as contact [m]."""
     timed_margin_m: float = 0.4
     """Free space beyond it that costs nothing [m]."""
     doubt_growth_mps: float = 0.1
     """Growth of this space with the time ahead [m/s]."""
     doubt_max_m: float = 0.3
     """Largest growth [m]."""
-    nearness_cost: float = 4.0
+    nearness_cost: float = 8.0
     """Cost of a second without this space, in metres at full speed; falls off with its square."""
+    drifts_radps: tuple[float, ...] = (-0.5, 0.5)
+    """A human may also turn off, with these drifts [rad/s]."""
+    aside_chance: float = 0.4
+    """How likely humans are to turn off, to all sides together."""
+    watch_cost: float = 0.2
+    """Cost of a second without a known human in view, in metres at full speed."""
     timed_replan_s: float = 0.25
     """Time after which a plan that has come to meet a human is made anew [s]."""
 

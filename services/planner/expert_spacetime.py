@@ -1,5 +1,6 @@
 """The expert that plans in space and time: it waits, turns in place, goes around, or slips through."""
 
+import math
 import time
 
 import numpy as np
@@ -47,7 +48,7 @@ class SpaceTimeExpert:
         ahead_s = np.arange(1, self._horizon + 1) * DT_S
         growth = 0.0 if config.oracle else config.doubt_growth_mps
         self._widths_m = config.timed_margin_m + np.minimum(growth * ahead_s, config.doubt_max_m)
-        self._hard_m = ground.contact_m + config.hard_margin_m
+        self._contact_m = ground.contact_m + config.hard_margin_m
         robot = ground.robot
         self._limits = (robot.v_max_mps, robot.w_max_radps, robot.a_max_mps2, robot.alpha_max_radps2)
         self._plan: TimedPlan | None = None
@@ -87,7 +88,7 @@ class SpaceTimeExpert:
             return True
         if len(expected_m) == 0 or elapsed * DT_S < self._config.timed_replan_s - 1e-9:
             return False
-        return not plan_is_free(self._plan.rows, elapsed, expected_m, self._hard_m + 0.5 * self._widths_m)
+        return not plan_is_free(self._plan.rows, elapsed, expected_m, self._contact_m + 0.5 * self._widths_m)
 
     def _replan(self, step: int, state: State, humans: list[PerceivedHuman], expected_m: Float64Array) -> None:
         self._planned_at_step = step
@@ -103,11 +104,22 @@ class SpaceTimeExpert:
             for human in standing:
                 x, y = human.x_m, human.y_m
                 gap_m = ((x - state[0]) ** 2 + (y - state[1]) ** 2) ** 0.5 - _START_GAP_M
-                paint_capsule(factor, local.frame, (x, y, x, y), min(self._hard_m, gap_m), 0)
+                paint_capsule(factor, local.frame, (x, y, x, y), min(self._contact_m, gap_m), 0)
             if not local.distances(factor, state[0], state[1]):
                 heuristic = local.to_goal
+        asides = [human.aside_m for human in humans]
+        aside_count = sum(len(aside) for aside in asides)
+        share = config.aside_chance / max(len(config.drifts_radps), 1)
+        straight = 1.0 - config.aside_chance if aside_count else 1.0
         people = TimedHumans(
-            expected_m=expected_m, hard_m=self._hard_m, widths_m=self._widths_m, weight=config.nearness_cost
+            expected_m=np.concatenate([expected_m, *asides]),
+            chances=np.array([straight] * len(humans) + [share] * aside_count),
+            contact_m=self._contact_m,
+            widths_m=self._widths_m,
+            weight=config.nearness_cost,
+            watched_count=len(humans),
+            watch_cost=config.watch_cost,
+            half_fov_rad=0.9 * math.radians(self._ground.robot.camera.horizontal_fov_deg) / 2,
         )
         self._plan = self._search.search(factor, heuristic, local.cells, state, self._goal_m, people)
 

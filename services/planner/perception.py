@@ -29,6 +29,8 @@ class PerceivedHuman:
     """True if in view now; else felt nearby, known to an oracle, or moved on from the latest view."""
     ahead_m: Float64Array
     """Where it is expected after 1, 2, ... steps [m], shape (T, 2)."""
+    aside_m: Float64Array
+    """Where it will be if it turns off [m], shape (K, T, 2); K is 0 where nothing is in doubt."""
 
 
 @dataclass(eq=False)
@@ -38,7 +40,7 @@ class _Track:
     step: int
     rows: list[tuple[float, float]]
     expected_m: Float64Array
-    """Positions after `step` [m], shape (T, 2)."""
+    """Positions after `step` [m], shape (1 + K, T, 2): as expected, and if it turns off."""
 
 
 class HumanTracks:
@@ -101,18 +103,24 @@ class HumanTracks:
     def _expected(self, index: int, step: int, rows: list[tuple[float, float]]) -> Float64Array:
         count = self._count + self._memory_steps
         if self._config.oracle:
-            return self._path(index, step + 1, step + 1 + count)
+            return self._path(index, step + 1, step + 1 + count)[None]
         if self._curved:
-            return predict_walk(np.array(rows), self._ground.human_clearance, self._ground.human_frame, count)
+            ground, views = self._ground, np.array(rows)
+            drifts = (0.0, *self._config.drifts_radps)
+            walks = [
+                predict_walk(views, ground.human_clearance, ground.human_frame, count, drift_radps=drift)
+                for drift in drifts
+            ]
+            return np.stack(walks)
         vx, vy = self._velocity(rows)
         t = np.arange(1, count + 1) * DT_S
         straight = np.stack([rows[-1][0] + t * vx, rows[-1][1] + t * vy], axis=1)
         known = round(self._config.foresight_s / DT_S)
         if known == 0:
-            return straight
+            return straight[None]
         true = self._path(index, step, step + 1 + known)
         beyond = true[-1] + np.arange(1, count - known + 1)[:, None] * (true[-1] - true[-2])
-        return np.concatenate([true[1:], beyond])[:count]
+        return np.concatenate([true[1:], beyond])[None, :count]
 
     def _path(self, index: int, first: int, end: int) -> Float64Array:
         """Where a human truly is at steps first .. end - 1 [m]."""
@@ -125,10 +133,12 @@ class HumanTracks:
         vx, vy = self._velocity(track.rows)
         x, y = track.rows[-1]
         if elapsed > 0:
-            (x, y), (x1, y1) = track.expected_m[elapsed - 1].tolist(), track.expected_m[elapsed].tolist()
+            (x, y), (x1, y1) = track.expected_m[0, elapsed - 1].tolist(), track.expected_m[0, elapsed].tolist()
             vx, vy = (x1 - x) / DT_S, (y1 - y) / DT_S
-        ahead = track.expected_m[elapsed : elapsed + self._count]
-        return PerceivedHuman(index=index, x_m=x, y_m=y, vx_mps=vx, vy_mps=vy, seen=seen, ahead_m=ahead)
+        ahead = track.expected_m[:, elapsed : elapsed + self._count]
+        return PerceivedHuman(
+            index=index, x_m=x, y_m=y, vx_mps=vx, vy_mps=vy, seen=seen, ahead_m=ahead[0], aside_m=ahead[1:]
+        )
 
     def _velocity(self, rows: list[tuple[float, float]]) -> tuple[float, float]:
         recent = rows[-self._window - 1 :]

@@ -51,7 +51,12 @@ def _deflection(clearance: Float64Array, place: tuple[float, float, float], x: f
 
 @njit(cache=True)
 def _predict(
-    views: Float64Array, clearance: Float64Array, place: tuple[float, float, float], dt: float, out: Float64Array
+    views: Float64Array,
+    clearance: Float64Array,
+    place: tuple[float, float, float],
+    dt: float,
+    drift: float,
+    out: Float64Array,
 ) -> None:
     last = len(views) - 1
     x, y = views[last, 0], views[last, 1]
@@ -69,7 +74,7 @@ def _predict(
     walks = stride > _WALKING_MPS * dt
     for k in range(len(out)):
         if walks:
-            heading += turn
+            heading += turn + drift * dt
             turn *= _TURN_DECAY
             side = _deflection(clearance, place, x, y, heading)
             heading += min(max(side, -_TURN_STEP_MAX_RAD), _TURN_STEP_MAX_RAD)
@@ -78,7 +83,9 @@ def _predict(
         out[k, 0], out[k, 1] = x, y
 
 
-def predict_walk(views_m: Float64Array, clearance: Float64Array, frame: GridFrame, count: int) -> Float64Array:
+def predict_walk(
+    views_m: Float64Array, clearance: Float64Array, frame: GridFrame, count: int, *, drift_radps: float = 0.0
+) -> Float64Array:
     """Positions after 1 .. `count` steps.
 
     Args:
@@ -87,10 +94,11 @@ def predict_walk(views_m: Float64Array, clearance: Float64Array, frame: GridFram
         clearance: Distance to what blocks people [m], shape (H, W).
         frame: Where its cells lie.
         count: Number of steps.
+        drift_radps: Steady turn to the left, for somebody who takes the next way off to that side [rad/s].
 
     Returns:
         Positions [m], shape (count, 2).
     """
     out = np.empty((count, 2))
-    _predict(views_m, clearance, (frame.origin_x_m, frame.origin_y_m, frame.resolution_m), DT_S, out)
+    _predict(views_m, clearance, (frame.origin_x_m, frame.origin_y_m, frame.resolution_m), DT_S, drift_radps, out)
     return out

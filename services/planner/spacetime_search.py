@@ -15,7 +15,7 @@ from numba import njit
 from common.episode.grid_search import FREE, UNITS_PER_CELL, UNREACHED
 from common.robot import RobotConfig
 from common.robot.kinematics import DT_S
-from services.planner.delay import LAYER_STEPS, fill_delays, nearness_cost
+from services.planner.delay import LAYER_STEPS, People, fill_delays, nearness_cost
 from services.planner.expert_config import ExpertConfig
 from services.planner.hybrid_astar import pop, push, slot_of
 from services.planner.rollouts import Ground, State, meets
@@ -27,7 +27,7 @@ UInt8Array = npt.NDArray[np.uint8]
 
 _TABLE_SIZE = 1 << 18
 _KEY_CELL_M = 0.1
-_ESCAPE_M = 0.02
+_WATCH_M = 4.0
 CHECK_STEPS = 2
 """Steps between two checks of a primitive against walls and humans."""
 
@@ -49,17 +49,33 @@ class TimedHumans:
     """Humans in the way, and how near the robot may come."""
 
     expected_m: Float64Array
-    """Where they are expected after 1, 2, ... steps [m], shape (M, T, 2)."""
-    hard_m: float
-    """Distance of the centres that is never undercut [m]."""
+    """Where they may be after 1, 2, ... steps [m], shape (M, T, 2)."""
+    chances: Float64Array
+    """How likely each row is, shape (M,)."""
+    contact_m: float
+    """Distance of the centres that counts as contact [m]."""
     widths_m: Float64Array
     """Free space beyond it that costs nothing, at each step [m], shape (T,)."""
     weight: float
-    """Cost per second at the hard distance, in metres at full speed; falls off to zero over the width."""
+    """Cost per second just outside of contact, in metres at full speed; falls off to zero over the width."""
+    watched_count: int
+    """The first so many rows shall be kept in view."""
+    watch_cost: float
+    """Cost per second that such a row is out of view, in metres at full speed."""
+    half_fov_rad: float
 
-    def seen_from(self, x_m: float, y_m: float) -> tuple[Float64Array, float, Float64Array, float]:
+    def seen_from(self, x_m: float, y_m: float) -> People:
         """As plain values for compiled callers, with an origin of their own."""
-        return self.expected_m - np.array([x_m, y_m]), self.hard_m, self.widths_m, self.weight
+        return (
+            self.expected_m - np.array([x_m, y_m]),
+            self.chances,
+            self.contact_m,
+            self.widths_m,
+            self.weight,
+            self.watched_count,
+            self.watch_cost,
+            math.cos(self.half_fov_rad),
+        )
 
 
 class SpaceTimeSearch:
@@ -173,12 +189,11 @@ def primitive_cost(
     pose: tuple[float, float, float],
     rows: Float64Array,
     length: float,
-    humans: tuple[Float64Array, float, Float64Array, float],
+    humans: People,
     step: int,
-    escape: Float64Array,
 ) -> float:
     """What walls and humans add to the cost of a primitive; negative if they block it."""
-    expected, hard, widths, weight = humans
+    expected, chances, contact, widths, weight, watched, watch_cost, cos_view = humans
     height, width = factor.shape
     resolution = ground[4]
     x, y, yaw = pose
@@ -194,15 +209,14 @@ def primitive_cost(
         total += factor[i, j] - FREE
         checks += 1
         row = min(step + k, len(widths) - 1)
-        nearest = 0.0
         for m in range(len(expected)):
             dx, dy = expected[m, row, 0] - px, expected[m, row, 1] - py
-            # Whoever is too near already must be able to leave.
-            cost = nearness_cost(dx * dx + dy * dy, min(hard, escape[m]), widths[row], weight)
-            if cost < 0.0:
-                return -1.0
-            nearest = max(nearest, cost)
-        extra += nearest * CHECK_STEPS * DT_S
+            squared = dx * dx + dy * dy
+            extra += chances[m] * nearness_cost(squared, contact, widths[row], weight) * CHECK_STEPS * DT_S
+            if m < watched and squared < _WATCH_M * _WATCH_M:
+                ahead = (dx * math.cos(yaw + rows[k, 2]) + dy * math.sin(yaw + rows[k, 2])) / math.sqrt(squared + 1e-12)
+                if ahead < cos_view:
+                    extra += watch_cost * CHECK_STEPS * DT_S
         if meets((px, py, 0.0, 0.0, 0.0), ground, radius):
             return -1.0
     return length * total / (FREE * checks) + extra
@@ -229,7 +243,7 @@ def _search(
     goal: tuple[float, float, float],
     primitives: tuple[Float64Array, Float64Array, Float64Array, Int32Array, Int32Array],
     turn_levels: int,
-    humans: tuple[Float64Array, float, Float64Array, float],
+    humans: People,
     guide: tuple[Float64Array, float, float, float],
     limits: tuple[int, int, int],
     stamp: int,
@@ -244,16 +258,12 @@ def _search(
     nodes, links, heap_cost, heap_node = memory
     table_key, table_node, table_stamp = table
     delays, delay_cell, weight, radius = guide
-    expected, hard = humans[0], humans[1]
+    expected = humans[0]
     heading_count, expansions_max, depth_max = limits
     resolution, steps = ground[4], rows.shape[1]
     metres = resolution / UNITS_PER_CELL
     per_rad = heading_count / (2 * math.pi)
     columns = int(factor.shape[1] * resolution / _KEY_CELL_M) + 2
-    escape = np.empty(len(expected))
-    for m in range(len(expected)):
-        dx, dy = expected[m, 0, 0] - start[0], expected[m, 0, 1] - start[1]
-        escape[m] = math.sqrt(dx * dx + dy * dy) - _ESCAPE_M
     nodes[0, 0], nodes[0, 1], nodes[0, 2], nodes[0, 3] = start[0], start[1], start[2] % (2 * math.pi), 0.0
     links[0, 0], links[0, 1], links[0, 2], links[0, 3] = -1, -1, 0, len(first) - 2
     waiting = push(heap_cost, heap_node, 0, 0.0, 0)
@@ -299,9 +309,7 @@ def _search(
                 left += _delay(delays, delay_cell, start, xx, yy, (depth + 1) * steps // LAYER_STEPS)
                 if left == np.inf:
                     continue
-            extra = primitive_cost(
-                factor, ground, radius, (x, y, yaw), rows[q], lengths[q], humans, depth * steps, escape
-            )
+            extra = primitive_cost(factor, ground, radius, (x, y, yaw), rows[q], lengths[q], humans, depth * steps)
             new_cost += extra
             if extra < 0.0 or (known and nodes[table_node[slot], 3] <= new_cost):
                 continue
