@@ -103,10 +103,9 @@ class ExpertConfig:
     """Largest growth [m]."""
     nearness_cost: float = 8.0
     """Cost of a second without this space, in metres at full speed; falls off with its square."""
-    drifts_radps: tuple[float, ...] = (-0.5, 0.5)
-    """A human may also turn off, with these drifts [rad/s]."""
-    aside_chance: float = 0.4
-    """How likely humans are to turn off, to all sides together."""
+    route_weight: float = 2.0
+    """How likely it is that a human walks to the robot's start or goal, if its last steps look like that, in
+    proportion to walking on as before; 0 leaves these routes out."""
     watch_cost: float = 0.2
     """Cost of a second without a known human in view, in metres at full speed."""
     timed_replan_s: float = 0.25

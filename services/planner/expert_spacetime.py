@@ -44,7 +44,7 @@ class SpaceTimeExpert:
         horizon_s = config.oracle_prediction_s if config.oracle else config.timed_prediction_s
         self._horizon = round(horizon_s * RATE_HZ)
         paths_m = [who.motion.root_m[:, :2].astype(np.float64) for who, _, _ in people]
-        self._tracks = HumanTracks(ground, paths_m, self._horizon)
+        self._tracks = HumanTracks(ground, self._local, paths_m, self._horizon)
         ahead_s = np.arange(1, self._horizon + 1) * DT_S
         growth = 0.0 if config.oracle else config.doubt_growth_mps
         self._widths_m = config.timed_margin_m + np.minimum(growth * ahead_s, config.doubt_max_m)
@@ -107,13 +107,9 @@ class SpaceTimeExpert:
                 paint_capsule(factor, local.frame, (x, y, x, y), min(self._contact_m, gap_m), 0)
             if not local.distances(factor, state[0], state[1]):
                 heuristic = local.to_goal
-        asides = [human.aside_m for human in humans]
-        aside_count = sum(len(aside) for aside in asides)
-        share = config.aside_chance / max(len(config.drifts_radps), 1)
-        straight = 1.0 - config.aside_chance if aside_count else 1.0
         people = TimedHumans(
-            expected_m=np.concatenate([expected_m, *asides]),
-            chances=np.array([straight] * len(humans) + [share] * aside_count),
+            expected_m=np.concatenate([expected_m, *(human.others_m for human in humans)]),
+            chances=np.array([*(human.chances[0] for human in humans), *(c for human in humans for c in human.chances[1:])]),
             contact_m=self._contact_m,
             widths_m=self._widths_m,
             weight=config.nearness_cost,
