@@ -10,6 +10,7 @@ COMMANDS = (
     ["benchmarks/backward.py"],
     ["benchmarks/gpu.py"],
     ["benchmarks/motion.py"],
+    ["benchmarks/smpl_fit.py"],
     ["benchmarks/dataset.py"],
     ["benchmarks/policy.py", "cost"],
 )
