@@ -127,7 +127,7 @@ def test_overtaking_changes_the_order_side_by_side_with_one_heading(drawn):
         robot, ahead, _ = robot_at(way, count)
         gap = held(human.xy_m, count) - robot
         side = np.sum(gap * ahead, axis=1) > 0
-        (step,) = np.flatnonzero(side[1:] != side[: -1])[:1]
+        (step,) = np.flatnonzero(side[1:] != side[:-1])[:1]
         both.add(bool(side[0]))
         assert (human.speed_mps < ROBOT_MPS) == bool(side[0])
         assert abs(human.speed_mps - ROBOT_MPS) >= 0.2
