@@ -198,7 +198,7 @@ def _unit(vector: Float64Array) -> Float64Array:
 
 @njit(cache=True)
 def _next_row(rows: Float64Array, row: int, here: Float64Array) -> int:
-    """The drawn row that somebody at a place is to follow next: it waits for who is late and hurries for who is early."""
+    """The drawn row that somebody is to follow next: it waits for who is late and hurries for who is early."""
     last = len(rows) - 1
     gap = math.sqrt((rows[row, 0] - here[0]) ** 2 + (rows[row, 1] - here[1]) ** 2)
     if gap < _BEHIND_M:
