@@ -9,7 +9,7 @@ COMMANDS = (
     ["-m", "apps", "bench", "render"],
     ["benchmarks/backward.py"],
     ["benchmarks/gpu.py"],
-    ["benchmarks/motion.py"],
+    ["-m", "apps", "bench", "motion"],
     ["benchmarks/dataset.py"],
     ["benchmarks/policy.py", "cost"],
 )

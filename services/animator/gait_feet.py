@@ -6,32 +6,34 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from services.animator.gait_math import Array, clip, ease, hermite, mat_mul, mat_vec, rot_x, wrap
+from services.animator.gait_curves import Curves, curve_at, weights_of
+from services.animator.gait_math import Array, clip, ease, mat_mul, mat_vec, rot_x, soft_max, wrap
 from services.animator.gait_person import GaitSkeleton
-from services.animator.gait_steps import A_IN, A_OUT, ASIDE_X, ASIDE_Z, BUMP, OFF, ON, ROLL, SLOPE, STANCE, YAW, X, Y, Z
+from services.animator.gait_steps import (
+    A_IN,
+    A_OUT,
+    ASIDE_X,
+    ASIDE_Z,
+    BUMP,
+    OFF,
+    ON,
+    ROLL,
+    RUN,
+    SLOPE,
+    SPEED,
+    STANCE,
+    YAW,
+    X,
+    Y,
+    Z,
+)
 
-HEEL_STRIKE_RAD = math.radians(22.0)
-TOE_OFF_RAD = math.radians(53.0)
-# Shares of a stance that the sole needs to come down, and that the heel is off the floor.
-ROLL_ON = 0.15
-ROLL_OFF = 0.39
 CLEARANCE_M = 0.022
 TOE_RELEASE = 0.55
 """Share of the swing in which the toes, bent back at toe-off, straighten."""
-
-# Pitch of the swinging foot after lift-off: share of the swing, pitch [rad] of a 1.2 m/s step, slope per swing;
-# read off the foot angle of CMU mocap 02_01 and 02_02.
-SWING_KEYS = np.array(
-    [
-        [0.14, math.radians(69.0), 0.0],
-        [0.40, math.radians(43.0), math.radians(-120.0)],
-        [0.66, math.radians(6.0), math.radians(-135.0)],
-        [0.82, math.radians(-14.0), math.radians(-110.0)],
-    ]
-)
-# Accelerations of the ankle at both ends of a swing, in ways per squared swing; mocap hardly slows before the strike.
-SWING_START_ACCEL = 4.0
-SWING_END_ACCEL = -4.4
+SOFTNESS_M = 0.010
+END_SHARE = 0.02
+"""Share of a stance or swing over which slopes at its ends are taken."""
 
 
 @njit(cache=True)
@@ -62,40 +64,44 @@ def _pivot(contact: Array, F: Array, R: Array, point: Array, out: Array) -> None
 
 
 @njit(cache=True)
-def _stance(
-    contact: Array, time_s: float, skeleton: GaitSkeleton, joint: int, ankle: Array, R_foot: Array, R_toe: Array
-) -> None:
-    """Pose of a foot on the floor: heel strike, flat, or heel off with the toes flat."""
-    F = flat_frame(contact[YAW], contact[SLOPE], contact[ROLL])
-    on = (time_s - contact[ON]) / (ROLL_ON * contact[STANCE])
-    off = 1.0 - (contact[OFF] - time_s) / (ROLL_OFF * contact[STANCE])
-    if on < 1.0 and off <= 0.0:
-        pitch = -HEEL_STRIKE_RAD * contact[A_IN] * (1.0 - on * on * (3.0 - 2.0 * on))
-        R = mat_mul(F, rot_x(pitch))
-        _pivot(contact, F, R, np.array([0.0, -skeleton.sole_m, -skeleton.heel_m]), ankle)
-        R_foot[:], R_toe[:] = R, R
-    elif off > 0.0:
-        pitch = TOE_OFF_RAD * contact[A_OUT] * off * off
-        R = mat_mul(F, rot_x(pitch))
-        _pivot(contact, F, R, skeleton.offsets_m[joint], ankle)
-        R_foot[:], R_toe[:] = R, F
-    else:
-        ankle[0], ankle[1], ankle[2] = contact[X], contact[Y], contact[Z]
-        R_foot[:], R_toe[:] = F, F
+def _weights(contact: Array, curves: Curves) -> Array:
+    return weights_of(curves, contact[SPEED], contact[RUN])
 
 
 @njit(cache=True)
-def _swing_pitch(x: float, a: Array, b: Array, swing_s: float) -> float:
-    """Pitch of the foot at share `x` of a swing; smooth across lift-off and touch-down."""
-    start, end = TOE_OFF_RAD * a[A_OUT], -HEEL_STRIKE_RAD * b[A_IN]
-    x0, y0, d0 = 0.0, start, 2.0 * start * swing_s / (ROLL_OFF * a[STANCE])
-    for k in range(len(SWING_KEYS)):
-        size = a[A_OUT] if k < 2 else b[A_IN]
-        x1, y1, d1 = SWING_KEYS[k, 0], SWING_KEYS[k, 1] * size, SWING_KEYS[k, 2] * size
-        if x <= x1:
-            return hermite(x, x0, y0, d0, x1, y1, d1)
-        x0, y0, d0 = x1, y1, d1
-    return hermite(x, x0, y0, d0, 1.0, end, 0.0)
+def _stance(
+    contact: Array,
+    time_s: float,
+    skeleton: GaitSkeleton,
+    curves: Curves,
+    joint: int,
+    ankle: Array,
+    R_foot: Array,
+    R_toe: Array,
+) -> None:
+    """Pose of a foot on the floor: heel strike, flat, or heel off with the toes flat."""
+    F = flat_frame(contact[YAW], contact[SLOPE], contact[ROLL])
+    weights, table = _weights(contact, curves), curves.stance_pitch
+    since, until = (time_s - contact[ON]) / contact[STANCE], (contact[OFF] - time_s) / contact[STANCE]
+    heel = contact[A_IN] * min(curve_at(table, weights, since), 0.0) if since < 0.5 else 0.0
+    toes = contact[A_OUT] * max(curve_at(table, weights, 1.0 - until), 0.0) if until < 0.75 else 0.0
+    R = mat_mul(F, rot_x(heel + toes))
+    R_foot[:] = R
+    if heel + toes < 0.0:
+        _pivot(contact, F, R, np.array([0.0, -skeleton.sole_m, -skeleton.heel_m]), ankle)
+        R_toe[:] = R
+    else:
+        _pivot(contact, F, R, skeleton.offsets_m[joint], ankle)
+        R_toe[:] = F
+
+
+@njit(cache=True)
+def _swing_pitch(x: float, a: Array, b: Array, curves: Curves) -> float:
+    """Pitch of the foot at share `x` of a swing, the one of the stances at its ends."""
+    table, later = curves.swing_pitch, ease(x)
+    start, end = curve_at(table, _weights(a, curves), x), curve_at(table, _weights(b, curves), x)
+    pitch_rad: float = (1.0 - later) * a[A_OUT] * start + later * b[A_IN] * end
+    return pitch_rad
 
 
 @njit(cache=True)
@@ -125,72 +131,111 @@ def _height_needed(
 
 
 @njit(cache=True)
-def _swing_way(x: float) -> float:
-    """Share of the way covered at share `x` of the swing, from rest to rest with the accelerations above (quintic)."""
-    y = 1.0 - x
-    return ease(x) + 0.5 * x * x * y * y * (SWING_START_ACCEL * y + SWING_END_ACCEL * x)
-
-
-@njit(cache=True)
-def _ends_of_swing(a: Array, b: Array, skeleton: GaitSkeleton, joint: int) -> Array:
-    """Ankle and height of the floor's plane below it, at lift-off from `a` and at touch-down on `b`, shape (2, 4)."""
-    ends = np.empty((2, 4))
+def _ends_of_swing(a: Array, b: Array, skeleton: GaitSkeleton, curves: Curves, joint: int) -> Array:
+    """Where a swing begins and ends, shape (2, 5): ankle, height of the floor's plane and of the ankle above it."""
+    ends = np.empty((2, 5))
     R_foot, R_toe = np.empty((3, 3)), np.empty((3, 3))
     for n in range(2):
         contact, time_s = (a, a[OFF]) if n == 0 else (b, b[ON])
-        _stance(contact, time_s, skeleton, joint, ends[n], R_foot, R_toe)
+        _stance(contact, time_s, skeleton, curves, joint, ends[n], R_foot, R_toe)
         F = flat_frame(contact[YAW], contact[SLOPE], contact[ROLL])
-        ends[n, 3] = ends[n, 1] - _height_needed(F, R_foot, R_toe, skeleton, joint, 0.0)
+        ends[n, 4] = _height_needed(F, R_foot, R_toe, skeleton, joint, 0.0)
+        ends[n, 3] = ends[n, 1] - ends[n, 4]
     return ends
 
 
 @njit(cache=True)
-def _push_off(a: Array, skeleton: GaitSkeleton, joint: int) -> float:
-    """Forward speed [m/s] that rolling over the ball gives the ankle at lift-off."""
-    ball = skeleton.offsets_m[joint]
-    theta = TOE_OFF_RAD * a[A_OUT]
-    arm_m = ball[2] * math.sin(theta) - ball[1] * math.cos(theta)
-    speed_mps: float = arm_m * 2.0 * theta / (ROLL_OFF * a[STANCE])
+def _roll_speed(contact: Array, skeleton: GaitSkeleton, curves: Curves, joint: int, leaving: bool) -> float:
+    """Forward speed [m/s] of the ankle while the foot rolls over its heel at touch-down, or its ball at lift-off."""
+    weights, table, duration = _weights(contact, curves), curves.stance_pitch, END_SHARE * contact[STANCE]
+    if leaving:
+        up, ahead = -skeleton.offsets_m[joint, 1], skeleton.offsets_m[joint, 2]
+        pitch = contact[A_OUT] * curve_at(table, weights, 1.0)
+        rate = (pitch - contact[A_OUT] * curve_at(table, weights, 1.0 - END_SHARE)) / duration
+    else:
+        up, ahead = skeleton.sole_m, -skeleton.heel_m
+        pitch = contact[A_IN] * curve_at(table, weights, 0.0)
+        rate = (contact[A_IN] * curve_at(table, weights, END_SHARE) - pitch) / duration
+    speed_mps: float = (up * math.cos(pitch) + ahead * math.sin(pitch)) * rate
     return speed_mps
 
 
 @njit(cache=True)
-def _lift(x: float, a: Array, b: Array, size: float) -> float:
-    """Clearance of the sole [m] at share `x` of a swing."""
+def _clearance(x: float, a: Array, b: Array, size: float) -> float:
+    """Least height of the sole above the floor [m] at share `x` of a swing."""
     # The sole leaves and meets the floor steeply, so that it does not sweep along it.
-    lift = 1.0 - (1.0 - x / 0.35) ** 3 if x < 0.35 else 1.0 - ((x - 0.35) / 0.65) ** 5
+    lift = 1.0 - (1.0 - x / 0.3) ** 5 if x < 0.3 else 1.0 - ((x - 0.3) / 0.7) ** 8
     reach = clip(0.5 + 0.5 * max(a[A_OUT], b[A_IN]), 0.0, 1.0)
-    height: float = CLEARANCE_M * size * reach * lift + a[BUMP] * ease(3.0 * x) * ease(3.0 * (1.0 - x))
+    height: float = CLEARANCE_M * size * reach * lift
     return height
 
 
 @njit(cache=True)
+def _raised(x: float, a: Array, b: Array, ends: Array, skeleton: GaitSkeleton, curves: Curves) -> float:
+    """Height of the ankle above the floor [m] at share `x` of a swing, as in the mocap but for its ends."""
+    later, table = ease(x), curves.swing_up
+    start, end = a[A_OUT] * skeleton.leg_m, b[A_IN] * skeleton.leg_m
+    weights_a, weights_b = _weights(a, curves), _weights(b, curves)
+    up = (1.0 - later) * start * curve_at(table, weights_a, x) + later * end * curve_at(table, weights_b, x)
+    early, late = clip(1.0 - x / 0.6, 0.0, 1.0), clip(1.0 - (1.0 - x) / 0.5, 0.0, 1.0)
+    up += early * early * (ends[0, 4] - skeleton.sole_m - start * curve_at(table, weights_a, 0.0))
+    up += late * late * (ends[1, 4] - skeleton.sole_m - end * curve_at(table, weights_b, 1.0))
+    height_m: float = skeleton.sole_m + up
+    return height_m
+
+
+@njit(cache=True)
+def _way(x: float, a: Array, b: Array, curves: Curves) -> float:
+    """Share of the way covered at share `x` of a swing."""
+    later, table = ease(x), curves.swing_way
+    start, end = curve_at(table, _weights(a, curves), x), curve_at(table, _weights(b, curves), x)
+    return (1.0 - later) * start + later * end
+
+
+@njit(cache=True)
 def _swing(
-    a: Array, b: Array, time_s: float, skeleton: GaitSkeleton, joint: int, ankle: Array, R_foot: Array, R_toe: Array
+    a: Array,
+    b: Array,
+    time_s: float,
+    skeleton: GaitSkeleton,
+    curves: Curves,
+    joint: int,
+    ankle: Array,
+    R_foot: Array,
+    R_toe: Array,
 ) -> None:
     """Pose of a foot between contact `a` and contact `b`."""
     swing_s = b[ON] - a[OFF]
     x = clip((time_s - a[OFF]) / swing_s, 0.0, 1.0)
-    u, w = ease(x), _swing_way(x)
+    u, w = ease(x), _way(x, a, b, curves)
     yaw = a[YAW] + u * wrap(b[YAW] - a[YAW])
     F = flat_frame(yaw, a[SLOPE] + u * (b[SLOPE] - a[SLOPE]), a[ROLL] + u * (b[ROLL] - a[ROLL]))
-    pitch = _swing_pitch(x, a, b, swing_s)
-    bent = clip(x / TOE_RELEASE, 0.0, 1.0)
+    pitch, bent = _swing_pitch(x, a, b, curves), clip(x / TOE_RELEASE, 0.0, 1.0)
     R_foot[:] = mat_mul(F, rot_x(pitch))
-    R_toe[:] = mat_mul(F, rot_x(pitch - TOE_OFF_RAD * a[A_OUT] * (1.0 - bent * bent * (3.0 - 2.0 * bent))))
-    ends = _ends_of_swing(a, b, skeleton, joint)
+    R_toe[:] = mat_mul(F, rot_x(pitch * bent * bent * (3.0 - 2.0 * bent)))
+    ends = _ends_of_swing(a, b, skeleton, curves, joint)
     dx, dz = ends[1, 0] - ends[0, 0], ends[1, 2] - ends[0, 2]
-    # The ankle leaves with the speed of the roll over the ball, and bends aside around the body's curve.
-    push = min(_push_off(a, skeleton, joint) * swing_s, 0.9 * math.sqrt(dx * dx + dz * dz))
-    push *= x * (1.0 + x * x * (-6.0 + x * (8.0 - 3.0 * x)))
+    # The ankle leaves and arrives with the speed of the foot's roll, and bends aside around the body's curve.
+    leave_m = _roll_speed(a, skeleton, curves, joint, True) * swing_s
+    arrive_m = _roll_speed(b, skeleton, curves, joint, False) * swing_s
+    leaving, arriving = x * (1.0 - x) ** 4, -(1.0 - x) * x**5
+    slope_a, slope_b = (
+        _way(END_SHARE, a, b, curves) / END_SHARE,
+        (1.0 - _way(1.0 - END_SHARE, a, b, curves)) / END_SHARE,
+    )
     bend = 16.0 * (x * (1.0 - x)) ** 2
-    off_x = push * math.sin(a[YAW]) + bend * a[ASIDE_X]
-    off_z = push * math.cos(a[YAW]) + bend * a[ASIDE_Z]
+    off_x = leaving * (leave_m * math.sin(a[YAW]) - slope_a * dx) + bend * a[ASIDE_X]
+    off_z = leaving * (leave_m * math.cos(a[YAW]) - slope_a * dz) + bend * a[ASIDE_Z]
+    off_x += arriving * (arrive_m * math.sin(b[YAW]) - slope_b * dx)
+    off_z += arriving * (arrive_m * math.cos(b[YAW]) - slope_b * dz)
     ankle[0], ankle[2] = ends[0, 0] + w * dx + off_x, ends[0, 2] + w * dz + off_z
     plane_m = ends[0, 3] + w * (ends[1, 3] - ends[0, 3]) - (off_x * F[0, 1] + off_z * F[2, 1]) / F[1, 1]
-    softness_m = 0.010 * ease(4.0 * x) * ease(4.0 * (1.0 - x))
-    needed_m = _height_needed(F, R_foot, R_toe, skeleton, joint, softness_m)
-    ankle[1] = plane_m + needed_m + _lift(x, a, b, skeleton.size)
+    inside = ease(4.0 * x) * ease(4.0 * (1.0 - x))
+    needed_m = _height_needed(F, R_foot, R_toe, skeleton, joint, SOFTNESS_M * inside)
+    needed_m += _clearance(x, a, b, skeleton.size)
+    raised_m = _raised(x, a, b, ends, skeleton, curves)
+    bump_m = a[BUMP] * ease(3.0 * x) * ease(3.0 * (1.0 - x))
+    ankle[1] = plane_m + soft_max(needed_m, raised_m, SOFTNESS_M * inside) + bump_m
 
 
 class Feet(NamedTuple):
@@ -205,13 +250,14 @@ class Feet(NamedTuple):
 
 
 @njit(cache=True)
-def pose_foot(contacts: Array, foot: int, skeleton: GaitSkeleton, times_s: Array, feet: Feet) -> None:
+def pose_foot(contacts: Array, foot: int, skeleton: GaitSkeleton, curves: Curves, times_s: Array, feet: Feet) -> None:
     """Fill in one foot's poses.
 
     Args:
         contacts: The foot's contacts, see `plan_contacts`.
         foot: 0 left, 1 right.
         skeleton: Measures of the body.
+        curves: How people walk.
         times_s: Increasing times [s], shape (T,).
         feet: Takes the result.
     """
@@ -222,6 +268,6 @@ def pose_foot(contacts: Array, foot: int, skeleton: GaitSkeleton, times_s: Array
         while k + 1 < len(contacts) and contacts[k + 1, ON] <= t:
             k += 1
         if t <= contacts[k, OFF] or k + 1 == len(contacts):
-            _stance(contacts[k], t, skeleton, 10 + foot, ankle, R_foot, R_toe)
+            _stance(contacts[k], t, skeleton, curves, 10 + foot, ankle, R_foot, R_toe)
         else:
-            _swing(contacts[k], contacts[k + 1], t, skeleton, 10 + foot, ankle, R_foot, R_toe)
+            _swing(contacts[k], contacts[k + 1], t, skeleton, curves, 10 + foot, ankle, R_foot, R_toe)

@@ -180,12 +180,12 @@ def sample(x: Array, at: float) -> float:
 
 
 @njit(cache=True)
-def hermite(x: float, x0: float, y0: float, d0: float, x1: float, y1: float, d1: float) -> float:
-    """Cubic through (x0, y0) and (x1, y1) with slopes d0 and d1."""
-    h = x1 - x0
-    u = (x - x0) / h
-    v = 1.0 - u
-    return y0 * v * v * (1.0 + 2.0 * u) + y1 * u * u * (3.0 - 2.0 * u) + h * u * v * (d0 * v - d1 * u)
+def soft_max(a: float, b: float, softness: float) -> float:
+    """The larger of two values, rounded where they are within some `softness` of each other."""
+    top = max(a, b)
+    if softness <= 1e-6:
+        return top
+    return top + softness * math.log(math.exp((a - top) / softness) + math.exp((b - top) / softness))
 
 
 class Ground(NamedTuple):

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from numba import njit
 
 from common.errors import MotionError
+from services.animator.gait_curves import Curves, stride_rate
 from services.animator.gait_math import Array, clip, ease, smooth, wrap
 from services.animator.gait_person import GaitStyle
 
@@ -19,9 +20,8 @@ SPEED_MAX_MPS = 5.0
 MOVING_START_MPS = 0.3
 LEAD_IN_FRAMES = 40
 RATE_FALL_PER_S2 = 0.6
-MID_STANCE = 0.23
-"""Stride fraction from a foot's strike until the pelvis is above it: mocap at 1.2 m/s has the ankle 0.28 m ahead of
-the hip at strike and 0.39 m behind it at toe-off."""
+RUN_ABOVE_MPS, WALK_BELOW_MPS = 2.2, 2.0
+"""Where people with legs of 0.80 m begin to run, and where they fall back into a walk."""
 
 
 class Track(NamedTuple):
@@ -35,6 +35,8 @@ class Track(NamedTuple):
     """Smoothed speed [m/s], shape (T,)."""
     pace: Array
     """Speed [m/s] smoothed within each bout only, which sets steps and cadence up to an abrupt stop, shape (T,)."""
+    run: Array
+    """0 walking (or standing), 1 running, shape (T,)."""
     rate: Array
     """Strides per second where the person is walking or turning, shape (T,)."""
     phase: Array
@@ -91,20 +93,14 @@ def extend(
 
 
 @njit(cache=True)
-def stride_rate(speed_mps: float, size: float) -> float:
-    """Strides per second of a walk.
-
-    The fits of cadence (66.4 + 38.9 v per minute) and of step length (0.158 + 0.417 v metres) to mocap at legs of
-    0.80 m do not multiply to v exactly; the rate is the geometric mean of what each of them asks for. Above 1.5 m/s,
-    beyond the fits' data, steps stop growing with speed and the cadence takes over.
-    """
-    v = speed_mps / math.sqrt(size)
-    cadence = 66.4 + 38.9 * v
-    from_step = 60.0 * v / (0.158 + 0.417 * v)
-    share = 0.5 + 0.5 * ease((v - 1.45) / 0.55)
-    return (
-        math.exp(share * math.log(cadence) + (1.0 - share) * math.log(max(from_step, 1e-9))) / 120.0 / math.sqrt(size)
-    )
+def run_share(pace: Array, size: float) -> Array:
+    """When the person runs: from 2.2 m/s on until the pace falls below 2.0 m/s, faded over half a second."""
+    run, running = np.zeros(len(pace)), False
+    for i in range(len(pace)):
+        v = pace[i] / math.sqrt(size)
+        running = v > WALK_BELOW_MPS if running else v > RUN_ABOVE_MPS
+        run[i] = 1.0 if running else 0.0
+    return smooth(run, 3.0)
 
 
 @njit(cache=True)
@@ -213,7 +209,7 @@ def _bouts(x: Array, z: Array, psi: Array, lead_left: float) -> npt.NDArray[np.i
 
 
 @njit(cache=True)
-def _phases(rate: Array, bouts: npt.NDArray[np.int64]) -> Array:
+def _phases(rate: Array, bouts: npt.NDArray[np.int64], mid_stance: float) -> Array:
     """Gait phase of every frame; between two bouts the phase of the nearer one runs on."""
     count = len(rate)
     phase = np.zeros(count)
@@ -222,7 +218,7 @@ def _phases(rate: Array, bouts: npt.NDArray[np.int64]) -> Array:
         begin = 0 if b == 0 else (bouts[b - 1, 1] + first) // 2
         end = count if b == len(bouts) - 1 else (last + bouts[b + 1, 0]) // 2
         # The other foot's stance centre coincides with the start: both feet stand below the pelvis.
-        phase[first] = MID_STANCE - 0.5
+        phase[first] = mid_stance - 0.5
         for i in range(first + 1, end):
             a, c = (rate[i - 1], rate[i]) if i <= last else (rate[last], rate[last])
             phase[i] = phase[i - 1] + 0.5 * (a + c) * DT_S
@@ -254,11 +250,11 @@ def time_of_phase(track: Track, bout: int, phase: float) -> float:
 
 
 @njit(cache=True)
-def _quicken(rate: Array, raw: Array, bouts: npt.NDArray[np.int64], cadence: float, size: float) -> None:
+def _quicken(rate: Array, raw: Array, run: Array, bouts: npt.NDArray[np.int64], cadence: float, size: float) -> None:
     """Keep the steps quick up to an abrupt stop, where smoothed speeds fall early, and while the feet close."""
     near = smooth(raw, 1.0)
     for i in range(len(rate)):
-        rate[i] = max(rate[i], stride_rate(near[i], size) * cadence)
+        rate[i] = max(rate[i], stride_rate(near[i], size, run[i]) * cadence)
         if i > 0:
             rate[i] = max(rate[i], rate[i - 1] - RATE_FALL_PER_S2 * DT_S)
     for b in range(len(bouts)):
@@ -267,7 +263,7 @@ def _quicken(rate: Array, raw: Array, bouts: npt.NDArray[np.int64], cadence: flo
 
 
 @njit(cache=True)
-def plan_track(x: Array, z: Array, style: GaitStyle, size: float) -> Track:
+def plan_track(x: Array, z: Array, style: GaitStyle, size: float, curves: Curves) -> Track:
     """Heading, speed, bouts and phases of an extended trajectory.
 
     Args:
@@ -275,6 +271,7 @@ def plan_track(x: Array, z: Array, style: GaitStyle, size: float) -> Track:
         z: y-up world z [m], shape (T,).
         style: Habits of the person.
         size: Leg length relative to the reference.
+        curves: How people walk.
     """
     count = len(x)
     psi = heading(x, z, style.heading_rad)
@@ -293,10 +290,10 @@ def plan_track(x: Array, z: Array, style: GaitStyle, size: float) -> Track:
             # Central differences are halved at an abrupt start or stop.
             pace[first + 2 : last - 1] = smooth(raw[first + 2 : last - 1], 2.5)
             pace[first : first + 2], pace[last - 1 : last + 1] = pace[first + 2], pace[last - 2]
-    rate = np.empty(count)
+    rate, run = np.empty(count), run_share(pace, size)
     for i in range(count):
-        walking = stride_rate(pace[i], size) * style.cadence
+        walking = stride_rate(pace[i], size, run[i]) * style.cadence
         turning = clip(0.35 + 0.4 * turn[i], 0.0, 1.2)
         rate[i] = max(walking, turning, 0.62)
-    _quicken(rate, raw, bouts, style.cadence, size)
-    return Track(x, z, psi, speed, pace, rate, _phases(rate, bouts), bouts)
+    _quicken(rate, raw, run, bouts, style.cadence, size)
+    return Track(x, z, psi, speed, pace, run, rate, _phases(rate, bouts, curves.mid[0]), bouts)

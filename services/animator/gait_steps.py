@@ -5,11 +5,12 @@ import math
 import numpy as np
 from numba import njit
 
+from services.animator.gait_curves import Curves, mixed, weights_of
 from services.animator.gait_math import Array, Ground, clip, floor_at, sample, wrap
-from services.animator.gait_path import DT_S, MID_STANCE, Track, time_of_phase
+from services.animator.gait_path import DT_S, Track, time_of_phase
 from services.animator.gait_person import GaitSkeleton, GaitStyle
 
-# Columns of a foot's contacts, shape (C, 14).
+# Columns of a foot's contacts, shape (C, 16).
 ON, OFF = 0, 1
 """Times of touch-down and lift-off [s]."""
 X, Y, Z = 2, 3, 4
@@ -19,25 +20,35 @@ YAW, SLOPE, ROLL = 5, 6, 7
 STANCE = 8
 """Duration of a stance at this pace [s], which times the heel-strike and the heel-off."""
 A_IN, A_OUT = 9, 10
-"""How far the foot reaches ahead at touch-down and is left behind at lift-off, 1 at 1.2 m/s: scales its roll."""
+"""How far the foot reaches ahead at touch-down and is left behind at lift-off, 1 as in the mocap: scales its roll."""
 BUMP = 11
 """How far the floor rises above the straight way to the next contact [m]."""
 ASIDE_X, ASIDE_Z = 12, 13
 """How far the way to the next contact bends aside in its middle, around the body's curve [m]."""
+
+SPEED, RUN = 14, 15
+"""Speed at touch-down [m/s] (of legs of 0.80 m) and share of running: which curves the foot follows."""
 
 STAND_HALF_WIDTH_M = 0.088
 """Half the distance of the ankles of someone who stands, legs of 0.80 m."""
 STAND_BACK_M = 0.03
 EDGE_RISE_M = 0.09
 """A floor that rises more than this below one sole is an edge: the foot stands level on its upper side."""
-FULL_LEAD_M, FULL_TRAIL_M = 0.27, 0.47
-"""Ankle ahead of the pelvis at touch-down and behind it at lift-off at 1.2 m/s, legs of 0.80 m."""
+REACH_MAX = 1.05
+RUN_NARROWING = 0.6
+"""Share by which runners' feet are closer to the line than walkers'."""
 
 
 @njit(cache=True)
-def duty(speed_mps: float, size: float) -> float:
-    """Share of the stride that a foot is on the floor; 0.61 at 1.2 m/s, less when faster."""
-    return clip(0.610 - 0.05 * (speed_mps / math.sqrt(size) - 1.1), 0.55, 0.68)
+def duty(curves: Curves, weights: Array, speed: float) -> float:
+    """Share of the stride that a foot is on the floor; beyond the clips' speeds slower people stand longer."""
+    slowest, fastest = curves.speed[0], curves.speed[curves.walks - 1]
+    walking = 0.0
+    for k in range(curves.walks):
+        walking += weights[k]
+    beyond = max(slowest - speed, 0.0) - clip(speed - fastest, 0.0, 0.6) * walking
+    share: float = min(mixed(curves.duty, weights) + 0.05 * beyond, 0.68)
+    return share
 
 
 @njit(cache=True)
@@ -55,7 +66,8 @@ def _place(
     at = at_s / DT_S
     psi = sample(track.psi, at)
     pace = 0.0 if standing else clip(sample(track.pace, at) / 0.6, 0.0, 1.0)
-    half = STAND_HALF_WIDTH_M * skeleton.size * (1.0 - pace) + style.step_half_width_m * pace
+    walking = style.step_half_width_m * (1.0 - RUN_NARROWING * sample(track.run, at))
+    half = STAND_HALF_WIDTH_M * skeleton.size * (1.0 - pace) + walking * pace
     back = STAND_BACK_M * skeleton.size * (1.0 - 0.5 * pace)
     s, c = math.sin(psi), math.cos(psi)
     x = sample(track.x, at) + side * half * c - back * s
@@ -96,6 +108,7 @@ def plan_contacts(
     skeleton: GaitSkeleton,
     style: GaitStyle,
     ground: Ground,
+    curves: Curves,
 ) -> Array:
     """Contacts of one foot over the whole track, from a stand to a stand.
 
@@ -108,13 +121,14 @@ def plan_contacts(
         skeleton: Measures of the body.
         style: Habits of the person.
         ground: The local floor.
+        curves: How people walk.
 
     Returns:
-        Contacts in order of time, shape (C, 14).
+        Contacts in order of time, shape (C, 16).
     """
     side = 1.0 if foot == 0 else -1.0
     capacity = int(2.2 * DT_S * len(track.x)) + 6 * len(track.bouts) + 4
-    contacts = np.zeros((capacity, 14))
+    contacts = np.zeros((capacity, 16))
     _place(contacts[0], track, 0.0, True, side, skeleton, style, ground)
     contacts[0, ON], contacts[0, OFF], contacts[0, STANCE] = -1e9, 1e9, 0.6
     count = 1
@@ -123,10 +137,13 @@ def plan_contacts(
         strike = 0.0 if foot == track.bouts[bout, 2] else 0.5
         standing = False
         while not standing and count < capacity:
-            centre_s = time_of_phase(track, bout, strike + MID_STANCE)
-            standing = centre_s >= end_s
             on_s = time_of_phase(track, bout, strike)
-            share = duty(sample(track.pace, on_s / DT_S), skeleton.size)
+            speed = sample(track.pace, on_s / DT_S) / math.sqrt(skeleton.size)
+            run = sample(track.run, on_s / DT_S)
+            weights = weights_of(curves, speed, run)
+            centre_s = time_of_phase(track, bout, strike + mixed(curves.mid, weights))
+            standing = centre_s >= end_s
+            share = duty(curves, weights, speed)
             off_s = max(time_of_phase(track, bout, strike - 1.0 + share), contacts[count - 1, ON] + 0.05, 0.0)
             _place(contacts[count], track, min(centre_s, end_s), standing, side, skeleton, style, ground)
             strike += 1.0
@@ -134,9 +151,10 @@ def plan_contacts(
                 continue
             contacts[count - 1, OFF] = off_s
             contacts[count, ON], contacts[count, OFF] = max(on_s, off_s + 0.2), 1e9
+            contacts[count, SPEED], contacts[count, RUN] = speed, run
             contacts[count, STANCE] = share * max(time_of_phase(track, bout, strike) - on_s, 0.4)
             count += 1
-    _link(contacts, count, track, side * 1.1 * style.step_half_width_m, skeleton, ground)
+    _link(contacts, count, track, side * 1.1 * style.step_half_width_m, skeleton, ground, curves)
     return contacts[:count].copy()
 
 
@@ -168,13 +186,16 @@ def _link(
     lateral_m: float,
     skeleton: GaitSkeleton,
     ground: Ground,
+    curves: Curves,
 ) -> None:
     """Reaches at touch-down and lift-off, and how far the floor bulges between contacts."""
     for k in range(count - 1):
         a, b = contacts[k], contacts[k + 1]
         dx, dz = b[X] - a[X], b[Z] - a[Z]
-        a[A_OUT] = clip(-_ahead(a, track, a[OFF]) / (FULL_TRAIL_M * skeleton.size), 0.12, 1.15)
-        b[A_IN] = clip(_ahead(b, track, b[ON]) / (FULL_LEAD_M * skeleton.size), 0.0, 1.15)
+        trail_m = mixed(curves.trail, weights_of(curves, a[SPEED], a[RUN])) * skeleton.leg_m
+        lead_m = mixed(curves.lead, weights_of(curves, b[SPEED], b[RUN])) * skeleton.leg_m
+        a[A_OUT] = clip(-_ahead(a, track, a[OFF]) / trail_m, 0.12, REACH_MAX)
+        b[A_IN] = clip(_ahead(b, track, b[ON]) / lead_m, 0.0, REACH_MAX)
         _bend_aside(a, b, track, lateral_m)
         bump = 0.0
         for n in range(1, 12):

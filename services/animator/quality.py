@@ -14,6 +14,8 @@ from services.animator.gait_person import GaitSkeleton, skeleton_of
 
 Array = npt.NDArray[np.float64]
 
+STILL_MPS = 0.1
+"""A sole whose lowest point is slower than this over four consecutive rows stands still."""
 CONTACT_HEIGHT_M = 0.003
 """A point of the sole that is lower than this in two consecutive rows is in contact."""
 SOLE_HALF_WIDTH_M = 0.035
@@ -29,6 +31,8 @@ class MotionQuality:
     penetration_max_mm: float
     """Deepest sole point below the floor."""
     hover_max_mm: float
+    """Largest height above the floor of the lowest point of a sole that stands still."""
+    airborne_max_mm: float
     """Largest height above the floor of the lowest sole point of both feet: somebody who walks never flies."""
     root_error_max_cm: float
     """Horizontal distance of the pelvis from the trajectory, over the trajectory's rows."""
@@ -101,6 +105,13 @@ def _joint_speed_degps(motion: Motion) -> Array:
     return speeds
 
 
+def _hover_mm(points: Array, heights: Array, rate_hz: int) -> float:
+    lowest = np.take_along_axis(points, heights.argmin(axis=2)[:, :, None, None], axis=2)[:, :, 0]
+    slow = np.linalg.norm(np.diff(lowest, axis=0), axis=-1) * rate_hz < STILL_MPS
+    still = slow[2:] & slow[1:-1] & slow[:-2]
+    return float(np.max(heights.min(axis=2)[1:-2], initial=0.0, where=still) * 1e3)
+
+
 def measure(motion: Motion, avatar: Avatar, floor: FloorMap, trajectory_xy_m: npt.NDArray[np.float64]) -> MotionQuality:
     """Measure a motion.
 
@@ -124,7 +135,8 @@ def measure(motion: Motion, avatar: Avatar, floor: FloorMap, trajectory_xy_m: np
         skate_mean_cmps=float(slide.mean()) if slide.size else 0.0,
         skate_max_cmps=float(slide.max()) if slide.size else 0.0,
         penetration_max_mm=float(max(-heights.min(), 0.0) * 1e3),
-        hover_max_mm=float(heights.min(axis=(1, 2)).max() * 1e3),
+        hover_max_mm=_hover_mm(points, heights, motion.rate_hz),
+        airborne_max_mm=float(heights.min(axis=(1, 2)).max() * 1e3),
         root_error_max_cm=float(off.max() * 100.0),
         knee_min_deg=float(knees.min()),
         knee_max_deg=float(knees.max()),

@@ -1,6 +1,6 @@
 """The planners: where humans walk and how the expert drives."""
 
-from services.planner.config import HumanPlannerConfig
+from services.planner.config import FamilyMix, HumanPlannerConfig
 from services.planner.expert import Decision, Expert
 from services.planner.expert_config import ExpertConfig, expert_recipe
 from services.planner.handlers import Planner, handle_human_plan, handle_robot_plan
@@ -9,6 +9,7 @@ __all__ = [
     "Decision",
     "Expert",
     "ExpertConfig",
+    "FamilyMix",
     "HumanPlannerConfig",
     "Planner",
     "expert_recipe",

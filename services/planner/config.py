@@ -3,12 +3,70 @@
 "Paper" marks what the ReaDy-Go paper states; everything else is our choice, because the paper leaves it open.
 """
 
-from dataclasses import dataclass
+import math
+from dataclasses import asdict, dataclass, field
+
+
+@dataclass(frozen=True, kw_only=True)
+class FamilyMix:
+    """How often each family of encounters is drawn, relative to the others; 0 never draws it.
+
+    A family that finds no room in a scenario is replaced by another one of the mix. The default is the paper's.
+    """
+
+    crossing: float = 0.5
+    """Crosses the robot's way, timed to meet it, from either side."""
+    parallel: float = 0.5
+    """Walks along the robot's way, with it or against it, up to 1 m beside."""
+    frontal: float = 0.0
+    """Comes towards the robot on its own way."""
+    overtaking: float = 0.0
+    """Is overtaken by the robot because they are slow, or overtakes it."""
+    crossing_left: float = 0.0
+    """Crosses from the robot's left to its right."""
+    crossing_right: float = 0.0
+    """Crosses from the robot's right to its left."""
+    blind_corner: float = 0.0
+    """Steps out from behind an obstacle shortly before the meeting."""
+    doorway: float = 0.0
+    """Meets the robot in a narrow passage."""
+    standing_group: float = 0.0
+    """Two to four people who stand together near the way."""
+    stop_and_go: float = 0.0
+    """Crosses the way or walks along it, and pauses for some seconds."""
+    goalward: float = 0.0
+    """Walks to the robot's goal from elsewhere, and past it."""
+
+    def __post_init__(self) -> None:
+        shares = asdict(self)
+        for name, share in shares.items():
+            if not (math.isfinite(share) and share >= 0):
+                raise ValueError(f"{name} must be a number from 0 on, got {share}.")
+        if sum(shares.values()) <= 0:
+            raise ValueError("at least one family needs a share above 0.")
+
+    @property
+    def shares(self) -> dict[str, float]:
+        """The families that are drawn, in a fixed order, and their shares."""
+        return {name: share for name, share in asdict(self).items() if share > 0}
 
 
 @dataclass(frozen=True, kw_only=True)
 class HumanPlannerConfig:
     """Start, goal and the humans' trajectories (stage 1)."""
+
+    mix: FamilyMix = field(default_factory=FamilyMix)
+    """Families of encounters (paper: crossing or parallel)."""
+    reactive: bool = False
+    """True lets people yield to the robot that they see: planned against the expert, see the README."""
+    reactive_cone_deg: float = 200.0
+    """Width of the view of people who react [deg]."""
+    reactive_range_m: float = 5.0
+    """How far away they care [m]."""
+    goal_snap_m: float = 0.5
+    """A scripted goal inside an obstacle moves to the nearest free place this near [m]; 0 refuses it."""
+    slope_max: float = 0.0
+    """Steeper floor is not walked on, nor are steps (rise over run across 0.3 m); 0 does not look at the floor."""
 
     start_margin_m: float = 0.10
     """Free space around the planning disc at start and goal [m]."""
@@ -26,8 +84,6 @@ class HumanPlannerConfig:
     jerk_weight: float = 2.0
     length_weight: float = 0.02
     iterations: int = 60
-    crossing_share: float = 0.5
-    """Share of humans that cross the robot's way; the others walk along it (paper: crossing or parallel)."""
     crossing_fraction_min: float = 0.3
     crossing_fraction_max: float = 0.7
     crossing_angle_min_deg: float = 45.0
@@ -47,14 +103,32 @@ class HumanPlannerConfig:
     parked_distance_min_m: float = 1.6
     """Between a human's last position and the goal [m]."""
     attempts: int = 150
-    """Draws per human and encounter before the episode is rejected."""
+    """Draws per human and family before another family is tried."""
+    searches: int = 1000
+    """Paths that are searched in these draws, which is what they cost, before another family is tried."""
+    families_tried: int = 4
+    """Families that are tried for a human before there is no room."""
+    fewer_humans: bool = False
+    """True: where the drawn number finds no room, the episode has fewer, but at least `human_count_min`; False rejects
+    it."""
+    hidden_until_s: float = 2.0
+    """Whoever comes round a blind corner is hidden from the robot's expected way until this long before [s]."""
+    pause_min_s: float = 1.5
+    """Pauses of people who stop and go [s]."""
+    pause_max_s: float = 4.0
 
     def __post_init__(self) -> None:
         if not 0 < self.clearance_m <= self.route_clearance_m <= self.preferred_clearance_m:
             raise ValueError("clearances must be 0 < clearance_m <= route_clearance_m <= preferred_clearance_m.")
-        if not 0 <= self.crossing_share <= 1:
-            raise ValueError(f"crossing_share must be 0..1, got {self.crossing_share}.")
+        if not (0 <= self.goal_snap_m <= 5 and self.slope_max >= 0):
+            raise ValueError("goal_snap_m must be 0..5 m and slope_max at least 0.")
+        if not (0 < self.reactive_cone_deg <= 360 and self.reactive_range_m > 0):
+            raise ValueError("reactive_cone_deg must be above 0 and at most 360, reactive_range_m above 0.")
+        if not 0 < self.hidden_until_s <= 10:
+            raise ValueError(f"hidden_until_s must be above 0 and at most 10 s, got {self.hidden_until_s}.")
+        if not 0 < self.pause_min_s <= self.pause_max_s:
+            raise ValueError("pauses must be 0 < pause_min_s <= pause_max_s.")
         if not 0 <= self.crossing_fraction_min <= self.crossing_fraction_max <= 1:
             raise ValueError("crossing fractions must be 0 <= min <= max <= 1.")
-        if self.detour_max < 1 or self.attempts < 1:
-            raise ValueError("detour_max and attempts must be at least 1.")
+        if self.detour_max < 1 or min(self.attempts, self.searches, self.families_tried) < 1:
+            raise ValueError("detour_max, attempts, searches and families_tried must be at least 1.")

@@ -93,16 +93,21 @@ class ExpertConfig:
     """How far ahead humans are predicted [s]."""
     oracle_prediction_s: float = 8.0
     """How far ahead an oracle knows them [s]."""
-    timed_margin_m: float = 0.2
-    """Free space between robot and human that a plan keeps [m]."""
-    doubt_growth_mps: float = 0.05
+    hard_margin_m: float = 0.03
+    """Smaller gaps between robot and expected human count as contact [m]."""
+    timed_margin_m: float = 0.4
+    """Free space beyond it that costs nothing [m]."""
+    doubt_growth_mps: float = 0.1
     """Growth of this space with the time ahead [m/s]."""
-    doubt_max_m: float = 0.2
+    doubt_max_m: float = 0.3
     """Largest growth [m]."""
-    nearness_cost: float = 0.5
-    """Cost of a second at the edge of this space, in metres at full speed."""
-    nearness_m: float = 0.5
-    """Width of the strip around it over which this cost falls off [m]."""
+    nearness_cost: float = 8.0
+    """Cost of a second without this space, in metres at full speed; falls off with its square."""
+    route_weight: float = 2.0
+    """How likely it is that a human walks to the robot's start or goal, if its last steps look like that, in
+    proportion to walking on as before; 0 leaves these routes out."""
+    watch_cost: float = 0.2
+    """Cost of a second without a known human in view, in metres at full speed."""
     timed_replan_s: float = 0.25
     """Time after which a plan that has come to meet a human is made anew [s]."""
 

@@ -1,5 +1,6 @@
 """The expert that plans in space and time: it waits, turns in place, goes around, or slips through."""
 
+import math
 import time
 
 import numpy as np
@@ -14,12 +15,10 @@ from services.planner.ground import ExpertGround
 from services.planner.obstacles import open_around, paint_capsule
 from services.planner.perception import HumanTracks, PerceivedHuman
 from services.planner.rollouts import AHEAD_STEPS, State, choose_evasion
-from services.planner.spacetime_search import SpaceTimeSearch, TimedPlan
+from services.planner.spacetime_search import SpaceTimeSearch, TimedHumans, TimedPlan
 
 Float64Array = npt.NDArray[np.float64]
 
-MARGIN_SCALES = (1.0, 0.4, 0.05)
-"""A search that fails is repeated with these shares of the margins."""
 _STANDING_MPS = 0.1
 _START_GAP_M = 0.03
 
@@ -45,14 +44,14 @@ class SpaceTimeExpert:
         horizon_s = config.oracle_prediction_s if config.oracle else config.timed_prediction_s
         self._horizon = round(horizon_s * RATE_HZ)
         paths_m = [who.motion.root_m[:, :2].astype(np.float64) for who, _, _ in people]
-        self._tracks = HumanTracks(ground, paths_m, self._horizon)
+        self._tracks = HumanTracks(ground, self._local, paths_m, self._horizon)
         ahead_s = np.arange(1, self._horizon + 1) * DT_S
-        growth_m = np.zeros(self._horizon) if config.oracle else np.minimum(config.doubt_growth_mps * ahead_s, config.doubt_max_m)
-        self._extra_m = config.timed_margin_m + growth_m
+        growth = 0.0 if config.oracle else config.doubt_growth_mps
+        self._widths_m = config.timed_margin_m + np.minimum(growth * ahead_s, config.doubt_max_m)
+        self._contact_m = ground.contact_m + config.hard_margin_m
         robot = ground.robot
         self._limits = (robot.v_max_mps, robot.w_max_radps, robot.a_max_mps2, robot.alpha_max_radps2)
         self._plan: TimedPlan | None = None
-        self._scale = 1.0
         self._planned_at_step = 0
         self.replan_times_s: list[float] = []
         """CPU time of each replan [s]."""
@@ -89,41 +88,36 @@ class SpaceTimeExpert:
             return True
         if len(expected_m) == 0 or elapsed * DT_S < self._config.timed_replan_s - 1e-9:
             return False
-        return not plan_is_free(
-            self._plan.rows, elapsed, expected_m, self._ground.contact_m + 0.8*self._scale * self._extra_m
-        )
+        return not plan_is_free(self._plan.rows, elapsed, expected_m, self._contact_m + 0.5 * self._widths_m)
 
     def _replan(self, step: int, state: State, humans: list[PerceivedHuman], expected_m: Float64Array) -> None:
-        self._planned_at_step, self._plan = step, None
-        for scale in MARGIN_SCALES:
-            self._plan, self._scale = self._searched(state, humans, expected_m, scale), scale
-            if self._plan is not None:
-                return
-
-    def _searched(
-        self, state: State, humans: list[PerceivedHuman], expected_m: Float64Array, scale: float
-    ) -> TimedPlan | None:
-        ground, local = self._ground, self._local
+        self._planned_at_step = step
+        local, config = self._local, self._config
         cell = local.frame.cell(state[0], state[1])
-        static = local.static_factor if scale == 1 else local.tight_factor
+        factor, heuristic = local.tight_factor, local.to_goal
         standing = [human for human in humans if human.vx_mps**2 + human.vy_mps**2 < _STANDING_MPS**2]
-        factor, heuristic = static, local.to_goal
-        if standing or factor[cell] == 0 or scale < 1:
+        if standing or factor[cell] == 0:
             factor, heuristic = local.factor, local.heuristic
-            factor[:] = static
-            tolerated_m = min(ground.robot.radius_m + self._config.tight_margin_m, local.clearance[cell] - 0.02)
-            open_around(factor, local.frame, local.clearance, state[:2], tolerated_m, self._config.dear_factor)
-            radius_m = ground.contact_m + scale * self._config.timed_margin_m
+            factor[:] = local.tight_factor
+            tolerated_m = self._ground.robot.radius_m
+            open_around(factor, local.frame, local.clearance, state[:2], tolerated_m, config.dear_factor)
             for human in standing:
                 x, y = human.x_m, human.y_m
                 gap_m = ((x - state[0]) ** 2 + (y - state[1]) ** 2) ** 0.5 - _START_GAP_M
-                paint_capsule(factor, local.frame, (x, y, x, y), min(radius_m, gap_m), 0)
+                paint_capsule(factor, local.frame, (x, y, x, y), min(self._contact_m, gap_m), 0)
             if not local.distances(factor, state[0], state[1]):
-                return None
-        keep_off_m = ground.contact_m + scale * self._extra_m
-        return self._search.search(
-            factor, heuristic, local.frame, state, self._goal_m, (expected_m, keep_off_m), partial=len(humans) > 0
+                heuristic = local.to_goal
+        people = TimedHumans(
+            expected_m=np.concatenate([expected_m, *(human.others_m for human in humans)]),
+            chances=np.array([*(human.chances[0] for human in humans), *(c for human in humans for c in human.chances[1:])]),
+            contact_m=self._contact_m,
+            widths_m=self._widths_m,
+            weight=config.nearness_cost,
+            watched_count=len(humans),
+            watch_cost=config.watch_cost,
+            half_fov_rad=0.9 * math.radians(self._ground.robot.camera.horizontal_fov_deg) / 2,
         )
+        self._plan = self._search.search(factor, heuristic, local.cells, state, self._goal_m, people)
 
     def _drive(self, step: int, state: State, expected_m: Float64Array) -> tuple[float, float]:
         if self._plan is not None:
