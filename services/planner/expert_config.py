@@ -47,7 +47,7 @@ class ExpertConfig:
     """A visible human enters the map if this near to the plan [m] (paper: "a safety margin")."""
     range_m: float = 10.0
     """Farther humans are not perceived [m]."""
-    memory_s: float = 2.0
+    memory_s: float = 4.0
     """How long a human that left the view stays in the map, moving on [s]."""
     prediction_s: float = 2.0
     """Constant-velocity prediction (paper: 2 s)."""
@@ -106,7 +106,11 @@ class ExpertConfig:
     route_weight: float = 2.0
     """How likely it is that a human walks to the robot's start or goal, if its last steps look like that, in
     proportion to walking on as before; 0 leaves these routes out."""
-    watch_cost: float = 0.2
+    standing_margin_m: float = 0.2
+    """Free space beyond contact that costs nothing, for humans who stand [m]."""
+    chance_gain: float = 2.0
+    """Chances count this much, at most fully: what is half likely is avoided like what is certain."""
+    watch_cost: float = 0.0
     """Cost of a second without a known human in view, in metres at full speed."""
     timed_replan_s: float = 0.25
     """Time after which a plan that has come to meet a human is made anew [s]."""

@@ -88,7 +88,7 @@ class SpaceTimeExpert:
             return True
         if len(expected_m) == 0 or elapsed * DT_S < self._config.timed_replan_s - 1e-9:
             return False
-        return not plan_is_free(self._plan.rows, elapsed, expected_m, self._contact_m + 0.5 * self._widths_m)
+        return True
 
     def _replan(self, step: int, state: State, humans: list[PerceivedHuman], expected_m: Float64Array) -> None:
         self._planned_at_step = step
@@ -107,11 +107,19 @@ class SpaceTimeExpert:
                 paint_capsule(factor, local.frame, (x, y, x, y), min(self._contact_m, gap_m), 0)
             if not local.distances(factor, state[0], state[1]):
                 heuristic = local.to_goal
+        rows, chances, widths = list(expected_m), [float(human.chances[0]) for human in humans], []
+        for human in humans:
+            stands = human.vx_mps**2 + human.vy_mps**2 < _STANDING_MPS**2
+            widths.append(np.full(self._horizon, config.standing_margin_m) if stands else self._widths_m)
+        for human in humans:
+            rows += list(human.others_m)
+            chances += human.chances[1:].tolist()
+            widths += [self._widths_m] * len(human.others_m)
         people = TimedHumans(
-            expected_m=np.concatenate([expected_m, *(human.others_m for human in humans)]),
-            chances=np.array([*(human.chances[0] for human in humans), *(c for human in humans for c in human.chances[1:])]),
+            expected_m=np.array(rows).reshape(-1, self._horizon, 2),
+            chances=np.minimum(1.0, config.chance_gain * np.array(chances)),
+            widths_m=np.array(widths).reshape(-1, self._horizon),
             contact_m=self._contact_m,
-            widths_m=self._widths_m,
             weight=config.nearness_cost,
             watched_count=len(humans),
             watch_cost=config.watch_cost,

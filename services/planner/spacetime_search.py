@@ -55,7 +55,7 @@ class TimedHumans:
     contact_m: float
     """Distance of the centres that counts as contact [m]."""
     widths_m: Float64Array
-    """Free space beyond it that costs nothing, at each step [m], shape (T,)."""
+    """Free space beyond it that costs nothing [m], shape (M, T)."""
     weight: float
     """Cost per second just outside of contact, in metres at full speed; falls off to zero over the width."""
     watched_count: int
@@ -208,11 +208,11 @@ def primitive_cost(
             return -1.0
         total += factor[i, j] - FREE
         checks += 1
-        row = min(step + k, len(widths) - 1)
+        row = min(step + k, expected.shape[1] - 1)
         for m in range(len(expected)):
             dx, dy = expected[m, row, 0] - px, expected[m, row, 1] - py
             squared = dx * dx + dy * dy
-            extra += chances[m] * nearness_cost(squared, contact, widths[row], weight) * CHECK_STEPS * DT_S
+            extra += chances[m] * nearness_cost(squared, contact, widths[m, row], weight) * CHECK_STEPS * DT_S
             if m < watched and squared < _WATCH_M * _WATCH_M:
                 ahead = (dx * math.cos(yaw + rows[k, 2]) + dy * math.sin(yaw + rows[k, 2])) / math.sqrt(squared + 1e-12)
                 if ahead < cos_view:
