@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from avatars_clothes import dressed
-from avatars_figure import Figure
+from avatars_figure import ARMS, Figure
 from avatars_hair import hair
 from avatars_head import eyeballs, face_of, glasses, skin
 from avatars_people import PEOPLE, Person
@@ -26,6 +26,8 @@ from common.gaussians import GaussianCloud
 
 Array = npt.NDArray[np.float64]
 
+HIDDEN = 0.03
+"""Share of the light below which a sample lies under others."""
 FINE_M = 0.0047
 """Samples that lie closer are shaded by what is near them too: nose, lips, fingers."""
 SH_C0 = 0.28209479177387814
@@ -69,8 +71,7 @@ def baked(person: Person, bodies: dict[str, npt.NDArray[Any]]) -> Avatar:
         layers.append(glasses(figure, face, person.glasses))
     samples = joined(layers)
     light = visibility(samples)
-    # Cloth that hanging arms hide comes to light when they swing; skin below cloth never does.
-    kept = (light > 0.03) | (np.arange(len(samples)) >= len(layers[0]))
+    kept = _ever_seen(samples, light)
     samples, light = samples.select(kept), np.maximum(light[kept], 0.15)
     samples = samples.changed(colour=samples.colour * _shade(samples, light))
     return _avatar(figure, samples)
@@ -96,6 +97,15 @@ def _figure(person: Person, bodies: dict[str, npt.NDArray[Any]]) -> tuple[Figure
         skirt=part("helper-skirt"),
     )
     return figure, (part("helper-l-eye"), part("helper-r-eye"))
+
+
+def _ever_seen(samples: Samples, light: Array) -> npt.NDArray[np.bool_]:
+    """Samples that come to light, some of them when the hanging arms swing away. Shape (N,)."""
+    seen = light > HIDDEN
+    arms = samples.skin_weights[:, ARMS].sum(1) > 0.5
+    for part in (arms, ~arms):
+        seen[part] |= visibility(samples.select(part)) > HIDDEN
+    return seen
 
 
 def _shade(samples: Samples, light: Array) -> Array:
