@@ -8,16 +8,15 @@ import numpy.typing as npt
 from numba import njit
 from scipy import ndimage
 
-from common.episode import GridSearch
 from common.episode.collision import disc_meets_cells
 from common.episode.grid_search import FACTOR_MAX, FREE
 from common.maps import FloorMap, OccupancyMap, clearance_m
 from services.planner.config import HumanPlannerConfig
 from services.planner.spline import length_m, smooth_path
 from services.planner.task import Point
+from services.planner.window_search import WindowSearch
 
 Float64Array = npt.NDArray[np.float64]
-Cell = tuple[int, int]
 
 _RUN_M = 0.3
 """Slopes are measured across this distance: about a step's length, and more than a map's noise [m]."""
@@ -38,7 +37,7 @@ class HumanPathPlanner:
         factor = np.minimum(np.rint(FREE * (1 + 4 * penalty * penalty)), FACTOR_MAX)
         self._factor = np.where(walkable, factor, 0).astype(np.uint8)
         self._component = ndimage.label(walkable, structure=np.ones((3, 3)))[0]
-        self._search = GridSearch(walkable.shape)
+        self._search = WindowSearch((walkable.shape[0], walkable.shape[1]))
 
     @property
     def clearance(self) -> Float64Array:
@@ -108,8 +107,9 @@ class HumanPathPlanner:
         frame, straight_m = self.frame, length_m(np.array(via_m))
         legs = [np.array(via_m[:1])]
         for start, end in itertools.pairwise(via_m):
-            spare_m = longest_m - straight_m
-            cells = self._cells(frame.cell(*start), frame.cell(*end), spare_m)
+            longest = (longest_m - straight_m + math.dist(start, end)) / frame.resolution_m
+            # A cell's diagonal at each end: the search goes from centre to centre.
+            cells = self._search.path(self._factor, frame.cell(*start), frame.cell(*end), longest=longest + 2)
             if cells is None:
                 return None
             inner = cells[1:-1] + 0.5
@@ -117,28 +117,6 @@ class HumanPathPlanner:
             y = frame.origin_y_m + inner[:, 0] * frame.resolution_m
             legs += [np.stack([x, y], axis=1), np.array([end])]
         return np.concatenate(legs)
-
-    def _cells(self, start: Cell, goal: Cell, spare_m: float) -> npt.NDArray[np.int64] | None:
-        """Cheapest way between two cells, at most so much longer than straight; None if there is none.
-
-        A window that holds every way of that length is searched first: its cheapest way is the map's if no way that
-        leaves the window can be cheaper.
-        """
-        # Half the minor axis of the ellipse of all such ways; along its major axis less would do.
-        direct_m = math.hypot(goal[0] - start[0], goal[1] - start[1]) * self.frame.resolution_m
-        margin = math.ceil(0.5 * math.sqrt((2 * direct_m + spare_m) * spare_m) / self.frame.resolution_m) + 2
-        low = (max(min(start[0], goal[0]) - margin, 0), max(min(start[1], goal[1]) - margin, 0))
-        high = (max(start[0], goal[0]) + margin + 1, max(start[1], goal[1]) + margin + 1)
-        factor = np.ascontiguousarray(self._factor[low[0] : high[0], low[1] : high[1]])
-        if 2 * factor.size > self._factor.size:
-            return self._search.path(self._factor, start, goal)
-        inner = (start[0] - low[0], start[1] - low[1]), (goal[0] - low[0], goal[1] - low[1])
-        cells = GridSearch((factor.shape[0], factor.shape[1])).path(factor, *inner)
-        if cells is None:
-            return None
-        cells += low
-        outside = 5 * FREE * (2 * margin + min(abs(start[0] - goal[0]), abs(start[1] - goal[1])))
-        return cells if _cost(cells, self._factor) < outside else self._search.path(self._factor, start, goal)
 
 
 def keeps_clear(occupancy: OccupancyMap, xy_m: Float64Array, radius_m: float) -> bool:
@@ -170,16 +148,6 @@ def without_slopes(occupancy: OccupancyMap, floor: FloorMap, slope_max: float) -
     rise_y = padded[2 * reach :, middle] - padded[: -2 * reach, middle]
     steep = rise_x * rise_x + rise_y * rise_y > (slope_max * run_m) ** 2
     return OccupancyMap(frame=frame, occupied=occupancy.occupied | steep)
-
-
-@njit(cache=True)
-def _cost(cells: npt.NDArray[np.int64], factor: npt.NDArray[np.uint8]) -> int:
-    """What the search counts for a way that was flooded from its end."""
-    total = 0
-    for k in range(len(cells) - 1):
-        straight = cells[k, 0] == cells[k + 1, 0] or cells[k, 1] == cells[k + 1, 1]
-        total += (5 if straight else 7) * int(factor[cells[k, 0], cells[k, 1]])
-    return total
 
 
 @njit(cache=True)

@@ -13,7 +13,7 @@ PeopleName = Literal["paper", "varied", "crowd"]
 _PLACES: dict[str, Any] = {
     "slope_max": 0.35,
     "attempts": 60,
-    "searches": 4,
+    "searches": 3,
     "families_tried": 4,
     "fewer_humans": True,
     "iterations": 30,

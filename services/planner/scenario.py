@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
-from common.episode import EpisodeConfig, GridSearch, Purpose, episode_rng
+from common.episode import EpisodeConfig, Purpose, episode_rng
 from common.episode.grid_search import FREE, taut_path_m
 from common.errors import AvatarError, SceneError
 from common.maps import OccupancyMap, SightMap, clearance_m, sight_of_occupancy
@@ -33,6 +33,7 @@ from services.planner.human import HumanPathPlanner, keeps_clear
 from services.planner.spline import length_m, resample
 from services.planner.task import SPACING_M, ExpectedDrive, Point, Task
 from services.planner.walk import nearest_m
+from services.planner.window_search import WindowSearch
 
 Float64Array = npt.NDArray[np.float64]
 UInt8Array = npt.NDArray[np.uint8]
@@ -41,6 +42,9 @@ PARKED_GAP_M = 0.05
 """Room beyond its planning radius that the robot keeps to whoever has arrived [m]."""
 GROUP_GAP_M = 0.25
 """The same for groups that stand from the beginning [m]."""
+
+_NEARBY_M = 4.0
+"""Ways around people are looked for this near first [m]."""
 
 NO_WAY = "no way from start to goal"
 NO_ROOM = "no room for a human"
@@ -118,7 +122,7 @@ class ScenarioSampler:
                 f"The map has no free space for a disc of {robot.planning_radius_m} m; "
                 "check the scene's scale and its maps."
             )
-        self._search = GridSearch(self._factor.shape)
+        self._search = WindowSearch((self._factor.shape[0], self._factor.shape[1]))
 
     def draw(self, episode: EpisodeKey, rng: np.random.Generator, avatar_names: list[str], *, static: bool) -> Scenario:
         """Draw a scenario; the static one has the dynamic one's start and goal.
@@ -189,7 +193,9 @@ class ScenarioSampler:
         return start[0] + distance * math.cos(angle), start[1] + distance * math.sin(angle)
 
     def _way(self, start: Point, goal: Point) -> Float64Array | None:
-        cells = self._search.path(self._factor, self._frame.cell(*start), self._frame.cell(*goal))
+        # A taut way is shorter than its cells, by 8 % at most.
+        longest = 1.1 * self._config.detour_max * math.dist(start, goal) / self._frame.resolution_m + 4
+        cells = self._search.path(self._factor, self._frame.cell(*start), self._frame.cell(*goal), longest=longest)
         if cells is None:
             return None
         way = taut_path_m(cells, self._factor, self._frame)
@@ -251,7 +257,7 @@ class ScenarioSampler:
         # Whoever ends at the robot's start arrives there after the robot has left.
         self._fill_disc(factor, task.start_m, 2 * keep_off_m, self._factor)
         start, goal = self._frame.cell(*task.start_m), self._frame.cell(*task.goal_m)
-        return self._search.path(factor, start, goal) is not None
+        return self._search.connects(factor, start, goal, margin=round(_NEARBY_M / self._frame.resolution_m))
 
     def _fill_disc(self, factor: UInt8Array, centre: Point, radius_m: float, source: UInt8Array | None) -> None:
         """Set the cells within a disc to blocked, or to what they are in `source`."""
