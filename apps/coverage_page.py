@@ -90,7 +90,7 @@ def _heat_colours(shares: npt.NDArray[np.float64]) -> npt.NDArray[np.uint8]:
 
 def _heat_scale(width: int, highest: int) -> Picture:
     strip = np.full((30, width, 3), WHITE, np.uint8)
-    bar = np.arange(1, 161) / 160
+    bar = np.linspace(1 / max(highest, 1), 1.0, 160)
     strip[8:22, 30:190] = _heat_colours(bar)[None]
     put_text(strip, "1", (16, 20), colour=INK)
     put_text(strip, f"{highest} episodes", (198, 20), colour=INK)

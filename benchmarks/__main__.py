@@ -10,6 +10,7 @@ COMMANDS = (
     ["benchmarks/backward.py"],
     ["benchmarks/gpu.py"],
     ["-m", "apps", "bench", "motion"],
+    ["benchmarks/smpl_fit.py"],
     ["benchmarks/dataset.py"],
     ["benchmarks/policy.py", "cost"],
 )

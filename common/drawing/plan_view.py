@@ -216,7 +216,7 @@ def _blend(picture: Picture, mask: Picture, colour: Rgb, share: float) -> None:
     table = np.arange(256)[:, None] * (1 - share) + np.array(colour) * share
     ground = np.ascontiguousarray(picture[box])
     mixed = cv2.LUT(ground, np.rint(table).astype(np.uint8)[None])
-    picture[box] = cv2.copyTo(mixed, cv2.compare(mask[box], 127, cv2.CMP_GT), ground)
+    picture[box] = cv2.copyTo(mixed, (mask[box] > 127).astype(np.uint8), ground)
 
 
 def put_text(picture: Picture, text: str, xy_px: tuple[int, int], *, size: float = 0.45, colour: Rgb = INK) -> None:

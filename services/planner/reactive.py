@@ -111,9 +111,8 @@ class ReactivePeople:
         robot: tuple[float, float, float, float] | None,
     ) -> Float64Array:
         """Where person k goes in this step."""
-        rows, row = self._drawn[k], self._row[k]
-        if math.dist(here.tolist(), rows[row].tolist()) < _BEHIND_M:
-            row = self._row[k] = min(row + 1, len(rows) - 1)
+        rows = self._drawn[k]
+        row = self._row[k] = _next_row(rows, self._row[k], here)
         ahead = min(row + _AHEAD_ROWS, len(rows) - 1)
         walked_m = float(np.sum(np.sqrt(np.sum(np.diff(rows[row : ahead + 1], axis=0) ** 2, axis=1))))
         free_mps = max(walked_m / (_AHEAD_ROWS * DT_S) * 1.1, 0.4)
@@ -195,6 +194,21 @@ def _first_velocity(rows: Float64Array) -> Float64Array:
 
 def _unit(vector: Float64Array) -> Float64Array:
     return vector / max(math.hypot(*vector.tolist()), 1e-9)
+
+
+@njit(cache=True)
+def _next_row(rows: Float64Array, row: int, here: Float64Array) -> int:
+    """The drawn row that somebody is to follow next: it waits for who is late and hurries for who is early."""
+    last = len(rows) - 1
+    gap = math.sqrt((rows[row, 0] - here[0]) ** 2 + (rows[row, 1] - here[1]) ** 2)
+    if gap < _BEHIND_M:
+        return min(row + 1, last)
+    while row < last:
+        onward = math.sqrt((rows[row + 1, 0] - here[0]) ** 2 + (rows[row + 1, 1] - here[1]) ** 2)
+        if onward >= gap:
+            break
+        gap, row = onward, row + 1
+    return row
 
 
 @njit(cache=True)

@@ -1,5 +1,6 @@
 """Plays scenario files: puts their starts, goals and people on a scene's maps, or says which entry is wrong."""
 
+import itertools
 import math
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -18,14 +19,14 @@ from services.planner.human import HumanPathPlanner, keeps_clear
 from services.planner.scenario_file import ScenarioFile, ScriptedHuman, ScriptedScenario
 from services.planner.spline import length_m
 from services.planner.task import Point, apart_m
-from services.planner.walk import nearest_along, timed
+from services.planner.walk import timed
 
 Float64Array = npt.NDArray[np.float64]
 
 _SETTLE_M = 0.3
 """A waypoint nearer to a wall than people walk moves by at most this [m]."""
 _DETOUR_MAX = 100.0
-_SAME_PLACE_M = 0.15
+_STEP_MIN_M = 0.05
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -158,29 +159,27 @@ class Script:
             place = None if blocked else paths.settled((x, y), _SETTLE_M)
             if place is None:
                 raise ValueError(f"waypoints_m[{number}] {_text((x, y))} is in an obstacle or too near to one to walk.")
+            if via and apart_m(via[-1], place) < _STEP_MIN_M:
+                raise ValueError(f"waypoints_m[{number}] {_text((x, y))} is where the one before it is.")
             via.append(place)
         if len(via) == 1:
             return np.array(via)
-        path = paths.path(via, detour_max=_DETOUR_MAX) if length_m(np.array(via)) > 0 else None
-        if path is None:
-            raise ValueError(f"no walk leads along waypoints_m {', '.join(map(_text, via))}.")
         pauses = human.pauses_s or (0.0,) * len(via)
-        stops = [(along, pause) for along, pause in zip(stops_along(path, via), pauses, strict=True) if pause > 0]
-        return timed(path, human.speed_mps, wait_s=pauses[0], pauses=[stop for stop in stops if stop[0] > 0])
-
-
-def stops_along(path_m: Float64Array, via_m: list[Point]) -> list[float]:
-    """How far along a path each of the points that it leads past is [m], in their order; 0 for the first."""
-    even, _, spacing_m = nearest_along(path_m, via_m[0])
-    found, first = [0.0], 0
-    for x, y in via_m[1:]:
-        gaps = np.sqrt((even[first:, 0] - x) ** 2 + (even[first:, 1] - y) ** 2)
-        # The first visit, where a path comes back to a place.
-        near = np.flatnonzero(gaps <= gaps.min() + _SAME_PLACE_M)
-        visit = near[: int(np.argmax(np.diff(near, append=near[-1] + 2) > 1)) + 1]
-        first += int(visit[np.argmin(gaps[visit])])
-        found.append(first * spacing_m)
-    return found
+        # Who stops at a waypoint may turn there; where nobody stops the path is smooth and passes near.
+        stops = [0, *(k for k in range(1, len(via) - 1) if pauses[k] > 0), len(via) - 1]
+        legs = []
+        for first, last in itertools.pairwise(stops):
+            leg = paths.path(via[first : last + 1], detour_max=_DETOUR_MAX)
+            if leg is None:
+                raise ValueError(f"no walk leads along waypoints_m {', '.join(map(_text, via[first : last + 1]))}.")
+            legs.append(leg)
+        ends = itertools.accumulate(length_m(leg) for leg in legs)
+        return timed(
+            np.concatenate(legs),
+            human.speed_mps,
+            wait_s=pauses[0],
+            pauses=[(end, pauses[k]) for end, k in zip(ends, stops[1:-1], strict=False)],
+        )
 
 
 def _text(point: Point) -> str:

@@ -127,7 +127,7 @@ def test_overtaking_changes_the_order_side_by_side_with_one_heading(drawn):
         robot, ahead, _ = robot_at(way, count)
         gap = held(human.xy_m, count) - robot
         side = np.sum(gap * ahead, axis=1) > 0
-        (step,) = np.flatnonzero(side[1:] != side[: -1])[:1]
+        (step,) = np.flatnonzero(side[1:] != side[:-1])[:1]
         both.add(bool(side[0]))
         assert (human.speed_mps < ROBOT_MPS) == bool(side[0])
         assert abs(human.speed_mps - ROBOT_MPS) >= 0.2
@@ -170,7 +170,7 @@ def test_groups_stand_in_a_circle_near_the_way_after_a_step_towards_its_middle(d
     for scenario, way in drawn["standing_group"]:
         ends = np.array([human.xy_m[-1] for human in scenario.humans])
         gaps = [np.hypot(*(a - b)) for a, b in itertools.combinations(ends, 2)]
-        assert 0.7 <= min(gaps)
+        assert min(gaps) >= 0.7
         assert max(gaps) <= 1.7
         assert np.hypot(*(way[:, None] - ends[None]).transpose(2, 0, 1)).min() <= 1.6
         # The middle of the circle that all ends lie on.
