@@ -7,6 +7,7 @@ import json as json_module
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -18,6 +19,7 @@ from benchmarks.plan_runs import Draw, Job, draws, processes
 from benchmarks.plan_summary import map_row, rows_of, text
 from benchmarks.render import machine
 from common.errors import ConfigError
+from services.planner.recipes import PeopleName
 
 Mode = Literal["paper", "spacetime", "near_field", "oracle"]
 Task = Literal["dynamic", "static"]
@@ -29,6 +31,7 @@ def bench_plan(
     episodes: int = 200,
     modes: tuple[Mode, ...] = ("paper", "spacetime", "near_field", "oracle"),
     tasks: tuple[Task, ...] = ("dynamic", "static"),
+    people: PeopleName = "paper",
     workers: int = 2,
     seed: int = 2,
     data: Path | None = None,
@@ -43,6 +46,7 @@ def bench_plan(
         episodes: Accepted test episodes per map.
         modes: Experts that drive through each of them.
         tasks: With people and without, between the same starts and goals.
+        people: Mix of the people: a recipe of the planner.
         workers: Processes; only the time that it takes depends on them.
         seed: Seed of the episodes.
         data: Folder with scenes/ and maps/; ../shared/data beside the checkout by default, if it is there.
@@ -60,7 +64,8 @@ def bench_plan(
         raise ConfigError("--maps needs at least one map.")
     data = data or default_data_folder()
     sources = [find_map(name, data) for name in maps]
-    jobs = [Job(source=source, modes=modes, tasks=tasks, seed=seed, pictures=pictures) for source in sources]
+    job = Job(source=sources[0], modes=modes, tasks=tasks, seed=seed, people=people, pictures=pictures)
+    jobs = [replace(job, source=source) for source in sources]
     result = measure(jobs, episodes, process_count=workers, quiet=json)
     sys.stdout.write(json_module.dumps(result) + "\n" if json else text(result))
 
@@ -81,7 +86,7 @@ def measure(jobs: list[Job], episodes: int, *, process_count: int, quiet: bool) 
                 show(job, not draw.rejected)
             places.append(map_row(job, drawn))
             rows += rows_of(job, drawn)
-    head = {"machine": machine(), "episodes": episodes, "seed": jobs[0].seed}
+    head = {"machine": machine(), "episodes": episodes, "seed": jobs[0].seed, "people": jobs[0].people}
     return {**head, "maps": places, "rows": rows}
 
 

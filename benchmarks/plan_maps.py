@@ -4,15 +4,12 @@ import hashlib
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
-import numpy as np
-
+from apps import scene_argument
 from apps.paths import cache_folder
-from apps.scene_argument import open_scene
+from apps.scene_argument import FlatMaps, open_scene
 from common.errors import ConfigError, SceneError
-from common.maps import FloorMap, OccupancyMap, load_ros_map
 from common.maps.movingai import load_movingai_map
 from common.scenes import import_scene
 from services.planner.handlers import SceneMaps
@@ -37,23 +34,6 @@ class MapSource:
     name: str
     path: str
     """Scene bundle, map file, or "embedded"."""
-
-
-@dataclass(frozen=True, eq=False)
-class FlatMaps:
-    """A 2-D map as the maps of a place with a level floor."""
-
-    robot: OccupancyMap
-
-    @property
-    def human(self) -> OccupancyMap:
-        """What blocks people: the same."""
-        return self.robot
-
-    @cached_property
-    def floor(self) -> FloorMap:
-        """Height 0."""
-        return FloorMap(frame=self.robot.frame, height_m=np.zeros(self.robot.occupied.shape, np.float32))
 
 
 def default_data_folder() -> Path | None:
@@ -97,11 +77,9 @@ def open_maps(source: MapSource) -> SceneMaps:
     Raises:
         SceneError: If they cannot be read.
     """
-    if source.path.endswith(".yaml"):
-        return FlatMaps(load_ros_map(source.path))
     if source.path.endswith(".map"):
         return FlatMaps(load_movingai_map(source.path, CITY_CELL_M))
-    return open_scene(source.path).maps
+    return scene_argument.open_maps(source.path)[0]
 
 
 def _maps_below(data: Path) -> list[Path]:

@@ -37,6 +37,7 @@ from common.robot.kinematics import RATE_HZ
 from services.animator import Animator, AnimatorConfig, handle_animate
 from services.planner import HumanPlannerConfig, Planner, expert_recipe, handle_human_plan, handle_robot_plan
 from services.planner.picture import draw_episode
+from services.planner.recipes import PEOPLE_RECIPES, PeopleName
 
 T = TypeVar("T")
 
@@ -57,6 +58,8 @@ class Job:
     modes: tuple[str, ...]
     tasks: tuple[str, ...]
     seed: int
+    people: PeopleName = "paper"
+    """The mix of people: a recipe of the planner."""
     pictures: Path | None = None
     """Folder for a picture of every failure."""
 
@@ -106,10 +109,11 @@ class Course:
         Raises:
             SceneError: If the maps cannot be used.
         """
-        self.job, self.robot, self.episode = job, RobotConfig(), EpisodeConfig()
+        self.job, self.robot = job, RobotConfig()
+        self.episode, people = PEOPLE_RECIPES[job.people](EpisodeConfig(), HumanPlannerConfig())
         self.maps, avatars = open_maps(job.source), load_avatars()
         self.planners = {
-            mode: Planner(self.maps, avatars, self.robot, self.episode, HumanPlannerConfig(), expert_recipe(mode))
+            mode: Planner(self.maps, avatars, self.robot, self.episode, people, expert_recipe(mode))
             for mode in dict.fromkeys(("paper", *job.modes))
         }
         self.animator = Animator(avatars, self.maps.floor, AnimatorConfig())

@@ -72,7 +72,8 @@ def map_row(job: Job, drawn: Sequence[Draw]) -> dict[str, Any]:
 
 def text(result: dict[str, Any]) -> str:
     """The result for people."""
-    lines = [f"{result['episodes']} test episodes per map, seed {result['seed']}", *LEGEND]
+    head = f"{result['episodes']} test episodes per map, seed {result['seed']}, people: {result['people']}"
+    lines = [head, *LEGEND]
     for place in result["maps"]:
         rejected = ", ".join(f"{count} {reason}" for reason, count in place["rejected"].items()) or "none"
         lines.append(f"\n{place['map']}: {place['draws']} draws, rejected: {rejected}")

@@ -37,7 +37,7 @@ def test_numbers_do_not_depend_on_the_number_of_processes():
 def test_run_on_the_embedded_scene_prints_a_line_per_mode(capsys):
     bench_plan(episodes=2, modes=("paper",), workers=1, seed=5)
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0] == "2 test episodes per map, seed 5"
+    assert lines[0] == "2 test episodes per map, seed 5, people: paper"
     assert any(line.startswith("embedded: ") and "draws, rejected: " in line for line in lines)
     assert sum(line.startswith("paper ") for line in lines) == 2
 

@@ -63,7 +63,7 @@ def test_rejected_draws_cost_time_but_no_episode():
 
 
 def test_text_has_rejections_a_line_per_mode_and_failures_in_80_columns_or_a_few_more():
-    result = {"episodes": 2, "seed": 1, "maps": [map_row(JOB, DRAWN)], "rows": rows_of(JOB, DRAWN)}
+    result = {"episodes": 2, "seed": 1, "people": "paper", "maps": [map_row(JOB, DRAWN)], "rows": rows_of(JOB, DRAWN)}
     lines = text(result).splitlines()
     assert "here: 3 draws, rejected: 1 no room" in lines
     (line,) = [line for line in lines if line.startswith("paper ")]
