@@ -101,7 +101,7 @@ class ExpertConfig:
     """Growth of this space with the time ahead [m/s]."""
     doubt_max_m: float = 0.3
     """Largest growth [m]."""
-    nearness_cost: float = 8.0
+    nearness_cost: float = 30.0
     """Cost of a second without this space, in metres at full speed; falls off with its square."""
     route_weight: float = 2.0
     """How likely it is that a human walks to the robot's start or goal, if its last steps look like that, in

@@ -45,9 +45,6 @@ class SpaceTimeExpert:
         self._horizon = round(horizon_s * RATE_HZ)
         paths_m = [who.motion.root_m[:, :2].astype(np.float64) for who, _, _ in people]
         self._tracks = HumanTracks(ground, self._local, paths_m, self._horizon)
-        ahead_s = np.arange(1, self._horizon + 1) * DT_S
-        growth = 0.0 if config.oracle else config.doubt_growth_mps
-        self._widths_m = config.timed_margin_m + np.minimum(growth * ahead_s, config.doubt_max_m)
         self._contact_m = ground.contact_m + config.hard_margin_m
         robot = ground.robot
         self._limits = (robot.v_max_mps, robot.w_max_radps, robot.a_max_mps2, robot.alpha_max_radps2)
@@ -108,13 +105,11 @@ class SpaceTimeExpert:
             if not local.distances(factor, state[0], state[1]):
                 heuristic = local.to_goal
         rows, chances, widths = list(expected_m), [float(human.chances[0]) for human in humans], []
-        for human in humans:
-            stands = human.vx_mps**2 + human.vy_mps**2 < _STANDING_MPS**2
-            widths.append(np.full(self._horizon, config.standing_margin_m) if stands else self._widths_m)
-        for human in humans:
+        widths = [self._widths(human) for human in humans]
+        for k, human in enumerate(humans):
             rows += list(human.others_m)
             chances += human.chances[1:].tolist()
-            widths += [self._widths_m] * len(human.others_m)
+            widths += [widths[k]] * len(human.others_m)
         people = TimedHumans(
             expected_m=np.array(rows).reshape(-1, self._horizon, 2),
             chances=np.minimum(1.0, config.chance_gain * np.array(chances)),
@@ -126,6 +121,15 @@ class SpaceTimeExpert:
             half_fov_rad=0.9 * math.radians(self._ground.robot.camera.horizontal_fov_deg) / 2,
         )
         self._plan = self._search.search(factor, heuristic, local.cells, state, self._goal_m, people)
+
+    def _widths(self, human: PerceivedHuman) -> Float64Array:
+        """Free space around a human that costs nothing, in the next steps [m]."""
+        config = self._config
+        if human.vx_mps**2 + human.vy_mps**2 < _STANDING_MPS**2:
+            return np.full(self._horizon, config.standing_margin_m)
+        growth = 0.0 if config.oracle else config.doubt_growth_mps
+        ahead_s = np.arange(1, self._horizon + 1) * DT_S + human.age_s
+        return config.timed_margin_m + np.minimum(growth * ahead_s, config.doubt_max_m)
 
     def _drive(self, step: int, state: State, expected_m: Float64Array) -> tuple[float, float]:
         if self._plan is not None:

@@ -27,6 +27,8 @@ class PerceivedHuman:
     vy_mps: float
     seen: bool
     """True if in view now; else felt nearby, known to an oracle, or moved on from the latest view."""
+    age_s: float
+    """How long ago it was perceived last [s]."""
     ahead_m: Float64Array
     """Where it is expected after 1, 2, ... steps [m], shape (T, 2)."""
     others_m: Float64Array
@@ -161,6 +163,7 @@ class HumanTracks:
             vx_mps=vx,
             vy_mps=vy,
             seen=seen,
+            age_s=elapsed * DT_S,
             ahead_m=ahead[0],
             others_m=ahead[1:],
             chances=track.chances,
