@@ -13,6 +13,7 @@ COMMANDS = (
     ["benchmarks/smpl_fit.py"],
     ["benchmarks/dataset.py"],
     ["benchmarks/policy.py", "cost"],
+    ["-m", "apps", "bench", "plan", "--episodes", "50"],
 )
 
 
