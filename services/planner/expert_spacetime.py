@@ -1,6 +1,5 @@
 """The expert that plans in space and time: it waits, turns in place, goes around, or slips through."""
 
-import math
 import time
 
 import numpy as np
@@ -8,11 +7,12 @@ import numpy.typing as npt
 from numba import njit
 
 from common.episode import EpisodeSimulation
+from common.episode.grid_search import FREE
 from common.messages import Scenario
 from common.robot.kinematics import DT_S, RATE_HZ
 from services.planner.expert import Decision, Person, expected_array
 from services.planner.ground import ExpertGround
-from services.planner.obstacles import open_around, paint_capsule
+from services.planner.obstacles import open_around, paint_capsule, paint_slope
 from services.planner.perception import HumanTracks, PerceivedHuman
 from services.planner.rollouts import AHEAD_STEPS, State, choose_evasion
 from services.planner.spacetime_search import SpaceTimeSearch, TimedHumans, TimedPlan
@@ -20,6 +20,7 @@ from services.planner.spacetime_search import SpaceTimeSearch, TimedHumans, Time
 Float64Array = npt.NDArray[np.float64]
 
 _STANDING_MPS = 0.1
+_STANDING_WIDTH_M = 0.02
 _START_GAP_M = 0.03
 
 
@@ -101,6 +102,7 @@ class SpaceTimeExpert:
             for human in standing:
                 x, y = human.x_m, human.y_m
                 gap_m = ((x - state[0]) ** 2 + (y - state[1]) ** 2) ** 0.5 - _START_GAP_M
+                paint_slope(factor, local.frame, (x, y, x, y), self._contact_m + config.standing_margin_m, 2 * FREE)
                 paint_capsule(factor, local.frame, (x, y, x, y), min(self._contact_m, gap_m), 0)
             if not local.distances(factor, state[0], state[1]):
                 heuristic = local.to_goal
@@ -116,9 +118,6 @@ class SpaceTimeExpert:
             widths_m=np.array(widths).reshape(-1, self._horizon),
             contact_m=self._contact_m,
             weight=config.nearness_cost,
-            watched_count=len(humans),
-            watch_cost=config.watch_cost,
-            half_fov_rad=0.9 * math.radians(self._ground.robot.camera.horizontal_fov_deg) / 2,
         )
         self._plan = self._search.search(factor, heuristic, local.cells, state, self._goal_m, people)
 
@@ -126,7 +125,7 @@ class SpaceTimeExpert:
         """Free space around a human that costs nothing, in the next steps [m]."""
         config = self._config
         if human.vx_mps**2 + human.vy_mps**2 < _STANDING_MPS**2:
-            return np.full(self._horizon, config.standing_margin_m)
+            return np.full(self._horizon, _STANDING_WIDTH_M)
         growth = 0.0 if config.oracle else config.doubt_growth_mps
         ahead_s = np.arange(1, self._horizon + 1) * DT_S + human.age_s
         return config.timed_margin_m + np.minimum(growth * ahead_s, config.doubt_max_m)
