@@ -1,5 +1,6 @@
 """Answers planning requests: scenarios (stage 1) and expert runs (stage 3)."""
 
+import dataclasses
 from collections.abc import Mapping
 from typing import Protocol
 
@@ -18,13 +19,14 @@ from common.messages import (
     Scenario,
 )
 from common.robot import RobotConfig
+from services.planner.clearance import gaussian_clearance_m
 from services.planner.config import HumanPlannerConfig
 from services.planner.expert import Expert
+from services.planner.expert_config import ExpertConfig
 from services.planner.expert_paper import PaperExpert
 from services.planner.expert_spacetime import SpaceTimeExpert
 from services.planner.ground import ExpertGround
 from services.planner.hybrid_astar import HybridAStar
-from services.planner.expert_config import ExpertConfig
 from services.planner.scenario import RejectedError, ScenarioSampler
 from services.planner.spacetime_search import SpaceTimeSearch
 
@@ -152,9 +154,12 @@ def drive(planner: Planner, scenario: Scenario, motions: EpisodeMotions) -> Robo
         decision = expert.act(simulation)
         decisions.append(decision)
         simulation.advance(decision.v_mps, decision.w_radps)
-    return simulation.trajectory(
+    trajectory = simulation.trajectory(
         human_visible=[decision.visible for decision in decisions],
         replanned=[decision.replanned for decision in decisions],
         expert_cost=[decision.cost for decision in decisions],
         replan_times_s=expert.replan_times_s,
     )
+    people = [(human, *planner.footprint(human.avatar)) for human in motions.humans]
+    clearance = gaussian_clearance_m(trajectory.xyyaw, people, planner.maps.floor, planner.robot)
+    return dataclasses.replace(trajectory, gaussian_clearance_m=clearance)
