@@ -16,9 +16,9 @@ Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
 UInt8Array = npt.NDArray[np.uint8]
 
-People = tuple[Float64Array, Float64Array, float, Float64Array, float, int, float, float]
+People = tuple[Float64Array, Float64Array, float, Float64Array, float]
 """Positions after 1, 2, ... steps [m], shape (M, T, 2); chances, shape (M,); contact distance [m]; widths [m], shape
-(M, T); weight; number of the first positions that the camera shall keep in view; weight and cosine of that."""
+(M, T); weight. See `TimedHumans`."""
 
 _CONTACT_COST = 100.0
 LAYER_STEPS = 5
@@ -87,7 +87,7 @@ def fill_delays(
                     if factor[i, j] > 0 and to_goal[i, j] < UNREACHED:
                         best = min(best, to_goal[i, j] * unit)
             static[a, b] = best
-    expected, chances, hard, widths, weight = humans[:5]
+    expected, chances, hard, widths, weight = humans
     layer_s = LAYER_STEPS * step_s
     for a in range(n):
         for b in range(n):
@@ -111,7 +111,9 @@ def fill_delays(
                         dx, dy = expected[m, row, 0] - x, expected[m, row, 1] - y
                         # The robot may be anywhere in the cell.
                         squared = dx * dx + dy * dy
-                        near += chances[m] * nearness_cost(squared, hard - 0.4 * cell, widths[m, row] + 0.4 * cell, weight)
+                        near += chances[m] * nearness_cost(
+                            squared, hard - 0.4 * cell, widths[m, row] + 0.4 * cell, weight
+                        )
                 best = np.inf
                 for da in range(-1, 2):
                     for db in range(-1, 2):

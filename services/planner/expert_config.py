@@ -84,7 +84,7 @@ class ExpertConfig:
     timed_heuristic_weight: float = 1.2
     """The following are of mode "spacetime". 1.0 searches for the cheapest plan, more is faster."""
     timed_heading_count: int = 36
-    timed_expansions_max: int = 4000
+    timed_expansions_max: int = 1000
     timed_steering_cost: float = 0.15
     """Cost of turning fully, per second and metre per second of full speed."""
     swerve_cost: float = 0.1
@@ -97,21 +97,19 @@ class ExpertConfig:
     """Smaller gaps between robot and expected human count as contact [m]."""
     timed_margin_m: float = 0.4
     """Free space beyond it that costs nothing [m]."""
-    doubt_growth_mps: float = 0.1
+    doubt_growth_mps: float = 0.2
     """Growth of this space with the time ahead [m/s]."""
-    doubt_max_m: float = 0.3
+    doubt_max_m: float = 0.6
     """Largest growth [m]."""
     nearness_cost: float = 30.0
     """Cost of a second without this space, in metres at full speed; falls off with its square."""
     route_weight: float = 2.0
     """How likely it is that a human walks to the robot's start or goal, if its last steps look like that, in
     proportion to walking on as before; 0 leaves these routes out."""
-    standing_margin_m: float = 0.2
-    """Free space beyond contact that costs nothing, for humans who stand [m]."""
+    standing_margin_m: float = 0.5
+    """Ground this near to contact with a human who stands is dearer [m]."""
     chance_gain: float = 2.0
     """Chances count this much, at most fully: what is half likely is avoided like what is certain."""
-    watch_cost: float = 0.0
-    """Cost of a second without a known human in view, in metres at full speed."""
     timed_replan_s: float = 0.25
     """Time after which a plan that has come to meet a human is made anew [s]."""
 

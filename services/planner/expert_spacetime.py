@@ -5,30 +5,30 @@ import time
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from common.episode import EpisodeSimulation
+from common.episode.grid_search import FREE
 from common.messages import Scenario
 from common.robot.kinematics import DT_S, RATE_HZ
 from services.planner.expert import Decision, Person, expected_array
 from services.planner.ground import ExpertGround
-from services.planner.obstacles import open_around, paint_capsule
+from services.planner.obstacles import open_around, paint_capsule, paint_slope
 from services.planner.perception import HumanTracks, PerceivedHuman
 from services.planner.rollouts import AHEAD_STEPS, State, choose_evasion
 from services.planner.spacetime_search import SpaceTimeSearch, TimedHumans, TimedPlan
 
 Float64Array = npt.NDArray[np.float64]
+UInt8Array = npt.NDArray[np.uint8]
 
 _STANDING_MPS = 0.1
+_STANDING_WIDTH_M = 0.02
 _START_GAP_M = 0.03
 
 
 class SpaceTimeExpert:
     """Drives one episode in mode "spacetime"; call `act` at every step."""
 
-    def __init__(
-        self, ground: ExpertGround, search: SpaceTimeSearch, scenario: Scenario, people: list[Person]
-    ) -> None:
+    def __init__(self, ground: ExpertGround, search: SpaceTimeSearch, scenario: Scenario, people: list[Person]) -> None:
         """Prepare the static way to the goal.
 
         Args:
@@ -58,10 +58,10 @@ class SpaceTimeExpert:
         state = (simulation.x_m, simulation.y_m, simulation.yaw_rad, simulation.v_mps, simulation.w_radps)
         humans = self._tracks.observe(simulation.step, state[:3], simulation.human_xy_m)
         expected_m = expected_array(humans, self._horizon)
-        replanned = self._is_due(simulation.step, state, expected_m)
+        replanned = self._is_due(simulation.step, humans)
         if replanned:
             started_s = time.thread_time()
-            self._replan(simulation.step, state, humans, expected_m)
+            self._replan(simulation.step, state, humans)
             self.replan_times_s.append(time.thread_time() - started_s)
         v, w = self._drive(simulation.step, state, expected_m)
         rows = np.empty((0, 5)) if self._plan is None else self._plan.rows[simulation.step - self._planned_at_step :]
@@ -77,56 +77,60 @@ class SpaceTimeExpert:
             path_times_s=np.arange(len(rows)) * DT_S,
         )
 
-    def _is_due(self, step: int, state: State, expected_m: Float64Array) -> bool:
+    def _is_due(self, step: int, humans: list[PerceivedHuman]) -> bool:
         if self._plan is None:
             return True
         elapsed = step - self._planned_at_step
-        if elapsed >= len(self._plan.rows) - 1 or elapsed * DT_S >= self._config.replan_period_s - 1e-9:
-            return True
-        if len(expected_m) == 0 or elapsed * DT_S < self._config.timed_replan_s - 1e-9:
-            return False
-        return True
+        period_s = self._config.timed_replan_s if humans else self._config.replan_period_s
+        return elapsed >= len(self._plan.rows) - 1 or elapsed * DT_S >= period_s - 1e-9
 
-    def _replan(self, step: int, state: State, humans: list[PerceivedHuman], expected_m: Float64Array) -> None:
+    def _replan(self, step: int, state: State, humans: list[PerceivedHuman]) -> None:
         self._planned_at_step = step
-        local, config = self._local, self._config
-        cell = local.frame.cell(state[0], state[1])
+        local = self._local
+        standing = [human for human in humans if _stands(human)]
         factor, heuristic = local.tight_factor, local.to_goal
-        standing = [human for human in humans if human.vx_mps**2 + human.vy_mps**2 < _STANDING_MPS**2]
-        if standing or factor[cell] == 0:
-            factor, heuristic = local.factor, local.heuristic
-            factor[:] = local.tight_factor
-            tolerated_m = self._ground.robot.radius_m
-            open_around(factor, local.frame, local.clearance, state[:2], tolerated_m, config.dear_factor)
-            for human in standing:
-                x, y = human.x_m, human.y_m
-                gap_m = ((x - state[0]) ** 2 + (y - state[1]) ** 2) ** 0.5 - _START_GAP_M
-                paint_capsule(factor, local.frame, (x, y, x, y), min(self._contact_m, gap_m), 0)
+        if standing or factor[local.frame.cell(state[0], state[1])] == 0:
+            factor, heuristic = self._painted(state, standing), local.heuristic
             if not local.distances(factor, state[0], state[1]):
                 heuristic = local.to_goal
-        rows, chances, widths = list(expected_m), [float(human.chances[0]) for human in humans], []
-        widths = [self._widths(human) for human in humans]
-        for k, human in enumerate(humans):
-            rows += list(human.others_m)
-            chances += human.chances[1:].tolist()
-            widths += [widths[k]] * len(human.others_m)
-        people = TimedHumans(
-            expected_m=np.array(rows).reshape(-1, self._horizon, 2),
-            chances=np.minimum(1.0, config.chance_gain * np.array(chances)),
-            widths_m=np.array(widths).reshape(-1, self._horizon),
-            contact_m=self._contact_m,
-            weight=config.nearness_cost,
-            watched_count=len(humans),
-            watch_cost=config.watch_cost,
-            half_fov_rad=0.9 * math.radians(self._ground.robot.camera.horizontal_fov_deg) / 2,
-        )
+        people = self._timed(humans)
         self._plan = self._search.search(factor, heuristic, local.cells, state, self._goal_m, people)
+
+    def _painted(self, state: State, standing: list[PerceivedHuman]) -> UInt8Array:
+        """The map with standing humans in it, passable where the robot is."""
+        local, config = self._local, self._config
+        factor = local.factor
+        factor[:] = local.tight_factor
+        radius_m = self._ground.robot.radius_m
+        open_around(factor, local.frame, local.clearance, state[:2], radius_m, config.dear_factor)
+        for human in standing:
+            ends = (human.x_m, human.y_m, human.x_m, human.y_m)
+            gap_m = math.hypot(human.x_m - state[0], human.y_m - state[1]) - _START_GAP_M
+            paint_slope(factor, local.frame, ends, self._contact_m + config.standing_margin_m, 2 * FREE)
+            paint_capsule(factor, local.frame, ends, min(self._contact_m, gap_m), 0)
+        return factor
+
+    def _timed(self, humans: list[PerceivedHuman]) -> TimedHumans:
+        """All that the humans may do, by chance."""
+        rows, chances, widths = [], [], []
+        for human in humans:
+            count = len(human.chances)
+            rows += [human.ahead_m, *human.others_m]
+            chances += human.chances.tolist()
+            widths += [self._widths(human)] * count
+        return TimedHumans(
+            expected_m=np.array(rows).reshape(-1, self._horizon, 2),
+            chances=np.minimum(1.0, self._config.chance_gain * np.array(chances)),
+            contact_m=self._contact_m,
+            widths_m=np.array(widths).reshape(-1, self._horizon),
+            weight=self._config.nearness_cost,
+        )
 
     def _widths(self, human: PerceivedHuman) -> Float64Array:
         """Free space around a human that costs nothing, in the next steps [m]."""
         config = self._config
-        if human.vx_mps**2 + human.vy_mps**2 < _STANDING_MPS**2:
-            return np.full(self._horizon, config.standing_margin_m)
+        if _stands(human):
+            return np.full(self._horizon, _STANDING_WIDTH_M)
         growth = 0.0 if config.oracle else config.doubt_growth_mps
         ahead_s = np.arange(1, self._horizon + 1) * DT_S + human.age_s
         return config.timed_margin_m + np.minimum(growth * ahead_s, config.doubt_max_m)
@@ -140,7 +144,7 @@ class SpaceTimeExpert:
                 state,
                 self._limits,
                 self._local.cells,
-                self._ground.robot.radius_m + 0.01,
+                self._ground.robot.radius_m + self._config.tracking_margin_m,
                 expected_m[:, :AHEAD_STEPS].copy(),
                 (self._ground.contact_m, 0.0),
                 self._config.evasion_gap_m,
@@ -152,15 +156,5 @@ class SpaceTimeExpert:
         return 0.0, 2.0 * turn
 
 
-@njit(cache=True)
-def plan_is_free(rows: Float64Array, first: int, expected: Float64Array, keep_off: Float64Array) -> bool:
-    """True if the rows after `first` keep their distances from humans, or do not come nearer than they are now."""
-    for m in range(len(expected)):
-        dx, dy = expected[m, 0, 0] - rows[first, 0], expected[m, 0, 1] - rows[first, 1]
-        escape = dx * dx + dy * dy
-        for k in range(min(len(rows) - first - 1, len(keep_off))):
-            dx, dy = expected[m, k, 0] - rows[first + 1 + k, 0], expected[m, k, 1] - rows[first + 1 + k, 1]
-            squared = dx * dx + dy * dy
-            if squared < keep_off[k] * keep_off[k] and squared < escape:
-                return False
-    return True
+def _stands(human: PerceivedHuman) -> bool:
+    return human.vx_mps**2 + human.vy_mps**2 < _STANDING_MPS**2

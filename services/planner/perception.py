@@ -51,9 +51,7 @@ class _Track:
 class HumanTracks:
     """Positions of the humans while they are perceived, and what is expected of them."""
 
-    def __init__(
-        self, ground: ExpertGround, local: EpisodeGround, paths_m: Sequence[Float64Array], count: int
-    ) -> None:
+    def __init__(self, ground: ExpertGround, local: EpisodeGround, paths_m: Sequence[Float64Array], count: int) -> None:
         """Begin an episode.
 
         Args:
@@ -109,9 +107,7 @@ class HumanTracks:
         expected_m, chances = self._expected(index, step, rows)
         self._tracks[index] = _Track(step=step, rows=rows, expected_m=expected_m, chances=chances)
 
-    def _expected(
-        self, index: int, step: int, rows: list[tuple[float, float]]
-    ) -> tuple[Float64Array, Float64Array]:
+    def _expected(self, index: int, step: int, rows: list[tuple[float, float]]) -> tuple[Float64Array, Float64Array]:
         """Possible positions after a step [m], shape (1 + K, T, 2), and their chances, shape (1 + K,)."""
         count = self._count + self._memory_steps
         if self._config.oracle:

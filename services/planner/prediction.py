@@ -45,7 +45,9 @@ def _keeps_off(clearance: Float64Array, place: tuple[float, float, float], x: fl
 
 
 @njit(cache=True)
-def _deflection(clearance: Float64Array, place: tuple[float, float, float], x: float, y: float, heading: float) -> float:
+def _deflection(
+    clearance: Float64Array, place: tuple[float, float, float], x: float, y: float, heading: float
+) -> float:
     """The smallest turn after which the way ahead keeps off the walls; 0 if there is none [rad]."""
     for k in range(_DEFLECTION_COUNT):
         for side in (1, -1):
@@ -116,7 +118,13 @@ def _field_at(field: Int32Array, place: tuple[float, float, float], x: float, y:
 
 @njit(cache=True)
 def _follow(
-    x: float, y: float, heading: float, stride: float, field: Int32Array, place: tuple[float, float, float], out: Float64Array
+    x: float,
+    y: float,
+    heading: float,
+    stride: float,
+    field: Int32Array,
+    place: tuple[float, float, float],
+    out: Float64Array,
 ) -> None:
     for k in range(len(out)):
         best, wanted = UNREACHED, heading
@@ -131,7 +139,9 @@ def _follow(
         out[k, 0], out[k, 1] = x, y
 
 
-def follow_route(views_m: Float64Array, to_place: Int32Array, frame: GridFrame, count: int) -> tuple[Float64Array, float]:
+def follow_route(
+    views_m: Float64Array, to_place: Int32Array, frame: GridFrame, count: int
+) -> tuple[Float64Array, float]:
     """Positions after 1 .. `count` steps of somebody who walks to a place, and how much it looks like that.
 
     Args:

@@ -27,7 +27,6 @@ UInt8Array = npt.NDArray[np.uint8]
 
 _TABLE_SIZE = 1 << 18
 _KEY_CELL_M = 0.1
-_WATCH_M = 4.0
 CHECK_STEPS = 2
 """Steps between two checks of a primitive against walls and humans."""
 
@@ -58,11 +57,6 @@ class TimedHumans:
     """Free space beyond it that costs nothing [m], shape (M, T)."""
     weight: float
     """Cost per second just outside of contact, in metres at full speed; falls off to zero over the width."""
-    watched_count: int
-    """The first so many rows shall be kept in view."""
-    watch_cost: float
-    """Cost per second that such a row is out of view, in metres at full speed."""
-    half_fov_rad: float
 
     def seen_from(self, x_m: float, y_m: float) -> People:
         """As plain values for compiled callers, with an origin of their own."""
@@ -72,9 +66,6 @@ class TimedHumans:
             self.contact_m,
             self.widths_m,
             self.weight,
-            self.watched_count,
-            self.watch_cost,
-            math.cos(self.half_fov_rad),
         )
 
 
@@ -193,7 +184,7 @@ def primitive_cost(
     step: int,
 ) -> float:
     """What walls and humans add to the cost of a primitive; negative if they block it."""
-    expected, chances, contact, widths, weight, watched, watch_cost, cos_view = humans
+    expected, chances, contact, widths, weight = humans
     height, width = factor.shape
     resolution = ground[4]
     x, y, yaw = pose
@@ -213,10 +204,6 @@ def primitive_cost(
             dx, dy = expected[m, row, 0] - px, expected[m, row, 1] - py
             squared = dx * dx + dy * dy
             extra += chances[m] * nearness_cost(squared, contact, widths[m, row], weight) * CHECK_STEPS * DT_S
-            if m < watched and squared < _WATCH_M * _WATCH_M:
-                ahead = (dx * math.cos(yaw + rows[k, 2]) + dy * math.sin(yaw + rows[k, 2])) / math.sqrt(squared + 1e-12)
-                if ahead < cos_view:
-                    extra += watch_cost * CHECK_STEPS * DT_S
         if meets((px, py, 0.0, 0.0, 0.0), ground, radius):
             return -1.0
     return length * total / (FREE * checks) + extra
