@@ -8,9 +8,10 @@ import numpy as np
 from rich.console import Console
 from rich.markup import escape
 
-from apps.avatar import standing_pose, stride_pose, turntable, write_png
+from apps.avatar import standing_pose, stride_pose, turntable
 from common.avatars import Avatar, save_avatar
 from common.avatars.importers import ImportOptions, ImportReport, import_person
+from common.drawing.files import write_png
 from common.errors import AvatarError
 from services.animator import skeleton_of
 

@@ -11,7 +11,7 @@ from typing import Any, Literal
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from apps.generate import make_spec
+from apps.generate import episode_count, make_spec
 from apps.run import RunConfig, load_run_config
 from apps.scene_argument import open_scene
 from apps.world import World
@@ -35,6 +35,8 @@ from services.evaluator import (
     summary_table,
     write_results,
 )
+from services.planner.recipes import PeopleName
+from services.planner.scenario_file import read_text, text_hash
 from services.planner.service import attach as attach_planner
 from services.renderer.sensor import SensorName
 from services.renderer.service import attach as attach_renderer
@@ -49,7 +51,7 @@ def evaluate(
     policy: Path | None = None,
     /,
     *,
-    episodes: int = 100,
+    episodes: int | None = None,
     tasks: tuple[TaskName, ...] = ("static", "dynamic"),
     methods: tuple[MethodName, ...] = ("policy", "expert", "straight-line"),
     split: Literal["train", "val", "test"] = "test",
@@ -59,6 +61,8 @@ def evaluate(
     robot: Path | None = None,
     config: Path | None = None,
     sensor: SensorName | None = None,
+    people: PeopleName | None = None,
+    scenarios: Path | None = None,
     lockstep: int = 8,
     json: bool = False,
 ) -> None:
@@ -67,7 +71,7 @@ def evaluate(
     Args:
         scene: Scene bundle, or "embedded".
         policy: Folder of a trained policy; without one only the other methods drive.
-        episodes: Episodes per task.
+        episodes: Episodes per task; 100, or as many as the scenario file has entries.
         tasks: "static" leaves the humans out, "dynamic" lets them walk.
         methods: Who drives.
         split: Random streams to draw the episodes from.
@@ -77,16 +81,26 @@ def evaluate(
         robot: robot.toml; by default the one in `config`, else the policy's robot.
         config: TOML file with sections of settings, as given to `readygo generate`.
         sensor: Recipe of the camera's lens and sensor, in place of the section [renderer.sensor] of `config`.
+        people: Recipe of how many people come and how they meet the robot, in place of what `config` says of it;
+            "paper" by default.
+        scenarios: TOML file with starts, goals and people to play instead of drawing them, one entry after the other.
         lockstep: Episodes that run side by side.
         json: Print the summary as JSON.
     """
-    request = make_request(episodes, tasks, methods if policy else _without_policy(methods), Split(split), seed)
+    count = episode_count(scenarios) if episodes is None else episodes
+    request = make_request(count, tasks, methods if policy else _without_policy(methods), Split(split), seed)
     loaded = load_policy(policy) if policy else None
-    run_config = load_run_config(config, load_robot(robot) if robot else None, sensor)
+    run_config = load_run_config(config, load_robot(robot) if robot else None, sensor, people)
     if loaded is not None and robot is None and run_config.robot == RobotConfig():
         run_config = dataclasses.replace(run_config, robot=loaded.spec.robot)
     evaluator = make_evaluator(
-        scene, run_config, avatars=avatars, seed=seed, policy=loaded, evaluator_config=make_evaluator_config(lockstep)
+        scene,
+        run_config,
+        avatars=avatars,
+        seed=seed,
+        policy=loaded,
+        evaluator_config=make_evaluator_config(lockstep),
+        scenarios=scenarios,
     )
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
@@ -94,6 +108,8 @@ def evaluate(
     with _progress(Console(stderr=True), total, quiet=json) as show:
         reply = handle_evaluate(evaluator, request, report=show)
     summary = summarize(reply, request, evaluator)
+    summary["human_planner"] = section_to_mapping(run_config.human_planner)
+    summary["scenarios"] = text_hash(read_text(scenarios)) if scenarios else ""
     if out is not None:
         write_results(out, reply.records, summary)
     if json:
@@ -145,9 +161,10 @@ def make_evaluator(
     seed: int,
     policy: Policy | None = None,
     evaluator_config: EvaluatorConfig | None = None,
+    scenarios: Path | None = None,
 ) -> Evaluator:
     """An evaluator with planner, animator and renderer of a scene, all in this process."""
-    spec = make_spec(open_scene(scene), avatars, config, seed=seed, split=Split.TEST, static=False)
+    spec = make_spec(open_scene(scene), avatars, config, seed=seed, split=Split.TEST, static=False, scenarios=scenarios)
     bus = InProcessBus()
     world = World(spec, bus)
     settings = evaluator_config or EvaluatorConfig()

@@ -27,6 +27,8 @@ from common.messages import FileRef, RunSpec, Split, Stage, StatusReply, StatusR
 from common.robot import load_robot
 from common.scenes import Scene
 from services import coordinator as coordination
+from services.planner.recipes import PeopleName
+from services.planner.scenario_file import load_scenarios, read_text, text_hash
 from services.recorder import Recorder
 from services.recorder import attach as attach_recorder
 from services.renderer.sensor import SensorName
@@ -41,12 +43,14 @@ def generate(
     /,
     *,
     out: Path,
-    episodes: int = 100,
+    episodes: int | None = None,
     workers: int = 1,
     split: Literal["train", "val", "test"] = "train",
     seed: int = 0,
     avatars: Path | None = None,
     static: bool = False,
+    people: PeopleName | None = None,
+    scenarios: Path | None = None,
     outputs: str = "",
     detail: Literal["exact", "lod"] | None = None,
     robot: Path | None = None,
@@ -60,12 +64,15 @@ def generate(
     Args:
         scene: Scene bundle, or "embedded".
         out: Data folder; shards appear in it.
-        episodes: Episodes to record.
+        episodes: Episodes to record; 100, or as many as the scenario file has entries.
         workers: Renderer processes, besides one process for each other role; 0 does everything in this process.
         split: Random streams to draw the episodes from; train, val and test never share an episode.
         seed: Seed of the run.
         avatars: Avatar file or folder of them; the embedded ones by default.
         static: Leave the humans out.
+        people: Recipe of how many people come and how they meet the robot, in place of what `config` says of it;
+            "paper" by default.
+        scenarios: TOML file with starts, goals and people to play instead of drawing them, one entry after the other.
         outputs: Images to record, separated by commas, of rgb, depth, median_depth, alpha, mask and normal, such as
             rgb,depth,mask; rgb alone by default.
         detail: "lod" draws far things and people with fewer Gaussians, about twice as fast; as in `config`, or
@@ -77,13 +84,16 @@ def generate(
             free loopback port by default.
         json: Print the summary as JSON.
     """
-    run_config = load_run_config(config, load_robot(robot) if robot else None, sensor)
+    run_config = load_run_config(config, load_robot(robot) if robot else None, sensor, people)
     if outputs:
         run_config = with_outputs(run_config, outputs)
     if detail:
         run_config = with_detail(run_config, detail)
-    spec = make_spec(open_scene(scene), avatars, run_config, seed=seed, split=Split(split), static=static)
-    summary = record(spec, out, episodes=episodes, workers=workers, listen=listen, quiet=json)
+    spec = make_spec(
+        open_scene(scene), avatars, run_config, seed=seed, split=Split(split), static=static, scenarios=scenarios
+    )
+    wanted = episode_count(scenarios) if episodes is None else episodes
+    summary = record(spec, out, episodes=wanted, workers=workers, listen=listen, quiet=json)
     if json:
         sys.stdout.write(json_module.dumps(summary) + "\n")
         return
@@ -92,6 +102,7 @@ def generate(
     for reason, count in summary["rejected"].items():
         console.print(f"  rejected {count}: {reason}", markup=False)
     console.print(f"Next: readygo validate {out} && readygo train {out} --out policy", markup=False)
+    console.print(f"What it covers: readygo coverage {out} --out coverage", markup=False)
 
 
 def with_outputs(config: RunConfig, names: str) -> RunConfig:
@@ -163,20 +174,33 @@ def record(
     return _summary(out, status, samples_before, time.monotonic() - begin_s)
 
 
+def episode_count(scenarios: Path | None) -> int:
+    """How many episodes there are if nobody says how many: one for each scenario of a file, else 100."""
+    return len(load_scenarios(scenarios).entries) if scenarios else 100
+
+
 def make_spec(
-    scene: Scene, avatars: Path | None, config: RunConfig, *, seed: int, split: Split, static: bool
+    scene: Scene,
+    avatars: Path | None,
+    config: RunConfig,
+    *,
+    seed: int,
+    split: Split,
+    static: bool,
+    scenarios: Path | None = None,
 ) -> RunSpec:
     """The run of these settings.
 
     Raises:
         RunError: If the seed cannot be recorded.
-        ConfigError: If the robot's camera cannot have the sensor's lens.
+        ConfigError: If the robot's camera cannot have the sensor's lens, or a scenario cannot take place in the scene.
     """
     if not 0 <= seed < 2**63:
         raise RunError(f"--seed must be 0..2^63-1, got {seed}.")
     check_sensor(config.renderer.sensor, config.robot.camera)
     config = _with_weights_named(config)
     people = {} if static else load_avatars(avatars)
+    script = read_text(scenarios) if scenarios else ""
     spec = RunSpec(
         run="",
         scene_path=str(scene.path.resolve()),
@@ -192,8 +216,13 @@ def make_spec(
             config,
             scene={"name": scene.name, "hash": scene.content_hash, "license": scene.metadata.get("licence", "")},
             avatars={n: {"hash": avatar_hash(a), "license": a.license} for n, a in people.items()},
+            scenarios={"name": scenarios.name, "sha256": text_hash(script)} if scenarios else {},
         ),
+        scenarios=script,
     )
+    if scenarios:
+        # Refuses what cannot take place, before anything is started or written.
+        World(spec).planner()
     return dataclasses.replace(spec, run=run_name(spec))
 
 

@@ -22,7 +22,10 @@ from common.errors import ConfigError, RunError
 from common.messages import RunSpec, decode, encode
 from common.robot import RobotConfig
 from services.animator.config import AnimatorConfig
-from services.planner.config import ExpertConfig, HumanPlannerConfig
+from services.planner.config import HumanPlannerConfig
+from services.planner.expert_config import ExpertConfig
+from services.planner.recipes import PEOPLE_RECIPES, PeopleName
+from services.planner.scenario_file import text_hash
 from services.recorder.config import RecorderConfig
 from services.renderer.config import GPU_BACKENDS, RendererConfig
 from services.renderer.sensor import SENSOR_RECIPES, SensorName
@@ -44,8 +47,13 @@ class RunConfig:
     recorder: RecorderConfig = field(default_factory=RecorderConfig)
 
 
-def load_run_config(path: Path | None, robot: RobotConfig | None = None, sensor: SensorName | None = None) -> RunConfig:
-    """The defaults, changed by the sections of a TOML file, by another robot and by a sensor's recipe.
+def load_run_config(
+    path: Path | None,
+    robot: RobotConfig | None = None,
+    sensor: SensorName | None = None,
+    people: PeopleName | None = None,
+) -> RunConfig:
+    """The defaults, changed by the sections of a TOML file, by another robot and by recipes of a sensor and of people.
 
     Raises:
         ConfigError: If the file cannot be read or holds an unknown key or a wrong value.
@@ -60,6 +68,9 @@ def load_run_config(path: Path | None, robot: RobotConfig | None = None, sensor:
     if sensor is not None:
         renderer = dataclasses.replace(config.renderer, sensor=SENSOR_RECIPES[sensor]())
         config = dataclasses.replace(config, renderer=renderer)
+    if people is not None:
+        episode, planner = PEOPLE_RECIPES[people](config.episode, config.human_planner)
+        config = dataclasses.replace(config, episode=episode, human_planner=planner)
     return config if robot is None else dataclasses.replace(config, robot=robot)
 
 
@@ -93,6 +104,7 @@ def identity(spec: RunSpec) -> dict[str, Any]:
         "seed": spec.seed,
         "split": spec.split.value,
         "static": spec.static,
+        "scenarios": text_hash(spec.scenarios) if spec.scenarios else "",
         "config": config,
     }
 
@@ -103,9 +115,12 @@ def run_name(spec: RunSpec) -> str:
     return f"run-{hashlib.sha256(text.encode()).hexdigest()[:12]}"
 
 
-def run_metadata(config: RunConfig, *, scene: dict[str, Any], avatars: dict[str, dict[str, str]]) -> dict[str, Any]:
-    """What is recorded with the data besides the identity."""
+def run_metadata(
+    config: RunConfig, *, scene: dict[str, Any], avatars: dict[str, dict[str, str]], scenarios: dict[str, str]
+) -> dict[str, Any]:
+    """What is recorded with the data besides the identity; no scenario file leaves its key out."""
     return {
+        **({"scenarios": scenarios} if scenarios else {}),
         "readygo_version": importlib.metadata.version("readygo"),
         "commit": _commit(),
         "numeric_class": numeric_class(config),
@@ -210,9 +225,11 @@ class RunFolder:
 
 
 def _with_new_settings(spec: RunSpec) -> RunSpec:
-    """The spec with the settings that it is too old to have: they are added with defaults that change nothing."""
+    """The spec with the settings that it is too old to have: they are added with values that change nothing."""
+    # Before samples had labels, none were recorded: what goes on in such a folder must not begin to.
+    renderer = {"labels": False, **spec.config.get("renderer", {})}
     try:
-        config = section_from_mapping(RunConfig, spec.config)
+        config = section_from_mapping(RunConfig, {**spec.config, "renderer": renderer})
     except ConfigError:
         return spec
     return dataclasses.replace(spec, config=resolved_sections(config))

@@ -1,18 +1,19 @@
 """`readygo scene`: making scene bundles, measuring them and drawing them from above."""
 
+import dataclasses
 import json as json_module
-import os
 import sys
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 from rich.console import Console
 from rich.table import Table
 
 from apps.scene_argument import open_scene
+from common.drawing.files import Picture, write_png
+from common.drawing.plan_view import draw_scale_bar
 from common.errors import SceneError
 from common.maps import OccupancyMap, clearance_m, free_components
 from common.maps.ros_map import load_unknown_cells
@@ -20,9 +21,7 @@ from common.robot import load_robot
 from common.scenes import Scene, import_scene
 from common.scenes.report import HUMAN_RADIUS_M, scene_report
 from common.scenes.scene import HUMAN_MAP_FILE, ROBOT_MAP_FILE
-from common.scenes.top_view import top_view
-
-Picture = npt.NDArray[np.uint8]
+from common.scenes.top_view import TopView, top_view
 
 OCCUPIED, UNKNOWN, TOO_NARROW = (38, 44, 52), (176, 180, 186), (255, 255, 255)
 SEPARATE, REACHABLE = (240, 200, 150), (150, 210, 170)
@@ -101,12 +100,12 @@ def scene_inspect(scene: str, /, *, out: Path | None = None, radius: float | Non
     cell_m = maps.robot.frame.resolution_m
     pixel_m = max(0.4 * cell_m, max(maps.robot.occupied.shape) * cell_m / TOP_PICTURE_MAX_PX)
     pictures = {
-        "top.png": _with_scale_bar(top_view(bundle, pixel_m).rgb, pixel_m),
+        "top.png": _with_scale_bar(top_view(bundle, pixel_m)),
         "map_robot.png": map_picture(maps.robot, load_unknown_cells(bundle.path / ROBOT_MAP_FILE), radius_m),
         "map_human.png": map_picture(maps.human, load_unknown_cells(bundle.path / HUMAN_MAP_FILE), HUMAN_RADIUS_M),
     }
     for file, picture in pictures.items():
-        _write_png(folder / file, picture)
+        write_png(folder / file, picture)
     _print(bundle, report, [folder / file for file in pictures], json=json)
 
 
@@ -129,26 +128,14 @@ def map_picture(occupancy: OccupancyMap, unknown: npt.NDArray[np.bool_], radius_
     cells[labels == 1] = REACHABLE
     factor = max(1, -(-MAP_PICTURE_MIN_PX // max(labels.shape)))
     picture = cells[::-1].repeat(factor, axis=0).repeat(factor, axis=1)
-    return _with_scale_bar(picture, occupancy.frame.resolution_m / factor)
+    frame = dataclasses.replace(occupancy.frame, resolution_m=occupancy.frame.resolution_m / factor)
+    return _with_scale_bar(TopView(rgb=picture, frame=frame))
 
 
-def _with_scale_bar(picture: Picture, pixel_m: float) -> Picture:
-    """The picture with a bar of 1 m, or 10 m on large ones, in its lower left corner."""
-    length_m = 1 if picture.shape[1] * pixel_m < 60 else 10
-    picture = np.ascontiguousarray(picture)
-    length_px, bottom = round(length_m / pixel_m), picture.shape[0] - 12
-    cv2.rectangle(picture, (8, bottom - 26), (max(16 + length_px, 64), bottom + 8), (255, 255, 255), cv2.FILLED)
-    cv2.rectangle(picture, (12, bottom - 2), (12 + length_px, bottom + 3), (20, 20, 20), cv2.FILLED)
-    cv2.putText(picture, f"{length_m} m", (12, bottom - 8), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (20, 20, 20), 1, cv2.LINE_AA)
+def _with_scale_bar(view: TopView) -> Picture:
+    picture = np.ascontiguousarray(view.rgb)
+    draw_scale_bar(picture, view)
     return picture
-
-
-def _write_png(path: Path, rgb: Picture) -> None:
-    ok, encoded = cv2.imencode(".png", rgb[:, :, ::-1])
-    assert ok
-    partial = path.with_name(f".{path.name}.partial-{os.getpid()}")
-    partial.write_bytes(encoded.tobytes())
-    partial.replace(path)
 
 
 def _print(scene: Scene, report: dict[str, Any], pictures: list[Path], *, json: bool) -> None:

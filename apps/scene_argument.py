@@ -1,9 +1,13 @@
-"""The SCENE argument of commands: a bundle's folder, or the embedded scene."""
+"""The SCENE argument of commands: a bundle's folder, the embedded scene, or just a map."""
 
 from pathlib import Path
 
+import numpy as np
+
 from apps.paths import cache_folder
+from common.maps import FloorMap, OccupancyMap, load_ros_map
 from common.scenes import Scene, load_scene
+from services.planner.handlers import SceneMaps
 
 
 def open_scene(scene: str) -> Scene:
@@ -17,3 +21,23 @@ def open_scene(scene: str) -> Scene:
 
         return ensure_embedded_scene(cache_folder("scenes") / "embedded")
     return load_scene(Path(scene))
+
+
+class FlatMaps:
+    """One map on a flat floor: robot and people are blocked by the same cells."""
+
+    def __init__(self, occupancy: OccupancyMap) -> None:
+        self.robot = self.human = occupancy
+        self.floor = FloorMap(frame=self.robot.frame, height_m=np.zeros(self.robot.occupied.shape, np.float32))
+
+
+def open_maps(scene: str) -> tuple[SceneMaps, Scene | None]:
+    """The maps of a scene, or of a ROS map (.yaml) for which there is no scene.
+
+    Raises:
+        SceneError: If the argument names neither.
+    """
+    if scene.endswith((".yaml", ".yml")):
+        return FlatMaps(load_ros_map(scene)), None
+    bundle = open_scene(scene)
+    return bundle.maps, bundle

@@ -14,6 +14,7 @@ from common.messages import RunSpec
 from common.scenes import Scene, load_scene
 from services.animator import Animator
 from services.planner import Planner
+from services.planner.scenario_file import ScenarioFile, parse_scenarios
 from services.renderer import Renderer
 
 
@@ -78,7 +79,13 @@ class World:
             episode_config=config.episode,
             human_config=config.human_planner,
             expert_config=config.expert,
+            scenarios=self._scenarios(),
         )
+
+    def _scenarios(self) -> ScenarioFile | None:
+        """The scenarios that the run plays, if it does not draw them."""
+        name = self.spec.metadata.get("scenarios", {}).get("name", "the run's scenarios")
+        return parse_scenarios(self.spec.scenarios, name) if self.spec.scenarios else None
 
     def animator(self) -> Animator:
         """The animator."""

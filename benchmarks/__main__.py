@@ -10,8 +10,10 @@ COMMANDS = (
     ["benchmarks/backward.py"],
     ["benchmarks/gpu.py"],
     ["-m", "apps", "bench", "motion"],
+    ["benchmarks/smpl_fit.py"],
     ["benchmarks/dataset.py"],
     ["benchmarks/policy.py", "cost"],
+    ["-m", "apps", "bench", "plan", "--episodes", "50"],
 )
 
 

@@ -27,21 +27,21 @@ ROWS_APART = 23
 class Job:
     """A measurement, as its processes are told about it."""
 
-    scene: str
-    synthetic: str
-    avatars: int
-    placement: Placement
-    avatar_folder: Path | None
-    avatar_gaussians: int | None
-    motion: Path | None
-    height_px: int
-    width_px: int
-    frames: int
-    views: int
-    threads: int
-    backend: Backend
-    lod: Switch
-    seed: int
+    scene: str = ""
+    synthetic: str = ""
+    avatars: int = 2
+    placement: Placement = "free"
+    avatar_folder: Path | None = None
+    avatar_gaussians: int | None = None
+    motion: Path | None = None
+    height_px: int = 144
+    width_px: int = 256
+    frames: int = 1
+    views: int = 12
+    threads: int = 1
+    backend: Backend = "cpu"
+    lod: Switch = "off"
+    seed: int = 0
 
     def __post_init__(self) -> None:
         for name in ("frames", "views", "threads"):

@@ -2,9 +2,9 @@
 
     python benchmarks/sensor.py scenes/lobby --avatars AVATARS --motion walk.npz
 
-Camera poses are drawn at random from the free area of the scene's robot map; a robot turns there at 0.8 rad/s while
-two people walk 2 and 3 m ahead. All variants draw a view one after the other, several times, and the fastest time of
-each counts: CPU time of this thread.
+A robot turns at 0.8 rad/s at random standpoints of the scene's free area while two people walk in full sight before it.
+All variants draw a view one after the other, several times, and the fastest time of each counts: CPU time of this
+thread.
 """
 
 import json
@@ -12,6 +12,7 @@ import math
 import sys
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -20,11 +21,11 @@ import tyro
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from common.avatars import load_avatars
-from common.maps import largest_free_area
+from benchmarks.render_setting import Job, Setting, open_setting
+from benchmarks.scenery import Place
 from common.messages import HumanMotion, Motion
 from common.robot import CameraConfig, RobotConfig, step_unicycle
-from common.scenes import Scene, load_scene
+from common.scenes import load_scene
 from services.renderer import Renderer, RendererConfig
 from services.renderer.sensor import SensorConfig, sensor_phone_like
 from services.renderer.sensor_motion import Timeline
@@ -64,7 +65,7 @@ def main(
     Args:
         scene: Scene bundle.
         avatars: Folder of avatars; the embedded ones by default.
-        motion: .npz with root_m and pose_axis_angle; people stand in the T-pose without it.
+        motion: .npz with root_m and pose_axis_angle; the built-in gait by default.
         views: Camera poses.
         runs: Runs per view, of which the fastest counts.
         height_px: Image height.
@@ -73,11 +74,12 @@ def main(
         seed: Seed of the camera poses.
         json_output: Print JSON.
     """
-    loaded, people = load_scene(scene), load_avatars(avatars)
-    robot = RobotConfig(camera=CameraConfig(height_px=height_px, width_px=width_px, horizontal_fov_deg=fov_deg))
+    camera = CameraConfig(height_px=height_px, width_px=width_px, horizontal_fov_deg=fov_deg)
+    job = Job(scene=str(scene), avatar_folder=avatars, motion=motion, views=views, seed=seed)
+    setting = replace(open_setting(job), camera=camera)
+    loaded, people, robot = load_scene(scene), {one.name: one for one in setting.avatars}, RobotConfig(camera=camera)
     renderers = {name: Renderer(loaded, people, robot, config) for name, config in VARIANTS.items()}
-    rng = np.random.default_rng(seed)
-    timelines = [_timeline(loaded, sorted(people), _motion(motion), robot, rng) for _ in range(views)]
+    timelines = [_timeline(setting, place) for place in setting.places]
     frame_s = {name: 0.0 for name in VARIANTS}
     for timeline in timelines:
         best = {name: math.inf for name in VARIANTS}
@@ -97,38 +99,23 @@ def main(
         print(f"{name:36} {1e3 * seconds:7.1f} ms   drawn at {pinhole.height_px}x{pinhole.width_px} px")
 
 
-def _motion(path: Path | None) -> Motion:
-    if path is None:
-        return Motion(root_m=np.zeros((1, 3), np.float32), pose_axis_angle=np.zeros((1, 24, 3), np.float32))
-    arrays = np.load(path)
-    root_m = (arrays["root_m"] - arrays["root_m"][0] * (1, 1, 0)).astype(np.float32)
-    return Motion(root_m=root_m, pose_axis_angle=arrays["pose_axis_angle"].astype(np.float32))
-
-
-def _timeline(scene: Scene, names: list[str], motion: Motion, robot: RobotConfig, rng: np.random.Generator) -> Timeline:
-    """A robot that turns at a free place, and two people ahead of it."""
-    occupancy = scene.maps.robot
-    cells = np.argwhere(largest_free_area(occupancy, 0.3)[0])
-    row, column = cells[rng.integers(len(cells))]
-    x_m, y_m = occupancy.frame.centre_m(int(row), int(column))
-    rows = [(x_m, y_m, float(rng.uniform(-math.pi, math.pi)))]
+def _timeline(setting: Setting, place: Place) -> Timeline:
+    """A robot that turns at a place, and people who walk on from where they stand at its middle step."""
+    rows = [(place.x_m, place.y_m, place.yaw_rad)]
     for _ in range(STEPS):
         rows.append(step_unicycle(*rows[-1], 0.3, 0.8))
-    yaw_rad, floor_m = rows[STEPS // 2][2], scene.maps.floor.at(x_m, y_m)
+    views = [setting.view(place, step)[1] for step in range(STEPS)]
     humans = tuple(
         HumanMotion(
-            avatar=names[index % len(names)],
+            avatar=avatar.name,
             motion=Motion(
-                root_m=motion.root_m
-                + np.array(
-                    [x_m + away_m * math.cos(yaw_rad), y_m + away_m * math.sin(yaw_rad), floor_m], dtype=np.float32
-                ),
-                pose_axis_angle=motion.pose_axis_angle,
+                root_m=np.array([people[number].root_m for people in views], dtype=np.float32),
+                pose_axis_angle=np.array([people[number].pose_axis_angle for people in views], dtype=np.float32),
             ),
         )
-        for index, away_m in enumerate((2.0, 3.0))
+        for number, avatar in enumerate(setting.avatars)
     )
-    return Timeline(xyyaw=np.array(rows), humans=humans, floor=scene.maps.floor, camera=robot.camera)
+    return Timeline(xyyaw=np.array(rows), humans=humans, floor=setting.scenery.floor, camera=setting.camera)
 
 
 if __name__ == "__main__":

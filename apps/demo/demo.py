@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from apps.demo.plan_view import DrawnEpisode
 from apps.demo.report import write_report
 from apps.demo.report_content import Command, LossCurve, ReportContent, RunNumbers, Score, StripImage
-from apps.demo.video import EpisodeFilm, write_episode_animation, write_episode_video
+from apps.episode_film import EpisodeFilm, film_frames
 from apps.evaluate import make_evaluator, summarize
 from apps.generate import make_spec, record
 from apps.run import RunConfig, write_atomically
@@ -23,6 +22,8 @@ from apps.train import make_config, run_training
 from apps.warm import warm_all
 from apps.world import World
 from common.dataset import Dataset, EpisodeEntry, validate
+from common.drawing.film import write_animation, write_film
+from common.drawing.plan_view import DrawnEpisode
 from common.errors import DatasetError, RunError
 from common.frames import wrap_angle
 from common.messages import AnimateRequest, HumanPlanRequest, Scenario, Split
@@ -37,6 +38,8 @@ MARKER = ".readygo-demo"
 TASK_NAMES = {"static": "static", "dynamic": "with people"}
 _CLOSE_UP_RAD = 0.6
 """A person this far from the middle of the image is shown well [rad]."""
+ANIMATION_SCALE, ANIMATION_STEP = 2, 2
+"""Enlargement of the robot's view in the report's film, and rows from image to image."""
 STRIP_STEPS = (-30, -22, -15, -9, -4, 0)
 """Samples of the film strip, around the moment at which a visible person is nearest."""
 
@@ -133,8 +136,9 @@ def _write_pictures(
     scenarios = _Scenarios(world)
     shown = _best_encounter(dataset, scenarios)
     film = _film(dataset, shown, scenarios)
-    write_episode_video(out / "episode.mp4", film, view)
-    write_episode_animation(out / "episode.webp", film, view)
+    write_film(out / "episode.mp4", film_frames(film, view))
+    frames = film_frames(film, view, camera_scale=ANIMATION_SCALE, step=ANIMATION_STEP)
+    write_animation(out / "episode.webp", frames, step=ANIMATION_STEP)
     content = ReportContent(
         title="readygo demo",
         subtitle="A robot policy for a place with walking people, from that place's Gaussians alone: recorded by a "
@@ -218,11 +222,13 @@ def _film(dataset: Dataset, entry: EpisodeEntry, scenarios: _Scenarios) -> Episo
     poses = dataset.poses[rows]
     return EpisodeFilm(
         title=entry.episode.episode_id,
-        rgb=[dataset.decode(sample) for sample in range(rows.start, rows.stop)],
+        camera=[dataset.decode(sample) for sample in range(rows.start, rows.stop)],
         xyyaw=poses[:, [0, 1, 3]].astype(np.float64),
         actions=dataset.actions[rows].astype(np.float64),
         goal_xy_m=scenario.goal_xy_m,
         humans_xy_m=people,
+        human_visible=dataset.truth["human_visible"][rows],
+        replanned=dataset.truth["replanned"][rows],
         outcome="success",
     )
 

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from numba import njit
 
 from common.avatars.avatar import Avatar
-from common.avatars.kinematics import fill_joint_transforms
+from common.avatars.kinematics import fill_joint_transforms, posed_point
 from common.messages.checks import check_array
 from common.messages.motion import Motion
 
@@ -147,14 +147,7 @@ def _fill_footprint(
     fill_joint_transforms(root, pose, joints_tpose, joints_canonical, R_tpose_canonical, A)
     count = 0
     for n in range(len(points)):
-        px, py, pz = points[n, 0], points[n, 1], points[n, 2]
-        x, y, z = 0.0, 0.0, 0.0
-        for k in range(4):
-            w = float(lbs_weight[n, k])
-            j = lbs_index[n, k]
-            x += w * (A[j, 0, 0] * px + A[j, 0, 1] * py + A[j, 0, 2] * pz + A[j, 0, 3])
-            y += w * (A[j, 1, 0] * px + A[j, 1, 1] * py + A[j, 1, 2] * pz + A[j, 1, 3])
-            z += w * (A[j, 2, 0] * px + A[j, 2, 1] * py + A[j, 2, 2] * pz + A[j, 2, 3])
+        x, y, z = posed_point(A, points, lbs_index, lbs_weight, n)
         if z <= z_max:
             out[count, 0] = x
             out[count, 1] = y

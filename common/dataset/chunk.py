@@ -16,6 +16,7 @@ from google.protobuf.message import DecodeError
 from mcap.opcode import Opcode
 
 from common.dataset import schemas
+from common.dataset.poses import pose_xyzyaw
 from common.dataset.records import MESSAGE_FIELDS_SIZE, MESSAGE_HEADER, Message, field_span, iter_messages
 from common.errors import DatasetError
 from common.messages.episode import EpisodeKey
@@ -40,7 +41,7 @@ SAMPLE_DTYPE = np.dtype(
 )
 """One sample: action = v [m/s], w [rad/s]; goal in the robot's frame; pose = x, y, z [m], yaw [rad]."""
 OUTPUT_DTYPE = np.dtype([("offset", "<u8"), ("length", "<u4")])
-"""Where one sample's encoded image of one output is."""
+"""Where one sample's output is: an encoded image, or a whole message with labels."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -57,12 +58,18 @@ class EpisodeChunk:
     width_px: int
     start_xyyaw: tuple[float, float, float]
     goal_xy_m: tuple[float, float]
+    K_px: tuple[float, ...]
+    """Intrinsics [px], row-major, 9 numbers."""
+    distortion_model: str
+    distortion: tuple[float, ...]
+    """Coefficients of the distortion model, at most 8."""
     message_offsets: dict[int, list[tuple[int, int]]]
     """(log time [ns], offset in `data`) of the messages of each channel."""
     samples: npt.NDArray[np.void]
     """Rows of `SAMPLE_DTYPE`; `image_offset` counts from the beginning of `data`."""
     outputs: dict[str, npt.NDArray[np.void]] = field(default_factory=dict)
-    """By output besides rgb: rows of `OUTPUT_DTYPE`, one per sample; `offset` counts from the beginning of `data`."""
+    """By output besides rgb, images and labels: rows of `OUTPUT_DTYPE`, one per sample; `offset` counts from the
+    beginning of `data`."""
 
     @property
     def sample_count(self) -> int:
@@ -94,7 +101,7 @@ def encode_episode(header: EpisodeHeader, attempt: int, samples: Sequence[Sample
         samples: All samples of the episode in order.
 
     Raises:
-        DatasetError: If samples are missing, or do not all have the same outputs.
+        DatasetError: If samples are missing, or do not all have the same outputs and their labels.
     """
     name = header.episode.episode_id
     if not samples or [sample.seq for sample in samples] != list(range(header.sample_count)):
@@ -105,13 +112,18 @@ def encode_episode(header: EpisodeHeader, attempt: int, samples: Sequence[Sample
                 f"Episode {name} has the outputs {sorted(samples[0].outputs)} at sample 0, but "
                 f"{sorted(sample.outputs)} at sample {sample.seq}."
             )
+        if len(sample.labels) != (len(sample.humans_xyzyaw) if header.labels else 0):
+            raise DatasetError(
+                f"Episode {name} has {len(sample.labels)} labels for {len(sample.humans_xyzyaw)} humans at sample "
+                f"{sample.seq}; its header says {'all' if header.labels else 'none'} are labelled."
+            )
     base_ns = header.episode.index * EPISODE_SLOT_NS
     chunk = _ChunkParts()
     chunk.add(schemas.EPISODE_START, 0, base_ns, schemas.start_message(header))
     chunk.add(schemas.CALIBRATION, 0, base_ns, schemas.calibration_message(header, base_ns))
     for sample in samples:
         time_ns = base_ns + sample.time_ns
-        for channel, payload in schemas.sample_messages(sample, header.image_format, time_ns):
+        for channel, payload in schemas.sample_messages(sample, header, time_ns):
             chunk.add(channel, sample.seq, time_ns, payload)
     sha256 = chunk.hash.hexdigest()
     commit = schemas.commit_message(header.episode, attempt, len(samples), sha256)
@@ -140,8 +152,10 @@ def read_chunk(data: bytes | memoryview, *, sha256: str = "") -> EpisodeChunk:
         raise DatasetError(f"episode {start.episode_id} goes on after its commit")
     if commit.sha256 != (sha256 or hashlib.sha256(view[: commit_message.offset]).hexdigest()):
         raise DatasetError(f"episode {start.episode_id} does not match the SHA-256 of its commit")
+    if len(calibration.K) != 9 or len(calibration.D) > 8:
+        raise DatasetError(f"episode {start.episode_id} has a calibration of another layout")
     base_ns = by_channel[schemas.EPISODE_START.number][0].log_time_ns
-    outputs = {name: c for name, c in schemas.OUTPUT_CHANNELS.items() if c.number in by_channel}
+    outputs = {name: c for name, c in schemas.OPTIONAL_CHANNELS.items() if c.number in by_channel}
     rows = _sample_rows(view, by_channel, tuple(outputs.values()), base_ns)
     if not len(rows) == commit.sample_count == start.sample_count:
         raise DatasetError(f"episode {start.episode_id} has {len(rows)} samples, its commit says {commit.sample_count}")
@@ -156,12 +170,15 @@ def read_chunk(data: bytes | memoryview, *, sha256: str = "") -> EpisodeChunk:
         width_px=calibration.width,
         start_xyyaw=(start.start_x_m, start.start_y_m, start.start_yaw_rad),
         goal_xy_m=(start.goal_x_m, start.goal_y_m),
+        K_px=tuple(calibration.K),
+        distortion_model=calibration.distortion_model,
+        distortion=tuple(calibration.D),
         message_offsets={
             number: [(message.log_time_ns, message.offset) for message in messages]
             for number, messages in by_channel.items()
         },
         samples=rows,
-        outputs={name: _image_places(view, by_channel[channel.number]) for name, channel in outputs.items()},
+        outputs={name: _places(view, by_channel[channel.number], channel) for name, channel in outputs.items()},
     )
 
 
@@ -179,7 +196,7 @@ def parse(channel: schemas.Channel, payload: memoryview) -> Any:
 
 def _messages_by_channel(view: memoryview) -> dict[int, list[Message]]:
     """The messages of each channel; outputs that the episode has not are left out."""
-    known = {channel.number for channel in schemas.OUTPUT_CHANNELS.values()}
+    known = {channel.number for channel in schemas.OPTIONAL_CHANNELS.values()}
     by_channel: dict[int, list[Message]] = {channel.number: [] for channel in schemas.CHANNELS}
     for message in iter_messages(view, 0, len(view)):
         if message.channel not in by_channel and message.channel not in known:
@@ -225,7 +242,7 @@ def _sample_row(view: memoryview, messages: tuple[Message, ...], base_ns: int) -
         image_length,
         (action.v_mps, action.w_radps),
         (goal.x_m, goal.y_m),
-        schemas.pose_xyzyaw(pose.pose),
+        pose_xyzyaw(pose.pose),
         truth.human_distance_m,
         truth.time_to_collision_s,
         truth.expert_cost,
@@ -234,8 +251,12 @@ def _sample_row(view: memoryview, messages: tuple[Message, ...], base_ns: int) -
     )
 
 
-def _image_places(view: memoryview, messages: list[Message]) -> npt.NDArray[np.void]:
-    return np.array([_image_place(view, message) for message in messages], dtype=OUTPUT_DTYPE)
+def _places(view: memoryview, messages: list[Message], channel: schemas.Channel) -> npt.NDArray[np.void]:
+    if channel in schemas.LABEL_CHANNELS.values():
+        places = [(message.body, message.end - message.body) for message in messages]
+    else:
+        places = [_image_place(view, message) for message in messages]
+    return np.array(places, dtype=OUTPUT_DTYPE)
 
 
 def _image_place(view: memoryview, message: Message) -> tuple[int, int]:

@@ -8,6 +8,8 @@ from typing import Any
 
 from common.dataset import schemas
 from common.dataset.chunk import parse
+from common.dataset.label_checks import wrong_labels
+from common.dataset.poses import pose_xyzyaw
 from common.dataset.reader import decode_image
 from common.dataset.records import ChunkSpan, Message, iter_messages
 from common.errors import DatasetError
@@ -46,7 +48,7 @@ class _Step:
 
 
 class EpisodeChecks:
-    """Checks the episode in one chunk; `outputs` are the images besides rgb that its shard has channels for."""
+    """Checks the episode in one chunk; `outputs` are the images besides rgb and the labels that its shard has."""
 
     def __init__(self, view: memoryview, span: ChunkSpan, limits: Limits, outputs: Sequence[str] = ()) -> None:
         self.episode: EpisodeKey | None = None
@@ -79,6 +81,7 @@ class EpisodeChecks:
             if not broken:
                 yield from self._content(start, calibration)
                 yield from self._output_images(start, calibration)
+                yield from self._labels()
         except DatasetError as error:
             yield "sequence", f"{self._name}: {error}"
 
@@ -134,7 +137,7 @@ class EpisodeChecks:
             wrong = [
                 message.sequence
                 for position, message in enumerate(self._messages(channel))
-                if self._parsed(channel, position).timestamp.ToNanoseconds() != message.log_time_ns
+                if any(time_ns != message.log_time_ns for time_ns in schemas.stamps_ns(self._parsed(channel, position)))
             ]
             if wrong:
                 yield "time", f"{self._name}: {channel.topic} has other stamps inside at samples {_some(wrong)}"
@@ -162,6 +165,8 @@ class EpisodeChecks:
         """Images besides rgb must be whole, and masks must name people of the episode."""
         shape = (calibration.height, calibration.width)
         for name, channel in self._outputs.items():
+            if name in schemas.LABEL_CHANNELS:
+                continue
             bad, strangers = [], []
             for seq in range(self.sample_count):
                 message = self._parsed(channel, seq)
@@ -176,12 +181,24 @@ class EpisodeChecks:
             if strangers:
                 yield "image", f"{self._name}: the mask names people who are not there at samples {_some(strangers)}"
 
+    def _labels(self) -> Iterator[Finding]:
+        """Labels must be there for everybody, and lie where people are."""
+        if not set(schemas.LABEL_CHANNELS) <= set(self._outputs):
+            return
+        channels = (schemas.HUMANS, *schemas.LABEL_CHANNELS.values())
+        found: dict[str, list[int]] = {}
+        for seq in range(self.sample_count):
+            for text in wrong_labels(*(self._parsed(channel, seq) for channel in channels)):
+                found.setdefault(text, []).append(seq)
+        for text, numbers in found.items():
+            yield "label", f"{self._name}: {text} at samples {_some(numbers)}"
+
     def _step(self, seq: int) -> _Step:
         image, pose, action, goal = (
             self._parsed(channel, seq) for channel in (schemas.IMAGE, schemas.ROBOT_POSE, schemas.ACTION, schemas.GOAL)
         )
         return _Step(
-            schemas.pose_xyzyaw(pose.pose),
+            pose_xyzyaw(pose.pose),
             action.v_mps,
             action.w_radps,
             (goal.x_m, goal.y_m),

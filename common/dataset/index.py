@@ -1,8 +1,9 @@
 """The offset index beside a shard: random access without parsing MCAP.
 
-`shard-r0-00000.index` holds one row per sample and one per episode, and one more array per output besides rgb that the
-shard has (NumPy's .npz layout). It names the size of its shard and the SHA-256 of the shard's end; the end holds the
-CRC-32 of all that is before it. An index that is missing or belongs to other bytes is made again from the shard.
+`shard-r0-00000.index` holds one row per sample and one per episode, and one more array per output besides rgb and per
+kind of label that the shard has (NumPy's .npz layout). It names the size of its shard and the SHA-256 of the shard's
+end; the end holds the CRC-32 of all that is before it. An index that is missing, of an older layout or of other bytes
+is made again from the shard.
 """
 
 import hashlib
@@ -42,6 +43,9 @@ EPISODE_DTYPE = np.dtype(
         ("width_px", "<u4"),
         ("start_xyyaw", "<f8", (3,)),
         ("goal_xy_m", "<f8", (2,)),
+        ("K_px", "<f8", (9,)),
+        ("distortion_model", "S24"),
+        ("distortion", "<f8", (8,)),
         ("sha256", "S64"),
     ]
 )
@@ -64,7 +68,8 @@ class ShardIndex:
     tail_sha256: str
     """SHA-256 of the shard from its end-of-data record on."""
     outputs: dict[str, npt.NDArray[np.void]] = field(default_factory=dict)
-    """By output besides rgb: rows of `OUTPUT_DTYPE`, one per sample; `offset` counts from the beginning of the file."""
+    """By output besides rgb, images and labels: rows of `OUTPUT_DTYPE`, one per sample; `offset` counts from the
+    beginning of the file."""
 
     def episode_key(self, row: int) -> EpisodeKey:
         """Key of the episode in a row of `episodes`."""
@@ -117,6 +122,9 @@ class IndexRows:
                 chunk.width_px,
                 chunk.start_xyyaw,
                 chunk.goal_xy_m,
+                chunk.K_px,
+                chunk.distortion_model.encode(),
+                (*chunk.distortion, *[0.0] * (8 - len(chunk.distortion))),
                 chunk.sha256.encode(),
             )
         )

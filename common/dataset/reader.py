@@ -13,16 +13,35 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from common.dataset.chunk import parse
 from common.dataset.index import ShardIndex, load_index
+from common.dataset.labels import boxes_of, footprints_of, joints_of
 from common.dataset.metadata import robot_of
+from common.dataset.schemas import LABEL_CHANNELS, OUTPUT_CHANNELS
 from common.errors import DatasetError
 from common.messages.episode import EpisodeKey
+from common.messages.samples import DISTORTION_MODELS
 from common.rasterizer.image_files import decode_output
 from common.robot import RobotConfig
 from common.robot.kinematics import RATE_HZ
 
+_CALIBRATION = ("height_px", "width_px", "K_px", "distortion_model", "distortion")
 OPEN_SHARDS_MAX = 128
 """Shards that are mapped at the same time; each holds a file descriptor."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Calibration:
+    """The camera of an episode."""
+
+    height_px: int
+    width_px: int
+    K_px: npt.NDArray[np.float64]
+    """Intrinsics [px] with pixel centres at +0.5, shape (3, 3)."""
+    distortion_model: str
+    """One of `common.messages.samples.DISTORTION_MODELS`; "" is a pinhole camera."""
+    distortion: tuple[float, ...]
+    """Coefficients of the model."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -66,12 +85,15 @@ class Dataset:
         counts = np.array([entry.sample_count for entry in self.episodes])
         self._shard_of_sample = np.repeat(np.array([shard for shard, _ in order], dtype=np.int32), counts)
         self._rows = rows
-        self.outputs: tuple[str, ...] = ("rgb", *_common_outputs(indexes))
+        common = _common_outputs(indexes)
+        self.outputs: tuple[str, ...] = ("rgb", *(name for name in common if name in OUTPUT_CHANNELS))
         """Names of the images that every sample has."""
+        self.labels: tuple[str, ...] = tuple(name for name in common if name in LABEL_CHANNELS)
+        """Names of the labels of people that every sample has: "joints", "boxes" and "footprints", or none."""
         self._output_rows = {
-            name: np.concatenate([_episode_rows(indexes[shard], row, name) for shard, row in order])
-            for name in self.outputs[1:]
+            name: np.concatenate([_episode_rows(indexes[shard], row, name) for shard, row in order]) for name in common
         }
+        self._calibrations = np.array([indexes[shard].episodes[row] for shard, row in order])[list(_CALIBRATION)]
         self.episode_of_sample: npt.NDArray[np.int32] = np.repeat(np.arange(len(counts), dtype=np.int32), counts)
         """Row in `episodes` of each sample, shape (S,)."""
         self._first_sample = np.repeat(np.cumsum(counts) - counts, counts)
@@ -181,6 +203,42 @@ class Dataset:
             raise DatasetError(f"The {name} image of sample {index} in {self._shard_of(index)} is damaged.")
         return image
 
+    def joints_m(self, index: int) -> npt.NDArray[np.float32]:
+        """Joints of SMPL of everybody in the world at a sample [m], the pelvis first, shape (H, 24, 3).
+
+        Raises:
+            DatasetError: If not all samples have labels.
+        """
+        return joints_of(self._label(index, "joints"))
+
+    def boxes(self, index: int) -> npt.NDArray[np.float64]:
+        """Boxes around everybody at a sample: centre x, y, z, length, width, height [m], yaw [rad], shape (H, 7).
+
+        Raises:
+            DatasetError: If not all samples have labels.
+        """
+        return boxes_of(self._label(index, "boxes"))
+
+    def footprints_xy_m(self, index: int) -> tuple[npt.NDArray[np.float32], ...]:
+        """Ground points below everybody at a sample [m], one array of shape (P, 2) per human.
+
+        Raises:
+            DatasetError: If not all samples have labels.
+        """
+        return footprints_of(self._label(index, "footprints"))
+
+    def calibration(self, index: int) -> Calibration:
+        """The camera that made the images of a sample."""
+        row = self._calibrations[self.episode_of_sample[index]]
+        model = row["distortion_model"].decode()
+        return Calibration(
+            height_px=int(row["height_px"]),
+            width_px=int(row["width_px"]),
+            K_px=row["K_px"].reshape(3, 3).copy(),
+            distortion_model=model,
+            distortion=tuple(row["distortion"][: DISTORTION_MODELS[model]].tolist()),
+        )
+
     def windows(
         self, samples: npt.ArrayLike | None = None, *, frame_count: int = 3, spacing_s: float = 0.5
     ) -> npt.NDArray[np.int64]:
@@ -203,6 +261,18 @@ class Dataset:
         """Close the shards; images can still be read, they are opened again."""
         while self._maps:
             self._maps.popitem()[1].close()
+
+    def _label(self, index: int, name: str) -> Any:
+        """The message with one kind of labels of a sample."""
+        if name not in self.labels:
+            raise DatasetError(
+                f"The samples of {self.shards[0].parent} have no labels of people; record with labels = true under "
+                "[renderer], the default."
+            )
+        row = self._output_rows[name][index]
+        offset = int(row["offset"])
+        data = self._map(int(self._shard_of_sample[index]))[offset : offset + int(row["length"])]
+        return parse(LABEL_CHANNELS[name], memoryview(data))
 
     def _shard_of(self, index: int) -> Path:
         return self.shards[int(self._shard_of_sample[index])]

@@ -1,24 +1,25 @@
 """The channels of a shard: topics, schemas, and the messages of a sample.
 
 Channel numbers are part of the bytes that an episode's SHA-256 covers: no channel ever gets another one. Those of
-`CHANNELS` are in every shard, those of `OUTPUT_CHANNELS` in the shards whose samples have these outputs.
+`CHANNELS` are in every shard, those of `OPTIONAL_CHANNELS` in the shards whose samples have these outputs:
+further images, and the labels of people.
 """
 
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
-from foxglove_schemas_protobuf.Pose_pb2 import Pose
+from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
-from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
-from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.timestamp_pb2 import Timestamp
 
+from common.dataset import labels
+from common.dataset.poses import pose_of
 from common.errors import DatasetError
 from common.messages.episode import EpisodeKey, Split
 from common.messages.proto.readygo_pb2 import Action, EpisodeCommit, EpisodeStart, Goal, StepTruth
@@ -58,9 +59,24 @@ OUTPUT_CHANNELS: Mapping[str, Channel] = {
     "mask": Channel(13, "/camera/mask", CompressedImage),
     "normal": Channel(14, "/camera/normal", CompressedImage),
 }
-"""Channels of the images besides rgb, in the order of their messages, which follow those of `SAMPLE_CHANNELS`."""
-SCHEMA_NUMBERS: Mapping[Any, int] = {channel.message: channel.number for channel in CHANNELS}
-"""Number of the schema of each message class."""
+"""Channels of the images besides rgb."""
+LABEL_CHANNELS: Mapping[str, Channel] = {
+    "joints": Channel(15, "/humans/joints", PointCloud),
+    "boxes": Channel(16, "/humans/boxes", SceneUpdate),
+    "footprints": Channel(17, "/humans/footprints", PointCloud),
+}
+"""Channels of the labels of people; a shard has all of them or none."""
+OPTIONAL_CHANNELS: Mapping[str, Channel] = {**OUTPUT_CHANNELS, **LABEL_CHANNELS}
+"""In the order of their messages, which follow those of `SAMPLE_CHANNELS`."""
+
+
+def schema_numbers(channels: Iterable[Channel]) -> dict[Any, int]:
+    """Number of the schema of each message class of some channels: that of the first channel that there is for it."""
+    first: dict[Any, int] = {}
+    for channel in (*CHANNELS, *OPTIONAL_CHANNELS.values()):
+        first.setdefault(channel.message, channel.number)
+    used = {channel.message for channel in channels}
+    return {message: number for message, number in first.items() if message in used}
 
 
 def channels_with(outputs: Iterable[str]) -> tuple[Channel, ...]:
@@ -68,17 +84,17 @@ def channels_with(outputs: Iterable[str]) -> tuple[Channel, ...]:
     return (*CHANNELS, *output_channels(outputs).values())
 
 
-def output_channels(outputs: Iterable[str]) -> dict[str, Channel]:
-    """The channels of some outputs, in their order in a shard.
+def output_channels(outputs: Iterable[str], known: Mapping[str, Channel] = OPTIONAL_CHANNELS) -> dict[str, Channel]:
+    """The channels of some of the `known` outputs, in their order in a shard.
 
     Raises:
         DatasetError: If there is no channel for an output.
     """
     names = set(outputs)
-    unknown = sorted(names - set(OUTPUT_CHANNELS))
+    unknown = sorted(names - set(known))
     if unknown:
         raise DatasetError(f"There is no channel for {unknown[0]!r} images; known are {', '.join(OUTPUT_CHANNELS)}.")
-    return {name: channel for name, channel in OUTPUT_CHANNELS.items() if name in names}
+    return {name: channel for name, channel in known.items() if name in names}
 
 
 def descriptor_set(message: Any) -> bytes:
@@ -139,11 +155,11 @@ def calibration_message(header: EpisodeHeader, stamp_ns: int) -> bytes:
     )
 
 
-def sample_messages(sample: Sample, image_format: str, stamp_ns: int) -> Iterable[tuple[Channel, bytes]]:
-    """The messages of one sample, in the order of `SAMPLE_CHANNELS` and `OUTPUT_CHANNELS`."""
+def sample_messages(sample: Sample, header: EpisodeHeader, stamp_ns: int) -> Iterable[tuple[Channel, bytes]]:
+    """The messages of one sample, in the order of `SAMPLE_CHANNELS` and `OPTIONAL_CHANNELS`."""
     stamp = _timestamp(stamp_ns)
-    image = CompressedImage(timestamp=stamp, frame_id=CAMERA_FRAME, data=sample.image, format=image_format)
-    humans = PosesInFrame(timestamp=stamp, frame_id=WORLD_FRAME, poses=[_pose(*row) for row in sample.humans_xyzyaw])
+    image = CompressedImage(timestamp=stamp, frame_id=CAMERA_FRAME, data=sample.image, format=header.image_format)
+    humans = PosesInFrame(timestamp=stamp, frame_id=WORLD_FRAME, poses=[pose_of(*row) for row in sample.humans_xyzyaw])
     truth = StepTruth(
         human_distance_m=sample.human_distance_m,
         time_to_collision_s=sample.time_to_collision_s,
@@ -153,18 +169,27 @@ def sample_messages(sample: Sample, image_format: str, stamp_ns: int) -> Iterabl
     )
     messages = (
         image,
-        PoseInFrame(timestamp=stamp, frame_id=WORLD_FRAME, pose=_pose(*sample.robot_xyzyaw)),
+        PoseInFrame(timestamp=stamp, frame_id=WORLD_FRAME, pose=pose_of(*sample.robot_xyzyaw)),
         humans,
         Action(v_mps=sample.action_v_mps, w_radps=sample.action_w_radps),
         Goal(x_m=sample.goal_xy_robot_m[0], y_m=sample.goal_xy_robot_m[1]),
         truth,
     )
-    channels = output_channels(sample.outputs)
-    outputs = (
+    channels = output_channels(sample.outputs, OUTPUT_CHANNELS)
+    outputs = [
         CompressedImage(timestamp=stamp, frame_id=CAMERA_FRAME, data=sample.outputs[name], format=FILE_FORMAT)
         for name in channels
-    )
+    ]
+    if header.labels:
+        channels |= LABEL_CHANNELS
+        outputs += labels.messages(sample.labels, stamp, WORLD_FRAME, floor_m=sample.robot_xyzyaw[2])
     return zip((*SAMPLE_CHANNELS, *channels.values()), map(_serialized, (*messages, *outputs)), strict=True)
+
+
+def stamps_ns(message: Any) -> list[int]:
+    """The times inside of a message of a sample [ns]."""
+    stamped = message.entities if isinstance(message, SceneUpdate) else [message]
+    return [part.timestamp.ToNanoseconds() for part in stamped]
 
 
 def commit_message(episode: EpisodeKey, attempt: int, sample_count: int, sha256: str) -> bytes:
@@ -190,17 +215,6 @@ def episode_key(start: Any) -> EpisodeKey:
         return EpisodeKey(seed=start.seed, split=Split(start.split), index=start.index)
     except ValueError as error:
         raise DatasetError(f"an episode's start names the unknown split {start.split!r}") from error
-
-
-def pose_xyzyaw(pose: Any) -> tuple[float, float, float, float]:
-    """x, y, z [m] and yaw [rad] in [-pi, pi] of a foxglove.Pose that turns about z only."""
-    position, q = pose.position, pose.orientation
-    return position.x, position.y, position.z, math.remainder(2.0 * math.atan2(q.z, q.w), math.tau)
-
-
-def _pose(x_m: float, y_m: float, z_m: float, yaw_rad: float) -> Any:
-    orientation = Quaternion(x=0.0, y=0.0, z=math.sin(0.5 * yaw_rad), w=math.cos(0.5 * yaw_rad))
-    return Pose(position=Vector3(x=x_m, y=y_m, z=z_m), orientation=orientation)
 
 
 def _timestamp(stamp_ns: int) -> Any:

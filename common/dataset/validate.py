@@ -15,7 +15,7 @@ from common.dataset.index import DATA_END_SIZE, build_index, index_path, mapped,
 from common.dataset.metadata import robot_of
 from common.dataset.reader import find_shards
 from common.dataset.records import RECORD_HEADER, ChunkSpan, chunk_span, is_intact, iter_records
-from common.dataset.schemas import OUTPUT_CHANNELS
+from common.dataset.schemas import OPTIONAL_CHANNELS
 from common.errors import ReadygoError
 from common.messages.episode import EpisodeKey
 
@@ -26,8 +26,8 @@ class Defect:
 
     shard: str
     kind: str
-    """"file", "crc", "summary", "index", "sequence", "time", "sha256", "image", "action", "motion", "goal",
-    "duplicate" or "metadata"."""
+    """"file", "crc", "summary", "index", "sequence", "time", "sha256", "image", "label", "action", "motion",
+    "goal", "duplicate" or "metadata"."""
     text: str
 
     def __str__(self) -> str:
@@ -129,7 +129,7 @@ class _FolderCheck:
                     self._metadata(shard, limits)
             if record.opcode == Opcode.CHANNEL:
                 number = int.from_bytes(view[record.body : record.body + 2], "little")
-                outputs += [name for name, channel in OUTPUT_CHANNELS.items() if channel.number == number]
+                outputs += [name for name, channel in OPTIONAL_CHANNELS.items() if channel.number == number]
             if record.opcode != Opcode.CHUNK:
                 continue
             span = chunk_span(view, record)

@@ -9,7 +9,7 @@ import errno
 import os
 import zlib
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -71,7 +71,7 @@ class ShardWriter:
         Args:
             path: The finished shard, see `shard_name`.
             metadata: What the shard says about its run, see `common.dataset.metadata`.
-            outputs: The images besides rgb that all samples of the shard have.
+            outputs: The images besides rgb, and the labels, that all samples of the shard have.
             fsync: False trades durability for speed.
             part_suffix: Ending of the open file's name; its existing file is overwritten.
 
@@ -205,7 +205,7 @@ class ShardWriter:
         builder = RecordBuilder()
         offsets: list[SummaryOffset] = []
         groups: list[tuple[int, list[Any]]] = [
-            (Opcode.SCHEMA, _schema_records()),
+            (Opcode.SCHEMA, _schema_records(self._channels)),
             (Opcode.CHANNEL, _channel_records(self._channels)),
             (Opcode.STATISTICS, [self._statistics()]),
             (Opcode.CHUNK_INDEX, self._chunk_indexes),
@@ -236,21 +236,22 @@ class ShardWriter:
             message_start_time=min(index.message_start_time for index in self._chunk_indexes),
             message_end_time=max(index.message_end_time for index in self._chunk_indexes),
             metadata_count=1,
-            schema_count=len(schemas.SCHEMA_NUMBERS),
+            schema_count=len(schemas.schema_numbers(self._channels)),
         )
 
 
 _CHUNK_HEADER_SIZE = RECORD_HEADER.size + CHUNK_FIELDS.size + 4 + 8
 
 
-def _head(metadata: dict[str, str], channels: Iterable[schemas.Channel]) -> tuple[bytes, MetadataIndex]:
+def _head(metadata: dict[str, str], channels: Sequence[schemas.Channel]) -> tuple[bytes, MetadataIndex]:
     before = MAGIC + _record_bytes(Header(profile="", library="readygo"))
     record = _record_bytes(Metadata(name=RECORD_NAME, metadata=metadata))
     index = MetadataIndex(offset=len(before), length=len(record), name=RECORD_NAME)
-    return before + record + b"".join(map(_record_bytes, [*_schema_records(), *_channel_records(channels)])), index
+    records = [*_schema_records(channels), *_channel_records(channels)]
+    return before + record + b"".join(map(_record_bytes, records)), index
 
 
-def _schema_records() -> list[Schema]:
+def _schema_records(channels: Sequence[schemas.Channel]) -> list[Schema]:
     return [
         Schema(
             id=number,
@@ -258,15 +259,16 @@ def _schema_records() -> list[Schema]:
             encoding="protobuf",
             data=schemas.descriptor_set(message),
         )
-        for message, number in schemas.SCHEMA_NUMBERS.items()
+        for message, number in schemas.schema_numbers(channels).items()
     ]
 
 
-def _channel_records(channels: Iterable[schemas.Channel]) -> list[Channel]:
+def _channel_records(channels: Sequence[schemas.Channel]) -> list[Channel]:
+    numbers = schemas.schema_numbers(channels)
     return [
         Channel(
             id=channel.number,
-            schema_id=schemas.SCHEMA_NUMBERS[channel.message],
+            schema_id=numbers[channel.message],
             topic=channel.topic,
             message_encoding="protobuf",
             metadata={},

@@ -6,6 +6,7 @@ Source: the ROS 1 `map_server` and Nav2 `map_server` packages (trinary mode).
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -71,13 +72,20 @@ def _placed(occupied: npt.NDArray[np.bool_], header: RosMapHeader, path: Path) -
     return OccupancyMap(frame=frame, occupied=turned)
 
 
-def save_ros_map(occupancy: OccupancyMap, path: str | Path, *, unknown: npt.NDArray[np.bool_] | None = None) -> None:
-    """Write a map_server yaml and, beside it, a png.
+def save_ros_map(
+    occupancy: OccupancyMap,
+    path: str | Path,
+    *,
+    unknown: npt.NDArray[np.bool_] | None = None,
+    picture_format: Literal["png", "pgm"] = "png",
+) -> None:
+    """Write a map_server yaml and, beside it, its picture.
 
     Args:
         occupancy: Map.
-        path: Name of the yaml; the png has the same stem.
+        path: Name of the yaml; the picture has the same stem.
         unknown: Cells to draw as unknown (grey), shape (H, W); `load_ros_map` takes them as occupied.
+        picture_format: What map_server versions of ROS 1 and Nav2 alike read.
 
     Raises:
         SceneError: If the files cannot be written.
@@ -86,8 +94,8 @@ def save_ros_map(occupancy: OccupancyMap, path: str | Path, *, unknown: npt.NDAr
     pixels = np.where(occupancy.occupied, OCCUPIED_PX, FREE_PX).astype(np.uint8)
     if unknown is not None:
         pixels[unknown] = UNKNOWN_PX
-    picture = path.with_suffix(".png")
-    _write_bytes(picture, _encode_png(np.ascontiguousarray(pixels[::-1])))
+    picture = path.with_suffix(f".{picture_format}")
+    _write_bytes(picture, _encoded(np.ascontiguousarray(pixels[::-1]), picture.suffix))
     frame = occupancy.frame
     lines = [
         f"image: {picture.name}",
@@ -101,10 +109,10 @@ def save_ros_map(occupancy: OccupancyMap, path: str | Path, *, unknown: npt.NDAr
     _write_bytes(path, ("\n".join(lines) + "\n").encode())
 
 
-def _encode_png(pixels: npt.NDArray[np.uint8]) -> bytes:
+def _encoded(pixels: npt.NDArray[np.uint8], suffix: str) -> bytes:
     import cv2
 
-    ok, encoded = cv2.imencode(".png", pixels)
+    ok, encoded = cv2.imencode(suffix, pixels)
     assert ok
     return bytes(encoded.tobytes())
 
@@ -142,6 +150,11 @@ def _read_header(path: Path) -> RosMapHeader:
         raise SceneError(f"Map {path} has a value that is not a number: {error}.") from error
     if not (0 < header.resolution_m < math.inf) or not all(map(math.isfinite, header.origin)):
         raise SceneError(f"Map {path} needs a positive resolution and a finite origin.")
+    if not 0 <= header.free_thresh <= header.occupied_thresh <= 1:
+        raise SceneError(
+            f"Map {path} needs 0 <= free_thresh <= occupied_thresh <= 1, got {header.free_thresh:g} and "
+            f"{header.occupied_thresh:g}."
+        )
     return header
 
 
@@ -162,13 +175,13 @@ def _parse_flat_yaml(text: str) -> dict[str, str]:
 
 def _read_picture(path: Path, negate: bool) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.bool_]]:
     """Occupancy 0..1 per pixel and where the picture is transparent, first row on top, shape (H, W) each."""
-    import cv2
-
     try:
-        data = np.frombuffer(path.read_bytes(), np.uint8)
+        data = path.read_bytes()
     except OSError as error:
         raise SceneError(f"Map picture {path} cannot be read: {error.strerror or error}.") from error
-    pixels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if len(data) else None
+    if not data:
+        raise SceneError(f"Map picture {path} is empty.")
+    pixels = _decoded(data)
     if pixels is None:
         raise SceneError(f"Map picture {path} is not a png or pgm picture, or it is truncated.")
     if pixels.dtype not in (np.uint8, np.uint16):
@@ -179,3 +192,13 @@ def _read_picture(path: Path, negate: bool) -> tuple[npt.NDArray[np.float64], np
     grey = layers[:, :, : layers.shape[2] - has_alpha].mean(axis=2) / white
     transparent = layers[:, :, -1] < white if has_alpha else np.zeros(grey.shape, np.bool_)
     return (grey if negate else 1.0 - grey), transparent
+
+
+def _decoded(data: bytes) -> Any:
+    """Pixels of an encoded picture, or None if it cannot be decoded."""
+    import cv2
+
+    try:
+        return cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error:
+        return None

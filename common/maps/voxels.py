@@ -11,56 +11,68 @@ import numpy.typing as npt
 from numba import njit
 
 from common.gaussians import GaussianCloud
-from common.gaussians.covariance import Covariance, covariance_of
+from common.gaussians.covariance import covariance_of
 from common.maps.grid import GridFrame
 
 SCALE_MIN_M = 1e-4
 """Thinner Gaussians count as this thick; keeps their covariance invertible."""
 
 _EMPTY = -1e300
+_STEEP = 1e300
+"""Reciprocal of a variance that rounds to nothing."""
+
+
+Cut = tuple[float, float, float, float, float, float, float, float]
+"""What cuts of an ellipsoid by planes a = constant have in common; see `_cut`."""
 
 
 @njit(cache=True, inline="always")
-def _face_reach(
-    at: float, s_ab: float, s_ac: float, s_aa: float, s_bb: float, s_bc: float, s_cc: float, low: float, high: float
-) -> float:
-    """Largest b on the cut of the ellipsoid by the plane a = at, with c in [low, high]; _EMPTY if there is none.
+def _cut(s_ab: float, s_ac: float, s_aa: float, s_bb: float, s_bc: float, s_cc: float) -> Cut:
+    """Cuts by planes a = constant: ellipses in (b, c) whose shape does not depend on where they are.
 
     `s_ab` and so on are covariance entries of the axes a (fixed), b (maximised) and c (clamped).
     """
-    left = 1.0 - at * at / s_aa
-    if left < 0.0:
-        return _EMPTY
-    centre_b, centre_c = s_ab / s_aa * at, s_ac / s_aa * at
-    v_bb = max(s_bb - s_ab * s_ab / s_aa, 0.0)
-    v_bc = s_bc - s_ab * s_ac / s_aa
-    v_cc = max(s_cc - s_ac * s_ac / s_aa, 0.0)
-    reach = math.sqrt(left * v_bb)
-    c = centre_c + (left * v_bc / reach if reach > 0.0 else 0.0)
-    if low <= c <= high:
-        return centre_b + reach
-    off = (low if c < low else high) - centre_c
-    if v_cc <= 0.0:
-        return _EMPTY
-    left -= off * off / v_cc
-    if left < 0.0:
-        return _EMPTY
-    return centre_b + v_bc / v_cc * off + math.sqrt(left * max(v_bb - v_bc * v_bc / v_cc, 0.0))
+    to_b, to_c = s_ab / s_aa, s_ac / s_aa
+    v_bb = math.sqrt(max(s_bb - s_ab * to_b, 0.0))
+    v_bc = s_bc - s_ab * to_c
+    v_cc = s_cc - s_ac * to_c
+    per_cc = 1.0 / v_cc if v_cc > 0.0 else _STEEP
+    slope = v_bc * per_cc if v_cc > 0.0 else 0.0
+    rest = math.sqrt(max(v_bb * v_bb - v_bc * slope, 0.0))
+    return 1.0 / s_aa, to_b, to_c, v_bb, v_bc / v_bb if v_bb > 0.0 else 0.0, per_cc, slope, rest
 
 
 @njit(cache=True, inline="always")
-def _slab_reach(S: Covariance, y0: float, y1: float, z0: float, z1: float) -> float:
-    """Largest x of the ellipsoid x^T S^-1 x <= 1 within y0..y1 and z0..z1; _EMPTY if they do not meet."""
-    s_xx, s_xy, s_xz, s_yy, s_yz, s_zz = S
-    reach = math.sqrt(s_xx)
-    y, z = s_xy / reach, s_xz / reach
+def _face_reach(at: float, cut: Cut, low: float, high: float) -> float:
+    """Largest b on the cut of the ellipsoid by the plane a = at, with c in [low, high]; _EMPTY if there is none."""
+    per_aa, to_b, to_c, half_b, lean, per_cc, slope, rest = cut
+    left = 1.0 - at * at * per_aa
+    if left < 0.0:
+        return _EMPTY
+    root = math.sqrt(left)
+    c = to_c * at + root * lean
+    if low <= c <= high:
+        return to_b * at + root * half_b
+    off = (low if c < low else high) - to_c * at
+    left -= off * off * per_cc
+    if left < 0.0:
+        return _EMPTY
+    return to_b * at + slope * off + math.sqrt(left) * rest
+
+
+@njit(cache=True, inline="always")
+def _slab_reach(
+    tip: tuple[float, float, float], by_y: Cut, by_z: Cut, y0: float, y1: float, z0: float, z1: float
+) -> float:
+    """Largest x of the ellipsoid within y0..y1 and z0..z1; _EMPTY if they do not meet. `tip` is its largest x."""
+    x, y, z = tip
     if y0 <= y <= y1 and z0 <= z <= z1:
-        return reach
+        return x
     best = _EMPTY
     if y < y0 or y > y1:
-        best = _face_reach(y0 if y < y0 else y1, s_xy, s_yz, s_yy, s_xx, s_xz, s_zz, z0, z1)
+        best = _face_reach(y0 if y < y0 else y1, by_y, z0, z1)
     if z < z0 or z > z1:
-        best = max(best, _face_reach(z0 if z < z0 else z1, s_xz, s_yz, s_zz, s_xx, s_xy, s_yy, y0, y1))
+        best = max(best, _face_reach(z0 if z < z0 else z1, by_z, y0, y1))
     return best
 
 
@@ -89,20 +101,26 @@ def _accumulate(
             max(scales[n, 1], SCALE_MIN_M),
             max(scales[n, 2], SCALE_MIN_M),
         )
-        ey, ez = math.sqrt(S[3]), math.sqrt(S[5])
+        s_xx, s_xy, s_xz, s_yy, s_yz, s_zz = S
+        ex, ey, ez = math.sqrt(s_xx), math.sqrt(s_yy), math.sqrt(s_zz)
+        i0 = math.floor((X - ex) / h)
         j0, j1 = max(0, math.floor((Y - ey) / h)), min(ny - 1, math.floor((Y + ey) / h))
         k0, k1 = max(0, math.floor((Z - ez) / h)), min(nz - 1, math.floor((Z + ez) / h))
+        tip = (ex, s_xy / ex, s_xz / ex)
+        by_y, by_z = _cut(s_xy, s_yz, s_yy, s_xx, s_xz, s_zz), _cut(s_xz, s_yz, s_zz, s_xx, s_xy, s_yy)
         for k in range(k0, k1 + 1):
             z0 = k * h - Z
             for j in range(j0, j1 + 1):
                 y0 = j * h - Y
-                high = _slab_reach(S, y0, y0 + h, z0, z0 + h)
+                high = _slab_reach(tip, by_y, by_z, y0, y0 + h, z0, z0 + h)
                 if high == _EMPTY:
                     continue
-                # The ellipsoid is symmetric: its smallest x is the largest one in the mirrored slab.
-                low = -_slab_reach(S, -y0 - h, -y0, -z0 - h, -z0)
-                i0, i1 = max(0, math.floor((X + low) / h)), min(nx - 1, math.floor((X + high) / h))
-                for i in range(i0, i1 + 1):
+                first, last = i0, math.floor((X + high) / h)
+                if last > first:
+                    # The ellipsoid is symmetric: its smallest x is the largest one in the mirrored slab.
+                    low = -_slab_reach(tip, by_y, by_z, -y0 - h, -y0, -z0 - h, -z0)
+                    first = math.floor((X + low) / h)
+                for i in range(max(0, first), min(nx - 1, last) + 1):
                     sums[k, j, i] += opacities[n]
 
 

@@ -27,7 +27,7 @@ from common.messages.episode import EpisodeKey, HumanTrajectory, Scenario, Split
 from common.messages.motion import EpisodeMotions, HumanMotion, Motion
 from common.messages.plan import Outcome, RobotTrajectory
 from common.messages.render import People, RenderReply, RenderRequest, RenderView
-from common.messages.samples import AppendReply, AppendRequest, EpisodeHeader, Sample, sample_crc32
+from common.messages.samples import AppendReply, AppendRequest, EpisodeHeader, HumanLabels, Sample, sample_crc32
 from common.messages.stages import (
     AnimateReply,
     AnimateRequest,
@@ -55,6 +55,7 @@ __all__ = [
     "EpisodeMotions",
     "FileRef",
     "GrantRequest",
+    "HumanLabels",
     "HumanMotion",
     "HumanPlanReply",
     "HumanPlanRequest",

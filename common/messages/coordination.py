@@ -201,6 +201,8 @@ class RunSpec:
     """Resolved sections: robot, episode, human_planner, expert, animator, renderer, recorder."""
     metadata: dict[str, Any]
     """Versions, commit and licences, recorded with the data; not part of the identity."""
+    scenarios: str = ""
+    """Text of the scenario file that the episodes play; empty if they are drawn."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

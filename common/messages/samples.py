@@ -4,6 +4,10 @@ import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+import numpy.typing as npt
+
+from common.messages.checks import check_array
 from common.messages.codec import OMITTED_WHEN_EMPTY
 from common.messages.episode import EpisodeKey
 
@@ -14,6 +18,24 @@ DISTORTION_MODELS: Mapping[str, int] = {"": 0, "plumb_bob": 5, "rational_polynom
 (k4, k5, k6), both as in OpenCV; "kannala_brandt" is OpenCV's fisheye, the equidistant one (k1, k2, k3, k4).
 Source: foxglove.CameraCalibration, https://docs.foxglove.dev/docs/sdk/schemas/camera-calibration.
 """
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class HumanLabels:
+    """Where a human's body is at one time, in the world."""
+
+    joints_m: npt.NDArray[np.float32]
+    """The 24 joints of SMPL, the pelvis first [m], shape (24, 3)."""
+    box: npt.NDArray[np.float64]
+    """Box around the body: centre x, y, z [m], length (where the human looks), width, height [m], yaw [rad],
+    shape (7,)."""
+    footprint_xy_m: npt.NDArray[np.float32]
+    """The ground below the body: one point per occupied cell of 0.05 m [m], shape (P, 2)."""
+
+    def __post_init__(self) -> None:
+        check_array("joints_m", self.joints_m, np.float32, (24, 3))
+        check_array("box", self.box, np.float64, (7,))
+        check_array("footprint_xy_m", self.footprint_xy_m, np.float32, (None, 2))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -44,6 +66,8 @@ class Sample:
     outputs: dict[str, bytes] = field(default_factory=dict, hash=False, metadata=OMITTED_WHEN_EMPTY)
     """Further images of the same view by their names in `common.rasterizer.images.OUTPUTS`, encoded as
     `common.rasterizer.image_files` says."""
+    labels: tuple[HumanLabels, ...] = field(default=(), hash=False, metadata=OMITTED_WHEN_EMPTY)
+    """Labels of the humans in the order of `humans_xyzyaw`; none unless `EpisodeHeader.labels` says so."""
 
     @property
     def intact(self) -> bool:
@@ -84,6 +108,8 @@ class EpisodeHeader:
     """One of `DISTORTION_MODELS`."""
     distortion: tuple[float, ...] = field(default=(), metadata=OMITTED_WHEN_EMPTY)
     """Coefficients of the distortion model."""
+    labels: bool = field(default=False, metadata=OMITTED_WHEN_EMPTY)
+    """True if every sample has the labels of its humans."""
 
     def __post_init__(self) -> None:
         known = DISTORTION_MODELS.get(self.distortion_model)

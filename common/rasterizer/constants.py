@@ -19,3 +19,6 @@ FOV_MARGIN = 0.3
 ALPHA_MAX = 0.99
 ALPHA_MIN = 1.0 / 255.0
 TRANSMITTANCE_MIN = 1e-4
+LOG2_E = 1.4426950408889634
+LOG2_ALPHA_MIN = -7.994353436858858
+"""Binary logarithm of `ALPHA_MIN`: kernels compare logarithms."""

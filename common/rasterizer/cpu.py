@@ -1,6 +1,5 @@
 """The CPU rasterizer: a static scene, its sky and posed people in one depth-sorted pass."""
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,10 +11,10 @@ import numpy.typing as npt
 from common.avatars import Avatar, joint_transforms
 from common.gaussians import GaussianCloud
 from common.rasterizer import cpu_blend
-from common.rasterizer.constants import NEAR_M
 from common.rasterizer.cpu_lod import COARSENESS, Cut, cull_person_tree, cull_tree
 from common.rasterizer.cpu_outputs import MAX_PEOPLE, Sums, instance_of_records, write_images
-from common.rasterizer.cpu_project import FAR_BITS, NEAR_BITS, Gaussians, Skin, Slab, project_person, project_scene
+from common.rasterizer.cpu_project import Gaussians, Skin, project_person, project_scene
+from common.rasterizer.cpu_slabs import FAR_BITS, Slab, slabs_of
 from common.rasterizer.cpu_view import View, VisibleChunks, cull_person, cull_scene, make_view
 from common.rasterizer.cpu_workspace import (
     KEYS,
@@ -35,10 +34,6 @@ from common.rasterizer.lod_avatar import AvatarTree
 from common.rasterizer.packed import CHUNK, PackedScene, pack_sorted
 from common.rasterizer.packed_avatar import PackedAvatar, pack_avatar
 
-SLAB_SHARES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)
-"""Shares of the visible chunks, nearest first, at which one slab ends and the next begins."""
-SLAB_MIN_CHUNKS = 64
-"""Fewer chunks are not worth a slab."""
 _RGB_ONLY = Sums()
 
 
@@ -266,7 +261,7 @@ class CpuRasterizer:
         cpu_blend.begin_image(self._width, self._height, self._ws)
         self._record_ends.clear()
         sums.clear()
-        slabs = _slabs(seen)
+        slabs = slabs_of(np.concatenate([chunks.depth_m for chunks in seen]))
         for slab, next_limit_bits in zip(slabs, [*(slab.limit_bits for slab in slabs[1:]), FAR_BITS], strict=True):
             for layer, chunks, (nearest_m, farthest_m) in zip(layers, seen, ranges_m, strict=True):
                 if nearest_m < slab.limit_m and farthest_m >= slab.first_m:
@@ -301,19 +296,3 @@ def _with_cut(scene: PackedScene | ChunkTree, coarseness: float) -> tuple[Packed
 
 def _avatar_with_cut(packed: PackedAvatar | AvatarTree, coarseness: float) -> tuple[PackedAvatar, Cut | None]:
     return (packed.avatar, _cut(packed, coarseness)) if isinstance(packed, AvatarTree) else (packed, None)
-
-
-def _slabs(seen: Sequence[VisibleChunks]) -> list[Slab]:
-    """Split the depths at the shares of `SLAB_SHARES`."""
-    depths = np.sort(np.concatenate([chunks.depth_m for chunks in seen]))
-    limits = [float(depths[int(share * len(depths))]) for share in SLAB_SHARES] if len(depths) > SLAB_MIN_CHUNKS else []
-    limits = sorted({limit for limit in limits if limit > NEAR_M})
-    edges = [-np.inf, *limits, np.inf]
-    return [
-        Slab(first, limit, _depth_bits(limit), number > 0)
-        for number, (first, limit) in enumerate(itertools.pairwise(edges))
-    ]
-
-
-def _depth_bits(depth_m: float) -> int:
-    return FAR_BITS if depth_m == np.inf else int(np.float32(depth_m).view(np.int32)) - NEAR_BITS

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from common.rasterizer.compilation import inlined, kernel
-from common.rasterizer.constants import ALPHA_MAX, TRANSMITTANCE_MIN
+from common.rasterizer.constants import ALPHA_MAX, LOG2_ALPHA_MIN, TRANSMITTANCE_MIN
 from common.rasterizer.cpu_tiles import LARGE, is_alive, tile_blocks, unpack_box, update_quads
 from common.rasterizer.cpu_workspace import (
     DIGITS,
@@ -38,7 +38,6 @@ from common.rasterizer.simd_types import (
 Integers = npt.NDArray[np.int64]
 Singles = npt.NDArray[np.float32]
 
-LOG2_ALPHA_MIN = -7.994353436858858
 DIGIT_BITS = 12
 ROUNDING = 12582912.0
 """1.5 * 2^23: added to a smaller float32, it leaves the nearest integer in the lowest bits."""
@@ -174,6 +173,12 @@ def _fill_large(ws: Workspace, nodes: int, columns: int, record: int, box: int) 
 
 
 @inlined
+def log2_alpha(dx: Any, dy: Any, a: Any, b: Any, c: Any, log2_opacity: Any) -> Any:
+    """Binary logarithm of alpha at an offset (dx, dy) from a mean [px]: a dx^2 + b dx dy + c dy^2 + log2_opacity."""
+    return fma(dx, fma(dx, a, dy * b), fma(dy * c, dy, log2_opacity))
+
+
+@inlined
 def _exp2(t: Any) -> Any:
     """2^t for t in -126..1, relative error below 8e-5: a polynomial of degree 3, best in the relative sense."""
     shifted = t + ROUNDING
@@ -224,11 +229,7 @@ def _blend_block(
         r = record * RECORD
         touched &= touched - 1
         dx, dy = x - peek(records, r), y - peek(records, r + 1)
-        t = fma(
-            dx,
-            fma(dx, peek(records, r + 2), dy * peek(records, r + 3)),
-            fma(dy * peek(records, r + 4), dy, peek(records, r + 5)),
-        )
+        t = log2_alpha(dx, dy, peek(records, r + 2), peek(records, r + 3), peek(records, r + 4), peek(records, r + 5))
         alpha = where(t >= LOG2_ALPHA_MIN, minimum(_exp2(t), ALPHA_MAX), 0.0)
         weight = alpha * transmittance
         red, green, blue = (

@@ -6,16 +6,17 @@ import numpy as np
 import numpy.typing as npt
 
 from common.rasterizer.compilation import inlined, kernel
-from common.rasterizer.constants import DILATION_PX2, FOV_MARGIN, NEAR_M
+from common.rasterizer.constants import DILATION_PX2, LOG2_E, NEAR_M
+from common.rasterizer.cpu_lens import Lens, clamped, lens_of, rotation_rows
 from common.rasterizer.cpu_outputs import normal_block
 from common.rasterizer.cpu_posing import nearest_rotation
-from common.rasterizer.cpu_tiles import LARGE, any_alive, box_codes, is_alive, tiles_met
+from common.rasterizer.cpu_slabs import NEAR_BITS, Slab, is_due
+from common.rasterizer.cpu_tiles import LARGE, box_codes, is_alive, tiles_met
 from common.rasterizer.cpu_view import View, VisibleChunks
 from common.rasterizer.cpu_workspace import KEYS, LARGE_ENTRIES, LATER, RECORD, RECORDS, Workspace
 from common.rasterizer.simd_memory import load_f16, load_short, peek, poke, store_f16, store_i16, transpose_in_place
 from common.rasterizer.simd_types import (
     bit_pattern,
-    f16,
     fma,
     fms,
     fnma,
@@ -33,10 +34,6 @@ Integers = npt.NDArray[np.int64]
 Singles = npt.NDArray[np.float32]
 Float64s = npt.NDArray[np.float64]
 
-LOG2_E = 1.4426950408889634
-NEAR_BITS = int(np.float32(NEAR_M).view(np.int32))
-FAR_BITS = 1 << 31
-"""Above the depth bits of every key."""
 GEOMETRY = 176
 """Float32 numbers per block of geometry: 11 rows of 16."""
 
@@ -63,53 +60,6 @@ class Skin(NamedTuple):
     weight: Singles
 
 
-class Slab(NamedTuple):
-    """A range of depths that is drawn in one go."""
-
-    first_m: float
-    """Chunks whose means may lie nearer were projected before [m]."""
-    limit_m: float
-    """Chunks whose means all lie beyond wait for a later slab [m]."""
-    limit_bits: int
-    """Depth bits of the keys that wait for a later slab: those of `limit_m`, above those of the near plane."""
-    cull: bool
-    """True if some pixels may be finished."""
-
-
-class _Lens(NamedTuple):
-    """Camera constants in float32."""
-
-    fx: np.float32
-    fy: np.float32
-    cx: np.float32
-    cy: np.float32
-    u_low: np.float32
-    u_high: np.float32
-    v_low: np.float32
-    v_high: np.float32
-    x_last: np.float32
-    y_last: np.float32
-    columns: int
-
-
-@inlined
-def _lens(view: View) -> _Lens:
-    margin_u, margin_v = FOV_MARGIN * 0.5 * view.width / view.fx, FOV_MARGIN * 0.5 * view.height / view.fy
-    return _Lens(
-        np.float32(view.fx),
-        np.float32(view.fy),
-        np.float32(view.cx),
-        np.float32(view.cy),
-        np.float32(-view.cx / view.fx - margin_u),
-        np.float32((view.width - view.cx) / view.fx + margin_u),
-        np.float32(-view.cy / view.fy - margin_v),
-        np.float32((view.height - view.cy) / view.fy + margin_v),
-        np.float32(view.width - 1),
-        np.float32(view.height - 1),
-        (view.width + 15) >> 4,
-    )
-
-
 @inlined
 def pixels_within(low: Any, high: Any, last: Any) -> Any:
     """First and last of the pixels 0, 1, .. `last` within [low, high] (I16 each), and where there is one (M16)."""
@@ -121,7 +71,7 @@ def pixels_within(low: Any, high: Any, last: Any) -> Any:
 
 
 @inlined
-def _image_block(lens: _Lens, geometry: Singles, g: int, x: Any, y: Any, z: Any, R: Any, ws: Workspace) -> int:
+def _image_block(lens: Lens, geometry: Singles, g: int, x: Any, y: Any, z: Any, R: Any, ws: Workspace) -> int:
     """Project a block of 16 Gaussians: their record rows go to the scratch memory, their mask of visible lanes back.
 
     Args:
@@ -138,7 +88,7 @@ def _image_block(lens: _Lens, geometry: Singles, g: int, x: Any, y: Any, z: Any,
     inverse_z = 1.0 / z
     u, v = x * inverse_z, y * inverse_z
     mean_x, mean_y = fma(u, lens.fx, lens.cx), fma(v, lens.fy, lens.cy)
-    uc, vc = maximum(minimum(u, lens.u_high), lens.u_low), maximum(minimum(v, lens.v_high), lens.v_low)
+    uc, vc = clamped(lens, u, v)
     du, dv = inverse_z * lens.fx, inverse_z * lens.fy
     a0, a1, a2 = du * fnma(uc, R[6], R[0]), du * fnma(uc, R[7], R[1]), du * fnma(uc, R[8], R[2])
     b0, b1, b2 = dv * fnma(vc, R[6], R[3]), dv * fnma(vc, R[7], R[4]), dv * fnma(vc, R[8], R[5])
@@ -270,29 +220,14 @@ def _emit(seen: int, counts: tuple[int, int, int], slab: Slab, columns: int, ws:
     return records, keys, later
 
 
-@inlined
-def _is_due(chunks: VisibleChunks, i: int, slab: Slab, columns: int, ws: Workspace) -> bool:
-    """True if a chunk belongs to the slab and some pixel that it may touch is not finished."""
-    if not slab.first_m <= chunks.depth_m[i] < slab.limit_m:
-        return False
-    if not slab.cull:
-        return True
-    return bool(any_alive(ws.tile_alive, columns, chunks.box[i]))
-
-
 @kernel
 def project_scene(view: View, cloud: Gaussians, chunks: VisibleChunks, slab: Slab, ws: Workspace) -> None:
     """Project the slab's chunks of a static cloud, and append the Gaussians that touch unfinished pixels."""
-    lens = _lens(view)
+    lens = lens_of(view)
     counts = (ws.counts[RECORDS], ws.counts[KEYS], ws.counts[LATER])
-    R_CW = view.R_CW
-    R = (
-        f16(R_CW[0, 0]), f16(R_CW[0, 1]), f16(R_CW[0, 2]),
-        f16(R_CW[1, 0]), f16(R_CW[1, 1]), f16(R_CW[1, 2]),
-        f16(R_CW[2, 0]), f16(R_CW[2, 1]), f16(R_CW[2, 2]),
-    )  # fmt: skip
+    R = rotation_rows(view.R_CW)
     for i in range(len(chunks.number)):
-        if not _is_due(chunks, i, slab, lens.columns, ws):
+        if not is_due(slab, chunks.depth_m[i], chunks.box[i], lens.columns, ws.tile_alive):
             continue
         chunk = chunks.number[i]
         dx = cloud.centre_m[chunk, 0] - view.p_WC[0]
@@ -336,10 +271,10 @@ def project_person(
         slab: Depths that are drawn now.
         ws: Workspace.
     """
-    lens = _lens(view)
+    lens = lens_of(view)
     counts = (ws.counts[RECORDS], ws.counts[KEYS], ws.counts[LATER])
     for i in range(len(chunks.number)):
-        if not _is_due(chunks, i, slab, lens.columns, ws):
+        if not is_due(slab, chunks.depth_m[i], chunks.box[i], lens.columns, ws.tile_alive):
             continue
         for block in range(chunks.number[i] * 16, chunks.number[i] * 16 + 16):
             first, end = skin.joint_start[block], skin.joint_start[block + 1]

@@ -1,5 +1,6 @@
 """A scene bundle on disk, read piece by piece when it is needed."""
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,7 +11,7 @@ import numpy as np
 
 from common.errors import SceneError
 from common.gaussians import GaussianCloud, load_gaussians
-from common.maps import FloorMap, GridFrame, OccupancyMap, load_ros_map
+from common.maps import FloorMap, GridFrame, MapConfig, OccupancyMap, SightMap, load_ros_map, sight_of_cloud
 from common.scenes.manifest import MANIFEST, SceneFile, combined_hash, file_of, grid_digest, read_manifest
 
 CLOUD_FILE = "scene.ply"
@@ -28,6 +29,8 @@ class SceneMaps:
     folder: Path
     """The bundle."""
     floor_frame: GridFrame
+    config: MapConfig
+    """How the maps were made."""
 
     @cached_property
     def robot(self) -> OccupancyMap:
@@ -48,6 +51,13 @@ class SceneMaps:
             return FloorMap(frame=self.floor_frame, height_m=height_m)
         except (OSError, ValueError) as error:
             raise SceneError(f"Floor map {path} cannot be read: {error}; import the scene again.") from error
+
+    @cached_property
+    def sight(self) -> SightMap:
+        """What hides people from a camera, made from the Gaussians, which are not kept."""
+        robot = self.robot
+        shape = (robot.occupied.shape[0], robot.occupied.shape[1])
+        return sight_of_cloud(load_gaussians(self.folder / CLOUD_FILE), self.floor, robot.frame, shape, self.config)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -77,7 +87,9 @@ class Scene:
         """Occupancy of robot and human, and the floor."""
         floor = self.metadata["floor"]
         frame = GridFrame(**{key: float(floor[key]) for key in ("origin_x_m", "origin_y_m", "resolution_m")})
-        return SceneMaps(folder=self.path, floor_frame=frame)
+        known = {field.name for field in dataclasses.fields(MapConfig)}
+        config = MapConfig(**{key: value for key, value in self.metadata["maps"].items() if key in known})
+        return SceneMaps(folder=self.path, floor_frame=frame, config=config)
 
     @cached_property
     def files(self) -> tuple[SceneFile, ...]:

@@ -257,15 +257,15 @@ class Ledger:
             self._all("SELECT reason, count(*) FROM episode WHERE state = 'rejected' GROUP BY reason ORDER BY reason")
         )
 
+    def rejected(self) -> dict[int, str]:
+        """Reason of every rejected index, by index."""
+        return dict(self._all("SELECT idx, reason FROM episode WHERE state = 'rejected' ORDER BY idx"))
+
     def committed(self) -> tuple[int, int]:
         """Durable episodes, and the samples in them."""
         row = self._one("SELECT count(*), coalesce(sum(samples), 0) FROM episode WHERE state = 'committed'")
         assert row is not None
         return int(row[0]), int(row[1])
-
-    def committed_indices(self) -> tuple[int, ...]:
-        """Indices of the durable episodes."""
-        return tuple(row[0] for row in self._all("SELECT idx FROM episode WHERE state = 'committed' ORDER BY idx"))
 
     def results(self) -> set[str]:
         """Hashes of all results that are still needed."""

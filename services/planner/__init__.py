@@ -1,15 +1,18 @@
 """The planners: where humans walk and how the expert drives."""
 
-from services.planner.config import ExpertConfig, HumanPlannerConfig
-from services.planner.expert import Decision, RobotExpert
+from services.planner.config import FamilyMix, HumanPlannerConfig
+from services.planner.expert import Decision, Expert
+from services.planner.expert_config import ExpertConfig, expert_recipe
 from services.planner.handlers import Planner, handle_human_plan, handle_robot_plan
 
 __all__ = [
     "Decision",
+    "Expert",
     "ExpertConfig",
+    "FamilyMix",
     "HumanPlannerConfig",
     "Planner",
-    "RobotExpert",
+    "expert_recipe",
     "handle_human_plan",
     "handle_robot_plan",
 ]

@@ -15,7 +15,7 @@ from numba import njit
 from common.episode.grid_search import FREE, UNITS_PER_CELL, UNREACHED
 from common.maps import GridFrame
 from common.robot import RobotConfig
-from services.planner.config import ExpertConfig
+from services.planner.expert_config import ExpertConfig
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
@@ -76,10 +76,10 @@ class Plan:
 
 
 class HybridAStar:
-    """Searches on grids of one shape; keeps its working memory, so it is not thread-safe."""
+    """Keeps its working memory between searches, so it is not thread-safe."""
 
-    def __init__(self, frame: GridFrame, robot: RobotConfig, config: ExpertConfig) -> None:
-        self._frame, self._config = frame, config
+    def __init__(self, robot: RobotConfig, config: ExpertConfig) -> None:
+        self._config = config
         self._primitives = make_primitives(robot, config)
         capacity = config.expansions_max * 4 + 16
         self._nodes = np.empty((capacity, 4))
@@ -98,6 +98,7 @@ class HybridAStar:
         self,
         factor: UInt8Array,
         heuristic: Int32Array,
+        frame: GridFrame,
         start_xyyaw: tuple[float, float, float],
         goal_xy_m: Float64Array,
         *,
@@ -108,6 +109,7 @@ class HybridAStar:
         Args:
             factor: Cost factors of the cells (see `common.episode.grid_search`), shape (H, W).
             heuristic: Distances to the goal on the same grid, UNITS_PER_CELL a cell, shape (H, W).
+            frame: Where the cells lie.
             start_xyyaw: Pose in the world [m, m, rad]; its own cell may be blocked.
             goal_xy_m: Goal in the world, shape (2,).
             turn_first: True lets the path begin with any heading, at the price of turning there in place.
@@ -115,7 +117,7 @@ class HybridAStar:
         Returns:
             A plan, or None if there is none within the limit of expansions.
         """
-        frame, primitives, config = self._frame, self._primitives, self._config
+        primitives, config = self._primitives, self._config
         ox, oy = frame.origin_x_m, frame.origin_y_m
         self._stamp += 1
         last, self.expansion_count = _search(
@@ -157,7 +159,7 @@ class HybridAStar:
 
 
 @njit(cache=True)
-def _push(costs: Float64Array, nodes: Int32Array, count: int, cost: float, node: int) -> int:
+def push(costs: Float64Array, nodes: Int32Array, count: int, cost: float, node: int) -> int:
     k = count
     while k > 0:
         parent = (k - 1) >> 1
@@ -170,7 +172,7 @@ def _push(costs: Float64Array, nodes: Int32Array, count: int, cost: float, node:
 
 
 @njit(cache=True)
-def _pop(costs: Float64Array, nodes: Int32Array, count: int) -> int:
+def pop(costs: Float64Array, nodes: Int32Array, count: int) -> int:
     """Remove the cheapest entry, which the caller has read from the top."""
     count -= 1
     cost, node = costs[count], nodes[count]
@@ -190,7 +192,7 @@ def _pop(costs: Float64Array, nodes: Int32Array, count: int) -> int:
 
 
 @njit(cache=True)
-def _slot(key: int, stamp: int, table_key: npt.NDArray[np.int64], table_stamp: Int32Array) -> int:
+def slot_of(key: int, stamp: int, table_key: npt.NDArray[np.int64], table_stamp: Int32Array) -> int:
     """Table slot of a key: where it is, or where it would be put (open addressing, Fibonacci hashing)."""
     mask = len(table_key) - 1
     mixed = key * -7046029254386353131
@@ -248,16 +250,16 @@ def _search(
         cost = roots[1] * min(turn, 2 * math.pi - turn)
         nodes[k, 0], nodes[k, 1], nodes[k, 2], nodes[k, 3] = start[0], start[1], (start[2] + turn) % (2 * math.pi), cost
         links[k, 0], links[k, 1] = -1, -1
-        waiting = _push(heap_cost, heap_node, waiting, cost, k)
+        waiting = push(heap_cost, heap_node, waiting, cost, k)
         count += 1
     while waiting > 0 and expansions < expansions_max:
         node = heap_node[0]
-        waiting = _pop(heap_cost, heap_node, waiting)
+        waiting = pop(heap_cost, heap_node, waiting)
         x, y, yaw, cost = nodes[node, 0], nodes[node, 1], nodes[node, 2], nodes[node, 3]
         if node >= roots[0]:
             cell = int(y / resolution) * width + int(x / resolution)
             key = cell * heading_count + int(yaw * per_rad) % heading_count
-            if table_node[_slot(key, stamp, table_key, table_stamp)] != node:
+            if table_node[slot_of(key, stamp, table_key, table_stamp)] != node:
                 continue
         if (x - goal[0]) ** 2 + (y - goal[1]) ** 2 < goal[2] * goal[2]:
             return node, expansions
@@ -276,7 +278,7 @@ def _search(
             new_yaw = (yaw + end[2]) % (2 * math.pi)
             new_cost = cost + costs[p] * mean_factor
             key = (i * width + j) * heading_count + int(new_yaw * per_rad) % heading_count
-            slot = _slot(key, stamp, table_key, table_stamp)
+            slot = slot_of(key, stamp, table_key, table_stamp)
             if table_stamp[slot] == stamp and nodes[table_node[slot], 3] <= new_cost:
                 continue
             if count >= len(nodes):
@@ -284,7 +286,7 @@ def _search(
             nodes[count, 0], nodes[count, 1], nodes[count, 2], nodes[count, 3] = xx, yy, new_yaw, new_cost
             links[count, 0], links[count, 1] = node, p
             table_stamp[slot], table_key[slot], table_node[slot] = stamp, key, count
-            waiting = _push(heap_cost, heap_node, waiting, new_cost + metres * heuristic[i, j], count)
+            waiting = push(heap_cost, heap_node, waiting, new_cost + metres * heuristic[i, j], count)
             count += 1
     return -1, expansions
 

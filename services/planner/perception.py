@@ -1,21 +1,21 @@
 """What the expert may know about humans: those in its camera's view, and how they have moved there."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
-from common.maps import OccupancyMap
 from common.robot.kinematics import DT_S
-from services.planner.config import ExpertConfig
+from services.planner.ground import EpisodeGround, ExpertGround
+from services.planner.prediction import WINDOW_STEPS, follow_route, predict_walk
 
 Float64Array = npt.NDArray[np.float64]
 Pose = tuple[float, float, float]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class PerceivedHuman:
     """A human as the expert knows it."""
 
@@ -26,24 +26,53 @@ class PerceivedHuman:
     vx_mps: float
     vy_mps: float
     seen: bool
-    """True if in view now; else moved on from the latest view."""
+    """True if in view now; else felt nearby, known to an oracle, or moved on from the latest view."""
+    age_s: float
+    """How long ago it was perceived last [s]."""
+    ahead_m: Float64Array
+    """Where it is expected after 1, 2, ... steps [m], shape (T, 2)."""
+    others_m: Float64Array
+    """Where it will be if it takes the robot's way, to its start or to its goal [m], shape (K, T, 2); K may be 0."""
+    chances: Float64Array
+    """How likely `ahead_m` and the rows of `others_m` are, shape (1 + K,)."""
 
-    def ahead(self, count: int) -> Float64Array:
-        """Positions after 1 .. `count` steps at constant velocity [m], shape (count, 2)."""
-        t = np.arange(1, count + 1) * DT_S
-        return np.stack([self.x_m + t * self.vx_mps, self.y_m + t * self.vy_mps], axis=1)
+
+@dataclass(eq=False)
+class _Track:
+    """The latest consecutive views of one human."""
+
+    step: int
+    rows: list[tuple[float, float]]
+    expected_m: Float64Array
+    """Positions after `step` [m], shape (1 + K, T, 2): as expected, and otherwise."""
+    chances: Float64Array
 
 
 class HumanTracks:
-    """Positions of the humans while they are in view."""
+    """Positions of the humans while they are perceived, and what is expected of them."""
 
     def __init__(
-        self, occupancy: OccupancyMap, horizontal_fov_deg: float, human_radius_m: float, config: ExpertConfig
+        self, ground: ExpertGround, local: EpisodeGround, paths_m: Sequence[Float64Array], count: int
     ) -> None:
-        self._map, self._config = occupancy, config
-        self._half_fov_rad = math.radians(horizontal_fov_deg) / 2
-        self._radius_m = human_radius_m
-        self._views: dict[int, list[tuple[int, float, float]]] = {}
+        """Begin an episode.
+
+        Args:
+            ground: Robot, maps and settings.
+            local: The episode's part of the map.
+            paths_m: Where the humans truly walk [m], shape (T, 2) each, for an oracle and for `foresight_s`.
+            count: Steps to look ahead.
+        """
+        config, robot = ground.config, ground.robot
+        self._ground, self._local, self._config, self._count = ground, local, config, count
+        self._paths_m = paths_m
+        self._half_fov_rad = math.radians(robot.camera.horizontal_fov_deg) / 2
+        self._camera_m = robot.camera.mount_height_m
+        self._memory_steps = 0 if config.oracle else round(config.memory_s / DT_S)
+        self._curved = config.mode != "paper"
+        straight_steps = round(config.velocity_window_s / DT_S)
+        self._view_count = 1 + (2 * WINDOW_STEPS if self._curved else straight_steps)
+        self._window = WINDOW_STEPS if self._curved else straight_steps
+        self._tracks: dict[int, _Track] = {}
 
     def observe(self, step: int, pose: Pose, human_xy_m: Float64Array) -> list[PerceivedHuman]:
         """Look once; call it at every step.
@@ -54,49 +83,96 @@ class HumanTracks:
             human_xy_m: Where the humans are, shape (N, 2).
 
         Returns:
-            The humans in view, and those that left it less than `memory_s` ago.
+            The humans in view, felt or known, and those that ceased to be less than `memory_s` ago.
         """
         perceived = []
         for index, (x, y) in enumerate(human_xy_m.tolist()):
             seen = self._is_visible(pose, x, y)
-            if seen:
+            if seen or self._config.oracle or math.hypot(x - pose[0], y - pose[1]) < self._config.near_field_m:
                 self._remember(index, step, x, y)
-            views = self._views.get(index)
-            if not views or (not seen and (step - views[-1][0]) * DT_S > self._config.memory_s):
-                continue
-            vx, vy = self._velocity(views)
-            elapsed_s = (step - views[-1][0]) * DT_S
-            perceived.append(
-                PerceivedHuman(
-                    index=index,
-                    x_m=views[-1][1] + vx * elapsed_s,
-                    y_m=views[-1][2] + vy * elapsed_s,
-                    vx_mps=vx,
-                    vy_mps=vy,
-                    seen=seen,
-                )
-            )
+            track = self._tracks.get(index)
+            if track is not None and step - track.step <= self._memory_steps:
+                perceived.append(self._perceived(index, track, step, seen))
         return perceived
 
     def _is_visible(self, pose: Pose, x_m: float, y_m: float) -> bool:
-        if not in_view(pose, x_m, y_m, self._half_fov_rad, self._config.range_m, self._radius_m):
+        if not in_view(pose, x_m, y_m, self._half_fov_rad, self._config.range_m, self._ground.human_radius_m):
             return False
-        frame = self._map.frame
-        return not self._config.line_of_sight or bool(
-            _sees(self._map.occupied, frame.origin_x_m, frame.origin_y_m, frame.resolution_m, pose, x_m, y_m)
-        )
+        if not self._config.needs_line_of_sight:
+            return True
+        return self._ground.sight.sees(pose[0], pose[1], self._camera_m, (x_m, y_m))
 
     def _remember(self, index: int, step: int, x: float, y: float) -> None:
-        views = self._views.setdefault(index, [])
-        if views and views[-1][0] != step - 1:
-            views.clear()
-        views.append((step, x, y))
-        del views[: -(round(self._config.velocity_window_s / DT_S) + 1)]
+        track = self._tracks.get(index)
+        rows = track.rows if track is not None and track.step == step - 1 else []
+        rows = [*rows[1 - self._view_count :], (x, y)]
+        expected_m, chances = self._expected(index, step, rows)
+        self._tracks[index] = _Track(step=step, rows=rows, expected_m=expected_m, chances=chances)
 
-    @staticmethod
-    def _velocity(views: list[tuple[int, float, float]]) -> tuple[float, float]:
-        (first, x0, y0), (last, x1, y1) = views[0], views[-1]
-        elapsed_s = max(last - first, 1) * DT_S
+    def _expected(
+        self, index: int, step: int, rows: list[tuple[float, float]]
+    ) -> tuple[Float64Array, Float64Array]:
+        """Possible positions after a step [m], shape (1 + K, T, 2), and their chances, shape (1 + K,)."""
+        count = self._count + self._memory_steps
+        if self._config.oracle:
+            return self._path(index, step + 1, step + 1 + count)[None], np.ones(1)
+        if self._curved:
+            return self._walks(np.array(rows), count)
+        vx, vy = self._velocity(rows)
+        t = np.arange(1, count + 1) * DT_S
+        straight = np.stack([rows[-1][0] + t * vx, rows[-1][1] + t * vy], axis=1)
+        known = round(self._config.foresight_s / DT_S)
+        if known == 0:
+            return straight[None], np.ones(1)
+        true = self._path(index, step, step + 1 + known)
+        beyond = true[-1] + np.arange(1, count - known + 1)[:, None] * (true[-1] - true[-2])
+        return np.concatenate([true[1:], beyond])[None, :count], np.ones(1)
+
+    def _walks(self, views_m: Float64Array, count: int) -> tuple[Float64Array, Float64Array]:
+        """On along the present way, or along the robot's: the more a route explains, the likelier it is."""
+        ground = self._ground
+        walks = [predict_walk(views_m, ground.human_clearance, ground.human_frame, count)]
+        weights = [1.0]
+        for to_place in self._local.human_ways if self._config.route_weight > 0 else ():
+            route, explained = follow_route(views_m, to_place, self._local.human_frame, count)
+            weight = self._config.route_weight * min(max((explained - 0.5) / 0.4, 0.0), 1.0)
+            if weight > 0.05:
+                walks.append(route)
+                weights.append(weight)
+        total = math.fsum(weights)
+        return np.stack(walks), np.array([weight / total for weight in weights])
+
+    def _path(self, index: int, first: int, end: int) -> Float64Array:
+        """Where a human truly is at steps first .. end - 1 [m]."""
+        path = self._paths_m[index]
+        true: Float64Array = path[np.minimum(np.arange(first, end), len(path) - 1)]
+        return true
+
+    def _perceived(self, index: int, track: _Track, step: int, seen: bool) -> PerceivedHuman:
+        elapsed = step - track.step
+        vx, vy = self._velocity(track.rows)
+        x, y = track.rows[-1]
+        if elapsed > 0:
+            (x, y), (x1, y1) = track.expected_m[0, elapsed - 1].tolist(), track.expected_m[0, elapsed].tolist()
+            vx, vy = (x1 - x) / DT_S, (y1 - y) / DT_S
+        ahead = track.expected_m[:, elapsed : elapsed + self._count]
+        return PerceivedHuman(
+            index=index,
+            x_m=x,
+            y_m=y,
+            vx_mps=vx,
+            vy_mps=vy,
+            seen=seen,
+            age_s=elapsed * DT_S,
+            ahead_m=ahead[0],
+            others_m=ahead[1:],
+            chances=track.chances,
+        )
+
+    def _velocity(self, rows: list[tuple[float, float]]) -> tuple[float, float]:
+        recent = rows[-self._window - 1 :]
+        (x0, y0), (x1, y1) = recent[0], recent[-1]
+        elapsed_s = max(len(recent) - 1, 1) * DT_S
         return (x1 - x0) / elapsed_s, (y1 - y0) / elapsed_s
 
 
@@ -119,18 +195,3 @@ def in_view(pose: Pose, x_m: float, y_m: float, half_fov_rad: float, range_m: fl
         return True
     bearing_rad = (math.atan2(dy, dx) - pose[2] + math.pi) % (2 * math.pi) - math.pi
     return abs(bearing_rad) - math.asin(radius_m / distance_m) <= half_fov_rad
-
-
-@njit(cache=True)
-def _sees(
-    occupied: npt.NDArray[np.bool_], ox: float, oy: float, resolution: float, pose: Pose, x: float, y: float
-) -> bool:
-    """True if no occupied cell lies on the line from the robot to a point."""
-    dx, dy = x - pose[0], y - pose[1]
-    steps = int(math.sqrt(dx * dx + dy * dy) / (0.5 * resolution)) + 1
-    for k in range(steps + 1):
-        i = math.floor((pose[1] + dy * k / steps - oy) / resolution)
-        j = math.floor((pose[0] + dx * k / steps - ox) / resolution)
-        if 0 <= i < occupied.shape[0] and 0 <= j < occupied.shape[1] and occupied[i, j]:
-            return False
-    return True

@@ -1,30 +1,48 @@
-"""Pictures of episodes for reports: the map from above, who went where, and how it ended."""
+"""Pictures of episodes: the map from above, who went where, what the expert knew, and how it ended."""
 
-import math
-from typing import Any
-
+import cv2
 import numpy as np
 import numpy.typing as npt
 
+from common.drawing import plan_view
+from common.drawing.files import Picture
+from common.drawing.plan_view import GOAL, INK, ROBOT, WHITE, Rgb
+from common.drawing.sheet import GAP_PX, Swatch, area_swatch, dotted_swatch, line_swatch, ring_swatch, sheet, stacked
 from common.episode import EpisodeConfig
-from common.maps import GridFrame, OccupancyMap
-from common.messages import EpisodeMotions, Outcome, RobotTrajectory, Scenario
+from common.maps import OccupancyMap
+from common.messages import EpisodeMotions, RobotTrajectory, Scenario
 from common.robot import RobotConfig
+from common.scenes.top_view import TopView
+from services.planner.handlers import Planner
+from services.planner.journal import ExpertRun
+from services.planner.moments import Moment, pick_moments
+from services.planner.picture_layers import (
+    EXPECTED_SHARE,
+    OUTCOMES,
+    SIGHT,
+    SIGHT_SHARE,
+    SUPERSEDED,
+    draw_changes,
+    draw_closest,
+    draw_knowledge,
+    draw_superseded,
+    draw_way,
+    human_colour,
+    put_diamond,
+)
 
 Float64Array = npt.NDArray[np.float64]
-Image = npt.NDArray[np.uint8]
-Colour = tuple[int, int, int]
 
-_WALL, _FREE = (60, 60, 66), (246, 246, 243)
-_ROBOT, _GOAL = (20, 120, 60), (70, 160, 70)
-_HUMANS: tuple[Colour, ...] = ((30, 90, 200), (150, 60, 170), (0, 140, 150), (170, 110, 20))
-_OUTCOMES: dict[Outcome, Colour] = {
-    Outcome.SUCCESS: (20, 120, 60),
-    Outcome.STATIC_COLLISION: (200, 30, 30),
-    Outcome.HUMAN_COLLISION: (200, 30, 30),
-    Outcome.TIMEOUT: (200, 120, 0),
-}
-_SUPERSAMPLING = 2
+SIDE_MAX_PX, SCALE_MAX_PX_PER_M = 1100, 85
+BELOW_HEIGHT_PX = 620
+"""Height of the episode's picture with the moments below it."""
+SIDE_PX = (710, 560)
+"""Width of the episode's picture with the moments beside it, and its least height."""
+MOMENT_PX, MOMENT_M = 350, 7.0
+"""Side of the picture of a moment [px], and what it shows [m]."""
+NUMBER_APART_PX = 21
+AHEAD_M = 1.5
+"""A moment's picture is centred this far ahead of the robot [m]."""
 
 
 def draw_episode(
@@ -37,7 +55,7 @@ def draw_episode(
     episode_config: EpisodeConfig | None = None,
     pixels_per_m: int = 60,
     margin_m: float = 1.0,
-) -> Image:
+) -> Picture:
     """Draw an episode from above, x to the right and y up.
 
     Args:
@@ -47,104 +65,183 @@ def draw_episode(
         motions: Draws the humans where their motions are, not where they were meant to go.
         robot: For the radius of its disc.
         episode_config: For the circle of success and the humans' radius.
-        pixels_per_m: Scale [px/m].
+        pixels_per_m: Scale [px/m]; large places are drawn smaller.
         margin_m: Space around everything drawn [m].
 
     Returns:
         RGB image, shape (H, W, 3). Dots mark seconds; discs show where everybody is in the end.
     """
     robot, episode = robot or RobotConfig(), episode_config or EpisodeConfig()
-    ways = [human.xy_m for human in scenario.humans]
-    if motions is not None:
-        ways = [human.motion.root_m[:, :2].astype(np.float64) for human in motions.humans]
-    run = None if trajectory is None else trajectory.xyyaw[:, :2]
-    canvas = _Canvas(robot_map, [scenario.start_xyyaw[None, :2], scenario.goal_xy_m[None], run, *ways], margin_m)
-    canvas.paint(pixels_per_m * _SUPERSAMPLING)
-    canvas.circle(scenario.goal_xy_m, episode.success_radius_m, _GOAL, 2)
-    canvas.circle(scenario.goal_xy_m, 0.06, _GOAL, -1)
-    end = None if run is None else len(run)
-    for k, way in enumerate(ways):
-        colour = _HUMANS[k % len(_HUMANS)]
-        canvas.way(way, colour, None)
-        canvas.way(way, colour, end)
-        canvas.circle(way[min(end, len(way) - 1) if end is not None else 0], episode.human_radius_m, colour, 2)
-    canvas.arrow(scenario.start_xyyaw, robot.radius_m, _ROBOT)
-    if run is not None and trajectory is not None:
-        canvas.way(run, _ROBOT, end)
-        canvas.circle(run[-1], robot.radius_m, _OUTCOMES[trajectory.outcome], -1)
-    return canvas.finished(_caption(scenario, trajectory), _OUTCOMES[trajectory.outcome] if trajectory else _WALL)
+    view = episode_view(robot_map, scenario, trajectory, motions=motions, pixels_per_m=pixels_per_m, margin_m=margin_m)
+    picture = view.rgb.copy()
+    _draw_ways(picture, view, scenario, trajectory, motions, robot, episode)
+    plan_view.draw_scale_bar(picture, view)
+    return sheet([[picture]], _headline(scenario, trajectory, None), _legend(scenario, trajectory, None))
 
 
-def _caption(scenario: Scenario, trajectory: RobotTrajectory | None) -> str:
-    name = scenario.episode.episode_id
+def draw_run(planner: Planner, run: ExpertRun) -> Picture:
+    """Draw what the expert did and why: the episode, its changes of plan, and the moments that explain it.
+
+    Args:
+        planner: Whose map, robot and settings the run had.
+        run: The episode with its journal.
+
+    Returns:
+        RGB image, shape (H, W, 3): the whole episode, and beside or below it the moments.
+    """
+    scenario, trajectory, moments = run.scenario, run.trajectory, pick_moments(run)
+    panels = [_moment_panel(planner, run, moment, number) for number, moment in enumerate(moments, start=1)]
+    view, below = _widest_view(planner.maps.robot, run, panels)
+    picture = view.rgb.copy()
+    draw_superseded(picture, view, run)
+    _draw_ways(picture, view, scenario, trajectory, run.motions, planner.robot, planner.episode_config)
+    draw_changes(picture, view, run)
+    draw_closest(picture, view, run)
+    _put_numbers(picture, view, trajectory.xyyaw[[moment.step for moment in moments]])
+    plan_view.draw_scale_bar(picture, view)
+    rows = [[picture], panels] if below else [[picture, stacked(panels)]]
+    return sheet(rows, _headline(scenario, trajectory, run), _legend(scenario, trajectory, run))
+
+
+def _widest_view(robot_map: OccupancyMap, run: ExpertRun, panels: list[Picture]) -> tuple[TopView, bool]:
+    """The view of the episode at the largest scale, and whether the panels are below it, not beside."""
+    row_px = (max(SIDE_PX[0], sum(panel.shape[1] + GAP_PX for panel in panels) - GAP_PX), BELOW_HEIGHT_PX)
+    column_px = (SIDE_PX[0], max(SIDE_PX[1], sum(len(panel) + GAP_PX for panel in panels) - GAP_PX))
+    below, beside = (
+        episode_view(robot_map, run.scenario, run.trajectory, motions=run.motions, size_px=size_px)
+        for size_px in (row_px, column_px)
+    )
+    gain = beside.frame.resolution_m / below.frame.resolution_m
+    is_below = gain > 1 or (gain == 1 and len(panels) > 1)
+    return (below if is_below else beside), is_below
+
+
+def episode_view(
+    robot_map: OccupancyMap,
+    scenario: Scenario,
+    trajectory: RobotTrajectory | None,
+    *,
+    motions: EpisodeMotions | None,
+    size_px: tuple[int, int] | None = None,
+    pixels_per_m: int = 60,
+    margin_m: float = 1.0,
+) -> TopView:
+    """The part of the map that an episode takes place in.
+
+    Args:
+        robot_map: What blocks the robot.
+        scenario: Start, goal and humans.
+        trajectory: The robot's run, if there is one.
+        motions: How the humans move, if that is known.
+        size_px: Width and height to fill, as far as the map goes; without it the view is as small as it can be.
+        pixels_per_m: Scale without `size_px` [px/m]; large places are drawn smaller.
+        margin_m: Space around everything that happens [m].
+    """
+    points = [scenario.start_xyyaw[None, :2], scenario.goal_xy_m[None], *_ways(scenario, motions)]
+    points += [] if trajectory is None else [trajectory.xyyaw[:, :2]]
+    everything = np.concatenate(points)
+    low_m, high_m = everything.min(axis=0) - margin_m, everything.max(axis=0) + margin_m
+    pixel_m = max(1 / pixels_per_m, float((high_m - low_m).max()) / SIDE_MAX_PX)
+    if size_px is not None:
+        pixel_m = max(1 / SCALE_MAX_PX_PER_M, *((high_m - low_m) / np.array(size_px)).tolist())
+        spare_m = np.maximum(np.array(size_px) * pixel_m - (high_m - low_m), 0.0)
+        low_m, high_m = low_m - spare_m / 2, high_m + spare_m / 2
+    frame, (rows, columns) = robot_map.frame, robot_map.occupied.shape
+    origin_m = np.array([frame.origin_x_m, frame.origin_y_m])
+    low_m = np.maximum(low_m, origin_m)
+    high_m = np.minimum(high_m, origin_m + np.array([columns, rows]) * frame.resolution_m)
+    return plan_view.map_window(robot_map, low_m, high_m, pixel_m=pixel_m)
+
+
+def _ways(scenario: Scenario, motions: EpisodeMotions | None) -> list[Float64Array]:
+    if motions is None:
+        return [human.xy_m for human in scenario.humans]
+    return [human.motion.root_m[:, :2].astype(np.float64) for human in motions.humans]
+
+
+def _draw_ways(
+    picture: Picture,
+    view: TopView,
+    scenario: Scenario,
+    trajectory: RobotTrajectory | None,
+    motions: EpisodeMotions | None,
+    robot: RobotConfig,
+    episode: EpisodeConfig,
+) -> None:
+    end = None if trajectory is None else len(trajectory.xyyaw) - 1
+    plan_view.draw_ring(picture, view, scenario.goal_xy_m, episode.success_radius_m, GOAL)
+    plan_view.draw_goal(picture, view, scenario.goal_xy_m, radius_m=0.12)
+    for k, way in enumerate(_ways(scenario, motions)):
+        draw_way(picture, view, way, human_colour(k), end=end)
+        place = way[0 if end is None else min(end, len(way) - 1)]
+        plan_view.draw_disc(picture, view, place, episode.human_radius_m, human_colour(k))
+        plan_view.draw_arrow_head(picture, view, way, human_colour(k))
     if trajectory is None:
-        return name
-    return f"{name}  {trajectory.outcome.value.replace('_', ' ')}  {trajectory.duration_s:.1f} s"
+        plan_view.draw_robot(picture, view, scenario.start_xyyaw, robot.radius_m)
+        return
+    draw_way(picture, view, trajectory.xyyaw[:, :2], ROBOT, end=end)
+    plan_view.draw_ring(picture, view, scenario.start_xyyaw[:2], robot.radius_m, ROBOT)
+    plan_view.draw_disc(picture, view, trajectory.xyyaw[-1, :2], robot.radius_m, OUTCOMES[trajectory.outcome])
 
 
-class _Canvas:
-    """A crop of a map, drawn at twice the size."""
-
-    def __init__(self, occupancy: OccupancyMap, tracks: list[Float64Array | None], margin_m: float) -> None:
-        points = np.concatenate([track for track in tracks if track is not None])
-        frame, (rows, columns) = occupancy.frame, occupancy.occupied.shape
-        i0, j0 = frame.cell(*(points.min(axis=0) - margin_m).tolist())
-        i1, j1 = frame.cell(*(points.max(axis=0) + margin_m).tolist())
-        i0, j0, i1, j1 = max(i0, 0), max(j0, 0), min(i1 + 1, rows), min(j1 + 1, columns)
-        self._cells = occupancy.occupied[i0:i1, j0:j1]
-        self._frame = GridFrame(
-            origin_x_m=frame.origin_x_m + j0 * frame.resolution_m,
-            origin_y_m=frame.origin_y_m + i0 * frame.resolution_m,
-            resolution_m=frame.resolution_m,
-        )
-
-    def paint(self, pixels_per_m: int) -> None:
-        """Paint the map."""
-        self._scale = pixels_per_m
-        size_m = np.array(self._cells.shape) * self._frame.resolution_m
-        height, width = (max(8, int(length * pixels_per_m)) for length in size_m.tolist())
-        coarse = np.where(self._cells[::-1, :, None], np.array(_WALL), np.array(_FREE)).astype(np.uint8)
-        self._image: Any = _cv2().resize(coarse, (width, height), interpolation=_cv2().INTER_NEAREST)
-
-    def _pixel(self, point_m: Any) -> tuple[int, int]:
-        x = (float(point_m[0]) - self._frame.origin_x_m) * self._scale
-        y = (float(point_m[1]) - self._frame.origin_y_m) * self._scale
-        return round(x), self._image.shape[0] - 1 - round(y)
-
-    def circle(self, centre_m: Any, radius_m: float, colour: Colour, thickness: int) -> None:
-        """A circle; a negative thickness fills it."""
-        radius = max(2, round(radius_m * self._scale))
-        _cv2().circle(self._image, self._pixel(centre_m), radius, colour, thickness, _cv2().LINE_AA)
-
-    def way(self, points_m: Float64Array, colour: Colour, end: int | None) -> None:
-        """A way with dots at seconds up to step `end`; thin and without dots if `end` is None."""
-        shown = points_m if end is None else points_m[: end + 1]
-        pixels = np.array([self._pixel(point) for point in shown], dtype=np.int32)
-        _cv2().polylines(self._image, [pixels], False, colour, 1 if end is None else 4, _cv2().LINE_AA)
-        for point in pixels[::20] if end is not None else []:
-            _cv2().circle(self._image, tuple(point.tolist()), 5, colour, -1, _cv2().LINE_AA)
-
-    def arrow(self, xyyaw: Float64Array, radius_m: float, colour: Colour) -> None:
-        """A pose: a circle and where it looks."""
-        x, y, yaw = xyyaw.tolist()
-        tip = (x + 1.6 * radius_m * math.cos(yaw), y + 1.6 * radius_m * math.sin(yaw))
-        self.circle((x, y), radius_m, colour, 3)
-        _cv2().arrowedLine(self._image, self._pixel((x, y)), self._pixel(tip), colour, 3, _cv2().LINE_AA, 0, 0.4)
-
-    def finished(self, caption: str, colour: Colour) -> Image:
-        """The picture with its caption above."""
-        cv2 = _cv2()
-        height, width = (size // _SUPERSAMPLING for size in self._image.shape[:2])
-        picture = cv2.resize(self._image, (width, height), interpolation=cv2.INTER_AREA)
-        bar = np.full((26, max(width, 300), 3), 255, np.uint8)
-        cv2.putText(bar, caption, (6, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.45, colour, 1, cv2.LINE_AA)
-        body = np.full((height, bar.shape[1], 3), 255, np.uint8)
-        body[:, :width] = picture
-        return np.concatenate([bar, body])
+def _put_numbers(picture: Picture, view: TopView, poses: Float64Array) -> None:
+    """Numbers to the right of the robot's poses, where they hide neither its way nor each other."""
+    placed: list[Float64Array] = []
+    for number, (x, y, yaw) in enumerate(poses.tolist(), start=1):
+        right = np.array([np.sin(yaw), -np.cos(yaw)])
+        place = np.array([x, y]) + 0.35 * right
+        while any(np.hypot(*(place - other)) < NUMBER_APART_PX * view.frame.resolution_m for other in placed):
+            place = place + 0.1 * right
+        placed.append(place)
+        plan_view.put_mark(picture, view, place, str(number), INK)
 
 
-def _cv2() -> Any:
-    """OpenCV, loaded when a picture is drawn: planning alone does not need it."""
-    import cv2
+def _moment_panel(planner: Planner, run: ExpertRun, moment: Moment, number: int) -> Picture:
+    """The robot's surroundings at one moment, with what the expert knew."""
+    pose = run.trajectory.xyyaw[moment.step]
+    centre_m = pose[:2] + AHEAD_M * np.array([np.cos(pose[2]), np.sin(pose[2])])
+    half = np.full(2, MOMENT_M / 2)
+    view = plan_view.map_window(planner.maps.robot, centre_m - half, centre_m + half, pixel_m=MOMENT_M / MOMENT_PX)
+    picture = view.rgb.copy()
+    draw_knowledge(picture, view, planner, run, moment.step)
+    plan_view.draw_goal(picture, view, run.scenario.goal_xy_m, radius_m=0.12)
+    known = {who.index for who in run.journal.perceived[moment.step]}
+    for k in range(len(run.scenario.humans)):
+        here, radius_m = run.human_xy_m(k)[moment.step], planner.episode_config.human_radius_m
+        draw = plan_view.draw_disc if k in known else plan_view.draw_ring
+        draw(picture, view, here, radius_m, human_colour(k))
+    plan_view.draw_robot(picture, view, pose, planner.robot.radius_m)
+    bar = np.full((24, MOMENT_PX, 3), 255, np.uint8)
+    cv2.circle(bar, (10, 12), 9, INK, cv2.FILLED, cv2.LINE_AA)
+    plan_view.put_text(bar, str(number), (6, 17), colour=WHITE)
+    plan_view.put_text(bar, f"{moment.time_s:.2f} s  {moment.why}", (26, 17))
+    return np.concatenate([bar, picture])
 
-    return cv2
+
+def _headline(scenario: Scenario, trajectory: RobotTrajectory | None, run: ExpertRun | None) -> list[tuple[str, Rgb]]:
+    """Words of the headline with their colours."""
+    if trajectory is None:
+        return [("not driven", INK), (scenario.episode.episode_id, INK)]
+    words = [(trajectory.outcome.value.replace("_", " "), OUTCOMES[trajectory.outcome])]
+    words.append((f"{trajectory.duration_s:.1f} s", INK))
+    closest_m = float(trajectory.human_distance_m.min(initial=np.inf))
+    if np.isfinite(closest_m):
+        words.append((f"closest {closest_m:.2f} m", INK))
+    if run is not None:
+        searches, changes = sum(run.journal.searched), len(run.journal.changes)
+        words.append((f"{searches} replans, {changes} ways", INK))
+    return [*words, (scenario.episode.episode_id, INK)]
+
+
+def _legend(scenario: Scenario, trajectory: RobotTrajectory | None, run: ExpertRun | None) -> list[tuple[Swatch, str]]:
+    items: list[tuple[Swatch, str]] = [(dotted_swatch(ROBOT), "robot, a dot a second")] if trajectory else []
+    for k, human in enumerate(scenario.humans):
+        items.append((dotted_swatch(human_colour(k)), f"person {k + 1}: {human.avatar}, {human.encounter}"))
+    if run is not None:
+        items.append((lambda picture, x, y: put_diamond(picture, (x, y)), "chose another way"))
+        items += [(line_swatch(SUPERSEDED), "way given up")] if run.journal.given_up else []
+        items.append((area_swatch(SIGHT, SIGHT_SHARE), "field of view"))
+    if run is not None and scenario.humans:
+        items.append((area_swatch(human_colour(0), EXPECTED_SHARE), "expected there"))
+        items.append((ring_swatch(human_colour(0), filled=False), "not perceived"))
+    return [*items, (ring_swatch(GOAL), "goal")]

@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from common.episode.collision import disc_meets_cells
-from common.maps import OccupancyMap
 from common.robot import RobotConfig
-from services.planner.config import ExpertConfig
+from services.planner.expert_config import ExpertConfig
+from services.planner.ground import EpisodeGround
 from services.planner.hybrid_astar import Plan
 from services.planner.rollouts import (
     FREE_RUN,
@@ -27,7 +27,6 @@ from services.planner.rollouts import (
 )
 
 Float64Array = npt.NDArray[np.float64]
-Int32Array = npt.NDArray[np.int32]
 
 _MOVING = np.array([1.0, 0.6, 0.3, 0.0])
 _TURNED_RAD = 0.1
@@ -39,9 +38,7 @@ class PathTracker:
 
     def __init__(
         self,
-        occupancy: OccupancyMap,
-        clearance: Float64Array,
-        to_goal: Int32Array,
+        local: EpisodeGround,
         robot: RobotConfig,
         contact_m: float,
         config: ExpertConfig,
@@ -49,17 +46,14 @@ class PathTracker:
         """Prepare for one episode.
 
         Args:
-            occupancy: Un-inflated map.
-            clearance: Distances to its obstacles [m], shape (H, W).
-            to_goal: Way to the goal, UNITS_PER_CELL a cell, shape (H, W).
+            local: Map, clearance and way to the goal.
             robot: Footprint and limits.
             contact_m: Sum of the radii of robot and human [m].
             config: Look-ahead distances and margins.
         """
-        frame = occupancy.frame
-        self._ground = (occupancy.occupied, clearance, frame.origin_x_m, frame.origin_y_m, frame.resolution_m)
+        self._ground = local.cells
         self._limits = (robot.v_max_mps, robot.w_max_radps, robot.a_max_mps2, robot.alpha_max_radps2)
-        self._to_goal = to_goal
+        self._to_goal = local.to_goal
         self._robot, self._config = robot, config
         self._contact = (contact_m, config.doubt_mps)
         self._lookaheads = np.array(config.lookahead_m)

@@ -22,6 +22,8 @@ class RendererConfig:
     jpeg_quality: int = 90
     outputs: tuple[str, ...] = ("rgb",)
     """Images that are recorded, of `common.rasterizer.images.OUTPUTS`; "rgb" is always among them."""
+    labels: bool = True
+    """Record joints, box and footprint of every human with each sample."""
     detail: Literal["exact", "lod"] = "exact"
     """"lod" draws far things and people with fewer Gaussians, about twice as fast; backend cpu only."""
     contact_shadow: bool = False

@@ -66,22 +66,6 @@ class GpuDrawing:
         """See `Drawing.draw_images`."""
         return self._rasterizer.render_images(T_world_camera, self._people(humans, step), outputs)
 
-    def draw_batch(
-        self, T_world_camera: Pose, humans: Sequence[Sequence[HumanMotion]], steps: Sequence[float]
-    ) -> npt.NDArray[np.uint8]:
-        """Many views in one call.
-
-        Args:
-            T_world_camera: Camera poses, OpenCV axes, shape (B, 4, 4).
-            humans: People that each camera sees, B sequences.
-            steps: Simulation step of each view.
-
-        Returns:
-            sRGB, shape (B, H, W, 3).
-        """
-        people = [self._people(group, step) for group, step in zip(humans, steps, strict=True)]
-        return self._rasterizer.render_batch(T_world_camera, people)
-
     def _people(self, humans: Sequence[HumanMotion], step: float) -> list[PosedPerson]:
         return [
             PosedPerson(avatar=self._number[one.avatar], root_m=one.root_m, pose_axis_angle=one.pose_axis_angle)

@@ -8,13 +8,14 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from common.avatars import Avatar
+from common.avatars import Avatar, LabelModel, human_labels
 from common.errors import AvatarError
 from common.gaussians import GaussianCloud
 from common.maps import FloorMap
 from common.messages import (
     EpisodeHeader,
     EpisodeMotions,
+    HumanLabels,
     HumanMotion,
     People,
     RenderReply,
@@ -58,6 +59,7 @@ class Renderer:
         self.drawing = self._make_drawing(avatars, pinhole)
         # Gaussians stay with the drawing, which maps them from the scene's cache if it can.
         self.skeletons = {name: avatar.skeleton() for name, avatar in avatars.items()}
+        self.label_models = {name: LabelModel.from_avatar(avatar) for name, avatar in avatars.items() if config.labels}
         self.capture = Capture(drawing=self.drawing, pinhole=pinhole, sensor=config.sensor, camera=robot.camera)
         self._people: OrderedDict[str, tuple[HumanMotion, ...]] = OrderedDict()
 
@@ -149,6 +151,7 @@ def episode_header(renderer: Renderer, scenario: Scenario, trajectory: RobotTraj
         K_px=tuple(float(value) for value in lens.K_px.ravel()),
         distortion_model=camera.distortion_model,
         distortion=lens.coefficients,
+        labels=renderer.config.labels,
     )
 
 
@@ -194,6 +197,7 @@ def _sample(
     x_m, y_m, yaw_rad = (float(value) for value in trajectory.xyyaw[step])
     floor_m = renderer.scene.maps.floor.at(x_m, y_m)
     image, outputs = encode_image(images.rgb, renderer.config), encode_outputs(images, renderer.config)
+    humans = tuple(_human_xyzyaw(renderer, human, step) for human in motions.humans)
     return Sample(
         seq=step,
         crc32=sample_crc32(image, outputs),
@@ -203,13 +207,25 @@ def _sample(
         action_w_radps=float(trajectory.actions[step, 1]),
         goal_xy_robot_m=_in_robot_frame(scenario.goal_xy_m, x_m, y_m, yaw_rad),
         robot_xyzyaw=(x_m, y_m, floor_m, yaw_rad),
-        humans_xyzyaw=tuple(_human_xyzyaw(renderer, human, step) for human in motions.humans),
+        humans_xyzyaw=humans,
         human_distance_m=float(trajectory.human_distance_m[step]),
         time_to_collision_s=float(trajectory.time_to_collision_s[step]),
         human_visible=bool(trajectory.human_visible[step]),
         expert_cost=float(trajectory.expert_cost[step]),
         replanned=bool(trajectory.replanned[step]),
         outputs=outputs,
+        labels=_labels(renderer, motions, step, humans),
+    )
+
+
+def _labels(
+    renderer: Renderer, motions: EpisodeMotions, step: int, humans: Sequence[tuple[float, float, float, float]]
+) -> tuple[HumanLabels, ...]:
+    if not renderer.config.labels:
+        return ()
+    return tuple(
+        human_labels(renderer.label_models[human.avatar], human.motion, step, yaw_rad)
+        for human, (_, _, _, yaw_rad) in zip(motions.humans, humans, strict=True)
     )
 
 

@@ -89,6 +89,13 @@ def test_inspect_lists_the_outputs(folder, tmp_path, capsys) -> None:
     assert "rgb, depth, mask" in capsys.readouterr().out
 
 
+def test_inspect_lists_the_labels(folder, tmp_path, capsys) -> None:
+    write_shard(tmp_path / "labelled", [0], labels=True)
+    for data, want in ((folder, []), (tmp_path / "labelled", ["joints", "boxes", "footprints"])):
+        inspect(data, json=True)
+        assert json.loads(capsys.readouterr().out)["labels"] == want
+
+
 def test_validate_counts_outputs_as_parts_of_their_samples(tmp_path, capsys) -> None:
     write_shard(tmp_path, [0, 1], outputs=("mask", "depth"))
     validate(tmp_path)

@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 import pytest
 
-from apps.demo.charts import loss_chart, rate_bar
-from apps.demo.plan_view import GOAL, ROBOT, DrawnEpisode, draw_episodes, map_view, resized
+from apps.charts import loss_chart, rate_bar
 from apps.demo.report import report_html, write_report
 from apps.demo.report_content import Command, LossCurve, ReportContent, RunNumbers, Score, StripImage
+from common.drawing.plan_view import GOAL, ROBOT, DrawnEpisode, draw_episodes, map_view, resized
 from common.episode.metrics import EpisodeResult, summarize
 from common.maps import GridFrame, OccupancyMap
 from common.messages.plan import Outcome

@@ -100,6 +100,19 @@ def test_folder_of_a_version_without_some_setting_can_be_gone_on_with(tmp_path: 
     folder.check(ours)
 
 
+def test_folder_from_before_there_were_labels_is_refused_but_with_labels_off(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path)
+    with_labels = RunConfig()
+    without = dataclasses.replace(with_labels, renderer=dataclasses.replace(with_labels.renderer, labels=False))
+    old = dataclasses.replace(SPEC, config=copy.deepcopy(resolved_sections(with_labels)))
+    del old.config["renderer"]["labels"]
+    with folder.locked():
+        folder.save(old, 3)
+    folder.check(dataclasses.replace(SPEC, config=resolved_sections(without)))
+    with pytest.raises(RunError, match=r"config \(renderer\) differ"):
+        folder.check(dataclasses.replace(SPEC, config=resolved_sections(with_labels)))
+
+
 def test_folder_with_other_outputs_is_refused(tmp_path: Path) -> None:
     folder = RunFolder(tmp_path)
     plain, rich = (

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 from common.rasterizer.compilation import inlined, kernel
-from common.rasterizer.constants import ALPHA_MAX, TRANSMITTANCE_MIN
-from common.rasterizer.cpu_blend import LOG2_ALPHA_MIN, ROUNDING
+from common.rasterizer.constants import ALPHA_MAX, LOG2_ALPHA_MIN, TRANSMITTANCE_MIN
+from common.rasterizer.cpu_blend import ROUNDING, log2_alpha
 from common.rasterizer.cpu_tiles import update_quads
 from common.rasterizer.cpu_workspace import NODE, RECORD, RECORDS, Workspace
 from common.rasterizer.differentiable.memory import (
@@ -102,11 +102,7 @@ def _blend_block(ws: Workspace, raster: Raster, place: int, entry: int, touched:
         r = np.int64(peek(ws.entry_record, entry + lowest_bit(touched))) * RECORD
         touched &= touched - 1
         dx, dy = x - peek(records, r), y - peek(records, r + 1)
-        t = fma(
-            dx,
-            fma(dx, peek(records, r + 2), dy * peek(records, r + 3)),
-            fma(dy * peek(records, r + 4), dy, peek(records, r + 5)),
-        )
+        t = log2_alpha(dx, dy, peek(records, r + 2), peek(records, r + 3), peek(records, r + 4), peek(records, r + 5))
         alpha = where(t >= LOG2_ALPHA_MIN, minimum(exp2(t), ALPHA_MAX), 0.0)
         # Finished pixels stay as they are, even if their block goes on: a difference of `TRANSMITTANCE_MIN` behind an
         # alpha of 0.99 would be a hundred times larger in the gradient.

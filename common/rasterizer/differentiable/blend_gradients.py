@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from common.rasterizer.compilation import inlined, kernel
-from common.rasterizer.constants import ALPHA_MAX, TRANSMITTANCE_MIN
-from common.rasterizer.cpu_blend import LOG2_ALPHA_MIN
+from common.rasterizer.constants import ALPHA_MAX, LOG2_ALPHA_MIN, TRANSMITTANCE_MIN
+from common.rasterizer.cpu_blend import log2_alpha
 from common.rasterizer.cpu_workspace import NODE, RECORD, RECORDS, Workspace
 from common.rasterizer.differentiable.blend import exp2
 from common.rasterizer.differentiable.memory import (
@@ -152,7 +152,7 @@ def _replay_entry(
         bits &= bits - 1
         place = block * rows * 16
         dx, dy = corner_x + raster.block_x[block], corner_y + raster.block_y[block]
-        t = fma(dx, fma(dx, a, dy * b), fma(dy * c, dy, log2_opacity))
+        t = log2_alpha(dx, dy, a, b, c, log2_opacity)
         uncapped = exp2(t)
         transmittance = load_f16(state, place)
         drawn = (t >= LOG2_ALPHA_MIN) & (transmittance >= TRANSMITTANCE_MIN)

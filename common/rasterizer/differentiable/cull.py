@@ -7,9 +7,10 @@ import numpy as np
 
 from common.rasterizer.compilation import inlined, kernel
 from common.rasterizer.constants import ALPHA_MIN, NEAR_M
+from common.rasterizer.cpu_lens import Lens, lens_of, rotation_rows
 from common.rasterizer.cpu_tiles import pack_box
 from common.rasterizer.cpu_view import PAD_PX, View
-from common.rasterizer.differentiable.lens import Lens, lens_of, rotation_rows, to_camera
+from common.rasterizer.differentiable.lens import to_camera
 from common.rasterizer.differentiable.memory import CHUNK, Chunks, Cloud, Singles
 from common.rasterizer.differentiable.simd_rows import columns_of_three, load_first
 from common.rasterizer.simd_memory import load_f16, prefetch, store_f16

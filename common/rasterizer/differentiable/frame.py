@@ -1,6 +1,5 @@
 """One view, forward and backward, on NumPy arrays."""
 
-import itertools
 import math
 import weakref
 from collections.abc import Callable
@@ -9,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from common.rasterizer.constants import NEAR_M
 from common.rasterizer.cpu_blend import begin_slab, fill_tiles, sort_keys
-from common.rasterizer.cpu_project import FAR_BITS, NEAR_BITS
+from common.rasterizer.cpu_slabs import Slab, slabs_of
 from common.rasterizer.cpu_view import View
 from common.rasterizer.cpu_workspace import (
     KEYS,
@@ -41,17 +39,12 @@ from common.rasterizer.differentiable.memory import (
     Kept,
     Raster,
     Singles,
-    Slab,
     aligned,
 )
 from common.rasterizer.differentiable.pool import ArrayPool
 from common.rasterizer.differentiable.project import list_drawn, project
 from common.rasterizer.differentiable.project_gradients import gather_sums, project_gradients
 
-SLAB_SHARES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)
-"""Shares of the visible chunks, nearest first, at which one slab ends and the next begins."""
-SLAB_MIN_CHUNKS = 64
-"""Fewer chunks are not worth a slab."""
 LN_2 = 0.6931471805599453
 _POOL = ArrayPool()
 
@@ -159,7 +152,7 @@ class Frame:
         self._make_room(count)
         begin_planes(view.width, view.height, self._ws, self._raster)
         self._slab_count = 0
-        for slab in _slabs_of(self._chunks.depth_m):
+        for slab in slabs_of(self._chunks.depth_m):
             self._draw_slab(slab, keep)
         index, radius_px = np.empty(self._ws.counts[RECORDS], np.int64), np.empty(self._ws.counts[RECORDS], np.float32)
         self._rows = list_drawn(self._chunks, self._kept, index, radius_px)
@@ -338,21 +331,6 @@ def _chunk_arrays(count: int) -> Chunks:
 def _first_chunks(chunks: Chunks, n: int) -> Chunks:
     number, depth_m, box, blocks, first_group, group_count = chunks
     return Chunks(number[:n], depth_m[:n], box[:n], blocks[:n], first_group[:n], group_count[:n])
-
-
-def _slabs_of(depth_m: npt.NDArray[np.float64]) -> list[Slab]:
-    """Split the depths at the shares of `SLAB_SHARES`."""
-    depths = np.sort(depth_m)
-    limits = {float(depths[int(share * len(depths))]) for share in SLAB_SHARES} if len(depths) > SLAB_MIN_CHUNKS else ()
-    edges = [-np.inf, *sorted(limit for limit in limits if limit > NEAR_M), np.inf]
-    return [
-        Slab(first, limit, _depth_bits(limit), number > 0)
-        for number, (first, limit) in enumerate(itertools.pairwise(edges))
-    ]
-
-
-def _depth_bits(depth_m: float) -> int:
-    return FAR_BITS if depth_m == np.inf else int(np.float32(depth_m).view(np.int32)) - NEAR_BITS
 
 
 _FRAMES: list[Frame] = []

@@ -63,19 +63,6 @@ class Chunks(NamedTuple):
     """Groups of each chunk; 0: nothing of it was projected, shape (C,)."""
 
 
-class Slab(NamedTuple):
-    """A range of depths that is drawn in one go, nearest first."""
-
-    first_m: float
-    """Chunks whose means may lie nearer were projected before [m]."""
-    limit_m: float
-    """Chunks whose means all lie beyond wait for a later slab [m]."""
-    limit_bits: int
-    """Depth bits of the keys that wait for a later slab."""
-    cull: bool
-    """True if some pixels may be finished."""
-
-
 class Kept(NamedTuple):
     """What the projection hands to the backward pass: groups of up to 16 Gaussians of one chunk.
 

@@ -6,22 +6,20 @@ from typing import Any
 import numpy as np
 
 from common.rasterizer.compilation import inlined, kernel
-from common.rasterizer.constants import ALPHA_MIN
-from common.rasterizer.cpu_project import LOG2_E, NEAR_BITS, pixels_within
-from common.rasterizer.cpu_tiles import LARGE, any_alive, box_codes, is_alive, tiles_met
+from common.rasterizer.constants import ALPHA_MIN, LOG2_E
+from common.rasterizer.cpu_lens import Lens, clamped, lens_of, rotation_rows
+from common.rasterizer.cpu_project import pixels_within
+from common.rasterizer.cpu_slabs import NEAR_BITS, Slab, is_due
+from common.rasterizer.cpu_tiles import LARGE, box_codes, is_alive, tiles_met
 from common.rasterizer.cpu_view import View
 from common.rasterizer.cpu_workspace import KEYS, LARGE_ENTRIES, LATER, RECORD, RECORDS, Workspace
 from common.rasterizer.differentiable.colour import colour_group
 from common.rasterizer.differentiable.cull import footprint_reach, in_view, offsets_from_camera, scales_at
 from common.rasterizer.differentiable.lens import (
-    Lens,
-    clamped,
     image_axes,
     image_covariance,
     image_rows,
-    lens_of,
     quaternion_matrix,
-    rotation_rows,
     to_camera,
 )
 from common.rasterizer.differentiable.memory import (
@@ -36,7 +34,6 @@ from common.rasterizer.differentiable.memory import (
     Integers,
     Kept,
     Singles,
-    Slab,
 )
 from common.rasterizer.differentiable.simd_rows import columns_of_four, load_first
 from common.rasterizer.simd_memory import (
@@ -232,16 +229,6 @@ def _emit(drawn: int, first: int, counts: tuple[int, int], slab: Slab, ws: Works
     return keys, later
 
 
-@inlined
-def _is_due(chunks: Chunks, i: int, slab: Slab, columns: int, ws: Workspace) -> bool:
-    """True if a chunk belongs to the slab and some pixel that it may touch is not finished."""
-    if not slab.first_m <= chunks.depth_m[i] < slab.limit_m:
-        return False
-    if not slab.cull:
-        return True
-    return bool(any_alive(ws.tile_alive, columns, chunks.box[i]))
-
-
 @kernel
 def project(view: View, cloud: Cloud, chunks: Chunks, slab: Slab, keep: bool, kept: Kept, ws: Workspace) -> None:
     """Project the slab's chunks, and append the Gaussians that touch unfinished pixels.
@@ -259,7 +246,7 @@ def project(view: View, cloud: Cloud, chunks: Chunks, slab: Slab, keep: bool, ke
     group = ws.counts[RECORDS] >> 4
     counts = (ws.counts[KEYS], ws.counts[LATER])
     for i in range(len(chunks.number)):
-        if not _is_due(chunks, i, slab, lens.columns, ws):
+        if not is_due(slab, chunks.depth_m[i], chunks.box[i], lens.columns, ws.tile_alive):
             continue
         chunks.first_group[i] = group
         blocks, staged = chunks.blocks[i], 0

@@ -12,17 +12,14 @@ v, v dx, v dy, v dx^2, v dx dy, v dy^2 over its pixels:
 from typing import Any
 
 from common.rasterizer.compilation import inlined, kernel
+from common.rasterizer.cpu_lens import Lens, clamped, lens_of, rotation_rows
 from common.rasterizer.cpu_view import View
 from common.rasterizer.differentiable.colour import write_coefficient_gradients
 from common.rasterizer.differentiable.lens import (
-    Lens,
-    clamped,
     image_axes,
     image_covariance,
     image_rows,
-    lens_of,
     quaternion_matrix,
-    rotation_rows,
     to_camera,
 )
 from common.rasterizer.differentiable.memory import (

@@ -19,7 +19,7 @@ _COLOUR_PLANES = tl.constexpr(COLOUR_PLANES)
 _DEPTH_PLANES = tl.constexpr(DEPTH_PLANES)
 _ALPHA_MAX = tl.constexpr(constants.ALPHA_MAX)
 _TRANSMITTANCE_MIN = tl.constexpr(constants.TRANSMITTANCE_MIN)
-_LOG2_ALPHA_MIN = tl.constexpr(-7.994353436858858)
+_LOG2_ALPHA_MIN = tl.constexpr(constants.LOG2_ALPHA_MIN)
 _BATCH = tl.constexpr(32)
 """Entries between two looks at whether all pixels are finished."""
 
@@ -98,7 +98,8 @@ def blend(
                 blue += weight * tl.load(r + 8)
                 if DEPTH:
                     z = tl.load(r + 9)
-                    depth += weight * z
+                    # Not for finished pixels: a sky at 1.8 km would move even a weight of TRANSMITTANCE_MIN by 0.2 m.
+                    depth += tl.where(light >= _TRANSMITTANCE_MIN, weight * z, 0.0)
                     median = (light >= 0.5) & (light - weight < 0.5)
                     median_depth = tl.where(median, z, median_depth)
                     median_owner = tl.where(median, tl.load(owners + (slot >> 8)).to(tl.float32), median_owner)

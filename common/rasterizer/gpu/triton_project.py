@@ -22,7 +22,7 @@ _UNSEEN = tl.constexpr(UNSEEN)
 _NEAR_M = tl.constexpr(constants.NEAR_M)
 _FOV_MARGIN = tl.constexpr(constants.FOV_MARGIN)
 _DILATION_PX2 = tl.constexpr(constants.DILATION_PX2)
-_LOG2_E = tl.constexpr(1.4426950408889634)
+_LOG2_E = tl.constexpr(constants.LOG2_E)
 _CHUNK = tl.constexpr(256)
 
 

@@ -12,7 +12,8 @@ import numpy as np
 
 from common.config import section_to_mapping
 from common.dataset import ShardWriter, encode_episode, shard_name
-from common.messages import AppendRequest, EpisodeHeader, EpisodeKey, Sample, Split, sample_crc32
+from common.dataset.schemas import LABEL_CHANNELS
+from common.messages import AppendRequest, EpisodeHeader, EpisodeKey, HumanLabels, Sample, Split, sample_crc32
 from common.rasterizer.image_files import encode_output
 from common.rasterizer.images import Images
 from common.robot import CameraConfig, RobotConfig, limit_command, step_unicycle
@@ -76,6 +77,17 @@ def make_header(index: int, sample_count: int, **changes: Any) -> EpisodeHeader:
     return dataclasses.replace(header, **changes)
 
 
+def make_labels(seq: int) -> HumanLabels:
+    """Labels of the person of `make_samples`, who stands upright with the left arm out."""
+    joints = np.zeros((24, 3), dtype=np.float32)
+    joints[:, 2] = np.linspace(0.95, 0.05, 24)
+    joints[20, 0] = -0.4
+    joints += np.float32([2.0, 0.05 * seq, 0.0])
+    ground = np.float32([[-0.4, 0.0], [0.0, 0.0], [0.05, 0.1]]) + np.float32([2.0, 0.05 * seq])
+    box = np.array([1.9, 0.05 * seq, 0.9, 0.4, 0.7, 1.8, math.pi / 2])
+    return HumanLabels(joints_m=joints, box=box, footprint_xy_m=ground)
+
+
 def make_samples(header: EpisodeHeader, names: Sequence[str] = ()) -> tuple[Sample, ...]:
     x_m, y_m, yaw_rad = header.start_xyyaw
     v_mps = w_radps = 0.0
@@ -104,6 +116,7 @@ def make_samples(header: EpisodeHeader, names: Sequence[str] = ()) -> tuple[Samp
             expert_cost=1.5,
             replanned=seq == 3,
             outputs=outputs,
+            labels=(make_labels(seq),) if header.labels else (),
         )
         samples.append(sample)
         x_m, y_m, yaw_rad = step_unicycle(x_m, y_m, yaw_rad, v_mps, w_radps)
@@ -145,7 +158,8 @@ def write_shard(
     **changes: Any,
 ) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
-    with ShardWriter(folder / shard_name(recorder, number), metadata, outputs=outputs, fsync=False) as writer:
+    names = (*outputs, *(LABEL_CHANNELS if changes.get("labels") else ()))
+    with ShardWriter(folder / shard_name(recorder, number), metadata, outputs=names, fsync=False) as writer:
         for index in indices:
             header, samples = make_episode(index, sample_count, outputs=outputs, **changes)
             writer.append(encode_episode(header, 1, samples))

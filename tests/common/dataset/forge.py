@@ -44,7 +44,7 @@ def rewrite(shard: Path, change: Change, *, rehash: bool = True) -> None:
 
 def _changed(chunk: EpisodeChunk, change: Change, rehash: bool) -> EpisodeChunk:
     view = memoryview(chunk.data)
-    by_number = {channel.number: channel for channel in schemas.channels_with(schemas.OUTPUT_CHANNELS)}
+    by_number = {channel.number: channel for channel in schemas.channels_with(schemas.OPTIONAL_CHANNELS)}
     records = [
         Record(channel, m.sequence, m.log_time_ns, channel.message.FromString(view[m.body : m.end]))
         for m in iter_messages(view, 0, len(view))

@@ -8,9 +8,10 @@ from common.dataset import encode_episode, read_chunk, schemas
 from common.dataset.records import iter_messages
 from common.errors import DatasetError
 from common.messages import EpisodeHeader, Sample
-from tests.common.dataset.episodes import make_episode
+from tests.common.dataset.episodes import make_episode, make_labels
 
 GOLDEN_SHA256 = "a7395f7efdde6b4850eaa79b541a2797abbab063d2fbb797ae4f1843d68a59ba"
+GOLDEN_LABELS_SHA256 = "62854865e6354dbd48c8c8998669752e2bf55ae08672b5a75155fb7a7d82ed70"
 GOLDEN_OUTPUTS_SHA256 = "52b5bd8b1db18c267acf18e4f335605a5defb93a645e8434749d9e8a462a8cb9"
 
 
@@ -88,6 +89,37 @@ def test_bytes_of_an_episode_with_outputs_do_not_change_between_versions() -> No
     outputs = {name: f"{name} file".encode() for name in schemas.OUTPUT_CHANNELS}
     samples = [dataclasses.replace(sample, outputs=outputs) for sample in samples]
     assert encode_episode(header, 1, samples).sha256 == GOLDEN_OUTPUTS_SHA256
+
+
+def test_bytes_of_an_episode_with_labels_do_not_change_between_versions() -> None:
+    header, samples = golden_episode()
+    label = dataclasses.replace(make_labels(0), box=np.array([2.0, 0.5, 1.0, 0.5, 0.75, 1.75, 0.0]))
+    samples = [dataclasses.replace(sample, labels=(label,)) for sample in samples]
+    assert encode_episode(dataclasses.replace(header, labels=True), 1, samples).sha256 == GOLDEN_LABELS_SHA256
+
+
+def test_labels_that_miss_people_are_refused() -> None:
+    header, samples = make_episode(0, 3, labels=True)
+    odd = dataclasses.replace(samples[1], labels=())
+    with pytest.raises(DatasetError, match="has 0 labels for 1 humans at sample 1; its header says all are labelled"):
+        encode_episode(header, 1, [samples[0], odd, samples[2]])
+    with pytest.raises(DatasetError, match="has 1 labels for 1 humans at sample 0; its header says none are labelled"):
+        encode_episode(dataclasses.replace(header, labels=False), 1, samples)
+
+
+def test_labels_change_nothing_else_of_an_episode() -> None:
+    plain, more = (encode_episode(*_with_attempt(*make_episode(2, 4, labels=labels))) for labels in (False, True))
+    assert list(plain.outputs) == []
+    assert list(more.outputs) == ["joints", "boxes", "footprints"]
+    both = range(1, 9)
+    assert [more.message_offsets[n][0][0] for n in both] == [plain.message_offsets[n][0][0] for n in both]
+    assert more.samples["pose"].tolist() == plain.samples["pose"].tolist()
+
+
+def test_an_image_may_not_have_the_name_of_a_label() -> None:
+    header, samples = make_episode(0, 1)
+    with pytest.raises(DatasetError, match="no channel for 'joints' images"):
+        encode_episode(header, 1, [dataclasses.replace(samples[0], outputs={"joints": b""})])
 
 
 def test_outputs_come_back_as_they_went_in() -> None:
@@ -177,7 +209,7 @@ def test_any_flipped_byte_is_noticed() -> None:
 def test_every_channel_carries_its_descriptor_with_imports() -> None:
     from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 
-    for channel in schemas.CHANNELS:
+    for channel in schemas.channels_with(schemas.OPTIONAL_CHANNELS):
         files = descriptor_pb2.FileDescriptorSet.FromString(schemas.descriptor_set(channel.message)).file
         pool = descriptor_pool.DescriptorPool()
         for file in files:
@@ -187,8 +219,8 @@ def test_every_channel_carries_its_descriptor_with_imports() -> None:
 
 
 def test_channel_numbers_are_their_positions() -> None:
-    channels = schemas.channels_with(schemas.OUTPUT_CHANNELS)
-    assert [channel.number for channel in channels] == list(range(1, 15))
+    channels = schemas.channels_with(schemas.OPTIONAL_CHANNELS)
+    assert [channel.number for channel in channels] == list(range(1, 18))
 
 
 def _with_attempt(header, samples):

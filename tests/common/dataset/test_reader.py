@@ -10,7 +10,16 @@ from common.dataset import Dataset
 from common.dataset.index import build_index, index_path, load_index, mapped, read_index
 from common.errors import DatasetError
 from common.rasterizer.images import OUTPUTS
-from tests.common.dataset.episodes import METADATA, ROBOT, image_number, jpeg, make_episode, make_images, write_shard
+from tests.common.dataset.episodes import (
+    METADATA,
+    ROBOT,
+    image_number,
+    jpeg,
+    make_episode,
+    make_images,
+    make_labels,
+    write_shard,
+)
 
 
 @pytest.fixture
@@ -320,3 +329,37 @@ def test_damaged_output_is_named(tmp_path) -> None:
     shard.write_bytes(data)
     with pytest.raises(DatasetError, match=r"depth image of sample 3 in .*shard-r0-00000\.mcap is damaged"):
         dataset.decode_output(3, "depth")
+
+
+def test_labels_of_any_sample_can_be_read(tmp_path) -> None:
+    write_shard(tmp_path, [4, 0], labels=True, outputs=("mask",), sample_count=5)
+    dataset = Dataset([tmp_path])
+    assert (dataset.outputs, dataset.labels) == (("rgb", "mask"), ("joints", "boxes", "footprints"))
+    for number in (0, 3, 9, 5):
+        want = make_labels(number % 5)
+        np.testing.assert_array_equal(dataset.joints_m(number), [want.joints_m])
+        np.testing.assert_allclose(dataset.boxes(number), [want.box], atol=1e-12)
+        assert [ground.tolist() for ground in dataset.footprints_xy_m(number)] == [want.footprint_xy_m.tolist()]
+    assert pickle.loads(pickle.dumps(dataset)).joints_m(2).shape == (1, 24, 3)
+
+
+def test_labels_that_some_shards_lack_are_refused(tmp_path) -> None:
+    write_shard(tmp_path, [0], labels=True)
+    write_shard(tmp_path, [1], number=1)
+    dataset = Dataset([tmp_path])
+    assert dataset.labels == ()
+    with pytest.raises(DatasetError, match=r"have no labels of people; record with labels = true"):
+        dataset.boxes(0)
+
+
+def test_calibration_is_that_of_the_episode(tmp_path) -> None:
+    coefficients = (0.1, -0.2, 0.3, 0.4, 0.5)
+    write_shard(tmp_path, [0], distortion_model="plumb_bob", distortion=coefficients)
+    write_shard(tmp_path, [1], number=1)
+    dataset = Dataset([tmp_path])
+    lens, pinhole = dataset.calibration(3), dataset.calibration(20)
+    assert (lens.distortion_model, lens.distortion) == ("plumb_bob", coefficients)
+    assert (pinhole.distortion_model, pinhole.distortion) == ("", ())
+    assert (lens.height_px, lens.width_px) == (24, 32)
+    assert dataset.robot is not None
+    np.testing.assert_array_equal(pinhole.K_px, dataset.robot.camera.K_px)

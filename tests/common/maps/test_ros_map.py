@@ -27,12 +27,13 @@ def write(folder, pixels, *, name="map.png", **fields):
     return path
 
 
-def test_saved_map_loads_unchanged(tmp_path):
-    save_ros_map(example(), tmp_path / "a.yaml")
+@pytest.mark.parametrize("picture_format", ["png", "pgm"])
+def test_saved_map_loads_unchanged(tmp_path, picture_format):
+    save_ros_map(example(), tmp_path / "a.yaml", picture_format=picture_format)
     back = load_ros_map(tmp_path / "a.yaml")
     np.testing.assert_array_equal(back.occupied, example().occupied)
     assert (back.frame.origin_x_m, back.frame.origin_y_m, back.frame.resolution_m) == (-1.25, 3.1, 0.05)
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["a.png", "a.yaml"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted([f"a.{picture_format}", "a.yaml"])
 
 
 def test_first_row_of_the_picture_is_the_largest_y(tmp_path):
@@ -96,10 +97,17 @@ def test_block_lists_comments_and_quotes_in_the_yaml(tmp_path):
     [
         ({"origin": "[0, 0, 0.3]"}, "quarter turns"),
         ({"resolution": "0"}, "positive resolution"),
+        ({"resolution": "-0.05"}, "positive resolution"),
+        ({"resolution": "nan"}, "positive resolution"),
+        ({"resolution": "inf"}, "positive resolution"),
         ({"resolution": "fine"}, "not a number"),
+        ({"origin": "[nan, 0, 0]"}, "finite origin"),
+        ({"occupied_thresh": "nan"}, "occupied_thresh <= 1"),
+        ({"free_thresh": "0.9"}, "free_thresh <= occupied_thresh"),
         ({"origin": "[1]"}, "not a number"),
         ({"mode": "raw"}, "mode 'raw'"),
-        ({"image": "gone.png"}, "cannot be read"),
+        ({"image": "gone.png"}, "gone.png cannot be read"),
+        ({"image": ""}, "cannot be read"),
     ],
 )
 def test_wrong_fields_are_refused_in_one_line(tmp_path, fields, message):
@@ -123,6 +131,44 @@ def test_missing_yaml_key_and_broken_picture_are_named(tmp_path):
         load_ros_map(path)
     with pytest.raises(SceneError, match="cannot be read"):
         load_ros_map(tmp_path / "none.yaml")
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"", "is empty"),
+        (b"P5\n40 20\n255\nfew", "truncated"),
+        (b"P5\n400000 200000\n255\nfew", "not a png or pgm"),
+        (b"\x89PNG\r\n\x1a\n", "truncated"),
+    ],
+)
+def test_pictures_without_all_their_pixels_are_refused(tmp_path, data, message):
+    path = write(tmp_path, np.full((2, 2), 255, np.uint8))
+    (tmp_path / "map.png").write_bytes(data)
+    with pytest.raises(SceneError, match=message) as caught:
+        load_ros_map(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_colour_picture_with_alpha_and_negate_is_read_like_a_grey_one(tmp_path):
+    pixels = np.zeros((1, 3, 4), np.uint8)
+    pixels[0, :, :3] = np.array([[0], [128], [255]])
+    pixels[0, :, 3] = 255
+    np.testing.assert_array_equal(load_ros_map(write(tmp_path, pixels, negate="true")).occupied, [[0, 1, 1]])
+    np.testing.assert_array_equal(load_unknown_cells(write(tmp_path, pixels, negate="true")), [[0, 1, 0]])
+
+
+def test_every_real_map_survives_export_and_import(shared_data, tmp_path):
+    paths = sorted((shared_data / "maps").rglob("*.yaml"))
+    assert len(paths) >= 11
+    for path in paths:
+        first, unknown = load_ros_map(path), load_unknown_cells(path)
+        save_ros_map(first, tmp_path / "again.yaml", unknown=unknown, picture_format="pgm")
+        again = load_ros_map(tmp_path / "again.yaml")
+        assert again.frame.origin_x_m == first.frame.origin_x_m
+        assert again.frame.resolution_m == first.frame.resolution_m
+        np.testing.assert_array_equal(again.occupied, first.occupied)
+        np.testing.assert_array_equal(load_unknown_cells(tmp_path / "again.yaml"), unknown)
 
 
 def test_maps_of_real_robots_have_the_size_of_their_buildings(shared_data):

@@ -3,6 +3,7 @@ import itertools
 import numpy as np
 import pytest
 
+from benchmarks.voxels import ALIGNED, BOX, MEAN, own_sums, peer_sums, synthetic_ground
 from common.frames import matrix_from_quat
 from common.gaussians import GaussianCloud
 from common.maps import GridFrame, opacity_sums
@@ -82,3 +83,24 @@ def test_gaussian_that_reaches_in_from_outside_counts():
     assert (
         opacity_sums(outside, FRAME, BOTTOM_M, SHAPE).sum(axis=(0, 1)).astype(bool).tolist() == [True] * 2 + [False] * 9
     )
+
+
+def test_smaller_grid_gets_the_sums_of_its_part_of_a_larger_one():
+    cloud = random_cloud(np.random.default_rng(7), 400)
+    whole = opacity_sums(cloud, FRAME, BOTTOM_M, SHAPE)
+    inner = GridFrame(origin_x_m=FRAME.origin_x_m + 3 * H_M, origin_y_m=FRAME.origin_y_m + 2 * H_M, resolution_m=H_M)
+    part = opacity_sums(cloud, inner, BOTTOM_M + 4 * H_M, (3, 5, 4))
+    assert part.any()
+    np.testing.assert_array_equal(part > 0, whole[4:7, 2:7, 3:7] > 0)
+
+
+def test_row_form_gives_the_sums_of_the_exact_test_of_every_voxel():
+    ground = synthetic_ground(3000, seed=1)
+    own = own_sums(ground)
+    assert own.any()
+    np.testing.assert_array_equal(own, peer_sums(ground, BOX))
+    larger, smaller = peer_sums(ground, ALIGNED), peer_sums(ground, MEAN)
+    assert (own <= larger).all()
+    assert (smaller <= own).all()
+    assert (own < larger).any()
+    assert (smaller < own).any()

@@ -14,6 +14,7 @@ from common.messages import (
     EpisodeHeader,
     EpisodeKey,
     EpisodeMotions,
+    HumanLabels,
     HumanMotion,
     HumanTrajectory,
     Motion,
@@ -75,6 +76,11 @@ def _message(cls: type) -> typing.Any:
         ),
         RenderView: lambda: RenderView(people="p", step=4, T_world_camera=np.eye(4)),
         EpisodeHeader: lambda: _header(distortion_model="plumb_bob", distortion=(0.1, -0.2, 0.3, 0.4, 0.5)),
+        HumanLabels: lambda: HumanLabels(
+            joints_m=np.full((24, 3), 0.1, np.float32),
+            box=np.arange(7.0),
+            footprint_xy_m=np.ones((5, 2), np.float32),
+        ),
         messages.RenderReply: lambda: messages.RenderReply(rgb=np.zeros((1, 2, 3, 3), np.uint8)),
     }
     if cls in arrays:
@@ -141,7 +147,8 @@ def _sample(**changes: typing.Any) -> Sample:
 
 
 OLD_DIGEST = "d5622e95c6c006518bface14e4fb73ba1b0a132ecee91b14784b3e8e1dd2efc7"
-"""Of an append whose messages had neither outputs nor distortion yet."""
+"""Of an append whose messages had neither outputs nor distortion nor labels yet."""
+LABELS_DIGEST = "6849e2472c6eb5428766d83d6fa038fd5528e54a4e1849a9cce5981f8839c5cd"
 NEW_DIGEST = "4421117732129706089e16af539a3501bf68b869fcc5d4025958f5b714d0a852"
 
 
@@ -154,8 +161,9 @@ NEW_DIGEST = "4421117732129706089e16af539a3501bf68b869fcc5d4025958f5b714d0a852"
             _sample(outputs={"depth": b"png16", "mask": b"png8"}),
             NEW_DIGEST,
         ),
+        (_header(labels=True), _sample(labels=(_message(HumanLabels),)), LABELS_DIGEST),
     ],
-    ids=["plain", "outputs"],
+    ids=["plain", "outputs", "labels"],
 )
 def test_wire_format_of_an_append_does_not_change_silently(header, sample, want) -> None:
     request = AppendRequest(attempt=1, header=header, first_seq=0, samples=(sample,), last=True)
@@ -167,6 +175,7 @@ def test_message_without_the_new_fields_takes_their_defaults() -> None:
     request = AppendRequest(attempt=1, header=_header(), first_seq=0, samples=(_sample(),), last=True)
     assert b"outputs" not in encode(request)
     assert b"distortion" not in encode(request)
+    assert b"labels" not in encode(request)
     assert decode(AppendRequest, encode(request)) == request
 
 

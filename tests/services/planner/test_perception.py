@@ -63,6 +63,6 @@ def test_without_memory_nothing_stays():
 def test_walls_hide_humans_only_if_line_of_sight_is_asked_for():
     behind_wall = np.array([[2.0, 8.5]])
     pose = (2.0, 5.0, math.pi / 2)
-    assert _tracks().observe(0, pose, behind_wall)
-    assert not _tracks(line_of_sight=True).observe(0, pose, behind_wall)
+    assert _tracks(mode="paper").observe(0, pose, behind_wall)
+    assert not _tracks(mode="paper", line_of_sight=True).observe(0, pose, behind_wall)
     assert _tracks(line_of_sight=True).observe(0, (0.0, 5.0, math.pi / 2), np.array([[0.0, 8.5]]))

@@ -4,7 +4,7 @@ import pytest
 from common.bus import InProcessBus
 from common.config import section_from_mapping, section_to_mapping
 from common.messages import HumanPlanReply, HumanPlanRequest, RobotPlanReply, RobotPlanRequest, decode, encode
-from services.planner import ExpertConfig, HumanPlannerConfig
+from services.planner import ExpertConfig, FamilyMix, HumanPlannerConfig
 from services.planner.picture import draw_episode
 from services.planner.service import attach
 from tests.services.planner.conftest import animate, key
@@ -56,5 +56,7 @@ def test_nonsense_in_the_experts_config_is_refused(values):
 
 
 def test_nonsense_in_the_human_planners_config_is_refused():
-    with pytest.raises(ValueError, match="crossing_share"):
-        HumanPlannerConfig(crossing_share=1.5)
+    with pytest.raises(ValueError, match="crossing"):
+        FamilyMix(crossing=-0.5)
+    with pytest.raises(ValueError, match="goal_snap_m"):
+        HumanPlannerConfig(goal_snap_m=-1.0)

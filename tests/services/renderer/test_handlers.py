@@ -5,7 +5,7 @@ import cv2
 import numpy as np
 import pytest
 
-from common.avatars import pose_avatar
+from common.avatars import Avatar, joint_positions, pose_avatar
 from common.bus import InProcessBus
 from common.errors import AvatarError, RunError
 from common.messages import EpisodeMotions, HumanMotion, People, RenderReply, RenderRequest, RenderView
@@ -233,6 +233,27 @@ def test_samples_hold_no_outputs_by_default(renderer: Renderer, episode) -> None
     sample = next(episode_samples(renderer, scenario, motions, trajectory))
     assert sample.outputs == {}
     assert sample.crc32 == zlib.crc32(sample.image)
+
+
+def test_samples_hold_the_labels_of_everybody(renderer: Renderer, episode, avatars: dict[str, Avatar]) -> None:
+    _, motions, _ = episode
+    (human,) = motions.humans
+    assert episode_header(renderer, episode[0], episode[2]).labels
+    joints = joint_positions(avatars[human.avatar], human.motion).astype(np.float32)
+    for step, sample in enumerate(episode_samples(renderer, *episode)):
+        (label,) = sample.labels
+        np.testing.assert_array_equal(label.joints_m, joints[human.motion.row(step)])
+        assert label.box[6] == sample.humans_xyzyaw[0][3]
+        assert np.abs(label.footprint_xy_m - human.motion.root_m[human.motion.row(step), :2]).max() < 1.0
+
+
+def test_labels_can_be_left_out(renderer: Renderer, episode) -> None:
+    plain = Renderer(renderer.scene, wearers(), renderer.robot, RendererConfig(labels=False))
+    assert not episode_header(plain, episode[0], episode[2]).labels
+    samples = [next(episode_samples(r, *episode)) for r in (plain, renderer)]
+    assert samples[0].labels == ()
+    assert samples[0].image == samples[1].image
+    assert replace(samples[1], labels=()) == samples[0]
 
 
 def test_output_that_the_drawing_does_not_make_is_refused(renderer: Renderer, episode) -> None:

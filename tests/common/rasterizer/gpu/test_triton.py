@@ -182,6 +182,25 @@ def test_what_stands_behind_finished_tiles_is_not_projected(make_cloud, camera, 
     assert pairs == [1, 5]
 
 
+def test_a_far_sky_does_not_move_the_depth_of_finished_pixels(make_cloud, camera, rasterizer) -> None:
+    """Half of the tile is a finished wall, so that the sky is blended on: at most 1e-4 of it could pass the wall."""
+    wall = make_cloud(6, low=(-2.0, 2.0, 0.5), high=(-1.9, 2.0, 0.5))
+    wall = with_arrays(
+        wall,
+        quats_wxyz=np.tile(np.array([1, 0, 0, 0], dtype=np.float32), (6, 1)),
+        scales_m=np.tile(np.array([0.02, 0.5, 9.0], dtype=np.float32), (6, 1)),
+        opacities=np.full(6, 0.99, dtype=np.float32),
+    )
+    sky = make_cloud(40, low=(1800.0, -900.0, -900.0), high=(1800.0, 900.0, 900.0), scale_m=300.0)
+    T, K = camera(-4.0, 0.0, 0.0, 16, 16)
+    depth = rasterizer([wall, sky], [], K, 16, 16, slab_shares=()).render_images(T, [], ("depth",)).depth_m
+    alone = rasterizer(wall, [], K, 16, 16).render_images(T, [], ("depth", "alpha"))
+    finished = alone.alpha > 1 - 0.9e-4
+    assert 10 < finished.sum() < 200
+    assert np.abs(depth - alone.depth_m)[finished].max() < 0.005
+    assert depth[~finished].max() > 1000
+
+
 def test_equal_depths_are_drawn_in_the_order_of_the_scene(make_cloud, camera, rasterizer) -> None:
     cloud = make_cloud(40, low=(0.0, -0.5, 0.8), high=(0.0, 0.5, 1.6), scale_m=0.3)
     cloud = with_arrays(cloud, means_m=np.round(cloud.means_m * 4) / np.float32(4))

@@ -1,6 +1,6 @@
-"""The style sheet inside of every report."""
+"""The style sheet inside of every page."""
 
-REPORT_CSS = """
+PAGE_CSS = """
 :root { color-scheme: light; --ink: #262c34; --soft: #5d6874; --line: #e2e5e8; --accent: #0072b2; }
 * { box-sizing: border-box; }
 body {

@@ -1,14 +1,15 @@
-"""The demo's film: it plays back, and shows what happened where."""
+"""The film of an episode: it plays back, and shows what happened where."""
 
+import dataclasses
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from apps.demo.plan_view import HUMANS, ROBOT
-from apps.demo.video import EpisodeFilm, film_frames, write_episode_animation, write_episode_video
-from common.errors import ReadygoError
+from apps.episode_film import EpisodeFilm, film_frames
+from common.drawing.film import write_animation, write_film
+from common.drawing.plan_view import GOAL, HUMANS, ROBOT
 from common.maps import GridFrame
 from common.scenes.top_view import TopView
 
@@ -21,7 +22,7 @@ def film() -> EpisodeFilm:
     x = np.linspace(0.5, 3.0, COUNT)
     return EpisodeFilm(
         title="test",
-        rgb=grey,
+        camera=grey,
         xyyaw=np.column_stack([x, np.full(COUNT, 1.5), np.zeros(COUNT)]),
         actions=np.tile([0.8, -0.3], (COUNT, 1)),
         goal_xy_m=np.array([3.5, 2.5]),
@@ -38,7 +39,7 @@ def top_view() -> TopView:
 
 def test_video_plays_back_with_all_images(film: EpisodeFilm, top_view: TopView, tmp_path: Path) -> None:
     out = tmp_path / "new" / "film.mp4"
-    write_episode_video(out, film, top_view)
+    write_film(out, film_frames(film, top_view))
     capture = cv2.VideoCapture(str(out))
     assert capture.get(cv2.CAP_PROP_FPS) == pytest.approx(20.0)
     images = []
@@ -53,7 +54,7 @@ def test_video_plays_back_with_all_images(film: EpisodeFilm, top_view: TopView, 
 
 def test_animation_plays_at_the_films_pace(film: EpisodeFilm, top_view: TopView, tmp_path: Path) -> None:
     out = tmp_path / "film.webp"
-    write_episode_animation(out, film, top_view, step=2)
+    write_animation(out, film_frames(film, top_view, camera_scale=2, step=2), step=2)
     done, animation = cv2.imreadanimation(str(out))
     assert done
     assert len(animation.frames) == COUNT // 2
@@ -76,7 +77,7 @@ def test_plan_shows_robot_and_human_where_they_are(film: EpisodeFilm, top_view: 
 def test_pictures_have_even_sides(top_view: TopView) -> None:
     odd = EpisodeFilm(
         title="",
-        rgb=[np.zeros((35, 63, 3), np.uint8)],
+        camera=[np.zeros((35, 63, 3), np.uint8)],
         xyyaw=np.zeros((1, 3)),
         actions=np.zeros((1, 2)),
         goal_xy_m=np.ones(2),
@@ -86,14 +87,43 @@ def test_pictures_have_even_sides(top_view: TopView) -> None:
     assert picture.shape[1] % 2 == 0
 
 
-def test_rows_that_do_not_match_are_refused(film: EpisodeFilm) -> None:
-    with pytest.raises(ValueError, match="for 12 images"):
-        EpisodeFilm(title="", rgb=film.rgb, xyyaw=film.xyyaw[1:], actions=film.actions, goal_xy_m=film.goal_xy_m)
-    with pytest.raises(ValueError, match="at least one image"):
-        EpisodeFilm(title="", rgb=[], xyyaw=np.zeros((0, 3)), actions=np.zeros((0, 2)), goal_xy_m=np.zeros(2))
+def test_rows_that_do_not_match_are_refused(film: EpisodeFilm, top_view: TopView) -> None:
+    with pytest.raises(ValueError, match="with one T"):
+        EpisodeFilm(title="", xyyaw=film.xyyaw[1:], actions=film.actions, goal_xy_m=film.goal_xy_m)
+    with pytest.raises(ValueError, match="at least one row"):
+        EpisodeFilm(title="", xyyaw=np.zeros((0, 3)), actions=np.zeros((0, 2)), goal_xy_m=np.zeros(2))
+    short = dataclasses.replace(film, camera=list(film.camera or ())[1:])
+    with pytest.raises(ValueError, match="11 images for 12 rows"):
+        list(film_frames(short, top_view))
 
 
-def test_folder_that_cannot_be_made_is_reported(film: EpisodeFilm, top_view: TopView, tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    with pytest.raises(ReadygoError, match="cannot be written"):
-        write_episode_video(tmp_path / "file" / "film.mp4", film, top_view)
+def test_film_without_a_camera_shows_the_scene_alone(film: EpisodeFilm, top_view: TopView) -> None:
+    picture = next(film_frames(dataclasses.replace(film, camera=None), top_view))
+    metre_px = 640 / 3.0
+    u, v = 8 + 0.5 * metre_px, 8 + 640 - 1.5 * metre_px
+    assert tuple(picture[int(v) + 3, int(u) - 3]) == ROBOT
+    assert picture.shape[1] >= 860
+
+
+def test_underlay_is_drawn_below_people(film: EpisodeFilm, top_view: TopView) -> None:
+    drawn = []
+
+    def paint(picture: np.ndarray, view: TopView, row: int) -> None:
+        picture[:] = GOAL
+        drawn.append(row)
+
+    picture, *_ = film_frames(dataclasses.replace(film, underlay=paint), top_view, step=5)
+    left, height_px = 8 + 64 * 3 + 8, 36 * 3
+    assert drawn == [0, 5, 10]
+    assert tuple(picture[10, left + 3]) == GOAL
+    u, v = left + 3.0 * height_px / 3.0, 8 + height_px - 0.5 * height_px / 3.0
+    assert tuple(picture[int(v), int(u)]) == HUMANS[0]
+
+
+def test_time_line_marks_when_a_person_is_seen(film: EpisodeFilm, top_view: TopView) -> None:
+    seen = np.arange(COUNT) < COUNT // 2
+    picture = list(film_frames(dataclasses.replace(film, human_visible=seen), top_view))[-1]
+    line = picture[36 * 3 + 16 + 56 + 5]
+    warm = np.flatnonzero((line == HUMANS[2]).all(axis=1))
+    assert warm.max() == pytest.approx(picture.shape[1] // 2, abs=8)
+    assert warm.min() < 20

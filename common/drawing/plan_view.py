@@ -8,17 +8,20 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from common.drawing.files import Picture
 from common.maps import GridFrame, OccupancyMap
 from common.scenes.top_view import TopView
 
 Rgb = tuple[int, int, int]
-Picture = npt.NDArray[np.uint8]
 
 # Wong's palette (Nature Methods 8, 2011): told apart with every common colour vision.
 ROBOT: Rgb = (0, 114, 178)
 HUMANS: tuple[Rgb, ...] = ((213, 94, 0), (204, 121, 167), (230, 159, 0), (86, 180, 233))
 GOAL: Rgb = (0, 158, 115)
 INK: Rgb = (38, 44, 52)
+WHITE: Rgb = (255, 255, 255)
+FREE, OCCUPIED = 250, 150
+"""Grey of map cells."""
 _SUBPIXEL_BITS = 4
 
 
@@ -38,15 +41,31 @@ class DrawnEpisode:
 
 def map_view(occupancy: OccupancyMap, *, pixels_per_cell: int = 4) -> TopView:
     """An occupancy map as a picture: free is near white, occupied is grey."""
-    shade = np.where(occupancy.occupied[::-1, :, None], np.uint8(150), np.uint8(250))
-    rgb = np.repeat(np.repeat(np.broadcast_to(shade, (*shade.shape[:2], 3)), pixels_per_cell, 0), pixels_per_cell, 1)
-    frame = occupancy.frame
-    scaled = GridFrame(
-        origin_x_m=frame.origin_x_m,
-        origin_y_m=frame.origin_y_m,
-        resolution_m=frame.resolution_m / pixels_per_cell,
-    )
-    return TopView(rgb=np.ascontiguousarray(rgb), frame=scaled)
+    frame, (rows, columns) = occupancy.frame, occupancy.occupied.shape
+    size_m = np.array([columns, rows]) * frame.resolution_m
+    low_m = np.array([frame.origin_x_m, frame.origin_y_m])
+    return map_window(occupancy, low_m, low_m + size_m, pixel_m=frame.resolution_m / pixels_per_cell)
+
+
+def map_window(
+    occupancy: OccupancyMap, low_m: npt.NDArray[np.float64], high_m: npt.NDArray[np.float64], *, pixel_m: float
+) -> TopView:
+    """A window of an occupancy map as a picture; what lies beyond the map is drawn as occupied.
+
+    Args:
+        occupancy: The map.
+        low_m: Lower left corner [m], shape (2,).
+        high_m: Upper right corner [m], shape (2,).
+        pixel_m: Edge of a pixel [m].
+    """
+    columns, rows = (max(1, round(size)) for size in ((high_m - low_m) / pixel_m).tolist())
+    x, y = (low + (np.arange(n) + 0.5) * pixel_m for low, n in zip(low_m.tolist(), (columns, rows), strict=True))
+    frame, occupied = occupancy.frame, np.pad(occupancy.occupied, 1, constant_values=True)
+    j = np.clip(np.floor((x - frame.origin_x_m) / frame.resolution_m).astype(np.int64) + 1, 0, occupied.shape[1] - 1)
+    i = np.clip(np.floor((y - frame.origin_y_m) / frame.resolution_m).astype(np.int64) + 1, 0, occupied.shape[0] - 1)
+    shade = np.where(occupied[i[::-1, None], j[None, :], None], np.uint8(OCCUPIED), np.uint8(FREE))
+    window = GridFrame(origin_x_m=float(low_m[0]), origin_y_m=float(low_m[1]), resolution_m=pixel_m)
+    return TopView(rgb=np.repeat(shade, 3, axis=2), frame=window)
 
 
 def resized(view: TopView, height_px: int) -> TopView:
@@ -85,7 +104,9 @@ def draw_episodes(view: TopView, episodes: Sequence[DrawnEpisode]) -> Picture:
     return picture
 
 
-def draw_path(picture: Picture, view: TopView, xy_m: npt.NDArray[np.float64], colour: Rgb, *, width_px: int) -> None:
+def draw_path(
+    picture: Picture, view: TopView, xy_m: npt.NDArray[np.float64], colour: Rgb, *, width_px: int = 2
+) -> None:
     """A polyline of world points."""
     if len(xy_m) >= 2:
         points = _fixed_point(view.world_to_pixel(xy_m))
@@ -129,9 +150,91 @@ def draw_arrow_head(picture: Picture, view: TopView, xy_m: npt.NDArray[np.float6
     cv2.fillPoly(picture, [_fixed_point(view.world_to_pixel(corners))], colour, cv2.LINE_AA, _SUBPIXEL_BITS)
 
 
+def draw_ring(picture: Picture, view: TopView, xy_m: npt.ArrayLike, radius_m: float, colour: Rgb) -> None:
+    """A thin circle."""
+    centre, radius = _circle(view, xy_m, radius_m)
+    cv2.circle(picture, centre, radius, colour, 1, cv2.LINE_AA, _SUBPIXEL_BITS)
+
+
+def draw_scale_bar(picture: Picture, view: TopView) -> None:
+    """A bar of 1 m, or 10 m in wide views, in the lower left corner."""
+    length_m = 1 if picture.shape[1] * view.frame.resolution_m < 60 else 10
+    length_px, bottom = round(length_m / view.frame.resolution_m), picture.shape[0] - 12
+    cv2.rectangle(picture, (8, bottom - 26), (max(16 + length_px, 64), bottom + 8), WHITE, cv2.FILLED)
+    cv2.rectangle(picture, (12, bottom - 2), (12 + length_px, bottom + 3), INK, cv2.FILLED)
+    put_text(picture, f"{length_m} m", (12, bottom - 8), size=0.5)
+
+
+def fill_area(
+    picture: Picture, view: TopView, corners_m: npt.NDArray[np.float64], colour: Rgb, *, share: float
+) -> None:
+    """A polygon that what is below shines through.
+
+    Args:
+        picture: Drawn on.
+        view: Where the picture lies.
+        corners_m: Corners [m], shape (N, 2).
+        colour: Of the area.
+        share: How much of the colour the area takes, 0..1.
+    """
+    mask = np.zeros(picture.shape[:2], np.uint8)
+    cv2.fillPoly(mask, [_fixed_point(view.world_to_pixel(corners_m))], 255, cv2.LINE_8, _SUBPIXEL_BITS)
+    _blend(picture, mask, colour, share)
+
+
+def fill_band(
+    picture: Picture, view: TopView, xy_m: npt.NDArray[np.float64], radius_m: float, colour: Rgb, *, share: float
+) -> None:
+    """All within a radius of a path, with a thin outline; what is below shines through.
+
+    Args:
+        picture: Drawn on.
+        view: Where the picture lies.
+        xy_m: The path [m], shape (N, 2) with N >= 1.
+        radius_m: Half of the band's width [m].
+        colour: Of the band.
+        share: How much of the colour the band takes, 0..1.
+    """
+    mask = np.zeros(picture.shape[:2], np.uint8)
+    points = _fixed_point(view.world_to_pixel(xy_m)).reshape(-1, 1, 2)
+    width = max(1, round(2 * radius_m / view.frame.resolution_m))
+    cv2.polylines(mask, [points], False, 255, width, cv2.LINE_AA, _SUBPIXEL_BITS)
+    cv2.circle(
+        mask, points[0, 0].tolist(), (width << _SUBPIXEL_BITS) // 2, 255, cv2.FILLED, cv2.LINE_AA, _SUBPIXEL_BITS
+    )
+    _blend(picture, mask, colour, share)
+    outlines, _ = cv2.findContours((mask > 127).astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    cv2.drawContours(picture, outlines, -1, colour, 1, cv2.LINE_AA)
+
+
+def _blend(picture: Picture, mask: Picture, colour: Rgb, share: float) -> None:
+    """Mix a colour into the pixels of a mask."""
+    x, y, width, height = cv2.boundingRect(mask)
+    box = (slice(y, y + height), slice(x, x + width))
+    if width == 0:
+        return
+    table = np.arange(256)[:, None] * (1 - share) + np.array(colour) * share
+    ground = np.ascontiguousarray(picture[box])
+    mixed = cv2.LUT(ground, np.rint(table).astype(np.uint8)[None])
+    picture[box] = cv2.copyTo(mixed, (mask[box] > 127).astype(np.uint8), ground)
+
+
 def put_text(picture: Picture, text: str, xy_px: tuple[int, int], *, size: float = 0.45, colour: Rgb = INK) -> None:
     """One line of text; `xy_px` is its lower left corner."""
     cv2.putText(picture, text, xy_px, cv2.FONT_HERSHEY_SIMPLEX, size, colour, 1, cv2.LINE_AA)
+
+
+def text_width_px(text: str, *, size: float = 0.45) -> int:
+    """Width of a line of text [px]."""
+    return int(cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, size, 1)[0][0])
+
+
+def put_mark(picture: Picture, view: TopView, xy_m: npt.ArrayLike, text: str, colour: Rgb) -> None:
+    """A short text, such as a number, in a disc of its own."""
+    u, v = (round(float(value)) for value in view.world_to_pixel(xy_m) - 0.5)
+    cv2.circle(picture, (u, v), 10, WHITE, cv2.FILLED, cv2.LINE_AA)
+    cv2.circle(picture, (u, v), 9, colour, cv2.FILLED, cv2.LINE_AA)
+    put_text(picture, text, (u - text_width_px(text) // 2, v + 5), colour=WHITE)
 
 
 def _circle(view: TopView, xy_m: npt.ArrayLike, radius_m: float) -> tuple[tuple[int, int], int]:

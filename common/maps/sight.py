@@ -1,0 +1,127 @@
+"""What hides people from a camera: which heights of every cell are opaque.
+
+A wall hides all of a person, a table only the legs. Bit b of a cell covers the heights above the local floor from
+`bottom_m` + b * `layer_m` on; lower things hide nobody from a camera that is higher.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from common.gaussians import GaussianCloud
+from common.maps.grid import FloorMap, GridFrame, OccupancyMap
+from common.maps.occupancy import VOXELS_PER_BAND, MapConfig
+from common.maps.voxels import opacity_sums
+
+BOTTOM_M, TOP_M = 0.4, 1.9
+"""Heights above the floor that sight is known for [m]; lower and higher ones are clear."""
+BITS = 32
+TARGET_HEIGHTS_M = (0.5, 1.0, 1.5)
+TARGET_OFFSETS_M = (0.0, -0.2, 0.2)
+"""Points of a person's body that are looked for: heights above the floor, and across the line of sight [m]."""
+
+UInt32Array = npt.NDArray[np.uint32]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SightMap:
+    """Opaque layers of the cells of a map."""
+
+    frame: GridFrame
+    opaque: UInt32Array
+    """Bit b is set where layer b is opaque, shape (H, W); row 0 is the smallest y."""
+    layer_m: float
+    """Height of a layer [m]."""
+
+    def sees(self, x_m: float, y_m: float, camera_m: float, person_m: tuple[float, float]) -> bool:
+        """True if a ray from the camera reaches the body of a person.
+
+        Args:
+            x_m: Camera in the world [m].
+            y_m: Camera in the world [m].
+            camera_m: Height of the camera above the floor [m].
+            person_m: Where the person stands in the world [m].
+        """
+        frame = self.frame
+        place = (frame.origin_x_m, frame.origin_y_m, frame.resolution_m, self.layer_m)
+        return bool(_sees_person(self.opaque, place, (x_m, y_m, camera_m), person_m))
+
+
+def sight_of_occupancy(occupancy: OccupancyMap) -> SightMap:
+    """Sight over a 2-D map without heights: occupied cells hide everything."""
+    opaque = np.where(occupancy.occupied, np.uint32(0xFFFFFFFF), np.uint32(0))
+    return SightMap(frame=occupancy.frame, opaque=opaque, layer_m=(TOP_M - BOTTOM_M) / BITS)
+
+
+def sight_of_cloud(
+    cloud: GaussianCloud, floor: FloorMap, frame: GridFrame, shape: tuple[int, int], config: MapConfig
+) -> SightMap:
+    """Sight over a Gaussian scene, by the voxels that its occupancy maps are made of.
+
+    Args:
+        cloud: Gaussians, metres, z up; no sky.
+        floor: The local floor.
+        frame: Cells of the map to make.
+        shape: Rows and columns of the map to make.
+        config: Thresholds.
+    """
+    cell_m = frame.resolution_m
+    layers = math.ceil((TOP_M - BOTTOM_M) / cell_m - 1e-6)
+    per_bit = math.ceil(layers / BITS)
+    z = cloud.means_m[:, 2] - floor.at_many(cloud.means_m[:, :2].astype(np.float64)).astype(np.float32)
+    y, reach = cloud.means_m[:, 1], cloud.scales_m.max(axis=1)
+    solid = (z + reach > BOTTOM_M) & (z - reach < BOTTOM_M + layers * cell_m) & (cloud.opacities >= config.opacity_min)
+    raised = replace(cloud, means_m=np.column_stack([cloud.means_m[:, :2], z]))
+    opaque = np.zeros(shape, np.uint32)
+    rows_per_band = max(1, VOXELS_PER_BAND // (layers * shape[1]))
+    for row in range(0, shape[0], rows_per_band):
+        rows = min(rows_per_band, shape[0] - row)
+        low_m = frame.origin_y_m + row * cell_m
+        here = raised.select(solid & (y + reach > low_m) & (y - reach < low_m + rows * cell_m))
+        sums = opacity_sums(here, replace(frame, origin_y_m=low_m), BOTTOM_M, (layers, rows, shape[1]))
+        for layer in range(layers):
+            bit = np.uint32(1 << (layer // per_bit))
+            opaque[row : row + rows] |= np.where(sums[layer] > config.opacity_threshold, bit, np.uint32(0))
+    return SightMap(frame=frame, opaque=opaque, layer_m=per_bit * cell_m)
+
+
+@njit(cache=True)
+def _is_clear(
+    opaque: UInt32Array,
+    place: tuple[float, float, float, float],
+    eye: tuple[float, float, float],
+    target: tuple[float, float, float],
+) -> bool:
+    """True if no opaque layer lies on a segment; checked every half cell."""
+    ox, oy, resolution, layer = place
+    dx, dy, dz = target[0] - eye[0], target[1] - eye[1], target[2] - eye[2]
+    steps = int(math.sqrt(dx * dx + dy * dy) / (0.5 * resolution)) + 1
+    for k in range(steps + 1):
+        t = k / steps
+        i = math.floor((eye[1] + dy * t - oy) / resolution)
+        j = math.floor((eye[0] + dx * t - ox) / resolution)
+        bit = math.floor((eye[2] + dz * t - BOTTOM_M) / layer)
+        inside = 0 <= i < opaque.shape[0] and 0 <= j < opaque.shape[1] and 0 <= bit < BITS
+        if inside and (opaque[i, j] >> np.uint32(bit)) & np.uint32(1):
+            return False
+    return True
+
+
+@njit(cache=True)
+def _sees_person(
+    opaque: UInt32Array,
+    place: tuple[float, float, float, float],
+    eye: tuple[float, float, float],
+    person: tuple[float, float],
+) -> bool:
+    dx, dy = person[0] - eye[0], person[1] - eye[1]
+    distance = max(math.sqrt(dx * dx + dy * dy), 1e-9)
+    for offset in TARGET_OFFSETS_M:
+        x, y = person[0] - dy / distance * offset, person[1] + dx / distance * offset
+        for height in TARGET_HEIGHTS_M:
+            if _is_clear(opaque, place, eye, (x, y, height)):
+                return True
+    return False

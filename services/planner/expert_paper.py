@@ -1,0 +1,200 @@
+"""The expert after the ReaDy-Go paper: humans and their straight predictions are ground that a path avoids."""
+
+import enum
+import math
+import time
+
+import numpy as np
+import numpy.typing as npt
+
+from common.avatars import footprint_xy
+from common.episode import EpisodeSimulation
+from common.episode.grid_search import UNREACHED
+from common.messages import Scenario
+from common.robot.kinematics import RATE_HZ
+from services.planner.expert import Decision, Person, expected_array
+from services.planner.ground import ExpertGround
+from services.planner.hybrid_astar import HybridAStar, Plan
+from services.planner.obstacles import open_around, paint_capsule, paint_points, paint_slope, path_cost, path_distance
+from services.planner.perception import HumanTracks, PerceivedHuman
+from services.planner.rollouts import AHEAD_STEPS
+from services.planner.tracking import PathTracker
+
+Float64Array = npt.NDArray[np.float64]
+UInt8Array = npt.NDArray[np.uint8]
+
+_START_GAP_M = 0.03
+_CONTACT_GAP_M = 0.03
+_STANDING_MPS = 0.1
+_OFF_PATH_M = 0.15
+
+
+class _Margin(enum.Enum):
+    """How much room a search leaves around predicted humans and walls."""
+
+    FULL = enum.auto()
+    """Planning radius at walls, buffer and avatar footprint at humans."""
+    CONTACT = enum.auto()
+    """Just no contact."""
+    NOW = enum.auto()
+    """No contact with humans where they are now; predicted ground is dear."""
+
+
+class PaperExpert:
+    """Drives one episode in mode "paper"; call `act` at every step."""
+
+    def __init__(self, ground: ExpertGround, search: HybridAStar, scenario: Scenario, people: list[Person]) -> None:
+        """Prepare the static way to the goal.
+
+        Args:
+            ground: What all episodes in the scene share.
+            search: Searches, shared by all episodes.
+            scenario: Start and goal.
+            people: Motion, avatar and footprint of every human, in the order of the scenario.
+        """
+        config = ground.config
+        self._ground, self._search_memory, self._config, self._people = ground, search, config, people
+        self._goal = scenario.goal_xy_m
+        start = (float(scenario.start_xyyaw[0]), float(scenario.start_xyyaw[1]))
+        self._goal_m = (float(self._goal[0]), float(self._goal[1]))
+        self._local = ground.around(start, self._goal_m)
+        paths_m = [who.motion.root_m[:, :2].astype(np.float64) for who, _, _ in people]
+        self._tracks = HumanTracks(ground, self._local, paths_m, AHEAD_STEPS)
+        self._tracker = PathTracker(self._local, ground.robot, ground.contact_m, config)
+        self._plan: Plan | None = None
+        self._planned_at_step = -(1 << 20)
+        self._latest_factor = self._local.static_factor
+        self.replan_times_s: list[float] = []
+        """CPU time of each replan [s]."""
+
+    def act(self, simulation: EpisodeSimulation) -> Decision:
+        """Decide on the next command."""
+        pose = (simulation.x_m, simulation.y_m, simulation.yaw_rad)
+        humans = self._tracks.observe(simulation.step, pose, simulation.human_xy_m)
+        self._tracker.update(pose[0], pose[1])
+        near = [human for human in humans if self._is_near_plan(human)]
+        replanned = self._is_due(simulation.step, near)
+        if replanned:
+            started_s = time.thread_time()
+            self._replan(simulation, near)
+            self.replan_times_s.append(time.thread_time() - started_s)
+        expected_m = expected_array(humans, AHEAD_STEPS)
+        v, w = self._drive(simulation, expected_m)
+        return Decision(
+            v_mps=v,
+            w_radps=w,
+            replanned=replanned,
+            cost=0.0 if self._plan is None else self._plan.cost,
+            visible=any(human.seen for human in humans),
+            path_xy_m=self._tracker.path[self._tracker.progress :, :2],
+            perceived=tuple(humans),
+            predicted_xy_m=expected_m,
+        )
+
+    def _is_near_plan(self, human: PerceivedHuman) -> bool:
+        if self._plan is None:
+            return True
+        return self._gap_m(human, len(self._tracker.path)) < self._config.near_m
+
+    def _gap_m(self, human: PerceivedHuman, last: int) -> float:
+        """Distance between the path ahead and the human's predicted ground, by centre lines [m]."""
+        ends = self._capsule(human)
+        position = (human.x_m, human.y_m, human.x_m, human.y_m)
+        path, progress = self._tracker.path, self._tracker.progress
+        radius_m = self._ground.contact_m + self._config.buffer_m
+        inside = path_distance(path, progress, last, ends) < radius_m
+        return 0.0 if inside else float(path_distance(path, progress, last, position))
+
+    def _capsule(self, human: PerceivedHuman) -> tuple[float, float, float, float]:
+        t = self._config.prediction_s
+        return human.x_m, human.y_m, human.x_m + t * human.vx_mps, human.y_m + t * human.vy_mps
+
+    def _is_due(self, step: int, near: list[PerceivedHuman]) -> bool:
+        config = self._config
+        elapsed_s = (step - self._planned_at_step) / RATE_HZ
+        if elapsed_s < config.replan_interval_min_s - 1e-9:
+            return False
+        if self._plan is None or elapsed_s >= config.replan_period_s - 1e-9:
+            return True
+        ahead = self._tracker.progress + int(config.replan_lookahead_s * self._ground.robot.v_max_mps / 0.05) + 1
+        return any(self._gap_m(human, ahead) < config.replan_distance_m for human in near)
+
+    def _replan(self, simulation: EpisodeSimulation, near: list[PerceivedHuman]) -> None:
+        """Search anew, with less and less margin; on failure the old plan stays."""
+        self._planned_at_step = simulation.step
+        for margin in _Margin if near else (_Margin.FULL, _Margin.CONTACT):
+            plan = self._search(simulation, near, margin)
+            if plan is not None:
+                if not self._is_old_as_good(plan, simulation):
+                    self._plan = plan
+                    self._tracker.follow(plan, simulation.yaw_rad)
+                return
+
+    def _is_old_as_good(self, plan: Plan, simulation: EpisodeSimulation) -> bool:
+        """True if the rest of the old plan is free on the latest map and hardly dearer; switching costs smoothness."""
+        frame, tracker = self._local.frame, self._tracker
+        if self._plan is None or tracker.turning or tracker.gap_m(simulation.x_m, simulation.y_m) > _OFF_PATH_M:
+            return False
+        new = np.column_stack([plan.xyyaw, plan.speed_mps])
+        turn = plan.xyyaw[0, 2] - simulation.yaw_rad
+        turn_m = self._config.turn_cost_m * abs((turn + math.pi) % (2 * math.pi) - math.pi)
+        v_max = self._ground.robot.v_max_mps
+        old_m = path_cost(tracker.path, tracker.progress, self._latest_factor, frame, v_max)
+        new_m = turn_m + path_cost(new, 0, self._latest_factor, frame, v_max)
+        return bool(old_m <= self._config.keep_ratio * new_m)
+
+    def _search(self, simulation: EpisodeSimulation, near: list[PerceivedHuman], margin: _Margin) -> Plan | None:
+        ground, local = self._ground, self._local
+        pose = (simulation.x_m, simulation.y_m, simulation.yaw_rad)
+        i, j = local.frame.cell(pose[0], pose[1])
+        factor, heuristic = local.static_factor, local.to_goal
+        if near or margin is not _Margin.FULL or factor[i, j] == 0:
+            factor, heuristic = local.factor, local.heuristic
+            factor[:] = local.static_factor if margin is _Margin.FULL else local.tight_factor
+            # Whoever stands nearer to a wall than planned must be able to leave.
+            tolerated_m = min(ground.robot.radius_m + self._config.tight_margin_m, local.clearance[i, j] - 0.02)
+            open_around(factor, local.frame, local.clearance, pose[:2], tolerated_m, self._config.dear_factor)
+            for human in near:
+                self._paint(factor, human, simulation.step, pose[:2], margin)
+            local.distances(factor, pose[0], pose[1])
+        if heuristic[i, j] >= UNREACHED:
+            return None
+        self._latest_factor = factor
+        standing = simulation.v_mps < _STANDING_MPS
+        return self._search_memory.search(factor, heuristic, local.frame, pose, self._goal, turn_first=standing)
+
+    def _paint(
+        self, factor: UInt8Array, human: PerceivedHuman, step: int, robot_m: tuple[float, float], margin: _Margin
+    ) -> None:
+        """Put a human into the map: blocked ground, dear around it and wherever the robot itself stands in it."""
+        config, ground, frame = self._config, self._ground, self._local.frame
+        ends = self._capsule(human)
+        at = (human.x_m, human.y_m, human.x_m, human.y_m)
+        here = np.array([robot_m])
+        to_ends_m, to_human_m = path_distance(here, 0, 1, ends), path_distance(here, 0, 1, at)
+        full_m = ground.robot.planning_radius_m + ground.human_radius_m + config.buffer_m
+        contact_m = ground.contact_m + _CONTACT_GAP_M
+        paint_slope(factor, frame, ends, full_m, config.dear_factor)
+        if margin is _Margin.FULL:
+            reach_m = ground.robot.planning_radius_m + config.buffer_m
+            points = self._footprint(human, step)
+            to_points_m = math.sqrt(float(np.min(np.sum((points - here) ** 2, axis=1))))
+            paint_capsule(factor, frame, ends, min(full_m, to_ends_m - _START_GAP_M), 0)
+            paint_points(factor, frame, points, min(reach_m, to_points_m - _START_GAP_M), 0)
+        elif margin is _Margin.CONTACT:
+            paint_capsule(factor, frame, ends, min(contact_m, to_ends_m - _START_GAP_M), 0)
+        paint_capsule(factor, frame, at, min(contact_m, to_human_m - _START_GAP_M), 0)
+
+    def _footprint(self, human: PerceivedHuman, step: int) -> Float64Array:
+        """Ground points of the posed avatar if it is seen now, else the point where it is expected."""
+        if not human.seen:
+            return np.array([[human.x_m, human.y_m]])
+        who, avatar, model = self._people[human.index]
+        return footprint_xy(model, avatar, who.motion, step)
+
+    def _drive(self, simulation: EpisodeSimulation, expected_m: Float64Array) -> tuple[float, float]:
+        state = (simulation.x_m, simulation.y_m, simulation.yaw_rad, simulation.v_mps, simulation.w_radps)
+        watched = expected_m if self._config.yield_to_humans else expected_m[:0]
+        if self._plan is None:
+            return self._tracker.turn(state, self._local.way_out_rad(*state[:3], self._goal_m), watched)
+        return self._tracker.command(state, watched)

@@ -1,0 +1,166 @@
+"""The expert that plans in space and time: it waits, turns in place, goes around, or slips through."""
+
+import math
+import time
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from common.episode import EpisodeSimulation
+from common.messages import Scenario
+from common.robot.kinematics import DT_S, RATE_HZ
+from services.planner.expert import Decision, Person, expected_array
+from services.planner.ground import ExpertGround
+from services.planner.obstacles import open_around, paint_capsule
+from services.planner.perception import HumanTracks, PerceivedHuman
+from services.planner.rollouts import AHEAD_STEPS, State, choose_evasion
+from services.planner.spacetime_search import SpaceTimeSearch, TimedHumans, TimedPlan
+
+Float64Array = npt.NDArray[np.float64]
+
+_STANDING_MPS = 0.1
+_START_GAP_M = 0.03
+
+
+class SpaceTimeExpert:
+    """Drives one episode in mode "spacetime"; call `act` at every step."""
+
+    def __init__(
+        self, ground: ExpertGround, search: SpaceTimeSearch, scenario: Scenario, people: list[Person]
+    ) -> None:
+        """Prepare the static way to the goal.
+
+        Args:
+            ground: What all episodes in the scene share.
+            search: Searches, shared by all episodes.
+            scenario: Start and goal.
+            people: Motion, avatar and footprint of every human, in the order of the scenario.
+        """
+        config = ground.config
+        self._ground, self._search, self._config = ground, search, config
+        self._goal_m = (float(scenario.goal_xy_m[0]), float(scenario.goal_xy_m[1]))
+        self._local = ground.around((float(scenario.start_xyyaw[0]), float(scenario.start_xyyaw[1])), self._goal_m)
+        horizon_s = config.oracle_prediction_s if config.oracle else config.timed_prediction_s
+        self._horizon = round(horizon_s * RATE_HZ)
+        paths_m = [who.motion.root_m[:, :2].astype(np.float64) for who, _, _ in people]
+        self._tracks = HumanTracks(ground, self._local, paths_m, self._horizon)
+        self._contact_m = ground.contact_m + config.hard_margin_m
+        robot = ground.robot
+        self._limits = (robot.v_max_mps, robot.w_max_radps, robot.a_max_mps2, robot.alpha_max_radps2)
+        self._plan: TimedPlan | None = None
+        self._planned_at_step = 0
+        self.replan_times_s: list[float] = []
+        """CPU time of each replan [s]."""
+
+    def act(self, simulation: EpisodeSimulation) -> Decision:
+        """Decide on the next command."""
+        state = (simulation.x_m, simulation.y_m, simulation.yaw_rad, simulation.v_mps, simulation.w_radps)
+        humans = self._tracks.observe(simulation.step, state[:3], simulation.human_xy_m)
+        expected_m = expected_array(humans, self._horizon)
+        replanned = self._is_due(simulation.step, state, expected_m)
+        if replanned:
+            started_s = time.thread_time()
+            self._replan(simulation.step, state, humans, expected_m)
+            self.replan_times_s.append(time.thread_time() - started_s)
+        v, w = self._drive(simulation.step, state, expected_m)
+        rows = np.empty((0, 5)) if self._plan is None else self._plan.rows[simulation.step - self._planned_at_step :]
+        return Decision(
+            v_mps=v,
+            w_radps=w,
+            replanned=replanned,
+            cost=0.0 if self._plan is None else self._plan.cost,
+            visible=any(human.seen for human in humans),
+            path_xy_m=rows[:, :2],
+            perceived=tuple(humans),
+            predicted_xy_m=expected_m,
+            path_times_s=np.arange(len(rows)) * DT_S,
+        )
+
+    def _is_due(self, step: int, state: State, expected_m: Float64Array) -> bool:
+        if self._plan is None:
+            return True
+        elapsed = step - self._planned_at_step
+        if elapsed >= len(self._plan.rows) - 1 or elapsed * DT_S >= self._config.replan_period_s - 1e-9:
+            return True
+        if len(expected_m) == 0 or elapsed * DT_S < self._config.timed_replan_s - 1e-9:
+            return False
+        return True
+
+    def _replan(self, step: int, state: State, humans: list[PerceivedHuman], expected_m: Float64Array) -> None:
+        self._planned_at_step = step
+        local, config = self._local, self._config
+        cell = local.frame.cell(state[0], state[1])
+        factor, heuristic = local.tight_factor, local.to_goal
+        standing = [human for human in humans if human.vx_mps**2 + human.vy_mps**2 < _STANDING_MPS**2]
+        if standing or factor[cell] == 0:
+            factor, heuristic = local.factor, local.heuristic
+            factor[:] = local.tight_factor
+            tolerated_m = self._ground.robot.radius_m
+            open_around(factor, local.frame, local.clearance, state[:2], tolerated_m, config.dear_factor)
+            for human in standing:
+                x, y = human.x_m, human.y_m
+                gap_m = ((x - state[0]) ** 2 + (y - state[1]) ** 2) ** 0.5 - _START_GAP_M
+                paint_capsule(factor, local.frame, (x, y, x, y), min(self._contact_m, gap_m), 0)
+            if not local.distances(factor, state[0], state[1]):
+                heuristic = local.to_goal
+        rows, chances, widths = list(expected_m), [float(human.chances[0]) for human in humans], []
+        widths = [self._widths(human) for human in humans]
+        for k, human in enumerate(humans):
+            rows += list(human.others_m)
+            chances += human.chances[1:].tolist()
+            widths += [widths[k]] * len(human.others_m)
+        people = TimedHumans(
+            expected_m=np.array(rows).reshape(-1, self._horizon, 2),
+            chances=np.minimum(1.0, config.chance_gain * np.array(chances)),
+            widths_m=np.array(widths).reshape(-1, self._horizon),
+            contact_m=self._contact_m,
+            weight=config.nearness_cost,
+            watched_count=len(humans),
+            watch_cost=config.watch_cost,
+            half_fov_rad=0.9 * math.radians(self._ground.robot.camera.horizontal_fov_deg) / 2,
+        )
+        self._plan = self._search.search(factor, heuristic, local.cells, state, self._goal_m, people)
+
+    def _widths(self, human: PerceivedHuman) -> Float64Array:
+        """Free space around a human that costs nothing, in the next steps [m]."""
+        config = self._config
+        if human.vx_mps**2 + human.vy_mps**2 < _STANDING_MPS**2:
+            return np.full(self._horizon, config.standing_margin_m)
+        growth = 0.0 if config.oracle else config.doubt_growth_mps
+        ahead_s = np.arange(1, self._horizon + 1) * DT_S + human.age_s
+        return config.timed_margin_m + np.minimum(growth * ahead_s, config.doubt_max_m)
+
+    def _drive(self, step: int, state: State, expected_m: Float64Array) -> tuple[float, float]:
+        if self._plan is not None:
+            row = self._plan.rows[min(step - self._planned_at_step + 1, len(self._plan.rows) - 1)]
+            return float(row[3]), float(row[4])
+        if len(expected_m) > 0:
+            found, v, w = choose_evasion(
+                state,
+                self._limits,
+                self._local.cells,
+                self._ground.robot.radius_m + 0.01,
+                expected_m[:, :AHEAD_STEPS].copy(),
+                (self._ground.contact_m, 0.0),
+                self._config.evasion_gap_m,
+                self._local.to_goal,
+            )
+            if found:
+                return v, w
+        turn = self._local.way_out_rad(state[0], state[1], state[2], self._goal_m)
+        return 0.0, 2.0 * turn
+
+
+@njit(cache=True)
+def plan_is_free(rows: Float64Array, first: int, expected: Float64Array, keep_off: Float64Array) -> bool:
+    """True if the rows after `first` keep their distances from humans, or do not come nearer than they are now."""
+    for m in range(len(expected)):
+        dx, dy = expected[m, 0, 0] - rows[first, 0], expected[m, 0, 1] - rows[first, 1]
+        escape = dx * dx + dy * dy
+        for k in range(min(len(rows) - first - 1, len(keep_off))):
+            dx, dy = expected[m, k, 0] - rows[first + 1 + k, 0], expected[m, k, 1] - rows[first + 1 + k, 1]
+            squared = dx * dx + dy * dy
+            if squared < keep_off[k] * keep_off[k] and squared < escape:
+                return False
+    return True

@@ -1,0 +1,175 @@
+"""What the expert knows about a place: distances, cost factors, and the part of them that an episode needs."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from common.episode import EpisodeConfig, GridSearch
+from common.episode.grid_search import FREE, UNITS_PER_CELL, UNREACHED
+from common.maps import GridFrame, OccupancyMap, SightMap, clearance_m, sight_of_occupancy
+from common.robot import RobotConfig
+from services.planner.expert_config import ExpertConfig
+from services.planner.obstacles import static_factor
+from services.planner.rollouts import Ground
+
+Float64Array = npt.NDArray[np.float64]
+Int32Array = npt.NDArray[np.int32]
+UInt8Array = npt.NDArray[np.uint8]
+
+_WINDOW_MARGINS_M = (6.0, 15.0, math.inf)
+_HEURISTIC_SLACK_M = 1.5
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EpisodeGround:
+    """The part of a map around one episode."""
+
+    frame: GridFrame
+    occupancy: OccupancyMap
+    """Un-inflated."""
+    clearance: Float64Array
+    """Distance to obstacles of the robot [m], shape (H, W)."""
+    static_factor: UInt8Array
+    """Cost factors that keep the planning radius, shape (H, W)."""
+    tight_factor: UInt8Array
+    """As above, with the ground between the robot's radius and the planning radius dear instead of blocked."""
+    to_goal: Int32Array
+    """Way to the goal over `static_factor`, UNITS_PER_CELL a cell, shape (H, W)."""
+    goal_cell: tuple[int, int]
+    human_frame: GridFrame
+    human_ways: tuple[Int32Array, ...]
+    """Ways of people to the robot's start and goal, UNITS_PER_CELL a cell, shape (H', W'); empty in mode "paper"."""
+    factor: UInt8Array
+    """Memory for a search's factors, shape (H, W)."""
+    heuristic: Int32Array
+    """Memory for a search's distances, shape (H, W)."""
+    search: GridSearch
+
+    @property
+    def cells(self) -> Ground:
+        """The map for compiled callers."""
+        frame = self.frame
+        place = (frame.origin_x_m, frame.origin_y_m, frame.resolution_m)
+        return (self.occupancy.occupied, self.clearance, *place)
+
+    def distances(self, factor: UInt8Array, x_m: float, y_m: float) -> bool:
+        """Fill `heuristic` with the ways to the goal around the robot; False if it cannot reach the goal."""
+        here = self.frame.cell(x_m, y_m)
+        slack = int(_HEURISTIC_SLACK_M / self.frame.resolution_m * UNITS_PER_CELL)
+        self.search.distances(factor, self.goal_cell, target=here, slack_units=slack, out=self.heuristic)
+        return bool(self.heuristic[here] < UNREACHED)
+
+    def way_out_rad(self, x_m: float, y_m: float, yaw_rad: float, goal_m: tuple[float, float]) -> float:
+        """Bearing of the reachable cell within 0.5 m that is nearest to the goal [rad]."""
+        i, j = self.frame.cell(x_m, y_m)
+        reach = math.ceil(0.5 / self.frame.resolution_m)
+        i0, j0 = max(0, i - reach), max(0, j - reach)
+        window = self.to_goal[i0 : i + reach + 1, j0 : j + reach + 1]
+        x, y = goal_m
+        if window.size > 0 and int(window.min()) < UNREACHED:
+            best = int(np.argmin(window))
+            x, y = self.frame.centre_m(i0 + best // window.shape[1], j0 + best % window.shape[1])
+        bearing = math.atan2(y - y_m, x - x_m) - yaw_rad
+        return (bearing + math.pi) % (2 * math.pi) - math.pi
+
+
+class ExpertGround:
+    """What all episodes in one scene share. Not thread-safe."""
+
+    def __init__(
+        self,
+        robot_map: OccupancyMap,
+        human_map: OccupancyMap,
+        sight: SightMap | None,
+        robot: RobotConfig,
+        episode_config: EpisodeConfig,
+        config: ExpertConfig,
+    ) -> None:
+        """Precompute distances and cost factors.
+
+        Args:
+            robot_map: What blocks the robot, not inflated.
+            human_map: What blocks people, not inflated; predictions keep off it.
+            sight: What hides people; None takes the robot's map.
+            robot: Footprint, limits and camera.
+            episode_config: Task and judging.
+            config: How the expert drives.
+        """
+        self.occupancy, self.robot, self.config = robot_map, robot, config
+        self.human_radius_m = episode_config.human_radius_m
+        self.contact_m = robot.radius_m + episode_config.human_radius_m
+        self.success_radius_m = episode_config.success_radius_m
+        self.sight = sight_of_occupancy(robot_map) if sight is None else sight
+        self.clearance = clearance_m(robot_map).astype(np.float64)
+        self.human_frame = human_map.frame
+        self.human_clearance = self.clearance if human_map is robot_map else clearance_m(human_map).astype(np.float64)
+        keep_off = 1.0 + 4.0 * np.clip(1.0 - self.human_clearance, 0.0, 1.0) ** 2
+        walkable = self.human_clearance > episode_config.human_radius_m
+        self.human_factor = np.where(walkable, np.rint(FREE * keep_off), 0).astype(np.uint8)
+        self.static_factor = static_factor(
+            self.clearance,
+            robot.planning_radius_m + config.cell_margin_m,
+            wall_cost=config.wall_cost,
+            wall_distance_m=config.wall_distance_m,
+        )
+        tight = (self.clearance > robot.radius_m + config.tight_margin_m) & (self.static_factor == 0)
+        self.tight_factor = np.where(tight, np.uint8(config.dear_factor), self.static_factor)
+
+    def around(self, start_m: tuple[float, float], goal_m: tuple[float, float]) -> EpisodeGround:
+        """The window that an episode takes place in: around start and goal, wider if that holds no way."""
+        for margin_m in _WINDOW_MARGINS_M:
+            window = self._window(start_m, goal_m, margin_m)
+            i, j = window.frame.cell(*start_m)
+            inside = 0 <= i < window.to_goal.shape[0] and 0 <= j < window.to_goal.shape[1]
+            if inside and window.to_goal[i, j] < UNREACHED:
+                break
+        return window
+
+    def _window(self, start_m: tuple[float, float], goal_m: tuple[float, float], margin_m: float) -> EpisodeGround:
+        part, moved = cropped(self.occupancy.frame, self.clearance.shape, start_m, goal_m, margin_m)
+        factor = np.ascontiguousarray(self.static_factor[part])
+        search = GridSearch((factor.shape[0], factor.shape[1]))
+        goal = moved.cell(*goal_m)
+        human_part, human_frame = cropped(self.human_frame, self.human_clearance.shape, start_m, goal_m, margin_m)
+        human_ways: tuple[Int32Array, ...] = ()
+        if self.config.mode != "paper" and not self.config.oracle:
+            walkable = np.ascontiguousarray(self.human_factor[human_part])
+            flood = GridSearch((walkable.shape[0], walkable.shape[1]))
+            human_ways = tuple(flood.distances(walkable, human_frame.cell(*place)) for place in (start_m, goal_m))
+        return EpisodeGround(
+            frame=moved,
+            occupancy=OccupancyMap(frame=moved, occupied=np.ascontiguousarray(self.occupancy.occupied[part])),
+            clearance=np.ascontiguousarray(self.clearance[part]),
+            static_factor=factor,
+            tight_factor=np.ascontiguousarray(self.tight_factor[part]),
+            to_goal=search.distances(factor, goal),
+            goal_cell=goal,
+            human_frame=human_frame,
+            human_ways=human_ways,
+            factor=np.empty_like(factor),
+            heuristic=np.empty(factor.shape, np.int32),
+            search=search,
+        )
+
+
+def cropped(
+    frame: GridFrame,
+    shape: tuple[int, ...],
+    start_m: tuple[float, float],
+    goal_m: tuple[float, float],
+    margin_m: float,
+) -> tuple[tuple[slice, slice], GridFrame]:
+    """The part of a grid around two points, and where it lies."""
+    resolution = frame.resolution_m
+    cells = math.ceil(min(margin_m, 1e6) / resolution)
+    (i0, j0), (i1, j1) = frame.cell(*start_m), frame.cell(*goal_m)
+    top, left = max(min(i0, i1) - cells, 0), max(min(j0, j1) - cells, 0)
+    part = slice(top, min(max(i0, i1) + cells + 1, shape[0])), slice(left, min(max(j0, j1) + cells + 1, shape[1]))
+    moved = GridFrame(
+        origin_x_m=frame.origin_x_m + left * resolution,
+        origin_y_m=frame.origin_y_m + top * resolution,
+        resolution_m=resolution,
+    )
+    return part, moved

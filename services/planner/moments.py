@@ -1,0 +1,56 @@
+"""The few moments that explain an episode: what was seen, when the way changed, how close it came."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from common.messages import Outcome
+from common.robot.kinematics import DT_S, RATE_HZ
+from services.planner.journal import ExpertRun
+
+MOMENTS_MAX = 3
+APART_S = 0.5
+"""Moments nearer to each other show the same [s]."""
+CLOSE_M = 3.0
+"""A person that stays farther away needs no moment of its own [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Moment:
+    """One step of a run, and why it is shown."""
+
+    step: int
+    why: str
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time since the episode began [s]."""
+        return self.step * DT_S
+
+
+def pick_moments(run: ExpertRun) -> tuple[Moment, ...]:
+    """At most three moments, in order of time; the more telling one wins where two are close."""
+    picked: list[Moment] = []
+    for moment in _candidates(run):
+        near = any(abs(moment.step - other.step) < APART_S * RATE_HZ for other in picked)
+        if not near and len(picked) < MOMENTS_MAX:
+            picked.append(moment)
+    return tuple(sorted(picked, key=lambda moment: moment.step))
+
+
+def _candidates(run: ExpertRun) -> list[Moment]:
+    """Most telling first: the end of a failure, the closest approach, the change of plan before it, first sights."""
+    last, humans = len(run.trajectory.xyyaw) - 1, range(len(run.scenario.humans))
+    moments = []
+    if run.trajectory.outcome is not Outcome.SUCCESS:
+        moments.append(Moment(step=last, why=run.trajectory.outcome.value.replace("_", " ")))
+    closest = sorted((float(run.gap_m(k).min()), k) for k in humans)
+    if closest and closest[0][0] < CLOSE_M:
+        step = int(np.argmin(run.gap_m(closest[0][1])))
+        moments.append(Moment(step=step, why=f"closest to person {closest[0][1] + 1}"))
+        changed = [k for k in run.journal.given_up if k < step - APART_S * RATE_HZ and run.journal.perceived[k]]
+        moments += [Moment(step=k, why="takes another way") for k in changed[-1:]]
+    for _, k in closest:
+        seen = np.flatnonzero(run.journal.seen(k))
+        moments += [Moment(step=int(step), why=f"first sees person {k + 1}") for step in seen[:1]]
+    return [*moments, Moment(step=0, why="start")]

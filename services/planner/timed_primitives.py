@@ -1,0 +1,141 @@
+"""Motion primitives with acceleration: what a robot really drives in half a second, from one command to another.
+
+Speeds and turn rates lie on levels that one primitive can bridge within the robot's limits, so that a chain of
+primitives is a sequence of commands that the robot executes exactly.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from common.robot import RobotConfig
+from common.robot.kinematics import DT_S, RATE_HZ
+from services.planner.expert_config import ExpertConfig
+from services.planner.rollouts import Limits, limited
+
+Float64Array = npt.NDArray[np.float64]
+Int32Array = npt.NDArray[np.int32]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TimedPrimitives:
+    """Primitives of one robot in groups by the levels of speed and turn rate that they start at."""
+
+    rows: Float64Array
+    """x [m], y [m], yaw [rad] relative to the start, v [m/s], w [rad/s] after each step, shape (Q, K, 5)."""
+    costs: Float64Array
+    """Cost of each primitive, in metres at full speed, shape (Q,)."""
+    lengths_m: Float64Array
+    """Length of each primitive, shape (Q,)."""
+    ends: Int32Array
+    """The group that may follow each primitive, shape (Q,)."""
+    first: Int32Array
+    """First primitive of each group, shape (G + 1,); the last group is the root's, filled for every search."""
+    v_levels: Float64Array
+    w_levels: Float64Array
+    limits: Limits
+    weights: tuple[float, float]
+    """Costs of full turning for a second, and of changing the turn rate by its maximum, as a share of full speed."""
+
+    @property
+    def steps(self) -> int:
+        """Steps of a primitive, K."""
+        return self.rows.shape[1]
+
+    @property
+    def root(self) -> int:
+        """The root's group."""
+        return len(self.first) - 2
+
+    def fill_root(self, v_mps: float, w_radps: float) -> None:
+        """Fill the root's group with the primitives that start at any command."""
+        begin = int(self.first[self.root])
+        tables = (self.rows, self.costs, self.lengths_m, self.ends)
+        count = _fill_group(
+            v_mps, w_radps, self.v_levels, self.w_levels, self.limits, self.weights, begin, *tables
+        )
+        self.first[self.root + 1] = begin + count
+
+
+def make_timed_primitives(robot: RobotConfig, config: ExpertConfig) -> TimedPrimitives:
+    """Tabulate the primitives of a robot."""
+    steps = round(config.primitive_s * RATE_HZ)
+    duration_s = steps * DT_S
+    v_count = math.ceil(robot.v_max_mps / (robot.a_max_mps2 * duration_s) - 1e-9)
+    w_count = max(2, math.ceil(robot.w_max_radps / (robot.alpha_max_radps2 * duration_s) - 1e-9))
+    v_levels = np.array([robot.v_max_mps * k / v_count for k in range(v_count + 1)])
+    w_levels = np.array([robot.w_max_radps * k / w_count for k in range(-w_count, w_count + 1)])
+    groups = len(v_levels) * len(w_levels)
+    capacity = (groups + 1) * groups
+    table = TimedPrimitives(
+        rows=np.zeros((capacity, steps, 5)),
+        costs=np.zeros(capacity),
+        lengths_m=np.zeros(capacity),
+        ends=np.zeros(capacity, np.int32),
+        first=np.zeros(groups + 2, np.int32),
+        v_levels=v_levels,
+        w_levels=w_levels,
+        limits=(robot.v_max_mps, robot.w_max_radps, robot.a_max_mps2, robot.alpha_max_radps2),
+        weights=(config.timed_steering_cost, config.swerve_cost),
+    )
+    tables = (table.rows, table.costs, table.lengths_m, table.ends)
+    for group in range(groups):
+        v, w = float(v_levels[group // len(w_levels)]), float(w_levels[group % len(w_levels)])
+        begin = int(table.first[group])
+        count = _fill_group(v, w, v_levels, w_levels, table.limits, table.weights, begin, *tables)
+        table.first[group + 1] = begin + count
+    return table
+
+
+@njit(cache=True)
+def _drive(v: float, w: float, v_end: float, w_end: float, limits: Limits, rows: Float64Array) -> tuple[float, float]:
+    """Fill the rows of one primitive by exact arcs; returns its length [m] and its turning [rad]."""
+    x, y, yaw, length, turned = 0.0, 0.0, 0.0, 0.0, 0.0
+    for k in range(len(rows)):
+        v, w = limited(v_end, w_end, (x, y, yaw, v, w), limits)
+        after = yaw + w * DT_S
+        if abs(w) < 1e-9:
+            x += v * DT_S * math.cos(yaw)
+            y += v * DT_S * math.sin(yaw)
+        else:
+            x += v / w * (math.sin(after) - math.sin(yaw))
+            y -= v / w * (math.cos(after) - math.cos(yaw))
+        yaw = after
+        length += v * DT_S
+        turned += abs(w) * DT_S
+        rows[k, 0], rows[k, 1], rows[k, 2], rows[k, 3], rows[k, 4] = x, y, yaw, v, w
+    return length, turned
+
+
+@njit(cache=True)
+def _fill_group(
+    v: float,
+    w: float,
+    v_levels: Float64Array,
+    w_levels: Float64Array,
+    limits: Limits,
+    weights: tuple[float, float],
+    begin: int,
+    rows: Float64Array,
+    costs: Float64Array,
+    lengths: Float64Array,
+    ends: Int32Array,
+) -> int:
+    """Tabulate the primitives from a command to all levels within reach, from index `begin` on; returns their number."""
+    v_max, w_max, a_max, alpha_max = limits
+    duration = rows.shape[1] * DT_S
+    count = 0
+    for a in range(len(v_levels)):
+        for b in range(len(w_levels)):
+            if abs(v_levels[a] - v) > a_max * duration + 1e-6 or abs(w_levels[b] - w) > alpha_max * duration + 1e-6:
+                continue
+            q = begin + count
+            lengths[q], turned = _drive(v, w, v_levels[a], w_levels[b], limits, rows[q])
+            costs[q] = 0.5 * (lengths[q] + duration * v_max)
+            costs[q] += v_max * (weights[0] * turned + weights[1] * abs(w_levels[b] - w)) / w_max
+            ends[q] = a * len(w_levels) + b
+            count += 1
+    return count
