@@ -59,7 +59,7 @@ class Gate(NamedTuple):
     @property
     def held(self) -> bool:
         """True if the number is within its limits."""
-        return self.low <= self.value <= self.high
+        return bool(self.low <= self.value <= self.high)
 
 
 def bench_motion(*, avatar: str = "", style: float = 1.0, mocap: Path = MOCAP, json: bool = False) -> None:

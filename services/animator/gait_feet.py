@@ -31,6 +31,8 @@ from services.animator.gait_steps import (
 CLEARANCE_M = 0.022
 TOE_RELEASE = 0.55
 """Share of the swing in which the toes, bent back at toe-off, straighten."""
+TOE_HOLD = 0.4
+"""1: the toes keep the bend of toe-off; 0: they keep to the floor while the foot pitches on."""
 SOFTNESS_M = 0.010
 END_SHARE = 0.02
 """Share of a stance or swing over which slopes at its ends are taken."""
@@ -212,7 +214,9 @@ def _swing(
     F = flat_frame(yaw, a[SLOPE] + u * (b[SLOPE] - a[SLOPE]), a[ROLL] + u * (b[ROLL] - a[ROLL]))
     pitch, bent = _swing_pitch(x, a, b, curves), clip(x / TOE_RELEASE, 0.0, 1.0)
     R_foot[:] = mat_mul(F, rot_x(pitch))
-    R_toe[:] = mat_mul(F, rot_x(pitch * bent * bent * (3.0 - 2.0 * bent)))
+    # Toes stay bent back as at toe-off, a little more while the foot still pitches down, and straighten.
+    toe_bend = pitch + TOE_HOLD * (_swing_pitch(0.0, a, b, curves) - pitch)
+    R_toe[:] = mat_mul(F, rot_x(pitch - toe_bend * (1.0 - bent * bent * (3.0 - 2.0 * bent))))
     ends = _ends_of_swing(a, b, skeleton, curves, joint)
     dx, dz = ends[1, 0] - ends[0, 0], ends[1, 2] - ends[0, 2]
     # The ankle leaves and arrives with the speed of the foot's roll, and bends aside around the body's curve.
