@@ -74,15 +74,10 @@ class ExpertConfig:
     """Free space between robot and human that yielding aims at [m]."""
     doubt_mps: float = 0.1
     """Growth of the predicted humans' radius while tracking [m/s]."""
-    foresight_s: float = 0.0
-    """Tracking knows where humans in view truly will be for this long [s], before constant velocity takes over.
-
-    A policy cannot see this: an option that lets more dynamic episodes succeed.
-    """
     evasion_gap_m: float = 0.4
     """Free space that evading aims at [m]."""
     timed_heuristic_weight: float = 1.2
-    """The following are of mode "spacetime". 1.0 searches for the cheapest plan, more is faster."""
+    """This and all that follows is of mode "spacetime" only. 1.0 searches for the cheapest plan, more is faster."""
     timed_heading_count: int = 36
     timed_expansions_max: int = 1000
     timed_steering_cost: float = 0.15

@@ -74,7 +74,7 @@ class SpaceTimeExpert:
             path_xy_m=rows[:, :2],
             perceived=tuple(humans),
             predicted_xy_m=expected_m,
-            path_times_s=np.arange(len(rows)) * DT_S,
+            path_times_s=np.arange(len(rows), dtype=np.float64) * DT_S,
         )
 
     def _is_due(self, step: int, humans: list[PerceivedHuman]) -> bool:
@@ -92,6 +92,12 @@ class SpaceTimeExpert:
         if standing or factor[local.frame.cell(state[0], state[1])] == 0:
             factor, heuristic = self._painted(state, standing), local.heuristic
             if not local.distances(factor, state[0], state[1]):
+                # The way around may be longer than the window is wide; if there is none, humans may go on.
+                if local.margin_m < math.inf:
+                    self._local = self._ground.around(state[:2], self._goal_m, wider_than=local)
+                    self._tracks.local = self._local
+                    self._replan(step, state, humans)
+                    return
                 heuristic = local.to_goal
         people = self._timed(humans)
         self._plan = self._search.search(factor, heuristic, local.cells, state, self._goal_m, people)
@@ -133,7 +139,8 @@ class SpaceTimeExpert:
             return np.full(self._horizon, _STANDING_WIDTH_M)
         growth = 0.0 if config.oracle else config.doubt_growth_mps
         ahead_s = np.arange(1, self._horizon + 1) * DT_S + human.age_s
-        return config.timed_margin_m + np.minimum(growth * ahead_s, config.doubt_max_m)
+        widths: Float64Array = config.timed_margin_m + np.minimum(growth * ahead_s, config.doubt_max_m)
+        return widths
 
     def _drive(self, step: int, state: State, expected_m: Float64Array) -> tuple[float, float]:
         if self._plan is not None:

@@ -26,6 +26,8 @@ _HEURISTIC_SLACK_M = 1.5
 class EpisodeGround:
     """The part of a map around one episode."""
 
+    margin_m: float
+    """How far it reaches around start and goal [m]; inf is the whole map."""
     frame: GridFrame
     occupancy: OccupancyMap
     """Un-inflated."""
@@ -117,9 +119,18 @@ class ExpertGround:
         tight = (self.clearance > robot.radius_m + config.tight_margin_m) & (self.static_factor == 0)
         self.tight_factor = np.where(tight, np.uint8(config.dear_factor), self.static_factor)
 
-    def around(self, start_m: tuple[float, float], goal_m: tuple[float, float]) -> EpisodeGround:
-        """The window that an episode takes place in: around start and goal, wider if that holds no way."""
-        for margin_m in _WINDOW_MARGINS_M:
+    def around(
+        self, start_m: tuple[float, float], goal_m: tuple[float, float], *, wider_than: EpisodeGround | None = None
+    ) -> EpisodeGround:
+        """The window that an episode takes place in: around start and goal, wider if that holds no way.
+
+        Args:
+            start_m: Where the robot is [m].
+            goal_m: Where it goes [m].
+            wider_than: A window that turned out too small.
+        """
+        least_m = 0.0 if wider_than is None else wider_than.margin_m
+        for margin_m in [margin_m for margin_m in _WINDOW_MARGINS_M if margin_m > least_m]:
             window = self._window(start_m, goal_m, margin_m)
             i, j = window.frame.cell(*start_m)
             inside = 0 <= i < window.to_goal.shape[0] and 0 <= j < window.to_goal.shape[1]
@@ -139,6 +150,7 @@ class ExpertGround:
             flood = GridSearch((walkable.shape[0], walkable.shape[1]))
             human_ways = tuple(flood.distances(walkable, human_frame.cell(*place)) for place in (start_m, goal_m))
         return EpisodeGround(
+            margin_m=margin_m,
             frame=moved,
             occupancy=OccupancyMap(frame=moved, occupied=np.ascontiguousarray(self.occupancy.occupied[part])),
             clearance=np.ascontiguousarray(self.clearance[part]),

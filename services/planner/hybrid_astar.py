@@ -160,6 +160,7 @@ class HybridAStar:
 
 @njit(cache=True)
 def push(costs: Float64Array, nodes: Int32Array, count: int, cost: float, node: int) -> int:
+    """Put an entry into a heap of `count` entries; returns their new number."""
     k = count
     while k > 0:
         parent = (k - 1) >> 1

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -27,13 +27,13 @@ class PerceivedHuman:
     vy_mps: float
     seen: bool
     """True if in view now; else felt nearby, known to an oracle, or moved on from the latest view."""
-    age_s: float
-    """How long ago it was perceived last [s]."""
     ahead_m: Float64Array
     """Where it is expected after 1, 2, ... steps [m], shape (T, 2)."""
-    others_m: Float64Array
+    age_s: float = 0.0
+    """How long ago it was perceived last [s]."""
+    others_m: Float64Array = field(default_factory=lambda: np.empty((0, 0, 2)))
     """Where it will be if it takes the robot's way, to its start or to its goal [m], shape (K, T, 2); K may be 0."""
-    chances: Float64Array
+    chances: Float64Array = field(default_factory=lambda: np.ones(1))
     """How likely `ahead_m` and the rows of `others_m` are, shape (1 + K,)."""
 
 
@@ -57,11 +57,11 @@ class HumanTracks:
         Args:
             ground: Robot, maps and settings.
             local: The episode's part of the map.
-            paths_m: Where the humans truly walk [m], shape (T, 2) each, for an oracle and for `foresight_s`.
+            paths_m: Where the humans truly walk [m], shape (T, 2) each, for an oracle.
             count: Steps to look ahead.
         """
         config, robot = ground.config, ground.robot
-        self._ground, self._local, self._config, self._count = ground, local, config, count
+        self._ground, self.local, self._config, self._count = ground, local, config, count
         self._paths_m = paths_m
         self._half_fov_rad = math.radians(robot.camera.horizontal_fov_deg) / 2
         self._camera_m = robot.camera.mount_height_m
@@ -116,21 +116,15 @@ class HumanTracks:
             return self._walks(np.array(rows), count)
         vx, vy = self._velocity(rows)
         t = np.arange(1, count + 1) * DT_S
-        straight = np.stack([rows[-1][0] + t * vx, rows[-1][1] + t * vy], axis=1)
-        known = round(self._config.foresight_s / DT_S)
-        if known == 0:
-            return straight[None], np.ones(1)
-        true = self._path(index, step, step + 1 + known)
-        beyond = true[-1] + np.arange(1, count - known + 1)[:, None] * (true[-1] - true[-2])
-        return np.concatenate([true[1:], beyond])[None, :count], np.ones(1)
+        return np.stack([rows[-1][0] + t * vx, rows[-1][1] + t * vy], axis=1)[None], np.ones(1)
 
     def _walks(self, views_m: Float64Array, count: int) -> tuple[Float64Array, Float64Array]:
         """On along the present way, or along the robot's: the more a route explains, the likelier it is."""
         ground = self._ground
         walks = [predict_walk(views_m, ground.human_clearance, ground.human_frame, count)]
         weights = [1.0]
-        for to_place in self._local.human_ways if self._config.route_weight > 0 else ():
-            route, explained = follow_route(views_m, to_place, self._local.human_frame, count)
+        for to_place in self.local.human_ways if self._config.route_weight > 0 else ():
+            route, explained = follow_route(views_m, to_place, self.local.human_frame, count)
             weight = self._config.route_weight * min(max((explained - 0.5) / 0.4, 0.0), 1.0)
             if weight > 0.05:
                 walks.append(route)

@@ -27,6 +27,8 @@ UInt8Array = npt.NDArray[np.uint8]
 
 _TABLE_SIZE = 1 << 18
 _KEY_CELL_M = 0.1
+_SLOPE_CELLS = 3
+_DRIVEN_TURN_RAD = 0.6
 CHECK_STEPS = 2
 """Steps between two checks of a primitive against walls and humans."""
 
@@ -83,6 +85,8 @@ class SpaceTimeSearch:
         self._config, self._goal_tolerance_m = config, goal_tolerance_m
         self._primitives = make_timed_primitives(robot, config)
         self._speed_mps, self._radius_m = robot.v_max_mps, robot.radius_m + config.tracking_margin_m
+        # What a turn in place costs by its time; the way to the goal knows nothing of headings.
+        self._turn_cost = 0.5 * robot.v_max_mps / robot.w_max_radps
         capacity = config.timed_expansions_max * 16 + 64
         self._nodes = np.empty((capacity, 4))
         self._links = np.empty((capacity, 4), np.int32)
@@ -152,7 +156,7 @@ class SpaceTimeSearch:
             (primitives.rows, primitives.costs, primitives.lengths_m, primitives.ends, primitives.first),
             len(primitives.w_levels),
             people,
-            (self._delays, cell, config.timed_heuristic_weight, self._radius_m),
+            (self._delays, cell, config.timed_heuristic_weight, self._radius_m, self._turn_cost),
             (config.timed_heading_count, config.timed_expansions_max, self._depth_max),
             self._stamp,
             (self._nodes, self._links, self._heap_cost, self._heap_node),
@@ -218,7 +222,22 @@ def _delay(
     # Cells that a robot cannot reach by then are not filled.
     if layer >= len(delays) - 1 or max(abs(a - half), abs(b - half)) > layer + 1:
         return 0.0
-    return delays[layer, a, b]
+    return float(delays[layer, a, b])
+
+
+@njit(cache=True)
+def _turn_left(heuristic: Int32Array, i: int, j: int, yaw: float) -> float:
+    """By how much a heading is away from the way to the goal, beyond what driving on can mend [rad]."""
+    if i < _SLOPE_CELLS or j < _SLOPE_CELLS:
+        return 0.0
+    if i + _SLOPE_CELLS >= heuristic.shape[0] or j + _SLOPE_CELLS >= heuristic.shape[1]:
+        return 0.0
+    west, east = heuristic[i, j - _SLOPE_CELLS], heuristic[i, j + _SLOPE_CELLS]
+    south, north = heuristic[i - _SLOPE_CELLS, j], heuristic[i + _SLOPE_CELLS, j]
+    if max(west, east, south, north) >= UNREACHED:
+        return 0.0
+    away = (math.atan2(south - north, west - east) - yaw + math.pi) % (2 * math.pi) - math.pi
+    return max(0.0, abs(away) - _DRIVEN_TURN_RAD)
 
 
 @njit(cache=True)
@@ -231,7 +250,7 @@ def _search(
     primitives: tuple[Float64Array, Float64Array, Float64Array, Int32Array, Int32Array],
     turn_levels: int,
     humans: People,
-    guide: tuple[Float64Array, float, float, float],
+    guide: tuple[Float64Array, float, float, float, float],
     limits: tuple[int, int, int],
     stamp: int,
     memory: tuple[Float64Array, Int32Array, Float64Array, Int32Array],
@@ -244,7 +263,7 @@ def _search(
     rows, costs, lengths, ends, first = primitives
     nodes, links, heap_cost, heap_node = memory
     table_key, table_node, table_stamp = table
-    delays, delay_cell, weight, radius = guide
+    delays, delay_cell, weight, radius, turn_cost = guide
     expected = humans[0]
     heading_count, expansions_max, depth_max = limits
     resolution, steps = ground[4], rows.shape[1]
@@ -291,7 +310,7 @@ def _search(
             new_cost = cost + costs[q]
             if known and nodes[table_node[slot], 3] <= new_cost:
                 continue
-            left = heuristic[i, j] * metres
+            left = heuristic[i, j] * metres + turn_cost * _turn_left(heuristic, i, j, new_yaw)
             if len(expected) > 0:
                 left += _delay(delays, delay_cell, start, xx, yy, (depth + 1) * steps // LAYER_STEPS)
                 if left == np.inf:

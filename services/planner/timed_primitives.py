@@ -43,7 +43,7 @@ class TimedPrimitives:
     @property
     def steps(self) -> int:
         """Steps of a primitive, K."""
-        return self.rows.shape[1]
+        return int(self.rows.shape[1])
 
     @property
     def root(self) -> int:
@@ -122,7 +122,7 @@ def _fill_group(
     lengths: Float64Array,
     ends: Int32Array,
 ) -> int:
-    """Tabulate the primitives from a command to all levels within reach, from index `begin` on; returns their number."""
+    """Tabulate what leads from a command to all levels within reach, from index `begin` on; returns its number."""
     v_max, w_max, a_max, alpha_max = limits
     duration = rows.shape[1] * DT_S
     count = 0

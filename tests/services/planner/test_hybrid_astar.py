@@ -22,7 +22,7 @@ def field():
 def _plan(factor, start, goal, **options):
     goal = np.array(goal, float)
     heuristic = GridSearch(factor.shape).distances(factor, FRAME.cell(*goal))
-    return HybridAStar(FRAME, ROBOT, CONFIG).search(factor, heuristic, start, goal, **options)
+    return HybridAStar(ROBOT, CONFIG).search(factor, heuristic, FRAME, start, goal, **options)
 
 
 def test_nine_primitives_of_three_speeds_and_three_turn_rates():
@@ -90,8 +90,8 @@ def test_corridor_too_narrow_for_an_arc_needs_a_turn(field):
 
 
 def test_searches_do_not_disturb_each_other(field):
-    search, planner = GridSearch(field.shape), HybridAStar(FRAME, ROBOT, CONFIG)
+    search, planner = GridSearch(field.shape), HybridAStar(ROBOT, CONFIG)
     goals = [np.array(goal) for goal in ((5.0, 0.5), (-1.0, 3.0), (5.0, 0.5))]
-    plans = [planner.search(field, search.distances(field, FRAME.cell(*g)), (0.0, 0.0, 1.0), g) for g in goals]
+    plans = [planner.search(field, search.distances(field, FRAME.cell(*g)), FRAME, (0.0, 0.0, 1.0), g) for g in goals]
     assert np.array_equal(plans[0].xyyaw, plans[2].xyyaw)
     assert plans[0].cost == plans[2].cost
