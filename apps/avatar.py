@@ -15,7 +15,6 @@ from common.avatars import Avatar, avatar_hash, avatar_paths, joint_positions, l
 from common.avatars.file import EMBEDDED_FOLDER
 from common.errors import AvatarError
 from common.frames import axis_angle_from_matrix, matrix_from_axis_angle
-from common.gaussians import GaussianCloud
 from common.messages import Motion
 
 FloatArray = npt.NDArray[np.float32]
@@ -24,7 +23,6 @@ Image = npt.NDArray[np.uint8]
 VIEW_COUNT = 8
 TILE_HEIGHT_PX, TILE_WIDTH_PX = 420, 240
 CAMERA_DISTANCE_M, CAMERA_HEIGHT_M, FOCAL_PX = 4.2, 1.2, 830.0
-WALL_COLOUR = (0.80, 0.82, 0.84)
 
 
 def avatar_list(*, avatars: Path | None = None, json: bool = False) -> None:
@@ -45,26 +43,38 @@ def avatar_list(*, avatars: Path | None = None, json: bool = False) -> None:
     Console().print(table)
 
 
-def avatar_preview(avatar: Path, /, *, out: Path | None = None, video: Path | None = None, seed: int = 0) -> None:
-    """Draw a person from all sides, standing and in mid-stride; or film them on a walk.
+def avatar_preview(
+    avatar: Path,
+    /,
+    *,
+    out: Path | None = None,
+    sheet: Path | None = None,
+    video: Path | None = None,
+    seed: int = 0,
+) -> None:
+    """Draw a person from all sides, standing and in mid-stride; in four phases of the gait; or film them on a walk.
 
     Args:
         avatar: Avatar file, or the name of an embedded avatar.
-        out: PNG to write.
+        out: PNG to write: eight sides, standing and in mid-stride.
+        sheet: PNG to write: a contact sheet of four phases of the gait, each from three sides.
         video: MP4 to write: the person walks an S-curve over a floor with lines every 0.5 m.
         seed: Habits of the person on the walk.
     """
-    if out is None and video is None:
-        raise AvatarError("Say what to make: --out person.png, --video person.mp4, or both.")
-    if out is not None and out.suffix.lower() != ".png":
-        raise AvatarError(f"--out {out} must end in .png.")
-    if video is not None and video.suffix.lower() != ".mp4":
-        raise AvatarError(f"--video {video} must end in .mp4.")
+    if out is None and sheet is None and video is None:
+        raise AvatarError("Say what to make: --out person.png, --sheet gait.png, --video person.mp4, or several.")
+    for option, path, ending in (("--out", out, ".png"), ("--sheet", sheet, ".png"), ("--video", video, ".mp4")):
+        if path is not None and path.suffix.lower() != ending:
+            raise AvatarError(f"{option} {path} must end in {ending}.")
+    from common.drawing.files import write_png
+
     person = load_avatar(_file_of(avatar))
     if out is not None:
-        from common.drawing.files import write_png
-
         write_png(out, turntable(person, (standing_pose(), stride_pose())))
+    if sheet is not None:
+        from apps.avatar_sheet import contact_sheet
+
+        write_png(sheet, contact_sheet(person, seed=seed))
     if video is not None:
         from apps.avatar_film import walk_frames
         from common.drawing.film import write_film
@@ -82,19 +92,18 @@ def turntable(avatar: Avatar, poses: Sequence[FloatArray]) -> Image:
     Returns:
         RGB, shape (len(poses) * 420, 8 * 240, 3).
     """
-    from common.rasterizer.cpu import CpuRasterizer, PosedPerson
-    from common.rasterizer.packed import pack_cloud
+    from apps.avatar_stage import Lens, Stage, look_at
 
-    K_px = np.array([[FOCAL_PX, 0, TILE_WIDTH_PX / 2], [0, FOCAL_PX, TILE_HEIGHT_PX / 2], [0, 0, 1]])
-    rasterizer = CpuRasterizer(pack_cloud(_wall()), [avatar], K_px, TILE_HEIGHT_PX, TILE_WIDTH_PX)
-    T_world_camera = _camera(avatar.height_m)
+    stage = Stage(avatar, Lens(height_px=TILE_HEIGHT_PX, width_px=TILE_WIDTH_PX, focal_px=FOCAL_PX))
+    # In front of the person, who faces -y, looking at the middle of the body.
+    camera = look_at((0.0, -CAMERA_DISTANCE_M, CAMERA_HEIGHT_M), (0.0, 0.0, 0.52 * avatar.height_m))
     rows = []
     for pose in poses:
         tiles = []
         for view in range(VIEW_COUNT):
             turned = _turned(pose, 2 * np.pi * view / VIEW_COUNT)
-            person = PosedPerson(avatar=0, root_m=_grounded_root(avatar, turned), pose_axis_angle=turned)
-            tiles.append(rasterizer.render(T_world_camera, [person]))
+            motion = Motion(root_m=_grounded_root(avatar, turned)[None], pose_axis_angle=turned[None])
+            tiles.append(stage.picture(camera, motion, 0, joint_positions(avatar, motion)))
         rows.append(np.concatenate(tiles, axis=1))
     return np.concatenate(rows)
 
@@ -156,27 +165,3 @@ def _grounded_root(avatar: Avatar, pose: FloatArray) -> FloatArray:
     motion = Motion(root_m=np.zeros((1, 3), dtype=np.float32), pose_axis_angle=pose[None])
     ankles_m = joint_positions(avatar, motion)[0, [7, 8], 2]
     return np.array([0.0, 0.0, avatar.joints_tpose_m[7, 1] - ankles_m.min()], dtype=np.float32)
-
-
-def _camera(height_m: float) -> npt.NDArray[np.float64]:
-    """In front of the person, who faces -y, looking at the middle of the body."""
-    drop = (CAMERA_HEIGHT_M - 0.52 * height_m) / CAMERA_DISTANCE_M
-    forward = np.array([0.0, 1.0, -drop]) / np.hypot(1.0, drop)
-    right = np.array([1.0, 0.0, 0.0])
-    T = np.eye(4)
-    T[:3, :3] = np.stack([right, np.cross(forward, right), forward], axis=1)
-    T[:3, 3] = (0.0, -CAMERA_DISTANCE_M, CAMERA_HEIGHT_M)
-    return T
-
-
-def _wall() -> GaussianCloud:
-    """A plain grey backdrop."""
-    count = 4
-    means = np.stack([np.zeros(count), np.linspace(19.0, 20.0, count), np.full(count, 1.0)], axis=1)
-    return GaussianCloud(
-        means_m=means.astype(np.float32),
-        quats_wxyz=np.tile(np.array([1, 0, 0, 0], dtype=np.float32), (count, 1)),
-        scales_m=np.tile(np.array([60.0, 0.01, 60.0], dtype=np.float32), (count, 1)),
-        opacities=np.full(count, 0.99, dtype=np.float32),
-        sh=np.tile((np.array(WALL_COLOUR, dtype=np.float32) - 0.5) / np.float32(0.28209479), (count, 1, 1)),
-    )

@@ -27,9 +27,9 @@ def loss_chart(curves: Sequence[LossCurve], *, step_name: str) -> str:
     losses = np.concatenate([loss for _, _, loss in cleaned])
     log = bool(losses.min() > 0 and losses.max() > 20 * losses.min())
     low, high = (losses.min(), losses.max()) if log else (min(0.0, float(losses.min())), float(losses.max()))
-    y_ticks = _decades(low, high) if log else _nice_ticks(low, high)
+    y_ticks = _decades(low, high) if log else nice_ticks(low, high)
     low, high = min(low, y_ticks[0]), max(high, y_ticks[-1])
-    x_ticks = _nice_ticks(float(steps.min()), float(steps.max()))
+    x_ticks = nice_ticks(float(steps.min()), float(steps.max()))
     x_low, x_high = float(steps.min()), max(float(steps.max()), float(steps.min()) + 1e-9)
 
     def x_of(step: float) -> float:
@@ -45,10 +45,12 @@ def loss_chart(curves: Sequence[LossCurve], *, step_name: str) -> str:
     for tick in y_ticks:
         y = y_of(tick)
         parts.append(f'<line x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{y:.1f}" y2="{y:.1f}" class="grid"/>')
-        parts.append(f'<text x="{_LEFT - 8}" y="{y + 4:.1f}" text-anchor="end">{_number(tick)}</text>')
+        parts.append(f'<text x="{_LEFT - 8}" y="{y + 4:.1f}" text-anchor="end">{number_text(tick)}</text>')
     for tick in x_ticks:
         if x_low <= tick <= x_high:
-            parts.append(f'<text x="{x_of(tick):.1f}" y="{_HEIGHT - 20}" text-anchor="middle">{_number(tick)}</text>')
+            parts.append(
+                f'<text x="{x_of(tick):.1f}" y="{_HEIGHT - 20}" text-anchor="middle">{number_text(tick)}</text>'
+            )
     middle = (_LEFT + _WIDTH - _RIGHT) / 2
     parts.append(f'<text x="{middle}" y="{_HEIGHT - 4}" text-anchor="middle">{escape(step_name)}</text>')
     for k, (name, step, loss) in enumerate(cleaned):
@@ -57,7 +59,7 @@ def loss_chart(curves: Sequence[LossCurve], *, step_name: str) -> str:
         parts.append(f'<polyline points="{points}" fill="none" stroke="{colour}" stroke-width="2"/>')
         y = _TOP + 10 + 18 * k
         parts.append(f'<rect x="{_WIDTH - 150}" y="{y - 8}" width="18" height="4" fill="{colour}"/>')
-        parts.append(f'<text x="{_WIDTH - 126}" y="{y - 2}">{escape(name)} {_number(float(loss[-1]))}</text>')
+        parts.append(f'<text x="{_WIDTH - 126}" y="{y - 2}">{escape(name)} {number_text(float(loss[-1]))}</text>')
     return "".join([*parts, "</svg>"])
 
 
@@ -87,7 +89,7 @@ def _finite(curve: LossCurve) -> tuple[np.ndarray, np.ndarray]:
     return step[keep], loss[keep]
 
 
-def _nice_ticks(low: float, high: float) -> list[float]:
+def nice_ticks(low: float, high: float) -> list[float]:
     """About five round numbers from at or above `low` to at or above `high`."""
     span = max(high - low, 1e-9)
     raw = span / 5
@@ -102,7 +104,8 @@ def _decades(low: float, high: float) -> list[float]:
     return [10.0**k for k in range(first, last + 1)]
 
 
-def _number(value: float) -> str:
+def number_text(value: float) -> str:
+    """A number with about three digits."""
     if value != 0 and (abs(value) < 0.001 or abs(value) >= 1e6):
         return f"{value:.1e}"
     return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.3g}"

@@ -26,10 +26,13 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "generate": ("apps.generate:generate", "record episodes of an expert among walking people"),
     "validate": ("apps.data:validate", "read a dataset again and report every defect"),
     "inspect": ("apps.data:inspect", "say what a dataset holds"),
+    "coverage": ("apps.coverage:coverage", "show what a dataset covers, and what it does not, on one page"),
     "train": ("apps.train:train", "learn a policy from recorded episodes"),
     "evaluate": ("apps.evaluate:evaluate", "measure success rates in closed loop"),
     "worker": ("apps.worker:worker", "join a fleet as one worker"),
     "bench render": ("benchmarks.render:bench_render", "measure images per second, beside the bound and a peer"),
+    "bench motion": ("benchmarks.motion:bench_motion", "measure how human the gait is, against its gates"),
+    "bench plan": ("benchmarks.plan:bench_plan", "measure success, times and smoothness of the robot experts"),
     "warm": ("apps.warm:warm", "compile all kernels once"),
 }
 """Command -> (where its function is, what it does)."""

@@ -13,7 +13,7 @@ from rich.table import Table
 
 from common.dataset import Dataset, Report
 from common.dataset import validate as validate_folder
-from common.errors import DatasetError
+from common.errors import ConfigError, DatasetError
 from common.robot.kinematics import RATE_HZ
 
 DEFECTS_SHOWN = 20
@@ -49,16 +49,24 @@ def validate(data: Path, /, *, json: bool = False) -> None:
         )
 
 
-def inspect(data: Path, /, *, json: bool = False) -> None:
-    """Say what a dataset holds.
+def inspect(data: Path, /, *, overlay: Path | None = None, json: bool = False) -> None:
+    """Say what a dataset holds, or show how its labels lie on its people.
 
     Args:
         data: Data folder.
+        overlay: PNG to write: images with people, their joints, boxes and ground points drawn over them.
         json: Print the result as JSON.
 
     Raises:
-        DatasetError: If there is no readable dataset.
+        DatasetError: If there is no readable dataset, or no labels for an overlay.
     """
+    if overlay is not None:
+        if overlay.suffix.lower() != ".png":
+            raise ConfigError(f"--overlay {overlay} must end in .png.")
+        from apps.label_overlay import label_overlay
+        from common.drawing.files import write_png
+
+        write_png(overlay, label_overlay(Dataset([data])))
     summary = _summary(data)
     if json:
         _print_json(summary)

@@ -102,6 +102,7 @@ def generate(
     for reason, count in summary["rejected"].items():
         console.print(f"  rejected {count}: {reason}", markup=False)
     console.print(f"Next: readygo validate {out} && readygo train {out} --out policy", markup=False)
+    console.print(f"What it covers: readygo coverage {out} --out coverage", markup=False)
 
 
 def with_outputs(config: RunConfig, names: str) -> RunConfig:

@@ -38,6 +38,7 @@ from services.planner import ExpertConfig, Planner, handle_human_plan
 from services.planner.handlers import SceneMaps, drive
 from services.planner.journal import ExpertRun, run_with_journal
 from services.planner.picture import draw_episode, draw_run
+from services.planner.scenario_file import save_scenarios
 
 Numbers = dict[str, Any]
 
@@ -57,6 +58,7 @@ def plan(
     picture: Path | None = None,
     video: Path | None = None,
     camera: bool = False,
+    export: Path | None = None,
     json: bool = False,
 ) -> None:
     """Plan one episode again, and say and show what the expert did and why.
@@ -69,7 +71,7 @@ def plan(
         index: Number of the episode.
         seed: Seed of the run.
         split: Random streams to draw the episode from.
-        mode: How the expert plans, "paper" or another of its modes; as in `config` by default.
+        mode: How the expert plans, "paper" or "spacetime"; as in `config` by default.
         static: Leave the humans out.
         config: TOML file with sections of settings, as given to `readygo generate`.
         robot: robot.toml of another robot.
@@ -77,9 +79,11 @@ def plan(
         picture: PNG to write: the map, the ways, plans given up, what the robot saw and expected, the outcome.
         video: MP4 to write: the same over time, in real time.
         camera: Show the robot's camera in the video, drawn as `generate` records it.
+        export: TOML file to write with the scenario, to be changed by hand or given to others.
         json: Print the numbers as JSON.
     """
-    _check(scene, index, seed, picture, video, camera)
+    _check(scene, index, seed, camera=camera, video=video)
+    _check_endings(picture, video, export)
     run_config = load_run_config(config, load_robot(robot) if robot else None)
     if mode:
         run_config = dataclasses.replace(run_config, expert=_with_mode(run_config.expert, mode))
@@ -91,23 +95,30 @@ def plan(
         write_png(picture, _picture(take, stage))
     if video is not None:
         _write_video(video, take, stage, camera=camera)
+    if export is not None:
+        save_scenarios(export, [take.scenario])
     if json:
         sys.stdout.write(json_module.dumps(numbers, indent=2) + "\n")
     else:
-        _print(numbers, [path for path in (picture, video) if path is not None])
+        _print(numbers, [path for path in (picture, video, export) if path is not None])
 
 
-def _check(scene: str, index: int, seed: int, picture: Path | None, video: Path | None, camera: bool) -> None:
+def _check(scene: str, index: int, seed: int, *, camera: bool, video: Path | None) -> None:
     """Raise RunError if the arguments make no sense."""
     if index < 0 or not 0 <= seed < 2**63:
         raise RunError(f"--index must be at least 0 and --seed 0..2^63-1, got {index} and {seed}.")
-    for option, path, ending in (("--picture", picture, ".png"), ("--video", video, ".mp4")):
-        if path is not None and path.suffix.lower() != ending:
-            raise RunError(f"{option} {path} must end in {ending}.")
     if camera and video is None:
         raise RunError("--camera shows the robot's view in a video: say where with --video FILE.mp4.")
     if camera and scene.endswith((".yaml", ".yml")):
         raise RunError(f"--camera needs a scene bundle to draw: {scene} is a map.")
+
+
+def _check_endings(picture: Path | None, video: Path | None, export: Path | None) -> None:
+    """Raise RunError if a file's name does not say what it will be."""
+    files = (("--picture", picture, ".png"), ("--video", video, ".mp4"), ("--export", export, ".toml"))
+    for option, path, ending in files:
+        if path is not None and path.suffix.lower() != ending:
+            raise RunError(f"{option} {path} must end in {ending}.")
 
 
 def _with_mode(expert: ExpertConfig, mode: str) -> ExpertConfig:
@@ -243,7 +254,7 @@ def _driven(run: ExpertRun) -> Numbers:
         "duration_s": round(trajectory.duration_s, 2),
         "path_length_m": round(EpisodeResult.from_trajectory(trajectory, 0.0).path_length_m, 3),
         "replans": int(trajectory.replanned.sum()),
-        "plans": len(run.journal.changes),
+        "ways": len(run.journal.changes),
         "replan_p50_ms": round(float(np.percentile(times_ms, 50)), 3) if len(times_ms) else None,
         "replan_p99_ms": round(float(np.percentile(times_ms, 99)), 3) if len(times_ms) else None,
         "human_distance_min_m": _finite(float(trajectory.human_distance_m.min())),
@@ -266,9 +277,10 @@ def _print(numbers: Numbers, written: Sequence[Path]) -> None:
     table = Table(title=f"episode {numbers['episode']}, mode {numbers['mode']}", show_header=False)
     for name, value in _rows(numbers):
         table.add_row(name, value)
+    console = Console(highlight=False)
+    console.print(table)
     for path in written:
-        table.add_row("written", str(path))
-    Console(highlight=False).print(table)
+        console.print(f"Open {path}.", markup=False, soft_wrap=True)
 
 
 def _rows(numbers: Numbers) -> list[tuple[str, str]]:
@@ -277,7 +289,7 @@ def _rows(numbers: Numbers) -> list[tuple[str, str]]:
         share = 100 * numbers["human_visible_share"]
         rows.insert(0, ("outcome", f"{numbers['outcome'].replace('_', ' ')} after {numbers['duration_s']:.2f} s"))
         rows.append(("way", f"{numbers['path_length_m']:.2f} m"))
-        replans = f"{numbers['replans']}, {numbers['plans']} plans in force"
+        replans = f"{numbers['replans']}, {numbers['ways']} different ways"
         if numbers["replans"]:
             replans += f"; p50 {numbers['replan_p50_ms']:.2f} ms, p99 {numbers['replan_p99_ms']:.2f} ms"
         rows.append(("replans", replans))

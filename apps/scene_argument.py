@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from apps.paths import cache_folder
-from common.maps import FloorMap, load_ros_map
+from common.maps import FloorMap, OccupancyMap, load_ros_map
 from common.scenes import Scene, load_scene
 from services.planner.handlers import SceneMaps
 
@@ -24,10 +24,10 @@ def open_scene(scene: str) -> Scene:
 
 
 class FlatMaps:
-    """The maps of a ROS map on a flat floor: robot and people are blocked by the same cells."""
+    """One map on a flat floor: robot and people are blocked by the same cells."""
 
-    def __init__(self, path: Path) -> None:
-        self.robot = self.human = load_ros_map(path)
+    def __init__(self, occupancy: OccupancyMap) -> None:
+        self.robot = self.human = occupancy
         self.floor = FloorMap(frame=self.robot.frame, height_m=np.zeros(self.robot.occupied.shape, np.float32))
 
 
@@ -38,6 +38,6 @@ def open_maps(scene: str) -> tuple[SceneMaps, Scene | None]:
         SceneError: If the argument names neither.
     """
     if scene.endswith((".yaml", ".yml")):
-        return FlatMaps(Path(scene)), None
+        return FlatMaps(load_ros_map(scene)), None
     bundle = open_scene(scene)
     return bundle.maps, bundle

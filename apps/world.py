@@ -89,7 +89,8 @@ class World:
 
     def animator(self) -> Animator:
         """The animator."""
-        return Animator(avatars=self.avatars, floor=self.scene.maps.floor, config=self.config.animator)
+        maps = self.scene.maps
+        return Animator(self.avatars, maps.floor, self.config.animator, obstacles=maps.human)
 
     def renderer(self) -> Renderer:
         """The renderer."""

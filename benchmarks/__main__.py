@@ -9,9 +9,11 @@ COMMANDS = (
     ["-m", "apps", "bench", "render"],
     ["benchmarks/backward.py"],
     ["benchmarks/gpu.py"],
-    ["benchmarks/motion.py"],
+    ["-m", "apps", "bench", "motion"],
+    ["benchmarks/smpl_fit.py"],
     ["benchmarks/dataset.py"],
     ["benchmarks/policy.py", "cost"],
+    ["-m", "apps", "bench", "plan", "--episodes", "50"],
 )
 
 

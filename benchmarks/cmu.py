@@ -82,9 +82,7 @@ def read_frames(path: Path) -> list[Frame]:
     return frames
 
 
-def pose_of(
-    bones: dict[str, Bone], parents: dict[str, str], frame: Frame
-) -> tuple[dict[str, Array], dict[str, Array]]:
+def pose_of(bones: dict[str, Bone], parents: dict[str, str], frame: Frame) -> tuple[dict[str, Array], dict[str, Array]]:
     """Far end of every bone [m] and its global rotation, y-up; "root" is the pelvis."""
     root = frame.get("root", [0.0] * 6)
     P, G = {"root": np.array(root[:3]) * METRES}, {"root": rotation(root[3:])}

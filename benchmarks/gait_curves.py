@@ -144,7 +144,9 @@ def feet_of(clip: Clip) -> dict[str, Any]:
     pitches = _pitch(clip, 0), _pitch(clip, 1)
     swing_pitch, stance_pitch = _mean_curve(clip, True, pitches), _flat_between(_mean_curve(clip, False, pitches))
     swing_pitch[0], swing_pitch[-1] = stance_pitch[-1], stance_pitch[0]
-    ahead = _mean_curve(clip, True, (clip.joints_m[:, 7, 2] - clip.hip_line_m, clip.joints_m[:, 8, 2] - clip.hip_line_m))
+    ahead = _mean_curve(
+        clip, True, (clip.joints_m[:, 7, 2] - clip.hip_line_m, clip.joints_m[:, 8, 2] - clip.hip_line_m)
+    )
     way = ahead - ahead[0] + clip.speed_mps * (stride - stance) * np.linspace(0.0, 1.0, SAMPLES)
     return {
         "duty": stance / stride,
@@ -238,8 +240,10 @@ def main() -> None:
     options = parser.parse_args()
     clips = {name: derive(options.folder, name) for name in WALKS + RUNS}
     source = "CMU Graphics Lab Motion Capture Database, mocap.cs.cmu.edu, funded by NSF EIA-0196217"
-    lines = [f' "{name}": {{\n' + ",\n".join(f"  {json.dumps(k)}: {json.dumps(v)}" for k, v in clip.items()) + "}"
-             for name, clip in clips.items()]
+    lines = [
+        f' "{name}": {{\n' + ",\n".join(f"  {json.dumps(k)}: {json.dumps(v)}" for k, v in clip.items()) + "}"
+        for name, clip in clips.items()
+    ]
     options.out.write_text(f'{{"source": {json.dumps(source)},\n"clips": {{\n' + ",\n".join(lines) + "}}\n")
 
 

@@ -11,20 +11,24 @@ Array = npt.NDArray[np.float64]
 
 
 def times(duration_s: float = 10.0) -> Array:
+    """Times of rows at 20 Hz [s]."""
     return np.arange(round(duration_s * 20)) * 0.05
 
 
 def line(speed_mps: float, duration_s: float = 10.0) -> Array:
+    """Straight along x at constant speed, the middle at the origin."""
     t = times(duration_s)
     return np.stack([speed_mps * (t - 0.5 * duration_s), 0.0 * t], axis=1)
 
 
 def circle(speed_mps: float, radius_m: float = 1.5) -> Array:
+    """Around the origin to the left."""
     angle = speed_mps * times() / radius_m
     return radius_m * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
 def s_curve(speed_mps: float) -> Array:
+    """Winding to both sides of x."""
     heading = 0.9 * np.sin(0.9 * speed_mps * times())
     return np.cumsum(np.stack([np.cos(heading), np.sin(heading)], axis=1) * speed_mps * 0.05, axis=0)
 
@@ -45,6 +49,14 @@ def turn_in_place(speed_mps: float) -> Array:
     return np.cumsum(along * (speed_mps * 0.05 * pace)[:, None], axis=0)
 
 
+def dash(speed_mps: float) -> Array:
+    """From a stand along x up to a speed within 1.5 s, and to a stand again before the last row."""
+    t = times()
+    pace = np.interp(t, [0.5, 2.0, 7.5, 9.0], [0.0, 1.0, 1.0, 0.0])
+    x = np.cumsum(pace * speed_mps * 0.05)
+    return np.stack([x - 0.5 * x[-1], 0.0 * t], axis=1)
+
+
 def hard_stops(speed_mps: float, pause_s: float) -> Array:
     """Full speed from the first row, a pause after 3 s, full speed again for 3 s, and an abrupt end."""
     t = times(6.0 + pause_s)
@@ -53,6 +65,7 @@ def hard_stops(speed_mps: float, pause_s: float) -> Array:
 
 
 def reversal(speed_mps: float) -> Array:
+    """Along x and, after 5 s, back without a pause."""
     t = times()
     return np.stack([np.cumsum(np.where(t < 5.0, 0.05, -0.05) * speed_mps), 0.0 * t], axis=1)
 

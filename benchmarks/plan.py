@@ -1,150 +1,99 @@
-"""Success of the expert and cost of planning: `python benchmarks/plan.py [SCENE_OR_MAP ...] [--episodes N]`.
+"""`readygo bench plan`: how often, how fast and how smoothly the experts arrive, and what planning costs.
 
-A scene is "embedded", a scene bundle, or a ROS map (.yaml). Prints one JSON object per scene and task. Times are CPU
-time of the thread; compiled code is warmed up by the first episode, which does not count.
+Every mode drives through the same scenarios with the same motions. Times are CPU time of the thread.
 """
 
-import argparse
-import json
-import math
+import json as json_module
 import sys
-import time
-from collections import Counter
-from dataclasses import asdict
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
-import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from benchmarks.plan_maps import default_data_folder, find_map
+from benchmarks.plan_runs import Draw, Job, draws, processes
+from benchmarks.plan_summary import map_row, rows_of, text
+from benchmarks.render import machine
+from common.errors import ConfigError
+from services.planner.recipes import PeopleName
 
-from apps.scene_argument import open_scene
-from common.avatars import load_avatars
-from common.episode import EpisodeConfig, EpisodeResult, shortest_way_m, summarize
-from common.maps import FloorMap, load_ros_map
-from common.messages import (
-    AnimateRequest,
-    EpisodeKey,
-    EpisodeMotions,
-    HumanPlanRequest,
-    Outcome,
-    RobotPlanRequest,
-    RobotTrajectory,
-    Scenario,
-    Split,
-)
-from common.robot import RobotConfig
-from services.animator import Animator, AnimatorConfig, handle_animate
-from services.planner import ExpertConfig, HumanPlannerConfig, Planner, handle_human_plan, handle_robot_plan
-from services.planner.picture import draw_episode
+Mode = Literal["paper", "spacetime", "near_field", "oracle"]
+Task = Literal["dynamic", "static"]
 
 
-class FlatMaps:
-    """The maps of a ROS map on a flat floor."""
+def bench_plan(
+    *,
+    maps: tuple[str, ...] = ("embedded",),
+    episodes: int = 200,
+    modes: tuple[Mode, ...] = ("paper", "spacetime", "near_field", "oracle"),
+    tasks: tuple[Task, ...] = ("dynamic", "static"),
+    people: PeopleName = "paper",
+    workers: int = 2,
+    seed: int = 2,
+    data: Path | None = None,
+    pictures: Path | None = None,
+    json: bool = False,
+) -> None:
+    """Measure success, times and smoothness of the robot experts.
 
-    def __init__(self, path: Path) -> None:
-        self.robot = self.human = load_ros_map(path)
-        self.floor = FloorMap(frame=self.robot.frame, height_m=np.zeros(self.robot.occupied.shape, np.float32))
-
-
-def open_maps(name: str) -> Any:
-    """Maps of a scene or of a ROS map."""
-    return FlatMaps(Path(name)) if name.endswith(".yaml") else open_scene(name).maps
-
-
-def failure(scenario: Scenario, motions: EpisodeMotions, trajectory: RobotTrajectory) -> str:
-    """How an episode failed: for human collisions also where the human was and whether the robot moved."""
-    if trajectory.outcome is not Outcome.HUMAN_COLLISION:
-        return trajectory.outcome.value
-    step = len(trajectory.xyyaw) - 1
-    x, y, yaw = trajectory.xyyaw[-1]
-    roots = np.array([human.motion.root_m[human.motion.row(step), :2] for human in motions.humans]) - (x, y)
-    dx, dy = roots[int(np.argmin((roots**2).sum(axis=1)))]
-    bearing = (math.atan2(dy, dx) - yaw + math.pi) % (2 * math.pi) - math.pi
-    place = "in view" if abs(bearing) <= math.radians(50) else "out of view"
-    return f"human {place}, robot {'standing' if trajectory.actions[-1, 0] < 0.1 else 'moving'}"
-
-
-def measure(
-    maps: Any, count: int, expert: ExpertConfig, *, seed: int, static: bool, pictures: Path | None
-) -> dict[str, Any]:
-    """Run the first `count` accepted test episodes."""
-    avatars = load_avatars()
-    robot, config = RobotConfig(), EpisodeConfig()
-    planner = Planner(maps, avatars, robot, config, HumanPlannerConfig(), expert)
-    animator = Animator(avatars, maps.floor, AnimatorConfig())
-    results, speeds, replans_ms, human_ms, robot_ms = [], [], [], [], []
-    failures, rejected, encounters = Counter[str](), Counter[str](), Counter[str]()
-    index = 0
-    while len(results) < count:
-        episode = EpisodeKey(seed=seed, split=Split.TEST, index=index)
-        index += 1
-        started = time.thread_time()
-        plan = handle_human_plan(planner, HumanPlanRequest(episode=episode, static=static))
-        human_ms.append(1e3 * (time.thread_time() - started))
-        if plan.scenario is None:
-            rejected[plan.rejected] += 1
-            continue
-        motions = handle_animate(animator, AnimateRequest(scenario=plan.scenario)).motions
-        if motions is None:
-            rejected["motion"] += 1
-            continue
-        started = time.thread_time()
-        run = handle_robot_plan(planner, RobotPlanRequest(scenario=plan.scenario, motions=motions)).trajectory
-        robot_ms.append(1e3 * (time.thread_time() - started))
-        assert run is not None
-        goal, start = plan.scenario.goal_xy_m.tolist(), plan.scenario.start_xyyaw.tolist()[:2]
-        shortest = shortest_way_m(
-            maps.robot, robot.radius_m, tuple(start), tuple(goal), goal_radius_m=config.success_radius_m
-        )
-        results.append(EpisodeResult.from_trajectory(run, shortest))
-        encounters.update(human.encounter for human in plan.scenario.humans)
-        if len(results) > 1:
-            replans_ms += [1e3 * t for t in run.replan_times_s]
-        if run.outcome is Outcome.SUCCESS:
-            speeds.append(float(run.actions[20:, 0].mean()) if len(run.actions) > 20 else math.nan)
-        else:
-            failures[failure(plan.scenario, motions, run)] += 1
-        if pictures is not None:
-            save(pictures / f"{episode.episode_id}_{run.outcome.value}.png", maps.robot, plan.scenario, run, motions)
-    return {
-        **{key: round(value, 4) for key, value in asdict(summarize(results, time_limit_s=50.0)).items()},
-        "failures": dict(failures),
-        "rejected": dict(rejected),
-        "encounters": dict(encounters),
-        "speed_after_1s_mps": round(float(np.nanmean(speeds)), 3),
-        "replan_p50_ms": round(float(np.percentile(replans_ms, 50)), 3),
-        "replan_p99_ms": round(float(np.percentile(replans_ms, 99)), 3),
-        "human_plan_ms_per_accepted": round(sum(human_ms[1:]) / count, 1),
-        "robot_plan_ms": round(float(np.mean(robot_ms[1:])), 1),
-    }
+    Args:
+        maps: Where to drive: "embedded", scene bundles, map files (.yaml, MovingAI .map), or names in the data folder:
+            willow, home, any other map there, and scenes, which are imported into the user's cache once.
+        episodes: Accepted test episodes per map.
+        modes: Experts that drive through each of them.
+        tasks: With people and without, between the same starts and goals.
+        people: Mix of the people: a recipe of the planner.
+        workers: Processes; only the time that it takes depends on them.
+        seed: Seed of the episodes.
+        data: Folder with scenes/ and maps/; ../shared/data beside the checkout by default, if it is there.
+        pictures: Folder for a picture of every failure, by map, task, mode and category.
+        json: Print one JSON object instead of a table.
+    """
+    for name, value in (("--episodes", episodes), ("--workers", workers)):
+        if value < 1:
+            raise ConfigError(f"{name} must be at least 1, got {value}.")
+    if seed < 0:
+        raise ConfigError(f"--seed must not be negative, got {seed}.")
+    if data is not None and not data.is_dir():
+        raise ConfigError(f"--data {data} is no folder.")
+    if not maps:
+        raise ConfigError("--maps needs at least one map.")
+    data = data or default_data_folder()
+    sources = [find_map(name, data) for name in maps]
+    job = Job(source=sources[0], modes=modes, tasks=tasks, seed=seed, people=people, pictures=pictures)
+    jobs = [replace(job, source=source) for source in sources]
+    result = measure(jobs, episodes, process_count=workers, quiet=json)
+    sys.stdout.write(json_module.dumps(result) + "\n" if json else text(result))
 
 
-def save(path: Path, robot_map: Any, scenario: Scenario, run: RobotTrajectory, motions: EpisodeMotions) -> None:
-    """Write the picture of an episode."""
-    import cv2
+def measure(jobs: list[Job], episodes: int, *, process_count: int, quiet: bool) -> dict[str, Any]:
+    """Run jobs one after the other, each by all processes.
 
-    path.parent.mkdir(parents=True, exist_ok=True)
-    cv2.imwrite(str(path), draw_episode(robot_map, scenario, run, motions=motions)[:, :, ::-1])
-
-
-def main() -> None:
-    """Command line."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("scenes", nargs="*", default=["embedded"])
-    parser.add_argument("--episodes", type=int, default=100)
-    parser.add_argument("--pictures", type=Path, help="folder for a picture of every dynamic episode")
-    parser.add_argument("--seed", type=int, default=2)
-    parser.add_argument("--foresight-s", type=float, default=0.0, help="see ExpertConfig")
-    arguments = parser.parse_args()
-    expert = ExpertConfig(foresight_s=arguments.foresight_s)
-    for scene in arguments.scenes:
-        maps = open_maps(scene)
-        for static in (True, False):
-            pictures = None if static else arguments.pictures
-            numbers = measure(maps, arguments.episodes, expert, seed=arguments.seed, static=static, pictures=pictures)
-            print(json.dumps({"scene": Path(scene).stem, "task": "static" if static else "dynamic", **numbers}))
+    Raises:
+        SceneError: If a map cannot be used.
+    """
+    places: list[dict[str, Any]] = []
+    rows: list[dict[str, Any]] = []
+    with processes(process_count) as submit, _progress(jobs, episodes, quiet=quiet) as show:
+        for job in jobs:
+            drawn: list[Draw] = []
+            for draw in draws(job, episodes, submit, ahead=2 * process_count if process_count > 1 else 1):
+                drawn.append(draw)
+                show(job, not draw.rejected)
+            places.append(map_row(job, drawn))
+            rows += rows_of(job, drawn)
+    head = {"machine": machine(), "episodes": episodes, "seed": jobs[0].seed, "people": jobs[0].people}
+    return {**head, "maps": places, "rows": rows}
 
 
-if __name__ == "__main__":
-    main()
+@contextmanager
+def _progress(jobs: list[Job], episodes: int, *, quiet: bool) -> Iterator[Callable[[Job, bool], None]]:
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, disable=quiet or not console.is_terminal, transient=True) as progress:
+        bar = progress.add_task("episodes", total=episodes * len(jobs))
+        yield lambda job, accepted: progress.update(bar, description=job.source.name, advance=int(accepted))

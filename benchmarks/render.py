@@ -128,7 +128,7 @@ def _size(text: str) -> tuple[int, int]:
 def _head(setting: Setting) -> dict[str, Any]:
     job = setting.job
     return {
-        "machine": {"cpu": _cpu_name(), "cores": len(os.sched_getaffinity(0)), "simd": _simd()},
+        "machine": machine(),
         "backend": job.backend,
         "lod": job.lod,
         "scene": setting.scenery.name,
@@ -142,6 +142,11 @@ def _head(setting: Setting) -> dict[str, Any]:
         "frames": images_per_run(job) * job.views * RUNS,
         "seed": job.seed,
     }
+
+
+def machine() -> dict[str, Any]:
+    """What measures."""
+    return {"cpu": _cpu_name(), "cores": len(os.sched_getaffinity(0)), "simd": _simd()}
 
 
 def _cpu_name() -> str:

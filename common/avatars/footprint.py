@@ -147,7 +147,7 @@ def _fill_footprint(
     fill_joint_transforms(root, pose, joints_tpose, joints_canonical, R_tpose_canonical, A)
     count = 0
     for n in range(len(points)):
-        x, y, z = posed_point(A, points[n], lbs_index[n], lbs_weight[n])
+        x, y, z = posed_point(A, points, lbs_index, lbs_weight, n)
         if z <= z_max:
             out[count, 0] = x
             out[count, 1] = y

@@ -109,14 +109,21 @@ def fill_joint_transforms(
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
 def posed_point(
-    A: Float64Array, point: Float64Array, index: npt.NDArray[np.uint8], weight: npt.NDArray[np.float32]
+    A: Float64Array,
+    points: Float64Array,
+    lbs_index: npt.NDArray[np.uint8],
+    lbs_weight: npt.NDArray[np.float32],
+    n: int,
 ) -> tuple[float, float, float]:
-    """Where joints with transforms A (24, 3, 4) carry a canonical point (3,) that is bound to four of them."""
-    px, py, pz = point[0], point[1], point[2]
+    """Where joints with transforms A (24, 3, 4) carry the canonical point n, for callers that are compiled."""
+    px, py, pz = points[n, 0], points[n, 1], points[n, 2]
     x, y, z = 0.0, 0.0, 0.0
     for k in range(4):
-        w = float(weight[k])
-        j = index[k]
+        w = float(lbs_weight[n, k])
+        # Most points hang on two joints.
+        if w == 0.0:
+            continue
+        j = lbs_index[n, k]
         x += w * (A[j, 0, 0] * px + A[j, 0, 1] * py + A[j, 0, 2] * pz + A[j, 0, 3])
         y += w * (A[j, 1, 0] * px + A[j, 1, 1] * py + A[j, 1, 2] * pz + A[j, 1, 3])
         z += w * (A[j, 2, 0] * px + A[j, 2, 1] * py + A[j, 2, 2] * pz + A[j, 2, 3])

@@ -121,7 +121,7 @@ def _fill_joints_and_box(
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     points, lbs_index, lbs_weight = hull
     for n in range(len(points)):
-        x, y, z = posed_point(A, points[n], lbs_index[n], lbs_weight[n])
+        x, y, z = posed_point(A, points, lbs_index, lbs_weight, n)
         forward, left = c * x + s * y, c * y - s * x
         low[0], high[0] = min(low[0], forward), max(high[0], forward)
         low[1], high[1] = min(low[1], left), max(high[1], left)

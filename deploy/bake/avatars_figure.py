@@ -27,6 +27,15 @@ class Figure:
     tights: Surface
     skirt: Surface
 
+    @property
+    def size(self) -> float:
+        """Size over that of a person of 1.72 m, whom lengths in clothes are made for."""
+        return self.person.stature_m / 1.72
+
+    def spacing(self, grown_m: float) -> float:
+        """Distance of samples [m] by that on a person of 1.72 m: a child has fewer samples, but finer ones."""
+        return grown_m * float(np.sqrt(self.size))
+
     def arm(self, rest: Array, skin_weights: Array) -> Array:
         """Place along the arm: 0 at the shoulder, 1 at the elbow, 2 at the wrist; 0 off the arm. Shape (N,)."""
         left = rest[:, :1] > 0
@@ -55,19 +64,25 @@ def top_field(figure: Figure, rest: Array, skin_weights: Array) -> Array:
     wave = 0.008 * np.cos(2 * np.arctan2(x, z)) if person.closure == "shirt" else 0.0
     hem = y - (joints[1, 1] + 0.005 - person.hem - wave)
     arm_length = np.linalg.norm(joints[18] - joints[16])
-    sleeve = (person.sleeve - figure.arm(rest, skin_weights)) * arm_length
-    return np.minimum(np.minimum(hem, sleeve), neck_field(figure, rest, person.closure))
+    arms = skin_weights[:, ARMS].sum(1) > 0.5
+    sleeve = np.where(arms, (person.sleeve - figure.arm(rest, skin_weights)) * arm_length, 0.3)
+    depth = np.minimum(np.minimum(np.where(arms, 0.3, hem), sleeve), neck_field(figure, rest, person.closure))
+    return np.minimum(depth, -opening_field(figure, rest)) if person.closure in OPEN else depth
+
+
+OPEN = ("open", "cardigan")
+"""Closures that show what is worn below."""
 
 
 def neck_field(figure: Figure, rest: Array, closure: str) -> Array:
     """Depth below the neckline [m]: a plane that drops to the front, with a notch for collars."""
-    neck = figure.joints[12]
+    neck, size = figure.joints[12], figure.size
     x, y, z = rest.T
-    line = neck[1] + 0.012 - 0.55 * (z - neck[2])
-    notch = {"shirt": 0.085, "polo": 0.075}.get(closure, 0.0)
-    front = step(0.0, 0.03, z - neck[2])
-    line = line - front * np.clip(notch - 1.9 * np.abs(x), 0.0, None)
-    return np.where(np.abs(x) < 0.16, line - y, 0.3)
+    line = neck[1] + 0.012 * size - 0.55 * (z - neck[2])
+    notch = {"shirt": 0.085, "polo": 0.075}.get(closure, 0.0) * size
+    front = step(0.0, 0.03 * size, z - neck[2])
+    line = line - front * np.clip(notch - 1.7 * np.abs(x), 0.0, None)
+    return np.where(np.abs(x) < 0.16 * size, line - y, 0.3)
 
 
 def opening_field(figure: Figure, rest: Array) -> Array:
@@ -75,7 +90,8 @@ def opening_field(figure: Figure, rest: Array) -> Array:
     x, y, z = rest.T
     low, high = figure.joints[1, 1], figure.joints[12, 1]
     height = np.clip((y - low) / (high - low), 0.0, 1.0)
-    return np.where(z > figure.joints[12, 2] - 0.02, 0.030 + 0.045 * height**1.5 - np.abs(x), -0.3)
+    half = (0.030 + 0.045 * height**1.5) * figure.size
+    return np.where(z > figure.joints[12, 2] - 0.02 * figure.size, half - np.abs(x), -0.3)
 
 
 def bottom_field(figure: Figure, rest: Array, skin_weights: Array) -> Array:
@@ -85,25 +101,25 @@ def bottom_field(figure: Figure, rest: Array, skin_weights: Array) -> Array:
     if figure.person.bottom_kind == "skirt":
         lower = y - skirt_hem(figure)
     elif figure.person.bottom_kind == "shorts":
-        lower = y - (figure.joints[4, 1] + 0.06)
+        lower = y - (figure.joints[4, 1] + 0.05 * figure.size)
     else:
-        lower = y - (0.062 + 0.45 * np.clip(z - figure.joints[7, 2] - 0.015, 0.0, None))
+        lower = y - (0.052 + 0.45 * np.clip(z - figure.joints[7, 2] - 0.015, 0.0, None)) * figure.size
     arms = skin_weights[:, ARMS].sum(1)
     return np.where(arms > 0.5, -0.3, np.minimum(waist, lower))
 
 
 def skirt_hem(figure: Figure) -> float:
     """Height of a skirt's hem [m]."""
-    return float(figure.joints[4, 1]) - 0.02
+    return float(figure.joints[4, 1]) + 0.045 * figure.size
 
 
 def shoe_field(figure: Figure, rest: Array, skin_weights: Array) -> Array:
     """Depth inside of the shoes [m]."""
     y, z = rest[:, 1], rest[:, 2]
-    ankle = figure.joints[7]
-    high = 0.006 if figure.person.bottom_kind == "skirt" else 0.022
-    forward = step(-0.01, 0.07, z - ankle[2])
-    line = ankle[1] + high - 0.02 - (0.008 if figure.person.bottom_kind == "skirt" else 0.0) * forward
+    ankle, size = figure.joints[7], figure.size
+    low = figure.person.bottom_kind == "skirt"
+    forward = step(-0.01 * size, 0.07 * size, z - ankle[2])
+    line = ankle[1] + ((-0.014 if low else 0.002) - (0.008 if low else 0.0) * forward) * size
     return np.where(skin_weights[:, FEET].sum(1) > 0.3, line - y, -0.3)
 
 
@@ -116,4 +132,14 @@ def covered_field(figure: Figure, rest: Array, skin_weights: Array) -> Array:
     ]
     if figure.person.legs is not None:
         fields.append(np.where(skin_weights[:, LEGS].sum(1) > 0.5, 0.3, -0.3))
+    if figure.person.closure in OPEN:
+        fields.append(inner_field(figure, rest, skin_weights))
     return np.maximum.reduce(fields)
+
+
+def inner_field(figure: Figure, rest: Array, skin_weights: Array) -> Array:
+    """Depth inside of what an open jacket shows [m]."""
+    below = rest[:, 1] - (figure.joints[1, 1] - 0.03 * figure.size)
+    depth = np.minimum(neck_field(figure, rest, "crew"), below)
+    shown = np.minimum(depth, opening_field(figure, rest) + 0.03 * figure.size)
+    return np.where(skin_weights[:, ARMS].sum(1) > 0.5, -0.3, shown)

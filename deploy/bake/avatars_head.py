@@ -1,45 +1,21 @@
-"""Skin, face and hair of a person, as layers of samples."""
+"""Skin, face, eyes and glasses of a person, as layers of samples."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 from avatars_figure import Figure, covered_field
-from avatars_surface import (
-    Samples,
-    Surface,
-    joined,
-    mix,
-    new_samples,
-    noise,
-    scatter,
-    smoothed,
-    step,
-    thinned,
-    unit,
-)
+from avatars_hair import HEAD, Face, hair_field
+from avatars_surface import Samples, Surface, joined, masked, mix, new_samples, noise, scatter, step, thinned, unit
 
 Array = npt.NDArray[np.float64]
 
-HEAD = 15
 HANDS = (20, 21, 22, 23)
-SKIN_SPACING_M, HAND_SPACING_M, FACE_SPACING_M = 0.0065, 0.0042, 0.0027
-FINE_SPACING_M = 0.0021
+SKIN_SPACING_M, HAND_SPACING_M, FACE_SPACING_M = 0.0065, 0.0045, 0.0030
+FINE_SPACING_M = 0.0022
 EYE_SPACING_M = 0.0012
-HAIR_SPACING_M = 0.0042
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Face:
-    """Landmarks of a head in rest coordinates [m]."""
-
-    eyes: Array
-    """Centres of the left and right eyeball, shape (2, 3)."""
-    mouth: Array
-    centre: Array
-    """Middle of the skull at the height of the brow."""
-    ear_z: float
+EAR_SPACING_M = 0.0032
+GLASSES_SPACING_M = 0.0011
 
 
 def face_of(figure: Figure, eyes: tuple[Surface, Surface], masks: Mapping[str, Array]) -> Face:
@@ -51,23 +27,17 @@ def face_of(figure: Figure, eyes: tuple[Surface, Surface], masks: Mapping[str, A
     ears = corners[masked(masks["ears"], body.texture.reshape(-1, 2)) > 0.5]
     skull = body.vertices[(body.vertices[:, 1] > centres[0, 1] + 0.02) & (body.skin_weights[:, HEAD] > 0.5)]
     middle_z = 0.5 * (skull[:, 2].min() + skull[:, 2].max())
+    nose = np.abs(body.vertices[:, 0]) < 0.012
+    nose &= np.abs(body.vertices[:, 1] - centres[0, 1]) < 0.006
     return Face(
         eyes=centres,
+        eye_radius_m=0.5 * float(np.ptp(eyes[0].vertices[:, 0])),
+        bridge_z=float(body.vertices[nose, 2].max()),
+        ear_x=float(np.abs(body.vertices[ears, 0]).mean()),
         mouth=body.vertices[lips].mean(axis=0),
         centre=np.array([0.0, centres[0, 1] + 0.025, middle_z]),
         ear_z=float(body.vertices[ears, 2].mean()),
     )
-
-
-def masked(mask: Array, texture: Array) -> Array:
-    """Values of a mask in texture space, 0..1, shape (N,)."""
-    size = len(mask)
-    column = np.clip((texture[:, 0] * size).astype(int), 0, size - 1)
-    row = np.clip(((1 - texture[:, 1]) * size).astype(int), 0, size - 1)
-    return mask[row, column] / 255.0
-
-
-# --- skin ---------------------------------------------------------------------------------------------------------
 
 
 def skin(figure: Figure, face: Face, masks: Mapping[str, Array], rng: np.random.Generator) -> Samples:
@@ -77,7 +47,7 @@ def skin(figure: Figure, face: Face, masks: Mapping[str, Array], rng: np.random.
     bare = covered_field(figure, figure.body.rest, weights) < 0.06
     zones = ((head, FACE_SPACING_M), (hand, HAND_SPACING_M), (bare & ~head & ~hand, SKIN_SPACING_M))
     parts = [scatter(figure.body, spacing, rng, where=where) for where, spacing in zones]
-    candidates = joined([part.changed(spacing=_skin_spacing(face, part)) for part in parts])
+    candidates = joined([part.changed(spacing=_skin_spacing(face, masks, part)) for part in parts])
     depth = covered_field(figure, candidates.rest, candidates.skin_weights)
     keep = (depth < 0.025) & (masked(masks["inside-mouth"], candidates.texture) < 0.5)
     samples, depth = candidates.select(keep), depth[keep]
@@ -86,11 +56,13 @@ def skin(figure: Figure, face: Face, masks: Mapping[str, Array], rng: np.random.
     return samples.changed(colour=_skin_colour(figure, face, masks, samples))
 
 
-def _skin_spacing(face: Face, samples: Samples) -> Array:
+def _skin_spacing(face: Face, masks: Mapping[str, Array], samples: Samples) -> Array:
     rest, weights = samples.rest, samples.skin_weights
     low = step(-0.09, -0.07, rest[:, 1] - face.eyes[0, 1])
     front = step(-0.02, 0.02, rest[:, 2] - face.ear_z) * low
     spacing = np.where(weights[:, HEAD] > 0.5, FACE_SPACING_M + 0.0025 * (1 - front), SKIN_SPACING_M)
+    ears = masked(masks["ears"], samples.texture) > 0.2
+    spacing = np.where(ears, EAR_SPACING_M, spacing)
     eye = np.min([np.linalg.norm(rest - centre, axis=1) for centre in face.eyes], axis=0)
     mouth = np.linalg.norm(rest - face.mouth, axis=1)
     spacing = np.where((eye < 0.022) | (mouth < 0.028), FINE_SPACING_M, spacing)
@@ -101,7 +73,7 @@ def _skin_colour(figure: Figure, face: Face, masks: Mapping[str, Array], samples
     person, rest = figure.person, samples.rest
     tone = np.asarray(person.skin)
     blotch = noise(rest * 28, person.seed) + 0.5 * noise(rest * 70, person.seed + 1)
-    colour = tone * (1 + 0.02 * blotch)[:, None]
+    colour = tone * (1 + 0.012 * blotch)[:, None]
     warm = np.array([1.05, 0.90, 0.88])
     colour = mix(1, warm, _flush(face, samples)) * colour
     colour = _face_paint(figure, face, masks, samples, colour)
@@ -116,9 +88,9 @@ def _flush(face: Face, samples: Samples) -> Array:
         [side, np.ones_like(side), np.ones_like(side)], axis=1
     )
     nose = np.array([0.0, face.eyes[0, 1] - 0.035, face.mouth[2] + 0.016])
-    flush = 0.7 * np.exp(-((rest - cheek) ** 2).sum(1) / 0.018**2)
-    flush += 0.6 * np.exp(-((rest - nose) ** 2).sum(1) / 0.014**2)
-    flush += 0.5 * (samples.skin_weights[:, HANDS].sum(1) > 0.5)
+    flush = 0.5 * np.exp(-((rest - cheek) ** 2).sum(1) / 0.018**2)
+    flush += 0.2 * np.exp(-((rest - nose) ** 2).sum(1) / 0.014**2)
+    flush += 0.25 * (samples.skin_weights[:, HANDS].sum(1) > 0.5)
     return np.clip(flush, 0.0, 1.0)
 
 
@@ -128,12 +100,13 @@ def _face_paint(figure: Figure, face: Face, masks: Mapping[str, Array], samples:
     line = np.exp(-(((rest[:, 1] - face.mouth[1] - 0.0005) / 0.0016) ** 2)) * lips
     colour = _shadowed(colour, person.lips, 0.85 * lips)
     colour = colour * (1 - 0.45 * line)[:, None]
-    colour = colour * (1 - 0.22 * masked(masks["eyelids"], samples.texture))[:, None]
+    colour = colour * (1 - 0.15 * masked(masks["eyelids"], samples.texture))[:, None]
+    colour = _shadowed(colour, (0.07, 0.05, 0.045), _lashes(figure, face, rest))
     nails = masked(masks["fingernails"], samples.texture)
     colour = colour * (1 + 0.15 * nails)[:, None]
     colour = _shadowed(colour, person.hair, _brows(figure, face, samples))
     colour = _shadowed(colour, person.hair, _beard(figure, face, samples) * (1 - lips))
-    cap = hair_field(face, rest, masked(masks["ears"], samples.texture))
+    cap = hair_field(person.hair_style, face, rest, masked(masks["ears"], samples.texture))
     return _shadowed(colour, person.hair, 0.95 * step(-0.012, 0.004, cap))
 
 
@@ -141,16 +114,27 @@ def _shadowed(colour: Array, hair: tuple[float, float, float], share: Array) -> 
     return colour * (1 - share[:, None]) + np.asarray(hair) * share[:, None]
 
 
+def _lashes(figure: Figure, face: Face, rest: Array) -> Array:
+    """The rims of the lids, where they touch the eyeballs: dark above, a hint below."""
+    female = figure.person.phenotype["gender"] > 0.5
+    nearest = rest - np.where(rest[:, :1] > 0, face.eyes[:1], face.eyes[1:])
+    gap = np.linalg.norm(nearest, axis=1) - face.eye_radius_m
+    rim = step(0.0030, 0.0012, gap) * (nearest[:, 2] > 0.2 * face.eye_radius_m)
+    above = step(-0.001, 0.002, nearest[:, 1])
+    return rim * ((0.55 if female else 0.35) * above + 0.12)
+
+
 def _brows(figure: Figure, face: Face, samples: Samples) -> Array:
     rest = samples.rest
-    eye = face.eyes[0]
-    t = (np.abs(rest[:, 0]) - (eye[0] - 0.019)) / 0.046
-    arch = eye[1] + 0.0205 + 0.0065 * np.sin(np.clip(t, 0, 1) * np.pi * 0.8) - 0.004 * np.clip(t - 0.6, 0, 1)
+    eye, size = face.eyes[0], face.size
+    t = (np.abs(rest[:, 0]) - (eye[0] - 0.020 * size)) / (0.044 * size)
     female = figure.person.phenotype["gender"] > 0.5
-    width = (0.0028 if female else 0.0040) * (1.15 - 0.55 * np.clip(t, 0, 1))
-    body = np.exp(-(((rest[:, 1] - arch) / width) ** 2)) * step(-0.06, 0.05, t) * step(1.05, 0.85, t)
-    hairs = 0.85 + 0.25 * noise(rest * np.array([900.0, 350.0, 350.0]), 3)
-    return np.clip(0.85 * body * hairs * (rest[:, 2] > face.centre[2]), 0, 1)
+    rise = (0.0040 if female else 0.0025) * np.sin(np.clip(t / 0.68, 0, 1) * 0.5 * np.pi)
+    arch = eye[1] + size * ((0.0185 if female else 0.0170) + rise - 0.0065 * np.clip(t - 0.66, 0, 1))
+    width = (0.0024 if female else 0.0034) * size * (1.15 - 0.6 * np.clip(t, 0, 1))
+    body = np.exp(-(((rest[:, 1] - arch) / width) ** 2)) * step(-0.08, 0.08, t) * step(1.06, 0.85, t)
+    hairs = 0.9 + 0.1 * noise(rest * np.array([900.0, 350.0, 350.0]), 3)
+    return np.clip(0.92 * body * hairs * (rest[:, 2] > face.centre[2]), 0, 1)
 
 
 def _beard(figure: Figure, face: Face, samples: Samples) -> Array:
@@ -169,6 +153,50 @@ def _beard(figure: Figure, face: Face, samples: Samples) -> Array:
     return np.clip(amount * 0.8 * area * head * grain, 0, 1)
 
 
+def glasses(figure: Figure, face: Face, colour: tuple[float, float, float]) -> Samples:
+    """A frame around both eyes, a bridge and temples to the ears."""
+    size, points, normals, tangents = face.size, [], [], []
+
+    def wire(line: Array, normal: Array) -> None:
+        points.append(line)
+        normals.append(np.broadcast_to(normal, line.shape))
+        tangents.append(unit(np.gradient(line, axis=0)))
+
+    front = max(face.eyes[0, 2] + face.eye_radius_m + 0.009 * size, face.bridge_z + 0.001)
+    turn = np.linspace(0.0, 2 * np.pi, 120, endpoint=False)
+    for centre in face.eyes:
+        rounded = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
+        rounded = rounded / (np.abs(rounded) ** 3).sum(1, keepdims=True) ** (1 / 3)
+        ring = rounded * np.array([0.0225, 0.0165, 0.0]) * size + (centre[0], centre[1] - 0.002 * size, front)
+        wire(ring, np.array([0.0, 0.0, 1.0]))
+        wire(ring - (0.0, 0.0, 0.001), unit(rounded))
+        side = np.sign(centre[0])
+        hinge = np.array([centre[0] + side * 0.0225 * size, centre[1] + 0.006 * size, front])
+        ear = np.array([side * face.ear_x, centre[1] + 0.006 * size, face.ear_z])
+        temple = hinge + np.linspace(0.0, 1.0, 100)[:, None] * (ear - hinge)
+        wire(temple, np.array([side, 0.0, 0.0]))
+        wire(temple, np.array([0.0, 1.0, 0.0]))
+    inner = abs(face.eyes[0, 0]) - 0.0225 * size
+    across = np.linspace(-inner, inner, 20)
+    bridge = np.stack([across, np.full(20, face.eyes[0, 1] + 0.004 * size), np.full(20, front)], axis=1)
+    wire(bridge, np.array([0.0, 0.0, 1.0]))
+    position = np.concatenate(points)
+    weights = np.zeros((len(position), 24))
+    weights[:, HEAD] = 1.0
+    samples = new_samples(
+        position=position,
+        rest=position,
+        normal=np.concatenate(normals),
+        skin_weights=weights,
+        spacing_m=GLASSES_SPACING_M,
+    )
+    return samples.changed(
+        colour=np.broadcast_to(colour, position.shape),
+        tangent=np.concatenate(tangents),
+        stretch=np.full(len(position), 2.0),
+    )
+
+
 def eyeballs(figure: Figure, face: Face, eyes: tuple[Surface, Surface], rng: np.random.Generator) -> list[Samples]:
     """Eyeballs with iris and pupil looking straight ahead."""
     layers = []
@@ -178,176 +206,10 @@ def eyeballs(figure: Figure, face: Face, eyes: tuple[Surface, Surface], rng: np.
         aside = np.hypot(samples.rest[:, 0] - centre[0], samples.rest[:, 1] - centre[1])
         colour = np.broadcast_to((0.80, 0.77, 0.74), (len(samples), 3))
         iris = np.asarray(figure.person.eyes) * (0.8 + 40 * aside)[:, None]
-        colour = np.where((aside < 0.0060)[:, None], iris, colour)
-        colour = np.where((np.abs(aside - 0.0060) < 0.0006)[:, None], 0.5 * np.asarray(figure.person.eyes), colour)
-        colour = np.where((aside < 0.0022)[:, None], 0.03, colour)
+        colour = np.where((aside < 0.0058 * face.size)[:, None], iris, colour)
+        colour = np.where(
+            (np.abs(aside - 0.0058 * face.size) < 0.0006)[:, None], 0.5 * np.asarray(figure.person.eyes), colour
+        )
+        colour = np.where((aside < 0.0021 * face.size)[:, None], 0.03, colour)
         layers.append(samples.changed(colour=colour))
     return layers
-
-
-# --- hair ---------------------------------------------------------------------------------------------------------
-
-
-def hair_field(face: Face, rest: Array, ears: Array) -> Array:
-    """Height above the hairline [m], positive on the scalp; ears lie outside."""
-    offset = rest - face.centre
-    turn = np.abs(np.arctan2(rest[:, 0], offset[:, 2]))
-    ear_turn = np.arctan2(0.075, face.ear_z - face.centre[2])
-    front = 0.046 + 0.004 * np.cos(6 * turn)
-    temple = 0.030
-    sideburn, nape = -0.028, -0.105
-    line = front + (temple - front) * step(0.45, 0.85, turn)
-    line = line + (sideburn - temple) * step(0.95, ear_turn - 0.22, turn)
-    line = line + (0.006 - sideburn) * step(ear_turn - 0.16, ear_turn - 0.02, turn)
-    line = line + (nape - 0.006) * step(ear_turn + 0.05, ear_turn + 0.45, turn)
-    return np.where(ears > 0.3, -0.05, offset[:, 1] - line)
-
-
-def hair(figure: Figure, face: Face, masks: Mapping[str, Array], rng: np.random.Generator) -> list[Samples]:
-    """The hair of a person's style."""
-    style = figure.person.hair_style
-    thickness = {"short": 0.017, "cropped": 0.0045, "bob": 0.017, "bun": 0.008, "ponytail": 0.010, "long": 0.016}[style]
-    layers = [_cap(figure, face, masks, thickness, rng)]
-    if style in ("bob", "long"):
-        layers.append(_curtain(figure, face, 0.135 if style == "bob" else 0.27, rng))
-    if style == "bun":
-        layers.append(_bun(figure, face, rng))
-    if style == "ponytail":
-        layers.append(_ponytail(figure, face, rng))
-    return layers
-
-
-def _cap(figure: Figure, face: Face, masks: Mapping[str, Array], thickness: float, rng: np.random.Generator) -> Samples:
-    style = figure.person.hair_style
-    body = figure.body
-    lift = smoothed(body, 4)
-    samples = scatter(body.moved(lift), HAIR_SPACING_M, rng)
-    samples = samples.select((samples.skin_weights[:, HEAD] > 0.2) & (samples.rest[:, 1] > face.eyes[0, 1] - 0.12))
-    ragged = 0.004 * noise(samples.rest * np.array([160.0, 60.0, 160.0]), figure.person.seed + 4)
-    depth = hair_field(face, samples.rest, masked(masks["ears"], samples.texture)) + ragged
-    samples, depth = samples.select(depth > 0), depth[depth > 0]
-    top = 0.55 + 0.45 * step(0.0, 0.08, samples.rest[:, 1] - face.centre[1])
-    height = thickness * top * (0.18 + 0.82 * step(0.0, 0.035, depth))
-    tuft = noise(samples.rest * np.array([55.0, 25.0, 40.0]), figure.person.seed + 5)
-    height *= 1 + 0.22 * tuft
-    tied = style in ("bun", "ponytail")
-    tangent = _combed(face, samples, tied=tied)
-    samples = samples.changed(
-        position=samples.position + samples.normal * height[:, None],
-        tangent=tangent,
-        stretch=np.full(len(samples), 1.0 if style == "cropped" else 2.0),
-    )
-    return _strands(figure, face, thinned(samples))
-
-
-def _combed(face: Face, samples: Samples, *, tied: bool) -> Array:
-    """Direction of the strands: away from the crown, or back to a knot."""
-    knot = face.centre + np.array([0.0, 0.02, -0.11])
-    crown = face.centre + np.array([0.02, 0.10, -0.04])
-    flow = knot - samples.rest if tied else samples.rest - crown
-    flow = flow if tied else flow - np.array([0.0, 0.03, 0.0])
-    return unit(flow - (flow * samples.normal).sum(1, keepdims=True) * samples.normal)
-
-
-def _strands(figure: Figure, face: Face, samples: Samples) -> Samples:
-    """Hair colour with streaks along the strands and a soft sheen."""
-    across = np.cross(samples.normal, samples.tangent)
-    offset = samples.rest - face.centre
-    streak_place = np.stack(
-        [
-            (offset * across).sum(1) * 260,
-            (offset * samples.tangent).sum(1) * 24,
-            np.arctan2(offset[:, 0], offset[:, 2]) * 22,
-        ],
-        axis=1,
-    )
-    streak = noise(streak_place, figure.person.seed + 6) + 0.5 * noise(samples.rest * 75, figure.person.seed + 7)
-    sheen = np.exp(-(((samples.normal[:, 1] - 0.62) / 0.22) ** 2))
-    tone = np.asarray(figure.person.hair)
-    colour = tone * (1 + 0.26 * streak)[:, None] + (0.05 + 0.20 * tone) * (sheen * (0.6 + 0.5 * streak))[:, None]
-    return samples.changed(colour=np.clip(colour, 0.01, 1.0))
-
-
-def _head_weights(rest: Array, figure: Figure) -> Array:
-    weights = np.zeros((len(rest), 24))
-    low = step(figure.joints[12, 1] + 0.05, figure.joints[12, 1] - 0.05, rest[:, 1])
-    weights[:, HEAD], weights[:, 9] = 1 - 0.8 * low, 0.8 * low
-    return weights
-
-
-def _curtain(figure: Figure, face: Face, length: float, rng: np.random.Generator) -> Samples:
-    """Hair that hangs around the head from the height of the temples, open over the face."""
-    count = 40000
-    turn = rng.uniform(0.0, 1.0, count)
-    turn = np.where(rng.random(count) < 0.5, 1.0, -1.0) * (0.98 + (np.pi - 0.98) * turn)
-    fall = rng.random(count)
-    wide, deep = _skull_girth(figure, face)
-    wave = 0.003 * noise(np.stack([turn * 7, fall * 4, turn * 0], axis=1), figure.person.seed + 8)
-    swell = 0.010 * np.sin(np.pi * np.clip(fall * 1.05, 0, 1)) - 0.014 * step(0.75, 1.0, fall) + wave
-    front = step(1.4, 0.98, np.abs(turn))
-    level = 0.050 - 0.010 * front
-    ends = length * (1 - 0.10 * front) + 0.004 * noise(np.stack([turn * 40, fall * 0, fall * 0], axis=1), 9)
-    out = -0.020 * step(0.30, 0.0, fall) + 0.010 + swell - 0.004 * front
-    rest = face.centre + np.stack(
-        [np.sin(turn) * (wide + out), level - (level + ends) * fall, np.cos(turn) * (deep + out) + 0.004 * front],
-        axis=1,
-    )
-    normal = unit(
-        np.stack([np.sin(turn) / wide, 0.35 - 0.5 * fall, np.cos(turn) / deep * 0 + np.cos(turn) / deep], 1)
-        * np.array([1.0, 4.0, 1.0])
-    )
-    samples = new_samples(
-        position=rest, rest=rest, normal=normal, skin_weights=_head_weights(rest, figure), spacing_m=HAIR_SPACING_M
-    )
-    samples = samples.changed(stretch=np.full(count, 2.2))
-    return _strands(figure, face, thinned(samples))
-
-
-def _skull_girth(figure: Figure, face: Face) -> tuple[float, float]:
-    """Half width and half depth of the head with its ears around the face's centre [m]."""
-    near = np.abs(figure.body.vertices[:, 1] - face.centre[1]) < 0.03
-    near &= figure.body.skin_weights[:, HEAD] > 0.5
-    ring = figure.body.vertices[near] - face.centre
-    return float(np.percentile(np.abs(ring[:, 0]), 99)), float(-np.percentile(ring[:, 2], 1))
-
-
-def _blob(
-    figure: Figure, face: Face, centre: Array, radii: tuple[float, float, float], rng: np.random.Generator
-) -> Samples:
-    direction = unit(rng.normal(size=(12000, 3)))
-    twist = noise(direction * np.array([5.0, 5.0, 5.0]), figure.person.seed + 10)
-    rest = centre + direction * np.asarray(radii) * (1 + 0.06 * twist)[:, None]
-    samples = new_samples(
-        position=rest,
-        rest=rest,
-        normal=unit(direction / np.asarray(radii)),
-        skin_weights=_head_weights(rest, figure),
-        spacing_m=HAIR_SPACING_M,
-    )
-    around = np.cross(samples.normal, np.broadcast_to((0.3, 0.2, 1.0), rest.shape))
-    samples = samples.changed(tangent=unit(around), stretch=np.full(len(rest), 2.0))
-    return _strands(figure, face, thinned(samples))
-
-
-def _bun(figure: Figure, face: Face, rng: np.random.Generator) -> Samples:
-    _, deep = _skull_girth(figure, face)
-    return _blob(figure, face, face.centre + np.array([0.0, 0.045, -deep - 0.022]), (0.042, 0.040, 0.036), rng)
-
-
-def _ponytail(figure: Figure, face: Face, rng: np.random.Generator) -> Samples:
-    """A tail that leaves the back of the head and hangs to the shoulders."""
-    _, deep = _skull_girth(figure, face)
-    count = 20000
-    along, turn = rng.random(count), rng.uniform(-np.pi, np.pi, count)
-    start = face.centre + np.array([0.0, 0.035, -deep - 0.002])
-    back = 0.055 * np.sin(np.clip(along * 2.2, 0, np.pi / 2)) - 0.020 * step(0.4, 1.0, along)
-    spine = start + np.stack([0 * along, 0.02 * np.sin(along * 3.0) - 0.27 * along**1.25, -back], axis=1)
-    girth = 0.012 + 0.020 * np.sin(np.pi * np.clip(along * 0.92 + 0.04, 0, 1)) ** 0.8
-    ring = np.stack([np.sin(turn), 0 * turn, np.cos(turn)], axis=1)
-    ring[:, 1] = -0.6 * (1 - step(0.0, 0.35, along)) * ring[:, 2]
-    rest = spine + unit(ring) * girth[:, None] * np.array([1.0, 1.0, 0.75])
-    samples = new_samples(
-        position=rest, rest=rest, normal=unit(ring), skin_weights=_head_weights(rest, figure), spacing_m=HAIR_SPACING_M
-    )
-    samples = thinned(samples.changed(stretch=np.full(count, 2.2)))
-    return _strands(figure, face, samples)

@@ -32,14 +32,14 @@ class Person:
     hair: Colour
     eyes: Colour
     hair_style: str
-    """short, cropped, bob, bun, ponytail or long."""
+    """short, cropped, mop, bob, bun or ponytail."""
     beard: float
     """0 is shaved, 1 is a full beard."""
     top: Garment
     sleeve: float
     """Where the sleeve ends: 0 at the shoulder, 1 at the elbow, 2 at the wrist."""
     closure: str
-    """crew, shirt (collar and buttons), polo, zip or open (a jacket over `inner`)."""
+    """crew, shirt (collar and buttons), polo, open (a jacket over `inner`) or cardigan (open, without a collar)."""
     bottom: Garment
     bottom_kind: str
     """trousers, skirt or shorts."""
@@ -50,6 +50,10 @@ class Person:
     """Tights under a skirt."""
     hem: float = 0.0
     """How much longer (+) or shorter (-) the top is than to the hip [m]."""
+    shape: dict[str, float] = field(default_factory=dict)
+    """Changes of body and face by Anny's labels, -1..1; "*-" stands for the left and the right."""
+    glasses: Colour | None = None
+    """Colour of the frame."""
 
 
 PEOPLE = (
@@ -69,8 +73,8 @@ PEOPLE = (
             "asian": 0.0,
             "caucasian": 0.1,
         },
-        skin=(0.47, 0.31, 0.225),
-        lips=(0.50, 0.27, 0.24),
+        skin=(0.50, 0.335, 0.245),
+        lips=(0.56, 0.23, 0.22),
         hair=(0.055, 0.045, 0.042),
         eyes=(0.16, 0.09, 0.05),
         hair_style="bun",
@@ -78,12 +82,25 @@ PEOPLE = (
         top=Garment(colour=(0.80, 0.55, 0.16), fabric="plain", offset_m=0.006, looseness=0.45),
         sleeve=1.45,
         closure="shirt",
-        bottom=Garment(colour=(0.13, 0.14, 0.20), fabric="twill", offset_m=0.010),
+        bottom=Garment(colour=(0.14, 0.15, 0.21), fabric="twill", offset_m=0.010),
         bottom_kind="skirt",
         shoes=Garment(colour=(0.42, 0.16, 0.15)),
         sole=(0.12, 0.11, 0.10),
-        legs=Garment(colour=(0.17, 0.145, 0.15), offset_m=0.001, looseness=0.0),
+        legs=Garment(colour=(0.125, 0.12, 0.15), offset_m=0.001, looseness=0.0),
         hem=-0.03,
+        shape={
+            "measure-shoulder-dist-incr": -0.7,
+            "*-eye-height2-incr": 0.5,
+            "*-eye-scale-incr": 0.35,
+            "chin-width-incr": -0.8,
+            "head-scale-horiz-incr": -0.25,
+            "chin-bones-incr": -0.7,
+            "*-cheek-bones-incr": 0.3,
+            "nose-scale-horiz-incr": -0.25,
+            "mouth-upperlip-volume-incr": 0.3,
+            "mouth-angles-up": 0.3,
+            "neck-scale-horiz-incr": -0.3,
+        },
     ),
     Person(
         name="bruno",
@@ -117,6 +134,14 @@ PEOPLE = (
         shoes=Garment(colour=(0.36, 0.22, 0.13)),
         sole=(0.15, 0.11, 0.08),
         hem=0.03,
+        shape={
+            "measure-shoulder-dist-incr": -0.25,
+            "*-eye-height2-incr": 0.35,
+            "*-eye-scale-incr": 0.2,
+            "nose-scale-vert-incr": 0.2,
+            "chin-width-incr": -0.15,
+            "head-scale-horiz-incr": -0.15,
+        },
     ),
     Person(
         name="clara",
@@ -148,6 +173,15 @@ PEOPLE = (
         shoes=Garment(colour=(0.86, 0.86, 0.85)),
         sole=(0.93, 0.93, 0.92),
         hem=0.05,
+        shape={
+            "measure-shoulder-dist-incr": -0.3,
+            "*-eye-height2-incr": 0.4,
+            "*-eye-scale-incr": 0.35,
+            "chin-width-incr": -0.4,
+            "nose-scale-horiz-incr": -0.2,
+            "nose-point-up": 0.3,
+            "mouth-angles-up": 0.25,
+        },
     ),
     Person(
         name="dae",
@@ -180,6 +214,13 @@ PEOPLE = (
         shoes=Garment(colour=(0.23, 0.25, 0.29)),
         sole=(0.88, 0.88, 0.86),
         hem=0.05,
+        shape={
+            "measure-shoulder-dist-incr": -0.2,
+            "*-eye-height2-incr": 0.55,
+            "*-eye-scale-incr": 0.25,
+            "chin-width-incr": -0.25,
+            "mouth-angles-up": 0.15,
+        },
     ),
     Person(
         name="elif",
@@ -213,11 +254,20 @@ PEOPLE = (
         shoes=Garment(colour=(0.62, 0.17, 0.17)),
         sole=(0.92, 0.91, 0.89),
         hem=0.02,
+        shape={
+            "measure-shoulder-dist-incr": -0.35,
+            "*-eye-height2-incr": 0.5,
+            "*-eye-scale-incr": 0.35,
+            "chin-width-incr": -0.35,
+            "nose-scale-horiz-incr": -0.2,
+            "mouth-angles-up": 0.3,
+            "*-cheek-volume-incr": 0.3,
+        },
     ),
     Person(
         name="femi",
         seed=16,
-        stature_m=1.86,
+        stature_m=1.88,
         phenotype={
             "gender": 0.0,
             "age": 0.68,
@@ -230,7 +280,7 @@ PEOPLE = (
             "asian": 0.0,
             "caucasian": 0.15,
         },
-        skin=(0.40, 0.265, 0.195),
+        skin=(0.43, 0.29, 0.215),
         lips=(0.43, 0.26, 0.23),
         hair=(0.07, 0.062, 0.06),
         eyes=(0.12, 0.07, 0.04),
@@ -244,5 +294,87 @@ PEOPLE = (
         shoes=Garment(colour=(0.14, 0.14, 0.15)),
         sole=(0.80, 0.80, 0.80),
         hem=0.02,
+        shape={
+            "measure-shoulder-dist-incr": -0.25,
+            "*-eye-height2-incr": 0.45,
+            "*-eye-scale-incr": 0.2,
+            "stomach-pregnant-incr": 0.12,
+            "mouth-angles-up": 0.15,
+        },
+    ),
+    Person(
+        name="gil",
+        seed=17,
+        stature_m=1.25,
+        phenotype={
+            "gender": 0.0,
+            "age": 0.26,
+            "muscle": 0.45,
+            "weight": 0.48,
+            "proportions": 0.6,
+            "cupsize": 0.5,
+            "firmness": 0.5,
+            "african": 0.1,
+            "asian": 0.1,
+            "caucasian": 0.8,
+        },
+        skin=(0.80, 0.61, 0.50),
+        lips=(0.74, 0.46, 0.43),
+        hair=(0.34, 0.215, 0.12),
+        eyes=(0.22, 0.25, 0.20),
+        hair_style="mop",
+        beard=0.0,
+        top=Garment(
+            colour=(0.25, 0.50, 0.30), second=(0.93, 0.80, 0.25), fabric="breton", offset_m=0.006, looseness=0.6
+        ),
+        sleeve=0.72,
+        closure="crew",
+        bottom=Garment(colour=(0.28, 0.31, 0.40), fabric="twill", offset_m=0.008, looseness=1.0),
+        bottom_kind="shorts",
+        shoes=Garment(colour=(0.16, 0.30, 0.58)),
+        sole=(0.93, 0.93, 0.91),
+        hem=0.02,
+        shape={"*-eye-height2-incr": 0.5, "mouth-angles-up": 0.7, "eyebrows-trans-up": 0.3, "eyebrows-angle-up": 0.3},
+    ),
+    Person(
+        name="hana",
+        seed=18,
+        stature_m=1.57,
+        phenotype={
+            "gender": 1.0,
+            "age": 0.93,
+            "muscle": 0.4,
+            "weight": 0.62,
+            "proportions": 0.45,
+            "cupsize": 0.6,
+            "firmness": 0.3,
+            "african": 0.0,
+            "asian": 0.8,
+            "caucasian": 0.2,
+        },
+        skin=(0.79, 0.63, 0.525),
+        lips=(0.68, 0.43, 0.41),
+        hair=(0.66, 0.65, 0.64),
+        eyes=(0.16, 0.10, 0.07),
+        hair_style="bob",
+        beard=0.0,
+        top=Garment(colour=(0.47, 0.25, 0.36), second=(0.40, 0.20, 0.30), fabric="knit", offset_m=0.013, looseness=0.6),
+        sleeve=1.93,
+        closure="cardigan",
+        inner=Garment(colour=(0.88, 0.84, 0.77)),
+        bottom=Garment(colour=(0.36, 0.36, 0.37), fabric="twill", offset_m=0.008, looseness=0.8),
+        bottom_kind="trousers",
+        shoes=Garment(colour=(0.22, 0.17, 0.15)),
+        sole=(0.17, 0.14, 0.13),
+        hem=0.08,
+        shape={
+            "measure-shoulder-dist-incr": -0.4,
+            "head-age-incr": 0.35,
+            "*-eye-height2-incr": 0.8,
+            "*-eye-scale-incr": 0.3,
+            "mouth-angles-up": 0.3,
+            "torso-trans-forward": 0.1,
+        },
+        glasses=(0.40, 0.29, 0.24),
     ),
 )

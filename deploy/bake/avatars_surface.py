@@ -1,5 +1,6 @@
 """Surfaces and the samples on them that become Gaussians: meshes, blue noise, procedural noise, visibility."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -111,18 +112,23 @@ def vertex_normals(vertices: Array, triangles: npt.NDArray[np.int32]) -> Array:
 
 def smoothed(surface: Surface, rounds: int) -> Array:
     """Vertices after some rounds of averaging with their neighbours; open edges stay."""
+    return averaged(surface, surface.vertices, rounds)
+
+
+def averaged(surface: Surface, values: Array, rounds: int) -> Array:
+    """Values at the vertices, shape (V, ...), after some rounds of averaging with their neighbours; open edges stay."""
     edges = np.concatenate([surface.triangles[:, [i, (i + 1) % 3]] for i in range(3)])
     pairs, counts = np.unique(np.sort(edges, axis=1), axis=0, return_counts=True)
     border = np.zeros(len(surface.vertices), dtype=bool)
     border[pairs[counts == 1]] = True
     both = np.concatenate([pairs, pairs[:, ::-1]])
     degree = np.bincount(both[:, 0], minlength=len(border))[:, None]
-    points = surface.vertices
+    points = values.reshape(len(border), -1)
     for _ in range(rounds):
         total = np.zeros_like(points)
         np.add.at(total, both[:, 0], points[both[:, 1]])
         points = np.where(border[:, None], points, 0.5 * points + 0.5 * total / np.maximum(degree, 1))
-    return points
+    return points.reshape(values.shape)
 
 
 def scatter(
@@ -195,9 +201,62 @@ def _rounded(points: Array, surface: Surface, corners: npt.NDArray[np.int32], sh
     return 0.4 * points + 0.6 * pulled
 
 
+def masked(mask: Array, texture: Array) -> Array:
+    """Values of a mask in texture space, 0..1, shape (N,)."""
+    size = len(mask)
+    column = np.clip((texture[:, 0] * size).astype(int), 0, size - 1)
+    row = np.clip(((1 - texture[:, 1]) * size).astype(int), 0, size - 1)
+    return mask[row, column] / 255.0
+
+
 def thinned(samples: Samples) -> Samples:
     """Blue noise: no two samples are nearer than their spacing (the order of the samples decides)."""
     return samples.select(_dart_throw(samples.position, samples.spacing))
+
+
+def hemmed(
+    samples: Samples, field: Callable[[Array, Array], Array], *, row_share: float = 0.4, stretch: float = 2.4
+) -> tuple[Samples, Array]:
+    """Samples inside of a garment with a straight edge, and their depths [m], shape (N,).
+
+    Samples near the edge move onto a row along it and are drawn out along the row: cut at random places, an edge frays.
+
+    Args:
+        samples: Candidates, before `thinned`.
+        field: Depth inside of the garment [m] by rest positions, shape (N, 3), and skin weights, shape (N, 24).
+        row_share: Depth of the row, in units of the samples' distance.
+        stretch: Length of the row's samples over the usual one.
+    """
+    depth = field(samples.rest, samples.skin_weights)
+    near = np.abs(depth - row_share * samples.spacing) < 0.75 * samples.spacing
+    kept = (depth > 0) | near
+    samples, depth, near = samples.select(kept), depth[kept], near[kept]
+    slope = slope_of(samples, field)
+    steep = np.linalg.norm(slope, axis=1)
+    near &= (steep > 0.35) & (steep < 3.0)
+    inward = unit(slope)
+    row = row_share * samples.spacing
+    moved = np.where(near, (row - depth) / np.maximum(steep, 0.35), 0.0)[:, None] * inward
+    samples = samples.changed(
+        position=samples.position + moved,
+        rest=samples.rest + moved,
+        tangent=np.where(near[:, None], unit(np.cross(samples.normal, inward)), samples.tangent),
+        stretch=np.where(near, stretch, samples.stretch),
+    )
+    depth = np.where(near, row, depth)
+    order = np.argsort(~near, kind="stable")
+    order = order[depth[order] > 0]
+    return samples.select(order), depth[order]
+
+
+def slope_of(samples: Samples, field: Callable[[Array, Array], Array]) -> Array:
+    """Gradient of a field along the surface, shape (N, 3); see `hemmed` for the field."""
+    here, slope = field(samples.rest, samples.skin_weights), np.empty_like(samples.rest)
+    for k in range(3):
+        ahead = samples.rest.copy()
+        ahead[:, k] += 0.001
+        slope[:, k] = (field(ahead, samples.skin_weights) - here) / 0.001
+    return slope - (slope * samples.normal).sum(1, keepdims=True) * samples.normal
 
 
 def unit(vectors: Array) -> Array:

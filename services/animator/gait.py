@@ -24,6 +24,8 @@ from services.animator.gait_steps import ON, plan_contacts
 SETTLED_AFTER_S = 0.35
 SETTLE_MAX_S = 1.5
 """Longest time appended after a trajectory's end for the closing steps into a stand."""
+STAND_S = 50.0
+"""How long somebody idles whose trajectory is one point: the longest episode."""
 
 
 def _walk(
@@ -65,14 +67,16 @@ def walk(
         curves: How people walk; those of the package if None.
 
     Returns:
-        The motion: at least T rows, the pelvis above the trajectory, and after its end up to 1.5 s more until the
-        person stands still.
+        The motion: at least T rows (50 s of them for a trajectory of one point), the pelvis above the trajectory, and
+        after its end up to 1.5 s more until the person stands still.
 
     Raises:
         MotionError: If the trajectory is empty, not finite, or jumps faster than 5 m/s.
     """
     xy = np.asarray(trajectory_xy_m, dtype=np.float64)
     check_trajectory(xy)
+    if len(xy) == 1:
+        xy = np.repeat(xy, round(STAND_S / DT_S), axis=0)
     style = draw_style(rng, config.style_variation, skeleton.size)
     x, z, lead = extend(xy, style, 1.0 / float(stride_rate(1.2, skeleton.size, 0.0)), SETTLE_MAX_S)
     grid = floor.frame

@@ -113,7 +113,7 @@ def _fill_body(
     out[CHEST_YAW] += CHEST_COUNTER_RAD * gain * (1.0 - run) * math.cos(2.0 * math.pi * cycle)
     bounce = style.bounce * (WALK_BOUNCE + run * (1.0 - WALK_BOUNCE))
     height = mixed(curves.body[:, HIP_HEIGHT, 0], weights)
-    out[HIP_HEIGHT] = STAND_REACH + gain * (min(gain, 1.0) * (height - STAND_REACH) + bounce * out[HIP_HEIGHT])
+    out[HIP_HEIGHT] = STAND_REACH + gain * (min(gain, 1.0) ** 2 * (height - STAND_REACH) + bounce * out[HIP_HEIGHT])
 
 
 @njit(cache=True)
@@ -265,7 +265,8 @@ def _pose_trunk(G: Array, psi: float, drive: Drive, i: int, style: GaitStyle, br
     body, lean, bank = drive.body[i], drive.lean[i] + breath, drive.bank[i]
     yaw, tilt = style.pelvis_turn * body[PELVIS_YAW], style.pelvis_turn * body[PELVIS_LIST]
     tilt += SHIFT_LIST_RAD * drive.shift[i]
-    chest, side = style.pelvis_turn * body[CHEST_YAW], body[CHEST_LIST] - 0.3 * SHIFT_LIST_RAD * drive.shift[i]
+    chest: float = style.pelvis_turn * body[CHEST_YAW]
+    side = body[CHEST_LIST] - 0.3 * SHIFT_LIST_RAD * drive.shift[i]
     lean_chest, nod = lean + body[CHEST_LEAN], style.head_pitch_rad
     for joint, up in ((3, 0.35), (6, 0.7), (9, 1.0)):
         turn = rot_y(psi + (1.0 - up) * yaw + up * chest)

@@ -1,6 +1,7 @@
 """How feet and body move over a stride: curves of mocap at a few speeds, mixed for the speeds in between.
 
-`gait_curves.json` holds them; `benchmarks/gait_curves.py` derives them from CMU mocap (mocap.cs.cmu.edu, NSF EIA-0196217).
+`gait_curves.json` holds them; `benchmarks/gait_curves.py` derives them from CMU mocap (mocap.cs.cmu.edu, NSF
+EIA-0196217).
 """
 
 import json
@@ -63,9 +64,7 @@ def curves_of(clips: Sequence[Mapping[str, Any]]) -> Curves:
     """Curves of clips as `gait_curves.json` holds them, in any order."""
     ordered = sorted(clips, key=lambda clip: (clip["run"], clip["speed"]))
     columns = {
-        name: np.array([clip[name] for clip in ordered], dtype=np.float64)
-        for name in Curves._fields
-        if name != "walks"
+        name: np.array([clip[name] for clip in ordered], dtype=np.float64) for name in Curves._fields if name != "walks"
     }
     return Curves(walks=sum(not clip["run"] for clip in ordered), **columns)
 

@@ -10,12 +10,29 @@ from services.animator.gait_curves import Curves, curve_at, weights_of
 from services.animator.gait_math import Array, clip, ease, mat_mul, mat_vec, rot_x, soft_max, wrap
 from services.animator.gait_person import GaitSkeleton
 from services.animator.gait_steps import (
-    A_IN, A_OUT, ASIDE_X, ASIDE_Z, BUMP, OFF, ON, ROLL, RUN, SLOPE, SPEED, STANCE, YAW, X, Y, Z,
+    A_IN,
+    A_OUT,
+    ASIDE_X,
+    ASIDE_Z,
+    BUMP,
+    OFF,
+    ON,
+    ROLL,
+    RUN,
+    SLOPE,
+    SPEED,
+    STANCE,
+    YAW,
+    X,
+    Y,
+    Z,
 )
 
 CLEARANCE_M = 0.022
 TOE_RELEASE = 0.55
 """Share of the swing in which the toes, bent back at toe-off, straighten."""
+TOE_HOLD = 0.4
+"""1: the toes keep the bend of toe-off; 0: they keep to the floor while the foot pitches on."""
 SOFTNESS_M = 0.010
 END_SHARE = 0.02
 """Share of a stance or swing over which slopes at its ends are taken."""
@@ -85,7 +102,8 @@ def _swing_pitch(x: float, a: Array, b: Array, curves: Curves) -> float:
     """Pitch of the foot at share `x` of a swing, the one of the stances at its ends."""
     table, later = curves.swing_pitch, ease(x)
     start, end = curve_at(table, _weights(a, curves), x), curve_at(table, _weights(b, curves), x)
-    return (1.0 - later) * a[A_OUT] * start + later * b[A_IN] * end
+    pitch_rad: float = (1.0 - later) * a[A_OUT] * start + later * b[A_IN] * end
+    return pitch_rad
 
 
 @njit(cache=True)
@@ -116,8 +134,7 @@ def _height_needed(
 
 @njit(cache=True)
 def _ends_of_swing(a: Array, b: Array, skeleton: GaitSkeleton, curves: Curves, joint: int) -> Array:
-    """Ankle, height of the floor's plane below it and of the ankle above that, at lift-off from `a` and at touch-down
-    on `b`, shape (2, 5)."""
+    """Where a swing begins and ends, shape (2, 5): ankle, height of the floor's plane and of the ankle above it."""
     ends = np.empty((2, 5))
     R_foot, R_toe = np.empty((3, 3)), np.empty((3, 3))
     for n in range(2):
@@ -149,7 +166,7 @@ def _roll_speed(contact: Array, skeleton: GaitSkeleton, curves: Curves, joint: i
 def _clearance(x: float, a: Array, b: Array, size: float) -> float:
     """Least height of the sole above the floor [m] at share `x` of a swing."""
     # The sole leaves and meets the floor steeply, so that it does not sweep along it.
-    lift = 1.0 - (1.0 - x / 0.35) ** 4 if x < 0.35 else 1.0 - ((x - 0.35) / 0.65) ** 6
+    lift = 1.0 - (1.0 - x / 0.3) ** 5 if x < 0.3 else 1.0 - ((x - 0.3) / 0.7) ** 8
     reach = clip(0.5 + 0.5 * max(a[A_OUT], b[A_IN]), 0.0, 1.0)
     height: float = CLEARANCE_M * size * reach * lift
     return height
@@ -165,7 +182,8 @@ def _raised(x: float, a: Array, b: Array, ends: Array, skeleton: GaitSkeleton, c
     early, late = clip(1.0 - x / 0.6, 0.0, 1.0), clip(1.0 - (1.0 - x) / 0.5, 0.0, 1.0)
     up += early * early * (ends[0, 4] - skeleton.sole_m - start * curve_at(table, weights_a, 0.0))
     up += late * late * (ends[1, 4] - skeleton.sole_m - end * curve_at(table, weights_b, 1.0))
-    return skeleton.sole_m + up
+    height_m: float = skeleton.sole_m + up
+    return height_m
 
 
 @njit(cache=True)
@@ -196,14 +214,19 @@ def _swing(
     F = flat_frame(yaw, a[SLOPE] + u * (b[SLOPE] - a[SLOPE]), a[ROLL] + u * (b[ROLL] - a[ROLL]))
     pitch, bent = _swing_pitch(x, a, b, curves), clip(x / TOE_RELEASE, 0.0, 1.0)
     R_foot[:] = mat_mul(F, rot_x(pitch))
-    R_toe[:] = mat_mul(F, rot_x(pitch - _swing_pitch(0.0, a, b, curves) * (1.0 - bent * bent * (3.0 - 2.0 * bent))))
+    # Toes stay bent back as at toe-off, a little more while the foot still pitches down, and straighten.
+    toe_bend = pitch + TOE_HOLD * (_swing_pitch(0.0, a, b, curves) - pitch)
+    R_toe[:] = mat_mul(F, rot_x(pitch - toe_bend * (1.0 - bent * bent * (3.0 - 2.0 * bent))))
     ends = _ends_of_swing(a, b, skeleton, curves, joint)
     dx, dz = ends[1, 0] - ends[0, 0], ends[1, 2] - ends[0, 2]
     # The ankle leaves and arrives with the speed of the foot's roll, and bends aside around the body's curve.
     leave_m = _roll_speed(a, skeleton, curves, joint, True) * swing_s
     arrive_m = _roll_speed(b, skeleton, curves, joint, False) * swing_s
-    leaving, arriving = x * (1.0 - x) ** 4, -(1.0 - x) * x**8
-    slope_a, slope_b = _way(END_SHARE, a, b, curves) / END_SHARE, (1.0 - _way(1.0 - END_SHARE, a, b, curves)) / END_SHARE
+    leaving, arriving = x * (1.0 - x) ** 4, -(1.0 - x) * x**5
+    slope_a, slope_b = (
+        _way(END_SHARE, a, b, curves) / END_SHARE,
+        (1.0 - _way(1.0 - END_SHARE, a, b, curves)) / END_SHARE,
+    )
     bend = 16.0 * (x * (1.0 - x)) ** 2
     off_x = leaving * (leave_m * math.sin(a[YAW]) - slope_a * dx) + bend * a[ASIDE_X]
     off_z = leaving * (leave_m * math.cos(a[YAW]) - slope_a * dz) + bend * a[ASIDE_Z]
@@ -231,9 +254,7 @@ class Feet(NamedTuple):
 
 
 @njit(cache=True)
-def pose_foot(
-    contacts: Array, foot: int, skeleton: GaitSkeleton, curves: Curves, times_s: Array, feet: Feet
-) -> None:
+def pose_foot(contacts: Array, foot: int, skeleton: GaitSkeleton, curves: Curves, times_s: Array, feet: Feet) -> None:
     """Fill in one foot's poses.
 
     Args:

@@ -250,9 +250,7 @@ def time_of_phase(track: Track, bout: int, phase: float) -> float:
 
 
 @njit(cache=True)
-def _quicken(
-    rate: Array, raw: Array, run: Array, bouts: npt.NDArray[np.int64], cadence: float, size: float
-) -> None:
+def _quicken(rate: Array, raw: Array, run: Array, bouts: npt.NDArray[np.int64], cadence: float, size: float) -> None:
     """Keep the steps quick up to an abrupt stop, where smoothed speeds fall early, and while the feet close."""
     near = smooth(raw, 1.0)
     for i in range(len(rate)):

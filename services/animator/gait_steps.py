@@ -47,7 +47,8 @@ def duty(curves: Curves, weights: Array, speed: float) -> float:
     for k in range(curves.walks):
         walking += weights[k]
     beyond = max(slowest - speed, 0.0) - clip(speed - fastest, 0.0, 0.6) * walking
-    return min(mixed(curves.duty, weights) + 0.05 * beyond, 0.68)
+    share: float = min(mixed(curves.duty, weights) + 0.05 * beyond, 0.68)
+    return share
 
 
 @njit(cache=True)

@@ -1,5 +1,6 @@
 """Requests to the animator: no bus, no globals."""
 
+import math
 from collections.abc import Callable, Mapping
 
 import numpy as np
@@ -8,10 +9,11 @@ import numpy.typing as npt
 from common.avatars import Avatar
 from common.episode import Purpose, episode_rng
 from common.errors import AvatarError, ConfigError, MotionError
-from common.maps.grid import FloorMap
+from common.maps.grid import FloorMap, OccupancyMap
 from common.messages import AnimateReply, AnimateRequest, EpisodeMotions, HumanMotion, Motion
 from services.animator.config import AnimatorConfig
 from services.animator.gait import walk
+from services.animator.gait_path import check_trajectory
 from services.animator.gait_person import GaitSkeleton, skeleton_of
 
 Generator = Callable[[GaitSkeleton, npt.NDArray[np.float64], FloorMap, np.random.Generator], Motion]
@@ -21,19 +23,27 @@ Generator = Callable[[GaitSkeleton, npt.NDArray[np.float64], FloorMap, np.random
 class Animator:
     """Moves avatars along trajectories on one scene's floor."""
 
-    def __init__(self, avatars: Mapping[str, Avatar], floor: FloorMap, config: AnimatorConfig) -> None:
+    def __init__(
+        self,
+        avatars: Mapping[str, Avatar],
+        floor: FloorMap,
+        config: AnimatorConfig,
+        obstacles: OccupancyMap | None = None,
+    ) -> None:
         """Measure the avatars' skeletons.
 
         Args:
             avatars: By the names that trajectories use.
             floor: Height of the scene's floor.
             config: How to move.
+            obstacles: What blocks people; trajectories that lead through it are refused. None: not checked.
 
         Raises:
             AvatarError: If an avatar has measures that no standing person has.
             ConfigError: If the motion source's files cannot be used.
         """
         self.floor = floor
+        self.obstacles = obstacles
         self.config = config
         self.skeletons = {name: skeleton_of(avatar) for name, avatar in avatars.items()}
         self.generate = _generator(config)
@@ -50,6 +60,31 @@ def _generator(config: AnimatorConfig) -> Generator:
             ) from error
         return PriorMdm.load(config.priormdm).walk
     return lambda skeleton, xy_m, floor, rng: walk(skeleton, xy_m, floor, rng, config)
+
+
+def check_free(obstacles: OccupancyMap, xy_m: npt.NDArray[np.float64]) -> None:
+    """Refuse trajectories through walls and furniture.
+
+    Raises:
+        MotionError: If the way between two rows touches an occupied cell or leaves the map.
+    """
+    frame, (height, width) = obstacles.frame, obstacles.occupied.shape
+    longest = np.abs(np.diff(xy_m, axis=0)).max(initial=0.0)
+    parts = max(math.ceil(2.0 * longest / frame.resolution_m), 1)
+    ends = np.concatenate([xy_m[1:], xy_m[-1:]])
+    shares = (np.arange(parts) / parts)[None, :, None]
+    points = (xy_m[:, None] + shares * (ends - xy_m)[:, None]).reshape(-1, 2)
+    column = np.floor((points[:, 0] - frame.origin_x_m) / frame.resolution_m).astype(np.int64)
+    row = np.floor((points[:, 1] - frame.origin_y_m) / frame.resolution_m).astype(np.int64)
+    inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
+    blocked = ~inside | obstacles.occupied[row.clip(0, height - 1), column.clip(0, width - 1)]
+    if blocked.any():
+        first = int(np.argmax(blocked))
+        x_m, y_m = points[first]
+        raise MotionError(
+            f"The trajectory leads through an obstacle at ({x_m:.2f}, {y_m:.2f}) m, row {first // parts}; "
+            "plan it on the scene's map for people."
+        )
 
 
 def handle_animate(animator: Animator, request: AnimateRequest) -> AnimateReply:
@@ -71,6 +106,9 @@ def handle_animate(animator: Animator, request: AnimateRequest) -> AnimateReply:
     for human, human_rng in zip(scenario.humans, rng.spawn(len(scenario.humans)), strict=True):
         skeleton = animator.skeletons[human.avatar]
         try:
+            check_trajectory(human.xy_m)
+            if animator.obstacles is not None:
+                check_free(animator.obstacles, human.xy_m)
             motion = animator.generate(skeleton, human.xy_m, animator.floor, human_rng)
         except MotionError as error:
             return AnimateReply(episode=scenario.episode, rejected=f"motion: {error}")

@@ -15,7 +15,7 @@ from services.animator.gait_person import GaitSkeleton, skeleton_of
 Array = npt.NDArray[np.float64]
 
 STILL_MPS = 0.1
-"""A sole whose lowest point is slower than this in two consecutive rows stands still."""
+"""A sole whose lowest point is slower than this over four consecutive rows stands still."""
 CONTACT_HEIGHT_M = 0.003
 """A point of the sole that is lower than this in two consecutive rows is in contact."""
 SOLE_HALF_WIDTH_M = 0.035
@@ -108,8 +108,8 @@ def _joint_speed_degps(motion: Motion) -> Array:
 def _hover_mm(points: Array, heights: Array, rate_hz: int) -> float:
     lowest = np.take_along_axis(points, heights.argmin(axis=2)[:, :, None, None], axis=2)[:, :, 0]
     slow = np.linalg.norm(np.diff(lowest, axis=0), axis=-1) * rate_hz < STILL_MPS
-    still = slow[1:] & slow[:-1]
-    return float(np.max(heights.min(axis=2)[1:-1], initial=0.0, where=still) * 1e3)
+    still = slow[2:] & slow[1:-1] & slow[:-2]
+    return float(np.max(heights.min(axis=2)[1:-2], initial=0.0, where=still) * 1e3)
 
 
 def measure(motion: Motion, avatar: Avatar, floor: FloorMap, trajectory_xy_m: npt.NDArray[np.float64]) -> MotionQuality:

@@ -24,6 +24,7 @@ from common.errors import ConfigError
 from common.messages import Motion
 
 POSE_COUNT = 69
+_TOES = (10, 11)
 GMOF_SIGMA_M = 0.1
 """Joint errors well above this count as outliers (Geman-McClure)."""
 _PLAIN = {
@@ -152,6 +153,26 @@ def refine(
         pose_axis_angle=pose.detach().numpy().astype(np.float32),
         rate_hz=motion.rate_hz,
     )
+
+
+def refine_in_place(
+    motion: Motion, offsets_m: npt.ArrayLike, config: RefineConfig | None = None, prior: PosePrior | None = None
+) -> Motion:
+    """A motion whose limbs turn as bodies do, its joints where they were as far as that goes.
+
+    The pelvis stays, and so do the toes, which no joint shows: they were bent to clear the floor. Arguments as of
+    `refine`.
+    """
+    rows = motion.root_m.astype(np.float64)
+    root = torch.from_numpy(np.stack([rows[:, 0], rows[:, 2], -rows[:, 1]], axis=1))
+    pose = torch.from_numpy(motion.pose_axis_angle.astype(np.float64))
+    _, X = forward(pose, root, torch.from_numpy(np.asarray(offsets_m, dtype=np.float64)))
+    joints = X.numpy()
+    zup = np.stack([joints[..., 0], -joints[..., 2], joints[..., 1]], axis=-1)
+    refined = refine(motion, zup, offsets_m, config, prior)
+    kept = refined.pose_axis_angle.copy()
+    kept[:, _TOES] = motion.pose_axis_angle[:, _TOES]
+    return Motion(root_m=motion.root_m, pose_axis_angle=kept, rate_hz=motion.rate_hz)
 
 
 def rotations(pose: Tensor) -> Tensor:

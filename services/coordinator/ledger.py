@@ -257,6 +257,10 @@ class Ledger:
             self._all("SELECT reason, count(*) FROM episode WHERE state = 'rejected' GROUP BY reason ORDER BY reason")
         )
 
+    def rejected(self) -> dict[int, str]:
+        """Reason of every rejected index, by index."""
+        return dict(self._all("SELECT idx, reason FROM episode WHERE state = 'rejected' ORDER BY idx"))
+
     def committed(self) -> tuple[int, int]:
         """Durable episodes, and the samples in them."""
         row = self._one("SELECT count(*), coalesce(sum(samples), 0) FROM episode WHERE state = 'committed'")

@@ -47,7 +47,7 @@ class ExpertConfig:
     """A visible human enters the map if this near to the plan [m] (paper: "a safety margin")."""
     range_m: float = 10.0
     """Farther humans are not perceived [m]."""
-    memory_s: float = 2.0
+    memory_s: float = 4.0
     """How long a human that left the view stays in the map, moving on [s]."""
     prediction_s: float = 2.0
     """Constant-velocity prediction (paper: 2 s)."""
@@ -84,7 +84,7 @@ class ExpertConfig:
     timed_heuristic_weight: float = 1.2
     """The following are of mode "spacetime". 1.0 searches for the cheapest plan, more is faster."""
     timed_heading_count: int = 36
-    timed_expansions_max: int = 4000
+    timed_expansions_max: int = 1000
     timed_steering_cost: float = 0.15
     """Cost of turning fully, per second and metre per second of full speed."""
     swerve_cost: float = 0.1
@@ -93,16 +93,23 @@ class ExpertConfig:
     """How far ahead humans are predicted [s]."""
     oracle_prediction_s: float = 8.0
     """How far ahead an oracle knows them [s]."""
-    timed_margin_m: float = 0.2
-    """Free space between robot and human that a plan keeps [m]."""
-    doubt_growth_mps: float = 0.05
+    hard_margin_m: float = 0.03
+    """Smaller gaps between robot and expected human count as contact [m]."""
+    timed_margin_m: float = 0.4
+    """Free space beyond it that costs nothing [m]."""
+    doubt_growth_mps: float = 0.2
     """Growth of this space with the time ahead [m/s]."""
-    doubt_max_m: float = 0.2
+    doubt_max_m: float = 0.6
     """Largest growth [m]."""
-    nearness_cost: float = 0.5
-    """Cost of a second at the edge of this space, in metres at full speed."""
-    nearness_m: float = 0.5
-    """Width of the strip around it over which this cost falls off [m]."""
+    nearness_cost: float = 30.0
+    """Cost of a second without this space, in metres at full speed; falls off with its square."""
+    route_weight: float = 2.0
+    """How likely it is that a human walks to the robot's start or goal, if its last steps look like that, in
+    proportion to walking on as before; 0 leaves these routes out."""
+    standing_margin_m: float = 0.5
+    """Ground this near to contact with a human who stands is dearer [m]."""
+    chance_gain: float = 2.0
+    """Chances count this much, at most fully: what is half likely is avoided like what is certain."""
     timed_replan_s: float = 0.25
     """Time after which a plan that has come to meet a human is made anew [s]."""
 

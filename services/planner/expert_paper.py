@@ -59,7 +59,7 @@ class PaperExpert:
         self._goal_m = (float(self._goal[0]), float(self._goal[1]))
         self._local = ground.around(start, self._goal_m)
         paths_m = [who.motion.root_m[:, :2].astype(np.float64) for who, _, _ in people]
-        self._tracks = HumanTracks(ground, paths_m, AHEAD_STEPS)
+        self._tracks = HumanTracks(ground, self._local, paths_m, AHEAD_STEPS)
         self._tracker = PathTracker(self._local, ground.robot, ground.contact_m, config)
         self._plan: Plan | None = None
         self._planned_at_step = -(1 << 20)

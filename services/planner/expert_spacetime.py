@@ -1,35 +1,34 @@
 """The expert that plans in space and time: it waits, turns in place, goes around, or slips through."""
 
+import math
 import time
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from common.episode import EpisodeSimulation
+from common.episode.grid_search import FREE
 from common.messages import Scenario
 from common.robot.kinematics import DT_S, RATE_HZ
 from services.planner.expert import Decision, Person, expected_array
 from services.planner.ground import ExpertGround
-from services.planner.obstacles import open_around, paint_capsule
+from services.planner.obstacles import open_around, paint_capsule, paint_slope
 from services.planner.perception import HumanTracks, PerceivedHuman
 from services.planner.rollouts import AHEAD_STEPS, State, choose_evasion
-from services.planner.spacetime_search import SpaceTimeSearch, TimedPlan
+from services.planner.spacetime_search import SpaceTimeSearch, TimedHumans, TimedPlan
 
 Float64Array = npt.NDArray[np.float64]
+UInt8Array = npt.NDArray[np.uint8]
 
-MARGIN_SCALES = (1.0, 0.4, 0.05)
-"""A search that fails is repeated with these shares of the margins."""
 _STANDING_MPS = 0.1
+_STANDING_WIDTH_M = 0.02
 _START_GAP_M = 0.03
 
 
 class SpaceTimeExpert:
     """Drives one episode in mode "spacetime"; call `act` at every step."""
 
-    def __init__(
-        self, ground: ExpertGround, search: SpaceTimeSearch, scenario: Scenario, people: list[Person]
-    ) -> None:
+    def __init__(self, ground: ExpertGround, search: SpaceTimeSearch, scenario: Scenario, people: list[Person]) -> None:
         """Prepare the static way to the goal.
 
         Args:
@@ -45,14 +44,11 @@ class SpaceTimeExpert:
         horizon_s = config.oracle_prediction_s if config.oracle else config.timed_prediction_s
         self._horizon = round(horizon_s * RATE_HZ)
         paths_m = [who.motion.root_m[:, :2].astype(np.float64) for who, _, _ in people]
-        self._tracks = HumanTracks(ground, paths_m, self._horizon)
-        ahead_s = np.arange(1, self._horizon + 1) * DT_S
-        growth_m = np.zeros(self._horizon) if config.oracle else np.minimum(config.doubt_growth_mps * ahead_s, config.doubt_max_m)
-        self._extra_m = config.timed_margin_m + growth_m
+        self._tracks = HumanTracks(ground, self._local, paths_m, self._horizon)
+        self._contact_m = ground.contact_m + config.hard_margin_m
         robot = ground.robot
         self._limits = (robot.v_max_mps, robot.w_max_radps, robot.a_max_mps2, robot.alpha_max_radps2)
         self._plan: TimedPlan | None = None
-        self._scale = 1.0
         self._planned_at_step = 0
         self.replan_times_s: list[float] = []
         """CPU time of each replan [s]."""
@@ -62,10 +58,10 @@ class SpaceTimeExpert:
         state = (simulation.x_m, simulation.y_m, simulation.yaw_rad, simulation.v_mps, simulation.w_radps)
         humans = self._tracks.observe(simulation.step, state[:3], simulation.human_xy_m)
         expected_m = expected_array(humans, self._horizon)
-        replanned = self._is_due(simulation.step, state, expected_m)
+        replanned = self._is_due(simulation.step, humans)
         if replanned:
             started_s = time.thread_time()
-            self._replan(simulation.step, state, humans, expected_m)
+            self._replan(simulation.step, state, humans)
             self.replan_times_s.append(time.thread_time() - started_s)
         v, w = self._drive(simulation.step, state, expected_m)
         rows = np.empty((0, 5)) if self._plan is None else self._plan.rows[simulation.step - self._planned_at_step :]
@@ -81,49 +77,63 @@ class SpaceTimeExpert:
             path_times_s=np.arange(len(rows)) * DT_S,
         )
 
-    def _is_due(self, step: int, state: State, expected_m: Float64Array) -> bool:
+    def _is_due(self, step: int, humans: list[PerceivedHuman]) -> bool:
         if self._plan is None:
             return True
         elapsed = step - self._planned_at_step
-        if elapsed >= len(self._plan.rows) - 1 or elapsed * DT_S >= self._config.replan_period_s - 1e-9:
-            return True
-        if len(expected_m) == 0 or elapsed * DT_S < self._config.timed_replan_s - 1e-9:
-            return False
-        return not plan_is_free(
-            self._plan.rows, elapsed, expected_m, self._ground.contact_m + 0.8*self._scale * self._extra_m
-        )
+        period_s = self._config.timed_replan_s if humans else self._config.replan_period_s
+        return elapsed >= len(self._plan.rows) - 1 or elapsed * DT_S >= period_s - 1e-9
 
-    def _replan(self, step: int, state: State, humans: list[PerceivedHuman], expected_m: Float64Array) -> None:
-        self._planned_at_step, self._plan = step, None
-        for scale in MARGIN_SCALES:
-            self._plan, self._scale = self._searched(state, humans, expected_m, scale), scale
-            if self._plan is not None:
-                return
-
-    def _searched(
-        self, state: State, humans: list[PerceivedHuman], expected_m: Float64Array, scale: float
-    ) -> TimedPlan | None:
-        ground, local = self._ground, self._local
-        cell = local.frame.cell(state[0], state[1])
-        static = local.static_factor if scale == 1 else local.tight_factor
-        standing = [human for human in humans if human.vx_mps**2 + human.vy_mps**2 < _STANDING_MPS**2]
-        factor, heuristic = static, local.to_goal
-        if standing or factor[cell] == 0 or scale < 1:
-            factor, heuristic = local.factor, local.heuristic
-            factor[:] = static
-            tolerated_m = min(ground.robot.radius_m + self._config.tight_margin_m, local.clearance[cell] - 0.02)
-            open_around(factor, local.frame, local.clearance, state[:2], tolerated_m, self._config.dear_factor)
-            radius_m = ground.contact_m + scale * self._config.timed_margin_m
-            for human in standing:
-                x, y = human.x_m, human.y_m
-                gap_m = ((x - state[0]) ** 2 + (y - state[1]) ** 2) ** 0.5 - _START_GAP_M
-                paint_capsule(factor, local.frame, (x, y, x, y), min(radius_m, gap_m), 0)
+    def _replan(self, step: int, state: State, humans: list[PerceivedHuman]) -> None:
+        self._planned_at_step = step
+        local = self._local
+        standing = [human for human in humans if _stands(human)]
+        factor, heuristic = local.tight_factor, local.to_goal
+        if standing or factor[local.frame.cell(state[0], state[1])] == 0:
+            factor, heuristic = self._painted(state, standing), local.heuristic
             if not local.distances(factor, state[0], state[1]):
-                return None
-        keep_off_m = ground.contact_m + scale * self._extra_m
-        return self._search.search(
-            factor, heuristic, local.frame, state, self._goal_m, (expected_m, keep_off_m), partial=len(humans) > 0
+                heuristic = local.to_goal
+        people = self._timed(humans)
+        self._plan = self._search.search(factor, heuristic, local.cells, state, self._goal_m, people)
+
+    def _painted(self, state: State, standing: list[PerceivedHuman]) -> UInt8Array:
+        """The map with standing humans in it, passable where the robot is."""
+        local, config = self._local, self._config
+        factor = local.factor
+        factor[:] = local.tight_factor
+        radius_m = self._ground.robot.radius_m
+        open_around(factor, local.frame, local.clearance, state[:2], radius_m, config.dear_factor)
+        for human in standing:
+            ends = (human.x_m, human.y_m, human.x_m, human.y_m)
+            gap_m = math.hypot(human.x_m - state[0], human.y_m - state[1]) - _START_GAP_M
+            paint_slope(factor, local.frame, ends, self._contact_m + config.standing_margin_m, 2 * FREE)
+            paint_capsule(factor, local.frame, ends, min(self._contact_m, gap_m), 0)
+        return factor
+
+    def _timed(self, humans: list[PerceivedHuman]) -> TimedHumans:
+        """All that the humans may do, by chance."""
+        rows, chances, widths = [], [], []
+        for human in humans:
+            count = len(human.chances)
+            rows += [human.ahead_m, *human.others_m]
+            chances += human.chances.tolist()
+            widths += [self._widths(human)] * count
+        return TimedHumans(
+            expected_m=np.array(rows).reshape(-1, self._horizon, 2),
+            chances=np.minimum(1.0, self._config.chance_gain * np.array(chances)),
+            contact_m=self._contact_m,
+            widths_m=np.array(widths).reshape(-1, self._horizon),
+            weight=self._config.nearness_cost,
         )
+
+    def _widths(self, human: PerceivedHuman) -> Float64Array:
+        """Free space around a human that costs nothing, in the next steps [m]."""
+        config = self._config
+        if _stands(human):
+            return np.full(self._horizon, _STANDING_WIDTH_M)
+        growth = 0.0 if config.oracle else config.doubt_growth_mps
+        ahead_s = np.arange(1, self._horizon + 1) * DT_S + human.age_s
+        return config.timed_margin_m + np.minimum(growth * ahead_s, config.doubt_max_m)
 
     def _drive(self, step: int, state: State, expected_m: Float64Array) -> tuple[float, float]:
         if self._plan is not None:
@@ -134,7 +144,7 @@ class SpaceTimeExpert:
                 state,
                 self._limits,
                 self._local.cells,
-                self._ground.robot.radius_m + 0.01,
+                self._ground.robot.radius_m + self._config.tracking_margin_m,
                 expected_m[:, :AHEAD_STEPS].copy(),
                 (self._ground.contact_m, 0.0),
                 self._config.evasion_gap_m,
@@ -146,15 +156,5 @@ class SpaceTimeExpert:
         return 0.0, 2.0 * turn
 
 
-@njit(cache=True)
-def plan_is_free(rows: Float64Array, first: int, expected: Float64Array, keep_off: Float64Array) -> bool:
-    """True if the rows after `first` keep their distances from humans, or do not come nearer than they are now."""
-    for m in range(len(expected)):
-        dx, dy = expected[m, 0, 0] - rows[first, 0], expected[m, 0, 1] - rows[first, 1]
-        escape = dx * dx + dy * dy
-        for k in range(min(len(rows) - first - 1, len(keep_off))):
-            dx, dy = expected[m, k, 0] - rows[first + 1 + k, 0], expected[m, k, 1] - rows[first + 1 + k, 1]
-            squared = dx * dx + dy * dy
-            if squared < keep_off[k] * keep_off[k] and squared < escape:
-                return False
-    return True
+def _stands(human: PerceivedHuman) -> bool:
+    return human.vx_mps**2 + human.vy_mps**2 < _STANDING_MPS**2

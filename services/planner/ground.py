@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from common.episode import EpisodeConfig, GridSearch
-from common.episode.grid_search import UNITS_PER_CELL, UNREACHED
+from common.episode.grid_search import FREE, UNITS_PER_CELL, UNREACHED
 from common.maps import GridFrame, OccupancyMap, SightMap, clearance_m, sight_of_occupancy
 from common.robot import RobotConfig
 from services.planner.expert_config import ExpertConfig
@@ -38,6 +38,9 @@ class EpisodeGround:
     to_goal: Int32Array
     """Way to the goal over `static_factor`, UNITS_PER_CELL a cell, shape (H, W)."""
     goal_cell: tuple[int, int]
+    human_frame: GridFrame
+    human_ways: tuple[Int32Array, ...]
+    """Ways of people to the robot's start and goal, UNITS_PER_CELL a cell, shape (H', W'); empty in mode "paper"."""
     factor: UInt8Array
     """Memory for a search's factors, shape (H, W)."""
     heuristic: Int32Array
@@ -102,6 +105,9 @@ class ExpertGround:
         self.clearance = clearance_m(robot_map).astype(np.float64)
         self.human_frame = human_map.frame
         self.human_clearance = self.clearance if human_map is robot_map else clearance_m(human_map).astype(np.float64)
+        keep_off = 1.0 + 4.0 * np.clip(1.0 - self.human_clearance, 0.0, 1.0) ** 2
+        walkable = self.human_clearance > episode_config.human_radius_m
+        self.human_factor = np.where(walkable, np.rint(FREE * keep_off), 0).astype(np.uint8)
         self.static_factor = static_factor(
             self.clearance,
             robot.planning_radius_m + config.cell_margin_m,
@@ -122,20 +128,16 @@ class ExpertGround:
         return window
 
     def _window(self, start_m: tuple[float, float], goal_m: tuple[float, float], margin_m: float) -> EpisodeGround:
-        frame, resolution = self.occupancy.frame, self.occupancy.frame.resolution_m
-        rows, columns = self.clearance.shape
-        cells = math.ceil(min(margin_m, 1e6) / resolution)
-        (i0, j0), (i1, j1) = frame.cell(*start_m), frame.cell(*goal_m)
-        top, left = max(min(i0, i1) - cells, 0), max(min(j0, j1) - cells, 0)
-        part = slice(top, min(max(i0, i1) + cells + 1, rows)), slice(left, min(max(j0, j1) + cells + 1, columns))
-        moved = GridFrame(
-            origin_x_m=frame.origin_x_m + left * resolution,
-            origin_y_m=frame.origin_y_m + top * resolution,
-            resolution_m=resolution,
-        )
+        part, moved = cropped(self.occupancy.frame, self.clearance.shape, start_m, goal_m, margin_m)
         factor = np.ascontiguousarray(self.static_factor[part])
         search = GridSearch((factor.shape[0], factor.shape[1]))
         goal = moved.cell(*goal_m)
+        human_part, human_frame = cropped(self.human_frame, self.human_clearance.shape, start_m, goal_m, margin_m)
+        human_ways: tuple[Int32Array, ...] = ()
+        if self.config.mode != "paper" and not self.config.oracle:
+            walkable = np.ascontiguousarray(self.human_factor[human_part])
+            flood = GridSearch((walkable.shape[0], walkable.shape[1]))
+            human_ways = tuple(flood.distances(walkable, human_frame.cell(*place)) for place in (start_m, goal_m))
         return EpisodeGround(
             frame=moved,
             occupancy=OccupancyMap(frame=moved, occupied=np.ascontiguousarray(self.occupancy.occupied[part])),
@@ -144,7 +146,30 @@ class ExpertGround:
             tight_factor=np.ascontiguousarray(self.tight_factor[part]),
             to_goal=search.distances(factor, goal),
             goal_cell=goal,
+            human_frame=human_frame,
+            human_ways=human_ways,
             factor=np.empty_like(factor),
             heuristic=np.empty(factor.shape, np.int32),
             search=search,
         )
+
+
+def cropped(
+    frame: GridFrame,
+    shape: tuple[int, ...],
+    start_m: tuple[float, float],
+    goal_m: tuple[float, float],
+    margin_m: float,
+) -> tuple[tuple[slice, slice], GridFrame]:
+    """The part of a grid around two points, and where it lies."""
+    resolution = frame.resolution_m
+    cells = math.ceil(min(margin_m, 1e6) / resolution)
+    (i0, j0), (i1, j1) = frame.cell(*start_m), frame.cell(*goal_m)
+    top, left = max(min(i0, i1) - cells, 0), max(min(j0, j1) - cells, 0)
+    part = slice(top, min(max(i0, i1) + cells + 1, shape[0])), slice(left, min(max(j0, j1) + cells + 1, shape[1]))
+    moved = GridFrame(
+        origin_x_m=frame.origin_x_m + left * resolution,
+        origin_y_m=frame.origin_y_m + top * resolution,
+        resolution_m=resolution,
+    )
+    return part, moved

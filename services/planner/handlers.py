@@ -1,5 +1,6 @@
 """Answers planning requests: scenarios (stage 1) and expert runs (stage 3)."""
 
+import dataclasses
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Protocol
@@ -20,6 +21,7 @@ from common.messages import (
 )
 from common.robot import RobotConfig
 from common.robot.kinematics import RATE_HZ
+from services.planner.clearance import gaussian_clearance_m
 from services.planner.config import HumanPlannerConfig
 from services.planner.expert import Decision, Expert
 from services.planner.expert_config import ExpertConfig
@@ -212,12 +214,15 @@ def drive(
     for decision in decisions(expert, simulation):
         made.append(decision)
         observe(decision)
-    return simulation.trajectory(
+    trajectory = simulation.trajectory(
         human_visible=[decision.visible for decision in made],
         replanned=[decision.replanned for decision in made],
         expert_cost=[decision.cost for decision in made],
         replan_times_s=expert.replan_times_s,
     )
+    people = [(human, *planner.footprint(human.avatar)) for human in motions.humans]
+    clearance = gaussian_clearance_m(trajectory.xyyaw, people, planner.maps.floor, planner.robot)
+    return dataclasses.replace(trajectory, gaussian_clearance_m=clearance)
 
 
 def decisions(expert: Expert, simulation: EpisodeSimulation) -> Iterator[Decision]:

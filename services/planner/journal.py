@@ -1,5 +1,6 @@
 """What the expert knew and intended while it drove, for those who want to know why it did what it did."""
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -12,6 +13,9 @@ from services.planner.handlers import Planner, drive
 from services.planner.perception import PerceivedHuman
 
 Float64Array = npt.NDArray[np.float64]
+
+ANOTHER_WAY_M = 0.2
+"""Plans that stay nearer to each other are the same way [m]."""
 
 
 @dataclass(kw_only=True, eq=False)
@@ -33,12 +37,18 @@ class Journal:
 
     @cached_property
     def changes(self) -> tuple[int, ...]:
-        """Steps at which another path came into force; the first path is the first change."""
-        return tuple(
-            step
-            for step, path in enumerate(self.paths_m)
-            if self.searched[step] and not _is_rest_of(path, self.paths_m[step - 1] if step else path[:0])
-        )
+        """Steps at which another way came into force: more than `ANOTHER_WAY_M` off; the first way is the first."""
+        steps, nothing = [], np.empty((0, 2))
+        for step, path in enumerate(self.paths_m):
+            old = self.paths_m[step - 1] if step else nothing
+            if self.searched[step] and len(path) and _apart_m(path, old) > ANOTHER_WAY_M:
+                steps.append(step)
+        return tuple(steps)
+
+    @property
+    def given_up(self) -> tuple[int, ...]:
+        """The changes at which there was a way that was given up for the new one."""
+        return tuple(step for step in self.changes if step > 0 and len(self.paths_m[step - 1]))
 
     def seen(self, human: int) -> npt.NDArray[np.bool_]:
         """Where a human was in view, one flag per step."""
@@ -79,6 +89,15 @@ def run_with_journal(planner: Planner, scenario: Scenario, motions: EpisodeMotio
     return ExpertRun(scenario=scenario, motions=motions, trajectory=trajectory, journal=journal)
 
 
-def _is_rest_of(path_m: Float64Array, old_m: Float64Array) -> bool:
-    """True if a path is the end of another one: the robot has only moved on along it."""
-    return len(path_m) <= len(old_m) and np.array_equal(path_m, old_m[len(old_m) - len(path_m) :])
+def _apart_m(a_m: Float64Array, b_m: Float64Array) -> float:
+    """How far the shorter one of two paths leads away from the other one [m]; inf if one is empty."""
+    if len(a_m) == 0 or len(b_m) == 0:
+        return math.inf
+    short, long = sorted((a_m, b_m), key=_length_m)
+    offset = short[:, None] - long[None]
+    return math.sqrt(float((offset[..., 0] ** 2 + offset[..., 1] ** 2).min(axis=1).max()))
+
+
+def _length_m(path_m: Float64Array) -> float:
+    step = np.diff(path_m, axis=0)
+    return float(np.sqrt(step[:, 0] ** 2 + step[:, 1] ** 2).sum())

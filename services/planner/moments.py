@@ -48,8 +48,8 @@ def _candidates(run: ExpertRun) -> list[Moment]:
     if closest and closest[0][0] < CLOSE_M:
         step = int(np.argmin(run.gap_m(closest[0][1])))
         moments.append(Moment(step=step, why=f"closest to person {closest[0][1] + 1}"))
-        changed = [k for k in run.journal.changes if 0 < k < step - APART_S * RATE_HZ and run.journal.perceived[k]]
-        moments += [Moment(step=k, why="another way is better") for k in changed[-1:]]
+        changed = [k for k in run.journal.given_up if k < step - APART_S * RATE_HZ and run.journal.perceived[k]]
+        moments += [Moment(step=k, why="takes another way") for k in changed[-1:]]
     for _, k in closest:
         seen = np.flatnonzero(run.journal.seen(k))
         moments += [Moment(step=int(step), why=f"first sees person {k + 1}") for step in seen[:1]]

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from common.robot.kinematics import DT_S
-from services.planner.ground import ExpertGround
-from services.planner.prediction import WINDOW_STEPS, predict_walk
+from services.planner.ground import EpisodeGround, ExpertGround
+from services.planner.prediction import WINDOW_STEPS, follow_route, predict_walk
 
 Float64Array = npt.NDArray[np.float64]
 Pose = tuple[float, float, float]
@@ -27,8 +27,14 @@ class PerceivedHuman:
     vy_mps: float
     seen: bool
     """True if in view now; else felt nearby, known to an oracle, or moved on from the latest view."""
+    age_s: float
+    """How long ago it was perceived last [s]."""
     ahead_m: Float64Array
     """Where it is expected after 1, 2, ... steps [m], shape (T, 2)."""
+    others_m: Float64Array
+    """Where it will be if it takes the robot's way, to its start or to its goal [m], shape (K, T, 2); K may be 0."""
+    chances: Float64Array
+    """How likely `ahead_m` and the rows of `others_m` are, shape (1 + K,)."""
 
 
 @dataclass(eq=False)
@@ -38,22 +44,24 @@ class _Track:
     step: int
     rows: list[tuple[float, float]]
     expected_m: Float64Array
-    """Positions after `step` [m], shape (T, 2)."""
+    """Positions after `step` [m], shape (1 + K, T, 2): as expected, and otherwise."""
+    chances: Float64Array
 
 
 class HumanTracks:
     """Positions of the humans while they are perceived, and what is expected of them."""
 
-    def __init__(self, ground: ExpertGround, paths_m: Sequence[Float64Array], count: int) -> None:
+    def __init__(self, ground: ExpertGround, local: EpisodeGround, paths_m: Sequence[Float64Array], count: int) -> None:
         """Begin an episode.
 
         Args:
             ground: Robot, maps and settings.
+            local: The episode's part of the map.
             paths_m: Where the humans truly walk [m], shape (T, 2) each, for an oracle and for `foresight_s`.
             count: Steps to look ahead.
         """
         config, robot = ground.config, ground.robot
-        self._ground, self._config, self._count = ground, config, count
+        self._ground, self._local, self._config, self._count = ground, local, config, count
         self._paths_m = paths_m
         self._half_fov_rad = math.radians(robot.camera.horizontal_fov_deg) / 2
         self._camera_m = robot.camera.mount_height_m
@@ -96,23 +104,39 @@ class HumanTracks:
         track = self._tracks.get(index)
         rows = track.rows if track is not None and track.step == step - 1 else []
         rows = [*rows[1 - self._view_count :], (x, y)]
-        self._tracks[index] = _Track(step=step, rows=rows, expected_m=self._expected(index, step, rows))
+        expected_m, chances = self._expected(index, step, rows)
+        self._tracks[index] = _Track(step=step, rows=rows, expected_m=expected_m, chances=chances)
 
-    def _expected(self, index: int, step: int, rows: list[tuple[float, float]]) -> Float64Array:
+    def _expected(self, index: int, step: int, rows: list[tuple[float, float]]) -> tuple[Float64Array, Float64Array]:
+        """Possible positions after a step [m], shape (1 + K, T, 2), and their chances, shape (1 + K,)."""
         count = self._count + self._memory_steps
         if self._config.oracle:
-            return self._path(index, step + 1, step + 1 + count)
+            return self._path(index, step + 1, step + 1 + count)[None], np.ones(1)
         if self._curved:
-            return predict_walk(np.array(rows), self._ground.human_clearance, self._ground.human_frame, count)
+            return self._walks(np.array(rows), count)
         vx, vy = self._velocity(rows)
         t = np.arange(1, count + 1) * DT_S
         straight = np.stack([rows[-1][0] + t * vx, rows[-1][1] + t * vy], axis=1)
         known = round(self._config.foresight_s / DT_S)
         if known == 0:
-            return straight
+            return straight[None], np.ones(1)
         true = self._path(index, step, step + 1 + known)
         beyond = true[-1] + np.arange(1, count - known + 1)[:, None] * (true[-1] - true[-2])
-        return np.concatenate([true[1:], beyond])[:count]
+        return np.concatenate([true[1:], beyond])[None, :count], np.ones(1)
+
+    def _walks(self, views_m: Float64Array, count: int) -> tuple[Float64Array, Float64Array]:
+        """On along the present way, or along the robot's: the more a route explains, the likelier it is."""
+        ground = self._ground
+        walks = [predict_walk(views_m, ground.human_clearance, ground.human_frame, count)]
+        weights = [1.0]
+        for to_place in self._local.human_ways if self._config.route_weight > 0 else ():
+            route, explained = follow_route(views_m, to_place, self._local.human_frame, count)
+            weight = self._config.route_weight * min(max((explained - 0.5) / 0.4, 0.0), 1.0)
+            if weight > 0.05:
+                walks.append(route)
+                weights.append(weight)
+        total = math.fsum(weights)
+        return np.stack(walks), np.array([weight / total for weight in weights])
 
     def _path(self, index: int, first: int, end: int) -> Float64Array:
         """Where a human truly is at steps first .. end - 1 [m]."""
@@ -125,10 +149,21 @@ class HumanTracks:
         vx, vy = self._velocity(track.rows)
         x, y = track.rows[-1]
         if elapsed > 0:
-            (x, y), (x1, y1) = track.expected_m[elapsed - 1].tolist(), track.expected_m[elapsed].tolist()
+            (x, y), (x1, y1) = track.expected_m[0, elapsed - 1].tolist(), track.expected_m[0, elapsed].tolist()
             vx, vy = (x1 - x) / DT_S, (y1 - y) / DT_S
-        ahead = track.expected_m[elapsed : elapsed + self._count]
-        return PerceivedHuman(index=index, x_m=x, y_m=y, vx_mps=vx, vy_mps=vy, seen=seen, ahead_m=ahead)
+        ahead = track.expected_m[:, elapsed : elapsed + self._count]
+        return PerceivedHuman(
+            index=index,
+            x_m=x,
+            y_m=y,
+            vx_mps=vx,
+            vy_mps=vy,
+            seen=seen,
+            age_s=elapsed * DT_S,
+            ahead_m=ahead[0],
+            others_m=ahead[1:],
+            chances=track.chances,
+        )
 
     def _velocity(self, rows: list[tuple[float, float]]) -> tuple[float, float]:
         recent = rows[-self._window - 1 :]

@@ -17,8 +17,8 @@ from services.planner.handlers import Planner
 from services.planner.journal import ExpertRun
 from services.planner.moments import Moment, pick_moments
 from services.planner.picture_layers import (
+    EXPECTED_SHARE,
     OUTCOMES,
-    PREDICTED_SHARE,
     SIGHT,
     SIGHT_SHARE,
     SUPERSEDED,
@@ -40,6 +40,7 @@ SIDE_PX = (710, 560)
 """Width of the episode's picture with the moments beside it, and its least height."""
 MOMENT_PX, MOMENT_M = 350, 7.0
 """Side of the picture of a moment [px], and what it shows [m]."""
+NUMBER_APART_PX = 21
 AHEAD_M = 1.5
 """A moment's picture is centred this far ahead of the robot [m]."""
 
@@ -96,8 +97,7 @@ def draw_run(planner: Planner, run: ExpertRun) -> Picture:
     _draw_ways(picture, view, scenario, trajectory, run.motions, planner.robot, planner.episode_config)
     draw_changes(picture, view, run)
     draw_closest(picture, view, run)
-    for number, moment in enumerate(moments, start=1):
-        plan_view.put_mark(picture, view, _beside(trajectory.xyyaw[moment.step]), str(number), INK)
+    _put_numbers(picture, view, trajectory.xyyaw[[moment.step for moment in moments]])
     plan_view.draw_scale_bar(picture, view)
     rows = [[picture], panels] if below else [[picture, stacked(panels)]]
     return sheet(rows, _headline(scenario, trajectory, run), _legend(scenario, trajectory, run))
@@ -111,7 +111,8 @@ def _widest_view(robot_map: OccupancyMap, run: ExpertRun, panels: list[Picture])
         episode_view(robot_map, run.scenario, run.trajectory, motions=run.motions, size_px=size_px)
         for size_px in (row_px, column_px)
     )
-    is_below = below.frame.resolution_m <= beside.frame.resolution_m
+    gain = beside.frame.resolution_m / below.frame.resolution_m
+    is_below = gain > 1 or (gain == 1 and len(panels) > 1)
     return (below if is_below else beside), is_below
 
 
@@ -183,9 +184,16 @@ def _draw_ways(
     plan_view.draw_disc(picture, view, trajectory.xyyaw[-1, :2], robot.radius_m, OUTCOMES[trajectory.outcome])
 
 
-def _beside(xyyaw: Float64Array) -> Float64Array:
-    """A point to the right of the robot, where a number does not hide its way."""
-    return np.array([xyyaw[0] + 0.35 * np.sin(xyyaw[2]), xyyaw[1] - 0.35 * np.cos(xyyaw[2])])
+def _put_numbers(picture: Picture, view: TopView, poses: Float64Array) -> None:
+    """Numbers to the right of the robot's poses, where they hide neither its way nor each other."""
+    placed: list[Float64Array] = []
+    for number, (x, y, yaw) in enumerate(poses.tolist(), start=1):
+        right = np.array([np.sin(yaw), -np.cos(yaw)])
+        place = np.array([x, y]) + 0.35 * right
+        while any(np.hypot(*(place - other)) < NUMBER_APART_PX * view.frame.resolution_m for other in placed):
+            place = place + 0.1 * right
+        placed.append(place)
+        plan_view.put_mark(picture, view, place, str(number), INK)
 
 
 def _moment_panel(planner: Planner, run: ExpertRun, moment: Moment, number: int) -> Picture:
@@ -221,7 +229,7 @@ def _headline(scenario: Scenario, trajectory: RobotTrajectory | None, run: Exper
         words.append((f"closest {closest_m:.2f} m", INK))
     if run is not None:
         searches, changes = sum(run.journal.searched), len(run.journal.changes)
-        words.append((f"{searches} searches, {changes} plans", INK))
+        words.append((f"{searches} replans, {changes} ways", INK))
     return [*words, (scenario.episode.episode_id, INK)]
 
 
@@ -230,10 +238,10 @@ def _legend(scenario: Scenario, trajectory: RobotTrajectory | None, run: ExpertR
     for k, human in enumerate(scenario.humans):
         items.append((dotted_swatch(human_colour(k)), f"person {k + 1}: {human.avatar}, {human.encounter}"))
     if run is not None:
-        items.append((lambda picture, x, y: put_diamond(picture, (x, y)), "new plan"))
-        items.append((line_swatch(SUPERSEDED), "plan given up"))
+        items.append((lambda picture, x, y: put_diamond(picture, (x, y)), "chose another way"))
+        items += [(line_swatch(SUPERSEDED), "way given up")] if run.journal.given_up else []
         items.append((area_swatch(SIGHT, SIGHT_SHARE), "field of view"))
     if run is not None and scenario.humans:
-        items.append((area_swatch(human_colour(0), PREDICTED_SHARE), "expected there"))
+        items.append((area_swatch(human_colour(0), EXPECTED_SHARE), "expected there"))
         items.append((ring_swatch(human_colour(0), filled=False), "not perceived"))
     return [*items, (ring_swatch(GOAL), "goal")]

@@ -9,7 +9,6 @@ import numpy.typing as npt
 from common.drawing import plan_view
 from common.drawing.files import Picture
 from common.drawing.plan_view import GOAL, HUMANS, INK, ROBOT, WHITE, Rgb
-from common.maps import OccupancyMap
 from common.messages import Outcome
 from common.robot.kinematics import RATE_HZ
 from common.scenes.top_view import TopView
@@ -27,7 +26,10 @@ OUTCOMES: dict[Outcome, Rgb] = {
     Outcome.HUMAN_COLLISION: (200, 30, 30),
     Outcome.TIMEOUT: (200, 120, 0),
 }
-SIGHT_SHARE, PREDICTED_SHARE = 0.35, 0.4
+SIGHT_SHARE, EXPECTED_SHARE = 0.35, 0.4
+EXPECTED_S = 2.0
+"""Pictures show where people are expected for this long [s], whatever the mode looks ahead."""
+DIAMOND_APART_PX = 12
 
 
 def human_colour(human: int) -> Rgb:
@@ -48,16 +50,19 @@ def draw_way(picture: Picture, view: TopView, xy_m: Float64Array, colour: Rgb, *
 
 def draw_superseded(picture: Picture, view: TopView, run: ExpertRun, steps: range | None = None) -> None:
     """The plans that another one replaced, at any time or at some steps, as they were then."""
-    for step in run.journal.changes:
-        if step > 0 and (steps is None or step in steps):
+    for step in run.journal.given_up:
+        if steps is None or step in steps:
             plan_view.draw_path(picture, view, run.journal.paths_m[step - 1], SUPERSEDED, width_px=1)
 
 
 def draw_changes(picture: Picture, view: TopView, run: ExpertRun) -> None:
-    """A diamond where the robot was when another plan came into force."""
+    """A diamond where the robot was when it chose another way; of close ones only the first."""
+    last = np.full(2, np.inf)
     for step in run.journal.changes:
-        u, v = (round(float(value)) for value in view.world_to_pixel(run.trajectory.xyyaw[step, :2]) - 0.5)
-        put_diamond(picture, (u, v))
+        place = view.world_to_pixel(run.trajectory.xyyaw[step, :2]) - 0.5
+        if float(np.hypot(*(place - last))) >= DIAMOND_APART_PX or step == run.journal.changes[0]:
+            put_diamond(picture, (round(float(place[0])), round(float(place[1]))))
+            last = place
 
 
 def put_diamond(picture: Picture, centre_px: tuple[int, int]) -> None:
@@ -69,23 +74,31 @@ def put_diamond(picture: Picture, centre_px: tuple[int, int]) -> None:
 
 
 def draw_knowledge(picture: Picture, view: TopView, planner: Planner, run: ExpertRun, step: int) -> None:
-    """What the expert sees, expects and intends at a step: field of view, predicted ground, plan."""
-    config, fov_rad = planner.ground.config, math.radians(planner.robot.camera.horizontal_fov_deg)
-    pose = run.trajectory.xyyaw[step]
-    hides: OccupancyMap | None = planner.maps.robot if config.line_of_sight else None
-    plan_view.fill_area(
-        picture, view, wedge_m(pose, fov_rad, config.range_m, occupancy=hides), SIGHT, share=SIGHT_SHARE
-    )
-    whole = wedge_m(pose, fov_rad, config.range_m)
-    plan_view.draw_path(picture, view, np.concatenate([whole, whole[:1]]), SIGHT, width_px=1)
+    """What the expert sees, expects and intends at a step: field of view, where people will be, plan."""
+    _draw_sight(picture, view, planner, run.trajectory.xyyaw[step])
+    radius_m = planner.episode_config.human_radius_m
     for who in run.journal.perceived[step]:
-        here = np.array([who.x_m, who.y_m])
-        there = here + config.prediction_s * np.array([who.vx_mps, who.vy_mps])
-        radius_m = planner.episode_config.human_radius_m + config.buffer_m
-        outline, colour = plan_view.capsule_m(here, there, radius_m), human_colour(who.index)
-        plan_view.fill_area(picture, view, outline, colour, share=PREDICTED_SHARE if who.seen else PREDICTED_SHARE / 2)
-        plan_view.draw_path(picture, view, np.concatenate([outline, outline[:1]]), colour, width_px=1)
+        ahead_m = np.concatenate([[(who.x_m, who.y_m)], who.ahead_m[: round(EXPECTED_S * RATE_HZ)]])
+        share = EXPECTED_SHARE if who.seen else EXPECTED_SHARE / 2
+        plan_view.fill_band(picture, view, ahead_m, radius_m, human_colour(who.index), share=share)
     plan_view.draw_path(picture, view, run.journal.paths_m[step], ROBOT, width_px=1)
+
+
+def _draw_sight(picture: Picture, view: TopView, planner: Planner, pose: Float64Array) -> None:
+    """Where the expert sees people, and the outline of its field of view and of what it feels nearby."""
+    ground, camera = planner.ground, planner.robot.camera
+    fov_rad, range_m = math.radians(camera.horizontal_fov_deg), ground.config.range_m
+    x, y, _ = pose.tolist()
+
+    def sees(to_x: float, to_y: float) -> bool:
+        return ground.sight.sees(x, y, camera.mount_height_m, (to_x, to_y))
+
+    seen = wedge_m(pose, fov_rad, range_m, sees=sees if ground.config.needs_line_of_sight else None)
+    plan_view.fill_area(picture, view, seen, SIGHT, share=SIGHT_SHARE)
+    whole = wedge_m(pose, fov_rad, range_m)
+    plan_view.draw_path(picture, view, np.concatenate([whole, whole[:1]]), SIGHT, width_px=1)
+    if ground.config.near_field_m > 0:
+        plan_view.draw_ring(picture, view, pose[:2], ground.config.near_field_m, SIGHT)
 
 
 def draw_closest(picture: Picture, view: TopView, run: ExpertRun) -> None:

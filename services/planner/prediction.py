@@ -10,10 +10,12 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from common.episode.grid_search import UNITS_PER_CELL, UNREACHED
 from common.maps import GridFrame
 from common.robot.kinematics import DT_S
 
 Float64Array = npt.NDArray[np.float64]
+Int32Array = npt.NDArray[np.int32]
 
 WINDOW_STEPS = 4
 """A velocity is estimated over this many steps, a turn over twice as many."""
@@ -25,6 +27,10 @@ _DEFLECTION_RAD = math.radians(10.0)
 _DEFLECTION_COUNT = 10
 _TURN_STEP_MAX_RAD = 0.15
 _WALKING_MPS = 0.2
+_ROUTE_LOOK_M = 0.5
+_ROUTE_TURNS = 6
+_ROUTE_TURN_RAD = math.radians(15.0)
+_ROUTE_STEP_MAX_RAD = 0.12
 
 
 @njit(cache=True)
@@ -39,7 +45,9 @@ def _keeps_off(clearance: Float64Array, place: tuple[float, float, float], x: fl
 
 
 @njit(cache=True)
-def _deflection(clearance: Float64Array, place: tuple[float, float, float], x: float, y: float, heading: float) -> float:
+def _deflection(
+    clearance: Float64Array, place: tuple[float, float, float], x: float, y: float, heading: float
+) -> float:
     """The smallest turn after which the way ahead keeps off the walls; 0 if there is none [rad]."""
     for k in range(_DEFLECTION_COUNT):
         for side in (1, -1):
@@ -51,7 +59,11 @@ def _deflection(clearance: Float64Array, place: tuple[float, float, float], x: f
 
 @njit(cache=True)
 def _predict(
-    views: Float64Array, clearance: Float64Array, place: tuple[float, float, float], dt: float, out: Float64Array
+    views: Float64Array,
+    clearance: Float64Array,
+    place: tuple[float, float, float],
+    dt: float,
+    out: Float64Array,
 ) -> None:
     last = len(views) - 1
     x, y = views[last, 0], views[last, 1]
@@ -94,3 +106,62 @@ def predict_walk(views_m: Float64Array, clearance: Float64Array, frame: GridFram
     out = np.empty((count, 2))
     _predict(views_m, clearance, (frame.origin_x_m, frame.origin_y_m, frame.resolution_m), DT_S, out)
     return out
+
+
+@njit(cache=True)
+def _field_at(field: Int32Array, place: tuple[float, float, float], x: float, y: float) -> int:
+    i, j = math.floor((y - place[1]) / place[2]), math.floor((x - place[0]) / place[2])
+    if i < 0 or j < 0 or i >= field.shape[0] or j >= field.shape[1]:
+        return UNREACHED
+    return int(field[i, j])
+
+
+@njit(cache=True)
+def _follow(
+    x: float,
+    y: float,
+    heading: float,
+    stride: float,
+    field: Int32Array,
+    place: tuple[float, float, float],
+    out: Float64Array,
+) -> None:
+    for k in range(len(out)):
+        best, wanted = UNREACHED, heading
+        for a in range(-_ROUTE_TURNS, _ROUTE_TURNS + 1):
+            towards = heading + a * _ROUTE_TURN_RAD
+            left = _field_at(field, place, x + _ROUTE_LOOK_M * math.cos(towards), y + _ROUTE_LOOK_M * math.sin(towards))
+            if left < best:
+                best, wanted = left, towards
+        heading += min(max(wanted - heading, -_ROUTE_STEP_MAX_RAD), _ROUTE_STEP_MAX_RAD)
+        x += stride * math.cos(heading)
+        y += stride * math.sin(heading)
+        out[k, 0], out[k, 1] = x, y
+
+
+def follow_route(
+    views_m: Float64Array, to_place: Int32Array, frame: GridFrame, count: int
+) -> tuple[Float64Array, float]:
+    """Positions after 1 .. `count` steps of somebody who walks to a place, and how much it looks like that.
+
+    Args:
+        views_m: As in `predict_walk`.
+        to_place: Way of people to the place, UNITS_PER_CELL a cell, shape (H, W).
+        frame: Where its cells lie.
+        count: Number of steps.
+
+    Returns:
+        Positions [m], shape (count, 2), and what the latest views came nearer, as a share of what they walked.
+    """
+    out = np.empty((count, 2))
+    back = min(2 * WINDOW_STEPS, len(views_m) - 1)
+    (x0, y0), (x, y) = views_m[-1 - back].tolist(), views_m[-1].tolist()
+    walked_m = math.hypot(x - x0, y - y0)
+    place = (frame.origin_x_m, frame.origin_y_m, frame.resolution_m)
+    before, now = _field_at(to_place, place, x0, y0), _field_at(to_place, place, x, y)
+    if walked_m < _WALKING_MPS * DT_S * max(back, 1) or before >= UNREACHED or now >= UNREACHED:
+        out[:] = views_m[-1]
+        return out, 0.0
+    x1, y1 = views_m[-1 - min(WINDOW_STEPS, back)].tolist()
+    _follow(x, y, math.atan2(y - y1, x - x1), walked_m / back, to_place, place, out)
+    return out, (before - now) * frame.resolution_m / UNITS_PER_CELL / walked_m

@@ -106,7 +106,8 @@ def _step(state: State, v: float, w: float) -> State:
 
 
 @njit(cache=True)
-def _meets(state: State, ground: Ground, radius: float) -> bool:
+def meets(state: State, ground: Ground, radius: float) -> bool:
+    """True if a disc at a state meets an obstacle."""
     occupied, clearance, ox, oy, resolution = ground
     i, j = math.floor((state[1] - oy) / resolution), math.floor((state[0] - ox) / resolution)
     if 0 <= i < occupied.shape[0] and 0 <= j < occupied.shape[1] and clearance[i, j] > radius + 0.71 * resolution:
@@ -155,7 +156,7 @@ def try_pursuit(
         if k == 0:
             first_v, first_w = v, w
         state = _step(state, v, w)
-        if k < stop_steps and _meets(state, ground, radius):
+        if k < stop_steps and meets(state, ground, radius):
             return k, gap, first_v, first_w
         gap = min(gap, _gap(state, humans, k, contact))
     return FREE_RUN, gap, first_v, first_w
@@ -180,7 +181,7 @@ def try_arc(
     for k in range(max(stop_steps, AHEAD_STEPS)):
         command = limited(v, w, state, limits)
         state = _step(state, command[0], command[1])
-        if k < stop_steps and _meets(state, ground, radius):
+        if k < stop_steps and meets(state, ground, radius):
             return k, gap, np.inf
         gap = min(gap, _gap(state, humans, k, contact))
         i, j = math.floor((state[1] - oy) / resolution), math.floor((state[0] - ox) / resolution)

@@ -13,12 +13,12 @@ import numpy.typing as npt
 from numba import njit
 
 from common.episode.grid_search import FREE, UNITS_PER_CELL, UNREACHED
-from common.maps import GridFrame
 from common.robot import RobotConfig
 from common.robot.kinematics import DT_S
+from services.planner.delay import LAYER_STEPS, People, fill_delays, nearness_cost
 from services.planner.expert_config import ExpertConfig
 from services.planner.hybrid_astar import pop, push, slot_of
-from services.planner.rollouts import State
+from services.planner.rollouts import Ground, State, meets
 from services.planner.timed_primitives import make_timed_primitives
 
 Float64Array = npt.NDArray[np.float64]
@@ -27,31 +27,63 @@ UInt8Array = npt.NDArray[np.uint8]
 
 _TABLE_SIZE = 1 << 18
 _KEY_CELL_M = 0.1
-_PARTIAL_S = 2.0
-_ESCAPE_M = 0.02
 CHECK_STEPS = 2
 """Steps between two checks of a primitive against walls and humans."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TimedPlan:
-    """Commands for the next steps, and where they lead."""
+    """Commands for the next seconds, and where they lead."""
 
     rows: Float64Array
     """x [m], y [m], yaw [rad], v [m/s], w [rad/s] after 0, 1, 2, ... steps, shape (N, 5)."""
     cost: float
     """Cost of the rows, in metres at full speed, and of the way that is left after them."""
     complete: bool
-    """True if the plan ends at the goal."""
+    """True if the plan ends at the goal or lasts as long as humans are predicted; else it is the longest there is."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TimedHumans:
+    """Humans in the way, and how near the robot may come."""
+
+    expected_m: Float64Array
+    """Where they may be after 1, 2, ... steps [m], shape (M, T, 2)."""
+    chances: Float64Array
+    """How likely each row is, shape (M,)."""
+    contact_m: float
+    """Distance of the centres that counts as contact [m]."""
+    widths_m: Float64Array
+    """Free space beyond it that costs nothing [m], shape (M, T)."""
+    weight: float
+    """Cost per second just outside of contact, in metres at full speed; falls off to zero over the width."""
+
+    def seen_from(self, x_m: float, y_m: float) -> People:
+        """As plain values for compiled callers, with an origin of their own."""
+        return (
+            self.expected_m - np.array([x_m, y_m]),
+            self.chances,
+            self.contact_m,
+            self.widths_m,
+            self.weight,
+        )
 
 
 class SpaceTimeSearch:
     """Keeps its working memory between searches, so it is not thread-safe."""
 
     def __init__(self, robot: RobotConfig, config: ExpertConfig, goal_tolerance_m: float) -> None:
+        """Prepare for a robot.
+
+        Args:
+            robot: Footprint and limits.
+            config: Weights and limits of the search.
+            goal_tolerance_m: A plan that comes this near to the goal need not last longer [m].
+        """
         self._config, self._goal_tolerance_m = config, goal_tolerance_m
         self._primitives = make_timed_primitives(robot, config)
-        capacity = config.timed_expansions_max * 8 + 64
+        self._speed_mps, self._radius_m = robot.v_max_mps, robot.radius_m + config.tracking_margin_m
+        capacity = config.timed_expansions_max * 16 + 64
         self._nodes = np.empty((capacity, 4))
         self._links = np.empty((capacity, 4), np.int32)
         self._table_key = np.empty(_TABLE_SIZE, np.int64)
@@ -59,6 +91,11 @@ class SpaceTimeSearch:
         self._table_stamp = np.zeros(_TABLE_SIZE, np.int32)
         self._heap_cost = np.empty(capacity)
         self._heap_node = np.empty(capacity, np.int32)
+        horizon_s = config.oracle_prediction_s if config.oracle else config.timed_prediction_s
+        self._depth_max = round(horizon_s / config.primitive_s)
+        layers = self._depth_max * self._primitives.steps // LAYER_STEPS + 1
+        self._delays = np.zeros((layers, 2 * layers + 3, 2 * layers + 3))
+        self._static = np.empty(self._delays.shape[1:])
         self._stamp = 0
         self.expansion_count = 0
         """Expansions of the latest search."""
@@ -67,74 +104,89 @@ class SpaceTimeSearch:
         self,
         factor: UInt8Array,
         heuristic: Int32Array,
-        frame: GridFrame,
+        ground: Ground,
         state: State,
         goal_xy_m: tuple[float, float],
-        humans: tuple[Float64Array, Float64Array],
-        *,
-        partial: bool,
+        humans: TimedHumans,
     ) -> TimedPlan | None:
-        """Search commands that lead to the goal.
+        """Search commands that lead to the goal, or as far as humans are predicted.
 
         Args:
             factor: Cost factors of the cells (see `common.episode.grid_search`), shape (H, W).
             heuristic: Distances to the goal on the same grid, UNITS_PER_CELL a cell, shape (H, W).
-            frame: Where the cells lie.
+            ground: The map that the cells belong to.
             state: Robot's x [m], y [m], yaw [rad], v [m/s], w [rad/s].
             goal_xy_m: Goal in the world [m].
-            humans: Where they are expected after 1, 2, ... steps [m], shape (M, T, 2), and the distance of the centres
-                to keep from them by then [m], shape (T,). Later than T steps nobody is expected.
-            partial: True returns the most promising plan of at least two seconds if none reaches the goal.
+            humans: Who is in the way.
 
         Returns:
-            A plan, or None if there is none within the limit of expansions.
+            A plan, or None if there is not even a first step.
         """
         config, primitives = self._config, self._primitives
-        ox, oy = frame.origin_x_m, frame.origin_y_m
-        expected, keep_off = humans
+        occupied, clearance, ox, oy, resolution = ground
         self._stamp += 1
         primitives.fill_root(state[3], state[4])
-        found, complete, self.expansion_count = _search(
+        start = (state[0] - ox, state[1] - oy, state[2])
+        people = humans.seen_from(ox, oy)
+        cell = self._speed_mps * LAYER_STEPS * DT_S
+        if len(humans.expected_m) > 0:
+            fill_delays(
+                factor,
+                heuristic,
+                resolution,
+                cell,
+                start[:2],
+                people,
+                DT_S,
+                self._speed_mps,
+                self._goal_tolerance_m,
+                self._static,
+                self._delays,
+            )
+        found, self.expansion_count = _search(
             factor,
             heuristic,
-            frame.resolution_m,
-            (state[0] - ox, state[1] - oy, state[2]),
+            (occupied, clearance, 0.0, 0.0, resolution),
+            start,
             (goal_xy_m[0] - ox, goal_xy_m[1] - oy, self._goal_tolerance_m),
             (primitives.rows, primitives.costs, primitives.lengths_m, primitives.ends, primitives.first),
             len(primitives.w_levels),
-            (expected - np.array([ox, oy]), keep_off),
-            (config.timed_heuristic_weight, config.nearness_cost, config.nearness_m),
-            (config.timed_heading_count, config.timed_expansions_max, round(_PARTIAL_S / config.primitive_s)),
+            people,
+            (self._delays, cell, config.timed_heuristic_weight, self._radius_m),
+            (config.timed_heading_count, config.timed_expansions_max, self._depth_max),
             self._stamp,
             (self._nodes, self._links, self._heap_cost, self._heap_node),
             (self._table_key, self._table_node, self._table_stamp),
         )
-        if found < 0 or not (complete or partial):
+        if found <= 0:
             return None
         depth = int(self._links[found, 2])
         rows = np.empty((depth * primitives.steps + 1, 5))
         rows[0] = state
         _trace(found, self._nodes, self._links, primitives.rows, (ox, oy), rows)
-        i, j = frame.cell(float(rows[-1, 0]), float(rows[-1, 1]))
-        left = 0.0 if complete else float(heuristic[i, j]) * frame.resolution_m / UNITS_PER_CELL
-        return TimedPlan(rows=rows, cost=float(self._nodes[found, 3]) + left, complete=bool(complete))
+        x, y = float(self._nodes[found, 0]), float(self._nodes[found, 1])
+        left = float(heuristic[int(y / resolution), int(x / resolution)]) * resolution / UNITS_PER_CELL
+        arrived = math.hypot(x + ox - goal_xy_m[0], y + oy - goal_xy_m[1]) < self._goal_tolerance_m
+        return TimedPlan(
+            rows=rows, cost=float(self._nodes[found, 3]) + left, complete=arrived or depth >= self._depth_max
+        )
 
 
 @njit(cache=True)
 def primitive_cost(
     factor: UInt8Array,
-    resolution: float,
+    ground: Ground,
+    radius: float,
     pose: tuple[float, float, float],
     rows: Float64Array,
     length: float,
-    humans: tuple[Float64Array, Float64Array],
+    humans: People,
     step: int,
-    escape: Float64Array,
-    nearness: tuple[float, float],
 ) -> float:
     """What walls and humans add to the cost of a primitive; negative if they block it."""
-    expected, keep_off = humans
+    expected, chances, contact, widths, weight = humans
     height, width = factor.shape
+    resolution = ground[4]
     x, y, yaw = pose
     c, s = math.cos(yaw), math.sin(yaw)
     total, checks, extra = 0, 0, 0.0
@@ -147,81 +199,79 @@ def primitive_cost(
             return -1.0
         total += factor[i, j] - FREE
         checks += 1
-        row = step + k
-        if row >= len(keep_off):
-            continue
-        nearest = np.inf
+        row = min(step + k, expected.shape[1] - 1)
         for m in range(len(expected)):
             dx, dy = expected[m, row, 0] - px, expected[m, row, 1] - py
             squared = dx * dx + dy * dy
-            wide = keep_off[row] + nearness[1]
-            if squared < wide * wide:
-                # Whoever is nearer already must be able to leave.
-                kept = min(keep_off[row], escape[m])
-                if squared < kept * kept:
-                    return -1.0
-                nearest = min(nearest, math.sqrt(squared) - keep_off[row])
-        if nearest < nearness[1]:
-            extra += nearness[0] * (1.0 - nearest / nearness[1]) * CHECK_STEPS * DT_S
+            extra += chances[m] * nearness_cost(squared, contact, widths[m, row], weight) * CHECK_STEPS * DT_S
+        if meets((px, py, 0.0, 0.0, 0.0), ground, radius):
+            return -1.0
     return length * total / (FREE * checks) + extra
+
+
+@njit(cache=True)
+def _delay(
+    delays: Float64Array, cell: float, start: tuple[float, float, float], x: float, y: float, layer: int
+) -> float:
+    half = delays.shape[1] // 2
+    a, b = half + math.floor((y - start[1]) / cell + 0.5), half + math.floor((x - start[0]) / cell + 0.5)
+    # Cells that a robot cannot reach by then are not filled.
+    if layer >= len(delays) - 1 or max(abs(a - half), abs(b - half)) > layer + 1:
+        return 0.0
+    return delays[layer, a, b]
 
 
 @njit(cache=True)
 def _search(
     factor: UInt8Array,
     heuristic: Int32Array,
-    resolution: float,
+    ground: Ground,
     start: tuple[float, float, float],
     goal: tuple[float, float, float],
     primitives: tuple[Float64Array, Float64Array, Float64Array, Int32Array, Int32Array],
     turn_levels: int,
-    humans: tuple[Float64Array, Float64Array],
-    weights: tuple[float, float, float],
+    humans: People,
+    guide: tuple[Float64Array, float, float, float],
     limits: tuple[int, int, int],
     stamp: int,
     memory: tuple[Float64Array, Int32Array, Float64Array, Int32Array],
     table: tuple[npt.NDArray[np.int64], Int32Array, Int32Array],
-) -> tuple[int, bool, int]:
-    """Last node or -1, whether it is at the goal, and the number of expansions.
+) -> tuple[int, int]:
+    """Last node of the plan or -1, and the number of expansions.
 
     `nodes` holds x, y, yaw, cost; `links` parent, primitive, depth, group of primitives that may follow.
     """
     rows, costs, lengths, ends, first = primitives
     nodes, links, heap_cost, heap_node = memory
     table_key, table_node, table_stamp = table
-    expected, keep_off = humans
-    heading_count, expansions_max, partial_depth = limits
-    steps = rows.shape[1]
-    depth_max = len(keep_off) // steps + 1 if len(expected) > 0 else 0
+    delays, delay_cell, weight, radius = guide
+    expected = humans[0]
+    heading_count, expansions_max, depth_max = limits
+    resolution, steps = ground[4], rows.shape[1]
     metres = resolution / UNITS_PER_CELL
     per_rad = heading_count / (2 * math.pi)
     columns = int(factor.shape[1] * resolution / _KEY_CELL_M) + 2
-    speeds = len(first)
-    escape = np.empty(len(expected))
-    for m in range(len(expected)):
-        dx, dy = expected[m, 0, 0] - start[0], expected[m, 0, 1] - start[1]
-        escape[m] = math.sqrt(dx * dx + dy * dy) - _ESCAPE_M
     nodes[0, 0], nodes[0, 1], nodes[0, 2], nodes[0, 3] = start[0], start[1], start[2] % (2 * math.pi), 0.0
     links[0, 0], links[0, 1], links[0, 2], links[0, 3] = -1, -1, 0, len(first) - 2
     waiting = push(heap_cost, heap_node, 0, 0.0, 0)
     count, expansions = 1, 0
-    best, best_left = -1, np.inf
+    best, best_depth, best_left = -1, 0, np.inf
     while waiting > 0 and expansions < expansions_max:
         node = heap_node[0]
         waiting = pop(heap_cost, heap_node, waiting)
         x, y, yaw, cost = nodes[node, 0], nodes[node, 1], nodes[node, 2], nodes[node, 3]
         depth, group = links[node, 2], links[node, 3]
-        cell = int(y / _KEY_CELL_M) * columns + int(x / _KEY_CELL_M)
         if node > 0:
-            key = cell * heading_count + int(yaw * per_rad) % heading_count
-            key = (key * 64 + min(depth, depth_max)) * speeds + group // turn_levels
+            key = int(y / _KEY_CELL_M) * columns + int(x / _KEY_CELL_M)
+            key = key * heading_count + int(yaw * per_rad) % heading_count
+            key = (key * 64 + depth) * len(first) + group // turn_levels
             if table_node[slot_of(key, stamp, table_key, table_stamp)] != node:
                 continue
-        if (x - goal[0]) ** 2 + (y - goal[1]) ** 2 < goal[2] * goal[2] and node > 0:
-            return node, True, expansions
-        left = heuristic[int(y / resolution), int(x / resolution)] * metres
-        if depth >= partial_depth and left < best_left:
-            best, best_left = node, left
+            if depth >= depth_max or (x - goal[0]) ** 2 + (y - goal[1]) ** 2 < goal[2] * goal[2]:
+                return node, expansions
+            left = heuristic[int(y / resolution), int(x / resolution)] * metres
+            if depth > best_depth or (depth == best_depth and left < best_left):
+                best, best_depth, best_left = node, depth, left
         expansions += 1
         c, s = math.cos(yaw), math.sin(yaw)
         for q in range(first[group], first[group + 1]):
@@ -233,37 +283,31 @@ def _search(
             if i >= factor.shape[0] or j >= factor.shape[1] or heuristic[i, j] >= UNREACHED:
                 continue
             new_yaw = (yaw + end[2]) % (2 * math.pi)
-            key = (int(yy / _KEY_CELL_M) * columns + int(xx / _KEY_CELL_M)) * heading_count
-            key += int(new_yaw * per_rad) % heading_count
-            key = (key * 64 + min(depth + 1, depth_max)) * speeds + ends[q] // turn_levels
+            key = int(yy / _KEY_CELL_M) * columns + int(xx / _KEY_CELL_M)
+            key = key * heading_count + int(new_yaw * per_rad) % heading_count
+            key = (key * 64 + depth + 1) * len(first) + ends[q] // turn_levels
             slot = slot_of(key, stamp, table_key, table_stamp)
             known = table_stamp[slot] == stamp
             new_cost = cost + costs[q]
             if known and nodes[table_node[slot], 3] <= new_cost:
                 continue
-            extra = primitive_cost(
-                factor,
-                resolution,
-                (x, y, yaw),
-                rows[q],
-                lengths[q],
-                humans,
-                depth * steps,
-                escape,
-                (weights[1], weights[2]),
-            )
+            left = heuristic[i, j] * metres
+            if len(expected) > 0:
+                left += _delay(delays, delay_cell, start, xx, yy, (depth + 1) * steps // LAYER_STEPS)
+                if left == np.inf:
+                    continue
+            extra = primitive_cost(factor, ground, radius, (x, y, yaw), rows[q], lengths[q], humans, depth * steps)
             new_cost += extra
             if extra < 0.0 or (known and nodes[table_node[slot], 3] <= new_cost):
                 continue
             if count >= len(nodes):
-                return best, False, expansions
+                return best, expansions
             nodes[count, 0], nodes[count, 1], nodes[count, 2], nodes[count, 3] = xx, yy, new_yaw, new_cost
             links[count, 0], links[count, 1], links[count, 2], links[count, 3] = node, q, depth + 1, ends[q]
             table_stamp[slot], table_key[slot], table_node[slot] = stamp, key, count
-            estimate = new_cost + weights[0] * metres * heuristic[i, j]
-            waiting = push(heap_cost, heap_node, waiting, estimate, count)
+            waiting = push(heap_cost, heap_node, waiting, new_cost + weight * left, count)
             count += 1
-    return best, False, expansions
+    return best, expansions
 
 
 @njit(cache=True)

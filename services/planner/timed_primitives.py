@@ -54,9 +54,7 @@ class TimedPrimitives:
         """Fill the root's group with the primitives that start at any command."""
         begin = int(self.first[self.root])
         tables = (self.rows, self.costs, self.lengths_m, self.ends)
-        count = _fill_group(
-            v_mps, w_radps, self.v_levels, self.w_levels, self.limits, self.weights, begin, *tables
-        )
+        count = _fill_group(v_mps, w_radps, self.v_levels, self.w_levels, self.limits, self.weights, begin, *tables)
         self.first[self.root + 1] = begin + count
 
 

@@ -1,45 +1,50 @@
-"""The ground that the robot's camera looks at, for pictures: the wedge of its field of view, cut at obstacles."""
+"""The ground on which the robot's camera sees people, for pictures: its field of view, cut where they are hidden."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
 
-from common.maps import OccupancyMap
-
 Float64Array = npt.NDArray[np.float64]
-RAY_SPACING_RAD = math.radians(0.5)
+RAY_SPACING_RAD = math.radians(1.0)
+COARSE_M, FINE_M = 0.2, 0.05
+"""Steps along a ray: how far apart people are looked for, and how well the place where they vanish is known [m]."""
 
 
 def wedge_m(
-    xyyaw: Float64Array, fov_rad: float, range_m: float, *, occupancy: OccupancyMap | None = None
+    xyyaw: Float64Array, fov_rad: float, range_m: float, *, sees: Callable[[float, float], bool] | None = None
 ) -> Float64Array:
-    """Outline of what a camera sees from a pose.
+    """Outline of where a camera sees people from a pose.
 
     Args:
         xyyaw: x [m], y [m], yaw [rad], shape (3,).
         fov_rad: Horizontal field of view [rad].
         range_m: Nothing farther is seen [m].
-        occupancy: What ends a line of sight; None looks through everything.
+        sees: True if a person at a point is not hidden; None looks through everything.
 
     Returns:
         Corners of a polygon that begins at the robot [m], shape (N, 2).
     """
+    x, y, yaw = xyyaw.tolist()
     count = max(2, math.ceil(fov_rad / RAY_SPACING_RAD) + 1)
-    bearings = float(xyyaw[2]) + np.linspace(-0.5, 0.5, count) * fov_rad
-    rays = np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
-    reach_m = np.full(count, range_m) if occupancy is None else _reach_m(occupancy, xyyaw[:2], rays, range_m)
-    return np.concatenate([xyyaw[None, :2], xyyaw[:2] + reach_m[:, None] * rays])
+    corners = [(x, y)]
+    for bearing in (yaw + np.linspace(-0.5, 0.5, count) * fov_rad).tolist():
+        c, s = math.cos(bearing), math.sin(bearing)
+        reach_m = range_m if sees is None else _reach_m(sees, x, y, c, s, range_m)
+        corners.append((x + reach_m * c, y + reach_m * s))
+    return np.array(corners)
 
 
-def _reach_m(occupancy: OccupancyMap, eye_m: Float64Array, rays: Float64Array, range_m: float) -> Float64Array:
-    """Length of each line of sight up to the first occupied cell [m], shape (N,)."""
-    frame, shape = occupancy.frame, occupancy.occupied.shape
-    lengths_m = np.arange(0.0, range_m, 0.5 * frame.resolution_m)
-    points = eye_m + lengths_m[None, :, None] * rays[:, None, :]
-    j = np.floor((points[..., 0] - frame.origin_x_m) / frame.resolution_m).astype(np.int64)
-    i = np.floor((points[..., 1] - frame.origin_y_m) / frame.resolution_m).astype(np.int64)
-    inside = (i >= 0) & (i < shape[0]) & (j >= 0) & (j < shape[1])
-    hit = np.zeros(inside.shape, np.bool_)
-    hit[inside] = occupancy.occupied[i[inside], j[inside]]
-    return np.where(hit.any(axis=1), lengths_m[hit.argmax(axis=1)], range_m)
+def _reach_m(sees: Callable[[float, float], bool], x: float, y: float, c: float, s: float, range_m: float) -> float:
+    """How far people are seen along a ray: up to the first place where they are hidden [m]."""
+    for coarse in range(1, math.floor(range_m / COARSE_M + 1e-9) + 1):
+        if not sees(x + coarse * COARSE_M * c, y + coarse * COARSE_M * s):
+            seen_m = (coarse - 1) * COARSE_M
+            for fine in range(1, round(COARSE_M / FINE_M)):
+                reach_m = (coarse - 1) * COARSE_M + fine * FINE_M
+                if not sees(x + reach_m * c, y + reach_m * s):
+                    break
+                seen_m = reach_m
+            return seen_m
+    return range_m

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from apps.avatar import avatar_list, avatar_preview, standing_pose, stride_pose, turntable
+from apps.avatar_sheet import TILE, phase_rows
 from common.avatars import load_avatars
 from common.errors import AvatarError
 
@@ -34,11 +35,11 @@ def test_preview_shows_the_person_from_all_sides(tmp_path: Path) -> None:
     avatar_preview(Path(name), out=tmp_path / "sheet.png")
     sheet = cv2.imread(str(tmp_path / "sheet.png")).astype(int)
     height, width = sheet.shape[0] // 2, sheet.shape[1] // 8
-    wall = sheet[2, 2]
     for row in range(2):
         for column in range(8):
             tile = sheet[row * height : (row + 1) * height, column * width : (column + 1) * width]
-            person = np.abs(tile - wall).max(axis=2) > 25
+            # Wall and floor are grey and light.
+            person = (np.ptp(tile, axis=2) > 30) | (tile.max(axis=2) < 70)
             assert 0.05 < person.mean() < 0.5
             assert not person[:4].any()
             assert not person[-4:].any()
@@ -56,9 +57,37 @@ def test_stride_moves_the_legs_apart() -> None:
     assert np.abs(stride_pose() - standing_pose())[[1, 2]].max() > 0.2
 
 
+def test_contact_sheet_shows_four_phases_from_three_sides(tmp_path: Path) -> None:
+    avatar_preview(Path("bruno"), sheet=tmp_path / "gait.png")
+    sheet = cv2.imread(str(tmp_path / "gait.png")).astype(int)
+    assert sheet.shape == (3 * TILE.height_px, 4 * TILE.width_px, 3)
+    tiles = sheet.reshape(3, TILE.height_px, 4, TILE.width_px, 3).swapaxes(1, 2)
+    people = (np.ptp(tiles, axis=-1) > 30) | (tiles.max(axis=-1) < 70)
+    # Below the caption.
+    people[:, :, :40] = False
+    assert (people.mean(axis=(2, 3)) > 0.08).all()
+    assert not people[:, :, -4:].any()
+    low = [np.ptp(np.flatnonzero(tile[335:].any(axis=0))) for tile in people[1]]
+    assert min(low[0], low[2]) > 1.15 * max(low[1], low[3])
+
+
+def test_phases_are_quarters_of_a_stride() -> None:
+    t = np.arange(120)
+    joints = np.zeros((120, 24, 3))
+    joints[:, 0, 0] = 0.06 * t
+    joints[:, 7, 0] = 0.06 * t + 0.3 * np.cos(2 * np.pi * (t - 8) / 20)
+    first, *others = phase_rows(joints)
+    assert first % 20 == 8
+    assert [row - first for row in others] == [5, 10, 15]
+    with pytest.raises(AvatarError, match="no whole stride"):
+        phase_rows(joints[:20])
+
+
 def test_preview_asks_what_to_make(tmp_path: Path) -> None:
     with pytest.raises(AvatarError, match="--video"):
         avatar_preview(Path("amara"))
+    with pytest.raises(AvatarError, match=r"--sheet gait.jpg must end in \.png"):
+        avatar_preview(Path("amara"), sheet=Path("gait.jpg"))
     with pytest.raises(AvatarError, match=r"\.mp4"):
         avatar_preview(Path("amara"), video=tmp_path / "film.avi")
 

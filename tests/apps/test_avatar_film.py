@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from apps.avatar_film import AMPLITUDE_M, HEIGHT_PX, LENGTH_M, WIDTH_PX, s_curve_walk, walk_frames
+from apps.avatar_film import AMPLITUDE_M, LENGTH_M, LENS, s_curve_walk, walk_frames
 from common.avatars import Avatar, load_avatars
 
 
@@ -23,11 +23,11 @@ def test_walk_follows_the_s_curve_to_its_end(person: Avatar) -> None:
 
 def test_pictures_show_the_person_before_wall_and_floor(person: Avatar) -> None:
     first, *_, last = itertools.islice(walk_frames(person), 0, 12)
-    assert first.shape == (HEIGHT_PX, WIDTH_PX, 3)
+    assert first.shape == (LENS.height_px, LENS.width_px, 3)
     wall = first[5, 5].astype(int)
-    middle = first[:, WIDTH_PX // 4 : 3 * WIDTH_PX // 4].astype(int)
+    middle = first[:, LENS.width_px // 4 : 3 * LENS.width_px // 4].astype(int)
     person_rows = np.flatnonzero((np.abs(middle - wall).max(axis=2) > 100).any(axis=1))
-    assert 0.3 * HEIGHT_PX < np.ptp(person_rows) < 0.95 * HEIGHT_PX
+    assert 0.3 * LENS.height_px < np.ptp(person_rows) < 0.95 * LENS.height_px
     lines = first[-5].astype(int).mean(axis=1)
     assert lines.min() < lines.max() - 30
     assert (first != last).any()

@@ -81,13 +81,16 @@ def load_model(config: PriorMdmConfig) -> TrainedModel:
 
 
 def files_digest(config: PriorMdmConfig) -> str:
-    """SHA-256 over the digests of weights, args, mean, std and text embedding; what a run records of them.
+    """SHA-256 over the digests of weights, args, mean, std, text embedding and, where one is named, the pose prior.
+
+    It is what a run records of them.
 
     Raises:
         ConfigError: If a file cannot be read.
     """
     total = hashlib.sha256()
-    for path in (config.weights, str(_args_path(config)), config.mean, config.std, config.text_embedding):
+    paths = [config.weights, str(_args_path(config)), config.mean, config.std, config.text_embedding]
+    for path in [*paths, *([config.pose_prior] if config.pose_prior else [])]:
         try:
             total.update(hashlib.sha256(Path(path).read_bytes() if path else b"").digest())
         except OSError as error:

@@ -26,6 +26,11 @@ class PriorMdmConfig:
     """Diffusion steps, spread evenly over the trained ones; 0 takes all of them."""
     overlap: int = 40
     """Frames that neighbouring windows share, for motions longer than a window of 196."""
+    refine: Literal["none", "limits", "prior"] = "none"
+    """Optimise the fitted rotations: within limits of knees and elbows and smooth, or likely under the pose prior.
+    It takes seconds per motion."""
+    pose_prior: str = ""
+    """SMPLify's gmm_08.pkl, or an .npz with means, covars and weights, for refine = "prior"."""
     device: str = "cpu"
     """torch device."""
     sha256: str = ""
@@ -36,6 +41,13 @@ class PriorMdmConfig:
             raise ValueError(f"priormdm.steps must be within 0..10000, got {self.steps}.")
         if not 1 <= self.overlap <= 98:
             raise ValueError(f"priormdm.overlap must be within 1..98 frames, got {self.overlap}.")
+        if self.refine not in ("none", "limits", "prior"):
+            raise ValueError(f'priormdm.refine must be "none", "limits" or "prior", got {self.refine!r}.')
+        if (self.refine == "prior") != bool(self.pose_prior):
+            raise ValueError(
+                'priormdm.refine = "prior" and priormdm.pose_prior go together: name the file (gmm_08.pkl of SMPLify, '
+                'from smplify.is.tue.mpg.de), or set refine = "limits" without one.'
+            )
         if not 0.0 <= self.guidance <= 20.0:
             raise ValueError(f"priormdm.guidance must be within 0..20, got {self.guidance}.")
 

@@ -6,6 +6,7 @@ the body at hand. The pelvis is above the trajectory in every row.
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -31,6 +32,7 @@ from services.animator.priormdm.features import (
 from services.animator.priormdm.placement import HUMANML3D_LEG_M, wear
 from services.animator.priormdm.windows import WINDOW, PredictBatch, over_windows
 from services.animator.smpl_fit import pose_of
+from services.animator.smpl_refine import load_pose_prior, refine_in_place
 
 SETTLE_FRAMES = 20
 """Rows after the trajectory's end, in which the person comes to stand."""
@@ -43,10 +45,11 @@ class PriorMdm:
         """Prepare sampling.
 
         Raises:
-            ConfigError: If more steps are asked for than the model was trained with.
+            ConfigError: If more steps are asked for than the model was trained with, or the pose prior is unusable.
         """
         self.model = model
         self.config = config
+        self.prior = load_pose_prior(Path(config.pose_prior)) if config.refine == "prior" else None
         try:
             self.schedule = cosine_schedule(model.diffusion_steps, config.steps, sigma_small=model.sigma_small)
         except ValueError as error:
@@ -89,7 +92,11 @@ class PriorMdm:
         G, pelvis = wear(decode_joints(features, start) * scale, skeleton, ground)
         held = np.concatenate([xy, np.repeat(xy[-1:], SETTLE_FRAMES, axis=0)])
         root = np.concatenate([held, pelvis[:, 1:2]], axis=1)
-        return Motion(root_m=root.astype(np.float32), pose_axis_angle=pose_of(G).astype(np.float32))
+        motion = Motion(root_m=root.astype(np.float32), pose_axis_angle=pose_of(G).astype(np.float32))
+        if self.config.refine == "none":
+            return motion
+        with _one_thread():
+            return refine_in_place(motion, skeleton.offsets_m, prior=self.prior)
 
     def _draw(
         self, xy: Array, skeleton: GaitSkeleton, rng: np.random.Generator, rows: int

@@ -1,9 +1,13 @@
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from common.avatars import Avatar, avatar_paths, load_avatars, pose_avatar
+from common.avatars.file import EMBEDDED_FOLDER
+from common.rasterizer.cpu import CpuRasterizer, PosedPerson
 
 AVATARS = load_avatars()
+WOMEN, MEN = ("amara", "clara", "elif", "hana"), ("bruno", "dae", "femi", "gil")
 
 
 @pytest.fixture(params=sorted(AVATARS))
@@ -11,14 +15,34 @@ def avatar(request: pytest.FixtureRequest) -> Avatar:
     return AVATARS[request.param]
 
 
-def test_there_are_at_least_four_and_their_files_carry_their_names() -> None:
-    assert len(AVATARS) >= 4
+def test_there_are_four_women_and_four_men_and_their_files_carry_their_names() -> None:
+    assert sorted(AVATARS) == sorted(WOMEN + MEN)
     assert [path.stem for path in avatar_paths(None)] == list(AVATARS)
+
+
+def test_a_child_and_tall_people_are_among_them() -> None:
+    heights_m = sorted(avatar.height_m for avatar in AVATARS.values())
+    assert 1.2 <= heights_m[0] < 1.35
+    assert 1.85 < heights_m[-1] <= 1.9
+    assert np.diff(heights_m)[1:].max() < 0.10
+
+
+def test_files_are_small() -> None:
+    sizes = [path.stat().st_size for path in EMBEDDED_FOLDER.glob("*.npz")]
+    assert max(sizes) < 1_500_000
+    assert sum(sizes) < 12_000_000
 
 
 def test_avatar_is_small_free_and_complete(avatar: Avatar) -> None:
     assert 30_000 <= len(avatar.cloud) <= 60_000
     assert "CC0" in avatar.license
+
+
+def test_skin_weights_are_normalised_and_colours_are_colours(avatar: Avatar) -> None:
+    np.testing.assert_allclose(avatar.lbs_weight.sum(axis=1), 1.0, atol=1e-5)
+    colour = 0.5 + 0.28209479 * avatar.cloud.sh[:, 0]
+    assert colour.min() > -0.01
+    assert colour.max() < 1.01
 
 
 def test_soles_are_on_the_ground_and_the_head_at_its_height(avatar: Avatar) -> None:
@@ -56,6 +80,33 @@ def test_standing_person_touches_the_floor_and_is_as_wide_as_a_person(avatar: Av
     assert abs(cloud.means_m[:, 2].min()) < 0.02
     assert 0.4 < extent[0] < 0.95
     assert 0.2 < extent[1] < 0.5
+
+
+def run_pose() -> npt.NDArray[np.float32]:
+    """One knee at 90 degrees behind, the other ahead, arms held out to the sides."""
+    pose = np.zeros((24, 3), dtype=np.float32)
+    pose[1], pose[2], pose[4], pose[5] = (-0.7, 0, 0), (0.3, 0, 0), (0.8, 0, 0), (1.5, 0, 0)
+    pose[16], pose[17] = (0, 0, -0.6), (0, 0, 0.6)
+    return pose
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_nothing_shines_through_a_runner(avatar: Avatar, side: float) -> None:
+    height_px = 400
+    K_px = np.array([[800.0, 0, 150], [0, 800.0, 200], [0, 0, 1]])
+    T_world_camera = np.eye(4)
+    T_world_camera[:3, :3] = np.array([[0, 0, side], [-side, 0, 0], [0, -1, 0]])
+    T_world_camera[:3, 3] = (-4.0 * side, 0.0, 0.5 * avatar.height_m)
+    rasterizer = CpuRasterizer([], [avatar], K_px, height_px, 300)
+    root_m = np.array([0.0, 0.0, avatar.joints_tpose_m[0, 1]])
+    person = PosedPerson(avatar=0, root_m=root_m, pose_axis_angle=run_pose())
+    alpha = rasterizer.render_images(T_world_camera, [person], ("alpha",)).alpha
+    assert alpha is not None
+    around = [np.roll(alpha, shift, axis=(0, 1)) for shift in ((0, 3), (0, -3), (3, 0), (-3, 0), (2, 2), (-2, 2))]
+    around += [np.roll(alpha, shift, axis=(0, 1)) for shift in ((2, -2), (-2, -2))]
+    inside = np.min(around, axis=0) > 0.98
+    assert inside.sum() > 3000
+    assert alpha[inside].min() > 0.9
 
 
 def test_each_person_looks_different() -> None:

@@ -30,6 +30,38 @@ def test_table_blocks_people_but_not_a_low_robot():
     assert not state(plan.robot, 2.8, 2.5)
 
 
+def two_levels(parts, height_m):
+    """A low floor from x = -2 to 2 m, parts that lead up, and a floor at `height_m` from x = 4 to 6 m."""
+    return concatenate([sheet((-2, 0, 0), (4, 0, 0), (0, 5, 0)), *parts, sheet((4, 0, height_m), (2, 0, 0), (0, 5, 0))])
+
+
+def stairs(rise_m, count):
+    """Steps of equal depth from x = 2 to 4 m."""
+    depth_m = 2 / count
+    for k in range(count):
+        yield sheet((2 + k * depth_m, 0, k * rise_m), (0, 5, 0), (0, 0, rise_m), spacing_m=0.04)
+        yield sheet((2 + k * depth_m, 0, (k + 1) * rise_m), (depth_m, 0, 0), (0, 5, 0))
+
+
+@pytest.mark.parametrize(
+    ("cloud", "passable"),
+    [
+        (two_levels([sheet((2, 0, 0), (2, 0, 0.6), (0, 5, 0))], 0.6), True),
+        (two_levels([sheet((2, 0, 0), (2, 0, 1.0), (0, 5, 0))], 1.0), False),
+        (two_levels(stairs(0.05, 1), 0.05), True),
+        (two_levels(stairs(0.2, 1), 0.2), False),
+        (two_levels(stairs(0.15, 6), 0.9), False),
+    ],
+    ids=["ramp of 30 %", "ramp of 50 %", "sill", "step", "stairs"],
+)
+def test_ramps_and_sills_are_passable_but_steep_ramps_steps_and_stairs_are_not(cloud, passable):
+    plan = plan_scene(cloud, CONFIG)
+    reached, _ = largest_free_area(plan.robot, 0.3)
+    assert reached[plan.robot.frame.cell(1.0, 2.5)]
+    i, j = plan.robot.frame.cell(5.0, 2.5)
+    assert (j < reached.shape[1] and bool(reached[i, j])) == passable
+
+
 def test_box_on_a_tilted_floor_blocks_and_the_tilt_does_not():
     tilt = 0.1
     cloud = concatenate([room(tilt=tilt), box((4, 2, 4 * tilt), (4.5, 2.5, 4 * tilt + 0.4))])

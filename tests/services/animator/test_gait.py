@@ -3,12 +3,24 @@ import dataclasses
 import numpy as np
 import pytest
 
+from benchmarks.motion_paths import (
+    circle,
+    dash,
+    floor,
+    hard_stops,
+    line,
+    reversal,
+    s_curve,
+    stop_and_go,
+    times,
+    turn_in_place,
+)
 from common.errors import MotionError
 from common.frames import matrix_from_axis_angle
 from services.animator import measure, skeleton_of
+from services.animator.gait_path import run_share
 from services.animator.quality import cadence_per_min, heights_above, joints_of, sole_points
 from tests.services.animator.conftest import make_avatar
-from benchmarks.motion_paths import circle, floor, hard_stops, line, reversal, s_curve, stop_and_go, times
 
 FLAT = floor()
 SLOPE = floor(lambda x, y: 0.10 * x + 0.05 * y)
@@ -26,6 +38,7 @@ PATHS = {
     "circle": circle,
     "s-curve": s_curve,
     "stop-and-go": stop_and_go,
+    "turn": turn_in_place,
     "short pause": lambda v: hard_stops(v, 0.5),
     "long pause": lambda v: hard_stops(v, 2.0),
 }
@@ -60,6 +73,54 @@ def test_feet_stay_planted_and_legs_stay_human(name, speed, avatar, animate):
     assert quality.elbow_min_deg >= 0.0
     assert quality.joint_speed_max_degps <= JOINT_SPEED_MAX_DEGPS * ABRUPT.get(name, 1.0)
     assert quality.jerk_max_mps3 <= JERK_MAX_MPS3 * ABRUPT.get(name, 1.0)
+
+
+@pytest.mark.parametrize("name", ["line", "circle", "s-curve", "stop-and-go", "turn"])
+def test_fast_walks_hold_the_gates_of_feet_and_knees(name, avatar, animate):
+    xy = PATHS[name](2.0)
+    quality = measure(animate(xy, FLAT, style=1.0), avatar, FLAT, xy)
+    assert quality.skate_mean_cmps <= 1.0
+    assert quality.skate_max_cmps <= 5.0
+    assert quality.penetration_max_mm <= 5.0
+    assert quality.airborne_max_mm <= 10.0
+    assert quality.root_error_max_cm <= 2.0
+    assert quality.knee_min_deg >= 0.5
+    assert quality.knee_max_deg <= 80.0
+
+
+@pytest.mark.parametrize("speed", [2.5, 3.0, 3.5])
+def test_runs_have_flight_and_feet_that_stay_where_they_land(speed, avatar, animate):
+    xy = dash(speed)
+    motion = animate(xy, FLAT, style=1.0)
+    quality = measure(motion, avatar, FLAT, xy)
+    assert quality.skate_mean_cmps <= 1.0
+    assert quality.skate_max_cmps <= 10.0
+    assert quality.penetration_max_mm <= 5.0
+    assert quality.hover_max_mm <= 10.0
+    assert quality.root_error_max_cm <= 2.0
+    assert 95.0 <= quality.knee_max_deg <= 126.0
+    heights = heights_above(sole_points(*joints_of(motion, avatar), skeleton_of(avatar)), FLAT)
+    flying = heights[60:140].min(axis=(1, 2)) > 0.01
+    assert 0.15 <= flying.mean() <= 0.5
+    assert not (heights[:10].min(axis=(1, 2)) > 0.01).any()
+
+
+def test_run_has_the_cadence_and_the_bounce_of_runners(avatar, animate):
+    motion = animate(line(2.9), floor(half_m=20.0))
+    rows = slice(50, 160)
+    run = dataclasses.replace(motion, root_m=motion.root_m[rows], pose_axis_angle=motion.pose_axis_angle[rows])
+    assert cadence_per_min(run, avatar) == pytest.approx(157.0, rel=0.10)
+    assert 0.08 <= np.ptp(run.root_m[:, 2]) <= 0.14
+
+
+def test_walk_turns_into_a_run_once_not_at_every_change_of_pace():
+    pace = 2.1 + 0.08 * np.sin(np.linspace(0.0, 30.0, 200))
+    assert run_share(pace, 1.0).max() < 1e-9
+    pace[:20] = 3.0
+    assert run_share(pace, 1.0).min() > 1.0 - 1e-9
+    assert run_share(np.full(20, 1.9), 1.0).max() == 0.0
+    # Longer legs run later.
+    assert run_share(np.full(20, 2.3), 1.2).max() == 0.0
 
 
 @pytest.mark.parametrize("ground", [SLOPE, BUMPS], ids=["slope", "bumps"])
@@ -212,8 +273,10 @@ def test_feet_never_cross_on_curves(avatar, animate):
         assert apart.min() > 0.04
 
 
-def test_one_point_stands(avatar, animate):
+def test_one_point_stands_and_idles_for_a_whole_episode(avatar, animate):
     motion = animate(np.array([[2.0, -1.0]]), SLOPE)
+    assert len(motion.root_m) == 1000
+    assert np.ptp(motion.root_m[500:, 0]) > 0.002
     assert motion.root_m[0, :2] == pytest.approx([2.0, -1.0], abs=0.02)
     heights = heights_above(sole_points(*joints_of(motion, avatar), skeleton_of(avatar)), SLOPE)
     assert np.abs(heights).max() < 0.01
@@ -223,6 +286,16 @@ def test_standing_person_sways_but_does_not_step(avatar, animate):
     _, P = joints_of(animate(np.zeros((200, 2)), FLAT), avatar)
     assert 0.002 < np.ptp(P[:, 0, :2], axis=0).max() < 0.03
     assert np.ptp(P[:, 7:9], axis=0).max() < 1e-5
+
+
+def test_standing_person_shifts_the_weight_from_one_leg_to_the_other(avatar, animate):
+    G, P = joints_of(animate(np.array([[0.0, 0.0]]), FLAT), avatar)
+    list_deg = np.degrees(np.arcsin(G[:, 0, 2, 0]))
+    assert list_deg.max() > 1.0
+    assert list_deg.min() < -1.0
+    assert np.linalg.norm(P[:, 0, :2], axis=1).max() < 0.02
+    hips = np.linalg.norm(P[:, 1:3] - P[:, 7:9], axis=2)
+    assert hips.max() <= skeleton_of(avatar).leg_m
 
 
 def test_slow_creep_is_stepped_after_not_slid(avatar, animate):

@@ -3,8 +3,10 @@ import dataclasses
 import numpy as np
 import pytest
 
+from benchmarks.motion_paths import circle, floor, line
 from common.bus import InProcessBus
 from common.errors import AvatarError
+from common.maps.grid import GridFrame, OccupancyMap
 from common.messages import (
     AnimateReply,
     AnimateRequest,
@@ -17,7 +19,6 @@ from common.messages import (
 )
 from services.animator import Animator, AnimatorConfig, attach, handle_animate
 from tests.services.animator.conftest import make_avatar
-from benchmarks.motion_paths import circle, floor, line
 
 
 def human(avatar, xy):
@@ -67,6 +68,31 @@ def test_impossible_trajectory_rejects_the_episode(animator):
     assert reply.motions is None
     assert reply.rejected.startswith("motion: Row 9")
     assert "\n" not in reply.rejected
+
+
+def blocked(row=slice(None), column=150):
+    """A map of 30 m by 30 m at 0.1 m with a wall, 0.1 m thick, along x = 0.05."""
+    occupied = np.zeros((300, 300), dtype=bool)
+    occupied[row, column] = True
+    frame = GridFrame(origin_x_m=-15.0, origin_y_m=-15.0, resolution_m=0.1)
+    return OccupancyMap(frame=frame, occupied=occupied)
+
+
+@pytest.mark.parametrize("speed", [0.6, 3.4])
+def test_trajectory_through_a_wall_rejects_the_episode(speed):
+    walls = Animator({"ada": make_avatar("ada")}, floor(), AnimatorConfig(), obstacles=blocked())
+    xy = line(speed, 4.0)
+    reply = handle_animate(walls, AnimateRequest(scenario=scenario(human("ada", xy))))
+    assert reply.motions is None
+    assert reply.rejected.startswith("motion: The trajectory leads through an obstacle at (0.0")
+    beside = Animator({"ada": make_avatar("ada")}, floor(), AnimatorConfig(), obstacles=blocked(slice(0, 140)))
+    assert handle_animate(beside, AnimateRequest(scenario=scenario(human("ada", xy)))).rejected == ""
+
+
+def test_trajectory_that_leaves_the_map_rejects_the_episode():
+    walls = Animator({"ada": make_avatar("ada")}, floor(), AnimatorConfig(), obstacles=blocked(slice(0, 1)))
+    reply = handle_animate(walls, AnimateRequest(scenario=scenario(human("ada", line(1.0) + np.array([12.0, 0.0])))))
+    assert "(15.0" in reply.rejected
 
 
 def test_unknown_avatar_is_named(animator):

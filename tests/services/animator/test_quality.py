@@ -3,10 +3,10 @@ import dataclasses
 import numpy as np
 import pytest
 
+from benchmarks.motion_paths import dash, floor, line
 from common.avatars import joint_positions
 from services.animator import measure
 from services.animator.quality import joints_of
-from benchmarks.motion_paths import floor, line
 
 FLAT = floor()
 
@@ -35,6 +35,14 @@ def test_sinking_and_floating_are_seen(good, avatar):
     shift = np.array([0.0, 0.0, 0.03])
     assert measure(changed(good, root_m=good.root_m - shift), avatar, FLAT, line(1.2)).penetration_max_mm > 25.0
     assert measure(changed(good, root_m=good.root_m + shift), avatar, FLAT, line(1.2)).hover_max_mm > 25.0
+
+
+def test_a_foot_that_stands_in_the_air_hovers_and_a_flying_one_does_not(good, avatar, animate):
+    lifted = changed(good, root_m=good.root_m + np.array([0.0, 0.0, 0.03]))
+    assert measure(lifted, avatar, FLAT, line(1.2)).hover_max_mm > 25.0
+    quality = measure(animate(dash(3.0), FLAT), avatar, FLAT, dash(3.0))
+    assert quality.airborne_max_mm > 30.0
+    assert quality.hover_max_mm < 1.0
 
 
 def test_leaving_the_trajectory_is_seen(good, avatar):

@@ -3,13 +3,13 @@ import dataclasses
 import numpy as np
 import pytest
 
+from benchmarks.cmu import joints_20hz
+from benchmarks.motion_paths import circle, floor, reversal, s_curve, stop_and_go
 from services.animator import skeleton_of
 from services.animator.quality import joints_of
 from services.animator.smpl_fit import bone_offsets, fit_motion, fit_rotations
 from services.animator.smpl_fit_math import align, swing, turn
-from benchmarks.cmu import joints_20hz
 from tests.services.animator.conftest import make_avatar
-from benchmarks.motion_paths import circle, floor, reversal, s_curve, stop_and_go
 
 PATHS = {"s_curve": s_curve(1.2), "circle": circle(1.6), "stop_and_go": stop_and_go(1.4), "reversal": reversal(1.0)}
 

@@ -3,12 +3,12 @@ import pickle
 import numpy as np
 import pytest
 
+from benchmarks.motion_paths import floor, s_curve
 from common.errors import ConfigError
 from services.animator import skeleton_of
 from services.animator.quality import joints_of
 from services.animator.smpl_fit import fit_motion
 from services.animator.smpl_refine import RefineConfig, load_pose_prior, refine
-from benchmarks.motion_paths import floor, s_curve
 
 
 @pytest.fixture(scope="module")

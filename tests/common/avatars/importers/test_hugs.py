@@ -15,7 +15,7 @@ from common.errors import AvatarError
 from common.frames import R_zup_yup, matrix_from_axis_angle, matrix_from_quat
 from tests.common.avatars.importers.people import boxes, write_smpl_pickle
 
-torch = pytest.importorskip("torch")
+torch = pytest.importorskip("torch", reason="torch is not installed")
 functional = torch.nn.functional
 
 COUNT, FEATURES, SIZE, HIDDEN = 300, 4, 16, 12

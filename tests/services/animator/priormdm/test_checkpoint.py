@@ -131,6 +131,28 @@ def test_digest_of_a_run_refuses_other_files(release):
         load_model(pinned)
 
 
+def test_digest_of_a_run_covers_the_pose_prior(release):
+    folder, config = release
+    (folder / "gmm_08.pkl").write_bytes(b"one")
+    config = dataclasses.replace(config, refine="prior", pose_prior=str(folder / "gmm_08.pkl"))
+    first = files_digest(config)
+    (folder / "gmm_08.pkl").write_bytes(b"two")
+    assert len({first, files_digest(config), files_digest(release[1])}) == 3
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"refine": "most"}, 'refine must be "none", "limits" or "prior", got \'most\''),
+        ({"refine": "prior"}, "go together"),
+        ({"refine": "limits", "pose_prior": "gmm_08.pkl"}, "go together"),
+    ],
+)
+def test_refinements_that_do_not_fit_together_are_refused(change, message):
+    with pytest.raises(ValueError, match=message):
+        PriorMdmConfig(**change)
+
+
 def test_source_without_files_says_which_and_where_from():
     with pytest.raises(
         ValueError, match=r"priormdm.weights, priormdm.mean, priormdm.std;.*HumanML3D.*\"gait\""

@@ -3,6 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from benchmarks.motion_paths import circle, floor, reversal, s_curve, stop_and_go
 from services.animator.priormdm.features import (
     CONTACTS,
     FEATURE_COUNT,
@@ -18,7 +19,6 @@ from services.animator.priormdm.features import (
     zup_from_yup,
 )
 from services.animator.quality import joints_of
-from benchmarks.motion_paths import circle, floor, reversal, s_curve, stop_and_go
 
 
 @pytest.mark.parametrize("xy", [s_curve(1.2), circle(1.6), stop_and_go(1.4), reversal(1.0)], ids=lambda xy: len(xy))

@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
+from benchmarks.motion_paths import floor, line
 from services.animator import skeleton_of
 from services.animator.gait_math import Ground
 from services.animator.priormdm.features import yup_from_zup
 from services.animator.priormdm.placement import wear
 from services.animator.quality import joints_of
 from services.animator.smpl_fit import fit_rotations
-from benchmarks.motion_paths import floor, line
 
 FLAT = floor()
 GROUND = Ground(FLAT.height_m, FLAT.frame.origin_x_m, FLAT.frame.origin_y_m, FLAT.frame.resolution_m)

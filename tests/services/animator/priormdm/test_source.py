@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 import torch
 
+from benchmarks.motion_paths import circle, floor, line, s_curve
 from common.errors import ConfigError, MotionError
+from common.frames import matrix_from_axis_angle
 from common.messages import AnimateRequest, EpisodeKey, HumanTrajectory, Scenario, Split, encode
 from services.animator import Animator, AnimatorConfig, handle_animate, skeleton_of
 from services.animator.priormdm import features as hml
@@ -15,7 +17,6 @@ from services.animator.priormdm.placement import HUMANML3D_LEG_M
 from services.animator.priormdm.source import SETTLE_FRAMES, PriorMdm
 from services.animator.quality import joints_of, measure
 from tests.services.animator.conftest import make_avatar
-from benchmarks.motion_paths import circle, floor, line, s_curve
 from tests.services.animator.priormdm.conftest import SMALL
 
 
@@ -179,6 +180,44 @@ def test_weights_that_are_not_finite_are_refused(source, walker):
 def test_more_steps_than_trained_are_refused(release):
     with pytest.raises(ConfigError, match=r"priormdm.steps must be within 0\.\.50"):
         PriorMdm.load(dataclasses.replace(release[1], steps=51))
+
+
+def jerkiness(motion):
+    """Mean square of the second difference of the body's joint rotations over time, hands and toes aside."""
+    R = matrix_from_axis_angle(motion.pose_axis_angle[:, [1, 2, 4, 5, 16, 17, 18, 19]].astype(float))
+    return float(np.square(R[2:] - 2.0 * R[1:-1] + R[:-2]).mean())
+
+
+def test_refinement_smooths_limbs_and_keeps_root_and_toes(release, walker):
+    path = line(1.0, 1.0)
+    plain, refined, again = (
+        PriorMdm.load(dataclasses.replace(release[1], refine=how)).walk(walker, path, floor(), np.random.default_rng(0))
+        for how in ("none", "limits", "limits")
+    )
+    assert jerkiness(refined) < 0.8 * jerkiness(plain)
+    assert np.array_equal(refined.root_m, plain.root_m)
+    assert np.array_equal(refined.pose_axis_angle[:, 10:12], plain.pose_axis_angle[:, 10:12])
+    assert encode(refined) == encode(again)
+
+
+def test_pose_prior_of_the_user_makes_poses_likelier(release, walker):
+    folder, config = release
+    path = folder / "gmm_08.npz"
+    np.savez(path, means=np.zeros((1, 69)), covars=0.01 * np.eye(69)[None], weights=np.ones(1))
+    config = dataclasses.replace(config, refine="prior", pose_prior=str(path))
+    plain, refined = (
+        PriorMdm.load(one).walk(walker, line(1.0, 1.0), floor(), np.random.default_rng(0))
+        for one in (release[1], config)
+    )
+    body = [j for j in range(1, 24) if j not in (10, 11)]
+    assert np.square(refined.pose_axis_angle[:, body]).sum() < 0.9 * np.square(plain.pose_axis_angle[:, body]).sum()
+    assert np.array_equal(refined.root_m, plain.root_m)
+
+
+def test_missing_pose_prior_is_named(release):
+    config = dataclasses.replace(release[1], refine="prior", pose_prior=str(release[0] / "gone.pkl"))
+    with pytest.raises(ConfigError, match=r"Pose prior .*gone\.pkl cannot be read.*give SMPLify's gmm_08\.pkl"):
+        PriorMdm.load(config)
 
 
 def test_animator_answers_with_motions_of_the_model(release):

@@ -1,0 +1,49 @@
+"""Who takes part in recorded episodes: the people that the first message of each one names."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from mcap.opcode import Opcode
+
+from common.dataset import schemas
+from common.dataset.chunk import parse
+from common.dataset.index import mapped
+from common.dataset.records import chunk_span, iter_messages, iter_records
+from common.errors import DatasetError
+from common.messages.episode import EpisodeKey
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Cast:
+    """The people of one episode."""
+
+    episode: EpisodeKey
+    avatars: tuple[str, ...]
+    encounters: tuple[str, ...]
+    """How each of them meets the robot's way."""
+
+
+def read_casts(shard: Path) -> list[Cast]:
+    """The people of a shard's episodes, in the order of the shard; reads some hundred bytes per episode.
+
+    Raises:
+        DatasetError: If the shard is truncated or damaged.
+    """
+    casts = []
+    try:
+        with mapped(shard) as view:
+            for record in iter_records(view):
+                if record.opcode == Opcode.CHUNK:
+                    span = chunk_span(view, record)
+                    casts.append(_cast(view, span.body, span.end))
+    except DatasetError as error:
+        raise DatasetError(f"Shard {shard} cannot be read: {error}; see `readygo validate {shard.parent}`.") from error
+    return casts
+
+
+def _cast(view: memoryview, body: int, end: int) -> Cast:
+    first = next(iter_messages(view, body, end), None)
+    if first is None or first.channel != schemas.EPISODE_START.number:
+        raise DatasetError(f"the chunk at byte {body} does not begin with an episode's start")
+    start = parse(schemas.EPISODE_START, view[first.body : first.end])
+    return Cast(episode=schemas.episode_key(start), avatars=tuple(start.avatars), encounters=tuple(start.encounters))

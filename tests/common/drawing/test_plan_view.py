@@ -1,0 +1,85 @@
+"""Drawing on maps: what lands where."""
+
+import numpy as np
+import pytest
+
+from common.drawing.plan_view import FREE, OCCUPIED, draw_scale_bar, fill_area, fill_band, map_view, map_window
+from common.maps import GridFrame, OccupancyMap
+
+RED = (200, 0, 0)
+
+
+@pytest.fixture
+def occupancy() -> OccupancyMap:
+    """2 x 1 m from (-1, 2) on; the cell at the lower left and the last row are occupied."""
+    occupied = np.zeros((10, 20), np.bool_)
+    occupied[0, 0] = occupied[-1] = True
+    return OccupancyMap(frame=GridFrame(origin_x_m=-1.0, origin_y_m=2.0, resolution_m=0.1), occupied=occupied)
+
+
+def grey(view, x, y):
+    u, v = view.world_to_pixel([x, y])
+    return int(view.rgb[int(v), int(u), 0])
+
+
+def test_window_shows_the_cells_in_their_places(occupancy) -> None:
+    view = map_window(occupancy, np.array([-1.0, 2.0]), np.array([0.5, 3.0]), pixel_m=0.02)
+    assert view.rgb.shape == (50, 75, 3)
+    assert grey(view, -0.95, 2.05) == OCCUPIED
+    assert grey(view, -0.85, 2.05) == FREE
+    assert grey(view, 0.3, 2.95) == OCCUPIED
+
+
+def test_beyond_the_map_all_is_occupied(occupancy) -> None:
+    view = map_window(occupancy, np.array([-3.0, 0.0]), np.array([3.0, 5.0]), pixel_m=0.05)
+    for x, y in ((-2.0, 2.5), (2.0, 2.5), (0.0, 1.0), (0.0, 4.0)):
+        assert grey(view, x, y) == OCCUPIED
+    assert grey(view, 0.9, 2.5) == FREE
+
+
+def test_whole_map_has_four_pixels_a_cell(occupancy) -> None:
+    view = map_view(occupancy)
+    assert view.rgb.shape == (40, 80, 3)
+    assert np.array_equal(view.rgb[:, :, 0] == OCCUPIED, occupancy.occupied[::-1].repeat(4, axis=0).repeat(4, axis=1))
+
+
+def test_area_lets_the_ground_shine_through(occupancy) -> None:
+    view = map_window(occupancy, np.array([-1.0, 2.0]), np.array([1.0, 3.0]), pixel_m=0.01)
+    picture = view.rgb.copy()
+    corners = np.array([[-0.5, 2.2], [0.5, 2.2], [0.5, 2.6], [-0.5, 2.6]])
+    fill_area(picture, view, corners, RED, share=0.4)
+    u, v = (int(value) for value in view.world_to_pixel([0.0, 2.4]))
+    assert tuple(picture[v, u].tolist()) == (230, 150, 150)
+    u, v = (int(value) for value in view.world_to_pixel([0.7, 2.4]))
+    assert tuple(picture[v, u].tolist()) == (FREE,) * 3
+
+
+def test_area_outside_of_the_picture_changes_nothing(occupancy) -> None:
+    view = map_view(occupancy)
+    picture = view.rgb.copy()
+    fill_area(picture, view, np.array([[50.0, 50.0], [51.0, 50.0], [51.0, 51.0]]), RED, share=0.5)
+    assert np.array_equal(picture, view.rgb)
+
+
+@pytest.mark.parametrize("path", [[[0.0, 2.5]], [[-0.2, 2.5], [0.2, 2.5]]])
+def test_band_reaches_its_radius_around_a_path_or_a_point(occupancy, path) -> None:
+    view = map_window(occupancy, np.array([-1.0, 2.0]), np.array([1.0, 3.0]), pixel_m=0.01)
+    picture = view.rgb.copy()
+    fill_band(picture, view, np.array(path), 0.2, RED, share=0.5)
+    touched = np.argwhere((picture != view.rgb).any(axis=2))
+    height_m, width_m = (np.ptp(touched, axis=0) + 1) * 0.01
+    assert height_m == pytest.approx(0.4, abs=0.04)
+    assert width_m == pytest.approx(0.4 + np.ptp(np.array(path)[:, 0]), abs=0.04)
+
+
+@pytest.mark.parametrize(("pixel_m", "length_px"), [(0.02, 50), (0.5, 20)])
+def test_scale_bar_has_its_length(pixel_m, length_px) -> None:
+    occupied = np.zeros((10, 10), np.bool_)
+    frame = GridFrame(origin_x_m=0.0, origin_y_m=0.0, resolution_m=0.5)
+    view = map_window(
+        OccupancyMap(frame=frame, occupied=occupied), np.zeros(2), np.full(2, 200 * pixel_m), pixel_m=pixel_m
+    )
+    picture = view.rgb.copy()
+    draw_scale_bar(picture, view)
+    dark = np.flatnonzero(picture[-12].max(axis=1) < 60)
+    assert np.ptp(dark) == length_px
