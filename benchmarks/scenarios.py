@@ -1,6 +1,6 @@
 """What drawing scenarios costs and gives: `python benchmarks/scenarios.py [SCENE_OR_MAP ...] [--people varied]`.
 
-A scene is "embedded", a scene bundle, or a ROS map (.yaml). Prints one JSON object per scene: CPU time of the thread per
+A scene is "embedded", a scene bundle, or a ROS map (.yaml). Prints one JSON object per scene: CPU time of the thread a
 drawn scenario, rejected ones included, how many people came and of which families, and with --drive how the expert did
 among them. The first scenarios warm up.
 """
