@@ -4,19 +4,19 @@
 """
 
 import math
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 
 
 @dataclass(frozen=True, kw_only=True)
 class FamilyMix:
     """How often each family of encounters is drawn, relative to the others; 0 never draws it.
 
-    A family that finds no room in a scenario is replaced by another one of the mix. The default is the paper's.
+    A family that finds no room in a scenario is replaced by another one of the mix.
     """
 
-    crossing: float = 0.5
+    crossing: float = 0.0
     """Crosses the robot's way, timed to meet it, from either side."""
-    parallel: float = 0.5
+    parallel: float = 0.0
     """Walks along the robot's way, with it or against it, up to 1 m beside."""
     frontal: float = 0.0
     """Comes towards the robot on its own way."""
@@ -51,11 +51,15 @@ class FamilyMix:
         return {name: share for name, share in asdict(self).items() if share > 0}
 
 
+PAPER_MIX = FamilyMix(crossing=0.5, parallel=0.5)
+"""The paper's families; it leaves their shares open."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class HumanPlannerConfig:
     """Start, goal and the humans' trajectories (stage 1)."""
 
-    mix: FamilyMix = field(default_factory=FamilyMix)
+    mix: FamilyMix = PAPER_MIX
     """Families of encounters (paper: crossing or parallel)."""
     reactive: bool = False
     """True lets people yield to the robot that they see: planned against the expert, see the README."""

@@ -24,16 +24,17 @@ from common.messages import EpisodeMotions, HumanMotion, Motion, Outcome, Scenar
 from common.robot import RobotConfig
 from common.robot.kinematics import DT_S, RATE_HZ
 from services.planner.config import HumanPlannerConfig
+from services.planner.spline import length_m
 from services.planner.walk import held
 
 Float64Array = npt.NDArray[np.float64]
 
-_AHEAD_ROWS = 8
+_AHEAD_ROWS = 20
 _BEHIND_M = 0.35
 """Who is farther from the drawn row than this waits for no clock: the row waits [m]."""
 _HORIZON_S = 3.0
-_ROOM_M = 0.15
-"""Distance that people try to keep beyond touching [m]."""
+_ROOM_M = 0.3
+"""Distance that people try to keep beyond touching [m]; with less, a run that differs a little ends in a collision."""
 _ACCELERATION_MPS2 = 2.0
 _SHARES = np.array([1.0, 0.75, 0.5, 0.25, 0.0])
 _TURNS_RAD = np.radians(np.array([0.0, 15.0, -15.0, 30.0, -30.0, 50.0, -50.0, 75.0, -75.0]))
@@ -114,8 +115,8 @@ class ReactivePeople:
         rows = self._drawn[k]
         row = self._row[k] = _next_row(rows, self._row[k], here)
         ahead = min(row + _AHEAD_ROWS, len(rows) - 1)
-        walked_m = float(np.sum(np.sqrt(np.sum(np.diff(rows[row : ahead + 1], axis=0) ** 2, axis=1))))
-        free_mps = max(walked_m / (_AHEAD_ROWS * DT_S) * 1.1, 0.4)
+        ahead_s = max((ahead - row) * DT_S, 0.4)
+        free_mps = max(1.1 * length_m(rows[row : ahead + 1]) / ahead_s, 0.4)
         discs = [(*other, 2 * self._radius_m) for other in others]
         if robot is not None:
             discs.append((*robot, self._contact_m))
@@ -124,7 +125,7 @@ class ReactivePeople:
             self._velocity[k],
             self._heading[k],
             rows[ahead],
-            free_mps,
+            min(free_mps, math.dist(here.tolist(), rows[ahead].tolist()) / ahead_s),
             np.array(discs).reshape(-1, 5),
             self._view,
             self._free,
@@ -217,14 +218,17 @@ def _step(
     velocity: Float64Array,
     heading: Float64Array,
     target: Float64Array,
-    free_mps: float,
+    wanted: float,
     discs: Float64Array,
     view: tuple[float, float],
     free: npt.NDArray[np.uint8],
     ground: tuple[npt.NDArray[np.bool_], float, float, float],
     radius: float,
 ) -> Float64Array:
-    """Where a person goes in one step: towards the target [m], off the discs (x, y, vx, vy, contact) that it sees."""
+    """Where a person goes in one step: towards the target [m] at the wanted speed [m/s], off the discs that it sees.
+
+    Discs are x, y [m], vx, vy [m/s] and the distance of contact [m], shape (N, 5).
+    """
     occupied, ox, oy, res = ground
     seen = np.zeros(len(discs), np.bool_)
     for d in range(len(discs)):
@@ -245,7 +249,6 @@ def _step(
         px, py = heading[0], heading[1]
     else:
         px, py = px / distance, py / distance
-    wanted = min(free_mps, distance / 0.4)
     top = max(wanted, 0.6)
     best, vx, vy = np.inf, 0.0, 0.0
     for turn in _TURNS_RAD:

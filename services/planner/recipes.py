@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Any, Literal
 
 from common.episode import EpisodeConfig
-from services.planner.config import FamilyMix, HumanPlannerConfig
+from services.planner.config import PAPER_MIX, FamilyMix, HumanPlannerConfig
 
 People = tuple[EpisodeConfig, HumanPlannerConfig]
 PeopleName = Literal["paper", "varied", "crowd"]
@@ -25,7 +25,7 @@ def people_paper(episode: EpisodeConfig, planner: HumanPlannerConfig) -> People:
     """One or two people at 0.8-1.4 m/s who cross the way or walk along it: the frozen mix of success rates."""
     return (
         replace(episode, human_count_min=1, human_count_max=2, human_speed_min_mps=0.8, human_speed_max_mps=1.4),
-        replace(planner, mix=FamilyMix()),
+        replace(planner, mix=PAPER_MIX),
     )
 
 

@@ -14,7 +14,7 @@ from apps.world import World
 from common.dataset import Dataset
 from common.errors import RunError
 from common.messages import EpisodeKey, HumanPlanRequest, RunSpec, Split, decode, encode
-from services.planner import FamilyMix, handle_human_plan
+from services.planner import handle_human_plan
 from services.planner.scenario_file import load_scenarios, save_scenarios
 
 
@@ -39,15 +39,13 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_recipe_of_people_changes_mix_and_counts_and_keeps_the_configurations_rest(tmp_path: Path) -> None:
     file = tmp_path / "config.toml"
-    file.write_text(
-        "[episode]\ntime_limit_s = 30.0\n[human_planner]\nmix = {frontal = 1, crossing = 0, parallel = 0}\n"
-    )
+    file.write_text("[episode]\ntime_limit_s = 30.0\n[human_planner]\nmix = {frontal = 1}\n")
     assert load_run_config(file).human_planner.mix.shares == {"frontal": 1.0}
     varied = load_run_config(file, people="varied")
     assert varied.episode.time_limit_s == 30.0
     assert (varied.episode.human_count_min, varied.episode.human_count_max) == (0, 4)
     assert len(varied.human_planner.mix.shares) == 11
-    assert load_run_config(file, people="paper").human_planner.mix == FamilyMix()
+    assert load_run_config(file, people="paper").human_planner == RunConfig().human_planner
 
 
 def test_unknown_family_of_a_mix_is_named(tmp_path: Path, capsys, monkeypatch) -> None:

@@ -18,14 +18,13 @@ from tests.services.planner.conftest import FRAME, Maps, key, make_avatar, rooms
 
 DOORS = ((0.1, 6.98), (6.1, 6.98), (2.98, 4.6), (2.98, 9.6))
 ROBOT_MPS, GETTING_GOING_S = 0.85, 0.5
-NOBODY = dict.fromkeys(FAMILIES, 0.0)
 
 
 def planner_of(family="", *, occupancy=None, height_m=None, people=(1, 1), **config):
     """A planner that draws one family, or what `config` says."""
     occupancy = occupancy or rooms()
     height = np.zeros(occupancy.occupied.shape, np.float32) if height_m is None else height_m
-    mix = {"mix": FamilyMix(**{**NOBODY, family: 1.0})} if family else {}
+    mix = {"mix": FamilyMix(**{family: 1.0})} if family else {}
     return Planner(
         maps=Maps(occupancy, occupancy, FloorMap(frame=occupancy.frame, height_m=height)),
         avatars={name: make_avatar(name) for name in ("zoe", "adam", "mia")},
@@ -238,7 +237,7 @@ def hall():
 def test_a_family_without_a_place_is_replaced_by_another_of_the_mix_or_rejected():
     alone = planner_of("doorway", occupancy=hall())
     assert handle_human_plan(alone, HumanPlanRequest(episode=key(0))).rejected == "no room for a human"
-    mixed = planner_of(occupancy=hall(), mix=FamilyMix(**{**NOBODY, "doorway": 1.0, "crossing": 0.01}))
+    mixed = planner_of(occupancy=hall(), mix=FamilyMix(doorway=1.0, crossing=0.01))
     scenarios = [handle_human_plan(mixed, HumanPlanRequest(episode=key(index))).scenario for index in range(6)]
     assert {human.encounter for s in scenarios if s is not None for human in s.humans} == {"crossing"}
 
@@ -258,14 +257,14 @@ def test_fewer_humans_come_where_no_more_find_room_if_that_is_asked_for():
 
 
 def test_families_are_drawn_by_their_shares_and_none_twice():
-    mix = FamilyMix(**{**NOBODY, "crossing": 2.0, "frontal": 1.0, "doorway": 1.0})
+    mix = FamilyMix(crossing=2.0, frontal=1.0, doorway=1.0)
     rng = np.random.default_rng(0)
     orders = [tuple(drawn_order(rng, mix)) for _ in range(400)]
     assert {frozenset(order) for order in orders} == {frozenset(("crossing", "frontal", "doorway"))}
     assert Counter(order[0] for order in orders)["crossing"] == pytest.approx(200, abs=40)
 
 
-@pytest.mark.parametrize("shares", [{"crossing": -1.0}, {"frontal": math.nan}, {"crossing": 0.0, "parallel": 0.0}])
+@pytest.mark.parametrize("shares", [{"crossing": -1.0}, {"frontal": math.nan}, {}])
 def test_mixes_that_cannot_be_drawn_are_refused(shares):
     with pytest.raises(ValueError, match=r"must be a number|share above 0"):
         FamilyMix(**shares)
