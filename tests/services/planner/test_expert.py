@@ -135,11 +135,27 @@ def test_same_scenario_gives_the_same_bytes_whatever_ran_before(planner):
             assert encode({"a": getattr(first, name)}) == encode({"a": getattr(second, name)})
 
 
-def test_foresight_uses_true_motion_only_when_asked_for(planner):
+def test_oracle_knows_the_true_motion_that_others_only_predict():
     track = [(2.3 - 0.05 * k, 6.0) for k in range(35)] + [(0.55, 6.0 - 0.05 * k) for k in range(40)]
     scenario = _scenario((-2.0, 6.0, 0.0), (2.2, 6.0), [track])
-    blind, knowing = (drive(p, scenario, animate(scenario)) for p in (planner, make_planner(foresight_s=1.0)))
-    assert not np.array_equal(blind.actions[:40], knowing.actions[:40])
+    guessing, knowing = (drive(make_planner(oracle=k), scenario, animate(scenario)) for k in (False, True))
+    assert knowing.outcome is Outcome.SUCCESS
+    assert not np.array_equal(guessing.actions[:40], knowing.actions[:40])
+
+
+def test_near_field_feels_who_is_behind():
+    track = [(-2.6 + 0.06 * k, 6.0) for k in range(40)]
+    scenario = _scenario((-1.5, 6.0, 0.0), (2.0, 6.0), [track])
+    alone = _run(make_planner(), (-1.5, 6.0, 0.0), (2.0, 6.0))
+    unaware, aware = (drive(make_planner(near_field_m=m), scenario, animate(scenario)) for m in (0.0, 2.0))
+    assert np.array_equal(unaware.actions[:10], alone.actions[:10])
+    assert not np.array_equal(aware.actions[:10], alone.actions[:10])
+
+
+def test_clearance_to_the_gaussians_is_reported_beside_the_discs(planner):
+    passed = _run(planner, (-2.0, 4.0, 0.0), (2.0, 4.0), [[(1.2, 4.05)]])
+    assert 0 < passed.gaussian_clearance_m < passed.human_distance_m.min()
+    assert _run(planner, (-2.0, 4.0, 0.0), (2.0, 4.0)).gaussian_clearance_m == math.inf
 
 
 def test_unknown_avatar_is_named(planner):
