@@ -202,8 +202,9 @@ class Course:
 
 
 def _avatar_gap_m(run: RobotTrajectory) -> float | None:
-    gaps = getattr(run, "gaussian_clearance_m", None)
-    return None if gaps is None else float(np.min(gaps))
+    """Distance of the robot's disc to people's Gaussians [m]; None without people."""
+    gap_m = run.gaussian_clearance_m
+    return gap_m if gap_m is not None and math.isfinite(gap_m) else None
 
 
 def timed(call: Callable[[], T]) -> tuple[T, float]:

@@ -42,7 +42,7 @@ class HumanTrajectory:
     avatar: str
     """Name of the avatar."""
     encounter: str
-    """How the trajectory meets the robot's way: "crossing" or "parallel"."""
+    """How the trajectory meets the robot's way: a family such as "crossing", or what a scenario file calls it."""
     speed_mps: float
     xy_m: npt.NDArray[np.float64]
     """Ground position at 20 Hz [m], shape (T, 2)."""
