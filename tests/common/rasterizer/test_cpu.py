@@ -7,7 +7,7 @@ import pytest
 
 from common.avatars import Avatar, pose_avatar
 from common.gaussians import GaussianCloud, concatenate, transform_cloud
-from common.rasterizer import cpu
+from common.rasterizer import cpu_slabs
 from common.rasterizer.cpu import CpuRasterizer, PosedPerson
 from common.rasterizer.packed import load_packed, pack_cloud, save_packed
 from common.rasterizer.reference import rasterize_reference
@@ -144,7 +144,7 @@ def test_skipping_hidden_chunks_changes_the_image_by_less_than_a_colour_step(
     rasterizer = CpuRasterizer(pack_cloud(concatenate([wall, behind])), [], K, 64, 96)
     fast = rasterizer.render_float(T)
     records = int(rasterizer._ws.counts[0])
-    monkeypatch.setattr(cpu, "SLAB_SHARES", ())
+    monkeypatch.setattr(cpu_slabs, "SLAB_SHARES", ())
     full = rasterizer.render_float(T)
     assert records < 0.7 * rasterizer._ws.counts[0]
     assert np.abs(fast - full).max() < 1e-3

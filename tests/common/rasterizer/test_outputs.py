@@ -9,7 +9,7 @@ import pytest
 
 from common.avatars import Avatar, pose_avatar
 from common.gaussians import GaussianCloud, concatenate
-from common.rasterizer import cpu
+from common.rasterizer import cpu_slabs
 from common.rasterizer.cpu import CpuRasterizer, PosedPerson
 from common.rasterizer.images import OUTPUTS, Images
 from common.rasterizer.packed import pack_cloud
@@ -135,7 +135,7 @@ def test_one_slab_shows_what_several_show(make_cloud, camera, avatar: Avatar, mo
     people = [person(0.2, 0.2), person(0.6, -0.6, seed=2)]
     several = draws.render_images(T, people, OUTPUTS)
     records = int(draws._ws.counts[0])
-    monkeypatch.setattr(cpu, "SLAB_SHARES", ())
+    monkeypatch.setattr(cpu_slabs, "SLAB_SHARES", ())
     one = draws.render_images(T, people, OUTPUTS)
     assert records < 0.9 * draws._ws.counts[0]
     assert set(np.unique(one.mask)) == {0, 1, 2}
