@@ -71,9 +71,12 @@ class HumanTracks:
         self._view_count = 1 + (2 * WINDOW_STEPS if self._curved else straight_steps)
         self._window = WINDOW_STEPS if self._curved else straight_steps
         self._tracks: dict[int, _Track] = {}
+        self._before_xy_m = np.empty((0, 2))
 
     def observe(self, step: int, pose: Pose, human_xy_m: Float64Array) -> list[PerceivedHuman]:
         """Look once; call it at every step.
+
+        A person's pose shows where they walk: their step before the first view is known with it.
 
         Args:
             step: Simulation step.
@@ -91,6 +94,7 @@ class HumanTracks:
             track = self._tracks.get(index)
             if track is not None and step - track.step <= self._memory_steps:
                 perceived.append(self._perceived(index, track, step, seen))
+        self._before_xy_m = human_xy_m
         return perceived
 
     def _is_visible(self, pose: Pose, x_m: float, y_m: float) -> bool:
@@ -102,7 +106,9 @@ class HumanTracks:
 
     def _remember(self, index: int, step: int, x: float, y: float) -> None:
         track = self._tracks.get(index)
-        rows = track.rows if track is not None and track.step == step - 1 else []
+        rows = [(bx, by) for bx, by in self._before_xy_m[index : index + 1].tolist()]
+        if track is not None and track.step == step - 1:
+            rows = track.rows
         rows = [*rows[1 - self._view_count :], (x, y)]
         expected_m, chances = self._expected(index, step, rows)
         self._tracks[index] = _Track(step=step, rows=rows, expected_m=expected_m, chances=chances)

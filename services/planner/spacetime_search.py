@@ -228,15 +228,24 @@ def _delay(
 @njit(cache=True)
 def _turn_left(heuristic: Int32Array, i: int, j: int, yaw: float) -> float:
     """By how much a heading is away from the way to the goal, beyond what driving on can mend [rad]."""
-    if i < _SLOPE_CELLS or j < _SLOPE_CELLS:
+    reach = _SLOPE_CELLS
+    if i < reach or j < reach or i + reach >= heuristic.shape[0] or j + reach >= heuristic.shape[1]:
         return 0.0
-    if i + _SLOPE_CELLS >= heuristic.shape[0] or j + _SLOPE_CELLS >= heuristic.shape[1]:
-        return 0.0
-    west, east = heuristic[i, j - _SLOPE_CELLS], heuristic[i, j + _SLOPE_CELLS]
-    south, north = heuristic[i - _SLOPE_CELLS, j], heuristic[i + _SLOPE_CELLS, j]
+    west, east = heuristic[i, j - reach], heuristic[i, j + reach]
+    south, north = heuristic[i - reach, j], heuristic[i + reach, j]
+    dx, dy = west - east, south - north
     if max(west, east, south, north) >= UNREACHED:
-        return 0.0
-    away = (math.atan2(south - north, west - east) - yaw + math.pi) % (2 * math.pi) - math.pi
+        # Beside walls there is no slope across: the best way out counts.
+        best = heuristic[i, j]
+        dx, dy = 0, 0
+        for a in range(-1, 2):
+            for b in range(-1, 2):
+                near = heuristic[i + a * reach, j + b * reach]
+                if near < best:
+                    best, dx, dy = near, b, a
+        if dx == 0 and dy == 0:
+            return 0.0
+    away = (math.atan2(dy, dx) - yaw + math.pi) % (2 * math.pi) - math.pi
     return max(0.0, abs(away) - _DRIVEN_TURN_RAD)
 
 
