@@ -88,7 +88,6 @@ class PaperExpert:
             visible=any(human.seen for human in humans),
             path_xy_m=self._tracker.path[self._tracker.progress :, :2],
             perceived=tuple(humans),
-            predicted_xy_m=expected_m,
         )
 
     def _is_near_plan(self, human: PerceivedHuman) -> bool:

@@ -57,13 +57,12 @@ class SpaceTimeExpert:
         """Decide on the next command."""
         state = (simulation.x_m, simulation.y_m, simulation.yaw_rad, simulation.v_mps, simulation.w_radps)
         humans = self._tracks.observe(simulation.step, state[:3], simulation.human_xy_m)
-        expected_m = expected_array(humans, self._horizon)
         replanned = self._is_due(simulation.step, humans)
         if replanned:
             started_s = time.thread_time()
             self._replan(simulation.step, state, humans)
             self.replan_times_s.append(time.thread_time() - started_s)
-        v, w = self._drive(simulation.step, state, expected_m)
+        v, w = self._drive(simulation.step, state, humans)
         rows = np.empty((0, 5)) if self._plan is None else self._plan.rows[simulation.step - self._planned_at_step :]
         return Decision(
             v_mps=v,
@@ -73,7 +72,6 @@ class SpaceTimeExpert:
             visible=any(human.seen for human in humans),
             path_xy_m=rows[:, :2],
             perceived=tuple(humans),
-            predicted_xy_m=expected_m,
             path_times_s=np.arange(len(rows), dtype=np.float64) * DT_S,
         )
 
@@ -120,10 +118,10 @@ class SpaceTimeExpert:
         """All that the humans may do, by chance."""
         rows, chances, widths = [], [], []
         for human in humans:
-            count = len(human.chances)
-            rows += [human.ahead_m, *human.others_m]
-            chances += human.chances.tolist()
-            widths += [self._widths(human)] * count
+            walks_m, likely = human.find_walks()
+            rows += [*walks_m]
+            chances += likely.tolist()
+            widths += [self._widths(human)] * len(likely)
         return TimedHumans(
             expected_m=np.array(rows).reshape(-1, self._horizon, 2),
             chances=np.minimum(1.0, self._config.chance_gain * np.array(chances)),
@@ -142,17 +140,17 @@ class SpaceTimeExpert:
         widths: Float64Array = config.timed_margin_m + np.minimum(growth * ahead_s, config.doubt_max_m)
         return widths
 
-    def _drive(self, step: int, state: State, expected_m: Float64Array) -> tuple[float, float]:
+    def _drive(self, step: int, state: State, humans: list[PerceivedHuman]) -> tuple[float, float]:
         if self._plan is not None:
             row = self._plan.rows[min(step - self._planned_at_step + 1, len(self._plan.rows) - 1)]
             return float(row[3]), float(row[4])
-        if len(expected_m) > 0:
+        if humans:
             found, v, w = choose_evasion(
                 state,
                 self._limits,
                 self._local.cells,
                 self._ground.robot.radius_m + self._config.tracking_margin_m,
-                expected_m[:, :AHEAD_STEPS].copy(),
+                expected_array(humans, AHEAD_STEPS),
                 (self._ground.contact_m, 0.0),
                 self._config.evasion_gap_m,
                 self._local.to_goal,

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -41,13 +42,21 @@ class EpisodeGround:
     """Way to the goal over `static_factor`, UNITS_PER_CELL a cell, shape (H, W)."""
     goal_cell: tuple[int, int]
     human_frame: GridFrame
-    human_ways: tuple[Int32Array, ...]
-    """Ways of people to the robot's start and goal, UNITS_PER_CELL a cell, shape (H', W'); empty in mode "paper"."""
+    human_factor: UInt8Array
+    """Cost factors of what people walk on, shape (H', W')."""
+    human_places: tuple[tuple[int, int], ...]
+    """Cells of the robot's start and goal for people, who may be on their way there; empty in mode "paper"."""
     factor: UInt8Array
     """Memory for a search's factors, shape (H, W)."""
     heuristic: Int32Array
     """Memory for a search's distances, shape (H, W)."""
     search: GridSearch
+
+    @cached_property
+    def human_ways(self) -> tuple[Int32Array, ...]:
+        """Ways of people to `human_places`, UNITS_PER_CELL a cell, shape (H', W') each."""
+        flood = GridSearch((self.human_factor.shape[0], self.human_factor.shape[1]))
+        return tuple(flood.distances(self.human_factor, place) for place in self.human_places)
 
     @property
     def cells(self) -> Ground:
@@ -144,11 +153,7 @@ class ExpertGround:
         search = GridSearch((factor.shape[0], factor.shape[1]))
         goal = moved.cell(*goal_m)
         human_part, human_frame = cropped(self.human_frame, self.human_clearance.shape, start_m, goal_m, margin_m)
-        human_ways: tuple[Int32Array, ...] = ()
-        if self.config.mode != "paper" and not self.config.oracle:
-            walkable = np.ascontiguousarray(self.human_factor[human_part])
-            flood = GridSearch((walkable.shape[0], walkable.shape[1]))
-            human_ways = tuple(flood.distances(walkable, human_frame.cell(*place)) for place in (start_m, goal_m))
+        asks_ways = self.config.mode != "paper" and not self.config.oracle
         return EpisodeGround(
             margin_m=margin_m,
             frame=moved,
@@ -159,7 +164,8 @@ class ExpertGround:
             to_goal=search.distances(factor, goal),
             goal_cell=goal,
             human_frame=human_frame,
-            human_ways=human_ways,
+            human_factor=np.ascontiguousarray(self.human_factor[human_part]),
+            human_places=tuple(human_frame.cell(*place) for place in (start_m, goal_m)) if asks_ways else (),
             factor=np.empty_like(factor),
             heuristic=np.empty(factor.shape, np.int32),
             search=search,

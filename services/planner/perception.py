@@ -1,18 +1,23 @@
 """What the expert may know about humans: those in its camera's view, and how they have moved there."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
 
 import numpy as np
 import numpy.typing as npt
 
+from common.maps import GridFrame
 from common.robot.kinematics import DT_S
 from services.planner.ground import EpisodeGround, ExpertGround
 from services.planner.prediction import WINDOW_STEPS, follow_route, predict_walk
 
 Float64Array = npt.NDArray[np.float64]
+Int32Array = npt.NDArray[np.int32]
 Pose = tuple[float, float, float]
+Walks = tuple[Float64Array, Float64Array]
+"""Possible positions in the next steps [m], shape (1 + K, T, 2), and how likely each row is, shape (1 + K,)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -27,14 +32,26 @@ class PerceivedHuman:
     vy_mps: float
     seen: bool
     """True if in view now; else felt nearby, known to an oracle, or moved on from the latest view."""
-    ahead_m: Float64Array
-    """Where it is expected after 1, 2, ... steps [m], shape (T, 2)."""
+    find_walks: Callable[[], Walks]
+    """Works out where it may go; few steps ask for that."""
     age_s: float = 0.0
     """How long ago it was perceived last [s]."""
-    others_m: Float64Array = field(default_factory=lambda: np.empty((0, 0, 2)))
-    """Where it will be if it takes the robot's way, to its start or to its goal [m], shape (K, T, 2); K may be 0."""
-    chances: Float64Array = field(default_factory=lambda: np.ones(1))
-    """How likely `ahead_m` and the rows of `others_m` are, shape (1 + K,)."""
+
+    @property
+    def ahead_m(self) -> Float64Array:
+        """Where it is expected after 1, 2, ... steps [m], shape (T, 2)."""
+        ahead_m: Float64Array = self.find_walks()[0][0]
+        return ahead_m
+
+    @property
+    def others_m(self) -> Float64Array:
+        """Where it will be if it takes the robot's way, to its start or to its goal [m], shape (K, T, 2), K >= 0."""
+        return self.find_walks()[0][1:]
+
+    @property
+    def chances(self) -> Float64Array:
+        """How likely `ahead_m` and the rows of `others_m` are, shape (1 + K,)."""
+        return self.find_walks()[1]
 
 
 @dataclass(eq=False)
@@ -43,9 +60,17 @@ class _Track:
 
     step: int
     rows: list[tuple[float, float]]
-    expected_m: Float64Array
-    """Positions after `step` [m], shape (1 + K, T, 2): as expected, and otherwise."""
-    chances: Float64Array
+    find_walks: Callable[[], Walks]
+
+    @cached_property
+    def walks(self) -> Walks:
+        """Positions after `step`, as expected and otherwise."""
+        return self.find_walks()
+
+    def walks_after(self, elapsed: int, count: int) -> Walks:
+        """Positions in the `count` steps that follow `elapsed` steps after `step`."""
+        expected_m, chances = self.walks
+        return expected_m[:, elapsed : elapsed + count], chances
 
 
 class HumanTracks:
@@ -110,27 +135,30 @@ class HumanTracks:
         if track is not None and track.step == step - 1:
             rows = track.rows
         rows = [*rows[1 - self._view_count :], (x, y)]
-        expected_m, chances = self._expected(index, step, rows)
-        self._tracks[index] = _Track(step=step, rows=rows, expected_m=expected_m, chances=chances)
+        ways = self.local.human_ways if self._config.route_weight > 0 else ()
+        find_walks = partial(self._expected, index, step, rows, ways, self.local.human_frame)
+        self._tracks[index] = _Track(step=step, rows=rows, find_walks=find_walks)
 
-    def _expected(self, index: int, step: int, rows: list[tuple[float, float]]) -> tuple[Float64Array, Float64Array]:
-        """Possible positions after a step [m], shape (1 + K, T, 2), and their chances, shape (1 + K,)."""
+    def _expected(
+        self, index: int, step: int, rows: list[tuple[float, float]], ways: tuple[Int32Array, ...], frame: GridFrame
+    ) -> Walks:
+        """Possible positions after a step."""
         count = self._count + self._memory_steps
         if self._config.oracle:
             return self._path(index, step + 1, step + 1 + count)[None], np.ones(1)
         if self._curved:
-            return self._walks(np.array(rows), count)
+            return self._walks(np.array(rows), count, ways, frame)
         vx, vy = self._velocity(rows)
         t = np.arange(1, count + 1) * DT_S
         return np.stack([rows[-1][0] + t * vx, rows[-1][1] + t * vy], axis=1)[None], np.ones(1)
 
-    def _walks(self, views_m: Float64Array, count: int) -> tuple[Float64Array, Float64Array]:
+    def _walks(self, views_m: Float64Array, count: int, ways: tuple[Int32Array, ...], frame: GridFrame) -> Walks:
         """On along the present way, or along the robot's: the more a route explains, the likelier it is."""
         ground = self._ground
         walks = [predict_walk(views_m, ground.human_clearance, ground.human_frame, count)]
         weights = [1.0]
-        for to_place in self.local.human_ways if self._config.route_weight > 0 else ():
-            route, explained = follow_route(views_m, to_place, self.local.human_frame, count)
+        for to_place in ways:
+            route, explained = follow_route(views_m, to_place, frame, count)
             weight = self._config.route_weight * min(max((explained - 0.5) / 0.4, 0.0), 1.0)
             if weight > 0.05:
                 walks.append(route)
@@ -149,9 +177,8 @@ class HumanTracks:
         vx, vy = self._velocity(track.rows)
         x, y = track.rows[-1]
         if elapsed > 0:
-            (x, y), (x1, y1) = track.expected_m[0, elapsed - 1].tolist(), track.expected_m[0, elapsed].tolist()
+            (x, y), (x1, y1) = track.walks[0][0, elapsed - 1 : elapsed + 1].tolist()
             vx, vy = (x1 - x) / DT_S, (y1 - y) / DT_S
-        ahead = track.expected_m[:, elapsed : elapsed + self._count]
         return PerceivedHuman(
             index=index,
             x_m=x,
@@ -160,9 +187,7 @@ class HumanTracks:
             vy_mps=vy,
             seen=seen,
             age_s=elapsed * DT_S,
-            ahead_m=ahead[0],
-            others_m=ahead[1:],
-            chances=track.chances,
+            find_walks=partial(track.walks_after, elapsed, self._count),
         )
 
     def _velocity(self, rows: list[tuple[float, float]]) -> tuple[float, float]:

@@ -61,4 +61,6 @@ def make_journal(paths, *, searches, seen=None) -> Journal:
 def perceived(x_m, y_m, *, seen=True) -> PerceivedHuman:
     """A human that is expected to go up by 2 m."""
     ahead_m = np.column_stack([np.full(40, x_m), y_m + np.linspace(0.05, 2.0, 40)])
-    return PerceivedHuman(index=0, x_m=x_m, y_m=y_m, vx_mps=0.0, vy_mps=1.0, seen=seen, ahead_m=ahead_m)
+    return PerceivedHuman(
+        index=0, x_m=x_m, y_m=y_m, vx_mps=0.0, vy_mps=1.0, seen=seen, find_walks=lambda: (ahead_m[None], np.ones(1))
+    )
