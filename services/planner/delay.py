@@ -76,54 +76,92 @@ def fill_delays(
     """
     layers, n, _ = delays.shape
     half = n // 2
-    unit = resolution / UNITS_PER_CELL
-    height, width = factor.shape
-    for a in range(n):
-        for b in range(n):
-            y, x = centre[1] + (a - half - 0.5) * cell, centre[0] + (b - half - 0.5) * cell
-            best = np.inf
-            for i in range(max(0, math.floor(y / resolution)), min(height, math.ceil((y + cell) / resolution))):
-                for j in range(max(0, math.floor(x / resolution)), min(width, math.ceil((x + cell) / resolution))):
-                    if factor[i, j] > 0 and to_goal[i, j] < UNREACHED:
-                        best = min(best, to_goal[i, j] * unit)
-            static[a, b] = best
-    expected, chances, hard, widths, weight = humans
+    _fill_static(factor, to_goal, resolution, cell, centre, static)
     layer_s = LAYER_STEPS * step_s
     for a in range(n):
         for b in range(n):
             delays[layers - 1, a, b] = 0.0 if static[a, b] < np.inf else np.inf
+    near, best = np.empty((n, n)), np.empty(n)
     for layer in range(layers - 2, -1, -1):
         reach = min(half, layer + 1)
-        for a in range(half - reach, half + reach + 1):
-            for b in range(half - reach, half + reach + 1):
-                here = static[a, b]
-                delays[layer, a, b] = np.inf
-                if here == np.inf:
-                    continue
-                if here < arrived:
-                    delays[layer, a, b] = 0.0
-                    continue
-                near = 0.0
-                if layer > 0:
-                    row = min(layer * LAYER_STEPS - 1, expected.shape[1] - 1)
-                    x, y = centre[0] + (b - half) * cell, centre[1] + (a - half) * cell
-                    for m in range(len(expected)):
-                        dx, dy = expected[m, row, 0] - x, expected[m, row, 1] - y
-                        # The robot may be anywhere in the cell.
-                        squared = dx * dx + dy * dy
-                        near += chances[m] * nearness_cost(
-                            squared, hard - 0.4 * cell, widths[m, row] + 0.4 * cell, weight
-                        )
-                best = np.inf
-                for da in range(-1, 2):
-                    for db in range(-1, 2):
-                        aa, bb = a + da, b + db
-                        if aa < 0 or bb < 0 or aa >= n or bb >= n:
-                            continue
-                        after = delays[layer + 1, aa, bb]
-                        if after >= best:
-                            continue
-                        moved = 0.0 if da == 0 and db == 0 else (cell if da == 0 or db == 0 else 1.4142 * cell)
-                        paid = 0.5 * moved + 0.5 * max(moved, layer_s * speed)
-                        best = min(best, after + max(0.0, paid + static[aa, bb] - here))
-                delays[layer, a, b] = best + near * layer_s
+        low, high = half - reach, half + reach + 1
+        near[low:high, low:high] = 0.0
+        if layer > 0:
+            _add_nearness(humans, layer * LAYER_STEPS - 1, cell, centre, (low, high), near)
+        for a in range(low, high):
+            here, there, sums = static[a, low:high], delays[layer, a, low:high], near[a, low:high]
+            best[:] = np.inf
+            for da in range(-1, 2):
+                for db in range(-1, 2):
+                    moved = 0.0 if da == 0 and db == 0 else (cell if da == 0 or db == 0 else 1.4142 * cell)
+                    paid = 0.5 * moved + 0.5 * max(moved, layer_s * speed)
+                    onward = static[a + da, low + db : high + db]
+                    after = delays[layer + 1, a + da, low + db : high + db]
+                    for b in range(len(here)):
+                        best[b] = min(best[b], after[b] + max(0.0, paid + onward[b] - here[b]))
+            for b in range(len(here)):
+                there[b] = best[b] + sums[b] * layer_s
+                if here[b] < arrived:
+                    there[b] = 0.0
+                if here[b] == np.inf:
+                    there[b] = np.inf
+
+
+@njit(cache=True)
+def _fill_static(
+    factor: UInt8Array,
+    to_goal: Int32Array,
+    resolution: float,
+    cell: float,
+    centre: tuple[float, float],
+    static: Float64Array,
+) -> None:
+    """Fill the smallest way to the goal in each coarse cell [m]; infinite where there is none."""
+    n = len(static)
+    half, unit = n // 2, resolution / UNITS_PER_CELL
+    height, width = factor.shape
+    least = np.empty(width, np.int32)
+    left, right = centre[0] + (-half - 0.5) * cell, centre[0] + (n - half) * cell
+    first = max(0, math.floor(left / resolution))
+    last = min(width, math.ceil(right / resolution))
+    for a in range(n):
+        y = centre[1] + (a - half - 0.5) * cell
+        least[:] = UNREACHED
+        for i in range(max(0, math.floor(y / resolution)), min(height, math.ceil((y + cell) / resolution))):
+            costs, ways, row = factor[i, first:last], to_goal[i, first:last], least[first:last]
+            for j in range(len(row)):
+                row[j] = min(row[j], ways[j] if costs[j] > 0 else np.int32(UNREACHED))
+        for b in range(n):
+            x = centre[0] + (b - half - 0.5) * cell
+            best = UNREACHED
+            for j in range(max(0, math.floor(x / resolution)), min(width, math.ceil((x + cell) / resolution))):
+                best = min(best, least[j])
+            static[a, b] = best * unit if best < UNREACHED else np.inf
+
+
+@njit(cache=True)
+def _add_nearness(
+    humans: People,
+    step: int,
+    cell: float,
+    centre: tuple[float, float],
+    span: tuple[int, int],
+    near: Float64Array,
+) -> None:
+    """Add what humans cost per second to the coarse cells of a span of rows and columns."""
+    expected, chances, hard, widths, weight = humans
+    half = len(near) // 2
+    row = min(step, expected.shape[1] - 1)
+    for m in range(len(expected)):
+        ex, ey = expected[m, row, 0], expected[m, row, 1]
+        # The robot may be anywhere in the cell.
+        contact, width = hard - 0.4 * cell, widths[m, row] + 0.4 * cell
+        away = contact + width + cell
+        a_first, a_last = math.floor((ey - away - centre[1]) / cell) + half, math.ceil((ey + away - centre[1]) / cell)
+        b_first, b_last = math.floor((ex - away - centre[0]) / cell) + half, math.ceil((ex + away - centre[0]) / cell)
+        for a in range(max(span[0], a_first), min(span[1], a_last + half + 1)):
+            for b in range(max(span[0], b_first), min(span[1], b_last + half + 1)):
+                x, y = centre[0] + (b - half) * cell, centre[1] + (a - half) * cell
+                dx, dy = ex - x, ey - y
+                squared = dx * dx + dy * dy
+                near[a, b] += chances[m] * nearness_cost(squared, contact, width, weight)

@@ -12,25 +12,25 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from common.episode.grid_search import FREE, UNITS_PER_CELL, UNREACHED
+from common.episode.grid_search import UNITS_PER_CELL, UNREACHED
 from common.robot import RobotConfig
 from common.robot.kinematics import DT_S
-from services.planner.delay import LAYER_STEPS, People, fill_delays, nearness_cost
+from services.planner.delay import LAYER_STEPS, People, fill_delays
 from services.planner.expert_config import ExpertConfig
 from services.planner.hybrid_astar import pop, push, slot_of
-from services.planner.rollouts import Ground, State, meets
+from services.planner.primitive_cost import check_reaches, find_near, human_cost, wall_cost
+from services.planner.rollouts import Ground, State
 from services.planner.timed_primitives import make_timed_primitives
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
 UInt8Array = npt.NDArray[np.uint8]
 
-_TABLE_SIZE = 1 << 18
+_TABLE_SIZE = 1 << 16
 _KEY_CELL_M = 0.1
+_DEPTHS = 64
 _SLOPE_CELLS = 3
 _DRIVEN_TURN_RAD = 0.6
-CHECK_STEPS = 2
-"""Steps between two checks of a primitive against walls and humans."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -177,43 +177,6 @@ class SpaceTimeSearch:
 
 
 @njit(cache=True)
-def primitive_cost(
-    factor: UInt8Array,
-    ground: Ground,
-    radius: float,
-    pose: tuple[float, float, float],
-    rows: Float64Array,
-    length: float,
-    humans: People,
-    step: int,
-) -> float:
-    """What walls and humans add to the cost of a primitive; negative if they block it."""
-    expected, chances, contact, widths, weight = humans
-    height, width = factor.shape
-    resolution = ground[4]
-    x, y, yaw = pose
-    c, s = math.cos(yaw), math.sin(yaw)
-    total, checks, extra = 0, 0, 0.0
-    for k in range(CHECK_STEPS - 1, len(rows), CHECK_STEPS):
-        px, py = x + c * rows[k, 0] - s * rows[k, 1], y + s * rows[k, 0] + c * rows[k, 1]
-        if px < 0.0 or py < 0.0:
-            return -1.0
-        i, j = int(py / resolution), int(px / resolution)
-        if i >= height or j >= width or factor[i, j] == 0:
-            return -1.0
-        total += factor[i, j] - FREE
-        checks += 1
-        row = min(step + k, expected.shape[1] - 1)
-        for m in range(len(expected)):
-            dx, dy = expected[m, row, 0] - px, expected[m, row, 1] - py
-            squared = dx * dx + dy * dy
-            extra += chances[m] * nearness_cost(squared, contact, widths[m, row], weight) * CHECK_STEPS * DT_S
-        if meets((px, py, 0.0, 0.0, 0.0), ground, radius):
-            return -1.0
-    return length * total / (FREE * checks) + extra
-
-
-@njit(cache=True)
 def _delay(
     delays: Float64Array, cell: float, start: tuple[float, float, float], x: float, y: float, layer: int
 ) -> float:
@@ -223,6 +186,25 @@ def _delay(
     if layer >= len(delays) - 1 or max(abs(a - half), abs(b - half)) > layer + 1:
         return 0.0
     return float(delays[layer, a, b])
+
+
+@njit(cache=True)
+def _key(x: float, y: float, yaw: float, counts: tuple[int, int, int], depth: int, speed: int) -> int:
+    """What nodes share of which one survives; `counts` are columns, headings, and more than there are speeds."""
+    columns, heading_count, speed_count = counts
+    heading = int(yaw * (heading_count / (2 * math.pi)))
+    if heading >= heading_count:
+        heading -= heading_count
+    key = int(y / _KEY_CELL_M) * columns + int(x / _KEY_CELL_M)
+    return ((key * heading_count + heading) * _DEPTHS + depth) * speed_count + speed
+
+
+@njit(cache=True)
+def _wrapped(yaw: float) -> float:
+    """An angle between -2 pi and 4 pi as one between 0 and 2 pi; a modulo is dear."""
+    if yaw < 0.0:
+        return yaw + 2 * math.pi
+    return yaw - 2 * math.pi if yaw >= 2 * math.pi else yaw
 
 
 @njit(cache=True)
@@ -277,12 +259,14 @@ def _search(
     heading_count, expansions_max, depth_max = limits
     resolution, steps = ground[4], rows.shape[1]
     metres = resolution / UNITS_PER_CELL
-    per_rad = heading_count / (2 * math.pi)
     columns = int(factor.shape[1] * resolution / _KEY_CELL_M) + 2
+    speeds, counts = ends // turn_levels, (columns, heading_count, len(first))
     nodes[0, 0], nodes[0, 1], nodes[0, 2], nodes[0, 3] = start[0], start[1], start[2] % (2 * math.pi), 0.0
     links[0, 0], links[0, 1], links[0, 2], links[0, 3] = -1, -1, 0, len(first) - 2
     waiting = push(heap_cost, heap_node, 0, 0.0, 0)
     count, expansions = 1, 0
+    reaches = check_reaches(rows)
+    near, near_counts = np.empty((len(reaches), len(expected)), np.int32), np.zeros(len(reaches), np.int32)
     best, best_depth, best_left = -1, 0, np.inf
     while waiting > 0 and expansions < expansions_max:
         node = heap_node[0]
@@ -290,9 +274,7 @@ def _search(
         x, y, yaw, cost = nodes[node, 0], nodes[node, 1], nodes[node, 2], nodes[node, 3]
         depth, group = links[node, 2], links[node, 3]
         if node > 0:
-            key = int(y / _KEY_CELL_M) * columns + int(x / _KEY_CELL_M)
-            key = key * heading_count + int(yaw * per_rad) % heading_count
-            key = (key * 64 + depth) * len(first) + group // turn_levels
+            key = _key(x, y, yaw, counts, depth, group // turn_levels)
             if table_node[slot_of(key, stamp, table_key, table_stamp)] != node:
                 continue
             if depth >= depth_max or (x - goal[0]) ** 2 + (y - goal[1]) ** 2 < goal[2] * goal[2]:
@@ -301,6 +283,7 @@ def _search(
             if depth > best_depth or (depth == best_depth and left < best_left):
                 best, best_depth, best_left = node, depth, left
         expansions += 1
+        find_near(humans, (x, y), depth * steps, reaches, near, near_counts)
         c, s = math.cos(yaw), math.sin(yaw)
         for q in range(first[group], first[group + 1]):
             end = rows[q, steps - 1]
@@ -310,24 +293,26 @@ def _search(
             i, j = int(yy / resolution), int(xx / resolution)
             if i >= factor.shape[0] or j >= factor.shape[1] or heuristic[i, j] >= UNREACHED:
                 continue
-            new_yaw = (yaw + end[2]) % (2 * math.pi)
-            key = int(yy / _KEY_CELL_M) * columns + int(xx / _KEY_CELL_M)
-            key = key * heading_count + int(new_yaw * per_rad) % heading_count
-            key = (key * 64 + depth + 1) * len(first) + ends[q] // turn_levels
+            new_yaw = _wrapped(yaw + end[2])
+            key = _key(xx, yy, new_yaw, counts, depth + 1, speeds[q])
             slot = slot_of(key, stamp, table_key, table_stamp)
             known = table_stamp[slot] == stamp
             new_cost = cost + costs[q]
             if known and nodes[table_node[slot], 3] <= new_cost:
                 continue
-            left = heuristic[i, j] * metres + turn_cost * _turn_left(heuristic, i, j, new_yaw)
+            delay = 0.0
             if len(expected) > 0:
-                left += _delay(delays, delay_cell, start, xx, yy, (depth + 1) * steps // LAYER_STEPS)
-                if left == np.inf:
+                delay = _delay(delays, delay_cell, start, xx, yy, (depth + 1) * steps // LAYER_STEPS)
+                if delay == np.inf:
                     continue
-            extra = primitive_cost(factor, ground, radius, (x, y, yaw), rows[q], lengths[q], humans, depth * steps)
-            new_cost += extra
-            if extra < 0.0 or (known and nodes[table_node[slot], 3] <= new_cost):
+            extra = wall_cost(factor, ground, radius, (x, y), (c, s), rows[q], lengths[q])
+            if extra < 0.0 or (known and nodes[table_node[slot], 3] <= new_cost + extra):
                 continue
+            extra += human_cost((x, y), (c, s), rows[q], humans, depth * steps, near, near_counts)
+            new_cost += extra
+            if known and nodes[table_node[slot], 3] <= new_cost:
+                continue
+            left = heuristic[i, j] * metres + turn_cost * _turn_left(heuristic, i, j, new_yaw) + delay
             if count >= len(nodes):
                 return best, expansions
             nodes[count, 0], nodes[count, 1], nodes[count, 2], nodes[count, 3] = xx, yy, new_yaw, new_cost
