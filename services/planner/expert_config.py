@@ -43,22 +43,24 @@ class ExpertConfig:
     tight_margin_m: float = 0.03
     """Added to the robot's radius where no way keeps the planning radius [m]."""
     expansions_max: int = 10_000
-    near_m: float = 1.0
+    near_m: float = 3.0
     """A visible human enters the map if this near to the plan [m] (paper: "a safety margin")."""
     range_m: float = 10.0
     """Farther humans are not perceived [m]."""
     memory_s: float = 4.0
     """How long a human that left the view stays in the map, moving on [s]."""
+    standing_memory_s: float = 30.0
+    """The same for one that stood; it ends when the place is seen to be empty [s]."""
     prediction_s: float = 2.0
     """Constant-velocity prediction (paper: 2 s)."""
     velocity_window_s: float = 0.2
     """Velocities are estimated over this much continuous observation [s]."""
-    buffer_m: float = 0.10
+    buffer_m: float = 0.25
     """Added to the human's radius along the prediction, and around the avatar's Gaussians [m]."""
-    replan_period_s: float = 1.0
+    replan_period_s: float = 0.5
     keep_ratio: float = 1.25
     """The old plan stays if it is free and costs at most this many times as much as the new one."""
-    replan_distance_m: float = 0.8
+    replan_distance_m: float = 1.5
     """A human this near to the path ahead triggers a replan [m]."""
     replan_lookahead_s: float = 2.0
     replan_interval_min_s: float = 0.1
@@ -106,7 +108,9 @@ class ExpertConfig:
     chance_gain: float = 2.0
     """Chances count this much, at most fully: what is half likely is avoided like what is certain."""
     timed_replan_s: float = 0.25
-    """Time after which a plan that has come to meet a human is made anew [s]."""
+    """Time after which a plan is made anew while humans are known [s]."""
+    timed_idle_replan_s: float = 1.0
+    """The same while none are [s]."""
 
     def __post_init__(self) -> None:
         if self.heuristic_weight < 1 or self.expansions_max < 1 or self.heading_count < 8:

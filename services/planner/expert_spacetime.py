@@ -13,14 +13,13 @@ from common.robot.kinematics import DT_S, RATE_HZ
 from services.planner.expert import Decision, Person, expected_array
 from services.planner.ground import ExpertGround
 from services.planner.obstacles import open_around, paint_capsule, paint_slope
-from services.planner.perception import HumanTracks, PerceivedHuman
+from services.planner.perception import HumanTracks, PerceivedHuman, stands
 from services.planner.rollouts import AHEAD_STEPS, State, choose_evasion
 from services.planner.spacetime_search import SpaceTimeSearch, TimedHumans, TimedPlan
 
 Float64Array = npt.NDArray[np.float64]
 UInt8Array = npt.NDArray[np.uint8]
 
-_STANDING_MPS = 0.1
 _STANDING_WIDTH_M = 0.02
 _START_GAP_M = 0.03
 
@@ -79,13 +78,13 @@ class SpaceTimeExpert:
         if self._plan is None:
             return True
         elapsed = step - self._planned_at_step
-        period_s = self._config.timed_replan_s if humans else self._config.replan_period_s
+        period_s = self._config.timed_replan_s if humans else self._config.timed_idle_replan_s
         return elapsed >= len(self._plan.rows) - 1 or elapsed * DT_S >= period_s - 1e-9
 
     def _replan(self, step: int, state: State, humans: list[PerceivedHuman]) -> None:
         self._planned_at_step = step
         local = self._local
-        standing = [human for human in humans if _stands(human)]
+        standing = [human for human in humans if stands(human.vx_mps, human.vy_mps)]
         factor, heuristic = local.tight_factor, local.to_goal
         if standing or factor[local.frame.cell(state[0], state[1])] == 0:
             factor, heuristic = self._painted(state, standing), local.heuristic
@@ -133,7 +132,7 @@ class SpaceTimeExpert:
     def _widths(self, human: PerceivedHuman) -> Float64Array:
         """Free space around a human that costs nothing, in the next steps [m]."""
         config = self._config
-        if _stands(human):
+        if stands(human.vx_mps, human.vy_mps):
             return np.full(self._horizon, _STANDING_WIDTH_M)
         growth = 0.0 if config.oracle else config.doubt_growth_mps
         ahead_s = np.arange(1, self._horizon + 1) * DT_S + human.age_s
@@ -160,6 +159,3 @@ class SpaceTimeExpert:
         turn = self._local.way_out_rad(state[0], state[1], state[2], self._goal_m)
         return 0.0, 2.0 * turn
 
-
-def _stands(human: PerceivedHuman) -> bool:
-    return human.vx_mps**2 + human.vy_mps**2 < _STANDING_MPS**2

@@ -16,6 +16,8 @@ from services.planner.prediction import WINDOW_STEPS, follow_route, predict_walk
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
 Pose = tuple[float, float, float]
+STANDING_MPS = 0.1
+"""Slower people are taken to stand [m/s]."""
 Walks = tuple[Float64Array, Float64Array]
 """Possible positions in the next steps [m], shape (1 + K, T, 2), and how likely each row is, shape (1 + K,)."""
 
@@ -68,9 +70,10 @@ class _Track:
         return self.find_walks()
 
     def walks_after(self, elapsed: int, count: int) -> Walks:
-        """Positions in the `count` steps that follow `elapsed` steps after `step`."""
+        """Positions in the `count` steps that follow `elapsed` steps after `step`; the last ones of who stands."""
         expected_m, chances = self.walks
-        return expected_m[:, elapsed : elapsed + count], chances
+        first = min(elapsed, expected_m.shape[1] - count)
+        return expected_m[:, first : first + count], chances
 
 
 class HumanTracks:
@@ -91,6 +94,7 @@ class HumanTracks:
         self._half_fov_rad = math.radians(robot.camera.horizontal_fov_deg) / 2
         self._camera_m = robot.camera.mount_height_m
         self._memory_steps = 0 if config.oracle else round(config.memory_s / DT_S)
+        self._standing_steps = 0 if config.oracle else round(config.standing_memory_s / DT_S)
         self._curved = config.mode != "paper"
         straight_steps = round(config.velocity_window_s / DT_S)
         self._view_count = 1 + (2 * WINDOW_STEPS if self._curved else straight_steps)
@@ -109,7 +113,7 @@ class HumanTracks:
             human_xy_m: Where the humans are, shape (N, 2).
 
         Returns:
-            The humans in view, felt or known, and those that ceased to be less than `memory_s` ago.
+            The humans in view, felt or known, and those that ceased to be and are remembered.
         """
         perceived = []
         for index, (x, y) in enumerate(human_xy_m.tolist()):
@@ -117,7 +121,7 @@ class HumanTracks:
             if seen or self._config.oracle or math.hypot(x - pose[0], y - pose[1]) < self._config.near_field_m:
                 self._remember(index, step, x, y)
             track = self._tracks.get(index)
-            if track is not None and step - track.step <= self._memory_steps:
+            if track is not None and not self._forgets(track, step, pose):
                 perceived.append(self._perceived(index, track, step, seen))
         self._before_xy_m = human_xy_m
         return perceived
@@ -128,6 +132,13 @@ class HumanTracks:
         if not self._config.needs_line_of_sight:
             return True
         return self._ground.sight.sees(pose[0], pose[1], self._camera_m, (x_m, y_m))
+
+    def _forgets(self, track: _Track, step: int, pose: Pose) -> bool:
+        """True if a human was perceived too long ago, or stood at a place that is seen to be empty."""
+        elapsed = step - track.step
+        if elapsed == 0 or not stands(*self._velocity(track.rows)):
+            return elapsed > self._memory_steps
+        return elapsed > self._standing_steps or self._is_visible(pose, *track.rows[-1])
 
     def _remember(self, index: int, step: int, x: float, y: float) -> None:
         track = self._tracks.get(index)
@@ -177,7 +188,8 @@ class HumanTracks:
         vx, vy = self._velocity(track.rows)
         x, y = track.rows[-1]
         if elapsed > 0:
-            (x, y), (x1, y1) = track.walks[0][0, elapsed - 1 : elapsed + 1].tolist()
+            first = min(elapsed, track.walks[0].shape[1] - 1)
+            (x, y), (x1, y1) = track.walks[0][0, first - 1 : first + 1].tolist()
             vx, vy = (x1 - x) / DT_S, (y1 - y) / DT_S
         return PerceivedHuman(
             index=index,
@@ -195,6 +207,11 @@ class HumanTracks:
         (x0, y0), (x1, y1) = recent[0], recent[-1]
         elapsed_s = max(len(recent) - 1, 1) * DT_S
         return (x1 - x0) / elapsed_s, (y1 - y0) / elapsed_s
+
+
+def stands(vx_mps: float, vy_mps: float) -> bool:
+    """True if somebody who moves like this stands."""
+    return vx_mps * vx_mps + vy_mps * vy_mps < STANDING_MPS**2
 
 
 def in_view(pose: Pose, x_m: float, y_m: float, half_fov_rad: float, range_m: float, radius_m: float) -> bool:
