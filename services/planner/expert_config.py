@@ -49,7 +49,7 @@ class ExpertConfig:
     """Farther humans are not perceived [m]."""
     memory_s: float = 4.0
     """How long a human that left the view stays in the map, moving on [s]."""
-    standing_memory_s: float = 30.0
+    standing_memory_s: float = 60.0
     """The same for one that stood; it ends when the place is seen to be empty [s]."""
     prediction_s: float = 2.0
     """Constant-velocity prediction (paper: 2 s)."""

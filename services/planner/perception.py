@@ -136,7 +136,9 @@ class HumanTracks:
     def _forgets(self, track: _Track, step: int, pose: Pose) -> bool:
         """True if a human was perceived too long ago, or stood at a place that is seen to be empty."""
         elapsed = step - track.step
-        if elapsed == 0 or not stands(*self._velocity(track.rows)):
+        if elapsed == 0:
+            return False
+        if len(track.rows) < 2 or not stands(*self._velocity(track.rows)):
             return elapsed > self._memory_steps
         return elapsed > self._standing_steps or self._is_visible(pose, *track.rows[-1])
 

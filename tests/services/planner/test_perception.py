@@ -64,10 +64,35 @@ def test_human_out_of_view_is_unknown_at_first_and_remembered_for_a_while():
     assert (remembered[4][0].x_m, remembered[4][0].y_m) == pytest.approx(tuple(_walk(10)[0]))
 
 
-def test_without_memory_nothing_stays():
+@pytest.mark.parametrize("mode", ["paper", "spacetime"])
+def test_step_before_the_first_view_is_known_with_it(mode):
+    tracks = _tracks(mode=mode)
+    assert tracks.observe(0, AWAY, _walk(0)) == []
+    human = tracks.observe(1, POSE, _walk(1))[0]
+    assert (human.vx_mps, human.vy_mps) == pytest.approx((1.0, 0.2))
+    assert human.ahead_m[9] == pytest.approx(tuple(PATH[11]), abs=0.02)
+
+
+def test_without_memory_nobody_who_walks_stays():
     tracks = _tracks(memory_s=0.0)
     tracks.observe(0, POSE, _walk(0))
     assert tracks.observe(1, AWAY, _walk(1)) == []
+    tracks.observe(2, POSE, _walk(2))
+    assert tracks.observe(3, AWAY, _walk(3)) == []
+
+
+def test_who_stands_is_remembered_until_the_place_is_seen_empty_or_time_is_up():
+    tracks = _tracks(memory_s=0.5, standing_memory_s=3.0)
+    for step in range(4):
+        tracks.observe(step, POSE, _walk(0))
+    for step in range(4, 40):
+        remembered = tracks.observe(step, AWAY, np.array([[-9.0, -9.0]]))[0]
+        assert (remembered.x_m, remembered.y_m) == pytest.approx(tuple(PATH[0]))
+        assert remembered.ahead_m == pytest.approx(np.tile(PATH[0], (40, 1)))
+    assert tracks.observe(40, POSE, np.array([[-9.0, -9.0]])) == []
+    for step in range(41, 50):
+        tracks.observe(step, POSE, _walk(0))
+    assert [bool(tracks.observe(step, AWAY, _walk(0))) for step in range(50, 112)] == [True] * 60 + [False] * 2
 
 
 def test_walls_hide_humans_by_default_in_space_time_and_not_in_the_papers_mode():
