@@ -22,6 +22,7 @@ UNREACHED = 1 << 30
 
 _STRAIGHT, _DIAGONAL = 5, 7
 _BUCKET_COUNT = 512  # above the dearest step (7 * 60) plus the heuristic's change (28)
+_BUCKET_MASK = _BUCKET_COUNT - 1
 
 UInt8Array = npt.NDArray[np.uint8]
 Int32Array = npt.NDArray[np.int32]
@@ -37,7 +38,12 @@ class GridSearch:
         self._heads = np.empty(_BUCKET_COUNT, np.int32)
         self._entry_cell = np.empty(capacity, np.int32)
         self._entry_next = np.empty(capacity, np.int32)
-        self._distance = np.empty(shape, np.int32)
+        # A rim of blocked cells saves to ask whether a neighbour lies in the grid.
+        self._rimmed_factor = np.zeros((shape[0] + 2, shape[1] + 2), np.uint8)
+        self._rimmed_distance = np.full((shape[0] + 2, shape[1] + 2), UNREACHED, np.int32)
+        self._distance = self._rimmed_distance[1:-1, 1:-1]
+        self._reached = np.empty(shape[0] * shape[1], np.int32)
+        self._reached_count = 0
 
     def distances(
         self,
@@ -58,27 +64,32 @@ class GridSearch:
             out: Array to fill, shape (H, W); a new one without.
         """
         out = np.empty(self.shape, np.int32) if out is None else out
-        self._flood(factor, source, target, slack_units, False, out)
+        self._flood(factor, source, target, slack_units, False)
+        out[:] = self._distance
         return out
 
     def path(self, factor: UInt8Array, start: Cell, goal: Cell) -> npt.NDArray[np.int64] | None:
         """Cheapest 8-connected way from `start` to `goal` (both included), shape (N, 2), or None."""
-        reached = self._flood(factor, goal, start, 0, True, self._distance)
+        reached = self._flood(factor, goal, start, 0, True)
         if not reached:
             return None
         cells = np.empty((self.shape[0] * self.shape[1], 2), np.int64)
         count = _descend(self._distance, factor, start[0], start[1], cells)
         return cells[:count].copy()
 
-    def _flood(
-        self, factor: UInt8Array, source: Cell, target: Cell | None, slack: int, directed: bool, out: Int32Array
-    ) -> bool:
+    def _flood(self, factor: UInt8Array, source: Cell, target: Cell | None, slack: int, directed: bool) -> bool:
         rows, columns = self.shape
         if not (0 <= source[0] < rows and 0 <= source[1] < columns):
             raise ValueError(f"cell {source} lies outside of the grid of {rows}x{columns} cells.")
         i, j = (-1, -1) if target is None else target
-        buffers = (self._heads, self._entry_cell, self._entry_next)
-        return bool(_flood(factor, source[0], source[1], i, j, slack, directed, out, *buffers))
+        last = (i + 1) * (columns + 2) + j + 1 if 0 <= i < rows and 0 <= j < columns else 0
+        self._rimmed_factor[1:-1, 1:-1] = factor
+        grid = (self._rimmed_factor.ravel(), self._rimmed_distance.ravel(), columns + 2)
+        buffers = (self._reached, self._heads, self._entry_cell, self._entry_next)
+        _forget(grid[1], self._reached[: self._reached_count])
+        first = (source[0] + 1) * (columns + 2) + source[1] + 1
+        found, self._reached_count = _flood(*grid, first, last, (i + 1, j + 1), slack, directed, *buffers)
+        return bool(found)
 
 
 def shortest_way_m(
@@ -133,70 +144,83 @@ def _octile(di: int, dj: int) -> int:
 
 
 @njit(cache=True)
+def _forget(distance: Int32Array, reached: Int32Array) -> None:
+    for cell in reached:
+        distance[cell] = UNREACHED
+
+
+@njit(cache=True)
 def _flood(
     factor: UInt8Array,
-    source_i: int,
-    source_j: int,
-    target_i: int,
-    target_j: int,
+    distance: Int32Array,
+    width: int,
+    first: int,
+    last: int,
+    target: Cell,
     slack: int,
     directed: bool,
-    distance: Int32Array,
+    reached: Int32Array,
     heads: Int32Array,
     entry_cell: Int32Array,
     entry_next: Int32Array,
-) -> bool:
-    height, width = factor.shape
-    distance[:] = UNREACHED
+) -> tuple[bool, int]:
+    """Fill the distances from a first cell; True if the last one is reached, and how many cells are.
+
+    The grid has a blocked rim; factor and distance are flat, with rows of a width. `target` is the last cell's row
+    and column, wherever it lies.
+    """
     heads[:] = -1
     used, spare, waiting = 1, -1, 1
-    distance[source_i, source_j] = 0
-    key = _octile(source_i - target_i, source_j - target_j) if directed else 0
-    entry_cell[0] = source_i * width + source_j
+    reached[0], reached_count = first, 1
+    distance[first] = 0
+    key = _octile(first // width - target[0], first % width - target[1]) if directed else 0
+    entry_cell[0] = first
     entry_next[0] = -1
-    heads[key % _BUCKET_COUNT] = 0
+    heads[key & _BUCKET_MASK] = 0
     limit = UNREACHED
     while waiting > 0 and key <= limit:
-        bucket = key % _BUCKET_COUNT
+        bucket = key & _BUCKET_MASK
         while heads[bucket] >= 0:
             entry = heads[bucket]
             heads[bucket] = entry_next[entry]
             entry_next[entry] = spare
             spare = entry
             waiting -= 1
-            i = entry_cell[entry] // width
-            j = entry_cell[entry] - i * width
-            here = distance[i, j]
-            ahead = _octile(i - target_i, j - target_j) if directed else 0
-            if here + ahead != key:
+            cell = entry_cell[entry]
+            here, up, right = distance[cell], 0, 0
+            if directed:
+                up, right = cell // width - target[0], cell % width - target[1]
+            if here + (_octile(up, right) if directed else 0) != key:
                 continue
-            if i == target_i and j == target_j:
+            if cell == last:
                 if directed:
-                    return True
+                    return True, reached_count
                 limit = min(limit, key + slack)
             for di in range(-1, 2):
                 for dj in range(-1, 2):
-                    ii, jj = i + di, j + dj
-                    if ii < 0 or ii >= height or jj < 0 or jj >= width or factor[ii, jj] == 0:
-                        continue
+                    near = cell + di * width + dj
                     step = _STRAIGHT if di == 0 or dj == 0 else _DIAGONAL
-                    candidate = here + step * int(factor[ii, jj])
-                    if candidate < distance[ii, jj]:
-                        distance[ii, jj] = candidate
-                        if spare >= 0:
-                            free_entry = spare
-                            spare = entry_next[spare]
-                        else:
-                            free_entry = used
-                            used += 1
-                        onward = _octile(ii - target_i, jj - target_j) if directed else 0
-                        slot = (candidate + onward) % _BUCKET_COUNT
-                        entry_cell[free_entry] = ii * width + jj
-                        entry_next[free_entry] = heads[slot]
-                        heads[slot] = free_entry
-                        waiting += 1
+                    candidate = here + step * int(factor[near])
+                    if factor[near] == 0 or candidate >= distance[near]:
+                        continue
+                    if distance[near] == UNREACHED:
+                        reached[reached_count] = near
+                        reached_count += 1
+                    distance[near] = candidate
+                    free_entry = spare
+                    if spare >= 0:
+                        spare = entry_next[spare]
+                    else:
+                        free_entry = used
+                        used += 1
+                    onward = _octile(up + di, right + dj) if directed else 0
+                    slot = (candidate + onward) & _BUCKET_MASK
+                    entry_cell[free_entry] = near
+                    entry_next[free_entry] = heads[slot]
+                    heads[slot] = free_entry
+                    waiting += 1
         key += 1
-    return limit < UNREACHED
+    return limit < UNREACHED, reached_count
 
 
 @njit(cache=True)

@@ -11,14 +11,13 @@ from common.episode.grid_search import FREE
 from common.messages import Scenario
 from common.robot.kinematics import DT_S, RATE_HZ
 from services.planner.expert import Decision, Person, expected_array
-from services.planner.ground import ExpertGround
+from services.planner.ground import EpisodeGround, ExpertGround
 from services.planner.obstacles import open_around, paint_capsule, paint_slope
 from services.planner.perception import HumanTracks, PerceivedHuman, stands
 from services.planner.rollouts import AHEAD_STEPS, State, choose_evasion
 from services.planner.spacetime_search import SpaceTimeSearch, TimedHumans, TimedPlan
 
 Float64Array = npt.NDArray[np.float64]
-UInt8Array = npt.NDArray[np.uint8]
 
 _STANDING_WIDTH_M = 0.02
 _START_GAP_M = 0.03
@@ -48,6 +47,7 @@ class SpaceTimeExpert:
         robot = ground.robot
         self._limits = (robot.v_max_mps, robot.w_max_radps, robot.a_max_mps2, robot.alpha_max_radps2)
         self._plan: TimedPlan | None = None
+        self._widened = False
         self._planned_at_step = 0
         self.replan_times_s: list[float] = []
         """CPU time of each replan [s]."""
@@ -83,26 +83,33 @@ class SpaceTimeExpert:
 
     def _replan(self, step: int, state: State, humans: list[PerceivedHuman]) -> None:
         self._planned_at_step = step
-        local = self._local
         standing = [human for human in humans if stands(human.vx_mps, human.vy_mps)]
-        factor, heuristic = local.tight_factor, local.to_goal
-        if standing or factor[local.frame.cell(state[0], state[1])] == 0:
-            factor, heuristic = self._painted(state, standing), local.heuristic
-            if not local.distances(factor, state[0], state[1]):
-                # The way around may be longer than the window is wide; if there is none, humans may go on.
-                if local.margin_m < math.inf:
-                    self._local = self._ground.around(state[:2], self._goal_m, wider_than=local)
-                    self._tracks.local = self._local
-                    self._replan(step, state, humans)
-                    return
-                heuristic = local.to_goal
+        factor, heuristic = self._local.tight_factor, self._local.to_goal
+        if standing or factor[self._local.frame.cell(state[0], state[1])] == 0:
+            # If no way leads around humans, they may go on.
+            leads_around = self._finds_way(self._local, state, standing) or self._widens(state, standing)
+            factor = self._local.factor
+            heuristic = self._local.heuristic if leads_around else self._local.to_goal
         people = self._timed(humans)
-        self._plan = self._search.search(factor, heuristic, local.cells, state, self._goal_m, people)
+        self._plan = self._search.search(factor, heuristic, self._local.cells, state, self._goal_m, people)
 
-    def _painted(self, state: State, standing: list[PerceivedHuman]) -> UInt8Array:
-        """The map with standing humans in it, passable where the robot is."""
-        local, config = self._local, self._config
-        factor = local.factor
+    def _widens(self, state: State, standing: list[PerceivedHuman]) -> bool:
+        """True if a larger window holds a way, which is tried once in an episode: it is dear and seldom helps."""
+        wider = None if self._widened else self._ground.wider(self._local, state[:2], self._goal_m)
+        self._widened = True
+        if wider is None or not self._finds_way(wider, state, standing):
+            return False
+        self._local = self._tracks.local = wider
+        return True
+
+    def _finds_way(self, local: EpisodeGround, state: State, standing: list[PerceivedHuman]) -> bool:
+        """Fill a window's factors and distances; False if no way leads around the humans who stand."""
+        self._paint(local, state, standing)
+        return local.distances(local.factor, state[0], state[1])
+
+    def _paint(self, local: EpisodeGround, state: State, standing: list[PerceivedHuman]) -> None:
+        """Fill the factors of a window with standing humans in it, passable where the robot is."""
+        config, factor = self._config, local.factor
         factor[:] = local.tight_factor
         radius_m = self._ground.robot.radius_m
         open_around(factor, local.frame, local.clearance, state[:2], radius_m, config.dear_factor)
@@ -111,7 +118,6 @@ class SpaceTimeExpert:
             gap_m = math.hypot(human.x_m - state[0], human.y_m - state[1]) - _START_GAP_M
             paint_slope(factor, local.frame, ends, self._contact_m + config.standing_margin_m, 2 * FREE)
             paint_capsule(factor, local.frame, ends, min(self._contact_m, gap_m), 0)
-        return factor
 
     def _timed(self, humans: list[PerceivedHuman]) -> TimedHumans:
         """All that the humans may do, by chance."""

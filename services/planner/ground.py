@@ -19,7 +19,8 @@ Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
 UInt8Array = npt.NDArray[np.uint8]
 
-_WINDOW_MARGINS_M = (6.0, 15.0, math.inf)
+_WIDER_MARGIN_M = 15.0
+_WINDOW_MARGINS_M = (6.0, _WIDER_MARGIN_M, math.inf)
 _HEURISTIC_SLACK_M = 1.5
 
 
@@ -128,24 +129,21 @@ class ExpertGround:
         tight = (self.clearance > robot.radius_m + config.tight_margin_m) & (self.static_factor == 0)
         self.tight_factor = np.where(tight, np.uint8(config.dear_factor), self.static_factor)
 
-    def around(
-        self, start_m: tuple[float, float], goal_m: tuple[float, float], *, wider_than: EpisodeGround | None = None
-    ) -> EpisodeGround:
-        """The window that an episode takes place in: around start and goal, wider if that holds no way.
-
-        Args:
-            start_m: Where the robot is [m].
-            goal_m: Where it goes [m].
-            wider_than: A window that turned out too small.
-        """
-        least_m = 0.0 if wider_than is None else wider_than.margin_m
-        for margin_m in [margin_m for margin_m in _WINDOW_MARGINS_M if margin_m > least_m]:
+    def around(self, start_m: tuple[float, float], goal_m: tuple[float, float]) -> EpisodeGround:
+        """The window that an episode takes place in: around start and goal [m], wider if that holds no way."""
+        for margin_m in _WINDOW_MARGINS_M:
             window = self._window(start_m, goal_m, margin_m)
             i, j = window.frame.cell(*start_m)
             inside = 0 <= i < window.to_goal.shape[0] and 0 <= j < window.to_goal.shape[1]
             if inside and window.to_goal[i, j] < UNREACHED:
                 break
         return window
+
+    def wider(
+        self, local: EpisodeGround, start_m: tuple[float, float], goal_m: tuple[float, float]
+    ) -> EpisodeGround | None:
+        """A window for ways that do not fit into an episode's, around start and goal [m]; None if that is wide."""
+        return self._window(start_m, goal_m, _WIDER_MARGIN_M) if local.margin_m < _WIDER_MARGIN_M else None
 
     def _window(self, start_m: tuple[float, float], goal_m: tuple[float, float], margin_m: float) -> EpisodeGround:
         part, moved = cropped(self.occupancy.frame, self.clearance.shape, start_m, goal_m, margin_m)

@@ -5,6 +5,7 @@ import pytest
 
 from common.episode import meets_obstacle
 from common.errors import AvatarError
+from common.maps import OccupancyMap
 from common.messages import (
     EpisodeMotions,
     HumanMotion,
@@ -17,7 +18,7 @@ from common.messages import (
 )
 from services.planner import handle_human_plan, handle_robot_plan
 from services.planner.handlers import drive
-from tests.services.planner.conftest import animate, key, make_planner
+from tests.services.planner.conftest import FRAME, animate, key, make_planner
 
 
 def _scenario(start, goal, tracks=()):
@@ -112,6 +113,19 @@ def test_blocked_door_ends_as_timeout_not_as_crash(planner):
     run = _run(planner, (0.0, 5.0, 1.57), (0.0, 9.5), doors)
     assert run.outcome is Outcome.TIMEOUT
     assert run.duration_s == 50.0
+
+
+def test_way_around_may_be_longer_than_the_first_window_is_wide():
+    """Somebody stands in the near door; the other one is 9 m farther on."""
+    occupied = np.zeros((160, 400), np.bool_)
+    occupied[:2] = occupied[-2:] = True
+    occupied[:, :2] = occupied[:, -2:] = True
+    occupied[78:82] = True
+    occupied[78:82, 60:80] = occupied[78:82, 250:280] = False
+    wide = make_planner(OccupancyMap(frame=FRAME, occupied=occupied))
+    run = _run(wide, (0.5, 4.0, 1.57), (0.5, 8.0), [[(0.5, 6.0)]])
+    assert run.outcome is Outcome.SUCCESS
+    assert run.xyyaw[:, 0].max() > 9.0
 
 
 def test_failed_episode_is_rejected_with_its_outcome_and_keeps_its_trajectory(planner):
