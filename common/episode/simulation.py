@@ -62,6 +62,7 @@ class EpisodeSimulation:
         self._step_limit = round(episode_config.time_limit_s * RATE_HZ)
         self._contact_m = robot.radius_m + episode_config.human_radius_m
         self._roots_m = [human.motion.root_m[:, :2].astype(np.float64) for human in motions.humans]
+        self._walked_m = _side_by_side(self._roots_m)
         self._rows = np.empty((self._step_limit, 5))
 
     @property
@@ -92,7 +93,8 @@ class EpisodeSimulation:
 
     def human_xy_at(self, step: int) -> Float64Array:
         """Where the humans are at a step [m], shape (N, 2)."""
-        return np.array([root[min(step, len(root) - 1)] for root in self._roots_m]).reshape(-1, 2)
+        here: Float64Array = self._walked_m[min(step, len(self._walked_m) - 1)]
+        return here
 
     def advance(self, v_mps: float, w_radps: float) -> Outcome | None:
         """Command the robot for one step, within its limits.
@@ -173,6 +175,16 @@ class EpisodeSimulation:
                 distance_m[k] = min(distance_m[k], math.sqrt(dx * dx + dy * dy))
                 collision_s[k] = min(collision_s[k], time_to_contact_s(dx, dy, vx, vy, self._contact_m))
         return distance_m, collision_s
+
+
+def _side_by_side(paths_m: list[Float64Array]) -> Float64Array:
+    """Paths of shape (T, 2) [m] as one array, shape (longest T, N, 2); whoever arrives early stays there."""
+    length = max((len(path) for path in paths_m), default=1)
+    together = np.empty((length, len(paths_m), 2))
+    for index, path in enumerate(paths_m):
+        together[: len(path), index] = path
+        together[len(path) :, index] = path[-1]
+    return together
 
 
 def goal_in_robot_frame(

@@ -144,9 +144,10 @@ class HumanTracks:
 
     def _remember(self, index: int, step: int, x: float, y: float) -> None:
         track = self._tracks.get(index)
-        rows = [(bx, by) for bx, by in self._before_xy_m[index : index + 1].tolist()]
         if track is not None and track.step == step - 1:
             rows = track.rows
+        else:
+            rows = [(bx, by) for bx, by in self._before_xy_m[index : index + 1].tolist()]
         rows = [*rows[1 - self._view_count :], (x, y)]
         ways = self.local.human_ways if self._config.route_weight > 0 else ()
         find_walks = partial(self._expected, index, step, rows, ways, self.local.human_frame)
