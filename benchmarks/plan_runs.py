@@ -45,7 +45,7 @@ REJECTED_MAX = 300
 """Draws without a scenario, one after the other, that make a map unusable."""
 FREE_HUMAN_M = 3.0
 FREE_GAP_M = 0.3
-"""Free stretches: the nearest human is farther than FREE_HUMAN_M, walls leave FREE_GAP_M beside the disc [m]."""
+"""Free stretches: nobody is in view or within FREE_HUMAN_M, walls leave FREE_GAP_M beside the disc [m]."""
 START_S = 1.0
 """The time that a robot needs to reach its speed takes no part in that of free stretches [s]."""
 
@@ -197,7 +197,7 @@ class Course:
         cells = np.array([frame.cell(x, y) for x, y in run.xyyaw[:, :2].tolist()])
         wide = self._clearance_m[cells[:, 0], cells[:, 1]] > self.robot.planning_radius_m + FREE_GAP_M
         late = np.arange(len(cells)) >= START_S * RATE_HZ
-        free: npt.NDArray[np.bool_] = wide & late & (run.human_distance_m > FREE_HUMAN_M)
+        free: npt.NDArray[np.bool_] = wide & late & ~run.human_visible & (run.human_distance_m > FREE_HUMAN_M)
         return free
 
 
