@@ -35,8 +35,8 @@ from services.evaluator import (
     summary_table,
     write_results,
 )
-from services.planner.recipes import PeopleName
-from services.planner.scenario_file import read_text, text_hash
+from services.planner.scenarios.recipes import PeopleName
+from services.planner.scenarios.scenario_file import read_text, text_hash
 from services.planner.service import attach as attach_planner
 from services.renderer.sensor import SensorName
 from services.renderer.service import attach as attach_renderer

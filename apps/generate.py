@@ -27,8 +27,8 @@ from common.messages import FileRef, RunSpec, Split, Stage, StatusReply, StatusR
 from common.robot import load_robot
 from common.scenes import Scene
 from services import coordinator as coordination
-from services.planner.recipes import PeopleName
-from services.planner.scenario_file import load_scenarios, read_text, text_hash
+from services.planner.scenarios.recipes import PeopleName
+from services.planner.scenarios.scenario_file import load_scenarios, read_text, text_hash
 from services.recorder import Recorder
 from services.recorder import attach as attach_recorder
 from services.renderer.sensor import SensorName

@@ -35,10 +35,10 @@ from common.robot.kinematics import DT_S
 from common.scenes import Scene
 from services.animator import Animator, handle_animate
 from services.planner import ExpertConfig, Planner, handle_human_plan
+from services.planner.explain.journal import ExpertRun, run_with_journal
+from services.planner.explain.picture import draw_episode, draw_run
 from services.planner.handlers import SceneMaps, drive
-from services.planner.journal import ExpertRun, run_with_journal
-from services.planner.picture import draw_episode, draw_run
-from services.planner.scenario_file import save_scenarios
+from services.planner.scenarios.scenario_file import save_scenarios
 
 Numbers = dict[str, Any]
 

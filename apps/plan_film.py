@@ -14,9 +14,9 @@ from common.robot.kinematics import RATE_HZ
 from common.scenes import Scene
 from common.scenes.top_view import TopView
 from services.planner import Planner
-from services.planner.journal import ExpertRun
-from services.planner.picture import episode_view
-from services.planner.picture_layers import draw_knowledge, draw_superseded
+from services.planner.explain.journal import ExpertRun
+from services.planner.explain.picture import episode_view
+from services.planner.explain.picture_layers import draw_knowledge, draw_superseded
 from services.renderer import Renderer, episode_samples
 from services.renderer.sensor_lens import check_sensor
 

@@ -23,9 +23,9 @@ from common.messages import RunSpec, decode, encode
 from common.robot import RobotConfig
 from services.animator.config import AnimatorConfig
 from services.planner.config import HumanPlannerConfig
-from services.planner.expert_config import ExpertConfig
-from services.planner.recipes import PEOPLE_RECIPES, PeopleName
-from services.planner.scenario_file import text_hash
+from services.planner.expert.config import ExpertConfig
+from services.planner.scenarios.recipes import PEOPLE_RECIPES, PeopleName
+from services.planner.scenarios.scenario_file import text_hash
 from services.recorder.config import RecorderConfig
 from services.renderer.config import GPU_BACKENDS, RendererConfig
 from services.renderer.sensor import SENSOR_RECIPES, SensorName

@@ -14,7 +14,7 @@ from common.messages import RunSpec
 from common.scenes import Scene, load_scene
 from services.animator import Animator
 from services.planner import Planner
-from services.planner.scenario_file import ScenarioFile, parse_scenarios
+from services.planner.scenarios.scenario_file import ScenarioFile, parse_scenarios
 from services.renderer import Renderer
 
 

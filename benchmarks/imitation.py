@@ -43,7 +43,7 @@ from common.messages import (
 )
 from services.animator import handle_animate
 from services.planner import handle_human_plan, handle_robot_plan
-from services.planner.perception import in_view
+from services.planner.expert.perception import in_view
 
 Floats = npt.NDArray[np.float64]
 

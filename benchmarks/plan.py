@@ -19,7 +19,7 @@ from benchmarks.plan_runs import Draw, Job, draws, processes
 from benchmarks.plan_summary import map_row, rows_of, text
 from benchmarks.render import machine
 from common.errors import ConfigError
-from services.planner.recipes import PeopleName
+from services.planner.scenarios.recipes import PeopleName
 
 Mode = Literal["paper", "spacetime", "near_field", "oracle"]
 Task = Literal["dynamic", "static"]

@@ -36,8 +36,8 @@ from common.robot import RobotConfig
 from common.robot.kinematics import RATE_HZ
 from services.animator import Animator, AnimatorConfig, handle_animate
 from services.planner import HumanPlannerConfig, Planner, expert_recipe, handle_human_plan, handle_robot_plan
-from services.planner.picture import draw_episode
-from services.planner.recipes import PEOPLE_RECIPES, PeopleName
+from services.planner.explain.picture import draw_episode
+from services.planner.scenarios.recipes import PEOPLE_RECIPES, PeopleName
 
 T = TypeVar("T")
 

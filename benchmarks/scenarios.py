@@ -23,7 +23,7 @@ from common.messages import AnimateRequest, EpisodeKey, HumanPlanRequest, Scenar
 from services.animator import Animator, handle_animate
 from services.planner import Planner, handle_human_plan
 from services.planner.handlers import drive
-from services.planner.recipes import PEOPLE_RECIPES, PeopleName
+from services.planner.scenarios.recipes import PEOPLE_RECIPES, PeopleName
 
 WARM_UP = 15
 

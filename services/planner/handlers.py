@@ -21,21 +21,21 @@ from common.messages import (
 )
 from common.robot import RobotConfig
 from common.robot.kinematics import RATE_HZ
-from services.planner.clearance import gaussian_clearance_m
 from services.planner.config import HumanPlannerConfig
-from services.planner.expert import Decision, Expert
-from services.planner.expert_config import ExpertConfig
-from services.planner.expert_paper import PaperExpert
-from services.planner.expert_spacetime import SpaceTimeExpert
-from services.planner.ground import ExpertGround
-from services.planner.human import without_slopes
-from services.planner.hybrid_astar import HybridAStar
-from services.planner.reactive import ReactivePeople, ReactiveSimulation, reacted
-from services.planner.scenario import IN_THE_WAY, RejectedError, ScenarioSampler
-from services.planner.scenario_file import ScenarioFile
-from services.planner.scripted import Script, ScriptMaps
-from services.planner.spacetime_search import SpaceTimeSearch
-from services.planner.walk import nearest_m
+from services.planner.expert.clearance import gaussian_clearance_m
+from services.planner.expert.config import ExpertConfig
+from services.planner.expert.ground import ExpertGround
+from services.planner.expert.hybrid_astar import HybridAStar
+from services.planner.expert.interface import Decision, Expert
+from services.planner.expert.paper import PaperExpert
+from services.planner.expert.spacetime import SpaceTimeExpert
+from services.planner.expert.spacetime_search import SpaceTimeSearch
+from services.planner.scenarios.human import without_slopes
+from services.planner.scenarios.reactive import ReactivePeople, ReactiveSimulation, reacted
+from services.planner.scenarios.scenario import IN_THE_WAY, RejectedError, ScenarioSampler
+from services.planner.scenarios.scenario_file import ScenarioFile
+from services.planner.scenarios.scripted import Script, ScriptMaps
+from services.planner.scenarios.walk import nearest_m
 
 
 class SceneMaps(Protocol):

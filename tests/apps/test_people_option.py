@@ -15,7 +15,7 @@ from common.dataset import Dataset
 from common.errors import RunError
 from common.messages import EpisodeKey, HumanPlanRequest, RunSpec, Split, decode, encode
 from services.planner import handle_human_plan
-from services.planner.scenario_file import load_scenarios, save_scenarios
+from services.planner.scenarios.scenario_file import load_scenarios, save_scenarios
 
 
 def spec_of(scenarios: Path | None = None, config: RunConfig | None = None) -> RunSpec:

@@ -11,7 +11,7 @@ from apps.plan import plan
 from apps.scene_argument import open_maps
 from common.errors import ConfigError, ReadygoError, RunError, SceneError
 from common.maps import save_ros_map
-from services.planner.scenario_file import load_scenarios
+from services.planner.scenarios.scenario_file import load_scenarios
 from tests.services.planner.conftest import rooms
 
 SEED = 3

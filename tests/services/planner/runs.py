@@ -3,8 +3,8 @@
 import numpy as np
 
 from common.messages import HumanTrajectory, Outcome, RobotTrajectory, Scenario
-from services.planner.journal import ExpertRun, Journal
-from services.planner.perception import PerceivedHuman
+from services.planner.expert.perception import PerceivedHuman
+from services.planner.explain.journal import ExpertRun, Journal
 from tests.services.planner.conftest import animate, key
 
 STEPS = 80

@@ -7,7 +7,7 @@ from common.avatars import FootprintModel
 from common.maps import FloorMap
 from common.messages import HumanMotion, Motion
 from common.robot import RobotConfig
-from services.planner.clearance import gaussian_clearance_m
+from services.planner.expert.clearance import gaussian_clearance_m
 from tests.services.planner.conftest import FRAME, make_avatar
 
 FLOOR = FloorMap(frame=FRAME, height_m=np.zeros((200, 240), np.float32))

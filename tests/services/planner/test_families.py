@@ -11,9 +11,9 @@ from common.maps import FloorMap, OccupancyMap
 from common.messages import HumanPlanRequest, encode
 from common.robot import RobotConfig
 from services.planner import ExpertConfig, FamilyMix, HumanPlannerConfig, Planner, handle_human_plan
-from services.planner.passages import find_passages
-from services.planner.recipes import PEOPLE_RECIPES
-from services.planner.scenario import FAMILIES, drawn_order
+from services.planner.scenarios.passages import find_passages
+from services.planner.scenarios.recipes import PEOPLE_RECIPES
+from services.planner.scenarios.scenario import FAMILIES, drawn_order
 from tests.services.planner.conftest import FRAME, Maps, key, make_avatar, rooms
 
 DOORS = ((0.1, 6.98), (6.1, 6.98), (2.98, 4.6), (2.98, 9.6))

@@ -8,7 +8,7 @@ from common.episode.grid_search import FREE, UNITS_PER_CELL, UNREACHED
 from common.maps import GridFrame, OccupancyMap
 from common.robot import RobotConfig
 from services.planner import ExpertConfig
-from services.planner.ground import ExpertGround, cropped
+from services.planner.expert.ground import ExpertGround, cropped
 from tests.services.planner.conftest import FRAME, rooms
 
 

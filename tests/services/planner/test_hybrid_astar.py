@@ -8,7 +8,7 @@ from common.episode.grid_search import FREE
 from common.maps import GridFrame
 from common.robot import RobotConfig
 from services.planner import ExpertConfig
-from services.planner.hybrid_astar import HybridAStar, make_primitives
+from services.planner.expert.hybrid_astar import HybridAStar, make_primitives
 
 FRAME = GridFrame(origin_x_m=-2.0, origin_y_m=-2.0, resolution_m=0.05)
 ROBOT, CONFIG = RobotConfig(), ExpertConfig()

@@ -5,8 +5,8 @@ import pytest
 
 from common.messages import HumanPlanRequest
 from services.planner import handle_human_plan
+from services.planner.explain.journal import Journal, run_with_journal
 from services.planner.handlers import drive
-from services.planner.journal import Journal, run_with_journal
 from tests.services.planner.conftest import animate, key
 from tests.services.planner.runs import STEPS, WAY, make_journal, make_run
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from common.messages import Outcome
-from services.planner.moments import Moment, pick_moments
+from services.planner.explain.moments import Moment, pick_moments
 from tests.services.planner.runs import STEPS, WAY, make_journal, make_run
 
 NEAR, FAR = [(0.0, 5.3)], [(0.0, 9.0)]

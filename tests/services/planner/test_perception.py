@@ -6,8 +6,8 @@ import pytest
 from common.episode import EpisodeConfig
 from common.robot import RobotConfig
 from services.planner import ExpertConfig
-from services.planner.ground import ExpertGround
-from services.planner.perception import HumanTracks, in_view
+from services.planner.expert.ground import ExpertGround
+from services.planner.expert.perception import HumanTracks, in_view
 from tests.services.planner.conftest import rooms
 
 HALF_FOV = math.radians(50)

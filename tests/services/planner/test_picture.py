@@ -7,8 +7,8 @@ import pytest
 
 from common.drawing.plan_view import FREE, GOAL, HUMANS, OCCUPIED, ROBOT
 from common.messages import Outcome
-from services.planner.picture import MOMENT_PX, draw_episode, draw_run, episode_view
-from services.planner.picture_layers import OUTCOMES, SIGHT, SIGHT_SHARE, SUPERSEDED, draw_knowledge
+from services.planner.explain.picture import MOMENT_PX, draw_episode, draw_run, episode_view
+from services.planner.explain.picture_layers import OUTCOMES, SIGHT, SIGHT_SHARE, SUPERSEDED, draw_knowledge
 from tests.services.planner.conftest import make_planner, rooms
 from tests.services.planner.runs import STEPS, WAY, Y_M, make_journal, make_run, make_scenario
 

@@ -6,7 +6,7 @@ import pytest
 from common.episode import GridSearch
 from common.episode.grid_search import FREE
 from common.maps import clearance_m
-from services.planner.prediction import follow_route, predict_walk
+from services.planner.expert.prediction import follow_route, predict_walk
 from tests.services.planner.conftest import FRAME, rooms
 
 CLEARANCE = clearance_m(rooms()).astype(np.float64)

@@ -6,9 +6,9 @@ import pytest
 from common.robot import RobotConfig
 from common.robot.kinematics import DT_S
 from services.planner import ExpertConfig
-from services.planner.delay import nearness_cost
-from services.planner.primitive_cost import CHECK_STEPS, check_reaches, find_near, human_cost
-from services.planner.timed_primitives import make_timed_primitives
+from services.planner.expert.delay import nearness_cost
+from services.planner.expert.primitive_cost import CHECK_STEPS, check_reaches, find_near, human_cost
+from services.planner.expert.timed_primitives import make_timed_primitives
 
 ROWS = make_timed_primitives(RobotConfig(), ExpertConfig()).rows
 

@@ -8,7 +8,7 @@ from common.maps import OccupancyMap
 from common.messages import HumanPlanRequest, HumanTrajectory, Outcome, Scenario, encode
 from services.planner import HumanPlannerConfig, handle_human_plan
 from services.planner.handlers import drive, let_react
-from services.planner.reactive import ReactivePeople
+from services.planner.scenarios.reactive import ReactivePeople
 from tests.services.planner.conftest import animate, key, rooms
 from tests.services.planner.test_families import hall, planner_of
 

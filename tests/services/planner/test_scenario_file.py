@@ -6,7 +6,7 @@ import pytest
 from common.errors import ConfigError
 from common.messages import HumanPlanRequest, Split
 from services.planner import HumanPlannerConfig, Planner, handle_human_plan
-from services.planner.scenario_file import load_scenarios, parse_scenarios, save_scenarios
+from services.planner.scenarios.scenario_file import load_scenarios, parse_scenarios, save_scenarios
 from tests.services.planner.conftest import key
 from tests.services.planner.test_families import planner_of
 

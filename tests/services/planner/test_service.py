@@ -5,7 +5,7 @@ from common.bus import InProcessBus
 from common.config import section_from_mapping, section_to_mapping
 from common.messages import HumanPlanReply, HumanPlanRequest, RobotPlanReply, RobotPlanRequest, decode, encode
 from services.planner import ExpertConfig, FamilyMix, HumanPlannerConfig
-from services.planner.picture import draw_episode
+from services.planner.explain.picture import draw_episode
 from services.planner.service import attach
 from tests.services.planner.conftest import animate, key
 

@@ -8,8 +8,8 @@ from common.maps import OccupancyMap
 from common.robot import RobotConfig
 from common.robot.kinematics import DT_S
 from services.planner import ExpertConfig
-from services.planner.ground import ExpertGround
-from services.planner.spacetime_search import SpaceTimeSearch, TimedHumans
+from services.planner.expert.ground import ExpertGround
+from services.planner.expert.spacetime_search import SpaceTimeSearch, TimedHumans
 from tests.services.planner.conftest import FRAME, rooms
 
 ROBOT = RobotConfig()

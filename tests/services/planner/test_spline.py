@@ -2,7 +2,14 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from services.planner.spline import at_constant_speed, length_m, resample, smooth_path, spline_basis, spline_points
+from services.planner.scenarios.spline import (
+    at_constant_speed,
+    length_m,
+    resample,
+    smooth_path,
+    spline_basis,
+    spline_points,
+)
 from tests.services.planner.conftest import FRAME
 
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from services.planner.wedge import wedge_m
+from services.planner.explain.wedge import wedge_m
 
 POSE = np.array([1.0, 2.0, math.pi / 2])
 FOV = math.radians(100)

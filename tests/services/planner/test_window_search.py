@@ -3,7 +3,7 @@ import pytest
 
 from common.episode import GridSearch
 from common.episode.grid_search import FACTOR_MAX, FREE
-from services.planner.window_search import WindowSearch
+from services.planner.scenarios.window_search import WindowSearch
 
 
 def length(cells):

@@ -12,9 +12,9 @@ from common.episode.collision import disc_meets_cells
 from common.episode.grid_search import FACTOR_MAX, FREE
 from common.maps import FloorMap, OccupancyMap, clearance_m
 from services.planner.config import HumanPlannerConfig
-from services.planner.spline import length_m, smooth_path
-from services.planner.task import Point
-from services.planner.window_search import WindowSearch
+from services.planner.scenarios.spline import length_m, smooth_path
+from services.planner.scenarios.task import Point
+from services.planner.scenarios.window_search import WindowSearch
 
 Float64Array = npt.NDArray[np.float64]
 

@@ -15,7 +15,7 @@ from numba import njit
 from common.episode.grid_search import FREE, UNITS_PER_CELL, UNREACHED
 from common.maps import GridFrame
 from common.robot import RobotConfig
-from services.planner.expert_config import ExpertConfig
+from services.planner.expert.config import ExpertConfig
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]

@@ -12,10 +12,10 @@ import numpy.typing as npt
 
 from common.episode.collision import disc_meets_cells
 from common.robot import RobotConfig
-from services.planner.expert_config import ExpertConfig
-from services.planner.ground import EpisodeGround
-from services.planner.hybrid_astar import Plan
-from services.planner.rollouts import (
+from services.planner.expert.config import ExpertConfig
+from services.planner.expert.ground import EpisodeGround
+from services.planner.expert.hybrid_astar import Plan
+from services.planner.expert.rollouts import (
     FREE_RUN,
     State,
     choose_evasion,

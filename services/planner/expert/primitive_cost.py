@@ -9,8 +9,8 @@ from numba import njit
 from common.episode.collision import disc_meets_cells
 from common.episode.grid_search import FREE
 from common.robot.kinematics import DT_S
-from services.planner.delay import People, nearness_cost
-from services.planner.rollouts import Ground
+from services.planner.expert.delay import People, nearness_cost
+from services.planner.expert.rollouts import Ground
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]

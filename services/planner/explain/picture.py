@@ -13,10 +13,9 @@ from common.maps import OccupancyMap
 from common.messages import EpisodeMotions, RobotTrajectory, Scenario
 from common.robot import RobotConfig
 from common.scenes.top_view import TopView
-from services.planner.handlers import Planner
-from services.planner.journal import ExpertRun
-from services.planner.moments import Moment, pick_moments
-from services.planner.picture_layers import (
+from services.planner.explain.journal import ExpertRun
+from services.planner.explain.moments import Moment, pick_moments
+from services.planner.explain.picture_layers import (
     EXPECTED_SHARE,
     OUTCOMES,
     SIGHT,
@@ -30,6 +29,7 @@ from services.planner.picture_layers import (
     human_colour,
     put_diamond,
 )
+from services.planner.handlers import Planner
 
 Float64Array = npt.NDArray[np.float64]
 

@@ -13,8 +13,8 @@ from numba import njit
 
 from common.robot import RobotConfig
 from common.robot.kinematics import DT_S, RATE_HZ
-from services.planner.expert_config import ExpertConfig
-from services.planner.rollouts import Limits, limited
+from services.planner.expert.config import ExpertConfig
+from services.planner.expert.rollouts import Limits, limited
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from numba import njit
 
 from common.maps import GridFrame
-from services.planner.task import Point
+from services.planner.scenarios.task import Point
 
 Float64Array = npt.NDArray[np.float64]
 

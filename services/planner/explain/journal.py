@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from common.messages import EpisodeMotions, RobotTrajectory, Scenario
-from services.planner.expert import Decision
+from services.planner.expert.interface import Decision
+from services.planner.expert.perception import PerceivedHuman
 from services.planner.handlers import Planner, drive
-from services.planner.perception import PerceivedHuman
 
 Float64Array = npt.NDArray[np.float64]
 

@@ -15,12 +15,12 @@ from numba import njit
 from common.episode.grid_search import UNITS_PER_CELL, UNREACHED
 from common.robot import RobotConfig
 from common.robot.kinematics import DT_S
-from services.planner.delay import LAYER_STEPS, People, fill_delays
-from services.planner.expert_config import ExpertConfig
-from services.planner.hybrid_astar import pop, push, slot_of
-from services.planner.primitive_cost import check_reaches, find_near, human_cost, wall_cost
-from services.planner.rollouts import Ground, State
-from services.planner.timed_primitives import make_timed_primitives
+from services.planner.expert.config import ExpertConfig
+from services.planner.expert.delay import LAYER_STEPS, People, fill_delays
+from services.planner.expert.hybrid_astar import pop, push, slot_of
+from services.planner.expert.primitive_cost import check_reaches, find_near, human_cost, wall_cost
+from services.planner.expert.rollouts import Ground, State
+from services.planner.expert.timed_primitives import make_timed_primitives
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]

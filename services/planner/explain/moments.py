@@ -6,7 +6,7 @@ import numpy as np
 
 from common.messages import Outcome
 from common.robot.kinematics import DT_S, RATE_HZ
-from services.planner.journal import ExpertRun
+from services.planner.explain.journal import ExpertRun
 
 MOMENTS_MAX = 3
 APART_S = 0.5

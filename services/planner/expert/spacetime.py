@@ -10,12 +10,12 @@ from common.episode import EpisodeSimulation
 from common.episode.grid_search import FREE
 from common.messages import Scenario
 from common.robot.kinematics import DT_S, RATE_HZ
-from services.planner.expert import Decision, Person, expected_array
-from services.planner.ground import EpisodeGround, ExpertGround
-from services.planner.obstacles import open_around, paint_capsule, paint_slope
-from services.planner.perception import HumanTracks, PerceivedHuman, stands
-from services.planner.rollouts import AHEAD_STEPS, State, choose_evasion
-from services.planner.spacetime_search import SpaceTimeSearch, TimedHumans, TimedPlan
+from services.planner.expert.ground import EpisodeGround, ExpertGround
+from services.planner.expert.interface import Decision, Person, expected_array
+from services.planner.expert.obstacles import open_around, paint_capsule, paint_slope
+from services.planner.expert.perception import HumanTracks, PerceivedHuman, stands
+from services.planner.expert.rollouts import AHEAD_STEPS, State, choose_evasion
+from services.planner.expert.spacetime_search import SpaceTimeSearch, TimedHumans, TimedPlan
 
 Float64Array = npt.NDArray[np.float64]
 
@@ -164,4 +164,3 @@ class SpaceTimeExpert:
                 return v, w
         turn = self._local.way_out_rad(state[0], state[1], state[2], self._goal_m)
         return 0.0, 2.0 * turn
-

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from common.avatars import Avatar, FootprintModel
 from common.episode import EpisodeSimulation
 from common.messages import HumanMotion
-from services.planner.perception import PerceivedHuman
+from services.planner.expert.perception import PerceivedHuman
 
 Float64Array = npt.NDArray[np.float64]
 Person = tuple[HumanMotion, Avatar, FootprintModel]

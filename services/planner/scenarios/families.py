@@ -17,11 +17,11 @@ from common.maps import SightMap
 from common.robot import RobotConfig
 from common.robot.kinematics import DT_S
 from services.planner.config import HumanPlannerConfig
-from services.planner.human import HumanPathPlanner
-from services.planner.passages import Passage, find_passages
-from services.planner.spline import at_constant_speed, length_m
-from services.planner.task import ExpectedDrive, Point, Task, apart_m, moved, turned
-from services.planner.walk import Walk, cut_to_meet, held, timed_to_meet
+from services.planner.scenarios.human import HumanPathPlanner
+from services.planner.scenarios.passages import Passage, find_passages
+from services.planner.scenarios.spline import at_constant_speed, length_m
+from services.planner.scenarios.task import ExpectedDrive, Point, Task, apart_m, moved, turned
+from services.planner.scenarios.walk import Walk, cut_to_meet, held, timed_to_meet
 
 Float64Array = npt.NDArray[np.float64]
 People = tuple[Walk, ...]

@@ -24,8 +24,8 @@ from common.messages import EpisodeMotions, HumanMotion, Motion, Outcome, Scenar
 from common.robot import RobotConfig
 from common.robot.kinematics import DT_S, RATE_HZ
 from services.planner.config import HumanPlannerConfig
-from services.planner.spline import length_m
-from services.planner.walk import held
+from services.planner.scenarios.spline import length_m
+from services.planner.scenarios.walk import held
 
 Float64Array = npt.NDArray[np.float64]
 

@@ -7,9 +7,9 @@ import numpy as np
 import numpy.typing as npt
 
 from common.robot.kinematics import DT_S
-from services.planner.families import People, Site, path_across, path_against
-from services.planner.task import Point, Task, apart_m, moved, turned
-from services.planner.walk import ACCELERATION_MPS2, Walk, held, nearest_along, timed, timed_to_meet
+from services.planner.scenarios.families import People, Site, path_across, path_against
+from services.planner.scenarios.task import Point, Task, apart_m, moved, turned
+from services.planner.scenarios.walk import ACCELERATION_MPS2, Walk, held, nearest_along, timed, timed_to_meet
 
 Float64Array = npt.NDArray[np.float64]
 

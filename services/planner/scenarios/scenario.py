@@ -16,7 +16,7 @@ from common.messages import EpisodeKey, HumanTrajectory, Scenario
 from common.robot import RobotConfig
 from common.robot.kinematics import DT_S
 from services.planner.config import FamilyMix, HumanPlannerConfig
-from services.planner.families import (
+from services.planner.scenarios.families import (
     Draw,
     People,
     Site,
@@ -28,12 +28,12 @@ from services.planner.families import (
     overtaking,
     parallel,
 )
-from services.planner.families_places import blind_corner, doorway, standing_group, stop_and_go
-from services.planner.human import HumanPathPlanner, keeps_clear
-from services.planner.spline import length_m, resample
-from services.planner.task import SPACING_M, ExpectedDrive, Point, Task
-from services.planner.walk import nearest_m
-from services.planner.window_search import WindowSearch
+from services.planner.scenarios.families_places import blind_corner, doorway, standing_group, stop_and_go
+from services.planner.scenarios.human import HumanPathPlanner, keeps_clear
+from services.planner.scenarios.spline import length_m, resample
+from services.planner.scenarios.task import SPACING_M, ExpectedDrive, Point, Task
+from services.planner.scenarios.walk import nearest_m
+from services.planner.scenarios.window_search import WindowSearch
 
 Float64Array = npt.NDArray[np.float64]
 UInt8Array = npt.NDArray[np.uint8]

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from common.robot import RobotConfig
 from common.robot.kinematics import DT_S
-from services.planner.spline import at_lengths
+from services.planner.scenarios.spline import at_lengths
 
 Float64Array = npt.NDArray[np.float64]
 Point = tuple[float, float]

@@ -12,13 +12,20 @@ from common.episode import EpisodeSimulation
 from common.episode.grid_search import UNREACHED
 from common.messages import Scenario
 from common.robot.kinematics import RATE_HZ
-from services.planner.expert import Decision, Person, expected_array
-from services.planner.ground import ExpertGround
-from services.planner.hybrid_astar import HybridAStar, Plan
-from services.planner.obstacles import open_around, paint_capsule, paint_points, paint_slope, path_cost, path_distance
-from services.planner.perception import HumanTracks, PerceivedHuman
-from services.planner.rollouts import AHEAD_STEPS
-from services.planner.tracking import PathTracker
+from services.planner.expert.ground import ExpertGround
+from services.planner.expert.hybrid_astar import HybridAStar, Plan
+from services.planner.expert.interface import Decision, Person, expected_array
+from services.planner.expert.obstacles import (
+    open_around,
+    paint_capsule,
+    paint_points,
+    paint_slope,
+    path_cost,
+    path_distance,
+)
+from services.planner.expert.perception import HumanTracks, PerceivedHuman
+from services.planner.expert.rollouts import AHEAD_STEPS
+from services.planner.expert.tracking import PathTracker
 
 Float64Array = npt.NDArray[np.float64]
 UInt8Array = npt.NDArray[np.uint8]

@@ -12,9 +12,9 @@ from common.drawing.plan_view import GOAL, HUMANS, INK, ROBOT, WHITE, Rgb
 from common.messages import Outcome
 from common.robot.kinematics import RATE_HZ
 from common.scenes.top_view import TopView
+from services.planner.explain.journal import ExpertRun
+from services.planner.explain.wedge import wedge_m
 from services.planner.handlers import Planner
-from services.planner.journal import ExpertRun
-from services.planner.wedge import wedge_m
 
 Float64Array = npt.NDArray[np.float64]
 

@@ -11,9 +11,9 @@ from common.episode import EpisodeConfig, GridSearch
 from common.episode.grid_search import FREE, UNITS_PER_CELL, UNREACHED
 from common.maps import GridFrame, OccupancyMap, SightMap, clearance_m, sight_of_occupancy
 from common.robot import RobotConfig
-from services.planner.expert_config import ExpertConfig
-from services.planner.obstacles import static_factor
-from services.planner.rollouts import Ground
+from services.planner.expert.config import ExpertConfig
+from services.planner.expert.obstacles import static_factor
+from services.planner.expert.rollouts import Ground
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]

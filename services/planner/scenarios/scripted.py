@@ -15,11 +15,11 @@ from common.maps import OccupancyMap, clearance_m
 from common.messages import EpisodeKey, HumanTrajectory, Scenario
 from common.robot import RobotConfig
 from services.planner.config import HumanPlannerConfig
-from services.planner.human import HumanPathPlanner, keeps_clear
-from services.planner.scenario_file import ScenarioFile, ScriptedHuman, ScriptedScenario
-from services.planner.spline import length_m
-from services.planner.task import Point, apart_m
-from services.planner.walk import timed
+from services.planner.scenarios.human import HumanPathPlanner, keeps_clear
+from services.planner.scenarios.scenario_file import ScenarioFile, ScriptedHuman, ScriptedScenario
+from services.planner.scenarios.spline import length_m
+from services.planner.scenarios.task import Point, apart_m
+from services.planner.scenarios.walk import timed
 
 Float64Array = npt.NDArray[np.float64]
 

@@ -9,8 +9,8 @@ import numpy.typing as npt
 from numba import njit
 
 from common.robot.kinematics import DT_S
-from services.planner.spline import at_lengths, length_m, resample
-from services.planner.task import Point
+from services.planner.scenarios.spline import at_lengths, length_m, resample
+from services.planner.scenarios.task import Point
 
 Float64Array = npt.NDArray[np.float64]
 

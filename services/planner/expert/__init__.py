@@ -1,0 +1,1 @@
+"""The robot expert: what it knows, what it expects, how it plans and drives."""

@@ -1,0 +1,1 @@
+"""One episode in pictures: what the expert saw, expected and intended."""

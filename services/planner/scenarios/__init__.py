@@ -1,0 +1,1 @@
+"""What happens in an episode: start, goal, and the people who meet the robot."""
