@@ -2,8 +2,9 @@
 
 A small network is fitted to the successful runs of each expert, from what a policy could at best make of its images:
 the relative goal, the previous action, 32 rays to the nearest obstacles within the field of view and, with "people",
-where the visible people are and how they move. Its error on episodes that it has not seen is the floor of behaviour
-cloning: what is left follows from things out of view, or from the expert's own state (its plan).
+where the visible people are and how they move. Its error on episodes that it has not seen bounds the floor of behaviour
+cloning from above: a larger network or more episodes may do better; what stays then follows from things out of view, or
+from the expert's own state (its plan).
 
 Errors of v and w are mean squared ones over the variance of the action: 1 is predicting the mean. "repeat" predicts
 the previous action. "change" is the error in how the action changes until 0.5 s later over that of "repeat": the part

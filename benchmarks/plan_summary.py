@@ -63,7 +63,7 @@ def map_row(job: Job, drawn: Sequence[Draw]) -> dict[str, Any]:
     accepted = [draw for draw in drawn if not draw.rejected]
     return {
         "map": job.source.name,
-        "path": job.source.path,
+        "file": Path(job.source.path).name,
         "draws": len(drawn),
         "rejected": dict(Counter(draw.rejected for draw in drawn if draw.rejected).most_common()),
         "motion_ms": round(sum(draw.motion_ms for draw in accepted) / len(accepted), 1),

@@ -228,6 +228,7 @@ def save_scenarios(path: Path, scenarios: Sequence[Scenario]) -> None:
         raise ConfigError(f"There is no scenario to write into {path}.")
     text = "\n".join([f'format = "{FORMAT}"', "", *(_scenario_toml(scenario) for scenario in scenarios)])
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         descriptor, part = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
         try:
             with os.fdopen(descriptor, "w", encoding="utf-8") as file:
