@@ -11,11 +11,10 @@ from rich.console import Console
 from apps.coverage_numbers import Coverage, casts_of, measure, visited_share
 from apps.coverage_page import RunFacts, coverage_page, heat_map
 from apps.coverage_runs import failed_encounters, rejected, robot_map
-from apps.page import write_page
-from apps.run import write_atomically
 from common.dataset import Dataset
 from common.dataset.casts import Cast
 from common.drawing.files import write_png
+from common.files import write_whole
 from common.robot import RobotConfig
 
 PAGE_FILE, NUMBERS_FILE, MAP_FILE = "coverage.html", "coverage.json", "visits.png"
@@ -38,8 +37,8 @@ def coverage(data: Path, /, *, out: Path, scene: str = "", json: bool = False) -
     heat = heat_map(measured.visits, facts.occupancy)
     html = coverage_page(measured, facts, heat)
     write_png(out / MAP_FILE, heat)
-    write_atomically(out / NUMBERS_FILE, (json_module.dumps(numbers, indent=2) + "\n").encode())
-    write_page(out / PAGE_FILE, html)
+    write_whole(out / NUMBERS_FILE, (json_module.dumps(numbers, indent=2) + "\n").encode())
+    write_whole(out / PAGE_FILE, html)
     if json:
         sys.stdout.write(json_module.dumps(numbers) + "\n")
     else:

@@ -1,25 +1,12 @@
 """Pages that open without a network: one HTML file with its style, pictures and charts inside, and no scripts."""
 
 import base64
-import os
 from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 
 from apps.page_style import PAGE_CSS
 from common.drawing.files import Picture, jpeg_bytes, png_bytes
-
-
-def write_page(path: Path, html: str) -> None:
-    """Write a page; the file appears under its name only when it is complete."""
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    unfinished = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        unfinished.write_text(html, encoding="utf-8")
-        unfinished.replace(path)
-    finally:
-        unfinished.unlink(missing_ok=True)
 
 
 def page(

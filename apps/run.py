@@ -5,10 +5,8 @@ import fcntl
 import hashlib
 import importlib.metadata
 import json
-import os
 import platform
 import subprocess
-import tempfile
 import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -19,6 +17,7 @@ from typing import Any
 from common.config import section_from_mapping, section_to_mapping
 from common.episode import EpisodeConfig
 from common.errors import ConfigError, RunError
+from common.files import write_whole
 from common.messages import RunSpec, decode, encode
 from common.robot import RobotConfig
 from services.animator.config import AnimatorConfig
@@ -198,8 +197,8 @@ class RunFolder:
             RunError: If the folder cannot be written.
         """
         try:
-            write_atomically(self.state / "spec.msgpack", encode(spec))
-            write_atomically(self.state / "wanted", str(wanted).encode())
+            write_whole(self.state / "spec.msgpack", encode(spec))
+            write_whole(self.state / "wanted", str(wanted).encode())
         except OSError as error:
             raise RunError(f"{self.path} cannot be written: {error.strerror}.") from error
 
@@ -233,18 +232,6 @@ def _with_new_settings(spec: RunSpec) -> RunSpec:
     except ConfigError:
         return spec
     return dataclasses.replace(spec, config=resolved_sections(config))
-
-
-def write_atomically(path: Path, data: bytes) -> None:
-    """Write a file so that it is there whole or not at all, also when several processes do so at once."""
-    descriptor, part = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
-    try:
-        with os.fdopen(descriptor, "wb") as file:
-            file.write(data)
-        os.replace(part, path)
-    except BaseException:
-        Path(part).unlink(missing_ok=True)
-        raise
 
 
 def _commit() -> str:

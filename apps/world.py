@@ -4,12 +4,13 @@ from functools import cached_property
 from pathlib import Path
 
 from apps.paths import cache_folder
-from apps.run import RunConfig, write_atomically
+from apps.run import RunConfig
 from common.avatars import Avatar, load_avatars
 from common.avatars.file import avatar_hash
 from common.bus import Bus, fetch_blob
 from common.config import section_from_mapping
 from common.errors import RunError
+from common.files import write_whole
 from common.messages import RunSpec
 from common.scenes import Scene, load_scene
 from services.animator import Animator
@@ -106,5 +107,5 @@ def _fetched_scene(bus: Bus, spec: RunSpec) -> Path:
             raise RunError(f"The run names a scene file outside of its bundle: {file.path!r}.")
         if not path.exists() or path.stat().st_size != file.size:
             path.parent.mkdir(parents=True, exist_ok=True)
-            write_atomically(path, fetch_blob(bus, file.sha256))
+            write_whole(path, fetch_blob(bus, file.sha256))
     return folder

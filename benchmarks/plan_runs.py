@@ -18,6 +18,7 @@ from numba.core.event import install_recorder
 
 from benchmarks.plan_maps import MapSource, open_maps
 from common.avatars import load_avatars
+from common.drawing.files import write_png
 from common.episode import EpisodeConfig, EpisodeResult, shortest_way_m
 from common.errors import SceneError
 from common.maps import clearance_m
@@ -219,17 +220,6 @@ def timed(call: Callable[[], T]) -> tuple[T, float]:
             spent_ms = 1e3 * (time.thread_time() - begin_s)
         if not compiled.buffer:
             return result, spent_ms
-
-
-def write_png(path: Path, rgb: npt.NDArray[np.uint8]) -> None:
-    """Write a picture; half-written ones do not carry the final name."""
-    import cv2
-
-    path.parent.mkdir(parents=True, exist_ok=True)
-    encoded = cv2.imencode(".png", rgb[:, :, ::-1])[1]
-    partial = path.with_name(f".{path.name}.partial")
-    partial.write_bytes(encoded.tobytes())
-    partial.replace(path)
 
 
 _course: Course | None = None

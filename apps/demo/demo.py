@@ -16,7 +16,7 @@ from apps.demo.report_content import Command, LossCurve, ReportContent, RunNumbe
 from apps.episode_film import EpisodeFilm, film_frames
 from apps.evaluate import make_evaluator, summarize
 from apps.generate import make_spec, record
-from apps.run import RunConfig, write_atomically
+from apps.run import RunConfig
 from apps.scene_argument import open_scene
 from apps.train import make_config, run_training
 from apps.warm import warm_all
@@ -25,6 +25,7 @@ from common.dataset import Dataset, EpisodeEntry, validate
 from common.drawing.film import write_animation, write_film
 from common.drawing.plan_view import DrawnEpisode
 from common.errors import DatasetError, RunError
+from common.files import write_whole
 from common.frames import wrap_angle
 from common.messages import AnimateRequest, HumanPlanRequest, Scenario, Split
 from common.policy import load_policy
@@ -170,7 +171,7 @@ def _write_pictures(
         provenance={key: str(world.spec.metadata[key]) for key in ("readygo_version", "commit", "numeric_class")},
     )
     write_report(out / "report.html", content)
-    write_atomically(out / "run.json", (json.dumps(run, indent=2) + "\n").encode())
+    write_whole(out / "run.json", (json.dumps(run, indent=2) + "\n").encode())
 
 
 class _Scenarios:

@@ -6,9 +6,10 @@ from pathlib import Path
 
 from apps.charts import loss_chart, rate_bar, share_bar
 from apps.demo.report_content import Command, ReportContent, RunNumbers, Score
-from apps.page import figure, jpeg_source, page, percent, png_source, table, webp_source, write_page
+from apps.page import figure, jpeg_source, page, percent, png_source, table, webp_source
 from common.drawing.files import Picture
 from common.drawing.plan_view import draw_episodes, draw_scale_bar, faded, map_view, resized
+from common.files import write_whole
 
 _PLAN_HEIGHT_PX = 760
 
@@ -23,7 +24,7 @@ def write_report(path: Path, content: ReportContent) -> None:
         path: The HTML file.
         content: What to show; see `ReportContent`.
     """
-    write_page(path, report_html(content))
+    write_whole(path, report_html(content))
 
 
 def report_html(content: ReportContent) -> str:

@@ -2,7 +2,6 @@
 
 import contextlib
 import hashlib
-import os
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -14,6 +13,7 @@ import numpy.typing as npt
 
 from common.avatars.avatar import SMPL_PARENTS, Avatar
 from common.errors import AvatarError
+from common.files import unfinished
 from common.gaussians import GaussianCloud
 
 FORMAT = "readygo-avatar/1"
@@ -98,13 +98,8 @@ def save_avatar(avatar: Avatar, path: str | Path, *, quantise: bool = True) -> N
     }
     for key, array in floats.items():
         entries |= _encoded(key, array, quantise)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
-        with temporary.open("wb") as stream:
-            np.savez_compressed(stream, allow_pickle=False, **entries)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with unfinished(path, raises=AvatarError) as part:
+        np.savez_compressed(part, allow_pickle=False, **entries)
 
 
 def avatar_paths(path: Path | None) -> tuple[Path, ...]:

@@ -1,15 +1,12 @@
-"""Pictures as bytes and files; a file appears under its name only when it is complete."""
+"""Pictures as bytes and files."""
 
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from common.errors import ReadygoError
+from common.files import write_whole
 
 Picture = npt.NDArray[np.uint8]
 JPEG_QUALITY = 90
@@ -31,27 +28,7 @@ def write_png(path: Path, rgb: Picture) -> None:
     Raises:
         ReadygoError: If it cannot be written.
     """
-    data = png_bytes(rgb)
-    with unfinished(path) as part:
-        part.write_bytes(data)
-
-
-@contextmanager
-def unfinished(path: Path) -> Iterator[Path]:
-    """A temporary name, with the ending of `path`, that becomes `path` when the block ends well.
-
-    Raises:
-        ReadygoError: If the file cannot be written.
-    """
-    path = Path(path)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.stem}-") as folder:
-            part = Path(folder) / f"part{path.suffix}"
-            yield part
-            part.replace(path)
-    except OSError as error:
-        raise ReadygoError(f"{path} cannot be written: {error.strerror or error}.") from error
+    write_whole(path, png_bytes(rgb))
 
 
 def _encoded(rgb: Picture, ending: str, options: list[int]) -> bytes:

@@ -11,8 +11,9 @@ from typing import Any
 import cv2
 import numpy as np
 
-from common.drawing.files import Picture, unfinished
+from common.drawing.files import Picture
 from common.errors import ReadygoError
+from common.files import unfinished
 from common.robot.kinematics import DT_S, RATE_HZ
 
 # Browsers play H.264; OpenCV's own builds often lack its encoder, but all write MPEG-4 part 2.

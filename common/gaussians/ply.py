@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from common.errors import SceneError
+from common.files import unfinished
 from common.gaussians.activations import (
     logits_from_opacities,
     logs_from_scales,
@@ -83,8 +84,6 @@ def save_ply(cloud: GaussianCloud, path: str | Path) -> None:
     )
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(cloud)}"]
     header += [*(f"property float {name}" for name in names), "end_header"]
-    partial = path.with_name(path.name + ".partial")
-    with partial.open("wb") as file:
+    with unfinished(path, raises=SceneError) as part, part.open("wb") as file:
         file.write(("\n".join(header) + "\n").encode())
         np.ascontiguousarray(rows, dtype="<f4").tofile(file)
-    partial.replace(path)

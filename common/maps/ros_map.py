@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from common.errors import SceneError
+from common.files import write_whole
 from common.maps.grid import GridFrame, OccupancyMap
 
 OCCUPIED_PX, UNKNOWN_PX, FREE_PX = 0, 205, 254
@@ -95,7 +96,7 @@ def save_ros_map(
     if unknown is not None:
         pixels[unknown] = UNKNOWN_PX
     picture = path.with_suffix(f".{picture_format}")
-    _write_bytes(picture, _encoded(np.ascontiguousarray(pixels[::-1]), picture.suffix))
+    write_whole(picture, _encoded(np.ascontiguousarray(pixels[::-1]), picture.suffix), raises=SceneError)
     frame = occupancy.frame
     lines = [
         f"image: {picture.name}",
@@ -106,7 +107,7 @@ def save_ros_map(
         "occupied_thresh: 0.65",
         "free_thresh: 0.196",
     ]
-    _write_bytes(path, ("\n".join(lines) + "\n").encode())
+    write_whole(path, ("\n".join(lines) + "\n").encode(), raises=SceneError)
 
 
 def _encoded(pixels: npt.NDArray[np.uint8], suffix: str) -> bytes:
@@ -115,15 +116,6 @@ def _encoded(pixels: npt.NDArray[np.uint8], suffix: str) -> bytes:
     ok, encoded = cv2.imencode(suffix, pixels)
     assert ok
     return bytes(encoded.tobytes())
-
-
-def _write_bytes(path: Path, data: bytes) -> None:
-    partial = path.with_name(path.name + ".partial")
-    try:
-        partial.write_bytes(data)
-        partial.replace(path)
-    except OSError as error:
-        raise SceneError(f"{path} cannot be written: {error.strerror or error}.") from error
 
 
 def _read_header(path: Path) -> RosMapHeader:

@@ -6,7 +6,6 @@ The 64 features are the latents of t - 2 spacings, t - 1 spacing and t, then the
 and the goal in the robot's frame (dx, dy) [m]. Every normalisation lies inside of the two graphs.
 """
 
-import os
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -15,6 +14,7 @@ from typing import Any
 
 from common.config import section_from_mapping, section_to_mapping
 from common.errors import ConfigError, PolicyError
+from common.files import write_whole
 from common.robot import RobotConfig
 from common.robot.kinematics import RATE_HZ
 
@@ -59,9 +59,7 @@ def save_spec(spec: PolicySpec, folder: Path) -> None:
         "robot": section_to_mapping(spec.robot),
         "training": dict(spec.training),
     }
-    temporary = folder / f".{SPEC_FILE}.part"
-    temporary.write_text("\n".join(_toml_lines(mapping)) + "\n")
-    os.replace(temporary, folder / SPEC_FILE)
+    write_whole(folder / SPEC_FILE, "\n".join(_toml_lines(mapping)) + "\n", raises=PolicyError)
 
 
 def load_spec(folder: Path) -> PolicySpec:

@@ -5,6 +5,8 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
+from common.files import write_whole
+
 
 class BlobStore:
     """Blobs in a folder, named by their SHA-256; files of the run's scene are served from their place."""
@@ -19,9 +21,7 @@ class BlobStore:
         sha256 = hashlib.sha256(data).hexdigest()
         path = self._folder / sha256
         if not path.exists():
-            part = path.with_suffix(".part")
-            part.write_bytes(data)
-            os.replace(part, path)
+            write_whole(path, data)
         return sha256
 
     def get(self, sha256: str) -> bytes | None:

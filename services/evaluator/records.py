@@ -3,7 +3,6 @@
 import dataclasses
 import json
 import math
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ from rich.table import Table
 
 from common.episode import EpisodeConfig
 from common.episode.metrics import EpisodeResult, TaskSummary, summarize
+from common.files import write_whole
 from common.messages import EpisodeKey, Outcome, RobotTrajectory
 from services.evaluator.drivers import Method
 from services.evaluator.episodes import MatchedEpisode, Task
@@ -96,8 +96,8 @@ def write_results(folder: Path, records: Sequence[EpisodeRecord], summary: dict[
     """Write `episodes.jsonl` and `summary.json`, each in one piece."""
     folder.mkdir(parents=True, exist_ok=True)
     lines = [json.dumps(record.to_mapping()) for record in records]
-    _write(folder / RECORDS_FILE, "\n".join(lines) + "\n")
-    _write(folder / SUMMARY_FILE, json.dumps(summary, indent=2) + "\n")
+    write_whole(folder / RECORDS_FILE, "\n".join(lines) + "\n")
+    write_whole(folder / SUMMARY_FILE, json.dumps(summary, indent=2) + "\n")
 
 
 def summary_table(summaries: dict[tuple[Task, Method], TaskSummary]) -> Table:
@@ -130,9 +130,3 @@ def summary_table(summaries: dict[tuple[Task, Method], TaskSummary]) -> Table:
 
 def _finite(value: float) -> float | None:
     return round(value, 6) if math.isfinite(value) else None
-
-
-def _write(path: Path, text: str) -> None:
-    temporary = path.with_name(f".{path.name}.part")
-    temporary.write_text(text)
-    os.replace(temporary, path)

@@ -1,12 +1,12 @@
 """State of a training run on disk: plain tensors and numbers, nothing pickled is ever loaded."""
 
-import os
 from pathlib import Path
 from typing import Any
 
 import torch
 
 from common.errors import PolicyError
+from common.files import unfinished
 
 CHECKPOINT_FORMAT = "readygo-training/1"
 CHECKPOINT_FILE = "checkpoint.pt"
@@ -14,9 +14,8 @@ CHECKPOINT_FILE = "checkpoint.pt"
 
 def save_checkpoint(state: dict[str, Any], folder: Path) -> None:
     """Write `checkpoint.pt` in one piece."""
-    temporary = folder / f".{CHECKPOINT_FILE}.part"
-    torch.save({"format": CHECKPOINT_FORMAT} | state, temporary)
-    os.replace(temporary, folder / CHECKPOINT_FILE)
+    with unfinished(folder / CHECKPOINT_FILE, raises=PolicyError) as part:
+        torch.save({"format": CHECKPOINT_FORMAT} | state, part)
 
 
 def load_checkpoint(folder: Path, identity: dict[str, Any]) -> dict[str, Any] | None:

@@ -1,7 +1,6 @@
 """The loss curve as a picture."""
 
 import math
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -9,6 +8,8 @@ from typing import Any
 import cv2
 import numpy as np
 import numpy.typing as npt
+
+from common.files import unfinished
 
 WIDTH_PX, HEIGHT_PX = 960, 540
 LEFT_PX, RIGHT_PX, TOP_PX, BOTTOM_PX = 90, 30, 50, 60
@@ -41,9 +42,8 @@ def draw_curves(path: Path, curves: dict[str, Sequence[tuple[float, float]]], *,
             pixels = [_pixel(x / x_max, (math.log10(y) - low) / (high - low)) for x, y in points]
             cv2.polylines(canvas, [np.array(pixels, np.int32)], False, colour, 2, cv2.LINE_AA)
             _text(canvas, name, (WIDTH_PX - 260, TOP_PX + 24 * (i + 1)), colour)
-    temporary = path.with_name(f".{path.stem}.part.png")
-    cv2.imwrite(str(temporary), canvas)
-    os.replace(temporary, path)
+    with unfinished(path) as part:
+        cv2.imwrite(str(part), canvas)
 
 
 def draw_history(path: Path, history: Sequence[dict[str, Any]]) -> None:

@@ -4,7 +4,6 @@ The graphs are built from the weights, operation by operation: the file depends 
 normalisation is folded into the convolutions before it.
 """
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,8 @@ import torch
 from onnx import TensorProto, helper, numpy_helper
 from torch import nn
 
+from common.errors import PolicyError
+from common.files import write_whole
 from common.policy.artifact import (
     ENCODER_FILE,
     FEATURE_COUNT,
@@ -153,9 +154,7 @@ def export_policy(model: PolicyNet, spec: PolicySpec, folder: Path) -> None:
         (ENCODER_FILE, encoder_graph(model.encoder, spec.robot)),
         (HEAD_FILE, head_graph(model.head, spec.robot)),
     ):
-        temporary = folder / f".{name}.part"
-        temporary.write_bytes(graph.SerializeToString())
-        os.replace(temporary, folder / name)
+        write_whole(folder / name, graph.SerializeToString(), raises=PolicyError)
     save_spec(spec, folder)
 
 

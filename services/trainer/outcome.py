@@ -2,7 +2,6 @@
 
 import dataclasses
 import json
-import os
 import platform
 import shutil
 from importlib import metadata
@@ -12,6 +11,8 @@ import numpy as np
 import torch
 
 from common.config import section_to_mapping
+from common.errors import PolicyError
+from common.files import write_whole
 from common.policy.artifact import METRICS_FILE
 from services.trainer.curve import draw_history
 from services.trainer.export import export_policy
@@ -32,9 +33,7 @@ def write_outcome(run: TrainRun) -> dict[str, Any]:
     draw_history(run.out / CURVE_FILE, run.history)
     shutil.rmtree(run.out / CANDIDATE_FOLDER, ignore_errors=True)
     metrics = _metrics(run)
-    temporary = run.out / f".{METRICS_FILE}.part"
-    temporary.write_text(json.dumps(metrics, indent=2) + "\n")
-    os.replace(temporary, run.out / METRICS_FILE)
+    write_whole(run.out / METRICS_FILE, json.dumps(metrics, indent=2) + "\n", raises=PolicyError)
     return metrics
 
 

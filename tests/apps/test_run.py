@@ -1,14 +1,13 @@
 import copy
 import dataclasses
 import sys
-import threading
 from pathlib import Path
 
 import pytest
 
 from apps.cli import main
 from apps.generate import make_spec, record, with_outputs
-from apps.run import RunConfig, RunFolder, resolved_sections, run_name, write_atomically
+from apps.run import RunConfig, RunFolder, resolved_sections, run_name
 from apps.scene_argument import open_scene
 from common.config import section_from_mapping
 from common.errors import RunError
@@ -66,28 +65,6 @@ def test_run_cannot_be_made_shorter_than_what_is_recorded(tmp_path: Path) -> Non
 def test_seed_that_cannot_be_recorded_is_refused(seed: int) -> None:
     with pytest.raises(RunError, match="--seed must be"):
         make_spec(open_scene("embedded"), None, RunConfig(), seed=seed, split=Split.TRAIN, static=True)
-
-
-def test_processes_that_write_the_same_file_do_not_meet(tmp_path: Path) -> None:
-    path = tmp_path / "scene.ply"
-    contents = [bytes([number]) * 2_000_000 for number in range(4)]
-    threads = [
-        threading.Thread(target=lambda data=data: [write_atomically(path, data) for _ in range(5)]) for data in contents
-    ]
-    failures: list[object] = []
-    threading.excepthook, before = failures.append, threading.excepthook
-    try:
-        for thread in threads:
-            thread.start()
-        while any(thread.is_alive() for thread in threads):
-            if path.exists():
-                assert path.read_bytes() in contents
-        for thread in threads:
-            thread.join()
-    finally:
-        threading.excepthook = before
-    assert failures == []
-    assert [entry.name for entry in tmp_path.iterdir()] == ["scene.ply"]
 
 
 def test_folder_of_a_version_without_some_setting_can_be_gone_on_with(tmp_path: Path) -> None:

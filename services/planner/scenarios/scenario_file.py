@@ -18,8 +18,6 @@ import dataclasses
 import hashlib
 import json
 import math
-import os
-import tempfile
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -31,6 +29,7 @@ import numpy.typing as npt
 
 from common.config import section_from_mapping
 from common.errors import ConfigError
+from common.files import write_whole
 from common.messages import HumanTrajectory, Scenario
 from common.robot.kinematics import DT_S
 
@@ -227,18 +226,7 @@ def save_scenarios(path: Path, scenarios: Sequence[Scenario]) -> None:
     if not scenarios:
         raise ConfigError(f"There is no scenario to write into {path}.")
     text = "\n".join([f'format = "{FORMAT}"', "", *(_scenario_toml(scenario) for scenario in scenarios)])
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        descriptor, part = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
-        try:
-            with os.fdopen(descriptor, "w", encoding="utf-8") as file:
-                file.write(text)
-            os.replace(part, path)
-        except BaseException:
-            Path(part).unlink(missing_ok=True)
-            raise
-    except OSError as error:
-        raise ConfigError(f"{path} cannot be written: {error.strerror}.") from error
+    write_whole(path, text, raises=ConfigError)
 
 
 def _scenario_toml(scenario: Scenario) -> str:
