@@ -1,11 +1,12 @@
 """The SCENE argument of commands: a bundle's folder, the embedded scene, or just a map."""
 
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from apps.paths import cache_folder
-from common.maps import FloorMap, OccupancyMap, load_ros_map
+from common.maps import FloorMap, OccupancyMap, SightMap, load_ros_map, sight_of_occupancy
 from common.scenes import Scene, load_scene
 from services.planner.handlers import SceneMaps
 
@@ -29,6 +30,11 @@ class FlatMaps:
     def __init__(self, occupancy: OccupancyMap) -> None:
         self.robot = self.human = occupancy
         self.floor = FloorMap(frame=self.robot.frame, height_m=np.zeros(self.robot.occupied.shape, np.float32))
+
+    @cached_property
+    def sight(self) -> SightMap:
+        """Occupied cells hide people."""
+        return sight_of_occupancy(self.robot)
 
 
 def open_maps(scene: str) -> tuple[SceneMaps, Scene | None]:

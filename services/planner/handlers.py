@@ -8,7 +8,7 @@ from typing import Protocol
 from common.avatars import Avatar, FootprintModel
 from common.episode import EpisodeConfig, EpisodeSimulation, Purpose, episode_rng
 from common.errors import AvatarError
-from common.maps import FloorMap, OccupancyMap, sight_of_occupancy
+from common.maps import FloorMap, OccupancyMap, SightMap
 from common.messages import (
     EpisodeMotions,
     HumanPlanReply,
@@ -56,6 +56,11 @@ class SceneMaps(Protocol):
         """Height of the floor."""
         ...
 
+    @property
+    def sight(self) -> SightMap:
+        """What hides people from a camera; dear to make, so only asked for where it is needed."""
+        ...
+
 
 class Planner:
     """Plans episodes in one scene; what does not depend on the episode is computed once. Not thread-safe."""
@@ -96,13 +101,13 @@ class Planner:
             episode_config,
             human_config,
             expert_config.cell_margin_m,
-            find_sight=lambda: getattr(maps, "sight", None) or sight_of_occupancy(maps.robot),
+            find_sight=lambda: maps.sight,
         )
         self.script = None
         if scenarios is not None:
             places = ScriptMaps(robot_map=maps.robot, human_map=maps.human, paths=self.sampler.site.paths)
             self.script = Script(scenarios, places, robot, episode_config, human_config, self.avatar_names)
-        sight = getattr(maps, "sight", None) if expert_config.needs_line_of_sight else None
+        sight = maps.sight if expert_config.needs_line_of_sight else None
         self.ground = ExpertGround(maps.robot, maps.human, sight, robot, episode_config, expert_config)
         self._search = expert_search(self.ground)
         self._avatars = dict(avatars)

@@ -8,7 +8,7 @@ import pytest
 from common.avatars import SMPL_PARENTS, Avatar
 from common.episode import EpisodeConfig
 from common.gaussians import GaussianCloud
-from common.maps import FloorMap, GridFrame, OccupancyMap
+from common.maps import FloorMap, GridFrame, OccupancyMap, sight_of_occupancy
 from common.messages import EpisodeKey, EpisodeMotions, HumanMotion, Motion, Split
 from common.robot import RobotConfig
 from services.planner import ExpertConfig, HumanPlannerConfig, Planner
@@ -21,6 +21,10 @@ class Maps:
     robot: OccupancyMap
     human: OccupancyMap
     floor: FloorMap
+
+    @property
+    def sight(self):
+        return sight_of_occupancy(self.robot)
 
 
 def rooms():
