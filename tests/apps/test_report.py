@@ -14,6 +14,7 @@ from apps.demo.report import report_html, write_report
 from apps.demo.report_content import Command, LossCurve, ReportContent, RunNumbers, Score, StripImage
 from common.drawing.plan_view import GOAL, ROBOT, DrawnEpisode, draw_episodes, map_view, resized
 from common.episode.metrics import EpisodeResult, summarize
+from common.errors import ReadygoError
 from common.maps import GridFrame, OccupancyMap
 from common.messages.plan import Outcome
 from common.scenes.top_view import TopView
@@ -142,7 +143,7 @@ def test_report_appears_complete_or_not_at_all(tmp_path: Path, monkeypatch: pyte
     before = out.read_text(encoding="utf-8")
     assert before.endswith("</html>\n")
     monkeypatch.setattr(Path, "replace", lambda self, target: (_ for _ in ()).throw(OSError("disk full")))
-    with pytest.raises(OSError, match="disk full"):
+    with pytest.raises(ReadygoError, match=r"report.html cannot be written: disk full"):
         write_report(out, content)
     assert [path.name for path in out.parent.iterdir()] == ["report.html"]
     assert out.read_text(encoding="utf-8") == before

@@ -174,7 +174,7 @@ def test_pickled_object_is_never_loaded(plain_file: Path) -> None:
 
 def test_failed_save_leaves_nothing(tmp_path: Path) -> None:
     (tmp_path / "a.npz").mkdir()
-    with pytest.raises(OSError, match=r"a\.npz"):
+    with pytest.raises(AvatarError, match=r"a\.npz cannot be written"):
         save_avatar(make_avatar(), tmp_path / "a.npz")
     assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]
 

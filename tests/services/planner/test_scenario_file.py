@@ -50,9 +50,10 @@ def test_an_exported_file_gives_the_same_episodes_again_bit_by_bit(planner, tmp_
 def test_a_file_is_written_whole_or_not_at_all(planner, tmp_path):
     with pytest.raises(ConfigError, match="no scenario"):
         save_scenarios(tmp_path / "none.toml", [])
+    (tmp_path / "file").touch()
     with pytest.raises(ConfigError, match="cannot be written"):
-        save_scenarios(tmp_path / "missing" / "a.toml", [handle_human_plan(planner, _request()).scenario])
-    assert list(tmp_path.iterdir()) == []
+        save_scenarios(tmp_path / "file" / "a.toml", [handle_human_plan(planner, _request()).scenario])
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
 def _request():
