@@ -196,11 +196,8 @@ class RunFolder:
         Raises:
             RunError: If the folder cannot be written.
         """
-        try:
-            write_whole(self.state / "spec.msgpack", encode(spec))
-            write_whole(self.state / "wanted", str(wanted).encode())
-        except OSError as error:
-            raise RunError(f"{self.path} cannot be written: {error.strerror}.") from error
+        write_whole(self.state / "spec.msgpack", encode(spec), raises=RunError)
+        write_whole(self.state / "wanted", str(wanted), raises=RunError)
 
     def load(self) -> tuple[RunSpec, int]:
         """The run's spec and the number of wanted episodes."""
