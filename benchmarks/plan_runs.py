@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from itertools import count
+from itertools import count, product
 from pathlib import Path
 from typing import TypeVar
 
@@ -18,9 +18,10 @@ from numba.core.event import install_recorder
 
 from benchmarks.plan_maps import MapSource, open_maps
 from common.avatars import load_avatars
-from common.drawing.files import write_png
+from common.drawing.files import png_bytes
 from common.episode import EpisodeConfig, EpisodeResult, shortest_way_m
 from common.errors import SceneError
+from common.files import write_whole
 from common.maps import clearance_m
 from common.messages import (
     AnimateRequest,
@@ -99,6 +100,8 @@ class Draw:
     motion_ms: float = 0.0
     runs: dict[tuple[str, str], Run] = field(default_factory=dict)
     """By task and mode."""
+    pictures: dict[str, bytes] = field(default_factory=dict)
+    """Failures as PNG, by their path in the folder of pictures; empty where they are not wanted or written already."""
 
 
 class Course:
@@ -120,10 +123,10 @@ class Course:
         self.animator = Animator(avatars, self.maps.floor, AnimatorConfig())
         self._clearance_m = clearance_m(self.maps.robot)
         for index in range(REJECTED_MAX):
-            if not self.draw(index, pictures=None).rejected:
+            if not self.draw(index, pictured=False).rejected:
                 return
 
-    def draw(self, index: int, *, pictures: Path | None) -> Draw:
+    def draw(self, index: int, *, pictured: bool) -> Draw:
         """Draw an index and let every expert drive through it; an index counts if its dynamic scenario does."""
         key = EpisodeKey(seed=self.job.seed, split=Split.TEST, index=index)
         # Whether a scenario exists must not depend on the modes asked for.
@@ -138,25 +141,26 @@ class Course:
         still = handle_human_plan(planner, HumanPlanRequest(episode=key, static=True)).scenario
         assert still is not None
         episodes = {"dynamic": (plan.scenario, animated.motions), "static": (still, EpisodeMotions(humans=()))}
-        runs = {
-            (task, mode): self._drive(mode, *episodes[task], pictures and pictures / f"{self.job.source.name}_{task}")
-            for task in self.job.tasks
-            for mode in self.job.modes
-        }
-        return Draw(index=index, scenario_ms=scenario_ms, motion_ms=motion_ms, runs=runs)
+        draw = Draw(index=index, scenario_ms=scenario_ms, motion_ms=motion_ms)
+        for task, mode in product(self.job.tasks, self.job.modes):
+            scenario, motions = episodes[task]
+            trajectory, run = self._drive(mode, scenario, motions)
+            draw.runs[task, mode] = run
+            if pictured and run.failure:
+                kind = run.failure.replace(", ", "_").replace(" ", "-")
+                picture = draw_episode(self.maps.robot, scenario, trajectory, motions=motions)
+                name = f"{self.job.source.name}_{task}/{mode}/{kind}/{key.episode_id}.png"
+                draw.pictures[name] = png_bytes(picture)
+        return draw
 
-    def _drive(self, mode: str, scenario: Scenario, motions: EpisodeMotions, pictures: Path | None) -> Run:
+    def _drive(self, mode: str, scenario: Scenario, motions: EpisodeMotions) -> tuple[RobotTrajectory, Run]:
         request = RobotPlanRequest(scenario=scenario, motions=motions)
         reply, expert_ms = timed(lambda: handle_robot_plan(self.planners[mode], request))
         run = reply.trajectory
         assert run is not None
         failure = self._failure(run, motions)
-        if failure and pictures is not None:
-            folder = pictures / mode / failure.replace(", ", "_").replace(" ", "-")
-            picture = draw_episode(self.maps.robot, scenario, run, motions=motions)
-            write_png(folder / f"{scenario.episode.episode_id}.png", picture)
         free = self._free_steps(run)
-        return Run(
+        return run, Run(
             result=EpisodeResult.from_trajectory(run, self._shortest_m(scenario)),
             failure=failure,
             closest_m=float(run.human_distance_m.min()),
@@ -231,7 +235,7 @@ def draw_index(job: Job, index: int) -> Draw:
     if _course is None or _course.job != job:
         _course = None  # Memory of the former map goes first.
         _course = Course(job)
-    return _course.draw(index, pictures=job.pictures)
+    return _course.draw(index, pictured=job.pictures is not None)
 
 
 Submit = Callable[[Job, int], "Future[Draw]"]
@@ -290,6 +294,11 @@ def draws(job: Job, episodes: int, submit: Submit, ahead: int) -> Iterator[Draw]
                 f"Map {job.source.name} has no room for episodes: {REJECTED_MAX} draws in a row were rejected, "
                 f"the last one with {draw.rejected!r}."
             )
+        # Only what counts has pictures: indices beyond are drawn ahead for speed.
+        if job.pictures is not None:
+            for name, png in draw.pictures.items():
+                write_whole(job.pictures / name, png)
+            draw.pictures.clear()
         yield draw
     for future in pending:
         future.cancel()

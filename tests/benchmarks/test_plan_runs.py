@@ -1,5 +1,6 @@
 import threading
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
 
 import numba
 import numpy as np
@@ -28,6 +29,16 @@ def test_draws_end_with_the_last_accepted_one_however_many_run_at_a_time(ahead):
     found = list(draws(JOB, 4, every_third_rejected, ahead))
     assert [draw.index for draw in found] == [0, 1, 2, 3, 4, 5]
     assert [bool(draw.rejected) for draw in found] == [True, False, False, True, False, False]
+
+
+@pytest.mark.parametrize("ahead", [1, 5])
+def test_pictures_are_those_of_the_draws_that_count(tmp_path, ahead):
+    def drawn(job, index):
+        return done(Draw(index=index, pictures={f"map/{index}.png": b"png"}))
+
+    found = list(draws(replace(JOB, pictures=tmp_path), 3, drawn, ahead))
+    assert sorted(path.name for path in (tmp_path / "map").iterdir()) == ["0.png", "1.png", "2.png"]
+    assert all(not draw.pictures for draw in found)
 
 
 def test_draws_come_in_order_when_later_ones_are_ready_first():
