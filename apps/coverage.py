@@ -37,7 +37,7 @@ def coverage(data: Path, /, *, out: Path, scene: str = "", json: bool = False) -
     heat = heat_map(measured.visits, facts.occupancy)
     html = coverage_page(measured, facts, heat)
     write_png(out / MAP_FILE, heat)
-    write_whole(out / NUMBERS_FILE, (json_module.dumps(numbers, indent=2) + "\n").encode())
+    write_whole(out / NUMBERS_FILE, json_module.dumps(numbers, indent=2) + "\n")
     write_whole(out / PAGE_FILE, html)
     if json:
         sys.stdout.write(json_module.dumps(numbers) + "\n")

@@ -106,6 +106,5 @@ def _fetched_scene(bus: Bus, spec: RunSpec) -> Path:
         if folder.resolve() not in path.resolve().parents:
             raise RunError(f"The run names a scene file outside of its bundle: {file.path!r}.")
         if not path.exists() or path.stat().st_size != file.size:
-            path.parent.mkdir(parents=True, exist_ok=True)
             write_whole(path, fetch_blob(bus, file.sha256))
     return folder

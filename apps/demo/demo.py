@@ -171,7 +171,7 @@ def _write_pictures(
         provenance={key: str(world.spec.metadata[key]) for key in ("readygo_version", "commit", "numeric_class")},
     )
     write_report(out / "report.html", content)
-    write_whole(out / "run.json", (json.dumps(run, indent=2) + "\n").encode())
+    write_whole(out / "run.json", json.dumps(run, indent=2) + "\n")
 
 
 class _Scenarios:

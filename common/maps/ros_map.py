@@ -107,7 +107,7 @@ def save_ros_map(
         "occupied_thresh: 0.65",
         "free_thresh: 0.196",
     ]
-    write_whole(path, ("\n".join(lines) + "\n").encode(), raises=SceneError)
+    write_whole(path, "\n".join(lines) + "\n", raises=SceneError)
 
 
 def _encoded(pixels: npt.NDArray[np.uint8], suffix: str) -> bytes:

@@ -94,7 +94,6 @@ def summary_mapping(summaries: dict[tuple[Task, Method], TaskSummary]) -> dict[s
 
 def write_results(folder: Path, records: Sequence[EpisodeRecord], summary: dict[str, Any]) -> None:
     """Write `episodes.jsonl` and `summary.json`, each in one piece."""
-    folder.mkdir(parents=True, exist_ok=True)
     lines = [json.dumps(record.to_mapping()) for record in records]
     write_whole(folder / RECORDS_FILE, "\n".join(lines) + "\n")
     write_whole(folder / SUMMARY_FILE, json.dumps(summary, indent=2) + "\n")

@@ -58,6 +58,7 @@ class ExpertConfig:
     buffer_m: float = 0.25
     """Added to the human's radius along the prediction, and around the avatar's Gaussians [m]."""
     replan_period_s: float = 0.5
+    """Time after which a path is planned anew in mode "paper" [s]."""
     keep_ratio: float = 1.25
     """The old plan stays if it is free and costs at most this many times as much as the new one."""
     replan_distance_m: float = 1.5

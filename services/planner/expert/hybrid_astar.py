@@ -16,6 +16,7 @@ from common.episode.grid_search import FREE, UNITS_PER_CELL, UNREACHED
 from common.maps import GridFrame
 from common.robot import RobotConfig
 from services.planner.expert.config import ExpertConfig
+from services.planner.expert.search_memory import Memory, SearchMemory, Table, pop, push, slot_of
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
@@ -81,15 +82,7 @@ class HybridAStar:
     def __init__(self, robot: RobotConfig, config: ExpertConfig) -> None:
         self._config = config
         self._primitives = make_primitives(robot, config)
-        capacity = config.expansions_max * 4 + 16
-        self._nodes = np.empty((capacity, 4))
-        self._links = np.empty((capacity, 2), np.int32)
-        self._table_key = np.empty(_TABLE_SIZE, np.int64)
-        self._table_node = np.empty(_TABLE_SIZE, np.int32)
-        self._table_stamp = np.zeros(_TABLE_SIZE, np.int32)
-        self._heap_cost = np.empty(capacity)
-        self._heap_node = np.empty(capacity, np.int32)
-        self._stamp = 0
+        self._memory = SearchMemory(config.expansions_max * 4 + 16, 2, _TABLE_SIZE)
         self._points = np.empty((4096, 4))
         self.expansion_count = 0
         """Expansions of the latest search."""
@@ -119,7 +112,6 @@ class HybridAStar:
         """
         primitives, config = self._primitives, self._config
         ox, oy = frame.origin_x_m, frame.origin_y_m
-        self._stamp += 1
         last, self.expansion_count = _search(
             factor,
             heuristic,
@@ -131,16 +123,16 @@ class HybridAStar:
             config.heuristic_weight,
             config.heading_count,
             config.expansions_max,
-            self._stamp,
-            (self._nodes, self._links, self._heap_cost, self._heap_node),
-            (self._table_key, self._table_node, self._table_stamp),
+            self._memory.next_stamp(),
+            self._memory.memory,
+            self._memory.table,
         )
         if last < 0:
             return None
         count = _trace(
             last,
-            self._nodes,
-            self._links,
+            self._memory.nodes,
+            self._memory.links,
             primitives.offsets,
             primitives.sample_counts,
             primitives.speeds_mps,
@@ -153,54 +145,9 @@ class HybridAStar:
         return Plan(
             xyyaw=xyyaw,
             speed_mps=rows[:, 3].copy(),
-            cost=float(self._nodes[last, 3]),
+            cost=float(self._memory.nodes[last, 3]),
             expansion_count=self.expansion_count,
         )
-
-
-@njit(cache=True)
-def push(costs: Float64Array, nodes: Int32Array, count: int, cost: float, node: int) -> int:
-    """Put an entry into a heap of `count` entries; returns their new number."""
-    k = count
-    while k > 0:
-        parent = (k - 1) >> 1
-        if costs[parent] <= cost:
-            break
-        costs[k], nodes[k] = costs[parent], nodes[parent]
-        k = parent
-    costs[k], nodes[k] = cost, node
-    return count + 1
-
-
-@njit(cache=True)
-def pop(costs: Float64Array, nodes: Int32Array, count: int) -> int:
-    """Remove the cheapest entry, which the caller has read from the top."""
-    count -= 1
-    cost, node = costs[count], nodes[count]
-    k = 0
-    while True:
-        child = 2 * k + 1
-        if child >= count:
-            break
-        if child + 1 < count and costs[child + 1] < costs[child]:
-            child += 1
-        if costs[child] >= cost:
-            break
-        costs[k], nodes[k] = costs[child], nodes[child]
-        k = child
-    costs[k], nodes[k] = cost, node
-    return count
-
-
-@njit(cache=True)
-def slot_of(key: int, stamp: int, table_key: npt.NDArray[np.int64], table_stamp: Int32Array) -> int:
-    """Table slot of a key: where it is, or where it would be put (open addressing, Fibonacci hashing)."""
-    mask = len(table_key) - 1
-    mixed = key * -7046029254386353131
-    slot = (mixed ^ (mixed >> 29)) & mask
-    while table_stamp[slot] == stamp and table_key[slot] != key:
-        slot = (slot + 1) & mask
-    return slot
 
 
 @njit(cache=True)
@@ -235,8 +182,8 @@ def _search(
     heading_count: int,
     expansions_max: int,
     stamp: int,
-    memory: tuple[Float64Array, Int32Array, Float64Array, Int32Array],
-    table: tuple[npt.NDArray[np.int64], Int32Array, Int32Array],
+    memory: Memory,
+    table: Table,
 ) -> tuple[int, int]:
     """Last node (x, y, yaw, cost in `nodes`; parent, primitive in `links`) or -1, and the number of expansions."""
     offsets, sample_counts, costs = primitives

@@ -17,9 +17,9 @@ from common.robot import RobotConfig
 from common.robot.kinematics import DT_S
 from services.planner.expert.config import ExpertConfig
 from services.planner.expert.delay import LAYER_STEPS, People, fill_delays
-from services.planner.expert.hybrid_astar import pop, push, slot_of
 from services.planner.expert.primitive_cost import check_reaches, find_near, human_cost, wall_cost
 from services.planner.expert.rollouts import Ground, State
+from services.planner.expert.search_memory import Memory, SearchMemory, Table, pop, push, slot_of
 from services.planner.expert.timed_primitives import make_timed_primitives
 
 Float64Array = npt.NDArray[np.float64]
@@ -41,8 +41,6 @@ class TimedPlan:
     """x [m], y [m], yaw [rad], v [m/s], w [rad/s] after 0, 1, 2, ... steps, shape (N, 5)."""
     cost: float
     """Cost of the rows, in metres at full speed, and of the way that is left after them."""
-    complete: bool
-    """True if the plan ends at the goal or lasts as long as humans are predicted; else it is the longest there is."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -87,20 +85,12 @@ class SpaceTimeSearch:
         self._speed_mps, self._radius_m = robot.v_max_mps, robot.radius_m + config.tracking_margin_m
         # What a turn in place costs by its time; the way to the goal knows nothing of headings.
         self._turn_cost = 0.5 * robot.v_max_mps / robot.w_max_radps
-        capacity = config.timed_expansions_max * 16 + 64
-        self._nodes = np.empty((capacity, 4))
-        self._links = np.empty((capacity, 4), np.int32)
-        self._table_key = np.empty(_TABLE_SIZE, np.int64)
-        self._table_node = np.empty(_TABLE_SIZE, np.int32)
-        self._table_stamp = np.zeros(_TABLE_SIZE, np.int32)
-        self._heap_cost = np.empty(capacity)
-        self._heap_node = np.empty(capacity, np.int32)
+        self._memory = SearchMemory(config.timed_expansions_max * 16 + 64, 4, _TABLE_SIZE)
         horizon_s = config.oracle_prediction_s if config.oracle else config.timed_prediction_s
         self._depth_max = round(horizon_s / config.primitive_s)
         layers = self._depth_max * self._primitives.steps // LAYER_STEPS + 1
         self._delays = np.zeros((layers, 2 * layers + 3, 2 * layers + 3))
         self._static = np.empty(self._delays.shape[1:])
-        self._stamp = 0
         self.expansion_count = 0
         """Expansions of the latest search."""
 
@@ -128,7 +118,6 @@ class SpaceTimeSearch:
         """
         config, primitives = self._config, self._primitives
         occupied, clearance, ox, oy, resolution = ground
-        self._stamp += 1
         primitives.fill_root(state[3], state[4])
         start = (state[0] - ox, state[1] - oy, state[2])
         people = humans.seen_from(ox, oy)
@@ -158,22 +147,19 @@ class SpaceTimeSearch:
             people,
             (self._delays, cell, config.timed_heuristic_weight, self._radius_m, self._turn_cost),
             (config.timed_heading_count, config.timed_expansions_max, self._depth_max),
-            self._stamp,
-            (self._nodes, self._links, self._heap_cost, self._heap_node),
-            (self._table_key, self._table_node, self._table_stamp),
+            self._memory.next_stamp(),
+            self._memory.memory,
+            self._memory.table,
         )
         if found <= 0:
             return None
-        depth = int(self._links[found, 2])
+        depth = int(self._memory.links[found, 2])
         rows = np.empty((depth * primitives.steps + 1, 5))
         rows[0] = state
-        _trace(found, self._nodes, self._links, primitives.rows, (ox, oy), rows)
-        x, y = float(self._nodes[found, 0]), float(self._nodes[found, 1])
+        _trace(found, self._memory.nodes, self._memory.links, primitives.rows, (ox, oy), rows)
+        x, y = float(self._memory.nodes[found, 0]), float(self._memory.nodes[found, 1])
         left = float(heuristic[int(y / resolution), int(x / resolution)]) * resolution / UNITS_PER_CELL
-        arrived = math.hypot(x + ox - goal_xy_m[0], y + oy - goal_xy_m[1]) < self._goal_tolerance_m
-        return TimedPlan(
-            rows=rows, cost=float(self._nodes[found, 3]) + left, complete=arrived or depth >= self._depth_max
-        )
+        return TimedPlan(rows=rows, cost=float(self._memory.nodes[found, 3]) + left)
 
 
 @njit(cache=True)
@@ -244,8 +230,8 @@ def _search(
     guide: tuple[Float64Array, float, float, float, float],
     limits: tuple[int, int, int],
     stamp: int,
-    memory: tuple[Float64Array, Int32Array, Float64Array, Int32Array],
-    table: tuple[npt.NDArray[np.int64], Int32Array, Int32Array],
+    memory: Memory,
+    table: Table,
 ) -> tuple[int, int]:
     """Last node of the plan or -1, and the number of expansions.
 
