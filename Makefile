@@ -25,7 +25,7 @@ check: setup  ## Style, types and import rules
 	$(BIN)/python tests/large_files.py
 
 bench: setup  ## Measure rendering, motion, planning and data on this machine
-	$(BIN)/python -m benchmarks
+	$(BIN)/python -m readygo.benchmarks
 
 golden: setup  ## Rewrite the golden files of the tests
 	$(BIN)/pytest --update-golden

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from apps.compiled import use_own_kernels
+from readygo.apps.compiled import use_own_kernels
 
 # One numba and BLAS thread per process: the fleet is parallel by processes. Set before NumPy is imported.
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
@@ -16,31 +16,52 @@ USER_MISTAKE = 2
 INTERRUPTED = 130
 
 COMMANDS: Mapping[str, tuple[str, str]] = {
-    "demo": ("apps.demo.demo:demo", "run the whole job on the embedded scene and write a report"),
-    "scene import": ("apps.scene:scene_import", "make a scene bundle of a Gaussian file"),
-    "scene inspect": ("apps.scene:scene_inspect", "measure a scene bundle and draw it from above"),
-    "avatar list": ("apps.avatar:avatar_list", "list the people that can walk through scenes"),
-    "avatar import": ("apps.avatar_import:avatar_import", "make an avatar of a HUGS, SMPL, glTF or Gaussian file"),
-    "avatar preview": ("apps.avatar:avatar_preview", "draw a person from all sides, or film them walking"),
-    "plan": ("apps.plan:plan", "plan one episode again and explain it in numbers, a picture or a film"),
-    "generate": ("apps.generate:generate", "record episodes of an expert among walking people"),
-    "validate": ("apps.data:validate", "read a dataset again and report every defect"),
-    "inspect": ("apps.data:inspect", "say what a dataset holds"),
-    "coverage": ("apps.coverage:coverage", "show what a dataset covers, and what it does not, on one page"),
-    "train": ("apps.train:train", "learn a policy from recorded episodes"),
-    "evaluate": ("apps.evaluate:evaluate", "measure success rates in closed loop"),
-    "worker": ("apps.worker:worker", "join a fleet as one worker"),
-    "bench render": ("benchmarks.render:bench_render", "measure images per second, beside the bound and a peer"),
-    "bench motion": ("benchmarks.motion:bench_motion", "measure how human the gait is, against its gates"),
-    "bench plan": ("benchmarks.plan:bench_plan", "measure success, times and smoothness of the robot experts"),
-    "warm": ("apps.warm:warm", "compile all kernels once"),
+    "demo": ("readygo.apps.demo.demo:demo", "run the whole job on the embedded scene and write a report"),
+    "scene import": ("readygo.apps.commands.scene:scene_import", "make a scene bundle of a Gaussian file"),
+    "scene inspect": ("readygo.apps.commands.scene:scene_inspect", "measure a scene bundle and draw it from above"),
+    "avatar list": ("readygo.apps.commands.avatar:avatar_list", "list the people that can walk through scenes"),
+    "avatar import": (
+        "readygo.apps.commands.avatar_import:avatar_import",
+        "make an avatar of a HUGS, SMPL, glTF or Gaussian file",
+    ),
+    "avatar preview": (
+        "readygo.apps.commands.avatar:avatar_preview",
+        "draw a person from all sides, or film them walking",
+    ),
+    "plan": (
+        "readygo.apps.commands.plan:plan",
+        "plan one episode again and explain it in numbers, a picture or a film",
+    ),
+    "generate": ("readygo.apps.commands.generate:generate", "record episodes of an expert among walking people"),
+    "validate": ("readygo.apps.commands.data:validate", "read a dataset again and report every defect"),
+    "inspect": ("readygo.apps.commands.data:inspect", "say what a dataset holds"),
+    "coverage": (
+        "readygo.apps.commands.coverage:coverage",
+        "show what a dataset covers, and what it does not, on one page",
+    ),
+    "train": ("readygo.apps.commands.train:train", "learn a policy from recorded episodes"),
+    "evaluate": ("readygo.apps.commands.evaluate:evaluate", "measure success rates in closed loop"),
+    "worker": ("readygo.apps.fleet.worker:worker", "join a fleet as one worker"),
+    "bench render": (
+        "readygo.benchmarks.rasterizer.render:bench_render",
+        "measure images per second, beside the bound and a peer",
+    ),
+    "bench motion": (
+        "readygo.benchmarks.motion.gates:bench_motion",
+        "measure how human the gait is, against its gates",
+    ),
+    "bench plan": (
+        "readygo.benchmarks.planning.plan:bench_plan",
+        "measure success, times and smoothness of the robot experts",
+    ),
+    "warm": ("readygo.apps.commands.warm:warm", "compile all kernels once"),
 }
 """Command -> (where its function is, what it does)."""
 
 
 def main() -> None:
     """Run a command; a user's mistake prints one line and exits with 2, Ctrl-C exits with 130."""
-    from common.errors import ReadygoError
+    from readygo.common.errors import ReadygoError
 
     try:
         use_own_kernels()

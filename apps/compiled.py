@@ -11,10 +11,10 @@ import re
 import shutil
 from pathlib import Path
 
-from apps.paths import cache_folder
+from readygo.apps.paths import cache_folder
 
 _WORDS = (b"njit", b"kernel", b"intrinsic")
-_IMPORT = re.compile(rb"^from ((?:common|services)[.\w]*) import", re.MULTILINE)
+_IMPORT = re.compile(rb"^from readygo\.((?:common|services)[.\w]*) import", re.MULTILINE)
 _KEPT = 4
 """States whose kernels are kept, the latest ones."""
 

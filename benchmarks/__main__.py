@@ -1,4 +1,4 @@
-"""`python -m benchmarks`: every benchmark that needs no files, one after the other, on the embedded scene."""
+"""`python -m readygo.benchmarks`: every benchmark that needs no files, one after the other, on the embedded scene."""
 
 import subprocess
 import sys
@@ -6,14 +6,14 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 COMMANDS = (
-    ["-m", "apps", "bench", "render"],
-    ["benchmarks/backward.py"],
-    ["benchmarks/gpu.py"],
-    ["-m", "apps", "bench", "motion"],
-    ["benchmarks/smpl_fit.py"],
-    ["benchmarks/dataset.py"],
-    ["benchmarks/policy.py", "cost"],
-    ["-m", "apps", "bench", "plan", "--episodes", "50"],
+    ["-m", "readygo", "bench", "render"],
+    ["-m", "readygo.benchmarks.rasterizer.backward"],
+    ["-m", "readygo.benchmarks.rasterizer.gpu"],
+    ["-m", "readygo", "bench", "motion"],
+    ["-m", "readygo.benchmarks.motion.smpl_fit"],
+    ["-m", "readygo.benchmarks.recording.dataset"],
+    ["-m", "readygo.benchmarks.policy.policy", "cost"],
+    ["-m", "readygo", "bench", "plan", "--episodes", "50"],
 )
 
 

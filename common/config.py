@@ -6,7 +6,7 @@ import typing
 from collections.abc import Mapping
 from typing import Any, TypeVar
 
-from common.errors import ConfigError
+from readygo.common.errors import ConfigError
 
 Section = TypeVar("Section")
 

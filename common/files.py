@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from common.errors import ReadygoError
+from readygo.common.errors import ReadygoError
 
 
 @contextmanager

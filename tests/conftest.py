@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from apps.compiled import use_own_kernels
+from readygo.apps.compiled import use_own_kernels
 
 use_own_kernels()
 

@@ -11,28 +11,35 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from apps.demo.report import write_report
-from apps.demo.report_content import Command, LossCurve, ReportContent, RunNumbers, Score, StripImage
-from apps.episode_film import EpisodeFilm, film_frames
-from apps.evaluate import make_evaluator, summarize
-from apps.generate import make_spec, record
-from apps.run import RunConfig
-from apps.scene_argument import open_scene
-from apps.train import make_config, run_training
-from apps.warm import warm_all
-from apps.world import World
-from common.dataset import Dataset, EpisodeEntry, validate
-from common.drawing.film import write_animation, write_film
-from common.drawing.plan_view import DrawnEpisode
-from common.errors import DatasetError, RunError
-from common.files import write_whole
-from common.frames import wrap_angle
-from common.messages import AnimateRequest, HumanPlanRequest, Scenario, Split
-from common.policy import load_policy
-from common.scenes.top_view import top_view
-from services.animator import handle_animate
-from services.evaluator import EvaluateReply, EvaluateRequest, Method, handle_evaluate, summary_table, write_results
-from services.planner import handle_human_plan
+from readygo.apps.commands.evaluate import make_evaluator, summarize
+from readygo.apps.commands.generate import make_spec, record
+from readygo.apps.commands.scene_argument import open_scene
+from readygo.apps.commands.train import make_config, run_training
+from readygo.apps.commands.warm import warm_all
+from readygo.apps.demo.report import write_report
+from readygo.apps.demo.report_content import Command, LossCurve, ReportContent, RunNumbers, Score, StripImage
+from readygo.apps.pictures.episode_film import EpisodeFilm, film_frames
+from readygo.apps.run.config import RunConfig
+from readygo.apps.run.world import World
+from readygo.common.dataset import Dataset, EpisodeEntry, validate
+from readygo.common.drawing.film import write_animation, write_film
+from readygo.common.drawing.plan_view import DrawnEpisode
+from readygo.common.errors import DatasetError, RunError
+from readygo.common.files import write_whole
+from readygo.common.frames import wrap_angle
+from readygo.common.messages import AnimateRequest, HumanPlanRequest, Scenario, Split
+from readygo.common.policy import load_policy
+from readygo.common.scenes.top_view import top_view
+from readygo.services.animator import handle_animate
+from readygo.services.evaluator import (
+    EvaluateReply,
+    EvaluateRequest,
+    Method,
+    handle_evaluate,
+    summary_table,
+    write_results,
+)
+from readygo.services.planner import handle_human_plan
 
 MARKER = ".readygo-demo"
 """File that says that a folder is a demo's, and may be replaced."""

@@ -4,12 +4,12 @@ from collections.abc import Callable, Sequence
 from html import escape
 from pathlib import Path
 
-from apps.charts import loss_chart, rate_bar, share_bar
-from apps.demo.report_content import Command, ReportContent, RunNumbers, Score
-from apps.page import figure, jpeg_source, page, percent, png_source, table, webp_source
-from common.drawing.files import Picture
-from common.drawing.plan_view import draw_episodes, draw_scale_bar, faded, map_view, resized
-from common.files import write_whole
+from readygo.apps.demo.report_content import Command, ReportContent, RunNumbers, Score
+from readygo.apps.pages.charts import loss_chart, rate_bar, share_bar
+from readygo.apps.pages.page import figure, jpeg_source, page, percent, png_source, table, webp_source
+from readygo.common.drawing.files import Picture
+from readygo.common.drawing.plan_view import draw_episodes, draw_scale_bar, faded, map_view, resized
+from readygo.common.files import write_whole
 
 _PLAN_HEIGHT_PX = 760
 

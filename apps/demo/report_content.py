@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from common.drawing.plan_view import DrawnEpisode
-from common.episode.metrics import TaskSummary
-from common.maps import OccupancyMap
-from common.scenes.top_view import TopView
+from readygo.common.drawing.plan_view import DrawnEpisode
+from readygo.common.episode.metrics import TaskSummary
+from readygo.common.maps import OccupancyMap
+from readygo.common.scenes.top_view import TopView
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -92,7 +92,7 @@ class ReportContent:
     """Consecutive images of the robot's camera, best with a person who walks by."""
     strip_note: str = ""
     animation: Path | None = None
-    """An animated WebP of one episode, embedded into the report (see `common.drawing.film.write_animation`)."""
+    """An animated WebP of one episode, embedded into the report (see `readygo.common.drawing.film.write_animation`)."""
     video: Path | None = None
     """The same episode as MP4, beside the report; only its name is shown."""
     losses: tuple[LossCurve, ...] = ()

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from common.gaussians import GaussianCloud
-from common.messages.checks import check_array
+from readygo.common.gaussians import GaussianCloud
+from readygo.common.messages.checks import check_array
 
 SMPL_PARENTS = np.array(
     [-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21], dtype=np.int32

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from common.avatars.avatar import SMPL_PARENTS, Avatar
-from common.errors import AvatarError
-from common.files import unfinished
-from common.gaussians import GaussianCloud
+from readygo.common.avatars.avatar import SMPL_PARENTS, Avatar
+from readygo.common.errors import AvatarError
+from readygo.common.files import unfinished
+from readygo.common.gaussians import GaussianCloud
 
 FORMAT = "readygo-avatar/1"
 EMBEDDED_FOLDER = Path(__file__).parent / "data"

@@ -7,10 +7,10 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from common.avatars.avatar import Avatar
-from common.avatars.kinematics import fill_joint_transforms, posed_point
-from common.messages.checks import check_array
-from common.messages.motion import Motion
+from readygo.common.avatars.avatar import Avatar
+from readygo.common.avatars.kinematics import fill_joint_transforms, posed_point
+from readygo.common.messages.checks import check_array
+from readygo.common.messages.motion import Motion
 
 Float64Array = npt.NDArray[np.float64]
 

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from common.avatars.avatar import SMPL_PARENTS, Avatar
-from common.messages.motion import Motion
+from readygo.common.avatars.avatar import SMPL_PARENTS, Avatar
+from readygo.common.messages.motion import Motion
 
 Float64Array = npt.NDArray[np.float64]
 

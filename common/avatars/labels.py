@@ -8,11 +8,11 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from common.avatars.avatar import Avatar
-from common.avatars.footprint import FootprintModel, footprint_xy
-from common.avatars.kinematics import fill_globals, fill_joint_transforms, posed_point
-from common.messages.motion import Motion
-from common.messages.samples import HumanLabels
+from readygo.common.avatars.avatar import Avatar
+from readygo.common.avatars.footprint import FootprintModel, footprint_xy
+from readygo.common.avatars.kinematics import fill_globals, fill_joint_transforms, posed_point
+from readygo.common.messages.motion import Motion
+from readygo.common.messages.samples import HumanLabels
 
 Float64Array = npt.NDArray[np.float64]
 

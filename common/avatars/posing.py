@@ -3,10 +3,10 @@
 import numpy as np
 import numpy.typing as npt
 
-from common.avatars.avatar import Avatar
-from common.avatars.kinematics import joint_transforms
-from common.frames import quat_from_matrix, quat_multiply
-from common.gaussians import GaussianCloud
+from readygo.common.avatars.avatar import Avatar
+from readygo.common.avatars.kinematics import joint_transforms
+from readygo.common.frames import quat_from_matrix, quat_multiply
+from readygo.common.gaussians import GaussianCloud
 
 Float64Array = npt.NDArray[np.float64]
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from common.errors import BusError
+from readygo.common.errors import BusError
 
 Request = TypeVar("Request")
 Reply = TypeVar("Reply")

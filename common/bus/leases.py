@@ -8,9 +8,9 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from common.bus.interface import Bus
-from common.errors import BusError, RunError
-from common.messages import (
+from readygo.common.bus.interface import Bus
+from readygo.common.errors import BusError, RunError
+from readygo.common.messages import (
     Blob,
     BlobReply,
     BlobRequest,

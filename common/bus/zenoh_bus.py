@@ -16,8 +16,8 @@ from typing import Any, TypeVar
 
 import zenoh
 
-from common.errors import BusError, ReadygoError
-from common.messages.codec import decode, encode
+from readygo.common.errors import BusError, ReadygoError
+from readygo.common.messages.codec import decode, encode
 
 Request = TypeVar("Request")
 Reply = TypeVar("Reply")
@@ -78,7 +78,7 @@ class Router:
 
 
 class ZenohBus:
-    """Serves and asks topics below `readygo/{run}/`; see `common.bus.Bus`.
+    """Serves and asks topics below `readygo/{run}/`; see `readygo.common.bus.Bus`.
 
     Handlers run on one thread of this bus, in order of arrival, never on Zenoh's own threads: those swallow exceptions
     and stall the link when they are slow.

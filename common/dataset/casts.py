@@ -5,12 +5,12 @@ from pathlib import Path
 
 from mcap.opcode import Opcode
 
-from common.dataset import schemas
-from common.dataset.chunk import parse
-from common.dataset.index import mapped
-from common.dataset.records import chunk_span, iter_messages, iter_records
-from common.errors import DatasetError
-from common.messages.episode import EpisodeKey
+from readygo.common.dataset import schemas
+from readygo.common.dataset.chunk import parse
+from readygo.common.dataset.index import mapped
+from readygo.common.dataset.records import chunk_span, iter_messages, iter_records
+from readygo.common.errors import DatasetError
+from readygo.common.messages.episode import EpisodeKey
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

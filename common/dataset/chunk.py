@@ -15,12 +15,12 @@ import numpy.typing as npt
 from google.protobuf.message import DecodeError
 from mcap.opcode import Opcode
 
-from common.dataset import schemas
-from common.dataset.poses import pose_xyzyaw
-from common.dataset.records import MESSAGE_FIELDS_SIZE, MESSAGE_HEADER, Message, field_span, iter_messages
-from common.errors import DatasetError
-from common.messages.episode import EpisodeKey
-from common.messages.samples import EpisodeHeader, Sample
+from readygo.common.dataset import schemas
+from readygo.common.dataset.poses import pose_xyzyaw
+from readygo.common.dataset.records import MESSAGE_FIELDS_SIZE, MESSAGE_HEADER, Message, field_span, iter_messages
+from readygo.common.errors import DatasetError
+from readygo.common.messages.episode import EpisodeKey
+from readygo.common.messages.samples import EpisodeHeader, Sample
 
 EPISODE_SLOT_NS = 100 * schemas.NS_PER_S
 """Longer episodes are recorded as well; they only overlap the next one on a viewer's time line."""

@@ -6,17 +6,17 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from common.dataset import schemas
-from common.dataset.chunk import parse
-from common.dataset.label_checks import wrong_labels
-from common.dataset.poses import pose_xyzyaw
-from common.dataset.reader import decode_image
-from common.dataset.records import ChunkSpan, Message, iter_messages
-from common.errors import DatasetError
-from common.messages.episode import EpisodeKey
-from common.rasterizer.image_files import FILE_FORMAT, decode_output
-from common.robot.config import RobotConfig
-from common.robot.kinematics import DT_S, RATE_HZ, step_unicycle
+from readygo.common.dataset import schemas
+from readygo.common.dataset.chunk import parse
+from readygo.common.dataset.label_checks import wrong_labels
+from readygo.common.dataset.poses import pose_xyzyaw
+from readygo.common.dataset.reader import decode_image
+from readygo.common.dataset.records import ChunkSpan, Message, iter_messages
+from readygo.common.errors import DatasetError
+from readygo.common.images.files import FILE_FORMAT, decode_output
+from readygo.common.messages.episode import EpisodeKey
+from readygo.common.robot.config import RobotConfig
+from readygo.common.robot.kinematics import DT_S, RATE_HZ, step_unicycle
 
 STEP_NS = schemas.NS_PER_S // RATE_HZ
 LIMIT_TOLERANCE = 1e-6

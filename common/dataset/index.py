@@ -24,11 +24,11 @@ from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Metadata
 
-from common.dataset.chunk import OUTPUT_DTYPE, SAMPLE_DTYPE, EpisodeChunk, read_chunk
-from common.dataset.metadata import RECORD_NAME, metadata_from_strings
-from common.dataset.records import MAGIC, RECORD_HEADER, Record, chunk_span, is_intact, iter_records
-from common.errors import DatasetError
-from common.messages.episode import EpisodeKey, Split
+from readygo.common.dataset.chunk import OUTPUT_DTYPE, SAMPLE_DTYPE, EpisodeChunk, read_chunk
+from readygo.common.dataset.metadata import RECORD_NAME, metadata_from_strings
+from readygo.common.dataset.records import MAGIC, RECORD_HEADER, Record, chunk_span, is_intact, iter_records
+from readygo.common.errors import DatasetError
+from readygo.common.messages.episode import EpisodeKey, Split
 
 INDEX_FORMAT = "readygo-index/1"
 EPISODE_DTYPE = np.dtype(

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from common.dataset.labels import boxes_of, footprints_of, joints_of
-from common.errors import DatasetError
+from readygo.common.dataset.labels import boxes_of, footprints_of, joints_of
+from readygo.common.errors import DatasetError
 
 ROOT_TOLERANCE_M = 1e-3
 """Joints are single precision, poses double."""

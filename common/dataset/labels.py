@@ -18,9 +18,9 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.duration_pb2 import Duration
 
-from common.dataset.poses import pose_of, pose_xyzyaw
-from common.errors import DatasetError
-from common.messages.samples import HumanLabels
+from readygo.common.dataset.poses import pose_of, pose_xyzyaw
+from readygo.common.errors import DatasetError
+from readygo.common.messages.samples import HumanLabels
 
 JOINT_COUNT = 24
 JOINT_DTYPE = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("human", "u1")])

@@ -9,9 +9,9 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from common.config import section_from_mapping
-from common.errors import DatasetError
-from common.robot.config import RobotConfig
+from readygo.common.config import section_from_mapping
+from readygo.common.errors import DatasetError
+from readygo.common.robot.config import RobotConfig
 
 RECORD_NAME = "readygo"
 FORMAT = "readygo-shard/1"

@@ -13,17 +13,17 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from common.dataset.chunk import parse
-from common.dataset.index import ShardIndex, load_index
-from common.dataset.labels import boxes_of, footprints_of, joints_of
-from common.dataset.metadata import robot_of
-from common.dataset.schemas import LABEL_CHANNELS, OUTPUT_CHANNELS
-from common.errors import DatasetError
-from common.messages.episode import EpisodeKey
-from common.messages.samples import DISTORTION_MODELS
-from common.rasterizer.image_files import decode_output
-from common.robot import RobotConfig
-from common.robot.kinematics import RATE_HZ
+from readygo.common.dataset.chunk import parse
+from readygo.common.dataset.index import ShardIndex, load_index
+from readygo.common.dataset.labels import boxes_of, footprints_of, joints_of
+from readygo.common.dataset.metadata import robot_of
+from readygo.common.dataset.schemas import LABEL_CHANNELS, OUTPUT_CHANNELS
+from readygo.common.errors import DatasetError
+from readygo.common.images.files import decode_output
+from readygo.common.messages.episode import EpisodeKey
+from readygo.common.messages.samples import DISTORTION_MODELS
+from readygo.common.robot import RobotConfig
+from readygo.common.robot.kinematics import RATE_HZ
 
 _CALIBRATION = ("height_px", "width_px", "K_px", "distortion_model", "distortion")
 OPEN_SHARDS_MAX = 128
@@ -39,7 +39,7 @@ class Calibration:
     K_px: npt.NDArray[np.float64]
     """Intrinsics [px] with pixel centres at +0.5, shape (3, 3)."""
     distortion_model: str
-    """One of `common.messages.samples.DISTORTION_MODELS`; "" is a pinhole camera."""
+    """One of `readygo.common.messages.samples.DISTORTION_MODELS`; "" is a pinhole camera."""
     distortion: tuple[float, ...]
     """Coefficients of the model."""
 
@@ -169,7 +169,7 @@ class Dataset:
         return image
 
     def output(self, index: int, name: str) -> bytes:
-        """The encoded image of a sample's output, see `common.rasterizer.image_files`; "rgb" is `image`.
+        """The encoded image of a sample's output, see `readygo.common.images.files`; "rgb" is `image`.
 
         Raises:
             DatasetError: If not all samples have this output.

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from mcap.opcode import Opcode
 
-from common.errors import DatasetError
+from readygo.common.errors import DatasetError
 
 MAGIC = b"\x89MCAP0\r\n"
 RECORD_HEADER = struct.Struct("<BQ")

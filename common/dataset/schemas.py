@@ -18,13 +18,13 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.timestamp_pb2 import Timestamp
 
-from common.dataset import labels
-from common.dataset.poses import pose_of
-from common.errors import DatasetError
-from common.messages.episode import EpisodeKey, Split
-from common.messages.proto.readygo_pb2 import Action, EpisodeCommit, EpisodeStart, Goal, StepTruth
-from common.messages.samples import EpisodeHeader, Sample
-from common.rasterizer.image_files import FILE_FORMAT
+from readygo.common.dataset import labels
+from readygo.common.dataset.poses import pose_of
+from readygo.common.errors import DatasetError
+from readygo.common.images.files import FILE_FORMAT
+from readygo.common.messages.episode import EpisodeKey, Split
+from readygo.common.messages.proto.readygo_pb2 import Action, EpisodeCommit, EpisodeStart, Goal, StepTruth
+from readygo.common.messages.samples import EpisodeHeader, Sample
 
 NS_PER_S = 1_000_000_000
 WORLD_FRAME = "world"

@@ -10,14 +10,22 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
 
-from common.dataset.episode_checks import EpisodeChecks, Limits
-from common.dataset.index import DATA_END_SIZE, build_index, index_path, mapped, read_index, read_metadata, tail_offset
-from common.dataset.metadata import robot_of
-from common.dataset.reader import find_shards
-from common.dataset.records import RECORD_HEADER, ChunkSpan, chunk_span, is_intact, iter_records
-from common.dataset.schemas import OPTIONAL_CHANNELS
-from common.errors import ReadygoError
-from common.messages.episode import EpisodeKey
+from readygo.common.dataset.episode_checks import EpisodeChecks, Limits
+from readygo.common.dataset.index import (
+    DATA_END_SIZE,
+    build_index,
+    index_path,
+    mapped,
+    read_index,
+    read_metadata,
+    tail_offset,
+)
+from readygo.common.dataset.metadata import robot_of
+from readygo.common.dataset.reader import find_shards
+from readygo.common.dataset.records import RECORD_HEADER, ChunkSpan, chunk_span, is_intact, iter_records
+from readygo.common.dataset.schemas import OPTIONAL_CHANNELS
+from readygo.common.errors import ReadygoError
+from readygo.common.messages.episode import EpisodeKey
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -30,12 +30,12 @@ from mcap.records import (
     SummaryOffset,
 )
 
-from common.dataset import schemas
-from common.dataset.chunk import EpisodeChunk
-from common.dataset.index import IndexRows, index_path, write_index
-from common.dataset.metadata import RECORD_NAME, metadata_to_strings
-from common.dataset.records import CHUNK_FIELDS, MAGIC, RECORD_HEADER
-from common.errors import DatasetError
+from readygo.common.dataset import schemas
+from readygo.common.dataset.chunk import EpisodeChunk
+from readygo.common.dataset.index import IndexRows, index_path, write_index
+from readygo.common.dataset.metadata import RECORD_NAME, metadata_to_strings
+from readygo.common.dataset.records import CHUNK_FIELDS, MAGIC, RECORD_HEADER
+from readygo.common.errors import DatasetError
 
 PART_SUFFIX = ".part"
 
@@ -70,7 +70,7 @@ class ShardWriter:
 
         Args:
             path: The finished shard, see `shard_name`.
-            metadata: What the shard says about its run, see `common.dataset.metadata`.
+            metadata: What the shard says about its run, see `readygo.common.dataset.metadata`.
             outputs: The images besides rgb, and the labels, that all samples of the shard have.
             fsync: False trades durability for speed.
             part_suffix: Ending of the open file's name; its existing file is overwritten.

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from common.files import write_whole
+from readygo.common.files import write_whole
 
 Picture = npt.NDArray[np.uint8]
 JPEG_QUALITY = 90

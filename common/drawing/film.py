@@ -11,10 +11,10 @@ from typing import Any
 import cv2
 import numpy as np
 
-from common.drawing.files import Picture
-from common.errors import ReadygoError
-from common.files import unfinished
-from common.robot.kinematics import DT_S, RATE_HZ
+from readygo.common.drawing.files import Picture
+from readygo.common.errors import ReadygoError
+from readygo.common.files import unfinished
+from readygo.common.robot.kinematics import DT_S, RATE_HZ
 
 # Browsers play H.264; OpenCV's own builds often lack its encoder, but all write MPEG-4 part 2.
 CODECS = ("avc1", "mp4v")

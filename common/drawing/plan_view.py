@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from common.drawing.files import Picture
-from common.maps import GridFrame, OccupancyMap
-from common.scenes.top_view import TopView
+from readygo.common.drawing.files import Picture
+from readygo.common.maps import GridFrame, OccupancyMap
+from readygo.common.scenes.top_view import TopView
 
 Rgb = tuple[int, int, int]
 

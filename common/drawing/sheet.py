@@ -5,9 +5,9 @@ from collections.abc import Callable, Sequence
 import cv2
 import numpy as np
 
-from common.drawing import plan_view
-from common.drawing.files import Picture
-from common.drawing.plan_view import WHITE, Rgb
+from readygo.common.drawing import plan_view
+from readygo.common.drawing.files import Picture
+from readygo.common.drawing.plan_view import WHITE, Rgb
 
 Swatch = Callable[[Picture, int, int], None]
 """Draws an item of the legend into a picture, around the point (x, y)."""

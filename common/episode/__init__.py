@@ -1,12 +1,12 @@
 """What an episode is, its random streams, how it is judged and how success is counted."""
 
-from common.episode.collision import meets_human, meets_obstacle
-from common.episode.config import EpisodeConfig
-from common.episode.grid_search import GridSearch, shortest_way_m
-from common.episode.metrics import EpisodeResult, TaskSummary, summarize, wilson_interval
-from common.episode.simulation import EpisodeSimulation, goal_in_robot_frame, time_to_contact_s
-from common.episode.straight_line import StraightLineController, straight_line_command
-from common.episode.streams import Purpose, episode_rng
+from readygo.common.episode.collision import meets_human, meets_obstacle
+from readygo.common.episode.config import EpisodeConfig
+from readygo.common.episode.grid_search import GridSearch, shortest_way_m
+from readygo.common.episode.metrics import EpisodeResult, TaskSummary, summarize, wilson_interval
+from readygo.common.episode.simulation import EpisodeSimulation, goal_in_robot_frame, time_to_contact_s
+from readygo.common.episode.straight_line import StraightLineController, straight_line_command
+from readygo.common.episode.streams import Purpose, episode_rng
 
 __all__ = [
     "EpisodeConfig",

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from common.maps import OccupancyMap
+from readygo.common.maps import OccupancyMap
 
 Float64Array = npt.NDArray[np.float64]
 

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from common.maps import GridFrame, OccupancyMap, clearance_m
+from readygo.common.maps import GridFrame, OccupancyMap, clearance_m
 
 FREE = 4
 """Factor of free ground."""

@@ -4,8 +4,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from common.messages.plan import Outcome, RobotTrajectory
-from common.robot.kinematics import DT_S
+from readygo.common.messages.plan import Outcome, RobotTrajectory
+from readygo.common.robot.kinematics import DT_S
 
 
 @dataclass(frozen=True, kw_only=True)

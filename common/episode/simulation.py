@@ -5,15 +5,15 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from common.episode.collision import meets_human, meets_obstacle
-from common.episode.config import EpisodeConfig
-from common.errors import SceneError
-from common.maps import OccupancyMap
-from common.messages.episode import Scenario
-from common.messages.motion import EpisodeMotions
-from common.messages.plan import Outcome, RobotTrajectory
-from common.robot import RobotConfig, limit_command, step_unicycle
-from common.robot.kinematics import DT_S, RATE_HZ
+from readygo.common.episode.collision import meets_human, meets_obstacle
+from readygo.common.episode.config import EpisodeConfig
+from readygo.common.errors import SceneError
+from readygo.common.maps import OccupancyMap
+from readygo.common.messages.episode import Scenario
+from readygo.common.messages.motion import EpisodeMotions
+from readygo.common.messages.plan import Outcome, RobotTrajectory
+from readygo.common.robot import RobotConfig, limit_command, step_unicycle
+from readygo.common.robot.kinematics import DT_S, RATE_HZ
 
 Float64Array = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]

@@ -2,8 +2,8 @@
 
 import math
 
-from common.episode.simulation import EpisodeSimulation
-from common.robot import RobotConfig
+from readygo.common.episode.simulation import EpisodeSimulation
+from readygo.common.robot import RobotConfig
 
 
 class StraightLineController:

@@ -4,7 +4,7 @@ import enum
 
 import numpy as np
 
-from common.messages.episode import EpisodeKey, Split
+from readygo.common.messages.episode import EpisodeKey, Split
 
 _SPLIT_CODE = {Split.TRAIN: 0, Split.VAL: 1, Split.TEST: 2}
 

@@ -1,6 +1,6 @@
 """Frames, rotations and rigid transforms; the conventions are in ARCHITECTURE.md."""
 
-from common.frames.rotations import (
+from readygo.common.frames.rotations import (
     R_zup_yup,
     axis_angle_from_matrix,
     matrix_from_axis_angle,

@@ -1,10 +1,10 @@
 """Gaussian clouds, their transforms and their files."""
 
-from common.gaussians.cloud import GaussianCloud
-from common.gaussians.files import load_gaussians
-from common.gaussians.ply import save_ply
-from common.gaussians.spherical_harmonics import rotate_sh, sh_basis
-from common.gaussians.transform import R_from_up, concatenate, crop, transform_cloud
+from readygo.common.gaussians.cloud import GaussianCloud
+from readygo.common.gaussians.files import load_gaussians
+from readygo.common.gaussians.ply import save_ply
+from readygo.common.gaussians.spherical_harmonics import rotate_sh, sh_basis
+from readygo.common.gaussians.transform import R_from_up, concatenate, crop, transform_cloud
 
 __all__ = [
     "GaussianCloud",

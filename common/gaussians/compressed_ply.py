@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from common.errors import SceneError
-from common.gaussians.activations import scales_from_logs
-from common.gaussians.cloud import GaussianCloud
-from common.gaussians.ply import sh_from_channels, sh_rest_names
-from common.gaussians.ply_format import Table, columns, require_fields
+from readygo.common.errors import SceneError
+from readygo.common.gaussians.activations import scales_from_logs
+from readygo.common.gaussians.cloud import GaussianCloud
+from readygo.common.gaussians.ply import sh_from_channels, sh_rest_names
+from readygo.common.gaussians.ply_format import Table, columns, require_fields
 
 CHUNK_SIZE = 256
 SH_C0 = 0.28209479177387814

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
-from common.errors import SceneError
-from common.gaussians.cloud import GaussianCloud
+from readygo.common.errors import SceneError
+from readygo.common.gaussians.cloud import GaussianCloud
 
 LENGTH_MAX_M = 1e4
 """Coordinates and scales of a scene stay within it [m]: a Gaussian much farther away would cost its neighbours in the

@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from common.errors import SceneError
-from common.gaussians.cloud import GaussianCloud
-from common.gaussians.compressed_ply import cloud_from_compressed_ply, is_compressed_ply
-from common.gaussians.defects import refusal, unusable, without
-from common.gaussians.ply import cloud_from_ply
-from common.gaussians.ply_format import read_ply
+from readygo.common.errors import SceneError
+from readygo.common.gaussians.cloud import GaussianCloud
+from readygo.common.gaussians.compressed_ply import cloud_from_compressed_ply, is_compressed_ply
+from readygo.common.gaussians.defects import refusal, unusable, without
+from readygo.common.gaussians.ply import cloud_from_ply
+from readygo.common.gaussians.ply_format import read_ply
 
 
 def load_gaussians(path: str | Path) -> GaussianCloud:

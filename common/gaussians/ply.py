@@ -5,16 +5,16 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from common.errors import SceneError
-from common.files import unfinished
-from common.gaussians.activations import (
+from readygo.common.errors import SceneError
+from readygo.common.files import unfinished
+from readygo.common.gaussians.activations import (
     logits_from_opacities,
     logs_from_scales,
     opacities_from_logits,
     scales_from_logs,
 )
-from common.gaussians.cloud import GaussianCloud
-from common.gaussians.ply_format import Table, columns, require_fields
+from readygo.common.gaussians.cloud import GaussianCloud
+from readygo.common.gaussians.ply_format import Table, columns, require_fields
 
 POSITION = ["x", "y", "z"]
 SH_DC = ["f_dc_0", "f_dc_1", "f_dc_2"]

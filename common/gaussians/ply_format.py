@@ -7,7 +7,7 @@ from typing import Any, BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from common.errors import SceneError
+from readygo.common.errors import SceneError
 
 _DTYPES = {
     "char": "<i1",

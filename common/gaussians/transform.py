@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from common.errors import SceneError
-from common.frames import quat_from_matrix, quat_multiply
-from common.gaussians.cloud import GaussianCloud
-from common.gaussians.spherical_harmonics import rotate_sh
+from readygo.common.errors import SceneError
+from readygo.common.frames import quat_from_matrix, quat_multiply
+from readygo.common.gaussians.cloud import GaussianCloud
+from readygo.common.gaussians.spherical_harmonics import rotate_sh
 
 R_UP = {
     "+z": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],

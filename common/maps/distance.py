@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from common.maps.grid import OccupancyMap
+from readygo.common.maps.grid import OccupancyMap
 
 _FAR = np.int32(1 << 15)
 """Longer column distances [half cells] count as this; its square still fits 32 bits."""

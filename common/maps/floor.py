@@ -7,12 +7,12 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from common.errors import SceneError
-from common.gaussians import GaussianCloud
-from common.maps.fill import box_mean, fill_smoothly
-from common.maps.floor_layers import COLUMN_M, CoarseFloor, find_coarse_floor
-from common.maps.grid import FloorMap, GridFrame
-from common.maps.surface import SurfaceSamples, sample_surfaces
+from readygo.common.errors import SceneError
+from readygo.common.gaussians import GaussianCloud
+from readygo.common.maps.fill import box_mean, fill_smoothly
+from readygo.common.maps.floor_layers import COLUMN_M, CoarseFloor, find_coarse_floor
+from readygo.common.maps.grid import FloorMap, GridFrame
+from readygo.common.maps.surface import SurfaceSamples, sample_surfaces
 
 AREA_MIN_M2 = 2.0
 """Smaller surfaces are objects, not floors [m2]."""

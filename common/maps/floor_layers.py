@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from common.maps.grid import GridFrame
-from common.maps.surface import SurfaceSamples
+from readygo.common.maps.grid import GridFrame
+from readygo.common.maps.surface import SurfaceSamples
 
 COLUMN_M = 0.4
 """Edge of the coarse columns [m]."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from common.messages.checks import check_array
+from readygo.common.messages.checks import check_array
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from common.errors import SceneError
-from common.maps.grid import GridFrame, OccupancyMap
+from readygo.common.errors import SceneError
+from readygo.common.maps.grid import GridFrame, OccupancyMap
 
 PASSABLE = ".GS"
 _HEADER_LINES = 4

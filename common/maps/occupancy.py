@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from common.gaussians import GaussianCloud
-from common.maps.floor import FloorEstimate, estimate_floor
-from common.maps.grid import FloorMap, GridFrame, OccupancyMap
-from common.maps.voxels import opacity_sums
+from readygo.common.gaussians import GaussianCloud
+from readygo.common.maps.floor import FloorEstimate, estimate_floor
+from readygo.common.maps.grid import FloorMap, GridFrame, OccupancyMap
+from readygo.common.maps.voxels import opacity_sums
 
 FLOOR_CELLS = 2
 """Cells of the floor map are this many map cells wide."""

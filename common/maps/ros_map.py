@@ -11,9 +11,9 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from common.errors import SceneError
-from common.files import write_whole
-from common.maps.grid import GridFrame, OccupancyMap
+from readygo.common.errors import SceneError
+from readygo.common.files import write_whole
+from readygo.common.maps.grid import GridFrame, OccupancyMap
 
 OCCUPIED_PX, UNKNOWN_PX, FREE_PX = 0, 205, 254
 _QUARTER_TURN_TOLERANCE_RAD = 0.01

@@ -11,10 +11,10 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from common.gaussians import GaussianCloud
-from common.maps.grid import FloorMap, GridFrame, OccupancyMap
-from common.maps.occupancy import VOXELS_PER_BAND, MapConfig
-from common.maps.voxels import opacity_sums
+from readygo.common.gaussians import GaussianCloud
+from readygo.common.maps.grid import FloorMap, GridFrame, OccupancyMap
+from readygo.common.maps.occupancy import VOXELS_PER_BAND, MapConfig
+from readygo.common.maps.voxels import opacity_sums
 
 BOTTOM_M, TOP_M = 0.4, 1.9
 """Heights above the floor that sight is known for [m]; lower and higher ones are clear."""

@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from common.gaussians import GaussianCloud
-from common.gaussians.covariance import rotation_of
+from readygo.common.gaussians import GaussianCloud
+from readygo.common.gaussians.covariance import rotation_of
 
 OPACITY_MIN = 0.1
 """Fainter Gaussians are haze, not floor."""

@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from common.gaussians import GaussianCloud
-from common.gaussians.covariance import covariance_of
-from common.maps.grid import GridFrame
+from readygo.common.gaussians import GaussianCloud
+from readygo.common.gaussians.covariance import covariance_of
+from readygo.common.maps.grid import GridFrame
 
 SCALE_MIN_M = 1e-4
 """Thinner Gaussians count as this thick; keeps their covariance invertible."""

@@ -1,7 +1,7 @@
 """Every message that crosses a process boundary, one file per topic, and their codec."""
 
-from common.messages.codec import decode, encode
-from common.messages.coordination import (
+from readygo.common.messages.codec import decode, encode
+from readygo.common.messages.coordination import (
     Blob,
     BlobReply,
     BlobRequest,
@@ -23,12 +23,12 @@ from common.messages.coordination import (
     StatusRequest,
     Verdict,
 )
-from common.messages.episode import EpisodeKey, HumanTrajectory, Scenario, Split
-from common.messages.motion import EpisodeMotions, HumanMotion, Motion
-from common.messages.plan import Outcome, RobotTrajectory
-from common.messages.render import People, RenderReply, RenderRequest, RenderView
-from common.messages.samples import AppendReply, AppendRequest, EpisodeHeader, HumanLabels, Sample, sample_crc32
-from common.messages.stages import (
+from readygo.common.messages.episode import EpisodeKey, HumanTrajectory, Scenario, Split
+from readygo.common.messages.motion import EpisodeMotions, HumanMotion, Motion
+from readygo.common.messages.plan import Outcome, RobotTrajectory
+from readygo.common.messages.render import People, RenderReply, RenderRequest, RenderView
+from readygo.common.messages.samples import AppendReply, AppendRequest, EpisodeHeader, HumanLabels, Sample, sample_crc32
+from readygo.common.messages.stages import (
     AnimateReply,
     AnimateRequest,
     HumanPlanReply,

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import msgpack
 import numpy as np
 
-from common.errors import BusError
+from readygo.common.errors import BusError
 
 Message = TypeVar("Message")
 ARRAY_EXT = 1

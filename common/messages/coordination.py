@@ -8,7 +8,7 @@ import enum
 from dataclasses import dataclass
 from typing import Any
 
-from common.messages.episode import EpisodeKey, Split
+from readygo.common.messages.episode import EpisodeKey, Split
 
 
 class Stage(enum.Enum):

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from common.messages.checks import check_array
-from common.messages.codec import OMITTED_WHEN_EMPTY
+from readygo.common.messages.checks import check_array
+from readygo.common.messages.codec import OMITTED_WHEN_EMPTY
 
 
 class Outcome(enum.Enum):

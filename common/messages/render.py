@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from common.messages.checks import check_array
-from common.messages.motion import HumanMotion, Motion
+from readygo.common.messages.checks import check_array
+from readygo.common.messages.motion import HumanMotion, Motion
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from common.messages.checks import check_array
-from common.messages.codec import OMITTED_WHEN_EMPTY
-from common.messages.episode import EpisodeKey
+from readygo.common.messages.checks import check_array
+from readygo.common.messages.codec import OMITTED_WHEN_EMPTY
+from readygo.common.messages.episode import EpisodeKey
 
 DISTORTION_MODELS: Mapping[str, int] = {"": 0, "plumb_bob": 5, "rational_polynomial": 8, "kannala_brandt": 4}
 """Models of a lens and the number of their coefficients, by the names that ROS and Foxglove use.
@@ -64,8 +64,8 @@ class Sample:
     expert_cost: float
     replanned: bool
     outputs: dict[str, bytes] = field(default_factory=dict, hash=False, metadata=OMITTED_WHEN_EMPTY)
-    """Further images of the same view by their names in `common.rasterizer.images.OUTPUTS`, encoded as
-    `common.rasterizer.image_files` says."""
+    """Further images of the same view by their names in `readygo.common.images.images.OUTPUTS`, encoded as
+    `readygo.common.images.files` says."""
     labels: tuple[HumanLabels, ...] = field(default=(), hash=False, metadata=OMITTED_WHEN_EMPTY)
     """Labels of the humans in the order of `humans_xyzyaw`; none unless `EpisodeHeader.labels` says so."""
 

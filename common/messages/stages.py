@@ -5,9 +5,9 @@ A reply with a non-empty `rejected` carries no result: the episode's index is sk
 
 from dataclasses import dataclass
 
-from common.messages.episode import EpisodeKey, Scenario
-from common.messages.motion import EpisodeMotions
-from common.messages.plan import RobotTrajectory
+from readygo.common.messages.episode import EpisodeKey, Scenario
+from readygo.common.messages.motion import EpisodeMotions
+from readygo.common.messages.plan import RobotTrajectory
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

@@ -1,6 +1,6 @@
 """Run-time of an exported policy."""
 
-from common.policy.artifact import PolicySpec, load_spec, save_spec
-from common.policy.runtime import Policy, PolicyMemory, check_policy_camera, load_policy
+from readygo.common.policy.artifact import PolicySpec, load_spec, save_spec
+from readygo.common.policy.runtime import Policy, PolicyMemory, check_policy_camera, load_policy
 
 __all__ = ["Policy", "PolicyMemory", "PolicySpec", "check_policy_camera", "load_policy", "load_spec", "save_spec"]

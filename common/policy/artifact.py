@@ -12,11 +12,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from common.config import section_from_mapping, section_to_mapping
-from common.errors import ConfigError, PolicyError
-from common.files import write_whole
-from common.robot import RobotConfig
-from common.robot.kinematics import RATE_HZ
+from readygo.common.config import section_from_mapping, section_to_mapping
+from readygo.common.errors import ConfigError, PolicyError
+from readygo.common.files import write_whole
+from readygo.common.robot import RobotConfig
+from readygo.common.robot.kinematics import RATE_HZ
 
 POLICY_FORMAT = "readygo-policy/1"
 LATENT_COUNT = 20

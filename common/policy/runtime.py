@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from common.errors import PolicyError
-from common.messages.checks import check_array
-from common.policy.artifact import (
+from readygo.common.errors import PolicyError
+from readygo.common.messages.checks import check_array
+from readygo.common.policy.artifact import (
     ENCODER_FILE,
     FEATURE_COUNT,
     HEAD_FILE,
@@ -19,7 +19,7 @@ from common.policy.artifact import (
     PolicySpec,
     load_spec,
 )
-from common.robot import RobotConfig
+from readygo.common.robot import RobotConfig
 
 
 class PolicyMemory:

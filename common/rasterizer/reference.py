@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from common.frames import matrix_from_quat
-from common.gaussians import GaussianCloud, sh_basis
-from common.rasterizer.constants import (
+from readygo.common.frames import matrix_from_quat
+from readygo.common.gaussians import GaussianCloud, sh_basis
+from readygo.common.rasterizer.constants import (
     ALPHA_MAX,
     ALPHA_MIN,
     DILATION_PX2,
@@ -64,7 +64,7 @@ def rasterize_reference(
     *,
     instances: npt.ArrayLike | None = None,
 ) -> ReferenceImages:
-    """Draw Gaussians; the rules are in `common.rasterizer.constants`.
+    """Draw Gaussians; the rules are in `readygo.common.rasterizer.constants`.
 
     Args:
         cloud: Gaussians in the world [m].

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from common.avatars import Avatar
-from common.gaussians import GaussianCloud
-from common.rasterizer.cpu import CpuRasterizer, PosedPerson
-from common.rasterizer.cpu_project import project_scene
-from common.rasterizer.lod import ChunkTree
-from common.rasterizer.lod_avatar import AvatarTree
-from common.rasterizer.packed import pack_cloud
-from common.rasterizer.packed_avatar import pack_avatar
+from readygo.common.avatars import Avatar
+from readygo.common.gaussians import GaussianCloud
+from readygo.common.rasterizer.cpu.project import project_scene
+from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer, PosedPerson
+from readygo.common.rasterizer.lod.avatar import AvatarTree
+from readygo.common.rasterizer.lod.tree import ChunkTree
+from readygo.common.rasterizer.packed.avatar import pack_avatar
+from readygo.common.rasterizer.packed.scene import pack_cloud
 
 
 def warm(outputs: Sequence[str] = ("rgb",)) -> None:

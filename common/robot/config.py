@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from common.config import section_from_mapping, section_to_mapping
-from common.errors import ConfigError
+from readygo.common.config import section_from_mapping, section_to_mapping
+from readygo.common.errors import ConfigError
 
 
 @dataclass(frozen=True, kw_only=True)

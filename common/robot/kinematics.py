@@ -5,7 +5,7 @@ Plain scalar arithmetic with `math` functions, so that every worker computes the
 
 import math
 
-from common.robot.config import RobotConfig
+from readygo.common.robot.config import RobotConfig
 
 DT_S = 0.05
 """Simulation, recording and motion step [s]."""

@@ -13,16 +13,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from common.config import section_to_mapping
-from common.errors import SceneError
-from common.gaussians import GaussianCloud, R_from_up, save_ply, transform_cloud
-from common.gaussians.defects import excessive, refusal, unusable, without
-from common.gaussians.files import read_gaussians, with_unit_rotations
-from common.maps import MapConfig, ScenePlan, largest_free_area, plan_scene, save_ros_map
-from common.robot import RobotConfig
-from common.scenes.manifest import FORMAT, MANIFEST, combined_hash, file_of, grid_digest, toml_text
-from common.scenes.report import scene_report
-from common.scenes.scene import (
+from readygo.common.config import section_to_mapping
+from readygo.common.errors import SceneError
+from readygo.common.gaussians import GaussianCloud, R_from_up, save_ply, transform_cloud
+from readygo.common.gaussians.defects import excessive, refusal, unusable, without
+from readygo.common.gaussians.files import read_gaussians, with_unit_rotations
+from readygo.common.maps import MapConfig, ScenePlan, largest_free_area, plan_scene, save_ros_map
+from readygo.common.robot import RobotConfig
+from readygo.common.scenes.manifest import FORMAT, MANIFEST, combined_hash, file_of, grid_digest, toml_text
+from readygo.common.scenes.report import scene_report
+from readygo.common.scenes.scene import (
     CLOUD_FILE,
     FLOOR_FILE,
     HUMAN_MAP_FILE,
@@ -89,8 +89,8 @@ def import_scene(
         resolution_m: Edge of map cells [m].
         opacity_threshold: Opacity sum above which a voxel is occupied.
         human_height_m: Height of people for their map [m].
-        drop_bad: Leave out Gaussians that cannot be drawn (`common.gaussians.defects`) instead of refusing the file;
-            their number is kept in `SceneSource.dropped_gaussians`.
+        drop_bad: Leave out Gaussians that cannot be drawn (`readygo.common.gaussians.defects`) instead of refusing the
+            file; their number is kept in `SceneSource.dropped_gaussians`.
 
     Returns:
         The scene.

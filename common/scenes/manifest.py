@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from common.errors import SceneError
-from common.maps import GridFrame
+from readygo.common.errors import SceneError
+from readygo.common.maps import GridFrame
 
 MANIFEST = "scene.toml"
 FORMAT = "readygo-scene/1"

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from common.gaussians import GaussianCloud
-from common.maps import FloorMap, OccupancyMap, free_components
-from common.maps.distance import clearance_m
+from readygo.common.gaussians import GaussianCloud
+from readygo.common.maps import FloorMap, OccupancyMap, free_components
+from readygo.common.maps.distance import clearance_m
 
 HUMAN_RADIUS_M = 0.25
 

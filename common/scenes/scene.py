@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from common.errors import SceneError
-from common.gaussians import GaussianCloud, load_gaussians
-from common.maps import FloorMap, GridFrame, MapConfig, OccupancyMap, SightMap, load_ros_map, sight_of_cloud
-from common.scenes.manifest import MANIFEST, SceneFile, combined_hash, file_of, grid_digest, read_manifest
+from readygo.common.errors import SceneError
+from readygo.common.gaussians import GaussianCloud, load_gaussians
+from readygo.common.maps import FloorMap, GridFrame, MapConfig, OccupancyMap, SightMap, load_ros_map, sight_of_cloud
+from readygo.common.scenes.manifest import MANIFEST, SceneFile, combined_hash, file_of, grid_digest, read_manifest
 
 CLOUD_FILE = "scene.ply"
 SKY_FILE = "sky.ply"

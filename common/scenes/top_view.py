@@ -7,10 +7,10 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from common.gaussians import GaussianCloud, sh_basis
-from common.gaussians.covariance import covariance_of
-from common.maps.grid import FloorMap, GridFrame
-from common.scenes.scene import Scene
+from readygo.common.gaussians import GaussianCloud, sh_basis
+from readygo.common.gaussians.covariance import covariance_of
+from readygo.common.maps.grid import FloorMap, GridFrame
+from readygo.common.scenes.scene import Scene
 
 CEILING_M = 1.8
 """Gaussians higher above the local floor are left out [m]."""

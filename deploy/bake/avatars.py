@@ -20,9 +20,9 @@ from avatars_people import PEOPLE, Person
 from avatars_shoes import SOLE_M
 from avatars_surface import NORMAL_SIGMA, TANGENT_SIGMA, Samples, Surface, joined, surface_of, unit, visibility
 
-from common.avatars import SMPL_PARENTS, Avatar, save_avatar
-from common.frames import quat_from_matrix
-from common.gaussians import GaussianCloud
+from readygo.common.avatars import SMPL_PARENTS, Avatar, save_avatar
+from readygo.common.frames import quat_from_matrix
+from readygo.common.gaussians import GaussianCloud
 
 Array = npt.NDArray[np.float64]
 

@@ -1,11 +1,11 @@
 """The animator: how humans move along their trajectories."""
 
-from services.animator.config import AnimatorConfig
-from services.animator.gait import walk
-from services.animator.gait_person import GaitSkeleton, skeleton_of
-from services.animator.handlers import Animator, handle_animate
-from services.animator.quality import MotionQuality, measure
-from services.animator.service import attach
+from readygo.services.animator.config import AnimatorConfig
+from readygo.services.animator.gait.person import GaitSkeleton, skeleton_of
+from readygo.services.animator.gait.quality import MotionQuality, measure
+from readygo.services.animator.gait.walk import walk
+from readygo.services.animator.handlers import Animator, handle_animate
+from readygo.services.animator.service import attach
 
 __all__ = [
     "Animator",

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
-from services.animator.priormdm.config import PriorMdmConfig
+from readygo.services.animator.priormdm.config import PriorMdmConfig
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,15 +6,15 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import numpy.typing as npt
 
-from common.avatars import Avatar
-from common.episode import Purpose, episode_rng
-from common.errors import AvatarError, ConfigError, MotionError
-from common.maps.grid import FloorMap, OccupancyMap
-from common.messages import AnimateReply, AnimateRequest, EpisodeMotions, HumanMotion, Motion
-from services.animator.config import AnimatorConfig
-from services.animator.gait import walk
-from services.animator.gait_path import check_trajectory
-from services.animator.gait_person import GaitSkeleton, skeleton_of
+from readygo.common.avatars import Avatar
+from readygo.common.episode import Purpose, episode_rng
+from readygo.common.errors import AvatarError, ConfigError, MotionError
+from readygo.common.maps.grid import FloorMap, OccupancyMap
+from readygo.common.messages import AnimateReply, AnimateRequest, EpisodeMotions, HumanMotion, Motion
+from readygo.services.animator.config import AnimatorConfig
+from readygo.services.animator.gait.path import check_trajectory
+from readygo.services.animator.gait.person import GaitSkeleton, skeleton_of
+from readygo.services.animator.gait.walk import walk
 
 Generator = Callable[[GaitSkeleton, npt.NDArray[np.float64], FloorMap, np.random.Generator], Motion]
 """Skeleton, trajectory (T, 2) at 20 Hz [m], floor and source of chance -> motion."""
@@ -53,7 +53,7 @@ def _generator(config: AnimatorConfig) -> Generator:
     """The motion source that a configuration names."""
     if config.source == "priormdm":
         try:
-            from services.animator.priormdm.source import PriorMdm
+            from readygo.services.animator.priormdm.source import PriorMdm
         except ModuleNotFoundError as error:
             raise ConfigError(
                 f'source "priormdm" needs {error.name}: pip install "readygo[train]", or set source = "gait".'

@@ -2,9 +2,9 @@
 
 from functools import partial
 
-from common.bus import Bus
-from common.messages import AnimateRequest
-from services.animator.handlers import Animator, handle_animate
+from readygo.common.bus import Bus
+from readygo.common.messages import AnimateRequest
+from readygo.services.animator.handlers import Animator, handle_animate
 
 TOPIC = "animate"
 

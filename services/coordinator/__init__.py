@@ -1,9 +1,9 @@
 """The coordinator: owns a run's ledger."""
 
-from services.coordinator.blobs import BlobStore
-from services.coordinator.config import CoordinatorConfig
-from services.coordinator.handlers import Coordinator, requeue_lost
-from services.coordinator.ledger import Ledger
-from services.coordinator.service import attach
+from readygo.services.coordinator.blobs import BlobStore
+from readygo.services.coordinator.config import CoordinatorConfig
+from readygo.services.coordinator.handlers import Coordinator, requeue_lost
+from readygo.services.coordinator.ledger import Ledger
+from readygo.services.coordinator.service import attach
 
 __all__ = ["BlobStore", "Coordinator", "CoordinatorConfig", "Ledger", "attach", "requeue_lost"]

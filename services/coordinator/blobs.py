@@ -5,7 +5,7 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
-from common.files import write_whole
+from readygo.common.files import write_whole
 
 
 class BlobStore:

@@ -4,8 +4,8 @@ import threading
 import time
 from collections.abc import Callable
 
-from common.errors import ReadygoError, RunError
-from common.messages import (
+from readygo.common.errors import ReadygoError, RunError
+from readygo.common.messages import (
     Blob,
     BlobReply,
     BlobRequest,
@@ -27,9 +27,9 @@ from common.messages import (
     StatusRequest,
     Verdict,
 )
-from services.coordinator.blobs import BlobStore
-from services.coordinator.config import CoordinatorConfig
-from services.coordinator.ledger import STAGES, Lease, Ledger
+from readygo.services.coordinator.blobs import BlobStore
+from readygo.services.coordinator.config import CoordinatorConfig
+from readygo.services.coordinator.ledger import STAGES, Lease, Ledger
 
 CANCELLED = "The run was cancelled; run the same command again to go on."
 

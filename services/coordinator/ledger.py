@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from common.errors import RunError
-from common.messages import Stage
+from readygo.common.errors import RunError
+from readygo.common.messages import Stage
 
 STAGES = tuple(Stage)
 

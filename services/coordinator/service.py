@@ -2,8 +2,8 @@
 
 from functools import partial
 
-from common.bus import Bus
-from common.messages import (
+from readygo.common.bus import Bus
+from readygo.common.messages import (
     BlobRequest,
     ClaimRequest,
     CompleteRequest,
@@ -17,8 +17,8 @@ from common.messages import (
     Stage,
     StatusRequest,
 )
-from services.coordinator import handlers
-from services.coordinator.handlers import Coordinator
+from readygo.services.coordinator import handlers
+from readygo.services.coordinator.handlers import Coordinator
 
 
 def attach(bus: Bus, coordinator: Coordinator) -> None:

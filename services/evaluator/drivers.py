@@ -6,11 +6,11 @@ from typing import Protocol
 
 import numpy as np
 
-from common.episode.simulation import EpisodeSimulation
-from common.episode.straight_line import straight_line_command
-from common.policy import Policy, PolicyMemory
-from common.robot import RobotConfig
-from services.evaluator.eyes import Eyes, people_key
+from readygo.common.episode.simulation import EpisodeSimulation
+from readygo.common.episode.straight_line import straight_line_command
+from readygo.common.policy import Policy, PolicyMemory
+from readygo.common.robot import RobotConfig
+from readygo.services.evaluator.eyes import Eyes, people_key
 
 
 class Method(enum.Enum):

@@ -4,12 +4,12 @@ import enum
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from common.bus import Bus
-from common.episode import EpisodeConfig
-from common.episode.grid_search import shortest_way_m
-from common.errors import SceneError
-from common.maps import OccupancyMap
-from common.messages import (
+from readygo.common.bus import Bus
+from readygo.common.episode import EpisodeConfig
+from readygo.common.episode.grid_search import shortest_way_m
+from readygo.common.errors import SceneError
+from readygo.common.maps import OccupancyMap
+from readygo.common.messages import (
     AnimateReply,
     AnimateRequest,
     EpisodeKey,
@@ -19,8 +19,8 @@ from common.messages import (
     Scenario,
     Split,
 )
-from common.robot import RobotConfig
-from services.evaluator.config import EvaluatorConfig
+from readygo.common.robot import RobotConfig
+from readygo.services.evaluator.config import EvaluatorConfig
 
 
 class Task(enum.Enum):

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from common.bus import Bus
-from common.episode.simulation import EpisodeSimulation
-from common.errors import BusError
-from common.maps import FloorMap
-from common.messages import EpisodeMotions, People, RenderReply, RenderRequest, RenderView, encode
-from common.robot import RobotConfig
+from readygo.common.bus import Bus
+from readygo.common.episode.simulation import EpisodeSimulation
+from readygo.common.errors import BusError
+from readygo.common.maps import FloorMap
+from readygo.common.messages import EpisodeMotions, People, RenderReply, RenderRequest, RenderView, encode
+from readygo.common.robot import RobotConfig
 
 
 class Eyes:

@@ -3,21 +3,21 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from common.bus import Bus
-from common.episode import EpisodeConfig
-from common.episode.metrics import TaskSummary
-from common.episode.simulation import EpisodeSimulation
-from common.errors import PolicyError
-from common.maps import FloorMap, OccupancyMap
-from common.messages import RobotPlanReply, RobotPlanRequest, RobotTrajectory, Split
-from common.policy import Policy, check_policy_camera
-from common.robot import RobotConfig
-from services.evaluator.config import EvaluatorConfig
-from services.evaluator.drivers import Driver, Method, PolicyDriver, StraightLineDriver
-from services.evaluator.episodes import EpisodeSource, MatchedEpisode, Task
-from services.evaluator.eyes import Eyes
-from services.evaluator.records import EpisodeRecord, make_record, summarize_records
-from services.evaluator.rollout import roll_out
+from readygo.common.bus import Bus
+from readygo.common.episode import EpisodeConfig
+from readygo.common.episode.metrics import TaskSummary
+from readygo.common.episode.simulation import EpisodeSimulation
+from readygo.common.errors import PolicyError
+from readygo.common.maps import FloorMap, OccupancyMap
+from readygo.common.messages import RobotPlanReply, RobotPlanRequest, RobotTrajectory, Split
+from readygo.common.policy import Policy, check_policy_camera
+from readygo.common.robot import RobotConfig
+from readygo.services.evaluator.config import EvaluatorConfig
+from readygo.services.evaluator.drivers import Driver, Method, PolicyDriver, StraightLineDriver
+from readygo.services.evaluator.episodes import EpisodeSource, MatchedEpisode, Task
+from readygo.services.evaluator.eyes import Eyes
+from readygo.services.evaluator.records import EpisodeRecord, make_record, summarize_records
+from readygo.services.evaluator.rollout import roll_out
 
 Report = Callable[[EpisodeRecord], None]
 

@@ -11,12 +11,12 @@ from typing import Any
 from rich import box
 from rich.table import Table
 
-from common.episode import EpisodeConfig
-from common.episode.metrics import EpisodeResult, TaskSummary, summarize
-from common.files import write_whole
-from common.messages import EpisodeKey, Outcome, RobotTrajectory
-from services.evaluator.drivers import Method
-from services.evaluator.episodes import MatchedEpisode, Task
+from readygo.common.episode import EpisodeConfig
+from readygo.common.episode.metrics import EpisodeResult, TaskSummary, summarize
+from readygo.common.files import write_whole
+from readygo.common.messages import EpisodeKey, Outcome, RobotTrajectory
+from readygo.services.evaluator.drivers import Method
+from readygo.services.evaluator.episodes import MatchedEpisode, Task
 
 RECORDS_FILE = "episodes.jsonl"
 SUMMARY_FILE = "summary.json"

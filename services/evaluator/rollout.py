@@ -2,10 +2,10 @@
 
 from collections.abc import Callable, Iterator, Sequence
 
-from common.episode.simulation import EpisodeSimulation
-from common.messages import RobotTrajectory
-from services.evaluator.drivers import Driver
-from services.evaluator.episodes import MatchedEpisode
+from readygo.common.episode.simulation import EpisodeSimulation
+from readygo.common.messages import RobotTrajectory
+from readygo.services.evaluator.drivers import Driver
+from readygo.services.evaluator.episodes import MatchedEpisode
 
 Simulate = Callable[[MatchedEpisode], EpisodeSimulation]
 

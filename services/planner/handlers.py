@@ -5,11 +5,11 @@ import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Protocol
 
-from common.avatars import Avatar, FootprintModel
-from common.episode import EpisodeConfig, EpisodeSimulation, Purpose, episode_rng
-from common.errors import AvatarError
-from common.maps import FloorMap, OccupancyMap, SightMap
-from common.messages import (
+from readygo.common.avatars import Avatar, FootprintModel
+from readygo.common.episode import EpisodeConfig, EpisodeSimulation, Purpose, episode_rng
+from readygo.common.errors import AvatarError
+from readygo.common.maps import FloorMap, OccupancyMap, SightMap
+from readygo.common.messages import (
     EpisodeMotions,
     HumanPlanReply,
     HumanPlanRequest,
@@ -19,23 +19,23 @@ from common.messages import (
     RobotTrajectory,
     Scenario,
 )
-from common.robot import RobotConfig
-from common.robot.kinematics import RATE_HZ
-from services.planner.config import HumanPlannerConfig
-from services.planner.expert.clearance import gaussian_clearance_m
-from services.planner.expert.config import ExpertConfig
-from services.planner.expert.ground import ExpertGround
-from services.planner.expert.hybrid_astar import HybridAStar
-from services.planner.expert.interface import Decision, Expert
-from services.planner.expert.paper import PaperExpert
-from services.planner.expert.spacetime import SpaceTimeExpert
-from services.planner.expert.spacetime_search import SpaceTimeSearch
-from services.planner.scenarios.human import without_slopes
-from services.planner.scenarios.reactive import ReactivePeople, ReactiveSimulation, reacted
-from services.planner.scenarios.scenario import IN_THE_WAY, RejectedError, ScenarioSampler
-from services.planner.scenarios.scenario_file import ScenarioFile
-from services.planner.scenarios.scripted import Script, ScriptMaps
-from services.planner.scenarios.walk import nearest_m
+from readygo.common.robot import RobotConfig
+from readygo.common.robot.kinematics import RATE_HZ
+from readygo.services.planner.config import HumanPlannerConfig
+from readygo.services.planner.expert.clearance import gaussian_clearance_m
+from readygo.services.planner.expert.config import ExpertConfig
+from readygo.services.planner.expert.ground import ExpertGround
+from readygo.services.planner.expert.hybrid_astar import HybridAStar
+from readygo.services.planner.expert.interface import Decision, Expert
+from readygo.services.planner.expert.paper import PaperExpert
+from readygo.services.planner.expert.spacetime import SpaceTimeExpert
+from readygo.services.planner.expert.spacetime_search import SpaceTimeSearch
+from readygo.services.planner.humans.human import without_slopes
+from readygo.services.planner.humans.reactive import ReactivePeople, ReactiveSimulation, reacted
+from readygo.services.planner.humans.scenario import IN_THE_WAY, RejectedError, ScenarioSampler
+from readygo.services.planner.humans.scenario_file import ScenarioFile
+from readygo.services.planner.humans.scripted import Script, ScriptMaps
+from readygo.services.planner.humans.walk import nearest_m
 
 
 class SceneMaps(Protocol):

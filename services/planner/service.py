@@ -2,9 +2,9 @@
 
 from functools import partial
 
-from common.bus import Bus
-from common.messages import HumanPlanRequest, RobotPlanRequest
-from services.planner.handlers import Planner, handle_human_plan, handle_robot_plan
+from readygo.common.bus import Bus
+from readygo.common.messages import HumanPlanRequest, RobotPlanRequest
+from readygo.services.planner.handlers import Planner, handle_human_plan, handle_robot_plan
 
 
 def attach(bus: Bus, planner: Planner) -> None:

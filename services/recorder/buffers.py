@@ -3,8 +3,8 @@
 from collections import OrderedDict
 from dataclasses import dataclass, field
 
-from common.errors import DatasetError
-from common.messages import AppendReply, AppendRequest, EpisodeHeader, Sample
+from readygo.common.errors import DatasetError
+from readygo.common.messages import AppendReply, AppendRequest, EpisodeHeader, Sample
 
 DAMAGED_MAX = 3
 """A batch that arrives damaged more often is no accident of the network."""

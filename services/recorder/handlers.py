@@ -10,11 +10,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
-from common.bus import Bus
-from common.dataset import EpisodeChunk, ShardWriter, encode_episode, shard_name
-from common.dataset.metadata import metadata_to_strings
-from common.errors import BusError, RunError
-from common.messages import (
+from readygo.common.bus import Bus
+from readygo.common.dataset import EpisodeChunk, ShardWriter, encode_episode, shard_name
+from readygo.common.dataset.metadata import metadata_to_strings
+from readygo.common.errors import BusError, RunError
+from readygo.common.messages import (
     AppendReply,
     AppendRequest,
     DoneRequest,
@@ -26,10 +26,10 @@ from common.messages import (
     Split,
     Verdict,
 )
-from services.recorder.buffers import EpisodeBuffers
-from services.recorder.config import RecorderConfig
-from services.recorder.reports import Reports
-from services.recorder.salvage import Durable, OpenShard, finished_episodes, next_number, open_shards, publish
+from readygo.services.recorder.buffers import EpisodeBuffers
+from readygo.services.recorder.config import RecorderConfig
+from readygo.services.recorder.reports import Reports
+from readygo.services.recorder.salvage import Durable, OpenShard, finished_episodes, next_number, open_shards, publish
 
 Reply = TypeVar("Reply")
 
@@ -51,7 +51,7 @@ class Recorder:
             folder: Where the shards go; made if it is missing.
             name: The recorder's name, part of its topic and of its shards' names.
             bus: Where the coordinator is asked.
-            metadata: What every shard says about its run, see `common.dataset.metadata`.
+            metadata: What every shard says about its run, see `readygo.common.dataset.metadata`.
             config: Settings.
 
         Raises:

@@ -2,9 +2,9 @@
 
 from collections import deque
 
-from common.bus import Bus
-from common.errors import BusError, RunError
-from common.messages import DoneRequest, LostRequest, Verdict
+from readygo.common.bus import Bus
+from readygo.common.errors import BusError, RunError
+from readygo.common.messages import DoneRequest, LostRequest, Verdict
 
 
 class Reports:

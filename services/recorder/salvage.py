@@ -8,12 +8,12 @@ from typing import Any
 
 from mcap.opcode import Opcode
 
-from common.dataset import EpisodeChunk, ShardWriter, read_chunk, shard_name
-from common.dataset.index import load_index, mapped, read_metadata
-from common.dataset.records import MAGIC, chunk_span, is_intact, iter_records
-from common.dataset.writer import PART_SUFFIX, sync_folder
-from common.errors import DatasetError
-from common.messages import EpisodeKey
+from readygo.common.dataset import EpisodeChunk, ShardWriter, read_chunk, shard_name
+from readygo.common.dataset.index import load_index, mapped, read_metadata
+from readygo.common.dataset.records import MAGIC, chunk_span, is_intact, iter_records
+from readygo.common.dataset.writer import PART_SUFFIX, sync_folder
+from readygo.common.errors import DatasetError
+from readygo.common.messages import EpisodeKey
 
 SALVAGE_SUFFIX = ".salvage"
 _log = logging.getLogger(__name__)

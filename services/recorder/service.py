@@ -2,9 +2,9 @@
 
 from functools import partial
 
-from common.bus import Bus
-from common.messages import AppendRequest
-from services.recorder.handlers import Recorder, handle_append
+from readygo.common.bus import Bus
+from readygo.common.messages import AppendRequest
+from readygo.services.recorder.handlers import Recorder, handle_append
 
 
 def attach(bus: Bus, recorder: Recorder) -> None:

@@ -13,16 +13,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from common.rasterizer.images import Images
-from common.robot import CameraConfig
-from services.renderer.drawing import Drawing
-from services.renderer.sensor import SensorConfig
-from services.renderer.sensor_faces import R_FACE_CAMERA, Faces, Remap, make_remap, plan_faces
-from services.renderer.sensor_lens import Lens, make_lens
-from services.renderer.sensor_light import LightSum, exposure_gain
-from services.renderer.sensor_motion import Moment
-from services.renderer.sensor_shutter import Shutter, make_shutter
-from services.renderer.sensor_streams import SensorStream
+from readygo.common.images.images import Images
+from readygo.common.robot import CameraConfig
+from readygo.services.renderer.drawing import Drawing
+from readygo.services.renderer.sensor.config import SensorConfig
+from readygo.services.renderer.sensor.faces import R_FACE_CAMERA, Faces, Remap, make_remap, plan_faces
+from readygo.services.renderer.sensor.lens import Lens, make_lens
+from readygo.services.renderer.sensor.light import LightSum, exposure_gain
+from readygo.services.renderer.sensor.motion import Moment
+from readygo.services.renderer.sensor.shutter import Shutter, make_shutter
+from readygo.services.renderer.sensor.streams import SensorStream
 
 MomentAt = Callable[[float], Moment]
 """The moment at a simulation step, which need not be whole."""
@@ -101,7 +101,7 @@ class Capture:
             camera: Of this episode.
             moment_at: Camera pose and people over time.
             step: The frame's own step, at which its last row's exposure ends.
-            outputs: Names out of `common.rasterizer.images.OUTPUTS`.
+            outputs: Names out of `readygo.common.images.images.OUTPUTS`.
         """
         if self.sensor.off:
             moment = moment_at(float(step))

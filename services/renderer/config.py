@@ -3,8 +3,8 @@
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
-from common.rasterizer.images import OUTPUTS
-from services.renderer.sensor import SensorConfig
+from readygo.common.images.images import OUTPUTS
+from readygo.services.renderer.sensor.config import SensorConfig
 
 Backend = Literal["cpu", "reference", "triton", "gsplat"]
 GPU_BACKENDS = ("triton", "gsplat")
@@ -15,13 +15,13 @@ class RendererConfig:
     """How images are made and encoded; recorded with every dataset."""
 
     backend: Backend = "cpu"
-    """"reference" is the slow oracle of `common.rasterizer.reference`: seconds per image; "triton" and "gsplat" draw on
-    a GPU, see `common/rasterizer/gpu`."""
+    """"reference" is the slow oracle of `readygo.common.rasterizer.reference`: seconds per image; "triton" and "gsplat"
+    draw on a GPU, see `common/rasterizer/gpu`."""
     image_format: Literal["jpeg", "png"] = "jpeg"
     """Encoding of recorded images; "png" is lossless."""
     jpeg_quality: int = 90
     outputs: tuple[str, ...] = ("rgb",)
-    """Images that are recorded, of `common.rasterizer.images.OUTPUTS`; "rgb" is always among them."""
+    """Images that are recorded, of `readygo.common.images.images.OUTPUTS`; "rgb" is always among them."""
     labels: bool = True
     """Record joints, box and footprint of every human with each sample."""
     detail: Literal["exact", "lod"] = "exact"

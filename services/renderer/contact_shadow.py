@@ -14,11 +14,11 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from common.avatars import Avatar
-from common.avatars.kinematics import fill_globals
-from common.gaussians import GaussianCloud
-from common.maps import FloorMap
-from services.renderer.sensor_motion import PosedHuman
+from readygo.common.avatars import Avatar
+from readygo.common.avatars.kinematics import fill_globals
+from readygo.common.gaussians import GaussianCloud
+from readygo.common.maps import FloorMap
+from readygo.services.renderer.sensor.motion import PosedHuman
 
 Floats = npt.NDArray[np.float64]
 

@@ -8,22 +8,22 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from common.avatars import Avatar, pose_avatar
-from common.avatars.file import avatar_hash
-from common.gaussians import GaussianCloud, concatenate, load_gaussians
-from common.messages import HumanMotion
-from common.rasterizer.cpu import CpuRasterizer, PosedPerson
-from common.rasterizer.images import Images, require_outputs
-from common.rasterizer.lod import ChunkTree
-from common.rasterizer.lod_avatar import AvatarTree
-from common.rasterizer.lod_files import load_or_build_avatar_tree, load_or_build_tree, load_or_pack_avatar
-from common.rasterizer.packed import PackedScene, load_or_pack
-from common.rasterizer.packed_avatar import PackedAvatar
-from common.rasterizer.reference import ReferenceImages, rasterize_reference
-from common.rasterizer.warm import warm
-from common.scenes import Scene
-from common.scenes.scene import CLOUD_FILE, SKY_FILE
-from services.renderer.sensor_motion import PosedHuman, posed
+from readygo.common.avatars import Avatar, pose_avatar
+from readygo.common.avatars.file import avatar_hash
+from readygo.common.gaussians import GaussianCloud, concatenate, load_gaussians
+from readygo.common.images.images import Images, require_outputs
+from readygo.common.messages import HumanMotion
+from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer, PosedPerson
+from readygo.common.rasterizer.lod.avatar import AvatarTree
+from readygo.common.rasterizer.lod.files import load_or_build_avatar_tree, load_or_build_tree, load_or_pack_avatar
+from readygo.common.rasterizer.lod.tree import ChunkTree
+from readygo.common.rasterizer.packed.avatar import PackedAvatar
+from readygo.common.rasterizer.packed.scene import PackedScene, load_or_pack
+from readygo.common.rasterizer.reference import ReferenceImages, rasterize_reference
+from readygo.common.rasterizer.warm import warm
+from readygo.common.scenes import Scene
+from readygo.common.scenes.scene import CLOUD_FILE, SKY_FILE
+from readygo.services.renderer.sensor.motion import PosedHuman, posed
 
 Image = npt.NDArray[np.uint8]
 Pose = npt.NDArray[np.float64]

@@ -3,10 +3,10 @@
 import numpy as np
 import numpy.typing as npt
 
-from common.errors import RunError
-from common.rasterizer.image_files import encode_output
-from common.rasterizer.images import Images
-from services.renderer.config import RendererConfig
+from readygo.common.errors import RunError
+from readygo.common.images.files import encode_output
+from readygo.common.images.images import Images
+from readygo.services.renderer.config import RendererConfig
 
 
 def encode_image(rgb: npt.NDArray[np.uint8], config: RendererConfig) -> bytes:
@@ -23,7 +23,7 @@ def encode_image(rgb: npt.NDArray[np.uint8], config: RendererConfig) -> bytes:
 
 
 def encode_outputs(images: Images, config: RendererConfig) -> dict[str, bytes]:
-    """The images of a view besides rgb that the config asks for, by name, as `common.rasterizer.image_files` says.
+    """The images of a view besides rgb that the config asks for, by name, as `readygo.common.images.files` says.
 
     Raises:
         RunError: If the view lacks one of them.

@@ -5,14 +5,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from common.avatars import Avatar
-from common.messages import HumanMotion
-from common.rasterizer.cpu import PosedPerson
-from common.rasterizer.gpu.availability import require_kernels
-from common.rasterizer.images import Images
-from common.scenes import Scene
-from services.renderer.drawing import PinholeCamera
-from services.renderer.sensor_motion import posed
+from readygo.common.avatars import Avatar
+from readygo.common.images.images import Images
+from readygo.common.messages import HumanMotion
+from readygo.common.rasterizer.cpu.rasterizer import PosedPerson
+from readygo.common.rasterizer.gpu.availability import require_kernels
+from readygo.common.scenes import Scene
+from readygo.services.renderer.drawing import PinholeCamera
+from readygo.services.renderer.sensor.motion import posed
 
 Image = npt.NDArray[np.uint8]
 Pose = npt.NDArray[np.float64]
@@ -42,7 +42,7 @@ class GpuDrawing:
     ) -> None:
         require_kernels(kernels, device)
         # torch takes seconds to load; this module does not.
-        from common.rasterizer.gpu.rasterizer import GpuRasterizer
+        from readygo.common.rasterizer.gpu.rasterizer import GpuRasterizer
 
         self._number = {name: number for number, name in enumerate(avatars)}
         clouds = [scene.cloud] if scene.sky is None else [scene.cloud, scene.sky]

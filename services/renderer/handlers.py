@@ -8,11 +8,12 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from common.avatars import Avatar, LabelModel, human_labels
-from common.errors import AvatarError
-from common.gaussians import GaussianCloud
-from common.maps import FloorMap
-from common.messages import (
+from readygo.common.avatars import Avatar, LabelModel, human_labels
+from readygo.common.errors import AvatarError
+from readygo.common.gaussians import GaussianCloud
+from readygo.common.images.images import Images
+from readygo.common.maps import FloorMap
+from readygo.common.messages import (
     EpisodeHeader,
     EpisodeMotions,
     HumanLabels,
@@ -26,17 +27,16 @@ from common.messages import (
     Scenario,
     sample_crc32,
 )
-from common.rasterizer.images import Images
-from common.robot import RobotConfig
-from common.scenes import Scene
-from services.renderer.capture import Capture, EpisodeCamera, Pinhole, pinhole_of
-from services.renderer.config import GPU_BACKENDS, RendererConfig
-from services.renderer.contact_shadow import shadow_cloud
-from services.renderer.drawing import CpuDrawing, Drawing, ReferenceDrawing
-from services.renderer.encoding import encode_image, encode_outputs
-from services.renderer.gpu_drawing import GpuDrawing
-from services.renderer.sensor_motion import Moment, PosedHuman, Timeline
-from services.renderer.sensor_streams import SensorStream
+from readygo.common.robot import RobotConfig
+from readygo.common.scenes import Scene
+from readygo.services.renderer.capture import Capture, EpisodeCamera, Pinhole, pinhole_of
+from readygo.services.renderer.config import GPU_BACKENDS, RendererConfig
+from readygo.services.renderer.contact_shadow import shadow_cloud
+from readygo.services.renderer.drawing import CpuDrawing, Drawing, ReferenceDrawing
+from readygo.services.renderer.encoding import encode_image, encode_outputs
+from readygo.services.renderer.gpu_drawing import GpuDrawing
+from readygo.services.renderer.sensor.motion import Moment, PosedHuman, Timeline
+from readygo.services.renderer.sensor.streams import SensorStream
 
 PEOPLE_KEPT = 512
 """Keys of people that a renderer remembers."""

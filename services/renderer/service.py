@@ -2,9 +2,9 @@
 
 from functools import partial
 
-from common.bus import Bus
-from common.messages import RenderRequest
-from services.renderer.handlers import Renderer, handle_render
+from readygo.common.bus import Bus
+from readygo.common.messages import RenderRequest
+from readygo.services.renderer.handlers import Renderer, handle_render
 
 
 def attach(bus: Bus, renderer: Renderer, name: str) -> None:

@@ -3,6 +3,6 @@
 torch is imported by `services.trainer.train`, not here.
 """
 
-from services.trainer.config import TrainConfig, paper_recipe
+from readygo.services.trainer.config import TrainConfig, paper_recipe
 
 __all__ = ["TrainConfig", "paper_recipe"]

@@ -8,7 +8,7 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
-from services.trainer.samples import Indices, SampleTable
+from readygo.services.trainer.samples import Indices, SampleTable
 
 NEAR_M = 1.0
 """Goals are reached at this distance [m]."""

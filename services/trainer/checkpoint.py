@@ -5,8 +5,8 @@ from typing import Any
 
 import torch
 
-from common.errors import PolicyError
-from common.files import unfinished
+from readygo.common.errors import PolicyError
+from readygo.common.files import unfinished
 
 CHECKPOINT_FORMAT = "readygo-training/1"
 CHECKPOINT_FILE = "checkpoint.pt"

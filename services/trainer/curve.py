@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from common.files import unfinished
+from readygo.common.files import unfinished
 
 WIDTH_PX, HEIGHT_PX = 960, 540
 LEFT_PX, RIGHT_PX, TOP_PX, BOTTOM_PX = 90, 30, 50, 60

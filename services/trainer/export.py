@@ -15,9 +15,9 @@ import torch
 from onnx import TensorProto, helper, numpy_helper
 from torch import nn
 
-from common.errors import PolicyError
-from common.files import write_whole
-from common.policy.artifact import (
+from readygo.common.errors import PolicyError
+from readygo.common.files import write_whole
+from readygo.common.policy.artifact import (
     ENCODER_FILE,
     FEATURE_COUNT,
     FRAME_COUNT,
@@ -27,8 +27,8 @@ from common.policy.artifact import (
     PolicySpec,
     save_spec,
 )
-from common.robot import RobotConfig
-from services.trainer.model import Encoder, Head, PolicyNet, ResidualBlock
+from readygo.common.robot import RobotConfig
+from readygo.services.trainer.model import Encoder, Head, PolicyNet, ResidualBlock
 
 OPSET = 17
 IR_VERSION = 8

@@ -3,8 +3,8 @@
 import numpy as np
 import numpy.typing as npt
 
-from common.errors import DatasetError
-from services.trainer.samples import Indices, SampleSource
+from readygo.common.errors import DatasetError
+from readygo.services.trainer.samples import Indices, SampleSource
 
 
 class FrameCache:

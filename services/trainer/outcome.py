@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 import torch
 
-from common.config import section_to_mapping
-from common.errors import PolicyError
-from common.files import write_whole
-from common.policy.artifact import METRICS_FILE
-from services.trainer.curve import draw_history
-from services.trainer.export import export_policy
-from services.trainer.model import parameter_count
-from services.trainer.run import CANDIDATE_FOLDER, TrainRun
-from services.trainer.samples import spread_samples
-from services.trainer.validation import error_metrics, predict
+from readygo.common.config import section_to_mapping
+from readygo.common.errors import PolicyError
+from readygo.common.files import write_whole
+from readygo.common.policy.artifact import METRICS_FILE
+from readygo.services.trainer.curve import draw_history
+from readygo.services.trainer.export import export_policy
+from readygo.services.trainer.model import parameter_count
+from readygo.services.trainer.run import CANDIDATE_FOLDER, TrainRun
+from readygo.services.trainer.samples import spread_samples
+from readygo.services.trainer.validation import error_metrics, predict
 
 CURVE_FILE = "loss.png"
 FINAL_SAMPLES = 20_000

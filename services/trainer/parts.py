@@ -2,12 +2,12 @@
 
 from dataclasses import dataclass
 
-from common.dataset.metadata import robot_of
-from common.errors import DatasetError
-from common.robot import RobotConfig
-from services.trainer.config import TrainConfig
-from services.trainer.frames import FrameCache
-from services.trainer.samples import EpisodeRange, SampleSource, SampleTable, build_table, split_episodes
+from readygo.common.dataset.metadata import robot_of
+from readygo.common.errors import DatasetError
+from readygo.common.robot import RobotConfig
+from readygo.services.trainer.config import TrainConfig
+from readygo.services.trainer.frames import FrameCache
+from readygo.services.trainer.samples import EpisodeRange, SampleSource, SampleTable, build_table, split_episodes
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -12,9 +12,9 @@ import numpy as np
 import torch
 from torch import nn
 
-from common.config import section_to_mapping
-from common.policy import PolicySpec
-from services.trainer.augment import (
+from readygo.common.config import section_to_mapping
+from readygo.common.policy import PolicySpec
+from readygo.services.trainer.augment import (
     correct_for_turn,
     corrupt_previous,
     draw_yaws,
@@ -23,13 +23,13 @@ from services.trainer.augment import (
     turn_frames,
     vary_light,
 )
-from services.trainer.checkpoint import load_checkpoint, save_checkpoint
-from services.trainer.config import TrainConfig
-from services.trainer.export import export_policy
-from services.trainer.model import PolicyNet, images_from_bytes
-from services.trainer.parts import build_parts, robot_of_source
-from services.trainer.samples import Batch, Indices, SampleSource, epoch_samples, make_batch, spread_samples
-from services.trainer.validation import predict, validation_loss
+from readygo.services.trainer.checkpoint import load_checkpoint, save_checkpoint
+from readygo.services.trainer.config import TrainConfig
+from readygo.services.trainer.export import export_policy
+from readygo.services.trainer.model import PolicyNet, images_from_bytes
+from readygo.services.trainer.parts import build_parts, robot_of_source
+from readygo.services.trainer.samples import Batch, Indices, SampleSource, epoch_samples, make_batch, spread_samples
+from readygo.services.trainer.validation import predict, validation_loss
 
 WARM_UP_STEPS = 50
 FINAL_RATE = 0.01

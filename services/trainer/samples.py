@@ -8,8 +8,8 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from common.errors import DatasetError
-from common.messages import EpisodeKey
+from readygo.common.errors import DatasetError
+from readygo.common.messages import EpisodeKey
 
 Indices = npt.NDArray[np.int64]
 
@@ -34,7 +34,7 @@ class EpisodeRange(Protocol):
 
 
 class SampleSource(Protocol):
-    """What training reads of `common.dataset.Dataset`."""
+    """What training reads of `readygo.common.dataset.Dataset`."""
 
     @property
     def episodes(self) -> Sequence[EpisodeRange]:

@@ -7,10 +7,10 @@ from typing import Any
 
 import torch
 
-from services.trainer.config import TrainConfig
-from services.trainer.outcome import write_outcome
-from services.trainer.run import Evaluate, TrainProgress, TrainRun
-from services.trainer.samples import SampleSource
+from readygo.services.trainer.config import TrainConfig
+from readygo.services.trainer.outcome import write_outcome
+from readygo.services.trainer.run import Evaluate, TrainProgress, TrainRun
+from readygo.services.trainer.samples import SampleSource
 
 
 def train(

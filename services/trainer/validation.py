@@ -6,9 +6,9 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
-from services.trainer.frames import FrameCache
-from services.trainer.model import PolicyNet, images_from_bytes
-from services.trainer.samples import Batch, Indices, SampleTable, make_batch
+from readygo.services.trainer.frames import FrameCache
+from readygo.services.trainer.model import PolicyNet, images_from_bytes
+from readygo.services.trainer.samples import Batch, Indices, SampleTable, make_batch
 
 VALIDATION_BATCH = 128
 

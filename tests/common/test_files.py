@@ -3,8 +3,8 @@ from pathlib import Path
 
 import pytest
 
-from common.errors import ReadygoError, SceneError
-from common.files import unfinished, write_whole
+from readygo.common.errors import ReadygoError, SceneError
+from readygo.common.files import unfinished, write_whole
 
 
 def test_processes_that_write_the_same_file_do_not_meet(tmp_path: Path) -> None:

@@ -9,7 +9,15 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @pytest.mark.parametrize(
     "module",
-    ["common", "common.messages", "common.robot", "common.maps", "common.episode.config", "common.bus", "apps.cli"],
+    [
+        "common",
+        "readygo.common.messages",
+        "readygo.common.robot",
+        "readygo.common.maps",
+        "readygo.common.episode.config",
+        "readygo.common.bus",
+        "readygo.apps.cli",
+    ],
 )
 def test_import_is_light(module: str) -> None:
     code = f"import sys, {module}; print(sorted({{'torch', 'zenoh', 'cv2', 'onnxruntime', 'mcap'}} & set(sys.modules)))"

@@ -1,9 +1,9 @@
 """People from elsewhere: HUGS checkpoints, SMPL models, glTF figures and bound Gaussians become avatar files."""
 
-from common.avatars.importers.imports import ImportOptions, import_person
-from common.avatars.importers.kinds import FileKind, kind_of
-from common.avatars.importers.report import ImportReport, SkeletonReport
-from common.avatars.importers.smpl_model import SmplModel, load_smpl_model
+from readygo.common.avatars.importers.imports import ImportOptions, import_person
+from readygo.common.avatars.importers.kinds import FileKind, kind_of
+from readygo.common.avatars.importers.report import ImportReport, SkeletonReport
+from readygo.common.avatars.importers.smpl_model import SmplModel, load_smpl_model
 
 __all__ = [
     "FileKind",

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from common.errors import AvatarError
+from readygo.common.errors import AvatarError
 
 
 def read_npz(path: Path) -> dict[str, npt.NDArray[Any]]:

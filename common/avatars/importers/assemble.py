@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from common.avatars.avatar import Avatar
-from common.avatars.importers.joints import JOINT, JOINT_NAMES, tpose_joints
-from common.errors import AvatarError
-from common.gaussians import GaussianCloud
+from readygo.common.avatars.avatar import Avatar
+from readygo.common.avatars.importers.joints import JOINT, JOINT_NAMES, tpose_joints
+from readygo.common.errors import AvatarError
+from readygo.common.gaussians import GaussianCloud
 
 Array = npt.NDArray[np.float64]
 

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from common.avatars.importers.archives import read_npz
-from common.avatars.importers.assemble import CanonicalPerson
-from common.avatars.importers.joints import rotations_to_tpose
-from common.errors import AvatarError
-from common.gaussians import load_gaussians
+from readygo.common.avatars.importers.archives import read_npz
+from readygo.common.avatars.importers.assemble import CanonicalPerson
+from readygo.common.avatars.importers.joints import rotations_to_tpose
+from readygo.common.errors import AvatarError
+from readygo.common.gaussians import load_gaussians
 
 Array = npt.NDArray[np.float64]
 

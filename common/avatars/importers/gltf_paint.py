@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from common.avatars.importers.gltf_file import GltfFile, Json
-from common.avatars.importers.gltf_scene import Part
+from readygo.common.avatars.importers.gltf_file import GltfFile, Json
+from readygo.common.avatars.importers.gltf_scene import Part
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]

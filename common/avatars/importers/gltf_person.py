@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from common.avatars.importers.assemble import CanonicalPerson, scale_to_metres
-from common.avatars.importers.gltf_file import GltfFile
-from common.avatars.importers.gltf_paint import paint_part, read_materials
-from common.avatars.importers.gltf_scene import Bones, Figure, Part, read_figure
-from common.avatars.importers.joints import JOINT, rotations_to_tpose
-from common.avatars.importers.report import SkeletonReport
-from common.avatars.importers.skeleton import (
+from readygo.common.avatars.importers.assemble import CanonicalPerson, scale_to_metres
+from readygo.common.avatars.importers.gltf_file import GltfFile
+from readygo.common.avatars.importers.gltf_paint import paint_part, read_materials
+from readygo.common.avatars.importers.gltf_scene import Bones, Figure, Part, read_figure
+from readygo.common.avatars.importers.joints import JOINT, rotations_to_tpose
+from readygo.common.avatars.importers.report import SkeletonReport
+from readygo.common.avatars.importers.skeleton import (
     Mapping24,
     axes_to_smpl,
     joint_of_bones,
@@ -20,9 +20,9 @@ from common.avatars.importers.skeleton import (
     skeleton_report,
     smpl_joints,
 )
-from common.avatars.importers.surface import Mesh, gaussians_of_mesh
-from common.errors import AvatarError
-from common.gaussians import GaussianCloud
+from readygo.common.avatars.importers.surface import Mesh, gaussians_of_mesh
+from readygo.common.errors import AvatarError
+from readygo.common.gaussians import GaussianCloud
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from common.avatars.importers.gltf_file import GltfFile, Json
-from common.errors import AvatarError
-from common.frames import matrix_from_quat
+from readygo.common.avatars.importers.gltf_file import GltfFile, Json
+from readygo.common.errors import AvatarError
+from readygo.common.frames import matrix_from_quat
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]

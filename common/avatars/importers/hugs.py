@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from common.avatars.avatar import SMPL_PARENTS
-from common.avatars.importers.assemble import CanonicalPerson
-from common.avatars.importers.joints import JOINT
-from common.avatars.importers.smpl_model import SmplModel
-from common.errors import AvatarError
-from common.frames import matrix_from_axis_angle, quat_from_matrix
-from common.gaussians import GaussianCloud
+from readygo.common.avatars.avatar import SMPL_PARENTS
+from readygo.common.avatars.importers.assemble import CanonicalPerson
+from readygo.common.avatars.importers.joints import JOINT
+from readygo.common.avatars.importers.smpl_model import SmplModel
+from readygo.common.errors import AvatarError
+from readygo.common.frames import matrix_from_axis_angle, quat_from_matrix
+from readygo.common.gaussians import GaussianCloud
 
 Array = npt.NDArray[np.float64]
 Tensor = Any

@@ -6,17 +6,17 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from common.avatars.avatar import Avatar
-from common.avatars.importers.archives import read_npz
-from common.avatars.importers.assemble import CanonicalPerson, assembled
-from common.avatars.importers.gaussian_person import gaussian_person
-from common.avatars.importers.gltf_person import GAUSSIAN_COUNT, gltf_person
-from common.avatars.importers.hugs import hugs_person, load_checkpoint
-from common.avatars.importers.kinds import FileKind, kind_of
-from common.avatars.importers.report import ImportReport, SkeletonReport
-from common.avatars.importers.smpl_model import load_smpl_model
-from common.avatars.importers.smpl_person import smpl_person
-from common.errors import AvatarError
+from readygo.common.avatars.avatar import Avatar
+from readygo.common.avatars.importers.archives import read_npz
+from readygo.common.avatars.importers.assemble import CanonicalPerson, assembled
+from readygo.common.avatars.importers.gaussian_person import gaussian_person
+from readygo.common.avatars.importers.gltf_person import GAUSSIAN_COUNT, gltf_person
+from readygo.common.avatars.importers.hugs import hugs_person, load_checkpoint
+from readygo.common.avatars.importers.kinds import FileKind, kind_of
+from readygo.common.avatars.importers.report import ImportReport, SkeletonReport
+from readygo.common.avatars.importers.smpl_model import load_smpl_model
+from readygo.common.avatars.importers.smpl_person import smpl_person
+from readygo.common.errors import AvatarError
 
 GAUSSIAN_LIMITS = 1_000, 500_000
 

@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from common.avatars.avatar import SMPL_PARENTS
+from readygo.common.avatars.avatar import SMPL_PARENTS
 
 Array = npt.NDArray[np.float64]
 

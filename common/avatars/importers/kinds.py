@@ -5,9 +5,9 @@ import json
 import zipfile
 from pathlib import Path
 
-from common.avatars.file import FORMAT
-from common.avatars.importers.gltf_file import GLB_MAGIC
-from common.errors import AvatarError
+from readygo.common.avatars.file import FORMAT
+from readygo.common.avatars.importers.gltf_file import GLB_MAGIC
+from readygo.common.errors import AvatarError
 
 
 class FileKind(enum.Enum):

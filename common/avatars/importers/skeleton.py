@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from common.avatars.importers.bone_geometry import joints_by_place
-from common.avatars.importers.bone_names import chain_between, joints_by_name, joints_of_humanoid
-from common.avatars.importers.gltf_scene import Bones
-from common.avatars.importers.joints import JOINT, JOINT_NAMES
-from common.avatars.importers.report import SkeletonReport
-from common.errors import AvatarError
+from readygo.common.avatars.importers.bone_geometry import joints_by_place
+from readygo.common.avatars.importers.bone_names import chain_between, joints_by_name, joints_of_humanoid
+from readygo.common.avatars.importers.gltf_scene import Bones
+from readygo.common.avatars.importers.joints import JOINT, JOINT_NAMES
+from readygo.common.avatars.importers.report import SkeletonReport
+from readygo.common.errors import AvatarError
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from common.avatars.avatar import SMPL_PARENTS
-from common.avatars.importers.archives import read_npz
-from common.avatars.importers.pickles import array_of, load_pickle
-from common.errors import AvatarError
+from readygo.common.avatars.avatar import SMPL_PARENTS
+from readygo.common.avatars.importers.archives import read_npz
+from readygo.common.avatars.importers.pickles import array_of, load_pickle
+from readygo.common.errors import AvatarError
 
 Array = npt.NDArray[np.float64]
 

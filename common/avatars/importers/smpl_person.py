@@ -3,12 +3,12 @@
 import numpy as np
 import numpy.typing as npt
 
-from common.avatars.importers.assemble import CanonicalPerson
-from common.avatars.importers.gltf_person import shaded
-from common.avatars.importers.joints import JOINT
-from common.avatars.importers.smpl_model import SmplModel
-from common.avatars.importers.surface import Mesh, gaussians_of_mesh
-from common.errors import AvatarError
+from readygo.common.avatars.importers.assemble import CanonicalPerson
+from readygo.common.avatars.importers.gltf_person import shaded
+from readygo.common.avatars.importers.joints import JOINT
+from readygo.common.avatars.importers.smpl_model import SmplModel
+from readygo.common.avatars.importers.surface import Mesh, gaussians_of_mesh
+from readygo.common.errors import AvatarError
 
 Array = npt.NDArray[np.float64]
 

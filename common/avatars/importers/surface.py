@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
-from common.frames import quat_from_matrix
-from common.gaussians import GaussianCloud
+from readygo.common.frames import quat_from_matrix
+from readygo.common.gaussians import GaussianCloud
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]

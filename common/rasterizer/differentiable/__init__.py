@@ -1,11 +1,11 @@
 """The differentiable CPU rasterizer, for training scenes and for finding camera poses.
 
-    from common.rasterizer.differentiable.autograd import rasterize        # the fast one, on torch tensors
-    from common.rasterizer.differentiable.reference import rasterize_with_torch   # slow and obvious, any precision
-    from common.rasterizer.differentiable.order import spatial_order       # sort parameters by it after densification
+    from readygo.common.rasterizer.differentiable.autograd import rasterize               # fast, on torch tensors
+    from readygo.common.rasterizer.differentiable.reference import rasterize_with_torch  # slow, obvious, any precision
+    from readygo.common.rasterizer.differentiable.order import spatial_order             # sort parameters by it
 
-Only `autograd` and `reference` import torch. It draws by the rules of `common.rasterizer.constants`; here every single
-pixel is finished below `TRANSMITTANCE_MIN`.
+Only `autograd` and `reference` import torch. It draws by the rules of `readygo.common.rasterizer.constants`; here every
+single pixel is finished below `TRANSMITTANCE_MIN`.
 
 Forward. Chunks of 256 Gaussians that follow each other in memory are bounded (`cull`), and drawn in slabs of depth,
 nearest first: chunks and Gaussians behind finished pixels are skipped, the others projected sixteen at a time

@@ -7,9 +7,9 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
-from common.rasterizer.cpu_view import make_view
-from common.rasterizer.differentiable.frame import Frame, FrameGradients, free_frame, zeros
-from common.rasterizer.differentiable.memory import DEPTH, PLANES, RED, TRANSMITTANCE, Cloud
+from readygo.common.rasterizer.cpu.view import make_view
+from readygo.common.rasterizer.differentiable.frame import Frame, FrameGradients, free_frame, zeros
+from readygo.common.rasterizer.differentiable.memory import DEPTH, PLANES, RED, TRANSMITTANCE, Cloud
 
 Tensor = torch.Tensor
 COEFFICIENTS = (1, 4, 9, 16)
@@ -85,7 +85,7 @@ def rasterize(
     sparse_gradients: bool = False,
     absolute_gradients: bool = False,
 ) -> Rendered:
-    """Draw Gaussians; differentiable by all tensors. Rules: `common.rasterizer.constants`; method: the package's page.
+    """Draw Gaussians by the rules of `readygo.common.rasterizer.constants`; differentiable by all tensors.
 
     Runs on one core; the result does not depend on the order of the Gaussians but for equal depths. It is fastest if
     neighbours in space are neighbours in memory, see `spatial_order`. Memory is used again as soon as images and

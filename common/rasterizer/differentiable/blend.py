@@ -4,12 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from common.rasterizer.compilation import inlined, kernel
-from common.rasterizer.constants import ALPHA_MAX, LOG2_ALPHA_MIN, TRANSMITTANCE_MIN
-from common.rasterizer.cpu_blend import ROUNDING, log2_alpha
-from common.rasterizer.cpu_tiles import update_quads
-from common.rasterizer.cpu_workspace import NODE, RECORD, RECORDS, Workspace
-from common.rasterizer.differentiable.memory import (
+from readygo.common.rasterizer.constants import ALPHA_MAX, LOG2_ALPHA_MIN, TRANSMITTANCE_MIN
+from readygo.common.rasterizer.cpu.blend import ROUNDING, log2_alpha
+from readygo.common.rasterizer.cpu.tiles import update_quads
+from readygo.common.rasterizer.cpu.workspace import NODE, RECORD, RECORDS, Workspace
+from readygo.common.rasterizer.differentiable.memory import (
     DEPTH,
     FEATURE_GROUP,
     GROUP,
@@ -20,9 +19,10 @@ from common.rasterizer.differentiable.memory import (
     Raster,
     Singles,
 )
-from common.rasterizer.differentiable.simd_rows import load_block, load_first, store_block, store_first
-from common.rasterizer.simd_memory import load_f16, peek, prefetch, store_f16, touching
-from common.rasterizer.simd_types import (
+from readygo.common.rasterizer.differentiable.simd_rows import load_block, load_first, store_block, store_first
+from readygo.common.simd.compilation import inlined, kernel
+from readygo.common.simd.memory import load_f16, peek, prefetch, store_f16, touching
+from readygo.common.simd.types import (
     bit_pattern,
     float_bits,
     float_of_bits,

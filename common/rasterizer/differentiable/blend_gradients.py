@@ -4,12 +4,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from common.rasterizer.compilation import inlined, kernel
-from common.rasterizer.constants import ALPHA_MAX, LOG2_ALPHA_MIN, TRANSMITTANCE_MIN
-from common.rasterizer.cpu_blend import log2_alpha
-from common.rasterizer.cpu_workspace import NODE, RECORD, RECORDS, Workspace
-from common.rasterizer.differentiable.blend import exp2
-from common.rasterizer.differentiable.memory import (
+from readygo.common.rasterizer.constants import ALPHA_MAX, LOG2_ALPHA_MIN, TRANSMITTANCE_MIN
+from readygo.common.rasterizer.cpu.blend import log2_alpha
+from readygo.common.rasterizer.cpu.workspace import NODE, RECORD, RECORDS, Workspace
+from readygo.common.rasterizer.differentiable.blend import exp2
+from readygo.common.rasterizer.differentiable.memory import (
     FEATURE_GROUP,
     LATER_ROWS,
     PLANES,
@@ -18,15 +17,16 @@ from common.rasterizer.differentiable.memory import (
     Raster,
     Singles,
 )
-from common.rasterizer.differentiable.simd_rows import (
+from readygo.common.rasterizer.differentiable.simd_rows import (
     lane_sums_at,
     lane_sums_of_eleven,
     lane_sums_of_fifteen,
     load_block,
     store_block,
 )
-from common.rasterizer.simd_memory import load_f16, load_i16, prefetch, store_f16
-from common.rasterizer.simd_types import f16, fma, fnma, lane_number, lowest_bit, mask_bits, minimum, to_float, where
+from readygo.common.simd.compilation import inlined, kernel
+from readygo.common.simd.memory import load_f16, load_i16, prefetch, store_f16
+from readygo.common.simd.types import f16, fma, fnma, lane_number, lowest_bit, mask_bits, minimum, to_float, where
 
 STATE_ROWS = PLANES + 2
 """Per block: transmittance, what is left behind, then the derivatives of the planes, that of transmittance negative."""

@@ -1,19 +1,19 @@
 """Colours of spherical harmonics, and what their derivatives are.
 
-The basis is that of `common.gaussians.sh_basis`, as polynomials that equal it on the unit sphere; derivatives are
-projected to the sphere's tangent plane, where it does not matter how the polynomials go on beyond the sphere.
+The basis is that of `readygo.common.gaussians.sh_basis`, as polynomials that equal it on the unit sphere; derivatives
+are projected to the sphere's tangent plane, where it does not matter how the polynomials go on beyond the sphere.
 
 Source: Kerbl et al., 3D Gaussian Splatting for Real-Time Radiance Field Rendering, 2023.
 """
 
 from typing import Any
 
-from common.rasterizer.compilation import inlined
-from common.rasterizer.cpu_workspace import Workspace
-from common.rasterizer.differentiable.memory import COLOURED, DERIVATIVES, GROUP, NUMBER, Cloud, Gradients, Kept
-from common.rasterizer.differentiable.simd_rows import load_first, store_first, stream_f16
-from common.rasterizer.simd_memory import load_f16, store_f16, store_i16, transpose_in_place
-from common.rasterizer.simd_types import f16, float_bits, fma, fms, i16, integer_where, lowest_bit, maximum, sqrt
+from readygo.common.rasterizer.cpu.workspace import Workspace
+from readygo.common.rasterizer.differentiable.memory import COLOURED, DERIVATIVES, GROUP, NUMBER, Cloud, Gradients, Kept
+from readygo.common.rasterizer.differentiable.simd_rows import load_first, store_first, stream_f16
+from readygo.common.simd.compilation import inlined
+from readygo.common.simd.memory import load_f16, store_f16, store_i16, transpose_in_place
+from readygo.common.simd.types import f16, float_bits, fma, fms, i16, integer_where, lowest_bit, maximum, sqrt
 
 C0 = 0.28209479177387814
 C1 = 0.48860251190292

@@ -5,16 +5,16 @@ from typing import Any
 
 import numpy as np
 
-from common.rasterizer.compilation import inlined, kernel
-from common.rasterizer.constants import ALPHA_MIN, NEAR_M
-from common.rasterizer.cpu_lens import Lens, lens_of, rotation_rows
-from common.rasterizer.cpu_tiles import pack_box
-from common.rasterizer.cpu_view import PAD_PX, View
-from common.rasterizer.differentiable.lens import to_camera
-from common.rasterizer.differentiable.memory import CHUNK, Chunks, Cloud, Singles
-from common.rasterizer.differentiable.simd_rows import columns_of_three, load_first
-from common.rasterizer.simd_memory import load_f16, prefetch, store_f16
-from common.rasterizer.simd_types import f16, fma, lane_number, mask_bits, maximum, minimum, where
+from readygo.common.rasterizer.constants import ALPHA_MIN, NEAR_M
+from readygo.common.rasterizer.cpu.lens import Lens, lens_of, rotation_rows
+from readygo.common.rasterizer.cpu.tiles import pack_box
+from readygo.common.rasterizer.cpu.view import PAD_PX, View
+from readygo.common.rasterizer.differentiable.lens import to_camera
+from readygo.common.rasterizer.differentiable.memory import CHUNK, Chunks, Cloud, Singles
+from readygo.common.rasterizer.differentiable.simd_rows import columns_of_three, load_first
+from readygo.common.simd.compilation import inlined, kernel
+from readygo.common.simd.memory import load_f16, prefetch, store_f16
+from readygo.common.simd.types import f16, fma, lane_number, mask_bits, maximum, minimum, where
 
 REACH = math.sqrt(2.0 * math.log(1.0 / ALPHA_MIN))
 """Standard deviations beyond which an opaque Gaussian is not drawn."""

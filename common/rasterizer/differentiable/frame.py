@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from common.rasterizer.cpu_blend import begin_slab, fill_tiles, sort_keys
-from common.rasterizer.cpu_slabs import Slab, slabs_of
-from common.rasterizer.cpu_view import View
-from common.rasterizer.cpu_workspace import (
+from readygo.common.rasterizer.cpu.blend import begin_slab, fill_tiles, sort_keys
+from readygo.common.rasterizer.cpu.slabs import Slab, slabs_of
+from readygo.common.rasterizer.cpu.view import View
+from readygo.common.rasterizer.cpu.workspace import (
     KEYS,
     LARGE_ENTRIES,
     MAX_SIDE_PX,
@@ -22,10 +22,10 @@ from common.rasterizer.cpu_workspace import (
     tile_count,
     with_room,
 )
-from common.rasterizer.differentiable.blend import begin_planes, blend, gather_features
-from common.rasterizer.differentiable.blend_gradients import STATE_ROWS, Options, begin_replay, blend_gradients
-from common.rasterizer.differentiable.cull import bound_chunks
-from common.rasterizer.differentiable.memory import (
+from readygo.common.rasterizer.differentiable.blend import begin_planes, blend, gather_features
+from readygo.common.rasterizer.differentiable.blend_gradients import STATE_ROWS, Options, begin_replay, blend_gradients
+from readygo.common.rasterizer.differentiable.cull import bound_chunks
+from readygo.common.rasterizer.differentiable.memory import (
     CHUNK,
     FEATURE_GROUP,
     GROUP,
@@ -41,9 +41,9 @@ from common.rasterizer.differentiable.memory import (
     Singles,
     aligned,
 )
-from common.rasterizer.differentiable.pool import ArrayPool
-from common.rasterizer.differentiable.project import list_drawn, project
-from common.rasterizer.differentiable.project_gradients import gather_sums, project_gradients
+from readygo.common.rasterizer.differentiable.pool import ArrayPool
+from readygo.common.rasterizer.differentiable.project import list_drawn, project
+from readygo.common.rasterizer.differentiable.project_gradients import gather_sums, project_gradients
 
 LN_2 = 0.6931471805599453
 _POOL = ArrayPool()

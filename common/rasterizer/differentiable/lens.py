@@ -2,9 +2,9 @@
 
 from typing import Any
 
-from common.rasterizer.compilation import inlined
-from common.rasterizer.constants import DILATION_PX2
-from common.rasterizer.simd_types import fma, fms, fnma
+from readygo.common.rasterizer.constants import DILATION_PX2
+from readygo.common.simd.compilation import inlined
+from readygo.common.simd.types import fma, fms, fnma
 
 
 @inlined

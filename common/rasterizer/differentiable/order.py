@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from common.rasterizer.packed import morton_codes
+from readygo.common.rasterizer.packed.scene import morton_codes
 
 
 def spatial_order(means_m: npt.NDArray[np.float32]) -> npt.NDArray[np.int64]:

@@ -5,24 +5,23 @@ from typing import Any
 
 import numpy as np
 
-from common.rasterizer.compilation import inlined, kernel
-from common.rasterizer.constants import ALPHA_MIN, LOG2_E
-from common.rasterizer.cpu_lens import Lens, clamped, lens_of, rotation_rows
-from common.rasterizer.cpu_project import pixels_within
-from common.rasterizer.cpu_slabs import NEAR_BITS, Slab, is_due
-from common.rasterizer.cpu_tiles import LARGE, box_codes, is_alive, tiles_met
-from common.rasterizer.cpu_view import View
-from common.rasterizer.cpu_workspace import KEYS, LARGE_ENTRIES, LATER, RECORD, RECORDS, Workspace
-from common.rasterizer.differentiable.colour import colour_group
-from common.rasterizer.differentiable.cull import footprint_reach, in_view, offsets_from_camera, scales_at
-from common.rasterizer.differentiable.lens import (
+from readygo.common.rasterizer.constants import ALPHA_MIN, LOG2_E
+from readygo.common.rasterizer.cpu.lens import Lens, clamped, lens_of, rotation_rows
+from readygo.common.rasterizer.cpu.project import pixels_within
+from readygo.common.rasterizer.cpu.slabs import NEAR_BITS, Slab, is_due
+from readygo.common.rasterizer.cpu.tiles import LARGE, box_codes, is_alive, tiles_met
+from readygo.common.rasterizer.cpu.view import View
+from readygo.common.rasterizer.cpu.workspace import KEYS, LARGE_ENTRIES, LATER, RECORD, RECORDS, Workspace
+from readygo.common.rasterizer.differentiable.colour import colour_group
+from readygo.common.rasterizer.differentiable.cull import footprint_reach, in_view, offsets_from_camera, scales_at
+from readygo.common.rasterizer.differentiable.lens import (
     image_axes,
     image_covariance,
     image_rows,
     quaternion_matrix,
     to_camera,
 )
-from common.rasterizer.differentiable.memory import (
+from readygo.common.rasterizer.differentiable.memory import (
     CHUNK,
     GROUP,
     NUMBER,
@@ -35,8 +34,9 @@ from common.rasterizer.differentiable.memory import (
     Kept,
     Singles,
 )
-from common.rasterizer.differentiable.simd_rows import columns_of_four, load_first
-from common.rasterizer.simd_memory import (
+from readygo.common.rasterizer.differentiable.simd_rows import columns_of_four, load_first
+from readygo.common.simd.compilation import inlined, kernel
+from readygo.common.simd.memory import (
     compress,
     load_f16,
     peek,
@@ -46,7 +46,7 @@ from common.rasterizer.simd_memory import (
     store_i16,
     transpose_in_place,
 )
-from common.rasterizer.simd_types import (
+from readygo.common.simd.types import (
     bit_pattern,
     count_bits,
     float_bits,

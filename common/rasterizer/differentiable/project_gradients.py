@@ -11,18 +11,17 @@ v, v dx, v dy, v dx^2, v dx dy, v dy^2 over its pixels:
 
 from typing import Any
 
-from common.rasterizer.compilation import inlined, kernel
-from common.rasterizer.cpu_lens import Lens, clamped, lens_of, rotation_rows
-from common.rasterizer.cpu_view import View
-from common.rasterizer.differentiable.colour import write_coefficient_gradients
-from common.rasterizer.differentiable.lens import (
+from readygo.common.rasterizer.cpu.lens import Lens, clamped, lens_of, rotation_rows
+from readygo.common.rasterizer.cpu.view import View
+from readygo.common.rasterizer.differentiable.colour import write_coefficient_gradients
+from readygo.common.rasterizer.differentiable.lens import (
     image_axes,
     image_covariance,
     image_rows,
     quaternion_matrix,
     to_camera,
 )
-from common.rasterizer.differentiable.memory import (
+from readygo.common.rasterizer.differentiable.memory import (
     CHANNELS,
     COLOURED,
     FEATURE_GROUP,
@@ -37,9 +36,10 @@ from common.rasterizer.differentiable.memory import (
     Kept,
     Singles,
 )
-from common.rasterizer.differentiable.simd_rows import load_first, rows_of_four, rows_of_three, store_first
-from common.rasterizer.simd_memory import compress, load_f16, load_i16, prefetch, store_f16, transpose_in_place
-from common.rasterizer.simd_types import (
+from readygo.common.rasterizer.differentiable.simd_rows import load_first, rows_of_four, rows_of_three, store_first
+from readygo.common.simd.compilation import inlined, kernel
+from readygo.common.simd.memory import compress, load_f16, load_i16, prefetch, store_f16, transpose_in_place
+from readygo.common.simd.types import (
     bit_pattern,
     count_bits,
     f16,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy.typing as npt
 import torch
 
-from common.rasterizer.constants import (
+from readygo.common.rasterizer.constants import (
     ALPHA_MAX,
     ALPHA_MIN,
     DILATION_PX2,
@@ -130,7 +130,7 @@ def rotations(quats_wxyz: Tensor) -> Tensor:
 
 
 def _colours(sh: Tensor, offsets: Tensor, degree: int) -> Tensor:
-    """Colours along directions, not negative. The basis is that of `common.gaussians.sh_basis`."""
+    """Colours along directions, not negative. The basis is that of `readygo.common.gaussians.sh_basis`."""
     x, y, z = (offsets / torch.linalg.norm(offsets, dim=1, keepdim=True)).unbind(1)
     xx, yy, zz = x * x, y * y, z * z
     basis = [

@@ -1,4 +1,4 @@
-"""Sixteen-lane values (see `common.rasterizer.simd_types`) from rows of 3 or 4 numbers and from images, and their sums.
+"""Sixteen-lane values (see `readygo.common.simd.types`) from rows of 3 or 4 numbers and from images, and their sums.
 
 There are no bounds checks: the caller guarantees that what is read and written lies within the array.
 """
@@ -10,8 +10,8 @@ from llvmlite import ir
 from numba.core import types
 from numba.extending import intrinsic
 
-from common.rasterizer.simd_memory import per_quarter, pointer_to, shuffled
-from common.rasterizer.simd_types import F16, LANES, as_i32, call_llvm, f32_vector, i32_vector
+from readygo.common.simd.memory import per_quarter, pointer_to, shuffled
+from readygo.common.simd.types import F16, LANES, as_i32, call_llvm, f32_vector, i32_vector
 
 _i32 = ir.IntType(32)
 _quarter = ir.VectorType(ir.FloatType(), 4)

@@ -4,7 +4,7 @@ import importlib.metadata
 import importlib.util
 import shutil
 
-from common.errors import ReadygoError
+from readygo.common.errors import ReadygoError
 
 KERNELS = ("triton", "gsplat")
 """Whose kernels can be chosen."""

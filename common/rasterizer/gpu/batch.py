@@ -8,7 +8,7 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
-from common.rasterizer.cpu import PosedPerson
+from readygo.common.rasterizer.cpu.rasterizer import PosedPerson
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

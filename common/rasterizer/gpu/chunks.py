@@ -5,11 +5,18 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from common.avatars import Avatar
-from common.frames import matrix_from_quat
-from common.gaussians import GaussianCloud
-from common.rasterizer.constants import ALPHA_MIN
-from common.rasterizer.packed import CHUNK, chunk_boxes, covariances, morton_codes, opacity_terms, rounded_up
+from readygo.common.avatars import Avatar
+from readygo.common.frames import matrix_from_quat
+from readygo.common.gaussians import GaussianCloud
+from readygo.common.rasterizer.constants import ALPHA_MIN
+from readygo.common.rasterizer.packed.scene import (
+    CHUNK,
+    chunk_boxes,
+    covariances,
+    morton_codes,
+    opacity_terms,
+    rounded_up,
+)
 
 Floats = npt.NDArray[np.float64]
 Singles = npt.NDArray[np.float32]

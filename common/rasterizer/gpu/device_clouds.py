@@ -8,11 +8,11 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
-from common.avatars import Avatar
-from common.gaussians import GaussianCloud
-from common.rasterizer.gpu.chunks import GEOMETRY_ROWS, ChunkedCloud, chunk_avatar, chunk_cloud
-from common.rasterizer.gpu.posing import Skeletons, load_skeletons
-from common.rasterizer.packed import CHUNK
+from readygo.common.avatars import Avatar
+from readygo.common.avatars.torch_posing import Skeletons, load_skeletons
+from readygo.common.gaussians import GaussianCloud
+from readygo.common.rasterizer.gpu.chunks import GEOMETRY_ROWS, ChunkedCloud, chunk_avatar, chunk_cloud
+from readygo.common.rasterizer.packed.scene import CHUNK
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

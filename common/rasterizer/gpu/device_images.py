@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from common.rasterizer.images import Images
+from readygo.common.images.images import Images
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DeviceImages:
-    """Images of B cameras; see `common.rasterizer.images.Images` for what they show."""
+    """Images of B cameras; see `readygo.common.images.images.Images` for what they show."""
 
     rgb: Tensor
     """Colours before rounding, not clipped above 1, shape (B, H, W, 3)."""

@@ -1,6 +1,6 @@
 """gsplat's kernels behind the interface of `GpuRasterizer`: the only file that knows gsplat.
 
-What differs from `common.rasterizer.constants`, and what is done about it:
+What differs from `readygo.common.rasterizer.constants`, and what is done about it:
 
 - alpha cap 0.999: opacities are capped at 0.99 instead, so that no alpha exceeds 0.99.
 - The Gaussian that would bring a pixel's transmittance to 1e-4 or below is dropped together with what follows. With
@@ -21,14 +21,14 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
-from common.avatars import Avatar
-from common.errors import ReadygoError
-from common.gaussians import GaussianCloud
-from common.rasterizer.constants import ALPHA_MAX, DILATION_PX2, NEAR_M
-from common.rasterizer.gpu.batch import Batch
-from common.rasterizer.gpu.chunks import morton_order
-from common.rasterizer.gpu.device_images import DeviceImages, mean_depth, unit_normals
-from common.rasterizer.gpu.posing import joint_transforms, load_skeletons, load_skin, pose_gaussians
+from readygo.common.avatars import Avatar
+from readygo.common.avatars.torch_posing import joint_transforms, load_skeletons, load_skin, pose_gaussians
+from readygo.common.errors import ReadygoError
+from readygo.common.gaussians import GaussianCloud
+from readygo.common.rasterizer.constants import ALPHA_MAX, DILATION_PX2, NEAR_M
+from readygo.common.rasterizer.gpu.batch import Batch
+from readygo.common.rasterizer.gpu.chunks import morton_order
+from readygo.common.rasterizer.gpu.device_images import DeviceImages, mean_depth, unit_normals
 
 FAR_M = 1e10
 """gsplat wants a far plane; skies are at 1.8 km."""

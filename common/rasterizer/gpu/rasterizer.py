@@ -8,14 +8,14 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
-from common.avatars import Avatar
-from common.gaussians import GaussianCloud
-from common.rasterizer.cpu import PosedPerson
-from common.rasterizer.gpu.availability import require_kernels
-from common.rasterizer.gpu.batch import Batch, make_batch
-from common.rasterizer.gpu.device_images import DeviceImages, host_images, rgb_bytes
-from common.rasterizer.gpu.triton_settings import TritonSettings
-from common.rasterizer.images import OUTPUTS, Images
+from readygo.common.avatars import Avatar
+from readygo.common.gaussians import GaussianCloud
+from readygo.common.images.images import OUTPUTS, Images
+from readygo.common.rasterizer.cpu.rasterizer import PosedPerson
+from readygo.common.rasterizer.gpu.availability import require_kernels
+from readygo.common.rasterizer.gpu.batch import Batch, make_batch
+from readygo.common.rasterizer.gpu.device_images import DeviceImages, host_images, rgb_bytes
+from readygo.common.rasterizer.gpu.triton.settings import TritonSettings
 
 MAX_PEOPLE = 255
 """People that a mask of bytes can tell apart."""
@@ -64,11 +64,11 @@ class GpuRasterizer:
         lens = (np.asarray(K_px, dtype=np.float64), height_px, width_px, self._device)
         self._kernels: _Kernels
         if kernels == "gsplat":
-            from common.rasterizer.gpu.gsplat_kernels import GsplatKernels
+            from readygo.common.rasterizer.gpu.gsplat_kernels import GsplatKernels
 
             self._kernels = GsplatKernels(clouds, avatars, *lens)
         else:
-            from common.rasterizer.gpu.triton_kernels import TritonKernels
+            from readygo.common.rasterizer.gpu.triton.kernels import TritonKernels
 
             self._kernels = TritonKernels(clouds, avatars, *lens, settings or TritonSettings())
 
@@ -125,7 +125,7 @@ class GpuRasterizer:
         Args:
             T_world_camera: Camera pose, OpenCV axes, shape (4, 4).
             people: People to draw; the mask numbers them from 1 in this order.
-            outputs: Names out of `common.rasterizer.images.OUTPUTS`; "rgb" is always made.
+            outputs: Names out of `readygo.common.images.images.OUTPUTS`; "rgb" is always made.
 
         Returns:
             The images.

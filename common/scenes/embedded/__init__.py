@@ -1,6 +1,6 @@
 """The embedded scene, made by code: a furnished flat with a garden in front of its windows."""
 
-from common.scenes.embedded.bundle import ensure_embedded_scene
-from common.scenes.embedded.scene import embedded_scene_cloud, embedded_sky
+from readygo.common.scenes.embedded.bundle import ensure_embedded_scene
+from readygo.common.scenes.embedded.scene import embedded_scene_cloud, embedded_sky
 
 __all__ = ["embedded_scene_cloud", "embedded_sky", "ensure_embedded_scene"]

@@ -5,12 +5,12 @@ import shutil
 import tempfile
 from pathlib import Path
 
-import common.maps
-from common.errors import SceneError
-from common.scenes.bundle import SceneSource, save_scene
-from common.scenes.embedded.scene import embedded_scene_cloud, embedded_sky
-from common.scenes.manifest import MANIFEST
-from common.scenes.scene import Scene, load_scene
+import readygo.common.maps
+from readygo.common.errors import SceneError
+from readygo.common.scenes.bundle import SceneSource, save_scene
+from readygo.common.scenes.embedded.scene import embedded_scene_cloud, embedded_sky
+from readygo.common.scenes.manifest import MANIFEST
+from readygo.common.scenes.scene import Scene, load_scene
 
 NAME = "embedded"
 LICENCE = "made by readygo's own code; free for every use"
@@ -36,7 +36,7 @@ def ensure_embedded_scene(folder: str | Path) -> Scene:
 def recipe_hash() -> str:
     """Hash of the code that makes the scene and its maps: equal recipes give equal bundles."""
     digest = hashlib.sha256()
-    for package in (Path(__file__).parent, Path(common.maps.__file__).parent):
+    for package in (Path(__file__).parent, Path(readygo.common.maps.__file__).parent):
         for path in sorted(package.glob("*.py")):
             digest.update(f"{package.name}/{path.name}\n".encode() + path.read_bytes())
     return digest.hexdigest()

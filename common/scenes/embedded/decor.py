@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from common.scenes.embedded.surfaces import Surfaces, fibonacci_sphere
-from common.scenes.embedded.textures import (
+from readygo.common.scenes.embedded.surfaces import Surfaces, fibonacci_sphere
+from readygo.common.scenes.embedded.textures import (
     Array,
     Colour,
     fabric,

@@ -4,9 +4,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from common.scenes.embedded.plan import ROOMS, Room
-from common.scenes.embedded.surfaces import THICKNESS_M, Surfaces
-from common.scenes.embedded.textures import Array, Colour, lattice_noise, value_noise
+from readygo.common.scenes.embedded.plan import ROOMS, Room
+from readygo.common.scenes.embedded.surfaces import THICKNESS_M, Surfaces
+from readygo.common.scenes.embedded.textures import Array, Colour, lattice_noise, value_noise
 
 _UP = np.array([0.0, 0.0, 1.0])
 _X = np.array([1.0, 0.0, 0.0])

@@ -1,9 +1,9 @@
 """What stands where in the flat."""
 
-from common.scenes.embedded import decor, seating, storage
-from common.scenes.embedded.plan import NORTH_M, ROOMS, SOUTH_M
-from common.scenes.embedded.shell import facing_wall
-from common.scenes.embedded.surfaces import Surfaces
+from readygo.common.scenes.embedded import decor, seating, storage
+from readygo.common.scenes.embedded.plan import NORTH_M, ROOMS, SOUTH_M
+from readygo.common.scenes.embedded.shell import facing_wall
+from readygo.common.scenes.embedded.surfaces import Surfaces
 
 LAMPS_M = ((-2.35, 2.7), (2.9, 1.75), (-3.4, -0.3), (0.0, -0.3), (3.4, -0.3), (-2.7, -3.0), (2.6, -2.7))
 """Ceiling and hanging lamps, x and y."""

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from common.scenes.embedded.surfaces import SurfaceSamples, fibonacci_sphere
-from common.scenes.embedded.textures import Array
+from readygo.common.scenes.embedded.surfaces import SurfaceSamples, fibonacci_sphere
+from readygo.common.scenes.embedded.textures import Array
 
 VOXEL_M = 0.05
 _START_M = 0.055

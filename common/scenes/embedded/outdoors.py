@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from common.scenes.embedded.surfaces import Surfaces, fibonacci_sphere
-from common.scenes.embedded.textures import Array, lattice_noise, mixed, shaded, value_noise
+from readygo.common.scenes.embedded.surfaces import Surfaces, fibonacci_sphere
+from readygo.common.scenes.embedded.textures import Array, lattice_noise, mixed, shaded, value_noise
 
 _SKY_RADIUS_M = 90.0
 _GROUND_Z_M = -0.35

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from common.scenes.embedded.textures import Colour
+from readygo.common.scenes.embedded.textures import Colour
 
 CEILING_M = 2.6
 OUTER_WALL_M = 0.2

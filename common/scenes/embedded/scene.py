@@ -3,15 +3,15 @@
 import numpy as np
 import numpy.typing as npt
 
-from common.gaussians import GaussianCloud
-from common.scenes.embedded.floors import build_floors
-from common.scenes.embedded.furnishing import LAMP_HEIGHT_M, LAMPS_M, furnish
-from common.scenes.embedded.lighting import Lights, lit_colours, voxelise
-from common.scenes.embedded.outdoors import build_outdoors
-from common.scenes.embedded.plan import CEILING_M, EAST_M, NORTH_M, OPENINGS, SOUTH_M, WALLS, WEST_M
-from common.scenes.embedded.shell import build_shell
-from common.scenes.embedded.surfaces import OPACITY, Surfaces, SurfaceSamples
-from common.scenes.embedded.textures import Array, value_noise
+from readygo.common.gaussians import GaussianCloud
+from readygo.common.scenes.embedded.floors import build_floors
+from readygo.common.scenes.embedded.furnishing import LAMP_HEIGHT_M, LAMPS_M, furnish
+from readygo.common.scenes.embedded.lighting import Lights, lit_colours, voxelise
+from readygo.common.scenes.embedded.outdoors import build_outdoors
+from readygo.common.scenes.embedded.plan import CEILING_M, EAST_M, NORTH_M, OPENINGS, SOUTH_M, WALLS, WEST_M
+from readygo.common.scenes.embedded.shell import build_shell
+from readygo.common.scenes.embedded.surfaces import OPACITY, Surfaces, SurfaceSamples
+from readygo.common.scenes.embedded.textures import Array, value_noise
 
 _SH_C0 = 0.28209479177387814
 _SKY_LIGHT = np.array([5.6, 6.3, 7.2])

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from common.scenes.embedded.surfaces import SIDES, Surfaces
-from common.scenes.embedded.textures import Colour, fabric, plain, stripes, wood
+from readygo.common.scenes.embedded.surfaces import SIDES, Surfaces
+from readygo.common.scenes.embedded.textures import Colour, fabric, plain, stripes, wood
 
 _UPPER = ("front", "back", "left", "right", "top")
 _DARK_WOOD = (0.36, 0.25, 0.17)

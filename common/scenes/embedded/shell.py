@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from common.scenes.embedded.plan import (
+from readygo.common.scenes.embedded.plan import (
     CEILING_M,
     EAST_M,
     NORTH_M,
@@ -19,8 +19,8 @@ from common.scenes.embedded.plan import (
     openings_of,
     pieces,
 )
-from common.scenes.embedded.surfaces import Surfaces, Vector
-from common.scenes.embedded.textures import Texture, plain, stripes, wood
+from readygo.common.scenes.embedded.surfaces import Surfaces, Vector
+from readygo.common.scenes.embedded.textures import Texture, plain, stripes, wood
 
 _WHITE = (0.93, 0.92, 0.89)
 _CORE_Z_M = 0.4

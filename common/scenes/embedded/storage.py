@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from common.scenes.embedded.surfaces import Surfaces
-from common.scenes.embedded.textures import Colour, plain, tiles, wood
+from readygo.common.scenes.embedded.surfaces import Surfaces
+from readygo.common.scenes.embedded.textures import Colour, plain, tiles, wood
 
 _SPINES: tuple[Colour, ...] = (
     (0.62, 0.15, 0.13),

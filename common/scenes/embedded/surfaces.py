@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from common.frames import quat_from_matrix
-from common.scenes.embedded.textures import Array, Colour, Texture, plain
+from readygo.common.frames import quat_from_matrix
+from readygo.common.scenes.embedded.textures import Array, Colour, Texture, plain
 
 Vector = tuple[float, float, float]
 ALL_FACES = ("front", "back", "left", "right", "top", "bottom")

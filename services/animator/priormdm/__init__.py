@@ -3,6 +3,6 @@
 Importing this package loads no torch; `services.animator.priormdm.source` does.
 """
 
-from services.animator.priormdm.config import PriorMdmConfig
+from readygo.services.animator.priormdm.config import PriorMdmConfig
 
 __all__ = ["PriorMdmConfig"]

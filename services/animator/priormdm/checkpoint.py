@@ -13,10 +13,10 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
-from common.errors import ConfigError
-from services.animator.priormdm.config import PriorMdmConfig
-from services.animator.priormdm.features import FEATURE_COUNT
-from services.animator.priormdm.network import TEXT_COUNT, Mdm, NetworkShape
+from readygo.common.errors import ConfigError
+from readygo.services.animator.priormdm.config import PriorMdmConfig
+from readygo.services.animator.priormdm.features import FEATURE_COUNT
+from readygo.services.animator.priormdm.network import TEXT_COUNT, Mdm, NetworkShape
 
 _CONSTANTS = ("sequence_pos_encoder.pe", "embed_timestep.sequence_pos_encoder.pe", "t_pos_encoder.pe")
 """Tables that follow from a formula; releases keep, lengthen or drop them."""

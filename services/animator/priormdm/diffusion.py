@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from services.animator.gait_math import Array
+from readygo.services.animator.gait.math import Array
 
 BETA_MAX = 0.999
 _OFFSET = 0.008

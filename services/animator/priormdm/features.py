@@ -24,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from services.animator.gait_math import wrap
+from readygo.services.animator.gait.math import wrap
 
 Array = npt.NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
-from services.animator.priormdm.features import FEATURE_COUNT
+from readygo.services.animator.priormdm.features import FEATURE_COUNT
 
 POSITIONS = 5000
 TEXT_COUNT = 512

@@ -6,10 +6,20 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from services.animator.gait_math import Array, Ground, clip, ease, floor_at, mat_mul, rot_x, smooth, smooth_above
-from services.animator.gait_path import DT_S
-from services.animator.gait_person import GaitSkeleton
-from services.animator.smpl_fit import REACH, fit_rotations
+from readygo.services.animator.gait.math import (
+    Array,
+    Ground,
+    clip,
+    ease,
+    floor_at,
+    mat_mul,
+    rot_x,
+    smooth,
+    smooth_above,
+)
+from readygo.services.animator.gait.path import DT_S
+from readygo.services.animator.gait.person import GaitSkeleton
+from readygo.services.animator.smpl.fit import REACH, fit_rotations
 
 HUMANML3D_LEG_M = 0.821
 """Thigh and shin of the skeleton that HumanML3D's motions are brought to, its file 000021."""

@@ -12,16 +12,16 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
-from common.errors import ConfigError
-from common.maps.grid import FloorMap
-from common.messages import Motion
-from services.animator.gait_math import Array, Ground, smooth
-from services.animator.gait_path import check_trajectory, heading
-from services.animator.gait_person import GaitSkeleton
-from services.animator.priormdm.checkpoint import TrainedModel, load_model
-from services.animator.priormdm.config import PriorMdmConfig
-from services.animator.priormdm.diffusion import FloatArray, cosine_schedule, sample
-from services.animator.priormdm.features import (
+from readygo.common.errors import ConfigError
+from readygo.common.maps.grid import FloorMap
+from readygo.common.messages import Motion
+from readygo.services.animator.gait.math import Array, Ground, smooth
+from readygo.services.animator.gait.path import check_trajectory, heading
+from readygo.services.animator.gait.person import GaitSkeleton
+from readygo.services.animator.priormdm.checkpoint import TrainedModel, load_model
+from readygo.services.animator.priormdm.config import PriorMdmConfig
+from readygo.services.animator.priormdm.diffusion import FloatArray, cosine_schedule, sample
+from readygo.services.animator.priormdm.features import (
     FEATURE_COUNT,
     HEADING_SIGMA_FRAMES,
     PATH,
@@ -29,10 +29,10 @@ from services.animator.priormdm.features import (
     decode_joints,
     encode_path,
 )
-from services.animator.priormdm.placement import HUMANML3D_LEG_M, wear
-from services.animator.priormdm.windows import WINDOW, PredictBatch, over_windows
-from services.animator.smpl_fit import pose_of
-from services.animator.smpl_refine import load_pose_prior, refine_in_place
+from readygo.services.animator.priormdm.placement import HUMANML3D_LEG_M, wear
+from readygo.services.animator.priormdm.windows import WINDOW, PredictBatch, over_windows
+from readygo.services.animator.smpl.fit import pose_of
+from readygo.services.animator.smpl.refine import load_pose_prior, refine_in_place
 
 SETTLE_FRAMES = 20
 """Rows after the trajectory's end, in which the person comes to stand."""
@@ -67,7 +67,7 @@ class PriorMdm:
         floor: FloorMap,
         rng: np.random.Generator,
     ) -> Motion:
-        """A person who goes along a trajectory; the counterpart of `services.animator.gait.walk`.
+        """A person who goes along a trajectory; the counterpart of `services.animator.gait.walk.walk.walk`.
 
         Args:
             skeleton: Measures of the body, see `skeleton_of`.

@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from services.animator.priormdm.diffusion import FloatArray, Predict
+from readygo.services.animator.priormdm.diffusion import FloatArray, Predict
 
 WINDOW = 196
 """Frames of the model's training: 9.8 s."""

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from common.avatars import Avatar, FootprintModel, footprint_xy
-from common.maps import FloorMap
-from common.messages import HumanMotion
-from common.robot import RobotConfig
+from readygo.common.avatars import Avatar, FootprintModel, footprint_xy
+from readygo.common.maps import FloorMap
+from readygo.common.messages import HumanMotion
+from readygo.common.robot import RobotConfig
 
 _REACH_M = 0.4
 """A body's parts differ in distance by about this much: steps whose centres are farther apart cannot be the nearest."""

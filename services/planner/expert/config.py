@@ -6,7 +6,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from common.errors import ConfigError
+from readygo.common.errors import ConfigError
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from common.episode.grid_search import UNITS_PER_CELL, UNREACHED
+from readygo.common.episode.grid_search import UNITS_PER_CELL, UNREACHED
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]

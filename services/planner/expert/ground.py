@@ -7,13 +7,13 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from common.episode import EpisodeConfig, GridSearch
-from common.episode.grid_search import FREE, UNITS_PER_CELL, UNREACHED
-from common.maps import GridFrame, OccupancyMap, SightMap, clearance_m, sight_of_occupancy
-from common.robot import RobotConfig
-from services.planner.expert.config import ExpertConfig
-from services.planner.expert.obstacles import static_factor
-from services.planner.expert.rollouts import Ground
+from readygo.common.episode import EpisodeConfig, GridSearch
+from readygo.common.episode.grid_search import FREE, UNITS_PER_CELL, UNREACHED
+from readygo.common.maps import GridFrame, OccupancyMap, SightMap, clearance_m, sight_of_occupancy
+from readygo.common.robot import RobotConfig
+from readygo.services.planner.expert.config import ExpertConfig
+from readygo.services.planner.expert.obstacles import static_factor
+from readygo.services.planner.expert.rollouts import Ground
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]

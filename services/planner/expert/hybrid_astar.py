@@ -12,11 +12,11 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from common.episode.grid_search import FREE, UNITS_PER_CELL, UNREACHED
-from common.maps import GridFrame
-from common.robot import RobotConfig
-from services.planner.expert.config import ExpertConfig
-from services.planner.expert.search_memory import Memory, SearchMemory, Table, pop, push, slot_of
+from readygo.common.episode.grid_search import FREE, UNITS_PER_CELL, UNREACHED
+from readygo.common.maps import GridFrame
+from readygo.common.robot import RobotConfig
+from readygo.services.planner.expert.config import ExpertConfig
+from readygo.services.planner.expert.search_memory import Memory, SearchMemory, Table, pop, push, slot_of
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
@@ -100,7 +100,7 @@ class HybridAStar:
         """Search a path.
 
         Args:
-            factor: Cost factors of the cells (see `common.episode.grid_search`), shape (H, W).
+            factor: Cost factors of the cells (see `readygo.common.episode.grid_search`), shape (H, W).
             heuristic: Distances to the goal on the same grid, UNITS_PER_CELL a cell, shape (H, W).
             frame: Where the cells lie.
             start_xyyaw: Pose in the world [m, m, rad]; its own cell may be blocked.

@@ -7,10 +7,10 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from common.avatars import Avatar, FootprintModel
-from common.episode import EpisodeSimulation
-from common.messages import HumanMotion
-from services.planner.expert.perception import PerceivedHuman
+from readygo.common.avatars import Avatar, FootprintModel
+from readygo.common.episode import EpisodeSimulation
+from readygo.common.messages import HumanMotion
+from readygo.services.planner.expert.perception import PerceivedHuman
 
 Float64Array = npt.NDArray[np.float64]
 Person = tuple[HumanMotion, Avatar, FootprintModel]

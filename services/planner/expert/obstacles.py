@@ -6,8 +6,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from common.episode.grid_search import FREE
-from common.maps import GridFrame
+from readygo.common.episode.grid_search import FREE
+from readygo.common.maps import GridFrame
 
 Float64Array = npt.NDArray[np.float64]
 UInt8Array = npt.NDArray[np.uint8]

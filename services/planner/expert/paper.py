@@ -7,15 +7,15 @@ import time
 import numpy as np
 import numpy.typing as npt
 
-from common.avatars import footprint_xy
-from common.episode import EpisodeSimulation
-from common.episode.grid_search import UNREACHED
-from common.messages import Scenario
-from common.robot.kinematics import RATE_HZ
-from services.planner.expert.ground import ExpertGround
-from services.planner.expert.hybrid_astar import HybridAStar, Plan
-from services.planner.expert.interface import Decision, Person, expected_array
-from services.planner.expert.obstacles import (
+from readygo.common.avatars import footprint_xy
+from readygo.common.episode import EpisodeSimulation
+from readygo.common.episode.grid_search import UNREACHED
+from readygo.common.messages import Scenario
+from readygo.common.robot.kinematics import RATE_HZ
+from readygo.services.planner.expert.ground import ExpertGround
+from readygo.services.planner.expert.hybrid_astar import HybridAStar, Plan
+from readygo.services.planner.expert.interface import Decision, Person, expected_array
+from readygo.services.planner.expert.obstacles import (
     open_around,
     paint_capsule,
     paint_points,
@@ -23,9 +23,9 @@ from services.planner.expert.obstacles import (
     path_cost,
     path_distance,
 )
-from services.planner.expert.perception import HumanTracks, PerceivedHuman
-from services.planner.expert.rollouts import AHEAD_STEPS
-from services.planner.expert.tracking import PathTracker
+from readygo.services.planner.expert.perception import HumanTracks, PerceivedHuman
+from readygo.services.planner.expert.rollouts import AHEAD_STEPS
+from readygo.services.planner.expert.tracking import PathTracker
 
 Float64Array = npt.NDArray[np.float64]
 UInt8Array = npt.NDArray[np.uint8]

@@ -8,10 +8,10 @@ from functools import cached_property, partial
 import numpy as np
 import numpy.typing as npt
 
-from common.maps import GridFrame
-from common.robot.kinematics import DT_S
-from services.planner.expert.ground import EpisodeGround, ExpertGround
-from services.planner.expert.prediction import WINDOW_STEPS, follow_route, predict_walk
+from readygo.common.maps import GridFrame
+from readygo.common.robot.kinematics import DT_S
+from readygo.services.planner.expert.ground import EpisodeGround, ExpertGround
+from readygo.services.planner.expert.prediction import WINDOW_STEPS, follow_route, predict_walk
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]

@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from common.episode.grid_search import UNITS_PER_CELL, UNREACHED
-from common.maps import GridFrame
-from common.robot.kinematics import DT_S
+from readygo.common.episode.grid_search import UNITS_PER_CELL, UNREACHED
+from readygo.common.maps import GridFrame
+from readygo.common.robot.kinematics import DT_S
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]

@@ -6,11 +6,11 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from common.episode.collision import disc_meets_cells
-from common.episode.grid_search import FREE
-from common.robot.kinematics import DT_S
-from services.planner.expert.delay import People, nearness_cost
-from services.planner.expert.rollouts import Ground
+from readygo.common.episode.collision import disc_meets_cells
+from readygo.common.episode.grid_search import FREE
+from readygo.common.robot.kinematics import DT_S
+from readygo.services.planner.expert.delay import People, nearness_cost
+from readygo.services.planner.expert.rollouts import Ground
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]

@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from common.episode.collision import disc_meets_cells
-from common.episode.grid_search import UNITS_PER_CELL, UNREACHED
-from common.robot.kinematics import DT_S
+from readygo.common.episode.collision import disc_meets_cells
+from readygo.common.episode.grid_search import UNITS_PER_CELL, UNREACHED
+from readygo.common.robot.kinematics import DT_S
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]

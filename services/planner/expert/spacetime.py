@@ -6,16 +6,16 @@ import time
 import numpy as np
 import numpy.typing as npt
 
-from common.episode import EpisodeSimulation
-from common.episode.grid_search import FREE
-from common.messages import Scenario
-from common.robot.kinematics import DT_S, RATE_HZ
-from services.planner.expert.ground import EpisodeGround, ExpertGround
-from services.planner.expert.interface import Decision, Person, expected_array
-from services.planner.expert.obstacles import open_around, paint_capsule, paint_slope
-from services.planner.expert.perception import HumanTracks, PerceivedHuman, stands
-from services.planner.expert.rollouts import AHEAD_STEPS, State, choose_evasion
-from services.planner.expert.spacetime_search import SpaceTimeSearch, TimedHumans, TimedPlan
+from readygo.common.episode import EpisodeSimulation
+from readygo.common.episode.grid_search import FREE
+from readygo.common.messages import Scenario
+from readygo.common.robot.kinematics import DT_S, RATE_HZ
+from readygo.services.planner.expert.ground import EpisodeGround, ExpertGround
+from readygo.services.planner.expert.interface import Decision, Person, expected_array
+from readygo.services.planner.expert.obstacles import open_around, paint_capsule, paint_slope
+from readygo.services.planner.expert.perception import HumanTracks, PerceivedHuman, stands
+from readygo.services.planner.expert.rollouts import AHEAD_STEPS, State, choose_evasion
+from readygo.services.planner.expert.spacetime_search import SpaceTimeSearch, TimedHumans, TimedPlan
 
 Float64Array = npt.NDArray[np.float64]
 

@@ -12,15 +12,15 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from common.episode.grid_search import UNITS_PER_CELL, UNREACHED
-from common.robot import RobotConfig
-from common.robot.kinematics import DT_S
-from services.planner.expert.config import ExpertConfig
-from services.planner.expert.delay import LAYER_STEPS, People, fill_delays
-from services.planner.expert.primitive_cost import check_reaches, find_near, human_cost, wall_cost
-from services.planner.expert.rollouts import Ground, State
-from services.planner.expert.search_memory import Memory, SearchMemory, Table, pop, push, slot_of
-from services.planner.expert.timed_primitives import make_timed_primitives
+from readygo.common.episode.grid_search import UNITS_PER_CELL, UNREACHED
+from readygo.common.robot import RobotConfig
+from readygo.common.robot.kinematics import DT_S
+from readygo.services.planner.expert.config import ExpertConfig
+from readygo.services.planner.expert.delay import LAYER_STEPS, People, fill_delays
+from readygo.services.planner.expert.primitive_cost import check_reaches, find_near, human_cost, wall_cost
+from readygo.services.planner.expert.rollouts import Ground, State
+from readygo.services.planner.expert.search_memory import Memory, SearchMemory, Table, pop, push, slot_of
+from readygo.services.planner.expert.timed_primitives import make_timed_primitives
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
@@ -106,7 +106,7 @@ class SpaceTimeSearch:
         """Search commands that lead to the goal, or as far as humans are predicted.
 
         Args:
-            factor: Cost factors of the cells (see `common.episode.grid_search`), shape (H, W).
+            factor: Cost factors of the cells (see `readygo.common.episode.grid_search`), shape (H, W).
             heuristic: Distances to the goal on the same grid, UNITS_PER_CELL a cell, shape (H, W).
             ground: The map that the cells belong to.
             state: Robot's x [m], y [m], yaw [rad], v [m/s], w [rad/s].

@@ -11,10 +11,10 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from common.robot import RobotConfig
-from common.robot.kinematics import DT_S, RATE_HZ
-from services.planner.expert.config import ExpertConfig
-from services.planner.expert.rollouts import Limits, limited
+from readygo.common.robot import RobotConfig
+from readygo.common.robot.kinematics import DT_S, RATE_HZ
+from readygo.services.planner.expert.config import ExpertConfig
+from readygo.services.planner.expert.rollouts import Limits, limited
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]

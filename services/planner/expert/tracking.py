@@ -10,12 +10,12 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from common.episode.collision import disc_meets_cells
-from common.robot import RobotConfig
-from services.planner.expert.config import ExpertConfig
-from services.planner.expert.ground import EpisodeGround
-from services.planner.expert.hybrid_astar import Plan
-from services.planner.expert.rollouts import (
+from readygo.common.episode.collision import disc_meets_cells
+from readygo.common.robot import RobotConfig
+from readygo.services.planner.expert.config import ExpertConfig
+from readygo.services.planner.expert.ground import EpisodeGround
+from readygo.services.planner.expert.hybrid_astar import Plan
+from readygo.services.planner.expert.rollouts import (
     FREE_RUN,
     State,
     choose_evasion,

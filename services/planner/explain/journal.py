@@ -7,10 +7,10 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from common.messages import EpisodeMotions, RobotTrajectory, Scenario
-from services.planner.expert.interface import Decision
-from services.planner.expert.perception import PerceivedHuman
-from services.planner.handlers import Planner, drive
+from readygo.common.messages import EpisodeMotions, RobotTrajectory, Scenario
+from readygo.services.planner.expert.interface import Decision
+from readygo.services.planner.expert.perception import PerceivedHuman
+from readygo.services.planner.handlers import Planner, drive
 
 Float64Array = npt.NDArray[np.float64]
 

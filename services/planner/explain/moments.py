@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from common.messages import Outcome
-from common.robot.kinematics import DT_S, RATE_HZ
-from services.planner.explain.journal import ExpertRun
+from readygo.common.messages import Outcome
+from readygo.common.robot.kinematics import DT_S, RATE_HZ
+from readygo.services.planner.explain.journal import ExpertRun
 
 MOMENTS_MAX = 3
 APART_S = 0.5

@@ -4,18 +4,27 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from common.drawing import plan_view
-from common.drawing.files import Picture
-from common.drawing.plan_view import GOAL, INK, ROBOT, WHITE, Rgb
-from common.drawing.sheet import GAP_PX, Swatch, area_swatch, dotted_swatch, line_swatch, ring_swatch, sheet, stacked
-from common.episode import EpisodeConfig
-from common.maps import OccupancyMap
-from common.messages import EpisodeMotions, RobotTrajectory, Scenario
-from common.robot import RobotConfig
-from common.scenes.top_view import TopView
-from services.planner.explain.journal import ExpertRun
-from services.planner.explain.moments import Moment, pick_moments
-from services.planner.explain.picture_layers import (
+from readygo.common.drawing import plan_view
+from readygo.common.drawing.files import Picture
+from readygo.common.drawing.plan_view import GOAL, INK, ROBOT, WHITE, Rgb
+from readygo.common.drawing.sheet import (
+    GAP_PX,
+    Swatch,
+    area_swatch,
+    dotted_swatch,
+    line_swatch,
+    ring_swatch,
+    sheet,
+    stacked,
+)
+from readygo.common.episode import EpisodeConfig
+from readygo.common.maps import OccupancyMap
+from readygo.common.messages import EpisodeMotions, RobotTrajectory, Scenario
+from readygo.common.robot import RobotConfig
+from readygo.common.scenes.top_view import TopView
+from readygo.services.planner.explain.journal import ExpertRun
+from readygo.services.planner.explain.moments import Moment, pick_moments
+from readygo.services.planner.explain.picture_layers import (
     EXPECTED_SHARE,
     OUTCOMES,
     SIGHT,
@@ -29,7 +38,7 @@ from services.planner.explain.picture_layers import (
     human_colour,
     put_diamond,
 )
-from services.planner.handlers import Planner
+from readygo.services.planner.handlers import Planner
 
 Float64Array = npt.NDArray[np.float64]
 

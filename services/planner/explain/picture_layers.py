@@ -6,15 +6,15 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from common.drawing import plan_view
-from common.drawing.files import Picture
-from common.drawing.plan_view import GOAL, HUMANS, INK, ROBOT, WHITE, Rgb
-from common.messages import Outcome
-from common.robot.kinematics import RATE_HZ
-from common.scenes.top_view import TopView
-from services.planner.explain.journal import ExpertRun
-from services.planner.explain.wedge import wedge_m
-from services.planner.handlers import Planner
+from readygo.common.drawing import plan_view
+from readygo.common.drawing.files import Picture
+from readygo.common.drawing.plan_view import GOAL, HUMANS, INK, ROBOT, WHITE, Rgb
+from readygo.common.messages import Outcome
+from readygo.common.robot.kinematics import RATE_HZ
+from readygo.common.scenes.top_view import TopView
+from readygo.services.planner.explain.journal import ExpertRun
+from readygo.services.planner.explain.wedge import wedge_m
+from readygo.services.planner.handlers import Planner
 
 Float64Array = npt.NDArray[np.float64]
 

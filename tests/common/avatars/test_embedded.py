@@ -2,9 +2,9 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from common.avatars import Avatar, avatar_paths, load_avatars, pose_avatar
-from common.avatars.file import EMBEDDED_FOLDER
-from common.rasterizer.cpu import CpuRasterizer, PosedPerson
+from readygo.common.avatars import Avatar, avatar_paths, load_avatars, pose_avatar
+from readygo.common.avatars.file import EMBEDDED_FOLDER
+from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer, PosedPerson
 
 AVATARS = load_avatars()
 WOMEN, MEN = ("amara", "clara", "elif", "hana"), ("bruno", "dae", "femi", "gil")

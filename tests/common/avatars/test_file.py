@@ -5,9 +5,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from common.avatars import SMPL_PARENTS, Avatar, avatar_hash, avatar_paths, load_avatar, load_avatars, save_avatar
-from common.errors import AvatarError
-from common.gaussians import GaussianCloud
+from readygo.common.avatars import (
+    SMPL_PARENTS,
+    Avatar,
+    avatar_hash,
+    avatar_paths,
+    load_avatar,
+    load_avatars,
+    save_avatar,
+)
+from readygo.common.errors import AvatarError
+from readygo.common.gaussians import GaussianCloud
 
 
 def make_avatar(name: str = "test", count: int = 50, seed: int = 3) -> Avatar:

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from common.avatars import Avatar, FootprintModel, footprint_xy, load_avatars, pose_avatar
-from common.messages import Motion
+from readygo.common.avatars import Avatar, FootprintModel, footprint_xy, load_avatars, pose_avatar
+from readygo.common.messages import Motion
 
 
 @pytest.fixture(scope="module")

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from common.avatars import SMPL_PARENTS, Avatar, joint_positions, joint_transforms, load_avatars, pose_avatar
-from common.avatars.posing import nearest_rotation
-from common.frames import R_zup_yup, matrix_from_axis_angle, matrix_from_quat, quat_from_matrix
-from common.messages import Motion
+from readygo.common.avatars import SMPL_PARENTS, Avatar, joint_positions, joint_transforms, load_avatars, pose_avatar
+from readygo.common.avatars.posing import nearest_rotation
+from readygo.common.frames import R_zup_yup, matrix_from_axis_angle, matrix_from_quat, quat_from_matrix
+from readygo.common.messages import Motion
 
 
 @pytest.fixture(scope="module")

@@ -1,9 +1,17 @@
 import numpy as np
 import pytest
 
-from common.avatars import Avatar, LabelModel, footprint_xy, human_labels, joint_positions, load_avatars, pose_avatar
-from common.avatars.labels import BOX_OPACITY_MIN, DIRECTIONS, FOOTPRINT_CELL_M, thinned
-from common.messages import Motion
+from readygo.common.avatars import (
+    Avatar,
+    LabelModel,
+    footprint_xy,
+    human_labels,
+    joint_positions,
+    load_avatars,
+    pose_avatar,
+)
+from readygo.common.avatars.labels import BOX_OPACITY_MIN, DIRECTIONS, FOOTPRINT_CELL_M, thinned
+from readygo.common.messages import Motion
 
 
 @pytest.fixture(scope="module")

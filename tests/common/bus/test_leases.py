@@ -3,9 +3,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from common.bus import InProcessBus, StageResult, leases, pull
-from common.errors import BusError
-from common.messages import (
+from readygo.common.bus import InProcessBus, StageResult, leases, pull
+from readygo.common.errors import BusError
+from readygo.common.messages import (
     ClaimReply,
     ClaimRequest,
     CompleteRequest,

@@ -4,9 +4,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
-from common.errors import BusError, RunError
-from common.messages import PendingReply, PendingRequest
+from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
+from readygo.common.errors import BusError, RunError
+from readygo.common.messages import PendingReply, PendingRequest
 
 REQUEST = PendingRequest(recorder="rec0")
 

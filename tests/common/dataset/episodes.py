@@ -10,13 +10,13 @@ from typing import Any
 import cv2
 import numpy as np
 
-from common.config import section_to_mapping
-from common.dataset import ShardWriter, encode_episode, shard_name
-from common.dataset.schemas import LABEL_CHANNELS
-from common.messages import AppendRequest, EpisodeHeader, EpisodeKey, HumanLabels, Sample, Split, sample_crc32
-from common.rasterizer.image_files import encode_output
-from common.rasterizer.images import Images
-from common.robot import CameraConfig, RobotConfig, limit_command, step_unicycle
+from readygo.common.config import section_to_mapping
+from readygo.common.dataset import ShardWriter, encode_episode, shard_name
+from readygo.common.dataset.schemas import LABEL_CHANNELS
+from readygo.common.images.files import encode_output
+from readygo.common.images.images import Images
+from readygo.common.messages import AppendRequest, EpisodeHeader, EpisodeKey, HumanLabels, Sample, Split, sample_crc32
+from readygo.common.robot import CameraConfig, RobotConfig, limit_command, step_unicycle
 
 ROBOT = RobotConfig(camera=CameraConfig(height_px=24, width_px=32))
 METADATA = {

@@ -7,10 +7,10 @@ from pathlib import Path
 
 from mcap.opcode import Opcode
 
-from common.dataset import ShardWriter, read_chunk, schemas
-from common.dataset.chunk import EpisodeChunk
-from common.dataset.index import index_path, load_index
-from common.dataset.records import MESSAGE_HEADER, chunk_span, iter_messages, iter_records
+from readygo.common.dataset import ShardWriter, read_chunk, schemas
+from readygo.common.dataset.chunk import EpisodeChunk
+from readygo.common.dataset.index import index_path, load_index
+from readygo.common.dataset.records import MESSAGE_HEADER, chunk_span, iter_messages, iter_records
 
 
 @dataclasses.dataclass

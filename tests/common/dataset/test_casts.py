@@ -2,8 +2,8 @@
 
 import pytest
 
-from common.dataset.casts import read_casts
-from common.errors import DatasetError
+from readygo.common.dataset.casts import read_casts
+from readygo.common.errors import DatasetError
 from tests.common.dataset.episodes import write_shard
 
 

@@ -4,10 +4,10 @@ import hashlib
 import numpy as np
 import pytest
 
-from common.dataset import encode_episode, read_chunk, schemas
-from common.dataset.records import iter_messages
-from common.errors import DatasetError
-from common.messages import EpisodeHeader, Sample
+from readygo.common.dataset import encode_episode, read_chunk, schemas
+from readygo.common.dataset.records import iter_messages
+from readygo.common.errors import DatasetError
+from readygo.common.messages import EpisodeHeader, Sample
 from tests.common.dataset.episodes import make_episode, make_labels
 
 GOLDEN_SHA256 = "a7395f7efdde6b4850eaa79b541a2797abbab063d2fbb797ae4f1843d68a59ba"

@@ -6,10 +6,10 @@ import sys
 import numpy as np
 import pytest
 
-from common.dataset import Dataset
-from common.dataset.index import build_index, index_path, load_index, mapped, read_index
-from common.errors import DatasetError
-from common.rasterizer.images import OUTPUTS
+from readygo.common.dataset import Dataset
+from readygo.common.dataset.index import build_index, index_path, load_index, mapped, read_index
+from readygo.common.errors import DatasetError
+from readygo.common.images.images import OUTPUTS
 from tests.common.dataset.episodes import (
     METADATA,
     ROBOT,
@@ -144,7 +144,7 @@ def test_dataset_without_indexes_in_a_folder_that_cannot_be_written(folder, monk
     def refuse(*arguments: object, **options: object) -> None:
         raise PermissionError("read-only file system")
 
-    monkeypatch.setattr("common.dataset.index.write_index", refuse)
+    monkeypatch.setattr("readygo.common.dataset.index.write_index", refuse)
     assert len(Dataset([folder])) == 54
 
 
@@ -216,7 +216,7 @@ def test_dataset_travels_to_other_processes(folder) -> None:
 
 
 def test_more_shards_than_may_be_open(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr("common.dataset.reader.OPEN_SHARDS_MAX", 2)
+    monkeypatch.setattr("readygo.common.dataset.reader.OPEN_SHARDS_MAX", 2)
     for number in range(4):
         write_shard(tmp_path, [number], number=number, sample_count=2)
     dataset = Dataset([tmp_path])

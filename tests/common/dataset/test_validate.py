@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from google.protobuf.timestamp_pb2 import Timestamp
 
-from common.dataset import ShardWriter, encode_episode, labels, schemas, validate
-from common.dataset.index import index_path, load_index, write_index
-from common.dataset.labels import joints_of
-from common.errors import DatasetError
-from common.rasterizer.image_files import encode_output
+from readygo.common.dataset import ShardWriter, encode_episode, labels, schemas, validate
+from readygo.common.dataset.index import index_path, load_index, write_index
+from readygo.common.dataset.labels import joints_of
+from readygo.common.errors import DatasetError
+from readygo.common.images.files import encode_output
 from tests.common.dataset.episodes import METADATA, jpeg, make_episode, make_images, make_labels, write_shard
 from tests.common.dataset.forge import chunks_of, rewrite
 
@@ -271,7 +271,7 @@ def test_shard_of_another_robot_is_found(shard) -> None:
 
 
 def test_shard_without_our_metadata_is_found(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr("common.dataset.writer.RECORD_NAME", "somebody-else")
+    monkeypatch.setattr("readygo.common.dataset.writer.RECORD_NAME", "somebody-else")
     write_shard(tmp_path, [0])
     assert kinds(tmp_path) == {"metadata"}
 

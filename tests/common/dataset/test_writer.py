@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from mcap.reader import NonSeekingReader, make_reader
 
-from common.dataset import ShardWriter, encode_episode
-from common.dataset.index import index_path
-from common.dataset.metadata import metadata_from_strings
-from common.errors import DatasetError
+from readygo.common.dataset import ShardWriter, encode_episode
+from readygo.common.dataset.index import index_path
+from readygo.common.dataset.metadata import metadata_from_strings
+from readygo.common.errors import DatasetError
 from tests.common.dataset.episodes import METADATA, make_episode, write_shard
 from tests.common.dataset.test_chunk import golden_episode
 

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from common.drawing.film import write_film
-from common.errors import ReadygoError
+from readygo.common.drawing.film import write_film
+from readygo.common.errors import ReadygoError
 
 
 def test_film_plays_back_with_all_pictures(tmp_path: Path) -> None:
@@ -25,7 +25,7 @@ def test_film_plays_back_with_all_pictures(tmp_path: Path) -> None:
 def test_missing_encoders_leave_no_file_and_no_noise(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("common.drawing.film.CODECS", ("none",))
+    monkeypatch.setattr("readygo.common.drawing.film.CODECS", ("none",))
     with pytest.raises(ReadygoError, match="cannot write videos"):
         write_film(tmp_path / "film.mp4", [np.zeros((48, 64, 3), np.uint8)])
     assert list(tmp_path.iterdir()) == []

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from common.drawing.plan_view import FREE, OCCUPIED, draw_scale_bar, fill_area, fill_band, map_view, map_window
-from common.maps import GridFrame, OccupancyMap
+from readygo.common.drawing.plan_view import FREE, OCCUPIED, draw_scale_bar, fill_area, fill_band, map_view, map_window
+from readygo.common.maps import GridFrame, OccupancyMap
 
 RED = (200, 0, 0)
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from common.episode import EpisodeConfig, EpisodeSimulation
-from common.maps import GridFrame, OccupancyMap
-from common.messages import EpisodeKey, EpisodeMotions, HumanMotion, HumanTrajectory, Motion, Scenario, Split
-from common.robot import RobotConfig
+from readygo.common.episode import EpisodeConfig, EpisodeSimulation
+from readygo.common.maps import GridFrame, OccupancyMap
+from readygo.common.messages import EpisodeKey, EpisodeMotions, HumanMotion, HumanTrajectory, Motion, Scenario, Split
+from readygo.common.robot import RobotConfig
 
 
 @pytest.fixture

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from common.episode import meets_human, meets_obstacle
+from readygo.common.episode import meets_human, meets_obstacle
 
 
 @pytest.mark.parametrize(

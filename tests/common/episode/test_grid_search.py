@@ -4,8 +4,8 @@ import math
 import numpy as np
 import pytest
 
-from common.episode import GridSearch, shortest_way_m
-from common.episode.grid_search import FREE, UNITS_PER_CELL, UNREACHED
+from readygo.common.episode import GridSearch, shortest_way_m
+from readygo.common.episode.grid_search import FREE, UNITS_PER_CELL, UNREACHED
 
 
 def _plain_dijkstra(factor, source):

@@ -1,7 +1,7 @@
 import pytest
 
-from common.episode import EpisodeResult, summarize, wilson_interval
-from common.messages import Outcome
+from readygo.common.episode import EpisodeResult, summarize, wilson_interval
+from readygo.common.messages import Outcome
 
 
 def _result(outcome=Outcome.SUCCESS, duration_s=10.0, path_m=8.0, shortest_m=8.0):

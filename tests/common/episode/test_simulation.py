@@ -3,10 +3,10 @@ import math
 import numpy as np
 import pytest
 
-from common.episode import goal_in_robot_frame, time_to_contact_s
-from common.errors import SceneError
-from common.messages import Outcome
-from common.robot import RobotConfig
+from readygo.common.episode import goal_in_robot_frame, time_to_contact_s
+from readygo.common.errors import SceneError
+from readygo.common.messages import Outcome
+from readygo.common.robot import RobotConfig
 
 ROBOT = RobotConfig()
 

@@ -1,8 +1,8 @@
 import math
 
-from common.episode import StraightLineController, straight_line_command
-from common.messages import Outcome
-from common.robot import RobotConfig
+from readygo.common.episode import StraightLineController, straight_line_command
+from readygo.common.messages import Outcome
+from readygo.common.robot import RobotConfig
 
 ROBOT = RobotConfig()
 

@@ -1,7 +1,7 @@
 import itertools
 
-from common.episode import Purpose, episode_rng
-from common.messages import EpisodeKey, Split
+from readygo.common.episode import Purpose, episode_rng
+from readygo.common.messages import EpisodeKey, Split
 
 
 def _draw(seed: int, split: Split, index: int, purpose: Purpose) -> bytes:

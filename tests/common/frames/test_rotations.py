@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from common.frames import (
+from readygo.common.frames import (
     R_zup_yup,
     axis_angle_from_matrix,
     matrix_from_axis_angle,

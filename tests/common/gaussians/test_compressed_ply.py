@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from common.errors import SceneError
-from common.frames import matrix_from_quat
-from common.gaussians import load_gaussians
+from readygo.common.errors import SceneError
+from readygo.common.frames import matrix_from_quat
+from readygo.common.gaussians import load_gaussians
 
 RANGES = ["x", "y", "z", "scale_x", "scale_y", "scale_z", "r", "g", "b"]
 PACKED = ["packed_position", "packed_rotation", "packed_scale", "packed_color"]

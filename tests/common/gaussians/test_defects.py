@@ -3,8 +3,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from common.gaussians import GaussianCloud
-from common.gaussians.defects import excessive, unusable, without
+from readygo.common.gaussians import GaussianCloud
+from readygo.common.gaussians.defects import excessive, unusable, without
 
 
 def cloud(count: int = 6) -> GaussianCloud:

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from common.errors import SceneError
-from common.gaussians import GaussianCloud, load_gaussians, save_ply
+from readygo.common.errors import SceneError
+from readygo.common.gaussians import GaussianCloud, load_gaussians, save_ply
 
 FIELDS = [
     "x",

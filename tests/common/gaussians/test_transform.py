@@ -3,10 +3,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from common.errors import SceneError
-from common.frames import matrix_from_axis_angle, matrix_from_quat
-from common.gaussians import GaussianCloud, R_from_up, concatenate, crop, rotate_sh, sh_basis, transform_cloud
-from common.gaussians.transform import R_UP
+from readygo.common.errors import SceneError
+from readygo.common.frames import matrix_from_axis_angle, matrix_from_quat
+from readygo.common.gaussians import GaussianCloud, R_from_up, concatenate, crop, rotate_sh, sh_basis, transform_cloud
+from readygo.common.gaussians.transform import R_UP
 
 ANGLES = st.tuples(*[st.floats(-3.2, 3.2)] * 3).map(np.array)
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from common.frames import quat_from_matrix
-from common.gaussians import GaussianCloud, concatenate
+from readygo.common.frames import quat_from_matrix
+from readygo.common.gaussians import GaussianCloud, concatenate
 
 SPACING_M = 0.07
 

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from common.maps import GridFrame, OccupancyMap, clearance_m, free_components, largest_free_area
+from readygo.common.maps import GridFrame, OccupancyMap, clearance_m, free_components, largest_free_area
 
 FRAME = GridFrame(origin_x_m=0.0, origin_y_m=0.0, resolution_m=0.05)
 

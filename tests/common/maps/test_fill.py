@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from common.maps.fill import fill_smoothly
+from readygo.common.maps.fill import fill_smoothly
 
 
 def test_known_cells_stay_and_unknown_ones_are_within_their_range():

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from common.errors import SceneError
-from common.gaussians import concatenate, load_gaussians
-from common.maps import estimate_floor
+from readygo.common.errors import SceneError
+from readygo.common.gaussians import concatenate, load_gaussians
+from readygo.common.maps import estimate_floor
 from tests.common.maps.room import box, room, sheet
 
 
@@ -59,7 +59,7 @@ def test_cloud_far_too_large_for_its_cells_is_refused():
 def test_floor_of_a_real_flat_is_where_its_dense_floor_gaussians_are(shared_data):
     from scipy.spatial import cKDTree
 
-    from common.frames import matrix_from_quat
+    from readygo.common.frames import matrix_from_quat
 
     cloud = load_gaussians(shared_data / "scenes" / "showroom.compressed.ply")
     estimate = estimate_floor(cloud, 0.1)

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from common.errors import SceneError
-from common.maps.movingai import load_movingai_map
+from readygo.common.errors import SceneError
+from readygo.common.maps.movingai import load_movingai_map
 
 TEXT = "type octile\nheight 2\nwidth 4\nmap\n.@TS\nGW..\n"
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from common.gaussians import concatenate, load_gaussians
-from common.maps import MapConfig, largest_free_area, plan_scene
+from readygo.common.gaussians import concatenate, load_gaussians
+from readygo.common.maps import MapConfig, largest_free_area, plan_scene
 from tests.common.maps.room import box, room, sheet
 
 CONFIG = MapConfig()
@@ -106,7 +106,7 @@ def test_handrail_over_invisible_glass_blocks_the_robot():
 def test_maps_do_not_depend_on_the_number_of_row_bands(monkeypatch):
     cloud = concatenate([room(), box((2, 2, 0), (3, 3, 1.2))])
     whole = plan_scene(cloud, CONFIG)
-    monkeypatch.setattr("common.maps.occupancy.VOXELS_PER_BAND", 30_000)
+    monkeypatch.setattr("readygo.common.maps.occupancy.VOXELS_PER_BAND", 30_000)
     banded = plan_scene(cloud, CONFIG)
     np.testing.assert_array_equal(whole.robot.occupied, banded.robot.occupied)
     np.testing.assert_array_equal(whole.human.occupied, banded.human.occupied)

@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
-from common.errors import SceneError
-from common.maps import GridFrame, OccupancyMap, load_ros_map, save_ros_map
-from common.maps.ros_map import load_unknown_cells
+from readygo.common.errors import SceneError
+from readygo.common.maps import GridFrame, OccupancyMap, load_ros_map, save_ros_map
+from readygo.common.maps.ros_map import load_unknown_cells
 
 FRAME = GridFrame(origin_x_m=-1.25, origin_y_m=3.1, resolution_m=0.05)
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from common.gaussians import concatenate
-from common.maps import GridFrame, MapConfig, OccupancyMap, plan_scene, sight_of_cloud, sight_of_occupancy
+from readygo.common.gaussians import concatenate
+from readygo.common.maps import GridFrame, MapConfig, OccupancyMap, plan_scene, sight_of_cloud, sight_of_occupancy
 from tests.common.maps.room import box, room
 
 CAMERA_M = 0.5

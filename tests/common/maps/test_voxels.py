@@ -3,10 +3,10 @@ import itertools
 import numpy as np
 import pytest
 
-from benchmarks.voxels import ALIGNED, BOX, MEAN, own_sums, peer_sums, synthetic_ground
-from common.frames import matrix_from_quat
-from common.gaussians import GaussianCloud
-from common.maps import GridFrame, opacity_sums
+from readygo.benchmarks.planning.voxels import ALIGNED, BOX, MEAN, own_sums, peer_sums, synthetic_ground
+from readygo.common.frames import matrix_from_quat
+from readygo.common.gaussians import GaussianCloud
+from readygo.common.maps import GridFrame, opacity_sums
 
 H_M = 0.1
 SHAPE = (9, 10, 11)

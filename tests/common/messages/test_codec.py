@@ -5,9 +5,9 @@ import typing
 import numpy as np
 import pytest
 
-from common import messages
-from common.errors import BusError
-from common.messages import (
+from readygo.common import messages
+from readygo.common.errors import BusError
+from readygo.common.messages import (
     AppendRequest,
     Blob,
     ClaimReply,

@@ -3,7 +3,7 @@ import zlib
 
 import pytest
 
-from common.messages import EpisodeHeader, Sample, sample_crc32
+from readygo.common.messages import EpisodeHeader, Sample, sample_crc32
 from tests.common.dataset.episodes import make_episode, make_header
 
 

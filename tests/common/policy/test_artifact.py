@@ -1,8 +1,8 @@
 import pytest
 
-from common.errors import PolicyError
-from common.policy import PolicySpec, load_spec, save_spec
-from common.robot import CameraConfig, RobotConfig
+from readygo.common.errors import PolicyError
+from readygo.common.policy import PolicySpec, load_spec, save_spec
+from readygo.common.robot import CameraConfig, RobotConfig
 
 
 def test_spec_comes_back_as_it_was_written(tmp_path):

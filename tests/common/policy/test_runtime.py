@@ -6,9 +6,9 @@ import onnx
 import pytest
 from onnx import TensorProto, helper, numpy_helper
 
-from common.errors import PolicyError
-from common.policy import PolicyMemory, PolicySpec, load_policy, save_spec
-from common.robot import CameraConfig, RobotConfig
+from readygo.common.errors import PolicyError
+from readygo.common.policy import PolicyMemory, PolicySpec, load_policy, save_spec
+from readygo.common.robot import CameraConfig, RobotConfig
 
 CAMERA = CameraConfig(height_px=8, width_px=10)
 ROBOT = RobotConfig(camera=CAMERA)

@@ -5,8 +5,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from common.avatars import Avatar
-from common.gaussians import GaussianCloud
+from readygo.common.avatars import Avatar
+from readygo.common.gaussians import GaussianCloud
 
 MakeCloud = Callable[..., GaussianCloud]
 
@@ -67,7 +67,7 @@ def avatar() -> Avatar:
 
 
 def _stick_figure() -> npt.NDArray[np.float64]:
-    from common.avatars import SMPL_PARENTS
+    from readygo.common.avatars import SMPL_PARENTS
 
     rng = np.random.default_rng(7)
     joints = np.zeros((24, 3))

@@ -6,10 +6,10 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from common.gaussians import GaussianCloud
-from common.rasterizer.cpu import CpuRasterizer
-from common.rasterizer.packed import pack_cloud
-from common.rasterizer.reference import rasterize_reference
+from readygo.common.gaussians import GaussianCloud
+from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
+from readygo.common.rasterizer.packed.scene import pack_cloud
+from readygo.common.rasterizer.reference import rasterize_reference
 
 K = np.array([[40.0, 0.0, 32.0], [0.0, 40.0, 24.0], [0.0, 0.0, 1.0]])
 HEIGHT, WIDTH = 48, 64

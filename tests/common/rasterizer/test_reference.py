@@ -4,8 +4,8 @@ import math
 import numpy as np
 import pytest
 
-from common.gaussians import GaussianCloud, concatenate
-from common.rasterizer.reference import rasterize_reference
+from readygo.common.gaussians import GaussianCloud, concatenate
+from readygo.common.rasterizer.reference import rasterize_reference
 
 K = np.array([[20.0, 0.0, 10.5], [0.0, 20.0, 8.5], [0.0, 0.0, 1.0]])
 C0 = 0.28209479177387814

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import numpy as np
 
-from common.avatars import load_avatar, pose_avatar
-from common.gaussians import concatenate, load_gaussians
-from common.rasterizer.cpu import CpuRasterizer, PosedPerson
-from common.rasterizer.images import OUTPUTS
-from common.rasterizer.packed import pack_cloud
-from common.rasterizer.reference import rasterize_reference
-from common.robot import CameraConfig
+from readygo.common.avatars import load_avatar, pose_avatar
+from readygo.common.gaussians import concatenate, load_gaussians
+from readygo.common.images.images import OUTPUTS
+from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer, PosedPerson
+from readygo.common.rasterizer.packed.scene import pack_cloud
+from readygo.common.rasterizer.reference import rasterize_reference
+from readygo.common.robot import CameraConfig
 
 
 def test_showroom_with_a_person_looks_as_in_the_reference(shared_data: Path) -> None:

@@ -1,20 +1,21 @@
 import numpy as np
 import pytest
 
-from common.avatars import Avatar
-from common.rasterizer import cpu_blend, cpu_lod, cpu_outputs, cpu_project, cpu_view
-from common.rasterizer.cpu import CpuRasterizer, PosedPerson
-from common.rasterizer.images import OUTPUTS
-from common.rasterizer.lod import ChunkTree
-from common.rasterizer.lod_files import load_or_build_avatar_tree
-from common.rasterizer.packed import load_packed, pack_cloud, save_packed
-from common.rasterizer.warm import warm
+from readygo.common.avatars import Avatar
+from readygo.common.images.images import OUTPUTS
+from readygo.common.rasterizer.cpu import blend, lod_cull, project, view
+from readygo.common.rasterizer.cpu import outputs as cpu_outputs
+from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer, PosedPerson
+from readygo.common.rasterizer.lod.files import load_or_build_avatar_tree
+from readygo.common.rasterizer.lod.tree import ChunkTree
+from readygo.common.rasterizer.packed.scene import load_packed, pack_cloud, save_packed
+from readygo.common.rasterizer.warm import warm
 
 
 def signatures() -> dict[str, int]:
     return {
         name: len(function.signatures)
-        for module in (cpu_blend, cpu_lod, cpu_outputs, cpu_project, cpu_view)
+        for module in (blend, lod_cull, cpu_outputs, project, view)
         for name, function in vars(module).items()
         if hasattr(function, "signatures") and hasattr(function, "stats") and not name.startswith("_")
     }

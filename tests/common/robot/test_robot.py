@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from common.errors import ConfigError
-from common.robot import CameraConfig, RobotConfig, limit_command, load_robot, save_robot, step_unicycle
+from readygo.common.errors import ConfigError
+from readygo.common.robot import CameraConfig, RobotConfig, limit_command, load_robot, save_robot, step_unicycle
 
 
 def test_robot_file_round_trips(tmp_path: Path) -> None:

@@ -4,13 +4,13 @@ import tomllib
 import numpy as np
 import pytest
 
-from common.errors import SceneError
-from common.frames import matrix_from_axis_angle
-from common.gaussians import concatenate, save_ply, transform_cloud
-from common.maps import MapConfig, largest_free_area
-from common.robot import RobotConfig
-from common.scenes import import_scene, load_scene, save_scene, verify_scene
-from common.scenes.manifest import toml_text
+from readygo.common.errors import SceneError
+from readygo.common.frames import matrix_from_axis_angle
+from readygo.common.gaussians import concatenate, save_ply, transform_cloud
+from readygo.common.maps import MapConfig, largest_free_area
+from readygo.common.robot import RobotConfig
+from readygo.common.scenes import import_scene, load_scene, save_scene, verify_scene
+from readygo.common.scenes.manifest import toml_text
 from tests.common.maps.room import box, room, sheet
 
 
@@ -171,7 +171,7 @@ def test_failure_while_writing_leaves_nothing_behind(tmp_path, monkeypatch):
     def full_disk(*_args, **_kwargs):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("common.scenes.bundle.np.save", full_disk)
+    monkeypatch.setattr("readygo.common.scenes.bundle.np.save", full_disk)
     with pytest.raises(SceneError, match="No space left"):
         save_scene(small_room(), None, tmp_path / "out")
     assert list(tmp_path.iterdir()) == []

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from common.errors import SceneError
-from common.gaussians import GaussianCloud
-from common.maps.distance import clearance_m
-from common.maps.occupancy import MapConfig, plan_scene
-from common.scenes import Scene, load_scene
-from common.scenes.embedded import bundle, embedded_scene_cloud, embedded_sky, ensure_embedded_scene
-from common.scenes.embedded.lighting import Lights, lit_colours, voxelise
-from common.scenes.embedded.plan import OPENINGS, ROOMS
-from common.scenes.embedded.surfaces import Surfaces
+from readygo.common.errors import SceneError
+from readygo.common.gaussians import GaussianCloud
+from readygo.common.maps.distance import clearance_m
+from readygo.common.maps.occupancy import MapConfig, plan_scene
+from readygo.common.scenes import Scene, load_scene
+from readygo.common.scenes.embedded import bundle, embedded_scene_cloud, embedded_sky, ensure_embedded_scene
+from readygo.common.scenes.embedded.lighting import Lights, lit_colours, voxelise
+from readygo.common.scenes.embedded.plan import OPENINGS, ROOMS
+from readygo.common.scenes.embedded.surfaces import Surfaces
 
 ARRAYS = ("means_m", "quats_wxyz", "scales_m", "opacities", "sh")
 

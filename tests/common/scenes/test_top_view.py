@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from common.gaussians import GaussianCloud, concatenate
-from common.maps import FloorMap, GridFrame
-from common.scenes import save_scene
-from common.scenes.top_view import draw_top_view, top_view
+from readygo.common.gaussians import GaussianCloud, concatenate
+from readygo.common.maps import FloorMap, GridFrame
+from readygo.common.scenes import save_scene
+from readygo.common.scenes.top_view import draw_top_view, top_view
 from tests.common.maps.room import room
 
 C0 = 0.28209479177387814

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from common.avatars import Avatar
-from common.gaussians import GaussianCloud
-from services.animator import AnimatorConfig, walk
-from services.animator.gait_person import skeleton_of
+from readygo.common.avatars import Avatar
+from readygo.common.gaussians import GaussianCloud
+from readygo.services.animator import AnimatorConfig, walk
+from readygo.services.animator.gait.person import skeleton_of
 
 # A shod adult of 1.78 m in SMPL's T-pose: pelvis, left leg, spine and head, left arm; the right side mirrors the left.
 CENTRE = {

@@ -3,11 +3,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from benchmarks.motion_paths import circle, floor, line
-from common.bus import InProcessBus
-from common.errors import AvatarError
-from common.maps.grid import GridFrame, OccupancyMap
-from common.messages import (
+from readygo.benchmarks.motion.paths import circle, floor, line
+from readygo.common.bus import InProcessBus
+from readygo.common.errors import AvatarError
+from readygo.common.maps.grid import GridFrame, OccupancyMap
+from readygo.common.messages import (
     AnimateReply,
     AnimateRequest,
     EpisodeKey,
@@ -17,7 +17,7 @@ from common.messages import (
     decode,
     encode,
 )
-from services.animator import Animator, AnimatorConfig, attach, handle_animate
+from readygo.services.animator import Animator, AnimatorConfig, attach, handle_animate
 from tests.services.animator.conftest import make_avatar
 
 

@@ -2,9 +2,9 @@ from pathlib import Path
 
 import pytest
 
-from common.bus import InProcessBus
-from common.errors import RunError
-from common.messages import (
+from readygo.common.bus import InProcessBus
+from readygo.common.errors import RunError
+from readygo.common.messages import (
     ClaimReply,
     ClaimRequest,
     CompleteRequest,
@@ -22,7 +22,7 @@ from common.messages import (
     StatusRequest,
     Verdict,
 )
-from services.coordinator import BlobStore, Coordinator, CoordinatorConfig, Ledger, attach, requeue_lost
+from readygo.services.coordinator import BlobStore, Coordinator, CoordinatorConfig, Ledger, attach, requeue_lost
 
 SPEC = RunSpec(
     run="run-test",
@@ -246,7 +246,7 @@ def test_paused_run_gives_no_work_until_resumed(line: Line) -> None:
 
 
 def test_large_result_is_fetched_in_chunks(tmp_path: Path) -> None:
-    from common.bus import fetch_blob
+    from readygo.common.bus import fetch_blob
 
     line = Line(tmp_path, inline_bytes=10, blob_chunk_bytes=7)
     line.complete(Stage.HUMAN_PLAN, line.claim(Stage.HUMAN_PLAN), result=bytes(range(100)))

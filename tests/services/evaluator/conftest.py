@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from common.bus import InProcessBus
-from common.episode import EpisodeConfig
-from common.maps import FloorMap, GridFrame, OccupancyMap
-from common.messages import (
+from readygo.common.bus import InProcessBus
+from readygo.common.episode import EpisodeConfig
+from readygo.common.maps import FloorMap, GridFrame, OccupancyMap
+from readygo.common.messages import (
     AnimateReply,
     AnimateRequest,
     EpisodeMotions,
@@ -26,9 +26,9 @@ from common.messages import (
     RobotTrajectory,
     Scenario,
 )
-from common.policy import PolicySpec
-from common.robot import CameraConfig, RobotConfig
-from services.evaluator import Evaluator, EvaluatorConfig
+from readygo.common.policy import PolicySpec
+from readygo.common.robot import CameraConfig, RobotConfig
+from readygo.services.evaluator import Evaluator, EvaluatorConfig
 
 ROBOT = RobotConfig(camera=CameraConfig(height_px=8, width_px=10))
 FRAME = GridFrame(origin_x_m=0.0, origin_y_m=0.0, resolution_m=0.1)

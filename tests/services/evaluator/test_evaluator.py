@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from common.errors import PolicyError, SceneError
-from common.messages import Outcome, RobotPlanReply, Split
-from common.robot import RobotConfig
-from services.evaluator import (
+from readygo.common.errors import PolicyError, SceneError
+from readygo.common.messages import Outcome, RobotPlanReply, Split
+from readygo.common.robot import RobotConfig
+from readygo.services.evaluator import (
     EvaluateRequest,
     Evaluator,
     Method,

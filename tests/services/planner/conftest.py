@@ -5,13 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from common.avatars import SMPL_PARENTS, Avatar
-from common.episode import EpisodeConfig
-from common.gaussians import GaussianCloud
-from common.maps import FloorMap, GridFrame, OccupancyMap, sight_of_occupancy
-from common.messages import EpisodeKey, EpisodeMotions, HumanMotion, Motion, Split
-from common.robot import RobotConfig
-from services.planner import ExpertConfig, HumanPlannerConfig, Planner
+from readygo.common.avatars import SMPL_PARENTS, Avatar
+from readygo.common.episode import EpisodeConfig
+from readygo.common.gaussians import GaussianCloud
+from readygo.common.maps import FloorMap, GridFrame, OccupancyMap, sight_of_occupancy
+from readygo.common.messages import EpisodeKey, EpisodeMotions, HumanMotion, Motion, Split
+from readygo.common.robot import RobotConfig
+from readygo.services.planner import ExpertConfig, HumanPlannerConfig, Planner
 
 FRAME = GridFrame(origin_x_m=-3.0, origin_y_m=2.0, resolution_m=0.05)
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from common.messages import HumanTrajectory, Outcome, RobotTrajectory, Scenario
-from services.planner.expert.perception import PerceivedHuman
-from services.planner.explain.journal import ExpertRun, Journal
+from readygo.common.messages import HumanTrajectory, Outcome, RobotTrajectory, Scenario
+from readygo.services.planner.expert.perception import PerceivedHuman
+from readygo.services.planner.explain.journal import ExpertRun, Journal
 from tests.services.planner.conftest import animate, key
 
 STEPS = 80

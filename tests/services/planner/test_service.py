@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
 
-from common.bus import InProcessBus
-from common.config import section_from_mapping, section_to_mapping
-from common.messages import HumanPlanReply, HumanPlanRequest, RobotPlanReply, RobotPlanRequest, decode, encode
-from services.planner import ExpertConfig, FamilyMix, HumanPlannerConfig
-from services.planner.explain.picture import draw_episode
-from services.planner.service import attach
+from readygo.common.bus import InProcessBus
+from readygo.common.config import section_from_mapping, section_to_mapping
+from readygo.common.messages import HumanPlanReply, HumanPlanRequest, RobotPlanReply, RobotPlanRequest, decode, encode
+from readygo.services.planner import ExpertConfig, FamilyMix, HumanPlannerConfig
+from readygo.services.planner.explain.picture import draw_episode
+from readygo.services.planner.service import attach
 from tests.services.planner.conftest import animate, key
 
 

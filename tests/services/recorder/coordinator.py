@@ -1,8 +1,8 @@
 """A coordinator that can be away, refuse, and remember what it was told."""
 
-from common.bus import InProcessBus
-from common.errors import BusError
-from common.messages import DoneRequest, GrantRequest, LostRequest, PendingReply, PendingRequest, Verdict
+from readygo.common.bus import InProcessBus
+from readygo.common.errors import BusError
+from readygo.common.messages import DoneRequest, GrantRequest, LostRequest, PendingReply, PendingRequest, Verdict
 
 
 class FakeCoordinator:

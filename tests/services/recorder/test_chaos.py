@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from common.dataset import Dataset, encode_episode, validate
-from common.errors import BusError
-from common.messages import GrantRequest, Verdict
-from services.recorder import Recorder, RecorderConfig, handle_append
+from readygo.common.dataset import Dataset, encode_episode, validate
+from readygo.common.errors import BusError
+from readygo.common.messages import GrantRequest, Verdict
+from readygo.services.recorder import Recorder, RecorderConfig, handle_append
 from tests.common.dataset.episodes import METADATA, append_requests, make_episode
 from tests.services.recorder.coordinator import FakeCoordinator
 
@@ -51,7 +51,7 @@ class Site:
         self.coordinator = LeasingCoordinator(rng)
         self.cut_count = 0
         self._write = os.write
-        monkeypatch.setattr("common.dataset.writer.os.write", self._fragile_write)
+        monkeypatch.setattr("readygo.common.dataset.writer.os.write", self._fragile_write)
         self.recorder = self._start()
 
     def _start(self) -> Recorder:

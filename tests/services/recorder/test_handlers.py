@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from common.bus import InProcessBus
-from common.dataset import Dataset, validate
-from common.errors import DatasetError, RunError
-from common.messages import AppendReply, AppendRequest, EpisodeKey, Split, decode, encode
-from services.recorder import Recorder, RecorderConfig, attach, handle_append
-from services.recorder.buffers import EpisodeBuffers
+from readygo.common.bus import InProcessBus
+from readygo.common.dataset import Dataset, validate
+from readygo.common.errors import DatasetError, RunError
+from readygo.common.messages import AppendReply, AppendRequest, EpisodeKey, Split, decode, encode
+from readygo.services.recorder import Recorder, RecorderConfig, attach, handle_append
+from readygo.services.recorder.buffers import EpisodeBuffers
 from tests.common.dataset.episodes import METADATA, append_requests, make_episode
 from tests.services.recorder.coordinator import FakeCoordinator
 
@@ -186,7 +186,7 @@ def test_full_disk_cuts_the_shard_back_and_names_the_folder(make_recorder, coord
             raise OSError(errno.ENOSPC, "No space left on device")
         return real_write(descriptor, data[: len(data) // 2])
 
-    monkeypatch.setattr("common.dataset.writer.os.write", write_half)
+    monkeypatch.setattr("readygo.common.dataset.writer.os.write", write_half)
     with pytest.raises(RunError, match=f"No space left in {tmp_path}; free some"):
         send(recorder, append_requests(1))
     assert part.read_bytes() == good
@@ -211,7 +211,7 @@ def test_full_disk_while_a_shard_is_finished_loses_nothing(make_recorder, tmp_pa
     def refuse(*arguments: object) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr("common.dataset.writer.os.replace", refuse)
+    monkeypatch.setattr("readygo.common.dataset.writer.os.replace", refuse)
     assert send(recorder, append_requests(0)) == ["ok", "committed"]
     with pytest.raises(RunError, match="No space left"):
         send(recorder, append_requests(1))
@@ -229,8 +229,8 @@ def test_nothing_follows_a_failed_write_that_cannot_be_cut_off(make_recorder, tm
     def refuse(*arguments: object) -> None:
         raise OSError(errno.EIO, "Input/output error")
 
-    monkeypatch.setattr("common.dataset.writer.os.write", refuse)
-    monkeypatch.setattr("common.dataset.writer.os.ftruncate", refuse)
+    monkeypatch.setattr("readygo.common.dataset.writer.os.write", refuse)
+    monkeypatch.setattr("readygo.common.dataset.writer.os.ftruncate", refuse)
     with pytest.raises(RunError, match=r"Writing to .* failed: Input/output error"):
         send(recorder, append_requests(1))
     monkeypatch.undo()

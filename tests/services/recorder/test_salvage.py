@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 from mcap.opcode import Opcode
 
-from common.dataset import Dataset, ShardWriter, encode_episode, validate
-from common.dataset.records import Record, chunk_span, iter_messages, iter_records
-from common.errors import DatasetError, RunError
-from services.recorder import Recorder, RecorderConfig, handle_append
-from services.recorder.salvage import read_open_shard
+from readygo.common.dataset import Dataset, ShardWriter, encode_episode, validate
+from readygo.common.dataset.records import Record, chunk_span, iter_messages, iter_records
+from readygo.common.errors import DatasetError, RunError
+from readygo.services.recorder import Recorder, RecorderConfig, handle_append
+from readygo.services.recorder.salvage import read_open_shard
 from tests.common.dataset.episodes import METADATA, append_requests, make_episode
 from tests.services.recorder.coordinator import FakeCoordinator
 
@@ -171,7 +171,7 @@ def test_full_disk_during_salvage_keeps_the_open_shard(tmp_path, monkeypatch) ->
         raise OSError(errno.ENOSPC, "No space left on device")
 
     recorder = start(tmp_path, FakeCoordinator())
-    monkeypatch.setattr("common.dataset.writer.os.write", refuse)
+    monkeypatch.setattr("readygo.common.dataset.writer.os.write", refuse)
     with pytest.raises(RunError, match="No space left in"):
         recorder.settle()
     monkeypatch.undo()

@@ -4,10 +4,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from common.avatars import Avatar
-from common.gaussians import GaussianCloud, save_ply
-from common.maps import FloorMap, GridFrame
-from common.messages import (
+from readygo.common.avatars import Avatar
+from readygo.common.gaussians import GaussianCloud, save_ply
+from readygo.common.maps import FloorMap, GridFrame
+from readygo.common.messages import (
     EpisodeKey,
     EpisodeMotions,
     HumanMotion,
@@ -18,9 +18,9 @@ from common.messages import (
     Scenario,
     Split,
 )
-from common.robot import CameraConfig, RobotConfig
-from common.scenes import Scene
-from services.renderer import Renderer, RendererConfig
+from readygo.common.robot import CameraConfig, RobotConfig
+from readygo.common.scenes import Scene
+from readygo.services.renderer import Renderer, RendererConfig
 from tests.services.renderer.wearers import wearers
 
 ROBOT = RobotConfig(camera=CameraConfig(height_px=48, width_px=80))

@@ -6,15 +6,15 @@ import cv2
 import numpy as np
 import pytest
 
-from common.messages import EpisodeKey, EpisodeMotions, HumanMotion, RenderRequest, RenderView, Split
-from common.rasterizer.images import OUTPUTS, Images
-from common.robot import CameraConfig, RobotConfig, step_unicycle
-from services.renderer import Renderer, RendererConfig, episode_header, episode_samples, handle_render
-from services.renderer.capture import Capture, Pinhole, pinhole_of
-from services.renderer.sensor import SensorConfig, SensorRanges, sensor_phone_like
-from services.renderer.sensor_light import byte_of_light, light_of_byte
-from services.renderer.sensor_motion import Moment
-from services.renderer.sensor_streams import SensorStream
+from readygo.common.images.images import OUTPUTS, Images
+from readygo.common.messages import EpisodeKey, EpisodeMotions, HumanMotion, RenderRequest, RenderView, Split
+from readygo.common.robot import CameraConfig, RobotConfig, step_unicycle
+from readygo.services.renderer import Renderer, RendererConfig, episode_header, episode_samples, handle_render
+from readygo.services.renderer.capture import Capture, Pinhole, pinhole_of
+from readygo.services.renderer.sensor.config import SensorConfig, SensorRanges, sensor_phone_like
+from readygo.services.renderer.sensor.light import byte_of_light, light_of_byte
+from readygo.services.renderer.sensor.motion import Moment
+from readygo.services.renderer.sensor.streams import SensorStream
 from tests.services.renderer.wearers import wearers
 
 CAMERA = CameraConfig(height_px=96, width_px=160)
@@ -235,7 +235,7 @@ def test_blur_comes_from_people_too(renderer: Renderer, episode) -> None:
 
 
 def test_lens_that_the_camera_cannot_have_is_refused_at_once(renderer: Renderer) -> None:
-    from common.errors import ConfigError
+    from readygo.common.errors import ConfigError
 
     folding = SensorConfig(distortion="brown_conrady", ranges=SensorRanges(k1=(-0.4, 0.0)))
     with pytest.raises(ConfigError, match="folds the image"):

@@ -3,15 +3,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from common.avatars import Avatar
-from common.gaussians import GaussianCloud, save_ply
-from common.maps import FloorMap, GridFrame
-from common.messages import HumanMotion, Motion
-from common.robot import CameraConfig, RobotConfig
-from common.scenes import Scene
-from services.renderer import Renderer, RendererConfig
-from services.renderer.contact_shadow import FADE_M, shadow_cloud
-from services.renderer.sensor_motion import posed
+from readygo.common.avatars import Avatar
+from readygo.common.gaussians import GaussianCloud, save_ply
+from readygo.common.maps import FloorMap, GridFrame
+from readygo.common.messages import HumanMotion, Motion
+from readygo.common.robot import CameraConfig, RobotConfig
+from readygo.common.scenes import Scene
+from readygo.services.renderer import Renderer, RendererConfig
+from readygo.services.renderer.contact_shadow import FADE_M, shadow_cloud
+from readygo.services.renderer.sensor.motion import posed
 
 CAMERA = CameraConfig(height_px=96, width_px=160, horizontal_fov_deg=80.0)
 FLOOR_M = 0.3

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from common.avatars import Avatar
-from common.messages import HumanMotion, Motion
-from common.rasterizer import lod_files
-from common.scenes import Scene
-from services.renderer import Renderer, RendererConfig
+from readygo.common.avatars import Avatar
+from readygo.common.messages import HumanMotion, Motion
+from readygo.common.rasterizer.lod import files as lod_files
+from readygo.common.scenes import Scene
+from readygo.services.renderer import Renderer, RendererConfig
 from tests.services.renderer.conftest import ROBOT
 
 

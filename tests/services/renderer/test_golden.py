@@ -4,16 +4,16 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from common.avatars import load_avatars
-from common.maps import FloorMap, GridFrame
-from common.messages import HumanMotion, People, RenderRequest, RenderView
-from common.robot import RobotConfig
-from common.scenes import Scene
-from common.scenes.embedded import ensure_embedded_scene
-from services.animator import AnimatorConfig
-from services.animator.gait import walk
-from services.animator.gait_person import skeleton_of
-from services.renderer import Renderer, RendererConfig, handle_render
+from readygo.common.avatars import load_avatars
+from readygo.common.maps import FloorMap, GridFrame
+from readygo.common.messages import HumanMotion, People, RenderRequest, RenderView
+from readygo.common.robot import RobotConfig
+from readygo.common.scenes import Scene
+from readygo.common.scenes.embedded import ensure_embedded_scene
+from readygo.services.animator import AnimatorConfig
+from readygo.services.animator.gait.person import skeleton_of
+from readygo.services.animator.gait.walk import walk
+from readygo.services.renderer import Renderer, RendererConfig, handle_render
 
 Golden = Callable[[str, npt.NDArray[np.uint8]], None]
 VIEWS = {"living_room": (1.17, 1.27, -3.1), "study": (1.17, -4.03, 1.21)}

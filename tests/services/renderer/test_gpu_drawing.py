@@ -3,11 +3,11 @@ import importlib.util
 import numpy as np
 import pytest
 
-from common.errors import ReadygoError
-from common.messages import HumanMotion, Motion
-from common.robot import CameraConfig
-from services.renderer.drawing import ReferenceDrawing
-from services.renderer.gpu_drawing import GpuDrawing
+from readygo.common.errors import ReadygoError
+from readygo.common.messages import HumanMotion, Motion
+from readygo.common.robot import CameraConfig
+from readygo.services.renderer.drawing import ReferenceDrawing
+from readygo.services.renderer.gpu_drawing import GpuDrawing
 
 CAMERA = CameraConfig(height_px=24, width_px=32)
 
@@ -19,9 +19,9 @@ class ReferenceKernels:
         self.scenes, self.avatars, self.lens, self.kernels = scenes, avatars, (K_px, height_px, width_px), kernels
 
     def render(self, T_world_camera, people):
-        from common.avatars import pose_avatar
-        from common.gaussians import concatenate
-        from common.rasterizer.reference import rasterize_reference
+        from readygo.common.avatars import pose_avatar
+        from readygo.common.gaussians import concatenate
+        from readygo.common.rasterizer.reference import rasterize_reference
 
         bodies = [pose_avatar(self.avatars[p.avatar], p.root_m, p.pose_axis_angle) for p in people]
         rgb = rasterize_reference(concatenate([*self.scenes, *bodies]), T_world_camera, *self.lens).rgb
@@ -35,8 +35,8 @@ def walker(avatars, x_m: float) -> HumanMotion:
 
 
 def test_scene_sky_and_people_are_drawn_as_by_the_reference(scene, avatars, monkeypatch: pytest.MonkeyPatch) -> None:
-    rasterizer = pytest.importorskip("common.rasterizer.gpu.rasterizer", reason="torch is not installed")
-    monkeypatch.setattr("services.renderer.gpu_drawing.require_kernels", lambda kernels, device: None)
+    rasterizer = pytest.importorskip("readygo.common.rasterizer.gpu.rasterizer", reason="torch is not installed")
+    monkeypatch.setattr("readygo.services.renderer.gpu_drawing.require_kernels", lambda kernels, device: None)
     monkeypatch.setattr(rasterizer, "GpuRasterizer", ReferenceKernels)
     drawing, reference = GpuDrawing(scene, avatars, CAMERA), ReferenceDrawing(scene, avatars, CAMERA)
     T = CAMERA.T_world_camera(0.0, 0.0, 0.3, 0.0)

@@ -5,16 +5,16 @@ import cv2
 import numpy as np
 import pytest
 
-from common.avatars import Avatar, joint_positions, pose_avatar
-from common.bus import InProcessBus
-from common.errors import AvatarError, RunError
-from common.messages import EpisodeMotions, HumanMotion, People, RenderReply, RenderRequest, RenderView
-from common.rasterizer.image_files import decode_output
-from common.rasterizer.images import OUTPUTS, Images
-from services.renderer import Renderer, RendererConfig, attach, episode_header, episode_samples, handle_render
-from services.renderer import handlers as handlers_module
-from services.renderer.drawing import Drawing, packed_layers
-from services.renderer.handlers import facing_yaw
+from readygo.common.avatars import Avatar, joint_positions, pose_avatar
+from readygo.common.bus import InProcessBus
+from readygo.common.errors import AvatarError, RunError
+from readygo.common.images.files import decode_output
+from readygo.common.images.images import OUTPUTS, Images
+from readygo.common.messages import EpisodeMotions, HumanMotion, People, RenderReply, RenderRequest, RenderView
+from readygo.services.renderer import Renderer, RendererConfig, attach, episode_header, episode_samples, handle_render
+from readygo.services.renderer import handlers as handlers_module
+from readygo.services.renderer.drawing import Drawing, packed_layers
+from readygo.services.renderer.handlers import facing_yaw
 from tests.services.renderer.wearers import wearers
 
 

@@ -2,7 +2,7 @@
 
 import functools
 
-from common.avatars import Avatar, load_avatars
+from readygo.common.avatars import Avatar, load_avatars
 
 
 @functools.cache

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from common.config import section_to_mapping
-from common.messages import EpisodeKey, Split
-from common.robot import CameraConfig, RobotConfig
+from readygo.common.config import section_to_mapping
+from readygo.common.messages import EpisodeKey, Split
+from readygo.common.robot import CameraConfig, RobotConfig
 
 
 @dataclass
@@ -19,7 +19,7 @@ class FakeEpisode:
 
 @dataclass
 class FakeSource:
-    """Like `common.dataset.Dataset`: a bright bar's column tells w, the rows' brightness tells v."""
+    """Like `readygo.common.dataset.Dataset`: a bright bar's column tells w, the rows' brightness tells v."""
 
     episodes: list
     actions: np.ndarray

@@ -3,8 +3,8 @@ import math
 import numpy as np
 import torch
 
-from common.robot import CameraConfig
-from services.trainer.augment import (
+from readygo.common.robot import CameraConfig
+from readygo.services.trainer.augment import (
     correct_for_turn,
     corrupt_previous,
     draw_yaws,
@@ -13,7 +13,7 @@ from services.trainer.augment import (
     turn_frames,
     vary_light,
 )
-from services.trainer.samples import build_table
+from readygo.services.trainer.samples import build_table
 
 
 def test_light_varies_alike_within_an_episode():

@@ -3,10 +3,10 @@ import pytest
 import torch
 from torch import nn
 
-from common.policy import PolicySpec, load_policy
-from common.robot import CameraConfig, RobotConfig
-from services.trainer.export import export_policy
-from services.trainer.model import PolicyNet, images_from_bytes
+from readygo.common.policy import PolicySpec, load_policy
+from readygo.common.robot import CameraConfig, RobotConfig
+from readygo.services.trainer.export import export_policy
+from readygo.services.trainer.model import PolicyNet, images_from_bytes
 
 
 def trained_looking_model(robot):

@@ -2,9 +2,9 @@ import pytest
 import torch
 from torch import nn
 
-from common.policy.artifact import FEATURE_COUNT, LATENT_COUNT
-from common.robot import CameraConfig, RobotConfig
-from services.trainer.model import PolicyNet, images_from_bytes, parameter_count
+from readygo.common.policy.artifact import FEATURE_COUNT, LATENT_COUNT
+from readygo.common.robot import CameraConfig, RobotConfig
+from readygo.services.trainer.model import PolicyNet, images_from_bytes, parameter_count
 
 
 @pytest.fixture(scope="module")

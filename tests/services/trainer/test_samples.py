@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from common.errors import DatasetError
-from services.trainer.samples import build_table, epoch_samples, make_batch, split_episodes, spread_samples
+from readygo.common.errors import DatasetError
+from readygo.services.trainer.samples import build_table, epoch_samples, make_batch, split_episodes, spread_samples
 
 
 def epoch(source, seed=0, **settings):

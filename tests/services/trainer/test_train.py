@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import torch
 
-from common.errors import DatasetError, PolicyError
-from common.policy import load_policy
-from common.robot import CameraConfig
-from services.trainer import TrainConfig, paper_recipe
-from services.trainer.run import learning_rate
-from services.trainer.train import train
+from readygo.common.errors import DatasetError, PolicyError
+from readygo.common.policy import load_policy
+from readygo.common.robot import CameraConfig
+from readygo.services.trainer import TrainConfig, paper_recipe
+from readygo.services.trainer.run import learning_rate
+from readygo.services.trainer.train import train
 
 QUICK = TrainConfig(
     epochs=2,

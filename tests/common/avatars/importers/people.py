@@ -14,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
-from common.avatars import SMPL_PARENTS
-from common.avatars.importers.joints import JOINT, JOINT_NAMES
-from common.frames import matrix_from_axis_angle
+from readygo.common.avatars import SMPL_PARENTS
+from readygo.common.avatars.importers.joints import JOINT, JOINT_NAMES
+from readygo.common.frames import matrix_from_axis_angle
 
 Array = npt.NDArray[np.float64]
 

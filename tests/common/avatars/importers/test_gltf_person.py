@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from common.avatars import SMPL_PARENTS, Avatar, joint_positions, pose_avatar
-from common.avatars.importers import ImportOptions, import_person
-from common.avatars.importers.joints import JOINT, JOINT_NAMES
-from common.errors import AvatarError
-from common.frames import R_zup_yup, matrix_from_axis_angle
-from common.messages import Motion
+from readygo.common.avatars import SMPL_PARENTS, Avatar, joint_positions, pose_avatar
+from readygo.common.avatars.importers import ImportOptions, import_person
+from readygo.common.avatars.importers.joints import JOINT, JOINT_NAMES
+from readygo.common.errors import AvatarError
+from readygo.common.frames import R_zup_yup, matrix_from_axis_angle
+from readygo.common.messages import Motion
 from tests.common.avatars.importers.people import HEIGHT_M, MIXAMO, tpose_joints_m, write_glb
 
 OPTIONS = ImportOptions(license="test", gaussians=4000)
@@ -183,7 +183,7 @@ def test_without_texture_the_base_colour_stands_in_and_is_noted(tmp_path: Path) 
 
 
 def test_thin_axis_of_gaussians_is_the_normal(tpose_person: Avatar) -> None:
-    from common.frames import matrix_from_quat
+    from readygo.common.frames import matrix_from_quat
 
     thin = matrix_from_quat(tpose_person.cloud.quats_wxyz)[:, :, 2]
     assert (np.abs(thin).max(axis=1) > 0.99).all()
@@ -244,7 +244,7 @@ def test_wrong_size_asks_for_the_height_and_takes_it(tmp_path: Path) -> None:
 
 
 def test_same_file_gives_the_same_avatar(tmp_path: Path, tpose_person: Avatar) -> None:
-    from common.avatars import avatar_hash
+    from readygo.common.avatars import avatar_hash
 
     again, _ = import_person(write_glb(tmp_path / "person.glb"), OPTIONS)
     assert avatar_hash(again) == avatar_hash(tpose_person)

@@ -7,12 +7,12 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from common.avatars import SMPL_PARENTS, pose_avatar
-from common.avatars.importers import ImportOptions, import_person, load_smpl_model
-from common.avatars.importers.hugs import da_pose
-from common.avatars.importers.joints import JOINT
-from common.errors import AvatarError
-from common.frames import R_zup_yup, matrix_from_axis_angle, matrix_from_quat
+from readygo.common.avatars import SMPL_PARENTS, pose_avatar
+from readygo.common.avatars.importers import ImportOptions, import_person, load_smpl_model
+from readygo.common.avatars.importers.hugs import da_pose
+from readygo.common.avatars.importers.joints import JOINT
+from readygo.common.errors import AvatarError
+from readygo.common.frames import R_zup_yup, matrix_from_axis_angle, matrix_from_quat
 from tests.common.avatars.importers.people import boxes, write_smpl_pickle
 
 torch = pytest.importorskip("torch", reason="torch is not installed")

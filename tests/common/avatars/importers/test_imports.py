@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from common.avatars import load_avatar, load_avatars, save_avatar
-from common.avatars.file import EMBEDDED_FOLDER
-from common.avatars.importers import FileKind, ImportOptions, import_person, kind_of
-from common.errors import AvatarError, SceneError
-from common.gaussians import save_ply
+from readygo.common.avatars import load_avatar, load_avatars, save_avatar
+from readygo.common.avatars.file import EMBEDDED_FOLDER
+from readygo.common.avatars.importers import FileKind, ImportOptions, import_person, kind_of
+from readygo.common.errors import AvatarError, SceneError
+from readygo.common.gaussians import save_ply
 from tests.common.avatars.importers.people import write_glb, write_smpl_npz, write_smpl_pickle
 
 

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from common.avatars.importers import ImportOptions, import_person, load_smpl_model
-from common.avatars.importers.joints import JOINT
-from common.avatars.importers.pickles import load_pickle
-from common.errors import AvatarError
+from readygo.common.avatars.importers import ImportOptions, import_person, load_smpl_model
+from readygo.common.avatars.importers.joints import JOINT
+from readygo.common.avatars.importers.pickles import load_pickle
+from readygo.common.errors import AvatarError
 from tests.common.avatars.importers.people import (
     HEIGHT_M,
     smpl_entries,

@@ -7,7 +7,7 @@ import numpy.typing as npt
 import pytest
 import torch
 
-from common.gaussians import GaussianCloud
+from readygo.common.gaussians import GaussianCloud
 
 Tensor = torch.Tensor
 NAMES = ("means_m", "quats_wxyz", "scales_m", "opacities", "sh", "features")

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import torch
 
-from common.rasterizer.differentiable.autograd import Rendered, rasterize
-from common.rasterizer.differentiable.reference import ReferenceRendered, rasterize_with_torch
+from readygo.common.rasterizer.differentiable.autograd import Rendered, rasterize
+from readygo.common.rasterizer.differentiable.reference import ReferenceRendered, rasterize_with_torch
 
 RELATIVE = 1e-3
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 import torch
 
-from common.rasterizer.cpu import CpuRasterizer
-from common.rasterizer.differentiable.autograd import rasterize
-from common.rasterizer.differentiable.order import spatial_order
-from common.rasterizer.differentiable.pool import ArrayPool
-from common.rasterizer.packed import pack_cloud
-from common.rasterizer.reference import rasterize_reference
+from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
+from readygo.common.rasterizer.differentiable.autograd import rasterize
+from readygo.common.rasterizer.differentiable.order import spatial_order
+from readygo.common.rasterizer.differentiable.pool import ArrayPool
+from readygo.common.rasterizer.packed.scene import pack_cloud
+from readygo.common.rasterizer.reference import rasterize_reference
 
 
 def psnr_db(a: np.ndarray, b: np.ndarray) -> float:

@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import torch
 
-from common.rasterizer.differentiable.reference import rasterize_with_torch
-from common.rasterizer.reference import rasterize_reference
+from readygo.common.rasterizer.differentiable.reference import rasterize_with_torch
+from readygo.common.rasterizer.reference import rasterize_reference
 
 
 def test_gradients_are_those_of_finite_differences(case: Callable, loss: Callable) -> None:

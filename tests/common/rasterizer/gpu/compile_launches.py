@@ -12,12 +12,12 @@ import triton
 from triton.backends.compiler import GPUTarget
 from triton.compiler import ASTSource
 
-from common.avatars import load_avatars
-from common.gaussians import GaussianCloud
-from common.rasterizer.gpu import triton_pipeline
-from common.rasterizer.gpu.batch import Batch
-from common.rasterizer.gpu.device_clouds import upload
-from common.rasterizer.gpu.triton_settings import TritonSettings
+from readygo.common.avatars import load_avatars
+from readygo.common.gaussians import GaussianCloud
+from readygo.common.rasterizer.gpu.batch import Batch
+from readygo.common.rasterizer.gpu.device_clouds import upload
+from readygo.common.rasterizer.gpu.triton import pipeline as triton_pipeline
+from readygo.common.rasterizer.gpu.triton.settings import TritonSettings
 
 KERNELS = ("cull_scene", "cull_people", "select_chunks", "list_pairs", "project", "bin_entries", "sort_lists", "blend")
 OPTIONS = ("num_warps", "enable_fp_fusion")

@@ -5,9 +5,9 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from common.avatars import Avatar, pose_avatar
-from common.gaussians import GaussianCloud, concatenate
-from common.rasterizer.cpu import PosedPerson
+from readygo.common.avatars import Avatar, pose_avatar
+from readygo.common.gaussians import GaussianCloud, concatenate
+from readygo.common.rasterizer.cpu.rasterizer import PosedPerson
 
 Pose = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]
 

@@ -4,9 +4,9 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="torch is not installed")
 
-from common.errors import ReadygoError  # noqa: E402
-from common.rasterizer.gpu import availability  # noqa: E402
-from common.rasterizer.gpu.availability import require_kernels  # noqa: E402
+from readygo.common.errors import ReadygoError  # noqa: E402
+from readygo.common.rasterizer.gpu import availability  # noqa: E402
+from readygo.common.rasterizer.gpu.availability import require_kernels  # noqa: E402
 
 find_spec = importlib.util.find_spec
 

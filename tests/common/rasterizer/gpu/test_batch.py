@@ -3,8 +3,8 @@ import pytest
 
 pytest.importorskip("torch", reason="torch is not installed")
 
-from common.rasterizer.cpu import PosedPerson
-from common.rasterizer.gpu.batch import make_batch
+from readygo.common.rasterizer.cpu.rasterizer import PosedPerson
+from readygo.common.rasterizer.gpu.batch import make_batch
 
 POSES = np.tile(np.eye(4), (2, 1, 1))
 

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from common.gaussians import GaussianCloud
-from common.rasterizer.constants import ALPHA_MIN
-from common.rasterizer.gpu.chunks import chunk_avatar, chunk_cloud, morton_order
-from common.rasterizer.packed import CHUNK
+from readygo.common.gaussians import GaussianCloud
+from readygo.common.rasterizer.constants import ALPHA_MIN
+from readygo.common.rasterizer.gpu.chunks import chunk_avatar, chunk_cloud, morton_order
+from readygo.common.rasterizer.packed.scene import CHUNK
 
 
 def means_of(chunked) -> np.ndarray:

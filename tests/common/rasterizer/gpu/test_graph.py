@@ -3,11 +3,11 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from common.rasterizer.cpu import PosedPerson
+from readygo.common.rasterizer.cpu.rasterizer import PosedPerson
 
 torch = pytest.importorskip("torch", reason="torch is not installed")
 
-from common.rasterizer.gpu.batch import make_batch  # noqa: E402
+from readygo.common.rasterizer.gpu.batch import make_batch  # noqa: E402
 
 
 class CountingPipeline:
@@ -38,7 +38,7 @@ class CountingPipeline:
 @pytest.fixture
 def graphed(triton_device: str, monkeypatch: pytest.MonkeyPatch):
     """A graphed pass over a counting pipeline; capturing keeps the arguments, replaying calls with them again."""
-    from common.rasterizer.gpu.triton_graph import GraphedPass
+    from readygo.common.rasterizer.gpu.triton.graph import GraphedPass
 
     pipeline = CountingPipeline()
     captured: list[object] = []

@@ -6,11 +6,11 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="torch is not installed")
 
-from common.errors import ReadygoError  # noqa: E402
-from common.gaussians import GaussianCloud, transform_cloud  # noqa: E402
-from common.rasterizer.gpu import gsplat_kernels, rasterizer  # noqa: E402
-from common.rasterizer.gpu.rasterizer import GpuRasterizer  # noqa: E402
-from common.rasterizer.reference import rasterize_reference  # noqa: E402
+from readygo.common.errors import ReadygoError  # noqa: E402
+from readygo.common.gaussians import GaussianCloud, transform_cloud  # noqa: E402
+from readygo.common.rasterizer.gpu import gsplat_kernels, rasterizer  # noqa: E402
+from readygo.common.rasterizer.gpu.rasterizer import GpuRasterizer  # noqa: E402
+from readygo.common.rasterizer.reference import rasterize_reference  # noqa: E402
 
 SIZE = 32, 48
 
@@ -86,7 +86,7 @@ def test_scene_and_people_reach_gsplat_in_its_conventions(make_cloud, camera, av
 
 
 def joined(one: GaussianCloud, two: GaussianCloud) -> GaussianCloud:
-    from common.gaussians import concatenate
+    from readygo.common.gaussians import concatenate
 
     return concatenate([one, two])
 

@@ -2,8 +2,8 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from common.gaussians import GaussianCloud, concatenate, transform_cloud
-from common.rasterizer.reference import rasterize_reference
+from readygo.common.gaussians import GaussianCloud, concatenate, transform_cloud
+from readygo.common.rasterizer.reference import rasterize_reference
 
 HEIGHT, WIDTH = 48, 64
 C0 = 0.28209479177387814
@@ -12,8 +12,8 @@ C0 = 0.28209479177387814
 @pytest.fixture(scope="module")
 def rasterizer(triton_device: str):
     """Makes rasterizers with settings that suit the interpreter: few tiles, few slabs, short runs."""
-    from common.rasterizer.gpu.rasterizer import GpuRasterizer
-    from common.rasterizer.gpu.triton_settings import TritonSettings
+    from readygo.common.rasterizer.gpu.rasterizer import GpuRasterizer
+    from readygo.common.rasterizer.gpu.triton.settings import TritonSettings
 
     def make(scenes, avatars, K, height: int = HEIGHT, width: int = WIDTH, **settings):
         chosen = {
@@ -130,7 +130,7 @@ def median_images(cloud: GaussianCloud, T, K, owners) -> tuple[np.ndarray, np.nd
 
 def normal_image(cloud: GaussianCloud, T, K) -> np.ndarray:
     """Sums of normals, drawn as colours 0.5 + 0.5 n, at length 1."""
-    from common.frames import matrix_from_quat
+    from readygo.common.frames import matrix_from_quat
 
     axes = matrix_from_quat(cloud.quats_wxyz)[np.arange(len(cloud)), :, cloud.scales_m.argmin(axis=1)]
     normal, mean = axes @ T[:3, :3], (cloud.means_m - T[:3, 3]) @ T[:3, :3]
@@ -154,7 +154,7 @@ def test_batch_in_passes_has_the_bytes_of_single_images(make_cloud, camera, smal
 
 
 def test_buffers_grow_until_everything_fits(make_cloud, camera, rasterizer) -> None:
-    from common.rasterizer.gpu.triton_buffers import make_buffers
+    from readygo.common.rasterizer.gpu.triton.buffers import make_buffers
 
     T, K = camera(-4.0, 0.0, 0.0, 32, 24)
     roomy, tight = (rasterizer(make_cloud(280, scale_m=0.02), [], K, 24, 32, slab_shares=()) for _ in range(2))
@@ -214,7 +214,7 @@ def test_equal_depths_are_drawn_in_the_order_of_the_scene(make_cloud, camera, ra
 def test_lists_of_any_length_are_sorted(triton_device: str, run: int) -> None:
     import torch
 
-    from common.rasterizer.gpu.triton_tiles import sort_lists
+    from readygo.common.rasterizer.gpu.triton.tiles import sort_lists
 
     lengths = [0, 1, 2, 5, 16, 17, 70]
     rng = np.random.default_rng(0)
@@ -269,7 +269,7 @@ def test_too_many_tiles_and_bad_requests_are_refused(make_cloud, camera, small_a
     "bad", [{"tile_width_px": 12}, {"slab_shares": (0.5, 0.2)}, {"long_sort_run": 48}, {"cameras_per_pass": 0}]
 )
 def test_bad_settings_are_refused(bad: dict[str, object]) -> None:
-    from common.rasterizer.gpu.triton_settings import TritonSettings
+    from readygo.common.rasterizer.gpu.triton.settings import TritonSettings
 
     with pytest.raises(ValueError, match=next(iter(bad))):
         TritonSettings(**bad)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import torch
 
-from services.animator.priormdm import PriorMdmConfig
-from services.animator.priormdm.features import FEATURE_COUNT
-from services.animator.priormdm.network import Mdm, NetworkShape
+from readygo.services.animator.priormdm import PriorMdmConfig
+from readygo.services.animator.priormdm.features import FEATURE_COUNT
+from readygo.services.animator.priormdm.network import Mdm, NetworkShape
 
 SMALL = NetworkShape(layers=2, latent_dim=32, ff_size=48, num_heads=4)
 ARGS = {

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 import torch
 
-from common.errors import ConfigError
-from services.animator import AnimatorConfig
-from services.animator.priormdm import PriorMdmConfig
-from services.animator.priormdm.checkpoint import files_digest, load_model
+from readygo.common.errors import ConfigError
+from readygo.services.animator import AnimatorConfig
+from readygo.services.animator.priormdm import PriorMdmConfig
+from readygo.services.animator.priormdm.checkpoint import files_digest, load_model
 from tests.services.animator.priormdm.conftest import ARGS, random_network
 
 

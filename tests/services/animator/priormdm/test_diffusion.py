@@ -4,8 +4,8 @@ import math
 import numpy as np
 import pytest
 
-from services.animator.priormdm.diffusion import cosine_schedule, sample
-from services.animator.priormdm.windows import WINDOW, fade_weights, over_windows, window_starts
+from readygo.services.animator.priormdm.diffusion import cosine_schedule, sample
+from readygo.services.animator.priormdm.windows import WINDOW, fade_weights, over_windows, window_starts
 
 
 def test_cosine_schedule_has_the_published_signal():

@@ -3,8 +3,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks.motion_paths import circle, floor, reversal, s_curve, stop_and_go
-from services.animator.priormdm.features import (
+from readygo.benchmarks.motion.paths import circle, floor, reversal, s_curve, stop_and_go
+from readygo.services.animator.gait.quality import joints_of
+from readygo.services.animator.priormdm.features import (
     CONTACTS,
     FEATURE_COUNT,
     PATH,
@@ -18,7 +19,6 @@ from services.animator.priormdm.features import (
     yup_from_zup,
     zup_from_yup,
 )
-from services.animator.quality import joints_of
 
 
 @pytest.mark.parametrize("xy", [s_curve(1.2), circle(1.6), stop_and_go(1.4), reversal(1.0)], ids=lambda xy: len(xy))

@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-from services.animator.priormdm.network import Mdm, NetworkShape
+from readygo.services.animator.priormdm.network import Mdm, NetworkShape
 from tests.services.animator.priormdm.conftest import SMALL, random_network
 
 

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 import torch
 
-from benchmarks.motion_paths import circle, floor, line, s_curve
-from common.errors import ConfigError, MotionError
-from common.frames import matrix_from_axis_angle
-from common.messages import AnimateRequest, EpisodeKey, HumanTrajectory, Scenario, Split, encode
-from services.animator import Animator, AnimatorConfig, handle_animate, skeleton_of
-from services.animator.priormdm import features as hml
-from services.animator.priormdm.network import Mdm
-from services.animator.priormdm.placement import HUMANML3D_LEG_M
-from services.animator.priormdm.source import SETTLE_FRAMES, PriorMdm
-from services.animator.quality import joints_of, measure
+from readygo.benchmarks.motion.paths import circle, floor, line, s_curve
+from readygo.common.errors import ConfigError, MotionError
+from readygo.common.frames import matrix_from_axis_angle
+from readygo.common.messages import AnimateRequest, EpisodeKey, HumanTrajectory, Scenario, Split, encode
+from readygo.services.animator import Animator, AnimatorConfig, handle_animate, skeleton_of
+from readygo.services.animator.gait.quality import joints_of, measure
+from readygo.services.animator.priormdm import features as hml
+from readygo.services.animator.priormdm.network import Mdm
+from readygo.services.animator.priormdm.placement import HUMANML3D_LEG_M
+from readygo.services.animator.priormdm.source import SETTLE_FRAMES, PriorMdm
 from tests.services.animator.conftest import make_avatar
 from tests.services.animator.priormdm.conftest import SMALL
 

@@ -1,0 +1,106 @@
+"""Where previews of an avatar are taken: a wall, and a floor with lines on which sliding feet would show."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.avatars import Avatar
+from readygo.common.messages import Motion
+from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer, PosedPerson
+
+Array = npt.NDArray[np.float64]
+Image = npt.NDArray[np.uint8]
+
+LINE_SPACING_M, LINE_WIDTH_M = 0.5, 0.012
+_FLOOR, _LINE, _WALL = (0.70, 0.71, 0.72), (0.40, 0.43, 0.47), (0.84, 0.86, 0.88)
+_SHADOW_RADIUS_M, _SHADOW_DEPTH, _SHADOW_FADE_M = 0.13, 0.45, 0.10
+_FEET = ((7, 10), (8, 11))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lens:
+    """A pinhole camera."""
+
+    height_px: int
+    width_px: int
+    focal_px: float
+
+    @property
+    def K_px(self) -> Array:
+        """Intrinsics [px], shape (3, 3)."""
+        return np.array([[self.focal_px, 0, self.width_px / 2], [0, self.focal_px, self.height_px / 2], [0, 0, 1]])
+
+
+class Stage:
+    """One avatar on the floor z = 0 before a camera."""
+
+    def __init__(self, avatar: Avatar, lens: Lens) -> None:
+        self.avatar, self.lens = avatar, lens
+        self._rasterizer = CpuRasterizer([], [avatar], lens.K_px, lens.height_px, lens.width_px)
+
+    def picture(self, T_world_camera: Array, motion: Motion, row: int, joints_m: Array) -> Image:
+        """The person in one row of a motion.
+
+        Args:
+            T_world_camera: Camera pose, OpenCV axes, shape (4, 4).
+            motion: How they move over z = 0.
+            row: Row of the motion.
+            joints_m: The joints of the whole motion [m], shape (T, 24, 3).
+
+        Returns:
+            RGB, shape (H, W, 3).
+        """
+        person = PosedPerson(avatar=0, root_m=motion.root_m[row], pose_axis_angle=motion.pose_axis_angle[row])
+        images = self._rasterizer.render_images(T_world_camera, [person], ("alpha",))
+        assert images.alpha is not None
+        feet = np.stack([0.5 * (joints_m[:, ankle] + joints_m[:, ball]) for ankle, ball in _FEET], axis=1)
+        ground = _ground(T_world_camera, self.lens, feet[row] - [0.0, 0.0, feet[:, :, 2].min()])
+        mixed = images.rgb + (1.0 - images.alpha[:, :, None]) * ground
+        return np.clip(np.rint(mixed), 0, 255).astype(np.uint8)
+
+
+def look_at(eye_m: npt.ArrayLike, target_m: npt.ArrayLike) -> Array:
+    """Pose of an upright camera that looks at a target, OpenCV axes, shape (4, 4)."""
+    eye = np.asarray(eye_m, dtype=np.float64)
+    forward = np.asarray(target_m, dtype=np.float64) - eye
+    forward /= np.linalg.norm(forward)
+    right = np.cross(forward, (0.0, 0.0, 1.0))
+    right /= np.linalg.norm(right)
+    T = np.eye(4)
+    T[:3, :3] = np.stack([right, np.cross(forward, right), forward], axis=1)
+    T[:3, 3] = eye
+    return T
+
+
+def _ground(T_world_camera: Array, lens: Lens, feet_m: Array) -> Array:
+    """The backdrop: a floor at z = 0 with lines and the shadows of the feet, and a wall, values 0..255."""
+    u, v = np.meshgrid(np.arange(lens.width_px) + 0.5, np.arange(lens.height_px) + 0.5)
+    K_px = lens.K_px
+    rays = np.stack([(u - K_px[0, 2]) / K_px[0, 0], (v - K_px[1, 2]) / K_px[1, 1], np.ones_like(u)], axis=-1)
+    rays = rays @ T_world_camera[:3, :3].T
+    eye = T_world_camera[:3, 3]
+    distance = eye[2] / np.maximum(-rays[..., 2], 1e-3)
+    points = eye[:2] + distance[..., None] * rays[..., :2]
+    floor = _lined(points, distance, eye[2], lens.focal_px)
+    for foot in feet_m:
+        away = ((points - foot[:2]) ** 2).sum(axis=-1, keepdims=True) / _SHADOW_RADIUS_M**2
+        floor *= 1.0 - _SHADOW_DEPTH * np.exp(-away - max(float(foot[2]), 0.0) / _SHADOW_FADE_M)
+    haze = np.clip((distance[..., None] - 6.0) / 8.0, 0.0, 1.0)
+    wall = np.array(_WALL)
+    picture: Array = 255.0 * np.where(rays[..., 2:] < -1e-3, (1 - haze) * floor + haze * wall, wall)
+    return picture
+
+
+def _lined(points: Array, distance: Array, eye_height_m: float, focal_px: float) -> Array:
+    """Colours of the floor at points (H, W, 2) that are so far along their rays."""
+    # A pixel covers this much floor, along the ray more than across it; lines are blurred to it.
+    footprint = (distance / focal_px)[..., None] * np.stack(
+        [np.ones_like(distance), np.maximum(distance / eye_height_m, 1.0)], axis=-1
+    )
+    offset = np.abs((points + 0.5 * LINE_SPACING_M) % LINE_SPACING_M - 0.5 * LINE_SPACING_M)
+    cover = np.clip((0.5 * LINE_WIDTH_M + 0.5 * footprint - offset) / footprint, 0.0, 1.0)
+    cover *= np.minimum(1.0, LINE_WIDTH_M / footprint)
+    line = cover.max(axis=-1, keepdims=True)
+    colours: Array = (1 - line) * np.array(_FLOOR) + line * np.array(_LINE)
+    return colours

@@ -1,0 +1,1 @@
+"""The commands of `readygo`: read arguments, call, print."""

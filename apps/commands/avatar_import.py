@@ -1,0 +1,101 @@
+"""`readygo avatar import`: people from elsewhere become avatar files."""
+
+import json as json_module
+import sys
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+
+from readygo.apps.commands.avatar import standing_pose, stride_pose, turntable
+from readygo.common.avatars import Avatar, save_avatar
+from readygo.common.avatars.importers import ImportOptions, ImportReport, import_person
+from readygo.common.drawing.files import write_png
+from readygo.common.errors import AvatarError
+from readygo.services.animator import skeleton_of
+
+_WIDE_SCALES = 10.0
+"""Largest scale relative to the median above which 8 bits would coarsen the small ones."""
+
+
+def avatar_import(
+    file: Path,
+    /,
+    *,
+    out: Path,
+    license: str,
+    name: str | None = None,
+    height_m: float | None = None,
+    smpl: Path | None = None,
+    betas: Path | None = None,
+    weights: Path | None = None,
+    gaussians: int = 40_000,
+    preview: bool = False,
+    json: bool = False,
+) -> None:
+    """Make an avatar file of a person from elsewhere; the file's content says what it is.
+
+    Args:
+        file: HUGS checkpoint (.pth), SMPL model (.pkl, .npz), skinned glTF figure (.glb, .gltf, .vrm), or 3DGS .ply.
+        out: Avatar file (.npz) to write.
+        license: Terms under which the person may be used, recorded in the avatar.
+        name: Name of the avatar; the file's by default.
+        height_m: True height of the person [m]; by default the file's unit is the metre.
+        smpl: SMPL model file (.pkl, .npz) of a HUGS checkpoint.
+        betas: .npz with `betas`, the body's shape, for HUGS and SMPL; the mean shape by default.
+        weights: .npz with lbs_weight (and lbs_index), joints_canonical, optionally joints_tpose, for a .ply.
+        gaussians: Wanted number of Gaussians for people who are meshes.
+        preview: Write a sheet of views beside it, as PNG.
+        json: Print the report as JSON.
+    """
+    if out.suffix.lower() != ".npz":
+        raise AvatarError(f"--out {out} must end in .npz.")
+    options = ImportOptions(
+        license=license,
+        name=name or out.stem,
+        height_m=height_m,
+        smpl=smpl,
+        betas=betas,
+        weights=weights,
+        gaussians=gaussians,
+    )
+    avatar, report = import_person(file, options)
+    skeleton_of(avatar)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    save_avatar(avatar, out, quantise=not _has_wide_scales(avatar))
+    sheet = out.with_suffix(".png") if preview else None
+    if sheet is not None:
+        write_png(sheet, turntable(avatar, (standing_pose(), stride_pose())))
+    if json:
+        paths = {"out": str(out), "preview": None if sheet is None else str(sheet)}
+        sys.stdout.write(json_module.dumps({**report.as_json(), **paths}, indent=2) + "\n")
+    else:
+        _print_report(report, out, sheet)
+
+
+def _has_wide_scales(avatar: Avatar) -> bool:
+    scales = avatar.cloud.scales_m
+    return bool(scales.max() > _WIDE_SCALES * np.median(scales.max(axis=1)))
+
+
+def _print_report(report: ImportReport, out: Path, sheet: Path | None) -> None:
+    console = Console(soft_wrap=True, highlight=False)
+    lines = [
+        f"{out}: {report.name}, a {report.kind}, {report.height_m:.2f} m tall, {report.gaussians:,} Gaussians",
+        f"licence: {report.license}",
+    ]
+    skeleton = report.skeleton
+    if skeleton is not None:
+        lines.append(f"skeleton, recognised by {skeleton.source}:")
+        lines += [f"  {joint:<15} {bone}" for joint, bone in skeleton.bone_of_joint.items()]
+        if skeleton.estimated:
+            lines.append(f"  estimated: {', '.join(skeleton.estimated)}")
+        if skeleton.merged:
+            merged = ", ".join(f"{bone} -> {joint}" for bone, joint in skeleton.merged.items())
+            lines.append(f"  merged: {merged}")
+    lines += report.notes
+    if sheet is not None:
+        lines.append(f"preview: {sheet}")
+    for line in lines:
+        console.print(escape(line))

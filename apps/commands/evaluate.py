@@ -1,0 +1,227 @@
+"""`readygo evaluate`: success rates in closed loop."""
+
+import dataclasses
+import json as json_module
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Literal
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from readygo.apps.commands.generate import episode_count, make_spec
+from readygo.apps.commands.scene_argument import open_scene
+from readygo.apps.run.config import RunConfig, load_run_config
+from readygo.apps.run.world import World
+from readygo.common.bus import InProcessBus
+from readygo.common.config import section_to_mapping
+from readygo.common.errors import RunError
+from readygo.common.messages import Split
+from readygo.common.policy import Policy, load_policy
+from readygo.common.robot import RobotConfig, load_robot
+from readygo.services.animator.service import attach as attach_animator
+from readygo.services.evaluator import (
+    EpisodeRecord,
+    EvaluateReply,
+    EvaluateRequest,
+    Evaluator,
+    EvaluatorConfig,
+    Method,
+    Task,
+    handle_evaluate,
+    summary_mapping,
+    summary_table,
+    write_results,
+)
+from readygo.services.planner.humans.recipes import PeopleName
+from readygo.services.planner.humans.scenario_file import read_text, text_hash
+from readygo.services.planner.service import attach as attach_planner
+from readygo.services.renderer.sensor.config import SensorName
+from readygo.services.renderer.service import attach as attach_renderer
+
+TaskName = Literal["static", "dynamic"]
+MethodName = Literal["policy", "expert", "straight-line"]
+Show = Callable[[EpisodeRecord], None]
+
+
+def evaluate(
+    scene: str,
+    policy: Path | None = None,
+    /,
+    *,
+    episodes: int | None = None,
+    tasks: tuple[TaskName, ...] = ("static", "dynamic"),
+    methods: tuple[MethodName, ...] = ("policy", "expert", "straight-line"),
+    split: Literal["train", "val", "test"] = "test",
+    seed: int = 0,
+    out: Path | None = None,
+    avatars: Path | None = None,
+    robot: Path | None = None,
+    config: Path | None = None,
+    sensor: SensorName | None = None,
+    people: PeopleName | None = None,
+    scenarios: Path | None = None,
+    lockstep: int = 8,
+    json: bool = False,
+) -> None:
+    """Drive a policy, the expert and a straight line through the same episodes, and count successes.
+
+    Args:
+        scene: Scene bundle, or "embedded".
+        policy: Folder of a trained policy; without one only the other methods drive.
+        episodes: Episodes per task; 100, or as many as the scenario file has entries.
+        tasks: "static" leaves the humans out, "dynamic" lets them walk.
+        methods: Who drives.
+        split: Random streams to draw the episodes from.
+        seed: Seed of the episodes.
+        out: Folder for episodes.jsonl and summary.json.
+        avatars: Avatar file or folder of them; the embedded ones by default.
+        robot: robot.toml; by default the one in `config`, else the policy's robot.
+        config: TOML file with sections of settings, as given to `readygo generate`.
+        sensor: Recipe of the camera's lens and sensor, in place of the section [renderer.sensor] of `config`.
+        people: Recipe of how many people come and how they meet the robot, in place of what `config` says of it;
+            "paper" by default.
+        scenarios: TOML file with starts, goals and people to play instead of drawing them, one entry after the other.
+        lockstep: Episodes that run side by side.
+        json: Print the summary as JSON.
+    """
+    count = episode_count(scenarios) if episodes is None else episodes
+    request = make_request(count, tasks, methods if policy else _without_policy(methods), Split(split), seed)
+    loaded = load_policy(policy) if policy else None
+    run_config = load_run_config(config, load_robot(robot) if robot else None, sensor, people)
+    if loaded is not None and robot is None and run_config.robot == RobotConfig():
+        run_config = dataclasses.replace(run_config, robot=loaded.spec.robot)
+    evaluator = make_evaluator(
+        scene,
+        run_config,
+        avatars=avatars,
+        seed=seed,
+        policy=loaded,
+        evaluator_config=make_evaluator_config(lockstep),
+        scenarios=scenarios,
+    )
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+    total = len(request.tasks) * len(request.methods) * request.episodes
+    with _progress(Console(stderr=True), total, quiet=json) as show:
+        reply = handle_evaluate(evaluator, request, report=show)
+    summary = summarize(reply, request, evaluator)
+    summary["human_planner"] = section_to_mapping(run_config.human_planner)
+    summary["scenarios"] = text_hash(read_text(scenarios)) if scenarios else ""
+    if out is not None:
+        write_results(out, reply.records, summary)
+    if json:
+        sys.stdout.write(json_module.dumps(summary) + "\n")
+        return
+    console = Console(highlight=False)
+    console.print(summary_table(reply.summaries))
+    if out is not None:
+        console.print(f"Every episode: {out / 'episodes.jsonl'}", markup=False)
+
+
+def make_request(
+    episodes: int, tasks: tuple[str, ...], methods: tuple[str, ...], split: Split, seed: int
+) -> EvaluateRequest:
+    """The request of command-line arguments.
+
+    Raises:
+        RunError: If they make no sense.
+    """
+    try:
+        return EvaluateRequest(
+            tasks=tuple(Task(task) for task in tasks),
+            methods=tuple(Method(method) for method in methods),
+            episodes=episodes,
+            seed=seed,
+            split=split,
+        )
+    except ValueError as error:
+        raise RunError(f"These arguments make no evaluation: {error}") from error
+
+
+def make_evaluator_config(lockstep: int) -> EvaluatorConfig:
+    """The evaluator's settings.
+
+    Raises:
+        RunError: If they make no sense.
+    """
+    try:
+        return EvaluatorConfig(lockstep=lockstep)
+    except ValueError as error:
+        raise RunError(str(error)) from error
+
+
+def make_evaluator(
+    scene: str,
+    config: RunConfig,
+    *,
+    avatars: Path | None,
+    seed: int,
+    policy: Policy | None = None,
+    evaluator_config: EvaluatorConfig | None = None,
+    scenarios: Path | None = None,
+) -> Evaluator:
+    """An evaluator with planner, animator and renderer of a scene, all in this process."""
+    spec = make_spec(open_scene(scene), avatars, config, seed=seed, split=Split.TEST, static=False, scenarios=scenarios)
+    bus = InProcessBus()
+    world = World(spec, bus)
+    settings = evaluator_config or EvaluatorConfig()
+    attach_planner(bus, world.planner())
+    attach_animator(bus, world.animator())
+    if policy is not None or evaluator_config is None:
+        attach_renderer(bus, world.renderer(), settings.renderer)
+    return Evaluator(
+        bus=bus,
+        robot=config.robot,
+        robot_map=world.scene.maps.robot,
+        floor=world.scene.maps.floor,
+        episode_config=config.episode,
+        config=settings,
+        policy=policy,
+    )
+
+
+def summarize(reply: EvaluateReply, request: EvaluateRequest, evaluator: Evaluator) -> dict[str, Any]:
+    """What `summary.json` holds: scores, and what they were measured on."""
+    policy = evaluator.policy
+    return {
+        "scores": summary_mapping(reply.summaries),
+        "episodes": request.episodes,
+        "seed": request.seed,
+        "split": request.split.value,
+        "skipped": reply.skipped,
+        "robot": section_to_mapping(evaluator.robot),
+        "episode": section_to_mapping(evaluator.episode_config),
+        "policy_training": dict(policy.spec.training) if policy is not None else None,
+    }
+
+
+def _without_policy(methods: tuple[MethodName, ...]) -> tuple[MethodName, ...]:
+    others = tuple(method for method in methods if method != "policy")
+    if methods and not others:
+        raise RunError("The method `policy` needs a policy: readygo evaluate SCENE POLICY.")
+    return others
+
+
+@contextmanager
+def _progress(console: Console, total: int, *, quiet: bool) -> Iterator[Show]:
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[rate]}"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=console, disable=quiet) as progress:
+        task = progress.add_task("episodes", total=total, rate="")
+        outcomes: dict[tuple[Task, Method], list[bool]] = {}
+
+        def show(record: EpisodeRecord) -> None:
+            of_group = outcomes.setdefault((record.task, record.method), [])
+            of_group.append(record.result.outcome.value == "success")
+            rate = f"{record.task.value} {record.method.value}: SR {100 * sum(of_group) / len(of_group):.0f} %, ETA"
+            progress.update(task, advance=1, rate=rate)
+
+        yield show

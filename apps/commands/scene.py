@@ -1,0 +1,181 @@
+"""`readygo scene`: making scene bundles, measuring them and drawing them from above."""
+
+import dataclasses
+import json as json_module
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from rich.console import Console
+from rich.table import Table
+
+from readygo.apps.commands.scene_argument import open_scene
+from readygo.common.drawing.files import Picture, write_png
+from readygo.common.drawing.plan_view import draw_scale_bar
+from readygo.common.errors import SceneError
+from readygo.common.maps import OccupancyMap, clearance_m, free_components
+from readygo.common.maps.ros_map import load_unknown_cells
+from readygo.common.robot import load_robot
+from readygo.common.scenes import Scene, import_scene
+from readygo.common.scenes.report import HUMAN_RADIUS_M, scene_report
+from readygo.common.scenes.scene import HUMAN_MAP_FILE, ROBOT_MAP_FILE
+from readygo.common.scenes.top_view import TopView, top_view
+
+OCCUPIED, UNKNOWN, TOO_NARROW = (38, 44, 52), (176, 180, 186), (255, 255, 255)
+SEPARATE, REACHABLE = (240, 200, 150), (150, 210, 170)
+MAP_PICTURE_MIN_PX = 800
+TOP_PICTURE_MAX_PX = 4000
+
+
+def scene_import(
+    source: Path,
+    /,
+    *,
+    out: Path,
+    name: str = "",
+    sky: Path | None = None,
+    up: str = "+z",
+    scale: float = 1.0,
+    translate: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    licence: str = "",
+    robot: Path | None = None,
+    resolution: float = 0.05,
+    drop_bad: bool = False,
+    json: bool = False,
+) -> None:
+    """Make a scene bundle (Gaussians, maps, report) of a Gaussian file.
+
+    Args:
+        source: A 3DGS .ply or a PlayCanvas .compressed.ply.
+        out: Folder to make; must not exist.
+        name: Name of the scene; the folder's by default.
+        sky: Gaussians of the far surroundings, in the same frame as the source.
+        up: Axis of the file that points up: +x, +y, +z, -x, -y or -z; write --up=-y with the equals sign.
+        scale: Metres per unit of the file.
+        translate: Added after turning and scaling [m].
+        licence: Licence of the scene; recorded with everything made from it.
+        robot: robot.toml, for the height and radius that the maps are made for.
+        resolution: Edge of map cells [m].
+        drop_bad: Leave out Gaussians that cannot be drawn (numbers that are not finite; beyond 10 km) and say how many.
+        json: Print one JSON object instead of a table.
+    """
+    scene = import_scene(
+        source,
+        out,
+        name=name,
+        sky=sky,
+        up=up,
+        scale=scale,
+        translate_m=translate,
+        licence=licence,
+        robot=None if robot is None else load_robot(robot),
+        resolution_m=resolution,
+        drop_bad=drop_bad,
+    )
+    _print(scene, json_module.loads((scene.path / "report.json").read_text()), [], json=json)
+
+
+def scene_inspect(scene: str, /, *, out: Path | None = None, radius: float | None = None, json: bool = False) -> None:
+    """Measure a scene bundle and draw it, and its maps, from above.
+
+    Pictures of the maps: dark is occupied, grey has no floor in sight, white is too narrow for the agent, green is the
+    largest area that it can move in, orange are areas cut off from that.
+
+    Args:
+        scene: Scene bundle, or "embedded".
+        out: Folder for top.png, map_robot.png and map_human.png; the bundle's inspect/ by default.
+        radius: Radius of the robot's disc [m]; by default the one that the scene was imported for.
+        json: Print one JSON object instead of a table.
+    """
+    bundle = open_scene(scene)
+    radius_m = float(bundle.metadata["maps"]["planning_radius_m"]) if radius is None else radius
+    if not radius_m > 0:
+        raise SceneError(f"--radius must be positive, got {radius_m}.")
+    maps = bundle.maps
+    report = scene_report(bundle.cloud, bundle.sky, maps.robot, maps.human, maps.floor, radius_m)
+    folder = bundle.path / "inspect" if out is None else out
+    folder.mkdir(parents=True, exist_ok=True)
+    cell_m = maps.robot.frame.resolution_m
+    pixel_m = max(0.4 * cell_m, max(maps.robot.occupied.shape) * cell_m / TOP_PICTURE_MAX_PX)
+    pictures = {
+        "top.png": _with_scale_bar(top_view(bundle, pixel_m)),
+        "map_robot.png": map_picture(maps.robot, load_unknown_cells(bundle.path / ROBOT_MAP_FILE), radius_m),
+        "map_human.png": map_picture(maps.human, load_unknown_cells(bundle.path / HUMAN_MAP_FILE), HUMAN_RADIUS_M),
+    }
+    for file, picture in pictures.items():
+        write_png(folder / file, picture)
+    _print(bundle, report, [folder / file for file in pictures], json=json)
+
+
+def map_picture(occupancy: OccupancyMap, unknown: npt.NDArray[np.bool_], radius_m: float) -> Picture:
+    """A map with the areas that a disc can move in, and a bar of one metre; row 0 is the largest y.
+
+    Args:
+        occupancy: Map, not inflated.
+        unknown: Occupied cells that are drawn as unknown, shape (H, W).
+        radius_m: Radius of the disc [m].
+
+    Returns:
+        RGB, shape (k H, k W, 3) with a whole k.
+    """
+    labels, _ = free_components(clearance_m(occupancy) > radius_m)
+    cells = np.full((*labels.shape, 3), TOO_NARROW, np.uint8)
+    cells[occupancy.occupied] = OCCUPIED
+    cells[unknown] = UNKNOWN
+    cells[labels > 1] = SEPARATE
+    cells[labels == 1] = REACHABLE
+    factor = max(1, -(-MAP_PICTURE_MIN_PX // max(labels.shape)))
+    picture = cells[::-1].repeat(factor, axis=0).repeat(factor, axis=1)
+    frame = dataclasses.replace(occupancy.frame, resolution_m=occupancy.frame.resolution_m / factor)
+    return _with_scale_bar(TopView(rgb=picture, frame=frame))
+
+
+def _with_scale_bar(view: TopView) -> Picture:
+    picture = np.ascontiguousarray(view.rgb)
+    draw_scale_bar(picture, view)
+    return picture
+
+
+def _print(scene: Scene, report: dict[str, Any], pictures: list[Path], *, json: bool) -> None:
+    if json:
+        head: dict[str, Any] = {"name": scene.name, "path": str(scene.path), "content_hash": scene.content_hash}
+        head["licence"] = scene.metadata.get("licence", "")
+        head["dropped_gaussians"] = _dropped(scene)
+        row = {**head, **report, "pictures": [str(path) for path in pictures]}
+        sys.stdout.write(json_module.dumps(row) + "\n")
+        return
+    table = Table(title=f"scene {scene.name}", show_header=False)
+    for label, text in _rows(report):
+        table.add_row(label, text)
+    if _dropped(scene):
+        table.add_row("left out", f"{_dropped(scene):,} Gaussians that cannot be drawn")
+    table.add_row("licence", scene.metadata.get("licence", "") or "not given")
+    table.add_row("bundle", str(scene.path))
+    for path in pictures:
+        table.add_row("picture", str(path))
+    Console().print(table)
+
+
+def _dropped(scene: Scene) -> int:
+    return int(scene.metadata.get("source", {}).get("dropped_gaussians", 0))
+
+
+def _rows(report: dict[str, Any]) -> list[tuple[str, str]]:
+    size_m = [high - low for low, high in zip(report["extent_low_m"], report["extent_high_m"], strict=True)]
+    floor = report["floor"]
+    rows = [
+        ("Gaussians", f"{report['gaussians']:,}, SH degree {report['sh_degree']}; sky {report['sky_gaussians']:,}"),
+        ("extent (99 %)", f"{size_m[0]:.1f} x {size_m[1]:.1f} x {size_m[2]:.1f} m"),
+        (
+            "opacity",
+            f"median {report['opacity_median']:.2f}; below 0.1: {100 * report['opacity_below_0p1_share']:.0f} %",
+        ),
+        ("floor", f"z {floor['low_m']:.2f}..{floor['high_m']:.2f} m, tilt {floor['tilt_deg']:.2f} deg"),
+    ]
+    for agent in ("robot", "human"):
+        area = report[agent]
+        reachable, clear = f"{area['reachable_m2']:.1f} m2 connected", f"{area['free_m2']:.1f} m2 clear"
+        rows.append((f"{agent} area", f"{reachable} for a disc of {area['radius_m']:g} m; {clear}"))
+    return rows

@@ -1,0 +1,49 @@
+"""The SCENE argument of commands: a bundle's folder, the embedded scene, or just a map."""
+
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from readygo.apps.paths import cache_folder
+from readygo.common.maps import FloorMap, OccupancyMap, SightMap, load_ros_map, sight_of_occupancy
+from readygo.common.scenes import Scene, load_scene
+from readygo.services.planner.handlers import SceneMaps
+
+
+def open_scene(scene: str) -> Scene:
+    """The scene of a command-line argument; "embedded" is made once and kept in the user's cache.
+
+    Raises:
+        SceneError: If the argument names no scene bundle.
+    """
+    if scene == "embedded":
+        from readygo.common.scenes.embedded import ensure_embedded_scene
+
+        return ensure_embedded_scene(cache_folder("scenes") / "embedded")
+    return load_scene(Path(scene))
+
+
+class FlatMaps:
+    """One map on a flat floor: robot and people are blocked by the same cells."""
+
+    def __init__(self, occupancy: OccupancyMap) -> None:
+        self.robot = self.human = occupancy
+        self.floor = FloorMap(frame=self.robot.frame, height_m=np.zeros(self.robot.occupied.shape, np.float32))
+
+    @cached_property
+    def sight(self) -> SightMap:
+        """Occupied cells hide people."""
+        return sight_of_occupancy(self.robot)
+
+
+def open_maps(scene: str) -> tuple[SceneMaps, Scene | None]:
+    """The maps of a scene, or of a ROS map (.yaml) for which there is no scene.
+
+    Raises:
+        SceneError: If the argument names neither.
+    """
+    if scene.endswith((".yaml", ".yml")):
+        return FlatMaps(load_ros_map(scene)), None
+    bundle = open_scene(scene)
+    return bundle.maps, bundle

@@ -1,0 +1,1 @@
+"""What a dataset covers, as numbers and a page."""

@@ -1,0 +1,223 @@
+"""The page of a dataset's coverage, to be looked at in a minute."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from html import escape
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.apps.coverage.numbers import Coverage, Histogram, Visits
+from readygo.apps.pages.charts import share_bar
+from readygo.apps.pages.histograms import bar_chart, grid_chart, rose_chart
+from readygo.apps.pages.page import chart_figure, figure, page, percent, png_source, table
+from readygo.common.drawing.files import Picture
+from readygo.common.drawing.plan_view import INK, WHITE, draw_scale_bar, map_window, put_text, text_width_px
+from readygo.common.maps import OccupancyMap
+
+MARGIN_M, ASPECT_MIN = 0.5, 0.5
+MAP_SIDE_MIN_PX, MAP_SIDE_MAX_PX = 500, 1400
+# Pale yellow to dark red: told apart from the grey of walls in print and with every common colour vision.
+_HEAT = np.array([(255, 237, 160), (254, 178, 76), (240, 59, 32), (128, 0, 38)], dtype=np.float64)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RunFacts:
+    """What is known of the run besides its samples."""
+
+    name: str
+    """Of the data."""
+    scene: str
+    occupancy: OccupancyMap | None
+    """The map that the robots drove on."""
+    visited_share: float | None
+    """Share of the reachable ground where robots have been."""
+    rejected: Mapping[str, int] | None
+    """Episodes that were not recorded, by reason; None if that is not known."""
+    failed: Mapping[str, Mapping[str, int]] | None
+    """Kind of encounter -> outcome -> episodes that the expert failed in; None if that is not known."""
+    provenance: Mapping[str, str] = field(default_factory=dict)
+
+
+def heat_map(visits: Visits, occupancy: OccupancyMap | None) -> Picture:
+    """Where robots went: the number of episodes that came by, on the map if there is one, with a scale."""
+    frame, (rows, columns) = visits.frame, visits.episodes.shape
+    low_m = np.array([frame.origin_x_m, frame.origin_y_m])
+    high_m = low_m + np.array([columns, rows]) * frame.resolution_m
+    ground = occupancy
+    if ground is None:
+        ground = OccupancyMap(frame=frame, occupied=np.zeros((rows, columns), np.bool_))
+    elif not _is_vast(ground, float((high_m - low_m).max())):
+        free = np.argwhere(~ground.occupied)
+        corner = np.array([ground.frame.origin_x_m, ground.frame.origin_y_m])
+        low_m = np.minimum(low_m, corner + free.min(axis=0)[::-1] * ground.frame.resolution_m)
+        high_m = np.maximum(high_m, corner + (free.max(axis=0)[::-1] + 1) * ground.frame.resolution_m)
+    side_m = float((high_m - low_m).max()) + 2 * MARGIN_M
+    # A long corridor keeps room for the scale below it.
+    spare_m = np.maximum(MARGIN_M, (ASPECT_MIN * side_m - (high_m - low_m)) / 2)
+    low_m, high_m = low_m - spare_m, high_m + spare_m
+    side_px = min(max(MAP_SIDE_MIN_PX, 60 * side_m), MAP_SIDE_MAX_PX)
+    view = map_window(ground, low_m, high_m, pixel_m=side_m / side_px)
+    picture = view.rgb.copy()
+    _paint(picture, visits, low_m, side_m / side_px)
+    draw_scale_bar(picture, view)
+    return np.concatenate([picture, _heat_scale(picture.shape[1], int(visits.episodes.max()))])
+
+
+def _is_vast(occupancy: OccupancyMap, visited_m: float) -> bool:
+    """True if the visited part would be lost in a picture of the whole map."""
+    return float(max(occupancy.occupied.shape)) * occupancy.frame.resolution_m > max(4 * visited_m, 60.0)
+
+
+def _paint(picture: Picture, visits: Visits, low_m: npt.NDArray[np.float64], pixel_m: float) -> None:
+    height, width = picture.shape[:2]
+    frame, (rows, columns) = visits.frame, visits.episodes.shape
+    x, y = low_m[0] + (np.arange(width) + 0.5) * pixel_m, low_m[1] + (np.arange(height) + 0.5) * pixel_m
+    j = np.floor((x - frame.origin_x_m) / frame.resolution_m).astype(np.int64)
+    i = np.floor((y - frame.origin_y_m) / frame.resolution_m).astype(np.int64)[::-1]
+    padded = np.pad(visits.episodes, 1)
+    counts = padded[np.clip(i + 1, 0, rows + 1)[:, None], np.clip(j + 1, 0, columns + 1)[None, :]]
+    shares = counts / max(int(visits.episodes.max()), 1)
+    picture[counts > 0] = _heat_colours(shares[counts > 0])
+
+
+def _heat_colours(shares: npt.NDArray[np.float64]) -> npt.NDArray[np.uint8]:
+    """Colours of shares in 0..1, shape (N, 3); the square root shows the seldom visited."""
+    place = np.sqrt(shares) * (len(_HEAT) - 1)
+    channels = [np.interp(place, np.arange(len(_HEAT)), _HEAT[:, channel]) for channel in range(3)]
+    return np.asarray(np.rint(np.stack(channels, axis=-1)), dtype=np.uint8)
+
+
+def _heat_scale(width: int, highest: int) -> Picture:
+    strip = np.full((30, width, 3), WHITE, np.uint8)
+    bar = np.linspace(1 / max(highest, 1), 1.0, 160)
+    strip[8:22, 30:190] = _heat_colours(bar)[None]
+    put_text(strip, "1", (16, 20), colour=INK)
+    put_text(strip, f"{highest} episodes", (198, 20), colour=INK)
+    note = "colour: square root of the count"
+    if 320 + text_width_px(note) < width:
+        put_text(strip, note, (320, 20), colour=(93, 104, 116))
+    return strip
+
+
+def coverage_page(coverage: Coverage, facts: RunFacts, heat: Picture) -> str:
+    """The page as HTML text.
+
+    Args:
+        coverage: What the dataset covers.
+        facts: Of its run.
+        heat: Picture of where robots went.
+    """
+    return page(
+        f"Coverage of {facts.name}",
+        f"What {coverage.episodes:,} recorded episodes in scene {facts.scene or 'unknown'} show, and what they do not.",
+        tiles=_tiles(coverage, facts),
+        sections=[
+            ("Where robots went", _places(coverage, facts, heat)),
+            ("Whom they met", _meetings(coverage, facts)),
+            ("How they drove", _driving(coverage)),
+            ("What is not recorded", _rejected(coverage, facts)),
+        ],
+        facts=facts.provenance,
+    )
+
+
+def _tiles(coverage: Coverage, facts: RunFacts) -> list[tuple[str, str]]:
+    tiles = [
+        (f"{coverage.episodes:,}", "episodes"),
+        (f"{coverage.samples:,}", "samples"),
+        (f"{60 * coverage.hours:.0f} min", "driven"),
+        (f"{coverage.distance_m:,.0f} m", "of way"),
+        (percent(coverage.visible_total), "of samples show a person"),
+    ]
+    if facts.visited_share is not None:
+        tiles.append((percent(facts.visited_share), "of the reachable ground"))
+    return tiles
+
+
+def _places(coverage: Coverage, facts: RunFacts, heat: Picture) -> str:
+    note = "How many episodes came by, in cells of 10 cm"
+    note += "; grey blocks the robot." if facts.occupancy else ". The scene's map is not at hand: name it with --scene."
+    rose = chart_figure(
+        rose_chart(coverage.headings.counts, name="Samples by heading"),
+        "Where the robot looked, in the world; areas are samples.",
+    )
+    return f'<div class="pair">{figure(png_source(heat), note, alt="Where robots went")}{rose}</div>'
+
+
+def _meetings(coverage: Coverage, facts: RunFacts) -> str:
+    charts = chart_figure(
+        _chart(coverage.closest_m, "closest approach, centre to centre [m]", "never met"),
+        "How near people came, once per episode. Discs touch at 0.5 m by default.",
+    ) + chart_figure(
+        _chart(coverage.collision_s, "least time to collision [s]", "never"),
+        "How soon robot and person would have touched at constant velocities, at worst in each episode.",
+    )
+    return f'{_encounters(coverage, facts)}<div class="pair">{charts}</div>'
+
+
+def _chart(histogram: Histogram, axis: str, none_name: str) -> str:
+    rest = [(f"over {histogram.edges[-1]:.3g}", histogram.beyond), (none_name, histogram.none)]
+    return bar_chart(histogram.edges, histogram.counts, axis=axis, count_name="Episodes", rest=rest)
+
+
+def _encounters(coverage: Coverage, facts: RunFacts) -> str:
+    kinds = dict.fromkeys([*coverage.encounters, *(facts.failed or {})])
+    outcomes = sorted({outcome for counts in (facts.failed or {}).values() for outcome in counts})
+    rows = "".join(_encounter_row(kind, coverage, facts, outcomes) for kind in kinds)
+    head = "<tr><th>Encounter</th><th class=n>Episodes</th><th class=n>People</th><th>Share</th>"
+    if facts.failed is not None:
+        failures = "".join(f"<th class=n>{escape(outcome.replace('_', ' '))}</th>" for outcome in outcomes)
+        head += f"{failures}<th class=n>Expert succeeds</th>"
+    note = (
+        "Recorded episodes; those in which the expert failed are left out of the data and counted at the right."
+        if facts.failed is not None
+        else "Recorded episodes. Whom the rejected ones would have met is not known here."
+    )
+    return table(head + "</tr>", rows) + f'<p class="note">{escape(note)}</p>'
+
+
+def _encounter_row(kind: str, coverage: Coverage, facts: RunFacts, outcomes: list[str]) -> str:
+    episodes, people = coverage.encounters.get(kind, (0, 0))
+    row = (
+        f"<tr><td>{escape(kind.replace('_', ' '))}</td><td class=n>{episodes:,}</td><td class=n>{people:,}</td>"
+        f"<td>{share_bar(episodes / coverage.episodes)}</td>"
+    )
+    if facts.failed is not None:
+        failed = facts.failed.get(kind, {})
+        row += "".join(f"<td class=n>{failed.get(outcome, 0):,}</td>" for outcome in outcomes)
+        row += f"<td class=n>{percent(episodes / max(episodes + sum(failed.values()), 1))}</td>"
+    return row + "</tr>"
+
+
+def _driving(coverage: Coverage) -> str:
+    commands = grid_chart(
+        coverage.w_edges_radps,
+        coverage.v_edges_mps,
+        coverage.actions,
+        x_axis="turn rate w [rad/s], left is positive",
+        y_axis="speed v [m/s]",
+        count_name="Samples",
+    )
+    charts = [
+        chart_figure(commands, "Commands; darkness is the logarithm of the number of samples."),
+        chart_figure(_chart(coverage.duration_s, "length of the episode [s]", ""), "How long episodes take."),
+        chart_figure(
+            _chart(coverage.visible_share, "share of the episode with a person in view", ""),
+            "How much of an episode shows a person.",
+        ),
+    ]
+    return f'<div class="pair">{"".join(charts)}</div>'
+
+
+def _rejected(coverage: Coverage, facts: RunFacts) -> str:
+    if facts.rejected is None:
+        return ""
+    tried = coverage.episodes + sum(facts.rejected.values())
+    rows = "".join(
+        f"<tr><td class=wide>{escape(reason.replace('_', ' '))}</td><td class=n>{count:,}</td>"
+        f"<td class=n>{percent(count / tried)}</td></tr>"
+        for reason, count in sorted(facts.rejected.items(), key=lambda item: (-item[1], item[0]))
+    )
+    head = f"<tr><th>Not recorded, of {tried:,} tried</th><th class=n>Episodes</th><th class=n>Share</th></tr>"
+    return table(head, rows or "<tr><td>none</td><td class=n>0</td><td class=n>0 %</td></tr>")

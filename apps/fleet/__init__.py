@@ -1,0 +1,1 @@
+"""The fleet on this machine and the process of one worker."""

@@ -1,0 +1,109 @@
+"""A fleet on this machine: one process per worker, supervised and restarted."""
+
+import subprocess
+import sys
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import readygo
+from readygo.common.errors import RunError
+
+RESTARTS_MAX = 5
+"""A worker that dies more often than this ends the run."""
+STOP_S = 15.0
+"""Time that workers have to finish what they hold [s]."""
+
+
+@dataclass
+class Member:
+    """One place in the fleet, and the process that fills it now."""
+
+    role: str
+    name: str
+    log: Path
+    process: subprocess.Popen[bytes] | None = None
+    restarts: int = field(default=0)
+
+
+class Fleet:
+    """Worker processes of one run."""
+
+    def __init__(self, *, connect: str, run: str, data: Path, logs: Path) -> None:
+        self._arguments = ["--connect", connect, "--run", run, "--data", str(data), "--exit-with-parent"]
+        self._logs = logs
+        self.members: list[Member] = []
+
+    def add(self, role: str, name: str) -> None:
+        """Start a worker."""
+        member = Member(role=role, name=name, log=self._logs / f"{name}.log")
+        self.members.append(member)
+        self._start(member)
+
+    def check(self) -> None:
+        """Start workers anew that ended, however they ended; call it only while the run is not over.
+
+        Raises:
+            RunError: If a worker ends again and again; the message carries its last words.
+        """
+        for member in self.members:
+            code = member.process.poll() if member.process else 0
+            if code is None:
+                continue
+            if code == 2 or member.restarts >= RESTARTS_MAX:
+                raise RunError(f"Worker {member.name} ended with exit code {code}: {last_words(member.log)}")
+            member.restarts += 1
+            self._start(member)
+
+    def stop(self) -> None:
+        """End the fleet: workers first, then recorders, the coordinator last; no process is left behind."""
+        for roles in (("human-planner", "animator", "robot-planner", "renderer"), ("recorder",), ("coordinator",)):
+            processes = [m.process for m in self.members if m.role in roles and m.process]
+            for process in processes:
+                process.terminate()
+            deadline_s = time.monotonic() + STOP_S
+            for process in processes:
+                try:
+                    process.wait(timeout=max(0.1, deadline_s - time.monotonic()))
+                except subprocess.TimeoutExpired:
+                    process.kill()
+                    process.wait()
+                if process.stdin:
+                    process.stdin.close()
+
+    def check_recorders(self) -> None:
+        """Look at how the recorders ended, after `stop`.
+
+        Raises:
+            RunError: If one of them could not finish its shard.
+        """
+        for member in self.members:
+            code = member.process.returncode if member.process else 0
+            if member.role == "recorder" and code != 0:
+                raise RunError(
+                    f"Recorder {member.name} could not finish its shard (exit code {code}): {last_words(member.log)} "
+                    "Its episodes are safe; run the same command again to finish it."
+                )
+
+    def command(self, member: Member) -> list[str]:
+        """The command line that fills a place."""
+        return [sys.executable, "-m", "readygo", "worker", member.role, "--name", member.name, *self._arguments]
+
+    def _start(self, member: Member) -> None:
+        if member.process and member.process.stdin:
+            member.process.stdin.close()
+        with member.log.open("ab") as log:
+            member.process = subprocess.Popen(
+                self.command(member),
+                stdin=subprocess.PIPE,
+                stdout=log,
+                stderr=log,
+                cwd=Path(readygo.__file__).resolve().parents[1],
+                start_new_session=True,
+            )
+
+
+def last_words(log: Path) -> str:
+    """The last line of a worker's log."""
+    lines = log.read_text(errors="replace").strip().splitlines() if log.exists() else []
+    return lines[-1] if lines else "it left no log."

@@ -1,0 +1,1 @@
+"""Films and overlays of recorded and planned episodes."""

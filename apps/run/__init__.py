@@ -1,0 +1,1 @@
+"""A run: its settings, folder, world and stages."""

@@ -1,0 +1,110 @@
+"""Builds the services' objects from a run's spec."""
+
+from functools import cached_property
+from pathlib import Path
+
+from readygo.apps.paths import cache_folder
+from readygo.apps.run.config import RunConfig
+from readygo.common.avatars import Avatar, load_avatars
+from readygo.common.avatars.file import avatar_hash
+from readygo.common.bus import Bus, fetch_blob
+from readygo.common.config import section_from_mapping
+from readygo.common.errors import RunError
+from readygo.common.files import write_whole
+from readygo.common.messages import RunSpec
+from readygo.common.scenes import Scene, load_scene
+from readygo.services.animator import Animator
+from readygo.services.planner import Planner
+from readygo.services.planner.humans.scenario_file import ScenarioFile, parse_scenarios
+from readygo.services.renderer import Renderer
+
+
+class World:
+    """Scene, avatars and configuration of a run, loaded when they are first needed."""
+
+    def __init__(self, spec: RunSpec, bus: Bus | None = None) -> None:
+        self.spec = spec
+        self.config = section_from_mapping(RunConfig, spec.config)
+        self._bus = bus
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The scene of the spec: at its path if it is there, else fetched from the run.
+
+        Raises:
+            RunError: If the scene at hand is another one than the run's.
+        """
+        path = Path(self.spec.scene_path)
+        if not path.is_dir() and self._bus is not None:
+            path = _fetched_scene(self._bus, self.spec)
+        scene = load_scene(path)
+        if scene.content_hash != self.spec.scene_hash:
+            raise RunError(f"Scene {path} has changed since the run began; import it under another name.")
+        return scene
+
+    @cached_property
+    def avatars(self) -> dict[str, Avatar]:
+        """The avatars of the run, by name.
+
+        Raises:
+            RunError: If they are not on this machine, or others than the run's.
+        """
+        place = Path(self.spec.avatars_path) if self.spec.avatars_path else None
+        if place is not None and not place.exists():
+            raise RunError(
+                f"The run's avatars are not on this machine: copy them to {place}. A scene travels to the workers, "
+                "avatars do not."
+            )
+        avatars = load_avatars(place)
+        missing = sorted(set(self.spec.avatar_hashes) - set(avatars))
+        if missing:
+            raise RunError(
+                f"Avatar {missing[0]!r} of the run is not in {self.spec.avatars_path or 'the embedded ones'}."
+            )
+        for name, expected in self.spec.avatar_hashes.items():
+            if avatar_hash(avatars[name]) != expected:
+                raise RunError(f"Avatar {name!r} has changed since the run began.")
+        return {name: avatars[name] for name in self.spec.avatar_hashes}
+
+    def forget_avatars(self) -> None:
+        """Let go of the avatars, 14 MB each, once those who need them have them; they are loaded again if asked for."""
+        self.__dict__.pop("avatars", None)
+
+    def planner(self) -> Planner:
+        """Human planner and robot expert."""
+        config = self.config
+        return Planner(
+            maps=self.scene.maps,
+            avatars=self.avatars,
+            robot=config.robot,
+            episode_config=config.episode,
+            human_config=config.human_planner,
+            expert_config=config.expert,
+            scenarios=self._scenarios(),
+        )
+
+    def _scenarios(self) -> ScenarioFile | None:
+        """The scenarios that the run plays, if it does not draw them."""
+        name = self.spec.metadata.get("scenarios", {}).get("name", "the run's scenarios")
+        return parse_scenarios(self.spec.scenarios, name) if self.spec.scenarios else None
+
+    def animator(self) -> Animator:
+        """The animator."""
+        maps = self.scene.maps
+        return Animator(self.avatars, maps.floor, self.config.animator, obstacles=maps.human)
+
+    def renderer(self) -> Renderer:
+        """The renderer."""
+        config = self.config
+        return Renderer(scene=self.scene, avatars=self.avatars, robot=config.robot, config=config.renderer)
+
+
+def _fetched_scene(bus: Bus, spec: RunSpec) -> Path:
+    folder = cache_folder("scenes") / spec.scene_hash
+    for file in spec.scene_files:
+        path = folder / file.path
+        if folder.resolve() not in path.resolve().parents:
+            raise RunError(f"The run names a scene file outside of its bundle: {file.path!r}.")
+        if not path.exists() or path.stat().st_size != file.size:
+            write_whole(path, fetch_blob(bus, file.sha256))
+    return folder

@@ -1,0 +1,1 @@
+"""How human the gait is, and what motions cost."""

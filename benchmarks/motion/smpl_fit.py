@@ -1,0 +1,67 @@
+"""Joint error and cost of the closed-form SMPL fit.
+
+    python -m readygo.benchmarks.motion.smpl_fit [--cmu FOLDER] [--avatar NAME]
+
+Prints JSON: for our own gait, and for every CMU clip (NN.asf, NN_MM.amc) of a folder with the clip's bone lengths, the
+distance of the fitted joints from those that were asked for, and the CPU time per frame, the least of several runs.
+"""
+
+import argparse
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+
+from readygo.benchmarks.motion.cmu import Array, joints_20hz
+from readygo.benchmarks.motion.paths import circle, floor, s_curve, stop_and_go
+from readygo.common.avatars import load_avatars
+from readygo.services.animator import AnimatorConfig, skeleton_of, walk
+from readygo.services.animator.gait.quality import joints_of
+from readygo.services.animator.smpl.fit import bone_offsets, fit_rotations, pose_of
+
+RUNS = 7
+PATHS = {"s_curve": s_curve, "circle_r1.5": circle, "stop_and_go": stop_and_go}
+
+
+def fit_row(joints_m: Array, offsets_m: Array) -> dict[str, float]:
+    """Numbers of one motion: joints 0..21 in y-up axes [m], shape (T, 22, 3)."""
+    best_s = np.inf
+    for _ in range(RUNS + 1):
+        start_s = time.thread_time()
+        G, X = fit_rotations(joints_m, offsets_m)
+        pose_of(G)
+        best_s = min(best_s, time.thread_time() - start_s)
+    error_mm = 1e3 * np.linalg.norm(X[:, :22] - joints_m, axis=2)
+    return {
+        "rows": len(joints_m),
+        "error_mean_mm": round(float(error_mm.mean()), 3),
+        "error_max_mm": round(float(error_mm.max()), 3),
+        "ms_per_frame": round(1e3 * best_s / len(joints_m), 4),
+    }
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--avatar", help="embedded avatar whose body walks and gives bone directions")
+    parser.add_argument("--cmu", type=Path, help="folder of Acclaim files")
+    options = parser.parse_args()
+    avatars = load_avatars()
+    avatar = avatars[options.avatar or sorted(avatars)[0]]
+    skeleton = skeleton_of(avatar)
+    results = {}
+    for name, path in PATHS.items():
+        motion = walk(skeleton, path(1.2), floor(), np.random.default_rng(0), AnimatorConfig())
+        P = joints_of(motion, avatar)[1][:, :22]
+        yup = np.stack([P[..., 0], P[..., 2], -P[..., 1]], axis=-1)
+        results[f"gait {name}"] = fit_row(yup, skeleton.offsets_m)
+    for clip in sorted(options.cmu.glob("*.amc")) if options.cmu else []:
+        subject, number = clip.stem.split("_")
+        joints, _ = joints_20hz(options.cmu, subject, number)
+        results[f"CMU {clip.stem}"] = fit_row(joints, bone_offsets(joints, skeleton.offsets_m))
+    print(json.dumps(results, indent=1))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Success and cost of scenarios, experts and maps."""

@@ -1,0 +1,99 @@
+"""`readygo bench plan`: how often, how fast and how smoothly the experts arrive, and what planning costs.
+
+Every mode drives through the same scenarios with the same motions. Times are CPU time of the thread.
+"""
+
+import json as json_module
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Literal
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from readygo.benchmarks.planning.maps import default_data_folder, find_map
+from readygo.benchmarks.planning.runs import Draw, Job, draws, processes
+from readygo.benchmarks.planning.summary import map_row, rows_of, text
+from readygo.benchmarks.rasterizer.render import machine
+from readygo.common.errors import ConfigError
+from readygo.services.planner.humans.recipes import PeopleName
+
+Mode = Literal["paper", "spacetime", "near_field", "oracle"]
+Task = Literal["dynamic", "static"]
+
+
+def bench_plan(
+    *,
+    maps: tuple[str, ...] = ("embedded",),
+    episodes: int = 200,
+    modes: tuple[Mode, ...] = ("paper", "spacetime", "near_field", "oracle"),
+    tasks: tuple[Task, ...] = ("dynamic", "static"),
+    people: PeopleName = "paper",
+    workers: int = 2,
+    seed: int = 2,
+    data: Path | None = None,
+    pictures: Path | None = None,
+    json: bool = False,
+) -> None:
+    """Measure success, times and smoothness of the robot experts.
+
+    Args:
+        maps: Where to drive: "embedded", scene bundles, map files (.yaml, MovingAI .map), or names in the data folder:
+            willow, home, any other map there, and scenes, which are imported into the user's cache once.
+        episodes: Accepted test episodes per map.
+        modes: Experts that drive through each of them.
+        tasks: With people and without, between the same starts and goals.
+        people: Mix of the people: a recipe of the planner.
+        workers: Processes; only the time that it takes depends on them.
+        seed: Seed of the episodes.
+        data: Folder with scenes/ and maps/; ../shared/data beside the checkout by default, if it is there.
+        pictures: Folder for a picture of every failure, by map, task, mode and category.
+        json: Print one JSON object instead of a table.
+    """
+    for name, value in (("--episodes", episodes), ("--workers", workers)):
+        if value < 1:
+            raise ConfigError(f"{name} must be at least 1, got {value}.")
+    if seed < 0:
+        raise ConfigError(f"--seed must not be negative, got {seed}.")
+    if data is not None and not data.is_dir():
+        raise ConfigError(f"--data {data} is no folder.")
+    if not maps:
+        raise ConfigError("--maps needs at least one map.")
+    data = data or default_data_folder()
+    sources = [find_map(name, data) for name in maps]
+    job = Job(source=sources[0], modes=modes, tasks=tasks, seed=seed, people=people, pictures=pictures)
+    jobs = [replace(job, source=source) for source in sources]
+    result = measure(jobs, episodes, process_count=workers, quiet=json)
+    sys.stdout.write(json_module.dumps(result) + "\n" if json else text(result))
+
+
+def measure(jobs: list[Job], episodes: int, *, process_count: int, quiet: bool) -> dict[str, Any]:
+    """Run jobs one after the other, each by all processes.
+
+    Raises:
+        SceneError: If a map cannot be used.
+    """
+    places: list[dict[str, Any]] = []
+    rows: list[dict[str, Any]] = []
+    with processes(process_count) as submit, _progress(jobs, episodes, quiet=quiet) as show:
+        for job in jobs:
+            drawn: list[Draw] = []
+            for draw in draws(job, episodes, submit, ahead=2 * process_count if process_count > 1 else 1):
+                drawn.append(draw)
+                show(job, not draw.rejected)
+            places.append(map_row(job, drawn))
+            rows += rows_of(job, drawn)
+    head = {"machine": machine(), "episodes": episodes, "seed": jobs[0].seed, "people": jobs[0].people}
+    return {**head, "maps": places, "rows": rows}
+
+
+@contextmanager
+def _progress(jobs: list[Job], episodes: int, *, quiet: bool) -> Iterator[Callable[[Job, bool], None]]:
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, disable=quiet or not console.is_terminal, transient=True) as progress:
+        bar = progress.add_task("episodes", total=episodes * len(jobs))
+        yield lambda job, accepted: progress.update(bar, description=job.source.name, advance=int(accepted))

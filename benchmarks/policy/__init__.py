@@ -1,0 +1,1 @@
+"""Cost and learning of the policy in toy rooms."""

@@ -1,0 +1,1 @@
+"""Cost of recording and reading, memory of a fleet."""

@@ -1,0 +1,1 @@
+"""The images of a view, and their files."""

@@ -1,0 +1,64 @@
+"""The camera as the projection kernels take it: float32 constants, sixteen lanes wide where they need it."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.rasterizer.constants import FOV_MARGIN
+from readygo.common.rasterizer.cpu.view import View
+from readygo.common.simd.compilation import inlined
+from readygo.common.simd.types import f16, maximum, minimum
+
+Float64s = npt.NDArray[np.float64]
+
+
+class Lens(NamedTuple):
+    """Camera constants in float32."""
+
+    fx: np.float32
+    fy: np.float32
+    cx: np.float32
+    cy: np.float32
+    u_low: np.float32
+    u_high: np.float32
+    v_low: np.float32
+    v_high: np.float32
+    x_last: np.float32
+    y_last: np.float32
+    columns: int
+
+
+@inlined
+def lens_of(view: View) -> Lens:
+    """Constants of a view; tangents are clamped as `FOV_MARGIN` says."""
+    margin_u, margin_v = FOV_MARGIN * 0.5 * view.width / view.fx, FOV_MARGIN * 0.5 * view.height / view.fy
+    return Lens(
+        np.float32(view.fx),
+        np.float32(view.fy),
+        np.float32(view.cx),
+        np.float32(view.cy),
+        np.float32(-view.cx / view.fx - margin_u),
+        np.float32((view.width - view.cx) / view.fx + margin_u),
+        np.float32(-view.cy / view.fy - margin_v),
+        np.float32((view.height - view.cy) / view.fy + margin_v),
+        np.float32(view.width - 1),
+        np.float32(view.height - 1),
+        (view.width + 15) >> 4,
+    )
+
+
+@inlined
+def clamped(lens: Lens, u: Any, v: Any) -> Any:
+    """Tangents at which the projection is linearised."""
+    return maximum(minimum(u, lens.u_high), lens.u_low), maximum(minimum(v, lens.v_high), lens.v_low)
+
+
+@inlined
+def rotation_rows(R: Float64s) -> Any:
+    """The nine numbers of a rotation, row by row, in every lane."""
+    return (
+        f16(R[0, 0]), f16(R[0, 1]), f16(R[0, 2]),
+        f16(R[1, 0]), f16(R[1, 1]), f16(R[1, 2]),
+        f16(R[2, 0]), f16(R[2, 1]), f16(R[2, 2]),
+    )  # fmt: skip

@@ -1,0 +1,79 @@
+"""Which nodes of a tree of chunks a view draws."""
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.rasterizer.constants import NEAR_M
+from readygo.common.rasterizer.cpu.view import View, VisibleChunks, add_if_visible, camera_box, posed_box
+from readygo.common.simd.compilation import inlined, kernel
+
+Floats = npt.NDArray[np.float64]
+Singles = npt.NDArray[np.float32]
+Integers = npt.NDArray[np.int64]
+
+
+COARSENESS = 1.2
+"""At it, images of a furnished flat with people 2 and 3 m ahead keep 41 dB against the exact ones (5th percentile)."""
+
+
+class Cut(NamedTuple):
+    """A tree and where to cut it."""
+
+    skip: Integers
+    """Number of the next node that is not below this one, shape (C,)."""
+    pixel_m: Floats
+    """Smallest size of a pixel for which a node is drawn [m], shape (C,)."""
+    coarseness: float
+    """Nodes are drawn as if pixels were larger by this factor; 0 draws the leaves."""
+
+
+@inlined
+def _is_fine(view: View, cut: Cut, i: int, nearest_m: float) -> bool:
+    """True if node `i` is fine enough for a view in which its nearest mean has a depth of at least `nearest_m`."""
+    return bool(cut.pixel_m[i] * max(view.fx, view.fy) <= cut.coarseness * max(nearest_m, NEAR_M))
+
+
+@kernel
+def cull_tree(view: View, centre_m: Floats, half_m: Singles, reach_m: Singles, cut: Cut, out: VisibleChunks) -> int:
+    """Write the nodes of a cut whose Gaussians may touch the image, and return their number.
+
+    A node's box holds those of the nodes below it: what is below an invisible node is invisible, and no node below is
+    nearer.
+    """
+    low, high = out.corners[0], out.corners[1]
+    n, i = 0, 0
+    while i < len(reach_m):
+        camera_box(view, centre_m[i], half_m[i], low, high)
+        end = add_if_visible(view, low, high, reach_m[i], i, n, out)
+        if end > n and not _is_fine(view, cut, i, low[2]):
+            i += 1
+            continue
+        n, i = end, cut.skip[i]
+    return n
+
+
+@kernel
+def cull_person_tree(
+    view: View,
+    A_CS: Singles,
+    box_start: Integers,
+    box_joint: Integers,
+    centre_m: Singles,
+    half_m: Singles,
+    reach_m: Singles,
+    cut: Cut,
+    out: VisibleChunks,
+) -> int:
+    """Write the nodes of a posed avatar's cut that may touch the image, and return their number; see `cull_person`."""
+    low, high = out.corners[0], out.corners[1]
+    n, i = 0, 0
+    while i < len(reach_m):
+        posed_box(A_CS, box_start[i], box_start[i + 1], box_joint, centre_m, half_m, low, high)
+        end = add_if_visible(view, low, high, reach_m[i], i, n, out)
+        if end > n and not _is_fine(view, cut, i, low[2]):
+            i += 1
+            continue
+        n, i = end, cut.skip[i]
+    return n

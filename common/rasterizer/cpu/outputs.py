@@ -1,0 +1,176 @@
+"""What the CPU rasterizer makes of a view beside its colours: depth, alpha, whose a pixel is, normals."""
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.images.images import Images
+from readygo.common.rasterizer.cpu.workspace import RECORD, RECORD_DEPTH, RECORD_NORMAL, Depths, Singles, Workspace
+from readygo.common.rasterizer.packed.scene import NORMAL_STEP
+from readygo.common.simd.compilation import inlined, kernel
+from readygo.common.simd.memory import load_short, store_f16
+from readygo.common.simd.types import fma, where
+
+MAX_PEOPLE = 255
+"""People that a mask of bytes can tell apart."""
+
+
+class Sums(NamedTuple):
+    """What is added up beside colours while an image is blended; None: not wanted, and not compiled in."""
+
+    depths: Depths | None = None
+    normals: Singles | None = None
+    """Per tile 16 blocks of x, y, z of 4x4 px, shape (T * 768,)."""
+
+    def clear(self) -> None:
+        """Start an image."""
+        if self.depths is not None:
+            self.depths.weighted_m.fill(0.0)
+        if self.normals is not None:
+            self.normals.fill(0.0)
+
+
+@inlined
+def normal_block(
+    normal: npt.NDArray[np.int16] | None, block: int, x: Any, y: Any, z: Any, R: Any, ws: Workspace
+) -> None:
+    """Write a block's normals, turned towards the camera, to the rows of the scratch memory that become records.
+
+    Args:
+        normal: Packed normals, flat; None: nothing is written.
+        block: Number of the block.
+        x: Camera coordinates of the means [m].
+        y: See `x`.
+        z: See `x`.
+        R: Rotation from the frame of the covariances to the camera, row by row, nine values.
+        ws: Workspace.
+    """
+    if normal is not None:
+        o = block * 48
+        px, py, pz = load_short(normal, o), load_short(normal, o + 16), load_short(normal, o + 32)
+        nx = fma(R[0], px, fma(R[1], py, R[2] * pz))
+        ny = fma(R[3], px, fma(R[4], py, R[5] * pz))
+        nz = fma(R[6], px, fma(R[7], py, R[8] * pz))
+        step = where(fma(x, nx, fma(y, ny, z * nz)) > 0.0, -NORMAL_STEP, NORMAL_STEP)
+        store_f16(ws.scratch, 16 * RECORD_NORMAL, nx * step)
+        store_f16(ws.scratch, 16 * RECORD_NORMAL + 16, ny * step)
+        store_f16(ws.scratch, 16 * RECORD_NORMAL + 32, nz * step)
+
+
+def instance_of_records(ends: Sequence[int], ids: Sequence[int]) -> npt.NDArray[np.uint8]:
+    """Whose each record is.
+
+    Args:
+        ends: Number of records after each layer's turn; the layers take turns in the same order.
+        ids: Number of each layer's person, 0 for the scene.
+
+    Returns:
+        Shape (R,).
+    """
+    turns = np.tile(np.array(ids, dtype=np.uint8), len(ends) // max(len(ids), 1))
+    edges = np.array([0, *ends], dtype=np.int64)
+    return np.repeat(turns, edges[1:] - edges[:-1])
+
+
+def write_images(
+    wanted: frozenset[str],
+    rgb: npt.NDArray[np.uint8],
+    ws: Workspace,
+    sums: Sums,
+    instances: npt.NDArray[np.uint8] | None,
+) -> Images:
+    """The images of the view that was blended last.
+
+    Args:
+        wanted: Names of the images.
+        rgb: The colours.
+        ws: Workspace.
+        sums: What was added up.
+        instances: Whose each record is; needed for the mask.
+    """
+    height, width = rgb.shape[:2]
+    images: dict[str, npt.NDArray[Any]] = {}
+
+    def add(name: str, dtype: npt.DTypeLike, *channels: int) -> npt.NDArray[Any]:
+        images[name] = np.empty((height, width, *channels), dtype=dtype)
+        return images[name]
+
+    if "alpha" in wanted:
+        write_alpha(width, ws, add("alpha", np.float32))
+    if "depth" in wanted:
+        write_depth(width, ws, sums.depths, add("depth_m", np.float32))
+    if "median_depth" in wanted:
+        write_median_depth(width, ws, sums.depths, add("median_depth_m", np.float32))
+    if "mask" in wanted:
+        write_mask(width, ws, sums.depths, instances, add("mask", np.uint8))
+    if "normal" in wanted:
+        write_normal(width, sums.normals, add("normal", np.float32, 3))
+    return Images(rgb=rgb, **images)
+
+
+@inlined
+def _place(width: int, u: int, v: int) -> int:
+    """Where a pixel is in memory of one value per pixel."""
+    tile = (v >> 4) * ((width + 15) >> 4) + (u >> 4)
+    return tile * 256 + (((v >> 2) & 3) * 4 + ((u >> 2) & 3)) * 16 + (v & 3) * 4 + (u & 3)
+
+
+@inlined
+def _transmittance(ws: Workspace, place: int) -> Any:
+    return ws.tile_state[(place >> 4) * 64 + 48 + (place & 15)]
+
+
+@kernel
+def write_alpha(width: int, ws: Workspace, alpha: Singles) -> None:
+    """Write opacities, shape (H, W)."""
+    for v in range(alpha.shape[0]):
+        for u in range(width):
+            alpha[v, u] = np.float32(1.0) - _transmittance(ws, _place(width, u, v))
+
+
+@kernel
+def write_depth(width: int, ws: Workspace, depths: Depths, depth_m: Singles) -> None:
+    """Write mean depths [m], shape (H, W)."""
+    for v in range(depth_m.shape[0]):
+        for u in range(width):
+            place = _place(width, u, v)
+            alpha = np.float32(1.0) - _transmittance(ws, place)
+            depth_m[v, u] = depths.weighted_m[place] / alpha if alpha > 0.0 else np.float32(np.inf)
+
+
+@kernel
+def write_median_depth(width: int, ws: Workspace, depths: Depths, depth_m: Singles) -> None:
+    """Write depths of the median Gaussians [m], shape (H, W)."""
+    for v in range(depth_m.shape[0]):
+        for u in range(width):
+            place = _place(width, u, v)
+            found = _transmittance(ws, place) < 0.5
+            record = np.int64(depths.median[place]) if found else 0
+            depth_m[v, u] = ws.records[record * RECORD + RECORD_DEPTH] if found else np.float32(np.inf)
+
+
+@kernel
+def write_mask(
+    width: int, ws: Workspace, depths: Depths, instances: npt.NDArray[np.uint8], mask: npt.NDArray[np.uint8]
+) -> None:
+    """Write whose the median Gaussians are, shape (H, W)."""
+    for v in range(mask.shape[0]):
+        for u in range(width):
+            place = _place(width, u, v)
+            mask[v, u] = instances[depths.median[place]] if _transmittance(ws, place) < 0.5 else np.uint8(0)
+
+
+@kernel
+def write_normal(width: int, normals: Singles, normal: Singles) -> None:
+    """Write mean normals of length 1, shape (H, W, 3)."""
+    for v in range(normal.shape[0]):
+        for u in range(width):
+            place = _place(width, u, v)
+            first = (place >> 4) * 48 + (place & 15)
+            x, y, z = normals[first], normals[first + 16], normals[first + 32]
+            length = math.sqrt(x * x + y * y + z * z)
+            scale = np.float32(1.0) / length if length > 0.0 else np.float32(0.0)
+            normal[v, u, 0], normal[v, u, 1], normal[v, u, 2] = x * scale, y * scale, z * scale

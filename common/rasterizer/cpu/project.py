@@ -1,0 +1,308 @@
+"""Projection of chunks of Gaussians to records, for static scenes and for posed people."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.rasterizer.constants import DILATION_PX2, LOG2_E, NEAR_M
+from readygo.common.rasterizer.cpu.lens import Lens, clamped, lens_of, rotation_rows
+from readygo.common.rasterizer.cpu.outputs import normal_block
+from readygo.common.rasterizer.cpu.posing import nearest_rotation
+from readygo.common.rasterizer.cpu.slabs import NEAR_BITS, Slab, is_due
+from readygo.common.rasterizer.cpu.tiles import LARGE, box_codes, is_alive, tiles_met
+from readygo.common.rasterizer.cpu.view import View, VisibleChunks
+from readygo.common.rasterizer.cpu.workspace import KEYS, LARGE_ENTRIES, LATER, RECORD, RECORDS, Workspace
+from readygo.common.simd.compilation import inlined, kernel
+from readygo.common.simd.memory import load_f16, load_short, peek, poke, store_f16, store_i16, transpose_in_place
+from readygo.common.simd.types import (
+    bit_pattern,
+    fma,
+    fms,
+    fnma,
+    integer_where,
+    lowest_bit,
+    mask_bits,
+    maximum,
+    minimum,
+    sqrt,
+    to_float,
+    truncate,
+)
+
+Integers = npt.NDArray[np.int64]
+Singles = npt.NDArray[np.float32]
+Float64s = npt.NDArray[np.float64]
+
+GEOMETRY = 176
+"""Float32 numbers per block of geometry: 11 rows of 16."""
+
+
+class Gaussians(NamedTuple):
+    """Arrays of a `PackedScene`, flat."""
+
+    centre_m: Float64s
+    geometry: Singles
+    colour: Singles
+    sh: npt.NDArray[np.int16]
+    sh_step: float
+    sh_count: int
+    """Coefficients per channel; 1: `colour` is used."""
+    normal: npt.NDArray[np.int16] | None = None
+    """None where no normals are wanted; the compiled code then has no trace of them."""
+
+
+class Skin(NamedTuple):
+    """Arrays of a `PackedAvatar` that pose it."""
+
+    joint_start: Integers
+    joint: Integers
+    weight: Singles
+
+
+@inlined
+def pixels_within(low: Any, high: Any, last: Any) -> Any:
+    """First and last of the pixels 0, 1, .. `last` within [low, high] (I16 each), and where there is one (M16)."""
+    low, high = minimum(maximum(low, 0.0), last + 1.0), minimum(high, last)
+    first = truncate(low)
+    first = first + integer_where(to_float(first) < low, 1, 0)
+    final = truncate(maximum(high, 0.0))
+    return first, final, (high >= 0.0) & (first <= final)
+
+
+@inlined
+def _image_block(lens: Lens, geometry: Singles, g: int, x: Any, y: Any, z: Any, R: Any, ws: Workspace) -> int:
+    """Project a block of 16 Gaussians: their record rows go to the scratch memory, their mask of visible lanes back.
+
+    Args:
+        lens: Camera.
+        geometry: Packed geometry.
+        g: Where the block begins there.
+        x: Camera coordinates of the means [m].
+        y: See `x`.
+        z: See `x`.
+        R: Rotation from the frame of the covariances to the camera, row by row, nine values.
+        ws: Workspace.
+    """
+    reach = load_f16(geometry, g + 160)
+    inverse_z = 1.0 / z
+    u, v = x * inverse_z, y * inverse_z
+    mean_x, mean_y = fma(u, lens.fx, lens.cx), fma(v, lens.fy, lens.cy)
+    uc, vc = clamped(lens, u, v)
+    du, dv = inverse_z * lens.fx, inverse_z * lens.fy
+    a0, a1, a2 = du * fnma(uc, R[6], R[0]), du * fnma(uc, R[7], R[1]), du * fnma(uc, R[8], R[2])
+    b0, b1, b2 = dv * fnma(vc, R[6], R[3]), dv * fnma(vc, R[7], R[4]), dv * fnma(vc, R[8], R[5])
+    xx, xy, xz = load_f16(geometry, g + 48), load_f16(geometry, g + 64), load_f16(geometry, g + 80)
+    yy, yz, zz = load_f16(geometry, g + 96), load_f16(geometry, g + 112), load_f16(geometry, g + 128)
+    p0, p1, p2 = (
+        fma(xx, a0, fma(xy, a1, xz * a2)),
+        fma(xy, a0, fma(yy, a1, yz * a2)),
+        fma(xz, a0, fma(yz, a1, zz * a2)),
+    )
+    q0, q1, q2 = (
+        fma(xx, b0, fma(xy, b1, xz * b2)),
+        fma(xy, b0, fma(yy, b1, yz * b2)),
+        fma(xz, b0, fma(yz, b1, zz * b2)),
+    )
+    sxx = fma(p0, a0, fma(p1, a1, fma(p2, a2, DILATION_PX2)))
+    sxy = fma(p0, b0, fma(p1, b1, p2 * b2))
+    syy = fma(q0, b0, fma(q1, b1, fma(q2, b2, DILATION_PX2)))
+    det = fms(sxx, syy, sxy * sxy)
+    half_x, half_y = sqrt(reach * sxx), sqrt(reach * syy)
+    left, top = mean_x - 0.5, mean_y - 0.5
+    x0, x1, in_columns = pixels_within(left - half_x, left + half_x, lens.x_last)
+    y0, y1, in_rows = pixels_within(top - half_y, top + half_y, lens.y_last)
+    seen: int = mask_bits((z > NEAR_M) & (reach >= 0.0) & (det > 0.0) & in_columns & in_rows)
+    if seen:
+        scale = LOG2_E / det
+        store_f16(ws.scratch, 0, mean_x)
+        store_f16(ws.scratch, 16, mean_y)
+        store_f16(ws.scratch, 32, scale * syy * -0.5)
+        store_f16(ws.scratch, 48, scale * sxy)
+        store_f16(ws.scratch, 64, scale * sxx * -0.5)
+        store_f16(ws.scratch, 80, load_f16(geometry, g + 144))
+        store_f16(ws.scratch, 144, z)
+        tile, low, high = box_codes(x0 >> 2, x1 >> 2, y0 >> 2, y1 >> 2, lens.columns)
+        store_i16(ws.scratch_bits, 0, tile)
+        store_i16(ws.scratch_bits, 16, low)
+        store_i16(ws.scratch_bits, 32, high)
+        store_i16(ws.scratch_bits, 48, bit_pattern(z) - NEAR_BITS)
+    return seen
+
+
+@inlined
+def _colour_block(cloud: Gaussians, block: int, x: Any, y: Any, z: Any, R_CW: Float64s, ws: Workspace) -> None:
+    """Write the colours of a block to the scratch memory; (x, y, z) are camera coordinates of the means."""
+    if cloud.sh_count == 1:
+        for channel in range(3):
+            store_f16(ws.scratch, 96 + 16 * channel, load_f16(cloud.colour, block * 48 + 16 * channel))
+        return
+    inverse = 1.0 / sqrt(fma(x, x, fma(y, y, z * z)))
+    # From the camera to the world: the transpose of R_CW.
+    dx = fma(x, R_CW[0, 0], fma(y, R_CW[1, 0], z * R_CW[2, 0])) * inverse
+    dy = fma(x, R_CW[0, 1], fma(y, R_CW[1, 1], z * R_CW[2, 1])) * inverse
+    dz = fma(x, R_CW[0, 2], fma(y, R_CW[1, 2], z * R_CW[2, 2])) * inverse
+    step = np.float32(cloud.sh_step)
+    for channel in range(3):
+        store_f16(ws.scratch, 96 + 16 * channel, _sh_channel(cloud, block, channel, dx, dy, dz, step))
+
+
+@inlined
+def _sh_channel(cloud: Gaussians, block: int, channel: int, x: Any, y: Any, z: Any, step: float) -> Any:
+    """Colour of one channel along unit directions, not negative.
+
+    Source: Kerbl et al., 2023; the basis is that of `readygo.common.gaussians.sh_basis`.
+    """
+    o = (block * 3 + channel) * cloud.sh_count * 16
+    sh = cloud.sh
+    value = load_short(sh, o) * 0.28209479177387814
+    value = fma(y * -0.48860251190292, load_short(sh, o + 16), value)
+    value = fma(z * 0.48860251190292, load_short(sh, o + 32), value)
+    value = fma(x * -0.48860251190292, load_short(sh, o + 48), value)
+    if cloud.sh_count >= 9:
+        xx, yy, zz = x * x, y * y, z * z
+        c1, s1 = xx - yy, x * y * 2.0
+        value = fma(s1 * 0.5462742152960395, load_short(sh, o + 64), value)
+        value = fma(y * z * -1.0925484305920792, load_short(sh, o + 80), value)
+        value = fma(fma(zz, 0.9461746957575601, -0.3153915652525201), load_short(sh, o + 96), value)
+        value = fma(x * z * -1.0925484305920792, load_short(sh, o + 112), value)
+        value = fma(c1 * 0.5462742152960395, load_short(sh, o + 128), value)
+        if cloud.sh_count >= 16:
+            c2, s2 = fms(x, c1, y * s1), fma(x, s1, y * c1)
+            t = fma(zz, -2.285228997322329, 0.4570457994644658)
+            value = fma(s2 * -0.5900435899266435, load_short(sh, o + 144), value)
+            value = fma(z * s1 * 1.445305721320277, load_short(sh, o + 160), value)
+            value = fma(t * y, load_short(sh, o + 176), value)
+            value = fma(z * fma(zz, 1.865881662950577, -1.119528997770346), load_short(sh, o + 192), value)
+            value = fma(t * x, load_short(sh, o + 208), value)
+            value = fma(z * c1 * 1.445305721320277, load_short(sh, o + 224), value)
+            value = fma(c2 * -0.5900435899266435, load_short(sh, o + 240), value)
+    return maximum(fma(value, step, 0.5), 0.0)
+
+
+@inlined
+def _emit(seen: int, counts: tuple[int, int, int], slab: Slab, columns: int, ws: Workspace) -> tuple[int, int, int]:
+    """Append the visible lanes of the scratch memory to the records, and their keys to this slab's or the later ones.
+
+    Args:
+        seen: Visible lanes.
+        counts: Numbers of records, of this slab's keys and of later keys.
+        slab: Depths that are drawn now.
+        columns: Tiles along an image row.
+        ws: Workspace.
+
+    Returns:
+        The new counts.
+    """
+    transpose_in_place(ws.scratch, 0)
+    records, keys, later = counts
+    bits = ws.scratch_bits
+    while seen:
+        lane = lowest_bit(seen)
+        seen &= seen - 1
+        tile = np.int64(peek(bits, lane))
+        blocks = (np.int64(peek(bits, 16 + lane)) & 0xFFFFFFFF) | (np.int64(peek(bits, 32 + lane)) << 32)
+        depth_bits = np.int64(peek(bits, 48 + lane))
+        store_f16(ws.records, records * RECORD, load_f16(ws.scratch, lane * RECORD))
+        if tile == LARGE:
+            ws.counts[LARGE_ENTRIES] += tiles_met(blocks)
+        # Written in any case, counted if true: cheaper than branches that the CPU cannot foresee.
+        alive = is_alive(ws, columns, tile, blocks) if slab.cull else 1
+        due = alive if depth_bits < slab.limit_bits else 0
+        key = (depth_bits << 32) | records
+        poke(ws.boxes, 2 * records, tile)
+        poke(ws.boxes, 2 * records + 1, blocks)
+        poke(ws.keys, keys, key)
+        poke(ws.later, later, key)
+        records += alive
+        keys += due
+        later += alive - due
+    return records, keys, later
+
+
+@kernel
+def project_scene(view: View, cloud: Gaussians, chunks: VisibleChunks, slab: Slab, ws: Workspace) -> None:
+    """Project the slab's chunks of a static cloud, and append the Gaussians that touch unfinished pixels."""
+    lens = lens_of(view)
+    counts = (ws.counts[RECORDS], ws.counts[KEYS], ws.counts[LATER])
+    R = rotation_rows(view.R_CW)
+    for i in range(len(chunks.number)):
+        if not is_due(slab, chunks.depth_m[i], chunks.box[i], lens.columns, ws.tile_alive):
+            continue
+        chunk = chunks.number[i]
+        dx = cloud.centre_m[chunk, 0] - view.p_WC[0]
+        dy = cloud.centre_m[chunk, 1] - view.p_WC[1]
+        dz = cloud.centre_m[chunk, 2] - view.p_WC[2]
+        # In float64, so that the coordinates of far places lose nothing.
+        tx = view.R_CW[0, 0] * dx + view.R_CW[0, 1] * dy + view.R_CW[0, 2] * dz
+        ty = view.R_CW[1, 0] * dx + view.R_CW[1, 1] * dy + view.R_CW[1, 2] * dz
+        tz = view.R_CW[2, 0] * dx + view.R_CW[2, 1] * dy + view.R_CW[2, 2] * dz
+        # Depths decide the order: the chunk's is added without the rounding of float32.
+        tz_high = np.float32(tz)
+        tz_low = np.float32(tz - np.float64(tz_high))
+        for block in range(chunk * 16, chunk * 16 + 16):
+            g = block * GEOMETRY
+            px, py, pz = load_f16(cloud.geometry, g), load_f16(cloud.geometry, g + 16), load_f16(cloud.geometry, g + 32)
+            z = fma(R[6], px, fma(R[7], py, fma(R[8], pz, tz_low))) + tz_high
+            if mask_bits(z > NEAR_M) == 0:
+                continue
+            x = fma(R[0], px, fma(R[1], py, fma(R[2], pz, tx)))
+            y = fma(R[3], px, fma(R[4], py, fma(R[5], pz, ty)))
+            seen = _image_block(lens, cloud.geometry, g, x, y, z, R, ws)
+            if seen:
+                _colour_block(cloud, block, x, y, z, view.R_CW, ws)
+                normal_block(cloud.normal, block, x, y, z, R, ws)
+                counts = _emit(seen, counts, slab, lens.columns, ws)
+    ws.counts[RECORDS], ws.counts[KEYS], ws.counts[LATER] = counts
+
+
+@kernel
+def project_person(
+    view: View, cloud: Gaussians, skin: Skin, A_CS: Singles, chunks: VisibleChunks, slab: Slab, ws: Workspace
+) -> None:
+    """Pose the slab's chunks of an avatar straight into the camera's frame, and append what touches unfinished pixels.
+
+    Args:
+        view: Camera.
+        cloud: Gaussians in canonical coordinates.
+        skin: Joints and weights of its blocks.
+        A_CS: Transforms of the joints from canonical to camera coordinates, shape (24, 3, 4).
+        chunks: Chunks that may be seen.
+        slab: Depths that are drawn now.
+        ws: Workspace.
+    """
+    lens = lens_of(view)
+    counts = (ws.counts[RECORDS], ws.counts[KEYS], ws.counts[LATER])
+    for i in range(len(chunks.number)):
+        if not is_due(slab, chunks.depth_m[i], chunks.box[i], lens.columns, ws.tile_alive):
+            continue
+        for block in range(chunks.number[i] * 16, chunks.number[i] * 16 + 16):
+            first, end = skin.joint_start[block], skin.joint_start[block + 1]
+            if first == end:
+                continue
+            w, A = load_f16(skin.weight, first * 16), A_CS[skin.joint[first]]
+            m0, m1, m2, m3 = w * A[0, 0], w * A[0, 1], w * A[0, 2], w * A[0, 3]
+            m4, m5, m6, m7 = w * A[1, 0], w * A[1, 1], w * A[1, 2], w * A[1, 3]
+            m8, m9, m10, m11 = w * A[2, 0], w * A[2, 1], w * A[2, 2], w * A[2, 3]
+            for k in range(first + 1, end):
+                w, A = load_f16(skin.weight, k * 16), A_CS[skin.joint[k]]
+                m0, m1, m2, m3 = fma(w, A[0, 0], m0), fma(w, A[0, 1], m1), fma(w, A[0, 2], m2), fma(w, A[0, 3], m3)
+                m4, m5, m6, m7 = fma(w, A[1, 0], m4), fma(w, A[1, 1], m5), fma(w, A[1, 2], m6), fma(w, A[1, 3], m7)
+                m8, m9, m10 = fma(w, A[2, 0], m8), fma(w, A[2, 1], m9), fma(w, A[2, 2], m10)
+                m11 = fma(w, A[2, 3], m11)
+            g = block * GEOMETRY
+            px, py, pz = load_f16(cloud.geometry, g), load_f16(cloud.geometry, g + 16), load_f16(cloud.geometry, g + 32)
+            z = fma(m8, px, fma(m9, py, fma(m10, pz, m11)))
+            if mask_bits(z > NEAR_M) == 0:
+                continue
+            x = fma(m0, px, fma(m1, py, fma(m2, pz, m3)))
+            y = fma(m4, px, fma(m5, py, fma(m6, pz, m7)))
+            M = (m0, m1, m2, m4, m5, m6, m8, m9, m10)
+            # One joint carries the block rigidly: its matrix is a rotation already.
+            R = M if end - first == 1 else nearest_rotation(M)
+            seen = _image_block(lens, cloud.geometry, g, x, y, z, R, ws)
+            if seen:
+                _colour_block(cloud, block, x, y, z, view.R_CW, ws)
+                normal_block(cloud.normal, block, x, y, z, R, ws)
+                counts = _emit(seen, counts, slab, lens.columns, ws)
+    ws.counts[RECORDS], ws.counts[KEYS], ws.counts[LATER] = counts

@@ -1,0 +1,192 @@
+"""The camera of the CPU rasterizer and the chunks that it sees."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.rasterizer.constants import FOV_MARGIN, NEAR_M
+from readygo.common.rasterizer.cpu.tiles import pack_box
+from readygo.common.simd.compilation import inlined, kernel
+
+Floats = npt.NDArray[np.float64]
+Singles = npt.NDArray[np.float32]
+Integers = npt.NDArray[np.int64]
+
+PAD_PX = 2.0
+"""How far the image-space dilation reaches: sqrt(2 ln(255) * 0.3) = 1.83 px."""
+
+
+SLACK_M = 1e-5
+"""Added to boxes for the rounding of float32 coordinates."""
+
+
+class View(NamedTuple):
+    """A pinhole camera as the kernels take it."""
+
+    R_CW: Floats
+    """Rotation from world to camera, shape (3, 3)."""
+    p_WC: Floats
+    """Camera centre [m], shape (3,)."""
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    width: int
+    height: int
+
+
+class VisibleChunks(NamedTuple):
+    """Chunks that may touch the image."""
+
+    number: Integers
+    """Chunk numbers, shape (C,)."""
+    depth_m: Floats
+    """Lower bound of the depths of their means [m], shape (C,)."""
+    box: Integers
+    """Bounds of their footprints in blocks of 4x4 px, packed as in `pack_box`, shape (C,)."""
+    corners: Floats
+    """Scratch memory, shape (2, 3)."""
+
+
+def make_view(T_world_camera: Floats, K_px: Floats, height_px: int, width_px: int) -> View:
+    """A view of a camera pose (OpenCV axes) and intrinsics without skew."""
+    return View(
+        np.ascontiguousarray(T_world_camera[:3, :3].T),
+        np.ascontiguousarray(T_world_camera[:3, 3]),
+        float(K_px[0, 0]),
+        float(K_px[1, 1]),
+        float(K_px[0, 2]),
+        float(K_px[1, 2]),
+        width_px,
+        height_px,
+    )
+
+
+@inlined
+def _axis_range(low: float, high: float, z_low: float, z_high: float) -> tuple[float, float]:
+    """Range of the quotients of [low, high] and [z_low, z_high], z_low > 0."""
+    return low / (z_high if low >= 0.0 else z_low), high / (z_low if high >= 0.0 else z_high)
+
+
+@inlined
+def _blocks_of_range(
+    low: float, high: float, z_low: float, z_high: float, reach: float, focal: float, centre: float, size: int
+) -> tuple[int, int]:
+    """First and last 4-px block that footprints may touch along one image axis; first > last: none.
+
+    A Gaussian of radius `reach` at (u, depth z) reaches at most reach * sqrt(1 + u^2) / z from u, where u is clamped
+    as in the projection.
+    """
+    margin = FOV_MARGIN * 0.5 * size / focal
+    u_first, u_last = -(centre + PAD_PX) / focal, (size - centre + PAD_PX) / focal
+    u_limit = max(abs(u_first), abs(u_last)) + margin
+    widest = reach * math.sqrt(1.0 + u_limit * u_limit)
+    if low - (u_last * z_high if u_last >= 0.0 else u_last * z_low) > widest:
+        return 1, 0
+    if (u_first * z_low if u_first >= 0.0 else u_first * z_high) - high > widest:
+        return 1, 0
+    u_low, u_high = _axis_range(low, high, z_low, z_high)
+    u_widest = min(max(abs(u_low), abs(u_high)), u_limit)
+    spread = reach * math.sqrt(1.0 + u_widest * u_widest) / z_low
+    first = max((u_low - spread) * focal + centre - PAD_PX, 0.0)
+    last = min((u_high + spread) * focal + centre + PAD_PX, size - 1.0)
+    if first > last:
+        return 1, 0
+    return int(first) >> 2, int(last) >> 2
+
+
+@inlined
+def add_if_visible(view: View, low: Floats, high: Floats, reach: float, i: int, n: int, out: VisibleChunks) -> int:
+    """Write chunk `i`, whose means lie in a box of the camera frame, to place `n`; the number of chunks after that."""
+    if high[2] <= NEAR_M:
+        return n
+    z_low = max(low[2], NEAR_M)
+    x0, x1 = _blocks_of_range(low[0], high[0], z_low, high[2], reach, view.fx, view.cx, view.width)
+    y0, y1 = _blocks_of_range(low[1], high[1], z_low, high[2], reach, view.fy, view.cy, view.height)
+    if x0 > x1 or y0 > y1:
+        return n
+    out.number[n] = i
+    out.depth_m[n] = low[2]
+    out.box[n] = pack_box(x0, x1, y0, y1)
+    return n + 1
+
+
+@inlined
+def camera_box(view: View, centre_m: Floats, half_m: Singles, low: Floats, high: Floats) -> None:
+    """Write the bounds of a box in the camera's frame."""
+    R = view.R_CW
+    dx, dy, dz = centre_m[0] - view.p_WC[0], centre_m[1] - view.p_WC[1], centre_m[2] - view.p_WC[2]
+    for k in range(3):
+        middle = R[k, 0] * dx + R[k, 1] * dy + R[k, 2] * dz
+        half = abs(R[k, 0]) * half_m[0] + abs(R[k, 1]) * half_m[1] + abs(R[k, 2]) * half_m[2] + SLACK_M
+        low[k], high[k] = middle - half, middle + half
+
+
+@kernel
+def cull_scene(view: View, centre_m: Floats, half_m: Singles, reach_m: Singles, out: VisibleChunks) -> int:
+    """Write the chunks whose Gaussians may touch the image, and return their number."""
+    low, high = out.corners[0], out.corners[1]
+    n = 0
+    for i in range(len(centre_m)):
+        camera_box(view, centre_m[i], half_m[i], low, high)
+        n = add_if_visible(view, low, high, reach_m[i], i, n, out)
+    return n
+
+
+@inlined
+def posed_box(
+    A_CS: Singles,
+    first: int,
+    end: int,
+    box_joint: Integers,
+    centre_m: Singles,
+    half_m: Singles,
+    low: Floats,
+    high: Floats,
+) -> None:
+    """Write the bounds in the camera's frame of the boxes `first` to `end`, each carried along by its joint."""
+    for k in range(3):
+        low[k], high[k] = np.inf, -np.inf
+    for b in range(first, end):
+        A = A_CS[box_joint[b]]
+        c, h = centre_m[b], half_m[b]
+        for k in range(3):
+            middle = A[k, 0] * c[0] + A[k, 1] * c[1] + A[k, 2] * c[2] + A[k, 3]
+            half = abs(A[k, 0]) * h[0] + abs(A[k, 1]) * h[1] + abs(A[k, 2]) * h[2] + SLACK_M
+            low[k], high[k] = min(low[k], float(middle - half)), max(high[k], float(middle + half))
+
+
+@kernel
+def cull_person(
+    view: View,
+    A_CS: Singles,
+    box_start: Integers,
+    box_joint: Integers,
+    centre_m: Singles,
+    half_m: Singles,
+    reach_m: Singles,
+    out: VisibleChunks,
+) -> int:
+    """Write the chunks of a posed avatar that may touch the image, and return their number.
+
+    A posed mean lies in the convex hull of where the chunk's joints would carry it, so within the bounds of the boxes
+    that each joint carries along.
+
+    Args:
+        view: Camera.
+        A_CS: Transforms of the joints from canonical to camera coordinates, shape (24, 3, 4).
+        box_start: First box of each chunk, shape (C + 1,).
+        box_joint: Joint of each box, shape (B,).
+        centre_m: Centres of the boxes around the means, canonical coordinates, shape (B, 3).
+        half_m: Their half sizes, shape (B, 3).
+        reach_m: Largest distance from its mean at which a Gaussian of the chunk is drawn, shape (C,).
+        out: Where to write.
+    """
+    low, high = out.corners[0], out.corners[1]
+    n = 0
+    for i in range(len(reach_m)):
+        posed_box(A_CS, box_start[i], box_start[i + 1], box_joint, centre_m, half_m, low, high)
+        n = add_if_visible(view, low, high, reach_m[i], i, n, out)
+    return n

@@ -1,0 +1,1 @@
+"""The rasterizer's own Triton kernels."""

@@ -1,0 +1,1 @@
+"""Levels of detail: trees of Gaussians, cut per view."""

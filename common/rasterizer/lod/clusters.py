@@ -1,0 +1,275 @@
+"""Clusters: sets of neighbouring Gaussians that one Gaussian stands for.
+
+A *region* is a run of Gaussians, in the order of their chunks, that holds up to 256 clusters. Moments are always summed
+over the original Gaussians, so that merging again and again loses nothing.
+
+Images are sampled with a dilation of `DILATION_PX2`: Gaussians smaller than a pixel are drawn larger, and so with more
+weight than they have. A merged Gaussian is to look like the dilated ones. All areas here are therefore those of
+Gaussians that are dilated for the size of a pixel at which they will be drawn.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.rasterizer.constants import ALPHA_MAX, DILATION_PX2
+from readygo.common.rasterizer.packed.scene import CHUNK
+from readygo.common.simd.compilation import inlined, kernel
+
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+Labels = npt.NDArray[np.int32]
+
+NEIGHBOURS = 8
+"""Partners that are considered for a cluster: those with the nearest means."""
+COVER_STEP = 0.25
+
+
+class Originals(NamedTuple):
+    """N Gaussians in the order of their chunks."""
+
+    mean_m: Floats
+    """Shape (N, 3)."""
+    covariance_m2: Floats
+    """xx, xy, xz, yy, yz, zz, shape (N, 6)."""
+    opacity: Floats
+    """Shape (N,)."""
+    colour: Floats
+    """Colours without their dependence on direction, shape (N, 3)."""
+    skin: npt.NDArray[np.float32]
+    """Weights of an avatar's joints, shape (N, 24); (N, 0) for a scene."""
+
+
+class Clusters(NamedTuple):
+    """Scratch memory: the clusters of one region."""
+
+    weight: Floats
+    """Sum of opacity times area [m2], shape (256,)."""
+    opacity: Floats
+    """Mean opacity of the Gaussians, shape (256,)."""
+    cover: Floats
+    """Integral of the cluster's alpha over the merged Gaussian's area, see `_cover`, shape (256,)."""
+    area: Floats
+    """Area of the merged, dilated Gaussian [m2], shape (256,)."""
+    mean_m: Floats
+    """Relative to the region's first Gaussian, shape (256, 3)."""
+    covariance_m2: Floats
+    """Not dilated, shape (256, 6)."""
+    colour: Floats
+    """Shape (256, 3)."""
+    skin: Floats
+    """Shape (256, 24) or (256, 0)."""
+    unrest: Floats
+    """What a change of the order of blending costs, see `lod_cost`, shape (256,)."""
+    near: Integers
+    """Neighbours, nearest first; -1: none, shape (256, 8)."""
+    distance2: Floats
+    """Squared distances to them, shape (256, 8)."""
+    cost: Floats
+    """Cost of the cheapest merger, shape (256,)."""
+    partner: Integers
+    """With whom, shape (256,)."""
+    number: Integers
+    """Number after merging, shape (256,)."""
+
+
+def make_clusters(joints: int) -> Clusters:
+    """Scratch memory for regions of Gaussians with weights of that many joints."""
+
+    def numbers(*shape: int) -> Floats:
+        return np.zeros((CHUNK, *shape))
+
+    def places(*shape: int) -> Integers:
+        return np.zeros((CHUNK, *shape), dtype=np.int64)
+
+    return Clusters(
+        weight=numbers(),
+        opacity=numbers(),
+        cover=numbers(),
+        area=numbers(),
+        mean_m=numbers(3),
+        covariance_m2=numbers(6),
+        colour=numbers(3),
+        skin=numbers(joints),
+        unrest=numbers(),
+        near=places(NEIGHBOURS),
+        distance2=numbers(NEIGHBOURS),
+        cost=numbers(),
+        partner=places(),
+        number=places(),
+    )
+
+
+@inlined
+def dilation_m2(pixel_m: float) -> float:
+    """What the dilation adds to variances, for pixels of a size [m2]."""
+    return DILATION_PX2 * pixel_m * pixel_m
+
+
+@inlined
+def area_m2(c: Any, dilation: float) -> float:
+    """Mean area of a dilated Gaussian over directions, up to a factor: root of the sum of its principal 2x2 minors."""
+    xx, yy, zz = c[0] + dilation, c[3] + dilation, c[5] + dilation
+    minors = xx * yy - c[1] * c[1] + xx * zz - c[2] * c[2] + yy * zz - c[4] * c[4]
+    return math.sqrt(max(minors, 0.0))
+
+
+@inlined
+def gather(
+    originals: Originals, label: Labels, first: int, end: int, count: int, pixel_m: float, out: Clusters
+) -> None:
+    """Moments of the clusters of a region, Gaussians `first` to `end`."""
+    dilation = dilation_m2(pixel_m)
+    for k in range(count):
+        out.weight[k], out.opacity[k] = 0.0, 0.0
+        out.mean_m[k], out.covariance_m2[k], out.colour[k], out.skin[k] = 0.0, 0.0, 0.0, 0.0
+    for i in range(first, end):
+        _add(originals, i, first, dilation, label[i], out)
+    for k in range(count):
+        _finish(k, dilation, out)
+
+
+@inlined
+def _add(originals: Originals, i: int, first: int, dilation: float, k: int, out: Clusters) -> None:
+    c, mean, origin = originals.covariance_m2[i], originals.mean_m[i], originals.mean_m[first]
+    area = area_m2(c, dilation)
+    w = originals.opacity[i] * area
+    x, y, z = mean[0] - origin[0], mean[1] - origin[1], mean[2] - origin[2]
+    out.weight[k] += w
+    out.opacity[k] += w * originals.opacity[i]
+    m, s = out.mean_m[k], out.covariance_m2[k]
+    m[0] += w * x
+    m[1] += w * y
+    m[2] += w * z
+    s[0] += w * (c[0] + x * x)
+    s[1] += w * (c[1] + x * y)
+    s[2] += w * (c[2] + x * z)
+    s[3] += w * (c[3] + y * y)
+    s[4] += w * (c[4] + y * z)
+    s[5] += w * (c[5] + z * z)
+    for channel in range(3):
+        out.colour[k, channel] += w * originals.colour[i, channel]
+    for joint in range(originals.skin.shape[1]):
+        out.skin[k, joint] += w * originals.skin[i, joint]
+
+
+@inlined
+def _finish(k: int, dilation: float, out: Clusters) -> None:
+    inverse = 1.0 / out.weight[k]
+    m, s = out.mean_m[k], out.covariance_m2[k]
+    for axis in range(3):
+        m[axis] *= inverse
+        out.colour[k, axis] *= inverse
+    s[0] = max(s[0] * inverse - m[0] * m[0], 0.0)
+    s[1] = s[1] * inverse - m[0] * m[1]
+    s[2] = s[2] * inverse - m[0] * m[2]
+    s[3] = max(s[3] * inverse - m[1] * m[1], 0.0)
+    s[4] = s[4] * inverse - m[1] * m[2]
+    s[5] = max(s[5] * inverse - m[2] * m[2], 0.0)
+    for joint in range(out.skin.shape[1]):
+        out.skin[k, joint] *= inverse
+    out.area[k] = area_m2(s, dilation)
+    out.opacity[k] *= inverse
+    sum_of_alphas = out.weight[k] / out.area[k]
+    # Of one Gaussian alone the rounding of its area may make a little less than one layer.
+    layers = max(sum_of_alphas / out.opacity[k], 1.0)
+    out.cover[k] = _cover(out.opacity[k], layers) if layers > 1.001 else sum_of_alphas
+
+
+@inlined
+def _cover(opacity: float, layers: float) -> float:
+    """Integral of a cluster's alpha, over its area and pi / 2.
+
+    The cluster is taken for `layers` Gaussians of one opacity behind each other, each as large as the merged one:
+    alpha = 1 - (1 - opacity exp(-u))^layers at the radius r with u = r^2 / 2. For one layer it is the opacity.
+    """
+    total, u = 0.0, 0.5 * COVER_STEP
+    density = opacity * layers
+    while True:
+        alpha = opacity * math.exp(-u)
+        total += 1.0 - math.exp(layers * math.log(1.0 - min(alpha, ALPHA_MAX)))
+        u += COVER_STEP
+        if density * math.exp(-u) < 0.02:
+            # What is left falls like exp(-u).
+            return total * COVER_STEP + density * math.exp(0.5 * COVER_STEP - u)
+
+
+def opacity_of_cover(cover: float) -> float:
+    """Opacity at which the integral of min(0.99, opacity * exp(-r^2 / 2)), over that of exp(-r^2 / 2), is `cover`.
+
+    Above 0.99 the Gaussian has a flat top.
+    """
+    return cover if cover <= ALPHA_MAX else ALPHA_MAX * math.exp(cover / ALPHA_MAX - 1.0)
+
+
+@kernel
+def gather_region(
+    originals: Originals, label: Labels, first: int, end: int, count: int, pixel_m: float, out: Clusters
+) -> None:
+    """Moments of the clusters of one region.
+
+    Args:
+        originals: Gaussians.
+        label: Cluster of each Gaussian within its region, shape (N,).
+        first: First Gaussian of the region.
+        end: Behind its last one.
+        count: Its clusters.
+        pixel_m: Size of a pixel at the Gaussians [m].
+        out: Where to write.
+    """
+    gather(originals, label, first, end, count, pixel_m, out)
+
+
+@kernel
+def gather_colours(
+    originals: Originals, label: Labels, first: int, end: int, pixel_m: float, packed: Any, weight: Floats, out: Floats
+) -> None:
+    """Mean packed colours of the clusters of one region, such as coefficients of spherical harmonics.
+
+    Args:
+        originals: Gaussians.
+        label: Cluster of each Gaussian within its region, shape (N,).
+        first: First Gaussian of the region.
+        end: Behind its last one.
+        pixel_m: Size of a pixel at the Gaussians [m].
+        packed: Colours in blocks of 16 Gaussians, flat.
+        weight: Weights of the clusters, from `gather_region`.
+        out: Where to write, shape (clusters, rows of a block).
+    """
+    dilation, rows = dilation_m2(pixel_m), out.shape[1]
+    out[:] = 0.0
+    for i in range(first, end):
+        w = originals.opacity[i] * area_m2(originals.covariance_m2[i], dilation) / weight[label[i]]
+        place = (i >> 4) * rows * 16 + (i & 15)
+        for row in range(rows):
+            out[label[i], row] += w * packed[place + 16 * row]
+
+
+@kernel
+def gather_normals(
+    originals: Originals, label: Labels, first: int, end: int, pixel_m: float, packed: Any, out: Floats
+) -> None:
+    """Mean packed normals of the clusters of one region, not of length 1; their signs mean nothing.
+
+    Args:
+        originals: Gaussians.
+        label: Cluster of each Gaussian within its region, shape (N,).
+        first: First Gaussian of the region.
+        end: Behind its last one.
+        pixel_m: Size of a pixel at the Gaussians [m].
+        packed: Normals in blocks of 16 Gaussians, flat.
+        out: Where to write, shape (clusters, 3).
+    """
+    dilation = dilation_m2(pixel_m)
+    out[:] = 0.0
+    for i in range(first, end):
+        w = originals.opacity[i] * area_m2(originals.covariance_m2[i], dilation)
+        place, k = (i >> 4) * 48 + (i & 15), label[i]
+        x, y, z = packed[place], packed[place + 16], packed[place + 32]
+        if x * out[k, 0] + y * out[k, 1] + z * out[k, 2] < 0.0:
+            w = -w
+        out[k, 0] += w * x
+        out[k, 1] += w * y
+        out[k, 2] += w * z

@@ -1,0 +1,140 @@
+"""What an image loses when one Gaussian stands for two clusters.
+
+Costs are squared errors, summed over the pixels and the colour channels (0..1) that a merger touches, as the mean of
+three projections along the axes. Three errors add up:
+
+- coverage: the merged Gaussian's alpha is not the sum of both alphas. It shows by the contrast between the Gaussian and
+  what is behind it, which is not known here: `MergeRule.contrast` is assumed.
+- colour: each has the colour of both, before a background of that colour.
+- order: Gaussians are blended in the order of their means. Where two opaque ones of different colours overlap, the
+  nearer one is seen and the merged one shows the mean. And a mean that moves may pass a third Gaussian (`unrest`).
+"""
+
+import math
+from typing import Any, NamedTuple
+
+from readygo.common.rasterizer.lod.clusters import NEIGHBOURS, Clusters, area_m2, dilation_m2
+from readygo.common.simd.compilation import inlined
+
+FAR_Q = 40.0
+"""Squared distance in sigmas at which Gaussians do not overlap any more."""
+
+
+class MergeRule(NamedTuple):
+    """What may be merged."""
+
+    pixel_m: float
+    """Size of a pixel at the Gaussians [m]."""
+    tolerance: float
+    """Largest cost of a merger."""
+    contrast: float
+    """Squared difference between the colour of a Gaussian and what is behind it, summed over channels."""
+    skin_tolerance: float
+    """Largest sum of the differences between two clusters' joint weights."""
+
+
+@inlined
+def _planes(c: Any, d: float) -> tuple[Any, Any, Any]:
+    """Covariances (xx, xy, yy) of a dilated Gaussian's projections along z, y and x."""
+    return (c[0] + d, c[1], c[3] + d), (c[0] + d, c[2], c[5] + d), (c[3] + d, c[4], c[5] + d)
+
+
+@inlined
+def _root_det(a: Any) -> float:
+    root: float = math.sqrt(max(a[0] * a[2] - a[1] * a[1], 0.0))
+    return root
+
+
+@inlined
+def _overlap(a: Any, b: Any, x: float, y: float, power: float) -> float:
+    """Integral over the plane, over pi, of (g_a g_b)^power of two Gaussians of peak 1 whose means lie (x, y) apart."""
+    xx, xy, yy = a[0] + b[0], a[1] + b[1], a[2] + b[2]
+    det = xx * yy - xy * xy
+    q = (yy * x * x - 2.0 * xy * x * y + xx * y * y) / det
+    if q > FAR_Q:
+        return 0.0
+    overlap: float = 2.0 / power * _root_det(a) * _root_det(b) / math.sqrt(det) * math.exp(-0.5 * power * q)
+    return overlap
+
+
+@inlined
+def _contrast2(i: int, j: int, c: Clusters) -> float:
+    total = 0.0
+    for channel in range(3):
+        difference = c.colour[i, channel] - c.colour[j, channel]
+        total += difference * difference
+    return total
+
+
+@inlined
+def _offset(i: int, j: int, c: Clusters) -> tuple[float, float, float]:
+    return c.mean_m[i, 0] - c.mean_m[j, 0], c.mean_m[i, 1] - c.mean_m[j, 1], c.mean_m[i, 2] - c.mean_m[j, 2]
+
+
+@inlined
+def _order_cost(i: int, j: int, d: float, c: Clusters) -> float:
+    """Squared error, over pi and up to the contrast, if two clusters blend in the wrong order; three projections."""
+    oi, oj = min(c.cover[i], 1.0), min(c.cover[j], 1.0)
+    x, y, z = _offset(i, j, c)
+    a, b = _planes(c.covariance_m2[i], d), _planes(c.covariance_m2[j], d)
+    overlap = _overlap(a[0], b[0], x, y, 2.0) + _overlap(a[1], b[1], x, z, 2.0) + _overlap(a[2], b[2], y, z, 2.0)
+    cost: float = 0.25 * oi * oi * oj * oj * overlap
+    return cost
+
+
+@inlined
+def find_unrest(count: int, rule: MergeRule, c: Clusters) -> None:
+    """What each cluster costs per metre that it moves: it passes a neighbour after their distance at the latest."""
+    d = dilation_m2(rule.pixel_m)
+    for k in range(count):
+        c.unrest[k] = 0.0
+        for n in range(NEIGHBOURS):
+            other = c.near[k, n]
+            if other < 0:
+                break
+            distance_m = max(math.sqrt(c.distance2[k, n]), 0.01 * rule.pixel_m)
+            c.unrest[k] += _contrast2(k, other, c) * _order_cost(k, other, d, c) / distance_m
+
+
+@inlined
+def merger_cost(i: int, j: int, rule: MergeRule, c: Clusters) -> float:
+    """Cost of merging clusters `i` and `j`."""
+    d = dilation_m2(rule.pixel_m)
+    w = c.weight[i] + c.weight[j]
+    fi, fj = c.weight[i] / w, c.weight[j] / w
+    x, y, z = _offset(i, j, c)
+    p, q, f = c.covariance_m2[i], c.covariance_m2[j], fi * fj
+    merged = (
+        fi * p[0] + fj * q[0] + f * x * x,
+        fi * p[1] + fj * q[1] + f * x * y,
+        fi * p[2] + fj * q[2] + f * x * z,
+        fi * p[3] + fj * q[3] + f * y * y,
+        fi * p[4] + fj * q[4] + f * y * z,
+        fi * p[5] + fj * q[5] + f * z * z,
+    )
+    oi, oj = c.cover[i], c.cover[j]
+    opacities = (oi, oj, (oi * c.area[i] + oj * c.area[j]) / area_m2(merged, d))
+    contrast2 = _contrast2(i, j, c)
+    a, b, m = _planes(p, d), _planes(q, d), _planes(merged, d)
+    total = contrast2 * _order_cost(i, j, d, c)
+    total += _blend_cost(a[0], b[0], m[0], x, y, fi, opacities, contrast2, rule.contrast)
+    total += _blend_cost(a[1], b[1], m[1], x, z, fi, opacities, contrast2, rule.contrast)
+    total += _blend_cost(a[2], b[2], m[2], y, z, fi, opacities, contrast2, rule.contrast)
+    total += math.sqrt(x * x + y * y + z * z) * (fj * c.unrest[i] + fi * c.unrest[j])
+    cost: float = total * math.pi / (3.0 * rule.pixel_m * rule.pixel_m)
+    return cost
+
+
+@inlined
+def _blend_cost(
+    a: Any, b: Any, m: Any, x: float, y: float, fi: float, opacities: Any, contrast2: float, contrast: float
+) -> float:
+    """Squared errors of coverage and of colour in one projection, over pi."""
+    oi, oj, om = opacities
+    fj = 1.0 - fi
+    aa, bb, mm, ab = _root_det(a), _root_det(b), _root_det(m), _overlap(a, b, x, y, 1.0)
+    am, bm = _overlap(a, m, fj * x, fj * y, 1.0), _overlap(b, m, fi * x, fi * y, 1.0)
+    coverage = oi * oi * aa + oj * oj * bb + om * om * mm + 2.0 * (oi * oj * ab - om * (oi * am + oj * bm))
+    colour = oi * oi * fj * fj * aa + oj * oj * fi * fi * bb - 2.0 * oi * oj * fi * fj * ab
+    cost: float = contrast * max(coverage, 0.0) + contrast2 * max(colour, 0.0)
+    return cost

@@ -1,0 +1,192 @@
+"""Cache folders of trees of chunks and of packed avatars: read-only memory maps that all workers of a host share.
+
+A folder's name carries the content hash of what it was made from; whoever comes first makes it while others wait.
+"""
+
+import fcntl
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.avatars import Avatar
+from readygo.common.rasterizer.lod.avatar import JOINTS, AvatarTree, build_avatar_tree
+from readygo.common.rasterizer.lod.tree import ChunkTree, build_tree
+from readygo.common.rasterizer.packed.avatar import PackedAvatar, pack_avatar
+from readygo.common.rasterizer.packed.scene import BLOCKS, PackedScene, load_packed, save_packed
+
+T = TypeVar("T")
+Arrays = dict[str, npt.NDArray[Any]]
+
+FORMAT = "readygo-lod/1"
+_TREE_ARRAYS = ("skip", "pixel_m")
+_AVATAR_ARRAYS = ("joint_start", "joint", "weight", "box_start", "box_joint", "box_centre_m", "box_half_m")
+
+
+def load_or_build_tree(folder: str | Path, scene: Callable[[], PackedScene], *, normals: bool = False) -> ChunkTree:
+    """The tree in `folder`; built above `scene()` and written there if it is missing or damaged.
+
+    Args:
+        folder: Cache folder of one cloud; its name carries the cloud's content hash.
+        scene: Packs the cloud, with normals if they are wanted; not called when the cache is good.
+        normals: The tree shall have normals.
+
+    Returns:
+        Read-only memory maps, or the tree itself where the folder cannot be written.
+    """
+
+    def load() -> ChunkTree | None:
+        tree = load_tree(Path(folder))
+        return None if tree is None or (normals and tree.scene.normal is None) else tree
+
+    return _load_or_make(Path(folder), load, lambda: build_tree(scene()), save_tree)
+
+
+def load_or_build_avatar_tree(folder: str | Path, avatar: Avatar) -> AvatarTree:
+    """An avatar's tree in `folder`, whose name carries the avatar's hash; see `load_or_build_tree`."""
+    path = Path(folder)
+    return _load_or_make(
+        path, lambda: load_avatar_tree(path), lambda: build_avatar_tree(pack_avatar(avatar)), save_avatar_tree
+    )
+
+
+def load_or_pack_avatar(folder: str | Path, avatar: Avatar) -> PackedAvatar:
+    """A packed avatar in `folder`, whose name carries the avatar's hash; see `load_or_build_tree`."""
+    path = Path(folder)
+    return _load_or_make(path, lambda: load_packed_avatar(path), lambda: pack_avatar(avatar), save_packed_avatar)
+
+
+def save_tree(tree: ChunkTree, folder: Path) -> None:
+    """Write a tree to `folder`, which appears complete or not at all; one that is there is replaced."""
+    _save(folder, tree.scene, _arrays_of(tree, _TREE_ARRAYS))
+
+
+def load_tree(folder: Path) -> ChunkTree | None:
+    """Map a tree read-only; None if the folder holds no valid one."""
+    loaded = _load(folder, _TREE_ARRAYS)
+    if loaded is None or not _is_tree(*loaded):
+        return None
+    return ChunkTree(scene=loaded[0], skip=loaded[1]["skip"], pixel_m=loaded[1]["pixel_m"])
+
+
+def save_avatar_tree(tree: AvatarTree, folder: Path) -> None:
+    """Write an avatar's tree; see `save_tree`."""
+    arrays = _arrays_of(tree, _TREE_ARRAYS) | _arrays_of(tree.avatar, _AVATAR_ARRAYS)
+    _save(folder, tree.avatar.scene, arrays)
+
+
+def load_avatar_tree(folder: Path) -> AvatarTree | None:
+    """Map an avatar's tree read-only; None if the folder holds no valid one."""
+    loaded = _load(folder, (*_TREE_ARRAYS, *_AVATAR_ARRAYS))
+    if loaded is None or not _is_tree(*loaded) or not _is_avatar(*loaded):
+        return None
+    scene, arrays = loaded
+    avatar = PackedAvatar(scene=scene, **{name: arrays[name] for name in _AVATAR_ARRAYS})
+    return AvatarTree(avatar=avatar, skip=arrays["skip"], pixel_m=arrays["pixel_m"])
+
+
+def save_packed_avatar(avatar: PackedAvatar, folder: Path) -> None:
+    """Write a packed avatar; see `save_tree`."""
+    _save(folder, avatar.scene, _arrays_of(avatar, _AVATAR_ARRAYS))
+
+
+def load_packed_avatar(folder: Path) -> PackedAvatar | None:
+    """Map a packed avatar read-only; None if the folder holds no valid one."""
+    loaded = _load(folder, _AVATAR_ARRAYS)
+    if loaded is None or not _is_avatar(*loaded):
+        return None
+    return PackedAvatar(scene=loaded[0], **loaded[1])
+
+
+def _load_or_make(
+    folder: Path, load: Callable[[], T | None], make: Callable[[], T], save: Callable[[T, Path], None]
+) -> T:
+    loaded = load()
+    if loaded is not None:
+        return loaded
+    try:
+        with _one_at_a_time(folder):
+            loaded = load()
+            if loaded is not None:
+                return loaded
+            made = make()
+            save(made, folder)
+    except OSError:
+        # The folder cannot be written: every process has its own.
+        return make()
+    return load() or made
+
+
+@contextmanager
+def _one_at_a_time(folder: Path) -> Iterator[None]:
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with (folder.parent / f".{folder.name}.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
+def _arrays_of(owner: object, names: tuple[str, ...]) -> Arrays:
+    return {name: getattr(owner, name) for name in names}
+
+
+def _save(folder: Path, scene: PackedScene, arrays: Arrays) -> None:
+    temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
+    try:
+        save_packed(scene, temporary / "chunks")
+        for name, array in arrays.items():
+            np.save(temporary / f"{name}.npy", array)
+        (temporary / "lod.json").write_text(json.dumps({"format": FORMAT}))
+        temporary.chmod(0o755)
+        shutil.rmtree(folder, ignore_errors=True)
+        os.replace(temporary, folder)
+    except OSError:
+        shutil.rmtree(temporary, ignore_errors=True)
+        raise
+
+
+def _load(folder: Path, names: tuple[str, ...]) -> tuple[PackedScene, Arrays] | None:
+    try:
+        if json.loads((folder / "lod.json").read_text()) != {"format": FORMAT}:
+            return None
+        scene = load_packed(folder / "chunks")
+        arrays = {name: np.load(folder / f"{name}.npy", mmap_mode="r", allow_pickle=False) for name in names}
+    except (OSError, ValueError, EOFError):
+        return None
+    return None if scene is None else (scene, arrays)
+
+
+def _is_tree(scene: PackedScene, arrays: Arrays) -> bool:
+    """True if kernels can walk the tree without leaving its arrays."""
+    skip, chunks = arrays["skip"], scene.chunk_count
+    if skip.shape != (chunks,) or arrays["pixel_m"].shape != (chunks,):
+        return False
+    return bool((skip > np.arange(chunks)).all() and (skip <= chunks).all())
+
+
+def _is_avatar(scene: PackedScene, arrays: Arrays) -> bool:
+    """True if kernels can pose the avatar without leaving its arrays."""
+    blocks, joints, boxes = scene.chunk_count * BLOCKS, len(arrays["joint"]), len(arrays["box_joint"])
+    shapes = {"weight": (joints, 16), "box_centre_m": (boxes, 3), "box_half_m": (boxes, 3)}
+    return (
+        all(arrays[name].shape == shape for name, shape in shapes.items())
+        and _is_index(arrays["joint_start"], blocks, joints)
+        and _is_index(arrays["box_start"], scene.chunk_count, boxes)
+        and all(bool(((arrays[name] >= 0) & (arrays[name] < JOINTS)).all()) for name in ("joint", "box_joint"))
+    )
+
+
+def _is_index(start: npt.NDArray[Any], count: int, end: int) -> bool:
+    """True if `start` divides 0..end into `count` runs."""
+    return (
+        start.shape == (count + 1,)
+        and int(start[0]) == 0
+        and int(start[-1]) == end
+        and bool((np.diff(start) >= 0).all())
+    )

@@ -1,0 +1,187 @@
+"""Merging of the clusters of regions, pair by pair, cheapest first."""
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.rasterizer.lod.clusters import NEIGHBOURS, Clusters, Originals, gather
+from readygo.common.rasterizer.lod.cost import MergeRule, find_unrest, merger_cost
+from readygo.common.simd.compilation import inlined, kernel
+
+Integers = npt.NDArray[np.int64]
+Floats = npt.NDArray[np.float64]
+Labels = npt.NDArray[np.int32]
+
+LONGEST_WAIT = 8
+
+
+@inlined
+def _find_neighbours(count: int, c: Clusters) -> None:
+    """The nearest clusters of each."""
+    for k in range(count):
+        for n in range(NEIGHBOURS):
+            c.distance2[k, n] = np.inf
+            c.near[k, n] = -1
+    for k in range(count):
+        for other in range(k):
+            dx = c.mean_m[k, 0] - c.mean_m[other, 0]
+            dy = c.mean_m[k, 1] - c.mean_m[other, 1]
+            dz = c.mean_m[k, 2] - c.mean_m[other, 2]
+            distance2 = dx * dx + dy * dy + dz * dz
+            if distance2 < c.distance2[k, NEIGHBOURS - 1]:
+                _insert(c, k, other, distance2)
+            if distance2 < c.distance2[other, NEIGHBOURS - 1]:
+                _insert(c, other, k, distance2)
+
+
+@inlined
+def _insert(c: Clusters, k: int, other: int, distance2: float) -> None:
+    place = NEIGHBOURS - 1
+    while place > 0 and c.distance2[k, place - 1] > distance2:
+        c.distance2[k, place] = c.distance2[k, place - 1]
+        c.near[k, place] = c.near[k, place - 1]
+        place -= 1
+    c.distance2[k, place] = distance2
+    c.near[k, place] = other
+
+
+@inlined
+def _same_skin(i: int, j: int, tolerance: float, c: Clusters) -> bool:
+    total = 0.0
+    for joint in range(c.skin.shape[1]):
+        total += abs(c.skin[i, joint] - c.skin[j, joint])
+    return total <= tolerance
+
+
+@inlined
+def _find_partners(count: int, rule: MergeRule, wait: Integers, c: Clusters) -> None:
+    """The cheapest merger with a neighbour of each cluster that does not wait."""
+    for k in range(count):
+        c.cost[k] = np.inf
+        c.partner[k] = -1
+    for k in range(count):
+        if wait[k] > 0:
+            continue
+        for n in range(NEIGHBOURS):
+            other = c.near[k, n]
+            if other < 0:
+                break
+            if not _same_skin(k, other, rule.skin_tolerance, c):
+                continue
+            cost = merger_cost(k, other, rule, c)
+            if cost < c.cost[k]:
+                c.cost[k], c.partner[k] = cost, other
+            if cost < c.cost[other]:
+                c.cost[other], c.partner[other] = cost, k
+
+
+@inlined
+def _all_wait(count: int, wait: Integers) -> bool:
+    waiting = 0
+    for k in range(count):
+        waiting += 1 if wait[k] > 0 else 0
+    return waiting == count
+
+
+@inlined
+def _set_waits(count: int, tolerance: float, wait: Integers, c: Clusters) -> None:
+    """Clusters whose cheapest merger is far too expensive wait: from level to level a cost falls to a quarter at most.
+
+    (So it does where the overlaps of dilated points decide, with the fourth power of the pixel's size.)
+    """
+    for k in range(count):
+        if wait[k] > 0 or c.cost[k] <= tolerance:
+            continue
+        wait[k] = 1
+        cost = 0.25 * c.cost[k]
+        while cost > tolerance and wait[k] < LONGEST_WAIT:
+            wait[k] += 1
+            cost *= 0.25
+
+
+@inlined
+def _pair_up(count: int, tolerance: float, c: Clusters) -> int:
+    """Merge pairs, cheapest first, each cluster once: new numbers in `c.number`, the new count back."""
+    c.number[:count] = -1
+    while True:
+        best, best_cost = -1, np.inf
+        for k in range(count):
+            if c.cost[k] < best_cost:
+                best, best_cost = k, c.cost[k]
+        if best_cost > tolerance:
+            break
+        other = c.partner[best]
+        c.cost[best] = np.inf
+        if c.number[best] == -1 and c.number[other] == -1:
+            c.number[max(best, other)] = min(best, other)
+            c.number[min(best, other)] = -2
+            c.cost[other] = np.inf
+    fresh = 0
+    for k in range(count):
+        if c.number[k] >= 0:
+            c.number[k] = c.number[c.number[k]]
+        else:
+            c.number[k] = fresh
+            fresh += 1
+    return fresh
+
+
+@inlined
+def _renumber(count: int, wait: Integers, c: Clusters) -> None:
+    """Move the waits to the new numbers; merged clusters do not wait."""
+    fresh = 0
+    for k in range(count):
+        if c.number[k] == fresh:
+            wait[fresh] = wait[k]
+            fresh += 1
+        else:
+            wait[c.number[k]] = 0
+
+
+@kernel
+def merge_regions(
+    originals: Originals,
+    label: Labels,
+    first: Integers,
+    count: Integers,
+    wait: Integers,
+    leeway: Floats,
+    rule: MergeRule,
+    rounds: int,
+    c: Clusters,
+) -> None:
+    """Merge clusters within each region until the cheapest merger costs more than the tolerance.
+
+    Args:
+        originals: Gaussians.
+        label: Cluster of each Gaussian within its region; changed, shape (N,).
+        first: First Gaussian of each region, and the end, shape (R + 1,).
+        count: Clusters of each region; changed, shape (R,).
+        wait: For how many calls a region's clusters need not be looked at, from its first Gaussian's place on, one per
+            cluster; changed, shape (N,).
+        leeway: Factors of the tolerance, shape (R,).
+        rule: What may be merged.
+        rounds: Each merges a cluster at most once.
+        c: Scratch memory.
+    """
+    for region in range(len(count)):
+        begin, end = first[region], first[region + 1]
+        tolerance = rule.tolerance * leeway[region]
+        waits = wait[begin:end]
+        for k in range(count[region]):
+            waits[k] = max(waits[k] - 1, 0)
+        for _ in range(rounds):
+            before = count[region]
+            if _all_wait(before, waits):
+                break
+            gather(originals, label, begin, end, before, rule.pixel_m, c)
+            _find_neighbours(before, c)
+            find_unrest(before, rule, c)
+            _find_partners(before, rule, waits, c)
+            _set_waits(before, tolerance, waits, c)
+            after = _pair_up(before, tolerance, c)
+            if after == before:
+                break
+            _renumber(before, waits, c)
+            for i in range(begin, end):
+                label[i] = c.number[label[i]]
+            count[region] = after

@@ -1,0 +1,1 @@
+"""Scenes and avatars packed for the CPU rasterizer."""

@@ -1,0 +1,97 @@
+"""Avatars packed for the CPU rasterizer: blocks of 16 Gaussians that the same few joints move."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.avatars import Avatar
+from readygo.common.rasterizer.constants import ALPHA_MIN
+from readygo.common.rasterizer.packed.scene import (
+    CHUNK,
+    PackedScene,
+    chunk_boxes,
+    morton_codes,
+    pack_sorted,
+    rounded_up,
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PackedAvatar:
+    """An avatar's Gaussians in canonical coordinates, sorted by the joints that move them.
+
+    A block's blended transform is the sum over its joints of a weight per lane times the joint's matrix, which costs a
+    broadcast and a multiply-add per matrix entry and joint.
+    """
+
+    scene: PackedScene
+    """Gaussians; means relative to the origin, not to their chunk's centre."""
+    joint_start: npt.NDArray[np.int64]
+    """First joint of each block in `joint` and `weight`, shape (16 C + 1,)."""
+    joint: npt.NDArray[np.int64]
+    """Joints of all blocks, shape (J,)."""
+    weight: npt.NDArray[np.float32]
+    """Weights of those joints for the block's 16 Gaussians, shape (J, 16)."""
+    box_start: npt.NDArray[np.int64]
+    """First box of each chunk, shape (C + 1,)."""
+    box_joint: npt.NDArray[np.int64]
+    """Joint that carries each box, shape (B,)."""
+    box_centre_m: npt.NDArray[np.float32]
+    """Centres of the boxes around those means of the chunk that the joint moves [m], shape (B, 3)."""
+    box_half_m: npt.NDArray[np.float32]
+    """Their half sizes [m], shape (B, 3)."""
+
+
+def pack_avatar(avatar: Avatar) -> PackedAvatar:
+    """Pack an avatar; Gaussians that never reach alpha 1/255 are left out."""
+    index = np.flatnonzero(avatar.cloud.opacities >= np.float32(ALPHA_MIN))
+    joints = _joint_sets(avatar)
+    order = index[np.lexsort((morton_codes(avatar.cloud.means_m[index]), joints[index]))]
+    weights = _dense_weights(avatar)[order]
+    scene = pack_sorted(avatar.cloud.select(order), centred=False, normals=True)
+    padded = np.zeros((scene.chunk_count * CHUNK, 24), dtype=np.float32)
+    padded[: len(weights)] = weights
+    blocks = padded.reshape(-1, 16, 24)
+    block_index, joint = np.nonzero((blocks != 0).any(axis=1))
+    box_start, box_joint, centre, half = _boxes(avatar.cloud.means_m[order].astype(np.float64), padded)
+    return PackedAvatar(
+        scene=scene,
+        joint_start=np.searchsorted(block_index, np.arange(len(blocks) + 1)).astype(np.int64),
+        joint=joint.astype(np.int64),
+        weight=np.ascontiguousarray(blocks[block_index, :, joint]),
+        box_start=box_start,
+        box_joint=box_joint,
+        box_centre_m=centre,
+        box_half_m=half,
+    )
+
+
+def _joint_sets(avatar: Avatar) -> npt.NDArray[np.int64]:
+    """Bit set of the joints that move each Gaussian, shape (N,)."""
+    bits = np.where(avatar.lbs_weight != 0, np.int64(1) << avatar.lbs_index.astype(np.int64), 0)
+    joints: npt.NDArray[np.int64] = np.bitwise_or.reduce(bits, axis=1)
+    return joints
+
+
+def _dense_weights(avatar: Avatar) -> npt.NDArray[np.float32]:
+    """Weight of every joint, shape (N, 24)."""
+    dense = np.zeros((len(avatar.cloud), 24), dtype=np.float32)
+    rows = np.arange(len(dense))
+    for k in range(4):
+        dense[rows, avatar.lbs_index[:, k]] += avatar.lbs_weight[:, k]
+    return dense
+
+
+def _boxes(
+    means_m: npt.NDArray[np.float64], weights: npt.NDArray[np.float32]
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+    """Boxes around the means of each chunk that each joint moves: starts per chunk, joints, centres, half sizes."""
+    chunks = len(weights) // CHUNK
+    padded = np.zeros((chunks * CHUNK, 3))
+    padded[: len(means_m)] = means_m
+    moved = (weights != 0).reshape(chunks, CHUNK, 24)
+    chunk, joint = np.nonzero(moved.any(axis=1))
+    centre, half = chunk_boxes(padded.reshape(chunks, CHUNK, 3)[chunk], moved[chunk, :, joint])
+    start = np.searchsorted(chunk, np.arange(chunks + 1)).astype(np.int64)
+    return start, joint.astype(np.int64), centre.astype(np.float32), rounded_up(half)

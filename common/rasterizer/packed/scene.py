@@ -1,0 +1,356 @@
+"""Gaussian clouds packed for the CPU rasterizer: chunks of 256 neighbours, sixteen to a SIMD register.
+
+A packed scene is a folder of .npy files that all workers of a host map read-only, so that it is in memory once.
+"""
+
+import contextlib
+import dataclasses
+import functools
+import json
+import math
+import os
+import shutil
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.gaussians import GaussianCloud
+from readygo.common.rasterizer.constants import ALPHA_MIN
+
+Floats = npt.NDArray[np.float64]
+Singles = npt.NDArray[np.float32]
+
+FORMAT = "readygo-packed/1"
+CHUNK = 256
+"""Gaussians per chunk."""
+PIECE = 1 << 17
+"""Gaussians that are packed at a time: a multiple of `CHUNK` that bounds the memory for intermediate results."""
+BLOCKS = CHUNK // 16
+GEOMETRY_ROWS = 11
+"""Mean (3), covariance xx xy xz yy yz zz (6), log2 opacity, squared reach in sigmas (negative: padding)."""
+_NORMAL_FILE = "normal.npy"
+_C0 = 0.28209479177387814
+NORMAL_STEP = 1.0 / 32767.0
+"""Value of one step of a packed normal."""
+_ARRAYS = ("centre_m", "half_m", "reach_m", "geometry", "colour", "sh", "sh_step")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PackedScene:
+    """C chunks of up to 256 Gaussians that lie close together, in blocks of 16, structure of arrays.
+
+    Colour has two forms: `colour` for clouds of degree 0 (`sh` is then empty), or `sh` as 16-bit fixed point, which
+    every CPU reads alike (half floats need F16C).
+    """
+
+    centre_m: Floats
+    """Centre of each chunk's means in the cloud's frame [m], shape (C, 3)."""
+    half_m: Singles
+    """Half sizes of the box around a chunk's means [m], shape (C, 3)."""
+    reach_m: Singles
+    """Largest distance from its mean at which a Gaussian of the chunk has alpha 1/255 [m], shape (C,)."""
+    geometry: Singles
+    """Per block the rows of `GEOMETRY_ROWS`, means relative to the chunk's centre, shape (C, 16, 11, 16)."""
+    colour: Singles
+    """Red, green, blue, not negative, shape (C, 16, 3, 16), or (0, 16, 3, 16)."""
+    sh: npt.NDArray[np.int16]
+    """SH coefficients in steps of `sh_step`, shape (C, 16, 3, K, 16), or (0, 16, 3, 1, 16)."""
+    sh_step: Singles
+    """Value of one step, shape (1,)."""
+    normal: npt.NDArray[np.int16] | None = None
+    """Shortest axis of every Gaussian in steps of `NORMAL_STEP`, in the frame of the covariances, shape
+    (C, 16, 3, 16); None for those who need no images of normals."""
+
+    @property
+    def chunk_count(self) -> int:
+        """Number of chunks, C."""
+        return len(self.centre_m)
+
+
+def pack_cloud(cloud: GaussianCloud, *, normals: bool = False) -> PackedScene:
+    """Pack a cloud, with normals if they are wanted; Gaussians that never reach alpha 1/255 are left out.
+
+    Uses only operations that round alike on every CPU, so that packs made on different machines are equal.
+    """
+    return pack_sorted(cloud, packing_order(cloud), normals=normals)
+
+
+def packing_order(cloud: GaussianCloud) -> npt.NDArray[np.int64]:
+    """Numbers of the Gaussians that can be seen, along a Morton curve."""
+    index = np.flatnonzero(cloud.opacities >= np.float32(ALPHA_MIN))
+    return index[np.argsort(morton_codes(cloud.means_m[index]), kind="stable")]
+
+
+def pack_sorted(
+    cloud: GaussianCloud,
+    order: npt.NDArray[np.int64] | None = None,
+    *,
+    centred: bool = True,
+    normals: bool = False,
+) -> PackedScene:
+    """Pack a cloud in its order.
+
+    Args:
+        cloud: Gaussians.
+        order: Which of them, opacities at least 1/255, in which order; all as they come by default.
+        centred: Store means relative to their chunk's centre; otherwise all centres are 0.
+        normals: Pack normals as well.
+    """
+    order = np.arange(len(cloud)) if order is None else order
+    starts = range(0, len(order), PIECE)
+    step = _sh_step(cloud, [order[start : start + PIECE] for start in starts])
+    scene = _empty_pack(-(-len(order) // CHUNK), cloud.sh.shape[1], step)
+    for start in starts:
+        piece = cloud.select(order[start : start + PIECE])
+        _pack_piece(piece, step, centred, scene, start // CHUNK)
+    return dataclasses.replace(scene, normal=_normals(cloud, order)) if normals else scene
+
+
+def _empty_pack(chunks: int, coefficients: int, step: float) -> PackedScene:
+    flat, curved = (chunks, 0) if coefficients == 1 else (0, chunks)
+    return PackedScene(
+        centre_m=np.empty((chunks, 3)),
+        half_m=np.empty((chunks, 3), dtype=np.float32),
+        reach_m=np.empty(chunks, dtype=np.float32),
+        geometry=np.empty((chunks, BLOCKS, GEOMETRY_ROWS, 16), dtype=np.float32),
+        colour=np.empty((flat, BLOCKS, 3, 16), dtype=np.float32),
+        sh=np.empty((curved, BLOCKS, 3, coefficients, 16), dtype=np.int16),
+        sh_step=np.array([step], dtype=np.float32),
+    )
+
+
+def _pack_piece(cloud: GaussianCloud, step: float, centred: bool, scene: PackedScene, first: int) -> None:
+    """Write a part of a cloud to the chunks of `scene` from `first` on."""
+    count = len(cloud)
+    chunks = -(-count // CHUNK)
+    here = slice(first, first + chunks)
+    valid = np.arange(chunks * CHUNK).reshape(chunks, CHUNK) < count
+    means = _padded(cloud.means_m.astype(np.float64), chunks)
+    log2_opacity, reach2 = opacity_terms(cloud.opacities)
+    largest_scale = cloud.scales_m.max(axis=1, initial=0.0).astype(np.float64)
+    reach = _padded((np.sqrt(reach2) * largest_scale)[:, None], chunks)[..., 0].max(axis=1)
+    centre, half = chunk_boxes(means, valid)
+    relative = means - centre[:, None] if centred else means
+    terms = [_padded(covariances(cloud), chunks), *(_padded(term[:, None], chunks) for term in (log2_opacity, reach2))]
+    rows = np.concatenate([relative, *terms], axis=2)
+    rows[~valid, -1] = -1.0
+    scene.centre_m[here], scene.half_m[here], scene.reach_m[here] = centre, rounded_up(half), rounded_up(reach)
+    scene.geometry[here] = _blocks(rows)
+    if len(scene.sh):
+        scene.sh[here] = _sh_steps(cloud, chunks, step)
+    else:
+        rgb = np.maximum(0.5 + _C0 * cloud.sh[:, 0].astype(np.float64), 0.0)
+        scene.colour[here] = _blocks(_padded(rgb, chunks))
+
+
+def chunk_boxes(means_m: Floats, valid: npt.NDArray[np.bool_]) -> tuple[Floats, Floats]:
+    """Centres and half sizes of boxes around the valid means of chunks, (C, n, 3) and (C, n) -> (C, 3), (C, 3)."""
+    low = np.where(valid[..., None], means_m, np.inf).min(axis=1)
+    high = np.where(valid[..., None], means_m, -np.inf).max(axis=1)
+    # The centre is a float32 number, so that `mean - centre` loses nothing for means near it.
+    centre = (0.5 * (low + high)).astype(np.float32).astype(np.float64)
+    return centre, np.maximum(high - centre, centre - low)
+
+
+def rounded_up(values: Floats) -> Singles:
+    """Float32 numbers that are not below `values`."""
+    return np.nextafter(values.astype(np.float32), np.float32(np.inf))
+
+
+def morton_codes(means_m: Singles) -> npt.NDArray[np.uint64]:
+    """Position of points along a Morton curve, 21 bits per axis between the 0.1 and 99.9 % quantiles."""
+    if len(means_m) == 0:
+        return np.zeros(0, dtype=np.uint64)
+    means = means_m.astype(np.float64)
+    ordered = np.sort(means, axis=0)
+    low, high = ordered[len(means) // 1000], ordered[-1 - len(means) // 1000]
+    size = max(float((high - low).max()), 1e-6)
+    code = np.zeros(len(means), dtype=np.uint64)
+    for axis in range(3):
+        cell = (np.clip((means[:, axis] - low[axis]) / size, 0.0, 1.0) * (2**21 - 1)).astype(np.uint64)
+        code |= _spread(cell) << np.uint64(axis)
+    return code
+
+
+def _spread(x: npt.NDArray[np.uint64]) -> npt.NDArray[np.uint64]:
+    """Insert two zero bits after each of the lowest 21 bits."""
+    for shift, mask in (
+        (32, 0x1F00000000FFFF),
+        (16, 0x1F0000FF0000FF),
+        (8, 0x100F00F00F00F00F),
+        (4, 0x10C30C30C30C30C3),
+        (2, 0x1249249249249249),
+    ):
+        x = (x | (x << np.uint64(shift))) & np.uint64(mask)
+    return x
+
+
+def covariances(cloud: GaussianCloud) -> Floats:
+    """Covariances xx, xy, xz, yy, yz, zz [m2], shape (N, 6)."""
+    R, scale = _rotations(cloud), cloud.scales_m.astype(np.float64).T
+    L = [[R[i][k] * scale[k] for k in range(3)] for i in range(3)]
+    pairs = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+    return np.stack([L[i][0] * L[j][0] + L[i][1] * L[j][1] + L[i][2] * L[j][2] for i, j in pairs], axis=1)
+
+
+def shortest_axes(cloud: GaussianCloud) -> Floats:
+    """Unit vectors along the axis with the smallest scale, the first one of equals, shape (N, 3)."""
+    R = np.stack([np.stack(row, axis=1) for row in _rotations(cloud)], axis=1)
+    shortest = np.argmin(cloud.scales_m, axis=1) if len(cloud) else np.zeros(0, dtype=np.int64)
+    return np.take_along_axis(R, shortest[:, None, None], axis=2)[..., 0]
+
+
+def _rotations(cloud: GaussianCloud) -> list[list[Floats]]:
+    """Rotation matrices from the principal axes, entry by entry, 3 rows of 3 arrays of shape (N,)."""
+    q = cloud.quats_wxyz.astype(np.float64)
+    w, x, y, z = q.T / np.sqrt(q[:, 0] * q[:, 0] + q[:, 1] * q[:, 1] + q[:, 2] * q[:, 2] + q[:, 3] * q[:, 3])
+    return [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+
+
+def _normals(cloud: GaussianCloud, order: npt.NDArray[np.int64]) -> npt.NDArray[np.int16]:
+    """Packed normals of some Gaussians."""
+    normal = np.empty((-(-len(order) // CHUNK), BLOCKS, 3, 16), dtype=np.int16)
+    for start in range(0, len(order), PIECE):
+        axes = shortest_axes(cloud.select(order[start : start + PIECE]))
+        chunks = -(-len(axes) // CHUNK)
+        normal[start // CHUNK :][:chunks] = _blocks(_padded(np.rint(axes / NORMAL_STEP), chunks))
+    return normal
+
+
+def opacity_terms(opacities: Singles) -> tuple[Floats, Floats]:
+    """Log2 of opacities, and the squared distance in sigmas at which they fall to 1/255, shapes (N,)."""
+    # math.log: NumPy's vectorised logarithm differs between AVX2 and AVX-512 machines.
+    log_opacity = np.array([math.log(value) for value in opacities.tolist()], dtype=np.float64)
+    return log_opacity / math.log(2.0), np.maximum(2.0 * (log_opacity - math.log(ALPHA_MIN)), 0.0)
+
+
+def _padded(rows: Floats, chunks: int) -> Floats:
+    """Rows in chunks, shape (C, 256, n), the last chunk filled up with zeros."""
+    out = np.zeros((chunks * CHUNK, rows.shape[1]), dtype=np.float64)
+    out[: len(rows)] = rows
+    return out.reshape(chunks, CHUNK, rows.shape[1])
+
+
+def _blocks(rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """(C, 256, n) -> (C, 16 blocks, n, 16 lanes)."""
+    chunks, _, n = rows.shape
+    return np.ascontiguousarray(rows.reshape(chunks, BLOCKS, 16, n).transpose(0, 1, 3, 2))
+
+
+def _sh_step(cloud: GaussianCloud, pieces: list[npt.NDArray[np.int64]]) -> float:
+    """The step that spans the coefficients of some Gaussians with 16 bits; 1 for degree 0."""
+    if cloud.sh.shape[1] == 1:
+        return 1.0
+    largest = max((float(np.abs(cloud.sh[piece]).max(initial=0.0)) for piece in pieces), default=0.0)
+    return float(np.float32(max(largest, 1e-6) / 32767.0))
+
+
+def _sh_steps(cloud: GaussianCloud, chunks: int, step: float) -> npt.NDArray[np.float64]:
+    """Coefficients as whole numbers of steps, shape (C, 16, 3, K, 16)."""
+    coefficients = cloud.sh.shape[1]
+    steps = np.clip(np.rint(cloud.sh.astype(np.float64) / step), -32767, 32767)
+    rows = steps.transpose(0, 2, 1).reshape(len(cloud), 3 * coefficients)
+    return _blocks(_padded(rows, chunks)).reshape(chunks, BLOCKS, 3, coefficients, 16)
+
+
+def save_packed(scene: PackedScene, folder: str | Path) -> None:
+    """Write a packed scene to `folder`, which appears complete or not at all; one that is there is replaced."""
+    folder = Path(folder)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
+    try:
+        for name in _ARRAYS:
+            np.save(temporary / f"{name}.npy", getattr(scene, name))
+        if scene.normal is not None:
+            np.save(temporary / _NORMAL_FILE, scene.normal)
+        (temporary / "packed.json").write_text(json.dumps({"format": FORMAT}))
+        temporary.chmod(0o755)
+        shutil.rmtree(folder, ignore_errors=True)
+        os.replace(temporary, folder)
+    except OSError:
+        shutil.rmtree(temporary, ignore_errors=True)
+        # Another worker was first: its pack is as good.
+        if load_packed(folder) is None:
+            raise
+
+
+def load_packed(folder: str | Path) -> PackedScene | None:
+    """Map a packed scene read-only; None if the folder holds no valid one."""
+    folder = Path(folder)
+    try:
+        if json.loads((folder / "packed.json").read_text()) != {"format": FORMAT}:
+            return None
+        arrays = {name: np.load(folder / f"{name}.npy", mmap_mode="r", allow_pickle=False) for name in _ARRAYS}
+    except (OSError, ValueError, EOFError):
+        return None
+    chunks = len(arrays["centre_m"])
+    expected = {
+        "half_m": (chunks, 3),
+        "reach_m": (chunks,),
+        "geometry": (chunks, BLOCKS, GEOMETRY_ROWS, 16),
+        "sh_step": (1,),
+    }
+    if any(arrays[name].shape != shape for name, shape in expected.items()):
+        return None
+    if chunks not in (len(arrays["colour"]), len(arrays["sh"])):
+        return None
+    return PackedScene(**arrays, normal=_load_normals(folder, chunks))
+
+
+def _load_normals(folder: Path, chunks: int) -> npt.NDArray[np.int16] | None:
+    """Map the normals of a pack read-only; None if there are none."""
+    try:
+        normal: npt.NDArray[np.int16] = np.load(folder / _NORMAL_FILE, mmap_mode="r", allow_pickle=False)
+    except (OSError, ValueError, EOFError):
+        return None
+    return normal if normal.shape == (chunks, BLOCKS, 3, 16) and normal.dtype == np.int16 else None
+
+
+def load_or_pack(folder: str | Path, cloud: Callable[[], GaussianCloud], *, normals: bool = False) -> PackedScene:
+    """The packed scene in `folder`; packed from `cloud()` and written there if it is missing or damaged.
+
+    Args:
+        folder: Cache folder of one cloud; its name carries the cloud's content hash.
+        cloud: Loads the cloud; not called when the cache is good.
+        normals: The pack shall have normals; they are added to the folder if they are missing there.
+
+    Returns:
+        A read-only memory map, or the pack itself where the folder cannot be written.
+    """
+    cloud = functools.cache(cloud)
+    packed = load_packed(folder) or _pack_into(Path(folder), cloud())
+    if normals and packed.normal is None:
+        return _add_normals(packed, Path(folder), cloud())
+    return packed
+
+
+def _pack_into(folder: Path, cloud: GaussianCloud) -> PackedScene:
+    scene = pack_cloud(cloud)
+    try:
+        save_packed(scene, folder)
+    except OSError:
+        return scene
+    return load_packed(folder) or scene
+
+
+def _add_normals(scene: PackedScene, folder: Path, cloud: GaussianCloud) -> PackedScene:
+    """The pack of `cloud` in `folder` with normals, which are written there if that is possible."""
+    normal = _normals(cloud, packing_order(cloud))
+    temporary = folder / f".{os.getpid()}-{_NORMAL_FILE}"
+    try:
+        np.save(temporary, normal)
+        os.replace(temporary, folder / _NORMAL_FILE)
+    except OSError:
+        with contextlib.suppress(OSError):
+            temporary.unlink()
+    mapped = _load_normals(folder, scene.chunk_count)
+    return dataclasses.replace(scene, normal=normal if mapped is None else mapped)

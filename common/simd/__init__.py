@@ -1,0 +1,1 @@
+"""Explicit SIMD types for numba, and how kernels are compiled and cached."""

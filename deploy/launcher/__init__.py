@@ -1,1 +1,0 @@
-"""The installed package: puts the folder that holds `common`, `services` and `apps` on the path."""

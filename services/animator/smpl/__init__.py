@@ -1,0 +1,1 @@
+"""SMPL joint rotations fitted to joint positions."""

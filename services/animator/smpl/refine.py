@@ -1,0 +1,237 @@
+"""Refinement of fitted SMPL rotations by optimisation, in the manner of SMPLify.
+
+Slower than the closed form by far (seconds for 10 s of motion); it weighs joint errors against smoothness in time and
+the plausibility of poses. The pose prior is the user's Gaussian mixture where its file is given, else limits of knees
+and elbows and a mild pull to the start.
+
+Source: Bogo et al., Keep it SMPL, ECCV 2016, equations 3 to 7; weights follow the fit of motion generators' joints.
+"""
+
+import io
+import math
+import pickle
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from torch import Tensor
+
+from readygo.common.avatars import SMPL_PARENTS
+from readygo.common.errors import ConfigError
+from readygo.common.messages import Motion
+
+POSE_COUNT = 69
+_TOES = (10, 11)
+GMOF_SIGMA_M = 0.1
+"""Joint errors well above this count as outliers (Geman-McClure)."""
+_PLAIN = {
+    ("numpy.core.multiarray", "_reconstruct"),
+    ("numpy._core.multiarray", "_reconstruct"),
+    ("numpy", "ndarray"),
+    ("numpy", "dtype"),
+    ("_codecs", "encode"),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class PosePrior:
+    """A Gaussian mixture over the 69 axis-angle numbers of joints 1..23."""
+
+    means: npt.NDArray[np.float64]
+    """Shape (K, 69)."""
+    precisions: npt.NDArray[np.float64]
+    """Inverse covariances, shape (K, 69, 69)."""
+    costs: npt.NDArray[np.float64]
+    """Minus the logarithm of each Gaussian's share and height, the smallest one 0, shape (K,)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RefineConfig:
+    """Weights of the terms; errors in metres and radians, squared, averaged over frames."""
+
+    joints: float = 600.0**2 / 100.0**2
+    smooth: float = 0.1
+    prior: float = 0.001
+    limits: float = 0.5
+    start: float = 0.002
+    """Pull to the rotations of the start, without a mixture."""
+    iterations: int = 60
+    move_root: bool = False
+
+    def __post_init__(self) -> None:
+        weights = (self.joints, self.smooth, self.prior, self.limits, self.start)
+        if self.iterations < 1 or min(weights) < 0.0 or not all(map(math.isfinite, weights)):
+            raise ValueError(f"weights must be finite and not negative and iterations at least 1, got {self}.")
+
+
+class _PlainUnpickler(pickle.Unpickler):
+    """Reads arrays, numbers, texts and containers; anything else could run code."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        if (module, name) not in _PLAIN:
+            raise pickle.UnpicklingError(f"it holds a {module}.{name}")
+        return super().find_class(module, name)
+
+
+def load_pose_prior(path: Path) -> PosePrior:
+    """A prior from gmm_08.pkl of SMPLify, or an .npz, with `means` (K, 69), `covars` (K, 69, 69) and `weights` (K,).
+
+    Raises:
+        ConfigError: If the file cannot be read safely or holds something else.
+    """
+    try:
+        if path.suffix == ".npz":
+            with np.load(path, allow_pickle=False) as file:
+                data = dict(file)
+        else:
+            data = _PlainUnpickler(io.BytesIO(path.read_bytes()), encoding="latin1").load()
+        means, covars, weights = (np.asarray(data[name], dtype=np.float64) for name in ("means", "covars", "weights"))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, pickle.UnpicklingError) as error:
+        raise ConfigError(f"Pose prior {path} cannot be read: {error}; give SMPLify's gmm_08.pkl.") from error
+    count = len(weights) if weights.ndim == 1 else 0
+    shapes = means.shape == (count, POSE_COUNT) and covars.shape == (count, POSE_COUNT, POSE_COUNT)
+    if count == 0 or not shapes or not weights.min() > 0.0:
+        raise ConfigError(
+            f"Pose prior {path} must hold means (K, 69), covars (K, 69, 69) and positive weights (K,), got "
+            f"{means.shape}, {covars.shape} and {weights.shape}."
+        )
+    try:
+        half_logdet = np.log(np.diagonal(np.linalg.cholesky(covars), axis1=1, axis2=2)).sum(axis=1)
+    except np.linalg.LinAlgError as error:
+        raise ConfigError(f"Pose prior {path} has a covariance that is not positive definite.") from error
+    costs = half_logdet - np.log(weights)
+    precisions = np.asarray(np.linalg.inv(covars), dtype=np.float64)
+    return PosePrior(means=means, precisions=precisions, costs=costs - costs.min())
+
+
+def refine(
+    motion: Motion,
+    joints_m: npt.ArrayLike,
+    offsets_m: npt.ArrayLike,
+    config: RefineConfig | None = None,
+    prior: PosePrior | None = None,
+) -> Motion:
+    """A motion with joints closer to the given ones, smooth and plausible.
+
+    Args:
+        motion: Where to start, e.g. `fit_motion` of the same joints.
+        joints_m: Joints 0..21 or 0..23 in the z-up world [m], shape (T, 22 or 24, 3).
+        offsets_m: Each joint relative to its parent in the T-pose, y-up [m], shape (24, 3).
+        config: Weights; None takes the defaults.
+        prior: The user's mixture.
+
+    Returns:
+        A motion of the same length; repeatable on one machine, not across processors.
+    """
+    config = config or RefineConfig()
+    joints = np.asarray(joints_m, dtype=np.float64)
+    rows = len(motion.root_m)
+    if joints.ndim != 3 or joints.shape[0] != rows or joints.shape[1] not in (22, 24) or joints.shape[2] != 3:
+        raise ValueError(f"joints_m must have shape ({rows}, 22 or 24, 3) as the motion has rows, got {joints.shape}.")
+    target = torch.from_numpy(np.stack([joints[..., 0], joints[..., 2], -joints[..., 1]], axis=-1))
+    moved = motion.root_m.astype(np.float64)
+    root0 = np.stack([moved[:, 0], moved[:, 2], -moved[:, 1]], axis=1)
+    start = torch.from_numpy(motion.pose_axis_angle.astype(np.float64))
+    pose, root = start.clone().requires_grad_(), torch.from_numpy(root0).requires_grad_(config.move_root)
+    loss = _Loss(target, start, torch.from_numpy(np.asarray(offsets_m, dtype=np.float64)), config, prior)
+    free = [pose, root] if config.move_root else [pose]
+    solver = torch.optim.LBFGS(free, max_iter=config.iterations, history_size=20, line_search_fn="strong_wolfe")
+
+    def closure() -> Tensor:
+        solver.zero_grad()
+        value = loss(pose, root)
+        value.backward()  # type: ignore[no-untyped-call]
+        return value
+
+    solver.step(closure)  # type: ignore[no-untyped-call]
+    place = root.detach().numpy()
+    return Motion(
+        root_m=np.stack([place[:, 0], -place[:, 2], place[:, 1]], axis=1).astype(np.float32),
+        pose_axis_angle=pose.detach().numpy().astype(np.float32),
+        rate_hz=motion.rate_hz,
+    )
+
+
+def refine_in_place(
+    motion: Motion, offsets_m: npt.ArrayLike, config: RefineConfig | None = None, prior: PosePrior | None = None
+) -> Motion:
+    """A motion whose limbs turn as bodies do, its joints where they were as far as that goes.
+
+    The pelvis stays, and so do the toes, which no joint shows: they were bent to clear the floor. Arguments as of
+    `refine`.
+    """
+    rows = motion.root_m.astype(np.float64)
+    root = torch.from_numpy(np.stack([rows[:, 0], rows[:, 2], -rows[:, 1]], axis=1))
+    pose = torch.from_numpy(motion.pose_axis_angle.astype(np.float64))
+    _, X = forward(pose, root, torch.from_numpy(np.asarray(offsets_m, dtype=np.float64)))
+    joints = X.numpy()
+    zup = np.stack([joints[..., 0], -joints[..., 2], joints[..., 1]], axis=-1)
+    refined = refine(motion, zup, offsets_m, config, prior)
+    kept = refined.pose_axis_angle.copy()
+    kept[:, _TOES] = motion.pose_axis_angle[:, _TOES]
+    return Motion(root_m=motion.root_m, pose_axis_angle=kept, rate_hz=motion.rate_hz)
+
+
+def rotations(pose: Tensor) -> Tensor:
+    """Matrices (..., 3, 3) of axis-angle vectors (..., 3), differentiable at 0 too."""
+    angle2 = (pose * pose).sum(-1)[..., None, None]
+    small = angle2 < 1e-8
+    angle = torch.where(small, torch.ones_like(angle2), angle2).sqrt()
+    s = torch.where(small, 1.0 - angle2 / 6.0, torch.sin(angle) / angle)
+    c = torch.where(small, 0.5 - angle2 / 24.0, (1.0 - torch.cos(angle)) / angle.square())
+    x, y, z = pose.unbind(-1)
+    zero = torch.zeros_like(x)
+    K = torch.stack([zero, -z, y, z, zero, -x, -y, x, zero], dim=-1).reshape(*pose.shape[:-1], 3, 3)
+    return torch.eye(3, dtype=pose.dtype) + s * K + c * (K @ K)
+
+
+def forward(pose: Tensor, root: Tensor, offsets: Tensor) -> tuple[Tensor, Tensor]:
+    """Global rotations (T, 24, 3, 3) and positions (T, 24, 3) of poses (T, 24, 3), y-up."""
+    local = rotations(pose)
+    G, X = [local[:, 0]], [root]
+    for joint in range(1, 24):
+        parent = int(SMPL_PARENTS[joint])
+        G.append(G[parent] @ local[:, joint])
+        X.append(X[parent] + G[parent] @ offsets[joint])
+    return torch.stack(G, dim=1), torch.stack(X, dim=1)
+
+
+class _Loss:
+    """The objective; see `RefineConfig`."""
+
+    def __init__(
+        self, target: Tensor, start: Tensor, offsets: Tensor, config: RefineConfig, prior: PosePrior | None
+    ) -> None:
+        self.target, self.start, self.offsets, self.config = target, start, offsets, config
+        self.local0 = rotations(start)
+        self.means = self.precisions = self.costs = None
+        if prior is not None:
+            self.means, self.precisions = torch.from_numpy(prior.means), torch.from_numpy(prior.precisions)
+            self.costs = torch.from_numpy(prior.costs)
+
+    def __call__(self, pose: Tensor, root: Tensor) -> Tensor:
+        config, rows = self.config, len(pose)
+        local = rotations(pose)
+        _, X = forward(pose, root, self.offsets)
+        error2 = (X[:, : self.target.shape[1]] - self.target).square().sum(-1)
+        value = config.joints * (error2 / (1.0 + error2 / GMOF_SIGMA_M**2)).sum()
+        if rows > 2:
+            # Second differences: a steady turn costs nothing.
+            value = value + config.smooth * (local[2:] - 2.0 * local[1:-1] + local[:-2]).square().sum()
+        value = value + config.limits * _beyond_limits(pose)
+        if self.means is None or self.precisions is None or self.costs is None:
+            value = value + config.start * (local - self.local0).square().sum()
+        else:
+            d = pose[:, 1:].reshape(rows, 1, POSE_COUNT) - self.means
+            distance = 0.5 * torch.einsum("tki,kij,tkj->tk", d, self.precisions, d) + self.costs
+            value = value + config.prior * distance.min(dim=1).values.sum()
+        return value / rows
+
+
+def _beyond_limits(pose: Tensor) -> Tensor:
+    """Squared bends of knees and elbows the wrong way [rad2]: knees bend about +x, elbows about -y (left) and +y."""
+    wrong = torch.stack([-pose[:, 4, 0], -pose[:, 5, 0], pose[:, 18, 1], -pose[:, 19, 1]])
+    return wrong.clamp(min=0.0).square().sum()

@@ -1,0 +1,192 @@
+"""Where a human walks: a grid route that keeps off the walls, smoothed."""
+
+import itertools
+import math
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+from scipy import ndimage
+
+from readygo.common.episode.collision import disc_meets_cells
+from readygo.common.episode.grid_search import FACTOR_MAX, FREE
+from readygo.common.maps import FloorMap, OccupancyMap, clearance_m
+from readygo.services.planner.config import HumanPlannerConfig
+from readygo.services.planner.humans.spline import length_m, smooth_path
+from readygo.services.planner.humans.task import Point
+from readygo.services.planner.humans.window_search import WindowSearch
+
+Float64Array = npt.NDArray[np.float64]
+
+_RUN_M = 0.3
+"""Slopes are measured across this distance: about a step's length, and more than a map's noise [m]."""
+
+
+class HumanPathPlanner:
+    """Smooth paths over one human map; distances and components are computed once."""
+
+    def __init__(self, occupancy: OccupancyMap, config: HumanPlannerConfig) -> None:
+        self.frame = occupancy.frame
+        self.occupancy, self._config = occupancy, config
+        self.searches = 0
+        """Paths that were asked for so far."""
+        self._clearance = clearance_m(occupancy).astype(np.float64)
+        walkable = self._clearance > config.route_clearance_m
+        # Dear near walls: (1 + 4 pen^2), pen from 0 at 1 m to 1 at the wall.
+        penalty = np.clip(1.0 - self._clearance, 0.0, 1.0)
+        factor = np.minimum(np.rint(FREE * (1 + 4 * penalty * penalty)), FACTOR_MAX)
+        self._factor = np.where(walkable, factor, 0).astype(np.uint8)
+        self._component = ndimage.label(walkable, structure=np.ones((3, 3)))[0]
+        self._search = WindowSearch((walkable.shape[0], walkable.shape[1]))
+
+    @property
+    def clearance(self) -> Float64Array:
+        """Distance of each cell's centre to what blocks humans [m], shape (H, W)."""
+        return self._clearance
+
+    def component(self, point_m: Point) -> int:
+        """Number of the connected walkable region that holds a point; 0 if nobody can walk there."""
+        i, j = self.frame.cell(*point_m)
+        inside = 0 <= i < self._component.shape[0] and 0 <= j < self._component.shape[1]
+        return int(self._component[i, j]) if inside else 0
+
+    def reach_m(self, point_m: Point, direction: Point, wanted_m: float) -> float:
+        """A distance from a point in a (unit) direction at which one can stand [m]: the wanted one, or up to a wall."""
+        frame = self.frame
+        place = (frame.origin_x_m, frame.origin_y_m, frame.resolution_m)
+        return float(_reach_m(self._component, *place, point_m, direction, wanted_m))
+
+    def settled(self, point_m: Point, reach_m: float) -> Point | None:
+        """A point if one can walk there, else the nearest walkable cell within a distance, else None."""
+        if self.component(point_m):
+            return point_m
+        i, j = self.frame.cell(*point_m)
+        cells = math.ceil(reach_m / self.frame.resolution_m)
+        i0, j0 = max(i - cells, 0), max(j - cells, 0)
+        rows, columns = np.nonzero(self._component[i0 : max(i + cells + 1, 0), j0 : max(j + cells + 1, 0)])
+        if len(rows) == 0:
+            return None
+        x = self.frame.origin_x_m + (columns + j0 + 0.5) * self.frame.resolution_m
+        y = self.frame.origin_y_m + (rows + i0 + 0.5) * self.frame.resolution_m
+        gaps = (x - point_m[0]) ** 2 + (y - point_m[1]) ** 2
+        best = int(np.argmin(gaps))
+        return (float(x[best]), float(y[best])) if gaps[best] <= reach_m * reach_m else None
+
+    def path(self, via_m: list[Point], *, detour_max: float = 1.6) -> Float64Array | None:
+        """A smooth path through points that all lie in one walkable region.
+
+        Args:
+            via_m: Start, points to pass near, end [m].
+            detour_max: A route longer than this many straight distances (plus 0.5 m) is refused.
+
+        Returns:
+            Points [m], shape (N, 2), or None if there is no such path.
+        """
+        components = {self.component(point) for point in via_m}
+        if components == {0} or len(components) != 1:
+            return None
+        self.searches += 1
+        longest_m = detour_max * length_m(np.array(via_m)) + 0.5
+        route = self._route(via_m, longest_m)
+        if route is None or length_m(route) > longest_m:
+            return None
+        config = self._config
+        return smooth_path(
+            route,
+            self._clearance,
+            self.frame,
+            spacing_m=config.spline_spacing_m,
+            preferred_m=config.preferred_clearance_m,
+            required_m=config.clearance_m,
+            factors=(config.obstacle_weight, config.jerk_weight, config.length_weight),
+            iterations=config.iterations,
+        )
+
+    def _route(self, via_m: list[Point], longest_m: float) -> Float64Array | None:
+        """Grid route through points; None if there is none, or surely none of this length."""
+        frame, straight_m = self.frame, length_m(np.array(via_m))
+        legs = [np.array(via_m[:1])]
+        for start, end in itertools.pairwise(via_m):
+            longest = (longest_m - straight_m + math.dist(start, end)) / frame.resolution_m
+            # A cell's diagonal at each end: the search goes from centre to centre.
+            cells = self._search.path(self._factor, frame.cell(*start), frame.cell(*end), longest=longest + 2)
+            if cells is None:
+                return None
+            inner = cells[1:-1] + 0.5
+            x = frame.origin_x_m + inner[:, 1] * frame.resolution_m
+            y = frame.origin_y_m + inner[:, 0] * frame.resolution_m
+            legs += [np.stack([x, y], axis=1), np.array([end])]
+        return np.concatenate(legs)
+
+
+def keeps_clear(occupancy: OccupancyMap, xy_m: Float64Array, radius_m: float) -> bool:
+    """True if a disc meets nothing at any of these places (N, 2) [m], by the definition of collisions."""
+    frame = occupancy.frame
+    place = (frame.origin_x_m, frame.origin_y_m, frame.resolution_m)
+    return bool(_keeps_clear(occupancy.occupied, *place, xy_m, radius_m))
+
+
+def without_slopes(occupancy: OccupancyMap, floor: FloorMap, slope_max: float) -> OccupancyMap:
+    """A map with the floor that nobody would walk on blocked: steep slopes and steps.
+
+    Args:
+        occupancy: What blocks humans.
+        floor: Height of the floor.
+        slope_max: Largest rise over run across 0.3 m; 0 does not look at the floor.
+    """
+    if slope_max <= 0:
+        return occupancy
+    frame, (rows, columns) = occupancy.frame, occupancy.occupied.shape
+    x = frame.origin_x_m + (np.arange(columns) + 0.5) * frame.resolution_m
+    y = frame.origin_y_m + (np.arange(rows) + 0.5) * frame.resolution_m
+    height = floor.at_many(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)).reshape(rows, columns)
+    reach = max(1, round(0.5 * _RUN_M / frame.resolution_m))
+    run_m = 2 * reach * frame.resolution_m
+    padded = np.pad(height, reach, mode="edge")
+    middle = slice(reach, -reach)
+    rise_x = padded[middle, 2 * reach :] - padded[middle, : -2 * reach]
+    rise_y = padded[2 * reach :, middle] - padded[: -2 * reach, middle]
+    steep = rise_x * rise_x + rise_y * rise_y > (slope_max * run_m) ** 2
+    return OccupancyMap(frame=frame, occupied=occupancy.occupied | steep)
+
+
+@njit(cache=True)
+def _reach_m(
+    component: npt.NDArray[np.int32],
+    ox: float,
+    oy: float,
+    resolution: float,
+    point: Point,
+    direction: Point,
+    wanted_m: float,
+) -> float:
+    height, width = component.shape
+    i, j = math.floor((point[1] - oy) / resolution), math.floor((point[0] - ox) / resolution)
+    region = component[i, j] if 0 <= i < height and 0 <= j < width else 0
+    if region == 0:
+        return 0.0
+    best_m, count = 0.0, 0
+    while True:
+        # The wanted distance itself comes first.
+        distance_m = wanted_m if count == 0 else count * 0.1
+        if count > 0 and distance_m >= wanted_m:
+            return best_m
+        i = math.floor((point[1] + distance_m * direction[1] - oy) / resolution)
+        j = math.floor((point[0] + distance_m * direction[0] - ox) / resolution)
+        walkable = 0 <= i < height and 0 <= j < width and component[i, j] == region
+        if count == 0 and walkable:
+            return wanted_m
+        if count > 0 and not walkable:
+            return best_m
+        best_m = count * 0.1
+        count += 1
+
+
+@njit(cache=True)
+def _keeps_clear(
+    occupied: npt.NDArray[np.bool_], ox: float, oy: float, resolution: float, xy: Float64Array, radius: float
+) -> bool:
+    for row in range(len(xy)):
+        if disc_meets_cells(occupied, ox, oy, resolution, xy[row, 0], xy[row, 1], radius):
+            return False
+    return True

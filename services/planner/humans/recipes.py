@@ -1,0 +1,68 @@
+"""Named mixes of people: functions that change how many come, how fast they are and how they meet the robot."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, Literal
+
+from readygo.common.episode import EpisodeConfig
+from readygo.services.planner.config import PAPER_MIX, FamilyMix, HumanPlannerConfig
+
+People = tuple[EpisodeConfig, HumanPlannerConfig]
+PeopleName = Literal["paper", "varied", "crowd"]
+
+_PLACES: dict[str, Any] = {
+    "slope_max": 0.35,
+    "attempts": 60,
+    "searches": 3,
+    "families_tried": 4,
+    "fewer_humans": True,
+    "iterations": 30,
+}
+"""Cheap draws often, dear ones seldom: 15 ms a scenario at most on average."""
+
+
+def people_paper(episode: EpisodeConfig, planner: HumanPlannerConfig) -> People:
+    """One or two people at 0.8-1.4 m/s who cross the way or walk along it: the frozen mix of success rates."""
+    return (
+        replace(episode, human_count_min=1, human_count_max=2, human_speed_min_mps=0.8, human_speed_max_mps=1.4),
+        replace(planner, mix=PAPER_MIX),
+    )
+
+
+def people_varied(episode: EpisodeConfig, planner: HumanPlannerConfig) -> People:
+    """Up to four people at 0.5-2.0 m/s from all families; fewer where they find no room."""
+    mix = FamilyMix(
+        crossing=0.14,
+        parallel=0.12,
+        frontal=0.12,
+        overtaking=0.10,
+        crossing_left=0.06,
+        crossing_right=0.06,
+        blind_corner=0.10,
+        doorway=0.10,
+        standing_group=0.08,
+        stop_and_go=0.07,
+        goalward=0.05,
+    )
+    return (
+        replace(episode, human_count_min=0, human_count_max=4, human_speed_min_mps=0.5, human_speed_max_mps=2.0),
+        replace(planner, mix=mix, **_PLACES),
+    )
+
+
+def people_crowd(episode: EpisodeConfig, planner: HumanPlannerConfig) -> People:
+    """Two to four people at 0.5-1.5 m/s: much cross traffic and groups that stand."""
+    mix = FamilyMix(
+        crossing=0.25, parallel=0.2, frontal=0.15, overtaking=0.05, doorway=0.1, standing_group=0.15, stop_and_go=0.1
+    )
+    return (
+        replace(episode, human_count_min=2, human_count_max=4, human_speed_min_mps=0.5, human_speed_max_mps=1.5),
+        replace(planner, mix=mix, **_PLACES),
+    )
+
+
+PEOPLE_RECIPES: dict[PeopleName, Callable[[EpisodeConfig, HumanPlannerConfig], People]] = {
+    "paper": people_paper,
+    "varied": people_varied,
+    "crowd": people_crowd,
+}

@@ -1,0 +1,296 @@
+"""Draws scenarios: where the robot starts and goes, and which humans meet it on the way."""
+
+import math
+from collections.abc import Callable, Iterator
+from itertools import islice
+
+import numpy as np
+import numpy.typing as npt
+from scipy import ndimage
+
+from readygo.common.episode import EpisodeConfig, Purpose, episode_rng
+from readygo.common.episode.grid_search import FREE, taut_path_m
+from readygo.common.errors import AvatarError, SceneError
+from readygo.common.maps import OccupancyMap, SightMap, clearance_m, sight_of_occupancy
+from readygo.common.messages import EpisodeKey, HumanTrajectory, Scenario
+from readygo.common.robot import RobotConfig
+from readygo.common.robot.kinematics import DT_S
+from readygo.services.planner.config import FamilyMix, HumanPlannerConfig
+from readygo.services.planner.humans.families import (
+    Draw,
+    People,
+    Site,
+    crossing,
+    crossing_left,
+    crossing_right,
+    frontal,
+    goalward,
+    overtaking,
+    parallel,
+)
+from readygo.services.planner.humans.families_places import blind_corner, doorway, standing_group, stop_and_go
+from readygo.services.planner.humans.human import HumanPathPlanner, keeps_clear
+from readygo.services.planner.humans.spline import length_m, resample
+from readygo.services.planner.humans.task import SPACING_M, ExpectedDrive, Point, Task
+from readygo.services.planner.humans.walk import nearest_m
+from readygo.services.planner.humans.window_search import WindowSearch
+
+Float64Array = npt.NDArray[np.float64]
+UInt8Array = npt.NDArray[np.uint8]
+
+PARKED_GAP_M = 0.05
+"""Room beyond its planning radius that the robot keeps to whoever has arrived [m]."""
+GROUP_GAP_M = 0.25
+"""The same for groups that stand from the beginning [m]."""
+
+_NEARBY_M = 4.0
+"""Ways around people are looked for this near first [m]."""
+
+NO_WAY = "no way from start to goal"
+NO_ROOM = "no room for a human"
+IN_THE_WAY = "people in each other's way"
+
+FAMILIES: dict[str, Draw] = {
+    draw.__name__: draw
+    for draw in (
+        crossing,
+        parallel,
+        frontal,
+        overtaking,
+        crossing_left,
+        crossing_right,
+        blind_corner,
+        doorway,
+        standing_group,
+        stop_and_go,
+        goalward,
+    )
+}
+"""The families by the names of `FamilyMix`."""
+
+
+class RejectedError(Exception):
+    """An episode that cannot take place; the text is the short reason."""
+
+
+class ScenarioSampler:
+    """Draws scenarios on one scene's maps."""
+
+    def __init__(
+        self,
+        robot_map: OccupancyMap,
+        human_map: OccupancyMap,
+        robot: RobotConfig,
+        episode_config: EpisodeConfig,
+        config: HumanPlannerConfig,
+        cell_margin_m: float,
+        *,
+        find_sight: Callable[[], SightMap] | None = None,
+    ) -> None:
+        """Precompute free space and its connected regions.
+
+        Args:
+            robot_map: What blocks the robot.
+            human_map: What blocks humans.
+            robot: Footprint and limits.
+            episode_config: Distances, counts and speeds.
+            config: How scenarios are drawn.
+            cell_margin_m: Added to the planning radius at cell centres [m].
+            find_sight: What hides people from a camera; without it, all of the robot's map does.
+
+        Raises:
+            SceneError: If the robot's map has no free space for it.
+        """
+        self._robot, self._episode, self._config = robot, episode_config, config
+        self._frame = robot_map.frame
+        self.site = Site(
+            paths=HumanPathPlanner(human_map, config),
+            robot=robot,
+            episode=episode_config,
+            config=config,
+            drive=ExpectedDrive.of(robot, config.robot_speed_fraction),
+            find_sight=find_sight or (lambda: sight_of_occupancy(robot_map)),
+        )
+        clearance = clearance_m(robot_map)
+        planning_m = robot.planning_radius_m + cell_margin_m
+        self._factor = np.where(clearance > planning_m, np.uint8(FREE), np.uint8(0))
+        region = ndimage.label(self._factor > 0, structure=np.ones((3, 3)))[0]
+        self._region = np.where(clearance > planning_m + config.start_margin_m, region, 0)
+        self._starts = np.flatnonzero(self._region)
+        if len(self._starts) == 0:
+            raise SceneError(
+                f"The map has no free space for a disc of {robot.planning_radius_m} m; "
+                "check the scene's scale and its maps."
+            )
+        self._search = WindowSearch((self._factor.shape[0], self._factor.shape[1]))
+
+    def draw(self, episode: EpisodeKey, rng: np.random.Generator, avatar_names: list[str], *, static: bool) -> Scenario:
+        """Draw a scenario; the static one has the dynamic one's start and goal.
+
+        Raises:
+            RejectedError: If the draw cannot take place.
+            AvatarError: If humans are wanted but there are no avatars.
+        """
+        task = self.draw_task(rng)
+        count = int(rng.integers(self._episode.human_count_min, self._episode.human_count_max + 1))
+        humans: list[HumanTrajectory] = []
+        if not static and count > 0:
+            if not avatar_names:
+                raise AvatarError("Humans are asked for but there are no avatars; add one or set human counts to 0.")
+            # A stream of their own: who walks changes nothing about where.
+            people = episode_rng(episode, Purpose.AVATAR)
+            order = [avatar_names[int(k)] for k in people.permutation(len(avatar_names))]
+            while len(humans) < count:
+                drawn = self._draw_people(rng, task, count - len(humans), [human.xy_m for human in humans])
+                if drawn is None:
+                    if self._config.fewer_humans and len(humans) >= self._episode.human_count_min:
+                        break
+                    raise RejectedError(NO_ROOM)
+                family, walks = drawn
+                for walk in walks:
+                    avatar = order[len(humans) % len(order)]
+                    humans.append(
+                        HumanTrajectory(avatar=avatar, encounter=family, speed_mps=walk.speed_mps, xy_m=walk.xy_m)
+                    )
+        (x, y), (goal_x, goal_y) = task.start_m, task.goal_m
+        return Scenario(
+            episode=episode,
+            start_xyyaw=np.array([x, y, math.atan2(goal_y - y, goal_x - x)]),
+            goal_xy_m=np.array([goal_x, goal_y]),
+            humans=tuple(humans),
+        )
+
+    def draw_task(self, rng: np.random.Generator) -> Task:
+        """Start and goal in one region, the distance drawn evenly from the config's range.
+
+        Raises:
+            RejectedError: If there is none.
+        """
+        for _ in range(100):
+            start = self._draw_start(rng)
+            region = self._region[self._frame.cell(*start)]
+            for _ in range(20):
+                goal = self._draw_goal(rng, start)
+                i, j = self._frame.cell(*goal)
+                inside = 0 <= i < self._region.shape[0] and 0 <= j < self._region.shape[1]
+                if not inside or self._region[i, j] != region:
+                    continue
+                way = self._way(start, goal)
+                straight_m = math.hypot(goal[0] - start[0], goal[1] - start[1])
+                if way is not None and length_m(way) <= self._config.detour_max * straight_m:
+                    return make_task(start, goal, way)
+        raise RejectedError(NO_WAY)
+
+    def _draw_start(self, rng: np.random.Generator) -> Point:
+        cell = int(self._starts[int(rng.integers(len(self._starts)))])
+        x, y = self._frame.centre_m(cell // self._region.shape[1], cell % self._region.shape[1])
+        half = 0.49 * self._frame.resolution_m
+        return x + rng.uniform(-half, half), y + rng.uniform(-half, half)
+
+    def _draw_goal(self, rng: np.random.Generator, start: Point) -> Point:
+        distance = rng.uniform(self._episode.goal_distance_min_m, self._episode.goal_distance_max_m)
+        angle = rng.uniform(-math.pi, math.pi)
+        return start[0] + distance * math.cos(angle), start[1] + distance * math.sin(angle)
+
+    def _way(self, start: Point, goal: Point) -> Float64Array | None:
+        # A taut way is shorter than its cells, by 8 % at most.
+        longest = 1.1 * self._config.detour_max * math.dist(start, goal) / self._frame.resolution_m + 4
+        cells = self._search.path(self._factor, self._frame.cell(*start), self._frame.cell(*goal), longest=longest)
+        if cells is None:
+            return None
+        way = taut_path_m(cells, self._factor, self._frame)
+        way[0], way[-1] = start, goal
+        return way
+
+    def _draw_people(
+        self, rng: np.random.Generator, task: Task, wanted: int, others: list[Float64Array]
+    ) -> tuple[str, People] | None:
+        """People of a drawn family, or of another one of the mix where the place has no room for it, or None."""
+        for family in islice(drawn_order(rng, self._config.mix), self._config.families_tried):
+            paths = self.site.paths
+            last = paths.searches + self._config.searches
+            for _ in range(self._config.attempts):
+                if paths.searches >= last:
+                    break
+                people = FAMILIES[family](self.site, rng, task, wanted)
+                if people and self._fit(people, task, others):
+                    return family, people
+        return None
+
+    def _fit(self, people: People, task: Task, others: list[Float64Array]) -> bool:
+        """True if people who come together can join the others."""
+        tracks = list(others)
+        for person in people:
+            if not self._is_fair(person.xy_m, task) or not self._fits(person.xy_m, task, tracks):
+                return False
+            tracks.append(person.xy_m)
+        # People in conversation do not leave: the robot shall pass without touching their arms.
+        return self._leave_a_way(task, tracks, PARKED_GAP_M if len(people) == 1 else GROUP_GAP_M)
+
+    def _is_fair(self, xy_m: Float64Array, task: Task) -> bool:
+        (x0, y0), (x1, y1) = xy_m[[0, -1]].tolist()
+        away = math.hypot(x0 - task.start_m[0], y0 - task.start_m[1]) >= self._config.start_distance_min_m
+        return away and math.hypot(x1 - task.goal_m[0], y1 - task.goal_m[1]) >= self._config.parked_distance_min_m
+
+    def _fits(self, xy_m: Float64Array, task: Task, others: list[Float64Array]) -> bool:
+        """True if a human meets no wall, leaves the start in peace and keeps off the others."""
+        early = xy_m[: round(self._config.start_peace_s / DT_S) + 1] - np.array(task.start_m)
+        if np.min(early[:, 0] ** 2 + early[:, 1] ** 2) < self._config.start_peace_m**2:
+            return False
+        radius_m = self._episode.human_radius_m
+        if any(nearest_m(xy_m, other) < 2 * radius_m for other in others):
+            return False
+        return keeps_clear(self.site.paths.occupancy, xy_m, radius_m)
+
+    def _leave_a_way(self, task: Task, tracks: list[Float64Array], gap_m: float) -> bool:
+        """True if the robot can get to its goal among people who stand at the ends of their tracks."""
+        keep_off_m = self._robot.planning_radius_m + self._episode.human_radius_m + gap_m
+        parked = [track[-1] for track in tracks]
+        gaps = [task.way_m - point for point in parked]
+        # Nobody near the way: it is still there. A cell's diagonal and the way's spacing are on the safe side.
+        clear_m = keep_off_m + 2 * self._frame.resolution_m + SPACING_M
+        if all(np.min(gap[:, 0] ** 2 + gap[:, 1] ** 2) > clear_m * clear_m for gap in gaps):
+            return True
+        factor = self._factor.copy()
+        for x, y in parked:
+            self._fill_disc(factor, (float(x), float(y)), keep_off_m, None)
+        # Whoever ends at the robot's start arrives there after the robot has left.
+        self._fill_disc(factor, task.start_m, 2 * keep_off_m, self._factor)
+        start, goal = self._frame.cell(*task.start_m), self._frame.cell(*task.goal_m)
+        return self._search.connects(factor, start, goal, margin=round(_NEARBY_M / self._frame.resolution_m))
+
+    def _fill_disc(self, factor: UInt8Array, centre: Point, radius_m: float, source: UInt8Array | None) -> None:
+        """Set the cells within a disc to blocked, or to what they are in `source`."""
+        resolution = self._frame.resolution_m
+        i, j = self._frame.cell(*centre)
+        reach = int(radius_m / resolution) + 1
+        rows = slice(max(i - reach, 0), max(i + reach + 1, 0))
+        columns = slice(max(j - reach, 0), max(j + reach + 1, 0))
+        y = self._frame.origin_y_m + (np.arange(factor.shape[0])[rows, None] + 0.5) * resolution - centre[1]
+        x = self._frame.origin_x_m + (np.arange(factor.shape[1])[None, columns] + 0.5) * resolution - centre[0]
+        inside = x * x + y * y < radius_m * radius_m
+        factor[rows, columns][inside] = 0 if source is None else source[rows, columns][inside]
+
+
+def make_task(start: Point, goal: Point, way: Float64Array) -> Task:
+    """A task with its way in even steps."""
+    even = resample(way, int(length_m(way) / SPACING_M) + 2)
+    return Task(start_m=start, goal_m=goal, way_m=even, length_m=length_m(even))
+
+
+def drawn_order(rng: np.random.Generator, mix: FamilyMix) -> Iterator[str]:
+    """All families of a mix, each drawn by its share among those that are left; what is not asked for is not drawn."""
+    shares = mix.shares
+    while shares:
+        family = _drawn(rng, shares) if len(shares) > 1 else next(iter(shares))
+        del shares[family]
+        yield family
+
+
+def _drawn(rng: np.random.Generator, shares: dict[str, float]) -> str:
+    left = rng.random() * sum(shares.values())
+    for family, share in shares.items():
+        left -= share
+        if left < 0:
+            return family
+    return next(reversed(shares))

@@ -1,0 +1,1 @@
+"""What a camera's lens, shutter and sensor do to an image."""

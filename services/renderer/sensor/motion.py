@@ -1,0 +1,148 @@
+"""What camera and people do between the rows of an episode."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from numba import njit
+
+from readygo.common.maps import FloorMap
+from readygo.common.messages import HumanMotion
+from readygo.common.robot import CameraConfig
+
+Floats = npt.NDArray[np.float64]
+Singles = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PosedHuman:
+    """A person in one pose."""
+
+    avatar: str
+    root_m: Singles
+    """Pelvis in the z-up world [m], shape (3,)."""
+    pose_axis_angle: Singles
+    """Joint rotations [rad] as in `Motion`, shape (24, 3)."""
+
+    def equals(self, other: "PosedHuman") -> bool:
+        """True if both are the same person in the same pose."""
+        return (
+            self.avatar == other.avatar
+            and np.array_equal(self.root_m, other.root_m)
+            and np.array_equal(self.pose_axis_angle, other.pose_axis_angle)
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Moment:
+    """What there is to draw at one time."""
+
+    T_world_camera: Floats
+    """Camera pose, OpenCV axes, shape (4, 4)."""
+    humans: tuple[HumanMotion, ...]
+    step: float
+    """Simulation step at which the humans are drawn; it need not be whole."""
+
+    def equals(self, other: "Moment") -> bool:
+        """True if both, moments of the same people, give the same image."""
+        if not np.array_equal(self.T_world_camera, other.T_world_camera):
+            return False
+        pairs = zip(posed(self.humans, self.step), posed(other.humans, other.step), strict=True)
+        return all(one.equals(two) for one, two in pairs)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Timeline:
+    """Camera and people of an episode at any time; before the first row and after the last one all stand still."""
+
+    xyyaw: Floats
+    """Robot at each step: x [m], y [m], yaw [rad] (not wrapped), shape (T, 3)."""
+    humans: tuple[HumanMotion, ...]
+    floor: FloorMap
+    camera: CameraConfig
+
+    def at(self, step: float) -> Moment:
+        """The moment at a step, which need not be whole: the robot drives an arc between rows."""
+        row, share = _row_and_share(step, len(self.xyyaw))
+        pose = self.xyyaw[row] if share == 0.0 else arc(self.xyyaw[row], self.xyyaw[row + 1], share)
+        x_m, y_m, yaw_rad = (float(value) for value in pose)
+        T_world_camera = self.camera.T_world_camera(x_m, y_m, yaw_rad, self.floor.at(x_m, y_m))
+        return Moment(T_world_camera=T_world_camera, humans=self.humans, step=step)
+
+
+def posed(humans: Sequence[HumanMotion], step: float) -> tuple[PosedHuman, ...]:
+    """People at a step: between rows the root moves straight and every joint turns about one axis."""
+    return tuple(_posed(human, step) for human in humans)
+
+
+def _posed(human: HumanMotion, step: float) -> PosedHuman:
+    root_m, pose = human.motion.root_m, human.motion.pose_axis_angle
+    row, share = _row_and_share(step, len(root_m))
+    if share == 0.0:
+        return PosedHuman(avatar=human.avatar, root_m=root_m[row], pose_axis_angle=pose[row])
+    between = root_m[row] + np.float32(share) * (root_m[row + 1] - root_m[row])
+    turned = np.empty((24, 3), dtype=np.float32)
+    _turn(pose[row], pose[row + 1], share, turned)
+    return PosedHuman(avatar=human.avatar, root_m=between, pose_axis_angle=turned)
+
+
+def _row_and_share(step: float, count: int) -> tuple[int, float]:
+    """The row before a step and the share of the way to the next one."""
+    if step >= count - 1:
+        return count - 1, 0.0
+    row = max(math.floor(step), 0)
+    return row, max(step - row, 0.0)
+
+
+def arc(first: Floats, last: Floats, share: float) -> tuple[float, float, float]:
+    """Pose (x, y, yaw) after a share of the constant twist that carries one planar pose to another.
+
+    Between two samples of a unicycle that keeps its command this is the arc that it drives.
+    Source: Lynch & Park, Modern Robotics, 2017, section 3.3.3 (exponential coordinates), in the plane.
+    """
+    x0, y0, yaw0 = (float(value) for value in first)
+    x1, y1, yaw1 = (float(value) for value in last)
+    half = 0.5 * (yaw1 - yaw0)
+    # The chord of a part of the arc is to the whole chord as the sines of the half angles, and turned between them.
+    part = share * half
+    length = math.sin(part) / math.sin(half) if abs(half) > 1e-9 else share
+    turn = part - half
+    dx, dy = length * (x1 - x0), length * (y1 - y0)
+    c, s = math.cos(turn), math.sin(turn)
+    return x0 + c * dx - s * dy, y0 + s * dx + c * dy, yaw0 + 2.0 * part
+
+
+@njit(cache=True, error_model="numpy")
+def _turn(first: Singles, last: Singles, share: float, out: Singles) -> None:
+    """Interpolate rotations given as axis-angle vectors along the shorter way (slerp)."""
+    p, q, r = np.empty(4), np.empty(4), np.empty(4)
+    for j in range(len(first)):
+        _quaternion(first[j], p)
+        _quaternion(last[j], q)
+        dot = p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3]
+        sign = -1.0 if dot < 0.0 else 1.0
+        dot = min(dot * sign, 1.0)
+        angle = math.acos(dot)
+        if angle < 1e-6:
+            a, b = 1.0 - share, share * sign
+        else:
+            a, b = math.sin((1.0 - share) * angle) / math.sin(angle), sign * math.sin(share * angle) / math.sin(angle)
+        for k in range(4):
+            r[k] = a * p[k] + b * q[k]
+        length = math.sqrt(r[1] * r[1] + r[2] * r[2] + r[3] * r[3])
+        if r[0] < 0.0:
+            length, r[0] = -length, -r[0]
+        scale = 2.0 * math.atan2(abs(length), r[0]) / length if abs(length) > 1e-12 else 2.0
+        for k in range(3):
+            out[j, k] = scale * r[k + 1]
+
+
+@njit(cache=True, error_model="numpy")
+def _quaternion(rotation: Singles, q: Floats) -> None:
+    """Write the unit quaternion, w first, of an axis-angle vector."""
+    x, y, z = float(rotation[0]), float(rotation[1]), float(rotation[2])
+    angle = math.sqrt(x * x + y * y + z * z)
+    scale = math.sin(0.5 * angle) / angle if angle > 1e-12 else 0.5
+    q[0], q[1], q[2], q[3] = math.cos(0.5 * angle), scale * x, scale * y, scale * z

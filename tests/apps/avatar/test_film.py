@@ -1,0 +1,33 @@
+"""The film of a walk: people stand on the floor's lines."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from readygo.apps.avatar.film import AMPLITUDE_M, LENGTH_M, LENS, s_curve_walk, walk_frames
+from readygo.common.avatars import Avatar, load_avatars
+
+
+@pytest.fixture(scope="module")
+def person() -> Avatar:
+    return next(iter(load_avatars().values()))
+
+
+def test_walk_follows_the_s_curve_to_its_end(person: Avatar) -> None:
+    root = s_curve_walk(person).root_m
+    sway = AMPLITUDE_M * np.sin(2 * np.pi * root[:, 0] / LENGTH_M)
+    assert np.abs(root[:, 1] - sway).max() < 0.05
+    assert root[-1, 0] == pytest.approx(LENGTH_M, abs=0.1)
+
+
+def test_pictures_show_the_person_before_wall_and_floor(person: Avatar) -> None:
+    first, *_, last = itertools.islice(walk_frames(person), 0, 12)
+    assert first.shape == (LENS.height_px, LENS.width_px, 3)
+    wall = first[5, 5].astype(int)
+    middle = first[:, LENS.width_px // 4 : 3 * LENS.width_px // 4].astype(int)
+    person_rows = np.flatnonzero((np.abs(middle - wall).max(axis=2) > 100).any(axis=1))
+    assert 0.3 * LENS.height_px < np.ptp(person_rows) < 0.95 * LENS.height_px
+    lines = first[-5].astype(int).mean(axis=1)
+    assert lines.min() < lines.max() - 30
+    assert (first != last).any()

@@ -1,0 +1,99 @@
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from readygo.apps.avatar.sheet import TILE, phase_rows
+from readygo.apps.commands.avatar import avatar_list, avatar_preview, standing_pose, stride_pose, turntable
+from readygo.common.avatars import load_avatars
+from readygo.common.errors import AvatarError
+
+
+def test_list_as_json_describes_every_embedded_avatar(capsys: pytest.CaptureFixture[str]) -> None:
+    avatar_list(json=True)
+    rows = json.loads(capsys.readouterr().out)
+    assert [row["name"] for row in rows] == list(load_avatars())
+    assert all(row["size_bytes"] < 1_500_000 and row["gaussians"] > 0 and len(row["hash"]) == 64 for row in rows)
+    assert all("CC0" in row["license"] for row in rows)
+
+
+def test_list_prints_names_and_heights(capsys: pytest.CaptureFixture[str]) -> None:
+    avatar_list()
+    printed = capsys.readouterr().out
+    assert all(name in printed and f"{avatar.height_m:.2f}" in printed for name, avatar in load_avatars().items())
+
+
+def test_list_of_a_folder_without_avatars_says_so(tmp_path: Path) -> None:
+    with pytest.raises(AvatarError, match="no avatar"):
+        avatar_list(avatars=tmp_path)
+
+
+def test_preview_shows_the_person_from_all_sides(tmp_path: Path) -> None:
+    name = next(iter(load_avatars()))
+    avatar_preview(Path(name), out=tmp_path / "sheet.png")
+    sheet = cv2.imread(str(tmp_path / "sheet.png")).astype(int)
+    height, width = sheet.shape[0] // 2, sheet.shape[1] // 8
+    for row in range(2):
+        for column in range(8):
+            tile = sheet[row * height : (row + 1) * height, column * width : (column + 1) * width]
+            # Wall and floor are grey and light.
+            person = (np.ptp(tile, axis=2) > 30) | (tile.max(axis=2) < 70)
+            assert 0.05 < person.mean() < 0.5
+            assert not person[:4].any()
+            assert not person[-4:].any()
+    assert [path.name for path in tmp_path.iterdir()] == ["sheet.png"]
+
+
+def test_front_and_back_differ() -> None:
+    avatar = next(iter(load_avatars().values()))
+    sheet = turntable(avatar, [standing_pose()]).astype(int)
+    front, back = sheet[:, :240], sheet[:, 4 * 240 : 5 * 240]
+    assert np.abs(front - back).max(axis=2).mean() > 1.0
+
+
+def test_stride_moves_the_legs_apart() -> None:
+    assert np.abs(stride_pose() - standing_pose())[[1, 2]].max() > 0.2
+
+
+def test_contact_sheet_shows_four_phases_from_three_sides(tmp_path: Path) -> None:
+    avatar_preview(Path("bruno"), sheet=tmp_path / "gait.png")
+    sheet = cv2.imread(str(tmp_path / "gait.png")).astype(int)
+    assert sheet.shape == (3 * TILE.height_px, 4 * TILE.width_px, 3)
+    tiles = sheet.reshape(3, TILE.height_px, 4, TILE.width_px, 3).swapaxes(1, 2)
+    people = (np.ptp(tiles, axis=-1) > 30) | (tiles.max(axis=-1) < 70)
+    # Below the caption.
+    people[:, :, :40] = False
+    assert (people.mean(axis=(2, 3)) > 0.08).all()
+    assert not people[:, :, -4:].any()
+    low = [np.ptp(np.flatnonzero(tile[335:].any(axis=0))) for tile in people[1]]
+    assert min(low[0], low[2]) > 1.15 * max(low[1], low[3])
+
+
+def test_phases_are_quarters_of_a_stride() -> None:
+    t = np.arange(120)
+    joints = np.zeros((120, 24, 3))
+    joints[:, 0, 0] = 0.06 * t
+    joints[:, 7, 0] = 0.06 * t + 0.3 * np.cos(2 * np.pi * (t - 8) / 20)
+    first, *others = phase_rows(joints)
+    assert first % 20 == 8
+    assert [row - first for row in others] == [5, 10, 15]
+    with pytest.raises(AvatarError, match="no whole stride"):
+        phase_rows(joints[:20])
+
+
+def test_preview_asks_what_to_make(tmp_path: Path) -> None:
+    with pytest.raises(AvatarError, match="--video"):
+        avatar_preview(Path("amara"))
+    with pytest.raises(AvatarError, match=r"--sheet gait.jpg must end in \.png"):
+        avatar_preview(Path("amara"), sheet=Path("gait.jpg"))
+    with pytest.raises(AvatarError, match=r"\.mp4"):
+        avatar_preview(Path("amara"), video=tmp_path / "film.avi")
+
+
+def test_preview_refuses_other_formats_and_missing_files(tmp_path: Path) -> None:
+    with pytest.raises(AvatarError, match=r"\.png"):
+        avatar_preview(Path("amara"), out=tmp_path / "sheet.jpg")
+    with pytest.raises(AvatarError, match="cannot be read"):
+        avatar_preview(Path("nobody"), out=tmp_path / "sheet.png")

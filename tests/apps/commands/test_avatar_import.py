@@ -1,0 +1,103 @@
+"""`readygo avatar import`: a file in, an avatar and a report out; mistakes end in one line and exit code 2."""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from readygo.apps.cli import main
+from readygo.apps.commands.avatar_import import avatar_import
+from readygo.common.avatars import load_avatar, load_avatars
+from readygo.common.errors import AvatarError
+from readygo.common.gaussians import save_ply
+from tests.common.avatars.importers.people import write_glb
+
+
+def test_report_as_json_describes_the_avatar_that_was_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    person = write_glb(tmp_path / "person.glb")
+    avatar_import(person, out=tmp_path / "ann.npz", license="CC-BY 4.0, me", gaussians=3000, preview=True, json=True)
+    report = json.loads(capsys.readouterr().out)
+    avatar = load_avatar(tmp_path / "ann.npz")
+    assert (avatar.name, avatar.license) == ("ann", "CC-BY 4.0, me")
+    assert report["gaussians"] == len(avatar.cloud)
+    assert report["height_m"] == pytest.approx(avatar.height_m)
+    assert report["skeleton"]["bone_of_joint"]["left_knee"] == "mixamorig:LeftLeg"
+    assert (tmp_path / "ann.png").stat().st_size > 10_000
+
+
+def test_printed_report_names_bones_and_licence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    person = write_glb(tmp_path / "person.glb", prefix="[rig] ")
+    avatar_import(person, out=tmp_path / "ann.npz", license="CC0-1.0", gaussians=2000)
+    printed = capsys.readouterr().out
+    assert "left_knee       [rig] LeftLeg" in printed
+    assert "licence: CC0-1.0" in printed
+    assert not (tmp_path / "ann.png").exists()
+
+
+def test_small_scales_survive_beside_large_ones(tmp_path: Path) -> None:
+    source = next(iter(load_avatars().values()))
+    scales = source.cloud.scales_m.copy()
+    scales[:10] = 0.5
+    cloud = type(source.cloud)(**{**vars(source.cloud), "scales_m": scales})
+    save_ply(cloud, tmp_path / "p.ply")
+    np.savez(
+        tmp_path / "w.npz",
+        lbs_index=source.lbs_index,
+        lbs_weight=source.lbs_weight,
+        joints_canonical=source.joints_canonical_m,
+        joints_tpose=source.joints_tpose_m,
+        R_canonical_to_tpose=source.R_tpose_canonical,
+    )
+    avatar_import(tmp_path / "p.ply", out=tmp_path / "a.npz", license="x", weights=tmp_path / "w.npz")
+    loaded = load_avatar(tmp_path / "a.npz").cloud.scales_m
+    np.testing.assert_allclose(loaded[10:] / scales[10:], loaded[10, 0] / scales[10, 0], rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["person.glb", "--out", "a.png", "--license", "x"], "must end in .npz"),
+        (["person.glb", "--out", "a.npz", "--license", ""], "--license must say"),
+        (["nothing.glb", "--out", "a.npz", "--license", "x"], "No such file"),
+        (["person.glb", "--out", "a.npz", "--license", "x", "--height-m", "9"], "--height-m must lie in"),
+    ],
+)
+def test_mistakes_end_in_one_line_and_exit_code_2(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    message: str,
+) -> None:
+    write_glb(tmp_path / "person.glb")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["readygo", "avatar", "import", *arguments])
+    with pytest.raises(SystemExit) as stopped:
+        main()
+    assert stopped.value.code == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert len(error.strip().splitlines()) == 1
+    assert not (tmp_path / "a.npz").exists()
+
+
+def test_people_who_cannot_walk_are_refused(tmp_path: Path) -> None:
+    source = next(iter(load_avatars().values()))
+    joints = source.joints_tpose_m.copy()
+    joints[[10, 11], 2] = joints[[7, 8], 2] - 0.2
+    save_ply(source.cloud, tmp_path / "p.ply")
+    np.savez(
+        tmp_path / "w.npz",
+        lbs_index=source.lbs_index,
+        lbs_weight=source.lbs_weight,
+        joints_canonical=source.joints_canonical_m,
+        joints_tpose=joints,
+        R_canonical_to_tpose=source.R_tpose_canonical,
+    )
+    with pytest.raises(AvatarError, match="cannot walk"):
+        avatar_import(tmp_path / "p.ply", out=tmp_path / "a.npz", license="x", weights=tmp_path / "w.npz")
+    assert not (tmp_path / "a.npz").exists()

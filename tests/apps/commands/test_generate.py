@@ -1,0 +1,178 @@
+"""The assembly line as a user starts it: one process, fleets, interruptions; always the same samples."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from readygo.apps.commands.generate import generate
+from readygo.common.dataset import Dataset, validate
+from readygo.common.errors import RunError
+from readygo.common.scenes.embedded import ensure_embedded_scene
+
+ROOT = Path(__file__).resolve().parents[3]
+EPISODES = 8
+CONFIG = """
+[episode]
+goal_distance_max_m = 4.0
+"""
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return ensure_embedded_scene(tmp_path_factory.mktemp("scenes") / "embedded").path
+
+
+@pytest.fixture(scope="module")
+def config(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("config") / "short.toml"
+    path.write_text(CONFIG)
+    return path
+
+
+@pytest.fixture(scope="module")
+def in_one_process(scene: Path, config: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("data") / "zero"
+    generate(str(scene), out=out, episodes=EPISODES, workers=0, config=config, json=True)
+    return out
+
+
+def _digests(data: Path) -> dict[str, str]:
+    return {entry.episode.episode_id: entry.sha256 for entry in Dataset([data]).episodes}
+
+
+def _command(scene: Path, config: Path, out: Path, workers: int) -> list[str]:
+    options = ["--out", str(out), "--episodes", str(EPISODES), "--workers", str(workers), "--config", str(config)]
+    return [sys.executable, "-m", "readygo", "generate", str(scene), *options, "--json"]
+
+
+def _children(pid: int) -> dict[int, str]:
+    """Processes started by `pid`, with their command lines."""
+    found = {}
+    for entry in Path("/proc").iterdir():
+        if not entry.name.isdigit():
+            continue
+        try:
+            parent = int((entry / "stat").read_text().rsplit(")", 1)[1].split()[1])
+            command = (entry / "cmdline").read_bytes().replace(b"\0", b" ").decode()
+        except OSError:
+            continue
+        if parent == pid:
+            found[int(entry.name)] = command
+    return found
+
+
+def _wait_for(condition: Callable[[], bool], timeout_s: float = 90.0) -> None:
+    deadline_s = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < deadline_s, "the fleet did not get that far in time"
+        time.sleep(0.01)
+
+
+def _rendering(out: Path) -> bool:
+    log = out / ".readygo" / "logs" / "renderer0.log"
+    part = list(out.glob("*.part"))
+    return log.exists() and bool(part)
+
+
+def test_recorded_dataset_holds_the_smallest_accepted_indices(in_one_process: Path) -> None:
+    episodes = Dataset([in_one_process]).episodes
+    assert len(episodes) == EPISODES
+    assert all(entry.sample_count > 20 for entry in episodes)
+
+
+def test_depth_and_masks_are_recorded_beside_the_same_images(
+    in_one_process: Path, scene: Path, config: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "rich"
+    generate(str(scene), out=out, episodes=1, workers=0, config=config, outputs="rgb,depth,mask", json=True)
+    rich, plain = Dataset([out]), Dataset([in_one_process])
+    assert rich.outputs == ("rgb", "depth", "mask")
+    assert [rich.image(sample) for sample in range(len(rich))] == [plain.image(sample) for sample in range(len(rich))]
+    seen = [sample for sample in range(len(rich)) if rich.decode_output(sample, "mask").any()]
+    assert seen
+    for sample in seen:
+        depth_m = rich.decode_output(sample, "depth")[rich.decode_output(sample, "mask") == 1]
+        # Depth is along the camera's axis, 50 degrees off at the border; limbs reach out of the disc.
+        assert depth_m.min() > 0.64 * rich.truth["human_distance_m"][sample] - 0.8
+    assert validate(out).ok
+    with pytest.raises(RunError, match=r"config \(renderer\) differ"):
+        generate(str(scene), out=out, episodes=1, workers=0, config=config, json=True)
+
+
+def test_running_again_on_a_complete_folder_changes_nothing(in_one_process: Path, scene: Path, config: Path) -> None:
+    before = {path.name: path.read_bytes() for path in in_one_process.glob("shard-*")}
+    generate(str(scene), out=in_one_process, episodes=EPISODES, workers=0, config=config, json=True)
+    assert {path.name: path.read_bytes() for path in in_one_process.glob("shard-*")} == before
+
+
+def test_folder_of_another_run_is_refused_by_name(in_one_process: Path, scene: Path, config: Path) -> None:
+    with pytest.raises(RunError, match="holds data of another run: seed differ"):
+        generate(str(scene), out=in_one_process, episodes=EPISODES, workers=0, config=config, seed=1)
+    with pytest.raises(RunError, match=r"config \(episode\) differ"):
+        generate(str(scene), out=in_one_process, episodes=EPISODES, workers=0)
+
+
+def test_folder_with_foreign_files_is_refused(tmp_path: Path, scene: Path) -> None:
+    (tmp_path / "thesis.tex").write_text("")
+    with pytest.raises(RunError, match="holds files of something else"):
+        generate(str(scene), out=tmp_path, episodes=1, workers=0)
+
+
+@pytest.mark.slow
+def test_interrupted_fleet_leaves_nothing_behind_and_resumes_to_the_same_bytes(
+    in_one_process: Path, scene: Path, config: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "one"
+    command = _command(scene, config, out, workers=1)
+    # A job in a shell's background ignores Ctrl-C, and so would its children.
+    listen = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    run = subprocess.Popen(command, cwd=ROOT, text=True, preexec_fn=listen, **pipes)
+    _wait_for(lambda: _rendering(out))
+    children = _children(run.pid)
+    assert len(children) == 6
+    run.send_signal(signal.SIGINT)
+    _, errors = run.communicate(timeout=60)
+    assert run.returncode == 130
+    assert errors.strip().splitlines()[-1].startswith("readygo: stopped")
+    assert not [pid for pid in children if Path(f"/proc/{pid}").exists()]
+    assert not list(out.glob("*.part"))
+    subprocess.run(command, cwd=ROOT, check=True, capture_output=True, timeout=200)
+    assert _digests(out) == _digests(in_one_process)
+
+
+@pytest.mark.slow
+def test_three_renderers_of_which_one_is_killed_give_the_same_bytes(
+    in_one_process: Path, scene: Path, config: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "three"
+    command = _command(scene, config, out, workers=3)
+    run = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    _wait_for(lambda: _rendering(out))
+    victims = [pid for pid, line in _children(run.pid).items() if "renderer1" in line]
+    os.kill(victims[0], signal.SIGKILL)
+    _, errors = run.communicate(timeout=200)
+    assert run.returncode == 0, errors
+    assert _digests(out) == _digests(in_one_process)
+
+
+def test_port_in_use_exits_with_2_and_one_line(scene: Path, config: Path, tmp_path: Path) -> None:
+    import socket
+
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        endpoint = f"tcp/127.0.0.1:{taken.getsockname()[1]}"
+        command = [*_command(scene, config, tmp_path / "data", workers=1), "--listen", endpoint]
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert (
+        done.stderr == f"readygo: Cannot listen on {endpoint}: the port is in use; choose another --listen endpoint.\n"
+    )

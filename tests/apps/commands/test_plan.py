@@ -1,0 +1,143 @@
+"""`readygo plan`: an episode in numbers, pictures and films; mistakes in one line."""
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from readygo.apps.commands.plan import plan
+from readygo.apps.commands.scene_argument import open_maps
+from readygo.common.errors import ConfigError, ReadygoError, RunError, SceneError
+from readygo.common.maps import save_ros_map
+from readygo.services.planner.humans.scenario_file import load_scenarios
+from tests.services.planner.conftest import rooms
+
+SEED = 3
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The four rooms as a ROS map."""
+    path = tmp_path_factory.mktemp("map") / "rooms.yaml"
+    save_ros_map(rooms(), path)
+    return str(path)
+
+
+@pytest.fixture(scope="module")
+def index(place: str) -> int:
+    """The first index that has a scenario."""
+    for number in range(20):
+        try:
+            plan(place, seed=SEED, index=number, mode="paper", json=True)
+        except RunError:
+            continue
+        return number
+    raise AssertionError("no index has a scenario")
+
+
+def numbers_of(capsys: pytest.CaptureFixture[str], place: str, **options) -> dict:
+    capsys.readouterr()
+    plan(place, seed=SEED, json=True, **options)
+    return json.loads(capsys.readouterr().out)
+
+
+def test_numbers_tell_the_robots_and_every_persons_story(place, index, capsys) -> None:
+    numbers = numbers_of(capsys, place, index=index, mode="paper")
+    assert numbers["episode"] == f"train-{SEED}-{index:06d}"
+    assert numbers["mode"] == "paper"
+    assert numbers["outcome"] in {"success", "human_collision", "static_collision", "timeout"}
+    assert numbers["rejected"] == ("" if numbers["outcome"] == "success" else numbers["outcome"])
+    assert 0 < numbers["replan_p50_ms"] <= numbers["replan_p99_ms"]
+    assert numbers["ways"] <= numbers["replans"]
+    closest = min(human["closest_m"] for human in numbers["humans"])
+    assert closest == pytest.approx(numbers["human_distance_min_m"], abs=2e-3)
+    for human in numbers["humans"]:
+        assert set(human) == {"avatar", "encounter", "speed_mps", "closest_m", "closest_s", "visible_s"}
+        assert all(0 <= begin < end <= numbers["duration_s"] for begin, end in human["visible_s"])
+
+
+def test_same_episode_gives_the_same_picture(place, index, tmp_path, capsys) -> None:
+    for name in ("a", "b"):
+        plan(place, seed=SEED, index=index, mode="paper", picture=tmp_path / name / "p.png")
+    assert (tmp_path / "a" / "p.png").read_bytes() == (tmp_path / "b" / "p.png").read_bytes()
+    assert cv2.imread(str(tmp_path / "a" / "p.png")).shape[1] > 600
+    assert "p.png" in capsys.readouterr().out
+
+
+def test_static_episode_has_the_dynamic_ones_start_and_goal(place, index, capsys) -> None:
+    dynamic = numbers_of(capsys, place, index=index, mode="paper")
+    static = numbers_of(capsys, place, index=index, mode="paper", static=True)
+    assert static["humans"] == []
+    assert static["human_distance_min_m"] is None
+    assert (static["start_xyyaw"], static["goal_xy_m"]) == (dynamic["start_xyyaw"], dynamic["goal_xy_m"])
+
+
+def test_film_shows_every_step_in_real_time(place, index, tmp_path, capsys) -> None:
+    numbers = numbers_of(capsys, place, index=index, mode="paper", static=True, video=tmp_path / "v.mp4")
+    film = cv2.VideoCapture(str(tmp_path / "v.mp4"))
+    assert film.get(cv2.CAP_PROP_FPS) == pytest.approx(20.0)
+    assert film.get(cv2.CAP_PROP_FRAME_COUNT) == round(numbers["duration_s"] * 20)
+    _, first = film.read()
+    film.set(cv2.CAP_PROP_POS_FRAMES, round(numbers["duration_s"] * 20) - 1)
+    _, last = film.read()
+    assert np.abs(first.astype(int) - last).max() > 50
+
+
+def test_exported_scenario_can_be_read_again(place, index, tmp_path, capsys) -> None:
+    numbers = numbers_of(capsys, place, index=index, mode="paper", export=tmp_path / "s.toml")
+    (scripted,) = load_scenarios(tmp_path / "s.toml").entries
+    assert [round(value, 4) for value in scripted.goal_m] == numbers["goal_xy_m"]
+    assert [human.avatar for human in scripted.humans] == [human["avatar"] for human in numbers["humans"]]
+
+
+def test_modes_drive_differently(place, index, capsys) -> None:
+    assert numbers_of(capsys, place, index=index)["mode"] == "spacetime"
+    with pytest.raises(ConfigError, match="mode must be one of"):
+        plan(place, seed=SEED, index=index, mode="telepathy")
+
+
+def test_index_without_a_scenario_is_an_error_that_says_why(place, index, tmp_path) -> None:
+    config = tmp_path / "crowded.toml"
+    config.write_text(
+        "[human_planner]\nattempts = 1\nclearance_m = 3.0\nroute_clearance_m = 3.0\npreferred_clearance_m = 3.0\n"
+    )
+    with pytest.raises(RunError, match=r"has no scenario: no room for a human\. Ask for another --index"):
+        plan(place, seed=SEED, index=index, config=config, picture=tmp_path / "p.png")
+    assert not (tmp_path / "p.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"index": -1}, "--index must be at least 0"),
+        ({"picture": Path("p.jpg")}, r"--picture p\.jpg must end in \.png"),
+        ({"video": Path("v.avi")}, r"--video v\.avi must end in \.mp4"),
+        ({"export": Path("s.json")}, r"--export s\.json must end in \.toml"),
+        ({"camera": True}, r"say where with --video"),
+        ({"camera": True, "video": Path("v.mp4")}, "is a map"),
+    ],
+)
+def test_arguments_that_make_no_sense_are_refused(place, options, message) -> None:
+    with pytest.raises(RunError, match=message):
+        plan(place, seed=SEED, **options)
+
+
+def test_scene_that_is_none_is_refused(tmp_path) -> None:
+    for name in (str(tmp_path / "no.yaml"), str(tmp_path / "nowhere")):
+        with pytest.raises(SceneError):
+            plan(name)
+
+
+def test_picture_that_cannot_be_written_is_one_line(place, index, tmp_path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ReadygoError, match="cannot be written"):
+        plan(place, seed=SEED, index=index, mode="paper", picture=tmp_path / "file" / "p.png")
+
+
+def test_ros_map_lies_on_a_flat_floor(place) -> None:
+    maps, scene = open_maps(place)
+    assert scene is None
+    assert maps.robot is maps.human
+    assert maps.floor.height_m.max() == 0.0

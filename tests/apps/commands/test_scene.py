@@ -1,0 +1,84 @@
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from readygo.apps.commands.scene import REACHABLE, SEPARATE, map_picture, scene_import, scene_inspect
+from readygo.common.errors import SceneError
+from readygo.common.gaussians import concatenate, save_ply
+from readygo.common.maps import GridFrame, OccupancyMap
+from tests.common.maps.room import box, room
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+@pytest.fixture(scope="module")
+def source(tmp_path_factory):
+    path = tmp_path_factory.mktemp("files") / "room.ply"
+    save_ply(concatenate([room(4.0, 3.0), box((1, 1, 0), (1.4, 1.4, 0.5))]), path)
+    return path
+
+
+def test_import_then_inspect_prints_json_and_draws(source, tmp_path, capsys):
+    scene_import(source, out=tmp_path / "room", licence="CC0", json=True)
+    imported = json.loads(capsys.readouterr().out)
+    scene_inspect(str(tmp_path / "room"), json=True)
+    inspected = json.loads(capsys.readouterr().out)
+    assert inspected["content_hash"] == imported["content_hash"]
+    assert inspected["licence"] == "CC0"
+    assert inspected["robot"]["radius_m"] == 0.3
+    assert 4 < inspected["robot"]["reachable_m2"] < 12
+    assert [Path(p).name for p in inspected["pictures"]] == ["top.png", "map_robot.png", "map_human.png"]
+    for picture in inspected["pictures"]:
+        assert cv2.imread(picture).shape[2] == 3
+    assert sorted(p.name for p in (tmp_path / "room" / "inspect").iterdir()) == [
+        "map_human.png",
+        "map_robot.png",
+        "top.png",
+    ]
+
+
+def test_inspect_prints_a_table_and_takes_radius_and_folder(source, tmp_path, capsys):
+    scene_import(source, out=tmp_path / "room")
+    capsys.readouterr()
+    scene_inspect(str(tmp_path / "room"), out=tmp_path / "pictures", radius=0.5)
+    text = capsys.readouterr().out
+    assert "disc of 0.5 m" in text
+    assert "scene room" in text
+    assert (tmp_path / "pictures" / "top.png").exists()
+    assert not (tmp_path / "room" / "inspect").exists()
+    with pytest.raises(SceneError, match="--radius"):
+        scene_inspect(str(tmp_path / "room"), radius=-1.0)
+
+
+def test_map_picture_tints_the_largest_area_and_the_cut_off_one():
+    occupied = np.zeros((40, 60), np.bool_)
+    occupied[:, 40] = True
+    frame = GridFrame(origin_x_m=0, origin_y_m=0, resolution_m=0.05)
+    picture = map_picture(OccupancyMap(frame=frame, occupied=occupied), np.zeros_like(occupied), 0.2)
+    factor = picture.shape[0] // 40
+    assert tuple(picture[20 * factor, 20 * factor]) == REACHABLE
+    assert tuple(picture[20 * factor, 50 * factor]) == SEPARATE
+
+
+def test_command_line_reports_a_mistake_in_one_line(tmp_path):
+    (tmp_path / "a.ply").write_bytes(b"nothing")
+    command = [
+        sys.executable,
+        "-m",
+        "readygo",
+        "scene",
+        "import",
+        str(tmp_path / "a.ply"),
+        "--out",
+        str(tmp_path / "b"),
+    ]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert "not a PLY file" in done.stderr
+    assert not (tmp_path / "b").exists()

@@ -1,0 +1,90 @@
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from readygo.apps.fleet.fleet import RESTARTS_MAX, Fleet, Member
+from readygo.common.errors import RunError
+
+OBEYS = """
+import signal, sys, time
+signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+print("up", flush=True)
+time.sleep(60)
+"""
+
+
+class ScriptedFleet(Fleet):
+    """A fleet whose workers run a line of Python."""
+
+    def __init__(self, folder: Path, script: str) -> None:
+        super().__init__(connect="", run="", data=folder, logs=folder)
+        self.script = script
+
+    def command(self, member: Member) -> list[str]:
+        return [sys.executable, "-c", self.script]
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Iterator[Callable[[str, str], ScriptedFleet]]:
+    fleets = []
+
+    def started(role: str, script: str) -> ScriptedFleet:
+        fleet = ScriptedFleet(tmp_path, script)
+        fleets.append(fleet)
+        fleet.add(role, "w0")
+        return fleet
+
+    yield started
+    for fleet in fleets:
+        fleet.stop()
+
+
+def _wait_for_end(member: Member) -> None:
+    assert member.process is not None
+    member.process.wait(timeout=20)
+
+
+def test_worker_that_was_told_to_stop_by_somebody_else_is_started_anew(
+    start: Callable[[str, str], ScriptedFleet],
+) -> None:
+    fleet = start("animator", OBEYS)
+    (member,) = fleet.members
+    assert member.process is not None
+    while "up" not in member.log.read_text():
+        time.sleep(0.02)
+    member.process.send_signal(signal.SIGTERM)
+    _wait_for_end(member)
+    assert member.process.returncode == 0
+    fleet.check()
+    assert member.process.poll() is None
+    assert member.restarts == 1
+
+
+def test_worker_that_dies_again_and_again_ends_the_run_with_its_last_words(
+    start: Callable[[str, str], ScriptedFleet],
+) -> None:
+    fleet = start("animator", "raise SystemExit('out of luck')")
+    for _ in range(RESTARTS_MAX):
+        _wait_for_end(fleet.members[0])
+        fleet.check()
+    _wait_for_end(fleet.members[0])
+    with pytest.raises(RunError, match=r"Worker w0 ended with exit code 1: out of luck"):
+        fleet.check()
+
+
+@pytest.mark.parametrize(("code", "fails"), [(0, False), (2, True)])
+def test_recorder_that_could_not_finish_its_shard_is_not_passed_over(
+    start: Callable[[str, str], ScriptedFleet], code: int, fails: bool
+) -> None:
+    fleet = start("recorder", f"import sys; print('readygo: No space left in data.'); sys.exit({code})")
+    _wait_for_end(fleet.members[0])
+    fleet.stop()
+    if not fails:
+        fleet.check_recorders()
+        return
+    with pytest.raises(RunError, match=r"w0 could not finish its shard \(exit code 2\): readygo: No space left"):
+        fleet.check_recorders()

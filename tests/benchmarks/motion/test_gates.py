@@ -1,0 +1,42 @@
+import json
+
+import numpy as np
+import pytest
+
+from readygo.benchmarks.motion import gates as motion
+from readygo.benchmarks.motion.gates import Gate, bench_motion
+from readygo.common.errors import ConfigError
+
+
+@pytest.fixture
+def one_gate(monkeypatch):
+    """Replaces the measurements, which take half a minute, by one number as NumPy gives it."""
+    for name in ("path_gates", "steady_gates", "run_gates", "feature_gates"):
+        monkeypatch.setattr(motion, name, lambda *_: iter(()))
+    monkeypatch.setattr(motion, "cost_ms", lambda _: np.float64(61.0))
+
+
+def test_gates_are_inclusive():
+    assert Gate("a", 1.0, 1.0, 1.0).held
+    assert not Gate("a", 1.1, 0.0, 1.0).held
+    assert not Gate("a", float("nan"), 0.0, 1.0).held
+
+
+def test_json_says_which_gates_are_held_and_that_mocap_is_absent(one_gate, tmp_path, capsys):
+    bench_motion(avatar="bruno", mocap=tmp_path / "none", json=True)
+    printed = json.loads(capsys.readouterr().out)
+    row = {"name": "ms_per_10s", "value": 61.0, "low": 0.0, "high": 60.0, "held": False}
+    assert printed == {"avatar": "bruno", "mocap": "absent", "gates": [row]}
+
+
+def test_table_marks_what_is_beyond_its_limits(one_gate, tmp_path, capsys):
+    bench_motion(mocap=tmp_path / "none")
+    text = capsys.readouterr().out
+    assert "BEYOND" in text
+    assert "mocap absent" in text
+    assert "0 of 1 gates held by 'amara'" in text
+
+
+def test_unknown_avatar_is_a_users_mistake():
+    with pytest.raises(ConfigError, match="'nobody' is not embedded; there are amara"):
+        bench_motion(avatar="nobody")

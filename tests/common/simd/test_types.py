@@ -1,0 +1,95 @@
+import numpy as np
+import pytest
+from numba import njit
+
+from readygo.common.simd import memory
+from readygo.common.simd import types as simd
+
+A = np.linspace(-7.3, 9.1, 16).astype(np.float32)
+B = np.linspace(5.5, -3.2, 16).astype(np.float32)
+
+
+@njit
+def _arithmetic(a, b, out):
+    x, y = memory.load_f16(a, 0), memory.load_f16(b, 0)
+    memory.store_f16(out, 0, x + y)
+    memory.store_f16(out, 16, x - 2.0)
+    memory.store_f16(out, 32, 1.0 / y)
+    memory.store_f16(out, 48, x * y)
+    memory.store_f16(out, 64, simd.minimum(x, y))
+    memory.store_f16(out, 80, simd.maximum(x, 0.5))
+    memory.store_f16(out, 96, simd.where(x > y, x, -1.0))
+    memory.store_f16(out, 112, simd.sqrt(x * x) + simd.to_float(simd.truncate(y)))
+    return simd.mask_bits((x > y) & (x <= 5.0))
+
+
+def test_lanes_compute_what_numpy_computes() -> None:
+    out = np.zeros(128, dtype=np.float32)
+    bits = _arithmetic(A, B, out)
+    one = np.float32(1)
+    expected = [
+        A + B, A - np.float32(2), one / B, A * B, np.minimum(A, B),
+        np.maximum(A, np.float32(0.5)), np.where(A > B, A, -one),
+        np.sqrt(A * A) + np.trunc(B),
+    ]  # fmt: skip
+    assert np.array_equal(out.reshape(8, 16), np.array(expected))
+    assert bits == sum(1 << k for k in range(16) if A[k] > B[k] and A[k] <= 5)
+
+
+@njit
+def _products(a, b, c, out):
+    x, y, z = memory.load_f16(a, 0), memory.load_f16(b, 0), memory.load_f16(c, 0)
+    memory.store_f16(out, 0, simd.fma(x, y, z))
+    memory.store_f16(out, 16, x * y + z)
+    memory.store_f16(out, 32, simd.fms(x, y, z))
+    memory.store_f16(out, 48, simd.fnma(x, y, z))
+
+
+@pytest.mark.skipif(not simd.fuses_multiply_adds(), reason="this CPU has no fused multiply-add")
+def test_fma_rounds_once_and_plain_products_are_never_fused() -> None:
+    rng = np.random.default_rng(1)
+    a, b = (rng.uniform(0.5, 2.0, 16).astype(np.float32) for _ in range(2))
+    c = -(a * b)
+    out = np.zeros(64, dtype=np.float32)
+    _products(a, b, c, out)
+    exact = a.astype(np.float64) * b.astype(np.float64)
+    assert np.array_equal(out[:16], (exact + c).astype(np.float32))
+    assert np.array_equal(out[16:32], np.zeros(16, dtype=np.float32))
+    assert np.array_equal(out[32:48], (exact - c).astype(np.float32))
+    assert np.array_equal(out[48:], (c - exact).astype(np.float32))
+    assert np.abs(out[:16]).max() > 0
+
+
+@njit
+def _move(matrix, integers, words, out):
+    memory.transpose_in_place(matrix, 3)
+    lanes = memory.load_i16(integers, 0)
+    memory.store_i16(out, 0, simd.integer_where(lanes > 7, lanes << 2, lanes * 3 - 1))
+    memory.store_i16(out, 16, simd.integer_minimum(lanes, 9) | (simd.lane_number() & 1))
+    memory.poke(out, 32, memory.peek(words, 3) + memory.peek(integers, 5))
+    return memory.touching(words, 1, 1 << 15), simd.lowest_bit(40)
+
+
+def test_shuffles_and_integer_lanes() -> None:
+    matrix = np.arange(260, dtype=np.float32)
+    integers = np.arange(16, dtype=np.int32)
+    words = (np.arange(65) * 1009).astype(np.uint16)
+    out = np.zeros(33, dtype=np.int32)
+    touched, lowest = _move(matrix, integers, words, out)
+    assert np.array_equal(matrix[3:259].reshape(16, 16), np.arange(3, 259, dtype=np.float32).reshape(16, 16).T)
+    assert np.array_equal(out[:16], np.where(integers > 7, integers * 4, integers * 3 - 1))
+    assert np.array_equal(out[16:32], np.minimum(integers, 9) | (integers & 1))
+    assert out[32] == 3 * 1009 + 5
+    assert touched % 2**64 == sum(1 << k for k in range(64) if words[1 + k] & 0x8000)
+    assert lowest == 3
+
+
+@pytest.mark.parametrize("value", [-32767, -1, 0, 12345])
+def test_shorts_are_loaded_with_their_sign(value: int) -> None:
+    @njit
+    def load(source, out):
+        memory.store_f16(out, 0, memory.load_short(source, 0))
+
+    out = np.zeros(16, dtype=np.float32)
+    load(np.full(16, value, dtype=np.int16), out)
+    assert (out == value).all()

@@ -1,0 +1,141 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from readygo.benchmarks.motion.cmu import joints_20hz
+from readygo.benchmarks.motion.paths import circle, floor, reversal, s_curve, stop_and_go
+from readygo.services.animator import skeleton_of
+from readygo.services.animator.gait.quality import joints_of
+from readygo.services.animator.smpl.fit import bone_offsets, fit_motion, fit_rotations
+from readygo.services.animator.smpl.fit_math import align, swing, turn
+from tests.services.animator.conftest import make_avatar
+
+PATHS = {"s_curve": s_curve(1.2), "circle": circle(1.6), "stop_and_go": stop_and_go(1.4), "reversal": reversal(1.0)}
+
+
+def spins_radps(G):
+    """Fastest angular velocity of every joint over time [rad/s]."""
+    R = np.einsum("tjki,tjkl->tjil", G[:-1], G[1:])
+    cosine = 0.5 * (np.trace(R, axis1=2, axis2=3) - 1.0)
+    return np.arccos(np.clip(cosine, -1.0, 1.0)).max(axis=0) * 20.0
+
+
+def with_elbows_and_knees(bends_rad):
+    """A body in T-pose with joints bent, y-up: joints (T, 24, 3) and its offsets."""
+    offsets = skeleton_of(make_avatar()).offsets_m
+    P = np.zeros((len(bends_rad), 24, 3))
+    for row, bend in enumerate(bends_rad):
+        G = np.tile(np.eye(3), (24, 1, 1))
+        for elbow, side in ((18, 1.0), (19, -1.0)):
+            G[[elbow, elbow + 2, elbow + 4]] = turn(np.array([0.0, -side, 0.0]), bend)
+        for knee in (4, 5):
+            G[[knee, knee + 3, knee + 6]] = turn(np.array([1.0, 0.0, 0.0]), bend)
+        for joint, parent in enumerate(
+            [-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21]
+        ):
+            if parent >= 0:
+                P[row, joint] = P[row, parent] + G[parent] @ offsets[joint]
+    return P, offsets
+
+
+@pytest.mark.parametrize("count", [22, 24])
+@pytest.mark.parametrize("name", PATHS)
+def test_fit_of_a_walk_puts_every_joint_back(animate, avatar, name, count):
+    walked = animate(PATHS[name], floor(), style=1.0)
+    G, P = joints_of(walked, avatar)
+    fitted = fit_motion(P[:, :count], skeleton_of(avatar).offsets_m)
+    H, Q = joints_of(fitted, avatar)
+    error_m = np.sqrt(np.sum((Q - P)[:, :count] ** 2, axis=2))
+    assert error_m.mean() < 1e-4
+    assert error_m.max() < 1e-3
+    assert (spins_radps(H) < 1.5 * spins_radps(G) + 0.5).all()
+
+
+def test_fit_of_mocap_with_its_own_bone_lengths_is_within_5_mm(shared_data, avatar):
+    for subject, clip in (("02", "01"), ("02", "02"), ("02", "03")):
+        P, _ = joints_20hz(shared_data / "motion" / "cmu", subject, clip)
+        G, X = fit_rotations(P, bone_offsets(P, skeleton_of(avatar).offsets_m))
+        error_m = np.sqrt(np.sum((X[:, :22] - P) ** 2, axis=2))
+        assert error_m.mean() < 0.0015
+        assert error_m.max() < 0.02
+        assert spins_radps(G).max() < np.radians(800.0)
+
+
+def test_bent_limbs_turn_about_their_hinges_and_hardly_twist():
+    P, offsets = with_elbows_and_knees(np.full(12, 1.2))
+    G, _ = fit_rotations(P, offsets)
+    for upper, lower, axis in ((16, 18, 1), (17, 19, 1), (1, 4, 0), (2, 5, 0)):
+        local = G[5, upper].T @ G[5, lower]
+        assert abs(local[axis, axis]) > 0.96
+        assert np.trace(G[5, upper]) > 1.0 + 2.0 * np.cos(0.15)
+
+
+def test_straightening_limbs_never_flip():
+    P, offsets = with_elbows_and_knees(np.concatenate([np.linspace(0.6, 0.0, 20), np.linspace(0.0, 0.6, 20)]))
+    P += np.random.default_rng(3).normal(0.0, 0.002, P.shape)
+    G, _ = fit_rotations(P, offsets)
+    assert spins_radps(G)[[1, 2, 16, 17]].max() < 6.0
+
+
+def test_other_body_keeps_directions_of_arms_and_reaches_for_the_ankles(animate, avatar):
+    _, P = joints_of(animate(s_curve(1.2), floor()), avatar)
+    yup = np.stack([P[..., 0], P[..., 2], -P[..., 1]], axis=-1)
+    other = skeleton_of(avatar).offsets_m * 1.06
+    _, X = fit_rotations(yup[:, :22], other, retarget=True)
+    for elbow, wrist in ((18, 20), (19, 21)):
+        ours, theirs = X[:, wrist] - X[:, elbow], yup[:, wrist] - yup[:, elbow]
+        assert np.sum(ours * theirs, axis=1) == pytest.approx(1.06 * np.sum(theirs * theirs, axis=1), rel=1e-6)
+    assert np.abs(X[:, 7:9] - yup[:, 7:9]).max() < 0.02
+
+
+def test_bone_offsets_find_the_lengths_of_another_body(animate, avatar):
+    _, P = joints_of(animate(s_curve(1.2), floor()), avatar)
+    yup = np.stack([P[..., 0], P[..., 2], -P[..., 1]], axis=-1)
+    own = skeleton_of(avatar).offsets_m
+    found = bone_offsets(yup, own * 1.2)
+    assert np.abs(found - own).max() < 1e-3
+
+
+def test_degenerate_joints_give_finite_rotations():
+    offsets = skeleton_of(make_avatar()).offsets_m
+    G, X = fit_rotations(np.zeros((3, 22, 3)), offsets)
+    assert np.isfinite(G).all()
+    assert np.isfinite(X).all()
+    assert np.einsum("tjki,tjkl->tjil", G, G) == pytest.approx(np.tile(np.eye(3), (3, 24, 1, 1)), abs=1e-9)
+
+
+def test_wrong_input_is_worded(avatar):
+    offsets = skeleton_of(avatar).offsets_m
+    with pytest.raises(ValueError, match=r"shape \(T, 22 or 24, 3\).*got \(5, 23, 3\)"):
+        fit_motion(np.zeros((5, 23, 3)), offsets)
+    broken = np.zeros((5, 22, 3))
+    broken[3, 4, 1] = np.nan
+    with pytest.raises(ValueError, match="row 3 is not"):
+        fit_motion(broken, offsets)
+
+
+def test_align_finds_the_rotation_of_points_in_a_plane():
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        source = np.concatenate([rng.standard_normal((3, 2)), np.zeros((3, 1))], axis=1)
+        R = np.linalg.qr(rng.standard_normal((3, 3)))[0]
+        R *= np.sign(np.linalg.det(R))
+        assert align(source, source @ R.T, np.ones(3)) == pytest.approx(R, abs=1e-9)
+
+
+def test_swing_to_the_opposite_direction_is_a_rotation():
+    bone = np.array([0.0, -0.4, 0.0])
+    R = swing(np.eye(3), bone, np.array([0.0, 1.0, 0.0]))
+    assert R @ bone == pytest.approx([0.0, 0.4, 0.0], abs=1e-12)
+    assert np.linalg.det(R) == pytest.approx(1.0)
+
+
+def test_fit_is_the_same_for_read_only_and_strided_joints(animate, avatar):
+    _, P = joints_of(animate(s_curve(1.2), floor()), avatar)
+    offsets = skeleton_of(avatar).offsets_m
+    frozen = P.copy()
+    frozen.flags.writeable = False
+    strided = np.asfortranarray(P)
+    a, b, c = (fit_motion(joints, offsets) for joints in (P, frozen, strided))
+    assert dataclasses.astuple(a)[1].tobytes() == b.pose_axis_angle.tobytes() == c.pose_axis_angle.tobytes()

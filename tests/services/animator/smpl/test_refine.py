@@ -1,0 +1,102 @@
+import pickle
+
+import numpy as np
+import pytest
+
+from readygo.benchmarks.motion.paths import floor, s_curve
+from readygo.common.errors import ConfigError
+from readygo.services.animator import skeleton_of
+from readygo.services.animator.gait.quality import joints_of
+from readygo.services.animator.smpl.fit import fit_motion
+from readygo.services.animator.smpl.refine import RefineConfig, load_pose_prior, refine
+
+
+@pytest.fixture(scope="module")
+def noisy(animate, avatar):
+    """True joints and noisy ones of two seconds of walking."""
+    _, P = joints_of(animate(s_curve(1.2), floor()), avatar)
+    P = P[40:80, :22]
+    return P, P + np.random.default_rng(1).normal(0.0, 0.01, P.shape)
+
+
+def error_m(motion, joints, avatar):
+    return np.sqrt(np.sum((joints_of(motion, avatar)[1][:, :22] - joints) ** 2, axis=2)).mean()
+
+
+def mixture(rng, count=2):
+    return {
+        "means": rng.standard_normal((count, 69)) * 0.1,
+        "covars": np.tile(np.eye(69) * 0.2, (count, 1, 1)),
+        "weights": np.full(count, 1.0 / count),
+    }
+
+
+def test_refinement_of_noisy_joints_comes_closer_to_the_truth(noisy, avatar):
+    truth, joints = noisy
+    offsets = skeleton_of(avatar).offsets_m
+    start = fit_motion(joints, offsets)
+    refined = refine(start, joints, offsets, RefineConfig(move_root=True, iterations=30))
+    assert error_m(refined, truth, avatar) < 0.75 * error_m(start, truth, avatar)
+    assert refined.root_m.shape == start.root_m.shape
+
+
+def test_root_stays_unless_it_may_move(noisy, avatar):
+    _, joints = noisy
+    offsets = skeleton_of(avatar).offsets_m
+    start = fit_motion(joints, offsets)
+    refined = refine(start, joints, offsets, RefineConfig(iterations=3))
+    assert np.array_equal(refined.root_m, start.root_m)
+
+
+def test_knees_that_bend_backwards_are_straightened(noisy, avatar):
+    truth, _ = noisy
+    offsets = skeleton_of(avatar).offsets_m
+    start = fit_motion(truth, offsets)
+    pose = start.pose_axis_angle.copy()
+    pose[:, 4:6, 0] = -0.4
+    bent = type(start)(root_m=start.root_m, pose_axis_angle=pose)
+    refined = refine(bent, truth, offsets, RefineConfig(joints=0.0, iterations=20))
+    assert refined.pose_axis_angle[:, 4:6, 0].min() > -0.2
+
+
+@pytest.mark.parametrize("kind", ["npz", "pkl"])
+def test_prior_of_the_user_draws_poses_to_its_means(tmp_path, noisy, avatar, kind):
+    data = mixture(np.random.default_rng(0), 1)
+    path = tmp_path / f"gmm_08.{kind}"
+    if kind == "npz":
+        np.savez(path, **data)
+    else:
+        path.write_bytes(pickle.dumps(data, protocol=2))
+    prior = load_pose_prior(path)
+    truth, _ = noisy
+    offsets = skeleton_of(avatar).offsets_m
+    start = fit_motion(truth, offsets)
+    weights = RefineConfig(joints=0.0, smooth=0.0, limits=0.0, prior=1.0, iterations=30)
+    refined = refine(start, truth, offsets, weights, prior)
+    assert refined.pose_axis_angle[:, 1:].reshape(-1, 69) == pytest.approx(np.tile(data["means"], (40, 1)), abs=1e-3)
+
+
+class Harmful:
+    def __reduce__(self):
+        return print, ("ran",)
+
+
+def test_pickle_that_would_run_code_is_refused(tmp_path, capsys):
+    path = tmp_path / "gmm_08.pkl"
+    path.write_bytes(pickle.dumps({"means": Harmful()}))
+    with pytest.raises(ConfigError, match=r"holds a builtins\.print"):
+        load_pose_prior(path)
+    assert "ran" not in capsys.readouterr().out
+
+
+def test_prior_of_another_shape_is_refused(tmp_path):
+    np.savez(tmp_path / "p.npz", means=np.zeros((2, 63)), covars=np.zeros((2, 63, 63)), weights=np.ones(2))
+    with pytest.raises(ConfigError, match=r"means \(K, 69\).*got \(2, 63\)"):
+        load_pose_prior(tmp_path / "p.npz")
+
+
+def test_joints_of_another_length_are_refused(noisy, avatar):
+    truth, _ = noisy
+    offsets = skeleton_of(avatar).offsets_m
+    with pytest.raises(ValueError, match=r"shape \(40, 22 or 24, 3\)"):
+        refine(fit_motion(truth, offsets), truth[:5], offsets)

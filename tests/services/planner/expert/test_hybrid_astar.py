@@ -1,0 +1,97 @@
+import math
+
+import numpy as np
+import pytest
+
+from readygo.common.episode import GridSearch
+from readygo.common.episode.grid_search import FREE
+from readygo.common.maps import GridFrame
+from readygo.common.robot import RobotConfig
+from readygo.services.planner import ExpertConfig
+from readygo.services.planner.expert.hybrid_astar import HybridAStar, make_primitives
+
+FRAME = GridFrame(origin_x_m=-2.0, origin_y_m=-2.0, resolution_m=0.05)
+ROBOT, CONFIG = RobotConfig(), ExpertConfig()
+
+
+@pytest.fixture
+def field():
+    return np.full((160, 200), FREE, np.uint8)
+
+
+def _plan(factor, start, goal, **options):
+    goal = np.array(goal, float)
+    heuristic = GridSearch(factor.shape).distances(factor, FRAME.cell(*goal))
+    return HybridAStar(ROBOT, CONFIG).search(factor, heuristic, FRAME, start, goal, **options)
+
+
+def test_nine_primitives_of_three_speeds_and_three_turn_rates():
+    primitives = make_primitives(ROBOT, CONFIG)
+    ends = primitives.offsets[np.arange(9), primitives.sample_counts - 1]
+    assert sorted(set(np.round(primitives.speeds_mps, 6))) == pytest.approx([1 / 3, 2 / 3, 1])
+    assert sorted(np.round(ends[:, 2], 6)) == pytest.approx([-0.6] * 3 + [0.0] * 3 + [0.6] * 3)
+    arcs = np.diff(primitives.offsets, axis=1, prepend=0)
+    lengths = [np.hypot(*arcs[p, :n, :2].T).sum() for p, n in enumerate(primitives.sample_counts)]
+    assert lengths == pytest.approx(primitives.speeds_mps * 0.5, rel=1e-3)
+
+
+def test_free_ground_gives_the_straight_line_at_full_speed(field):
+    plan = _plan(field, (0.0, 0.0, 0.0), (5.0, 0.0))
+    assert np.abs(plan.xyyaw[:, 1]).max() < 1e-9
+    assert set(plan.speed_mps) == {1.0}
+    assert np.hypot(*(plan.xyyaw[-1, :2] - (5.0, 0.0))) < CONFIG.goal_tolerance_m
+
+
+def test_path_is_continuous_and_can_be_driven(field):
+    field[40:90, 70:80] = 0
+    plan = _plan(field, (0.0, 0.5, 0.3), (5.0, 0.5))
+    steps = np.diff(plan.xyyaw, axis=0)
+    lengths = np.hypot(steps[:, 0], steps[:, 1])
+    assert lengths.max() < 0.06
+    turns = np.abs((steps[:, 2] + math.pi) % (2 * math.pi) - math.pi)
+    assert (turns <= ROBOT.w_max_radps * lengths / plan.speed_mps[1:] * 1.05 + 1e-6).all()
+
+
+def test_path_stays_off_blocked_cells(field):
+    field[:100, 80] = 0
+    plan = _plan(field, (0.0, 0.0, 0.0), (5.0, 0.0))
+    cells = np.floor((plan.xyyaw[:, :2] - (FRAME.origin_x_m, FRAME.origin_y_m)) / 0.05).astype(int)
+    assert (field[cells[:, 1], cells[:, 0]] > 0).all()
+    assert plan.xyyaw[:, 1].max() > 3.0
+
+
+def test_dear_ground_is_avoided_when_the_detour_is_cheaper(field):
+    field[60:, :] = FREE
+    field[30:50, 60:120] = 40
+    plan = _plan(field, (0.0, 0.0, 0.0), (6.0, 0.0))
+    cells = np.floor((plan.xyyaw[:, :2] - (FRAME.origin_x_m, FRAME.origin_y_m)) / 0.05).astype(int)
+    assert (field[cells[:, 1], cells[:, 0]] == 40).mean() < 0.05
+
+
+def test_enclosed_goal_has_no_plan(field):
+    field[30:60, 120] = field[30:60, 150] = 0
+    field[30, 120:151] = field[59, 120:151] = 0
+    assert _plan(field, (0.0, 0.0, 0.0), (4.7, 0.2)) is None
+
+
+def test_goal_behind_is_reached_forwards_or_after_a_turn(field):
+    forwards = _plan(field, (2.0, 2.0, 0.0), (-1.0, 2.0))
+    turned = _plan(field, (2.0, 2.0, 0.0), (-1.0, 2.0), turn_first=True)
+    assert abs(forwards.xyyaw[0, 2]) < 1e-9
+    assert abs(turned.xyyaw[0, 2]) > 1.0
+    assert turned.cost < forwards.cost
+
+
+def test_corridor_too_narrow_for_an_arc_needs_a_turn(field):
+    field[:] = 0
+    field[38:42, :] = FREE
+    assert _plan(field, (2.0, 0.0, 0.0), (-1.0, 0.0)) is None
+    assert _plan(field, (2.0, 0.0, 0.0), (-1.0, 0.0), turn_first=True) is not None
+
+
+def test_searches_do_not_disturb_each_other(field):
+    search, planner = GridSearch(field.shape), HybridAStar(ROBOT, CONFIG)
+    goals = [np.array(goal) for goal in ((5.0, 0.5), (-1.0, 3.0), (5.0, 0.5))]
+    plans = [planner.search(field, search.distances(field, FRAME.cell(*g)), FRAME, (0.0, 0.0, 1.0), g) for g in goals]
+    assert np.array_equal(plans[0].xyyaw, plans[2].xyyaw)
+    assert plans[0].cost == plans[2].cost

@@ -1,0 +1,108 @@
+import math
+
+import numpy as np
+import pytest
+
+from readygo.common.episode import EpisodeConfig, meets_obstacle
+from readygo.common.maps import OccupancyMap
+from readygo.common.robot import RobotConfig
+from readygo.common.robot.kinematics import DT_S
+from readygo.services.planner import ExpertConfig
+from readygo.services.planner.expert.ground import ExpertGround
+from readygo.services.planner.expert.spacetime_search import SpaceTimeSearch, TimedHumans
+from tests.services.planner.conftest import FRAME, rooms
+
+ROBOT = RobotConfig()
+CONFIG = ExpertConfig()
+CONTACT_M = 0.53
+STEPS = 80
+
+
+def _humans(*paths):
+    expected_m = np.array(paths).reshape(-1, STEPS, 2)
+    count = len(expected_m)
+    return TimedHumans(
+        expected_m=expected_m,
+        chances=np.ones(count),
+        contact_m=CONTACT_M,
+        widths_m=np.full((count, STEPS), 0.2),
+        weight=CONFIG.nearness_cost,
+    )
+
+
+def _plan(state, goal_m, humans, occupancy=None):
+    occupancy = occupancy or rooms()
+    ground = ExpertGround(occupancy, occupancy, None, ROBOT, EpisodeConfig(), CONFIG)
+    local = ground.around(state[:2], goal_m)
+    search = SpaceTimeSearch(ROBOT, CONFIG, goal_tolerance_m=0.5)
+    return search.search(local.tight_factor, local.to_goal, local.cells, state, goal_m, humans)
+
+
+def _gaps(plan, path):
+    count = min(len(plan.rows) - 1, STEPS)
+    return np.hypot(*(plan.rows[1 : count + 1, :2] - np.array(path)[:count]).T)
+
+
+def test_plan_starts_at_the_state_keeps_the_limits_and_touches_nothing():
+    state = (-2.0, 3.0, 0.4, 0.37, -0.21)
+    plan = _plan(state, (2.0, 6.0), _humans())
+    assert tuple(plan.rows[0]) == state
+    assert np.abs(np.diff(plan.rows[:, 3])).max() <= ROBOT.a_max_mps2 * DT_S + 1e-9
+    assert np.abs(np.diff(plan.rows[:, 4])).max() <= ROBOT.alpha_max_radps2 * DT_S + 1e-9
+    assert plan.rows[:, 3].min() >= 0
+    assert plan.rows[:, 3].max() <= ROBOT.v_max_mps
+    driven_m = np.hypot(*np.diff(plan.rows[:, :2], axis=0).T)
+    assert np.allclose(driven_m, plan.rows[1:, 3] * DT_S, atol=1e-4)
+    assert not any(meets_obstacle(rooms(), x, y, ROBOT.radius_m) for x, y in plan.rows[:, :2].tolist())
+
+
+def test_ground_is_free_before_a_human_comes_and_after_it_has_gone():
+    """Somebody crosses the door ahead, early or late: the robot passes both times, and never where they are."""
+    state, goal_m = (0.1, 6.0, math.pi / 2, 1.0, 0.0), (0.1, 9.0)
+    free_m = float(np.hypot(*(_plan(state, goal_m, _humans()).rows[40, :2] - state[:2])))
+    early = [(0.9 - 0.06 * k, 7.4) for k in range(STEPS)]
+    late = [(4.4 - 0.06 * k, 7.4) for k in range(STEPS)]
+    for path in (early, late):
+        plan = _plan(state, goal_m, _humans(path))
+        assert _gaps(plan, path).min() > CONTACT_M
+        assert math.hypot(*(plan.rows[-1, :2] - goal_m)) < 0.5 or len(plan.rows) == STEPS + 1
+    passed = _plan(state, goal_m, _humans(late)).rows
+    assert np.hypot(*(passed[40, :2] - state[:2])) > 0.9 * free_m
+    waited = _plan(state, goal_m, _humans(early)).rows
+    assert waited[:20, 3].min() < 0.9
+
+
+def test_robot_in_a_niche_that_looks_at_its_wall_turns_instead_of_waiting():
+    """Walls on three sides leave no slope of the way across the robot."""
+    occupied = np.ones((80, 120), np.bool_)
+    occupied[36:51, 4:116] = False
+    ground = OccupancyMap(frame=FRAME, occupied=occupied)
+    y_m = FRAME.origin_y_m + 43.5 * FRAME.resolution_m
+    plan = _plan((2.3, y_m, 0.0, 0.0, 0.0), (-2.0, y_m), _humans(), ground)
+    assert abs(plan.rows[20, 2]) > 0.5
+    assert plan.rows[-1, 0] < 2.0
+
+
+def test_no_plan_where_the_robot_cannot_take_a_step():
+    state, goal_m = (-2.0, 3.0, 0.0, 0.0, 0.0), (2.0, 6.0)
+    occupancy = rooms()
+    ground = ExpertGround(occupancy, occupancy, None, ROBOT, EpisodeConfig(), CONFIG)
+    local = ground.around(state[:2], goal_m)
+    blocked = np.zeros_like(local.tight_factor)
+    search = SpaceTimeSearch(ROBOT, CONFIG, goal_tolerance_m=0.5)
+    assert search.search(blocked, local.to_goal, local.cells, state, goal_m, _humans()) is None
+
+
+@pytest.mark.parametrize("chance", [1.0, 0.2])
+def test_a_human_who_surrounds_the_robot_still_leaves_a_least_evil(chance):
+    state, goal_m = (0.0, 5.0, 0.0, 0.0, 0.0), (2.0, 5.0)
+    humans = TimedHumans(
+        expected_m=np.full((1, STEPS, 2), (0.1, 5.0)),
+        chances=np.array([chance]),
+        contact_m=CONTACT_M,
+        widths_m=np.full((1, STEPS), 0.2),
+        weight=CONFIG.nearness_cost,
+    )
+    plan = _plan(state, goal_m, humans)
+    assert plan is not None
+    assert np.hypot(*(plan.rows[-1, :2] - (0.1, 5.0))) > CONTACT_M

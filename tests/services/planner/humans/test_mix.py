@@ -1,0 +1,53 @@
+"""The scenario mix that success rates are compared on is frozen: experts are tuned, it is not."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from readygo.common.messages import HumanPlanRequest
+from readygo.services.planner import handle_human_plan
+from tests.services.planner.conftest import key
+
+GOLDEN = Path(__file__).parents[3] / "golden" / "scenario_mix_paper.json"
+COUNT = 20
+
+
+def _described(reply):
+    """Start, goal and, per human, encounter, speed, rows, first, middle and last position [m]."""
+    if reply.scenario is None:
+        return {"rejected": reply.rejected}
+    return {
+        "start": reply.scenario.start_xyyaw.tolist(),
+        "goal": reply.scenario.goal_xy_m.tolist(),
+        "humans": [
+            {
+                "encounter": human.encounter,
+                "speed": human.speed_mps,
+                "xy": human.xy_m[[0, len(human.xy_m) // 2, -1]].ravel().tolist(),
+            }
+            for human in reply.scenario.humans
+        ],
+    }
+
+
+def test_the_papers_mix_is_the_frozen_one(planner, request):
+    drawn = [
+        _described(handle_human_plan(planner, HumanPlanRequest(episode=key(index, seed=2)))) for index in range(COUNT)
+    ]
+    if request.config.getoption("--update-golden"):
+        GOLDEN.write_text("[\n" + ",\n".join(json.dumps(row) for row in drawn) + "\n]\n")
+    frozen = json.loads(GOLDEN.read_text())
+    assert len(frozen) == COUNT
+    for now, then in zip(drawn, frozen, strict=True):
+        assert now.keys() == then.keys()
+        if "rejected" in then:
+            assert now == then
+            continue
+        assert now["start"] == pytest.approx(then["start"], abs=1e-3)
+        assert now["goal"] == pytest.approx(then["goal"], abs=1e-3)
+        assert [human["encounter"] for human in now["humans"]] == [human["encounter"] for human in then["humans"]]
+        for a, b in zip(now["humans"], then["humans"], strict=True):
+            assert a["speed"] == pytest.approx(b["speed"], abs=1e-3)
+            assert np.allclose(a["xy"], b["xy"], atol=1e-3)

@@ -1,0 +1,131 @@
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from readygo.common.episode import meets_obstacle
+from readygo.common.errors import AvatarError, SceneError
+from readygo.common.maps import OccupancyMap
+from readygo.common.messages import HumanPlanRequest, encode
+from readygo.services.planner import handle_human_plan
+from tests.services.planner.conftest import FRAME, key, make_planner, rooms
+
+
+@pytest.fixture(scope="module")
+def replies(planner):
+    return [handle_human_plan(planner, HumanPlanRequest(episode=key(index))) for index in range(40)]
+
+
+@pytest.fixture(scope="module")
+def scenarios(replies):
+    return [reply.scenario for reply in replies if reply.scenario is not None]
+
+
+def test_most_draws_are_accepted_and_the_others_say_why(replies):
+    assert sum(not reply.rejected for reply in replies) >= 25
+    for reply in replies:
+        assert (reply.scenario is None) == bool(reply.rejected)
+        assert len(reply.rejected) < 60
+
+
+def test_start_and_goal_keep_the_planning_radius_and_the_distance(planner, scenarios):
+    for scenario in scenarios:
+        x, y, yaw = scenario.start_xyyaw
+        goal_x, goal_y = scenario.goal_xy_m
+        for point in ((x, y), (goal_x, goal_y)):
+            assert not meets_obstacle(planner.maps.robot, *point, planner.robot.planning_radius_m)
+        assert 3.0 <= math.hypot(goal_x - x, goal_y - y) <= 10.0
+        assert yaw == pytest.approx(math.atan2(goal_y - y, goal_x - x))
+
+
+def test_humans_keep_their_clearance_everywhere(planner, scenarios):
+    for human in itertools.chain.from_iterable(scenario.humans for scenario in scenarios):
+        for x, y in human.xy_m:
+            # Distances are interpolated between cells, which costs up to a centimetre or two at corners.
+            assert not meets_obstacle(planner.maps.human, x, y, 0.35 - 0.03)
+
+
+def test_humans_walk_at_one_speed_in_the_configured_range(scenarios):
+    for human in itertools.chain.from_iterable(scenario.humans for scenario in scenarios):
+        steps = np.hypot(*np.diff(human.xy_m, axis=0).T)
+        assert 0.8 <= human.speed_mps <= 1.4
+        assert np.allclose(steps[:-1], 0.05 * human.speed_mps, rtol=0.02)
+
+
+def test_humans_neither_start_at_the_robot_nor_park_on_the_goal(scenarios):
+    for scenario in scenarios:
+        for human in scenario.humans:
+            assert np.hypot(*(human.xy_m[0] - scenario.start_xyyaw[:2])) >= 1.5
+            assert np.hypot(*(human.xy_m[-1] - scenario.goal_xy_m)) >= 1.6
+            assert np.hypot(*(human.xy_m[:61] - scenario.start_xyyaw[:2]).T).min() >= 0.75
+
+
+def test_humans_do_not_run_into_each_other(scenarios):
+    pairs = [scenario.humans for scenario in scenarios if len(scenario.humans) == 2]
+    assert pairs
+    for a, b in pairs:
+        rows = np.arange(max(len(a.xy_m), len(b.xy_m)))
+        gap = a.xy_m[np.minimum(rows, len(a.xy_m) - 1)] - b.xy_m[np.minimum(rows, len(b.xy_m) - 1)]
+        assert np.hypot(*gap.T).min() >= 0.5
+
+
+def test_crossing_humans_meet_the_robot_in_time(scenarios):
+    """On the straight way at the expected speed, the robot would come close to most of them."""
+    nearest = []
+    for scenario in scenarios:
+        way = scenario.goal_xy_m - scenario.start_xyyaw[:2]
+        length = float(np.hypot(*way))
+        for human in scenario.humans:
+            if human.encounter != "crossing":
+                continue
+            t = np.arange(len(human.xy_m)) * 0.05
+            along = np.clip((t - 0.5) * 0.85, 0, length)[:, None] / length
+            nearest.append(np.hypot(*(human.xy_m - scenario.start_xyyaw[:2] - along * way).T).min())
+    assert len(nearest) >= 8
+    assert np.median(nearest) < 0.9
+
+
+def test_both_encounters_and_all_avatars_occur(scenarios):
+    humans = list(itertools.chain.from_iterable(scenario.humans for scenario in scenarios))
+    assert {human.encounter for human in humans} == {"crossing", "parallel"}
+    assert {human.avatar for human in humans} == {"adam", "mia", "zoe"}
+    assert all(a.avatar != b.avatar for a, b in (s.humans for s in scenarios if len(s.humans) == 2))
+
+
+def test_static_task_has_the_same_start_and_goal_and_no_humans(planner, scenarios):
+    for scenario in scenarios[:10]:
+        static = handle_human_plan(planner, HumanPlanRequest(episode=scenario.episode, static=True)).scenario
+        assert np.array_equal(static.start_xyyaw, scenario.start_xyyaw)
+        assert np.array_equal(static.goal_xy_m, scenario.goal_xy_m)
+        assert static.humans == ()
+
+
+def test_same_key_gives_the_same_bytes_on_any_planner_in_any_order(planner, replies):
+    other = make_planner()
+    for index in (7, 3, 5):
+        reply = handle_human_plan(other, HumanPlanRequest(episode=key(index)))
+        assert encode(reply) == encode(replies[index])
+
+
+def test_a_map_without_room_is_refused():
+    full = np.ones((40, 40), np.bool_)
+    full[18:22, 18:22] = False
+    with pytest.raises(SceneError, match="no free space"):
+        make_planner(OccupancyMap(frame=FRAME, occupied=full))
+
+
+def test_a_room_too_small_for_any_goal_rejects_with_a_reason():
+    closet = np.ones((60, 60), np.bool_)
+    closet[5:45, 5:45] = False
+    reply = handle_human_plan(
+        make_planner(OccupancyMap(frame=FRAME, occupied=closet)), HumanPlanRequest(episode=key(0))
+    )
+    assert reply.rejected == "no way from start to goal"
+
+
+def test_humans_without_avatars_are_an_error(planner):
+    bare = make_planner(rooms())
+    bare.avatar_names.clear()
+    with pytest.raises(AvatarError, match="no avatars"):
+        handle_human_plan(bare, HumanPlanRequest(episode=key(0)))

@@ -1,0 +1,113 @@
+import numpy as np
+import pytest
+
+from readygo.common.robot import CameraConfig
+from readygo.services.renderer.sensor.config import SensorConfig, SensorRanges, sensor_phone_like
+from readygo.services.renderer.sensor.faces import (
+    OVERSAMPLING,
+    R_FACE_CAMERA,
+    WEIGHT_ONE,
+    Faces,
+    make_remap,
+    plan_faces,
+)
+from readygo.services.renderer.sensor.lens import make_lens
+from readygo.services.renderer.sensor.light import TIME_ONE, LightSum, byte_of_light, light_of_byte
+
+CAMERA = CameraConfig(height_px=72, width_px=128)
+WIDE = CameraConfig(height_px=72, width_px=128, horizontal_fov_deg=145.0)
+CASES = [
+    (SensorConfig(distortion="brown_conrady", k1=-0.05, p1=0.002), CAMERA),
+    (SensorConfig(distortion="fisheye"), CAMERA),
+    (SensorConfig(distortion="fisheye", k1=0.02), WIDE),
+]
+
+
+def directions(faces: Faces, face: int) -> np.ndarray:
+    """Unit vectors in the camera's frame that the pixels of a face see, shape (Hf, Wf, 3)."""
+    u, v = np.meshgrid(np.arange(faces.width_px) + 0.5, np.arange(faces.height_px) + 0.5)
+    rays = np.stack([(u - faces.cx_px) / faces.focal_px, (v - faces.cy_px) / faces.focal_px, np.ones_like(u)], axis=-1)
+    rays = rays @ R_FACE_CAMERA[face]
+    return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+
+
+def lens_directions(lens) -> np.ndarray:
+    u, v = np.meshgrid(np.arange(lens.width_px) + 0.5, np.arange(lens.height_px) + 0.5)
+    xy = lens.rays(np.stack([u, v], axis=-1).reshape(-1, 2)).reshape(lens.height_px, lens.width_px, 2)
+    rays = np.concatenate([xy, np.ones((*xy.shape[:2], 1))], axis=-1)
+    return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+
+
+@pytest.mark.parametrize(("sensor", "camera"), CASES)
+def test_smooth_world_is_seen_through_the_lens(sensor: SensorConfig, camera: CameraConfig) -> None:
+    lens = make_lens(sensor, camera)
+    faces = plan_faces([lens])
+    remap = make_remap(lens, faces)
+
+    def light(rays: np.ndarray) -> np.ndarray:
+        return 0.5 + 0.4 * np.sin(3.0 * rays + (0.3, 1.0, 2.0))
+
+    images = np.stack([byte_of_light()[np.rint(light(directions(faces, k)) * 65535).astype(int)] for k in remap.faces])
+    total = LightSum(camera.height_px, camera.width_px)
+    total.add(images, remap, np.full(camera.height_px, TIME_ONE, dtype=np.int64))
+    seen = total.developed(SensorConfig(), np.ones((camera.height_px, camera.width_px)), np.random.default_rng(0))
+    assert np.abs(light_of_byte()[seen] / 65535 - light(lens_directions(lens))).max() < 0.01
+
+
+@pytest.mark.parametrize(("sensor", "camera"), CASES)
+def test_nearest_source_is_within_a_pixel_of_the_ray(sensor: SensorConfig, camera: CameraConfig) -> None:
+    lens = make_lens(sensor, camera)
+    faces = plan_faces([lens])
+    remap = make_remap(lens, faces)
+    table = np.stack([directions(faces, face) for face in remap.faces]).reshape(-1, 3)
+    expected = lens_directions(lens)
+    angle = np.arccos(np.clip((table[remap.nearest] * expected).sum(axis=-1), -1, 1))
+    assert angle.max() < 1.0 / faces.focal_px
+    along_face = np.einsum("hwk,hwk->hw", R_FACE_CAMERA[list(remap.faces)][remap.face][:, :, 2], expected)
+    assert remap.depth_factor == pytest.approx(expected[..., 2] / along_face)
+
+
+@pytest.mark.parametrize(("sensor", "camera"), CASES)
+def test_weights_are_whole_and_no_source_is_at_the_faces_edge(sensor: SensorConfig, camera: CameraConfig) -> None:
+    lens = make_lens(sensor, camera)
+    faces = plan_faces([lens])
+    remap = make_remap(lens, faces)
+    assert (np.add.reduceat(remap.weight, remap.start[:-1]) == WEIGHT_ONE).all()
+    line, column = np.divmod(remap.source % (faces.height_px * faces.width_px), faces.width_px)
+    assert 0 < column.min() < column.max() < faces.width_px - 1
+    assert 0 < line.min() < line.max() < faces.height_px - 1
+
+
+def test_faces_are_finer_than_the_image_everywhere_and_a_cube_only_where_needed() -> None:
+    for sensor, camera in CASES:
+        lens = make_lens(sensor, camera)
+        faces = plan_faces([lens])
+        remap = make_remap(lens, faces)
+        assert faces.cube == (camera is WIDE)
+        assert remap.faces == ((0, 1, 2) if camera is WIDE else (0,))
+        turned = np.einsum("hwik,hwk->hwi", R_FACE_CAMERA[list(remap.faces)][remap.face], lens_directions(lens))
+        uv = faces.focal_px * turned[..., :2] / turned[..., 2:]
+        for axis in (0, 1):
+            together = np.diff(remap.face, axis=axis) == 0
+            assert np.linalg.norm(np.diff(uv, axis=axis), axis=-1)[together].min() > 0.98 * OVERSAMPLING
+
+
+def test_plan_for_ranges_holds_every_lens_between_them() -> None:
+    sensor = sensor_phone_like()
+    faces = plan_faces([make_lens(extreme, CAMERA) for extreme in sensor.extremes()])
+    for seed in range(12):
+        remap = make_remap(make_lens(sensor.drawn(np.random.default_rng(seed)), CAMERA), faces)
+        line, column = np.divmod(remap.source, faces.width_px)
+        assert 0 < column.min() < column.max() < faces.width_px - 1
+        assert 0 < line.min() < line.max() < faces.height_px - 1
+
+
+def test_remap_of_no_distortion_is_an_upright_image() -> None:
+    sensor = SensorConfig(distortion="brown_conrady", ranges=SensorRanges(k1=(-0.02, 0.02)))
+    faces = plan_faces([make_lens(extreme, CAMERA) for extreme in sensor.extremes()])
+    remap = make_remap(make_lens(SensorConfig(distortion="brown_conrady"), CAMERA), faces)
+    line, column = np.divmod(remap.nearest, faces.width_px)
+    assert (np.diff(column, axis=1) > 0).all()
+    assert (np.diff(line, axis=0) > 0).all()
+    assert (column == column[:1]).all()
+    assert (remap.depth_factor == 1.0).all()

@@ -1,0 +1,48 @@
+import numpy as np
+import pytest
+
+from readygo.services.renderer.sensor.config import SensorConfig
+from readygo.services.renderer.sensor.light import TIME_ONE
+from readygo.services.renderer.sensor.shutter import make_shutter
+
+HEIGHT = 48
+
+
+@pytest.mark.parametrize(
+    ("exposure_s", "readout_s", "sub_frames"),
+    [(0.02, 0.0, 8), (0.0, 0.02, 5), (0.01, 0.015, 7), (0.05, 0.05, 64), (1e-9, 0.02, 8), (0.004, 0.02, 4)],
+)
+def test_every_row_gets_all_its_light_before_the_frames_own_time(
+    exposure_s: float, readout_s: float, sub_frames: int
+) -> None:
+    sensor = SensorConfig(exposure_s=exposure_s, readout_s=readout_s, sub_frames=sub_frames)
+    shutter = make_shutter(sensor, HEIGHT)
+    assert shutter.weight.shape == (sub_frames, HEIGHT)
+    assert (shutter.weight >= 0).all()
+    assert (shutter.weight.sum(axis=0) == TIME_ONE).all()
+    assert max(shutter.steps) < 0
+    assert shutter.steps == tuple(sorted(shutter.steps))
+
+
+def test_row_is_exposed_at_its_own_time_for_the_exposure() -> None:
+    sensor = SensorConfig(exposure_s=0.01, readout_s=0.02, sub_frames=64)
+    shutter = make_shutter(sensor, HEIGHT)
+    times_s = np.array(shutter.steps) * 0.05
+    for row in (0, 20, HEIGHT - 1):
+        end_s = 0.02 * row / (HEIGHT - 1) - 0.02
+        share = shutter.weight[:, row] / TIME_ONE
+        assert share @ times_s == pytest.approx(end_s - 0.005, abs=2e-4)
+        assert times_s[share > 0].min() >= end_s - 0.01 - 5e-4
+        assert times_s[share > 0].max() <= end_s + 5e-4
+        assert times_s[shutter.middle[row]] == pytest.approx(end_s - 0.005, abs=5e-4)
+
+
+def test_closed_ends_need_one_image_only() -> None:
+    shutter = make_shutter(SensorConfig(exposure_ev=1.0), HEIGHT)
+    assert shutter.steps == (0.0,)
+    assert (shutter.weight == TIME_ONE).all()
+
+
+def test_without_readout_all_rows_are_alike() -> None:
+    shutter = make_shutter(SensorConfig(exposure_s=0.02), HEIGHT)
+    assert (shutter.weight == TIME_ONE // 8).all()
