@@ -30,7 +30,7 @@ from readygo.services.animator.priormdm.features import (
 
 Array = npt.NDArray[np.float64]
 
-MOCAP = Path(__file__).resolve().parents[2] / "shared" / "data" / "motion" / "cmu"
+MOCAP = Path(__file__).resolve().parents[3] / "shared" / "data" / "motion" / "cmu"
 PATHS = {
     "straight": line,
     "circle r=1.5 m": circle,
