@@ -9,8 +9,7 @@ from readygo.common.dataset import ShardWriter, encode_episode
 from readygo.common.dataset.index import index_path
 from readygo.common.dataset.metadata import metadata_from_strings
 from readygo.common.errors import DatasetError
-from tests.common.dataset.episodes import METADATA, make_episode, write_shard
-from tests.common.dataset.test_chunk import golden_episode
+from tests.common.dataset.episodes import METADATA, golden_episode, make_episode, write_shard
 
 GOLDEN_SHARD_SHA256 = "c692843b7bc34f5033ed19169f9e5efb67b6aa5255e49520bdff2ffaf694c9a0"
 """Of a shard without outputs; the schemas that protobuf packages bring are part of it."""
