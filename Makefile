@@ -17,12 +17,13 @@ demo: setup  ## Run the whole job on the embedded scene; writes demo/report.html
 test: setup  ## Run all tests
 	$(BIN)/pytest
 
-check: setup  ## Style, types and import rules
+check: setup  ## Style, types, import rules, and a test for every module
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python tests/large_files.py
+	$(BIN)/python tests/mirror.py
 
 bench: setup  ## Measure rendering, motion, planning and data on this machine
 	$(BIN)/python -m readygo.benchmarks

@@ -20,7 +20,7 @@ from readygo.common.maps import GridFrame, OccupancyMap, save_ros_map
 from readygo.common.messages import EpisodeKey, HumanPlanRequest, Split
 from readygo.services.planner import handle_human_plan
 from tests.common.dataset.episodes import METADATA, make_episode
-from tests.services.planner.conftest import key, make_planner
+from tests.services.planner.worlds import key, make_planner
 
 COUNT = 20
 

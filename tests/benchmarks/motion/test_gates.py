@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from readygo.benchmarks.motion import gates as motion
-from readygo.benchmarks.motion.gates import Gate, bench_motion
+from readygo.benchmarks.motion.gates import Gate, bench_motion, feature_gates, mocap_gates
 from readygo.common.errors import ConfigError
+from tests.services.animator.bodies import make_avatar
 
 
 @pytest.fixture
@@ -40,3 +41,13 @@ def test_table_marks_what_is_beyond_its_limits(one_gate, tmp_path, capsys):
 def test_unknown_avatar_is_a_users_mistake():
     with pytest.raises(ConfigError, match="'nobody' is not embedded; there are amara"):
         bench_motion(avatar="nobody")
+
+
+def test_curves_of_one_walk_give_the_other_one(mocap):
+    gates = list(mocap_gates(make_avatar(), mocap))
+    assert len(gates) == 12
+    assert [gate for gate in gates if not gate.held] == []
+
+
+def test_features_give_joints_and_paths_back():
+    assert [gate for gate in feature_gates(make_avatar()) if not gate.held] == []

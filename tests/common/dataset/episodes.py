@@ -164,3 +164,23 @@ def write_shard(
             header, samples = make_episode(index, sample_count, outputs=outputs, **changes)
             writer.append(encode_episode(header, 1, samples))
     return folder / shard_name(recorder, number)
+
+
+def golden_episode() -> tuple[EpisodeHeader, list[Sample]]:
+    """An episode whose bytes depend on no encoder and no mathematical library."""
+    header, samples = make_episode(
+        5, 4, start_xyyaw=(1.0, 2.0, 0.0), K_px=(16.0, 0.0, 16.0, 0.0, 16.0, 12.0, 0.0, 0.0, 1.0)
+    )
+    return header, [
+        dataclasses.replace(
+            sample,
+            image=b"\xff\xd8pixels",
+            action_v_mps=0.5,
+            action_w_radps=-0.25,
+            goal_xy_robot_m=(3.0, -1.0),
+            robot_xyzyaw=(1.0, 2.0, 0.0, 0.0),
+            humans_xyzyaw=((2.0, 0.5, 0.25, 0.0),),
+            human_distance_m=1.75,
+        )
+        for sample in samples
+    ]

@@ -7,8 +7,7 @@ import pytest
 from readygo.common.dataset import encode_episode, read_chunk, schemas
 from readygo.common.dataset.records import iter_messages
 from readygo.common.errors import DatasetError
-from readygo.common.messages import EpisodeHeader, Sample
-from tests.common.dataset.episodes import make_episode, make_labels
+from tests.common.dataset.episodes import golden_episode, make_episode, make_labels
 
 GOLDEN_SHA256 = "a7395f7efdde6b4850eaa79b541a2797abbab063d2fbb797ae4f1843d68a59ba"
 GOLDEN_LABELS_SHA256 = "62854865e6354dbd48c8c8998669752e2bf55ae08672b5a75155fb7a7d82ed70"
@@ -56,26 +55,6 @@ def test_hash_depends_on_every_sample() -> None:
     header, samples = make_episode(0)
     changed = [*samples[:5], dataclasses.replace(samples[5], expert_cost=1.6), *samples[6:]]
     assert encode_episode(header, 1, changed).sha256 != encode_episode(header, 1, samples).sha256
-
-
-def golden_episode() -> tuple[EpisodeHeader, list[Sample]]:
-    """An episode whose bytes depend on no encoder and no mathematical library."""
-    header, samples = make_episode(
-        5, 4, start_xyyaw=(1.0, 2.0, 0.0), K_px=(16.0, 0.0, 16.0, 0.0, 16.0, 12.0, 0.0, 0.0, 1.0)
-    )
-    return header, [
-        dataclasses.replace(
-            sample,
-            image=b"\xff\xd8pixels",
-            action_v_mps=0.5,
-            action_w_radps=-0.25,
-            goal_xy_robot_m=(3.0, -1.0),
-            robot_xyzyaw=(1.0, 2.0, 0.0, 0.0),
-            humans_xyzyaw=((2.0, 0.5, 0.25, 0.0),),
-            human_distance_m=1.75,
-        )
-        for sample in samples
-    ]
 
 
 def test_bytes_of_an_episode_do_not_change_between_versions() -> None:

@@ -1,4 +1,5 @@
 import hashlib
+import os
 
 import numpy as np
 import pytest
@@ -8,8 +9,7 @@ from readygo.common.dataset import ShardWriter, encode_episode
 from readygo.common.dataset.index import index_path
 from readygo.common.dataset.metadata import metadata_from_strings
 from readygo.common.errors import DatasetError
-from tests.common.dataset.episodes import METADATA, make_episode, write_shard
-from tests.common.dataset.test_chunk import golden_episode
+from tests.common.dataset.episodes import METADATA, golden_episode, make_episode, write_shard
 
 GOLDEN_SHARD_SHA256 = "c692843b7bc34f5033ed19169f9e5efb67b6aa5255e49520bdff2ffaf694c9a0"
 """Of a shard without outputs; the schemas that protobuf packages bring are part of it."""
@@ -74,6 +74,40 @@ def test_open_shard_has_another_name_until_it_is_closed(tmp_path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["shard-r0-00000.mcap.part"]
     assert writer.close() == tmp_path / "shard-r0-00000.mcap"
     assert sorted(path.suffix for path in tmp_path.iterdir()) == [".index", ".mcap"]
+
+
+@pytest.fixture
+def synced_sizes(monkeypatch):
+    """Sizes of the files [bytes] at each `os.fsync`, by inode."""
+    sizes: dict[int, list[int]] = {}
+    fsync = os.fsync
+
+    def watched(descriptor):
+        status = os.fstat(descriptor)
+        sizes.setdefault(status.st_ino, []).append(status.st_size)
+        fsync(descriptor)
+
+    monkeypatch.setattr(os, "fsync", watched)
+    return sizes
+
+
+def test_episode_is_on_the_disk_when_append_returns(tmp_path, synced_sizes) -> None:
+    writer = ShardWriter(tmp_path / "shard-r0-00000.mcap", METADATA)
+    part = (tmp_path / "shard-r0-00000.mcap.part").stat()
+    for index in range(2):
+        writer.append(encode_episode(*_with_attempt(*make_episode(index))))
+        assert synced_sizes[part.st_ino][-1] == (tmp_path / "shard-r0-00000.mcap.part").stat().st_size
+    assert len(set(synced_sizes[part.st_ino])) == 3
+    assert len(synced_sizes[tmp_path.stat().st_ino]) == 1
+    writer.close()
+    assert synced_sizes[part.st_ino][-1] == (tmp_path / "shard-r0-00000.mcap").stat().st_size
+    assert len(synced_sizes[tmp_path.stat().st_ino]) == 2
+
+
+def test_speed_is_bought_with_durability_on_request_only(tmp_path, synced_sizes) -> None:
+    with ShardWriter(tmp_path / "shard-r0-00000.mcap", METADATA, fsync=False) as writer:
+        writer.append(encode_episode(*_with_attempt(*make_episode(0))))
+    assert synced_sizes == {}
 
 
 def test_same_episodes_give_the_same_file(tmp_path) -> None:

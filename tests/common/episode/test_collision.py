@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from readygo.common.episode import meets_human, meets_obstacle
+from readygo.common.maps import GridFrame, OccupancyMap
 
 
 @pytest.mark.parametrize(
@@ -26,6 +27,17 @@ def test_disc_meets_the_corner_of_a_cell_at_its_true_distance(hall):
         for distance, meets in ((0.249, True), (0.251, False)):
             x, y = 4.05 + distance * math.cos(angle), 1.05 + distance * math.sin(angle)
             assert meets_obstacle(hall, x, y, 0.25) is meets
+
+
+@pytest.mark.parametrize(("dx_m", "dy_m"), [(-0.5, 0.125), (0.125, -0.5), (0.0, -0.5)])
+def test_disc_that_touches_a_side_exactly_meets_it(dx_m, dy_m):
+    # Multiples of 1/8 m are exact: the disc's edge is the cell's edge, not about it.
+    occupied = np.zeros((20, 20), np.bool_)
+    occupied[8, 12] = True
+    cells = OccupancyMap(frame=GridFrame(origin_x_m=-1.0, origin_y_m=2.0, resolution_m=0.25), occupied=occupied)
+    x, y = -1.0 + 12 * 0.25 + dx_m, 2.0 + 8 * 0.25 + dy_m
+    assert meets_obstacle(cells, x, y, 0.5)
+    assert not meets_obstacle(cells, x, y, 0.5 - 2**-20)
 
 
 def test_outside_of_the_grid_is_occupied(hall):

@@ -54,6 +54,24 @@ def test_standing_human_is_hit_when_the_discs_overlap(simulate):
     assert run.human_distance_m[0] == 3.0
 
 
+@pytest.mark.parametrize(
+    ("human_radius_m", "aside_m", "outcome"),
+    [
+        (0.6, 0.84, Outcome.HUMAN_COLLISION),
+        (0.6, 0.86, Outcome.SUCCESS),
+        (0.1, 0.34, Outcome.HUMAN_COLLISION),
+        (0.1, 0.36, Outcome.SUCCESS),
+    ],
+)
+def test_contact_is_the_sum_of_the_robots_and_the_humans_radius(simulate, human_radius_m, aside_m, outcome):
+    assert ROBOT.radius_m == 0.25
+    run = _drive(simulate(tracks=[[(3.0, aside_m)]], human_radius_m=human_radius_m))
+    assert run.outcome is outcome
+    touched = np.any(run.time_to_collision_s == 0)
+    assert not touched
+    assert np.isfinite(run.time_to_collision_s).any() == (outcome is Outcome.HUMAN_COLLISION)
+
+
 def test_collision_wins_over_success_in_the_same_step(simulate):
     run = _drive(simulate(goal=(5.0, 0.0), tracks=[[(4.5, 0.0)]]))
     assert run.outcome is Outcome.HUMAN_COLLISION

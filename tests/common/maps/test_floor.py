@@ -1,3 +1,5 @@
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -43,6 +45,17 @@ def test_floor_hidden_below_a_wide_box_has_no_support():
     estimate = estimate_floor(concatenate([cloud.select(~inside), box((2.8, 2.8, 0.3), (5.2, 5.2, 1))]), 0.1)
     row, column = estimate.floor.frame.cell(4.0, 4.0)
     assert not estimate.supported[row, column]
+
+
+@pytest.mark.parametrize(("opacity", "supported"), [(0.1, False), (0.35, True)])
+def test_floor_that_is_too_faint_has_no_support(opacity, supported):
+    cloud = room()
+    x, y, z = cloud.means_m.T
+    faint = (z < 0.01) & (np.abs(x - 3.0) < 0.9) & (np.abs(y - 2.5) < 0.9)
+    opacities = np.where(faint, np.float32(opacity), cloud.opacities)
+    estimate = estimate_floor(dataclasses.replace(cloud, opacities=opacities), 0.1)
+    found = [estimate.supported[estimate.floor.frame.cell(x, 2.5)] for x in (1.0, 3.0)]
+    assert found == [True, supported]
 
 
 def test_object_without_floor_is_refused_with_its_area():

@@ -3,7 +3,6 @@ import itertools
 import numpy as np
 import pytest
 
-from readygo.benchmarks.planning.voxels import ALIGNED, BOX, MEAN, own_sums, peer_sums, synthetic_ground
 from readygo.common.frames import matrix_from_quat
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.maps import GridFrame, opacity_sums
@@ -92,15 +91,3 @@ def test_smaller_grid_gets_the_sums_of_its_part_of_a_larger_one():
     part = opacity_sums(cloud, inner, BOTTOM_M + 4 * H_M, (3, 5, 4))
     assert part.any()
     np.testing.assert_array_equal(part > 0, whole[4:7, 2:7, 3:7] > 0)
-
-
-def test_row_form_gives_the_sums_of_the_exact_test_of_every_voxel():
-    ground = synthetic_ground(3000, seed=1)
-    own = own_sums(ground)
-    assert own.any()
-    np.testing.assert_array_equal(own, peer_sums(ground, BOX))
-    larger, smaller = peer_sums(ground, ALIGNED), peer_sums(ground, MEAN)
-    assert (own <= larger).all()
-    assert (smaller <= own).all()
-    assert (own < larger).any()
-    assert (smaller < own).any()

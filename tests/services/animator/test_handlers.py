@@ -3,7 +3,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from readygo.benchmarks.motion.paths import circle, floor, line
 from readygo.common.bus import InProcessBus
 from readygo.common.errors import AvatarError
 from readygo.common.maps.grid import GridFrame, OccupancyMap
@@ -18,7 +17,8 @@ from readygo.common.messages import (
     encode,
 )
 from readygo.services.animator import Animator, AnimatorConfig, attach, handle_animate
-from tests.services.animator.conftest import make_avatar
+from tests.services.animator.bodies import make_avatar
+from tests.services.animator.paths import circle, floor, line
 
 
 def human(avatar, xy):

@@ -7,7 +7,7 @@ from readygo.common.messages import HumanPlanReply, HumanPlanRequest, RobotPlanR
 from readygo.services.planner import ExpertConfig, FamilyMix, HumanPlannerConfig
 from readygo.services.planner.explain.picture import draw_episode
 from readygo.services.planner.service import attach
-from tests.services.planner.conftest import animate, key
+from tests.services.planner.worlds import animate, key
 
 
 @pytest.fixture

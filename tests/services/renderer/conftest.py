@@ -18,12 +18,9 @@ from readygo.common.messages import (
     Scenario,
     Split,
 )
-from readygo.common.robot import CameraConfig, RobotConfig
 from readygo.common.scenes import Scene
 from readygo.services.renderer import Renderer, RendererConfig
-from tests.services.renderer.wearers import wearers
-
-ROBOT = RobotConfig(camera=CameraConfig(height_px=48, width_px=80))
+from tests.services.renderer.wearers import ROBOT, wearers
 
 
 def _walls(seed: int, distance_m: float, count: int) -> GaussianCloud:

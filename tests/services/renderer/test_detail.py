@@ -11,7 +11,7 @@ from readygo.common.messages import HumanMotion, Motion
 from readygo.common.rasterizer.lod import files as lod_files
 from readygo.common.scenes import Scene
 from readygo.services.renderer import Renderer, RendererConfig
-from tests.services.renderer.conftest import ROBOT
+from tests.services.renderer.wearers import ROBOT
 
 
 def rendered(scene: Scene, avatars: dict[str, Avatar], detail: str) -> np.ndarray:

@@ -1,8 +1,11 @@
-"""The avatars of the renderer's tests."""
+"""The robot and the avatars of the renderer's tests."""
 
 import functools
 
 from readygo.common.avatars import Avatar, load_avatars
+from readygo.common.robot import CameraConfig, RobotConfig
+
+ROBOT = RobotConfig(camera=CameraConfig(height_px=48, width_px=80))
 
 
 @functools.cache

@@ -20,12 +20,7 @@ from numba import njit
 from readygo.common.rasterizer.cpu import blend as cpu_blend
 from readygo.common.rasterizer.warm import warm
 from tests.common.rasterizer.cpu import frames_digest
-
-ROOT = Path(__file__).parents[4]
-AVX2 = {"NUMBA_CPU_NAME": "haswell", "NUMBA_CPU_FEATURES": "+avx2,+fma,+bmi,+bmi2,+lzcnt,+popcnt,+sse4.2"}
-
-
-PLAIN = {"NUMBA_CPU_NAME": "x86-64", "NUMBA_CPU_FEATURES": "+sse2"}
+from tests.common.rasterizer.processors import AVX2, PLAIN, ROOT, numpy_features_above_avx2
 
 
 def digest(*arguments: int | str, **environment: str) -> str:
@@ -68,7 +63,7 @@ def test_frames_have_the_same_bytes_on_any_number_of_threads(hashes: dict[int, s
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="compares x86 instruction sets")
 @pytest.mark.skipif(not binding.get_host_cpu_features().get("avx2", False), reason="this CPU has no AVX2")
 def test_packs_frames_and_their_other_images_have_the_same_bytes_with_avx2_as_with_what_this_cpu_has() -> None:
-    assert digest(**AVX2, NPY_DISABLE_CPU_FEATURES=_numpy_features_above_avx2()) == digest()
+    assert digest(**AVX2, NPY_DISABLE_CPU_FEATURES=numpy_features_above_avx2()) == digest()
 
 
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="compares x86 instruction sets")
@@ -95,10 +90,3 @@ def test_kernels_compile_for_arm64_with_its_own_fused_multiply_adds() -> None:
     called = re.findall(r"\bbl\s+(\S+)", assembly)
     assert assembly.count("fmla") > 5
     assert not [name for name in called if "fma" in name or "__" in name]
-
-
-def _numpy_features_above_avx2() -> str:
-    """NumPy's own dispatch is lowered as well, as far as this machine has more than AVX2."""
-    wanted = {"AVX512F": "avx512f", "AVX512CD": "avx512cd", "AVX512_SKX": "avx512bw"}
-    host = binding.get_host_cpu_features()
-    return ",".join(name for name, feature in wanted.items() if host.get(feature, False))

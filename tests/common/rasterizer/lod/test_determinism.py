@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from llvmlite import binding
 
-from tests.common.rasterizer.cpu.test_determinism import AVX2, ROOT, _numpy_features_above_avx2
+from tests.common.rasterizer.processors import AVX2, ROOT, numpy_features_above_avx2
 
 
 def digest(**environment: str) -> str:
@@ -23,4 +23,4 @@ def digest(**environment: str) -> str:
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="compares x86 instruction sets")
 @pytest.mark.skipif(not binding.get_host_cpu_features().get("avx2", False), reason="this CPU has no AVX2")
 def test_trees_have_the_same_bytes_with_avx2_as_with_what_this_cpu_has() -> None:
-    assert digest(**AVX2, NPY_DISABLE_CPU_FEATURES=_numpy_features_above_avx2()) == digest()
+    assert digest(**AVX2, NPY_DISABLE_CPU_FEATURES=numpy_features_above_avx2()) == digest()

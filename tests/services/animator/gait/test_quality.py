@@ -3,10 +3,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from readygo.benchmarks.motion.paths import dash, floor, line
 from readygo.common.avatars import joint_positions
 from readygo.services.animator import measure
 from readygo.services.animator.gait.quality import joints_of
+from tests.services.animator.paths import dash, floor, line
 
 FLAT = floor()
 

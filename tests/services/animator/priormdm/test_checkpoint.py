@@ -9,7 +9,7 @@ from readygo.common.errors import ConfigError
 from readygo.services.animator import AnimatorConfig
 from readygo.services.animator.priormdm import PriorMdmConfig
 from readygo.services.animator.priormdm.checkpoint import files_digest, load_model
-from tests.services.animator.priormdm.conftest import ARGS, random_network
+from tests.services.animator.priormdm.networks import ARGS, random_network
 
 
 def save(folder, state):

@@ -2,7 +2,7 @@ import pytest
 import torch
 
 from readygo.services.animator.priormdm.network import Mdm, NetworkShape
-from tests.services.animator.priormdm.conftest import SMALL, random_network
+from tests.services.animator.priormdm.networks import SMALL, random_network
 
 
 def test_released_size_has_the_released_names_and_shapes():

@@ -8,7 +8,7 @@ from readygo.common.maps import FloorMap
 from readygo.common.messages import HumanMotion, Motion
 from readygo.common.robot import RobotConfig
 from readygo.services.planner.expert.clearance import gaussian_clearance_m
-from tests.services.planner.conftest import FRAME, make_avatar
+from tests.services.planner.worlds import FRAME, make_avatar
 
 FLOOR = FloorMap(frame=FRAME, height_m=np.zeros((200, 240), np.float32))
 AVATAR = make_avatar("mia")

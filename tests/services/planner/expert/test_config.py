@@ -27,3 +27,15 @@ def test_obstacles_hide_humans_by_default_in_space_time_and_not_in_the_papers_mo
     assert not ExpertConfig(mode="paper").needs_line_of_sight
     assert ExpertConfig(mode="paper", line_of_sight=True).needs_line_of_sight
     assert not ExpertConfig(line_of_sight=False).needs_line_of_sight
+
+
+def test_what_the_paper_states_is_the_default():
+    config = ExpertConfig()
+    assert config.prediction_s == 2.0
+    assert (config.near_m, config.near_field_m, config.oracle) == (3.0, 0.0, False)
+
+
+def test_who_leaves_the_view_is_remembered_for_four_seconds_and_who_stood_for_a_minute():
+    # Recorded data and the tables of success rates rest on these.
+    assert (ExpertConfig().memory_s, ExpertConfig().standing_memory_s) == (4.0, 60.0)
+    assert (ExpertConfig().range_m, ExpertConfig().timed_prediction_s) == (10.0, 4.0)

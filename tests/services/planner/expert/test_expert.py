@@ -18,7 +18,7 @@ from readygo.common.messages import (
 )
 from readygo.services.planner import handle_human_plan, handle_robot_plan
 from readygo.services.planner.handlers import drive
-from tests.services.planner.conftest import FRAME, animate, key, make_planner
+from tests.services.planner.worlds import FRAME, animate, key, make_planner
 
 
 def _scenario(start, goal, tracks=()):

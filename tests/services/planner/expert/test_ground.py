@@ -9,7 +9,7 @@ from readygo.common.maps import GridFrame, OccupancyMap
 from readygo.common.robot import RobotConfig
 from readygo.services.planner import ExpertConfig
 from readygo.services.planner.expert.ground import ExpertGround, cropped
-from tests.services.planner.conftest import FRAME, rooms
+from tests.services.planner.worlds import FRAME, rooms
 
 
 def _ground(occupancy, **options):

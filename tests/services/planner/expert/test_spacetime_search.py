@@ -10,7 +10,7 @@ from readygo.common.robot.kinematics import DT_S
 from readygo.services.planner import ExpertConfig
 from readygo.services.planner.expert.ground import ExpertGround
 from readygo.services.planner.expert.spacetime_search import SpaceTimeSearch, TimedHumans
-from tests.services.planner.conftest import FRAME, rooms
+from tests.services.planner.worlds import FRAME, rooms
 
 ROBOT = RobotConfig()
 CONFIG = ExpertConfig()

@@ -7,8 +7,8 @@ from readygo.common.messages import HumanPlanRequest
 from readygo.services.planner import handle_human_plan
 from readygo.services.planner.explain.journal import Journal, run_with_journal
 from readygo.services.planner.handlers import drive
-from tests.services.planner.conftest import animate, key
 from tests.services.planner.runs import STEPS, WAY, make_journal, make_run
+from tests.services.planner.worlds import animate, key
 
 UP = WAY + np.array([0.0, 1.0])
 NOTHING = np.empty((0, 2))

@@ -9,8 +9,8 @@ from readygo.common.drawing.plan_view import FREE, GOAL, HUMANS, OCCUPIED, ROBOT
 from readygo.common.messages import Outcome
 from readygo.services.planner.explain.picture import MOMENT_PX, draw_episode, draw_run, episode_view
 from readygo.services.planner.explain.picture_layers import OUTCOMES, SIGHT, SIGHT_SHARE, SUPERSEDED, draw_knowledge
-from tests.services.planner.conftest import make_planner, rooms
 from tests.services.planner.runs import STEPS, WAY, Y_M, make_journal, make_run, make_scenario
+from tests.services.planner.worlds import make_planner, rooms
 
 PERSON = [(0.0, 5.3)]
 

@@ -7,34 +7,17 @@ import numpy as np
 import pytest
 
 from readygo.common.episode import EpisodeConfig, Purpose, episode_rng, meets_obstacle
-from readygo.common.maps import FloorMap, OccupancyMap
+from readygo.common.maps import OccupancyMap
 from readygo.common.messages import HumanPlanRequest, encode
 from readygo.common.robot import RobotConfig
 from readygo.services.planner import ExpertConfig, FamilyMix, HumanPlannerConfig, Planner, handle_human_plan
 from readygo.services.planner.humans.passages import find_passages
 from readygo.services.planner.humans.recipes import PEOPLE_RECIPES
 from readygo.services.planner.humans.scenario import FAMILIES, drawn_order
-from tests.services.planner.conftest import FRAME, Maps, key, make_avatar, rooms
+from tests.services.planner.worlds import FRAME, hall, key, make_avatar, planner_of, rooms
 
 DOORS = ((0.1, 6.98), (6.1, 6.98), (2.98, 4.6), (2.98, 9.6))
 ROBOT_MPS, GETTING_GOING_S = 0.85, 0.5
-
-
-def planner_of(family="", *, occupancy=None, height_m=None, people=(1, 1), **config):
-    """A planner that draws one family, or what `config` says."""
-    occupancy = occupancy or rooms()
-    height = np.zeros(occupancy.occupied.shape, np.float32) if height_m is None else height_m
-    mix = {"mix": FamilyMix(**{family: 1.0})} if family else {}
-    return Planner(
-        maps=Maps(occupancy, occupancy, FloorMap(frame=occupancy.frame, height_m=height)),
-        avatars={name: make_avatar(name) for name in ("zoe", "adam", "mia")},
-        robot=RobotConfig(),
-        episode_config=EpisodeConfig(
-            human_count_min=people[0], human_count_max=people[1], human_speed_min_mps=0.5, human_speed_max_mps=2.0
-        ),
-        human_config=HumanPlannerConfig(**{**mix, **config}),
-        expert_config=ExpertConfig(),
-    )
 
 
 @pytest.fixture(scope="module")
@@ -226,12 +209,6 @@ def test_passages_of_a_flat_are_its_doors():
 def test_an_empty_hall_has_no_passages():
     clearance = np.minimum.outer(np.r_[0:50, 50:0:-1], np.r_[0:80, 80:0:-1]) * 0.05
     assert find_passages(clearance, FRAME, walkable_m=0.375, width_max_m=1.6, wider_m=0.5) == ()
-
-
-def hall():
-    occupied = np.ones((200, 240), np.bool_)
-    occupied[10:190, 10:230] = False
-    return OccupancyMap(frame=FRAME, occupied=occupied)
 
 
 def test_a_family_without_a_place_is_replaced_by_another_of_the_mix_or_rejected():

@@ -8,7 +8,7 @@ import pytest
 
 from readygo.common.messages import HumanPlanRequest
 from readygo.services.planner import handle_human_plan
-from tests.services.planner.conftest import key
+from tests.services.planner.worlds import key
 
 GOLDEN = Path(__file__).parents[3] / "golden" / "scenario_mix_paper.json"
 COUNT = 20

@@ -9,7 +9,7 @@ from readygo.common.errors import AvatarError, SceneError
 from readygo.common.maps import OccupancyMap
 from readygo.common.messages import HumanPlanRequest, encode
 from readygo.services.planner import handle_human_plan
-from tests.services.planner.conftest import FRAME, key, make_planner, rooms
+from tests.services.planner.worlds import FRAME, key, make_planner, rooms
 
 
 @pytest.fixture(scope="module")

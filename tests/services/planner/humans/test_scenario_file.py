@@ -7,8 +7,7 @@ from readygo.common.errors import ConfigError
 from readygo.common.messages import HumanPlanRequest, Split
 from readygo.services.planner import HumanPlannerConfig, Planner, handle_human_plan
 from readygo.services.planner.humans.scenario_file import load_scenarios, parse_scenarios, save_scenarios
-from tests.services.planner.conftest import key
-from tests.services.planner.humans.test_families import planner_of
+from tests.services.planner.worlds import key, planner_of
 
 HEAD = 'format = "readygo-scenarios/1"\n'
 ENTRY = "[[scenarios]]\nstart_m = [-2.0, 4.0]\ngoal_m = [1.5, 5.0]\n"

@@ -10,7 +10,7 @@ from readygo.services.planner.humans.spline import (
     spline_basis,
     spline_points,
 )
-from tests.services.planner.conftest import FRAME
+from tests.services.planner.worlds import FRAME
 
 
 def test_basis_equals_scipys():

@@ -1,0 +1,105 @@
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from readygo.common.messages import Stage
+from readygo.services.coordinator import Ledger
+
+BEFORE_RENDER = (Stage.HUMAN_PLAN, Stage.ANIMATE, Stage.ROBOT_PLAN)
+
+
+@pytest.fixture
+def ledger(tmp_path: Path) -> Iterator[Ledger]:
+    """Three episodes, the first of which waits to be rendered."""
+    ledger = Ledger(tmp_path / "ledger.sqlite")
+    ledger.open_episodes(3)
+    for stage in BEFORE_RENDER:
+        lease = ledger.claim(stage, "w", 10.0)
+        assert lease is not None
+        assert ledger.advance(stage, lease.index, lease.attempt, f"hash of {stage.value}")
+    yield ledger
+    ledger.close()
+
+
+def _render(ledger: Ledger) -> int:
+    lease = ledger.claim(Stage.RENDER, "w", 10.0)
+    assert lease is not None
+    assert lease.index == 0
+    return lease.attempt
+
+
+def test_lost_after_done_leaves_the_episode_durable(ledger: Ledger) -> None:
+    attempt = _render(ledger)
+    assert ledger.grant(0, attempt, "rec0") == "ok"
+    assert ledger.commit(0, "rec0", "shard", 10) is not None
+    ledger.take_back(0, "rec0")
+    assert ledger.committed() == (1, 10)
+    assert ledger.claim(Stage.RENDER, "w", 20.0) is None
+
+
+def test_grant_is_taken_back_by_its_own_recorder_only(ledger: Ledger) -> None:
+    attempt = _render(ledger)
+    ledger.take_back(0, "rec0")
+    assert ledger.renew(0, attempt, 30.0), "a lease is no grant"
+    ledger.grant(0, attempt, "rec0")
+    ledger.take_back(0, "rec1")
+    assert ledger.granted("rec0") == (0,)
+    ledger.take_back(0, "rec0")
+    assert ledger.granted("rec0") == ()
+    again = ledger.claim(Stage.RENDER, "w", 20.0)
+    assert again is not None
+    assert again.attempt == attempt + 1
+
+
+def test_inputs_are_the_earlier_results_in_the_order_of_the_stages(ledger: Ledger) -> None:
+    lease = ledger.claim(Stage.RENDER, "w", 10.0)
+    assert lease is not None
+    assert lease.inputs == tuple(f"hash of {stage.value}" for stage in BEFORE_RENDER)
+
+
+def test_commit_hands_back_what_nobody_needs_any_more(ledger: Ledger) -> None:
+    attempt = _render(ledger)
+    ledger.grant(0, attempt, "rec0")
+    hashes = ledger.commit(0, "rec0", "shard", 10)
+    assert sorted(hashes or []) == sorted(f"hash of {stage.value}" for stage in BEFORE_RENDER)
+    assert ledger.results() == set()
+    assert ledger.commit(0, "rec0", "shard", 10) == []
+    assert ledger.commit(0, "rec1", "other", 10) is None
+
+
+def test_leases_end_by_time_and_grants_do_not(ledger: Ledger) -> None:
+    attempt = _render(ledger)
+    other = ledger.claim(Stage.HUMAN_PLAN, "w", 12.0)
+    assert other is not None
+    assert ledger.requeue_expired(9.0) == 0
+    ledger.grant(0, attempt, "rec0")
+    assert ledger.requeue_expired(11.0) == 0
+    assert ledger.requeue_expired(13.0) == 1
+    assert ledger.granted("rec0") == (0,)
+    assert not ledger.renew(other.index, other.attempt, 20.0)
+
+
+def test_failures_are_counted_per_stage(ledger: Ledger) -> None:
+    for failures in (1, 2):
+        lease = ledger.claim(Stage.HUMAN_PLAN, "w", 10.0)
+        assert lease is not None
+        assert ledger.fail(Stage.HUMAN_PLAN, lease.index, lease.attempt) == failures
+    lease = ledger.claim(Stage.HUMAN_PLAN, "w", 10.0)
+    assert lease is not None
+    assert ledger.advance(Stage.HUMAN_PLAN, lease.index, lease.attempt, "h")
+    lease = ledger.claim(Stage.ANIMATE, "w", 10.0)
+    assert lease is not None
+    assert ledger.fail(Stage.ANIMATE, lease.index, lease.attempt) == 1
+    assert ledger.fail(Stage.ANIMATE, lease.index, lease.attempt) is None
+
+
+def test_counters_add_up_and_survive(tmp_path: Path) -> None:
+    path = tmp_path / "ledger.sqlite"
+    for amount in (1.5, 2.0):
+        ledger = Ledger(path)
+        ledger.add("cpu_s", amount)
+        ledger.close()
+    ledger = Ledger(path)
+    assert ledger.counters() == {"cpu_s": 3.5}
+    ledger.close()

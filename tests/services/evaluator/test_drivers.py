@@ -1,0 +1,85 @@
+import numpy as np
+import pytest
+
+from readygo.common.episode import EpisodeConfig, EpisodeSimulation
+from readygo.common.messages import EpisodeKey, EpisodeMotions, Scenario, Split
+from readygo.common.robot import RobotConfig
+from readygo.services.evaluator.drivers import PolicyDriver
+
+
+class RecordingPolicy:
+    """A policy that notes what it is given."""
+
+    def __init__(self):
+        self.given = []
+        self.started = 0
+
+    def start(self):
+        self.started += 1
+        return f"memory {self.started}"
+
+    def step(self, memories, images, previous, goals):
+        self.given.append((list(memories), images.copy(), previous.copy(), goals.copy()))
+        return np.array([[0.5, 0.25]] * len(memories), np.float32)
+
+
+class Eyes:
+    """Images whose value is the step of the episode."""
+
+    def look(self, simulations, people):
+        return np.array([np.full((2, 2, 3), simulation.step, np.uint8) for simulation in simulations])
+
+
+@pytest.fixture
+def simulation(make_evaluator):
+    evaluator = make_evaluator()
+
+    def make(index=0, y_m=2.0):
+        scenario = Scenario(
+            episode=EpisodeKey(seed=0, split=Split.TEST, index=index),
+            start_xyyaw=np.array([2.0, y_m, np.pi / 2]),
+            goal_xy_m=np.array([2.0, 5.0]),
+            humans=(),
+        )
+        motions = EpisodeMotions(humans=())
+        return EpisodeSimulation(scenario, motions, evaluator.robot_map, RobotConfig(), EpisodeConfig())
+
+    return make
+
+
+def test_policy_is_given_the_command_that_was_executed_last(simulation):
+    policy = RecordingPolicy()
+    driver, episode = PolicyDriver(policy, Eyes()), simulation()
+    driver.start(episode)
+    executed = [(0.0, 0.0)]
+    for _ in range(3):
+        for v, w in driver.commands([episode]):
+            episode.advance(v, w)
+        executed.append((episode.v_mps, episode.w_radps))
+    driver.commands([episode])
+    given = np.concatenate([previous for _, _, previous, _ in policy.given])
+    assert given == pytest.approx(np.array(executed), abs=1e-6)
+    assert len({v for v, _ in executed}) == 4, "the acceleration limit makes each command differ from what is asked"
+
+
+def test_each_episode_has_its_own_memory_image_and_goal(simulation):
+    policy = RecordingPolicy()
+    driver, one, other = PolicyDriver(policy, Eyes()), simulation(), simulation(1, y_m=1.0)
+    driver.start(one)
+    one.advance(0.0, 0.0)
+    driver.start(other)
+    assert driver.commands([other, one]) == [(0.5, 0.25)] * 2
+    memories, images, _, goals = policy.given[-1]
+    assert memories == ["memory 2", "memory 1"]
+    assert images[:, 0, 0, 0].tolist() == [0, 1]
+    assert goals == pytest.approx(np.array([[4.0, 0.0], [3.0, 0.0]]), abs=1e-6)
+
+
+def test_episode_that_starts_again_has_forgotten(simulation):
+    policy = RecordingPolicy()
+    driver, episode = PolicyDriver(policy, Eyes()), simulation()
+    driver.start(episode)
+    driver.stop(episode)
+    driver.start(episode)
+    driver.commands([episode])
+    assert policy.given[-1][0] == ["memory 2"]
