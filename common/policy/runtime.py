@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.errors import PolicyError
+from readygo.common.extras import install_command
 from readygo.common.messages.checks import check_array
 from readygo.common.policy.artifact import (
     ENCODER_FILE,
@@ -151,7 +152,7 @@ def _open_session(path: Path) -> Any:
     try:
         import onnxruntime
     except ImportError as error:
-        raise PolicyError("onnxruntime is not installed; run `pip install 'readygo[policy]'`.") from error
+        raise PolicyError(f"onnxruntime is not installed; run: {install_command('policy')}") from error
     if not path.is_file():
         raise PolicyError(f"Policy file {path} is missing; export the policy again.")
     options = onnxruntime.SessionOptions()

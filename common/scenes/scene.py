@@ -70,7 +70,13 @@ class Scene:
     content_hash: str
     """Hash of Gaussians, sky and maps; equal for equal content, however its files are compressed."""
     metadata: Mapping[str, Any]
-    """The parsed `scene.toml`: licence, frame, source, settings of the maps, counts."""
+    """The parsed `scene.toml`: license, frame, source, settings of the maps, counts."""
+
+    @property
+    def license(self) -> str:
+        """Terms under which the scene may be used; empty if nobody said."""
+        # The first bundles spell it the British way.
+        return str(self.metadata.get("license", self.metadata.get("licence", "")))
 
     @cached_property
     def cloud(self) -> GaussianCloud:
