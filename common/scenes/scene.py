@@ -29,6 +29,7 @@ class SceneMaps:
     folder: Path
     """The bundle."""
     floor_frame: GridFrame
+    """Where the grid of `floor` lies."""
     config: MapConfig
     """How the maps were made."""
 
@@ -65,6 +66,7 @@ class Scene:
     """A scene bundle. Gaussians and maps are read when they are first used."""
 
     name: str
+    """What it was called on import."""
     path: Path
     """Folder of the bundle."""
     content_hash: str
@@ -106,6 +108,9 @@ class Scene:
 
 def load_scene(path: str | Path) -> Scene:
     """Open a scene bundle; checks its manifest and the sizes of its files, and reads nothing else.
+
+    Args:
+        path: Folder that `readygo scene import --out` made.
 
     Raises:
         SceneError: If `path` is no bundle, or it is damaged.
