@@ -49,9 +49,11 @@ def run_command(commands: Mapping[str, Command], argv: Sequence[str]) -> None:
     _mend_streams()
     try:
         use_own_kernels()
-        call = parse(commands, argv)
-        if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
-            signal.signal(signal.SIGINT, signal.default_int_handler)
+        try:
+            call = parse(commands, argv)
+        finally:
+            if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+                signal.signal(signal.SIGINT, signal.default_int_handler)
         call()
         sys.stdout.flush()
     except ReadygoError as error:

@@ -1,4 +1,4 @@
-"""Contracts of import-linter that also see imports by string, such as "readygo.a.b:name" or import_module("readygo.a")."""
+"""Contracts of import-linter that see imports by string too: "readygo.a.b:name", import_module("readygo.a")."""
 
 import ast
 import importlib.util

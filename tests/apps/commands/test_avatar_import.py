@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from readygo.apps.cli import main
+from readygo.__main__ import main
 from readygo.apps.commands.avatar_import import avatar_import
 from readygo.common.avatars import load_avatar, load_avatars
 from readygo.common.errors import AvatarError
