@@ -3,21 +3,24 @@
 PYTHON ?= $(firstword $(shell command -v python3.11 python3.12 python3.13 python3))
 VENV := .venv
 BIN := $(VENV)/bin
-STAMP := $(VENV)/.installed
+INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
+# What is installed: what the commands need, or what developers need as well.
+RUNTIME := $(VENV)/.runtime
+DEV := $(VENV)/.dev
 # One numba and BLAS thread per process: the work is parallel by processes.
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
 export NUMBA_NUM_THREADS := 1
 
-.PHONY: demo test check bench golden setup
+.PHONY: demo test check bench golden docs setup
 
-demo: setup  ## Run the whole job on the embedded scene; writes demo/report.html and demo/episode.mp4
+demo: $(RUNTIME)  ## Run the whole job on the embedded scene; writes demo/report.html and demo/episode.mp4
 	$(BIN)/readygo demo
 
-test: setup  ## Run all tests
+test: $(DEV)  ## Run all tests
 	$(BIN)/pytest
 
-check: setup  ## Style, types, import rules, and a test for every module
+check: $(DEV)  ## Style, types, import rules, and a test for every module
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
@@ -25,17 +28,26 @@ check: setup  ## Style, types, import rules, and a test for every module
 	$(BIN)/python tests/large_files.py
 	$(BIN)/python tests/mirror.py
 
-bench: setup  ## Measure rendering, motion, planning and data on this machine
+bench: $(RUNTIME)  ## Measure rendering, motion, planning and data on this machine
 	$(BIN)/python -m readygo.benchmarks
 
-golden: setup  ## Rewrite the golden files of the tests
+golden: $(DEV)  ## Rewrite the golden files of the tests
 	$(BIN)/pytest --update-golden
 
-setup: $(STAMP)
+docs: $(DEV)  ## Write docs/reference/index.html, the reference of the public names
+	$(BIN)/pdoc readygo --docformat google --output-directory docs/reference
 
-$(STAMP): pyproject.toml constraints.txt
+setup: $(DEV)
+
+$(RUNTIME): pyproject.toml constraints.txt | $(VENV)
+	$(INSTALL) -e ".[train]"
+	@touch $(RUNTIME)
+
+$(DEV): pyproject.toml constraints.txt | $(VENV)
+	$(INSTALL) -e ".[all,dev]"
+	@touch $(RUNTIME) $(DEV)
+
+$(VENV):
 	@test -n "$(PYTHON)" || { echo "readygo needs Python 3.11 or newer; name it with make PYTHON=..."; exit 2; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade pip -c constraints.txt
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[all,dev]"
-	@touch $(STAMP)
+	$(INSTALL) --upgrade pip

@@ -1,10 +1,19 @@
-"""The `readygo` command: finds the command's function, reads its arguments with tyro, turns mistakes into one line."""
+"""The command line's machinery: finds a command, reads its arguments with tyro, turns mistakes into one line."""
 
+import contextlib
+import errno
+import functools
 import importlib
+import inspect
+import io
 import os
+import signal
 import sys
-from collections.abc import Callable, Mapping
-from typing import Any
+import types
+import typing
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple, NoReturn
 
 from readygo.apps.compiled import use_own_kernels
 
@@ -13,97 +22,169 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUM
     os.environ.setdefault(_name, "1")
 
 USER_MISTAKE = 2
-INTERRUPTED = 130
-
-COMMANDS: Mapping[str, tuple[str, str]] = {
-    "demo": ("readygo.apps.demo.demo:demo", "run the whole job on the embedded scene and write a report"),
-    "scene import": ("readygo.apps.commands.scene:scene_import", "make a scene bundle of a Gaussian file"),
-    "scene inspect": ("readygo.apps.commands.scene:scene_inspect", "measure a scene bundle and draw it from above"),
-    "avatar list": ("readygo.apps.commands.avatar:avatar_list", "list the people that can walk through scenes"),
-    "avatar import": (
-        "readygo.apps.commands.avatar_import:avatar_import",
-        "make an avatar of a HUGS, SMPL, glTF or Gaussian file",
-    ),
-    "avatar preview": (
-        "readygo.apps.commands.avatar:avatar_preview",
-        "draw a person from all sides, or film them walking",
-    ),
-    "plan": (
-        "readygo.apps.commands.plan:plan",
-        "plan one episode again and explain it in numbers, a picture or a film",
-    ),
-    "generate": ("readygo.apps.commands.generate:generate", "record episodes of an expert among walking people"),
-    "validate": ("readygo.apps.commands.data:validate", "read a dataset again and report every defect"),
-    "inspect": ("readygo.apps.commands.data:inspect", "say what a dataset holds"),
-    "coverage": (
-        "readygo.apps.commands.coverage:coverage",
-        "show what a dataset covers, and what it does not, on one page",
-    ),
-    "train": ("readygo.apps.commands.train:train", "learn a policy from recorded episodes"),
-    "evaluate": ("readygo.apps.commands.evaluate:evaluate", "measure success rates in closed loop"),
-    "worker": ("readygo.apps.fleet.worker:worker", "join a fleet as one worker"),
-    "bench render": (
-        "readygo.benchmarks.rasterizer.render:bench_render",
-        "measure images per second, beside the bound and a peer",
-    ),
-    "bench motion": (
-        "readygo.benchmarks.motion.gates:bench_motion",
-        "measure how human the gait is, against its gates",
-    ),
-    "bench plan": (
-        "readygo.benchmarks.planning.plan:bench_plan",
-        "measure success, times and smoothness of the robot experts",
-    ),
-    "warm": ("readygo.apps.commands.warm:warm", "compile all kernels once"),
-}
-"""Command -> (where its function is, what it does)."""
+INTERRUPTED = 128 + signal.SIGINT
+READER_GONE = 128 + signal.SIGPIPE
+HELP = ("-h", "--help")
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
+"""Errors of a write: they name no file, yet the user can mend them."""
 
 
-def main() -> None:
-    """Run a command; a user's mistake prints one line and exits with 2, Ctrl-C exits with 130."""
+class Command(NamedTuple):
+    """One command of the command line."""
+
+    path: str
+    """Where its function is, as "package.module:function"; it is imported when the command is called."""
+    summary: str
+    """What it does."""
+
+
+def run_command(commands: Mapping[str, Command], argv: Sequence[str]) -> None:
+    """Run the command that the arguments name.
+
+    What the user can mend prints one line and exits with 2: a `ReadygoError`, an error of the operating system that
+    names a file, a full disk. Everything else is a bug and shows its traceback. Ctrl-C exits with 130.
+    """
     from readygo.common.errors import ReadygoError
 
+    _mend_streams()
     try:
         use_own_kernels()
-        run(sys.argv[1:])
+        try:
+            call = parse(commands, argv)
+        finally:
+            if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+                signal.signal(signal.SIGINT, signal.default_int_handler)
+        call()
+        sys.stdout.flush()
     except ReadygoError as error:
         _stop(str(error), USER_MISTAKE)
+    except BrokenPipeError:
+        _drop_output()
+        raise SystemExit(READER_GONE) from None
     except OSError as error:
+        if error.filename is None and error.errno not in NO_ROOM:
+            raise
+        _drop_output()
         _stop(f"{error.strerror or error}{f': {error.filename}' if error.filename else ''}.", USER_MISTAKE)
     except KeyboardInterrupt:
         _stop("stopped; what is recorded or saved stays, run the same command again to go on.", INTERRUPTED)
 
 
-def run(argv: list[str]) -> None:
-    """Run the command that `argv` names."""
-    import tyro
+def parse(commands: Mapping[str, Command], argv: Sequence[str]) -> Callable[[], object]:
+    """The command that the arguments name, ready to be called.
 
-    for words in (2, 1):
-        name = " ".join(argv[:words])
-        if name in COMMANDS:
-            tyro.cli(_function(COMMANDS[name][0]), prog=f"readygo {name}", args=argv[words:])
-            return
-    asked_for_help = not argv or argv[0] in ("-h", "--help")
-    group = {name: command for name, command in COMMANDS.items() if argv and name.startswith(f"{argv[0]} ")}
-    if asked_for_help or group:
-        _print_commands(group or COMMANDS)
-    if not asked_for_help:
-        _stop(f"unknown command {' '.join(argv[:2])!r}; see `readygo --help`.", USER_MISTAKE)
+    Raises:
+        ReadygoError: If there is no such command.
+        SystemExit: If the arguments do not fit it, or ask for its help; tyro has said so.
+    """
+    from readygo.common.errors import ReadygoError
+
+    for count in (2, 1):
+        name = " ".join(argv[:count])
+        if name in commands:
+            return _bound(_function(commands[name].path), prog=f"readygo {name}", argv=argv[count:])
+    if list(argv) == ["--version"]:
+        return functools.partial(_print, f"readygo {_version()}")
+    words = [word for word in argv if word not in HELP]
+    group = {name: command for name, command in commands.items() if name.startswith(f"{' '.join(words)} ")}
+    if words and not group:
+        help_of = words[0] if any(name.startswith(f"{words[0]} ") for name in commands) else ""
+        see = " ".join(["readygo", *help_of.split(), "--help"])
+        raise ReadygoError(f"unknown command {' '.join(words[:2])!r}; see `{see}`.")
+    return functools.partial(_print, _overview(group or commands))
 
 
-def _function(path: str) -> Callable[..., Any]:
+def _overview(commands: Mapping[str, Command]) -> str:
+    width = max(len(name) for name in commands)
+    lines = ["usage: readygo COMMAND ..., or readygo COMMAND --help, or readygo --version", ""]
+    return "\n".join([*lines, *(f"  {name:<{width}}  {command.summary}" for name, command in commands.items())])
+
+
+def _version() -> str:
+    import readygo
+
+    return readygo.__version__
+
+
+def _print(text: str) -> None:
+    sys.stdout.write(f"{text}\n")
+
+
+def _function(path: str) -> Callable[..., object]:
     module, name = path.split(":")
-    function: Callable[..., Any] = getattr(importlib.import_module(module), name)
+    function: Callable[..., object] = getattr(importlib.import_module(module), name)
     return function
 
 
-def _print_commands(commands: Mapping[str, tuple[str, str]]) -> None:
-    width = max(len(name) for name in commands)
-    lines = ["usage: readygo COMMAND ..., or readygo COMMAND --help", ""]
-    lines += [f"  {name:<{width}}  {text}" for name, (_, text) in commands.items()]
-    sys.stdout.write("\n".join(lines) + "\n")
+def _bound(function: Callable[..., object], *, prog: str, argv: Sequence[str]) -> Callable[[], object]:
+    """A command's function with its arguments."""
+    import tyro
+
+    def bind(*args: Any, **kwargs: Any) -> Callable[[], object]:
+        return functools.partial(function, *args, **kwargs)
+
+    hints = typing.get_type_hints(function, include_extras=True)
+    parameters = [
+        parameter.replace(annotation=_with_value_name(hints[name], parameter))
+        for name, parameter in inspect.signature(function).parameters.items()
+    ]
+    bind.__doc__ = function.__doc__
+    bind.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    bind.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    return tyro.cli(bind, prog=prog, args=argv)
 
 
-def _stop(message: str, code: int) -> None:
+def _with_value_name(hint: Any, parameter: inspect.Parameter) -> Any:
+    """The hint with what help calls the value: SCENE, PATH, {train,val,test}."""
+    import tyro
+
+    positional = parameter.kind is inspect.Parameter.POSITIONAL_ONLY
+    name = _value_name(hint, parameter.name if positional else parameter.name.rsplit("_", 1)[-1], positional)
+    if name is None:
+        return hint
+    optional = positional and parameter.default is not inspect.Parameter.empty
+    return Annotated[hint, tyro.conf.arg(metavar=f"[{name}]" if optional else name)]
+
+
+def _value_name(hint: Any, name: str, positional: bool) -> str | None:
+    """What a value is called; None leaves it to tyro."""
+    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
+    if origin in (types.UnionType, typing.Union):
+        kinds = [kind for kind in arguments if kind is not type(None)]
+        return _value_name(kinds[0], name, positional) if len(kinds) == 1 else None
+    if origin is Literal:
+        return f"{{{','.join(map(str, arguments))}}}"
+    if origin is tuple and arguments[1:] == (...,):
+        item = _value_name(arguments[0], name, positional)
+        return item and f"{item} [{item} ...]"
+    if hint is str or (positional and hint is Path):
+        return name.upper()
+    return {Path: "PATH", int: "INT", float: "FLOAT"}.get(hint)
+
+
+def _mend_streams() -> None:
+    """Give closed streams somewhere to go, and characters that a stream's encoding lacks a question mark."""
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            # Takes the lowest free number, which is this one.
+            os.open(os.devnull, os.O_RDWR)
+    sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: SIM115
+    sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: SIM115
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
+
+
+def _drop_output() -> None:
+    """Let what could not be written go: the interpreter would try again when it ends, and complain."""
+    with contextlib.suppress(OSError, ValueError):
+        sys.stdout.flush()
+        return
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+
+
+def _stop(message: str, code: int) -> NoReturn:
     sys.stderr.write(f"readygo: {message}\n")
     raise SystemExit(code)

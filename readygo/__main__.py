@@ -1,5 +1,28 @@
-"""`python -m readygo` is the `readygo` command."""
+"""The command line: `readygo`, or `python -m readygo`."""
 
-from readygo.apps.cli import main
+import os
+import signal
+import sys
+from types import FrameType
 
-main()
+INTERRUPTED = 130
+
+
+def main() -> None:
+    """Run the command that the arguments name."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _stop_at_once)
+    from readygo.apps.cli import run_command
+    from readygo.commands import COMMANDS
+
+    run_command(COMMANDS, sys.argv[1:])
+
+
+def _stop_at_once(signal_number: int, frame: FrameType | None) -> None:
+    # While modules load, an exception would come out of them as one of a dozen others, and there is nothing to undo.
+    os.write(2, b"readygo: stopped before anything was done.\n")
+    os._exit(INTERRUPTED)
+
+
+if __name__ == "__main__":
+    main()

@@ -14,6 +14,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 
 from readygo.common.dataset import Dataset
 from readygo.common.errors import ConfigError, PolicyError
+from readygo.common.extras import install_command
 from readygo.services.trainer import TrainConfig, paper_recipe
 
 if TYPE_CHECKING:
@@ -119,7 +120,7 @@ def run_training(
     try:
         from readygo.services.trainer.train import train as train_policy
     except ImportError as error:
-        raise PolicyError(f"Training needs {error.name}; run `pip install 'readygo[train]'`.") from error
+        raise PolicyError(f"Training needs {error.name}; run: {install_command('train')}") from error
     validation = Dataset(val) if val else None
     return train_policy(Dataset(data), config, out, validation=validation, evaluate=evaluate, report=show)
 

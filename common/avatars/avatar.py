@@ -19,8 +19,11 @@ class Avatar:
     """A person in a canonical pose, SMPL axes (y up, +x the body's left, +z facing, soles at y = 0)."""
 
     name: str
+    """What the person is called in scenarios and shards."""
     license: str
+    """Terms under which the person may be used."""
     height_m: float
+    """From the soles to the top of the head [m]."""
     cloud: GaussianCloud
     """Gaussians in the canonical pose [m], SMPL axes."""
     lbs_index: npt.NDArray[np.uint8]

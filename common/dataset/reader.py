@@ -35,7 +35,9 @@ class Calibration:
     """The camera of an episode."""
 
     height_px: int
+    """Image height."""
     width_px: int
+    """Image width."""
     K_px: npt.NDArray[np.float64]
     """Intrinsics [px] with pixel centres at +0.5, shape (3, 3)."""
     distortion_model: str
@@ -49,11 +51,15 @@ class EpisodeEntry:
     """One episode of a dataset."""
 
     episode: EpisodeKey
+    """Which episode of its run it is."""
     first_sample: int
     """The episode's first row in the dataset's arrays."""
     sample_count: int
+    """Rows of the episode, 20 a second."""
     attempt: int
+    """How often the episode was begun until it was recorded."""
     shard: Path
+    """The file that holds it."""
     sha256: str
     """SHA-256 of the episode's bytes, the same on every worker."""
 
@@ -65,14 +71,19 @@ class Dataset:
     show. Shards that are still written (".part") are left out.
     """
 
-    def __init__(self, folders: Sequence[Path]) -> None:
-        """Open the shards of `folders`.
+    def __init__(self, folders: str | Path | Sequence[str | Path]) -> None:
+        """Open the shards of one or more folders.
+
+        Args:
+            folders: Data folders, as `readygo generate --out` wrote them.
 
         Raises:
             DatasetError: If a folder is missing or has no shards, a shard is truncated, an episode is there twice, or
                 image sizes or robots differ.
         """
-        self.shards: tuple[Path, ...] = tuple(shard for folder in folders for shard in find_shards(folder))
+        places = [folders] if isinstance(folders, str | Path) else folders
+        self.shards: tuple[Path, ...] = tuple(shard for folder in places for shard in find_shards(folder))
+        """The files."""
         indexes = [load_index(shard) for shard in self.shards]
         _check_alike(self.shards, indexes)
         self.metadata: dict[str, Any] = indexes[0].metadata
@@ -80,6 +91,7 @@ class Dataset:
         self.height_px, self.width_px = (int(indexes[0].episodes[0][name]) for name in ("height_px", "width_px"))
         order = _episode_order(self.shards, indexes)
         self.episodes: tuple[EpisodeEntry, ...] = _entries(self.shards, indexes, order)
+        """Every episode, in the order of the samples."""
         _check_unique(self.episodes)
         rows = np.concatenate([_episode_rows(indexes[shard], row) for shard, row in order])
         counts = np.array([entry.sample_count for entry in self.episodes])
@@ -152,13 +164,20 @@ class Dataset:
         return hashlib.sha256("\n".join(sorted(entry.sha256 for entry in self.episodes)).encode()).hexdigest()
 
     def image(self, index: int) -> bytes:
-        """The encoded image of a sample."""
+        """The encoded image of a sample.
+
+        Args:
+            index: Number of the sample.
+        """
         row = self._rows[index]
         offset = int(row["image_offset"])
         return self._map(int(self._shard_of_sample[index]))[offset : offset + int(row["image_length"])]
 
     def decode(self, index: int) -> npt.NDArray[np.uint8]:
         """The image of a sample, sRGB, shape (H, W, 3).
+
+        Args:
+            index: Number of the sample.
 
         Raises:
             DatasetError: If the image cannot be decoded or has another size than the dataset's.
@@ -170,6 +189,10 @@ class Dataset:
 
     def output(self, index: int, name: str) -> bytes:
         """The encoded image of a sample's output, see `readygo.common.images.files`; "rgb" is `image`.
+
+        Args:
+            index: Number of the sample.
+            name: One of `outputs`.
 
         Raises:
             DatasetError: If not all samples have this output.
@@ -187,6 +210,10 @@ class Dataset:
 
     def decode_output(self, index: int, name: str) -> npt.NDArray[Any]:
         """The image of a sample's output.
+
+        Args:
+            index: Number of the sample.
+            name: One of `outputs`.
 
         Returns:
             Depths [m] float32 with inf where there is nothing or beyond 65.535 m, alpha float32, mask uint8, all of
@@ -206,6 +233,9 @@ class Dataset:
     def joints_m(self, index: int) -> npt.NDArray[np.float32]:
         """Joints of SMPL of everybody in the world at a sample [m], the pelvis first, shape (H, 24, 3).
 
+        Args:
+            index: Number of the sample.
+
         Raises:
             DatasetError: If not all samples have labels.
         """
@@ -213,6 +243,9 @@ class Dataset:
 
     def boxes(self, index: int) -> npt.NDArray[np.float64]:
         """Boxes around everybody at a sample: centre x, y, z, length, width, height [m], yaw [rad], shape (H, 7).
+
+        Args:
+            index: Number of the sample.
 
         Raises:
             DatasetError: If not all samples have labels.
@@ -222,13 +255,20 @@ class Dataset:
     def footprints_xy_m(self, index: int) -> tuple[npt.NDArray[np.float32], ...]:
         """Ground points below everybody at a sample [m], one array of shape (P, 2) per human.
 
+        Args:
+            index: Number of the sample.
+
         Raises:
             DatasetError: If not all samples have labels.
         """
         return footprints_of(self._label(index, "footprints"))
 
     def calibration(self, index: int) -> Calibration:
-        """The camera that made the images of a sample."""
+        """The camera that made the images of a sample.
+
+        Args:
+            index: Number of the sample.
+        """
         row = self._calibrations[self.episode_of_sample[index]]
         model = row["distortion_model"].decode()
         return Calibration(
@@ -288,7 +328,7 @@ class Dataset:
         return self._maps[shard]
 
 
-def find_shards(folder: Path) -> list[Path]:
+def find_shards(folder: str | Path) -> list[Path]:
     """The finished shards of a folder, by name.
 
     Raises:

@@ -33,10 +33,12 @@ class Defect:
     """One thing that does not hold."""
 
     shard: str
+    """Name of the file."""
     kind: str
     """"file", "crc", "summary", "index", "sequence", "time", "sha256", "image", "label", "action", "motion",
     "goal", "duplicate" or "metadata"."""
     text: str
+    """What does not hold, in words."""
 
     def __str__(self) -> str:
         return f"{self.shard}: {self.kind}: {self.text}"
@@ -47,11 +49,17 @@ class Report:
     """What `validate` counted and found."""
 
     folder: Path
+    """What was read."""
     shard_count: int
+    """Finished shards."""
     episode_count: int
+    """Episodes in them."""
     sample_count: int
+    """Samples in them."""
     size_bytes: int
+    """Their size on disk."""
     defects: tuple[Defect, ...]
+    """All that does not hold; none in a sound folder."""
     notes: tuple[str, ...]
     """What is worth knowing but no defect, such as shards that are still open."""
 
@@ -61,7 +69,7 @@ class Report:
         return not self.defects
 
 
-def validate(folder: Path, *, progress: Callable[[int, int], None] = lambda done, total: None) -> Report:
+def validate(folder: str | Path, *, progress: Callable[[int, int], None] = lambda done, total: None) -> Report:
     """Check every shard of a folder.
 
     Args:

@@ -46,7 +46,11 @@ class GaussianCloud:
         return {1: 0, 4: 1, 9: 2, 16: 3}[self.sh.shape[1]]
 
     def select(self, index: npt.NDArray[np.bool_] | npt.NDArray[np.integer]) -> "GaussianCloud":
-        """The Gaussians of a mask or an index array."""
+        """Some of the Gaussians.
+
+        Args:
+            index: A mask of shape (N,), or numbers of Gaussians.
+        """
         return GaussianCloud(
             means_m=self.means_m[index],
             quats_wxyz=self.quats_wxyz[index],

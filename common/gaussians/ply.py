@@ -67,6 +67,10 @@ def save_ply(cloud: GaussianCloud, path: str | Path) -> None:
     """Write a 3DGS .ply that common viewers and `load_gaussians` read.
 
     Opacities of exactly 0 or 1 are stored as logits of -+40. The file appears under its name only when it is complete.
+
+    Args:
+        cloud: What to write.
+        path: The file.
     """
     path = Path(path)
     rest = cloud.sh[:, 1:].transpose(0, 2, 1).reshape(len(cloud), -1)

@@ -14,18 +14,31 @@ class GridFrame:
     """Where a grid lies: cell (row i, column j) covers x = origin_x + j*r .. +(j+1)*r, y = origin_y + i*r .. ."""
 
     origin_x_m: float
+    """World x of the corner of cell (0, 0) with the smallest x and y [m]."""
     origin_y_m: float
+    """World y of that corner [m]."""
     resolution_m: float
+    """Edge of a cell [m]."""
 
     def cell(self, x_m: float, y_m: float) -> tuple[int, int]:
-        """Row and column of the cell that holds a point (may lie outside of the grid)."""
+        """Row and column of the cell that holds a point (may lie outside of the grid).
+
+        Args:
+            x_m: World x [m].
+            y_m: World y [m].
+        """
         return (
             math.floor((y_m - self.origin_y_m) / self.resolution_m),
             math.floor((x_m - self.origin_x_m) / self.resolution_m),
         )
 
     def centre_m(self, row: int, column: int) -> tuple[float, float]:
-        """World x, y of a cell's centre [m]."""
+        """World x, y of a cell's centre [m].
+
+        Args:
+            row: Number of the cell along y.
+            column: Number of the cell along x.
+        """
         return (
             self.origin_x_m + (column + 0.5) * self.resolution_m,
             self.origin_y_m + (row + 0.5) * self.resolution_m,
@@ -40,6 +53,7 @@ class OccupancyMap:
     """
 
     frame: GridFrame
+    """Where the cells lie."""
     occupied: npt.NDArray[np.bool_]
     """True where something stands or no floor is known, shape (H, W); row 0 is the smallest y."""
 
@@ -52,6 +66,7 @@ class FloorMap:
     """Height of the local floor."""
 
     frame: GridFrame
+    """Where the cells lie."""
     height_m: npt.NDArray[np.float32]
     """World z of the floor at cell centres [m], shape (H, W), finite everywhere (extrapolated beyond known floor)."""
 
@@ -59,11 +74,20 @@ class FloorMap:
         check_array("height_m", self.height_m, np.float32, (None, None))
 
     def at(self, x_m: float, y_m: float) -> float:
-        """Floor height [m] at a point, bilinear between cell centres, held constant beyond the grid."""
+        """Floor height [m] at a point, bilinear between cell centres, held constant beyond the grid.
+
+        Args:
+            x_m: World x [m].
+            y_m: World y [m].
+        """
         return float(self.at_many(np.array([[x_m, y_m]]))[0])
 
     def at_many(self, xy_m: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-        """Floor heights [m] at points of shape (N, 2); see `at`."""
+        """Floor heights [m] at points, shape (N,); see `at`.
+
+        Args:
+            xy_m: World x, y [m], shape (N, 2).
+        """
         height, width = self.height_m.shape
         u = np.clip((xy_m[:, 0] - self.frame.origin_x_m) / self.frame.resolution_m - 0.5, 0.0, width - 1.0)
         v = np.clip((xy_m[:, 1] - self.frame.origin_y_m) / self.frame.resolution_m - 0.5, 0.0, height - 1.0)

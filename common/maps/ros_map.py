@@ -37,6 +37,9 @@ def load_ros_map(path: str | Path) -> OccupancyMap:
 
     A yaw of the origin is honoured for quarter turns, to which angles within 0.01 rad are rounded.
 
+    Args:
+        path: The yaml file.
+
     Raises:
         SceneError: If a file is missing or broken, or the yaw is not a quarter turn.
     """

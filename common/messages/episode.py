@@ -13,8 +13,11 @@ class Split(enum.Enum):
     """Disjoint random streams of episodes."""
 
     TRAIN = "train"
+    """To learn from."""
     VAL = "val"
+    """To choose among checkpoints."""
     TEST = "test"
+    """To measure success rates."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -22,8 +25,11 @@ class EpisodeKey:
     """An episode's place in its run's random streams; with scene and config it fixes every sample."""
 
     seed: int
+    """Seed of the run."""
     split: Split
+    """Which random streams."""
     index: int
+    """Number of the episode; those that are rejected leave gaps."""
 
     def __post_init__(self) -> None:
         if self.seed < 0 or self.index < 0:

@@ -35,6 +35,7 @@ class PolicySpec:
     """What a policy was trained for."""
 
     robot: RobotConfig
+    """The robot that it drives, with the camera that it sees through."""
     frame_spacing_s: float = 0.5
     """Time between the three frames [s]; a multiple of the step of 0.05 s."""
     training: Mapping[str, Any] = field(default_factory=dict)

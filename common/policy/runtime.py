@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.errors import PolicyError
+from readygo.common.extras import install_command
 from readygo.common.messages.checks import check_array
 from readygo.common.policy.artifact import (
     ENCODER_FILE,
@@ -23,7 +24,11 @@ from readygo.common.robot import RobotConfig
 
 
 class PolicyMemory:
-    """What a policy remembers of one episode: the latents of the last two frame spacings."""
+    """What a policy remembers of one episode: the latents of the last two frame spacings.
+
+    Args:
+        frame_spacing_steps: Simulation steps between the frames that it sees.
+    """
 
     def __init__(self, frame_spacing_steps: int) -> None:
         self._spacing = frame_spacing_steps
@@ -46,10 +51,17 @@ class PolicyMemory:
 
 
 class Policy:
-    """An exported policy; `load_policy` makes it."""
+    """An exported policy; `load_policy` makes it.
+
+    Args:
+        spec: What it was trained for.
+        encoder: onnxruntime's session of the graph from image to latent.
+        head: That of the graph from latents, previous command and goal to the command.
+    """
 
     def __init__(self, spec: PolicySpec, encoder: Any, head: Any) -> None:
         self.spec = spec
+        """What it was trained for."""
         self._encoder = encoder
         self._head = head
 
@@ -58,10 +70,13 @@ class Policy:
         return PolicyMemory(self.spec.frame_spacing_steps)
 
     def encode(self, images: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
-        """Latents of RGB images, shape (B, H, W, 3) -> (B, 20).
+        """Latents of RGB images, shape (B, 20).
 
         Images go through one at a time: the sums of a batch are grouped differently, and an episode's result would
         depend on which other episodes run beside it.
+
+        Args:
+            images: What the robots see, sRGB, shape (B, H, W, 3).
 
         Raises:
             PolicyError: If the images do not have the size that the policy was trained for.
@@ -106,7 +121,20 @@ class Policy:
         previous_actions: npt.NDArray[np.float32],
         goals_xy_m: npt.NDArray[np.float32],
     ) -> npt.NDArray[np.float32]:
-        """One control step of several episodes: `encode`, remember, `act`; shapes as there, one row per memory."""
+        """One control step of several episodes: `encode`, remember, `act`.
+
+        Args:
+            memories: What `start` returned, one per episode.
+            images: What the robots see, sRGB, shape (B, H, W, 3).
+            previous_actions: Commands executed over the last step: v [m/s], w [rad/s], shape (B, 2).
+            goals_xy_m: Goals in the robots' frames (x forward, y left) [m], shape (B, 2).
+
+        Returns:
+            Commands v [m/s], w [rad/s] within the robot's limits, shape (B, 2).
+
+        Raises:
+            PolicyError: If the images do not have the size that the policy was trained for.
+        """
         latents = self.encode(images)
         seen = [memory.push(latent) for memory, latent in zip(memories, latents, strict=True)]
         return self.act(np.stack(seen), previous_actions, goals_xy_m)
@@ -151,7 +179,7 @@ def _open_session(path: Path) -> Any:
     try:
         import onnxruntime
     except ImportError as error:
-        raise PolicyError("onnxruntime is not installed; run `pip install 'readygo[policy]'`.") from error
+        raise PolicyError(f"onnxruntime is not installed; run: {install_command('policy')}") from error
     if not path.is_file():
         raise PolicyError(f"Policy file {path} is missing; export the policy again.")
     options = onnxruntime.SessionOptions()

@@ -17,8 +17,11 @@ class CameraConfig:
     """A level pinhole camera on the robot, looking along the robot's x axis."""
 
     height_px: int = 144
+    """Image height."""
     width_px: int = 256
+    """Image width."""
     horizontal_fov_deg: float = 100.0
+    """What the image spans between its left and right edges."""
     mount_height_m: float = 0.5
     """Height of the camera above the local floor [m]."""
 
@@ -35,7 +38,14 @@ class CameraConfig:
         return np.array([[focal_px, 0.0, self.width_px / 2], [0.0, focal_px, self.height_px / 2], [0.0, 0.0, 1.0]])
 
     def T_world_camera(self, x_m: float, y_m: float, yaw_rad: float, floor_m: float) -> npt.NDArray[np.float64]:
-        """Camera pose (OpenCV axes) of a robot at (x, y, yaw) on a floor of height `floor_m`, shape (4, 4)."""
+        """Pose of the camera of a robot on the floor, OpenCV axes, shape (4, 4).
+
+        Args:
+            x_m: The robot's centre in the world [m].
+            y_m: As `x_m`.
+            yaw_rad: Its heading from the world's x axis to the left [rad].
+            floor_m: Height of the floor below it [m].
+        """
         c, s = math.cos(yaw_rad), math.sin(yaw_rad)
         T = np.eye(4)
         T[:3, 0] = (s, -c, 0.0)
@@ -54,11 +64,17 @@ class RobotConfig:
     planning_radius_m: float = 0.30
     """Radius that maps are inflated by and paths are planned for [m]."""
     height_m: float = 0.6
+    """What is lower than this blocks the robot [m]."""
     v_max_mps: float = 1.0
+    """Largest speed; robots do not reverse [m/s]."""
     w_max_radps: float = 1.2
+    """Largest yaw rate, either way [rad/s]."""
     a_max_mps2: float = 1.0
+    """Largest change of the speed [m/s2]."""
     alpha_max_radps2: float = 3.0
+    """Largest change of the yaw rate [rad/s2]."""
     camera: CameraConfig = field(default_factory=CameraConfig)
+    """The camera on it."""
 
     def __post_init__(self) -> None:
         for name in ("radius_m", "height_m", "v_max_mps", "w_max_radps", "a_max_mps2", "alpha_max_radps2"):
@@ -70,6 +86,9 @@ class RobotConfig:
 
 def load_robot(path: str | Path) -> RobotConfig:
     """Read a `robot.toml`.
+
+    Args:
+        path: The file.
 
     Raises:
         ConfigError: If the file is missing, is not TOML, or holds an unknown or wrong value.

@@ -67,7 +67,7 @@ def import_scene(
     up: str = "+z",
     scale: float = 1.0,
     translate_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    licence: str = "",
+    license: str = "",
     robot: RobotConfig | None = None,
     resolution_m: float = 0.05,
     opacity_threshold: float = 0.5,
@@ -84,7 +84,7 @@ def import_scene(
         up: Axis of the file that points up: +x, -x, +y, -y, +z or -z.
         scale: Metres per unit of the file.
         translate_m: Added after turning and scaling [m].
-        licence: Licence of the scene, for everything made from it.
+        license: License of the scene, for everything made from it.
         robot: Footprint and height for the robot map.
         resolution_m: Edge of map cells [m].
         opacity_threshold: Opacity sum above which a voxel is occupied.
@@ -116,7 +116,7 @@ def import_scene(
         dropped_gaussians=sum(dropped for _, dropped in files),
     )
     return save_scene(
-        cloud, sky_cloud, out, name=name, licence=licence, source=provenance, robot=robot, map_config=config
+        cloud, sky_cloud, out, name=name, license=license, source=provenance, robot=robot, map_config=config
     )
 
 
@@ -147,7 +147,7 @@ def save_scene(
     out: str | Path,
     *,
     name: str = "",
-    licence: str = "",
+    license: str = "",
     source: SceneSource | None = None,
     robot: RobotConfig | None = None,
     map_config: MapConfig | None = None,
@@ -161,7 +161,7 @@ def save_scene(
         sky: Gaussians of the far surroundings in the same frame; they take no part in the maps.
         out: Folder to make; must not exist.
         name: Name of the scene; the folder's by default.
-        licence: Licence of the scene.
+        license: License of the scene.
         source: Where it comes from.
         robot: Footprint and height for the robot map.
         map_config: How the maps are made; with the robot's height by default.
@@ -184,7 +184,7 @@ def save_scene(
         np.save(folder / FLOOR_FILE, plan.floor.height_m)
         report = scene_report(cloud, sky, plan.robot, plan.human, plan.floor, robot.planning_radius_m)
         (folder / REPORT_FILE).write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
-        manifest = _manifest(folder, plan, name or out.resolve().name, licence, source or SceneSource(), robot, config)
+        manifest = _manifest(folder, plan, name or out.resolve().name, license, source or SceneSource(), robot, config)
         (folder / MANIFEST).write_text(toml_text(manifest), encoding="utf-8")
     return load_scene(out)
 
@@ -193,7 +193,7 @@ def _manifest(
     folder: Path,
     plan: ScenePlan,
     name: str,
-    licence: str,
+    license: str,
     source: SceneSource,
     robot: RobotConfig,
     config: MapConfig,
@@ -208,7 +208,7 @@ def _manifest(
         "format": FORMAT,
         "name": name,
         "frame": FRAME,
-        "licence": licence,
+        "license": license,
         "content_hash": combined_hash(content),
         "source": section_to_mapping(source),
         "maps": {**section_to_mapping(config), "planning_radius_m": robot.planning_radius_m},

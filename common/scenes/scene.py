@@ -29,6 +29,7 @@ class SceneMaps:
     folder: Path
     """The bundle."""
     floor_frame: GridFrame
+    """Where the grid of `floor` lies."""
     config: MapConfig
     """How the maps were made."""
 
@@ -65,12 +66,19 @@ class Scene:
     """A scene bundle. Gaussians and maps are read when they are first used."""
 
     name: str
+    """What it was called on import."""
     path: Path
     """Folder of the bundle."""
     content_hash: str
     """Hash of Gaussians, sky and maps; equal for equal content, however its files are compressed."""
     metadata: Mapping[str, Any]
-    """The parsed `scene.toml`: licence, frame, source, settings of the maps, counts."""
+    """The parsed `scene.toml`: license, frame, source, settings of the maps, counts."""
+
+    @property
+    def license(self) -> str:
+        """Terms under which the scene may be used; empty if nobody said."""
+        # The first bundles spell it the British way.
+        return str(self.metadata.get("license", self.metadata.get("licence", "")))
 
     @cached_property
     def cloud(self) -> GaussianCloud:
@@ -100,6 +108,9 @@ class Scene:
 
 def load_scene(path: str | Path) -> Scene:
     """Open a scene bundle; checks its manifest and the sizes of its files, and reads nothing else.
+
+    Args:
+        path: Folder that `readygo scene import --out` made.
 
     Raises:
         SceneError: If `path` is no bundle, or it is damaged.

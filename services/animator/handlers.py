@@ -9,6 +9,7 @@ import numpy.typing as npt
 from readygo.common.avatars import Avatar
 from readygo.common.episode import Purpose, episode_rng
 from readygo.common.errors import AvatarError, ConfigError, MotionError
+from readygo.common.extras import install_command
 from readygo.common.maps.grid import FloorMap, OccupancyMap
 from readygo.common.messages import AnimateReply, AnimateRequest, EpisodeMotions, HumanMotion, Motion
 from readygo.services.animator.config import AnimatorConfig
@@ -56,7 +57,7 @@ def _generator(config: AnimatorConfig) -> Generator:
             from readygo.services.animator.priormdm.source import PriorMdm
         except ModuleNotFoundError as error:
             raise ConfigError(
-                f'source "priormdm" needs {error.name}: pip install "readygo[train]", or set source = "gait".'
+                f'source "priormdm" needs {error.name}: set source = "gait", or run: {install_command("train")}'
             ) from error
         return PriorMdm.load(config.priormdm).walk
     return lambda skeleton, xy_m, floor, rng: walk(skeleton, xy_m, floor, rng, config)

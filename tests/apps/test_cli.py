@@ -1,26 +1,179 @@
+import errno
+import importlib
+import inspect
+import re
 import subprocess
 import sys
 from pathlib import Path
 
+import docstring_parser
 import pytest
 
+from readygo.apps.cli import Command, parse, run_command
 from readygo.apps.commands import evaluate as evaluate_command
 from readygo.apps.commands.train import closed_loop
 from readygo.apps.compiled import _compiled_sources
 from readygo.apps.demo.demo import _clear
 from readygo.apps.run.config import RunConfig
+from readygo.commands import COMMANDS
 from readygo.common.config import section_from_mapping
 from readygo.common.errors import ConfigError, RunError, SceneError
 from readygo.common.policy.artifact import PolicySpec
 from readygo.common.robot import RobotConfig
 
 ROOT = Path(__file__).resolve().parents[2]
+READYGO = [sys.executable, "-m", "readygo"]
+ERRORS = {
+    "missing": FileNotFoundError(errno.ENOENT, "No such file or directory", "lobby.ply"),
+    "full": OSError(errno.ENOSPC, "No space left on device"),
+    "bug": OSError(errno.EBADF, "Bad file descriptor"),
+    "mistake": RunError("Ask for more."),
+    "ctrl-c": KeyboardInterrupt(),
+}
+
+
+def fail(how: str, /) -> None:
+    """Fail in one of the ways above."""
+    raise ERRORS[how]
+
+
+FAIL = {"fail": Command(f"{__name__}:fail", "fails")}
+
+
+def test_version_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    run_command(COMMANDS, ["--version"])
+    assert re.fullmatch(r"readygo \d+\.\d+\.\d+\n", capsys.readouterr().out)
+
+
+@pytest.mark.parametrize(
+    ("argv", "names"),
+    [
+        ([], list(COMMANDS)),
+        (["--help"], list(COMMANDS)),
+        (["scene", "--help"], ["scene import", "scene inspect"]),
+        (["bench"], ["bench render", "bench motion", "bench plan"]),
+    ],
+)
+def test_help_lists_the_commands_of_a_group(
+    argv: list[str], names: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    run_command(COMMANDS, argv)
+    assert re.findall(r"^  (\w+(?: \w+)?)  ", capsys.readouterr().out, re.MULTILINE) == names
+
+
+@pytest.mark.parametrize(
+    ("argv", "message"),
+    [
+        (["fly"], "unknown command 'fly'; see `readygo --help`."),
+        (["scene", "paint", "x"], "unknown command 'scene paint'; see `readygo scene --help`."),
+        (["import"], "unknown command 'import'; see `readygo --help`."),
+    ],
+)
+def test_unknown_command_is_one_line(argv: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        run_command(COMMANDS, argv)
+    assert stopped.value.code == 2
+    assert capsys.readouterr().err == f"readygo: {message}\n"
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_names_values_after_what_they_are(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        parse(COMMANDS, [*name.split(), "--help"])
+    assert stopped.value.code == 0
+    shown = capsys.readouterr().out
+    assert f"usage: readygo {name}" in shown
+    assert re.findall(r"\bSTR\b|\{None\}", shown) == []
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_explains_every_argument(name: str) -> None:
+    module, function_name = COMMANDS[name].path.split(":")
+    function = getattr(importlib.import_module(module), function_name)
+    documented = {entry.arg_name for entry in docstring_parser.parse(inspect.getdoc(function) or "").params}
+    assert set(inspect.signature(function).parameters) == documented
+
+
+def test_value_names_say_scene_and_data(capsys: pytest.CaptureFixture[str]) -> None:
+    shown = ""
+    for command in ("generate", "evaluate", "train"):
+        with pytest.raises(SystemExit):
+            parse(COMMANDS, [command, "--help"])
+        shown += capsys.readouterr().out
+    for text in ("] SCENE\n", "] SCENE [POLICY]\n", "] DATA [DATA ...]\n", "--out PATH ", "--val-scene SCENE "):
+        assert text in shown
+    assert "--split {train,val,test}" in shown
+    assert "--people {paper,varied,crowd}" in shown
+
+
+@pytest.mark.parametrize(
+    ("how", "code", "message"),
+    [
+        ("missing", 2, "No such file or directory: lobby.ply."),
+        ("full", 2, "No space left on device."),
+        ("mistake", 2, "Ask for more."),
+        ("ctrl-c", 130, "stopped; what is recorded or saved stays, run the same command again to go on."),
+    ],
+)
+def test_what_a_user_can_mend_is_one_line(
+    how: str, code: int, message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        run_command(FAIL, ["fail", how])
+    assert stopped.value.code == code
+    assert capsys.readouterr().err == f"readygo: {message}\n"
+
+
+def test_error_of_the_system_that_names_no_file_is_a_bug() -> None:
+    with pytest.raises(OSError, match="Bad file descriptor"):
+        run_command(FAIL, ["fail", "bug"])
+
+
+def test_ctrl_c_while_modules_load_is_one_line() -> None:
+    code = """
+        import os, signal, sys
+        class Interrupt:
+            def find_spec(self, name, path=None, target=None):
+                if name == "tyro":
+                    os.kill(os.getpid(), signal.SIGINT)
+        sys.meta_path.insert(0, Interrupt())
+        sys.argv = ["readygo", "avatar", "list"]
+        from readygo.__main__ import main
+        main()
+    """
+    command = [sys.executable, "-c", inspect.cleandoc(code)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (130, "")
+    assert done.stderr == "readygo: stopped before anything was done.\n"
+
+
+@pytest.mark.parametrize(
+    ("redirection", "code", "error"),
+    [
+        ("| true", 141, ""),
+        (">&-", 0, ""),
+        ("2>&-", 0, ""),
+        ("<&- >&- 2>&-", 0, ""),
+        ("> /dev/full", 2, "readygo: No space left on device.\n"),
+    ],
+)
+def test_output_that_nobody_takes_is_no_traceback(redirection: str, code: int, error: str) -> None:
+    line = f"set -o pipefail; {sys.executable} -m readygo avatar list --json {redirection}"
+    done = subprocess.run(["bash", "-c", line], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (code, error)
+
+
+def test_terminal_without_unicode_gets_question_marks() -> None:
+    environment = {"PYTHONIOENCODING": "ascii", "PATH": "", "HOME": str(ROOT)}
+    command = [*READYGO, "generate", "--help"]
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_cache_folder_that_cannot_be_made_is_said_in_one_line(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     environment = {"XDG_CACHE_HOME": str(tmp_path / "file"), "PATH": ""}
-    command = [sys.executable, "-m", "readygo", "avatar", "list"]
+    command = [*READYGO, "avatar", "list"]
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert done.stderr == f"readygo: Not a directory: {tmp_path / 'file' / 'readygo' / 'kernels'}.\n"

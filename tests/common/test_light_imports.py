@@ -10,7 +10,8 @@ ROOT = Path(__file__).resolve().parents[2]
 @pytest.mark.parametrize(
     "module",
     [
-        "common",
+        "readygo",
+        "readygo.common",
         "readygo.common.messages",
         "readygo.common.robot",
         "readygo.common.maps",

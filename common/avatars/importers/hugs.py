@@ -18,6 +18,7 @@ from readygo.common.avatars.importers.assemble import CanonicalPerson
 from readygo.common.avatars.importers.joints import JOINT
 from readygo.common.avatars.importers.smpl_model import SmplModel
 from readygo.common.errors import AvatarError
+from readygo.common.extras import install_command
 from readygo.common.frames import matrix_from_axis_angle, quat_from_matrix
 from readygo.common.gaussians import GaussianCloud
 
@@ -45,7 +46,7 @@ def load_checkpoint(path: str | Path) -> Mapping[str, Any]:
     try:
         import torch
     except ImportError as error:
-        raise AvatarError("HUGS checkpoints need torch; install it with `pip install readygo[train]`.") from error
+        raise AvatarError(f"HUGS checkpoints need torch; run: {install_command('train')}") from error
     try:
         checkpoint = torch.load(path, map_location="cpu", weights_only=True)
     except OSError:

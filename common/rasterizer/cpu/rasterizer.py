@@ -176,7 +176,11 @@ class CpuRasterizer:
         self._record_ends: list[int] = []
 
     def set_extra(self, cloud: GaussianCloud | None) -> None:
-        """Draw a few more Gaussians with the scene, such as shadows, until they are set anew; None: no more."""
+        """Draw a few more Gaussians with the scene, such as shadows, until they are set anew.
+
+        Args:
+            cloud: What to draw besides; None draws nothing more.
+        """
         extra = [] if cloud is None else [_Layer(pack_sorted(cloud))]
         self._layers = [*self._layers[: self._scene_count], *extra]
 
@@ -204,7 +208,12 @@ class CpuRasterizer:
     def render_float(
         self, T_world_camera: npt.ArrayLike, people: Sequence[PosedPerson] = ()
     ) -> npt.NDArray[np.float32]:
-        """The image before rounding, not clipped above 1, shape (H, W, 3); see `render`."""
+        """The image before rounding, not clipped above 1, shape (H, W, 3); see `render`.
+
+        Args:
+            T_world_camera: Camera pose, OpenCV axes, shape (4, 4).
+            people: People to draw.
+        """
         self._draw(T_world_camera, people)
         rgb = np.empty((self._height, self._width, 3), dtype=np.float32)
         cpu_blend.write_floats(self._width, self._ws, rgb)

@@ -5,10 +5,10 @@ import importlib.util
 import shutil
 
 from readygo.common.errors import ReadygoError
+from readygo.common.extras import install_command
 
 KERNELS = ("triton", "gsplat")
 """Whose kernels can be chosen."""
-_INSTALL = "install the extra: pip install 'readygo[gpu]'"
 
 
 def require_kernels(kernels: str, device: str) -> None:
@@ -26,7 +26,8 @@ def require_kernels(kernels: str, device: str) -> None:
         raise ValueError(f"kernels must be one of {', '.join(KERNELS)}, got {kernels!r}.")
     for package in ("torch", kernels):
         if importlib.util.find_spec(package) is None:
-            raise ReadygoError(f"Drawing on a GPU with {kernels} kernels needs {package}; {_INSTALL}.")
+            remedy = f"run: {install_command('gpu')}"
+            raise ReadygoError(f"Drawing on a GPU with {kernels} kernels needs {package}; {remedy}")
     import torch
 
     if kernels == "triton" and _is_interpreted():

@@ -73,9 +73,13 @@ class PackedScene:
 
 
 def pack_cloud(cloud: GaussianCloud, *, normals: bool = False) -> PackedScene:
-    """Pack a cloud, with normals if they are wanted; Gaussians that never reach alpha 1/255 are left out.
+    """Pack a cloud; Gaussians that never reach alpha 1/255 are left out.
 
     Uses only operations that round alike on every CPU, so that packs made on different machines are equal.
+
+    Args:
+        cloud: What to pack.
+        normals: Pack what images of normals are made of, too.
     """
     return pack_sorted(cloud, packing_order(cloud), normals=normals)
 

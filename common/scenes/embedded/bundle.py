@@ -13,7 +13,7 @@ from readygo.common.scenes.manifest import MANIFEST
 from readygo.common.scenes.scene import Scene, load_scene
 
 NAME = "embedded"
-LICENCE = "made by readygo's own code; free for every use"
+LICENSE = "made by readygo's own code; free for every use"
 _FILE = "readygo embedded scene"
 
 
@@ -69,7 +69,7 @@ def _make(folder: Path, recipe: str) -> Scene:
         raise SceneError(f"{folder} cannot be made: {error.strerror or error}.") from error
     try:
         made = workplace / "new"
-        save_scene(embedded_scene_cloud(), embedded_sky(), made, name=NAME, licence=LICENCE, source=source)
+        save_scene(embedded_scene_cloud(), embedded_sky(), made, name=NAME, license=LICENSE, source=source)
         found = _current(folder, recipe)
         if found is not None:
             return found

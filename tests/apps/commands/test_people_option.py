@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from readygo.apps.cli import main
+from readygo.__main__ import main
 from readygo.apps.commands.evaluate import evaluate
 from readygo.apps.commands.generate import generate, make_spec
 from readygo.apps.commands.scene_argument import open_scene

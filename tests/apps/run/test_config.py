@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from readygo.apps.cli import main
+from readygo.__main__ import main
 from readygo.apps.commands.generate import make_spec, record, with_outputs
 from readygo.apps.commands.scene_argument import open_scene
 from readygo.apps.run.config import RunConfig, RunFolder, resolved_sections, run_name

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from readygo.apps.cli import COMMANDS, _function
+from readygo.apps.cli import parse
 from readygo.benchmarks.rasterizer import render
 from readygo.benchmarks.rasterizer import runs as render_run
 from readygo.benchmarks.rasterizer.bound import BLEND_OPS, COLOUR_OPS, LANES, PROJECT_OPS, SKIN_OPS, bound_ms
@@ -19,6 +19,7 @@ from readygo.benchmarks.rasterizer.scenery import (
     with_gaussian_count,
 )
 from readygo.benchmarks.rasterizer.setting import Job, Setting, open_setting
+from readygo.commands import COMMANDS
 from readygo.common.avatars import load_avatars, pose_avatar
 from readygo.common.errors import ConfigError
 
@@ -52,9 +53,8 @@ def setting() -> Setting:
 
 
 def test_command_prints_one_json_object_with_units(capsys: pytest.CaptureFixture[str]) -> None:
-    _function(COMMANDS["bench render"][0])(
-        synthetic="3k", avatar_gaussians="1k", size="48x64", frames=16, views=2, json=True
-    )
+    options = "--synthetic 3k --avatar-gaussians 1k --size 48x64 --frames 16 --views 2 --json"
+    parse(COMMANDS, ["bench", "render", *options.split()])()
     result = json.loads(capsys.readouterr().out)
     assert result["image_px"] == [48, 64]
     assert result["avatar_gaussians"] == [1000, 1000]

@@ -4,45 +4,17 @@ import sys
 import numpy as np
 import onnx
 import pytest
-from onnx import TensorProto, helper, numpy_helper
+from onnx import numpy_helper
 
 from readygo.common.errors import PolicyError
 from readygo.common.policy import PolicyMemory, PolicySpec, load_policy, save_spec
 from readygo.common.robot import CameraConfig, RobotConfig
-
-CAMERA = CameraConfig(height_px=8, width_px=10)
-ROBOT = RobotConfig(camera=CAMERA)
-
-
-def linear_graph(path, name_in, dtype, shape, name_out, weight):
-    nodes = [
-        helper.make_node("Cast", [name_in], ["x"], to=TensorProto.FLOAT),
-        helper.make_node("Flatten", ["x"], ["flat"], axis=1),
-        helper.make_node("MatMul", ["flat", "weight"], [name_out]),
-    ]
-    graph = helper.make_graph(
-        nodes,
-        "linear",
-        [helper.make_tensor_value_info(name_in, dtype, ["batch", *shape])],
-        [helper.make_tensor_value_info(name_out, TensorProto.FLOAT, ["batch", weight.shape[1]])],
-        [numpy_helper.from_array(weight, "weight")],
-    )
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)])
-    model.ir_version = 8
-    path.write_bytes(model.SerializeToString())
+from tests.common.policy.artifacts import write_policy
 
 
 @pytest.fixture
 def folder(tmp_path):
-    """A policy of two random linear maps."""
-    rng = np.random.default_rng(0)
-    pixels = CAMERA.height_px * CAMERA.width_px * 3
-    encoder = rng.normal(0, 0.01, (pixels, 20)).astype(np.float32)
-    head = rng.normal(0, 0.1, (64, 2)).astype(np.float32)
-    linear_graph(tmp_path / "encoder.onnx", "image", TensorProto.UINT8, (8, 10, 3), "latent", encoder)
-    linear_graph(tmp_path / "head.onnx", "features", TensorProto.FLOAT, (64,), "action", head)
-    save_spec(PolicySpec(robot=ROBOT), tmp_path)
-    return tmp_path
+    return write_policy(tmp_path)
 
 
 def images(count, seed=1):
@@ -127,5 +99,5 @@ def test_graphs_that_do_not_fit_the_spec_are_refused(folder):
 
 
 def test_importing_the_package_loads_neither_torch_nor_onnxruntime():
-    code = "import sys, common.policy; assert not {'torch', 'onnxruntime', 'onnx', 'cv2'} & set(sys.modules)"
+    code = "import sys, readygo.common.policy; assert not {'torch', 'onnxruntime', 'onnx', 'cv2'} & set(sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)

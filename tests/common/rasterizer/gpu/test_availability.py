@@ -19,7 +19,7 @@ def test_unknown_kernels_are_refused() -> None:
 @pytest.mark.parametrize("kernels", availability.KERNELS)
 def test_missing_package_names_the_extra(kernels: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == kernels else find_spec("json"))
-    with pytest.raises(ReadygoError, match=r"pip install 'readygo\[gpu\]'"):
+    with pytest.raises(ReadygoError, match=r"pip install -e .*\[gpu\]"):
         require_kernels(kernels, "cuda")
 
 

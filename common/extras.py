@@ -1,0 +1,32 @@
+"""Optional dependencies: the command that installs what is missing, from where this package came from."""
+
+import importlib.metadata
+import shlex
+import sys
+from pathlib import Path
+from typing import Literal
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def install_command(extra: Literal["policy", "train", "gpu"]) -> str:
+    """The command that adds an extra's packages to this environment; no package index knows readygo.
+
+    Args:
+        extra: Name of the extra, as in pyproject.toml.
+
+    Returns:
+        A line for the shell.
+    """
+    if (ROOT / "pyproject.toml").is_file():
+        what = ["-e", f"{ROOT}[{extra}]", "-c", str(ROOT / "constraints.txt")]
+    else:
+        what = _requirements(extra)
+    return shlex.join([sys.executable, "-m", "pip", "install", *what])
+
+
+def _requirements(extra: str) -> list[str]:
+    """What the extra needs, as the installed package says."""
+    lines = importlib.metadata.requires("readygo") or []
+    parts = [line.partition(";") for line in lines]
+    return [what.strip() for what, _, condition in parts if f"extra == '{extra}'" in condition.replace('"', "'")]

@@ -1,0 +1,41 @@
+"""The commands of `readygo`, by name. The table stands above all layers: it may name what lies in any of them."""
+
+from readygo.apps.cli import Command
+
+COMMANDS = {
+    "demo": Command("readygo.apps.demo.demo:demo", "run the whole job on the embedded scene and write a report"),
+    "scene import": Command("readygo.apps.commands.scene:scene_import", "make a scene bundle of a Gaussian file"),
+    "scene inspect": Command(
+        "readygo.apps.commands.scene:scene_inspect", "measure a scene bundle and draw it from above"
+    ),
+    "avatar list": Command("readygo.apps.commands.avatar:avatar_list", "list the people that can walk through scenes"),
+    "avatar import": Command(
+        "readygo.apps.commands.avatar_import:avatar_import", "make an avatar of a HUGS, SMPL, glTF or Gaussian file"
+    ),
+    "avatar preview": Command(
+        "readygo.apps.commands.avatar:avatar_preview", "draw a person from all sides, or film them walking"
+    ),
+    "plan": Command(
+        "readygo.apps.commands.plan:plan", "plan one episode again and explain it in numbers, a picture or a film"
+    ),
+    "generate": Command("readygo.apps.commands.generate:generate", "record episodes of an expert among walking people"),
+    "validate": Command("readygo.apps.commands.data:validate", "read a dataset again and report every defect"),
+    "inspect": Command("readygo.apps.commands.data:inspect", "say what a dataset holds"),
+    "coverage": Command(
+        "readygo.apps.commands.coverage:coverage", "show what a dataset covers, and what it does not, on one page"
+    ),
+    "train": Command("readygo.apps.commands.train:train", "learn a policy from recorded episodes"),
+    "evaluate": Command("readygo.apps.commands.evaluate:evaluate", "measure success rates in closed loop"),
+    "worker": Command("readygo.apps.fleet.worker:worker", "join a fleet as one worker"),
+    "bench render": Command(
+        "readygo.benchmarks.rasterizer.render:bench_render",
+        "measure images per second, beside the bound and a peer",
+    ),
+    "bench motion": Command(
+        "readygo.benchmarks.motion.gates:bench_motion", "measure how human the gait is, against its gates"
+    ),
+    "bench plan": Command(
+        "readygo.benchmarks.planning.plan:bench_plan", "measure success, times and smoothness of the robot experts"
+    ),
+    "warm": Command("readygo.apps.commands.warm:warm", "compile all kernels once"),
+}
