@@ -86,7 +86,7 @@ def test_index_that_is_damaged_or_of_another_layout_is_none(shard) -> None:
     assert read_index(path) is None
     write_index(dataclasses.replace(index, outputs={"depth": index.outputs["depth"][:-1]}), path)
     assert read_index(path) is None
-    path.write_bytes(path.read_bytes()[:100])
+    path.write_bytes(b"no index")
     assert read_index(path) is None
     path.unlink()
     assert read_index(path) is None
