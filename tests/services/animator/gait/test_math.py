@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -19,6 +19,7 @@ def test_turns_about_axes_are_right_handed(turn, axis):
         assert turn(angle) == pytest.approx(Rotation.from_euler(axis, angle).as_matrix())
 
 
+@settings(deadline=None)
 @given(ANGLES, ANGLES)
 def test_products_are_those_of_matrices(a, b):
     A, B = (Rotation.from_rotvec(v).as_matrix() for v in (a, b))
@@ -28,6 +29,7 @@ def test_products_are_those_of_matrices(a, b):
     assert gait.norm(b) == pytest.approx(np.linalg.norm(b))
 
 
+@settings(deadline=None)
 @given(ANGLES)
 def test_axis_angle_gives_the_rotation_back(v):
     R, out = Rotation.from_rotvec(v).as_matrix(), np.empty(3)
