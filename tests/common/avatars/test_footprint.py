@@ -1,3 +1,5 @@
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -38,6 +40,23 @@ def test_weights_add_up_to_the_opacity_that_was_kept(avatar: Avatar, model: Foot
     trace = (avatar.cloud.scales_m.astype(np.float64) ** 2).sum(axis=1)
     kept = avatar.cloud.opacities[trace <= np.percentile(trace, 75)].astype(np.float64)
     assert model.weights.sum() == pytest.approx(kept.sum())
+
+
+def test_voxel_is_the_point_nearest_to_the_mean_by_opacity(avatar: Avatar) -> None:
+    first = np.arange(5)
+    cloud = dataclasses.replace(
+        avatar.cloud.select(first),
+        means_m=np.float32([[0.001, 1, 0], [0.02, 1, 0], [0.045, 1, 0], [0.2, 1, 0], [0.3, 1, 0]]),
+        opacities=np.float32([0.9, 0.1, 0.1, 0.4, 0.5]),
+        scales_m=np.full((5, 3), 0.01, np.float32) * np.float32([[1], [1], [1], [1], [9]]),
+    )
+    few = dataclasses.replace(
+        avatar, cloud=cloud, lbs_index=avatar.lbs_index[first], lbs_weight=avatar.lbs_weight[first]
+    )
+    model = FootprintModel.from_avatar(few, voxel_m=0.05)
+    np.testing.assert_allclose(model.points_m[:, 0], [0.001, 0.2], atol=1e-6)
+    np.testing.assert_allclose(model.weights, [1.1, 0.4], atol=1e-6)
+    np.testing.assert_array_equal(model.lbs_index, avatar.lbs_index[[0, 3]])
 
 
 def test_points_limit_holds_for_a_fine_grid(avatar: Avatar) -> None:

@@ -1,3 +1,5 @@
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -68,6 +70,19 @@ def test_box_is_that_of_all_solid_gaussians(avatar: Avatar, model: LabelModel, s
     np.testing.assert_allclose(in_box.min(axis=0), -0.5 * box[3:6], atol=0.015)
 
 
+def test_faint_gaussians_do_not_widen_a_box(avatar: Avatar) -> None:
+    means, opacities = avatar.cloud.means_m.copy(), avatar.cloud.opacities.copy()
+    means[0], motion = (3.0, 3.0, 3.0), some_motion(2)
+    boxes = []
+    for opacity in (BOX_OPACITY_MIN - 0.01, BOX_OPACITY_MIN):
+        opacities[0] = opacity
+        cloud = dataclasses.replace(avatar.cloud, means_m=means, opacities=opacities.copy())
+        model = LabelModel.from_avatar(dataclasses.replace(avatar, cloud=cloud))
+        boxes.append(human_labels(model, motion, 0, 0.0).box)
+    assert boxes[0][3:6].max() < 2.5
+    assert boxes[1][3:6].max() > 2.5
+
+
 def test_footprint_is_the_thinned_one_of_the_planner(avatar: Avatar, model: LabelModel) -> None:
     motion = some_motion(3)
     ground = human_labels(model, motion, 0, 0.0).footprint_xy_m
@@ -92,8 +107,6 @@ def test_last_row_is_held(model: LabelModel) -> None:
 
 
 def test_person_without_solid_gaussians_has_a_box(avatar: Avatar) -> None:
-    import dataclasses
-
     faint = dataclasses.replace(avatar.cloud, opacities=np.full_like(avatar.cloud.opacities, 0.2))
     model = LabelModel.from_avatar(dataclasses.replace(avatar, cloud=faint))
     assert human_labels(model, some_motion(0), 0, 0.0).box[5] > 1.0

@@ -31,6 +31,15 @@ def test_quaternion_product_composes_rotations(a: np.ndarray, b: np.ndarray) -> 
     np.testing.assert_allclose(matrix_from_quat(product), A @ B, atol=1e-9)
 
 
+@given(vectors)
+def test_quaternion_of_a_matrix_is_a_unit_with_w_not_negative(v: np.ndarray) -> None:
+    q = quat_from_matrix(matrix_from_axis_angle(v))
+    assert q[0] >= 0
+    np.testing.assert_allclose(np.linalg.norm(q), 1.0)
+    half = np.linalg.norm(v) / 2
+    np.testing.assert_allclose(q[0], abs(np.cos(half)), atol=1e-9)
+
+
 def test_half_turns_about_each_axis_keep_their_axis() -> None:
     for axis in np.eye(3):
         R = matrix_from_axis_angle(np.pi * axis)

@@ -68,6 +68,16 @@ def test_means_and_covariances_follow_the_transform(axis_angle, scale):
     np.testing.assert_allclose(covariances(moved), expected, atol=1e-5 * np.abs(expected).max())
 
 
+@pytest.mark.parametrize("axis_angle", [(0.4, 0.5, -2.0), (0.0, 0.0, np.pi / 2)])
+def test_turned_cloud_has_its_colours_along_the_turned_directions(axis_angle):
+    R, cloud = matrix_from_axis_angle(axis_angle), cloud_of(5)
+    directions = np.eye(3)
+    before = np.einsum("dk,nkc->ndc", sh_basis(directions, 3), cloud.sh)
+    turned = transform_cloud(cloud, R).sh
+    np.testing.assert_allclose(np.einsum("dk,nkc->ndc", sh_basis(directions @ R.T, 3), turned), before, atol=2e-5)
+    np.testing.assert_array_equal(transform_cloud(cloud, np.eye(3), (1, 2, 3), 2.0).sh, cloud.sh)
+
+
 def test_transform_and_its_inverse_give_the_cloud_back():
     R, t, cloud = matrix_from_axis_angle([0.4, 0.5, -2.0]), np.array([1.0, 2.0, 3.0]), cloud_of()
     back = transform_cloud(transform_cloud(cloud, R, t, 2.5), R.T, -R.T @ t / 2.5, 1 / 2.5)

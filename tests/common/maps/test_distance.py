@@ -64,6 +64,17 @@ def test_wide_disc_does_not_pass_a_narrow_door():
     assert cells[20, 70]
 
 
+@pytest.mark.parametrize(("radius_m", "cells"), [(0.375, 0), (0.375 - 2**-20, 8)])
+def test_disc_that_touches_both_walls_of_a_corridor_does_not_stand_clear(radius_m, cells):
+    # Multiples of 1/8 m are exact: three cells wide, half of that is the radius.
+    occupied = np.ones((5, 10), np.bool_)
+    occupied[1:4, :] = False
+    frame = GridFrame(origin_x_m=0.0, origin_y_m=0.0, resolution_m=0.25)
+    found, area_m2 = largest_free_area(OccupancyMap(frame=frame, occupied=occupied), radius_m)
+    assert int(found.sum()) == cells
+    assert area_m2 == cells * 0.0625
+
+
 def test_blocked_map_has_no_area():
     cells, area_m2 = largest_free_area(OccupancyMap(frame=FRAME, occupied=np.ones((5, 5), np.bool_)), 0.1)
     assert area_m2 == 0.0

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from readygo.common.gaussians import concatenate, load_gaussians
+from readygo.common.gaussians import concatenate, load_gaussians, transform_cloud
 from readygo.common.maps import MapConfig, largest_free_area, plan_scene
 from tests.common.maps.room import box, room, sheet
 
@@ -62,6 +62,16 @@ def test_ramps_and_sills_are_passable_but_steep_ramps_steps_and_stairs_are_not(c
     assert (j < reached.shape[1] and bool(reached[i, j])) == passable
 
 
+@pytest.mark.parametrize("slope_max", [0.25, 0.35])
+@pytest.mark.parametrize("R", [np.eye(3), [[0, -1, 0], [1, 0, 0], [0, 0, 1]]], ids=["along x", "along y"])
+def test_ramp_of_30_percent_is_blocked_where_less_is_allowed(R, slope_max):
+    cloud = transform_cloud(two_levels([sheet((2, 0, 0), (2, 0, 0.6), (0, 5, 0))], 0.6), R)
+    plan = plan_scene(cloud, MapConfig(slope_max=slope_max))
+    below, ramp = (np.asarray(R) @ (x, 2.5, 0.0) for x in (1.0, 3.0))
+    assert not state(plan.robot, *below[:2])
+    assert state(plan.robot, *ramp[:2]) is (slope_max < 0.3)
+
+
 def test_box_on_a_tilted_floor_blocks_and_the_tilt_does_not():
     tilt = 0.1
     cloud = concatenate([room(tilt=tilt), box((4, 2, 4 * tilt), (4.5, 2.5, 4 * tilt + 0.4))])
@@ -82,6 +92,21 @@ def test_haze_and_single_specks_over_the_floor_do_not_close_it():
     plan = plan_scene(concatenate([room(), haze, speck]), CONFIG)
     assert not state(plan.robot, 1.5, 1.5)
     assert not state(plan.robot, 4.02, 4.02)
+
+
+def test_haze_is_no_obstacle_however_dense_and_counts_from_its_least_opacity_on():
+    for opacity, blocks in ((0.19, False), (0.21, True)):
+        haze = sheet((1, 1, 0.3), (1, 0, 0), (0, 1, 0), opacity=opacity, spacing_m=0.02)
+        assert state(plan_scene(concatenate([room(), haze]), CONFIG).robot, 1.5, 1.5) is blocks
+
+
+def test_cells_without_floor_are_unknown_unless_something_stands_there():
+    beside = box((-0.45, 2.3, 0.0), (-0.3, 2.7, 0.5))
+    for cloud, unknown in ((room(), True), (concatenate([room(), beside]), False)):
+        plan = plan_scene(cloud, CONFIG)
+        assert plan.unknown[plan.robot.frame.cell(-0.38, 1.0)]
+        assert bool(plan.unknown[plan.robot.frame.cell(-0.38, 2.5)]) is unknown
+        assert plan.robot.occupied[plan.unknown].all()
 
 
 def test_low_but_wide_obstacle_blocks():

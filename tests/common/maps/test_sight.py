@@ -44,6 +44,17 @@ def test_occupied_cells_of_a_bare_map_hide_everything():
     assert sight.sees(-0.8, 0.8, CAMERA_M, (0.6, 0.8))
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_shoulder_beside_a_wall_shows_a_person_whose_middle_is_hidden(side):
+    occupied = np.zeros((40, 40), np.bool_)
+    occupied[10:30, 20] = True
+    frame = GridFrame(origin_x_m=-1.0, origin_y_m=-1.0, resolution_m=0.05)
+    sight = sight_of_occupancy(OccupancyMap(frame=frame, occupied=occupied))
+    # The wall ends 0.5 m beside the axis: the line to the middle of the first person passes it at 0.45 m.
+    assert sight.sees(-0.8, 0.0, CAMERA_M, (0.6, 0.78 * side))
+    assert not sight.sees(-0.8, 0.0, CAMERA_M, (0.6, 0.55 * side))
+
+
 def test_finer_cells_share_bits_and_see_the_same():
     cloud = concatenate([room(3.0, 2.0), box((1.4, 0.0, 0.0), (1.5, 1.0, 2.4))])
     config = MapConfig(resolution_m=0.025)

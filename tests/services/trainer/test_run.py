@@ -58,3 +58,15 @@ def test_wanted_answers_are_the_recorded_actions_as_shares_of_the_limits(first_b
     assert {round(v, 5) for v in shown.wanted[:, 0].tolist()} <= v_mps
     rates = {round(w / 1.2, 5) for w in source.actions[:, 1].tolist()}
     assert {round(w, 5) for w in shown.wanted[:, 1].tolist()} <= rates
+
+
+@pytest.mark.parametrize(("ema_decay", "kept"), [(0.99, 0.1), (0.05, 0.05), (0.0, 0.0)])
+def test_average_of_the_weights_follows_them_faster_at_first(source, tmp_path, ema_decay, kept):
+    config = dataclasses.replace(ONE_BATCH, ema_decay=ema_decay, learning_rate=0.01)
+    run = TrainRun(source, config, tmp_path, validation=None, evaluate=None)
+    before = run.average.head.layer1.weight.clone()
+    run.go(lambda _: None)
+    after = run.model.head.layer1.weight.detach()
+    assert run.step == 1
+    assert (after - before).abs().max() > 1e-5
+    assert torch.allclose(run.average.head.layer1.weight, kept * before + (1 - kept) * after, atol=1e-7)

@@ -1,0 +1,109 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from readygo.common.dataset.index import (
+    EPISODE_DTYPE,
+    IndexRows,
+    build_index,
+    index_path,
+    load_index,
+    mapped,
+    read_index,
+    tail_offset,
+    write_index,
+)
+from readygo.common.errors import DatasetError
+from tests.common.dataset.episodes import METADATA, make_episode, write_shard
+
+
+def damage(shard, needle, *, skip=0):
+    """Flip one bit of a shard behind some bytes."""
+    data = bytearray(shard.read_bytes())
+    data[data.index(needle) + skip] ^= 1
+    shard.write_bytes(data)
+
+
+@pytest.fixture
+def shard(tmp_path):
+    return write_shard(tmp_path, [4, 2], outputs=("depth",))
+
+
+def test_index_finds_every_image_and_episode(shard) -> None:
+    index = load_index(shard)
+    assert index.metadata == METADATA
+    assert [index.episode_key(row).index for row in (0, 1)] == [4, 2]
+    assert index.episodes["first_sample"].tolist() == [0, 12]
+    data = shard.read_bytes()
+    samples = [sample for number in (4, 2) for sample in make_episode(number, outputs=("depth",))[1]]
+    for row, sample in enumerate(samples):
+        place = index.samples[row]
+        offset = int(place["image_offset"])
+        assert data[offset : offset + int(place["image_length"])] == sample.image
+        depth = index.outputs["depth"][row]
+        offset = int(depth["offset"])
+        assert data[offset : offset + int(depth["length"])] == sample.outputs["depth"]
+
+
+def test_missing_index_is_made_again_as_it_was(shard) -> None:
+    before = index_path(shard).read_bytes()
+    index_path(shard).unlink()
+    load_index(shard)
+    assert index_path(shard).read_bytes() == before
+
+
+@pytest.mark.parametrize("kept", [True, False])
+def test_index_of_other_bytes_is_made_again(shard, tmp_path, kept) -> None:
+    other = write_shard(tmp_path / "other", [4, 3] if kept else [4], outputs=("depth",))
+    index_path(shard).write_bytes(index_path(other).read_bytes())
+    assert [int(row["index"]) for row in load_index(shard).episodes] == [4, 2]
+
+
+def test_damaged_episode_is_refused_when_the_index_is_made(shard) -> None:
+    index_path(shard).unlink()
+    damage(shard, make_episode(2)[1][7].image, skip=40)
+    with pytest.raises(DatasetError, match="does not match its CRC-32; see `readygo validate"):
+        load_index(shard)
+    assert not index_path(shard).exists()
+
+
+def test_shard_without_its_end_is_refused(shard) -> None:
+    shard.write_bytes(shard.read_bytes()[:-1])
+    with pytest.raises(DatasetError, match="its end is missing"):
+        load_index(shard)
+    shard.write_bytes(b"")
+    with pytest.raises(DatasetError, match="cannot be read"):
+        load_index(shard)
+
+
+def test_index_that_is_damaged_or_of_another_layout_is_none(shard) -> None:
+    path = index_path(shard)
+    index = read_index(path)
+    assert index is not None
+    rows = index.episodes[list(EPISODE_DTYPE.names[:-1])]
+    write_index(dataclasses.replace(index, episodes=rows), path)
+    assert read_index(path) is None
+    write_index(dataclasses.replace(index, outputs={"depth": index.outputs["depth"][:-1]}), path)
+    assert read_index(path) is None
+    path.write_bytes(b"no index")
+    assert read_index(path) is None
+    path.unlink()
+    assert read_index(path) is None
+
+
+@pytest.mark.parametrize("name", ["metadata", "size_bytes", "tail_sha256", "episodes", "samples", "outputs"])
+def test_indexes_are_equal_if_all_of_them_is(shard, name) -> None:
+    with mapped(shard) as view:
+        index, same = build_index(view, shard), build_index(view, shard)
+        assert tail_offset(view, shard) > len(view) // 2
+    assert index.equals(same)
+    value = getattr(index, name)
+    other = {} if isinstance(value, dict) else value[:-1] if isinstance(value, np.ndarray) else value * 2
+    assert not index.equals(dataclasses.replace(same, **{name: other}))
+
+
+def test_index_of_nothing_is_empty() -> None:
+    index = IndexRows().index({"a": (1, 2)}, size_bytes=10, tail=b"x")
+    assert (len(index.episodes), len(index.samples), index.outputs) == (0, 0, {})
+    assert index.metadata == {"a": [1, 2]}

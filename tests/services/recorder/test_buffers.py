@@ -1,0 +1,99 @@
+import dataclasses
+
+import pytest
+
+from readygo.common.errors import DatasetError
+from readygo.services.recorder.buffers import DAMAGED_MAX, EpisodeBuffers
+from tests.common.dataset.episodes import append_requests
+
+ONE_EPISODE = sum(sample.images_size_bytes for request in append_requests(0) for sample in request.samples)
+
+
+def buffers(episodes: float = 100.0) -> EpisodeBuffers:
+    """Buffers with room for so many episodes of 12 samples."""
+    return EpisodeBuffers(int(episodes * ONE_EPISODE * 1.2))
+
+
+def damaged(request, number):
+    """The request with one sample whose image does not match its checksum."""
+    samples = list(request.samples)
+    samples[number] = dataclasses.replace(samples[number], crc32=samples[number].crc32 ^ 1)
+    return dataclasses.replace(request, samples=tuple(samples))
+
+
+def test_batches_make_a_complete_episode() -> None:
+    kept = buffers()
+    for request in append_requests(3):
+        assert kept.add(request).status == "ok"
+    buffer = kept.get(3)
+    assert buffer is not None
+    assert buffer.complete
+    assert [sample.seq for sample in buffer.samples] == list(range(12))
+
+
+def test_batch_that_comes_twice_or_overlaps_is_taken_once() -> None:
+    kept = buffers()
+    first, second = append_requests(0)
+    for request in (first, first, dataclasses.replace(second, first_seq=8), second):
+        assert kept.add(request).status == "ok"
+    assert len(kept.get(0).samples) == 12
+
+
+def test_gap_names_the_sample_that_is_due() -> None:
+    kept = buffers()
+    first, second = append_requests(0)
+    assert (kept.add(second).status, kept.add(second).expected_seq) == ("gap", 0)
+    kept.add(first)
+    assert kept.add(second).status == "ok"
+
+
+def test_newer_attempt_replaces_an_older_one_which_is_stale_then() -> None:
+    kept = buffers()
+    kept.add(append_requests(0)[0])
+    assert kept.add(append_requests(0, attempt=2)[0]).status == "ok"
+    assert kept.add(append_requests(0)[1]).status == "stale"
+    assert (kept.get(0).attempt, len(kept.get(0).samples)) == (2, 8)
+
+
+def test_damaged_sample_is_asked_for_again_a_few_times_only() -> None:
+    kept = buffers()
+    request = append_requests(0)[0]
+    for _ in range(DAMAGED_MAX):
+        reply = kept.add(damaged(request, 5))
+        assert (reply.status, reply.expected_seq) == ("gap", 5)
+    with pytest.raises(DatasetError, match="never matches"):
+        kept.add(damaged(request, 5))
+
+
+def test_longest_untouched_buffer_makes_room() -> None:
+    kept = buffers(2)
+    for index in (0, 1):
+        for request in append_requests(index):
+            kept.add(request)
+    kept.add(append_requests(0)[0])
+    for request in append_requests(2):
+        kept.add(request)
+    assert kept.get(1) is None
+    assert kept.get(0).complete
+    assert kept.get(2).complete
+
+
+def test_episode_larger_than_all_room_is_kept_while_it_comes_in() -> None:
+    kept = buffers(0.1)
+    for request in append_requests(0):
+        assert kept.add(request).status == "ok"
+    assert kept.get(0).complete
+    kept.add(append_requests(1)[0])
+    assert kept.get(0) is None
+    assert kept.get(1) is not None
+
+
+def test_sender_that_contradicts_itself_is_refused() -> None:
+    kept = buffers()
+    first, second = append_requests(0)
+    kept.add(first)
+    other = dataclasses.replace(second, header=dataclasses.replace(second.header, goal_xy_m=(0.0, 0.0)))
+    with pytest.raises(DatasetError, match="two different headers"):
+        kept.add(other)
+    with pytest.raises(DatasetError, match="closed after 11 of 12"):
+        kept.add(dataclasses.replace(second, samples=second.samples[:3]))
