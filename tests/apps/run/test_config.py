@@ -6,9 +6,12 @@ from pathlib import Path
 import pytest
 
 from readygo.apps.cli import main
-from readygo.apps.commands.generate import make_spec, record, with_outputs
 from readygo.apps.commands.scene_argument import open_scene
-from readygo.apps.run.config import RunConfig, RunFolder, resolved_sections, run_name
+from readygo.apps.fleet.run import record
+from readygo.apps.run.config import RunConfig, resolved_sections, with_outputs
+from readygo.apps.run.folder import RunFolder
+from readygo.apps.run.identity import run_name
+from readygo.apps.run.spec import make_spec
 from readygo.common.config import section_from_mapping
 from readygo.common.errors import RunError
 from readygo.common.messages import RunSpec, Split

@@ -1,0 +1,146 @@
+import dataclasses
+import threading
+from collections.abc import Iterator
+
+import pytest
+
+from readygo.common.bus import InProcessBus
+from readygo.common.errors import BusError, RunError
+from readygo.common.fleet import Inputs, StageResult, Work, Worker, claim_any, leases, pull
+from readygo.common.messages import (
+    Blob,
+    ClaimReply,
+    ClaimRequest,
+    ClaimStatus,
+    CompleteRequest,
+    EpisodeKey,
+    RenewRequest,
+    Split,
+    Stage,
+    Verdict,
+    VerdictStatus,
+    topics,
+)
+from readygo.common.messages.stages import ANIMATE, HUMAN_PLAN
+
+EPISODE = EpisodeKey(seed=0, split=Split.TRAIN, index=0)
+PLAN = Blob(sha256="0", data=b"plan")
+LEASE = ClaimReply(status=ClaimStatus.LEASE, episode=EPISODE, attempt=1, ttl_s=15.0, inputs=(PLAN,))
+
+
+def _worker(work: Work, *more: tuple[Stage, Work]) -> Worker:
+    return Worker(name="w", numeric_class="this", works={ANIMATE: work, **dict(more)})
+
+
+class Clock:
+    """Stands in for `time.monotonic`."""
+
+    def __init__(self) -> None:
+        self.now_s = 0.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    clock = Clock()
+    monkeypatch.setattr(leases.time, "monotonic", clock)
+    return clock
+
+
+def _bus(claims: Iterator[ClaimReply | BusError], completed: list[CompleteRequest]) -> InProcessBus:
+    bus = InProcessBus()
+
+    def claim(_: ClaimRequest) -> ClaimReply:
+        reply = next(claims)
+        if isinstance(reply, BusError):
+            raise reply
+        return reply
+
+    def complete(request: CompleteRequest) -> Verdict:
+        completed.append(request)
+        return Verdict(status=VerdictStatus.OK)
+
+    bus.serve(topics.claim("animate"), claim)
+    bus.serve(topics.complete("animate"), complete)
+    bus.serve(topics.renew("animate"), lambda _: Verdict(status=VerdictStatus.OK))
+    return bus
+
+
+def test_long_work_does_not_count_as_the_coordinators_absence(clock: Clock) -> None:
+    claims = iter([LEASE, BusError("away"), LEASE, BusError("away"), ClaimReply(status=ClaimStatus.DONE)])
+    completed: list[CompleteRequest] = []
+
+    def work(claim: ClaimReply, inputs: Inputs) -> StageResult:
+        clock.now_s += 10 * leases.COORDINATOR_ABSENT_S
+        return StageResult(result=b"x")
+
+    pull(_bus(claims, completed), _worker(work), stop=threading.Event())
+    assert [request.result for request in completed] == [b"x", b"x"]
+
+
+def test_coordinator_that_stays_away_ends_the_worker(clock: Clock) -> None:
+    def away() -> Iterator[BusError]:
+        while True:
+            clock.now_s += 25.0
+            yield BusError("Nobody answered")
+
+    stop = threading.Event()
+    stop.wait = lambda timeout=None: False  # type: ignore[method-assign]
+    with pytest.raises(BusError, match="Nobody answered"):
+        pull(_bus(away(), []), _worker(lambda *_: None), stop=stop)
+    assert clock.now_s == 100.0
+
+
+def test_work_gets_the_results_that_its_stage_needs_by_name() -> None:
+    seen: list[Inputs] = []
+    completed: list[CompleteRequest] = []
+    bus = _bus(iter([LEASE]), completed)
+    work = lambda claim, inputs: seen.append(inputs) or StageResult(result=b"moved")  # noqa: E731
+    assert claim_any(bus, _worker(work)) is ClaimStatus.LEASE
+    assert seen == [{"human-plan": b"plan"}]
+    (request,) = completed
+    assert (request.worker, request.index, request.attempt, request.result) == ("w", 0, 1, b"moved")
+
+
+def test_next_stage_is_asked_only_where_the_one_before_has_nothing() -> None:
+    asked: list[str] = []
+    bus = _bus(iter([ClaimReply(status=ClaimStatus.WAIT), LEASE]), [])
+    wait = ClaimReply(status=ClaimStatus.WAIT)
+    bus.serve(topics.claim("human-plan"), lambda _: asked.append("human-plan") or wait)
+    worker = _worker(lambda *_: StageResult(), (HUMAN_PLAN, lambda *_: StageResult()))
+    assert claim_any(bus, worker) is ClaimStatus.WAIT
+    assert asked == ["human-plan"]
+    assert claim_any(bus, worker) is ClaimStatus.LEASE
+    assert asked == ["human-plan"]
+
+
+def test_worker_of_another_numeric_class_is_told_what_to_do() -> None:
+    bus = _bus(iter([ClaimReply(status=ClaimStatus.REFUSED)]), [])
+    with pytest.raises(RunError, match=r"another numeric class than this worker's \(this\)"):
+        claim_any(bus, _worker(lambda *_: None))
+
+
+def test_failing_work_is_reported_with_its_words() -> None:
+    def fail(claim: ClaimReply, inputs: Inputs) -> StageResult:
+        raise ValueError("no floor")
+
+    completed: list[CompleteRequest] = []
+    claim_any(_bus(iter([LEASE]), completed), _worker(fail))
+    assert completed[0].failed == "ValueError: no floor"
+
+
+def test_lease_is_renewed_while_the_work_lasts() -> None:
+    renewed = threading.Event()
+    bus = _bus(iter([dataclasses.replace(LEASE, ttl_s=0.03), ClaimReply(status=ClaimStatus.DONE)]), [])
+
+    def renew(request: RenewRequest) -> Verdict:
+        assert (request.worker, request.index, request.attempt) == ("w", 0, 1)
+        renewed.set()
+        return Verdict(status=VerdictStatus.OK)
+
+    bus.serve(topics.renew("animate"), renew)
+    seen: list[bool] = []
+    pull(bus, _worker(lambda *_: seen.append(renewed.wait(5.0))), stop=threading.Event())
+    assert seen == [True]
