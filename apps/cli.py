@@ -41,6 +41,10 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     ),
     "train": ("readygo.apps.commands.train:train", "learn a policy from recorded episodes"),
     "evaluate": ("readygo.apps.commands.evaluate:evaluate", "measure success rates in closed loop"),
+    "status": ("readygo.apps.commands.control:status", "say how far a fleet's run is"),
+    "pause": ("readygo.apps.commands.control:pause", "let a fleet give out no more work for now"),
+    "resume": ("readygo.apps.commands.control:resume", "let a paused fleet go on"),
+    "cancel": ("readygo.apps.commands.control:cancel", "end a fleet's run; what is recorded stays"),
     "worker": ("readygo.apps.fleet.worker:worker", "join a fleet as one worker"),
     "bench render": (
         "readygo.benchmarks.rasterizer.render:bench_render",

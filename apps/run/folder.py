@@ -43,11 +43,6 @@ class RunFolder:
         """Logs of the fleet's processes."""
         return self.state / "logs"
 
-    @property
-    def endpoint(self) -> Path:
-        """File with the endpoint of the fleet that is at work here; missing while none is."""
-        return self.state / "endpoint"
-
     def check(self, spec: RunSpec) -> None:
         """See whether this run may use the folder; changes nothing.
 
@@ -82,11 +77,22 @@ class RunFolder:
     @contextmanager
     def reachable(self, endpoint: str) -> Iterator[None]:
         """Say where the run's fleet can be reached, for as long as the block runs."""
-        write_whole(self.endpoint, endpoint, raises=RunError)
+        write_whole(self.state / "endpoint", endpoint, raises=RunError)
         try:
             yield
         finally:
-            self.endpoint.unlink(missing_ok=True)
+            (self.state / "endpoint").unlink(missing_ok=True)
+
+    def fleet_endpoint(self) -> str:
+        """Where the fleet that is at work on the run can be reached.
+
+        Raises:
+            RunError: If none is.
+        """
+        try:
+            return (self.state / "endpoint").read_text()
+        except OSError as error:
+            raise RunError(f"No fleet is at work on {self.path}.") from error
 
     def save(self, spec: RunSpec, wanted: int) -> None:
         """Write what `load` reads.

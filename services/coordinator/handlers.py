@@ -4,7 +4,7 @@ import time
 from collections import Counter
 from collections.abc import Callable
 
-from readygo.common.errors import ReadygoError
+from readygo.common.errors import ReadygoError, RunError
 from readygo.common.messages import (
     Blob,
     BlobReply,
@@ -51,6 +51,11 @@ class Coordinator:
         config: CoordinatorConfig | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
+        """Go on with a run where its ledger is; nobody holds a lease then.
+
+        Raises:
+            RunError: If a recorder that holds grants is not among the run's recorders any more.
+        """
         self.spec = spec
         self.wanted = wanted
         self.ledger = ledger
@@ -60,6 +65,7 @@ class Coordinator:
         self.failed = ""
         self.paused = False
         self.cancelled = False
+        self._check_recorders()
         ledger.requeue_all()
         ledger.drop_episodes(wanted)
         blobs.keep_only(ledger.results())
@@ -74,6 +80,13 @@ class Coordinator:
     def over(self) -> bool:
         """True when no more work will be given out."""
         return bool(self.failed) or self.cancelled or self.finished
+
+    def _check_recorders(self) -> None:
+        """Refuse to leave out a recorder that may hold episodes which the ledger has not heard of."""
+        if missing := sorted(self.ledger.granted_recorders() - set(self.config.recorders)):
+            raise RunError(
+                f"Recorder {missing[0]!r} was given episodes of this run; name it in [coordinator] recorders again."
+            )
 
 
 def handle_spec(coordinator: Coordinator, request: RunSpecRequest) -> RunSpec:

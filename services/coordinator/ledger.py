@@ -227,7 +227,10 @@ class Ledger:
             )
             if not held:
                 return None
-            hashes = [row[0] for row in self._db.execute("SELECT sha256 FROM result WHERE idx = ?", (index,))]
+            # Episodes whose results are equal share the blob.
+            unshared = """SELECT DISTINCT sha256 FROM result WHERE idx = ?
+                AND sha256 NOT IN (SELECT sha256 FROM result WHERE idx != ?)"""
+            hashes = [row[0] for row in self._db.execute(unshared, (index, index))]
             self._db.execute("DELETE FROM result WHERE idx = ?", (index,))
         return hashes
 
@@ -243,6 +246,10 @@ class Ledger:
         """Indices granted to a recorder and not yet reported durable."""
         rows = self._all("SELECT idx FROM episode WHERE state = 'granted' AND recorder = ? ORDER BY idx", recorder)
         return tuple(row[0] for row in rows)
+
+    def granted_recorders(self) -> set[str]:
+        """Recorders that hold grants."""
+        return {row[0] for row in self._all("SELECT DISTINCT recorder FROM episode WHERE state = 'granted'")}
 
     def requeue_expired(self, now_s: float) -> int:
         """End the leases whose time is over; returns how many."""

@@ -1,3 +1,6 @@
+import dataclasses
+import queue
+import time
 from pathlib import Path
 
 import pytest
@@ -25,8 +28,8 @@ from readygo.common.messages import (
     VerdictStatus,
     topics,
 )
-from readygo.common.messages.stages import ANIMATE, HUMAN_PLAN, RENDER, ROBOT_PLAN
-from readygo.services.coordinator import BlobStore, Coordinator, CoordinatorConfig, Ledger, attach, requeue_lost
+from readygo.common.messages.stages import ANIMATE, EXPERT_LINE, HUMAN_PLAN, RENDER, ROBOT_PLAN, OnRejection
+from readygo.services.coordinator import BlobStore, Coordinator, CoordinatorConfig, Ledger, attach, requeue_lost, tick
 
 SPEC = RunSpec(
     run="run-test",
@@ -46,13 +49,15 @@ SPEC = RunSpec(
 class Line:
     """A coordinator on an in-process bus with a hand-set clock."""
 
-    def __init__(self, folder: Path, wanted: int = 3, **settings: object) -> None:
+    def __init__(
+        self, folder: Path, wanted: int = 3, stages: tuple[Stage, ...] = EXPERT_LINE, **settings: object
+    ) -> None:
         self.now_s = 0.0
         self.bus = InProcessBus()
         self.coordinator = Coordinator(
-            spec=SPEC,
+            spec=dataclasses.replace(SPEC, stages=stages),
             wanted=wanted,
-            ledger=Ledger(folder / "ledger.sqlite"),
+            ledger=Ledger(folder / "ledger.sqlite", stages),
             blobs=BlobStore(folder / "blobs"),
             config=CoordinatorConfig(**settings),  # type: ignore[arg-type]
             clock=lambda: self.now_s,
@@ -73,11 +78,14 @@ class Line:
         for stage in (HUMAN_PLAN, ANIMATE, ROBOT_PLAN):
             claim = self.claim(stage)
             last = stage == ROBOT_PLAN
-            assert (
-                self.complete(stage, claim, result=stage.name.encode(), rejected=rejected if last else "")
-                is VerdictStatus.OK
-            )
+            verdict = self.complete(stage, claim, result=stage.name.encode(), rejected=rejected if last else "")
+            assert verdict is VerdictStatus.OK
         return claim
+
+    def pass_on(self, *stages: Stage) -> None:
+        """Take the next episode through stages."""
+        for stage in stages:
+            assert self.complete(stage, self.claim(stage), result=stage.name.encode()) is VerdictStatus.OK
 
     def grant(self, claim: ClaimReply) -> VerdictStatus:
         assert claim.episode is not None
@@ -322,3 +330,116 @@ def test_full_disk_is_said_in_one_line_and_undoes_the_step(tmp_path: Path) -> No
         ledger.open_episodes(10_000)
     assert ledger.waiting() == {"human-plan": 3}
     ledger.close()
+
+
+REFEREE = Stage(name="referee", role="referee", needs=("robot-plan",))
+FILM = dataclasses.replace(RENDER, needs=("referee", "human-plan"))
+
+
+def _with_referee(on_rejection: OnRejection) -> tuple[Stage, ...]:
+    """The line with a fourth stage before the last one."""
+    return (HUMAN_PLAN, ANIMATE, ROBOT_PLAN, dataclasses.replace(REFEREE, on_rejection=on_rejection), FILM)
+
+
+def test_new_stage_gets_what_it_needs_and_gives_what_others_need(tmp_path: Path) -> None:
+    stages = _with_referee(OnRejection.SKIP)
+    line = Line(tmp_path, stages=stages, wanted=1)
+    line.pass_on(*stages[:3])
+    assert line.claim(stages[4]).status is ClaimStatus.WAIT
+    judged = line.claim(stages[3])
+    assert [blob.data for blob in judged.inputs] == [b"robot-plan"]
+    assert judged.recorder == ""
+    assert line.complete(stages[3], judged, result=b"fair") is VerdictStatus.OK
+    filmed = line.claim(stages[4])
+    assert [blob.data for blob in filmed.inputs] == [b"fair", b"human-plan"]
+    assert filmed.recorder == "rec0"
+    assert line.grant(filmed) is VerdictStatus.OK
+    assert line.done(filmed) is VerdictStatus.OK
+    assert line.status().finished
+
+
+def test_rejection_of_a_new_stage_skips_the_index_or_keeps_the_episode(tmp_path: Path) -> None:
+    for on_rejection in OnRejection:
+        (tmp_path / on_rejection.value).mkdir()
+        stages = _with_referee(on_rejection)
+        line = Line(tmp_path / on_rejection.value, stages=stages, wanted=1)
+        line.pass_on(*stages[:3])
+        judged = line.claim(stages[3])
+        assert line.complete(stages[3], judged, result=b"foul", rejected="too close") is VerdictStatus.OK
+        filmed = line.claim(stages[4])
+        if on_rejection is OnRejection.SKIP:
+            assert filmed.status is ClaimStatus.WAIT
+            assert (line.status().rejected, line.status().kept) == ({"too close": 1}, {})
+            assert line.claim(HUMAN_PLAN).status is ClaimStatus.LEASE
+        else:
+            assert filmed.inputs[0].data == b"foul"
+            line.grant(filmed)
+            line.done(filmed)
+            assert (line.status().rejected, line.status().kept) == ({}, {"too close": 1})
+            assert line.status().finished
+
+
+def test_late_rejection_that_would_be_kept_is_stale(tmp_path: Path) -> None:
+    stages = _with_referee(OnRejection.KEEP)
+    line = Line(tmp_path, stages=stages)
+    line.pass_on(*stages[:3])
+    late = line.claim(stages[3])
+    line.now_s = 100.0
+    requeue_lost(line.coordinator)
+    line.claim(stages[3])
+    assert line.complete(stages[3], late, result=b"foul", rejected="too close") is VerdictStatus.STALE
+    assert line.status().kept == {}
+
+
+def test_grant_is_for_the_stage_that_records_only(line: Line) -> None:
+    assert line.grant(line.claim(HUMAN_PLAN)) is VerdictStatus.STALE
+
+
+def test_episodes_are_shared_by_the_runs_recorders(tmp_path: Path) -> None:
+    line = Line(tmp_path, recorders=("rec0", "rec1"))
+    names = []
+    for _ in range(3):
+        line.plan()
+        names.append(line.claim(RENDER).recorder)
+    assert names == ["rec0", "rec1", "rec0"]
+
+
+def test_recorder_that_holds_grants_cannot_be_left_out(tmp_path: Path) -> None:
+    first = Line(tmp_path)
+    first.plan()
+    first.grant(first.claim(RENDER))
+    first.coordinator.ledger.close()
+    with pytest.raises(RunError, match=r"Recorder 'rec0' was given episodes of this run; name it in \[coordinator\]"):
+        Line(tmp_path, recorders=("other",))
+
+
+def test_worker_that_leaves_the_bus_frees_its_leases(line: Line) -> None:
+    worker = InProcessBus(line.bus)
+    worker.announce("human-planner", "w")
+    held = line.claim(HUMAN_PLAN, "w")
+    worker.close()
+    deadline_s = time.monotonic() + 5.0
+    while line.status().requeued == 0:
+        assert time.monotonic() < deadline_s
+    assert line.claim(HUMAN_PLAN).attempt == held.attempt + 1
+
+
+def test_tick_ends_old_leases_and_says_how_far_the_run_is(line: Line) -> None:
+    heard: queue.SimpleQueue[StatusReply] = queue.SimpleQueue()
+    line.bus.subscribe(topics.PROGRESS, heard.put)
+    line.claim(HUMAN_PLAN)
+    line.now_s = 100.0
+    tick(line.bus, line.coordinator)
+    status = heard.get(timeout=5.0)
+    assert (status.requeued, status.waiting) == (1, {"human-plan": 3})
+
+
+def test_result_that_two_episodes_share_stays_until_both_are_durable(line: Line) -> None:
+    line.plan()
+    line.plan()
+    for left in (3, 0):
+        claim = line.claim(RENDER)
+        assert [blob.data for blob in claim.inputs] == [b"human-plan", b"animate", b"robot-plan"]
+        line.grant(claim)
+        line.done(claim)
+        assert len(list(line.coordinator.blobs._folder.iterdir())) == left
