@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from readygo.apps.run.config import RunConfig
-from readygo.common.config import section_to_mapping
-from readygo.common.messages import RunSpec
+from readygo.common.messages import RunSpec, encode
 from readygo.common.messages.stages import EXPERT_LINE
 from readygo.services.planner.humans.scenario_file import text_hash
 from readygo.services.renderer.config import GPU_BACKENDS
@@ -23,7 +22,7 @@ _NO_IDENTITY = ("recorder", "coordinator")
 def identity(spec: RunSpec) -> dict[str, Any]:
     """What must be equal for two runs to give the same samples, as plain values."""
     config = {name: section for name, section in spec.config.items() if name not in _NO_IDENTITY}
-    stages = [section_to_mapping(stage) for stage in spec.stages] if spec.stages != EXPERT_LINE else []
+    stages = b"" if spec.stages == EXPERT_LINE else b"".join(map(encode, spec.stages))
     return {
         "scene": spec.scene_hash,
         "avatars": spec.avatar_hashes,
@@ -32,7 +31,7 @@ def identity(spec: RunSpec) -> dict[str, Any]:
         "static": spec.static,
         "scenarios": text_hash(spec.scenarios) if spec.scenarios else "",
         "config": config,
-        **({"stages": stages} if stages else {}),
+        **({"stages": hashlib.sha256(stages).hexdigest()} if stages else {}),
     }
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from readygo.apps.fleet.run import run_in_process
+from readygo.apps.fleet.run import record, run_in_process
 from readygo.apps.fleet.worker import make_coordinator, make_recorder
 from readygo.apps.run.config import RunConfig, resolved_sections
 from readygo.apps.run.folder import RunFolder
@@ -19,7 +19,7 @@ from readygo.common.errors import RunError
 from readygo.common.fleet import Inputs, StageResult, Work, Worker, append_episode, pull
 from readygo.common.messages import ClaimReply, OnRejection, RunSpec, Split, Stage, StatusReply, StatusRequest
 from readygo.services import coordinator as coordination
-from readygo.services.coordinator import CoordinatorConfig
+from readygo.services.coordinator import CoordinatorConfig, Ledger
 from readygo.services.coordinator.handlers import handle_status
 from readygo.services.recorder import attach as attach_recorder
 from tests.common.dataset.episodes import METADATA, make_episode
@@ -167,3 +167,24 @@ def test_run_that_is_finished_builds_no_works(tmp_path: Path) -> None:
     assert _in_process(folder, (DRAW, FILM)).finished
     broken = dataclasses.replace(FILM, work=lambda world, bus: pytest.fail("the scene would be loaded"))
     assert _in_process(folder, (DRAW, broken)).finished
+
+
+def test_second_process_changes_nothing_in_the_folder_of_a_running_one(tmp_path: Path) -> None:
+    folder = _folder(tmp_path, (DRAW, FILM), wanted=3)
+    spec, _ = folder.load()
+    with folder.locked(), pytest.raises(RunError, match="Another process is generating"):
+        record(spec, tmp_path, episodes=7, workers=0)
+    assert folder.load() == (spec, 3)
+
+
+def test_run_cannot_be_made_shorter_than_what_is_recorded(tmp_path: Path) -> None:
+    folder = _folder(tmp_path, (DRAW, FILM), wanted=5)
+    spec, _ = folder.load()
+    ledger = Ledger(folder.ledger, spec.stages)
+    ledger.open_episodes(5)
+    ledger.commit(0, "rec0", "shard", 10)
+    ledger.commit(3, "rec0", "shard", 10)
+    ledger.close()
+    with pytest.raises(RunError, match=r"holds 2 episodes already.* at least 4 with --episodes"):
+        record(spec, tmp_path, episodes=3, workers=0)
+    assert folder.load() == (spec, 5)

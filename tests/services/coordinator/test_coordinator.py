@@ -20,7 +20,6 @@ from readygo.common.messages import (
     LostRequest,
     PendingRequest,
     RenewRequest,
-    RunSpec,
     Split,
     Stage,
     StatusReply,
@@ -30,20 +29,7 @@ from readygo.common.messages import (
 )
 from readygo.common.messages.stages import ANIMATE, EXPERT_LINE, HUMAN_PLAN, RENDER, ROBOT_PLAN, OnRejection
 from readygo.services.coordinator import BlobStore, Coordinator, CoordinatorConfig, Ledger, attach, requeue_lost, tick
-
-SPEC = RunSpec(
-    run="run-test",
-    scene_path="scene",
-    scene_hash="0",
-    scene_files=(),
-    avatars_path="",
-    avatar_hashes={},
-    seed=5,
-    split=Split.TRAIN,
-    static=False,
-    config={},
-    metadata={},
-)
+from tests.common.messages.run_specs import SPEC
 
 
 class Line:
