@@ -33,5 +33,14 @@ class BusError(ReadygoError):
     """A peer that does not answer, or an endpoint that cannot be opened."""
 
 
+class PeerError(BusError):
+    """A peer that answered that it cannot do what it was asked; the message names the topic and the reason."""
+
+
 class RunError(ReadygoError):
     """A run that cannot be started, resumed or finished."""
+
+
+def reason(error: Exception) -> str:
+    """What went wrong, in words for somebody who sees no traceback."""
+    return str(error) if isinstance(error, ReadygoError) else f"{type(error).__name__}: {error}"

@@ -26,6 +26,10 @@ COMMANDS = {
     ),
     "train": Command("readygo.apps.commands.train:train", "learn a policy from recorded episodes"),
     "evaluate": Command("readygo.apps.commands.evaluate:evaluate", "measure success rates in closed loop"),
+    "status": Command("readygo.apps.commands.control:status", "say how far a fleet's run is"),
+    "pause": Command("readygo.apps.commands.control:pause", "let a fleet give out no more work for now"),
+    "resume": Command("readygo.apps.commands.control:resume", "let a paused fleet go on"),
+    "cancel": Command("readygo.apps.commands.control:cancel", "end a fleet's run; what is recorded stays"),
     "worker": Command("readygo.apps.fleet.worker:worker", "join a fleet as one worker"),
     "bench render": Command(
         "readygo.benchmarks.rasterizer.render:bench_render",

@@ -11,9 +11,9 @@ from typing import Any, Literal
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from readygo.apps.commands.generate import episode_count, make_spec
 from readygo.apps.commands.scene_argument import open_scene
 from readygo.apps.run.config import RunConfig, load_run_config
+from readygo.apps.run.spec import episode_count, make_spec
 from readygo.apps.run.world import World
 from readygo.common.bus import InProcessBus
 from readygo.common.config import section_to_mapping

@@ -14,9 +14,9 @@ def warm() -> None:
 
 def warm_all() -> None:
     """Take one short episode of the embedded scene through all stages."""
-    from readygo.apps.commands.generate import make_spec
     from readygo.apps.commands.scene_argument import open_scene
     from readygo.apps.run.config import RunConfig
+    from readygo.apps.run.spec import make_spec
     from readygo.apps.run.world import World
     from readygo.common.messages import AnimateRequest, EpisodeKey, HumanPlanRequest, RobotPlanRequest, Split
     from readygo.common.rasterizer.warm import warm as warm_rasterizer

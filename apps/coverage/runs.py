@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from readygo.apps.commands.scene_argument import open_maps
-from readygo.apps.run.config import RunFolder
+from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.world import World
 from readygo.common.dataset.casts import Cast
 from readygo.common.errors import ReadygoError, RunError

@@ -12,14 +12,16 @@ import numpy as np
 from rich.console import Console
 
 from readygo.apps.commands.evaluate import make_evaluator, summarize
-from readygo.apps.commands.generate import make_spec, record
+from readygo.apps.commands.generate import progress_bar
 from readygo.apps.commands.scene_argument import open_scene
 from readygo.apps.commands.train import make_config, run_training
 from readygo.apps.commands.warm import warm_all
 from readygo.apps.demo.report import write_report
 from readygo.apps.demo.report_content import Command, LossCurve, ReportContent, RunNumbers, Score, StripImage
+from readygo.apps.fleet.run import record
 from readygo.apps.pictures.episode_film import EpisodeFilm, film_frames
 from readygo.apps.run.config import RunConfig
+from readygo.apps.run.spec import make_spec
 from readygo.apps.run.world import World
 from readygo.common.dataset import Dataset, EpisodeEntry, validate
 from readygo.common.drawing.film import write_animation, write_film
@@ -89,7 +91,8 @@ def demo(
     config = RunConfig()
     spec = make_spec(open_scene("embedded"), None, config, seed=0, split=Split.TRAIN, static=False)
     timer.say(f"recording {episodes} episodes with a fleet over Zenoh: 5 processes and {workers} renderer(s)")
-    run = record(spec, out / "data", episodes=episodes, workers=workers)
+    with progress_bar(quiet=False) as show:
+        run = record(spec, out / "data", episodes=episodes, workers=workers, show=show)
     report = validate(out / "data")
     if not report.ok:
         raise DatasetError(f"{out / 'data'} has defects, the first: {report.defects[0]}")

@@ -1,5 +1,6 @@
 """A fleet on this machine: one process per worker, supervised and restarted."""
 
+import os
 import subprocess
 import sys
 import time
@@ -7,8 +8,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import readygo
+from readygo.apps.fleet.roles import COORDINATOR, RECORDER
 from readygo.common.errors import RunError
 
+CANNOT_WORK = os.EX_CONFIG
+"""Exit code of a worker that no new start would help: its settings, its data or its disk must be mended."""
 RESTARTS_MAX = 5
 """A worker that dies more often than this ends the run."""
 STOP_S = 15.0
@@ -50,14 +54,15 @@ class Fleet:
             code = member.process.poll() if member.process else 0
             if code is None:
                 continue
-            if code == 2 or member.restarts >= RESTARTS_MAX:
+            if code == CANNOT_WORK or member.restarts >= RESTARTS_MAX:
                 raise RunError(f"Worker {member.name} ended with exit code {code}: {last_words(member.log)}")
             member.restarts += 1
             self._start(member)
 
     def stop(self) -> None:
         """End the fleet: workers first, then recorders, the coordinator last; no process is left behind."""
-        for roles in (("human-planner", "animator", "robot-planner", "renderer"), ("recorder",), ("coordinator",)):
+        last = (RECORDER, COORDINATOR)
+        for roles in ({member.role for member in self.members}.difference(last), *({role} for role in last)):
             processes = [m.process for m in self.members if m.role in roles and m.process]
             for process in processes:
                 process.terminate()
@@ -79,7 +84,7 @@ class Fleet:
         """
         for member in self.members:
             code = member.process.returncode if member.process else 0
-            if member.role == "recorder" and code != 0:
+            if member.role == RECORDER and code != 0:
                 raise RunError(
                     f"Recorder {member.name} could not finish its shard (exit code {code}): {last_words(member.log)} "
                     "Its episodes are safe; run the same command again to finish it."

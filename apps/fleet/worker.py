@@ -9,37 +9,32 @@ import socket
 import sys
 import threading
 from pathlib import Path
-from typing import Literal, get_args
 
-from readygo.apps.run.config import RunFolder, numeric_class
-from readygo.apps.run.stages import stage_work
+from readygo.apps.fleet.fleet import CANNOT_WORK
+from readygo.apps.fleet.roles import COORDINATOR, RECORDER
+from readygo.apps.run.folder import RunFolder
+from readygo.apps.run.identity import numeric_class
+from readygo.apps.run.stages import stage_works
 from readygo.apps.run.world import World
-from readygo.common.bus import pull
+from readygo.common.bus import Bus
 from readygo.common.bus.zenoh_bus import ZenohBus
-from readygo.common.errors import RunError
-from readygo.common.messages import RunSpec, RunSpecRequest, Stage
-from readygo.common.rasterizer.warm import warm as warm_rasterizer
+from readygo.common.errors import BusError, ReadygoError, RunError
+from readygo.common.fleet import Worker, pull
+from readygo.common.messages import RunSpecRequest, topics
 from readygo.services import coordinator as coordination
 from readygo.services.recorder import Recorder
 from readygo.services.recorder import attach as attach_recorder
 
-Role = Literal["coordinator", "human-planner", "animator", "robot-planner", "renderer", "recorder"]
-ROLES: tuple[Role, ...] = get_args(Role)
-
-ROLE_STAGE: dict[str, Stage] = {
-    "human-planner": Stage.HUMAN_PLAN,
-    "animator": Stage.ANIMATE,
-    "robot-planner": Stage.ROBOT_PLAN,
-    "renderer": Stage.RENDER,
-}
+SPEC_TIMEOUT_S = 30.0
+"""Time that a worker waits for the coordinator to start [s]."""
 SETTLE_S = 0.5
 """How often the recorder repeats reports that the coordinator has not acknowledged [s]."""
 TICK_S = 0.2
-"""How often the coordinator looks for leases that ran out [s]."""
+"""How often the coordinator looks for leases that ran out, and says how far the run is [s]."""
 
 
 def worker(
-    role: Role,
+    role: str,
     /,
     *,
     connect: str,
@@ -50,8 +45,10 @@ def worker(
 ) -> None:
     """Work in a fleet until the run is over, or until SIGTERM.
 
+    A worker that somebody must help first (settings, data, disk) exits with 78; started again it would do no better.
+
     Args:
-        role: What to do.
+        role: coordinator, recorder, or the role of a stage: human-planner, animator, robot-planner or renderer.
         connect: Endpoint of the fleet's router, such as tcp/127.0.0.1:7447.
         run: Name of the run, as `readygo generate --listen` prints it.
         name: Name of this worker; must differ between workers of one role.
@@ -62,14 +59,24 @@ def worker(
     _keep_the_heap_small()
     stop = _stop_signal(exit_with_parent)
     name = name or f"{role}-{socket.gethostname()}-{os.getpid()}"
+    try:
+        _join(role, name, connect, run, data, stop)
+    except BusError:
+        raise
+    except ReadygoError as error:
+        sys.stderr.write(f"readygo: {error}\n")
+        raise SystemExit(CANNOT_WORK) from error
+
+
+def _join(role: str, name: str, connect: str, run: str, data: Path | None, stop: threading.Event) -> None:
     bus = ZenohBus(connect, run)
     try:
-        if role == "coordinator":
+        if role == COORDINATOR:
             _coordinate(bus, _folder(role, data), stop)
-        elif role == "recorder":
+        elif role == RECORDER:
             _record(bus, name, _folder(role, data), stop)
         else:
-            _work(bus, ROLE_STAGE[role], role, name, stop)
+            _work(bus, role, name, stop)
     finally:
         bus.close()
 
@@ -92,52 +99,46 @@ def make_coordinator(folder: RunFolder) -> coordination.Coordinator:
     return coordination.Coordinator(
         spec=spec,
         wanted=wanted,
-        ledger=coordination.Ledger(folder.ledger),
+        ledger=coordination.Ledger(folder.ledger, spec.stages),
         blobs=coordination.BlobStore(folder.blobs, files),
-        recorders=("rec0",),
+        config=World(spec).config.coordinator,
     )
 
 
-def _coordinate(bus: ZenohBus, folder: RunFolder, stop: threading.Event) -> None:
+def make_recorder(bus: Bus, name: str, folder: RunFolder, world: World) -> Recorder:
+    """A recorder of a run, into the run's data folder."""
+    spec = world.spec
+    metadata = {**spec.metadata, "config": spec.config, "seed": spec.seed}
+    return Recorder(folder=folder.path, name=name, bus=bus, metadata=metadata, config=world.config.recorder)
+
+
+def _coordinate(bus: Bus, folder: RunFolder, stop: threading.Event) -> None:
     coordinator = make_coordinator(folder)
-
-    def changed(role: str, name: str, alive: bool) -> None:
-        if not alive:
-            coordination.requeue_lost(coordinator, worker=name)
-
     coordination.attach(bus, coordinator)
-    bus.watch(changed)
-    bus.announce("coordinator", "coordinator")
+    bus.announce(COORDINATOR, COORDINATOR)
     while not stop.wait(TICK_S):
-        coordination.requeue_lost(coordinator)
+        coordination.tick(bus, coordinator)
 
 
-def _record(bus: ZenohBus, name: str, folder: RunFolder, stop: threading.Event) -> None:
-    world = World(bus.request("coord/spec", RunSpecRequest(), RunSpec, timeout_s=30.0))
-    recorder = Recorder(
-        folder=folder.path, name=name, bus=bus, metadata=recorded_metadata(world), config=world.config.recorder
-    )
+def _record(bus: Bus, name: str, folder: RunFolder, stop: threading.Event) -> None:
+    recorder = make_recorder(bus, name, folder, _world(bus))
     attach_recorder(bus, recorder)
-    bus.announce("recorder", name)
+    bus.announce(RECORDER, name)
     while not stop.wait(SETTLE_S):
         recorder.settle()
     recorder.close()
 
 
-def recorded_metadata(world: World) -> dict[str, object]:
-    """What goes into every shard's metadata."""
-    return {**world.spec.metadata, "config": world.spec.config, "seed": world.spec.seed}
-
-
-def _work(bus: ZenohBus, stage: Stage, role: str, name: str, stop: threading.Event) -> None:
-    world = World(bus.request("coord/spec", RunSpecRequest(), RunSpec, timeout_s=30.0), bus)
-    if stage is Stage.RENDER:
-        # One renderer compiles while the others wait.
-        warm_rasterizer()
-    work = stage_work(stage, world, bus)
+def _work(bus: Bus, role: str, name: str, stop: threading.Event) -> None:
+    world = _world(bus)
+    works = stage_works(world, bus, role)
     world.forget_avatars()
     bus.announce(role, name)
-    pull(bus, stage, name, numeric_class(world.config), work, stop=stop)
+    pull(bus, Worker(name=name, numeric_class=numeric_class(world.config), works=works), stop=stop)
+
+
+def _world(bus: Bus) -> World:
+    return World(bus.request(topics.SPEC, RunSpecRequest(), timeout_s=SPEC_TIMEOUT_S), bus)
 
 
 def _folder(role: str, data: Path | None) -> RunFolder:

@@ -1,87 +1,108 @@
-"""The stages of the assembly line: from a lease and the earlier results to this stage's result."""
+"""The stages of the assembly line: what each one is, and who makes its result of a lease and the earlier results.
 
-import time
-from collections.abc import Iterator
-from itertools import islice
+A new stage is one entry of `LINE` and the function that builds its work.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 from readygo.apps.run.world import World
-from readygo.common.bus import Bus, StageResult
-from readygo.common.bus.leases import Work
-from readygo.common.errors import BusError, RunError
+from readygo.common.bus import Bus
+from readygo.common.errors import RunError
+from readygo.common.fleet import Inputs, StageResult, Work, append_episode
 from readygo.common.messages import (
     AnimateReply,
     AnimateRequest,
-    AppendReply,
-    AppendRequest,
     ClaimReply,
-    EpisodeHeader,
+    EpisodeMotions,
     HumanPlanReply,
     HumanPlanRequest,
     RobotPlanReply,
     RobotPlanRequest,
-    Sample,
+    Scenario,
     Stage,
     decode,
     encode,
 )
-from readygo.services.animator import Animator, handle_animate
-from readygo.services.planner import Planner, handle_human_plan, handle_robot_plan
-from readygo.services.renderer import Renderer, episode_header, episode_samples
-
-BATCH = 8
-"""Samples per append: the recorder's acknowledgement costs less than the images from here on."""
-RECORDER_ABSENT_S = 60.0
+from readygo.common.messages.stages import ANIMATE, HUMAN_PLAN, RENDER, ROBOT_PLAN
+from readygo.common.rasterizer.warm import warm as warm_rasterizer
+from readygo.services.animator import handle_animate
+from readygo.services.planner import handle_human_plan, handle_robot_plan
+from readygo.services.renderer import episode_header, episode_samples
 
 
-def stage_work(stage: Stage, world: World, bus: Bus) -> Work:
-    """The work of a stage, its scene and avatars loaded."""
-    if stage is Stage.HUMAN_PLAN:
-        return _plan_humans(world.planner(), static=world.spec.static)
-    if stage is Stage.ANIMATE:
-        return _animate(world.animator())
-    if stage is Stage.ROBOT_PLAN:
-        return _plan_robot(world.planner())
-    return _render(world.renderer(), bus)
+@dataclass(frozen=True, kw_only=True)
+class Entry:
+    """A stage, and what builds its work for a run: scene and avatars are loaded then."""
+
+    stage: Stage
+    work: Callable[[World, Bus], Work]
 
 
-def _plan_humans(planner: Planner, *, static: bool) -> Work:
-    def work(claim: ClaimReply, inputs: tuple[bytes, ...]) -> StageResult:
+def stage_works(world: World, bus: Bus, role: str = "", line: Sequence[Entry] = ()) -> dict[Stage, Work]:
+    """The works of a run's stages, later stages first: an episode is finished before the next one is begun.
+
+    Args:
+        world: The run's world.
+        bus: The run's bus.
+        role: Only the stages that this role does; empty for all.
+        line: The entries that there are; those of `LINE` by default.
+
+    Raises:
+        RunError: If the run has no stage for the role, or one that this program does not know.
+    """
+    works = {entry.stage.name: entry.work for entry in (line or LINE)}
+    stages = [stage for stage in reversed(world.spec.stages) if role in ("", stage.role)]
+    if unknown := [stage.name for stage in stages if stage.name not in works]:
+        raise RunError(
+            f"The run has a stage {unknown[0]!r} that this version does not know; known: {', '.join(works)}."
+        )
+    if not stages:
+        roles = ", ".join(dict.fromkeys(stage.role for stage in world.spec.stages))
+        raise RunError(f"The run has nothing to do for a {role!r}; its stages need: {roles}.")
+    return {stage: works[stage.name](world, bus) for stage in stages}
+
+
+def _plan_humans(world: World, bus: Bus) -> Work:
+    planner = world.planner()
+
+    def work(claim: ClaimReply, inputs: Inputs) -> StageResult:
         assert claim.episode is not None
-        reply = handle_human_plan(planner, HumanPlanRequest(episode=claim.episode, static=static))
+        reply = handle_human_plan(planner, HumanPlanRequest(episode=claim.episode, static=world.spec.static))
         return StageResult(result=encode(reply), rejected=reply.rejected)
 
     return work
 
 
-def _animate(animator: Animator) -> Work:
-    def work(claim: ClaimReply, inputs: tuple[bytes, ...]) -> StageResult:
-        scenario = decode(HumanPlanReply, inputs[0]).scenario
-        assert scenario is not None
-        reply = handle_animate(animator, AnimateRequest(scenario=scenario))
+def _animate(world: World, bus: Bus) -> Work:
+    animator = world.animator()
+
+    def work(claim: ClaimReply, inputs: Inputs) -> StageResult:
+        reply = handle_animate(animator, AnimateRequest(scenario=_scenario(inputs)))
         return StageResult(result=encode(reply), rejected=reply.rejected)
 
     return work
 
 
-def _plan_robot(planner: Planner) -> Work:
-    def work(claim: ClaimReply, inputs: tuple[bytes, ...]) -> StageResult:
-        scenario = decode(HumanPlanReply, inputs[0]).scenario
-        motions = decode(AnimateReply, inputs[1]).motions
-        assert scenario is not None
-        assert motions is not None
-        reply = handle_robot_plan(planner, RobotPlanRequest(scenario=scenario, motions=motions))
+def _plan_robot(world: World, bus: Bus) -> Work:
+    planner = world.planner()
+
+    def work(claim: ClaimReply, inputs: Inputs) -> StageResult:
+        request = RobotPlanRequest(scenario=_scenario(inputs), motions=_motions(inputs))
+        reply = handle_robot_plan(planner, request)
         return StageResult(result=encode(reply), rejected=reply.rejected)
 
     return work
 
 
-def _render(renderer: Renderer, bus: Bus) -> Work:
-    def work(claim: ClaimReply, inputs: tuple[bytes, ...]) -> None:
-        scenario = decode(HumanPlanReply, inputs[0]).scenario
-        motions = decode(AnimateReply, inputs[1]).motions
-        trajectory = decode(RobotPlanReply, inputs[2]).trajectory
-        assert scenario is not None
-        assert motions is not None
+def _render(world: World, bus: Bus) -> Work:
+    # One of the renderers that start at the same time compiles while the others wait.
+    warm_rasterizer()
+    renderer = world.renderer()
+
+    def work(claim: ClaimReply, inputs: Inputs) -> None:
+        scenario, motions = _scenario(inputs), _motions(inputs)
+        trajectory = decode(RobotPlanReply, inputs[ROBOT_PLAN.name]).trajectory
         assert trajectory is not None
         header = episode_header(renderer, scenario, trajectory)
         append_episode(bus, claim, header, episode_samples(renderer, scenario, motions, trajectory))
@@ -89,40 +110,22 @@ def _render(renderer: Renderer, bus: Bus) -> Work:
     return work
 
 
-def append_episode(bus: Bus, claim: ClaimReply, header: EpisodeHeader, samples: Iterator[Sample]) -> None:
-    """Send an episode to its recorder in acknowledged batches, until it is durable or the attempt is stale.
-
-    Raises:
-        RunError: If the recorder refuses the samples or stays away.
-    """
-    sent: list[Sample] = []
-    acknowledged = 0
-    while acknowledged < header.sample_count:
-        while len(sent) < min(acknowledged + BATCH, header.sample_count):
-            sent.extend(islice(samples, acknowledged + BATCH - len(sent)))
-        batch = tuple(sent[acknowledged : acknowledged + BATCH])
-        last = acknowledged + len(batch) == header.sample_count
-        request = AppendRequest(attempt=claim.attempt, header=header, first_seq=acknowledged, samples=batch, last=last)
-        reply = _append(bus, claim.recorder, request)
-        if reply.status == "gap":
-            acknowledged = reply.expected_seq
-        elif reply.status == "ok":
-            acknowledged += len(batch)
-        elif reply.status in ("committed", "dup", "stale"):
-            return
-        else:
-            raise RunError(f"Recorder {claim.recorder} answered {reply.status!r}: {reply.detail}")
+def _scenario(inputs: Inputs) -> Scenario:
+    scenario = decode(HumanPlanReply, inputs[HUMAN_PLAN.name]).scenario
+    assert scenario is not None
+    return scenario
 
 
-def _append(bus: Bus, recorder: str, request: AppendRequest) -> AppendReply:
-    deadline_s = time.monotonic() + RECORDER_ABSENT_S
-    while True:
-        try:
-            reply = bus.request(f"rec/{recorder}/append", request, AppendReply, timeout_s=20.0)
-        except BusError as error:
-            reply = AppendReply(status="retry", detail=str(error))
-        if reply.status != "retry":
-            return reply
-        if time.monotonic() > deadline_s:
-            raise RunError(f"Recorder {recorder} did not take the samples: {reply.detail}")
-        time.sleep(0.2)
+def _motions(inputs: Inputs) -> EpisodeMotions:
+    motions = decode(AnimateReply, inputs[ANIMATE.name]).motions
+    assert motions is not None
+    return motions
+
+
+LINE: Sequence[Entry] = (
+    Entry(stage=HUMAN_PLAN, work=_plan_humans),
+    Entry(stage=ANIMATE, work=_animate),
+    Entry(stage=ROBOT_PLAN, work=_plan_robot),
+    Entry(stage=RENDER, work=_render),
+)
+"""The stages of `readygo generate`."""

@@ -19,17 +19,16 @@ from readygo.common.dataset import Dataset, validate
 from readygo.common.dataset.index import index_path
 from readygo.common.messages import (
     AppendRequest,
-    DoneRequest,
     EpisodeHeader,
     EpisodeKey,
-    GrantRequest,
     PendingReply,
-    PendingRequest,
     Sample,
     Split,
     Verdict,
+    VerdictStatus,
     decode,
     encode,
+    topics,
 )
 from readygo.services.recorder import Recorder, RecorderConfig, handle_append
 
@@ -39,9 +38,9 @@ EPISODES, SAMPLES, WINDOWS = 40, 300, 20_000
 def make_bus() -> InProcessBus:
     """A bus with a coordinator that grants everything."""
     bus = InProcessBus()
-    bus.serve("coord/rec/grant", GrantRequest, lambda request: Verdict(status="ok"))
-    bus.serve("coord/rec/done", DoneRequest, lambda request: Verdict(status="ok"))
-    bus.serve("coord/rec/pending", PendingRequest, lambda request: PendingReply(indices=()))
+    bus.serve(topics.GRANT, lambda request: Verdict(status=VerdictStatus.OK))
+    bus.serve(topics.DONE, lambda request: Verdict(status=VerdictStatus.OK))
+    bus.serve(topics.PENDING, lambda request: PendingReply(indices=()))
     return bus
 
 

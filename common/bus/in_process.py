@@ -1,29 +1,100 @@
-"""The bus within one process: handlers are called directly, on the caller's thread."""
+"""The bus within one process: no bytes, requests are calls."""
 
+import logging
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
-from readygo.common.errors import BusError
+from readygo.common.bus.inbox import Inbox, Mailbox
+from readygo.common.errors import BusError, PeerError, ReadygoError, reason
+from readygo.common.messages.topics import Stream, Topic
 
 Request = TypeVar("Request")
 Reply = TypeVar("Reply")
+Message = TypeVar("Message")
+
+log = logging.getLogger(__name__)
+
+
+@dataclass
+class _Room:
+    """What the participants of one run know of each other."""
+
+    handlers: dict[str, Callable[[Any], Any]] = field(default_factory=dict)
+    mailboxes: list[tuple[str, Mailbox[Any]]] = field(default_factory=list)
+    watchers: list[Callable[[str, str, bool], None]] = field(default_factory=list)
+    present: list[tuple[str, str]] = field(default_factory=list)
 
 
 class InProcessBus:
-    """Calls the handler of a topic directly with the request object."""
+    """Calls the handler of a topic directly with the request object; see `readygo.common.bus.Bus`."""
 
-    def __init__(self) -> None:
-        self._handlers: dict[str, Callable[[Any], Any]] = {}
+    def __init__(self, beside: "InProcessBus | None" = None) -> None:
+        """Take part in a new run, or in that of another bus of this process."""
+        self._room: _Room = _Room() if beside is None else beside._room
+        self._inbox = Inbox()
+        self._leave: list[Callable[[], object]] = []
 
-    def serve(self, topic: str, request_type: type[Request], handler: Callable[[Request], Any]) -> None:
-        """Answer requests on `topic` with `handler`."""
-        self._handlers[topic] = handler
+    def serve(self, topic: Topic[Request, Reply], handler: Callable[[Request], Reply]) -> None:
+        """Answer requests on `topic` with `handler`, on the asker's thread."""
+        self._room.handlers[topic.name] = handler
+        self._leave.append(lambda: self._room.handlers.pop(topic.name, None))
 
-    def request(self, topic: str, request: Any, reply_type: type[Reply], *, timeout_s: float = 5.0) -> Reply:
-        """Ask `topic`; see `Bus.request`."""
-        if topic not in self._handlers:
-            raise BusError(f"Nobody serves {topic!r}; served: {', '.join(sorted(self._handlers)) or 'nothing'}.")
-        reply = self._handlers[topic](request)
-        if not isinstance(reply, reply_type):
-            raise BusError(f"{topic!r} answered {type(reply).__name__}, not {reply_type.__name__}.")
+    def request(self, topic: Topic[Request, Reply], request: Request, *, timeout_s: float = 5.0) -> Reply:
+        """Ask `topic`; see `Bus.request`. Nobody can come to answer while the asker waits, so it does not wait."""
+        handler = self._room.handlers.get(topic.name)
+        if handler is None:
+            served = ", ".join(sorted(self._room.handlers)) or "nothing"
+            raise BusError(f"Nobody answered {topic.name}; served: {served}.")
+        try:
+            reply = handler(request)
+        except Exception as error:
+            if not isinstance(error, ReadygoError):
+                log.exception("%s", topic.name)
+            raise PeerError(f"{topic.name}: {reason(error)}") from error
+        assert isinstance(reply, topic.reply_type), f"{topic.name} answered {type(reply).__name__}"
         return reply
+
+    def publish(self, stream: Stream[Message], message: Message) -> None:
+        """Give `message` to those who hear `stream`; see `Bus.publish`."""
+        for name, mailbox in tuple(self._room.mailboxes):
+            if name == stream.name:
+                mailbox.put(message)
+
+    def subscribe(self, stream: Stream[Message], handler: Callable[[Message], None]) -> None:
+        """Hear `stream`; see `Bus.subscribe`."""
+        self._add(self._room.mailboxes, (stream.name, Mailbox(self._inbox, handler)))
+
+    def announce(self, role: str, name: str) -> None:
+        """Say that a worker is alive; see `Bus.announce`."""
+        self._room.present.append((role, name))
+        self._tell(role, name, True)
+        self._leave.append(lambda: self._depart(role, name))
+
+    def watch(self, changed: Callable[[str, str, bool], None]) -> None:
+        """Hear of workers; see `Bus.watch`."""
+
+        def told(role: str, name: str, alive: bool) -> None:
+            self._inbox.put(lambda: changed(role, name, alive))
+
+        for role, name in self._room.present:
+            told(role, name, True)
+        self._add(self._room.watchers, told)
+
+    def close(self) -> None:
+        """Leave the run."""
+        while self._leave:
+            self._leave.pop()()
+        self._inbox.close()
+
+    def _add(self, members: list[Any], member: Any) -> None:
+        members.append(member)
+        self._leave.append(lambda: members.remove(member))
+
+    def _depart(self, role: str, name: str) -> None:
+        self._room.present.remove((role, name))
+        self._tell(role, name, False)
+
+    def _tell(self, role: str, name: str, alive: bool) -> None:
+        for watcher in tuple(self._room.watchers):
+            watcher(role, name, alive)

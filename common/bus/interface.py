@@ -1,23 +1,55 @@
-"""The bus as services see it: request and reply by topic, the same over Zenoh and within one process."""
+"""The bus as services see it, the same over Zenoh and within one process."""
 
 from collections.abc import Callable
-from typing import Any, Protocol, TypeVar
+from typing import Protocol, TypeVar
+
+from readygo.common.messages.topics import Stream, Topic
 
 Request = TypeVar("Request")
 Reply = TypeVar("Reply")
+Message = TypeVar("Message")
 
 
 class Bus(Protocol):
-    """Serves and asks topics such as "coord/render/claim"; the run's prefix is the bus's own affair."""
+    """One participant of a run: serves and asks topics, publishes and hears streams, sees who else is there.
 
-    def serve(self, topic: str, request_type: type[Request], handler: Callable[[Request], Any]) -> None:
-        """Answer requests on `topic` with `handler`; one request at a time per topic."""
+    Everything that arrives is handled on one thread of the bus, in order of arrival, so handlers need no locks among
+    themselves. Within one process requests are the exception: their handler runs on the asker's thread, before
+    `request` returns, so that a run in one process takes the same steps every time.
+    """
+
+    def serve(self, topic: Topic[Request, Reply], handler: Callable[[Request], Reply]) -> None:
+        """Answer requests on `topic` with `handler`."""
         ...
 
-    def request(self, topic: str, request: Any, reply_type: type[Reply], *, timeout_s: float = 5.0) -> Reply:
+    def request(self, topic: Topic[Request, Reply], request: Request, *, timeout_s: float = 5.0) -> Reply:
         """Ask `topic` and wait for the reply.
 
         Raises:
-            BusError: If nobody answers in time, or the handler failed; the message names the topic and the reason.
+            PeerError: If the handler failed; the message names the topic and the reason.
+            BusError: If nobody answers in time.
         """
+        ...
+
+    def publish(self, stream: Stream[Message], message: Message) -> None:
+        """Give `message` to those who hear `stream` now, and return at once.
+
+        A slow or dead subscriber costs nothing: what it cannot take is dropped. What must arrive is a request.
+        """
+        ...
+
+    def subscribe(self, stream: Stream[Message], handler: Callable[[Message], None]) -> None:
+        """Hear `stream`; of what the handler has not come to yet, the newest `INBOX_MAX` messages wait."""
+        ...
+
+    def announce(self, role: str, name: str) -> None:
+        """Say that worker `name` of `role` is alive, until the bus is closed or the process dies."""
+        ...
+
+    def watch(self, changed: Callable[[str, str, bool], None]) -> None:
+        """Call `changed(role, name, alive)` for every worker that is there, comes or goes."""
+        ...
+
+    def close(self) -> None:
+        """Finish what has arrived, then leave."""
         ...

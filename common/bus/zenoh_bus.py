@@ -1,26 +1,29 @@
 """The bus over Zenoh: one session per process, queryables for handlers, liveliness tokens for presence.
 
 Multicast and shared memory are off: shared memory corrupts data when a receiver freezes, and a fleet never finds peers
-by chance. RELIABLE + BLOCK is no durability, so whatever must arrive is a request with a reply.
+by chance. RELIABLE + BLOCK is no durability, so whatever must arrive is a request with a reply; what is published is
+dropped where the way is full. Zenoh's own threads only put what arrives into the inbox: they swallow exceptions, and
+stall the link when they are slow.
 """
 
 import contextlib
 import json
 import logging
-import queue
 import socket
-import threading
 import time
 from collections.abc import Callable
 from typing import Any, TypeVar
 
 import zenoh
 
-from readygo.common.errors import BusError, ReadygoError
+from readygo.common.bus.inbox import Inbox, Mailbox
+from readygo.common.errors import BusError, PeerError, ReadygoError, reason
 from readygo.common.messages.codec import decode, encode
+from readygo.common.messages.topics import Stream, Topic, presence
 
 Request = TypeVar("Request")
 Reply = TypeVar("Reply")
+Message = TypeVar("Message")
 
 log = logging.getLogger(__name__)
 
@@ -34,6 +37,8 @@ def _config(mode: str, *, listen: str | None = None, connect: str | None = None)
         "scouting/multicast/enabled": False,
         "transport/shared_memory/enabled": False,
         "transport/link/tx/lease": _LEASE_MS,
+        # By default a router waits 1 ms for a full way before it drops: for every message of a slow subscriber.
+        "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 0,
         "queries_default_timeout": 5000,
         "listen/endpoints": [listen] if listen else [],
         "connect/endpoints": [connect] if connect else [],
@@ -78,11 +83,7 @@ class Router:
 
 
 class ZenohBus:
-    """Serves and asks topics below `readygo/{run}/`; see `readygo.common.bus.Bus`.
-
-    Handlers run on one thread of this bus, in order of arrival, never on Zenoh's own threads: those swallow exceptions
-    and stall the link when they are slow.
-    """
+    """One Zenoh session below `readygo/{run}/`; see `readygo.common.bus.Bus`."""
 
     def __init__(self, connect: str, run: str) -> None:
         """Open a client session to the router at `connect`.
@@ -95,70 +96,87 @@ class ZenohBus:
             self._session = zenoh.open(_config("client", connect=connect))
         except zenoh.ZError as error:
             raise BusError(f"No router answers at {connect}: {_first_words(error)}.") from error
-        self._inbox: queue.SimpleQueue[tuple[Any, type, Callable[[Any], Any]] | None] = queue.SimpleQueue()
+        self._inbox = Inbox()
         self._declared: list[Any] = []
-        self._dispatcher = threading.Thread(target=self._dispatch, name="bus", daemon=True)
-        self._dispatcher.start()
+        self._publishers: dict[str, zenoh.Publisher] = {}
 
-    def serve(self, topic: str, request_type: type[Request], handler: Callable[[Request], Any]) -> None:
+    def serve(self, topic: Topic[Request, Reply], handler: Callable[[Request], Reply]) -> None:
         """Answer requests on `topic` with `handler`."""
-        queryable = self._session.declare_queryable(
-            self._prefix + topic, lambda query: self._inbox.put((query, request_type, handler)), complete=True
-        )
-        self._declared.append(queryable)
 
-    def request(self, topic: str, request: Any, reply_type: type[Reply], *, timeout_s: float = 5.0) -> Reply:
+        def on_query(query: zenoh.Query) -> None:
+            self._inbox.put(lambda: _answer(query, topic, handler))
+
+        self._declared.append(self._session.declare_queryable(self._prefix + topic.name, on_query, complete=True))
+
+    def request(self, topic: Topic[Request, Reply], request: Request, *, timeout_s: float = 5.0) -> Reply:
         """Ask `topic`; see `Bus.request`. Waits for a server that is still starting, up to the timeout."""
-        payload = encode(request)
+        key, payload = self._prefix + topic.name, encode(request)
         deadline_s = time.monotonic() + timeout_s
-        while True:
-            remaining_s = deadline_s - time.monotonic()
-            if remaining_s <= 0:
-                raise BusError(f"Nobody answered {self._prefix}{topic} within {timeout_s:g} s.")
-            for reply in self._session.get(self._prefix + topic, payload=payload, timeout=max(remaining_s, 0.01)):
+        while (remaining_s := deadline_s - time.monotonic()) > 0:
+            for reply in self._session.get(key, payload=payload, timeout=max(remaining_s, 0.01)):
                 if reply.ok is not None:
-                    return decode(reply_type, reply.ok.payload.to_bytes())
+                    return decode(topic.reply_type, reply.ok.payload.to_bytes())
                 text = reply.err.payload.to_bytes().decode(errors="replace") if reply.err else "no reason given"
                 # Zenoh itself answers a query that ran out of time with an error reply.
-                if text == "Timeout":
-                    raise BusError(f"Nobody answered {self._prefix}{topic} within {timeout_s:g} s.")
-                raise BusError(f"{topic}: {text}")
+                if text != "Timeout":
+                    raise PeerError(f"{topic.name}: {text}")
             time.sleep(_RETRY_S)
+        raise BusError(f"Nobody answered {key} within {timeout_s:g} s.")
+
+    def publish(self, stream: Stream[Message], message: Message) -> None:
+        """Give `message` to those who hear `stream`; see `Bus.publish`. Without any it is not even encoded."""
+        publisher = self._publishers.get(stream.name)
+        if publisher is None:
+            publisher = self._publishers[stream.name] = self._session.declare_publisher(
+                self._prefix + stream.name,
+                congestion_control=zenoh.CongestionControl.DROP,
+                priority=zenoh.Priority.DATA_LOW,
+            )
+            self._declared.append(publisher)
+        if publisher.matching_status.matching:  # type: ignore[attr-defined]
+            publisher.put(encode(message))
+
+    def subscribe(self, stream: Stream[Message], handler: Callable[[Message], None]) -> None:
+        """Hear `stream`; see `Bus.subscribe`."""
+        mailbox: Mailbox[bytes] = Mailbox(self._inbox, lambda payload: handler(decode(stream.message_type, payload)))
+        self._declared.append(
+            self._session.declare_subscriber(
+                self._prefix + stream.name, lambda sample: mailbox.put(sample.payload.to_bytes())
+            )
+        )
 
     def announce(self, role: str, name: str) -> None:
-        """Declare that worker `name` of `role` is alive, until the bus is closed or the process dies."""
-        self._declared.append(self._session.liveliness().declare_token(f"{self._prefix}alive/{role}/{name}"))
+        """Say that a worker is alive; see `Bus.announce`."""
+        self._declared.append(self._session.liveliness().declare_token(self._prefix + presence(role, name)))
 
     def watch(self, changed: Callable[[str, str, bool], None]) -> None:
-        """Call `changed(role, name, alive)` for every worker that is there, comes or goes."""
+        """Hear of workers; see `Bus.watch`."""
 
         def on_sample(sample: zenoh.Sample) -> None:
             role, name = str(sample.key_expr).rsplit("/", 2)[1:]
-            changed(role, name, sample.kind == zenoh.SampleKind.PUT)
+            alive = sample.kind == zenoh.SampleKind.PUT
+            self._inbox.put(lambda: changed(role, name, alive))
 
         self._declared.append(
-            self._session.liveliness().declare_subscriber(f"{self._prefix}alive/*/*", on_sample, history=True)
+            self._session.liveliness().declare_subscriber(self._prefix + presence("*", "*"), on_sample, history=True)
         )
 
     def close(self) -> None:
-        """Finish the requests that have arrived, then leave the network."""
-        for declared in reversed(self._declared):
-            declared.undeclare()
-        self._inbox.put(None)
-        self._dispatcher.join(timeout=5.0)
+        """Finish what has arrived, then leave the network."""
+        while self._declared:
+            self._declared.pop().undeclare()
+        self._inbox.close()
         self._session.close()  # type: ignore[no-untyped-call]
 
-    def _dispatch(self) -> None:
-        while (item := self._inbox.get()) is not None:
-            query, request_type, handler = item
-            try:
-                reply = encode(handler(decode(request_type, query.payload.to_bytes() if query.payload else b"")))
-                query.reply(query.key_expr, reply)
-            except Exception as error:
-                # The asker gets the reason: a handler never swallows.
-                text = str(error) if isinstance(error, ReadygoError) else f"{type(error).__name__}: {error}"
-                log.warning("%s: %s", query.key_expr, text, exc_info=not isinstance(error, ReadygoError))
-                # An asker that is gone must not end the thread that answers all others.
-                with contextlib.suppress(zenoh.ZError):
-                    query.reply_err(text.encode())
-            query.drop()
+
+def _answer(query: zenoh.Query, topic: Topic[Request, Reply], handler: Callable[[Request], Reply]) -> None:
+    try:
+        reply = encode(handler(decode(topic.request_type, query.payload.to_bytes() if query.payload else b"")))
+        query.reply(query.key_expr, reply)
+    except Exception as error:
+        # The asker gets the reason: a handler never swallows.
+        log.warning("%s: %s", query.key_expr, error, exc_info=not isinstance(error, ReadygoError))
+        # An asker that is gone must not end the thread that answers all others.
+        with contextlib.suppress(zenoh.ZError):
+            query.reply_err(reason(error).encode())
+    query.drop()  # type: ignore[no-untyped-call]

@@ -1,5 +1,6 @@
-"""Every message that crosses a process boundary, one file per topic, and their codec."""
+"""Every message that crosses a process boundary, their codec, and the topics that they travel on (`topics`)."""
 
+from readygo.common.messages import topics
 from readygo.common.messages.codec import decode, encode
 from readygo.common.messages.coordination import (
     Blob,
@@ -7,6 +8,8 @@ from readygo.common.messages.coordination import (
     BlobRequest,
     ClaimReply,
     ClaimRequest,
+    ClaimStatus,
+    Command,
     CompleteRequest,
     ControlRequest,
     DoneRequest,
@@ -18,23 +21,33 @@ from readygo.common.messages.coordination import (
     RenewRequest,
     RunSpec,
     RunSpecRequest,
-    Stage,
     StatusReply,
     StatusRequest,
     Verdict,
+    VerdictStatus,
 )
 from readygo.common.messages.episode import EpisodeKey, HumanTrajectory, Scenario, Split
 from readygo.common.messages.motion import EpisodeMotions, HumanMotion, Motion
 from readygo.common.messages.plan import Outcome, RobotTrajectory
 from readygo.common.messages.render import People, RenderReply, RenderRequest, RenderView
-from readygo.common.messages.samples import AppendReply, AppendRequest, EpisodeHeader, HumanLabels, Sample, sample_crc32
+from readygo.common.messages.samples import (
+    AppendReply,
+    AppendRequest,
+    AppendStatus,
+    EpisodeHeader,
+    HumanLabels,
+    Sample,
+    sample_crc32,
+)
 from readygo.common.messages.stages import (
     AnimateReply,
     AnimateRequest,
     HumanPlanReply,
     HumanPlanRequest,
+    OnRejection,
     RobotPlanReply,
     RobotPlanRequest,
+    Stage,
 )
 
 __all__ = [
@@ -42,11 +55,14 @@ __all__ = [
     "AnimateRequest",
     "AppendReply",
     "AppendRequest",
+    "AppendStatus",
     "Blob",
     "BlobReply",
     "BlobRequest",
     "ClaimReply",
     "ClaimRequest",
+    "ClaimStatus",
+    "Command",
     "CompleteRequest",
     "ControlRequest",
     "DoneRequest",
@@ -62,6 +78,7 @@ __all__ = [
     "HumanTrajectory",
     "LostRequest",
     "Motion",
+    "OnRejection",
     "Outcome",
     "PendingReply",
     "PendingRequest",
@@ -82,7 +99,9 @@ __all__ = [
     "StatusReply",
     "StatusRequest",
     "Verdict",
+    "VerdictStatus",
     "decode",
     "encode",
     "sample_crc32",
+    "topics",
 ]

@@ -14,8 +14,9 @@ from readygo.common.errors import BusError
 
 Message = TypeVar("Message")
 ARRAY_EXT = 1
-OMITTED_WHEN_EMPTY = {"omitted_when_empty": True}
-"""Metadata of a field with an empty default that was added to a message: without it the bytes are those of before."""
+_NEVER_OMITTED = object()
+OMITTED_WHEN_DEFAULT = {"omitted_when_default": True}
+"""Metadata of a field that was added to a message: while it has its default the bytes are those of before."""
 
 
 def encode(message: Any) -> bytes:
@@ -40,8 +41,8 @@ def decode(cls: type[Message], payload: bytes) -> Message:
 
 def _plain(value: Any) -> Any:
     if dataclasses.is_dataclass(value):
-        items = ((name, getattr(value, name), optional) for name, optional in _fields(value.__class__))
-        return {name: _plain(item) for name, item, optional in items if not optional or item}
+        items = ((name, getattr(value, name), default) for name, default in _fields(value.__class__))
+        return {name: _plain(item) for name, item, default in items if default is _NEVER_OMITTED or item != default}
     if isinstance(value, enum.Enum):
         return value.value
     if isinstance(value, (tuple, list)):
@@ -70,9 +71,15 @@ def _unpack_array(code: int, data: bytes) -> Any:
 
 
 @functools.cache
-def _fields(cls: type) -> tuple[tuple[str, bool], ...]:
-    """Names of a message's fields, and whether they are left out when they are empty."""
-    return tuple((field.name, field.metadata == OMITTED_WHEN_EMPTY) for field in dataclasses.fields(cls))
+def _fields(cls: type) -> tuple[tuple[str, Any], ...]:
+    """Names of a message's fields, and the value with which a field is left out."""
+    return tuple((field.name, _omitted(field)) for field in dataclasses.fields(cls))
+
+
+def _omitted(field: dataclasses.Field[Any]) -> Any:
+    if field.metadata != OMITTED_WHEN_DEFAULT:
+        return _NEVER_OMITTED
+    return field.default if field.default_factory is dataclasses.MISSING else field.default_factory()
 
 
 @functools.cache

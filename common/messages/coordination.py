@@ -5,24 +5,47 @@ attempt number until it completes or the lease runs out. Late work carries an ol
 """
 
 import enum
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
+from readygo.common.messages.codec import OMITTED_WHEN_DEFAULT
 from readygo.common.messages.episode import EpisodeKey, Split
+from readygo.common.messages.stages import EXPERT_LINE, Stage, check_stages
 
 
-class Stage(enum.Enum):
-    """Stages of the assembly line, in order; the value is part of the topic."""
+class ClaimStatus(enum.Enum):
+    """What became of a claim."""
 
-    HUMAN_PLAN = "human-plan"
-    ANIMATE = "animate"
-    ROBOT_PLAN = "robot-plan"
-    RENDER = "render"
+    LEASE = "lease"
+    WAIT = "wait"
+    """Nothing waits for the stage now: ask again soon."""
+    DONE = "done"
+    """The run is over."""
+    REFUSED = "refused"
+    """The worker is of another numeric class than the run."""
+
+
+class VerdictStatus(enum.Enum):
+    """What the coordinator says to a report."""
+
+    OK = "ok"
+    STALE = "stale"
+    """Another attempt, or another recorder, has the episode."""
+    DONE = "done"
+    """The episode is durable already."""
+
+
+class Command(enum.Enum):
+    """What an operator wants of a run."""
+
+    PAUSE = "pause"
+    RESUME = "resume"
+    CANCEL = "cancel"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Blob:
-    """A content-addressed result; `data` is empty when it is too large to travel along: ask "blob"."""
+    """A content-addressed result; `data` is empty when it is too large to travel along: send a `BlobRequest`."""
 
     sha256: str
     data: bytes = b""
@@ -30,7 +53,7 @@ class Blob:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class BlobRequest:
-    """Topic "blob": one chunk of a blob."""
+    """One chunk of a blob, please."""
 
     sha256: str
     offset: int = 0
@@ -46,7 +69,7 @@ class BlobReply:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ClaimRequest:
-    """Topic "coord/{stage}/claim": a worker asks for work."""
+    """A worker asks for work."""
 
     worker: str
     numeric_class: str = ""
@@ -55,22 +78,22 @@ class ClaimRequest:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ClaimReply:
-    """`status` is "lease", "wait" (ask again soon), "done" (the run is over) or "refused" (another numeric class)."""
+    """A lease, or why there is none."""
 
-    status: str
+    status: ClaimStatus
     episode: EpisodeKey | None = None
     attempt: int = 0
     ttl_s: float = 0.0
     """The lease ends this long after the claim or the latest renewal [s]."""
     inputs: tuple[Blob, ...] = ()
-    """Encoded results of the earlier stages, in their order."""
+    """Encoded results of the stages that this one needs, in the order of `Stage.needs`."""
     recorder: str = ""
-    """Stage RENDER: the recorder to append to, topic "rec/{recorder}/append"."""
+    """The recorder to append to, for a stage that records."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RenewRequest:
-    """Topic "coord/{stage}/renew": the worker is still at it."""
+    """The worker is still at it."""
 
     worker: str
     index: int
@@ -79,14 +102,14 @@ class RenewRequest:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class CompleteRequest:
-    """Topic "coord/{stage}/complete": a stage's result, or why the episode is rejected."""
+    """A stage's result, or why the episode is rejected."""
 
     worker: str
     index: int
     attempt: int
     result: bytes = b""
     rejected: str = ""
-    """Reason; the same episode is then never tried again."""
+    """Reason; `Stage.on_rejection` says what becomes of the episode."""
     failed: str = ""
     """An error of the worker's; the episode is tried again a few times, then the run fails with this text."""
     cpu_s: float = 0.0
@@ -94,7 +117,7 @@ class CompleteRequest:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class GrantRequest:
-    """Topic "coord/rec/grant": may this recorder make the episode durable under this attempt?"""
+    """May this recorder make the episode durable under this attempt?"""
 
     recorder: str
     index: int
@@ -103,7 +126,7 @@ class GrantRequest:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class DoneRequest:
-    """Topic "coord/rec/done": the episode is durable in this shard. Sent again until it is acknowledged."""
+    """The episode is durable in this shard. Sent again until it is acknowledged."""
 
     recorder: str
     index: int
@@ -114,17 +137,17 @@ class DoneRequest:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LostRequest:
-    """Topic "coord/rec/lost": a granted episode did not become durable; it is rendered again."""
+    """A granted episode did not become durable."""
 
     recorder: str
     index: int
     reason: str
-    """Empty: render the episode again. Otherwise the run fails with this text (a full disk, for example)."""
+    """Empty: the episode is made again. Otherwise the run fails with this text (a full disk, for example)."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PendingRequest:
-    """Topic "coord/rec/pending": which grants does the coordinator believe this recorder holds?"""
+    """Which grants does the coordinator believe this recorder holds?"""
 
     recorder: str
 
@@ -138,14 +161,14 @@ class PendingReply:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Verdict:
-    """Answer to renew, complete, grant, done and lost: "ok", "stale" (another attempt holds it) or "done" (durable)."""
+    """Answer to renew, complete, grant, done, lost and control."""
 
-    status: str
+    status: VerdictStatus
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class StatusRequest:
-    """Topic "ctl/status": how far is the run?"""
+    """How far is the run?"""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -168,6 +191,8 @@ class StatusReply:
     finished: bool
     failed: str = ""
     """Why the run cannot be finished; empty while it can."""
+    kept: dict[str, int] = field(default_factory=dict, metadata=OMITTED_WHEN_DEFAULT)
+    """Episodes that go on, or are durable, although a stage rejected them, by reason."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -198,20 +223,25 @@ class RunSpec:
     static: bool
     """True leaves the humans out."""
     config: dict[str, Any]
-    """Resolved sections: robot, episode, human_planner, expert, animator, renderer, recorder."""
+    """Resolved sections of settings, see `RunConfig`."""
     metadata: dict[str, Any]
     """Versions, commit and licences, recorded with the data; not part of the identity."""
     scenarios: str = ""
     """Text of the scenario file that the episodes play; empty if they are drawn."""
+    stages: tuple[Stage, ...] = field(default=EXPERT_LINE, metadata=OMITTED_WHEN_DEFAULT)
+    """The assembly line that every episode passes, in order; the last stage records."""
+
+    def __post_init__(self) -> None:
+        check_stages(self.stages)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RunSpecRequest:
-    """Topic "coord/spec": what is this run?"""
+    """What is this run?"""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ControlRequest:
-    """Topic "ctl": `command` is "pause", "resume" or "cancel"."""
+    """An operator's command."""
 
-    command: str
+    command: Command

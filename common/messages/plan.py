@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.messages.checks import check_array
-from readygo.common.messages.codec import OMITTED_WHEN_EMPTY
+from readygo.common.messages.codec import OMITTED_WHEN_DEFAULT
 
 
 class Outcome(enum.Enum):
@@ -40,7 +40,7 @@ class RobotTrajectory:
     """Cost of the plan in force, shape (T,)."""
     replan_times_s: npt.NDArray[np.float64]
     """CPU time of each replan [s], shape (R,); not part of the recorded samples."""
-    gaussian_clearance_m: float | None = field(default=None, metadata=OMITTED_WHEN_EMPTY)
+    gaussian_clearance_m: float | None = field(default=None, metadata=OMITTED_WHEN_DEFAULT)
     """Least distance of the robot's disc to a point of an avatar as high as the robot [m]; below 0 inside the disc,
     inf without humans, None where it was not measured. A metric of its own: collisions are judged by centres."""
 

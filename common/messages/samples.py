@@ -1,5 +1,6 @@
 """Recorded samples on their way from a renderer to a recorder."""
 
+import enum
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -8,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.messages.checks import check_array
-from readygo.common.messages.codec import OMITTED_WHEN_EMPTY
+from readygo.common.messages.codec import OMITTED_WHEN_DEFAULT
 from readygo.common.messages.episode import EpisodeKey
 
 DISTORTION_MODELS: Mapping[str, int] = {"": 0, "plumb_bob": 5, "rational_polynomial": 8, "kannala_brandt": 4}
@@ -63,10 +64,10 @@ class Sample:
     human_visible: bool
     expert_cost: float
     replanned: bool
-    outputs: dict[str, bytes] = field(default_factory=dict, hash=False, metadata=OMITTED_WHEN_EMPTY)
+    outputs: dict[str, bytes] = field(default_factory=dict, hash=False, metadata=OMITTED_WHEN_DEFAULT)
     """Further images of the same view by their names in `readygo.common.images.images.OUTPUTS`, encoded as
     `readygo.common.images.files` says."""
-    labels: tuple[HumanLabels, ...] = field(default=(), hash=False, metadata=OMITTED_WHEN_EMPTY)
+    labels: tuple[HumanLabels, ...] = field(default=(), hash=False, metadata=OMITTED_WHEN_DEFAULT)
     """Labels of the humans in the order of `humans_xyzyaw`; none unless `EpisodeHeader.labels` says so."""
 
     @property
@@ -104,11 +105,11 @@ class EpisodeHeader:
     width_px: int
     K_px: tuple[float, ...]
     """Intrinsics [px], row-major, 9 numbers."""
-    distortion_model: str = field(default="", metadata=OMITTED_WHEN_EMPTY)
+    distortion_model: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
     """One of `DISTORTION_MODELS`."""
-    distortion: tuple[float, ...] = field(default=(), metadata=OMITTED_WHEN_EMPTY)
+    distortion: tuple[float, ...] = field(default=(), metadata=OMITTED_WHEN_DEFAULT)
     """Coefficients of the distortion model."""
-    labels: bool = field(default=False, metadata=OMITTED_WHEN_EMPTY)
+    labels: bool = field(default=False, metadata=OMITTED_WHEN_DEFAULT)
     """True if every sample has the labels of its humans."""
 
     def __post_init__(self) -> None:
@@ -134,15 +135,27 @@ class AppendRequest:
     last: bool
 
 
+class AppendStatus(enum.Enum):
+    """What became of a batch."""
+
+    OK = "ok"
+    """Buffered."""
+    COMMITTED = "committed"
+    """The episode is durable."""
+    DUP = "dup"
+    """The episode was durable already."""
+    STALE = "stale"
+    """The attempt lost its lease: drop the episode."""
+    GAP = "gap"
+    """Samples are missing: send again from `AppendReply.expected_seq`."""
+    RETRY = "retry"
+    """The coordinator did not answer: send the batch again."""
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class AppendReply:
-    """What became of a batch.
+    """What became of a batch, and why."""
 
-    `status` is "ok" (buffered), "committed" (the episode is durable), "dup" (it was already), "stale" (the attempt
-    lost its lease: drop the episode), "gap" (send again from `expected_seq`), or "retry" (the coordinator did not
-    answer: send the last batch again).
-    """
-
-    status: str
+    status: AppendStatus
     expected_seq: int = 0
     detail: str = ""

@@ -4,6 +4,6 @@ from readygo.services.coordinator.blobs import BlobStore
 from readygo.services.coordinator.config import CoordinatorConfig
 from readygo.services.coordinator.handlers import Coordinator, requeue_lost
 from readygo.services.coordinator.ledger import Ledger
-from readygo.services.coordinator.service import attach
+from readygo.services.coordinator.service import attach, tick
 
-__all__ = ["BlobStore", "Coordinator", "CoordinatorConfig", "Ledger", "attach", "requeue_lost"]
+__all__ = ["BlobStore", "Coordinator", "CoordinatorConfig", "Ledger", "attach", "requeue_lost", "tick"]

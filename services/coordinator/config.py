@@ -5,8 +5,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class CoordinatorConfig:
-    """Leases and limits; none of them changes a sample."""
+    """Leases, limits and recorders; none of them changes a sample."""
 
+    recorders: tuple[str, ...] = ("rec0",)
+    """Names of the recorders that share the run's episodes; each has a process and shards of its own."""
     lease_s: float = 15.0
     """A lease ends this long after its claim or latest renewal [s]."""
     plan_ahead: int = 64
@@ -22,3 +24,5 @@ class CoordinatorConfig:
     def __post_init__(self) -> None:
         if self.lease_s <= 0 or min(self.plan_ahead, self.failures_max, self.rejections_max) < 1:
             raise ValueError("lease_s, plan_ahead, failures_max and rejections_max must be positive.")
+        if not self.recorders or len(set(self.recorders)) != len(self.recorders):
+            raise ValueError(f"recorders must be different names, at least one, got {list(self.recorders)}.")

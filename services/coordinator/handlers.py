@@ -1,7 +1,7 @@
 """Requests to the coordinator -> replies; the ledger holds all state that must survive."""
 
-import threading
 import time
+from collections import Counter
 from collections.abc import Callable
 
 from readygo.common.errors import ReadygoError, RunError
@@ -11,12 +11,15 @@ from readygo.common.messages import (
     BlobRequest,
     ClaimReply,
     ClaimRequest,
+    ClaimStatus,
+    Command,
     CompleteRequest,
     ControlRequest,
     DoneRequest,
     EpisodeKey,
     GrantRequest,
     LostRequest,
+    OnRejection,
     PendingReply,
     PendingRequest,
     RenewRequest,
@@ -26,10 +29,11 @@ from readygo.common.messages import (
     StatusReply,
     StatusRequest,
     Verdict,
+    VerdictStatus,
 )
 from readygo.services.coordinator.blobs import BlobStore
 from readygo.services.coordinator.config import CoordinatorConfig
-from readygo.services.coordinator.ledger import STAGES, Lease, Ledger
+from readygo.services.coordinator.ledger import Lease, Ledger
 
 CANCELLED = "The run was cancelled; run the same command again to go on."
 
@@ -44,21 +48,24 @@ class Coordinator:
         wanted: int,
         ledger: Ledger,
         blobs: BlobStore,
-        recorders: tuple[str, ...],
         config: CoordinatorConfig | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
+        """Go on with a run where its ledger is; nobody holds a lease then.
+
+        Raises:
+            RunError: If a recorder that holds grants is not among the run's recorders any more.
+        """
         self.spec = spec
         self.wanted = wanted
         self.ledger = ledger
         self.blobs = blobs
-        self.recorders = recorders
         self.config = config or CoordinatorConfig()
         self.clock = clock
         self.failed = ""
         self.paused = False
         self.cancelled = False
-        self.lock = threading.Lock()
+        self._check_recorders()
         ledger.requeue_all()
         ledger.drop_episodes(wanted)
         blobs.keep_only(ledger.results())
@@ -74,6 +81,13 @@ class Coordinator:
         """True when no more work will be given out."""
         return bool(self.failed) or self.cancelled or self.finished
 
+    def _check_recorders(self) -> None:
+        """Refuse to leave out a recorder that may hold episodes which the ledger has not heard of."""
+        if missing := sorted(self.ledger.granted_recorders() - set(self.config.recorders)):
+            raise RunError(
+                f"Recorder {missing[0]!r} was given episodes of this run; name it in [coordinator] recorders again."
+            )
+
 
 def handle_spec(coordinator: Coordinator, request: RunSpecRequest) -> RunSpec:
     """What the run is."""
@@ -83,41 +97,40 @@ def handle_spec(coordinator: Coordinator, request: RunSpecRequest) -> RunSpec:
 def handle_claim(coordinator: Coordinator, stage: Stage, request: ClaimRequest) -> ClaimReply:
     """Lease the next episode that waits for `stage`."""
     if coordinator.over:
-        return ClaimReply(status="done")
+        return ClaimReply(status=ClaimStatus.DONE)
     if not _same_numeric_class(coordinator, request.numeric_class):
-        return ClaimReply(status="refused")
-    if coordinator.paused or (stage is STAGES[0] and _planned_ahead(coordinator)):
-        return ClaimReply(status="wait")
-    with coordinator.lock:
-        lease = coordinator.ledger.claim(stage, request.worker, coordinator.clock() + coordinator.config.lease_s)
-    return ClaimReply(status="wait") if lease is None else _lease_reply(coordinator, stage, lease)
+        return ClaimReply(status=ClaimStatus.REFUSED)
+    if coordinator.paused or (stage == coordinator.spec.stages[0] and _planned_ahead(coordinator)):
+        return ClaimReply(status=ClaimStatus.WAIT)
+    lease = coordinator.ledger.claim(stage, request.worker, coordinator.clock() + coordinator.config.lease_s)
+    return ClaimReply(status=ClaimStatus.WAIT) if lease is None else _lease_reply(coordinator, stage, lease)
 
 
-def handle_renew(coordinator: Coordinator, stage: Stage, request: RenewRequest) -> Verdict:
+def handle_renew(coordinator: Coordinator, request: RenewRequest) -> Verdict:
     """Prolong a lease."""
     deadline_s = coordinator.clock() + coordinator.config.lease_s
-    return Verdict(status="ok" if coordinator.ledger.renew(request.index, request.attempt, deadline_s) else "stale")
+    return _verdict(coordinator.ledger.renew(request.index, request.attempt, deadline_s))
 
 
 def handle_complete(coordinator: Coordinator, stage: Stage, request: CompleteRequest) -> Verdict:
     """Take a stage's result, a rejection or a failure."""
     ledger = coordinator.ledger
-    ledger.add(f"cpu_s/{stage.value}", request.cpu_s)
+    ledger.add(f"cpu_s/{stage.name}", request.cpu_s)
     if request.failed:
         failures = ledger.fail(stage, request.index, request.attempt)
         if failures is not None and failures >= coordinator.config.failures_max:
-            coordinator.failed = f"Stage {stage.value} of episode {request.index} failed: {request.failed}"
-        return Verdict(status="stale" if failures is None else "ok")
-    if request.rejected:
+            coordinator.failed = f"Stage {stage.name} of episode {request.index} failed: {request.failed}"
+        return _verdict(failures is not None)
+    if request.rejected and stage.on_rejection is OnRejection.SKIP:
         held = ledger.reject(stage, request.index, request.attempt, request.rejected)
         if held:
             _after_rejection(coordinator)
-        return Verdict(status="ok" if held else "stale")
-    if stage is STAGES[-1]:
-        # The recorder's commit completes the last stage; its worker only says what the work cost.
-        return Verdict(status="ok")
-    held = ledger.advance(stage, request.index, request.attempt, coordinator.blobs.put(request.result))
-    return Verdict(status="ok" if held else "stale")
+        return _verdict(held)
+    if stage.records:
+        # The recorder's commit completes the stage; its worker only says what the work cost.
+        return Verdict(status=VerdictStatus.OK)
+    sha256 = coordinator.blobs.put(request.result)
+    return _verdict(ledger.advance(stage, request.index, request.attempt, sha256, reason=request.rejected))
 
 
 def handle_grant(coordinator: Coordinator, request: GrantRequest) -> Verdict:
@@ -126,11 +139,11 @@ def handle_grant(coordinator: Coordinator, request: GrantRequest) -> Verdict:
 
 
 def handle_done(coordinator: Coordinator, request: DoneRequest) -> Verdict:
-    """An episode is durable; "stale" if it is in another recorder's shard already."""
+    """An episode is durable; STALE if it is in another recorder's shard already."""
     hashes = coordinator.ledger.commit(request.index, request.recorder, request.shard, request.sample_count)
     for sha256 in hashes or ():
         coordinator.blobs.drop(sha256)
-    return Verdict(status="stale" if hashes is None else "ok")
+    return _verdict(hashes is not None)
 
 
 def handle_lost(coordinator: Coordinator, request: LostRequest) -> Verdict:
@@ -138,7 +151,7 @@ def handle_lost(coordinator: Coordinator, request: LostRequest) -> Verdict:
     coordinator.ledger.take_back(request.index, request.recorder)
     if request.reason:
         coordinator.failed = request.reason
-    return Verdict(status="ok")
+    return Verdict(status=VerdictStatus.OK)
 
 
 def handle_pending(coordinator: Coordinator, request: PendingRequest) -> PendingReply:
@@ -154,11 +167,9 @@ def handle_blob(coordinator: Coordinator, request: BlobRequest) -> BlobReply:
 
 def handle_control(coordinator: Coordinator, request: ControlRequest) -> Verdict:
     """Pause, resume or cancel the run."""
-    if request.command not in ("pause", "resume", "cancel"):
-        raise RunError(f"Unknown command {request.command!r}; use pause, resume or cancel.")
-    coordinator.paused = request.command == "pause"
-    coordinator.cancelled = coordinator.cancelled or request.command == "cancel"
-    return Verdict(status="ok")
+    coordinator.paused = request.command is Command.PAUSE
+    coordinator.cancelled = coordinator.cancelled or request.command is Command.CANCEL
+    return Verdict(status=VerdictStatus.OK)
 
 
 def handle_status(coordinator: Coordinator, request: StatusRequest) -> StatusReply:
@@ -171,13 +182,14 @@ def handle_status(coordinator: Coordinator, request: StatusRequest) -> StatusRep
         wanted=coordinator.wanted,
         committed=committed,
         samples=samples,
-        waiting=ledger.count("waiting"),
-        leased=ledger.count("leased"),
+        waiting=ledger.waiting(),
+        leased=ledger.leased(),
         rejected=ledger.rejections(),
         requeued=int(counters.get("requeued", 0)),
         cpu_s={name.removeprefix(prefix): value for name, value in counters.items() if name.startswith(prefix)},
         finished=coordinator.finished,
         failed=coordinator.failed or (CANCELLED if coordinator.cancelled and not coordinator.finished else ""),
+        kept=ledger.kept(),
     )
 
 
@@ -189,24 +201,22 @@ def requeue_lost(coordinator: Coordinator, *, worker: str | None = None) -> None
         ledger.add("requeued", ended)
 
 
+def _verdict(held: bool) -> Verdict:
+    return Verdict(status=VerdictStatus.OK if held else VerdictStatus.STALE)
+
+
 def _same_numeric_class(coordinator: Coordinator, numeric_class: str) -> bool:
-    if not numeric_class:
-        return True
-    with coordinator.lock:
-        agreed = coordinator.ledger.get("numeric_class")
-        if agreed is None:
-            coordinator.ledger.put("numeric_class", numeric_class)
-    return agreed is None or agreed == numeric_class
+    return not numeric_class or coordinator.ledger.agree("numeric_class", numeric_class) == numeric_class
 
 
 def _planned_ahead(coordinator: Coordinator) -> bool:
-    busy = {**coordinator.ledger.count("waiting")}
-    for stage, count in coordinator.ledger.count("leased").items():
-        busy[stage] = busy.get(stage, 0) + count
-    return sum(count for stage, count in busy.items() if stage != STAGES[0].value) >= coordinator.config.plan_ahead
+    first = coordinator.spec.stages[0].name
+    busy = Counter(coordinator.ledger.waiting()) + Counter(coordinator.ledger.leased())
+    return busy.total() - busy[first] >= coordinator.config.plan_ahead
 
 
 def _lease_reply(coordinator: Coordinator, stage: Stage, lease: Lease) -> ClaimReply:
+    recorders = coordinator.config.recorders
     inputs = []
     for sha256 in lease.inputs:
         data = coordinator.blobs.get(sha256)
@@ -214,19 +224,19 @@ def _lease_reply(coordinator: Coordinator, stage: Stage, lease: Lease) -> ClaimR
             raise ReadygoError(f"Result {sha256} of episode {lease.index} is gone from the run's folder.")
         inputs.append(Blob(sha256=sha256, data=data if len(data) <= coordinator.config.inline_bytes else b""))
     return ClaimReply(
-        status="lease",
+        status=ClaimStatus.LEASE,
         episode=EpisodeKey(seed=coordinator.spec.seed, split=coordinator.spec.split, index=lease.index),
         attempt=lease.attempt,
         ttl_s=coordinator.config.lease_s,
         inputs=tuple(inputs),
-        recorder=coordinator.recorders[lease.index % len(coordinator.recorders)] if stage is STAGES[-1] else "",
+        recorder=recorders[lease.index % len(recorders)] if stage.records else "",
     )
 
 
 def _after_rejection(coordinator: Coordinator) -> None:
     rejected = sum(coordinator.ledger.rejections().values())
-    waiting = coordinator.ledger.count("waiting")
-    accepted = coordinator.ledger.committed()[0] + waiting.get(STAGES[-1].value, 0)
+    last = coordinator.spec.stages[-1].name
+    accepted = coordinator.ledger.committed()[0] + coordinator.ledger.waiting().get(last, 0)
     if rejected >= coordinator.config.rejections_max and rejected > 20 * accepted:
         reasons = ", ".join(f"{reason} ({count})" for reason, count in coordinator.ledger.rejections().items())
         coordinator.failed = f"{rejected} indices were rejected and {accepted} accepted: {reasons}."

@@ -7,16 +7,15 @@ ever made in vain.
 
 import sqlite3
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from readygo.common.errors import RunError
-from readygo.common.messages import Stage
-
-STAGES = tuple(Stage)
+from readygo.common.messages import Stage, VerdictStatus
+from readygo.common.messages.stages import EXPERT_LINE
 
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS episode (
@@ -51,19 +50,24 @@ class Lease:
     index: int
     attempt: int
     inputs: tuple[str, ...]
-    """Hashes of the earlier stages' results, in their order."""
+    """Hashes of the results that the stage needs, in the order of `Stage.needs`."""
 
 
 class Ledger:
     """Transactions on the ledger file; safe to call from several threads."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, stages: Sequence[Stage] = EXPERT_LINE) -> None:
         """Open the file, or make it.
+
+        Args:
+            path: The file.
+            stages: The line that the episodes pass, see `RunSpec.stages`.
 
         Raises:
             RunError: If it is no ledger or cannot be written; so do all other methods.
         """
         self._path = path
+        self._stages = tuple(stages)
         self._lock = threading.RLock()
         with self._worded():
             self._db = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
@@ -77,14 +81,12 @@ class Ledger:
         """Close the file."""
         self._db.close()
 
-    def get(self, key: str) -> str | None:
-        """A value of the run, such as its identity."""
-        row = self._one("SELECT value FROM run WHERE key = ?", key)
-        return None if row is None else str(row[0])
-
-    def put(self, key: str, value: str) -> None:
-        """Store a value of the run."""
-        self._run("INSERT OR REPLACE INTO run VALUES (?, ?)", key, value)
+    def agree(self, key: str, value: str) -> str:
+        """The run's value for `key`, which is the first one that was proposed."""
+        with self._transaction():
+            self._db.execute("INSERT OR IGNORE INTO run VALUES (?, ?)", (key, value))
+            (agreed,) = self._db.execute("SELECT value FROM run WHERE key = ?", (key,)).fetchone()
+        return str(agreed)
 
     def open_episodes(self, wanted: int) -> int:
         """Open indices until `wanted` of them are not rejected; returns how many were opened."""
@@ -94,7 +96,7 @@ class Ledger:
             missing: int = max(0, wanted - alive)
             self._db.executemany(
                 "INSERT INTO episode (idx, stage, state) VALUES (?, ?, 'waiting')",
-                [(following + k, STAGES[0].value) for k in range(missing)],
+                [(following + k, self._stages[0].name) for k in range(missing)],
             )
         return missing
 
@@ -130,13 +132,12 @@ class Ledger:
                 RETURNING idx, attempt""",
                 worker,
                 deadline_s,
-                stage.value,
+                stage.name,
             )
             if row is None:
                 return None
             results = dict(self._all("SELECT stage, sha256 FROM result WHERE idx = ?", row[0]))
-        earlier = STAGES[: STAGES.index(stage)]
-        return Lease(index=row[0], attempt=row[1], inputs=tuple(results[s.value] for s in earlier))
+        return Lease(index=row[0], attempt=row[1], inputs=tuple(results[name] for name in stage.needs))
 
     def renew(self, index: int, attempt: int, deadline_s: float) -> bool:
         """Prolong a lease; False if the attempt does not hold it any more."""
@@ -147,20 +148,26 @@ class Ledger:
             attempt,
         )
 
-    def advance(self, stage: Stage, index: int, attempt: int, sha256: str) -> bool:
-        """Store a stage's result and pass the episode on; False if the attempt does not hold the lease."""
-        following = STAGES[STAGES.index(stage) + 1]
+    def advance(self, stage: Stage, index: int, attempt: int, sha256: str, *, reason: str = "") -> bool:
+        """Store a stage's result and pass the episode on; False if the attempt does not hold the lease.
+
+        A `reason` says that the stage rejected the episode, which is kept nevertheless.
+        """
+        following = self._stages[self._stages.index(stage) + 1]
         with self._transaction():
             held = self._held(
-                """UPDATE episode SET stage = ?, state = 'waiting', worker = '', failures = 0
+                """UPDATE episode SET stage = ?, state = 'waiting', worker = '', failures = 0,
+                reason = CASE WHEN ? = '' THEN reason ELSE ? END
                 WHERE idx = ? AND attempt = ? AND state = 'leased' AND stage = ? RETURNING idx""",
-                following.value,
+                following.name,
+                reason,
+                reason,
                 index,
                 attempt,
-                stage.value,
+                stage.name,
             )
             if held:
-                self._db.execute("INSERT OR REPLACE INTO result VALUES (?, ?, ?)", (index, stage.value, sha256))
+                self._db.execute("INSERT OR REPLACE INTO result VALUES (?, ?, ?)", (index, stage.name, sha256))
         return held
 
     def reject(self, stage: Stage, index: int, attempt: int, reason: str) -> bool:
@@ -171,7 +178,7 @@ class Ledger:
             reason,
             index,
             attempt,
-            stage.value,
+            stage.name,
         )
 
     def fail(self, stage: Stage, index: int, attempt: int) -> int | None:
@@ -181,24 +188,25 @@ class Ledger:
             WHERE idx = ? AND attempt = ? AND state = 'leased' AND stage = ? RETURNING failures""",
             index,
             attempt,
-            stage.value,
+            stage.name,
         )
         return None if row is None else int(row[0])
 
-    def grant(self, index: int, attempt: int, recorder: str) -> str:
-        """Let a recorder make an episode durable: "ok", "stale" or "done"."""
+    def grant(self, index: int, attempt: int, recorder: str) -> VerdictStatus:
+        """Let a recorder make an episode durable: OK, STALE or DONE."""
         row = self._one(
-            """UPDATE episode SET state = 'granted', recorder = ? WHERE idx = ? AND attempt = ? AND stage = 'render'
+            """UPDATE episode SET state = 'granted', recorder = ? WHERE idx = ? AND attempt = ? AND stage = ?
             AND (state = 'leased' OR (state = 'granted' AND recorder = ?)) RETURNING idx""",
             recorder,
             index,
             attempt,
+            self._stages[-1].name,
             recorder,
         )
         if row is not None:
-            return "ok"
+            return VerdictStatus.OK
         state = self._one("SELECT state FROM episode WHERE idx = ?", index)
-        return "done" if state is not None and state[0] == "committed" else "stale"
+        return VerdictStatus.DONE if state is not None and state[0] == "committed" else VerdictStatus.STALE
 
     def commit(self, index: int, recorder: str, shard: str, samples: int) -> list[str] | None:
         """Note that an episode is durable.
@@ -208,8 +216,9 @@ class Ledger:
         """
         with self._transaction():
             held = self._held(
-                """UPDATE episode SET state = 'committed', stage = 'render', recorder = ?, shard = ?, samples = ?,
+                """UPDATE episode SET state = 'committed', stage = ?, recorder = ?, shard = ?, samples = ?,
                 worker = '' WHERE idx = ? AND NOT (state = 'committed' AND recorder != ?) RETURNING idx""",
+                self._stages[-1].name,
                 recorder,
                 shard,
                 samples,
@@ -218,7 +227,10 @@ class Ledger:
             )
             if not held:
                 return None
-            hashes = [row[0] for row in self._db.execute("SELECT sha256 FROM result WHERE idx = ?", (index,))]
+            # Episodes whose results are equal share the blob.
+            unshared = """SELECT DISTINCT sha256 FROM result WHERE idx = ?
+                AND sha256 NOT IN (SELECT sha256 FROM result WHERE idx != ?)"""
+            hashes = [row[0] for row in self._db.execute(unshared, (index, index))]
             self._db.execute("DELETE FROM result WHERE idx = ?", (index,))
         return hashes
 
@@ -235,6 +247,10 @@ class Ledger:
         rows = self._all("SELECT idx FROM episode WHERE state = 'granted' AND recorder = ? ORDER BY idx", recorder)
         return tuple(row[0] for row in rows)
 
+    def granted_recorders(self) -> set[str]:
+        """Recorders that hold grants."""
+        return {row[0] for row in self._all("SELECT DISTINCT recorder FROM episode WHERE state = 'granted'")}
+
     def requeue_expired(self, now_s: float) -> int:
         """End the leases whose time is over; returns how many."""
         return self._requeue("deadline_s < ?", now_s)
@@ -247,14 +263,27 @@ class Ledger:
         """End every lease: a new fleet starts on an old ledger."""
         self._requeue("true")
 
-    def count(self, state: str) -> dict[str, int]:
-        """Episodes in a state, by stage."""
-        return dict(self._all("SELECT stage, count(*) FROM episode WHERE state = ? GROUP BY stage", state))
+    def waiting(self) -> dict[str, int]:
+        """Episodes that wait, by stage."""
+        return dict(self._all("SELECT stage, count(*) FROM episode WHERE state = 'waiting' GROUP BY stage"))
+
+    def leased(self) -> dict[str, int]:
+        """Episodes that a worker holds, by stage."""
+        return dict(self._all("SELECT stage, count(*) FROM episode WHERE state = 'leased' GROUP BY stage"))
 
     def rejections(self) -> dict[str, int]:
         """Rejected indices by reason."""
         return dict(
             self._all("SELECT reason, count(*) FROM episode WHERE state = 'rejected' GROUP BY reason ORDER BY reason")
+        )
+
+    def kept(self) -> dict[str, int]:
+        """Episodes that a stage rejected and that go on or are durable nevertheless, by reason."""
+        return dict(
+            self._all(
+                """SELECT reason, count(*) FROM episode WHERE state != 'rejected' AND reason != ''
+                GROUP BY reason ORDER BY reason"""
+            )
         )
 
     def rejected(self) -> dict[int, str]:

@@ -3,36 +3,34 @@
 from functools import partial
 
 from readygo.common.bus import Bus
-from readygo.common.messages import (
-    BlobRequest,
-    ClaimRequest,
-    CompleteRequest,
-    ControlRequest,
-    DoneRequest,
-    GrantRequest,
-    LostRequest,
-    PendingRequest,
-    RenewRequest,
-    RunSpecRequest,
-    Stage,
-    StatusRequest,
-)
+from readygo.common.messages import StatusRequest, topics
 from readygo.services.coordinator import handlers
-from readygo.services.coordinator.handlers import Coordinator
+from readygo.services.coordinator.handlers import Coordinator, requeue_lost
 
 
 def attach(bus: Bus, coordinator: Coordinator) -> None:
-    """Serve the run on `bus`."""
-    bus.serve("coord/spec", RunSpecRequest, partial(handlers.handle_spec, coordinator))
-    for stage in Stage:
-        topic = f"coord/{stage.value}"
-        bus.serve(f"{topic}/claim", ClaimRequest, partial(handlers.handle_claim, coordinator, stage))
-        bus.serve(f"{topic}/renew", RenewRequest, partial(handlers.handle_renew, coordinator, stage))
-        bus.serve(f"{topic}/complete", CompleteRequest, partial(handlers.handle_complete, coordinator, stage))
-    bus.serve("coord/rec/grant", GrantRequest, partial(handlers.handle_grant, coordinator))
-    bus.serve("coord/rec/done", DoneRequest, partial(handlers.handle_done, coordinator))
-    bus.serve("coord/rec/lost", LostRequest, partial(handlers.handle_lost, coordinator))
-    bus.serve("coord/rec/pending", PendingRequest, partial(handlers.handle_pending, coordinator))
-    bus.serve("blob", BlobRequest, partial(handlers.handle_blob, coordinator))
-    bus.serve("ctl", ControlRequest, partial(handlers.handle_control, coordinator))
-    bus.serve("ctl/status", StatusRequest, partial(handlers.handle_status, coordinator))
+    """Serve the run on `bus`, and free the leases of workers that leave."""
+    bus.serve(topics.SPEC, partial(handlers.handle_spec, coordinator))
+    for stage in coordinator.spec.stages:
+        bus.serve(topics.claim(stage.name), partial(handlers.handle_claim, coordinator, stage))
+        bus.serve(topics.renew(stage.name), partial(handlers.handle_renew, coordinator))
+        bus.serve(topics.complete(stage.name), partial(handlers.handle_complete, coordinator, stage))
+    bus.serve(topics.GRANT, partial(handlers.handle_grant, coordinator))
+    bus.serve(topics.DONE, partial(handlers.handle_done, coordinator))
+    bus.serve(topics.LOST, partial(handlers.handle_lost, coordinator))
+    bus.serve(topics.PENDING, partial(handlers.handle_pending, coordinator))
+    bus.serve(topics.BLOB, partial(handlers.handle_blob, coordinator))
+    bus.serve(topics.CONTROL, partial(handlers.handle_control, coordinator))
+    bus.serve(topics.STATUS, partial(handlers.handle_status, coordinator))
+
+    def changed(role: str, name: str, alive: bool) -> None:
+        if not alive:
+            requeue_lost(coordinator, worker=name)
+
+    bus.watch(changed)
+
+
+def tick(bus: Bus, coordinator: Coordinator) -> None:
+    """Free the leases that ran out, and say how far the run is; call it a few times a second."""
+    requeue_lost(coordinator)
+    bus.publish(topics.PROGRESS, handlers.handle_status(coordinator, StatusRequest()))

@@ -10,7 +10,7 @@ class EvaluatorConfig:
     lockstep: int = 8
     """Episodes that run side by side: the views of one render request."""
     renderer: str = "0"
-    """Name of the renderer that is asked for images, topic "render/{name}"."""
+    """Name of the renderer that is asked for images."""
     request_timeout_s: float = 120.0
     """Longest wait for one reply [s]."""
     rejected_max: int = 1000

@@ -10,14 +10,13 @@ from readygo.common.episode.grid_search import shortest_way_m
 from readygo.common.errors import SceneError
 from readygo.common.maps import OccupancyMap
 from readygo.common.messages import (
-    AnimateReply,
     AnimateRequest,
     EpisodeKey,
     EpisodeMotions,
-    HumanPlanReply,
     HumanPlanRequest,
     Scenario,
     Split,
+    topics,
 )
 from readygo.common.robot import RobotConfig
 from readygo.services.evaluator.config import EvaluatorConfig
@@ -87,11 +86,11 @@ class EpisodeSource:
 
     def _dynamic(self, key: EpisodeKey) -> tuple[MatchedEpisode | None, str]:
         timeout_s = self._config.request_timeout_s
-        plan = self._bus.request("human-plan", HumanPlanRequest(episode=key), HumanPlanReply, timeout_s=timeout_s)
+        plan = self._bus.request(topics.HUMAN_PLAN, HumanPlanRequest(episode=key), timeout_s=timeout_s)
         if plan.rejected or plan.scenario is None:
             return None, plan.rejected
         animate = AnimateRequest(scenario=plan.scenario)
-        animated = self._bus.request("animate", animate, AnimateReply, timeout_s=timeout_s)
+        animated = self._bus.request(topics.ANIMATE, animate, timeout_s=timeout_s)
         if animated.rejected or animated.motions is None:
             return None, animated.rejected
         episode = MatchedEpisode(

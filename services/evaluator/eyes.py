@@ -11,13 +11,22 @@ from readygo.common.episode.simulation import EpisodeSimulation
 from readygo.common.errors import BusError
 from readygo.common.maps import FloorMap
 from readygo.common.messages import EpisodeMotions, People, RenderReply, RenderRequest, RenderView, encode
+from readygo.common.messages.topics import Topic
 from readygo.common.robot import RobotConfig
 
 
 class Eyes:
     """Asks one renderer for images; people travel once, then by their key."""
 
-    def __init__(self, bus: Bus, topic: str, *, robot: RobotConfig, floor: FloorMap, timeout_s: float) -> None:
+    def __init__(
+        self,
+        bus: Bus,
+        topic: Topic[RenderRequest, RenderReply],
+        *,
+        robot: RobotConfig,
+        floor: FloorMap,
+        timeout_s: float,
+    ) -> None:
         self._bus, self._topic, self._timeout_s = bus, topic, timeout_s
         self._robot, self._floor = robot, floor
         self._sent: set[str] = set()
@@ -43,7 +52,7 @@ class Eyes:
             self._sent.difference_update(reply.unknown_people)
             reply = self._ask(views, known)
         if len(reply.rgb) != len(views):
-            raise BusError(f"{self._topic!r} answered {len(reply.rgb)} images to {len(views)} views.")
+            raise BusError(f"{self._topic.name!r} answered {len(reply.rgb)} images to {len(views)} views.")
         self._sent.update(known)
         return reply.rgb
 
@@ -51,7 +60,7 @@ class Eyes:
         request = RenderRequest(
             views=views, people=tuple(People(key=key, humans=motions.humans) for key, motions in people.items())
         )
-        return self._bus.request(self._topic, request, RenderReply, timeout_s=self._timeout_s)
+        return self._bus.request(self._topic, request, timeout_s=self._timeout_s)
 
     def _view(self, simulation: EpisodeSimulation, people: str) -> RenderView:
         x_m, y_m = simulation.x_m, simulation.y_m

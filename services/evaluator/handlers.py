@@ -9,7 +9,7 @@ from readygo.common.episode.metrics import TaskSummary
 from readygo.common.episode.simulation import EpisodeSimulation
 from readygo.common.errors import PolicyError
 from readygo.common.maps import FloorMap, OccupancyMap
-from readygo.common.messages import RobotPlanReply, RobotPlanRequest, RobotTrajectory, Split
+from readygo.common.messages import RobotPlanRequest, RobotTrajectory, Split, topics
 from readygo.common.policy import Policy, check_policy_camera
 from readygo.common.robot import RobotConfig
 from readygo.services.evaluator.config import EvaluatorConfig
@@ -142,7 +142,7 @@ def _make_driver(evaluator: Evaluator, method: Method) -> Driver:
     config = evaluator.config
     eyes = Eyes(
         evaluator.bus,
-        f"render/{config.renderer}",
+        topics.render(config.renderer),
         robot=evaluator.robot,
         floor=evaluator.floor,
         timeout_s=config.request_timeout_s,
@@ -154,4 +154,4 @@ def _ask_expert(evaluator: Evaluator, episode: MatchedEpisode) -> RobotTrajector
     """The expert's run, rejected or not: a failed one counts as its failure."""
     request = RobotPlanRequest(scenario=episode.scenario, motions=episode.motions)
     timeout_s = evaluator.config.request_timeout_s
-    return evaluator.bus.request("robot-plan", request, RobotPlanReply, timeout_s=timeout_s).trajectory
+    return evaluator.bus.request(topics.ROBOT_PLAN, request, timeout_s=timeout_s).trajectory

@@ -4,7 +4,7 @@ from collections import OrderedDict
 from dataclasses import dataclass, field
 
 from readygo.common.errors import DatasetError
-from readygo.common.messages import AppendReply, AppendRequest, EpisodeHeader, Sample
+from readygo.common.messages import AppendReply, AppendRequest, AppendStatus, EpisodeHeader, Sample
 
 DAMAGED_MAX = 3
 """A batch that arrives damaged more often is no accident of the network."""
@@ -42,7 +42,7 @@ class EpisodeBuffers:
         self._buffers.pop(index, None)
 
     def add(self, request: AppendRequest) -> AppendReply:
-        """Take a batch: "ok", "stale" or "gap".
+        """Take a batch: OK, STALE or GAP.
 
         A newer attempt replaces an older one. Samples that are there already are skipped.
 
@@ -52,14 +52,14 @@ class EpisodeBuffers:
         index = request.header.episode.index
         buffer = self._buffers.get(index)
         if buffer is not None and request.attempt < buffer.attempt:
-            return AppendReply(status="stale", detail=f"attempt {buffer.attempt} is being recorded")
+            return AppendReply(status=AppendStatus.STALE, detail=f"attempt {buffer.attempt} is being recorded")
         if buffer is None or request.attempt > buffer.attempt:
             buffer = self._buffers[index] = EpisodeBuffer(request.attempt, request.header)
         self._buffers.move_to_end(index)
         if request.header != buffer.header:
             raise DatasetError(f"{_name(request)} came with two different headers under attempt {request.attempt}.")
         if request.first_seq > len(buffer.samples):
-            return AppendReply(status="gap", expected_seq=len(buffer.samples))
+            return AppendReply(status=AppendStatus.GAP, expected_seq=len(buffer.samples))
         reply = _take(buffer, request)
         self._evict(index)
         return reply
@@ -82,14 +82,16 @@ def _take(buffer: EpisodeBuffer, request: AppendRequest) -> AppendReply:
             buffer.damaged_count += 1
             if buffer.damaged_count > DAMAGED_MAX:
                 raise DatasetError(f"{_name(request)}: sample {seq} never matches its CRC-32.")
-            return AppendReply(status="gap", expected_seq=seq, detail=f"sample {seq} does not match its CRC-32")
+            return AppendReply(
+                status=AppendStatus.GAP, expected_seq=seq, detail=f"sample {seq} does not match its CRC-32"
+            )
         buffer.samples.append(sample)
         buffer.size_bytes += sample.images_size_bytes
     if request.last and not buffer.complete:
         raise DatasetError(
             f"{_name(request)} was closed after {len(buffer.samples)} of {buffer.header.sample_count} samples."
         )
-    return AppendReply(status="ok")
+    return AppendReply(status=AppendStatus.OK)
 
 
 def _name(request: AppendRequest) -> str:

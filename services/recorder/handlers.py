@@ -8,30 +8,26 @@ import threading
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from readygo.common.bus import Bus
 from readygo.common.dataset import EpisodeChunk, ShardWriter, encode_episode, shard_name
 from readygo.common.dataset.metadata import metadata_to_strings
 from readygo.common.errors import BusError, RunError
+from readygo.common.fleet.grants import Grants
 from readygo.common.messages import (
     AppendReply,
     AppendRequest,
+    AppendStatus,
     DoneRequest,
     EpisodeKey,
-    GrantRequest,
     LostRequest,
-    PendingReply,
-    PendingRequest,
     Split,
-    Verdict,
+    VerdictStatus,
 )
 from readygo.services.recorder.buffers import EpisodeBuffers
 from readygo.services.recorder.config import RecorderConfig
-from readygo.services.recorder.reports import Reports
 from readygo.services.recorder.salvage import Durable, OpenShard, finished_episodes, next_number, open_shards, publish
-
-Reply = TypeVar("Reply")
 
 
 class Recorder:
@@ -63,13 +59,12 @@ class Recorder:
             raise RunError(f"A recorder's name must be letters, digits and underscores, got {name!r}.")
         self.name = name
         self._folder = Path(folder)
-        self._bus = bus
         self._metadata = dict(metadata)
         self._config = config or RecorderConfig()
         self._folder.mkdir(parents=True, exist_ok=True)
         self._lock_descriptor: int | None = _lock(self._folder, name)
         self._buffers = EpisodeBuffers(self._config.buffer_mib * 2**20)
-        self._reports = Reports(bus, self._config.coordinator_timeout_s)
+        self._grants = Grants(bus, name, self._config.coordinator_timeout_s)
         self._committed: dict[int, Durable] = {}
         self._open_shards: list[OpenShard] = []
         self._run: tuple[int, Split] | None = None
@@ -94,12 +89,12 @@ class Recorder:
         with self._lock:
             episode = request.header.episode
             if self._closed:
-                return AppendReply(status="retry", detail=f"recorder {self.name} is closed")
+                return AppendReply(status=AppendStatus.RETRY, detail=f"recorder {self.name} is closed")
             self._check_run(episode)
             if episode.index in self._committed:
-                return self._finished(episode.index, "dup")
+                return self._finished(episode.index, AppendStatus.DUP)
             reply = self._buffers.add(request)
-            return self._commit(episode.index) if reply.status == "ok" and request.last else reply
+            return self._commit(episode.index) if reply.status is AppendStatus.OK and request.last else reply
 
     def settle(self) -> bool:
         """Send outstanding reports and, once after a start, clear up what the last process left.
@@ -113,14 +108,14 @@ class Recorder:
             RunError: If the disk refuses.
         """
         with self._lock:
-            if not self._reports.flush():
+            if not self._grants.flush():
                 return False
             if not self._reconciled:
                 try:
                     self._reconcile()
                 except BusError:
                     return False
-            return self._reports.flush()
+            return self._grants.flush()
 
     def close(self) -> None:
         """Finish the open shard; unfinished episodes are forgotten, their leases run out.
@@ -138,27 +133,23 @@ class Recorder:
     def _commit(self, index: int) -> AppendReply:
         """Make a complete episode durable."""
         if not self.settle():
-            return AppendReply(status="retry", detail="the coordinator does not answer")
+            return AppendReply(status=AppendStatus.RETRY, detail="the coordinator does not answer")
         buffer = self._buffers.get(index)
         if index in self._committed or buffer is None:
-            return self._finished(index, "dup")
+            return self._finished(index, AppendStatus.DUP)
         chunk = encode_episode(buffer.header, buffer.attempt, buffer.samples)
         try:
-            grant = GrantRequest(recorder=self.name, index=index, attempt=buffer.attempt)
-            status = self._ask("coord/rec/grant", grant, Verdict).status
+            verdict = self._grants.ask(index, buffer.attempt)
         except BusError as error:
             # The grant may have been given and its answer lost: ask again what is pending.
             self._reconciled = False
-            return AppendReply(status="retry", detail=str(error))
-        if status != "ok":
-            return self._finished(index, "dup" if status == "done" else "stale")
+            return AppendReply(status=AppendStatus.RETRY, detail=str(error))
+        if verdict is not VerdictStatus.OK:
+            return self._finished(index, AppendStatus.DUP if verdict is VerdictStatus.DONE else AppendStatus.STALE)
         self._write(chunk)
-        return self._finished(index, "committed")
+        return self._finished(index, AppendStatus.COMMITTED)
 
-    def _ask(self, topic: str, request: object, reply_type: type[Reply]) -> Reply:
-        return self._bus.request(topic, request, reply_type, timeout_s=self._config.coordinator_timeout_s)
-
-    def _finished(self, index: int, status: str) -> AppendReply:
+    def _finished(self, index: int, status: AppendStatus) -> AppendReply:
         self._buffers.drop(index)
         return AppendReply(status=status)
 
@@ -174,13 +165,13 @@ class Recorder:
         except (OSError, RunError) as error:
             failure = error if isinstance(error, RunError) else self._disk_error(error)
             self._buffers.drop(chunk.episode.index)
-            self._reports.add(LostRequest(recorder=self.name, index=chunk.episode.index, reason=str(failure)))
-            self._reports.flush()
+            self._grants.report(LostRequest(recorder=self.name, index=chunk.episode.index, reason=str(failure)))
+            self._grants.flush()
             raise failure from error
         durable = Durable.of_chunk(chunk, self._writer.path.name)
         self._committed[chunk.episode.index] = durable
-        self._reports.add(self._done_report(durable))
-        self._reports.flush()
+        self._grants.report(self._done_report(durable))
+        self._grants.flush()
         if self._shard_is_full():
             # The episode is safe whatever happens here, and the next one tries again and says what is wrong.
             with suppress(RunError):
@@ -203,16 +194,16 @@ class Recorder:
         while self._open_shards:
             self._salvage(self._open_shards[0])
             self._open_shards.pop(0)
-        pending = self._ask("coord/rec/pending", PendingRequest(recorder=self.name), PendingReply)
+        pending = self._grants.pending()
         self._reconciled = True
-        for index in pending.indices:
+        for index in pending:
             buffer = self._buffers.get(index)
             if index in self._committed:
-                self._reports.add(self._done_report(self._committed[index]))
+                self._grants.report(self._done_report(self._committed[index]))
             elif buffer is not None and buffer.complete:
                 self._commit(index)
             else:
-                self._reports.add(LostRequest(recorder=self.name, index=index, reason=""))
+                self._grants.report(LostRequest(recorder=self.name, index=index, reason=""))
 
     def _salvage(self, shard: OpenShard) -> None:
         """Publish an open shard without the episodes that are elsewhere by now."""
@@ -223,7 +214,7 @@ class Recorder:
         for chunk in shard.chunks:
             index, report = chunk.episode.index, self._done_report(Durable.of_chunk(chunk, target.name))
             known = index in self._committed or index in kept
-            if not known and self._ask("coord/rec/done", report, Verdict).status != "stale":
+            if not known and self._grants.claim_done(report):
                 kept[index] = chunk
         try:
             publish(shard, tuple(kept.values()), target, fsync=self._config.fsync)

@@ -3,11 +3,11 @@
 from functools import partial
 
 from readygo.common.bus import Bus
-from readygo.common.messages import AppendRequest
+from readygo.common.messages import topics
 from readygo.services.recorder.handlers import Recorder, handle_append
 
 
 def attach(bus: Bus, recorder: Recorder) -> None:
     """Serve a recorder; what its last process left is cleared up first if the coordinator answers already."""
     recorder.settle()
-    bus.serve(f"rec/{recorder.name}/append", AppendRequest, partial(handle_append, recorder))
+    bus.serve(topics.append(recorder.name), partial(handle_append, recorder))

@@ -1,7 +1,6 @@
 import pytest
 
-from readygo.apps.commands.generate import with_detail
-from readygo.apps.run.config import RunConfig
+from readygo.apps.run.config import RunConfig, with_detail
 from readygo.common.config import section_from_mapping
 from readygo.common.errors import ConfigError
 

@@ -2,8 +2,9 @@ from pathlib import Path
 
 import pytest
 
-from readygo.apps.commands.generate import make_spec
-from readygo.apps.run.config import RunConfig, load_run_config, numeric_class
+from readygo.apps.run.config import RunConfig, load_run_config
+from readygo.apps.run.identity import numeric_class
+from readygo.apps.run.spec import make_spec
 from readygo.common.config import section_from_mapping
 from readygo.common.errors import ConfigError
 from readygo.common.messages import Split

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from readygo.apps.fleet.fleet import RESTARTS_MAX, Fleet, Member
+from readygo.apps.fleet.fleet import CANNOT_WORK, RESTARTS_MAX, Fleet, Member
 from readygo.common.errors import RunError
 
 OBEYS = """
@@ -88,3 +88,33 @@ def test_recorder_that_could_not_finish_its_shard_is_not_passed_over(
         return
     with pytest.raises(RunError, match=r"w0 could not finish its shard \(exit code 2\): readygo: No space left"):
         fleet.check_recorders()
+
+
+@pytest.mark.parametrize(("code", "fatal"), [(CANNOT_WORK, True), (2, False)])
+def test_worker_that_cannot_work_ends_the_run_but_one_that_lost_the_bus_is_started_anew(
+    start: Callable[[str, str], ScriptedFleet], code: int, fatal: bool
+) -> None:
+    fleet = start("animator", f"import sys; print('readygo: why', flush=True); sys.exit({code})")
+    _wait_for_end(fleet.members[0])
+    if fatal:
+        with pytest.raises(RunError, match=r"Worker w0 ended with exit code 78: readygo: why"):
+            fleet.check()
+    else:
+        fleet.check()
+        assert fleet.members[0].restarts == 1
+
+
+def test_coordinator_stops_last_and_recorders_before_it(tmp_path: Path) -> None:
+    fleet = ScriptedFleet(tmp_path, "")
+    for role in ("coordinator", "recorder", "painter"):
+        log = tmp_path / "order"
+        fleet.script = (
+            "import signal, sys, time\n"
+            f"def end(*_): open({str(log)!r}, 'a').write({role!r} + ' '); sys.exit(0)\n"
+            "signal.signal(signal.SIGTERM, end)\nprint('up', flush=True)\ntime.sleep(60)"
+        )
+        fleet.add(role, role)
+    while any("up" not in member.log.read_text() for member in fleet.members):
+        time.sleep(0.02)
+    fleet.stop()
+    assert (tmp_path / "order").read_text().split() == ["painter", "recorder", "coordinator"]

@@ -1,4 +1,3 @@
-import copy
 import dataclasses
 import sys
 from pathlib import Path
@@ -6,109 +5,11 @@ from pathlib import Path
 import pytest
 
 from readygo.__main__ import main
-from readygo.apps.commands.generate import make_spec, record, with_outputs
-from readygo.apps.commands.scene_argument import open_scene
-from readygo.apps.run.config import RunConfig, RunFolder, resolved_sections, run_name
+from readygo.apps.run.config import RunConfig, load_run_config, resolved_sections, with_outputs
+from readygo.apps.run.identity import run_name
 from readygo.common.config import section_from_mapping
-from readygo.common.errors import RunError
-from readygo.common.messages import RunSpec, Split
-from readygo.services.coordinator import Ledger
-
-SPEC = RunSpec(
-    run="run-test",
-    scene_path="scene",
-    scene_hash="0",
-    scene_files=(),
-    avatars_path="",
-    avatar_hashes={},
-    seed=5,
-    split=Split.TRAIN,
-    static=False,
-    config={},
-    metadata={},
-)
-
-
-def test_folder_that_was_begun_on_a_full_disk_can_be_used_again(tmp_path: Path) -> None:
-    folder = RunFolder(tmp_path / "data")
-    with folder.locked():
-        pass
-    folder.check(SPEC)
-    folder.save(SPEC, 3)
-    assert folder.load() == (SPEC, 3)
-
-
-def test_second_process_changes_nothing_in_the_folder_of_a_running_one(tmp_path: Path) -> None:
-    folder = RunFolder(tmp_path)
-    with folder.locked():
-        folder.save(SPEC, 3)
-        with pytest.raises(RunError, match="Another process is generating"):
-            record(SPEC, tmp_path, episodes=7, workers=0)
-    assert folder.load() == (SPEC, 3)
-
-
-def test_run_cannot_be_made_shorter_than_what_is_recorded(tmp_path: Path) -> None:
-    folder = RunFolder(tmp_path)
-    with folder.locked():
-        folder.save(SPEC, 5)
-    ledger = Ledger(folder.ledger)
-    ledger.open_episodes(5)
-    ledger.commit(0, "rec0", "shard", 10)
-    ledger.commit(3, "rec0", "shard", 10)
-    ledger.close()
-    with pytest.raises(RunError, match=r"holds 2 episodes already.* at least 4 with --episodes"):
-        record(SPEC, tmp_path, episodes=3, workers=0)
-    assert folder.load() == (SPEC, 5)
-
-
-@pytest.mark.parametrize("seed", [-1, 2**63])
-def test_seed_that_cannot_be_recorded_is_refused(seed: int) -> None:
-    with pytest.raises(RunError, match="--seed must be"):
-        make_spec(open_scene("embedded"), None, RunConfig(), seed=seed, split=Split.TRAIN, static=True)
-
-
-def test_folder_of_a_version_without_some_setting_can_be_gone_on_with(tmp_path: Path) -> None:
-    folder = RunFolder(tmp_path)
-    ours = dataclasses.replace(SPEC, config=resolved_sections(RunConfig()))
-    theirs = dataclasses.replace(SPEC, config=copy.deepcopy(ours.config))
-    del theirs.config["renderer"]["outputs"]
-    with folder.locked():
-        folder.save(theirs, 3)
-    folder.check(ours)
-
-
-def test_folder_from_before_there_were_labels_is_refused_but_with_labels_off(tmp_path: Path) -> None:
-    folder = RunFolder(tmp_path)
-    with_labels = RunConfig()
-    without = dataclasses.replace(with_labels, renderer=dataclasses.replace(with_labels.renderer, labels=False))
-    old = dataclasses.replace(SPEC, config=copy.deepcopy(resolved_sections(with_labels)))
-    del old.config["renderer"]["labels"]
-    with folder.locked():
-        folder.save(old, 3)
-    folder.check(dataclasses.replace(SPEC, config=resolved_sections(without)))
-    with pytest.raises(RunError, match=r"config \(renderer\) differ"):
-        folder.check(dataclasses.replace(SPEC, config=resolved_sections(with_labels)))
-
-
-def test_folder_with_other_outputs_is_refused(tmp_path: Path) -> None:
-    folder = RunFolder(tmp_path)
-    plain, rich = (
-        dataclasses.replace(SPEC, config=resolved_sections(with_outputs(RunConfig(), names)))
-        for names in ("rgb", "rgb,depth")
-    )
-    with folder.locked():
-        folder.save(plain, 3)
-    folder.check(plain)
-    with pytest.raises(RunError, match=r"config \(renderer\) differ"):
-        folder.check(rich)
-
-
-def test_folder_of_a_later_version_is_refused(tmp_path: Path) -> None:
-    folder = RunFolder(tmp_path)
-    with folder.locked():
-        folder.save(dataclasses.replace(SPEC, config={"renderer": {"antigravity": True}}), 3)
-    with pytest.raises(RunError, match=r"config \(.*renderer.*\) differ"):
-        folder.check(dataclasses.replace(SPEC, config=resolved_sections(RunConfig())))
+from readygo.common.errors import ConfigError
+from tests.common.messages.run_specs import SPEC
 
 
 def test_outputs_of_the_command_line_become_settings() -> None:
@@ -138,3 +39,13 @@ def test_wrong_outputs_exit_with_2_and_one_line(names: str, message: str, capsys
     assert exit_info.value.code == 2
     assert capsys.readouterr().err == f"readygo: {message}\n"
     assert not (tmp_path / "data").exists()
+
+
+def test_coordinators_settings_are_a_section_of_the_run(tmp_path: Path) -> None:
+    path = tmp_path / "run.toml"
+    path.write_text('[coordinator]\nlease_s = 4.0\nrecorders = ["rec0", "rec1"]\n')
+    config = load_run_config(path).coordinator
+    assert (config.lease_s, config.recorders) == (4.0, ("rec0", "rec1"))
+    path.write_text('[coordinator]\nrecorders = ["rec0", "rec0"]\n')
+    with pytest.raises(ConfigError, match=r"coordinator: recorders must be different names"):
+        load_run_config(path)

@@ -1,26 +1,35 @@
-import hashlib
+import dataclasses
 import threading
 from collections.abc import Iterator
 
 import pytest
 
-from readygo.common.bus import InProcessBus, StageResult, leases, pull
-from readygo.common.bus.leases import fetch_blob
+from readygo.common.bus import InProcessBus
 from readygo.common.errors import BusError, RunError
+from readygo.common.fleet import Inputs, StageResult, Work, Worker, claim_any, leases, pull
 from readygo.common.messages import (
-    BlobReply,
-    BlobRequest,
+    Blob,
     ClaimReply,
     ClaimRequest,
+    ClaimStatus,
     CompleteRequest,
     EpisodeKey,
     RenewRequest,
     Split,
     Stage,
     Verdict,
+    VerdictStatus,
+    topics,
 )
+from readygo.common.messages.stages import ANIMATE, HUMAN_PLAN
 
 EPISODE = EpisodeKey(seed=0, split=Split.TRAIN, index=0)
+PLAN = Blob(sha256="0", data=b"plan")
+LEASE = ClaimReply(status=ClaimStatus.LEASE, episode=EPISODE, attempt=1, ttl_s=15.0, inputs=(PLAN,))
+
+
+def _worker(work: Work, *more: tuple[Stage, Work]) -> Worker:
+    return Worker(name="w", numeric_class="this", works={ANIMATE: work, **dict(more)})
 
 
 class Clock:
@@ -51,24 +60,23 @@ def _bus(claims: Iterator[ClaimReply | BusError], completed: list[CompleteReques
 
     def complete(request: CompleteRequest) -> Verdict:
         completed.append(request)
-        return Verdict(status="ok")
+        return Verdict(status=VerdictStatus.OK)
 
-    bus.serve("coord/animate/claim", ClaimRequest, claim)
-    bus.serve("coord/animate/complete", CompleteRequest, complete)
-    bus.serve("coord/animate/renew", RenewRequest, lambda _: Verdict(status="ok"))
+    bus.serve(topics.claim("animate"), claim)
+    bus.serve(topics.complete("animate"), complete)
+    bus.serve(topics.renew("animate"), lambda _: Verdict(status=VerdictStatus.OK))
     return bus
 
 
 def test_long_work_does_not_count_as_the_coordinators_absence(clock: Clock) -> None:
-    lease = ClaimReply(status="lease", episode=EPISODE, attempt=1, ttl_s=15.0)
-    claims = iter([lease, BusError("away"), lease, BusError("away"), ClaimReply(status="done")])
+    claims = iter([LEASE, BusError("away"), LEASE, BusError("away"), ClaimReply(status=ClaimStatus.DONE)])
     completed: list[CompleteRequest] = []
 
-    def work(claim: ClaimReply, inputs: tuple[bytes, ...]) -> StageResult:
+    def work(claim: ClaimReply, inputs: Inputs) -> StageResult:
         clock.now_s += 10 * leases.COORDINATOR_ABSENT_S
         return StageResult(result=b"x")
 
-    pull(_bus(claims, completed), Stage.ANIMATE, "w", "", work, stop=threading.Event())
+    pull(_bus(claims, completed), _worker(work), stop=threading.Event())
     assert [request.result for request in completed] == [b"x", b"x"]
 
 
@@ -81,58 +89,64 @@ def test_coordinator_that_stays_away_ends_the_worker(clock: Clock) -> None:
     stop = threading.Event()
     stop.wait = lambda timeout=None: False  # type: ignore[method-assign]
     with pytest.raises(BusError, match="Nobody answered"):
-        pull(_bus(away(), []), Stage.ANIMATE, "w", "", lambda *_: None, stop=stop)
+        pull(_bus(away(), []), _worker(lambda *_: None), stop=stop)
     assert clock.now_s == 100.0
 
 
+def test_work_gets_the_results_that_its_stage_needs_by_name() -> None:
+    seen: list[Inputs] = []
+    completed: list[CompleteRequest] = []
+    bus = _bus(iter([LEASE]), completed)
+    work = lambda claim, inputs: seen.append(inputs) or StageResult(result=b"moved")  # noqa: E731
+    assert claim_any(bus, _worker(work)) is ClaimStatus.LEASE
+    assert seen == [{"human-plan": b"plan"}]
+    (request,) = completed
+    assert (request.worker, request.index, request.attempt, request.result) == ("w", 0, 1, b"moved")
+
+
+def test_next_stage_is_asked_only_where_the_one_before_has_nothing() -> None:
+    asked: list[str] = []
+    bus = _bus(iter([ClaimReply(status=ClaimStatus.WAIT), LEASE]), [])
+    wait = ClaimReply(status=ClaimStatus.WAIT)
+    bus.serve(topics.claim("human-plan"), lambda _: asked.append("human-plan") or wait)
+    worker = _worker(lambda *_: StageResult(), (HUMAN_PLAN, lambda *_: StageResult()))
+    assert claim_any(bus, worker) is ClaimStatus.WAIT
+    assert asked == ["human-plan"]
+    assert claim_any(bus, worker) is ClaimStatus.LEASE
+    assert asked == ["human-plan"]
+
+
+def test_worker_of_another_numeric_class_is_told_what_to_do() -> None:
+    bus = _bus(iter([ClaimReply(status=ClaimStatus.REFUSED)]), [])
+    with pytest.raises(RunError, match=r"another numeric class than this worker's \(this\)"):
+        claim_any(bus, _worker(lambda *_: None))
+
+
+def test_failing_work_is_reported_with_its_words() -> None:
+    def fail(claim: ClaimReply, inputs: Inputs) -> StageResult:
+        raise ValueError("no floor")
+
+    completed: list[CompleteRequest] = []
+    claim_any(_bus(iter([LEASE]), completed), _worker(fail))
+    assert completed[0].failed == "ValueError: no floor"
+
+
 def test_lease_is_renewed_well_before_its_end_and_no_more_once_the_work_is_done() -> None:
-    lease = ClaimReply(status="lease", episode=EPISODE, attempt=7, ttl_s=1.5)
-    bus = InProcessBus()
+    lease = dataclasses.replace(LEASE, attempt=7, ttl_s=1.5)
+    bus = _bus(iter([lease, ClaimReply(status=ClaimStatus.DONE)]), [])
     renewals: list[RenewRequest] = []
     renewed = threading.Event()
 
     def renew(request: RenewRequest) -> Verdict:
         renewals.append(request)
         renewed.set()
-        return Verdict(status="ok")
+        return Verdict(status=VerdictStatus.OK)
 
-    replies = iter([lease, ClaimReply(status="done")])
-    bus.serve("coord/animate/claim", ClaimRequest, lambda _: next(replies))
-    bus.serve("coord/animate/complete", CompleteRequest, lambda _: Verdict(status="ok"))
-    bus.serve("coord/animate/renew", RenewRequest, renew)
-
-    def work(claim: ClaimReply, inputs: tuple[bytes, ...]) -> StageResult:
+    def work(claim: ClaimReply, inputs: Inputs) -> StageResult:
         assert renewed.wait(claim.ttl_s), "the lease ended while the work went on"
         return StageResult()
 
-    pull(bus, Stage.ANIMATE, "w", "", work, stop=threading.Event())
+    bus.serve(topics.renew("animate"), renew)
+    pull(bus, _worker(work), stop=threading.Event())
     assert [(r.worker, r.index, r.attempt) for r in renewals] == [("w", EPISODE.index, 7)]
     assert not [thread for thread in threading.enumerate() if thread.name == "renew"]
-
-
-def _blobs(data: bytes, size: int | None = None, part: int = 4) -> InProcessBus:
-    """A bus that hands out `data` for whatever hash is asked for, in parts."""
-    bus = InProcessBus()
-
-    def read(request: BlobRequest) -> BlobReply:
-        end = request.offset + part
-        return BlobReply(size=len(data) if size is None else size, data=data[request.offset : end])
-
-    bus.serve("blob", BlobRequest, read)
-    return bus
-
-
-def test_blob_comes_whole_in_parts() -> None:
-    data = b"0123456789"
-    assert fetch_blob(_blobs(data), hashlib.sha256(data).hexdigest()) == data
-
-
-@pytest.mark.parametrize(("data", "size"), [(b"0123456780", None), (b"01234567", 10)])
-def test_damaged_or_shortened_blob_is_refused(data: bytes, size: int | None) -> None:
-    with pytest.raises(RunError, match="arrived damaged"):
-        fetch_blob(_blobs(data, size), hashlib.sha256(b"0123456789").hexdigest())
-
-
-def test_unknown_blob_is_refused() -> None:
-    with pytest.raises(RunError, match="not known"):
-        fetch_blob(_blobs(b"", -1), "0" * 64)

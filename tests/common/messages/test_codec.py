@@ -81,6 +81,7 @@ def _message(cls: type) -> typing.Any:
             box=np.arange(7.0),
             footprint_xy_m=np.ones((5, 2), np.float32),
         ),
+        messages.Stage: lambda: messages.Stage(name="film", role="camera", records=True),
         messages.RenderReply: lambda: messages.RenderReply(rgb=np.zeros((1, 2, 3, 3), np.uint8)),
     }
     if cls in arrays:

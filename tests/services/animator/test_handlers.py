@@ -7,7 +7,6 @@ from readygo.common.bus import InProcessBus
 from readygo.common.errors import AvatarError
 from readygo.common.maps.grid import GridFrame, OccupancyMap
 from readygo.common.messages import (
-    AnimateReply,
     AnimateRequest,
     EpisodeKey,
     HumanTrajectory,
@@ -15,6 +14,7 @@ from readygo.common.messages import (
     Split,
     decode,
     encode,
+    topics,
 )
 from readygo.services.animator import Animator, AnimatorConfig, attach, handle_animate
 from tests.services.animator.bodies import make_avatar
@@ -113,7 +113,7 @@ def test_decoded_requests_give_the_same_motion_over_the_bus(animator):
     bus = InProcessBus()
     attach(bus, animator)
     direct = handle_animate(animator, request)
-    over = bus.request("animate", decode(AnimateRequest, encode(request)), AnimateReply)
+    over = bus.request(topics.ANIMATE, decode(AnimateRequest, encode(request)))
     assert encode(direct) == encode(over)
 
 

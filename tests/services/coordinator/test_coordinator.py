@@ -1,56 +1,50 @@
+import dataclasses
+import queue
+import time
 from pathlib import Path
 
 import pytest
 
 from readygo.common.bus import InProcessBus
 from readygo.common.errors import RunError
+from readygo.common.fleet import fetch_blob
 from readygo.common.messages import (
     ClaimReply,
     ClaimRequest,
+    ClaimStatus,
+    Command,
     CompleteRequest,
     ControlRequest,
     DoneRequest,
     GrantRequest,
     LostRequest,
-    PendingReply,
     PendingRequest,
     RenewRequest,
-    RunSpec,
     Split,
     Stage,
     StatusReply,
     StatusRequest,
-    Verdict,
+    VerdictStatus,
+    topics,
 )
-from readygo.services.coordinator import BlobStore, Coordinator, CoordinatorConfig, Ledger, attach, requeue_lost
-
-SPEC = RunSpec(
-    run="run-test",
-    scene_path="scene",
-    scene_hash="0",
-    scene_files=(),
-    avatars_path="",
-    avatar_hashes={},
-    seed=5,
-    split=Split.TRAIN,
-    static=False,
-    config={},
-    metadata={},
-)
+from readygo.common.messages.stages import ANIMATE, EXPERT_LINE, HUMAN_PLAN, RENDER, ROBOT_PLAN, OnRejection
+from readygo.services.coordinator import BlobStore, Coordinator, CoordinatorConfig, Ledger, attach, requeue_lost, tick
+from tests.common.messages.run_specs import SPEC
 
 
 class Line:
     """A coordinator on an in-process bus with a hand-set clock."""
 
-    def __init__(self, folder: Path, wanted: int = 3, **settings: object) -> None:
+    def __init__(
+        self, folder: Path, wanted: int = 3, stages: tuple[Stage, ...] = EXPERT_LINE, **settings: object
+    ) -> None:
         self.now_s = 0.0
         self.bus = InProcessBus()
         self.coordinator = Coordinator(
-            spec=SPEC,
+            spec=dataclasses.replace(SPEC, stages=stages),
             wanted=wanted,
-            ledger=Ledger(folder / "ledger.sqlite"),
+            ledger=Ledger(folder / "ledger.sqlite", stages),
             blobs=BlobStore(folder / "blobs"),
-            recorders=("rec0",),
             config=CoordinatorConfig(**settings),  # type: ignore[arg-type]
             clock=lambda: self.now_s,
         )
@@ -58,35 +52,41 @@ class Line:
 
     def claim(self, stage: Stage, worker: str = "w", numeric_class: str = "") -> ClaimReply:
         request = ClaimRequest(worker=worker, numeric_class=numeric_class)
-        return self.bus.request(f"coord/{stage.value}/claim", request, ClaimReply)
+        return self.bus.request(topics.claim(stage.name), request)
 
-    def complete(self, stage: Stage, claim: ClaimReply, **fields: object) -> str:
+    def complete(self, stage: Stage, claim: ClaimReply, **fields: object) -> VerdictStatus:
         assert claim.episode is not None
         request = CompleteRequest(worker="w", index=claim.episode.index, attempt=claim.attempt, **fields)  # type: ignore[arg-type]
-        return self.bus.request(f"coord/{stage.value}/complete", request, Verdict).status
+        return self.bus.request(topics.complete(stage.name), request).status
 
     def plan(self, *, rejected: str = "") -> ClaimReply:
         """Pass the next episode through all stages before rendering."""
-        for stage in (Stage.HUMAN_PLAN, Stage.ANIMATE, Stage.ROBOT_PLAN):
+        for stage in (HUMAN_PLAN, ANIMATE, ROBOT_PLAN):
             claim = self.claim(stage)
-            last = stage is Stage.ROBOT_PLAN
-            assert self.complete(stage, claim, result=stage.value.encode(), rejected=rejected if last else "") == "ok"
+            last = stage == ROBOT_PLAN
+            verdict = self.complete(stage, claim, result=stage.name.encode(), rejected=rejected if last else "")
+            assert verdict is VerdictStatus.OK
         return claim
 
-    def grant(self, claim: ClaimReply) -> str:
+    def pass_on(self, *stages: Stage) -> None:
+        """Take the next episode through stages."""
+        for stage in stages:
+            assert self.complete(stage, self.claim(stage), result=stage.name.encode()) is VerdictStatus.OK
+
+    def grant(self, claim: ClaimReply) -> VerdictStatus:
         assert claim.episode is not None
         request = GrantRequest(recorder="rec0", index=claim.episode.index, attempt=claim.attempt)
-        return self.bus.request("coord/rec/grant", request, Verdict).status
+        return self.bus.request(topics.GRANT, request).status
 
-    def done(self, claim: ClaimReply) -> str:
+    def done(self, claim: ClaimReply) -> VerdictStatus:
         assert claim.episode is not None
         request = DoneRequest(
             recorder="rec0", index=claim.episode.index, attempt=claim.attempt, shard="s", sample_count=10
         )
-        return self.bus.request("coord/rec/done", request, Verdict).status
+        return self.bus.request(topics.DONE, request).status
 
     def status(self) -> StatusReply:
-        return self.bus.request("ctl/status", StatusRequest(), StatusReply)
+        return self.bus.request(topics.STATUS, StatusRequest())
 
 
 @pytest.fixture
@@ -95,9 +95,9 @@ def line(tmp_path: Path) -> Line:
 
 
 def test_episode_passes_the_stages_in_order_with_the_earlier_results(line: Line) -> None:
-    assert line.claim(Stage.ANIMATE).status == "wait"
+    assert line.claim(ANIMATE).status is ClaimStatus.WAIT
     line.plan()
-    claim = line.claim(Stage.RENDER)
+    claim = line.claim(RENDER)
     assert [blob.data for blob in claim.inputs] == [b"human-plan", b"animate", b"robot-plan"]
     assert claim.recorder == "rec0"
     assert claim.episode is not None
@@ -107,19 +107,19 @@ def test_episode_passes_the_stages_in_order_with_the_earlier_results(line: Line)
 def test_run_is_finished_when_all_wanted_episodes_are_durable(line: Line) -> None:
     for _ in range(3):
         line.plan()
-        claim = line.claim(Stage.RENDER)
-        assert line.grant(claim) == "ok"
-        assert line.done(claim) == "ok"
+        claim = line.claim(RENDER)
+        assert line.grant(claim) is VerdictStatus.OK
+        assert line.done(claim) is VerdictStatus.OK
     status = line.status()
     assert (status.finished, status.committed, status.samples) == (True, 3, 30)
-    assert line.claim(Stage.HUMAN_PLAN).status == "done"
+    assert line.claim(HUMAN_PLAN).status is ClaimStatus.DONE
     assert list((line.coordinator.blobs._folder).iterdir()) == []
 
 
 def test_rejected_index_is_replaced_by_the_next_one(line: Line) -> None:
     line.plan(rejected="timeout")
     opened = []
-    while (claim := line.claim(Stage.HUMAN_PLAN)).status == "lease":
+    while (claim := line.claim(HUMAN_PLAN)).status is ClaimStatus.LEASE:
         assert claim.episode is not None
         opened.append(claim.episode.index)
     assert opened == [1, 2, 3]
@@ -127,94 +127,94 @@ def test_rejected_index_is_replaced_by_the_next_one(line: Line) -> None:
 
 
 def test_expired_lease_is_given_to_another_and_late_work_is_stale(line: Line) -> None:
-    late = line.claim(Stage.HUMAN_PLAN, "slow")
+    late = line.claim(HUMAN_PLAN, "slow")
     line.now_s = 100.0
     requeue_lost(line.coordinator)
-    fresh = line.claim(Stage.HUMAN_PLAN, "fast")
+    fresh = line.claim(HUMAN_PLAN, "fast")
     assert fresh.episode == late.episode
-    assert line.complete(Stage.HUMAN_PLAN, late, result=b"late") == "stale"
-    assert line.complete(Stage.HUMAN_PLAN, fresh, result=b"fresh") == "ok"
-    assert line.claim(Stage.ANIMATE).inputs[0].data == b"fresh"
+    assert line.complete(HUMAN_PLAN, late, result=b"late") is VerdictStatus.STALE
+    assert line.complete(HUMAN_PLAN, fresh, result=b"fresh") is VerdictStatus.OK
+    assert line.claim(ANIMATE).inputs[0].data == b"fresh"
     assert line.status().requeued == 1
 
 
 def test_renewed_lease_does_not_expire(line: Line) -> None:
-    claim = line.claim(Stage.HUMAN_PLAN)
+    claim = line.claim(HUMAN_PLAN)
     line.now_s = 14.0
     renew = RenewRequest(worker="w", index=0, attempt=claim.attempt)
-    assert line.bus.request("coord/human-plan/renew", renew, Verdict).status == "ok"
+    assert line.bus.request(topics.renew("human-plan"), renew).status is VerdictStatus.OK
     line.now_s = 20.0
     requeue_lost(line.coordinator)
-    assert line.complete(Stage.HUMAN_PLAN, claim, result=b"x") == "ok"
+    assert line.complete(HUMAN_PLAN, claim, result=b"x") is VerdictStatus.OK
 
 
 def test_dead_workers_leases_are_free_at_once(line: Line) -> None:
-    line.claim(Stage.HUMAN_PLAN, "dead")
-    alive = line.claim(Stage.HUMAN_PLAN, "alive")
+    line.claim(HUMAN_PLAN, "dead")
+    alive = line.claim(HUMAN_PLAN, "alive")
     requeue_lost(line.coordinator, worker="dead")
-    again = line.claim(Stage.HUMAN_PLAN, "alive")
+    again = line.claim(HUMAN_PLAN, "alive")
     assert again.episode is not None
     assert (again.episode.index, again.attempt) == (0, 2)
-    assert line.complete(Stage.HUMAN_PLAN, alive, result=b"x") == "ok"
+    assert line.complete(HUMAN_PLAN, alive, result=b"x") is VerdictStatus.OK
 
 
 def test_grant_is_refused_to_an_attempt_that_lost_its_lease(line: Line) -> None:
     line.plan()
-    late = line.claim(Stage.RENDER)
+    late = line.claim(RENDER)
     line.now_s = 100.0
     requeue_lost(line.coordinator)
-    fresh = line.claim(Stage.RENDER)
-    assert line.grant(late) == "stale"
-    assert line.grant(fresh) == "ok"
-    assert line.grant(fresh) == "ok"
+    fresh = line.claim(RENDER)
+    assert line.grant(late) is VerdictStatus.STALE
+    assert line.grant(fresh) is VerdictStatus.OK
+    assert line.grant(fresh) is VerdictStatus.OK
     line.done(fresh)
-    assert line.grant(late) == "done"
+    assert line.grant(late) is VerdictStatus.DONE
 
 
 def test_granted_episode_does_not_expire_and_is_listed_as_pending(line: Line) -> None:
     line.plan()
-    claim = line.claim(Stage.RENDER)
+    claim = line.claim(RENDER)
     line.grant(claim)
     line.now_s = 1000.0
     requeue_lost(line.coordinator)
-    assert line.claim(Stage.RENDER).status == "wait"
-    assert line.bus.request("coord/rec/pending", PendingRequest(recorder="rec0"), PendingReply).indices == (0,)
-    line.bus.request("coord/rec/lost", LostRequest(recorder="rec0", index=0, reason=""), Verdict)
-    assert line.claim(Stage.RENDER).status == "lease"
+    assert line.claim(RENDER).status is ClaimStatus.WAIT
+    assert line.bus.request(topics.PENDING, PendingRequest(recorder="rec0")).indices == (0,)
+    line.bus.request(topics.LOST, LostRequest(recorder="rec0", index=0, reason=""))
+    assert line.claim(RENDER).status is ClaimStatus.LEASE
 
 
 def test_restart_keeps_progress_and_frees_leases(tmp_path: Path) -> None:
     first = Line(tmp_path)
     first.plan()
-    claim = first.claim(Stage.RENDER)
+    claim = first.claim(RENDER)
     first.grant(claim)
     first.done(claim)
-    late = first.claim(Stage.HUMAN_PLAN)
+    late = first.claim(HUMAN_PLAN)
     first.coordinator.ledger.close()
     second = Line(tmp_path, wanted=4)
     assert second.status().committed == 1
     indices = []
-    while (claim := second.claim(Stage.HUMAN_PLAN)).status == "lease":
+    while (claim := second.claim(HUMAN_PLAN)).status is ClaimStatus.LEASE:
         assert claim.episode is not None
         indices.append(claim.episode.index)
     assert indices == [1, 2, 3]
-    assert second.complete(Stage.HUMAN_PLAN, late, result=b"late") == "stale"
+    assert second.complete(HUMAN_PLAN, late, result=b"late") is VerdictStatus.STALE
 
 
 def test_repeated_failure_fails_the_run_with_the_workers_words(line: Line) -> None:
     for attempt in range(3):
         assert line.status().failed == ""
-        claim = line.claim(Stage.HUMAN_PLAN)
+        claim = line.claim(HUMAN_PLAN)
         assert claim.attempt == attempt + 1
-        line.complete(Stage.HUMAN_PLAN, claim, failed="ValueError: no floor")
+        line.complete(HUMAN_PLAN, claim, failed="ValueError: no floor")
     assert "ValueError: no floor" in line.status().failed
-    assert line.claim(Stage.HUMAN_PLAN).status == "done"
+    assert line.claim(HUMAN_PLAN).status is ClaimStatus.DONE
 
 
 def test_scene_in_which_every_index_is_rejected_ends_the_run(tmp_path: Path) -> None:
     line = Line(tmp_path, wanted=2, rejections_max=5)
-    while (claim := line.claim(Stage.HUMAN_PLAN)).status == "lease":
-        line.complete(Stage.HUMAN_PLAN, claim, rejected="no path")
+    while (claim := line.claim(HUMAN_PLAN)).status is ClaimStatus.LEASE:
+        line.complete(HUMAN_PLAN, claim, rejected="no path")
     assert line.status().failed == "5 indices were rejected and 0 accepted: no path (5)."
 
 
@@ -259,53 +259,51 @@ def test_planning_waits_while_enough_is_planned(tmp_path: Path) -> None:
     line = Line(tmp_path, wanted=5, plan_ahead=2)
     line.plan()
     line.plan()
-    assert line.claim(Stage.HUMAN_PLAN).status == "wait"
-    claim = line.claim(Stage.RENDER)
+    assert line.claim(HUMAN_PLAN).status is ClaimStatus.WAIT
+    claim = line.claim(RENDER)
     line.grant(claim)
     line.done(claim)
-    assert line.claim(Stage.HUMAN_PLAN).status == "lease"
+    assert line.claim(HUMAN_PLAN).status is ClaimStatus.LEASE
 
 
 def test_worker_of_another_numeric_class_is_refused(line: Line) -> None:
-    assert line.claim(Stage.HUMAN_PLAN, numeric_class="numpy-1").status == "lease"
-    assert line.claim(Stage.HUMAN_PLAN, numeric_class="numpy-2").status == "refused"
+    assert line.claim(HUMAN_PLAN, numeric_class="numpy-1").status is ClaimStatus.LEASE
+    assert line.claim(HUMAN_PLAN, numeric_class="numpy-2").status is ClaimStatus.REFUSED
 
 
 def test_paused_run_gives_no_work_until_resumed(line: Line) -> None:
-    line.bus.request("ctl", ControlRequest(command="pause"), Verdict)
-    assert line.claim(Stage.HUMAN_PLAN).status == "wait"
-    line.bus.request("ctl", ControlRequest(command="resume"), Verdict)
-    assert line.claim(Stage.HUMAN_PLAN).status == "lease"
+    line.bus.request(topics.CONTROL, ControlRequest(command=Command.PAUSE))
+    assert line.claim(HUMAN_PLAN).status is ClaimStatus.WAIT
+    line.bus.request(topics.CONTROL, ControlRequest(command=Command.RESUME))
+    assert line.claim(HUMAN_PLAN).status is ClaimStatus.LEASE
     assert line.status().failed == ""
-    line.bus.request("ctl", ControlRequest(command="cancel"), Verdict)
-    assert line.claim(Stage.HUMAN_PLAN).status == "done"
+    line.bus.request(topics.CONTROL, ControlRequest(command=Command.CANCEL))
+    assert line.claim(HUMAN_PLAN).status is ClaimStatus.DONE
     assert line.status().failed.startswith("The run was cancelled")
 
 
 def test_large_result_is_fetched_in_chunks(tmp_path: Path) -> None:
-    from readygo.common.bus import fetch_blob
-
     line = Line(tmp_path, inline_bytes=10, blob_chunk_bytes=7)
-    line.complete(Stage.HUMAN_PLAN, line.claim(Stage.HUMAN_PLAN), result=bytes(range(100)))
-    (blob,) = line.claim(Stage.ANIMATE).inputs
+    line.complete(HUMAN_PLAN, line.claim(HUMAN_PLAN), result=bytes(range(100)))
+    (blob,) = line.claim(ANIMATE).inputs
     assert blob.data == b""
     assert fetch_blob(line.bus, blob.sha256) == bytes(range(100))
 
 
 def test_second_recorders_copy_of_a_durable_episode_is_stale(line: Line) -> None:
     line.plan()
-    claim = line.claim(Stage.RENDER)
+    claim = line.claim(RENDER)
     line.grant(claim)
-    assert line.done(claim) == "ok"
+    assert line.done(claim) is VerdictStatus.OK
     other = DoneRequest(recorder="rec1", index=0, attempt=1, shard="t", sample_count=10)
-    assert line.bus.request("coord/rec/done", other, Verdict).status == "stale"
-    assert line.done(claim) == "ok"
+    assert line.bus.request(topics.DONE, other).status is VerdictStatus.STALE
+    assert line.done(claim) is VerdictStatus.OK
 
 
 def _indices(line: Line) -> list[int]:
     """The indices that wait for planning; claims them all."""
     indices = []
-    while (claim := line.claim(Stage.HUMAN_PLAN)).status == "lease":
+    while (claim := line.claim(HUMAN_PLAN)).status is ClaimStatus.LEASE:
         assert claim.episode is not None
         indices.append(claim.episode.index)
     return indices
@@ -315,8 +313,8 @@ def test_shorter_run_keeps_the_smallest_indices_and_a_longer_one_opens_the_rest_
     first = Line(tmp_path, wanted=6)
     first.plan()
     first.plan(rejected="timeout")
-    last = [first.claim(Stage.HUMAN_PLAN) for _ in range(4)][-1]
-    first.complete(Stage.HUMAN_PLAN, last, rejected="no path")
+    last = [first.claim(HUMAN_PLAN) for _ in range(4)][-1]
+    first.complete(HUMAN_PLAN, last, rejected="no path")
     first.coordinator.ledger.close()
     second = Line(tmp_path, wanted=3)
     assert second.status().rejected == {"timeout": 1}
@@ -334,9 +332,9 @@ def test_shortest_run_reaches_to_the_last_durable_episode(tmp_path: Path) -> Non
     ledger.commit(3, "rec0", "s", 10)
     assert ledger.wanted_min() == 4
     ledger.drop_episodes(2)
-    assert ledger.count("waiting") == {"human-plan": 3}
+    assert ledger.waiting() == {"human-plan": 3}
     ledger.drop_episodes(4)
-    assert ledger.count("waiting") == {"human-plan": 2}
+    assert ledger.waiting() == {"human-plan": 2}
     ledger.close()
 
 
@@ -353,5 +351,118 @@ def test_full_disk_is_said_in_one_line_and_undoes_the_step(tmp_path: Path) -> No
     ledger._db.execute(f"PRAGMA max_page_count = {pages}")
     with pytest.raises(RunError, match="database or disk is full; if the disk is full, free some space"):
         ledger.open_episodes(10_000)
-    assert ledger.count("waiting") == {"human-plan": 3}
+    assert ledger.waiting() == {"human-plan": 3}
     ledger.close()
+
+
+REFEREE = Stage(name="referee", role="referee", needs=("robot-plan",))
+FILM = dataclasses.replace(RENDER, needs=("referee", "human-plan"))
+
+
+def _with_referee(on_rejection: OnRejection) -> tuple[Stage, ...]:
+    """The line with a fourth stage before the last one."""
+    return (HUMAN_PLAN, ANIMATE, ROBOT_PLAN, dataclasses.replace(REFEREE, on_rejection=on_rejection), FILM)
+
+
+def test_new_stage_gets_what_it_needs_and_gives_what_others_need(tmp_path: Path) -> None:
+    stages = _with_referee(OnRejection.SKIP)
+    line = Line(tmp_path, stages=stages, wanted=1)
+    line.pass_on(*stages[:3])
+    assert line.claim(stages[4]).status is ClaimStatus.WAIT
+    judged = line.claim(stages[3])
+    assert [blob.data for blob in judged.inputs] == [b"robot-plan"]
+    assert judged.recorder == ""
+    assert line.complete(stages[3], judged, result=b"fair") is VerdictStatus.OK
+    filmed = line.claim(stages[4])
+    assert [blob.data for blob in filmed.inputs] == [b"fair", b"human-plan"]
+    assert filmed.recorder == "rec0"
+    assert line.grant(filmed) is VerdictStatus.OK
+    assert line.done(filmed) is VerdictStatus.OK
+    assert line.status().finished
+
+
+def test_rejection_of_a_new_stage_skips_the_index_or_keeps_the_episode(tmp_path: Path) -> None:
+    for on_rejection in OnRejection:
+        (tmp_path / on_rejection.value).mkdir()
+        stages = _with_referee(on_rejection)
+        line = Line(tmp_path / on_rejection.value, stages=stages, wanted=1)
+        line.pass_on(*stages[:3])
+        judged = line.claim(stages[3])
+        assert line.complete(stages[3], judged, result=b"foul", rejected="too close") is VerdictStatus.OK
+        filmed = line.claim(stages[4])
+        if on_rejection is OnRejection.SKIP:
+            assert filmed.status is ClaimStatus.WAIT
+            assert (line.status().rejected, line.status().kept) == ({"too close": 1}, {})
+            assert line.claim(HUMAN_PLAN).status is ClaimStatus.LEASE
+        else:
+            assert filmed.inputs[0].data == b"foul"
+            line.grant(filmed)
+            line.done(filmed)
+            assert (line.status().rejected, line.status().kept) == ({}, {"too close": 1})
+            assert line.status().finished
+
+
+def test_late_rejection_that_would_be_kept_is_stale(tmp_path: Path) -> None:
+    stages = _with_referee(OnRejection.KEEP)
+    line = Line(tmp_path, stages=stages)
+    line.pass_on(*stages[:3])
+    late = line.claim(stages[3])
+    line.now_s = 100.0
+    requeue_lost(line.coordinator)
+    line.claim(stages[3])
+    assert line.complete(stages[3], late, result=b"foul", rejected="too close") is VerdictStatus.STALE
+    assert line.status().kept == {}
+
+
+def test_grant_is_for_the_stage_that_records_only(line: Line) -> None:
+    assert line.grant(line.claim(HUMAN_PLAN)) is VerdictStatus.STALE
+
+
+def test_episodes_are_shared_by_the_runs_recorders(tmp_path: Path) -> None:
+    line = Line(tmp_path, recorders=("rec0", "rec1"))
+    names = []
+    for _ in range(3):
+        line.plan()
+        names.append(line.claim(RENDER).recorder)
+    assert names == ["rec0", "rec1", "rec0"]
+
+
+def test_recorder_that_holds_grants_cannot_be_left_out(tmp_path: Path) -> None:
+    first = Line(tmp_path)
+    first.plan()
+    first.grant(first.claim(RENDER))
+    first.coordinator.ledger.close()
+    with pytest.raises(RunError, match=r"Recorder 'rec0' was given episodes of this run; name it in \[coordinator\]"):
+        Line(tmp_path, recorders=("other",))
+
+
+def test_worker_that_leaves_the_bus_frees_its_leases(line: Line) -> None:
+    worker = InProcessBus(line.bus)
+    worker.announce("human-planner", "w")
+    held = line.claim(HUMAN_PLAN, "w")
+    worker.close()
+    deadline_s = time.monotonic() + 5.0
+    while line.status().requeued == 0:
+        assert time.monotonic() < deadline_s
+    assert line.claim(HUMAN_PLAN).attempt == held.attempt + 1
+
+
+def test_tick_ends_old_leases_and_says_how_far_the_run_is(line: Line) -> None:
+    heard: queue.SimpleQueue[StatusReply] = queue.SimpleQueue()
+    line.bus.subscribe(topics.PROGRESS, heard.put)
+    line.claim(HUMAN_PLAN)
+    line.now_s = 100.0
+    tick(line.bus, line.coordinator)
+    status = heard.get(timeout=5.0)
+    assert (status.requeued, status.waiting) == (1, {"human-plan": 3})
+
+
+def test_result_that_two_episodes_share_stays_until_both_are_durable(line: Line) -> None:
+    line.plan()
+    line.plan()
+    for left in (3, 0):
+        claim = line.claim(RENDER)
+        assert [blob.data for blob in claim.inputs] == [b"human-plan", b"animate", b"robot-plan"]
+        line.grant(claim)
+        line.done(claim)
+        assert len(list(line.coordinator.blobs._folder.iterdir())) == left

@@ -11,20 +11,17 @@ from readygo.common.episode import EpisodeConfig
 from readygo.common.maps import FloorMap, GridFrame, OccupancyMap
 from readygo.common.messages import (
     AnimateReply,
-    AnimateRequest,
     EpisodeMotions,
     HumanMotion,
     HumanPlanReply,
-    HumanPlanRequest,
     HumanTrajectory,
     Motion,
     Outcome,
     RenderReply,
-    RenderRequest,
     RobotPlanReply,
-    RobotPlanRequest,
     RobotTrajectory,
     Scenario,
+    topics,
 )
 from readygo.common.policy import PolicySpec
 from readygo.common.robot import CameraConfig, RobotConfig
@@ -140,10 +137,10 @@ def services():
 @pytest.fixture
 def make_evaluator(services):
     bus = InProcessBus()
-    bus.serve("human-plan", HumanPlanRequest, services.plan)
-    bus.serve("animate", AnimateRequest, services.animate)
-    bus.serve("robot-plan", RobotPlanRequest, services.robot_plan)
-    bus.serve("render/0", RenderRequest, services.render)
+    bus.serve(topics.HUMAN_PLAN, services.plan)
+    bus.serve(topics.ANIMATE, services.animate)
+    bus.serve(topics.ROBOT_PLAN, services.robot_plan)
+    bus.serve(topics.render("0"), services.render)
 
     def make(*, policy=None, **settings):
         return Evaluator(

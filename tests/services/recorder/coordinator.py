@@ -2,7 +2,16 @@
 
 from readygo.common.bus import InProcessBus
 from readygo.common.errors import BusError
-from readygo.common.messages import DoneRequest, GrantRequest, LostRequest, PendingReply, PendingRequest, Verdict
+from readygo.common.messages import (
+    DoneRequest,
+    GrantRequest,
+    LostRequest,
+    PendingReply,
+    PendingRequest,
+    Verdict,
+    VerdictStatus,
+    topics,
+)
 
 
 class FakeCoordinator:
@@ -10,15 +19,15 @@ class FakeCoordinator:
         self.bus = InProcessBus()
         self.away: set[str] = set()
         """Topics that are not answered; "grant-reply" acts on the grant and loses the answer."""
-        self.verdicts: dict[int, str] = {}
+        self.verdicts: dict[int, VerdictStatus] = {}
         self.stale_done: set[int] = set()
         self.granted: dict[int, int] = {}
         self.done: list[DoneRequest] = []
         self.lost: list[LostRequest] = []
-        self.bus.serve("coord/rec/grant", GrantRequest, self._grant)
-        self.bus.serve("coord/rec/done", DoneRequest, self._done)
-        self.bus.serve("coord/rec/lost", LostRequest, self._lost)
-        self.bus.serve("coord/rec/pending", PendingRequest, self._pending)
+        self.bus.serve(topics.GRANT, self._grant)
+        self.bus.serve(topics.DONE, self._done)
+        self.bus.serve(topics.LOST, self._lost)
+        self.bus.serve(topics.PENDING, self._pending)
 
     @property
     def done_indices(self) -> list[int]:
@@ -33,8 +42,8 @@ class FakeCoordinator:
 
     def _grant(self, request: GrantRequest) -> Verdict:
         self._answer("grant")
-        status = self.verdicts.get(request.index, "ok")
-        if status == "ok":
+        status = self.verdicts.get(request.index, VerdictStatus.OK)
+        if status is VerdictStatus.OK:
             self.granted[request.index] = request.attempt
         self._answer("grant-reply")
         return Verdict(status=status)
@@ -42,16 +51,16 @@ class FakeCoordinator:
     def _done(self, request: DoneRequest) -> Verdict:
         self._answer("done")
         if request.index in self.stale_done:
-            return Verdict(status="stale")
+            return Verdict(status=VerdictStatus.STALE)
         self.granted.pop(request.index, None)
         self.done.append(request)
-        return Verdict(status="ok")
+        return Verdict(status=VerdictStatus.OK)
 
     def _lost(self, request: LostRequest) -> Verdict:
         self._answer("lost")
         self.granted.pop(request.index, None)
         self.lost.append(request)
-        return Verdict(status="ok")
+        return Verdict(status=VerdictStatus.OK)
 
     def _pending(self, request: PendingRequest) -> PendingReply:
         self._answer("pending")

@@ -6,7 +6,7 @@ import pytest
 
 from readygo.common.dataset import Dataset, encode_episode, validate
 from readygo.common.errors import BusError
-from readygo.common.messages import GrantRequest, Verdict
+from readygo.common.messages import AppendStatus, GrantRequest, Verdict, VerdictStatus
 from readygo.services.recorder import Recorder, RecorderConfig, handle_append
 from tests.common.dataset.episodes import METADATA, append_requests, make_episode
 from tests.services.recorder.coordinator import FakeCoordinator
@@ -36,9 +36,9 @@ class LeasingCoordinator(FakeCoordinator):
 
     def _grant(self, request: GrantRequest) -> Verdict:
         if request.index in self.done_indices:
-            return Verdict(status="done")
+            return Verdict(status=VerdictStatus.DONE)
         if request.attempt != self.attempts[request.index]:
-            return Verdict(status="stale")
+            return Verdict(status=VerdictStatus.STALE)
         return super()._grant(request)
 
 
@@ -84,11 +84,11 @@ class Site:
             except PowerCut:
                 self.restart()
                 continue
-            if reply.status in ("committed", "dup", "stale"):
+            if reply.status in (AppendStatus.COMMITTED, AppendStatus.DUP, AppendStatus.STALE):
                 return
-            if reply.status == "gap":
+            if reply.status is AppendStatus.GAP:
                 position = reply.expected_seq // 4
-            elif reply.status == "ok":
+            elif reply.status is AppendStatus.OK:
                 position += 1
 
     def open_episodes(self) -> list[int]:

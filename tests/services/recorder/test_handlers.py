@@ -10,7 +10,17 @@ import pytest
 from readygo.common.bus import InProcessBus
 from readygo.common.dataset import Dataset, validate
 from readygo.common.errors import DatasetError, RunError
-from readygo.common.messages import AppendReply, AppendRequest, EpisodeKey, Split, decode, encode
+from readygo.common.messages import (
+    AppendReply,
+    AppendRequest,
+    AppendStatus,
+    EpisodeKey,
+    Split,
+    VerdictStatus,
+    decode,
+    encode,
+    topics,
+)
 from readygo.services.recorder import Recorder, RecorderConfig, attach, handle_append
 from readygo.services.recorder.buffers import EpisodeBuffers
 from tests.common.dataset.episodes import METADATA, append_requests, make_episode
@@ -34,7 +44,7 @@ def make_recorder(tmp_path: Path, coordinator: FakeCoordinator) -> Iterator[Make
 
 
 def send(recorder: Recorder, requests: list[AppendRequest]) -> list[str]:
-    return [handle_append(recorder, request).status for request in requests]
+    return [handle_append(recorder, request).status.value for request in requests]
 
 
 def crash(recorder: Recorder) -> None:
@@ -85,9 +95,9 @@ def test_batch_sent_again_changes_nothing(make_recorder, coordinator, tmp_path) 
 def test_missing_batch_is_asked_for(make_recorder) -> None:
     recorder = make_recorder()
     first, second, last = append_requests(0, 20)
-    assert handle_append(recorder, second) == AppendReply(status="gap", expected_seq=0)
+    assert handle_append(recorder, second) == AppendReply(status=AppendStatus.GAP, expected_seq=0)
     assert send(recorder, [first]) == ["ok"]
-    assert handle_append(recorder, last) == AppendReply(status="gap", expected_seq=8)
+    assert handle_append(recorder, last) == AppendReply(status=AppendStatus.GAP, expected_seq=8)
     assert send(recorder, [second, last]) == ["ok", "committed"]
 
 
@@ -99,10 +109,10 @@ def test_damaged_sample_is_asked_for_again_but_not_for_ever(make_recorder) -> No
     damaged = dataclasses.replace(good, samples=tuple(samples))
     for _ in range(3):
         reply = handle_append(recorder, damaged)
-        assert (reply.status, reply.expected_seq) == ("gap", 5)
+        assert (reply.status.value, reply.expected_seq) == ("gap", 5)
     with pytest.raises(DatasetError, match="sample 5 never matches its CRC-32"):
         handle_append(recorder, damaged)
-    assert handle_append(recorder, good).status == "ok"
+    assert handle_append(recorder, good).status is AppendStatus.OK
 
 
 def test_contradicting_batches_are_refused(make_recorder) -> None:
@@ -127,9 +137,9 @@ def test_newer_attempt_replaces_older_one(make_recorder, coordinator) -> None:
 
 def test_attempt_that_lost_its_lease_is_stale(make_recorder, coordinator, tmp_path) -> None:
     recorder = make_recorder()
-    coordinator.verdicts[0] = "stale"
+    coordinator.verdicts[0] = VerdictStatus.STALE
     assert send(recorder, append_requests(0)) == ["ok", "stale"]
-    coordinator.verdicts[1] = "done"
+    coordinator.verdicts[1] = VerdictStatus.DONE
     assert send(recorder, append_requests(1)) == ["ok", "dup"]
     recorder.close()
     assert names(tmp_path) == []
@@ -247,9 +257,9 @@ def test_longest_untouched_buffer_goes_first(make_recorder) -> None:
     requests = {index: append_requests(index, 20) for index in range(3)}
     batch_bytes = sum(len(sample.image) for sample in requests[0][0].samples)
     recorder._buffers._limit_bytes = int(2.5 * batch_bytes)
-    assert [handle_append(recorder, requests[index][0]).status for index in (0, 1, 2)] == ["ok"] * 3
-    assert handle_append(recorder, requests[0][1]) == AppendReply(status="gap", expected_seq=0)
-    assert handle_append(recorder, requests[2][1]).status == "ok"
+    assert [handle_append(recorder, requests[index][0]).status.value for index in (0, 1, 2)] == ["ok"] * 3
+    assert handle_append(recorder, requests[0][1]) == AppendReply(status=AppendStatus.GAP, expected_seq=0)
+    assert handle_append(recorder, requests[2][1]).status is AppendStatus.OK
 
 
 def test_an_episode_larger_than_the_bound_is_still_recorded(make_recorder) -> None:
@@ -296,7 +306,7 @@ def test_closed_recorder_asks_to_try_again(make_recorder) -> None:
 def test_service_answers_on_its_topic(make_recorder, coordinator) -> None:
     recorder = make_recorder()
     attach(coordinator.bus, recorder)
-    replies = [coordinator.bus.request("rec/r0/append", r, AppendReply).status for r in append_requests(0)]
+    replies = [coordinator.bus.request(topics.append("r0"), r).status.value for r in append_requests(0)]
     assert replies == ["ok", "committed"]
 
 
@@ -304,7 +314,7 @@ def test_service_starts_without_a_coordinator(tmp_path) -> None:
     bus = InProcessBus()
     recorder = Recorder(tmp_path, "r0", bus, METADATA, RecorderConfig(fsync=False))
     attach(bus, recorder)
-    assert bus.request("rec/r0/append", append_requests(0)[0], AppendReply).status == "ok"
+    assert bus.request(topics.append("r0"), append_requests(0)[0]).status.value == "ok"
     recorder.close()
 
 
@@ -344,7 +354,7 @@ def test_output_that_is_damaged_on_its_way_is_asked_for_again(make_recorder) -> 
     damaged = dataclasses.replace(sample, outputs={"depth": sample.outputs["depth"][:-1] + b"x"})
     samples = (*first.samples[:3], damaged, *first.samples[4:])
     reply = handle_append(recorder, dataclasses.replace(first, samples=samples))
-    assert (reply.status, reply.expected_seq) == ("gap", 3)
+    assert (reply.status.value, reply.expected_seq) == ("gap", 3)
     assert send(recorder, [first, last]) == ["ok", "committed"]
 
 

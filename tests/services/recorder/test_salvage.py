@@ -85,7 +85,7 @@ def test_start_publishes_whole_episodes_and_reports_the_others_lost(tmp_path, cu
     assert [entry.episode.index for entry in Dataset([tmp_path]).episodes] == saved
     assert validate(tmp_path).defects == ()
     assert not part.exists()
-    assert handle_append(recorder, append_requests(0, 4)[0]).status == "dup"
+    assert handle_append(recorder, append_requests(0, 4)[0]).status.value == "dup"
     recorder.close()
 
 

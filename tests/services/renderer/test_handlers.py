@@ -10,7 +10,7 @@ from readygo.common.bus import InProcessBus
 from readygo.common.errors import AvatarError, RunError
 from readygo.common.images.files import decode_output
 from readygo.common.images.images import OUTPUTS, Images
-from readygo.common.messages import EpisodeMotions, HumanMotion, People, RenderReply, RenderRequest, RenderView
+from readygo.common.messages import EpisodeMotions, HumanMotion, People, RenderReply, RenderRequest, RenderView, topics
 from readygo.services.renderer import Renderer, RendererConfig, attach, episode_header, episode_samples, handle_render
 from readygo.services.renderer import handlers as handlers_module
 from readygo.services.renderer.drawing import Drawing, packed_layers
@@ -78,7 +78,7 @@ def test_unknown_avatar_is_refused_by_name(renderer: Renderer, human: HumanMotio
 def test_request_over_the_bus_is_answered(renderer: Renderer) -> None:
     bus = InProcessBus()
     attach(bus, renderer, "7")
-    reply = bus.request("render/7", RenderRequest(views=(view(renderer),)), RenderReply)
+    reply = bus.request(topics.render("7"), RenderRequest(views=(view(renderer),)))
     assert np.array_equal(reply.rgb, render(renderer, view(renderer)).rgb)
 
 

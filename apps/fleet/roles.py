@@ -1,0 +1,23 @@
+"""Who makes up a fleet: the roles of a run's stages, and the two that every run has."""
+
+from readygo.common.messages import RunSpec
+
+COORDINATOR = "coordinator"
+RECORDER = "recorder"
+
+
+def places(spec: RunSpec, recorders: tuple[str, ...], workers: int) -> list[tuple[str, str]]:
+    """Role and name of every process of a local fleet.
+
+    Args:
+        spec: The run.
+        recorders: Names of its recorders.
+        workers: Processes of the role that does the last stage, which is the most work; every other role has one.
+    """
+    busiest = spec.stages[-1].role
+    counts = {stage.role: workers if stage.role == busiest else 1 for stage in spec.stages}
+    return [
+        (COORDINATOR, COORDINATOR),
+        *((RECORDER, name) for name in recorders),
+        *((role, f"{role}{number}") for role, count in counts.items() for number in range(count)),
+    ]

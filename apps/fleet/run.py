@@ -1,0 +1,168 @@
+"""Doing a run, in one process or with a fleet on this machine."""
+
+import queue
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from readygo.apps.fleet.fleet import Fleet
+from readygo.apps.fleet.roles import places
+from readygo.apps.fleet.worker import make_coordinator, make_recorder
+from readygo.apps.run.folder import RunFolder
+from readygo.apps.run.identity import numeric_class
+from readygo.apps.run.stages import LINE, Entry, stage_works
+from readygo.apps.run.world import World
+from readygo.common.bus import Bus, InProcessBus
+from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
+from readygo.common.errors import BusError, RunError
+from readygo.common.fleet import Worker, claim_any
+from readygo.common.messages import ClaimStatus, RunSpec, StatusReply, StatusRequest, topics
+from readygo.services import coordinator as coordination
+from readygo.services.recorder import attach as attach_recorder
+
+Show = Callable[[StatusReply], None]
+CHECK_S = 0.25
+"""How often a fleet's processes are looked at, at least [s]."""
+COORDINATOR_ABSENT_S = 60.0
+
+
+def record(
+    spec: RunSpec, out: Path, *, episodes: int, workers: int, listen: str = "", show: Show = lambda status: None
+) -> dict[str, Any]:
+    """Do a run, or the rest of it.
+
+    Args:
+        spec: What the run is.
+        out: Its data folder.
+        episodes: Episodes that the folder shall hold.
+        workers: Renderer processes of the fleet; 0 does everything in this process.
+        listen: Endpoint of the fleet's router; empty takes a free loopback port.
+        show: Hears how far the run is, now and then.
+
+    Returns:
+        What was done and what it cost, as plain values.
+
+    Raises:
+        RunError: If the run cannot be done; what is recorded stays.
+    """
+    if episodes < 1 or not 0 <= workers <= 256:
+        raise RunError(f"--episodes must be at least 1 and --workers 0..256, got {episodes} and {workers}.")
+    folder = RunFolder(out)
+    folder.check(spec)
+    begin_s = time.monotonic()
+    with folder.locked():
+        recorded, samples_before = _recorded(folder, episodes)
+        folder.save(spec, episodes)
+        if workers == 0 or recorded == episodes:
+            status = run_in_process(folder, show)
+        else:
+            status = run_fleet(folder, workers, listen or free_endpoint(), show)
+    if status.failed:
+        raise RunError(f"{status.failed} ({status.committed} of {status.wanted} episodes are recorded.)")
+    return _summary(out, status, samples_before, time.monotonic() - begin_s)
+
+
+def run_in_process(folder: RunFolder, show: Show, line: Sequence[Entry] = LINE) -> StatusReply:
+    """Do all stages in this process, through the same handlers.
+
+    Args:
+        folder: Data folder that holds the run's spec.
+        show: Hears how far the run is.
+        line: What builds the works of the run's stages.
+    """
+    bus = InProcessBus()
+    coordinator = make_coordinator(folder)
+    coordination.attach(bus, coordinator)
+    world = World(coordinator.spec, bus)
+    recorders = [make_recorder(bus, name, folder, world) for name in coordinator.config.recorders]
+    for recorder in recorders:
+        attach_recorder(bus, recorder)
+    try:
+        if not coordinator.over:
+            works = stage_works(world, bus, line=line)
+            _work_until_over(
+                bus, Worker(name="in-process", numeric_class=numeric_class(world.config), works=works), show
+            )
+    finally:
+        for recorder in recorders:
+            recorder.close()
+    status = bus.request(topics.STATUS, StatusRequest())
+    bus.close()
+    coordinator.ledger.close()
+    return status
+
+
+def _work_until_over(bus: Bus, worker: Worker, show: Show) -> None:
+    while (status := claim_any(bus, worker)) is not ClaimStatus.DONE:
+        if status is ClaimStatus.WAIT:
+            raise RunError("No stage has work, yet the run is not finished; its ledger is damaged.")
+        show(bus.request(topics.STATUS, StatusRequest()))
+
+
+def run_fleet(folder: RunFolder, workers: int, endpoint: str, show: Show) -> StatusReply:
+    """Do the run with a local fleet over Zenoh."""
+    spec, _ = folder.load()
+    router = Router(endpoint)
+    fleet = Fleet(connect=endpoint, run=spec.run, data=folder.path.resolve(), logs=folder.logs)
+    bus = ZenohBus(endpoint, spec.run)
+    try:
+        with folder.reachable(endpoint):
+            for role, name in places(spec, World(spec).config.coordinator.recorders, workers):
+                fleet.add(role, name)
+            status = _supervise(fleet, bus, show)
+    finally:
+        fleet.stop()
+        bus.close()
+        router.close()
+    if status.finished:
+        fleet.check_recorders()
+    return status
+
+
+def _supervise(fleet: Fleet, bus: Bus, show: Show) -> StatusReply:
+    """Keep the fleet alive until the coordinator says that the run is over."""
+    heard: queue.SimpleQueue[StatusReply] = queue.SimpleQueue()
+    bus.subscribe(topics.PROGRESS, heard.put)
+    heard_s = time.monotonic()
+    while True:
+        try:
+            status = heard.get(timeout=CHECK_S)
+        except queue.Empty:
+            if time.monotonic() - heard_s > COORDINATOR_ABSENT_S:
+                raise BusError(f"The coordinator has said nothing for {COORDINATOR_ABSENT_S:g} s.") from None
+        else:
+            heard_s = time.monotonic()
+            show(status)
+            if status.finished or status.failed:
+                return status
+        fleet.check()
+
+
+def _recorded(folder: RunFolder, wanted: int) -> tuple[int, int]:
+    """Durable episodes of the folder's run, and the samples in them; refuses to make the run shorter than they are."""
+    if not folder.ledger.exists():
+        return 0, 0
+    ledger = coordination.Ledger(folder.ledger)
+    (episodes, samples), wanted_min = ledger.committed(), ledger.wanted_min()
+    ledger.close()
+    if wanted_min > wanted:
+        raise RunError(
+            f"{folder.path} holds {episodes} episodes already, the last one is number {wanted_min} of its run; "
+            f"ask for at least {wanted_min} with --episodes."
+        )
+    return episodes, samples
+
+
+def _summary(out: Path, status: StatusReply, samples_before: int, wall_s: float) -> dict[str, Any]:
+    return {
+        "episodes": status.committed,
+        "samples": status.samples,
+        "wall_s": round(wall_s, 2),
+        "samples_per_s": round((status.samples - samples_before) / wall_s, 1),
+        "rejected": status.rejected,
+        "kept": status.kept,
+        "requeued": status.requeued,
+        "cpu_s": {stage: round(seconds, 2) for stage, seconds in status.cpu_s.items()},
+        "data": str(out),
+    }

@@ -1,0 +1,135 @@
+"""A run's data folder."""
+
+import dataclasses
+import fcntl
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from readygo.apps.run.config import RunConfig, resolved_sections
+from readygo.apps.run.identity import identity
+from readygo.common.config import section_from_mapping
+from readygo.common.errors import ConfigError, RunError
+from readygo.common.files import write_whole
+from readygo.common.messages import RunSpec, decode, encode
+
+STATE_FOLDER = ".readygo"
+
+
+@dataclass(frozen=True)
+class RunFolder:
+    """A data folder: finished shards on top, the run's state below `.readygo`."""
+
+    path: Path
+
+    @property
+    def state(self) -> Path:
+        """Folder of ledger, blobs, logs and spec."""
+        return self.path / STATE_FOLDER
+
+    @property
+    def ledger(self) -> Path:
+        """The ledger's file."""
+        return self.state / "ledger.sqlite"
+
+    @property
+    def blobs(self) -> Path:
+        """Results between the stages."""
+        return self.state / "blobs"
+
+    @property
+    def logs(self) -> Path:
+        """Logs of the fleet's processes."""
+        return self.state / "logs"
+
+    def check(self, spec: RunSpec) -> None:
+        """See whether this run may use the folder; changes nothing.
+
+        Raises:
+            RunError: If the folder holds another run's data, or files of something else.
+        """
+        spec_file = self.state / "spec.msgpack"
+        if spec_file.exists():
+            self._compare(decode(RunSpec, spec_file.read_bytes()), spec)
+        elif self.path.exists() and any(entry.name != STATE_FOLDER for entry in self.path.iterdir()):
+            raise RunError(f"{self.path} holds files of something else; choose an empty or new folder with --out.")
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Hold the folder's lock, made if it is missing; the lock goes with the process, however that ends.
+
+        Raises:
+            RunError: If another process holds it, or the folder cannot be written.
+        """
+        try:
+            self.logs.mkdir(parents=True, exist_ok=True)
+            lock = (self.state / "lock").open("w")
+        except OSError as error:
+            raise RunError(f"{self.path} cannot be written: {error.strerror}.") from error
+        with lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError as error:
+                raise RunError(f"Another process is generating into {self.path}; wait for it or stop it.") from error
+            yield
+
+    @contextmanager
+    def reachable(self, endpoint: str) -> Iterator[None]:
+        """Say where the run's fleet can be reached, for as long as the block runs."""
+        write_whole(self.state / "endpoint", endpoint, raises=RunError)
+        try:
+            yield
+        finally:
+            (self.state / "endpoint").unlink(missing_ok=True)
+
+    def fleet_endpoint(self) -> str:
+        """Where the fleet that is at work on the run can be reached.
+
+        Raises:
+            RunError: If none is.
+        """
+        try:
+            return (self.state / "endpoint").read_text()
+        except OSError as error:
+            raise RunError(f"No fleet is at work on {self.path}.") from error
+
+    def save(self, spec: RunSpec, wanted: int) -> None:
+        """Write what `load` reads.
+
+        Raises:
+            RunError: If the folder cannot be written.
+        """
+        write_whole(self.state / "spec.msgpack", encode(spec), raises=RunError)
+        write_whole(self.state / "wanted", str(wanted), raises=RunError)
+
+    def load(self) -> tuple[RunSpec, int]:
+        """The run's spec and the number of wanted episodes."""
+        try:
+            spec = decode(RunSpec, (self.state / "spec.msgpack").read_bytes())
+            return spec, int((self.state / "wanted").read_text())
+        except (OSError, ValueError) as error:
+            raise RunError(f"{self.path} is no data folder of a run: {error}.") from error
+
+    def _compare(self, old: RunSpec, new: RunSpec) -> None:
+        theirs, ours = identity(_with_new_settings(old)), identity(_with_new_settings(new))
+        different = [key for key in {**ours, **theirs} if theirs.get(key) != ours.get(key)]
+        if "config" in different:
+            sections = [name for name in ours["config"] if theirs["config"].get(name) != ours["config"][name]]
+            different[different.index("config")] = f"config ({', '.join(sections) or 'sections'})"
+        if different:
+            raise RunError(
+                f"{self.path} holds data of another run: {', '.join(different)} differ. "
+                "Choose another --out, or the settings of that run to resume it."
+            )
+
+
+def _with_new_settings(spec: RunSpec) -> RunSpec:
+    """The spec with the settings that it is too old to have: they are added with values that change nothing."""
+    # Before samples had labels, none were recorded: what goes on in such a folder must not begin to.
+    renderer = {"labels": False, **spec.config.get("renderer", {})}
+    try:
+        config = section_from_mapping(RunConfig, {**spec.config, "renderer": renderer})
+    except ConfigError:
+        return spec
+    return dataclasses.replace(spec, config=resolved_sections(config))

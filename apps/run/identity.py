@@ -1,0 +1,84 @@
+"""What a run is, apart from where it takes place: what its samples depend on, and what is said of it in its shards."""
+
+import hashlib
+import importlib.metadata
+import json
+import platform
+import subprocess
+from pathlib import Path
+from typing import Any
+
+from readygo.apps.run.config import RunConfig
+from readygo.common.messages import RunSpec, encode
+from readygo.common.messages.stages import EXPERT_LINE
+from readygo.services.planner.humans.scenario_file import text_hash
+from readygo.services.renderer.config import GPU_BACKENDS
+
+_NUMERIC_PACKAGES = ("numpy", "numba", "llvmlite", "scipy", "opencv-python-headless")
+_NO_IDENTITY = ("recorder", "coordinator")
+"""Sections of settings that change no sample."""
+
+
+def identity(spec: RunSpec) -> dict[str, Any]:
+    """What must be equal for two runs to give the same samples, as plain values."""
+    config = {name: section for name, section in spec.config.items() if name not in _NO_IDENTITY}
+    stages = b"" if spec.stages == EXPERT_LINE else b"".join(map(encode, spec.stages))
+    return {
+        "scene": spec.scene_hash,
+        "avatars": spec.avatar_hashes,
+        "seed": spec.seed,
+        "split": spec.split.value,
+        "static": spec.static,
+        "scenarios": text_hash(spec.scenarios) if spec.scenarios else "",
+        "config": config,
+        **({"stages": hashlib.sha256(stages).hexdigest()} if stages else {}),
+    }
+
+
+def run_name(spec: RunSpec) -> str:
+    """A short name for the run on the bus, from its identity."""
+    text = json.dumps(identity(spec), sort_keys=True)
+    return f"run-{hashlib.sha256(text.encode()).hexdigest()[:12]}"
+
+
+def numeric_class(config: RunConfig) -> str:
+    """What the bits of a run's samples depend on besides their key: backend, package versions, architecture.
+
+    Raises:
+        ReadygoError: If the backend cannot run on this machine.
+    """
+    from readygo.common.rasterizer.gpu.availability import device_class
+    from readygo.common.simd.types import fuses_multiply_adds
+
+    architecture = f"{platform.machine()}{'' if fuses_multiply_adds() else '-without-fma'}"
+    versions = [f"{name}-{importlib.metadata.version(name)}" for name in _NUMERIC_PACKAGES]
+    backend = config.renderer.backend
+    devices = [device_class(backend)] if backend in GPU_BACKENDS else []
+    if config.animator.source == "priormdm":
+        # Loads torch.
+        from readygo.services.animator.priormdm import source
+
+        devices.append(source.numeric_class(config.animator.priormdm))
+    return " ".join([backend, *devices, architecture, *versions])
+
+
+def run_metadata(
+    config: RunConfig, *, scene: dict[str, Any], avatars: dict[str, dict[str, str]], scenarios: dict[str, str]
+) -> dict[str, Any]:
+    """What is recorded with the data besides the identity; no scenario file leaves its key out."""
+    return {
+        **({"scenarios": scenarios} if scenarios else {}),
+        "readygo_version": importlib.metadata.version("readygo"),
+        "commit": _commit(),
+        "numeric_class": numeric_class(config),
+        "scene": scene,
+        "avatars": avatars,
+    }
+
+
+def _commit() -> str:
+    root = Path(__file__).resolve().parents[2]
+    if not (root / ".git").exists():
+        return ""
+    done = subprocess.run(["git", "rev-parse", "HEAD"], cwd=root, capture_output=True, text=True, check=False)
+    return done.stdout.strip()

@@ -1,0 +1,83 @@
+"""From settings to the run that they mean."""
+
+import dataclasses
+from pathlib import Path
+
+from readygo.apps.run.config import RunConfig, resolved_sections
+from readygo.apps.run.identity import run_metadata, run_name
+from readygo.apps.run.stages import LINE
+from readygo.apps.run.world import World
+from readygo.common.avatars import load_avatars
+from readygo.common.avatars.file import avatar_hash
+from readygo.common.errors import ConfigError, RunError
+from readygo.common.messages import FileRef, RunSpec, Split
+from readygo.common.scenes import Scene
+from readygo.services.planner.humans.scenario_file import load_scenarios, read_text, text_hash
+from readygo.services.renderer.sensor.lens import check_sensor
+
+
+def episode_count(scenarios: Path | None) -> int:
+    """How many episodes there are if nobody says how many: one for each scenario of a file, else 100."""
+    return len(load_scenarios(scenarios).entries) if scenarios else 100
+
+
+def make_spec(
+    scene: Scene,
+    avatars: Path | None,
+    config: RunConfig,
+    *,
+    seed: int,
+    split: Split,
+    static: bool,
+    scenarios: Path | None = None,
+) -> RunSpec:
+    """The run of these settings.
+
+    Raises:
+        RunError: If the seed cannot be recorded.
+        ConfigError: If the robot's camera cannot have the sensor's lens, or a scenario cannot take place in the scene.
+    """
+    if not 0 <= seed < 2**63:
+        raise RunError(f"--seed must be 0..2^63-1, got {seed}.")
+    check_sensor(config.renderer.sensor, config.robot.camera)
+    config = _with_weights_named(config)
+    people = {} if static else load_avatars(avatars)
+    script = read_text(scenarios) if scenarios else ""
+    spec = RunSpec(
+        run="",
+        scene_path=str(scene.path.resolve()),
+        scene_hash=scene.content_hash,
+        scene_files=tuple(FileRef(path=f.path, sha256=f.sha256, size=f.size) for f in scene.files),
+        avatars_path=str(avatars.resolve()) if avatars else "",
+        avatar_hashes={name: avatar_hash(avatar) for name, avatar in people.items()},
+        seed=seed,
+        split=split,
+        static=static,
+        config=resolved_sections(config),
+        metadata=run_metadata(
+            config,
+            scene={"name": scene.name, "hash": scene.content_hash, "license": scene.license},
+            avatars={n: {"hash": avatar_hash(a), "license": a.license} for n, a in people.items()},
+            scenarios={"name": scenarios.name, "sha256": text_hash(script)} if scenarios else {},
+        ),
+        scenarios=script,
+        stages=tuple(entry.stage for entry in LINE),
+    )
+    if scenarios:
+        # Refuses what cannot take place, before anything is started or written.
+        World(spec).planner()
+    return dataclasses.replace(spec, run=run_name(spec))
+
+
+def _with_weights_named(config: RunConfig) -> RunConfig:
+    """The configuration with the digest of a motion model's files, so that workers with others are refused."""
+    if config.animator.source != "priormdm":
+        return config
+    from readygo.services.animator.priormdm.checkpoint import files_digest
+
+    try:
+        config.animator.priormdm.check_named()
+    except ValueError as error:
+        raise ConfigError(f"{error}") from error
+    model = dataclasses.replace(config.animator.priormdm, sha256=files_digest(config.animator.priormdm))
+    return dataclasses.replace(config, animator=dataclasses.replace(config.animator, priormdm=model))

@@ -1,0 +1,82 @@
+"""A recorder's side of the commit: grants, and reports that are sent until they are acknowledged."""
+
+from collections import deque
+
+from readygo.common.bus import Bus
+from readygo.common.errors import BusError, RunError
+from readygo.common.messages import (
+    DoneRequest,
+    GrantRequest,
+    LostRequest,
+    PendingRequest,
+    VerdictStatus,
+    topics,
+)
+
+
+class Grants:
+    """What one recorder asks of the coordinator, and tells it in the order in which things happened."""
+
+    def __init__(self, bus: Bus, recorder: str, timeout_s: float) -> None:
+        self._bus = bus
+        self._recorder = recorder
+        self._timeout_s = timeout_s
+        self._waiting: deque[DoneRequest | LostRequest] = deque()
+
+    def ask(self, index: int, attempt: int) -> VerdictStatus:
+        """May the recorder make this attempt durable?
+
+        Raises:
+            BusError: If the coordinator does not answer; the grant may have been given.
+        """
+        request = GrantRequest(recorder=self._recorder, index=index, attempt=attempt)
+        return self._bus.request(topics.GRANT, request, timeout_s=self._timeout_s).status
+
+    def pending(self) -> tuple[int, ...]:
+        """Indices that the coordinator believes to be granted to this recorder and not yet durable.
+
+        Raises:
+            BusError: If the coordinator does not answer.
+        """
+        request = PendingRequest(recorder=self._recorder)
+        return self._bus.request(topics.PENDING, request, timeout_s=self._timeout_s).indices
+
+    def claim_done(self, report: DoneRequest) -> bool:
+        """Report an episode as durable right now; False if it is in another recorder's shard.
+
+        Raises:
+            BusError: If the coordinator does not answer.
+        """
+        verdict = self._bus.request(topics.DONE, report, timeout_s=self._timeout_s)
+        return verdict.status is not VerdictStatus.STALE
+
+    def report(self, report: DoneRequest | LostRequest) -> None:
+        """Queue a report for `flush`."""
+        self._waiting.append(report)
+
+    def flush(self) -> bool:
+        """Send what waits; False if the coordinator does not answer, the rest then waits on.
+
+        Raises:
+            RunError: If the coordinator has given away an episode that this recorder has made durable.
+        """
+        while self._waiting:
+            report = self._waiting[0]
+            try:
+                held = self._send(report)
+            except BusError:
+                return False
+            self._waiting.popleft()
+            if not held:
+                assert isinstance(report, DoneRequest)
+                raise RunError(
+                    f"Episode {report.index} is in {report.shard}, but the coordinator gave it to another recorder; "
+                    "remove one of the two shards and run the same command again."
+                )
+        return True
+
+    def _send(self, report: DoneRequest | LostRequest) -> bool:
+        if isinstance(report, DoneRequest):
+            return self.claim_done(report)
+        self._bus.request(topics.LOST, report, timeout_s=self._timeout_s)
+        return True

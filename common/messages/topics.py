@@ -1,0 +1,105 @@
+"""Every topic of the bus, with the messages that it carries; all lie below the run's own prefix.
+
+A `Topic` is answered by one server, a `Stream` is heard by whoever likes to.
+"""
+
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+from readygo.common.messages.coordination import (
+    BlobReply,
+    BlobRequest,
+    ClaimReply,
+    ClaimRequest,
+    CompleteRequest,
+    ControlRequest,
+    DoneRequest,
+    GrantRequest,
+    LostRequest,
+    PendingReply,
+    PendingRequest,
+    RenewRequest,
+    RunSpec,
+    RunSpecRequest,
+    StatusReply,
+    StatusRequest,
+    Verdict,
+)
+from readygo.common.messages.render import RenderReply, RenderRequest
+from readygo.common.messages.samples import AppendReply, AppendRequest
+from readygo.common.messages.stages import (
+    AnimateReply,
+    AnimateRequest,
+    HumanPlanReply,
+    HumanPlanRequest,
+    RobotPlanReply,
+    RobotPlanRequest,
+)
+
+Request = TypeVar("Request")
+Reply = TypeVar("Reply")
+Message = TypeVar("Message")
+
+
+@dataclass(frozen=True, slots=True)
+class Topic(Generic[Request, Reply]):
+    """Where requests are answered."""
+
+    name: str
+    request_type: type[Request]
+    reply_type: type[Reply]
+
+
+@dataclass(frozen=True, slots=True)
+class Stream(Generic[Message]):
+    """Where messages are published; who is slow, or comes late, misses some."""
+
+    name: str
+    message_type: type[Message]
+
+
+SPEC = Topic("coord/spec", RunSpecRequest, RunSpec)
+GRANT = Topic("coord/rec/grant", GrantRequest, Verdict)
+DONE = Topic("coord/rec/done", DoneRequest, Verdict)
+LOST = Topic("coord/rec/lost", LostRequest, Verdict)
+PENDING = Topic("coord/rec/pending", PendingRequest, PendingReply)
+BLOB = Topic("blob", BlobRequest, BlobReply)
+CONTROL = Topic("ctl", ControlRequest, Verdict)
+STATUS = Topic("ctl/status", StatusRequest, StatusReply)
+
+HUMAN_PLAN = Topic("human-plan", HumanPlanRequest, HumanPlanReply)
+ANIMATE = Topic("animate", AnimateRequest, AnimateReply)
+ROBOT_PLAN = Topic("robot-plan", RobotPlanRequest, RobotPlanReply)
+
+PROGRESS = Stream("live/progress", StatusReply)
+"""The coordinator's status, a few times a second."""
+
+
+def claim(stage: str) -> Topic[ClaimRequest, ClaimReply]:
+    """Where the workers of a stage ask for work."""
+    return Topic(f"coord/{stage}/claim", ClaimRequest, ClaimReply)
+
+
+def renew(stage: str) -> Topic[RenewRequest, Verdict]:
+    """Where the workers of a stage prolong their leases."""
+    return Topic(f"coord/{stage}/renew", RenewRequest, Verdict)
+
+
+def complete(stage: str) -> Topic[CompleteRequest, Verdict]:
+    """Where the workers of a stage hand over what they have made."""
+    return Topic(f"coord/{stage}/complete", CompleteRequest, Verdict)
+
+
+def append(recorder: str) -> Topic[AppendRequest, AppendReply]:
+    """Where a recorder takes samples."""
+    return Topic(f"rec/{recorder}/append", AppendRequest, AppendReply)
+
+
+def render(renderer: str) -> Topic[RenderRequest, RenderReply]:
+    """Where a renderer draws views."""
+    return Topic(f"render/{renderer}", RenderRequest, RenderReply)
+
+
+def presence(role: str, name: str) -> str:
+    """The liveliness token of a worker; "*" stands for any role or name."""
+    return f"alive/{role}/{name}"

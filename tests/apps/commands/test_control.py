@@ -1,0 +1,69 @@
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from readygo.apps.commands.control import cancel, pause, resume, status
+from readygo.apps.fleet.worker import make_coordinator
+from readygo.apps.run.folder import RunFolder
+from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
+from readygo.common.errors import RunError
+from readygo.services.coordinator import Coordinator, attach
+from tests.common.messages.run_specs import SPEC
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> RunFolder:
+    folder = RunFolder(tmp_path / "data")
+    with folder.locked():
+        folder.save(SPEC, 3)
+    return folder
+
+
+@pytest.fixture
+def coordinator(folder: RunFolder) -> Iterator[Coordinator]:
+    """The coordinator of a fleet that is at work on the folder."""
+    router = Router(free_endpoint())
+    bus = ZenohBus(router.endpoint, SPEC.run)
+    coordinator = make_coordinator(folder)
+    attach(bus, coordinator)
+    with folder.reachable(router.endpoint):
+        yield coordinator
+    bus.close()
+    router.close()
+    coordinator.ledger.close()
+
+
+def test_run_is_paused_and_resumed_and_cancelled(folder: RunFolder, coordinator: Coordinator) -> None:
+    pause(folder.path)
+    assert coordinator.paused
+    resume(connect=folder.fleet_endpoint(), run="run-test")
+    assert (coordinator.paused, coordinator.cancelled) == (False, False)
+    cancel(folder.path)
+    assert coordinator.cancelled
+
+
+def test_status_says_how_far_the_run_is(
+    folder: RunFolder, coordinator: Coordinator, capsys: pytest.CaptureFixture[str]
+) -> None:
+    coordinator.ledger.commit(0, "rec0", "shard", 40)
+    cancel(folder.path)
+    status(folder.path)
+    assert capsys.readouterr().out == (
+        "1 of 3 episodes, 40 samples\n  waiting: 2 human-plan\n"
+        "  ended: The run was cancelled; run the same command again to go on.\n"
+    )
+    status(folder.path, json=True)
+    reply = json.loads(capsys.readouterr().out)
+    assert (reply["committed"], reply["waiting"], reply["finished"]) == (1, {"human-plan": 2}, False)
+
+
+def test_folder_that_no_fleet_works_on_is_said_in_one_line(folder: RunFolder) -> None:
+    with pytest.raises(RunError, match=f"No fleet is at work on {folder.path}"):
+        pause(folder.path)
+
+
+def test_run_that_is_not_named_is_said_in_one_line() -> None:
+    with pytest.raises(RunError, match="Name the run: its data folder, or --connect ENDPOINT --run RUN"):
+        status(connect="tcp/127.0.0.1:7447")

@@ -1,0 +1,84 @@
+import copy
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+from readygo.apps.run.config import RunConfig, resolved_sections, with_outputs
+from readygo.apps.run.folder import RunFolder
+from readygo.common.errors import RunError
+from readygo.common.messages import OnRejection
+from readygo.common.messages.stages import ANIMATE, HUMAN_PLAN, RENDER, ROBOT_PLAN
+from tests.common.messages.run_specs import SPEC
+
+
+def test_folder_that_was_begun_on_a_full_disk_can_be_used_again(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path / "data")
+    with folder.locked():
+        pass
+    folder.check(SPEC)
+    folder.save(SPEC, 3)
+    assert folder.load() == (SPEC, 3)
+
+
+def test_folder_of_a_version_without_some_setting_can_be_gone_on_with(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path)
+    ours = dataclasses.replace(SPEC, config=resolved_sections(RunConfig()))
+    theirs = dataclasses.replace(SPEC, config=copy.deepcopy(ours.config))
+    del theirs.config["renderer"]["outputs"]
+    with folder.locked():
+        folder.save(theirs, 3)
+    folder.check(ours)
+
+
+def test_folder_from_before_there_were_labels_is_refused_but_with_labels_off(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path)
+    with_labels = RunConfig()
+    without = dataclasses.replace(with_labels, renderer=dataclasses.replace(with_labels.renderer, labels=False))
+    old = dataclasses.replace(SPEC, config=copy.deepcopy(resolved_sections(with_labels)))
+    del old.config["renderer"]["labels"]
+    with folder.locked():
+        folder.save(old, 3)
+    folder.check(dataclasses.replace(SPEC, config=resolved_sections(without)))
+    with pytest.raises(RunError, match=r"config \(renderer\) differ"):
+        folder.check(dataclasses.replace(SPEC, config=resolved_sections(with_labels)))
+
+
+def test_folder_with_other_outputs_is_refused(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path)
+    plain, rich = (
+        dataclasses.replace(SPEC, config=resolved_sections(with_outputs(RunConfig(), names)))
+        for names in ("rgb", "rgb,depth")
+    )
+    with folder.locked():
+        folder.save(plain, 3)
+    folder.check(plain)
+    with pytest.raises(RunError, match=r"config \(renderer\) differ"):
+        folder.check(rich)
+
+
+def test_folder_of_a_later_version_is_refused(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path)
+    with folder.locked():
+        folder.save(dataclasses.replace(SPEC, config={"renderer": {"antigravity": True}}), 3)
+    with pytest.raises(RunError, match=r"config \(.*renderer.*\) differ"):
+        folder.check(dataclasses.replace(SPEC, config=resolved_sections(RunConfig())))
+
+
+def test_folder_of_a_run_with_other_stages_is_refused(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path)
+    kept = dataclasses.replace(ROBOT_PLAN, on_rejection=OnRejection.KEEP)
+    other = dataclasses.replace(SPEC, stages=(HUMAN_PLAN, ANIMATE, kept, RENDER))
+    with folder.locked():
+        folder.save(other, 3)
+    folder.check(other)
+    with pytest.raises(RunError, match="holds data of another run: stages differ"):
+        folder.check(SPEC)
+
+
+def test_endpoint_is_known_while_a_fleet_is_at_work(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path)
+    with folder.locked(), folder.reachable("tcp/127.0.0.1:7447"):
+        assert folder.fleet_endpoint() == "tcp/127.0.0.1:7447"
+    with pytest.raises(RunError, match="No fleet is at work on"):
+        folder.fleet_endpoint()

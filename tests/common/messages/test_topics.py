@@ -1,0 +1,55 @@
+import re
+from pathlib import Path
+
+import pytest
+
+from readygo.common.messages import topics
+from readygo.common.messages.topics import Stream, Topic
+
+ROOT = Path(__file__).resolve().parents[3]
+TOPICS = [
+    *(value for value in vars(topics).values() if isinstance(value, (Topic, Stream))),
+    *(make("*") for make in (topics.claim, topics.renew, topics.complete, topics.append, topics.render)),
+]
+
+
+def test_names_of_the_wire_do_not_change_silently() -> None:
+    assert sorted(topic.name for topic in TOPICS) == [
+        "animate",
+        "blob",
+        "coord/*/claim",
+        "coord/*/complete",
+        "coord/*/renew",
+        "coord/rec/done",
+        "coord/rec/grant",
+        "coord/rec/lost",
+        "coord/rec/pending",
+        "coord/spec",
+        "ctl",
+        "ctl/status",
+        "human-plan",
+        "live/progress",
+        "rec/*/append",
+        "render/*",
+        "robot-plan",
+    ]
+    assert topics.presence("renderer", "r0") == "alive/renderer/r0"
+
+
+@pytest.mark.parametrize("folder", ["common", "services", "apps", "benchmarks"])
+def test_no_topic_is_written_down_anywhere_else(folder: str) -> None:
+    literal = re.compile(r"""["'](coord/|ctl["'/]|rec/|render/|blob["']|alive/|live/)""")
+    found = [
+        f"{path.relative_to(ROOT)}: {line.strip()}"
+        for path in (ROOT / folder).rglob("*.py")
+        for line in path.read_text().splitlines()
+        if literal.search(line) and path.name != "topics.py"
+    ]
+    assert found == []
+
+
+def test_every_topic_stands_in_the_architecture() -> None:
+    rows = (ROOT / "ARCHITECTURE.md").read_text().split("## Topics")[1].split("\n## ")[0]
+    for topic in TOPICS:
+        last_word = topic.name.rsplit("/", 1)[-1]
+        assert (topic.name.split("/*")[0] if last_word == "*" else last_word) in rows, topic.name
