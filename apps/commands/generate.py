@@ -30,6 +30,7 @@ from readygo.common.avatars import load_avatars
 from readygo.common.avatars.file import avatar_hash
 from readygo.common.bus import InProcessBus, claim_once
 from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
+from readygo.common.camera.lens import check_sensor
 from readygo.common.errors import BusError, ConfigError, RunError
 from readygo.common.messages import FileRef, RunSpec, Split, Stage, StatusReply, StatusRequest
 from readygo.common.robot import load_robot
@@ -39,8 +40,7 @@ from readygo.services.planner.humans.recipes import PeopleName
 from readygo.services.planner.humans.scenario_file import load_scenarios, read_text, text_hash
 from readygo.services.recorder import Recorder
 from readygo.services.recorder import attach as attach_recorder
-from readygo.services.renderer.sensor.config import SensorName
-from readygo.services.renderer.sensor.lens import check_sensor
+from readygo.services.renderer.sensor.recipes import SensorName
 
 Show = Callable[[StatusReply], None]
 POLL_S = 0.25
@@ -87,7 +87,8 @@ def generate(
             "exact", by default.
         robot: robot.toml of another robot.
         config: TOML file with sections of settings.
-        sensor: Recipe of the camera's lens and sensor, in place of the section [renderer.sensor] of `config`.
+        sensor: Recipe of the camera's lens, light and shutter and of what varies of them, in place of what robot and
+            `config` say of that.
         listen: Endpoint of the fleet's router, such as tcp/127.0.0.1:7447, for workers that are started by hand; a
             free loopback port by default.
         json: Print the summary as JSON.

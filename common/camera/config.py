@@ -156,7 +156,7 @@ class CameraConfig:
 
     @property
     def edge_s(self) -> float | None:
-        """s at the middle of the right edge as `horizontal_fov_deg` says it; None if intrinsics are given."""
+        """S at the middle of the right edge as `horizontal_fov_deg` says it; None if intrinsics are given."""
         if self.horizontal_fov_deg is None:
             return None
         half_rad = math.radians(self.horizontal_fov_deg) / 2

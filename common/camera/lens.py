@@ -223,9 +223,7 @@ def _ray(fisheye: bool, c: Floats, s_max: float, xd: float, yd: float) -> tuple[
 
 
 @njit(cache=True, error_model="numpy")
-def _rays(
-    uv: Floats, fisheye: bool, c: Floats, s_max: float, intrinsics: tuple[float, float, float, float]
-) -> Floats:
+def _rays(uv: Floats, fisheye: bool, c: Floats, s_max: float, intrinsics: tuple[float, float, float, float]) -> Floats:
     fx, fy, cx, cy = intrinsics
     out = np.empty_like(uv)
     for i in range(len(uv)):

@@ -15,7 +15,7 @@ Range = tuple[float, ...]
 
 @dataclass(frozen=True, kw_only=True)
 class SensorConfig:
-    """Values of the camera that are drawn anew for every episode, uniformly from (lowest, highest), in place of its own.
+    """Values of the camera that are drawn anew for every episode in place of its own: (lowest, highest), uniformly.
 
     () keeps the camera's own value. The names are those of `CameraConfig`.
     """

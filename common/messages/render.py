@@ -24,8 +24,8 @@ class RenderView:
     episode: EpisodeKey | None = field(default=None, metadata=OMITTED_WHEN_EMPTY)
     """The episode whose camera looks: what its sensor draws. None: the key of the people stands for it."""
     path_xyyaw: tuple[tuple[float, float, float], ...] = field(default=(), metadata=OMITTED_WHEN_EMPTY)
-    """The robot at the latest steps: x [m], y [m], yaw [rad] (not wrapped), the last row at `step`, where the camera has
-    the pose above. Motion blur and rolling shutter need it; without, the camera stands still."""
+    """The robot at the latest steps: x [m], y [m], yaw [rad] (not wrapped), the last row at `step`, from where the
+    camera has the pose above. Motion blur and rolling shutter need it; without, the camera stands still."""
 
     def __post_init__(self) -> None:
         check_array("T_world_camera", self.T_world_camera, np.float64, (4, 4))

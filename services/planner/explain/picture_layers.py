@@ -1,11 +1,10 @@
 """What a picture of an episode is put together from, each on a view from above."""
 
-import math
-
 import cv2
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.camera.view import view_of
 from readygo.common.drawing import plan_view
 from readygo.common.drawing.files import Picture
 from readygo.common.drawing.plan_view import GOAL, HUMANS, INK, ROBOT, WHITE, Rgb

@@ -17,7 +17,9 @@ SensorRecipe = Callable[[CameraConfig, RendererConfig], tuple[CameraConfig, Rend
 def sensor_off(camera: CameraConfig, renderer: RendererConfig) -> tuple[CameraConfig, RendererConfig]:
     """The ideal pinhole camera."""
     changed = {"distortion", *COEFFICIENT_NAMES, *SENSOR_LIMITS}
-    kept = {entry.name: getattr(camera, entry.name) for entry in dataclasses.fields(camera) if entry.name not in changed}
+    kept = {
+        entry.name: getattr(camera, entry.name) for entry in dataclasses.fields(camera) if entry.name not in changed
+    }
     return CameraConfig(**kept), dataclasses.replace(renderer, sensor=SensorConfig())
 
 
