@@ -32,7 +32,7 @@ def test_borders_are_where_the_image_ends() -> None:
     for bearing_rad, inside in ((view.left_rad - 0.02, True), (view.left_rad + 0.02, False)):
         ray = T[:3, :3].T @ (math.cos(bearing_rad), math.sin(bearing_rad), 0.0)
         u, _ = make_lens(camera).pixels(ray[None, :2] / ray[2])[0]
-        assert (u > 0.0) is inside
+        assert bool(u > 0.0) is inside
     assert view.left_rad == pytest.approx(view.right_rad)
 
 

@@ -145,10 +145,11 @@ def make_evaluator(services):
     bus.serve("robot-plan", RobotPlanRequest, services.robot_plan)
     bus.serve("render/0", RenderRequest, services.render)
 
-    def make(*, policy=None, **settings):
+    def make(*, policy=None, robot=ROBOT, camera="policy", **settings):
         return Evaluator(
             bus=bus,
-            robot=ROBOT,
+            robot=robot,
+            camera=camera,
             robot_map=hall(),
             floor=FloorMap(frame=FRAME, height_m=np.full((60, 120), 0.25, np.float32)),
             episode_config=EpisodeConfig(),

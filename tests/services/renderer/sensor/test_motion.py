@@ -66,7 +66,9 @@ def test_camera_follows_the_floor() -> None:
 
 
 def test_timeline_that_begins_later_is_the_same_from_there_on() -> None:
-    floor = FloorMap(frame=GridFrame(origin_x_m=0.0, origin_y_m=0.0, resolution_m=1.0), height_m=np.zeros((1, 1)))
+    floor = FloorMap(
+        frame=GridFrame(origin_x_m=0.0, origin_y_m=0.0, resolution_m=1.0), height_m=np.zeros((1, 1), np.float32)
+    )
     rows = np.random.default_rng(0).uniform(0, 1, (9, 3))
     whole = Timeline(xyyaw=rows, humans=(human(9),), floor=floor, camera=CameraConfig())
     part = Timeline(xyyaw=rows[5:8], humans=(human(9),), floor=floor, camera=CameraConfig(), first_step=5)
