@@ -49,6 +49,22 @@ def section_from_mapping(cls: type[Section], mapping: Mapping[str, Any], *, wher
         raise ConfigError(f"{where.rstrip('.') or cls.__name__}: {error}") from error
 
 
+def section_differences(ours: Any, theirs: Any) -> list[tuple[str, Any, Any]]:
+    """Fields in which two sections of one class differ: dotted name, our value, their value."""
+    return _differences(section_to_mapping(ours), section_to_mapping(theirs), "")
+
+
+def _differences(ours: Mapping[str, Any], theirs: Mapping[str, Any], where: str) -> list[tuple[str, Any, Any]]:
+    found: list[tuple[str, Any, Any]] = []
+    for name, our in ours.items():
+        their = theirs.get(name)
+        if isinstance(our, Mapping) and isinstance(their, Mapping):
+            found += _differences(our, their, f"{where}{name}.")
+        elif our != their:
+            found.append((where + name, our, their))
+    return found
+
+
 def _convert(hint: Any, value: Any, where: str) -> Any:
     origin = typing.get_origin(hint)
     if dataclasses.is_dataclass(hint) and isinstance(hint, type):

@@ -16,11 +16,12 @@ from readygo.apps.run.config import RunConfig, load_run_config
 from readygo.apps.run.spec import episode_count, make_spec
 from readygo.apps.run.world import World
 from readygo.common.bus import InProcessBus
+from readygo.common.camera import CameraConfig, SensorConfig
 from readygo.common.config import section_to_mapping
 from readygo.common.errors import RunError
 from readygo.common.messages import Split
-from readygo.common.policy import Policy, load_policy
-from readygo.common.robot import RobotConfig, load_robot
+from readygo.common.policy import Policy, PolicySpec, check_policy_camera, load_policy
+from readygo.common.robot import load_robot
 from readygo.services.animator.service import attach as attach_animator
 from readygo.services.evaluator import (
     EpisodeRecord,
@@ -38,11 +39,12 @@ from readygo.services.evaluator import (
 from readygo.services.planner.humans.recipes import PeopleName
 from readygo.services.planner.humans.scenario_file import read_text, text_hash
 from readygo.services.planner.service import attach as attach_planner
-from readygo.services.renderer.sensor.config import SensorName
+from readygo.services.renderer.sensor.recipes import SensorName
 from readygo.services.renderer.service import attach as attach_renderer
 
 TaskName = Literal["static", "dynamic"]
 MethodName = Literal["policy", "expert", "straight-line"]
+CameraName = Literal["policy", "robot"]
 Show = Callable[[EpisodeRecord], None]
 
 
@@ -61,6 +63,7 @@ def evaluate(
     robot: Path | None = None,
     config: Path | None = None,
     sensor: SensorName | None = None,
+    camera: CameraName = "policy",
     people: PeopleName | None = None,
     scenarios: Path | None = None,
     lockstep: int = 8,
@@ -80,7 +83,10 @@ def evaluate(
         avatars: Avatar file or folder of them; the embedded ones by default.
         robot: robot.toml; by default the one in `config`, else the policy's robot.
         config: TOML file with sections of settings, as given to `readygo generate`.
-        sensor: Recipe of the camera's lens and sensor, in place of the section [renderer.sensor] of `config`.
+        sensor: Recipe of the camera's lens, light and shutter and of what varies of them, in place of what robot and
+            `config` say of that.
+        camera: "policy" looks through the camera that the policy was trained with, and refuses another one of `robot`,
+            `config` or `sensor`; "robot" takes that one.
         people: Recipe of how many people come and how they meet the robot, in place of what `config` says of it;
             "paper" by default.
         scenarios: TOML file with starts, goals and people to play instead of drawing them, one entry after the other.
@@ -90,9 +96,10 @@ def evaluate(
     count = episode_count(scenarios) if episodes is None else episodes
     request = make_request(count, tasks, methods if policy else _without_policy(methods), Split(split), seed)
     loaded = load_policy(policy) if policy else None
-    run_config = load_run_config(config, load_robot(robot) if robot else None, sensor, people)
-    if loaded is not None and robot is None and run_config.robot == RobotConfig():
-        run_config = dataclasses.replace(run_config, robot=loaded.spec.robot)
+    trained = trained_settings(loaded.spec, camera) if loaded else None
+    run_config = load_run_config(config, load_robot(robot) if robot else None, sensor, people, trained=trained)
+    if loaded is not None and camera == "policy":
+        check_policy_camera(loaded.spec, run_config.robot, run_config.renderer.sensor)
     evaluator = make_evaluator(
         scene,
         run_config,
@@ -101,6 +108,7 @@ def evaluate(
         policy=loaded,
         evaluator_config=make_evaluator_config(lockstep),
         scenarios=scenarios,
+        camera=camera,
     )
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
@@ -109,6 +117,7 @@ def evaluate(
         reply = handle_evaluate(evaluator, request, report=show)
     summary = summarize(reply, request, evaluator)
     summary["human_planner"] = section_to_mapping(run_config.human_planner)
+    summary["sensor"] = section_to_mapping(run_config.renderer.sensor)
     summary["scenarios"] = text_hash(read_text(scenarios)) if scenarios else ""
     if out is not None:
         write_results(out, reply.records, summary)
@@ -119,6 +128,14 @@ def evaluate(
     console.print(summary_table(reply.summaries))
     if out is not None:
         console.print(f"Every episode: {out / 'episodes.jsonl'}", markup=False)
+
+
+def trained_settings(spec: PolicySpec, camera: CameraName) -> PolicySpec:
+    """The policy whose robot is taken where none is given; without its camera if that shall be the robot's."""
+    if camera == "policy":
+        return spec
+    robot = dataclasses.replace(spec.robot, camera=CameraConfig())
+    return dataclasses.replace(spec, robot=robot, sensor=SensorConfig())
 
 
 def make_request(
@@ -162,6 +179,7 @@ def make_evaluator(
     policy: Policy | None = None,
     evaluator_config: EvaluatorConfig | None = None,
     scenarios: Path | None = None,
+    camera: CameraName = "policy",
 ) -> Evaluator:
     """An evaluator with planner, animator and renderer of a scene, all in this process."""
     spec = make_spec(open_scene(scene), avatars, config, seed=seed, split=Split.TEST, static=False, scenarios=scenarios)
@@ -180,6 +198,7 @@ def make_evaluator(
         episode_config=config.episode,
         config=settings,
         policy=policy,
+        camera=camera,
     )
 
 

@@ -18,7 +18,7 @@ from readygo.apps.run.spec import episode_count, make_spec
 from readygo.common.messages import Split, StatusReply
 from readygo.common.robot import load_robot
 from readygo.services.planner.humans.recipes import PeopleName
-from readygo.services.renderer.sensor.config import SensorName
+from readygo.services.renderer.sensor.recipes import SensorName
 
 
 def generate(
@@ -62,7 +62,8 @@ def generate(
             "exact", by default.
         robot: robot.toml of another robot.
         config: TOML file with sections of settings.
-        sensor: Recipe of the camera's lens and sensor, in place of the section [renderer.sensor] of `config`.
+        sensor: Recipe of the camera's lens, light and shutter and of what varies of them, in place of what robot and
+            `config` say of that.
         listen: Endpoint of the fleet's router, such as tcp/127.0.0.1:7447, for workers that are started by hand; a
             free loopback port by default.
         json: Print the summary as JSON.

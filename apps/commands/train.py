@@ -129,7 +129,7 @@ def closed_loop(scene: str, *, episodes: int, seed: int) -> "Evaluate":
     """Measures the static and dynamic success rate of a policy on the split val of a scene; their mean counts."""
     from readygo.apps.commands.evaluate import make_evaluator, make_request
     from readygo.apps.commands.scene_argument import open_scene
-    from readygo.apps.run.config import RunConfig
+    from readygo.apps.run.config import load_run_config
     from readygo.common.messages import Split
     from readygo.common.policy import load_policy
     from readygo.services.evaluator import handle_evaluate
@@ -142,7 +142,9 @@ def closed_loop(scene: str, *, episodes: int, seed: int) -> "Evaluate":
     def success_rate(folder: Path) -> float:
         policy = load_policy(folder)
         if scene not in evaluators:
-            evaluators[scene] = make_evaluator(scene, RunConfig(robot=policy.spec.robot), avatars=None, seed=seed)
+            evaluators[scene] = make_evaluator(
+                scene, load_run_config(None, trained=policy.spec), avatars=None, seed=seed
+            )
         evaluator = dataclasses.replace(evaluators[scene], policy=policy)
         rates = [summary.success_rate for summary in handle_evaluate(evaluator, request).summaries.values()]
         return sum(rates) / len(rates)

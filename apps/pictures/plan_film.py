@@ -7,6 +7,7 @@ from functools import partial
 from readygo.apps.pictures.episode_film import EpisodeFilm, film_frames
 from readygo.apps.run.config import RunConfig
 from readygo.common.avatars import Avatar
+from readygo.common.camera.lens import check_sensor
 from readygo.common.dataset.reader import decode_image
 from readygo.common.drawing.files import Picture
 from readygo.common.drawing.plan_view import draw_scale_bar
@@ -18,7 +19,6 @@ from readygo.services.planner.explain.journal import ExpertRun
 from readygo.services.planner.explain.picture import episode_view
 from readygo.services.planner.explain.picture_layers import draw_knowledge, draw_superseded
 from readygo.services.renderer import Renderer, episode_samples
-from readygo.services.renderer.sensor.lens import check_sensor
 
 PIXELS_PER_M = 80
 GIVEN_UP_STEPS = RATE_HZ

@@ -6,9 +6,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from readygo.common.camera import CameraConfig
 from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.episode import EpisodeConfig
 from readygo.common.errors import ConfigError
+from readygo.common.policy import PolicySpec
 from readygo.common.robot import RobotConfig
 from readygo.services.animator.config import AnimatorConfig
 from readygo.services.coordinator.config import CoordinatorConfig
@@ -17,7 +19,7 @@ from readygo.services.planner.expert.config import ExpertConfig
 from readygo.services.planner.humans.recipes import PEOPLE_RECIPES, PeopleName
 from readygo.services.recorder.config import RecorderConfig
 from readygo.services.renderer.config import RendererConfig
-from readygo.services.renderer.sensor.config import SENSOR_RECIPES, SensorName
+from readygo.services.renderer.sensor.recipes import SENSOR_RECIPES, SensorName
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,26 +41,69 @@ def load_run_config(
     robot: RobotConfig | None = None,
     sensor: SensorName | None = None,
     people: PeopleName | None = None,
+    *,
+    trained: PolicySpec | None = None,
 ) -> RunConfig:
     """The defaults, changed by the sections of a TOML file, by another robot and by recipes of a sensor and of people.
+
+    Args:
+        path: TOML file with sections of settings.
+        robot: In place of the file's.
+        sensor: Recipe for the optics of the robot's camera and what varies of them.
+        people: Recipe of how many people come and how they meet the robot.
+        trained: Where file and `robot` name no robot, no camera or no sensor, those that this policy was trained with.
 
     Raises:
         ConfigError: If the file cannot be read or holds an unknown key or a wrong value.
     """
-    if path is None:
-        config = RunConfig()
-    else:
-        try:
-            config = section_from_mapping(RunConfig, tomllib.loads(path.read_text()))
-        except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-            raise ConfigError(f"Configuration {path} cannot be read: {error}.") from error
+    config = RunConfig()
+    if trained is not None:
+        config = RunConfig(robot=trained.robot, renderer=RendererConfig(sensor=trained.sensor))
+    if path is not None:
+        config = _read_config(path, config)
+    if robot is not None:
+        config = dataclasses.replace(config, robot=robot)
     if sensor is not None:
-        renderer = dataclasses.replace(config.renderer, sensor=SENSOR_RECIPES[sensor]())
-        config = dataclasses.replace(config, renderer=renderer)
+        camera, renderer = SENSOR_RECIPES[sensor](config.robot.camera, config.renderer)
+        config = dataclasses.replace(config, robot=dataclasses.replace(config.robot, camera=camera), renderer=renderer)
     if people is not None:
         episode, planner = PEOPLE_RECIPES[people](config.episode, config.human_planner)
         config = dataclasses.replace(config, episode=episode, human_planner=planner)
-    return config if robot is None else dataclasses.replace(config, robot=robot)
+    return config
+
+
+def _read_config(path: Path, base: RunConfig) -> RunConfig:
+    """The sections of a TOML file; `base` has the robot, camera and sensor of a file that does not name them."""
+    try:
+        sections = tomllib.loads(path.read_text())
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise ConfigError(f"Configuration {path} cannot be read: {error}.") from error
+    for section, part in (("robot", "camera"), ("renderer", "sensor")):
+        known = section_to_mapping(getattr(base, section))
+        given = sections.setdefault(section, known if section == "robot" else {})
+        if isinstance(given, dict):
+            given.setdefault(part, known[part])
+    try:
+        _refuse_moved_keys(sections)
+        return section_from_mapping(RunConfig, sections)
+    except ConfigError as error:
+        raise ConfigError(f"Configuration {path}: {error}") from error
+
+
+def _refuse_moved_keys(sections: dict[str, Any]) -> None:
+    """Raise ConfigError if lens, light and shutter stand where they stood before the camera was one section."""
+    renderer = sections["renderer"]
+    sensor = renderer.get("sensor") if isinstance(renderer, dict) else None
+    for name, value in sensor.items() if isinstance(sensor, dict) else ():
+        if name == "ranges":
+            raise ConfigError("renderer.sensor.ranges is no table any more: its keys stand in [renderer.sensor].")
+        if name == "sub_frames":
+            raise ConfigError("renderer.sensor.sub_frames has moved: write sub_frames in [renderer].")
+        if not isinstance(value, list) and name in {entry.name for entry in dataclasses.fields(CameraConfig)}:
+            raise ConfigError(
+                f"renderer.sensor.{name} has moved to the camera: write {name} = {value!r} in [robot.camera], or in "
+                "[camera] of robot.toml; [renderer.sensor] holds what varies, as [lowest, highest]."
+            )
 
 
 def with_outputs(config: RunConfig, names: str) -> RunConfig:

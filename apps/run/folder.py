@@ -9,6 +9,7 @@ from pathlib import Path
 
 from readygo.apps.run.config import RunConfig, resolved_sections
 from readygo.apps.run.identity import identity
+from readygo.common.camera.recorded import with_whole_camera
 from readygo.common.config import section_from_mapping
 from readygo.common.errors import ConfigError, RunError
 from readygo.common.files import write_whole
@@ -126,10 +127,11 @@ class RunFolder:
 
 def _with_new_settings(spec: RunSpec) -> RunSpec:
     """The spec with the settings that it is too old to have: they are added with values that change nothing."""
+    sections = with_whole_camera(spec.config)
     # Before samples had labels, none were recorded: what goes on in such a folder must not begin to.
-    renderer = {"labels": False, **spec.config.get("renderer", {})}
+    renderer = {"labels": False, **sections.get("renderer", {})}
     try:
-        config = section_from_mapping(RunConfig, {**spec.config, "renderer": renderer})
+        config = section_from_mapping(RunConfig, {**sections, "renderer": renderer})
     except ConfigError:
         return spec
     return dataclasses.replace(spec, config=resolved_sections(config))

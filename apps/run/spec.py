@@ -9,11 +9,11 @@ from readygo.apps.run.stages import LINE
 from readygo.apps.run.world import World
 from readygo.common.avatars import load_avatars
 from readygo.common.avatars.file import avatar_hash
+from readygo.common.camera.lens import check_sensor
 from readygo.common.errors import ConfigError, RunError
 from readygo.common.messages import FileRef, RunSpec, Split
 from readygo.common.scenes import Scene
 from readygo.services.planner.humans.scenario_file import load_scenarios, read_text, text_hash
-from readygo.services.renderer.sensor.lens import check_sensor
 
 
 def episode_count(scenarios: Path | None) -> int:

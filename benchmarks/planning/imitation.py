@@ -29,6 +29,7 @@ from numba import njit
 
 from readygo.benchmarks.planning.maps import default_data_folder, find_map
 from readygo.benchmarks.planning.runs import Course, Job
+from readygo.common.camera.view import view_of
 from readygo.common.episode import goal_in_robot_frame
 from readygo.common.messages import (
     AnimateRequest,
@@ -102,7 +103,7 @@ class Eyes:
 
     def __init__(self, course: Course) -> None:
         self._map, robot = course.maps.robot, course.robot
-        self._half_rad = math.radians(robot.camera.horizontal_fov_deg) / 2
+        self._view = view_of(robot.camera)
         self._human_m = course.episode.human_radius_m
 
     def free_m(self, pose: Sequence[float], bearing_rad: float) -> float:
@@ -113,7 +114,7 @@ class Eyes:
 
     def rays(self, pose: Sequence[float]) -> list[float]:
         """Free ways across the field of view, as shares of RAY_M."""
-        bearings = np.linspace(-self._half_rad, self._half_rad, RAYS).tolist()
+        bearings = np.linspace(-self._view.right_rad, self._view.left_rad, RAYS).tolist()
         return [self.free_m(pose, bearing) / RAY_M for bearing in bearings]
 
     def people(self, pose: Sequence[float], now_m: Floats, before_m: Floats) -> list[float]:
@@ -123,7 +124,7 @@ class Eyes:
         for (x, y), (x0, y0) in zip(now_m.tolist(), before_m.tolist(), strict=True):
             forward, left = c * (x - pose[0]) + s * (y - pose[1]), c * (y - pose[1]) - s * (x - pose[0])
             away_m = math.hypot(forward, left)
-            inside = in_view((pose[0], pose[1], pose[2]), x, y, self._half_rad, RAY_M, self._human_m)
+            inside = in_view((pose[0], pose[1], pose[2]), x, y, self._view, RAY_M, self._human_m)
             if inside and self.free_m(pose, math.atan2(left, forward)) >= away_m - self._human_m:
                 vx, vy = (x - x0) / 0.2, (y - y0) / 0.2
                 seen.append((away_m, [1.0, forward, left, c * vx + s * vy, c * vy - s * vx]))

@@ -18,6 +18,7 @@ from numba.core.event import install_recorder
 
 from readygo.benchmarks.planning.maps import MapSource, open_maps
 from readygo.common.avatars import load_avatars
+from readygo.common.camera.view import view_of
 from readygo.common.drawing.files import png_bytes
 from readygo.common.episode import EpisodeConfig, EpisodeResult, shortest_way_m
 from readygo.common.errors import SceneError
@@ -193,7 +194,8 @@ class Course:
         roots = [human.motion.root_m[human.motion.row(step), :2].tolist() for human in motions.humans]
         dx, dy = min(((hx - x, hy - y) for hx, hy in roots), key=lambda gap: math.hypot(*gap))
         bearing = (math.atan2(dy, dx) - yaw + math.pi) % (2 * math.pi) - math.pi
-        seen = abs(bearing) <= math.radians(self.robot.camera.horizontal_fov_deg) / 2
+        shown = view_of(self.robot.camera)
+        seen = -shown.right_rad <= bearing <= shown.left_rad
         moving = run.actions[-1, 0] >= 0.1
         return f"human {'in' if seen else 'out of'} view, robot {'moving' if moving else 'standing'}"
 

@@ -13,33 +13,35 @@ import time
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import tyro
 
 from readygo.benchmarks.rasterizer.scenery import Place
 from readygo.benchmarks.rasterizer.setting import Job, Setting, open_setting
+from readygo.common.avatars import Avatar
 from readygo.common.messages import HumanMotion, Motion
 from readygo.common.robot import CameraConfig, RobotConfig, step_unicycle
-from readygo.common.scenes import load_scene
+from readygo.common.scenes import Scene, load_scene
 from readygo.services.renderer import Renderer, RendererConfig
-from readygo.services.renderer.sensor.config import SensorConfig, sensor_phone_like
 from readygo.services.renderer.sensor.motion import Timeline
+from readygo.services.renderer.sensor.recipes import sensor_phone_like
 from readygo.services.renderer.sensor.streams import SensorStream
 
-VARIANTS: Mapping[str, RendererConfig] = {
-    "off": RendererConfig(),
-    "contact shadow": RendererConfig(contact_shadow=True),
-    "exposure, vignetting, noise": RendererConfig(
-        sensor=SensorConfig(exposure_ev=0.2, vignetting=0.2, shot_noise=0.02, read_noise=0.002)
-    ),
-    "Brown-Conrady lens": RendererConfig(sensor=SensorConfig(distortion="brown_conrady", k1=-0.04)),
-    "fisheye lens": RendererConfig(sensor=SensorConfig(distortion="fisheye")),
-    "motion blur, 8 sub-frames": RendererConfig(sensor=SensorConfig(exposure_s=0.01)),
-    "sensor_phone_like, 4 sub-frames": RendererConfig(sensor=sensor_phone_like()),
-    "sensor_phone_like, contact shadow": RendererConfig(sensor=sensor_phone_like(), contact_shadow=True),
+PHONE = "sensor_phone_like, 4 sub-frames"
+SHADED_PHONE = "sensor_phone_like, contact shadow"
+OPTICS: Mapping[str, Mapping[str, Any]] = {
+    "off": {},
+    "contact shadow": {},
+    "exposure, vignetting, noise": {"exposure_ev": 0.2, "vignetting": 0.2, "shot_noise": 0.02, "read_noise": 0.002},
+    "Brown-Conrady lens": {"distortion": "brown_conrady", "k1": -0.04},
+    "fisheye lens": {"distortion": "fisheye"},
+    "motion blur, 8 sub-frames": {"exposure_s": 0.01},
+    PHONE: {},
+    SHADED_PHONE: {},
 }
+"""What each variant changes of the camera, besides the recipe."""
 STEPS = 12
 
 
@@ -74,17 +76,17 @@ def main(
     camera = CameraConfig(height_px=height_px, width_px=width_px, horizontal_fov_deg=fov_deg)
     job = Job(scene=str(scene), avatar_folder=avatars, motion=motion, views=views, seed=seed)
     setting = replace(open_setting(job), camera=camera)
-    loaded, people, robot = load_scene(scene), {one.name: one for one in setting.avatars}, RobotConfig(camera=camera)
-    renderers = {name: Renderer(loaded, people, robot, config) for name, config in VARIANTS.items()}
+    loaded, people = load_scene(scene), {one.name: one for one in setting.avatars}
+    renderers = {name: _renderer(name, loaded, people, camera) for name in OPTICS}
     timelines = [_timeline(setting, place) for place in setting.places]
-    frame_s = {name: 0.0 for name in VARIANTS}
+    frame_s = {name: 0.0 for name in OPTICS}
     for timeline in timelines:
-        best = {name: math.inf for name in VARIANTS}
+        best = {name: math.inf for name in OPTICS}
         for _ in range(runs):
             for name, renderer in renderers.items():
-                camera = renderer.capture.camera_of(SensorStream((1, 2)))
+                drawn = renderer.capture.camera_of(SensorStream((1, 2)))
                 begin_s = time.thread_time()
-                renderer.capture.take(camera, timeline.at, STEPS - 2)
+                renderer.capture.take(drawn, timeline.at, STEPS - 2)
                 best[name] = min(best[name], time.thread_time() - begin_s)
         for name, seconds in best.items():
             frame_s[name] += seconds / views
@@ -94,6 +96,14 @@ def main(
     for name, seconds in frame_s.items():
         pinhole = renderers[name].capture.pinhole
         print(f"{name:36} {1e3 * seconds:7.1f} ms   drawn at {pinhole.height_px}x{pinhole.width_px} px")
+
+
+def _renderer(name: str, scene: Scene, people: Mapping[str, Avatar], camera: CameraConfig) -> Renderer:
+    config = RendererConfig(contact_shadow=name in ("contact shadow", SHADED_PHONE))
+    camera = replace(camera, **OPTICS[name])
+    if name in (PHONE, SHADED_PHONE):
+        camera, config = sensor_phone_like(camera, config)
+    return Renderer(scene, people, RobotConfig(camera=camera), config)
 
 
 def _timeline(setting: Setting, place: Place) -> Timeline:

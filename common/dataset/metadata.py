@@ -9,6 +9,8 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
+from readygo.common.camera import SensorConfig
+from readygo.common.camera.recorded import with_whole_camera
 from readygo.common.config import section_from_mapping
 from readygo.common.errors import DatasetError
 from readygo.common.robot.config import RobotConfig
@@ -49,6 +51,16 @@ def metadata_from_strings(strings: Mapping[str, str]) -> dict[str, Any]:
 
 def robot_of(metadata: Mapping[str, Any]) -> RobotConfig | None:
     """The robot in the metadata's config, None if it names none."""
-    config = metadata.get("config")
-    mapping = config.get("robot") if isinstance(config, Mapping) else None
+    mapping = _config(metadata).get("robot")
     return None if mapping is None else section_from_mapping(RobotConfig, mapping)
+
+
+def sensor_of(metadata: Mapping[str, Any]) -> SensorConfig:
+    """What varied of the robot's camera from episode to episode; nothing if the metadata do not say."""
+    renderer = _config(metadata).get("renderer", {})
+    return section_from_mapping(SensorConfig, renderer.get("sensor", {}))
+
+
+def _config(metadata: Mapping[str, Any]) -> dict[str, Any]:
+    config = metadata.get("config")
+    return with_whole_camera(config) if isinstance(config, Mapping) else {}

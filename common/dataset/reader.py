@@ -1,7 +1,6 @@
 """Recorded episodes as arrays and images, whatever the shards they are in."""
 
 import hashlib
-import json
 import mmap
 from collections import OrderedDict
 from collections.abc import Sequence
@@ -13,10 +12,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.config import section_differences
 from readygo.common.dataset.chunk import parse
 from readygo.common.dataset.index import ShardIndex, load_index
 from readygo.common.dataset.labels import boxes_of, footprints_of, joints_of
-from readygo.common.dataset.metadata import robot_of
+from readygo.common.dataset.metadata import robot_of, sensor_of
 from readygo.common.dataset.schemas import LABEL_CHANNELS, OUTPUT_CHANNELS
 from readygo.common.errors import DatasetError
 from readygo.common.images.files import decode_output
@@ -400,15 +400,12 @@ def _common_outputs(indexes: Sequence[ShardIndex]) -> list[str]:
 
 
 def _check_alike(shards: Sequence[Path], indexes: Sequence[ShardIndex]) -> None:
-    """Raise DatasetError if image sizes or robots differ."""
-
-    def robot(index: ShardIndex) -> str:
-        return json.dumps(index.metadata.get("config", {}).get("robot"), sort_keys=True)
+    """Raise DatasetError if image sizes, robots (with their cameras) or what varies of the cameras differ."""
 
     def sizes(index: ShardIndex) -> list[tuple[int, int]]:
         return sorted({(int(row["height_px"]), int(row["width_px"])) for row in index.episodes})
 
-    first_size = sizes(indexes[0])[0]
+    first_size, first = sizes(indexes[0])[0], indexes[0].metadata
     for shard, index in zip(shards, indexes, strict=True):
         for size in sizes(index):
             if size != first_size:
@@ -416,11 +413,19 @@ def _check_alike(shards: Sequence[Path], indexes: Sequence[ShardIndex]) -> None:
                     f"Image sizes differ: {first_size[0]}x{first_size[1]} in {shards[0]}, {size[0]}x{size[1]} in "
                     f"{shard}; use them as separate datasets."
                 )
-        if robot(index) != robot(indexes[0]):
-            raise DatasetError(
-                f"Robots differ: {robot(indexes[0])} in {shards[0]}, {robot(index)} in {shard}; "
-                "use them as separate datasets."
-            )
+        for what, read in (("Robots", robot_of), ("Sensors", sensor_of)):
+            ours, theirs = read(first), read(index.metadata)
+            if ours != theirs:
+                raise DatasetError(
+                    f"{what} differ: {_differing(ours, theirs)} in {shards[0]} and {shard}; use them as separate "
+                    "datasets."
+                )
+
+
+def _differing(ours: Any, theirs: Any) -> str:
+    if ours is None or theirs is None:
+        return "only one names its robot"
+    return ", ".join(f"{name} {our} and {their}" for name, our, their in section_differences(ours, theirs))
 
 
 def _check_unique(episodes: Sequence[EpisodeEntry]) -> None:

@@ -91,6 +91,12 @@ class EpisodeSimulation:
         """Where the humans are now [m], shape (N, 2)."""
         return self.human_xy_at(self.step)
 
+    def path_xyyaw(self, first: int, last: int) -> Float64Array:
+        """The robot at steps `first` to `last`, at most the present one: x [m], y [m], yaw [rad], shape (T, 3)."""
+        present = [(self.x_m, self.y_m, self.yaw_rad)] if last == self.step else np.empty((0, 3))
+        path: Float64Array = np.concatenate([self._rows[first : min(last + 1, self.step), :3], present])
+        return path
+
     def human_xy_at(self, step: int) -> Float64Array:
         """Where the humans are at a step [m], shape (N, 2)."""
         here: Float64Array = self._walked_m[min(step, len(self._walked_m) - 1)]

@@ -1,11 +1,13 @@
 """Render requests: images of a scene with people in it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
 from readygo.common.messages.checks import check_array
+from readygo.common.messages.codec import OMITTED_WHEN_DEFAULT
+from readygo.common.messages.episode import EpisodeKey
 from readygo.common.messages.motion import HumanMotion, Motion
 
 
@@ -19,9 +21,16 @@ class RenderView:
     """Simulation step (20 Hz) whose motion rows are drawn."""
     T_world_camera: npt.NDArray[np.float64]
     """Camera pose, OpenCV axes, shape (4, 4)."""
+    episode: EpisodeKey | None = field(default=None, metadata=OMITTED_WHEN_DEFAULT)
+    """The episode whose camera looks: what its sensor draws. None: the key of the people stands for it."""
+    path_xyyaw: tuple[tuple[float, float, float], ...] = field(default=(), metadata=OMITTED_WHEN_DEFAULT)
+    """The robot at the latest steps: x [m], y [m], yaw [rad] (not wrapped), the last row at `step`, from where the
+    camera has the pose above. Motion blur and rolling shutter need it; without, the camera stands still."""
 
     def __post_init__(self) -> None:
         check_array("T_world_camera", self.T_world_camera, np.float64, (4, 4))
+        if any(len(row) != 3 for row in self.path_xyyaw):
+            raise ValueError("path_xyyaw must have rows of x, y and yaw.")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from readygo.common.camera import SensorConfig
 from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.errors import ConfigError, PolicyError
 from readygo.common.files import write_whole
@@ -35,7 +36,9 @@ class PolicySpec:
     """What a policy was trained for."""
 
     robot: RobotConfig
-    """The robot that it drives, with the camera that it sees through."""
+    """With the camera whose images it saw."""
+    sensor: SensorConfig = field(default_factory=SensorConfig)
+    """What varied of that camera from episode to episode."""
     frame_spacing_s: float = 0.5
     """Time between the three frames [s]; a multiple of the step of 0.05 s."""
     training: Mapping[str, Any] = field(default_factory=dict)
@@ -58,6 +61,7 @@ def save_spec(spec: PolicySpec, folder: Path) -> None:
         "format": POLICY_FORMAT,
         "frame_spacing_s": spec.frame_spacing_s,
         "robot": section_to_mapping(spec.robot),
+        "sensor": section_to_mapping(spec.sensor),
         "training": dict(spec.training),
     }
     write_whole(folder / SPEC_FILE, "\n".join(_toml_lines(mapping)) + "\n", raises=PolicyError)
@@ -82,15 +86,22 @@ def load_spec(folder: Path) -> PolicySpec:
         raise PolicyError(f"{path} has format {mapping.get('format')!r}, this version reads {POLICY_FORMAT!r}.")
     try:
         robot = section_from_mapping(RobotConfig, mapping["robot"], where="robot.")
+        # Policies of before the sensor was theirs to say name none.
+        sensor = section_from_mapping(SensorConfig, mapping.get("sensor", {}), where="sensor.")
         return PolicySpec(
-            robot=robot, frame_spacing_s=float(mapping["frame_spacing_s"]), training=mapping.get("training", {})
+            robot=robot,
+            sensor=sensor,
+            frame_spacing_s=float(mapping["frame_spacing_s"]),
+            training=mapping.get("training", {}),
         )
     except (ConfigError, KeyError, TypeError, ValueError) as error:
         raise PolicyError(f"{path} cannot be used: {error}; export the policy again.") from error
 
 
 def _toml_lines(mapping: Mapping[str, Any], path: str = "") -> list[str]:
-    lines = [f"{key} = {_toml_value(value)}" for key, value in mapping.items() if not isinstance(value, Mapping)]
+    # TOML has no null: what is not given is left out.
+    plain = {key: value for key, value in mapping.items() if value is not None and not isinstance(value, Mapping)}
+    lines = [f"{key} = {_toml_value(value)}" for key, value in plain.items()]
     for key, value in mapping.items():
         if isinstance(value, Mapping):
             lines += ["", f"[{path}{key}]", *_toml_lines(value, f"{path}{key}.")]

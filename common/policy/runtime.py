@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.camera import SensorConfig
+from readygo.common.config import section_differences
 from readygo.common.errors import PolicyError
 from readygo.common.extras import install_command
 from readygo.common.messages.checks import check_array
@@ -160,19 +162,29 @@ def load_policy(folder: str | Path, *, robot: RobotConfig | None = None) -> Poli
     return policy
 
 
-def check_policy_camera(spec: PolicySpec, robot: RobotConfig) -> None:
-    """Raise PolicyError unless the robot has the camera that the policy was trained with."""
-    ours, theirs = spec.robot.camera, robot.camera
-    if (ours.height_px, ours.width_px) != (theirs.height_px, theirs.width_px):
-        raise PolicyError(
-            f"The policy sees images of {ours.height_px}x{ours.width_px} px, the robot's camera gives "
-            f"{theirs.height_px}x{theirs.width_px}; evaluate with the robot.toml that it was trained with."
+def check_policy_camera(spec: PolicySpec, robot: RobotConfig, sensor: SensorConfig | None = None) -> None:
+    """Raise PolicyError unless the robot has the camera that the policy was trained with.
+
+    Args:
+        spec: Of the policy.
+        robot: Whose camera shall look.
+        sensor: What shall vary of it; None leaves that out.
+    """
+    found = [("", *row) for row in section_differences(spec.robot.camera, robot.camera)]
+    if sensor is not None:
+        found += [("sensor.", *row) for row in section_differences(spec.sensor, sensor)]
+    if found:
+        fields = ", ".join(
+            f"{where}{name} {_plain(ours)} (the robot's: {_plain(theirs)})" for where, name, ours, theirs in found
         )
-    if ours != theirs:
         raise PolicyError(
-            f"The policy was trained with a camera of {ours.horizontal_fov_deg} deg at {ours.mount_height_m} m, the "
-            f"robot's has {theirs.horizontal_fov_deg} deg at {theirs.mount_height_m} m; use one robot.toml."
+            f"The policy was trained with another camera: {fields}; leave the robot's camera out, or take it with "
+            "--camera robot if the image size is the same."
         )
+
+
+def _plain(value: Any) -> str:
+    return "none" if value is None or value == [] else f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _open_session(path: Path) -> Any:

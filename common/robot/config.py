@@ -1,58 +1,12 @@
 """`robot.toml`: the robot's footprint, limits and camera."""
 
-import math
 import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-import numpy.typing as npt
-
-from readygo.common.config import section_from_mapping, section_to_mapping
+from readygo.common.camera.config import CameraConfig
+from readygo.common.config import section_from_mapping
 from readygo.common.errors import ConfigError
-
-
-@dataclass(frozen=True, kw_only=True)
-class CameraConfig:
-    """A level pinhole camera on the robot, looking along the robot's x axis."""
-
-    height_px: int = 144
-    """Image height."""
-    width_px: int = 256
-    """Image width."""
-    horizontal_fov_deg: float = 100.0
-    """What the image spans between its left and right edges."""
-    mount_height_m: float = 0.5
-    """Height of the camera above the local floor [m]."""
-
-    def __post_init__(self) -> None:
-        if not (8 <= self.height_px <= 4095 and 8 <= self.width_px <= 4095):
-            raise ValueError(f"image size must be 8..4095 px, got {self.height_px}x{self.width_px}.")
-        if not 10.0 <= self.horizontal_fov_deg <= 170.0:
-            raise ValueError(f"horizontal_fov_deg must be 10..170, got {self.horizontal_fov_deg}.")
-
-    @property
-    def K_px(self) -> npt.NDArray[np.float64]:
-        """Intrinsics [px], shape (3, 3), pixel centres at +0.5, square pixels, centred."""
-        focal_px = 0.5 * self.width_px / math.tan(math.radians(self.horizontal_fov_deg) / 2)
-        return np.array([[focal_px, 0.0, self.width_px / 2], [0.0, focal_px, self.height_px / 2], [0.0, 0.0, 1.0]])
-
-    def T_world_camera(self, x_m: float, y_m: float, yaw_rad: float, floor_m: float) -> npt.NDArray[np.float64]:
-        """Pose of the camera of a robot on the floor, OpenCV axes, shape (4, 4).
-
-        Args:
-            x_m: The robot's centre in the world [m].
-            y_m: As `x_m`.
-            yaw_rad: Its heading from the world's x axis to the left [rad].
-            floor_m: Height of the floor below it [m].
-        """
-        c, s = math.cos(yaw_rad), math.sin(yaw_rad)
-        T = np.eye(4)
-        T[:3, 0] = (s, -c, 0.0)
-        T[:3, 1] = (0.0, 0.0, -1.0)
-        T[:3, 2] = (c, s, 0.0)
-        T[:3, 3] = (x_m, y_m, floor_m + self.mount_height_m)
-        return T
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,19 +45,18 @@ def load_robot(path: str | Path) -> RobotConfig:
         path: The file.
 
     Raises:
-        ConfigError: If the file is missing, is not TOML, or holds an unknown or wrong value.
+        ConfigError: If the file is missing, is not TOML, or holds an unknown or wrong value; it names the file.
     """
+    # Numba takes a second to load, which those who import a robot's class need not wait for.
+    from readygo.common.camera.lens import make_lens
+
     try:
         mapping = tomllib.loads(Path(path).read_text())
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise ConfigError(f"Robot file {path} cannot be read: {error}.") from error
-    return section_from_mapping(RobotConfig, mapping)
-
-
-def save_robot(robot: RobotConfig, path: str | Path) -> None:
-    """Write a `robot.toml` that `load_robot` reads back."""
-    mapping = section_to_mapping(robot)
-    camera = mapping.pop("camera")
-    lines = [f"{key} = {value!r}" for key, value in mapping.items()]
-    lines += ["", "[camera]", *(f"{key} = {value!r}" for key, value in camera.items())]
-    Path(path).write_text("\n".join(lines) + "\n")
+    try:
+        robot = section_from_mapping(RobotConfig, mapping)
+        make_lens(robot.camera)
+    except ConfigError as error:
+        raise ConfigError(f"Robot file {path}: {error}") from error
+    return robot

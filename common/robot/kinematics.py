@@ -12,6 +12,11 @@ DT_S = 0.05
 RATE_HZ = 20
 
 
+def whole_steps(time_s: float) -> int:
+    """The nearest number of simulation steps to a time [s]."""
+    return round(time_s * RATE_HZ)
+
+
 def step_unicycle(
     x_m: float, y_m: float, yaw_rad: float, v_mps: float, w_radps: float, dt_s: float = DT_S
 ) -> tuple[float, float, float]:

@@ -13,6 +13,10 @@ from readygo.common.maps import FloorMap
 from readygo.common.messages import EpisodeMotions, People, RenderReply, RenderRequest, RenderView, encode
 from readygo.common.messages.topics import Topic
 from readygo.common.robot import RobotConfig
+from readygo.common.robot.kinematics import whole_steps
+
+SHUTTER_STEPS = 2
+"""Longest time from a frame's first light to its own time: 0.05 s of exposure and as much of readout."""
 
 
 class Eyes:
@@ -28,11 +32,12 @@ class Eyes:
         timeout_s: float,
     ) -> None:
         self._bus, self._topic, self._timeout_s = bus, topic, timeout_s
-        self._robot, self._floor = robot, floor
+        self._camera, self._floor = robot.camera, floor
+        self._latency_steps = whole_steps(robot.camera.latency_s)
         self._sent: set[str] = set()
 
     def look(self, simulations: Sequence[EpisodeSimulation], people: Sequence[str]) -> npt.NDArray[np.uint8]:
-        """What each robot sees now.
+        """What each robot sees now: the image of the camera's latency ago, the first one until there is one so old.
 
         Args:
             simulations: Episodes, at any step.
@@ -63,9 +68,16 @@ class Eyes:
         return self._bus.request(self._topic, request, timeout_s=self._timeout_s)
 
     def _view(self, simulation: EpisodeSimulation, people: str) -> RenderView:
-        x_m, y_m = simulation.x_m, simulation.y_m
-        pose = self._robot.camera.T_world_camera(x_m, y_m, simulation.yaw_rad, self._floor.at(x_m, y_m))
-        return RenderView(people=people, step=simulation.step, T_world_camera=pose)
+        step = max(simulation.step - self._latency_steps, 0)
+        path = simulation.path_xyyaw(max(step - SHUTTER_STEPS, 0), step).tolist()
+        x_m, y_m, yaw_rad = path[-1]
+        return RenderView(
+            people=people,
+            step=step,
+            T_world_camera=self._camera.T_world_camera(x_m, y_m, yaw_rad, self._floor.at(x_m, y_m)),
+            episode=simulation.scenario.episode,
+            path_xyyaw=tuple((x, y, yaw) for x, y, yaw in path),
+        )
 
 
 def people_key(motions: EpisodeMotions) -> str:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Literal
 
 from readygo.common.bus import Bus
 from readygo.common.episode import EpisodeConfig
@@ -62,9 +63,11 @@ class Evaluator:
     episode_config: EpisodeConfig = field(default_factory=EpisodeConfig)
     config: EvaluatorConfig = field(default_factory=EvaluatorConfig)
     policy: Policy | None = None
+    camera: Literal["policy", "robot"] = "policy"
+    """"robot" lets the policy look through another camera than the one that it was trained with."""
 
     def __post_init__(self) -> None:
-        if self.policy is not None:
+        if self.policy is not None and self.camera == "policy":
             check_policy_camera(self.policy.spec, self.robot)
 
 

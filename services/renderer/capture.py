@@ -13,12 +13,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.camera import CameraConfig, SensorConfig
+from readygo.common.camera.lens import Lens, make_lens
 from readygo.common.images.images import Images
-from readygo.common.robot import CameraConfig
 from readygo.services.renderer.drawing import Drawing
-from readygo.services.renderer.sensor.config import SensorConfig
 from readygo.services.renderer.sensor.faces import R_FACE_CAMERA, Faces, Remap, make_remap, plan_faces
-from readygo.services.renderer.sensor.lens import Lens, make_lens
 from readygo.services.renderer.sensor.light import LightSum, exposure_gain
 from readygo.services.renderer.sensor.motion import Moment
 from readygo.services.renderer.sensor.shutter import Shutter, make_shutter
@@ -32,10 +31,10 @@ EPISODE_CAMERAS_KEPT = 16
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EpisodeCamera:
-    """The camera of one episode: the sensor's values as they were drawn for it."""
+    """The camera of one episode."""
 
-    sensor: SensorConfig
-    """Without ranges."""
+    config: CameraConfig
+    """With the values that the sensor drew for the episode."""
     lens: Lens
     remap: Remap | None
     shutter: Shutter
@@ -50,7 +49,7 @@ class EpisodeCamera:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pinhole:
-    """What the rasterizer has to draw for a sensor."""
+    """What the rasterizer has to draw for a camera."""
 
     faces: Faces | None
     """None: the image itself."""
@@ -60,14 +59,14 @@ class Pinhole:
 
 
 def pinhole_of(sensor: SensorConfig, camera: CameraConfig) -> Pinhole:
-    """The pinhole camera that holds what every lens of a sensor's ranges shows.
+    """The pinhole camera that holds what a camera shows with every lens of a sensor's ranges.
 
     Raises:
         ConfigError: If a lens cannot be drawn.
     """
-    if sensor.distortion == "none":
+    if camera.distortion == "none":
         return Pinhole(faces=None, K_px=camera.K_px, height_px=camera.height_px, width_px=camera.width_px)
-    faces = plan_faces([make_lens(extreme, camera) for extreme in sensor.extremes()])
+    faces = plan_faces([make_lens(extreme) for extreme in sensor.extremes(camera)])
     return Pinhole(faces=faces, K_px=faces.K_px, height_px=faces.height_px, width_px=faces.width_px)
 
 
@@ -80,6 +79,8 @@ class Capture:
     pinhole: Pinhole
     sensor: SensorConfig
     camera: CameraConfig
+    sub_frames: int
+    """Images that a frame is made of where the shutter takes time."""
     _cameras: OrderedDict[SensorStream, EpisodeCamera] = field(default_factory=OrderedDict)
 
     def camera_of(self, stream: SensorStream) -> EpisodeCamera:
@@ -103,7 +104,7 @@ class Capture:
             step: The frame's own step, at which its last row's exposure ends.
             outputs: Names out of `readygo.common.images.images.OUTPUTS`.
         """
-        if self.sensor.off:
+        if self.camera.ideal and not self.sensor.varies:
             moment = moment_at(float(step))
             return self.drawing.draw_images(moment.T_world_camera, moment.humans, moment.step, outputs)
         height, width = self.camera.height_px, self.camera.width_px
@@ -117,18 +118,18 @@ class Capture:
                 seen = faces[0] if camera.remap is None else _looked_up(faces, camera.remap)
                 out = seen if out is None else _with_rows(out, seen, rows)
         assert out is not None
-        rgb = light.developed(camera.sensor, camera.gain, camera.stream.of_frame(step))
+        rgb = light.developed(camera.config, camera.gain, camera.stream.of_frame(step))
         return dataclasses.replace(out, rgb=rgb)
 
     def _drawn(self, stream: SensorStream) -> EpisodeCamera:
-        sensor = self.sensor.drawn(stream.of_draws())
-        lens = make_lens(sensor, self.camera)
+        config = self.sensor.drawn(self.camera, stream.of_draws())
+        lens = make_lens(config)
         return EpisodeCamera(
-            sensor=sensor,
+            config=config,
             lens=lens,
             remap=self._remap(lens),
-            shutter=make_shutter(sensor, self.camera.height_px),
-            gain=exposure_gain(sensor, self.camera.height_px, self.camera.width_px),
+            shutter=make_shutter(config, self.sub_frames),
+            gain=exposure_gain(config),
             stream=stream,
         )
 

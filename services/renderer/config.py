@@ -3,8 +3,8 @@
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
+from readygo.common.camera import SensorConfig
 from readygo.common.images.images import OUTPUTS
-from readygo.services.renderer.sensor.config import SensorConfig
 
 Backend = Literal["cpu", "reference", "triton", "gsplat"]
 GPU_BACKENDS = ("triton", "gsplat")
@@ -29,7 +29,10 @@ class RendererConfig:
     contact_shadow: bool = False
     """True puts soft shadows under people's feet."""
     sensor: SensorConfig = field(default_factory=SensorConfig)
-    """Lens, shutter, exposure and noise; off by default."""
+    """What varies of the robot's camera from episode to episode; nothing by default."""
+    sub_frames: int = 8
+    """Images drawn per frame where the camera's shutter takes time: the cost of a frame grows with it. Enough are those
+    between which the image moves by about a pixel."""
 
     def __post_init__(self) -> None:
         if self.backend not in get_args(Backend):
@@ -44,6 +47,8 @@ class RendererConfig:
             raise ValueError(f'image_format must be "jpeg" or "png", got {self.image_format!r}.')
         if not 1 <= self.jpeg_quality <= 100:
             raise ValueError(f"jpeg_quality must be 1..100, got {self.jpeg_quality}.")
+        if not 2 <= self.sub_frames <= 64:
+            raise ValueError(f"sub_frames must be 2..64, got {self.sub_frames}.")
         unknown = [name for name in self.outputs if name not in OUTPUTS]
         if unknown:
             raise ValueError(f"outputs must be of {', '.join(OUTPUTS)}, got {unknown[0]!r}.")

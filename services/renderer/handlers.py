@@ -29,7 +29,7 @@ from readygo.common.messages import (
 )
 from readygo.common.robot import RobotConfig
 from readygo.common.scenes import Scene
-from readygo.services.renderer.capture import Capture, EpisodeCamera, Pinhole, pinhole_of
+from readygo.services.renderer.capture import Capture, EpisodeCamera, MomentAt, Pinhole, pinhole_of
 from readygo.services.renderer.config import GPU_BACKENDS, RendererConfig
 from readygo.services.renderer.contact_shadow import shadow_cloud
 from readygo.services.renderer.drawing import CpuDrawing, Drawing, ReferenceDrawing
@@ -60,7 +60,13 @@ class Renderer:
         # Gaussians stay with the drawing, which maps them from the scene's cache if it can.
         self.skeletons = {name: avatar.skeleton() for name, avatar in avatars.items()}
         self.label_models = {name: LabelModel.from_avatar(avatar) for name, avatar in avatars.items() if config.labels}
-        self.capture = Capture(drawing=self.drawing, pinhole=pinhole, sensor=config.sensor, camera=robot.camera)
+        self.capture = Capture(
+            drawing=self.drawing,
+            pinhole=pinhole,
+            sensor=config.sensor,
+            camera=robot.camera,
+            sub_frames=config.sub_frames,
+        )
         self._people: OrderedDict[str, tuple[HumanMotion, ...]] = OrderedDict()
 
     def _make_drawing(self, avatars: Mapping[str, Avatar], pinhole: Pinhole) -> Drawing:
@@ -109,8 +115,9 @@ class Renderer:
 def handle_render(renderer: Renderer, request: RenderRequest) -> RenderReply:
     """Draw the views of a request.
 
-    A view has one pose and no past: lens, exposure and noise apply, but neither motion blur nor rolling shutter. What a
-    sensor draws per episode and frame, it draws per key of the people and step.
+    A view that names its episode and the robot's path is the image that is recorded with that episode. Without a path
+    there is neither motion blur nor rolling shutter; without an episode, what a sensor draws per episode it draws per
+    key of the people.
 
     Raises:
         AvatarError: If a human wears an avatar that is not loaded.
@@ -128,9 +135,23 @@ def handle_render(renderer: Renderer, request: RenderRequest) -> RenderReply:
 
 
 def _view_rgb(renderer: Renderer, view: RenderView, humans: tuple[HumanMotion, ...]) -> npt.NDArray[np.uint8]:
-    moment = Moment(T_world_camera=view.T_world_camera, humans=humans, step=view.step)
-    camera = renderer.capture.camera_of(SensorStream.of_people(view.people))
-    return renderer.capture.take(camera, lambda _: moment, view.step).rgb
+    episode = SensorStream.of_people(view.people) if view.episode is None else SensorStream.of_episode(view.episode)
+    camera = renderer.capture.camera_of(episode)
+    return renderer.capture.take(camera, _moments(renderer, view, humans), view.step).rgb
+
+
+def _moments(renderer: Renderer, view: RenderView, humans: tuple[HumanMotion, ...]) -> MomentAt:
+    if not view.path_xyyaw:
+        moment = Moment(T_world_camera=view.T_world_camera, humans=humans, step=view.step)
+        return lambda _: moment
+    timeline = Timeline(
+        xyyaw=np.array(view.path_xyyaw),
+        humans=humans,
+        floor=renderer.scene.maps.floor,
+        camera=renderer.robot.camera,
+        first_step=view.step + 1 - len(view.path_xyyaw),
+    )
+    return timeline.at
 
 
 def episode_header(renderer: Renderer, scenario: Scenario, trajectory: RobotTrajectory) -> EpisodeHeader:

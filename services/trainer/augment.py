@@ -8,6 +8,8 @@ import numpy.typing as npt
 import torch
 from torch import Tensor
 
+from readygo.common.camera import CameraConfig
+from readygo.common.camera.lens import make_lens
 from readygo.services.trainer.samples import Indices, SampleTable
 
 NEAR_M = 1.0
@@ -70,32 +72,60 @@ def draw_yaws(groups: Indices, sigma_rad: float, rng: np.random.Generator) -> np
     return yaws
 
 
-def turn_frames(
-    frames: npt.NDArray[np.uint8], yaws_rad: npt.NDArray[np.float64], K_px: npt.NDArray[np.float64]
-) -> npt.NDArray[np.uint8]:
-    """What a level camera would have seen, had the robot been turned to the left; the edge is repeated.
+class TurnedCamera:
+    """What a robot's camera would have seen, had the robot been turned on the spot.
 
-    A rotation moves pixels the same way at every depth, so that the images are exact but for what was out of view.
-
-    Args:
-        frames: Frames, shape (F, H, W, 3).
-        yaws_rad: Turn of each frame to the left [rad], shape (F,).
-        K_px: Intrinsics [px], pixel centres at +0.5, shape (3, 3).
+    A rotation moves pixels the same way at every depth, so that the images are exact but for what was out of view: the
+    edge is repeated there. A camera that is not above the robot's centre also moves a little, which is left out. What
+    varies of a lens between episodes is left out as well: all frames have the lens of `robot.toml`.
     """
-    # OpenCV's warp counts pixel centres from 0.
-    K = np.array([[1.0, 0.0, -0.5], [0.0, 1.0, -0.5], [0.0, 0.0, 1.0]]) @ K_px
-    turned = np.empty_like(frames)
-    for k, (frame, yaw_rad) in enumerate(zip(frames, yaws_rad.tolist(), strict=True)):
+
+    def __init__(self, camera: CameraConfig) -> None:
+        self._lens = make_lens(camera)
+        self._R_robot_camera = camera.T_world_camera(0.0, 0.0, 0.0, 0.0)[:3, :3]
+        columns, rows = np.meshgrid(np.arange(camera.width_px) + 0.5, np.arange(camera.height_px) + 0.5)
+        self._shape = columns.shape
+        xy = self._lens.rays(np.stack([columns.ravel(), rows.ravel()], axis=1))
+        self._rays = np.concatenate([xy, np.ones((len(xy), 1))], axis=1)
+
+    def turn(self, frames: npt.NDArray[np.uint8], yaws_rad: npt.NDArray[np.float64]) -> npt.NDArray[np.uint8]:
+        """The frames of robots that are turned to the left.
+
+        Args:
+            frames: Frames, shape (F, H, W, 3).
+            yaws_rad: Turn of each frame to the left [rad], shape (F,).
+        """
+        warp = self._warped if self._lens.distortion == "none" else self._remapped
+        turned = np.empty_like(frames)
+        for yaw_rad in np.unique(yaws_rad).tolist():
+            rows = np.flatnonzero(yaws_rad == yaw_rad)
+            turned[rows] = warp(frames[rows], self._rotation(yaw_rad))
+        return turned
+
+    def _rotation(self, yaw_rad: float) -> npt.NDArray[np.float64]:
+        """From the turned camera's axes to those before, shape (3, 3)."""
         c, s = math.cos(yaw_rad), math.sin(yaw_rad)
-        R_before_after = np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
-        turned[k] = cv2.warpPerspective(
-            frame,
-            K @ R_before_after @ np.linalg.inv(K),
-            (frame.shape[1], frame.shape[0]),
-            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-            borderMode=cv2.BORDER_REPLICATE,
-        )
-    return turned
+        R_before_after = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        R: npt.NDArray[np.float64] = self._R_robot_camera.T @ R_before_after @ self._R_robot_camera
+        return R
+
+    def _warped(self, frames: npt.NDArray[np.uint8], R: npt.NDArray[np.float64]) -> npt.NDArray[np.uint8]:
+        """Without a lens a rotation is a homography."""
+        # OpenCV's warp counts pixel centres from 0.
+        K = np.array([[1.0, 0.0, -0.5], [0.0, 1.0, -0.5], [0.0, 0.0, 1.0]]) @ self._lens.K_px
+        H, size = K @ R @ np.linalg.inv(K), (self._shape[1], self._shape[0])
+        flags, border = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, cv2.BORDER_REPLICATE
+        return np.stack([cv2.warpPerspective(frame, H, size, flags=flags, borderMode=border) for frame in frames])
+
+    def _remapped(self, frames: npt.NDArray[np.uint8], R: npt.NDArray[np.float64]) -> npt.NDArray[np.uint8]:
+        """Through the lens: every pixel's ray, turned, and the pixel that saw it before."""
+        x, y, ahead = (self._rays @ R.T).T
+        xy = np.stack([x, y], axis=1) / np.maximum(ahead, 1e-6)[:, None]
+        # Beyond what the lens can show its polynomial would turn back into the image.
+        xy *= np.minimum(1.0, self._lens.radius_max / np.maximum(np.hypot(xy[:, 0], xy[:, 1]), 1e-12))[:, None]
+        columns, rows = (self._lens.pixels(xy) - 0.5).astype(np.float32).T.reshape(2, *self._shape)
+        border = cv2.BORDER_REPLICATE
+        return np.stack([cv2.remap(frame, columns, rows, cv2.INTER_LINEAR, borderMode=border) for frame in frames])
 
 
 def correct_for_turn(

@@ -5,8 +5,10 @@ from typing import Any
 
 import torch
 
-from readygo.common.errors import PolicyError
+from readygo.common.config import section_from_mapping, section_to_mapping
+from readygo.common.errors import ConfigError, PolicyError
 from readygo.common.files import unfinished
+from readygo.common.robot import RobotConfig
 
 CHECKPOINT_FORMAT = "readygo-training/1"
 CHECKPOINT_FILE = "checkpoint.pt"
@@ -38,7 +40,16 @@ def load_checkpoint(folder: Path, identity: dict[str, Any]) -> dict[str, Any] | 
         raise PolicyError(f"{path} cannot be read: {reason}; delete it to start anew.") from error
     if not isinstance(state, dict) or state.get("format") != CHECKPOINT_FORMAT:
         raise PolicyError(f"{path} is no checkpoint of this version; delete it to start anew.")
+    state["identity"]["robot"] = _robot_of_today(state["identity"]["robot"])
     changed = sorted(key for key, value in identity.items() if state["identity"].get(key) != value)
     if changed:
         raise PolicyError(f"{path} belongs to a run with another {changed[0]}; give another --out, or delete it.")
     return state
+
+
+def _robot_of_today(robot: dict[str, Any]) -> dict[str, Any]:
+    """A robot as it was written down, with the settings that it is too old to have."""
+    try:
+        return section_to_mapping(section_from_mapping(RobotConfig, robot))
+    except ConfigError:
+        return robot

@@ -40,7 +40,7 @@ def write_outcome(run: TrainRun) -> dict[str, Any]:
 def _metrics(run: TrainRun) -> dict[str, Any]:
     part = run.held_out
     rows = spread_samples(part.episodes, FINAL_SAMPLES)
-    predictions = predict(run.average, part.frames, part.table, rows, run.spec.frame_spacing_steps)
+    predictions = predict(run.average, part.frames, part.table, rows, run.spec)
     actions = [
         run.train_part.table.actions[item.first_sample : item.first_sample + item.sample_count]
         for item in run.train_part.episodes

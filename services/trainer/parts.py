@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass
 
-from readygo.common.dataset.metadata import robot_of
+from readygo.common.camera import SensorConfig
+from readygo.common.dataset.metadata import robot_of, sensor_of
 from readygo.common.errors import DatasetError
 from readygo.common.robot import RobotConfig
 from readygo.services.trainer.config import TrainConfig
@@ -30,6 +31,11 @@ def robot_of_source(source: SampleSource) -> RobotConfig:
     if robot is None:
         raise DatasetError("The data do not tell which robot recorded them (metadata config.robot); record them anew.")
     return robot
+
+
+def sensor_of_source(source: SampleSource) -> SensorConfig:
+    """What varied of the robot's camera from episode to episode."""
+    return sensor_of(source.metadata)
 
 
 def build_parts(source: SampleSource, validation: SampleSource | None, config: TrainConfig) -> tuple[Part, Part]:

@@ -14,20 +14,21 @@ from torch import nn
 
 from readygo.common.config import section_to_mapping
 from readygo.common.policy import PolicySpec
+from readygo.common.robot.kinematics import whole_steps
 from readygo.services.trainer.augment import (
+    TurnedCamera,
     correct_for_turn,
     corrupt_previous,
     draw_yaws,
     hindsight_goals,
     shift_frames,
-    turn_frames,
     vary_light,
 )
 from readygo.services.trainer.checkpoint import load_checkpoint, save_checkpoint
 from readygo.services.trainer.config import TrainConfig
 from readygo.services.trainer.export import export_policy
 from readygo.services.trainer.model import PolicyNet, images_from_bytes
-from readygo.services.trainer.parts import build_parts, robot_of_source
+from readygo.services.trainer.parts import build_parts, robot_of_source, sensor_of_source
 from readygo.services.trainer.samples import Batch, Indices, SampleSource, epoch_samples, make_batch, spread_samples
 from readygo.services.trainer.validation import predict, validation_loss
 
@@ -77,7 +78,11 @@ class TrainRun:
     ) -> None:
         self.config, self.out, self.evaluate = config, out, evaluate
         self.robot = robot_of_source(source)
-        self.spec = PolicySpec(robot=self.robot, frame_spacing_s=config.frame_spacing_s)
+        self.spec = PolicySpec(
+            robot=self.robot, sensor=sensor_of_source(source), frame_spacing_s=config.frame_spacing_s
+        )
+        self._latency_steps = whole_steps(self.robot.camera.latency_s)
+        self._turned = TurnedCamera(self.robot.camera)
         self.train_part, self.held_out = build_parts(source, validation, config)
         self.validation_rows = spread_samples(self.held_out.episodes, config.validation_samples)
         with torch.random.fork_rng(devices=[]):
@@ -132,7 +137,7 @@ class TrainRun:
         begin_s = time.monotonic()
         for group in self.optimizer.param_groups:
             group["lr"] = learning_rate(self.config, self.step, self.fraction())
-        batch = make_batch(samples, self.train_part.table.first, self.spec.frame_spacing_steps)
+        batch = make_batch(samples, self.train_part.table.first, self.spec.frame_spacing_steps, self._latency_steps)
         self._losses.append(self._optimise(batch))
         self.step, self.epoch_step = self.step + 1, self.epoch_step + 1
         self.samples_seen += len(samples)
@@ -146,7 +151,7 @@ class TrainRun:
         yaws_rad = draw_yaws(first[batch.frames], config.yaw_error_rad, rng)
         frames = part.frames.get(batch.frames)
         if config.yaw_error_rad > 0:
-            frames = turn_frames(frames, yaws_rad, self.robot.camera.K_px)
+            frames = self._turned.turn(frames, yaws_rad)
         frames = shift_frames(frames, first[batch.frames], config.shift_px, rng)
         images = images_from_bytes(torch.from_numpy(frames))
         vary_light(images, first[batch.frames], config.photometric, rng)
@@ -182,9 +187,7 @@ class TrainRun:
     def _validate(self, *, last: bool = False) -> None:
         begin_s = time.monotonic()
         part = self.held_out
-        predictions = predict(
-            self.average, part.frames, part.table, self.validation_rows, self.spec.frame_spacing_steps
-        )
+        predictions = predict(self.average, part.frames, part.table, self.validation_rows, self.spec)
         loss = validation_loss(predictions, part.table.actions[self.validation_rows], self.model.limits.numpy())
         train_loss = float(np.mean(self._losses)) if self._losses else math.nan
         self._losses.clear()

@@ -137,15 +137,16 @@ def split_episodes(
     return in_order(ranked[held_out:]), in_order(ranked[:held_out])
 
 
-def make_batch(samples: Indices, first: Indices, spacing_steps: int) -> Batch:
+def make_batch(samples: Indices, first: Indices, spacing_steps: int, latency_steps: int = 0) -> Batch:
     """The batch of some samples; before an episode's start its first frame is seen.
 
     Args:
         samples: Sample indices, shape (B,).
         first: First sample of each sample's episode for the whole source, shape (S,).
         spacing_steps: Steps between the frames of a window.
+        latency_steps: Steps between the latest frame of a window and its sample.
     """
-    offsets = spacing_steps * np.array([2, 1, 0])
+    offsets = spacing_steps * np.array([2, 1, 0]) + latency_steps
     seen = np.maximum(samples[:, None] - offsets, first[samples][:, None])
     frames, window = np.unique(seen, return_inverse=True)
     return Batch(samples=samples, frames=frames, window=window.reshape(seen.shape))

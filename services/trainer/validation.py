@@ -6,6 +6,8 @@ import numpy as np
 import numpy.typing as npt
 import torch
 
+from readygo.common.policy import PolicySpec
+from readygo.common.robot.kinematics import whole_steps
 from readygo.services.trainer.frames import FrameCache
 from readygo.services.trainer.model import PolicyNet, images_from_bytes
 from readygo.services.trainer.samples import Batch, Indices, SampleTable, make_batch
@@ -24,14 +26,16 @@ class Predictions:
 
 
 def predict(
-    model: PolicyNet, frames: FrameCache, table: SampleTable, samples: Indices, spacing_steps: int
+    model: PolicyNet, frames: FrameCache, table: SampleTable, samples: Indices, spec: PolicySpec
 ) -> Predictions:
     """Predictions of `model` for `samples`, in evaluation mode."""
+    latency_steps = whole_steps(spec.robot.camera.latency_s)
     model.eval()
     given, withheld = [], []
     with torch.inference_mode():
         for begin in range(0, len(samples), VALIDATION_BATCH):
-            batch = make_batch(samples[begin : begin + VALIDATION_BATCH], table.first, spacing_steps)
+            rows = samples[begin : begin + VALIDATION_BATCH]
+            batch = make_batch(rows, table.first, spec.frame_spacing_steps, latency_steps)
             pair = _predict_batch(model, frames, table, batch)
             given.append(pair[0])
             withheld.append(pair[1])

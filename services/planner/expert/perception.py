@@ -8,6 +8,7 @@ from functools import cached_property, partial
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.camera.view import View, view_of
 from readygo.common.maps import GridFrame
 from readygo.common.robot.kinematics import DT_S
 from readygo.services.planner.expert.ground import EpisodeGround, ExpertGround
@@ -91,8 +92,7 @@ class HumanTracks:
         config, robot = ground.config, ground.robot
         self._ground, self.local, self._config, self._count = ground, local, config, count
         self._paths_m = paths_m
-        self._half_fov_rad = math.radians(robot.camera.horizontal_fov_deg) / 2
-        self._camera_m = robot.camera.mount_height_m
+        self._camera, self._view = robot.camera, view_of(robot.camera)
         self._memory_steps = 0 if config.oracle else round(config.memory_s / DT_S)
         self._standing_steps = 0 if config.oracle else round(config.standing_memory_s / DT_S)
         self._curved = config.mode != "paper"
@@ -127,11 +127,12 @@ class HumanTracks:
         return perceived
 
     def _is_visible(self, pose: Pose, x_m: float, y_m: float) -> bool:
-        if not in_view(pose, x_m, y_m, self._half_fov_rad, self._config.range_m, self._ground.human_radius_m):
+        eye = (*self._camera.place_m(*pose), pose[2])
+        if not in_view(eye, x_m, y_m, self._view, self._config.range_m, self._ground.human_radius_m):
             return False
         if not self._config.needs_line_of_sight:
             return True
-        return self._ground.sight.sees(pose[0], pose[1], self._camera_m, (x_m, y_m))
+        return self._ground.sight.sees(eye[0], eye[1], self._view.height_m, (x_m, y_m))
 
     def _forgets(self, track: _Track, step: int, pose: Pose) -> bool:
         """True if a human was perceived too long ago, or stood at a place that is seen to be empty."""
@@ -217,22 +218,24 @@ def stands(vx_mps: float, vy_mps: float) -> bool:
     return vx_mps * vx_mps + vy_mps * vy_mps < STANDING_MPS**2
 
 
-def in_view(pose: Pose, x_m: float, y_m: float, half_fov_rad: float, range_m: float, radius_m: float) -> bool:
-    """True if some part of a disc at (x, y) lies in a robot's field of view and range.
+def in_view(eye: Pose, x_m: float, y_m: float, view: View, range_m: float, radius_m: float) -> bool:
+    """True if some part of a human at (x, y) lies in a camera's view and range.
 
     Args:
-        pose: Robot's x [m], y [m], yaw [rad].
+        eye: Camera's x [m], y [m] and the robot's yaw [rad].
         x_m: Centre of the disc [m].
         y_m: Centre of the disc [m].
-        half_fov_rad: Half of the horizontal field of view [rad].
+        view: What the camera shows.
         range_m: Largest distance of the centre [m].
         radius_m: Radius of the disc [m].
     """
-    dx, dy = x_m - pose[0], y_m - pose[1]
+    dx, dy = x_m - eye[0], y_m - eye[1]
     distance_m = math.sqrt(dx * dx + dy * dy)
     if distance_m > range_m:
         return False
     if distance_m <= radius_m:
         return True
-    bearing_rad = (math.atan2(dy, dx) - pose[2] + math.pi) % (2 * math.pi) - math.pi
-    return abs(bearing_rad) - math.asin(radius_m / distance_m) <= half_fov_rad
+    bearing_rad = (math.atan2(dy, dx) - eye[2] + math.pi) % (2 * math.pi) - math.pi
+    half_rad = math.asin(radius_m / distance_m)
+    across = bearing_rad - half_rad <= view.left_rad and -bearing_rad - half_rad <= view.right_rad
+    return across and view.shows_body(distance_m)

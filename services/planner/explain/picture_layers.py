@@ -1,11 +1,10 @@
 """What a picture of an episode is put together from, each on a view from above."""
 
-import math
-
 import cv2
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.camera.view import view_of
 from readygo.common.drawing import plan_view
 from readygo.common.drawing.files import Picture
 from readygo.common.drawing.plan_view import GOAL, HUMANS, INK, ROBOT, WHITE, Rgb
@@ -87,15 +86,16 @@ def draw_knowledge(picture: Picture, view: TopView, planner: Planner, run: Exper
 def _draw_sight(picture: Picture, view: TopView, planner: Planner, pose: Float64Array) -> None:
     """Where the expert sees people, and the outline of its field of view and of what it feels nearby."""
     ground, camera = planner.ground, planner.robot.camera
-    fov_rad, range_m = math.radians(camera.horizontal_fov_deg), ground.config.range_m
-    x, y, _ = pose.tolist()
+    shown, range_m = view_of(camera), ground.config.range_m
+    (x, y), yaw_rad = camera.place_m(*pose.tolist()), float(pose[2])
 
     def sees(to_x: float, to_y: float) -> bool:
-        return ground.sight.sees(x, y, camera.mount_height_m, (to_x, to_y))
+        return ground.sight.sees(x, y, shown.height_m, (to_x, to_y))
 
-    seen = wedge_m(pose, fov_rad, range_m, sees=sees if ground.config.needs_line_of_sight else None)
+    eye, borders_rad = np.array([x, y, yaw_rad]), (-shown.right_rad, shown.left_rad)
+    seen = wedge_m(eye, borders_rad, range_m, sees=sees if ground.config.needs_line_of_sight else None)
     plan_view.fill_area(picture, view, seen, SIGHT, share=SIGHT_SHARE)
-    whole = wedge_m(pose, fov_rad, range_m)
+    whole = wedge_m(eye, borders_rad, range_m)
     plan_view.draw_path(picture, view, np.concatenate([whole, whole[:1]]), SIGHT, width_px=1)
     if ground.config.near_field_m > 0:
         plan_view.draw_ring(picture, view, pose[:2], ground.config.near_field_m, SIGHT)

@@ -13,23 +13,28 @@ COARSE_M, FINE_M = 0.2, 0.05
 
 
 def wedge_m(
-    xyyaw: Float64Array, fov_rad: float, range_m: float, *, sees: Callable[[float, float], bool] | None = None
+    xyyaw: Float64Array,
+    borders_rad: tuple[float, float],
+    range_m: float,
+    *,
+    sees: Callable[[float, float], bool] | None = None,
 ) -> Float64Array:
     """Outline of where a camera sees people from a pose.
 
     Args:
         xyyaw: x [m], y [m], yaw [rad], shape (3,).
-        fov_rad: Horizontal field of view [rad].
+        borders_rad: Bearings of the image's right and left border from the yaw [rad].
         range_m: Nothing farther is seen [m].
         sees: True if a person at a point is not hidden; None looks through everything.
 
     Returns:
-        Corners of a polygon that begins at the robot [m], shape (N, 2).
+        Corners of a polygon that begins at the camera [m], shape (N, 2).
     """
     x, y, yaw = xyyaw.tolist()
-    count = max(2, math.ceil(fov_rad / RAY_SPACING_RAD) + 1)
+    right_rad, left_rad = borders_rad
+    count = max(2, math.ceil((left_rad - right_rad) / RAY_SPACING_RAD) + 1)
     corners = [(x, y)]
-    for bearing in (yaw + np.linspace(-0.5, 0.5, count) * fov_rad).tolist():
+    for bearing in (yaw + np.linspace(right_rad, left_rad, count)).tolist():
         c, s = math.cos(bearing), math.sin(bearing)
         reach_m = range_m if sees is None else _reach_m(sees, x, y, c, s, range_m)
         corners.append((x + reach_m * c, y + reach_m * s))

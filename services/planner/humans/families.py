@@ -54,7 +54,7 @@ class Site:
         return self.find_sight()
 
     def sees(self, robot_m: Point, person_m: Point) -> bool:
-        """True if a robot there could see a person there, whichever way it looks."""
+        """True if a camera above the robot's centre there could see a person there, whichever way the robot looks."""
         return self.sight.sees(*robot_m, self.robot.camera.mount_height_m, person_m)
 
     @cached_property

@@ -15,8 +15,8 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from readygo.common.camera.lens import Lens
 from readygo.common.errors import ConfigError
-from readygo.services.renderer.sensor.lens import Lens
 
 Floats = npt.NDArray[np.float64]
 

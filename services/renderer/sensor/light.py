@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from readygo.services.renderer.sensor.config import SensorConfig
+from readygo.common.camera import CameraConfig
 from readygo.services.renderer.sensor.faces import WEIGHT_ONE, Remap
 
 Floats = npt.NDArray[np.float64]
@@ -80,24 +80,24 @@ class LightSum:
             _add_remapped(source, remap.start, remap.source, remap.weight, light_of_byte(), row_weight, self._sum)
 
     def developed(
-        self, sensor: SensorConfig, gain: npt.NDArray[np.float64], rng: np.random.Generator
+        self, camera: CameraConfig, gain: npt.NDArray[np.float64], rng: np.random.Generator
     ) -> npt.NDArray[np.uint8]:
         """The image as sRGB bytes, shape (H, W, 3).
 
         Args:
-            sensor: Values of this episode.
+            camera: With the values of this episode.
             gain: What exposure and vignetting leave of the light, shape (H, W); see `exposure_gain`.
             rng: Stream of this frame's noise; nothing is drawn without noise.
         """
-        noisy = sensor.shot_noise > 0.0 or sensor.read_noise > 0.0
+        noisy = camera.shot_noise > 0.0 or camera.read_noise > 0.0
         words = rng.bytes(2 * self._sum.size) if noisy else b""
         out = np.empty(self._sum.shape, dtype=np.uint8)
         _develop(
             self._sum,
             gain,
-            (sensor.red_gain, 1.0, sensor.blue_gain),
-            sensor.read_noise * sensor.read_noise,
-            sensor.shot_noise * sensor.shot_noise,
+            (camera.red_gain, 1.0, camera.blue_gain),
+            camera.read_noise * camera.read_noise,
+            camera.shot_noise * camera.shot_noise,
             np.frombuffer(words, dtype="<u2").astype(np.int64),
             normal_of_word(),
             byte_of_light(),
@@ -106,12 +106,13 @@ class LightSum:
         return out
 
 
-def exposure_gain(sensor: SensorConfig, height_px: int, width_px: int) -> Floats:
+def exposure_gain(camera: CameraConfig) -> Floats:
     """Factor on the light of each pixel from exposure and vignetting, shape (H, W)."""
+    height_px, width_px = camera.height_px, camera.width_px
     u = (np.arange(width_px) + 0.5 - 0.5 * width_px)[None, :]
     v = (np.arange(height_px) + 0.5 - 0.5 * height_px)[:, None]
     corner2 = 0.25 * (height_px * height_px + width_px * width_px)
-    gain: Floats = 2.0**sensor.exposure_ev * (1.0 - sensor.vignetting * (u * u + v * v) / corner2)
+    gain: Floats = 2.0**camera.exposure_ev * (1.0 - camera.vignetting * (u * u + v * v) / corner2)
     return gain
 
 

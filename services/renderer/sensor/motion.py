@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from readygo.common.camera import CameraConfig
 from readygo.common.maps import FloorMap
 from readygo.common.messages import HumanMotion
-from readygo.common.robot import CameraConfig
 
 Floats = npt.NDArray[np.float64]
 Singles = npt.NDArray[np.float32]
@@ -58,14 +58,16 @@ class Timeline:
     """Camera and people of an episode at any time; before the first row and after the last one all stand still."""
 
     xyyaw: Floats
-    """Robot at each step: x [m], y [m], yaw [rad] (not wrapped), shape (T, 3)."""
+    """Robot at each step from `first_step` on: x [m], y [m], yaw [rad] (not wrapped), shape (T, 3)."""
     humans: tuple[HumanMotion, ...]
     floor: FloorMap
     camera: CameraConfig
+    first_step: int = 0
 
     def at(self, step: float) -> Moment:
         """The moment at a step, which need not be whole: the robot drives an arc between rows."""
-        row, share = _row_and_share(step, len(self.xyyaw))
+        row, share = _row_and_share(step, self.first_step + len(self.xyyaw))
+        row, share = (row - self.first_step, share) if row >= self.first_step else (0, 0.0)
         pose = self.xyyaw[row] if share == 0.0 else arc(self.xyyaw[row], self.xyyaw[row + 1], share)
         x_m, y_m, yaw_rad = (float(value) for value in pose)
         T_world_camera = self.camera.T_world_camera(x_m, y_m, yaw_rad, self.floor.at(x_m, y_m))

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.camera import CameraConfig
 from readygo.common.robot.kinematics import DT_S
-from readygo.services.renderer.sensor.config import SensorConfig
 from readygo.services.renderer.sensor.light import TIME_ONE
 
 
@@ -23,24 +23,23 @@ class Shutter:
     """The image nearest to the middle of each row's exposure, shape (H,)."""
 
 
-def make_shutter(sensor: SensorConfig, height_px: int) -> Shutter:
-    """The shutter of a sensor without ranges.
+def make_shutter(camera: CameraConfig, sub_frames: int) -> Shutter:
+    """The shutter of a camera, its frames made of `sub_frames` images.
 
     The last row's exposure ends at the frame's own time, so that no pixel knows what the robot does afterwards: that is
     the action to be learned. The time from the first row's start to there is split into equal parts, each of them
     drawn at its middle, and a row takes from each what overlaps with its exposure.
     """
-    span_s = sensor.exposure_s + sensor.readout_s
+    height_px, span_s = camera.height_px, camera.exposure_s + camera.readout_s
     if span_s == 0.0:
         one = np.full((1, height_px), TIME_ONE, dtype=np.int64)
         return Shutter(steps=(0.0,), weight=one, middle=np.zeros(height_px, dtype=np.int64))
-    count = sensor.sub_frames
-    part_s = span_s / count
-    begins = [sensor.readout_s * row / max(height_px - 1, 1) for row in range(height_px)]
-    shares = [_row_shares(begin_s / part_s, sensor.exposure_s / part_s, count) for begin_s in begins]
-    middles = [min(int((begin_s + 0.5 * sensor.exposure_s) / part_s), count - 1) for begin_s in begins]
+    part_s = span_s / sub_frames
+    begins = [camera.readout_s * row / max(height_px - 1, 1) for row in range(height_px)]
+    shares = [_row_shares(begin_s / part_s, camera.exposure_s / part_s, sub_frames) for begin_s in begins]
+    middles = [min(int((begin_s + 0.5 * camera.exposure_s) / part_s), sub_frames - 1) for begin_s in begins]
     return Shutter(
-        steps=tuple(((index + 0.5) * part_s - span_s) / DT_S for index in range(count)),
+        steps=tuple(((index + 0.5) * part_s - span_s) / DT_S for index in range(sub_frames)),
         weight=np.array(shares, dtype=np.int64).T.copy(),
         middle=np.array(middles, dtype=np.int64),
     )

@@ -5,25 +5,67 @@ import pytest
 from readygo.apps.run.config import RunConfig, load_run_config
 from readygo.apps.run.identity import numeric_class
 from readygo.apps.run.spec import make_spec
+from readygo.common.camera import CameraConfig, SensorConfig
 from readygo.common.config import section_from_mapping
 from readygo.common.errors import ConfigError
 from readygo.common.messages import Split
-from readygo.services.renderer.sensor.config import SENSOR_RECIPES, SensorConfig
+from readygo.common.robot import RobotConfig
+from readygo.services.renderer import RendererConfig
+from readygo.services.renderer.sensor.recipes import sensor_phone_like
 
 
-def test_recipe_takes_the_place_of_the_configurations_sensor(tmp_path: Path) -> None:
-    file = tmp_path / "run.toml"
-    file.write_text("[renderer]\ncontact_shadow = true\n[renderer.sensor]\nexposure_ev = 1.0\n")
-    assert load_run_config(file).renderer.sensor == SensorConfig(exposure_ev=1.0)
+def written(folder: Path, text: str) -> Path:
+    (folder / "run.toml").write_text(text)
+    return folder / "run.toml"
+
+
+def test_recipe_takes_the_place_of_optics_and_variation(tmp_path: Path) -> None:
+    text = "[renderer]\ncontact_shadow = true\n[renderer.sensor]\nexposure_ev = [0.0, 1.0]\n[robot.camera]\nk1 = 0.1\n"
+    file = written(tmp_path, text + "distortion = 'fisheye'\nmount_x_m = 0.1\n")
+    plain = load_run_config(file)
+    assert plain.renderer.sensor == SensorConfig(exposure_ev=(0.0, 1.0))
+    assert plain.robot.camera == CameraConfig(distortion="fisheye", k1=0.1, mount_x_m=0.1)
     config = load_run_config(file, sensor="sensor_phone_like")
-    assert config.renderer.sensor == SENSOR_RECIPES["sensor_phone_like"]()
-    assert config.renderer.contact_shadow
+    expected = sensor_phone_like(CameraConfig(mount_x_m=0.1), RendererConfig(contact_shadow=True))
+    assert (config.robot.camera, config.renderer) == expected
     assert numeric_class(config) == numeric_class(RunConfig())
 
 
+def test_recipe_is_laid_over_the_robot_that_is_given() -> None:
+    robot = RobotConfig(v_max_mps=0.5, camera=CameraConfig(height_px=72, width_px=128))
+    config = load_run_config(None, robot, "sensor_phone_like")
+    assert config.robot.v_max_mps == 0.5
+    assert (config.robot.camera.height_px, config.robot.camera.distortion) == (72, "brown_conrady")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("k1 = 0.1", r"renderer\.sensor\.k1 has moved to the camera: write k1 = 0\.1 in \[robot\.camera\]"),
+        ("distortion = 'fisheye'", r"write distortion = 'fisheye' in \[robot\.camera\]"),
+        ("exposure_s = 0.01", "exposure_s has moved to the camera"),
+        ("sub_frames = 4", r"sub_frames has moved: write sub_frames in \[renderer\]"),
+        ("[renderer.sensor.ranges]\nk1 = [0.0, 0.1]", r"its keys stand in \[renderer\.sensor\]"),
+        ("gamma = 2.2", "Unknown key 'renderer.sensor.gamma'"),
+    ],
+)
+def test_keys_that_moved_name_their_new_place(tmp_path: Path, text: str, message: str) -> None:
+    file = written(tmp_path, f"[renderer.sensor]\n{text}\n")
+    with pytest.raises(ConfigError, match=message) as caught:
+        load_run_config(file)
+    assert str(caught.value).startswith(f"Configuration {file}: ")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["robot = 3", "renderer = 3", "[renderer]\nsensor = 3", "[robot]\ncamera = 3"])
+def test_section_that_is_no_table_is_refused(tmp_path: Path, text: str) -> None:
+    with pytest.raises(ConfigError, match="must be a table"):
+        load_run_config(written(tmp_path, text))
+
+
 def test_lens_that_folds_the_robots_image_is_refused_before_the_run() -> None:
-    sensor = {"distortion": "brown_conrady", "k1": -0.4}
-    config = section_from_mapping(RunConfig, {"renderer": {"sensor": sensor}})
+    camera = {"distortion": "brown_conrady", "k1": -0.4}
+    config = section_from_mapping(RunConfig, {"robot": {"camera": camera}})
 
     class SceneThatIsNotReached:
         pass

@@ -1,10 +1,11 @@
 import copy
 import dataclasses
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from readygo.apps.run.config import RunConfig, resolved_sections, with_outputs
+from readygo.apps.run.config import RunConfig, load_run_config, resolved_sections, with_outputs
 from readygo.apps.run.folder import RunFolder
 from readygo.common.errors import RunError
 from readygo.common.messages import OnRejection
@@ -42,6 +43,28 @@ def test_folder_from_before_there_were_labels_is_refused_but_with_labels_off(tmp
     folder.check(dataclasses.replace(SPEC, config=resolved_sections(without)))
     with pytest.raises(RunError, match=r"config \(renderer\) differ"):
         folder.check(dataclasses.replace(SPEC, config=resolved_sections(with_labels)))
+
+
+def test_folder_from_before_the_camera_was_one_section_can_be_gone_on_with(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path)
+    config = load_run_config(None, sensor="sensor_phone_like")
+    ours = dataclasses.replace(SPEC, config=resolved_sections(config))
+    with folder.locked():
+        folder.save(dataclasses.replace(SPEC, config=as_recorded_before(ours.config)), 3)
+    folder.check(ours)
+    with pytest.raises(RunError, match=r"config \(robot, renderer\) differ"):
+        folder.check(dataclasses.replace(SPEC, config=resolved_sections(RunConfig())))
+
+
+def as_recorded_before(config: dict[str, Any]) -> dict[str, Any]:
+    """Sections as they were recorded when lens, light and shutter stood in [renderer.sensor]."""
+    old = copy.deepcopy(config)
+    camera, ranges = old["robot"]["camera"], old["renderer"]["sensor"]
+    constants = {name: camera[name] for name in ("distortion", *ranges)}
+    kept = ("height_px", "width_px", "horizontal_fov_deg", "mount_height_m")
+    old["robot"]["camera"] = {name: camera[name] for name in kept}
+    old["renderer"]["sensor"] = {**constants, "sub_frames": old["renderer"].pop("sub_frames"), "ranges": ranges}
+    return old
 
 
 def test_folder_with_other_outputs_is_refused(tmp_path: Path) -> None:

@@ -1,14 +1,54 @@
 import pytest
 
+from readygo.common.camera import SensorConfig
 from readygo.common.errors import PolicyError
 from readygo.common.policy import PolicySpec, load_spec, save_spec
 from readygo.common.robot import CameraConfig, RobotConfig
+
+SENSOR = SensorConfig(k1=(-0.1, 0.1), exposure_s=(0.0, 0.01))
+OLD_POLICY = """format = "readygo-policy/1"
+frame_spacing_s = 0.5
+
+[robot]
+radius_m = 0.25
+planning_radius_m = 0.3
+height_m = 0.6
+v_max_mps = 1.0
+w_max_radps = 1.2
+a_max_mps2 = 1.0
+alpha_max_radps2 = 3.0
+
+[robot.camera]
+height_px = 90
+width_px = 160
+horizontal_fov_deg = 80.0
+mount_height_m = 0.4
+
+[training]
+episodes = 40
+"""
+
+
+def test_policy_of_before_it_named_lens_and_sensor_still_loads(tmp_path):
+    (tmp_path / "policy.toml").write_text(OLD_POLICY)
+    spec = load_spec(tmp_path)
+    camera = CameraConfig(height_px=90, width_px=160, horizontal_fov_deg=80.0, mount_height_m=0.4)
+    assert spec.robot == RobotConfig(camera=camera)
+    assert spec.sensor == SensorConfig()
+
+
+def test_camera_with_given_intrinsics_comes_back(tmp_path):
+    focal = {"fx_px": 120.0, "fy_px": 118.0, "cx_px": 131.0, "cy_px": 70.5}
+    spec = PolicySpec(robot=RobotConfig(camera=CameraConfig(**focal, distortion="fisheye", k1=0.01, latency_s=0.1)))
+    save_spec(spec, tmp_path)
+    assert load_spec(tmp_path) == spec
+    assert "None" not in (tmp_path / "policy.toml").read_text()
 
 
 def test_spec_comes_back_as_it_was_written(tmp_path):
     robot = RobotConfig(v_max_mps=0.7, camera=CameraConfig(height_px=90, width_px=160))
     training = {"data_sha256": 'ab"c\\d', "episodes": 40, "config": {"minutes": 1e-5, "live": False}, "seeds": [1, 2]}
-    spec = PolicySpec(robot=robot, frame_spacing_s=0.25, training=training)
+    spec = PolicySpec(robot=robot, sensor=SENSOR, frame_spacing_s=0.25, training=training)
     save_spec(spec, tmp_path)
     assert load_spec(tmp_path) == spec
     assert [path.name for path in tmp_path.iterdir()] == ["policy.toml"]

@@ -1,3 +1,4 @@
+import dataclasses
 import subprocess
 import sys
 
@@ -6,10 +7,11 @@ import onnx
 import pytest
 from onnx import numpy_helper
 
+from readygo.common.camera import SensorConfig
 from readygo.common.errors import PolicyError
-from readygo.common.policy import PolicyMemory, PolicySpec, load_policy, save_spec
+from readygo.common.policy import PolicyMemory, PolicySpec, check_policy_camera, load_policy, save_spec
 from readygo.common.robot import CameraConfig, RobotConfig
-from tests.common.policy.artifacts import write_policy
+from tests.common.policy.artifacts import CAMERA, ROBOT, write_policy
 
 
 @pytest.fixture
@@ -68,14 +70,30 @@ def test_images_of_another_size_are_refused(folder):
 
 
 def test_robot_with_another_image_size_is_refused(folder):
-    with pytest.raises(PolicyError, match="144x256"):
+    with pytest.raises(PolicyError, match=r"height_px 8 \(the robot's: 144\), width_px 10 \(the robot's: 256\)"):
         load_policy(folder, robot=RobotConfig())
 
 
 def test_robot_with_another_mount_is_refused(folder):
     robot = RobotConfig(camera=CameraConfig(height_px=8, width_px=10, mount_height_m=0.9))
-    with pytest.raises(PolicyError, match=r"0\.9 m"):
+    with pytest.raises(PolicyError, match=r"another camera: mount_height_m 0\.5 \(the robot's: 0\.9\); ") as caught:
         load_policy(folder, robot=robot)
+    assert "\n" not in str(caught.value)
+
+
+def test_another_lens_and_another_variation_are_named_field_by_field():
+    lens = dataclasses.replace(CAMERA, distortion="brown_conrady", k1=-0.02)
+    spec = PolicySpec(robot=RobotConfig(camera=lens), sensor=SensorConfig(k1=(-0.04, 0.0)))
+    check_policy_camera(spec, RobotConfig(v_max_mps=0.5, camera=lens), SensorConfig(k1=(-0.04, 0.0)))
+    check_policy_camera(spec, RobotConfig(camera=lens))
+    with pytest.raises(
+        PolicyError, match=r"distortion brown_conrady \(the robot's: none\), k1 -0\.02 \(the robot's: 0\);"
+    ):
+        check_policy_camera(spec, ROBOT)
+    with pytest.raises(
+        PolicyError, match=r"camera: sensor\.k1 \[-0\.04, 0\.0\] \(the robot's: none\); .*--camera robot"
+    ):
+        check_policy_camera(spec, RobotConfig(camera=lens), SensorConfig())
 
 
 @pytest.mark.parametrize("name", ["encoder.onnx", "head.onnx", "policy.toml"])

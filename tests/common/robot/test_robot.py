@@ -1,19 +1,27 @@
 import math
 from pathlib import Path
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from readygo.common.errors import ConfigError
-from readygo.common.robot import CameraConfig, RobotConfig, limit_command, load_robot, save_robot, step_unicycle
+from readygo.common.robot import CameraConfig, RobotConfig, limit_command, load_robot, step_unicycle
 
 
-def test_robot_file_round_trips(tmp_path: Path) -> None:
-    robot = RobotConfig(v_max_mps=0.7, camera=CameraConfig(width_px=320, horizontal_fov_deg=90.0))
-    save_robot(robot, tmp_path / "robot.toml")
-    assert load_robot(tmp_path / "robot.toml") == robot
+def test_robot_file_holds_the_whole_camera(tmp_path: Path) -> None:
+    text = "v_max_mps = 0.7\n[camera]\nwidth_px = 320\nhorizontal_fov_deg = 90\ndistortion = 'fisheye'\nk1 = 0.01\n"
+    (tmp_path / "robot.toml").write_text(text + "mount_x_m = 0.1\nexposure_s = 0.01\nlatency_s = 0.1\n")
+    camera = CameraConfig(
+        width_px=320,
+        horizontal_fov_deg=90.0,
+        distortion="fisheye",
+        k1=0.01,
+        mount_x_m=0.1,
+        exposure_s=0.01,
+        latency_s=0.1,
+    )
+    assert load_robot(tmp_path / "robot.toml") == RobotConfig(v_max_mps=0.7, camera=camera)
 
 
 @pytest.mark.parametrize(
@@ -25,33 +33,21 @@ def test_robot_file_round_trips(tmp_path: Path) -> None:
         ("[camera]\nwidth_px = 2", "image size must be 8..4095"),
         ("radius_m = 0.5", "planning_radius_m 0.3 is below"),
         ("= 3", "cannot be read"),
+        ("[camera]\nlens = 'wide'", "Unknown key 'camera.lens'"),
+        ("[camera]\ndistortion = 'brown_conrady'\nk1 = -0.4", "folds the image"),
     ],
 )
 def test_wrong_robot_file_is_refused_with_a_reason(tmp_path: Path, text: str, words: str) -> None:
     (tmp_path / "robot.toml").write_text(text)
-    with pytest.raises(ConfigError, match=words):
+    with pytest.raises(ConfigError, match=words) as caught:
         load_robot(tmp_path / "robot.toml")
+    assert str(caught.value).startswith(f"Robot file {tmp_path / 'robot.toml'}")
+    assert "\n" not in str(caught.value)
 
 
 def test_missing_robot_file_is_a_config_error(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="cannot be read"):
         load_robot(tmp_path / "none.toml")
-
-
-def test_camera_looks_along_the_robots_x_axis_and_level() -> None:
-    T = CameraConfig().T_world_camera(1.0, 2.0, math.pi / 2, 0.1)
-    forward, left, up = np.array([0, 1, 0]), np.array([-1, 0, 0]), np.array([0, 0, 1])
-    np.testing.assert_allclose(T[:3, 2], forward, atol=1e-12)
-    np.testing.assert_allclose(T[:3, 0], -left, atol=1e-12)
-    np.testing.assert_allclose(T[:3, 1], -up, atol=1e-12)
-    np.testing.assert_allclose(T[:3, 3], [1.0, 2.0, 0.6])
-
-
-def test_horizontal_field_of_view_reaches_the_image_border() -> None:
-    camera = CameraConfig(horizontal_fov_deg=100.0)
-    K = camera.K_px
-    assert math.degrees(2 * math.atan(camera.width_px / 2 / K[0, 0])) == pytest.approx(100.0)
-    assert (K[0, 2], K[1, 2]) == (128.0, 72.0)
 
 
 @given(st.floats(-1, 1), st.floats(-1.2, 1.2), st.floats(-3, 3))

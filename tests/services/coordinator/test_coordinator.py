@@ -222,26 +222,26 @@ def test_many_rejections_do_not_end_a_run_that_accepts_one_in_twenty(tmp_path: P
     line = Line(tmp_path, wanted=40, rejections_max=5)
     line.plan()
     for _ in range(20):
-        line.complete(Stage.HUMAN_PLAN, line.claim(Stage.HUMAN_PLAN), rejected="no path")
+        line.complete(HUMAN_PLAN, line.claim(HUMAN_PLAN), rejected="no path")
     assert line.status().failed == ""
-    line.complete(Stage.HUMAN_PLAN, line.claim(Stage.HUMAN_PLAN), rejected="no path")
+    line.complete(HUMAN_PLAN, line.claim(HUMAN_PLAN), rejected="no path")
     assert line.status().failed == "21 indices were rejected and 1 accepted: no path (21)."
 
 
 def test_recorder_that_cannot_write_ends_the_run_with_its_words(line: Line) -> None:
     line.plan()
-    line.grant(line.claim(Stage.RENDER))
+    line.grant(line.claim(RENDER))
     lost = LostRequest(recorder="rec0", index=0, reason="No space left.")
-    assert line.bus.request("coord/rec/lost", lost, Verdict).status == "ok"
+    assert line.bus.request(topics.LOST, lost).status is VerdictStatus.OK
     assert line.status().failed == "No space left."
-    assert line.claim(Stage.RENDER).status == "done"
+    assert line.claim(RENDER).status is ClaimStatus.DONE
 
 
-def test_episodes_are_dealt_out_to_the_recorders_in_turn(line: Line) -> None:
-    line.coordinator.recorders = ("rec0", "rec1")
+def test_episodes_are_dealt_out_to_the_recorders_in_turn(tmp_path: Path) -> None:
+    line = Line(tmp_path, recorders=("rec0", "rec1"))
     for _ in range(3):
         line.plan()
-    assert [line.claim(Stage.RENDER).recorder for _ in range(3)] == ["rec0", "rec1", "rec0"]
+    assert [line.claim(RENDER).recorder for _ in range(3)] == ["rec0", "rec1", "rec0"]
 
 
 def test_results_that_nobody_needs_are_gone_after_a_restart(tmp_path: Path) -> None:

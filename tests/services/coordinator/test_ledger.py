@@ -3,10 +3,11 @@ from pathlib import Path
 
 import pytest
 
-from readygo.common.messages import Stage
+from readygo.common.messages import VerdictStatus
+from readygo.common.messages.stages import ANIMATE, HUMAN_PLAN, RENDER, ROBOT_PLAN
 from readygo.services.coordinator import Ledger
 
-BEFORE_RENDER = (Stage.HUMAN_PLAN, Stage.ANIMATE, Stage.ROBOT_PLAN)
+BEFORE_RENDER = (HUMAN_PLAN, ANIMATE, ROBOT_PLAN)
 
 
 @pytest.fixture
@@ -17,13 +18,13 @@ def ledger(tmp_path: Path) -> Iterator[Ledger]:
     for stage in BEFORE_RENDER:
         lease = ledger.claim(stage, "w", 10.0)
         assert lease is not None
-        assert ledger.advance(stage, lease.index, lease.attempt, f"hash of {stage.value}")
+        assert ledger.advance(stage, lease.index, lease.attempt, f"hash of {stage.name}")
     yield ledger
     ledger.close()
 
 
 def _render(ledger: Ledger) -> int:
-    lease = ledger.claim(Stage.RENDER, "w", 10.0)
+    lease = ledger.claim(RENDER, "w", 10.0)
     assert lease is not None
     assert lease.index == 0
     return lease.attempt
@@ -31,11 +32,11 @@ def _render(ledger: Ledger) -> int:
 
 def test_lost_after_done_leaves_the_episode_durable(ledger: Ledger) -> None:
     attempt = _render(ledger)
-    assert ledger.grant(0, attempt, "rec0") == "ok"
+    assert ledger.grant(0, attempt, "rec0") is VerdictStatus.OK
     assert ledger.commit(0, "rec0", "shard", 10) is not None
     ledger.take_back(0, "rec0")
     assert ledger.committed() == (1, 10)
-    assert ledger.claim(Stage.RENDER, "w", 20.0) is None
+    assert ledger.claim(RENDER, "w", 20.0) is None
 
 
 def test_grant_is_taken_back_by_its_own_recorder_only(ledger: Ledger) -> None:
@@ -47,22 +48,22 @@ def test_grant_is_taken_back_by_its_own_recorder_only(ledger: Ledger) -> None:
     assert ledger.granted("rec0") == (0,)
     ledger.take_back(0, "rec0")
     assert ledger.granted("rec0") == ()
-    again = ledger.claim(Stage.RENDER, "w", 20.0)
+    again = ledger.claim(RENDER, "w", 20.0)
     assert again is not None
     assert again.attempt == attempt + 1
 
 
 def test_inputs_are_the_earlier_results_in_the_order_of_the_stages(ledger: Ledger) -> None:
-    lease = ledger.claim(Stage.RENDER, "w", 10.0)
+    lease = ledger.claim(RENDER, "w", 10.0)
     assert lease is not None
-    assert lease.inputs == tuple(f"hash of {stage.value}" for stage in BEFORE_RENDER)
+    assert lease.inputs == tuple(f"hash of {stage.name}" for stage in BEFORE_RENDER)
 
 
 def test_commit_hands_back_what_nobody_needs_any_more(ledger: Ledger) -> None:
     attempt = _render(ledger)
     ledger.grant(0, attempt, "rec0")
     hashes = ledger.commit(0, "rec0", "shard", 10)
-    assert sorted(hashes or []) == sorted(f"hash of {stage.value}" for stage in BEFORE_RENDER)
+    assert sorted(hashes or []) == sorted(f"hash of {stage.name}" for stage in BEFORE_RENDER)
     assert ledger.results() == set()
     assert ledger.commit(0, "rec0", "shard", 10) == []
     assert ledger.commit(0, "rec1", "other", 10) is None
@@ -70,7 +71,7 @@ def test_commit_hands_back_what_nobody_needs_any_more(ledger: Ledger) -> None:
 
 def test_leases_end_by_time_and_grants_do_not(ledger: Ledger) -> None:
     attempt = _render(ledger)
-    other = ledger.claim(Stage.HUMAN_PLAN, "w", 12.0)
+    other = ledger.claim(HUMAN_PLAN, "w", 12.0)
     assert other is not None
     assert ledger.requeue_expired(9.0) == 0
     ledger.grant(0, attempt, "rec0")
@@ -82,16 +83,16 @@ def test_leases_end_by_time_and_grants_do_not(ledger: Ledger) -> None:
 
 def test_failures_are_counted_per_stage(ledger: Ledger) -> None:
     for failures in (1, 2):
-        lease = ledger.claim(Stage.HUMAN_PLAN, "w", 10.0)
+        lease = ledger.claim(HUMAN_PLAN, "w", 10.0)
         assert lease is not None
-        assert ledger.fail(Stage.HUMAN_PLAN, lease.index, lease.attempt) == failures
-    lease = ledger.claim(Stage.HUMAN_PLAN, "w", 10.0)
+        assert ledger.fail(HUMAN_PLAN, lease.index, lease.attempt) == failures
+    lease = ledger.claim(HUMAN_PLAN, "w", 10.0)
     assert lease is not None
-    assert ledger.advance(Stage.HUMAN_PLAN, lease.index, lease.attempt, "h")
-    lease = ledger.claim(Stage.ANIMATE, "w", 10.0)
+    assert ledger.advance(HUMAN_PLAN, lease.index, lease.attempt, "h")
+    lease = ledger.claim(ANIMATE, "w", 10.0)
     assert lease is not None
-    assert ledger.fail(Stage.ANIMATE, lease.index, lease.attempt) == 1
-    assert ledger.fail(Stage.ANIMATE, lease.index, lease.attempt) is None
+    assert ledger.fail(ANIMATE, lease.index, lease.attempt) == 1
+    assert ledger.fail(ANIMATE, lease.index, lease.attempt) is None
 
 
 def test_counters_add_up_and_survive(tmp_path: Path) -> None:

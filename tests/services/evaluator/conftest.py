@@ -142,10 +142,11 @@ def make_evaluator(services):
     bus.serve(topics.ROBOT_PLAN, services.robot_plan)
     bus.serve(topics.render("0"), services.render)
 
-    def make(*, policy=None, **settings):
+    def make(*, policy=None, robot=ROBOT, camera="policy", **settings):
         return Evaluator(
             bus=bus,
-            robot=ROBOT,
+            robot=robot,
+            camera=camera,
             robot_map=hall(),
             floor=FloorMap(frame=FRAME, height_m=np.full((60, 120), 0.25, np.float32)),
             episode_config=EpisodeConfig(),

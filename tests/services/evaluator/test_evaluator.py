@@ -1,4 +1,6 @@
+import dataclasses
 import io
+import itertools
 import json
 import math
 
@@ -19,6 +21,7 @@ from readygo.services.evaluator import (
     summary_table,
     write_results,
 )
+from tests.services.evaluator.conftest import ROBOT, GoalSeeker
 
 
 def pick(reply, task, method):
@@ -90,6 +93,27 @@ def test_camera_stands_on_the_floor_at_the_robot(make_evaluator, services):
     assert services.render_requests[7].views[0].step == 7
 
 
+def test_view_names_its_episode_and_where_the_robot_came_from(make_evaluator, services):
+    handle_evaluate(make_evaluator(), EvaluateRequest(tasks=(Task.STATIC,), methods=(Method.POLICY,), episodes=1))
+    views = [request.views[0] for request in services.render_requests]
+    assert {view.episode.index for view in views} == {0}
+    assert [len(view.path_xyyaw) for view in views[:5]] == [1, 2, 3, 3, 3]
+    for before, now in itertools.pairwise(views):
+        assert now.path_xyyaw[-2] == before.path_xyyaw[-1]
+        assert now.path_xyyaw[-1][0] == now.T_world_camera[0, 3]
+
+
+def test_policy_sees_the_image_of_the_cameras_latency_ago(make_evaluator, services):
+    robot = dataclasses.replace(ROBOT, camera=dataclasses.replace(ROBOT.camera, latency_s=0.15))
+    request = EvaluateRequest(tasks=(Task.STATIC,), methods=(Method.POLICY,), episodes=1)
+    handle_evaluate(make_evaluator(robot=robot, policy=GoalSeeker(robot)), request)
+    views = [request.views[0] for request in services.render_requests]
+    assert [view.step for view in views[:6]] == [0, 0, 0, 0, 1, 2]
+    assert views[0].T_world_camera[0, 3] == views[3].T_world_camera[0, 3] == 1.0
+    assert 1.0 < views[9].T_world_camera[0, 3] == views[9].path_xyyaw[-1][0]
+    assert views[9].path_xyyaw[-2] == views[8].path_xyyaw[-1]
+
+
 def test_people_travel_once(make_evaluator, services):
     request = EvaluateRequest(tasks=(Task.DYNAMIC,), methods=(Method.POLICY,), episodes=2)
     handle_evaluate(make_evaluator(), request)
@@ -129,8 +153,9 @@ def test_scene_that_yields_no_episode_is_named(make_evaluator, services):
 
 def test_policy_of_another_camera_is_refused(make_evaluator):
     policy = make_evaluator().policy.__class__(RobotConfig())
-    with pytest.raises(PolicyError, match="144x256"):
+    with pytest.raises(PolicyError, match=r"height_px 144 \(the robot's: 8\)"):
         make_evaluator(policy=policy)
+    assert make_evaluator(policy=policy, camera="robot").policy is policy
 
 
 def test_method_policy_needs_a_policy(make_evaluator):

@@ -6,14 +6,23 @@ import cv2
 import numpy as np
 import pytest
 
+from readygo.common.camera import CameraConfig, SensorConfig
 from readygo.common.images.images import OUTPUTS, Images
-from readygo.common.messages import EpisodeKey, EpisodeMotions, HumanMotion, RenderRequest, RenderView, Split
-from readygo.common.robot import CameraConfig, RobotConfig, step_unicycle
+from readygo.common.messages import (
+    EpisodeKey,
+    EpisodeMotions,
+    HumanMotion,
+    People,
+    RenderRequest,
+    RenderView,
+    Split,
+)
+from readygo.common.robot import RobotConfig, step_unicycle
 from readygo.services.renderer import Renderer, RendererConfig, episode_header, episode_samples, handle_render
 from readygo.services.renderer.capture import Capture, Pinhole, pinhole_of
-from readygo.services.renderer.sensor.config import SensorConfig, SensorRanges, sensor_phone_like
 from readygo.services.renderer.sensor.light import byte_of_light, light_of_byte
 from readygo.services.renderer.sensor.motion import Moment
+from readygo.services.renderer.sensor.recipes import sensor_phone_like
 from readygo.services.renderer.sensor.streams import SensorStream
 from tests.services.renderer.wearers import wearers
 
@@ -52,9 +61,10 @@ class PosterWorld:
         return self.draw_images(T_world_camera, humans, step, ("rgb",)).rgb
 
 
-def capture(sensor: SensorConfig, bright, camera: CameraConfig = CAMERA) -> Capture:
-    pinhole = pinhole_of(sensor, camera)
-    return Capture(drawing=PosterWorld(pinhole, bright), pinhole=pinhole, sensor=sensor, camera=camera)
+def capture(camera: CameraConfig, bright, sub_frames: int = 8) -> Capture:
+    pinhole, sensor = pinhole_of(SensorConfig(), camera), SensorConfig()
+    drawing = PosterWorld(pinhole, bright)
+    return Capture(drawing=drawing, pinhole=pinhole, sensor=sensor, camera=camera, sub_frames=sub_frames)
 
 
 def turning(step: float, *, rate_radps: float = TURN_RADPS) -> Moment:
@@ -66,8 +76,8 @@ def bar(azimuth: np.ndarray, elevation: np.ndarray) -> np.ndarray:
     return np.clip((0.08 - np.abs(azimuth)) / 0.05, 0.0, 1.0)
 
 
-def take(sensor: SensorConfig, bright, moment_at=turning, camera: CameraConfig = CAMERA) -> Images:
-    taking = capture(sensor, bright, camera)
+def take(camera: CameraConfig, bright, moment_at=turning, sub_frames: int = 8) -> Images:
+    taking = capture(camera, bright, sub_frames)
     return taking.take(taking.camera_of(STREAM), moment_at, 0)
 
 
@@ -77,8 +87,8 @@ def light(image: np.ndarray) -> np.ndarray:
 
 def test_motion_blur_is_as_long_as_the_turn_and_keeps_the_light() -> None:
     exposure_s = 0.04
-    sharp = light(take(SensorConfig(), bar).rgb)
-    blurred = light(take(SensorConfig(exposure_s=exposure_s, sub_frames=32), bar).rgb)
+    sharp = light(take(CAMERA, bar).rgb)
+    blurred = light(take(replace(CAMERA, exposure_s=exposure_s), bar, sub_frames=32).rgb)
     row = CAMERA.height_px // 2
     assert blurred[row].mean() == pytest.approx(sharp[row].mean(), rel=0.01)
     dark = sharp[row].min()
@@ -92,7 +102,7 @@ def test_motion_blur_is_as_long_as_the_turn_and_keeps_the_light() -> None:
 
 def test_rolling_shutter_shows_upper_rows_earlier() -> None:
     readout_s = 0.04
-    image = light(take(SensorConfig(readout_s=readout_s, sub_frames=32), bar).rgb)
+    image = light(take(replace(CAMERA, readout_s=readout_s), bar, sub_frames=32).rgb)
     columns = np.arange(CAMERA.width_px) + 0.5
     centres = np.array([np.average(columns, weights=row - image.min()) for row in image])
     skew_px = CAMERA.K_px[0, 0] * TURN_RADPS * readout_s
@@ -100,12 +110,12 @@ def test_rolling_shutter_shows_upper_rows_earlier() -> None:
     assert centres[-1] - centres[0] == pytest.approx(skew_px, abs=1.0)
     assert (np.diff(centres) >= -0.01).all()
     assert centres[-1] == pytest.approx(CAMERA.width_px / 2, abs=1.0)
-    mirrored = light(take(SensorConfig(readout_s=readout_s), bar, partial(turning, rate_radps=-TURN_RADPS)).rgb)
+    mirrored = light(take(replace(CAMERA, readout_s=readout_s), bar, partial(turning, rate_radps=-TURN_RADPS)).rgb)
     assert np.average(columns, weights=mirrored[0] - mirrored.min()) > CAMERA.width_px / 2 + 2.5
 
 
 def test_mask_shows_each_row_at_the_middle_of_its_exposure() -> None:
-    images = take(SensorConfig(exposure_s=0.02, readout_s=0.03, sub_frames=64), bar)
+    images = take(replace(CAMERA, exposure_s=0.02, readout_s=0.03), bar, sub_frames=64)
     columns = np.arange(CAMERA.width_px) + 0.5
     assert images.mask is not None
     for row, time_s in ((0, -0.04), (CAMERA.height_px - 1, -0.01)):
@@ -114,7 +124,7 @@ def test_mask_shows_each_row_at_the_middle_of_its_exposure() -> None:
 
 
 def test_what_stands_still_is_drawn_once() -> None:
-    taking = capture(SensorConfig(exposure_s=0.02, readout_s=0.02), bar)
+    taking = capture(replace(CAMERA, exposure_s=0.02, readout_s=0.02), bar)
     still = taking.take(taking.camera_of(STREAM), lambda step: turning(0.0), 5)
     assert taking.drawing.count == 1
     assert np.array_equal(still.rgb, PosterWorld(taking.pinhole, bar).draw(turning(0.0).T_world_camera, (), 0))
@@ -134,9 +144,8 @@ def test_straight_line_bends_as_the_lens_says() -> None:
         return np.clip((0.05 - np.abs(azimuth - 0.6)) / 0.03, 0.0, 1.0)
 
     still = partial(turning, rate_radps=0.0)
-    assert straightness_px(take(SensorConfig(), post, still).rgb) < 0.6
-    sensor = SensorConfig(distortion="brown_conrady", k1=-0.1)
-    taking = capture(sensor, post)
+    assert straightness_px(take(CAMERA, post, still).rgb) < 0.6
+    taking = capture(replace(CAMERA, distortion="brown_conrady", k1=-0.1), post)
     lens = taking.camera_of(STREAM).lens
     image = taking.take(taking.camera_of(STREAM), still, 0).rgb
     # The post is where x / z = -tan(0.6); its point at each row is found by the lens itself.
@@ -150,13 +159,12 @@ def test_straight_line_bends_as_the_lens_says() -> None:
 
 
 def test_wide_fisheye_shows_a_level_horizon_and_depth_along_the_optical_axis() -> None:
-    camera = CameraConfig(height_px=72, width_px=128, horizontal_fov_deg=150.0)
-    sensor = SensorConfig(distortion="fisheye")
+    camera = CameraConfig(height_px=72, width_px=128, horizontal_fov_deg=150.0, distortion="fisheye")
     still = partial(turning, rate_radps=0.0)
-    images = take(sensor, lambda azimuth, elevation: (elevation > 0.0).astype(float), still, camera)
+    images = take(camera, lambda azimuth, elevation: (elevation > 0.0).astype(float), still)
     assert (images.rgb[:35] > 250).all()
     assert (images.rgb[37:] < 70).all()
-    taking = capture(sensor, bar, camera)
+    taking = capture(camera, bar)
     remap = taking.camera_of(STREAM).remap
     assert remap is not None
     assert remap.faces == (0, 1, 2)
@@ -176,10 +184,16 @@ def test_off_is_what_the_rasterizer_draws(renderer: Renderer, human: HumanMotion
     assert np.array_equal(taken.rgb, renderer.drawing.draw(moment.T_world_camera, (human,), 1))
 
 
+def with_optics(renderer: Renderer, config: RendererConfig, **optics) -> Renderer:
+    robot = replace(renderer.robot, camera=replace(renderer.robot.camera, **optics))
+    return Renderer(renderer.scene, wearers(), robot, config)
+
+
 @pytest.fixture(scope="module")
 def phone(renderer: Renderer) -> Renderer:
-    config = RendererConfig(image_format="png", contact_shadow=True, sensor=sensor_phone_like())
-    return Renderer(renderer.scene, wearers(), renderer.robot, config)
+    plain = RendererConfig(image_format="png", contact_shadow=True)
+    camera, config = sensor_phone_like(renderer.robot.camera, plain)
+    return Renderer(renderer.scene, wearers(), replace(renderer.robot, camera=camera), config)
 
 
 def test_frames_are_the_same_in_any_order_and_from_any_renderer(phone: Renderer, episode) -> None:
@@ -200,7 +214,43 @@ def test_header_holds_the_lens_that_was_drawn(phone: Renderer, episode) -> None:
     assert (header.height_px, header.width_px) == (48, 80)
     assert header.distortion_model == "plumb_bob"
     assert len(header.distortion) == 5
-    assert header.distortion[0] == camera.sensor.k1 != 0.0
+    assert header.distortion[0] == camera.config.k1 != 0.0
+
+
+def test_view_with_episode_and_path_is_the_image_that_is_recorded(phone: Renderer, episode) -> None:
+    scenario, motions, trajectory = episode
+    recorded = [_decoded(sample.image) for sample in episode_samples(phone, scenario, motions, trajectory)]
+    camera, floor = phone.robot.camera, phone.scene.maps.floor
+    people = People(key="walk", humans=motions.humans)
+    for step in (0, 1, 2, 6):
+        path = trajectory.xyyaw[max(step - 2, 0) : step + 1].tolist()
+        x_m, y_m, yaw_rad = path[-1]
+        pose = camera.T_world_camera(x_m, y_m, yaw_rad, floor.at(x_m, y_m))
+        whole = RenderView(
+            people="walk", step=step, T_world_camera=pose, episode=scenario.episode, path_xyyaw=tuple(map(tuple, path))
+        )
+        views = (whole, replace(whole, path_xyyaw=()), replace(whole, episode=None))
+        images = handle_render(phone, RenderRequest(views=views, people=(people,))).rgb
+        assert np.array_equal(images[0], recorded[step])
+        assert not np.array_equal(images[2], recorded[step])
+        if step > 0:
+            assert not np.array_equal(images[1], recorded[step])
+
+
+def _decoded(image: bytes) -> np.ndarray:
+    return cv2.imdecode(np.frombuffer(image, dtype=np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
+
+
+def test_camera_that_is_mounted_elsewhere_sees_from_there(renderer: Renderer, episode) -> None:
+    scenario, _, trajectory = episode
+    png = RendererConfig(image_format="png")
+    ahead = with_optics(renderer, png, mount_x_m=0.2, mount_y_m=-0.1, mount_height_m=0.7, mount_pitch_deg=20.0)
+    (sample, *_) = episode_samples(ahead, scenario, EpisodeMotions(humans=()), trajectory)
+    # The same pose, of a camera on the robot's centre: a robot that stands where the camera is.
+    T = renderer.robot.camera.T_world_camera(0.2, -0.1, 0.0, renderer.scene.maps.floor.at(0.0, 0.0) + 0.2)
+    pitch = np.radians(20.0)
+    T[:3, 1:3] = T[:3, 1:3] @ [[np.cos(pitch), np.sin(pitch)], [-np.sin(pitch), np.cos(pitch)]]
+    assert np.array_equal(_decoded(sample.image), renderer.drawing.draw(T, (), 0))
 
 
 def test_views_have_noise_of_their_people_and_step_and_no_blur(phone: Renderer, human: HumanMotion) -> None:
@@ -215,8 +265,7 @@ def test_views_have_noise_of_their_people_and_step_and_no_blur(phone: Renderer, 
 
 def test_blur_comes_from_people_too(renderer: Renderer, episode) -> None:
     _, motions, _ = episode
-    config = RendererConfig(image_format="png", sensor=SensorConfig(exposure_s=0.05))
-    slow = Renderer(renderer.scene, wearers(), renderer.robot, config)
+    slow = with_optics(renderer, RendererConfig(image_format="png"), exposure_s=0.05)
     camera = slow.capture.camera_of(STREAM)
     floor_m = slow.scene.maps.floor.at(0.0, 0.0)
 
@@ -237,9 +286,9 @@ def test_blur_comes_from_people_too(renderer: Renderer, episode) -> None:
 def test_lens_that_the_camera_cannot_have_is_refused_at_once(renderer: Renderer) -> None:
     from readygo.common.errors import ConfigError
 
-    folding = SensorConfig(distortion="brown_conrady", ranges=SensorRanges(k1=(-0.4, 0.0)))
+    robot = RobotConfig(camera=CameraConfig(distortion="brown_conrady"))
     with pytest.raises(ConfigError, match="folds the image"):
-        Renderer(renderer.scene, wearers(), RobotConfig(), RendererConfig(sensor=folding))
+        Renderer(renderer.scene, wearers(), robot, RendererConfig(sensor=SensorConfig(k1=(-0.4, 0.0))))
 
 
 def test_blurred_image_is_the_mean_light_along_the_robots_arc(renderer: Renderer, episode) -> None:
@@ -248,8 +297,7 @@ def test_blurred_image_is_the_mean_light_along_the_robots_arc(renderer: Renderer
     for _ in range(6):
         rows.append(step_unicycle(*rows[-1], 0.5, 1.0))
     arcs = replace(trajectory, xyyaw=np.array(rows))
-    config = RendererConfig(image_format="png", sensor=SensorConfig(exposure_s=0.04, sub_frames=4))
-    blurring = Renderer(renderer.scene, wearers(), renderer.robot, config)
+    blurring = with_optics(renderer, RendererConfig(image_format="png", sub_frames=4), exposure_s=0.04)
     sample = list(episode_samples(blurring, scenario, EpisodeMotions(humans=()), arcs))[4]
     blurred = cv2.imdecode(np.frombuffer(sample.image, dtype=np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
     poses = [step_unicycle(*rows[3], 0.5, 1.0, 0.05 - before_s) for before_s in (0.035, 0.025, 0.015, 0.005)]
@@ -267,8 +315,7 @@ def test_blurred_image_is_the_mean_light_along_the_robots_arc(renderer: Renderer
 def test_depth_and_mask_come_through_the_lens(renderer: Renderer, human: HumanMotion, lens: str) -> None:
     outputs = ("rgb", "median_depth", "alpha", "mask")
     moment = Moment(T_world_camera=renderer.robot.camera.T_world_camera(0, 0, 0, 0.0), humans=(human,), step=1.0)
-    config = RendererConfig(sensor=SensorConfig(distortion=lens, exposure_s=0.01))
-    bent = Renderer(renderer.scene, wearers(), renderer.robot, config).capture
+    bent = with_optics(renderer, RendererConfig(), distortion=lens, exposure_s=0.01).capture
     camera = bent.camera_of(STREAM)
     through = bent.take(camera, lambda _: moment, 1, outputs)
     plain = renderer.capture.take(renderer.capture.camera_of(STREAM), lambda _: moment, 1, outputs)
@@ -304,12 +351,12 @@ def test_both_backends_give_every_output_and_samples_carry_what_is_asked_for(
     renderer: Renderer, episode, human: HumanMotion
 ) -> None:
     scenario, motions, trajectory = episode
-    config = RendererConfig(outputs=OUTPUTS, sensor=SensorConfig(distortion="fisheye"))
-    asked = Renderer(renderer.scene, wearers(), renderer.robot, config)
+    config = RendererConfig(outputs=OUTPUTS)
+    asked = with_optics(renderer, config, distortion="fisheye")
     sample = next(episode_samples(asked, scenario, motions, trajectory))
     assert set(sample.outputs) == set(OUTPUTS) - {"rgb"}
     assert sample.intact
-    reference = Renderer(renderer.scene, wearers(), renderer.robot, replace(config, backend="reference"))
+    reference = with_optics(renderer, replace(config, backend="reference"), distortion="fisheye")
     pose = renderer.robot.camera.T_world_camera(0, 0, 0, 0.0)
     moment = Moment(T_world_camera=pose, humans=(human,), step=0.0)
     slow, fast = (

@@ -1,16 +1,19 @@
+import dataclasses
 import math
 
 import numpy as np
+import pytest
 import torch
 
-from readygo.common.robot import CameraConfig
+from readygo.common.camera import CameraConfig
+from readygo.common.camera.lens import make_lens
 from readygo.services.trainer.augment import (
+    TurnedCamera,
     correct_for_turn,
     corrupt_previous,
     draw_yaws,
     hindsight_goals,
     shift_frames,
-    turn_frames,
     vary_light,
 )
 from readygo.services.trainer.samples import build_table
@@ -59,29 +62,57 @@ def test_previous_action_carries_noise():
     assert 0.095 < corrupted.std() < 0.105
 
 
-def panorama(K_px, yaw_rad, size=(48, 96)):
-    """What a level camera sees of a world whose brightness is a function of direction alone."""
-    rows, columns = np.mgrid[: size[0], : size[1]] + 0.5
-    x, y = (columns - K_px[0, 2]) / K_px[0, 0], (rows - K_px[1, 2]) / K_px[1, 1]
-    heading_rad, rise = yaw_rad - np.arctan(x), y / np.hypot(1, x)
+SMALL = CameraConfig(height_px=48, width_px=96)
+LENSES = {
+    "pinhole": {},
+    "pitched": {"mount_pitch_deg": 15.0},
+    "barrel": {"distortion": "brown_conrady", "k1": -0.05, "p1": 0.002},
+    "fisheye": {"distortion": "fisheye", "k1": 0.02, "mount_pitch_deg": -10.0},
+    "calibrated": {"fx_px": 42.0, "fy_px": 40.0, "cx_px": 50.0, "cy_px": 22.0, "horizontal_fov_deg": None},
+}
+
+
+def panorama(camera, yaw_rad):
+    """What a camera sees of a world whose brightness is a function of direction alone."""
+    rows, columns = np.mgrid[: camera.height_px, : camera.width_px] + 0.5
+    xy = make_lens(camera).rays(np.stack([columns.ravel(), rows.ravel()], axis=1))
+    rays = np.concatenate([xy, np.ones((len(xy), 1))], axis=1) @ camera.T_world_camera(0, 0, yaw_rad, 0)[:3, :3].T
+    heading_rad, rise = np.arctan2(rays[:, 1], rays[:, 0]), rays[:, 2] / np.linalg.norm(rays, axis=1)
     brightness = 128 + 60 * np.sin(5 * heading_rad) + 60 * np.sin(4 * rise)
-    return np.repeat(np.rint(brightness).astype(np.uint8)[:, :, None], 3, axis=2)
+    return np.repeat(np.rint(brightness).astype(np.uint8).reshape(rows.shape)[:, :, None], 3, axis=2)
 
 
-def test_turned_frame_is_what_the_turned_camera_sees():
-    K_px = CameraConfig(height_px=48, width_px=96).K_px
-    frames = np.stack([panorama(K_px, 0.3), panorama(K_px, 0.3)])
-    turned = turn_frames(frames, np.array([0.2, -0.2]), K_px)
-    left = np.abs(turned[0].astype(int) - panorama(K_px, 0.5))[10:-10, 25:]
-    right = np.abs(turned[1].astype(int) - panorama(K_px, 0.1))[10:-10, :-25]
+@pytest.mark.parametrize("lens", LENSES)
+def test_turned_frame_is_what_the_turned_camera_sees(lens):
+    camera = dataclasses.replace(SMALL, **LENSES[lens])
+    frames = np.stack([panorama(camera, 0.3)] * 3)
+    turned = TurnedCamera(camera).turn(frames, np.array([0.2, -0.2, 0.2]))
+    left = np.abs(turned[0].astype(int) - panorama(camera, 0.5))[10:-10, 25:]
+    right = np.abs(turned[1].astype(int) - panorama(camera, 0.1))[10:-10, :-25]
     assert left.max() <= 3
     assert right.max() <= 3
+    assert np.array_equal(turned[0], turned[2])
+
+
+def test_lens_matters_to_the_turn():
+    camera = dataclasses.replace(SMALL, distortion="brown_conrady", k1=-0.05)
+    turned = TurnedCamera(SMALL).turn(panorama(camera, 0.3)[None], np.array([0.2]))[0]
+    assert np.abs(turned.astype(int) - panorama(camera, 0.5))[10:-10, 25:].max() > 3
+
+
+@pytest.mark.parametrize("optics", [{}, {"distortion": "fisheye", "horizontal_fov_deg": 150.0}])
+def test_beyond_the_frame_its_edge_is_repeated(optics):
+    camera = dataclasses.replace(SMALL, **optics)
+    frame = np.zeros((48, 96, 3), np.uint8)
+    frame[:, 0] = 200
+    turned = TurnedCamera(camera).turn(frame[None], np.array([0.25]))[0]
+    assert (turned[24, :6] == 200).all()
+    assert (turned[24, 40:] == 0).all()
 
 
 def test_unturned_frame_is_unchanged():
-    K_px = CameraConfig(height_px=48, width_px=96).K_px
-    frames = panorama(K_px, 0.3)[None]
-    assert np.array_equal(turn_frames(frames, np.zeros(1), K_px), frames)
+    frames = panorama(SMALL, 0.3)[None]
+    assert np.array_equal(TurnedCamera(SMALL).turn(frames, np.zeros(1)), frames)
 
 
 def test_robot_turned_left_sees_its_goal_on_the_right_and_turns_back():

@@ -20,6 +20,11 @@ def test_window_repeats_the_first_frame_of_its_own_episode(source):
     assert batch.frames[batch.window].tolist() == [[60, 60, 60], [60, 60, 65], [60, 64, 74]]
 
 
+def test_latency_pairs_a_sample_with_older_frames_of_its_own_episode(source):
+    batch = make_batch(np.array([60, 63, 85]), build_table(source).first, 10, 2)
+    assert batch.frames[batch.window].tolist() == [[60, 60, 60], [60, 60, 61], [63, 73, 83]]
+
+
 def test_shared_frames_are_listed_once(source):
     batch = make_batch(np.array([20, 30, 40, 50]), build_table(source).first, 10)
     assert batch.frames.tolist() == [0, 10, 20, 30, 40, 50]

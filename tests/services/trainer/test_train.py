@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 import torch
 
+from readygo.common.camera import CameraConfig, SensorConfig
+from readygo.common.config import section_to_mapping
 from readygo.common.errors import DatasetError, PolicyError
 from readygo.common.policy import load_policy
-from readygo.common.robot import CameraConfig
+from readygo.common.robot import RobotConfig
 from readygo.services.trainer import TrainConfig, paper_recipe
 from readygo.services.trainer.run import learning_rate
 from readygo.services.trainer.train import train
@@ -45,6 +47,28 @@ def test_run_leaves_a_policy_metrics_and_a_curve(source, tmp_path):
     assert training["data_sha256"] == "data-0"
     assert training["config"]["seed"] == 0
     assert not [path for path in tmp_path.iterdir() if "part" in path.name]
+
+
+def test_policy_carries_the_camera_of_its_data_and_what_varied_of_it(source, tmp_path):
+    camera = dataclasses.replace(source.camera, distortion="fisheye", k1=0.01, latency_s=0.1)
+    source.metadata["config"] = {
+        "robot": section_to_mapping(RobotConfig(camera=camera)),
+        "renderer": {"sensor": section_to_mapping(SensorConfig(k1=(0.0, 0.02)))},
+    }
+    train(source, dataclasses.replace(QUICK, epochs=1, yaw_error_rad=0.1), tmp_path)
+    spec = load_policy(tmp_path).spec
+    assert spec.robot.camera == camera
+    assert spec.sensor == SensorConfig(k1=(0.0, 0.02))
+
+
+def test_checkpoint_of_before_the_camera_was_one_section_is_gone_on_with(source, tmp_path):
+    train(source, QUICK, tmp_path)
+    state = torch.load(tmp_path / "checkpoint.pt", weights_only=True)
+    camera = state["identity"]["robot"]["camera"]
+    old = ("height_px", "width_px", "horizontal_fov_deg", "mount_height_m")
+    state["identity"]["robot"]["camera"] = {name: camera[name] for name in old}
+    torch.save(state, tmp_path / "checkpoint.pt")
+    assert train(source, dataclasses.replace(QUICK, epochs=3), tmp_path)["steps"] > state["counters"][0]
 
 
 def test_mean_baseline_is_the_spread_of_held_out_actions_around_the_training_mean(make_data, tmp_path):

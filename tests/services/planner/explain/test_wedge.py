@@ -8,7 +8,7 @@ import pytest
 from readygo.services.planner.explain.wedge import wedge_m
 
 POSE = np.array([1.0, 2.0, math.pi / 2])
-FOV = math.radians(100)
+BORDERS = (-math.radians(50), math.radians(50))
 
 
 def reach(outline):
@@ -16,7 +16,7 @@ def reach(outline):
 
 
 def test_wedge_opens_by_the_field_of_view_around_the_heading():
-    outline = wedge_m(POSE, FOV, 5.0)
+    outline = wedge_m(POSE, BORDERS, 5.0)
     assert outline[0].tolist() == [1.0, 2.0]
     bearings = np.degrees(np.arctan2(*(outline[1:] - outline[0]).T[::-1]))
     assert (bearings.min(), bearings.max()) == (pytest.approx(40.0), pytest.approx(140.0))
@@ -24,7 +24,7 @@ def test_wedge_opens_by_the_field_of_view_around_the_heading():
 
 
 def test_wall_ends_the_sight_behind_it_alone():
-    outline = wedge_m(POSE, FOV, 5.0, sees=lambda x, y: y < 4.0 or x < 1.0)
+    outline = wedge_m(POSE, BORDERS, 5.0, sees=lambda x, y: y < 4.0 or x < 1.0)
     ends = outline[1:]
     right = ends[:, 0] > 1.05
     assert np.all(ends[right, 1] < 4.0)
@@ -33,4 +33,4 @@ def test_wall_ends_the_sight_behind_it_alone():
 
 
 def test_nothing_is_seen_from_behind_a_curtain():
-    np.testing.assert_allclose(reach(wedge_m(POSE, FOV, 5.0, sees=lambda x, y: False)), 0.0)
+    np.testing.assert_allclose(reach(wedge_m(POSE, BORDERS, 5.0, sees=lambda x, y: False)), 0.0)

@@ -5,13 +5,14 @@ import sys
 
 import numpy as np
 
+from readygo.common.camera import CameraConfig
+from readygo.common.camera.lens import make_lens
 from readygo.common.messages import HumanMotion, Motion
-from readygo.common.robot import CameraConfig
-from readygo.services.renderer.sensor.config import SensorConfig, sensor_phone_like
+from readygo.services.renderer import RendererConfig
 from readygo.services.renderer.sensor.faces import make_remap, plan_faces
-from readygo.services.renderer.sensor.lens import make_lens
 from readygo.services.renderer.sensor.light import TIME_ONE, LightSum, exposure_gain, light_of_byte
 from readygo.services.renderer.sensor.motion import arc, posed
+from readygo.services.renderer.sensor.recipes import sensor_phone_like
 from readygo.services.renderer.sensor.shutter import make_shutter
 from readygo.services.renderer.sensor.streams import SensorStream
 
@@ -20,21 +21,22 @@ HEIGHT, WIDTH = 40, 64
 
 def main() -> None:
     digest = hashlib.sha256(light_of_byte().tobytes())
-    wide = SensorConfig(distortion="fisheye", k1=0.01, vignetting=0.2, read_noise=0.01, shot_noise=0.02)
-    for sensor, fov_deg in ((sensor_phone_like(), 100.0), (wide, 145.0)):
-        camera = CameraConfig(height_px=HEIGHT, width_px=WIDTH, horizontal_fov_deg=fov_deg)
-        faces = plan_faces([make_lens(extreme, camera) for extreme in sensor.extremes()])
+    size = {"height_px": HEIGHT, "width_px": WIDTH}
+    optics = {"distortion": "fisheye", "k1": 0.01, "vignetting": 0.2, "read_noise": 0.01, "shot_noise": 0.02}
+    wide = CameraConfig(**size, horizontal_fov_deg=145.0, **optics), RendererConfig()
+    for camera, config in (sensor_phone_like(CameraConfig(**size), RendererConfig()), wide):
+        faces = plan_faces([make_lens(extreme) for extreme in config.sensor.extremes(camera)])
         stream = SensorStream((1, 2))
-        drawn = sensor.drawn(stream.of_draws())
-        lens = make_lens(drawn, camera)
+        drawn = config.sensor.drawn(camera, stream.of_draws())
+        lens = make_lens(drawn)
         remap = make_remap(lens, faces)
-        shutter = make_shutter(drawn, HEIGHT)
+        shutter = make_shutter(drawn, config.sub_frames)
         words = np.random.Generator(np.random.Philox(key=np.array([5, 6], dtype=np.uint64)))
         shape = (len(remap.faces), faces.height_px, faces.width_px, 3)
         light = LightSum(HEIGHT, WIDTH)
         for weight in shutter.weight:
             light.add(words.integers(0, 256, shape, dtype=np.uint8), remap, weight)
-        image = light.developed(drawn, exposure_gain(drawn, HEIGHT, WIDTH), stream.of_frame(3))
+        image = light.developed(drawn, exposure_gain(drawn), stream.of_frame(3))
         assert shutter.weight.sum() == TIME_ONE * HEIGHT
         for array in (faces.K_px, lens.K_px, remap.source, remap.weight, remap.depth_factor, shutter.weight, image):
             digest.update(array.tobytes())

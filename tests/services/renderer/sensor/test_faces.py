@@ -1,8 +1,11 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from readygo.common.robot import CameraConfig
-from readygo.services.renderer.sensor.config import SensorConfig, SensorRanges, sensor_phone_like
+from readygo.common.camera import CameraConfig, SensorConfig
+from readygo.common.camera.lens import make_lens
+from readygo.services.renderer import RendererConfig
 from readygo.services.renderer.sensor.faces import (
     OVERSAMPLING,
     R_FACE_CAMERA,
@@ -11,16 +14,12 @@ from readygo.services.renderer.sensor.faces import (
     make_remap,
     plan_faces,
 )
-from readygo.services.renderer.sensor.lens import make_lens
 from readygo.services.renderer.sensor.light import TIME_ONE, LightSum, byte_of_light, light_of_byte
+from readygo.services.renderer.sensor.recipes import sensor_phone_like
 
 CAMERA = CameraConfig(height_px=72, width_px=128)
-WIDE = CameraConfig(height_px=72, width_px=128, horizontal_fov_deg=145.0)
-CASES = [
-    (SensorConfig(distortion="brown_conrady", k1=-0.05, p1=0.002), CAMERA),
-    (SensorConfig(distortion="fisheye"), CAMERA),
-    (SensorConfig(distortion="fisheye", k1=0.02), WIDE),
-]
+WIDE = replace(CAMERA, distortion="fisheye", k1=0.02, horizontal_fov_deg=145.0)
+CASES = [replace(CAMERA, distortion="brown_conrady", k1=-0.05, p1=0.002), replace(CAMERA, distortion="fisheye"), WIDE]
 
 
 def directions(faces: Faces, face: int) -> np.ndarray:
@@ -38,9 +37,9 @@ def lens_directions(lens) -> np.ndarray:
     return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
 
 
-@pytest.mark.parametrize(("sensor", "camera"), CASES)
-def test_smooth_world_is_seen_through_the_lens(sensor: SensorConfig, camera: CameraConfig) -> None:
-    lens = make_lens(sensor, camera)
+@pytest.mark.parametrize("camera", CASES)
+def test_smooth_world_is_seen_through_the_lens(camera: CameraConfig) -> None:
+    lens = make_lens(camera)
     faces = plan_faces([lens])
     remap = make_remap(lens, faces)
 
@@ -50,13 +49,13 @@ def test_smooth_world_is_seen_through_the_lens(sensor: SensorConfig, camera: Cam
     images = np.stack([byte_of_light()[np.rint(light(directions(faces, k)) * 65535).astype(int)] for k in remap.faces])
     total = LightSum(camera.height_px, camera.width_px)
     total.add(images, remap, np.full(camera.height_px, TIME_ONE, dtype=np.int64))
-    seen = total.developed(SensorConfig(), np.ones((camera.height_px, camera.width_px)), np.random.default_rng(0))
+    seen = total.developed(CameraConfig(), np.ones((camera.height_px, camera.width_px)), np.random.default_rng(0))
     assert np.abs(light_of_byte()[seen] / 65535 - light(lens_directions(lens))).max() < 0.01
 
 
-@pytest.mark.parametrize(("sensor", "camera"), CASES)
-def test_nearest_source_is_within_a_pixel_of_the_ray(sensor: SensorConfig, camera: CameraConfig) -> None:
-    lens = make_lens(sensor, camera)
+@pytest.mark.parametrize("camera", CASES)
+def test_nearest_source_is_within_a_pixel_of_the_ray(camera: CameraConfig) -> None:
+    lens = make_lens(camera)
     faces = plan_faces([lens])
     remap = make_remap(lens, faces)
     table = np.stack([directions(faces, face) for face in remap.faces]).reshape(-1, 3)
@@ -67,9 +66,9 @@ def test_nearest_source_is_within_a_pixel_of_the_ray(sensor: SensorConfig, camer
     assert remap.depth_factor == pytest.approx(expected[..., 2] / along_face)
 
 
-@pytest.mark.parametrize(("sensor", "camera"), CASES)
-def test_weights_are_whole_and_no_source_is_at_the_faces_edge(sensor: SensorConfig, camera: CameraConfig) -> None:
-    lens = make_lens(sensor, camera)
+@pytest.mark.parametrize("camera", CASES)
+def test_weights_are_whole_and_no_source_is_at_the_faces_edge(camera: CameraConfig) -> None:
+    lens = make_lens(camera)
     faces = plan_faces([lens])
     remap = make_remap(lens, faces)
     assert (np.add.reduceat(remap.weight, remap.start[:-1]) == WEIGHT_ONE).all()
@@ -79,8 +78,8 @@ def test_weights_are_whole_and_no_source_is_at_the_faces_edge(sensor: SensorConf
 
 
 def test_faces_are_finer_than_the_image_everywhere_and_a_cube_only_where_needed() -> None:
-    for sensor, camera in CASES:
-        lens = make_lens(sensor, camera)
+    for camera in CASES:
+        lens = make_lens(camera)
         faces = plan_faces([lens])
         remap = make_remap(lens, faces)
         assert faces.cube == (camera is WIDE)
@@ -93,19 +92,19 @@ def test_faces_are_finer_than_the_image_everywhere_and_a_cube_only_where_needed(
 
 
 def test_plan_for_ranges_holds_every_lens_between_them() -> None:
-    sensor = sensor_phone_like()
-    faces = plan_faces([make_lens(extreme, CAMERA) for extreme in sensor.extremes()])
+    phone, config = sensor_phone_like(CAMERA, RendererConfig())
+    faces = plan_faces([make_lens(extreme) for extreme in config.sensor.extremes(phone)])
     for seed in range(12):
-        remap = make_remap(make_lens(sensor.drawn(np.random.default_rng(seed)), CAMERA), faces)
+        remap = make_remap(make_lens(config.sensor.drawn(phone, np.random.default_rng(seed))), faces)
         line, column = np.divmod(remap.source, faces.width_px)
         assert 0 < column.min() < column.max() < faces.width_px - 1
         assert 0 < line.min() < line.max() < faces.height_px - 1
 
 
 def test_remap_of_no_distortion_is_an_upright_image() -> None:
-    sensor = SensorConfig(distortion="brown_conrady", ranges=SensorRanges(k1=(-0.02, 0.02)))
-    faces = plan_faces([make_lens(extreme, CAMERA) for extreme in sensor.extremes()])
-    remap = make_remap(make_lens(SensorConfig(distortion="brown_conrady"), CAMERA), faces)
+    straight = replace(CAMERA, distortion="brown_conrady")
+    faces = plan_faces([make_lens(extreme) for extreme in SensorConfig(k1=(-0.02, 0.02)).extremes(straight)])
+    remap = make_remap(make_lens(straight), faces)
     line, column = np.divmod(remap.nearest, faces.width_px)
     assert (np.diff(column, axis=1) > 0).all()
     assert (np.diff(line, axis=0) > 0).all()

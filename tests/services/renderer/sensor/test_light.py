@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from readygo.services.renderer.sensor.config import SensorConfig
+from readygo.common.camera import CameraConfig
 from readygo.services.renderer.sensor.light import (
     TIME_ONE,
     LightSum,
@@ -16,10 +16,14 @@ H, W = 64, 96
 STREAM = SensorStream((1, 2))
 
 
-def developed(image: np.ndarray, sensor: SensorConfig, step: int = 0) -> np.ndarray:
+def camera(**light: float) -> CameraConfig:
+    return CameraConfig(height_px=H, width_px=W, **light)
+
+
+def developed(image: np.ndarray, taken_by: CameraConfig, step: int = 0) -> np.ndarray:
     light = LightSum(*image.shape[:2])
     light.add(image[None], None, np.full(image.shape[0], TIME_ONE, dtype=np.int64))
-    return light.developed(sensor, exposure_gain(sensor, *image.shape[:2]), STREAM.of_frame(step))
+    return light.developed(taken_by, exposure_gain(taken_by), STREAM.of_frame(step))
 
 
 def grey(byte: int) -> np.ndarray:
@@ -34,18 +38,18 @@ def test_every_byte_survives_the_way_to_light_and_back() -> None:
     every = np.arange(256, dtype=np.uint8)
     assert np.array_equal(byte_of_light()[light_of_byte()], every)
     image = np.random.default_rng(0).integers(0, 256, (H, W, 3), dtype=np.uint8)
-    assert np.array_equal(developed(image, SensorConfig()), image)
+    assert np.array_equal(developed(image, camera()), image)
 
 
 def test_one_stop_doubles_the_light_and_white_balance_scales_channels() -> None:
-    before, after = grey(100), developed(grey(100), SensorConfig(exposure_ev=1.0, red_gain=0.5))
+    before, after = grey(100), developed(grey(100), camera(exposure_ev=1.0, red_gain=0.5))
     assert light_of(after)[..., 1:] == pytest.approx(2 * light_of(before)[..., 1:], rel=0.01)
     assert np.array_equal(after[..., 0], before[..., 0])
-    assert (developed(grey(250), SensorConfig(exposure_ev=1.0)) == 255).all()
+    assert (developed(grey(250), camera(exposure_ev=1.0)) == 255).all()
 
 
 def test_vignetting_takes_its_share_in_the_corners_and_nothing_in_the_centre() -> None:
-    gain = exposure_gain(SensorConfig(vignetting=0.4), H, W)
+    gain = exposure_gain(camera(vignetting=0.4))
     assert gain[[0, 0, -1, -1], [0, -1, 0, -1]] == pytest.approx(0.6, abs=0.02)
     assert gain[H // 2, W // 2] == pytest.approx(1.0, abs=0.001)
     assert np.allclose(gain, gain[::-1, ::-1])
@@ -53,8 +57,8 @@ def test_vignetting_takes_its_share_in_the_corners_and_nothing_in_the_centre() -
 
 @pytest.mark.parametrize("byte", [60, 128, 200])
 def test_noise_has_the_variance_of_read_and_shot_noise(byte: int) -> None:
-    sensor = SensorConfig(read_noise=0.01, shot_noise=0.03)
-    images = [light_of(developed(grey(byte), sensor, step)) for step in range(4)]
+    noisy = camera(read_noise=0.01, shot_noise=0.03)
+    images = [light_of(developed(grey(byte), noisy, step)) for step in range(4)]
     light = light_of(grey(byte))[0, 0, 0]
     assert np.mean(images) == pytest.approx(light, abs=3e-4)
     # Rounding to bytes adds a little.
@@ -62,8 +66,8 @@ def test_noise_has_the_variance_of_read_and_shot_noise(byte: int) -> None:
 
 
 def test_noise_is_independent_between_pixels_channels_and_frames() -> None:
-    sensor = SensorConfig(read_noise=0.02)
-    one, two = (developed(grey(128), sensor, step).astype(float) - 128 for step in (0, 1))
+    noisy = camera(read_noise=0.02)
+    one, two = (developed(grey(128), noisy, step).astype(float) - 128 for step in (0, 1))
     scale = np.sqrt(np.mean(one * one) * np.mean(two * two))
     assert abs(np.mean(one * two)) / scale < 0.03
     assert abs(np.mean(one[:, 1:] * one[:, :-1])) / scale < 0.03
@@ -71,9 +75,9 @@ def test_noise_is_independent_between_pixels_channels_and_frames() -> None:
 
 
 def test_noise_belongs_to_the_frame() -> None:
-    sensor = SensorConfig(shot_noise=0.05)
-    assert np.array_equal(developed(grey(90), sensor, 3), developed(grey(90), sensor, 3))
-    assert not np.array_equal(developed(grey(90), sensor, 3), developed(grey(90), sensor, 4))
+    noisy = camera(shot_noise=0.05)
+    assert np.array_equal(developed(grey(90), noisy, 3), developed(grey(90), noisy, 3))
+    assert not np.array_equal(developed(grey(90), noisy, 3), developed(grey(90), noisy, 4))
 
 
 def test_table_of_deviates_is_a_standard_normal() -> None:
@@ -88,7 +92,7 @@ def test_light_adds_up_over_time_and_not_bytes() -> None:
     half = np.full(H, TIME_ONE // 2, dtype=np.int64)
     light.add(grey(0)[None], None, half)
     light.add(grey(255)[None], None, half)
-    image = light.developed(SensorConfig(), np.ones((H, W)), STREAM.of_frame(0))
+    image = light.developed(camera(), np.ones((H, W)), STREAM.of_frame(0))
     assert (image == 188).all()
     light.clear()
-    assert (light.developed(SensorConfig(), np.ones((H, W)), STREAM.of_frame(0)) == 0).all()
+    assert (light.developed(camera(), np.ones((H, W)), STREAM.of_frame(0)) == 0).all()

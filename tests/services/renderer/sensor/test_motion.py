@@ -63,3 +63,16 @@ def test_camera_follows_the_floor() -> None:
     assert timeline.at(-1.0).equals(timeline.at(0.0))
     assert timeline.at(7.0).equals(timeline.at(1.0))
     assert not timeline.at(0.5).equals(timeline.at(1.0))
+
+
+def test_timeline_that_begins_later_is_the_same_from_there_on() -> None:
+    floor = FloorMap(
+        frame=GridFrame(origin_x_m=0.0, origin_y_m=0.0, resolution_m=1.0), height_m=np.zeros((1, 1), np.float32)
+    )
+    rows = np.random.default_rng(0).uniform(0, 1, (9, 3))
+    whole = Timeline(xyyaw=rows, humans=(human(9),), floor=floor, camera=CameraConfig())
+    part = Timeline(xyyaw=rows[5:8], humans=(human(9),), floor=floor, camera=CameraConfig(), first_step=5)
+    for step in (5.0, 5.3, 6.99, 7.0):
+        assert part.at(step).equals(whole.at(step))
+    assert np.array_equal(part.at(4.7).T_world_camera, whole.at(5.0).T_world_camera)
+    assert part.at(7.5).step == 7.5

@@ -1,11 +1,15 @@
 import numpy as np
 import pytest
 
-from readygo.services.renderer.sensor.config import SensorConfig
+from readygo.common.camera import CameraConfig
 from readygo.services.renderer.sensor.light import TIME_ONE
 from readygo.services.renderer.sensor.shutter import make_shutter
 
 HEIGHT = 48
+
+
+def camera(**times: float) -> CameraConfig:
+    return CameraConfig(height_px=HEIGHT, **times)
 
 
 @pytest.mark.parametrize(
@@ -15,8 +19,7 @@ HEIGHT = 48
 def test_every_row_gets_all_its_light_before_the_frames_own_time(
     exposure_s: float, readout_s: float, sub_frames: int
 ) -> None:
-    sensor = SensorConfig(exposure_s=exposure_s, readout_s=readout_s, sub_frames=sub_frames)
-    shutter = make_shutter(sensor, HEIGHT)
+    shutter = make_shutter(camera(exposure_s=exposure_s, readout_s=readout_s), sub_frames)
     assert shutter.weight.shape == (sub_frames, HEIGHT)
     assert (shutter.weight >= 0).all()
     assert (shutter.weight.sum(axis=0) == TIME_ONE).all()
@@ -25,8 +28,7 @@ def test_every_row_gets_all_its_light_before_the_frames_own_time(
 
 
 def test_row_is_exposed_at_its_own_time_for_the_exposure() -> None:
-    sensor = SensorConfig(exposure_s=0.01, readout_s=0.02, sub_frames=64)
-    shutter = make_shutter(sensor, HEIGHT)
+    shutter = make_shutter(camera(exposure_s=0.01, readout_s=0.02), 64)
     times_s = np.array(shutter.steps) * 0.05
     for row in (0, 20, HEIGHT - 1):
         end_s = 0.02 * row / (HEIGHT - 1) - 0.02
@@ -38,11 +40,11 @@ def test_row_is_exposed_at_its_own_time_for_the_exposure() -> None:
 
 
 def test_closed_ends_need_one_image_only() -> None:
-    shutter = make_shutter(SensorConfig(exposure_ev=1.0), HEIGHT)
+    shutter = make_shutter(camera(exposure_ev=1.0), 8)
     assert shutter.steps == (0.0,)
     assert (shutter.weight == TIME_ONE).all()
 
 
 def test_without_readout_all_rows_are_alike() -> None:
-    shutter = make_shutter(SensorConfig(exposure_s=0.02), HEIGHT)
+    shutter = make_shutter(camera(exposure_s=0.02), 8)
     assert (shutter.weight == TIME_ONE // 8).all()

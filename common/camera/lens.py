@@ -17,9 +17,9 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from readygo.common.camera.config import COEFFICIENT_NAMES, CameraConfig
+from readygo.common.camera.sensor import SensorConfig
 from readygo.common.errors import ConfigError
-from readygo.common.robot import CameraConfig
-from readygo.services.renderer.sensor.config import SensorConfig
 
 Floats = npt.NDArray[np.float64]
 
@@ -46,7 +46,7 @@ class Lens:
     height_px: int
     width_px: int
     distortion: str
-    """Name of the model in `SensorConfig`."""
+    """Name of the model in `CameraConfig`."""
     coefficients: tuple[float, ...]
     """In OpenCV's order: k1, k2, p1, p2, k3 (Brown-Conrady) or k1 to k4 (fisheye)."""
 
@@ -65,55 +65,60 @@ class Lens:
         """Pixels that see points on the plane z = 1, shape (N, 2) -> (N, 2)."""
         return _pixels(np.ascontiguousarray(xy, dtype=np.float64), *self._numbers())
 
-    def _numbers(self) -> tuple[bool, Floats, float, float, float, float]:
-        c = np.array([*self.radial, *self.tangential])
-        return self.fisheye, c, self.s_max, float(self.K_px[0, 0]), float(self.K_px[0, 2]), float(self.K_px[1, 2])
+    @property
+    def radius_max(self) -> float:
+        """Largest distance from the optical axis, on the plane z = 1, of a point that the lens can show."""
+        return math.tan(self.s_max) if self.fisheye else self.s_max
+
+    def _numbers(self) -> tuple[bool, Floats, float, tuple[float, float, float, float]]:
+        c, K = np.array([*self.radial, *self.tangential]), self.K_px
+        return self.fisheye, c, self.s_max, (float(K[0, 0]), float(K[1, 1]), float(K[0, 2]), float(K[1, 2]))
 
 
-def make_lens(sensor: SensorConfig, camera: CameraConfig) -> Lens:
-    """The lens of a sensor without ranges, its focal length such that the image spans the camera's field of view.
+def make_lens(camera: CameraConfig) -> Lens:
+    """The lens of a camera.
 
     Raises:
         ConfigError: If the distortion folds the image, or shows more than a half space.
     """
-    fisheye = sensor.distortion == "fisheye"
-    radial = (sensor.k1, sensor.k2, sensor.k3, sensor.k4)
-    s_max = _grows_until(np.array(radial), ANGLE_MAX_RAD if fisheye else math.tan(ANGLE_MAX_RAD))
-    K_px = camera.K_px
-    if sensor.distortion != "none":
-        half_rad = math.radians(camera.horizontal_fov_deg) / 2
-        s = half_rad if fisheye else math.tan(half_rad)
-        if s >= s_max:
-            raise ConfigError(_folds(sensor, f"the field of view of {camera.horizontal_fov_deg:g} deg is beyond that"))
-        K_px = K_px.copy()
-        K_px[0, 0] = K_px[1, 1] = 0.5 * camera.width_px / (s * _growth(np.array(radial), s))
+    fisheye, s = camera.distortion == "fisheye", camera.edge_s
+    s_max = _grows_until(np.array(camera.radial), ANGLE_MAX_RAD if fisheye else math.tan(ANGLE_MAX_RAD))
+    if camera.distortion != "none" and s is not None and s >= s_max:
+        raise ConfigError(_folds(camera, f"the field of view of {camera.horizontal_fov_deg:g} deg is beyond that"))
     lens = Lens(
         fisheye=fisheye,
-        radial=radial,
-        tangential=(sensor.p1, sensor.p2),
+        radial=camera.radial,
+        tangential=(camera.p1, camera.p2),
         s_max=s_max,
-        K_px=K_px,
+        K_px=camera.K_px,
         height_px=camera.height_px,
         width_px=camera.width_px,
-        distortion=sensor.distortion,
-        coefficients=tuple(getattr(sensor, name) for name in sensor.coefficient_names),
+        distortion=camera.distortion,
+        coefficients=tuple(getattr(camera, name) for name in camera.coefficient_names),
     )
     if lens.distortion != "none" and np.isnan(lens.rays(_border(camera.height_px, camera.width_px))).any():
-        raise ConfigError(_folds(sensor, "the image's corners are beyond that"))
+        raise ConfigError(_folds(camera, "the image's corners are beyond that"))
     return lens
 
 
 def check_sensor(sensor: SensorConfig, camera: CameraConfig) -> None:
-    """Raise ConfigError if some lens of the sensor's ranges cannot be drawn with a camera."""
-    for extreme in sensor.extremes():
-        make_lens(extreme, camera)
+    """Raise ConfigError if some lens between the ends of the sensor's ranges cannot be drawn with a camera."""
+    for name, ends in sensor.items():
+        if ends and name in COEFFICIENT_NAMES and name not in camera.coefficient_names:
+            raise ConfigError(
+                f'renderer.sensor.{name} has no meaning with distortion "{camera.distortion}" of the robot\'s camera; '
+                "choose another model there, or leave the range out."
+            )
+    for extreme in sensor.extremes(camera):
+        make_lens(extreme)
 
 
-def _folds(sensor: SensorConfig, why: str) -> str:
-    values = ", ".join(f"{name} {getattr(sensor, name):g}" for name in sensor.coefficient_names)
+def _folds(camera: CameraConfig, why: str) -> str:
+    values = ", ".join(f"{name} {getattr(camera, name):g}" for name in camera.coefficient_names)
+    remedy = "a longer focal length" if camera.horizontal_fov_deg is None else "a smaller horizontal_fov_deg"
     return (
-        f"The {sensor.distortion} distortion ({values}) folds the image, or shows more than "
-        f"{math.degrees(2 * ANGLE_MAX_RAD):g} deg: {why}. Use smaller coefficients or a smaller horizontal_fov_deg."
+        f"The {camera.distortion} distortion ({values}) folds the image, or shows more than "
+        f"{math.degrees(2 * ANGLE_MAX_RAD):g} deg: {why}. Use smaller coefficients or {remedy}."
     )
 
 
@@ -218,15 +223,19 @@ def _ray(fisheye: bool, c: Floats, s_max: float, xd: float, yd: float) -> tuple[
 
 
 @njit(cache=True, error_model="numpy")
-def _rays(uv: Floats, fisheye: bool, c: Floats, s_max: float, focal: float, cx: float, cy: float) -> Floats:
+def _rays(uv: Floats, fisheye: bool, c: Floats, s_max: float, intrinsics: tuple[float, float, float, float]) -> Floats:
+    fx, fy, cx, cy = intrinsics
     out = np.empty_like(uv)
     for i in range(len(uv)):
-        out[i] = _ray(fisheye, c, s_max, (uv[i, 0] - cx) / focal, (uv[i, 1] - cy) / focal)
+        out[i] = _ray(fisheye, c, s_max, (uv[i, 0] - cx) / fx, (uv[i, 1] - cy) / fy)
     return out
 
 
 @njit(cache=True, error_model="numpy")
-def _pixels(xy: Floats, fisheye: bool, c: Floats, s_max: float, focal: float, cx: float, cy: float) -> Floats:
+def _pixels(
+    xy: Floats, fisheye: bool, c: Floats, s_max: float, intrinsics: tuple[float, float, float, float]
+) -> Floats:
+    fx, fy, cx, cy = intrinsics
     out = np.empty_like(xy)
     for i in range(len(xy)):
         x, y = xy[i, 0], xy[i, 1]
@@ -237,5 +246,5 @@ def _pixels(xy: Floats, fisheye: bool, c: Floats, s_max: float, focal: float, cx
             x, y = x * factor, y * factor
         else:
             x, y, _, _, _ = _distorted(c, x, y)
-        out[i, 0], out[i, 1] = focal * x + cx, focal * y + cy
+        out[i, 0], out[i, 1] = fx * x + cx, fy * y + cy
     return out

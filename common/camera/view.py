@@ -1,0 +1,68 @@
+"""What a camera shows of the ground around its robot."""
+
+import math
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.camera.config import CameraConfig
+from readygo.common.camera.lens import make_lens
+
+BODY_M = 1.9
+"""Humans reach from the floor to this height [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """The borders of a camera's image, behind its lens, as seen from the camera's place on the ground."""
+
+    left_rad: float
+    """Bearing of the left border at the camera's own height, from the robot's x axis to the left [rad]."""
+    right_rad: float
+    """The same of the right border, to the right [rad]."""
+    rise: float
+    """Height of the upper border above the camera, at the middle of the image, per distance."""
+    fall: float
+    """The same of the lower border; negative unless the camera looks up."""
+    height_m: float
+    """Height of the camera above the floor [m]."""
+
+    def shows_body(self, distance_m: float) -> bool:
+        """True if some part of a human who stands straight ahead at a distance [m] is not above or below the image."""
+        return self.height_m + self.fall * distance_m <= BODY_M and self.height_m + self.rise * distance_m >= 0.0
+
+
+@cache
+def view_of(camera: CameraConfig) -> View:
+    """The view of a camera.
+
+    Raises:
+        ConfigError: If the lens folds the image.
+    """
+    width, height = camera.width_px, camera.height_px
+    rows = np.linspace(0.0, height, 2 * height + 1)
+    if camera.horizontal_fov_deg is not None and camera.mount_pitch_deg == 0.0:
+        left_rad = right_rad = math.radians(camera.horizontal_fov_deg) / 2
+    else:
+        left_rad = _bearing_rad(camera, np.stack([np.zeros_like(rows), rows], axis=1))
+        right_rad = -_bearing_rad(camera, np.stack([np.full_like(rows, width), rows], axis=1))
+    ends = _levelled(camera, np.array([[camera.K_px[0, 2], 0.0], [camera.K_px[0, 2], height]]))
+    rise, fall = (up / ahead if ahead > 1e-9 else math.copysign(math.inf, up) for ahead, _, up in ends.tolist())
+    return View(left_rad=left_rad, right_rad=right_rad, rise=rise, fall=fall, height_m=camera.mount_height_m)
+
+
+def _bearing_rad(camera: CameraConfig, border_px: npt.NDArray[np.float64]) -> float:
+    """Bearing to the left of a border, where it is nearest to the horizon [rad]."""
+    rays = _levelled(camera, border_px)
+    ahead, left, _ = rays[np.argmin(np.abs(rays[:, 2]) / np.hypot(rays[:, 0], rays[:, 1]))].tolist()
+    return math.atan2(left, ahead)
+
+
+def _levelled(camera: CameraConfig, uv_px: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Rays of pixels in the robot's axes, x ahead, y left, z up, shape (N, 2) -> (N, 3)."""
+    x, y = make_lens(camera).rays(uv_px).T
+    R_robot_camera = camera.T_world_camera(0.0, 0.0, 0.0, 0.0)[:3, :3]
+    rays: npt.NDArray[np.float64] = np.stack([x, y, np.ones_like(x)], axis=1) @ R_robot_camera.T
+    return rays
