@@ -2,6 +2,7 @@
 
 import dataclasses
 import json as json_module
+import math
 import os
 import sys
 from collections.abc import Callable, Iterator
@@ -158,25 +159,23 @@ def _progress(console: Console, *, quiet: bool) -> "Iterator[Callable[[TrainProg
         TextColumn("training"),
         BarColumn(),
         TaskProgressColumn(),
-        TextColumn(
-            "step {task.fields[step]}, loss {task.fields[train]:.4f}, held out {task.fields[held_out]:.4f}, ETA"
-        ),
+        TextColumn("{task.fields[reached]}"),
         TimeRemainingColumn(),
     )
     with Progress(*columns, console=console, disable=quiet) as progress:
-        nan = float("nan")
-        task = progress.add_task("training", total=1.0, step=0, train=nan, held_out=nan)
+        task = progress.add_task("training", total=1.0, reached="")
 
         def show(state: "TrainProgress") -> None:
-            progress.update(
-                task,
-                completed=state.fraction,
-                step=state.step,
-                train=state.train_loss,
-                held_out=state.validation_loss,
-            )
+            progress.update(task, completed=state.fraction, reached=f"{_reached(state)}, ETA")
 
         yield show
+
+
+def _reached(state: "TrainProgress") -> str:
+    """How far training is; losses are left out until they are known."""
+    losses = {"loss": state.train_loss, "held out": state.validation_loss}
+    known = [f"{name} {loss:.4f}" for name, loss in losses.items() if math.isfinite(loss)]
+    return ", ".join([f"step {state.step}", *known])
 
 
 def _report(metrics: dict[str, Any], out: Path, *, as_json: bool) -> None:
