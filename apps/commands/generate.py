@@ -77,9 +77,8 @@ def generate(
         open_scene(scene), avatars, run_config, seed=seed, split=Split(split), static=static, scenarios=scenarios
     )
     wanted = episode_count(scenarios) if episodes is None else episodes
-    if listen and workers and not json:
-        _say_how_to_join(listen, spec.run)
-    with progress_bar(quiet=json) as show:
+    join = f"More workers can join: readygo worker renderer --connect {listen} --run {spec.run}" if listen else ""
+    with progress_bar(first_words=join, quiet=json) as show:
         summary = record(spec, out, episodes=wanted, workers=workers, listen=listen, show=show)
     if json:
         sys.stdout.write(json_module.dumps(summary) + "\n")
@@ -93,8 +92,8 @@ def generate(
 
 
 @contextmanager
-def progress_bar(*, quiet: bool) -> Iterator[Show]:
-    """Show a run's progress on the terminal; `quiet` shows nothing."""
+def progress_bar(*, first_words: str = "", quiet: bool = False) -> Iterator[Show]:
+    """Show a run's progress on the terminal, and before it `first_words`; `quiet` shows nothing."""
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -111,13 +110,10 @@ def progress_bar(*, quiet: bool) -> Iterator[Show]:
             nonlocal samples_before
             if samples_before is None:
                 samples_before = status.samples
+                if first_words:
+                    progress.console.print(first_words, markup=False, highlight=False, soft_wrap=True)
             rate = (status.samples - samples_before) / max(time.monotonic() - begin_s, 1e-3)
             rejected = sum(status.rejected.values())
             progress.update(task, total=status.wanted, completed=status.committed, rate=rate, rejected=rejected)
 
         yield show
-
-
-def _say_how_to_join(endpoint: str, run: str) -> None:
-    console = Console(stderr=True, highlight=False, soft_wrap=True)
-    console.print(f"More workers can join: readygo worker renderer --connect {endpoint} --run {run}", markup=False)

@@ -91,7 +91,7 @@ def demo(
     config = RunConfig()
     spec = make_spec(open_scene("embedded"), None, config, seed=0, split=Split.TRAIN, static=False)
     timer.say(f"recording {episodes} episodes with a fleet over Zenoh: 5 processes and {workers} renderer(s)")
-    with progress_bar(quiet=False) as show:
+    with progress_bar() as show:
         run = record(spec, out / "data", episodes=episodes, workers=workers, show=show)
     report = validate(out / "data")
     if not report.ok:

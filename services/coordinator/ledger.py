@@ -205,8 +205,8 @@ class Ledger:
         )
         if row is not None:
             return VerdictStatus.OK
-        state = self._one("SELECT state FROM episode WHERE idx = ?", index)
-        return VerdictStatus.DONE if state is not None and state[0] == "committed" else VerdictStatus.STALE
+        durable = self._held("SELECT idx FROM episode WHERE idx = ? AND state = 'committed'", index)
+        return VerdictStatus.DONE if durable else VerdictStatus.STALE
 
     def commit(self, index: int, recorder: str, shard: str, samples: int) -> list[str] | None:
         """Note that an episode is durable.
