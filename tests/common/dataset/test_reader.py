@@ -197,8 +197,25 @@ def test_mixed_robots_are_refused_with_both(folder) -> None:
     metadata = copy.deepcopy(METADATA)
     metadata["config"]["robot"]["v_max_mps"] = 0.7
     write_shard(folder, [9], number=9, metadata=metadata)
-    with pytest.raises(DatasetError, match=r'"v_max_mps": 1.0.*00000.mcap.*"v_max_mps": 0.7.*00009.mcap'):
+    with pytest.raises(DatasetError, match=r"Robots differ: v_max_mps 1\.0 and 0\.7 in .*00000.mcap and .*00009.mcap"):
         Dataset([folder])
+
+
+def test_mixed_sensors_are_refused_with_both(folder) -> None:
+    metadata = copy.deepcopy(METADATA)
+    metadata["config"]["renderer"] = {"sensor": {"exposure_ev": [-0.3, 0.3]}}
+    write_shard(folder, [9], number=9, metadata=metadata)
+    with pytest.raises(DatasetError, match=r"Sensors differ: exposure_ev \[\] and \[-0\.3, 0\.3\] in .*00000.mcap and"):
+        Dataset([folder])
+
+
+def test_shard_of_before_the_camera_was_one_section_goes_with_one_of_today(folder) -> None:
+    metadata = copy.deepcopy(METADATA)
+    camera = metadata["config"]["robot"]["camera"]
+    optics = {name: camera.pop(name) for name in ("distortion", "k1", "exposure_s")}
+    metadata["config"]["renderer"] = {"sensor": {**optics, "sub_frames": 8, "ranges": {"k1": []}}}
+    write_shard(folder, [9], number=9, metadata=metadata)
+    assert Dataset([folder]).robot == ROBOT
 
 
 def test_folder_given_twice_is_refused(folder) -> None:
