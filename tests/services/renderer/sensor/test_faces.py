@@ -110,3 +110,15 @@ def test_remap_of_no_distortion_is_an_upright_image() -> None:
     assert (np.diff(line, axis=0) > 0).all()
     assert (column == column[:1]).all()
     assert (remap.depth_factor == 1.0).all()
+
+
+@pytest.mark.parametrize(("sensor", "camera"), CASES)
+def test_depth_of_a_face_becomes_depth_along_the_cameras_axis(sensor: SensorConfig, camera: CameraConfig) -> None:
+    lens = make_lens(sensor, camera)
+    remap = make_remap(lens, plan_faces([lens]))
+    points_m = 7.0 * lens_directions(lens)
+    R = R_FACE_CAMERA[np.array(remap.faces)[remap.face]]
+    depth_of_face_m = np.einsum("vuk,vuk->vu", R[:, :, 2], points_m)
+    assert depth_of_face_m.min() > 0
+    assert remap.depth_factor * depth_of_face_m == pytest.approx(points_m[..., 2], rel=1e-9)
+    assert (len(remap.faces) > 1) == (camera is WIDE)
