@@ -15,7 +15,7 @@ Array = npt.NDArray[np.float64]
 Image = npt.NDArray[np.uint8]
 
 FPS = 20
-"""The simulation's rate: the film runs as fast as people do."""
+"""The simulation's rate: the film runs as fast as humans do."""
 LENS = Lens(height_px=540, width_px=960, focal_px=1000.0)
 SPEED_MPS, LENGTH_M, AMPLITUDE_M = 1.2, 7.0, 0.8
 CAMERA_DISTANCE_M, CAMERA_HEIGHT_M = 3.6, 1.25
@@ -26,7 +26,7 @@ def walk_frames(avatar: Avatar, *, seed: int = 0) -> Iterator[Image]:
 
     Args:
         avatar: Who.
-        seed: Habits of the person.
+        seed: Habits of the human.
 
     Yields:
         RGB, shape (540, 960, 3), 20 a second.
@@ -53,7 +53,7 @@ def level_walk(avatar: Avatar, way_m: Array, speed_mps: float, *, seed: int = 0)
         avatar: Who.
         way_m: Where, shape (N, 2), within 4 m around the stretch of x from 0 to 11 m.
         speed_mps: Along the way.
-        seed: Habits of the person.
+        seed: Habits of the human.
     """
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way_m, axis=0), axis=1))])
     places = np.arange(0.0, along[-1], speed_mps / FPS)
@@ -73,6 +73,6 @@ def _smoothed(xy: Array) -> Array:
 
 
 def _camera(target_xy_m: Array, height_m: float) -> Array:
-    """Beside the person, ahead of them by a quarter of the distance; OpenCV axes."""
+    """Beside the human, ahead of them by a quarter of the distance; OpenCV axes."""
     x, y = target_xy_m[0] + 0.25 * CAMERA_DISTANCE_M, -AMPLITUDE_M - CAMERA_DISTANCE_M
     return look_at((x, y, CAMERA_HEIGHT_M), (target_xy_m[0], 0.0, 0.48 * height_m))

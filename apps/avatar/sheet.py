@@ -15,7 +15,7 @@ Array = npt.NDArray[np.float64]
 PHASES = ("left heel strike", "left stance", "right heel strike", "right stance")
 """A quarter of a stride apart."""
 VIEWS = {"front": 0.0, "left side": 0.5 * np.pi, "back": np.pi}
-"""Where the camera stands, seen from the person: angle [rad] from where they go, to the left."""
+"""Where the camera stands, seen from the human: angle [rad] from where they go, to the left."""
 TILE = Lens(height_px=400, width_px=300, focal_px=800.0)
 SPEED_MPS, LENGTH_M = 1.2, 9.0
 CAMERA_DISTANCE_M, CAMERA_HEIGHT_M = 4.4, 1.3
@@ -27,7 +27,7 @@ def contact_sheet(avatar: Avatar, *, seed: int = 0) -> Picture:
 
     Args:
         avatar: Who.
-        seed: Habits of the person.
+        seed: Habits of the human.
 
     Returns:
         RGB.

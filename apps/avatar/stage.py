@@ -40,7 +40,7 @@ class Stage:
         self._rasterizer = CpuRasterizer([], [avatar], lens.K_px, lens.height_px, lens.width_px)
 
     def picture(self, T_world_camera: Array, motion: Motion, row: int, joints_m: Array) -> Image:
-        """The person in one row of a motion.
+        """The human in one row of a motion.
 
         Args:
             T_world_camera: Camera pose, OpenCV axes, shape (4, 4).

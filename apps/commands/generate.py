@@ -35,7 +35,7 @@ from readygo.common.messages import FileRef, RunSpec, Split, Stage, StatusReply,
 from readygo.common.robot import load_robot
 from readygo.common.scenes import Scene
 from readygo.services import coordinator as coordination
-from readygo.services.planner.humans.recipes import PeopleName
+from readygo.services.planner.humans.mixes import MixName
 from readygo.services.planner.humans.scenario_file import load_scenarios, read_text, text_hash
 from readygo.services.recorder import Recorder
 from readygo.services.recorder import attach as attach_recorder
@@ -57,7 +57,7 @@ def generate(
     seed: int = 0,
     avatars: Path | None = None,
     static: bool = False,
-    people: PeopleName | None = None,
+    people: MixName | None = None,
     scenarios: Path | None = None,
     outputs: str = "",
     detail: Literal["exact", "lod"] | None = None,
@@ -230,7 +230,7 @@ def make_spec(
     )
     if scenarios:
         # Refuses what cannot take place, before anything is started or written.
-        World(spec).planner()
+        World(spec).human_planner()
     return dataclasses.replace(spec, run=run_name(spec))
 
 

@@ -21,9 +21,9 @@ from readygo.common.files import write_whole
 from readygo.common.messages import RunSpec, decode, encode
 from readygo.common.robot import RobotConfig
 from readygo.services.animator.config import AnimatorConfig
-from readygo.services.planner.config import HumanPlannerConfig
 from readygo.services.planner.expert.config import ExpertConfig
-from readygo.services.planner.humans.recipes import PEOPLE_RECIPES, PeopleName
+from readygo.services.planner.humans.config import HumanPlannerConfig
+from readygo.services.planner.humans.mixes import MIXES, MixName
 from readygo.services.planner.humans.scenario_file import text_hash
 from readygo.services.recorder.config import RecorderConfig
 from readygo.services.renderer.config import GPU_BACKENDS, RendererConfig
@@ -50,7 +50,7 @@ def load_run_config(
     path: Path | None,
     robot: RobotConfig | None = None,
     sensor: SensorName | None = None,
-    people: PeopleName | None = None,
+    people: MixName | None = None,
 ) -> RunConfig:
     """The defaults, changed by the sections of a TOML file, by another robot and by recipes of a sensor and of people.
 
@@ -68,7 +68,7 @@ def load_run_config(
         renderer = dataclasses.replace(config.renderer, sensor=SENSOR_RECIPES[sensor]())
         config = dataclasses.replace(config, renderer=renderer)
     if people is not None:
-        episode, planner = PEOPLE_RECIPES[people](config.episode, config.human_planner)
+        episode, planner = MIXES[people](config.episode, config.human_planner)
         config = dataclasses.replace(config, episode=episode, human_planner=planner)
     return config if robot is None else dataclasses.replace(config, robot=robot)
 

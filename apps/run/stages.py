@@ -25,7 +25,7 @@ from readygo.common.messages import (
     encode,
 )
 from readygo.services.animator import Animator, handle_animate
-from readygo.services.planner import Planner, handle_human_plan, handle_robot_plan
+from readygo.services.planner import HumanPlanner, RobotPlanner, handle_human_plan, handle_robot_plan
 from readygo.services.renderer import Renderer, episode_header, episode_samples
 
 BATCH = 8
@@ -36,15 +36,15 @@ RECORDER_ABSENT_S = 60.0
 def stage_work(stage: Stage, world: World, bus: Bus) -> Work:
     """The work of a stage, its scene and avatars loaded."""
     if stage is Stage.HUMAN_PLAN:
-        return _plan_humans(world.planner(), static=world.spec.static)
+        return _plan_humans(world.human_planner(), static=world.spec.static)
     if stage is Stage.ANIMATE:
         return _animate(world.animator())
     if stage is Stage.ROBOT_PLAN:
-        return _plan_robot(world.planner())
+        return _plan_robot(world.robot_planner)
     return _render(world.renderer(), bus)
 
 
-def _plan_humans(planner: Planner, *, static: bool) -> Work:
+def _plan_humans(planner: HumanPlanner, *, static: bool) -> Work:
     def work(claim: ClaimReply, inputs: tuple[bytes, ...]) -> StageResult:
         assert claim.episode is not None
         reply = handle_human_plan(planner, HumanPlanRequest(episode=claim.episode, static=static))
@@ -63,7 +63,7 @@ def _animate(animator: Animator) -> Work:
     return work
 
 
-def _plan_robot(planner: Planner) -> Work:
+def _plan_robot(planner: RobotPlanner) -> Work:
     def work(claim: ClaimReply, inputs: tuple[bytes, ...]) -> StageResult:
         scenario = decode(HumanPlanReply, inputs[0]).scenario
         motions = decode(AnimateReply, inputs[1]).motions

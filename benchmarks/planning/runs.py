@@ -17,7 +17,7 @@ import numpy.typing as npt
 from numba.core.event import install_recorder
 
 from readygo.benchmarks.planning.maps import MapSource, open_maps
-from readygo.common.avatars import load_avatars
+from readygo.common.avatars import FootprintModel, load_avatars
 from readygo.common.drawing.files import png_bytes
 from readygo.common.episode import EpisodeConfig, EpisodeResult, shortest_way_m
 from readygo.common.errors import SceneError
@@ -37,9 +37,18 @@ from readygo.common.messages import (
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import RATE_HZ
 from readygo.services.animator import Animator, AnimatorConfig, handle_animate
-from readygo.services.planner import HumanPlannerConfig, Planner, expert_recipe, handle_human_plan, handle_robot_plan
+from readygo.services.planner import (
+    HumanPlanner,
+    HumanPlannerConfig,
+    RobotPlanner,
+    expert_recipe,
+    handle_human_plan,
+    handle_robot_plan,
+)
+from readygo.services.planner.expert.clearance import gaussian_clearance_m
+from readygo.services.planner.expert.interface import HumanBody
 from readygo.services.planner.explain.picture import draw_episode
-from readygo.services.planner.humans.recipes import PEOPLE_RECIPES, PeopleName
+from readygo.services.planner.humans.mixes import MIXES, MixName
 
 T = TypeVar("T")
 
@@ -60,7 +69,7 @@ class Job:
     modes: tuple[str, ...]
     tasks: tuple[str, ...]
     seed: int
-    people: PeopleName = "paper"
+    people: MixName = "paper"
     """The mix of people: a recipe of the planner."""
     pictures: Path | None = None
     """Folder for a picture of every failure."""
@@ -76,7 +85,7 @@ class Run:
     closest_m: float
     """Smallest distance of the centres of robot and nearest human [m]; inf without humans."""
     avatar_gap_m: float | None
-    """Smallest distance of the robot's disc to an avatar's Gaussians [m]; None where runs do not tell."""
+    """Smallest distance of the robot's disc to an avatar's Gaussians [m]; None without humans."""
     turn_change_radps: float
     """Sum of |change of w| over the run [rad/s]."""
     free_m: float
@@ -114,12 +123,17 @@ class Course:
             SceneError: If the maps cannot be used.
         """
         self.job, self.robot = job, RobotConfig()
-        self.episode, people = PEOPLE_RECIPES[job.people](EpisodeConfig(), HumanPlannerConfig())
+        self.episode, human_config = MIXES[job.people](EpisodeConfig(), HumanPlannerConfig())
         self.maps, avatars = open_maps(job.source), load_avatars()
-        self.planners = {
-            mode: Planner(self.maps, avatars, self.robot, self.episode, people, expert_recipe(mode))
-            for mode in dict.fromkeys(("paper", *job.modes))
+        # Whether a scenario exists does not depend on the modes asked for.
+        cell_margin_m = expert_recipe("paper").cell_margin_m
+        self.human_planner = HumanPlanner(
+            self.maps, sorted(avatars), self.robot, self.episode, human_config, cell_margin_m=cell_margin_m
+        )
+        self.robot_planners = {
+            mode: RobotPlanner(self.maps, avatars, self.robot, self.episode, expert_recipe(mode)) for mode in job.modes
         }
+        self._bodies = {name: (avatar, FootprintModel.from_avatar(avatar)) for name, avatar in avatars.items()}
         self.animator = Animator(avatars, self.maps.floor, AnimatorConfig())
         self._clearance_m = clearance_m(self.maps.robot)
         for index in range(REJECTED_MAX):
@@ -129,16 +143,14 @@ class Course:
     def draw(self, index: int, *, pictured: bool) -> Draw:
         """Draw an index and let every expert drive through it; an index counts if its dynamic scenario does."""
         key = EpisodeKey(seed=self.job.seed, split=Split.TEST, index=index)
-        # Whether a scenario exists must not depend on the modes asked for.
-        planner = self.planners["paper"]
-        plan, scenario_ms = timed(lambda: handle_human_plan(planner, HumanPlanRequest(episode=key)))
+        plan, scenario_ms = timed(lambda: handle_human_plan(self.human_planner, HumanPlanRequest(episode=key)))
         if plan.scenario is None:
             return Draw(index=index, rejected=plan.rejected, scenario_ms=scenario_ms)
         request = AnimateRequest(scenario=plan.scenario)
         animated, motion_ms = timed(lambda: handle_animate(self.animator, request))
         if animated.motions is None:
             return Draw(index=index, rejected="motion", scenario_ms=scenario_ms)
-        still = handle_human_plan(planner, HumanPlanRequest(episode=key, static=True)).scenario
+        still = handle_human_plan(self.human_planner, HumanPlanRequest(episode=key, static=True)).scenario
         assert still is not None
         episodes = {"dynamic": (plan.scenario, animated.motions), "static": (still, EpisodeMotions(humans=()))}
         draw = Draw(index=index, scenario_ms=scenario_ms, motion_ms=motion_ms)
@@ -155,7 +167,7 @@ class Course:
 
     def _drive(self, mode: str, scenario: Scenario, motions: EpisodeMotions) -> tuple[RobotTrajectory, Run]:
         request = RobotPlanRequest(scenario=scenario, motions=motions)
-        reply, expert_ms = timed(lambda: handle_robot_plan(self.planners[mode], request))
+        reply, expert_ms = timed(lambda: handle_robot_plan(self.robot_planners[mode], request))
         run = reply.trajectory
         assert run is not None
         failure = self._failure(run, motions)
@@ -164,7 +176,7 @@ class Course:
             result=EpisodeResult.from_trajectory(run, self._shortest_m(scenario)),
             failure=failure,
             closest_m=float(run.human_distance_m.min()),
-            avatar_gap_m=_avatar_gap_m(run),
+            avatar_gap_m=self._avatar_gap_m(run, motions),
             turn_change_radps=float(np.abs(np.diff(run.actions[:, 1], prepend=0.0)).sum()),
             free_m=float(np.abs(run.actions[free, 0]).sum()) / RATE_HZ,
             free_s=float(free.sum()) / RATE_HZ,
@@ -197,6 +209,11 @@ class Course:
         moving = run.actions[-1, 0] >= 0.1
         return f"human {'in' if seen else 'out of'} view, robot {'moving' if moving else 'standing'}"
 
+    def _avatar_gap_m(self, run: RobotTrajectory, motions: EpisodeMotions) -> float | None:
+        bodies = [HumanBody(human, *self._bodies[human.avatar]) for human in motions.humans]
+        gap_m = gaussian_clearance_m(run.xyyaw, bodies, self.maps.floor, self.robot)
+        return gap_m if math.isfinite(gap_m) else None
+
     def _free_steps(self, run: RobotTrajectory) -> npt.NDArray[np.bool_]:
         frame = self.maps.robot.frame
         cells = np.array([frame.cell(x, y) for x, y in run.xyyaw[:, :2].tolist()])
@@ -204,12 +221,6 @@ class Course:
         late = np.arange(len(cells)) >= START_S * RATE_HZ
         free: npt.NDArray[np.bool_] = wide & late & ~run.human_visible & (run.human_distance_m > FREE_HUMAN_M)
         return free
-
-
-def _avatar_gap_m(run: RobotTrajectory) -> float | None:
-    """Distance of the robot's disc to people's Gaussians [m]; None without people."""
-    gap_m = run.gaussian_clearance_m
-    return gap_m if gap_m is not None and math.isfinite(gap_m) else None
 
 
 def timed(call: Callable[[], T]) -> tuple[T, float]:

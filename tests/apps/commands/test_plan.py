@@ -12,7 +12,7 @@ from readygo.apps.commands.scene_argument import open_maps
 from readygo.common.errors import ConfigError, ReadygoError, RunError, SceneError
 from readygo.common.maps import save_ros_map
 from readygo.services.planner.humans.scenario_file import load_scenarios
-from tests.services.planner.conftest import rooms
+from tests.services.planner.worlds import rooms
 
 SEED = 3
 

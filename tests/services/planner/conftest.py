@@ -1,104 +1,13 @@
-"""A flat of four rooms, a toy avatar, and a planner for them."""
-
-from dataclasses import dataclass
-
-import numpy as np
 import pytest
 
-from readygo.common.avatars import SMPL_PARENTS, Avatar
-from readygo.common.episode import EpisodeConfig
-from readygo.common.gaussians import GaussianCloud
-from readygo.common.maps import FloorMap, GridFrame, OccupancyMap, sight_of_occupancy
-from readygo.common.messages import EpisodeKey, EpisodeMotions, HumanMotion, Motion, Split
-from readygo.common.robot import RobotConfig
-from readygo.services.planner import ExpertConfig, HumanPlannerConfig, Planner
-
-FRAME = GridFrame(origin_x_m=-3.0, origin_y_m=2.0, resolution_m=0.05)
-
-
-@dataclass(frozen=True)
-class Maps:
-    robot: OccupancyMap
-    human: OccupancyMap
-    floor: FloorMap
-
-    @property
-    def sight(self):
-        return sight_of_occupancy(self.robot)
-
-
-def rooms():
-    """12 x 10 m: four rooms with doors of 1.2 m, a table, a cupboard."""
-    occupied = np.zeros((200, 240), np.bool_)
-    occupied[:2] = occupied[-2:] = True
-    occupied[:, :2] = occupied[:, -2:] = True
-    occupied[98:101] = True
-    occupied[:, 118:121] = True
-    for rows, columns in ((slice(98, 101), slice(50, 74)), (slice(98, 101), slice(170, 194))):
-        occupied[rows, columns] = False
-    for rows, columns in ((slice(40, 64), slice(118, 121)), (slice(140, 164), slice(118, 121))):
-        occupied[rows, columns] = False
-    occupied[25:50, 60:80] = True
-    occupied[150:160, 200:230] = True
-    return OccupancyMap(frame=FRAME, occupied=occupied)
-
-
-def make_avatar(name):
-    """A pillar of Gaussians, 0.4 m wide, that moves with the pelvis."""
-    rng = np.random.default_rng(0)
-    count = 200
-    means = rng.uniform((-0.2, 0.0, -0.2), (0.2, 1.8, 0.2), (count, 3)).astype(np.float32)
-    joints = np.zeros((24, 3), np.float32)
-    joints[:, 1] = 0.9
-    assert len(SMPL_PARENTS) == 24
-    return Avatar(
-        name=name,
-        license="CC0",
-        height_m=1.8,
-        cloud=GaussianCloud(
-            means_m=means,
-            quats_wxyz=np.tile(np.float32([1, 0, 0, 0]), (count, 1)),
-            scales_m=np.full((count, 3), 0.02, np.float32),
-            opacities=np.full(count, 0.9, np.float32),
-            sh=np.zeros((count, 1, 3), np.float32),
-        ),
-        lbs_index=np.zeros((count, 4), np.uint8),
-        lbs_weight=np.tile(np.float32([1, 0, 0, 0]), (count, 1)),
-        joints_canonical_m=joints,
-        joints_tpose_m=joints,
-        R_tpose_canonical=np.tile(np.eye(3, dtype=np.float32), (24, 1, 1)),
-    )
-
-
-def animate(scenario):
-    """Stand-in for the animator: roots on the trajectories, no limbs."""
-    humans = []
-    for human in scenario.humans:
-        root = np.column_stack([human.xy_m, np.full(len(human.xy_m), 0.9)]).astype(np.float32)
-        motion = Motion(root_m=root, pose_axis_angle=np.zeros((len(root), 24, 3), np.float32))
-        humans.append(HumanMotion(avatar=human.avatar, motion=motion))
-    return EpisodeMotions(humans=tuple(humans))
-
-
-def key(index, split=Split.TEST, seed=1):
-    """An episode's key."""
-    return EpisodeKey(seed=seed, split=split, index=index)
-
-
-def make_planner(occupancy=None, **expert):
-    """A planner on one map for robot and humans."""
-    occupancy = occupancy or rooms()
-    floor = FloorMap(frame=occupancy.frame, height_m=np.zeros(occupancy.occupied.shape, np.float32))
-    return Planner(
-        maps=Maps(occupancy, occupancy, floor),
-        avatars={name: make_avatar(name) for name in ("zoe", "adam", "mia")},
-        robot=RobotConfig(),
-        episode_config=EpisodeConfig(),
-        human_config=HumanPlannerConfig(),
-        expert_config=ExpertConfig(**expert),
-    )
+from tests.services.planner.worlds import make_human_planner, make_robot_planner
 
 
 @pytest.fixture(scope="package")
-def planner():
-    return make_planner()
+def human_planner():
+    return make_human_planner()
+
+
+@pytest.fixture(scope="package")
+def robot_planner():
+    return make_robot_planner()

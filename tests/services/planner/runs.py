@@ -5,7 +5,7 @@ import numpy as np
 from readygo.common.messages import HumanTrajectory, Outcome, RobotTrajectory, Scenario
 from readygo.services.planner.expert.perception import PerceivedHuman
 from readygo.services.planner.explain.journal import ExpertRun, Journal
-from tests.services.planner.conftest import animate, key
+from tests.services.planner.worlds import animate, key
 
 STEPS = 80
 Y_M = 4.6

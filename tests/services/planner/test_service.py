@@ -7,17 +7,17 @@ from readygo.common.messages import HumanPlanReply, HumanPlanRequest, RobotPlanR
 from readygo.services.planner import ExpertConfig, FamilyMix, HumanPlannerConfig
 from readygo.services.planner.explain.picture import draw_episode
 from readygo.services.planner.service import attach
-from tests.services.planner.conftest import animate, key
+from tests.services.planner.worlds import animate, key
 
 
 @pytest.fixture
-def bus(planner):
+def bus(human_planner, robot_planner):
     bus = InProcessBus()
-    attach(bus, planner)
+    attach(bus, human_planner, robot_planner)
     return bus
 
 
-def test_both_topics_answer_and_their_replies_survive_the_wire(bus, planner):
+def test_both_topics_answer_and_their_replies_survive_the_wire(bus):
     scenario, index = None, 0
     while scenario is None:
         plan = bus.request("human-plan", HumanPlanRequest(episode=key(index)), HumanPlanReply)
@@ -28,12 +28,12 @@ def test_both_topics_answer_and_their_replies_survive_the_wire(bus, planner):
     assert np.array_equal(again.trajectory.actions, run.trajectory.actions)
 
 
-def test_picture_shows_map_ways_and_outcome(bus, planner):
+def test_picture_shows_map_ways_and_outcome(bus, robot_planner):
     scenario = bus.request("human-plan", HumanPlanRequest(episode=key(1)), HumanPlanReply).scenario
     motions = animate(scenario)
     run = bus.request("robot-plan", RobotPlanRequest(scenario=scenario, motions=motions), RobotPlanReply).trajectory
-    plain = draw_episode(planner.maps.robot, scenario)
-    full = draw_episode(planner.maps.robot, scenario, run, motions=motions)
+    plain = draw_episode(robot_planner.maps.robot, scenario)
+    full = draw_episode(robot_planner.maps.robot, scenario, run, motions=motions)
     assert full.dtype == np.uint8
     assert full.ndim == 3
     assert min(full.shape[:2]) > 100

@@ -6,9 +6,9 @@ import pytest
 from readygo.common.episode import EpisodeConfig
 from readygo.common.robot import RobotConfig
 from readygo.services.planner import ExpertConfig
-from readygo.services.planner.expert.ground import ExpertGround
+from readygo.services.planner.expert.ground import SceneGround
 from readygo.services.planner.expert.perception import HumanTracks, in_view
-from tests.services.planner.conftest import rooms
+from tests.services.planner.worlds import rooms
 
 HALF_FOV = math.radians(50)
 POSE = (-1.0, 5.5, 0.0)
@@ -33,7 +33,7 @@ def test_view_turns_with_the_robot_and_ends_at_its_range():
 
 def _tracks(path=PATH, **options):
     occupancy = rooms()
-    ground = ExpertGround(occupancy, occupancy, None, RobotConfig(), EpisodeConfig(), ExpertConfig(**options))
+    ground = SceneGround(occupancy, occupancy, None, RobotConfig(), EpisodeConfig(), ExpertConfig(**options))
     return HumanTracks(ground, ground.around((-1.0, 5.5), (2.0, 5.5)), [path], 40)
 
 
@@ -62,6 +62,14 @@ def test_human_out_of_view_is_unknown_at_first_and_remembered_for_a_while():
     assert not remembered[0][0].seen
     assert remembered[4][0].age_s == pytest.approx(0.25)
     assert (remembered[4][0].x_m, remembered[4][0].y_m) == pytest.approx(tuple(_walk(10)[0]))
+
+
+def test_who_walks_out_of_view_is_remembered_for_four_seconds_by_default():
+    tracks = _tracks()
+    for step in range(6):
+        tracks.observe(step, POSE, _walk(step))
+    remembered = [tracks.observe(step, AWAY, np.array([[-9.0, -9.0]])) for step in range(6, 90)]
+    assert [bool(humans) for humans in remembered] == [True] * 80 + [False] * 4
 
 
 @pytest.mark.parametrize("mode", ["paper", "spacetime"])

@@ -7,7 +7,7 @@ from readygo.common.episode import GridSearch
 from readygo.common.episode.grid_search import FREE
 from readygo.common.maps import clearance_m
 from readygo.services.planner.expert.prediction import follow_route, predict_walk
-from tests.services.planner.conftest import FRAME, rooms
+from tests.services.planner.worlds import FRAME, rooms
 
 CLEARANCE = clearance_m(rooms()).astype(np.float64)
 

@@ -7,34 +7,17 @@ import numpy as np
 import pytest
 
 from readygo.common.episode import EpisodeConfig, Purpose, episode_rng, meets_obstacle
-from readygo.common.maps import FloorMap, OccupancyMap
+from readygo.common.maps import OccupancyMap
 from readygo.common.messages import HumanPlanRequest, encode
-from readygo.common.robot import RobotConfig
-from readygo.services.planner import ExpertConfig, FamilyMix, HumanPlannerConfig, Planner, handle_human_plan
+from readygo.services.planner import FamilyMix, HumanPlannerConfig, handle_human_plan
+from readygo.services.planner.humans.families import FAMILIES
+from readygo.services.planner.humans.mixes import MIXES
 from readygo.services.planner.humans.passages import find_passages
-from readygo.services.planner.humans.recipes import PEOPLE_RECIPES
-from readygo.services.planner.humans.scenario import FAMILIES, drawn_order
-from tests.services.planner.conftest import FRAME, Maps, key, make_avatar, rooms
+from readygo.services.planner.humans.sampler import drawn_order
+from tests.services.planner.worlds import FRAME, hall, key, make_human_planner, planner_of, rooms
 
 DOORS = ((0.1, 6.98), (6.1, 6.98), (2.98, 4.6), (2.98, 9.6))
 ROBOT_MPS, GETTING_GOING_S = 0.85, 0.5
-
-
-def planner_of(family="", *, occupancy=None, height_m=None, people=(1, 1), **config):
-    """A planner that draws one family, or what `config` says."""
-    occupancy = occupancy or rooms()
-    height = np.zeros(occupancy.occupied.shape, np.float32) if height_m is None else height_m
-    mix = {"mix": FamilyMix(**{family: 1.0})} if family else {}
-    return Planner(
-        maps=Maps(occupancy, occupancy, FloorMap(frame=occupancy.frame, height_m=height)),
-        avatars={name: make_avatar(name) for name in ("zoe", "adam", "mia")},
-        robot=RobotConfig(),
-        episode_config=EpisodeConfig(
-            human_count_min=people[0], human_count_max=people[1], human_speed_min_mps=0.5, human_speed_max_mps=2.0
-        ),
-        human_config=HumanPlannerConfig(**{**mix, **config}),
-        expert_config=ExpertConfig(),
-    )
 
 
 @pytest.fixture(scope="module")
@@ -228,12 +211,6 @@ def test_an_empty_hall_has_no_passages():
     assert find_passages(clearance, FRAME, walkable_m=0.375, width_max_m=1.6, wider_m=0.5) == ()
 
 
-def hall():
-    occupied = np.ones((200, 240), np.bool_)
-    occupied[10:190, 10:230] = False
-    return OccupancyMap(frame=FRAME, occupied=occupied)
-
-
 def test_a_family_without_a_place_is_replaced_by_another_of_the_mix_or_rejected():
     alone = planner_of("doorway", occupancy=hall())
     assert handle_human_plan(alone, HumanPlanRequest(episode=key(0))).rejected == "no room for a human"
@@ -270,9 +247,9 @@ def test_mixes_that_cannot_be_drawn_are_refused(shares):
         FamilyMix(**shares)
 
 
-@pytest.mark.parametrize("name", PEOPLE_RECIPES)
+@pytest.mark.parametrize("name", MIXES)
 def test_recipes_give_the_same_bytes_on_any_planner_and_keep_other_settings(name):
-    episode, config = PEOPLE_RECIPES[name](EpisodeConfig(time_limit_s=33.0), HumanPlannerConfig(start_margin_m=0.12))
+    episode, config = MIXES[name](EpisodeConfig(time_limit_s=33.0), HumanPlannerConfig(start_margin_m=0.12))
     assert episode.time_limit_s == 33.0
     assert config.start_margin_m == 0.12
     one, other = (
@@ -280,15 +257,7 @@ def test_recipes_give_the_same_bytes_on_any_planner_and_keep_other_settings(name
     )
     replies = []
     for human_config in (one, other):
-        planner = planner_of(occupancy=rooms())
-        planner = Planner(
-            maps=planner.maps,
-            avatars={name: make_avatar(name) for name in ("zoe", "adam")},
-            robot=RobotConfig(),
-            episode_config=episode,
-            human_config=human_config,
-            expert_config=ExpertConfig(),
-        )
+        planner = make_human_planner(avatar_names=("zoe", "adam"), episode=episode, config=human_config)
         order = (1, 0, 2) if human_config is one else (2, 1, 0)
         drawn = {k: encode(handle_human_plan(planner, HumanPlanRequest(episode=key(k)))) for k in order}
         replies.append([drawn[k] for k in range(3)])

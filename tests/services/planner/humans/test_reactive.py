@@ -7,10 +7,10 @@ from readygo.common.episode import EpisodeConfig, meets_obstacle
 from readygo.common.maps import OccupancyMap
 from readygo.common.messages import HumanPlanRequest, HumanTrajectory, Outcome, Scenario, encode
 from readygo.services.planner import HumanPlannerConfig, handle_human_plan
-from readygo.services.planner.handlers import drive, let_react
-from readygo.services.planner.humans.reactive import ReactivePeople
-from tests.services.planner.conftest import animate, key, rooms
-from tests.services.planner.humans.test_families import hall, planner_of
+from readygo.services.planner.expert.handlers import drive
+from readygo.services.planner.humans.handlers import let_react
+from readygo.services.planner.humans.reactive import ReactiveHumans
+from tests.services.planner.worlds import animate, hall, key, planner_of, rooms
 
 FRONT = np.stack([np.arange(190) * 0.05 - 2.0, np.full(190, 7.0)], axis=1)
 """Along +x at 1 m/s from x = -2."""
@@ -18,7 +18,7 @@ FRONT = np.stack([np.arange(190) * 0.05 - 2.0, np.full(190, 7.0)], axis=1)
 
 def walked(drawn, robot, steps=160, reacts=None, occupancy=None, **config):
     """Where people go beside a robot that `robot(step)` places: x, y, vx, vy, or None."""
-    people = ReactivePeople(
+    people = ReactiveHumans(
         drawn,
         reacts or [True] * len(drawn),
         occupancy or hall(),
@@ -47,15 +47,36 @@ def test_somebody_steps_aside_for_a_robot_that_comes_towards_them_and_returns():
     assert walked([FRONT], robot, 260)[-1, 0] == pytest.approx(FRONT[-1], abs=0.1)
 
 
-def test_a_robot_behind_somebodys_back_or_behind_a_wall_is_not_seen():
-    alone = walked([FRONT], lambda _: None)
-    behind = walked([FRONT], lambda step: (-3.0 + 0.05 * step, 7.0, 1.0, 0.0), reactive_cone_deg=180.0)
-    assert np.array_equal(alone, behind)
+def test_a_robot_behind_a_wall_is_not_seen():
     wall = hall().occupied.copy()
     wall[111:114, 10:230] = True
     hidden = OccupancyMap(frame=hall().frame, occupied=wall)
     far_side = walked([FRONT - (0, 0.2)], lambda step: (6.0 - 0.05 * step, 8.1, -1.0, 0.0), occupancy=hidden)
     assert np.array_equal(far_side, walked([FRONT - (0, 0.2)], lambda _: None, occupancy=hidden))
+
+
+def test_a_robot_that_comes_up_from_behind_is_seen_by_a_view_all_round_only():
+    def robot(step):
+        # Twice as fast as the walker, whom it would run into after 40 steps.
+        return -1.2 + 0.1 * step, 7.05, 2.0, 0.0
+
+    drawn = [FRONT[60:]]
+    alone = walked(drawn, lambda _: None, 40)
+    assert np.array_equal(walked(drawn, robot, 40, reactive_cone_deg=180.0), alone)
+    assert np.array_equal(walked(drawn, robot, 40), alone)
+    aware = walked(drawn, robot, 40, reactive_cone_deg=360.0)
+    assert np.abs(aware - alone)[:, 0].max() > 0.1
+
+
+def test_a_robot_in_front_is_seen_up_to_the_edge_of_the_view():
+    def crossing(step):
+        # Stays 60 degrees to the left of the walker until they would meet.
+        apart_m = 2.0 - 0.04 * step
+        return -2.0 + 0.05 * step + 0.5 * apart_m, 7.0 + 0.87 * apart_m, 0.6, -0.7
+
+    alone = walked([FRONT], lambda _: None, 40)
+    assert np.array_equal(walked([FRONT], crossing, 30, reactive_cone_deg=90.0), alone[:31])
+    assert np.abs(walked([FRONT], crossing, 40, reactive_cone_deg=150.0) - alone)[:, 0].max() > 0.1
 
 
 def test_people_avoid_each_other_and_whoever_does_not_react_keeps_to_the_rows():
@@ -85,11 +106,11 @@ def pairs(reacting):
     return found
 
 
-def test_reactive_people_are_hit_less_often_by_the_expert(reacting, pairs):
+def test_reactive_people_are_hit_less_often_by_the_expert(robot_planner, pairs):
     hits = [0, 0]
     for pair in pairs:
         for k, scenario in enumerate(pair):
-            outcome = drive(reacting, scenario, animate(scenario)).outcome
+            outcome = drive(robot_planner, scenario, animate(scenario)).outcome
             hits[k] += outcome is Outcome.HUMAN_COLLISION
     assert len(pairs) >= 8
     assert hits[0] >= 3

@@ -9,12 +9,12 @@ from readygo.common.errors import AvatarError, SceneError
 from readygo.common.maps import OccupancyMap
 from readygo.common.messages import HumanPlanRequest, encode
 from readygo.services.planner import handle_human_plan
-from tests.services.planner.conftest import FRAME, key, make_planner, rooms
+from tests.services.planner.worlds import FRAME, key, make_human_planner, maps_of
 
 
 @pytest.fixture(scope="module")
-def replies(planner):
-    return [handle_human_plan(planner, HumanPlanRequest(episode=key(index))) for index in range(40)]
+def replies(human_planner):
+    return [handle_human_plan(human_planner, HumanPlanRequest(episode=key(index))) for index in range(40)]
 
 
 @pytest.fixture(scope="module")
@@ -29,21 +29,21 @@ def test_most_draws_are_accepted_and_the_others_say_why(replies):
         assert len(reply.rejected) < 60
 
 
-def test_start_and_goal_keep_the_planning_radius_and_the_distance(planner, scenarios):
+def test_start_and_goal_keep_the_planning_radius_and_the_distance(human_planner, scenarios):
     for scenario in scenarios:
         x, y, yaw = scenario.start_xyyaw
         goal_x, goal_y = scenario.goal_xy_m
         for point in ((x, y), (goal_x, goal_y)):
-            assert not meets_obstacle(planner.maps.robot, *point, planner.robot.planning_radius_m)
+            assert not meets_obstacle(human_planner.maps.robot, *point, human_planner.robot.planning_radius_m)
         assert 3.0 <= math.hypot(goal_x - x, goal_y - y) <= 10.0
         assert yaw == pytest.approx(math.atan2(goal_y - y, goal_x - x))
 
 
-def test_humans_keep_their_clearance_everywhere(planner, scenarios):
+def test_humans_keep_their_clearance_everywhere(human_planner, scenarios):
     for human in itertools.chain.from_iterable(scenario.humans for scenario in scenarios):
         for x, y in human.xy_m:
             # Distances are interpolated between cells, which costs up to a centimetre or two at corners.
-            assert not meets_obstacle(planner.maps.human, x, y, 0.35 - 0.03)
+            assert not meets_obstacle(human_planner.maps.human, x, y, 0.35 - 0.03)
 
 
 def test_humans_walk_at_one_speed_in_the_configured_range(scenarios):
@@ -93,16 +93,16 @@ def test_both_encounters_and_all_avatars_occur(scenarios):
     assert all(a.avatar != b.avatar for a, b in (s.humans for s in scenarios if len(s.humans) == 2))
 
 
-def test_static_task_has_the_same_start_and_goal_and_no_humans(planner, scenarios):
+def test_static_task_has_the_same_start_and_goal_and_no_humans(human_planner, scenarios):
     for scenario in scenarios[:10]:
-        static = handle_human_plan(planner, HumanPlanRequest(episode=scenario.episode, static=True)).scenario
+        static = handle_human_plan(human_planner, HumanPlanRequest(episode=scenario.episode, static=True)).scenario
         assert np.array_equal(static.start_xyyaw, scenario.start_xyyaw)
         assert np.array_equal(static.goal_xy_m, scenario.goal_xy_m)
         assert static.humans == ()
 
 
-def test_same_key_gives_the_same_bytes_on_any_planner_in_any_order(planner, replies):
-    other = make_planner()
+def test_same_key_gives_the_same_bytes_on_any_planner_in_any_order(human_planner, replies):
+    other = make_human_planner()
     for index in (7, 3, 5):
         reply = handle_human_plan(other, HumanPlanRequest(episode=key(index)))
         assert encode(reply) == encode(replies[index])
@@ -112,20 +112,19 @@ def test_a_map_without_room_is_refused():
     full = np.ones((40, 40), np.bool_)
     full[18:22, 18:22] = False
     with pytest.raises(SceneError, match="no free space"):
-        make_planner(OccupancyMap(frame=FRAME, occupied=full))
+        make_human_planner(maps_of(OccupancyMap(frame=FRAME, occupied=full)))
 
 
 def test_a_room_too_small_for_any_goal_rejects_with_a_reason():
     closet = np.ones((60, 60), np.bool_)
     closet[5:45, 5:45] = False
     reply = handle_human_plan(
-        make_planner(OccupancyMap(frame=FRAME, occupied=closet)), HumanPlanRequest(episode=key(0))
+        make_human_planner(maps_of(OccupancyMap(frame=FRAME, occupied=closet))), HumanPlanRequest(episode=key(0))
     )
     assert reply.rejected == "no way from start to goal"
 
 
-def test_humans_without_avatars_are_an_error(planner):
-    bare = make_planner(rooms())
-    bare.avatar_names.clear()
+def test_humans_without_avatars_are_an_error():
+    bare = make_human_planner(avatar_names=())
     with pytest.raises(AvatarError, match="no avatars"):
         handle_human_plan(bare, HumanPlanRequest(episode=key(0)))

@@ -8,7 +8,7 @@ import pytest
 
 from readygo.common.messages import HumanPlanRequest
 from readygo.services.planner import handle_human_plan
-from tests.services.planner.conftest import key
+from tests.services.planner.worlds import key
 
 GOLDEN = Path(__file__).parents[3] / "golden" / "scenario_mix_paper.json"
 COUNT = 20
@@ -32,9 +32,10 @@ def _described(reply):
     }
 
 
-def test_the_papers_mix_is_the_frozen_one(planner, request):
+def test_the_papers_mix_is_the_frozen_one(human_planner, request):
     drawn = [
-        _described(handle_human_plan(planner, HumanPlanRequest(episode=key(index, seed=2)))) for index in range(COUNT)
+        _described(handle_human_plan(human_planner, HumanPlanRequest(episode=key(index, seed=2))))
+        for index in range(COUNT)
     ]
     if request.config.getoption("--update-golden"):
         GOLDEN.write_text("[\n" + ",\n".join(json.dumps(row) for row in drawn) + "\n]\n")

@@ -1,0 +1,68 @@
+import numpy as np
+import pytest
+
+from readygo.common.maps import clearance_m
+from readygo.services.planner import HumanPlannerConfig
+from readygo.services.planner.humans.paths import HumanPathPlanner, keeps_clear
+from readygo.services.planner.humans.polyline import length_m
+from readygo.services.planner.humans.spline import smallest_distance
+from tests.services.planner.worlds import FRAME, hall, rooms
+
+PLACE = (FRAME.origin_x_m, FRAME.origin_y_m, FRAME.resolution_m)
+AROUND_THE_CORNER = [(-1.8, 6.3), (2.1, 7.9)]
+"""Aslant through a door of the flat."""
+
+
+def nearest_m(path, occupancy):
+    return smallest_distance(path, clearance_m(occupancy).astype(np.float64), *PLACE)
+
+
+@pytest.mark.parametrize("clearance", [0.35, 0.375])
+def test_path_that_was_smoothed_into_a_corner_is_pushed_off_until_it_keeps_its_clearance(clearance):
+    # With hardly any push the first spline cuts the corner.
+    careless = {"obstacle_weight": 0.2, "jerk_weight": 20.0, "length_weight": 0.2}
+    cut = HumanPathPlanner(rooms(), HumanPlannerConfig(clearance_m=0.01, **careless)).path(AROUND_THE_CORNER)
+    kept = HumanPathPlanner(rooms(), HumanPlannerConfig(clearance_m=clearance, **careless)).path(AROUND_THE_CORNER)
+    assert nearest_m(cut, rooms()) < 0.2
+    assert nearest_m(kept, rooms()) >= clearance
+
+
+def test_path_passes_near_its_points_and_none_leads_where_nobody_can_walk():
+    planner = HumanPathPlanner(rooms(), HumanPlannerConfig())
+    path = planner.path(AROUND_THE_CORNER)
+    assert path[[0, -1]] == pytest.approx(np.array(AROUND_THE_CORNER), abs=1e-9)
+    assert planner.path([AROUND_THE_CORNER[0], (-2.99, 6.3)]) is None
+    assert planner.searches == 1
+
+
+def test_detour_beyond_its_limit_is_refused():
+    planner = HumanPathPlanner(rooms(), HumanPlannerConfig())
+    through_the_next_door = [(1.5, 8.0), (4.4, 8.0)]
+    assert planner.path(through_the_next_door, detour_max=1.0) is None
+    path = planner.path(through_the_next_door)
+    assert 3.4 < length_m(path) < 5.2
+
+
+def test_point_in_a_wall_settles_on_the_nearest_walkable_cell():
+    planner = HumanPathPlanner(hall(), HumanPlannerConfig())
+    edge_x = FRAME.origin_x_m + 10 * FRAME.resolution_m
+    settled = planner.settled((edge_x - 0.1, 7.0), 0.6)
+    assert settled[0] == pytest.approx(edge_x + 0.4, abs=0.05)
+    assert abs(settled[1] - 7.0) <= 0.05
+    assert planner.settled((edge_x - 0.1, 7.0), 0.3) is None
+    assert planner.settled((2.0, 7.0), 0.0) == (2.0, 7.0)
+
+
+def test_reach_is_what_is_wanted_or_ends_before_the_wall():
+    planner = HumanPathPlanner(hall(), HumanPlannerConfig())
+    last_x = FRAME.origin_x_m + 230 * FRAME.resolution_m - 0.375
+    assert planner.reach_m((2.0, 7.0), (1.0, 0.0), 3.0) == 3.0
+    assert planner.reach_m((2.0, 7.0), (1.0, 0.0), 50.0) == pytest.approx(last_x - 2.0, abs=0.16)
+    assert planner.reach_m((-2.99, 7.0), (1.0, 0.0), 1.0) == 0.0
+
+
+def test_disc_keeps_clear_of_a_wall_up_to_its_radius():
+    edge_x = FRAME.origin_x_m + 10 * FRAME.resolution_m
+    row = np.array([[2.0, 7.0], [edge_x + 0.26, 7.0]])
+    assert keeps_clear(hall(), row, 0.25)
+    assert not keeps_clear(hall(), row, 0.27)
