@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from readygo.apps.avatar.stage import Lens, Stage, look_at
+from readygo.apps.avatar.studio import Framing, Studio, look_at
 from readygo.common.avatars import Avatar, joint_positions
 from readygo.common.maps import FloorMap, GridFrame
 from readygo.common.messages import Motion
@@ -16,7 +16,7 @@ Image = npt.NDArray[np.uint8]
 
 FPS = 20
 """The simulation's rate: the film runs as fast as humans do."""
-LENS = Lens(height_px=540, width_px=960, focal_px=1000.0)
+FRAMING = Framing(height_px=540, width_px=960, focal_px=1000.0)
 SPEED_MPS, LENGTH_M, AMPLITUDE_M = 1.2, 7.0, 0.8
 CAMERA_DISTANCE_M, CAMERA_HEIGHT_M = 3.6, 1.25
 
@@ -34,9 +34,9 @@ def walk_frames(avatar: Avatar, *, seed: int = 0) -> Iterator[Image]:
     motion = s_curve_walk(avatar, seed=seed)
     targets = _smoothed(motion.root_m[:, :2].astype(np.float64))
     joints = joint_positions(avatar, motion)
-    stage = Stage(avatar, LENS)
+    studio = Studio(avatar, FRAMING)
     for row, target in enumerate(targets):
-        yield stage.picture(_camera(target, avatar.height_m), motion, row, joints)
+        yield studio.picture(_camera(target, avatar.height_m), motion, row, joints)
 
 
 def s_curve_walk(avatar: Avatar, *, seed: int = 0) -> Motion:

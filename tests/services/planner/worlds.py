@@ -13,6 +13,8 @@ from readygo.common.robot import RobotConfig
 from readygo.services.planner import ExpertConfig, FamilyMix, HumanPlanner, HumanPlannerConfig, RobotPlanner
 
 FRAME = GridFrame(origin_x_m=-3.0, origin_y_m=2.0, resolution_m=0.05)
+DOORS = ((0.1, 6.98), (6.1, 6.98), (2.98, 4.6), (2.98, 9.6))
+"""Middles of the doors of `rooms` [m]."""
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
 import itertools
 import math
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -8,8 +9,9 @@ from readygo.common.episode import meets_obstacle
 from readygo.common.errors import AvatarError, SceneError
 from readygo.common.maps import OccupancyMap
 from readygo.common.messages import HumanPlanRequest, encode
-from readygo.services.planner import handle_human_plan
-from tests.services.planner.worlds import FRAME, key, make_human_planner, maps_of
+from readygo.services.planner import FamilyMix, handle_human_plan
+from readygo.services.planner.humans.sampler import drawn_order
+from tests.services.planner.worlds import FRAME, hall, key, make_human_planner, maps_of, planner_of
 
 
 @pytest.fixture(scope="module")
@@ -128,3 +130,33 @@ def test_humans_without_avatars_are_an_error():
     bare = make_human_planner(avatar_names=())
     with pytest.raises(AvatarError, match="no avatars"):
         handle_human_plan(bare, HumanPlanRequest(episode=key(0)))
+
+
+def test_a_family_without_a_place_is_replaced_by_another_of_the_mix_or_rejected():
+    alone = planner_of("doorway", occupancy=hall())
+    assert handle_human_plan(alone, HumanPlanRequest(episode=key(0))).rejected == "no room for a human"
+    mixed = planner_of(occupancy=hall(), mix=FamilyMix(doorway=1.0, crossing=0.01))
+    scenarios = [handle_human_plan(mixed, HumanPlanRequest(episode=key(index))).scenario for index in range(6)]
+    assert {human.encounter for s in scenarios if s is not None for human in s.humans} == {"crossing"}
+
+
+def test_fewer_humans_come_where_no_more_find_room_if_that_is_asked_for():
+    closet = np.ones((200, 240), np.bool_)
+    closet[20:100, 20:100] = False
+    occupancy = OccupancyMap(frame=FRAME, occupied=closet)
+    counts = {}
+    for fewer in (False, True):
+        planner = planner_of(occupancy=occupancy, people=(0, 4), fewer_humans=fewer, attempts=20)
+        replies = [handle_human_plan(planner, HumanPlanRequest(episode=key(index))) for index in range(12)]
+        counts[fewer] = [len(reply.scenario.humans) for reply in replies if reply.scenario is not None]
+    assert len(counts[False]) < 12
+    assert len(counts[True]) == 12
+    assert max(counts[True]) < 4
+
+
+def test_families_are_drawn_by_their_shares_and_none_twice():
+    mix = FamilyMix(crossing=2.0, frontal=1.0, doorway=1.0)
+    rng = np.random.default_rng(0)
+    orders = [tuple(drawn_order(rng, mix)) for _ in range(400)]
+    assert {frozenset(order) for order in orders} == {frozenset(("crossing", "frontal", "doorway"))}
+    assert Counter(order[0] for order in orders)["crossing"] == pytest.approx(200, abs=40)
