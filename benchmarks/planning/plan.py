@@ -15,7 +15,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from readygo.benchmarks.planning.maps import default_data_folder, find_map
-from readygo.benchmarks.planning.runs import Draw, Job, draws, processes
+from readygo.benchmarks.planning.pool import draws, processes
+from readygo.benchmarks.planning.runs import Draw, Job
 from readygo.benchmarks.planning.summary import map_row, rows_of, text
 from readygo.benchmarks.rasterizer.render import machine
 from readygo.common.errors import ConfigError
