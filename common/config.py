@@ -1,6 +1,7 @@
 """Configuration sections: frozen dataclasses that travel as plain mappings (TOML tables, message fields)."""
 
 import dataclasses
+import math
 import types
 import typing
 from collections.abc import Mapping
@@ -9,6 +10,39 @@ from typing import Any, TypeVar
 from readygo.common.errors import ConfigError
 
 Section = TypeVar("Section")
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Range:
+    """What numbers a field may hold: `Annotated[float, Range(low=0.0)]`; see `check_ranges`."""
+
+    low: float = -math.inf
+    high: float = math.inf
+    above: float = -math.inf
+    """As `low`, which then is not in the range itself."""
+
+    def __contains__(self, number: float) -> bool:
+        return math.isfinite(number) and self.low <= number <= self.high and number > self.above
+
+    def __str__(self) -> str:
+        lows = [f"at least {self.low:g}"] if math.isfinite(self.low) else []
+        lows += [f"above {self.above:g}"] if math.isfinite(self.above) else []
+        return " and ".join([*lows, *([f"at most {self.high:g}"] if math.isfinite(self.high) else [])]) or "finite"
+
+
+def check_ranges(section: Any) -> None:
+    """Check the numbers of a dataclass, and those in its tuples, against the ranges that its fields declare.
+
+    Raises:
+        ValueError: If one is out of its range or not finite; the message names field, range and number.
+    """
+    for name, hint in typing.get_type_hints(type(section), include_extras=True).items():
+        value = getattr(section, name)
+        numbers = value if isinstance(value, tuple) else (value,)
+        for allowed in getattr(hint, "__metadata__", ()):
+            wrong = [number for number in numbers if isinstance(allowed, Range) and number not in allowed]
+            if wrong:
+                raise ValueError(f"{name} must be {allowed}, got {wrong[0]:g}.")
 
 
 def section_to_mapping(section: Any) -> dict[str, Any]:

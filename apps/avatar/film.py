@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from readygo.apps.avatar.stage import Lens, Stage, look_at
+from readygo.apps.avatar.studio import Framing, Studio, look_at
 from readygo.common.avatars import Avatar, joint_positions
 from readygo.common.maps import FloorMap, GridFrame
 from readygo.common.messages import Motion
@@ -15,8 +15,8 @@ Array = npt.NDArray[np.float64]
 Image = npt.NDArray[np.uint8]
 
 FPS = 20
-"""The simulation's rate: the film runs as fast as people do."""
-LENS = Lens(height_px=540, width_px=960, focal_px=1000.0)
+"""The simulation's rate: the film runs as fast as humans do."""
+FRAMING = Framing(height_px=540, width_px=960, focal_px=1000.0)
 SPEED_MPS, LENGTH_M, AMPLITUDE_M = 1.2, 7.0, 0.8
 CAMERA_DISTANCE_M, CAMERA_HEIGHT_M = 3.6, 1.25
 
@@ -26,7 +26,7 @@ def walk_frames(avatar: Avatar, *, seed: int = 0) -> Iterator[Image]:
 
     Args:
         avatar: Who.
-        seed: Habits of the person.
+        seed: Habits of the human.
 
     Yields:
         RGB, shape (540, 960, 3), 20 a second.
@@ -34,9 +34,9 @@ def walk_frames(avatar: Avatar, *, seed: int = 0) -> Iterator[Image]:
     motion = s_curve_walk(avatar, seed=seed)
     targets = _smoothed(motion.root_m[:, :2].astype(np.float64))
     joints = joint_positions(avatar, motion)
-    stage = Stage(avatar, LENS)
+    studio = Studio(avatar, FRAMING)
     for row, target in enumerate(targets):
-        yield stage.picture(_camera(target, avatar.height_m), motion, row, joints)
+        yield studio.picture(_camera(target, avatar.height_m), motion, row, joints)
 
 
 def s_curve_walk(avatar: Avatar, *, seed: int = 0) -> Motion:
@@ -53,7 +53,7 @@ def level_walk(avatar: Avatar, way_m: Array, speed_mps: float, *, seed: int = 0)
         avatar: Who.
         way_m: Where, shape (N, 2), within 4 m around the stretch of x from 0 to 11 m.
         speed_mps: Along the way.
-        seed: Habits of the person.
+        seed: Habits of the human.
     """
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way_m, axis=0), axis=1))])
     places = np.arange(0.0, along[-1], speed_mps / FPS)
@@ -73,6 +73,6 @@ def _smoothed(xy: Array) -> Array:
 
 
 def _camera(target_xy_m: Array, height_m: float) -> Array:
-    """Beside the person, ahead of them by a quarter of the distance; OpenCV axes."""
+    """Beside the human, ahead of them by a quarter of the distance; OpenCV axes."""
     x, y = target_xy_m[0] + 0.25 * CAMERA_DISTANCE_M, -AMPLITUDE_M - CAMERA_DISTANCE_M
     return look_at((x, y, CAMERA_HEIGHT_M), (target_xy_m[0], 0.0, 0.48 * height_m))

@@ -4,7 +4,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.apps.avatar.film import level_walk
-from readygo.apps.avatar.stage import Lens, Stage, look_at
+from readygo.apps.avatar.studio import Framing, Studio, look_at
 from readygo.common.avatars import Avatar, joint_positions
 from readygo.common.drawing.files import Picture
 from readygo.common.drawing.plan_view import put_text
@@ -15,8 +15,8 @@ Array = npt.NDArray[np.float64]
 PHASES = ("left heel strike", "left stance", "right heel strike", "right stance")
 """A quarter of a stride apart."""
 VIEWS = {"front": 0.0, "left side": 0.5 * np.pi, "back": np.pi}
-"""Where the camera stands, seen from the person: angle [rad] from where they go, to the left."""
-TILE = Lens(height_px=400, width_px=300, focal_px=800.0)
+"""Where the camera stands, seen from the human: angle [rad] from where they go, to the left."""
+TILE = Framing(height_px=400, width_px=300, focal_px=800.0)
 SPEED_MPS, LENGTH_M = 1.2, 9.0
 CAMERA_DISTANCE_M, CAMERA_HEIGHT_M = 4.4, 1.3
 _CAPTION_PX = 22
@@ -27,7 +27,7 @@ def contact_sheet(avatar: Avatar, *, seed: int = 0) -> Picture:
 
     Args:
         avatar: Who.
-        seed: Habits of the person.
+        seed: Habits of the human.
 
     Returns:
         RGB.
@@ -36,7 +36,7 @@ def contact_sheet(avatar: Avatar, *, seed: int = 0) -> Picture:
     motion = level_walk(avatar, way, SPEED_MPS, seed=seed)
     joints = joint_positions(avatar, motion)
     rows = phase_rows(joints)
-    stage = Stage(avatar, TILE)
+    studio = Studio(avatar, TILE)
     strips = []
     for view, angle in VIEWS.items():
         tiles = []
@@ -44,7 +44,7 @@ def contact_sheet(avatar: Avatar, *, seed: int = 0) -> Picture:
             x, y = motion.root_m[row, :2].tolist()
             away = CAMERA_DISTANCE_M * np.array([np.cos(angle), np.sin(angle)])
             camera = look_at((x + away[0], y + away[1], CAMERA_HEIGHT_M), (x, y, 0.5 * avatar.height_m))
-            tile = stage.picture(camera, motion, row, joints)
+            tile = studio.picture(camera, motion, row, joints)
             put_text(tile, f"{phase}, {view}", (8, _CAPTION_PX - 6), size=0.4)
             tiles.append(tile)
         strips.append(np.concatenate(tiles, axis=1))

@@ -8,7 +8,7 @@ import numpy as np
 from rich.console import Console
 from rich.markup import escape
 
-from readygo.apps.commands.avatar import standing_pose, stride_pose, turntable
+from readygo.apps.avatar.turntable import standing_pose, stride_pose, turntable
 from readygo.common.avatars import Avatar, save_avatar
 from readygo.common.avatars.importers import ImportOptions, ImportReport, import_person
 from readygo.common.drawing.files import write_png

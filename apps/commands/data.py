@@ -2,7 +2,6 @@
 
 import json as json_module
 import sys
-from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,10 +10,10 @@ from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
+from readygo.apps.coverage.summary import dataset_summary
 from readygo.common.dataset import Dataset, Report
 from readygo.common.dataset import validate as validate_folder
 from readygo.common.errors import ConfigError, DatasetError
-from readygo.common.robot.kinematics import RATE_HZ
 
 DEFECTS_SHOWN = 20
 
@@ -67,7 +66,7 @@ def inspect(data: Path, /, *, overlay: Path | None = None, json: bool = False) -
         from readygo.common.drawing.files import write_png
 
         write_png(overlay, label_overlay(Dataset([data])))
-    summary = _summary(data)
+    summary = dataset_summary(Dataset([data]), data)
     if json:
         _print_json(summary)
         return
@@ -97,36 +96,6 @@ def _report_as_mapping(report: Report) -> dict[str, Any]:
         "size_bytes": report.size_bytes,
         "defects": [{"shard": d.shard, "kind": d.kind, "text": d.text} for d in report.defects],
         "notes": list(report.notes),
-    }
-
-
-def _summary(data: Path) -> dict[str, Any]:
-    dataset = Dataset([data])
-    truth = dataset.truth
-    with_human = truth["human_distance_m"][truth["human_distance_m"] < float("inf")]
-    samples_per_shard = Counter(entry.shard for entry in dataset.episodes for _ in range(entry.sample_count))
-    metadata = dataset.metadata
-    return {
-        "folder": str(data),
-        "episodes": len(dataset.episodes),
-        "splits": sorted({entry.episode.split.value for entry in dataset.episodes}),
-        "samples": len(dataset),
-        "hours": round(len(dataset) / RATE_HZ / 3600, 4),
-        "shards": len(dataset.shards),
-        "samples_per_shard_min": min(samples_per_shard.values()),
-        "samples_per_shard_max": max(samples_per_shard.values()),
-        "size_bytes": sum(shard.stat().st_size for shard in dataset.shards),
-        "image_height_px": dataset.height_px,
-        "image_width_px": dataset.width_px,
-        "outputs": list(dataset.outputs),
-        "labels": list(dataset.labels),
-        "speed_mean_mps": round(float(dataset.actions[:, 0].mean()), 3),
-        "human_visible_fraction": round(float(truth["human_visible"].mean()), 3),
-        "human_distance_min_m": round(float(with_human.min()), 3) if len(with_human) else None,
-        "replans": int(truth["replanned"].sum()),
-        "content_hash": dataset.content_hash,
-        **{key: metadata[key] for key in sorted(metadata) if key != "config"},
-        "config": {name: metadata.get("config", {}).get(name) for name in ("robot", "episode")},
     }
 
 

@@ -36,7 +36,7 @@ from readygo.services.evaluator import (
     summary_table,
     write_results,
 )
-from readygo.services.planner.humans.recipes import PeopleName
+from readygo.services.planner.humans.mixes import MixName
 from readygo.services.planner.humans.scenario_file import read_text, text_hash
 from readygo.services.planner.service import attach as attach_planner
 from readygo.services.renderer.sensor.recipes import SensorName
@@ -64,7 +64,7 @@ def evaluate(
     config: Path | None = None,
     sensor: SensorName | None = None,
     camera: CameraName = "policy",
-    people: PeopleName | None = None,
+    people: MixName | None = None,
     scenarios: Path | None = None,
     lockstep: int = 8,
     json: bool = False,
@@ -186,7 +186,7 @@ def make_evaluator(
     bus = InProcessBus()
     world = World(spec, bus)
     settings = evaluator_config or EvaluatorConfig()
-    attach_planner(bus, world.planner())
+    attach_planner(bus, world.human_planner(), world.robot_planner)
     attach_animator(bus, world.animator())
     if policy is not None or evaluator_config is None:
         attach_renderer(bus, world.renderer(), settings.renderer)

@@ -17,7 +17,7 @@ from readygo.apps.run.config import load_run_config, with_detail, with_outputs
 from readygo.apps.run.spec import episode_count, make_spec
 from readygo.common.messages import Split, StatusReply
 from readygo.common.robot import load_robot
-from readygo.services.planner.humans.recipes import PeopleName
+from readygo.services.planner.humans.mixes import MixName
 from readygo.services.renderer.sensor.recipes import SensorName
 
 
@@ -32,7 +32,7 @@ def generate(
     seed: int = 0,
     avatars: Path | None = None,
     static: bool = False,
-    people: PeopleName | None = None,
+    people: MixName | None = None,
     scenarios: Path | None = None,
     outputs: str = "",
     detail: Literal["exact", "lod"] | None = None,

@@ -1,32 +1,20 @@
 """`readygo scene`: making scene bundles, measuring them and drawing them from above."""
 
-import dataclasses
 import json as json_module
 import sys
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
 from rich.console import Console
 from rich.table import Table
 
 from readygo.apps.commands.scene_argument import open_scene
-from readygo.common.drawing.files import Picture, write_png
-from readygo.common.drawing.plan_view import draw_scale_bar
+from readygo.apps.pictures.scene_maps import scene_pictures
+from readygo.common.drawing.files import write_png
 from readygo.common.errors import SceneError
-from readygo.common.maps import OccupancyMap, clearance_m, free_components
-from readygo.common.maps.ros_map import load_unknown_cells
 from readygo.common.robot import load_robot
 from readygo.common.scenes import Scene, import_scene
-from readygo.common.scenes.report import HUMAN_RADIUS_M, scene_report
-from readygo.common.scenes.scene import HUMAN_MAP_FILE, ROBOT_MAP_FILE
-from readygo.common.scenes.top_view import TopView, top_view
-
-OCCUPIED, UNKNOWN, TOO_NARROW = (38, 44, 52), (176, 180, 186), (255, 255, 255)
-SEPARATE, REACHABLE = (240, 200, 150), (150, 210, 170)
-MAP_PICTURE_MIN_PX = 800
-TOP_PICTURE_MAX_PX = 4000
+from readygo.common.scenes.report import scene_report
 
 
 def scene_import(
@@ -97,45 +85,10 @@ def scene_inspect(scene: str, /, *, out: Path | None = None, radius: float | Non
     report = scene_report(bundle.cloud, bundle.sky, maps.robot, maps.human, maps.floor, radius_m)
     folder = bundle.path / "inspect" if out is None else out
     folder.mkdir(parents=True, exist_ok=True)
-    cell_m = maps.robot.frame.resolution_m
-    pixel_m = max(0.4 * cell_m, max(maps.robot.occupied.shape) * cell_m / TOP_PICTURE_MAX_PX)
-    pictures = {
-        "top.png": _with_scale_bar(top_view(bundle, pixel_m)),
-        "map_robot.png": map_picture(maps.robot, load_unknown_cells(bundle.path / ROBOT_MAP_FILE), radius_m),
-        "map_human.png": map_picture(maps.human, load_unknown_cells(bundle.path / HUMAN_MAP_FILE), HUMAN_RADIUS_M),
-    }
+    pictures = scene_pictures(bundle, radius_m)
     for file, picture in pictures.items():
         write_png(folder / file, picture)
     _print(bundle, report, [folder / file for file in pictures], json=json)
-
-
-def map_picture(occupancy: OccupancyMap, unknown: npt.NDArray[np.bool_], radius_m: float) -> Picture:
-    """A map with the areas that a disc can move in, and a bar of one metre; row 0 is the largest y.
-
-    Args:
-        occupancy: Map, not inflated.
-        unknown: Occupied cells that are drawn as unknown, shape (H, W).
-        radius_m: Radius of the disc [m].
-
-    Returns:
-        RGB, shape (k H, k W, 3) with a whole k.
-    """
-    labels, _ = free_components(clearance_m(occupancy) > radius_m)
-    cells = np.full((*labels.shape, 3), TOO_NARROW, np.uint8)
-    cells[occupancy.occupied] = OCCUPIED
-    cells[unknown] = UNKNOWN
-    cells[labels > 1] = SEPARATE
-    cells[labels == 1] = REACHABLE
-    factor = max(1, -(-MAP_PICTURE_MIN_PX // max(labels.shape)))
-    picture = cells[::-1].repeat(factor, axis=0).repeat(factor, axis=1)
-    frame = dataclasses.replace(occupancy.frame, resolution_m=occupancy.frame.resolution_m / factor)
-    return _with_scale_bar(TopView(rgb=picture, frame=frame))
-
-
-def _with_scale_bar(view: TopView) -> Picture:
-    picture = np.ascontiguousarray(view.rgb)
-    draw_scale_bar(picture, view)
-    return picture
 
 
 def _print(scene: Scene, report: dict[str, Any], pictures: list[Path], *, json: bool) -> None:

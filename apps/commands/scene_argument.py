@@ -8,7 +8,7 @@ import numpy as np
 from readygo.apps.paths import cache_folder
 from readygo.common.maps import FloorMap, OccupancyMap, SightMap, load_ros_map, sight_of_occupancy
 from readygo.common.scenes import Scene, load_scene
-from readygo.services.planner.handlers import SceneMaps
+from readygo.services.planner import SceneMaps
 
 
 def open_scene(scene: str) -> Scene:

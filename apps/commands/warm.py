@@ -25,11 +25,11 @@ def warm_all() -> None:
 
     warm_rasterizer()
     world = World(make_spec(open_scene("embedded"), None, RunConfig(), seed=0, split=Split.TRAIN, static=False))
-    planner, animator = world.planner(), world.animator()
+    planner, animator = world.human_planner(), world.animator()
     for index in range(100):
         key = EpisodeKey(seed=0, split=Split.TRAIN, index=index)
         scenario = handle_human_plan(planner, HumanPlanRequest(episode=key)).scenario
         motions = handle_animate(animator, AnimateRequest(scenario=scenario)).motions if scenario else None
         if scenario and motions:
-            handle_robot_plan(planner, RobotPlanRequest(scenario=scenario, motions=motions))
+            handle_robot_plan(world.robot_planner, RobotPlanRequest(scenario=scenario, motions=motions))
             return

@@ -1,1 +1,1 @@
-"""What a dataset covers, as numbers and a page."""
+"""What a dataset covers (`numbers`, of its `runs`), as a `report` and a `page`; `summary` says what it holds."""

@@ -89,15 +89,15 @@ class Coverage:
     w_edges_radps: Array
     duration_s: Histogram
     closest_m: Histogram
-    """Smallest distance of the centres of robot and people in each episode [m]."""
+    """Smallest distance of the centres of robot and humans in each episode [m]."""
     collision_s: Histogram
     """Smallest time to collision in each episode [s]."""
     visible_share: Histogram
-    """Share of each episode in which a person is in view."""
+    """Share of each episode in which a human is in view."""
     visible_total: float
     """The same over all samples."""
     encounters: Mapping[str, tuple[int, int]]
-    """Kind of encounter -> episodes with it, people in it."""
+    """Kind of encounter -> episodes with it, humans in it."""
     avatars: Mapping[str, int]
     """Avatar -> episodes."""
 
@@ -108,7 +108,7 @@ class Coverage:
 
 
 def casts_of(dataset: Dataset) -> list[Cast]:
-    """The people of the dataset's episodes, in its order.
+    """The humans of the dataset's episodes, in its order.
 
     Raises:
         DatasetError: If a shard is damaged.
@@ -122,7 +122,7 @@ def measure(dataset: Dataset, casts: Sequence[Cast]) -> Coverage:
 
     Args:
         dataset: Recorded episodes.
-        casts: The people of each of them, see `casts_of`.
+        casts: The humans of each of them, see `casts_of`.
     """
     robot = dataset.robot or RobotConfig()
     starts = np.array([entry.first_sample for entry in dataset.episodes])
@@ -150,7 +150,7 @@ def measure(dataset: Dataset, casts: Sequence[Cast]) -> Coverage:
 
 
 def count_encounters(casts: Sequence[Cast]) -> dict[str, tuple[int, int]]:
-    """Kind of encounter -> episodes with it, people in it; episodes without people are "nobody"."""
+    """Kind of encounter -> episodes with it, humans in it; episodes without humans are "nobody"."""
     episodes = _sorted_counts([kind for cast in casts for kind in dict.fromkeys(cast.encounters or ("nobody",))])
     people = _sorted_counts([kind for cast in casts for kind in cast.encounters])
     return {kind: (count, people.get(kind, 0)) for kind, count in episodes.items()}

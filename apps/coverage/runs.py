@@ -13,7 +13,7 @@ from readygo.common.maps import OccupancyMap
 from readygo.common.messages import EpisodeKey, HumanPlanRequest, Outcome, RunSpec
 from readygo.common.scenes import load_scene
 from readygo.services import coordinator as coordination
-from readygo.services.planner import Planner, handle_human_plan
+from readygo.services.planner import HumanPlanner, handle_human_plan
 
 CHECKED = 3
 """Recorded episodes that are drawn again to see whether the run's scenarios can be."""
@@ -74,17 +74,17 @@ def failed_encounters(
     Args:
         data: Data folder.
         reasons: Reason of every rejected index.
-        recorded: People of recorded episodes.
+        recorded: Humans of recorded episodes.
 
     Returns:
-        None if scene, people or program are not those of the run any more.
+        None if scene, humans or program are not those of the run any more.
     """
     spec = load_spec(data)
     failed = {index: reason for index, reason in reasons.items() if reason in {outcome.value for outcome in Outcome}}
     if spec is None:
         return None
     try:
-        planner = World(spec).planner()
+        planner = World(spec).human_planner()
         for cast in recorded[:CHECKED]:
             if _encounters(planner, cast.episode, static=spec.static) != cast.encounters:
                 return None
@@ -98,6 +98,6 @@ def failed_encounters(
     return {kind: dict(sorted(count.items())) for kind, count in sorted(counts.items())}
 
 
-def _encounters(planner: Planner, episode: EpisodeKey, *, static: bool) -> tuple[str, ...] | None:
+def _encounters(planner: HumanPlanner, episode: EpisodeKey, *, static: bool) -> tuple[str, ...] | None:
     scenario = handle_human_plan(planner, HumanPlanRequest(episode=episode, static=static)).scenario
     return None if scenario is None else tuple(human.encounter for human in scenario.humans)

@@ -188,7 +188,7 @@ class _Scenarios:
     """The people of recorded episodes, made again from their keys."""
 
     def __init__(self, world: World) -> None:
-        self._planner, self._animator = world.planner(), world.animator()
+        self._planner, self._animator = world.human_planner(), world.animator()
         self._map = world.scene.maps.robot
 
     def sees(self, xy_m: tuple[float, float], offset_m: np.ndarray) -> bool:

@@ -1,1 +1,1 @@
-"""Films and overlays of recorded and planned episodes."""
+"""Films, overlays and pictures: recorded episodes, planned ones (`plan_film`), labels, scenes and their maps."""

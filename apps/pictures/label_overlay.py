@@ -1,4 +1,4 @@
-"""Labels of people drawn over the images of a dataset: whether they fit is seen at a glance."""
+"""Labels of humans drawn over the images of a dataset: whether they fit is seen at a glance."""
 
 from collections.abc import Sequence
 

@@ -14,7 +14,7 @@ from readygo.common.drawing.plan_view import draw_scale_bar
 from readygo.common.robot.kinematics import RATE_HZ
 from readygo.common.scenes import Scene
 from readygo.common.scenes.top_view import TopView
-from readygo.services.planner import Planner
+from readygo.services.planner import RobotPlanner
 from readygo.services.planner.explain.journal import ExpertRun
 from readygo.services.planner.explain.picture import episode_view
 from readygo.services.planner.explain.picture_layers import draw_knowledge, draw_superseded
@@ -25,7 +25,7 @@ GIVEN_UP_STEPS = RATE_HZ
 """A plan that was given up stays in the film for this long."""
 
 
-def run_film(planner: Planner, run: ExpertRun, camera: Iterable[Picture] | None = None) -> Iterator[Picture]:
+def run_film(planner: RobotPlanner, run: ExpertRun, camera: Iterable[Picture] | None = None) -> Iterator[Picture]:
     """Pictures of a run, 20 a second.
 
     Args:
@@ -55,7 +55,7 @@ def run_film(planner: Planner, run: ExpertRun, camera: Iterable[Picture] | None 
     return film_frames(film, view)
 
 
-def _underlay(planner: Planner, run: ExpertRun, picture: Picture, view: TopView, step: int) -> None:
+def _underlay(planner: RobotPlanner, run: ExpertRun, picture: Picture, view: TopView, step: int) -> None:
     draw_knowledge(picture, view, planner, run, step)
     draw_superseded(picture, view, run, range(step - GIVEN_UP_STEPS, step + 1))
     draw_scale_bar(picture, view)

@@ -14,9 +14,9 @@ from readygo.common.policy import PolicySpec
 from readygo.common.robot import RobotConfig
 from readygo.services.animator.config import AnimatorConfig
 from readygo.services.coordinator.config import CoordinatorConfig
-from readygo.services.planner.config import HumanPlannerConfig
 from readygo.services.planner.expert.config import ExpertConfig
-from readygo.services.planner.humans.recipes import PEOPLE_RECIPES, PeopleName
+from readygo.services.planner.humans.config import HumanPlannerConfig
+from readygo.services.planner.humans.mixes import MIXES, MixName
 from readygo.services.recorder.config import RecorderConfig
 from readygo.services.renderer.config import RendererConfig
 from readygo.services.renderer.sensor.recipes import SENSOR_RECIPES, SensorName
@@ -40,7 +40,7 @@ def load_run_config(
     path: Path | None,
     robot: RobotConfig | None = None,
     sensor: SensorName | None = None,
-    people: PeopleName | None = None,
+    people: MixName | None = None,
     *,
     trained: PolicySpec | None = None,
 ) -> RunConfig:
@@ -67,7 +67,7 @@ def load_run_config(
         camera, renderer = SENSOR_RECIPES[sensor](config.robot.camera, config.renderer)
         config = dataclasses.replace(config, robot=dataclasses.replace(config.robot, camera=camera), renderer=renderer)
     if people is not None:
-        episode, planner = PEOPLE_RECIPES[people](config.episode, config.human_planner)
+        episode, planner = MIXES[people](config.episode, config.human_planner)
         config = dataclasses.replace(config, episode=episode, human_planner=planner)
     return config
 

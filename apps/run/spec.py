@@ -65,7 +65,7 @@ def make_spec(
     )
     if scenarios:
         # Refuses what cannot take place, before anything is started or written.
-        World(spec).planner()
+        World(spec).human_planner()
     return dataclasses.replace(spec, run=run_name(spec))
 
 

@@ -64,7 +64,7 @@ def stage_works(world: World, bus: Bus, role: str = "", line: Sequence[Entry] = 
 
 
 def _plan_humans(world: World, bus: Bus) -> Work:
-    planner = world.planner()
+    planner = world.human_planner()
 
     def work(claim: ClaimReply, inputs: Inputs) -> StageResult:
         assert claim.episode is not None
@@ -85,7 +85,7 @@ def _animate(world: World, bus: Bus) -> Work:
 
 
 def _plan_robot(world: World, bus: Bus) -> Work:
-    planner = world.planner()
+    planner = world.robot_planner
 
     def work(claim: ClaimReply, inputs: Inputs) -> StageResult:
         request = RobotPlanRequest(scenario=_scenario(inputs), motions=_motions(inputs))

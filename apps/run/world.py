@@ -15,7 +15,7 @@ from readygo.common.fleet import fetch_blob
 from readygo.common.messages import RunSpec
 from readygo.common.scenes import Scene, load_scene
 from readygo.services.animator import Animator
-from readygo.services.planner import Planner
+from readygo.services.planner import HumanPlanner, RobotPlanner
 from readygo.services.planner.humans.scenario_file import ScenarioFile, parse_scenarios
 from readygo.services.renderer import Renderer
 
@@ -71,18 +71,26 @@ class World:
         """Let go of the avatars, 14 MB each, once those who need them have them; they are loaded again if asked for."""
         self.__dict__.pop("avatars", None)
 
-    def planner(self) -> Planner:
-        """Human planner and robot expert."""
+    def human_planner(self) -> HumanPlanner:
+        """The human planner; an expert drives in it only if the humans react to one."""
         config = self.config
-        return Planner(
-            maps=self.scene.maps,
-            avatars=self.avatars,
-            robot=config.robot,
-            episode_config=config.episode,
-            human_config=config.human_planner,
-            expert_config=config.expert,
+        return HumanPlanner(
+            self.scene.maps,
+            sorted(self.spec.avatar_hashes),
+            config.robot,
+            config.episode,
+            config.human_planner,
+            cell_margin_m=config.expert.cell_margin_m,
             scenarios=self._scenarios(),
+            make_expert=self.robot_planner.expert if config.human_planner.reactive else None,
         )
+
+    @cached_property
+    def robot_planner(self) -> RobotPlanner:
+        """The robot expert."""
+        config = self.config
+        avatars = self.avatars if config.expert.needs_avatars else {}
+        return RobotPlanner(self.scene.maps, avatars, config.robot, config.episode, config.expert)
 
     def _scenarios(self) -> ScenarioFile | None:
         """The scenarios that the run plays, if it does not draw them."""

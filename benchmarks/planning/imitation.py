@@ -170,11 +170,13 @@ def successful_runs(
     while len(runs) < count:
         key = EpisodeKey(seed=course.job.seed, split=Split.TRAIN, index=index)
         index += 1
-        scenario = handle_human_plan(course.planners["paper"], HumanPlanRequest(episode=key)).scenario
+        scenario = handle_human_plan(course.human_planner, HumanPlanRequest(episode=key)).scenario
         motions = scenario and handle_animate(course.animator, AnimateRequest(scenario=scenario)).motions
         if scenario is None or motions is None:
             continue
-        run = handle_robot_plan(course.planners[mode], RobotPlanRequest(scenario=scenario, motions=motions)).trajectory
+        run = handle_robot_plan(
+            course.robot_planners[mode], RobotPlanRequest(scenario=scenario, motions=motions)
+        ).trajectory
         assert run is not None
         if run.outcome is Outcome.SUCCESS:
             runs.append((scenario, motions, run))

@@ -12,7 +12,7 @@ from readygo.apps.paths import cache_folder
 from readygo.common.errors import ConfigError, SceneError
 from readygo.common.maps.movingai import load_movingai_map
 from readygo.common.scenes import import_scene
-from readygo.services.planner.handlers import SceneMaps
+from readygo.services.planner import SceneMaps
 
 ROOT = Path(__file__).resolve().parents[2]
 SHORT_NAMES = {"willow": "willow-full-0.05", "home": "UMA_236_237"}

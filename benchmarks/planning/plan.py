@@ -15,11 +15,12 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from readygo.benchmarks.planning.maps import default_data_folder, find_map
-from readygo.benchmarks.planning.runs import Draw, Job, draws, processes
+from readygo.benchmarks.planning.pool import draws, processes
+from readygo.benchmarks.planning.runs import Draw, Job
 from readygo.benchmarks.planning.summary import map_row, rows_of, text
 from readygo.benchmarks.rasterizer.render import machine
 from readygo.common.errors import ConfigError
-from readygo.services.planner.humans.recipes import PeopleName
+from readygo.services.planner.humans.mixes import MixName
 
 Mode = Literal["paper", "spacetime", "near_field", "oracle"]
 Task = Literal["dynamic", "static"]
@@ -31,7 +32,7 @@ def bench_plan(
     episodes: int = 200,
     modes: tuple[Mode, ...] = ("paper", "spacetime", "near_field", "oracle"),
     tasks: tuple[Task, ...] = ("dynamic", "static"),
-    people: PeopleName = "paper",
+    people: MixName = "paper",
     workers: int = 2,
     seed: int = 2,
     data: Path | None = None,

@@ -1,14 +1,10 @@
-"""Runs the episodes of the planning benchmark: every index is drawn once, and every expert drives through it."""
+"""The episodes of the planning benchmark: every index is drawn once, and every expert drives through it."""
 
 import math
-import multiprocessing
 import time
-from collections import deque
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from itertools import count, product
+from itertools import product
 from pathlib import Path
 from typing import TypeVar
 
@@ -17,12 +13,10 @@ import numpy.typing as npt
 from numba.core.event import install_recorder
 
 from readygo.benchmarks.planning.maps import MapSource, open_maps
-from readygo.common.avatars import load_avatars
+from readygo.common.avatars import FootprintModel, load_avatars
 from readygo.common.camera.view import view_of
 from readygo.common.drawing.files import png_bytes
 from readygo.common.episode import EpisodeConfig, EpisodeResult, shortest_way_m
-from readygo.common.errors import SceneError
-from readygo.common.files import write_whole
 from readygo.common.maps import clearance_m
 from readygo.common.messages import (
     AnimateRequest,
@@ -38,9 +32,18 @@ from readygo.common.messages import (
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import RATE_HZ
 from readygo.services.animator import Animator, AnimatorConfig, handle_animate
-from readygo.services.planner import HumanPlannerConfig, Planner, expert_recipe, handle_human_plan, handle_robot_plan
+from readygo.services.planner import (
+    HumanPlanner,
+    HumanPlannerConfig,
+    RobotPlanner,
+    expert_recipe,
+    handle_human_plan,
+    handle_robot_plan,
+)
+from readygo.services.planner.expert.clearance import gaussian_clearance_m
+from readygo.services.planner.expert.interface import HumanBody
 from readygo.services.planner.explain.picture import draw_episode
-from readygo.services.planner.humans.recipes import PEOPLE_RECIPES, PeopleName
+from readygo.services.planner.humans.mixes import MIXES, MixName
 
 T = TypeVar("T")
 
@@ -61,7 +64,7 @@ class Job:
     modes: tuple[str, ...]
     tasks: tuple[str, ...]
     seed: int
-    people: PeopleName = "paper"
+    people: MixName = "paper"
     """The mix of people: a recipe of the planner."""
     pictures: Path | None = None
     """Folder for a picture of every failure."""
@@ -77,7 +80,7 @@ class Run:
     closest_m: float
     """Smallest distance of the centres of robot and nearest human [m]; inf without humans."""
     avatar_gap_m: float | None
-    """Smallest distance of the robot's disc to an avatar's Gaussians [m]; None where runs do not tell."""
+    """Smallest distance of the robot's disc to an avatar's Gaussians [m]; None without humans."""
     turn_change_radps: float
     """Sum of |change of w| over the run [rad/s]."""
     free_m: float
@@ -115,12 +118,17 @@ class Course:
             SceneError: If the maps cannot be used.
         """
         self.job, self.robot = job, RobotConfig()
-        self.episode, people = PEOPLE_RECIPES[job.people](EpisodeConfig(), HumanPlannerConfig())
+        self.episode, human_config = MIXES[job.people](EpisodeConfig(), HumanPlannerConfig())
         self.maps, avatars = open_maps(job.source), load_avatars()
-        self.planners = {
-            mode: Planner(self.maps, avatars, self.robot, self.episode, people, expert_recipe(mode))
-            for mode in dict.fromkeys(("paper", *job.modes))
+        # Whether a scenario exists does not depend on the modes asked for.
+        cell_margin_m = expert_recipe("paper").cell_margin_m
+        self.human_planner = HumanPlanner(
+            self.maps, sorted(avatars), self.robot, self.episode, human_config, cell_margin_m=cell_margin_m
+        )
+        self.robot_planners = {
+            mode: RobotPlanner(self.maps, avatars, self.robot, self.episode, expert_recipe(mode)) for mode in job.modes
         }
+        self._bodies = {name: (avatar, FootprintModel.from_avatar(avatar)) for name, avatar in avatars.items()}
         self.animator = Animator(avatars, self.maps.floor, AnimatorConfig())
         self._clearance_m = clearance_m(self.maps.robot)
         for index in range(REJECTED_MAX):
@@ -130,16 +138,14 @@ class Course:
     def draw(self, index: int, *, pictured: bool) -> Draw:
         """Draw an index and let every expert drive through it; an index counts if its dynamic scenario does."""
         key = EpisodeKey(seed=self.job.seed, split=Split.TEST, index=index)
-        # Whether a scenario exists must not depend on the modes asked for.
-        planner = self.planners["paper"]
-        plan, scenario_ms = timed(lambda: handle_human_plan(planner, HumanPlanRequest(episode=key)))
+        plan, scenario_ms = timed(lambda: handle_human_plan(self.human_planner, HumanPlanRequest(episode=key)))
         if plan.scenario is None:
             return Draw(index=index, rejected=plan.rejected, scenario_ms=scenario_ms)
         request = AnimateRequest(scenario=plan.scenario)
         animated, motion_ms = timed(lambda: handle_animate(self.animator, request))
         if animated.motions is None:
             return Draw(index=index, rejected="motion", scenario_ms=scenario_ms)
-        still = handle_human_plan(planner, HumanPlanRequest(episode=key, static=True)).scenario
+        still = handle_human_plan(self.human_planner, HumanPlanRequest(episode=key, static=True)).scenario
         assert still is not None
         episodes = {"dynamic": (plan.scenario, animated.motions), "static": (still, EpisodeMotions(humans=()))}
         draw = Draw(index=index, scenario_ms=scenario_ms, motion_ms=motion_ms)
@@ -156,7 +162,7 @@ class Course:
 
     def _drive(self, mode: str, scenario: Scenario, motions: EpisodeMotions) -> tuple[RobotTrajectory, Run]:
         request = RobotPlanRequest(scenario=scenario, motions=motions)
-        reply, expert_ms = timed(lambda: handle_robot_plan(self.planners[mode], request))
+        reply, expert_ms = timed(lambda: handle_robot_plan(self.robot_planners[mode], request))
         run = reply.trajectory
         assert run is not None
         failure = self._failure(run, motions)
@@ -165,7 +171,7 @@ class Course:
             result=EpisodeResult.from_trajectory(run, self._shortest_m(scenario)),
             failure=failure,
             closest_m=float(run.human_distance_m.min()),
-            avatar_gap_m=_avatar_gap_m(run),
+            avatar_gap_m=self._avatar_gap_m(run, motions),
             turn_change_radps=float(np.abs(np.diff(run.actions[:, 1], prepend=0.0)).sum()),
             free_m=float(np.abs(run.actions[free, 0]).sum()) / RATE_HZ,
             free_s=float(free.sum()) / RATE_HZ,
@@ -199,6 +205,11 @@ class Course:
         moving = run.actions[-1, 0] >= 0.1
         return f"human {'in' if seen else 'out of'} view, robot {'moving' if moving else 'standing'}"
 
+    def _avatar_gap_m(self, run: RobotTrajectory, motions: EpisodeMotions) -> float | None:
+        bodies = [HumanBody(human, *self._bodies[human.avatar]) for human in motions.humans]
+        gap_m = gaussian_clearance_m(run.xyyaw, bodies, self.maps.floor, self.robot)
+        return gap_m if math.isfinite(gap_m) else None
+
     def _free_steps(self, run: RobotTrajectory) -> npt.NDArray[np.bool_]:
         frame = self.maps.robot.frame
         cells = np.array([frame.cell(x, y) for x, y in run.xyyaw[:, :2].tolist()])
@@ -206,12 +217,6 @@ class Course:
         late = np.arange(len(cells)) >= START_S * RATE_HZ
         free: npt.NDArray[np.bool_] = wide & late & ~run.human_visible & (run.human_distance_m > FREE_HUMAN_M)
         return free
-
-
-def _avatar_gap_m(run: RobotTrajectory) -> float | None:
-    """Distance of the robot's disc to people's Gaussians [m]; None without people."""
-    gap_m = run.gaussian_clearance_m
-    return gap_m if gap_m is not None and math.isfinite(gap_m) else None
 
 
 def timed(call: Callable[[], T]) -> tuple[T, float]:
@@ -226,81 +231,3 @@ def timed(call: Callable[[], T]) -> tuple[T, float]:
             spent_ms = 1e3 * (time.thread_time() - begin_s)
         if not compiled.buffer:
             return result, spent_ms
-
-
-_course: Course | None = None
-
-
-def draw_index(job: Job, index: int) -> Draw:
-    """Draw an index of a job; the process keeps the course for the next one."""
-    global _course
-    if _course is None or _course.job != job:
-        _course = None  # Memory of the former map goes first.
-        _course = Course(job)
-    return _course.draw(index, pictured=job.pictures is not None)
-
-
-Submit = Callable[[Job, int], "Future[Draw]"]
-
-
-@contextmanager
-def processes(process_count: int) -> Iterator[Submit]:
-    """Processes that draw indices; one is this process itself.
-
-    Raises:
-        ValueError: If `process_count` is not positive.
-    """
-    if process_count < 1:
-        raise ValueError(f"process_count must be positive, got {process_count}.")
-    if process_count == 1:
-        yield _drawn_here
-        return
-    with ProcessPoolExecutor(process_count, multiprocessing.get_context("spawn")) as pool:
-        try:
-            yield lambda job, index: pool.submit(draw_index, job, index)
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
-
-
-def _drawn_here(job: Job, index: int) -> "Future[Draw]":
-    future: Future[Draw] = Future()
-    try:
-        future.set_result(draw_index(job, index))
-    except Exception as error:  # Delivered to whoever asks for the result, as a pool does.
-        future.set_exception(error)
-    return future
-
-
-def draws(job: Job, episodes: int, submit: Submit, ahead: int) -> Iterator[Draw]:
-    """The draws of a job in the order of their indices, up to the one that completes `episodes` accepted ones.
-
-    Args:
-        job: What is run.
-        episodes: Accepted indices that are wanted.
-        submit: Begins to draw an index.
-        ahead: Indices that are drawn at the same time; the result does not depend on it.
-
-    Raises:
-        SceneError: If REJECTED_MAX indices in a row have no episode.
-    """
-    indices, pending = count(), deque[Future[Draw]]()
-    accepted = rejected_in_a_row = 0
-    while accepted < episodes:
-        while len(pending) < ahead:
-            pending.append(submit(job, next(indices)))
-        draw = pending.popleft().result()
-        rejected_in_a_row = rejected_in_a_row + 1 if draw.rejected else 0
-        accepted += not draw.rejected
-        if rejected_in_a_row == REJECTED_MAX:
-            raise SceneError(
-                f"Map {job.source.name} has no room for episodes: {REJECTED_MAX} draws in a row were rejected, "
-                f"the last one with {draw.rejected!r}."
-            )
-        # Only what counts has pictures: indices beyond are drawn ahead for speed.
-        if job.pictures is not None:
-            for name, png in draw.pictures.items():
-                write_whole(job.pictures / name, png)
-            draw.pictures.clear()
-        yield draw
-    for future in pending:
-        future.cancel()

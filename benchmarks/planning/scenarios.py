@@ -20,28 +20,37 @@ from readygo.apps.run.config import load_run_config
 from readygo.common.avatars import load_avatars
 from readygo.common.messages import AnimateRequest, EpisodeKey, HumanPlanRequest, Scenario, Split
 from readygo.services.animator import Animator, handle_animate
-from readygo.services.planner import Planner, handle_human_plan
-from readygo.services.planner.handlers import drive
-from readygo.services.planner.humans.recipes import PEOPLE_RECIPES, PeopleName
+from readygo.services.planner import HumanPlanner, RobotPlanner, handle_human_plan
+from readygo.services.planner.expert.handlers import drive
+from readygo.services.planner.humans.mixes import MIXES, MixName
 
 WARM_UP = 15
 
 
-def measure(scene: str, people: PeopleName, count: int, seed: int, *, reactive: bool, drives: bool) -> dict[str, Any]:
+def measure(scene: str, people: MixName, count: int, seed: int, *, reactive: bool, drives: bool) -> dict[str, Any]:
     """Draw the first `count` scenarios of the test split."""
     config = load_run_config(None, people=people)
     human_config = dataclasses.replace(config.human_planner, reactive=reactive)
     maps, _ = open_maps(scene)
     avatars = load_avatars()
     animator = Animator(avatars, maps.floor, config.animator)
-    planner = Planner(maps, avatars, config.robot, config.episode, human_config, config.expert)
+    expert = RobotPlanner(maps, avatars, config.robot, config.episode, config.expert)
+    planner = HumanPlanner(
+        maps,
+        sorted(avatars),
+        config.robot,
+        config.episode,
+        human_config,
+        cell_margin_m=config.expert.cell_margin_m,
+        make_expert=expert.expert,
+    )
     for index in range(WARM_UP):
         _draw(planner, seed + 1, index)
     started_s = time.thread_time()
     replies = [_draw(planner, seed, index) for index in range(count)]
     took_s = time.thread_time() - started_s
     scenarios = [reply.scenario for reply in replies if reply.scenario is not None]
-    outcomes = Counter(_driven(planner, animator, scenario) for scenario in scenarios) if drives else Counter[str]()
+    outcomes = Counter(_driven(expert, animator, scenario) for scenario in scenarios) if drives else Counter[str]()
     return {
         "scene": Path(scene).stem,
         "people": people,
@@ -54,11 +63,11 @@ def measure(scene: str, people: PeopleName, count: int, seed: int, *, reactive: 
     }
 
 
-def _draw(planner: Planner, seed: int, index: int) -> Any:
+def _draw(planner: HumanPlanner, seed: int, index: int) -> Any:
     return handle_human_plan(planner, HumanPlanRequest(episode=EpisodeKey(seed=seed, split=Split.TEST, index=index)))
 
 
-def _driven(planner: Planner, animator: Animator, scenario: Scenario) -> str:
+def _driven(planner: RobotPlanner, animator: Animator, scenario: Scenario) -> str:
     """How the expert's run ends among the animated people."""
     motions = handle_animate(animator, AnimateRequest(scenario=scenario)).motions
     return "no motion" if motions is None else drive(planner, scenario, motions).outcome.value
@@ -68,7 +77,7 @@ def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("scenes", nargs="*", default=["embedded"])
-    parser.add_argument("--people", choices=sorted(PEOPLE_RECIPES), default="varied")
+    parser.add_argument("--people", choices=sorted(MIXES), default="varied")
     parser.add_argument("--episodes", type=int, default=100)
     parser.add_argument("--seed", type=int, default=3)
     parser.add_argument("--reactive", action="store_true", help="people yield to the expert's robot")

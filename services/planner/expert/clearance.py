@@ -1,4 +1,4 @@
-"""How near a run came to the people's real bodies, beside the discs that collisions are judged by."""
+"""How near a run came to the humans' real bodies, beside the discs that collisions are judged by."""
 
 import math
 from collections.abc import Sequence
@@ -6,10 +6,10 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.avatars import Avatar, FootprintModel, footprint_xy
+from readygo.common.avatars import footprint_xy
 from readygo.common.maps import FloorMap
-from readygo.common.messages import HumanMotion
 from readygo.common.robot import RobotConfig
+from readygo.services.planner.expert.interface import HumanBody
 
 _REACH_M = 0.4
 """A body's parts differ in distance by about this much: steps whose centres are farther apart cannot be the nearest."""
@@ -18,25 +18,25 @@ _STRIDE = 2
 
 def gaussian_clearance_m(
     xyyaw: npt.NDArray[np.float64],
-    people: Sequence[tuple[HumanMotion, Avatar, FootprintModel]],
+    bodies: Sequence[HumanBody],
     floor: FloorMap,
     robot: RobotConfig,
 ) -> float:
-    """Least distance of the robot's disc to the thinned Gaussians of people, up to the robot's height.
+    """Least distance of the robot's disc to the thinned Gaussians of humans, up to the robot's height.
 
-    Measured at every second step of those at which a person is nearly as near as ever.
+    Measured at every second step of those at which a human is nearly as near as ever.
 
     Args:
         xyyaw: The robot's poses at 20 Hz [m, m, rad], shape (T, 3).
-        people: Motion, avatar and footprint of every human.
+        bodies: Motion, avatar and footprint of every human.
         floor: What the robot stands on.
         robot: Radius and height.
 
     Returns:
-        Distance [m], below 0 if a point is inside of the disc; inf without people.
+        Distance [m], below 0 if a point is inside of the disc; inf without humans.
     """
     nearest = math.inf
-    for who, avatar, model in people:
+    for who, avatar, model in bodies:
         rows = np.minimum(np.arange(len(xyyaw)), len(who.motion.root_m) - 1)
         gap = who.motion.root_m[rows, :2].astype(np.float64) - xyyaw[:, :2]
         distance = np.sqrt(gap[:, 0] * gap[:, 0] + gap[:, 1] * gap[:, 1])

@@ -5,24 +5,37 @@ at once. They add to the static way to the goal what humans cost on top; infinit
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 from numba import njit
 
 from readygo.common.episode.grid_search import UNITS_PER_CELL, UNREACHED
+from readygo.common.robot.kinematics import DT_S
+from readygo.services.planner.expert.records import CostGrid, HumansAhead
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
-UInt8Array = npt.NDArray[np.uint8]
-
-People = tuple[Float64Array, Float64Array, float, Float64Array, float]
-"""Positions after 1, 2, ... steps [m], shape (M, T, 2); chances, shape (M,); contact distance [m]; widths [m], shape
-(M, T); weight. See `TimedHumans`."""
 
 _CONTACT_COST = 100.0
 LAYER_STEPS = 5
 """Simulation steps between two layers: in 0.25 s a robot of 1 m/s drives one cell of 0.25 m."""
+
+
+class Delays(NamedTuple):
+    """Delays on a coarse grid around the robot."""
+
+    cell_m: float
+    """Edge of coarse cells [m]; what the robot drives between two layers."""
+    speed_mps: float
+    """Full speed [m/s]."""
+    arrived_m: float
+    """Whoever is this near to the goal may stay there at no cost [m]."""
+    static_m: Float64Array
+    """Memory for the ways to the goal without humans, shape (N, N)."""
+    values_m: Float64Array
+    """Metres at full speed, shape (L, N, N); layer l is the time of l * LAYER_STEPS steps."""
 
 
 @njit(cache=True)
@@ -46,38 +59,32 @@ def nearness_cost(squared: float, hard: float, width: float, weight: float) -> f
 
 
 @njit(cache=True)
-def fill_delays(
-    factor: UInt8Array,
-    to_goal: Int32Array,
-    resolution: float,
-    cell: float,
-    centre: tuple[float, float],
-    humans: People,
-    step_s: float,
-    speed: float,
-    arrived: float,
-    static: Float64Array,
-    delays: Float64Array,
-) -> None:
+def delay_at(delays: Delays, centre: tuple[float, float, float], x: float, y: float, layer: int) -> float:
+    """The delay of a robot at a place [m] in a layer; the grid is around a pose."""
+    cell, _, _, _, values = delays
+    half = values.shape[1] // 2
+    a, b = half + math.floor((y - centre[1]) / cell + 0.5), half + math.floor((x - centre[0]) / cell + 0.5)
+    # Cells that a robot cannot reach by then are not filled.
+    if layer >= len(values) - 1 or max(abs(a - half), abs(b - half)) > layer + 1:
+        return 0.0
+    return float(values[layer, a, b])
+
+
+@njit(cache=True)
+def fill_delays(grid: CostGrid, centre: tuple[float, float, float], humans: HumansAhead, out: Delays) -> None:
     """Fill the delays.
 
     Args:
-        factor: Cost factors of the fine cells, shape (H, W).
-        to_goal: Way to the goal, UNITS_PER_CELL a fine cell, shape (H, W).
-        resolution: Edge of fine cells [m].
-        cell: Edge of coarse cells [m]; what the robot drives between two layers.
-        centre: Robot, from the corner of the fine grid [m].
-        humans: As in `primitive_cost`.
-        step_s: Time of a simulation step [s].
-        speed: Full speed [m/s].
-        arrived: Whoever is this near to the goal may stay there at no cost [m].
-        static: Memory, shape (N, N).
-        delays: Filled with metres at full speed, shape (L, N, N); layer l is the time of l * LAYER_STEPS steps.
+        grid: Costs and ways to the goal.
+        centre: Robot's pose, from the corner of the grid [m, m, rad].
+        humans: Who is in the way.
+        out: Its values are filled.
     """
+    cell, speed, arrived, static, delays = out
     layers, n, _ = delays.shape
     half = n // 2
-    _fill_static(factor, to_goal, resolution, cell, centre, static)
-    layer_s = LAYER_STEPS * step_s
+    _fill_static(grid, cell, centre, static)
+    layer_s = LAYER_STEPS * DT_S
     for a in range(n):
         for b in range(n):
             delays[layers - 1, a, b] = 0.0 if static[a, b] < np.inf else np.inf
@@ -108,15 +115,9 @@ def fill_delays(
 
 
 @njit(cache=True)
-def _fill_static(
-    factor: UInt8Array,
-    to_goal: Int32Array,
-    resolution: float,
-    cell: float,
-    centre: tuple[float, float],
-    static: Float64Array,
-) -> None:
+def _fill_static(grid: CostGrid, cell: float, centre: tuple[float, float, float], static: Float64Array) -> None:
     """Fill the smallest way to the goal in each coarse cell [m]; infinite where there is none."""
+    factor, to_goal, resolution = grid
     n = len(static)
     half, unit = n // 2, resolution / UNITS_PER_CELL
     height, width = factor.shape
@@ -141,10 +142,10 @@ def _fill_static(
 
 @njit(cache=True)
 def _add_nearness(
-    humans: People,
+    humans: HumansAhead,
     step: int,
     cell: float,
-    centre: tuple[float, float],
+    centre: tuple[float, float, float],
     span: tuple[int, int],
     near: Float64Array,
 ) -> None:

@@ -12,8 +12,8 @@ from readygo.common.episode.grid_search import FREE, UNITS_PER_CELL, UNREACHED
 from readygo.common.maps import GridFrame, OccupancyMap, SightMap, clearance_m, sight_of_occupancy
 from readygo.common.robot import RobotConfig
 from readygo.services.planner.expert.config import ExpertConfig
-from readygo.services.planner.expert.obstacles import static_factor
-from readygo.services.planner.expert.rollouts import Ground
+from readygo.services.planner.expert.cost_factors import static_factor
+from readygo.services.planner.expert.records import Obstacles
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
@@ -44,9 +44,9 @@ class EpisodeGround:
     goal_cell: tuple[int, int]
     human_frame: GridFrame
     human_factor: UInt8Array
-    """Cost factors of what people walk on, shape (H', W')."""
+    """Cost factors of what humans walk on, shape (H', W')."""
     human_places: tuple[tuple[int, int], ...]
-    """Cells of the robot's start and goal for people, who may be on their way there; empty in mode "paper"."""
+    """Cells of the robot's start and goal for humans, who may be on their way there; empty in mode "paper"."""
     factor: UInt8Array
     """Memory for a search's factors, shape (H, W)."""
     heuristic: Int32Array
@@ -55,16 +55,15 @@ class EpisodeGround:
 
     @cached_property
     def human_ways(self) -> tuple[Int32Array, ...]:
-        """Ways of people to `human_places`, UNITS_PER_CELL a cell, shape (H', W') each."""
+        """Ways of humans to `human_places`, UNITS_PER_CELL a cell, shape (H', W') each."""
         flood = GridSearch((self.human_factor.shape[0], self.human_factor.shape[1]))
         return tuple(flood.distances(self.human_factor, place) for place in self.human_places)
 
     @property
-    def cells(self) -> Ground:
+    def obstacles(self) -> Obstacles:
         """The map for compiled callers."""
-        frame = self.frame
-        place = (frame.origin_x_m, frame.origin_y_m, frame.resolution_m)
-        return (self.occupancy.occupied, self.clearance, *place)
+        place = (self.frame.origin_x_m, self.frame.origin_y_m, self.frame.resolution_m)
+        return Obstacles(self.occupancy.occupied, self.clearance, *place)
 
     def distances(self, factor: UInt8Array, x_m: float, y_m: float) -> bool:
         """Fill `heuristic` with the ways to the goal around the robot; False if it cannot reach the goal."""
@@ -87,7 +86,7 @@ class EpisodeGround:
         return (bearing + math.pi) % (2 * math.pi) - math.pi
 
 
-class ExpertGround:
+class SceneGround:
     """What all episodes in one scene share. Not thread-safe."""
 
     def __init__(
@@ -103,8 +102,8 @@ class ExpertGround:
 
         Args:
             robot_map: What blocks the robot, not inflated.
-            human_map: What blocks people, not inflated; predictions keep off it.
-            sight: What hides people; None takes the robot's map.
+            human_map: What blocks humans, not inflated; predictions keep off it.
+            sight: What hides humans; None takes the robot's map.
             robot: Footprint, limits and camera.
             episode_config: Task and judging.
             config: How the expert drives.

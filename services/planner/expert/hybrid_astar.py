@@ -7,6 +7,7 @@ paper: three speeds by three turn rates, arc length plus a steering penalty.
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +17,8 @@ from readygo.common.episode.grid_search import FREE, UNITS_PER_CELL, UNREACHED
 from readygo.common.maps import GridFrame
 from readygo.common.robot import RobotConfig
 from readygo.services.planner.expert.config import ExpertConfig
-from readygo.services.planner.expert.search_memory import Memory, SearchMemory, Table, pop, push, slot_of
+from readygo.services.planner.expert.records import CostGrid, Goal
+from readygo.services.planner.expert.search_memory import Memory, SearchMemory, pop, push, slot_of
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
@@ -27,8 +29,7 @@ _TABLE_SIZE = 1 << 19
 _ROOT_COUNT = 24
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Primitives:
+class Primitives(NamedTuple):
     """Motion primitives, sampled every 5 cm."""
 
     offsets: Float64Array
@@ -62,6 +63,16 @@ def make_primitives(robot: RobotConfig, config: ExpertConfig) -> Primitives:
         costs=np.array(costs),
         speeds_mps=np.array([v for v, _ in commands]),
     )
+
+
+class Rules(NamedTuple):
+    """What a search goes by."""
+
+    heuristic_weight: float
+    heading_count: int
+    expansions_max: int
+    turn_cost_m: float
+    """Cost of turning in place by one radian, at the start [m]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -112,32 +123,19 @@ class HybridAStar:
         """
         primitives, config = self._primitives, self._config
         ox, oy = frame.origin_x_m, frame.origin_y_m
+        memory = self._memory.begin()
         last, self.expansion_count = _search(
-            factor,
-            heuristic,
-            frame.resolution_m,
+            CostGrid(factor, heuristic, frame.resolution_m),
             (start_xyyaw[0] - ox, start_xyyaw[1] - oy, start_xyyaw[2]),
-            (float(goal_xy_m[0]) - ox, float(goal_xy_m[1]) - oy, config.goal_tolerance_m),
-            (primitives.offsets, primitives.sample_counts, primitives.costs),
-            (_ROOT_COUNT if turn_first else 1, config.turn_cost_m),
-            config.heuristic_weight,
-            config.heading_count,
-            config.expansions_max,
-            self._memory.next_stamp(),
-            self._memory.memory,
-            self._memory.table,
+            Goal(float(goal_xy_m[0]) - ox, float(goal_xy_m[1]) - oy, config.goal_tolerance_m),
+            primitives,
+            _ROOT_COUNT if turn_first else 1,
+            Rules(config.heuristic_weight, config.heading_count, config.expansions_max, config.turn_cost_m),
+            memory,
         )
         if last < 0:
             return None
-        count = _trace(
-            last,
-            self._memory.nodes,
-            self._memory.links,
-            primitives.offsets,
-            primitives.sample_counts,
-            primitives.speeds_mps,
-            self._points,
-        )
+        count = _trace(last, memory, primitives, self._points)
         rows = self._points[len(self._points) - count :]
         xyyaw = rows[:, :3].copy()
         xyyaw[:, 0] += ox
@@ -145,7 +143,7 @@ class HybridAStar:
         return Plan(
             xyyaw=xyyaw,
             speed_mps=rows[:, 3].copy(),
-            cost=float(self._memory.nodes[last, 3]),
+            cost=float(memory.nodes[last, 3]),
             expansion_count=self.expansion_count,
         )
 
@@ -171,31 +169,29 @@ def _drive_cost(
 
 @njit(cache=True)
 def _search(
-    factor: UInt8Array,
-    heuristic: Int32Array,
-    resolution: float,
+    grid: CostGrid,
     start: tuple[float, float, float],
-    goal: tuple[float, float, float],
-    primitives: tuple[Float64Array, npt.NDArray[np.int64], Float64Array],
-    roots: tuple[int, float],
-    weight: float,
-    heading_count: int,
-    expansions_max: int,
-    stamp: int,
+    goal: Goal,
+    primitives: Primitives,
+    root_count: int,
+    rules: Rules,
     memory: Memory,
-    table: Table,
 ) -> tuple[int, int]:
-    """Last node (x, y, yaw, cost in `nodes`; parent, primitive in `links`) or -1, and the number of expansions."""
-    offsets, sample_counts, costs = primitives
-    nodes, links, heap_cost, heap_node = memory
-    table_key, table_node, table_stamp = table
+    """Last node (x, y, yaw, cost in `nodes`; parent, primitive in `links`) or -1, and the number of expansions.
+
+    Places count from the corner of the grid; the search begins with `root_count` headings.
+    """
+    factor, heuristic, resolution = grid
+    offsets, sample_counts, costs, _ = primitives
+    weight, heading_count, expansions_max, turn_cost = rules
+    nodes, links, heap_cost, heap_node, table_key, table_node, table_stamp, stamp = memory
     width = factor.shape[1]
     metres = weight * resolution / UNITS_PER_CELL
     per_rad = heading_count / (2 * math.pi)
     count, waiting, expansions = 0, 0, 0
-    for k in range(roots[0]):
-        turn = k * 2 * math.pi / roots[0]
-        cost = roots[1] * min(turn, 2 * math.pi - turn)
+    for k in range(root_count):
+        turn = k * 2 * math.pi / root_count
+        cost = turn_cost * min(turn, 2 * math.pi - turn)
         nodes[k, 0], nodes[k, 1], nodes[k, 2], nodes[k, 3] = start[0], start[1], (start[2] + turn) % (2 * math.pi), cost
         links[k, 0], links[k, 1] = -1, -1
         waiting = push(heap_cost, heap_node, waiting, cost, k)
@@ -204,7 +200,7 @@ def _search(
         node = heap_node[0]
         waiting = pop(heap_cost, heap_node, waiting)
         x, y, yaw, cost = nodes[node, 0], nodes[node, 1], nodes[node, 2], nodes[node, 3]
-        if node >= roots[0]:
+        if node >= root_count:
             cell = int(y / resolution) * width + int(x / resolution)
             key = cell * heading_count + int(yaw * per_rad) % heading_count
             if table_node[slot_of(key, stamp, table_key, table_stamp)] != node:
@@ -240,16 +236,10 @@ def _search(
 
 
 @njit(cache=True)
-def _trace(
-    node: int,
-    nodes: Float64Array,
-    links: Int32Array,
-    offsets: Float64Array,
-    sample_counts: npt.NDArray[np.int64],
-    speeds: Float64Array,
-    points: Float64Array,
-) -> int:
+def _trace(node: int, memory: Memory, primitives: Primitives, points: Float64Array) -> int:
     """Fill the end of `points` with x, y, yaw, speed from start to `node`; returns their number."""
+    nodes, links, _, _, _, _, _, _ = memory
+    offsets, sample_counts, _, speeds = primitives
     at = len(points)
     while links[node, 0] >= 0 and at > 16:
         parent, p = links[node, 0], links[node, 1]

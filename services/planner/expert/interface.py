@@ -1,8 +1,8 @@
 """What an expert is: it looks at an episode step by step and decides on commands."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +13,14 @@ from readygo.common.messages import HumanMotion
 from readygo.services.planner.expert.perception import PerceivedHuman
 
 Float64Array = npt.NDArray[np.float64]
-Person = tuple[HumanMotion, Avatar, FootprintModel]
+
+
+class HumanBody(NamedTuple):
+    """A human of an episode, for those who look at more than its place."""
+
+    human: HumanMotion
+    avatar: Avatar
+    footprint: FootprintModel
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,6 +54,14 @@ class Expert(Protocol):
     def act(self, simulation: EpisodeSimulation) -> Decision:
         """Decide on the next command; call it at every step."""
         ...
+
+
+def decisions(expert: Expert, simulation: EpisodeSimulation) -> Iterator[Decision]:
+    """What the expert decides until the episode ends; each decision is executed when the next one is asked for."""
+    while simulation.outcome is None:
+        decision = expert.act(simulation)
+        yield decision
+        simulation.advance(decision.v_mps, decision.w_radps)
 
 
 def expected_array(humans: Sequence[PerceivedHuman], count: int) -> Float64Array:

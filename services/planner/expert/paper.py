@@ -12,10 +12,7 @@ from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.grid_search import UNREACHED
 from readygo.common.messages import Scenario
 from readygo.common.robot.kinematics import RATE_HZ
-from readygo.services.planner.expert.ground import ExpertGround
-from readygo.services.planner.expert.hybrid_astar import HybridAStar, Plan
-from readygo.services.planner.expert.interface import Decision, Person, expected_array
-from readygo.services.planner.expert.obstacles import (
+from readygo.services.planner.expert.cost_factors import (
     open_around,
     paint_capsule,
     paint_points,
@@ -23,7 +20,11 @@ from readygo.services.planner.expert.obstacles import (
     path_cost,
     path_distance,
 )
+from readygo.services.planner.expert.ground import SceneGround
+from readygo.services.planner.expert.hybrid_astar import HybridAStar, Plan
+from readygo.services.planner.expert.interface import Decision, HumanBody, expected_array
 from readygo.services.planner.expert.perception import HumanTracks, PerceivedHuman
+from readygo.services.planner.expert.records import state_of
 from readygo.services.planner.expert.rollouts import AHEAD_STEPS
 from readygo.services.planner.expert.tracking import PathTracker
 
@@ -50,22 +51,22 @@ class _Margin(enum.Enum):
 class PaperExpert:
     """Drives one episode in mode "paper"; call `act` at every step."""
 
-    def __init__(self, ground: ExpertGround, search: HybridAStar, scenario: Scenario, people: list[Person]) -> None:
+    def __init__(self, ground: SceneGround, search: HybridAStar, scenario: Scenario, bodies: list[HumanBody]) -> None:
         """Prepare the static way to the goal.
 
         Args:
             ground: What all episodes in the scene share.
             search: Searches, shared by all episodes.
             scenario: Start and goal.
-            people: Motion, avatar and footprint of every human, in the order of the scenario.
+            bodies: Motion, avatar and footprint of every human, in the order of the scenario.
         """
         config = ground.config
-        self._ground, self._search_memory, self._config, self._people = ground, search, config, people
+        self._ground, self._search_memory, self._config, self._bodies = ground, search, config, bodies
         self._goal = scenario.goal_xy_m
         start = (float(scenario.start_xyyaw[0]), float(scenario.start_xyyaw[1]))
         self._goal_m = (float(self._goal[0]), float(self._goal[1]))
         self._local = ground.around(start, self._goal_m)
-        paths_m = [who.motion.root_m[:, :2].astype(np.float64) for who, _, _ in people]
+        paths_m = [body.human.motion.root_m[:, :2].astype(np.float64) for body in bodies]
         self._tracks = HumanTracks(ground, self._local, paths_m, AHEAD_STEPS)
         self._tracker = PathTracker(self._local, ground.robot, ground.contact_m, config)
         self._plan: Plan | None = None
@@ -195,11 +196,11 @@ class PaperExpert:
         """Ground points of the posed avatar if it is seen now, else the point where it is expected."""
         if not human.seen:
             return np.array([[human.x_m, human.y_m]])
-        who, avatar, model = self._people[human.index]
-        return footprint_xy(model, avatar, who.motion, step)
+        body = self._bodies[human.index]
+        return footprint_xy(body.footprint, body.avatar, body.human.motion, step)
 
     def _drive(self, simulation: EpisodeSimulation, expected_m: Float64Array) -> tuple[float, float]:
-        state = (simulation.x_m, simulation.y_m, simulation.yaw_rad, simulation.v_mps, simulation.w_radps)
+        state = state_of(simulation)
         watched = expected_m if self._config.yield_to_humans else expected_m[:0]
         if self._plan is None:
             return self._tracker.turn(state, self._local.way_out_rad(*state[:3], self._goal_m), watched)

@@ -11,14 +11,14 @@ import numpy.typing as npt
 from readygo.common.camera.view import View, view_of
 from readygo.common.maps import GridFrame
 from readygo.common.robot.kinematics import DT_S
-from readygo.services.planner.expert.ground import EpisodeGround, ExpertGround
+from readygo.services.planner.expert.ground import EpisodeGround, SceneGround
 from readygo.services.planner.expert.prediction import WINDOW_STEPS, follow_route, predict_walk
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
 Pose = tuple[float, float, float]
 STANDING_MPS = 0.1
-"""Slower people are taken to stand [m/s]."""
+"""Slower humans are taken to stand [m/s]."""
 Walks = tuple[Float64Array, Float64Array]
 """Possible positions in the next steps [m], shape (1 + K, T, 2), and how likely each row is, shape (1 + K,)."""
 
@@ -80,7 +80,7 @@ class _Track:
 class HumanTracks:
     """Positions of the humans while they are perceived, and what is expected of them."""
 
-    def __init__(self, ground: ExpertGround, local: EpisodeGround, paths_m: Sequence[Float64Array], count: int) -> None:
+    def __init__(self, ground: SceneGround, local: EpisodeGround, paths_m: Sequence[Float64Array], count: int) -> None:
         """Begin an episode.
 
         Args:
@@ -105,7 +105,7 @@ class HumanTracks:
     def observe(self, step: int, pose: Pose, human_xy_m: Float64Array) -> list[PerceivedHuman]:
         """Look once; call it at every step.
 
-        A person's pose shows where they walk: their step before the first view is known with it.
+        A human's pose shows where they walk: their step before the first view is known with it.
 
         Args:
             step: Simulation step.

@@ -1,4 +1,4 @@
-"""Where a walking person will be: the turn of the last moments fades, the speed stays, walls deflect.
+"""Where a walking human will be: the turn of the last moments fades, the speed stays, walls deflect.
 
 Measured over 100 scenarios each of the embedded flat, a real flat and an office, errors after 1 s are 0.18, 0.12 and
 0.10 m in the mean, where a constant velocity leaves 0.29, 0.20 and 0.15 m.
@@ -95,8 +95,8 @@ def predict_walk(views_m: Float64Array, clearance: Float64Array, frame: GridFram
 
     Args:
         views_m: The latest consecutive positions [m], oldest first, shape (N, 2) with N >= 1. With fewer than
-            2 * WINDOW_STEPS + 1 of them no turn is known, with one alone the person is taken to stand.
-        clearance: Distance to what blocks people [m], shape (H, W).
+            2 * WINDOW_STEPS + 1 of them no turn is known, with one alone the human is taken to stand.
+        clearance: Distance to what blocks humans [m], shape (H, W).
         frame: Where its cells lie.
         count: Number of steps.
 
@@ -146,7 +146,7 @@ def follow_route(
 
     Args:
         views_m: As in `predict_walk`.
-        to_place: Way of people to the place, UNITS_PER_CELL a cell, shape (H, W).
+        to_place: Way of humans to the place, UNITS_PER_CELL a cell, shape (H, W).
         frame: Where its cells lie.
         count: Number of steps.
 

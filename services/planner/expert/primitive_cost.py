@@ -9,8 +9,8 @@ from numba import njit
 from readygo.common.episode.collision import disc_meets_cells
 from readygo.common.episode.grid_search import FREE
 from readygo.common.robot.kinematics import DT_S
-from readygo.services.planner.expert.delay import People, nearness_cost
-from readygo.services.planner.expert.rollouts import Ground
+from readygo.services.planner.expert.delay import nearness_cost
+from readygo.services.planner.expert.records import HumansAhead, Obstacles
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
@@ -34,7 +34,7 @@ def check_reaches(rows: Float64Array) -> Float64Array:
 
 @njit(cache=True)
 def find_near(
-    humans: People,
+    humans: HumansAhead,
     place: tuple[float, float],
     step: int,
     reaches: Float64Array,
@@ -67,7 +67,7 @@ def find_near(
 @njit(cache=True)
 def wall_cost(
     factor: UInt8Array,
-    ground: Ground,
+    obstacles: Obstacles,
     radius: float,
     place: tuple[float, float],
     heading: tuple[float, float],
@@ -76,10 +76,10 @@ def wall_cost(
 ) -> float:
     """What walls add to the cost of a primitive, by cosine and sine of its heading; negative if they block it.
 
-    Places count from the corner of the ground.
+    Places count from the corner of the map.
     """
     height, width = factor.shape
-    occupied, clearance, _, _, resolution = ground
+    occupied, clearance, _, _, resolution = obstacles
     free = radius + 0.71 * resolution
     total, checks = 0, 0
     for k in range(CHECK_STEPS - 1, len(rows), CHECK_STEPS):
@@ -103,7 +103,7 @@ def human_cost(
     place: tuple[float, float],
     heading: tuple[float, float],
     rows: Float64Array,
-    humans: People,
+    humans: HumansAhead,
     step: int,
     near: Int32Array,
     near_counts: Int32Array,

@@ -5,6 +5,7 @@ Burgard and Thrun, The dynamic window approach to collision avoidance, IEEE RAM 
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -13,19 +14,10 @@ from numba import njit
 from readygo.common.episode.collision import disc_meets_cells
 from readygo.common.episode.grid_search import UNITS_PER_CELL, UNREACHED
 from readygo.common.robot.kinematics import DT_S
+from readygo.services.planner.expert.records import Limits, Obstacles, State, Surroundings
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
-BoolArray = npt.NDArray[np.bool_]
-State = tuple[float, float, float, float, float]
-"""x [m], y [m], yaw [rad], v [m/s], w [rad/s]."""
-Limits = tuple[float, float, float, float]
-"""v_max [m/s], w_max [rad/s], a_max [m/s^2], alpha_max [rad/s^2]."""
-Ground = tuple[BoolArray, Float64Array, float, float, float]
-"""Occupied cells, distances to them [m], origin x [m], origin y [m], cell size [m]."""
-
-Contact = tuple[float, float]
-"""Sum of the radii of robot and human [m], and how fast the doubt about a human's position grows [m/s]."""
 
 FREE_RUN = 1 << 20
 """Steps of a run that meets no obstacle."""
@@ -102,13 +94,13 @@ def _step(state: State, v: float, w: float) -> State:
     """The state after one step; the chord replaces the arc, which differs by less than 0.1 mm."""
     x, y, yaw, _, _ = state
     middle = yaw + 0.5 * w * DT_S
-    return x + v * DT_S * math.cos(middle), y + v * DT_S * math.sin(middle), yaw + w * DT_S, v, w
+    return State(x + v * DT_S * math.cos(middle), y + v * DT_S * math.sin(middle), yaw + w * DT_S, v, w)
 
 
 @njit(cache=True)
-def meets(state: State, ground: Ground, radius: float) -> bool:
+def meets(state: State, obstacles: Obstacles, radius: float) -> bool:
     """True if a disc at a state meets an obstacle."""
-    occupied, clearance, ox, oy, resolution = ground
+    occupied, clearance, ox, oy, resolution = obstacles
     i, j = math.floor((state[1] - oy) / resolution), math.floor((state[0] - ox) / resolution)
     if 0 <= i < occupied.shape[0] and 0 <= j < occupied.shape[1] and clearance[i, j] > radius + 0.71 * resolution:
         # Half a cell's diagonal covers the offset of the point from its cell's centre.
@@ -117,13 +109,14 @@ def meets(state: State, ground: Ground, radius: float) -> bool:
 
 
 @njit(cache=True)
-def _gap(state: State, humans: Float64Array, k: int, contact: Contact) -> float:
+def _gap(state: State, around: Surroundings, k: int) -> float:
     """Free space to the nearest human k + 1 steps ahead, less the doubt about where they are [m]."""
+    _, _, humans, contact, doubt = around
     gap = np.inf
     row = min(k, humans.shape[1] - 1)
     for m in range(humans.shape[0]):
         dx, dy = humans[m, row, 0] - state[0], humans[m, row, 1] - state[1]
-        gap = min(gap, math.sqrt(dx * dx + dy * dy) - contact[0] - contact[1] * (k + 1) * DT_S)
+        gap = min(gap, math.sqrt(dx * dx + dy * dy) - contact - doubt * (k + 1) * DT_S)
     return gap
 
 
@@ -141,79 +134,68 @@ def try_pursuit(
     lookahead: float,
     scale: float,
     limits: Limits,
-    ground: Ground,
-    radius: float,
-    humans: Float64Array,
-    contact: Contact,
+    around: Surroundings,
 ) -> tuple[int, float, float, float]:
     """Follow a path; returns steps until the disc meets an obstacle, smallest gap to a human, first command."""
     first_v, first_w, gap = 0.0, 0.0, np.inf
     stop_steps = _stop_steps(state[3], limits)
-    steps = max(stop_steps, AHEAD_STEPS) if len(humans) > 0 else stop_steps
+    steps = max(stop_steps, AHEAD_STEPS) if len(around.humans_m) > 0 else stop_steps
     for k in range(steps):
         progress = nearest_ahead(path, progress, state[0], state[1])
         v, w = _pursue(path, progress, state, lookahead, scale, limits)
         if k == 0:
             first_v, first_w = v, w
         state = _step(state, v, w)
-        if k < stop_steps and meets(state, ground, radius):
+        if k < stop_steps and meets(state, around.obstacles, around.radius_m):
             return k, gap, first_v, first_w
-        gap = min(gap, _gap(state, humans, k, contact))
+        gap = min(gap, _gap(state, around, k))
     return FREE_RUN, gap, first_v, first_w
 
 
 @njit(cache=True)
 def try_arc(
-    v: float,
-    w: float,
-    state: State,
-    limits: Limits,
-    ground: Ground,
-    radius: float,
-    humans: Float64Array,
-    contact: Contact,
-    to_goal: Int32Array,
+    v: float, w: float, state: State, limits: Limits, around: Surroundings, to_goal: Int32Array
 ) -> tuple[int, float, float]:
     """Keep asking for (v, w); returns steps until an obstacle, smallest gap, smallest distance to the goal [m]."""
     gap, goal_units = np.inf, UNREACHED
-    _, _, ox, oy, resolution = ground
+    _, _, ox, oy, resolution = around.obstacles
     stop_steps = _stop_steps(max(state[3], v), limits)
     for k in range(max(stop_steps, AHEAD_STEPS)):
         command = limited(v, w, state, limits)
         state = _step(state, command[0], command[1])
-        if k < stop_steps and meets(state, ground, radius):
+        if k < stop_steps and meets(state, around.obstacles, around.radius_m):
             return k, gap, np.inf
-        gap = min(gap, _gap(state, humans, k, contact))
+        gap = min(gap, _gap(state, around, k))
         i, j = math.floor((state[1] - oy) / resolution), math.floor((state[0] - ox) / resolution)
         if 0 <= i < to_goal.shape[0] and 0 <= j < to_goal.shape[1]:
             goal_units = min(goal_units, to_goal[i, j])
     return FREE_RUN, gap, goal_units * resolution / UNITS_PER_CELL
 
 
+class Pursuits(NamedTuple):
+    """The runs along a path that are tried, in this order."""
+
+    scales: Float64Array
+    """Shares of the path's speed; the first is tried with every look-ahead."""
+    lookaheads_m: Float64Array
+    lookahead_max_m: float
+    """Longer ones are tried with this."""
+    margin_m: float
+    """Free space to humans that ends the trials [m]."""
+
+
 @njit(cache=True)
 def choose_pursuit(
-    path: Float64Array,
-    progress: int,
-    state: State,
-    lookaheads: Float64Array,
-    lookahead_max: float,
-    scales: Float64Array,
-    limits: Limits,
-    ground: Ground,
-    radius: float,
-    humans: Float64Array,
-    contact: Contact,
-    margin: float,
+    path: Float64Array, progress: int, state: State, pursuits: Pursuits, limits: Limits, around: Surroundings
 ) -> tuple[bool, float, float, float]:
     """The first run that keeps off obstacles and humans, else the longest: (found, v, w, look-ahead)."""
+    scales, lookaheads, lookahead_max, margin = pursuits
     best = -1
     v, w, chosen = 0.0, 0.0, lookaheads[0]
     for scale in scales:
         for lookahead in lookaheads:
             tried = min(lookahead, lookahead_max)
-            steps, gap, first_v, first_w = try_pursuit(
-                path, progress, state, tried, scale, limits, ground, radius, humans, contact
-            )
+            steps, gap, first_v, first_w = try_pursuit(path, progress, state, tried, scale, limits, around)
             if steps >= FREE_RUN and gap >= margin:
                 return True, first_v, first_w, tried
             if steps > best:
@@ -223,22 +205,18 @@ def choose_pursuit(
 
 @njit(cache=True)
 def choose_evasion(
-    state: State,
-    limits: Limits,
-    ground: Ground,
-    radius: float,
-    humans: Float64Array,
-    contact: Contact,
-    wide: float,
-    to_goal: Int32Array,
+    state: State, limits: Limits, around: Surroundings, wide: float, to_goal: Int32Array
 ) -> tuple[bool, float, float]:
-    """The arc that keeps off obstacles and scores best by gap to humans and way to the goal: (found, v, w)."""
+    """The arc that keeps off obstacles and scores best by gap to humans and way to the goal: (found, v, w).
+
+    Gaps from `wide` [m] on are all the same.
+    """
     best, found, best_v, best_w = -np.inf, False, 0.0, 0.0
     for a in range(5):
         v = limits[0] * a / 4
         for b in range(-4, 5):
             w = limits[1] * b / 4
-            steps, gap, to_go = try_arc(v, w, state, limits, ground, radius, humans, contact, to_goal)
+            steps, gap, to_go = try_arc(v, w, state, limits, around, to_goal)
             if steps < FREE_RUN:
                 continue
             score = -min(to_go, 1e3) - 0.1 * abs(w - state[4]) / limits[1]

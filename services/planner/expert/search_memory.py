@@ -1,15 +1,33 @@
 """Working memory of searches over poses: nodes, a heap of those that wait, a table of the best node per key."""
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 from numba import njit
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
-Memory = tuple[Float64Array, Int32Array, Float64Array, Int32Array]
-"""`SearchMemory.nodes` and `links`; costs and nodes of the heap."""
-Table = tuple[npt.NDArray[np.int64], Int32Array, Int32Array]
-"""Keys, nodes, and the stamp of the search that wrote each slot."""
+Int64Array = npt.NDArray[np.int64]
+
+
+class Memory(NamedTuple):
+    """The memory of one search, for compiled functions."""
+
+    nodes: Float64Array
+    """x [m], y [m], yaw [rad], cost, shape (N, 4)."""
+    links: Int32Array
+    """Parent, primitive, and what else the search notes, shape (N, L)."""
+    heap_costs: Float64Array
+    """Cost and node of those that wait, cheapest on top, shape (N,)."""
+    heap_nodes: Int32Array
+    table_keys: Int64Array
+    """Key and best node of each slot, shape (S,)."""
+    table_nodes: Int32Array
+    table_stamps: Int32Array
+    """The search that wrote each slot, shape (S,)."""
+    stamp: int
+    """This search."""
 
 
 class SearchMemory:
@@ -23,19 +41,21 @@ class SearchMemory:
             link_count: Numbers that a node has besides its pose and cost.
             table_size: Slots of the table, a power of two above `node_max`.
         """
-        self.nodes = np.empty((node_max, 4))
-        """x [m], y [m], yaw [rad], cost, shape (N, 4)."""
-        self.links = np.empty((node_max, link_count), np.int32)
-        """Parent, primitive, and what else the search notes, shape (N, L)."""
-        self.memory: Memory = (self.nodes, self.links, np.empty(node_max), np.empty(node_max, np.int32))
-        keys, best = np.empty(table_size, np.int64), np.empty(table_size, np.int32)
-        self.table: Table = (keys, best, np.zeros(table_size, np.int32))
-        self._stamp = 0
+        self._memory = Memory(
+            nodes=np.empty((node_max, 4)),
+            links=np.empty((node_max, link_count), np.int32),
+            heap_costs=np.empty(node_max),
+            heap_nodes=np.empty(node_max, np.int32),
+            table_keys=np.empty(table_size, np.int64),
+            table_nodes=np.empty(table_size, np.int32),
+            table_stamps=np.zeros(table_size, np.int32),
+            stamp=0,
+        )
 
-    def next_stamp(self) -> int:
-        """The stamp of a new search."""
-        self._stamp += 1
-        return self._stamp
+    def begin(self) -> Memory:
+        """The memory of a new search; it overwrites that of the one before."""
+        self._memory = self._memory._replace(stamp=self._memory.stamp + 1)
+        return self._memory
 
 
 @njit(cache=True)
@@ -73,11 +93,11 @@ def pop(costs: Float64Array, nodes: Int32Array, count: int) -> int:
 
 
 @njit(cache=True)
-def slot_of(key: int, stamp: int, table_key: npt.NDArray[np.int64], table_stamp: Int32Array) -> int:
+def slot_of(key: int, stamp: int, table_keys: Int64Array, table_stamps: Int32Array) -> int:
     """Table slot of a key: where it is, or where it would be put (open addressing, Fibonacci hashing)."""
-    mask = len(table_key) - 1
+    mask = len(table_keys) - 1
     mixed = key * -7046029254386353131
     slot = (mixed ^ (mixed >> 29)) & mask
-    while table_stamp[slot] == stamp and table_key[slot] != key:
+    while table_stamps[slot] == stamp and table_keys[slot] != key:
         slot = (slot + 1) & mask
     return slot

@@ -8,14 +8,15 @@ import numpy.typing as npt
 
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.grid_search import FREE
-from readygo.common.messages import Scenario
+from readygo.common.messages import EpisodeMotions, Scenario
 from readygo.common.robot.kinematics import DT_S, RATE_HZ
-from readygo.services.planner.expert.ground import EpisodeGround, ExpertGround
-from readygo.services.planner.expert.interface import Decision, Person, expected_array
-from readygo.services.planner.expert.obstacles import open_around, paint_capsule, paint_slope
+from readygo.services.planner.expert.cost_factors import open_around, paint_capsule, paint_slope
+from readygo.services.planner.expert.ground import EpisodeGround, SceneGround
+from readygo.services.planner.expert.interface import Decision, expected_array
 from readygo.services.planner.expert.perception import HumanTracks, PerceivedHuman, stands
-from readygo.services.planner.expert.rollouts import AHEAD_STEPS, State, choose_evasion
-from readygo.services.planner.expert.spacetime_search import SpaceTimeSearch, TimedHumans, TimedPlan
+from readygo.services.planner.expert.records import HumansAhead, State, Surroundings, robot_limits, state_of
+from readygo.services.planner.expert.rollouts import AHEAD_STEPS, choose_evasion
+from readygo.services.planner.expert.spacetime_search import SpaceTimeSearch, TimedPlan
 
 Float64Array = npt.NDArray[np.float64]
 
@@ -26,14 +27,16 @@ _START_GAP_M = 0.03
 class SpaceTimeExpert:
     """Drives one episode in mode "spacetime"; call `act` at every step."""
 
-    def __init__(self, ground: ExpertGround, search: SpaceTimeSearch, scenario: Scenario, people: list[Person]) -> None:
+    def __init__(
+        self, ground: SceneGround, search: SpaceTimeSearch, scenario: Scenario, motions: EpisodeMotions
+    ) -> None:
         """Prepare the static way to the goal.
 
         Args:
             ground: What all episodes in the scene share.
             search: Searches, shared by all episodes.
             scenario: Start and goal.
-            people: Motion, avatar and footprint of every human, in the order of the scenario.
+            motions: How the humans move, in the order of the scenario.
         """
         config = ground.config
         self._ground, self._search, self._config = ground, search, config
@@ -41,11 +44,10 @@ class SpaceTimeExpert:
         self._local = ground.around((float(scenario.start_xyyaw[0]), float(scenario.start_xyyaw[1])), self._goal_m)
         horizon_s = config.oracle_prediction_s if config.oracle else config.timed_prediction_s
         self._horizon = round(horizon_s * RATE_HZ)
-        paths_m = [who.motion.root_m[:, :2].astype(np.float64) for who, _, _ in people]
+        paths_m = [human.motion.root_m[:, :2].astype(np.float64) for human in motions.humans]
         self._tracks = HumanTracks(ground, self._local, paths_m, self._horizon)
         self._contact_m = ground.contact_m + config.hard_margin_m
-        robot = ground.robot
-        self._limits = (robot.v_max_mps, robot.w_max_radps, robot.a_max_mps2, robot.alpha_max_radps2)
+        self._limits = robot_limits(ground.robot)
         self._plan: TimedPlan | None = None
         self._widened = False
         self._planned_at_step = 0
@@ -54,7 +56,7 @@ class SpaceTimeExpert:
 
     def act(self, simulation: EpisodeSimulation) -> Decision:
         """Decide on the next command."""
-        state = (simulation.x_m, simulation.y_m, simulation.yaw_rad, simulation.v_mps, simulation.w_radps)
+        state = state_of(simulation)
         humans = self._tracks.observe(simulation.step, state[:3], simulation.human_xy_m)
         replanned = self._is_due(simulation.step, humans)
         if replanned:
@@ -90,8 +92,8 @@ class SpaceTimeExpert:
             leads_around = self._finds_way(self._local, state, standing) or self._widens(state, standing)
             factor = self._local.factor
             heuristic = self._local.heuristic if leads_around else self._local.to_goal
-        people = self._timed(humans)
-        self._plan = self._search.search(factor, heuristic, self._local.cells, state, self._goal_m, people)
+        ahead = self._ahead(humans)
+        self._plan = self._search.search(factor, heuristic, self._local.obstacles, state, self._goal_m, ahead)
 
     def _widens(self, state: State, standing: list[PerceivedHuman]) -> bool:
         """True if a larger window holds a way, which is tried once in an episode: it is dear and seldom helps."""
@@ -119,7 +121,7 @@ class SpaceTimeExpert:
             paint_slope(factor, local.frame, ends, self._contact_m + config.standing_margin_m, 2 * FREE)
             paint_capsule(factor, local.frame, ends, min(self._contact_m, gap_m), 0)
 
-    def _timed(self, humans: list[PerceivedHuman]) -> TimedHumans:
+    def _ahead(self, humans: list[PerceivedHuman]) -> HumansAhead:
         """All that the humans may do, by chance."""
         rows, chances, widths = [], [], []
         for human in humans:
@@ -127,7 +129,7 @@ class SpaceTimeExpert:
             rows += [*walks_m]
             chances += likely.tolist()
             widths += [self._widths(human)] * len(likely)
-        return TimedHumans(
+        return HumansAhead(
             expected_m=np.array(rows).reshape(-1, self._horizon, 2),
             chances=np.minimum(1.0, self._config.chance_gain * np.array(chances)),
             contact_m=self._contact_m,
@@ -150,16 +152,15 @@ class SpaceTimeExpert:
             row = self._plan.rows[min(step - self._planned_at_step + 1, len(self._plan.rows) - 1)]
             return float(row[3]), float(row[4])
         if humans:
-            found, v, w = choose_evasion(
-                state,
-                self._limits,
-                self._local.cells,
-                self._ground.robot.radius_m + self._config.tracking_margin_m,
-                expected_array(humans, AHEAD_STEPS),
-                (self._ground.contact_m, 0.0),
-                self._config.evasion_gap_m,
-                self._local.to_goal,
+            around = Surroundings(
+                obstacles=self._local.obstacles,
+                radius_m=self._ground.robot.radius_m + self._config.tracking_margin_m,
+                humans_m=expected_array(humans, AHEAD_STEPS),
+                contact_m=self._ground.contact_m,
+                doubt_mps=0.0,
             )
+            gap_m, to_goal = self._config.evasion_gap_m, self._local.to_goal
+            found, v, w = choose_evasion(state, self._limits, around, gap_m, to_goal)
             if found:
                 return v, w
         turn = self._local.way_out_rad(state[0], state[1], state[2], self._goal_m)

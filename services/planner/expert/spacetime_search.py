@@ -7,6 +7,7 @@ Cooperative pathfinding, AIIDE 2005, for reserving cells in time.
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -15,12 +16,12 @@ from numba import njit
 from readygo.common.episode.grid_search import UNITS_PER_CELL, UNREACHED
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import DT_S
-from readygo.services.planner.expert.config import ExpertConfig
-from readygo.services.planner.expert.delay import LAYER_STEPS, People, fill_delays
+from readygo.services.planner.expert.config import PRIMITIVES_MAX, ExpertConfig
+from readygo.services.planner.expert.delay import LAYER_STEPS, Delays, delay_at, fill_delays
 from readygo.services.planner.expert.primitive_cost import check_reaches, find_near, human_cost, wall_cost
-from readygo.services.planner.expert.rollouts import Ground, State
-from readygo.services.planner.expert.search_memory import Memory, SearchMemory, Table, pop, push, slot_of
-from readygo.services.planner.expert.timed_primitives import make_timed_primitives
+from readygo.services.planner.expert.records import CostGrid, Goal, HumansAhead, Obstacles, State
+from readygo.services.planner.expert.search_memory import Memory, SearchMemory, pop, push, slot_of
+from readygo.services.planner.expert.timed_primitives import PrimitiveTable, make_timed_primitives
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
@@ -28,7 +29,7 @@ UInt8Array = npt.NDArray[np.uint8]
 
 _TABLE_SIZE = 1 << 16
 _KEY_CELL_M = 0.1
-_DEPTHS = 64
+_DEPTHS = PRIMITIVES_MAX + 1
 _SLOPE_CELLS = 3
 _DRIVEN_TURN_RAD = 0.6
 
@@ -43,30 +44,19 @@ class TimedPlan:
     """Cost of the rows, in metres at full speed, and of the way that is left after them."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class TimedHumans:
-    """Humans in the way, and how near the robot may come."""
+class Rules(NamedTuple):
+    """What a search goes by."""
 
-    expected_m: Float64Array
-    """Where they may be after 1, 2, ... steps [m], shape (M, T, 2)."""
-    chances: Float64Array
-    """How likely each row is, shape (M,)."""
-    contact_m: float
-    """Distance of the centres that counts as contact [m]."""
-    widths_m: Float64Array
-    """Free space beyond it that costs nothing [m], shape (M, T)."""
-    weight: float
-    """Cost per second just outside of contact, in metres at full speed; falls off to zero over the width."""
-
-    def seen_from(self, x_m: float, y_m: float) -> People:
-        """As plain values for compiled callers, with an origin of their own."""
-        return (
-            self.expected_m - np.array([x_m, y_m]),
-            self.chances,
-            self.contact_m,
-            self.widths_m,
-            self.weight,
-        )
+    radius_m: float
+    """What plans keep free around the robot's centre [m]."""
+    heuristic_weight: float
+    turn_cost_m: float
+    """What turning in place by one radian is expected to cost [m]."""
+    turn_level_count: int
+    heading_count: int
+    expansions_max: int
+    depth_max: int
+    """Primitives of the longest plan."""
 
 
 class SpaceTimeSearch:
@@ -80,17 +70,27 @@ class SpaceTimeSearch:
             config: Weights and limits of the search.
             goal_tolerance_m: A plan that comes this near to the goal need not last longer [m].
         """
-        self._config, self._goal_tolerance_m = config, goal_tolerance_m
         self._primitives = make_timed_primitives(robot, config)
-        self._speed_mps, self._radius_m = robot.v_max_mps, robot.radius_m + config.tracking_margin_m
-        # What a turn in place costs by its time; the way to the goal knows nothing of headings.
-        self._turn_cost = 0.5 * robot.v_max_mps / robot.w_max_radps
         self._memory = SearchMemory(config.timed_expansions_max * 16 + 64, 4, _TABLE_SIZE)
         horizon_s = config.oracle_prediction_s if config.oracle else config.timed_prediction_s
-        self._depth_max = round(horizon_s / config.primitive_s)
-        layers = self._depth_max * self._primitives.steps // LAYER_STEPS + 1
-        self._delays = np.zeros((layers, 2 * layers + 3, 2 * layers + 3))
-        self._static = np.empty(self._delays.shape[1:])
+        self._rules = Rules(
+            radius_m=robot.radius_m + config.tracking_margin_m,
+            heuristic_weight=config.timed_heuristic_weight,
+            # What a turn in place costs by its time; the way to the goal knows nothing of headings.
+            turn_cost_m=0.5 * robot.v_max_mps / robot.w_max_radps,
+            turn_level_count=self._primitives.turn_level_count,
+            heading_count=config.timed_heading_count,
+            expansions_max=config.timed_expansions_max,
+            depth_max=round(horizon_s / config.primitive_s),
+        )
+        layers = self._rules.depth_max * self._primitives.steps // LAYER_STEPS + 1
+        self._delays = Delays(
+            cell_m=robot.v_max_mps * LAYER_STEPS * DT_S,
+            speed_mps=robot.v_max_mps,
+            arrived_m=goal_tolerance_m,
+            static_m=np.empty((2 * layers + 3, 2 * layers + 3)),
+            values_m=np.zeros((layers, 2 * layers + 3, 2 * layers + 3)),
+        )
         self.expansion_count = 0
         """Expansions of the latest search."""
 
@@ -98,80 +98,51 @@ class SpaceTimeSearch:
         self,
         factor: UInt8Array,
         heuristic: Int32Array,
-        ground: Ground,
+        obstacles: Obstacles,
         state: State,
         goal_xy_m: tuple[float, float],
-        humans: TimedHumans,
+        humans: HumansAhead,
     ) -> TimedPlan | None:
         """Search commands that lead to the goal, or as far as humans are predicted.
 
         Args:
             factor: Cost factors of the cells (see `readygo.common.episode.grid_search`), shape (H, W).
             heuristic: Distances to the goal on the same grid, UNITS_PER_CELL a cell, shape (H, W).
-            ground: The map that the cells belong to.
-            state: Robot's x [m], y [m], yaw [rad], v [m/s], w [rad/s].
+            obstacles: The map that the cells belong to.
+            state: The robot.
             goal_xy_m: Goal in the world [m].
             humans: Who is in the way.
 
         Returns:
             A plan, or None if there is not even a first step.
         """
-        config, primitives = self._config, self._primitives
-        occupied, clearance, ox, oy, resolution = ground
-        primitives.fill_root(state[3], state[4])
+        ox, oy, resolution = obstacles.origin_x_m, obstacles.origin_y_m, obstacles.resolution_m
+        self._primitives.fill_root(state[3], state[4])
+        # The compiled search counts from the corner of the map.
         start = (state[0] - ox, state[1] - oy, state[2])
-        people = humans.seen_from(ox, oy)
-        cell = self._speed_mps * LAYER_STEPS * DT_S
+        seen = humans.seen_from(ox, oy)
+        grid = CostGrid(factor, heuristic, resolution)
         if len(humans.expected_m) > 0:
-            fill_delays(
-                factor,
-                heuristic,
-                resolution,
-                cell,
-                start[:2],
-                people,
-                DT_S,
-                self._speed_mps,
-                self._goal_tolerance_m,
-                self._static,
-                self._delays,
-            )
+            fill_delays(grid, start, seen, self._delays)
+        memory = self._memory.begin()
         found, self.expansion_count = _search(
-            factor,
-            heuristic,
-            (occupied, clearance, 0.0, 0.0, resolution),
+            grid,
+            obstacles._replace(origin_x_m=0.0, origin_y_m=0.0),
             start,
-            (goal_xy_m[0] - ox, goal_xy_m[1] - oy, self._goal_tolerance_m),
-            (primitives.rows, primitives.costs, primitives.lengths_m, primitives.ends, primitives.first),
-            len(primitives.w_levels),
-            people,
-            (self._delays, cell, config.timed_heuristic_weight, self._radius_m, self._turn_cost),
-            (config.timed_heading_count, config.timed_expansions_max, self._depth_max),
-            self._memory.next_stamp(),
-            self._memory.memory,
-            self._memory.table,
+            Goal(goal_xy_m[0] - ox, goal_xy_m[1] - oy, self._delays.arrived_m),
+            self._primitives.table,
+            (seen, self._delays),
+            self._rules,
+            memory,
         )
         if found <= 0:
             return None
-        depth = int(self._memory.links[found, 2])
-        rows = np.empty((depth * primitives.steps + 1, 5))
+        rows = np.empty((int(memory.links[found, 2]) * self._primitives.steps + 1, 5))
         rows[0] = state
-        _trace(found, self._memory.nodes, self._memory.links, primitives.rows, (ox, oy), rows)
-        x, y = float(self._memory.nodes[found, 0]), float(self._memory.nodes[found, 1])
+        _trace(found, memory, self._primitives.table.rows, (ox, oy), rows)
+        x, y = float(memory.nodes[found, 0]), float(memory.nodes[found, 1])
         left = float(heuristic[int(y / resolution), int(x / resolution)]) * resolution / UNITS_PER_CELL
-        return TimedPlan(rows=rows, cost=float(self._memory.nodes[found, 3]) + left)
-
-
-@njit(cache=True)
-def _delay(
-    delays: Float64Array, cell: float, start: tuple[float, float, float], x: float, y: float, layer: int
-) -> float:
-    half = delays.shape[1] // 2
-    a, b = half + math.floor((y - start[1]) / cell + 0.5), half + math.floor((x - start[0]) / cell + 0.5)
-    # Cells that a robot cannot reach by then are not filled.
-    if layer >= len(delays) - 1 or max(abs(a - half), abs(b - half)) > layer + 1:
-        return 0.0
-    return float(delays[layer, a, b])
+        return TimedPlan(rows=rows, cost=float(memory.nodes[found, 3]) + left)
 
 
 @njit(cache=True)
@@ -219,31 +190,27 @@ def _turn_left(heuristic: Int32Array, i: int, j: int, yaw: float) -> float:
 
 @njit(cache=True)
 def _search(
-    factor: UInt8Array,
-    heuristic: Int32Array,
-    ground: Ground,
+    grid: CostGrid,
+    obstacles: Obstacles,
     start: tuple[float, float, float],
-    goal: tuple[float, float, float],
-    primitives: tuple[Float64Array, Float64Array, Float64Array, Int32Array, Int32Array],
-    turn_levels: int,
-    humans: People,
-    guide: tuple[Float64Array, float, float, float, float],
-    limits: tuple[int, int, int],
-    stamp: int,
+    goal: Goal,
+    primitives: PrimitiveTable,
+    traffic: tuple[HumansAhead, Delays],
+    rules: Rules,
     memory: Memory,
-    table: Table,
 ) -> tuple[int, int]:
     """Last node of the plan or -1, and the number of expansions.
 
-    `nodes` holds x, y, yaw, cost; `links` parent, primitive, depth, group of primitives that may follow.
+    `nodes` holds x, y, yaw, cost; `links` parent, primitive, depth, group of primitives that may follow. `traffic` is
+    who is in the way, and how long that holds the robot up.
     """
+    factor, heuristic, resolution = grid
     rows, costs, lengths, ends, first = primitives
-    nodes, links, heap_cost, heap_node = memory
-    table_key, table_node, table_stamp = table
-    delays, delay_cell, weight, radius, turn_cost = guide
-    expected = humans[0]
-    heading_count, expansions_max, depth_max = limits
-    resolution, steps = ground[4], rows.shape[1]
+    nodes, links, heap_cost, heap_node, table_key, table_node, table_stamp, stamp = memory
+    radius, weight, turn_cost, turn_levels, heading_count, expansions_max, depth_max = rules
+    humans, delays = traffic
+    expected = humans.expected_m
+    steps = rows.shape[1]
     metres = resolution / UNITS_PER_CELL
     columns = int(factor.shape[1] * resolution / _KEY_CELL_M) + 2
     speeds, counts = ends // turn_levels, (columns, heading_count, len(first))
@@ -288,10 +255,10 @@ def _search(
                 continue
             delay = 0.0
             if len(expected) > 0:
-                delay = _delay(delays, delay_cell, start, xx, yy, (depth + 1) * steps // LAYER_STEPS)
+                delay = delay_at(delays, start, xx, yy, (depth + 1) * steps // LAYER_STEPS)
                 if delay == np.inf:
                     continue
-            extra = wall_cost(factor, ground, radius, (x, y), (c, s), rows[q], lengths[q])
+            extra = wall_cost(factor, obstacles, radius, (x, y), (c, s), rows[q], lengths[q])
             if extra < 0.0 or (known and nodes[table_node[slot], 3] <= new_cost + extra):
                 continue
             extra += human_cost((x, y), (c, s), rows[q], humans, depth * steps, near, near_counts)
@@ -311,14 +278,10 @@ def _search(
 
 @njit(cache=True)
 def _trace(
-    node: int,
-    nodes: Float64Array,
-    links: Int32Array,
-    primitives: Float64Array,
-    origin: tuple[float, float],
-    rows: Float64Array,
+    node: int, memory: Memory, primitives: Float64Array, origin: tuple[float, float], rows: Float64Array
 ) -> None:
     """Fill `rows`, the first of which is there, with the primitives that lead to a node."""
+    nodes, links, _, _, _, _, _, _ = memory
     steps = primitives.shape[1]
     while links[node, 0] >= 0:
         parent, q = links[node, 0], links[node, 1]

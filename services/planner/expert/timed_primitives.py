@@ -6,6 +6,7 @@ primitives is a sequence of commands that the robot executes exactly.
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -14,15 +15,15 @@ from numba import njit
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import DT_S, RATE_HZ
 from readygo.services.planner.expert.config import ExpertConfig
-from readygo.services.planner.expert.rollouts import Limits, limited
+from readygo.services.planner.expert.records import Limits, State, robot_limits
+from readygo.services.planner.expert.rollouts import limited
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class TimedPrimitives:
-    """Primitives of one robot in groups by the levels of speed and turn rate that they start at."""
+class PrimitiveTable(NamedTuple):
+    """Primitives in groups by the levels of speed and turn rate that they start at."""
 
     rows: Float64Array
     """x [m], y [m], yaw [rad] relative to the start, v [m/s], w [rad/s] after each step, shape (Q, K, 5)."""
@@ -34,28 +35,42 @@ class TimedPrimitives:
     """The group that may follow each primitive, shape (Q,)."""
     first: Int32Array
     """First primitive of each group, shape (G + 1,); the last group is the root's, filled for every search."""
+
+
+class Rules(NamedTuple):
+    """What primitives are made by."""
+
     v_levels: Float64Array
     w_levels: Float64Array
     limits: Limits
-    weights: tuple[float, float]
-    """Costs of full turning for a second, and of changing the turn rate by its maximum, as a share of full speed."""
+    steering_cost: float
+    """Cost of full turning for a second, as a share of full speed."""
+    swerve_cost: float
+    """Cost of changing the turn rate by its maximum, as a share of full speed."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TimedPrimitives:
+    """Primitives of one robot."""
+
+    table: PrimitiveTable
+    rules: Rules
 
     @property
     def steps(self) -> int:
         """Steps of a primitive, K."""
-        return int(self.rows.shape[1])
+        return int(self.table.rows.shape[1])
 
     @property
-    def root(self) -> int:
-        """The root's group."""
-        return len(self.first) - 2
+    def turn_level_count(self) -> int:
+        """How many levels the turn rate has; groups count through them first."""
+        return len(self.rules.w_levels)
 
     def fill_root(self, v_mps: float, w_radps: float) -> None:
         """Fill the root's group with the primitives that start at any command."""
-        begin = int(self.first[self.root])
-        tables = (self.rows, self.costs, self.lengths_m, self.ends)
-        count = _fill_group(v_mps, w_radps, self.v_levels, self.w_levels, self.limits, self.weights, begin, *tables)
-        self.first[self.root + 1] = begin + count
+        root = len(self.table.first) - 2
+        count = _fill_group(v_mps, w_radps, self.rules, int(self.table.first[root]), self.table)
+        self.table.first[root + 1] = self.table.first[root] + count
 
 
 def make_timed_primitives(robot: RobotConfig, config: ExpertConfig) -> TimedPrimitives:
@@ -64,28 +79,28 @@ def make_timed_primitives(robot: RobotConfig, config: ExpertConfig) -> TimedPrim
     duration_s = steps * DT_S
     v_count = math.ceil(robot.v_max_mps / (robot.a_max_mps2 * duration_s) - 1e-9)
     w_count = max(2, math.ceil(robot.w_max_radps / (robot.alpha_max_radps2 * duration_s) - 1e-9))
-    v_levels = np.array([robot.v_max_mps * k / v_count for k in range(v_count + 1)])
-    w_levels = np.array([robot.w_max_radps * k / w_count for k in range(-w_count, w_count + 1)])
-    groups = len(v_levels) * len(w_levels)
+    rules = Rules(
+        v_levels=np.array([robot.v_max_mps * k / v_count for k in range(v_count + 1)]),
+        w_levels=np.array([robot.w_max_radps * k / w_count for k in range(-w_count, w_count + 1)]),
+        limits=robot_limits(robot),
+        steering_cost=config.timed_steering_cost,
+        swerve_cost=config.swerve_cost,
+    )
+    turn_levels = len(rules.w_levels)
+    groups = len(rules.v_levels) * turn_levels
     capacity = (groups + 1) * groups
-    table = TimedPrimitives(
+    table = PrimitiveTable(
         rows=np.zeros((capacity, steps, 5)),
         costs=np.zeros(capacity),
         lengths_m=np.zeros(capacity),
         ends=np.zeros(capacity, np.int32),
         first=np.zeros(groups + 2, np.int32),
-        v_levels=v_levels,
-        w_levels=w_levels,
-        limits=(robot.v_max_mps, robot.w_max_radps, robot.a_max_mps2, robot.alpha_max_radps2),
-        weights=(config.timed_steering_cost, config.swerve_cost),
     )
-    tables = (table.rows, table.costs, table.lengths_m, table.ends)
     for group in range(groups):
-        v, w = float(v_levels[group // len(w_levels)]), float(w_levels[group % len(w_levels)])
+        v, w = float(rules.v_levels[group // turn_levels]), float(rules.w_levels[group % turn_levels])
         begin = int(table.first[group])
-        count = _fill_group(v, w, v_levels, w_levels, table.limits, table.weights, begin, *tables)
-        table.first[group + 1] = begin + count
-    return table
+        table.first[group + 1] = begin + _fill_group(v, w, rules, begin, table)
+    return TimedPrimitives(table=table, rules=rules)
 
 
 @njit(cache=True)
@@ -93,7 +108,7 @@ def _drive(v: float, w: float, v_end: float, w_end: float, limits: Limits, rows:
     """Fill the rows of one primitive by exact arcs; returns its length [m] and its turning [rad]."""
     x, y, yaw, length, turned = 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(len(rows)):
-        v, w = limited(v_end, w_end, (x, y, yaw, v, w), limits)
+        v, w = limited(v_end, w_end, State(x, y, yaw, v, w), limits)
         after = yaw + w * DT_S
         if abs(w) < 1e-9:
             x += v * DT_S * math.cos(yaw)
@@ -109,20 +124,10 @@ def _drive(v: float, w: float, v_end: float, w_end: float, limits: Limits, rows:
 
 
 @njit(cache=True)
-def _fill_group(
-    v: float,
-    w: float,
-    v_levels: Float64Array,
-    w_levels: Float64Array,
-    limits: Limits,
-    weights: tuple[float, float],
-    begin: int,
-    rows: Float64Array,
-    costs: Float64Array,
-    lengths: Float64Array,
-    ends: Int32Array,
-) -> int:
+def _fill_group(v: float, w: float, rules: Rules, begin: int, table: PrimitiveTable) -> int:
     """Tabulate what leads from a command to all levels within reach, from index `begin` on; returns its number."""
+    v_levels, w_levels, limits, steering_cost, swerve_cost = rules
+    rows, costs, lengths, ends, _ = table
     v_max, w_max, a_max, alpha_max = limits
     duration = rows.shape[1] * DT_S
     count = 0
@@ -133,7 +138,7 @@ def _fill_group(
             q = begin + count
             lengths[q], turned = _drive(v, w, v_levels[a], w_levels[b], limits, rows[q])
             costs[q] = 0.5 * (lengths[q] + duration * v_max)
-            costs[q] += v_max * (weights[0] * turned + weights[1] * abs(w_levels[b] - w)) / w_max
+            costs[q] += v_max * (steering_cost * turned + swerve_cost * abs(w_levels[b] - w)) / w_max
             ends[q] = a * len(w_levels) + b
             count += 1
     return count

@@ -15,9 +15,10 @@ from readygo.common.robot import RobotConfig
 from readygo.services.planner.expert.config import ExpertConfig
 from readygo.services.planner.expert.ground import EpisodeGround
 from readygo.services.planner.expert.hybrid_astar import Plan
+from readygo.services.planner.expert.records import State, Surroundings, robot_limits
 from readygo.services.planner.expert.rollouts import (
     FREE_RUN,
-    State,
+    Pursuits,
     choose_evasion,
     choose_pursuit,
     limited,
@@ -51,11 +52,10 @@ class PathTracker:
             contact_m: Sum of the radii of robot and human [m].
             config: Look-ahead distances and margins.
         """
-        self._ground = local.cells
-        self._limits = (robot.v_max_mps, robot.w_max_radps, robot.a_max_mps2, robot.alpha_max_radps2)
+        self._obstacles, self._limits = local.obstacles, robot_limits(robot)
         self._to_goal = local.to_goal
         self._robot, self._config = robot, config
-        self._contact = (contact_m, config.doubt_mps)
+        self._contact_m = contact_m
         self._lookaheads = np.array(config.lookahead_m)
         self._lookahead_m = float(self._lookaheads.min())
         self._turn_to_rad: float | None = None
@@ -101,20 +101,14 @@ class PathTracker:
             if abs(turn_rad) > _TURNED_RAD:
                 return self.turn(state, turn_rad, humans)
             self._turn_to_rad = None
-        found, v, w, lookahead_m = choose_pursuit(
-            self.path,
-            self.progress,
-            state,
-            self._lookaheads,
-            self._lookahead_m * 1.15 + 0.01,
-            _MOVING,
-            self._limits,
-            self._ground,
-            self._radius_m(state),
-            humans,
-            self._contact,
-            self._config.yield_margin_m,
+        pursuits = Pursuits(
+            scales=_MOVING,
+            lookaheads_m=self._lookaheads,
+            lookahead_max_m=self._lookahead_m * 1.15 + 0.01,
+            margin_m=self._config.yield_margin_m,
         )
+        around = self._around(state, humans)
+        found, v, w, lookahead_m = choose_pursuit(self.path, self.progress, state, pursuits, self._limits, around)
         self._lookahead_m = lookahead_m
         return (v, w) if found else self._evade(state, humans, (v, w))
 
@@ -123,9 +117,7 @@ class PathTracker:
         # The rate ends the turn without overshoot under the robot's angular acceleration.
         rate = math.sqrt(2 * 0.8 * self._robot.alpha_max_radps2 * abs(turn_rad))
         w = math.copysign(min(rate, self._robot.w_max_radps), turn_rad)
-        steps, gap, _ = try_arc(
-            0.0, w, state, self._limits, self._ground, self._radius_m(state), humans, self._contact, self._to_goal
-        )
+        steps, gap, _ = try_arc(0.0, w, state, self._limits, self._around(state, humans), self._to_goal)
         command: tuple[float, float] = limited(0.0, w, state, self._limits)
         if steps >= FREE_RUN and gap >= self._config.yield_margin_m:
             return command
@@ -134,17 +126,12 @@ class PathTracker:
     def _evade(self, state: State, humans: Float64Array, otherwise: tuple[float, float]) -> tuple[float, float]:
         if len(humans) == 0:
             return otherwise
-        found, v, w = choose_evasion(
-            state,
-            self._limits,
-            self._ground,
-            self._radius_m(state),
-            humans,
-            self._contact,
-            self._config.evasion_gap_m,
-            self._to_goal,
-        )
+        around = self._around(state, humans)
+        found, v, w = choose_evasion(state, self._limits, around, self._config.evasion_gap_m, self._to_goal)
         return (v, w) if found else otherwise
+
+    def _around(self, state: State, humans: Float64Array) -> Surroundings:
+        return Surroundings(self._obstacles, self._radius_m(state), humans, self._contact_m, self._config.doubt_mps)
 
     def _radius_m(self, state: State) -> float:
         """Radius that runs keep free: the disc and a margin, unless the robot stands within the margin already."""
@@ -153,7 +140,7 @@ class PathTracker:
         return self._robot.radius_m + 0.1 * self._config.tracking_margin_m if close else wide_m
 
     def _meets(self, state: State, radius_m: float) -> bool:
-        occupied, _, ox, oy, resolution = self._ground
+        occupied, _, ox, oy, resolution = self._obstacles
         return bool(disc_meets_cells(occupied, ox, oy, resolution, state[0], state[1], radius_m))
 
 

@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.messages import EpisodeMotions, RobotTrajectory, Scenario
+from readygo.services.planner.expert.handlers import RobotPlanner, drive
 from readygo.services.planner.expert.interface import Decision
 from readygo.services.planner.expert.perception import PerceivedHuman
-from readygo.services.planner.handlers import Planner, drive
 
 Float64Array = npt.NDArray[np.float64]
 
@@ -78,7 +78,7 @@ class ExpertRun:
         return gap
 
 
-def run_with_journal(planner: Planner, scenario: Scenario, motions: EpisodeMotions) -> ExpertRun:
+def run_with_journal(planner: RobotPlanner, scenario: Scenario, motions: EpisodeMotions) -> ExpertRun:
     """Drive the expert through a scenario, as `handle_robot_plan` does, and keep a journal.
 
     Raises:

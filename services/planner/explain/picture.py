@@ -22,6 +22,7 @@ from readygo.common.maps import OccupancyMap
 from readygo.common.messages import EpisodeMotions, RobotTrajectory, Scenario
 from readygo.common.robot import RobotConfig
 from readygo.common.scenes.top_view import TopView
+from readygo.services.planner.expert.handlers import RobotPlanner
 from readygo.services.planner.explain.journal import ExpertRun
 from readygo.services.planner.explain.moments import Moment, pick_moments
 from readygo.services.planner.explain.picture_layers import (
@@ -38,7 +39,6 @@ from readygo.services.planner.explain.picture_layers import (
     human_colour,
     put_diamond,
 )
-from readygo.services.planner.handlers import Planner
 
 Float64Array = npt.NDArray[np.float64]
 
@@ -88,7 +88,7 @@ def draw_episode(
     return sheet([[picture]], _headline(scenario, trajectory, None), _legend(scenario, trajectory, None))
 
 
-def draw_run(planner: Planner, run: ExpertRun) -> Picture:
+def draw_run(planner: RobotPlanner, run: ExpertRun) -> Picture:
     """Draw what the expert did and why: the episode, its changes of plan, and the moments that explain it.
 
     Args:
@@ -205,7 +205,7 @@ def _put_numbers(picture: Picture, view: TopView, poses: Float64Array) -> None:
         plan_view.put_mark(picture, view, place, str(number), INK)
 
 
-def _moment_panel(planner: Planner, run: ExpertRun, moment: Moment, number: int) -> Picture:
+def _moment_panel(planner: RobotPlanner, run: ExpertRun, moment: Moment, number: int) -> Picture:
     """The robot's surroundings at one moment, with what the expert knew."""
     pose = run.trajectory.xyyaw[moment.step]
     centre_m = pose[:2] + AHEAD_M * np.array([np.cos(pose[2]), np.sin(pose[2])])

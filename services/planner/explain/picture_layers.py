@@ -11,9 +11,9 @@ from readygo.common.drawing.plan_view import GOAL, HUMANS, INK, ROBOT, WHITE, Rg
 from readygo.common.messages import Outcome
 from readygo.common.robot.kinematics import RATE_HZ
 from readygo.common.scenes.top_view import TopView
+from readygo.services.planner.expert.handlers import RobotPlanner
 from readygo.services.planner.explain.journal import ExpertRun
 from readygo.services.planner.explain.wedge import wedge_m
-from readygo.services.planner.handlers import Planner
 
 Float64Array = npt.NDArray[np.float64]
 
@@ -27,7 +27,7 @@ OUTCOMES: dict[Outcome, Rgb] = {
 }
 SIGHT_SHARE, EXPECTED_SHARE = 0.35, 0.4
 EXPECTED_S = 2.0
-"""Pictures show where people are expected for this long [s], whatever the mode looks ahead."""
+"""Pictures show where humans are expected for this long [s], whatever the mode looks ahead."""
 DIAMOND_APART_PX = 12
 
 
@@ -72,8 +72,8 @@ def put_diamond(picture: Picture, centre_px: tuple[int, int]) -> None:
     cv2.polylines(picture, [corners], True, ROBOT, 2, cv2.LINE_AA)
 
 
-def draw_knowledge(picture: Picture, view: TopView, planner: Planner, run: ExpertRun, step: int) -> None:
-    """What the expert sees, expects and intends at a step: field of view, where people will be, plan."""
+def draw_knowledge(picture: Picture, view: TopView, planner: RobotPlanner, run: ExpertRun, step: int) -> None:
+    """What the expert sees, expects and intends at a step: field of view, where humans will be, plan."""
     _draw_sight(picture, view, planner, run.trajectory.xyyaw[step])
     radius_m = planner.episode_config.human_radius_m
     for who in run.journal.perceived[step]:
@@ -83,8 +83,8 @@ def draw_knowledge(picture: Picture, view: TopView, planner: Planner, run: Exper
     plan_view.draw_path(picture, view, run.journal.paths_m[step], ROBOT, width_px=1)
 
 
-def _draw_sight(picture: Picture, view: TopView, planner: Planner, pose: Float64Array) -> None:
-    """Where the expert sees people, and the outline of its field of view and of what it feels nearby."""
+def _draw_sight(picture: Picture, view: TopView, planner: RobotPlanner, pose: Float64Array) -> None:
+    """Where the expert sees humans, and the outline of its field of view and of what it feels nearby."""
     ground, camera = planner.ground, planner.robot.camera
     shown, range_m = view_of(camera), ground.config.range_m
     (x, y), yaw_rad = camera.place_m(*pose.tolist()), float(pose[2])

@@ -1,4 +1,4 @@
-"""The ground on which the robot's camera sees people, for pictures: its field of view, cut where they are hidden."""
+"""The ground on which the robot's camera sees humans, for pictures: its field of view, cut where they are hidden."""
 
 import math
 from collections.abc import Callable
@@ -9,7 +9,7 @@ import numpy.typing as npt
 Float64Array = npt.NDArray[np.float64]
 RAY_SPACING_RAD = math.radians(1.0)
 COARSE_M, FINE_M = 0.2, 0.05
-"""Steps along a ray: how far apart people are looked for, and how well the place where they vanish is known [m]."""
+"""Steps along a ray: how far apart humans are looked for, and how well the place where they vanish is known [m]."""
 
 
 def wedge_m(
@@ -19,13 +19,13 @@ def wedge_m(
     *,
     sees: Callable[[float, float], bool] | None = None,
 ) -> Float64Array:
-    """Outline of where a camera sees people from a pose.
+    """Outline of where a camera sees humans from a pose.
 
     Args:
         xyyaw: x [m], y [m], yaw [rad], shape (3,).
         borders_rad: Bearings of the image's right and left border from the yaw [rad].
         range_m: Nothing farther is seen [m].
-        sees: True if a person at a point is not hidden; None looks through everything.
+        sees: True if a human at a point is not hidden; None looks through everything.
 
     Returns:
         Corners of a polygon that begins at the camera [m], shape (N, 2).
@@ -42,7 +42,7 @@ def wedge_m(
 
 
 def _reach_m(sees: Callable[[float, float], bool], x: float, y: float, c: float, s: float, range_m: float) -> float:
-    """How far people are seen along a ray: up to the first place where they are hidden [m]."""
+    """How far humans are seen along a ray: up to the first place where they are hidden [m]."""
     for coarse in range(1, math.floor(range_m / COARSE_M + 1e-9) + 1):
         if not sees(x + coarse * COARSE_M * c, y + coarse * COARSE_M * s):
             seen_m = (coarse - 1) * COARSE_M

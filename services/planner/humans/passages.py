@@ -12,14 +12,14 @@ import numpy.typing as npt
 from numba import njit
 
 from readygo.common.maps import GridFrame
-from readygo.services.planner.humans.task import Point
+from readygo.services.planner.humans.robot_task import Point
 
 Float64Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Passage:
-    """A narrow place that people walk through."""
+    """A narrow place that humans walk through."""
 
     middle_m: Point
     width_m: float

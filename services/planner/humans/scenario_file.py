@@ -1,4 +1,4 @@
-"""Scenario files: starts, goals and people as TOML, written by hand or exported from episodes.
+"""Scenario files: starts, goals and humans as TOML, written by hand or exported from episodes.
 
     format = "readygo-scenarios/1"
 
@@ -47,7 +47,7 @@ Section = TypeVar("Section")
 
 @dataclass(frozen=True, kw_only=True)
 class ScriptedHuman:
-    """One person of a scenario file."""
+    """One human of a scenario file."""
 
     waypoints_m: tuple[tuple[float, ...], ...] = ()
     """Where they walk, around obstacles; a single one: they stand there. World x, y [m]."""
@@ -187,10 +187,10 @@ def _parse_entry(row: Any, source: str, number: int) -> ScriptedScenario:
     humans = row.get("humans", [])
     if not isinstance(humans, list):
         raise ConfigError(f"{where}.humans must be an array of tables.")
-    people = tuple(_section(ScriptedHuman, human, f"{where}.humans[{k}]") for k, human in enumerate(humans))
+    scripted = tuple(_section(ScriptedHuman, human, f"{where}.humans[{k}]") for k, human in enumerate(humans))
     entry = _section(ScriptedScenario, {key: value for key, value in row.items() if key != "humans"}, where)
     try:
-        return dataclasses.replace(entry, humans=people)
+        return dataclasses.replace(entry, humans=scripted)
     except ValueError as error:
         raise ConfigError(f"{where}: {error}") from error
 

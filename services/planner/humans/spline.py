@@ -5,13 +5,14 @@ points, minimised with L-BFGS. Loops over scalars only: the result may not depen
 Sources: Nocedal & Wright, Numerical Optimization, 2nd ed., algorithm 7.4; de Boor, A Practical Guide to Splines.
 """
 
-import math
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 from numba import njit
 
 from readygo.common.maps import GridFrame
+from readygo.services.planner.humans.polyline import length_m, resample
 
 Float64Array = npt.NDArray[np.float64]
 
@@ -19,36 +20,24 @@ SAMPLES_PER_POINT = 5
 _MEMORY = 8
 
 
-def resample(points_m: Float64Array, count: int) -> Float64Array:
-    """`count` points at equal distances along a polyline, ends included, shape (count, 2)."""
-    return at_lengths(points_m, np.linspace(0.0, length_m(points_m), count))
+class Energy(NamedTuple):
+    """What J is made of besides the control points."""
 
-
-def at_constant_speed(points_m: Float64Array, speed_mps: float, dt_s: float) -> Float64Array:
-    """Positions of somebody who walks a polyline at one speed, shape (T, 2); the last one is the end."""
-    total_m = length_m(points_m)
-    count = int(total_m / (speed_mps * dt_s)) + 2
-    return at_lengths(points_m, np.minimum(np.arange(count) * (speed_mps * dt_s), total_m))
-
-
-def length_m(points_m: Float64Array) -> float:
-    """Length of a polyline [m]."""
-    return float(_lengths(points_m)[-1])
-
-
-@njit(cache=True)
-def _lengths(points_m: Float64Array) -> Float64Array:
-    lengths = np.zeros(len(points_m))
-    for k in range(1, len(points_m)):
-        dx, dy = points_m[k, 0] - points_m[k - 1, 0], points_m[k, 1] - points_m[k - 1, 1]
-        lengths[k] = lengths[k - 1] + math.sqrt(dx * dx + dy * dy)
-    return lengths
-
-
-def at_lengths(points_m: Float64Array, lengths_m: Float64Array) -> Float64Array:
-    """Points at distances along a polyline [m], shape (len(lengths_m), 2); its ends are held."""
-    along = _lengths(points_m)
-    return np.stack([np.interp(lengths_m, along, points_m[:, k]) for k in range(2)], axis=1)
+    first: npt.NDArray[np.int64]
+    """First control point of each sample, shape (S,)."""
+    weights: Float64Array
+    """Weights of four control points at each sample, shape (S, 4)."""
+    clearance_m: Float64Array
+    """Distance to obstacles at cell centres [m], shape (H, W)."""
+    origin_x_m: float
+    origin_y_m: float
+    resolution_m: float
+    preferred_m: float
+    """Below this distance obstacles push [m]."""
+    obstacle: float
+    """Weights of obstacles, jerk and length."""
+    jerk: float
+    length: float
 
 
 @njit(cache=True)
@@ -112,21 +101,10 @@ def smallest_distance(points: Float64Array, clearance: Float64Array, ox: float, 
 
 
 @njit(cache=True)
-def _objective(
-    control: Float64Array,
-    first: npt.NDArray[np.int64],
-    weights: Float64Array,
-    clearance: Float64Array,
-    ox: float,
-    oy: float,
-    resolution: float,
-    preferred: float,
-    factors: tuple[float, float, float],
-    gradient: Float64Array,
-) -> float:
+def _objective(control: Float64Array, energy: Energy, gradient: Float64Array) -> float:
     """J of the control points (n, 2); fills its gradient, 0 at both ends."""
+    first, weights, clearance, ox, oy, resolution, preferred, obstacle, jerk, length = energy
     n, samples = len(control), len(first)
-    obstacle, jerk, length = factors
     gradient[:] = 0.0
     total = 0.0
     for s in range(samples):
@@ -194,25 +172,14 @@ def _direction(
 
 
 @njit(cache=True)
-def optimise(
-    control: Float64Array,
-    first: npt.NDArray[np.int64],
-    weights: Float64Array,
-    clearance: Float64Array,
-    ox: float,
-    oy: float,
-    resolution: float,
-    preferred: float,
-    factors: tuple[float, float, float],
-    iterations: int,
-) -> Float64Array:
+def optimise(control: Float64Array, energy: Energy, iterations: int) -> Float64Array:
     """Control points (n, 2) [m] that minimise J, the two ends fixed."""
     x = control.copy()
     gradient, trial_gradient = np.empty_like(x), np.empty_like(x)
     steps, changes = np.zeros((_MEMORY, *x.shape)), np.zeros((_MEMORY, *x.shape))
     rho = np.zeros(_MEMORY)
     count = 0
-    value = _objective(x, first, weights, clearance, ox, oy, resolution, preferred, factors, gradient)
+    value = _objective(x, energy, gradient)
     for _ in range(iterations):
         direction = _direction(gradient, steps, changes, rho, count)
         slope = _dot(gradient, direction)
@@ -223,9 +190,7 @@ def optimise(
         trial, trial_value, accepted = x, value, False
         for _attempt in range(12):
             trial = x + scale * direction
-            trial_value = _objective(
-                trial, first, weights, clearance, ox, oy, resolution, preferred, factors, trial_gradient
-            )
+            trial_value = _objective(trial, energy, trial_gradient)
             if trial_value <= value + 1e-4 * scale * slope:
                 accepted = True
                 break
@@ -274,12 +239,12 @@ def smooth_path(
     count = int(min(max(length_m(route_m) / spacing_m, 8), 60))
     first, weights = spline_basis(count, count * SAMPLES_PER_POINT)
     place = (clearance, frame.origin_x_m, frame.origin_y_m, frame.resolution_m)
+    energy = Energy(first, weights, *place, preferred_m, *factors)
     control = resample(route_m, count)
-    obstacle, jerk, length = factors
     for _ in range(4):
-        control = optimise(control, first, weights, *place, preferred_m, (obstacle, jerk, length), iterations)
+        control = optimise(control, energy, iterations)
         points: Float64Array = spline_points(control, first, weights)
         if smallest_distance(points, *place) >= required_m:
             return points
-        obstacle *= 5.0
+        energy = energy._replace(obstacle=5.0 * energy.obstacle)
     return None

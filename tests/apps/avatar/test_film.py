@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from readygo.apps.avatar.film import AMPLITUDE_M, LENGTH_M, LENS, s_curve_walk, walk_frames
+from readygo.apps.avatar.film import AMPLITUDE_M, FRAMING, LENGTH_M, s_curve_walk, walk_frames
 from readygo.common.avatars import Avatar, load_avatars
 
 
@@ -23,11 +23,11 @@ def test_walk_follows_the_s_curve_to_its_end(person: Avatar) -> None:
 
 def test_pictures_show_the_person_before_wall_and_floor(person: Avatar) -> None:
     first, *_, last = itertools.islice(walk_frames(person), 0, 12)
-    assert first.shape == (LENS.height_px, LENS.width_px, 3)
+    assert first.shape == (FRAMING.height_px, FRAMING.width_px, 3)
     wall = first[5, 5].astype(int)
-    middle = first[:, LENS.width_px // 4 : 3 * LENS.width_px // 4].astype(int)
+    middle = first[:, FRAMING.width_px // 4 : 3 * FRAMING.width_px // 4].astype(int)
     person_rows = np.flatnonzero((np.abs(middle - wall).max(axis=2) > 100).any(axis=1))
-    assert 0.3 * LENS.height_px < np.ptp(person_rows) < 0.95 * LENS.height_px
+    assert 0.3 * FRAMING.height_px < np.ptp(person_rows) < 0.95 * FRAMING.height_px
     lines = first[-5].astype(int).mean(axis=1)
     assert lines.min() < lines.max() - 30
     assert (first != last).any()

@@ -5,8 +5,8 @@ import cv2
 import numpy as np
 import pytest
 
-from readygo.apps.avatar.sheet import TILE, phase_rows
-from readygo.apps.commands.avatar import avatar_list, avatar_preview, standing_pose, stride_pose, turntable
+from readygo.apps.avatar.sheet import TILE
+from readygo.apps.commands.avatar import avatar_list, avatar_preview
 from readygo.common.avatars import load_avatars
 from readygo.common.errors import AvatarError
 
@@ -46,17 +46,6 @@ def test_preview_shows_the_person_from_all_sides(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["sheet.png"]
 
 
-def test_front_and_back_differ() -> None:
-    avatar = next(iter(load_avatars().values()))
-    sheet = turntable(avatar, [standing_pose()]).astype(int)
-    front, back = sheet[:, :240], sheet[:, 4 * 240 : 5 * 240]
-    assert np.abs(front - back).max(axis=2).mean() > 1.0
-
-
-def test_stride_moves_the_legs_apart() -> None:
-    assert np.abs(stride_pose() - standing_pose())[[1, 2]].max() > 0.2
-
-
 def test_contact_sheet_shows_four_phases_from_three_sides(tmp_path: Path) -> None:
     avatar_preview(Path("bruno"), sheet=tmp_path / "gait.png")
     sheet = cv2.imread(str(tmp_path / "gait.png")).astype(int)
@@ -69,18 +58,6 @@ def test_contact_sheet_shows_four_phases_from_three_sides(tmp_path: Path) -> Non
     assert not people[:, :, -4:].any()
     low = [np.ptp(np.flatnonzero(tile[335:].any(axis=0))) for tile in people[1]]
     assert min(low[0], low[2]) > 1.15 * max(low[1], low[3])
-
-
-def test_phases_are_quarters_of_a_stride() -> None:
-    t = np.arange(120)
-    joints = np.zeros((120, 24, 3))
-    joints[:, 0, 0] = 0.06 * t
-    joints[:, 7, 0] = 0.06 * t + 0.3 * np.cos(2 * np.pi * (t - 8) / 20)
-    first, *others = phase_rows(joints)
-    assert first % 20 == 8
-    assert [row - first for row in others] == [5, 10, 15]
-    with pytest.raises(AvatarError, match="no whole stride"):
-        phase_rows(joints[:20])
 
 
 def test_preview_asks_what_to_make(tmp_path: Path) -> None:

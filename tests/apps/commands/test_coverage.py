@@ -20,7 +20,7 @@ from readygo.common.maps import GridFrame, OccupancyMap, save_ros_map
 from readygo.common.messages import EpisodeKey, HumanPlanRequest, Split
 from readygo.services.planner import handle_human_plan
 from tests.common.dataset.episodes import METADATA, make_episode
-from tests.services.planner.worlds import key, make_planner
+from tests.services.planner.worlds import key, make_human_planner
 
 COUNT = 20
 
@@ -230,13 +230,13 @@ def test_other_scene_than_the_datas_is_refused(data, tmp_path, monkeypatch) -> N
 
 
 def test_failures_are_told_by_the_scenarios_of_rejected_indices(data, monkeypatch) -> None:
-    planner = make_planner()
+    planner = make_human_planner()
     drawn = [handle_human_plan(planner, HumanPlanRequest(episode=key(k))).scenario for k in range(6)]
     kinds = {k: tuple(human.encounter for human in scenario.humans) for k, scenario in enumerate(drawn) if scenario}
     recorded, failed, *_ = sorted(kinds)
     spec = SimpleNamespace(seed=1, split=Split.TEST, static=False)
     monkeypatch.setattr("readygo.apps.coverage.runs.load_spec", lambda data: spec)
-    monkeypatch.setattr("readygo.apps.coverage.runs.World", lambda spec: SimpleNamespace(planner=lambda: planner))
+    monkeypatch.setattr("readygo.apps.coverage.runs.World", lambda spec: SimpleNamespace(human_planner=lambda: planner))
     cast = Cast(episode=key(recorded), avatars=(), encounters=kinds[recorded])
     reasons = {failed: "timeout", 99: "no room for a human"}
     assert failed_encounters(data, reasons, [cast]) == {kind: {"timeout": 1} for kind in sorted(set(kinds[failed]))}

@@ -30,7 +30,7 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The first scenarios of a run with varied people, entry k that of index k."""
     config = dataclasses.replace(load_run_config(None, people="varied"))
     config = dataclasses.replace(config, episode=dataclasses.replace(config.episode, goal_distance_max_m=3.5))
-    planner = World(spec_of(config=config)).planner()
+    planner = World(spec_of(config=config)).human_planner()
     keys = [EpisodeKey(seed=3, split=Split.TRAIN, index=index) for index in range(5)]
     scenarios = [handle_human_plan(planner, HumanPlanRequest(episode=key)).scenario for key in keys]
     path = tmp_path_factory.mktemp("scenarios") / "five.toml"
@@ -67,7 +67,7 @@ def test_file_travels_with_the_run_and_is_part_of_what_the_run_is(exported: Path
     assert spec.run != spec_of().run
     # A worker plays it without the file.
     reply = handle_human_plan(
-        World(spec).planner(), HumanPlanRequest(episode=EpisodeKey(seed=9, split=Split.VAL, index=6))
+        World(spec).human_planner(), HumanPlanRequest(episode=EpisodeKey(seed=9, split=Split.VAL, index=6))
     )
     assert reply.scenario is not None
     assert reply.scenario.goal_xy_m.tolist() == list(load_scenarios(exported).entries[1].goal_m)

@@ -7,7 +7,8 @@ import cv2
 import numpy as np
 import pytest
 
-from readygo.apps.commands.scene import REACHABLE, SEPARATE, map_picture, scene_import, scene_inspect
+from readygo.apps.commands.scene import scene_import, scene_inspect
+from readygo.apps.pictures.scene_maps import REACHABLE, SEPARATE, map_picture
 from readygo.common.errors import SceneError
 from readygo.common.gaussians import concatenate, save_ply
 from readygo.common.maps import GridFrame, OccupancyMap

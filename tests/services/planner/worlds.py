@@ -1,4 +1,4 @@
-"""A flat of four rooms, a toy avatar, and a planner for them."""
+"""A flat of four rooms, a toy avatar, and planners for them."""
 
 from dataclasses import dataclass
 
@@ -10,9 +10,11 @@ from readygo.common.gaussians import GaussianCloud
 from readygo.common.maps import FloorMap, GridFrame, OccupancyMap, sight_of_occupancy
 from readygo.common.messages import EpisodeKey, EpisodeMotions, HumanMotion, Motion, Split
 from readygo.common.robot import RobotConfig
-from readygo.services.planner import ExpertConfig, FamilyMix, HumanPlannerConfig, Planner
+from readygo.services.planner import ExpertConfig, FamilyMix, HumanPlanner, HumanPlannerConfig, RobotPlanner
 
 FRAME = GridFrame(origin_x_m=-3.0, origin_y_m=2.0, resolution_m=0.05)
+DOORS = ((0.1, 6.98), (6.1, 6.98), (2.98, 4.6), (2.98, 9.6))
+"""Middles of the doors of `rooms` [m]."""
 
 
 @dataclass(frozen=True)
@@ -84,34 +86,49 @@ def key(index, split=Split.TEST, seed=1):
     return EpisodeKey(seed=seed, split=split, index=index)
 
 
-def make_planner(occupancy=None, **expert):
-    """A planner on one map for robot and humans."""
+AVATAR_NAMES = ("adam", "mia", "zoe")
+
+
+def maps_of(occupancy=None, height_m=None):
+    """Maps with the same cells for robot and humans, on a flat floor by default."""
     occupancy = occupancy or rooms()
-    floor = FloorMap(frame=occupancy.frame, height_m=np.zeros(occupancy.occupied.shape, np.float32))
-    return Planner(
-        maps=Maps(occupancy, occupancy, floor),
-        avatars={name: make_avatar(name) for name in ("zoe", "adam", "mia")},
-        robot=RobotConfig(),
-        episode_config=EpisodeConfig(),
-        human_config=HumanPlannerConfig(),
-        expert_config=ExpertConfig(**expert),
+    height = np.zeros(occupancy.occupied.shape, np.float32) if height_m is None else height_m
+    return Maps(occupancy, occupancy, FloorMap(frame=occupancy.frame, height_m=height))
+
+
+def make_robot_planner(occupancy=None, **expert):
+    """An expert on one map."""
+    avatars = {name: make_avatar(name) for name in AVATAR_NAMES}
+    return RobotPlanner(maps_of(occupancy), avatars, RobotConfig(), EpisodeConfig(), ExpertConfig(**expert))
+
+
+def make_human_planner(
+    maps=None, *, avatar_names=AVATAR_NAMES, episode=None, config=None, scenarios=None, make_expert=None
+):
+    """A planner of scenarios."""
+    return HumanPlanner(
+        maps or maps_of(),
+        avatar_names,
+        RobotConfig(),
+        episode or EpisodeConfig(),
+        config or HumanPlannerConfig(),
+        cell_margin_m=ExpertConfig().cell_margin_m,
+        scenarios=scenarios,
+        make_expert=make_expert,
     )
 
 
-def planner_of(family="", *, occupancy=None, height_m=None, people=(1, 1), **config):
-    """A planner that draws one family, or what `config` says."""
-    occupancy = occupancy or rooms()
-    height = np.zeros(occupancy.occupied.shape, np.float32) if height_m is None else height_m
+def planner_of(family="", *, occupancy=None, height_m=None, people=(1, 1), scenarios=None, **config):
+    """A planner that draws one family, or what `config` says, or plays a scenario file."""
     mix = {"mix": FamilyMix(**{family: 1.0})} if family else {}
-    return Planner(
-        maps=Maps(occupancy, occupancy, FloorMap(frame=occupancy.frame, height_m=height)),
-        avatars={name: make_avatar(name) for name in ("zoe", "adam", "mia")},
-        robot=RobotConfig(),
-        episode_config=EpisodeConfig(
+    return make_human_planner(
+        maps_of(occupancy, height_m),
+        episode=EpisodeConfig(
             human_count_min=people[0], human_count_max=people[1], human_speed_min_mps=0.5, human_speed_max_mps=2.0
         ),
-        human_config=HumanPlannerConfig(**{**mix, **config}),
-        expert_config=ExpertConfig(),
+        config=HumanPlannerConfig(**{**mix, **config}),
+        scenarios=scenarios,
+        make_expert=make_robot_planner(occupancy).expert if config.get("reactive") else None,
     )
 
 

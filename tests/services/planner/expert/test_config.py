@@ -1,5 +1,10 @@
+import dataclasses
+import math
+import typing
+
 import pytest
 
+from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.errors import ConfigError
 from readygo.services.planner import ExpertConfig, expert_recipe
 
@@ -39,3 +44,51 @@ def test_who_leaves_the_view_is_remembered_for_four_seconds_and_who_stood_for_a_
     # Recorded data and the tables of success rates rest on these.
     assert (ExpertConfig().memory_s, ExpertConfig().standing_memory_s) == (4.0, 60.0)
     assert (ExpertConfig().range_m, ExpertConfig().timed_prediction_s) == (10.0, 4.0)
+
+
+KEYS = """
+    buffer_m cell_margin_m chance_gain dear_factor doubt_growth_mps doubt_max_m doubt_mps evasion_gap_m
+    expansions_max goal_tolerance_m hard_margin_m heading_count heuristic_weight keep_ratio line_of_sight
+    lookahead_m memory_s mode near_field_m near_m nearness_cost oracle oracle_prediction_s prediction_s primitive_s
+    range_m replan_distance_m replan_interval_min_s replan_lookahead_s replan_period_s route_weight slow_cost
+    standing_margin_m standing_memory_s steering_cost swerve_cost tight_margin_m timed_expansions_max
+    timed_heading_count timed_heuristic_weight timed_idle_replan_s timed_margin_m timed_prediction_s timed_replan_s
+    timed_steering_cost tracking_margin_m turn_cost_m velocity_window_s wall_cost wall_distance_m yield_margin_m
+    yield_to_humans
+"""
+"""Keys of [expert] in the runs recorded so far, all on one level."""
+RANGES = {
+    name: hint.__metadata__[0]
+    for name, hint in typing.get_type_hints(ExpertConfig, include_extras=True).items()
+    if hasattr(hint, "__metadata__")
+}
+
+
+def test_keys_of_recorded_runs_stay():
+    recorded = section_to_mapping(ExpertConfig(mode="paper", memory_s=1.0))
+    assert set(recorded) == set(KEYS.split())
+    assert section_from_mapping(ExpertConfig, recorded) == ExpertConfig(mode="paper", memory_s=1.0)
+
+
+def test_every_number_has_a_range():
+    numbers = {
+        field.name
+        for field in dataclasses.fields(ExpertConfig)
+        if not isinstance(field.default, bool | str) and field.default is not None
+    }
+    assert set(RANGES) == numbers
+
+
+@pytest.mark.parametrize("name", RANGES)
+def test_numbers_out_of_range_are_refused_by_name(name):
+    default = getattr(ExpertConfig(), name)
+    for wrong in (-1, math.nan, math.inf):
+        value = (wrong,) if isinstance(default, tuple) else wrong
+        with pytest.raises(ValueError, match=f"^{name} must be"):
+            ExpertConfig(**{name: value})
+
+
+def test_predictions_longer_than_a_plan_can_be_are_refused():
+    assert ExpertConfig(oracle_prediction_s=31.5).oracle_prediction_s == 31.5
+    with pytest.raises(ValueError, match=r"primitive_s must be at least 0\.508 s for 32 s"):
+        ExpertConfig(oracle_prediction_s=32.0)

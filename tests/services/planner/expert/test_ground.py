@@ -8,12 +8,12 @@ from readygo.common.episode.grid_search import FREE, UNITS_PER_CELL, UNREACHED
 from readygo.common.maps import GridFrame, OccupancyMap
 from readygo.common.robot import RobotConfig
 from readygo.services.planner import ExpertConfig
-from readygo.services.planner.expert.ground import ExpertGround, cropped
+from readygo.services.planner.expert.ground import SceneGround, cropped
 from tests.services.planner.worlds import FRAME, rooms
 
 
 def _ground(occupancy, **options):
-    return ExpertGround(occupancy, occupancy, None, RobotConfig(), EpisodeConfig(), ExpertConfig(**options))
+    return SceneGround(occupancy, occupancy, None, RobotConfig(), EpisodeConfig(), ExpertConfig(**options))
 
 
 def _long_detour():
@@ -93,7 +93,7 @@ def test_grids_of_robot_and_people_may_differ():
     coarse = OccupancyMap(
         frame=GridFrame(origin_x_m=-3.0, origin_y_m=2.0, resolution_m=0.1), occupied=rooms().occupied[::2, ::2]
     )
-    ground = ExpertGround(rooms(), coarse, None, RobotConfig(), EpisodeConfig(), ExpertConfig())
+    ground = SceneGround(rooms(), coarse, None, RobotConfig(), EpisodeConfig(), ExpertConfig())
     local = ground.around((-2.0, 3.0), (2.0, 3.0))
     assert local.human_frame.resolution_m == 0.1
     assert local.human_ways[0][local.human_frame.cell(-2.0, 3.0)] == 0

@@ -3,16 +3,14 @@ import math
 import numpy as np
 import pytest
 
-from readygo.common.camera import CameraConfig
-from readygo.common.camera.view import view_of
 from readygo.common.episode import EpisodeConfig
 from readygo.common.robot import RobotConfig
 from readygo.services.planner import ExpertConfig
-from readygo.services.planner.expert.ground import ExpertGround
+from readygo.services.planner.expert.ground import SceneGround
 from readygo.services.planner.expert.perception import HumanTracks, in_view
 from tests.services.planner.worlds import rooms
 
-VIEW = view_of(CameraConfig())
+HALF_FOV = math.radians(50)
 POSE = (-1.0, 5.5, 0.0)
 AWAY = (*POSE[:2], math.pi)
 PATH = np.array([[0.2 + 0.05 * step, 5.5 + 0.01 * step] for step in range(200)])
@@ -25,35 +23,17 @@ BEFORE_WALL = (2.0, 5.0, math.pi / 2)
 )
 def test_a_human_is_seen_if_any_part_of_its_disc_is_in_view(bearing_deg, seen):
     angle = math.radians(bearing_deg)
-    assert in_view((1.0, 1.0, 0.0), 1 + 3 * math.cos(angle), 1 + 3 * math.sin(angle), VIEW, 10.0, 0.25) is seen
+    assert in_view((1.0, 1.0, 0.0), 1 + 3 * math.cos(angle), 1 + 3 * math.sin(angle), HALF_FOV, 10.0, 0.25) is seen
 
 
 def test_view_turns_with_the_robot_and_ends_at_its_range():
-    assert in_view((0.0, 0.0, 7 * math.pi), -3.0, 0.0, VIEW, 10.0, 0.25)
-    assert not in_view((0.0, 0.0, 0.0), 10.1, 0.0, VIEW, 10.0, 0.25)
+    assert in_view((0.0, 0.0, 7 * math.pi), -3.0, 0.0, HALF_FOV, 10.0, 0.25)
+    assert not in_view((0.0, 0.0, 0.0), 10.1, 0.0, HALF_FOV, 10.0, 0.25)
 
 
-def test_view_is_that_of_the_image_behind_the_lens_and_of_its_mount():
-    wide = view_of(CameraConfig(fx_px=100.0, fy_px=100.0, cx_px=128.0, cy_px=72.0, distortion="fisheye"))
-    angle = math.radians(85)
-    assert in_view((0.0, 0.0, 0.0), 3 * math.cos(angle), 3 * math.sin(angle), wide, 10.0, 0.25) is False
-    angle = math.radians(70)
-    assert in_view((0.0, 0.0, 0.0), 3 * math.cos(angle), 3 * math.sin(angle), wide, 10.0, 0.25)
-    assert not in_view((0.0, 0.0, 0.0), 3 * math.cos(angle), 3 * math.sin(angle), VIEW, 10.0, 0.25)
-    assert not in_view((0.0, 0.0, 0.0), 3.0, 0.0, view_of(CameraConfig(mount_pitch_deg=50.0)), 10.0, 0.25)
-
-
-def test_expert_sees_from_where_the_camera_is():
-    beside = (-1.0, 5.5 + 2.0, 0.0)
-    assert _tracks(mode="paper").observe(0, beside, _walk(0)) == []
-    to_the_right = RobotConfig(camera=CameraConfig(mount_y_m=-2.0))
-    (human,) = _tracks(mode="paper", robot=to_the_right).observe(0, beside, _walk(0))
-    assert human.seen
-
-
-def _tracks(path=PATH, *, robot=None, **options):
+def _tracks(path=PATH, **options):
     occupancy = rooms()
-    ground = ExpertGround(occupancy, occupancy, None, robot or RobotConfig(), EpisodeConfig(), ExpertConfig(**options))
+    ground = SceneGround(occupancy, occupancy, None, RobotConfig(), EpisodeConfig(), ExpertConfig(**options))
     return HumanTracks(ground, ground.around((-1.0, 5.5), (2.0, 5.5)), [path], 40)
 
 

@@ -1,9 +1,20 @@
 import numpy as np
 import pytest
 
-from readygo.services.planner.expert.rollouts import limited, nearest_ahead, slow_ahead
+from readygo.services.planner.expert.records import Limits, Obstacles, State, Surroundings
+from readygo.services.planner.expert.rollouts import (
+    FREE_RUN,
+    choose_evasion,
+    limited,
+    meets,
+    nearest_ahead,
+    slow_ahead,
+    try_arc,
+    try_pursuit,
+)
 
-LIMITS = (1.0, 1.2, 0.8, 2.0)
+LIMITS = Limits(1.0, 1.2, 0.8, 2.0)
+NOBODY = np.empty((0, 40, 2))
 
 
 @pytest.fixture
@@ -42,6 +53,65 @@ def test_nearest_point_is_searched_ahead_and_not_far(path):
 
 
 def test_command_changes_by_what_the_robot_can_do_in_a_step():
-    assert limited(2.0, 5.0, (0.0, 0.0, 0.0, 0.5, 0.0), LIMITS) == pytest.approx((0.54, 0.1))
-    assert limited(-1.0, -5.0, (0.0, 0.0, 0.0, 0.5, 0.0), LIMITS) == pytest.approx((0.46, -0.1))
-    assert limited(2.0, 5.0, (0.0, 0.0, 0.0, 0.99, 1.19), LIMITS) == pytest.approx((1.0, 1.2))
+    assert limited(2.0, 5.0, State(0.0, 0.0, 0.0, 0.5, 0.0), LIMITS) == pytest.approx((0.54, 0.1))
+    assert limited(-1.0, -5.0, State(0.0, 0.0, 0.0, 0.5, 0.0), LIMITS) == pytest.approx((0.46, -0.1))
+    assert limited(2.0, 5.0, State(0.0, 0.0, 0.0, 0.99, 1.19), LIMITS) == pytest.approx((1.0, 1.2))
+
+
+def around(humans=NOBODY, wall_x_m=None, doubt_mps=0.0):
+    """An open place of 8 x 8 m from (-4, -4), with a wall from some x on."""
+    occupied = np.zeros((160, 160), np.bool_)
+    if wall_x_m is not None:
+        occupied[:, round((wall_x_m + 4.0) / 0.05) :] = True
+    columns = np.argmax(occupied[0]) - np.arange(160) if wall_x_m is not None else np.full(160, 160)
+    clearance = np.tile(np.maximum(columns, 0) * 0.05, (160, 1)).astype(np.float64)
+    return Surroundings(Obstacles(occupied, clearance, -4.0, -4.0, 0.05), 0.25, humans, 0.5, doubt_mps)
+
+
+def standing(x, y):
+    return np.full((1, 40, 2), (x, y))
+
+
+def test_disc_meets_a_wall_up_to_its_radius():
+    place = around(wall_x_m=1.0)
+    assert meets(State(0.8, 0.0, 0.0, 0.0, 0.0), place.obstacles, 0.25)
+    assert not meets(State(0.7, 0.0, 0.0, 0.0, 0.0), place.obstacles, 0.25)
+
+
+def test_run_ends_at_the_wall_that_it_cannot_stop_before():
+    to_goal = np.zeros((160, 160), np.int32)
+    fast, slow = State(0.0, 0.0, 0.0, 1.0, 0.0), State(0.0, 0.0, 0.0, 0.0, 0.0)
+    steps, _, _ = try_arc(1.0, 0.0, fast, LIMITS, around(wall_x_m=1.0), to_goal)
+    assert 14 <= steps <= 16
+    assert try_arc(0.0, 0.0, slow, LIMITS, around(wall_x_m=1.0), to_goal)[0] == FREE_RUN
+
+
+def test_gap_is_the_least_on_the_way_and_shrinks_with_doubt():
+    to_goal = np.zeros((160, 160), np.int32)
+    state = State(0.0, 0.0, 0.0, 1.0, 0.0)
+    sure = try_arc(1.0, 0.0, state, LIMITS, around(standing(1.0, 0.8)), to_goal)[1]
+    assert sure == pytest.approx(0.3, abs=1e-3)
+    unsure = try_arc(1.0, 0.0, state, LIMITS, around(standing(1.0, 0.8), doubt_mps=0.1), to_goal)[1]
+    assert unsure == pytest.approx(0.2, abs=0.02)
+
+
+def test_pursuit_follows_the_path_and_sees_who_stands_on_it():
+    path = np.column_stack([np.arange(0, 3, 0.05), np.zeros(60), np.zeros(60), np.ones(60)])
+    state = State(0.0, 0.1, 0.0, 1.0, 0.0)
+    steps, gap, v, w = try_pursuit(path, 0, state, 0.5, 1.0, LIMITS, around(standing(1.5, 0.0)))
+    assert steps == FREE_RUN
+    assert gap < -0.3
+    assert (v, w) == (pytest.approx(1.0), -0.1)
+    assert try_pursuit(path, 0, state, 0.5, 0.0, LIMITS, around(standing(1.5, 0.0)))[1] > 0
+
+
+def test_evasion_leaves_who_comes_nearer_and_finds_nothing_between_walls_and_speed():
+    to_goal = np.zeros((160, 160), np.int32)
+    coming = np.stack([1.2 - 0.06 * np.arange(40), np.full(40, -0.1)], axis=1)[None]
+    state = State(0.0, 0.0, 0.0, 0.0, 0.0)
+    found, v, w = choose_evasion(state, LIMITS, around(coming), 0.4, to_goal)
+    assert found
+    assert v > 0
+    assert w > 0
+    trapped = State(0.7, 0.0, 0.0, 1.0, 0.0)
+    assert not choose_evasion(trapped, LIMITS, around(coming, wall_x_m=1.0), 0.4, to_goal)[0]

@@ -8,8 +8,9 @@ from readygo.common.maps import OccupancyMap
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import DT_S
 from readygo.services.planner import ExpertConfig
-from readygo.services.planner.expert.ground import ExpertGround
-from readygo.services.planner.expert.spacetime_search import SpaceTimeSearch, TimedHumans
+from readygo.services.planner.expert.ground import SceneGround
+from readygo.services.planner.expert.records import HumansAhead
+from readygo.services.planner.expert.spacetime_search import SpaceTimeSearch
 from tests.services.planner.worlds import FRAME, rooms
 
 ROBOT = RobotConfig()
@@ -21,7 +22,7 @@ STEPS = 80
 def _humans(*paths):
     expected_m = np.array(paths).reshape(-1, STEPS, 2)
     count = len(expected_m)
-    return TimedHumans(
+    return HumansAhead(
         expected_m=expected_m,
         chances=np.ones(count),
         contact_m=CONTACT_M,
@@ -32,10 +33,10 @@ def _humans(*paths):
 
 def _plan(state, goal_m, humans, occupancy=None):
     occupancy = occupancy or rooms()
-    ground = ExpertGround(occupancy, occupancy, None, ROBOT, EpisodeConfig(), CONFIG)
+    ground = SceneGround(occupancy, occupancy, None, ROBOT, EpisodeConfig(), CONFIG)
     local = ground.around(state[:2], goal_m)
     search = SpaceTimeSearch(ROBOT, CONFIG, goal_tolerance_m=0.5)
-    return search.search(local.tight_factor, local.to_goal, local.cells, state, goal_m, humans)
+    return search.search(local.tight_factor, local.to_goal, local.obstacles, state, goal_m, humans)
 
 
 def _gaps(plan, path):
@@ -86,17 +87,17 @@ def test_robot_in_a_niche_that_looks_at_its_wall_turns_instead_of_waiting():
 def test_no_plan_where_the_robot_cannot_take_a_step():
     state, goal_m = (-2.0, 3.0, 0.0, 0.0, 0.0), (2.0, 6.0)
     occupancy = rooms()
-    ground = ExpertGround(occupancy, occupancy, None, ROBOT, EpisodeConfig(), CONFIG)
+    ground = SceneGround(occupancy, occupancy, None, ROBOT, EpisodeConfig(), CONFIG)
     local = ground.around(state[:2], goal_m)
     blocked = np.zeros_like(local.tight_factor)
     search = SpaceTimeSearch(ROBOT, CONFIG, goal_tolerance_m=0.5)
-    assert search.search(blocked, local.to_goal, local.cells, state, goal_m, _humans()) is None
+    assert search.search(blocked, local.to_goal, local.obstacles, state, goal_m, _humans()) is None
 
 
 @pytest.mark.parametrize("chance", [1.0, 0.2])
 def test_a_human_who_surrounds_the_robot_still_leaves_a_least_evil(chance):
     state, goal_m = (0.0, 5.0, 0.0, 0.0, 0.0), (2.0, 5.0)
-    humans = TimedHumans(
+    humans = HumansAhead(
         expected_m=np.full((1, STEPS, 2), (0.1, 5.0)),
         chances=np.array([chance]),
         contact_m=CONTACT_M,

@@ -5,8 +5,8 @@ import pytest
 
 from readygo.common.messages import HumanPlanRequest
 from readygo.services.planner import handle_human_plan
+from readygo.services.planner.expert.handlers import drive
 from readygo.services.planner.explain.journal import Journal, run_with_journal
-from readygo.services.planner.handlers import drive
 from tests.services.planner.runs import STEPS, WAY, make_journal, make_run
 from tests.services.planner.worlds import animate, key
 
@@ -18,10 +18,10 @@ def rest(path, step):
     return path[step:]
 
 
-def test_journal_of_a_run_changes_nothing_and_has_an_entry_per_step(planner):
-    scenario = handle_human_plan(planner, HumanPlanRequest(episode=key(1))).scenario
-    plain = drive(planner, scenario, animate(scenario))
-    run = run_with_journal(planner, scenario, animate(scenario))
+def test_journal_of_a_run_changes_nothing_and_has_an_entry_per_step(human_planner, robot_planner):
+    scenario = handle_human_plan(human_planner, HumanPlanRequest(episode=key(1))).scenario
+    plain = drive(robot_planner, scenario, animate(scenario))
+    run = run_with_journal(robot_planner, scenario, animate(scenario))
     assert np.array_equal(run.trajectory.actions, plain.actions)
     assert len(run.journal.paths_m) == len(run.journal.perceived) == len(plain.xyyaw)
     assert run.journal.searched == plain.replanned.tolist()

@@ -10,14 +10,14 @@ from readygo.common.messages import Outcome
 from readygo.services.planner.explain.picture import MOMENT_PX, draw_episode, draw_run, episode_view
 from readygo.services.planner.explain.picture_layers import OUTCOMES, SIGHT, SIGHT_SHARE, SUPERSEDED, draw_knowledge
 from tests.services.planner.runs import STEPS, WAY, Y_M, make_journal, make_run, make_scenario
-from tests.services.planner.worlds import make_planner, rooms
+from tests.services.planner.worlds import make_robot_planner, rooms
 
 PERSON = [(0.0, 5.3)]
 
 
 @pytest.fixture(scope="module")
 def paper_planner():
-    return make_planner(mode="paper")
+    return make_robot_planner(mode="paper")
 
 
 def has(picture, colour):
@@ -85,7 +85,7 @@ def test_walls_cut_the_view_where_they_hide_people():
     pictures = []
     for mode in ("paper", "spacetime"):
         picture = view.rgb.copy()
-        draw_knowledge(picture, view, make_planner(mode=mode), run, 40)
+        draw_knowledge(picture, view, make_robot_planner(mode=mode), run, 40)
         pictures.append(picture)
     # A wall at y = 2 closes the room; the table between x = 0 and 1 ends at y = 4.5.
     behind, before = (2.0, 4.2), (1.5, 5.0)

@@ -7,8 +7,9 @@ from readygo.common.episode import EpisodeConfig, meets_obstacle
 from readygo.common.maps import OccupancyMap
 from readygo.common.messages import HumanPlanRequest, HumanTrajectory, Outcome, Scenario, encode
 from readygo.services.planner import HumanPlannerConfig, handle_human_plan
-from readygo.services.planner.handlers import drive, let_react
-from readygo.services.planner.humans.reactive import ReactivePeople
+from readygo.services.planner.expert.handlers import drive
+from readygo.services.planner.humans.handlers import let_react
+from readygo.services.planner.humans.reactive import ReactiveHumans
 from tests.services.planner.worlds import animate, hall, key, planner_of, rooms
 
 FRONT = np.stack([np.arange(190) * 0.05 - 2.0, np.full(190, 7.0)], axis=1)
@@ -17,7 +18,7 @@ FRONT = np.stack([np.arange(190) * 0.05 - 2.0, np.full(190, 7.0)], axis=1)
 
 def walked(drawn, robot, steps=160, reacts=None, occupancy=None, **config):
     """Where people go beside a robot that `robot(step)` places: x, y, vx, vy, or None."""
-    people = ReactivePeople(
+    people = ReactiveHumans(
         drawn,
         reacts or [True] * len(drawn),
         occupancy or hall(),
@@ -105,11 +106,11 @@ def pairs(reacting):
     return found
 
 
-def test_reactive_people_are_hit_less_often_by_the_expert(reacting, pairs):
+def test_reactive_people_are_hit_less_often_by_the_expert(robot_planner, pairs):
     hits = [0, 0]
     for pair in pairs:
         for k, scenario in enumerate(pair):
-            outcome = drive(reacting, scenario, animate(scenario)).outcome
+            outcome = drive(robot_planner, scenario, animate(scenario)).outcome
             hits[k] += outcome is Outcome.HUMAN_COLLISION
     assert len(pairs) >= 8
     assert hits[0] >= 3

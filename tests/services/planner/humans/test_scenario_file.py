@@ -5,7 +5,7 @@ import pytest
 
 from readygo.common.errors import ConfigError
 from readygo.common.messages import HumanPlanRequest, Split
-from readygo.services.planner import HumanPlannerConfig, Planner, handle_human_plan
+from readygo.services.planner import HumanPlannerConfig, handle_human_plan
 from readygo.services.planner.humans.scenario_file import load_scenarios, parse_scenarios, save_scenarios
 from tests.services.planner.worlds import key, planner_of
 
@@ -16,24 +16,15 @@ HUMAN = "[[scenarios.humans]]\nwaypoints_m = [[2.0, 3.0], [-1.0, 6.0]]\n"
 
 def playing(text, source="people.toml", **config):
     """A planner that plays the text of a scenario file in four rooms."""
-    drawing = planner_of(**config)
-    return Planner(
-        maps=drawing.maps,
-        avatars=dict.fromkeys(("adam", "mia", "zoe"), None),
-        robot=drawing.robot,
-        episode_config=drawing.episode_config,
-        human_config=drawing.human_config,
-        expert_config=drawing.ground.config,
-        scenarios=parse_scenarios(text, source),
-    )
+    return planner_of(scenarios=parse_scenarios(text, source), **config)
 
 
 def played(planner, index=0, **request):
     return handle_human_plan(planner, HumanPlanRequest(episode=key(index), **request)).scenario
 
 
-def test_an_exported_file_gives_the_same_episodes_again_bit_by_bit(planner, tmp_path):
-    drawn = [handle_human_plan(planner, HumanPlanRequest(episode=key(index))).scenario for index in range(8)]
+def test_an_exported_file_gives_the_same_episodes_again_bit_by_bit(human_planner, tmp_path):
+    drawn = [handle_human_plan(human_planner, HumanPlanRequest(episode=key(index))).scenario for index in range(8)]
     drawn = [scenario for scenario in drawn if scenario is not None]
     save_scenarios(tmp_path / "episodes.toml", drawn)
     again = playing((tmp_path / "episodes.toml").read_text(), reactive=True)
@@ -46,12 +37,12 @@ def test_an_exported_file_gives_the_same_episodes_again_bit_by_bit(planner, tmp_
             assert a.xy_m.tobytes() == b.xy_m.tobytes()
 
 
-def test_a_file_is_written_whole_or_not_at_all(planner, tmp_path):
+def test_a_file_is_written_whole_or_not_at_all(human_planner, tmp_path):
     with pytest.raises(ConfigError, match="no scenario"):
         save_scenarios(tmp_path / "none.toml", [])
     (tmp_path / "file").touch()
     with pytest.raises(ConfigError, match="cannot be written"):
-        save_scenarios(tmp_path / "file" / "a.toml", [handle_human_plan(planner, _request()).scenario])
+        save_scenarios(tmp_path / "file" / "a.toml", [handle_human_plan(human_planner, _request()).scenario])
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 

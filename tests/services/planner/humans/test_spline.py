@@ -1,15 +1,7 @@
 import numpy as np
-import pytest
 from scipy.interpolate import BSpline
 
-from readygo.services.planner.humans.spline import (
-    at_constant_speed,
-    length_m,
-    resample,
-    smooth_path,
-    spline_basis,
-    spline_points,
-)
+from readygo.services.planner.humans.spline import smooth_path, spline_basis, spline_points
 from tests.services.planner.worlds import FRAME
 
 
@@ -53,16 +45,3 @@ def test_path_bends_around_a_disc_and_keeps_its_ends():
 def test_path_through_a_wall_is_given_up():
     clearance = np.full((120, 160), 0.2)
     assert _smooth([(-1.5, 5.1), (3.5, 5.1)], clearance) is None
-
-
-def test_resampling_keeps_length_and_spacing():
-    line = np.array([(0, 0), (3, 0), (3, 4)], float)
-    even = resample(line, 71)
-    assert length_m(line) == 7.0
-    assert np.allclose(np.hypot(*np.diff(even, axis=0).T), 0.1)
-
-
-def test_constant_speed_ends_at_the_end():
-    walk = at_constant_speed(np.array([(0, 0), (3, 0)], float), 1.0, 0.05)
-    assert walk[-1] == pytest.approx((3, 0))
-    assert np.allclose(np.diff(walk[:-1, 0]), 0.05)

@@ -1,14 +1,15 @@
-"""Named mixes of people: functions that change how many come, how fast they are and how they meet the robot."""
+"""Named mixes of humans: functions that change how many come, how fast they are and how they meet the robot."""
 
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, Literal
 
 from readygo.common.episode import EpisodeConfig
-from readygo.services.planner.config import PAPER_MIX, FamilyMix, HumanPlannerConfig
+from readygo.services.planner.humans.config import PAPER_MIX, FamilyMix, HumanPlannerConfig
 
-People = tuple[EpisodeConfig, HumanPlannerConfig]
-PeopleName = Literal["paper", "varied", "crowd"]
+Mix = tuple[EpisodeConfig, HumanPlannerConfig]
+"""Both sections of settings that say who comes."""
+MixName = Literal["paper", "varied", "crowd"]
 
 _PLACES: dict[str, Any] = {
     "slope_max": 0.35,
@@ -21,16 +22,16 @@ _PLACES: dict[str, Any] = {
 """Cheap draws often, dear ones seldom: 15 ms a scenario at most on average."""
 
 
-def people_paper(episode: EpisodeConfig, planner: HumanPlannerConfig) -> People:
-    """One or two people at 0.8-1.4 m/s who cross the way or walk along it: the frozen mix of success rates."""
+def paper(episode: EpisodeConfig, planner: HumanPlannerConfig) -> Mix:
+    """One or two humans at 0.8-1.4 m/s who cross the way or walk along it: the frozen mix of success rates."""
     return (
         replace(episode, human_count_min=1, human_count_max=2, human_speed_min_mps=0.8, human_speed_max_mps=1.4),
         replace(planner, mix=PAPER_MIX),
     )
 
 
-def people_varied(episode: EpisodeConfig, planner: HumanPlannerConfig) -> People:
-    """Up to four people at 0.5-2.0 m/s from all families; fewer where they find no room."""
+def varied(episode: EpisodeConfig, planner: HumanPlannerConfig) -> Mix:
+    """Up to four humans at 0.5-2.0 m/s from all families; fewer where they find no room."""
     mix = FamilyMix(
         crossing=0.14,
         parallel=0.12,
@@ -50,8 +51,8 @@ def people_varied(episode: EpisodeConfig, planner: HumanPlannerConfig) -> People
     )
 
 
-def people_crowd(episode: EpisodeConfig, planner: HumanPlannerConfig) -> People:
-    """Two to four people at 0.5-1.5 m/s: much cross traffic and groups that stand."""
+def crowd(episode: EpisodeConfig, planner: HumanPlannerConfig) -> Mix:
+    """Two to four humans at 0.5-1.5 m/s: much cross traffic and groups that stand."""
     mix = FamilyMix(
         crossing=0.25, parallel=0.2, frontal=0.15, overtaking=0.05, doorway=0.1, standing_group=0.15, stop_and_go=0.1
     )
@@ -61,8 +62,8 @@ def people_crowd(episode: EpisodeConfig, planner: HumanPlannerConfig) -> People:
     )
 
 
-PEOPLE_RECIPES: dict[PeopleName, Callable[[EpisodeConfig, HumanPlannerConfig], People]] = {
-    "paper": people_paper,
-    "varied": people_varied,
-    "crowd": people_crowd,
+MIXES: dict[MixName, Callable[[EpisodeConfig, HumanPlannerConfig], Mix]] = {
+    "paper": paper,
+    "varied": varied,
+    "crowd": crowd,
 }

@@ -9,20 +9,20 @@ import numpy.typing as npt
 from numba import njit
 
 from readygo.common.robot.kinematics import DT_S
-from readygo.services.planner.humans.spline import at_lengths, length_m, resample
-from readygo.services.planner.humans.task import Point
+from readygo.services.planner.humans.polyline import at_lengths, length_m, resample
+from readygo.services.planner.humans.robot_task import Point
 
 Float64Array = npt.NDArray[np.float64]
 
 ACCELERATION_MPS2 = 1.2
-"""How people speed up, and slow down for a stop (ours; mocap of everyday walking has 1 to 1.5)."""
+"""How humans speed up, and slow down for a stop (ours; mocap of everyday walking has 1 to 1.5)."""
 WAIT_MAX_S = 4.0
 """Longest time that somebody stands at the start in order to meet the robot later on [s]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Walk:
-    """One person of an encounter."""
+    """One human of an encounter."""
 
     speed_mps: float
     """Speed while they walk freely."""
@@ -118,6 +118,6 @@ def nearest_m(a: Float64Array, b: Float64Array) -> float:
     return float(np.sqrt(np.min(gap[:, 0] ** 2 + gap[:, 1] ** 2)))
 
 
-def held(xy_m: Float64Array, count: int) -> Float64Array:
+def first_rows(xy_m: Float64Array, count: int) -> Float64Array:
     """The first `count` positions of somebody who stands at the last one [m], shape (count, 2)."""
     return xy_m[np.minimum(np.arange(count), len(xy_m) - 1)]

@@ -19,8 +19,8 @@ _FEET = ((7, 10), (8, 11))
 
 
 @dataclass(frozen=True, kw_only=True)
-class Lens:
-    """A pinhole camera."""
+class Framing:
+    """Size of a picture, and the pinhole camera that takes it."""
 
     height_px: int
     width_px: int
@@ -32,15 +32,15 @@ class Lens:
         return np.array([[self.focal_px, 0, self.width_px / 2], [0, self.focal_px, self.height_px / 2], [0, 0, 1]])
 
 
-class Stage:
+class Studio:
     """One avatar on the floor z = 0 before a camera."""
 
-    def __init__(self, avatar: Avatar, lens: Lens) -> None:
-        self.avatar, self.lens = avatar, lens
-        self._rasterizer = CpuRasterizer([], [avatar], lens.K_px, lens.height_px, lens.width_px)
+    def __init__(self, avatar: Avatar, framing: Framing) -> None:
+        self.avatar, self.framing = avatar, framing
+        self._rasterizer = CpuRasterizer([], [avatar], framing.K_px, framing.height_px, framing.width_px)
 
     def picture(self, T_world_camera: Array, motion: Motion, row: int, joints_m: Array) -> Image:
-        """The person in one row of a motion.
+        """The human in one row of a motion.
 
         Args:
             T_world_camera: Camera pose, OpenCV axes, shape (4, 4).
@@ -55,7 +55,7 @@ class Stage:
         images = self._rasterizer.render_images(T_world_camera, [person], ("alpha",))
         assert images.alpha is not None
         feet = np.stack([0.5 * (joints_m[:, ankle] + joints_m[:, ball]) for ankle, ball in _FEET], axis=1)
-        ground = _ground(T_world_camera, self.lens, feet[row] - [0.0, 0.0, feet[:, :, 2].min()])
+        ground = _ground(T_world_camera, self.framing, feet[row] - [0.0, 0.0, feet[:, :, 2].min()])
         mixed = images.rgb + (1.0 - images.alpha[:, :, None]) * ground
         return np.clip(np.rint(mixed), 0, 255).astype(np.uint8)
 
@@ -73,16 +73,16 @@ def look_at(eye_m: npt.ArrayLike, target_m: npt.ArrayLike) -> Array:
     return T
 
 
-def _ground(T_world_camera: Array, lens: Lens, feet_m: Array) -> Array:
+def _ground(T_world_camera: Array, framing: Framing, feet_m: Array) -> Array:
     """The backdrop: a floor at z = 0 with lines and the shadows of the feet, and a wall, values 0..255."""
-    u, v = np.meshgrid(np.arange(lens.width_px) + 0.5, np.arange(lens.height_px) + 0.5)
-    K_px = lens.K_px
+    u, v = np.meshgrid(np.arange(framing.width_px) + 0.5, np.arange(framing.height_px) + 0.5)
+    K_px = framing.K_px
     rays = np.stack([(u - K_px[0, 2]) / K_px[0, 0], (v - K_px[1, 2]) / K_px[1, 1], np.ones_like(u)], axis=-1)
     rays = rays @ T_world_camera[:3, :3].T
     eye = T_world_camera[:3, 3]
     distance = eye[2] / np.maximum(-rays[..., 2], 1e-3)
     points = eye[:2] + distance[..., None] * rays[..., :2]
-    floor = _lined(points, distance, eye[2], lens.focal_px)
+    floor = _lined(points, distance, eye[2], framing.focal_px)
     for foot in feet_m:
         away = ((points - foot[:2]) ** 2).sum(axis=-1, keepdims=True) / _SHADOW_RADIUS_M**2
         floor *= 1.0 - _SHADOW_DEPTH * np.exp(-away - max(float(foot[2]), 0.0) / _SHADOW_FADE_M)

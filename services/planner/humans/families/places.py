@@ -1,15 +1,22 @@
 """Families that need a place of their own: blind corners, doorways, groups that stand, walkers that pause."""
 
 import math
-from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
 from readygo.common.robot.kinematics import DT_S
-from readygo.services.planner.humans.families import People, Site, path_across, path_against
-from readygo.services.planner.humans.task import Point, Task, apart_m, moved, turned
-from readygo.services.planner.humans.walk import ACCELERATION_MPS2, Walk, held, nearest_along, timed, timed_to_meet
+from readygo.services.planner.humans.families.along_the_way import path_across, path_against
+from readygo.services.planner.humans.families.site import Encounter, Site
+from readygo.services.planner.humans.robot_task import Point, Task, apart_m, moved, turned
+from readygo.services.planner.humans.timing import (
+    ACCELERATION_MPS2,
+    Walk,
+    first_rows,
+    nearest_along,
+    timed,
+    timed_to_meet,
+)
 
 Float64Array = npt.NDArray[np.float64]
 
@@ -17,7 +24,7 @@ _GROUP_STEP_M = 0.35
 _GROUP_SPEED_MPS = 0.5
 
 
-def blind_corner(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> People:
+def blind_corner(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> Encounter:
     """Out from behind an obstacle: hidden from the robot's expected way until shortly before the meeting."""
     speed, hidden_s = site.speed_mps(rng), site.config.hidden_until_s
     fraction = rng.uniform(0.25, 0.85)
@@ -39,19 +46,19 @@ def blind_corner(site: Site, rng: np.random.Generator, task: Task, wanted: int) 
 
 
 def is_blind_corner(site: Site, task: Task, xy_m: Float64Array) -> bool:
-    """True if robot and person come within 0.7 m, and nothing of the person is in sight until shortly before."""
+    """True if robot and human come within 0.7 m, and nothing of the human is in sight until shortly before."""
     step, gap_m = site.nearest_to_robot(task, xy_m)
     first = max(step - round(site.config.hidden_until_s / DT_S), 0)
     if gap_m > 0.7 or first == 0:
         return False
-    robot, person = site.drive.rows(task, first).tolist(), held(xy_m, first).tolist()
+    robot, human = site.drive.rows(task, first).tolist(), first_rows(xy_m, first).tolist()
     # From the last moment on: that is where most who are seen are seen.
-    return not any(site.sees(tuple(robot[k]), tuple(person[k])) for k in reversed(range(first)))
+    return not any(site.sees(tuple(robot[k]), tuple(human[k])) for k in reversed(range(first)))
 
 
-def doorway(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> People:
+def doorway(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> Encounter:
     """Through a narrow passage on the robot's way, from the other side, both there at the same time."""
-    on_way = passages_on_way(site, task)
+    on_way = site.passages_on_way(task)
     if not on_way:
         return ()
     middle, along_m = on_way[int(rng.integers(len(on_way)))]
@@ -82,24 +89,9 @@ def _path_through(
     return site.paths.path([moved(middle, far, before_m), middle, moved(middle, near, after_m)])
 
 
-@lru_cache(maxsize=1)
-def passages_on_way(site: Site, task: Task) -> list[tuple[Point, float]]:
-    """Middles of the passages that the robot's way leads through, and how far along the way they are [m]."""
-    middles = np.array([passage.middle_m for passage in site.passages]).reshape(-1, 1, 2)
-    gaps = middles - task.way_m
-    squared = gaps[:, :, 0] ** 2 + gaps[:, :, 1] ** 2
-    nearest = np.argmin(squared, axis=1).tolist()
-    found = []
-    for passage, row, k in zip(site.passages, squared, nearest, strict=True):
-        along_m = task.length_m * k / (len(task.way_m) - 1)
-        if row[k] < (0.5 * passage.width_m) ** 2 and 0.8 <= along_m <= task.length_m - 0.5:
-            found.append((passage.middle_m, along_m))
-    return found
-
-
 def is_doorway(site: Site, task: Task, xy_m: Float64Array) -> bool:
-    """True if robot and person are in one passage within a second of each other, against each other."""
-    for middle, along_m in passages_on_way(site, task):
+    """True if robot and human are in one passage within a second of each other, against each other."""
+    for middle, along_m in site.passages_on_way(task):
         gaps = xy_m - np.array(middle)
         squared = gaps[:, 0] ** 2 + gaps[:, 1] ** 2
         step = int(np.argmin(squared))
@@ -112,8 +104,8 @@ def is_doorway(site: Site, task: Task, xy_m: Float64Array) -> bool:
     return False
 
 
-def standing_group(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> People:
-    """Two to four people in a circle near the way. They step up to it in the first second, and so face its middle."""
+def standing_group(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> Encounter:
+    """Two to four humans in a circle near the way. They step up to it in the first second, and so face its middle."""
     if wanted < 2:
         return ()
     count = int(rng.integers(2, min(wanted, 4) + 1))
@@ -138,7 +130,7 @@ def standing_group(site: Site, rng: np.random.Generator, task: Task, wanted: int
     return tuple(group)
 
 
-def stop_and_go(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> People:
+def stop_and_go(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> Encounter:
     """Across the way or against it, with a pause on it or shortly before."""
     speed, fraction = site.speed_mps(rng), rng.uniform(0.3, 0.7)
     pause_s = rng.uniform(site.config.pause_min_s, site.config.pause_max_s)

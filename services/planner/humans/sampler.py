@@ -15,24 +15,12 @@ from readygo.common.maps import OccupancyMap, SightMap, clearance_m, sight_of_oc
 from readygo.common.messages import EpisodeKey, HumanTrajectory, Scenario
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import DT_S
-from readygo.services.planner.config import FamilyMix, HumanPlannerConfig
-from readygo.services.planner.humans.families import (
-    Draw,
-    People,
-    Site,
-    crossing,
-    crossing_left,
-    crossing_right,
-    frontal,
-    goalward,
-    overtaking,
-    parallel,
-)
-from readygo.services.planner.humans.families_places import blind_corner, doorway, standing_group, stop_and_go
-from readygo.services.planner.humans.human import HumanPathPlanner, keeps_clear
-from readygo.services.planner.humans.spline import length_m, resample
-from readygo.services.planner.humans.task import SPACING_M, ExpectedDrive, Point, Task
-from readygo.services.planner.humans.walk import nearest_m
+from readygo.services.planner.humans.config import FamilyMix, HumanPlannerConfig
+from readygo.services.planner.humans.families import FAMILIES, Encounter, Site
+from readygo.services.planner.humans.paths import HumanPathPlanner, keeps_clear
+from readygo.services.planner.humans.polyline import length_m, resample
+from readygo.services.planner.humans.robot_task import SPACING_M, ExpectedDrive, Point, Task
+from readygo.services.planner.humans.timing import nearest_m
 from readygo.services.planner.humans.window_search import WindowSearch
 
 Float64Array = npt.NDArray[np.float64]
@@ -44,29 +32,11 @@ GROUP_GAP_M = 0.25
 """The same for groups that stand from the beginning [m]."""
 
 _NEARBY_M = 4.0
-"""Ways around people are looked for this near first [m]."""
+"""Ways around humans are looked for this near first [m]."""
 
 NO_WAY = "no way from start to goal"
 NO_ROOM = "no room for a human"
 IN_THE_WAY = "people in each other's way"
-
-FAMILIES: dict[str, Draw] = {
-    draw.__name__: draw
-    for draw in (
-        crossing,
-        parallel,
-        frontal,
-        overtaking,
-        crossing_left,
-        crossing_right,
-        blind_corner,
-        doorway,
-        standing_group,
-        stop_and_go,
-        goalward,
-    )
-}
-"""The families by the names of `FamilyMix`."""
 
 
 class RejectedError(Exception):
@@ -96,7 +66,7 @@ class ScenarioSampler:
             episode_config: Distances, counts and speeds.
             config: How scenarios are drawn.
             cell_margin_m: Added to the planning radius at cell centres [m].
-            find_sight: What hides people from a camera; without it, all of the robot's map does.
+            find_sight: What hides humans from a camera; without it, all of the robot's map does.
 
         Raises:
             SceneError: If the robot's map has no free space for it.
@@ -138,10 +108,10 @@ class ScenarioSampler:
             if not avatar_names:
                 raise AvatarError("Humans are asked for but there are no avatars; add one or set human counts to 0.")
             # A stream of their own: who walks changes nothing about where.
-            people = episode_rng(episode, Purpose.AVATAR)
-            order = [avatar_names[int(k)] for k in people.permutation(len(avatar_names))]
+            avatar_rng = episode_rng(episode, Purpose.AVATAR)
+            order = [avatar_names[int(k)] for k in avatar_rng.permutation(len(avatar_names))]
             while len(humans) < count:
-                drawn = self._draw_people(rng, task, count - len(humans), [human.xy_m for human in humans])
+                drawn = self._draw_encounter(rng, task, count - len(humans), [human.xy_m for human in humans])
                 if drawn is None:
                     if self._config.fewer_humans and len(humans) >= self._episode.human_count_min:
                         break
@@ -202,9 +172,9 @@ class ScenarioSampler:
         way[0], way[-1] = start, goal
         return way
 
-    def _draw_people(
+    def _draw_encounter(
         self, rng: np.random.Generator, task: Task, wanted: int, others: list[Float64Array]
-    ) -> tuple[str, People] | None:
+    ) -> tuple[str, Encounter] | None:
         """People of a drawn family, or of another one of the mix where the place has no room for it, or None."""
         for family in islice(drawn_order(rng, self._config.mix), self._config.families_tried):
             paths = self.site.paths
@@ -212,20 +182,20 @@ class ScenarioSampler:
             for _ in range(self._config.attempts):
                 if paths.searches >= last:
                     break
-                people = FAMILIES[family](self.site, rng, task, wanted)
-                if people and self._fit(people, task, others):
-                    return family, people
+                encounter = FAMILIES[family](self.site, rng, task, wanted)
+                if encounter and self._fit(encounter, task, others):
+                    return family, encounter
         return None
 
-    def _fit(self, people: People, task: Task, others: list[Float64Array]) -> bool:
-        """True if people who come together can join the others."""
+    def _fit(self, encounter: Encounter, task: Task, others: list[Float64Array]) -> bool:
+        """True if humans who come together can join the others."""
         tracks = list(others)
-        for person in people:
-            if not self._is_fair(person.xy_m, task) or not self._fits(person.xy_m, task, tracks):
+        for walk in encounter:
+            if not self._is_fair(walk.xy_m, task) or not self._fits(walk.xy_m, task, tracks):
                 return False
-            tracks.append(person.xy_m)
-        # People in conversation do not leave: the robot shall pass without touching their arms.
-        return self._leave_a_way(task, tracks, PARKED_GAP_M if len(people) == 1 else GROUP_GAP_M)
+            tracks.append(walk.xy_m)
+        # Humans in conversation do not leave: the robot shall pass without touching their arms.
+        return self._leave_a_way(task, tracks, PARKED_GAP_M if len(encounter) == 1 else GROUP_GAP_M)
 
     def _is_fair(self, xy_m: Float64Array, task: Task) -> bool:
         (x0, y0), (x1, y1) = xy_m[[0, -1]].tolist()
@@ -243,7 +213,7 @@ class ScenarioSampler:
         return keeps_clear(self.site.paths.occupancy, xy_m, radius_m)
 
     def _leave_a_way(self, task: Task, tracks: list[Float64Array], gap_m: float) -> bool:
-        """True if the robot can get to its goal among people who stand at the ends of their tracks."""
+        """True if the robot can get to its goal among humans who stand at the ends of their tracks."""
         keep_off_m = self._robot.planning_radius_m + self._episode.human_radius_m + gap_m
         parked = [track[-1] for track in tracks]
         gaps = [task.way_m - point for point in parked]

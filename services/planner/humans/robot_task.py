@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import DT_S
-from readygo.services.planner.humans.spline import at_lengths
+from readygo.services.planner.humans.polyline import at_lengths
 
 Float64Array = npt.NDArray[np.float64]
 Point = tuple[float, float]

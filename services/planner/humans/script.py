@@ -1,4 +1,4 @@
-"""Plays scenario files: puts their starts, goals and people on a scene's maps, or says which entry is wrong."""
+"""Plays scenario files: puts their starts, goals and humans on a scene's maps, or says which entry is wrong."""
 
 import itertools
 import math
@@ -14,17 +14,17 @@ from readygo.common.errors import ConfigError
 from readygo.common.maps import OccupancyMap, clearance_m
 from readygo.common.messages import EpisodeKey, HumanTrajectory, Scenario
 from readygo.common.robot import RobotConfig
-from readygo.services.planner.config import HumanPlannerConfig
-from readygo.services.planner.humans.human import HumanPathPlanner, keeps_clear
+from readygo.services.planner.humans.config import HumanPlannerConfig
+from readygo.services.planner.humans.paths import HumanPathPlanner, keeps_clear
+from readygo.services.planner.humans.polyline import length_m
+from readygo.services.planner.humans.robot_task import Point, apart_m
 from readygo.services.planner.humans.scenario_file import ScenarioFile, ScriptedHuman, ScriptedScenario
-from readygo.services.planner.humans.spline import length_m
-from readygo.services.planner.humans.task import Point, apart_m
-from readygo.services.planner.humans.walk import timed
+from readygo.services.planner.humans.timing import timed
 
 Float64Array = npt.NDArray[np.float64]
 
 _SETTLE_M = 0.3
-"""A waypoint nearer to a wall than people walk moves by at most this [m]."""
+"""A waypoint nearer to a wall than humans walk moves by at most this [m]."""
 _DETOUR_MAX = 100.0
 _STEP_MIN_M = 0.05
 
@@ -76,13 +76,13 @@ class Script:
                 raise ConfigError(f"{file.where(number)}: {error}") from error
 
     def scenario(self, episode: EpisodeKey, *, static: bool) -> tuple[Scenario, list[bool]]:
-        """The scenario of an episode, and who of its people may react: those who have waypoints."""
-        start, goal, humans = self._entries[episode.index % len(self._entries)]
-        people: list[HumanTrajectory] = []
-        if not static and humans:
+        """The scenario of an episode, and who of its humans may react: those who have waypoints."""
+        start, goal, scripted = self._entries[episode.index % len(self._entries)]
+        humans: list[HumanTrajectory] = []
+        if not static and scripted:
             order = episode_rng(episode, Purpose.AVATAR).permutation(len(self._names))
-            for k, (human, xy_m) in enumerate(humans):
-                people.append(
+            for k, (human, xy_m) in enumerate(scripted):
+                humans.append(
                     HumanTrajectory(
                         avatar=human.avatar or self._names[int(order[k % len(order)])],
                         encounter=human.encounter,
@@ -90,13 +90,13 @@ class Script:
                         xy_m=xy_m,
                     )
                 )
-        scenario = Scenario(episode=episode, start_xyyaw=start, goal_xy_m=goal, humans=tuple(people))
-        return scenario, [bool(human.waypoints_m) for human, _ in humans] if people else []
+        scenario = Scenario(episode=episode, start_xyyaw=start, goal_xy_m=goal, humans=tuple(humans))
+        return scenario, [bool(human.waypoints_m) for human, _ in scripted] if humans else []
 
     def _placed(
         self, entry: ScriptedScenario
     ) -> tuple[Float64Array, Float64Array, list[tuple[ScriptedHuman, Float64Array]]]:
-        """Start pose, goal and people of an entry; ValueError says what is wrong with it."""
+        """Start pose, goal and humans of an entry; ValueError says what is wrong with it."""
         (x, y), robot_map = entry.start_m, self._maps.robot_map
         if meets_obstacle(robot_map, x, y, self._robot.radius_m):
             raise ValueError(f"start_m {_text((x, y))} is in an obstacle, or nearer to one than the robot's radius.")
@@ -137,7 +137,7 @@ class Script:
         return self._search.path(factor, a, b) is not None
 
     def _walked(self, human: ScriptedHuman, start: Point) -> Float64Array:
-        """Where a person is at each step."""
+        """Where a human is at each step."""
         if human.avatar and self._names and human.avatar not in self._names:
             raise ValueError(f"unknown avatar {human.avatar!r}; there are {', '.join(self._names)}.")
         xy_m = human.xy_m if human.trajectory_m else self._along_waypoints(human)

@@ -1,10 +1,11 @@
 import numpy as np
 import pytest
 
-from readygo.common.maps import FloorMap, OccupancyMap, clearance_m
+from readygo.common.maps import clearance_m
 from readygo.services.planner import HumanPlannerConfig
-from readygo.services.planner.humans.human import HumanPathPlanner, keeps_clear, without_slopes
-from readygo.services.planner.humans.spline import length_m, smallest_distance
+from readygo.services.planner.humans.paths import HumanPathPlanner, keeps_clear
+from readygo.services.planner.humans.polyline import length_m
+from readygo.services.planner.humans.spline import smallest_distance
 from tests.services.planner.worlds import FRAME, hall, rooms
 
 PLACE = (FRAME.origin_x_m, FRAME.origin_y_m, FRAME.resolution_m)
@@ -65,15 +66,3 @@ def test_disc_keeps_clear_of_a_wall_up_to_its_radius():
     row = np.array([[2.0, 7.0], [edge_x + 0.26, 7.0]])
     assert keeps_clear(hall(), row, 0.25)
     assert not keeps_clear(hall(), row, 0.27)
-
-
-def test_floor_steeper_than_allowed_is_blocked_on_either_axis():
-    rows, columns = np.mgrid[0:200, 0:240]
-    for height in (0.05 * 0.4 * np.maximum(columns - 120, 0), 0.05 * 0.4 * np.maximum(rows - 100, 0)):
-        floor = FloorMap(frame=FRAME, height_m=height.astype(np.float32))
-        flat = OccupancyMap(frame=FRAME, occupied=np.zeros((200, 240), np.bool_))
-        blocked = without_slopes(flat, floor, 0.3).occupied
-        assert blocked[150, 180]
-        assert not blocked[50, 60]
-        assert not without_slopes(flat, floor, 0.5).occupied.any()
-        assert without_slopes(flat, floor, 0.0) is flat

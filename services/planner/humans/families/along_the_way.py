@@ -1,106 +1,42 @@
-"""Families of encounters: each draws how one or more people meet the robot on its way, or finds no room for it.
-
-A draw is really what its name says, by the way and the speed that are expected of the robot (`ExpectedDrive`): what
-does not fit is refused here, so that shares in the data mean what they say.
-"""
+"""Families that any place has room for: across the robot's way, along it, against it, to its goal."""
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.episode import EpisodeConfig
-from readygo.common.maps import SightMap
-from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import DT_S
-from readygo.services.planner.config import HumanPlannerConfig
-from readygo.services.planner.humans.human import HumanPathPlanner
-from readygo.services.planner.humans.passages import Passage, find_passages
-from readygo.services.planner.humans.spline import at_constant_speed, length_m
-from readygo.services.planner.humans.task import ExpectedDrive, Point, Task, apart_m, moved, turned
-from readygo.services.planner.humans.walk import Walk, cut_to_meet, held, timed_to_meet
+from readygo.services.planner.humans.families.site import Encounter, Site
+from readygo.services.planner.humans.polyline import at_constant_speed, length_m
+from readygo.services.planner.humans.robot_task import Point, Task, apart_m, moved, turned
+from readygo.services.planner.humans.timing import Walk, cut_to_meet, first_rows, timed_to_meet
 
 Float64Array = npt.NDArray[np.float64]
-People = tuple[Walk, ...]
 
-PASSAGE_WIDTH_MAX_M = 1.6
-PASSAGE_WIDER_M = 0.5
 PASSING_M = 0.85
-"""Least distance to the side at which a faster person overtakes the robot [m]: it cannot see who comes from behind."""
+"""Least distance to the side at which a faster human overtakes the robot [m]: it cannot see who comes from behind."""
 SLOWER, FASTER = 0.75, 1.3
-"""Speeds of people who are overtaken and who overtake, as shares of the robot's: at most and at least."""
+"""Speeds of humans who are overtaken and who overtake, as shares of the robot's: at most and at least."""
 WALK_MIN_M = 1.0
 """Shorter walks are none [m]."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Site:
-    """What families draw on: one scene's maps and the settings. What is dear is computed when it is first asked for."""
-
-    paths: HumanPathPlanner
-    robot: RobotConfig
-    episode: EpisodeConfig
-    config: HumanPlannerConfig
-    drive: ExpectedDrive
-    find_sight: Callable[[], SightMap]
-    """What hides people from a camera: dear, so only asked for where a family needs it."""
-
-    @cached_property
-    def sight(self) -> SightMap:
-        """What hides people from a camera."""
-        return self.find_sight()
-
-    def sees(self, robot_m: Point, person_m: Point) -> bool:
-        """True if a camera above the robot's centre there could see a person there, whichever way the robot looks."""
-        return self.sight.sees(*robot_m, self.robot.camera.mount_height_m, person_m)
-
-    @cached_property
-    def passages(self) -> tuple[Passage, ...]:
-        """Where robot and person can hardly pass each other."""
-        return find_passages(
-            self.paths.clearance,
-            self.paths.frame,
-            walkable_m=self.config.route_clearance_m,
-            width_max_m=PASSAGE_WIDTH_MAX_M,
-            wider_m=PASSAGE_WIDER_M,
-        )
-
-    def speed_mps(self, rng: np.random.Generator) -> float:
-        """A speed of the configured range."""
-        return rng.uniform(self.episode.human_speed_min_mps, self.episode.human_speed_max_mps)
-
-    def nearest_to_robot(self, task: Task, xy_m: Float64Array) -> tuple[int, float]:
-        """The step at which a person comes nearest to the robot's expected place, and how near [m]."""
-        count = max(len(xy_m), math.ceil(self.drive.time_s(task.length_m) / DT_S) + 1)
-        gap = held(xy_m, count) - self.drive.rows(task, count)
-        squared = gap[:, 0] ** 2 + gap[:, 1] ** 2
-        step = int(np.argmin(squared))
-        return step, math.sqrt(float(squared[step]))
-
-
-Draw = Callable[[Site, np.random.Generator, Task, int], People]
-"""Scene, source of chance, the robot's task and how many people are wanted at most -> who comes; nobody: no room."""
-
-
-def crossing(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> People:
+def crossing(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> Encounter:
     """Across the robot's way at 45 to 135 degrees, cut so that both are there at the same time."""
     return _crossing(site, rng, task, None)
 
 
-def crossing_left(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> People:
+def crossing_left(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> Encounter:
     """As `crossing`, from the robot's left."""
     return _crossing(site, rng, task, -1.0)
 
 
-def crossing_right(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> People:
+def crossing_right(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> Encounter:
     """As `crossing`, from the robot's right."""
     return _crossing(site, rng, task, 1.0)
 
 
-def _crossing(site: Site, rng: np.random.Generator, task: Task, turn: float | None) -> People:
+def _crossing(site: Site, rng: np.random.Generator, task: Task, turn: float | None) -> Encounter:
     config, speed = site.config, site.speed_mps(rng)
     fraction = rng.uniform(config.crossing_fraction_min, config.crossing_fraction_max)
     low, high = math.radians(config.crossing_angle_min_deg), math.radians(config.crossing_angle_max_deg)
@@ -132,7 +68,7 @@ def path_across(
     return site.paths.path([moved(meeting, direction, -before_m), meeting, moved(meeting, direction, after_m)])
 
 
-def parallel(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> People:
+def parallel(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> Encounter:
     """Beside the robot's way, with it or against it."""
     speed = site.speed_mps(rng)
     offset = rng.uniform(-site.config.parallel_offset_m, site.config.parallel_offset_m)
@@ -153,7 +89,7 @@ def parallel(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> P
     return (Walk(speed_mps=speed, xy_m=at_constant_speed(path, speed, DT_S)),)
 
 
-def frontal(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> People:
+def frontal(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> Encounter:
     """Towards the robot, on its own way."""
     speed, fraction = site.speed_mps(rng), rng.uniform(0.3, 0.7)
     offset = rng.uniform(-0.3, 0.3)
@@ -169,7 +105,7 @@ def frontal(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> Pe
 
 
 def is_frontal(site: Site, task: Task, xy_m: Float64Array) -> bool:
-    """True if a person comes within 0.6 m of the robot, walking against its direction within 45 degrees."""
+    """True if a human comes within 0.6 m of the robot, walking against its direction within 45 degrees."""
     step, gap_m = site.nearest_to_robot(task, xy_m)
     return gap_m <= 0.6 and _turn_rad(site, task, xy_m, step) >= math.radians(135)
 
@@ -189,7 +125,7 @@ def path_against(
     return site.paths.path([a, via, b])
 
 
-def overtaking(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> People:
+def overtaking(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> Encounter:
     """The same way as the robot: slower, ahead of it, or faster, from behind and well to the side."""
     robot_mps, low, high = (
         site.drive.speed_mps,
@@ -227,7 +163,7 @@ def is_overtaking(site: Site, task: Task, xy_m: Float64Array) -> bool:
     Whoever comes from behind keeps to the side.
     """
     count = math.ceil(site.drive.time_s(0.85 * task.length_m) / DT_S) + 1
-    gap = held(xy_m, count) - site.drive.rows(task, count)
+    gap = first_rows(xy_m, count) - site.drive.rows(task, count)
     ahead = site.drive.directions(task, count)
     side = gap[:, 0] * ahead[:, 0] + gap[:, 1] * ahead[:, 1] > 0
     changes = np.flatnonzero(side[1:] != side[:-1])
@@ -239,7 +175,7 @@ def is_overtaking(site: Site, task: Task, xy_m: Float64Array) -> bool:
     return least_m <= away_m <= 1.5 and _turn_rad(site, task, xy_m, step) <= math.radians(45)
 
 
-def goalward(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> People:
+def goalward(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> Encounter:
     """To the robot's goal from elsewhere and past it, there when the robot arrives or a little earlier."""
     speed = site.speed_mps(rng)
     angle = rng.uniform(math.radians(40), math.pi) * (1.0 if rng.random() < 0.5 else -1.0)
@@ -259,7 +195,7 @@ def goalward(site: Site, rng: np.random.Generator, task: Task, wanted: int) -> P
 
 
 def is_goalward(site: Site, task: Task, xy_m: Float64Array) -> bool:
-    """True if a person starts 2 m or more from the goal and passes it within 0.7 m, near the robot's arrival."""
+    """True if a human starts 2 m or more from the goal and passes it within 0.7 m, near the robot's arrival."""
     gap = xy_m - np.array(task.goal_m)
     away = np.sqrt(gap[:, 0] ** 2 + gap[:, 1] ** 2)
     step = int(np.argmin(away))
@@ -281,16 +217,16 @@ def _along(site: Site, task: Task, along_m: float, offset_m: float) -> Point | N
 
 
 def _is_fair(site: Site, task: Task, start: Point, end: Point) -> bool:
-    """True if a person starts away from the robot and ends away from its goal; asked before a dear search."""
+    """True if a human starts away from the robot and ends away from its goal; asked before a dear search."""
     away = apart_m(start, task.start_m) >= site.config.start_distance_min_m
     return away and apart_m(end, task.goal_m) >= site.config.parked_distance_min_m
 
 
 def _turn_rad(site: Site, task: Task, xy_m: Float64Array, step: int) -> float:
-    """Angle between the headings of robot and person around a step [rad]: 0 the same, pi opposite, pi/2 standing."""
+    """Angle between the headings of robot and human around a step [rad]: 0 the same, pi opposite, pi/2 standing."""
     a, b = max(step - 5, 0), step + 5
-    person = held(xy_m, b + 1)
-    (rx, ry), (px, py) = site.drive.directions(task, step + 1)[step].tolist(), (person[b] - person[a]).tolist()
-    if math.hypot(px, py) < 0.1:
+    walked = first_rows(xy_m, b + 1)
+    (rx, ry), (hx, hy) = site.drive.directions(task, step + 1)[step].tolist(), (walked[b] - walked[a]).tolist()
+    if math.hypot(hx, hy) < 0.1:
         return 0.5 * math.pi
-    return abs(math.atan2(rx * py - ry * px, rx * px + ry * py))
+    return abs(math.atan2(rx * hy - ry * hx, rx * hx + ry * hy))

@@ -1,5 +1,6 @@
 import itertools
 import math
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -8,13 +9,14 @@ from readygo.common.episode import meets_obstacle
 from readygo.common.errors import AvatarError, SceneError
 from readygo.common.maps import OccupancyMap
 from readygo.common.messages import HumanPlanRequest, encode
-from readygo.services.planner import handle_human_plan
-from tests.services.planner.worlds import FRAME, key, make_planner, rooms
+from readygo.services.planner import FamilyMix, handle_human_plan
+from readygo.services.planner.humans.sampler import drawn_order
+from tests.services.planner.worlds import FRAME, hall, key, make_human_planner, maps_of, planner_of
 
 
 @pytest.fixture(scope="module")
-def replies(planner):
-    return [handle_human_plan(planner, HumanPlanRequest(episode=key(index))) for index in range(40)]
+def replies(human_planner):
+    return [handle_human_plan(human_planner, HumanPlanRequest(episode=key(index))) for index in range(40)]
 
 
 @pytest.fixture(scope="module")
@@ -29,21 +31,21 @@ def test_most_draws_are_accepted_and_the_others_say_why(replies):
         assert len(reply.rejected) < 60
 
 
-def test_start_and_goal_keep_the_planning_radius_and_the_distance(planner, scenarios):
+def test_start_and_goal_keep_the_planning_radius_and_the_distance(human_planner, scenarios):
     for scenario in scenarios:
         x, y, yaw = scenario.start_xyyaw
         goal_x, goal_y = scenario.goal_xy_m
         for point in ((x, y), (goal_x, goal_y)):
-            assert not meets_obstacle(planner.maps.robot, *point, planner.robot.planning_radius_m)
+            assert not meets_obstacle(human_planner.maps.robot, *point, human_planner.robot.planning_radius_m)
         assert 3.0 <= math.hypot(goal_x - x, goal_y - y) <= 10.0
         assert yaw == pytest.approx(math.atan2(goal_y - y, goal_x - x))
 
 
-def test_humans_keep_their_clearance_everywhere(planner, scenarios):
+def test_humans_keep_their_clearance_everywhere(human_planner, scenarios):
     for human in itertools.chain.from_iterable(scenario.humans for scenario in scenarios):
         for x, y in human.xy_m:
             # Distances are interpolated between cells, which costs up to a centimetre or two at corners.
-            assert not meets_obstacle(planner.maps.human, x, y, 0.35 - 0.03)
+            assert not meets_obstacle(human_planner.maps.human, x, y, 0.35 - 0.03)
 
 
 def test_humans_walk_at_one_speed_in_the_configured_range(scenarios):
@@ -93,16 +95,16 @@ def test_both_encounters_and_all_avatars_occur(scenarios):
     assert all(a.avatar != b.avatar for a, b in (s.humans for s in scenarios if len(s.humans) == 2))
 
 
-def test_static_task_has_the_same_start_and_goal_and_no_humans(planner, scenarios):
+def test_static_task_has_the_same_start_and_goal_and_no_humans(human_planner, scenarios):
     for scenario in scenarios[:10]:
-        static = handle_human_plan(planner, HumanPlanRequest(episode=scenario.episode, static=True)).scenario
+        static = handle_human_plan(human_planner, HumanPlanRequest(episode=scenario.episode, static=True)).scenario
         assert np.array_equal(static.start_xyyaw, scenario.start_xyyaw)
         assert np.array_equal(static.goal_xy_m, scenario.goal_xy_m)
         assert static.humans == ()
 
 
-def test_same_key_gives_the_same_bytes_on_any_planner_in_any_order(planner, replies):
-    other = make_planner()
+def test_same_key_gives_the_same_bytes_on_any_planner_in_any_order(human_planner, replies):
+    other = make_human_planner()
     for index in (7, 3, 5):
         reply = handle_human_plan(other, HumanPlanRequest(episode=key(index)))
         assert encode(reply) == encode(replies[index])
@@ -112,20 +114,49 @@ def test_a_map_without_room_is_refused():
     full = np.ones((40, 40), np.bool_)
     full[18:22, 18:22] = False
     with pytest.raises(SceneError, match="no free space"):
-        make_planner(OccupancyMap(frame=FRAME, occupied=full))
+        make_human_planner(maps_of(OccupancyMap(frame=FRAME, occupied=full)))
 
 
 def test_a_room_too_small_for_any_goal_rejects_with_a_reason():
     closet = np.ones((60, 60), np.bool_)
     closet[5:45, 5:45] = False
     reply = handle_human_plan(
-        make_planner(OccupancyMap(frame=FRAME, occupied=closet)), HumanPlanRequest(episode=key(0))
+        make_human_planner(maps_of(OccupancyMap(frame=FRAME, occupied=closet))), HumanPlanRequest(episode=key(0))
     )
     assert reply.rejected == "no way from start to goal"
 
 
-def test_humans_without_avatars_are_an_error(planner):
-    bare = make_planner(rooms())
-    bare.avatar_names.clear()
+def test_humans_without_avatars_are_an_error():
+    bare = make_human_planner(avatar_names=())
     with pytest.raises(AvatarError, match="no avatars"):
         handle_human_plan(bare, HumanPlanRequest(episode=key(0)))
+
+
+def test_a_family_without_a_place_is_replaced_by_another_of_the_mix_or_rejected():
+    alone = planner_of("doorway", occupancy=hall())
+    assert handle_human_plan(alone, HumanPlanRequest(episode=key(0))).rejected == "no room for a human"
+    mixed = planner_of(occupancy=hall(), mix=FamilyMix(doorway=1.0, crossing=0.01))
+    scenarios = [handle_human_plan(mixed, HumanPlanRequest(episode=key(index))).scenario for index in range(6)]
+    assert {human.encounter for s in scenarios if s is not None for human in s.humans} == {"crossing"}
+
+
+def test_fewer_humans_come_where_no_more_find_room_if_that_is_asked_for():
+    closet = np.ones((200, 240), np.bool_)
+    closet[20:100, 20:100] = False
+    occupancy = OccupancyMap(frame=FRAME, occupied=closet)
+    counts = {}
+    for fewer in (False, True):
+        planner = planner_of(occupancy=occupancy, people=(0, 4), fewer_humans=fewer, attempts=20)
+        replies = [handle_human_plan(planner, HumanPlanRequest(episode=key(index))) for index in range(12)]
+        counts[fewer] = [len(reply.scenario.humans) for reply in replies if reply.scenario is not None]
+    assert len(counts[False]) < 12
+    assert len(counts[True]) == 12
+    assert max(counts[True]) < 4
+
+
+def test_families_are_drawn_by_their_shares_and_none_twice():
+    mix = FamilyMix(crossing=2.0, frontal=1.0, doorway=1.0)
+    rng = np.random.default_rng(0)
+    orders = [tuple(drawn_order(rng, mix)) for _ in range(400)]
+    assert {frozenset(order) for order in orders} == {frozenset(("crossing", "frontal", "doorway"))}
+    assert Counter(order[0] for order in orders)["crossing"] == pytest.approx(200, abs=40)

@@ -31,7 +31,7 @@ class FamilyMix:
     doorway: float = 0.0
     """Meets the robot in a narrow passage."""
     standing_group: float = 0.0
-    """Two to four people who stand together near the way."""
+    """Two to four humans who stand together near the way."""
     stop_and_go: float = 0.0
     """Crosses the way or walks along it, and pauses for some seconds."""
     goalward: float = 0.0
@@ -62,9 +62,9 @@ class HumanPlannerConfig:
     mix: FamilyMix = PAPER_MIX
     """Families of encounters (paper: crossing or parallel)."""
     reactive: bool = False
-    """True lets people yield to the robot that they see: planned against the expert, see the README."""
+    """True lets humans yield to the robot that they see: planned against the expert, see the README."""
     reactive_cone_deg: float = 200.0
-    """Width of the view of people who react [deg]."""
+    """Width of the view of humans who react [deg]."""
     reactive_range_m: float = 5.0
     """How far away they care [m]."""
     goal_snap_m: float = 0.5
@@ -118,7 +118,7 @@ class HumanPlannerConfig:
     hidden_until_s: float = 2.0
     """Whoever comes round a blind corner is hidden from the robot's expected way until this long before [s]."""
     pause_min_s: float = 1.5
-    """Pauses of people who stop and go [s]."""
+    """Pauses of humans who stop and go [s]."""
     pause_max_s: float = 4.0
 
     def __post_init__(self) -> None:

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from readygo.common.episode import meets_obstacle
+from readygo.common.episode import EpisodeConfig, meets_obstacle
 from readygo.common.errors import AvatarError
 from readygo.common.maps import OccupancyMap
 from readygo.common.messages import (
@@ -16,9 +16,10 @@ from readygo.common.messages import (
     Scenario,
     encode,
 )
-from readygo.services.planner import handle_human_plan, handle_robot_plan
-from readygo.services.planner.handlers import drive
-from tests.services.planner.worlds import FRAME, animate, key, make_planner
+from readygo.common.robot import RobotConfig
+from readygo.services.planner import ExpertConfig, RobotPlanner, handle_human_plan, handle_robot_plan
+from readygo.services.planner.expert.handlers import drive
+from tests.services.planner.worlds import FRAME, animate, key, make_robot_planner, maps_of
 
 
 def _scenario(start, goal, tracks=()):
@@ -39,11 +40,11 @@ def _run(planner, *scenario):
 
 
 @pytest.fixture(scope="module")
-def static_runs(planner):
+def static_runs(human_planner, robot_planner):
     runs = []
     for index in range(30):
-        scenario = handle_human_plan(planner, HumanPlanRequest(episode=key(index), static=True)).scenario
-        runs.append((scenario, drive(planner, scenario, animate(scenario))))
+        scenario = handle_human_plan(human_planner, HumanPlanRequest(episode=key(index), static=True)).scenario
+        runs.append((scenario, drive(robot_planner, scenario, animate(scenario))))
     return runs
 
 
@@ -51,10 +52,10 @@ def test_static_goals_are_reached(static_runs):
     assert [run.outcome for _, run in static_runs] == [Outcome.SUCCESS] * 30
 
 
-def test_disc_never_touches_on_the_way(planner, static_runs):
+def test_disc_never_touches_on_the_way(robot_planner, static_runs):
     for _, run in static_runs:
         for x, y, _ in run.xyyaw:
-            assert not meets_obstacle(planner.maps.robot, x, y, 0.25)
+            assert not meets_obstacle(robot_planner.maps.robot, x, y, 0.25)
 
 
 def test_no_dawdling_and_no_chatter(static_runs):
@@ -74,43 +75,43 @@ def test_expert_truth_is_recorded(static_runs):
         assert (np.diff(np.flatnonzero(run.replanned)) <= 20).all()
 
 
-def test_robot_that_looks_the_wrong_way_turns_in_place_first(planner):
-    run = _run(planner, (-2.0, 3.0, math.pi), (1.5, 3.2))
+def test_robot_that_looks_the_wrong_way_turns_in_place_first(robot_planner):
+    run = _run(robot_planner, (-2.0, 3.0, math.pi), (1.5, 3.2))
     assert run.outcome is Outcome.SUCCESS
     assert np.hypot(*(run.xyyaw[20, :2] - run.xyyaw[0, :2])) < 0.3
     assert abs(run.xyyaw[20, 2] - math.pi) > 0.5
 
 
-def test_robot_that_starts_in_a_corner_gets_out(planner):
-    run = _run(planner, (-2.63, 2.37, -2.4), (1.0, 5.5))
+def test_robot_that_starts_in_a_corner_gets_out(robot_planner):
+    run = _run(robot_planner, (-2.63, 2.37, -2.4), (1.0, 5.5))
     assert run.outcome is Outcome.SUCCESS
 
 
-def test_standing_human_on_the_way_is_driven_around(planner):
-    run = _run(planner, (-2.0, 4.0, 0.0), (2.0, 4.0), [[(1.2, 4.05)]])
+def test_standing_human_on_the_way_is_driven_around(robot_planner):
+    run = _run(robot_planner, (-2.0, 4.0, 0.0), (2.0, 4.0), [[(1.2, 4.05)]])
     assert run.outcome is Outcome.SUCCESS
     assert run.human_visible.any()
     assert run.human_distance_m.min() > 0.55
 
 
-def test_human_ahead_triggers_replans_more_often_than_the_period(planner):
-    alone = _run(planner, (-2.0, 6.0, 0.0), (2.0, 6.0))
-    met = _run(planner, (-2.0, 6.0, 0.0), (2.0, 6.0), [[(2.0 - 0.04 * k, 5.6) for k in range(100)]])
+def test_human_ahead_triggers_replans_more_often_than_the_period(robot_planner):
+    alone = _run(robot_planner, (-2.0, 6.0, 0.0), (2.0, 6.0))
+    met = _run(robot_planner, (-2.0, 6.0, 0.0), (2.0, 6.0), [[(2.0 - 0.04 * k, 5.6) for k in range(100)]])
     assert met.outcome is Outcome.SUCCESS
     assert met.replanned.mean() > alone.replanned.mean()
 
 
-def test_human_out_of_view_changes_nothing(planner):
+def test_human_out_of_view_changes_nothing(robot_planner):
     """A human who stays behind the robot is neither seen nor planned around."""
-    alone = _run(planner, (-1.5, 6.0, 0.0), (2.0, 6.0))
-    followed = _run(planner, (-1.5, 6.0, 0.0), (2.0, 6.0), [[(-2.6, 6.0)]])
+    alone = _run(robot_planner, (-1.5, 6.0, 0.0), (2.0, 6.0))
+    followed = _run(robot_planner, (-1.5, 6.0, 0.0), (2.0, 6.0), [[(-2.6, 6.0)]])
     assert not followed.human_visible.any()
     assert np.array_equal(alone.actions, followed.actions)
 
 
-def test_blocked_door_ends_as_timeout_not_as_crash(planner):
+def test_blocked_door_ends_as_timeout_not_as_crash(robot_planner):
     doors = [[(0.1, 6.98)], [(6.1, 6.98)]]
-    run = _run(planner, (0.0, 5.0, 1.57), (0.0, 9.5), doors)
+    run = _run(robot_planner, (0.0, 5.0, 1.57), (0.0, 9.5), doors)
     assert run.outcome is Outcome.TIMEOUT
     assert run.duration_s == 50.0
 
@@ -122,29 +123,29 @@ def test_way_around_may_be_longer_than_the_first_window_is_wide():
     occupied[:, :2] = occupied[:, -2:] = True
     occupied[78:82] = True
     occupied[78:82, 60:80] = occupied[78:82, 250:280] = False
-    wide = make_planner(OccupancyMap(frame=FRAME, occupied=occupied))
+    wide = make_robot_planner(OccupancyMap(frame=FRAME, occupied=occupied))
     run = _run(wide, (0.5, 4.0, 1.57), (0.5, 8.0), [[(0.5, 6.0)]])
     assert run.outcome is Outcome.SUCCESS
     assert run.xyyaw[:, 0].max() > 9.0
 
 
-def test_failed_episode_is_rejected_with_its_outcome_and_keeps_its_trajectory(planner):
+def test_failed_episode_is_rejected_with_its_outcome_and_keeps_its_trajectory(robot_planner):
     scenario = _scenario((0.0, 5.0, 1.57), (0.0, 9.5), [[(0.1, 6.98)], [(6.1, 6.98)]])
-    reply = handle_robot_plan(planner, RobotPlanRequest(scenario=scenario, motions=animate(scenario)))
+    reply = handle_robot_plan(robot_planner, RobotPlanRequest(scenario=scenario, motions=animate(scenario)))
     assert reply.rejected == "timeout"
     assert reply.trajectory.outcome is Outcome.TIMEOUT
 
 
-def test_same_scenario_gives_the_same_bytes_whatever_ran_before(planner):
-    other = make_planner()
+def test_same_scenario_gives_the_same_bytes_whatever_ran_before(human_planner, robot_planner):
+    other = make_robot_planner()
     requests = []
     for index in (4, 2, 9):
-        scenario = handle_human_plan(planner, HumanPlanRequest(episode=key(index))).scenario
+        scenario = handle_human_plan(human_planner, HumanPlanRequest(episode=key(index))).scenario
         if scenario is not None:
             requests.append(RobotPlanRequest(scenario=scenario, motions=animate(scenario)))
     assert requests
     for request in requests:
-        first, second = (handle_robot_plan(p, request).trajectory for p in (planner, other))
+        first, second = (handle_robot_plan(p, request).trajectory for p in (robot_planner, other))
         for name in ("xyyaw", "actions", "replanned", "expert_cost", "human_visible", "time_to_collision_s"):
             assert encode({"a": getattr(first, name)}) == encode({"a": getattr(second, name)})
 
@@ -152,7 +153,7 @@ def test_same_scenario_gives_the_same_bytes_whatever_ran_before(planner):
 def test_oracle_knows_the_true_motion_that_others_only_predict():
     track = [(2.3 - 0.05 * k, 6.0) for k in range(35)] + [(0.55, 6.0 - 0.05 * k) for k in range(40)]
     scenario = _scenario((-2.0, 6.0, 0.0), (2.2, 6.0), [track])
-    guessing, knowing = (drive(make_planner(oracle=k), scenario, animate(scenario)) for k in (False, True))
+    guessing, knowing = (drive(make_robot_planner(oracle=k), scenario, animate(scenario)) for k in (False, True))
     assert knowing.outcome is Outcome.SUCCESS
     assert not np.array_equal(guessing.actions[:40], knowing.actions[:40])
 
@@ -160,21 +161,23 @@ def test_oracle_knows_the_true_motion_that_others_only_predict():
 def test_near_field_feels_who_is_behind():
     track = [(-2.6 + 0.06 * k, 6.0) for k in range(40)]
     scenario = _scenario((-1.5, 6.0, 0.0), (2.0, 6.0), [track])
-    alone = _run(make_planner(), (-1.5, 6.0, 0.0), (2.0, 6.0))
-    unaware, aware = (drive(make_planner(near_field_m=m), scenario, animate(scenario)) for m in (0.0, 2.0))
+    alone = _run(make_robot_planner(), (-1.5, 6.0, 0.0), (2.0, 6.0))
+    unaware, aware = (drive(make_robot_planner(near_field_m=m), scenario, animate(scenario)) for m in (0.0, 2.0))
     assert np.array_equal(unaware.actions[:10], alone.actions[:10])
     assert not np.array_equal(aware.actions[:10], alone.actions[:10])
 
 
-def test_clearance_to_the_gaussians_is_reported_beside_the_discs(planner):
-    passed = _run(planner, (-2.0, 4.0, 0.0), (2.0, 4.0), [[(1.2, 4.05)]])
-    assert 0 < passed.gaussian_clearance_m < passed.human_distance_m.min()
-    assert _run(planner, (-2.0, 4.0, 0.0), (2.0, 4.0)).gaussian_clearance_m == math.inf
-
-
-def test_unknown_avatar_is_named(planner):
+def test_unknown_avatar_is_named_by_an_expert_that_looks_at_bodies():
     scenario = _scenario((-2.0, 4.0, 0.0), (2.0, 4.0), [[(1.2, 4.0)]])
     motion = animate(scenario).humans[0].motion
     motions = EpisodeMotions(humans=(HumanMotion(avatar="nobody", motion=motion),))
     with pytest.raises(AvatarError, match="'nobody' is not loaded; loaded: adam, mia, zoe"):
-        handle_robot_plan(planner, RobotPlanRequest(scenario=scenario, motions=motions))
+        handle_robot_plan(make_robot_planner(mode="paper"), RobotPlanRequest(scenario=scenario, motions=motions))
+
+
+def test_expert_in_space_and_time_needs_no_avatars():
+    scenario = _scenario((-2.0, 4.0, 0.0), (2.0, 4.0), [[(1.2, 4.0)]])
+    bare = RobotPlanner(maps_of(), {}, RobotConfig(), EpisodeConfig(), ExpertConfig())
+    assert not ExpertConfig().needs_avatars
+    assert ExpertConfig(mode="paper").needs_avatars
+    assert drive(bare, scenario, animate(scenario)).outcome is Outcome.SUCCESS

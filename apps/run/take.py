@@ -1,0 +1,72 @@
+"""One episode, taken again in this process: planned, walked and driven as a run does it, and kept with a journal."""
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from readygo.apps.run.config import RunConfig
+from readygo.common.avatars import Avatar
+from readygo.common.errors import RunError
+from readygo.common.messages import AnimateRequest, EpisodeKey, HumanPlanRequest, Outcome, Scenario
+from readygo.services.animator import Animator, handle_animate
+from readygo.services.planner import HumanPlanner, RobotPlanner, SceneMaps, handle_human_plan
+from readygo.services.planner.expert.handlers import drive
+from readygo.services.planner.explain.journal import ExpertRun, run_with_journal
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Take:
+    """One episode, as far as it got."""
+
+    scenario: Scenario
+    run: ExpertRun | None
+    """None if the humans could not be animated."""
+    rejected: str
+    """Why `readygo generate` leaves it out; empty if it does not."""
+    drive_ms: float
+    """CPU time of the expert's whole run [ms]."""
+
+
+class Takes:
+    """Takes episodes in one place."""
+
+    def __init__(self, maps: SceneMaps, avatars: Mapping[str, Avatar], config: RunConfig) -> None:
+        """Prepare the place.
+
+        Args:
+            maps: Of a scene, or of a bare map.
+            avatars: Who may walk; may be empty if there are no humans.
+            config: All settings.
+        """
+        self.robot_planner = RobotPlanner(maps, avatars, config.robot, config.episode, config.expert)
+        self._human_planner = HumanPlanner(
+            maps,
+            sorted(avatars),
+            config.robot,
+            config.episode,
+            config.human_planner,
+            cell_margin_m=config.expert.cell_margin_m,
+            make_expert=self.robot_planner.expert,
+        )
+        self._animator = Animator(avatars=avatars, floor=maps.floor, config=config.animator)
+
+    def take(self, episode: EpisodeKey, *, static: bool) -> Take:
+        """Draw the scenario, let the humans walk, drive.
+
+        Raises:
+            RunError: If this index has no scenario.
+        """
+        drawn = handle_human_plan(self._human_planner, HumanPlanRequest(episode=episode, static=static))
+        if drawn.scenario is None:
+            raise RunError(f"Episode {episode.episode_id} has no scenario: {drawn.rejected}. Ask for another --index.")
+        animated = handle_animate(self._animator, AnimateRequest(scenario=drawn.scenario))
+        if animated.motions is None:
+            return Take(scenario=drawn.scenario, run=None, rejected=animated.rejected, drive_ms=0.0)
+        # Loads the compiled code, whose time is not the planner's.
+        drive(self.robot_planner, drawn.scenario, animated.motions)
+        begin_s = time.thread_time()
+        run = run_with_journal(self.robot_planner, drawn.scenario, animated.motions)
+        drive_ms = 1e3 * (time.thread_time() - begin_s)
+        outcome = run.trajectory.outcome
+        rejected = "" if outcome is Outcome.SUCCESS else outcome.value
+        return Take(scenario=drawn.scenario, run=run, rejected=rejected, drive_ms=drive_ms)

@@ -1,0 +1,123 @@
+"""Answers requests for the expert's runs (stage 3)."""
+
+from collections.abc import Callable, Mapping
+
+from readygo.common.avatars import Avatar, FootprintModel
+from readygo.common.episode import EpisodeConfig, EpisodeSimulation
+from readygo.common.errors import AvatarError
+from readygo.common.messages import (
+    EpisodeMotions,
+    Outcome,
+    RobotPlanReply,
+    RobotPlanRequest,
+    RobotTrajectory,
+    Scenario,
+)
+from readygo.common.robot import RobotConfig
+from readygo.services.planner.expert.config import ExpertConfig
+from readygo.services.planner.expert.ground import SceneGround
+from readygo.services.planner.expert.hybrid_astar import HybridAStar
+from readygo.services.planner.expert.interface import Decision, Expert, HumanBody, decisions
+from readygo.services.planner.expert.paper import PaperExpert
+from readygo.services.planner.expert.spacetime import SpaceTimeExpert
+from readygo.services.planner.expert.spacetime_search import SpaceTimeSearch
+from readygo.services.planner.scene_maps import SceneMaps
+
+
+class RobotPlanner:
+    """Drives the expert in one scene; what does not depend on the episode is computed once. Not thread-safe."""
+
+    def __init__(
+        self,
+        maps: SceneMaps,
+        avatars: Mapping[str, Avatar],
+        robot: RobotConfig,
+        episode_config: EpisodeConfig,
+        config: ExpertConfig,
+    ) -> None:
+        """Prepare a scene.
+
+        Args:
+            maps: The scene's maps.
+            avatars: Avatars by name, for experts that look at bodies (`ExpertConfig.needs_avatars`); others need none.
+            robot: Footprint, limits and camera.
+            episode_config: Task and judging.
+            config: How the expert drives.
+        """
+        self.maps, self.robot, self.episode_config = maps, robot, episode_config
+        sight = maps.sight if config.needs_line_of_sight else None
+        self.ground = SceneGround(maps.robot, maps.human, sight, robot, episode_config, config)
+        self._search = expert_search(self.ground)
+        self._avatars = dict(avatars)
+        self._footprints: dict[str, FootprintModel] = {}
+
+    def body(self, name: str) -> tuple[Avatar, FootprintModel]:
+        """An avatar and its footprint model.
+
+        Raises:
+            AvatarError: If there is no such avatar.
+        """
+        if name not in self._avatars:
+            loaded = ", ".join(sorted(self._avatars)) or "none"
+            raise AvatarError(f"Avatar {name!r} is not loaded; loaded: {loaded}.")
+        if name not in self._footprints:
+            self._footprints[name] = FootprintModel.from_avatar(self._avatars[name])
+        return self._avatars[name], self._footprints[name]
+
+    def expert(self, scenario: Scenario, motions: EpisodeMotions) -> Expert:
+        """An expert for one episode.
+
+        Raises:
+            AvatarError: If it looks at bodies and a human's avatar is not loaded.
+        """
+        if isinstance(self._search, HybridAStar):
+            bodies = [HumanBody(human, *self.body(human.avatar)) for human in motions.humans]
+            return PaperExpert(self.ground, self._search, scenario, bodies)
+        return SpaceTimeExpert(self.ground, self._search, scenario, motions)
+
+    def simulation(self, scenario: Scenario, motions: EpisodeMotions) -> EpisodeSimulation:
+        """The closed loop of one episode, at its start."""
+        return EpisodeSimulation(scenario, motions, self.maps.robot, self.robot, self.episode_config)
+
+
+def expert_search(ground: SceneGround) -> HybridAStar | SpaceTimeSearch:
+    """The search of the configured mode, with its working memory."""
+    config, robot = ground.config, ground.robot
+    if config.mode == "paper":
+        return HybridAStar(robot, config)
+    # Arriving means to come within the circle of success; a human who stands nearer to the goal does not matter.
+    tolerance_m = max(config.goal_tolerance_m, ground.success_radius_m - 0.2)
+    return SpaceTimeSearch(robot, config, tolerance_m)
+
+
+def handle_robot_plan(planner: RobotPlanner, request: RobotPlanRequest) -> RobotPlanReply:
+    """Drive the expert through a scenario; a run that does not succeed is rejected with its outcome."""
+    trajectory = drive(planner, request.scenario, request.motions)
+    success = trajectory.outcome is Outcome.SUCCESS
+    return RobotPlanReply(
+        episode=request.scenario.episode,
+        trajectory=trajectory,
+        rejected="" if success else trajectory.outcome.value,
+    )
+
+
+def drive(
+    planner: RobotPlanner,
+    scenario: Scenario,
+    motions: EpisodeMotions,
+    *,
+    observe: Callable[[Decision], None] = lambda _: None,
+) -> RobotTrajectory:
+    """The expert's closed loop, from start to end; `observe` is told of every decision before it is executed."""
+    simulation = planner.simulation(scenario, motions)
+    expert = planner.expert(scenario, motions)
+    made = []
+    for decision in decisions(expert, simulation):
+        made.append(decision)
+        observe(decision)
+    return simulation.trajectory(
+        human_visible=[decision.visible for decision in made],
+        replanned=[decision.replanned for decision in made],
+        expert_cost=[decision.cost for decision in made],
+        replan_times_s=expert.replan_times_s,
+    )

@@ -1,0 +1,39 @@
+import numpy as np
+
+from readygo.services.planner.expert.handlers import drive
+from readygo.services.planner.explain.journal import run_with_journal
+from tests.services.planner.runs import make_scenario
+from tests.services.planner.worlds import animate, make_robot_planner
+
+
+def run(*humans, **config):
+    scenario = make_scenario(*humans)
+    return run_with_journal(make_robot_planner(mode="paper", **config), scenario, animate(scenario))
+
+
+def test_plan_keeps_off_the_straight_prediction_of_who_walks_across():
+    """Somebody comes down towards the way from ahead: the plan keeps off their next two seconds."""
+    track = [(0.2, 6.4 - 0.05 * k) for k in range(60)]
+    met = run(track)
+    step = next(k for k, known in enumerate(met.journal.perceived) if known and known[0].vy_mps < -0.9)
+    path = met.journal.paths_m[step + 10]
+    human = met.journal.perceived[step + 10][0]
+    ahead = np.column_stack([np.full(40, human.x_m), np.linspace(human.y_m, human.y_m - 2.0, 40)])
+    gaps = np.hypot(*(path[:, None] - ahead[None]).transpose(2, 0, 1))
+    assert gaps.min() > 0.5
+    alone = run()
+    assert np.hypot(*(alone.journal.paths_m[step + 10][:, None] - ahead[None]).transpose(2, 0, 1)).min() < 0.3
+
+
+def test_plans_are_made_anew_after_the_period_and_not_before_the_least_interval():
+    searched = np.flatnonzero(run().journal.searched)
+    assert np.diff(searched).max() == 10
+    often = np.flatnonzero(run([(1.0, 4.7)], replan_interval_min_s=0.2).journal.searched)
+    assert np.diff(often).min() == 4
+
+
+def test_robot_passes_who_stands_on_its_way():
+    scenario = make_scenario([(0.3, 4.65)])
+    driven = drive(make_robot_planner(mode="paper"), scenario, animate(scenario))
+    assert driven.outcome.value == "success"
+    assert driven.human_distance_m.min() > 0.5

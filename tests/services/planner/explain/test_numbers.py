@@ -1,0 +1,33 @@
+import numpy as np
+import pytest
+
+from readygo.services.planner.explain.numbers import run_numbers, scenario_numbers, spans
+from tests.services.planner.runs import STEPS, WAY, make_journal, make_run, make_scenario
+
+TRACK = [(0.0, 5.6)]
+
+
+def test_spans_are_the_stretches_of_true():
+    assert spans(np.array([True, True, False, True, False, False, True])) == [(0, 2), (3, 4), (6, 7)]
+    assert spans(np.zeros(4, np.bool_)) == []
+
+
+def test_plan_in_numbers():
+    numbers = scenario_numbers(make_scenario(TRACK))
+    assert numbers["goal_distance_m"] == pytest.approx(4.5)
+    assert numbers["start_xyyaw"] == [-2.0, 4.6, 0.0]
+    assert numbers["humans"] == [{"avatar": "mia", "encounter": "crossing", "speed_mps": 1.0}]
+
+
+def test_run_in_numbers_tells_when_a_human_was_nearest_and_seen():
+    seen = {k: (0.0, 5.6) for k in range(10, 30)}
+    journal = make_journal([WAY[k:] for k in range(STEPS)], searches=(0, 40), seen=seen)
+    numbers = run_numbers(make_run(TRACK, journal=journal))
+    (human,) = numbers["humans"]
+    assert human["closest_m"] == pytest.approx(1.0, abs=1e-3)
+    assert human["closest_s"] == pytest.approx(0.05 * np.argmin(np.abs(WAY[:, 0])))
+    assert human["visible_s"] == [[0.5, 1.5]]
+    assert numbers["outcome"] == "success"
+    assert numbers["ways"] == 1
+    assert numbers["replan_p50_ms"] == numbers["replan_p99_ms"] == 1.0
+    assert numbers["human_distance_min_m"] is None

@@ -1,0 +1,51 @@
+import numpy as np
+
+from tests.services.planner.humans.families.drives import ROBOT_MPS, arrival_s, held, meeting, robot_at
+
+
+def test_frontal_people_come_against_the_robot_on_its_way(drawn):
+    for scenario, way in drawn["frontal"]:
+        _, gap_m, turn_deg = meeting(scenario.humans[0].xy_m, way)
+        assert gap_m <= 0.61
+        assert turn_deg >= 134
+
+
+def test_crossing_left_and_right_are_the_robots(drawn):
+    for family, side in (("crossing_left", 1), ("crossing_right", -1)):
+        for scenario, way in drawn[family]:
+            xy = scenario.humans[0].xy_m
+            k = int(np.argmin(np.hypot(*(way[:, None] - xy[None]).transpose(2, 0, 1)).min(axis=1)))
+            ahead = way[min(k + 5, len(way) - 1)] - way[max(k - 5, 0)]
+            walk = xy[-1] - xy[0]
+            # From the left means to the right: a negative turn from the robot's heading.
+            assert side * (ahead[0] * walk[1] - ahead[1] * walk[0]) < 0
+
+
+def test_overtaking_changes_the_order_side_by_side_with_one_heading(drawn):
+    both = set()
+    for scenario, way in drawn["overtaking"]:
+        human = scenario.humans[0]
+        count = int(arrival_s(way) / 0.05)
+        robot, ahead, _ = robot_at(way, count)
+        gap = held(human.xy_m, count) - robot
+        side = np.sum(gap * ahead, axis=1) > 0
+        (step,) = np.flatnonzero(side[1:] != side[:-1])[:1]
+        both.add(bool(side[0]))
+        assert (human.speed_mps < ROBOT_MPS) == bool(side[0])
+        assert abs(human.speed_mps - ROBOT_MPS) >= 0.2
+        assert np.hypot(*gap[step]) <= 1.55
+        if not side[0]:
+            assert np.hypot(*gap[step]) >= 0.7
+        walk = held(human.xy_m, count)[step + 5] - held(human.xy_m, count)[max(step - 5, 0)]
+        assert np.dot(walk, ahead[step]) > 0.7 * np.hypot(*walk) * np.hypot(*ahead[step])
+    assert both == {True, False}
+
+
+def test_goalward_people_pass_the_goal_near_the_robots_arrival(drawn):
+    for scenario, way in drawn["goalward"]:
+        xy = scenario.humans[0].xy_m
+        away = np.hypot(*(xy - scenario.goal_xy_m).T)
+        assert away[0] >= 2.0
+        assert away.min() <= 0.7
+        assert -3.0 <= int(np.argmin(away)) * 0.05 - arrival_s(way) <= 1.05
+        assert away[-1] >= 1.6

@@ -1,0 +1,36 @@
+import pytest
+
+from readygo.common.errors import ConfigError
+from readygo.common.messages import HumanPlanRequest
+from readygo.services.planner import HumanPlannerConfig, handle_human_plan
+from tests.services.planner.worlds import key, make_human_planner, planner_of
+
+
+def test_reactive_humans_without_an_expert_are_refused():
+    with pytest.raises(ConfigError, match="Reactive humans yield to an expert"):
+        make_human_planner(config=HumanPlannerConfig(reactive=True))
+
+
+def test_expert_is_asked_for_only_where_somebody_reacts():
+    asked = []
+
+    def make_expert(scenario, motions):
+        asked.append(scenario.episode.index)
+        raise LookupError
+
+    quiet = make_human_planner(make_expert=make_expert)
+    request = HumanPlanRequest(episode=key(1))
+    assert handle_human_plan(quiet, request).scenario is not None
+    assert asked == []
+    reacting = make_human_planner(config=HumanPlannerConfig(reactive=True), make_expert=make_expert)
+    with pytest.raises(LookupError):
+        handle_human_plan(reacting, request)
+    assert asked == [1]
+    assert handle_human_plan(reacting, HumanPlanRequest(episode=key(1), static=True)).scenario.humans == ()
+
+
+def test_rejected_draw_has_a_reason_and_no_scenario():
+    reply = handle_human_plan(
+        planner_of("doorway", slope_max=0.0, attempts=1, families_tried=1), HumanPlanRequest(episode=key(3))
+    )
+    assert (reply.scenario is None) == bool(reply.rejected)
