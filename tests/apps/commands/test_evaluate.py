@@ -17,7 +17,7 @@ from readygo.common.camera import CameraConfig, SensorConfig
 from readygo.common.dataset import Dataset
 from readygo.common.dataset.metadata import robot_of, sensor_of
 from readygo.common.episode import EpisodeSimulation
-from readygo.common.messages import EpisodeMotions, HumanPlanReply, HumanPlanRequest, Scenario, Split
+from readygo.common.messages import EpisodeMotions, HumanPlanRequest, Scenario, Split, topics
 from readygo.common.policy import PolicySpec, load_spec, save_spec
 from readygo.common.robot import RobotConfig
 from readygo.services.evaluator.eyes import Eyes
@@ -51,7 +51,7 @@ def images_along(data: Dataset, spec: PolicySpec) -> np.ndarray:
     evaluator = make_evaluator("embedded", load_run_config(None, trained=spec), avatars=None, seed=3)
     eyes = Eyes(evaluator.bus, "render/0", robot=evaluator.robot, floor=evaluator.floor, timeout_s=60.0)
     key = data.episodes[0].episode
-    plan = evaluator.bus.request("human-plan", HumanPlanRequest(episode=key, static=True), HumanPlanReply)
+    plan = evaluator.bus.request(topics.HUMAN_PLAN, HumanPlanRequest(episode=key, static=True))
     assert plan.scenario is not None
     return np.concatenate([eyes.look([at], [""]) for at in drive_again(evaluator, plan.scenario, data)])
 

@@ -3,7 +3,15 @@ import pytest
 
 from readygo.common.bus import InProcessBus
 from readygo.common.config import section_from_mapping, section_to_mapping
-from readygo.common.messages import HumanPlanReply, HumanPlanRequest, RobotPlanReply, RobotPlanRequest, decode, encode
+from readygo.common.messages import (
+    HumanPlanReply,
+    HumanPlanRequest,
+    RobotPlanReply,
+    RobotPlanRequest,
+    decode,
+    encode,
+    topics,
+)
 from readygo.services.planner import ExpertConfig, FamilyMix, HumanPlannerConfig
 from readygo.services.planner.explain.picture import draw_episode
 from readygo.services.planner.service import attach
@@ -20,18 +28,18 @@ def bus(human_planner, robot_planner):
 def test_both_topics_answer_and_their_replies_survive_the_wire(bus):
     scenario, index = None, 0
     while scenario is None:
-        plan = bus.request("human-plan", HumanPlanRequest(episode=key(index)), HumanPlanReply)
+        plan = bus.request(topics.HUMAN_PLAN, HumanPlanRequest(episode=key(index)))
         scenario, index = decode(HumanPlanReply, encode(plan)).scenario, index + 1
-    run = bus.request("robot-plan", RobotPlanRequest(scenario=scenario, motions=animate(scenario)), RobotPlanReply)
+    run = bus.request(topics.ROBOT_PLAN, RobotPlanRequest(scenario=scenario, motions=animate(scenario)))
     again = decode(RobotPlanReply, encode(run))
     assert again.episode == scenario.episode
     assert np.array_equal(again.trajectory.actions, run.trajectory.actions)
 
 
 def test_picture_shows_map_ways_and_outcome(bus, robot_planner):
-    scenario = bus.request("human-plan", HumanPlanRequest(episode=key(1)), HumanPlanReply).scenario
+    scenario = bus.request(topics.HUMAN_PLAN, HumanPlanRequest(episode=key(1))).scenario
     motions = animate(scenario)
-    run = bus.request("robot-plan", RobotPlanRequest(scenario=scenario, motions=motions), RobotPlanReply).trajectory
+    run = bus.request(topics.ROBOT_PLAN, RobotPlanRequest(scenario=scenario, motions=motions)).trajectory
     plain = draw_episode(robot_planner.maps.robot, scenario)
     full = draw_episode(robot_planner.maps.robot, scenario, run, motions=motions)
     assert full.dtype == np.uint8
