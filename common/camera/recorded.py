@@ -10,7 +10,8 @@ def with_whole_camera(config: Mapping[str, Any]) -> dict[str, Any]:
     """A run's recorded sections as they are today.
 
     Lens, light and shutter used to stand in `[renderer.sensor]`, with what varies in a table `ranges` below them and
-    the number of sub-frames beside them. Sections of today come back unchanged.
+    the number of sub-frames beside them. A value with a range had no meaning of its own: the middle of the range is now
+    the camera's (`SensorConfig.middle`). Sections of today come back unchanged.
     """
     renderer = config.get("renderer", {})
     sensor = renderer.get("sensor", {}) if isinstance(renderer, Mapping) else {}
@@ -18,6 +19,7 @@ def with_whole_camera(config: Mapping[str, Any]) -> dict[str, Any]:
         return dict(config)
     robot = config.get("robot", {})
     constants = {name: value for name, value in sensor.items() if name not in _NOT_THE_CAMERAS}
+    constants |= {name: 0.5 * (ends[0] + ends[1]) for name, ends in sensor["ranges"].items() if ends}
     return {
         **config,
         "robot": {**robot, "camera": {**robot.get("camera", {}), **constants}},

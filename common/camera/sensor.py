@@ -51,6 +51,11 @@ class SensorConfig:
         """True if there is a range."""
         return any(ends for _, ends in self.items())
 
+    def middle(self, camera: CameraConfig) -> CameraConfig:
+        """The camera with every value that has a range in the middle of it."""
+        values: dict[str, Any] = {name: 0.5 * (ends[0] + ends[1]) for name, ends in self.items() if ends}
+        return dataclasses.replace(camera, **values)
+
     def drawn(self, camera: CameraConfig, rng: np.random.Generator) -> CameraConfig:
         """One episode's camera: every value with a range replaced by one from it.
 

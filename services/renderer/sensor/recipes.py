@@ -26,17 +26,6 @@ def sensor_off(camera: CameraConfig, renderer: RendererConfig) -> tuple[CameraCo
 def sensor_phone_like(camera: CameraConfig, renderer: RendererConfig) -> tuple[CameraConfig, RendererConfig]:
     """A small camera module as in a phone: slight distortion, noise, motion blur and rolling shutter, all varied."""
     plain, _ = sensor_off(camera, renderer)
-    phone = dataclasses.replace(
-        plain,
-        distortion="brown_conrady",
-        k1=-0.015,
-        k2=0.002,
-        vignetting=0.175,
-        shot_noise=0.0125,
-        read_noise=0.00125,
-        exposure_s=1 / 96,
-        readout_s=0.015,
-    )
     sensor = SensorConfig(
         k1=(-0.04, 0.01),
         k2=(-0.002, 0.006),
@@ -51,6 +40,7 @@ def sensor_phone_like(camera: CameraConfig, renderer: RendererConfig) -> tuple[C
         exposure_s=(1 / 200, 1 / 60),
         readout_s=(0.010, 0.020),
     )
+    phone = sensor.middle(dataclasses.replace(plain, distortion="brown_conrady"))
     return phone, dataclasses.replace(renderer, sensor=sensor, sub_frames=4)
 
 

@@ -60,7 +60,9 @@ def as_recorded_before(config: dict[str, Any]) -> dict[str, Any]:
     """Sections as they were recorded when lens, light and shutter stood in [renderer.sensor]."""
     old = copy.deepcopy(config)
     camera, ranges = old["robot"]["camera"], old["renderer"]["sensor"]
-    constants = {name: camera[name] for name in ("distortion", *ranges)}
+    plain = resolved_sections(RunConfig())["robot"]["camera"]
+    constants = {name: plain[name] if ranges[name] else camera[name] for name in ranges}
+    constants["distortion"] = camera["distortion"]
     kept = ("height_px", "width_px", "horizontal_fov_deg", "mount_height_m")
     old["robot"]["camera"] = {name: camera[name] for name in kept}
     old["renderer"]["sensor"] = {**constants, "sub_frames": old["renderer"].pop("sub_frames"), "ranges": ranges}

@@ -20,9 +20,9 @@ def old_config(**sensor):
 def test_old_sensor_becomes_the_camera_and_what_varies_of_it() -> None:
     ranges = {"k1": [-0.04, 0.01], "exposure_s": [0.005, 0.01], "k2": []}
     config = with_whole_camera(old_config(distortion="brown_conrady", k2=0.002, sub_frames=4, ranges=ranges))
-    assert section_from_mapping(CameraConfig, config["robot"]["camera"]) == CameraConfig(
-        distortion="brown_conrady", k2=0.002
-    )
+    camera = section_from_mapping(CameraConfig, config["robot"]["camera"])
+    # What a range replaces is in the middle of it, as in a recipe of today.
+    assert camera == CameraConfig(distortion="brown_conrady", k1=-0.015, k2=0.002, exposure_s=0.0075)
     assert config["robot"]["v_max_mps"] == 0.7
     sensor = section_from_mapping(SensorConfig, config["renderer"]["sensor"])
     assert sensor == SensorConfig(k1=(-0.04, 0.01), exposure_s=(0.005, 0.01))
