@@ -34,6 +34,7 @@ def test_joints_turn_about_one_axis_and_the_root_moves_straight() -> None:
             ends = Rotation.from_rotvec(moving.motion.pose_axis_angle[1:, joint])
             expected = Slerp([0, 1], ends)(share)
             assert (expected.inv() * Rotation.from_rotvec(between.pose_axis_angle[joint])).magnitude() < 1e-5
+        assert np.linalg.norm(between.pose_axis_angle, axis=1).max() <= np.pi + 1e-6
 
 
 def test_pose_of_a_row_is_that_row_and_the_ends_are_held() -> None:
