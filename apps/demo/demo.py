@@ -29,6 +29,7 @@ from readygo.common.files import write_whole
 from readygo.common.frames import wrap_angle
 from readygo.common.messages import AnimateRequest, HumanPlanRequest, Scenario, Split
 from readygo.common.policy import load_policy
+from readygo.common.robot.kinematics import DT_S
 from readygo.common.scenes.top_view import top_view
 from readygo.services.animator import handle_animate
 from readygo.services.evaluator import (
@@ -255,7 +256,7 @@ def _strip(dataset: Dataset, entry: EpisodeEntry, scenarios: _Scenarios) -> tupl
     centre = int(np.argmax(_nearness(dataset, entry, scenarios)))
     first = min(max(centre, -STRIP_STEPS[0]), entry.sample_count - 1)
     steps = sorted({max(0, first + offset) for offset in STRIP_STEPS})
-    return tuple(StripImage(rgb=dataset.decode(entry.first_sample + step), time_s=step * 0.05) for step in steps)
+    return tuple(StripImage(rgb=dataset.decode(entry.first_sample + step), time_s=step * DT_S) for step in steps)
 
 
 def _losses(metrics: dict[str, Any]) -> tuple[LossCurve, ...]:

@@ -31,6 +31,7 @@ from readygo.common.messages import (
     decode,
     encode,
 )
+from readygo.common.robot.kinematics import STEP_NS
 from readygo.services.recorder import Recorder, RecorderConfig, handle_append
 
 EPISODES, SAMPLES, WINDOWS = 40, 300, 20_000
@@ -71,7 +72,7 @@ def make_requests(index: int, images: list[bytes]) -> list[AppendRequest]:
         Sample(
             seq=seq,
             crc32=zlib.crc32(images[seq % len(images)]),
-            time_ns=seq * 50_000_000,
+            time_ns=seq * STEP_NS,
             image=images[seq % len(images)],
             action_v_mps=0.5,
             action_w_radps=0.1,

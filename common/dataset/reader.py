@@ -22,8 +22,8 @@ from readygo.common.errors import DatasetError
 from readygo.common.images.files import decode_output
 from readygo.common.messages.episode import EpisodeKey
 from readygo.common.messages.samples import DISTORTION_MODELS
+from readygo.common.policy.windows import spacing_steps_of, window_rows
 from readygo.common.robot import RobotConfig
-from readygo.common.robot.kinematics import RATE_HZ
 
 _CALIBRATION = ("height_px", "width_px", "K_px", "distortion_model", "distortion")
 OPEN_SHARDS_MAX = 128
@@ -135,13 +135,6 @@ class Dataset:
         return self._rows[["human_distance_m", "time_to_collision_s", "expert_cost", "human_visible", "replanned"]]
 
     @cached_property
-    def previous_actions(self) -> npt.NDArray[np.float32]:
-        """Commands executed before each sample, zero at an episode's start, shape (S, 2)."""
-        previous = np.roll(self.actions, 1, axis=0)
-        previous[self._first_sample[self._first_sample == np.arange(len(self))]] = 0.0
-        return previous
-
-    @cached_property
     def robot(self) -> RobotConfig | None:
         """The robot that the samples were recorded with, None if the metadata does not say."""
         return robot_of(self.metadata)
@@ -239,23 +232,21 @@ class Dataset:
             distortion=tuple(row["distortion"][: DISTORTION_MODELS[model]].tolist()),
         )
 
-    def windows(
-        self, samples: npt.ArrayLike | None = None, *, frame_count: int = 3, spacing_s: float = 0.5
-    ) -> npt.NDArray[np.int64]:
-        """Samples whose images a policy sees together; an episode's oldest image stands in for what was before.
+    def windows(self, samples: npt.ArrayLike | None = None, *, spacing_s: float = 0.5) -> npt.NDArray[np.int64]:
+        """Samples whose images a policy sees together; an episode's first image stands in for what was before.
 
         Args:
             samples: The newest sample of each window, shape (N,); all samples by default.
-            frame_count: Images per window.
             spacing_s: Time between images [s], a multiple of 0.05 s.
 
         Returns:
-            Sample numbers, the newest first, shape (N, frame_count).
+            Sample numbers, the oldest first, shape (N, 3).
+
+        Raises:
+            ValueError: If the spacing is no multiple of the step.
         """
         newest = np.arange(len(self)) if samples is None else np.asarray(samples, dtype=np.int64)
-        back = np.arange(frame_count) * round(spacing_s * RATE_HZ)
-        window: npt.NDArray[np.int64] = np.maximum(newest[:, None] - back, self._first_sample[newest][:, None])
-        return window
+        return window_rows(newest, self._first_sample[newest], spacing_steps_of(spacing_s))
 
     def close(self) -> None:
         """Close the shards; images can still be read, they are opened again."""

@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from readygo.common.messages.checks import check_array
 from readygo.common.messages.codec import OMITTED_WHEN_EMPTY
+from readygo.common.robot.kinematics import DT_S
 
 
 class Outcome(enum.Enum):
@@ -56,4 +57,4 @@ class RobotTrajectory:
     @property
     def duration_s(self) -> float:
         """Simulated time until the episode ended [s]."""
-        return len(self.xyyaw) * 0.05
+        return len(self.xyyaw) * DT_S

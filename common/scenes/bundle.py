@@ -2,10 +2,6 @@
 
 import json
 import math
-import shutil
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -247,22 +243,3 @@ def _refuse_without_free_area(plan: ScenePlan, robot: RobotConfig) -> None:
         f"obstacles, and a disc of radius {radius_m:g} m can move on {area_m2:.1f} m2 ({FREE_AREA_MIN_M2:g} m2 are "
         "needed); check the up axis and the scale."
     )
-
-
-@contextmanager
-def _built_beside(out: Path) -> Iterator[Path]:
-    """A temporary folder that becomes `out` when the block ends well, and vanishes when it does not."""
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        folder = Path(tempfile.mkdtemp(prefix=f".{out.name}.partial-", dir=out.parent))
-    except OSError as error:
-        raise SceneError(f"{out} cannot be made: {error.strerror or error}.") from error
-    try:
-        yield folder
-        folder.chmod(0o755)
-        _refuse_existing(out)
-        folder.rename(out)
-    except OSError as error:
-        raise SceneError(f"{out} cannot be written: {error.strerror or error}.") from error
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)

@@ -20,13 +20,13 @@ from readygo.common.files import write_whole
 from readygo.common.policy.artifact import (
     ENCODER_FILE,
     FEATURE_COUNT,
-    FRAME_COUNT,
     GOAL_SCALE_M,
     HEAD_FILE,
     LATENT_COUNT,
     PolicySpec,
     save_spec,
 )
+from readygo.common.policy.windows import FRAME_COUNT
 from readygo.common.robot import RobotConfig
 from readygo.services.trainer.model import Encoder, Head, PolicyNet, ResidualBlock
 

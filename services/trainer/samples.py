@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from readygo.common.errors import DatasetError
 from readygo.common.messages import EpisodeKey
+from readygo.common.policy.windows import window_rows
 
 Indices = npt.NDArray[np.int64]
 
@@ -145,8 +146,7 @@ def make_batch(samples: Indices, first: Indices, spacing_steps: int) -> Batch:
         first: First sample of each sample's episode for the whole source, shape (S,).
         spacing_steps: Steps between the frames of a window.
     """
-    offsets = spacing_steps * np.array([2, 1, 0])
-    seen = np.maximum(samples[:, None] - offsets, first[samples][:, None])
+    seen = window_rows(samples, first[samples], spacing_steps)
     frames, window = np.unique(seen, return_inverse=True)
     return Batch(samples=samples, frames=frames, window=window.reshape(seen.shape))
 

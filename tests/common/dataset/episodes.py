@@ -17,6 +17,7 @@ from readygo.common.images.files import encode_output
 from readygo.common.images.images import Images
 from readygo.common.messages import AppendRequest, EpisodeHeader, EpisodeKey, HumanLabels, Sample, Split, sample_crc32
 from readygo.common.robot import CameraConfig, RobotConfig, limit_command, step_unicycle
+from readygo.common.robot.kinematics import STEP_NS
 
 ROBOT = RobotConfig(camera=CameraConfig(height_px=24, width_px=32))
 METADATA = {
@@ -103,7 +104,7 @@ def make_samples(header: EpisodeHeader, names: Sequence[str] = ()) -> tuple[Samp
         sample = Sample(
             seq=seq,
             crc32=sample_crc32(image, outputs),
-            time_ns=seq * 50_000_000,
+            time_ns=seq * STEP_NS,
             image=image,
             action_v_mps=v_mps,
             action_w_radps=w_radps,

@@ -55,12 +55,6 @@ def test_arrays_hold_every_sample(folder) -> None:
     assert (dataset.actions.dtype, dataset.goals_xy_m.dtype) == (np.float32, np.float32)
 
 
-def test_previous_action_is_that_of_the_sample_before_and_zero_at_the_start(folder) -> None:
-    dataset = Dataset([folder])
-    np.testing.assert_array_equal(dataset.previous_actions[[0, 12, 42]], 0.0)
-    np.testing.assert_array_equal(dataset.previous_actions[13:42], dataset.actions[12:41])
-
-
 def test_decoded_image_is_rgb(tmp_path) -> None:
     import cv2
 
@@ -72,24 +66,26 @@ def test_decoded_image_is_rgb(tmp_path) -> None:
     np.testing.assert_array_equal(image, bgr[..., ::-1])
 
 
-def test_window_repeats_the_oldest_image_at_the_start(folder) -> None:
+def test_windows_are_oldest_first_and_stay_in_their_episode(folder) -> None:
     windows = Dataset([folder]).windows([0, 9, 10, 12, 21, 22, 41, 42])
     assert windows.tolist() == [
         [0, 0, 0],
-        [9, 0, 0],
-        [10, 0, 0],
+        [0, 0, 9],
+        [0, 0, 10],
         [12, 12, 12],
-        [21, 12, 12],
-        [22, 12, 12],
-        [41, 31, 21],
+        [12, 12, 21],
+        [12, 12, 22],
+        [21, 31, 41],
         [42, 42, 42],
     ]
 
 
 def test_windows_of_all_samples_with_another_spacing(folder) -> None:
-    windows = Dataset([folder]).windows(frame_count=2, spacing_s=0.05)
-    assert windows.shape == (54, 2)
-    assert windows[[0, 1, 53]].tolist() == [[0, 0], [1, 0], [53, 52]]
+    windows = Dataset([folder]).windows(spacing_s=0.05)
+    assert windows.shape == (54, 3)
+    assert windows[[0, 1, 53]].tolist() == [[0, 0, 0], [0, 0, 1], [51, 52, 53]]
+    with pytest.raises(ValueError, match=r"multiple of 0\.05 s"):
+        Dataset([folder]).windows(spacing_s=0.07)
 
 
 def test_shard_layout_does_not_show(tmp_path) -> None:
