@@ -26,7 +26,7 @@ CAMERA_DISTANCE_M, CAMERA_HEIGHT_M, FOCAL_PX = 4.2, 1.2, 830.0
 
 
 def avatar_list(*, avatars: Path | None = None, json: bool = False) -> None:
-    """List avatars with their heights, sizes and licences (--json tells the licences in full).
+    """List avatars with their heights, sizes and licenses (--json tells the licenses in full).
 
     Args:
         avatars: Avatar file or folder of them; the embedded ones by default.
@@ -36,10 +36,10 @@ def avatar_list(*, avatars: Path | None = None, json: bool = False) -> None:
     if json:
         sys.stdout.write(json_module.dumps(rows, indent=2) + "\n")
         return
-    table = Table("name", "height [m]", "Gaussians", "size [MB]", "licence")
+    table = Table("name", "height [m]", "Gaussians", "size [MB]", "license")
     for row in rows:
-        size_mb, licence = row["size_bytes"] / 1e6, row["license"].split(". ")[0]
-        table.add_row(row["name"], f"{row['height_m']:.2f}", f"{row['gaussians']:,}", f"{size_mb:.2f}", licence)
+        size_mb, license = row["size_bytes"] / 1e6, row["license"].split(". ")[0]
+        table.add_row(row["name"], f"{row['height_m']:.2f}", f"{row['gaussians']:,}", f"{size_mb:.2f}", license)
     Console().print(table)
 
 

@@ -83,7 +83,7 @@ def _print_report(report: ImportReport, out: Path, sheet: Path | None) -> None:
     console = Console(soft_wrap=True, highlight=False)
     lines = [
         f"{out}: {report.name}, a {report.kind}, {report.height_m:.2f} m tall, {report.gaussians:,} Gaussians",
-        f"licence: {report.license}",
+        f"license: {report.license}",
     ]
     skeleton = report.skeleton
     if skeleton is not None:

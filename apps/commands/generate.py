@@ -222,7 +222,7 @@ def make_spec(
         config=resolved_sections(config),
         metadata=run_metadata(
             config,
-            scene={"name": scene.name, "hash": scene.content_hash, "license": scene.metadata.get("licence", "")},
+            scene={"name": scene.name, "hash": scene.content_hash, "license": scene.license},
             avatars={n: {"hash": avatar_hash(a), "license": a.license} for n, a in people.items()},
             scenarios={"name": scenarios.name, "sha256": text_hash(script)} if scenarios else {},
         ),

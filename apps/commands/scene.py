@@ -39,7 +39,7 @@ def scene_import(
     up: str = "+z",
     scale: float = 1.0,
     translate: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    licence: str = "",
+    license: str = "",
     robot: Path | None = None,
     resolution: float = 0.05,
     drop_bad: bool = False,
@@ -55,7 +55,7 @@ def scene_import(
         up: Axis of the file that points up: +x, +y, +z, -x, -y or -z; write --up=-y with the equals sign.
         scale: Metres per unit of the file.
         translate: Added after turning and scaling [m].
-        licence: Licence of the scene; recorded with everything made from it.
+        license: Terms of the scene; recorded with everything made from it.
         robot: robot.toml, for the height and radius that the maps are made for.
         resolution: Edge of map cells [m].
         drop_bad: Leave out Gaussians that cannot be drawn (numbers that are not finite; beyond 10 km) and say how many.
@@ -69,7 +69,7 @@ def scene_import(
         up=up,
         scale=scale,
         translate_m=translate,
-        licence=licence,
+        license=license,
         robot=None if robot is None else load_robot(robot),
         resolution_m=resolution,
         drop_bad=drop_bad,
@@ -141,7 +141,7 @@ def _with_scale_bar(view: TopView) -> Picture:
 def _print(scene: Scene, report: dict[str, Any], pictures: list[Path], *, json: bool) -> None:
     if json:
         head: dict[str, Any] = {"name": scene.name, "path": str(scene.path), "content_hash": scene.content_hash}
-        head["licence"] = scene.metadata.get("licence", "")
+        head["license"] = scene.license
         head["dropped_gaussians"] = _dropped(scene)
         row = {**head, **report, "pictures": [str(path) for path in pictures]}
         sys.stdout.write(json_module.dumps(row) + "\n")
@@ -151,7 +151,7 @@ def _print(scene: Scene, report: dict[str, Any], pictures: list[Path], *, json: 
         table.add_row(label, text)
     if _dropped(scene):
         table.add_row("left out", f"{_dropped(scene):,} Gaussians that cannot be drawn")
-    table.add_row("licence", scene.metadata.get("licence", "") or "not given")
+    table.add_row("license", scene.license or "not given")
     table.add_row("bundle", str(scene.path))
     for path in pictures:
         table.add_row("picture", str(path))

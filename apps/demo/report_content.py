@@ -83,7 +83,7 @@ class ReportContent:
     """One or two sentences on what was done."""
     scene_name: str
     scene_note: str = ""
-    """For example size, number of Gaussians, licence."""
+    """For example size, number of Gaussians, license."""
     top_view: TopView | None = None
     occupancy: OccupancyMap | None = None
     episodes: tuple[DrawnEpisode, ...] = ()

@@ -200,7 +200,7 @@ class RunSpec:
     config: dict[str, Any]
     """Resolved sections: robot, episode, human_planner, expert, animator, renderer, recorder."""
     metadata: dict[str, Any]
-    """Versions, commit and licences, recorded with the data; not part of the identity."""
+    """Versions, commit and licenses, recorded with the data; not part of the identity."""
     scenarios: str = ""
     """Text of the scenario file that the episodes play; empty if they are drawn."""
 

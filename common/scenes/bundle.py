@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from readygo.common.config import section_to_mapping
 from readygo.common.errors import SceneError
+from readygo.common.files import unfinished_folder
 from readygo.common.gaussians import GaussianCloud, R_from_up, save_ply, transform_cloud
 from readygo.common.gaussians.defects import excessive, refusal, unusable, without
 from readygo.common.gaussians.files import read_gaussians, with_unit_rotations
@@ -63,7 +64,7 @@ def import_scene(
     up: str = "+z",
     scale: float = 1.0,
     translate_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    licence: str = "",
+    license: str = "",
     robot: RobotConfig | None = None,
     resolution_m: float = 0.05,
     opacity_threshold: float = 0.5,
@@ -80,7 +81,7 @@ def import_scene(
         up: Axis of the file that points up: +x, -x, +y, -y, +z or -z.
         scale: Metres per unit of the file.
         translate_m: Added after turning and scaling [m].
-        licence: Licence of the scene, for everything made from it.
+        license: Terms of the scene, for everything made from it.
         robot: Footprint and height for the robot map.
         resolution_m: Edge of map cells [m].
         opacity_threshold: Opacity sum above which a voxel is occupied.
@@ -112,7 +113,7 @@ def import_scene(
         dropped_gaussians=sum(dropped for _, dropped in files),
     )
     return save_scene(
-        cloud, sky_cloud, out, name=name, licence=licence, source=provenance, robot=robot, map_config=config
+        cloud, sky_cloud, out, name=name, license=license, source=provenance, robot=robot, map_config=config
     )
 
 
@@ -143,7 +144,7 @@ def save_scene(
     out: str | Path,
     *,
     name: str = "",
-    licence: str = "",
+    license: str = "",
     source: SceneSource | None = None,
     robot: RobotConfig | None = None,
     map_config: MapConfig | None = None,
@@ -157,7 +158,7 @@ def save_scene(
         sky: Gaussians of the far surroundings in the same frame; they take no part in the maps.
         out: Folder to make; must not exist.
         name: Name of the scene; the folder's by default.
-        licence: Licence of the scene.
+        license: Terms of the scene.
         source: Where it comes from.
         robot: Footprint and height for the robot map.
         map_config: How the maps are made; with the robot's height by default.
@@ -167,29 +168,57 @@ def save_scene(
     """
     out, robot = Path(out), robot or RobotConfig()
     _refuse_existing(out)
-    config = map_config or MapConfig(robot_height_m=robot.height_m)
-    plan = plan_scene(cloud, config)
-    _refuse_without_free_area(plan, robot)
-    with _built_beside(out) as folder:
-        save_ply(cloud, folder / CLOUD_FILE)
-        if sky is not None:
-            save_ply(sky, folder / SKY_FILE)
-        (folder / "maps").mkdir()
-        save_ros_map(plan.robot, folder / ROBOT_MAP_FILE, unknown=plan.unknown)
-        save_ros_map(plan.human, folder / HUMAN_MAP_FILE, unknown=plan.unknown)
-        np.save(folder / FLOOR_FILE, plan.floor.height_m)
-        report = scene_report(cloud, sky, plan.robot, plan.human, plan.floor, robot.planning_radius_m)
-        (folder / REPORT_FILE).write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
-        manifest = _manifest(folder, plan, name or out.resolve().name, licence, source or SceneSource(), robot, config)
-        (folder / MANIFEST).write_text(toml_text(manifest), encoding="utf-8")
+    with unfinished_folder(out, raises=SceneError) as folder:
+        fill_bundle(
+            folder,
+            cloud,
+            sky,
+            name=name or out.resolve().name,
+            license=license,
+            source=source or SceneSource(),
+            robot=robot,
+            map_config=map_config or MapConfig(robot_height_m=robot.height_m),
+        )
     return load_scene(out)
+
+
+def fill_bundle(
+    folder: Path,
+    cloud: GaussianCloud,
+    sky: GaussianCloud | None,
+    *,
+    name: str,
+    license: str,
+    source: SceneSource,
+    robot: RobotConfig,
+    map_config: MapConfig,
+) -> None:
+    """Write everything that a bundle consists of into an empty folder; arguments as of `save_scene`.
+
+    Raises:
+        SceneError: If the scene has no floor or no free area.
+        OSError: If the folder cannot be written.
+    """
+    plan = plan_scene(cloud, map_config)
+    _refuse_without_free_area(plan, robot)
+    save_ply(cloud, folder / CLOUD_FILE)
+    if sky is not None:
+        save_ply(sky, folder / SKY_FILE)
+    (folder / "maps").mkdir()
+    save_ros_map(plan.robot, folder / ROBOT_MAP_FILE, unknown=plan.unknown)
+    save_ros_map(plan.human, folder / HUMAN_MAP_FILE, unknown=plan.unknown)
+    np.save(folder / FLOOR_FILE, plan.floor.height_m)
+    report = scene_report(cloud, sky, plan.robot, plan.human, plan.floor, robot.planning_radius_m)
+    (folder / REPORT_FILE).write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
+    manifest = _manifest(folder, plan, name, license, source, robot, map_config)
+    (folder / MANIFEST).write_text(toml_text(manifest), encoding="utf-8")
 
 
 def _manifest(
     folder: Path,
     plan: ScenePlan,
     name: str,
-    licence: str,
+    license: str,
     source: SceneSource,
     robot: RobotConfig,
     config: MapConfig,
@@ -204,7 +233,7 @@ def _manifest(
         "format": FORMAT,
         "name": name,
         "frame": FRAME,
-        "licence": licence,
+        "license": license,
         "content_hash": combined_hash(content),
         "source": section_to_mapping(source),
         "maps": {**section_to_mapping(config), "planning_radius_m": robot.planning_radius_m},

@@ -70,7 +70,13 @@ class Scene:
     content_hash: str
     """Hash of Gaussians, sky and maps; equal for equal content, however its files are compressed."""
     metadata: Mapping[str, Any]
-    """The parsed `scene.toml`: licence, frame, source, settings of the maps, counts."""
+    """The parsed `scene.toml`: license, frame, source, settings of the maps, counts."""
+
+    @property
+    def license(self) -> str:
+        """Terms of the scene, for everything made from it; empty if none were given."""
+        # Bundles of the first versions spell it in British English.
+        return str(self.metadata.get("license") or self.metadata.get("licence", ""))
 
     @cached_property
     def cloud(self) -> GaussianCloud:

@@ -1,4 +1,4 @@
-"""SMPL model files (.npz, .pkl), which users bring under their own licence."""
+"""SMPL model files (.npz, .pkl), which users bring under their own license."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -13,8 +13,8 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.files import unfinished_folder
 from readygo.common.avatars import Avatar
+from readygo.common.files import unfinished_folder
 from readygo.common.rasterizer.lod.avatar import JOINTS, AvatarTree, build_avatar_tree
 from readygo.common.rasterizer.lod.tree import ChunkTree, build_tree
 from readygo.common.rasterizer.packed.avatar import PackedAvatar, pack_avatar

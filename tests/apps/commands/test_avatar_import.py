@@ -29,12 +29,12 @@ def test_report_as_json_describes_the_avatar_that_was_written(
     assert (tmp_path / "ann.png").stat().st_size > 10_000
 
 
-def test_printed_report_names_bones_and_licence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_printed_report_names_bones_and_license(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     person = write_glb(tmp_path / "person.glb", prefix="[rig] ")
     avatar_import(person, out=tmp_path / "ann.npz", license="CC0-1.0", gaussians=2000)
     printed = capsys.readouterr().out
     assert "left_knee       [rig] LeftLeg" in printed
-    assert "licence: CC0-1.0" in printed
+    assert "license: CC0-1.0" in printed
     assert not (tmp_path / "ann.png").exists()
 
 

@@ -24,12 +24,12 @@ def source(tmp_path_factory):
 
 
 def test_import_then_inspect_prints_json_and_draws(source, tmp_path, capsys):
-    scene_import(source, out=tmp_path / "room", licence="CC0", json=True)
+    scene_import(source, out=tmp_path / "room", license="CC0", json=True)
     imported = json.loads(capsys.readouterr().out)
     scene_inspect(str(tmp_path / "room"), json=True)
     inspected = json.loads(capsys.readouterr().out)
     assert inspected["content_hash"] == imported["content_hash"]
-    assert inspected["licence"] == "CC0"
+    assert inspected["license"] == "CC0"
     assert inspected["robot"]["radius_m"] == 0.3
     assert 4 < inspected["robot"]["reachable_m2"] < 12
     assert [Path(p).name for p in inspected["pictures"]] == ["top.png", "map_robot.png", "map_human.png"]

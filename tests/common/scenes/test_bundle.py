@@ -1,4 +1,5 @@
 import json
+import shutil
 import tomllib
 
 import numpy as np
@@ -21,7 +22,7 @@ def small_room():
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory):
     sky = sheet((-50, -50, -5), (100, 0, 0), (0, 100, 0), spacing_m=10)
-    return save_scene(small_room(), sky, tmp_path_factory.mktemp("scenes") / "small", licence="CC0")
+    return save_scene(small_room(), sky, tmp_path_factory.mktemp("scenes") / "small", license="CC0")
 
 
 def test_bundle_holds_gaussians_maps_report_and_nothing_else(scene):
@@ -34,7 +35,7 @@ def test_bundle_holds_gaussians_maps_report_and_nothing_else(scene):
 def test_loaded_scene_has_what_was_saved(scene):
     loaded = load_scene(scene.path)
     assert (loaded.name, loaded.content_hash) == ("small", scene.content_hash)
-    assert loaded.metadata["licence"] == "CC0"
+    assert loaded.license == "CC0"
     np.testing.assert_array_equal(loaded.cloud.means_m, small_room().means_m)
     assert loaded.sky is not None
     assert len(loaded.sky) == 100
@@ -43,6 +44,14 @@ def test_loaded_scene_has_what_was_saved(scene):
     assert loaded.maps.human.occupied[row, column]
     assert loaded.maps.floor.at(3.0, 2.0) == pytest.approx(0.0, abs=0.01)
     assert loaded.maps.robot is loaded.maps.robot
+
+
+def test_license_of_a_bundle_of_the_first_versions_is_read(scene, tmp_path):
+    old = shutil.copytree(scene.path, tmp_path / "old")
+    manifest = (old / "scene.toml").read_text()
+    (old / "scene.toml").write_text(manifest.replace('license = "CC0"', 'licence = "CC0"'))
+    assert "license" not in load_scene(old).metadata
+    assert load_scene(old).license == "CC0"
 
 
 def test_maps_load_without_the_gaussians(scene):
@@ -62,7 +71,7 @@ def test_report_names_the_reachable_area(scene):
 
 def test_content_hash_depends_on_content_and_not_on_name_or_folder(scene, tmp_path):
     sky = sheet((-50, -50, -5), (100, 0, 0), (0, 100, 0), spacing_m=10)
-    same = save_scene(small_room(), sky, tmp_path / "other", name="another", licence="none")
+    same = save_scene(small_room(), sky, tmp_path / "other", name="another", license="none")
     assert same.content_hash == scene.content_hash
     assert save_scene(small_room(), None, tmp_path / "no_sky").content_hash != scene.content_hash
     low = MapConfig(robot_height_m=0.3)
