@@ -14,7 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from readygo.apps.commands.scene_argument import open_scene
 from readygo.apps.fleet.fleet import Fleet
-from readygo.apps.fleet.worker import make_coordinator, recorded_metadata
+from readygo.apps.fleet.worker import make_coordinator
 from readygo.apps.run.config import (
     RunConfig,
     RunFolder,
@@ -30,6 +30,7 @@ from readygo.common.avatars import load_avatars
 from readygo.common.avatars.file import avatar_hash
 from readygo.common.bus import InProcessBus, claim_once
 from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
+from readygo.common.dataset.provenance import AvatarOrigin, Provenance, ScenarioOrigin, SceneOrigin
 from readygo.common.errors import BusError, ConfigError, RunError
 from readygo.common.messages import FileRef, RunSpec, Split, Stage, StatusReply, StatusRequest
 from readygo.common.robot import load_robot
@@ -222,9 +223,9 @@ def make_spec(
         config=resolved_sections(config),
         metadata=run_metadata(
             config,
-            scene={"name": scene.name, "hash": scene.content_hash, "license": scene.license},
-            avatars={n: {"hash": avatar_hash(a), "license": a.license} for n, a in people.items()},
-            scenarios={"name": scenarios.name, "sha256": text_hash(script)} if scenarios else {},
+            scene=SceneOrigin(name=scene.name, hash=scene.content_hash, license=scene.license),
+            avatars={n: AvatarOrigin(hash=avatar_hash(a), license=a.license) for n, a in people.items()},
+            scenarios=ScenarioOrigin(name=scenarios.name, sha256=text_hash(script)) if scenarios else None,
         ),
         scenarios=script,
     )
@@ -255,7 +256,7 @@ def run_in_process(folder: RunFolder, show: Show) -> StatusReply:
     coordination.attach(bus, coordinator)
     world = World(coordinator.spec, bus)
     recorder = Recorder(
-        folder=folder.path, name="rec0", bus=bus, metadata=recorded_metadata(world), config=world.config.recorder
+        folder=folder.path, name="rec0", bus=bus, provenance=Provenance.of_run(world.spec), config=world.config.recorder
     )
     attach_recorder(bus, recorder)
     numbers = numeric_class(world.config)

@@ -142,6 +142,7 @@ def _write_pictures(
 ) -> None:
     dataset = Dataset([out / "data"])
     view = top_view(world.scene)
+    recorded = dataset.provenance
     scenarios = _Scenarios(world)
     shown = _best_encounter(dataset, scenarios)
     film = _film(dataset, shown, scenarios)
@@ -176,7 +177,11 @@ def _write_pictures(
         ),
         commands=commands,
         next_steps=_next_steps(),
-        provenance={key: str(world.spec.metadata[key]) for key in ("readygo_version", "commit", "numeric_class")},
+        provenance={
+            "readygo_version": recorded.readygo_version,
+            "commit": recorded.commit,
+            "numeric_class": recorded.numeric_class,
+        },
     )
     write_report(out / "report.html", content)
     write_whole(out / "run.json", json.dumps(run, indent=2) + "\n")

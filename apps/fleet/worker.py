@@ -9,13 +9,14 @@ import socket
 import sys
 import threading
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Literal
 
 from readygo.apps.run.config import RunFolder, numeric_class
 from readygo.apps.run.stages import stage_work
 from readygo.apps.run.world import World
 from readygo.common.bus import pull
 from readygo.common.bus.zenoh_bus import ZenohBus
+from readygo.common.dataset.provenance import Provenance
 from readygo.common.errors import RunError
 from readygo.common.messages import RunSpec, RunSpecRequest, Stage
 from readygo.common.rasterizer.warm import warm as warm_rasterizer
@@ -24,7 +25,6 @@ from readygo.services.recorder import Recorder
 from readygo.services.recorder import attach as attach_recorder
 
 Role = Literal["coordinator", "human-planner", "animator", "robot-planner", "renderer", "recorder"]
-ROLES: tuple[Role, ...] = get_args(Role)
 
 ROLE_STAGE: dict[str, Stage] = {
     "human-planner": Stage.HUMAN_PLAN,
@@ -115,18 +115,13 @@ def _coordinate(bus: ZenohBus, folder: RunFolder, stop: threading.Event) -> None
 def _record(bus: ZenohBus, name: str, folder: RunFolder, stop: threading.Event) -> None:
     world = World(bus.request("coord/spec", RunSpecRequest(), RunSpec, timeout_s=30.0))
     recorder = Recorder(
-        folder=folder.path, name=name, bus=bus, metadata=recorded_metadata(world), config=world.config.recorder
+        folder=folder.path, name=name, bus=bus, provenance=Provenance.of_run(world.spec), config=world.config.recorder
     )
     attach_recorder(bus, recorder)
     bus.announce("recorder", name)
     while not stop.wait(SETTLE_S):
         recorder.settle()
     recorder.close()
-
-
-def recorded_metadata(world: World) -> dict[str, object]:
-    """What goes into every shard's metadata."""
-    return {**world.spec.metadata, "config": world.spec.config, "seed": world.spec.seed}
 
 
 def _work(bus: ZenohBus, stage: Stage, role: str, name: str, stop: threading.Event) -> None:

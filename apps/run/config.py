@@ -8,13 +8,14 @@ import json
 import platform
 import subprocess
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from readygo.common.config import section_from_mapping, section_to_mapping
+from readygo.common.dataset.provenance import AvatarOrigin, Provenance, ScenarioOrigin, SceneOrigin
 from readygo.common.episode import EpisodeConfig
 from readygo.common.errors import ConfigError, RunError
 from readygo.common.files import write_whole
@@ -115,17 +116,18 @@ def run_name(spec: RunSpec) -> str:
 
 
 def run_metadata(
-    config: RunConfig, *, scene: dict[str, Any], avatars: dict[str, dict[str, str]], scenarios: dict[str, str]
+    config: RunConfig, *, scene: SceneOrigin, avatars: Mapping[str, AvatarOrigin], scenarios: ScenarioOrigin | None
 ) -> dict[str, Any]:
-    """What is recorded with the data besides the identity; no scenario file leaves its key out."""
-    return {
-        **({"scenarios": scenarios} if scenarios else {}),
-        "readygo_version": importlib.metadata.version("readygo"),
-        "commit": _commit(),
-        "numeric_class": numeric_class(config),
-        "scene": scene,
-        "avatars": avatars,
-    }
+    """What is recorded with the data besides settings and seed, as plain values."""
+    made = Provenance(
+        readygo_version=importlib.metadata.version("readygo"),
+        commit=_commit(),
+        numeric_class=numeric_class(config),
+        scene=scene,
+        avatars=avatars,
+        scenarios=scenarios,
+    )
+    return made.to_mapping()
 
 
 def resolved_sections(config: RunConfig) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from readygo.common.avatars import Avatar, load_avatars
 from readygo.common.avatars.file import avatar_hash
 from readygo.common.bus import Bus, fetch_blob
 from readygo.common.config import section_from_mapping
+from readygo.common.dataset.provenance import Provenance
 from readygo.common.errors import RunError, SceneError
 from readygo.common.files import write_whole
 from readygo.common.messages import RunSpec
@@ -83,7 +84,8 @@ class World:
 
     def _scenarios(self) -> ScenarioFile | None:
         """The scenarios that the run plays, if it does not draw them."""
-        name = self.spec.metadata.get("scenarios", {}).get("name", "the run's scenarios")
+        recorded = Provenance.of_run(self.spec).scenarios
+        name = recorded.name if recorded else "the run's scenarios"
         return parse_scenarios(self.spec.scenarios, name) if self.spec.scenarios else None
 
     def animator(self) -> Animator:
@@ -110,5 +112,6 @@ def _fetched_scene(bus: Bus, spec: RunSpec) -> Scene:
         scene = load_scene(folder)
         verify_scene(scene)
     except SceneError as error:
-        raise RunError(f"The scene that came from the run cannot be used; remove {folder} to fetch it anew. {error}") from error
+        remedy = f"remove {folder} to fetch it anew"
+        raise RunError(f"The scene that came from the run cannot be used; {remedy}. {error}") from error
     return scene

@@ -204,7 +204,7 @@ class ToyDataset:
     goals_xy_m: npt.NDArray[np.float32]
     poses: npt.NDArray[np.float64]
     images: list[npt.NDArray[np.uint8]]
-    metadata: dict
+    robot: RobotConfig
     content_hash: str = "toy"
 
     def decode(self, index: int) -> npt.NDArray[np.uint8]:
@@ -214,8 +214,6 @@ class ToyDataset:
 
 def record(rooms: Rooms, count: int, *, seed: int) -> ToyDataset:
     """`count` successful expert episodes."""
-    from readygo.common.config import section_to_mapping
-
     rng, episodes, rows = np.random.default_rng(seed), [], []
     while len(episodes) < count:
         task = draw_task(rooms, rng)
@@ -231,6 +229,6 @@ def record(rooms: Rooms, count: int, *, seed: int) -> ToyDataset:
         np.array(goals, np.float32),
         np.array(poses),
         list(images),
-        {"config": {"robot": section_to_mapping(rooms.robot)}},
+        rooms.robot,
         f"toy-{seed}-{count}",
     )

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from readygo.common.bus import InProcessBus
-from readygo.common.dataset import Dataset, validate
+from readygo.common.dataset import Dataset, Provenance, validate
 from readygo.common.dataset.index import index_path
 from readygo.common.messages import (
     AppendRequest,
@@ -98,7 +98,7 @@ def make_requests(index: int, images: list[bytes]) -> list[AppendRequest]:
 
 def record(folder: Path, requests: list[AppendRequest], episodes: int, *, fsync: bool) -> None:
     """Record the same episode under many indices."""
-    recorder = Recorder(folder, "r0", make_bus(), {"config": {}}, RecorderConfig(fsync=fsync))
+    recorder = Recorder(folder, "r0", make_bus(), Provenance(), RecorderConfig(fsync=fsync))
     for index in range(episodes):
         key = EpisodeKey(seed=0, split=Split.TRAIN, index=index)
         header = dataclasses.replace(requests[0].header, episode=key)

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from readygo.common.dataset.chunk import parse
 from readygo.common.dataset.index import ShardIndex, load_index
 from readygo.common.dataset.labels import boxes_of, footprints_of, joints_of
-from readygo.common.dataset.metadata import robot_of
+from readygo.common.dataset.provenance import Provenance
 from readygo.common.dataset.schemas import LABEL_CHANNELS, OUTPUT_CHANNELS
 from readygo.common.errors import DatasetError
 from readygo.common.images.files import decode_output
@@ -75,8 +75,8 @@ class Dataset:
         self.shards: tuple[Path, ...] = tuple(shard for folder in folders for shard in find_shards(folder))
         indexes = [load_index(shard) for shard in self.shards]
         _check_alike(self.shards, indexes)
-        self.metadata: dict[str, Any] = indexes[0].metadata
-        """Metadata of the first shard; robot and image size are the same in all."""
+        self.provenance: Provenance = indexes[0].provenance
+        """What the first shard says about its run; robot and image size are the same in all."""
         self.height_px, self.width_px = (int(indexes[0].episodes[0][name]) for name in ("height_px", "width_px"))
         order = _episode_order(self.shards, indexes)
         self.episodes: tuple[EpisodeEntry, ...] = _entries(self.shards, indexes, order)
@@ -136,8 +136,8 @@ class Dataset:
 
     @cached_property
     def robot(self) -> RobotConfig | None:
-        """The robot that the samples were recorded with, None if the metadata does not say."""
-        return robot_of(self.metadata)
+        """The robot that the samples were recorded with, None if the shards do not say."""
+        return self.provenance.robot
 
     @cached_property
     def content_hash(self) -> str:
@@ -354,7 +354,7 @@ def _check_alike(shards: Sequence[Path], indexes: Sequence[ShardIndex]) -> None:
     """Raise DatasetError if image sizes or robots differ."""
 
     def robot(index: ShardIndex) -> str:
-        return json.dumps(index.metadata.get("config", {}).get("robot"), sort_keys=True)
+        return json.dumps((index.provenance.config or {}).get("robot"), sort_keys=True)
 
     def sizes(index: ShardIndex) -> list[tuple[int, int]]:
         return sorted({(int(row["height_px"]), int(row["width_px"])) for row in index.episodes})

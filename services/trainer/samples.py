@@ -3,7 +3,7 @@
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +11,7 @@ import numpy.typing as npt
 from readygo.common.errors import DatasetError
 from readygo.common.messages import EpisodeKey
 from readygo.common.policy.windows import window_rows
+from readygo.common.robot import RobotConfig
 
 Indices = npt.NDArray[np.int64]
 
@@ -58,8 +59,8 @@ class SampleSource(Protocol):
         ...
 
     @property
-    def metadata(self) -> dict[str, Any]:
-        """What was recorded with the run; "robot" of its "config" is the robot."""
+    def robot(self) -> RobotConfig | None:
+        """The robot that the samples were recorded with, None if they do not say."""
         ...
 
     @property

@@ -11,13 +11,14 @@ from readygo.common.dataset.index import build_index, index_path, load_index, ma
 from readygo.common.errors import DatasetError
 from readygo.common.images.images import OUTPUTS
 from tests.common.dataset.episodes import (
-    METADATA,
+    PROVENANCE,
     ROBOT,
     image_number,
     jpeg,
     make_episode,
     make_images,
     make_labels,
+    provenance_with_robot,
     write_shard,
 )
 
@@ -106,9 +107,9 @@ def test_content_hash_changes_with_the_content(tmp_path) -> None:
     assert Dataset([tmp_path / "a"]).content_hash != Dataset([tmp_path / "b"]).content_hash
 
 
-def test_metadata_and_robot_come_with_the_data(folder) -> None:
+def test_provenance_and_robot_come_with_the_data(folder) -> None:
     dataset = Dataset([folder])
-    assert dataset.metadata == METADATA
+    assert dataset.provenance == PROVENANCE
     assert dataset.robot == ROBOT
 
 
@@ -190,9 +191,7 @@ def test_mixed_image_sizes_are_refused_with_both(folder) -> None:
 
 
 def test_mixed_robots_are_refused_with_both(folder) -> None:
-    metadata = copy.deepcopy(METADATA)
-    metadata["config"]["robot"]["v_max_mps"] = 0.7
-    write_shard(folder, [9], number=9, metadata=metadata)
+    write_shard(folder, [9], number=9, provenance=provenance_with_robot(v_max_mps=0.7))
     with pytest.raises(DatasetError, match=r'"v_max_mps": 1.0.*00000.mcap.*"v_max_mps": 0.7.*00009.mcap'):
         Dataset([folder])
 

@@ -141,7 +141,7 @@ def test_images_of_another_size_are_refused(source, tmp_path):
 
 
 def test_data_without_a_robot_are_refused(source, tmp_path):
-    source.metadata = {}
+    source.robot = None
     with pytest.raises(DatasetError, match="which robot"):
         train(source, QUICK, tmp_path)
 
