@@ -32,6 +32,8 @@ from readygo.services.renderer.sensor.config import SENSOR_RECIPES, SensorName
 
 STATE_FOLDER = ".readygo"
 _NUMERIC_PACKAGES = ("numpy", "numba", "llvmlite", "scipy", "opencv-python-headless")
+_RETIRED = {"episode": ("human_height_m",)}
+"""Settings of earlier versions, by section."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -222,12 +224,21 @@ class RunFolder:
             )
 
 
+def sections_of_today(sections: Mapping[str, Any]) -> dict[str, Any]:
+    """A run's recorded sections without the settings that are gone since: nothing read them."""
+    return {
+        name: {key: value for key, value in section.items() if key not in _RETIRED.get(name, ())}
+        for name, section in sections.items()
+    }
+
+
 def _with_new_settings(spec: RunSpec) -> RunSpec:
     """The spec with the settings that it is too old to have: they are added with values that change nothing."""
     # Before samples had labels, none were recorded: what goes on in such a folder must not begin to.
-    renderer = {"labels": False, **spec.config.get("renderer", {})}
+    sections = sections_of_today(spec.config)
+    renderer = {"labels": False, **sections.get("renderer", {})}
     try:
-        config = section_from_mapping(RunConfig, {**spec.config, "renderer": renderer})
+        config = section_from_mapping(RunConfig, {**sections, "renderer": renderer})
     except ConfigError:
         return spec
     return dataclasses.replace(spec, config=resolved_sections(config))

@@ -4,7 +4,7 @@ from functools import cached_property
 from pathlib import Path
 
 from readygo.apps.paths import cache_folder
-from readygo.apps.run.config import RunConfig
+from readygo.apps.run.config import RunConfig, sections_of_today
 from readygo.common.avatars import Avatar, load_avatars
 from readygo.common.avatars.file import avatar_hash
 from readygo.common.bus import Bus, fetch_blob
@@ -25,7 +25,7 @@ class World:
 
     def __init__(self, spec: RunSpec, bus: Bus | None = None) -> None:
         self.spec = spec
-        self.config = section_from_mapping(RunConfig, spec.config)
+        self.config = section_from_mapping(RunConfig, sections_of_today(spec.config))
         self._bus = bus
 
     @cached_property

@@ -38,6 +38,7 @@ from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import RATE_HZ
 from readygo.services.animator import Animator, AnimatorConfig, handle_animate
 from readygo.services.planner import HumanPlannerConfig, Planner, expert_recipe, handle_human_plan, handle_robot_plan
+from readygo.services.planner.expert.clearance import gaussian_clearance_m
 from readygo.services.planner.explain.picture import draw_episode
 from readygo.services.planner.humans.recipes import PEOPLE_RECIPES, PeopleName
 
@@ -164,13 +165,19 @@ class Course:
             result=EpisodeResult.from_trajectory(run, self._shortest_m(scenario)),
             failure=failure,
             closest_m=float(run.human_distance_m.min()),
-            avatar_gap_m=_avatar_gap_m(run),
+            avatar_gap_m=self._avatar_gap_m(mode, run, motions),
             turn_change_radps=float(np.abs(np.diff(run.actions[:, 1], prepend=0.0)).sum()),
             free_m=float(np.abs(run.actions[free, 0]).sum()) / RATE_HZ,
             free_s=float(free.sum()) / RATE_HZ,
             replan_ms=tuple(1e3 * t for t in run.replan_times_s.tolist()),
             expert_ms=expert_ms,
         )
+
+    def _avatar_gap_m(self, mode: str, run: RobotTrajectory, motions: EpisodeMotions) -> float | None:
+        """Distance of the robot's disc to people's Gaussians [m]; None without people."""
+        people = [(human, *self.planners[mode].footprint(human.avatar)) for human in motions.humans]
+        gap_m = gaussian_clearance_m(run.xyyaw, people, self.maps.floor, self.robot)
+        return gap_m if math.isfinite(gap_m) else None
 
     def _shortest_m(self, scenario: Scenario) -> float:
         start, goal = scenario.start_xyyaw.tolist(), scenario.goal_xy_m.tolist()
@@ -204,12 +211,6 @@ class Course:
         late = np.arange(len(cells)) >= START_S * RATE_HZ
         free: npt.NDArray[np.bool_] = wide & late & ~run.human_visible & (run.human_distance_m > FREE_HUMAN_M)
         return free
-
-
-def _avatar_gap_m(run: RobotTrajectory) -> float | None:
-    """Distance of the robot's disc to people's Gaussians [m]; None without people."""
-    gap_m = run.gaussian_clearance_m
-    return gap_m if gap_m is not None and math.isfinite(gap_m) else None
 
 
 def timed(call: Callable[[], T]) -> tuple[T, float]:

@@ -1,6 +1,5 @@
 """Answers planning requests: scenarios (stage 1) and expert runs (stage 3)."""
 
-import dataclasses
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Protocol
@@ -22,7 +21,6 @@ from readygo.common.messages import (
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import RATE_HZ
 from readygo.services.planner.config import HumanPlannerConfig
-from readygo.services.planner.expert.clearance import gaussian_clearance_m
 from readygo.services.planner.expert.config import ExpertConfig
 from readygo.services.planner.expert.ground import ExpertGround
 from readygo.services.planner.expert.hybrid_astar import HybridAStar
@@ -219,15 +217,12 @@ def drive(
     for decision in decisions(expert, simulation):
         made.append(decision)
         observe(decision)
-    trajectory = simulation.trajectory(
+    return simulation.trajectory(
         human_visible=[decision.visible for decision in made],
         replanned=[decision.replanned for decision in made],
         expert_cost=[decision.cost for decision in made],
         replan_times_s=expert.replan_times_s,
     )
-    people = [(human, *planner.footprint(human.avatar)) for human in motions.humans]
-    clearance = gaussian_clearance_m(trajectory.xyyaw, people, planner.maps.floor, planner.robot)
-    return dataclasses.replace(trajectory, gaussian_clearance_m=clearance)
 
 
 def decisions(expert: Expert, simulation: EpisodeSimulation) -> Iterator[Decision]:

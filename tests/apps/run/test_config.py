@@ -9,6 +9,7 @@ from readygo.apps.cli import main
 from readygo.apps.commands.generate import make_spec, record, with_outputs
 from readygo.apps.commands.scene_argument import open_scene
 from readygo.apps.run.config import RunConfig, RunFolder, resolved_sections, run_name
+from readygo.apps.run.world import World
 from readygo.common.config import section_from_mapping
 from readygo.common.errors import RunError
 from readygo.common.messages import RunSpec, Split
@@ -75,6 +76,17 @@ def test_folder_of_a_version_without_some_setting_can_be_gone_on_with(tmp_path: 
     with folder.locked():
         folder.save(theirs, 3)
     folder.check(ours)
+
+
+def test_folder_with_a_setting_that_is_gone_can_be_gone_on_with(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path)
+    ours = dataclasses.replace(SPEC, config=resolved_sections(RunConfig()))
+    theirs = dataclasses.replace(SPEC, config=copy.deepcopy(ours.config))
+    theirs.config["episode"]["human_height_m"] = 1.9
+    with folder.locked():
+        folder.save(theirs, 3)
+    folder.check(ours)
+    assert World(theirs).config == RunConfig()
 
 
 def test_folder_from_before_there_were_labels_is_refused_but_with_labels_off(tmp_path: Path) -> None:

@@ -166,12 +166,6 @@ def test_near_field_feels_who_is_behind():
     assert not np.array_equal(aware.actions[:10], alone.actions[:10])
 
 
-def test_clearance_to_the_gaussians_is_reported_beside_the_discs(planner):
-    passed = _run(planner, (-2.0, 4.0, 0.0), (2.0, 4.0), [[(1.2, 4.05)]])
-    assert 0 < passed.gaussian_clearance_m < passed.human_distance_m.min()
-    assert _run(planner, (-2.0, 4.0, 0.0), (2.0, 4.0)).gaussian_clearance_m == math.inf
-
-
 def test_unknown_avatar_is_named(planner):
     scenario = _scenario((-2.0, 4.0, 0.0), (2.0, 4.0), [[(1.2, 4.0)]])
     motion = animate(scenario).humans[0].motion
