@@ -141,7 +141,9 @@ def closed_loop(scene: str, *, episodes: int, seed: int) -> "Evaluate":
     def success_rate(folder: Path) -> float:
         policy = load_policy(folder)
         if scene not in evaluators:
-            evaluators[scene] = make_evaluator(scene, RunConfig(robot=policy.spec.robot), avatars=None, seed=seed)
+            evaluators[scene] = make_evaluator(
+                scene, RunConfig(robot=policy.spec.robot), avatars=None, seed=seed, renders=True
+            )
         evaluator = dataclasses.replace(evaluators[scene], policy=policy)
         rates = [summary.success_rate for summary in handle_evaluate(evaluator, request).summaries.values()]
         return sum(rates) / len(rates)
