@@ -17,7 +17,8 @@ from readygo.apps.commands.scene_argument import open_scene
 from readygo.apps.commands.train import make_config, run_training
 from readygo.apps.commands.warm import warm_all
 from readygo.apps.demo.report import write_report
-from readygo.apps.demo.report_content import Command, LossCurve, ReportContent, RunNumbers, Score, StripImage
+from readygo.apps.demo.report_content import Command, ReportContent, RunNumbers, Score, StripImage
+from readygo.apps.pages.charts import LossCurve
 from readygo.apps.pictures.episode_film import EpisodeFilm, film_frames
 from readygo.apps.run.config import RunConfig
 from readygo.apps.run.world import World
