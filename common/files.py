@@ -1,8 +1,10 @@
-"""Files that appear under their name only when they are complete."""
+"""Files and folders that appear under their name only when they are complete."""
 
+import errno
+import shutil
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from readygo.common.errors import ReadygoError
@@ -30,6 +32,59 @@ def unfinished(path: str | Path, *, raises: type[ReadygoError] = ReadygoError) -
             part.replace(path)
     except OSError as error:
         raise raises(f"{path} cannot be written: {error.strerror or error}.") from error
+
+
+@contextmanager
+def unfinished_folder(
+    path: str | Path, *, good: Callable[[], object] | None = None, raises: type[Exception] = ReadygoError
+) -> Iterator[Path]:
+    """A temporary folder that becomes `path` when the block ends well, and vanishes when it does not.
+
+    Folders on the way are made. Several processes may do this at once: readers find the folder of one of them. Files
+    that are open or mapped in a folder that is replaced stay as they were.
+
+    Args:
+        path: The final name.
+        good: Tells whether the folder that has the name by then may stay: this one is dropped then, else it takes the
+            other's place. Without it nothing is replaced.
+        raises: What is raised if the folder cannot be written.
+
+    Raises:
+        ReadygoError: If the folder cannot be written, or is there already and must not be replaced.
+    """
+    path = Path(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}-", ignore_cleanup_errors=True) as place:
+            made, old = Path(place) / "new", Path(place) / "old"
+            made.mkdir()
+            yield made
+            while not _moved(made, path):
+                if good is None:
+                    raise FileExistsError(errno.EEXIST, "it is there already")
+                if good():
+                    return
+                _take_away(path, old)
+    except OSError as error:
+        raise raises(f"{path} cannot be written: {error.strerror or error}.") from error
+
+
+def _moved(made: Path, path: Path) -> bool:
+    """Rename a folder; False if there is another one that is not empty."""
+    try:
+        made.rename(path)
+    except OSError as error:
+        if error.errno in (errno.EEXIST, errno.ENOTEMPTY):
+            return False
+        raise
+    return True
+
+
+def _take_away(path: Path, old: Path) -> None:
+    shutil.rmtree(old, ignore_errors=True)
+    # Another process may have been faster.
+    with suppress(FileNotFoundError):
+        path.rename(old)
 
 
 def write_whole(path: str | Path, data: bytes | str, *, raises: type[ReadygoError] = ReadygoError) -> None:

@@ -180,15 +180,19 @@ def make_evaluator(
     evaluator_config: EvaluatorConfig | None = None,
     scenarios: Path | None = None,
     camera: CameraName = "policy",
+    renders: bool = False,
 ) -> Evaluator:
-    """An evaluator with planner, animator and renderer of a scene, all in this process."""
+    """An evaluator of a scene with planner and animator, all in this process; with a renderer for policies.
+
+    `renders` makes the renderer without a policy too: for those that are given to the evaluator later.
+    """
     spec = make_spec(open_scene(scene), avatars, config, seed=seed, split=Split.TEST, static=False, scenarios=scenarios)
     bus = InProcessBus()
     world = World(spec, bus)
     settings = evaluator_config or EvaluatorConfig()
     attach_planner(bus, world.human_planner(), world.robot_planner)
     attach_animator(bus, world.animator())
-    if policy is not None or evaluator_config is None:
+    if policy is not None or renders:
         attach_renderer(bus, world.renderer(), settings.renderer)
     return Evaluator(
         bus=bus,

@@ -43,7 +43,7 @@ def scene_import(
         up: Axis of the file that points up: +x, +y, +z, -x, -y or -z; write --up=-y with the equals sign.
         scale: Metres per unit of the file.
         translate: Added after turning and scaling [m].
-        license: License of the scene; recorded with everything made from it.
+        license: Terms of the scene; recorded with everything made from it.
         robot: robot.toml, for the height and radius that the maps are made for.
         resolution: Edge of map cells [m].
         drop_bad: Leave out Gaussians that cannot be drawn (numbers that are not finite; beyond 10 km) and say how many.

@@ -14,22 +14,22 @@ from readygo.common.robot import RobotConfig
 
 def gather(data: Path, dataset: Dataset, casts: list[Cast], measured: Coverage, scene: str) -> RunFacts:
     """What the data folder's run says besides its shards."""
-    metadata = dataset.metadata
-    recorded_in = metadata.get("scene", {})
-    occupancy = robot_map(data, scene, recorded_in.get("hash", ""))
+    recorded = dataset.provenance
+    occupancy = robot_map(data, scene, recorded.scene.hash)
     radius_m = (dataset.robot or RobotConfig()).planning_radius_m
     reasons = rejected(data)
     return RunFacts(
         name=data.resolve().name,
-        scene=recorded_in.get("name", ""),
+        scene=recorded.scene.name,
         occupancy=occupancy,
         visited_share=None if occupancy is None else visited_share(measured.visits, occupancy, radius_m),
         rejected=None if reasons is None else dict(sorted(Counter(reasons.values()).items())),
         failed=None if reasons is None else failed_encounters(data, reasons, casts),
         provenance={
             "data": dataset.content_hash,
-            "scene": recorded_in.get("hash", "") or "unknown",
-            **{key: str(metadata[key]) for key in ("readygo_version", "commit") if metadata.get(key)},
+            "scene": recorded.scene.hash or "unknown",
+            **({"readygo_version": recorded.readygo_version} if recorded.readygo_version else {}),
+            **({"commit": recorded.commit} if recorded.commit else {}),
         },
     )
 

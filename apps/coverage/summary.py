@@ -18,7 +18,8 @@ def dataset_summary(dataset: Dataset, data: Path) -> dict[str, Any]:
     truth = dataset.truth
     with_human = truth["human_distance_m"][truth["human_distance_m"] < float("inf")]
     samples_per_shard = Counter(entry.shard for entry in dataset.episodes for _ in range(entry.sample_count))
-    metadata = dataset.metadata
+    recorded = dataset.provenance.to_mapping()
+    config = recorded.pop("config", {})
     return {
         "folder": str(data),
         "episodes": len(dataset.episodes),
@@ -38,6 +39,6 @@ def dataset_summary(dataset: Dataset, data: Path) -> dict[str, Any]:
         "human_distance_min_m": round(float(with_human.min()), 3) if len(with_human) else None,
         "replans": int(truth["replanned"].sum()),
         "content_hash": dataset.content_hash,
-        **{key: metadata[key] for key in sorted(metadata) if key != "config"},
-        "config": {name: metadata.get("config", {}).get(name) for name in ("robot", "episode")},
+        **dict(sorted(recorded.items())),
+        "config": {name: config.get(name) for name in ("robot", "episode")},
     }

@@ -17,8 +17,9 @@ from readygo.apps.commands.scene_argument import open_scene
 from readygo.apps.commands.train import make_config, run_training
 from readygo.apps.commands.warm import warm_all
 from readygo.apps.demo.report import write_report
-from readygo.apps.demo.report_content import Command, LossCurve, ReportContent, RunNumbers, Score, StripImage
+from readygo.apps.demo.report_content import Command, ReportContent, RunNumbers, Score, StripImage
 from readygo.apps.fleet.run import record
+from readygo.apps.pages.charts import LossCurve
 from readygo.apps.pictures.episode_film import EpisodeFilm, film_frames
 from readygo.apps.run.config import RunConfig
 from readygo.apps.run.spec import make_spec
@@ -31,6 +32,7 @@ from readygo.common.files import write_whole
 from readygo.common.frames import wrap_angle
 from readygo.common.messages import AnimateRequest, HumanPlanRequest, Scenario, Split
 from readygo.common.policy import load_policy
+from readygo.common.robot.kinematics import DT_S
 from readygo.common.scenes.top_view import top_view
 from readygo.services.animator import handle_animate
 from readygo.services.evaluator import (
@@ -144,6 +146,7 @@ def _write_pictures(
 ) -> None:
     dataset = Dataset([out / "data"])
     view = top_view(world.scene)
+    recorded = dataset.provenance
     scenarios = _Scenarios(world)
     shown = _best_encounter(dataset, scenarios)
     film = _film(dataset, shown, scenarios)
@@ -178,7 +181,11 @@ def _write_pictures(
         ),
         commands=commands,
         next_steps=_next_steps(),
-        provenance={key: str(world.spec.metadata[key]) for key in ("readygo_version", "commit", "numeric_class")},
+        provenance={
+            "readygo_version": recorded.readygo_version,
+            "commit": recorded.commit,
+            "numeric_class": recorded.numeric_class,
+        },
     )
     write_report(out / "report.html", content)
     write_whole(out / "run.json", json.dumps(run, indent=2) + "\n")
@@ -258,7 +265,7 @@ def _strip(dataset: Dataset, entry: EpisodeEntry, scenarios: _Scenarios) -> tupl
     centre = int(np.argmax(_nearness(dataset, entry, scenarios)))
     first = min(max(centre, -STRIP_STEPS[0]), entry.sample_count - 1)
     steps = sorted({max(0, first + offset) for offset in STRIP_STEPS})
-    return tuple(StripImage(rgb=dataset.decode(entry.first_sample + step), time_s=step * 0.05) for step in steps)
+    return tuple(StripImage(rgb=dataset.decode(entry.first_sample + step), time_s=step * DT_S) for step in steps)
 
 
 def _losses(metrics: dict[str, Any]) -> tuple[LossCurve, ...]:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from readygo.apps.pages.charts import LossCurve
 from readygo.common.drawing.plan_view import DrawnEpisode
 from readygo.common.episode.metrics import TaskSummary
 from readygo.common.maps import OccupancyMap
@@ -21,18 +22,6 @@ class StripImage:
     """Shape (H, W, 3)."""
     time_s: float
     """Simulated time since the episode began [s]."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class LossCurve:
-    """One line of the training chart."""
-
-    name: str
-    """For example "training" or "validation"."""
-    step: npt.NDArray[np.float64]
-    """Optimiser steps or epochs, rising, shape (N,)."""
-    loss: npt.NDArray[np.float64]
-    """Shape (N,); values that are not finite are left out."""
 
 
 @dataclass(frozen=True, kw_only=True)

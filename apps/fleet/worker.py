@@ -18,6 +18,7 @@ from readygo.apps.run.stages import stage_works
 from readygo.apps.run.world import World
 from readygo.common.bus import Bus
 from readygo.common.bus.zenoh_bus import ZenohBus
+from readygo.common.dataset.provenance import Provenance
 from readygo.common.errors import BusError, ReadygoError, RunError
 from readygo.common.fleet import Worker, pull
 from readygo.common.messages import RunSpecRequest, topics
@@ -107,9 +108,9 @@ def make_coordinator(folder: RunFolder) -> coordination.Coordinator:
 
 def make_recorder(bus: Bus, name: str, folder: RunFolder, world: World) -> Recorder:
     """A recorder of a run, into the run's data folder."""
-    spec = world.spec
-    metadata = {**spec.metadata, "config": spec.config, "seed": spec.seed}
-    return Recorder(folder=folder.path, name=name, bus=bus, metadata=metadata, config=world.config.recorder)
+    return Recorder(
+        folder=folder.path, name=name, bus=bus, provenance=Provenance.of_run(world.spec), config=world.config.recorder
+    )
 
 
 def _coordinate(bus: Bus, folder: RunFolder, stop: threading.Event) -> None:

@@ -2,15 +2,27 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from html import escape
 
 import numpy as np
-
-from readygo.apps.demo.report_content import LossCurve
+import numpy.typing as npt
 
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
 _WIDTH, _HEIGHT = 720, 280
 _LEFT, _RIGHT, _TOP, _BOTTOM = 58, 16, 14, 40
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LossCurve:
+    """One line of a chart of losses."""
+
+    name: str
+    """For example "training" or "validation"."""
+    step: npt.NDArray[np.float64]
+    """Optimiser steps or epochs, rising, shape (N,)."""
+    loss: npt.NDArray[np.float64]
+    """Shape (N,); values that are not finite are left out."""
 
 
 def loss_chart(curves: Sequence[LossCurve], *, step_name: str) -> str:

@@ -2,11 +2,13 @@
 
 import dataclasses
 import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
 from readygo.common.camera import CameraConfig
+from readygo.common.camera.recorded import with_whole_camera
 from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.episode import EpisodeConfig
 from readygo.common.errors import ConfigError
@@ -20,6 +22,9 @@ from readygo.services.planner.humans.mixes import MIXES, MixName
 from readygo.services.recorder.config import RecorderConfig
 from readygo.services.renderer.config import RendererConfig
 from readygo.services.renderer.sensor.recipes import SENSOR_RECIPES, SensorName
+
+_RETIRED = {"episode": ("human_height_m",)}
+"""Settings of earlier versions, by section."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,3 +144,11 @@ def with_detail(config: RunConfig, detail: Literal["exact", "lod"]) -> RunConfig
 def resolved_sections(config: RunConfig) -> dict[str, Any]:
     """The configuration as plain mappings, as it travels in the run's spec."""
     return section_to_mapping(config)
+
+
+def sections_of_today(sections: Mapping[str, Any]) -> dict[str, Any]:
+    """A run's recorded sections with the camera as one section, without settings that nothing reads any more."""
+    return {
+        name: {key: value for key, value in section.items() if key not in _RETIRED.get(name, ())}
+        for name, section in with_whole_camera(sections).items()
+    }

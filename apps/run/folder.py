@@ -7,9 +7,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from readygo.apps.run.config import RunConfig, resolved_sections
+from readygo.apps.run.config import RunConfig, resolved_sections, sections_of_today
 from readygo.apps.run.identity import identity
-from readygo.common.camera.recorded import with_whole_camera
 from readygo.common.config import section_from_mapping
 from readygo.common.errors import ConfigError, RunError
 from readygo.common.files import write_whole
@@ -127,7 +126,7 @@ class RunFolder:
 
 def _with_new_settings(spec: RunSpec) -> RunSpec:
     """The spec with the settings that it is too old to have: they are added with values that change nothing."""
-    sections = with_whole_camera(spec.config)
+    sections = sections_of_today(spec.config)
     # Before samples had labels, none were recorded: what goes on in such a folder must not begin to.
     renderer = {"labels": False, **sections.get("renderer", {})}
     try:

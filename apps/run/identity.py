@@ -5,10 +5,12 @@ import importlib.metadata
 import json
 import platform
 import subprocess
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from readygo.apps.run.config import RunConfig
+from readygo.common.dataset.provenance import AvatarOrigin, Provenance, ScenarioOrigin, SceneOrigin
 from readygo.common.messages import RunSpec, encode
 from readygo.common.messages.stages import EXPERT_LINE
 from readygo.services.planner.humans.scenario_file import text_hash
@@ -63,17 +65,18 @@ def numeric_class(config: RunConfig) -> str:
 
 
 def run_metadata(
-    config: RunConfig, *, scene: dict[str, Any], avatars: dict[str, dict[str, str]], scenarios: dict[str, str]
+    config: RunConfig, *, scene: SceneOrigin, avatars: Mapping[str, AvatarOrigin], scenarios: ScenarioOrigin | None
 ) -> dict[str, Any]:
-    """What is recorded with the data besides the identity; no scenario file leaves its key out."""
-    return {
-        **({"scenarios": scenarios} if scenarios else {}),
-        "readygo_version": importlib.metadata.version("readygo"),
-        "commit": _commit(),
-        "numeric_class": numeric_class(config),
-        "scene": scene,
-        "avatars": avatars,
-    }
+    """What is recorded with the data besides settings and seed, as plain values."""
+    made = Provenance(
+        readygo_version=importlib.metadata.version("readygo"),
+        commit=_commit(),
+        numeric_class=numeric_class(config),
+        scene=scene,
+        avatars=avatars,
+        scenarios=scenarios,
+    )
+    return made.to_mapping()
 
 
 def _commit() -> str:

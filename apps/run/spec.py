@@ -10,6 +10,7 @@ from readygo.apps.run.world import World
 from readygo.common.avatars import load_avatars
 from readygo.common.avatars.file import avatar_hash
 from readygo.common.camera.lens import check_sensor
+from readygo.common.dataset.provenance import AvatarOrigin, ScenarioOrigin, SceneOrigin
 from readygo.common.errors import ConfigError, RunError
 from readygo.common.messages import FileRef, RunSpec, Split
 from readygo.common.scenes import Scene
@@ -56,9 +57,9 @@ def make_spec(
         config=resolved_sections(config),
         metadata=run_metadata(
             config,
-            scene={"name": scene.name, "hash": scene.content_hash, "license": scene.license},
-            avatars={n: {"hash": avatar_hash(a), "license": a.license} for n, a in people.items()},
-            scenarios={"name": scenarios.name, "sha256": text_hash(script)} if scenarios else {},
+            scene=SceneOrigin(name=scene.name, hash=scene.content_hash, license=scene.license),
+            avatars={n: AvatarOrigin(hash=avatar_hash(a), license=a.license) for n, a in people.items()},
+            scenarios=ScenarioOrigin(name=scenarios.name, sha256=text_hash(script)) if scenarios else None,
         ),
         scenarios=script,
         stages=tuple(entry.stage for entry in LINE),

@@ -4,16 +4,17 @@ from functools import cached_property
 from pathlib import Path
 
 from readygo.apps.paths import cache_folder
-from readygo.apps.run.config import RunConfig
+from readygo.apps.run.config import RunConfig, sections_of_today
 from readygo.common.avatars import Avatar, load_avatars
 from readygo.common.avatars.file import avatar_hash
 from readygo.common.bus import Bus
 from readygo.common.config import section_from_mapping
-from readygo.common.errors import RunError
+from readygo.common.dataset.provenance import Provenance
+from readygo.common.errors import RunError, SceneError
 from readygo.common.files import write_whole
 from readygo.common.fleet import fetch_blob
 from readygo.common.messages import RunSpec
-from readygo.common.scenes import Scene, load_scene
+from readygo.common.scenes import Scene, load_scene, verify_scene
 from readygo.services.animator import Animator
 from readygo.services.planner import HumanPlanner, RobotPlanner
 from readygo.services.planner.humans.scenario_file import ScenarioFile, parse_scenarios
@@ -25,7 +26,7 @@ class World:
 
     def __init__(self, spec: RunSpec, bus: Bus | None = None) -> None:
         self.spec = spec
-        self.config = section_from_mapping(RunConfig, spec.config)
+        self.config = section_from_mapping(RunConfig, sections_of_today(spec.config))
         self._bus = bus
 
     @cached_property
@@ -36,11 +37,9 @@ class World:
             RunError: If the scene at hand is another one than the run's.
         """
         path = Path(self.spec.scene_path)
-        if not path.is_dir() and self._bus is not None:
-            path = _fetched_scene(self._bus, self.spec)
-        scene = load_scene(path)
+        scene = load_scene(path) if path.is_dir() or self._bus is None else _fetched_scene(self._bus, self.spec)
         if scene.content_hash != self.spec.scene_hash:
-            raise RunError(f"Scene {path} has changed since the run began; import it under another name.")
+            raise RunError(f"Scene {scene.path} has changed since the run began; import it under another name.")
         return scene
 
     @cached_property
@@ -94,7 +93,8 @@ class World:
 
     def _scenarios(self) -> ScenarioFile | None:
         """The scenarios that the run plays, if it does not draw them."""
-        name = self.spec.metadata.get("scenarios", {}).get("name", "the run's scenarios")
+        recorded = Provenance.of_run(self.spec).scenarios
+        name = recorded.name if recorded else "the run's scenarios"
         return parse_scenarios(self.spec.scenarios, name) if self.spec.scenarios else None
 
     def animator(self) -> Animator:
@@ -108,7 +108,8 @@ class World:
         return Renderer(scene=self.scene, avatars=self.avatars, robot=config.robot, config=config.renderer)
 
 
-def _fetched_scene(bus: Bus, spec: RunSpec) -> Path:
+def _fetched_scene(bus: Bus, spec: RunSpec) -> Scene:
+    """The run's scene in this machine's cache, read once from end to end: it must be what its hashes say."""
     folder = cache_folder("scenes") / spec.scene_hash
     for file in spec.scene_files:
         path = folder / file.path
@@ -116,4 +117,10 @@ def _fetched_scene(bus: Bus, spec: RunSpec) -> Path:
             raise RunError(f"The run names a scene file outside of its bundle: {file.path!r}.")
         if not path.exists() or path.stat().st_size != file.size:
             write_whole(path, fetch_blob(bus, file.sha256))
-    return folder
+    try:
+        scene = load_scene(folder)
+        verify_scene(scene)
+    except SceneError as error:
+        remedy = f"remove {folder} to fetch it anew"
+        raise RunError(f"The scene that came from the run cannot be used; {remedy}. {error}") from error
+    return scene

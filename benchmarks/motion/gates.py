@@ -15,6 +15,7 @@ from readygo.benchmarks.motion.mocap import compare_all
 from readygo.benchmarks.motion.paths import circle, dash, floor, line, s_curve, stop_and_go, turn_in_place
 from readygo.common.avatars import Avatar, load_avatars
 from readygo.common.errors import ConfigError
+from readygo.common.frames import yup_from_zup
 from readygo.common.maps.grid import FloorMap
 from readygo.services.animator import AnimatorConfig, measure, skeleton_of, walk
 from readygo.services.animator.gait.curves import stride_rate
@@ -25,7 +26,6 @@ from readygo.services.animator.priormdm.features import (
     decode_path,
     encode,
     encode_path,
-    yup_from_zup,
 )
 
 Array = npt.NDArray[np.float64]

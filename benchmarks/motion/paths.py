@@ -6,13 +6,14 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.maps.grid import FloorMap, GridFrame
+from readygo.common.robot.kinematics import DT_S, RATE_HZ
 
 Array = npt.NDArray[np.float64]
 
 
 def times(duration_s: float = 10.0) -> Array:
     """Times of rows at 20 Hz [s]."""
-    return np.arange(round(duration_s * 20)) * 0.05
+    return np.arange(round(duration_s * RATE_HZ)) * DT_S
 
 
 def line(speed_mps: float, duration_s: float = 10.0) -> Array:
@@ -30,7 +31,7 @@ def circle(speed_mps: float, radius_m: float = 1.5) -> Array:
 def s_curve(speed_mps: float) -> Array:
     """Winding to both sides of x."""
     heading = 0.9 * np.sin(0.9 * speed_mps * times())
-    return np.cumsum(np.stack([np.cos(heading), np.sin(heading)], axis=1) * speed_mps * 0.05, axis=0)
+    return np.cumsum(np.stack([np.cos(heading), np.sin(heading)], axis=1) * speed_mps * DT_S, axis=0)
 
 
 def stop_and_go(speed_mps: float) -> Array:
@@ -38,7 +39,7 @@ def stop_and_go(speed_mps: float) -> Array:
     t = times()
     pace = np.interp(t, [0.5, 1.3, 4.0, 4.8, 6.5, 7.3], [0.0, 1.0, 1.0, 0.0, 0.0, 1.0])
     along = np.where((t < 6.0)[:, None], [1.0, 0.0], [0.0, 1.0])
-    return np.cumsum(along * (speed_mps * 0.05 * pace)[:, None], axis=0)
+    return np.cumsum(along * (speed_mps * DT_S * pace)[:, None], axis=0)
 
 
 def turn_in_place(speed_mps: float) -> Array:
@@ -46,14 +47,14 @@ def turn_in_place(speed_mps: float) -> Array:
     t = times()
     pace = np.interp(t, [0.3, 1.1, 3.5, 4.3, 6.0, 6.8], [0.0, 1.0, 1.0, 0.0, 0.0, 1.0])
     along = np.where((t < 5.0)[:, None], [1.0, 0.0], [-np.sqrt(0.5), np.sqrt(0.5)])
-    return np.cumsum(along * (speed_mps * 0.05 * pace)[:, None], axis=0)
+    return np.cumsum(along * (speed_mps * DT_S * pace)[:, None], axis=0)
 
 
 def dash(speed_mps: float) -> Array:
     """From a stand along x up to a speed within 1.5 s, and to a stand again before the last row."""
     t = times()
     pace = np.interp(t, [0.5, 2.0, 7.5, 9.0], [0.0, 1.0, 1.0, 0.0])
-    x = np.cumsum(pace * speed_mps * 0.05)
+    x = np.cumsum(pace * speed_mps * DT_S)
     return np.stack([x - 0.5 * x[-1], 0.0 * t], axis=1)
 
 
@@ -61,13 +62,13 @@ def hard_stops(speed_mps: float, pause_s: float) -> Array:
     """Full speed from the first row, a pause after 3 s, full speed again for 3 s, and an abrupt end."""
     t = times(6.0 + pause_s)
     moving = (t < 3.0) | (t >= 3.0 + pause_s)
-    return np.stack([np.cumsum(speed_mps * 0.05 * moving), 0.0 * t], axis=1)
+    return np.stack([np.cumsum(speed_mps * DT_S * moving), 0.0 * t], axis=1)
 
 
 def reversal(speed_mps: float) -> Array:
     """Along x and, after 5 s, back without a pause."""
     t = times()
-    return np.stack([np.cumsum(np.where(t < 5.0, 0.05, -0.05) * speed_mps), 0.0 * t], axis=1)
+    return np.stack([np.cumsum(np.where(t < 5.0, DT_S, -DT_S) * speed_mps), 0.0 * t], axis=1)
 
 
 def floor(height: Callable[[Array, Array], Array] | None = None, half_m: float = 14.0, cell_m: float = 0.1) -> FloorMap:

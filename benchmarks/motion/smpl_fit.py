@@ -12,13 +12,16 @@ import time
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from readygo.benchmarks.motion.cmu import Array, joints_20hz
 from readygo.benchmarks.motion.paths import circle, floor, s_curve, stop_and_go
 from readygo.common.avatars import load_avatars
+from readygo.common.frames import yup_from_zup
 from readygo.services.animator import AnimatorConfig, skeleton_of, walk
 from readygo.services.animator.gait.quality import joints_of
-from readygo.services.animator.smpl.fit import bone_offsets, fit_rotations, pose_of
+from readygo.services.animator.smpl.fit import PARENTS, fit_rotations, pose_of
+from readygo.services.animator.smpl.fit_math import SMALL
 
 RUNS = 7
 PATHS = {"s_curve": s_curve, "circle_r1.5": circle, "stop_and_go": stop_and_go}
@@ -41,6 +44,37 @@ def fit_row(joints_m: Array, offsets_m: Array) -> dict[str, float]:
     }
 
 
+def bone_offsets(joints_m: npt.ArrayLike, template_m: npt.ArrayLike, *, rounds: int = 3) -> Array:
+    """A body with the bone lengths of given joints.
+
+    Lengths are medians over time. Pelvis and chest carry several bones: their directions are averages in the frame that
+    the fit finds.
+
+    Args:
+        joints_m: Positions in y-up axes [m], shape (T, 22 or 24, 3).
+        template_m: A body's T-pose offsets [m], shape (24, 3), for directions and for what the joints do not show.
+        rounds: Fits from which the directions are averaged.
+
+    Returns:
+        T-pose offsets [m], shape (24, 3).
+    """
+    P = np.asarray(joints_m, dtype=np.float64)
+    offsets = np.array(template_m, dtype=np.float64)
+    children = np.arange(1, P.shape[1])
+    bones = P[:, children] - P[:, PARENTS[children]]
+    length = np.median(np.sqrt(np.sum(bones * bones, axis=2)), axis=0)
+    before = np.sqrt(np.sum(offsets * offsets, axis=1))
+    offsets[children] *= (length / np.maximum(before[children], SMALL))[:, None]
+    for _ in range(rounds):
+        G, _ = fit_rotations(P, offsets)
+        for joint in (1, 2, 3, 12, 13, 14):
+            mean = np.zeros(3)
+            for row in range(len(P)):
+                mean += G[row, PARENTS[joint]].T @ bones[row, joint - 1]
+            offsets[joint] = mean / len(P)
+    return offsets
+
+
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -54,8 +88,7 @@ def main() -> None:
     for name, path in PATHS.items():
         motion = walk(skeleton, path(1.2), floor(), np.random.default_rng(0), AnimatorConfig())
         P = joints_of(motion, avatar)[1][:, :22]
-        yup = np.stack([P[..., 0], P[..., 2], -P[..., 1]], axis=-1)
-        results[f"gait {name}"] = fit_row(yup, skeleton.offsets_m)
+        results[f"gait {name}"] = fit_row(yup_from_zup(P), skeleton.offsets_m)
     for clip in sorted(options.cmu.glob("*.amc")) if options.cmu else []:
         subject, number = clip.stem.split("_")
         joints, _ = joints_20hz(options.cmu, subject, number)

@@ -30,7 +30,7 @@ from numba import njit
 from readygo.benchmarks.planning.maps import default_data_folder, find_map
 from readygo.benchmarks.planning.runs import Course, Job
 from readygo.common.camera.view import view_of
-from readygo.common.episode import goal_in_robot_frame
+from readygo.common.frames import goal_in_robot_frame
 from readygo.common.messages import (
     AnimateRequest,
     EpisodeKey,

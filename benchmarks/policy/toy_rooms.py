@@ -10,11 +10,12 @@ import numpy.typing as npt
 from numba import njit
 
 from readygo.common.episode import EpisodeConfig
+from readygo.common.frames import goal_in_robot_frame
 from readygo.common.messages import EpisodeKey, Split
 from readygo.common.robot import RobotConfig, limit_command, step_unicycle
+from readygo.common.robot.kinematics import DT_S
 
 CELL_M = 0.1
-DT_S = 0.05
 
 
 @njit(cache=True)
@@ -170,24 +171,17 @@ def draw_task(rooms: Rooms, rng: np.random.Generator) -> Task:
             return Task((float(a[0]), float(a[1]), math.atan2(b[1] - a[1], b[0] - a[0])), b, cost)
 
 
-def goal_in_robot(pose: Sequence[float], goal: npt.NDArray[np.float64]) -> tuple[float, float]:
-    """Goal in the robot's frame [m]."""
-    dx, dy = goal[0] - pose[0], goal[1] - pose[1]
-    c, s = math.cos(pose[2]), math.sin(pose[2])
-    return c * dx + s * dy, -s * dx + c * dy
-
-
 def drive(rooms: Rooms, task: Task, command, *, time_limit_s: float = 50.0):
     """Drive `command(image, goal, previous, pose)` until the end; returns success and the records."""
     pose, previous, records = task.pose, (0.0, 0.0), []
     for _ in range(round(time_limit_s / DT_S)):
-        image, goal = rooms.image(*pose), goal_in_robot(pose, task.goal)
+        image, goal = rooms.image(*pose), goal_in_robot_frame(*pose, task.goal)
         action = limit_command(*command(image, goal, previous, pose), *previous, rooms.robot)
         records.append((image, goal, action, (pose[0], pose[1], 0.0, pose[2])))
         pose, previous = step_unicycle(*pose, *action), action
         if rooms.clearance_m(pose[0], pose[1]) < rooms.robot.radius_m:
             return "static_collision", records
-        if math.hypot(*goal_in_robot(pose, task.goal)) < EpisodeConfig().success_radius_m:
+        if math.hypot(*goal_in_robot_frame(*pose, task.goal)) < EpisodeConfig().success_radius_m:
             return "success", records
     return "timeout", records
 
@@ -210,7 +204,7 @@ class ToyDataset:
     goals_xy_m: npt.NDArray[np.float32]
     poses: npt.NDArray[np.float64]
     images: list[npt.NDArray[np.uint8]]
-    metadata: dict
+    robot: RobotConfig
     content_hash: str = "toy"
 
     def decode(self, index: int) -> npt.NDArray[np.uint8]:
@@ -220,8 +214,6 @@ class ToyDataset:
 
 def record(rooms: Rooms, count: int, *, seed: int) -> ToyDataset:
     """`count` successful expert episodes."""
-    from readygo.common.config import section_to_mapping
-
     rng, episodes, rows = np.random.default_rng(seed), [], []
     while len(episodes) < count:
         task = draw_task(rooms, rng)
@@ -237,6 +229,6 @@ def record(rooms: Rooms, count: int, *, seed: int) -> ToyDataset:
         np.array(goals, np.float32),
         np.array(poses),
         list(images),
-        {"config": {"robot": section_to_mapping(rooms.robot)}},
+        rooms.robot,
         f"toy-{seed}-{count}",
     )

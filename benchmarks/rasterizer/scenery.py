@@ -21,6 +21,7 @@ from readygo.common.maps import FloorMap, OccupancyMap, clearance_m, largest_fre
 from readygo.common.messages import Motion
 from readygo.common.rasterizer.packed.scene import PackedScene, load_or_pack
 from readygo.common.robot import CameraConfig
+from readygo.common.robot.kinematics import DT_S
 from readygo.common.scenes import Scene
 from readygo.services.animator import AnimatorConfig, skeleton_of, walk
 from readygo.services.renderer.drawing import packed_layers
@@ -193,7 +194,7 @@ def walk_motion(avatar: Avatar, path: Path | None, seed: int) -> Motion:
                 return Motion(root_m=arrays["root_m"], pose_axis_angle=arrays["pose_axis_angle"])
         except (KeyError, ValueError, EOFError) as error:
             raise ConfigError(f"{path} is no motion (root_m, pose_axis_angle): {error}.") from error
-    heading = 0.9 * np.sin(0.9 * 1.2 * 0.05 * np.arange(200))
+    heading = 0.9 * np.sin(0.9 * 1.2 * DT_S * np.arange(200))
     steps = np.stack([np.cos(heading), np.sin(heading)], axis=1) * 0.06
     floor = synthetic_room.room_maps()[1]
     return walk(skeleton_of(avatar), np.cumsum(steps, axis=0), floor, np.random.default_rng(seed), AnimatorConfig())

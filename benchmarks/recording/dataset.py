@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from readygo.common.bus import InProcessBus
-from readygo.common.dataset import Dataset, validate
+from readygo.common.dataset import Dataset, Provenance, validate
 from readygo.common.dataset.index import index_path
 from readygo.common.messages import (
     AppendRequest,
@@ -30,6 +30,7 @@ from readygo.common.messages import (
     encode,
     topics,
 )
+from readygo.common.robot.kinematics import STEP_NS
 from readygo.services.recorder import Recorder, RecorderConfig, handle_append
 
 EPISODES, SAMPLES, WINDOWS = 40, 300, 20_000
@@ -70,7 +71,7 @@ def make_requests(index: int, images: list[bytes]) -> list[AppendRequest]:
         Sample(
             seq=seq,
             crc32=zlib.crc32(images[seq % len(images)]),
-            time_ns=seq * 50_000_000,
+            time_ns=seq * STEP_NS,
             image=images[seq % len(images)],
             action_v_mps=0.5,
             action_w_radps=0.1,
@@ -96,7 +97,7 @@ def make_requests(index: int, images: list[bytes]) -> list[AppendRequest]:
 
 def record(folder: Path, requests: list[AppendRequest], episodes: int, *, fsync: bool) -> None:
     """Record the same episode under many indices."""
-    recorder = Recorder(folder, "r0", make_bus(), {"config": {}}, RecorderConfig(fsync=fsync))
+    recorder = Recorder(folder, "r0", make_bus(), Provenance(), RecorderConfig(fsync=fsync))
     for index in range(episodes):
         key = EpisodeKey(seed=0, split=Split.TRAIN, index=index)
         header = dataclasses.replace(requests[0].header, episode=key)

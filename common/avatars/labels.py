@@ -75,11 +75,11 @@ def human_labels(model: LabelModel, motion: Motion, step: int, yaw_rad: float) -
         joints,
         box,
     )
-    ground = thinned(footprint_xy(model.footprint, body, motion, step), FOOTPRINT_CELL_M)
+    ground = thin_points(footprint_xy(model.footprint, body, motion, step), FOOTPRINT_CELL_M)
     return HumanLabels(joints_m=joints.astype(np.float32), box=box, footprint_xy_m=ground.astype(np.float32))
 
 
-def thinned(xy_m: Float64Array, cell_m: float) -> Float64Array:
+def thin_points(xy_m: Float64Array, cell_m: float) -> Float64Array:
     """The means of points [m] (N, 2) within the cells of a grid on the world, shape (M, 2), by column and row."""
     out = np.empty_like(xy_m)
     return out[: _fill_thinned(xy_m, cell_m, out)]

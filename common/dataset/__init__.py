@@ -1,17 +1,22 @@
 """Recorded data: shards, their index, the reader and the check of everything in them."""
 
 from readygo.common.dataset.chunk import EpisodeChunk, encode_episode, read_chunk
+from readygo.common.dataset.provenance import AvatarOrigin, Provenance, ScenarioOrigin, SceneOrigin
 from readygo.common.dataset.reader import Calibration, Dataset, EpisodeEntry
 from readygo.common.dataset.validate import Defect, Report, validate
 from readygo.common.dataset.writer import ShardWriter, shard_name
 
 __all__ = [
+    "AvatarOrigin",
     "Calibration",
     "Dataset",
     "Defect",
     "EpisodeChunk",
     "EpisodeEntry",
+    "Provenance",
     "Report",
+    "ScenarioOrigin",
+    "SceneOrigin",
     "ShardWriter",
     "encode_episode",
     "read_chunk",

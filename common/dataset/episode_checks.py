@@ -13,12 +13,12 @@ from readygo.common.dataset.poses import pose_xyzyaw
 from readygo.common.dataset.reader import decode_image
 from readygo.common.dataset.records import ChunkSpan, Message, iter_messages
 from readygo.common.errors import DatasetError
+from readygo.common.frames import goal_in_robot_frame
 from readygo.common.images.files import FILE_FORMAT, decode_output
 from readygo.common.messages.episode import EpisodeKey
 from readygo.common.robot.config import RobotConfig
-from readygo.common.robot.kinematics import DT_S, RATE_HZ, step_unicycle
+from readygo.common.robot.kinematics import DT_S, RATE_HZ, STEP_NS, step_unicycle
 
-STEP_NS = schemas.NS_PER_S // RATE_HZ
 LIMIT_TOLERANCE = 1e-6
 """Slack on speeds [m/s, rad/s]: limits are applied in float64."""
 POSITION_TOLERANCE_M = 1e-5
@@ -230,10 +230,8 @@ def _follows(steps: Sequence[_Step]) -> Callable[[int], bool]:
 def _points_at(steps: Sequence[_Step], goal_xy_m: tuple[float, float]) -> Callable[[int], bool]:
     def holds(seq: int) -> bool:
         x_m, y_m, _, yaw_rad = steps[seq].pose
-        dx, dy = goal_xy_m[0] - x_m, goal_xy_m[1] - y_m
-        c, s = math.cos(yaw_rad), math.sin(yaw_rad)
-        forward_m, left_m = steps[seq].goal_xy_m
-        return math.hypot(c * dx + s * dy - forward_m, c * dy - s * dx - left_m) <= POSITION_TOLERANCE_M
+        here_m = goal_in_robot_frame(x_m, y_m, yaw_rad, goal_xy_m)
+        return math.dist(here_m, steps[seq].goal_xy_m) <= POSITION_TOLERANCE_M
 
     return holds
 

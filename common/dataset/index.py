@@ -12,7 +12,7 @@ import json
 import mmap
 import os
 import zipfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,7 +25,7 @@ from mcap.opcode import Opcode
 from mcap.records import Metadata
 
 from readygo.common.dataset.chunk import OUTPUT_DTYPE, SAMPLE_DTYPE, EpisodeChunk, read_chunk
-from readygo.common.dataset.metadata import RECORD_NAME, metadata_from_strings
+from readygo.common.dataset.provenance import RECORD_NAME, Provenance, provenance_from_strings
 from readygo.common.dataset.records import MAGIC, RECORD_HEADER, Record, chunk_span, is_intact, iter_records
 from readygo.common.errors import DatasetError
 from readygo.common.messages.episode import EpisodeKey, Split
@@ -59,7 +59,7 @@ _OUTPUT_PREFIX = "output_"
 class ShardIndex:
     """What a shard holds and where."""
 
-    metadata: dict[str, Any]
+    provenance: Provenance
     episodes: npt.NDArray[np.void]
     """Rows of `EPISODE_DTYPE`, in the order of the shard."""
     samples: npt.NDArray[np.void]
@@ -81,7 +81,8 @@ class ShardIndex:
     def equals(self, other: "ShardIndex") -> bool:
         """True if both describe the same shard in the same way."""
         return (
-            (self.metadata, self.size_bytes, self.tail_sha256) == (other.metadata, other.size_bytes, other.tail_sha256)
+            (self.provenance, self.size_bytes, self.tail_sha256)
+            == (other.provenance, other.size_bytes, other.tail_sha256)
             and self.episodes.tobytes() == other.episodes.tobytes()
             and self.samples.tobytes() == other.samples.tobytes()
             and {name: rows.tobytes() for name, rows in self.outputs.items()}
@@ -131,11 +132,11 @@ class IndexRows:
         self._samples.append(_shifted(chunk.samples, "image_offset", body_offset))
         self._sample_count += chunk.sample_count
 
-    def index(self, metadata: Mapping[str, Any], *, size_bytes: int, tail: bytes | memoryview) -> ShardIndex:
+    def index(self, provenance: Provenance, *, size_bytes: int, tail: bytes | memoryview) -> ShardIndex:
         """The index of a shard of `size_bytes` that ends in `tail`."""
         return ShardIndex(
-            # Through JSON, as a reader gets it: tuples become lists.
-            metadata=json.loads(json.dumps(dict(metadata))),
+            # Through JSON, as a reader gets it.
+            provenance=Provenance.from_mapping(json.loads(json.dumps(provenance.to_mapping()))),
             episodes=np.array(self._episodes, dtype=EPISODE_DTYPE),
             samples=np.concatenate(self._samples) if self._samples else np.zeros(0, dtype=SAMPLE_DTYPE),
             size_bytes=size_bytes,
@@ -181,26 +182,26 @@ def build_index(view: memoryview, shard: Path) -> ShardIndex:
     Raises:
         DatasetError: If the shard is truncated or damaged.
     """
-    rows, metadata = IndexRows(), None
+    rows, provenance = IndexRows(), None
     end = tail_offset(view, shard)
     try:
         for record in iter_records(view):
             if record.opcode == Opcode.METADATA:
-                metadata = read_metadata(view, record) or metadata
+                provenance = read_provenance(view, record) or provenance
             elif record.opcode == Opcode.CHUNK:
                 span = chunk_span(view, record)
                 if not is_intact(view, span):
                     raise DatasetError(f"the chunk at byte {record.offset} does not match its CRC-32")
                 rows.add(read_chunk(view[span.body : span.end]), span.body)
-        if metadata is None:
+        if provenance is None:
             raise DatasetError("there is no readygo metadata in it")
     except DatasetError as error:
         raise DatasetError(f"Shard {shard} cannot be read: {error}; see `readygo validate {shard.parent}`.") from error
-    return rows.index(metadata, size_bytes=len(view), tail=view[end:])
+    return rows.index(provenance, size_bytes=len(view), tail=view[end:])
 
 
-def read_metadata(view: memoryview, record: Record) -> dict[str, Any] | None:
-    """The shard's metadata in a metadata record, None if it is somebody else's.
+def read_provenance(view: memoryview, record: Record) -> Provenance | None:
+    """The shard's provenance in a metadata record, None if it is somebody else's.
 
     Raises:
         DatasetError: If it is of another format.
@@ -209,7 +210,7 @@ def read_metadata(view: memoryview, record: Record) -> dict[str, Any] | None:
         metadata = Metadata.read(ReadDataStream(io.BytesIO(view[record.body : record.end])))
     except (UnicodeDecodeError, EOFError) as error:
         raise DatasetError(f"the metadata at byte {record.offset} cannot be read") from error
-    return metadata_from_strings(metadata.metadata) if metadata.name == RECORD_NAME else None
+    return provenance_from_strings(metadata.metadata) if metadata.name == RECORD_NAME else None
 
 
 def write_index(index: ShardIndex, path: Path, *, fsync: bool = False) -> None:
@@ -220,7 +221,7 @@ def write_index(index: ShardIndex, path: Path, *, fsync: bool = False) -> None:
     """
     header = {
         "format": INDEX_FORMAT,
-        "metadata": index.metadata,
+        "metadata": index.provenance.to_mapping(),
         "size_bytes": index.size_bytes,
         "tail_sha256": index.tail_sha256,
     }
@@ -254,14 +255,14 @@ def read_index(path: Path) -> ShardIndex | None:
         if any((rows.dtype, rows.shape) != (OUTPUT_DTYPE, samples.shape) for rows in outputs.values()):
             return None
         return ShardIndex(
-            metadata=header["metadata"],
+            provenance=Provenance.from_mapping(header["metadata"]),
             episodes=episodes,
             samples=samples,
             size_bytes=header["size_bytes"],
             tail_sha256=header["tail_sha256"],
             outputs=outputs,
         )
-    except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
+    except (OSError, EOFError, ValueError, KeyError, TypeError, AttributeError, DatasetError, zipfile.BadZipFile):
         return None
 
 

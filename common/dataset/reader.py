@@ -12,18 +12,19 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.camera import SensorConfig
 from readygo.common.config import section_differences
 from readygo.common.dataset.chunk import parse
 from readygo.common.dataset.index import ShardIndex, load_index
 from readygo.common.dataset.labels import boxes_of, footprints_of, joints_of
-from readygo.common.dataset.metadata import robot_of, sensor_of
+from readygo.common.dataset.provenance import Provenance
 from readygo.common.dataset.schemas import LABEL_CHANNELS, OUTPUT_CHANNELS
 from readygo.common.errors import DatasetError
 from readygo.common.images.files import decode_output
 from readygo.common.messages.episode import EpisodeKey
 from readygo.common.messages.samples import DISTORTION_MODELS
+from readygo.common.policy.windows import spacing_steps_of, window_rows
 from readygo.common.robot import RobotConfig
-from readygo.common.robot.kinematics import RATE_HZ
 
 _CALIBRATION = ("height_px", "width_px", "K_px", "distortion_model", "distortion")
 OPEN_SHARDS_MAX = 128
@@ -86,8 +87,8 @@ class Dataset:
         """The files."""
         indexes = [load_index(shard) for shard in self.shards]
         _check_alike(self.shards, indexes)
-        self.metadata: dict[str, Any] = indexes[0].metadata
-        """Metadata of the first shard; robot and image size are the same in all."""
+        self.provenance: Provenance = indexes[0].provenance
+        """What the first shard says about its run; robot and image size are the same in all."""
         self.height_px, self.width_px = (int(indexes[0].episodes[0][name]) for name in ("height_px", "width_px"))
         order = _episode_order(self.shards, indexes)
         self.episodes: tuple[EpisodeEntry, ...] = _entries(self.shards, indexes, order)
@@ -147,16 +148,14 @@ class Dataset:
         return self._rows[["human_distance_m", "time_to_collision_s", "expert_cost", "human_visible", "replanned"]]
 
     @cached_property
-    def previous_actions(self) -> npt.NDArray[np.float32]:
-        """Commands executed before each sample, zero at an episode's start, shape (S, 2)."""
-        previous = np.roll(self.actions, 1, axis=0)
-        previous[self._first_sample[self._first_sample == np.arange(len(self))]] = 0.0
-        return previous
+    def robot(self) -> RobotConfig | None:
+        """The robot that the samples were recorded with, None if the shards do not say."""
+        return self.provenance.robot
 
     @cached_property
-    def robot(self) -> RobotConfig | None:
-        """The robot that the samples were recorded with, None if the metadata does not say."""
-        return robot_of(self.metadata)
+    def sensor(self) -> SensorConfig:
+        """What varied of the robot's camera from episode to episode."""
+        return self.provenance.sensor
 
     @cached_property
     def content_hash(self) -> str:
@@ -279,23 +278,21 @@ class Dataset:
             distortion=tuple(row["distortion"][: DISTORTION_MODELS[model]].tolist()),
         )
 
-    def windows(
-        self, samples: npt.ArrayLike | None = None, *, frame_count: int = 3, spacing_s: float = 0.5
-    ) -> npt.NDArray[np.int64]:
-        """Samples whose images a policy sees together; an episode's oldest image stands in for what was before.
+    def windows(self, samples: npt.ArrayLike | None = None, *, spacing_s: float = 0.5) -> npt.NDArray[np.int64]:
+        """Samples whose images a policy sees together; an episode's first image stands in for what was before.
 
         Args:
             samples: The newest sample of each window, shape (N,); all samples by default.
-            frame_count: Images per window.
             spacing_s: Time between images [s], a multiple of 0.05 s.
 
         Returns:
-            Sample numbers, the newest first, shape (N, frame_count).
+            Sample numbers, the oldest first, shape (N, 3).
+
+        Raises:
+            ValueError: If the spacing is no multiple of the step.
         """
         newest = np.arange(len(self)) if samples is None else np.asarray(samples, dtype=np.int64)
-        back = np.arange(frame_count) * round(spacing_s * RATE_HZ)
-        window: npt.NDArray[np.int64] = np.maximum(newest[:, None] - back, self._first_sample[newest][:, None])
-        return window
+        return window_rows(newest, self._first_sample[newest], spacing_steps_of(spacing_s))
 
     def close(self) -> None:
         """Close the shards; images can still be read, they are opened again."""
@@ -400,12 +397,13 @@ def _common_outputs(indexes: Sequence[ShardIndex]) -> list[str]:
 
 
 def _check_alike(shards: Sequence[Path], indexes: Sequence[ShardIndex]) -> None:
+    """Raise DatasetError if image sizes or robots differ."""
     """Raise DatasetError if image sizes, robots (with their cameras) or what varies of the cameras differ."""
 
     def sizes(index: ShardIndex) -> list[tuple[int, int]]:
         return sorted({(int(row["height_px"]), int(row["width_px"])) for row in index.episodes})
 
-    first_size, first = sizes(indexes[0])[0], indexes[0].metadata
+    first_size, first = sizes(indexes[0])[0], indexes[0].provenance
     for shard, index in zip(shards, indexes, strict=True):
         for size in sizes(index):
             if size != first_size:
@@ -413,8 +411,8 @@ def _check_alike(shards: Sequence[Path], indexes: Sequence[ShardIndex]) -> None:
                     f"Image sizes differ: {first_size[0]}x{first_size[1]} in {shards[0]}, {size[0]}x{size[1]} in "
                     f"{shard}; use them as separate datasets."
                 )
-        for what, read in (("Robots", robot_of), ("Sensors", sensor_of)):
-            ours, theirs = read(first), read(index.metadata)
+        pairs = (("Robots", first.robot, index.provenance.robot), ("Sensors", first.sensor, index.provenance.sensor))
+        for what, ours, theirs in pairs:
             if ours != theirs:
                 raise DatasetError(
                     f"{what} differ: {_differing(ours, theirs)} in {shards[0]} and {shard}; use them as separate "

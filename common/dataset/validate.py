@@ -17,10 +17,9 @@ from readygo.common.dataset.index import (
     index_path,
     mapped,
     read_index,
-    read_metadata,
+    read_provenance,
     tail_offset,
 )
-from readygo.common.dataset.metadata import robot_of
 from readygo.common.dataset.reader import find_shards
 from readygo.common.dataset.records import RECORD_HEADER, ChunkSpan, chunk_span, is_intact, iter_records
 from readygo.common.dataset.schemas import OPTIONAL_CHANNELS
@@ -139,9 +138,9 @@ class _FolderCheck:
         outputs: list[str] = []
         for record in iter_records(view):
             if record.opcode == Opcode.METADATA:
-                metadata = read_metadata(view, record)
-                if metadata is not None:
-                    limits = Limits(robot_of(metadata))
+                provenance = read_provenance(view, record)
+                if provenance is not None:
+                    limits = Limits(provenance.robot)
                     self._metadata(shard, limits)
             if record.opcode == Opcode.CHANNEL:
                 number = int.from_bytes(view[record.body : record.body + 2], "little")

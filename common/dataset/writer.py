@@ -9,7 +9,7 @@ import errno
 import os
 import zlib
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -33,7 +33,7 @@ from mcap.records import (
 from readygo.common.dataset import schemas
 from readygo.common.dataset.chunk import EpisodeChunk
 from readygo.common.dataset.index import IndexRows, index_path, write_index
-from readygo.common.dataset.metadata import RECORD_NAME, metadata_to_strings
+from readygo.common.dataset.provenance import RECORD_NAME, Provenance, provenance_to_strings
 from readygo.common.dataset.records import CHUNK_FIELDS, MAGIC, RECORD_HEADER
 from readygo.common.errors import DatasetError
 
@@ -60,7 +60,7 @@ class ShardWriter:
     def __init__(
         self,
         path: Path,
-        metadata: Mapping[str, Any],
+        provenance: Provenance,
         *,
         outputs: Iterable[str] = (),
         fsync: bool = True,
@@ -70,7 +70,7 @@ class ShardWriter:
 
         Args:
             path: The finished shard, see `shard_name`.
-            metadata: What the shard says about its run, see `readygo.common.dataset.metadata`.
+            provenance: What the shard says about its run.
             outputs: The images besides rgb, and the labels, that all samples of the shard have.
             fsync: False trades durability for speed.
             part_suffix: Ending of the open file's name; its existing file is overwritten.
@@ -81,7 +81,7 @@ class ShardWriter:
         """
         self.path = path
         self.outputs = tuple(schemas.output_channels(outputs))
-        self.metadata = dict(metadata)
+        self.provenance = provenance
         self._part = path.with_name(path.name + part_suffix)
         self._fsync = fsync
         self._channels = schemas.channels_with(self.outputs)
@@ -92,7 +92,7 @@ class ShardWriter:
         self._data_crc32 = 0
         self._descriptor: int | None = os.open(self._part, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
         try:
-            head, self._metadata_index = _head(metadata_to_strings(metadata), self._channels)
+            head, self._metadata_index = _head(provenance_to_strings(provenance), self._channels)
             self._write(head)
             self._data_crc32 = zlib.crc32(head)
             if fsync:
@@ -156,7 +156,7 @@ class ShardWriter:
         tail = data_end + self._summary(good_offset + len(data_end))
         self._write(tail)
         try:
-            index = self._rows.index(self.metadata, size_bytes=self._offset, tail=tail)
+            index = self._rows.index(self.provenance, size_bytes=self._offset, tail=tail)
             write_index(index, index_path(self.path), fsync=self._fsync)
             os.replace(self._part, self.path)
         except OSError:

@@ -4,8 +4,8 @@ from readygo.common.episode.collision import meets_human, meets_obstacle
 from readygo.common.episode.config import EpisodeConfig
 from readygo.common.episode.grid_search import GridSearch, shortest_way_m
 from readygo.common.episode.metrics import EpisodeResult, TaskSummary, summarize, wilson_interval
-from readygo.common.episode.simulation import EpisodeSimulation, goal_in_robot_frame, time_to_contact_s
-from readygo.common.episode.straight_line import StraightLineController, straight_line_command
+from readygo.common.episode.simulation import EpisodeSimulation, time_to_contact_s
+from readygo.common.episode.straight_line import straight_line_command
 from readygo.common.episode.streams import Purpose, episode_rng
 
 __all__ = [
@@ -14,10 +14,8 @@ __all__ = [
     "EpisodeSimulation",
     "GridSearch",
     "Purpose",
-    "StraightLineController",
     "TaskSummary",
     "episode_rng",
-    "goal_in_robot_frame",
     "meets_human",
     "meets_obstacle",
     "shortest_way_m",

@@ -16,7 +16,6 @@ class EpisodeConfig:
     human_speed_min_mps: float = 0.8
     human_speed_max_mps: float = 1.4
     human_radius_m: float = 0.25
-    human_height_m: float = 1.9
 
     def __post_init__(self) -> None:
         if not 0 <= self.human_count_min <= self.human_count_max <= 8:

@@ -8,15 +8,15 @@ import numpy.typing as npt
 from readygo.common.episode.collision import meets_human, meets_obstacle
 from readygo.common.episode.config import EpisodeConfig
 from readygo.common.errors import SceneError
+from readygo.common.frames import goal_in_robot_frame
 from readygo.common.maps import OccupancyMap
 from readygo.common.messages.episode import Scenario
 from readygo.common.messages.motion import EpisodeMotions
 from readygo.common.messages.plan import Outcome, RobotTrajectory
 from readygo.common.robot import RobotConfig, limit_command, step_unicycle
-from readygo.common.robot.kinematics import DT_S, RATE_HZ
+from readygo.common.robot.kinematics import DT_S, RATE_HZ, STEP_NS
 
 Float64Array = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 
 class EpisodeSimulation:
@@ -73,7 +73,7 @@ class EpisodeSimulation:
     @property
     def time_ns(self) -> int:
         """Simulated time since the episode began [ns]."""
-        return self.step * (1_000_000_000 // RATE_HZ)
+        return self.step * STEP_NS
 
     @property
     def goal_xy_robot_m(self) -> tuple[float, float]:
@@ -191,15 +191,6 @@ def _side_by_side(paths_m: list[Float64Array]) -> Float64Array:
         together[: len(path), index] = path
         together[len(path) :, index] = path[-1]
     return together
-
-
-def goal_in_robot_frame(
-    x_m: float, y_m: float, yaw_rad: float, goal_xy_m: npt.NDArray[np.float64]
-) -> tuple[float, float]:
-    """Goal in the frame of a robot at (x, y, yaw): forward and left [m]."""
-    dx, dy = float(goal_xy_m[0]) - x_m, float(goal_xy_m[1]) - y_m
-    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
-    return c * dx + s * dy, c * dy - s * dx
 
 
 def time_to_contact_s(dx_m: float, dy_m: float, vx_mps: float, vy_mps: float, contact_m: float) -> float:

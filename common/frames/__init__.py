@@ -1,7 +1,7 @@
 """Frames, rotations and rigid transforms; the conventions are in ARCHITECTURE.md."""
 
+from readygo.common.frames.robot_frame import goal_in_robot_frame, goals_in_robot_frames
 from readygo.common.frames.rotations import (
-    R_zup_yup,
     axis_angle_from_matrix,
     matrix_from_axis_angle,
     matrix_from_quat,
@@ -9,13 +9,17 @@ from readygo.common.frames.rotations import (
     quat_multiply,
     wrap_angle,
 )
+from readygo.common.frames.up_axis import yup_from_zup, zup_from_yup
 
 __all__ = [
-    "R_zup_yup",
     "axis_angle_from_matrix",
+    "goal_in_robot_frame",
+    "goals_in_robot_frames",
     "matrix_from_axis_angle",
     "matrix_from_quat",
     "quat_from_matrix",
     "quat_multiply",
     "wrap_angle",
+    "yup_from_zup",
+    "zup_from_yup",
 ]

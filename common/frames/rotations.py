@@ -8,9 +8,6 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 
-R_zup_yup = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-"""Maps SMPL's y-up coordinates to the z-up world: (x, y, z)_zup = (x, -z, y)_yup."""
-
 
 def matrix_from_quat(q_wxyz: npt.ArrayLike) -> Array:
     """Rotation matrices of quaternions that need not be normalised.

@@ -4,13 +4,12 @@ from readygo.common.gaussians.cloud import GaussianCloud
 from readygo.common.gaussians.files import load_gaussians
 from readygo.common.gaussians.ply import save_ply
 from readygo.common.gaussians.spherical_harmonics import rotate_sh, sh_basis
-from readygo.common.gaussians.transform import R_from_up, concatenate, crop, transform_cloud
+from readygo.common.gaussians.transform import R_from_up, concatenate, transform_cloud
 
 __all__ = [
     "GaussianCloud",
     "R_from_up",
     "concatenate",
-    "crop",
     "load_gaussians",
     "rotate_sh",
     "save_ply",

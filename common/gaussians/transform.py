@@ -89,9 +89,3 @@ def concatenate(clouds: Sequence[GaussianCloud]) -> GaussianCloud:
         opacities=np.concatenate([cloud.opacities for cloud in clouds]),
         sh=np.concatenate([np.pad(c.sh, ((0, 0), (0, width - c.sh.shape[1]), (0, 0))) for c in clouds]),
     )
-
-
-def crop(cloud: GaussianCloud, low_m: npt.ArrayLike, high_m: npt.ArrayLike) -> GaussianCloud:
-    """The Gaussians whose centres lie in the closed box between two corners [m], shape (3,) each."""
-    low, high = np.asarray(low_m, dtype=np.float64), np.asarray(high_m, dtype=np.float64)
-    return cloud.select(np.nonzero(((cloud.means_m >= low) & (cloud.means_m <= high)).all(axis=1))[0])

@@ -225,7 +225,7 @@ class RunSpec:
     config: dict[str, Any]
     """Resolved sections of settings, see `RunConfig`."""
     metadata: dict[str, Any]
-    """Versions, commit and licences, recorded with the data; not part of the identity."""
+    """Versions, commit and licenses, recorded with the data; not part of the identity."""
     scenarios: str = ""
     """Text of the scenario file that the episodes play; empty if they are drawn."""
     stages: tuple[Stage, ...] = field(default=EXPERT_LINE, metadata=OMITTED_WHEN_DEFAULT)

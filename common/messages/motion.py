@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.messages.checks import check_array
+from readygo.common.robot.kinematics import RATE_HZ
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -19,7 +20,7 @@ class Motion:
 
     Joint 0 is the full global orientation in the SMPL y-up world; (x, y, z)_zup = (x, -z, y)_yup.
     """
-    rate_hz: int = 20
+    rate_hz: int = RATE_HZ
 
     def __post_init__(self) -> None:
         check_array("root_m", self.root_m, np.float32, (None, 3))

@@ -1,13 +1,13 @@
 """What a robot did in an episode, and how it ended."""
 
 import enum
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from readygo.common.messages.checks import check_array
-from readygo.common.messages.codec import OMITTED_WHEN_DEFAULT
+from readygo.common.robot.kinematics import DT_S
 
 
 class Outcome(enum.Enum):
@@ -40,9 +40,6 @@ class RobotTrajectory:
     """Cost of the plan in force, shape (T,)."""
     replan_times_s: npt.NDArray[np.float64]
     """CPU time of each replan [s], shape (R,); not part of the recorded samples."""
-    gaussian_clearance_m: float | None = field(default=None, metadata=OMITTED_WHEN_DEFAULT)
-    """Least distance of the robot's disc to a point of an avatar as high as the robot [m]; below 0 inside the disc,
-    inf without humans, None where it was not measured. A metric of its own: collisions are judged by centres."""
 
     def __post_init__(self) -> None:
         count = len(self.xyyaw)
@@ -56,4 +53,4 @@ class RobotTrajectory:
     @property
     def duration_s(self) -> float:
         """Simulated time until the episode ended [s]."""
-        return len(self.xyyaw) * 0.05
+        return len(self.xyyaw) * DT_S

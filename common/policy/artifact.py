@@ -16,12 +16,11 @@ from readygo.common.camera import SensorConfig
 from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.errors import ConfigError, PolicyError
 from readygo.common.files import write_whole
+from readygo.common.policy.windows import FRAME_COUNT, spacing_steps_of
 from readygo.common.robot import RobotConfig
-from readygo.common.robot.kinematics import RATE_HZ
 
 POLICY_FORMAT = "readygo-policy/1"
 LATENT_COUNT = 20
-FRAME_COUNT = 3
 FEATURE_COUNT = FRAME_COUNT * LATENT_COUNT + 4
 GOAL_SCALE_M = 10.0
 """Goals are divided by this and clipped to [-1, 1] [m]."""
@@ -45,14 +44,12 @@ class PolicySpec:
     """Where it comes from: data hashes, seed, versions."""
 
     def __post_init__(self) -> None:
-        steps = self.frame_spacing_s * RATE_HZ
-        if steps < 1 or abs(steps - round(steps)) > 1e-6:
-            raise ValueError(f"frame_spacing_s must be a multiple of {1 / RATE_HZ} s, got {self.frame_spacing_s}.")
+        spacing_steps_of(self.frame_spacing_s)
 
     @property
     def frame_spacing_steps(self) -> int:
         """Simulation steps between the three frames."""
-        return round(self.frame_spacing_s * RATE_HZ)
+        return spacing_steps_of(self.frame_spacing_s)
 
 
 def save_spec(spec: PolicySpec, folder: Path) -> None:

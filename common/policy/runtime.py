@@ -22,6 +22,7 @@ from readygo.common.policy.artifact import (
     PolicySpec,
     load_spec,
 )
+from readygo.common.policy.windows import FRAME_COUNT, window_rows
 from readygo.common.robot import RobotConfig
 
 
@@ -34,7 +35,7 @@ class PolicyMemory:
 
     def __init__(self, frame_spacing_steps: int) -> None:
         self._spacing = frame_spacing_steps
-        self._latents: deque[npt.NDArray[np.float32]] = deque(maxlen=2 * frame_spacing_steps + 1)
+        self._latents: deque[npt.NDArray[np.float32]] = deque(maxlen=(FRAME_COUNT - 1) * frame_spacing_steps + 1)
 
     def push(self, latent: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
         """Remember the latent of the current step, and return what the head sees.
@@ -47,8 +48,7 @@ class PolicyMemory:
             those before it.
         """
         self._latents.append(latent)
-        last = len(self._latents) - 1
-        rows = (max(last - 2 * self._spacing, 0), max(last - self._spacing, 0), last)
+        rows = window_rows(len(self._latents) - 1, 0, self._spacing)
         return np.concatenate([self._latents[row] for row in rows])
 
 
@@ -209,7 +209,7 @@ def _check_graphs(policy: Policy, folder: Path) -> None:
     camera = policy.spec.robot.camera
     try:
         latents = policy.encode(np.zeros((1, camera.height_px, camera.width_px, 3), np.uint8))
-        policy.act(np.tile(latents, (1, 3)), np.zeros((1, 2), np.float32), np.zeros((1, 2), np.float32))
+        policy.act(np.tile(latents, (1, FRAME_COUNT)), np.zeros((1, 2), np.float32), np.zeros((1, 2), np.float32))
     except PolicyError:
         raise
     except Exception as error:  # as above: a graph of other inputs or shapes

@@ -10,6 +10,9 @@ from readygo.common.robot.config import RobotConfig
 DT_S = 0.05
 """Simulation, recording and motion step [s]."""
 RATE_HZ = 20
+"""Steps per second."""
+STEP_NS = 1_000_000_000 // RATE_HZ
+"""Simulation, recording and motion step [ns]."""
 
 
 def whole_steps(time_s: float) -> int:

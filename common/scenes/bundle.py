@@ -2,10 +2,6 @@
 
 import json
 import math
-import shutil
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +11,7 @@ import numpy.typing as npt
 
 from readygo.common.config import section_to_mapping
 from readygo.common.errors import SceneError
+from readygo.common.files import unfinished_folder
 from readygo.common.gaussians import GaussianCloud, R_from_up, save_ply, transform_cloud
 from readygo.common.gaussians.defects import excessive, refusal, unusable, without
 from readygo.common.gaussians.files import read_gaussians, with_unit_rotations
@@ -84,7 +81,7 @@ def import_scene(
         up: Axis of the file that points up: +x, -x, +y, -y, +z or -z.
         scale: Metres per unit of the file.
         translate_m: Added after turning and scaling [m].
-        license: License of the scene, for everything made from it.
+        license: Terms of the scene, for everything made from it.
         robot: Footprint and height for the robot map.
         resolution_m: Edge of map cells [m].
         opacity_threshold: Opacity sum above which a voxel is occupied.
@@ -161,7 +158,7 @@ def save_scene(
         sky: Gaussians of the far surroundings in the same frame; they take no part in the maps.
         out: Folder to make; must not exist.
         name: Name of the scene; the folder's by default.
-        license: License of the scene.
+        license: Terms of the scene.
         source: Where it comes from.
         robot: Footprint and height for the robot map.
         map_config: How the maps are made; with the robot's height by default.
@@ -171,22 +168,50 @@ def save_scene(
     """
     out, robot = Path(out), robot or RobotConfig()
     _refuse_existing(out)
-    config = map_config or MapConfig(robot_height_m=robot.height_m)
-    plan = plan_scene(cloud, config)
-    _refuse_without_free_area(plan, robot)
-    with _built_beside(out) as folder:
-        save_ply(cloud, folder / CLOUD_FILE)
-        if sky is not None:
-            save_ply(sky, folder / SKY_FILE)
-        (folder / "maps").mkdir()
-        save_ros_map(plan.robot, folder / ROBOT_MAP_FILE, unknown=plan.unknown)
-        save_ros_map(plan.human, folder / HUMAN_MAP_FILE, unknown=plan.unknown)
-        np.save(folder / FLOOR_FILE, plan.floor.height_m)
-        report = scene_report(cloud, sky, plan.robot, plan.human, plan.floor, robot.planning_radius_m)
-        (folder / REPORT_FILE).write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
-        manifest = _manifest(folder, plan, name or out.resolve().name, license, source or SceneSource(), robot, config)
-        (folder / MANIFEST).write_text(toml_text(manifest), encoding="utf-8")
+    with unfinished_folder(out, raises=SceneError) as folder:
+        fill_bundle(
+            folder,
+            cloud,
+            sky,
+            name=name or out.resolve().name,
+            license=license,
+            source=source or SceneSource(),
+            robot=robot,
+            map_config=map_config or MapConfig(robot_height_m=robot.height_m),
+        )
     return load_scene(out)
+
+
+def fill_bundle(
+    folder: Path,
+    cloud: GaussianCloud,
+    sky: GaussianCloud | None,
+    *,
+    name: str,
+    license: str,
+    source: SceneSource,
+    robot: RobotConfig,
+    map_config: MapConfig,
+) -> None:
+    """Write everything that a bundle consists of into an empty folder; arguments as of `save_scene`.
+
+    Raises:
+        SceneError: If the scene has no floor or no free area.
+        OSError: If the folder cannot be written.
+    """
+    plan = plan_scene(cloud, map_config)
+    _refuse_without_free_area(plan, robot)
+    save_ply(cloud, folder / CLOUD_FILE)
+    if sky is not None:
+        save_ply(sky, folder / SKY_FILE)
+    (folder / "maps").mkdir()
+    save_ros_map(plan.robot, folder / ROBOT_MAP_FILE, unknown=plan.unknown)
+    save_ros_map(plan.human, folder / HUMAN_MAP_FILE, unknown=plan.unknown)
+    np.save(folder / FLOOR_FILE, plan.floor.height_m)
+    report = scene_report(cloud, sky, plan.robot, plan.human, plan.floor, robot.planning_radius_m)
+    (folder / REPORT_FILE).write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
+    manifest = _manifest(folder, plan, name, license, source, robot, map_config)
+    (folder / MANIFEST).write_text(toml_text(manifest), encoding="utf-8")
 
 
 def _manifest(
@@ -247,22 +272,3 @@ def _refuse_without_free_area(plan: ScenePlan, robot: RobotConfig) -> None:
         f"obstacles, and a disc of radius {radius_m:g} m can move on {area_m2:.1f} m2 ({FREE_AREA_MIN_M2:g} m2 are "
         "needed); check the up axis and the scale."
     )
-
-
-@contextmanager
-def _built_beside(out: Path) -> Iterator[Path]:
-    """A temporary folder that becomes `out` when the block ends well, and vanishes when it does not."""
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        folder = Path(tempfile.mkdtemp(prefix=f".{out.name}.partial-", dir=out.parent))
-    except OSError as error:
-        raise SceneError(f"{out} cannot be made: {error.strerror or error}.") from error
-    try:
-        yield folder
-        folder.chmod(0o755)
-        _refuse_existing(out)
-        folder.rename(out)
-    except OSError as error:
-        raise SceneError(f"{out} cannot be written: {error.strerror or error}.") from error
-    finally:
-        shutil.rmtree(folder, ignore_errors=True)

@@ -17,7 +17,7 @@ from readygo.services.animator.gait.path import check_trajectory
 from readygo.services.animator.gait.person import GaitSkeleton, skeleton_of
 from readygo.services.animator.gait.walk import walk
 
-Generator = Callable[[GaitSkeleton, npt.NDArray[np.float64], FloorMap, np.random.Generator], Motion]
+MotionSource = Callable[[GaitSkeleton, npt.NDArray[np.float64], FloorMap, np.random.Generator], Motion]
 """Skeleton, trajectory (T, 2) at 20 Hz [m], floor and source of chance -> motion."""
 
 
@@ -47,10 +47,10 @@ class Animator:
         self.obstacles = obstacles
         self.config = config
         self.skeletons = {name: skeleton_of(avatar) for name, avatar in avatars.items()}
-        self.generate = _generator(config)
+        self.move = _motion_source(config)
 
 
-def _generator(config: AnimatorConfig) -> Generator:
+def _motion_source(config: AnimatorConfig) -> MotionSource:
     """The motion source that a configuration names."""
     if config.source == "priormdm":
         try:
@@ -110,7 +110,7 @@ def handle_animate(animator: Animator, request: AnimateRequest) -> AnimateReply:
             check_trajectory(human.xy_m)
             if animator.obstacles is not None:
                 check_free(animator.obstacles, human.xy_m)
-            motion = animator.generate(skeleton, human.xy_m, animator.floor, human_rng)
+            motion = animator.move(skeleton, human.xy_m, animator.floor, human_rng)
         except MotionError as error:
             return AnimateReply(episode=scenario.episode, rejected=f"motion: {error}")
         motions.append(HumanMotion(avatar=human.avatar, motion=motion))

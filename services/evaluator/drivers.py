@@ -2,7 +2,7 @@
 
 import enum
 from collections.abc import Sequence
-from typing import Protocol
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -23,20 +23,28 @@ class Method(enum.Enum):
     """Turns to the goal and drives, blind."""
 
 
-class Driver(Protocol):
-    """Commands a batch of robots; episodes come and go between calls."""
+State = TypeVar("State")
+"""What a driver remembers of one episode."""
 
-    def start(self, simulation: EpisodeSimulation) -> None:
-        """A new episode joins."""
+
+class Driver(Protocol[State]):
+    """Commands a batch of robots; episodes come and go between calls, what is remembered goes with them."""
+
+    def start(self, simulation: EpisodeSimulation) -> State:
+        """What there is to remember of a new episode."""
         ...
 
-    def stop(self, simulation: EpisodeSimulation) -> None:
-        """An episode has ended."""
-        ...
-
-    def commands(self, simulations: Sequence[EpisodeSimulation]) -> list[tuple[float, float]]:
+    def commands(self, running: Sequence[tuple[EpisodeSimulation, State]]) -> list[tuple[float, float]]:
         """Commands (v [m/s], w [rad/s]) for the next step of each episode."""
         ...
+
+
+class Ride(NamedTuple):
+    """What a policy's driver remembers of one episode."""
+
+    memory: PolicyMemory
+    people: str
+    """Key of the episode's humans."""
 
 
 class PolicyDriver:
@@ -44,23 +52,18 @@ class PolicyDriver:
 
     def __init__(self, policy: Policy, eyes: Eyes) -> None:
         self._policy, self._eyes = policy, eyes
-        self._running: dict[int, tuple[PolicyMemory, str]] = {}
 
-    def start(self, simulation: EpisodeSimulation) -> None:
-        """A new episode joins, with an empty memory."""
-        self._running[id(simulation)] = (self._policy.start(), people_key(simulation.motions))
+    def start(self, simulation: EpisodeSimulation) -> Ride:
+        """An empty memory."""
+        return Ride(self._policy.start(), people_key(simulation.motions))
 
-    def stop(self, simulation: EpisodeSimulation) -> None:
-        """An episode has ended."""
-        del self._running[id(simulation)]
-
-    def commands(self, simulations: Sequence[EpisodeSimulation]) -> list[tuple[float, float]]:
+    def commands(self, running: Sequence[tuple[EpisodeSimulation, Ride]]) -> list[tuple[float, float]]:
         """See `Driver.commands`."""
-        memories, people = zip(*(self._running[id(simulation)] for simulation in simulations), strict=True)
-        images = self._eyes.look(simulations, people)
+        simulations, rides = zip(*running, strict=True)
+        images = self._eyes.look(simulations, [ride.people for ride in rides])
         previous = np.array([(s.v_mps, s.w_radps) for s in simulations], dtype=np.float32)
         goals = np.array([s.goal_xy_robot_m for s in simulations], dtype=np.float32)
-        actions = self._policy.step(memories, images, previous, goals)
+        actions = self._policy.step([ride.memory for ride in rides], images, previous, goals)
         return [(v, w) for v, w in actions.tolist()]
 
 
@@ -73,9 +76,6 @@ class StraightLineDriver:
     def start(self, simulation: EpisodeSimulation) -> None:
         """Nothing to remember."""
 
-    def stop(self, simulation: EpisodeSimulation) -> None:
-        """Nothing to forget."""
-
-    def commands(self, simulations: Sequence[EpisodeSimulation]) -> list[tuple[float, float]]:
+    def commands(self, running: Sequence[tuple[EpisodeSimulation, None]]) -> list[tuple[float, float]]:
         """See `Driver.commands`."""
-        return [straight_line_command(simulation.goal_xy_robot_m, self._robot) for simulation in simulations]
+        return [straight_line_command(simulation.goal_xy_robot_m, self._robot) for simulation, _ in running]

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 from readygo.common.bus import Bus
 from readygo.common.episode import EpisodeConfig
@@ -138,7 +138,7 @@ def _simulate_on(evaluator: Evaluator) -> Callable[[MatchedEpisode], EpisodeSimu
     return simulate
 
 
-def _make_driver(evaluator: Evaluator, method: Method) -> Driver:
+def _make_driver(evaluator: Evaluator, method: Method) -> Driver[Any]:
     if method is Method.STRAIGHT_LINE:
         return StraightLineDriver(evaluator.robot)
     assert evaluator.policy is not None

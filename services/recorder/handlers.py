@@ -5,14 +5,12 @@ import fcntl
 import os
 import re
 import threading
-from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 from readygo.common.bus import Bus
-from readygo.common.dataset import EpisodeChunk, ShardWriter, encode_episode, shard_name
-from readygo.common.dataset.metadata import metadata_to_strings
+from readygo.common.dataset import EpisodeChunk, Provenance, ShardWriter, encode_episode, shard_name
+from readygo.common.dataset.provenance import provenance_to_strings
 from readygo.common.errors import BusError, RunError
 from readygo.common.fleet.grants import Grants
 from readygo.common.messages import (
@@ -38,7 +36,7 @@ class Recorder:
         folder: Path,
         name: str,
         bus: Bus,
-        metadata: Mapping[str, Any],
+        provenance: Provenance,
         config: RecorderConfig | None = None,
     ) -> None:
         """Take over the folder: finished shards are read, open ones are saved as soon as the coordinator answers.
@@ -47,19 +45,20 @@ class Recorder:
             folder: Where the shards go; made if it is missing.
             name: The recorder's name, part of its topic and of its shards' names.
             bus: Where the coordinator is asked.
-            metadata: What every shard says about its run, see `readygo.common.dataset.metadata`.
+            provenance: What every shard says about its run.
             config: Settings.
 
         Raises:
             RunError: If another process records under this name into this folder.
-            DatasetError: If a finished shard is damaged, or the metadata is no plain data.
+            DatasetError: If a finished shard is damaged, or the provenance is no plain data.
         """
-        metadata_to_strings(metadata)
+        provenance_to_strings(provenance)
         if not re.fullmatch(r"[A-Za-z0-9_]+", name):
             raise RunError(f"A recorder's name must be letters, digits and underscores, got {name!r}.")
         self.name = name
         self._folder = Path(folder)
-        self._metadata = dict(metadata)
+        self._bus = bus
+        self._provenance = provenance
         self._config = config or RecorderConfig()
         self._folder.mkdir(parents=True, exist_ok=True)
         self._lock_descriptor: int | None = _lock(self._folder, name)
@@ -160,7 +159,7 @@ class Recorder:
                 self._close_shard()
             if self._writer is None:
                 path = self._folder / shard_name(self.name, next_number(self._folder, self.name))
-                self._writer = ShardWriter(path, self._metadata, outputs=chunk.outputs, fsync=self._config.fsync)
+                self._writer = ShardWriter(path, self._provenance, outputs=chunk.outputs, fsync=self._config.fsync)
             self._writer.append(chunk)
         except (OSError, RunError) as error:
             failure = error if isinstance(error, RunError) else self._disk_error(error)

@@ -4,12 +4,11 @@ import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from mcap.opcode import Opcode
 
-from readygo.common.dataset import EpisodeChunk, ShardWriter, read_chunk, shard_name
-from readygo.common.dataset.index import load_index, mapped, read_metadata
+from readygo.common.dataset import EpisodeChunk, Provenance, ShardWriter, read_chunk, shard_name
+from readygo.common.dataset.index import load_index, mapped, read_provenance
 from readygo.common.dataset.records import MAGIC, chunk_span, is_intact, iter_records
 from readygo.common.dataset.writer import PART_SUFFIX, sync_folder
 from readygo.common.errors import DatasetError
@@ -39,7 +38,7 @@ class OpenShard:
     """A shard that was never finished, and the whole episodes in it."""
 
     path: Path
-    metadata: dict[str, Any] | None
+    provenance: Provenance | None
     chunks: tuple[EpisodeChunk, ...]
 
 
@@ -70,7 +69,7 @@ def open_shards(folder: Path, recorder: str) -> list[OpenShard]:
 
 def read_open_shard(path: Path) -> OpenShard:
     """The whole episodes of an open shard: chunks that match their CRC-32 and end in a valid commit."""
-    metadata: dict[str, Any] | None = None
+    provenance: Provenance | None = None
     chunks: list[EpisodeChunk] = []
     try:
         with mapped(path) as view:
@@ -78,14 +77,14 @@ def read_open_shard(path: Path) -> OpenShard:
                 raise DatasetError("it does not begin as an MCAP file")
             for record in iter_records(view):
                 if record.opcode == Opcode.METADATA:
-                    metadata = read_metadata(view, record) or metadata
+                    provenance = read_provenance(view, record) or provenance
                 elif record.opcode == Opcode.CHUNK:
                     span = chunk_span(view, record)
                     if is_intact(view, span):
                         chunks.append(read_chunk(view[span.body : span.end]))
     except DatasetError as error:
         _log.info("%s ends after %d whole episodes: %s", path.name, len(chunks), error)
-    return OpenShard(path=path, metadata=metadata, chunks=tuple(chunks))
+    return OpenShard(path=path, provenance=provenance, chunks=tuple(chunks))
 
 
 def publish(shard: OpenShard, chunks: Sequence[EpisodeChunk], target: Path, *, fsync: bool) -> None:
@@ -95,7 +94,8 @@ def publish(shard: OpenShard, chunks: Sequence[EpisodeChunk], target: Path, *, f
         OSError: If the disk refused; the open shard is still there then.
     """
     outputs = chunks[0].outputs if chunks else ()
-    writer = ShardWriter(target, shard.metadata or {}, outputs=outputs, fsync=fsync, part_suffix=SALVAGE_SUFFIX)
+    provenance = shard.provenance or Provenance()
+    writer = ShardWriter(target, provenance, outputs=outputs, fsync=fsync, part_suffix=SALVAGE_SUFFIX)
     try:
         for chunk in chunks:
             writer.append(chunk)

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from readygo.common.avatars import Avatar, LabelModel, human_labels
 from readygo.common.errors import AvatarError
+from readygo.common.frames import goal_in_robot_frame
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.images.images import Images
 from readygo.common.maps import FloorMap
@@ -28,6 +29,7 @@ from readygo.common.messages import (
     sample_crc32,
 )
 from readygo.common.robot import RobotConfig
+from readygo.common.robot.kinematics import STEP_NS
 from readygo.common.scenes import Scene
 from readygo.services.renderer.capture import Capture, EpisodeCamera, MomentAt, Pinhole, pinhole_of
 from readygo.services.renderer.config import GPU_BACKENDS, RendererConfig
@@ -40,7 +42,6 @@ from readygo.services.renderer.sensor.streams import SensorStream
 
 PEOPLE_KEPT = 512
 """Keys of people that a renderer remembers."""
-STEP_NS = 50_000_000
 
 
 class Renderer:
@@ -226,7 +227,7 @@ def _sample(
         image=image,
         action_v_mps=float(trajectory.actions[step, 0]),
         action_w_radps=float(trajectory.actions[step, 1]),
-        goal_xy_robot_m=_in_robot_frame(scenario.goal_xy_m, x_m, y_m, yaw_rad),
+        goal_xy_robot_m=goal_in_robot_frame(x_m, y_m, yaw_rad, scenario.goal_xy_m),
         robot_xyzyaw=(x_m, y_m, floor_m, yaw_rad),
         humans_xyzyaw=humans,
         human_distance_m=float(trajectory.human_distance_m[step]),
@@ -248,13 +249,6 @@ def _labels(
         human_labels(renderer.label_models[human.avatar], human.motion, step, yaw_rad)
         for human, (_, _, _, yaw_rad) in zip(motions.humans, humans, strict=True)
     )
-
-
-def _in_robot_frame(point_m: npt.NDArray[np.float64], x_m: float, y_m: float, yaw_rad: float) -> tuple[float, float]:
-    """A world point in the frame of a robot at (x, y, yaw)."""
-    dx, dy = float(point_m[0]) - x_m, float(point_m[1]) - y_m
-    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
-    return c * dx + s * dy, c * dy - s * dx
 
 
 def _human_xyzyaw(renderer: Renderer, human: HumanMotion, step: int) -> tuple[float, float, float, float]:

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from readygo.common.camera import CameraConfig
 from readygo.common.camera.lens import make_lens
+from readygo.common.frames import goals_in_robot_frames
 from readygo.services.trainer.samples import Indices, SampleTable
 
 NEAR_M = 1.0
@@ -169,10 +170,8 @@ def hindsight_goals(
     supervised learning, 2019.
     """
     later = samples + np.ceil(rng.random(len(samples)) * (table.last[samples] - samples)).astype(np.int64)
-    x, y, yaw = table.xyyaw[samples].T
-    dx, dy = table.xyyaw[later, 0] - x, table.xyyaw[later, 1] - y
-    c, s = np.cos(yaw), np.sin(yaw)
-    reached = np.stack([c * dx + s * dy, c * dy - s * dx], axis=1).astype(np.float32)
+    reached = goals_in_robot_frames(table.xyyaw[samples], table.xyyaw[later, :2]).astype(np.float32)
+    dx, dy = (table.xyyaw[later, :2] - table.xyyaw[samples, :2]).T
     replaced = (rng.random(len(samples)) < share) & (dx * dx + dy * dy > NEAR_M**2)
     goals: npt.NDArray[np.float32] = np.where(replaced[:, None], reached, table.goals_xy_m[samples])
     return goals

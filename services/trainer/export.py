@@ -20,13 +20,14 @@ from readygo.common.files import write_whole
 from readygo.common.policy.artifact import (
     ENCODER_FILE,
     FEATURE_COUNT,
-    FRAME_COUNT,
     GOAL_SCALE_M,
     HEAD_FILE,
     LATENT_COUNT,
+    SPEC_FILE,
     PolicySpec,
     save_spec,
 )
+from readygo.common.policy.windows import FRAME_COUNT
 from readygo.common.robot import RobotConfig
 from readygo.services.trainer.model import Encoder, Head, PolicyNet, ResidualBlock
 
@@ -148,12 +149,15 @@ def head_graph(head: Head, robot: RobotConfig) -> onnx.ModelProto:
 
 
 def export_policy(model: PolicyNet, spec: PolicySpec, folder: Path) -> None:
-    """Write `encoder.onnx`, `head.onnx` and `policy.toml`, each in one piece, the last one last."""
+    """Write `encoder.onnx`, `head.onnx` and `policy.toml`, each in one piece; whatever happens, they fit each other."""
+    graphs = {
+        ENCODER_FILE: encoder_graph(model.encoder, spec.robot),
+        HEAD_FILE: head_graph(model.head, spec.robot),
+    }
     folder.mkdir(parents=True, exist_ok=True)
-    for name, graph in (
-        (ENCODER_FILE, encoder_graph(model.encoder, spec.robot)),
-        (HEAD_FILE, head_graph(model.head, spec.robot)),
-    ):
+    # Without it a folder is no policy: one that is half replaced is not taken for a whole one.
+    (folder / SPEC_FILE).unlink(missing_ok=True)
+    for name, graph in graphs.items():
         write_whole(folder / name, graph.SerializeToString(), raises=PolicyError)
     save_spec(spec, folder)
 

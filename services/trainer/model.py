@@ -13,7 +13,8 @@ import itertools
 import torch
 from torch import Tensor, nn
 
-from readygo.common.policy.artifact import FEATURE_COUNT, FRAME_COUNT, GOAL_SCALE_M, LATENT_COUNT
+from readygo.common.policy.artifact import FEATURE_COUNT, GOAL_SCALE_M, LATENT_COUNT
+from readygo.common.policy.windows import FRAME_COUNT
 from readygo.common.robot import RobotConfig
 
 WIDTHS = (32, 64, 128, 192, 272)

@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-from readygo.common.camera import SensorConfig
-from readygo.common.dataset.metadata import robot_of, sensor_of
 from readygo.common.errors import DatasetError
 from readygo.common.robot import RobotConfig
 from readygo.services.trainer.config import TrainConfig
@@ -25,17 +23,11 @@ def robot_of_source(source: SampleSource) -> RobotConfig:
     """The robot that the samples were recorded with.
 
     Raises:
-        DatasetError: If the metadata do not tell.
+        DatasetError: If the data do not tell.
     """
-    robot = robot_of(source.metadata)
-    if robot is None:
-        raise DatasetError("The data do not tell which robot recorded them (metadata config.robot); record them anew.")
-    return robot
-
-
-def sensor_of_source(source: SampleSource) -> SensorConfig:
-    """What varied of the robot's camera from episode to episode."""
-    return sensor_of(source.metadata)
+    if source.robot is None:
+        raise DatasetError("The data do not tell which robot recorded them; record them anew.")
+    return source.robot
 
 
 def build_parts(source: SampleSource, validation: SampleSource | None, config: TrainConfig) -> tuple[Part, Part]:

@@ -28,7 +28,7 @@ from readygo.services.trainer.checkpoint import load_checkpoint, save_checkpoint
 from readygo.services.trainer.config import TrainConfig
 from readygo.services.trainer.export import export_policy
 from readygo.services.trainer.model import PolicyNet, images_from_bytes
-from readygo.services.trainer.parts import build_parts, robot_of_source, sensor_of_source
+from readygo.services.trainer.parts import build_parts, robot_of_source
 from readygo.services.trainer.samples import Batch, Indices, SampleSource, epoch_samples, make_batch, spread_samples
 from readygo.services.trainer.validation import predict, validation_loss
 
@@ -78,9 +78,7 @@ class TrainRun:
     ) -> None:
         self.config, self.out, self.evaluate = config, out, evaluate
         self.robot = robot_of_source(source)
-        self.spec = PolicySpec(
-            robot=self.robot, sensor=sensor_of_source(source), frame_spacing_s=config.frame_spacing_s
-        )
+        self.spec = PolicySpec(robot=self.robot, sensor=source.sensor, frame_spacing_s=config.frame_spacing_s)
         self._latency_steps = whole_steps(self.robot.camera.latency_s)
         self._turned = TurnedCamera(self.robot.camera)
         self.train_part, self.held_out = build_parts(source, validation, config)

@@ -3,13 +3,15 @@
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.camera import SensorConfig
 from readygo.common.errors import DatasetError
 from readygo.common.messages import EpisodeKey
+from readygo.common.robot import RobotConfig
 
 Indices = npt.NDArray[np.int64]
 
@@ -57,8 +59,13 @@ class SampleSource(Protocol):
         ...
 
     @property
-    def metadata(self) -> dict[str, Any]:
-        """What was recorded with the run; "robot" of its "config" is the robot."""
+    def robot(self) -> RobotConfig | None:
+        """The robot that the samples were recorded with, None if they do not say."""
+        ...
+
+    @property
+    def sensor(self) -> SensorConfig:
+        """What varied of the robot's camera from episode to episode."""
         ...
 
     @property

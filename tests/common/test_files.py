@@ -1,10 +1,13 @@
 import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from readygo.common.errors import ReadygoError, SceneError
-from readygo.common.files import unfinished, write_whole
+from readygo.common.files import unfinished, unfinished_folder, write_whole
 
 
 def test_processes_that_write_the_same_file_do_not_meet(tmp_path: Path) -> None:
@@ -50,3 +53,63 @@ def test_what_cannot_be_written_is_one_clear_line(tmp_path: Path, raises: type[R
     (tmp_path / "file").write_bytes(b"")
     with pytest.raises(raises, match=r"file/scene\.ply cannot be written: .+"):
         write_whole(tmp_path / "file" / "scene.ply", b"data", raises=raises)
+
+
+def test_folder_appears_only_when_the_block_ends_well(tmp_path: Path) -> None:
+    with unfinished_folder(tmp_path / "a" / "pack") as part:
+        (part / "one").write_text("1")
+        assert not (tmp_path / "a" / "pack").exists()
+    assert (tmp_path / "a" / "pack" / "one").read_text() == "1"
+    with pytest.raises(ZeroDivisionError), unfinished_folder(tmp_path / "b"):
+        raise ZeroDivisionError
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["a", "one", "pack"]
+
+
+def test_folder_that_is_there_is_replaced_only_where_it_is_not_good(tmp_path: Path) -> None:
+    def write(text: str, good: Callable[[], object] | None) -> str:
+        with unfinished_folder(tmp_path / "pack", good=good) as part:
+            (part / "text").write_text(text)
+        return (tmp_path / "pack" / "text").read_text()
+
+    assert write("first", None) == "first"
+    with pytest.raises(ReadygoError, match="pack cannot be written: it is there already"):
+        write("second", None)
+    assert write("third", lambda: True) == "first"
+    assert write("fourth", lambda: False) == "fourth"
+    assert [entry.name for entry in tmp_path.iterdir()] == ["pack"]
+
+
+def test_processes_that_replace_the_same_folder_do_not_meet(tmp_path: Path) -> None:
+    folder = tmp_path / "pack"
+
+    def write(number: int) -> None:
+        for _ in range(20):
+            with unfinished_folder(folder, good=lambda: False) as part:
+                for name in ("a", "b"):
+                    (part / name).write_text(str(number))
+
+    with ThreadPoolExecutor() as pool:
+        for done in [pool.submit(write, number) for number in range(4)]:
+            done.result()
+    assert (folder / "a").read_text() == (folder / "b").read_text()
+    assert [entry.name for entry in tmp_path.iterdir()] == ["pack"]
+
+
+def test_mapped_files_of_a_replaced_folder_stay_as_they_were(tmp_path: Path) -> None:
+    for number in range(2):
+        with unfinished_folder(tmp_path / "pack", good=lambda: False) as part:
+            np.save(part / "numbers.npy", np.full(1000, number))
+        if number == 0:
+            mapped = np.load(tmp_path / "pack" / "numbers.npy", mmap_mode="r")
+    assert (mapped == 0).all()
+    assert (np.load(tmp_path / "pack" / "numbers.npy") == 1).all()
+
+
+def test_folder_that_cannot_be_written_is_one_clear_line(tmp_path: Path) -> None:
+    (tmp_path / "file").write_bytes(b"")
+    for raises in (SceneError, OSError):
+        with (
+            pytest.raises(raises, match=r"file/pack cannot be written: .+"),
+            unfinished_folder(tmp_path / "file" / "pack", raises=raises),
+        ):
+            pass

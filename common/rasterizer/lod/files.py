@@ -5,9 +5,6 @@ A folder's name carries the content hash of what it was made from; whoever comes
 
 import fcntl
 import json
-import os
-import shutil
-import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.avatars import Avatar
+from readygo.common.files import unfinished_folder
 from readygo.common.rasterizer.lod.avatar import JOINTS, AvatarTree, build_avatar_tree
 from readygo.common.rasterizer.lod.tree import ChunkTree, build_tree
 from readygo.common.rasterizer.packed.avatar import PackedAvatar, pack_avatar
@@ -137,18 +135,11 @@ def _arrays_of(owner: object, names: tuple[str, ...]) -> Arrays:
 
 
 def _save(folder: Path, scene: PackedScene, arrays: Arrays) -> None:
-    temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
-    try:
-        save_packed(scene, temporary / "chunks")
+    with unfinished_folder(folder, good=lambda: False, raises=OSError) as part:
+        save_packed(scene, part / "chunks")
         for name, array in arrays.items():
-            np.save(temporary / f"{name}.npy", array)
-        (temporary / "lod.json").write_text(json.dumps({"format": FORMAT}))
-        temporary.chmod(0o755)
-        shutil.rmtree(folder, ignore_errors=True)
-        os.replace(temporary, folder)
-    except OSError:
-        shutil.rmtree(temporary, ignore_errors=True)
-        raise
+            np.save(part / f"{name}.npy", array)
+        (part / "lod.json").write_text(json.dumps({"format": FORMAT}))
 
 
 def _load(folder: Path, names: tuple[str, ...]) -> tuple[PackedScene, Arrays] | None:

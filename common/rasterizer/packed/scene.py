@@ -8,9 +8,6 @@ import dataclasses
 import functools
 import json
 import math
-import os
-import shutil
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +16,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.errors import ReadygoError
+from readygo.common.files import unfinished, unfinished_folder
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.rasterizer.constants import ALPHA_MIN
 
@@ -267,24 +266,18 @@ def _sh_steps(cloud: GaussianCloud, chunks: int, step: float) -> npt.NDArray[np.
 
 
 def save_packed(scene: PackedScene, folder: str | Path) -> None:
-    """Write a packed scene to `folder`, which appears complete or not at all; one that is there is replaced."""
-    folder = Path(folder)
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
-    try:
+    """Write a packed scene to `folder`, which appears complete or not at all; a valid one that is there stays.
+
+    Raises:
+        OSError: If it cannot be written.
+    """
+    # Another worker may have been first: its pack is as good.
+    with unfinished_folder(folder, good=lambda: load_packed(folder), raises=OSError) as part:
         for name in _ARRAYS:
-            np.save(temporary / f"{name}.npy", getattr(scene, name))
+            np.save(part / f"{name}.npy", getattr(scene, name))
         if scene.normal is not None:
-            np.save(temporary / _NORMAL_FILE, scene.normal)
-        (temporary / "packed.json").write_text(json.dumps({"format": FORMAT}))
-        temporary.chmod(0o755)
-        shutil.rmtree(folder, ignore_errors=True)
-        os.replace(temporary, folder)
-    except OSError:
-        shutil.rmtree(temporary, ignore_errors=True)
-        # Another worker was first: its pack is as good.
-        if load_packed(folder) is None:
-            raise
+            np.save(part / _NORMAL_FILE, scene.normal)
+        (part / "packed.json").write_text(json.dumps({"format": FORMAT}))
 
 
 def load_packed(folder: str | Path) -> PackedScene | None:
@@ -349,12 +342,7 @@ def _pack_into(folder: Path, cloud: GaussianCloud) -> PackedScene:
 def _add_normals(scene: PackedScene, folder: Path, cloud: GaussianCloud) -> PackedScene:
     """The pack of `cloud` in `folder` with normals, which are written there if that is possible."""
     normal = _normals(cloud, packing_order(cloud))
-    temporary = folder / f".{os.getpid()}-{_NORMAL_FILE}"
-    try:
-        np.save(temporary, normal)
-        os.replace(temporary, folder / _NORMAL_FILE)
-    except OSError:
-        with contextlib.suppress(OSError):
-            temporary.unlink()
+    with contextlib.suppress(ReadygoError), unfinished(folder / _NORMAL_FILE) as part:
+        np.save(part, normal)
     mapped = _load_normals(folder, scene.chunk_count)
     return dataclasses.replace(scene, normal=normal if mapped is None else mapped)

@@ -1,13 +1,14 @@
 """The embedded scene as a bundle on disk, made when it is first needed."""
 
 import hashlib
-import shutil
-import tempfile
 from pathlib import Path
 
 import readygo.common.maps
 from readygo.common.errors import SceneError
-from readygo.common.scenes.bundle import SceneSource, save_scene
+from readygo.common.files import unfinished_folder
+from readygo.common.maps import MapConfig
+from readygo.common.robot import RobotConfig
+from readygo.common.scenes.bundle import SceneSource, fill_bundle
 from readygo.common.scenes.embedded.scene import embedded_scene_cloud, embedded_sky
 from readygo.common.scenes.manifest import MANIFEST
 from readygo.common.scenes.scene import Scene, load_scene
@@ -61,30 +62,16 @@ def _current(folder: Path, recipe: str) -> Scene | None:
 
 
 def _make(folder: Path, recipe: str) -> Scene:
-    source = SceneSource(file=_FILE, sha256=recipe, scale_origin="made in metres")
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        workplace = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
-    except OSError as error:
-        raise SceneError(f"{folder} cannot be made: {error.strerror or error}.") from error
-    try:
-        made = workplace / "new"
-        save_scene(embedded_scene_cloud(), embedded_sky(), made, name=NAME, license=LICENSE, source=source)
-        found = _current(folder, recipe)
-        if found is not None:
-            return found
-        _swap(made, folder, workplace / "old")
-        return load_scene(folder)
-    finally:
-        shutil.rmtree(workplace, ignore_errors=True)
-
-
-def _swap(made: Path, folder: Path, old: Path) -> None:
-    try:
-        if folder.exists():
-            folder.rename(old)
-        made.rename(folder)
-    except OSError as error:
-        # Another process may have put its own, equal bundle there in between.
-        if not (folder / MANIFEST).is_file():
-            raise SceneError(f"{folder} cannot be written: {error.strerror or error}.") from error
+    robot = RobotConfig()
+    with unfinished_folder(folder, good=lambda: _current(folder, recipe), raises=SceneError) as made:
+        fill_bundle(
+            made,
+            embedded_scene_cloud(),
+            embedded_sky(),
+            name=NAME,
+            license=LICENSE,
+            source=SceneSource(file=_FILE, sha256=recipe, scale_origin="made in metres"),
+            robot=robot,
+            map_config=MapConfig(robot_height_m=robot.height_m),
+        )
+    return load_scene(folder)

@@ -7,6 +7,7 @@ import numpy as np
 from numba import njit
 
 from readygo.common.avatars import SMPL_PARENTS
+from readygo.common.robot.kinematics import DT_S
 from readygo.services.animator.gait.curves import (
     ARM_FLEXION,
     BODY,
@@ -45,7 +46,7 @@ from readygo.services.animator.gait.math import (
     smooth,
     smooth_above,
 )
-from readygo.services.animator.gait.path import DT_S, Track
+from readygo.services.animator.gait.path import Track
 from readygo.services.animator.gait.person import GaitSkeleton, GaitStyle
 
 LEG_REACH = 0.998

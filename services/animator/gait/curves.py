@@ -28,8 +28,6 @@ HIP_HEIGHT, HIP_SURGE, HIP_SWAY = 9, 10, 11
 BODY = 12
 EVEN = (PELVIS_TILT, CHEST_LEAN, HIP_HEIGHT, HIP_SURGE)
 """Channels that repeat at every step; the other ones of pelvis, chest and hips change sides."""
-SINGLE = (ARM_FLEXION, ARM_ABDUCTION, ELBOW)
-"""Channels of one limb."""
 
 
 class Curves(NamedTuple):

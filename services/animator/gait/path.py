@@ -11,11 +11,11 @@ import numpy.typing as npt
 from numba import njit
 
 from readygo.common.errors import MotionError
+from readygo.common.robot.kinematics import DT_S
 from readygo.services.animator.gait.curves import Curves, stride_rate
 from readygo.services.animator.gait.math import Array, clip, ease, smooth, wrap
 from readygo.services.animator.gait.person import GaitStyle
 
-DT_S = 0.05
 SPEED_MAX_MPS = 5.0
 MOVING_START_MPS = 0.3
 LEAD_IN_FRAMES = 40

@@ -5,9 +5,10 @@ import math
 import numpy as np
 from numba import njit
 
+from readygo.common.robot.kinematics import DT_S
 from readygo.services.animator.gait.curves import Curves, mixed, weights_of
 from readygo.services.animator.gait.math import Array, Ground, clip, floor_at, sample, wrap
-from readygo.services.animator.gait.path import DT_S, Track, time_of_phase
+from readygo.services.animator.gait.path import Track, time_of_phase
 from readygo.services.animator.gait.person import GaitSkeleton, GaitStyle
 
 # Columns of a foot's contacts, shape (C, 16).

@@ -10,14 +10,16 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.frames import zup_from_yup
 from readygo.common.maps.grid import FloorMap
 from readygo.common.messages import Motion
+from readygo.common.robot.kinematics import DT_S
 from readygo.services.animator.config import AnimatorConfig
 from readygo.services.animator.gait.body import drive_of, pelvis_path, pelvis_rotations, pose_frames
 from readygo.services.animator.gait.curves import Curves, default_curves, stride_rate
 from readygo.services.animator.gait.feet import Feet, pose_foot
 from readygo.services.animator.gait.math import Array, Ground
-from readygo.services.animator.gait.path import DT_S, check_trajectory, extend, plan_track
+from readygo.services.animator.gait.path import check_trajectory, extend, plan_track
 from readygo.services.animator.gait.person import GaitSkeleton, GaitStyle, draw_style
 from readygo.services.animator.gait.steps import ON, plan_contacts
 
@@ -85,5 +87,5 @@ def walk(
     P, pose, last_s = _walk(x, z, skeleton, style, ground, default_curves() if curves is None else curves)
     settled = math.ceil((last_s + SETTLED_AFTER_S) / DT_S) if last_s > 0.0 else 0
     end = min(max(lead + len(xy), settled), len(x))
-    root = np.stack([P[lead:end, 0], -P[lead:end, 2], P[lead:end, 1]], axis=1)
+    root = zup_from_yup(P[lead:end])
     return Motion(root_m=root.astype(np.float32), pose_axis_angle=pose[lead:end].astype(np.float32))

@@ -30,7 +30,6 @@ Array = npt.NDArray[np.float64]
 
 FEATURE_COUNT = 263
 JOINT_COUNT = 22
-RATE_HZ = 20
 PATH = slice(0, 3)
 """The columns that a ground path determines: what PriorMDM calls root_horizontal."""
 HEIGHT = 3
@@ -57,18 +56,6 @@ class Start(NamedTuple):
     x_m: float
     z_m: float
     heading_rad: float
-
-
-def yup_from_zup(points_m: npt.ArrayLike) -> Array:
-    """Points of the z-up world in the y-up axes of SMPL and HumanML3D, shape (..., 3); `zup_from_yup` goes back."""
-    p = np.asarray(points_m, dtype=np.float64)
-    return np.stack([p[..., 0], p[..., 2], -p[..., 1]], axis=-1)
-
-
-def zup_from_yup(points_m: npt.ArrayLike) -> Array:
-    """Points in y-up axes in the z-up world, shape (..., 3)."""
-    p = np.asarray(points_m, dtype=np.float64)
-    return np.stack([p[..., 0], -p[..., 2], p[..., 1]], axis=-1)
 
 
 @njit(cache=True)

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from readygo.common.robot.kinematics import DT_S
 from readygo.services.animator.gait.math import (
     Array,
     Ground,
@@ -17,7 +18,6 @@ from readygo.services.animator.gait.math import (
     smooth,
     smooth_above,
 )
-from readygo.services.animator.gait.path import DT_S
 from readygo.services.animator.gait.person import GaitSkeleton
 from readygo.services.animator.smpl.fit import REACH, fit_rotations
 

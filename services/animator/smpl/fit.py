@@ -16,7 +16,6 @@ import numpy.typing as npt
 from numba import njit
 
 from readygo.common.avatars import SMPL_PARENTS
-from readygo.common.messages import Motion
 from readygo.services.animator.gait.math import Array, axis_angle_of, clip, mat_mul, mat_t_mul, mat_vec, norm, smooth
 from readygo.services.animator.smpl.fit_math import SMALL, across, aim, align, cross, swing, turn, twist_about, unit
 
@@ -33,31 +32,21 @@ SHOULDER_WEIGHT = 0.03
 """Share of the shoulders in the chest's alignment: collar bones are short, and shoulders say better where it turns."""
 
 
-def fit_motion(
-    joints_m: npt.ArrayLike, offsets_m: npt.ArrayLike, *, retarget: bool = False, rate_hz: int = 20
-) -> Motion:
-    """The motion of a body whose joints come to lie where they are asked to.
+def fit_rotations(joints_m: npt.ArrayLike, offsets_m: npt.ArrayLike, *, retarget: bool = False) -> tuple[Array, Array]:
+    """Rotations of a body whose joints come to lie where they are asked to.
 
     Args:
-        joints_m: Positions of the SMPL joints 0..21 or 0..23 in the z-up world [m], shape (T, 22 or 24, 3).
+        joints_m: Positions of the SMPL joints 0..21 or 0..23 in y-up axes [m], shape (T, 22 or 24, 3).
         offsets_m: The body: each joint relative to its parent in SMPL's T-pose (y up) [m], shape (24, 3).
         retarget: True is for a body with other measures: arms and neck take the directions of the given bones, and
             the ankles get where they are asked to be, whatever the knees must do for it. False leaves the least error.
-        rate_hz: Rows per second.
+
+    Returns:
+        Global joint rotations, shape (T, 24, 3, 3), and fitted positions [m], shape (T, 24, 3), y-up.
 
     Raises:
         ValueError: If a shape is wrong or a position is not finite.
     """
-    joints = np.asarray(joints_m, dtype=np.float64)
-    yup = np.stack([joints[..., 0], joints[..., 2], -joints[..., 1]], axis=-1)
-    G, _ = fit_rotations(yup, offsets_m, retarget=retarget)
-    return Motion(
-        root_m=joints[:, 0].astype(np.float32), pose_axis_angle=pose_of(G).astype(np.float32), rate_hz=rate_hz
-    )
-
-
-def fit_rotations(joints_m: npt.ArrayLike, offsets_m: npt.ArrayLike, *, retarget: bool = False) -> tuple[Array, Array]:
-    """Global joint rotations (T, 24, 3, 3) and fitted positions [m] (T, 24, 3), y-up; see `fit_motion`."""
     P = np.ascontiguousarray(joints_m, dtype=np.float64)
     offsets = np.ascontiguousarray(offsets_m, dtype=np.float64)
     if P.ndim != 3 or P.shape[1] not in (22, 24) or P.shape[2] != 3 or len(P) == 0 or offsets.shape != (24, 3):
@@ -242,34 +231,3 @@ def _level(G: Array, foot: Array) -> Array:
         return G.copy()
     angle = clip(math.atan2(-side[1], max(up[1], 0.2)), -LEVEL_MAX_RAD, LEVEL_MAX_RAD)
     return mat_mul(turn(axis, flat * flat * angle), G)
-
-
-def bone_offsets(joints_m: npt.ArrayLike, template_m: npt.ArrayLike, *, rounds: int = 3) -> Array:
-    """A body with the bone lengths of given joints.
-
-    Lengths are medians over time. Pelvis and chest carry several bones: their directions are averages in the frame that
-    the fit finds.
-
-    Args:
-        joints_m: Positions in y-up axes [m], shape (T, 22 or 24, 3).
-        template_m: A body's T-pose offsets [m], shape (24, 3), for directions and for what the joints do not show.
-        rounds: Fits from which the directions are averaged.
-
-    Returns:
-        T-pose offsets [m], shape (24, 3).
-    """
-    P = np.asarray(joints_m, dtype=np.float64)
-    offsets = np.array(template_m, dtype=np.float64)
-    children = np.arange(1, P.shape[1])
-    bones = P[:, children] - P[:, PARENTS[children]]
-    length = np.median(np.sqrt(np.sum(bones * bones, axis=2)), axis=0)
-    before = np.sqrt(np.sum(offsets * offsets, axis=1))
-    offsets[children] *= (length / np.maximum(before[children], SMALL))[:, None]
-    for _ in range(rounds):
-        G, _ = fit_rotations(P, offsets)
-        for joint in (1, 2, 3, 12, 13, 14):
-            mean = np.zeros(3)
-            for row in range(len(P)):
-                mean += mat_vec(G[row, PARENTS[joint]].T, bones[row, joint - 1])
-            offsets[joint] = mean / len(P)
-    return offsets

@@ -21,6 +21,7 @@ from torch import Tensor
 
 from readygo.common.avatars import SMPL_PARENTS
 from readygo.common.errors import ConfigError
+from readygo.common.frames import yup_from_zup, zup_from_yup
 from readygo.common.messages import Motion
 
 POSE_COUNT = 69
@@ -117,7 +118,7 @@ def refine(
     """A motion with joints closer to the given ones, smooth and plausible.
 
     Args:
-        motion: Where to start, e.g. `fit_motion` of the same joints.
+        motion: Where to start, e.g. the rotations that `fit_rotations` finds for the same joints.
         joints_m: Joints 0..21 or 0..23 in the z-up world [m], shape (T, 22 or 24, 3).
         offsets_m: Each joint relative to its parent in the T-pose, y-up [m], shape (24, 3).
         config: Weights; None takes the defaults.
@@ -131,11 +132,10 @@ def refine(
     rows = len(motion.root_m)
     if joints.ndim != 3 or joints.shape[0] != rows or joints.shape[1] not in (22, 24) or joints.shape[2] != 3:
         raise ValueError(f"joints_m must have shape ({rows}, 22 or 24, 3) as the motion has rows, got {joints.shape}.")
-    target = torch.from_numpy(np.stack([joints[..., 0], joints[..., 2], -joints[..., 1]], axis=-1))
-    moved = motion.root_m.astype(np.float64)
-    root0 = np.stack([moved[:, 0], moved[:, 2], -moved[:, 1]], axis=1)
+    target = torch.from_numpy(yup_from_zup(joints))
     start = torch.from_numpy(motion.pose_axis_angle.astype(np.float64))
-    pose, root = start.clone().requires_grad_(), torch.from_numpy(root0).requires_grad_(config.move_root)
+    pose = start.clone().requires_grad_()
+    root = torch.from_numpy(yup_from_zup(motion.root_m)).requires_grad_(config.move_root)
     loss = _Loss(target, start, torch.from_numpy(np.asarray(offsets_m, dtype=np.float64)), config, prior)
     free = [pose, root] if config.move_root else [pose]
     solver = torch.optim.LBFGS(free, max_iter=config.iterations, history_size=20, line_search_fn="strong_wolfe")
@@ -147,9 +147,8 @@ def refine(
         return value
 
     solver.step(closure)  # type: ignore[no-untyped-call]
-    place = root.detach().numpy()
     return Motion(
-        root_m=np.stack([place[:, 0], -place[:, 2], place[:, 1]], axis=1).astype(np.float32),
+        root_m=zup_from_yup(root.detach().numpy()).astype(np.float32),
         pose_axis_angle=pose.detach().numpy().astype(np.float32),
         rate_hz=motion.rate_hz,
     )
@@ -163,13 +162,10 @@ def refine_in_place(
     The pelvis stays, and so do the toes, which no joint shows: they were bent to clear the floor. Arguments as of
     `refine`.
     """
-    rows = motion.root_m.astype(np.float64)
-    root = torch.from_numpy(np.stack([rows[:, 0], rows[:, 2], -rows[:, 1]], axis=1))
+    root = torch.from_numpy(yup_from_zup(motion.root_m))
     pose = torch.from_numpy(motion.pose_axis_angle.astype(np.float64))
     _, X = forward(pose, root, torch.from_numpy(np.asarray(offsets_m, dtype=np.float64)))
-    joints = X.numpy()
-    zup = np.stack([joints[..., 0], -joints[..., 2], joints[..., 1]], axis=-1)
-    refined = refine(motion, zup, offsets_m, config, prior)
+    refined = refine(motion, zup_from_yup(X.numpy()), offsets_m, config, prior)
     kept = refined.pose_axis_angle.copy()
     kept[:, _TOES] = motion.pose_axis_angle[:, _TOES]
     return Motion(root_m=motion.root_m, pose_axis_angle=kept, rate_hz=motion.rate_hz)

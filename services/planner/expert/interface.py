@@ -39,8 +39,6 @@ class Decision:
     """What is left of the path in force [m], shape (N, 2); empty without a plan. A view: copy it to keep it."""
     perceived: tuple[PerceivedHuman, ...]
     """The humans that the expert knows of."""
-    path_times_s: Float64Array | None = None
-    """When the robot means to be at the points of the path, from now on [s], shape (N,); None if it does not say."""
 
 
 class Expert(Protocol):

@@ -46,16 +46,6 @@ class PerceivedHuman:
         ahead_m: Float64Array = self.find_walks()[0][0]
         return ahead_m
 
-    @property
-    def others_m(self) -> Float64Array:
-        """Where it will be if it takes the robot's way, to its start or to its goal [m], shape (K, T, 2), K >= 0."""
-        return self.find_walks()[0][1:]
-
-    @property
-    def chances(self) -> Float64Array:
-        """How likely `ahead_m` and the rows of `others_m` are, shape (1 + K,)."""
-        return self.find_walks()[1]
-
 
 @dataclass(eq=False)
 class _Track:

@@ -73,7 +73,6 @@ class SpaceTimeExpert:
             visible=any(human.seen for human in humans),
             path_xy_m=rows[:, :2],
             perceived=tuple(humans),
-            path_times_s=np.arange(len(rows), dtype=np.float64) * DT_S,
         )
 
     def _is_due(self, step: int, humans: list[PerceivedHuman]) -> bool:

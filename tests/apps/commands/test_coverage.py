@@ -19,7 +19,7 @@ from readygo.common.errors import DatasetError, RunError, SceneError
 from readygo.common.maps import GridFrame, OccupancyMap, save_ros_map
 from readygo.common.messages import EpisodeKey, HumanPlanRequest, Split
 from readygo.services.planner import handle_human_plan
-from tests.common.dataset.episodes import METADATA, make_episode
+from tests.common.dataset.episodes import PROVENANCE, make_episode
 from tests.services.planner.worlds import key, make_human_planner
 
 COUNT = 20
@@ -49,7 +49,7 @@ def data(tmp_path: Path) -> Path:
     """Two episodes along +x and one along +y."""
     folder = tmp_path / "data"
     folder.mkdir()
-    with ShardWriter(folder / shard_name("r0", 0), METADATA, fsync=False) as writer:
+    with ShardWriter(folder / shard_name("r0", 0), PROVENANCE, fsync=False) as writer:
         for header, samples in (
             drive(0, yaw_rad=0.0, gaps_m=[2.0, 0.6, 1.0], collision_s=1.3, visible=10),
             drive(1, yaw_rad=0.0, gaps_m=[7.0], encounters=("parallel", "crossing"), visible=20),
@@ -98,7 +98,7 @@ def test_headings_are_counted_around_the_axes(data) -> None:
 
 @pytest.mark.parametrize("yaw_rad", [-math.pi, -3.1, -0.01, 0.01, 3.1, math.pi])
 def test_headings_wrap(tmp_path, yaw_rad) -> None:
-    with ShardWriter(tmp_path / shard_name("r0", 0), METADATA, fsync=False) as writer:
+    with ShardWriter(tmp_path / shard_name("r0", 0), PROVENANCE, fsync=False) as writer:
         writer.append(encode_episode((e := drive(0, yaw_rad=yaw_rad, gaps_m=[1.0]))[0], 1, e[1]))
     counts = measured(tmp_path).headings.counts
     assert counts[0 if abs(yaw_rad) < 1 else 12] == COUNT
@@ -219,10 +219,9 @@ def test_other_scene_than_the_datas_is_refused(data, tmp_path, monkeypatch) -> N
     monkeypatch.setattr(
         "readygo.apps.coverage.runs.open_maps", lambda scene: (None, type("S", (), {"content_hash": "x"})())
     )
-    metadata = {**METADATA, "scene": {"name": "plaza", "hash": "ab"}}
     folder = tmp_path / "hashed"
     folder.mkdir()
-    with ShardWriter(folder / shard_name("r0", 0), metadata, fsync=False) as writer:
+    with ShardWriter(folder / shard_name("r0", 0), PROVENANCE, fsync=False) as writer:
         header, samples = drive(0, yaw_rad=0.0, gaps_m=[1.0])
         writer.append(encode_episode(header, 1, samples))
     with pytest.raises(RunError, match="recorded in another scene"):

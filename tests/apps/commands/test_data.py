@@ -63,7 +63,7 @@ def test_inspect_counts(folder, capsys) -> None:
     assert (summary["image_height_px"], summary["image_width_px"]) == (24, 32)
     assert summary["human_visible_fraction"] == 0.5
     assert summary["replans"] == 3
-    assert summary["scene"]["licence"] == "CC0"
+    assert summary["scene"]["license"] == "CC0"
     assert summary["config"]["robot"]["radius_m"] == 0.25
 
 

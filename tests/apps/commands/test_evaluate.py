@@ -15,7 +15,6 @@ from readygo.apps.commands.scene_argument import open_scene
 from readygo.apps.run.config import load_run_config
 from readygo.common.camera import CameraConfig, SensorConfig
 from readygo.common.dataset import Dataset
-from readygo.common.dataset.metadata import robot_of, sensor_of
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.messages import EpisodeMotions, HumanPlanRequest, Scenario, Split, topics
 from readygo.common.policy import PolicySpec, load_spec, save_spec
@@ -40,9 +39,8 @@ def phone_data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
 
 def policy_of(data: Dataset, folder: Path) -> PolicySpec:
     """What a policy that was trained on some data says of itself, after it was written and read."""
-    robot = robot_of(data.metadata)
-    assert robot is not None
-    save_spec(PolicySpec(robot=robot, sensor=sensor_of(data.metadata)), folder)
+    assert data.robot is not None
+    save_spec(PolicySpec(robot=data.robot, sensor=data.sensor), folder)
     return load_spec(folder)
 
 

@@ -13,7 +13,6 @@ from readygo.apps.run.world import World
 from readygo.common.bus import InProcessBus
 from readygo.common.errors import RunError
 from readygo.common.messages import FileRef, RunSpec, Split
-from readygo.common.scenes import verify_scene
 from readygo.services.coordinator import attach
 
 
@@ -44,8 +43,16 @@ def test_workers_of_a_machine_without_the_scene_fetch_it_from_the_run(bus: InPro
         scenes = list(workers.map(lambda _: World(elsewhere, bus).scene, range(3)))
     for scene in scenes:
         assert scene.content_hash == elsewhere.scene_hash
-        verify_scene(scene)
         assert scene.maps.robot.occupied.any()
+
+
+def test_fetched_scene_that_is_not_what_its_hashes_say_is_refused(bus: InProcessBus, elsewhere: RunSpec) -> None:
+    cloud = World(elsewhere, bus).scene.path / "scene.ply"
+    data = bytearray(cloud.read_bytes())
+    data[-1] ^= 1
+    cloud.write_bytes(data)
+    with pytest.raises(RunError, match=r"came from the run cannot be used; remove .* scene\.ply has changed"):
+        _ = World(elsewhere, bus).scene
 
 
 def test_scene_file_outside_of_the_bundle_is_refused(bus: InProcessBus, elsewhere: RunSpec) -> None:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from readygo.common.avatars import SMPL_PARENTS, Avatar, joint_positions, joint_transforms, load_avatars, pose_avatar
 from readygo.common.avatars.posing import nearest_rotation
-from readygo.common.frames import R_zup_yup, matrix_from_axis_angle, matrix_from_quat, quat_from_matrix
+from readygo.common.frames import matrix_from_axis_angle, matrix_from_quat, quat_from_matrix, zup_from_yup
 from readygo.common.messages import Motion
 
 
@@ -31,7 +31,7 @@ def plain_transforms(avatar: Avatar, root_m: np.ndarray, pose: np.ndarray) -> np
         local = np.eye(4)
         local[:3, :3] = R[j]
         if parent < 0:
-            local[:3, :3] = R_zup_yup @ R[j]
+            local[:3, :3] = zup_from_yup(R[j].T).T
             local[:3, 3] = root_m
             T_world_joint[j] = local
         else:

@@ -12,7 +12,7 @@ from readygo.common.avatars import (
     load_avatars,
     pose_avatar,
 )
-from readygo.common.avatars.labels import BOX_OPACITY_MIN, DIRECTIONS, FOOTPRINT_CELL_M, thinned
+from readygo.common.avatars.labels import BOX_OPACITY_MIN, DIRECTIONS, FOOTPRINT_CELL_M, thin_points
 from readygo.common.messages import Motion
 
 
@@ -95,8 +95,8 @@ def test_footprint_is_the_thinned_one_of_the_planner(avatar: Avatar, model: Labe
 
 def test_thinning_takes_the_mean_of_each_cell() -> None:
     points = np.array([[0.26, 0.01], [0.01, 0.02], [-0.01, 0.04], [0.03, 0.04]])
-    np.testing.assert_allclose(thinned(points, 0.05), [[-0.01, 0.04], [0.02, 0.03], [0.26, 0.01]])
-    assert thinned(np.empty((0, 2)), 0.05).shape == (0, 2)
+    np.testing.assert_allclose(thin_points(points, 0.05), [[-0.01, 0.04], [0.02, 0.03], [0.26, 0.01]])
+    assert thin_points(np.empty((0, 2)), 0.05).shape == (0, 2)
 
 
 def test_last_row_is_held(model: LabelModel) -> None:

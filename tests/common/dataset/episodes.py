@@ -11,23 +11,31 @@ import cv2
 import numpy as np
 
 from readygo.common.config import section_to_mapping
-from readygo.common.dataset import ShardWriter, encode_episode, shard_name
+from readygo.common.dataset import AvatarOrigin, Provenance, SceneOrigin, ShardWriter, encode_episode, shard_name
 from readygo.common.dataset.schemas import LABEL_CHANNELS
 from readygo.common.images.files import encode_output
 from readygo.common.images.images import Images
 from readygo.common.messages import AppendRequest, EpisodeHeader, EpisodeKey, HumanLabels, Sample, Split, sample_crc32
 from readygo.common.robot import CameraConfig, RobotConfig, limit_command, step_unicycle
+from readygo.common.robot.kinematics import STEP_NS
 
 ROBOT = RobotConfig(camera=CameraConfig(height_px=24, width_px=32))
-METADATA = {
-    "config": {"robot": section_to_mapping(ROBOT), "episode": {"time_limit_s": 50.0}},
-    "numeric_class": {"backend": "cpu", "machine": "x86_64"},
-    "version": "0.1.0",
-    "commit": "0" * 40,
-    "scene": {"name": "plaza", "sha256": "ab" * 32, "licence": "CC0"},
-    "avatars": [{"name": "ann", "sha256": "cd" * 32, "licence": "CC0"}],
-}
+PROVENANCE = Provenance(
+    readygo_version="0.1.0",
+    commit="0" * 40,
+    numeric_class="cpu x86_64",
+    scene=SceneOrigin(name="plaza", hash="ab" * 32, license="CC0"),
+    avatars={"ann": AvatarOrigin(hash="cd" * 32, license="CC0")},
+    seed=7,
+    config={"robot": section_to_mapping(ROBOT), "episode": {"time_limit_s": 50.0}},
+)
 GOAL_XY_M = (4.0, 1.0)
+
+
+def provenance_with_robot(**changes: Any) -> Provenance:
+    """The provenance of a run with another robot."""
+    robot = dataclasses.replace(ROBOT, **changes)
+    return dataclasses.replace(PROVENANCE, config={"robot": section_to_mapping(robot)})
 
 
 @functools.cache
@@ -103,7 +111,7 @@ def make_samples(header: EpisodeHeader, names: Sequence[str] = ()) -> tuple[Samp
         sample = Sample(
             seq=seq,
             crc32=sample_crc32(image, outputs),
-            time_ns=seq * 50_000_000,
+            time_ns=seq * STEP_NS,
             image=image,
             action_v_mps=v_mps,
             action_w_radps=w_radps,
@@ -153,13 +161,13 @@ def write_shard(
     number: int = 0,
     recorder: str = "r0",
     sample_count: int = 12,
-    metadata: dict[str, Any] = METADATA,
+    provenance: Provenance = PROVENANCE,
     outputs: Sequence[str] = (),
     **changes: Any,
 ) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     names = (*outputs, *(LABEL_CHANNELS if changes.get("labels") else ()))
-    with ShardWriter(folder / shard_name(recorder, number), metadata, outputs=names, fsync=False) as writer:
+    with ShardWriter(folder / shard_name(recorder, number), provenance, outputs=names, fsync=False) as writer:
         for index in indices:
             header, samples = make_episode(index, sample_count, outputs=outputs, **changes)
             writer.append(encode_episode(header, 1, samples))

@@ -32,9 +32,9 @@ def chunks_of(shard: Path) -> list[EpisodeChunk]:
 
 def rewrite(shard: Path, change: Change, *, rehash: bool = True) -> None:
     """Change the messages of a shard's first episode; `rehash` mends its SHA-256, the CRCs are always right."""
-    metadata, chunks = load_index(shard).metadata, chunks_of(shard)
+    provenance, chunks = load_index(shard).provenance, chunks_of(shard)
     index_path(shard).unlink()
-    with ShardWriter(shard, metadata, outputs=chunks[0].outputs, fsync=False) as writer:
+    with ShardWriter(shard, provenance, outputs=chunks[0].outputs, fsync=False) as writer:
         writer.append(_changed(chunks[0], change, rehash))
         for chunk in chunks[1:]:
             writer.append(chunk)

@@ -14,8 +14,9 @@ from readygo.common.dataset.index import (
     tail_offset,
     write_index,
 )
+from readygo.common.dataset.provenance import Provenance
 from readygo.common.errors import DatasetError
-from tests.common.dataset.episodes import METADATA, make_episode, write_shard
+from tests.common.dataset.episodes import PROVENANCE, make_episode, write_shard
 
 
 def damage(shard, needle, *, skip=0):
@@ -32,7 +33,7 @@ def shard(tmp_path):
 
 def test_index_finds_every_image_and_episode(shard) -> None:
     index = load_index(shard)
-    assert index.metadata == METADATA
+    assert index.provenance == PROVENANCE
     assert [index.episode_key(row).index for row in (0, 1)] == [4, 2]
     assert index.episodes["first_sample"].tolist() == [0, 12]
     data = shard.read_bytes()
@@ -92,18 +93,21 @@ def test_index_that_is_damaged_or_of_another_layout_is_none(shard) -> None:
     assert read_index(path) is None
 
 
-@pytest.mark.parametrize("name", ["metadata", "size_bytes", "tail_sha256", "episodes", "samples", "outputs"])
+@pytest.mark.parametrize("name", ["provenance", "size_bytes", "tail_sha256", "episodes", "samples", "outputs"])
 def test_indexes_are_equal_if_all_of_them_is(shard, name) -> None:
     with mapped(shard) as view:
         index, same = build_index(view, shard), build_index(view, shard)
         assert tail_offset(view, shard) > len(view) // 2
     assert index.equals(same)
     value = getattr(index, name)
-    other = {} if isinstance(value, dict) else value[:-1] if isinstance(value, np.ndarray) else value * 2
+    if isinstance(value, Provenance):
+        other = dataclasses.replace(value, seed=8)
+    else:
+        other = {} if isinstance(value, dict) else value[:-1] if isinstance(value, np.ndarray) else value * 2
     assert not index.equals(dataclasses.replace(same, **{name: other}))
 
 
 def test_index_of_nothing_is_empty() -> None:
-    index = IndexRows().index({"a": (1, 2)}, size_bytes=10, tail=b"x")
+    index = IndexRows().index(PROVENANCE, size_bytes=10, tail=b"x")
     assert (len(index.episodes), len(index.samples), index.outputs) == (0, 0, {})
-    assert index.metadata == {"a": [1, 2]}
+    assert index.provenance == PROVENANCE

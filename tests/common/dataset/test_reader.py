@@ -1,4 +1,5 @@
 import copy
+import dataclasses
 import pickle
 import subprocess
 import sys
@@ -11,13 +12,14 @@ from readygo.common.dataset.index import build_index, index_path, load_index, ma
 from readygo.common.errors import DatasetError
 from readygo.common.images.images import OUTPUTS
 from tests.common.dataset.episodes import (
-    METADATA,
+    PROVENANCE,
     ROBOT,
     image_number,
     jpeg,
     make_episode,
     make_images,
     make_labels,
+    provenance_with_robot,
     write_shard,
 )
 
@@ -55,12 +57,6 @@ def test_arrays_hold_every_sample(folder) -> None:
     assert (dataset.actions.dtype, dataset.goals_xy_m.dtype) == (np.float32, np.float32)
 
 
-def test_previous_action_is_that_of_the_sample_before_and_zero_at_the_start(folder) -> None:
-    dataset = Dataset([folder])
-    np.testing.assert_array_equal(dataset.previous_actions[[0, 12, 42]], 0.0)
-    np.testing.assert_array_equal(dataset.previous_actions[13:42], dataset.actions[12:41])
-
-
 def test_decoded_image_is_rgb(tmp_path) -> None:
     import cv2
 
@@ -72,24 +68,26 @@ def test_decoded_image_is_rgb(tmp_path) -> None:
     np.testing.assert_array_equal(image, bgr[..., ::-1])
 
 
-def test_window_repeats_the_oldest_image_at_the_start(folder) -> None:
+def test_windows_are_oldest_first_and_stay_in_their_episode(folder) -> None:
     windows = Dataset([folder]).windows([0, 9, 10, 12, 21, 22, 41, 42])
     assert windows.tolist() == [
         [0, 0, 0],
-        [9, 0, 0],
-        [10, 0, 0],
+        [0, 0, 9],
+        [0, 0, 10],
         [12, 12, 12],
-        [21, 12, 12],
-        [22, 12, 12],
-        [41, 31, 21],
+        [12, 12, 21],
+        [12, 12, 22],
+        [21, 31, 41],
         [42, 42, 42],
     ]
 
 
 def test_windows_of_all_samples_with_another_spacing(folder) -> None:
-    windows = Dataset([folder]).windows(frame_count=2, spacing_s=0.05)
-    assert windows.shape == (54, 2)
-    assert windows[[0, 1, 53]].tolist() == [[0, 0], [1, 0], [53, 52]]
+    windows = Dataset([folder]).windows(spacing_s=0.05)
+    assert windows.shape == (54, 3)
+    assert windows[[0, 1, 53]].tolist() == [[0, 0, 0], [0, 0, 1], [51, 52, 53]]
+    with pytest.raises(ValueError, match=r"multiple of 0\.05 s"):
+        Dataset([folder]).windows(spacing_s=0.07)
 
 
 def test_shard_layout_does_not_show(tmp_path) -> None:
@@ -110,9 +108,9 @@ def test_content_hash_changes_with_the_content(tmp_path) -> None:
     assert Dataset([tmp_path / "a"]).content_hash != Dataset([tmp_path / "b"]).content_hash
 
 
-def test_metadata_and_robot_come_with_the_data(folder) -> None:
+def test_provenance_and_robot_come_with_the_data(folder) -> None:
     dataset = Dataset([folder])
-    assert dataset.metadata == METADATA
+    assert dataset.provenance == PROVENANCE
     assert dataset.robot == ROBOT
 
 
@@ -194,27 +192,24 @@ def test_mixed_image_sizes_are_refused_with_both(folder) -> None:
 
 
 def test_mixed_robots_are_refused_with_both(folder) -> None:
-    metadata = copy.deepcopy(METADATA)
-    metadata["config"]["robot"]["v_max_mps"] = 0.7
-    write_shard(folder, [9], number=9, metadata=metadata)
+    write_shard(folder, [9], number=9, provenance=provenance_with_robot(v_max_mps=0.7))
     with pytest.raises(DatasetError, match=r"Robots differ: v_max_mps 1\.0 and 0\.7 in .*00000.mcap and .*00009.mcap"):
         Dataset([folder])
 
 
 def test_mixed_sensors_are_refused_with_both(folder) -> None:
-    metadata = copy.deepcopy(METADATA)
-    metadata["config"]["renderer"] = {"sensor": {"exposure_ev": [-0.3, 0.3]}}
-    write_shard(folder, [9], number=9, metadata=metadata)
+    config = {**PROVENANCE.config, "renderer": {"sensor": {"exposure_ev": [-0.3, 0.3]}}}
+    write_shard(folder, [9], number=9, provenance=dataclasses.replace(PROVENANCE, config=config))
     with pytest.raises(DatasetError, match=r"Sensors differ: exposure_ev \[\] and \[-0\.3, 0\.3\] in .*00000.mcap and"):
         Dataset([folder])
 
 
 def test_shard_of_before_the_camera_was_one_section_goes_with_one_of_today(folder) -> None:
-    metadata = copy.deepcopy(METADATA)
-    camera = metadata["config"]["robot"]["camera"]
+    config = copy.deepcopy(dict(PROVENANCE.config))
+    camera = config["robot"]["camera"]
     optics = {name: camera.pop(name) for name in ("distortion", "k1", "exposure_s")}
-    metadata["config"]["renderer"] = {"sensor": {**optics, "sub_frames": 8, "ranges": {"k1": []}}}
-    write_shard(folder, [9], number=9, metadata=metadata)
+    config["renderer"] = {"sensor": {**optics, "sub_frames": 8, "ranges": {"k1": []}}}
+    write_shard(folder, [9], number=9, provenance=dataclasses.replace(PROVENANCE, config=config))
     assert Dataset([folder]).robot == ROBOT
 
 

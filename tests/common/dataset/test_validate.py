@@ -1,16 +1,23 @@
-import copy
 import dataclasses
 
 import numpy as np
 import pytest
 from google.protobuf.timestamp_pb2 import Timestamp
 
-from readygo.common.dataset import ShardWriter, encode_episode, labels, schemas, validate
+from readygo.common.dataset import Provenance, ShardWriter, encode_episode, labels, schemas, validate
 from readygo.common.dataset.index import index_path, load_index, write_index
 from readygo.common.dataset.labels import joints_of
 from readygo.common.errors import DatasetError
 from readygo.common.images.files import encode_output
-from tests.common.dataset.episodes import METADATA, jpeg, make_episode, make_images, make_labels, write_shard
+from tests.common.dataset.episodes import (
+    PROVENANCE,
+    jpeg,
+    make_episode,
+    make_images,
+    make_labels,
+    provenance_with_robot,
+    write_shard,
+)
 from tests.common.dataset.forge import chunks_of, rewrite
 
 
@@ -185,14 +192,12 @@ def test_action_that_jumps_is_found(shard) -> None:
 
 
 def test_limits_are_those_of_the_recorded_robot(tmp_path) -> None:
-    metadata = copy.deepcopy(METADATA)
-    metadata["config"]["robot"]["v_max_mps"] = 0.5
-    write_shard(tmp_path, [0], metadata=metadata, sample_count=15)
+    write_shard(tmp_path, [0], provenance=provenance_with_robot(v_max_mps=0.5), sample_count=15)
     assert "beyond the robot's limits at samples 10, 11, 12, 13, 14" in texts(tmp_path)
 
 
 def test_data_without_a_robot_is_noted(tmp_path) -> None:
-    write_shard(tmp_path, [0], metadata={"config": {}})
+    write_shard(tmp_path, [0], provenance=Provenance())
     report = validate(tmp_path)
     assert report.ok
     assert report.notes == ("The metadata names no robot: its limits were not checked.",)
@@ -215,7 +220,7 @@ def test_actions_that_are_one_step_late_are_found(tmp_path) -> None:
         dataclasses.replace(now, action_v_mps=before.action_v_mps, action_w_radps=before.action_w_radps)
         for now, before in zip(samples[1:], samples, strict=False)
     ]
-    with ShardWriter(tmp_path / "shard-r0-00000.mcap", METADATA, fsync=False) as writer:
+    with ShardWriter(tmp_path / "shard-r0-00000.mcap", PROVENANCE, fsync=False) as writer:
         writer.append(encode_episode(header, 1, [samples[0], *late]))
     assert "motion" in kinds(tmp_path)
 
@@ -264,9 +269,7 @@ def test_open_shards_are_noted(shard) -> None:
 
 
 def test_shard_of_another_robot_is_found(shard) -> None:
-    metadata = copy.deepcopy(METADATA)
-    metadata["config"]["robot"]["radius_m"] = 0.2
-    write_shard(shard.parent, [5], number=1, metadata=metadata)
+    write_shard(shard.parent, [5], number=1, provenance=provenance_with_robot(radius_m=0.2))
     assert "its robot is not that of shard-r0-00000.mcap" in texts(shard.parent)
 
 
@@ -326,7 +329,7 @@ def _append_unchecked(writer, chunk, append=ShardWriter.append) -> None:
 
 def test_output_that_the_shard_has_no_channel_for_is_found(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(ShardWriter, "append", _append_unchecked)
-    with ShardWriter(tmp_path / "shard-r0-00000.mcap", METADATA, outputs=("depth",), fsync=False) as writer:
+    with ShardWriter(tmp_path / "shard-r0-00000.mcap", PROVENANCE, outputs=("depth",), fsync=False) as writer:
         header, samples = make_episode(0, outputs=("depth", "mask"))
         writer.append(encode_episode(header, 1, samples))
     assert "a message is on the unknown channel 13" in texts(tmp_path)

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from mcap.reader import NonSeekingReader, make_reader
 
-from readygo.common.dataset import ShardWriter, encode_episode
+from readygo.common.dataset import Provenance, ShardWriter, encode_episode
 from readygo.common.dataset.index import index_path
-from readygo.common.dataset.metadata import metadata_from_strings
+from readygo.common.dataset.provenance import provenance_from_strings
 from readygo.common.errors import DatasetError
-from tests.common.dataset.episodes import METADATA, golden_episode, make_episode, write_shard
+from tests.common.dataset.episodes import PROVENANCE, golden_episode, make_episode, write_shard
 
 GOLDEN_SHARD_SHA256 = "c692843b7bc34f5033ed19169f9e5efb67b6aa5255e49520bdff2ffaf694c9a0"
 """Of a shard without outputs; the schemas that protobuf packages bring are part of it."""
@@ -54,21 +54,21 @@ def test_summary_counts_and_finds_every_chunk(tmp_path) -> None:
     assert [message.log_time for _, _, message in poses] == [100_000_000_000]
 
 
-def test_metadata_comes_back(tmp_path) -> None:
+def test_provenance_comes_back(tmp_path) -> None:
     shard = write_shard(tmp_path, [0])
     with shard.open("rb") as file:
         (record,) = make_reader(file).iter_metadata()
-    assert metadata_from_strings(record.metadata) == METADATA
+    assert provenance_from_strings(record.metadata) == PROVENANCE
 
 
 def test_metadata_that_is_no_plain_data_is_refused_without_leaving_a_file(tmp_path) -> None:
     with pytest.raises(DatasetError, match="must be plain values"):
-        ShardWriter(tmp_path / "shard-r0-00000.mcap", {"robot": object()})
+        ShardWriter(tmp_path / "shard-r0-00000.mcap", Provenance(config={"robot": object()}))
     assert list(tmp_path.iterdir()) == []
 
 
 def test_open_shard_has_another_name_until_it_is_closed(tmp_path) -> None:
-    writer = ShardWriter(tmp_path / "shard-r0-00000.mcap", METADATA)
+    writer = ShardWriter(tmp_path / "shard-r0-00000.mcap", PROVENANCE)
     header, samples = make_episode(0)
     writer.append(encode_episode(header, 1, samples))
     assert [path.name for path in tmp_path.iterdir()] == ["shard-r0-00000.mcap.part"]
@@ -92,7 +92,7 @@ def synced_sizes(monkeypatch):
 
 
 def test_episode_is_on_the_disk_when_append_returns(tmp_path, synced_sizes) -> None:
-    writer = ShardWriter(tmp_path / "shard-r0-00000.mcap", METADATA)
+    writer = ShardWriter(tmp_path / "shard-r0-00000.mcap", PROVENANCE)
     part = (tmp_path / "shard-r0-00000.mcap.part").stat()
     for index in range(2):
         writer.append(encode_episode(*_with_attempt(*make_episode(index))))
@@ -105,7 +105,7 @@ def test_episode_is_on_the_disk_when_append_returns(tmp_path, synced_sizes) -> N
 
 
 def test_speed_is_bought_with_durability_on_request_only(tmp_path, synced_sizes) -> None:
-    with ShardWriter(tmp_path / "shard-r0-00000.mcap", METADATA, fsync=False) as writer:
+    with ShardWriter(tmp_path / "shard-r0-00000.mcap", PROVENANCE, fsync=False) as writer:
         writer.append(encode_episode(*_with_attempt(*make_episode(0))))
     assert synced_sizes == {}
 
@@ -116,9 +116,11 @@ def test_same_episodes_give_the_same_file(tmp_path) -> None:
     assert one.with_suffix(".index").read_bytes() == other.with_suffix(".index").read_bytes()
 
 
-def test_bytes_of_a_shard_without_outputs_do_not_change_between_versions(tmp_path) -> None:
+def test_bytes_of_a_shard_without_outputs_do_not_change_between_versions(tmp_path, monkeypatch) -> None:
     shard = tmp_path / "shard-r0-00000.mcap"
-    with ShardWriter(shard, {"config": {"robot": None}}, fsync=False) as writer:
+    strings = {"config": '{"robot": null}', "format": '"readygo-shard/1"'}
+    monkeypatch.setattr("readygo.common.dataset.writer.provenance_to_strings", lambda _: strings)
+    with ShardWriter(shard, Provenance(), fsync=False) as writer:
         writer.append(encode_episode(*_with_attempt(*golden_episode())))
     assert hashlib.sha256(shard.read_bytes()).hexdigest() == GOLDEN_SHARD_SHA256
     with np.load(index_path(shard)) as arrays:
@@ -151,7 +153,7 @@ def test_outputs_are_png_images_to_viewers(tmp_path) -> None:
 
 def test_episode_with_other_outputs_than_its_shard_is_refused(tmp_path) -> None:
     header, samples = make_episode(0, 2, outputs=("depth",))
-    with ShardWriter(tmp_path / "shard-r0-00000.mcap", METADATA, outputs=("depth", "mask")) as writer:
+    with ShardWriter(tmp_path / "shard-r0-00000.mcap", PROVENANCE, outputs=("depth", "mask")) as writer:
         with pytest.raises(DatasetError, match=r"000000 has the outputs \['depth'\], its shard \['depth', 'mask'\]"):
             writer.append(encode_episode(header, 1, samples))
         assert writer.episode_count == 0
@@ -159,7 +161,7 @@ def test_episode_with_other_outputs_than_its_shard_is_refused(tmp_path) -> None:
 
 def test_shard_with_an_unknown_output_is_refused_without_leaving_a_file(tmp_path) -> None:
     with pytest.raises(DatasetError, match="no channel for 'thermal'"):
-        ShardWriter(tmp_path / "shard-r0-00000.mcap", METADATA, outputs=("thermal",))
+        ShardWriter(tmp_path / "shard-r0-00000.mcap", PROVENANCE, outputs=("thermal",))
     assert list(tmp_path.iterdir()) == []
 
 

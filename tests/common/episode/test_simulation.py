@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from readygo.common.episode import goal_in_robot_frame, time_to_contact_s
+from readygo.common.episode import time_to_contact_s
 from readygo.common.errors import SceneError
 from readygo.common.messages import Outcome
 from readygo.common.robot import RobotConfig
@@ -106,10 +106,6 @@ def test_time_to_collision_counts_down_to_the_touch(simulate):
 )
 def test_time_to_contact(relative, velocity, expected):
     assert time_to_contact_s(*relative, *velocity, 0.5) == pytest.approx(expected)
-
-
-def test_goal_in_robot_frame_is_forward_and_left():
-    assert goal_in_robot_frame(1.0, 1.0, math.pi / 2, np.array([0.0, 3.0])) == pytest.approx((2.0, 1.0))
 
 
 def test_start_in_an_obstacle_is_refused(simulate):

@@ -1,6 +1,6 @@
 import math
 
-from readygo.common.episode import StraightLineController, straight_line_command
+from readygo.common.episode import straight_line_command
 from readygo.common.messages import Outcome
 from readygo.common.robot import RobotConfig
 
@@ -8,9 +8,8 @@ ROBOT = RobotConfig()
 
 
 def _run(simulation):
-    controller = StraightLineController(ROBOT)
     while simulation.outcome is None:
-        simulation.advance(*controller.act(simulation))
+        simulation.advance(*straight_line_command(simulation.goal_xy_robot_m, ROBOT))
     return simulation.outcome
 
 

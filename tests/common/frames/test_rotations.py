@@ -4,7 +4,6 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from readygo.common.frames import (
-    R_zup_yup,
     axis_angle_from_matrix,
     matrix_from_axis_angle,
     matrix_from_quat,
@@ -44,11 +43,6 @@ def test_half_turns_about_each_axis_keep_their_axis() -> None:
     for axis in np.eye(3):
         R = matrix_from_axis_angle(np.pi * axis)
         np.testing.assert_allclose(matrix_from_quat(quat_from_matrix(R)), R, atol=1e-12)
-
-
-def test_up_of_smpl_becomes_up_of_the_world() -> None:
-    np.testing.assert_array_equal(R_zup_yup @ [0, 1, 0], [0, 0, 1])
-    np.testing.assert_array_equal(R_zup_yup @ [1, 2, 3], [1, -3, 2])
 
 
 def test_wrapped_angle_is_below_pi_and_equal_modulo_a_turn() -> None:

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from readygo.common.errors import SceneError
 from readygo.common.frames import matrix_from_axis_angle, matrix_from_quat
-from readygo.common.gaussians import GaussianCloud, R_from_up, concatenate, crop, rotate_sh, sh_basis, transform_cloud
+from readygo.common.gaussians import GaussianCloud, R_from_up, concatenate, rotate_sh, sh_basis, transform_cloud
 from readygo.common.gaussians.transform import R_UP
 
 ANGLES = st.tuples(*[st.floats(-3.2, 3.2)] * 3).map(np.array)
@@ -125,11 +125,3 @@ def test_concatenate_pads_lower_degrees():
     np.testing.assert_array_equal(both.sh[3:], high.sh)
     with pytest.raises(ValueError, match="at least one"):
         concatenate([])
-
-
-def test_crop_keeps_what_lies_inside():
-    cloud = cloud_of(200)
-    kept = crop(cloud, (-1, -1, 0), (1, 1, 2))
-    inside = ((cloud.means_m >= [-1, -1, 0]) & (cloud.means_m <= [1, 1, 2])).all(axis=1)
-    np.testing.assert_array_equal(kept.means_m, cloud.means_m[inside])
-    assert 0 < len(kept) < 200

@@ -8,7 +8,7 @@ from readygo.common.dataset import Dataset, encode_episode, validate
 from readygo.common.errors import BusError
 from readygo.common.messages import AppendStatus, GrantRequest, Verdict, VerdictStatus
 from readygo.services.recorder import Recorder, RecorderConfig, handle_append
-from tests.common.dataset.episodes import METADATA, append_requests, make_episode
+from tests.common.dataset.episodes import PROVENANCE, append_requests, make_episode
 from tests.services.recorder.coordinator import FakeCoordinator
 
 EPISODES, SAMPLES = 12, 10
@@ -56,7 +56,7 @@ class Site:
 
     def _start(self) -> Recorder:
         config = RecorderConfig(fsync=False, episodes_per_shard=4)
-        return Recorder(self.folder, "r0", self.coordinator.bus, METADATA, config)
+        return Recorder(self.folder, "r0", self.coordinator.bus, PROVENANCE, config)
 
     def _fragile_write(self, descriptor: int, data: memoryview) -> int:
         if self.rng.random() < 0.2:

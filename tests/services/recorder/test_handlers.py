@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from readygo.common.bus import InProcessBus
-from readygo.common.dataset import Dataset, validate
+from readygo.common.dataset import Dataset, Provenance, validate
 from readygo.common.errors import DatasetError, RunError
 from readygo.common.messages import (
     AppendReply,
@@ -23,7 +23,7 @@ from readygo.common.messages import (
 )
 from readygo.services.recorder import Recorder, RecorderConfig, attach, handle_append
 from readygo.services.recorder.buffers import EpisodeBuffers
-from tests.common.dataset.episodes import METADATA, append_requests, make_episode
+from tests.common.dataset.episodes import PROVENANCE, append_requests, make_episode
 from tests.services.recorder.coordinator import FakeCoordinator
 
 MakeRecorder = Callable[..., Recorder]
@@ -38,7 +38,7 @@ def coordinator() -> FakeCoordinator:
 def make_recorder(tmp_path: Path, coordinator: FakeCoordinator) -> Iterator[MakeRecorder]:
     def make(name: str = "r0", **settings: object) -> Recorder:
         config = RecorderConfig(**{"fsync": False, "episodes_per_shard": 3, **settings})
-        return Recorder(tmp_path, name, coordinator.bus, METADATA, config)
+        return Recorder(tmp_path, name, coordinator.bus, PROVENANCE, config)
 
     return make
 
@@ -282,9 +282,9 @@ def test_name_must_fit_a_topic(make_recorder) -> None:
         make_recorder("a/b")
 
 
-def test_metadata_that_cannot_be_recorded_is_refused_at_the_start(tmp_path) -> None:
+def test_provenance_that_cannot_be_recorded_is_refused_at_the_start(tmp_path) -> None:
     with pytest.raises(DatasetError, match="must be plain values"):
-        Recorder(tmp_path, "r0", InProcessBus(), {"scene": tmp_path})
+        Recorder(tmp_path, "r0", InProcessBus(), Provenance(config={"robot": tmp_path}))
     assert list(tmp_path.iterdir()) == []
 
 
@@ -312,7 +312,7 @@ def test_service_answers_on_its_topic(make_recorder, coordinator) -> None:
 
 def test_service_starts_without_a_coordinator(tmp_path) -> None:
     bus = InProcessBus()
-    recorder = Recorder(tmp_path, "r0", bus, METADATA, RecorderConfig(fsync=False))
+    recorder = Recorder(tmp_path, "r0", bus, PROVENANCE, RecorderConfig(fsync=False))
     attach(bus, recorder)
     assert bus.request(topics.append("r0"), append_requests(0)[0]).status.value == "ok"
     recorder.close()

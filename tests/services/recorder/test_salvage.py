@@ -11,7 +11,7 @@ from readygo.common.dataset.records import Record, chunk_span, iter_messages, it
 from readygo.common.errors import DatasetError, RunError
 from readygo.services.recorder import Recorder, RecorderConfig, handle_append
 from readygo.services.recorder.salvage import read_open_shard
-from tests.common.dataset.episodes import METADATA, append_requests, make_episode
+from tests.common.dataset.episodes import PROVENANCE, append_requests, make_episode
 from tests.services.recorder.coordinator import FakeCoordinator
 
 PART = "shard-r0-00000.mcap.part"
@@ -19,7 +19,7 @@ PART = "shard-r0-00000.mcap.part"
 
 def make_part(folder: Path, indices: tuple[int, ...] = (0, 1)) -> tuple[Path, list[int]]:
     """An open shard as a killed recorder leaves it, and its size after each episode."""
-    writer = ShardWriter(folder / PART.removesuffix(".part"), METADATA, fsync=False)
+    writer = ShardWriter(folder / PART.removesuffix(".part"), PROVENANCE, fsync=False)
     sizes = []
     for index in indices:
         header, samples = make_episode(index, 4)
@@ -30,7 +30,7 @@ def make_part(folder: Path, indices: tuple[int, ...] = (0, 1)) -> tuple[Path, li
 
 
 def start(folder: Path, coordinator: FakeCoordinator) -> Recorder:
-    return Recorder(folder, "r0", coordinator.bus, METADATA, RecorderConfig(fsync=False))
+    return Recorder(folder, "r0", coordinator.bus, PROVENANCE, RecorderConfig(fsync=False))
 
 
 def records_of(part: Path) -> list[Record]:
@@ -211,7 +211,7 @@ def test_damaged_finished_shard_stops_the_start_and_frees_the_name(tmp_path) -> 
 
 
 def test_outputs_survive_a_crash(tmp_path) -> None:
-    writer = ShardWriter(tmp_path / PART.removesuffix(".part"), METADATA, outputs=("depth", "mask"), fsync=False)
+    writer = ShardWriter(tmp_path / PART.removesuffix(".part"), PROVENANCE, outputs=("depth", "mask"), fsync=False)
     for index in (0, 1):
         header, samples = make_episode(index, 4, outputs=("depth", "mask"))
         writer.append(encode_episode(header, 1, samples))

@@ -1,11 +1,11 @@
 """Synthetic episodes whose images tell the action."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
 
-from readygo.common.config import section_to_mapping
+from readygo.common.camera import SensorConfig
 from readygo.common.messages import EpisodeKey, Split
 from readygo.common.robot import CameraConfig, RobotConfig
 
@@ -25,9 +25,10 @@ class FakeSource:
     actions: np.ndarray
     goals_xy_m: np.ndarray
     poses: np.ndarray
-    metadata: dict
+    robot: RobotConfig | None
     content_hash: str
     camera: CameraConfig
+    sensor: SensorConfig = field(default_factory=SensorConfig)
     decoded: int = 0
 
     def decode(self, index):
@@ -65,7 +66,7 @@ def make_source(*, episodes=6, samples=60, seed=0, camera=None, name="data"):
         actions=actions,
         goals_xy_m=rng.uniform(-8, 8, (count, 2)).astype(np.float32),
         poses=rng.uniform(-3, 3, (count, 4)),
-        metadata={"config": {"robot": section_to_mapping(RobotConfig(camera=camera))}},
+        robot=RobotConfig(camera=camera),
         content_hash=f"{name}-{seed}",
         camera=camera,
     )

@@ -3,6 +3,7 @@ import pytest
 import torch
 from torch import nn
 
+from readygo.common.errors import PolicyError
 from readygo.common.policy import PolicySpec, load_policy
 from readygo.common.robot import CameraConfig, RobotConfig
 from readygo.services.trainer.export import export_policy
@@ -62,3 +63,14 @@ def test_equal_weights_give_equal_files(tmp_path):
     for file in ("encoder.onnx", "head.onnx", "policy.toml"):
         assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes()
     assert sorted(path.name for path in (tmp_path / "a").iterdir()) == ["encoder.onnx", "head.onnx", "policy.toml"]
+
+
+def test_policy_that_is_half_replaced_is_not_loaded(tmp_path, monkeypatch):
+    robot = RobotConfig(camera=CameraConfig(height_px=8, width_px=8))
+    spec = PolicySpec(robot=robot)
+    export_policy(trained_looking_model(robot), spec, tmp_path)
+    monkeypatch.setattr("readygo.services.trainer.export.HEAD_FILE", "encoder.onnx/head.onnx")
+    with pytest.raises(PolicyError, match="cannot be written"):
+        export_policy(PolicyNet(robot), spec, tmp_path)
+    with pytest.raises(PolicyError, match=r"holds no policy\.toml"):
+        load_policy(tmp_path)

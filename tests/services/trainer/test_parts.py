@@ -47,7 +47,7 @@ def test_sources_without_episodes_or_robot_or_of_two_robots_are_refused(make_dat
     with pytest.raises(DatasetError, match="different robots"):
         build_parts(make_data(), make_data(camera=CameraConfig(height_px=8, width_px=8)), CONFIG)
     source = make_data()
-    source.metadata = {}
+    source.robot = None
     with pytest.raises(DatasetError, match="which robot"):
         robot_of_source(source)
 

@@ -7,7 +7,6 @@ import pytest
 import torch
 
 from readygo.common.camera import CameraConfig, SensorConfig
-from readygo.common.config import section_to_mapping
 from readygo.common.errors import DatasetError, PolicyError
 from readygo.common.policy import load_policy
 from readygo.common.robot import RobotConfig
@@ -51,10 +50,7 @@ def test_run_leaves_a_policy_metrics_and_a_curve(source, tmp_path):
 
 def test_policy_carries_the_camera_of_its_data_and_what_varied_of_it(source, tmp_path):
     camera = dataclasses.replace(source.camera, distortion="fisheye", k1=0.01, latency_s=0.1)
-    source.metadata["config"] = {
-        "robot": section_to_mapping(RobotConfig(camera=camera)),
-        "renderer": {"sensor": section_to_mapping(SensorConfig(k1=(0.0, 0.02)))},
-    }
+    source.robot, source.sensor = RobotConfig(camera=camera), SensorConfig(k1=(0.0, 0.02))
     train(source, dataclasses.replace(QUICK, epochs=1, yaw_error_rad=0.1), tmp_path)
     spec = load_policy(tmp_path).spec
     assert spec.robot.camera == camera
@@ -165,7 +161,7 @@ def test_images_of_another_size_are_refused(source, tmp_path):
 
 
 def test_data_without_a_robot_are_refused(source, tmp_path):
-    source.metadata = {}
+    source.robot = None
     with pytest.raises(DatasetError, match="which robot"):
         train(source, QUICK, tmp_path)
 

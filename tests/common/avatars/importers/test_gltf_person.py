@@ -13,7 +13,7 @@ from readygo.common.avatars import SMPL_PARENTS, Avatar, joint_positions, pose_a
 from readygo.common.avatars.importers import ImportOptions, import_person
 from readygo.common.avatars.importers.joints import JOINT, JOINT_NAMES
 from readygo.common.errors import AvatarError
-from readygo.common.frames import R_zup_yup, matrix_from_axis_angle
+from readygo.common.frames import matrix_from_axis_angle, zup_from_yup
 from readygo.common.messages import Motion
 from tests.common.avatars.importers.people import HEIGHT_M, MIXAMO, tpose_joints_m, write_glb
 
@@ -63,7 +63,7 @@ def tpose_person(tmp_path_factory: pytest.TempPathFactory) -> Avatar:
 
 
 def _zup(points: Any) -> Any:
-    return (points @ R_zup_yup.T).astype(np.float32)
+    return zup_from_yup(points).astype(np.float32)
 
 
 @pytest.mark.parametrize(
@@ -160,7 +160,7 @@ def test_bent_knee_moves_only_what_lies_below(tpose_person: Avatar) -> None:
     below = np.isin(tpose_person.lbs_index[:, 0], [JOINT["left_knee"], JOINT["left_ankle"], JOINT["left_foot"]])
     np.testing.assert_allclose(bent[~below], straight[~below], atol=1e-6)
     knee = _zup(tpose_person.joints_tpose_m[JOINT["left_knee"]])
-    R = R_zup_yup @ matrix_from_axis_angle((1.0, 0.0, 0.0)) @ R_zup_yup.T
+    R = matrix_from_axis_angle(zup_from_yup((1.0, 0.0, 0.0)))
     np.testing.assert_allclose(bent[below], (straight[below] - knee) @ R.T + knee, atol=1e-5)
 
 

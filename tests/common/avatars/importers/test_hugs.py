@@ -12,7 +12,7 @@ from readygo.common.avatars.importers import ImportOptions, import_person, load_
 from readygo.common.avatars.importers.hugs import da_pose
 from readygo.common.avatars.importers.joints import JOINT
 from readygo.common.errors import AvatarError
-from readygo.common.frames import R_zup_yup, matrix_from_axis_angle, matrix_from_quat
+from readygo.common.frames import matrix_from_axis_angle, matrix_from_quat, zup_from_yup
 from tests.common.avatars.importers.people import boxes, write_smpl_pickle
 
 torch = pytest.importorskip("torch", reason="torch is not installed")
@@ -153,7 +153,7 @@ def test_baked_person_is_posed_as_hugs_poses_the_checkpoint(files: tuple[Path, P
     # Ours has the pelvis at a given place of the z-up world and another size.
     scale = np.linalg.norm(avatar.joints_tpose_m[4] - avatar.joints_tpose_m[1]) / np.linalg.norm(joints[4] - joints[1])
     got = pose_avatar(avatar, (0.0, 0.0, 0.0), pose)
-    np.testing.assert_allclose(got.means_m, (posed - joints[0]) @ R_zup_yup.T * scale, atol=2e-5)
+    np.testing.assert_allclose(got.means_m, zup_from_yup(posed - joints[0]) * scale, atol=2e-5)
     np.testing.assert_allclose(got.scales_m, np.maximum(np.abs(want["scales"]), 1e-4) * scale, rtol=1e-4)
     np.testing.assert_allclose(got.opacities, want["opacities"], atol=1e-6)
     np.testing.assert_allclose(got.sh, want["sh"], atol=1e-5)

@@ -3,6 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from readygo.common.frames import yup_from_zup
 from readygo.services.animator.gait.quality import joints_of
 from readygo.services.animator.priormdm.features import (
     CONTACTS,
@@ -15,8 +16,6 @@ from readygo.services.animator.priormdm.features import (
     decode_path,
     encode,
     encode_path,
-    yup_from_zup,
-    zup_from_yup,
 )
 from tests.services.animator.paths import circle, floor, reversal, s_curve, stop_and_go
 
@@ -61,12 +60,6 @@ def test_features_do_not_depend_on_where_a_person_walks_and_to_where(animate, av
     b, start = encode(yup_from_zup(moved))
     assert np.abs(a - b).max() < 1e-9
     assert (start.x_m, start.z_m) == pytest.approx((moved[0, 0, 0], -moved[0, 0, 1]))
-
-
-def test_axes_go_to_zup_and_back():
-    p = np.random.default_rng(0).standard_normal((4, 5, 3))
-    assert np.array_equal(zup_from_yup(yup_from_zup(p)), p)
-    assert zup_from_yup([0.0, 1.0, 0.0]) == pytest.approx([0.0, 0.0, 1.0])
 
 
 def test_rotations_are_columns_of_rotations_that_carry_the_bones(animate, avatar):

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from readygo.common.errors import ConfigError, MotionError
-from readygo.common.frames import matrix_from_axis_angle
+from readygo.common.frames import matrix_from_axis_angle, yup_from_zup, zup_from_yup
 from readygo.common.messages import AnimateRequest, EpisodeKey, HumanTrajectory, Scenario, Split, encode
 from readygo.services.animator import Animator, AnimatorConfig, handle_animate, skeleton_of
 from readygo.services.animator.gait.quality import joints_of, measure
@@ -41,7 +41,7 @@ def walked_features(animate, avatar, xy):
     """Features of our own walk on HumanML3D's skeleton size, balls of the feet at 0, its last pose held."""
     skeleton = skeleton_of(avatar)
     _, P = joints_of(animate(xy, floor()), avatar)
-    joints = hml.yup_from_zup(P)
+    joints = yup_from_zup(P)
     joints[..., 1] -= skeleton.toe_sole_m
     joints = np.concatenate([joints, np.repeat(joints[-1:], 260 - len(joints), axis=0)])
     return P, hml.encode(joints * (HUMANML3D_LEG_M / skeleton.leg_m))[0]
@@ -69,7 +69,7 @@ def test_decoded_features_have_the_asked_path(source, sampler):
     features = source.complete(path, np.random.default_rng(0))
     assert np.array_equal(features[:, hml.PATH], path)
     joints = hml.decode_joints(features[: len(xy)], hml.Start(float(xy[0, 0]), float(-xy[0, 1]), 0.0))
-    assert np.abs(hml.zup_from_yup(joints)[:, 0, :2] - xy).max() < 1e-6
+    assert np.abs(zup_from_yup(joints)[:, 0, :2] - xy).max() < 1e-6
 
 
 def test_same_seed_gives_the_same_bytes_and_another_does_not(source, walker):

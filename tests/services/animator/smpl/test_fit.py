@@ -3,12 +3,14 @@ import dataclasses
 import numpy as np
 import pytest
 
+from readygo.common.frames import yup_from_zup
 from readygo.services.animator import skeleton_of
 from readygo.services.animator.gait.quality import joints_of
-from readygo.services.animator.smpl.fit import bone_offsets, fit_motion, fit_rotations
+from readygo.services.animator.smpl.fit import fit_rotations
 from readygo.services.animator.smpl.fit_math import align, swing, turn
 from tests.services.animator.bodies import make_avatar, spins_radps
 from tests.services.animator.paths import circle, floor, reversal, s_curve, stop_and_go
+from tests.services.animator.smpl.fitted import fit_motion
 
 PATHS = {"s_curve": s_curve(1.2), "circle": circle(1.6), "stop_and_go": stop_and_go(1.4), "reversal": reversal(1.0)}
 
@@ -62,21 +64,13 @@ def test_straightening_limbs_never_flip():
 
 def test_other_body_keeps_directions_of_arms_and_reaches_for_the_ankles(animate, avatar):
     _, P = joints_of(animate(s_curve(1.2), floor()), avatar)
-    yup = np.stack([P[..., 0], P[..., 2], -P[..., 1]], axis=-1)
+    yup = yup_from_zup(P)
     other = skeleton_of(avatar).offsets_m * 1.06
     _, X = fit_rotations(yup[:, :22], other, retarget=True)
     for elbow, wrist in ((18, 20), (19, 21)):
         ours, theirs = X[:, wrist] - X[:, elbow], yup[:, wrist] - yup[:, elbow]
         assert np.sum(ours * theirs, axis=1) == pytest.approx(1.06 * np.sum(theirs * theirs, axis=1), rel=1e-6)
     assert np.abs(X[:, 7:9] - yup[:, 7:9]).max() < 0.02
-
-
-def test_bone_offsets_find_the_lengths_of_another_body(animate, avatar):
-    _, P = joints_of(animate(s_curve(1.2), floor()), avatar)
-    yup = np.stack([P[..., 0], P[..., 2], -P[..., 1]], axis=-1)
-    own = skeleton_of(avatar).offsets_m
-    found = bone_offsets(yup, own * 1.2)
-    assert np.abs(found - own).max() < 1e-3
 
 
 def test_degenerate_joints_give_finite_rotations():
@@ -90,11 +84,11 @@ def test_degenerate_joints_give_finite_rotations():
 def test_wrong_input_is_worded(avatar):
     offsets = skeleton_of(avatar).offsets_m
     with pytest.raises(ValueError, match=r"shape \(T, 22 or 24, 3\).*got \(5, 23, 3\)"):
-        fit_motion(np.zeros((5, 23, 3)), offsets)
+        fit_rotations(np.zeros((5, 23, 3)), offsets)
     broken = np.zeros((5, 22, 3))
     broken[3, 4, 1] = np.nan
     with pytest.raises(ValueError, match="row 3 is not"):
-        fit_motion(broken, offsets)
+        fit_rotations(broken, offsets)
 
 
 def test_align_finds_the_rotation_of_points_in_a_plane():

@@ -6,9 +6,9 @@ import pytest
 from readygo.common.errors import ConfigError
 from readygo.services.animator import skeleton_of
 from readygo.services.animator.gait.quality import joints_of
-from readygo.services.animator.smpl.fit import fit_motion
 from readygo.services.animator.smpl.refine import RefineConfig, load_pose_prior, refine
 from tests.services.animator.paths import floor, s_curve
+from tests.services.animator.smpl.fitted import fit_motion
 
 
 @pytest.fixture(scope="module")

@@ -123,7 +123,7 @@ def test_oracle_knows_through_walls_where_a_human_will_be():
     human = _tracks(path, oracle=True).observe(0, BEFORE_WALL, path[:1])[0]
     assert not human.seen
     assert np.allclose(human.ahead_m, path[np.minimum(np.arange(1, 41), 29)])
-    assert len(human.others_m) == 0
+    assert len(human.find_walks()[0]) == 1
 
 
 def test_somebody_on_the_robots_way_may_follow_it():
@@ -132,7 +132,8 @@ def test_somebody_on_the_robots_way_may_follow_it():
     tracks = _tracks(path)
     for step in range(12):
         human = tracks.observe(step, POSE, path[step : step + 1])[0]
-    assert math.fsum(human.chances) == pytest.approx(1.0)
-    assert human.chances[1] > human.chances[0]
-    assert np.hypot(*(human.others_m[0, 20] - path[11 + 21])) < 0.25
-    assert len(_tracks(path, route_weight=0.0).observe(0, POSE, path[:1])[0].others_m) == 0
+    walks_m, chances = human.find_walks()
+    assert math.fsum(chances) == pytest.approx(1.0)
+    assert chances[1] > chances[0]
+    assert np.hypot(*(walks_m[1, 20] - path[11 + 21])) < 0.25
+    assert len(_tracks(path, route_weight=0.0).observe(0, POSE, path[:1])[0].find_walks()[0]) == 1

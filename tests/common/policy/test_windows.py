@@ -1,0 +1,18 @@
+import pytest
+
+from readygo.common.policy.windows import spacing_steps_of, window_rows
+
+
+def test_window_is_oldest_first_and_repeats_the_first_row() -> None:
+    assert window_rows([0, 7, 25], [0, 0, 0], 10).tolist() == [[0, 0, 0], [0, 0, 7], [5, 15, 25]]
+    assert window_rows(31, 20, 10).tolist() == [20, 21, 31]
+
+
+def test_spacing_counts_steps() -> None:
+    assert [spacing_steps_of(spacing_s) for spacing_s in (0.05, 0.3, 0.5)] == [1, 6, 10]
+
+
+@pytest.mark.parametrize("spacing_s", [0.0, 0.02, 0.07, -0.5])
+def test_spacing_that_is_no_multiple_of_the_step_is_refused(spacing_s: float) -> None:
+    with pytest.raises(ValueError, match=r"multiple of 0\.05 s"):
+        spacing_steps_of(spacing_s)
