@@ -11,6 +11,7 @@ import numpy.typing as npt
 from readygo.common.camera import SensorConfig
 from readygo.common.errors import DatasetError
 from readygo.common.messages import EpisodeKey
+from readygo.common.policy.windows import window_rows
 from readygo.common.robot import RobotConfig
 
 Indices = npt.NDArray[np.int64]
@@ -153,8 +154,7 @@ def make_batch(samples: Indices, first: Indices, spacing_steps: int, latency_ste
         spacing_steps: Steps between the frames of a window.
         latency_steps: Steps between the latest frame of a window and its sample.
     """
-    offsets = spacing_steps * np.array([2, 1, 0]) + latency_steps
-    seen = np.maximum(samples[:, None] - offsets, first[samples][:, None])
+    seen = window_rows(samples - latency_steps, first[samples], spacing_steps)
     frames, window = np.unique(seen, return_inverse=True)
     return Batch(samples=samples, frames=frames, window=window.reshape(seen.shape))
 

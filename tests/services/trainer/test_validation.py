@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 import torch
 
+from readygo.common.policy import PolicySpec
 from readygo.common.robot import CameraConfig, RobotConfig
 from readygo.services.trainer import validation
 from readygo.services.trainer.frames import FrameCache
@@ -51,9 +52,9 @@ def test_predictions_in_batches_are_those_of_single_samples(source, table, monke
     model = PolicyNet(RobotConfig(camera=CameraConfig(height_px=32, width_px=64)))
     frames = FrameCache(source, height_px=32, width_px=64, limit_bytes=10**8)
     samples = np.arange(50, 90, 4)
-    whole = predict(model, frames, table, samples, 10)
+    whole = predict(model, frames, table, samples, PolicySpec(robot=RobotConfig()))
     monkeypatch.setattr(validation, "VALIDATION_BATCH", 3)
-    parts = predict(model, frames, table, samples, 10)
+    parts = predict(model, frames, table, samples, PolicySpec(robot=RobotConfig()))
     assert not model.training
     assert whole.with_previous.shape == whole.without_previous.shape == (10, 2)
     assert np.allclose(parts.with_previous, whole.with_previous, atol=1e-5)
@@ -72,5 +73,5 @@ def test_first_sample_of_an_episode_has_no_previous_action_to_withhold(source, t
     at_half_speed[61] = (robot.v_max_mps / 2, 0.0)
     frames = FrameCache(source, height_px=32, width_px=64, limit_bytes=0)
     same = type(table)(**{**vars(table), "previous": at_half_speed})
-    answer = predict(model, frames, same, np.array([61]), 10)
+    answer = predict(model, frames, same, np.array([61]), PolicySpec(robot=robot))
     assert np.allclose(answer.with_previous, answer.without_previous, atol=1e-6)
