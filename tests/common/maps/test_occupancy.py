@@ -101,7 +101,8 @@ def test_haze_is_no_obstacle_however_dense_and_counts_from_its_least_opacity_on(
 
 
 def test_cells_without_floor_are_unknown_unless_something_stands_there():
-    beside = box((-0.45, 2.3, 0.0), (-0.3, 2.7, 0.5))
+    # Off the ground: its underside is no floor.
+    beside = box((-0.45, 2.3, 0.3), (-0.3, 2.7, 0.6))
     for cloud, unknown in ((room(), True), (concatenate([room(), beside]), False)):
         plan = plan_scene(cloud, CONFIG)
         assert plan.unknown[plan.robot.frame.cell(-0.38, 1.0)]
