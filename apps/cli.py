@@ -6,8 +6,6 @@ import sys
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from readygo.apps.compiled import use_own_kernels
-
 # One numba and BLAS thread per process: the fleet is parallel by processes. Set before NumPy is imported.
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
@@ -64,7 +62,6 @@ def main() -> None:
     from readygo.common.errors import ReadygoError
 
     try:
-        use_own_kernels()
         run(sys.argv[1:])
     except ReadygoError as error:
         _stop(str(error), USER_MISTAKE)

@@ -3,14 +3,13 @@
 from functools import cached_property
 from pathlib import Path
 
-from readygo.apps.paths import cache_folder
 from readygo.apps.run.config import RunConfig
 from readygo.common.avatars import Avatar, load_avatars
 from readygo.common.avatars.file import avatar_hash
 from readygo.common.bus import Bus, fetch_blob
 from readygo.common.config import section_from_mapping
 from readygo.common.errors import RunError
-from readygo.common.files import write_whole
+from readygo.common.files import cache_folder, write_whole
 from readygo.common.messages import RunSpec
 from readygo.common.scenes import Scene, load_scene
 from readygo.services.animator import Animator

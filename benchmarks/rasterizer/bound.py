@@ -13,7 +13,7 @@ import numpy as np
 
 from readygo.benchmarks.rasterizer.footprints import Work, count_work, footprints
 from readygo.benchmarks.rasterizer.setting import Setting
-from readygo.common.simd.compilation import kernel
+from readygo.common.kernels import kernel
 from readygo.common.simd.memory import store_f16
 from readygo.common.simd.types import f16, fma
 

@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from readygo.apps.paths import cache_folder
 from readygo.benchmarks.rasterizer.setting import Job, Setting, open_setting
 from readygo.common.avatars.file import avatar_hash
 from readygo.common.errors import ConfigError
+from readygo.common.files import cache_folder
 from readygo.common.rasterizer.cpu import blend as cpu_blend
 from readygo.common.rasterizer.cpu import rasterizer as cpu
 from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer, PosedPerson

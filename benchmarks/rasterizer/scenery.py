@@ -11,10 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.apps.commands.scene_argument import open_scene
-from readygo.apps.paths import cache_folder
 from readygo.benchmarks.rasterizer import synthetic_room
 from readygo.common.avatars import Avatar
 from readygo.common.errors import ConfigError
+from readygo.common.files import cache_folder
 from readygo.common.frames import matrix_from_quat
 from readygo.common.gaussians import GaussianCloud, concatenate
 from readygo.common.maps import FloorMap, OccupancyMap, clearance_m, largest_free_area

@@ -5,9 +5,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.kernels import inlined
 from readygo.common.rasterizer.constants import FOV_MARGIN
 from readygo.common.rasterizer.cpu.view import View
-from readygo.common.simd.compilation import inlined
 from readygo.common.simd.types import f16, maximum, minimum
 
 Float64s = npt.NDArray[np.float64]

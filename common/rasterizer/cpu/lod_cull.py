@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.kernels import inlined, kernel
 from readygo.common.rasterizer.constants import NEAR_M
 from readygo.common.rasterizer.cpu.view import View, VisibleChunks, add_if_visible, camera_box, posed_box
-from readygo.common.simd.compilation import inlined, kernel
 
 Floats = npt.NDArray[np.float64]
 Singles = npt.NDArray[np.float32]

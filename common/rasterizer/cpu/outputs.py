@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.images.images import Images
+from readygo.common.kernels import inlined, kernel
 from readygo.common.rasterizer.cpu.workspace import RECORD, RECORD_DEPTH, RECORD_NORMAL, Depths, Singles, Workspace
 from readygo.common.rasterizer.packed.scene import NORMAL_STEP
-from readygo.common.simd.compilation import inlined, kernel
 from readygo.common.simd.memory import load_short, store_f16
 from readygo.common.simd.types import fma, where
 

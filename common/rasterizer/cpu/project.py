@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.kernels import inlined, kernel
 from readygo.common.rasterizer.constants import DILATION_PX2, LOG2_E, NEAR_M
 from readygo.common.rasterizer.cpu.lens import Lens, clamped, lens_of, rotation_rows
 from readygo.common.rasterizer.cpu.outputs import normal_block
@@ -13,7 +14,6 @@ from readygo.common.rasterizer.cpu.slabs import NEAR_BITS, Slab, is_due
 from readygo.common.rasterizer.cpu.tiles import LARGE, box_codes, is_alive, tiles_met
 from readygo.common.rasterizer.cpu.view import View, VisibleChunks
 from readygo.common.rasterizer.cpu.workspace import KEYS, LARGE_ENTRIES, LATER, RECORD, RECORDS, Workspace
-from readygo.common.simd.compilation import inlined, kernel
 from readygo.common.simd.memory import load_f16, load_short, peek, poke, store_f16, store_i16, transpose_in_place
 from readygo.common.simd.types import (
     bit_pattern,

@@ -8,10 +8,10 @@ Source: Kerbl et al., 3D Gaussian Splatting for Real-Time Radiance Field Renderi
 
 from typing import Any
 
+from readygo.common.kernels import inlined
 from readygo.common.rasterizer.cpu.workspace import Workspace
 from readygo.common.rasterizer.differentiable.memory import COLOURED, DERIVATIVES, GROUP, NUMBER, Cloud, Gradients, Kept
 from readygo.common.rasterizer.differentiable.simd_rows import load_first, store_first, stream_f16
-from readygo.common.simd.compilation import inlined
 from readygo.common.simd.memory import load_f16, store_f16, store_i16, transpose_in_place
 from readygo.common.simd.types import f16, float_bits, fma, fms, i16, integer_where, lowest_bit, maximum, sqrt
 

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from readygo.common.kernels import inlined, kernel
 from readygo.common.rasterizer.constants import ALPHA_MIN, NEAR_M
 from readygo.common.rasterizer.cpu.lens import Lens, lens_of, rotation_rows
 from readygo.common.rasterizer.cpu.tiles import pack_box
@@ -12,7 +13,6 @@ from readygo.common.rasterizer.cpu.view import PAD_PX, View
 from readygo.common.rasterizer.differentiable.lens import to_camera
 from readygo.common.rasterizer.differentiable.memory import CHUNK, Chunks, Cloud, Singles
 from readygo.common.rasterizer.differentiable.simd_rows import columns_of_three, load_first
-from readygo.common.simd.compilation import inlined, kernel
 from readygo.common.simd.memory import load_f16, prefetch, store_f16
 from readygo.common.simd.types import f16, fma, lane_number, mask_bits, maximum, minimum, where
 

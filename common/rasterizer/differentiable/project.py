@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from readygo.common.kernels import inlined, kernel
 from readygo.common.rasterizer.constants import ALPHA_MIN, LOG2_E
 from readygo.common.rasterizer.cpu.lens import Lens, clamped, lens_of, rotation_rows
 from readygo.common.rasterizer.cpu.project import pixels_within
@@ -35,7 +36,6 @@ from readygo.common.rasterizer.differentiable.memory import (
     Singles,
 )
 from readygo.common.rasterizer.differentiable.simd_rows import columns_of_four, load_first
-from readygo.common.simd.compilation import inlined, kernel
 from readygo.common.simd.memory import (
     compress,
     load_f16,

@@ -11,6 +11,7 @@ v, v dx, v dy, v dx^2, v dx dy, v dy^2 over its pixels:
 
 from typing import Any
 
+from readygo.common.kernels import inlined, kernel
 from readygo.common.rasterizer.cpu.lens import Lens, clamped, lens_of, rotation_rows
 from readygo.common.rasterizer.cpu.view import View
 from readygo.common.rasterizer.differentiable.colour import write_coefficient_gradients
@@ -37,7 +38,6 @@ from readygo.common.rasterizer.differentiable.memory import (
     Singles,
 )
 from readygo.common.rasterizer.differentiable.simd_rows import load_first, rows_of_four, rows_of_three, store_first
-from readygo.common.simd.compilation import inlined, kernel
 from readygo.common.simd.memory import compress, load_f16, load_i16, prefetch, store_f16, transpose_in_place
 from readygo.common.simd.types import (
     bit_pattern,

@@ -8,9 +8,9 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from readygo.common.episode.grid_search import UNITS_PER_CELL, UNREACHED
+from readygo.common.kernels import compiled
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
@@ -25,7 +25,7 @@ LAYER_STEPS = 5
 """Simulation steps between two layers: in 0.25 s a robot of 1 m/s drives one cell of 0.25 m."""
 
 
-@njit(cache=True)
+@compiled
 def nearness_cost(squared: float, hard: float, width: float, weight: float) -> float:
     """Cost per second of being near a human.
 
@@ -45,7 +45,7 @@ def nearness_cost(squared: float, hard: float, width: float, weight: float) -> f
     return weight * nearness * nearness
 
 
-@njit(cache=True)
+@compiled
 def fill_delays(
     factor: UInt8Array,
     to_goal: Int32Array,
@@ -107,7 +107,7 @@ def fill_delays(
                     there[b] = np.inf
 
 
-@njit(cache=True)
+@compiled
 def _fill_static(
     factor: UInt8Array,
     to_goal: Int32Array,
@@ -139,7 +139,7 @@ def _fill_static(
             static[a, b] = best * unit if best < UNREACHED else np.inf
 
 
-@njit(cache=True)
+@compiled
 def _add_nearness(
     humans: People,
     step: int,

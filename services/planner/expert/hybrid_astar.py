@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from readygo.common.episode.grid_search import FREE, UNITS_PER_CELL, UNREACHED
+from readygo.common.kernels import compiled
 from readygo.common.maps import GridFrame
 from readygo.common.robot import RobotConfig
 from readygo.services.planner.expert.config import ExpertConfig
@@ -150,7 +150,7 @@ class HybridAStar:
         )
 
 
-@njit(cache=True)
+@compiled
 def _drive_cost(
     factor: UInt8Array, resolution: float, x: float, y: float, c: float, s: float, offsets: Float64Array, count: int
 ) -> float:
@@ -169,7 +169,7 @@ def _drive_cost(
     return total / (FREE * count)
 
 
-@njit(cache=True)
+@compiled
 def _search(
     factor: UInt8Array,
     heuristic: Int32Array,
@@ -239,7 +239,7 @@ def _search(
     return -1, expansions
 
 
-@njit(cache=True)
+@compiled
 def _trace(
     node: int,
     nodes: Float64Array,

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from readygo.common.episode.grid_search import UNITS_PER_CELL, UNREACHED
+from readygo.common.kernels import compiled
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import DT_S
 from readygo.services.planner.expert.config import ExpertConfig
@@ -162,7 +162,7 @@ class SpaceTimeSearch:
         return TimedPlan(rows=rows, cost=float(self._memory.nodes[found, 3]) + left)
 
 
-@njit(cache=True)
+@compiled
 def _delay(
     delays: Float64Array, cell: float, start: tuple[float, float, float], x: float, y: float, layer: int
 ) -> float:
@@ -174,7 +174,7 @@ def _delay(
     return float(delays[layer, a, b])
 
 
-@njit(cache=True)
+@compiled
 def _key(x: float, y: float, yaw: float, counts: tuple[int, int, int], depth: int, speed: int) -> int:
     """What nodes share of which one survives; `counts` are columns, headings, and more than there are speeds."""
     columns, heading_count, speed_count = counts
@@ -185,7 +185,7 @@ def _key(x: float, y: float, yaw: float, counts: tuple[int, int, int], depth: in
     return ((key * heading_count + heading) * _DEPTHS + depth) * speed_count + speed
 
 
-@njit(cache=True)
+@compiled
 def _wrapped(yaw: float) -> float:
     """An angle between -2 pi and 4 pi as one between 0 and 2 pi; a modulo is dear."""
     if yaw < 0.0:
@@ -193,7 +193,7 @@ def _wrapped(yaw: float) -> float:
     return yaw - 2 * math.pi if yaw >= 2 * math.pi else yaw
 
 
-@njit(cache=True)
+@compiled
 def _turn_left(heuristic: Int32Array, i: int, j: int, yaw: float) -> float:
     """By how much a heading is away from the way to the goal, beyond what driving on can mend [rad]."""
     reach = _SLOPE_CELLS
@@ -217,7 +217,7 @@ def _turn_left(heuristic: Int32Array, i: int, j: int, yaw: float) -> float:
     return max(0.0, abs(away) - _DRIVEN_TURN_RAD)
 
 
-@njit(cache=True)
+@compiled
 def _search(
     factor: UInt8Array,
     heuristic: Int32Array,
@@ -309,7 +309,7 @@ def _search(
     return best, expansions
 
 
-@njit(cache=True)
+@compiled
 def _trace(
     node: int,
     nodes: Float64Array,

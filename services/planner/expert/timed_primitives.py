@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from readygo.common.kernels import compiled
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import DT_S, RATE_HZ
 from readygo.services.planner.expert.config import ExpertConfig
@@ -88,7 +88,7 @@ def make_timed_primitives(robot: RobotConfig, config: ExpertConfig) -> TimedPrim
     return table
 
 
-@njit(cache=True)
+@compiled
 def _drive(v: float, w: float, v_end: float, w_end: float, limits: Limits, rows: Float64Array) -> tuple[float, float]:
     """Fill the rows of one primitive by exact arcs; returns its length [m] and its turning [rad]."""
     x, y, yaw, length, turned = 0.0, 0.0, 0.0, 0.0, 0.0
@@ -108,7 +108,7 @@ def _drive(v: float, w: float, v_end: float, w_end: float, limits: Limits, rows:
     return length, turned
 
 
-@njit(cache=True)
+@compiled
 def _fill_group(
     v: float,
     w: float,

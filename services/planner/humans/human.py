@@ -5,11 +5,11 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 from scipy import ndimage
 
 from readygo.common.episode.collision import disc_meets_cells
 from readygo.common.episode.grid_search import FACTOR_MAX, FREE
+from readygo.common.kernels import compiled
 from readygo.common.maps import FloorMap, OccupancyMap, clearance_m
 from readygo.services.planner.config import HumanPlannerConfig
 from readygo.services.planner.humans.spline import length_m, smooth_path
@@ -150,7 +150,7 @@ def without_slopes(occupancy: OccupancyMap, floor: FloorMap, slope_max: float) -
     return OccupancyMap(frame=frame, occupied=occupancy.occupied | steep)
 
 
-@njit(cache=True)
+@compiled
 def _reach_m(
     component: npt.NDArray[np.int32],
     ox: float,
@@ -182,7 +182,7 @@ def _reach_m(
         count += 1
 
 
-@njit(cache=True)
+@compiled
 def _keeps_clear(
     occupied: npt.NDArray[np.bool_], ox: float, oy: float, resolution: float, xy: Float64Array, radius: float
 ) -> bool:

@@ -13,12 +13,12 @@ from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from readygo.common.episode import EpisodeConfig, EpisodeSimulation
 from readygo.common.episode.collision import disc_meets_cells
 from readygo.common.episode.grid_search import line_is_free
 from readygo.common.episode.simulation import time_to_contact_s
+from readygo.common.kernels import compiled
 from readygo.common.maps import OccupancyMap
 from readygo.common.messages import EpisodeMotions, HumanMotion, Motion, Outcome, Scenario
 from readygo.common.robot import RobotConfig
@@ -40,7 +40,7 @@ _SHARES = np.array([1.0, 0.75, 0.5, 0.25, 0.0])
 _TURNS_RAD = np.radians(np.array([0.0, 15.0, -15.0, 30.0, -30.0, 50.0, -50.0, 75.0, -75.0]))
 _HURRY_COST, _CHANGE_COST = 2.0, 0.15
 
-_contact_s = njit(cache=True)(time_to_contact_s)
+_contact_s = compiled(time_to_contact_s)
 
 
 class ReactivePeople:
@@ -197,7 +197,7 @@ def _unit(vector: Float64Array) -> Float64Array:
     return vector / max(math.hypot(*vector.tolist()), 1e-9)
 
 
-@njit(cache=True)
+@compiled
 def _next_row(rows: Float64Array, row: int, here: Float64Array) -> int:
     """The drawn row that somebody is to follow next: it waits for who is late and hurries for who is early."""
     last = len(rows) - 1
@@ -212,7 +212,7 @@ def _next_row(rows: Float64Array, row: int, here: Float64Array) -> int:
     return row
 
 
-@njit(cache=True)
+@compiled
 def _step(
     here: Float64Array,
     velocity: Float64Array,
@@ -269,7 +269,7 @@ def _step(
     return np.array([x, y])
 
 
-@njit(cache=True)
+@compiled
 def _cost(
     here: Float64Array,
     ux: float,
@@ -299,7 +299,7 @@ def _cost(
     return cost
 
 
-@njit(cache=True)
+@compiled
 def _is_free(
     here: Float64Array,
     ux: float,

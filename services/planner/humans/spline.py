@@ -9,8 +9,8 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from readygo.common.kernels import compiled
 from readygo.common.maps import GridFrame
 
 Float64Array = npt.NDArray[np.float64]
@@ -36,7 +36,7 @@ def length_m(points_m: Float64Array) -> float:
     return float(_lengths(points_m)[-1])
 
 
-@njit(cache=True)
+@compiled
 def _lengths(points_m: Float64Array) -> Float64Array:
     lengths = np.zeros(len(points_m))
     for k in range(1, len(points_m)):
@@ -51,7 +51,7 @@ def at_lengths(points_m: Float64Array, lengths_m: Float64Array) -> Float64Array:
     return np.stack([np.interp(lengths_m, along, points_m[:, k]) for k in range(2)], axis=1)
 
 
-@njit(cache=True)
+@compiled
 def spline_basis(point_count: int, sample_count: int) -> tuple[npt.NDArray[np.int64], Float64Array]:
     """First control point (S,) and weights (S, 4) of samples along a clamped uniform cubic B-spline."""
     first = np.empty(sample_count, np.int64)
@@ -76,7 +76,7 @@ def spline_basis(point_count: int, sample_count: int) -> tuple[npt.NDArray[np.in
     return first, weights
 
 
-@njit(cache=True)
+@compiled
 def spline_points(control: Float64Array, first: npt.NDArray[np.int64], weights: Float64Array) -> Float64Array:
     """Points of a spline, shape (S, 2)."""
     points = np.zeros((len(first), 2))
@@ -87,7 +87,7 @@ def spline_points(control: Float64Array, first: npt.NDArray[np.int64], weights: 
     return points
 
 
-@njit(cache=True)
+@compiled
 def distance_at(clearance: Float64Array, x_cells: float, y_cells: float) -> tuple[float, float, float]:
     """Bilinear distance [m] and its derivatives per cell, at a point in cell units (cell centres at +0.5)."""
     height, width = clearance.shape
@@ -101,7 +101,7 @@ def distance_at(clearance: Float64Array, x_cells: float, y_cells: float) -> tupl
     return value, (1 - b) * (v01 - v00) + b * (v11 - v10), (1 - a) * (v10 - v00) + a * (v11 - v01)
 
 
-@njit(cache=True)
+@compiled
 def smallest_distance(points: Float64Array, clearance: Float64Array, ox: float, oy: float, resolution: float) -> float:
     """Smallest bilinear distance to an obstacle along points [m]."""
     best = np.inf
@@ -111,7 +111,7 @@ def smallest_distance(points: Float64Array, clearance: Float64Array, ox: float, 
     return best
 
 
-@njit(cache=True)
+@compiled
 def _objective(
     control: Float64Array,
     first: npt.NDArray[np.int64],
@@ -160,7 +160,7 @@ def _objective(
     return total
 
 
-@njit(cache=True)
+@compiled
 def _dot(a: Float64Array, b: Float64Array) -> float:
     total = 0.0
     for i in range(a.shape[0]):
@@ -169,7 +169,7 @@ def _dot(a: Float64Array, b: Float64Array) -> float:
     return total
 
 
-@njit(cache=True)
+@compiled
 def _direction(
     gradient: Float64Array, steps: Float64Array, changes: Float64Array, rho: Float64Array, count: int
 ) -> Float64Array:
@@ -193,7 +193,7 @@ def _direction(
     return direction
 
 
-@njit(cache=True)
+@compiled
 def optimise(
     control: Float64Array,
     first: npt.NDArray[np.int64],

@@ -10,8 +10,8 @@ from statistics import NormalDist
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from readygo.common.kernels import compiled
 from readygo.services.renderer.sensor.config import SensorConfig
 from readygo.services.renderer.sensor.faces import WEIGHT_ONE, Remap
 
@@ -115,7 +115,7 @@ def exposure_gain(sensor: SensorConfig, height_px: int, width_px: int) -> Floats
     return gain
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _add_image(source: npt.NDArray[np.uint8], light: Integers, row_weight: Integers, out: Integers) -> None:
     height, width, _ = out.shape
     for i in range(height):
@@ -127,7 +127,7 @@ def _add_image(source: npt.NDArray[np.uint8], light: Integers, row_weight: Integ
                     out[i, j, c] += scale * light[source[p, c]]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _add_remapped(
     source: npt.NDArray[np.uint8],
     start: Integers,
@@ -153,7 +153,7 @@ def _add_remapped(
                 out[i, j, 2] += row_weight[i] * blue
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _develop(
     total: Integers,
     gain: Floats,

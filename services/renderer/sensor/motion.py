@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from readygo.common.kernels import compiled
 from readygo.common.maps import FloorMap
 from readygo.common.messages import HumanMotion
 from readygo.common.robot import CameraConfig
@@ -114,7 +114,7 @@ def arc(first: Floats, last: Floats, share: float) -> tuple[float, float, float]
     return x0 + c * dx - s * dy, y0 + s * dx + c * dy, yaw0 + 2.0 * part
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _turn(first: Singles, last: Singles, share: float, out: Singles) -> None:
     """Interpolate rotations given as axis-angle vectors along the shorter way (slerp)."""
     p, q, r = np.empty(4), np.empty(4), np.empty(4)
@@ -139,7 +139,7 @@ def _turn(first: Singles, last: Singles, share: float, out: Singles) -> None:
             out[j, k] = scale * r[k + 1]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _quaternion(rotation: Singles, q: Floats) -> None:
     """Write the unit quaternion, w first, of an axis-angle vector."""
     x, y, z = float(rotation[0]), float(rotation[1]), float(rotation[2])
