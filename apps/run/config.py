@@ -19,6 +19,7 @@ from readygo.common.episode import EpisodeConfig
 from readygo.common.errors import ConfigError, RunError
 from readygo.common.files import write_whole
 from readygo.common.messages import RunSpec, decode, encode
+from readygo.common.rasterizer.interface import GPU_BACKENDS
 from readygo.common.robot import RobotConfig
 from readygo.services.animator.config import AnimatorConfig
 from readygo.services.planner.config import HumanPlannerConfig
@@ -26,7 +27,7 @@ from readygo.services.planner.expert.config import ExpertConfig
 from readygo.services.planner.humans.recipes import PEOPLE_RECIPES, PeopleName
 from readygo.services.planner.humans.scenario_file import text_hash
 from readygo.services.recorder.config import RecorderConfig
-from readygo.services.renderer.config import GPU_BACKENDS, RendererConfig
+from readygo.services.renderer.config import RendererConfig
 from readygo.services.renderer.sensor.config import SENSOR_RECIPES, SensorName
 
 STATE_FOLDER = ".readygo"

@@ -19,11 +19,12 @@ from readygo.common.frames import matrix_from_quat
 from readygo.common.gaussians import GaussianCloud, concatenate
 from readygo.common.maps import FloorMap, OccupancyMap, clearance_m, largest_free_area
 from readygo.common.messages import Motion
+from readygo.common.rasterizer.backends import packed_cloud
 from readygo.common.rasterizer.packed.scene import PackedScene, load_or_pack
 from readygo.common.robot import CameraConfig
 from readygo.common.scenes import Scene
 from readygo.services.animator import AnimatorConfig, skeleton_of, walk
-from readygo.services.renderer.drawing import packed_layers
+from readygo.services.renderer.drawing import pack_folder, static_clouds
 
 TURN_RAD = 0.01
 """The camera's turn per image: 0.2 rad/s at 20 Hz."""
@@ -66,7 +67,7 @@ def scene_scenery(scene: Scene) -> Scenery:
     """A bundle's scenery."""
     return Scenery(
         name=scene.name,
-        layers=lambda: packed_layers(scene),
+        layers=lambda: [packed_cloud(cloud, pack_folder(scene)) for cloud in static_clouds(scene)],
         cloud=lambda: scene.cloud if scene.sky is None else concatenate([scene.cloud, scene.sky]),
         occupancy=scene.maps.robot,
         floor=scene.maps.floor,

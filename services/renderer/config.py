@@ -4,10 +4,8 @@ from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 from readygo.common.images.images import OUTPUTS
+from readygo.common.rasterizer.interface import GPU_BACKENDS, Backend
 from readygo.services.renderer.sensor.config import SensorConfig
-
-Backend = Literal["cpu", "reference", "triton", "gsplat"]
-GPU_BACKENDS = ("triton", "gsplat")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -16,7 +14,7 @@ class RendererConfig:
 
     backend: Backend = "cpu"
     """"reference" is the slow oracle of `readygo.common.rasterizer.reference`: seconds per image; "triton" and "gsplat"
-    draw on a GPU, see `common/rasterizer/gpu`."""
+    draw on a GPU and are experimental: no GPU has measured them yet, see `common/rasterizer/gpu`."""
     image_format: Literal["jpeg", "png"] = "jpeg"
     """Encoding of recorded images; "png" is lossless."""
     jpeg_quality: int = 90

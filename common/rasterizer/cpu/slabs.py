@@ -54,7 +54,7 @@ def is_due(slab: Slab, depth_m: float, box: int, columns: int, tile_alive: npt.N
     Args:
         slab: Depths that are drawn now.
         depth_m: Lower bound of the depths of the chunk's means [m].
-        box: Bounds of its footprints, packed as in `cpu_tiles.pack_box`.
+        box: Bounds of its footprints, packed as in `tiles.pack_box`.
         columns: Tiles along an image row.
         tile_alive: Unfinished blocks of the tiles.
     """

@@ -10,29 +10,11 @@ import numpy.typing as npt
 from readygo.common.kernels import compiled
 from readygo.common.maps import FloorMap
 from readygo.common.messages import HumanMotion
+from readygo.common.rasterizer.interface import PosedHuman
 from readygo.common.robot import CameraConfig
 
 Floats = npt.NDArray[np.float64]
 Singles = npt.NDArray[np.float32]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PosedHuman:
-    """A person in one pose."""
-
-    avatar: str
-    root_m: Singles
-    """Pelvis in the z-up world [m], shape (3,)."""
-    pose_axis_angle: Singles
-    """Joint rotations [rad] as in `Motion`, shape (24, 3)."""
-
-    def equals(self, other: "PosedHuman") -> bool:
-        """True if both are the same person in the same pose."""
-        return (
-            self.avatar == other.avatar
-            and np.array_equal(self.root_m, other.root_m)
-            and np.array_equal(self.pose_axis_angle, other.pose_axis_angle)
-        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
