@@ -22,7 +22,8 @@ from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLoca
 
 from readygo.common.files import cache_root, make_cache_folder
 
-_PACKAGE = Path(__file__).absolute().parents[1]
+_THIS = Path(__file__).absolute()
+_PACKAGE = _THIS.parents[1]
 _IMPORT = re.compile(rb"^(?:from|import) readygo\.?([.\w]*)(?: import (\([^)]*\)|.*))?", re.MULTILINE)
 _STATES_KEPT = 4
 """States of a module whose machine code is kept, those used last."""
@@ -64,6 +65,7 @@ def inlined(function: Callable[..., Any]) -> Any:
     return _njit(forceinline=True, error_model="numpy", _nrt=False)(function)
 
 
+@functools.cache
 def sources_digest(path: Path) -> str:
     """Hash of a source file and of all files that it imports of readygo, directly or not."""
     digest = hashlib.sha256()
@@ -87,7 +89,9 @@ def _with_imports(path: Path) -> set[Path]:
 def _source(path: Path) -> tuple[bytes, tuple[Path, ...]]:
     """Digest of a file as it is when it is imported, and the files that it imports itself."""
     text = path.read_bytes()
-    return hashlib.sha256(text).digest(), tuple(_imported_files(text))
+    # The cache folder and its errors are no part of any kernel.
+    files = () if path == _THIS else tuple(_imported_files(text))
+    return hashlib.sha256(text).digest(), files
 
 
 def _imported_files(text: bytes) -> Iterator[Path]:
