@@ -15,8 +15,6 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, NoReturn
 
-from readygo.apps.compiled import use_own_kernels
-
 # One numba and BLAS thread per process: the fleet is parallel by processes. Set before NumPy is imported.
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
@@ -48,7 +46,6 @@ def run_command(commands: Mapping[str, Command], argv: Sequence[str]) -> None:
 
     _mend_streams()
     try:
-        use_own_kernels()
         try:
             call = parse(commands, argv)
         finally:

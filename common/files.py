@@ -1,6 +1,7 @@
-"""Files and folders that appear under their name only when they are complete."""
+"""Files and folders that appear under their name only when they are complete, and the user's cache folder."""
 
 import errno
+import os
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
@@ -95,3 +96,33 @@ def write_whole(path: str | Path, data: bytes | str, *, raises: type[ReadygoErro
     """
     with unfinished(path, raises=raises) as part:
         part.write_bytes(data.encode() if isinstance(data, str) else data)
+
+
+def cache_root() -> Path:
+    """Readygo's part of the user's cache, `$XDG_CACHE_HOME/readygo` or `~/.cache/readygo`; it need not be there."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "readygo"
+
+
+def cache_folder(name: str) -> Path:
+    """A folder below the user's cache for files that can be made again.
+
+    Raises:
+        ReadygoError: If nothing can be written there.
+    """
+    return make_cache_folder(cache_root() / name)
+
+
+def make_cache_folder(folder: Path) -> Path:
+    """Make a folder of the cache where it is missing.
+
+    Raises:
+        ReadygoError: If nothing can be written there.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if not os.access(folder, os.W_OK):
+            raise PermissionError("it is read-only")
+    except OSError as error:
+        message = f"The cache folder {folder} cannot be used ({error.strerror or error}); "
+        raise ReadygoError(f"{message}set XDG_CACHE_HOME to a folder that can be written.") from error
+    return folder

@@ -47,9 +47,11 @@ if TYPE_CHECKING:
     from readygo.common.policy import PolicyMemory as PolicyMemory
     from readygo.common.policy import PolicySpec as PolicySpec
     from readygo.common.policy import load_policy as load_policy
-    from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer as CpuRasterizer
-    from readygo.common.rasterizer.cpu.rasterizer import PosedPerson as PosedPerson
-    from readygo.common.rasterizer.packed.scene import pack_cloud as pack_cloud
+    from readygo.common.rasterizer.backends import StaticCloud as StaticCloud
+    from readygo.common.rasterizer.backends import make_rasterizer as make_rasterizer
+    from readygo.common.rasterizer.interface import PosedHuman as PosedHuman
+    from readygo.common.rasterizer.interface import Rasterizer as Rasterizer
+    from readygo.common.rasterizer.interface import View as View
     from readygo.common.robot import CameraConfig as CameraConfig
     from readygo.common.robot import RobotConfig as RobotConfig
     from readygo.common.robot import load_robot as load_robot
@@ -71,8 +73,8 @@ _NAMES = {
     "readygo.common.maps": ("FloorMap", "GridFrame", "OccupancyMap", "load_ros_map"),
     "readygo.common.gaussians": ("GaussianCloud", "load_gaussians", "save_ply"),
     "readygo.common.avatars": ("Avatar", "load_avatar", "load_avatars", "pose_avatar", "save_avatar"),
-    "readygo.common.rasterizer.cpu.rasterizer": ("CpuRasterizer", "PosedPerson"),
-    "readygo.common.rasterizer.packed.scene": ("pack_cloud",),
+    "readygo.common.rasterizer.backends": ("StaticCloud", "make_rasterizer"),
+    "readygo.common.rasterizer.interface": ("PosedHuman", "Rasterizer", "View"),
     "readygo.common.images.images": ("Images",),
     "readygo.common.errors": (
         "AvatarError",

@@ -7,10 +7,6 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from readygo.apps.compiled import use_own_kernels
-
-use_own_kernels()
-
 GOLDEN = Path(__file__).resolve().parent / "golden"
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 

@@ -7,7 +7,8 @@ import numpy.typing as npt
 
 from readygo.common.avatars import Avatar
 from readygo.common.messages import Motion
-from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer, PosedPerson
+from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
+from readygo.common.rasterizer.interface import PosedHuman, View
 
 Array = npt.NDArray[np.float64]
 Image = npt.NDArray[np.uint8]
@@ -37,7 +38,7 @@ class Studio:
 
     def __init__(self, avatar: Avatar, framing: Framing) -> None:
         self.avatar, self.framing = avatar, framing
-        self._rasterizer = CpuRasterizer([], [avatar], framing.K_px, framing.height_px, framing.width_px)
+        self._rasterizer = CpuRasterizer([], {avatar.name: avatar}, framing.K_px, framing.height_px, framing.width_px)
 
     def picture(self, T_world_camera: Array, motion: Motion, row: int, joints_m: Array) -> Image:
         """The human in one row of a motion.
@@ -51,8 +52,10 @@ class Studio:
         Returns:
             RGB, shape (H, W, 3).
         """
-        person = PosedPerson(avatar=0, root_m=motion.root_m[row], pose_axis_angle=motion.pose_axis_angle[row])
-        images = self._rasterizer.render_images(T_world_camera, [person], ("alpha",))
+        human = PosedHuman(
+            avatar=self.avatar.name, root_m=motion.root_m[row], pose_axis_angle=motion.pose_axis_angle[row]
+        )
+        images = self._rasterizer.render([View(T_world_camera=T_world_camera, humans=(human,))], ("alpha",))[0]
         assert images.alpha is not None
         feet = np.stack([0.5 * (joints_m[:, ankle] + joints_m[:, ball]) for ankle, ball in _FEET], axis=1)
         ground = _ground(T_world_camera, self.framing, feet[row] - [0.0, 0.0, feet[:, :, 2].min()])

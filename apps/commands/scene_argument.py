@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from readygo.apps.paths import cache_folder
+from readygo.common.files import cache_folder
 from readygo.common.maps import FloorMap, OccupancyMap, SightMap, load_ros_map, sight_of_occupancy
 from readygo.common.scenes import Scene, load_scene
 from readygo.services.planner import SceneMaps

@@ -13,8 +13,8 @@ from readygo.apps.run.config import RunConfig
 from readygo.common.dataset.provenance import AvatarOrigin, Provenance, ScenarioOrigin, SceneOrigin
 from readygo.common.messages import RunSpec, encode
 from readygo.common.messages.stages import EXPERT_LINE
+from readygo.common.rasterizer.interface import GPU_BACKENDS
 from readygo.services.planner.humans.scenario_file import text_hash
-from readygo.services.renderer.config import GPU_BACKENDS
 
 _NUMERIC_PACKAGES = ("numpy", "numba", "llvmlite", "scipy", "opencv-python-headless")
 _NO_IDENTITY = ("recorder", "coordinator")

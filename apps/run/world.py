@@ -3,7 +3,6 @@
 from functools import cached_property
 from pathlib import Path
 
-from readygo.apps.paths import cache_folder
 from readygo.apps.run.config import RunConfig, sections_of_today
 from readygo.common.avatars import Avatar, load_avatars
 from readygo.common.avatars.file import avatar_hash
@@ -11,7 +10,7 @@ from readygo.common.bus import Bus
 from readygo.common.config import section_from_mapping
 from readygo.common.dataset.provenance import Provenance
 from readygo.common.errors import RunError, SceneError
-from readygo.common.files import write_whole
+from readygo.common.files import cache_folder, write_whole
 from readygo.common.fleet import fetch_blob
 from readygo.common.messages import RunSpec
 from readygo.common.scenes import Scene, load_scene, verify_scene

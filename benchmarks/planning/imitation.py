@@ -25,12 +25,12 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from readygo.benchmarks.planning.maps import default_data_folder, find_map
 from readygo.benchmarks.planning.runs import Course, Job
 from readygo.common.camera.view import view_of
 from readygo.common.frames import goal_in_robot_frame
+from readygo.common.kernels import compiled
 from readygo.common.messages import (
     AnimateRequest,
     EpisodeKey,
@@ -85,7 +85,7 @@ class Samples:
     """Which run it is of, shape (N,)."""
 
 
-@njit(cache=True)
+@compiled
 def _free_m(
     occupied: npt.NDArray[np.bool_], origin_x: float, origin_y: float, cell: float, x: float, y: float, bearing: float
 ) -> float:

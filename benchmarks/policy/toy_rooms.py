@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from readygo.common.episode import EpisodeConfig
 from readygo.common.frames import goal_in_robot_frame
+from readygo.common.kernels import compiled
 from readygo.common.messages import EpisodeKey, Split
 from readygo.common.robot import RobotConfig, limit_command, step_unicycle
 from readygo.common.robot.kinematics import DT_S
@@ -18,14 +18,14 @@ from readygo.common.robot.kinematics import DT_S
 CELL_M = 0.1
 
 
-@njit(cache=True)
+@compiled
 def _hash(a, b, c):
     h = (a * 73856093) ^ (b * 19349663) ^ (c * 83492791)
     h = (h ^ (h >> 13)) * 1274126177
     return ((h ^ (h >> 16)) & 255) / 255.0
 
 
-@njit(cache=True)
+@compiled
 def draw(occupied, x, y, yaw, focal, eye, image):
     """Fill `image` (H, W, 3) uint8 with walls 1.2 m high, floor and ceiling."""
     height, width = image.shape[0], image.shape[1]
@@ -57,7 +57,7 @@ def draw(occupied, x, y, yaw, focal, eye, image):
             image[v, u, 0], image[v, u, 1], image[v, u, 2] = int(r), int(g), int(b)
 
 
-@njit(cache=True)
+@compiled
 def _march(occupied, x, y, dx, dy):
     i, j = math.floor(y), math.floor(x)
     step_j, step_i = (1 if dx > 0 else -1), (1 if dy > 0 else -1)

@@ -13,7 +13,7 @@ import numpy as np
 
 from readygo.benchmarks.rasterizer.footprints import Work, count_work, footprints
 from readygo.benchmarks.rasterizer.setting import Setting
-from readygo.common.simd.compilation import kernel
+from readygo.common.kernels import kernel
 from readygo.common.simd.memory import store_f16
 from readygo.common.simd.types import f16, fma
 
@@ -75,8 +75,9 @@ def mean_work(setting: Setting) -> dict[str, float]:
     scene, camera = setting.scenery.cloud(), setting.camera
     works: list[Work] = []
     for place in setting.places[:BOUND_VIEWS]:
-        T, people = setting.view(place, 0)
-        prints = footprints(setting.cloud(scene, people), T, camera.K_px, camera.height_px, camera.width_px)
+        view = setting.view(place, 0)
+        cloud = setting.cloud(scene, view.humans)
+        prints = footprints(cloud, view.T_world_camera, camera.K_px, camera.height_px, camera.width_px)
         works.append(count_work(prints, len(scene), camera.height_px, camera.width_px))
     return {name: float(np.mean([getattr(work, name) for work in works])) for name in Work.__dataclass_fields__}
 

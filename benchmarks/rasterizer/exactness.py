@@ -15,6 +15,7 @@ below 60 dB.
 import json
 import math
 import sys
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -24,11 +25,12 @@ import numpy.typing as npt
 import tyro
 
 from readygo.benchmarks.rasterizer.footprints import Footprints, PixelStack, footprints, pixel_stack
-from readygo.benchmarks.rasterizer.scenery import Place, random_places, scene_scenery, walk_motion
+from readygo.benchmarks.rasterizer.scenery import random_places, scene_scenery, walk_motion
 from readygo.common.avatars import load_avatars, pose_avatar
 from readygo.common.gaussians import GaussianCloud, concatenate
 from readygo.common.rasterizer.constants import ALPHA_MIN
-from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer, PosedPerson
+from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
+from readygo.common.rasterizer.interface import PosedHuman, View
 from readygo.common.rasterizer.packed.scene import morton_codes
 from readygo.common.rasterizer.reference import rasterize_reference
 from readygo.common.rasterizer.warm import warm
@@ -99,24 +101,28 @@ def scene_errors(scene: Scene, views: int, people: int = 0, seed: int = 0) -> li
         seed: Of the standpoints.
     """
     scenery, camera = scene_scenery(scene), CameraConfig()
-    avatars = list(load_avatars().values())[:people]
-    motions = [walk_motion(avatar, None, seed) for avatar in avatars]
+    avatars = dict(list(load_avatars().items())[:people])
+    motions = {name: walk_motion(avatar, None, seed) for name, avatar in avatars.items()}
     rasterizer = CpuRasterizer(scenery.layers(), avatars, camera.K_px, camera.height_px, camera.width_px)
     layers = [in_packed_order(cloud) for cloud in (scene.cloud, scene.sky) if cloud is not None]
     errors = []
     for place in random_places(scenery, people, views, seed):
         T = place.T_world_camera(camera, 0)
-        posed = [_posed(number, motion.root_m[40], motion.pose_axis_angle[40], place)
-                 for number, motion in enumerate(motions)]  # fmt: skip
+        posed = [
+            _posed(name, motion.root_m[40], motion.pose_axis_angle[40], place.people_m[number])
+            for number, (name, motion) in enumerate(motions.items())
+        ]
         bodies = [pose_avatar(avatars[p.avatar], p.root_m, p.pose_axis_angle) for p in posed]
         cloud = concatenate([*layers, *bodies])
-        errors.append(view_error(rasterizer.render_float(T, posed), cloud, T, camera))
+        errors.append(view_error(rasterizer.render_float(View(T_world_camera=T, humans=posed)), cloud, T, camera))
     return errors
 
 
-def _posed(number: int, root_m: npt.NDArray[np.float32], pose: npt.NDArray[np.float32], place: Place) -> PosedPerson:
-    x_m, y_m, floor_m = place.people_m[number]
-    return PosedPerson(avatar=number, root_m=np.array([x_m, y_m, floor_m + root_m[2]]), pose_axis_angle=pose)
+def _posed(
+    name: str, root_m: npt.NDArray[np.float32], pose: npt.NDArray[np.float32], standpoint_m: Sequence[float]
+) -> PosedHuman:
+    x_m, y_m, floor_m = standpoint_m
+    return PosedHuman(avatar=name, root_m=np.array([x_m, y_m, floor_m + root_m[2]]), pose_axis_angle=pose)
 
 
 def in_packed_order(cloud: GaussianCloud) -> GaussianCloud:

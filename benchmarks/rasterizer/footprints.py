@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from readygo.common.gaussians import GaussianCloud, sh_basis
+from readygo.common.kernels import compiled
 from readygo.common.rasterizer.constants import (
     ALPHA_MAX,
     ALPHA_MIN,
@@ -130,7 +130,7 @@ def pixel_stack(
     )
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _project(
     means: npt.NDArray[np.float32],
     quats: npt.NDArray[np.float32],
@@ -190,7 +190,7 @@ def _project(
     return n
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _blend(
     shape: Floats, box: Integers, is_person: npt.NDArray[np.bool_], transmittance: Floats, counts: Integers
 ) -> None:

@@ -24,7 +24,8 @@ from readygo.common.avatars import Avatar, load_avatars
 from readygo.common.errors import ReadygoError
 from readygo.common.maps import largest_free_area
 from readygo.common.messages import Motion
-from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer, PosedPerson
+from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
+from readygo.common.rasterizer.interface import PosedHuman, View
 from readygo.common.rasterizer.packed.scene import pack_cloud
 from readygo.common.robot import CameraConfig
 from readygo.common.scenes import Scene, load_scene
@@ -33,14 +34,6 @@ AHEAD_M = ((2.0, 0.5), (3.0, -0.7), (4.0, 0.1))
 """Where people walk: ahead and to the left of their camera [m]."""
 BATCHES_IN_TURN = 3
 """Batches that are drawn in turn, so that no cache holds what the next one needs."""
-
-
-@dataclass(frozen=True)
-class View:
-    """A camera and its people."""
-
-    T_world_camera: np.ndarray
-    people: tuple[PosedPerson, ...]
 
 
 @dataclass(frozen=True)
@@ -58,16 +51,15 @@ class Job:
         from readygo.common.rasterizer.gpu.rasterizer import GpuRasterizer
 
         clouds = [cloud for cloud in (self.scene.cloud, self.scene.sky) if cloud is not None]
-        camera, wearers = self.camera, list(self.avatars.values())
+        camera = self.camera
         return GpuRasterizer(
-            clouds, wearers, camera.K_px, camera.height_px, camera.width_px,
+            clouds, self.avatars, camera.K_px, camera.height_px, camera.width_px,
             kernels=kernels, device=self.device, settings=settings,
         )  # fmt: skip
 
-    def batch(self, number: int, size: int) -> tuple[np.ndarray, list[tuple[PosedPerson, ...]]]:
-        """One of the batches of `size` cameras."""
-        views = [self.views[(number * size + k) % len(self.views)] for k in range(size)]
-        return np.stack([view.T_world_camera for view in views]), [view.people for view in views]
+    def batch(self, number: int, size: int) -> list[View]:
+        """One of the batches of `size` views."""
+        return [self.views[(number * size + k) % len(self.views)] for k in range(size)]
 
 
 def main(
@@ -120,7 +112,7 @@ def main(
         "scene": loaded.name,
         "gaussians": len(loaded.cloud) + (0 if loaded.sky is None else len(loaded.sky)),
         "people": people,
-        "people_gaussians": sum(len(list(wearers.values())[p.avatar].cloud) for p in views[0].people),
+        "people_gaussians": sum(len(wearers[human.avatar].cloud) for human in views[0].humans),
         "image_px": [height_px, width_px],
         "kernels": {},
     }
@@ -159,7 +151,7 @@ def _measured(job: Job, name: str, batches: Sequence[int], checks: int, seconds:
     """Correctness first, then speed."""
     begin_s = time.perf_counter()
     rasterizer = job.rasterizer(name)
-    rasterizer.render(job.views[0].T_world_camera, job.views[0].people)
+    rasterizer.render(job.views[:1])
     result: dict[str, Any] = {"first_image_after_s": time.perf_counter() - begin_s}
     result["against_cpu"] = _against_cpu(job, rasterizer, checks)
     result["batches"] = [_speed(job, rasterizer, size, seconds) for size in batches]
@@ -173,13 +165,13 @@ def _measured(job: Job, name: str, batches: Sequence[int], checks: int, seconds:
 def _against_cpu(job: Job, rasterizer: Any, checks: int) -> dict[str, Any]:
     camera, clouds = job.camera, [job.scene.cloud, *([job.scene.sky] if job.scene.sky is not None else [])]
     cpu = CpuRasterizer(
-        [pack_cloud(cloud) for cloud in clouds], list(job.avatars.values()), camera.K_px, camera.height_px,
+        [pack_cloud(cloud) for cloud in clouds], job.avatars, camera.K_px, camera.height_px,
         camera.width_px,
     )  # fmt: skip
-    poses, people = job.batch(0, checks)
-    ours = rasterizer.render_batch(poses, people).astype(np.float64)
-    error = ours - np.stack([cpu.render(T, group) for T, group in zip(poses, people, strict=True)])
-    again = rasterizer.render_batch(poses, people)
+    views = job.batch(0, checks)
+    ours = rasterizer.render(views).rgb.astype(np.float64)
+    error = ours - cpu.render(views).rgb
+    again = rasterizer.render(views).rgb
     return {
         "views": checks,
         "psnr_db": 10 * math.log10(255**2 / max(float((error**2).mean()), 1e-12)),
@@ -191,8 +183,8 @@ def _against_cpu(job: Job, rasterizer: Any, checks: int) -> dict[str, Any]:
 
 def _speed(job: Job, rasterizer: Any, size: int, seconds: float) -> dict[str, Any]:
     """Images per second with images left on the device, and with images copied to the host."""
-    on_device = _run_times_s(job, rasterizer.render_batch_on_device, size, seconds)
-    to_host = _run_times_s(job, rasterizer.render_batch, size, seconds)
+    on_device = _run_times_s(job, rasterizer.render_on_device, size, seconds)
+    to_host = _run_times_s(job, rasterizer.render, size, seconds)
     return {
         "cameras": size,
         "images_per_s": size / statistics.median(on_device),
@@ -205,14 +197,14 @@ def _speed(job: Job, rasterizer: Any, size: int, seconds: float) -> dict[str, An
 
 def _run_times_s(job: Job, draw: Any, size: int, seconds: float) -> list[float]:
     inputs = [job.batch(number, size) for number in range(BATCHES_IN_TURN)]
-    for poses, people in inputs:
-        draw(poses, people)
+    for views in inputs:
+        draw(views)
     times_s: list[float] = []
     while len(times_s) < 3 or sum(times_s) < seconds:
-        poses, people = inputs[len(times_s) % len(inputs)]
+        views = inputs[len(times_s) % len(inputs)]
         _await(job.device)
         begin_s = time.perf_counter()
-        draw(poses, people)
+        draw(views)
         _await(job.device)
         times_s.append(time.perf_counter() - begin_s)
     return times_s
@@ -222,8 +214,7 @@ def _stages_ms(job: Job, rasterizer: Any, size: int) -> dict[str, float]:
     """Device time of each stage per image [ms], from events between the launches."""
     marks: list[tuple[str, Any]] = []
     rasterizer.set_clock(lambda stage: marks.append((stage, _mark(job.device))))
-    poses, people = job.batch(1, size)
-    rasterizer.render_batch_on_device(poses, people)
+    rasterizer.render_on_device(job.batch(1, size))
     marks.append(("end", _mark(job.device)))
     _await(job.device)
     rasterizer.set_clock(lambda stage: None)
@@ -251,7 +242,7 @@ def _sweep(job: Job, batches: Sequence[int], seconds: float) -> Iterator[dict[st
     ]
     for size, change in changes:
         settings = replace(base, **change)
-        times_s = _run_times_s(job, job.rasterizer("triton", settings).render_batch_on_device, size, seconds / 3)
+        times_s = _run_times_s(job, job.rasterizer("triton", settings).render_on_device, size, seconds / 3)
         yield {"cameras": size, "settings": asdict(settings), "images_per_s": size / statistics.median(times_s)}
 
 
@@ -288,6 +279,7 @@ def _views(
     """Cameras in the robot's free area, with people ahead of them, each in a pose of its own."""
     rng = np.random.default_rng(0)
     occupancy = scene.maps.robot
+    names = list(avatars)
     cells = np.argwhere(largest_free_area(occupancy, 0.3)[0])
     for row, column in cells[rng.integers(0, len(cells), count)]:
         x_m, y_m = occupancy.frame.centre_m(int(row), int(column))
@@ -299,8 +291,9 @@ def _views(
             root = motion.root_m[step].copy()
             root[:2] = x_m + c * forward_m - s * left_m, y_m + s * forward_m + c * left_m
             pose = motion.pose_axis_angle[step]
-            group.append(PosedPerson(avatar=k % len(avatars), root_m=root, pose_axis_angle=pose))
-        yield View(camera.T_world_camera(x_m, y_m, yaw_rad, scene.maps.floor.at(x_m, y_m)), tuple(group))
+            group.append(PosedHuman(avatar=names[k % len(names)], root_m=root, pose_axis_angle=pose))
+        T_world_camera = camera.T_world_camera(x_m, y_m, yaw_rad, scene.maps.floor.at(x_m, y_m))
+        yield View(T_world_camera=T_world_camera, humans=tuple(group))
 
 
 def _motion(path: Path | None) -> Motion:

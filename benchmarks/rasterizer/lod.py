@@ -89,7 +89,7 @@ def _likeness(setting: Setting, exact: CpuRasterizer, lod: CpuRasterizer) -> dic
     psnr_db = []
     for place in setting.places:
         view = setting.view(place, 0)
-        psnr_db.append(_psnr_db(exact.render(*view), lod.render(*view)))
+        psnr_db.append(_psnr_db(exact.render([view]).rgb[0], lod.render([view]).rgb[0]))
     lowest, p5, median = np.percentile(psnr_db, (0, 5, 50))
     return {"psnr_lowest_db": float(lowest), "psnr_p5_db": float(p5), "psnr_median_db": float(median)}
 
@@ -106,10 +106,9 @@ def _speed(setting: Setting, rasterizers: Sequence[CpuRasterizer], views: int, r
         for number, place in enumerate(places):
             images = [setting.view(place, image) for image in range(IMAGES_PER_RUN)]
             for which, rasterizer in enumerate(rasterizers):
-                rasterizer.render(*images[0])
+                rasterizer.render(images[:1])
                 begin_s = time.thread_time()
-                for image in images[1:]:
-                    rasterizer.render(*image)
+                rasterizer.render(images[1:])
                 per_image_s = (time.thread_time() - begin_s) / (IMAGES_PER_RUN - 1)
                 spent_s[which, number] = min(spent_s[which, number], per_image_s)
     exact_s, lod_s = spent_s.mean(axis=1)

@@ -10,13 +10,14 @@ import json
 import math
 import time
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import tyro
 
 from readygo.benchmarks.rasterizer.setting import Job, open_setting
-from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer, PosedPerson
+from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
+from readygo.common.rasterizer.interface import View
 from readygo.common.rasterizer.packed.scene import pack_cloud
 
 SETS = (
@@ -54,8 +55,8 @@ def main(
     job = Job(scene=str(scene), avatar_folder=avatars, height_px=height_px, width_px=width_px, views=views, seed=seed)
     setting = open_setting(job)
     layers = [pack_cloud(setting.scenery.cloud(), normals=True)]
-    rasterizer = CpuRasterizer(layers, setting.avatars, setting.camera.K_px, height_px, width_px)
-    image_ms = np.mean([_fastest_ms(rasterizer, runs, *setting.view(place, 0)) for place in setting.places], axis=0)
+    rasterizer = CpuRasterizer(layers, setting.wardrobe, setting.camera.K_px, height_px, width_px)
+    image_ms = np.mean([_fastest_ms(rasterizer, runs, setting.view(place, 0)) for place in setting.places], axis=0)
     rows = [
         {"outputs": ",".join(names), "image_ms": float(ms), "extra_percent": float(100 * (ms / image_ms[0] - 1))}
         for names, ms in zip(SETS, image_ms, strict=True)
@@ -64,13 +65,13 @@ def main(
     print(json.dumps(rows) if json_output else "\n".join(line.format(**row) for row in rows))
 
 
-def _fastest_ms(rasterizer: CpuRasterizer, runs: int, T_world_camera: Any, people: list[PosedPerson]) -> list[float]:
+def _fastest_ms(rasterizer: CpuRasterizer, runs: int, view: View) -> list[float]:
     """Per set of images."""
     best = [math.inf] * len(SETS)
     for _ in range(runs + 1):
         for k, names in enumerate(SETS):
             start_s = time.thread_time()
-            rasterizer.render_images(T_world_camera, people, names)
+            rasterizer.render([view], names)
             best[k] = min(best[k], 1e3 * (time.thread_time() - start_s))
     return best
 

@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from readygo.benchmarks.rasterizer.runs import Render, make_gpu_render, make_render
+from readygo.benchmarks.rasterizer.runs import make_backend, make_gpu
 from readygo.benchmarks.rasterizer.setting import Setting
 from readygo.common.errors import ReadygoError
+from readygo.common.rasterizer.interface import Rasterizer
 
 PEER_GAUSSIANS_MAX = 3_000_000
 """Slow peers take minutes and gigabytes beyond this."""
@@ -27,31 +28,31 @@ class PeerResult:
     why_none: str = ""
 
 
-def _reference(setting: Setting, render: Render, gaussians: int) -> PeerResult:
+def _reference(setting: Setting, rasterizer: Rasterizer, gaussians: int) -> PeerResult:
     """The plain NumPy renderer, one image."""
     if gaussians > PEER_GAUSSIANS_MAX:
         return PeerResult(why_none=f"above {PEER_GAUSSIANS_MAX:,} Gaussians")
-    peer = make_render(replace(setting, job=replace(setting.job, backend="reference", lod="off")))
-    T, people = setting.view(setting.places[0], 0)
+    peer = make_backend(replace(setting, job=replace(setting.job, backend="reference", lod="off")))
+    view = setting.view(setting.places[0], 0)
     begin_s = time.thread_time()
-    image = peer(T, people)
+    image = peer.render([view]).rgb[0]
     spent_s = time.thread_time() - begin_s
-    return PeerResult(images_per_s=1 / spent_s, psnr_db=_psnr_db(image, render(T, people)))
+    return PeerResult(images_per_s=1 / spent_s, psnr_db=_psnr_db(image, rasterizer.render([view]).rgb[0]))
 
 
-def _gsplat(setting: Setting, render: Render, gaussians: int) -> PeerResult:
+def _gsplat(setting: Setting, rasterizer: Rasterizer, gaussians: int) -> PeerResult:
     """Gsplat on the GPU, one image per call."""
     try:
-        peer = make_gpu_render(setting, "gsplat")
+        peer = make_gpu(setting, "gsplat")
     except ReadygoError as error:
         return PeerResult(why_none=f"no gpu: {error}" if "CUDA" in str(error) else str(error))
-    T, people = setting.view(setting.places[0], 0)
-    image = peer(T, people)
+    view = setting.view(setting.places[0], 0)
+    image = peer.render([view]).rgb[0]
     begin_s = time.perf_counter()
     for _ in range(GPU_IMAGES):
-        peer(T, people)
+        peer.render([view])
     spent_s = (time.perf_counter() - begin_s) / GPU_IMAGES
-    return PeerResult(images_per_s=1 / spent_s, psnr_db=_psnr_db(image, render(T, people)))
+    return PeerResult(images_per_s=1 / spent_s, psnr_db=_psnr_db(image, rasterizer.render([view]).rgb[0]))
 
 
 def _psnr_db(image: npt.NDArray[np.uint8], other: npt.NDArray[np.uint8]) -> float:
@@ -59,5 +60,5 @@ def _psnr_db(image: npt.NDArray[np.uint8], other: npt.NDArray[np.uint8]) -> floa
     return 10 * math.log10(255**2 / max(error, 1e-9))
 
 
-PEERS: dict[str, Callable[[Setting, Render, int], PeerResult]] = {"reference": _reference, "gsplat": _gsplat}
-"""Name -> its measurement, given the setting, our renderer and the number of the scene's Gaussians."""
+PEERS: dict[str, Callable[[Setting, Rasterizer, int], PeerResult]] = {"reference": _reference, "gsplat": _gsplat}
+"""Name -> its measurement, given the setting, our rasterizer and the number of the scene's Gaussians."""

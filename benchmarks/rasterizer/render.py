@@ -18,10 +18,9 @@ from readygo.benchmarks.rasterizer.bound import bound_ms, mean_work, peak_fma_pe
 from readygo.benchmarks.rasterizer.peers import PEERS, PeerResult
 from readygo.benchmarks.rasterizer.runs import (
     RUNS,
-    Render,
     Timing,
     images_per_run,
-    make_render,
+    make_backend,
     measure,
     measure_in_processes,
     no_device,
@@ -30,6 +29,7 @@ from readygo.benchmarks.rasterizer.runs import (
 from readygo.benchmarks.rasterizer.scenery import gaussian_count
 from readygo.benchmarks.rasterizer.setting import Backend, Job, Placement, Setting, Switch, open_setting
 from readygo.common.errors import ConfigError
+from readygo.common.rasterizer.interface import Rasterizer
 from readygo.common.rasterizer.packed.scene import PackedScene
 
 BOUND_GAUSSIANS_MAX = 5_000_000
@@ -104,17 +104,17 @@ def run(job: Job, *, peers: bool = True) -> dict[str, Any]:
     missing = no_device(job)
     if missing:
         return {**result, "images_per_s": None, "why_none": missing}
-    render = make_render(setting)
+    rasterizer = make_backend(setting)
     layers = setting.scenery.layers()
     gaussians = _gaussians(layers)
     result |= {"gaussians": gaussians, "sh_degree": _degree(layers)}
-    timings = [measure(setting, render)] if job.threads == 1 else measure_in_processes(job)
+    timings = [measure(setting, rasterizer)] if job.threads == 1 else measure_in_processes(job)
     result |= speed(timings, wall=job.backend == "gpu")
     if job.backend == "cpu":
-        result["stages_ms"] = stages_ms(setting, render)
+        result["stages_ms"] = stages_ms(setting, rasterizer)
     if peers:
         result |= _bound(setting, layers, gaussians, result)
-        result["peers"] = _peers(setting, render, gaussians)
+        result["peers"] = _peers(setting, rasterizer, gaussians)
     return result
 
 
@@ -211,8 +211,8 @@ def _bound(setting: Setting, layers: list[PackedScene], gaussians: int, result: 
     }
 
 
-def _peers(setting: Setting, render: Render, gaussians: int) -> dict[str, dict[str, Any]]:
-    results: dict[str, PeerResult] = {name: peer(setting, render, gaussians) for name, peer in PEERS.items()}
+def _peers(setting: Setting, rasterizer: Rasterizer, gaussians: int) -> dict[str, dict[str, Any]]:
+    results: dict[str, PeerResult] = {name: peer(setting, rasterizer, gaussians) for name, peer in PEERS.items()}
     return {name: {k: v for k, v in asdict(peer).items() if v not in (None, "")} for name, peer in results.items()}
 
 

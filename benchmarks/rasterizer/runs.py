@@ -4,7 +4,7 @@ import hashlib
 import importlib.util
 import multiprocessing
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,29 +16,28 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from readygo.apps.paths import cache_folder
 from readygo.benchmarks.rasterizer.setting import Job, Setting, open_setting
 from readygo.common.avatars.file import avatar_hash
 from readygo.common.errors import ConfigError
+from readygo.common.files import cache_folder
 from readygo.common.rasterizer.cpu import blend as cpu_blend
 from readygo.common.rasterizer.cpu import rasterizer as cpu
-from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer, PosedPerson
+from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
 from readygo.common.rasterizer.gpu.availability import require_kernels
+from readygo.common.rasterizer.interface import Rasterizer, View
 from readygo.common.rasterizer.lod.files import load_or_build_avatar_tree, load_or_build_tree
 from readygo.common.rasterizer.packed.scene import PackedScene
-from readygo.common.rasterizer.reference import rasterize_reference
+from readygo.common.rasterizer.reference import ReferenceRasterizer
 from readygo.common.rasterizer.warm import warm
 
-Pose = npt.NDArray[np.float64]
 Seconds = npt.NDArray[np.float64]
-Render = Callable[[Pose, Sequence[PosedPerson]], npt.NDArray[np.uint8]]
 
 STAGES: dict[str, tuple[tuple[ModuleType, str], ...]] = {
     "cull": tuple(
-        (cpu, name) for name in ("cull_scene", "cull_person", "cull_tree", "cull_person_tree", "joint_transforms")
+        (cpu, name) for name in ("cull_scene", "cull_human", "cull_tree", "cull_human_tree", "joint_transforms")
     ),
     "project_scene": ((cpu, "project_scene"),),
-    "pose_and_project_people": ((cpu, "project_person"),),
+    "pose_and_project_people": ((cpu, "project_human"),),
     "sort": ((cpu_blend, "begin_slab"), (cpu_blend, "sort_keys")),
     "bin": ((cpu_blend, "fill_tiles"),),
     "blend": ((cpu_blend, "begin_image"), (cpu_blend, "blend_tiles"), (cpu_blend, "write_bytes")),
@@ -71,8 +70,8 @@ def _has_gpu() -> bool:
     return bool(torch.cuda.is_available())
 
 
-def make_render(setting: Setting) -> Render:
-    """The backend's drawing function for a setting.
+def make_backend(setting: Setting) -> Rasterizer:
+    """The job's rasterizer of a setting.
 
     Raises:
         ConfigError: If the backend lacks what the job asks for.
@@ -83,9 +82,9 @@ def make_render(setting: Setting) -> Render:
     return BACKENDS[job.backend](setting)
 
 
-def _cpu(setting: Setting) -> Render:
+def _cpu(setting: Setting) -> Rasterizer:
     warm()
-    return make_cpu(setting, lod=setting.job.lod == "on").render
+    return make_cpu(setting, lod=setting.job.lod == "on")
 
 
 def make_cpu(setting: Setting, *, lod: bool) -> CpuRasterizer:
@@ -93,16 +92,16 @@ def make_cpu(setting: Setting, *, lod: bool) -> CpuRasterizer:
     camera, layers = setting.camera, setting.scenery.layers()
     size = camera.height_px, camera.width_px
     if not lod:
-        return CpuRasterizer(layers, setting.avatars, camera.K_px, *size)
+        return CpuRasterizer(layers, setting.wardrobe, camera.K_px, *size)
     trees = [
         load_or_build_tree(cache_folder("benchmarks") / f"lod-{digest(layer)}", partial(_itself, layer))
         for layer in layers
     ]
-    packed = [
-        load_or_build_avatar_tree(cache_folder("benchmarks") / f"lod-{avatar_hash(avatar)[:16]}", avatar)
-        for avatar in setting.avatars
-    ]
-    return CpuRasterizer(trees, setting.avatars, camera.K_px, *size, packed_avatars=packed)
+    packed = {
+        name: load_or_build_avatar_tree(cache_folder("benchmarks") / f"lod-{avatar_hash(avatar)[:16]}", avatar)
+        for name, avatar in setting.wardrobe.items()
+    }
+    return CpuRasterizer(trees, setting.wardrobe, camera.K_px, *size, packed_avatars=packed)
 
 
 def _itself(layer: PackedScene) -> PackedScene:
@@ -115,20 +114,12 @@ def digest(layer: PackedScene) -> str:
     return hashlib.sha256(b"".join(hashlib.sha256(array.data).digest() for array in arrays)).hexdigest()[:16]
 
 
-def _reference(setting: Setting) -> Render:
-    scene, camera = setting.scenery.cloud(), setting.camera
-
-    def render(T: Pose, people: Sequence[PosedPerson]) -> npt.NDArray[np.uint8]:
-        images = rasterize_reference(
-            setting.cloud(scene, list(people)), T, camera.K_px, camera.height_px, camera.width_px
-        )
-        return (np.clip(images.rgb, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
-
-    return render
+def _reference(setting: Setting) -> Rasterizer:
+    return ReferenceRasterizer([setting.scenery.cloud()], setting.wardrobe, setting.camera)
 
 
-def make_gpu_render(setting: Setting, kernels: str) -> Render:
-    """The GPU's drawing function, one image per call; `benchmarks/rasterizer/gpu.py` measures batches.
+def make_gpu(setting: Setting, kernels: str) -> Rasterizer:
+    """The GPU's rasterizer of a setting, one view per call here; `benchmarks/rasterizer/gpu.py` measures batches.
 
     Raises:
         ReadygoError: If the kernels cannot run here.
@@ -139,14 +130,14 @@ def make_gpu_render(setting: Setting, kernels: str) -> Render:
     camera = setting.camera
     clouds = [setting.scenery.cloud()]
     size = camera.height_px, camera.width_px
-    return GpuRasterizer(clouds, setting.avatars, camera.K_px, *size, kernels=kernels).render
+    return GpuRasterizer(clouds, setting.wardrobe, camera.K_px, *size, kernels=kernels)
 
 
-def _gpu(setting: Setting) -> Render:
-    return make_gpu_render(setting, "triton")
-
-
-BACKENDS: dict[str, Callable[[Setting], Render]] = {"cpu": _cpu, "gpu": _gpu, "reference": _reference}
+BACKENDS: dict[str, Callable[[Setting], Rasterizer]] = {
+    "cpu": _cpu,
+    "gpu": partial(make_gpu, kernels="triton"),
+    "reference": _reference,
+}
 
 
 def images_per_run(job: Job) -> int:
@@ -154,7 +145,7 @@ def images_per_run(job: Job) -> int:
     return max(1, job.frames // (job.views * RUNS))
 
 
-def measure(setting: Setting, render: Render, wait: Callable[[], object] = lambda: None) -> Timing:
+def measure(setting: Setting, rasterizer: Rasterizer, wait: Callable[[], object] = lambda: None) -> Timing:
     """Draw all views, `RUNS` times.
 
     Before the clock starts, every view is drawn once; the first image of every view in every run is not timed, because
@@ -162,21 +153,21 @@ def measure(setting: Setting, render: Render, wait: Callable[[], object] = lambd
 
     Args:
         setting: What to draw.
-        render: How.
+        rasterizer: Draws, one view at a time.
         wait: Called between warm-up and measurement.
     """
     count = images_per_run(setting.job)
     views = [[setting.view(place, image) for image in range(count + 1)] for place in setting.places]
     for images in views:
-        render(*images[0])
+        rasterizer.render([images[0]])
     wait()
     cpu_s, wall_s = np.empty((2, RUNS, len(views), count))
     for run in range(RUNS):
         for number, images in enumerate(views):
-            render(*images[0])
+            rasterizer.render([images[0]])
             for image in range(count):
                 cpu, wall = time.thread_time(), time.perf_counter()
-                render(*images[image + 1])
+                rasterizer.render([images[image + 1]])
                 cpu_s[run, number, image] = time.thread_time() - cpu
                 wall_s[run, number, image] = time.perf_counter() - wall
     return Timing(cpu_s=cpu_s, wall_s=wall_s)
@@ -197,7 +188,7 @@ def _measure_in_process(job: Job, number: int) -> Timing:
         # Each process begins at another view, so that they do not read the same chunks at the same time.
         first = number * len(setting.places) // job.threads
         setting.places[:] = setting.places[first:] + setting.places[:first]
-        return measure(setting, make_render(setting), _barrier.wait)
+        return measure(setting, make_backend(setting), _barrier.wait)
     except BaseException:
         _barrier.abort()
         raise
@@ -212,19 +203,19 @@ def measure_in_processes(job: Job) -> list[Timing]:
         return [future.result() for future in pending]
 
 
-def stages_ms(setting: Setting, render: Render) -> dict[str, float]:
+def stages_ms(setting: Setting, rasterizer: Rasterizer) -> dict[str, float]:
     """CPU time per image of each stage of the CPU rasterizer [ms], and of everything else."""
     images = [view for place in setting.places for view in _stage_images(setting, place)]
     with _clocks() as spent_s:
         begin_s = time.thread_time()
-        for T, people in images:
-            render(T, people)
+        for view in images:
+            rasterizer.render([view])
         total_s = time.thread_time() - begin_s
     stages = {name: 1e3 * seconds / len(images) for name, seconds in spent_s.items()}
     return {**stages, "everything_else": 1e3 * total_s / len(images) - sum(stages.values())}
 
 
-def _stage_images(setting: Setting, place: Any) -> list[tuple[Pose, list[PosedPerson]]]:
+def _stage_images(setting: Setting, place: Any) -> list[View]:
     return [setting.view(place, image) for image in range(max(4, images_per_run(setting.job)))]
 
 

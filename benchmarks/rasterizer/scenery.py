@@ -11,20 +11,21 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.apps.commands.scene_argument import open_scene
-from readygo.apps.paths import cache_folder
 from readygo.benchmarks.rasterizer import synthetic_room
 from readygo.common.avatars import Avatar
 from readygo.common.errors import ConfigError
+from readygo.common.files import cache_folder
 from readygo.common.frames import matrix_from_quat
 from readygo.common.gaussians import GaussianCloud, concatenate
 from readygo.common.maps import FloorMap, OccupancyMap, clearance_m, largest_free_area
 from readygo.common.messages import Motion
+from readygo.common.rasterizer.backends import packed_cloud
 from readygo.common.rasterizer.packed.scene import PackedScene, load_or_pack
 from readygo.common.robot import CameraConfig
 from readygo.common.robot.kinematics import DT_S
 from readygo.common.scenes import Scene
 from readygo.services.animator import AnimatorConfig, skeleton_of, walk
-from readygo.services.renderer.drawing import packed_layers
+from readygo.services.renderer.drawing import pack_folder, static_clouds
 
 TURN_RAD = 0.01
 """The camera's turn per image: 0.2 rad/s at 20 Hz."""
@@ -67,7 +68,7 @@ def scene_scenery(scene: Scene) -> Scenery:
     """A bundle's scenery."""
     return Scenery(
         name=scene.name,
-        layers=lambda: packed_layers(scene),
+        layers=lambda: [packed_cloud(cloud, pack_folder(scene)) for cloud in static_clouds(scene)],
         cloud=lambda: scene.cloud if scene.sky is None else concatenate([scene.cloud, scene.sky]),
         occupancy=scene.maps.robot,
         floor=scene.maps.floor,

@@ -25,6 +25,7 @@ from readygo.common.messages import HumanMotion, Motion
 from readygo.common.robot import CameraConfig, RobotConfig, step_unicycle
 from readygo.common.scenes import Scene, load_scene
 from readygo.services.renderer import Renderer, RendererConfig
+from readygo.services.renderer.capture import Shot
 from readygo.services.renderer.sensor.motion import Timeline
 from readygo.services.renderer.sensor.recipes import sensor_phone_like
 from readygo.services.renderer.sensor.streams import SensorStream
@@ -86,7 +87,7 @@ def main(
             for name, renderer in renderers.items():
                 drawn = renderer.capture.camera_of(SensorStream((1, 2)))
                 begin_s = time.thread_time()
-                renderer.capture.take(drawn, timeline.at, STEPS - 2)
+                list(renderer.capture.take([Shot(camera=drawn, moment_at=timeline.at, step=STEPS - 2)]))
                 best[name] = min(best[name], time.thread_time() - begin_s)
         for name, seconds in best.items():
             frame_s[name] += seconds / views
@@ -111,7 +112,7 @@ def _timeline(setting: Setting, place: Place) -> Timeline:
     rows = [(place.x_m, place.y_m, place.yaw_rad)]
     for _ in range(STEPS):
         rows.append(step_unicycle(*rows[-1], 0.3, 0.8))
-    views = [setting.view(place, step)[1] for step in range(STEPS)]
+    views = [setting.view(place, step).humans for step in range(STEPS)]
     humans = tuple(
         HumanMotion(
             avatar=avatar.name,

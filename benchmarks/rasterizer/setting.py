@@ -1,18 +1,18 @@
 """What `readygo bench render` draws: the images of its views, from its command line."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from readygo.benchmarks.rasterizer.scenery import Place, Scenery, open_scenery, random_places, walk_motion, wearers
 from readygo.common.avatars import Avatar, load_avatars, pose_avatar
 from readygo.common.errors import ConfigError
 from readygo.common.gaussians import GaussianCloud, concatenate
 from readygo.common.messages import Motion
-from readygo.common.rasterizer.cpu.rasterizer import PosedPerson
+from readygo.common.rasterizer.interface import PosedHuman, View
 from readygo.common.robot import CameraConfig
 
 Backend = Literal["cpu", "gpu", "reference"]
@@ -64,22 +64,28 @@ class Setting:
     motions: list[Motion]
     """One per person."""
 
-    def view(self, place: Place, image: int) -> tuple[npt.NDArray[np.float64], list[PosedPerson]]:
-        """Camera pose and people at image number `image` of a standpoint: a step of 0.05 s per image."""
-        people = [self._person(number, place, image) for number in range(len(self.avatars))]
-        return place.T_world_camera(self.camera, image), people
+    @property
+    def wardrobe(self) -> dict[str, Avatar]:
+        """The avatars by name."""
+        return {avatar.name: avatar for avatar in self.avatars}
 
-    def _person(self, number: int, place: Place, image: int) -> PosedPerson:
+    def view(self, place: Place, image: int) -> View:
+        """Image number `image` of a standpoint: a step of 0.05 s per image."""
+        humans = [self._human(number, place, image) for number in range(len(self.avatars))]
+        return View(T_world_camera=place.T_world_camera(self.camera, image), humans=humans)
+
+    def _human(self, number: int, place: Place, image: int) -> PosedHuman:
         motion = self.motions[number]
         first = FIRST_ROW + ROWS_APART * number
         start, row = motion.root_m[first % len(motion.root_m)], (first + image) % len(motion.root_m)
         x_m, y_m, floor_m = place.people_m[number]
         root_m = motion.root_m[row] + np.array([x_m - start[0], y_m - start[1], floor_m])
-        return PosedPerson(avatar=number, root_m=root_m, pose_axis_angle=motion.pose_axis_angle[row])
+        name = self.avatars[number].name
+        return PosedHuman(avatar=name, root_m=root_m, pose_axis_angle=motion.pose_axis_angle[row])
 
-    def cloud(self, scene: GaussianCloud, people: list[PosedPerson]) -> GaussianCloud:
+    def cloud(self, scene: GaussianCloud, humans: Sequence[PosedHuman]) -> GaussianCloud:
         """One cloud of everything, for renderers that pose nobody themselves."""
-        bodies = [pose_avatar(self.avatars[p.avatar], p.root_m, p.pose_axis_angle) for p in people]
+        bodies = [pose_avatar(self.wardrobe[p.avatar], p.root_m, p.pose_axis_angle) for p in humans]
         return concatenate([scene, *bodies]) if bodies else scene
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.gaussians import GaussianCloud
+from readygo.common.gaussians import GaussianCloud, sh_of_rgb
 from readygo.common.maps import FloorMap, GridFrame, OccupancyMap
 
 Floats = npt.NDArray[np.float64]
@@ -30,7 +30,6 @@ FUZZY_SHARE = 0.12
 BLOCK = 1 << 17
 """Gaussians that are drawn from one random stream, so that memory is bounded."""
 CELL_M = 0.05
-_C0 = 0.28209479177387814
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -236,5 +235,5 @@ def _colours(sheet: Sheet, means_m: Floats, rng: np.random.Generator) -> Singles
     sh = rng.standard_normal((len(means_m), COEFFICIENTS, 3), dtype=np.float32)
     for band, spread in ((1, 0.04), (2, 0.02), (3, 0.015)):
         sh[:, band * band : (band + 1) ** 2] *= np.float32(spread)
-    sh[:, 0] = (rgb - 0.5) / _C0
+    sh[:, 0] = sh_of_rgb(rgb)
     return sh

@@ -46,8 +46,7 @@ def main(
         command = [sys.executable, "-m", "readygo", "generate", scene, "--out", f"{folder}/data", "--json"]
         command += ["--episodes", str(episodes), "--workers", str(workers), "--detail", detail]
         command += ["--avatars", str(avatars)] if avatars else []
-        root = Path(__file__).resolve().parents[2]
-        with subprocess.Popen(command, cwd=root, stdout=subprocess.DEVNULL) as run:
+        with subprocess.Popen(command, stdout=subprocess.DEVNULL) as run:
             readings = _watched(run)
         if run.returncode:
             raise SystemExit(run.returncode)

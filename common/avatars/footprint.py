@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from readygo.common.avatars.avatar import Avatar
 from readygo.common.avatars.kinematics import fill_joint_transforms, posed_point
+from readygo.common.kernels import compiled
 from readygo.common.messages.checks import check_array
 from readygo.common.messages.motion import Motion
 
@@ -130,7 +130,7 @@ def _representatives(
     return weights, order[first]
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@compiled
 def _fill_footprint(
     root: Float64Array,
     pose: Float64Array,

@@ -15,11 +15,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from readygo.common.camera.config import COEFFICIENT_NAMES, CameraConfig
 from readygo.common.camera.sensor import SensorConfig
 from readygo.common.errors import ConfigError
+from readygo.common.kernels import compiled
 
 Floats = npt.NDArray[np.float64]
 
@@ -131,21 +131,21 @@ def _border(height_px: int, width_px: int) -> Floats:
     return np.concatenate([top, bottom, left, right])
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _growth(c: Floats, s: float) -> float:
     """g(s) / s."""
     t = s * s
     return float(1.0 + t * (c[0] + t * (c[1] + t * (c[2] + t * c[3]))))
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _slope(c: Floats, s: float) -> float:
     """Derivative of g."""
     t = s * s
     return float(1.0 + t * (3.0 * c[0] + t * (5.0 * c[1] + t * (7.0 * c[2] + t * 9.0 * c[3]))))
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _grows_until(c: Floats, s_limit: float) -> float:
     """The largest s up to `s_limit` before which g grows everywhere."""
     for step in range(1, FOLD_STEPS + 1):
@@ -154,7 +154,7 @@ def _grows_until(c: Floats, s_limit: float) -> float:
     return s_limit
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _inverse(c: Floats, s_max: float, q: float) -> float:
     """The s with g(s) = q, by Newton's method between bounds; NaN beyond `s_max`."""
     low, high = 0.0, s_max
@@ -178,7 +178,7 @@ def _inverse(c: Floats, s_max: float, q: float) -> float:
     return s
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _distorted(c: Floats, x: float, y: float) -> tuple[float, float, float, float, float]:
     """Brown-Conrady: image point over focal length of (x, y), and its derivatives xx, xy (= yx), yy."""
     r2, p1, p2 = x * x + y * y, c[4], c[5]
@@ -195,7 +195,7 @@ def _distorted(c: Floats, x: float, y: float) -> tuple[float, float, float, floa
     )
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _ray(fisheye: bool, c: Floats, s_max: float, xd: float, yd: float) -> tuple[float, float]:
     """The ray (x, y) behind an image point over the focal length; NaN where there is none."""
     q = math.sqrt(xd * xd + yd * yd)
@@ -222,7 +222,7 @@ def _ray(fisheye: bool, c: Floats, s_max: float, xd: float, yd: float) -> tuple[
     return x, y
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _rays(uv: Floats, fisheye: bool, c: Floats, s_max: float, intrinsics: tuple[float, float, float, float]) -> Floats:
     fx, fy, cx, cy = intrinsics
     out = np.empty_like(uv)
@@ -231,7 +231,7 @@ def _rays(uv: Floats, fisheye: bool, c: Floats, s_max: float, intrinsics: tuple[
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _pixels(
     xy: Floats, fisheye: bool, c: Floats, s_max: float, intrinsics: tuple[float, float, float, float]
 ) -> Floats:

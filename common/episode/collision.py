@@ -9,14 +9,14 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from readygo.common.kernels import compiled
 from readygo.common.maps import OccupancyMap
 
 Float64Array = npt.NDArray[np.float64]
 
 
-@njit(cache=True)
+@compiled
 def disc_meets_cells(
     occupied: npt.NDArray[np.bool_],
     origin_x_m: float,

@@ -8,7 +8,8 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
+
+from readygo.common.kernels import compiled
 
 Array = npt.NDArray[np.float32]
 
@@ -18,25 +19,25 @@ SCALE_MIN_M = 1e-20
 """Smallest scale whose logarithm is stored."""
 
 
-@njit(cache=True)
+@compiled
 def _exp(x: npt.NDArray[np.float32], out: npt.NDArray[np.float32]) -> None:
     for i in range(x.size):
         out[i] = math.exp(x[i])
 
 
-@njit(cache=True)
+@compiled
 def _log(x: npt.NDArray[np.float32], minimum: float, out: npt.NDArray[np.float32]) -> None:
     for i in range(x.size):
         out[i] = math.log(max(float(x[i]), minimum))
 
 
-@njit(cache=True)
+@compiled
 def _sigmoid(x: npt.NDArray[np.float32], out: npt.NDArray[np.float32]) -> None:
     for i in range(x.size):
         out[i] = 1.0 / (1.0 + math.exp(-x[i]))
 
 
-@njit(cache=True)
+@compiled
 def _logit(p: npt.NDArray[np.float32], limit: float, out: npt.NDArray[np.float32]) -> None:
     for i in range(p.size):
         if p[i] <= 0.0:

@@ -13,9 +13,9 @@ from readygo.common.gaussians.activations import scales_from_logs
 from readygo.common.gaussians.cloud import GaussianCloud
 from readygo.common.gaussians.ply import sh_from_channels, sh_rest_names
 from readygo.common.gaussians.ply_format import Table, columns, require_fields
+from readygo.common.gaussians.spherical_harmonics import sh_of_rgb
 
 CHUNK_SIZE = 256
-SH_C0 = 0.28209479177387814
 
 _PACKED = ["packed_position", "packed_rotation", "packed_scale", "packed_color"]
 _WHAT = "a PlayCanvas compressed PLY"
@@ -53,7 +53,7 @@ def cloud_from_compressed_ply(tables: dict[str, Table], path: Path) -> GaussianC
         quats_wxyz=_unpack_rotation(vertices["packed_rotation"]),
         scales_m=scales_from_logs(log_scales.astype(np.float32)),
         opacities=colour[:, 3].astype(np.float32),
-        sh=sh_from_channels(((rgb - 0.5) / SH_C0).astype(np.float32), _sh_rest(tables.get("sh"), count, path)),
+        sh=sh_from_channels(sh_of_rgb(rgb).astype(np.float32), _sh_rest(tables.get("sh"), count, path)),
     )
 
 

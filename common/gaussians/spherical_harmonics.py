@@ -1,23 +1,32 @@
 """Real spherical harmonics in 3DGS order and sign, degrees 0 to 3, and their rotation."""
 
 from functools import cache
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 Floats = npt.NDArray[np.float64]
 
-_C1 = 0.4886025119029199
-_C2 = (1.0925484305920792, -1.0925484305920792, 0.31539156525252005, -1.0925484305920792, 0.5462742152960396)
-_C3 = (
-    -0.5900435899266435,
-    2.890611442640554,
-    -0.4570457994644658,
-    0.3731763325901154,
-    -0.4570457994644658,
-    1.445305721320277,
-    -0.5900435899266435,
-)
+SH_C0 = 0.28209479177387814
+SH_C1 = 0.4886025119029199
+SH_C2 = 1.0925484305920792
+SH_C20 = 0.31539156525252005
+SH_C3 = 0.5900435899266435
+SH_C30 = 0.3731763325901154
+SH_C31 = 0.4570457994644658
+SH_C32 = 1.445305721320277
+"""Factors of the basis polynomials: of degree 0, 1, 2 and 3; the second digit is the order where orders differ."""
+
+
+def rgb_of_sh(sh: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Colours, 0..1, of coefficients of degree 0, not clipped; any shape."""
+    return 0.5 + SH_C0 * sh
+
+
+def sh_of_rgb(rgb: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Coefficients of degree 0 of colours, 0..1; any shape."""
+    return (rgb - 0.5) / SH_C0
 
 
 def sh_basis(directions: npt.ArrayLike, degree: int) -> Floats:
@@ -31,26 +40,30 @@ def sh_basis(directions: npt.ArrayLike, degree: int) -> Floats:
         Values, shape (N, (degree + 1)^2).
     """
     x, y, z = np.asarray(directions, dtype=np.float64).T
-    xx, yy, zz = x * x, y * y, z * z
-    values = [
-        np.full_like(x, 0.28209479177387814),
-        -_C1 * y,
-        _C1 * z,
-        -_C1 * x,
-        _C2[0] * x * y,
-        _C2[1] * y * z,
-        _C2[2] * (2 * zz - xx - yy),
-        _C2[3] * x * z,
-        _C2[4] * (xx - yy),
-        _C3[0] * y * (3 * xx - yy),
-        _C3[1] * x * y * z,
-        _C3[2] * y * (4 * zz - xx - yy),
-        _C3[3] * z * (2 * zz - 3 * xx - 3 * yy),
-        _C3[4] * x * (4 * zz - xx - yy),
-        _C3[5] * z * (xx - yy),
-        _C3[6] * x * (xx - 3 * yy),
-    ]
+    values = [np.full_like(x, SH_C0), *sh_polynomials(x, y, z)]
     return np.stack(values[: (degree + 1) ** 2], axis=1)
+
+
+def sh_polynomials(x: Any, y: Any, z: Any) -> list[Any]:
+    """Basis functions of degrees 1 to 3 at unit vectors: 15 values of the shape of `x`, arrays or tensors."""
+    xx, yy, zz = x * x, y * y, z * z
+    return [
+        -SH_C1 * y,
+        SH_C1 * z,
+        -SH_C1 * x,
+        SH_C2 * x * y,
+        -SH_C2 * y * z,
+        SH_C20 * (2 * zz - xx - yy),
+        -SH_C2 * x * z,
+        0.5 * SH_C2 * (xx - yy),
+        -SH_C3 * y * (3 * xx - yy),
+        2 * SH_C32 * x * y * z,
+        -SH_C31 * y * (4 * zz - xx - yy),
+        SH_C30 * z * (2 * zz - 3 * xx - 3 * yy),
+        -SH_C31 * x * (4 * zz - xx - yy),
+        SH_C32 * z * (xx - yy),
+        -SH_C3 * x * (xx - 3 * yy),
+    ]
 
 
 @cache

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.images.images import Images
+from readygo.common.images.images import FIELDS, Images
 
 Singles = npt.NDArray[np.float32]
 Bytes = npt.NDArray[np.uint8]
@@ -36,8 +36,6 @@ _NO_NORMAL = 128
 class _Format:
     """How one output is stored."""
 
-    field: str
-    """Its field in `Images`."""
     dtype: Any
     channel_count: int
     flat: bool
@@ -80,11 +78,11 @@ def _same(pixels: Bytes) -> Bytes:
 
 
 _FORMATS: Mapping[str, _Format] = {
-    "depth": _Format("depth_m", np.uint16, 1, False, _millimetres, _metres),
-    "median_depth": _Format("median_depth_m", np.uint16, 1, False, _millimetres, _metres),
-    "alpha": _Format("alpha", np.uint8, 1, True, _bytes_of_unit, _unit_of_bytes),
-    "mask": _Format("mask", np.uint8, 1, True, _same, _same),
-    "normal": _Format("normal", np.uint8, 3, False, _bytes_of_normal, _normal_of_bytes),
+    "depth": _Format(np.uint16, 1, False, _millimetres, _metres),
+    "median_depth": _Format(np.uint16, 1, False, _millimetres, _metres),
+    "alpha": _Format(np.uint8, 1, True, _bytes_of_unit, _unit_of_bytes),
+    "mask": _Format(np.uint8, 1, True, _same, _same),
+    "normal": _Format(np.uint8, 3, False, _bytes_of_normal, _normal_of_bytes),
 }
 
 
@@ -99,7 +97,7 @@ def encode_output(images: Images, name: str) -> bytes:
         ValueError: If the view has no such image.
     """
     form = _FORMATS[name]
-    image = getattr(images, form.field)
+    image = getattr(images, FIELDS[name])
     if image is None:
         raise ValueError(f"the view has no {name} image; ask for it when it is drawn.")
     pixels = form.to_pixels(image)

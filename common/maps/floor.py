@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from readygo.common.errors import SceneError
 from readygo.common.gaussians import GaussianCloud
+from readygo.common.kernels import compiled
 from readygo.common.maps.fill import box_mean, fill_smoothly
 from readygo.common.maps.floor_layers import COLUMN_M, CoarseFloor, find_coarse_floor
 from readygo.common.maps.grid import FloorMap, GridFrame
@@ -107,7 +107,7 @@ def _prior(coarse: CoarseFloor, frame: GridFrame, shape: tuple[int, int]) -> npt
     return surface.at_many(xy.reshape(-1, 2)).reshape(shape)
 
 
-@njit(cache=True)
+@compiled
 def _histogram(
     xyz: npt.NDArray[np.float32],
     area: npt.NDArray[np.float32],
@@ -126,7 +126,7 @@ def _histogram(
             masses[i, j, b] += area[n]
 
 
-@njit(cache=True)
+@compiled
 def _visible_offset(
     masses: npt.NDArray[np.float32], cell_m2: float
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from readygo.common.gaussians import GaussianCloud
+from readygo.common.kernels import compiled
 from readygo.common.maps.grid import FloorMap, GridFrame, OccupancyMap
 from readygo.common.maps.occupancy import VOXELS_PER_BAND, MapConfig
 from readygo.common.maps.voxels import opacity_sums
@@ -88,7 +88,7 @@ def sight_of_cloud(
     return SightMap(frame=frame, opaque=opaque, layer_m=per_bit * cell_m)
 
 
-@njit(cache=True)
+@compiled
 def _is_clear(
     opaque: UInt32Array,
     place: tuple[float, float, float, float],
@@ -110,7 +110,7 @@ def _is_clear(
     return True
 
 
-@njit(cache=True)
+@compiled
 def _sees_person(
     opaque: UInt32Array,
     place: tuple[float, float, float, float],

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.gaussians.covariance import rotation_of
+from readygo.common.kernels import compiled
 
 OPACITY_MIN = 0.1
 """Fainter Gaussians are haze, not floor."""
@@ -29,7 +29,7 @@ class SurfaceSamples:
     """Horizontal area inside 1 sigma times opacity that the sample stands for [m2], shape (N,)."""
 
 
-@njit(cache=True)
+@compiled
 def _sample(
     means: npt.NDArray[np.float32],
     quats: npt.NDArray[np.float32],

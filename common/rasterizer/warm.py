@@ -7,9 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from readygo.common.avatars import Avatar
+from readygo.common.files import make_cache_folder
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.rasterizer.cpu.project import project_scene
-from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer, PosedPerson
+from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
+from readygo.common.rasterizer.interface import PosedHuman, View
 from readygo.common.rasterizer.lod.avatar import AvatarTree
 from readygo.common.rasterizer.lod.tree import ChunkTree
 from readygo.common.rasterizer.packed.avatar import pack_avatar
@@ -17,22 +19,18 @@ from readygo.common.rasterizer.packed.scene import pack_cloud
 
 
 def warm(outputs: Sequence[str] = ("rgb",)) -> None:
-    """Compile the kernels, or load them from numba's cache.
+    """Compile the kernels, or load what is kept of them.
 
     Processes that do this at the same time wait for the first one and then load what it compiled.
 
     Args:
-        outputs: Images that will be asked for, see `CpuRasterizer.render_images`.
+        outputs: Images that will be asked for, see `Rasterizer.render`.
+
+    Raises:
+        ReadygoError: If there is no folder for what is compiled.
     """
-    folder = Path(project_scene._cache.cache_path)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        lock = (folder / "rasterizer.lock").open("w")
-    except OSError:
-        # Without a cache folder there is nothing to share.
-        _draw_something(outputs)
-        return
-    with lock:
+    folder = make_cache_folder(Path(project_scene._cache.cache_path))
+    with (folder / "rasterizer.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         _draw_something(outputs)
 
@@ -59,14 +57,15 @@ def _draw_something(outputs: Sequence[str]) -> None:
     )
     K_px = np.array([[16.0, 0.0, 8.0], [0.0, 16.0, 8.0], [0.0, 0.0, 1.0]])
     scene = pack_cloud(cloud, normals=True)
-    rasterizer = CpuRasterizer(scene, [avatar], K_px, 16, 16)
-    # In sight, or nothing of the person would be projected: SMPL's (0, 0, 2) is (0, -2, 0) with z up.
-    person = PosedPerson(avatar=0, root_m=np.array([0.0, 2.0, 2.0]), pose_axis_angle=np.zeros((24, 3)))
-    rasterizer.render(np.eye(4), [person])
-    rasterizer.render_float(np.eye(4), [person])
-    if set(outputs) - {"rgb"}:
-        rasterizer.render_images(np.eye(4), [person], outputs)
+    size = (16, 16)
+    # In sight, or nothing of the human would be projected: SMPL's (0, 0, 2) is (0, -2, 0) with z up.
+    human = PosedHuman(avatar="warm", root_m=np.array([0.0, 2.0, 2.0]), pose_axis_angle=np.zeros((24, 3)))
+    view = View(T_world_camera=np.eye(4), humans=(human,))
+    rasterizer = CpuRasterizer(scene, {"warm": avatar}, K_px, *size)
+    rasterizer.render([view])
+    rasterizer.render_float(view)
+    rasterizer.render([view], outputs)
     skip, pixel_m = np.ones(1, dtype=np.int64), np.zeros(1)
     tree = ChunkTree(scene=scene, skip=skip, pixel_m=pixel_m)
-    person_tree = AvatarTree(avatar=pack_avatar(avatar), skip=skip, pixel_m=pixel_m)
-    CpuRasterizer(tree, [avatar], K_px, 16, 16, packed_avatars=[person_tree]).render(np.eye(4), [person])
+    human_tree = AvatarTree(avatar=pack_avatar(avatar), skip=skip, pixel_m=pixel_m)
+    CpuRasterizer(tree, {"warm": avatar}, K_px, *size, packed_avatars={"warm": human_tree}).render([view])

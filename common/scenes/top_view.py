@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from readygo.common.gaussians import GaussianCloud, sh_basis
 from readygo.common.gaussians.covariance import covariance_of
+from readygo.common.kernels import compiled
 from readygo.common.maps.grid import FloorMap, GridFrame
 from readygo.common.scenes.scene import Scene
 
@@ -79,7 +79,7 @@ def draw_top_view(
     return TopView(rgb=np.ascontiguousarray(rgb), frame=frame)
 
 
-@njit(cache=True)
+@compiled
 def _paint(
     means: npt.NDArray[np.float32],
     quats: npt.NDArray[np.float32],

@@ -1,4 +1,4 @@
-"""Loads, stores and shuffles of sixteen-lane values (see `simd_types`); indices count array elements.
+"""Loads, stores and shuffles of sixteen-lane values (see `types`); indices count array elements.
 
 There are no bounds checks: the caller guarantees that the lanes lie within the array.
 """

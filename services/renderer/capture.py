@@ -5,9 +5,10 @@ Without a sensor an image is exactly what the rasterizer draws.
 
 import dataclasses
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import tee
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ import numpy.typing as npt
 from readygo.common.camera import CameraConfig, SensorConfig
 from readygo.common.camera.lens import Lens, make_lens
 from readygo.common.images.images import Images
+from readygo.common.rasterizer.interface import View, render_each
 from readygo.services.renderer.drawing import Drawing
 from readygo.services.renderer.sensor.faces import R_FACE_CAMERA, Faces, Remap, make_remap, plan_faces
 from readygo.services.renderer.sensor.light import LightSum, exposure_gain
@@ -25,6 +27,9 @@ from readygo.services.renderer.sensor.streams import SensorStream
 
 MomentAt = Callable[[float], Moment]
 """The moment at a simulation step, which need not be whole."""
+Exposure = tuple[Moment, npt.NDArray[np.int64], npt.NDArray[np.bool_]]
+"""A moment, its share in each row of the image, and the rows whose middle it is."""
+Floats = npt.NDArray[np.float64]
 EPISODE_CAMERAS_KEPT = 16
 """Remaps take 3 MB each for an image of 144x256."""
 
@@ -45,6 +50,17 @@ class EpisodeCamera:
     def distortion_model(self) -> str:
         """Foxglove's name of the lens: "plumb_bob", "kannala_brandt", or empty for a pinhole."""
         return {"none": "", "brown_conrady": "plumb_bob", "fisheye": "kannala_brandt"}[self.lens.distortion]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Shot:
+    """A frame to take."""
+
+    camera: EpisodeCamera
+    moment_at: MomentAt
+    """Camera pose and humans over time."""
+    step: int
+    """The frame's own step, at which its last row's exposure ends."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,7 +91,7 @@ class Capture:
     """Takes pictures."""
 
     drawing: Drawing
-    """Draws with the pinhole camera of `pinhole`."""
+    """Is drawn with the pinhole camera of `pinhole`."""
     pinhole: Pinhole
     sensor: SensorConfig
     camera: CameraConfig
@@ -92,33 +108,49 @@ class Capture:
         self._cameras.move_to_end(stream)
         return self._cameras[stream]
 
-    def take(self, camera: EpisodeCamera, moment_at: MomentAt, step: int, outputs: Sequence[str] = ("rgb",)) -> Images:
-        """The images of one frame.
+    def take(self, shots: Iterable[Shot], outputs: tuple[str, ...] = ("rgb",)) -> Iterator[Images]:
+        """The images of one frame after the other; views go to the rasterizer in batches as large as it likes them.
 
         Colour is what the sensor makes of the light. Depth, alpha, mask and normal have no noise and no blur: each
         pixel shows the middle of its row's exposure, at its centre. Depth is along the optical axis.
 
         Args:
-            camera: Of this episode.
-            moment_at: Camera pose and people over time.
-            step: The frame's own step, at which its last row's exposure ends.
+            shots: Frames; taken from the iterable only when they are drawn.
             outputs: Names out of `readygo.common.images.images.OUTPUTS`.
         """
         if self.camera.ideal and not self.sensor.varies:
-            moment = moment_at(float(step))
-            return self.drawing.draw_images(moment.T_world_camera, moment.humans, moment.step, outputs)
-        height, width = self.camera.height_px, self.camera.width_px
-        light, out = LightSum(height, width), None
-        for moment, weight, rows in _exposures(camera.shutter, moment_at, step):
-            poses = _face_poses(moment.T_world_camera, camera.remap)
-            names = outputs if rows.any() else ("rgb",)
-            faces = [self.drawing.draw_images(pose, moment.humans, moment.step, names) for pose in poses]
+            moments = (shot.moment_at(float(shot.step)) for shot in shots)
+            yield from self._images((moment, moment.T_world_camera, outputs) for moment in moments)
+            return
+        planned, ahead = tee((shot, _exposures(shot.camera.shutter, shot.moment_at, shot.step)) for shot in shots)
+        drawn = self._images(
+            (moment, pose, outputs if rows.any() else ("rgb",))
+            for shot, exposures in ahead
+            for moment, _, rows in exposures
+            for pose in _face_poses(moment.T_world_camera, shot.camera.remap)
+        )
+        for shot, exposures in planned:
+            yield self._developed(shot, exposures, drawn)
+
+    def _images(self, wanted: Iterable[tuple[Moment, Floats, tuple[str, ...]]]) -> Iterator[Images]:
+        views = ((self._view(moment, pose), outputs) for moment, pose, outputs in wanted)
+        return render_each(self.drawing.rasterizer, views)
+
+    def _view(self, moment: Moment, T_world_camera: Floats) -> View:
+        return self.drawing.view(T_world_camera, moment.humans, moment.step)
+
+    def _developed(self, shot: Shot, exposures: Sequence[Exposure], drawn: Iterator[Images]) -> Images:
+        """One frame of the images of its exposures' faces, which come next."""
+        camera = shot.camera
+        light, out = LightSum(self.camera.height_px, self.camera.width_px), None
+        for _, weight, rows in exposures:
+            faces = [next(drawn) for _ in (camera.remap.faces if camera.remap else (0,))]
             light.add(np.stack([face.rgb for face in faces]), camera.remap, weight)
             if rows.any():
                 seen = faces[0] if camera.remap is None else _looked_up(faces, camera.remap)
                 out = seen if out is None else _with_rows(out, seen, rows)
         assert out is not None
-        rgb = light.developed(camera.config, camera.gain, camera.stream.of_frame(step))
+        rgb = light.developed(camera.config, camera.gain, camera.stream.of_frame(shot.step))
         return dataclasses.replace(out, rgb=rgb)
 
     def _drawn(self, stream: SensorStream) -> EpisodeCamera:
@@ -140,11 +172,9 @@ class Capture:
         return next(known, None) or make_remap(lens, self.pinhole.faces)
 
 
-def _exposures(
-    shutter: Shutter, moment_at: MomentAt, step: int
-) -> list[tuple[Moment, npt.NDArray[np.int64], npt.NDArray[np.bool_]]]:
+def _exposures(shutter: Shutter, moment_at: MomentAt, step: int) -> list[Exposure]:
     """Moments, the share of each in each row, and the rows whose middle each is; equal neighbours become one."""
-    found: list[tuple[Moment, npt.NDArray[np.int64], npt.NDArray[np.bool_]]] = []
+    found: list[Exposure] = []
     for index, after in enumerate(shutter.steps):
         moment, weight, rows = moment_at(step + after), shutter.weight[index], shutter.middle == index
         if found and moment.equals(found[-1][0]):
@@ -171,7 +201,7 @@ def _face_poses(T_world_camera: npt.NDArray[np.float64], remap: Remap | None) ->
 def _looked_up(faces: Sequence[Images], remap: Remap) -> Images:
     """Images of the faces at the centres of the distorted image's pixels; depth along the camera's optical axis."""
     values: dict[str, npt.NDArray[Any]] = {}
-    for name in _names(faces[0]):
+    for name in faces[0].arrays():
         stacked = np.stack([getattr(face, name) for face in faces])
         values[name] = stacked.reshape(-1, *stacked.shape[3:])[remap.nearest]
         if name in ("depth_m", "median_depth_m"):
@@ -179,11 +209,6 @@ def _looked_up(faces: Sequence[Images], remap: Remap) -> Images:
         elif name == "normal":
             values[name] = _turned_back(values[name], remap)
     return Images(**values)
-
-
-def _names(images: Images) -> list[str]:
-    """The images that are there."""
-    return [entry.name for entry in dataclasses.fields(images) if getattr(images, entry.name) is not None]
 
 
 def _turned_back(normal: npt.NDArray[Any], remap: Remap) -> npt.NDArray[np.float32]:
@@ -197,7 +222,7 @@ def _turned_back(normal: npt.NDArray[Any], remap: Remap) -> npt.NDArray[np.float
 
 def _with_rows(images: Images, others: Images, rows: npt.NDArray[np.bool_]) -> Images:
     """Images whose given rows are those of others."""
-    values = {name: getattr(images, name).copy() for name in _names(images)}
+    values = {name: array.copy() for name, array in images.arrays().items()}
     for name, value in values.items():
         value[rows] = getattr(others, name)[rows]
     return Images(**values)

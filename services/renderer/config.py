@@ -5,9 +5,7 @@ from typing import Literal, get_args
 
 from readygo.common.camera import SensorConfig
 from readygo.common.images.images import OUTPUTS
-
-Backend = Literal["cpu", "reference", "triton", "gsplat"]
-GPU_BACKENDS = ("triton", "gsplat")
+from readygo.common.rasterizer.interface import GPU_BACKENDS, Backend
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -16,7 +14,7 @@ class RendererConfig:
 
     backend: Backend = "cpu"
     """"reference" is the slow oracle of `readygo.common.rasterizer.reference`: seconds per image; "triton" and "gsplat"
-    draw on a GPU, see `common/rasterizer/gpu`."""
+    draw on a GPU and are experimental: no GPU has measured them yet, see `common/rasterizer/gpu`."""
     image_format: Literal["jpeg", "png"] = "jpeg"
     """Encoding of recorded images; "png" is lossless."""
     jpeg_quality: int = 90

@@ -17,8 +17,9 @@ import numpy.typing as npt
 from readygo.common.avatars import Avatar
 from readygo.common.avatars.kinematics import fill_globals
 from readygo.common.gaussians import GaussianCloud
+from readygo.common.gaussians.spherical_harmonics import SH_C0
 from readygo.common.maps import FloorMap
-from readygo.services.renderer.sensor.motion import PosedHuman
+from readygo.common.rasterizer.interface import PosedHuman
 
 Floats = npt.NDArray[np.float64]
 
@@ -41,15 +42,15 @@ _HEEL_M, _TIP_M, _HALF_WIDTH_M = 0.07, 0.09, 0.035
 _ROWS = ((-0.09, 0.05, 0.09), (-0.045, 0.032, 0.22), (0.0, 0.032, 0.22), (0.045, 0.032, 0.22), (0.09, 0.05, 0.09))
 """Rows of Gaussians along a foot: place to its left [m], standard deviation [m], opacity on the ground."""
 _ALONG = 7
-_DARK_SH = -0.5 / 0.28209479177387814
+_DARK_SH = -0.5 / SH_C0
 """SH of black."""
 
 
 def shadow_cloud(
-    avatars: Mapping[str, Avatar], people: Sequence[PosedHuman], floor: FloorMap, p_WC: Floats
+    avatars: Mapping[str, Avatar], humans: Sequence[PosedHuman], floor: FloorMap, p_WC: Floats
 ) -> GaussianCloud | None:
-    """The shadows of people as a camera at `p_WC` [m] is to draw them; None if nobody casts one."""
-    feet = [foot for human in people for foot in _feet(avatars[human.avatar], human)]
+    """The shadows of humans as a camera at `p_WC` [m] is to draw them; None if nobody casts one."""
+    feet = [foot for human in humans for foot in _feet(avatars[human.avatar], human)]
     if not feet:
         return None
     ends = np.array([foot[:2] for foot in feet])

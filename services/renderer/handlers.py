@@ -3,7 +3,6 @@
 import math
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping, Sequence
-from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -11,9 +10,7 @@ import numpy.typing as npt
 from readygo.common.avatars import Avatar, LabelModel, human_labels
 from readygo.common.errors import AvatarError
 from readygo.common.frames import goal_in_robot_frame
-from readygo.common.gaussians import GaussianCloud
 from readygo.common.images.images import Images
-from readygo.common.maps import FloorMap
 from readygo.common.messages import (
     EpisodeHeader,
     EpisodeMotions,
@@ -31,13 +28,11 @@ from readygo.common.messages import (
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import STEP_NS
 from readygo.common.scenes import Scene
-from readygo.services.renderer.capture import Capture, EpisodeCamera, MomentAt, Pinhole, pinhole_of
-from readygo.services.renderer.config import GPU_BACKENDS, RendererConfig
-from readygo.services.renderer.contact_shadow import shadow_cloud
-from readygo.services.renderer.drawing import CpuDrawing, Drawing, ReferenceDrawing
+from readygo.services.renderer.capture import Capture, EpisodeCamera, MomentAt, Shot, pinhole_of
+from readygo.services.renderer.config import RendererConfig
+from readygo.services.renderer.drawing import make_drawing
 from readygo.services.renderer.encoding import encode_image, encode_outputs
-from readygo.services.renderer.gpu_drawing import GpuDrawing
-from readygo.services.renderer.sensor.motion import Moment, PosedHuman, Timeline
+from readygo.services.renderer.sensor.motion import Moment, Timeline
 from readygo.services.renderer.sensor.streams import SensorStream
 
 PEOPLE_KEPT = 512
@@ -57,7 +52,7 @@ class Renderer:
     def __init__(self, scene: Scene, avatars: Mapping[str, Avatar], robot: RobotConfig, config: RendererConfig) -> None:
         self.scene, self.robot, self.config = scene, robot, config
         pinhole = pinhole_of(config.sensor, robot.camera)
-        self.drawing = self._make_drawing(avatars, pinhole)
+        self.drawing = make_drawing(scene, avatars, pinhole, config)
         # Gaussians stay with the drawing, which maps them from the scene's cache if it can.
         self.skeletons = {name: avatar.skeleton() for name, avatar in avatars.items()}
         self.label_models = {name: LabelModel.from_avatar(avatar) for name, avatar in avatars.items() if config.labels}
@@ -69,15 +64,6 @@ class Renderer:
             sub_frames=config.sub_frames,
         )
         self._people: OrderedDict[str, tuple[HumanMotion, ...]] = OrderedDict()
-
-    def _make_drawing(self, avatars: Mapping[str, Avatar], pinhole: Pinhole) -> Drawing:
-        scene, config = self.scene, self.config
-        if config.backend in GPU_BACKENDS:
-            return GpuDrawing(scene, avatars, pinhole, config.backend)
-        shadows = partial(self._shadows, floor=scene.maps.floor) if config.contact_shadow else None
-        if config.backend == "cpu":
-            return CpuDrawing(scene, avatars, pinhole, config.outputs, detail=config.detail, shadows=shadows)
-        return ReferenceDrawing(scene, avatars, pinhole, shadows=shadows)
 
     def remember(self, people: People) -> None:
         """Keep people for later requests.
@@ -100,11 +86,6 @@ class Renderer:
         """Drop the people that were not asked for longest."""
         while len(self._people) > PEOPLE_KEPT:
             self._people.popitem(last=False)
-
-    def _shadows(
-        self, people: Sequence[PosedHuman], p_WC: npt.NDArray[np.float64], *, floor: FloorMap
-    ) -> GaussianCloud | None:
-        return shadow_cloud(self.skeletons, people, floor, p_WC)
 
     def check_avatars(self, humans: tuple[HumanMotion, ...]) -> None:
         """Raise AvatarError unless every human's avatar is loaded."""
@@ -130,15 +111,18 @@ def handle_render(renderer: Renderer, request: RenderRequest) -> RenderReply:
     rgb = np.empty((0, camera.height_px, camera.width_px, 3), dtype=np.uint8)
     unknown = tuple(key for key, humans in known.items() if humans is None)
     if not unknown and request.views:
-        rgb = np.stack([_view_rgb(renderer, view, known[view.people] or ()) for view in request.views])
+        shots = (_shot(renderer, view, known[view.people] or ()) for view in request.views)
+        rgb = np.empty((len(request.views), camera.height_px, camera.width_px, 3), dtype=np.uint8)
+        for number, images in enumerate(renderer.capture.take(shots)):
+            rgb[number] = images.rgb
     renderer.forget_old()
     return RenderReply(rgb=rgb, unknown_people=unknown)
 
 
-def _view_rgb(renderer: Renderer, view: RenderView, humans: tuple[HumanMotion, ...]) -> npt.NDArray[np.uint8]:
+def _shot(renderer: Renderer, view: RenderView, humans: tuple[HumanMotion, ...]) -> Shot:
     episode = SensorStream.of_people(view.people) if view.episode is None else SensorStream.of_episode(view.episode)
     camera = renderer.capture.camera_of(episode)
-    return renderer.capture.take(camera, _moments(renderer, view, humans), view.step).rgb
+    return Shot(camera=camera, moment_at=_moments(renderer, view, humans), step=view.step)
 
 
 def _moments(renderer: Renderer, view: RenderView, humans: tuple[HumanMotion, ...]) -> MomentAt:
@@ -203,8 +187,8 @@ def episode_samples(
         floor=renderer.scene.maps.floor,
         camera=renderer.robot.camera,
     )
-    for step in range(len(trajectory.xyyaw)):
-        images = renderer.capture.take(camera, timeline.at, step, renderer.config.outputs)
+    shots = (Shot(camera=camera, moment_at=timeline.at, step=step) for step in range(len(trajectory.xyyaw)))
+    for step, images in enumerate(renderer.capture.take(shots, renderer.config.outputs)):
         yield _sample(renderer, scenario, motions, trajectory, step, images)
 
 

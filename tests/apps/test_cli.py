@@ -12,7 +12,6 @@ import pytest
 from readygo.apps.cli import Command, parse, run_command
 from readygo.apps.commands import evaluate as evaluate_command
 from readygo.apps.commands.train import closed_loop
-from readygo.apps.compiled import _compiled_sources
 from readygo.apps.demo.demo import _clear
 from readygo.apps.run.config import RunConfig
 from readygo.commands import COMMANDS
@@ -168,33 +167,6 @@ def test_terminal_without_unicode_gets_question_marks() -> None:
     command = [*READYGO, "generate", "--help"]
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
-
-
-def test_cache_folder_that_cannot_be_made_is_said_in_one_line(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    environment = {"XDG_CACHE_HOME": str(tmp_path / "file"), "PATH": ""}
-    command = [*READYGO, "avatar", "list"]
-    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    assert done.stderr == f"readygo: Not a directory: {tmp_path / 'file' / 'readygo' / 'kernels'}.\n"
-
-
-def test_files_whose_constants_are_compiled_in_belong_to_the_compiled_ones(tmp_path: Path) -> None:
-    sources = {
-        "common/a/kernels.py": "from readygo.common.a.constants import NEAR_M\n@njit\ndef f(): return NEAR_M\n",
-        "common/a/constants.py": "from readygo.common.b import FAR_M\nNEAR_M = 1.0\n",
-        "common/b/__init__.py": "FAR_M = 2.0\n",
-        "common/b/other.py": "",
-        "services/c/handlers.py": "from readygo.common.a.constants import NEAR_M\n",
-    }
-    for name, source in sources.items():
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).write_text(source)
-    assert sorted(_compiled_sources(tmp_path)) == [
-        "common/a/constants.py",
-        "common/a/kernels.py",
-        "common/b/__init__.py",
-    ]
 
 
 def test_demo_refuses_a_folder_that_no_demo_has_made(tmp_path: Path) -> None:

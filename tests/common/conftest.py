@@ -1,5 +1,6 @@
+import importlib.util
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import numpy.typing as npt
@@ -95,3 +96,18 @@ def camera() -> Callable[..., tuple[npt.NDArray[np.float64], npt.NDArray[np.floa
         return T, np.array([[focal, 0.0, 0.52 * width], [0.0, 1.1 * focal, 0.47 * height], [0.0, 0.0, 1.0]])
 
     return make
+
+
+@pytest.fixture(scope="session")
+def triton_device() -> Iterator[str]:
+    """Where Triton kernels run here: a CUDA device, or the CPU under Triton's interpreter."""
+    if importlib.util.find_spec("triton") is None:
+        pytest.skip("triton is not installed (the extra `gpu`)")
+    torch = pytest.importorskip("torch", reason="torch is not installed")
+    if torch.cuda.is_available():
+        yield "cuda"
+        return
+    # Triton decides when a kernel is defined: this must stand before the first import of one.
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("TRITON_INTERPRET", "1")
+        yield "cpu"

@@ -22,7 +22,7 @@ from readygo.common.avatars.importers.skeleton import (
 )
 from readygo.common.avatars.importers.surface import Mesh, gaussians_of_mesh
 from readygo.common.errors import AvatarError
-from readygo.common.gaussians import GaussianCloud
+from readygo.common.gaussians import GaussianCloud, rgb_of_sh, sh_of_rgb
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
@@ -89,14 +89,13 @@ def shaded(cloud: GaussianCloud) -> GaussianCloud:
     w, x, y, z = cloud.quats_wxyz.astype(np.float64).T
     normals = np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], axis=1)
     light = 0.82 + 0.20 * (0.5 + 0.5 * normals @ _LIGHT_FROM)
-    dc = 0.28209479177387814
-    colour = np.clip((0.5 + dc * cloud.sh[:, 0]) * light[:, None], 0.0, 1.0)
+    colour = np.clip(rgb_of_sh(cloud.sh[:, 0]) * light[:, None], 0.0, 1.0)
     return GaussianCloud(
         means_m=cloud.means_m,
         quats_wxyz=cloud.quats_wxyz,
         scales_m=cloud.scales_m,
         opacities=cloud.opacities,
-        sh=((colour - 0.5) / dc).astype(np.float32)[:, None, :],
+        sh=sh_of_rgb(colour).astype(np.float32)[:, None, :],
     )
 
 

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from readygo.common.frames import quat_from_matrix
-from readygo.common.gaussians import GaussianCloud
+from readygo.common.gaussians import GaussianCloud, sh_of_rgb
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
@@ -27,7 +27,6 @@ COVER_PROBES_M = ((0.003, 0.0024), (0.006, 0.0042), (0.010, 0.006), (0.016, 0.00
 # A saturated set of random disks of diameter r covers 0.547 of an area (Feder, Random sequential adsorption, 1980);
 # six candidates per sample fill about three quarters of that.
 _SATURATION = 0.75 * 0.547 * 4.0 / np.pi
-_SH_DC = 0.28209479177387814
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -81,7 +80,7 @@ def gaussians_of_mesh(mesh: Mesh, paint: Painter, count: int) -> tuple[GaussianC
         quats_wxyz=quat_from_matrix(_frames(normals[kept])).astype(np.float32),
         scales_m=(sigma[:, None] * np.array([1.0, 1.0, FLATNESS])).astype(np.float32),
         opacities=(OPACITY * np.clip(averaged[:, 3], 0.0, 1.0)).astype(np.float32),
-        sh=((averaged[:, None, :3] - 0.5) / _SH_DC).astype(np.float32),
+        sh=sh_of_rgb(averaged[:, None, :3]).astype(np.float32),
     )
     return cloud, np.einsum("mk,mkj->mj", bary[kept], mesh.weights[face[kept]])
 

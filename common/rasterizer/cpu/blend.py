@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.kernels import inlined, kernel
 from readygo.common.rasterizer.constants import ALPHA_MAX, LOG2_ALPHA_MIN, TRANSMITTANCE_MIN
 from readygo.common.rasterizer.cpu.tiles import LARGE, is_alive, tile_blocks, unpack_box, update_quads
 from readygo.common.rasterizer.cpu.workspace import (
@@ -19,7 +20,6 @@ from readygo.common.rasterizer.cpu.workspace import (
     Depths,
     Workspace,
 )
-from readygo.common.simd.compilation import inlined, kernel
 from readygo.common.simd.memory import load_f16, load_i16, peek, poke, prefetch, store_f16, store_i16, touching
 from readygo.common.simd.types import (
     bit_pattern,

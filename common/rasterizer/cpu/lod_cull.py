@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.kernels import inlined, kernel
 from readygo.common.rasterizer.constants import NEAR_M
-from readygo.common.rasterizer.cpu.view import View, VisibleChunks, add_if_visible, camera_box, posed_box
-from readygo.common.simd.compilation import inlined, kernel
+from readygo.common.rasterizer.cpu.view import PinholeView, VisibleChunks, add_if_visible, camera_box, posed_box
 
 Floats = npt.NDArray[np.float64]
 Singles = npt.NDArray[np.float32]
@@ -30,13 +30,15 @@ class Cut(NamedTuple):
 
 
 @inlined
-def _is_fine(view: View, cut: Cut, i: int, nearest_m: float) -> bool:
+def _is_fine(view: PinholeView, cut: Cut, i: int, nearest_m: float) -> bool:
     """True if node `i` is fine enough for a view in which its nearest mean has a depth of at least `nearest_m`."""
     return bool(cut.pixel_m[i] * max(view.fx, view.fy) <= cut.coarseness * max(nearest_m, NEAR_M))
 
 
 @kernel
-def cull_tree(view: View, centre_m: Floats, half_m: Singles, reach_m: Singles, cut: Cut, out: VisibleChunks) -> int:
+def cull_tree(
+    view: PinholeView, centre_m: Floats, half_m: Singles, reach_m: Singles, cut: Cut, out: VisibleChunks
+) -> int:
     """Write the nodes of a cut whose Gaussians may touch the image, and return their number.
 
     A node's box holds those of the nodes below it: what is below an invisible node is invisible, and no node below is
@@ -55,8 +57,8 @@ def cull_tree(view: View, centre_m: Floats, half_m: Singles, reach_m: Singles, c
 
 
 @kernel
-def cull_person_tree(
-    view: View,
+def cull_human_tree(
+    view: PinholeView,
     A_CS: Singles,
     box_start: Integers,
     box_joint: Integers,
@@ -66,7 +68,7 @@ def cull_person_tree(
     cut: Cut,
     out: VisibleChunks,
 ) -> int:
-    """Write the nodes of a posed avatar's cut that may touch the image, and return their number; see `cull_person`."""
+    """Write the nodes of a posed avatar's cut that may touch the image, and return their number; see `cull_human`."""
     low, high = out.corners[0], out.corners[1]
     n, i = 0, 0
     while i < len(reach_m):

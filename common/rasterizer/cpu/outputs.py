@@ -8,14 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.images.images import Images
+from readygo.common.kernels import inlined, kernel
 from readygo.common.rasterizer.cpu.workspace import RECORD, RECORD_DEPTH, RECORD_NORMAL, Depths, Singles, Workspace
 from readygo.common.rasterizer.packed.scene import NORMAL_STEP
-from readygo.common.simd.compilation import inlined, kernel
 from readygo.common.simd.memory import load_short, store_f16
 from readygo.common.simd.types import fma, where
-
-MAX_PEOPLE = 255
-"""People that a mask of bytes can tell apart."""
 
 
 class Sums(NamedTuple):
@@ -77,38 +74,31 @@ def instance_of_records(ends: Sequence[int], ids: Sequence[int]) -> npt.NDArray[
 
 def write_images(
     wanted: frozenset[str],
-    rgb: npt.NDArray[np.uint8],
+    images: Images,
     ws: Workspace,
     sums: Sums,
     instances: npt.NDArray[np.uint8] | None,
-) -> Images:
-    """The images of the view that was blended last.
+) -> None:
+    """Write the images besides rgb of the view that was blended last.
 
     Args:
         wanted: Names of the images.
-        rgb: The colours.
+        images: Memory for them.
         ws: Workspace.
         sums: What was added up.
         instances: Whose each record is; needed for the mask.
     """
-    height, width = rgb.shape[:2]
-    images: dict[str, npt.NDArray[Any]] = {}
-
-    def add(name: str, dtype: npt.DTypeLike, *channels: int) -> npt.NDArray[Any]:
-        images[name] = np.empty((height, width, *channels), dtype=dtype)
-        return images[name]
-
+    width = images.rgb.shape[1]
     if "alpha" in wanted:
-        write_alpha(width, ws, add("alpha", np.float32))
+        write_alpha(width, ws, images.alpha)
     if "depth" in wanted:
-        write_depth(width, ws, sums.depths, add("depth_m", np.float32))
+        write_depth(width, ws, sums.depths, images.depth_m)
     if "median_depth" in wanted:
-        write_median_depth(width, ws, sums.depths, add("median_depth_m", np.float32))
+        write_median_depth(width, ws, sums.depths, images.median_depth_m)
     if "mask" in wanted:
-        write_mask(width, ws, sums.depths, instances, add("mask", np.uint8))
+        write_mask(width, ws, sums.depths, instances, images.mask)
     if "normal" in wanted:
-        write_normal(width, sums.normals, add("normal", np.float32, 3))
-    return Images(rgb=rgb, **images)
+        write_normal(width, sums.normals, images.normal)
 
 
 @inlined

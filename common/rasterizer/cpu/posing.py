@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from readygo.common.simd.compilation import inlined
+from readygo.common.kernels import inlined
 from readygo.common.simd.types import fma, fms, mask_bits
 
 ALMOST_ROTATION = 3e-4

@@ -5,15 +5,16 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.gaussians.spherical_harmonics import SH_C0, SH_C1, SH_C2, SH_C3, SH_C20, SH_C30, SH_C31, SH_C32
+from readygo.common.kernels import inlined, kernel
 from readygo.common.rasterizer.constants import DILATION_PX2, LOG2_E, NEAR_M
-from readygo.common.rasterizer.cpu.lens import Lens, clamped, lens_of, rotation_rows
+from readygo.common.rasterizer.cpu.optics import Optics, clamped, optics_of, rotation_rows
 from readygo.common.rasterizer.cpu.outputs import normal_block
 from readygo.common.rasterizer.cpu.posing import nearest_rotation
 from readygo.common.rasterizer.cpu.slabs import NEAR_BITS, Slab, is_due
 from readygo.common.rasterizer.cpu.tiles import LARGE, box_codes, is_alive, tiles_met
-from readygo.common.rasterizer.cpu.view import View, VisibleChunks
+from readygo.common.rasterizer.cpu.view import PinholeView, VisibleChunks
 from readygo.common.rasterizer.cpu.workspace import KEYS, LARGE_ENTRIES, LATER, RECORD, RECORDS, Workspace
-from readygo.common.simd.compilation import inlined, kernel
 from readygo.common.simd.memory import load_f16, load_short, peek, poke, store_f16, store_i16, transpose_in_place
 from readygo.common.simd.types import (
     bit_pattern,
@@ -71,11 +72,11 @@ def pixels_within(low: Any, high: Any, last: Any) -> Any:
 
 
 @inlined
-def _image_block(lens: Lens, geometry: Singles, g: int, x: Any, y: Any, z: Any, R: Any, ws: Workspace) -> int:
+def _image_block(optics: Optics, geometry: Singles, g: int, x: Any, y: Any, z: Any, R: Any, ws: Workspace) -> int:
     """Project a block of 16 Gaussians: their record rows go to the scratch memory, their mask of visible lanes back.
 
     Args:
-        lens: Camera.
+        optics: Camera.
         geometry: Packed geometry.
         g: Where the block begins there.
         x: Camera coordinates of the means [m].
@@ -87,9 +88,9 @@ def _image_block(lens: Lens, geometry: Singles, g: int, x: Any, y: Any, z: Any, 
     reach = load_f16(geometry, g + 160)
     inverse_z = 1.0 / z
     u, v = x * inverse_z, y * inverse_z
-    mean_x, mean_y = fma(u, lens.fx, lens.cx), fma(v, lens.fy, lens.cy)
-    uc, vc = clamped(lens, u, v)
-    du, dv = inverse_z * lens.fx, inverse_z * lens.fy
+    mean_x, mean_y = fma(u, optics.fx, optics.cx), fma(v, optics.fy, optics.cy)
+    uc, vc = clamped(optics, u, v)
+    du, dv = inverse_z * optics.fx, inverse_z * optics.fy
     a0, a1, a2 = du * fnma(uc, R[6], R[0]), du * fnma(uc, R[7], R[1]), du * fnma(uc, R[8], R[2])
     b0, b1, b2 = dv * fnma(vc, R[6], R[3]), dv * fnma(vc, R[7], R[4]), dv * fnma(vc, R[8], R[5])
     xx, xy, xz = load_f16(geometry, g + 48), load_f16(geometry, g + 64), load_f16(geometry, g + 80)
@@ -110,8 +111,8 @@ def _image_block(lens: Lens, geometry: Singles, g: int, x: Any, y: Any, z: Any, 
     det = fms(sxx, syy, sxy * sxy)
     half_x, half_y = sqrt(reach * sxx), sqrt(reach * syy)
     left, top = mean_x - 0.5, mean_y - 0.5
-    x0, x1, in_columns = pixels_within(left - half_x, left + half_x, lens.x_last)
-    y0, y1, in_rows = pixels_within(top - half_y, top + half_y, lens.y_last)
+    x0, x1, in_columns = pixels_within(left - half_x, left + half_x, optics.x_last)
+    y0, y1, in_rows = pixels_within(top - half_y, top + half_y, optics.y_last)
     seen: int = mask_bits((z > NEAR_M) & (reach >= 0.0) & (det > 0.0) & in_columns & in_rows)
     if seen:
         scale = LOG2_E / det
@@ -122,7 +123,7 @@ def _image_block(lens: Lens, geometry: Singles, g: int, x: Any, y: Any, z: Any, 
         store_f16(ws.scratch, 64, scale * sxx * -0.5)
         store_f16(ws.scratch, 80, load_f16(geometry, g + 144))
         store_f16(ws.scratch, 144, z)
-        tile, low, high = box_codes(x0 >> 2, x1 >> 2, y0 >> 2, y1 >> 2, lens.columns)
+        tile, low, high = box_codes(x0 >> 2, x1 >> 2, y0 >> 2, y1 >> 2, optics.columns)
         store_i16(ws.scratch_bits, 0, tile)
         store_i16(ws.scratch_bits, 16, low)
         store_i16(ws.scratch_bits, 32, high)
@@ -155,28 +156,28 @@ def _sh_channel(cloud: Gaussians, block: int, channel: int, x: Any, y: Any, z: A
     """
     o = (block * 3 + channel) * cloud.sh_count * 16
     sh = cloud.sh
-    value = load_short(sh, o) * 0.28209479177387814
-    value = fma(y * -0.48860251190292, load_short(sh, o + 16), value)
-    value = fma(z * 0.48860251190292, load_short(sh, o + 32), value)
-    value = fma(x * -0.48860251190292, load_short(sh, o + 48), value)
+    value = load_short(sh, o) * SH_C0
+    value = fma(y * -SH_C1, load_short(sh, o + 16), value)
+    value = fma(z * SH_C1, load_short(sh, o + 32), value)
+    value = fma(x * -SH_C1, load_short(sh, o + 48), value)
     if cloud.sh_count >= 9:
         xx, yy, zz = x * x, y * y, z * z
         c1, s1 = xx - yy, x * y * 2.0
-        value = fma(s1 * 0.5462742152960395, load_short(sh, o + 64), value)
-        value = fma(y * z * -1.0925484305920792, load_short(sh, o + 80), value)
-        value = fma(fma(zz, 0.9461746957575601, -0.3153915652525201), load_short(sh, o + 96), value)
-        value = fma(x * z * -1.0925484305920792, load_short(sh, o + 112), value)
-        value = fma(c1 * 0.5462742152960395, load_short(sh, o + 128), value)
+        value = fma(s1 * (0.5 * SH_C2), load_short(sh, o + 64), value)
+        value = fma(y * z * -SH_C2, load_short(sh, o + 80), value)
+        value = fma(fma(zz, 3.0 * SH_C20, -SH_C20), load_short(sh, o + 96), value)
+        value = fma(x * z * -SH_C2, load_short(sh, o + 112), value)
+        value = fma(c1 * (0.5 * SH_C2), load_short(sh, o + 128), value)
         if cloud.sh_count >= 16:
             c2, s2 = fms(x, c1, y * s1), fma(x, s1, y * c1)
-            t = fma(zz, -2.285228997322329, 0.4570457994644658)
-            value = fma(s2 * -0.5900435899266435, load_short(sh, o + 144), value)
-            value = fma(z * s1 * 1.445305721320277, load_short(sh, o + 160), value)
+            t = fma(zz, -5.0 * SH_C31, SH_C31)
+            value = fma(s2 * -SH_C3, load_short(sh, o + 144), value)
+            value = fma(z * s1 * SH_C32, load_short(sh, o + 160), value)
             value = fma(t * y, load_short(sh, o + 176), value)
-            value = fma(z * fma(zz, 1.865881662950577, -1.119528997770346), load_short(sh, o + 192), value)
+            value = fma(z * fma(zz, 5.0 * SH_C30, -3.0 * SH_C30), load_short(sh, o + 192), value)
             value = fma(t * x, load_short(sh, o + 208), value)
-            value = fma(z * c1 * 1.445305721320277, load_short(sh, o + 224), value)
-            value = fma(c2 * -0.5900435899266435, load_short(sh, o + 240), value)
+            value = fma(z * c1 * SH_C32, load_short(sh, o + 224), value)
+            value = fma(c2 * -SH_C3, load_short(sh, o + 240), value)
     return maximum(fma(value, step, 0.5), 0.0)
 
 
@@ -221,13 +222,13 @@ def _emit(seen: int, counts: tuple[int, int, int], slab: Slab, columns: int, ws:
 
 
 @kernel
-def project_scene(view: View, cloud: Gaussians, chunks: VisibleChunks, slab: Slab, ws: Workspace) -> None:
+def project_scene(view: PinholeView, cloud: Gaussians, chunks: VisibleChunks, slab: Slab, ws: Workspace) -> None:
     """Project the slab's chunks of a static cloud, and append the Gaussians that touch unfinished pixels."""
-    lens = lens_of(view)
+    optics = optics_of(view)
     counts = (ws.counts[RECORDS], ws.counts[KEYS], ws.counts[LATER])
     R = rotation_rows(view.R_CW)
     for i in range(len(chunks.number)):
-        if not is_due(slab, chunks.depth_m[i], chunks.box[i], lens.columns, ws.tile_alive):
+        if not is_due(slab, chunks.depth_m[i], chunks.box[i], optics.columns, ws.tile_alive):
             continue
         chunk = chunks.number[i]
         dx = cloud.centre_m[chunk, 0] - view.p_WC[0]
@@ -248,17 +249,17 @@ def project_scene(view: View, cloud: Gaussians, chunks: VisibleChunks, slab: Sla
                 continue
             x = fma(R[0], px, fma(R[1], py, fma(R[2], pz, tx)))
             y = fma(R[3], px, fma(R[4], py, fma(R[5], pz, ty)))
-            seen = _image_block(lens, cloud.geometry, g, x, y, z, R, ws)
+            seen = _image_block(optics, cloud.geometry, g, x, y, z, R, ws)
             if seen:
                 _colour_block(cloud, block, x, y, z, view.R_CW, ws)
                 normal_block(cloud.normal, block, x, y, z, R, ws)
-                counts = _emit(seen, counts, slab, lens.columns, ws)
+                counts = _emit(seen, counts, slab, optics.columns, ws)
     ws.counts[RECORDS], ws.counts[KEYS], ws.counts[LATER] = counts
 
 
 @kernel
-def project_person(
-    view: View, cloud: Gaussians, skin: Skin, A_CS: Singles, chunks: VisibleChunks, slab: Slab, ws: Workspace
+def project_human(
+    view: PinholeView, cloud: Gaussians, skin: Skin, A_CS: Singles, chunks: VisibleChunks, slab: Slab, ws: Workspace
 ) -> None:
     """Pose the slab's chunks of an avatar straight into the camera's frame, and append what touches unfinished pixels.
 
@@ -271,10 +272,10 @@ def project_person(
         slab: Depths that are drawn now.
         ws: Workspace.
     """
-    lens = lens_of(view)
+    optics = optics_of(view)
     counts = (ws.counts[RECORDS], ws.counts[KEYS], ws.counts[LATER])
     for i in range(len(chunks.number)):
-        if not is_due(slab, chunks.depth_m[i], chunks.box[i], lens.columns, ws.tile_alive):
+        if not is_due(slab, chunks.depth_m[i], chunks.box[i], optics.columns, ws.tile_alive):
             continue
         for block in range(chunks.number[i] * 16, chunks.number[i] * 16 + 16):
             first, end = skin.joint_start[block], skin.joint_start[block + 1]
@@ -300,9 +301,9 @@ def project_person(
             M = (m0, m1, m2, m4, m5, m6, m8, m9, m10)
             # One joint carries the block rigidly: its matrix is a rotation already.
             R = M if end - first == 1 else nearest_rotation(M)
-            seen = _image_block(lens, cloud.geometry, g, x, y, z, R, ws)
+            seen = _image_block(optics, cloud.geometry, g, x, y, z, R, ws)
             if seen:
                 _colour_block(cloud, block, x, y, z, view.R_CW, ws)
                 normal_block(cloud.normal, block, x, y, z, R, ws)
-                counts = _emit(seen, counts, slab, lens.columns, ws)
+                counts = _emit(seen, counts, slab, optics.columns, ws)
     ws.counts[RECORDS], ws.counts[KEYS], ws.counts[LATER] = counts

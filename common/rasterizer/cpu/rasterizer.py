@@ -1,7 +1,6 @@
-"""The CPU rasterizer: a static scene, its sky and posed people in one depth-sorted pass."""
+"""The CPU rasterizer: a static scene, its sky and posed humans in one depth-sorted pass."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -9,14 +8,13 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.avatars import Avatar, joint_transforms
-from readygo.common.gaussians import GaussianCloud
-from readygo.common.images.images import Images, require_outputs
+from readygo.common.images.images import Images, empty_images
 from readygo.common.rasterizer.cpu import blend as cpu_blend
-from readygo.common.rasterizer.cpu.lod_cull import COARSENESS, Cut, cull_person_tree, cull_tree
-from readygo.common.rasterizer.cpu.outputs import MAX_PEOPLE, Sums, instance_of_records, write_images
-from readygo.common.rasterizer.cpu.project import Gaussians, Skin, project_person, project_scene
+from readygo.common.rasterizer.cpu.lod_cull import COARSENESS, Cut, cull_human_tree, cull_tree
+from readygo.common.rasterizer.cpu.outputs import Sums, instance_of_records, write_images
+from readygo.common.rasterizer.cpu.project import Gaussians, Skin, project_human, project_scene
 from readygo.common.rasterizer.cpu.slabs import FAR_BITS, Slab, slabs_of
-from readygo.common.rasterizer.cpu.view import View, VisibleChunks, cull_person, cull_scene, make_view
+from readygo.common.rasterizer.cpu.view import PinholeView, VisibleChunks, cull_human, cull_scene, make_view
 from readygo.common.rasterizer.cpu.workspace import (
     KEYS,
     LARGE_ENTRIES,
@@ -29,24 +27,13 @@ from readygo.common.rasterizer.cpu.workspace import (
     make_workspace,
     with_room,
 )
+from readygo.common.rasterizer.interface import PosedHuman, View, checked_outputs
 from readygo.common.rasterizer.lod.avatar import AvatarTree
 from readygo.common.rasterizer.lod.tree import ChunkTree
 from readygo.common.rasterizer.packed.avatar import PackedAvatar, pack_avatar
 from readygo.common.rasterizer.packed.scene import CHUNK, PackedScene, pack_sorted
 
 _RGB_ONLY = Sums()
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PosedPerson:
-    """A person in one pose."""
-
-    avatar: int
-    """Index of the avatar in the rasterizer's sequence."""
-    root_m: npt.NDArray[np.floating]
-    """Pelvis in the z-up world [m], shape (3,)."""
-    pose_axis_angle: npt.NDArray[np.floating]
-    """Joint rotations [rad] as in `Motion`, shape (24, 3)."""
 
 
 def _frozen(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -79,7 +66,7 @@ class _Layer:
             np.empty((2, 3), dtype=np.float64),
         )
 
-    def cull(self, view: View) -> VisibleChunks:
+    def cull(self, view: PinholeView) -> VisibleChunks:
         if self._cut is None:
             count = cull_scene(view, *self._boxes, self._chunks)
         else:
@@ -94,12 +81,12 @@ class _Layer:
         """Project with normals from now on, or without."""
         self.gaussians = self.gaussians._replace(normal=self.normal if wanted else None)
 
-    def project(self, view: View, chunks: VisibleChunks, slab: Slab, ws: Workspace) -> None:
+    def project(self, view: PinholeView, chunks: VisibleChunks, slab: Slab, ws: Workspace) -> None:
         project_scene(view, self.gaussians, chunks, slab, ws)
 
 
-class _Person(_Layer):
-    """A person of the image."""
+class _Human(_Layer):
+    """A human of the image."""
 
     def __init__(self, avatar: Avatar, packed: PackedAvatar, cut: Cut | None) -> None:
         super().__init__(packed.scene, cut)
@@ -109,144 +96,114 @@ class _Person(_Layer):
         self._joint_boxes = tuple(_frozen(array) for array in arrays)
         self._A_CS = np.empty((24, 3, 4), dtype=np.float32)
 
-    def pose(self, person: PosedPerson, view: View) -> None:
-        A_WS = joint_transforms(self.avatar, person.root_m, person.pose_axis_angle)
+    def pose(self, human: PosedHuman, view: PinholeView) -> None:
+        A_WS = joint_transforms(self.avatar, human.root_m, human.pose_axis_angle)
         A_WS[:, :, 3] -= view.p_WC
         R = view.R_CW
         for i in range(3):
             self._A_CS[:, i] = R[i, 0] * A_WS[:, 0] + R[i, 1] * A_WS[:, 1] + R[i, 2] * A_WS[:, 2]
 
-    def cull(self, view: View) -> VisibleChunks:
+    def cull(self, view: PinholeView) -> VisibleChunks:
         boxes = (view, self._A_CS, *self._joint_boxes, self._boxes[2])
         count = (
-            cull_person(*boxes, self._chunks)
-            if self._cut is None
-            else cull_person_tree(*boxes, self._cut, self._chunks)
+            cull_human(*boxes, self._chunks) if self._cut is None else cull_human_tree(*boxes, self._cut, self._chunks)
         )
         return self._first(count)
 
-    def project(self, view: View, chunks: VisibleChunks, slab: Slab, ws: Workspace) -> None:
-        project_person(view, self.gaussians, self.skin, self._A_CS, chunks, slab, ws)
+    def project(self, view: PinholeView, chunks: VisibleChunks, slab: Slab, ws: Workspace) -> None:
+        project_human(view, self.gaussians, self.skin, self._A_CS, chunks, slab, ws)
 
 
 class CpuRasterizer:
-    """Renders one scene with people in it, for one camera; not to be shared between threads.
+    """Draws views of one scene with one camera, one after the other; see `readygo.common.rasterizer.interface`.
 
     Chunks are drawn in a few slabs of depth, nearest first, so that what lies behind finished pixels is neither
     projected nor sorted.
 
     Args:
         scenes: Static clouds, such as a scene and its sky; those that are trees are drawn with levels of detail.
-        avatars: Who may be drawn.
+        avatars: Who may be drawn, by name.
         K_px: Intrinsics [px] without skew, shape (3, 3).
         height_px: Image height.
         width_px: Image width.
-        packed_avatars: The avatars packed, in their order; those that are trees are drawn with levels of detail. Packed
-            here by default.
+        packed_avatars: The avatars packed; those that are trees are drawn with levels of detail. Packed here by
+            default.
         coarseness: Levels of detail are chosen as if pixels were larger by this factor; 0 draws every Gaussian.
 
     Raises:
-        ValueError: If the image is too large, or the numbers of avatars differ.
+        ValueError: If the image is too large, or the packed avatars are others.
     """
+
+    views_at_once = 1
 
     def __init__(
         self,
         scenes: PackedScene | ChunkTree | Sequence[PackedScene | ChunkTree],
-        avatars: Sequence[Avatar],
+        avatars: Mapping[str, Avatar],
         K_px: npt.ArrayLike,
         height_px: int,
         width_px: int,
         *,
-        packed_avatars: Sequence[PackedAvatar | AvatarTree] | None = None,
+        packed_avatars: Mapping[str, PackedAvatar | AvatarTree] | None = None,
         coarseness: float = COARSENESS,
     ) -> None:
         if max(height_px, width_px) > MAX_SIDE_PX:
             raise ValueError(f"images are limited to {MAX_SIDE_PX} px a side, got {height_px}x{width_px} px.")
         scenes = [scenes] if isinstance(scenes, PackedScene | ChunkTree) else scenes
         self._layers = [_Layer(*_with_cut(scene, coarseness)) for scene in scenes]
-        self._scene_count = len(self._layers)
-        packed = [pack_avatar(avatar) for avatar in avatars] if packed_avatars is None else packed_avatars
-        if len(packed) != len(avatars):
-            raise ValueError(f"packed_avatars must be as many as avatars, {len(avatars)}, got {len(packed)}.")
-        self._avatars = [(avatar, *_avatar_with_cut(p, coarseness)) for avatar, p in zip(avatars, packed, strict=True)]
-        self._people: list[_Person] = []
+        packed = packed_avatars or {name: pack_avatar(avatar) for name, avatar in avatars.items()}
+        if packed.keys() != avatars.keys():
+            raise ValueError(f"packed_avatars must be those of {sorted(avatars)}, got {sorted(packed)}.")
+        self._avatars = {
+            name: (avatar, *_avatar_with_cut(packed[name], coarseness)) for name, avatar in avatars.items()
+        }
+        self._humans: list[_Human] = []
         self._K_px = np.asarray(K_px, dtype=np.float64)
         self._height, self._width = height_px, width_px
         self._ws = make_workspace(height_px, width_px)
         self._record_ends: list[int] = []
 
-    def set_extra(self, cloud: GaussianCloud | None) -> None:
-        """Draw a few more Gaussians with the scene, such as shadows, until they are set anew.
+    def render(self, views: Sequence[View], outputs: Sequence[str] = ("rgb",)) -> Images:
+        """The images of views; see `Rasterizer.render`.
 
-        Args:
-            cloud: What to draw besides; None draws nothing more.
-        """
-        extra = [] if cloud is None else [_Layer(pack_sorted(cloud))]
-        self._layers = [*self._layers[: self._scene_count], *extra]
-
-    def render(self, T_world_camera: npt.ArrayLike, people: Sequence[PosedPerson] = ()) -> npt.NDArray[np.uint8]:
-        """The image as bytes, sRGB for scenes trained on sRGB images.
-
-        Args:
-            T_world_camera: Camera pose, OpenCV axes, shape (4, 4).
-            people: People to draw.
-
-        Returns:
-            Shape (H, W, 3).
+        Each new set of kinds of images (depths and mask; normals) is compiled when it is first asked for.
 
         Raises:
-            ValueError: If the camera pose is not a finite 4x4 matrix.
+            ValueError: As there, or if normals are wanted of a scene that was packed without.
         """
-        self._draw(T_world_camera, people)
-        return self._bytes()
+        wanted = checked_outputs(views, outputs, self._avatars)
+        if "normal" in wanted and any(layer.normal is None for layer in self._layers):
+            raise ValueError("normals need scenes that were packed with them; pass normals=True when packing.")
+        images = empty_images(len(views), self._height, self._width, wanted)
+        for number, view in enumerate(views):
+            self._render_into(images[number], view, wanted)
+        return images
 
-    def _bytes(self) -> npt.NDArray[np.uint8]:
-        rgb = np.empty((self._height, self._width, 3), dtype=np.uint8)
-        cpu_blend.write_bytes(self._width, self._ws, rgb)
-        return rgb
-
-    def render_float(
-        self, T_world_camera: npt.ArrayLike, people: Sequence[PosedPerson] = ()
-    ) -> npt.NDArray[np.float32]:
-        """The image before rounding, not clipped above 1, shape (H, W, 3); see `render`.
-
-        Args:
-            T_world_camera: Camera pose, OpenCV axes, shape (4, 4).
-            people: People to draw.
-        """
-        self._draw(T_world_camera, people)
+    def render_float(self, view: View) -> npt.NDArray[np.float32]:
+        """The colours of a view before rounding, not clipped above 1, shape (H, W, 3)."""
+        checked_outputs([view], (), self._avatars)
+        self._draw(view, self._with_shadows(view))
         rgb = np.empty((self._height, self._width, 3), dtype=np.float32)
         cpu_blend.write_floats(self._width, self._ws, rgb)
         return rgb
 
-    def render_images(
-        self, T_world_camera: npt.ArrayLike, people: Sequence[PosedPerson] = (), outputs: Sequence[str] = ("rgb",)
-    ) -> Images:
-        """The image and others from the same pass; the colours have the bytes of `render`.
+    def _render_into(self, images: Images, view: View, wanted: frozenset[str]) -> None:
+        others = wanted - {"rgb"}
+        if view.shadows is not None:
+            self._draw(view, self._with_shadows(view))
+            cpu_blend.write_bytes(self._width, self._ws, images.rgb)
+            if not others:
+                return
+        sums = Sums(self._depths if others - {"alpha"} else None, self._normals if "normal" in others else None)
+        self._draw(view, self._layers, sums)
+        if view.shadows is None:
+            cpu_blend.write_bytes(self._width, self._ws, images.rgb)
+        ids = [0] * len(self._layers) + list(range(1, len(view.humans) + 1))
+        instances = instance_of_records(self._record_ends, ids) if "mask" in others else None
+        write_images(others, images, self._ws, sums, instances)
 
-        Args:
-            T_world_camera: Camera pose, OpenCV axes, shape (4, 4).
-            people: People to draw; the mask numbers them from 1 in this order.
-            outputs: Names out of `readygo.common.images.images.OUTPUTS`; "rgb" is always made. Each new set of kinds of
-                images (depths and mask; normals) is compiled when it is first asked for.
-
-        Returns:
-            The images.
-
-        Raises:
-            ValueError: If the camera pose is not a finite 4x4 matrix, a name is unknown, normals are wanted of a scene
-                that was packed without, or a mask of more than 255 people.
-        """
-        wanted = require_outputs(outputs)
-        if "normal" in wanted and any(layer.normal is None for layer in self._layers):
-            raise ValueError("normals need scenes that were packed with them; pass normals=True when packing.")
-        if "mask" in wanted and len(people) > MAX_PEOPLE:
-            raise ValueError(f"a mask can tell {MAX_PEOPLE} people apart, got {len(people)}.")
-        sums = Sums(self._depths if wanted - {"rgb", "alpha"} else None, self._normals if "normal" in wanted else None)
-        self._draw(T_world_camera, people, sums)
-        ids = [0] * len(self._layers) + list(range(1, len(people) + 1))
-        instances = instance_of_records(self._record_ends, ids) if "mask" in wanted else None
-        return write_images(wanted, self._bytes(), self._ws, sums, instances)
+    def _with_shadows(self, view: View) -> list[_Layer]:
+        return self._layers if view.shadows is None else [*self._layers, _Layer(pack_sorted(view.shadows))]
 
     @cached_property
     def _depths(self) -> Depths:
@@ -256,12 +213,10 @@ class CpuRasterizer:
     def _normals(self) -> npt.NDArray[np.float32]:
         return make_normals(self._height, self._width)
 
-    def _draw(self, T_world_camera: npt.ArrayLike, people: Sequence[PosedPerson], sums: Sums = _RGB_ONLY) -> None:
-        pose = np.asarray(T_world_camera, dtype=np.float64)
-        if pose.shape != (4, 4) or not np.isfinite(pose).all():
-            raise ValueError(f"T_world_camera must be a finite 4x4 matrix, got {pose.tolist()}.")
+    def _draw(self, shown: View, scene: Sequence[_Layer], sums: Sums = _RGB_ONLY) -> None:
+        pose = np.asarray(shown.T_world_camera, dtype=np.float64)
         view = make_view(pose, self._K_px, self._height, self._width)
-        layers = [*self._layers, *self._pose(people, view)]
+        layers = [*scene, *self._pose(shown.humans, view)]
         for layer in layers:
             layer.want_normals(sums.normals is not None)
         seen = [layer.cull(view) for layer in layers]
@@ -281,17 +236,17 @@ class CpuRasterizer:
             self._ws = with_room(self._ws, entries=int(4 * counts[KEYS] + counts[LARGE_ENTRIES]))
             cpu_blend.draw_slab(self._width, next_limit_bits, self._ws, sums.depths, sums.normals)
 
-    def _pose(self, people: Sequence[PosedPerson], view: View) -> list[_Layer]:
-        """A layer per person; layers are kept for the next image."""
-        for person in people[len(self._people) :]:
-            self._people.append(_Person(*self._avatars[person.avatar]))
+    def _pose(self, humans: Sequence[PosedHuman], view: PinholeView) -> list[_Layer]:
+        """A layer per human; layers are kept for the next image."""
+        for human in humans[len(self._humans) :]:
+            self._humans.append(_Human(*self._avatars[human.avatar]))
         layers: list[_Layer] = []
-        for place, person in enumerate(people):
-            avatar = self._avatars[person.avatar][0]
-            if self._people[place].avatar is not avatar:
-                self._people[place] = _Person(*self._avatars[person.avatar])
-            self._people[place].pose(person, view)
-            layers.append(self._people[place])
+        for place, human in enumerate(humans):
+            avatar = self._avatars[human.avatar][0]
+            if self._humans[place].avatar is not avatar:
+                self._humans[place] = _Human(*self._avatars[human.avatar])
+            self._humans[place].pose(human, view)
+            layers.append(self._humans[place])
         return layers
 
 

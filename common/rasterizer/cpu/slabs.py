@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.kernels import inlined
 from readygo.common.rasterizer.constants import NEAR_M
 from readygo.common.rasterizer.cpu.tiles import any_alive
-from readygo.common.simd.compilation import inlined
 
 SLAB_SHARES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)
 """Shares of the visible chunks, nearest first, at which one slab ends and the next begins."""
@@ -54,7 +54,7 @@ def is_due(slab: Slab, depth_m: float, box: int, columns: int, tile_alive: npt.N
     Args:
         slab: Depths that are drawn now.
         depth_m: Lower bound of the depths of the chunk's means [m].
-        box: Bounds of its footprints, packed as in `cpu_tiles.pack_box`.
+        box: Bounds of its footprints, packed as in `tiles.pack_box`.
         columns: Tiles along an image row.
         tile_alive: Unfinished blocks of the tiles.
     """

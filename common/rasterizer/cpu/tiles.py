@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.kernels import inlined
 from readygo.common.rasterizer.cpu.workspace import Workspace
-from readygo.common.simd.compilation import inlined
 from readygo.common.simd.memory import peek
 from readygo.common.simd.types import integer_minimum, integer_where
 

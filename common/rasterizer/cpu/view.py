@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.kernels import inlined, kernel
 from readygo.common.rasterizer.constants import FOV_MARGIN, NEAR_M
 from readygo.common.rasterizer.cpu.tiles import pack_box
-from readygo.common.simd.compilation import inlined, kernel
 
 Floats = npt.NDArray[np.float64]
 Singles = npt.NDArray[np.float32]
@@ -22,7 +22,7 @@ SLACK_M = 1e-5
 """Added to boxes for the rounding of float32 coordinates."""
 
 
-class View(NamedTuple):
+class PinholeView(NamedTuple):
     """A pinhole camera as the kernels take it."""
 
     R_CW: Floats
@@ -50,9 +50,9 @@ class VisibleChunks(NamedTuple):
     """Scratch memory, shape (2, 3)."""
 
 
-def make_view(T_world_camera: Floats, K_px: Floats, height_px: int, width_px: int) -> View:
+def make_view(T_world_camera: Floats, K_px: Floats, height_px: int, width_px: int) -> PinholeView:
     """A view of a camera pose (OpenCV axes) and intrinsics without skew."""
-    return View(
+    return PinholeView(
         np.ascontiguousarray(T_world_camera[:3, :3].T),
         np.ascontiguousarray(T_world_camera[:3, 3]),
         float(K_px[0, 0]),
@@ -98,7 +98,9 @@ def _blocks_of_range(
 
 
 @inlined
-def add_if_visible(view: View, low: Floats, high: Floats, reach: float, i: int, n: int, out: VisibleChunks) -> int:
+def add_if_visible(
+    view: PinholeView, low: Floats, high: Floats, reach: float, i: int, n: int, out: VisibleChunks
+) -> int:
     """Write chunk `i`, whose means lie in a box of the camera frame, to place `n`; the number of chunks after that."""
     if high[2] <= NEAR_M:
         return n
@@ -114,7 +116,7 @@ def add_if_visible(view: View, low: Floats, high: Floats, reach: float, i: int, 
 
 
 @inlined
-def camera_box(view: View, centre_m: Floats, half_m: Singles, low: Floats, high: Floats) -> None:
+def camera_box(view: PinholeView, centre_m: Floats, half_m: Singles, low: Floats, high: Floats) -> None:
     """Write the bounds of a box in the camera's frame."""
     R = view.R_CW
     dx, dy, dz = centre_m[0] - view.p_WC[0], centre_m[1] - view.p_WC[1], centre_m[2] - view.p_WC[2]
@@ -125,7 +127,7 @@ def camera_box(view: View, centre_m: Floats, half_m: Singles, low: Floats, high:
 
 
 @kernel
-def cull_scene(view: View, centre_m: Floats, half_m: Singles, reach_m: Singles, out: VisibleChunks) -> int:
+def cull_scene(view: PinholeView, centre_m: Floats, half_m: Singles, reach_m: Singles, out: VisibleChunks) -> int:
     """Write the chunks whose Gaussians may touch the image, and return their number."""
     low, high = out.corners[0], out.corners[1]
     n = 0
@@ -159,8 +161,8 @@ def posed_box(
 
 
 @kernel
-def cull_person(
-    view: View,
+def cull_human(
+    view: PinholeView,
     A_CS: Singles,
     box_start: Integers,
     box_joint: Integers,

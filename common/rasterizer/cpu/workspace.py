@@ -35,7 +35,7 @@ class Workspace(NamedTuple):
     records: Singles
     """Projected Gaussians, shape (N * 16,)."""
     boxes: Integers
-    """First tile and blocks of their boxes (see `cpu_tiles`), shape (N * 2,)."""
+    """First tile and blocks of their boxes (see `tiles`), shape (N * 2,)."""
     keys: Integers
     """Depth bits and record number of what this slab draws, shape (N,)."""
     sorted_keys: Integers

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from readygo.common.kernels import inlined, kernel
 from readygo.common.rasterizer.constants import ALPHA_MAX, LOG2_ALPHA_MIN, TRANSMITTANCE_MIN
 from readygo.common.rasterizer.cpu.blend import ROUNDING, log2_alpha
 from readygo.common.rasterizer.cpu.tiles import update_quads
@@ -20,7 +21,6 @@ from readygo.common.rasterizer.differentiable.memory import (
     Singles,
 )
 from readygo.common.rasterizer.differentiable.simd_rows import load_block, load_first, store_block, store_first
-from readygo.common.simd.compilation import inlined, kernel
 from readygo.common.simd.memory import load_f16, peek, prefetch, store_f16, touching
 from readygo.common.simd.types import (
     bit_pattern,

@@ -4,6 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from readygo.common.kernels import inlined, kernel
 from readygo.common.rasterizer.constants import ALPHA_MAX, LOG2_ALPHA_MIN, TRANSMITTANCE_MIN
 from readygo.common.rasterizer.cpu.blend import log2_alpha
 from readygo.common.rasterizer.cpu.workspace import NODE, RECORD, RECORDS, Workspace
@@ -24,7 +25,6 @@ from readygo.common.rasterizer.differentiable.simd_rows import (
     load_block,
     store_block,
 )
-from readygo.common.simd.compilation import inlined, kernel
 from readygo.common.simd.memory import load_f16, load_i16, prefetch, store_f16
 from readygo.common.simd.types import f16, fma, fnma, lane_number, lowest_bit, mask_bits, minimum, to_float, where
 

@@ -8,18 +8,13 @@ Source: Kerbl et al., 3D Gaussian Splatting for Real-Time Radiance Field Renderi
 
 from typing import Any
 
+from readygo.common.gaussians.spherical_harmonics import SH_C0, SH_C1, SH_C2, SH_C3, SH_C20, SH_C30, SH_C31, SH_C32
+from readygo.common.kernels import inlined
 from readygo.common.rasterizer.cpu.workspace import Workspace
 from readygo.common.rasterizer.differentiable.memory import COLOURED, DERIVATIVES, GROUP, NUMBER, Cloud, Gradients, Kept
 from readygo.common.rasterizer.differentiable.simd_rows import load_first, store_first, stream_f16
-from readygo.common.simd.compilation import inlined
 from readygo.common.simd.memory import load_f16, store_f16, store_i16, transpose_in_place
 from readygo.common.simd.types import f16, float_bits, fma, fms, i16, integer_where, lowest_bit, maximum, sqrt
-
-C0 = 0.28209479177387814
-C1 = 0.48860251190292
-C2 = 1.0925484305920792
-C3 = 0.5900435899266435
-C4 = 1.445305721320277
 
 
 @inlined
@@ -71,57 +66,57 @@ def colour_group(cloud: Cloud, group: int, drawn: int, keep: bool, kept: Kept, w
 @inlined
 def _value(kept: Kept, channel: int, count: int, x: Any, y: Any, z: Any) -> Any:
     """Colour of one channel along unit directions, not negative."""
-    value = fma(_coefficient(kept, 0, channel), C0, 0.5)
+    value = fma(_coefficient(kept, 0, channel), SH_C0, 0.5)
     if count >= 4:
-        value = fma(y * -C1, _coefficient(kept, 1, channel), value)
-        value = fma(z * C1, _coefficient(kept, 2, channel), value)
-        value = fma(x * -C1, _coefficient(kept, 3, channel), value)
+        value = fma(y * -SH_C1, _coefficient(kept, 1, channel), value)
+        value = fma(z * SH_C1, _coefficient(kept, 2, channel), value)
+        value = fma(x * -SH_C1, _coefficient(kept, 3, channel), value)
     if count >= 9:
         zz = z * z
         c1, s1 = fms(x, x, y * y), x * y * 2.0
-        value = fma(s1 * (0.5 * C2), _coefficient(kept, 4, channel), value)
-        value = fma(y * z * -C2, _coefficient(kept, 5, channel), value)
-        value = fma(fma(zz, 0.9461746957575601, -0.3153915652525201), _coefficient(kept, 6, channel), value)
-        value = fma(x * z * -C2, _coefficient(kept, 7, channel), value)
-        value = fma(c1 * (0.5 * C2), _coefficient(kept, 8, channel), value)
+        value = fma(s1 * (0.5 * SH_C2), _coefficient(kept, 4, channel), value)
+        value = fma(y * z * -SH_C2, _coefficient(kept, 5, channel), value)
+        value = fma(fma(zz, 3.0 * SH_C20, -SH_C20), _coefficient(kept, 6, channel), value)
+        value = fma(x * z * -SH_C2, _coefficient(kept, 7, channel), value)
+        value = fma(c1 * (0.5 * SH_C2), _coefficient(kept, 8, channel), value)
         if count >= 16:
             c2, s2 = fms(x, c1, y * s1), fma(x, s1, y * c1)
-            t = fma(zz, -2.285228997322329, 0.4570457994644658)
-            value = fma(s2 * -C3, _coefficient(kept, 9, channel), value)
-            value = fma(z * s1 * C4, _coefficient(kept, 10, channel), value)
+            t = fma(zz, -5.0 * SH_C31, SH_C31)
+            value = fma(s2 * -SH_C3, _coefficient(kept, 9, channel), value)
+            value = fma(z * s1 * SH_C32, _coefficient(kept, 10, channel), value)
             value = fma(t * y, _coefficient(kept, 11, channel), value)
-            value = fma(z * fma(zz, 1.865881662950577, -1.119528997770346), _coefficient(kept, 12, channel), value)
+            value = fma(z * fma(zz, 5.0 * SH_C30, -3.0 * SH_C30), _coefficient(kept, 12, channel), value)
             value = fma(t * x, _coefficient(kept, 13, channel), value)
-            value = fma(z * c1 * C4, _coefficient(kept, 14, channel), value)
-            value = fma(c2 * -C3, _coefficient(kept, 15, channel), value)
+            value = fma(z * c1 * SH_C32, _coefficient(kept, 14, channel), value)
+            value = fma(c2 * -SH_C3, _coefficient(kept, 15, channel), value)
     return maximum(value, 0.0)
 
 
 @inlined
 def _write_derivative(kept: Kept, channel: int, count: int, x: Any, y: Any, z: Any, inverse: Any, place: int) -> None:
     """Derivatives of one channel by the offset from the camera, whose inverse length is `inverse`, to `place`."""
-    jx = _coefficient(kept, 3, channel) * -C1
-    jy = _coefficient(kept, 1, channel) * -C1
-    jz = _coefficient(kept, 2, channel) * C1
+    jx = _coefficient(kept, 3, channel) * -SH_C1
+    jy = _coefficient(kept, 1, channel) * -SH_C1
+    jz = _coefficient(kept, 2, channel) * SH_C1
     if count >= 9:
         k4, k5, k6 = _coefficient(kept, 4, channel), _coefficient(kept, 5, channel), _coefficient(kept, 6, channel)
         k7, k8 = _coefficient(kept, 7, channel), _coefficient(kept, 8, channel)
-        jx = fma(fma(k4, y, fms(k8, x, k7 * z)), C2, jx)
-        jy = fma(fms(k4, x, fma(k5, z, k8 * y)), C2, jy)
-        jz = fma(fma(k5, y, k7 * x), -C2, fma(k6 * z, 2.0 * 0.9461746957575601, jz))
+        jx = fma(fma(k4, y, fms(k8, x, k7 * z)), SH_C2, jx)
+        jy = fma(fms(k4, x, fma(k5, z, k8 * y)), SH_C2, jy)
+        jz = fma(fma(k5, y, k7 * x), -SH_C2, fma(k6 * z, 6.0 * SH_C20, jz))
         if count >= 16:
             c1, s1, zz = fms(x, x, y * y), x * y * 2.0, z * z
-            t = fma(zz, -2.285228997322329, 0.4570457994644658)
+            t = fma(zz, -5.0 * SH_C31, SH_C31)
             k9, k10, k11 = (
                 _coefficient(kept, 9, channel), _coefficient(kept, 10, channel), _coefficient(kept, 11, channel)
             )  # fmt: skip
             k12, k13 = _coefficient(kept, 12, channel), _coefficient(kept, 13, channel)
             k14, k15 = _coefficient(kept, 14, channel), _coefficient(kept, 15, channel)
             # The inner derivatives of z s1 and z c1 by x and y carry a factor of 2.
-            jx = fma(fma(k9, s1, k15 * c1), -3.0 * C3, fma(fma(k10, y, k14 * x) * z, 2.0 * C4, fma(k13, t, jx)))
-            jy = fma(fms(k9, c1, k15 * s1), -3.0 * C3, fma(fms(k10, x, k14 * y) * z, 2.0 * C4, fma(k11, t, jy)))
-            jz = fma(fma(k10, s1, k14 * c1), C4, fma(fma(k11, y, k13 * x) * z, -2.0 * 2.285228997322329, jz))
-            jz = fma(k12, fma(zz, 3.0 * 1.865881662950577, -1.119528997770346), jz)
+            jx = fma(fma(k9, s1, k15 * c1), -3.0 * SH_C3, fma(fma(k10, y, k14 * x) * z, 2.0 * SH_C32, fma(k13, t, jx)))
+            jy = fma(fms(k9, c1, k15 * s1), -3.0 * SH_C3, fma(fms(k10, x, k14 * y) * z, 2.0 * SH_C32, fma(k11, t, jy)))
+            jz = fma(fma(k10, s1, k14 * c1), SH_C32, fma(fma(k11, y, k13 * x) * z, -10.0 * SH_C31, jz))
+            jz = fma(k12, fma(zz, 15.0 * SH_C30, -3.0 * SH_C30), jz)
     along = fma(jx, x, fma(jy, y, jz * z))
     store_f16(kept.groups, place, (jx - along * x) * inverse)
     store_f16(kept.groups, place + 16, (jy - along * y) * inverse)
@@ -153,29 +148,29 @@ def write_coefficient_gradients(
         out: Where to write.
     """
     x, y, z = d[0], d[1], d[2]
-    _put(kept, 0, f16(C0), g)
+    _put(kept, 0, f16(SH_C0), g)
     if cloud.sh_count >= 4:
-        _put(kept, 1, y * -C1, g)
-        _put(kept, 2, z * C1, g)
-        _put(kept, 3, x * -C1, g)
+        _put(kept, 1, y * -SH_C1, g)
+        _put(kept, 2, z * SH_C1, g)
+        _put(kept, 3, x * -SH_C1, g)
     if cloud.sh_count >= 9:
         zz = z * z
         c1, s1 = fms(x, x, y * y), x * y * 2.0
-        _put(kept, 4, s1 * (0.5 * C2), g)
-        _put(kept, 5, y * z * -C2, g)
-        _put(kept, 6, fma(zz, 0.9461746957575601, -0.3153915652525201), g)
-        _put(kept, 7, x * z * -C2, g)
-        _put(kept, 8, c1 * (0.5 * C2), g)
+        _put(kept, 4, s1 * (0.5 * SH_C2), g)
+        _put(kept, 5, y * z * -SH_C2, g)
+        _put(kept, 6, fma(zz, 3.0 * SH_C20, -SH_C20), g)
+        _put(kept, 7, x * z * -SH_C2, g)
+        _put(kept, 8, c1 * (0.5 * SH_C2), g)
         if cloud.sh_count >= 16:
             c2, s2 = fms(x, c1, y * s1), fma(x, s1, y * c1)
-            t = fma(zz, -2.285228997322329, 0.4570457994644658)
-            _put(kept, 9, s2 * -C3, g)
-            _put(kept, 10, z * s1 * C4, g)
+            t = fma(zz, -5.0 * SH_C31, SH_C31)
+            _put(kept, 9, s2 * -SH_C3, g)
+            _put(kept, 10, z * s1 * SH_C32, g)
             _put(kept, 11, t * y, g)
-            _put(kept, 12, z * fma(zz, 1.865881662950577, -1.119528997770346), g)
+            _put(kept, 12, z * fma(zz, 5.0 * SH_C30, -3.0 * SH_C30), g)
             _put(kept, 13, t * x, g)
-            _put(kept, 14, z * c1 * C4, g)
-            _put(kept, 15, c2 * -C3, g)
+            _put(kept, 14, z * c1 * SH_C32, g)
+            _put(kept, 15, c2 * -SH_C3, g)
     count = 3 * cloud.sh_count
     for j in range(0, count, 16):
         transpose_in_place(kept.coefficients, 16 * j)

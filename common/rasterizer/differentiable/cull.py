@@ -5,14 +5,14 @@ from typing import Any
 
 import numpy as np
 
+from readygo.common.kernels import inlined, kernel
 from readygo.common.rasterizer.constants import ALPHA_MIN, NEAR_M
-from readygo.common.rasterizer.cpu.lens import Lens, lens_of, rotation_rows
+from readygo.common.rasterizer.cpu.optics import Optics, optics_of, rotation_rows
 from readygo.common.rasterizer.cpu.tiles import pack_box
-from readygo.common.rasterizer.cpu.view import PAD_PX, View
-from readygo.common.rasterizer.differentiable.lens import to_camera
+from readygo.common.rasterizer.cpu.view import PAD_PX, PinholeView
+from readygo.common.rasterizer.differentiable.ewa import to_camera
 from readygo.common.rasterizer.differentiable.memory import CHUNK, Chunks, Cloud, Singles
 from readygo.common.rasterizer.differentiable.simd_rows import columns_of_three, load_first
-from readygo.common.simd.compilation import inlined, kernel
 from readygo.common.simd.memory import load_f16, prefetch, store_f16
 from readygo.common.simd.types import f16, fma, lane_number, mask_bits, maximum, minimum, where
 
@@ -24,7 +24,7 @@ FAR = np.float32(3e38)
 
 
 @inlined
-def offsets_from_camera(view: View, cloud: Cloud, first: int, left: int) -> Any:
+def offsets_from_camera(view: PinholeView, cloud: Cloud, first: int, left: int) -> Any:
     """World coordinates of the Gaussians first..first+15 relative to the camera; 0 from the `left`-th on."""
     p = columns_of_three(
         load_first(cloud.means_m, 3 * first, 3 * left),
@@ -51,28 +51,28 @@ def scales_at(cloud: Cloud, first: int, left: int) -> Any:
 
 
 @inlined
-def footprint_reach(lens: Lens, s: Any) -> Any:
+def footprint_reach(optics: Optics, s: Any) -> Any:
     """How far Gaussians reach in the image, times depth [px m].
 
     A ball of radius r at tangent u and depth z reaches r sqrt(1 + u^2) / z; u is clamped in the projection.
     """
     reach = maximum(maximum(s[0], s[1]), s[2]) * REACH
-    u, v = max(-lens.u_low, lens.u_high), max(-lens.v_low, lens.v_high)
-    return reach * (lens.fx * math.sqrt(1.0 + u * u)), reach * (lens.fy * math.sqrt(1.0 + v * v))
+    u, v = max(-optics.u_low, optics.u_high), max(-optics.v_low, optics.v_high)
+    return reach * (optics.fx * math.sqrt(1.0 + u * u)), reach * (optics.fy * math.sqrt(1.0 + v * v))
 
 
 @inlined
-def in_view(lens: Lens, p: Any, reach: Any, opacity: Any, left: int) -> Any:
+def in_view(optics: Optics, p: Any, reach: Any, opacity: Any, left: int) -> Any:
     """Lanes whose footprints may meet the image; camera coordinates `p`."""
-    x, y = p[0] * lens.fx, p[1] * lens.fy
+    x, y = p[0] * optics.fx, p[1] * optics.fy
     return (
         (p[2] > NEAR_M)
         & (lane_number() < left)
         & (opacity >= ALPHA_MIN)
-        & (fma(p[2], lens.cx + PAD_PX, x + reach[0]) >= 0.0)
-        & (fma(p[2], lens.x_last + 1.0 - lens.cx + PAD_PX, reach[0] - x) >= 0.0)
-        & (fma(p[2], lens.cy + PAD_PX, y + reach[1]) >= 0.0)
-        & (fma(p[2], lens.y_last + 1.0 - lens.cy + PAD_PX, reach[1] - y) >= 0.0)
+        & (fma(p[2], optics.cx + PAD_PX, x + reach[0]) >= 0.0)
+        & (fma(p[2], optics.x_last + 1.0 - optics.cx + PAD_PX, reach[0] - x) >= 0.0)
+        & (fma(p[2], optics.cy + PAD_PX, y + reach[1]) >= 0.0)
+        & (fma(p[2], optics.y_last + 1.0 - optics.cy + PAD_PX, reach[1] - y) >= 0.0)
     )
 
 
@@ -98,7 +98,7 @@ def _bound(bounds: Singles, k: int) -> float:
 
 
 @inlined
-def _bound_block(view: View, lens: Lens, R: Any, cloud: Cloud, first: int, bounds: Singles) -> int:
+def _bound_block(view: PinholeView, optics: Optics, R: Any, cloud: Cloud, first: int, bounds: Singles) -> int:
     """Widen the bounds by a block of 16 Gaussians; the lanes that may touch the image."""
     left = len(cloud.opacities) - first
     for k in range(0, 48, 16):
@@ -108,12 +108,12 @@ def _bound_block(view: View, lens: Lens, R: Any, cloud: Cloud, first: int, bound
     p = to_camera(R, offsets_from_camera(view, cloud, first, left))
     if mask_bits((p[2] > NEAR_M) & (lane_number() < left)) == 0:
         return 0
-    reach = footprint_reach(lens, scales_at(cloud, first, left))
-    seen = in_view(lens, p, reach, load_first(cloud.opacities, first, left), left)
+    reach = footprint_reach(optics, scales_at(cloud, first, left))
+    seen = in_view(optics, p, reach, load_first(cloud.opacities, first, left), left)
     bits: int = mask_bits(seen)
     if bits:
         inverse_z = 1.0 / p[2]
-        x, y = p[0] * inverse_z * lens.fx, p[1] * inverse_z * lens.fy
+        x, y = p[0] * inverse_z * optics.fx, p[1] * inverse_z * optics.fy
         _widen(bounds, 0, seen, p[2])
         _widen(bounds, 1, seen, x - reach[0] * inverse_z)
         _widen(bounds, 2, seen, 0.0 - (x + reach[0] * inverse_z))
@@ -129,7 +129,7 @@ def _to_block(pixel: float, last: float) -> int:
 
 
 @kernel
-def bound_chunks(view: View, cloud: Cloud, bounds: Singles, out: Chunks) -> int:
+def bound_chunks(view: PinholeView, cloud: Cloud, bounds: Singles, out: Chunks) -> int:
     """Write the chunks that may touch the image, and return their number.
 
     Args:
@@ -138,21 +138,21 @@ def bound_chunks(view: View, cloud: Cloud, bounds: Singles, out: Chunks) -> int:
         bounds: Scratch memory, shape (5 * 16,).
         out: Where to write, with room for all chunks.
     """
-    lens, R = lens_of(view), rotation_rows(view.R_CW)
+    optics, R = optics_of(view), rotation_rows(view.R_CW)
     count = len(cloud.opacities)
     n = 0
     for start in range(0, count, CHUNK):
         blocks = 0
         _begin_bounds(bounds)
         for block in range(min(CHUNK, count - start + 15) >> 4):
-            if _bound_block(view, lens, R, cloud, start + 16 * block, bounds):
+            if _bound_block(view, optics, R, cloud, start + 16 * block, bounds):
                 blocks |= 1 << block
         if blocks == 0:
             continue
-        x0 = _to_block(lens.cx + _bound(bounds, 1) - PAD_PX, lens.x_last)
-        x1 = _to_block(lens.cx - _bound(bounds, 2) + PAD_PX, lens.x_last)
-        y0 = _to_block(lens.cy + _bound(bounds, 3) - PAD_PX, lens.y_last)
-        y1 = _to_block(lens.cy - _bound(bounds, 4) + PAD_PX, lens.y_last)
+        x0 = _to_block(optics.cx + _bound(bounds, 1) - PAD_PX, optics.x_last)
+        x1 = _to_block(optics.cx - _bound(bounds, 2) + PAD_PX, optics.x_last)
+        y0 = _to_block(optics.cy + _bound(bounds, 3) - PAD_PX, optics.y_last)
+        y1 = _to_block(optics.cy - _bound(bounds, 4) + PAD_PX, optics.y_last)
         out.number[n] = start // CHUNK
         out.depth_m[n] = _bound(bounds, 0)
         out.box[n] = pack_box(x0, x1, y0, y1)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from readygo.common.rasterizer.cpu.blend import begin_slab, fill_tiles, sort_keys
 from readygo.common.rasterizer.cpu.slabs import Slab, slabs_of
-from readygo.common.rasterizer.cpu.view import View
+from readygo.common.rasterizer.cpu.view import PinholeView
 from readygo.common.rasterizer.cpu.workspace import (
     KEYS,
     LARGE_ENTRIES,
@@ -136,7 +136,7 @@ class Frame:
         """True while the token of the last `draw` lives."""
         return self._token() is not None
 
-    def draw(self, view: View, cloud: Cloud, features: Singles | None, *, keep: bool) -> Drawn:
+    def draw(self, view: PinholeView, cloud: Cloud, features: Singles | None, *, keep: bool) -> Drawn:
         """Draw a view.
 
         Args:

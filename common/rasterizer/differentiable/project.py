@@ -5,16 +5,17 @@ from typing import Any
 
 import numpy as np
 
+from readygo.common.kernels import inlined, kernel
 from readygo.common.rasterizer.constants import ALPHA_MIN, LOG2_E
-from readygo.common.rasterizer.cpu.lens import Lens, clamped, lens_of, rotation_rows
+from readygo.common.rasterizer.cpu.optics import Optics, clamped, optics_of, rotation_rows
 from readygo.common.rasterizer.cpu.project import pixels_within
 from readygo.common.rasterizer.cpu.slabs import NEAR_BITS, Slab, is_due
 from readygo.common.rasterizer.cpu.tiles import LARGE, box_codes, is_alive, tiles_met
-from readygo.common.rasterizer.cpu.view import View
+from readygo.common.rasterizer.cpu.view import PinholeView
 from readygo.common.rasterizer.cpu.workspace import KEYS, LARGE_ENTRIES, LATER, RECORD, RECORDS, Workspace
 from readygo.common.rasterizer.differentiable.colour import colour_group
 from readygo.common.rasterizer.differentiable.cull import footprint_reach, in_view, offsets_from_camera, scales_at
-from readygo.common.rasterizer.differentiable.lens import (
+from readygo.common.rasterizer.differentiable.ewa import (
     image_axes,
     image_covariance,
     image_rows,
@@ -35,7 +36,6 @@ from readygo.common.rasterizer.differentiable.memory import (
     Singles,
 )
 from readygo.common.rasterizer.differentiable.simd_rows import columns_of_four, load_first
-from readygo.common.simd.compilation import inlined, kernel
 from readygo.common.simd.memory import (
     compress,
     load_f16,
@@ -84,12 +84,12 @@ def _stage(row: int, staged: int, seen: Any, value: Any, kept: Kept) -> None:
 
 
 @inlined
-def _stage_block(view: View, lens: Lens, R: Any, cloud: Cloud, first: int, staged: int, kept: Kept) -> int:
+def _stage_block(view: PinholeView, optics: Optics, R: Any, cloud: Cloud, first: int, staged: int, kept: Kept) -> int:
     """Append the Gaussians first..first+15 that may be seen to the staged ones; the new number of these."""
     left = len(cloud.opacities) - first
     d, s = offsets_from_camera(view, cloud, first, left), scales_at(cloud, first, left)
     opacity = load_first(cloud.opacities, first, left)
-    seen = in_view(lens, to_camera(R, d), footprint_reach(lens, s), opacity, left)
+    seen = in_view(optics, to_camera(R, d), footprint_reach(optics, s), opacity, left)
     q = columns_of_four(
         load_first(cloud.quats_wxyz, 4 * first, 4 * left),
         load_first(cloud.quats_wxyz, 4 * first + 16, 4 * left - 16),
@@ -133,16 +133,16 @@ def _begin_group(staged: int, group: int, kept: Kept) -> int:
 
 
 @inlined
-def _image_group(lens: Lens, R: Any, group: int, kept: Kept, ws: Workspace) -> int:
+def _image_group(optics: Optics, R: Any, group: int, kept: Kept, ws: Workspace) -> int:
     """Project a group: its record rows go to the scratch memory, the lanes that cover a pixel centre back."""
     x, y, z = to_camera(R, (_row(kept, group, 0), _row(kept, group, 1), _row(kept, group, 2)))
     inverse_z = 1.0 / z
     u, v = x * inverse_z, y * inverse_z
-    mean_x, mean_y = fma(u, lens.fx, lens.cx), fma(v, lens.fy, lens.cy)
-    uc, vc = clamped(lens, u, v)
+    mean_x, mean_y = fma(u, optics.fx, optics.cx), fma(v, optics.fy, optics.cy)
+    uc, vc = clamped(optics, u, v)
     Q = quaternion_matrix(_row(kept, group, 3), _row(kept, group, 4), _row(kept, group, 5), _row(kept, group, 6))
     A = image_axes(image_rows(R, uc, vc), Q)
-    du, dv = inverse_z * lens.fx, inverse_z * lens.fy
+    du, dv = inverse_z * optics.fx, inverse_z * optics.fy
     s0, s1, s2 = _row(kept, group, 7), _row(kept, group, 8), _row(kept, group, 9)
     sxx, sxy, syy, det = image_covariance(
         (A[0] * s0 * du, A[1] * s1 * du, A[2] * s2 * du), (A[3] * s0 * dv, A[4] * s1 * dv, A[5] * s2 * dv)
@@ -151,8 +151,8 @@ def _image_group(lens: Lens, R: Any, group: int, kept: Kept, ws: Workspace) -> i
     reach = maximum(fma(log2_opacity, LN_4, TWO_LN_255), 0.0)
     half_x, half_y = sqrt(reach * sxx), sqrt(reach * syy)
     left, top = mean_x - 0.5, mean_y - 0.5
-    x0, x1, in_columns = pixels_within(left - half_x, left + half_x, lens.x_last)
-    y0, y1, in_rows = pixels_within(top - half_y, top + half_y, lens.y_last)
+    x0, x1, in_columns = pixels_within(left - half_x, left + half_x, optics.x_last)
+    y0, y1, in_rows = pixels_within(top - half_y, top + half_y, optics.y_last)
     valid = (lane_number() < np.int64(kept.lanes[group])) & (det > 0.0) & (det < np.inf)
     seen: int = mask_bits(valid & in_columns & in_rows)
     scale = LOG2_E / det
@@ -163,7 +163,7 @@ def _image_group(lens: Lens, R: Any, group: int, kept: Kept, ws: Workspace) -> i
     store_f16(ws.scratch, 64, scale * sxx * -0.5)
     store_f16(ws.scratch, 80, log2_opacity)
     store_f16(ws.scratch, 144, z)
-    tile, low, high = box_codes(x0 >> 2, x1 >> 2, y0 >> 2, y1 >> 2, lens.columns)
+    tile, low, high = box_codes(x0 >> 2, x1 >> 2, y0 >> 2, y1 >> 2, optics.columns)
     store_i16(ws.scratch_bits, 0, tile)
     store_i16(ws.scratch_bits, 16, low)
     store_i16(ws.scratch_bits, 32, high)
@@ -174,7 +174,7 @@ def _image_group(lens: Lens, R: Any, group: int, kept: Kept, ws: Workspace) -> i
 
 @inlined
 def _box(lane: int, ws: Workspace) -> Any:
-    """First tile and blocks of a lane's box, see `cpu_tiles`."""
+    """First tile and blocks of a lane's box, see `tiles`."""
     bits = ws.scratch_bits
     low, high = np.int64(peek(bits, 16 + lane)), np.int64(peek(bits, 32 + lane))
     return np.int64(peek(bits, lane)), (low & 0xFFFFFFFF) | (high << 32)
@@ -230,7 +230,7 @@ def _emit(drawn: int, first: int, counts: tuple[int, int], slab: Slab, ws: Works
 
 
 @kernel
-def project(view: View, cloud: Cloud, chunks: Chunks, slab: Slab, keep: bool, kept: Kept, ws: Workspace) -> None:
+def project(view: PinholeView, cloud: Cloud, chunks: Chunks, slab: Slab, keep: bool, kept: Kept, ws: Workspace) -> None:
     """Project the slab's chunks, and append the Gaussians that touch unfinished pixels.
 
     Args:
@@ -242,11 +242,11 @@ def project(view: View, cloud: Cloud, chunks: Chunks, slab: Slab, keep: bool, ke
         kept: Where the groups are written.
         ws: Workspace with room for all Gaussians of these chunks.
     """
-    lens, R = lens_of(view), rotation_rows(view.R_CW)
+    optics, R = optics_of(view), rotation_rows(view.R_CW)
     group = ws.counts[RECORDS] >> 4
     counts = (ws.counts[KEYS], ws.counts[LATER])
     for i in range(len(chunks.number)):
-        if not is_due(slab, chunks.depth_m[i], chunks.box[i], lens.columns, ws.tile_alive):
+        if not is_due(slab, chunks.depth_m[i], chunks.box[i], optics.columns, ws.tile_alive):
             continue
         chunks.first_group[i] = group
         blocks, staged = chunks.blocks[i], 0
@@ -254,12 +254,12 @@ def project(view: View, cloud: Cloud, chunks: Chunks, slab: Slab, keep: bool, ke
             if blocks:
                 block = lowest_bit(blocks)
                 blocks &= blocks - 1
-                staged = _stage_block(view, lens, R, cloud, chunks.number[i] * CHUNK + 16 * block, staged, kept)
+                staged = _stage_block(view, optics, R, cloud, chunks.number[i] * CHUNK + 16 * block, staged, kept)
             if staged >= 16 or (staged > 0 and blocks == 0):
                 staged = _begin_group(staged, group, kept)
-                drawn = _image_group(lens, R, group, kept, ws)
+                drawn = _image_group(optics, R, group, kept, ws)
                 if slab.cull:
-                    drawn = _unhidden(drawn, lens.columns, ws)
+                    drawn = _unhidden(drawn, optics.columns, ws)
                 radius = group * GROUP + 16 * RADIUS
                 store_f16(kept.groups, radius, where(_lanes(drawn), load_f16(kept.groups, radius), 0.0))
                 if drawn:

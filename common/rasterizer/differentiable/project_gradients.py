@@ -11,10 +11,11 @@ v, v dx, v dy, v dx^2, v dx dy, v dy^2 over its pixels:
 
 from typing import Any
 
-from readygo.common.rasterizer.cpu.lens import Lens, clamped, lens_of, rotation_rows
-from readygo.common.rasterizer.cpu.view import View
+from readygo.common.kernels import inlined, kernel
+from readygo.common.rasterizer.cpu.optics import Optics, clamped, optics_of, rotation_rows
+from readygo.common.rasterizer.cpu.view import PinholeView
 from readygo.common.rasterizer.differentiable.colour import write_coefficient_gradients
-from readygo.common.rasterizer.differentiable.lens import (
+from readygo.common.rasterizer.differentiable.ewa import (
     image_axes,
     image_covariance,
     image_rows,
@@ -37,7 +38,6 @@ from readygo.common.rasterizer.differentiable.memory import (
     Singles,
 )
 from readygo.common.rasterizer.differentiable.simd_rows import load_first, rows_of_four, rows_of_three, store_first
-from readygo.common.simd.compilation import inlined, kernel
 from readygo.common.simd.memory import compress, load_f16, load_i16, prefetch, store_f16, transpose_in_place
 from readygo.common.simd.types import (
     bit_pattern,
@@ -147,7 +147,7 @@ def _gradient_rows(group: int, out: Gradients) -> None:
 
 @inlined
 def _shape_gradients(
-    lens: Lens, R: Any, group: int, first: int, row: int, lanes: Any, kept: Kept, out: Gradients
+    optics: Optics, R: Any, group: int, first: int, row: int, lanes: Any, kept: Kept, out: Gradients
 ) -> Any:
     """Derivatives by quaternions, scales and opacities, written; those by the offsets in camera axes, returned.
 
@@ -157,12 +157,12 @@ def _shape_gradients(
     x, y, z = to_camera(R, d)
     inverse_z = 1.0 / z
     u, v = x * inverse_z, y * inverse_z
-    uc, vc = clamped(lens, u, v)
+    uc, vc = clamped(optics, u, v)
     q = (_row(kept, group, 3), _row(kept, group, 4), _row(kept, group, 5), _row(kept, group, 6))
     Q = quaternion_matrix(q[0], q[1], q[2], q[3])
     E = image_rows(R, uc, vc)
     A = image_axes(E, Q)
-    du, dv = inverse_z * lens.fx, inverse_z * lens.fy
+    du, dv = inverse_z * optics.fx, inverse_z * optics.fy
     s0, s1, s2 = _row(kept, group, 7), _row(kept, group, 8), _row(kept, group, 9)
     su0, su1, su2, sv0, sv1, sv2 = s0 * du, s1 * du, s2 * du, s0 * dv, s1 * dv, s2 * dv
     a = (A[0] * su0, A[1] * su1, A[2] * su2)
@@ -217,9 +217,9 @@ def _shape_gradients(
     )
     g_uc, g_vc = fma(e0, R[6], fma(e1, R[7], e2 * R[8])), fma(e3, R[6], fma(e4, R[7], e5 * R[8]))
     # A clamped tangent does not move with the mean.
-    inside_u, inside_v = (u > lens.u_low) & (u < lens.u_high), (v > lens.v_low) & (v < lens.v_high)
-    g_u = fma(gx, lens.fx, where(inside_u, 0.0 - g_uc, 0.0))
-    g_v = fma(gy, lens.fy, where(inside_v, 0.0 - g_vc, 0.0))
+    inside_u, inside_v = (u > optics.u_low) & (u < optics.u_high), (v > optics.v_low) & (v < optics.v_high)
+    g_u = fma(gx, optics.fx, where(inside_u, 0.0 - g_uc, 0.0))
+    g_v = fma(gy, optics.fy, where(inside_v, 0.0 - g_vc, 0.0))
     g_depth = load_f16(out.sums, (CHANNELS + 3) * 16)
     g_z = fnma(fma(g_u, u, fma(g_v, v, g_zoom)), inverse_z, g_depth)
     t0, t1, t2 = fma(uc, e0, vc * e3), fma(uc, e1, vc * e4), fma(uc, e2, vc * e5)
@@ -263,7 +263,7 @@ def _write_numbers(group: int, row: int, weighty: int, kept: Kept, out: Gradient
 
 @inlined
 def _group_gradients(
-    lens: Lens,
+    optics: Optics,
     R: Any,
     cloud: Cloud,
     group: int,
@@ -277,7 +277,7 @@ def _group_gradients(
     """Derivatives by all parameters of the lanes `lanes` of a group, whose gradient records are in `sums`."""
     weighty = mask_bits(lanes)
     _write_numbers(group, row, weighty, kept, out)
-    g, G = _shape_gradients(lens, R, group, first, row, lanes, kept, out)
+    g, G = _shape_gradients(optics, R, group, first, row, lanes, kept, out)
     c = _colour_gradients(cloud, group, row, weighty, dense, kept, out)
     w = (
         fma(R[0], g[0], fma(R[3], g[1], fma(R[6], g[2], c[0]))),
@@ -291,7 +291,7 @@ def _group_gradients(
 
 
 @kernel
-def project_gradients(view: View, cloud: Cloud, chunks: Chunks, dense: bool, kept: Kept, out: Gradients) -> int:
+def project_gradients(view: PinholeView, cloud: Cloud, chunks: Chunks, dense: bool, kept: Kept, out: Gradients) -> int:
     """Derivatives by all parameters of the Gaussians with weight, in the order of memory; the number of these.
 
     Args:
@@ -302,7 +302,7 @@ def project_gradients(view: View, cloud: Cloud, chunks: Chunks, dense: bool, kep
         kept: What the projection kept.
         out: Gradient records, and where to write.
     """
-    lens, R = lens_of(view), rotation_rows(view.R_CW)
+    optics, R = optics_of(view), rotation_rows(view.R_CW)
     for k in range(12):
         store_f16(out.pose, k * 16, f16(0.0))
     first, row = 0, 0
@@ -315,7 +315,7 @@ def project_gradients(view: View, cloud: Cloud, chunks: Chunks, dense: bool, kep
             lanes = (weight > 0.0) & (lane_number() < count)
             store_f16(out.weights, first, weight)
             if mask_bits(lanes):
-                _group_gradients(lens, R, cloud, group, first, row, lanes, dense, kept, out)
+                _group_gradients(optics, R, cloud, group, first, row, lanes, dense, kept, out)
                 row += count_bits(mask_bits(lanes))
             else:
                 store_f16(out.means_px, first, f16(0.0))

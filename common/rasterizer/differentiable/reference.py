@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy.typing as npt
 import torch
 
+from readygo.common.gaussians.spherical_harmonics import SH_C0, sh_polynomials
 from readygo.common.rasterizer.constants import (
     ALPHA_MAX,
     ALPHA_MIN,
@@ -132,25 +133,7 @@ def rotations(quats_wxyz: Tensor) -> Tensor:
 def _colours(sh: Tensor, offsets: Tensor, degree: int) -> Tensor:
     """Colours along directions, not negative. The basis is that of `readygo.common.gaussians.sh_basis`."""
     x, y, z = (offsets / torch.linalg.norm(offsets, dim=1, keepdim=True)).unbind(1)
-    xx, yy, zz = x * x, y * y, z * z
-    basis = [
-        torch.full_like(x, 0.28209479177387814),
-        -0.4886025119029199 * y,
-        0.4886025119029199 * z,
-        -0.4886025119029199 * x,
-        1.0925484305920792 * x * y,
-        -1.0925484305920792 * y * z,
-        0.31539156525252005 * (2 * zz - xx - yy),
-        -1.0925484305920792 * x * z,
-        0.5462742152960396 * (xx - yy),
-        -0.5900435899266435 * y * (3 * xx - yy),
-        2.890611442640554 * x * y * z,
-        -0.4570457994644658 * y * (4 * zz - xx - yy),
-        0.3731763325901154 * z * (2 * zz - 3 * xx - 3 * yy),
-        -0.4570457994644658 * x * (4 * zz - xx - yy),
-        1.445305721320277 * z * (xx - yy),
-        -0.5900435899266435 * x * (xx - 3 * yy),
-    ]
+    basis = [torch.full_like(x, SH_C0), *sh_polynomials(x, y, z)]
     used = min((degree + 1) ** 2, sh.shape[1])
     return torch.clamp(0.5 + torch.einsum("kn,nkc->nc", torch.stack(basis[:used]), sh[:, :used]), min=0.0)
 

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from readygo.common.avatars import Avatar
 from readygo.common.frames import matrix_from_quat
-from readygo.common.gaussians import GaussianCloud
+from readygo.common.gaussians import GaussianCloud, rgb_of_sh
 from readygo.common.rasterizer.constants import ALPHA_MIN
 from readygo.common.rasterizer.packed.scene import (
     CHUNK,
@@ -23,7 +23,6 @@ Singles = npt.NDArray[np.float32]
 
 GEOMETRY_ROWS = 11
 """Mean (3), covariance xx xy xz yy yz zz (6), log2 opacity, squared reach in sigmas (negative: padding)."""
-_C0 = 0.28209479177387814
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -137,7 +136,7 @@ def _chunks(cloud: GaussianCloud, *, centred: bool) -> ChunkedCloud:
         half_m=rounded_up(half),
         reach_m=rounded_up(_padded(reach[:, None].astype(np.float64))[..., 0].max(axis=1)),
         geometry=np.ascontiguousarray(rows.swapaxes(1, 2), dtype=np.float32),
-        colour=_rows(0.5 + _C0 * cloud.sh[:, 0].astype(np.float64)).astype(np.float32),
+        colour=_rows(rgb_of_sh(cloud.sh[:, 0].astype(np.float64))).astype(np.float32),
         sh=_rows(cloud.sh[:, 1:].reshape(count, 3 * bands)).reshape(chunks, bands, 3, CHUNK).astype(np.float16),
         normal=_rows(_shortest_axes(cloud)).astype(np.float32),
     )

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from readygo.common.images.images import Images
+from readygo.common.images.images import FIELDS, Images
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -44,17 +44,7 @@ def unit_normals(sums: Tensor) -> Tensor:
 
 
 def host_images(images: DeviceImages, wanted: frozenset[str]) -> Images:
-    """The wanted images of the first camera, copied from the device."""
-
-    def copied(name: str, tensor: Tensor | None) -> Tensor | None:
-        return tensor[0].cpu() if tensor is not None and name in wanted else None
-
-    rest = {
-        "depth_m": copied("depth", images.depth_m),
-        "median_depth_m": copied("median_depth", images.median_depth_m),
-        "alpha": copied("alpha", images.alpha),
-        "mask": copied("mask", images.mask),
-        "normal": copied("normal", images.normal),
-    }
-    arrays = {name: None if tensor is None else tensor.numpy() for name, tensor in rest.items()}
-    return Images(rgb=rgb_bytes(images.rgb[0]).cpu().numpy(), **arrays)
+    """The wanted images, rgb among them, copied from the device."""
+    others = {FIELDS[name]: getattr(images, FIELDS[name]) for name in wanted - {"rgb"}}
+    arrays = {field: tensor.cpu().numpy() for field, tensor in others.items() if tensor is not None}
+    return Images(rgb=rgb_bytes(images.rgb).cpu().numpy(), **arrays)

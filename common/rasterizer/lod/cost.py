@@ -13,8 +13,8 @@ three projections along the axes. Three errors add up:
 import math
 from typing import Any, NamedTuple
 
+from readygo.common.kernels import inlined
 from readygo.common.rasterizer.lod.clusters import NEIGHBOURS, Clusters, area_m2, dilation_m2
-from readygo.common.simd.compilation import inlined
 
 FAR_Q = 40.0
 """Squared distance in sigmas at which Gaussians do not overlap any more."""

@@ -3,9 +3,9 @@
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.kernels import inlined, kernel
 from readygo.common.rasterizer.lod.clusters import NEIGHBOURS, Clusters, Originals, gather
 from readygo.common.rasterizer.lod.cost import MergeRule, find_unrest, merger_cost
-from readygo.common.simd.compilation import inlined, kernel
 
 Integers = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float64]

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.gaussians.spherical_harmonics import SH_C0
 from readygo.common.rasterizer.constants import ALPHA_MIN
 from readygo.common.rasterizer.lod.clusters import (
     Clusters,
@@ -51,7 +52,6 @@ WIDEST_PX = 48.0
 """Largest side of the box of a node that joins several regions."""
 CROWDED_PX = 8.0
 """Regions whose largest side is smaller are crowded, and may be merged at a higher cost."""
-_C0 = 0.28209479177387814
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -298,7 +298,7 @@ def _base_colours(scene: PackedScene, count: int) -> Floats:
     if len(scene.colour):
         return scene.colour.transpose(0, 1, 3, 2).reshape(-1, 3)[:count].astype(np.float64)
     constant = scene.sh[:, :, :, 0].transpose(0, 1, 3, 2).reshape(-1, 3)[:count]
-    colours: Floats = np.maximum(0.5 + _C0 * float(scene.sh_step[0]) * constant.astype(np.float64), 0.0)
+    colours: Floats = np.maximum(0.5 + SH_C0 * float(scene.sh_step[0]) * constant.astype(np.float64), 0.0)
     return colours
 
 

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from readygo.common.errors import ReadygoError
 from readygo.common.files import unfinished, unfinished_folder
-from readygo.common.gaussians import GaussianCloud
+from readygo.common.gaussians import GaussianCloud, rgb_of_sh
 from readygo.common.rasterizer.constants import ALPHA_MIN
 
 Floats = npt.NDArray[np.float64]
@@ -33,7 +33,6 @@ BLOCKS = CHUNK // 16
 GEOMETRY_ROWS = 11
 """Mean (3), covariance xx xy xz yy yz zz (6), log2 opacity, squared reach in sigmas (negative: padding)."""
 _NORMAL_FILE = "normal.npy"
-_C0 = 0.28209479177387814
 NORMAL_STEP = 1.0 / 32767.0
 """Value of one step of a packed normal."""
 _ARRAYS = ("centre_m", "half_m", "reach_m", "geometry", "colour", "sh", "sh_step")
@@ -147,7 +146,7 @@ def _pack_piece(cloud: GaussianCloud, step: float, centred: bool, scene: PackedS
     if len(scene.sh):
         scene.sh[here] = _sh_steps(cloud, chunks, step)
     else:
-        rgb = np.maximum(0.5 + _C0 * cloud.sh[:, 0].astype(np.float64), 0.0)
+        rgb = np.maximum(rgb_of_sh(cloud.sh[:, 0].astype(np.float64)), 0.0)
         scene.colour[here] = _blocks(_padded(rgb, chunks))
 
 

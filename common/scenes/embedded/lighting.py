@@ -5,11 +5,12 @@ every machine.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from readygo.common.kernels import compiled
 from readygo.common.scenes.embedded.surfaces import SurfaceSamples, fibonacci_sphere
 from readygo.common.scenes.embedded.textures import Array
 
@@ -126,8 +127,8 @@ def _surface_radiance(samples: SurfaceSamples, grid: ShadowGrid, radiance: Array
     return mean.reshape(*shape, 6, 3)
 
 
-@njit(cache=True)
-def _walk(solid, x, y, z, dx, dy, dz, reach):  # type: ignore[no-untyped-def]
+@compiled
+def _walk(solid: Any, x: Any, y: Any, z: Any, dx: Any, dy: Any, dz: Any, reach: Any) -> Any:
     """First solid voxel along a ray: (distance, i, j, k, face), or distance -1 when nothing is hit within `reach`.
 
     Solid voxels around the start are passed through until the ray has been free once, so that surfaces which lie
@@ -162,15 +163,15 @@ def _walk(solid, x, y, z, dx, dy, dz, reach):  # type: ignore[no-untyped-def]
     return -1.0, i, j, k, face
 
 
-@njit(cache=True)
-def _blocked(solid, x, y, z):  # type: ignore[no-untyped-def]
+@compiled
+def _blocked(solid: Any, x: float, y: float, z: float) -> Any:
     nx, ny, nz = solid.shape
     i, j, k = int(np.floor(x)), int(np.floor(y)), int(np.floor(z))
     return i < 0 or j < 0 or k < 0 or i >= nx or j >= ny or k >= nz or solid[i, j, k] != 0
 
 
-@njit(cache=True)
-def _direct(solid, start, normal, facing, light, direction, power, out):  # type: ignore[no-untyped-def]
+@compiled
+def _direct(solid: Any, start: Any, normal: Any, facing: Any, light: Any, direction: Any, power: Any, out: Any) -> None:
     """Add the light that arrives straight from windows and lamps (positions in voxels)."""
     for n in range(len(start)):
         for m in range(len(light)):
@@ -194,8 +195,8 @@ def _direct(solid, start, normal, facing, light, direction, power, out):  # type
                     out[n, c] += weight * power[m, c]
 
 
-@njit(cache=True)
-def _escapes(solid, start, direction, wanted):  # type: ignore[no-untyped-def]
+@compiled
+def _escapes(solid: Any, start: Any, direction: Any, wanted: Any) -> Any:
     """1 for starts whose ray leaves the grid, shape (N,)."""
     free = np.zeros(len(start))
     for n in range(len(start)):
@@ -207,8 +208,8 @@ def _escapes(solid, start, direction, wanted):  # type: ignore[no-untyped-def]
     return free
 
 
-@njit(cache=True)
-def _gather(solid, start, normal, facing, rays, radiance, out, share):  # type: ignore[no-untyped-def]
+@compiled
+def _gather(solid: Any, start: Any, normal: Any, facing: Any, rays: Any, radiance: Any, out: Any, share: Any) -> None:
     """Cosine-weighted mean of the radiance seen from each start, and the share of near rays that are free."""
     for n in range(len(start)):
         total = 0.0

@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.gaussians import GaussianCloud
+from readygo.common.gaussians import GaussianCloud, sh_of_rgb
 from readygo.common.scenes.embedded.floors import build_floors
 from readygo.common.scenes.embedded.furnishing import LAMP_HEIGHT_M, LAMPS_M, furnish
 from readygo.common.scenes.embedded.lighting import Lights, lit_colours, voxelise
@@ -13,7 +13,6 @@ from readygo.common.scenes.embedded.shell import build_shell
 from readygo.common.scenes.embedded.surfaces import OPACITY, Surfaces, SurfaceSamples
 from readygo.common.scenes.embedded.textures import Array, value_noise
 
-_SH_C0 = 0.28209479177387814
 _SKY_LIGHT = np.array([5.6, 6.3, 7.2])
 _LAMP_LIGHT = np.array([1.15, 1.02, 0.80])
 _SUN_LIGHT = np.array([5.2, 4.6, 3.6])
@@ -63,7 +62,7 @@ def _cloud(samples: SurfaceSamples, colour: Array, *, settle: bool) -> GaussianC
         quats_wxyz=_rounded(samples.quats_wxyz()),
         scales_m=_rounded(np.maximum(samples.sigma_m, 0.001)),
         opacities=np.full(count, OPACITY, dtype=np.float32),
-        sh=_rounded((colour - 0.5) / _SH_C0)[:, None, :],
+        sh=_rounded(sh_of_rgb(colour))[:, None, :],
     )
 
 

@@ -4,9 +4,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from readygo.common.avatars import SMPL_PARENTS
+from readygo.common.kernels import compiled
 from readygo.common.robot.kinematics import DT_S
 from readygo.services.animator.gait.curves import (
     ARM_FLEXION,
@@ -96,7 +96,7 @@ class Drive(NamedTuple):
     """Weight of someone who stands: 1 on the left foot, -1 on the right one, 0 walking."""
 
 
-@njit(cache=True)
+@compiled
 def _fill_body(
     out: Array, curves: Curves, speed: float, run: float, moving: float, cycle: float, style: GaitStyle
 ) -> None:
@@ -117,14 +117,14 @@ def _fill_body(
     out[HIP_HEIGHT] = STAND_REACH + gain * (min(gain, 1.0) ** 2 * (height - STAND_REACH) + bounce * out[HIP_HEIGHT])
 
 
-@njit(cache=True)
+@compiled
 def _weight_shift(time_s: float, phase: float) -> float:
     """Someone who stands rests on one leg, then on the other: a soft square wave of uneven periods."""
     wave = math.sin(0.52 * time_s + phase) + 0.6 * math.sin(0.23 * time_s + 2.3 * phase)
     return wave / math.sqrt(0.15 + wave * wave)
 
 
-@njit(cache=True)
+@compiled
 def drive_of(track: Track, style: GaitStyle, size: float, curves: Curves) -> Drive:
     """Signals of the body along a track."""
     count = len(track.x)
@@ -152,7 +152,7 @@ def drive_of(track: Track, style: GaitStyle, size: float, curves: Curves) -> Dri
     return Drive(walk, stand, track.run, body, lean, bank, look, smooth(shift, 5.0))
 
 
-@njit(cache=True)
+@compiled
 def pelvis_rotations(track: Track, drive: Drive, style: GaitStyle) -> Array:
     """Global rotation of the pelvis, shape (T, 3, 3)."""
     R = np.empty((len(track.x), 3, 3))
@@ -165,7 +165,7 @@ def pelvis_rotations(track: Track, drive: Drive, style: GaitStyle) -> Array:
     return R
 
 
-@njit(cache=True)
+@compiled
 def _sway(drive: Drive, i: int, style: GaitStyle, leg_m: float) -> tuple[float, float]:
     """Sideways and forward offset of the pelvis from its trajectory [m]."""
     idle, t = drive.stand[i], i * DT_S
@@ -176,7 +176,7 @@ def _sway(drive: Drive, i: int, style: GaitStyle, leg_m: float) -> tuple[float, 
     return sway, rock
 
 
-@njit(cache=True)
+@compiled
 def pelvis_path(
     track: Track,
     drive: Drive,
@@ -207,7 +207,7 @@ def pelvis_path(
     return P
 
 
-@njit(cache=True)
+@compiled
 def _nearest(run: float, skeleton: GaitSkeleton) -> float:
     """Least distance of hip and ankle [m], with the knee bent as far as people bend it."""
     l1, l2 = norm(skeleton.offsets_m[4]), norm(skeleton.offsets_m[7])
@@ -215,7 +215,7 @@ def _nearest(run: float, skeleton: GaitSkeleton) -> float:
     return math.sqrt(l1 * l1 + l2 * l2 + 2.0 * l1 * l2 * math.cos(bend))
 
 
-@njit(cache=True)
+@compiled
 def _keep_in_reach(P: Array, run: Array, R_pelvis: Array, feet: Feet, skeleton: GaitSkeleton) -> None:
     """Raise the pelvis where a knee would bend too far, then lower it where a foot would be too far away."""
     far = LEG_REACH * skeleton.leg_m
@@ -237,7 +237,7 @@ def _keep_in_reach(P: Array, run: Array, R_pelvis: Array, feet: Feet, skeleton: 
             P[i, 1] += shift[i] * (1.0 - 2.0 * lowering)
 
 
-@njit(cache=True)
+@compiled
 def _pose_leg(G: Array, hip_m: Array, ankle_m: Array, foot: int, nearest_m: float, offsets_m: Array) -> None:
     """Thigh and shin rotations that put the ankle where the foot is, knee forward."""
     thigh, shin = offsets_m[4 + foot], offsets_m[7 + foot]
@@ -260,7 +260,7 @@ def _pose_leg(G: Array, hip_m: Array, ankle_m: Array, foot: int, nearest_m: floa
     G[4 + foot] = mat_mul(frame_of(knee - distance * d, forward), frame_of(-shin, z).T)
 
 
-@njit(cache=True)
+@compiled
 def _pose_trunk(G: Array, psi: float, drive: Drive, i: int, style: GaitStyle, breath: float, look: float) -> float:
     """Spine, neck and head: the chest turns against the pelvis, the head stays level. Returns the chest's turn."""
     body, lean, bank = drive.body[i], drive.lean[i] + breath, drive.bank[i]
@@ -280,7 +280,7 @@ def _pose_trunk(G: Array, psi: float, drive: Drive, i: int, style: GaitStyle, br
     return chest
 
 
-@njit(cache=True)
+@compiled
 def _pose_arm(G: Array, side: int, heading: float, drive: Drive, i: int, style: GaitStyle, sway: float) -> None:
     """An arm that hangs at the side and swings against the leg, the forearm bending forward.
 
@@ -304,7 +304,7 @@ def _pose_arm(G: Array, side: int, heading: float, drive: Drive, i: int, style: 
     G[22 + side] = mat_mul(G[20 + side], rot_z(-left * 0.20))
 
 
-@njit(cache=True)
+@compiled
 def pose_frames(
     track: Track,
     drive: Drive,

@@ -4,8 +4,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from readygo.common.kernels import compiled
 from readygo.services.animator.gait.curves import Curves, curve_at, weights_of
 from readygo.services.animator.gait.math import Array, clip, ease, mat_mul, mat_vec, rot_x, soft_max, wrap
 from readygo.services.animator.gait.person import GaitSkeleton
@@ -38,7 +38,7 @@ END_SHARE = 0.02
 """Share of a stance or swing over which slopes at its ends are taken."""
 
 
-@njit(cache=True)
+@compiled
 def flat_frame(yaw_rad: float, slope: float, roll: float) -> Array:
     """Rotation of a sole that lies on a plane: x left, y up, z forward along the foot."""
     s, c = math.sin(yaw_rad), math.cos(yaw_rad)
@@ -56,7 +56,7 @@ def flat_frame(yaw_rad: float, slope: float, roll: float) -> Array:
     return F
 
 
-@njit(cache=True)
+@compiled
 def _pivot(contact: Array, F: Array, R: Array, point: Array, out: Array) -> None:
     """Ankle of a foot that turned from `F` to `R` about a point fixed on the floor."""
     before, after = mat_vec(F, point), mat_vec(R, point)
@@ -65,12 +65,12 @@ def _pivot(contact: Array, F: Array, R: Array, point: Array, out: Array) -> None
     out[2] = contact[Z] + before[2] - after[2]
 
 
-@njit(cache=True)
+@compiled
 def _weights(contact: Array, curves: Curves) -> Array:
     return weights_of(curves, contact[SPEED], contact[RUN])
 
 
-@njit(cache=True)
+@compiled
 def _stance(
     contact: Array,
     time_s: float,
@@ -97,7 +97,7 @@ def _stance(
         R_toe[:] = F
 
 
-@njit(cache=True)
+@compiled
 def _swing_pitch(x: float, a: Array, b: Array, curves: Curves) -> float:
     """Pitch of the foot at share `x` of a swing, the one of the stances at its ends."""
     table, later = curves.swing_pitch, ease(x)
@@ -106,7 +106,7 @@ def _swing_pitch(x: float, a: Array, b: Array, curves: Curves) -> float:
     return pitch_rad
 
 
-@njit(cache=True)
+@compiled
 def _height_needed(
     F: Array, R_foot: Array, R_toe: Array, skeleton: GaitSkeleton, joint: int, softness_m: float
 ) -> float:
@@ -132,7 +132,7 @@ def _height_needed(
     return top + softness_m * math.log(total)
 
 
-@njit(cache=True)
+@compiled
 def _ends_of_swing(a: Array, b: Array, skeleton: GaitSkeleton, curves: Curves, joint: int) -> Array:
     """Where a swing begins and ends, shape (2, 5): ankle, height of the floor's plane and of the ankle above it."""
     ends = np.empty((2, 5))
@@ -146,7 +146,7 @@ def _ends_of_swing(a: Array, b: Array, skeleton: GaitSkeleton, curves: Curves, j
     return ends
 
 
-@njit(cache=True)
+@compiled
 def _roll_speed(contact: Array, skeleton: GaitSkeleton, curves: Curves, joint: int, leaving: bool) -> float:
     """Forward speed [m/s] of the ankle while the foot rolls over its heel at touch-down, or its ball at lift-off."""
     weights, table, duration = _weights(contact, curves), curves.stance_pitch, END_SHARE * contact[STANCE]
@@ -162,7 +162,7 @@ def _roll_speed(contact: Array, skeleton: GaitSkeleton, curves: Curves, joint: i
     return speed_mps
 
 
-@njit(cache=True)
+@compiled
 def _clearance(x: float, a: Array, b: Array, size: float) -> float:
     """Least height of the sole above the floor [m] at share `x` of a swing."""
     # The sole leaves and meets the floor steeply, so that it does not sweep along it.
@@ -172,7 +172,7 @@ def _clearance(x: float, a: Array, b: Array, size: float) -> float:
     return height
 
 
-@njit(cache=True)
+@compiled
 def _raised(x: float, a: Array, b: Array, ends: Array, skeleton: GaitSkeleton, curves: Curves) -> float:
     """Height of the ankle above the floor [m] at share `x` of a swing, as in the mocap but for its ends."""
     later, table = ease(x), curves.swing_up
@@ -186,7 +186,7 @@ def _raised(x: float, a: Array, b: Array, ends: Array, skeleton: GaitSkeleton, c
     return height_m
 
 
-@njit(cache=True)
+@compiled
 def _way(x: float, a: Array, b: Array, curves: Curves) -> float:
     """Share of the way covered at share `x` of a swing."""
     later, table = ease(x), curves.swing_way
@@ -194,7 +194,7 @@ def _way(x: float, a: Array, b: Array, curves: Curves) -> float:
     return (1.0 - later) * start + later * end
 
 
-@njit(cache=True)
+@compiled
 def _swing(
     a: Array,
     b: Array,
@@ -253,7 +253,7 @@ class Feet(NamedTuple):
     """Global rotations of the toes, shape (2, T, 3, 3)."""
 
 
-@njit(cache=True)
+@compiled
 def pose_foot(contacts: Array, foot: int, skeleton: GaitSkeleton, curves: Curves, times_s: Array, feet: Feet) -> None:
     """Fill in one foot's poses.
 

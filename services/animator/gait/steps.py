@@ -3,8 +3,8 @@
 import math
 
 import numpy as np
-from numba import njit
 
+from readygo.common.kernels import compiled
 from readygo.common.robot.kinematics import DT_S
 from readygo.services.animator.gait.curves import Curves, mixed, weights_of
 from readygo.services.animator.gait.math import Array, Ground, clip, floor_at, sample, wrap
@@ -40,7 +40,7 @@ RUN_NARROWING = 0.6
 """Share by which runners' feet are closer to the line than walkers'."""
 
 
-@njit(cache=True)
+@compiled
 def duty(curves: Curves, weights: Array, speed: float) -> float:
     """Share of the stride that a foot is on the floor; beyond the clips' speeds slower people stand longer."""
     slowest, fastest = curves.speed[0], curves.speed[curves.walks - 1]
@@ -52,7 +52,7 @@ def duty(curves: Curves, weights: Array, speed: float) -> float:
     return share
 
 
-@njit(cache=True)
+@compiled
 def _place(
     contact: Array,
     track: Track,
@@ -95,14 +95,14 @@ def _place(
     contact[Y] = heel_y + share * (ball_y - heel_y) + skeleton.sole_m * up
 
 
-@njit(cache=True)
+@compiled
 def _same_place(a: Array, b: Array) -> bool:
     """True if a step from `a` to `b` would not be worth making."""
     apart = (a[X] - b[X]) ** 2 + (a[Z] - b[Z]) ** 2
     return apart < 0.025**2 and abs(wrap(a[YAW] - b[YAW])) < 0.1
 
 
-@njit(cache=True)
+@compiled
 def plan_contacts(
     track: Track,
     foot: int,
@@ -159,7 +159,7 @@ def plan_contacts(
     return contacts[:count].copy()
 
 
-@njit(cache=True)
+@compiled
 def _ahead(contact: Array, track: Track, time_s: float) -> float:
     """How far a contact lies ahead of the pelvis at a time [m], in the direction of the foot."""
     dx, dz = contact[X] - sample(track.x, time_s / DT_S), contact[Z] - sample(track.z, time_s / DT_S)
@@ -167,7 +167,7 @@ def _ahead(contact: Array, track: Track, time_s: float) -> float:
     return ahead_m
 
 
-@njit(cache=True)
+@compiled
 def _bend_aside(a: Array, b: Array, track: Track, lateral_m: float) -> None:
     """Bend a swing so that the foot passes the body on its own side; on a curve the straight way would not."""
     at = 0.5 * (a[OFF] + b[ON]) / DT_S
@@ -179,7 +179,7 @@ def _bend_aside(a: Array, b: Array, track: Track, lateral_m: float) -> None:
     a[ASIDE_X], a[ASIDE_Z] = aside * left_x, aside * left_z
 
 
-@njit(cache=True)
+@compiled
 def _link(
     contacts: Array,
     count: int,

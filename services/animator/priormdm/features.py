@@ -22,8 +22,8 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from readygo.common.kernels import compiled
 from readygo.services.animator.gait.math import wrap
 
 Array = npt.NDArray[np.float64]
@@ -58,7 +58,7 @@ class Start(NamedTuple):
     heading_rad: float
 
 
-@njit(cache=True)
+@compiled
 def _encode_path(x: Array, z: Array, psi: Array) -> Array:
     count = len(x) - 1
     features = np.empty((count, 3))
@@ -90,7 +90,7 @@ def encode_path(x_m: Array, z_m: Array, heading_rad: Array) -> Array:
     return _encode_path(x_m.astype(np.float64), z_m.astype(np.float64), heading_rad.astype(np.float64))
 
 
-@njit(cache=True)
+@compiled
 def _decode_path(features: Array, x: float, z: float, psi: float) -> Array:
     count = len(features)
     path = np.empty((count, 3))
@@ -111,7 +111,7 @@ def decode_path(features: npt.ArrayLike, start: Start) -> Array:
     return _decode_path(rows, float(start.x_m), float(start.z_m), float(start.heading_rad))
 
 
-@njit(cache=True)
+@compiled
 def _decode_joints(features: Array, path: Array) -> Array:
     joints = np.empty((len(features), 22, 3))
     for t in range(len(features)):

@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from readygo.common.episode.grid_search import UNITS_PER_CELL, UNREACHED
+from readygo.common.kernels import compiled
 from readygo.common.robot.kinematics import DT_S
 from readygo.services.planner.expert.records import CostGrid, HumansAhead
 
@@ -38,7 +38,7 @@ class Delays(NamedTuple):
     """Metres at full speed, shape (L, N, N); layer l is the time of l * LAYER_STEPS steps."""
 
 
-@njit(cache=True)
+@compiled
 def nearness_cost(squared: float, hard: float, width: float, weight: float) -> float:
     """Cost per second of being near a human.
 
@@ -58,7 +58,7 @@ def nearness_cost(squared: float, hard: float, width: float, weight: float) -> f
     return weight * nearness * nearness
 
 
-@njit(cache=True)
+@compiled
 def delay_at(delays: Delays, centre: tuple[float, float, float], x: float, y: float, layer: int) -> float:
     """The delay of a robot at a place [m] in a layer; the grid is around a pose."""
     cell, _, _, _, values = delays
@@ -70,7 +70,7 @@ def delay_at(delays: Delays, centre: tuple[float, float, float], x: float, y: fl
     return float(values[layer, a, b])
 
 
-@njit(cache=True)
+@compiled
 def fill_delays(grid: CostGrid, centre: tuple[float, float, float], humans: HumansAhead, out: Delays) -> None:
     """Fill the delays.
 
@@ -114,7 +114,7 @@ def fill_delays(grid: CostGrid, centre: tuple[float, float, float], humans: Huma
                     there[b] = np.inf
 
 
-@njit(cache=True)
+@compiled
 def _fill_static(grid: CostGrid, cell: float, centre: tuple[float, float, float], static: Float64Array) -> None:
     """Fill the smallest way to the goal in each coarse cell [m]; infinite where there is none."""
     factor, to_goal, resolution = grid
@@ -140,7 +140,7 @@ def _fill_static(grid: CostGrid, cell: float, centre: tuple[float, float, float]
             static[a, b] = best * unit if best < UNREACHED else np.inf
 
 
-@njit(cache=True)
+@compiled
 def _add_nearness(
     humans: HumansAhead,
     step: int,

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from readygo.common.episode.grid_search import FREE, UNITS_PER_CELL, UNREACHED
+from readygo.common.kernels import compiled
 from readygo.common.maps import GridFrame
 from readygo.common.robot import RobotConfig
 from readygo.services.planner.expert.config import ExpertConfig
@@ -148,7 +148,7 @@ class HybridAStar:
         )
 
 
-@njit(cache=True)
+@compiled
 def _drive_cost(
     factor: UInt8Array, resolution: float, x: float, y: float, c: float, s: float, offsets: Float64Array, count: int
 ) -> float:
@@ -167,7 +167,7 @@ def _drive_cost(
     return total / (FREE * count)
 
 
-@njit(cache=True)
+@compiled
 def _search(
     grid: CostGrid,
     start: tuple[float, float, float],
@@ -235,7 +235,7 @@ def _search(
     return -1, expansions
 
 
-@njit(cache=True)
+@compiled
 def _trace(node: int, memory: Memory, primitives: Primitives, points: Float64Array) -> int:
     """Fill the end of `points` with x, y, yaw, speed from start to `node`; returns their number."""
     nodes, links, _, _, _, _, _, _ = memory

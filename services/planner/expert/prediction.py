@@ -8,9 +8,9 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from readygo.common.episode.grid_search import UNITS_PER_CELL, UNREACHED
+from readygo.common.kernels import compiled
 from readygo.common.maps import GridFrame
 from readygo.common.robot.kinematics import DT_S
 
@@ -33,7 +33,7 @@ _ROUTE_TURN_RAD = math.radians(15.0)
 _ROUTE_STEP_MAX_RAD = 0.12
 
 
-@njit(cache=True)
+@compiled
 def _keeps_off(clearance: Float64Array, place: tuple[float, float, float], x: float, y: float, heading: float) -> bool:
     c, s = math.cos(heading), math.sin(heading)
     for k in range(1, 4):
@@ -44,7 +44,7 @@ def _keeps_off(clearance: Float64Array, place: tuple[float, float, float], x: fl
     return True
 
 
-@njit(cache=True)
+@compiled
 def _deflection(
     clearance: Float64Array, place: tuple[float, float, float], x: float, y: float, heading: float
 ) -> float:
@@ -57,7 +57,7 @@ def _deflection(
     return 0.0
 
 
-@njit(cache=True)
+@compiled
 def _predict(
     views: Float64Array,
     clearance: Float64Array,
@@ -108,7 +108,7 @@ def predict_walk(views_m: Float64Array, clearance: Float64Array, frame: GridFram
     return out
 
 
-@njit(cache=True)
+@compiled
 def _field_at(field: Int32Array, place: tuple[float, float, float], x: float, y: float) -> int:
     i, j = math.floor((y - place[1]) / place[2]), math.floor((x - place[0]) / place[2])
     if i < 0 or j < 0 or i >= field.shape[0] or j >= field.shape[1]:
@@ -116,7 +116,7 @@ def _field_at(field: Int32Array, place: tuple[float, float, float], x: float, y:
     return int(field[i, j])
 
 
-@njit(cache=True)
+@compiled
 def _follow(
     x: float,
     y: float,

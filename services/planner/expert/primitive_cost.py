@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from readygo.common.episode.collision import disc_meets_cells
 from readygo.common.episode.grid_search import FREE
+from readygo.common.kernels import compiled
 from readygo.common.robot.kinematics import DT_S
 from readygo.services.planner.expert.delay import nearness_cost
 from readygo.services.planner.expert.records import HumansAhead, Obstacles
@@ -21,7 +21,7 @@ CHECK_STEPS = 2
 _ROUNDING_M = 1e-6
 
 
-@njit(cache=True)
+@compiled
 def check_reaches(rows: Float64Array) -> Float64Array:
     """Farthest that a primitive leads until each of its checks [m], from the rows of all, shape (Q, K, 5)."""
     reaches = np.zeros(rows.shape[1] // CHECK_STEPS)
@@ -32,7 +32,7 @@ def check_reaches(rows: Float64Array) -> Float64Array:
     return reaches
 
 
-@njit(cache=True)
+@compiled
 def find_near(
     humans: HumansAhead,
     place: tuple[float, float],
@@ -64,7 +64,7 @@ def find_near(
         near_counts[n] = count
 
 
-@njit(cache=True)
+@compiled
 def wall_cost(
     factor: UInt8Array,
     obstacles: Obstacles,
@@ -98,7 +98,7 @@ def wall_cost(
     return length * total / (FREE * checks)
 
 
-@njit(cache=True)
+@compiled
 def human_cost(
     place: tuple[float, float],
     heading: tuple[float, float],

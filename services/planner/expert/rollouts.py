@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from readygo.common.episode.collision import disc_meets_cells
 from readygo.common.episode.grid_search import UNITS_PER_CELL, UNREACHED
+from readygo.common.kernels import compiled
 from readygo.common.robot.kinematics import DT_S
 from readygo.services.planner.expert.records import Limits, Obstacles, State, Surroundings
 
@@ -27,7 +27,7 @@ AHEAD_STEPS = 40
 """How far ahead runs look where humans are, and predictions must reach."""
 
 
-@njit(cache=True)
+@compiled
 def slow_ahead(path: Float64Array, deceleration_mps2: float) -> None:
     """Lower the speeds (fourth column) of a path so that slower stretches ahead are reached in time."""
     for k in range(len(path) - 2, -1, -1):
@@ -35,7 +35,7 @@ def slow_ahead(path: Float64Array, deceleration_mps2: float) -> None:
         path[k, 3] = min(path[k, 3], math.sqrt(path[k + 1, 3] ** 2 + 2 * deceleration_mps2 * gap))
 
 
-@njit(cache=True)
+@compiled
 def nearest_ahead(path: Float64Array, progress: int, x: float, y: float) -> int:
     """Index of the path's point nearest to (x, y), from `progress` on and not far ahead."""
     best, found = np.inf, progress
@@ -46,12 +46,12 @@ def nearest_ahead(path: Float64Array, progress: int, x: float, y: float) -> int:
     return found
 
 
-@njit(cache=True)
+@compiled
 def _clip(value: float, low: float, high: float) -> float:
     return min(max(value, low), high)
 
 
-@njit(cache=True)
+@compiled
 def limited(v: float, w: float, state: State, limits: Limits) -> tuple[float, float]:
     """The command that the robot executes when (v, w) is asked for."""
     v_max, w_max, a_max, alpha_max = limits
@@ -61,7 +61,7 @@ def limited(v: float, w: float, state: State, limits: Limits) -> tuple[float, fl
     )
 
 
-@njit(cache=True)
+@compiled
 def _pursue(
     path: Float64Array, progress: int, state: State, lookahead: float, scale: float, limits: Limits
 ) -> tuple[float, float]:
@@ -89,7 +89,7 @@ def _pursue(
     return limited(wanted, turning, state, limits)
 
 
-@njit(cache=True)
+@compiled
 def _step(state: State, v: float, w: float) -> State:
     """The state after one step; the chord replaces the arc, which differs by less than 0.1 mm."""
     x, y, yaw, _, _ = state
@@ -97,7 +97,7 @@ def _step(state: State, v: float, w: float) -> State:
     return State(x + v * DT_S * math.cos(middle), y + v * DT_S * math.sin(middle), yaw + w * DT_S, v, w)
 
 
-@njit(cache=True)
+@compiled
 def meets(state: State, obstacles: Obstacles, radius: float) -> bool:
     """True if a disc at a state meets an obstacle."""
     occupied, clearance, ox, oy, resolution = obstacles
@@ -108,7 +108,7 @@ def meets(state: State, obstacles: Obstacles, radius: float) -> bool:
     return disc_meets_cells(occupied, ox, oy, resolution, state[0], state[1], radius)
 
 
-@njit(cache=True)
+@compiled
 def _gap(state: State, around: Surroundings, k: int) -> float:
     """Free space to the nearest human k + 1 steps ahead, less the doubt about where they are [m]."""
     _, _, humans, contact, doubt = around
@@ -120,13 +120,13 @@ def _gap(state: State, around: Surroundings, k: int) -> float:
     return gap
 
 
-@njit(cache=True)
+@compiled
 def _stop_steps(speed: float, limits: Limits) -> int:
     """Steps within which the robot could come to rest, and some to spare."""
     return int(speed / (limits[2] * DT_S)) + 9
 
 
-@njit(cache=True)
+@compiled
 def try_pursuit(
     path: Float64Array,
     progress: int,
@@ -152,7 +152,7 @@ def try_pursuit(
     return FREE_RUN, gap, first_v, first_w
 
 
-@njit(cache=True)
+@compiled
 def try_arc(
     v: float, w: float, state: State, limits: Limits, around: Surroundings, to_goal: Int32Array
 ) -> tuple[int, float, float]:
@@ -184,7 +184,7 @@ class Pursuits(NamedTuple):
     """Free space to humans that ends the trials [m]."""
 
 
-@njit(cache=True)
+@compiled
 def choose_pursuit(
     path: Float64Array, progress: int, state: State, pursuits: Pursuits, limits: Limits, around: Surroundings
 ) -> tuple[bool, float, float, float]:
@@ -203,7 +203,7 @@ def choose_pursuit(
     return False, v, w, chosen
 
 
-@njit(cache=True)
+@compiled
 def choose_evasion(
     state: State, limits: Limits, around: Surroundings, wide: float, to_goal: Int32Array
 ) -> tuple[bool, float, float]:

@@ -4,7 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
+
+from readygo.common.kernels import compiled
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
@@ -58,7 +59,7 @@ class SearchMemory:
         return self._memory
 
 
-@njit(cache=True)
+@compiled
 def push(costs: Float64Array, nodes: Int32Array, count: int, cost: float, node: int) -> int:
     """Put an entry into a heap of `count` entries; returns their new number."""
     k = count
@@ -72,7 +73,7 @@ def push(costs: Float64Array, nodes: Int32Array, count: int, cost: float, node: 
     return count + 1
 
 
-@njit(cache=True)
+@compiled
 def pop(costs: Float64Array, nodes: Int32Array, count: int) -> int:
     """Remove the cheapest entry, which the caller has read from the top."""
     count -= 1
@@ -92,7 +93,7 @@ def pop(costs: Float64Array, nodes: Int32Array, count: int) -> int:
     return count
 
 
-@njit(cache=True)
+@compiled
 def slot_of(key: int, stamp: int, table_keys: Int64Array, table_stamps: Int32Array) -> int:
     """Table slot of a key: where it is, or where it would be put (open addressing, Fibonacci hashing)."""
     mask = len(table_keys) - 1

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from readygo.common.episode.grid_search import UNITS_PER_CELL, UNREACHED
+from readygo.common.kernels import compiled
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import DT_S
 from readygo.services.planner.expert.config import PRIMITIVES_MAX, ExpertConfig
@@ -145,7 +145,7 @@ class SpaceTimeSearch:
         return TimedPlan(rows=rows, cost=float(memory.nodes[found, 3]) + left)
 
 
-@njit(cache=True)
+@compiled
 def _key(x: float, y: float, yaw: float, counts: tuple[int, int, int], depth: int, speed: int) -> int:
     """What nodes share of which one survives; `counts` are columns, headings, and more than there are speeds."""
     columns, heading_count, speed_count = counts
@@ -156,7 +156,7 @@ def _key(x: float, y: float, yaw: float, counts: tuple[int, int, int], depth: in
     return ((key * heading_count + heading) * _DEPTHS + depth) * speed_count + speed
 
 
-@njit(cache=True)
+@compiled
 def _wrapped(yaw: float) -> float:
     """An angle between -2 pi and 4 pi as one between 0 and 2 pi; a modulo is dear."""
     if yaw < 0.0:
@@ -164,7 +164,7 @@ def _wrapped(yaw: float) -> float:
     return yaw - 2 * math.pi if yaw >= 2 * math.pi else yaw
 
 
-@njit(cache=True)
+@compiled
 def _turn_left(heuristic: Int32Array, i: int, j: int, yaw: float) -> float:
     """By how much a heading is away from the way to the goal, beyond what driving on can mend [rad]."""
     reach = _SLOPE_CELLS
@@ -188,7 +188,7 @@ def _turn_left(heuristic: Int32Array, i: int, j: int, yaw: float) -> float:
     return max(0.0, abs(away) - _DRIVEN_TURN_RAD)
 
 
-@njit(cache=True)
+@compiled
 def _search(
     grid: CostGrid,
     obstacles: Obstacles,
@@ -276,7 +276,7 @@ def _search(
     return best, expansions
 
 
-@njit(cache=True)
+@compiled
 def _trace(
     node: int, memory: Memory, primitives: Float64Array, origin: tuple[float, float], rows: Float64Array
 ) -> None:

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from readygo.common.kernels import compiled
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import DT_S, RATE_HZ
 from readygo.services.planner.expert.config import ExpertConfig
@@ -103,7 +103,7 @@ def make_timed_primitives(robot: RobotConfig, config: ExpertConfig) -> TimedPrim
     return TimedPrimitives(table=table, rules=rules)
 
 
-@njit(cache=True)
+@compiled
 def _drive(v: float, w: float, v_end: float, w_end: float, limits: Limits, rows: Float64Array) -> tuple[float, float]:
     """Fill the rows of one primitive by exact arcs; returns its length [m] and its turning [rad]."""
     x, y, yaw, length, turned = 0.0, 0.0, 0.0, 0.0, 0.0
@@ -123,7 +123,7 @@ def _drive(v: float, w: float, v_end: float, w_end: float, limits: Limits, rows:
     return length, turned
 
 
-@njit(cache=True)
+@compiled
 def _fill_group(v: float, w: float, rules: Rules, begin: int, table: PrimitiveTable) -> int:
     """Tabulate what leads from a command to all levels within reach, from index `begin` on; returns its number."""
     v_levels, w_levels, limits, steering_cost, swerve_cost = rules

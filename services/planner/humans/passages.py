@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from readygo.common.kernels import compiled
 from readygo.common.maps import GridFrame
 from readygo.services.planner.humans.robot_task import Point
 
@@ -49,7 +49,7 @@ def find_passages(
     )
 
 
-@njit(cache=True)
+@compiled
 def _root(parent: npt.NDArray[np.int32], label: int) -> int:
     while parent[label] != label:
         parent[label] = parent[parent[label]]
@@ -57,7 +57,7 @@ def _root(parent: npt.NDArray[np.int32], label: int) -> int:
     return label
 
 
-@njit(cache=True)
+@compiled
 def _meetings(clearance: Float64Array, order: npt.NDArray[np.int64], deeper_m: float) -> npt.NDArray[np.int64]:
     """Cells at which two deep basins meet first, shape (M, 2); further meetings beside them do not count."""
     height, width = clearance.shape

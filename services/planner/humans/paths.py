@@ -5,11 +5,11 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 from scipy import ndimage
 
 from readygo.common.episode.collision import disc_meets_cells
 from readygo.common.episode.grid_search import FACTOR_MAX, FREE
+from readygo.common.kernels import compiled
 from readygo.common.maps import OccupancyMap, clearance_m
 from readygo.services.planner.humans.config import HumanPlannerConfig
 from readygo.services.planner.humans.polyline import length_m
@@ -124,7 +124,7 @@ def keeps_clear(occupancy: OccupancyMap, xy_m: Float64Array, radius_m: float) ->
     return bool(_keeps_clear(occupancy.occupied, *place, xy_m, radius_m))
 
 
-@njit(cache=True)
+@compiled
 def _reach_m(
     component: npt.NDArray[np.int32],
     ox: float,
@@ -156,7 +156,7 @@ def _reach_m(
         count += 1
 
 
-@njit(cache=True)
+@compiled
 def _keeps_clear(
     occupied: npt.NDArray[np.bool_], ox: float, oy: float, resolution: float, xy: Float64Array, radius: float
 ) -> bool:

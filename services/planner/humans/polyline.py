@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
+
+from readygo.common.kernels import compiled
 
 Float64Array = npt.NDArray[np.float64]
 
@@ -26,7 +27,7 @@ def length_m(points_m: Float64Array) -> float:
     return float(_lengths(points_m)[-1])
 
 
-@njit(cache=True)
+@compiled
 def _lengths(points_m: Float64Array) -> Float64Array:
     lengths = np.zeros(len(points_m))
     for k in range(1, len(points_m)):

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
+from readygo.common.kernels import compiled
 from readygo.common.robot.kinematics import DT_S
 from readygo.services.planner.humans.polyline import at_lengths, length_m, resample
 from readygo.services.planner.humans.robot_task import Point
@@ -49,7 +49,7 @@ def timed(
     return at_lengths(path_m, _along(stops, speed_mps, round(wait_s / DT_S)))
 
 
-@njit(cache=True)
+@compiled
 def _along(stops: Float64Array, speed: float, wait: int) -> Float64Array:
     """Distance walked at every step [m]; `stops` are distances [m] and pauses [s], shape (S, 2)."""
     a = ACCELERATION_MPS2

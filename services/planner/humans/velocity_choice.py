@@ -5,11 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from readygo.common.episode.collision import disc_meets_cells
 from readygo.common.episode.grid_search import line_is_free
 from readygo.common.episode.simulation import time_to_contact_s
+from readygo.common.kernels import compiled
 from readygo.common.robot.kinematics import DT_S
 
 Float64Array = npt.NDArray[np.float64]
@@ -26,7 +26,7 @@ _SHARES = np.array([1.0, 0.75, 0.5, 0.25, 0.0])
 _TURNS_RAD = np.radians(np.array([0.0, 15.0, -15.0, 30.0, -30.0, 50.0, -50.0, 75.0, -75.0]))
 _HURRY_COST, _CHANGE_COST = 2.0, 0.15
 
-_contact_s = njit(cache=True)(time_to_contact_s)
+_contact_s = compiled(time_to_contact_s)
 
 
 class Cells(NamedTuple):
@@ -60,7 +60,7 @@ class Wish(NamedTuple):
     speed_mps: float
 
 
-@njit(cache=True)
+@compiled
 def next_row(rows: Float64Array, row: int, here: Float64Array) -> int:
     """The drawn row that somebody is to follow next: it waits for who is late and hurries for who is early."""
     last = len(rows) - 1
@@ -75,7 +75,7 @@ def next_row(rows: Float64Array, row: int, here: Float64Array) -> int:
     return row
 
 
-@njit(cache=True)
+@compiled
 def next_place(wish: Wish, discs: Float64Array, sight: Sight, cells: Cells, radius: float) -> Float64Array:
     """Where a human goes in one step: towards the target at the wanted speed, off the discs that it sees.
 
@@ -115,7 +115,7 @@ def next_place(wish: Wish, discs: Float64Array, sight: Sight, cells: Cells, radi
     return np.array([x, y])
 
 
-@njit(cache=True)
+@compiled
 def _seen(here: Float64Array, heading: Float64Array, discs: Float64Array, sight: Sight, cells: Cells) -> BoolArray:
     """Which discs are in view: near, within the cone, behind no wall."""
     _, free, ox, oy, res = cells
@@ -135,7 +135,7 @@ def _seen(here: Float64Array, heading: Float64Array, discs: Float64Array, sight:
     return seen
 
 
-@njit(cache=True)
+@compiled
 def _cost(
     here: Float64Array,
     ux: float,
@@ -165,7 +165,7 @@ def _cost(
     return cost
 
 
-@njit(cache=True)
+@compiled
 def _is_free(here: Float64Array, ux: float, uy: float, cells: Cells, radius: float) -> bool:
     """True if a disc can move at a velocity for 0.6 s; standing is always possible."""
     if ux == 0.0 and uy == 0.0:

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from readygo.common.episode import GridSearch
 from readygo.common.episode.grid_search import FREE
+from readygo.common.kernels import compiled
 
 Cell = tuple[int, int]
 Cells = npt.NDArray[np.int64]
@@ -66,7 +66,7 @@ class WindowSearch:
         return None if cells is None else cells + np.array((i, j))
 
 
-@njit(cache=True)
+@compiled
 def _cost(cells: Cells, factor: UInt8Array) -> int:
     """What the search counts for a way that was flooded from its end."""
     total = 0

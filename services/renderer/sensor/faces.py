@@ -13,10 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from readygo.common.camera.lens import Lens
 from readygo.common.errors import ConfigError
+from readygo.common.kernels import compiled
 
 Floats = npt.NDArray[np.float64]
 
@@ -256,7 +256,7 @@ def _samples(centres: Floats, taps: npt.NDArray[np.int64]) -> tuple[Floats, npt.
     return np.repeat(centres, taps * taps, axis=0) + offset, first
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _merged(
     uv: Floats, first: npt.NDArray[np.int64], height: int, width: int
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int32], npt.NDArray[np.int32]]:

@@ -10,9 +10,9 @@ from statistics import NormalDist
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from readygo.common.camera import CameraConfig
+from readygo.common.kernels import compiled
 from readygo.services.renderer.sensor.faces import WEIGHT_ONE, Remap
 
 Floats = npt.NDArray[np.float64]
@@ -116,7 +116,7 @@ def exposure_gain(camera: CameraConfig) -> Floats:
     return gain
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _add_image(source: npt.NDArray[np.uint8], light: Integers, row_weight: Integers, out: Integers) -> None:
     height, width, _ = out.shape
     for i in range(height):
@@ -128,7 +128,7 @@ def _add_image(source: npt.NDArray[np.uint8], light: Integers, row_weight: Integ
                     out[i, j, c] += scale * light[source[p, c]]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _add_remapped(
     source: npt.NDArray[np.uint8],
     start: Integers,
@@ -154,7 +154,7 @@ def _add_remapped(
                 out[i, j, 2] += row_weight[i] * blue
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _develop(
     total: Integers,
     gain: Floats,

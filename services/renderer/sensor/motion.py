@@ -6,33 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from numba import njit
 
 from readygo.common.camera import CameraConfig
+from readygo.common.kernels import compiled
 from readygo.common.maps import FloorMap
 from readygo.common.messages import HumanMotion
+from readygo.common.rasterizer.interface import PosedHuman
 
 Floats = npt.NDArray[np.float64]
 Singles = npt.NDArray[np.float32]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PosedHuman:
-    """A person in one pose."""
-
-    avatar: str
-    root_m: Singles
-    """Pelvis in the z-up world [m], shape (3,)."""
-    pose_axis_angle: Singles
-    """Joint rotations [rad] as in `Motion`, shape (24, 3)."""
-
-    def equals(self, other: "PosedHuman") -> bool:
-        """True if both are the same person in the same pose."""
-        return (
-            self.avatar == other.avatar
-            and np.array_equal(self.root_m, other.root_m)
-            and np.array_equal(self.pose_axis_angle, other.pose_axis_angle)
-        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -116,7 +98,7 @@ def arc(first: Floats, last: Floats, share: float) -> tuple[float, float, float]
     return x0 + c * dx - s * dy, y0 + s * dx + c * dy, yaw0 + 2.0 * part
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _turn(first: Singles, last: Singles, share: float, out: Singles) -> None:
     """Interpolate rotations given as axis-angle vectors along the shorter way (slerp)."""
     p, q, r = np.empty(4), np.empty(4), np.empty(4)
@@ -141,7 +123,7 @@ def _turn(first: Singles, last: Singles, share: float, out: Singles) -> None:
             out[j, k] = scale * r[k + 1]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _quaternion(rotation: Singles, q: Floats) -> None:
     """Write the unit quaternion, w first, of an axis-angle vector."""
     x, y, z = float(rotation[0]), float(rotation[1]), float(rotation[2])

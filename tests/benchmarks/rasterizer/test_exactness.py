@@ -20,6 +20,7 @@ from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
 from readygo.common.rasterizer.packed.scene import pack_cloud
 from readygo.common.rasterizer.reference import rasterize_reference
 from readygo.common.robot import CameraConfig
+from tests.common.rasterizer.drawing import float_rgb_of
 
 CAMERA = CameraConfig(height_px=72, width_px=128)
 
@@ -90,7 +91,7 @@ def test_target_is_missed_by_one_dark_view_or_one_unexplained_pixel() -> None:
 
 def scene_error(clouds: list[GaussianCloud], x_m: float, y_m: float, yaw_rad: float, floor_m: float) -> ViewError:
     T = CAMERA.T_world_camera(x_m, y_m, yaw_rad, floor_m)
-    image = CpuRasterizer([pack_cloud(cloud) for cloud in clouds], [], CAMERA.K_px, 72, 128).render_float(T)
+    image = float_rgb_of(CpuRasterizer([pack_cloud(cloud) for cloud in clouds], {}, CAMERA.K_px, 72, 128), T)
     assert image.max() > 0.2
     return view_error(image, concatenate([in_packed_order(cloud) for cloud in clouds]), T, CAMERA)
 

@@ -4,7 +4,10 @@ import pytest
 
 from readygo.common.avatars import Avatar, avatar_paths, load_avatars, pose_avatar
 from readygo.common.avatars.file import EMBEDDED_FOLDER
-from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer, PosedPerson
+from readygo.common.gaussians.spherical_harmonics import SH_C0
+from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
+from readygo.common.rasterizer.interface import PosedHuman
+from tests.common.rasterizer.drawing import images_of, numbered
 
 AVATARS = load_avatars()
 WOMEN, MEN = ("amara", "clara", "elif", "hana"), ("bruno", "dae", "femi", "gil")
@@ -40,7 +43,7 @@ def test_avatar_is_small_free_and_complete(avatar: Avatar) -> None:
 
 def test_skin_weights_are_normalised_and_colours_are_colours(avatar: Avatar) -> None:
     np.testing.assert_allclose(avatar.lbs_weight.sum(axis=1), 1.0, atol=1e-5)
-    colour = 0.5 + 0.28209479 * avatar.cloud.sh[:, 0]
+    colour = 0.5 + SH_C0 * avatar.cloud.sh[:, 0]
     assert colour.min() > -0.01
     assert colour.max() < 1.01
 
@@ -97,10 +100,10 @@ def test_nothing_shines_through_a_runner(avatar: Avatar, side: float) -> None:
     T_world_camera = np.eye(4)
     T_world_camera[:3, :3] = np.array([[0, 0, side], [-side, 0, 0], [0, -1, 0]])
     T_world_camera[:3, 3] = (-4.0 * side, 0.0, 0.5 * avatar.height_m)
-    rasterizer = CpuRasterizer([], [avatar], K_px, height_px, 300)
+    rasterizer = CpuRasterizer([], numbered([avatar]), K_px, height_px, 300)
     root_m = np.array([0.0, 0.0, avatar.joints_tpose_m[0, 1]])
-    person = PosedPerson(avatar=0, root_m=root_m, pose_axis_angle=run_pose())
-    alpha = rasterizer.render_images(T_world_camera, [person], ("alpha",)).alpha
+    person = PosedHuman(avatar="0", root_m=root_m, pose_axis_angle=run_pose())
+    alpha = images_of(rasterizer, T_world_camera, [person], ("alpha",)).alpha
     assert alpha is not None
     around = [np.roll(alpha, shift, axis=(0, 1)) for shift in ((0, 3), (0, -3), (3, 0), (-3, 0), (2, 2), (-2, 2))]
     around += [np.roll(alpha, shift, axis=(0, 1)) for shift in ((2, -2), (-2, -2))]

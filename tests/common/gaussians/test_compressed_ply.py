@@ -4,10 +4,10 @@ import pytest
 from readygo.common.errors import SceneError
 from readygo.common.frames import matrix_from_quat
 from readygo.common.gaussians import load_gaussians
+from readygo.common.gaussians.spherical_harmonics import SH_C0
 
 RANGES = ["x", "y", "z", "scale_x", "scale_y", "scale_z", "r", "g", "b"]
 PACKED = ["packed_position", "packed_rotation", "packed_scale", "packed_color"]
-C0 = 0.28209479177387814
 
 
 def quantised(value, bits):
@@ -53,14 +53,14 @@ def test_position_scale_and_colour_spread_over_the_chunk(tmp_path):
     cloud = load_gaussians(write(tmp_path / "a.ply", [CHUNK + COLOURS], [row]))
     np.testing.assert_allclose(cloud.means_m, [[-1, 2, 0]], atol=2e-3)
     np.testing.assert_allclose(cloud.scales_m, np.exp([[0, -6, -3]]), rtol=2e-3)
-    np.testing.assert_allclose(0.5 + C0 * cloud.sh[0, 0], [0, 1, 2], atol=5e-3)
+    np.testing.assert_allclose(0.5 + SH_C0 * cloud.sh[0, 0], [0, 1, 2], atol=5e-3)
     np.testing.assert_allclose(cloud.opacities, [0.25], atol=2e-3)
 
 
 def test_older_files_without_colour_range_hold_plain_colours(tmp_path):
     row = [pack_111011(0, 0, 0), pack_rotation([1, 0, 0, 0]), pack_111011(0, 0, 0), pack_8888(0, 0.5, 1, 1)]
     cloud = load_gaussians(write(tmp_path / "a.ply", [CHUNK], [row], colours=False))
-    np.testing.assert_allclose(0.5 + C0 * cloud.sh[0, 0], [0, 0.5, 1], atol=3e-3)
+    np.testing.assert_allclose(0.5 + SH_C0 * cloud.sh[0, 0], [0, 0.5, 1], atol=3e-3)
 
 
 def test_rotations_survive_packing(tmp_path):

@@ -10,6 +10,7 @@ from readygo.common.gaussians import GaussianCloud
 from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
 from readygo.common.rasterizer.packed.scene import pack_cloud
 from readygo.common.rasterizer.reference import rasterize_reference
+from tests.common.rasterizer.drawing import float_rgb_of
 
 K = np.array([[40.0, 0.0, 32.0], [0.0, 40.0, 24.0], [0.0, 0.0, 1.0]])
 HEIGHT, WIDTH = 48, 64
@@ -29,7 +30,7 @@ def cloud(make_cloud) -> GaussianCloud:
 
 
 def draw(cloud: GaussianCloud) -> npt.NDArray[np.float32]:
-    return CpuRasterizer(pack_cloud(cloud), [], K, HEIGHT, WIDTH).render_float(np.eye(4))
+    return float_rgb_of(CpuRasterizer(pack_cloud(cloud), {}, K, HEIGHT, WIDTH), np.eye(4))
 
 
 SOUND = {

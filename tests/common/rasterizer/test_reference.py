@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from readygo.common.gaussians import GaussianCloud, concatenate
+from readygo.common.gaussians.spherical_harmonics import SH_C0
 from readygo.common.rasterizer.reference import rasterize_reference
 
 K = np.array([[20.0, 0.0, 10.5], [0.0, 20.0, 8.5], [0.0, 0.0, 1.0]])
-C0 = 0.28209479177387814
 
 
 def ball(z_m: float, *, opacity: float = 0.8, rgb: float = 1.0, scale_m: float = 0.5) -> GaussianCloud:
@@ -17,7 +17,7 @@ def ball(z_m: float, *, opacity: float = 0.8, rgb: float = 1.0, scale_m: float =
         quats_wxyz=np.array([[1.0, 0.0, 0.0, 0.0]], dtype=np.float32),
         scales_m=np.full((1, 3), scale_m, dtype=np.float32),
         opacities=np.array([opacity], dtype=np.float32),
-        sh=np.full((1, 1, 3), (rgb - 0.5) / C0, dtype=np.float32),
+        sh=np.full((1, 1, 3), (rgb - 0.5) / SH_C0, dtype=np.float32),
     )
 
 

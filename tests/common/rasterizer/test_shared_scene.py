@@ -8,10 +8,12 @@ import numpy as np
 from readygo.common.avatars import load_avatar, pose_avatar
 from readygo.common.gaussians import concatenate, load_gaussians
 from readygo.common.images.images import OUTPUTS
-from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer, PosedPerson
+from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
+from readygo.common.rasterizer.interface import PosedHuman
 from readygo.common.rasterizer.packed.scene import pack_cloud
 from readygo.common.rasterizer.reference import rasterize_reference
 from readygo.common.robot import CameraConfig
+from tests.common.rasterizer.drawing import float_rgb_of, images_of, numbered
 
 
 def test_showroom_with_a_person_looks_as_in_the_reference(shared_data: Path) -> None:
@@ -21,13 +23,13 @@ def test_showroom_with_a_person_looks_as_in_the_reference(shared_data: Path) -> 
     motion = np.load(shared_data / "motion" / "walk_s_curve_1p2mps.npz")
     root = motion["root_m"][40].copy()
     root[:2] = (1.8, 0.4)
-    person = PosedPerson(avatar=0, root_m=root, pose_axis_angle=motion["pose_axis_angle"][40])
+    person = PosedHuman(avatar="0", root_m=root, pose_axis_angle=motion["pose_axis_angle"][40])
     camera = CameraConfig()
     T = camera.T_world_camera(0.0, 0.0, 0.0, 0.0)
     layers = [pack_cloud(scene, normals=True), pack_cloud(sky, normals=True)]
-    rasterizer = CpuRasterizer(layers, [avatar], camera.K_px, 144, 256)
-    image = rasterizer.render_float(T, [person])
-    others = rasterizer.render_images(T, [person], OUTPUTS)
+    rasterizer = CpuRasterizer(layers, numbered([avatar]), camera.K_px, 144, 256)
+    image = float_rgb_of(rasterizer, T, [person])
+    others = images_of(rasterizer, T, [person], OUTPUTS)
     body = pose_avatar(avatar, root, person.pose_axis_angle)
     instances = np.repeat([0, 1], [len(scene) + len(sky), len(body)])
     reference = rasterize_reference(concatenate([scene, sky, body]), T, camera.K_px, 144, 256, instances=instances)

@@ -5,11 +5,13 @@ from readygo.common.avatars import Avatar
 from readygo.common.images.images import OUTPUTS
 from readygo.common.rasterizer.cpu import blend, lod_cull, project, view
 from readygo.common.rasterizer.cpu import outputs as cpu_outputs
-from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer, PosedPerson
+from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
+from readygo.common.rasterizer.interface import PosedHuman
 from readygo.common.rasterizer.lod.files import load_or_build_avatar_tree
 from readygo.common.rasterizer.lod.tree import ChunkTree
 from readygo.common.rasterizer.packed.scene import load_packed, pack_cloud, save_packed
 from readygo.common.rasterizer.warm import warm
+from tests.common.rasterizer.drawing import float_rgb_of, images_of, numbered, rgb_of
 
 
 def signatures() -> dict[str, int]:
@@ -28,20 +30,20 @@ def test_nothing_is_left_to_compile_after_warming(
     warm(outputs)
     compiled = signatures()
     assert compiled["project_scene"] >= 1
-    assert compiled["project_person"] >= 1
+    assert compiled["project_human"] >= 1
     save_packed(pack_cloud(make_cloud(900, coefficients=16), normals=True), tmp_path / "packed")
     mapped = load_packed(tmp_path / "packed")
     assert mapped is not None
     T, K = camera(-4.0, 0.0, 0.0, 256, 144)
     pose = np.zeros((24, 3), dtype=np.float32)
-    people = [PosedPerson(avatar=0, root_m=np.zeros(3, dtype=np.float32), pose_axis_angle=pose)]
-    rasterizer = CpuRasterizer([mapped, pack_cloud(make_cloud(90), normals=True)], [avatar], K, 144, 256)
-    rasterizer.render(T, people)
-    rasterizer.render_float(T, people)
-    rasterizer.render_images(T, people, outputs)
+    people = [PosedHuman(avatar="0", root_m=np.zeros(3, dtype=np.float32), pose_axis_angle=pose)]
+    rasterizer = CpuRasterizer([mapped, pack_cloud(make_cloud(90), normals=True)], numbered([avatar]), K, 144, 256)
+    rgb_of(rasterizer, T, people)
+    float_rgb_of(rasterizer, T, people)
+    images_of(rasterizer, T, people, outputs)
     count = mapped.chunk_count
     tree = ChunkTree(scene=mapped, skip=np.arange(1, count + 1), pixel_m=np.zeros(count))
     load_or_build_avatar_tree(tmp_path / "avatar", avatar)
     people_tree = load_or_build_avatar_tree(tmp_path / "avatar", avatar)
-    CpuRasterizer(tree, [avatar], K, 144, 256, packed_avatars=[people_tree]).render(T, people)
+    rgb_of(CpuRasterizer(tree, numbered([avatar]), K, 144, 256, packed_avatars=numbered([people_tree])), T, people)
     assert signatures() == compiled

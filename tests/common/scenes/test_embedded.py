@@ -9,6 +9,7 @@ from scipy import ndimage
 
 from readygo.common.errors import SceneError
 from readygo.common.gaussians import GaussianCloud
+from readygo.common.gaussians.spherical_harmonics import SH_C0
 from readygo.common.maps.distance import clearance_m
 from readygo.common.maps.occupancy import MapConfig, plan_scene
 from readygo.common.scenes import Scene, load_scene
@@ -35,7 +36,7 @@ def made(cloud: GaussianCloud, tmp_path_factory: pytest.TempPathFactory) -> Scen
 
 
 def display(cloud: GaussianCloud) -> np.ndarray:
-    return 0.5 + 0.28209479177387814 * cloud.sh[:, 0]
+    return 0.5 + SH_C0 * cloud.sh[:, 0]
 
 
 def test_same_seed_gives_the_same_gaussians_and_another_seed_others(cloud: GaussianCloud) -> None:

@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 
 from readygo.common.gaussians import GaussianCloud, concatenate
+from readygo.common.gaussians.spherical_harmonics import SH_C0
 from readygo.common.maps import FloorMap, GridFrame
 from readygo.common.scenes import save_scene
 from readygo.common.scenes.top_view import draw_top_view, top_view
 from tests.common.maps.room import room
 
-C0 = 0.28209479177387814
 FLOOR = FloorMap(
     frame=GridFrame(origin_x_m=-5, origin_y_m=-5, resolution_m=1.0), height_m=np.full((10, 10), 2.0, np.float32)
 )
@@ -21,7 +21,7 @@ def blob(x_m, y_m, z_m, rgb, *, opacity=0.99, sigma_m=0.1):
         quats_wxyz=np.float32([[1, 0, 0, 0]]),
         scales_m=np.full((1, 3), sigma_m, np.float32),
         opacities=np.float32([opacity]),
-        sh=((np.float32(rgb) - 0.5) / C0).reshape(1, 1, 3).astype(np.float32),
+        sh=((np.float32(rgb) - 0.5) / SH_C0).reshape(1, 1, 3).astype(np.float32),
     )
 
 

@@ -19,11 +19,13 @@ from readygo.common.messages import (
 )
 from readygo.common.robot import RobotConfig, step_unicycle
 from readygo.services.renderer import Renderer, RendererConfig, episode_header, episode_samples, handle_render
-from readygo.services.renderer.capture import Capture, Pinhole, pinhole_of
+from readygo.services.renderer.capture import Capture, Pinhole, Shot, pinhole_of
+from readygo.services.renderer.drawing import Drawing
 from readygo.services.renderer.sensor.light import byte_of_light, light_of_byte
 from readygo.services.renderer.sensor.motion import Moment
 from readygo.services.renderer.sensor.recipes import sensor_phone_like
 from readygo.services.renderer.sensor.streams import SensorStream
+from tests.services.renderer.pictures import drawn, taken
 from tests.services.renderer.wearers import wearers
 
 CAMERA = CameraConfig(height_px=96, width_px=160)
@@ -34,13 +36,17 @@ DARK = 0.05
 
 
 class PosterWorld:
-    """A world at infinity, as bright (0 to 1) as azimuth and elevation say; counts its images."""
+    """A world at infinity, as bright (0 to 1) as azimuth and elevation say; keeps the sizes of its batches."""
 
-    def __init__(self, pinhole: Pinhole, bright) -> None:
-        self.pinhole, self.bright, self.count = pinhole, bright, 0
+    def __init__(self, pinhole: Pinhole, bright, views_at_once: int = 1) -> None:
+        self.pinhole, self.bright, self.views_at_once, self.batches = pinhole, bright, views_at_once, []
 
-    def draw_images(self, T_world_camera, humans, step, outputs) -> Images:
-        self.count += 1
+    def render(self, views, outputs=("rgb",)) -> Images:
+        self.batches.append(len(views))
+        images = [self._image(view.T_world_camera) for view in views]
+        return Images(**{name: np.stack([one.arrays()[name] for one in images]) for name in images[0].arrays()})
+
+    def _image(self, T_world_camera) -> Images:
         p = self.pinhole
         u, v = np.meshgrid(np.arange(p.width_px) + 0.5, np.arange(p.height_px) + 0.5)
         K = p.K_px
@@ -57,13 +63,10 @@ class PosterWorld:
         # Walls 2 m away along the optical axis of whichever camera looks.
         return Images(rgb=rgb, depth_m=near, mask=mask, alpha=np.ones_like(near), normal=normal.astype(np.float32))
 
-    def draw(self, T_world_camera, humans, step) -> np.ndarray:
-        return self.draw_images(T_world_camera, humans, step, ("rgb",)).rgb
 
-
-def capture(camera: CameraConfig, bright, sub_frames: int = 8) -> Capture:
+def capture(camera: CameraConfig, bright, sub_frames: int = 8, views_at_once: int = 1) -> Capture:
     pinhole, sensor = pinhole_of(SensorConfig(), camera), SensorConfig()
-    drawing = PosterWorld(pinhole, bright)
+    drawing = Drawing(rasterizer=PosterWorld(pinhole, bright, views_at_once))
     return Capture(drawing=drawing, pinhole=pinhole, sensor=sensor, camera=camera, sub_frames=sub_frames)
 
 
@@ -78,7 +81,7 @@ def bar(azimuth: np.ndarray, elevation: np.ndarray) -> np.ndarray:
 
 def take(camera: CameraConfig, bright, moment_at=turning, sub_frames: int = 8) -> Images:
     taking = capture(camera, bright, sub_frames)
-    return taking.take(taking.camera_of(STREAM), moment_at, 0)
+    return taken(taking, taking.camera_of(STREAM), moment_at, 0)
 
 
 def light(image: np.ndarray) -> np.ndarray:
@@ -125,9 +128,34 @@ def test_mask_shows_each_row_at_the_middle_of_its_exposure() -> None:
 
 def test_what_stands_still_is_drawn_once() -> None:
     taking = capture(replace(CAMERA, exposure_s=0.02, readout_s=0.02), bar)
-    still = taking.take(taking.camera_of(STREAM), lambda step: turning(0.0), 5)
-    assert taking.drawing.count == 1
-    assert np.array_equal(still.rgb, PosterWorld(taking.pinhole, bar).draw(turning(0.0).T_world_camera, (), 0))
+    still = taken(taking, taking.camera_of(STREAM), lambda step: turning(0.0), 5)
+    assert taking.drawing.rasterizer.batches == [1]
+    assert np.array_equal(still.rgb, drawn(taking.drawing, turning(0.0).T_world_camera, (), 0).rgb)
+
+
+@pytest.mark.parametrize(
+    ("camera", "batches"),
+    [
+        (CAMERA, [3]),
+        (replace(CAMERA, exposure_s=0.04), [5, 5, 2]),
+        (replace(CAMERA, distortion="fisheye", exposure_s=0.04), [5, 5, 2]),
+    ],
+)
+def test_views_of_several_frames_are_drawn_together(camera: CameraConfig, batches: list[int]) -> None:
+    one_by_one, together = capture(camera, bar, 4), capture(camera, bar, 4, views_at_once=5)
+    at = one_by_one.camera_of(STREAM)
+    shots = [Shot(camera=at, moment_at=turning, step=step) for step in range(3)]
+    for one, other in zip(one_by_one.take(shots), together.take(shots), strict=True):
+        assert np.array_equal(one.rgb, other.rgb)
+    assert together.drawing.rasterizer.batches == batches
+    assert set(one_by_one.drawing.rasterizer.batches) == {1}
+
+
+def test_frames_are_drawn_when_they_are_taken() -> None:
+    taking = capture(replace(CAMERA, exposure_s=0.04), bar, 4)
+    frames = taking.take(Shot(camera=taking.camera_of(STREAM), moment_at=turning, step=step) for step in range(9))
+    next(frames)
+    assert taking.drawing.rasterizer.batches == [1] * 4
 
 
 def straightness_px(image: np.ndarray) -> float:
@@ -147,7 +175,7 @@ def test_straight_line_bends_as_the_lens_says() -> None:
     assert straightness_px(take(CAMERA, post, still).rgb) < 0.6
     taking = capture(replace(CAMERA, distortion="brown_conrady", k1=-0.1), post)
     lens = taking.camera_of(STREAM).lens
-    image = taking.take(taking.camera_of(STREAM), still, 0).rgb
+    image = taken(taking, taking.camera_of(STREAM), still, 0).rgb
     # The post is where x / z = -tan(0.6); its point at each row is found by the lens itself.
     elevations = np.linspace(-1.5, 1.5, 400)
     curve = lens.pixels(np.stack([np.full_like(elevations, -math.tan(0.6)), elevations], axis=1))
@@ -180,8 +208,8 @@ def test_wide_fisheye_shows_a_level_horizon_and_depth_along_the_optical_axis() -
 
 def test_off_is_what_the_rasterizer_draws(renderer: Renderer, human: HumanMotion) -> None:
     moment = Moment(T_world_camera=CAMERA.T_world_camera(0, 0, 0.3, 0), humans=(human,), step=1.0)
-    taken = renderer.capture.take(renderer.capture.camera_of(STREAM), lambda _: moment, 1)
-    assert np.array_equal(taken.rgb, renderer.drawing.draw(moment.T_world_camera, (human,), 1))
+    image = taken(renderer.capture, renderer.capture.camera_of(STREAM), lambda _: moment, 1).rgb
+    assert np.array_equal(image, drawn(renderer.drawing, moment.T_world_camera, (human,), 1).rgb)
 
 
 def with_optics(renderer: Renderer, config: RendererConfig, **optics) -> Renderer:
@@ -273,11 +301,11 @@ def test_blur_comes_from_people_too(renderer: Renderer, episode) -> None:
         pose = slow.robot.camera.T_world_camera(0.0, 0.0, 0.0, floor_m)
         return Moment(T_world_camera=pose, humans=motions.humans, step=step)
 
-    blurred = slow.capture.take(camera, at, 2).rgb.astype(int)
-    sharp = slow.drawing.draw(at(2.0).T_world_camera, motions.humans, 2).astype(int)
+    blurred = taken(slow.capture, camera, at, 2).rgb.astype(int)
+    sharp = drawn(slow.drawing, at(2.0).T_world_camera, motions.humans, 2).rgb.astype(int)
     changed = np.abs(blurred - sharp).max(axis=2) > 8
     assert 0.01 < changed.mean() < 0.5
-    empty = slow.drawing.draw(at(2.0).T_world_camera, (), 2).astype(int)
+    empty = drawn(slow.drawing, at(2.0).T_world_camera, (), 2).rgb.astype(int)
     person = np.abs(sharp - empty).max(axis=2) > 0
     assert changed[:, :10].sum() == 0
     assert changed[person].sum() > 0
@@ -303,7 +331,7 @@ def test_blurred_image_is_the_mean_light_along_the_robots_arc(renderer: Renderer
     poses = [step_unicycle(*rows[3], 0.5, 1.0, 0.05 - before_s) for before_s in (0.035, 0.025, 0.015, 0.005)]
     camera, floor = renderer.robot.camera, renderer.scene.maps.floor
     sharp = [
-        renderer.drawing.draw(camera.T_world_camera(x_m, y_m, yaw_rad, floor.at(x_m, y_m)), (), 0)
+        drawn(renderer.drawing, camera.T_world_camera(x_m, y_m, yaw_rad, floor.at(x_m, y_m)), (), 0).rgb
         for x_m, y_m, yaw_rad in poses
     ]
     expected = byte_of_light()[np.rint(np.mean([light_of_byte()[image] for image in sharp], axis=0)).astype(int)]
@@ -317,8 +345,8 @@ def test_depth_and_mask_come_through_the_lens(renderer: Renderer, human: HumanMo
     moment = Moment(T_world_camera=renderer.robot.camera.T_world_camera(0, 0, 0, 0.0), humans=(human,), step=1.0)
     bent = with_optics(renderer, RendererConfig(), distortion=lens, exposure_s=0.01).capture
     camera = bent.camera_of(STREAM)
-    through = bent.take(camera, lambda _: moment, 1, outputs)
-    plain = renderer.capture.take(renderer.capture.camera_of(STREAM), lambda _: moment, 1, outputs)
+    through = taken(bent, camera, lambda _: moment, 1, outputs)
+    plain = taken(renderer.capture, renderer.capture.camera_of(STREAM), lambda _: moment, 1, outputs)
     for images in (through, plain):
         assert images.normal is images.depth_m is None
         assert images.mask is not None
@@ -341,10 +369,10 @@ def test_shadows_leave_depth_and_mask_alone(renderer: Renderer, human: HumanMoti
     config = RendererConfig(contact_shadow=True)
     shadowed = Renderer(renderer.scene, wearers(), renderer.robot, config).drawing
     pose = renderer.robot.camera.T_world_camera(0, 0, 0, 0.0)
-    one, two = (d.draw_images(pose, (human,), 0, ("rgb", "depth", "mask")) for d in (shadowed, renderer.drawing))
+    one, two = (drawn(d, pose, (human,), 0, ("rgb", "depth", "mask")) for d in (shadowed, renderer.drawing))
     assert np.array_equal(one.depth_m, two.depth_m)
     assert np.array_equal(one.mask, two.mask)
-    assert np.array_equal(one.rgb, shadowed.draw(pose, (human,), 0))
+    assert np.array_equal(one.rgb, drawn(shadowed, pose, (human,), 0).rgb)
 
 
 def test_both_backends_give_every_output_and_samples_carry_what_is_asked_for(
@@ -360,7 +388,7 @@ def test_both_backends_give_every_output_and_samples_carry_what_is_asked_for(
     pose = renderer.robot.camera.T_world_camera(0, 0, 0, 0.0)
     moment = Moment(T_world_camera=pose, humans=(human,), step=0.0)
     slow, fast = (
-        one.capture.take(one.capture.camera_of(STREAM), lambda _: moment, 0, OUTPUTS) for one in (reference, asked)
+        taken(one.capture, one.capture.camera_of(STREAM), lambda _: moment, 0, OUTPUTS) for one in (reference, asked)
     )
     for entry in fields(Images):
         one, two = getattr(slow, entry.name), getattr(fast, entry.name)

@@ -12,6 +12,7 @@ from readygo.common.scenes import Scene
 from readygo.services.renderer import Renderer, RendererConfig
 from readygo.services.renderer.contact_shadow import FADE_M, shadow_cloud
 from readygo.services.renderer.sensor.motion import posed
+from tests.services.renderer.pictures import drawn
 
 CAMERA = CameraConfig(height_px=96, width_px=160, horizontal_fov_deg=80.0)
 FLOOR_M = 0.3
@@ -55,7 +56,7 @@ def renderers(scene: Scene, avatar: Avatar) -> list[Renderer]:
 def test_shadow_darkens_the_ground_at_the_feet_and_nothing_else(floor_scene: Scene, avatars: dict[str, Avatar]) -> None:
     avatar = next(iter(avatars.values()))
     human, pose = standing(avatar), CAMERA.T_world_camera(0.0, 0.0, 0.0, FLOOR_M)
-    off, on = (one.drawing.draw(pose, (human,), 0).astype(int) for one in renderers(floor_scene, avatar))
+    off, on = (drawn(one.drawing, pose, (human,), 0).rgb.astype(int) for one in renderers(floor_scene, avatar))
     darker = off.mean(axis=2) - on.mean(axis=2)
     assert darker.min() > -3
     assert darker.max() > 30
@@ -74,9 +75,9 @@ def test_shadow_is_gone_without_people_and_fades_with_height(floor_scene: Scene,
     avatar = next(iter(avatars.values()))
     pose = CAMERA.T_world_camera(0.0, 0.0, 0.0, FLOOR_M)
     off, on = renderers(floor_scene, avatar)
-    first = on.drawing.draw(pose, (standing(avatar),), 0)
-    assert np.array_equal(on.drawing.draw(pose, (), 0), off.drawing.draw(pose, (), 0))
-    assert np.array_equal(on.drawing.draw(pose, (standing(avatar),), 0), first)
+    first = drawn(on.drawing, pose, (standing(avatar),), 0).rgb
+    assert np.array_equal(drawn(on.drawing, pose, (), 0).rgb, drawn(off.drawing, pose, (), 0).rgb)
+    assert np.array_equal(drawn(on.drawing, pose, (standing(avatar),), 0).rgb, first)
     floor, p_WC = floor_scene.maps.floor, pose[:3, 3]
 
     def shade(lifted_m: float) -> float:
@@ -108,5 +109,5 @@ def test_reference_backend_draws_the_same_shadow(floor_scene: Scene, avatars: di
         Renderer(floor_scene, {avatar.name: avatar}, robot, RendererConfig(backend=backend, contact_shadow=True))
         for backend in ("cpu", "reference")
     )
-    images = [one.drawing.draw(pose, (standing(avatar),), 0).astype(int) for one in (fast, slow)]
+    images = [drawn(one.drawing, pose, (standing(avatar),), 0).rgb.astype(int) for one in (fast, slow)]
     assert np.abs(images[0] - images[1]).mean() < 0.5

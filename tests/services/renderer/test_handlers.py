@@ -11,10 +11,13 @@ from readygo.common.errors import AvatarError, RunError
 from readygo.common.images.files import decode_output
 from readygo.common.images.images import OUTPUTS, Images
 from readygo.common.messages import EpisodeMotions, HumanMotion, People, RenderReply, RenderRequest, RenderView, topics
+from readygo.common.rasterizer.backends import packed_cloud
+from readygo.common.rasterizer.interface import Rasterizer
 from readygo.services.renderer import Renderer, RendererConfig, attach, episode_header, episode_samples, handle_render
 from readygo.services.renderer import handlers as handlers_module
-from readygo.services.renderer.drawing import Drawing, packed_layers
+from readygo.services.renderer.drawing import Drawing, pack_folder, static_clouds
 from readygo.services.renderer.handlers import facing_yaw
+from tests.services.renderer.pictures import drawn
 from tests.services.renderer.wearers import wearers
 
 
@@ -120,7 +123,7 @@ def test_jpeg_is_close_to_the_image(renderer: Renderer, episode) -> None:
     assert sample.image[:2] == b"\xff\xd8"
     image = cv2.imdecode(np.frombuffer(sample.image, dtype=np.uint8), cv2.IMREAD_COLOR)[..., ::-1].astype(int)
     pose = renderer.robot.camera.T_world_camera(0, 0, 0, renderer.scene.maps.floor.at(0, 0))
-    exact = renderer.drawing.draw(pose, motions.humans, 0)
+    exact = drawn(renderer.drawing, pose, motions.humans, 0).rgb
     assert np.abs(image - exact).mean() < 6
 
 
@@ -160,11 +163,12 @@ def test_reference_backend_draws_the_same(renderer: Renderer, human: HumanMotion
 
 
 def test_sky_is_drawn_and_both_packs_are_cached(scene, renderer: Renderer) -> None:
-    assert len(packed_layers(scene)) == 2
+    packs = [packed_cloud(cloud, pack_folder(scene)) for cloud in static_clouds(scene)]
     names = sorted(path.name for path in (scene.path / "cache").iterdir())
     assert names == ["packed-c0ffeec0ffeec0ff-scene", "packed-c0ffeec0ffeec0ff-sky"]
     (scene.path / "scene.ply").unlink()
-    assert len(packed_layers(scene)) == 2
+    again = [packed_cloud(cloud, pack_folder(scene)) for cloud in static_clouds(scene)]
+    assert [pack.chunk_count for pack in again] == [pack.chunk_count for pack in packs]
 
 
 @pytest.mark.parametrize("orientation", [(0.0, 0.0, 0.0), (0.3, 1.2, -0.4), (0.0, -2.5, 0.1), (np.pi, 0.0, 0.01)])
@@ -181,29 +185,32 @@ def test_yaw_is_where_the_body_faces(renderer: Renderer, orientation: tuple[floa
 
 
 class AllImages:
-    """A drawing that makes every kind of image, the depth of a step in metres being its number plus one."""
+    """A rasterizer that makes every kind of image, the depth of a view in metres being its number, from 1."""
 
-    def __init__(self, drawing: Drawing) -> None:
-        self.drawing, self.asked = drawing, set()
+    views_at_once = 1
 
-    def draw_images(self, T_world_camera, humans, step, outputs) -> Images:
+    def __init__(self, rasterizer: Rasterizer) -> None:
+        self.rasterizer, self.asked, self.count = rasterizer, set(), 0
+
+    def render(self, views, outputs=("rgb",)) -> Images:
         self.asked.add(tuple(outputs))
-        rgb = self.drawing.draw(T_world_camera, humans, step)
-        depth_m = np.full(rgb.shape[:2], step + 1.0, dtype=np.float32)
-        mask = np.full(rgb.shape[:2], step % 2, dtype=np.uint8)
+        rgb = self.rasterizer.render(views).rgb
+        step, self.count = self.count, self.count + 1
+        depth_m = np.full(rgb.shape[:3], step + 1.0, dtype=np.float32)
+        mask = np.full(rgb.shape[:3], step % 2, dtype=np.uint8)
         return Images(rgb=rgb, depth_m=depth_m, mask=mask if "mask" in outputs else None)
 
 
 def with_outputs(renderer: Renderer, *outputs: str) -> Renderer:
     changed = Renderer(renderer.scene, wearers(), renderer.robot, RendererConfig(outputs=outputs))
-    changed.capture = replace(changed.capture, drawing=AllImages(renderer.drawing))
+    changed.capture = replace(changed.capture, drawing=Drawing(rasterizer=AllImages(renderer.drawing.rasterizer)))
     return changed
 
 
 def test_samples_hold_the_outputs_that_the_config_asks_for(renderer: Renderer, episode) -> None:
     rich = with_outputs(renderer, "rgb", "depth", "mask")
     samples = list(episode_samples(rich, *episode))
-    assert rich.capture.drawing.asked == {("rgb", "depth", "mask")}
+    assert rich.capture.drawing.rasterizer.asked == {("rgb", "depth", "mask")}
     for step, sample in enumerate(samples):
         assert sample.intact
         assert list(sample.outputs) == ["depth", "mask"]

@@ -14,6 +14,7 @@ from readygo.common.avatars.importers import ImportOptions, import_person
 from readygo.common.avatars.importers.joints import JOINT, JOINT_NAMES
 from readygo.common.errors import AvatarError
 from readygo.common.frames import matrix_from_axis_angle, zup_from_yup
+from readygo.common.gaussians.spherical_harmonics import SH_C0
 from readygo.common.messages import Motion
 from tests.common.avatars.importers.people import HEIGHT_M, MIXAMO, tpose_joints_m, write_glb
 
@@ -165,7 +166,7 @@ def test_bent_knee_moves_only_what_lies_below(tpose_person: Avatar) -> None:
 
 
 def test_colours_come_from_the_texture(tpose_person: Avatar) -> None:
-    rgb = 0.5 + 0.28209479 * tpose_person.cloud.sh[:, 0]
+    rgb = 0.5 + SH_C0 * tpose_person.cloud.sh[:, 0]
     legs = np.isin(tpose_person.lbs_index[:, 0], [JOINT["left_knee"], JOINT["right_knee"]])
     arms = np.isin(tpose_person.lbs_index[:, 0], [JOINT["left_elbow"], JOINT["right_elbow"]])
     assert (rgb[legs, 2] > 0.6).all()
@@ -176,7 +177,7 @@ def test_colours_come_from_the_texture(tpose_person: Avatar) -> None:
 
 def test_without_texture_the_base_colour_stands_in_and_is_noted(tmp_path: Path) -> None:
     avatar, report = import_person(write_glb(tmp_path / "plain.glb", texture=False), OPTIONS)
-    rgb = 0.5 + 0.28209479 * avatar.cloud.sh[:, 0]
+    rgb = 0.5 + SH_C0 * avatar.cloud.sh[:, 0]
     assert (rgb[:, 1] > 0.8).all()
     assert (rgb[:, [0, 2]] < 0.01).all()
     assert any("no texture" in note for note in report.notes)

@@ -16,8 +16,10 @@ import numpy.typing as npt
 from readygo.common.avatars import Avatar
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.images.images import OUTPUTS
-from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer, PosedPerson
+from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
+from readygo.common.rasterizer.interface import PosedHuman
 from readygo.common.rasterizer.packed.scene import PackedScene, pack_cloud
+from tests.common.rasterizer.drawing import float_rgb_of, images_of, numbered
 
 
 def cloud(count: int, coefficients: int, spread_m: float) -> GaussianCloud:
@@ -55,19 +57,19 @@ def packed_scenes() -> list[PackedScene]:
 
 def make_rasterizer(scenes: list[PackedScene]) -> CpuRasterizer:
     K = np.array([[60.0, 0.0, 64.0], [0.0, 60.0, 40.0], [0.0, 0.0, 1.0]])
-    return CpuRasterizer(scenes, [avatar()], K, 80, 128)
+    return CpuRasterizer(scenes, numbered([avatar()]), K, 80, 128)
 
 
-def view(k: int) -> tuple[npt.NDArray[np.float64], list[PosedPerson]]:
+def view(k: int) -> tuple[npt.NDArray[np.float64], list[PosedHuman]]:
     c, s = math.cos(0.7 * k), math.sin(0.7 * k)
     T = np.array([[s, 0.0, c, -2.0 * c], [-c, 0.0, s, -2.0 * s], [0.0, -1.0, 0.0, 0.1 * k], [0.0, 0.0, 0.0, 1.0]])
     pose = 0.3 * np.sin(np.arange(72.0) * (k + 1)).reshape(24, 3)
-    return T, [PosedPerson(avatar=0, root_m=np.zeros(3), pose_axis_angle=pose)] * (1 + k % 2)
+    return T, [PosedHuman(avatar="0", root_m=np.zeros(3), pose_axis_angle=pose)] * (1 + k % 2)
 
 
 def frames(scenes: list[PackedScene], numbers: Iterable[int]) -> list[npt.NDArray[np.float32]]:
     rasterizer = make_rasterizer(scenes)
-    return [rasterizer.render_float(*view(k)) for k in numbers]
+    return [float_rgb_of(rasterizer, *view(k)) for k in numbers]
 
 
 def digest_of_everything() -> str:
@@ -80,7 +82,7 @@ def digest_of_everything() -> str:
         digest.update(frame)
     rasterizer = make_rasterizer(scenes)
     for k, outputs in ((0, ("depth", "mask")), (1, OUTPUTS), (2, OUTPUTS)):
-        images = rasterizer.render_images(*view(k), outputs)
+        images = images_of(rasterizer, *view(k), outputs)
         for array in (getattr(images, field.name) for field in dataclasses.fields(images)):
             digest.update(b"" if array is None else array)
     return digest.hexdigest()

@@ -11,9 +11,11 @@ from readygo.common.avatars import Avatar, pose_avatar
 from readygo.common.gaussians import GaussianCloud, concatenate
 from readygo.common.images.images import OUTPUTS, Images
 from readygo.common.rasterizer.cpu import slabs as cpu_slabs
-from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer, PosedPerson
+from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
+from readygo.common.rasterizer.interface import PosedHuman
 from readygo.common.rasterizer.packed.scene import pack_cloud
 from readygo.common.rasterizer.reference import ReferenceImages, rasterize_reference
+from tests.common.rasterizer.drawing import images_of, numbered, rgb_of
 
 HEIGHT, WIDTH = 96, 160
 MAY_DIFFER = 0.002
@@ -21,9 +23,9 @@ MAY_DIFFER = 0.002
 or at alpha 1/255."""
 
 
-def person(x_m: float, y_m: float, *, avatar: int = 0, seed: int = 1) -> PosedPerson:
+def person(x_m: float, y_m: float, *, avatar: int = 0, seed: int = 1) -> PosedHuman:
     pose = 0.5 * np.random.default_rng(seed).normal(size=(24, 3))
-    return PosedPerson(avatar=avatar, root_m=np.array([x_m, y_m, 1.0]), pose_axis_angle=pose)
+    return PosedHuman(avatar=str(avatar), root_m=np.array([x_m, y_m, 1.0]), pose_axis_angle=pose)
 
 
 def sky_around(make_cloud) -> GaussianCloud:
@@ -33,11 +35,11 @@ def sky_around(make_cloud) -> GaussianCloud:
 
 
 def rasterizer(clouds: Sequence[GaussianCloud], avatars: Sequence[Avatar], K: npt.NDArray[np.float64]) -> CpuRasterizer:
-    return CpuRasterizer([pack_cloud(cloud, normals=True) for cloud in clouds], avatars, K, HEIGHT, WIDTH)
+    return CpuRasterizer([pack_cloud(cloud, normals=True) for cloud in clouds], numbered(avatars), K, HEIGHT, WIDTH)
 
 
 def reference(
-    clouds: Sequence[GaussianCloud], avatar: Avatar, people: Sequence[PosedPerson], T: object, K: object
+    clouds: Sequence[GaussianCloud], avatar: Avatar, people: Sequence[PosedHuman], T: object, K: object
 ) -> ReferenceImages:
     bodies = [pose_avatar(avatar, p.root_m, p.pose_axis_angle) for p in people]
     instances = [np.zeros(sum(len(cloud) for cloud in clouds))]
@@ -54,7 +56,7 @@ def drawn(make_cloud, camera, avatar: Avatar) -> dict[str, tuple[npt.NDArray[np.
     pairs = []
     for x, y, yaw in ((-4.0, 0.0, 0.0), (-4.2, 1.5, -0.6)):
         T, K = camera(x, y, yaw, WIDTH, HEIGHT)
-        images = rasterizer(clouds, [avatar], K).render_images(T, people, OUTPUTS)
+        images = images_of(rasterizer(clouds, [avatar], K), T, people, OUTPUTS)
         pairs.append((images, reference(clouds, avatar, people, T, K)))
     names = ("alpha", "depth_m", "median_depth_m", "mask", "normal")
     return {name: tuple(np.stack([getattr(view[k], name) for view in pairs]) for k in (0, 1)) for name in names}
@@ -103,9 +105,9 @@ def test_whatever_is_asked_for_nothing_else_is_made_and_colours_stay_the_same(
     T, K = camera(-4.0, 0.0, 0.0, WIDTH, HEIGHT)
     people = [person(-2.6, 0.4)]
     draws = rasterizer([make_cloud(2000)], [avatar], K)
-    everything = draws.render_images(T, people, OUTPUTS)
-    images = draws.render_images(T, people, outputs)
-    assert np.array_equal(images.rgb, draws.render(T, people))
+    everything = images_of(draws, T, people, OUTPUTS)
+    images = images_of(draws, T, people, outputs)
+    assert np.array_equal(images.rgb, rgb_of(draws, T, people))
     for name in OUTPUTS:
         field = name if name in ("rgb", "alpha", "mask", "normal") else f"{name}_m"
         if name in (*outputs, "rgb"):
@@ -121,8 +123,8 @@ def test_images_do_not_depend_on_what_was_drawn_before(make_cloud, camera, avata
     clouds, avatars = [make_cloud(2500), make_cloud(300, seed=1)], [avatar, avatar]
     used = rasterizer(clouds, avatars, K)
     for k in (2, 0, 1, 2):
-        fresh = rasterizer(clouds, avatars, K).render_images(views[k], people[k], OUTPUTS)
-        again = used.render_images(views[k], people[k], OUTPUTS)
+        fresh = images_of(rasterizer(clouds, avatars, K), views[k], people[k], OUTPUTS)
+        again = images_of(used, views[k], people[k], OUTPUTS)
         for field in dataclasses.fields(Images):
             assert np.array_equal(getattr(again, field.name), getattr(fresh, field.name))
 
@@ -133,10 +135,10 @@ def test_one_slab_shows_what_several_show(make_cloud, camera, avatar: Avatar, mo
     T, K = camera(-1.0, 0.0, 0.0, WIDTH, HEIGHT)
     draws = rasterizer([concatenate([wall, behind]), sky_around(make_cloud)], [avatar], K)
     people = [person(0.2, 0.2), person(0.6, -0.6, seed=2)]
-    several = draws.render_images(T, people, OUTPUTS)
+    several = images_of(draws, T, people, OUTPUTS)
     records = int(draws._ws.counts[0])
     monkeypatch.setattr(cpu_slabs, "SLAB_SHARES", ())
-    one = draws.render_images(T, people, OUTPUTS)
+    one = images_of(draws, T, people, OUTPUTS)
     assert records < 0.9 * draws._ws.counts[0]
     assert set(np.unique(one.mask)) == {0, 1, 2}
     assert np.array_equal(several.mask, one.mask)
@@ -151,9 +153,9 @@ def test_mask_shows_a_person_before_a_wall_and_not_behind_it(make_cloud, camera,
     wall = make_cloud(9000, low=(1.0, -5.0, -2.0), high=(1.3, 5.0, 5.0), scale_m=0.12)
     T, K = camera(-2.0, 0.0, 0.0, WIDTH, HEIGHT)
     draws = rasterizer([wall], [avatar], K)
-    before = draws.render_images(T, [person(0.0, 0.0)], ("mask", "median_depth"))
-    behind = draws.render_images(T, [person(3.0, 0.0)], ("mask",))
-    half = draws.render_images(T, [person(3.0, 0.0), person(0.0, 0.0)], ("mask",))
+    before = images_of(draws, T, [person(0.0, 0.0)], ("mask", "median_depth"))
+    behind = images_of(draws, T, [person(3.0, 0.0)], ("mask",))
+    half = images_of(draws, T, [person(3.0, 0.0), person(0.0, 0.0)], ("mask",))
     assert (before.mask == 1).sum() > 300
     assert np.median(before.median_depth_m[before.mask == 1]) < 2.4
     assert before.median_depth_m[before.mask == 0].min() > 2.4
@@ -166,15 +168,15 @@ def test_mask_numbers_people_in_the_order_in_which_they_are_asked_for(make_cloud
     draws = rasterizer([make_cloud(300), make_cloud(90, seed=1)], [avatar, avatar], K)
     one, two = person(-2.6, 0.4, seed=1), person(-2.2, -0.8, seed=2, avatar=1)
     hidden = person(-9.0, 0.0)
-    mask = draws.render_images(T, [one, two], ("mask",)).mask
+    mask = images_of(draws, T, [one, two], ("mask",)).mask
     assert np.bincount(mask.ravel(), minlength=3).min() > 100
-    assert np.array_equal(draws.render_images(T, [two, one], ("mask",)).mask, np.array([0, 2, 1])[mask])
-    assert np.array_equal(draws.render_images(T, [one, hidden, two], ("mask",)).mask, np.array([0, 1, 3])[mask])
+    assert np.array_equal(images_of(draws, T, [two, one], ("mask",)).mask, np.array([0, 2, 1])[mask])
+    assert np.array_equal(images_of(draws, T, [one, hidden, two], ("mask",)).mask, np.array([0, 1, 3])[mask])
 
 
 def test_where_nothing_is_there_is_no_depth_nobody_and_no_normal(make_cloud, camera) -> None:
     T, K = camera(0.0, 0.0, 0.0, WIDTH, HEIGHT)
-    images = rasterizer([make_cloud(0)], [], K).render_images(T, (), OUTPUTS)
+    images = images_of(rasterizer([make_cloud(0)], [], K), T, (), OUTPUTS)
     assert images.alpha.max() == 0
     assert np.isposinf(images.depth_m).all()
     assert np.isposinf(images.median_depth_m).all()
@@ -193,7 +195,7 @@ def test_normal_of_a_disc_is_its_axis_towards_the_camera(make_cloud, turn: float
         sh=np.zeros((1, 1, 3), dtype=np.float32),
     )
     K = np.array([[40.0, 0.0, 40.0], [0.0, 40.0, 30.0], [0.0, 0.0, 1.0]])
-    normal = rasterizer([disc], [], K).render_images(np.eye(4), (), ("normal",)).normal
+    normal = images_of(rasterizer([disc], [], K), np.eye(4), (), ("normal",)).normal
     expected = (-1.0, 0.0, 0.0) if turn > 0 else (0.0, -1.0, 0.0)
     assert normal[normal.any(axis=2)] == pytest.approx(np.tile(expected, (int(normal.any(axis=2).sum()), 1)), abs=1e-4)
     assert normal.any()
@@ -202,7 +204,7 @@ def test_normal_of_a_disc_is_its_axis_towards_the_camera(make_cloud, turn: float
 def test_odd_image_size_is_written_in_full(make_cloud, camera) -> None:
     T, K = camera(-4.0, 0.0, 0.0, 37, 21)
     cloud = make_cloud(1500)
-    images = CpuRasterizer(pack_cloud(cloud), [], K, 21, 37).render_images(T, (), ("depth", "median_depth", "alpha"))
+    images = images_of(CpuRasterizer(pack_cloud(cloud), {}, K, 21, 37), T, (), ("depth", "median_depth", "alpha"))
     expected = rasterize_reference(cloud, T, K, 21, 37)
     assert (~np.isclose(images.depth_m, expected.depth_m, rtol=3e-4)).mean() < 0.01
     assert (~np.isclose(images.median_depth_m, expected.median_depth_m, rtol=1e-5)).mean() < 0.01
@@ -212,19 +214,19 @@ def test_odd_image_size_is_written_in_full(make_cloud, camera) -> None:
 def test_unknown_output_is_refused_in_one_line(make_cloud, camera, outputs: Sequence[str]) -> None:
     T, K = camera(0.0, 0.0, 0.0, WIDTH, HEIGHT)
     with pytest.raises(ValueError, match=r"outputs must be names out of rgb, depth, .* got .*dept") as error:
-        rasterizer([make_cloud(10)], [], K).render_images(T, (), outputs)
+        images_of(rasterizer([make_cloud(10)], [], K), T, (), outputs)
     assert "\n" not in str(error.value)
 
 
 def test_normals_of_a_scene_that_was_packed_without_are_refused(make_cloud, camera) -> None:
     T, K = camera(0.0, 0.0, 0.0, WIDTH, HEIGHT)
-    draws = CpuRasterizer(pack_cloud(make_cloud(10)), [], K, HEIGHT, WIDTH)
+    draws = CpuRasterizer(pack_cloud(make_cloud(10)), {}, K, HEIGHT, WIDTH)
     with pytest.raises(ValueError, match="normals=True"):
-        draws.render_images(T, (), ("normal",))
+        images_of(draws, T, (), ("normal",))
 
 
 def test_more_people_than_a_mask_can_number_are_refused(make_cloud, camera, avatar: Avatar) -> None:
     T, K = camera(0.0, 0.0, 0.0, WIDTH, HEIGHT)
     draws = rasterizer([make_cloud(10)], [avatar], K)
-    with pytest.raises(ValueError, match="255 people"):
-        draws.render_images(T, [person(9.0, 0.0)] * 256, ("mask",))
+    with pytest.raises(ValueError, match="255 humans"):
+        images_of(draws, T, [person(9.0, 0.0)] * 256, ("mask",))

@@ -8,9 +8,11 @@ import pytest
 from readygo.common.avatars import Avatar, pose_avatar
 from readygo.common.gaussians import GaussianCloud, concatenate, transform_cloud
 from readygo.common.rasterizer.cpu import slabs as cpu_slabs
-from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer, PosedPerson
+from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
+from readygo.common.rasterizer.interface import PosedHuman
 from readygo.common.rasterizer.packed.scene import load_packed, pack_cloud, save_packed
 from readygo.common.rasterizer.reference import rasterize_reference
+from tests.common.rasterizer.drawing import float_rgb_of, numbered, rgb_of
 
 
 def psnr_db(a: npt.NDArray[np.floating], b: npt.NDArray[np.floating]) -> float:
@@ -18,13 +20,13 @@ def psnr_db(a: npt.NDArray[np.floating], b: npt.NDArray[np.floating]) -> float:
     return math.inf if error == 0 else -10 * math.log10(error)
 
 
-def person(x_m: float, y_m: float, *, avatar: int = 0, seed: int = 1) -> PosedPerson:
+def person(x_m: float, y_m: float, *, avatar: int = 0, seed: int = 1) -> PosedHuman:
     pose = 0.5 * np.random.default_rng(seed).normal(size=(24, 3))
-    return PosedPerson(avatar=avatar, root_m=np.array([x_m, y_m, 1.0]), pose_axis_angle=pose)
+    return PosedHuman(avatar=str(avatar), root_m=np.array([x_m, y_m, 1.0]), pose_axis_angle=pose)
 
 
-def posed(cloud: GaussianCloud, avatars: Sequence[Avatar], people: Sequence[PosedPerson]) -> GaussianCloud:
-    bodies = [pose_avatar(avatars[p.avatar], p.root_m, p.pose_axis_angle) for p in people]
+def posed(cloud: GaussianCloud, avatars: Sequence[Avatar], people: Sequence[PosedHuman]) -> GaussianCloud:
+    bodies = [pose_avatar(avatars[int(p.avatar)], p.root_m, p.pose_axis_angle) for p in people]
     return concatenate([cloud, *bodies])
 
 
@@ -38,7 +40,7 @@ def assert_like_reference(image: npt.NDArray[np.float32], reference: npt.NDArray
 def test_cloud_looks_as_in_the_reference(make_cloud, camera, coefficients: int) -> None:
     cloud = make_cloud(4000, coefficients=coefficients)
     T, K = camera(-3.0, 1.0, -0.4, 96, 64)
-    image = CpuRasterizer(pack_cloud(cloud), [], K, 64, 96).render_float(T)
+    image = float_rgb_of(CpuRasterizer(pack_cloud(cloud), {}, K, 64, 96), T)
     assert_like_reference(image, rasterize_reference(cloud, T, K, 64, 96).rgb)
 
 
@@ -46,7 +48,7 @@ def test_cloud_looks_as_in_the_reference(make_cloud, camera, coefficients: int) 
 def test_any_image_size_looks_as_in_the_reference(make_cloud, camera, width: int, height: int) -> None:
     cloud = make_cloud(1500, scale_m=0.1)
     T, K = camera(-5.0, 0.0, 0.0, width, height)
-    image = CpuRasterizer(pack_cloud(cloud), [], K, height, width).render_float(T)
+    image = float_rgb_of(CpuRasterizer(pack_cloud(cloud), {}, K, height, width), T)
     reference = rasterize_reference(cloud, T, K, height, width).rgb
     assert image.shape == reference.shape
     assert psnr_db(image, reference) > 60
@@ -55,7 +57,7 @@ def test_any_image_size_looks_as_in_the_reference(make_cloud, camera, width: int
 def test_large_image_with_large_gaussians_looks_as_in_the_reference(make_cloud, camera) -> None:
     cloud = concatenate([make_cloud(40, scale_m=0.3), make_cloud(300, scale_m=0.02)])
     T, K = camera(-4.0, 0.0, 0.1, 3840, 2160)
-    image = CpuRasterizer(pack_cloud(cloud), [], K, 2160, 3840).render_float(T)
+    image = float_rgb_of(CpuRasterizer(pack_cloud(cloud), {}, K, 2160, 3840), T)
     assert_like_reference(image, rasterize_reference(cloud, T, K, 2160, 3840).rgb)
 
 
@@ -64,7 +66,7 @@ def test_gaussians_around_the_camera_look_as_in_the_reference(make_cloud, camera
     cloud = make_cloud(3000, low=(-0.6, -0.6, 0.6), high=(0.6, 0.6, 1.8), scale_m=0.03)
     for yaw in (0.0, 1.3, 2.6):
         T, K = camera(0.0, 0.0, yaw, 96, 64)
-        image = CpuRasterizer(pack_cloud(cloud), [], K, 64, 96).render_float(T)
+        image = float_rgb_of(CpuRasterizer(pack_cloud(cloud), {}, K, 64, 96), T)
         assert_like_reference(image, rasterize_reference(cloud, T, K, 64, 96).rgb)
 
 
@@ -80,7 +82,7 @@ def test_far_sky_is_drawn_behind_everything(make_cloud, camera) -> None:
         sh=ball.sh,
     )
     T, K = camera(0.0, 0.0, 0.0, 96, 64)
-    image = CpuRasterizer([pack_cloud(scene), pack_cloud(sky)], [], K, 64, 96).render_float(T)
+    image = float_rgb_of(CpuRasterizer([pack_cloud(scene), pack_cloud(sky)], {}, K, 64, 96), T)
     assert_like_reference(image, rasterize_reference(concatenate([scene, sky]), T, K, 64, 96).rgb)
 
 
@@ -88,14 +90,14 @@ def test_scene_far_from_the_origin_is_as_sharp(make_cloud, camera) -> None:
     shift = (900.0, -1400.0, 0.0)
     cloud = transform_cloud(make_cloud(1500), np.eye(3), shift)
     T, K = camera(-5.0 + shift[0], shift[1], 0.0, 256, 144)
-    image = CpuRasterizer(pack_cloud(cloud), [], K, 144, 256).render_float(T)
+    image = float_rgb_of(CpuRasterizer(pack_cloud(cloud), {}, K, 144, 256), T)
     assert psnr_db(image, rasterize_reference(cloud, T, K, 144, 256).rgb) > 50
 
 
 def test_two_layers_are_blended_as_one_cloud(make_cloud, camera) -> None:
     one, two = make_cloud(900, seed=1), make_cloud(900, seed=2, coefficients=9)
     T, K = camera(-5.0, 0.0, 0.0, 96, 64)
-    image = CpuRasterizer([pack_cloud(one), pack_cloud(two)], [], K, 64, 96).render_float(T)
+    image = float_rgb_of(CpuRasterizer([pack_cloud(one), pack_cloud(two)], {}, K, 64, 96), T)
     assert_like_reference(image, rasterize_reference(concatenate([one, two]), T, K, 64, 96).rgb)
 
 
@@ -103,7 +105,7 @@ def test_people_stand_in_the_scene_as_in_the_reference(make_cloud, camera, avata
     cloud = make_cloud(2000)
     people = [person(-2.6, 0.4, seed=1), person(-1.8, -0.8, seed=2)]
     T, K = camera(-4.0, 0.0, 0.0, 192, 128)
-    image = CpuRasterizer(pack_cloud(cloud), [avatar], K, 128, 192).render_float(T, people)
+    image = float_rgb_of(CpuRasterizer(pack_cloud(cloud), numbered([avatar]), K, 128, 192), T, people)
     reference = rasterize_reference(posed(cloud, [avatar], people), T, K, 128, 192).rgb
     assert_like_reference(image, reference)
     assert psnr_db(image, rasterize_reference(cloud, T, K, 128, 192).rgb) < 40
@@ -113,15 +115,15 @@ def test_person_around_the_camera_looks_as_in_the_reference(make_cloud, camera, 
     cloud, people = make_cloud(300), [person(0.1, 0.05, seed=3)]
     for yaw in (0.0, 1.6, 3.1):
         T, K = camera(0.0, 0.0, yaw, 96, 64)
-        image = CpuRasterizer(pack_cloud(cloud), [avatar], K, 64, 96).render_float(T, people)
+        image = float_rgb_of(CpuRasterizer(pack_cloud(cloud), numbered([avatar]), K, 64, 96), T, people)
         assert_like_reference(image, rasterize_reference(posed(cloud, [avatar], people), T, K, 64, 96).rgb)
 
 
 def test_people_outside_of_the_view_change_nothing(make_cloud, camera, avatar: Avatar) -> None:
     T, K = camera(0.0, 0.0, 0.0, 96, 64)
-    rasterizer = CpuRasterizer(pack_cloud(make_cloud(900)), [avatar], K, 64, 96)
-    alone = rasterizer.render(T)
-    assert np.array_equal(alone, rasterizer.render(T, [person(-3.0, 0.0), person(1.0, 9.0)]))
+    rasterizer = CpuRasterizer(pack_cloud(make_cloud(900)), numbered([avatar]), K, 64, 96)
+    alone = rgb_of(rasterizer, T)
+    assert np.array_equal(alone, rgb_of(rasterizer, T, [person(-3.0, 0.0), person(1.0, 9.0)]))
 
 
 def test_image_does_not_depend_on_what_was_drawn_before(make_cloud, camera, avatar: Avatar) -> None:
@@ -129,10 +131,10 @@ def test_image_does_not_depend_on_what_was_drawn_before(make_cloud, camera, avat
     views = [camera(-3.0 + k, 0.5 * k, 0.3 * k, 96, 64)[0] for k in range(4)]
     people = [[person(-1.0, 0.0, avatar=k % 2, seed=k)] * (k % 3) for k in range(4)]
     K = camera(0, 0, 0, 96, 64)[1]
-    used = CpuRasterizer(pack_cloud(cloud), [avatar, avatar], K, 64, 96)
+    used = CpuRasterizer(pack_cloud(cloud), numbered([avatar, avatar]), K, 64, 96)
     for k in (0, 1, 2, 3, 1, 0):
-        fresh = CpuRasterizer(pack_cloud(cloud), [avatar, avatar], K, 64, 96)
-        assert np.array_equal(used.render(views[k], people[k]), fresh.render(views[k], people[k]))
+        fresh = CpuRasterizer(pack_cloud(cloud), numbered([avatar, avatar]), K, 64, 96)
+        assert np.array_equal(rgb_of(used, views[k], people[k]), rgb_of(fresh, views[k], people[k]))
 
 
 def test_skipping_hidden_chunks_changes_the_image_by_less_than_a_colour_step(
@@ -141,11 +143,11 @@ def test_skipping_hidden_chunks_changes_the_image_by_less_than_a_colour_step(
     wall = make_cloud(12000, low=(1.0, -4.0, -1.0), high=(1.3, 4.0, 4.0), scale_m=0.12)
     behind = make_cloud(20000, low=(2.0, -8.0, -1.0), high=(9.0, 8.0, 4.0))
     T, K = camera(-1.0, 0.0, 0.0, 96, 64)
-    rasterizer = CpuRasterizer(pack_cloud(concatenate([wall, behind])), [], K, 64, 96)
-    fast = rasterizer.render_float(T)
+    rasterizer = CpuRasterizer(pack_cloud(concatenate([wall, behind])), {}, K, 64, 96)
+    fast = float_rgb_of(rasterizer, T)
     records = int(rasterizer._ws.counts[0])
     monkeypatch.setattr(cpu_slabs, "SLAB_SHARES", ())
-    full = rasterizer.render_float(T)
+    full = float_rgb_of(rasterizer, T)
     assert records < 0.7 * rasterizer._ws.counts[0]
     assert np.abs(fast - full).max() < 1e-3
 
@@ -160,11 +162,11 @@ def test_bytes_are_the_rounded_and_clipped_floats(make_cloud, camera) -> None:
         sh=cloud.sh + np.float32(4.0),
     )
     T, K = camera(-4.0, 0.0, 0.0, 96, 64)
-    rasterizer = CpuRasterizer(pack_cloud(bright), [], K, 64, 96)
-    floats = rasterizer.render_float(T)
+    rasterizer = CpuRasterizer(pack_cloud(bright), {}, K, 64, 96)
+    floats = float_rgb_of(rasterizer, T)
     assert floats.max() > 1.05
     rounded = (np.clip(floats, 0, 1) * np.float32(255) + np.float32(0.5)).astype(np.uint8)
-    assert np.array_equal(rasterizer.render(T), rounded)
+    assert np.array_equal(rgb_of(rasterizer, T), rounded)
 
 
 def test_mapped_scene_gives_the_same_bytes(make_cloud, camera, tmp_path) -> None:
@@ -173,22 +175,22 @@ def test_mapped_scene_gives_the_same_bytes(make_cloud, camera, tmp_path) -> None
     mapped = load_packed(tmp_path / "packed")
     assert mapped is not None
     T, K = camera(-4.0, 0.0, 0.0, 96, 64)
-    images = [CpuRasterizer(layer, [], K, 64, 96).render(T) for layer in (scene, mapped)]
+    images = [rgb_of(CpuRasterizer(layer, {}, K, 64, 96), T) for layer in (scene, mapped)]
     assert np.array_equal(*images)
 
 
 def test_empty_scene_is_black(make_cloud, camera) -> None:
     T, K = camera(0.0, 0.0, 0.0, 40, 30)
-    assert CpuRasterizer(pack_cloud(make_cloud(0)), [], K, 30, 40).render(T).max() == 0
+    assert rgb_of(CpuRasterizer(pack_cloud(make_cloud(0)), {}, K, 30, 40), T).max() == 0
 
 
 @pytest.mark.parametrize("pose", [np.full((4, 4), np.nan), np.eye(3)])
 def test_bad_camera_pose_is_refused(make_cloud, pose: npt.NDArray[np.float64]) -> None:
-    rasterizer = CpuRasterizer(pack_cloud(make_cloud(10)), [], np.eye(3) * 20, 16, 16)
+    rasterizer = CpuRasterizer(pack_cloud(make_cloud(10)), {}, np.eye(3) * 20, 16, 16)
     with pytest.raises(ValueError, match="T_world_camera"):
-        rasterizer.render(pose)
+        rgb_of(rasterizer, pose)
 
 
 def test_too_large_image_is_refused(make_cloud) -> None:
     with pytest.raises(ValueError, match="limited"):
-        CpuRasterizer(pack_cloud(make_cloud(10)), [], np.eye(3), 16, 300_000)
+        CpuRasterizer(pack_cloud(make_cloud(10)), {}, np.eye(3), 16, 300_000)

@@ -15,6 +15,7 @@ from readygo.common.rasterizer.differentiable.order import spatial_order
 from readygo.common.rasterizer.differentiable.pool import ArrayPool
 from readygo.common.rasterizer.packed.scene import pack_cloud
 from readygo.common.rasterizer.reference import rasterize_reference
+from tests.common.rasterizer.drawing import float_rgb_of
 
 
 def psnr_db(a: np.ndarray, b: np.ndarray) -> float:
@@ -32,7 +33,7 @@ def test_image_is_that_of_the_other_backends(case: Callable, size_px: tuple[int,
     assert psnr_db(rendered.alpha.detach().numpy(), expected.alpha) >= 60
     drawn = expected.alpha > 0.01
     assert np.abs(rendered.depth_m.detach().numpy() - expected.depth_m)[drawn].max() < 1e-2
-    other = CpuRasterizer(pack_cloud(many.cloud()), [], many.K_px, *size_px).render_float(pose)
+    other = float_rgb_of(CpuRasterizer(pack_cloud(many.cloud()), {}, many.K_px, *size_px), pose)
     assert psnr_db(rgb, other) >= 60
 
 

@@ -1,5 +1,4 @@
-import importlib.util
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -7,24 +6,9 @@ import pytest
 
 from readygo.common.avatars import Avatar, pose_avatar
 from readygo.common.gaussians import GaussianCloud, concatenate
-from readygo.common.rasterizer.cpu.rasterizer import PosedPerson
+from readygo.common.rasterizer.interface import PosedHuman
 
 Pose = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]
-
-
-@pytest.fixture(scope="session")
-def triton_device() -> Iterator[str]:
-    """Where Triton kernels run here: a CUDA device, or the CPU under Triton's interpreter."""
-    if importlib.util.find_spec("triton") is None:
-        pytest.skip("triton is not installed (the extra `gpu`)")
-    torch = pytest.importorskip("torch", reason="torch is not installed")
-    if torch.cuda.is_available():
-        yield "cuda"
-        return
-    # Triton decides when a kernel is defined: this must stand before the first import of one.
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("TRITON_INTERPRET", "1")
-        yield "cpu"
 
 
 @pytest.fixture(scope="session")
@@ -45,12 +29,12 @@ def small_avatar(avatar: Avatar) -> Avatar:
 
 
 @pytest.fixture(scope="session")
-def person() -> Callable[..., PosedPerson]:
+def person() -> Callable[..., PosedHuman]:
     """Makes a person in a random pose at a place."""
 
-    def make(x_m: float, y_m: float, *, avatar: int = 0, seed: int = 1) -> PosedPerson:
+    def make(x_m: float, y_m: float, *, avatar: int = 0, seed: int = 1) -> PosedHuman:
         pose = 0.5 * np.random.default_rng(seed).normal(size=(24, 3))
-        return PosedPerson(avatar=avatar, root_m=np.array([x_m, y_m, 1.0]), pose_axis_angle=pose)
+        return PosedHuman(avatar=str(avatar), root_m=np.array([x_m, y_m, 1.0]), pose_axis_angle=pose)
 
     return make
 
@@ -59,8 +43,8 @@ def person() -> Callable[..., PosedPerson]:
 def posed() -> Callable[..., GaussianCloud]:
     """The scene and its people as one cloud."""
 
-    def make(cloud: GaussianCloud, avatars: Sequence[Avatar], people: Sequence[PosedPerson]) -> GaussianCloud:
-        bodies = [pose_avatar(avatars[p.avatar], p.root_m, p.pose_axis_angle) for p in people]
+    def make(cloud: GaussianCloud, avatars: Sequence[Avatar], people: Sequence[PosedHuman]) -> GaussianCloud:
+        bodies = [pose_avatar(avatars[int(p.avatar)], p.root_m, p.pose_axis_angle) for p in people]
         return concatenate([cloud, *bodies]) if bodies else cloud
 
     return make

@@ -1,5 +1,4 @@
 import importlib.util
-from typing import Any
 
 import numpy as np
 import pytest
@@ -8,55 +7,23 @@ torch = pytest.importorskip("torch", reason="torch is not installed")
 
 from readygo.common.errors import ReadygoError  # noqa: E402
 from readygo.common.gaussians import GaussianCloud, transform_cloud  # noqa: E402
-from readygo.common.rasterizer.gpu import gsplat_kernels, rasterizer  # noqa: E402
+from readygo.common.gaussians.spherical_harmonics import SH_C0  # noqa: E402
 from readygo.common.rasterizer.gpu.rasterizer import GpuRasterizer  # noqa: E402
 from readygo.common.rasterizer.reference import rasterize_reference  # noqa: E402
+from tests.common.rasterizer.drawing import batch_of, float_rgb_of, images_of, numbered, rgb_of  # noqa: E402
+from tests.common.rasterizer.gpu.reference_rasterization import ReferenceRasterization, stand_in_for_gsplat  # noqa: E402
 
 SIZE = 32, 48
-
-
-class ReferenceRasterization:
-    """Takes gsplat's arguments, and draws with the reference."""
-
-    def __init__(self) -> None:
-        self.calls: list[dict[str, Any]] = []
-
-    def __call__(self, **args: Any) -> tuple[torch.Tensor, torch.Tensor, dict[str, Any]]:
-        self.calls.append(args)
-        images = [self._draw(args, k) for k in range(len(args["viewmats"]))]
-        depth = [torch.from_numpy(np.where(i.alpha > 0, i.depth_m, 0) * i.alpha) for i in images]
-        colours = torch.stack([torch.from_numpy(i.rgb) for i in images])
-        if args["render_mode"] == "RGB+D":
-            colours = torch.cat([colours, torch.stack(depth)[..., None]], dim=-1)
-        return colours, torch.stack([torch.from_numpy(i.alpha) for i in images])[..., None], {}
-
-    @staticmethod
-    def _draw(args: dict[str, Any], camera: int) -> Any:
-        colours = args["colors"]
-        # Colours per camera come without degree, and are no coefficients.
-        sh = colours if args["sh_degree"] is not None else ((colours[camera] - 0.5) / 0.28209479177387814)[:, None]
-        cloud = GaussianCloud(
-            means_m=args["means"].numpy(),
-            quats_wxyz=args["quats"].numpy(),
-            scales_m=args["scales"].numpy(),
-            opacities=args["opacities"].numpy(),
-            sh=sh.numpy(),
-        )
-        T = np.linalg.inv(args["viewmats"][camera].double().numpy())
-        return rasterize_reference(cloud, T, args["Ks"][camera].numpy(), args["height"], args["width"])
 
 
 @pytest.fixture
 def drawn(monkeypatch: pytest.MonkeyPatch) -> ReferenceRasterization:
     """The calls that gsplat would have got."""
-    fake = ReferenceRasterization()
-    monkeypatch.setattr(gsplat_kernels, "_gsplat_rasterization", lambda: fake)
-    monkeypatch.setattr(rasterizer, "require_kernels", lambda kernels, device: None)
-    return fake
+    return stand_in_for_gsplat(monkeypatch)
 
 
 def gsplat(scenes, avatars, K, size=SIZE) -> GpuRasterizer:
-    return GpuRasterizer(scenes, avatars, K, *size, kernels="gsplat", device="cpu")
+    return GpuRasterizer(scenes, numbered(avatars), K, *size, kernels="gsplat", device="cpu")
 
 
 def with_opacity(cloud: GaussianCloud, opacity: float) -> GaussianCloud:
@@ -73,7 +40,7 @@ def test_scene_and_people_reach_gsplat_in_its_conventions(make_cloud, camera, av
     cloud, sky = make_cloud(300, coefficients=4), make_cloud(50, seed=3)
     people = [person(-2.6, 0.4), person(-2.0, -0.5, seed=2)]
     T, K = camera(-4.0, 0.2, 0.1, 48, 32)
-    image = gsplat([cloud, sky], [avatar], K).render_float(T, people)
+    image = float_rgb_of(gsplat([cloud, sky], [avatar], K), T, people)
     both = posed(cloud, [avatar], people)
     wide = np.zeros((len(sky), 4, 3), dtype=np.float32)
     wide[:, :1] = sky.sh
@@ -93,7 +60,7 @@ def joined(one: GaussianCloud, two: GaussianCloud) -> GaussianCloud:
 
 def test_rules_of_the_rasterizer_are_asked_for(make_cloud, camera, drawn) -> None:
     T, K = camera(-4.0, 0.0, 0.0, 48, 32)
-    gsplat(with_opacity(make_cloud(20), 1.0), [], K).render(T)
+    rgb_of(gsplat(with_opacity(make_cloud(20), 1.0), [], K), T)
     call = drawn.calls[0]
     wanted = {"near_plane": 0.05, "eps2d": 0.3, "tile_size": 16, "packed": True, "width": 48, "height": 32}
     assert {name: call[name] for name in wanted} == wanted
@@ -115,8 +82,8 @@ def test_scene_far_from_the_origin_is_as_sharp(make_cloud, camera, avatar, perso
     T, K = camera(-4.0, 0.0, 0.0, 48, 32)
     T_far = T.copy()
     T_far[:3, 3] += shift
-    image = gsplat(far, [avatar], K).render_float(T_far, [person(-2.0 + shift[0], shift[1])])
-    assert np.abs(image - gsplat(near, [avatar], K).render_float(T, [person(-2.0, 0.0)])).max() < 1e-3
+    image = float_rgb_of(gsplat(far, [avatar], K), T_far, [person(-2.0 + shift[0], shift[1])])
+    assert np.abs(image - float_rgb_of(gsplat(near, [avatar], K), T, [person(-2.0, 0.0)])).max() < 1e-3
 
 
 def test_cameras_that_see_the_same_people_share_a_call(make_cloud, camera, avatar, person, drawn) -> None:
@@ -124,16 +91,16 @@ def test_cameras_that_see_the_same_people_share_a_call(make_cloud, camera, avata
     K = camera(0, 0, 0, 48, 32)[1]
     one, other = [person(-2.0, 0.0)], [person(-2.0, 0.5)]
     kernels = gsplat(make_cloud(60), [avatar], K)
-    images = kernels.render_batch(poses, [one, one, other, []])
+    images = kernels.render(batch_of(poses, [one, one, other, []])).rgb
     assert [len(call["viewmats"]) for call in drawn.calls] == [2, 1, 1]
     for k, people in enumerate((one, one, other, [])):
-        assert np.array_equal(images[k], kernels.render(poses[k], people))
+        assert np.array_equal(images[k], rgb_of(kernels, poses[k], people))
 
 
 def test_depth_alpha_and_normals_are_made(make_cloud, camera, drawn) -> None:
     cloud = with_opacity(make_cloud(200), 0.9)
     T, K = camera(-4.0, 0.2, 0.1, 48, 32)
-    images = gsplat(cloud, [], K).render_images(T, outputs=("depth", "alpha", "normal"))
+    images = images_of(gsplat(cloud, [], K), T, outputs=("depth", "alpha", "normal"))
     reference = rasterize_reference(cloud, T, K, *SIZE)
     assert images.normal is not None
     seen = reference.alpha > 0.1
@@ -153,7 +120,7 @@ def test_normals_look_towards_each_camera(make_cloud, camera, drawn) -> None:
     )
     kernels = gsplat(flat, [], camera(0, 0, 0, 48, 32)[1])
     for x, yaw in ((-4.0, 0.0), (4.0, np.pi)):
-        kernels.render_images(camera(x, 0.0, yaw, 48, 32, 0.0)[0], outputs=("normal",))
+        images_of(kernels, camera(x, 0.0, yaw, 48, 32, 0.0)[0], outputs=("normal",))
         np.testing.assert_allclose(
             drawn.calls[-1]["colors"][0], [[0.0, 0.0, -1.0]] * len(drawn.calls[-1]["means"]), atol=1e-6
         )
@@ -163,7 +130,7 @@ def test_normals_look_towards_each_camera(make_cloud, camera, drawn) -> None:
 def test_images_that_gsplat_cannot_make_are_refused(make_cloud, camera, drawn, name: str) -> None:
     T, K = camera(-4.0, 0.0, 0.0, 48, 32)
     with pytest.raises(ReadygoError, match=f"not {name}; use triton"):
-        gsplat(make_cloud(20), [], K).render_images(T, outputs=("rgb", name))
+        images_of(gsplat(make_cloud(20), [], K), T, outputs=("rgb", name))
 
 
 def test_projection_of_gsplats_torch_reference_is_ours(make_cloud, camera, drawn) -> None:
@@ -173,13 +140,13 @@ def test_projection_of_gsplats_torch_reference_is_ours(make_cloud, camera, drawn
 
     cloud = with_opacity(make_cloud(300, low=(-2, -2, 0), high=(2, 2, 2)), 0.7)
     T, K = camera(-1.0, 0.0, 0.0, 48, 32)
-    image = gsplat(cloud, [], K).render_float(T)
+    image = float_rgb_of(gsplat(cloud, [], K), T)
     call = drawn.calls[0]
     covars, _ = _quat_scale_to_covar_preci(call["quats"], call["scales"], compute_preci=False)
     radii, means2d, depths, conics, _ = _fully_fused_projection(
         call["means"], covars, call["viewmats"], call["Ks"], 48, 32, eps2d=call["eps2d"], near_plane=call["near_plane"]
     )
-    rgb = (0.5 + 0.28209479177387814 * call["colors"][:, 0]).clamp(min=0)
+    rgb = (0.5 + SH_C0 * call["colors"][:, 0]).clamp(min=0)
     blended = blend_as_gsplat(radii[0], means2d[0], depths[0], conics[0], call["opacities"], rgb)
     assert image.max() > 0.3
     assert np.abs(blended - image).max() < 0.011

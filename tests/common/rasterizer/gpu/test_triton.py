@@ -3,10 +3,11 @@ import numpy.typing as npt
 import pytest
 
 from readygo.common.gaussians import GaussianCloud, concatenate, transform_cloud
+from readygo.common.gaussians.spherical_harmonics import SH_C0
 from readygo.common.rasterizer.reference import rasterize_reference
+from tests.common.rasterizer.drawing import batch_of, float_rgb_of, images_of, numbered, rgb_of
 
 HEIGHT, WIDTH = 48, 64
-C0 = 0.28209479177387814
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +26,14 @@ def rasterizer(triton_device: str):
             **settings,
         }
         return GpuRasterizer(
-            scenes, avatars, K, height, width, kernels="triton", device=triton_device, settings=TritonSettings(**chosen)
+            scenes,
+            numbered(avatars),
+            K,
+            height,
+            width,
+            kernels="triton",
+            device=triton_device,
+            settings=TritonSettings(**chosen),
         )
 
     return make
@@ -49,7 +57,7 @@ def test_two_cameras_with_their_own_people_look_as_in_the_reference(
     people = [[person(-2.8, 0.4), person(-2.0, -0.5, seed=2)], [person(-3.0, 0.0, seed=3)]]
     poses = np.stack([camera(-4.5, 0.2, 0.1, WIDTH, HEIGHT)[0], camera(-5.0, -0.6, 0.0, WIDTH, HEIGHT)[0]])
     K = camera(0, 0, 0, WIDTH, HEIGHT)[1]
-    images = rasterizer([near, sky], [small_avatar], K).render_batch(poses, people)
+    images = rasterizer([near, sky], [small_avatar], K).render(batch_of(poses, people)).rgb
     for k in range(2):
         cloud = concatenate([posed(near, [small_avatar], people[k]), sky])
         reference = rasterize_reference(cloud, poses[k], K, HEIGHT, WIDTH).rgb
@@ -61,7 +69,7 @@ def test_two_cameras_with_their_own_people_look_as_in_the_reference(
 def test_higher_harmonics_look_as_in_the_reference(make_cloud, camera, rasterizer, coefficients: int) -> None:
     cloud = make_cloud(90, coefficients=coefficients)
     T, K = camera(-4.0, 0.5, 0.2, 32, 24)
-    image = rasterizer(cloud, [], K, 24, 32).render_float(T)
+    image = float_rgb_of(rasterizer(cloud, [], K, 24, 32), T)
     assert_like_reference(image, rasterize_reference(cloud, T, K, 24, 32).rgb)
 
 
@@ -69,7 +77,7 @@ def test_gaussians_around_the_camera_look_as_in_the_reference(make_cloud, camera
     cloud = make_cloud(200, low=(-0.6, -0.6, 0.6), high=(0.6, 0.6, 1.8), scale_m=0.03)
     for yaw in (0.0, 2.6):
         T, K = camera(0.0, 0.0, yaw, 37, 29)
-        image = rasterizer(cloud, [], K, 29, 37).render_float(T)
+        image = float_rgb_of(rasterizer(cloud, [], K, 29, 37), T)
         assert_like_reference(image, rasterize_reference(cloud, T, K, 29, 37).rgb)
 
 
@@ -78,7 +86,7 @@ def test_scene_far_from_the_origin_is_as_sharp(make_cloud, camera, rasterizer) -
     cloud = transform_cloud(make_cloud(80), np.eye(3), shift)
     T, K = camera(-4.0 + shift[0], shift[1], 0.0, 32, 24)
     assert_like_reference(
-        rasterizer(cloud, [], K, 24, 32).render_float(T), rasterize_reference(cloud, T, K, 24, 32).rgb
+        float_rgb_of(rasterizer(cloud, [], K, 24, 32), T), rasterize_reference(cloud, T, K, 24, 32).rgb
     )
 
 
@@ -96,7 +104,7 @@ def test_all_images_are_those_of_the_gaussians(make_cloud, camera, small_avatar,
     people = [person(-2.9, 0.3), person(-2.4, -0.3, seed=2)]
     T, K = camera(-4.0, 0.0, 0.1, 32, 24)
     outputs = ("rgb", "depth", "median_depth", "alpha", "mask", "normal")
-    images = rasterizer(scene, [thin], K, 24, 32).render_images(T, people, outputs)
+    images = images_of(rasterizer(scene, [thin], K, 24, 32), T, people, outputs)
     cloud = posed(scene, [thin], people)
     reference = rasterize_reference(cloud, T, K, 24, 32)
     np.testing.assert_allclose(images.alpha, reference.alpha, atol=2e-4)
@@ -135,7 +143,9 @@ def normal_image(cloud: GaussianCloud, T, K) -> np.ndarray:
     axes = matrix_from_quat(cloud.quats_wxyz)[np.arange(len(cloud)), :, cloud.scales_m.argmin(axis=1)]
     normal, mean = axes @ T[:3, :3], (cloud.means_m - T[:3, 3]) @ T[:3, :3]
     normal = np.where((normal * mean).sum(axis=1, keepdims=True) > 0, -normal, normal)
-    images = rasterize_reference(with_arrays(cloud, sh=(0.5 * normal / C0)[:, None].astype(np.float32)), T, K, 24, 32)
+    images = rasterize_reference(
+        with_arrays(cloud, sh=(0.5 * normal / SH_C0)[:, None].astype(np.float32)), T, K, 24, 32
+    )
     sums = 2.0 * images.rgb - images.alpha[..., None]
     return sums / np.maximum(np.linalg.norm(sums, axis=2, keepdims=True), 1e-9)
 
@@ -146,11 +156,11 @@ def test_batch_in_passes_has_the_bytes_of_single_images(make_cloud, camera, smal
     people = [[person(-1.5, 0.0)], [], [person(-1.5, 0.4, seed=2)]]
     batch = rasterizer(cloud, [small_avatar], K, 16, 24, cameras_per_pass=2)
     single = rasterizer(cloud, [small_avatar], K, 16, 24, programs_per_processor=3)
-    images = batch.render_batch(poses, people)
+    images = batch.render(batch_of(poses, people)).rgb
     assert images.shape == (3, 16, 24, 3)
     assert images.max() > 80
     for k in range(3):
-        assert np.array_equal(images[k], single.render(poses[k], people[k]))
+        assert np.array_equal(images[k], rgb_of(single, poses[k], people[k]))
 
 
 def test_buffers_grow_until_everything_fits(make_cloud, camera, rasterizer) -> None:
@@ -160,7 +170,7 @@ def test_buffers_grow_until_everything_fits(make_cloud, camera, rasterizer) -> N
     roomy, tight = (rasterizer(make_cloud(280, scale_m=0.02), [], K, 24, 32, slab_shares=()) for _ in range(2))
     pipeline = tight._kernels._pipeline
     pipeline._buffers = make_buffers(1, 16, False, pipeline._device)
-    assert np.array_equal(tight.render(T), roomy.render(T))
+    assert np.array_equal(rgb_of(tight, T), rgb_of(roomy, T))
     assert pipeline._buffers.entry_capacity > 16
     assert pipeline.buffers_made >= 1
 
@@ -177,7 +187,7 @@ def test_what_stands_behind_finished_tiles_is_not_projected(make_cloud, camera, 
     T, K = camera(-4.0, 0.0, 0.0, 16, 16)
     culling = rasterizer([wall, behind], [], K, 16, 16, slab_shares=(0.3,))
     full = rasterizer([wall, behind], [], K, 16, 16, slab_shares=())
-    assert np.abs(culling.render_float(T) - full.render_float(T)).max() < 1e-3
+    assert np.abs(float_rgb_of(culling, T) - float_rgb_of(full, T)).max() < 1e-3
     pairs = [int(kernels._kernels._pipeline._needed[0]) for kernels in (culling, full)]
     assert pairs == [1, 5]
 
@@ -193,8 +203,8 @@ def test_a_far_sky_does_not_move_the_depth_of_finished_pixels(make_cloud, camera
     )
     sky = make_cloud(40, low=(1800.0, -900.0, -900.0), high=(1800.0, 900.0, 900.0), scale_m=300.0)
     T, K = camera(-4.0, 0.0, 0.0, 16, 16)
-    depth = rasterizer([wall, sky], [], K, 16, 16, slab_shares=()).render_images(T, [], ("depth",)).depth_m
-    alone = rasterizer(wall, [], K, 16, 16).render_images(T, [], ("depth", "alpha"))
+    depth = images_of(rasterizer([wall, sky], [], K, 16, 16, slab_shares=()), T, [], ("depth",)).depth_m
+    alone = images_of(rasterizer(wall, [], K, 16, 16), T, [], ("depth", "alpha"))
     finished = alone.alpha > 1 - 0.9e-4
     assert 10 < finished.sum() < 200
     assert np.abs(depth - alone.depth_m)[finished].max() < 0.005
@@ -205,7 +215,7 @@ def test_equal_depths_are_drawn_in_the_order_of_the_scene(make_cloud, camera, ra
     cloud = make_cloud(40, low=(0.0, -0.5, 0.8), high=(0.0, 0.5, 1.6), scale_m=0.3)
     cloud = with_arrays(cloud, means_m=np.round(cloud.means_m * 4) / np.float32(4))
     T, K = camera(-2.0, 0.0, 0.0, 32, 24, 0.0)
-    images = [rasterizer(cloud, [], K, 24, 32, programs_per_processor=n).render_float(T) for n in (1, 2)]
+    images = [float_rgb_of(rasterizer(cloud, [], K, 24, 32, programs_per_processor=n), T) for n in (1, 2)]
     assert images[0].max() > 0.3
     assert np.array_equal(*images)
 
@@ -235,9 +245,9 @@ def test_lists_of_any_length_are_sorted(triton_device: str, run: int) -> None:
 
 def test_empty_scene_is_black(make_cloud, camera, rasterizer) -> None:
     T, K = camera(0.0, 0.0, 0.0, 40, 30)
-    assert rasterizer(make_cloud(0), [], K, 30, 40).render(T).max() == 0
+    assert rgb_of(rasterizer(make_cloud(0), [], K, 30, 40), T).max() == 0
     behind = make_cloud(20, low=(-9, -1, 0), high=(-8, 1, 1))
-    images = rasterizer(behind, [], K, 30, 40).render_images(T, outputs=("depth", "mask", "alpha"))
+    images = images_of(rasterizer(behind, [], K, 30, 40), T, outputs=("depth", "mask", "alpha"))
     assert np.isinf(images.depth_m).all()
     assert not images.alpha.any()
 
@@ -247,7 +257,7 @@ def test_gaussians_that_are_not_finite_do_not_reach_the_image(make_cloud, camera
     means = cloud.means_m.copy()
     means[::7] = np.nan
     T, K = camera(-4.0, 0.0, 0.0, 32, 24)
-    image = rasterizer(with_arrays(cloud, means_m=means), [], K, 24, 32).render_float(T)
+    image = float_rgb_of(rasterizer(with_arrays(cloud, means_m=means), [], K, 24, 32), T)
     kept = cloud.select(np.isfinite(means).all(axis=1))
     assert_like_reference(image, rasterize_reference(kept, T, K, 24, 32).rgb)
 
@@ -258,11 +268,11 @@ def test_too_many_tiles_and_bad_requests_are_refused(make_cloud, camera, small_a
         rasterizer(make_cloud(5), [], K, 4096, 4096, tile_width_px=8)
     small = rasterizer(make_cloud(5), [small_avatar], K, 24, 32)
     with pytest.raises(ValueError, match="outputs must be names"):
-        small.render_images(np.eye(4), outputs=("colour",))
-    with pytest.raises(ValueError, match="255 people"):
-        small.render_images(np.eye(4), [person(0, 0)] * 256, ("mask",))
+        images_of(small, np.eye(4), outputs=("colour",))
+    with pytest.raises(ValueError, match="255 humans"):
+        images_of(small, np.eye(4), [person(0, 0)] * 256, ("mask",))
     with pytest.raises(ValueError, match="T_world_camera"):
-        small.render(np.full((4, 4), np.nan))
+        rgb_of(small, np.full((4, 4), np.nan))
 
 
 @pytest.mark.parametrize(

@@ -6,11 +6,13 @@ import pytest
 
 from readygo.common.avatars import Avatar, load_avatars
 from readygo.common.gaussians import GaussianCloud
-from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer, PosedPerson
+from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
+from readygo.common.rasterizer.interface import PosedHuman
 from readygo.common.rasterizer.lod.avatar import AvatarTree, build_avatar_tree
 from readygo.common.rasterizer.packed.avatar import PackedAvatar, pack_avatar
 from readygo.common.rasterizer.packed.scene import PackedScene, pack_cloud
 from readygo.common.robot import CameraConfig
+from tests.common.rasterizer.drawing import float_rgb_of, numbered, rgb_of
 from tests.common.rasterizer.lod.lod_scenes import psnr_db
 
 CAMERA = CameraConfig()
@@ -50,19 +52,19 @@ def wall() -> PackedScene:
 
 
 def rasterizer(wall, avatar, packed: PackedAvatar | AvatarTree, **options: float) -> CpuRasterizer:
-    return CpuRasterizer(wall, [avatar], CAMERA.K_px, 144, 256, packed_avatars=[packed], **options)
+    return CpuRasterizer(wall, numbered([avatar]), CAMERA.K_px, 144, 256, packed_avatars=numbered([packed]), **options)
 
 
-def at(x_m: float) -> list[PosedPerson]:
+def at(x_m: float) -> list[PosedHuman]:
     pose: npt.NDArray[np.float64] = 0.3 * np.sin(np.arange(72.0)).reshape(24, 3)
     pose[0] = (0.0, 1.0, 0.0)
-    return [PosedPerson(avatar=0, root_m=np.array([x_m, 0.2, 0.95]), pose_axis_angle=pose)]
+    return [PosedHuman(avatar="0", root_m=np.array([x_m, 0.2, 0.95]), pose_axis_angle=pose)]
 
 
 def test_coarseness_0_draws_the_bytes_of_the_exact_image(wall, somebody, packed, tree) -> None:
-    exact = rasterizer(wall, somebody, packed).render(T, at(2.0))
-    assert np.array_equal(rasterizer(wall, somebody, tree, coarseness=0.0).render(T, at(2.0)), exact)
-    assert psnr_db(exact, rasterizer(wall, somebody, packed).render(T)) < 30
+    exact = rgb_of(rasterizer(wall, somebody, packed), T, at(2.0))
+    assert np.array_equal(rgb_of(rasterizer(wall, somebody, tree, coarseness=0.0), T, at(2.0)), exact)
+    assert psnr_db(exact, rgb_of(rasterizer(wall, somebody, packed), T)) < 30
 
 
 @pytest.mark.parametrize(("distance_m", "share"), [(1.5, 0.6), (4.0, 0.25), (7.0, 0.2)])
@@ -70,7 +72,7 @@ def test_far_people_have_fewer_gaussians_and_look_alike(
     wall, somebody, packed, tree, distance_m: float, share: float
 ) -> None:
     exact, coarse = rasterizer(wall, somebody, packed), rasterizer(wall, somebody, tree)
-    assert psnr_db(exact.render(T, at(distance_m)), coarse.render(T, at(distance_m))) > 43
+    assert psnr_db(rgb_of(exact, T, at(distance_m)), rgb_of(coarse, T, at(distance_m))) > 43
     assert coarse._ws.counts[0] < share * exact._ws.counts[0]
 
 
@@ -79,7 +81,7 @@ def test_nobody_pops_while_walking_from_1_to_8_m(wall, somebody, packed, tree) -
     images = []
     for one in (packed, tree):
         draw = rasterizer(wall, somebody, one)
-        images.append([draw.render_float(T, at(1.0 + 0.01 * k)) * 255 for k in range(701)])
+        images.append([float_rgb_of(draw, T, at(1.0 + 0.01 * k)) * 255 for k in range(701)])
     exact, coarse = (np.array([np.sqrt(((a - b) ** 2).mean()) for a, b in itertools.pairwise(row)]) for row in images)
     assert (coarse - exact).max() < 0.2
     assert coarse.mean() < exact.mean()
@@ -107,6 +109,6 @@ def test_boxes_of_a_node_hold_its_means(tree: AvatarTree) -> None:
                 assert (np.abs(means - centre) <= half + 1e-5)[avatar.weight[row] > 0].all()
 
 
-def test_another_number_of_packs_than_avatars_is_refused(wall, somebody, tree) -> None:
-    with pytest.raises(ValueError, match="as many as avatars"):
-        CpuRasterizer(wall, [somebody, somebody], CAMERA.K_px, 144, 256, packed_avatars=[tree])
+def test_packs_of_other_avatars_are_refused(wall, somebody, tree) -> None:
+    with pytest.raises(ValueError, match="must be those of"):
+        CpuRasterizer(wall, numbered([somebody, somebody]), CAMERA.K_px, 144, 256, packed_avatars=numbered([tree]))

@@ -8,6 +8,7 @@ from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
 from readygo.common.rasterizer.cpu.view import VisibleChunks, make_view
 from readygo.common.rasterizer.lod.tree import ChunkTree, build_tree, children_of
 from readygo.common.rasterizer.packed.scene import PackedScene, pack_cloud
+from tests.common.rasterizer.drawing import images_of, rgb_of
 from tests.common.rasterizer.lod.lod_scenes import cut_at, leaves_of, psnr_db, room
 
 H, W = 72, 128
@@ -89,20 +90,20 @@ def test_same_cloud_gives_the_same_tree(scene: PackedScene, tree: ChunkTree) -> 
 
 def test_coarseness_0_draws_the_bytes_of_the_exact_image(scene: PackedScene, tree: ChunkTree, camera) -> None:
     T, K = camera(-3.0, 0.5, 0.2, W, H)
-    exact = CpuRasterizer(scene, [], K, H, W).render(T)
-    assert np.array_equal(CpuRasterizer(tree, [], K, H, W, coarseness=0.0).render(T), exact)
+    exact = rgb_of(CpuRasterizer(scene, {}, K, H, W), T)
+    assert np.array_equal(rgb_of(CpuRasterizer(tree, {}, K, H, W, coarseness=0.0), T), exact)
 
 
 def test_images_are_alike_and_come_closer_with_less_coarseness(scene: PackedScene, tree: ChunkTree, camera) -> None:
     views = [camera(x, y, yaw, W, H)[0] for x, y, yaw in ((-3.0, 0.5, 0.2), (3.0, 2.0, 2.5), (0.0, 0.0, -1.5))]
     K = camera(0, 0, 0, W, H)[1]
-    exact = CpuRasterizer(scene, [], K, H, W)
+    exact = CpuRasterizer(scene, {}, K, H, W)
     lowest_db, records = [], []
     for coarseness in (3.0, 1.2, 0.4):
-        coarse = CpuRasterizer(tree, [], K, H, W, coarseness=coarseness)
-        lowest_db.append(min(psnr_db(exact.render(T), coarse.render(T)) for T in views))
+        coarse = CpuRasterizer(tree, {}, K, H, W, coarseness=coarseness)
+        lowest_db.append(min(psnr_db(rgb_of(exact, T), rgb_of(coarse, T)) for T in views))
         records.append(int(coarse._ws.counts[0]))
-    exact.render(views[-1])
+    rgb_of(exact, views[-1])
     assert lowest_db[0] < lowest_db[1] < lowest_db[2]
     assert lowest_db[1] > 38
     assert records[0] < records[1] < records[2]
@@ -113,15 +114,15 @@ def test_images_are_alike_and_come_closer_with_less_coarseness(scene: PackedScen
 def test_spherical_harmonics_are_merged_too(camera, coefficients: int) -> None:
     scene = pack_cloud(room(15000, coefficients=coefficients))
     T, K = camera(-3.0, 0.5, 0.2, 48, 36)
-    exact = CpuRasterizer(scene, [], K, 36, 48).render(T)
-    assert psnr_db(exact, CpuRasterizer(build_tree(scene), [], K, 36, 48).render(T)) > 36
+    exact = rgb_of(CpuRasterizer(scene, {}, K, 36, 48), T)
+    assert psnr_db(exact, rgb_of(CpuRasterizer(build_tree(scene), {}, K, 36, 48), T)) > 36
 
 
 def test_other_images_come_from_a_tree_as_well(scene: PackedScene, tree: ChunkTree, camera) -> None:
     T, K = camera(-3.0, 0.5, 0.2, W, H)
     outputs = ("depth", "normal", "alpha")
-    exact = CpuRasterizer(scene, [], K, H, W).render_images(T, outputs=outputs)
-    coarse = CpuRasterizer(tree, [], K, H, W).render_images(T, outputs=outputs)
+    exact = images_of(CpuRasterizer(scene, {}, K, H, W), T, outputs=outputs)
+    coarse = images_of(CpuRasterizer(tree, {}, K, H, W), T, outputs=outputs)
     assert np.quantile(np.abs(coarse.depth_m / exact.depth_m - 1), 0.95) < 0.03
     assert np.quantile((coarse.normal * exact.normal).sum(axis=2), 0.05) > 0.97
     assert np.quantile(np.abs(coarse.alpha - exact.alpha), 0.95) < 0.05
@@ -136,4 +137,4 @@ def test_far_away_a_whole_scene_is_a_handful_of_nodes(tree: ChunkTree) -> None:
 def test_small_clouds_have_trees(make_cloud, camera, count: int) -> None:
     T, K = camera(-40.0, 0.0, 0.0, 40, 30)
     tree = build_tree(pack_cloud(make_cloud(count)))
-    CpuRasterizer(tree, [], K, 30, 40).render(T)
+    rgb_of(CpuRasterizer(tree, {}, K, 30, 40), T)

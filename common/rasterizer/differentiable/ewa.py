@@ -2,8 +2,8 @@
 
 from typing import Any
 
+from readygo.common.kernels import inlined
 from readygo.common.rasterizer.constants import DILATION_PX2
-from readygo.common.simd.compilation import inlined
 from readygo.common.simd.types import fma, fms, fnma
 
 

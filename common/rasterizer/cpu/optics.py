@@ -5,15 +5,15 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.kernels import inlined
 from readygo.common.rasterizer.constants import FOV_MARGIN
-from readygo.common.rasterizer.cpu.view import View
-from readygo.common.simd.compilation import inlined
+from readygo.common.rasterizer.cpu.view import PinholeView
 from readygo.common.simd.types import f16, maximum, minimum
 
 Float64s = npt.NDArray[np.float64]
 
 
-class Lens(NamedTuple):
+class Optics(NamedTuple):
     """Camera constants in float32."""
 
     fx: np.float32
@@ -30,10 +30,10 @@ class Lens(NamedTuple):
 
 
 @inlined
-def lens_of(view: View) -> Lens:
+def optics_of(view: PinholeView) -> Optics:
     """Constants of a view; tangents are clamped as `FOV_MARGIN` says."""
     margin_u, margin_v = FOV_MARGIN * 0.5 * view.width / view.fx, FOV_MARGIN * 0.5 * view.height / view.fy
-    return Lens(
+    return Optics(
         np.float32(view.fx),
         np.float32(view.fy),
         np.float32(view.cx),
@@ -49,9 +49,9 @@ def lens_of(view: View) -> Lens:
 
 
 @inlined
-def clamped(lens: Lens, u: Any, v: Any) -> Any:
+def clamped(optics: Optics, u: Any, v: Any) -> Any:
     """Tangents at which the projection is linearised."""
-    return maximum(minimum(u, lens.u_high), lens.u_low), maximum(minimum(v, lens.v_high), lens.v_low)
+    return maximum(minimum(u, optics.u_high), optics.u_low), maximum(minimum(v, optics.v_high), optics.v_low)
 
 
 @inlined

@@ -1,0 +1,115 @@
+"""The rasterizers that can be chosen, made in one place from the same things."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import get_args
+
+from readygo.common.avatars import Avatar
+from readygo.common.avatars.file import avatar_hash
+from readygo.common.gaussians import GaussianCloud
+from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
+from readygo.common.rasterizer.gpu.availability import require_kernels
+from readygo.common.rasterizer.interface import Backend, PinholeCamera, Rasterizer
+from readygo.common.rasterizer.lod.avatar import AvatarTree
+from readygo.common.rasterizer.lod.files import load_or_build_avatar_tree, load_or_build_tree, load_or_pack_avatar
+from readygo.common.rasterizer.lod.tree import ChunkTree
+from readygo.common.rasterizer.packed.avatar import PackedAvatar
+from readygo.common.rasterizer.packed.scene import PackedScene, load_or_pack
+from readygo.common.rasterizer.reference import ReferenceRasterizer
+from readygo.common.rasterizer.warm import warm
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StaticCloud:
+    """A cloud that does not move, such as a scene or its sky."""
+
+    key: str
+    """Names its packed form in the cache; carries the hash of its contents."""
+    load: Callable[[], GaussianCloud]
+    """Loads it; not called where a packed form is in the cache."""
+
+
+def make_rasterizer(
+    backend: str,
+    clouds: Sequence[StaticCloud],
+    avatars: Mapping[str, Avatar],
+    camera: PinholeCamera,
+    *,
+    cache: Path,
+    outputs: Sequence[str] = ("rgb",),
+    detail: str = "exact",
+) -> Rasterizer:
+    """A rasterizer, ready to draw.
+
+    Args:
+        backend: One of `Backend`.
+        clouds: What stands still.
+        avatars: Who may be drawn, by name.
+        camera: The camera.
+        cache: Folder of the backend cpu for packed clouds and avatars; where it cannot be written, they stay in memory.
+        outputs: Images that will be asked for, out of `readygo.common.images.images.OUTPUTS`.
+        detail: "exact", or "lod" for levels of detail (backend cpu).
+
+    Raises:
+        ValueError: If the backend is unknown, or has no levels of detail.
+        ReadygoError: If a GPU or a package is missing.
+    """
+    if backend not in get_args(Backend):
+        raise ValueError(f"backend must be one of {', '.join(get_args(Backend))}, got {backend!r}.")
+    if detail != "exact" and backend != "cpu":
+        raise ValueError(f"detail {detail!r} is drawn by the backend cpu only, got {backend!r}.")
+    if backend == "cpu":
+        return _make_cpu(clouds, avatars, camera, cache, outputs, detail)
+    if backend == "reference":
+        return ReferenceRasterizer([cloud.load() for cloud in clouds], avatars, camera)
+    return _make_gpu(backend, clouds, avatars, camera)
+
+
+def packed_cloud(cloud: StaticCloud, cache: Path, *, normals: bool = False) -> PackedScene:
+    """A cloud packed for the backend cpu; in the cache folder, by whichever process comes first."""
+    return load_or_pack(cache / f"packed-{cloud.key}", cloud.load, normals=normals)
+
+
+def cloud_tree(cloud: StaticCloud, cache: Path, *, normals: bool = False) -> ChunkTree:
+    """As `packed_cloud`, with levels of detail; the first process takes about 30 s per million Gaussians."""
+    pack = partial(packed_cloud, cloud, cache, normals=normals)
+    return load_or_build_tree(cache / f"lod-{cloud.key}", pack, normals=normals)
+
+
+def packed_avatar(avatar: Avatar, cache: Path, *, detail: str = "exact") -> PackedAvatar | AvatarTree:
+    """A packed avatar from the cache folder; with levels of detail if `detail` is "lod"."""
+    folder = cache / f"avatar-{avatar_hash(avatar)[:16]}-{detail}"
+    return load_or_build_avatar_tree(folder, avatar) if detail == "lod" else load_or_pack_avatar(folder, avatar)
+
+
+def _make_cpu(
+    clouds: Sequence[StaticCloud],
+    avatars: Mapping[str, Avatar],
+    camera: PinholeCamera,
+    cache: Path,
+    outputs: Sequence[str],
+    detail: str,
+) -> Rasterizer:
+    warm(outputs)
+    make = packed_cloud if detail == "exact" else cloud_tree
+    return CpuRasterizer(
+        [make(cloud, cache, normals="normal" in outputs) for cloud in clouds],
+        {name: avatar.skeleton() for name, avatar in avatars.items()},
+        camera.K_px,
+        camera.height_px,
+        camera.width_px,
+        packed_avatars={name: packed_avatar(avatar, cache, detail=detail) for name, avatar in avatars.items()},
+    )
+
+
+def _make_gpu(
+    backend: str, clouds: Sequence[StaticCloud], avatars: Mapping[str, Avatar], camera: PinholeCamera
+) -> Rasterizer:
+    require_kernels(backend, "cuda")
+    # torch takes seconds to load; this module does not.
+    from readygo.common.rasterizer.gpu.rasterizer import GpuRasterizer
+
+    loaded, size = [cloud.load() for cloud in clouds], (camera.height_px, camera.width_px)
+    return GpuRasterizer(loaded, avatars, camera.K_px, *size, kernels=backend)

@@ -1,0 +1,139 @@
+"""One interface of all rasterizers: batches of views go in, images come out. The backends are made in `backends`."""
+
+import itertools
+from collections.abc import Container, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.errors import AvatarError
+from readygo.common.gaussians import GaussianCloud
+from readygo.common.images.images import Images, require_outputs
+
+Backend = Literal["cpu", "reference", "triton", "gsplat"]
+"""What can stand behind the interface; `readygo.common.rasterizer.backends` makes them."""
+GPU_BACKENDS = ("triton", "gsplat")
+MAX_HUMANS = 255
+"""Humans that a mask of bytes can tell apart."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PosedHuman:
+    """A human in one pose."""
+
+    avatar: str
+    """Name of the avatar."""
+    root_m: npt.NDArray[np.floating]
+    """Pelvis in the z-up world [m], shape (3,)."""
+    pose_axis_angle: npt.NDArray[np.floating]
+    """Joint rotations [rad] as in `Motion`, shape (24, 3)."""
+
+    def equals(self, other: "PosedHuman") -> bool:
+        """True if both are the same human in the same pose."""
+        return (
+            self.avatar == other.avatar
+            and np.array_equal(self.root_m, other.root_m)
+            and np.array_equal(self.pose_axis_angle, other.pose_axis_angle)
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class View:
+    """What one image shows: the scene from somewhere, with these humans in it."""
+
+    T_world_camera: npt.NDArray[np.float64]
+    """Camera pose, OpenCV axes, shape (4, 4)."""
+    humans: Sequence[PosedHuman] = ()
+    """Whom it shows; the mask numbers them from 1 in this order."""
+    shadows: GaussianCloud | None = None
+    """A few more Gaussians, made for this view; they are in its colours and in no other image of it."""
+
+
+class PinholeCamera(Protocol):
+    """What all views of a rasterizer are taken with; `CameraConfig` is one."""
+
+    @property
+    def K_px(self) -> npt.NDArray[np.float64]:
+        """Intrinsics [px] without skew, shape (3, 3)."""
+        ...
+
+    @property
+    def height_px(self) -> int:
+        """Image height."""
+        ...
+
+    @property
+    def width_px(self) -> int:
+        """Image width."""
+        ...
+
+
+class Rasterizer(Protocol):
+    """Draws views of one scene with one camera; not to be shared between threads."""
+
+    @property
+    def views_at_once(self) -> int:
+        """How many views it likes to be given together: 1 where more gain nothing and cost memory."""
+        ...
+
+    def render(self, views: Sequence[View], outputs: Sequence[str] = ("rgb",)) -> Images:
+        """The images of views.
+
+        Args:
+            views: V views.
+            outputs: Names out of `readygo.common.images.images.OUTPUTS`; "rgb" is always made.
+
+        Returns:
+            Images with a first axis for the views; rgb has shape (V, H, W, 3).
+
+        Raises:
+            ValueError: If a view or a name cannot be used, or a mask of more than `MAX_HUMANS` humans is wanted.
+            AvatarError: If a human wears an avatar that is not loaded.
+            ReadygoError: If the backend does not make one of these images.
+        """
+        ...
+
+
+def render_each(rasterizer: Rasterizer, wanted: Iterable[tuple[View, tuple[str, ...]]]) -> Iterator[Images]:
+    """The images of one view after the other, drawn in batches as large as the rasterizer likes them.
+
+    Args:
+        rasterizer: Draws.
+        wanted: Views and their outputs; taken from the iterable only when they are drawn.
+
+    Yields:
+        Images of single views, in their order.
+    """
+    remaining = iter(wanted)
+    while batch := list(itertools.islice(remaining, rasterizer.views_at_once)):
+        drawn: dict[int, Images] = {}
+        for outputs in dict.fromkeys(names for _, names in batch):
+            places = [place for place, (_, names) in enumerate(batch) if names == outputs]
+            images = rasterizer.render([batch[place][0] for place in places], outputs)
+            drawn |= {place: images[number] for number, place in enumerate(places)}
+        yield from (drawn[place] for place in range(len(batch)))
+
+
+def checked_outputs(views: Sequence[View], outputs: Sequence[str], avatars: Container[str]) -> frozenset[str]:
+    """The names of the wanted images, after the checks that every backend makes; see `Rasterizer.render`."""
+    wanted = require_outputs(outputs)
+    for view in views:
+        pose = np.asarray(view.T_world_camera)
+        if pose.shape != (4, 4) or not np.isfinite(pose).all():
+            raise ValueError(f"T_world_camera must be a finite 4x4 matrix, got {pose.tolist()}.")
+        if "mask" in wanted and len(view.humans) > MAX_HUMANS:
+            raise ValueError(f"a mask can tell {MAX_HUMANS} humans apart, got {len(view.humans)}.")
+        for human in view.humans:
+            _check_human(human, avatars)
+    return wanted
+
+
+def _check_human(human: PosedHuman, avatars: Container[str]) -> None:
+    if human.avatar not in avatars:
+        raise AvatarError(f"Avatar {human.avatar!r} is not loaded.")
+    for name, shape in (("root_m", (3,)), ("pose_axis_angle", (24, 3))):
+        array = getattr(human, name)
+        if array.shape != shape or not np.isfinite(array).all():
+            raise ValueError(f"{name} of a human must be finite, of shape {shape}; got {array.tolist()}.")

@@ -1,0 +1,62 @@
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from readygo.common.avatars import Avatar
+from readygo.common.errors import ReadygoError
+from readygo.common.gaussians import GaussianCloud
+from readygo.common.rasterizer.backends import StaticCloud, make_rasterizer
+from readygo.common.rasterizer.interface import View
+from readygo.common.robot import CameraConfig
+
+CAMERA = CameraConfig(height_px=24, width_px=40)
+VIEW = View(T_world_camera=CAMERA.T_world_camera(-5.0, 0.0, 0.1, 0.8))
+
+
+@pytest.fixture(scope="module")
+def cloud(make_cloud) -> GaussianCloud:
+    return make_cloud(300)
+
+
+def still(cloud: GaussianCloud) -> StaticCloud:
+    return StaticCloud(key="c0ffee-scene", load=lambda: cloud)
+
+
+def test_backends_that_are_one_draw_the_same(cloud: GaussianCloud, avatar: Avatar, tmp_path: Path) -> None:
+    images = [
+        make_rasterizer(backend, [still(cloud)], {"ada": avatar}, CAMERA, cache=tmp_path).render([VIEW]).rgb
+        for backend in ("cpu", "reference")
+    ]
+    assert images[0].any()
+    assert np.abs(images[0].astype(int) - images[1]).max() <= 2
+
+
+@pytest.mark.parametrize(("detail", "folder"), [("exact", "packed-c0ffee-scene"), ("lod", "lod-c0ffee-scene")])
+def test_packs_are_made_once(cloud: GaussianCloud, avatar: Avatar, tmp_path: Path, detail: str, folder: str) -> None:
+    first = make_rasterizer("cpu", [still(cloud)], {"ada": avatar}, CAMERA, cache=tmp_path, detail=detail)
+    assert folder in {path.name for path in tmp_path.iterdir()}
+
+    def unwanted() -> GaussianCloud:
+        raise AssertionError("the cloud was loaded again")
+
+    clouds = [StaticCloud(key="c0ffee-scene", load=unwanted)]
+    second = make_rasterizer("cpu", clouds, {"ada": avatar}, CAMERA, cache=tmp_path, detail=detail)
+    assert np.array_equal(first.render([VIEW]).rgb, second.render([VIEW]).rgb)
+
+
+@pytest.mark.parametrize(("backend", "detail"), [("vulkan", "exact"), ("reference", "lod"), ("triton", "lod")])
+def test_what_no_backend_draws_is_refused(cloud: GaussianCloud, tmp_path: Path, backend: str, detail: str) -> None:
+    with pytest.raises(
+        ValueError, match=r"must be one of cpu, reference, triton, gsplat|drawn by the backend cpu only"
+    ):
+        make_rasterizer(backend, [still(cloud)], {}, CAMERA, cache=tmp_path, detail=detail)
+
+
+@pytest.mark.parametrize("backend", ["triton", "gsplat"])
+def test_machine_without_a_gpu_is_told_so(cloud: GaussianCloud, tmp_path: Path, backend: str) -> None:
+    if importlib.util.find_spec("torch") and importlib.import_module("torch").cuda.is_available():
+        pytest.skip("this machine has a GPU")
+    with pytest.raises(ReadygoError, match=r"readygo\[gpu\]|CUDA device"):
+        make_rasterizer(backend, [still(cloud)], {}, CAMERA, cache=tmp_path)
