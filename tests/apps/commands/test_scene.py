@@ -4,14 +4,11 @@ import sys
 from pathlib import Path
 
 import cv2
-import numpy as np
 import pytest
 
 from readygo.apps.commands.scene import scene_import, scene_inspect
-from readygo.apps.pictures.scene_maps import REACHABLE, SEPARATE, map_picture
 from readygo.common.errors import SceneError
 from readygo.common.gaussians import concatenate, save_ply
-from readygo.common.maps import GridFrame, OccupancyMap
 from tests.common.maps.room import box, room
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -54,16 +51,6 @@ def test_inspect_prints_a_table_and_takes_radius_and_folder(source, tmp_path, ca
     assert not (tmp_path / "room" / "inspect").exists()
     with pytest.raises(SceneError, match="--radius"):
         scene_inspect(str(tmp_path / "room"), radius=-1.0)
-
-
-def test_map_picture_tints_the_largest_area_and_the_cut_off_one():
-    occupied = np.zeros((40, 60), np.bool_)
-    occupied[:, 40] = True
-    frame = GridFrame(origin_x_m=0, origin_y_m=0, resolution_m=0.05)
-    picture = map_picture(OccupancyMap(frame=frame, occupied=occupied), np.zeros_like(occupied), 0.2)
-    factor = picture.shape[0] // 40
-    assert tuple(picture[20 * factor, 20 * factor]) == REACHABLE
-    assert tuple(picture[20 * factor, 50 * factor]) == SEPARATE
 
 
 def test_command_line_reports_a_mistake_in_one_line(tmp_path):

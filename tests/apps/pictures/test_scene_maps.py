@@ -1,0 +1,14 @@
+import numpy as np
+
+from readygo.apps.pictures.scene_maps import REACHABLE, SEPARATE, map_picture
+from readygo.common.maps import GridFrame, OccupancyMap
+
+
+def test_map_picture_tints_the_largest_area_and_the_cut_off_one():
+    occupied = np.zeros((40, 60), np.bool_)
+    occupied[:, 40] = True
+    frame = GridFrame(origin_x_m=0, origin_y_m=0, resolution_m=0.05)
+    picture = map_picture(OccupancyMap(frame=frame, occupied=occupied), np.zeros_like(occupied), 0.2)
+    factor = picture.shape[0] // 40
+    assert tuple(picture[20 * factor, 20 * factor]) == REACHABLE
+    assert tuple(picture[20 * factor, 50 * factor]) == SEPARATE
