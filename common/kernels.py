@@ -110,16 +110,16 @@ class _StateFolder(_CacheLocator):
     def __init__(self, function: Callable[..., Any]) -> None:
         self._py_file = function.__code__.co_filename
         self._line = function.__code__.co_firstlineno
-        self._module = function.__module__
         self._digest = sources_digest(Path(self._py_file))
+        base = Path(_settings.CACHE_DIR) if _settings.CACHE_DIR else cache_root() / "kernels"
+        self._folder = base / function.__module__ / self._digest
 
     @classmethod
     def from_function(cls, py_func: Callable[..., Any], py_file: str) -> "_StateFolder":
         return cls(py_func)
 
     def get_cache_path(self) -> str:
-        base = Path(_settings.CACHE_DIR) if _settings.CACHE_DIR else cache_root() / "kernels"
-        return str(base / self._module / self._digest)
+        return str(self._folder)
 
     def get_source_stamp(self) -> str:
         return self._digest
@@ -128,10 +128,10 @@ class _StateFolder(_CacheLocator):
         return str(self._line)
 
     def ensure_cache_path(self) -> None:
-        folder = Path(self.get_cache_path())
-        if not folder.is_dir():
-            make_cache_folder(folder)
-            _forget_old_states(folder.parent)
+        is_new = not self._folder.is_dir()
+        make_cache_folder(self._folder)
+        if is_new:
+            _forget_old_states(self._folder.parent)
 
 
 class _Kept(CompileResultCacheImpl):

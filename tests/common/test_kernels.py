@@ -99,6 +99,12 @@ def test_folder_that_cannot_be_written_stops_the_first_kernel_and_nothing_else(p
     assert error.endswith("set XDG_CACHE_HOME to a folder that can be written.")
 
 
+def test_folder_is_the_one_of_the_import(package: Path, tmp_path: Path) -> None:
+    moved = f"import os, readygo.callee as c; os.environ['XDG_CACHE_HOME'] = {str(tmp_path / 'other')!r}; c.callee(1.0)"
+    assert run(package, moved).returncode == 0
+    assert not (tmp_path / "other").exists()
+
+
 def test_functions_of_others_keep_numbas_cache() -> None:
     @numba.njit(cache=True)
     def theirs(x: float) -> float:

@@ -1,5 +1,6 @@
 import dataclasses
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from readygo.benchmarks.rasterizer import render
 from readygo.benchmarks.rasterizer import runs as render_run
 from readygo.benchmarks.rasterizer.bound import BLEND_OPS, COLOUR_OPS, LANES, PROJECT_OPS, SKIN_OPS, bound_ms
 from readygo.benchmarks.rasterizer.render import bench_render, speed
-from readygo.benchmarks.rasterizer.runs import STAGES, Timing, make_render, measure, measure_in_processes, stages_ms
+from readygo.benchmarks.rasterizer.runs import STAGES, Timing, make_backend, measure, measure_in_processes, stages_ms
 from readygo.benchmarks.rasterizer.scenery import (
     TURN_RAD,
     gaussian_count,
@@ -22,6 +23,8 @@ from readygo.benchmarks.rasterizer.setting import Job, Setting, open_setting
 from readygo.commands import COMMANDS
 from readygo.common.avatars import load_avatars, pose_avatar
 from readygo.common.errors import ConfigError
+from readygo.common.images.images import Images
+from readygo.common.rasterizer.interface import View
 
 JOB = Job(
     scene="",
@@ -78,7 +81,7 @@ def test_table_names_stages_bound_and_peer(capsys: pytest.CaptureFixture[str]) -
 
 def test_every_stage_is_called_by_an_image_with_people(setting: Setting) -> None:
     before = [getattr(module, name) for functions in STAGES.values() for module, name in functions]
-    spent_ms = stages_ms(setting, make_render(setting))
+    spent_ms = stages_ms(setting, make_backend(setting))
     assert all(ms > 0 for ms in spent_ms.values())
     assert before == [getattr(module, name) for functions in STAGES.values() for module, name in functions]
 
@@ -125,9 +128,9 @@ def test_numbers_of_gaussians_are_read_with_their_unit(text: str, count: float) 
 
 def test_people_walk_and_the_camera_turns_with_every_image(setting: Setting) -> None:
     place = setting.places[0]
-    (T0, people0), (T1, people1) = setting.view(place, 0), setting.view(place, 1)
-    assert np.arccos(T0[:3, 2] @ T1[:3, 2]) == pytest.approx(TURN_RAD, rel=1e-3)
-    for before, after, point in zip(people0, people1, place.people_m, strict=True):
+    first, second = setting.view(place, 0), setting.view(place, 1)
+    assert np.arccos(first.T_world_camera[:3, 2] @ second.T_world_camera[:3, 2]) == pytest.approx(TURN_RAD, rel=1e-3)
+    for before, after, point in zip(first.humans, second.humans, place.people_m, strict=True):
         assert before.root_m[:2] == pytest.approx(point[:2], abs=1e-5)
         assert 0.02 < np.linalg.norm(after.root_m - before.root_m) < 0.12
         assert not np.array_equal(before.pose_axis_angle, after.pose_axis_angle)
@@ -172,13 +175,16 @@ def test_process_that_fails_ends_the_measurement_with_its_error() -> None:
 
 
 def test_only_images_after_the_first_of_a_view_are_timed(setting: Setting) -> None:
-    drawn: list[np.ndarray] = []
+    drawn: list[View] = []
 
-    def record(T: np.ndarray, people: object) -> np.ndarray:
-        drawn.append(T)
-        return np.zeros((1, 1, 3), dtype=np.uint8)
+    class Recorder:
+        views_at_once = 1
 
-    timing = measure(setting, record)
+        def render(self, views: Sequence[View], outputs: Sequence[str] = ("rgb",)) -> Images:
+            drawn.extend(views)
+            return Images(rgb=np.zeros((len(views), 1, 1, 3), dtype=np.uint8))
+
+    timing = measure(setting, Recorder())
     assert timing.cpu_s.shape == timing.wall_s.shape == (4, 2, 2)
     # Two views for warming up, then per run and view one image that is not timed and two that are.
     assert len(drawn) == 2 + 4 * 2 * 3
@@ -205,6 +211,6 @@ def test_bound_follows_from_the_work_and_the_peak(setting: Setting) -> None:
 
 
 def test_slow_peer_is_left_out_of_large_scenes_and_says_so(setting: Setting) -> None:
-    result = render._peers(setting, make_render(setting), 20_000_000)
+    result = render._peers(setting, make_backend(setting), 20_000_000)
     assert "images_per_s" not in result["reference"]
     assert "Gaussians" in result["reference"]["why_none"]
