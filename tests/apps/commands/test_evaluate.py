@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from readygo.apps.cli import main
+from readygo.__main__ import main
 from readygo.apps.commands.evaluate import make_evaluator
-from readygo.apps.commands.generate import make_spec, record
 from readygo.apps.commands.scene_argument import open_scene
+from readygo.apps.fleet.run import record
 from readygo.apps.run.config import load_run_config
+from readygo.apps.run.spec import make_spec
 from readygo.common.camera import CameraConfig, SensorConfig
 from readygo.common.dataset import Dataset
 from readygo.common.episode import EpisodeSimulation
@@ -33,7 +34,7 @@ def phone_data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
     config = dataclasses.replace(config, renderer=dataclasses.replace(config.renderer, image_format="png"))
     folder = tmp_path_factory.mktemp("phone")
     spec = make_spec(open_scene("embedded"), None, config, seed=3, split=Split.TRAIN, static=True)
-    record(spec, folder, episodes=1, workers=0, quiet=True)
+    record(spec, folder, episodes=1, workers=0)
     return Dataset([folder])
 
 
@@ -46,7 +47,7 @@ def policy_of(data: Dataset, folder: Path) -> PolicySpec:
 
 def images_along(data: Dataset, spec: PolicySpec) -> np.ndarray:
     """What an evaluator draws for a policy whose robot drives as the recorded one did."""
-    evaluator = make_evaluator("embedded", load_run_config(None, trained=spec), avatars=None, seed=3)
+    evaluator = make_evaluator("embedded", load_run_config(None, trained=spec), avatars=None, seed=3, renders=True)
     eyes = Eyes(evaluator.bus, "render/0", robot=evaluator.robot, floor=evaluator.floor, timeout_s=60.0)
     key = data.episodes[0].episode
     plan = evaluator.bus.request(topics.HUMAN_PLAN, HumanPlanRequest(episode=key, static=True))

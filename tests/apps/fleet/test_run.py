@@ -22,7 +22,7 @@ from readygo.services import coordinator as coordination
 from readygo.services.coordinator import CoordinatorConfig, Ledger
 from readygo.services.coordinator.handlers import handle_status
 from readygo.services.recorder import attach as attach_recorder
-from tests.common.dataset.episodes import METADATA, make_episode
+from tests.common.dataset.episodes import make_episode
 
 Run = Callable[[RunFolder, Sequence[Entry]], StatusReply]
 
@@ -79,7 +79,7 @@ def _folder(path: Path, line: Sequence[Entry], *, wanted: int, **settings: objec
         split=Split.TRAIN,
         static=False,
         config=resolved_sections(config),
-        metadata={key: METADATA[key] for key in METADATA if key != "config"},
+        metadata={key: value for key, value in PROVENANCE.to_mapping().items() if key not in ("config", "seed")},
         stages=tuple(entry.stage for entry in line),
     )
     folder = RunFolder(path)

@@ -3,8 +3,9 @@ import pytest
 
 from readygo.benchmarks.motion import smpl_fit
 from readygo.benchmarks.motion.cmu import joints_20hz
+from readygo.benchmarks.motion.smpl_fit import bone_offsets
 from readygo.services.animator import skeleton_of
-from readygo.services.animator.smpl.fit import bone_offsets, fit_rotations
+from readygo.services.animator.smpl.fit import fit_rotations
 from tests.services.animator.bodies import make_avatar, spins_radps
 
 

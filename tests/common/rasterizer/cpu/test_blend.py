@@ -3,6 +3,7 @@ import pytest
 
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
+from readygo.common.rasterizer.interface import View
 from readygo.common.rasterizer.packed.scene import pack_cloud
 
 SH_OF_BLACK, SH_OF_WHITE = -0.5 / 0.28209479, 0.5 / 0.28209479
@@ -25,7 +26,7 @@ def centre(cloud, camera):
     """Brightness where all balls are centred."""
     T, K = camera(0.0, 0.0, 0.0, 64, 64, pitch=0.0)
     K[:2, 2] = 32.5
-    return CpuRasterizer(pack_cloud(cloud), [], K, 64, 64).render_float(T)[32, 32]
+    return CpuRasterizer(pack_cloud(cloud), {}, K, 64, 64).render_float(View(T_world_camera=T))[32, 32]
 
 
 def test_opaque_ball_lets_a_hundredth_of_the_light_through(camera):
