@@ -22,7 +22,7 @@ from readygo.services import coordinator as coordination
 from readygo.services.coordinator import CoordinatorConfig, Ledger
 from readygo.services.coordinator.handlers import handle_status
 from readygo.services.recorder import attach as attach_recorder
-from tests.common.dataset.episodes import make_episode
+from tests.common.dataset.episodes import PROVENANCE, make_episode
 
 Run = Callable[[RunFolder, Sequence[Entry]], StatusReply]
 
