@@ -1,1 +1,1 @@
-"""Explicit SIMD types for numba, and how kernels are compiled and cached."""
+"""Explicit SIMD types for numba (`types`), and their loads, stores and shuffles (`memory`)."""

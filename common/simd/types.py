@@ -4,7 +4,7 @@ Every operation is one IEEE-754 operation per lane: no fast-math flags, so no co
 no reassociation. Kernels that fuse a multiply and an add say so with `fma`. AVX2 and AVX-512 machines therefore compute
 the same bits; x86-64 machines without fused multiply-adds round twice (see `fuses_multiply_adds`).
 
-Shuffles and memory access are in `simd_memory`.
+Shuffles and memory access are in `memory`.
 """
 
 import operator

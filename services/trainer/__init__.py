@@ -1,6 +1,6 @@
 """The trainer: policies from shards.
 
-torch is imported by `services.trainer.train`, not here.
+torch is imported by `readygo.services.trainer.train`, not here.
 """
 
 from readygo.services.trainer.config import TrainConfig, paper_recipe

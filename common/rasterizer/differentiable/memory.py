@@ -54,7 +54,7 @@ class Chunks(NamedTuple):
     depth_m: Float64s
     """Lower bound of the depths of their means [m], shape (C,)."""
     box: Integers
-    """Bounds of their footprints in 4x4 blocks, packed as in `cpu_view.pack_box`, shape (C,)."""
+    """Bounds of their footprints in 4x4 blocks, packed as in `pack_box`, shape (C,)."""
     blocks: Integers
     """Which of their blocks of 16 Gaussians may touch the image (bits), shape (C,)."""
     first_group: Integers

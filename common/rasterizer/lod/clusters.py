@@ -62,7 +62,7 @@ class Clusters(NamedTuple):
     skin: Floats
     """Shape (256, 24) or (256, 0)."""
     unrest: Floats
-    """What a change of the order of blending costs, see `lod_cost`, shape (256,)."""
+    """What a change of the order of blending costs, see `cost`, shape (256,)."""
     near: Integers
     """Neighbours, nearest first; -1: none, shape (256, 8)."""
     distance2: Floats

@@ -2,7 +2,7 @@
 
 The leaves are the chunks of a packed cloud, in their order. Every other node has up to 256 Gaussians, merged from those
 of its children for one size of a pixel, and is a chunk as well. A view draws the coarsest nodes that were merged for
-pixels no larger than its own are there (`cpu_lod`), so every Gaussian of the cloud is stood for exactly once, without
+pixels no larger than its own are there (`lod_cull`), so every Gaussian of the cloud is stood for exactly once, without
 gaps or overlaps between levels, and nodes change one by one as the camera moves.
 
 A tree is a function of the packed cloud alone. Sums are made in order, logarithms and exponentials one by one.
@@ -103,7 +103,7 @@ def grow(scene: PackedScene, skin: Singles, *, centred: bool = True, tolerance: 
         scene: A packed cloud whose padding is at its end.
         skin: Weights of joints, shape (N, 24), or (N, 0).
         centred: False if the scene's means are not relative to their chunks' centres.
-        tolerance: Largest cost of a merger, see `lod_cost`.
+        tolerance: Largest cost of a merger, see `cost`.
 
     Returns:
         The roots, in order.

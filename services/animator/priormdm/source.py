@@ -67,7 +67,7 @@ class PriorMdm:
         floor: FloorMap,
         rng: np.random.Generator,
     ) -> Motion:
-        """A person who goes along a trajectory; the counterpart of `services.animator.gait.walk.walk.walk`.
+        """A person who goes along a trajectory; the counterpart of `readygo.services.animator.gait.walk.walk`.
 
         Args:
             skeleton: Measures of the body, see `skeleton_of`.

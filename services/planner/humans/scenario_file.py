@@ -129,7 +129,7 @@ class ScenarioFile:
 
 
 def load_scenarios(path: Path) -> ScenarioFile:
-    """Read a scenario file; whether its places are free only a map can tell, see `Planner`.
+    """Read a scenario file; whether its places are free only a map can tell, see `HumanPlanner`.
 
     Raises:
         ConfigError: If it cannot be read, or an entry is wrong.

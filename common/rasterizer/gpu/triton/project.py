@@ -2,7 +2,7 @@
 # Triton's compiler reads the annotations of a kernel: only `tl.constexpr` may stand there.
 """The Triton kernel that projects the Gaussians of visible chunks; people are posed on the way.
 
-Legend: as in `triton_cull`; N pairs of a camera and an instance of a chunk; slot = 256 * pair + lane of a Gaussian.
+Legend: as in `cull`; N pairs of a camera and an instance of a chunk; slot = 256 * pair + lane of a Gaussian.
 """
 
 import triton
