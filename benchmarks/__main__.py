@@ -8,7 +8,6 @@ ROOT = Path(__file__).resolve().parents[1]
 COMMANDS = (
     ["-m", "readygo", "bench", "render"],
     ["-m", "readygo.benchmarks.rasterizer.backward"],
-    ["-m", "readygo.benchmarks.rasterizer.gpu"],
     ["-m", "readygo", "bench", "motion"],
     ["-m", "readygo.benchmarks.motion.smpl_fit"],
     ["-m", "readygo.benchmarks.recording.dataset"],

@@ -1,7 +1,7 @@
 """The gait's curves from CMU mocap: `python -m readygo.benchmarks.motion.gait_curves FOLDER [--out FILE]`.
 
 FOLDER holds 02.asf and 02_01.amc, 02_02.amc (walks), 02_03.amc (a run). What it writes is
-`services/animator/gait_curves.json`, see `services/animator/gait/curves.py` for its meaning.
+`services/animator/gait/curves.json`, see `services/animator/gait/curves.py` for its meaning.
 """
 
 import argparse
@@ -221,7 +221,7 @@ def body_of(clip: Clip) -> Array:
 
 
 def derive(folder: Path, name: str) -> dict[str, Any]:
-    """All curves of a clip, as `gait_curves.json` holds them."""
+    """All curves of a clip, as `curves.json` holds them."""
     clip = load_clip(folder, name)
     numbers = {**feet_of(clip), "body": body_of(clip)}
     rounded = {key: np.round(np.asarray(value), 4).tolist() for key, value in numbers.items()}
@@ -233,7 +233,7 @@ def main() -> None:
     """Derive the curves and write them."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path, help="folder of the .asf and .amc files")
-    parser.add_argument("--out", type=Path, default=Path("services/animator/gait_curves.json"))
+    parser.add_argument("--out", type=Path, default=Path("services/animator/gait/curves.json"))
     options = parser.parse_args()
     clips = {name: derive(options.folder, name) for name in WALKS + RUNS}
     source = "CMU Graphics Lab Motion Capture Database, mocap.cs.cmu.edu, funded by NSF EIA-0196217"
