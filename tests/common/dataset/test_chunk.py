@@ -77,7 +77,7 @@ def test_bytes_of_an_episode_with_labels_do_not_change_between_versions() -> Non
     assert encode_episode(dataclasses.replace(header, labels=True), 1, samples).sha256 == GOLDEN_LABELS_SHA256
 
 
-def test_labels_that_miss_people_are_refused() -> None:
+def test_labels_that_miss_humans_are_refused() -> None:
     header, samples = make_episode(0, 3, labels=True)
     odd = dataclasses.replace(samples[1], labels=())
     with pytest.raises(DatasetError, match="has 0 labels for 1 humans at sample 1; its header says all are labelled"):

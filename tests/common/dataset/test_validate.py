@@ -364,14 +364,14 @@ def test_output_in_another_format_than_it_says_is_found(rich_shard) -> None:
     assert "the mask image is damaged or has another size or format at samples 3" in texts(rich_shard.parent)
 
 
-def test_mask_of_people_who_are_not_there_is_found(rich_shard) -> None:
+def test_mask_of_humans_who_are_not_there_is_found(rich_shard) -> None:
     def crowd(records):
         images = dataclasses.replace(make_images(0), mask=make_images(0).mask * 2)
         at(records, MASK, 5).message.data = encode_output(images, "mask")
         return records
 
     rewrite(rich_shard, crowd)
-    assert "the mask names people who are not there at samples 5" in texts(rich_shard.parent)
+    assert "the mask names humans who are not there at samples 5" in texts(rich_shard.parent)
 
 
 def test_output_at_a_wrong_time_is_found(rich_shard) -> None:
@@ -457,7 +457,7 @@ def _no_stride(message) -> None:
         ("joints", _lost_joint, "a label is not finite at samples 4"),
         ("joints", _no_stride, "a point cloud is not packed as"),
         ("boxes", _flat_box, "the box does not hold the joints at samples 4"),
-        ("boxes", _no_box, "there are boxes of 0 people, not 1 at samples 4"),
+        ("boxes", _no_box, "there are boxes of 0 humans, not 1 at samples 4"),
         ("footprints", _far_ground, "the footprint is not below the human at samples 4"),
     ],
 )

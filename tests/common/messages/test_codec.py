@@ -16,10 +16,10 @@ from readygo.common.messages import (
     EpisodeMotions,
     HumanLabels,
     HumanMotion,
+    Humans,
     HumanTrajectory,
     Motion,
     Outcome,
-    People,
     RenderRequest,
     RenderView,
     RobotPlanRequest,
@@ -205,6 +205,6 @@ def test_nested_motions_survive_in_requests() -> None:
 
 def test_render_request_keeps_camera_bits() -> None:
     T = np.random.default_rng(0).normal(size=(4, 4))
-    people = People(key="k", humans=())
-    request = RenderRequest(views=(RenderView(people="k", step=0, T_world_camera=T),), people=(people,))
+    humans = Humans(key="k", humans=())
+    request = RenderRequest(views=(RenderView(people="k", step=0, T_world_camera=T),), people=(humans,))
     assert decode(RenderRequest, encode(request)).views[0].T_world_camera.tobytes() == T.tobytes()

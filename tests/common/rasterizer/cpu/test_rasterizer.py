@@ -20,13 +20,13 @@ def psnr_db(a: npt.NDArray[np.floating], b: npt.NDArray[np.floating]) -> float:
     return math.inf if error == 0 else -10 * math.log10(error)
 
 
-def person(x_m: float, y_m: float, *, avatar: int = 0, seed: int = 1) -> PosedHuman:
+def human(x_m: float, y_m: float, *, avatar: int = 0, seed: int = 1) -> PosedHuman:
     pose = 0.5 * np.random.default_rng(seed).normal(size=(24, 3))
     return PosedHuman(avatar=str(avatar), root_m=np.array([x_m, y_m, 1.0]), pose_axis_angle=pose)
 
 
-def posed(cloud: GaussianCloud, avatars: Sequence[Avatar], people: Sequence[PosedHuman]) -> GaussianCloud:
-    bodies = [pose_avatar(avatars[int(p.avatar)], p.root_m, p.pose_axis_angle) for p in people]
+def posed(cloud: GaussianCloud, avatars: Sequence[Avatar], humans: Sequence[PosedHuman]) -> GaussianCloud:
+    bodies = [pose_avatar(avatars[int(p.avatar)], p.root_m, p.pose_axis_angle) for p in humans]
     return concatenate([cloud, *bodies])
 
 
@@ -101,40 +101,40 @@ def test_two_layers_are_blended_as_one_cloud(make_cloud, camera) -> None:
     assert_like_reference(image, rasterize_reference(concatenate([one, two]), T, K, 64, 96).rgb)
 
 
-def test_people_stand_in_the_scene_as_in_the_reference(make_cloud, camera, avatar: Avatar) -> None:
+def test_humans_stand_in_the_scene_as_in_the_reference(make_cloud, camera, avatar: Avatar) -> None:
     cloud = make_cloud(2000)
-    people = [person(-2.6, 0.4, seed=1), person(-1.8, -0.8, seed=2)]
+    humans = [human(-2.6, 0.4, seed=1), human(-1.8, -0.8, seed=2)]
     T, K = camera(-4.0, 0.0, 0.0, 192, 128)
-    image = float_rgb_of(CpuRasterizer(pack_cloud(cloud), numbered([avatar]), K, 128, 192), T, people)
-    reference = rasterize_reference(posed(cloud, [avatar], people), T, K, 128, 192).rgb
+    image = float_rgb_of(CpuRasterizer(pack_cloud(cloud), numbered([avatar]), K, 128, 192), T, humans)
+    reference = rasterize_reference(posed(cloud, [avatar], humans), T, K, 128, 192).rgb
     assert_like_reference(image, reference)
     assert psnr_db(image, rasterize_reference(cloud, T, K, 128, 192).rgb) < 40
 
 
-def test_person_around_the_camera_looks_as_in_the_reference(make_cloud, camera, avatar: Avatar) -> None:
-    cloud, people = make_cloud(300), [person(0.1, 0.05, seed=3)]
+def test_human_around_the_camera_looks_as_in_the_reference(make_cloud, camera, avatar: Avatar) -> None:
+    cloud, humans = make_cloud(300), [human(0.1, 0.05, seed=3)]
     for yaw in (0.0, 1.6, 3.1):
         T, K = camera(0.0, 0.0, yaw, 96, 64)
-        image = float_rgb_of(CpuRasterizer(pack_cloud(cloud), numbered([avatar]), K, 64, 96), T, people)
-        assert_like_reference(image, rasterize_reference(posed(cloud, [avatar], people), T, K, 64, 96).rgb)
+        image = float_rgb_of(CpuRasterizer(pack_cloud(cloud), numbered([avatar]), K, 64, 96), T, humans)
+        assert_like_reference(image, rasterize_reference(posed(cloud, [avatar], humans), T, K, 64, 96).rgb)
 
 
-def test_people_outside_of_the_view_change_nothing(make_cloud, camera, avatar: Avatar) -> None:
+def test_humans_outside_of_the_view_change_nothing(make_cloud, camera, avatar: Avatar) -> None:
     T, K = camera(0.0, 0.0, 0.0, 96, 64)
     rasterizer = CpuRasterizer(pack_cloud(make_cloud(900)), numbered([avatar]), K, 64, 96)
     alone = rgb_of(rasterizer, T)
-    assert np.array_equal(alone, rgb_of(rasterizer, T, [person(-3.0, 0.0), person(1.0, 9.0)]))
+    assert np.array_equal(alone, rgb_of(rasterizer, T, [human(-3.0, 0.0), human(1.0, 9.0)]))
 
 
 def test_image_does_not_depend_on_what_was_drawn_before(make_cloud, camera, avatar: Avatar) -> None:
     cloud = make_cloud(3000)
     views = [camera(-3.0 + k, 0.5 * k, 0.3 * k, 96, 64)[0] for k in range(4)]
-    people = [[person(-1.0, 0.0, avatar=k % 2, seed=k)] * (k % 3) for k in range(4)]
+    humans = [[human(-1.0, 0.0, avatar=k % 2, seed=k)] * (k % 3) for k in range(4)]
     K = camera(0, 0, 0, 96, 64)[1]
     used = CpuRasterizer(pack_cloud(cloud), numbered([avatar, avatar]), K, 64, 96)
     for k in (0, 1, 2, 3, 1, 0):
         fresh = CpuRasterizer(pack_cloud(cloud), numbered([avatar, avatar]), K, 64, 96)
-        assert np.array_equal(rgb_of(used, views[k], people[k]), rgb_of(fresh, views[k], people[k]))
+        assert np.array_equal(rgb_of(used, views[k], humans[k]), rgb_of(fresh, views[k], humans[k]))
 
 
 def test_skipping_hidden_chunks_changes_the_image_by_less_than_a_colour_step(

@@ -50,16 +50,16 @@ def assert_like_reference(image: npt.NDArray[np.floating], reference: npt.NDArra
     assert np.abs(image - reference).mean() < 1e-4
 
 
-def test_two_cameras_with_their_own_people_look_as_in_the_reference(
-    make_cloud, camera, small_avatar, person, posed, rasterizer
+def test_two_cameras_with_their_own_humans_look_as_in_the_reference(
+    make_cloud, camera, small_avatar, human, posed, rasterizer
 ) -> None:
     near, sky = make_cloud(120, coefficients=4), make_cloud(30, low=(30, -20, -5), high=(50, 20, 25), scale_m=3.0)
-    people = [[person(-2.8, 0.4), person(-2.0, -0.5, seed=2)], [person(-3.0, 0.0, seed=3)]]
+    humans = [[human(-2.8, 0.4), human(-2.0, -0.5, seed=2)], [human(-3.0, 0.0, seed=3)]]
     poses = np.stack([camera(-4.5, 0.2, 0.1, WIDTH, HEIGHT)[0], camera(-5.0, -0.6, 0.0, WIDTH, HEIGHT)[0]])
     K = camera(0, 0, 0, WIDTH, HEIGHT)[1]
-    images = rasterizer([near, sky], [small_avatar], K).render(batch_of(poses, people)).rgb
+    images = rasterizer([near, sky], [small_avatar], K).render(batch_of(poses, humans)).rgb
     for k in range(2):
-        cloud = concatenate([posed(near, [small_avatar], people[k]), sky])
+        cloud = concatenate([posed(near, [small_avatar], humans[k]), sky])
         reference = rasterize_reference(cloud, poses[k], K, HEIGHT, WIDTH).rgb
         assert reference.max() > 0.3
         assert np.abs(images[k] - 255 * np.clip(reference, 0, 1)).max() < 2
@@ -90,7 +90,7 @@ def test_scene_far_from_the_origin_is_as_sharp(make_cloud, camera, rasterizer) -
     )
 
 
-def test_all_images_are_those_of_the_gaussians(make_cloud, camera, small_avatar, person, posed, rasterizer) -> None:
+def test_all_images_are_those_of_the_gaussians(make_cloud, camera, small_avatar, human, posed, rasterizer) -> None:
     scene = with_arrays(make_cloud(40, scale_m=0.15), opacities=np.full(40, 0.7, dtype=np.float32))
     body = small_avatar.cloud.select(np.arange(60))
     thin = type(small_avatar)(
@@ -101,11 +101,11 @@ def test_all_images_are_those_of_the_gaussians(make_cloud, camera, small_avatar,
         joints_tpose_m=small_avatar.joints_tpose_m,
         R_tpose_canonical=small_avatar.R_tpose_canonical,
     )
-    people = [person(-2.9, 0.3), person(-2.4, -0.3, seed=2)]
+    humans = [human(-2.9, 0.3), human(-2.4, -0.3, seed=2)]
     T, K = camera(-4.0, 0.0, 0.1, 32, 24)
     outputs = ("rgb", "depth", "median_depth", "alpha", "mask", "normal")
-    images = images_of(rasterizer(scene, [thin], K, 24, 32), T, people, outputs)
-    cloud = posed(scene, [thin], people)
+    images = images_of(rasterizer(scene, [thin], K, 24, 32), T, humans, outputs)
+    cloud = posed(scene, [thin], humans)
     reference = rasterize_reference(cloud, T, K, 24, 32)
     np.testing.assert_allclose(images.alpha, reference.alpha, atol=2e-4)
     seen = reference.alpha > 0.01
@@ -150,17 +150,17 @@ def normal_image(cloud: GaussianCloud, T, K) -> np.ndarray:
     return sums / np.maximum(np.linalg.norm(sums, axis=2, keepdims=True), 1e-9)
 
 
-def test_batch_in_passes_has_the_bytes_of_single_images(make_cloud, camera, small_avatar, person, rasterizer) -> None:
+def test_batch_in_passes_has_the_bytes_of_single_images(make_cloud, camera, small_avatar, human, rasterizer) -> None:
     cloud, K = make_cloud(25), camera(0, 0, 0, 24, 16)[1]
     poses = np.stack([camera(-4.0, 0.5 * k, 0.1 * k, 24, 16)[0] for k in range(3)])
-    people = [[person(-1.5, 0.0)], [], [person(-1.5, 0.4, seed=2)]]
+    humans = [[human(-1.5, 0.0)], [], [human(-1.5, 0.4, seed=2)]]
     batch = rasterizer(cloud, [small_avatar], K, 16, 24, cameras_per_pass=2)
     single = rasterizer(cloud, [small_avatar], K, 16, 24, programs_per_processor=3)
-    images = batch.render(batch_of(poses, people)).rgb
+    images = batch.render(batch_of(poses, humans)).rgb
     assert images.shape == (3, 16, 24, 3)
     assert images.max() > 80
     for k in range(3):
-        assert np.array_equal(images[k], rgb_of(single, poses[k], people[k]))
+        assert np.array_equal(images[k], rgb_of(single, poses[k], humans[k]))
 
 
 def test_buffers_grow_until_everything_fits(make_cloud, camera, rasterizer) -> None:
@@ -262,7 +262,7 @@ def test_gaussians_that_are_not_finite_do_not_reach_the_image(make_cloud, camera
     assert_like_reference(image, rasterize_reference(kept, T, K, 24, 32).rgb)
 
 
-def test_too_many_tiles_and_bad_requests_are_refused(make_cloud, camera, small_avatar, person, rasterizer) -> None:
+def test_too_many_tiles_and_bad_requests_are_refused(make_cloud, camera, small_avatar, human, rasterizer) -> None:
     K = camera(0, 0, 0, 32, 24)[1]
     with pytest.raises(ValueError, match="limited to 255 tiles"):
         rasterizer(make_cloud(5), [], K, 4096, 4096, tile_width_px=8)
@@ -270,7 +270,7 @@ def test_too_many_tiles_and_bad_requests_are_refused(make_cloud, camera, small_a
     with pytest.raises(ValueError, match="outputs must be names"):
         images_of(small, np.eye(4), outputs=("colour",))
     with pytest.raises(ValueError, match="255 humans"):
-        images_of(small, np.eye(4), [person(0, 0)] * 256, ("mask",))
+        images_of(small, np.eye(4), [human(0, 0)] * 256, ("mask",))
     with pytest.raises(ValueError, match="T_world_camera"):
         rgb_of(small, np.full((4, 4), np.nan))
 
