@@ -15,17 +15,12 @@ from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
 from readygo.common.rasterizer.interface import PosedHuman
 from readygo.common.rasterizer.packed.scene import pack_cloud
 from readygo.common.rasterizer.reference import ReferenceImages, rasterize_reference
-from tests.common.rasterizer.drawing import images_of, numbered, rgb_of
+from tests.common.rasterizer.drawing import human, images_of, numbered, rgb_of
 
 HEIGHT, WIDTH = 96, 160
 MAY_DIFFER = 0.002
 """Share of pixels where float32 and float64 may see another order of depths, or another Gaussian at half of the light
 or at alpha 1/255."""
-
-
-def human(x_m: float, y_m: float, *, avatar: int = 0, seed: int = 1) -> PosedHuman:
-    pose = 0.5 * np.random.default_rng(seed).normal(size=(24, 3))
-    return PosedHuman(avatar=str(avatar), root_m=np.array([x_m, y_m, 1.0]), pose_axis_angle=pose)
 
 
 def sky_around(make_cloud) -> GaussianCloud:
