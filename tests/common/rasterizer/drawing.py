@@ -73,3 +73,9 @@ def assert_like_reference(image: npt.NDArray[np.float32], reference: npt.NDArray
     assert reference.max() > 0.1
     assert psnr_db(image, reference) > 60
     assert np.abs(image - reference).max() < 2 / 255
+
+
+def with_arrays(cloud: GaussianCloud, **arrays: npt.NDArray[np.float32]) -> GaussianCloud:
+    """The cloud with other arrays."""
+    names = ("means_m", "quats_wxyz", "scales_m", "opacities", "sh")
+    return GaussianCloud(**{name: arrays.get(name, getattr(cloud, name)) for name in names})
