@@ -2,12 +2,16 @@
 
 import numpy as np
 import pytest
+from numba import njit
 
 from readygo.common.avatars import Avatar
 from readygo.common.gaussians import transform_cloud
+from readygo.common.rasterizer.cpu.project import pixels_within
 from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
 from readygo.common.rasterizer.packed.scene import pack_cloud
 from readygo.common.rasterizer.reference import rasterize_reference
+from readygo.common.simd.memory import load_f16, store_i16
+from readygo.common.simd.types import mask_bits
 from tests.common.rasterizer.drawing import assert_like_reference, float_rgb_of, human, numbered, posed, psnr_db
 
 
@@ -42,3 +46,23 @@ def test_human_around_the_camera_looks_as_in_the_reference(make_cloud, camera, a
         T, K = camera(0.0, 0.0, yaw, 96, 64)
         image = float_rgb_of(CpuRasterizer(pack_cloud(cloud), numbered([avatar]), K, 64, 96), T, humans)
         assert_like_reference(image, rasterize_reference(posed(cloud, [avatar], humans), T, K, 64, 96).rgb)
+
+
+@njit
+def _pixels(low, high, last, out):
+    first, final, some = pixels_within(load_f16(low, 0), load_f16(high, 0), last)
+    store_i16(out, 0, first)
+    store_i16(out, 16, final)
+    return mask_bits(some)
+
+
+def test_pixels_within_a_range_are_whole_numbers_of_the_image() -> None:
+    low = np.float32([-9, -2, -2, 0, 0.5, 1, 1.2, 3, 3.1, 6, 6.5, 7, 8, 5, -0.5, 2])
+    high = np.float32([-1, -0.1, 0, 0, 1.5, 1, 1.8, 4, 9, 7, 9, 7, 9, 4, 99, 2.9])
+    out, last = np.empty(32, np.int32), 7
+    bits = _pixels(low, high, np.float32(last), out)
+    for lane in range(16):
+        pixels = [k for k in range(last + 1) if low[lane] <= k <= high[lane]]
+        assert bool(bits >> lane & 1) == bool(pixels)
+        if pixels:
+            assert (out[lane], out[16 + lane]) == (pixels[0], pixels[-1])

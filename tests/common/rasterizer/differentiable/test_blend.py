@@ -4,11 +4,14 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from numba import njit
 
 from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
 from readygo.common.rasterizer.differentiable.autograd import rasterize
+from readygo.common.rasterizer.differentiable.blend import exp2
 from readygo.common.rasterizer.packed.scene import pack_cloud
 from readygo.common.rasterizer.reference import rasterize_reference
+from readygo.common.simd.memory import load_f16, store_f16
 from tests.common.rasterizer.drawing import float_rgb_of, psnr_db
 
 
@@ -25,3 +28,15 @@ def test_image_is_that_of_the_other_backends(case: Callable, size_px: tuple[int,
     assert np.abs(rendered.depth_m.detach().numpy() - expected.depth_m)[drawn].max() < 1e-2
     other = float_rgb_of(CpuRasterizer(pack_cloud(many.cloud()), {}, many.K_px, *size_px), pose)
     assert psnr_db(rgb, other) >= 60
+
+
+@njit
+def _exp2_of(t, out):
+    store_f16(out, 0, exp2(load_f16(t, 0)))
+
+
+def test_power_of_two_is_exact_to_three_millionths() -> None:
+    t, out = np.linspace(-126.0, 1.0, 4096).astype(np.float32), np.empty(16, np.float32)
+    for start in range(0, 4096, 16):
+        _exp2_of(t[start : start + 16], out)
+        assert out == pytest.approx(np.exp2(t[start : start + 16].astype(np.float64)), rel=3e-6)
