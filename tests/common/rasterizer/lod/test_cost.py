@@ -16,7 +16,12 @@ def test_different_colours_merge_later() -> None:
 
 
 def cost(
-    distance_m: float, *, pixel_m: float = 0.02, colours: tuple[float, float] = (0.5, 0.5), **rule: float
+    distance_m: float,
+    *,
+    pixel_m: float = 0.02,
+    colours: tuple[float, float] = (0.5, 0.5),
+    contrast: float = 0.1,
+    unrest: float = 0.0,
 ) -> float:
     """Of merging two Gaussians of SIGMA_M that lie beside each other."""
     pair, clusters = originals([(0.0, 0.0, 0.0), (distance_m, 0.0, 0.0)], 0.6, list(colours)), make_clusters(0)
