@@ -1,4 +1,4 @@
-"""Who takes part in recorded episodes: the people that the first message of each one names."""
+"""Who takes part in recorded episodes: the humans that the first message of each one names."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +15,7 @@ from readygo.common.messages.episode import EpisodeKey
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Cast:
-    """The people of one episode."""
+    """The humans of one episode."""
 
     episode: EpisodeKey
     avatars: tuple[str, ...]
@@ -24,7 +24,7 @@ class Cast:
 
 
 def read_casts(shard: Path) -> list[Cast]:
-    """The people of a shard's episodes, in the order of the shard; reads some hundred bytes per episode.
+    """The humans of a shard's episodes, in the order of the shard; reads some hundred bytes per episode.
 
     Raises:
         DatasetError: If the shard is truncated or damaged.

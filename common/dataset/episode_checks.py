@@ -162,7 +162,7 @@ class EpisodeChecks:
                 yield kind, f"{self._name}: {text} at samples {_some(wrong)}"
 
     def _output_images(self, start: Any, calibration: Any) -> Iterator[Finding]:
-        """Images besides rgb must be whole, and masks must name people of the episode."""
+        """Images besides rgb must be whole, and masks must name humans of the episode."""
         shape = (calibration.height, calibration.width)
         for name, channel in self._outputs.items():
             if name in schemas.LABEL_CHANNELS:
@@ -179,10 +179,10 @@ class EpisodeChecks:
                 text = f"the {name} image is damaged or has another size or format at samples {_some(bad)}"
                 yield "image", f"{self._name}: {text}"
             if strangers:
-                yield "image", f"{self._name}: the mask names people who are not there at samples {_some(strangers)}"
+                yield "image", f"{self._name}: the mask names humans who are not there at samples {_some(strangers)}"
 
     def _labels(self) -> Iterator[Finding]:
-        """Labels must be there for everybody, and lie where people are."""
+        """Labels must be there for everybody, and lie where humans are."""
         if not set(schemas.LABEL_CHANNELS) <= set(self._outputs):
             return
         channels = (schemas.HUMANS, *schemas.LABEL_CHANNELS.values())

@@ -27,7 +27,7 @@ def wrong_labels(humans: Any, joints: Any, boxes: Any, footprints: Any) -> Itera
     count = len(humans.poses)
     for name, labels in (("joints", joints_m), ("boxes", boxes_m), ("footprints", ground_m)):
         if len(labels) != count:
-            yield f"there are {name} of {len(labels)} people, not {count}"
+            yield f"there are {name} of {len(labels)} humans, not {count}"
             return
     arrays: tuple[npt.NDArray[Any], ...] = (joints_m, boxes_m, *ground_m)
     if not all(np.isfinite(array).all() for array in arrays):
@@ -44,7 +44,7 @@ def wrong_labels(humans: Any, joints: Any, boxes: Any, footprints: Any) -> Itera
 
 
 def _box_holds(box: npt.NDArray[np.float64], joints_m: npt.NDArray[np.float32]) -> bool:
-    """True if the box is as large as a person at most, and all joints are in it or close."""
+    """True if the box is as large as a human at most, and all joints are in it or close."""
     size_m, yaw_rad = box[3:6], box[6]
     c, s = np.cos(yaw_rad), np.sin(yaw_rad)
     offset = joints_m - box[:3]

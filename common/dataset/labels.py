@@ -1,4 +1,4 @@
-"""Labels of people as Foxglove messages, and back as arrays.
+"""Labels of humans as Foxglove messages, and back as arrays.
 
 Joints and ground points are point clouds, packed as `JOINT_DTYPE` and `GROUND_DTYPE` say, with the number of the human
 beside every point; boxes are one scene entity with a cube per human. Foxglove shows all three, Rerun the clouds.
@@ -28,7 +28,7 @@ JOINT_DTYPE = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("human", "u1"
 GROUND_DTYPE = np.dtype([("x", "<f4"), ("y", "<f4"), ("human", "u1")])
 """A point on the ground [m] and below whom it is."""
 _BOX_LIFETIME_NS = 100_000_000
-"""A viewer drops a box that no later sample moves: the next episode may have fewer people."""
+"""A viewer drops a box that no later sample moves: the next episode may have fewer humans."""
 _TYPES = {"<f4": PackedElementField.FLOAT32, "|u1": PackedElementField.UINT8}
 
 

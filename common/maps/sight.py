@@ -1,6 +1,6 @@
-"""What hides people from a camera: which heights of every cell are opaque.
+"""What hides humans from a camera: which heights of every cell are opaque.
 
-A wall hides all of a person, a table only the legs. Bit b of a cell covers the heights above the local floor from
+A wall hides all of a human, a table only the legs. Bit b of a cell covers the heights above the local floor from
 `bottom_m` + b * `layer_m` on; lower things hide nobody from a camera that is higher.
 """
 
@@ -21,7 +21,7 @@ BOTTOM_M, TOP_M = 0.4, 1.9
 BITS = 32
 TARGET_HEIGHTS_M = (0.5, 1.0, 1.5)
 TARGET_OFFSETS_M = (0.0, -0.2, 0.2)
-"""Points of a person's body that are looked for: heights above the floor, and across the line of sight [m]."""
+"""Points of a human's body that are looked for: heights above the floor, and across the line of sight [m]."""
 
 UInt32Array = npt.NDArray[np.uint32]
 
@@ -36,18 +36,18 @@ class SightMap:
     layer_m: float
     """Height of a layer [m]."""
 
-    def sees(self, x_m: float, y_m: float, camera_m: float, person_m: tuple[float, float]) -> bool:
-        """True if a ray from the camera reaches the body of a person.
+    def sees(self, x_m: float, y_m: float, camera_m: float, human_m: tuple[float, float]) -> bool:
+        """True if a ray from the camera reaches the body of a human.
 
         Args:
             x_m: Camera in the world [m].
             y_m: Camera in the world [m].
             camera_m: Height of the camera above the floor [m].
-            person_m: Where the person stands in the world [m].
+            human_m: Where the human stands in the world [m].
         """
         frame = self.frame
         place = (frame.origin_x_m, frame.origin_y_m, frame.resolution_m, self.layer_m)
-        return bool(_sees_person(self.opaque, place, (x_m, y_m, camera_m), person_m))
+        return bool(_sees_human(self.opaque, place, (x_m, y_m, camera_m), human_m))
 
 
 def sight_of_occupancy(occupancy: OccupancyMap) -> SightMap:
@@ -111,16 +111,16 @@ def _is_clear(
 
 
 @compiled
-def _sees_person(
+def _sees_human(
     opaque: UInt32Array,
     place: tuple[float, float, float, float],
     eye: tuple[float, float, float],
-    person: tuple[float, float],
+    human: tuple[float, float],
 ) -> bool:
-    dx, dy = person[0] - eye[0], person[1] - eye[1]
+    dx, dy = human[0] - eye[0], human[1] - eye[1]
     distance = max(math.sqrt(dx * dx + dy * dy), 1e-9)
     for offset in TARGET_OFFSETS_M:
-        x, y = person[0] - dy / distance * offset, person[1] + dx / distance * offset
+        x, y = human[0] - dy / distance * offset, human[1] + dx / distance * offset
         for height in TARGET_HEIGHTS_M:
             if _is_clear(opaque, place, eye, (x, y, height)):
                 return True

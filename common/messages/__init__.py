@@ -29,7 +29,7 @@ from readygo.common.messages.coordination import (
 from readygo.common.messages.episode import EpisodeKey, HumanTrajectory, Scenario, Split
 from readygo.common.messages.motion import EpisodeMotions, HumanMotion, Motion
 from readygo.common.messages.plan import Outcome, RobotTrajectory
-from readygo.common.messages.render import People, RenderReply, RenderRequest, RenderView
+from readygo.common.messages.render import Humans, RenderReply, RenderRequest, RenderView
 from readygo.common.messages.samples import (
     AppendReply,
     AppendRequest,
@@ -76,13 +76,13 @@ __all__ = [
     "HumanPlanReply",
     "HumanPlanRequest",
     "HumanTrajectory",
+    "Humans",
     "LostRequest",
     "Motion",
     "OnRejection",
     "Outcome",
     "PendingReply",
     "PendingRequest",
-    "People",
     "RenderReply",
     "RenderRequest",
     "RenderView",

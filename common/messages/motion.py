@@ -1,4 +1,4 @@
-"""How people move."""
+"""How humans move."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Render requests: images of a scene with people in it."""
+"""Render requests: images of a scene with humans in it."""
 
 from dataclasses import dataclass, field
 
@@ -16,13 +16,13 @@ class RenderView:
     """One camera at one simulated step of one episode."""
 
     people: str
-    """Key of the people to draw, as given in `RenderRequest.people` now or earlier; empty draws none."""
+    """Key of the humans to draw, as given in `RenderRequest.people` now or earlier; empty draws none."""
     step: int
     """Simulation step (20 Hz) whose motion rows are drawn."""
     T_world_camera: npt.NDArray[np.float64]
     """Camera pose, OpenCV axes, shape (4, 4)."""
     episode: EpisodeKey | None = field(default=None, metadata=OMITTED_WHEN_DEFAULT)
-    """The episode whose camera looks: what its sensor draws. None: the key of the people stands for it."""
+    """The episode whose camera looks: what its sensor draws. None: the key of the humans stands for it."""
     path_xyyaw: tuple[tuple[float, float, float], ...] = field(default=(), metadata=OMITTED_WHEN_DEFAULT)
     """The robot at the latest steps: x [m], y [m], yaw [rad] (not wrapped), the last row at `step`, from where the
     camera has the pose above. Motion blur and rolling shutter need it; without, the camera stands still."""
@@ -34,7 +34,7 @@ class RenderView:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
-class People:
+class Humans:
     """Humans that later requests refer to by `key`."""
 
     key: str
@@ -46,8 +46,8 @@ class RenderRequest:
     """A batch of views of the loaded scene with the robot's camera."""
 
     views: tuple[RenderView, ...]
-    people: tuple[People, ...] = ()
-    """People that the renderer has not seen yet; it keeps the latest few hundred keys."""
+    people: tuple[Humans, ...] = ()
+    """Humans that the renderer has not seen yet; it keeps the latest few hundred keys."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -63,4 +63,4 @@ class RenderReply:
         check_array("rgb", self.rgb, np.uint8, (None, None, None, 3))
 
 
-__all__ = ["HumanMotion", "Motion", "People", "RenderReply", "RenderRequest", "RenderView"]
+__all__ = ["HumanMotion", "Humans", "Motion", "RenderReply", "RenderRequest", "RenderView"]

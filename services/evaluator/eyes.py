@@ -10,7 +10,7 @@ from readygo.common.bus import Bus
 from readygo.common.episode.simulation import EpisodeSimulation
 from readygo.common.errors import BusError
 from readygo.common.maps import FloorMap
-from readygo.common.messages import EpisodeMotions, People, RenderReply, RenderRequest, RenderView, encode
+from readygo.common.messages import EpisodeMotions, Humans, RenderReply, RenderRequest, RenderView, encode
 from readygo.common.messages.topics import Topic
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import whole_steps
@@ -63,7 +63,7 @@ class Eyes:
 
     def _ask(self, views: tuple[RenderView, ...], people: dict[str, EpisodeMotions]) -> RenderReply:
         request = RenderRequest(
-            views=views, people=tuple(People(key=key, humans=motions.humans) for key, motions in people.items())
+            views=views, people=tuple(Humans(key=key, humans=motions.humans) for key, motions in people.items())
         )
         return self._bus.request(self._topic, request, timeout_s=self._timeout_s)
 

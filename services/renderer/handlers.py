@@ -16,7 +16,7 @@ from readygo.common.messages import (
     EpisodeMotions,
     HumanLabels,
     HumanMotion,
-    People,
+    Humans,
     RenderReply,
     RenderRequest,
     RenderView,
@@ -65,7 +65,7 @@ class Renderer:
         )
         self._people: OrderedDict[str, tuple[HumanMotion, ...]] = OrderedDict()
 
-    def remember(self, people: People) -> None:
+    def remember(self, people: Humans) -> None:
         """Keep people for later requests.
 
         Raises:

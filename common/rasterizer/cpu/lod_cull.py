@@ -15,7 +15,7 @@ Integers = npt.NDArray[np.int64]
 
 
 COARSENESS = 1.2
-"""At it, images of a furnished flat with people 2 and 3 m ahead keep 41 dB against the exact ones (5th percentile)."""
+"""At it, images of a furnished flat with humans 2 and 3 m ahead keep 41 dB against the exact ones (5th percentile)."""
 
 
 class Cut(NamedTuple):

@@ -62,7 +62,7 @@ def instance_of_records(ends: Sequence[int], ids: Sequence[int]) -> npt.NDArray[
 
     Args:
         ends: Number of records after each layer's turn; the layers take turns in the same order.
-        ids: Number of each layer's person, 0 for the scene.
+        ids: Number of each layer's human, 0 for the scene.
 
     Returns:
         Shape (R,).

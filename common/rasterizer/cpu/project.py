@@ -1,4 +1,4 @@
-"""Projection of chunks of Gaussians to records, for static scenes and for posed people."""
+"""Projection of chunks of Gaussians to records, for static scenes and for posed humans."""
 
 from typing import Any, NamedTuple
 

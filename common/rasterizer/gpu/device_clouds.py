@@ -21,7 +21,7 @@ class DeviceClouds:
 
     scene_chunks: int
     """C - D."""
-    person_chunks: int
+    human_chunks: int
     """Chunks of the largest avatar."""
     sh_count: int
     """SH coefficients per channel, 1, 4, 9 or 16: the largest number of any cloud."""
@@ -64,10 +64,10 @@ class DeviceClouds:
 def upload(scenes: Sequence[GaussianCloud], avatars: Sequence[Avatar], device: torch.device | str) -> DeviceClouds:
     """Cut clouds and avatars into chunks and copy them to a device."""
     layers = [chunk_cloud(scene) for scene in scenes]
-    people = [chunk_avatar(avatar) for avatar in avatars]
-    clouds = [*layers, *(person.cloud for person in people)]
-    counts = np.array([person.cloud.chunk_count for person in people], dtype=np.int32)
-    boxes = max((person.box_joint.shape[1] for person in people), default=1)
+    humans = [chunk_avatar(avatar) for avatar in avatars]
+    clouds = [*layers, *(human.cloud for human in humans)]
+    counts = np.array([human.cloud.chunk_count for human in humans], dtype=np.int32)
+    boxes = max((human.box_joint.shape[1] for human in humans), default=1)
     bands = max((cloud.sh.shape[1] for cloud in clouds if cloud.chunk_count), default=0)
     sh, sh_rows = _sh(clouds, bands)
 
@@ -79,7 +79,7 @@ def upload(scenes: Sequence[GaussianCloud], avatars: Sequence[Avatar], device: t
 
     return DeviceClouds(
         scene_chunks=sum(layer.chunk_count for layer in layers),
-        person_chunks=int(counts.max(initial=0)),
+        human_chunks=int(counts.max(initial=0)),
         sh_count=bands + 1,
         box_count=boxes,
         centres=joined([layer.centre_m for layer in layers], (3,), np.float64),
@@ -92,11 +92,11 @@ def upload(scenes: Sequence[GaussianCloud], avatars: Sequence[Avatar], device: t
         sh_rows=on_device(sh_rows),
         first_chunks=on_device(np.cumsum(counts, dtype=np.int32) - counts),
         chunk_counts=on_device(counts),
-        joints=joined([person.joint for person in people], (4, CHUNK), np.uint8),
-        weights=joined([person.weight for person in people], (4, CHUNK), np.float32),
-        box_joints=joined([_widened(p.box_joint, boxes, -1) for p in people], (boxes,), np.int32),
-        box_centres=joined([_widened(p.box_centre_m, boxes, 0) for p in people], (boxes, 3), np.float32),
-        box_halves=joined([_widened(p.box_half_m, boxes, 0) for p in people], (boxes, 3), np.float32),
+        joints=joined([human.joint for human in humans], (4, CHUNK), np.uint8),
+        weights=joined([human.weight for human in humans], (4, CHUNK), np.float32),
+        box_joints=joined([_widened(p.box_joint, boxes, -1) for p in humans], (boxes,), np.int32),
+        box_centres=joined([_widened(p.box_centre_m, boxes, 0) for p in humans], (boxes, 3), np.float32),
+        box_halves=joined([_widened(p.box_half_m, boxes, 0) for p in humans], (boxes, 3), np.float32),
         skeletons=load_skeletons(avatars, device),
     )
 

@@ -6,7 +6,7 @@ What differs from `readygo.common.rasterizer.constants`, and what is done about 
 - The Gaussian that would bring a pixel's transmittance to 1e-4 or below is dropped together with what follows. With
   alphas of at most 0.99 a pixel then lacks up to 1 % of its light (README.md has the measured consequence).
 - Footprints end at min(3.33, sqrt(2 ln(255 opacity))) sigmas, which is the same box for every opacity up to 1.
-- One call draws one set of Gaussians: cameras that see other people or other poses are calls of their own.
+- One call draws one set of Gaussians: cameras that see other humans or other poses are calls of their own.
 
 Source: gsplat 1.5.3, `gsplat/rendering.py` and `gsplat/cuda/csrc/RasterizeToPixels3DGSFwd.cu`.
 """
@@ -110,7 +110,7 @@ class GsplatKernels:
         """Draw all cameras of a batch.
 
         Args:
-            batch: Cameras and people.
+            batch: Cameras and humans.
             wanted: Names out of `OUTPUTS`.
 
         Returns:
@@ -129,7 +129,7 @@ class GsplatKernels:
         return DeviceImages(**{name: torch.cat([getattr(part, name) for part in parts]) for name in names})
 
     def _draw_alike(self, batch: Batch, wanted: frozenset[str]) -> DeviceImages:
-        """Draw cameras that see the same people in the same poses."""
+        """Draw cameras that see the same humans in the same poses."""
         gaussians = _joined([*([self._scene] if self._scene else []), *self._posed(batch)])
         T_camera_world = _inverse(batch.T_world_camera, self._origin_m)
         depth = "depth" in wanted
@@ -169,22 +169,22 @@ class GsplatKernels:
         return images, alpha[..., 0]
 
     def _posed(self, batch: Batch) -> list[_Gaussians]:
-        """The people of the first camera."""
+        """The humans of the first camera."""
         numbers = batch.avatar[0].long()
         if not len(numbers):
             return []
         root = batch.root_m[0] - self._origin_m
         A = joint_transforms(self._skeletons, numbers.clamp(min=0), root, batch.pose_axis_angle[0]).float()
-        people = []
+        humans = []
         for place, number in enumerate(numbers.tolist()):
             if number < 0:
                 continue
             skin, own = self._wearers[number]
             means, quats = pose_gaussians(skin, A[place : place + 1])
-            people.append(
+            humans.append(
                 _Gaussians(means=means[0], quats=quats[0], scales=own.scales, opacities=own.opacities, sh=own.sh)
             )
-        return people
+        return humans
 
 
 def _gsplat_rasterization() -> Rasterization:
@@ -213,7 +213,7 @@ def _joined(parts: Sequence[_Gaussians]) -> _Gaussians:
 
 
 def _alike(batch: Batch) -> list[tuple[int, int]]:
-    """Ranges of cameras that see the same people in the same poses."""
+    """Ranges of cameras that see the same humans in the same poses."""
     rows = torch.cat(
         [batch.avatar.double(), batch.root_m.flatten(1), batch.pose_axis_angle.flatten(1)], dim=1
     )  # fmt: skip

@@ -18,7 +18,7 @@ Singles = npt.NDArray[np.float32]
 
 JOINTS = 24
 TOLERANCE = 0.01
-"""Below that of scenes: people move, and a node of theirs that changes its level would be noticed."""
+"""Below that of scenes: humans move, and a node of theirs that changes its level would be noticed."""
 LEAST_WEIGHT = 1e-3
 """Smaller weights of merged Gaussians are dropped: they would make most blocks depend on many joints."""
 

@@ -46,7 +46,7 @@ def jpeg(number: int, height_px: int = 24, width_px: int = 32) -> bytes:
 
 @functools.cache
 def make_images(number: int, height_px: int = 24, width_px: int = 32) -> Images:
-    """Images of all kinds, with places where there is nothing; the mask knows one person."""
+    """Images of all kinds, with places where there is nothing; the mask knows one human."""
     rng = np.random.default_rng(number)
     shape = (height_px, width_px)
     nothing = rng.random(shape) < 0.2
@@ -86,7 +86,7 @@ def make_header(index: int, sample_count: int, **changes: Any) -> EpisodeHeader:
 
 
 def make_labels(seq: int) -> HumanLabels:
-    """Labels of the person of `make_samples`, who stands upright with the left arm out."""
+    """Labels of the human of `make_samples`, who stands upright with the left arm out."""
     joints = np.zeros((24, 3), dtype=np.float32)
     joints[:, 2] = np.linspace(0.95, 0.05, 24)
     joints[20, 0] = -0.4

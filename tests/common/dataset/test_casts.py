@@ -15,7 +15,7 @@ def test_casts_come_in_the_order_of_the_shard(tmp_path) -> None:
     assert casts[0].encounters == ("crossing", "parallel")
 
 
-def test_episode_without_people_has_an_empty_cast(tmp_path) -> None:
+def test_episode_without_humans_has_an_empty_cast(tmp_path) -> None:
     (cast,) = read_casts(write_shard(tmp_path, [0], avatars=(), encounters=()))
     assert cast.avatars == cast.encounters == ()
 

@@ -12,7 +12,7 @@ from tests.common.dataset.episodes import make_labels
 STAMP = Timestamp(seconds=3)
 
 
-def two_people() -> list[HumanLabels]:
+def two_humans() -> list[HumanLabels]:
     rng = np.random.default_rng(0)
     other = HumanLabels(
         joints_m=rng.normal(size=(24, 3)).astype(np.float32),
@@ -23,18 +23,18 @@ def two_people() -> list[HumanLabels]:
 
 
 def test_labels_come_back_as_they_went_in() -> None:
-    people = two_people()
-    joints, boxes, footprints = messages(people, STAMP, "world", floor_m=0.5)
-    np.testing.assert_array_equal(joints_of(joints), [label.joints_m for label in people])
-    np.testing.assert_allclose(boxes_of(boxes), [label.box for label in people], atol=1e-15)
+    humans = two_humans()
+    joints, boxes, footprints = messages(humans, STAMP, "world", floor_m=0.5)
+    np.testing.assert_array_equal(joints_of(joints), [label.joints_m for label in humans])
+    np.testing.assert_allclose(boxes_of(boxes), [label.box for label in humans], atol=1e-15)
     found = footprints_of(footprints)
     assert len(found) == 2
-    for ground, label in zip(found, people, strict=True):
+    for ground, label in zip(found, humans, strict=True):
         np.testing.assert_array_equal(ground, label.footprint_xy_m)
 
 
 def test_viewers_find_frames_times_and_layout() -> None:
-    joints, boxes, footprints = messages(two_people(), STAMP, "world", floor_m=0.5)
+    joints, boxes, footprints = messages(two_humans(), STAMP, "world", floor_m=0.5)
     assert [(f.name, f.offset) for f in joints.fields] == [("x", 0), ("y", 4), ("z", 8), ("human", 12)]
     assert [(f.name, f.offset) for f in footprints.fields] == [("x", 0), ("y", 4), ("human", 8)]
     assert (joints.point_stride, len(joints.data)) == (13, 2 * 24 * 13)
@@ -45,7 +45,7 @@ def test_viewers_find_frames_times_and_layout() -> None:
     assert boxes.entities[0].cubes[0].size.z == 1.8
 
 
-def test_one_person_takes_less_than_a_kilobyte_beside_the_ground_points() -> None:
+def test_one_human_takes_less_than_a_kilobyte_beside_the_ground_points() -> None:
     label = make_labels(0)
     sizes = [message.ByteSize() for message in messages([label], STAMP, "world", floor_m=0.0)]
     assert sum(sizes) - label.footprint_xy_m.nbytes < 1000
@@ -68,7 +68,7 @@ def test_yaw_of_a_box_comes_back_within_half_a_turn() -> None:
 
 
 def test_other_layouts_are_refused() -> None:
-    joints, boxes, footprints = messages(two_people(), STAMP, "world", floor_m=0.0)
+    joints, boxes, footprints = messages(two_humans(), STAMP, "world", floor_m=0.0)
     with pytest.raises(DatasetError, match="not packed as"):
         joints_of(footprints)
     joints.data = joints.data[: 13 * 30]

@@ -269,7 +269,7 @@ def test_any_output_of_any_sample_can_be_read(with_outputs) -> None:
         assert dataset.output(number, "rgb") == dataset.image(number) == samples[number].image
 
 
-def test_depth_is_decoded_to_metres_and_the_mask_to_people(with_outputs) -> None:
+def test_depth_is_decoded_to_metres_and_the_mask_to_humans(with_outputs) -> None:
     dataset = Dataset([with_outputs])
     for number, (index, seq) in ((0, (0, 0)), (7, (2, 2)), (13, (4, 4))):
         images = make_images(image_number(index, seq))

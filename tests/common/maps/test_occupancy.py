@@ -24,7 +24,7 @@ def test_room_is_free_inside_and_blocked_at_walls_and_outside():
     assert not plan.unknown[plan.robot.frame.cell(3, 2.5)]
 
 
-def test_table_blocks_people_but_not_a_low_robot():
+def test_table_blocks_humans_but_not_a_low_robot():
     plan = plan_scene(concatenate([room(), box((2, 2, 0.72), (3.6, 3, 0.76))]), CONFIG)
     assert state(plan.human, 2.8, 2.5)
     assert not state(plan.robot, 2.8, 2.5)

@@ -22,7 +22,7 @@ def furnished():
 
 
 @pytest.mark.parametrize(("y_m", "seen"), [(1.0, True), (2.5, False), (4.1, True)])
-def test_walls_hide_a_person_and_tables_and_shelves_do_not(furnished, y_m, seen):
+def test_walls_hide_a_human_and_tables_and_shelves_do_not(furnished, y_m, seen):
     plan, sight = furnished
     cell = plan.robot.frame.cell(1.82, y_m)
     assert plan.human.occupied[cell]
@@ -45,12 +45,12 @@ def test_occupied_cells_of_a_bare_map_hide_everything():
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_shoulder_beside_a_wall_shows_a_person_whose_middle_is_hidden(side):
+def test_shoulder_beside_a_wall_shows_a_human_whose_middle_is_hidden(side):
     occupied = np.zeros((40, 40), np.bool_)
     occupied[10:30, 20] = True
     frame = GridFrame(origin_x_m=-1.0, origin_y_m=-1.0, resolution_m=0.05)
     sight = sight_of_occupancy(OccupancyMap(frame=frame, occupied=occupied))
-    # The wall ends 0.5 m beside the axis: the line to the middle of the first person passes it at 0.45 m.
+    # The wall ends 0.5 m beside the axis: the line to the middle of the first human passes it at 0.45 m.
     assert sight.sees(-0.8, 0.0, CAMERA_M, (0.6, 0.78 * side))
     assert not sight.sees(-0.8, 0.0, CAMERA_M, (0.6, 0.55 * side))
 

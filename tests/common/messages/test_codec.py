@@ -19,8 +19,6 @@ from readygo.common.messages import (
     HumanTrajectory,
     Motion,
     Outcome,
-    People,
-    RenderRequest,
     RenderView,
     RobotPlanRequest,
     RobotTrajectory,
@@ -191,20 +189,8 @@ def test_damaged_payload_is_a_bus_error(payload: bytes) -> None:
         decode(ClaimReply, payload)
 
 
-def test_array_of_wrong_shape_is_refused_with_both_shapes() -> None:
-    with pytest.raises(ValueError, match=r"start_xyyaw must have shape \(3,\), got \(4,\)"):
-        Scenario(episode=KEY, start_xyyaw=np.zeros(4), goal_xy_m=np.zeros(2), humans=())
-
-
 def test_nested_motions_survive_in_requests() -> None:
     motions = EpisodeMotions(humans=(HumanMotion(avatar="ann", motion=_message(Motion)),))
     request = RobotPlanRequest(scenario=_message(Scenario), motions=motions)
     back = decode(RobotPlanRequest, encode(request))
     np.testing.assert_array_equal(back.motions.humans[0].motion.root_m, np.ones((2, 3), np.float32))
-
-
-def test_render_request_keeps_camera_bits() -> None:
-    T = np.random.default_rng(0).normal(size=(4, 4))
-    people = People(key="k", humans=())
-    request = RenderRequest(views=(RenderView(people="k", step=0, T_world_camera=T),), people=(people,))
-    assert decode(RenderRequest, encode(request)).views[0].T_world_camera.tobytes() == T.tobytes()

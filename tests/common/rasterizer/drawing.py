@@ -1,11 +1,14 @@
 """Short ways to draw single views in tests."""
 
+import math
 from collections.abc import Sequence
 from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.avatars import Avatar, pose_avatar
+from readygo.common.gaussians import GaussianCloud, concatenate
 from readygo.common.images.images import Images
 from readygo.common.rasterizer.interface import PosedHuman, Rasterizer, View
 
@@ -46,3 +49,33 @@ def batch_of(T_world_camera: Sequence[npt.NDArray[np.float64]], humans: Sequence
     """Views of several cameras, each with its own humans."""
     pairs = zip(T_world_camera, humans, strict=True)
     return [View(T_world_camera=pose, humans=there) for pose, there in pairs]
+
+
+def psnr_db(a: npt.NDArray[np.floating], b: npt.NDArray[np.floating]) -> float:
+    """Of images of floats."""
+    error = float(((a.astype(np.float64) - b) ** 2).mean())
+    return math.inf if error == 0 else -10 * math.log10(error)
+
+
+def human(x_m: float, y_m: float, *, avatar: int = 0, seed: int = 1) -> PosedHuman:
+    """A human in a random pose at a place."""
+    pose = 0.5 * np.random.default_rng(seed).normal(size=(24, 3))
+    return PosedHuman(avatar=str(avatar), root_m=np.array([x_m, y_m, 1.0]), pose_axis_angle=pose)
+
+
+def posed(cloud: GaussianCloud, avatars: Sequence[Avatar], humans: Sequence[PosedHuman]) -> GaussianCloud:
+    """The scene and its humans as one cloud."""
+    bodies = [pose_avatar(avatars[int(p.avatar)], p.root_m, p.pose_axis_angle) for p in humans]
+    return concatenate([cloud, *bodies])
+
+
+def assert_like_reference(image: npt.NDArray[np.float32], reference: npt.NDArray[np.float32]) -> None:
+    assert reference.max() > 0.1
+    assert psnr_db(image, reference) > 60
+    assert np.abs(image - reference).max() < 2 / 255
+
+
+def with_arrays(cloud: GaussianCloud, **arrays: npt.NDArray[np.float32]) -> GaussianCloud:
+    """The cloud with other arrays."""
+    names = ("means_m", "quats_wxyz", "scales_m", "opacities", "sh")
+    return GaussianCloud(**{name: arrays.get(name, getattr(cloud, name)) for name in names})

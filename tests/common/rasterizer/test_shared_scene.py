@@ -1,4 +1,4 @@
-"""The real furnished flat with a real person in it."""
+"""The real furnished flat with a real human in it."""
 
 import math
 from pathlib import Path
@@ -16,21 +16,21 @@ from readygo.common.robot import CameraConfig
 from tests.common.rasterizer.drawing import float_rgb_of, images_of, numbered
 
 
-def test_showroom_with_a_person_looks_as_in_the_reference(shared_data: Path) -> None:
+def test_showroom_with_a_human_looks_as_in_the_reference(shared_data: Path) -> None:
     scene = load_gaussians(shared_data / "scenes" / "showroom.compressed.ply")
     sky = load_gaussians(shared_data / "scenes" / "showroom_env.compressed.ply")
     avatar = load_avatar(shared_data / "avatars" / "m1_casual.npz")
     motion = np.load(shared_data / "motion" / "walk_s_curve_1p2mps.npz")
     root = motion["root_m"][40].copy()
     root[:2] = (1.8, 0.4)
-    person = PosedHuman(avatar="0", root_m=root, pose_axis_angle=motion["pose_axis_angle"][40])
+    human = PosedHuman(avatar="0", root_m=root, pose_axis_angle=motion["pose_axis_angle"][40])
     camera = CameraConfig()
     T = camera.T_world_camera(0.0, 0.0, 0.0, 0.0)
     layers = [pack_cloud(scene, normals=True), pack_cloud(sky, normals=True)]
     rasterizer = CpuRasterizer(layers, numbered([avatar]), camera.K_px, 144, 256)
-    image = float_rgb_of(rasterizer, T, [person])
-    others = images_of(rasterizer, T, [person], OUTPUTS)
-    body = pose_avatar(avatar, root, person.pose_axis_angle)
+    image = float_rgb_of(rasterizer, T, [human])
+    others = images_of(rasterizer, T, [human], OUTPUTS)
+    body = pose_avatar(avatar, root, human.pose_axis_angle)
     instances = np.repeat([0, 1], [len(scene) + len(sky), len(body)])
     reference = rasterize_reference(concatenate([scene, sky, body]), T, camera.K_px, 144, 256, instances=instances)
     error = np.abs(image - reference.rgb).max(axis=2)

@@ -36,14 +36,14 @@ def test_nothing_is_left_to_compile_after_warming(
     assert mapped is not None
     T, K = camera(-4.0, 0.0, 0.0, 256, 144)
     pose = np.zeros((24, 3), dtype=np.float32)
-    people = [PosedHuman(avatar="0", root_m=np.zeros(3, dtype=np.float32), pose_axis_angle=pose)]
+    humans = [PosedHuman(avatar="0", root_m=np.zeros(3, dtype=np.float32), pose_axis_angle=pose)]
     rasterizer = CpuRasterizer([mapped, pack_cloud(make_cloud(90), normals=True)], numbered([avatar]), K, 144, 256)
-    rgb_of(rasterizer, T, people)
-    float_rgb_of(rasterizer, T, people)
-    images_of(rasterizer, T, people, outputs)
+    rgb_of(rasterizer, T, humans)
+    float_rgb_of(rasterizer, T, humans)
+    images_of(rasterizer, T, humans, outputs)
     count = mapped.chunk_count
     tree = ChunkTree(scene=mapped, skip=np.arange(1, count + 1), pixel_m=np.zeros(count))
     load_or_build_avatar_tree(tmp_path / "avatar", avatar)
-    people_tree = load_or_build_avatar_tree(tmp_path / "avatar", avatar)
-    rgb_of(CpuRasterizer(tree, numbered([avatar]), K, 144, 256, packed_avatars=numbered([people_tree])), T, people)
+    humans_tree = load_or_build_avatar_tree(tmp_path / "avatar", avatar)
+    rgb_of(CpuRasterizer(tree, numbered([avatar]), K, 144, 256, packed_avatars=numbered([humans_tree])), T, humans)
     assert signatures() == compiled

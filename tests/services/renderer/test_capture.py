@@ -12,7 +12,7 @@ from readygo.common.messages import (
     EpisodeKey,
     EpisodeMotions,
     HumanMotion,
-    People,
+    Humans,
     RenderRequest,
     RenderView,
     Split,
@@ -249,7 +249,7 @@ def test_view_with_episode_and_path_is_the_image_that_is_recorded(phone: Rendere
     scenario, motions, trajectory = episode
     recorded = [_decoded(sample.image) for sample in episode_samples(phone, scenario, motions, trajectory)]
     camera, floor = phone.robot.camera, phone.scene.maps.floor
-    people = People(key="walk", humans=motions.humans)
+    people = Humans(key="walk", humans=motions.humans)
     for step in (0, 1, 2, 6):
         path = trajectory.xyyaw[max(step - 2, 0) : step + 1].tolist()
         x_m, y_m, yaw_rad = path[-1]

@@ -6,7 +6,7 @@ import pytest
 
 from readygo.common.avatars import load_avatars
 from readygo.common.maps import FloorMap, GridFrame
-from readygo.common.messages import HumanMotion, People, RenderRequest, RenderView
+from readygo.common.messages import HumanMotion, Humans, RenderRequest, RenderView
 from readygo.common.robot import RobotConfig
 from readygo.common.scenes import Scene
 from readygo.common.scenes.embedded import ensure_embedded_scene
@@ -47,7 +47,7 @@ def test_embedded_scene_with_walking_people_looks_as_it_did(scene: Scene, view: 
     def ahead(forward_m: float, left_m: float) -> tuple[float, float]:
         return x_m + c * forward_m - s * left_m, y_m + s * forward_m + c * left_m
 
-    people = People(
+    people = Humans(
         key="two",
         humans=(
             _walker("bruno", ahead(2.4, 1.2), ahead(2.4, -1.2), floor),

@@ -10,7 +10,7 @@ from readygo.common.bus import InProcessBus
 from readygo.common.errors import AvatarError, RunError
 from readygo.common.images.files import decode_output
 from readygo.common.images.images import OUTPUTS, Images
-from readygo.common.messages import EpisodeMotions, HumanMotion, People, RenderReply, RenderRequest, RenderView, topics
+from readygo.common.messages import EpisodeMotions, HumanMotion, Humans, RenderReply, RenderRequest, RenderView, topics
 from readygo.common.rasterizer.backends import packed_cloud
 from readygo.common.rasterizer.interface import Rasterizer
 from readygo.services.renderer import Renderer, RendererConfig, attach, episode_header, episode_samples, handle_render
@@ -25,7 +25,7 @@ def view(renderer: Renderer, people: str = "", step: int = 0, yaw: float = 0.0) 
     return RenderView(people=people, step=step, T_world_camera=renderer.robot.camera.T_world_camera(0, 0, yaw, 0.0))
 
 
-def render(renderer: Renderer, *views: RenderView, people: tuple[People, ...] = ()) -> RenderReply:
+def render(renderer: Renderer, *views: RenderView, people: tuple[Humans, ...] = ()) -> RenderReply:
     return handle_render(renderer, RenderRequest(views=views, people=people))
 
 
@@ -41,7 +41,7 @@ def test_views_come_back_in_order(renderer: Renderer) -> None:
 
 def test_people_are_drawn_and_remembered(renderer: Renderer, human: HumanMotion) -> None:
     empty = render(renderer, view(renderer)).rgb[0]
-    first = render(renderer, view(renderer, "walk"), people=(People(key="walk", humans=(human,)),)).rgb[0]
+    first = render(renderer, view(renderer, "walk"), people=(Humans(key="walk", humans=(human,)),)).rgb[0]
     assert (np.abs(first.astype(int) - empty).max(axis=2) > 20).mean() > 0.02
     assert np.array_equal(first, render(renderer, view(renderer, "walk")).rgb[0])
 
@@ -53,7 +53,7 @@ def test_unknown_people_are_named_and_nothing_is_drawn(renderer: Renderer) -> No
 
 
 def test_last_row_of_a_motion_is_held(renderer: Renderer, human: HumanMotion) -> None:
-    people = (People(key="held", humans=(human,)),)
+    people = (Humans(key="held", humans=(human,)),)
     reply = render(renderer, *(view(renderer, "held", step) for step in (2, 3, 4, 400)), people=people)
     assert not np.array_equal(reply.rgb[0], reply.rgb[1])
     assert np.array_equal(reply.rgb[1], reply.rgb[2])
@@ -65,9 +65,9 @@ def test_people_asked_for_longest_ago_are_forgotten(
 ) -> None:
     monkeypatch.setattr(handlers_module, "PEOPLE_KEPT", 2)
     for key in ("a", "b"):
-        render(renderer, view(renderer, key), people=(People(key=key, humans=(human,)),))
+        render(renderer, view(renderer, key), people=(Humans(key=key, humans=(human,)),))
     render(renderer, view(renderer, "a"))
-    render(renderer, view(renderer, "c"), people=(People(key="c", humans=(human,)),))
+    render(renderer, view(renderer, "c"), people=(Humans(key="c", humans=(human,)),))
     assert render(renderer, view(renderer, "b")).unknown_people == ("b",)
     assert render(renderer, view(renderer, "a"), view(renderer, "c")).unknown_people == ()
 
@@ -75,7 +75,7 @@ def test_people_asked_for_longest_ago_are_forgotten(
 def test_unknown_avatar_is_refused_by_name(renderer: Renderer, human: HumanMotion) -> None:
     stranger = replace(human, avatar="stranger")
     with pytest.raises(AvatarError, match="'stranger' is not loaded"):
-        render(renderer, people=(People(key="x", humans=(stranger,)),))
+        render(renderer, people=(Humans(key="x", humans=(stranger,)),))
 
 
 def test_request_over_the_bus_is_answered(renderer: Renderer) -> None:
@@ -114,7 +114,7 @@ def test_sample_image_is_what_the_camera_sees_there(renderer: Renderer, episode)
     x, y, yaw = trajectory.xyyaw[5]
     pose = camera.T_world_camera(x, y, yaw, renderer.scene.maps.floor.at(x, y))
     seen = RenderView(people="p", step=5, T_world_camera=pose)
-    assert np.array_equal(image, render(renderer, seen, people=(People(key="p", humans=motions.humans),)).rgb[0])
+    assert np.array_equal(image, render(renderer, seen, people=(Humans(key="p", humans=motions.humans),)).rgb[0])
 
 
 def test_jpeg_is_close_to_the_image(renderer: Renderer, episode) -> None:
@@ -155,7 +155,7 @@ def test_episode_with_an_unknown_avatar_is_refused(renderer: Renderer, episode) 
 
 def test_reference_backend_draws_the_same(renderer: Renderer, human: HumanMotion) -> None:
     reference = Renderer(renderer.scene, wearers(), renderer.robot, RendererConfig(backend="reference"))
-    people = (People(key="walk", humans=(human,)),)
+    people = (Humans(key="walk", humans=(human,)),)
     slow, fast = (render(r, view(r, "walk", 1), people=people).rgb.astype(int) for r in (reference, renderer))
     # The avatar's quantised coordinates give some Gaussians almost equal depths, whose order may differ.
     assert (np.abs(slow - fast) > 2).mean() < 0.01

@@ -11,7 +11,7 @@ from readygo.common.rasterizer.gpu.triton.project import RECORD
 COLOUR_PLANES = 4
 """Red, green, blue, transmittance."""
 DEPTH_PLANES = 3
-"""Weighted depth, depth and person of the median Gaussian."""
+"""Weighted depth, depth and human of the median Gaussian."""
 NORMAL_PLANES = 3
 
 _RECORD = tl.constexpr(RECORD)

@@ -2,7 +2,7 @@
 # Triton's compiler reads the annotations of a kernel: only `tl.constexpr` may stand there.
 """Triton kernels that find the chunks which each camera of a batch sees.
 
-Legend: B cameras, I instances of chunks per camera: the chunks of the scenes, then room for those of P people; T tiles.
+Legend: B cameras, I instances of chunks per camera: the chunks of the scenes, then room for those of P humans; T tiles.
 """
 
 import triton
@@ -10,7 +10,7 @@ import triton.language as tl
 
 from readygo.common.rasterizer import constants
 
-CLOUD_SIZES = ("scene_chunks", "person_chunks", "person_count", "instance_count")
+CLOUD_SIZES = ("scene_chunks", "human_chunks", "human_count", "instance_count")
 """Arguments that change with the scene: kernels are not compiled anew for numbers that happen to be round."""
 
 _NEAR_M = tl.constexpr(constants.NEAR_M)
@@ -127,18 +127,18 @@ def _scene_axis(row, dx, dy, dz, hx, hy, hz):
 
 
 @triton.jit(do_not_specialize=CLOUD_SIZES)
-def cull_people(
-    people, transforms, first_chunks, chunk_counts, box_joints, box_centres, box_halves, reaches, nears, fars, boxes,
-    scene_chunks, person_chunks, person_count, instance_count, fx, fy, cx, cy, width, height,
+def cull_humans(
+    humans, transforms, first_chunks, chunk_counts, box_joints, box_centres, box_halves, reaches, nears, fars, boxes,
+    scene_chunks, human_chunks, human_count, instance_count, fx, fy, cx, cy, width, height,
     BOXES: tl.constexpr, TILE_W: tl.constexpr, TILE_H: tl.constexpr, LANES: tl.constexpr,
 ):  # fmt: skip
-    """Bounds of posed people's chunks in each camera; programs (B * P, ceil(person_chunks / LANES)).
+    """Bounds of posed humans' chunks in each camera; programs (B * P, ceil(human_chunks / LANES)).
 
     A posed mean lies in the convex hull of where the chunk's joints would carry it, so within the bounds of the boxes
     that each joint carries along.
 
     Args:
-        people: Avatar of each person, -1: nobody, shape (B * P,).
+        humans: Avatar of each human, -1: nobody, shape (B * P,).
         transforms: Transforms of the joints from canonical to camera coordinates, shape (B * P, 24, 12).
         first_chunks: First chunk of each avatar, counted from the first one of all avatars, shape (A,).
         chunk_counts: Number of its chunks, shape (A,).
@@ -149,9 +149,9 @@ def cull_people(
         nears: See `cull_scene`; so are the other arguments.
         fars: See `nears`.
         boxes: See `nears`.
-        scene_chunks: Instances before the first person's.
-        person_chunks: Instances that each person has room for.
-        person_count: P.
+        scene_chunks: Instances before the first human's.
+        human_chunks: Instances that each human has room for.
+        human_count: P.
         instance_count: I.
         fx: See `nears`.
         fy: See `nears`.
@@ -164,9 +164,9 @@ def cull_people(
         TILE_H: Tile height [px].
         LANES: Chunks per program.
     """
-    person = tl.program_id(0)
+    human = tl.program_id(0)
     local = tl.program_id(1) * LANES + tl.arange(0, LANES)
-    avatar = tl.load(people + person)
+    avatar = tl.load(humans + human)
     known = tl.maximum(avatar, 0)
     used = local < tl.where(avatar >= 0, tl.load(chunk_counts + known), 0)
     chunk = tl.load(first_chunks + known) + local
@@ -176,24 +176,24 @@ def cull_people(
         box = chunk * BOXES + k
         joint = tl.load(box_joints + box, mask=used, other=-1)
         valid = joint >= 0
-        A = transforms + person.to(tl.int64) * 288 + tl.maximum(joint, 0) * 12
+        A = transforms + human.to(tl.int64) * 288 + tl.maximum(joint, 0) * 12
         px = tl.load(box_centres + box * 3, mask=valid, other=0.0)
         py = tl.load(box_centres + box * 3 + 1, mask=valid, other=0.0)
         pz = tl.load(box_centres + box * 3 + 2, mask=valid, other=0.0)
         hx = tl.load(box_halves + box * 3, mask=valid, other=0.0)
         hy = tl.load(box_halves + box * 3 + 1, mask=valid, other=0.0)
         hz = tl.load(box_halves + box * 3 + 2, mask=valid, other=0.0)
-        x, rx = _person_axis(A, valid, px, py, pz, hx, hy, hz)
-        y, ry = _person_axis(A + 4, valid, px, py, pz, hx, hy, hz)
-        z, rz = _person_axis(A + 8, valid, px, py, pz, hx, hy, hz)
+        x, rx = _human_axis(A, valid, px, py, pz, hx, hy, hz)
+        y, ry = _human_axis(A + 4, valid, px, py, pz, hx, hy, hz)
+        z, rz = _human_axis(A + 8, valid, px, py, pz, hx, hy, hz)
         x_low, x_high = _widened(x_low, x_high, x, rx, valid)
         y_low, y_high = _widened(y_low, y_high, y, ry, valid)
         z_low, z_high = _widened(z_low, z_high, z, rz, valid)
     reach = tl.load(reaches + chunk, mask=used, other=0.0)
-    camera, slot = person // person_count, person % person_count
-    out = camera * instance_count + scene_chunks + slot * person_chunks + local
+    camera, slot = human // human_count, human % human_count
+    out = camera * instance_count + scene_chunks + slot * human_chunks + local
     _store_bounds(
-        out, local < person_chunks, x_low, x_high, y_low, y_high, z_low, z_high, reach, nears, fars, boxes,
+        out, local < human_chunks, x_low, x_high, y_low, y_high, z_low, z_high, reach, nears, fars, boxes,
         fx, fy, cx, cy, width, height, TILE_W, TILE_H,
     )  # fmt: skip
 
@@ -208,7 +208,7 @@ def _widened(low, high, middle, half, valid):
 
 
 @triton.jit
-def _person_axis(row, valid, px, py, pz, hx, hy, hz):
+def _human_axis(row, valid, px, py, pz, hx, hy, hz):
     """Middle and half size of boxes along one axis of the camera; `row` points to that row of their transforms."""
     a0, a1 = tl.load(row, mask=valid, other=0.0), tl.load(row + 1, mask=valid, other=0.0)
     a2, a3 = tl.load(row + 2, mask=valid, other=0.0), tl.load(row + 3, mask=valid, other=0.0)

@@ -27,10 +27,10 @@ class GraphedPass:
 
     def draw(self, batch: Batch, *, depth: bool = False, normals: bool = False) -> Tensor:
         """See `TritonPipeline.draw`; the planes are overwritten by the next call with a batch of this shape."""
-        cameras, persons = batch.avatar.shape
+        cameras, human_count = batch.avatar.shape
         if not 0 < cameras <= self._most:
             return self._pipeline.draw(batch, depth=depth, normals=normals)
-        shape = (cameras, persons, depth, normals)
+        shape = (cameras, human_count, depth, normals)
         while True:
             held = self._captured.get(shape)
             if held is None or held[3] != self._pipeline.buffers_made:

@@ -49,7 +49,7 @@ class TritonKernels:
         """Draw all cameras of a batch.
 
         Args:
-            batch: Cameras and people.
+            batch: Cameras and humans.
             wanted: Names out of `readygo.common.images.images.OUTPUTS`.
 
         Returns:

@@ -1,4 +1,4 @@
-"""From a batch of cameras and people to images, with the Triton kernels; nothing waits for the device in between."""
+"""From a batch of cameras and humans to images, with the Triton kernels; nothing waits for the device in between."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from readygo.common.rasterizer.gpu.batch import Batch
 from readygo.common.rasterizer.gpu.device_clouds import DeviceClouds
 from readygo.common.rasterizer.gpu.triton.blend import COLOUR_PLANES, DEPTH_PLANES, NORMAL_PLANES, blend
 from readygo.common.rasterizer.gpu.triton.buffers import Buffers, make_buffers
-from readygo.common.rasterizer.gpu.triton.cull import cull_people, cull_scene, list_pairs, select_chunks
+from readygo.common.rasterizer.gpu.triton.cull import cull_humans, cull_scene, list_pairs, select_chunks
 from readygo.common.rasterizer.gpu.triton.project import project
 from readygo.common.rasterizer.gpu.triton.settings import TritonSettings
 from readygo.common.rasterizer.gpu.triton.tiles import bin_entries, sort_lists
@@ -34,7 +34,7 @@ class _Seen:
     instances: int
     views: Tensor
     """R_CW and p_WC, float32, shape (B, 12)."""
-    people: Tensor
+    humans: Tensor
     """Avatars, shape (B * P,)."""
     transforms: Tensor
     """Joints from canonical to camera coordinates, shape (B * P, 24, 12)."""
@@ -94,7 +94,7 @@ class TritonPipeline:
         """Draw all cameras of a batch.
 
         Args:
-            batch: Cameras and people.
+            batch: Cameras and humans.
             depth: Make the planes of `DEPTH_PLANES`.
             normals: Make the planes of `NORMAL_PLANES`.
 
@@ -147,7 +147,7 @@ class TritonPipeline:
             )  # fmt: skip
 
     def _instances(self, batch: Batch) -> int:
-        return self._clouds.scene_chunks + batch.avatar.shape[1] * self._clouds.person_chunks
+        return self._clouds.scene_chunks + batch.avatar.shape[1] * self._clouds.human_chunks
 
     def _tiles(self) -> dict[str, int]:
         return {
@@ -159,11 +159,11 @@ class TritonPipeline:
 
     def _cull(self, batch: Batch) -> _Seen:
         """Bounds of all instances, and the depths of the slabs."""
-        clouds, (cameras, persons) = self._clouds, batch.avatar.shape
+        clouds, (cameras, human_count) = self._clouds, batch.avatar.shape
         instances = self._instances(batch)
         R_CW, p_WC = batch.T_world_camera[:, :3, :3].mT, batch.T_world_camera[:, :3, 3]
         views = torch.cat([R_CW.reshape(cameras, 9), p_WC], dim=1).contiguous()
-        people = batch.avatar.reshape(-1)
+        humans = batch.avatar.reshape(-1)
         A_CS = _camera_transforms(clouds, batch, R_CW, p_WC)
 
         def empty(dtype: torch.dtype, *shape: int) -> Tensor:
@@ -182,17 +182,17 @@ class TritonPipeline:
                 views, clouds.centres, clouds.halves, clouds.reaches, offsets, nears, fars, boxes,
                 clouds.scene_chunks, instances, *self._lens, **sizes,
             )  # fmt: skip
-        if persons * clouds.person_chunks:
-            cull_people[(cameras * persons, _blocks(clouds.person_chunks))](
-                people, A_CS, clouds.first_chunks, clouds.chunk_counts,
+        if human_count * clouds.human_chunks:
+            cull_humans[(cameras * human_count, _blocks(clouds.human_chunks))](
+                humans, A_CS, clouds.first_chunks, clouds.chunk_counts,
                 clouds.box_joints, clouds.box_centres, clouds.box_halves, clouds.reaches[clouds.scene_chunks :],
-                nears, fars, boxes, clouds.scene_chunks, clouds.person_chunks, persons, instances, *self._lens,
+                nears, fars, boxes, clouds.scene_chunks, clouds.human_chunks, human_count, instances, *self._lens,
                 BOXES=clouds.box_count, **sizes,
             )  # fmt: skip
         return _Seen(
             instances=instances,
             views=views.float(),
-            people=people,
+            humans=humans,
             transforms=A_CS,
             offsets=offsets,
             nears=nears,
@@ -232,13 +232,13 @@ class TritonPipeline:
         self, seen: _Seen, alive: Tensor, slab: int, pair_total: Tensor, buffers: Buffers, normals: bool
     ) -> None:
         clouds = self._clouds
-        persons = max(len(seen.people) // len(seen.nears), 1)
+        human_count = max(len(seen.humans) // len(seen.nears), 1)
         project[(self._programs,)](
-            buffers.pairs, pair_total, buffers.pair_capacity, seen.people, seen.transforms, clouds.first_chunks,
+            buffers.pairs, pair_total, buffers.pair_capacity, seen.humans, seen.transforms, clouds.first_chunks,
             clouds.joints, clouds.weights, seen.views, seen.offsets, clouds.geometry, clouds.colours,
             clouds.sh, clouds.sh_rows, clouds.normals, seen.edges, self._alive_sums(alive),
             buffers.records, buffers.record_normals, buffers.rects, buffers.depths, buffers.owners,
-            slab, clouds.scene_chunks, max(clouds.person_chunks, 1), persons, seen.instances, *self._lens,
+            slab, clouds.scene_chunks, max(clouds.human_chunks, 1), human_count, seen.instances, *self._lens,
             SLABS=seen.edges.shape[1] - 1, SH_COUNT=clouds.sh_count, NORMALS=normals, **self._tiles(),
             num_warps=self._settings.project_warps, **_FUSED,
         )  # fmt: skip
@@ -305,18 +305,18 @@ class TritonPipeline:
 
 
 def _camera_transforms(clouds: DeviceClouds, batch: Batch, R_CW: Tensor, p_WC: Tensor) -> Tensor:
-    """Transforms of people's joints from canonical to camera coordinates, float32, shape (B * P, 24, 12)."""
-    cameras, persons = batch.avatar.shape
-    if persons == 0 or clouds.person_chunks == 0:
+    """Transforms of humans' joints from canonical to camera coordinates, float32, shape (B * P, 24, 12)."""
+    cameras, human_count = batch.avatar.shape
+    if human_count == 0 or clouds.human_chunks == 0:
         return torch.zeros((1, 24, 12), device=R_CW.device)
     A_WS = joint_transforms(
         clouds.skeletons,
         batch.avatar.reshape(-1).clamp(min=0).long(),
         batch.root_m.reshape(-1, 3),
         batch.pose_axis_angle.reshape(-1, 24, 3),
-    ).reshape(cameras, persons, 24, 3, 4)
+    ).reshape(cameras, human_count, 24, 3, 4)
     A_WS[..., 3] -= p_WC[:, None, None]
-    return (R_CW[:, None, None] @ A_WS).float().reshape(cameras * persons, 24, 12).contiguous()
+    return (R_CW[:, None, None] @ A_WS).float().reshape(cameras * human_count, 24, 12).contiguous()
 
 
 def _blocks(count: int) -> int:

@@ -1,6 +1,6 @@
 # mypy: disable-error-code="no-untyped-def, no-untyped-call"
 # Triton's compiler reads the annotations of a kernel: only `tl.constexpr` may stand there.
-"""The Triton kernel that projects the Gaussians of visible chunks; people are posed on the way.
+"""The Triton kernel that projects the Gaussians of visible chunks; humans are posed on the way.
 
 Legend: as in `cull`; N pairs of a camera and an instance of a chunk; slot = 256 * pair + lane of a Gaussian.
 """
@@ -28,10 +28,10 @@ _CHUNK = tl.constexpr(256)
 
 @triton.jit(do_not_specialize=["capacity", "slab", *CLOUD_SIZES])
 def project(
-    pairs, pair_total, capacity, people, transforms, first_chunks, joints, weights,
+    pairs, pair_total, capacity, humans, transforms, first_chunks, joints, weights,
     views, offsets, geometry, colours, sh, sh_rows, normals, edges, alive_sums,
     records, record_normals, rects, depths, owners,
-    slab, scene_chunks, person_chunks, person_count, instance_count, fx, fy, cx, cy, width, height,
+    slab, scene_chunks, human_chunks, human_count, instance_count, fx, fy, cx, cy, width, height,
     SLABS: tl.constexpr, SH_COUNT: tl.constexpr, NORMALS: tl.constexpr,
     TILE_W: tl.constexpr, TILE_H: tl.constexpr, COLUMNS: tl.constexpr, ROWS: tl.constexpr,
 ):  # fmt: skip
@@ -41,9 +41,9 @@ def project(
         pairs: Numbers of the instances, camera * I + instance, shape (capacity,).
         pair_total: Their number, shape (1,).
         capacity: Room for pairs.
-        people: See `cull_people`; so are the next two.
-        transforms: See `people`.
-        first_chunks: See `people`.
+        humans: See `cull_humans`; so are the next two.
+        transforms: See `humans`.
+        first_chunks: See `humans`.
         joints: Joints that move each Gaussian of the avatars, uint8, shape (C_avatars, 4, 256).
         weights: Their weights, shape (C_avatars, 4, 256).
         views: R_CW row by row and p_WC of each camera, float32, shape (B, 12).
@@ -59,11 +59,11 @@ def project(
         record_normals: Written with NORMALS: axes towards the camera, in its frame, shape (capacity * 256, 4).
         rects: Written: tiles of each Gaussian, packed as boxes are, or UNSEEN, shape (capacity * 256,).
         depths: Written: depth of each Gaussian [m], shape (capacity * 256,).
-        owners: Written: number of each pair's person, from 1; 0: the scene, shape (capacity,).
+        owners: Written: number of each pair's human, from 1; 0: the scene, shape (capacity,).
         slab: Number of the slab.
-        scene_chunks: Instances before the first person's.
-        person_chunks: Instances that each person has room for.
-        person_count: P.
+        scene_chunks: Instances before the first human's.
+        human_chunks: Instances that each human has room for.
+        human_count: P.
         instance_count: I.
         fx: Focal length [px]; then those of y, principal point, image size.
         fy: See `fx`.
@@ -89,22 +89,22 @@ def project(
         edge = edges + camera * (SLABS + 1) + slab
         first_m, limit_m = tl.load(edge), tl.load(edge + 1)
         slot = (lane + pair * _CHUNK).to(tl.int64)
-        person = (instance - scene_chunks) // person_chunks
+        human = (instance - scene_chunks) // human_chunks
         chunk = instance
         if instance < scene_chunks:
             x, y, z, R0, R1, R2, R3, R4, R5, R6, R7, R8 = _scene_means(
                 geometry + chunk.to(tl.int64) * (11 * _CHUNK) + lane, view, offsets + place.to(tl.int64) * 3
             )
         else:
-            wearer = camera * person_count + person
-            own = tl.load(first_chunks + tl.load(people + wearer)) + (instance - scene_chunks) % person_chunks
+            wearer = camera * human_count + human
+            own = tl.load(first_chunks + tl.load(humans + wearer)) + (instance - scene_chunks) % human_chunks
             chunk = scene_chunks + own
             skin = own.to(tl.int64) * (4 * _CHUNK) + lane
-            x, y, z, R0, R1, R2, R3, R4, R5, R6, R7, R8 = _person_means(
+            x, y, z, R0, R1, R2, R3, R4, R5, R6, R7, R8 = _human_means(
                 geometry + chunk.to(tl.int64) * (11 * _CHUNK) + lane,
                 transforms + wearer.to(tl.int64) * 288, joints + skin, weights + skin,
             )  # fmt: skip
-        tl.store(owners + pair, tl.where(instance < scene_chunks, 0, person + 1))
+        tl.store(owners + pair, tl.where(instance < scene_chunks, 0, human + 1))
         _splat(
             chunk, lane, slot, geometry + chunk.to(tl.int64) * (11 * _CHUNK) + lane, view, sums, first_m, limit_m,
             x, y, z, R0, R1, R2, R3, R4, R5, R6, R7, R8,
@@ -128,10 +128,10 @@ def _scene_means(g, view, offset):
 
 
 @triton.jit
-def _person_means(g, A, joints, weights):
+def _human_means(g, A, joints, weights):
     """Means of an avatar's chunk in the camera frame, and the rotations that its Gaussians have taken.
 
-    `A` points to the person's transforms, `joints` and `weights` to the chunk's Gaussians.
+    `A` points to the human's transforms, `joints` and `weights` to the chunk's Gaussians.
     """
     m0, m1, m2, m3 = _blend_row(A, joints, weights)
     m4, m5, m6, m7 = _blend_row(A + 4, joints, weights)

@@ -15,17 +15,12 @@ from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
 from readygo.common.rasterizer.interface import PosedHuman
 from readygo.common.rasterizer.packed.scene import pack_cloud
 from readygo.common.rasterizer.reference import ReferenceImages, rasterize_reference
-from tests.common.rasterizer.drawing import images_of, numbered, rgb_of
+from tests.common.rasterizer.drawing import human, images_of, numbered, rgb_of
 
 HEIGHT, WIDTH = 96, 160
 MAY_DIFFER = 0.002
 """Share of pixels where float32 and float64 may see another order of depths, or another Gaussian at half of the light
 or at alpha 1/255."""
-
-
-def person(x_m: float, y_m: float, *, avatar: int = 0, seed: int = 1) -> PosedHuman:
-    pose = 0.5 * np.random.default_rng(seed).normal(size=(24, 3))
-    return PosedHuman(avatar=str(avatar), root_m=np.array([x_m, y_m, 1.0]), pose_axis_angle=pose)
 
 
 def sky_around(make_cloud) -> GaussianCloud:
@@ -39,9 +34,9 @@ def rasterizer(clouds: Sequence[GaussianCloud], avatars: Sequence[Avatar], K: np
 
 
 def reference(
-    clouds: Sequence[GaussianCloud], avatar: Avatar, people: Sequence[PosedHuman], T: object, K: object
+    clouds: Sequence[GaussianCloud], avatar: Avatar, humans: Sequence[PosedHuman], T: object, K: object
 ) -> ReferenceImages:
-    bodies = [pose_avatar(avatar, p.root_m, p.pose_axis_angle) for p in people]
+    bodies = [pose_avatar(avatar, p.root_m, p.pose_axis_angle) for p in humans]
     instances = [np.zeros(sum(len(cloud) for cloud in clouds))]
     instances += [np.full(len(body), number + 1) for number, body in enumerate(bodies)]
     everything = concatenate([*clouds, *bodies])
@@ -50,14 +45,14 @@ def reference(
 
 @pytest.fixture(scope="module")
 def drawn(make_cloud, camera, avatar: Avatar) -> dict[str, tuple[npt.NDArray[np.generic], npt.NDArray[np.generic]]]:
-    """Images of two views of two people in a cloud before a sky with gaps, and what the reference says of them."""
+    """Images of two views of two humans in a cloud before a sky with gaps, and what the reference says of them."""
     clouds = [make_cloud(900, scale_m=0.03), sky_around(make_cloud)]
-    people = [person(-2.6, 0.4, seed=1), person(-1.8, -0.8, seed=2)]
+    humans = [human(-2.6, 0.4, seed=1), human(-1.8, -0.8, seed=2)]
     pairs = []
     for x, y, yaw in ((-4.0, 0.0, 0.0), (-4.2, 1.5, -0.6)):
         T, K = camera(x, y, yaw, WIDTH, HEIGHT)
-        images = images_of(rasterizer(clouds, [avatar], K), T, people, OUTPUTS)
-        pairs.append((images, reference(clouds, avatar, people, T, K)))
+        images = images_of(rasterizer(clouds, [avatar], K), T, humans, OUTPUTS)
+        pairs.append((images, reference(clouds, avatar, humans, T, K)))
     names = ("alpha", "depth_m", "median_depth_m", "mask", "normal")
     return {name: tuple(np.stack([getattr(view[k], name) for view in pairs]) for k in (0, 1)) for name in names}
 
@@ -103,11 +98,11 @@ def test_whatever_is_asked_for_nothing_else_is_made_and_colours_stay_the_same(
     make_cloud, camera, avatar: Avatar, outputs: tuple[str, ...]
 ) -> None:
     T, K = camera(-4.0, 0.0, 0.0, WIDTH, HEIGHT)
-    people = [person(-2.6, 0.4)]
+    humans = [human(-2.6, 0.4)]
     draws = rasterizer([make_cloud(2000)], [avatar], K)
-    everything = images_of(draws, T, people, OUTPUTS)
-    images = images_of(draws, T, people, outputs)
-    assert np.array_equal(images.rgb, rgb_of(draws, T, people))
+    everything = images_of(draws, T, humans, OUTPUTS)
+    images = images_of(draws, T, humans, outputs)
+    assert np.array_equal(images.rgb, rgb_of(draws, T, humans))
     for name in OUTPUTS:
         field = name if name in ("rgb", "alpha", "mask", "normal") else f"{name}_m"
         if name in (*outputs, "rgb"):
@@ -119,12 +114,12 @@ def test_whatever_is_asked_for_nothing_else_is_made_and_colours_stay_the_same(
 def test_images_do_not_depend_on_what_was_drawn_before(make_cloud, camera, avatar: Avatar) -> None:
     K = camera(0.0, 0.0, 0.0, WIDTH, HEIGHT)[1]
     views = [camera(-4.0 + k, 0.3 * k, 0.2 * k, WIDTH, HEIGHT)[0] for k in range(3)]
-    people = [[person(-1.0, 0.0, avatar=k % 2, seed=k)] * k for k in range(3)]
+    humans = [[human(-1.0, 0.0, avatar=k % 2, seed=k)] * k for k in range(3)]
     clouds, avatars = [make_cloud(2500), make_cloud(300, seed=1)], [avatar, avatar]
     used = rasterizer(clouds, avatars, K)
     for k in (2, 0, 1, 2):
-        fresh = images_of(rasterizer(clouds, avatars, K), views[k], people[k], OUTPUTS)
-        again = images_of(used, views[k], people[k], OUTPUTS)
+        fresh = images_of(rasterizer(clouds, avatars, K), views[k], humans[k], OUTPUTS)
+        again = images_of(used, views[k], humans[k], OUTPUTS)
         for field in dataclasses.fields(Images):
             assert np.array_equal(getattr(again, field.name), getattr(fresh, field.name))
 
@@ -134,11 +129,11 @@ def test_one_slab_shows_what_several_show(make_cloud, camera, avatar: Avatar, mo
     behind = make_cloud(16000, low=(2.0, -8.0, -1.0), high=(9.0, 8.0, 4.0))
     T, K = camera(-1.0, 0.0, 0.0, WIDTH, HEIGHT)
     draws = rasterizer([concatenate([wall, behind]), sky_around(make_cloud)], [avatar], K)
-    people = [person(0.2, 0.2), person(0.6, -0.6, seed=2)]
-    several = images_of(draws, T, people, OUTPUTS)
+    humans = [human(0.2, 0.2), human(0.6, -0.6, seed=2)]
+    several = images_of(draws, T, humans, OUTPUTS)
     records = int(draws._ws.counts[0])
     monkeypatch.setattr(cpu_slabs, "SLAB_SHARES", ())
-    one = images_of(draws, T, people, OUTPUTS)
+    one = images_of(draws, T, humans, OUTPUTS)
     assert records < 0.9 * draws._ws.counts[0]
     assert set(np.unique(one.mask)) == {0, 1, 2}
     assert np.array_equal(several.mask, one.mask)
@@ -149,13 +144,13 @@ def test_one_slab_shows_what_several_show(make_cloud, camera, avatar: Avatar, mo
     assert np.abs(several.normal - one.normal).max() < 1e-3
 
 
-def test_mask_shows_a_person_before_a_wall_and_not_behind_it(make_cloud, camera, avatar: Avatar) -> None:
+def test_mask_shows_a_human_before_a_wall_and_not_behind_it(make_cloud, camera, avatar: Avatar) -> None:
     wall = make_cloud(9000, low=(1.0, -5.0, -2.0), high=(1.3, 5.0, 5.0), scale_m=0.12)
     T, K = camera(-2.0, 0.0, 0.0, WIDTH, HEIGHT)
     draws = rasterizer([wall], [avatar], K)
-    before = images_of(draws, T, [person(0.0, 0.0)], ("mask", "median_depth"))
-    behind = images_of(draws, T, [person(3.0, 0.0)], ("mask",))
-    half = images_of(draws, T, [person(3.0, 0.0), person(0.0, 0.0)], ("mask",))
+    before = images_of(draws, T, [human(0.0, 0.0)], ("mask", "median_depth"))
+    behind = images_of(draws, T, [human(3.0, 0.0)], ("mask",))
+    half = images_of(draws, T, [human(3.0, 0.0), human(0.0, 0.0)], ("mask",))
     assert (before.mask == 1).sum() > 300
     assert np.median(before.median_depth_m[before.mask == 1]) < 2.4
     assert before.median_depth_m[before.mask == 0].min() > 2.4
@@ -163,11 +158,11 @@ def test_mask_shows_a_person_before_a_wall_and_not_behind_it(make_cloud, camera,
     assert np.array_equal(half.mask, 2 * before.mask)
 
 
-def test_mask_numbers_people_in_the_order_in_which_they_are_asked_for(make_cloud, camera, avatar: Avatar) -> None:
+def test_mask_numbers_humans_in_the_order_in_which_they_are_asked_for(make_cloud, camera, avatar: Avatar) -> None:
     T, K = camera(-4.0, 0.0, 0.0, WIDTH, HEIGHT)
     draws = rasterizer([make_cloud(300), make_cloud(90, seed=1)], [avatar, avatar], K)
-    one, two = person(-2.6, 0.4, seed=1), person(-2.2, -0.8, seed=2, avatar=1)
-    hidden = person(-9.0, 0.0)
+    one, two = human(-2.6, 0.4, seed=1), human(-2.2, -0.8, seed=2, avatar=1)
+    hidden = human(-9.0, 0.0)
     mask = images_of(draws, T, [one, two], ("mask",)).mask
     assert np.bincount(mask.ravel(), minlength=3).min() > 100
     assert np.array_equal(images_of(draws, T, [two, one], ("mask",)).mask, np.array([0, 2, 1])[mask])
@@ -225,8 +220,8 @@ def test_normals_of_a_scene_that_was_packed_without_are_refused(make_cloud, came
         images_of(draws, T, (), ("normal",))
 
 
-def test_more_people_than_a_mask_can_number_are_refused(make_cloud, camera, avatar: Avatar) -> None:
+def test_more_humans_than_a_mask_can_number_are_refused(make_cloud, camera, avatar: Avatar) -> None:
     T, K = camera(0.0, 0.0, 0.0, WIDTH, HEIGHT)
     draws = rasterizer([make_cloud(10)], [avatar], K)
     with pytest.raises(ValueError, match="255 humans"):
-        images_of(draws, T, [person(9.0, 0.0)] * 256, ("mask",))
+        images_of(draws, T, [human(9.0, 0.0)] * 256, ("mask",))

@@ -19,7 +19,7 @@ from readygo.common.rasterizer.gpu.device_clouds import upload
 from readygo.common.rasterizer.gpu.triton import pipeline as triton_pipeline
 from readygo.common.rasterizer.gpu.triton.settings import TritonSettings
 
-KERNELS = ("cull_scene", "cull_people", "select_chunks", "list_pairs", "project", "bin_entries", "sort_lists", "blend")
+KERNELS = ("cull_scene", "cull_humans", "select_chunks", "list_pairs", "project", "bin_entries", "sort_lists", "blend")
 OPTIONS = ("num_warps", "enable_fp_fusion")
 TYPES = {
     torch.float16: "*fp16",

@@ -29,8 +29,8 @@ def small_avatar(avatar: Avatar) -> Avatar:
 
 
 @pytest.fixture(scope="session")
-def person() -> Callable[..., PosedHuman]:
-    """Makes a person in a random pose at a place."""
+def human() -> Callable[..., PosedHuman]:
+    """Makes a human in a random pose at a place."""
 
     def make(x_m: float, y_m: float, *, avatar: int = 0, seed: int = 1) -> PosedHuman:
         pose = 0.5 * np.random.default_rng(seed).normal(size=(24, 3))
@@ -41,10 +41,10 @@ def person() -> Callable[..., PosedHuman]:
 
 @pytest.fixture(scope="session")
 def posed() -> Callable[..., GaussianCloud]:
-    """The scene and its people as one cloud."""
+    """The scene and its humans as one cloud."""
 
-    def make(cloud: GaussianCloud, avatars: Sequence[Avatar], people: Sequence[PosedHuman]) -> GaussianCloud:
-        bodies = [pose_avatar(avatars[int(p.avatar)], p.root_m, p.pose_axis_angle) for p in people]
+    def make(cloud: GaussianCloud, avatars: Sequence[Avatar], humans: Sequence[PosedHuman]) -> GaussianCloud:
+        bodies = [pose_avatar(avatars[int(p.avatar)], p.root_m, p.pose_axis_angle) for p in humans]
         return concatenate([cloud, *bodies]) if bodies else cloud
 
     return make

@@ -9,8 +9,8 @@ from tests.common.rasterizer.drawing import batch_of
 POSES = np.tile(np.eye(4), (2, 1, 1))
 
 
-def test_cameras_may_see_different_numbers_of_humans(person) -> None:
-    views = batch_of(POSES, [[], [person(1.0, 2.0), person(3.0, 4.0, avatar=1)]])
+def test_cameras_may_see_different_numbers_of_humans(human) -> None:
+    views = batch_of(POSES, [[], [human(1.0, 2.0), human(3.0, 4.0, avatar=1)]])
     batch = make_batch(views, {"0": 0, "1": 1}, "cpu")
     assert batch.avatar.tolist() == [[-1, -1], [0, 1]]
     assert batch.root_m[1, 1].tolist() == [3.0, 4.0, 1.0]

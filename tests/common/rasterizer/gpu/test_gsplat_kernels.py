@@ -36,12 +36,12 @@ def with_opacity(cloud: GaussianCloud, opacity: float) -> GaussianCloud:
     )
 
 
-def test_scene_and_people_reach_gsplat_in_its_conventions(make_cloud, camera, avatar, person, posed, drawn) -> None:
+def test_scene_and_humans_reach_gsplat_in_its_conventions(make_cloud, camera, avatar, human, posed, drawn) -> None:
     cloud, sky = make_cloud(300, coefficients=4), make_cloud(50, seed=3)
-    people = [person(-2.6, 0.4), person(-2.0, -0.5, seed=2)]
+    humans = [human(-2.6, 0.4), human(-2.0, -0.5, seed=2)]
     T, K = camera(-4.0, 0.2, 0.1, 48, 32)
-    image = float_rgb_of(gsplat([cloud, sky], [avatar], K), T, people)
-    both = posed(cloud, [avatar], people)
+    image = float_rgb_of(gsplat([cloud, sky], [avatar], K), T, humans)
+    both = posed(cloud, [avatar], humans)
     wide = np.zeros((len(sky), 4, 3), dtype=np.float32)
     wide[:, :1] = sky.sh
     assert drawn.calls[0]["sh_degree"] == 1
@@ -68,7 +68,7 @@ def test_rules_of_the_rasterizer_are_asked_for(make_cloud, camera, drawn) -> Non
     assert call["opacities"].max() == np.float32(0.99)
 
 
-def test_scene_far_from_the_origin_is_as_sharp(make_cloud, camera, avatar, person, drawn) -> None:
+def test_scene_far_from_the_origin_is_as_sharp(make_cloud, camera, avatar, human, drawn) -> None:
     shift = (9000.0, -14000.0, 0.0)
     cloud = with_opacity(make_cloud(300), 0.8)
     far = transform_cloud(cloud, np.eye(3), shift)
@@ -82,19 +82,19 @@ def test_scene_far_from_the_origin_is_as_sharp(make_cloud, camera, avatar, perso
     T, K = camera(-4.0, 0.0, 0.0, 48, 32)
     T_far = T.copy()
     T_far[:3, 3] += shift
-    image = float_rgb_of(gsplat(far, [avatar], K), T_far, [person(-2.0 + shift[0], shift[1])])
-    assert np.abs(image - float_rgb_of(gsplat(near, [avatar], K), T, [person(-2.0, 0.0)])).max() < 1e-3
+    image = float_rgb_of(gsplat(far, [avatar], K), T_far, [human(-2.0 + shift[0], shift[1])])
+    assert np.abs(image - float_rgb_of(gsplat(near, [avatar], K), T, [human(-2.0, 0.0)])).max() < 1e-3
 
 
-def test_cameras_that_see_the_same_people_share_a_call(make_cloud, camera, avatar, person, drawn) -> None:
+def test_cameras_that_see_the_same_humans_share_a_call(make_cloud, camera, avatar, human, drawn) -> None:
     poses = np.stack([camera(-4.0, 0.3 * k, 0.0, 48, 32)[0] for k in range(4)])
     K = camera(0, 0, 0, 48, 32)[1]
-    one, other = [person(-2.0, 0.0)], [person(-2.0, 0.5)]
+    one, other = [human(-2.0, 0.0)], [human(-2.0, 0.5)]
     kernels = gsplat(make_cloud(60), [avatar], K)
     images = kernels.render(batch_of(poses, [one, one, other, []])).rgb
     assert [len(call["viewmats"]) for call in drawn.calls] == [2, 1, 1]
-    for k, people in enumerate((one, one, other, [])):
-        assert np.array_equal(images[k], rgb_of(kernels, poses[k], people))
+    for k, humans in enumerate((one, one, other, [])):
+        assert np.array_equal(images[k], rgb_of(kernels, poses[k], humans))
 
 
 def test_depth_alpha_and_normals_are_made(make_cloud, camera, drawn) -> None:

@@ -12,10 +12,10 @@ from tests.common.rasterizer.lod.lod_scenes import room
 if __name__ == "__main__":
     digest = hashlib.sha256()
     trees = [build_tree(pack_cloud(room(20000), normals=True)), build_tree(pack_cloud(cloud(3000, 16, 5.0)))]
-    people = build_avatar_tree(pack_avatar(avatar()))
-    for tree in (*trees, people):
-        scene = people.avatar.scene if tree is people else tree.scene
+    humans = build_avatar_tree(pack_avatar(avatar()))
+    for tree in (*trees, humans):
+        scene = humans.avatar.scene if tree is humans else tree.scene
         for array in (tree.skip, tree.pixel_m, scene.centre_m, scene.reach_m, scene.geometry, scene.colour, scene.sh):
             digest.update(array.tobytes())
-    digest.update(people.avatar.weight.tobytes())
+    digest.update(humans.avatar.weight.tobytes())
     print(digest.hexdigest())  # noqa: T201

@@ -68,7 +68,7 @@ def test_coarseness_0_draws_the_bytes_of_the_exact_image(wall, somebody, packed,
 
 
 @pytest.mark.parametrize(("distance_m", "share"), [(1.5, 0.6), (4.0, 0.25), (7.0, 0.2)])
-def test_far_people_have_fewer_gaussians_and_look_alike(
+def test_far_humans_have_fewer_gaussians_and_look_alike(
     wall, somebody, packed, tree, distance_m: float, share: float
 ) -> None:
     exact, coarse = rasterizer(wall, somebody, packed), rasterizer(wall, somebody, tree)

@@ -66,8 +66,8 @@ def graphed(triton_device: str, monkeypatch: pytest.MonkeyPatch):
 def batch(*x_m: float):
     poses = np.tile(np.eye(4), (len(x_m), 1, 1))
     poses[:, 0, 3] = x_m
-    person = PosedHuman(avatar="0", root_m=np.zeros(3), pose_axis_angle=np.zeros((24, 3)))
-    return make_batch(batch_of(poses, [[person]] * len(x_m)), {"0": 0}, "cpu")
+    human = PosedHuman(avatar="0", root_m=np.zeros(3), pose_axis_angle=np.zeros((24, 3)))
+    return make_batch(batch_of(poses, [[human]] * len(x_m)), {"0": 0}, "cpu")
 
 
 def test_one_capture_serves_all_batches_of_a_shape(graphed) -> None:

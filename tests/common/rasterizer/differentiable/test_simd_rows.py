@@ -1,0 +1,85 @@
+import numpy as np
+import pytest
+from numba import njit
+
+from readygo.common.rasterizer.differentiable import simd_rows as rows
+from readygo.common.simd.memory import load_f16, store_f16
+
+NUMBERS = np.arange(1.0, 257.0, dtype=np.float32)
+
+
+@njit
+def _columns(source, three, four, back):
+    a, b, c, d = load_f16(source, 0), load_f16(source, 16), load_f16(source, 32), load_f16(source, 48)
+    x = rows.columns_of_three(a, b, c)
+    y = rows.columns_of_four(a, b, c, d)
+    u = rows.rows_of_three(x[0], x[1], x[2])
+    v = rows.rows_of_four(y[0], y[1], y[2], y[3])
+    for k in range(3):
+        store_f16(three, 16 * k, x[k])
+        store_f16(back, 16 * k, u[k])
+    for k in range(4):
+        store_f16(four, 16 * k, y[k])
+        store_f16(back, 48 + 16 * k, v[k])
+
+
+def test_rows_become_columns_and_back() -> None:
+    three, four, back = np.empty(48, np.float32), np.empty(64, np.float32), np.empty(112, np.float32)
+    _columns(NUMBERS, three, four, back)
+    assert np.array_equal(three.reshape(3, 16), NUMBERS[:48].reshape(16, 3).T)
+    assert np.array_equal(four.reshape(4, 16), NUMBERS[:64].reshape(16, 4).T)
+    assert np.array_equal(back, np.concatenate([NUMBERS[:48], NUMBERS[:64]]))
+
+
+@njit
+def _first(source, count, out):
+    rows.store_first(out, 2, count, rows.load_first(source, 3, count))
+    store_f16(out, 20, rows.load_first(source, 3, count))
+
+
+@pytest.mark.parametrize("count", [-3, 0, 1, 15, 16, 40])
+def test_lanes_beyond_the_count_are_neither_read_nor_written(count: int) -> None:
+    out = np.full(36, -1.0, np.float32)
+    _first(NUMBERS, count, out)
+    used = min(max(count, 0), 16)
+    assert np.array_equal(out[2 : 2 + used], NUMBERS[3 : 3 + used])
+    assert (out[:2] == -1.0).all()
+    assert (out[2 + used : 20] == -1.0).all()
+    assert np.array_equal(out[20:], np.where(np.arange(16) < count, NUMBERS[3:19], 0.0))
+
+
+@njit
+def _block(image, index, stride, out):
+    value = rows.load_block(image, index, stride)
+    store_f16(out, 0, value)
+    rows.store_block(image, 0, stride, value)
+
+
+def test_blocks_are_four_pixels_of_four_rows() -> None:
+    image, out = NUMBERS.copy(), np.empty(16, np.float32)
+    _block(image, 32 + 5, 16, out)
+    assert np.array_equal(out.reshape(4, 4), NUMBERS.reshape(16, 16)[2:6, 5:9])
+    expected = NUMBERS.reshape(16, 16).copy()
+    expected[:4, :4] = out.reshape(4, 4)
+    assert np.array_equal(image.reshape(16, 16), expected)
+
+
+@njit
+def _sums(source, out):
+    v = (
+        load_f16(source, 0), load_f16(source, 16), load_f16(source, 32), load_f16(source, 48), load_f16(source, 64),
+        load_f16(source, 80), load_f16(source, 96), load_f16(source, 112), load_f16(source, 128),
+        load_f16(source, 144), load_f16(source, 160),
+    )  # fmt: skip
+    more = load_f16(source, 176), load_f16(source, 192), load_f16(source, 208), load_f16(source, 224)
+    store_f16(out, 0, rows.lane_sums_of_eleven(v))
+    store_f16(out, 16, rows.lane_sums_of_fifteen(v, more))
+    store_f16(out, 32, rows.lane_sums_at(source, 0))
+
+
+def test_each_lane_is_the_sum_of_one_vector() -> None:
+    out, sums = np.empty(48, np.float32), NUMBERS.reshape(16, 16).sum(axis=1)
+    _sums(NUMBERS, out)
+    assert np.array_equal(out[:16], np.where(np.arange(16) < 11, sums, 0.0))
+    assert np.array_equal(out[16:32], np.where(np.arange(16) < 15, sums, 0.0))
+    assert np.array_equal(out[32:], sums)

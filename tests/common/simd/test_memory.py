@@ -1,0 +1,41 @@
+import numpy as np
+import pytest
+from numba import njit
+
+from readygo.common.simd import memory
+from readygo.common.simd import types as simd
+
+
+@njit
+def _move(matrix, integers, words, out):
+    memory.transpose_in_place(matrix, 3)
+    lanes = memory.load_i16(integers, 0)
+    memory.store_i16(out, 0, simd.integer_where(lanes > 7, lanes << 2, lanes * 3 - 1))
+    memory.store_i16(out, 16, simd.integer_minimum(lanes, 9) | (simd.lane_number() & 1))
+    memory.poke(out, 32, memory.peek(words, 3) + memory.peek(integers, 5))
+    return memory.touching(words, 1, 1 << 15), simd.lowest_bit(40)
+
+
+def test_shuffles_and_integer_lanes() -> None:
+    matrix = np.arange(260, dtype=np.float32)
+    integers = np.arange(16, dtype=np.int32)
+    words = (np.arange(65) * 1009).astype(np.uint16)
+    out = np.zeros(33, dtype=np.int32)
+    touched, lowest = _move(matrix, integers, words, out)
+    assert np.array_equal(matrix[3:259].reshape(16, 16), np.arange(3, 259, dtype=np.float32).reshape(16, 16).T)
+    assert np.array_equal(out[:16], np.where(integers > 7, integers * 4, integers * 3 - 1))
+    assert np.array_equal(out[16:32], np.minimum(integers, 9) | (integers & 1))
+    assert out[32] == 3 * 1009 + 5
+    assert touched % 2**64 == sum(1 << k for k in range(64) if words[1 + k] & 0x8000)
+    assert lowest == 3
+
+
+@pytest.mark.parametrize("value", [-32767, -1, 0, 12345])
+def test_shorts_are_loaded_with_their_sign(value: int) -> None:
+    @njit
+    def load(source, out):
+        memory.store_f16(out, 0, memory.load_short(source, 0))
+
+    out = np.zeros(16, dtype=np.float32)
+    load(np.full(16, value, dtype=np.int16), out)
+    assert (out == value).all()
