@@ -89,7 +89,7 @@ def test_wrong_shapes_are_refused(avatar: Avatar) -> None:
         joint_transforms(avatar, np.zeros(3), np.zeros((22, 3)))
 
 
-def test_rigid_turn_of_a_person_turns_every_gaussian(avatar: Avatar) -> None:
+def test_rigid_turn_of_a_human_turns_every_gaussian(avatar: Avatar) -> None:
     pose = np.zeros((24, 3))
     before = pose_avatar(avatar, np.zeros(3), pose)
     pose[0] = (0.0, np.pi / 2, 0.0)

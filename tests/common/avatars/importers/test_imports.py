@@ -8,10 +8,10 @@ import pytest
 
 from readygo.common.avatars import load_avatar, load_avatars, save_avatar
 from readygo.common.avatars.file import EMBEDDED_FOLDER
-from readygo.common.avatars.importers import FileKind, ImportOptions, import_person, kind_of
+from readygo.common.avatars.importers import FileKind, ImportOptions, import_human, kind_of
 from readygo.common.errors import AvatarError, SceneError
 from readygo.common.gaussians import save_ply
-from tests.common.avatars.importers.people import write_glb, write_smpl_npz, write_smpl_pickle
+from tests.common.avatars.importers.humans import write_glb, write_smpl_npz, write_smpl_pickle
 
 
 @pytest.fixture(scope="module")
@@ -19,7 +19,7 @@ def bound(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """An embedded avatar as .ply and weights."""
     folder = tmp_path_factory.mktemp("bound")
     avatar = next(iter(load_avatars().values()))
-    save_ply(avatar.cloud, folder / "person.ply")
+    save_ply(avatar.cloud, folder / "human.ply")
     np.savez(
         folder / "weights.npz",
         lbs_index=avatar.lbs_index,
@@ -28,7 +28,7 @@ def bound(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
         joints_tpose=avatar.joints_tpose_m,
         R_canonical_to_tpose=avatar.R_tpose_canonical,
     )
-    return folder / "person.ply", folder / "weights.npz"
+    return folder / "human.ply", folder / "weights.npz"
 
 
 def test_kinds_are_told_apart_by_content_and_not_by_name(tmp_path: Path, bound: tuple[Path, Path]) -> None:
@@ -60,19 +60,19 @@ def test_avatar_files_need_no_import() -> None:
 def test_bound_gaussians_come_back_as_the_avatar_they_were(bound: tuple[Path, Path]) -> None:
     source = next(iter(load_avatars().values()))
     options = ImportOptions(license="test", weights=bound[1], height_m=source.height_m)
-    avatar, report = import_person(bound[0], options)
+    avatar, report = import_human(bound[0], options)
     assert report.kind == "3DGS .ply with weights"
     # Heights are measured between percentiles of Gaussians, so sizes may differ by a few millimetres.
     np.testing.assert_allclose(avatar.cloud.means_m, source.cloud.means_m, atol=0.02)
     np.testing.assert_allclose(avatar.joints_tpose_m, source.joints_tpose_m, atol=0.02)
     dense = [np.zeros((len(source.cloud), 24)) for _ in range(2)]
-    for array, person in zip(dense, (avatar, source), strict=True):
-        np.add.at(array, (np.arange(len(array))[:, None], person.lbs_index), person.lbs_weight)
+    for array, human in zip(dense, (avatar, source), strict=True):
+        np.add.at(array, (np.arange(len(array))[:, None], human.lbs_index), human.lbs_weight)
     np.testing.assert_allclose(dense[0], dense[1], atol=1e-6)
 
 
 def test_result_can_be_saved_and_loaded(bound: tuple[Path, Path], tmp_path: Path) -> None:
-    avatar, _ = import_person(bound[0], ImportOptions(license="CC0-1.0", name="ann", weights=bound[1]))
+    avatar, _ = import_human(bound[0], ImportOptions(license="CC0-1.0", name="ann", weights=bound[1]))
     save_avatar(avatar, tmp_path / "ann.npz")
     loaded = load_avatar(tmp_path / "ann.npz")
     assert (loaded.name, loaded.license) == ("ann", "CC0-1.0")
@@ -106,24 +106,24 @@ def test_weights_that_do_not_fit_are_refused(
             entries[key] = value
     np.savez(tmp_path / "w.npz", **entries)
     with pytest.raises(AvatarError, match=message):
-        import_person(bound[0], ImportOptions(license="test", weights=tmp_path / "w.npz"))
+        import_human(bound[0], ImportOptions(license="test", weights=tmp_path / "w.npz"))
 
 
-def test_upside_down_people_are_refused(bound: tuple[Path, Path], tmp_path: Path) -> None:
+def test_upside_down_humans_are_refused(bound: tuple[Path, Path], tmp_path: Path) -> None:
     with np.load(bound[1]) as archive:
         entries = dict(archive)
     entries["joints_canonical"] = entries["joints_canonical"] * [1, -1, -1]
     np.savez(tmp_path / "w.npz", **entries)
     with pytest.raises(AvatarError, match="y must point up"):
-        import_person(bound[0], ImportOptions(license="test", weights=tmp_path / "w.npz"))
+        import_human(bound[0], ImportOptions(license="test", weights=tmp_path / "w.npz"))
 
 
 def test_gaussians_without_weights_and_plain_point_clouds_are_refused(bound: tuple[Path, Path], tmp_path: Path) -> None:
     with pytest.raises(AvatarError, match="--weights"):
-        import_person(bound[0], ImportOptions(license="test"))
+        import_human(bound[0], ImportOptions(license="test"))
     (tmp_path / "x.ply").write_bytes(b"ply\nformat ascii 1.0\nend_header\n")
     with pytest.raises(SceneError):
-        import_person(tmp_path / "x.ply", ImportOptions(license="test", weights=bound[1]))
+        import_human(tmp_path / "x.ply", ImportOptions(license="test", weights=bound[1]))
 
 
 def test_options_are_checked() -> None:
@@ -139,6 +139,6 @@ def test_importers_load_no_heavy_libraries() -> None:
     import subprocess
     import sys
 
-    code = "import common.avatars.importers, sys; print([m for m in ('torch', 'cv2', 'zenoh') if m in sys.modules])"
+    code = "import readygo.common.avatars.importers, sys; print([m for m in ('torch', 'cv2', 'zenoh') if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

@@ -1,4 +1,4 @@
-"""SMPL model files are read without running anything, and become people in plain clothes."""
+"""SMPL model files are read without running anything, and become humans in plain clothes."""
 
 import pickle
 from pathlib import Path
@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from readygo.common.avatars.importers import ImportOptions, import_person, load_smpl_model
+from readygo.common.avatars.importers import ImportOptions, import_human, load_smpl_model
 from readygo.common.avatars.importers.joints import JOINT
 from readygo.common.avatars.importers.pickles import load_pickle
 from readygo.common.errors import AvatarError
-from tests.common.avatars.importers.people import (
+from tests.common.avatars.importers.humans import (
     HEIGHT_M,
     smpl_entries,
     tpose_joints_m,
@@ -109,9 +109,9 @@ def test_wrong_entries_are_refused(tmp_path: Path, key: str, value: Any, message
         load_smpl_model(path)
 
 
-def test_model_becomes_a_person_in_plain_clothes(tmp_path: Path) -> None:
+def test_model_becomes_a_human_in_plain_clothes(tmp_path: Path) -> None:
     path = write_smpl_pickle(tmp_path / "SMPL_NEUTRAL.pkl")
-    avatar, report = import_person(path, ImportOptions(license="own", gaussians=3000))
+    avatar, report = import_human(path, ImportOptions(license="own", gaussians=3000))
     assert (report.kind, report.name) == ("SMPL model", "SMPL_NEUTRAL")
     assert avatar.height_m == pytest.approx(HEIGHT_M, abs=0.01)
     np.testing.assert_allclose(avatar.joints_tpose_m, tpose_joints_m(), atol=0.005)

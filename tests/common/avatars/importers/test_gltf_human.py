@@ -1,4 +1,4 @@
-"""Skinned glTF people: joints, skin and colours end where they belong, whatever the file's names, axes and unit."""
+"""Skinned glTF humans: joints, skin and colours end where they belong, whatever the file's names, axes and unit."""
 
 import json
 import math
@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from readygo.common.avatars import SMPL_PARENTS, Avatar, joint_positions, pose_avatar
-from readygo.common.avatars.importers import ImportOptions, import_person
+from readygo.common.avatars.importers import ImportOptions, import_human
 from readygo.common.avatars.importers.joints import JOINT, JOINT_NAMES
 from readygo.common.errors import AvatarError
 from readygo.common.frames import matrix_from_axis_angle, zup_from_yup
 from readygo.common.gaussians.spherical_harmonics import SH_C0
 from readygo.common.messages import Motion
-from tests.common.avatars.importers.people import HEIGHT_M, MIXAMO, tpose_joints_m, write_glb
+from tests.common.avatars.importers.humans import HEIGHT_M, MIXAMO, tpose_joints_m, write_glb
 
 OPTIONS = ImportOptions(license="test", gaussians=4000)
 VRM = {
@@ -59,8 +59,8 @@ SMPL = {joint: f"m_avg_{joint.replace('left_', 'L_').replace('right_', 'R_').tit
 
 
 @pytest.fixture(scope="module")
-def tpose_person(tmp_path_factory: pytest.TempPathFactory) -> Avatar:
-    return import_person(write_glb(tmp_path_factory.mktemp("glb") / "person.glb"), OPTIONS)[0]
+def tpose_human(tmp_path_factory: pytest.TempPathFactory) -> Avatar:
+    return import_human(write_glb(tmp_path_factory.mktemp("glb") / "human.glb"), OPTIONS)[0]
 
 
 def _zup(points: Any) -> Any:
@@ -71,7 +71,7 @@ def _zup(points: Any) -> Any:
     ("names", "prefix"), [(MIXAMO, "mixamorig:"), (MIXAMO, ""), (VRM, ""), (RIGIFY, ""), (UNREAL, ""), (SMPL, "")]
 )
 def test_all_joints_are_found_by_the_names_of_common_rigs(tmp_path: Path, names: dict[str, str], prefix: str) -> None:
-    avatar, report = import_person(write_glb(tmp_path / "p.glb", names=names, prefix=prefix), OPTIONS)
+    avatar, report = import_human(write_glb(tmp_path / "p.glb", names=names, prefix=prefix), OPTIONS)
     assert report.skeleton is not None
     assert report.skeleton.source == "names"
     assert report.skeleton.bone_of_joint == {joint: prefix + names[joint] for joint in JOINT_NAMES}
@@ -89,7 +89,7 @@ def test_humanoid_extension_decides_where_names_say_nothing(tmp_path: Path) -> N
         human = {bone: {"node": JOINT[joint] + 1} for bone, joint in bones.items()}
         document["extensions"] = {"VRMC_vrm": {"humanoid": {"humanBones": human}}}
 
-    avatar, report = import_person(write_glb(tmp_path / "p.glb", names=names, prefix="", edit=edit), OPTIONS)
+    avatar, report = import_human(write_glb(tmp_path / "p.glb", names=names, prefix="", edit=edit), OPTIONS)
     assert report.skeleton is not None
     assert report.skeleton.source == "humanoid extension"
     assert report.skeleton.bone_of_joint["spine2"] == "bone_06"
@@ -102,7 +102,7 @@ def test_geometry_finds_joints_of_nameless_bones(tmp_path: Path, turned: bool) -
     names = {joint: f"bone_{number:02d}" for number, joint in enumerate(JOINT_NAMES)}
     M = np.diag([-1.0, 1.0, -1.0, 1.0]) if turned else None
     path = write_glb(tmp_path / "p.glb", names=names, prefix="", M_world_bind=M, lowered_rad=0.5)
-    avatar, report = import_person(path, OPTIONS)
+    avatar, report = import_human(path, OPTIONS)
     assert report.skeleton is not None
     assert report.skeleton.source == "geometry"
     limbs = [
@@ -113,36 +113,36 @@ def test_geometry_finds_joints_of_nameless_bones(tmp_path: Path, turned: bool) -
     assert avatar.joints_canonical_m[JOINT["left_hip"], 0] > 0.05
 
 
-def test_axes_and_unit_of_the_bind_pose_do_not_matter(tmp_path: Path, tpose_person: Avatar) -> None:
+def test_axes_and_unit_of_the_bind_pose_do_not_matter(tmp_path: Path, tpose_human: Avatar) -> None:
     M = np.eye(4)
     M[:3, :3] = 0.01 * np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
     M[:3, 3] = (0.0, 0.2, 0.0)
-    avatar, report = import_person(write_glb(tmp_path / "cm_zup.glb", M_world_bind=M), OPTIONS)
+    avatar, report = import_human(write_glb(tmp_path / "cm_zup.glb", M_world_bind=M), OPTIONS)
     assert avatar.height_m == pytest.approx(HEIGHT_M, abs=0.01)
-    np.testing.assert_allclose(avatar.joints_canonical_m, tpose_person.joints_canonical_m, atol=0.005)
+    np.testing.assert_allclose(avatar.joints_canonical_m, tpose_human.joints_canonical_m, atol=0.005)
     assert any("0.01" in note for note in report.notes)
 
 
-def test_bind_pose_counts_and_not_the_pose_that_nodes_rest_in(tmp_path: Path, tpose_person: Avatar) -> None:
-    avatar, _ = import_person(write_glb(tmp_path / "posed.glb", posed=True), OPTIONS)
-    np.testing.assert_allclose(avatar.joints_canonical_m, tpose_person.joints_canonical_m, atol=1e-5)
+def test_bind_pose_counts_and_not_the_pose_that_nodes_rest_in(tmp_path: Path, tpose_human: Avatar) -> None:
+    avatar, _ = import_human(write_glb(tmp_path / "posed.glb", posed=True), OPTIONS)
+    np.testing.assert_allclose(avatar.joints_canonical_m, tpose_human.joints_canonical_m, atol=1e-5)
 
 
-def test_tpose_of_a_tpose_figure_is_the_figure(tpose_person: Avatar) -> None:
-    root = _zup(tpose_person.joints_tpose_m[0])
+def test_tpose_of_a_tpose_figure_is_the_figure(tpose_human: Avatar) -> None:
+    root = _zup(tpose_human.joints_tpose_m[0])
     pose = np.zeros((24, 3))
-    posed = pose_avatar(tpose_person, root, pose).means_m
+    posed = pose_avatar(tpose_human, root, pose).means_m
     # The file's arms and legs are straight, SMPL's are bent by a few degrees.
-    moved = np.linalg.norm(posed - _zup(tpose_person.cloud.means_m), axis=1)
+    moved = np.linalg.norm(posed - _zup(tpose_human.cloud.means_m), axis=1)
     assert moved.max() < 0.12
-    trunk = tpose_person.lbs_index[:, 0] == JOINT["spine3"]
+    trunk = tpose_human.lbs_index[:, 0] == JOINT["spine3"]
     assert moved[trunk].max() < 0.012
     assert posed[:, 2].min() == pytest.approx(0.0, abs=0.01)
 
 
-def test_tpose_of_an_apose_figure_puts_joints_and_skin_on_the_tpose(tmp_path: Path, tpose_person: Avatar) -> None:
-    avatar, _ = import_person(write_glb(tmp_path / "apose.glb", lowered_rad=0.8), OPTIONS)
-    np.testing.assert_allclose(avatar.joints_tpose_m, tpose_person.joints_tpose_m, atol=0.01)
+def test_tpose_of_an_apose_figure_puts_joints_and_skin_on_the_tpose(tmp_path: Path, tpose_human: Avatar) -> None:
+    avatar, _ = import_human(write_glb(tmp_path / "apose.glb", lowered_rad=0.8), OPTIONS)
+    np.testing.assert_allclose(avatar.joints_tpose_m, tpose_human.joints_tpose_m, atol=0.01)
     motion = Motion(root_m=_zup(avatar.joints_tpose_m[:1]), pose_axis_angle=np.zeros((1, 24, 3), np.float32))
     np.testing.assert_allclose(joint_positions(avatar, motion)[0], _zup(avatar.joints_tpose_m), atol=1e-5)
     posed = pose_avatar(avatar, motion.root_m[0], motion.pose_axis_angle[0]).means_m
@@ -152,23 +152,23 @@ def test_tpose_of_an_apose_figure_puts_joints_and_skin_on_the_tpose(tmp_path: Pa
     assert (avatar.cloud.means_m[arms, 1] < shoulder_z - 0.1).all()
 
 
-def test_bent_knee_moves_only_what_lies_below(tpose_person: Avatar) -> None:
-    root = _zup(tpose_person.joints_tpose_m[0])
+def test_bent_knee_moves_only_what_lies_below(tpose_human: Avatar) -> None:
+    root = _zup(tpose_human.joints_tpose_m[0])
     pose = np.zeros((24, 3))
-    straight = pose_avatar(tpose_person, root, pose).means_m.astype(np.float64)
+    straight = pose_avatar(tpose_human, root, pose).means_m.astype(np.float64)
     pose[JOINT["left_knee"], 0] = 1.0
-    bent = pose_avatar(tpose_person, root, pose).means_m.astype(np.float64)
-    below = np.isin(tpose_person.lbs_index[:, 0], [JOINT["left_knee"], JOINT["left_ankle"], JOINT["left_foot"]])
+    bent = pose_avatar(tpose_human, root, pose).means_m.astype(np.float64)
+    below = np.isin(tpose_human.lbs_index[:, 0], [JOINT["left_knee"], JOINT["left_ankle"], JOINT["left_foot"]])
     np.testing.assert_allclose(bent[~below], straight[~below], atol=1e-6)
-    knee = _zup(tpose_person.joints_tpose_m[JOINT["left_knee"]])
+    knee = _zup(tpose_human.joints_tpose_m[JOINT["left_knee"]])
     R = matrix_from_axis_angle(zup_from_yup((1.0, 0.0, 0.0)))
     np.testing.assert_allclose(bent[below], (straight[below] - knee) @ R.T + knee, atol=1e-5)
 
 
-def test_colours_come_from_the_texture(tpose_person: Avatar) -> None:
-    rgb = 0.5 + SH_C0 * tpose_person.cloud.sh[:, 0]
-    legs = np.isin(tpose_person.lbs_index[:, 0], [JOINT["left_knee"], JOINT["right_knee"]])
-    arms = np.isin(tpose_person.lbs_index[:, 0], [JOINT["left_elbow"], JOINT["right_elbow"]])
+def test_colours_come_from_the_texture(tpose_human: Avatar) -> None:
+    rgb = 0.5 + SH_C0 * tpose_human.cloud.sh[:, 0]
+    legs = np.isin(tpose_human.lbs_index[:, 0], [JOINT["left_knee"], JOINT["right_knee"]])
+    arms = np.isin(tpose_human.lbs_index[:, 0], [JOINT["left_elbow"], JOINT["right_elbow"]])
     assert (rgb[legs, 2] > 0.6).all()
     assert (rgb[legs, 0] < 0.2).all()
     assert (rgb[arms, 0] > 0.6).all()
@@ -176,28 +176,28 @@ def test_colours_come_from_the_texture(tpose_person: Avatar) -> None:
 
 
 def test_without_texture_the_base_colour_stands_in_and_is_noted(tmp_path: Path) -> None:
-    avatar, report = import_person(write_glb(tmp_path / "plain.glb", texture=False), OPTIONS)
+    avatar, report = import_human(write_glb(tmp_path / "plain.glb", texture=False), OPTIONS)
     rgb = 0.5 + SH_C0 * avatar.cloud.sh[:, 0]
     assert (rgb[:, 1] > 0.8).all()
     assert (rgb[:, [0, 2]] < 0.01).all()
     assert any("no texture" in note for note in report.notes)
 
 
-def test_thin_axis_of_gaussians_is_the_normal(tpose_person: Avatar) -> None:
+def test_thin_axis_of_gaussians_is_the_normal(tpose_human: Avatar) -> None:
     from readygo.common.frames import matrix_from_quat
 
-    thin = matrix_from_quat(tpose_person.cloud.quats_wxyz)[:, :, 2]
+    thin = matrix_from_quat(tpose_human.cloud.quats_wxyz)[:, :, 2]
     assert (np.abs(thin).max(axis=1) > 0.99).all()
-    scales = tpose_person.cloud.scales_m
+    scales = tpose_human.cloud.scales_m
     assert (scales[:, 2] < 0.2 * scales[:, 0]).all()
 
 
-def test_gaussians_cover_the_surface_evenly(tpose_person: Avatar) -> None:
+def test_gaussians_cover_the_surface_evenly(tpose_human: Avatar) -> None:
     from scipy.spatial import cKDTree
 
-    assert 3000 < len(tpose_person.cloud) < 5500
-    knees = tpose_person.lbs_index[:, 0] == JOINT["left_knee"]
-    points = tpose_person.cloud.means_m[knees]
+    assert 3000 < len(tpose_human.cloud) < 5500
+    knees = tpose_human.lbs_index[:, 0] == JOINT["left_knee"]
+    points = tpose_human.cloud.means_m[knees]
     distance = cKDTree(points).query(points, k=2)[0][:, 1]
     assert distance.min() > 0.5 * np.median(distance)
     assert np.quantile(distance, 0.95) < 1.5 * np.median(distance)
@@ -205,7 +205,7 @@ def test_gaussians_cover_the_surface_evenly(tpose_person: Avatar) -> None:
 
 def test_missing_bones_are_estimated_and_reported(tmp_path: Path) -> None:
     drop = ("left_foot", "right_foot", "left_hand", "right_hand", "left_collar", "right_collar", "neck", "spine2")
-    avatar, report = import_person(write_glb(tmp_path / "p.glb", drop=drop), OPTIONS)
+    avatar, report = import_human(write_glb(tmp_path / "p.glb", drop=drop), OPTIONS)
     assert report.skeleton is not None
     assert set(report.skeleton.estimated) == set(drop)
     want = tpose_joints_m()
@@ -214,7 +214,7 @@ def test_missing_bones_are_estimated_and_reported(tmp_path: Path) -> None:
 
 
 def test_unmapped_bones_follow_their_nearest_mapped_ancestor(tmp_path: Path) -> None:
-    _, report = import_person(write_glb(tmp_path / "p.glb"), OPTIONS)
+    _, report = import_human(write_glb(tmp_path / "p.glb"), OPTIONS)
     assert report.skeleton is not None
     merged = {bone.removeprefix("mixamorig:"): joint for bone, joint in report.skeleton.merged.items()}
     assert merged == {
@@ -229,7 +229,7 @@ def test_unmapped_bones_follow_their_nearest_mapped_ancestor(tmp_path: Path) -> 
 def test_essential_joints_without_bones_are_named(tmp_path: Path) -> None:
     drop = ("left_elbow", "left_wrist", "left_hand")
     with pytest.raises(AvatarError, match=r"left_elbow, left_wrist, neither by name nor by place"):
-        import_person(write_glb(tmp_path / "p.glb", drop=drop), OPTIONS)
+        import_human(write_glb(tmp_path / "p.glb", drop=drop), OPTIONS)
 
 
 def test_wrong_size_asks_for_the_height_and_takes_it(tmp_path: Path) -> None:
@@ -238,17 +238,17 @@ def test_wrong_size_asks_for_the_height_and_takes_it(tmp_path: Path) -> None:
 
     path = write_glb(tmp_path / "giant.glb", edit=edit)
     with pytest.raises(AvatarError, match=r"17\.5\d* m tall.*--height-m"):
-        import_person(path, OPTIONS)
-    avatar, _ = import_person(path, ImportOptions(license="test", gaussians=4000, height_m=1.6))
+        import_human(path, OPTIONS)
+    avatar, _ = import_human(path, ImportOptions(license="test", gaussians=4000, height_m=1.6))
     assert avatar.height_m == pytest.approx(1.6, abs=1e-4)
     np.testing.assert_allclose(avatar.joints_canonical_m, tpose_joints_m() * 1.6 / HEIGHT_M, atol=0.01)
 
 
-def test_same_file_gives_the_same_avatar(tmp_path: Path, tpose_person: Avatar) -> None:
+def test_same_file_gives_the_same_avatar(tmp_path: Path, tpose_human: Avatar) -> None:
     from readygo.common.avatars import avatar_hash
 
-    again, _ = import_person(write_glb(tmp_path / "person.glb"), OPTIONS)
-    assert avatar_hash(again) == avatar_hash(tpose_person)
+    again, _ = import_human(write_glb(tmp_path / "human.glb"), OPTIONS)
+    assert avatar_hash(again) == avatar_hash(tpose_human)
 
 
 def _without_skin(document: dict[str, Any]) -> None:
@@ -293,7 +293,7 @@ def _looped(document: dict[str, Any]) -> None:
 )
 def test_damaged_files_are_refused_in_one_line(tmp_path: Path, edit: Any, message: str) -> None:
     with pytest.raises(AvatarError, match=message) as raised:
-        import_person(write_glb(tmp_path / "p.glb", edit=edit), OPTIONS)
+        import_human(write_glb(tmp_path / "p.glb", edit=edit), OPTIONS)
     assert "\n" not in str(raised.value)
 
 
@@ -302,10 +302,10 @@ def test_truncated_and_foreign_files_are_refused(tmp_path: Path) -> None:
     for size in (8, 200, len(data) // 2, len(data) - 400):
         (tmp_path / "short.glb").write_bytes(data[:size])
         with pytest.raises(AvatarError):
-            import_person(tmp_path / "short.glb", OPTIONS)
+            import_human(tmp_path / "short.glb", OPTIONS)
     (tmp_path / "old.gltf").write_text(json.dumps({"asset": {"version": "1.0"}}))
     with pytest.raises(AvatarError, match=r"version 1\.0"):
-        import_person(tmp_path / "old.gltf", OPTIONS)
+        import_human(tmp_path / "old.gltf", OPTIONS)
 
 
 def test_weights_that_are_not_finite_are_refused(tmp_path: Path) -> None:
@@ -313,7 +313,7 @@ def test_weights_that_are_not_finite_are_refused(tmp_path: Path) -> None:
     whole, broken = struct.pack("<8f", *[1, 0, 0, 0] * 2), struct.pack("<8f", *[math.nan, 0, 0, 0] * 2)
     path.write_bytes(path.read_bytes().replace(whole, broken, 1))
     with pytest.raises(AvatarError, match="weights of mesh 0 are not finite"):
-        import_person(path, OPTIONS)
+        import_human(path, OPTIONS)
 
 
 def test_buffers_outside_of_the_folder_are_refused(tmp_path: Path) -> None:
@@ -321,10 +321,10 @@ def test_buffers_outside_of_the_folder_are_refused(tmp_path: Path) -> None:
         document["buffers"][0]["uri"] = "../../../etc/passwd"
 
     with pytest.raises(AvatarError, match="outside of its folder"):
-        import_person(write_glb(tmp_path / "p.glb", edit=edit), OPTIONS)
+        import_human(write_glb(tmp_path / "p.glb", edit=edit), OPTIONS)
 
 
-def test_skeleton_of_the_avatar_has_smpls_parents(tpose_person: Avatar) -> None:
-    lengths = np.linalg.norm(tpose_person.joints_tpose_m[1:] - tpose_person.joints_tpose_m[SMPL_PARENTS[1:]], axis=1)
+def test_skeleton_of_the_avatar_has_smpls_parents(tpose_human: Avatar) -> None:
+    lengths = np.linalg.norm(tpose_human.joints_tpose_m[1:] - tpose_human.joints_tpose_m[SMPL_PARENTS[1:]], axis=1)
     want = np.linalg.norm(tpose_joints_m()[1:] - tpose_joints_m()[SMPL_PARENTS[1:]], axis=1)
     np.testing.assert_allclose(lengths, want, atol=1e-3)
