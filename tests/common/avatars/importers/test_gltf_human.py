@@ -1,8 +1,5 @@
 """Skinned glTF humans: joints, skin and colours end where they belong, whatever the file's names, axes and unit."""
 
-import json
-import math
-import struct
 from pathlib import Path
 from typing import Any
 
@@ -192,17 +189,6 @@ def test_thin_axis_of_gaussians_is_the_normal(tpose_human: Avatar) -> None:
     assert (scales[:, 2] < 0.2 * scales[:, 0]).all()
 
 
-def test_gaussians_cover_the_surface_evenly(tpose_human: Avatar) -> None:
-    from scipy.spatial import cKDTree
-
-    assert 3000 < len(tpose_human.cloud) < 5500
-    knees = tpose_human.lbs_index[:, 0] == JOINT["left_knee"]
-    points = tpose_human.cloud.means_m[knees]
-    distance = cKDTree(points).query(points, k=2)[0][:, 1]
-    assert distance.min() > 0.5 * np.median(distance)
-    assert np.quantile(distance, 0.95) < 1.5 * np.median(distance)
-
-
 def test_missing_bones_are_estimated_and_reported(tmp_path: Path) -> None:
     drop = ("left_foot", "right_foot", "left_hand", "right_hand", "left_collar", "right_collar", "neck", "spine2")
     avatar, report = import_human(write_glb(tmp_path / "p.glb", drop=drop), OPTIONS)
@@ -211,25 +197,6 @@ def test_missing_bones_are_estimated_and_reported(tmp_path: Path) -> None:
     want = tpose_joints_m()
     for joint in drop:
         assert np.linalg.norm(avatar.joints_canonical_m[JOINT[joint]] - want[JOINT[joint]]) < 0.09, joint
-
-
-def test_unmapped_bones_follow_their_nearest_mapped_ancestor(tmp_path: Path) -> None:
-    _, report = import_human(write_glb(tmp_path / "p.glb"), OPTIONS)
-    assert report.skeleton is not None
-    merged = {bone.removeprefix("mixamorig:"): joint for bone, joint in report.skeleton.merged.items()}
-    assert merged == {
-        "HeadTop_End": "head",
-        "LeftHandThumb1": "left_hand",
-        "RightHandThumb1": "right_hand",
-        "LeftArmTwist": "left_shoulder",
-        "RightArmTwist": "right_shoulder",
-    }
-
-
-def test_essential_joints_without_bones_are_named(tmp_path: Path) -> None:
-    drop = ("left_elbow", "left_wrist", "left_hand")
-    with pytest.raises(AvatarError, match=r"left_elbow, left_wrist, neither by name nor by place"):
-        import_human(write_glb(tmp_path / "p.glb", drop=drop), OPTIONS)
 
 
 def test_wrong_size_asks_for_the_height_and_takes_it(tmp_path: Path) -> None:
@@ -251,80 +218,24 @@ def test_same_file_gives_the_same_avatar(tmp_path: Path, tpose_human: Avatar) ->
     assert avatar_hash(again) == avatar_hash(tpose_human)
 
 
-def _without_skin(document: dict[str, Any]) -> None:
-    del document["nodes"][0]["skin"]
-
-
-def _with_long_accessor(document: dict[str, Any]) -> None:
-    document["accessors"][0]["count"] = 10**6
-
-
-def _compressed(document: dict[str, Any]) -> None:
-    document["extensionsRequired"] = ["KHR_draco_mesh_compression"]
-
-
-def _without_inverses(document: dict[str, Any]) -> None:
-    del document["skins"][0]["inverseBindMatrices"]
-
-
-def _without_positions(document: dict[str, Any]) -> None:
-    del document["meshes"][0]["primitives"][0]["attributes"]["POSITION"]
-
-
-def _scaled_to_nothing(document: dict[str, Any]) -> None:
-    document["nodes"].append({"name": "root", "scale": [0, 0, 0], "children": [0, 1]})
-
-
-def _looped(document: dict[str, Any]) -> None:
-    document["nodes"][5]["children"] = [1]
-
-
-@pytest.mark.parametrize(
-    ("edit", "message"),
-    [
-        (_without_skin, "has no skin"),
-        (_with_long_accessor, "accessor 0 cannot be read"),
-        (_compressed, "KHR_draco_mesh_compression"),
-        (_without_inverses, "no inverse bind matrices"),
-        (_without_positions, "no skinned triangles"),
-        (_looped, "their own ancestors"),
-        (_scaled_to_nothing, "at no finite place"),
-    ],
-)
-def test_damaged_files_are_refused_in_one_line(tmp_path: Path, edit: Any, message: str) -> None:
-    with pytest.raises(AvatarError, match=message) as raised:
-        import_human(write_glb(tmp_path / "p.glb", edit=edit), OPTIONS)
-    assert "\n" not in str(raised.value)
-
-
-def test_truncated_and_foreign_files_are_refused(tmp_path: Path) -> None:
-    data = write_glb(tmp_path / "p.glb").read_bytes()
-    for size in (8, 200, len(data) // 2, len(data) - 400):
-        (tmp_path / "short.glb").write_bytes(data[:size])
-        with pytest.raises(AvatarError):
-            import_human(tmp_path / "short.glb", OPTIONS)
-    (tmp_path / "old.gltf").write_text(json.dumps({"asset": {"version": "1.0"}}))
-    with pytest.raises(AvatarError, match=r"version 1\.0"):
-        import_human(tmp_path / "old.gltf", OPTIONS)
-
-
-def test_weights_that_are_not_finite_are_refused(tmp_path: Path) -> None:
-    path = write_glb(tmp_path / "p.glb")
-    whole, broken = struct.pack("<8f", *[1, 0, 0, 0] * 2), struct.pack("<8f", *[math.nan, 0, 0, 0] * 2)
-    path.write_bytes(path.read_bytes().replace(whole, broken, 1))
-    with pytest.raises(AvatarError, match="weights of mesh 0 are not finite"):
-        import_human(path, OPTIONS)
-
-
-def test_buffers_outside_of_the_folder_are_refused(tmp_path: Path) -> None:
-    def edit(document: dict[str, Any]) -> None:
-        document["buffers"][0]["uri"] = "../../../etc/passwd"
-
-    with pytest.raises(AvatarError, match="outside of its folder"):
-        import_human(write_glb(tmp_path / "p.glb", edit=edit), OPTIONS)
-
-
 def test_skeleton_of_the_avatar_has_smpls_parents(tpose_human: Avatar) -> None:
     lengths = np.linalg.norm(tpose_human.joints_tpose_m[1:] - tpose_human.joints_tpose_m[SMPL_PARENTS[1:]], axis=1)
     want = np.linalg.norm(tpose_joints_m()[1:] - tpose_joints_m()[SMPL_PARENTS[1:]], axis=1)
     np.testing.assert_allclose(lengths, want, atol=1e-3)
+
+
+def test_figure_without_triangles_is_refused(tmp_path: Path) -> None:
+    def edit(document: dict[str, Any]) -> None:
+        del document["meshes"][0]["primitives"][0]["attributes"]["POSITION"]
+
+    with pytest.raises(AvatarError, match="no skinned triangles"):
+        import_human(write_glb(tmp_path / "p.glb", edit=edit), OPTIONS)
+
+
+def test_json_of_another_shape_is_refused_in_one_line(tmp_path: Path) -> None:
+    def edit(document: dict[str, Any]) -> None:
+        document["nodes"][3]["rotation"] = "sideways"
+
+    with pytest.raises(AvatarError, match="not valid glTF") as raised:
+        import_human(write_glb(tmp_path / "p.glb", edit=edit), OPTIONS)
+    assert "\n" not in str(raised.value)
