@@ -28,16 +28,29 @@ def test_head_is_the_highest_bone_below_the_crown() -> None:
     assert (found["head"], found["neck"]) == (JOINT["head"], JOINT["neck"])
 
 
+def with_bone_above(joint: str, place: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Heads and parents with one bone more between a joint and its parent; where each joint is then."""
+    number = JOINT[joint]
+    moved = np.where(np.arange(24) < number, np.arange(24), np.arange(24) + 1)
+    parents = np.insert(np.where(PARENTS < 0, -1, moved[PARENTS]), number, moved[PARENTS[number]])
+    parents[number + 1] = number
+    return np.insert(tpose_joints_m(), number, place, axis=0), parents, moved
+
+
 def test_hip_bone_that_only_leads_to_the_side_is_not_the_thigh() -> None:
-    heads = np.concatenate([tpose_joints_m(), [[0.01, 0.95, 0.0]]])
-    parents = np.concatenate([PARENTS, [0]])
-    parents[JOINT["left_hip"]] = len(heads) - 1
-    # Parents stand before children: the added bone goes to the second place.
-    order = np.insert(np.arange(24), 1, 24)
-    place = np.argsort(order)
-    moved = np.where(parents[order] < 0, -1, place[parents[order]])
-    found = joints_by_place(heads[order], moved, HEIGHT_M)
-    assert found["left_hip"] == place[JOINT["left_hip"]]
+    heads, parents, moved = with_bone_above("left_hip", (0.01, 0.95, 0.0))
+    assert joints_by_place(heads, parents, HEIGHT_M)["left_hip"] == moved[JOINT["left_hip"]]
+
+
+@pytest.mark.parametrize(
+    ("joint", "place"),
+    [("left_knee", (0.095, 0.85, 0.0)), ("left_ankle", (0.1, 0.2, -0.01)), ("left_elbow", (0.25, 1.43, 0))],
+)
+def test_bones_that_only_twist_are_neither_knee_nor_elbow(joint: str, place: tuple[float, float, float]) -> None:
+    heads, parents, moved = with_bone_above(joint, place)
+    found = joints_by_place(heads, parents, HEIGHT_M)
+    for name in ("left_hip", "left_knee", "left_ankle", "left_shoulder", "left_elbow"):
+        assert found[name] == moved[JOINT[name]], name
 
 
 def test_a_chain_of_bones_is_no_body() -> None:

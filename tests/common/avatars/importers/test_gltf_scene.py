@@ -45,6 +45,21 @@ def test_mesh_that_hangs_at_a_bone_moves_with_it(tmp_path: Path) -> None:
     np.testing.assert_allclose(glasses.positions, body.positions + offset, atol=1e-5)
 
 
+def test_skins_with_bind_poses_of_their_own_come_to_the_first_ones(tmp_path: Path) -> None:
+    def edit(document: dict[str, Any]) -> None:
+        hat = len(document["nodes"])
+        document["nodes"] += [{"name": "hat"}, {"mesh": 1, "skin": 1}]
+        document["nodes"][JOINT["head"] + 1].setdefault("children", []).append(hat)
+        document["meshes"].append({"primitives": [{"mode": 1, "attributes": {}}]})
+        document["skins"].append({"joints": [JOINT["head"] + 1, hat], "inverseBindMatrices": 6})
+
+    M = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+    bones = read_figure(GltfFile(write_glb(tmp_path / "a.glb", M_world_bind=M, edit=edit))).bones
+    pelvis, hip, head = (tpose_joints_m()[JOINT[joint]] for joint in ("pelvis", "left_hip", "head"))
+    # The second skin's matrices are the first two of the first skin: its hat is to its head as the hip to the pelvis.
+    np.testing.assert_allclose(bones.heads[bones.names.index("hat")], M[:3, :3].T @ (head + hip - pelvis), atol=1e-6)
+
+
 def _without_skin(document: dict[str, Any]) -> None:
     del document["nodes"][0]["skin"]
 
