@@ -52,7 +52,7 @@ def smpl_human(model: SmplModel, *, count: int) -> tuple[CanonicalHuman, tuple[s
         blended = np.einsum("mk,mkj->mj", bary, weights[triangle])
         colours = palette[np.argmax(blended, axis=1)]
         points = np.einsum("mk,mki->mi", bary, corners[triangle])
-        colours[(points[:, 1] - 0.5 * (points[:, 2] - nape_z)) > hairline] = _SKIN
+        colours[(points[:, 1] - 0.5 * (points[:, 2] - nape_z)) > hairline] = _HAIR
         return np.concatenate([colours, np.ones((len(triangle), 1))], axis=1)
 
     mesh = Mesh(

@@ -22,6 +22,8 @@ def test_nearest_rotation_of_a_rotation_is_itself_and_of_a_mirror_is_proper() ->
     np.testing.assert_allclose(nearest_rotation(R * 0.7), R, atol=1e-12)
     mirrored = nearest_rotation(R * np.array([1.0, 1.0, -1.0]))
     np.testing.assert_allclose(np.linalg.det(mirrored), 1.0, atol=1e-12)
+    # The axis that gives way is the one that matters least.
+    np.testing.assert_allclose(nearest_rotation(R * np.array([1.0, 0.8, -0.1])), R, atol=1e-12)
     assert np.all(quat_from_matrix(R)[:, 0] >= 0)
 
 
