@@ -18,7 +18,7 @@ class AvatarError(ReadygoError):
 
 
 class MotionError(ReadygoError):
-    """A trajectory or a motion that no person can follow."""
+    """A trajectory or a motion that no human can follow."""
 
 
 class DatasetError(ReadygoError):

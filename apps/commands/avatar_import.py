@@ -10,7 +10,7 @@ from rich.markup import escape
 
 from readygo.apps.avatar.turntable import standing_pose, stride_pose, turntable
 from readygo.common.avatars import Avatar, save_avatar
-from readygo.common.avatars.importers import ImportOptions, ImportReport, import_person
+from readygo.common.avatars.importers import ImportOptions, ImportReport, import_human
 from readygo.common.drawing.files import write_png
 from readygo.common.errors import AvatarError
 from readygo.services.animator import skeleton_of
@@ -60,7 +60,7 @@ def avatar_import(
         weights=weights,
         gaussians=gaussians,
     )
-    avatar, report = import_person(file, options)
+    avatar, report = import_human(file, options)
     skeleton_of(avatar)
     out.parent.mkdir(parents=True, exist_ok=True)
     save_avatar(avatar, out, quantise=not _has_wide_scales(avatar))

@@ -16,12 +16,12 @@ SMPL_PARENTS = np.array(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Avatar:
-    """A person in a canonical pose, SMPL axes (y up, +x the body's left, +z facing, soles at y = 0)."""
+    """A human in a canonical pose, SMPL axes (y up, +x the body's left, +z facing, soles at y = 0)."""
 
     name: str
-    """What the person is called in scenarios and shards."""
+    """What the human is called in scenarios and shards."""
     license: str
-    """Terms under which the person may be used."""
+    """Terms under which the human may be used."""
     height_m: float
     """From the soles to the top of the head [m]."""
     cloud: GaussianCloud

@@ -35,7 +35,7 @@ _ARRAY_SHAPES: dict[str, tuple[int | str, ...]] = {
 }
 _INTEGER_ARRAYS = ("lbs_index", "parents")
 _TEXTS = ("format", "name", "license")
-# Half precision keeps a mean within 0.5 mm (a person is below 2 m); 8 bits would move it by 4 mm.
+# Half precision keeps a mean within 0.5 mm (a human is below 2 m); 8 bits would move it by 4 mm.
 _HALF_PRECISION = ("means",)
 _EIGHT_BIT = ("quats_wxyz", "scales", "opacities", "sh", "lbs_weight")
 

@@ -1,4 +1,4 @@
-"""What a map of the robot's surroundings sees of a person: ground points of a thinned, posed avatar."""
+"""What a map of the robot's surroundings sees of a human: ground points of a thinned, posed avatar."""
 
 import math
 from dataclasses import dataclass
@@ -39,7 +39,7 @@ class FootprintModel:
     def from_avatar(cls, avatar: Avatar, *, voxel_m: float = 0.05, point_limit: int = 1000) -> "FootprintModel":
         """Thin out an avatar, once per avatar.
 
-        The quarter of the Gaussians with the largest covariance trace is dropped (blurry hulls widen a person),
+        The quarter of the Gaussians with the largest covariance trace is dropped (blurry hulls widen a human),
         the rest becomes one point per voxel: the Gaussian nearest to the voxel's mean.
 
         Args:
@@ -71,7 +71,7 @@ class FootprintModel:
 def footprint_xy(
     model: FootprintModel, avatar: Avatar, motion: Motion, step: int, *, z_max_m: float = math.inf
 ) -> Float64Array:
-    """Ground points of a person at one step of a motion.
+    """Ground points of a human at one step of a motion.
 
     Args:
         model: The avatar's footprint model.

@@ -1,4 +1,4 @@
-"""What a data set says about a person in one pose: joints, a box around the body, the ground below it."""
+"""What a data set says about a human in one pose: joints, a box around the body, the ground below it."""
 
 import itertools
 import math
@@ -55,13 +55,13 @@ class LabelModel:
 
 
 def human_labels(model: LabelModel, motion: Motion, step: int, yaw_rad: float) -> HumanLabels:
-    """The labels of a person at one step of a motion.
+    """The labels of a human at one step of a motion.
 
     Args:
         model: Who.
         motion: How they move; after its last row the pose is held.
         step: Simulation step, 0 or more.
-        yaw_rad: Direction in which the person looks and the box lies.
+        yaw_rad: Direction in which the human looks and the box lies.
     """
     row = motion.row(step)
     body = model.skeleton

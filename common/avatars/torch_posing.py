@@ -1,4 +1,4 @@
-"""Posing people with torch, many at once, on whichever device the tensors are."""
+"""Posing humans with torch, many at once, on whichever device the tensors are."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -73,7 +73,7 @@ def joint_transforms(skeletons: Skeletons, avatar: Tensor, root_m: Tensor, pose_
 
     Args:
         skeletons: Skeletons of all avatars.
-        avatar: Which avatar each person is, int64, shape (P,).
+        avatar: Which avatar each human is, int64, shape (P,).
         root_m: Pelvises in the z-up world [m], float64, shape (P, 3).
         pose_axis_angle: Parent-relative rotations [rad], float64, shape (P, 24, 3).
 
@@ -122,7 +122,7 @@ def rotation_matrices(axis_angle: Tensor) -> Tensor:
 
 
 def pose_gaussians(skin: Skin, A: Tensor) -> tuple[Tensor, Tensor]:
-    """Means and rotations of an avatar's Gaussians for P people, as `readygo.common.avatars.pose_avatar` makes them.
+    """Means and rotations of an avatar's Gaussians for P humans, as `readygo.common.avatars.pose_avatar` makes them.
 
     Args:
         skin: The avatar.

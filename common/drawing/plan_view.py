@@ -1,4 +1,4 @@
-"""Drawing on a scene seen from above: paths, robots, people and goals."""
+"""Drawing on a scene seen from above: paths, robots, humans and goals."""
 
 import math
 from collections.abc import Sequence
@@ -89,7 +89,7 @@ def faded(view: TopView, share: float = 0.35) -> TopView:
 
 
 def draw_episodes(view: TopView, episodes: Sequence[DrawnEpisode]) -> Picture:
-    """A picture of several episodes: starts as dots, goals as rings, people in warm colours."""
+    """A picture of several episodes: starts as dots, goals as rings, humans in warm colours."""
     picture = view.rgb.copy()
     for episode in episodes:
         for k, way in enumerate(episode.humans_xy_m):

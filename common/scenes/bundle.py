@@ -85,7 +85,7 @@ def import_scene(
         robot: Footprint and height for the robot map.
         resolution_m: Edge of map cells [m].
         opacity_threshold: Opacity sum above which a voxel is occupied.
-        human_height_m: Height of people for their map [m].
+        human_height_m: Height of humans for their map [m].
         drop_bad: Leave out Gaussians that cannot be drawn (`readygo.common.gaussians.defects`) instead of refusing the
             file; their number is kept in `SceneSource.dropped_gaussians`.
 

@@ -27,7 +27,7 @@ def scene_report(
         cloud: Gaussians without the sky.
         sky: Far surroundings.
         robot_map: What blocks the robot.
-        human_map: What blocks people; same grid.
+        human_map: What blocks humans; same grid.
         floor: Local floor.
         planning_radius_m: Radius of the disc that the robot is planned for [m].
     """

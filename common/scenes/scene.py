@@ -40,7 +40,7 @@ class SceneMaps:
 
     @cached_property
     def human(self) -> OccupancyMap:
-        """What blocks people, not inflated."""
+        """What blocks humans, not inflated."""
         return load_ros_map(self.folder / HUMAN_MAP_FILE)
 
     @cached_property
@@ -55,7 +55,7 @@ class SceneMaps:
 
     @cached_property
     def sight(self) -> SightMap:
-        """What hides people from a camera, made from the Gaussians, which are not kept."""
+        """What hides humans from a camera, made from the Gaussians, which are not kept."""
         robot = self.robot
         shape = (robot.occupied.shape[0], robot.occupied.shape[1])
         return sight_of_cloud(load_gaussians(self.folder / CLOUD_FILE), self.floor, robot.frame, shape, self.config)

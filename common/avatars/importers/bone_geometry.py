@@ -15,7 +15,7 @@ _SHOULDER_WIDTH = 0.07
 
 
 def joints_by_place(heads: Array, parents: Index, height: float) -> dict[str, int]:
-    """SMPL joints without those of the spine -> bones, for a person who stands upright with the arms spread.
+    """SMPL joints without those of the spine -> bones, for a human who stands upright with the arms spread.
 
     The lowest ends of the tree are feet, the most lateral ones hands, the highest is the head; where the two legs meet
     is the pelvis.

@@ -1,4 +1,4 @@
-"""HUGS checkpoints (apple/ml-hugs, `human_*.pth`): decoders run once, the person baked into an avatar.
+"""HUGS checkpoints (apple/ml-hugs, `human_*.pth`): decoders run once, the human baked into an avatar.
 
 A checkpoint stores points in SMPL's "da-pose" (legs apart), feature planes, and decoders for appearance, geometry and
 skinning; it does not store the body's shape, so a SMPL model file has to come with it.
@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.avatars.avatar import SMPL_PARENTS
-from readygo.common.avatars.importers.assemble import CanonicalPerson
+from readygo.common.avatars.importers.assemble import CanonicalHuman
 from readygo.common.avatars.importers.joints import JOINT
 from readygo.common.avatars.importers.smpl_model import SmplModel
 from readygo.common.errors import AvatarError
@@ -41,7 +41,7 @@ def load_checkpoint(path: str | Path) -> Mapping[str, Any]:
     """Read a checkpoint; only tensors and plain values are loaded.
 
     Raises:
-        AvatarError: If torch is missing, the file is damaged, or it lacks what a HUGS person needs.
+        AvatarError: If torch is missing, the file is damaged, or it lacks what a HUGS human needs.
     """
     try:
         import torch
@@ -62,7 +62,7 @@ def load_checkpoint(path: str | Path) -> Mapping[str, Any]:
     return checkpoint
 
 
-def hugs_person(checkpoint: Mapping[str, Any], model: SmplModel) -> tuple[CanonicalPerson, tuple[str, ...]]:
+def hugs_human(checkpoint: Mapping[str, Any], model: SmplModel) -> tuple[CanonicalHuman, tuple[str, ...]]:
     """Bake a checkpoint.
 
     Args:
@@ -70,7 +70,7 @@ def hugs_person(checkpoint: Mapping[str, Any], model: SmplModel) -> tuple[Canoni
         model: The body that the checkpoint was trained with, in its shape.
 
     Returns:
-        The person in the da-pose, which is kept as the canonical pose so that blended skin moves exactly as in HUGS;
+        The human in the da-pose, which is kept as the canonical pose so that blended skin moves exactly as in HUGS;
         and notes.
 
     Raises:
@@ -83,7 +83,7 @@ def hugs_person(checkpoint: Mapping[str, Any], model: SmplModel) -> tuple[Canoni
     opacities = baked["opacities"]
     kept = opacities >= _MIN_OPACITY
     if not kept.any():
-        raise AvatarError("All Gaussians of the checkpoint are transparent; it is not a trained person.")
+        raise AvatarError("All Gaussians of the checkpoint are transparent; it is not a trained human.")
     scales = np.abs(baked["scales"])
     cloud = GaussianCloud(
         means_m=baked["means"][kept].astype(np.float32),
@@ -98,14 +98,14 @@ def hugs_person(checkpoint: Mapping[str, Any], model: SmplModel) -> tuple[Canoni
     if not kept.all():
         notes.append(f"{int((~kept).sum())} transparent Gaussians were dropped.")
     G, P = da_pose(model.joints_m)
-    person = CanonicalPerson(
+    human = CanonicalHuman(
         cloud=cloud,
         weights=baked["weights"][kept],
         joints=P,
         R_tpose_canonical=np.ascontiguousarray(G.transpose(0, 2, 1)),
         joints_tpose=model.joints_m,
     )
-    return person, tuple(notes)
+    return human, tuple(notes)
 
 
 def da_pose(joints_tpose: Array) -> tuple[Array, Array]:

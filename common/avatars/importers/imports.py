@@ -1,4 +1,4 @@
-"""One door for people from elsewhere."""
+"""One door for humans from elsewhere."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,14 +8,14 @@ import numpy.typing as npt
 
 from readygo.common.avatars.avatar import Avatar
 from readygo.common.avatars.importers.archives import read_npz
-from readygo.common.avatars.importers.assemble import CanonicalPerson, assembled
-from readygo.common.avatars.importers.gaussian_person import gaussian_person
-from readygo.common.avatars.importers.gltf_person import GAUSSIAN_COUNT, gltf_person
-from readygo.common.avatars.importers.hugs import hugs_person, load_checkpoint
+from readygo.common.avatars.importers.assemble import CanonicalHuman, assembled
+from readygo.common.avatars.importers.gaussian_human import gaussian_human
+from readygo.common.avatars.importers.gltf_human import GAUSSIAN_COUNT, gltf_human
+from readygo.common.avatars.importers.hugs import hugs_human, load_checkpoint
 from readygo.common.avatars.importers.kinds import FileKind, kind_of
 from readygo.common.avatars.importers.report import ImportReport, SkeletonReport
+from readygo.common.avatars.importers.smpl_human import smpl_human
 from readygo.common.avatars.importers.smpl_model import load_smpl_model
-from readygo.common.avatars.importers.smpl_person import smpl_person
 from readygo.common.errors import AvatarError
 
 GAUSSIAN_LIMITS = 1_000, 500_000
@@ -26,7 +26,7 @@ class ImportOptions:
     """What comes with a file."""
 
     license: str
-    """Terms under which the person may be used; recorded in the avatar and with every run that shows it."""
+    """Terms under which the human may be used; recorded in the avatar and with every run that shows it."""
     name: str | None = None
     """Name of the avatar; the file's name by default."""
     height_m: float | None = None
@@ -34,23 +34,23 @@ class ImportOptions:
     smpl: Path | None = None
     """SMPL model file of a HUGS checkpoint."""
     betas: Path | None = None
-    """.npz with `betas`, the shape of a HUGS or SMPL person; the mean shape by default."""
+    """.npz with `betas`, the shape of a HUGS or SMPL human; the mean shape by default."""
     weights: Path | None = None
     """.npz that binds the Gaussians of a .ply."""
     gaussians: int = GAUSSIAN_COUNT
-    """Wanted number of Gaussians of people who are meshes."""
+    """Wanted number of Gaussians, for humans that are meshes."""
 
     def __post_init__(self) -> None:
         low, high = GAUSSIAN_LIMITS
         if not self.license.strip():
-            raise AvatarError("--license must say under which terms the person may be used, for example 'CC0-1.0'.")
+            raise AvatarError("--license must say under which terms the human may be used, for example 'CC0-1.0'.")
         if not low <= self.gaussians <= high:
             raise AvatarError(f"--gaussians must lie in {low}..{high}, got {self.gaussians}.")
         if self.height_m is not None and not np.isfinite(self.height_m):
             raise AvatarError(f"--height-m must be a finite number, got {self.height_m}.")
 
 
-def import_person(path: Path, options: ImportOptions) -> tuple[Avatar, ImportReport]:
+def import_human(path: Path, options: ImportOptions) -> tuple[Avatar, ImportReport]:
     """Make an avatar of a file, whose kind is found by its content.
 
     Args:
@@ -66,9 +66,9 @@ def import_person(path: Path, options: ImportOptions) -> tuple[Avatar, ImportRep
         OSError: If a file cannot be read.
     """
     kind = kind_of(path)
-    person, skeleton, notes = _read(kind, path, options)
+    human, skeleton, notes = _read(kind, path, options)
     name = options.name or path.stem
-    avatar, scale = assembled(person, name=name, license_text=options.license, height_m=options.height_m)
+    avatar, scale = assembled(human, name=name, license_text=options.license, height_m=options.height_m)
     report = ImportReport(
         kind=kind.value,
         name=avatar.name,
@@ -84,26 +84,26 @@ def import_person(path: Path, options: ImportOptions) -> tuple[Avatar, ImportRep
 
 def _read(
     kind: FileKind, path: Path, options: ImportOptions
-) -> tuple[CanonicalPerson, SkeletonReport | None, tuple[str, ...]]:
+) -> tuple[CanonicalHuman, SkeletonReport | None, tuple[str, ...]]:
     if kind is FileKind.GLTF:
-        return gltf_person(path, height_m=options.height_m, count=options.gaussians)
+        return gltf_human(path, height_m=options.height_m, count=options.gaussians)
     if kind is FileKind.GAUSSIANS:
         if options.weights is None:
             raise AvatarError(
                 f"{path} holds Gaussians without a skeleton; give the file that binds them with --weights."
             )
-        return gaussian_person(path, options.weights), None, ()
+        return gaussian_human(path, options.weights), None, ()
     if kind is FileKind.SMPL:
         model = load_smpl_model(path, betas=_betas(options))
-        person, notes = smpl_person(model, count=options.gaussians)
-        return person, None, notes
+        human, notes = smpl_human(model, count=options.gaussians)
+        return human, None, notes
     checkpoint = load_checkpoint(path)
     if options.smpl is None:
         raise AvatarError(f"{path} is a HUGS checkpoint; give the SMPL model of its body with --smpl.")
-    person, notes = hugs_person(checkpoint, load_smpl_model(options.smpl, betas=_betas(options)))
+    human, notes = hugs_human(checkpoint, load_smpl_model(options.smpl, betas=_betas(options)))
     if options.betas is None:
         notes = (*notes, "The checkpoint does not hold the body's shape: joints are those of the mean shape.")
-    return person, None, notes
+    return human, None, notes
 
 
 def _betas(options: ImportOptions) -> npt.NDArray[np.float64] | None:

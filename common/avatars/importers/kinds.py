@@ -11,7 +11,7 @@ from readygo.common.errors import AvatarError
 
 
 class FileKind(enum.Enum):
-    """People that can be imported."""
+    """Humans that can be imported."""
 
     HUGS = "HUGS checkpoint"
     SMPL = "SMPL model"
@@ -39,7 +39,7 @@ def kind_of(path: Path) -> FileKind:
     if start[:1] == b"\x80" or start[:1] == b"(":
         return FileKind.HUGS if path.suffix.lower() in (".pth", ".pt") else FileKind.SMPL
     raise AvatarError(
-        f"{path} is no person that can be imported; give a HUGS checkpoint (.pth), a SMPL model (.pkl, .npz), a "
+        f"{path} is no human that can be imported; give a HUGS checkpoint (.pth), a SMPL model (.pkl, .npz), a "
         "skinned glTF figure (.glb, .gltf, .vrm), or a 3DGS .ply with --weights."
     )
 

@@ -174,6 +174,6 @@ def _ball_of_foot(ankle: Array, toe: Array) -> Array:
 def _unit(vector: Array) -> Array:
     length = float(np.linalg.norm(vector))
     if not length > 0.0:
-        raise AvatarError("Head and feet, or left and right, are at the same place: it is no skeleton of a person.")
+        raise AvatarError("Head and feet, or left and right, are at the same place: it is no skeleton of a human.")
     unit: Array = vector / length
     return unit

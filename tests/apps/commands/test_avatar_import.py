@@ -12,7 +12,7 @@ from readygo.apps.commands.avatar_import import avatar_import
 from readygo.common.avatars import load_avatar, load_avatars
 from readygo.common.errors import AvatarError
 from readygo.common.gaussians import save_ply
-from tests.common.avatars.importers.people import write_glb
+from tests.common.avatars.importers.humans import write_glb
 
 
 def test_report_as_json_describes_the_avatar_that_was_written(

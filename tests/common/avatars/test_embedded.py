@@ -23,7 +23,7 @@ def test_there_are_four_women_and_four_men_and_their_files_carry_their_names() -
     assert [path.stem for path in avatar_paths(None)] == list(AVATARS)
 
 
-def test_a_child_and_tall_people_are_among_them() -> None:
+def test_a_child_and_tall_humans_are_among_them() -> None:
     heights_m = sorted(avatar.height_m for avatar in AVATARS.values())
     assert 1.2 <= heights_m[0] < 1.35
     assert 1.85 < heights_m[-1] <= 1.9
@@ -75,7 +75,7 @@ def test_zero_pose_is_a_t_with_the_arms_along_x(avatar: Avatar) -> None:
     assert avatar.joints_tpose_m[7, 1] == pytest.approx(avatar.joints_canonical_m[7, 1], abs=0.02)
 
 
-def test_standing_person_touches_the_floor_and_is_as_wide_as_a_person(avatar: Avatar) -> None:
+def test_standing_human_touches_the_floor_and_is_as_wide_as_a_human(avatar: Avatar) -> None:
     pose = np.zeros((24, 3))
     pose[16], pose[17] = (0, 0, -1.3), (0, 0, 1.3)
     cloud = pose_avatar(avatar, (0.0, 0.0, avatar.joints_tpose_m[0, 1]), pose)
@@ -102,8 +102,8 @@ def test_nothing_shines_through_a_runner(avatar: Avatar, side: float) -> None:
     T_world_camera[:3, 3] = (-4.0 * side, 0.0, 0.5 * avatar.height_m)
     rasterizer = CpuRasterizer([], numbered([avatar]), K_px, height_px, 300)
     root_m = np.array([0.0, 0.0, avatar.joints_tpose_m[0, 1]])
-    person = PosedHuman(avatar="0", root_m=root_m, pose_axis_angle=run_pose())
-    alpha = images_of(rasterizer, T_world_camera, [person], ("alpha",)).alpha
+    human = PosedHuman(avatar="0", root_m=root_m, pose_axis_angle=run_pose())
+    alpha = images_of(rasterizer, T_world_camera, [human], ("alpha",)).alpha
     assert alpha is not None
     around = [np.roll(alpha, shift, axis=(0, 1)) for shift in ((0, 3), (0, -3), (3, 0), (-3, 0), (2, 2), (-2, 2))]
     around += [np.roll(alpha, shift, axis=(0, 1)) for shift in ((2, -2), (-2, -2))]
@@ -112,7 +112,7 @@ def test_nothing_shines_through_a_runner(avatar: Avatar, side: float) -> None:
     assert alpha[inside].min() > 0.9
 
 
-def test_each_person_looks_different() -> None:
+def test_each_human_looks_different() -> None:
     tones = np.array([avatar.cloud.sh[:, 0].mean(axis=0) for avatar in AVATARS.values()])
     distance = np.abs(tones[:, None] - tones[None]).max(axis=2)
     assert distance[~np.eye(len(tones), dtype=bool)].min() > 0.02

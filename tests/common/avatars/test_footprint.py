@@ -23,7 +23,7 @@ def standing(avatar: Avatar, x_m: float = 0.0, steps: int = 1) -> Motion:
     return Motion(root_m=root, pose_axis_angle=np.zeros((steps, 24, 3), dtype=np.float32))
 
 
-def test_model_is_small_and_covers_the_person(avatar: Avatar, model: FootprintModel) -> None:
+def test_model_is_small_and_covers_the_human(avatar: Avatar, model: FootprintModel) -> None:
     assert 300 < len(model.points_m) <= 1000
     cloud = avatar.cloud.means_m
     np.testing.assert_allclose(model.points_m.min(axis=0), cloud.min(axis=0), atol=0.06)

@@ -6,8 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from readygo.common.avatars import SMPL_PARENTS, Avatar, joint_positions, joint_transforms, load_avatars, pose_avatar
-from readygo.common.avatars.posing import nearest_rotation
-from readygo.common.frames import matrix_from_axis_angle, matrix_from_quat, quat_from_matrix, zup_from_yup
+from readygo.common.frames import matrix_from_axis_angle, zup_from_yup
 from readygo.common.messages import Motion
 
 
@@ -87,24 +86,6 @@ def test_tiny_angles_are_smooth(avatar: Avatar) -> None:
 def test_wrong_shapes_are_refused(avatar: Avatar) -> None:
     with pytest.raises(ValueError, match="pose_axis_angle"):
         joint_transforms(avatar, np.zeros(3), np.zeros((22, 3)))
-
-
-def test_rigid_turn_of_a_person_turns_every_gaussian(avatar: Avatar) -> None:
-    pose = np.zeros((24, 3))
-    before = pose_avatar(avatar, np.zeros(3), pose)
-    pose[0] = (0.0, np.pi / 2, 0.0)
-    after = pose_avatar(avatar, (1.0, 2.0, 0.5), pose)
-    R = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    np.testing.assert_allclose(after.means_m, before.means_m @ R.T + (1.0, 2.0, 0.5), atol=1e-5)
-    np.testing.assert_allclose(matrix_from_quat(after.quats_wxyz), R @ matrix_from_quat(before.quats_wxyz), atol=1e-5)
-
-
-def test_nearest_rotation_of_a_rotation_is_itself_and_of_a_mirror_is_proper() -> None:
-    R = matrix_from_axis_angle(np.random.default_rng(5).normal(size=(50, 3)))
-    np.testing.assert_allclose(nearest_rotation(R * 0.7), R, atol=1e-12)
-    mirrored = nearest_rotation(R * np.array([1.0, 1.0, -1.0]))
-    np.testing.assert_allclose(np.linalg.det(mirrored), 1.0, atol=1e-12)
-    assert np.all(quat_from_matrix(R)[:, 0] >= 0)
 
 
 def test_recorded_walk_is_upright_on_the_floor_and_faces_its_path(shared_data: Path) -> None:

@@ -106,7 +106,7 @@ def test_last_row_is_held(model: LabelModel) -> None:
         np.testing.assert_array_equal(getattr(last, name), getattr(later, name))
 
 
-def test_person_without_solid_gaussians_has_a_box(avatar: Avatar) -> None:
+def test_human_without_solid_gaussians_has_a_box(avatar: Avatar) -> None:
     faint = dataclasses.replace(avatar.cloud, opacities=np.full_like(avatar.cloud.opacities, 0.2))
     model = LabelModel.from_avatar(dataclasses.replace(avatar, cloud=faint))
     assert human_labels(model, some_motion(0), 0, 0.0).box[5] > 1.0

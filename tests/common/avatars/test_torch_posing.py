@@ -17,8 +17,8 @@ def poses(count: int, spread_rad: float = 0.6) -> tuple[np.ndarray, np.ndarray]:
 
 def transforms(avatar: Avatar, root: np.ndarray, pose: np.ndarray) -> "torch.Tensor":
     skeletons = posing.load_skeletons([avatar], "cpu")
-    people = torch.zeros(len(root), dtype=torch.int64)
-    return posing.joint_transforms(skeletons, people, torch.from_numpy(root), torch.from_numpy(pose))
+    humans = torch.zeros(len(root), dtype=torch.int64)
+    return posing.joint_transforms(skeletons, humans, torch.from_numpy(root), torch.from_numpy(pose))
 
 
 def test_joint_transforms_are_those_of_the_avatar(avatar) -> None:
@@ -29,7 +29,7 @@ def test_joint_transforms_are_those_of_the_avatar(avatar) -> None:
         np.testing.assert_allclose(A[k], joint_transforms(avatar, root[k], pose[k]), atol=1e-12)
 
 
-def test_people_posed_together_are_as_pose_avatar_makes_them(avatar) -> None:
+def test_humans_posed_together_are_as_pose_avatar_makes_them(avatar) -> None:
     root, pose = poses(3)
     A = transforms(avatar, root, pose).float()
     means, quats = posing.pose_gaussians(posing.load_skin(avatar, "cpu"), A)

@@ -1,4 +1,4 @@
-"""HUGS checkpoints: baked people are posed as HUGS poses them."""
+"""HUGS checkpoints: baked humans are posed as HUGS poses them."""
 
 from pathlib import Path
 from typing import Any
@@ -8,12 +8,12 @@ import numpy.typing as npt
 import pytest
 
 from readygo.common.avatars import SMPL_PARENTS, pose_avatar
-from readygo.common.avatars.importers import ImportOptions, import_person, load_smpl_model
+from readygo.common.avatars.importers import ImportOptions, import_human, load_smpl_model
 from readygo.common.avatars.importers.hugs import da_pose
 from readygo.common.avatars.importers.joints import JOINT
 from readygo.common.errors import AvatarError
 from readygo.common.frames import matrix_from_axis_angle, matrix_from_quat, zup_from_yup
-from tests.common.avatars.importers.people import boxes, write_smpl_pickle
+from tests.common.avatars.importers.humans import boxes, write_smpl_pickle
 
 torch = pytest.importorskip("torch", reason="torch is not installed")
 functional = torch.nn.functional
@@ -137,10 +137,10 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     return folder / "human_final.pth", smpl
 
 
-def test_baked_person_is_posed_as_hugs_poses_the_checkpoint(files: tuple[Path, Path]) -> None:
+def test_baked_human_is_posed_as_hugs_poses_the_checkpoint(files: tuple[Path, Path]) -> None:
     checkpoint, smpl = files
     state = torch.load(checkpoint, weights_only=True)
-    avatar, report = import_person(checkpoint, ImportOptions(license="test", smpl=smpl, height_m=1.75))
+    avatar, report = import_human(checkpoint, ImportOptions(license="test", smpl=smpl, height_m=1.75))
     want = _forward(state)
     joints = load_smpl_model(smpl).joints_m
     rng = np.random.default_rng(1)
@@ -164,7 +164,7 @@ def test_baked_person_is_posed_as_hugs_poses_the_checkpoint(files: tuple[Path, P
 def test_rotations_are_two_rows_made_orthonormal(files: tuple[Path, Path]) -> None:
     checkpoint, smpl = files
     sixes = _forward(torch.load(checkpoint, weights_only=True))["sixes"]
-    avatar, _ = import_person(checkpoint, ImportOptions(license="test", smpl=smpl, height_m=1.75))
+    avatar, _ = import_human(checkpoint, ImportOptions(license="test", smpl=smpl, height_m=1.75))
     R = matrix_from_quat(avatar.cloud.quats_wxyz)
     first = sixes[:, :3] / np.linalg.norm(sixes[:, :3], axis=1, keepdims=True)
     np.testing.assert_allclose(R[:, 0], first, atol=1e-5)
@@ -174,7 +174,7 @@ def test_rotations_are_two_rows_made_orthonormal(files: tuple[Path, Path]) -> No
 
 def test_canonical_pose_is_the_da_pose_with_ankles_at_standing_height(files: tuple[Path, Path]) -> None:
     checkpoint, smpl = files
-    avatar, _ = import_person(checkpoint, ImportOptions(license="test", smpl=smpl, height_m=1.75))
+    avatar, _ = import_human(checkpoint, ImportOptions(license="test", smpl=smpl, height_m=1.75))
     ankles = [JOINT["left_ankle"], JOINT["right_ankle"]]
     assert avatar.joints_canonical_m[ankles, 1].mean() == pytest.approx(
         avatar.joints_tpose_m[ankles, 1].mean(), abs=1e-5
@@ -187,14 +187,14 @@ def test_canonical_pose_is_the_da_pose_with_ankles_at_standing_height(files: tup
 
 def test_smpl_model_is_asked_for(files: tuple[Path, Path]) -> None:
     with pytest.raises(AvatarError, match="--smpl"):
-        import_person(files[0], ImportOptions(license="test"))
+        import_human(files[0], ImportOptions(license="test"))
 
 
 def test_betas_of_neuman_files_shape_the_joints(files: tuple[Path, Path], tmp_path: Path) -> None:
     np.savez(tmp_path / "betas.npz", betas=np.tile([0.5, 0.0], (4, 1)))
     options = {"license": "test", "smpl": files[1], "height_m": 1.75}
-    mean, _ = import_person(files[0], ImportOptions(**options))  # type: ignore[arg-type]
-    shaped, report = import_person(files[0], ImportOptions(**options, betas=tmp_path / "betas.npz"))  # type: ignore[arg-type]
+    mean, _ = import_human(files[0], ImportOptions(**options))  # type: ignore[arg-type]
+    shaped, report = import_human(files[0], ImportOptions(**options, betas=tmp_path / "betas.npz"))  # type: ignore[arg-type]
     assert np.abs(mean.joints_tpose_m - shaped.joints_tpose_m).max() > 0.005
     assert not any("mean shape" in note for note in report.notes)
 
@@ -228,7 +228,7 @@ def _saved(path: Path, files: tuple[Path, Path], change: Any) -> Path:
 def test_checkpoints_that_lack_something_are_refused(files: Any, tmp_path: Path, change: Any, message: str) -> None:
     path = _saved(tmp_path / "x.pth", files, change)
     with pytest.raises(AvatarError, match=message) as raised:
-        import_person(path, ImportOptions(license="test", smpl=files[1], height_m=1.75))
+        import_human(path, ImportOptions(license="test", smpl=files[1], height_m=1.75))
     assert "\n" not in str(raised.value)
 
 
@@ -239,5 +239,5 @@ class _Foreign:
 def test_checkpoints_with_foreign_objects_are_refused(tmp_path: Path, files: tuple[Path, Path]) -> None:
     torch.save({"xyz": _Foreign()}, tmp_path / "x.pth")
     with pytest.raises(AvatarError, match="not a checkpoint of plain tensors") as raised:
-        import_person(tmp_path / "x.pth", ImportOptions(license="test", smpl=files[1]))
+        import_human(tmp_path / "x.pth", ImportOptions(license="test", smpl=files[1]))
     assert "\n" not in str(raised.value)

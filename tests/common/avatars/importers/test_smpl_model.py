@@ -1,4 +1,4 @@
-"""SMPL model files are read without running anything, and become people in plain clothes."""
+"""SMPL model files are read without running anything, as the body that they hold."""
 
 import pickle
 from pathlib import Path
@@ -7,12 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from readygo.common.avatars.importers import ImportOptions, import_person, load_smpl_model
-from readygo.common.avatars.importers.joints import JOINT
-from readygo.common.avatars.importers.pickles import load_pickle
+from readygo.common.avatars.importers import load_smpl_model
 from readygo.common.errors import AvatarError
-from tests.common.avatars.importers.people import (
-    HEIGHT_M,
+from tests.common.avatars.importers.humans import (
     smpl_entries,
     tpose_joints_m,
     write_smpl_npz,
@@ -47,35 +44,6 @@ def test_betas_change_vertices_and_joints(tmp_path: Path) -> None:
         load_smpl_model(path, betas=[1.0, 0.0, 0.0])
 
 
-class _Harmful:
-    def __init__(self, function: Any, *arguments: Any) -> None:
-        self.reduced = function, arguments
-
-    def __reduce__(self) -> Any:
-        return self.reduced
-
-
-@pytest.mark.parametrize("protocol", [0, 2, 4])
-def test_pickles_that_name_anything_else_are_refused_by_name(tmp_path: Path, protocol: int) -> None:
-    import os
-
-    path, witness = tmp_path / "SMPL.pkl", tmp_path / "ran"
-    entries = smpl_entries() | {"extra": _Harmful(os.system, f"touch {witness}")}
-    path.write_bytes(pickle.dumps(entries, protocol=protocol))
-    with pytest.raises(AvatarError, match=r"posix\.system") as raised:
-        load_smpl_model(path)
-    assert "\n" not in str(raised.value)
-    assert not witness.exists()
-
-
-@pytest.mark.parametrize("function", [eval, getattr, np.load, np.save])
-def test_no_function_can_be_called(tmp_path: Path, function: Any) -> None:
-    path = tmp_path / "x.pkl"
-    path.write_bytes(pickle.dumps(_Harmful(function, "1"), protocol=2))
-    with pytest.raises(AvatarError, match="not loaded, because a pickle can run programs"):
-        load_pickle(path)
-
-
 @pytest.mark.parametrize(
     "data", [b"", b"\x80\x02", b"(dp0\n", b"\x80\x04\x95\xff\xff\xff\xff", b"\x80\x02}q\x00.", b"cx\n"]
 )
@@ -107,17 +75,3 @@ def test_wrong_entries_are_refused(tmp_path: Path, key: str, value: Any, message
     path.write_bytes(pickle.dumps(smpl_entries() | {key: value}, protocol=2))
     with pytest.raises(AvatarError, match=message):
         load_smpl_model(path)
-
-
-def test_model_becomes_a_person_in_plain_clothes(tmp_path: Path) -> None:
-    path = write_smpl_pickle(tmp_path / "SMPL_NEUTRAL.pkl")
-    avatar, report = import_person(path, ImportOptions(license="own", gaussians=3000))
-    assert (report.kind, report.name) == ("SMPL model", "SMPL_NEUTRAL")
-    assert avatar.height_m == pytest.approx(HEIGHT_M, abs=0.01)
-    np.testing.assert_allclose(avatar.joints_tpose_m, tpose_joints_m(), atol=0.005)
-    np.testing.assert_array_equal(avatar.R_tpose_canonical, np.tile(np.eye(3), (24, 1, 1)))
-    colours = {
-        joint: np.median(avatar.cloud.sh[avatar.lbs_index[:, 0] == JOINT[joint], 0], axis=0)
-        for joint in ("spine3", "left_knee", "left_elbow", "left_foot")
-    }
-    assert len({tuple(np.round(colour, 2)) for colour in colours.values()}) == 4

@@ -1,4 +1,4 @@
-"""Skinned, textured glTF people as avatars."""
+"""Skinned, textured glTF humans as avatars."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.avatars.importers.assemble import CanonicalPerson, scale_to_metres
+from readygo.common.avatars.importers.assemble import CanonicalHuman, scale_to_metres
 from readygo.common.avatars.importers.gltf_file import GltfFile
 from readygo.common.avatars.importers.gltf_paint import paint_part, read_materials
 from readygo.common.avatars.importers.gltf_scene import Bones, Figure, Part, read_figure
@@ -29,26 +29,26 @@ Index = npt.NDArray[np.int64]
 
 GAUSSIAN_COUNT = 40_000
 _DENSITY = {"head": 4.0, "neck": 2.0, "left_wrist": 2.0, "right_wrist": 2.0, "left_hand": 2.0, "right_hand": 2.0}
-"""How much finer than the rest some parts are sampled: what people look at."""
+"""How much finer than the rest some parts are sampled: where eyes go first."""
 _LIGHT_FROM = np.array([0.0, 0.93, 0.37])
 """Textures hold no light; soft daylight from above and in front gives the body its shape."""
 
 
-def gltf_person(
+def gltf_human(
     path: Path, *, height_m: float | None = None, count: int = GAUSSIAN_COUNT
-) -> tuple[CanonicalPerson, SkeletonReport, tuple[str, ...]]:
+) -> tuple[CanonicalHuman, SkeletonReport, tuple[str, ...]]:
     """Sample the surface of a skinned figure.
 
     Args:
         path: .glb, .gltf or .vrm.
-        height_m: True height of the person; by default the file's unit is the metre, as glTF says.
+        height_m: True height of the human; by default the file's unit is the metre, as glTF says.
         count: Wanted number of Gaussians.
 
     Returns:
-        The person in the file's bind pose, what its bones became, and notes.
+        The human in the file's bind pose, what its bones became, and notes.
 
     Raises:
-        AvatarError: If the file is damaged, has no skin, its bones are not those of a person, or its size is not.
+        AvatarError: If the file is damaged, has no skin, its bones are not those of a human, or its size is not.
     """
     file = GltfFile(path)
     try:
@@ -76,12 +76,12 @@ def gltf_person(
         cloud, weights = gaussians_of_mesh(mesh, paint, count)
     except ValueError as error:
         raise AvatarError(f"{path}: {error}") from error
-    person = CanonicalPerson(
+    human = CanonicalHuman(
         cloud=shaded(cloud), weights=weights, joints=joints, R_tpose_canonical=rotations_to_tpose(joints)
     )
     if abs(scale - 1.0) > 1e-6:
         notes = (*notes, f"Lengths of the bind pose were multiplied by {scale:.6g}.")
-    return person, skeleton_report(mapping, figure.bones, estimated), notes
+    return human, skeleton_report(mapping, figure.bones, estimated), notes
 
 
 def shaded(cloud: GaussianCloud) -> GaussianCloud:
@@ -101,7 +101,7 @@ def shaded(cloud: GaussianCloud) -> GaussianCloud:
 
 def _upright(figure: Figure, extensions: dict[str, object], height_m: float | None) -> tuple[Figure, Mapping24, float]:
     """The figure in metres, SMPL axes, soles at y = 0; its joints; the factor on lengths of the bind pose."""
-    # Geometry needs to know where up is before joints are known: the longest side of a standing person is its height.
+    # Geometry needs to know where up is before joints are known: the longest side of a standing human is its height.
     points = np.concatenate([part.positions[part.triangles.reshape(-1)] for part in figure.parts])
     R_guess, sole = _standing_guess(points, figure.bones)
     heads, turned = figure.bones.heads @ R_guess.T, points @ R_guess.T

@@ -1,4 +1,4 @@
-"""Small people in the formats that importers read: a body of boxes on a skeleton."""
+"""Small humans in the formats that importers read: a body of boxes on a skeleton."""
 
 import json
 import pickle
@@ -51,7 +51,7 @@ MIXAMO = {
 
 
 def tpose_joints_m() -> Array:
-    """The joints of the person, shape (24, 3)."""
+    """The joints of the human, shape (24, 3)."""
     place = {joint: np.array(p, dtype=float) for joint, p in _MIDDLE.items()}
     for part, p in _LEFT.items():
         place[f"left_{part}"] = np.array(p)
@@ -170,7 +170,7 @@ def write_glb(
     posed: bool = False,
     edit: Any = None,
 ) -> Path:
-    """A skinned person of boxes with 29 bones: upper half of the texture (trunk and arms) red, lower half blue.
+    """A skinned human of boxes with 29 bones: upper half of the texture (trunk and arms) red, lower half blue.
 
     Args:
         path: File to write.
@@ -228,7 +228,7 @@ def write_glb(
     png = bytes(cv2.imencode(".png", picture)[1])
     views.append({"buffer": 0, "byteOffset": len(binary), "byteLength": len(png)})
     binary += png + b"\0" * (-len(png) % 4)
-    nodes: list[dict[str, Any]] = [{"name": "Person", "mesh": 0, "skin": 0}]
+    nodes: list[dict[str, Any]] = [{"name": "Human", "mesh": 0, "skin": 0}]
     for k, title in enumerate(titles):
         local = heads[k] - (heads[above[k]] if above[k] >= 0 else 0)
         nodes.append({"name": prefix + title, "translation": local.tolist()})

@@ -1,38 +1,18 @@
-"""The embedded scene: its Gaussians, its maps, its bundle."""
-
-import shutil
-from pathlib import Path
+"""The whole embedded scene: its Gaussians and what its maps say of it."""
 
 import numpy as np
-import pytest
 from scipy import ndimage
 
-from readygo.common.errors import SceneError
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.gaussians.spherical_harmonics import SH_C0
 from readygo.common.maps.distance import clearance_m
 from readygo.common.maps.occupancy import MapConfig, plan_scene
-from readygo.common.scenes import Scene, load_scene
-from readygo.common.scenes.embedded import bundle, embedded_scene_cloud, embedded_sky, ensure_embedded_scene
-from readygo.common.scenes.embedded.lighting import Lights, lit_colours, voxelise
-from readygo.common.scenes.embedded.plan import OPENINGS, ROOMS
-from readygo.common.scenes.embedded.surfaces import Surfaces
+from readygo.common.scenes import Scene
+from readygo.common.scenes.embedded import embedded_scene_cloud, embedded_sky
+from readygo.common.scenes.embedded.plan import ROOMS
+from readygo.common.scenes.embedded.scene import floor_height_m
 
 ARRAYS = ("means_m", "quats_wxyz", "scales_m", "opacities", "sh")
-
-
-@pytest.fixture(scope="module")
-def cloud() -> GaussianCloud:
-    return embedded_scene_cloud()
-
-
-@pytest.fixture(scope="module")
-def made(cloud: GaussianCloud, tmp_path_factory: pytest.TempPathFactory) -> Scene:
-    patch = pytest.MonkeyPatch()
-    patch.setattr(bundle, "embedded_scene_cloud", lambda: cloud)
-    scene = ensure_embedded_scene(tmp_path_factory.mktemp("scenes") / "embedded")
-    patch.undo()
-    return scene
 
 
 def display(cloud: GaussianCloud) -> np.ndarray:
@@ -112,11 +92,6 @@ def test_straight_lines_between_rooms_are_often_blocked(made: Scene) -> None:
     assert 0.5 < blocked / tried < 1.0
 
 
-def test_doorways_are_at_least_one_metre_wide() -> None:
-    assert min(o.end_m - o.begin_m for o in OPENINGS if not o.is_window) >= 1.0
-    assert all(o.top_m >= 2.0 for o in OPENINGS if not o.is_window)
-
-
 def test_floor_is_uneven_by_millimetres(made: Scene) -> None:
     frame = made.maps.robot.frame
     cells = np.argwhere(~made.maps.robot.occupied)
@@ -125,64 +100,16 @@ def test_floor_is_uneven_by_millimetres(made: Scene) -> None:
     assert abs(np.median(height)) < 0.015
 
 
-def test_bundle_is_made_once_and_then_loaded(made: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bundle, "embedded_scene_cloud", lambda: pytest.fail("made again"))
-    again = ensure_embedded_scene(made.path)
-    assert again.content_hash == made.content_hash
-    assert again.name == "embedded"
-    assert [path.name for path in made.path.parent.iterdir()] == ["embedded"]
-
-
-def test_bundle_of_another_recipe_is_replaced(
-    made: Scene, cloud: GaussianCloud, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    shutil.copytree(made.path, tmp_path / "scene")
-    monkeypatch.setattr(bundle, "recipe_hash", lambda: "another")
-    monkeypatch.setattr(bundle, "embedded_scene_cloud", lambda: cloud)
-    scene = ensure_embedded_scene(tmp_path / "scene")
-    assert scene.metadata["source"]["sha256"] == "another"
-    assert load_scene(tmp_path / "scene").content_hash == made.content_hash
-    assert [path.name for path in tmp_path.iterdir()] == ["scene"]
-
-
-def test_foreign_folder_is_refused_and_kept(tmp_path: Path) -> None:
-    (tmp_path / "notes.txt").write_text("mine")
-    with pytest.raises(SceneError, match="something else"):
-        ensure_embedded_scene(tmp_path)
-    assert (tmp_path / "notes.txt").read_text() == "mine"
-
-
-def test_surface_behind_a_wall_stays_darker_than_one_before_it() -> None:
-    build = Surfaces(np.random.default_rng(0))
-    build.solid((-1.0, 0.45, 0.0), (1.0, 0.55, 2.0))
-    for y in (0.2, 0.8):
-        build.patch((-0.1, y - 0.1, 0.0), (0.2, 0, 0), (0, 0.2, 0), 0.2, (0.5, 0.5, 0.5))
-    samples = build.samples()
-    grid = voxelise(build.solid_points_m(), np.array([-1.0, -1.0, -0.05]), np.array([1.0, 2.0, 2.05]))
-    lights = Lights(
-        position_m=np.array([[0.0, -0.5, 1.0]]),
-        direction=np.zeros((1, 3)),
-        power=np.ones((1, 3)),
-        sun_direction=np.array([0.0, 0.0, -1.0]),
-        sun_power=np.zeros(3),
-    )
-    before, behind = lit_colours(samples, grid, lights)[:, 0]
-    assert before > 2 * behind
-
-
-def test_cleared_samples_are_those_added_before() -> None:
-    build = Surfaces(np.random.default_rng(0))
-    build.patch((0, 0, 0), (1.0, 0, 0), (0, 1.0, 0), 0.1, (0.5, 0.5, 0.5))
-    moved = build.at(0.5, 0.5, yaw_deg=90)
-    moved.clear((-0.21, -0.21, -0.01), (0.21, 0.21, 0.01))
-    moved.patch((-0.05, -0.05, 0), (0.1, 0, 0), (0, 0.1, 0), 0.1, (1.0, 0.0, 0.0))
-    position = build.samples().position_m
-    assert len(position) == 100 - 16 + 1
-    np.testing.assert_allclose(position[-1], [0.5, 0.5, 0.0], atol=1e-12)
-
-
 def test_maps_follow_the_height_of_the_agent(cloud: GaussianCloud) -> None:
     plan = plan_scene(cloud, MapConfig())
     under_table = plan.robot.frame.cell(2.9, 1.95)
     assert plan.human.occupied[under_table]
     assert not plan.robot.occupied[under_table]
+
+
+def test_floor_tilts_by_a_millimetre_per_metre_and_bumps_by_less_than_half_a_centimetre() -> None:
+    rng = np.random.default_rng(0)
+    x, y = rng.uniform(-5, 5, (2, 2000))
+    slope, *_ = np.linalg.lstsq(np.stack([x, y, np.ones_like(x)], axis=1), floor_height_m(x, y), rcond=None)
+    np.testing.assert_allclose(slope[:2], (0.0010, -0.0006), atol=2e-4)
+    assert np.abs(floor_height_m(x, y) - 0.0010 * x + 0.0006 * y).max() <= 0.003

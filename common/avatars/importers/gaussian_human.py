@@ -1,4 +1,4 @@
-"""People as a 3DGS .ply in a canonical pose, with a .npz that binds them to SMPL's skeleton."""
+"""Humans as a 3DGS .ply in a canonical pose, with a .npz that binds them to SMPL's skeleton."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.avatars.importers.archives import read_npz
-from readygo.common.avatars.importers.assemble import CanonicalPerson
+from readygo.common.avatars.importers.assemble import CanonicalHuman
 from readygo.common.avatars.importers.joints import rotations_to_tpose
 from readygo.common.errors import AvatarError
 from readygo.common.gaussians import load_gaussians
@@ -14,7 +14,7 @@ from readygo.common.gaussians import load_gaussians
 Array = npt.NDArray[np.float64]
 
 
-def gaussian_person(ply: Path, weights: Path) -> CanonicalPerson:
+def gaussian_human(ply: Path, weights: Path) -> CanonicalHuman:
     """Read both files.
 
     Args:
@@ -39,7 +39,7 @@ def gaussian_person(ply: Path, weights: Path) -> CanonicalPerson:
         if not np.allclose(R @ R.transpose(0, 2, 1), np.eye(3), atol=1e-3):
             raise AvatarError(f"{weights}: R_canonical_to_tpose must hold rotation matrices.")
     joints_tpose = _shaped(weights, arrays, "joints_tpose", (24, 3)) if "joints_tpose" in arrays else None
-    return CanonicalPerson(
+    return CanonicalHuman(
         cloud=cloud,
         weights=_dense_weights(weights, arrays, len(cloud)),
         joints=joints,

@@ -3,8 +3,8 @@
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.avatars.importers.assemble import CanonicalPerson
-from readygo.common.avatars.importers.gltf_person import shaded
+from readygo.common.avatars.importers.assemble import CanonicalHuman
+from readygo.common.avatars.importers.gltf_human import shaded
 from readygo.common.avatars.importers.joints import JOINT
 from readygo.common.avatars.importers.smpl_model import SmplModel
 from readygo.common.avatars.importers.surface import Mesh, gaussians_of_mesh
@@ -22,7 +22,7 @@ _COLOURS = {
 """sRGB of the parts that joints move; the rest is the shirt."""
 
 
-def smpl_person(model: SmplModel, *, count: int) -> tuple[CanonicalPerson, tuple[str, ...]]:
+def smpl_human(model: SmplModel, *, count: int) -> tuple[CanonicalHuman, tuple[str, ...]]:
     """Sample the surface of a SMPL body in its zero pose.
 
     Args:
@@ -30,7 +30,7 @@ def smpl_person(model: SmplModel, *, count: int) -> tuple[CanonicalPerson, tuple
         count: Wanted number of Gaussians.
 
     Returns:
-        The person, and notes.
+        The human, and notes.
 
     Raises:
         AvatarError: If the model has no faces.
@@ -65,11 +65,11 @@ def smpl_person(model: SmplModel, *, count: int) -> tuple[CanonicalPerson, tuple
         cloud, skin = gaussians_of_mesh(mesh, paint, count)
     except ValueError as error:
         raise AvatarError(f"The SMPL model cannot be drawn: {error}") from error
-    person = CanonicalPerson(
+    human = CanonicalHuman(
         cloud=shaded(cloud),
         weights=skin,
         joints=model.joints_m,
         R_tpose_canonical=np.tile(np.eye(3), (24, 1, 1)),
         joints_tpose=model.joints_m,
     )
-    return person, ("A SMPL model has no colours: the body wears plain clothes.",)
+    return human, ("A SMPL model has no colours: the body wears plain clothes.",)

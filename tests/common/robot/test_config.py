@@ -1,12 +1,9 @@
-import math
 from pathlib import Path
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from readygo.common.errors import ConfigError
-from readygo.common.robot import CameraConfig, RobotConfig, limit_command, load_robot, step_unicycle
+from readygo.common.robot import CameraConfig, RobotConfig, load_robot
 
 
 def test_robot_file_holds_the_whole_camera(tmp_path: Path) -> None:
@@ -48,25 +45,3 @@ def test_wrong_robot_file_is_refused_with_a_reason(tmp_path: Path, text: str, wo
 def test_missing_robot_file_is_a_config_error(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="cannot be read"):
         load_robot(tmp_path / "none.toml")
-
-
-@given(st.floats(-1, 1), st.floats(-1.2, 1.2), st.floats(-3, 3))
-def test_arc_equals_many_small_straight_steps(v: float, w: float, yaw: float) -> None:
-    x = y = 0.0
-    heading, steps = yaw, 2000
-    for _ in range(steps):
-        heading += w * 0.05 / steps / 2
-        x += v * 0.05 / steps * math.cos(heading)
-        y += v * 0.05 / steps * math.sin(heading)
-        heading += w * 0.05 / steps / 2
-    assert step_unicycle(0.0, 0.0, yaw, v, w) == pytest.approx((x, y, heading), abs=1e-8)
-
-
-@given(st.floats(-9, 9), st.floats(-9, 9), st.floats(0, 1), st.floats(-1.2, 1.2))
-def test_executed_command_keeps_all_limits(v: float, w: float, v0: float, w0: float) -> None:
-    robot = RobotConfig()
-    v1, w1 = limit_command(v, w, v0, w0, robot)
-    assert -1e-12 <= v1 <= robot.v_max_mps
-    assert abs(w1) <= robot.w_max_radps
-    assert abs(v1 - v0) <= robot.a_max_mps2 * 0.05 + 1e-12
-    assert abs(w1 - w0) <= robot.alpha_max_radps2 * 0.05 + 1e-12

@@ -1,0 +1,99 @@
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from readygo.common.avatars.importers.gltf_file import GltfFile
+from readygo.common.avatars.importers.gltf_paint import (
+    Material,
+    bilinear,
+    linear_from_srgb,
+    paint_part,
+    read_materials,
+    srgb_from_linear,
+)
+from readygo.common.avatars.importers.gltf_scene import Part, read_figure
+from tests.common.avatars.importers.humans import write_glb
+
+TRIANGLE = Part(
+    positions=np.zeros((3, 3)),
+    normals=None,
+    uv=np.array([[0.25, 0.5], [0.75, 0.5], [0.25, 0.5]]),
+    colours=None,
+    bone_index=np.zeros((3, 1), np.int64),
+    bone_weight=np.ones((3, 1)),
+    triangles=np.array([[0, 1, 2]]),
+    material=0,
+)
+GLASS = Material(
+    factor=np.array([1.0, 0.5, 0.0, 0.4]), texture=None, uv_matrix=np.eye(3)[:2], alpha_mode="BLEND", alpha_cutoff=0.5
+)
+CORNERS = np.eye(3)
+
+
+def painted(material: Material, part: Part = TRIANGLE) -> np.ndarray:
+    return paint_part(part, material, np.zeros(3, np.int64), CORNERS)
+
+
+@pytest.mark.parametrize(
+    ("mode", "cutoff", "alpha"), [("OPAQUE", 0.5, 1.0), ("MASK", 0.5, 0.0), ("MASK", 0.3, 1.0), ("BLEND", 0.5, 0.4)]
+)
+def test_alpha_is_what_the_mode_says(mode: str, cutoff: float, alpha: float) -> None:
+    colours = painted(dataclasses.replace(GLASS, alpha_mode=mode, alpha_cutoff=cutoff))
+    np.testing.assert_allclose(colours[:, 3], alpha)
+    np.testing.assert_allclose(colours[:, :3], np.tile(srgb_from_linear(np.array([1.0, 0.5, 0.0])), (3, 1)))
+
+
+def test_vertex_colours_multiply_the_factor_in_linear_light() -> None:
+    part = dataclasses.replace(TRIANGLE, colours=np.array([[1.0, 1, 1, 1], [0.5, 0.5, 0.5, 0.5], [0, 0, 0, 1]]))
+    colours = painted(GLASS, part)
+    np.testing.assert_allclose(colours[1], [*srgb_from_linear(np.array([0.5, 0.25, 0.0])), 0.2])
+    np.testing.assert_allclose(colours[2], [0, 0, 0, 0.4])
+
+
+def test_texture_is_looked_up_at_the_texture_coordinates() -> None:
+    texture = np.array([[[200, 0, 0, 255], [0, 0, 100, 255]]], np.uint8)
+    plain = dataclasses.replace(GLASS, factor=np.ones(4), texture=texture)
+    np.testing.assert_allclose(255 * painted(plain)[:2, :3], [[200, 0, 0], [0, 0, 100]], atol=1e-9)
+    moved = dataclasses.replace(plain, uv_matrix=np.array([[1.0, 0.0, 0.5], [0.0, 1.0, 0.0]]))
+    np.testing.assert_allclose(255 * painted(moved)[:2, :3], [[0, 0, 100], [200, 0, 0]], atol=1e-9)
+
+
+def test_texels_blend_between_their_centres_and_repeat() -> None:
+    texture = np.zeros((1, 4, 4), np.uint8)
+    texture[0, :, 0] = 0, 100, 200, 255
+    u = np.array([0.125, 0.25, 0.375, 0.0, 1.375])
+    red = 255 * bilinear(texture, np.stack([u, np.full(5, 0.5)], axis=1))[:, 0]
+    np.testing.assert_allclose(red, [0, 50, 100, 127.5, 100])
+
+
+def test_srgb_and_linear_light_are_inverse_and_as_the_standard_says() -> None:
+    values = np.linspace(0.0, 1.0, 101)
+    np.testing.assert_allclose(srgb_from_linear(linear_from_srgb(values)), values, atol=1e-6)
+    np.testing.assert_allclose(linear_from_srgb(np.array([0.02, 0.5])), [0.02 / 12.92, 0.21404114])
+
+
+def _materials(path: Path, **material: Any) -> tuple[dict[int | None, Material], tuple[str, ...]]:
+    def edit(document: dict[str, Any]) -> None:
+        document["materials"] = [material]
+
+    file = GltfFile(write_glb(path, edit=edit))
+    return read_materials(file, read_figure(file).parts)
+
+
+def test_texture_transform_turns_scales_and_shifts(tmp_path: Path) -> None:
+    transform = {"offset": [0.1, 0.2], "rotation": np.pi / 2, "scale": [2.0, 3.0]}
+    texture = {"index": 0, "extensions": {"KHR_texture_transform": transform}}
+    materials, notes = _materials(tmp_path / "a.glb", pbrMetallicRoughness={"baseColorTexture": texture})
+    np.testing.assert_allclose(materials[0].uv_matrix, [[0, 3, 0.1], [-2, 0, 0.2]], atol=1e-12)
+    assert notes == ()
+
+
+def test_texture_that_cannot_be_read_is_noted_and_the_factor_stands_in(tmp_path: Path) -> None:
+    rough = {"baseColorTexture": {"index": 9}, "baseColorFactor": [0.1, 0.2, 0.3, 1.0]}
+    materials, notes = _materials(tmp_path / "a.glb", name="Skin", pbrMetallicRoughness=rough)
+    assert materials[0].texture is None
+    assert materials[0].factor.tolist() == [0.1, 0.2, 0.3, 1.0]
+    assert "'Skin' cannot be read" in notes[0]

@@ -1,0 +1,34 @@
+from pathlib import Path
+
+import pytest
+
+from readygo.common.avatars.file import EMBEDDED_FOLDER
+from readygo.common.avatars.importers import FileKind, kind_of
+from readygo.common.errors import AvatarError
+from tests.common.avatars.importers.humans import write_glb, write_smpl_npz, write_smpl_pickle
+
+
+def test_kinds_are_told_apart_by_content_and_not_by_name(tmp_path: Path, bound: tuple[Path, Path]) -> None:
+    (tmp_path / "a.bin").write_bytes(write_glb(tmp_path / "p.glb").read_bytes())
+    (tmp_path / "b.bin").write_bytes(write_smpl_npz(tmp_path / "p.npz").read_bytes())
+    (tmp_path / "c.bin").write_bytes(bound[0].read_bytes())
+    (tmp_path / "d.bin").write_bytes(write_smpl_pickle(tmp_path / "p.pkl").read_bytes())
+    assert [kind_of(tmp_path / f"{name}.bin") for name in "abcd"] == [
+        FileKind.GLTF,
+        FileKind.SMPL,
+        FileKind.GAUSSIANS,
+        FileKind.SMPL,
+    ]
+
+
+@pytest.mark.parametrize("data", [b"", b"hello", b"PK\x03\x04 broken", b"{}", b"\x89PNG"])
+def test_foreign_files_are_refused_in_one_line(tmp_path: Path, data: bytes) -> None:
+    (tmp_path / "x").write_bytes(data)
+    with pytest.raises(AvatarError) as raised:
+        kind_of(tmp_path / "x")
+    assert "\n" not in str(raised.value)
+
+
+def test_avatar_files_need_no_import() -> None:
+    with pytest.raises(AvatarError, match="avatar file already"):
+        kind_of(sorted(EMBEDDED_FOLDER.glob("*.npz"))[0])

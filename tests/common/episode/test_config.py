@@ -1,0 +1,31 @@
+from typing import Any
+
+import pytest
+
+from readygo.common.episode import EpisodeConfig
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"human_count_min": 3}, r"human counts must be 0 <= min <= max <= 8, got 3\.\.2"),
+        ({"human_count_max": 9}, "human counts"),
+        ({"human_count_min": -1}, "human counts"),
+        ({"human_speed_min_mps": 0.0}, "human speeds"),
+        ({"human_speed_min_mps": 1.5}, "human speeds"),
+        ({"human_speed_max_mps": 3.6}, "human speeds"),
+        ({"success_radius_m": 3.0}, "goal distances"),
+        ({"goal_distance_min_m": 10.5}, "goal distances"),
+        ({"time_limit_s": 0.0}, "must be positive"),
+        ({"human_radius_m": 0.0}, "must be positive"),
+    ],
+)
+def test_tasks_that_cannot_be_are_refused(values: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        EpisodeConfig(**values)
+
+
+def test_limits_themselves_are_allowed() -> None:
+    EpisodeConfig(human_count_min=0, human_count_max=0)
+    EpisodeConfig(human_count_min=8, human_count_max=8, human_speed_min_mps=3.5, human_speed_max_mps=3.5)
+    EpisodeConfig(goal_distance_min_m=10.0)

@@ -1,0 +1,40 @@
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from readygo.common.robot import RobotConfig, limit_command, step_unicycle
+from readygo.common.robot.kinematics import DT_S, RATE_HZ, STEP_NS, whole_steps
+
+
+@given(st.floats(-1, 1), st.floats(-1.2, 1.2), st.floats(-3, 3))
+def test_arc_equals_many_small_straight_steps(v: float, w: float, yaw: float) -> None:
+    x = y = 0.0
+    heading, steps = yaw, 2000
+    for _ in range(steps):
+        heading += w * 0.05 / steps / 2
+        x += v * 0.05 / steps * math.cos(heading)
+        y += v * 0.05 / steps * math.sin(heading)
+        heading += w * 0.05 / steps / 2
+    assert step_unicycle(0.0, 0.0, yaw, v, w) == pytest.approx((x, y, heading), abs=1e-8)
+
+
+@given(st.floats(-9, 9), st.floats(-9, 9), st.floats(0, 1), st.floats(-1.2, 1.2))
+def test_executed_command_keeps_all_limits(v: float, w: float, v0: float, w0: float) -> None:
+    robot = RobotConfig()
+    v1, w1 = limit_command(v, w, v0, w0, robot)
+    assert -1e-12 <= v1 <= robot.v_max_mps
+    assert abs(w1) <= robot.w_max_radps
+    assert abs(v1 - v0) <= robot.a_max_mps2 * 0.05 + 1e-12
+    assert abs(w1 - w0) <= robot.alpha_max_radps2 * 0.05 + 1e-12
+
+
+def test_command_within_reach_is_executed_as_it_is() -> None:
+    assert limit_command(0.53, -0.1, 0.5, 0.0, RobotConfig()) == (0.53, -0.1)
+
+
+def test_time_becomes_the_nearest_number_of_steps() -> None:
+    assert [whole_steps(time_s) for time_s in (0.0, 0.024, 0.026, 1.0, 49.99)] == [0, 0, 1, 20, 1000]
+    assert STEP_NS * RATE_HZ == 10**9
+    assert DT_S * RATE_HZ == 1.0

@@ -1,0 +1,19 @@
+"""What a part of the embedded scene is made of."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from readygo.common.scenes.embedded.surfaces import Surfaces, SurfaceSamples
+
+
+def samples_of(draw: Callable[[Surfaces], None], *, seed: int = 0) -> SurfaceSamples:
+    """The samples that `draw` adds to an empty collection."""
+    build = Surfaces(np.random.default_rng(seed))
+    draw(build)
+    return build.samples()
+
+
+def extent(samples: SurfaceSamples) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest coordinates of the samples' centres [m]."""
+    return samples.position_m.min(axis=0), samples.position_m.max(axis=0)

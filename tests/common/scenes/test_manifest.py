@@ -1,0 +1,64 @@
+import hashlib
+import tomllib
+
+import numpy as np
+import pytest
+
+from readygo.common.errors import SceneError
+from readygo.common.maps import GridFrame
+from readygo.common.scenes import load_scene
+from readygo.common.scenes.manifest import combined_hash, file_of, grid_digest, toml_text
+
+
+def test_folder_that_is_no_bundle_says_how_to_make_one(tmp_path):
+    for path in (tmp_path, tmp_path / "none"):
+        with pytest.raises(SceneError, match="readygo scene import"):
+            load_scene(path)
+
+
+def test_missing_or_cut_files_are_named(copy):
+    (copy / "maps" / "human.png").unlink()
+    with pytest.raises(SceneError, match=r"human\.png is missing"):
+        load_scene(copy)
+    (copy / "maps" / "human.png").write_bytes(b"")
+    with pytest.raises(SceneError, match=r"human\.png has 0 bytes"):
+        load_scene(copy)
+
+
+def test_toml_text_reads_back_as_it_was():
+    mapping = {
+        "text": 'quotes " back\\slash \n tab \t umlaut ü del \x7f',
+        "number": 0.1,
+        "whole": 3,
+        "flag": True,
+        "list": [1.5, 2.5],
+        "a table": {"key with.dot": "x", "inner": {"size": 1, "name": "y"}},
+    }
+    assert tomllib.loads(toml_text(mapping)) == mapping
+
+
+def test_file_is_described_by_place_hash_and_size(tmp_path):
+    (tmp_path / "maps").mkdir()
+    (tmp_path / "maps" / "a.bin").write_bytes(b"abc")
+    file = file_of(tmp_path, "maps/a.bin")
+    assert (file.path, file.size) == ("maps/a.bin", 3)
+    assert file.sha256 == hashlib.sha256(b"abc").hexdigest()
+
+
+def test_digest_of_a_grid_depends_on_cells_kind_shape_and_place():
+    cells = np.array([[True, False, True], [False, False, True]])
+    frame = GridFrame(origin_x_m=0.0, origin_y_m=1.0, resolution_m=0.05)
+    others = [
+        grid_digest(~cells, frame),
+        grid_digest(cells.astype(np.uint8), frame),
+        grid_digest(cells.reshape(3, 2), frame),
+        grid_digest(cells, GridFrame(origin_x_m=0.0, origin_y_m=1.0, resolution_m=0.1)),
+        grid_digest(cells, GridFrame(origin_x_m=1.0, origin_y_m=1.0, resolution_m=0.05)),
+    ]
+    assert len({grid_digest(cells, frame), *others}) == 6
+    assert grid_digest(np.asfortranarray(cells), frame) == grid_digest(cells, frame)
+
+
+def test_combined_hash_depends_on_names_and_digests_and_not_on_their_order():
+    assert combined_hash({"a": "1", "b": "2"}) == combined_hash({"b": "2", "a": "1"})
+    assert combined_hash({"a": "1", "b": "2"}) != combined_hash({"a": "2", "b": "1"})

@@ -1,0 +1,16 @@
+import pytest
+
+from readygo.common import errors
+from readygo.common.errors import BusError, PeerError, ReadygoError, SceneError, reason
+
+
+def test_reason_of_a_users_mistake_is_its_message_and_of_a_bug_names_the_exception() -> None:
+    assert reason(SceneError("No scene here; import one.")) == "No scene here; import one."
+    assert reason(KeyError("x")) == "KeyError: 'x'"
+
+
+def test_everything_that_a_user_can_mend_is_one_family() -> None:
+    kinds = [kind for kind in vars(errors).values() if isinstance(kind, type)]
+    assert all(issubclass(kind, ReadygoError) for kind in kinds)
+    with pytest.raises(BusError):
+        raise PeerError("plan: no scene is loaded.")
