@@ -11,18 +11,18 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from readygo.apps.commands.evaluate import make_evaluator, summarize
 from readygo.apps.commands.generate import progress_bar
-from readygo.apps.commands.scene_argument import open_scene
-from readygo.apps.commands.train import make_config, run_training
-from readygo.apps.commands.warm import warm_all
 from readygo.apps.demo.report import write_report
 from readygo.apps.demo.report_content import Command, ReportContent, RunNumbers, Score, StripImage
 from readygo.apps.fleet.run import record
 from readygo.apps.pages.charts import LossCurve
 from readygo.apps.pictures.episode_film import EpisodeFilm, film_frames
 from readygo.apps.run.config import RunConfig
+from readygo.apps.run.evaluation import make_evaluator, summarize
+from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.run.spec import make_spec
+from readygo.apps.run.training import make_config, run_training
+from readygo.apps.run.warm import warm_all
 from readygo.apps.run.world import World
 from readygo.common.dataset import Dataset, EpisodeEntry, validate
 from readygo.common.drawing.film import write_animation, write_film

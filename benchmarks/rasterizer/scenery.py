@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from readygo.apps.commands.scene_argument import open_scene
+from readygo.apps.run.scene_argument import open_scene
 from readygo.benchmarks.rasterizer import synthetic_room
 from readygo.common.avatars import Avatar
 from readygo.common.errors import ConfigError

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from readygo.apps.commands.plan import plan
-from readygo.apps.commands.scene_argument import open_maps
+from readygo.apps.run.scene_argument import open_maps
 from readygo.common.errors import ConfigError, ReadygoError, RunError, SceneError
 from readygo.common.maps import save_ros_map
 from readygo.services.planner.humans.scenario_file import load_scenarios
