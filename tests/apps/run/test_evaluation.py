@@ -53,7 +53,7 @@ def policy_of(data: Dataset, folder: Path) -> PolicySpec:
 def images_along(data: Dataset, spec: PolicySpec) -> np.ndarray:
     """What an evaluator draws for a policy whose robot drives as the recorded one did."""
     evaluator = make_evaluator("embedded", load_run_config(None, trained=spec), avatars=None, seed=3, renders=True)
-    eyes = Eyes(evaluator.bus, "render/0", robot=evaluator.robot, floor=evaluator.floor, timeout_s=60.0)
+    eyes = Eyes(evaluator.bus, topics.render("0"), robot=evaluator.robot, floor=evaluator.floor, timeout_s=60.0)
     key = data.episodes[0].episode
     plan = evaluator.bus.request(topics.HUMAN_PLAN, HumanPlanRequest(episode=key, static=True))
     assert plan.scenario is not None

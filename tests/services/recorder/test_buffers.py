@@ -97,3 +97,12 @@ def test_sender_that_contradicts_itself_is_refused() -> None:
         kept.add(other)
     with pytest.raises(DatasetError, match="closed after 11 of 12"):
         kept.add(dataclasses.replace(second, samples=second.samples[:3]))
+
+
+def test_memory_bound_counts_outputs() -> None:
+    buffers = EpisodeBuffers(limit_bytes=2**20)
+    request = append_requests(0, outputs=("depth", "normal"))[0]
+    buffers.add(request)
+    buffer = buffers.get(0)
+    assert buffer is not None
+    assert buffer.size_bytes == sum(len(s.image) + sum(map(len, s.outputs.values())) for s in request.samples)

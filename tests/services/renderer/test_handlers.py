@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 
 from readygo.common.avatars import Avatar, joint_positions, pose_avatar
-from readygo.common.bus import InProcessBus
 from readygo.common.errors import AvatarError, RunError
 from readygo.common.images.files import decode_output
 from readygo.common.images.images import OUTPUTS, Images
-from readygo.common.messages import EpisodeMotions, HumanMotion, People, RenderReply, RenderRequest, RenderView, topics
+from readygo.common.messages import EpisodeMotions, HumanMotion, People, RenderReply, RenderRequest, RenderView
 from readygo.common.rasterizer.backends import packed_cloud
 from readygo.common.rasterizer.interface import Rasterizer
-from readygo.services.renderer import Renderer, RendererConfig, attach, episode_header, episode_samples, handle_render
+from readygo.services.renderer import Renderer, RendererConfig, episode_header, episode_samples, handle_render
 from readygo.services.renderer import handlers as handlers_module
 from readygo.services.renderer.drawing import Drawing, pack_folder, static_clouds
 from readygo.services.renderer.handlers import facing_yaw
@@ -76,13 +75,6 @@ def test_unknown_avatar_is_refused_by_name(renderer: Renderer, human: HumanMotio
     stranger = replace(human, avatar="stranger")
     with pytest.raises(AvatarError, match="'stranger' is not loaded"):
         render(renderer, people=(People(key="x", humans=(stranger,)),))
-
-
-def test_request_over_the_bus_is_answered(renderer: Renderer) -> None:
-    bus = InProcessBus()
-    attach(bus, renderer, "7")
-    reply = bus.request(topics.render("7"), RenderRequest(views=(view(renderer),)))
-    assert np.array_equal(reply.rgb, render(renderer, view(renderer)).rgb)
 
 
 def test_samples_describe_the_trajectory(renderer: Renderer, episode) -> None:
@@ -266,21 +258,3 @@ def test_labels_can_be_left_out(renderer: Renderer, episode) -> None:
 def test_output_that_the_drawing_does_not_make_is_refused(renderer: Renderer, episode) -> None:
     with pytest.raises(RunError, match="cpu backend cannot do that: the view has no normal image"):
         next(episode_samples(with_outputs(renderer, "rgb", "normal"), *episode))
-
-
-def test_outputs_have_one_order() -> None:
-    config = RendererConfig(outputs=("mask", "rgb", "depth", "mask"))
-    assert config.outputs == ("rgb", "depth", "mask")
-    assert config == RendererConfig(outputs=("rgb", "depth", "mask"))
-
-
-@pytest.mark.parametrize("outputs", [(), ("depth",), ("rgb", "thermal"), ("rgb", "")])
-def test_outputs_without_rgb_or_with_unknown_names_are_refused(outputs) -> None:
-    with pytest.raises(ValueError, match=r"outputs must (hold rgb, got|be of rgb, depth, median_depth, .*, got)"):
-        RendererConfig(outputs=outputs)
-
-
-@pytest.mark.parametrize("wrong", [{"backend": "cuda"}, {"image_format": "gif"}, {"jpeg_quality": 0}])
-def test_wrong_settings_are_refused(wrong) -> None:
-    with pytest.raises(ValueError, match=next(iter(wrong))):
-        RendererConfig(**wrong)
