@@ -42,7 +42,7 @@ def numbers_of(capsys: pytest.CaptureFixture[str], place: str, **options) -> dic
     return json.loads(capsys.readouterr().out)
 
 
-def test_numbers_tell_the_robots_and_every_persons_story(place, index, capsys) -> None:
+def test_numbers_tell_the_robots_and_every_humans_story(place, index, capsys) -> None:
     numbers = numbers_of(capsys, place, index=index, mode="paper")
     assert numbers["episode"] == f"train-{SEED}-{index:06d}"
     assert numbers["mode"] == "paper"

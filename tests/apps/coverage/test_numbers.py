@@ -125,7 +125,7 @@ def test_commands_are_counted_jointly(data) -> None:
     assert (row, column) == (len(found.v_edges_mps) - 2, 6)
 
 
-def test_encounters_count_episodes_and_people(data) -> None:
+def test_encounters_count_episodes_and_humans(data) -> None:
     found = measured(data)
     assert found.encounters == {"crossing": (2, 2), "nobody": (1, 0), "parallel": (1, 1)}
     assert found.avatars == {"ann": 2, "bob": 1}

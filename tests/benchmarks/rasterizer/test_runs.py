@@ -12,7 +12,7 @@ from readygo.common.rasterizer.interface import View
 from tests.benchmarks.rasterizer.conftest import JOB
 
 
-def test_every_stage_is_called_by_an_image_with_people(setting: Setting) -> None:
+def test_every_stage_is_called_by_an_image_with_humans(setting: Setting) -> None:
     before = [getattr(module, name) for functions in STAGES.values() for module, name in functions]
     spent_ms = stages_ms(setting, make_backend(setting))
     assert all(ms > 0 for ms in spent_ms.values())

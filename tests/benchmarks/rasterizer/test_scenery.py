@@ -28,13 +28,13 @@ def test_numbers_of_gaussians_are_read_with_their_unit(text: str, count: float) 
     assert gaussian_count(text) == count
 
 
-def test_people_stand_on_the_floor_in_sight_unless_any_place_will_do() -> None:
+def test_humans_stand_on_the_floor_in_sight_unless_any_place_will_do() -> None:
     scenery = open_scenery("", "3k", 0)
     occupancy = scenery.occupancy
 
     def blocked(in_sight: bool) -> int:
         places = random_places(scenery, 2, 30, 1, in_sight=in_sight)
-        cells = [occupancy.frame.cell(x, y) for place in places for x, y, _ in place.people_m]
+        cells = [occupancy.frame.cell(x, y) for place in places for x, y, _ in place.humans_m]
         rows, columns = occupancy.occupied.shape
         outside = [not (0 <= row < rows and 0 <= column < columns) for row, column in cells]
         return sum(out or bool(occupancy.occupied[cell]) for out, cell in zip(outside, cells, strict=True))
@@ -55,10 +55,10 @@ def test_avatar_of_another_gaussian_count_keeps_its_shape(count: int) -> None:
                                np.quantile(posed[0], [0.1, 0.5, 0.9], axis=0), atol=0.01)  # fmt: skip
 
 
-def test_cameras_and_people_stand_in_free_space(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_cameras_and_humans_stand_in_free_space(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     means = room_cloud(50_000).means_m
     for place in random_places(synthetic_scenery(50_000, 0), 2, 20, 0):
         eye = place.T_world_camera(CameraConfig(), 0)[:3, 3]
-        for point in (eye, *(np.array([x, y, z + 1.0]) for x, y, z in place.people_m)):
+        for point in (eye, *(np.array([x, y, z + 1.0]) for x, y, z in place.humans_m)):
             assert np.linalg.norm(means - point, axis=1).min() > 0.15

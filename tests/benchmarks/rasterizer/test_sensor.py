@@ -11,7 +11,7 @@ def test_robot_turns_at_the_place_and_humans_walk_on(setting: Setting) -> None:
     assert timeline.xyyaw[0].tolist() == [place.x_m, place.y_m, place.yaw_rad]
     assert np.diff(timeline.xyyaw[:, 2]) == pytest.approx(np.full(sensor.STEPS, 0.8 * 0.05))
     assert [human.avatar for human in timeline.humans] == [avatar.name for avatar in setting.avatars]
-    for human, point in zip(timeline.humans, place.people_m, strict=True):
+    for human, point in zip(timeline.humans, place.humans_m, strict=True):
         assert human.motion.root_m[0, :2] == pytest.approx(point[:2], abs=1e-4)
         assert len(human.motion.root_m) == sensor.STEPS
 

@@ -11,11 +11,11 @@ from readygo.common.errors import ConfigError
 from tests.benchmarks.rasterizer.conftest import JOB
 
 
-def test_people_walk_and_the_camera_turns_with_every_image(setting: Setting) -> None:
+def test_humans_walk_and_the_camera_turns_with_every_image(setting: Setting) -> None:
     place = setting.places[0]
     first, second = setting.view(place, 0), setting.view(place, 1)
     assert np.arccos(first.T_world_camera[:3, 2] @ second.T_world_camera[:3, 2]) == pytest.approx(TURN_RAD, rel=1e-3)
-    for before, after, point in zip(first.humans, second.humans, place.people_m, strict=True):
+    for before, after, point in zip(first.humans, second.humans, place.humans_m, strict=True):
         assert before.root_m[:2] == pytest.approx(point[:2], abs=1e-5)
         assert 0.02 < np.linalg.norm(after.root_m - before.root_m) < 0.12
         assert not np.array_equal(before.pose_axis_angle, after.pose_axis_angle)

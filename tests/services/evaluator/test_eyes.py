@@ -42,7 +42,7 @@ def test_policy_sees_the_image_of_the_cameras_latency_ago(make_evaluator, servic
     assert views[9].path_xyyaw[-2] == views[8].path_xyyaw[-1]
 
 
-def test_people_travel_once(make_evaluator, services):
+def test_humans_travel_once(make_evaluator, services):
     request = EvaluateRequest(tasks=(Task.DYNAMIC,), methods=(Method.POLICY,), episodes=2)
     handle_evaluate(make_evaluator(), request)
     sent = [people.key for request in services.render_requests for people in request.people]
@@ -57,7 +57,7 @@ def test_static_task_draws_nobody(make_evaluator, services):
     assert all(math.isinf(record.human_distance_min_m) for record in reply.records)
 
 
-def test_people_that_the_renderer_forgot_are_sent_again(make_evaluator, services):
+def test_humans_that_the_renderer_forgot_are_sent_again(make_evaluator, services):
     request = EvaluateRequest(tasks=(Task.DYNAMIC,), methods=(Method.POLICY,), episodes=2)
     expected = handle_evaluate(make_evaluator(), request)
     services.render_requests.clear()

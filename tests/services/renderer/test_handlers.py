@@ -38,14 +38,14 @@ def test_views_come_back_in_order(renderer: Renderer) -> None:
     assert not np.array_equal(reply.rgb[0], reply.rgb[1])
 
 
-def test_people_are_drawn_and_remembered(renderer: Renderer, human: HumanMotion) -> None:
+def test_humans_are_drawn_and_remembered(renderer: Renderer, human: HumanMotion) -> None:
     empty = render(renderer, view(renderer)).rgb[0]
     first = render(renderer, view(renderer, "walk"), people=(People(key="walk", humans=(human,)),)).rgb[0]
     assert (np.abs(first.astype(int) - empty).max(axis=2) > 20).mean() > 0.02
     assert np.array_equal(first, render(renderer, view(renderer, "walk")).rgb[0])
 
 
-def test_unknown_people_are_named_and_nothing_is_drawn(renderer: Renderer) -> None:
+def test_unknown_humans_are_named_and_nothing_is_drawn(renderer: Renderer) -> None:
     reply = render(renderer, view(renderer), view(renderer, "nobody"))
     assert reply.unknown_people == ("nobody",)
     assert reply.rgb.shape == (0, 48, 80, 3)
@@ -59,10 +59,10 @@ def test_last_row_of_a_motion_is_held(renderer: Renderer, human: HumanMotion) ->
     assert np.array_equal(reply.rgb[1], reply.rgb[3])
 
 
-def test_people_asked_for_longest_ago_are_forgotten(
+def test_humans_asked_for_longest_ago_are_forgotten(
     renderer: Renderer, human: HumanMotion, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(handlers_module, "PEOPLE_KEPT", 2)
+    monkeypatch.setattr(handlers_module, "HUMANS_KEPT", 2)
     for key in ("a", "b"):
         render(renderer, view(renderer, key), people=(People(key=key, humans=(human,)),))
     render(renderer, view(renderer, "a"))

@@ -23,7 +23,7 @@ def test_last_disc_and_headline_have_the_outcomes_colour(outcome):
     assert tuple(picture[8, 12].tolist()) == OUTCOMES[outcome]
 
 
-def test_map_way_person_and_goal_are_where_they_are():
+def test_map_way_human_and_goal_are_where_they_are():
     run = make_run(HUMAN)
     picture = draw_episode(rooms(), run.scenario, run.trajectory, motions=run.motions)[34:, 10:]
     view = episode_view(rooms(), run.scenario, run.trajectory, motions=run.motions)

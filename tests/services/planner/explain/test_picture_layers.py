@@ -32,7 +32,7 @@ def test_knowledge_shows_view_expectation_and_plan(paper_planner):
     assert pixel(picture, view, 1.5, Y_M) != shone_through(SIGHT, SIGHT_SHARE)
 
 
-def test_walls_cut_the_view_where_they_hide_people():
+def test_walls_cut_the_view_where_they_hide_humans():
     run = make_run(journal=make_journal([WAY[k:] for k in range(STEPS)], searches=(0,)))
     view = episode_view(rooms(), run.scenario, run.trajectory, motions=run.motions, margin_m=2.5)
     pictures = []

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from readygo.common.errors import AvatarError
-from readygo.services.animator.gait.person import HEEL_PER_BALL, REFERENCE_LEG_M, TOE_PER_BALL, draw_style, skeleton_of
+from readygo.services.animator.gait.human import HEEL_PER_BALL, REFERENCE_LEG_M, TOE_PER_BALL, draw_style, skeleton_of
 from tests.services.animator.bodies import CENTRE, LEFT, make_avatar
 
 
