@@ -56,20 +56,20 @@ def avatar_preview(
             raise AvatarError(f"{option} {path} must end in {ending}.")
     from readygo.common.drawing.files import write_png
 
-    person = load_avatar(_file_of(avatar))
+    human = load_avatar(_file_of(avatar))
     if out is not None:
         from readygo.apps.avatar.turntable import standing_pose, stride_pose, turntable
 
-        write_png(out, turntable(person, (standing_pose(), stride_pose())))
+        write_png(out, turntable(human, (standing_pose(), stride_pose())))
     if sheet is not None:
         from readygo.apps.avatar.sheet import contact_sheet
 
-        write_png(sheet, contact_sheet(person, seed=seed))
+        write_png(sheet, contact_sheet(human, seed=seed))
     if video is not None:
         from readygo.apps.avatar.film import walk_frames
         from readygo.common.drawing.film import write_film
 
-        write_film(video, walk_frames(person, seed=seed))
+        write_film(video, walk_frames(human, seed=seed))
 
 
 def _described(path: Path) -> dict[str, Any]:

@@ -1,50 +1,36 @@
 """`readygo evaluate`: success rates in closed loop."""
 
-import dataclasses
 import json as json_module
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from readygo.apps.commands.scene_argument import open_scene
-from readygo.apps.run.config import RunConfig, load_run_config
-from readygo.apps.run.spec import episode_count, make_spec
-from readygo.apps.run.world import World
-from readygo.common.bus import InProcessBus
-from readygo.common.camera import CameraConfig, SensorConfig
+from readygo.apps.run.evaluation import (
+    CameraName,
+    evaluation_config,
+    make_evaluator,
+    make_evaluator_config,
+    make_request,
+    summarize,
+)
+from readygo.apps.run.spec import episode_count
 from readygo.common.config import section_to_mapping
 from readygo.common.errors import RunError
 from readygo.common.messages import Split
-from readygo.common.policy import Policy, PolicySpec, check_policy_camera, load_policy
+from readygo.common.policy import load_policy
 from readygo.common.robot import load_robot
-from readygo.services.animator.service import attach as attach_animator
-from readygo.services.evaluator import (
-    EpisodeRecord,
-    EvaluateReply,
-    EvaluateRequest,
-    Evaluator,
-    EvaluatorConfig,
-    Method,
-    Task,
-    handle_evaluate,
-    summary_mapping,
-    summary_table,
-    write_results,
-)
+from readygo.services.evaluator import EpisodeRecord, Method, Task, handle_evaluate, summary_table, write_results
 from readygo.services.planner.humans.mixes import MixName
 from readygo.services.planner.humans.scenario_file import read_text, text_hash
-from readygo.services.planner.service import attach as attach_planner
 from readygo.services.renderer.sensor.recipes import SensorName
-from readygo.services.renderer.service import attach as attach_renderer
 
 TaskName = Literal["static", "dynamic"]
 MethodName = Literal["policy", "expert", "straight-line"]
-CameraName = Literal["policy", "robot"]
 Show = Callable[[EpisodeRecord], None]
 
 
@@ -96,10 +82,14 @@ def evaluate(
     count = episode_count(scenarios) if episodes is None else episodes
     request = make_request(count, tasks, methods if policy else _without_policy(methods), Split(split), seed)
     loaded = load_policy(policy) if policy else None
-    trained = trained_settings(loaded.spec, camera) if loaded else None
-    run_config = load_run_config(config, load_robot(robot) if robot else None, sensor, people, trained=trained)
-    if loaded is not None and camera == "policy":
-        check_policy_camera(loaded.spec, run_config.robot, run_config.renderer.sensor)
+    run_config = evaluation_config(
+        loaded.spec if loaded else None,
+        camera,
+        config=config,
+        robot=load_robot(robot) if robot else None,
+        sensor=sensor,
+        humans=people,
+    )
     evaluator = make_evaluator(
         scene,
         run_config,
@@ -128,97 +118,6 @@ def evaluate(
     console.print(summary_table(reply.summaries))
     if out is not None:
         console.print(f"Every episode: {out / 'episodes.jsonl'}", markup=False)
-
-
-def trained_settings(spec: PolicySpec, camera: CameraName) -> PolicySpec:
-    """The policy whose robot is taken where none is given; without its camera if that shall be the robot's."""
-    if camera == "policy":
-        return spec
-    robot = dataclasses.replace(spec.robot, camera=CameraConfig())
-    return dataclasses.replace(spec, robot=robot, sensor=SensorConfig())
-
-
-def make_request(
-    episodes: int, tasks: tuple[str, ...], methods: tuple[str, ...], split: Split, seed: int
-) -> EvaluateRequest:
-    """The request of command-line arguments.
-
-    Raises:
-        RunError: If they make no sense.
-    """
-    try:
-        return EvaluateRequest(
-            tasks=tuple(Task(task) for task in tasks),
-            methods=tuple(Method(method) for method in methods),
-            episodes=episodes,
-            seed=seed,
-            split=split,
-        )
-    except ValueError as error:
-        raise RunError(f"These arguments make no evaluation: {error}") from error
-
-
-def make_evaluator_config(lockstep: int) -> EvaluatorConfig:
-    """The evaluator's settings.
-
-    Raises:
-        RunError: If they make no sense.
-    """
-    try:
-        return EvaluatorConfig(lockstep=lockstep)
-    except ValueError as error:
-        raise RunError(str(error)) from error
-
-
-def make_evaluator(
-    scene: str,
-    config: RunConfig,
-    *,
-    avatars: Path | None,
-    seed: int,
-    policy: Policy | None = None,
-    evaluator_config: EvaluatorConfig | None = None,
-    scenarios: Path | None = None,
-    camera: CameraName = "policy",
-    renders: bool = False,
-) -> Evaluator:
-    """An evaluator of a scene with planner and animator, all in this process; with a renderer for policies.
-
-    `renders` makes the renderer without a policy too: for those that are given to the evaluator later.
-    """
-    spec = make_spec(open_scene(scene), avatars, config, seed=seed, split=Split.TEST, static=False, scenarios=scenarios)
-    bus = InProcessBus()
-    world = World(spec, bus)
-    settings = evaluator_config or EvaluatorConfig()
-    attach_planner(bus, world.human_planner(), world.robot_planner)
-    attach_animator(bus, world.animator())
-    if policy is not None or renders:
-        attach_renderer(bus, world.renderer(), settings.renderer)
-    return Evaluator(
-        bus=bus,
-        robot=config.robot,
-        robot_map=world.scene.maps.robot,
-        floor=world.scene.maps.floor,
-        episode_config=config.episode,
-        config=settings,
-        policy=policy,
-        camera=camera,
-    )
-
-
-def summarize(reply: EvaluateReply, request: EvaluateRequest, evaluator: Evaluator) -> dict[str, Any]:
-    """What `summary.json` holds: scores, and what they were measured on."""
-    policy = evaluator.policy
-    return {
-        "scores": summary_mapping(reply.summaries),
-        "episodes": request.episodes,
-        "seed": request.seed,
-        "split": request.split.value,
-        "skipped": reply.skipped,
-        "robot": section_to_mapping(evaluator.robot),
-        "episode": section_to_mapping(evaluator.episode_config),
-        "policy_training": dict(policy.spec.training) if policy is not None else None,
-    }
 
 
 def _without_policy(methods: tuple[MethodName, ...]) -> tuple[MethodName, ...]:

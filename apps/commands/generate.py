@@ -11,9 +11,9 @@ from typing import Literal
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from readygo.apps.commands.scene_argument import open_scene
 from readygo.apps.fleet.run import Show, record
 from readygo.apps.run.config import load_run_config, with_detail, with_outputs
+from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.run.spec import episode_count, make_spec
 from readygo.common.messages import Split, StatusReply
 from readygo.common.robot import load_robot

@@ -10,8 +10,8 @@ from typing import Literal
 from rich.console import Console
 from rich.table import Table
 
-from readygo.apps.commands.scene_argument import open_maps
 from readygo.apps.run.config import RunConfig, load_run_config
+from readygo.apps.run.scene_argument import open_maps
 from readygo.apps.run.take import Take, Takes
 from readygo.common.avatars import Avatar, load_avatars
 from readygo.common.config import section_from_mapping, section_to_mapping

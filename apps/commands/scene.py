@@ -8,8 +8,8 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from readygo.apps.commands.scene_argument import open_scene
 from readygo.apps.pictures.scene_maps import scene_pictures
+from readygo.apps.run.scene_argument import open_scene
 from readygo.common.drawing.files import write_png
 from readygo.common.errors import SceneError
 from readygo.common.robot import load_robot

@@ -1,9 +1,7 @@
 """`readygo train`: from recorded episodes to a policy."""
 
-import dataclasses
 import json as json_module
 import math
-import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -13,13 +11,12 @@ from typing import TYPE_CHECKING, Any, Literal
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-from readygo.common.dataset import Dataset
-from readygo.common.errors import ConfigError, PolicyError
-from readygo.common.extras import install_command
-from readygo.services.trainer import TrainConfig, paper_recipe
+from readygo.apps.run.evaluation import closed_loop
+from readygo.apps.run.training import make_config, run_training
+from readygo.common.errors import ConfigError
 
 if TYPE_CHECKING:
-    from readygo.services.trainer.run import Evaluate, TrainProgress
+    from readygo.services.trainer.run import TrainProgress
 
 HISTORY_KEYS = ("history",)
 """Metrics that are too long for the terminal; `metrics.json` has them."""
@@ -85,72 +82,6 @@ def train(
     with _progress(console, quiet=json) as show:
         metrics = run_training(data, config, out, val=val, evaluate=evaluate, show=show)
     _report(metrics, out, as_json=json)
-
-
-def make_config(recipe: str, **settings: Any) -> TrainConfig:
-    """The recipe's configuration with the settings that are not None.
-
-    Raises:
-        ConfigError: If a setting makes no sense.
-    """
-    try:
-        config = paper_recipe(TrainConfig()) if recipe == "paper" else TrainConfig()
-        return dataclasses.replace(config, **{name: value for name, value in settings.items() if value is not None})
-    except ValueError as error:
-        raise ConfigError(str(error)) from error
-
-
-def run_training(
-    data: tuple[Path, ...],
-    config: TrainConfig,
-    out: Path,
-    *,
-    val: tuple[Path, ...] = (),
-    evaluate: "Evaluate | None" = None,
-    show: "Callable[[TrainProgress], None] | None" = None,
-) -> dict[str, Any]:
-    """Train on data folders; returns what `metrics.json` holds.
-
-    Raises:
-        PolicyError: If torch or onnx is not installed, or `out` belongs to another run.
-        DatasetError: If the data cannot be used.
-    """
-    # Threads that wait by spinning take the cores that the working ones need: on a shared machine training is 2.5
-    # times faster without. libgomp reads this once, when torch loads it.
-    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
-    try:
-        from readygo.services.trainer.train import train as train_policy
-    except ImportError as error:
-        raise PolicyError(f"Training needs {error.name}; run: {install_command('train')}") from error
-    validation = Dataset(val) if val else None
-    return train_policy(Dataset(data), config, out, validation=validation, evaluate=evaluate, report=show)
-
-
-def closed_loop(scene: str, *, episodes: int, seed: int) -> "Evaluate":
-    """Measures the static and dynamic success rate of a policy on the split val of a scene; their mean counts."""
-    from readygo.apps.commands.evaluate import make_evaluator, make_request
-    from readygo.apps.commands.scene_argument import open_scene
-    from readygo.apps.run.config import load_run_config
-    from readygo.common.messages import Split
-    from readygo.common.policy import load_policy
-    from readygo.services.evaluator import handle_evaluate
-
-    # What is wrong with these is said now, not when the first checkpoint is measured.
-    request = make_request(episodes, ("static", "dynamic"), ("policy",), Split.VAL, seed)
-    open_scene(scene)
-    evaluators: dict[str, Any] = {}
-
-    def success_rate(folder: Path) -> float:
-        policy = load_policy(folder)
-        if scene not in evaluators:
-            evaluators[scene] = make_evaluator(
-                scene, load_run_config(None, trained=policy.spec), avatars=None, seed=seed
-            )
-        evaluator = dataclasses.replace(evaluators[scene], policy=policy)
-        rates = [summary.success_rate for summary in handle_evaluate(evaluator, request).summaries.values()]
-        return sum(rates) / len(rates)
-
-    return success_rate
 
 
 @contextmanager

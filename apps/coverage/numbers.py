@@ -152,8 +152,8 @@ def measure(dataset: Dataset, casts: Sequence[Cast]) -> Coverage:
 def count_encounters(casts: Sequence[Cast]) -> dict[str, tuple[int, int]]:
     """Kind of encounter -> episodes with it, humans in it; episodes without humans are "nobody"."""
     episodes = _sorted_counts([kind for cast in casts for kind in dict.fromkeys(cast.encounters or ("nobody",))])
-    people = _sorted_counts([kind for cast in casts for kind in cast.encounters])
-    return {kind: (count, people.get(kind, 0)) for kind, count in episodes.items()}
+    humans = _sorted_counts([kind for cast in casts for kind in cast.encounters])
+    return {kind: (count, humans.get(kind, 0)) for kind, count in episodes.items()}
 
 
 def visited_share(visits: Visits, occupancy: OccupancyMap, radius_m: float) -> float:

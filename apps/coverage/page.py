@@ -178,9 +178,9 @@ def _encounters(coverage: Coverage, facts: RunFacts) -> str:
 
 
 def _encounter_row(kind: str, coverage: Coverage, facts: RunFacts, outcomes: list[str]) -> str:
-    episodes, people = coverage.encounters.get(kind, (0, 0))
+    episodes, humans = coverage.encounters.get(kind, (0, 0))
     row = (
-        f"<tr><td>{escape(kind.replace('_', ' '))}</td><td class=n>{episodes:,}</td><td class=n>{people:,}</td>"
+        f"<tr><td>{escape(kind.replace('_', ' '))}</td><td class=n>{episodes:,}</td><td class=n>{humans:,}</td>"
         f"<td>{share_bar(episodes / coverage.episodes)}</td>"
     )
     if facts.failed is not None:

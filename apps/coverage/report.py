@@ -49,8 +49,8 @@ def page_numbers(coverage: Coverage, facts: RunFacts, dataset: Dataset) -> dict[
         "visited_share": None if facts.visited_share is None else round(facts.visited_share, 4),
         "human_visible_share": round(coverage.visible_total, 4),
         "encounters": {
-            kind: {"episodes": episodes, "people": people, "failed": _failed(facts, kind)}
-            for kind, (episodes, people) in coverage.encounters.items()
+            kind: {"episodes": episodes, "people": humans, "failed": _failed(facts, kind)}
+            for kind, (episodes, humans) in coverage.encounters.items()
         },
         "avatars": dict(coverage.avatars),
         "rejected": facts.rejected,

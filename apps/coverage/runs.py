@@ -4,8 +4,8 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from readygo.apps.commands.scene_argument import open_maps
 from readygo.apps.run.folder import RunFolder
+from readygo.apps.run.scene_argument import open_maps
 from readygo.apps.run.world import World
 from readygo.common.dataset.casts import Cast
 from readygo.common.errors import ReadygoError, RunError

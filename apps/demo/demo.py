@@ -11,18 +11,18 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from readygo.apps.commands.evaluate import make_evaluator, summarize
 from readygo.apps.commands.generate import progress_bar
-from readygo.apps.commands.scene_argument import open_scene
-from readygo.apps.commands.train import make_config, run_training
-from readygo.apps.commands.warm import warm_all
 from readygo.apps.demo.report import write_report
 from readygo.apps.demo.report_content import Command, ReportContent, RunNumbers, Score, StripImage
 from readygo.apps.fleet.run import record
 from readygo.apps.pages.charts import LossCurve
 from readygo.apps.pictures.episode_film import EpisodeFilm, film_frames
 from readygo.apps.run.config import RunConfig
+from readygo.apps.run.evaluation import make_evaluator, summarize
+from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.run.spec import make_spec
+from readygo.apps.run.training import make_config, run_training
+from readygo.apps.run.warm import warm_all
 from readygo.apps.run.world import World
 from readygo.common.dataset import Dataset, EpisodeEntry, validate
 from readygo.common.drawing.film import write_animation, write_film
@@ -204,7 +204,7 @@ class _Scenarios:
         cells = [self._map.frame.cell(*(xy_m + offset_m * share)) for share in np.linspace(0.0, 1.0, steps)]
         return not any(self._map.occupied[cell] for cell in cells)
 
-    def people(self, entry: EpisodeEntry) -> tuple[Scenario, tuple[np.ndarray, ...]]:
+    def humans(self, entry: EpisodeEntry) -> tuple[Scenario, tuple[np.ndarray, ...]]:
         """The scenario, and where its people walk, shape (T, 2) each."""
         scenario = handle_human_plan(self._planner, HumanPlanRequest(episode=entry.episode)).scenario
         assert scenario is not None
@@ -219,10 +219,10 @@ def _rows(entry: EpisodeEntry) -> slice:
 
 def _nearness(dataset: Dataset, entry: EpisodeEntry, scenarios: _Scenarios) -> np.ndarray:
     """How well a person can be seen at each sample: in view, not hidden, and two to three metres away; -inf if not."""
-    _, people = scenarios.people(entry)
+    _, humans = scenarios.humans(entry)
     scores = np.full(entry.sample_count, -np.inf)
     for step, (x, y, _, yaw) in enumerate(dataset.poses[_rows(entry)].astype(np.float64)):
-        for xy in people:
+        for xy in humans:
             offset = xy[min(step, len(xy) - 1)] - (x, y)
             distance, bearing = np.hypot(*offset), wrap_angle(np.arctan2(offset[1], offset[0]) - yaw)
             if abs(bearing) < _CLOSE_UP_RAD and scenarios.sees((x, y), offset):
@@ -235,7 +235,7 @@ def _best_encounter(dataset: Dataset, scenarios: _Scenarios) -> EpisodeEntry:
 
 
 def _film(dataset: Dataset, entry: EpisodeEntry, scenarios: _Scenarios) -> EpisodeFilm:
-    scenario, people = scenarios.people(entry)
+    scenario, humans = scenarios.humans(entry)
     rows = _rows(entry)
     poses = dataset.poses[rows]
     return EpisodeFilm(
@@ -244,7 +244,7 @@ def _film(dataset: Dataset, entry: EpisodeEntry, scenarios: _Scenarios) -> Episo
         xyyaw=poses[:, [0, 1, 3]].astype(np.float64),
         actions=dataset.actions[rows].astype(np.float64),
         goal_xy_m=scenario.goal_xy_m,
-        humans_xy_m=people,
+        humans_xy_m=humans,
         human_visible=dataset.truth["human_visible"][rows],
         replanned=dataset.truth["replanned"][rows],
         outcome="success",
@@ -252,12 +252,12 @@ def _film(dataset: Dataset, entry: EpisodeEntry, scenarios: _Scenarios) -> Episo
 
 
 def _drawn(dataset: Dataset, entry: EpisodeEntry, scenarios: _Scenarios) -> DrawnEpisode:
-    scenario, people = scenarios.people(entry)
+    scenario, humans = scenarios.humans(entry)
     return DrawnEpisode(
         label=entry.episode.episode_id,
         robot_xy_m=dataset.poses[_rows(entry), :2].astype(np.float64),
         goal_xy_m=scenario.goal_xy_m,
-        humans_xy_m=tuple(xy[: entry.sample_count] for xy in people),
+        humans_xy_m=tuple(xy[: entry.sample_count] for xy in humans),
     )
 
 

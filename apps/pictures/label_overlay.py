@@ -63,8 +63,8 @@ def labelled_image(dataset: Dataset, index: int) -> Picture:
     scale = WIDTH_PX / calibration.width_px
     size = (WIDTH_PX, round(calibration.height_px * scale))
     picture = np.asarray(cv2.resize(dataset.decode(index), size, interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
-    people = zip(dataset.joints_m(index), dataset.boxes(index), dataset.footprints_xy_m(index), strict=True)
-    for k, (joints_m, box, ground_m) in enumerate(people):
+    humans = zip(dataset.joints_m(index), dataset.boxes(index), dataset.footprints_xy_m(index), strict=True)
+    for k, (joints_m, box, ground_m) in enumerate(humans):
         colour = HUMANS[k % len(HUMANS)]
         at_floor = np.full((len(ground_m), 1), box[2] - 0.5 * box[5])
         parts = (joints_m, corners(box), np.concatenate([ground_m, at_floor], axis=1))

@@ -42,7 +42,7 @@ def make_spec(
         raise RunError(f"--seed must be 0..2^63-1, got {seed}.")
     check_sensor(config.renderer.sensor, config.robot.camera)
     config = _with_weights_named(config)
-    people = {} if static else load_avatars(avatars)
+    humans = {} if static else load_avatars(avatars)
     script = read_text(scenarios) if scenarios else ""
     spec = RunSpec(
         run="",
@@ -50,7 +50,7 @@ def make_spec(
         scene_hash=scene.content_hash,
         scene_files=tuple(FileRef(path=f.path, sha256=f.sha256, size=f.size) for f in scene.files),
         avatars_path=str(avatars.resolve()) if avatars else "",
-        avatar_hashes={name: avatar_hash(avatar) for name, avatar in people.items()},
+        avatar_hashes={name: avatar_hash(avatar) for name, avatar in humans.items()},
         seed=seed,
         split=split,
         static=static,
@@ -58,7 +58,7 @@ def make_spec(
         metadata=run_metadata(
             config,
             scene=SceneOrigin(name=scene.name, hash=scene.content_hash, license=scene.license),
-            avatars={n: AvatarOrigin(hash=avatar_hash(a), license=a.license) for n, a in people.items()},
+            avatars={n: AvatarOrigin(hash=avatar_hash(a), license=a.license) for n, a in humans.items()},
             scenarios=ScenarioOrigin(name=scenarios.name, sha256=text_hash(script)) if scenarios else None,
         ),
         scenarios=script,

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from readygo.benchmarks.motion.cmu import RATE_HZ, read_clip
 from readygo.services.animator.gait.curves import BODY, CHEST_YAW, EVEN, HARMONICS, SAMPLES
-from readygo.services.animator.gait.person import REFERENCE_LEG_M
+from readygo.services.animator.gait.human import REFERENCE_LEG_M
 
 Array = npt.NDArray[np.float64]
 

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from readygo.apps.commands import scene_argument
-from readygo.apps.commands.scene_argument import FlatMaps, open_scene
+from readygo.apps.run import scene_argument
+from readygo.apps.run.scene_argument import FlatMaps, open_scene
 from readygo.common.errors import ConfigError, SceneError
 from readygo.common.files import cache_folder
 from readygo.common.maps.movingai import load_movingai_map

@@ -15,8 +15,8 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from readygo.apps.commands.scene_argument import open_maps
 from readygo.apps.run.config import load_run_config
+from readygo.apps.run.scene_argument import open_maps
 from readygo.common.avatars import load_avatars
 from readygo.common.messages import AnimateRequest, EpisodeKey, HumanPlanRequest, Scenario, Split
 from readygo.services.animator import Animator, handle_animate

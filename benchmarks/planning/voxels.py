@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from readygo.apps.commands.scene_argument import open_scene
+from readygo.apps.run.scene_argument import open_scene
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.gaussians.covariance import covariance_of
 from readygo.common.kernels import compiled

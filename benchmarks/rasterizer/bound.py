@@ -91,14 +91,14 @@ def bound_ms(work: dict[str, float], setting: Setting, scene_coefficients: int, 
         scene_coefficients: SH coefficients per channel of the scene.
         fma_per_s: Of `peak_fma_per_s`.
     """
-    people = sum(len(avatar.cloud) for avatar in setting.avatars)
-    joints = sum(int((avatar.lbs_weight > 0).sum()) for avatar in setting.avatars) / max(people, 1)
-    person_coefficients = max((avatar.cloud.sh.shape[1] for avatar in setting.avatars), default=1)
+    humans = sum(len(avatar.cloud) for avatar in setting.avatars)
+    joints = sum(int((avatar.lbs_weight > 0).sum()) for avatar in setting.avatars) / max(humans, 1)
+    human_coefficients = max((avatar.cloud.sh.shape[1] for avatar in setting.avatars), default=1)
     scene_ops = PROJECT_OPS + COLOUR_OPS[scene_coefficients]
-    person_ops = PROJECT_OPS + COLOUR_OPS[person_coefficients] + SKIN_OPS * joints
+    human_ops = PROJECT_OPS + COLOUR_OPS[human_coefficients] + SKIN_OPS * joints
     operations = {
         "project_scene": (work["drawn"] - work["drawn_people"]) * scene_ops / LANES,
-        "pose_and_project_people": work["drawn_people"] * person_ops / LANES,
+        "pose_and_project_people": work["drawn_people"] * human_ops / LANES,
         "blend": work["block_entries"] * BLEND_OPS,
     }
     return {stage: 1e3 * count / fma_per_s for stage, count in operations.items()}

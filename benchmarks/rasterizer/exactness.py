@@ -109,7 +109,7 @@ def scene_errors(scene: Scene, views: int, people: int = 0, seed: int = 0) -> li
     for place in random_places(scenery, people, views, seed):
         T = place.T_world_camera(camera, 0)
         posed = [
-            _posed(name, motion.root_m[40], motion.pose_axis_angle[40], place.people_m[number])
+            _posed(name, motion.root_m[40], motion.pose_axis_angle[40], place.humans_m[number])
             for number, (name, motion) in enumerate(motions.items())
         ]
         bodies = [pose_avatar(avatars[p.avatar], p.root_m, p.pose_axis_angle) for p in posed]

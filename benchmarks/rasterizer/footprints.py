@@ -192,7 +192,7 @@ def _project(
 
 @compiled(error_model="numpy")
 def _blend(
-    shape: Floats, box: Integers, is_person: npt.NDArray[np.bool_], transmittance: Floats, counts: Integers
+    shape: Floats, box: Integers, is_human: npt.NDArray[np.bool_], transmittance: Floats, counts: Integers
 ) -> None:
     """Count drawn Gaussians, those of people, tile entries, block entries and pixel pairs, in this order."""
     for n in range(len(shape)):
@@ -215,6 +215,6 @@ def _blend(
                 pairs += touched
                 blocks += 1 if touched else 0
         counts[0] += 1 if pairs else 0
-        counts[1] += 1 if pairs and is_person[n] else 0
+        counts[1] += 1 if pairs and is_human[n] else 0
         counts[3] += blocks
         counts[4] += pairs

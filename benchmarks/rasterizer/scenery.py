@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from readygo.apps.commands.scene_argument import open_scene
+from readygo.apps.run.scene_argument import open_scene
 from readygo.benchmarks.rasterizer import synthetic_room
 from readygo.common.avatars import Avatar
 from readygo.common.errors import ConfigError
@@ -56,7 +56,7 @@ class Place:
     y_m: float
     yaw_rad: float
     floor_m: float
-    people_m: tuple[tuple[float, float, float], ...]
+    humans_m: tuple[tuple[float, float, float], ...]
     """Point on the floor of each person at the first image."""
 
     def T_world_camera(self, camera: CameraConfig, image: int) -> npt.NDArray[np.float64]:
@@ -125,12 +125,12 @@ def gaussian_count(text: str) -> int:
     return count
 
 
-def random_places(scenery: Scenery, people: int, count: int, seed: int, *, in_sight: bool = True) -> list[Place]:
+def random_places(scenery: Scenery, humans: int, count: int, seed: int, *, in_sight: bool = True) -> list[Place]:
     """Standpoints and headings in the largest free area.
 
     Args:
         scenery: Scene.
-        people: How many stand before the camera, at the distances of `AHEAD`.
+        humans: How many stand before the camera, at the distances of `AHEAD`.
         count: Standpoints.
         seed: Of the draw.
         in_sight: Draw again, up to `_TRIES` times, until all people stand on free ground and nothing of the map is in
@@ -139,8 +139,8 @@ def random_places(scenery: Scenery, people: int, count: int, seed: int, *, in_si
     Raises:
         ConfigError: If there are too many people, or there is no free area.
     """
-    if people > len(AHEAD):
-        raise ConfigError(f"--avatars must be 0 to {len(AHEAD)}, got {people}.")
+    if humans > len(AHEAD):
+        raise ConfigError(f"--avatars must be 0 to {len(AHEAD)}, got {humans}.")
     rng = np.random.default_rng(seed)
     clear = clearance_m(scenery.occupancy) > FREE_RADIUS_M
     cells = np.argwhere(largest_free_area(scenery.occupancy, FREE_RADIUS_M)[0])
@@ -149,23 +149,23 @@ def random_places(scenery: Scenery, people: int, count: int, seed: int, *, in_si
     places = []
     for _ in range(count):
         for _ in range(_TRIES):
-            place = _place(scenery, cells[rng.integers(len(cells))], float(rng.uniform(-math.pi, math.pi)), people)
-            if not in_sight or all(_in_sight(scenery.occupancy, clear, place, point) for point in place.people_m):
+            place = _place(scenery, cells[rng.integers(len(cells))], float(rng.uniform(-math.pi, math.pi)), humans)
+            if not in_sight or all(_in_sight(scenery.occupancy, clear, place, point) for point in place.humans_m):
                 break
         places.append(place)
     return places
 
 
-def _place(scenery: Scenery, cell: npt.NDArray[np.int64], yaw_rad: float, people: int) -> Place:
+def _place(scenery: Scenery, cell: npt.NDArray[np.int64], yaw_rad: float, humans: int) -> Place:
     x_m, y_m = scenery.occupancy.frame.centre_m(int(cell[0]), int(cell[1]))
     c, s = math.cos(yaw_rad), math.sin(yaw_rad)
-    points = [(x_m + c * forward - s * left, y_m + s * forward + c * left) for forward, left in AHEAD[:people]]
+    points = [(x_m + c * forward - s * left, y_m + s * forward + c * left) for forward, left in AHEAD[:humans]]
     return Place(
         x_m=x_m,
         y_m=y_m,
         yaw_rad=yaw_rad,
         floor_m=scenery.floor.at(x_m, y_m),
-        people_m=tuple((x, y, scenery.floor.at(x, y)) for x, y in points),
+        humans_m=tuple((x, y, scenery.floor.at(x, y)) for x, y in points),
     )
 
 
@@ -225,7 +225,7 @@ def with_gaussian_count(avatar: Avatar, count: int, seed: int = 0) -> Avatar:
     )
 
 
-def wearers(avatars: Sequence[Avatar], people: int, count: int | None) -> list[Avatar]:
+def wearers(avatars: Sequence[Avatar], humans: int, count: int | None) -> list[Avatar]:
     """Who the people are: the avatars in turn, with `count` Gaussians each if it is given."""
-    chosen = [avatars[k % len(avatars)] for k in range(people)]
+    chosen = [avatars[k % len(avatars)] for k in range(humans)]
     return chosen if count is None else [with_gaussian_count(avatar, count) for avatar in chosen]

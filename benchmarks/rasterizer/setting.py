@@ -78,7 +78,7 @@ class Setting:
         motion = self.motions[number]
         first = FIRST_ROW + ROWS_APART * number
         start, row = motion.root_m[first % len(motion.root_m)], (first + image) % len(motion.root_m)
-        x_m, y_m, floor_m = place.people_m[number]
+        x_m, y_m, floor_m = place.humans_m[number]
         root_m = motion.root_m[row] + np.array([x_m - start[0], y_m - start[1], floor_m])
         name = self.avatars[number].name
         return PosedHuman(avatar=name, root_m=root_m, pose_axis_angle=motion.pose_axis_angle[row])

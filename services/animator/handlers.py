@@ -13,8 +13,8 @@ from readygo.common.extras import install_command
 from readygo.common.maps.grid import FloorMap, OccupancyMap
 from readygo.common.messages import AnimateReply, AnimateRequest, EpisodeMotions, HumanMotion, Motion
 from readygo.services.animator.config import AnimatorConfig
+from readygo.services.animator.gait.human import GaitSkeleton, skeleton_of
 from readygo.services.animator.gait.path import check_trajectory
-from readygo.services.animator.gait.person import GaitSkeleton, skeleton_of
 from readygo.services.animator.gait.walk import walk
 
 MotionSource = Callable[[GaitSkeleton, npt.NDArray[np.float64], FloorMap, np.random.Generator], Motion]

@@ -10,7 +10,7 @@ from readygo.common.episode.simulation import EpisodeSimulation
 from readygo.common.episode.straight_line import straight_line_command
 from readygo.common.policy import Policy, PolicyMemory
 from readygo.common.robot import RobotConfig
-from readygo.services.evaluator.eyes import Eyes, people_key
+from readygo.services.evaluator.eyes import Eyes, humans_key
 
 
 class Method(enum.Enum):
@@ -55,7 +55,7 @@ class PolicyDriver:
 
     def start(self, simulation: EpisodeSimulation) -> Ride:
         """An empty memory."""
-        return Ride(self._policy.start(), people_key(simulation.motions))
+        return Ride(self._policy.start(), humans_key(simulation.motions))
 
     def commands(self, running: Sequence[tuple[EpisodeSimulation, Ride]]) -> list[tuple[float, float]]:
         """See `Driver.commands`."""

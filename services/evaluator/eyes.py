@@ -41,7 +41,7 @@ class Eyes:
 
         Args:
             simulations: Episodes, at any step.
-            people: Key of each episode's people, from `people_key`.
+            people: Key of each episode's people, from `humans_key`.
 
         Returns:
             sRGB images, shape (B, H, W, 3).
@@ -80,6 +80,6 @@ class Eyes:
         )
 
 
-def people_key(motions: EpisodeMotions) -> str:
+def humans_key(motions: EpisodeMotions) -> str:
     """A name for the people of an episode, from who they are and how they move; empty without people."""
     return hashlib.sha256(encode(motions)).hexdigest()[:24] if motions.humans else ""

@@ -35,7 +35,7 @@ from readygo.services.renderer.encoding import encode_image, encode_outputs
 from readygo.services.renderer.sensor.motion import Moment, Timeline
 from readygo.services.renderer.sensor.streams import SensorStream
 
-PEOPLE_KEPT = 512
+HUMANS_KEPT = 512
 """Keys of people that a renderer remembers."""
 
 
@@ -84,7 +84,7 @@ class Renderer:
 
     def forget_old(self) -> None:
         """Drop the people that were not asked for longest."""
-        while len(self._people) > PEOPLE_KEPT:
+        while len(self._people) > HUMANS_KEPT:
             self._people.popitem(last=False)
 
     def check_avatars(self, humans: tuple[HumanMotion, ...]) -> None:
@@ -120,7 +120,7 @@ def handle_render(renderer: Renderer, request: RenderRequest) -> RenderReply:
 
 
 def _shot(renderer: Renderer, view: RenderView, humans: tuple[HumanMotion, ...]) -> Shot:
-    episode = SensorStream.of_people(view.people) if view.episode is None else SensorStream.of_episode(view.episode)
+    episode = SensorStream.of_humans(view.people) if view.episode is None else SensorStream.of_episode(view.episode)
     camera = renderer.capture.camera_of(episode)
     return Shot(camera=camera, moment_at=_moments(renderer, view, humans), step=view.step)
 

@@ -27,6 +27,7 @@ from readygo.services.animator.gait.curves import (
     weights_of,
 )
 from readygo.services.animator.gait.feet import Feet
+from readygo.services.animator.gait.human import GaitSkeleton, GaitStyle
 from readygo.services.animator.gait.math import (
     Array,
     Ground,
@@ -47,7 +48,6 @@ from readygo.services.animator.gait.math import (
     smooth_above,
 )
 from readygo.services.animator.gait.path import Track
-from readygo.services.animator.gait.person import GaitSkeleton, GaitStyle
 
 LEG_REACH = 0.998
 KNEE_MAX_RAD, RUN_KNEE_MAX_RAD = math.radians(79.8), math.radians(125.0)

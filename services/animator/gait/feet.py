@@ -7,8 +7,8 @@ import numpy as np
 
 from readygo.common.kernels import compiled
 from readygo.services.animator.gait.curves import Curves, curve_at, weights_of
+from readygo.services.animator.gait.human import GaitSkeleton
 from readygo.services.animator.gait.math import Array, clip, ease, mat_mul, mat_vec, rot_x, soft_max, wrap
-from readygo.services.animator.gait.person import GaitSkeleton
 from readygo.services.animator.gait.steps import (
     A_IN,
     A_OUT,

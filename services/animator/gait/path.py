@@ -13,8 +13,8 @@ from readygo.common.errors import MotionError
 from readygo.common.kernels import compiled
 from readygo.common.robot.kinematics import DT_S
 from readygo.services.animator.gait.curves import Curves, stride_rate
+from readygo.services.animator.gait.human import GaitStyle
 from readygo.services.animator.gait.math import Array, clip, ease, smooth, wrap
-from readygo.services.animator.gait.person import GaitStyle
 
 SPEED_MAX_MPS = 5.0
 MOVING_START_MPS = 0.3

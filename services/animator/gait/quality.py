@@ -10,7 +10,7 @@ from readygo.common.avatars.kinematics import fill_globals
 from readygo.common.frames import matrix_from_axis_angle
 from readygo.common.maps.grid import FloorMap
 from readygo.common.messages import Motion
-from readygo.services.animator.gait.person import GaitSkeleton, skeleton_of
+from readygo.services.animator.gait.human import GaitSkeleton, skeleton_of
 
 Array = npt.NDArray[np.float64]
 

@@ -7,9 +7,9 @@ import numpy as np
 from readygo.common.kernels import compiled
 from readygo.common.robot.kinematics import DT_S
 from readygo.services.animator.gait.curves import Curves, mixed, weights_of
+from readygo.services.animator.gait.human import GaitSkeleton, GaitStyle
 from readygo.services.animator.gait.math import Array, Ground, clip, floor_at, sample, wrap
 from readygo.services.animator.gait.path import Track, time_of_phase
-from readygo.services.animator.gait.person import GaitSkeleton, GaitStyle
 
 # Columns of a foot's contacts, shape (C, 16).
 ON, OFF = 0, 1

@@ -18,9 +18,9 @@ from readygo.services.animator.config import AnimatorConfig
 from readygo.services.animator.gait.body import drive_of, pelvis_path, pelvis_rotations, pose_frames
 from readygo.services.animator.gait.curves import Curves, default_curves, stride_rate
 from readygo.services.animator.gait.feet import Feet, pose_foot
+from readygo.services.animator.gait.human import GaitSkeleton, GaitStyle, draw_style
 from readygo.services.animator.gait.math import Array, Ground
 from readygo.services.animator.gait.path import check_trajectory, extend, plan_track
-from readygo.services.animator.gait.person import GaitSkeleton, GaitStyle, draw_style
 from readygo.services.animator.gait.steps import ON, plan_contacts
 
 SETTLED_AFTER_S = 0.35

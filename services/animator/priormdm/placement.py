@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from readygo.common.kernels import compiled
 from readygo.common.robot.kinematics import DT_S
+from readygo.services.animator.gait.human import GaitSkeleton
 from readygo.services.animator.gait.math import (
     Array,
     Ground,
@@ -18,7 +19,6 @@ from readygo.services.animator.gait.math import (
     smooth,
     smooth_above,
 )
-from readygo.services.animator.gait.person import GaitSkeleton
 from readygo.services.animator.smpl.fit import REACH, fit_rotations
 
 HUMANML3D_LEG_M = 0.821

@@ -15,9 +15,9 @@ import torch
 from readygo.common.errors import ConfigError
 from readygo.common.maps.grid import FloorMap
 from readygo.common.messages import Motion
+from readygo.services.animator.gait.human import GaitSkeleton
 from readygo.services.animator.gait.math import Array, Ground, smooth
 from readygo.services.animator.gait.path import check_trajectory, heading
-from readygo.services.animator.gait.person import GaitSkeleton
 from readygo.services.animator.priormdm.checkpoint import TrainedModel, load_model
 from readygo.services.animator.priormdm.config import PriorMdmConfig
 from readygo.services.animator.priormdm.diffusion import FloatArray, cosine_schedule, sample

@@ -23,7 +23,7 @@ class SensorStream:
         return cls((int(words[0]), int(words[1])))
 
     @classmethod
-    def of_people(cls, people: str) -> "SensorStream":
+    def of_humans(cls, people: str) -> "SensorStream":
         """The stream of single views: the key of their people stands for the episode, which views do not carry."""
         digest = hashlib.sha256(people.encode()).digest()
         return cls((int.from_bytes(digest[:8], "little"), int.from_bytes(digest[8:16], "little")))

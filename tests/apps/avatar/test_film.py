@@ -21,7 +21,7 @@ def test_walk_follows_the_s_curve_to_its_end(person: Avatar) -> None:
     assert root[-1, 0] == pytest.approx(LENGTH_M, abs=0.1)
 
 
-def test_pictures_show_the_person_before_wall_and_floor(person: Avatar) -> None:
+def test_pictures_show_the_human_before_wall_and_floor(person: Avatar) -> None:
     first, *_, last = itertools.islice(walk_frames(person), 0, 12)
     assert first.shape == (FRAMING.height_px, FRAMING.width_px, 3)
     wall = first[5, 5].astype(int)

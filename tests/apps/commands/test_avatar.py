@@ -30,7 +30,7 @@ def test_list_of_a_folder_without_avatars_says_so(tmp_path: Path) -> None:
         avatar_list(avatars=tmp_path)
 
 
-def test_preview_shows_the_person_from_all_sides(tmp_path: Path) -> None:
+def test_preview_shows_the_human_from_all_sides(tmp_path: Path) -> None:
     name = next(iter(load_avatars()))
     avatar_preview(Path(name), out=tmp_path / "sheet.png")
     sheet = cv2.imread(str(tmp_path / "sheet.png")).astype(int)

@@ -85,7 +85,7 @@ def test_mistakes_end_in_one_line_and_exit_code_2(
     assert not (tmp_path / "a.npz").exists()
 
 
-def test_people_who_cannot_walk_are_refused(tmp_path: Path) -> None:
+def test_humans_who_cannot_walk_are_refused(tmp_path: Path) -> None:
     source = next(iter(load_avatars().values()))
     joints = source.joints_tpose_m.copy()
     joints[[10, 11], 2] = joints[[7, 8], 2] - 0.2

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from readygo.apps.commands.plan import plan
-from readygo.apps.commands.scene_argument import open_maps
 from readygo.common.errors import ConfigError, ReadygoError, RunError, SceneError
 from readygo.common.maps import save_ros_map
 from readygo.services.planner.humans.scenario_file import load_scenarios
@@ -43,7 +42,7 @@ def numbers_of(capsys: pytest.CaptureFixture[str], place: str, **options) -> dic
     return json.loads(capsys.readouterr().out)
 
 
-def test_numbers_tell_the_robots_and_every_persons_story(place, index, capsys) -> None:
+def test_numbers_tell_the_robots_and_every_humans_story(place, index, capsys) -> None:
     numbers = numbers_of(capsys, place, index=index, mode="paper")
     assert numbers["episode"] == f"train-{SEED}-{index:06d}"
     assert numbers["mode"] == "paper"
@@ -134,10 +133,3 @@ def test_picture_that_cannot_be_written_is_one_line(place, index, tmp_path) -> N
     (tmp_path / "file").write_text("")
     with pytest.raises(ReadygoError, match="cannot be written"):
         plan(place, seed=SEED, index=index, mode="paper", picture=tmp_path / "file" / "p.png")
-
-
-def test_ros_map_lies_on_a_flat_floor(place) -> None:
-    maps, scene = open_maps(place)
-    assert scene is None
-    assert maps.robot is maps.human
-    assert maps.floor.height_m.max() == 0.0

@@ -1,9 +1,17 @@
+import dataclasses
+import math
+
 import numpy as np
 import pytest
 
-from readygo.apps.coverage.numbers import Histogram, Visits, measure, visited_share
+from readygo.apps.coverage.numbers import Histogram, Visits, count_encounters, measure, visited_share
+from readygo.common.dataset import ShardWriter, encode_episode, shard_name
+from readygo.common.dataset.casts import Cast
 from readygo.common.maps import GridFrame, OccupancyMap
+from readygo.common.messages import EpisodeKey, Split
 from readygo.common.robot import RobotConfig
+from tests.apps.coverage.drives import COUNT, drive, measured
+from tests.common.dataset.episodes import PROVENANCE
 
 TRUTH = np.dtype([("human_visible", "?"), ("human_distance_m", "<f4"), ("time_to_collision_s", "<f4")])
 
@@ -64,3 +72,76 @@ def test_histogram_of_values_without_a_finite_one_has_no_median():
     found = Histogram.of(np.array([np.inf, np.inf]), np.array([0.0, 1.0]))
     assert (found.counts.tolist(), found.beyond, found.none, found.median) == ([0], 0, 2, None)
     assert found.to_mapping()["median"] is None
+
+
+def test_totals_are_those_of_the_data(data) -> None:
+    found = measured(data)
+    assert (found.episodes, found.samples) == (3, 60)
+    assert found.distance_m == pytest.approx(3.0)
+    assert found.hours == pytest.approx(60 * 0.05 / 3600)
+    assert found.visible_total == pytest.approx(0.5)
+
+
+def test_every_episode_counts_once_in_a_cell(data) -> None:
+    visits = measured(data).visits
+    assert (visits.frame.origin_x_m, visits.frame.origin_y_m) == (0.0, 0.0)
+    expected = np.zeros((10, 10), np.int64)
+    expected[0, :] = 2
+    expected[:, 0] += 1
+    assert np.array_equal(visits.episodes, expected)
+
+
+def test_headings_are_counted_around_the_axes(data) -> None:
+    counts = measured(data).headings.counts
+    assert counts[0] == 40
+    assert counts[6] == 20
+    assert counts.sum() == 60
+
+
+@pytest.mark.parametrize("yaw_rad", [-math.pi, -3.1, -0.01, 0.01, 3.1, math.pi])
+def test_headings_wrap(tmp_path, yaw_rad) -> None:
+    with ShardWriter(tmp_path / shard_name("r0", 0), PROVENANCE, fsync=False) as writer:
+        writer.append(encode_episode((e := drive(0, yaw_rad=yaw_rad, gaps_m=[1.0]))[0], 1, e[1]))
+    counts = measured(tmp_path).headings.counts
+    assert counts[0 if abs(yaw_rad) < 1 else 12] == COUNT
+
+
+def test_extremes_are_taken_once_per_episode(data) -> None:
+    found = measured(data)
+    assert found.closest_m.counts[2] == 1
+    assert (found.closest_m.counts.sum(), found.closest_m.beyond, found.closest_m.none) == (1, 1, 1)
+    assert found.closest_m.median == pytest.approx(3.8)
+    assert found.collision_s.counts[5] == 1
+    assert found.collision_s.none == 2
+    assert found.duration_s.counts.tolist()[:2] == [3, 0]
+    assert found.visible_share.counts.tolist() == [1, 0, 0, 0, 0, 1, 0, 0, 0, 1]
+
+
+def test_commands_are_counted_jointly(data) -> None:
+    found = measured(data)
+    row, column = np.argwhere(found.actions > 0)[0]
+    assert found.actions.sum() == found.actions[row, column] == 60
+    # Full speed belongs to the last row, straight on to the middle column.
+    assert (row, column) == (len(found.v_edges_mps) - 2, 6)
+
+
+def test_encounters_count_episodes_and_humans(data) -> None:
+    found = measured(data)
+    assert found.encounters == {"crossing": (2, 2), "nobody": (1, 0), "parallel": (1, 1)}
+    assert found.avatars == {"ann": 2, "bob": 1}
+    twice = Cast(episode=EpisodeKey(seed=0, split=Split.TRAIN, index=0), avatars=("a", "b"), encounters=("x", "x"))
+    assert count_encounters([twice]) == {"x": (1, 2)}
+
+
+def test_histogram_bins_begin_at_their_edges() -> None:
+    found = Histogram.of(np.array([-1.0, 0.0, 0.5, 1.0, 2.0, np.inf]), np.array([0.0, 0.5, 1.0, 2.0]))
+    assert found.counts.tolist() == [2, 1, 1]
+    assert (found.beyond, found.none, found.median) == (1, 1, 0.5)
+
+
+def test_visited_share_is_of_the_reachable_ground(data, room) -> None:
+    share = visited_share(measured(data).visits, room, radius_m=0.3)
+    # 8 x 8 or so cells of 25 cm can be reached; 4 along each axis were, and one of these twice.
+    assert share == pytest.approx(7 / 100, abs=0.01)
+    shut = dataclasses.replace(room, occupied=np.ones_like(room.occupied))
+    assert visited_share(measured(data).visits, shut, radius_m=0.3) == 0.0

@@ -105,7 +105,7 @@ def test_film_without_a_camera_shows_the_scene_alone(film: EpisodeFilm, top_view
     assert picture.shape[1] >= 860
 
 
-def test_underlay_is_drawn_below_people(film: EpisodeFilm, top_view: TopView) -> None:
+def test_underlay_is_drawn_below_humans(film: EpisodeFilm, top_view: TopView) -> None:
     drawn = []
 
     def paint(picture: np.ndarray, view: TopView, row: int) -> None:
@@ -120,7 +120,7 @@ def test_underlay_is_drawn_below_people(film: EpisodeFilm, top_view: TopView) ->
     assert tuple(picture[int(v), int(u)]) == HUMANS[0]
 
 
-def test_time_line_marks_when_a_person_is_seen(film: EpisodeFilm, top_view: TopView) -> None:
+def test_time_line_marks_when_a_human_is_seen(film: EpisodeFilm, top_view: TopView) -> None:
     seen = np.arange(COUNT) < COUNT // 2
     picture = list(film_frames(dataclasses.replace(film, human_visible=seen), top_view))[-1]
     line = picture[36 * 3 + 16 + 56 + 5]

@@ -51,7 +51,7 @@ def test_corners_of_a_turned_box() -> None:
     assert len({tuple(corner) for corner in box.round(6)}) == 8
 
 
-def test_people_are_drawn_where_they_are(tmp_path) -> None:
+def test_humans_are_drawn_where_they_are(tmp_path) -> None:
     write_shard(tmp_path, [0], labels=True)
     dataset = Dataset([tmp_path])
     plain = np.asarray(cv2.resize(dataset.decode(2), (640, 480), interpolation=cv2.INTER_CUBIC)).astype(int)

@@ -7,8 +7,11 @@ import pytest
 from readygo.__main__ import main
 from readygo.apps.run.config import RunConfig, load_run_config, resolved_sections, with_outputs
 from readygo.apps.run.identity import run_name
+from readygo.common.camera import CameraConfig, SensorConfig
 from readygo.common.config import section_from_mapping
 from readygo.common.errors import ConfigError
+from readygo.common.policy import PolicySpec
+from readygo.common.robot import RobotConfig
 from tests.common.messages.run_specs import SPEC
 
 
@@ -49,3 +52,30 @@ def test_coordinators_settings_are_a_section_of_the_run(tmp_path: Path) -> None:
     path.write_text('[coordinator]\nrecorders = ["rec0", "rec0"]\n')
     with pytest.raises(ConfigError, match=r"coordinator: recorders must be different names"):
         load_run_config(path)
+
+
+def run_config(tmp_path: Path, text: str) -> Path:
+    (tmp_path / "run.toml").write_text(text)
+    return tmp_path / "run.toml"
+
+
+def test_what_nobody_names_is_the_policys(tmp_path: Path) -> None:
+    camera = CameraConfig(height_px=72, width_px=128, distortion="fisheye", mount_height_m=0.4)
+    spec = PolicySpec(robot=RobotConfig(v_max_mps=0.8, camera=camera), sensor=SensorConfig(k1=(0.0, 0.01)))
+    whole = load_run_config(None, trained=spec)
+    assert (whole.robot, whole.renderer.sensor) == (spec.robot, spec.sensor)
+    other = load_run_config(
+        run_config(tmp_path, "[robot]\nv_max_mps = 0.5\n[renderer]\ndetail = 'lod'\n"), trained=spec
+    )
+    assert other.robot == RobotConfig(v_max_mps=0.5, camera=camera)
+    assert (other.renderer.sensor, other.renderer.detail) == (spec.sensor, "lod")
+    named = load_run_config(run_config(tmp_path, "[robot.camera]\nwidth_px = 128\n[renderer.sensor]\n"), trained=spec)
+    assert named.robot == RobotConfig(camera=CameraConfig(width_px=128))
+    assert named.renderer.sensor == SensorConfig()
+
+
+def test_setting_that_must_be_an_array_is_refused_by_name() -> None:
+    with pytest.raises(ConfigError, match=r"expert\.lookahead_m must be an array, got 0\.5"):
+        section_from_mapping(RunConfig, {"expert": {"lookahead_m": 0.5}})
+    with pytest.raises(ConfigError, match=r"^robot: radius_m must be positive"):
+        section_from_mapping(RunConfig, {"robot": {"radius_m": -1.0}})

@@ -1,7 +1,7 @@
 import pytest
 
-from readygo.apps.commands.scene_argument import open_scene
 from readygo.apps.run.config import RunConfig
+from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.run.spec import make_spec
 from readygo.common.errors import RunError
 from readygo.common.messages import Split

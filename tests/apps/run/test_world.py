@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from readygo.apps.commands.scene_argument import open_scene
 from readygo.apps.fleet.worker import make_coordinator
 from readygo.apps.run.config import RunConfig
 from readygo.apps.run.folder import RunFolder
+from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.run.spec import make_spec
 from readygo.apps.run.world import World
 from readygo.common.bus import InProcessBus

@@ -32,7 +32,7 @@ def test_samples_tell_what_is_ahead_and_what_the_expert_does(course):
     assert rays.max() <= 1
 
 
-def test_people_are_told_of_in_the_robots_frame_only_when_they_are_in_view(course):
+def test_humans_are_told_of_in_the_robots_frame_only_when_they_are_in_view(course):
     eyes = Eyes(course)
     x, y, yaw = successful_runs(course, "paper", 1)[0][0][0].start_xyyaw.tolist()
     ahead, left = np.array([math.cos(yaw), math.sin(yaw)]), np.array([-math.sin(yaw), math.cos(yaw)])

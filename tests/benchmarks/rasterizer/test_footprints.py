@@ -61,7 +61,7 @@ def test_gaussians_behind_the_camera_are_no_work() -> None:
     assert work(noise(50, (-4.0, -1.0), 0.1)).visible == 0
 
 
-def test_people_are_counted_apart() -> None:
+def test_humans_are_counted_apart() -> None:
     scene, person = noise(40, (3.0, 4.0), 0.05), noise(30, (1.0, 2.0), 0.05)
     counted = work(concatenate([scene, person]), scene_count=len(scene))
     assert counted.drawn_people == work(person).drawn

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from readygo.services.animator import AnimatorConfig, walk
-from readygo.services.animator.gait.person import skeleton_of
+from readygo.services.animator.gait.human import skeleton_of
 from tests.services.animator.bodies import make_avatar
 
 

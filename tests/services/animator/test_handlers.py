@@ -3,7 +3,6 @@ import dataclasses
 import numpy as np
 import pytest
 
-from readygo.common.bus import InProcessBus
 from readygo.common.errors import AvatarError
 from readygo.common.maps.grid import GridFrame, OccupancyMap
 from readygo.common.messages import (
@@ -12,11 +11,8 @@ from readygo.common.messages import (
     HumanTrajectory,
     Scenario,
     Split,
-    decode,
-    encode,
-    topics,
 )
-from readygo.services.animator import Animator, AnimatorConfig, attach, handle_animate
+from readygo.services.animator import Animator, AnimatorConfig, handle_animate
 from tests.services.animator.bodies import make_avatar
 from tests.services.animator.paths import circle, floor, line
 
@@ -106,18 +102,3 @@ def test_avatar_that_cannot_stand_is_refused():
     joints[:, 1] += 1.0
     with pytest.raises(AvatarError, match="'stump' cannot walk"):
         Animator({"stump": dataclasses.replace(body, joints_canonical_m=joints)}, floor(), AnimatorConfig())
-
-
-def test_decoded_requests_give_the_same_motion_over_the_bus(animator):
-    request = AnimateRequest(scenario=scenario(human("ada", line(1.2))))
-    bus = InProcessBus()
-    attach(bus, animator)
-    direct = handle_animate(animator, request)
-    over = bus.request(topics.ANIMATE, decode(AnimateRequest, encode(request)))
-    assert encode(direct) == encode(over)
-
-
-@pytest.mark.parametrize("value", [-0.1, 1.5, float("nan")])
-def test_style_variation_outside_of_its_range_is_refused(value):
-    with pytest.raises(ValueError, match=r"within 0\.\.1"):
-        AnimatorConfig(style_variation=value)

@@ -3,7 +3,10 @@ from pathlib import Path
 
 import pytest
 
-from readygo.common.messages import VerdictStatus
+from readygo.common.errors import RunError
+from readygo.common.messages import (
+    VerdictStatus,
+)
 from readygo.common.messages.stages import ANIMATE, HUMAN_PLAN, RENDER, ROBOT_PLAN
 from readygo.services.coordinator import Ledger
 
@@ -103,4 +106,35 @@ def test_counters_add_up_and_survive(tmp_path: Path) -> None:
         ledger.close()
     ledger = Ledger(path)
     assert ledger.counters() == {"cpu_s": 3.5}
+    ledger.close()
+
+
+def test_shortest_run_reaches_to_the_last_durable_episode(tmp_path: Path) -> None:
+    ledger = Ledger(tmp_path / "ledger.sqlite")
+    ledger.open_episodes(5)
+    assert ledger.wanted_min() == 0
+    ledger.commit(1, "rec0", "s", 10)
+    ledger.commit(3, "rec0", "s", 10)
+    assert ledger.wanted_min() == 4
+    ledger.drop_episodes(2)
+    assert ledger.waiting() == {"human-plan": 3}
+    ledger.drop_episodes(4)
+    assert ledger.waiting() == {"human-plan": 2}
+    ledger.close()
+
+
+def test_file_that_is_no_ledger_is_said_in_one_line(tmp_path: Path) -> None:
+    (tmp_path / "ledger.sqlite").write_bytes(b"something else " * 100)
+    with pytest.raises(RunError, match=r"ledger\.sqlite cannot be used: file is not a database"):
+        Ledger(tmp_path / "ledger.sqlite")
+
+
+def test_full_disk_is_said_in_one_line_and_undoes_the_step(tmp_path: Path) -> None:
+    ledger = Ledger(tmp_path / "ledger.sqlite")
+    ledger.open_episodes(3)
+    (pages,) = ledger._db.execute("PRAGMA page_count").fetchone()
+    ledger._db.execute(f"PRAGMA max_page_count = {pages}")
+    with pytest.raises(RunError, match="database or disk is full; if the disk is full, free some space"):
+        ledger.open_episodes(10_000)
+    assert ledger.waiting() == {"human-plan": 3}
     ledger.close()

@@ -50,13 +50,13 @@ def simulation(make_evaluator):
 def test_policy_is_given_the_command_that_was_executed_last(simulation):
     policy = RecordingPolicy()
     driver, episode = PolicyDriver(policy, Eyes()), simulation()
-    driver.start(episode)
+    ride = driver.start(episode)
     executed = [(0.0, 0.0)]
     for _ in range(3):
-        for v, w in driver.commands([episode]):
+        for v, w in driver.commands([(episode, ride)]):
             episode.advance(v, w)
         executed.append((episode.v_mps, episode.w_radps))
-    driver.commands([episode])
+    driver.commands([(episode, ride)])
     given = np.concatenate([previous for _, _, previous, _ in policy.given])
     assert given == pytest.approx(np.array(executed), abs=1e-6)
     assert len({v for v, _ in executed}) == 4, "the acceleration limit makes each command differ from what is asked"
@@ -65,10 +65,10 @@ def test_policy_is_given_the_command_that_was_executed_last(simulation):
 def test_each_episode_has_its_own_memory_image_and_goal(simulation):
     policy = RecordingPolicy()
     driver, one, other = PolicyDriver(policy, Eyes()), simulation(), simulation(1, y_m=1.0)
-    driver.start(one)
+    first = driver.start(one)
     one.advance(0.0, 0.0)
-    driver.start(other)
-    assert driver.commands([other, one]) == [(0.5, 0.25)] * 2
+    second = driver.start(other)
+    assert driver.commands([(other, second), (one, first)]) == [(0.5, 0.25)] * 2
     memories, images, _, goals = policy.given[-1]
     assert memories == ["memory 2", "memory 1"]
     assert images[:, 0, 0, 0].tolist() == [0, 1]
@@ -79,7 +79,6 @@ def test_episode_that_starts_again_has_forgotten(simulation):
     policy = RecordingPolicy()
     driver, episode = PolicyDriver(policy, Eyes()), simulation()
     driver.start(episode)
-    driver.stop(episode)
-    driver.start(episode)
-    driver.commands([episode])
+    ride = driver.start(episode)
+    driver.commands([(episode, ride)])
     assert policy.given[-1][0] == ["memory 2"]

@@ -3,6 +3,7 @@ import dataclasses
 import pytest
 
 from readygo.common.errors import DatasetError
+from readygo.common.messages import AppendStatus
 from readygo.services.recorder.buffers import DAMAGED_MAX, EpisodeBuffers
 from tests.common.dataset.episodes import append_requests
 
@@ -24,7 +25,7 @@ def damaged(request, number):
 def test_batches_make_a_complete_episode() -> None:
     kept = buffers()
     for request in append_requests(3):
-        assert kept.add(request).status == "ok"
+        assert kept.add(request).status is AppendStatus.OK
     buffer = kept.get(3)
     assert buffer is not None
     assert buffer.complete
@@ -35,23 +36,23 @@ def test_batch_that_comes_twice_or_overlaps_is_taken_once() -> None:
     kept = buffers()
     first, second = append_requests(0)
     for request in (first, first, dataclasses.replace(second, first_seq=8), second):
-        assert kept.add(request).status == "ok"
+        assert kept.add(request).status is AppendStatus.OK
     assert len(kept.get(0).samples) == 12
 
 
 def test_gap_names_the_sample_that_is_due() -> None:
     kept = buffers()
     first, second = append_requests(0)
-    assert (kept.add(second).status, kept.add(second).expected_seq) == ("gap", 0)
+    assert (kept.add(second).status, kept.add(second).expected_seq) == (AppendStatus.GAP, 0)
     kept.add(first)
-    assert kept.add(second).status == "ok"
+    assert kept.add(second).status is AppendStatus.OK
 
 
 def test_newer_attempt_replaces_an_older_one_which_is_stale_then() -> None:
     kept = buffers()
     kept.add(append_requests(0)[0])
-    assert kept.add(append_requests(0, attempt=2)[0]).status == "ok"
-    assert kept.add(append_requests(0)[1]).status == "stale"
+    assert kept.add(append_requests(0, attempt=2)[0]).status is AppendStatus.OK
+    assert kept.add(append_requests(0)[1]).status is AppendStatus.STALE
     assert (kept.get(0).attempt, len(kept.get(0).samples)) == (2, 8)
 
 
@@ -60,7 +61,7 @@ def test_damaged_sample_is_asked_for_again_a_few_times_only() -> None:
     request = append_requests(0)[0]
     for _ in range(DAMAGED_MAX):
         reply = kept.add(damaged(request, 5))
-        assert (reply.status, reply.expected_seq) == ("gap", 5)
+        assert (reply.status, reply.expected_seq) == (AppendStatus.GAP, 5)
     with pytest.raises(DatasetError, match="never matches"):
         kept.add(damaged(request, 5))
 
@@ -81,7 +82,7 @@ def test_longest_untouched_buffer_makes_room() -> None:
 def test_episode_larger_than_all_room_is_kept_while_it_comes_in() -> None:
     kept = buffers(0.1)
     for request in append_requests(0):
-        assert kept.add(request).status == "ok"
+        assert kept.add(request).status is AppendStatus.OK
     assert kept.get(0).complete
     kept.add(append_requests(1)[0])
     assert kept.get(0) is None
@@ -97,3 +98,12 @@ def test_sender_that_contradicts_itself_is_refused() -> None:
         kept.add(other)
     with pytest.raises(DatasetError, match="closed after 11 of 12"):
         kept.add(dataclasses.replace(second, samples=second.samples[:3]))
+
+
+def test_memory_bound_counts_outputs() -> None:
+    buffers = EpisodeBuffers(limit_bytes=2**20)
+    request = append_requests(0, outputs=("depth", "normal"))[0]
+    buffers.add(request)
+    buffer = buffers.get(0)
+    assert buffer is not None
+    assert buffer.size_bytes == sum(len(s.image) + sum(map(len, s.outputs.values())) for s in request.samples)

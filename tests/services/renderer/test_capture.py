@@ -281,7 +281,7 @@ def test_camera_that_is_mounted_elsewhere_sees_from_there(renderer: Renderer, ep
     assert np.array_equal(_decoded(sample.image), renderer.drawing.draw(T, (), 0))
 
 
-def test_views_have_noise_of_their_people_and_step_and_no_blur(phone: Renderer, human: HumanMotion) -> None:
+def test_views_have_noise_of_their_humans_and_step_and_no_blur(phone: Renderer, human: HumanMotion) -> None:
     pose = phone.robot.camera.T_world_camera(0.0, 0.0, 0.0, 0.0)
     views = tuple(RenderView(people="", step=step, T_world_camera=pose) for step in (4, 4, 5))
     images = handle_render(phone, RenderRequest(views=views)).rgb
@@ -291,7 +291,7 @@ def test_views_have_noise_of_their_people_and_step_and_no_blur(phone: Renderer, 
     assert abs(difference.mean()) < 0.5
 
 
-def test_blur_comes_from_people_too(renderer: Renderer, episode) -> None:
+def test_blur_comes_from_humans_too(renderer: Renderer, episode) -> None:
     _, motions, _ = episode
     slow = with_optics(renderer, RendererConfig(image_format="png"), exposure_s=0.05)
     camera = slow.capture.camera_of(STREAM)

@@ -71,7 +71,7 @@ def test_shadow_darkens_the_ground_at_the_feet_and_nothing_else(floor_scene: Sce
     assert np.abs(darker[: int(v_feet) - 12]).max() < 3
 
 
-def test_shadow_is_gone_without_people_and_fades_with_height(floor_scene: Scene, avatars: dict[str, Avatar]) -> None:
+def test_shadow_is_gone_without_humans_and_fades_with_height(floor_scene: Scene, avatars: dict[str, Avatar]) -> None:
     avatar = next(iter(avatars.values()))
     pose = CAMERA.T_world_camera(0.0, 0.0, 0.0, FLOOR_M)
     off, on = renderers(floor_scene, avatar)

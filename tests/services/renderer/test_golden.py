@@ -11,7 +11,7 @@ from readygo.common.robot import RobotConfig
 from readygo.common.scenes import Scene
 from readygo.common.scenes.embedded import ensure_embedded_scene
 from readygo.services.animator import AnimatorConfig
-from readygo.services.animator.gait.person import skeleton_of
+from readygo.services.animator.gait.human import skeleton_of
 from readygo.services.animator.gait.walk import walk
 from readygo.services.renderer import Renderer, RendererConfig, handle_render
 
@@ -37,7 +37,7 @@ def _walker(name: str, begin_m: tuple[float, float], end_m: tuple[float, float],
 
 
 @pytest.mark.parametrize("view", sorted(VIEWS))
-def test_embedded_scene_with_walking_people_looks_as_it_did(scene: Scene, view: str, golden_image: Golden) -> None:
+def test_embedded_scene_with_walking_humans_looks_as_it_did(scene: Scene, view: str, golden_image: Golden) -> None:
     robot = RobotConfig()
     renderer = Renderer(scene, load_avatars(), robot, RendererConfig())
     x_m, y_m, yaw_rad = VIEWS[view]

@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 
 from readygo.common.avatars import Avatar, joint_positions, pose_avatar
-from readygo.common.bus import InProcessBus
 from readygo.common.errors import AvatarError, RunError
 from readygo.common.images.files import decode_output
 from readygo.common.images.images import OUTPUTS, Images
-from readygo.common.messages import EpisodeMotions, HumanMotion, Humans, RenderReply, RenderRequest, RenderView, topics
+from readygo.common.messages import EpisodeMotions, HumanMotion, Humans, RenderReply, RenderRequest, RenderView
 from readygo.common.rasterizer.backends import packed_cloud
 from readygo.common.rasterizer.interface import Rasterizer
-from readygo.services.renderer import Renderer, RendererConfig, attach, episode_header, episode_samples, handle_render
+from readygo.services.renderer import Renderer, RendererConfig, episode_header, episode_samples, handle_render
 from readygo.services.renderer import handlers as handlers_module
 from readygo.services.renderer.drawing import Drawing, pack_folder, static_clouds
 from readygo.services.renderer.handlers import facing_yaw
@@ -39,14 +38,14 @@ def test_views_come_back_in_order(renderer: Renderer) -> None:
     assert not np.array_equal(reply.rgb[0], reply.rgb[1])
 
 
-def test_people_are_drawn_and_remembered(renderer: Renderer, human: HumanMotion) -> None:
+def test_humans_are_drawn_and_remembered(renderer: Renderer, human: HumanMotion) -> None:
     empty = render(renderer, view(renderer)).rgb[0]
     first = render(renderer, view(renderer, "walk"), people=(Humans(key="walk", humans=(human,)),)).rgb[0]
     assert (np.abs(first.astype(int) - empty).max(axis=2) > 20).mean() > 0.02
     assert np.array_equal(first, render(renderer, view(renderer, "walk")).rgb[0])
 
 
-def test_unknown_people_are_named_and_nothing_is_drawn(renderer: Renderer) -> None:
+def test_unknown_humans_are_named_and_nothing_is_drawn(renderer: Renderer) -> None:
     reply = render(renderer, view(renderer), view(renderer, "nobody"))
     assert reply.unknown_people == ("nobody",)
     assert reply.rgb.shape == (0, 48, 80, 3)
@@ -60,10 +59,10 @@ def test_last_row_of_a_motion_is_held(renderer: Renderer, human: HumanMotion) ->
     assert np.array_equal(reply.rgb[1], reply.rgb[3])
 
 
-def test_people_asked_for_longest_ago_are_forgotten(
+def test_humans_asked_for_longest_ago_are_forgotten(
     renderer: Renderer, human: HumanMotion, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(handlers_module, "PEOPLE_KEPT", 2)
+    monkeypatch.setattr(handlers_module, "HUMANS_KEPT", 2)
     for key in ("a", "b"):
         render(renderer, view(renderer, key), people=(Humans(key=key, humans=(human,)),))
     render(renderer, view(renderer, "a"))
@@ -76,13 +75,6 @@ def test_unknown_avatar_is_refused_by_name(renderer: Renderer, human: HumanMotio
     stranger = replace(human, avatar="stranger")
     with pytest.raises(AvatarError, match="'stranger' is not loaded"):
         render(renderer, people=(Humans(key="x", humans=(stranger,)),))
-
-
-def test_request_over_the_bus_is_answered(renderer: Renderer) -> None:
-    bus = InProcessBus()
-    attach(bus, renderer, "7")
-    reply = bus.request(topics.render("7"), RenderRequest(views=(view(renderer),)))
-    assert np.array_equal(reply.rgb, render(renderer, view(renderer)).rgb)
 
 
 def test_samples_describe_the_trajectory(renderer: Renderer, episode) -> None:
@@ -266,21 +258,3 @@ def test_labels_can_be_left_out(renderer: Renderer, episode) -> None:
 def test_output_that_the_drawing_does_not_make_is_refused(renderer: Renderer, episode) -> None:
     with pytest.raises(RunError, match="cpu backend cannot do that: the view has no normal image"):
         next(episode_samples(with_outputs(renderer, "rgb", "normal"), *episode))
-
-
-def test_outputs_have_one_order() -> None:
-    config = RendererConfig(outputs=("mask", "rgb", "depth", "mask"))
-    assert config.outputs == ("rgb", "depth", "mask")
-    assert config == RendererConfig(outputs=("rgb", "depth", "mask"))
-
-
-@pytest.mark.parametrize("outputs", [(), ("depth",), ("rgb", "thermal"), ("rgb", "")])
-def test_outputs_without_rgb_or_with_unknown_names_are_refused(outputs) -> None:
-    with pytest.raises(ValueError, match=r"outputs must (hold rgb, got|be of rgb, depth, median_depth, .*, got)"):
-        RendererConfig(outputs=outputs)
-
-
-@pytest.mark.parametrize("wrong", [{"backend": "cuda"}, {"image_format": "gif"}, {"jpeg_quality": 0}])
-def test_wrong_settings_are_refused(wrong) -> None:
-    with pytest.raises(ValueError, match=next(iter(wrong))):
-        RendererConfig(**wrong)

@@ -5,9 +5,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from readygo.common.camera import SensorConfig
+from readygo.common.camera import CameraConfig, SensorConfig
 from readygo.common.messages import EpisodeKey, Split
-from readygo.common.robot import CameraConfig, RobotConfig
+from readygo.common.robot import RobotConfig
+from readygo.services.trainer import TrainConfig
 
 
 @dataclass
@@ -80,3 +81,15 @@ def make_data():
 @pytest.fixture
 def source():
     return make_source()
+
+
+QUICK = TrainConfig(
+    epochs=2,
+    threads=1,
+    batch_size=40,
+    validate_every_steps=5,
+    validation_samples=60,
+    shift_px=0,
+    mirror=0.0,
+    yaw_error_rad=0.0,
+)

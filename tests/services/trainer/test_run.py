@@ -4,9 +4,9 @@ from types import SimpleNamespace
 import pytest
 import torch
 
-from readygo.services.trainer import TrainConfig
+from readygo.services.trainer import TrainConfig, paper_recipe
 from readygo.services.trainer.model import PolicyNet
-from readygo.services.trainer.run import TrainRun
+from readygo.services.trainer.run import TrainRun, learning_rate
 
 ONE_BATCH = TrainConfig(
     epochs=1, threads=1, batch_size=1000, validation_samples=60, previous_noise=0.0, previous_dropout=0.0
@@ -70,3 +70,10 @@ def test_average_of_the_weights_follows_them_faster_at_first(source, tmp_path, e
     assert run.step == 1
     assert (after - before).abs().max() > 1e-5
     assert torch.allclose(run.average.head.layer1.weight, kept * before + (1 - kept) * after, atol=1e-7)
+
+
+def test_learning_rate_warms_up_and_falls():
+    rates = [learning_rate(TrainConfig(), step, step / 1000) for step in range(1001)]
+    assert rates[0] < 0.1 * max(rates)
+    assert rates[-1] == pytest.approx(1e-5)
+    assert learning_rate(paper_recipe(TrainConfig()), 500, 0.5) == 1e-4

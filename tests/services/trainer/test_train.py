@@ -1,29 +1,14 @@
 import dataclasses
-import json
 
-import cv2
-import numpy as np
 import pytest
 import torch
 
-from readygo.common.camera import CameraConfig, SensorConfig
+from readygo.common.camera import CameraConfig
 from readygo.common.errors import DatasetError, PolicyError
 from readygo.common.policy import load_policy
-from readygo.common.robot import RobotConfig
 from readygo.services.trainer import TrainConfig, paper_recipe
-from readygo.services.trainer.run import learning_rate
 from readygo.services.trainer.train import train
-
-QUICK = TrainConfig(
-    epochs=2,
-    threads=1,
-    batch_size=40,
-    validate_every_steps=5,
-    validation_samples=60,
-    shift_px=0,
-    mirror=0.0,
-    yaw_error_rad=0.0,
-)
+from tests.services.trainer.conftest import QUICK
 
 
 def weights(folder):
@@ -38,25 +23,6 @@ def test_policy_learns_what_the_images_tell(source, tmp_path):
     assert metrics["without_previous_ratio_v"] < 0.6
 
 
-def test_run_leaves_a_policy_metrics_and_a_curve(source, tmp_path):
-    metrics = train(source, QUICK, tmp_path)
-    assert json.loads((tmp_path / "metrics.json").read_text()) == metrics
-    assert cv2.imread(str(tmp_path / "loss.png")).shape == (540, 960, 3)
-    training = load_policy(tmp_path).spec.training
-    assert training["data_sha256"] == "data-0"
-    assert training["config"]["seed"] == 0
-    assert not [path for path in tmp_path.iterdir() if "part" in path.name]
-
-
-def test_policy_carries_the_camera_of_its_data_and_what_varied_of_it(source, tmp_path):
-    camera = dataclasses.replace(source.camera, distortion="fisheye", k1=0.01, latency_s=0.1)
-    source.robot, source.sensor = RobotConfig(camera=camera), SensorConfig(k1=(0.0, 0.02))
-    train(source, dataclasses.replace(QUICK, epochs=1, yaw_error_rad=0.1), tmp_path)
-    spec = load_policy(tmp_path).spec
-    assert spec.robot.camera == camera
-    assert spec.sensor == SensorConfig(k1=(0.0, 0.02))
-
-
 def test_checkpoint_of_before_the_camera_was_one_section_is_gone_on_with(source, tmp_path):
     train(source, QUICK, tmp_path)
     state = torch.load(tmp_path / "checkpoint.pt", weights_only=True)
@@ -65,15 +31,6 @@ def test_checkpoint_of_before_the_camera_was_one_section_is_gone_on_with(source,
     state["identity"]["robot"]["camera"] = {name: camera[name] for name in old}
     torch.save(state, tmp_path / "checkpoint.pt")
     assert train(source, dataclasses.replace(QUICK, epochs=3), tmp_path)["steps"] > state["counters"][0]
-
-
-def test_mean_baseline_is_the_spread_of_held_out_actions_around_the_training_mean(make_data, tmp_path):
-    source, held_out = make_data(), make_data(seed=1)
-    metrics = train(source, QUICK, tmp_path, validation=held_out)
-    expected = np.sqrt(np.mean((held_out.actions - source.actions.mean(0)) ** 2, axis=0))
-    assert metrics["mean_baseline_rmse_v_mps"] == pytest.approx(expected[0], rel=1e-5)
-    assert metrics["mean_baseline_rmse_w_radps"] == pytest.approx(expected[1], rel=1e-5)
-    assert metrics["validation_episodes"] == len(held_out.episodes)
 
 
 def test_equal_seeds_give_equal_weights(source, tmp_path):
@@ -122,18 +79,6 @@ def test_folder_of_another_run_is_refused(make_data, tmp_path):
         train(make_data(), paper_recipe(QUICK), tmp_path)
 
 
-def test_broken_checkpoint_is_named(source, tmp_path):
-    (tmp_path / "checkpoint.pt").write_bytes(b"no checkpoint")
-    with pytest.raises(PolicyError, match="delete it to start anew"):
-        train(source, QUICK, tmp_path)
-
-
-def test_pickled_objects_in_a_checkpoint_are_refused(source, tmp_path):
-    torch.save({"format": "readygo-training/1", "identity": pytest.approx}, tmp_path / "checkpoint.pt")
-    with pytest.raises(PolicyError, match="cannot be read"):
-        train(source, QUICK, tmp_path)
-
-
 def test_closed_loop_success_chooses_the_checkpoint(source, tmp_path):
     asked = []
 
@@ -178,21 +123,6 @@ def test_frames_within_the_cache_are_decoded_once(source, tmp_path):
     train(source, dataclasses.replace(QUICK, cache_mb=0), tmp_path / "not")
     assert once <= 360
     assert source.decoded > 3 * once
-
-
-def test_learning_rate_warms_up_and_falls():
-    rates = [learning_rate(TrainConfig(), step, step / 1000) for step in range(1001)]
-    assert rates[0] < 0.1 * max(rates)
-    assert rates[-1] == pytest.approx(1e-5)
-    assert learning_rate(paper_recipe(TrainConfig()), 500, 0.5) == 1e-4
-
-
-@pytest.mark.parametrize(
-    "wrong", [{"minutes": 0.0}, {"epochs": 0}, {"batch_size": 0}, {"ema_decay": 1.0}, {"learning_rate": 0.0}]
-)
-def test_settings_that_make_no_sense_are_refused(wrong):
-    with pytest.raises(ValueError, match=next(iter(wrong))):
-        TrainConfig(**wrong)
 
 
 @pytest.mark.slow

@@ -3,7 +3,7 @@ import pytest
 
 from readygo.services.animator import skeleton_of
 from readygo.services.animator.gait import walk as gait
-from readygo.services.animator.gait.person import draw_style
+from readygo.services.animator.gait.human import draw_style
 from readygo.services.animator.gait.quality import joints_of
 from tests.services.animator.bodies import make_avatar
 from tests.services.animator.paths import floor, line
@@ -31,7 +31,7 @@ def test_who_leans_carries_the_shoulders_further_ahead(walk_of):
     assert lean_rad(lean_rad=0.1) - lean_rad() == pytest.approx(0.1, abs=0.03)
 
 
-def test_arms_swing_by_the_factor_of_the_person(walk_of):
+def test_arms_swing_by_the_factor_of_the_human(walk_of):
     def swing_m(**habits):
         P = walk_of(**habits)
         return np.ptp(P[:, 20, 0] - P[:, 16, 0])

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from readygo.services.animator.gait.curves import default_curves
+from readygo.services.animator.gait.human import draw_style
 from readygo.services.animator.gait.path import heading, plan_track, time_of_phase
-from readygo.services.animator.gait.person import draw_style
 from tests.services.animator.paths import dash, hard_stops, line, stop_and_go
 
 STYLE = draw_style(np.random.default_rng(0), 0.0, 1.0)
@@ -17,7 +17,7 @@ def track_of(xy, **style):
 
 @pytest.mark.parametrize("cadence", [0.9, 1.1])
 @pytest.mark.parametrize("path", [line(1.2), dash(2.8)], ids=["walk", "run"])
-def test_persons_cadence_scales_the_rate_of_their_steps(path, cadence):
+def test_humans_cadence_scales_the_rate_of_their_steps(path, cadence):
     rows = slice(60, 130)
     average, own = track_of(path), track_of(path, cadence=cadence)
     assert average.rate[rows].min() > 0.8

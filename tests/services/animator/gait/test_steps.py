@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from readygo.services.animator.gait.curves import default_curves
+from readygo.services.animator.gait.human import draw_style, skeleton_of
 from readygo.services.animator.gait.math import Ground
 from readygo.services.animator.gait.path import plan_track
-from readygo.services.animator.gait.person import draw_style, skeleton_of
 from readygo.services.animator.gait.steps import OFF, ON, ROLL, SLOPE, STAND_HALF_WIDTH_M, YAW, X, Y, Z, plan_contacts
 from tests.services.animator.bodies import make_avatar
 from tests.services.animator.paths import floor, hard_stops, line

@@ -282,13 +282,13 @@ def test_one_point_stands_and_idles_for_a_whole_episode(avatar, animate):
     assert np.abs(heights).max() < 0.01
 
 
-def test_standing_person_sways_but_does_not_step(avatar, animate):
+def test_standing_human_sways_but_does_not_step(avatar, animate):
     _, P = joints_of(animate(np.zeros((200, 2)), FLAT), avatar)
     assert 0.002 < np.ptp(P[:, 0, :2], axis=0).max() < 0.03
     assert np.ptp(P[:, 7:9], axis=0).max() < 1e-5
 
 
-def test_standing_person_shifts_the_weight_from_one_leg_to_the_other(avatar, animate):
+def test_standing_human_shifts_the_weight_from_one_leg_to_the_other(avatar, animate):
     G, P = joints_of(animate(np.array([[0.0, 0.0]]), FLAT), avatar)
     list_deg = np.degrees(np.arcsin(G[:, 0, 2, 0]))
     assert list_deg.max() > 1.0
@@ -342,7 +342,7 @@ def test_read_only_inputs_are_fine(avatar, animate):
 
 
 @pytest.mark.parametrize("scale", [0.8, 1.15])
-def test_small_and_tall_people_walk_too(scale, animate):
+def test_small_and_tall_humans_walk_too(scale, animate):
     body = make_avatar(scale=scale)
     xy = line(1.1)
     quality = measure(animate(xy, FLAT, body=body, style=1.0), body, FLAT, xy)

@@ -6,8 +6,6 @@ import pytest
 import torch
 
 from readygo.common.errors import ConfigError
-from readygo.services.animator import AnimatorConfig
-from readygo.services.animator.priormdm import PriorMdmConfig
 from readygo.services.animator.priormdm.checkpoint import files_digest, load_model
 from tests.services.animator.priormdm.networks import ARGS, random_network
 
@@ -138,30 +136,3 @@ def test_digest_of_a_run_covers_the_pose_prior(release):
     first = files_digest(config)
     (folder / "gmm_08.pkl").write_bytes(b"two")
     assert len({first, files_digest(config), files_digest(release[1])}) == 3
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"refine": "most"}, 'refine must be "none", "limits" or "prior", got \'most\''),
-        ({"refine": "prior"}, "go together"),
-        ({"refine": "limits", "pose_prior": "gmm_08.pkl"}, "go together"),
-    ],
-)
-def test_refinements_that_do_not_fit_together_are_refused(change, message):
-    with pytest.raises(ValueError, match=message):
-        PriorMdmConfig(**change)
-
-
-def test_source_without_files_says_which_and_where_from():
-    with pytest.raises(
-        ValueError, match=r"priormdm.weights, priormdm.mean, priormdm.std;.*HumanML3D.*\"gait\""
-    ) as error:
-        AnimatorConfig(source="priormdm")
-    assert "\n" not in str(error.value)
-
-
-@pytest.mark.parametrize("bad", [{"steps": -1}, {"overlap": 0}, {"overlap": 120}, {"guidance": float("nan")}])
-def test_settings_outside_of_their_range_are_refused(bad):
-    with pytest.raises(ValueError, match=f"priormdm.{next(iter(bad))} must be within"):
-        PriorMdmConfig(**bad)

@@ -52,7 +52,7 @@ def test_turn_to_the_left_is_half_its_angle_and_negative():
     assert features[:, 0] == pytest.approx([-0.1, -0.05])
 
 
-def test_features_do_not_depend_on_where_a_person_walks_and_to_where(animate, avatar):
+def test_features_do_not_depend_on_where_a_human_walks_and_to_where(animate, avatar):
     _, P = joints_of(animate(s_curve(1.2), floor()), avatar)
     a, _ = encode(yup_from_zup(P))
     c, s = np.cos(1.1), np.sin(1.1)

@@ -7,7 +7,7 @@ from readygo.common.frames import yup_from_zup
 from readygo.services.animator import skeleton_of
 from readygo.services.animator.gait.quality import joints_of
 from readygo.services.animator.smpl.fit import fit_rotations
-from readygo.services.animator.smpl.fit_math import align, swing, turn
+from readygo.services.animator.smpl.fit_math import turn
 from tests.services.animator.bodies import make_avatar, spins_radps
 from tests.services.animator.paths import circle, floor, reversal, s_curve, stop_and_go
 from tests.services.animator.smpl.fitted import fit_motion
@@ -89,22 +89,6 @@ def test_wrong_input_is_worded(avatar):
     broken[3, 4, 1] = np.nan
     with pytest.raises(ValueError, match="row 3 is not"):
         fit_rotations(broken, offsets)
-
-
-def test_align_finds_the_rotation_of_points_in_a_plane():
-    rng = np.random.default_rng(0)
-    for _ in range(20):
-        source = np.concatenate([rng.standard_normal((3, 2)), np.zeros((3, 1))], axis=1)
-        R = np.linalg.qr(rng.standard_normal((3, 3)))[0]
-        R *= np.sign(np.linalg.det(R))
-        assert align(source, source @ R.T, np.ones(3)) == pytest.approx(R, abs=1e-9)
-
-
-def test_swing_to_the_opposite_direction_is_a_rotation():
-    bone = np.array([0.0, -0.4, 0.0])
-    R = swing(np.eye(3), bone, np.array([0.0, 1.0, 0.0]))
-    assert R @ bone == pytest.approx([0.0, 0.4, 0.0], abs=1e-12)
-    assert np.linalg.det(R) == pytest.approx(1.0)
 
 
 def test_fit_is_the_same_for_read_only_and_strided_joints(animate, avatar):

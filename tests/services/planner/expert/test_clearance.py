@@ -30,7 +30,7 @@ def _gap(xyyaw, *people):
     return gaussian_clearance_m(np.array(xyyaw, float), people, FLOOR, ROBOT)
 
 
-def test_without_people_there_is_no_clearance_to_tell():
+def test_without_humans_there_is_no_clearance_to_tell():
     assert _gap([(0.0, 5.0, 0.0)]) == math.inf
 
 
@@ -40,7 +40,7 @@ def test_clearance_is_from_the_disc_to_the_body_and_not_to_its_disc():
     assert gap_m == pytest.approx(1.0 - 0.2 - ROBOT.radius_m, abs=0.05)
 
 
-def test_the_nearest_moment_of_the_nearest_person_counts():
+def test_the_nearest_moment_of_the_nearest_human_counts():
     robot = [(0.05 * k, 5.0, 0.0) for k in range(60)]
     far, passes = _body([(1.5, 8.0)]), _body([(1.5, 6.2 - 0.005 * k) for k in range(60)])
     gap_m = _gap(robot, far, passes)

@@ -63,7 +63,7 @@ def test_ground_between_robots_radius_and_planning_radius_is_dear_and_the_rest_a
     assert ground.static_factor[ground.clearance > 1.0].max() == FREE
 
 
-def test_ways_of_people_are_asked_for_by_who_may_guess_them_only():
+def test_ways_of_humans_are_asked_for_by_who_may_guess_them_only():
     start, goal = (-2.0, 3.0), (2.0, 3.0)
     ways = _ground(rooms()).around(start, goal).human_ways
     assert len(ways) == 2
@@ -89,7 +89,7 @@ def test_distances_tell_whether_the_goal_can_be_reached():
     assert not local.distances(local.factor, -2.0, 3.0)
 
 
-def test_grids_of_robot_and_people_may_differ():
+def test_grids_of_robot_and_humans_may_differ():
     coarse = OccupancyMap(
         frame=GridFrame(origin_x_m=-3.0, origin_y_m=2.0, resolution_m=0.1), occupied=rooms().occupied[::2, ::2]
     )

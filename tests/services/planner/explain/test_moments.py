@@ -18,7 +18,7 @@ def journal(*, seen=None, change=None):
     return make_journal(paths, searches=(0, change), seen=seen)
 
 
-def test_run_without_people_shows_its_start():
+def test_run_without_humans_shows_its_start():
     assert words(make_run()) == [(0, "start")]
 
 
@@ -29,11 +29,11 @@ def test_encounter_shows_first_sight_change_and_closest_approach_in_order():
     assert words(run) == [(12, "first sees person 1"), (25, "takes another way"), (39, "closest to person 1")]
 
 
-def test_change_without_a_person_in_mind_is_not_shown():
+def test_change_without_a_human_in_mind_is_not_shown():
     assert (25, "takes another way") not in words(make_run(NEAR, journal=journal(change=25)))
 
 
-def test_person_far_away_is_not_approached():
+def test_human_far_away_is_not_approached():
     assert words(make_run(FAR)) == [(0, "start")]
 
 

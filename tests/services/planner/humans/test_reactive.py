@@ -31,7 +31,7 @@ def walked(drawn, robot, steps=160, reacts=None, occupancy=None, **config):
     return np.array(people.xy_m)
 
 
-def test_alone_people_walk_as_drawn():
+def test_alone_humans_walk_as_drawn():
     rows = walked([FRONT], lambda _: None, 250)[:, 0]
     assert np.hypot(*(rows[:190] - FRONT).T).max() < 0.45
     assert rows[-1] == pytest.approx(FRONT[-1], abs=0.05)
@@ -79,7 +79,7 @@ def test_a_robot_in_front_is_seen_up_to_the_edge_of_the_view():
     assert np.abs(walked([FRONT], crossing, 40, reactive_cone_deg=150.0) - alone)[:, 0].max() > 0.1
 
 
-def test_people_avoid_each_other_and_whoever_does_not_react_keeps_to_the_rows():
+def test_humans_avoid_each_other_and_whoever_does_not_react_keeps_to_the_rows():
     other = FRONT[::-1].copy() - (3.0, 0.03)
     both = walked([FRONT, other], lambda _: None)
     assert np.hypot(*(both[:, 0] - both[:, 1]).T).min() >= 0.5
@@ -106,7 +106,7 @@ def pairs(reacting):
     return found
 
 
-def test_reactive_people_are_hit_less_often_by_the_expert(robot_planner, pairs):
+def test_reactive_humans_are_hit_less_often_by_the_expert(robot_planner, pairs):
     hits = [0, 0]
     for pair in pairs:
         for k, scenario in enumerate(pair):
@@ -117,7 +117,7 @@ def test_reactive_people_are_hit_less_often_by_the_expert(robot_planner, pairs):
     assert hits[1] <= hits[0] / 2
 
 
-def test_reactions_keep_off_walls_and_start_end_and_name_of_the_drawn_people(pairs):
+def test_reactions_keep_off_walls_and_start_end_and_name_of_the_drawn_humans(pairs):
     occupancy = rooms()
     for drawn, reacted in pairs:
         for a, b in zip(drawn.humans, reacted.humans, strict=True):
@@ -139,7 +139,7 @@ def test_reactions_are_the_same_bytes_on_any_planner(reacting, pairs):
         assert encode(reply.scenario) == encode(reacted)
 
 
-def test_nobody_reacts_in_the_static_task_or_without_people(reacting):
+def test_nobody_reacts_in_the_static_task_or_without_humans(reacting):
     scenario = Scenario(
         episode=key(0), start_xyyaw=np.array([-2.0, 4.0, 0.0]), goal_xy_m=np.array([1.5, 5.0]), humans=()
     )

@@ -20,7 +20,7 @@ def test_stream_is_a_function_of_the_episode_and_the_frame() -> None:
 
 def test_draws_and_frames_and_episodes_have_numbers_of_their_own() -> None:
     streams = [SensorStream.of_episode(k) for k in (key(0), key(1), key(0, Split.TEST), key(0, seed=2))]
-    streams += [SensorStream.of_people(name) for name in ("", "a", "b")]
+    streams += [SensorStream.of_humans(name) for name in ("", "a", "b")]
     found = [tuple(numbers(stream.of_draws())) for stream in streams]
     found += [tuple(numbers(stream.of_frame(step))) for stream in streams for step in range(3)]
     assert len(set(found)) == len(found)

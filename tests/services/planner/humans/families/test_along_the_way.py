@@ -3,7 +3,7 @@ import numpy as np
 from tests.services.planner.humans.families.drives import ROBOT_MPS, arrival_s, held, meeting, robot_at
 
 
-def test_frontal_people_come_against_the_robot_on_its_way(drawn):
+def test_frontal_humans_come_against_the_robot_on_its_way(drawn):
     for scenario, way in drawn["frontal"]:
         _, gap_m, turn_deg = meeting(scenario.humans[0].xy_m, way)
         assert gap_m <= 0.61
@@ -41,7 +41,7 @@ def test_overtaking_changes_the_order_side_by_side_with_one_heading(drawn):
     assert both == {True, False}
 
 
-def test_goalward_people_pass_the_goal_near_the_robots_arrival(drawn):
+def test_goalward_humans_pass_the_goal_near_the_robots_arrival(drawn):
     for scenario, way in drawn["goalward"]:
         xy = scenario.humans[0].xy_m
         away = np.hypot(*(xy - scenario.goal_xy_m).T)

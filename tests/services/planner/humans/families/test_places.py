@@ -20,7 +20,7 @@ def test_whoever_comes_round_a_blind_corner_is_hidden_until_two_seconds_before(d
             assert any(cells)
 
 
-def test_doorway_people_are_in_a_door_with_the_robot_and_against_it(drawn):
+def test_doorway_humans_are_in_a_door_with_the_robot_and_against_it(drawn):
     for scenario, way in drawn["doorway"]:
         xy = scenario.humans[0].xy_m
         count = max(len(xy), int(arrival_s(way) / 0.05) + 2)
@@ -54,7 +54,7 @@ def test_groups_stand_in_a_circle_near_the_way_after_a_step_towards_its_middle(d
             assert np.dot(spread - end, u) > 0.9 * np.hypot(*(spread - end))
 
 
-def test_groups_have_two_to_four_people_and_come_only_where_two_are_wanted():
+def test_groups_have_two_to_four_humans_and_come_only_where_two_are_wanted():
     group, rng = FAMILIES["standing_group"], np.random.default_rng(0)
     sampler = planner_of("standing_group").sampler
     tasks = [sampler.draw_task(rng) for _ in range(5)]

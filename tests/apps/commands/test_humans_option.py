@@ -8,9 +8,9 @@ import pytest
 from readygo.__main__ import main
 from readygo.apps.commands.evaluate import evaluate
 from readygo.apps.commands.generate import generate
-from readygo.apps.commands.scene_argument import open_scene
 from readygo.apps.run.config import RunConfig, load_run_config
 from readygo.apps.run.folder import RunFolder
+from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.run.spec import make_spec
 from readygo.apps.run.world import World
 from readygo.common.dataset import Dataset

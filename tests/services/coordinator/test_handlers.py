@@ -1,97 +1,26 @@
 import dataclasses
-import queue
-import time
 from pathlib import Path
 
 import pytest
 
-from readygo.common.bus import InProcessBus
 from readygo.common.errors import RunError
 from readygo.common.fleet import fetch_blob
 from readygo.common.messages import (
-    ClaimReply,
-    ClaimRequest,
     ClaimStatus,
     Command,
-    CompleteRequest,
     ControlRequest,
     DoneRequest,
-    GrantRequest,
     LostRequest,
     PendingRequest,
     RenewRequest,
     Split,
     Stage,
-    StatusReply,
-    StatusRequest,
     VerdictStatus,
     topics,
 )
-from readygo.common.messages.stages import ANIMATE, EXPERT_LINE, HUMAN_PLAN, RENDER, ROBOT_PLAN, OnRejection
-from readygo.services.coordinator import BlobStore, Coordinator, CoordinatorConfig, Ledger, attach, requeue_lost, tick
-from tests.common.messages.run_specs import SPEC
-
-
-class Line:
-    """A coordinator on an in-process bus with a hand-set clock."""
-
-    def __init__(
-        self, folder: Path, wanted: int = 3, stages: tuple[Stage, ...] = EXPERT_LINE, **settings: object
-    ) -> None:
-        self.now_s = 0.0
-        self.bus = InProcessBus()
-        self.coordinator = Coordinator(
-            spec=dataclasses.replace(SPEC, stages=stages),
-            wanted=wanted,
-            ledger=Ledger(folder / "ledger.sqlite", stages),
-            blobs=BlobStore(folder / "blobs"),
-            config=CoordinatorConfig(**settings),  # type: ignore[arg-type]
-            clock=lambda: self.now_s,
-        )
-        attach(self.bus, self.coordinator)
-
-    def claim(self, stage: Stage, worker: str = "w", numeric_class: str = "") -> ClaimReply:
-        request = ClaimRequest(worker=worker, numeric_class=numeric_class)
-        return self.bus.request(topics.claim(stage.name), request)
-
-    def complete(self, stage: Stage, claim: ClaimReply, **fields: object) -> VerdictStatus:
-        assert claim.episode is not None
-        request = CompleteRequest(worker="w", index=claim.episode.index, attempt=claim.attempt, **fields)  # type: ignore[arg-type]
-        return self.bus.request(topics.complete(stage.name), request).status
-
-    def plan(self, *, rejected: str = "") -> ClaimReply:
-        """Pass the next episode through all stages before rendering."""
-        for stage in (HUMAN_PLAN, ANIMATE, ROBOT_PLAN):
-            claim = self.claim(stage)
-            last = stage == ROBOT_PLAN
-            verdict = self.complete(stage, claim, result=stage.name.encode(), rejected=rejected if last else "")
-            assert verdict is VerdictStatus.OK
-        return claim
-
-    def pass_on(self, *stages: Stage) -> None:
-        """Take the next episode through stages."""
-        for stage in stages:
-            assert self.complete(stage, self.claim(stage), result=stage.name.encode()) is VerdictStatus.OK
-
-    def grant(self, claim: ClaimReply) -> VerdictStatus:
-        assert claim.episode is not None
-        request = GrantRequest(recorder="rec0", index=claim.episode.index, attempt=claim.attempt)
-        return self.bus.request(topics.GRANT, request).status
-
-    def done(self, claim: ClaimReply) -> VerdictStatus:
-        assert claim.episode is not None
-        request = DoneRequest(
-            recorder="rec0", index=claim.episode.index, attempt=claim.attempt, shard="s", sample_count=10
-        )
-        return self.bus.request(topics.DONE, request).status
-
-    def status(self) -> StatusReply:
-        return self.bus.request(topics.STATUS, StatusRequest())
-
-
-@pytest.fixture
-def line(tmp_path: Path) -> Line:
-    return Line(tmp_path)
+from readygo.common.messages.stages import ANIMATE, HUMAN_PLAN, RENDER, ROBOT_PLAN, OnRejection
+from readygo.services.coordinator import requeue_lost
+from tests.services.coordinator.line import Line
 
 
 def test_episode_passes_the_stages_in_order_with_the_earlier_results(line: Line) -> None:
@@ -324,37 +253,6 @@ def test_shorter_run_keeps_the_smallest_indices_and_a_longer_one_opens_the_rest_
     assert _indices(third) == [2, 3, 4, 5, 6]
 
 
-def test_shortest_run_reaches_to_the_last_durable_episode(tmp_path: Path) -> None:
-    ledger = Ledger(tmp_path / "ledger.sqlite")
-    ledger.open_episodes(5)
-    assert ledger.wanted_min() == 0
-    ledger.commit(1, "rec0", "s", 10)
-    ledger.commit(3, "rec0", "s", 10)
-    assert ledger.wanted_min() == 4
-    ledger.drop_episodes(2)
-    assert ledger.waiting() == {"human-plan": 3}
-    ledger.drop_episodes(4)
-    assert ledger.waiting() == {"human-plan": 2}
-    ledger.close()
-
-
-def test_file_that_is_no_ledger_is_said_in_one_line(tmp_path: Path) -> None:
-    (tmp_path / "ledger.sqlite").write_bytes(b"something else " * 100)
-    with pytest.raises(RunError, match=r"ledger\.sqlite cannot be used: file is not a database"):
-        Ledger(tmp_path / "ledger.sqlite")
-
-
-def test_full_disk_is_said_in_one_line_and_undoes_the_step(tmp_path: Path) -> None:
-    ledger = Ledger(tmp_path / "ledger.sqlite")
-    ledger.open_episodes(3)
-    (pages,) = ledger._db.execute("PRAGMA page_count").fetchone()
-    ledger._db.execute(f"PRAGMA max_page_count = {pages}")
-    with pytest.raises(RunError, match="database or disk is full; if the disk is full, free some space"):
-        ledger.open_episodes(10_000)
-    assert ledger.waiting() == {"human-plan": 3}
-    ledger.close()
-
-
 REFEREE = Stage(name="referee", role="referee", needs=("robot-plan",))
 FILM = dataclasses.replace(RENDER, needs=("referee", "human-plan"))
 
@@ -434,27 +332,6 @@ def test_recorder_that_holds_grants_cannot_be_left_out(tmp_path: Path) -> None:
     first.coordinator.ledger.close()
     with pytest.raises(RunError, match=r"Recorder 'rec0' was given episodes of this run; name it in \[coordinator\]"):
         Line(tmp_path, recorders=("other",))
-
-
-def test_worker_that_leaves_the_bus_frees_its_leases(line: Line) -> None:
-    worker = InProcessBus(line.bus)
-    worker.announce("human-planner", "w")
-    held = line.claim(HUMAN_PLAN, "w")
-    worker.close()
-    deadline_s = time.monotonic() + 5.0
-    while line.status().requeued == 0:
-        assert time.monotonic() < deadline_s
-    assert line.claim(HUMAN_PLAN).attempt == held.attempt + 1
-
-
-def test_tick_ends_old_leases_and_says_how_far_the_run_is(line: Line) -> None:
-    heard: queue.SimpleQueue[StatusReply] = queue.SimpleQueue()
-    line.bus.subscribe(topics.PROGRESS, heard.put)
-    line.claim(HUMAN_PLAN)
-    line.now_s = 100.0
-    tick(line.bus, line.coordinator)
-    status = heard.get(timeout=5.0)
-    assert (status.requeued, status.waiting) == (1, {"human-plan": 3})
 
 
 def test_result_that_two_episodes_share_stays_until_both_are_durable(line: Line) -> None:

@@ -1,0 +1,180 @@
+"""From settings to an evaluator in this process, and from its reply to what is kept of it."""
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Literal
+
+from readygo.apps.run.config import RunConfig, load_run_config
+from readygo.apps.run.scene_argument import open_scene
+from readygo.apps.run.spec import make_spec
+from readygo.apps.run.world import World
+from readygo.common.bus import InProcessBus
+from readygo.common.camera import CameraConfig, SensorConfig
+from readygo.common.config import section_to_mapping
+from readygo.common.errors import RunError
+from readygo.common.messages import Split
+from readygo.common.policy import Policy, PolicySpec, check_policy_camera, load_policy
+from readygo.common.robot import RobotConfig
+from readygo.services.animator.service import attach as attach_animator
+from readygo.services.evaluator import (
+    EvaluateReply,
+    EvaluateRequest,
+    Evaluator,
+    EvaluatorConfig,
+    Method,
+    Task,
+    handle_evaluate,
+    summary_mapping,
+)
+from readygo.services.planner.humans.mixes import MixName
+from readygo.services.planner.service import attach as attach_planner
+from readygo.services.renderer.sensor.recipes import SensorName
+from readygo.services.renderer.service import attach as attach_renderer
+
+CameraName = Literal["policy", "robot"]
+
+
+def evaluation_config(
+    policy: PolicySpec | None,
+    camera: CameraName,
+    *,
+    config: Path | None,
+    robot: RobotConfig | None,
+    sensor: SensorName | None,
+    humans: MixName | None,
+) -> RunConfig:
+    """The settings that an evaluation has, whose robot is the policy's where none is given.
+
+    Args:
+        policy: What the policy says of itself.
+        camera: "policy" takes the policy's camera, "robot" that of the other settings.
+        config: TOML file with sections of settings.
+        robot: Robot to use.
+        sensor: Recipe of the camera.
+        humans: Recipe of the humans.
+
+    Raises:
+        ConfigError: If the file cannot be read.
+        PolicyError: If the settings ask for another camera than the policy's, and `camera` for the policy's.
+    """
+    trained = trained_settings(policy, camera) if policy else None
+    settings = load_run_config(config, robot, sensor, humans, trained=trained)
+    if policy is not None and camera == "policy":
+        check_policy_camera(policy, settings.robot, settings.renderer.sensor)
+    return settings
+
+
+def trained_settings(spec: PolicySpec, camera: CameraName) -> PolicySpec:
+    """The policy whose robot is taken where none is given; without its camera if that shall be the robot's."""
+    if camera == "policy":
+        return spec
+    robot = dataclasses.replace(spec.robot, camera=CameraConfig())
+    return dataclasses.replace(spec, robot=robot, sensor=SensorConfig())
+
+
+def make_request(
+    episodes: int, tasks: tuple[str, ...], methods: tuple[str, ...], split: Split, seed: int
+) -> EvaluateRequest:
+    """The request of command-line arguments.
+
+    Raises:
+        RunError: If they make no sense.
+    """
+    try:
+        return EvaluateRequest(
+            tasks=tuple(Task(task) for task in tasks),
+            methods=tuple(Method(method) for method in methods),
+            episodes=episodes,
+            seed=seed,
+            split=split,
+        )
+    except ValueError as error:
+        raise RunError(f"These arguments make no evaluation: {error}") from error
+
+
+def make_evaluator_config(lockstep: int) -> EvaluatorConfig:
+    """The evaluator's settings.
+
+    Raises:
+        RunError: If they make no sense.
+    """
+    try:
+        return EvaluatorConfig(lockstep=lockstep)
+    except ValueError as error:
+        raise RunError(str(error)) from error
+
+
+def make_evaluator(
+    scene: str,
+    config: RunConfig,
+    *,
+    avatars: Path | None,
+    seed: int,
+    policy: Policy | None = None,
+    evaluator_config: EvaluatorConfig | None = None,
+    scenarios: Path | None = None,
+    camera: CameraName = "policy",
+    renders: bool = False,
+) -> Evaluator:
+    """An evaluator of a scene with planner and animator, all in this process; with a renderer for policies.
+
+    `renders` makes the renderer without a policy too: for those that are given to the evaluator later.
+    """
+    spec = make_spec(open_scene(scene), avatars, config, seed=seed, split=Split.TEST, static=False, scenarios=scenarios)
+    bus = InProcessBus()
+    world = World(spec, bus)
+    settings = evaluator_config or EvaluatorConfig()
+    attach_planner(bus, world.human_planner(), world.robot_planner)
+    attach_animator(bus, world.animator())
+    if policy is not None or renders:
+        attach_renderer(bus, world.renderer(), settings.renderer)
+    return Evaluator(
+        bus=bus,
+        robot=config.robot,
+        robot_map=world.scene.maps.robot,
+        floor=world.scene.maps.floor,
+        episode_config=config.episode,
+        config=settings,
+        policy=policy,
+        camera=camera,
+    )
+
+
+def summarize(reply: EvaluateReply, request: EvaluateRequest, evaluator: Evaluator) -> dict[str, Any]:
+    """What `summary.json` holds: scores, and what they were measured on."""
+    policy = evaluator.policy
+    return {
+        "scores": summary_mapping(reply.summaries),
+        "episodes": request.episodes,
+        "seed": request.seed,
+        "split": request.split.value,
+        "skipped": reply.skipped,
+        "robot": section_to_mapping(evaluator.robot),
+        "episode": section_to_mapping(evaluator.episode_config),
+        "policy_training": dict(policy.spec.training) if policy is not None else None,
+    }
+
+
+def closed_loop(scene: str, *, episodes: int, seed: int) -> Callable[[Path], float]:
+    """Measures the static and dynamic success rate of a policy on the split val of a scene; their mean counts.
+
+    Raises:
+        RunError: If that is no evaluation.
+        SceneError: If there is no such scene.
+    """
+    # What is wrong with these is said now, not when the first checkpoint is measured.
+    request = make_request(episodes, ("static", "dynamic"), ("policy",), Split.VAL, seed)
+    open_scene(scene)
+    evaluators: dict[str, Evaluator] = {}
+
+    def success_rate(folder: Path) -> float:
+        policy = load_policy(folder)
+        if scene not in evaluators:
+            config = load_run_config(None, trained=policy.spec)
+            evaluators[scene] = make_evaluator(scene, config, avatars=None, seed=seed)
+        evaluator = dataclasses.replace(evaluators[scene], policy=policy)
+        rates = [summary.success_rate for summary in handle_evaluate(evaluator, request).summaries.values()]
+        return sum(rates) / len(rates)
+
+    return success_rate

@@ -1,0 +1,24 @@
+"""Every kernel of the stages, compiled before it is needed."""
+
+from readygo.apps.run.config import RunConfig
+from readygo.apps.run.scene_argument import open_scene
+from readygo.apps.run.spec import make_spec
+from readygo.apps.run.world import World
+from readygo.common.messages import AnimateRequest, EpisodeKey, HumanPlanRequest, RobotPlanRequest, Split
+from readygo.common.rasterizer.warm import warm as warm_rasterizer
+from readygo.services.animator import handle_animate
+from readygo.services.planner import handle_human_plan, handle_robot_plan
+
+
+def warm_all() -> None:
+    """Take one short episode of the embedded scene through all stages."""
+    warm_rasterizer()
+    world = World(make_spec(open_scene("embedded"), None, RunConfig(), seed=0, split=Split.TRAIN, static=False))
+    planner, animator = world.human_planner(), world.animator()
+    for index in range(100):
+        key = EpisodeKey(seed=0, split=Split.TRAIN, index=index)
+        scenario = handle_human_plan(planner, HumanPlanRequest(episode=key)).scenario
+        motions = handle_animate(animator, AnimateRequest(scenario=scenario)).motions if scenario else None
+        if scenario and motions:
+            handle_robot_plan(world.robot_planner, RobotPlanRequest(scenario=scenario, motions=motions))
+            return

@@ -1,0 +1,48 @@
+import dataclasses
+from types import SimpleNamespace
+
+import pytest
+
+from readygo.apps.commands.coverage import coverage
+from readygo.apps.coverage.runs import failed_encounters, rejected
+from readygo.common.dataset import ShardWriter, encode_episode, shard_name
+from readygo.common.dataset.casts import Cast
+from readygo.common.errors import RunError
+from readygo.common.messages import HumanPlanRequest, Split
+from readygo.services.planner import handle_human_plan
+from tests.apps.coverage.drives import drive
+from tests.common.dataset.episodes import PROVENANCE
+from tests.services.planner.worlds import key, make_human_planner
+
+
+def test_other_scene_than_the_datas_is_refused(data, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(
+        "readygo.apps.coverage.runs.open_maps", lambda scene: (None, type("S", (), {"content_hash": "x"})())
+    )
+    folder = tmp_path / "hashed"
+    folder.mkdir()
+    with ShardWriter(folder / shard_name("r0", 0), PROVENANCE, fsync=False) as writer:
+        header, samples = drive(0, yaw_rad=0.0, gaps_m=[1.0])
+        writer.append(encode_episode(header, 1, samples))
+    with pytest.raises(RunError, match="recorded in another scene"):
+        coverage(folder, out=tmp_path / "out", scene="elsewhere")
+
+
+def test_failures_are_told_by_the_scenarios_of_rejected_indices(data, monkeypatch) -> None:
+    planner = make_human_planner()
+    drawn = [handle_human_plan(planner, HumanPlanRequest(episode=key(k))).scenario for k in range(6)]
+    kinds = {k: tuple(human.encounter for human in scenario.humans) for k, scenario in enumerate(drawn) if scenario}
+    recorded, failed, *_ = sorted(kinds)
+    spec = SimpleNamespace(seed=1, split=Split.TEST, static=False)
+    monkeypatch.setattr("readygo.apps.coverage.runs.load_spec", lambda data: spec)
+    monkeypatch.setattr("readygo.apps.coverage.runs.World", lambda spec: SimpleNamespace(human_planner=lambda: planner))
+    cast = Cast(episode=key(recorded), avatars=(), encounters=kinds[recorded])
+    reasons = {failed: "timeout", 99: "no room for a human"}
+    assert failed_encounters(data, reasons, [cast]) == {kind: {"timeout": 1} for kind in sorted(set(kinds[failed]))}
+    other = dataclasses.replace(cast, encounters=("teleport",))
+    assert failed_encounters(data, reasons, [other]) is None
+
+
+def test_folder_without_a_run_knows_no_failures(data) -> None:
+    assert rejected(data) is None
+    assert failed_encounters(data, {}, []) is None

@@ -1,0 +1,34 @@
+from types import SimpleNamespace
+
+import pytest
+
+from readygo.apps.run.config import RunConfig
+from readygo.apps.run.take import Takes
+from readygo.common.errors import RunError
+from readygo.common.messages import Outcome
+from tests.services.planner.worlds import hall, key, maps_of, rooms
+
+
+def first_take(takes: Takes):
+    for index in range(20):
+        try:
+            return takes.take(key(index), static=True)
+        except RunError:
+            continue
+    raise AssertionError("no index has a scenario")
+
+
+def test_take_without_humans_is_driven_and_kept_with_its_journal() -> None:
+    take = first_take(Takes(maps_of(hall()), {}, RunConfig()))
+    assert take.run is not None
+    assert take.run.trajectory.outcome is Outcome.SUCCESS
+    assert take.rejected == ""
+    assert len(take.run.journal.paths_m) == len(take.run.trajectory.actions)
+    assert take.drive_ms > 0.0
+
+
+def test_index_without_a_scenario_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    refused = SimpleNamespace(scenario=None, rejected="no room")
+    monkeypatch.setattr("readygo.apps.run.take.handle_human_plan", lambda planner, request: refused)
+    with pytest.raises(RunError, match=r"has no scenario: no room\. Ask for another --index"):
+        Takes(maps_of(rooms()), {}, RunConfig()).take(key(4), static=False)

@@ -1,0 +1,31 @@
+import pytest
+
+from readygo.services.animator import AnimatorConfig
+from readygo.services.animator.priormdm import PriorMdmConfig
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"refine": "most"}, 'refine must be "none", "limits" or "prior", got \'most\''),
+        ({"refine": "prior"}, "go together"),
+        ({"refine": "limits", "pose_prior": "gmm_08.pkl"}, "go together"),
+    ],
+)
+def test_refinements_that_do_not_fit_together_are_refused(change, message):
+    with pytest.raises(ValueError, match=message):
+        PriorMdmConfig(**change)
+
+
+def test_source_without_files_says_which_and_where_from():
+    with pytest.raises(
+        ValueError, match=r"priormdm.weights, priormdm.mean, priormdm.std;.*HumanML3D.*\"gait\""
+    ) as error:
+        AnimatorConfig(source="priormdm")
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("bad", [{"steps": -1}, {"overlap": 0}, {"overlap": 120}, {"guidance": float("nan")}])
+def test_settings_outside_of_their_range_are_refused(bad):
+    with pytest.raises(ValueError, match=f"priormdm.{next(iter(bad))} must be within"):
+        PriorMdmConfig(**bad)

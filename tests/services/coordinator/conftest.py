@@ -1,0 +1,10 @@
+from pathlib import Path
+
+import pytest
+
+from tests.services.coordinator.line import Line
+
+
+@pytest.fixture
+def line(tmp_path: Path) -> Line:
+    return Line(tmp_path)

@@ -1,0 +1,78 @@
+"""A run on a bus, driven by hand."""
+
+import dataclasses
+from pathlib import Path
+
+from readygo.common.bus import InProcessBus
+from readygo.common.messages import (
+    ClaimReply,
+    ClaimRequest,
+    CompleteRequest,
+    DoneRequest,
+    GrantRequest,
+    Stage,
+    StatusReply,
+    StatusRequest,
+    VerdictStatus,
+    topics,
+)
+from readygo.common.messages.stages import ANIMATE, EXPERT_LINE, HUMAN_PLAN, ROBOT_PLAN
+from readygo.services.coordinator import BlobStore, Coordinator, CoordinatorConfig, Ledger, attach
+from tests.common.messages.run_specs import SPEC
+
+
+class Line:
+    """A coordinator on an in-process bus with a hand-set clock."""
+
+    def __init__(
+        self, folder: Path, wanted: int = 3, stages: tuple[Stage, ...] = EXPERT_LINE, **settings: object
+    ) -> None:
+        self.now_s = 0.0
+        self.bus = InProcessBus()
+        self.coordinator = Coordinator(
+            spec=dataclasses.replace(SPEC, stages=stages),
+            wanted=wanted,
+            ledger=Ledger(folder / "ledger.sqlite", stages),
+            blobs=BlobStore(folder / "blobs"),
+            config=CoordinatorConfig(**settings),  # type: ignore[arg-type]
+            clock=lambda: self.now_s,
+        )
+        attach(self.bus, self.coordinator)
+
+    def claim(self, stage: Stage, worker: str = "w", numeric_class: str = "") -> ClaimReply:
+        request = ClaimRequest(worker=worker, numeric_class=numeric_class)
+        return self.bus.request(topics.claim(stage.name), request)
+
+    def complete(self, stage: Stage, claim: ClaimReply, **fields: object) -> VerdictStatus:
+        assert claim.episode is not None
+        request = CompleteRequest(worker="w", index=claim.episode.index, attempt=claim.attempt, **fields)  # type: ignore[arg-type]
+        return self.bus.request(topics.complete(stage.name), request).status
+
+    def plan(self, *, rejected: str = "") -> ClaimReply:
+        """Pass the next episode through all stages before rendering."""
+        for stage in (HUMAN_PLAN, ANIMATE, ROBOT_PLAN):
+            claim = self.claim(stage)
+            last = stage == ROBOT_PLAN
+            verdict = self.complete(stage, claim, result=stage.name.encode(), rejected=rejected if last else "")
+            assert verdict is VerdictStatus.OK
+        return claim
+
+    def pass_on(self, *stages: Stage) -> None:
+        """Take the next episode through stages."""
+        for stage in stages:
+            assert self.complete(stage, self.claim(stage), result=stage.name.encode()) is VerdictStatus.OK
+
+    def grant(self, claim: ClaimReply) -> VerdictStatus:
+        assert claim.episode is not None
+        request = GrantRequest(recorder="rec0", index=claim.episode.index, attempt=claim.attempt)
+        return self.bus.request(topics.GRANT, request).status
+
+    def done(self, claim: ClaimReply) -> VerdictStatus:
+        assert claim.episode is not None
+        request = DoneRequest(
+            recorder="rec0", index=claim.episode.index, attempt=claim.attempt, shard="s", sample_count=10
+        )
+        return self.bus.request(topics.DONE, request).status
+
+    def status(self) -> StatusReply:
+        return self.bus.request(topics.STATUS, StatusRequest())

@@ -1,0 +1,32 @@
+import queue
+import time
+
+from readygo.common.bus import InProcessBus
+from readygo.common.messages import (
+    StatusReply,
+    topics,
+)
+from readygo.common.messages.stages import HUMAN_PLAN
+from readygo.services.coordinator import tick
+from tests.services.coordinator.line import Line
+
+
+def test_worker_that_leaves_the_bus_frees_its_leases(line: Line) -> None:
+    worker = InProcessBus(line.bus)
+    worker.announce("human-planner", "w")
+    held = line.claim(HUMAN_PLAN, "w")
+    worker.close()
+    deadline_s = time.monotonic() + 5.0
+    while line.status().requeued == 0:
+        assert time.monotonic() < deadline_s
+    assert line.claim(HUMAN_PLAN).attempt == held.attempt + 1
+
+
+def test_tick_ends_old_leases_and_says_how_far_the_run_is(line: Line) -> None:
+    heard: queue.SimpleQueue[StatusReply] = queue.SimpleQueue()
+    line.bus.subscribe(topics.PROGRESS, heard.put)
+    line.claim(HUMAN_PLAN)
+    line.now_s = 100.0
+    tick(line.bus, line.coordinator)
+    status = heard.get(timeout=5.0)
+    assert (status.requeued, status.waiting) == (1, {"human-plan": 3})

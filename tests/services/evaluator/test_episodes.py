@@ -1,0 +1,25 @@
+import pytest
+
+from readygo.common.errors import SceneError
+from readygo.services.evaluator import (
+    EvaluateRequest,
+    Task,
+    handle_evaluate,
+)
+
+
+def test_rejected_scenarios_are_skipped_and_counted(make_evaluator):
+    assert handle_evaluate(make_evaluator(), EvaluateRequest(episodes=3)).skipped == 2
+
+
+def test_indices_do_not_depend_on_the_tasks_asked_for(make_evaluator):
+    for task in Task:
+        reply = handle_evaluate(make_evaluator(), EvaluateRequest(tasks=(task,), episodes=3))
+        assert sorted({record.episode.index for record in reply.records}) == [0, 2, 4]
+
+
+def test_scene_that_yields_no_episode_is_named(make_evaluator, services):
+    services.reject_all = True
+    with pytest.raises(SceneError, match="no way to the goal"):
+        handle_evaluate(make_evaluator(rejected_max=20), EvaluateRequest(episodes=1))
+    assert len(services.requests) == 20

@@ -1,0 +1,91 @@
+import pytest
+
+from readygo.common.errors import PolicyError
+from readygo.common.messages import Outcome, RobotPlanReply, Split
+from readygo.common.robot import RobotConfig
+from readygo.services.evaluator import (
+    EvaluateRequest,
+    Evaluator,
+    Method,
+    Task,
+    handle_evaluate,
+)
+
+
+def pick(reply, task, method):
+    return [record for record in reply.records if (record.task, record.method) == (task, method)]
+
+
+def test_every_method_drives_the_same_episodes(make_evaluator):
+    reply = handle_evaluate(make_evaluator(), EvaluateRequest(episodes=3))
+    assert len(reply.records) == 2 * 3 * 3
+    for task in Task:
+        for method in Method:
+            assert [record.episode.index for record in pick(reply, task, method)] == [0, 2, 4]
+    assert {record.episode.split for record in reply.records} == {Split.TEST}
+
+
+def test_expert_failures_do_not_remove_an_episode(make_evaluator, services):
+    services.expert = lambda request: RobotPlanReply(episode=request.scenario.episode, rejected="no path")
+    reply = handle_evaluate(make_evaluator(), EvaluateRequest(tasks=(Task.STATIC,), episodes=3))
+    records = pick(reply, Task.STATIC, Method.EXPERT)
+    assert [record.result.outcome for record in records] == [Outcome.TIMEOUT] * 3
+    assert [record.result.duration_s for record in records] == [50.0] * 3
+
+
+def test_outcomes_follow_the_map(make_evaluator):
+    reply = handle_evaluate(make_evaluator(), EvaluateRequest(tasks=(Task.STATIC,), episodes=3))
+    for method in (Method.POLICY, Method.STRAIGHT_LINE):
+        outcomes = [record.result.outcome for record in pick(reply, Task.STATIC, method)]
+        assert outcomes == [Outcome.SUCCESS, Outcome.SUCCESS, Outcome.STATIC_COLLISION]
+
+
+def test_straight_line_reaches_the_goal_in_the_time_that_its_limits_allow(make_evaluator):
+    request = EvaluateRequest(tasks=(Task.STATIC,), methods=(Method.STRAIGHT_LINE,), episodes=1)
+    result = handle_evaluate(make_evaluator(), request).records[0].result
+    # 4 m to the circle of success, half a second lost in speeding up to 1 m/s at 1 m/s2.
+    assert result.duration_s == pytest.approx(4.5, abs=0.1)
+    assert result.path_length_m == pytest.approx(4.0, abs=0.1)
+    assert result.shortest_m == pytest.approx(4.0, abs=0.1)
+
+
+def test_result_does_not_depend_on_the_lockstep(make_evaluator):
+    request = EvaluateRequest(episodes=6, methods=(Method.POLICY,))
+    alone = handle_evaluate(make_evaluator(lockstep=1), request)
+    together = handle_evaluate(make_evaluator(lockstep=4), request)
+    assert alone.records == together.records
+
+
+def test_views_of_running_episodes_share_a_request(make_evaluator, services):
+    request = EvaluateRequest(tasks=(Task.STATIC,), methods=(Method.POLICY,), episodes=3)
+    handle_evaluate(make_evaluator(lockstep=3), request)
+    assert len(services.render_requests[0].views) == 3
+    assert max(len(request.views) for request in services.render_requests) == 3
+
+
+def test_policy_of_another_camera_is_refused(make_evaluator):
+    policy = make_evaluator().policy.__class__(RobotConfig())
+    with pytest.raises(PolicyError, match=r"height_px 144 \(the robot's: 8\)"):
+        make_evaluator(policy=policy)
+    assert make_evaluator(policy=policy, camera="robot").policy is policy
+
+
+def test_method_policy_needs_a_policy(make_evaluator):
+    evaluator = make_evaluator()
+    without = Evaluator(
+        bus=evaluator.bus, robot=evaluator.robot, robot_map=evaluator.robot_map, floor=evaluator.floor, policy=None
+    )
+    with pytest.raises(PolicyError, match="No policy"):
+        handle_evaluate(without, EvaluateRequest(episodes=1))
+
+
+def test_requests_without_sense_are_refused():
+    for wrong in ({"episodes": 0}, {"tasks": ()}, {"methods": (Method.EXPERT, Method.EXPERT)}):
+        with pytest.raises(ValueError, match=r"evaluation|repeat"):
+            EvaluateRequest(**wrong)
+
+
+def test_every_ended_episode_is_reported(make_evaluator):
+    reported = []
+    reply = handle_evaluate(make_evaluator(), EvaluateRequest(episodes=2), report=reported.append)
+    assert sorted(map(str, reported)) == sorted(map(str, reply.records))

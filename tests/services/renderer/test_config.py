@@ -1,0 +1,42 @@
+import pytest
+
+from readygo.services.renderer import RendererConfig
+
+
+def test_outputs_have_one_order() -> None:
+    config = RendererConfig(outputs=("mask", "rgb", "depth", "mask"))
+    assert config.outputs == ("rgb", "depth", "mask")
+    assert config == RendererConfig(outputs=("rgb", "depth", "mask"))
+
+
+@pytest.mark.parametrize("outputs", [(), ("depth",), ("rgb", "thermal"), ("rgb", "")])
+def test_outputs_without_rgb_or_with_unknown_names_are_refused(outputs) -> None:
+    with pytest.raises(ValueError, match=r"outputs must (hold rgb, got|be of rgb, depth, median_depth, .*, got)"):
+        RendererConfig(outputs=outputs)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"backend": "cuda"},
+        {"detail": "low"},
+        {"detail": "lod", "backend": "reference"},
+        {"contact_shadow": True, "backend": "triton"},
+        {"image_format": "gif"},
+        {"jpeg_quality": 0},
+        {"jpeg_quality": 101},
+        {"sub_frames": 1},
+        {"sub_frames": 65},
+    ],
+)
+def test_wrong_settings_are_refused(wrong) -> None:
+    with pytest.raises(ValueError, match=next(iter(wrong))):
+        RendererConfig(**wrong)
+
+
+def test_settings_at_their_limits_are_taken() -> None:
+    for quality, frames in ((1, 2), (100, 64)):
+        config = RendererConfig(jpeg_quality=quality, sub_frames=frames)
+        assert (config.jpeg_quality, config.sub_frames) == (quality, frames)
+    assert RendererConfig(contact_shadow=True, backend="reference").contact_shadow
+    assert RendererConfig(detail="lod").detail == "lod"

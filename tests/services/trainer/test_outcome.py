@@ -1,0 +1,40 @@
+import dataclasses
+import json
+
+import cv2
+import numpy as np
+import pytest
+
+from readygo.common.camera import SensorConfig
+from readygo.common.policy import load_policy
+from readygo.common.robot import RobotConfig
+from readygo.services.trainer.train import train
+from tests.services.trainer.conftest import QUICK
+
+
+def test_run_leaves_a_policy_metrics_and_a_curve(source, tmp_path):
+    metrics = train(source, QUICK, tmp_path)
+    assert json.loads((tmp_path / "metrics.json").read_text()) == metrics
+    assert cv2.imread(str(tmp_path / "loss.png")).shape == (540, 960, 3)
+    training = load_policy(tmp_path).spec.training
+    assert training["data_sha256"] == "data-0"
+    assert training["config"]["seed"] == 0
+    assert not [path for path in tmp_path.iterdir() if "part" in path.name]
+
+
+def test_policy_carries_the_camera_of_its_data_and_what_varied_of_it(source, tmp_path):
+    camera = dataclasses.replace(source.camera, distortion="fisheye", k1=0.01, latency_s=0.1)
+    source.robot, source.sensor = RobotConfig(camera=camera), SensorConfig(k1=(0.0, 0.02))
+    train(source, dataclasses.replace(QUICK, epochs=1, yaw_error_rad=0.1), tmp_path)
+    spec = load_policy(tmp_path).spec
+    assert spec.robot.camera == camera
+    assert spec.sensor == SensorConfig(k1=(0.0, 0.02))
+
+
+def test_mean_baseline_is_the_spread_of_held_out_actions_around_the_training_mean(make_data, tmp_path):
+    source, held_out = make_data(), make_data(seed=1)
+    metrics = train(source, QUICK, tmp_path, validation=held_out)
+    expected = np.sqrt(np.mean((held_out.actions - source.actions.mean(0)) ** 2, axis=0))
+    assert metrics["mean_baseline_rmse_v_mps"] == pytest.approx(expected[0], rel=1e-5)
+    assert metrics["mean_baseline_rmse_w_radps"] == pytest.approx(expected[1], rel=1e-5)
+    assert metrics["validation_episodes"] == len(held_out.episodes)
