@@ -82,11 +82,12 @@ def evaluate(
     count = episode_count(scenarios) if episodes is None else episodes
     request = make_request(count, tasks, methods if policy else _without_policy(methods), Split(split), seed)
     loaded = load_policy(policy) if policy else None
+    trained_camera = loaded.spec.robot.camera if loaded and camera == "policy" else None
     run_config = evaluation_config(
         loaded.spec if loaded else None,
         camera,
         config=config,
-        robot=load_robot(robot) if robot else None,
+        robot=load_robot(robot, camera=trained_camera) if robot else None,
         sensor=sensor,
         humans=people,
     )

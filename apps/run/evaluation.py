@@ -172,7 +172,7 @@ def closed_loop(scene: str, *, episodes: int, seed: int) -> Callable[[Path], flo
         policy = load_policy(folder)
         if scene not in evaluators:
             config = load_run_config(None, trained=policy.spec)
-            evaluators[scene] = make_evaluator(scene, config, avatars=None, seed=seed)
+            evaluators[scene] = make_evaluator(scene, config, avatars=None, seed=seed, renders=True)
         evaluator = dataclasses.replace(evaluators[scene], policy=policy)
         rates = [summary.success_rate for summary in handle_evaluate(evaluator, request).summaries.values()]
         return sum(rates) / len(rates)

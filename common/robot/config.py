@@ -1,5 +1,6 @@
 """`robot.toml`: the robot's footprint, limits and camera."""
 
+import dataclasses
 import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -38,11 +39,12 @@ class RobotConfig:
             raise ValueError(f"planning_radius_m {self.planning_radius_m} is below radius_m {self.radius_m}.")
 
 
-def load_robot(path: str | Path) -> RobotConfig:
+def load_robot(path: str | Path, *, camera: CameraConfig | None = None) -> RobotConfig:
     """Read a `robot.toml`.
 
     Args:
         path: The file.
+        camera: The camera of a file that has no section [camera]; the default one if this is None.
 
     Raises:
         ConfigError: If the file is missing, is not TOML, or holds an unknown or wrong value; it names the file.
@@ -56,6 +58,8 @@ def load_robot(path: str | Path) -> RobotConfig:
         raise ConfigError(f"Robot file {path} cannot be read: {error}.") from error
     try:
         robot = section_from_mapping(RobotConfig, mapping)
+        if camera is not None and "camera" not in mapping:
+            robot = dataclasses.replace(robot, camera=camera)
         make_lens(robot.camera)
     except ConfigError as error:
         raise ConfigError(f"Robot file {path}: {error}") from error

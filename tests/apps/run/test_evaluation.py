@@ -149,6 +149,7 @@ def test_checkpoints_are_measured_with_the_camera_of_the_policy(monkeypatch: pyt
     configs = []
 
     def make_evaluator(scene, config, **settings) -> None:
+        assert settings["renders"], "the policy, which is given later, needs to see"
         configs.append(config)
         raise ReachedError
 

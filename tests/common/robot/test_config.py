@@ -42,6 +42,15 @@ def test_wrong_robot_file_is_refused_with_a_reason(tmp_path: Path, text: str, wo
     assert "\n" not in str(caught.value)
 
 
+def test_camera_of_a_file_without_one_is_the_given_camera(tmp_path: Path) -> None:
+    path, given = tmp_path / "robot.toml", CameraConfig(mount_height_m=0.9)
+    path.write_text("v_max_mps = 0.5\n")
+    assert load_robot(path).camera == CameraConfig()
+    assert load_robot(path, camera=given) == RobotConfig(v_max_mps=0.5, camera=given)
+    path.write_text("[camera]\nmount_height_m = 0.7\n")
+    assert load_robot(path, camera=given).camera == CameraConfig(mount_height_m=0.7)
+
+
 def test_missing_robot_file_is_a_config_error(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="cannot be read"):
         load_robot(tmp_path / "none.toml")
