@@ -34,6 +34,9 @@ def test_opening_is_measured_from_the_left_corner_of_either_side() -> None:
     living_room, hall = ROOMS[0], ROOMS[2]
     assert along_wall(hall, "north", door) == pytest.approx((2.4, 4.3))
     assert along_wall(living_room, "south", door) == pytest.approx((1.4, 3.3))
+    window, study = Opening(wall="east", begin_m=-3.4, end_m=-2.2), ROOMS[4]
+    assert along_wall(study, "east", window) == pytest.approx((1.0, 2.2))
+    assert along_wall(study, "west", window) == pytest.approx((1.4, 2.6))
 
 
 def inside(points: np.ndarray, opening: Opening, margin_m: float) -> np.ndarray:

@@ -96,6 +96,9 @@ def test_blob_lies_on_its_ellipsoid(build: Surfaces) -> None:
     samples = build.samples()
     ratio = (samples.position_m - (1, 0, 0)) / (0.3, 0.2, 0.1)
     np.testing.assert_allclose(np.linalg.norm(ratio, axis=1), 1.0, atol=1e-6)
+    gradient = ratio / (0.3, 0.2, 0.1)
+    gradient /= np.linalg.norm(gradient, axis=1, keepdims=True)
+    np.testing.assert_allclose(samples.normal, gradient, atol=1e-6)
     np.testing.assert_allclose((samples.normal * samples.tangent).sum(axis=1), 0.0, atol=1e-9)
 
 
