@@ -59,7 +59,7 @@ def test_joints_carry_the_boxes_of_a_human() -> None:
     A_CS = np.tile(np.eye(3, 4, dtype=np.float32), (24, 1, 1))
     A_CS[3, :, 3] = (0.0, 0.0, 5.0)
     A_CS[4, :, 3] = (20.0, 0.0, 3.0)
-    joints, reach_m = np.array([3, 4, 4]), np.full(2, 0.1, np.float32)
+    joints, reach_m = np.array([4, 3, 4]), np.full(2, 0.1, np.float32)
     centre_m, half_m = np.zeros((3, 3), np.float32), np.full((3, 3), 0.2, np.float32)
     out = room_for(2)
     count = cull_human(VIEW, A_CS, np.array([0, 2, 3]), joints, centre_m, half_m, reach_m, out)

@@ -68,3 +68,19 @@ def test_blocks_of_faint_gaussians_are_left_out(make_cloud, camera) -> None:
     cloud.opacities[16:32] = 0.003
     T, K = camera(0.0, 0.0, 0.0, WIDTH, HEIGHT)
     assert bounded(cloud, T, K).blocks.tolist() == [0b1101]
+
+
+def test_bounds_hold_what_the_dilation_adds_to_a_point(camera) -> None:
+    T, K = camera(0.0, 0.0, 0.0, WIDTH, HEIGHT, pitch=0.0)
+    for k in range(24):
+        point = GaussianCloud(
+            means_m=np.float32([[3.0, 0.02 * k, 1.2 + 0.02 * k]]),
+            quats_wxyz=np.float32([[1.0, 0.0, 0.0, 0.0]]),
+            scales_m=np.full((1, 3), 1e-4, np.float32),
+            opacities=np.float32([1.0]),
+            sh=np.zeros((1, 1, 3), np.float32),
+        )
+        rows, columns = np.nonzero(rasterize_reference(point, T, K, HEIGHT, WIDTH).alpha)
+        x0, x1, y0, y1 = unpack_box(int(bounded(point, T, K).box[0]))
+        assert x0 <= columns.min() // 4 <= columns.max() // 4 <= x1 <= columns.max() // 4 + 1
+        assert y0 <= rows.min() // 4 <= rows.max() // 4 <= y1 <= rows.max() // 4 + 1
