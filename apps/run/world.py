@@ -148,6 +148,6 @@ def _fetch_files(bus: Bus, files: Iterable[FileRef], folder: Path) -> None:
     for file in files:
         path = folder / file.path
         if folder.resolve() not in path.resolve().parents:
-            raise RunError(f"The run names a file outside of its folder: {file.path!r}.")
+            raise RunError(f"The run names a file outside of its bundle: {file.path!r}.")
         if not path.exists() or path.stat().st_size != file.size:
             write_whole(path, fetch_blob(bus, file.sha256))

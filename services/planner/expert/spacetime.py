@@ -22,8 +22,9 @@ Float64Array = npt.NDArray[np.float64]
 
 _STANDING_WIDTH_M = 0.02
 _START_GAP_M = 0.03
-_OFF_PLAN = 0.01
-"""A robot that is further from where its plan has it, in metres, radians or their speeds, does not follow the plan."""
+_OFF_PLAN = 1e-3
+"""A robot that is further from where its plan has it, in metres, radians or their speeds, does not follow the plan;
+one that does is there but for rounding."""
 
 
 class SpaceTimeExpert:
@@ -90,7 +91,7 @@ class SpaceTimeExpert:
         elapsed = step - self._planned_at_step
         if self._plan is None or elapsed >= len(self._plan.rows):
             return True
-        if np.abs(self._plan.rows[elapsed] - np.array(state)).max() > _OFF_PLAN:
+        if _is_off(state, self._plan.rows[elapsed]):
             return True
         period_s = self._config.timed_replan_s if humans else self._config.timed_idle_replan_s
         return elapsed >= len(self._plan.rows) - 1 or elapsed * DT_S >= period_s - 1e-9
@@ -177,3 +178,10 @@ class SpaceTimeExpert:
                 return v, w
         turn = self._local.way_out_rad(state[0], state[1], state[2], self._goal_m)
         return 0.0, 2.0 * turn
+
+
+def _is_off(state: State, row: Float64Array) -> bool:
+    """True if a robot is not where a row of a plan has it."""
+    x, y, yaw, v, w = row.tolist()
+    apart = (state[0] - x, state[1] - y, math.remainder(state[2] - yaw, math.tau), state[3] - v, state[4] - w)
+    return max(map(abs, apart)) > _OFF_PLAN
