@@ -35,6 +35,7 @@ _START_GAP_M = 0.03
 _CONTACT_GAP_M = 0.03
 _STANDING_MPS = 0.1
 _OFF_PATH_M = 0.15
+_NEVER = -(1 << 20)
 
 
 class _Margin(enum.Enum):
@@ -70,7 +71,7 @@ class PaperExpert:
         self._tracks = HumanTracks(ground, self._local, paths_m, AHEAD_STEPS)
         self._tracker = PathTracker(self._local, ground.robot, ground.contact_m, config)
         self._plan: Plan | None = None
-        self._planned_at_step = -(1 << 20)
+        self._planned_at_step = _NEVER
         self._latest_factor = self._local.static_factor
         self._decided: tuple[int, Decision] | None = None
         self.replan_times_s: list[float] = []
@@ -111,7 +112,7 @@ class PaperExpert:
         """Begin anew where an episode was not expected to come."""
         self._local = self._tracks.local = self._ground.around(here_m, self._goal_m)
         self._tracker = PathTracker(self._local, self._ground.robot, self._ground.contact_m, self._config)
-        self._plan = None
+        self._plan, self._planned_at_step = None, _NEVER
         self._latest_factor = self._local.static_factor
 
     def _is_near_plan(self, human: PerceivedHuman) -> bool:

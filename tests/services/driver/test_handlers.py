@@ -127,5 +127,5 @@ def test_share_of_the_policys_episodes_is_the_mix_and_depends_on_the_key_alone()
     assert drivers == [driver_of(key, 0.25) for key in keys]
     assert {driver_of(key, 0.0) for key in keys} == {Driver.EXPERT}
     assert {driver_of(key, 1.0) for key in keys} == {Driver.POLICY}
-    # A larger mix only adds episodes.
-    assert all(driver_of(key, 0.5) is Driver.POLICY for key, driver in zip(keys, drivers) if driver is Driver.POLICY)
+    of_the_smaller = [key for key, driver in zip(keys, drivers, strict=True) if driver is Driver.POLICY]
+    assert {driver_of(key, 0.5) for key in of_the_smaller} == {Driver.POLICY}

@@ -71,9 +71,11 @@ def test_expert_that_is_asked_twice_says_what_it_says_when_asked_once(config):
 
 def test_robot_that_leaves_its_plan_is_planned_for_where_it_is():
     made = _pushed_run({}, 1)
-    assert all(decision.replanned for decision in made[2:])
-    followed = run().journal.searched
-    assert not all(followed[2:20])
+    assert sum(decision.replanned for decision in made) > 0.8 * len(made)
+    x_m, y_m = zip(*(decision.path_xy_m[0] for decision in made if len(decision.path_xy_m)), strict=True)
+    speeds_mps = np.hypot(np.diff(x_m), np.diff(y_m)) / 0.05
+    assert speeds_mps[10:].min() > 0.55
+    assert speeds_mps[10:].max() < 0.65
 
 
 def test_first_of_the_commands_is_the_one_that_is_decided():
