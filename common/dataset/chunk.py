@@ -69,6 +69,7 @@ class EpisodeChunk:
     samples: npt.NDArray[np.void]
     """Rows of `SAMPLE_DTYPE`; `image_offset` counts from the beginning of `data`."""
     outcome: Outcome
+    """Known where there are the expert's commands; without them an episode is a success of the expert."""
     driver: Driver
     outputs: dict[str, npt.NDArray[np.void]] = field(default_factory=dict)
     """By output besides rgb (images, labels, the expert's commands): rows of `OUTPUT_DTYPE`, one per sample; `offset`
@@ -167,7 +168,7 @@ def read_chunk(data: bytes | memoryview, *, sha256: str = "") -> EpisodeChunk:
     rows = _sample_rows(view, by_channel, tuple(outputs.values()), base_ns)
     if not len(rows) == commit.sample_count == start.sample_count:
         raise DatasetError(f"episode {start.episode_id} has {len(rows)} samples, its commit says {commit.sample_count}")
-    outcome, driver = schemas.ending_of(start)
+    outcome, driver = _ending(view, by_channel)
     return EpisodeChunk(
         episode=schemas.episode_key(start),
         attempt=commit.attempt,
@@ -221,6 +222,14 @@ def _only(view: memoryview, by_channel: dict[int, list[Message]], channel: schem
     if len(messages) != 1:
         raise DatasetError(f"an episode has {len(messages)} messages on {channel.topic}, not 1")
     return parse(channel, view[messages[0].body : messages[0].end])
+
+
+def _ending(view: memoryview, by_channel: dict[int, list[Message]]) -> tuple[Outcome, Driver]:
+    channel = schemas.EXPERT_CHANNELS[schemas.EXPERT]
+    found = by_channel.get(channel.number)
+    if not found:
+        return Outcome.SUCCESS, Driver.EXPERT
+    return schemas.ending_of(parse(channel, view[found[0].body : found[0].end]))
 
 
 def _sample_rows(

@@ -72,7 +72,6 @@ class EpisodeChecks:
                 for channel in (schemas.EPISODE_START, schemas.CALIBRATION, schemas.EPISODE_COMMIT)
             )
             self.episode = schemas.episode_key(start)
-            schemas.ending_of(start)
             self._name = f"episode {self.episode.episode_id}"
             self.sample_count = len(self._messages(schemas.IMAGE))
             yield from self._hash(commit)
@@ -200,9 +199,12 @@ class EpisodeChecks:
         if schemas.EXPERT not in self._outputs:
             return
         wrong, before = [], (0.0, 0.0)
-        count = len(self._parsed(self._outputs[schemas.EXPERT], 0).v_mps)
+        first = self._parsed(self._outputs[schemas.EXPERT], 0)
+        count, ending = len(first.v_mps), schemas.ending_of(first)
         for seq in range(self.sample_count):
             commands = self._parsed(self._outputs[schemas.EXPERT], seq)
+            if schemas.ending_of(commands) != ending:
+                yield "sequence", f"{self._name}: sample {seq} tells of another end of the episode than sample 0"
             if not _can_execute(commands, count, before, self._robot):
                 wrong.append(seq)
             action = self._parsed(schemas.ACTION, seq)

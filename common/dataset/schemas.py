@@ -24,14 +24,8 @@ from readygo.common.errors import DatasetError
 from readygo.common.images.files import FILE_FORMAT
 from readygo.common.messages.episode import EpisodeKey, Split
 from readygo.common.messages.plan import Driver, Outcome
-from readygo.common.messages.proto.readygo_pb2 import (
-    Action,
-    EpisodeCommit,
-    EpisodeStart,
-    ExpertCommands,
-    Goal,
-    StepTruth,
-)
+from readygo.common.messages.proto.driving_pb2 import ExpertCommands
+from readygo.common.messages.proto.readygo_pb2 import Action, EpisodeCommit, EpisodeStart, Goal, StepTruth
 from readygo.common.messages.samples import EpisodeHeader, Sample
 
 NS_PER_S = 1_000_000_000
@@ -144,9 +138,6 @@ def start_message(header: EpisodeHeader) -> bytes:
             avatars=header.avatars,
             encounters=header.encounters,
             image_format=header.image_format,
-            # Absent where they say what every episode was before there were others: its bytes stay.
-            outcome="" if header.outcome is Outcome.SUCCESS else header.outcome.value,
-            driver="" if header.driver is Driver.EXPERT else header.driver.value,
         )
     )
 
@@ -200,7 +191,8 @@ def sample_messages(sample: Sample, header: EpisodeHeader, stamp_ns: int) -> Ite
     if sample.expert_commands:
         channels |= EXPERT_CHANNELS
         v_mps, w_radps = zip(*sample.expert_commands, strict=True)
-        outputs.append(ExpertCommands(v_mps=v_mps, w_radps=w_radps))
+        ending = {"outcome": header.outcome.value, "driver": header.driver.value}
+        outputs.append(ExpertCommands(v_mps=v_mps, w_radps=w_radps, **ending))
     return zip((*SAMPLE_CHANNELS, *channels.values()), map(_serialized, (*messages, *outputs)), strict=True)
 
 
@@ -237,16 +229,16 @@ def episode_key(start: Any) -> EpisodeKey:
         raise DatasetError(f"an episode's start names the unknown split {start.split!r}") from error
 
 
-def ending_of(start: Any) -> tuple[Outcome, Driver]:
-    """How the episode of an EpisodeStart message ended, and who drove.
+def ending_of(commands: Any) -> tuple[Outcome, Driver]:
+    """How the episode of an ExpertCommands message ended, and who drove.
 
     Raises:
         DatasetError: If either is unknown.
     """
     try:
-        return Outcome(start.outcome or Outcome.SUCCESS), Driver(start.driver or Driver.EXPERT)
+        return Outcome(commands.outcome), Driver(commands.driver)
     except ValueError as error:
-        raise DatasetError(f"an episode's start cannot be read: {error}") from error
+        raise DatasetError(f"the end of an episode cannot be read: {error}") from error
 
 
 def _timestamp(stamp_ns: int) -> Any:

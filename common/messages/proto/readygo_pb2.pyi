@@ -36,7 +36,7 @@ class StepTruth(_message.Message):
     def __init__(self, human_distance_m: _Optional[float] = ..., time_to_collision_s: _Optional[float] = ..., human_visible: bool = ..., expert_cost: _Optional[float] = ..., replanned: bool = ...) -> None: ...
 
 class EpisodeStart(_message.Message):
-    __slots__ = ("episode_id", "seed", "split", "index", "sample_count", "goal_x_m", "goal_y_m", "start_x_m", "start_y_m", "start_yaw_rad", "avatars", "encounters", "image_format", "outcome", "driver")
+    __slots__ = ("episode_id", "seed", "split", "index", "sample_count", "goal_x_m", "goal_y_m", "start_x_m", "start_y_m", "start_yaw_rad", "avatars", "encounters", "image_format")
     EPISODE_ID_FIELD_NUMBER: _ClassVar[int]
     SEED_FIELD_NUMBER: _ClassVar[int]
     SPLIT_FIELD_NUMBER: _ClassVar[int]
@@ -50,8 +50,6 @@ class EpisodeStart(_message.Message):
     AVATARS_FIELD_NUMBER: _ClassVar[int]
     ENCOUNTERS_FIELD_NUMBER: _ClassVar[int]
     IMAGE_FORMAT_FIELD_NUMBER: _ClassVar[int]
-    OUTCOME_FIELD_NUMBER: _ClassVar[int]
-    DRIVER_FIELD_NUMBER: _ClassVar[int]
     episode_id: str
     seed: int
     split: str
@@ -65,17 +63,7 @@ class EpisodeStart(_message.Message):
     avatars: _containers.RepeatedScalarFieldContainer[str]
     encounters: _containers.RepeatedScalarFieldContainer[str]
     image_format: str
-    outcome: str
-    driver: str
-    def __init__(self, episode_id: _Optional[str] = ..., seed: _Optional[int] = ..., split: _Optional[str] = ..., index: _Optional[int] = ..., sample_count: _Optional[int] = ..., goal_x_m: _Optional[float] = ..., goal_y_m: _Optional[float] = ..., start_x_m: _Optional[float] = ..., start_y_m: _Optional[float] = ..., start_yaw_rad: _Optional[float] = ..., avatars: _Optional[_Iterable[str]] = ..., encounters: _Optional[_Iterable[str]] = ..., image_format: _Optional[str] = ..., outcome: _Optional[str] = ..., driver: _Optional[str] = ...) -> None: ...
-
-class ExpertCommands(_message.Message):
-    __slots__ = ("v_mps", "w_radps")
-    V_MPS_FIELD_NUMBER: _ClassVar[int]
-    W_RADPS_FIELD_NUMBER: _ClassVar[int]
-    v_mps: _containers.RepeatedScalarFieldContainer[float]
-    w_radps: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, v_mps: _Optional[_Iterable[float]] = ..., w_radps: _Optional[_Iterable[float]] = ...) -> None: ...
+    def __init__(self, episode_id: _Optional[str] = ..., seed: _Optional[int] = ..., split: _Optional[str] = ..., index: _Optional[int] = ..., sample_count: _Optional[int] = ..., goal_x_m: _Optional[float] = ..., goal_y_m: _Optional[float] = ..., start_x_m: _Optional[float] = ..., start_y_m: _Optional[float] = ..., start_yaw_rad: _Optional[float] = ..., avatars: _Optional[_Iterable[str]] = ..., encounters: _Optional[_Iterable[str]] = ..., image_format: _Optional[str] = ...) -> None: ...
 
 class EpisodeCommit(_message.Message):
     __slots__ = ("episode_id", "index", "attempt", "sample_count", "sha256")

@@ -184,4 +184,4 @@ def _is_off(state: State, row: Float64Array) -> bool:
     """True if a robot is not where a row of a plan has it."""
     x, y, yaw, v, w = row.tolist()
     apart = (state[0] - x, state[1] - y, math.remainder(state[2] - yaw, math.tau), state[3] - v, state[4] - w)
-    return max(map(abs, apart)) > _OFF_PLAN
+    return bool(max(map(abs, apart)) > _OFF_PLAN)

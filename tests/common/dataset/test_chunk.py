@@ -224,13 +224,11 @@ def test_experts_commands_outcome_and_driver_come_back() -> None:
     assert len(chunk.outputs["expert"]) == len(samples)
 
 
-def test_success_of_the_expert_adds_no_bytes() -> None:
+def test_episode_without_the_experts_commands_is_its_success() -> None:
     header, samples = make_episode(0)
     plain = encode_episode(header, 1, samples)
     assert (plain.outcome, plain.driver) == (Outcome.SUCCESS, Driver.EXPERT)
-    start = schemas.start_message(header)
-    assert start == schemas.start_message(dataclasses.replace(header, outcome=Outcome.SUCCESS))
-    assert len(schemas.start_message(dataclasses.replace(header, outcome=Outcome.TIMEOUT))) == len(start) + 2 + 7
+    assert "expert" not in plain.outputs
 
 
 def test_episode_with_different_numbers_of_experts_commands_is_refused() -> None:

@@ -117,8 +117,9 @@ def test_unknown_outcome_is_found(tmp_path: Path) -> None:
     shard = _write(tmp_path)
 
     def change(records):
-        next(record for record in records if record.channel is schemas.EPISODE_START).message.outcome = "bliss"
+        channel = schemas.EXPERT_CHANNELS["expert"]
+        next(record for record in records if record.channel is channel).message.outcome = "bliss"
         return records
 
     rewrite(shard, change)
-    assert any("an episode's start cannot be read: 'bliss'" in str(defect) for defect in validate(tmp_path).defects)
+    assert any("the end of an episode cannot be read: 'bliss'" in str(defect) for defect in validate(tmp_path).defects)
