@@ -102,7 +102,9 @@ def generate(
     console.print(f"{summary['episodes']} episodes, {summary['samples']} samples in {out} ({summary['wall_s']:.1f} s).")
     for reason, count in summary["rejected"].items():
         console.print(f"  rejected {count}: {reason}", markup=False)
-    console.print(f"Next: readygo validate {out} && readygo train {out} --out policy", markup=False)
+    # Training imitates what was executed: a policy's own mistakes are not for it.
+    then = "" if spec.policy else f" && readygo train {out} --out policy"
+    console.print(f"Next: readygo validate {out}{then}", markup=False)
     console.print(f"What it covers: readygo coverage {out} --out coverage", markup=False)
 
 
