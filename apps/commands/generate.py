@@ -13,9 +13,12 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from readygo.apps.fleet.run import Show, record
 from readygo.apps.run.config import load_run_config, with_detail, with_outputs
+from readygo.apps.run.policy import with_policy
 from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.run.spec import episode_count, make_spec
+from readygo.common.errors import RunError
 from readygo.common.messages import Split, StatusReply
+from readygo.common.policy import load_spec
 from readygo.common.robot import load_robot
 from readygo.services.planner.humans.mixes import MixName
 from readygo.services.renderer.sensor.recipes import SensorName
@@ -34,6 +37,8 @@ def generate(
     static: bool = False,
     people: MixName | None = None,
     scenarios: Path | None = None,
+    policy: Path | None = None,
+    mix: float | None = None,
     outputs: str = "",
     detail: Literal["exact", "lod"] | None = None,
     robot: Path | None = None,
@@ -48,7 +53,8 @@ def generate(
         scene: Scene bundle, or "embedded".
         out: Data folder; shards appear in it.
         episodes: Episodes to record; 100, or as many as the scenario file has entries.
-        workers: Renderer processes, besides one process for each other role; 0 does everything in this process.
+        workers: Renderer processes, or driver processes with a policy, besides one process for each other role; 0 does
+            everything in this process.
         split: Random streams to draw the episodes from; train, val and test never share an episode.
         seed: Seed of the run.
         avatars: Avatar file or folder of them; the embedded ones by default.
@@ -56,6 +62,9 @@ def generate(
         people: Recipe of how many people come and how they meet the robot, in place of what `config` says of it;
             "paper" by default.
         scenarios: TOML file with starts, goals and people to play instead of drawing them, one entry after the other.
+        policy: Folder of a trained policy: it or the expert drives, episodes are kept however they end, and the expert
+            says at every sample what it would do. The robot is the policy's unless `robot` or `config` names one.
+        mix: Share of the episodes that the policy drives, 0..1; 0.5 by default.
         outputs: Images to record, separated by commas, of rgb, depth, median_depth, alpha, mask and normal, such as
             rgb,depth,mask; rgb alone by default.
         detail: "lod" draws far things and people with fewer Gaussians, about twice as fast; as in `config`, or
@@ -68,7 +77,10 @@ def generate(
             free loopback port by default.
         json: Print the summary as JSON.
     """
-    run_config = load_run_config(config, load_robot(robot) if robot else None, sensor, people)
+    if mix is not None and policy is None:
+        raise RunError("--mix is the share of a policy's episodes: name the policy with --policy.")
+    trained = load_spec(policy) if policy else None
+    run_config = load_run_config(config, load_robot(robot) if robot else None, sensor, people, trained=trained)
     if outputs:
         run_config = with_outputs(run_config, outputs)
     if detail:
@@ -76,8 +88,11 @@ def generate(
     spec = make_spec(
         open_scene(scene), avatars, run_config, seed=seed, split=Split(split), static=static, scenarios=scenarios
     )
+    if policy is not None:
+        spec = with_policy(spec, run_config, policy, 0.5 if mix is None else mix)
     wanted = episode_count(scenarios) if episodes is None else episodes
-    join = f"More workers can join: readygo worker renderer --connect {listen} --run {spec.run}" if listen else ""
+    role = spec.stages[-1].role
+    join = f"More workers can join: readygo worker {role} --connect {listen} --run {spec.run}" if listen else ""
     with progress_bar(first_words=join, quiet=json) as show:
         summary = record(spec, out, episodes=wanted, workers=workers, listen=listen, show=show)
     if json:
@@ -87,7 +102,9 @@ def generate(
     console.print(f"{summary['episodes']} episodes, {summary['samples']} samples in {out} ({summary['wall_s']:.1f} s).")
     for reason, count in summary["rejected"].items():
         console.print(f"  rejected {count}: {reason}", markup=False)
-    console.print(f"Next: readygo validate {out} && readygo train {out} --out policy", markup=False)
+    # Training imitates what was executed: a policy's own mistakes are not for it.
+    then = "" if spec.policy else f" && readygo train {out} --out policy"
+    console.print(f"Next: readygo validate {out}{then}", markup=False)
     console.print(f"What it covers: readygo coverage {out} --out coverage", markup=False)
 
 

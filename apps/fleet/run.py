@@ -36,7 +36,7 @@ def record(
         spec: What the run is.
         out: Its data folder.
         episodes: Episodes that the folder shall hold.
-        workers: Renderer processes of the fleet; 0 does everything in this process.
+        workers: Renderer or driver processes of the fleet; 0 does everything in this process.
         listen: Endpoint of the fleet's router; empty takes a free loopback port.
         show: Hears how far the run is, now and then.
 
@@ -82,7 +82,9 @@ def run_in_process(folder: RunFolder, show: Show, line: Sequence[Entry] = LINE) 
         if not coordinator.over:
             works = stage_works(world, bus, line=line)
             _work_until_over(
-                bus, Worker(name="in-process", numeric_class=numeric_class(world.config), works=works), show
+                bus,
+                Worker(name="in-process", numeric_class=numeric_class(world.config, world.spec.policy), works=works),
+                show,
             )
     finally:
         for recorder in recorders:

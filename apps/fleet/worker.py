@@ -49,7 +49,8 @@ def worker(
     A worker that somebody must help first (settings, data, disk) exits with 78; started again it would do no better.
 
     Args:
-        role: coordinator, recorder, or the role of a stage: human-planner, animator, robot-planner or renderer.
+        role: coordinator, recorder, or the role of a stage: human-planner, animator, robot-planner, renderer or
+            driver.
         connect: Endpoint of the fleet's router, such as tcp/127.0.0.1:7447.
         run: Name of the run, as `readygo generate --listen` prints it.
         name: Name of this worker; must differ between workers of one role.
@@ -97,6 +98,8 @@ def make_coordinator(folder: RunFolder) -> coordination.Coordinator:
     spec, wanted = folder.load()
     scene = Path(spec.scene_path)
     files = {file.sha256: scene / file.path for file in spec.scene_files}
+    if spec.policy is not None:
+        files |= {file.sha256: Path(spec.policy.path) / file.path for file in spec.policy.files}
     return coordination.Coordinator(
         spec=spec,
         wanted=wanted,
@@ -135,7 +138,7 @@ def _work(bus: Bus, role: str, name: str, stop: threading.Event) -> None:
     works = stage_works(world, bus, role)
     world.forget_avatars()
     bus.announce(role, name)
-    pull(bus, Worker(name=name, numeric_class=numeric_class(world.config), works=works), stop=stop)
+    pull(bus, Worker(name=name, numeric_class=numeric_class(world.config, world.spec.policy), works=works), stop=stop)
 
 
 def _world(bus: Bus) -> World:

@@ -11,7 +11,9 @@ from typing import Any
 
 from readygo.apps.run.config import RunConfig
 from readygo.common.dataset.provenance import AvatarOrigin, Provenance, ScenarioOrigin, SceneOrigin
-from readygo.common.messages import RunSpec, encode
+from readygo.common.errors import PolicyError
+from readygo.common.extras import install_command
+from readygo.common.messages import PolicyRef, RunSpec, encode
 from readygo.common.messages.stages import EXPERT_LINE
 from readygo.common.rasterizer.interface import GPU_BACKENDS
 from readygo.services.planner.humans.scenario_file import text_hash
@@ -34,7 +36,14 @@ def identity(spec: RunSpec) -> dict[str, Any]:
         "scenarios": text_hash(spec.scenarios) if spec.scenarios else "",
         "config": config,
         **({"stages": hashlib.sha256(stages).hexdigest()} if stages else {}),
+        **({"policy": policy_hash(spec.policy), "mix": spec.policy.mix} if spec.policy else {}),
     }
+
+
+def policy_hash(policy: PolicyRef) -> str:
+    """SHA-256 over the names and hashes of a policy's files."""
+    lines = sorted(f"{file.path} {file.sha256}" for file in policy.files)
+    return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
 
 def run_name(spec: RunSpec) -> str:
@@ -43,11 +52,15 @@ def run_name(spec: RunSpec) -> str:
     return f"run-{hashlib.sha256(text.encode()).hexdigest()[:12]}"
 
 
-def numeric_class(config: RunConfig) -> str:
+def numeric_class(config: RunConfig, policy: PolicyRef | None = None) -> str:
     """What the bits of a run's samples depend on besides their key: backend, package versions, architecture.
 
+    Args:
+        config: All settings.
+        policy: Who drives beside the expert, if anybody: what executes its graphs counts as well.
+
     Raises:
-        ReadygoError: If the backend cannot run on this machine.
+        ReadygoError: If backend or policy cannot run on this machine.
     """
     from readygo.common.rasterizer.gpu.availability import device_class
     from readygo.common.simd.types import fuses_multiply_adds
@@ -61,7 +74,22 @@ def numeric_class(config: RunConfig) -> str:
         from readygo.services.animator.priormdm import source
 
         devices.append(source.numeric_class(config.animator.priormdm))
+    if policy is not None:
+        versions.append(_onnxruntime_class())
     return " ".join([backend, *devices, architecture, *versions])
+
+
+def _onnxruntime_class() -> str:
+    """Version of onnxruntime, and the instructions that it chooses its kernels by."""
+    from llvmlite.binding import get_host_cpu_features
+
+    try:
+        version = importlib.metadata.version("onnxruntime")
+    except importlib.metadata.PackageNotFoundError as error:
+        raise PolicyError(f"onnxruntime is not installed; run: {install_command('policy')}") from error
+    features = get_host_cpu_features()
+    wide = [name for name in ("avx2", "avx512f", "avx512vnni", "amx-int8") if features.get(name)]
+    return "-".join(["onnxruntime", version, *wide])
 
 
 def run_metadata(

@@ -5,7 +5,6 @@ from pathlib import Path
 
 from readygo.apps.run.config import RunConfig, resolved_sections
 from readygo.apps.run.identity import run_metadata, run_name
-from readygo.apps.run.stages import LINE
 from readygo.apps.run.world import World
 from readygo.common.avatars import load_avatars
 from readygo.common.avatars.file import avatar_hash
@@ -62,7 +61,6 @@ def make_spec(
             scenarios=ScenarioOrigin(name=scenarios.name, sha256=text_hash(script)) if scenarios else None,
         ),
         scenarios=script,
-        stages=tuple(entry.stage for entry in LINE),
     )
     if scenarios:
         # Refuses what cannot take place, before anything is started or written.

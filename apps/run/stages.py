@@ -3,6 +3,7 @@
 A new stage is one entry of `LINE` and the function that builds its work.
 """
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -14,6 +15,7 @@ from readygo.common.messages import (
     AnimateReply,
     AnimateRequest,
     ClaimReply,
+    Driver,
     EpisodeMotions,
     HumanPlanReply,
     HumanPlanRequest,
@@ -24,11 +26,12 @@ from readygo.common.messages import (
     decode,
     encode,
 )
-from readygo.common.messages.stages import ANIMATE, HUMAN_PLAN, RENDER, ROBOT_PLAN
+from readygo.common.messages.stages import ANIMATE, DRIVE, HUMAN_PLAN, RENDER, ROBOT_PLAN
 from readygo.common.rasterizer.warm import warm as warm_rasterizer
 from readygo.services.animator import handle_animate
+from readygo.services.driver import PolicyDriver, drive, driver_of
 from readygo.services.planner import handle_human_plan, handle_robot_plan
-from readygo.services.renderer import episode_header, episode_samples
+from readygo.services.renderer import LiveCamera, described_samples, episode_header, episode_samples
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,6 +113,29 @@ def _render(world: World, bus: Bus) -> Work:
     return work
 
 
+def _drive(world: World, bus: Bus) -> Work:
+    warm_rasterizer()
+    renderer, planner, policy = world.renderer(), world.robot_planner, world.policy()
+    mix = world.spec.policy.mix if world.spec.policy else 0.0
+
+    def work(claim: ClaimReply, inputs: Inputs) -> None:
+        scenario, motions = _scenario(inputs), _motions(inputs)
+        driver = driver_of(scenario.episode, mix)
+        simulation = planner.simulation(scenario, motions)
+        camera = LiveCamera(renderer, simulation)
+        drives = PolicyDriver(policy, planner.robot.camera.latency_s) if policy and driver is Driver.POLICY else None
+        driven = drive(simulation, planner.expert(scenario, motions), camera, drives)
+        header = episode_header(renderer, scenario, driven.trajectory, driver)
+        seen = described_samples(renderer, scenario, motions, driven.trajectory, camera.pictures)
+        samples = (
+            dataclasses.replace(sample, expert_commands=commands)
+            for sample, commands in zip(seen, driven.expert_commands, strict=True)
+        )
+        append_episode(bus, claim, header, samples)
+
+    return work
+
+
 def _scenario(inputs: Inputs) -> Scenario:
     scenario = decode(HumanPlanReply, inputs[HUMAN_PLAN.name]).scenario
     assert scenario is not None
@@ -127,5 +153,6 @@ LINE: Sequence[Entry] = (
     Entry(stage=ANIMATE, work=_animate),
     Entry(stage=ROBOT_PLAN, work=_plan_robot),
     Entry(stage=RENDER, work=_render),
+    Entry(stage=DRIVE, work=_drive),
 )
-"""The stages of `readygo generate`."""
+"""The stages that there are, of all lines."""

@@ -1,9 +1,12 @@
 """Builds the services' objects from a run's spec."""
 
+from collections.abc import Iterable
 from functools import cached_property
 from pathlib import Path
 
 from readygo.apps.run.config import RunConfig, sections_of_today
+from readygo.apps.run.identity import policy_hash
+from readygo.apps.run.policy import file_ref
 from readygo.common.avatars import Avatar, load_avatars
 from readygo.common.avatars.file import avatar_hash
 from readygo.common.bus import Bus
@@ -12,7 +15,8 @@ from readygo.common.dataset.provenance import Provenance
 from readygo.common.errors import RunError, SceneError
 from readygo.common.files import cache_folder, write_whole
 from readygo.common.fleet import fetch_blob
-from readygo.common.messages import RunSpec
+from readygo.common.messages import FileRef, RunSpec
+from readygo.common.policy import Policy, load_policy
 from readygo.common.scenes import Scene, load_scene, verify_scene
 from readygo.services.animator import Animator
 from readygo.services.planner import HumanPlanner, RobotPlanner
@@ -101,6 +105,25 @@ class World:
         maps = self.scene.maps
         return Animator(self.avatars, maps.floor, self.config.animator, obstacles=maps.human)
 
+    def policy(self) -> Policy | None:
+        """The policy that drives in a share of the episodes: at its path if it is there, else fetched from the run.
+
+        Raises:
+            RunError: If the policy at hand is another one than the run's.
+            PolicyError: If it cannot be used.
+        """
+        ref = self.spec.policy
+        if ref is None:
+            return None
+        folder = Path(ref.path)
+        if not folder.is_dir() and self._bus is not None:
+            folder = cache_folder("policies") / policy_hash(ref)
+            _fetch_files(self._bus, ref.files, folder)
+        policy = load_policy(folder)
+        if tuple(file_ref(folder, file.path) for file in ref.files) != ref.files:
+            raise RunError(f"Policy {folder} has changed since the run began; record into a new folder with --out.")
+        return policy
+
     def renderer(self) -> Renderer:
         """The renderer."""
         config = self.config
@@ -110,12 +133,7 @@ class World:
 def _fetched_scene(bus: Bus, spec: RunSpec) -> Scene:
     """The run's scene in this machine's cache, read once from end to end: it must be what its hashes say."""
     folder = cache_folder("scenes") / spec.scene_hash
-    for file in spec.scene_files:
-        path = folder / file.path
-        if folder.resolve() not in path.resolve().parents:
-            raise RunError(f"The run names a scene file outside of its bundle: {file.path!r}.")
-        if not path.exists() or path.stat().st_size != file.size:
-            write_whole(path, fetch_blob(bus, file.sha256))
+    _fetch_files(bus, spec.scene_files, folder)
     try:
         scene = load_scene(folder)
         verify_scene(scene)
@@ -123,3 +141,13 @@ def _fetched_scene(bus: Bus, spec: RunSpec) -> Scene:
         remedy = f"remove {folder} to fetch it anew"
         raise RunError(f"The scene that came from the run cannot be used; {remedy}. {error}") from error
     return scene
+
+
+def _fetch_files(bus: Bus, files: Iterable[FileRef], folder: Path) -> None:
+    """Fetch what a folder of this machine's cache lacks."""
+    for file in files:
+        path = folder / file.path
+        if folder.resolve() not in path.resolve().parents:
+            raise RunError(f"The run names a file outside of its bundle: {file.path!r}.")
+        if not path.exists() or path.stat().st_size != file.size:
+            write_whole(path, fetch_blob(bus, file.sha256))

@@ -20,6 +20,7 @@ from readygo.common.dataset.poses import pose_xyzyaw
 from readygo.common.dataset.records import MESSAGE_FIELDS_SIZE, MESSAGE_HEADER, Message, field_span, iter_messages
 from readygo.common.errors import DatasetError
 from readygo.common.messages.episode import EpisodeKey
+from readygo.common.messages.plan import Driver, Outcome
 from readygo.common.messages.samples import EpisodeHeader, Sample
 
 EPISODE_SLOT_NS = 100 * schemas.NS_PER_S
@@ -41,7 +42,7 @@ SAMPLE_DTYPE = np.dtype(
 )
 """One sample: action = v [m/s], w [rad/s]; goal in the robot's frame; pose = x, y, z [m], yaw [rad]."""
 OUTPUT_DTYPE = np.dtype([("offset", "<u8"), ("length", "<u4")])
-"""Where one sample's output is: an encoded image, or a whole message with labels."""
+"""Where one sample's output is: an encoded image, or a whole message with labels or commands."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -67,9 +68,12 @@ class EpisodeChunk:
     """(log time [ns], offset in `data`) of the messages of each channel."""
     samples: npt.NDArray[np.void]
     """Rows of `SAMPLE_DTYPE`; `image_offset` counts from the beginning of `data`."""
+    outcome: Outcome
+    """Known where there are the expert's commands; without them an episode is a success of the expert."""
+    driver: Driver
     outputs: dict[str, npt.NDArray[np.void]] = field(default_factory=dict)
-    """By output besides rgb, images and labels: rows of `OUTPUT_DTYPE`, one per sample; `offset` counts from the
-    beginning of `data`."""
+    """By output besides rgb (images, labels, the expert's commands): rows of `OUTPUT_DTYPE`, one per sample; `offset`
+    counts from the beginning of `data`."""
 
     @property
     def sample_count(self) -> int:
@@ -117,6 +121,11 @@ def encode_episode(header: EpisodeHeader, attempt: int, samples: Sequence[Sample
                 f"Episode {name} has {len(sample.labels)} labels for {len(sample.humans_xyzyaw)} humans at sample "
                 f"{sample.seq}; its header says {'all' if header.labels else 'none'} are labelled."
             )
+        if len(sample.expert_commands) != len(samples[0].expert_commands):
+            raise DatasetError(
+                f"Episode {name} has {len(samples[0].expert_commands)} commands of the expert at sample 0, but "
+                f"{len(sample.expert_commands)} at sample {sample.seq}."
+            )
     base_ns = header.episode.index * EPISODE_SLOT_NS
     chunk = _ChunkParts()
     chunk.add(schemas.EPISODE_START, 0, base_ns, schemas.start_message(header))
@@ -159,6 +168,7 @@ def read_chunk(data: bytes | memoryview, *, sha256: str = "") -> EpisodeChunk:
     rows = _sample_rows(view, by_channel, tuple(outputs.values()), base_ns)
     if not len(rows) == commit.sample_count == start.sample_count:
         raise DatasetError(f"episode {start.episode_id} has {len(rows)} samples, its commit says {commit.sample_count}")
+    outcome, driver = _ending(view, by_channel)
     return EpisodeChunk(
         episode=schemas.episode_key(start),
         attempt=commit.attempt,
@@ -178,6 +188,8 @@ def read_chunk(data: bytes | memoryview, *, sha256: str = "") -> EpisodeChunk:
             for number, messages in by_channel.items()
         },
         samples=rows,
+        outcome=outcome,
+        driver=driver,
         outputs={name: _places(view, by_channel[channel.number], channel) for name, channel in outputs.items()},
     )
 
@@ -210,6 +222,14 @@ def _only(view: memoryview, by_channel: dict[int, list[Message]], channel: schem
     if len(messages) != 1:
         raise DatasetError(f"an episode has {len(messages)} messages on {channel.topic}, not 1")
     return parse(channel, view[messages[0].body : messages[0].end])
+
+
+def _ending(view: memoryview, by_channel: dict[int, list[Message]]) -> tuple[Outcome, Driver]:
+    channel = schemas.EXPERT_CHANNELS[schemas.EXPERT]
+    found = by_channel.get(channel.number)
+    if not found:
+        return Outcome.SUCCESS, Driver.EXPERT
+    return schemas.ending_of(parse(channel, view[found[0].body : found[0].end]))
 
 
 def _sample_rows(
@@ -252,10 +272,10 @@ def _sample_row(view: memoryview, messages: tuple[Message, ...], base_ns: int) -
 
 
 def _places(view: memoryview, messages: list[Message], channel: schemas.Channel) -> npt.NDArray[np.void]:
-    if channel in schemas.LABEL_CHANNELS.values():
-        places = [(message.body, message.end - message.body) for message in messages]
-    else:
+    if channel in schemas.OUTPUT_CHANNELS.values():
         places = [_image_place(view, message) for message in messages]
+    else:
+        places = [(message.body, message.end - message.body) for message in messages]
     return np.array(places, dtype=OUTPUT_DTYPE)
 
 

@@ -17,7 +17,7 @@ from readygo.common.frames import goal_in_robot_frame
 from readygo.common.images.files import FILE_FORMAT, decode_output
 from readygo.common.messages.episode import EpisodeKey
 from readygo.common.robot.config import RobotConfig
-from readygo.common.robot.kinematics import DT_S, RATE_HZ, STEP_NS, step_unicycle
+from readygo.common.robot.kinematics import DT_S, RATE_HZ, STEP_NS, limit_command, step_unicycle
 
 LIMIT_TOLERANCE = 1e-6
 """Slack on speeds [m/s, rad/s]: limits are applied in float64."""
@@ -82,6 +82,7 @@ class EpisodeChecks:
                 yield from self._content(start, calibration)
                 yield from self._output_images(start, calibration)
                 yield from self._labels()
+                yield from self._expert_commands()
         except DatasetError as error:
             yield "sequence", f"{self._name}: {error}"
 
@@ -165,7 +166,7 @@ class EpisodeChecks:
         """Images besides rgb must be whole, and masks must name humans of the episode."""
         shape = (calibration.height, calibration.width)
         for name, channel in self._outputs.items():
-            if name in schemas.LABEL_CHANNELS:
+            if name not in schemas.OUTPUT_CHANNELS:
                 continue
             bad, strangers = [], []
             for seq in range(self.sample_count):
@@ -192,6 +193,24 @@ class EpisodeChecks:
                 found.setdefault(text, []).append(seq)
         for text, numbers in found.items():
             yield "label", f"{self._name}: {text} at samples {_some(numbers)}"
+
+    def _expert_commands(self) -> Iterator[Finding]:
+        """Commands of the expert must be what the robot could have executed."""
+        if schemas.EXPERT not in self._outputs:
+            return
+        wrong, before = [], (0.0, 0.0)
+        first = self._parsed(self._outputs[schemas.EXPERT], 0)
+        count, ending = len(first.v_mps), schemas.ending_of(first)
+        for seq in range(self.sample_count):
+            commands = self._parsed(self._outputs[schemas.EXPERT], seq)
+            if schemas.ending_of(commands) != ending:
+                yield "sequence", f"{self._name}: sample {seq} tells of another end of the episode than sample 0"
+            if not _can_execute(commands, count, before, self._robot):
+                wrong.append(seq)
+            action = self._parsed(schemas.ACTION, seq)
+            before = action.v_mps, action.w_radps
+        if wrong:
+            yield "action", f"{self._name}: the robot could not do what the expert would at samples {_some(wrong)}"
 
     def _step(self, seq: int) -> _Step:
         image, pose, action, goal = (
@@ -254,6 +273,18 @@ def _smooth(steps: Sequence[_Step], robot: RobotConfig) -> Callable[[int], bool]
         return v_fits and abs(step.w_radps - before.w_radps) <= robot.alpha_max_radps2 * DT_S + LIMIT_TOLERANCE
 
     return holds
+
+
+def _can_execute(commands: Any, count: int, before: tuple[float, float], robot: RobotConfig | None) -> bool:
+    """True if there are `count` commands, each within reach of the one before it."""
+    if not len(commands.v_mps) == len(commands.w_radps) == count > 0:
+        return False
+    for v, w in zip(commands.v_mps, commands.w_radps, strict=True):
+        reached = limit_command(v, w, *before, robot) if robot is not None else (v, w)
+        if not math.isfinite(v + w) or math.dist((v, w), reached) > LIMIT_TOLERANCE:
+            return False
+        before = v, w
+    return True
 
 
 def _near_pose(a: tuple[float, float, float, float], b: tuple[float, float, float, float]) -> bool:

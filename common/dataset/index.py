@@ -29,6 +29,7 @@ from readygo.common.dataset.provenance import RECORD_NAME, Provenance, provenanc
 from readygo.common.dataset.records import MAGIC, RECORD_HEADER, Record, chunk_span, is_intact, iter_records
 from readygo.common.errors import DatasetError
 from readygo.common.messages.episode import EpisodeKey, Split
+from readygo.common.messages.plan import Driver, Outcome
 
 INDEX_FORMAT = "readygo-index/1"
 EPISODE_DTYPE = np.dtype(
@@ -50,9 +51,13 @@ EPISODE_DTYPE = np.dtype(
     ]
 )
 """One episode; `first_sample` is its first row among the shard's samples, `sha256` is hexadecimal."""
+ENDING_DTYPE = np.dtype([("outcome", "S24"), ("driver", "S16")])
+"""How an episode ended, and who drove."""
 FOOTER_SIZE = RECORD_HEADER.size + 8 + 8 + 4 + len(MAGIC)
 DATA_END_SIZE = RECORD_HEADER.size + 4
 _OUTPUT_PREFIX = "output_"
+_ENDINGS = "endings"
+"""Left out where all are usual, as they were before there were others."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -67,9 +72,11 @@ class ShardIndex:
     size_bytes: int
     tail_sha256: str
     """SHA-256 of the shard from its end-of-data record on."""
+    endings: npt.NDArray[np.void]
+    """Rows of `ENDING_DTYPE`, one per episode."""
     outputs: dict[str, npt.NDArray[np.void]] = field(default_factory=dict)
-    """By output besides rgb, images and labels: rows of `OUTPUT_DTYPE`, one per sample; `offset` counts from the
-    beginning of the file."""
+    """By output besides rgb (images, labels, the expert's commands): rows of `OUTPUT_DTYPE`, one per sample; `offset`
+    counts from the beginning of the file."""
 
     def episode_key(self, row: int) -> EpisodeKey:
         """Key of the episode in a row of `episodes`."""
@@ -78,6 +85,11 @@ class ShardIndex:
             seed=int(episode["seed"]), split=Split(episode["split"].decode()), index=int(episode["index"])
         )
 
+    def ending(self, row: int) -> tuple[Outcome, Driver]:
+        """How the episode in a row of `episodes` ended, and who drove."""
+        outcome, driver = self.endings[row]
+        return Outcome(outcome.decode()), Driver(driver.decode())
+
     def equals(self, other: "ShardIndex") -> bool:
         """True if both describe the same shard in the same way."""
         return (
@@ -85,6 +97,7 @@ class ShardIndex:
             == (other.provenance, other.size_bytes, other.tail_sha256)
             and self.episodes.tobytes() == other.episodes.tobytes()
             and self.samples.tobytes() == other.samples.tobytes()
+            and self.endings.tobytes() == other.endings.tobytes()
             and {name: rows.tobytes() for name, rows in self.outputs.items()}
             == {name: rows.tobytes() for name, rows in other.outputs.items()}
         )
@@ -96,6 +109,7 @@ class IndexRows:
     def __init__(self) -> None:
         self._episodes: list[tuple[Any, ...]] = []
         self._samples: list[npt.NDArray[np.void]] = []
+        self._endings: list[tuple[bytes, bytes]] = []
         self._outputs: list[dict[str, npt.NDArray[np.void]]] = []
         self._sample_count = 0
 
@@ -111,6 +125,7 @@ class IndexRows:
         if outputs.keys() != first.keys():
             raise DatasetError(f"episode {key.episode_id} has the outputs {list(outputs)}, others have {list(first)}")
         self._outputs.append(outputs)
+        self._endings.append((chunk.outcome.value.encode(), chunk.driver.value.encode()))
         self._episodes.append(
             (
                 key.seed,
@@ -141,6 +156,7 @@ class IndexRows:
             samples=np.concatenate(self._samples) if self._samples else np.zeros(0, dtype=SAMPLE_DTYPE),
             size_bytes=size_bytes,
             tail_sha256=hashlib.sha256(tail).hexdigest(),
+            endings=np.array(self._endings, dtype=ENDING_DTYPE),
             outputs={
                 name: np.concatenate([outputs[name] for outputs in self._outputs])
                 for name in (self._outputs[0] if self._outputs else ())
@@ -227,8 +243,10 @@ def write_index(index: ShardIndex, path: Path, *, fsync: bool = False) -> None:
     }
     buffer = io.BytesIO()
     header_bytes = np.frombuffer(json.dumps(header, sort_keys=True).encode(), dtype=np.uint8)
-    outputs: dict[str, Any] = {f"{_OUTPUT_PREFIX}{name}": rows for name, rows in index.outputs.items()}
-    np.savez(buffer, header=header_bytes, episodes=index.episodes, samples=index.samples, **outputs)
+    optional: dict[str, Any] = {f"{_OUTPUT_PREFIX}{name}": rows for name, rows in index.outputs.items()}
+    if (index.endings != _usual_endings(len(index.episodes))).any():
+        optional[_ENDINGS] = index.endings
+    np.savez(buffer, header=header_bytes, episodes=index.episodes, samples=index.samples, **optional)
     part = path.with_name(f"{path.name}.{os.getpid()}.part")
     try:
         with part.open("wb") as file:
@@ -250,7 +268,10 @@ def read_index(path: Path) -> ShardIndex | None:
             episodes, samples = arrays["episodes"], arrays["samples"]
             names = [name for name in arrays.files if name.startswith(_OUTPUT_PREFIX)]
             outputs = {name.removeprefix(_OUTPUT_PREFIX): arrays[name] for name in names}
+            endings = arrays[_ENDINGS] if _ENDINGS in arrays.files else _usual_endings(len(episodes))
         if header["format"] != INDEX_FORMAT or (episodes.dtype, samples.dtype) != (EPISODE_DTYPE, SAMPLE_DTYPE):
+            return None
+        if (endings.dtype, endings.shape) != (ENDING_DTYPE, episodes.shape):
             return None
         if any((rows.dtype, rows.shape) != (OUTPUT_DTYPE, samples.shape) for rows in outputs.values()):
             return None
@@ -260,10 +281,16 @@ def read_index(path: Path) -> ShardIndex | None:
             samples=samples,
             size_bytes=header["size_bytes"],
             tail_sha256=header["tail_sha256"],
+            endings=endings,
             outputs=outputs,
         )
     except (OSError, EOFError, ValueError, KeyError, TypeError, AttributeError, DatasetError, zipfile.BadZipFile):
         return None
+
+
+def _usual_endings(count: int) -> npt.NDArray[np.void]:
+    usual = (Outcome.SUCCESS.value.encode(), Driver.EXPERT.value.encode())
+    return np.array([usual] * count, dtype=ENDING_DTYPE)
 
 
 @contextmanager

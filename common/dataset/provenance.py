@@ -49,6 +49,16 @@ class ScenarioOrigin:
 
 
 @dataclass(frozen=True, kw_only=True)
+class PolicyOrigin:
+    """The policy that drove in a share of the episodes."""
+
+    sha256: str = ""
+    """Over the files that it is loaded from."""
+    mix: float = 0.0
+    """Share of the episodes that it was to drive."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Provenance:
     """Versions, hashes, licenses and settings of the run that recorded a shard; empty where it does not say."""
 
@@ -62,6 +72,8 @@ class Provenance:
     """By name."""
     scenarios: ScenarioOrigin | None = None
     """None where scenarios were drawn."""
+    policy: PolicyOrigin | None = None
+    """None where the expert alone drove."""
     seed: int | None = None
     config: Mapping[str, Any] | None = None
     """The run's resolved settings by section, as plain values."""
@@ -79,11 +91,12 @@ class Provenance:
             DatasetError: If a value is of another kind than this version's.
         """
         try:
-            scenarios = mapping.get("scenarios")
+            scenarios, policy = mapping.get("scenarios"), mapping.get("policy")
             parts = {
                 "scene": _part(SceneOrigin, mapping.get("scene", {})),
                 "avatars": {name: _part(AvatarOrigin, entry) for name, entry in mapping.get("avatars", {}).items()},
                 "scenarios": None if scenarios is None else _part(ScenarioOrigin, scenarios),
+                "policy": None if policy is None else _part(PolicyOrigin, policy),
             }
         except (TypeError, AttributeError) as error:
             raise DatasetError(f"the metadata cannot be read: {error}") from error

@@ -18,10 +18,11 @@ from readygo.common.dataset.chunk import parse
 from readygo.common.dataset.index import ShardIndex, load_index
 from readygo.common.dataset.labels import boxes_of, footprints_of, joints_of
 from readygo.common.dataset.provenance import Provenance
-from readygo.common.dataset.schemas import LABEL_CHANNELS, OUTPUT_CHANNELS
+from readygo.common.dataset.schemas import EXPERT, LABEL_CHANNELS, OPTIONAL_CHANNELS, OUTPUT_CHANNELS
 from readygo.common.errors import DatasetError
 from readygo.common.images.files import decode_output
 from readygo.common.messages.episode import EpisodeKey
+from readygo.common.messages.plan import Driver, Outcome
 from readygo.common.messages.samples import DISTORTION_MODELS
 from readygo.common.policy.windows import spacing_steps_of, window_rows
 from readygo.common.robot import RobotConfig
@@ -63,6 +64,10 @@ class EpisodeEntry:
     """The file that holds it."""
     sha256: str
     """SHA-256 of the episode's bytes, the same on every worker."""
+    outcome: Outcome = Outcome.SUCCESS
+    """How it ended; the samples before a collision are there."""
+    driver: Driver = Driver.EXPERT
+    """Who drove."""
 
 
 class Dataset:
@@ -103,6 +108,8 @@ class Dataset:
         """Names of the images that every sample has."""
         self.labels: tuple[str, ...] = tuple(name for name in common if name in LABEL_CHANNELS)
         """Names of the labels of people that every sample has: "joints", "boxes" and "footprints", or none."""
+        self.has_expert: bool = EXPERT in common
+        """True if the expert was asked at every sample: `expert_actions` and `expert_ahead` are there."""
         self._output_rows = {
             name: np.concatenate([_episode_rows(indexes[shard], row, name) for shard, row in order]) for name in common
         }
@@ -123,6 +130,41 @@ class Dataset:
     def actions(self) -> npt.NDArray[np.float32]:
         """Commands executed after each sample: v [m/s], w [rad/s], shape (S, 2)."""
         return np.ascontiguousarray(self._rows["action"])
+
+    @property
+    def expert_actions(self) -> npt.NDArray[np.float32]:
+        """What the expert would have executed after each sample: v [m/s], w [rad/s], shape (S, 2).
+
+        Raises:
+            DatasetError: If it was not asked at every sample.
+        """
+        return self._expert_commands[:, 0]
+
+    @property
+    def expert_ahead(self) -> npt.NDArray[np.float32]:
+        """What it would have gone on with, every 0.05 s: v [m/s], w [rad/s], shape (S, K, 2).
+
+        Raises:
+            DatasetError: If it was not asked at every sample.
+        """
+        return self._expert_commands[:, 1:]
+
+    @cached_property
+    def _expert_commands(self) -> npt.NDArray[np.float32]:
+        """Shape (S, 1 + K, 2)."""
+        if not self.has_expert:
+            raise DatasetError(
+                f"The samples of {self.shards[0].parent} have no commands of the expert; record with "
+                "`readygo generate --policy`."
+            )
+        messages = (self._message(index, EXPERT) for index in range(len(self)))
+        rows = [(message.v_mps, message.w_radps) for message in messages]
+        try:
+            return np.ascontiguousarray(np.array(rows, dtype=np.float32).transpose(0, 2, 1))
+        except ValueError as error:
+            raise DatasetError(
+                "The expert's commands reach differently far ahead; use the folders as separate datasets."
+            ) from error
 
     @cached_property
     def goals_xy_m(self) -> npt.NDArray[np.float32]:
@@ -306,10 +348,14 @@ class Dataset:
                 f"The samples of {self.shards[0].parent} have no labels of people; record with labels = true under "
                 "[renderer], the default."
             )
+        return self._message(index, name)
+
+    def _message(self, index: int, name: str) -> Any:
+        """The message of a sample on an optional channel that has no images."""
         row = self._output_rows[name][index]
         offset = int(row["offset"])
         data = self._map(int(self._shard_of_sample[index]))[offset : offset + int(row["length"])]
-        return parse(LABEL_CHANNELS[name], memoryview(data))
+        return parse(OPTIONAL_CHANNELS[name], memoryview(data))
 
     def _shard_of(self, index: int) -> Path:
         return self.shards[int(self._shard_of_sample[index])]
@@ -373,6 +419,7 @@ def _entries(
     first_sample = 0
     for shard, row in order:
         episode = indexes[shard].episodes[row]
+        outcome, driver = indexes[shard].ending(row)
         entry = EpisodeEntry(
             episode=indexes[shard].episode_key(row),
             first_sample=first_sample,
@@ -380,6 +427,8 @@ def _entries(
             attempt=int(episode["attempt"]),
             shard=shards[shard],
             sha256=episode["sha256"].decode(),
+            outcome=outcome,
+            driver=driver,
         )
         entries.append(entry)
         first_sample += entry.sample_count
@@ -397,7 +446,6 @@ def _common_outputs(indexes: Sequence[ShardIndex]) -> list[str]:
 
 
 def _check_alike(shards: Sequence[Path], indexes: Sequence[ShardIndex]) -> None:
-    """Raise DatasetError if image sizes or robots differ."""
     """Raise DatasetError if image sizes, robots (with their cameras) or what varies of the cameras differ."""
 
     def sizes(index: ShardIndex) -> list[tuple[int, int]]:

@@ -2,7 +2,7 @@
 
 Channel numbers are part of the bytes that an episode's SHA-256 covers: no channel ever gets another one. Those of
 `CHANNELS` are in every shard, those of `OPTIONAL_CHANNELS` in the shards whose samples have these outputs:
-further images, and the labels of people.
+further images, the labels of people, and the expert's commands.
 """
 
 from collections.abc import Iterable, Mapping
@@ -23,6 +23,8 @@ from readygo.common.dataset.poses import pose_of
 from readygo.common.errors import DatasetError
 from readygo.common.images.files import FILE_FORMAT
 from readygo.common.messages.episode import EpisodeKey, Split
+from readygo.common.messages.plan import Driver, Outcome
+from readygo.common.messages.proto.driving_pb2 import ExpertCommands
 from readygo.common.messages.proto.readygo_pb2 import Action, EpisodeCommit, EpisodeStart, Goal, StepTruth
 from readygo.common.messages.samples import EpisodeHeader, Sample
 
@@ -66,7 +68,10 @@ LABEL_CHANNELS: Mapping[str, Channel] = {
     "footprints": Channel(17, "/humans/footprints", PointCloud),
 }
 """Channels of the labels of people; a shard has all of them or none."""
-OPTIONAL_CHANNELS: Mapping[str, Channel] = {**OUTPUT_CHANNELS, **LABEL_CHANNELS}
+EXPERT = "expert"
+EXPERT_CHANNELS: Mapping[str, Channel] = {EXPERT: Channel(18, "/robot/expert_commands", ExpertCommands)}
+"""Channel of what the expert would do at the robot's states."""
+OPTIONAL_CHANNELS: Mapping[str, Channel] = {**OUTPUT_CHANNELS, **LABEL_CHANNELS, **EXPERT_CHANNELS}
 """In the order of their messages, which follow those of `SAMPLE_CHANNELS`."""
 
 
@@ -183,11 +188,18 @@ def sample_messages(sample: Sample, header: EpisodeHeader, stamp_ns: int) -> Ite
     if header.labels:
         channels |= LABEL_CHANNELS
         outputs += labels.messages(sample.labels, stamp, WORLD_FRAME, floor_m=sample.robot_xyzyaw[2])
+    if sample.expert_commands:
+        channels |= EXPERT_CHANNELS
+        v_mps, w_radps = zip(*sample.expert_commands, strict=True)
+        ending = {"outcome": header.outcome.value, "driver": header.driver.value}
+        outputs.append(ExpertCommands(v_mps=v_mps, w_radps=w_radps, **ending))
     return zip((*SAMPLE_CHANNELS, *channels.values()), map(_serialized, (*messages, *outputs)), strict=True)
 
 
 def stamps_ns(message: Any) -> list[int]:
-    """The times inside of a message of a sample [ns]."""
+    """The times inside of a message of a sample [ns]; readygo's own messages have none."""
+    if isinstance(message, ExpertCommands):
+        return []
     stamped = message.entities if isinstance(message, SceneUpdate) else [message]
     return [part.timestamp.ToNanoseconds() for part in stamped]
 
@@ -215,6 +227,18 @@ def episode_key(start: Any) -> EpisodeKey:
         return EpisodeKey(seed=start.seed, split=Split(start.split), index=start.index)
     except ValueError as error:
         raise DatasetError(f"an episode's start names the unknown split {start.split!r}") from error
+
+
+def ending_of(commands: Any) -> tuple[Outcome, Driver]:
+    """How the episode of an ExpertCommands message ended, and who drove.
+
+    Raises:
+        DatasetError: If either is unknown.
+    """
+    try:
+        return Outcome(commands.outcome), Driver(commands.driver)
+    except ValueError as error:
+        raise DatasetError(f"the end of an episode cannot be read: {error}") from error
 
 
 def _timestamp(stamp_ns: int) -> Any:

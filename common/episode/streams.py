@@ -17,6 +17,7 @@ class Purpose(enum.IntEnum):
     EXPERT = 2
     SENSOR = 3
     AVATAR = 4
+    DRIVER = 5
 
 
 def episode_rng(episode: EpisodeKey, purpose: Purpose) -> np.random.Generator:

@@ -18,6 +18,7 @@ from readygo.common.messages.coordination import (
     LostRequest,
     PendingReply,
     PendingRequest,
+    PolicyRef,
     RenewRequest,
     RunSpec,
     RunSpecRequest,
@@ -28,7 +29,7 @@ from readygo.common.messages.coordination import (
 )
 from readygo.common.messages.episode import EpisodeKey, HumanTrajectory, Scenario, Split
 from readygo.common.messages.motion import EpisodeMotions, HumanMotion, Motion
-from readygo.common.messages.plan import Outcome, RobotTrajectory
+from readygo.common.messages.plan import Driver, Outcome, RobotTrajectory
 from readygo.common.messages.render import Humans, RenderReply, RenderRequest, RenderView
 from readygo.common.messages.samples import (
     AppendReply,
@@ -66,6 +67,7 @@ __all__ = [
     "CompleteRequest",
     "ControlRequest",
     "DoneRequest",
+    "Driver",
     "EpisodeHeader",
     "EpisodeKey",
     "EpisodeMotions",
@@ -83,6 +85,7 @@ __all__ = [
     "Outcome",
     "PendingReply",
     "PendingRequest",
+    "PolicyRef",
     "RenderReply",
     "RenderRequest",
     "RenderView",

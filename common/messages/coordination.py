@@ -206,6 +206,22 @@ class FileRef:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class PolicyRef:
+    """The policy that drives in a run."""
+
+    path: str
+    """Its folder on the machine that began the run."""
+    files: tuple[FileRef, ...]
+    """All that it is loaded from."""
+    mix: float
+    """Share of the episodes that it drives, 0..1; the expert drives the others."""
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.mix <= 1.0:
+            raise ValueError(f"mix must be 0..1, got {self.mix}.")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class RunSpec:
     """Everything that fixes a run's samples, and where to find it."""
 
@@ -230,6 +246,8 @@ class RunSpec:
     """Text of the scenario file that the episodes play; empty if they are drawn."""
     stages: tuple[Stage, ...] = field(default=EXPERT_LINE, metadata=OMITTED_WHEN_DEFAULT)
     """The assembly line that every episode passes, in order; the last stage records."""
+    policy: PolicyRef | None = field(default=None, metadata=OMITTED_WHEN_DEFAULT)
+    """None where the expert alone drives."""
 
     def __post_init__(self) -> None:
         check_stages(self.stages)

@@ -19,6 +19,13 @@ class Outcome(enum.Enum):
     TIMEOUT = "timeout"
 
 
+class Driver(enum.Enum):
+    """Who commanded the robot of a recorded episode."""
+
+    EXPERT = "expert"
+    POLICY = "policy"
+
+
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class RobotTrajectory:
     """A robot's closed-loop run: T samples at 20 Hz, from the start to the end of the episode."""

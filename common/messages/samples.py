@@ -11,6 +11,7 @@ import numpy.typing as npt
 from readygo.common.messages.checks import check_array
 from readygo.common.messages.codec import OMITTED_WHEN_DEFAULT
 from readygo.common.messages.episode import EpisodeKey
+from readygo.common.messages.plan import Driver, Outcome
 
 DISTORTION_MODELS: Mapping[str, int] = {"": 0, "plumb_bob": 5, "rational_polynomial": 8, "kannala_brandt": 4}
 """Models of a lens and the number of their coefficients, by the names that ROS and Foxglove use.
@@ -69,6 +70,9 @@ class Sample:
     `readygo.common.images.files` says."""
     labels: tuple[HumanLabels, ...] = field(default=(), hash=False, metadata=OMITTED_WHEN_DEFAULT)
     """Labels of the humans in the order of `humans_xyzyaw`; none unless `EpisodeHeader.labels` says so."""
+    expert_commands: tuple[tuple[float, float], ...] = field(default=(), metadata=OMITTED_WHEN_DEFAULT)
+    """What the expert would have the robot execute from here on, whoever drives: v [m/s], w [rad/s] over the next
+    0.05 s and over every further 0.05 s; none where nobody asked it."""
 
     @property
     def intact(self) -> bool:
@@ -111,6 +115,10 @@ class EpisodeHeader:
     """Coefficients of the distortion model."""
     labels: bool = field(default=False, metadata=OMITTED_WHEN_DEFAULT)
     """True if every sample has the labels of its humans."""
+    outcome: Outcome = field(default=Outcome.SUCCESS, metadata=OMITTED_WHEN_DEFAULT)
+    """How the episode ended."""
+    driver: Driver = field(default=Driver.EXPERT, metadata=OMITTED_WHEN_DEFAULT)
+    """Who drove."""
 
     def __post_init__(self) -> None:
         known = DISTORTION_MODELS.get(self.distortion_model)

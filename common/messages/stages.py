@@ -43,6 +43,9 @@ ROBOT_PLAN = Stage(name="robot-plan", role="robot-planner", needs=(HUMAN_PLAN.na
 RENDER = Stage(name="render", role="renderer", needs=(HUMAN_PLAN.name, ANIMATE.name, ROBOT_PLAN.name), records=True)
 EXPERT_LINE = (HUMAN_PLAN, ANIMATE, ROBOT_PLAN, RENDER)
 """An expert among humans: the line of a run whose spec names no other."""
+DRIVE = Stage(name="drive", role="driver", needs=(HUMAN_PLAN.name, ANIMATE.name), records=True)
+DRIVE_LINE = (HUMAN_PLAN, ANIMATE, DRIVE)
+"""A policy or the expert among humans, whatever the outcome; the expert says at every state what it would do."""
 
 
 def check_stages(stages: Sequence[Stage]) -> None:

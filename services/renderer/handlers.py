@@ -2,7 +2,8 @@
 
 import math
 from collections import OrderedDict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +13,7 @@ from readygo.common.errors import AvatarError
 from readygo.common.frames import goal_in_robot_frame
 from readygo.common.images.images import Images
 from readygo.common.messages import (
+    Driver,
     EpisodeHeader,
     EpisodeMotions,
     HumanLabels,
@@ -139,9 +141,11 @@ def _moments(renderer: Renderer, view: RenderView, humans: tuple[HumanMotion, ..
     return timeline.at
 
 
-def episode_header(renderer: Renderer, scenario: Scenario, trajectory: RobotTrajectory) -> EpisodeHeader:
+def episode_header(
+    renderer: Renderer, scenario: Scenario, trajectory: RobotTrajectory, driver: Driver = Driver.EXPERT
+) -> EpisodeHeader:
     """What is constant over an episode's samples."""
-    camera = _episode_camera(renderer, scenario)
+    camera = episode_camera(renderer, scenario)
     lens = camera.lens
     x_m, y_m, yaw_rad = (float(value) for value in scenario.start_xyyaw)
     return EpisodeHeader(
@@ -158,10 +162,13 @@ def episode_header(renderer: Renderer, scenario: Scenario, trajectory: RobotTraj
         distortion_model=camera.distortion_model,
         distortion=lens.coefficients,
         labels=renderer.config.labels,
+        outcome=trajectory.outcome,
+        driver=driver,
     )
 
 
-def _episode_camera(renderer: Renderer, scenario: Scenario) -> EpisodeCamera:
+def episode_camera(renderer: Renderer, scenario: Scenario) -> EpisodeCamera:
+    """The camera of an episode, with what its sensor drew."""
     return renderer.capture.camera_of(SensorStream.of_episode(scenario.episode))
 
 
@@ -180,7 +187,7 @@ def episode_samples(
         AvatarError: If a human wears an avatar that is not loaded.
     """
     renderer.check_avatars(motions.humans)
-    camera = _episode_camera(renderer, scenario)
+    camera = episode_camera(renderer, scenario)
     timeline = Timeline(
         xyyaw=trajectory.xyyaw,
         humans=motions.humans,
@@ -188,8 +195,35 @@ def episode_samples(
         camera=renderer.robot.camera,
     )
     shots = (Shot(camera=camera, moment_at=timeline.at, step=step) for step in range(len(trajectory.xyyaw)))
-    for step, images in enumerate(renderer.capture.take(shots, renderer.config.outputs)):
-        yield _sample(renderer, scenario, motions, trajectory, step, images)
+    drawn = renderer.capture.take(shots, renderer.config.outputs)
+    pictures = (encode_picture(images, renderer.config) for images in drawn)
+    yield from described_samples(renderer, scenario, motions, trajectory, pictures)
+
+
+class Picture(NamedTuple):
+    """What is recorded of one view."""
+
+    image: bytes
+    """The encoded rgb."""
+    outputs: dict[str, bytes]
+    """The further images by name."""
+
+
+def encode_picture(images: Images, config: RendererConfig) -> Picture:
+    """The files of a view's images."""
+    return Picture(encode_image(images.rgb, config), encode_outputs(images, config))
+
+
+def described_samples(
+    renderer: Renderer,
+    scenario: Scenario,
+    motions: EpisodeMotions,
+    trajectory: RobotTrajectory,
+    pictures: Iterable[Picture],
+) -> Iterator[Sample]:
+    """One sample for each row of a trajectory and the picture that was taken there; see `episode_samples`."""
+    for step, picture in enumerate(pictures):
+        yield _sample(renderer, scenario, motions, trajectory, step, picture)
 
 
 def _sample(
@@ -198,17 +232,16 @@ def _sample(
     motions: EpisodeMotions,
     trajectory: RobotTrajectory,
     step: int,
-    images: Images,
+    picture: Picture,
 ) -> Sample:
     x_m, y_m, yaw_rad = (float(value) for value in trajectory.xyyaw[step])
     floor_m = renderer.scene.maps.floor.at(x_m, y_m)
-    image, outputs = encode_image(images.rgb, renderer.config), encode_outputs(images, renderer.config)
     humans = tuple(_human_xyzyaw(renderer, human, step) for human in motions.humans)
     return Sample(
         seq=step,
-        crc32=sample_crc32(image, outputs),
+        crc32=sample_crc32(picture.image, picture.outputs),
         time_ns=step * STEP_NS,
-        image=image,
+        image=picture.image,
         action_v_mps=float(trajectory.actions[step, 0]),
         action_w_radps=float(trajectory.actions[step, 1]),
         goal_xy_robot_m=goal_in_robot_frame(x_m, y_m, yaw_rad, scenario.goal_xy_m),
@@ -219,7 +252,7 @@ def _sample(
         human_visible=bool(trajectory.human_visible[step]),
         expert_cost=float(trajectory.expert_cost[step]),
         replanned=bool(trajectory.replanned[step]),
-        outputs=outputs,
+        outputs=picture.outputs,
         labels=_labels(renderer, motions, step, humans),
     )
 

@@ -59,6 +59,12 @@ class EpisodeGround:
         flood = GridSearch((self.human_factor.shape[0], self.human_factor.shape[1]))
         return tuple(flood.distances(self.human_factor, place) for place in self.human_places)
 
+    def holds(self, x_m: float, y_m: float) -> bool:
+        """True if a place lies in the window."""
+        i, j = self.frame.cell(x_m, y_m)
+        height, width = self.to_goal.shape
+        return 0 <= i < int(height) and 0 <= j < int(width)
+
     @property
     def obstacles(self) -> Obstacles:
         """The map for compiled callers."""
@@ -132,9 +138,7 @@ class SceneGround:
         """The window that an episode takes place in: around start and goal [m], wider if that holds no way."""
         for margin_m in _WINDOW_MARGINS_M:
             window = self._window(start_m, goal_m, margin_m)
-            i, j = window.frame.cell(*start_m)
-            inside = 0 <= i < window.to_goal.shape[0] and 0 <= j < window.to_goal.shape[1]
-            if inside and window.to_goal[i, j] < UNREACHED:
+            if window.holds(*start_m) and window.to_goal[window.frame.cell(*start_m)] < UNREACHED:
                 break
         return window
 

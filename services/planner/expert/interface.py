@@ -35,6 +35,9 @@ class Decision:
     """Cost of the plan in force; 0 without a plan."""
     visible: bool
     """True if a human is in view."""
+    commands: Float64Array
+    """This command and those that the plan in force has for the next steps: v [m/s], w [rad/s], shape (N, 2); only
+    this one where no plan has times. A view: copy it to keep it."""
     path_xy_m: Float64Array
     """What is left of the path in force [m], shape (N, 2); empty without a plan. A view: copy it to keep it."""
     perceived: tuple[PerceivedHuman, ...]
@@ -50,7 +53,7 @@ class Expert(Protocol):
         ...
 
     def act(self, simulation: EpisodeSimulation) -> Decision:
-        """Decide on the next command; call it at every step."""
+        """Decide on the next command, wherever the robot is; call it at every step. Asked again, it says the same."""
         ...
 
 

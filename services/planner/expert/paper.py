@@ -35,6 +35,7 @@ _START_GAP_M = 0.03
 _CONTACT_GAP_M = 0.03
 _STANDING_MPS = 0.1
 _OFF_PATH_M = 0.15
+_NEVER = -(1 << 20)
 
 
 class _Margin(enum.Enum):
@@ -70,14 +71,22 @@ class PaperExpert:
         self._tracks = HumanTracks(ground, self._local, paths_m, AHEAD_STEPS)
         self._tracker = PathTracker(self._local, ground.robot, ground.contact_m, config)
         self._plan: Plan | None = None
-        self._planned_at_step = -(1 << 20)
+        self._planned_at_step = _NEVER
         self._latest_factor = self._local.static_factor
+        self._decided: tuple[int, Decision] | None = None
         self.replan_times_s: list[float] = []
         """CPU time of each replan [s]."""
 
     def act(self, simulation: EpisodeSimulation) -> Decision:
         """Decide on the next command."""
+        if self._decided is None or self._decided[0] != simulation.step:
+            self._decided = simulation.step, self._decide(simulation)
+        return self._decided[1]
+
+    def _decide(self, simulation: EpisodeSimulation) -> Decision:
         pose = (simulation.x_m, simulation.y_m, simulation.yaw_rad)
+        if not self._local.holds(pose[0], pose[1]):
+            self._move_window(pose[:2])
         humans = self._tracks.observe(simulation.step, pose, simulation.human_xy_m)
         self._tracker.update(pose[0], pose[1])
         near = [human for human in humans if self._is_near_plan(human)]
@@ -94,9 +103,17 @@ class PaperExpert:
             replanned=replanned,
             cost=0.0 if self._plan is None else self._plan.cost,
             visible=any(human.seen for human in humans),
+            commands=np.array([(v, w)]),
             path_xy_m=self._tracker.path[self._tracker.progress :, :2],
             perceived=tuple(humans),
         )
+
+    def _move_window(self, here_m: tuple[float, float]) -> None:
+        """Begin anew where an episode was not expected to come."""
+        self._local = self._tracks.local = self._ground.around(here_m, self._goal_m)
+        self._tracker = PathTracker(self._local, self._ground.robot, self._ground.contact_m, self._config)
+        self._plan, self._planned_at_step = None, _NEVER
+        self._latest_factor = self._local.static_factor
 
     def _is_near_plan(self, human: PerceivedHuman) -> bool:
         if self._plan is None:

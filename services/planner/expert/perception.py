@@ -91,9 +91,11 @@ class HumanTracks:
         self._window = WINDOW_STEPS if self._curved else straight_steps
         self._tracks: dict[int, _Track] = {}
         self._before_xy_m = np.empty((0, 2))
+        self._observed_step = -1
+        self._perceived_now: list[PerceivedHuman] = []
 
     def observe(self, step: int, pose: Pose, human_xy_m: Float64Array) -> list[PerceivedHuman]:
-        """Look once; call it at every step.
+        """Look; call it at every step. A step that was observed already is not observed again.
 
         A human's pose shows where they walk: their step before the first view is known with it.
 
@@ -105,6 +107,8 @@ class HumanTracks:
         Returns:
             The humans in view, felt or known, and those that ceased to be and are remembered.
         """
+        if step == self._observed_step:
+            return self._perceived_now
         perceived = []
         for index, (x, y) in enumerate(human_xy_m.tolist()):
             seen = self._is_visible(pose, x, y)
@@ -114,6 +118,7 @@ class HumanTracks:
             if track is not None and not self._forgets(track, step, pose):
                 perceived.append(self._perceived(index, track, step, seen))
         self._before_xy_m = human_xy_m
+        self._observed_step, self._perceived_now = step, perceived
         return perceived
 
     def _is_visible(self, pose: Pose, x_m: float, y_m: float) -> bool:

@@ -22,6 +22,9 @@ Float64Array = npt.NDArray[np.float64]
 
 _STANDING_WIDTH_M = 0.02
 _START_GAP_M = 0.03
+_OFF_PLAN = 1e-3
+"""A robot that is further from where its plan has it, in metres, radians or their speeds, does not follow the plan;
+one that does is there but for rounding."""
 
 
 class SpaceTimeExpert:
@@ -51,14 +54,22 @@ class SpaceTimeExpert:
         self._plan: TimedPlan | None = None
         self._widened = False
         self._planned_at_step = 0
+        self._decided: tuple[int, Decision] | None = None
         self.replan_times_s: list[float] = []
         """CPU time of each replan [s]."""
 
     def act(self, simulation: EpisodeSimulation) -> Decision:
         """Decide on the next command."""
+        if self._decided is None or self._decided[0] != simulation.step:
+            self._decided = simulation.step, self._decide(simulation)
+        return self._decided[1]
+
+    def _decide(self, simulation: EpisodeSimulation) -> Decision:
         state = state_of(simulation)
+        if not self._local.holds(state[0], state[1]):
+            self._local = self._tracks.local = self._ground.around(state[:2], self._goal_m)
         humans = self._tracks.observe(simulation.step, state[:3], simulation.human_xy_m)
-        replanned = self._is_due(simulation.step, humans)
+        replanned = self._is_due(simulation.step, state, humans)
         if replanned:
             started_s = time.thread_time()
             self._replan(simulation.step, state, humans)
@@ -71,14 +82,17 @@ class SpaceTimeExpert:
             replanned=replanned,
             cost=0.0 if self._plan is None else self._plan.cost,
             visible=any(human.seen for human in humans),
+            commands=np.array([(v, w)]) if len(rows) < 2 else rows[1:, 3:5],
             path_xy_m=rows[:, :2],
             perceived=tuple(humans),
         )
 
-    def _is_due(self, step: int, humans: list[PerceivedHuman]) -> bool:
-        if self._plan is None:
-            return True
+    def _is_due(self, step: int, state: State, humans: list[PerceivedHuman]) -> bool:
         elapsed = step - self._planned_at_step
+        if self._plan is None or elapsed >= len(self._plan.rows):
+            return True
+        if _is_off(state, self._plan.rows[elapsed]):
+            return True
         period_s = self._config.timed_replan_s if humans else self._config.timed_idle_replan_s
         return elapsed >= len(self._plan.rows) - 1 or elapsed * DT_S >= period_s - 1e-9
 
@@ -164,3 +178,10 @@ class SpaceTimeExpert:
                 return v, w
         turn = self._local.way_out_rad(state[0], state[1], state[2], self._goal_m)
         return 0.0, 2.0 * turn
+
+
+def _is_off(state: State, row: Float64Array) -> bool:
+    """True if a robot is not where a row of a plan has it."""
+    x, y, yaw, v, w = row.tolist()
+    apart = (state[0] - x, state[1] - y, math.remainder(state[2] - yaw, math.tau), state[3] - v, state[4] - w)
+    return bool(max(map(abs, apart)) > _OFF_PLAN)

@@ -8,7 +8,7 @@ from readygo.common.bus import InProcessBus
 from readygo.common.errors import RunError
 from readygo.common.fleet import StageResult
 from readygo.common.messages import Stage
-from readygo.common.messages.stages import EXPERT_LINE
+from readygo.common.messages.stages import DRIVE_LINE, EXPERT_LINE
 from tests.common.messages.run_specs import SPEC
 
 STAGES = (
@@ -46,5 +46,7 @@ def test_run_may_leave_stages_out() -> None:
     assert _works(stages=STAGES[1:]) == [("film", b"film"), ("paint", b"paint")]
 
 
-def test_table_is_the_line_that_specs_without_stages_mean() -> None:
-    assert tuple(entry.stage for entry in LINE) == EXPERT_LINE
+def test_table_knows_every_stage_of_the_lines_once() -> None:
+    stages = [entry.stage for entry in LINE]
+    assert set(stages) == {*EXPERT_LINE, *DRIVE_LINE}
+    assert len(set(stages)) == len(stages)

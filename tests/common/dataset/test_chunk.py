@@ -7,6 +7,7 @@ import pytest
 from readygo.common.dataset import encode_episode, read_chunk, schemas
 from readygo.common.dataset.records import iter_messages
 from readygo.common.errors import DatasetError
+from readygo.common.messages import Driver, Outcome
 from tests.common.dataset.episodes import golden_episode, make_episode, make_labels
 
 GOLDEN_SHA256 = "a7395f7efdde6b4850eaa79b541a2797abbab063d2fbb797ae4f1843d68a59ba"
@@ -162,3 +163,35 @@ def test_any_flipped_byte_is_noticed() -> None:
 
 def _with_attempt(header, samples):
     return header, 1, samples
+
+
+def _with_expert(samples, count=3):
+    """Samples at which an expert was asked that drives itself."""
+    actions = [(sample.action_v_mps, sample.action_w_radps) for sample in samples]
+    return [
+        dataclasses.replace(sample, expert_commands=tuple((actions[k:] + actions[-1:] * count)[:count]))
+        for k, sample in enumerate(samples)
+    ]
+
+
+def test_experts_commands_outcome_and_driver_come_back() -> None:
+    header, samples = make_episode(0, outcome=Outcome.HUMAN_COLLISION, driver=Driver.POLICY)
+    chunk = encode_episode(header, 1, _with_expert(samples))
+    assert (chunk.outcome, chunk.driver) == (Outcome.HUMAN_COLLISION, Driver.POLICY)
+    assert tuple(chunk.outputs) == ("expert",)
+    assert len(chunk.outputs["expert"]) == len(samples)
+
+
+def test_episode_without_the_experts_commands_is_its_success() -> None:
+    header, samples = make_episode(0)
+    plain = encode_episode(header, 1, samples)
+    assert (plain.outcome, plain.driver) == (Outcome.SUCCESS, Driver.EXPERT)
+    assert "expert" not in plain.outputs
+
+
+def test_episode_with_different_numbers_of_experts_commands_is_refused() -> None:
+    header, samples = make_episode(0)
+    mixed = _with_expert(samples)
+    mixed[2] = samples[2]
+    with pytest.raises(DatasetError, match="3 commands of the expert at sample 0, but 0 at sample 2"):
+        encode_episode(header, 1, mixed)

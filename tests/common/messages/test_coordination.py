@@ -13,6 +13,7 @@ from readygo.common.messages import (
     ControlRequest,
     EpisodeKey,
     FileRef,
+    PolicyRef,
     RunSpec,
     Split,
     StatusReply,
@@ -100,3 +101,15 @@ def test_line_that_is_none_is_refused() -> None:
 def test_counts_of_kept_episodes_travel_where_there_are_any() -> None:
     assert b"kept" not in encode(_status())
     assert decode(StatusReply, encode(_status(kept={"timeout": 2}))).kept == {"timeout": 2}
+
+
+def test_policy_travels_with_the_spec_where_there_is_one() -> None:
+    assert b"policy" not in encode(_spec())
+    policy = PolicyRef(path="p", files=(FileRef(path="policy.toml", sha256="0" * 64, size=3),), mix=0.5)
+    assert decode(RunSpec, encode(_spec(policy=policy))).policy == policy
+
+
+@pytest.mark.parametrize("mix", [-0.01, 1.01, float("nan")])
+def test_mix_is_a_share(mix: float) -> None:
+    with pytest.raises(ValueError, match=r"mix must be 0\.\.1"):
+        PolicyRef(path="p", files=(), mix=mix)

@@ -3,7 +3,7 @@ import zlib
 
 import pytest
 
-from readygo.common.messages import EpisodeHeader, Sample, sample_crc32
+from readygo.common.messages import Driver, EpisodeHeader, Outcome, Sample, decode, encode, sample_crc32
 from tests.common.dataset.episodes import make_episode, make_header
 
 
@@ -61,3 +61,13 @@ def test_distortion_that_viewers_would_not_understand_is_refused(model: str, cou
 def test_header_is_a_pinhole_camera_by_default() -> None:
     header: EpisodeHeader = make_header(0, 1)
     assert (header.distortion_model, header.distortion) == ("", ())
+
+
+def test_advice_outcome_and_driver_travel_where_they_say_something_new(sample: Sample) -> None:
+    plain = make_header(0, 3)
+    assert not any(name in encode(plain) for name in (b"outcome", b"driver"))
+    assert b"expert_commands" not in encode(sample)
+    failed = dataclasses.replace(plain, outcome=Outcome.HUMAN_COLLISION, driver=Driver.POLICY)
+    assert decode(EpisodeHeader, encode(failed)) == failed
+    advised = dataclasses.replace(sample, expert_commands=((0.5, 0.0), (0.55, 0.1)))
+    assert decode(Sample, encode(advised)).expert_commands == advised.expert_commands

@@ -2,7 +2,7 @@ import dataclasses
 
 import pytest
 
-from readygo.common.messages.stages import EXPERT_LINE, RENDER, ROBOT_PLAN, OnRejection, Stage, check_stages
+from readygo.common.messages.stages import DRIVE_LINE, EXPERT_LINE, RENDER, ROBOT_PLAN, OnRejection, Stage, check_stages
 
 FIRST = Stage(name="a", role="r")
 LAST = Stage(name="z", role="r", needs=("a",), records=True)
@@ -10,6 +10,7 @@ LAST = Stage(name="z", role="r", needs=("a",), records=True)
 
 def test_lines_of_any_length_are_lines() -> None:
     check_stages(EXPERT_LINE)
+    check_stages(DRIVE_LINE)
     check_stages((FIRST, LAST))
     check_stages((dataclasses.replace(LAST, needs=()),))
 

@@ -138,3 +138,14 @@ def test_somebody_on_the_robots_way_may_follow_it():
     assert chances[1] > chances[0]
     assert np.hypot(*(walks_m[1, 20] - path[11 + 21])) < 0.25
     assert len(_tracks(path, route_weight=0.0).observe(0, POSE, path[:1])[0].find_walks()[0]) == 1
+
+
+@pytest.mark.parametrize("mode", ["paper", "spacetime"])
+def test_step_that_was_observed_already_changes_nothing(mode):
+    once, twice = _tracks(mode=mode), _tracks(mode=mode)
+    for step in range(20):
+        (one,) = once.observe(step, POSE, _walk(step))
+        twice.observe(step, POSE, _walk(step))
+        (two,) = twice.observe(step, POSE, _walk(step))
+        assert (one.vx_mps, one.vy_mps) == (two.vx_mps, two.vy_mps)
+    assert one.vx_mps == pytest.approx(1.0)

@@ -1,4 +1,7 @@
+import math
+
 import numpy as np
+import pytest
 
 from readygo.services.planner.explain.journal import run_with_journal
 from tests.services.planner.runs import make_scenario
@@ -33,3 +36,63 @@ def test_who_comes_across_is_let_pass_or_passed_and_never_touched():
         driven = run(track)
         assert driven.trajectory.outcome.value == "success"
         assert driven.trajectory.human_distance_m.min() > 0.53
+
+
+WALKER = [(0.5, 7.0 - 0.05 * k) for k in range(110)]
+
+
+def _pushed_run(config, times_asked):
+    """Decisions at the states of a robot that somebody else drives, and the simulation's end."""
+    scenario = make_scenario(WALKER)
+    planner = make_robot_planner(**config)
+    expert, simulation = planner.expert(scenario, animate(scenario)), planner.simulation(scenario, animate(scenario))
+    made = []
+    while simulation.outcome is None and simulation.step < 60:
+        for _ in range(times_asked):
+            decision = expert.act(simulation)
+        made.append(decision)
+        simulation.advance(0.6, 1.0 if simulation.step % 20 < 10 else -1.0)
+    return made
+
+
+@pytest.mark.parametrize("config", [{}, {"mode": "paper"}])
+def test_expert_that_is_asked_twice_says_what_it_says_when_asked_once(config):
+    once, twice = _pushed_run(config, 1), _pushed_run(config, 2)
+    assert len(once) > 20
+    for one, two in zip(once, twice, strict=True):
+        assert (one.v_mps, one.w_radps, one.replanned, one.visible) == (
+            two.v_mps,
+            two.w_radps,
+            two.replanned,
+            two.visible,
+        )
+        assert np.array_equal(one.commands, two.commands)
+
+
+def test_robot_that_leaves_its_plan_is_planned_for_where_it_is():
+    made = _pushed_run({}, 1)
+    assert sum(decision.replanned for decision in made) > 0.8 * len(made)
+    x_m, y_m = zip(*(decision.path_xy_m[0] for decision in made if len(decision.path_xy_m)), strict=True)
+    speeds_mps = np.hypot(np.diff(x_m), np.diff(y_m)) / 0.05
+    # Plans begin where the robot is, which drives at 0.6 m/s.
+    assert speeds_mps[15:].tolist() == pytest.approx([0.6] * len(speeds_mps[15:]), abs=0.01)
+
+
+def test_first_of_the_commands_is_the_one_that_is_decided():
+    for decision in _pushed_run({}, 1):
+        assert decision.commands[0].tolist() == [decision.v_mps, decision.w_radps]
+    assert max(len(decision.commands) for decision in _pushed_run({}, 1)) > 20
+
+
+@pytest.mark.parametrize("config", [{}, {"mode": "paper"}])
+def test_expert_answers_beyond_the_window_that_it_began_in(config, monkeypatch):
+    monkeypatch.setattr("readygo.services.planner.expert.ground._WINDOW_MARGINS_M", (0.5, math.inf))
+    scenario = make_scenario()
+    planner = make_robot_planner(**config)
+    expert, simulation = planner.expert(scenario, animate(scenario)), planner.simulation(scenario, animate(scenario))
+    expert.act(simulation)
+    simulation.step, simulation.x_m, simulation.y_m = 1, 6.1, 10.5
+    there = expert.act(simulation)
+    assert there.replanned
+    assert len(there.path_xy_m) > 5
+    assert np.hypot(*(there.path_xy_m[0] - (6.1, 10.5))) < 0.1

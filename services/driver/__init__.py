@@ -1,0 +1,5 @@
+"""The driver: lets a policy or the expert drive, and asks the expert at every state what it would do."""
+
+from readygo.services.driver.handlers import AHEAD_STEPS, Advice, Camera, Drive, Expert, PolicyDriver, drive, driver_of
+
+__all__ = ["AHEAD_STEPS", "Advice", "Camera", "Drive", "Expert", "PolicyDriver", "drive", "driver_of"]

@@ -1,0 +1,148 @@
+"""Closed loops that are recorded whoever drives and however they end, with what the expert would do at every state.
+
+Expert and camera are protocols: who puts a driver together says what stands behind them.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.episode import EpisodeSimulation
+from readygo.common.episode.streams import Purpose, episode_rng
+from readygo.common.messages import Driver, EpisodeKey, RobotTrajectory
+from readygo.common.policy import Policy
+from readygo.common.robot import limit_command
+from readygo.common.robot.kinematics import whole_steps
+
+AHEAD_STEPS = 20
+"""Commands of the expert that are recorded beyond the one of now: 1 s."""
+Commands = tuple[tuple[float, float], ...]
+"""v [m/s], w [rad/s] over the next 0.05 s and over every further 0.05 s."""
+
+
+class Advice(Protocol):
+    """What an expert would do at a state, and what it knows there."""
+
+    @property
+    def commands(self) -> npt.NDArray[np.float64]:
+        """Commands for the next steps: v [m/s], w [rad/s], shape (N, 2), N >= 1; the last one is held."""
+        ...
+
+    @property
+    def replanned(self) -> bool:
+        """True if it planned anew."""
+        ...
+
+    @property
+    def cost(self) -> float:
+        """Cost of its plan."""
+        ...
+
+    @property
+    def visible(self) -> bool:
+        """True if a human is in view."""
+        ...
+
+
+class Expert(Protocol):
+    """Knows what to do at every state of one episode."""
+
+    @property
+    def replan_times_s(self) -> Sequence[float]:
+        """CPU time of each replan so far [s]."""
+        ...
+
+    def act(self, simulation: EpisodeSimulation) -> Advice:
+        """Advice for the simulation's present state; asked again at the same step, it is the same."""
+        ...
+
+
+class Camera(Protocol):
+    """The robot's camera in one episode."""
+
+    def take(self) -> npt.NDArray[np.uint8]:
+        """The picture at the present step, sRGB, shape (H, W, 3)."""
+        ...
+
+
+class PolicyDriver:
+    """A policy in one episode: it sees every picture as late as the robot's camera is."""
+
+    def __init__(self, policy: Policy, latency_s: float) -> None:
+        """Begin an episode.
+
+        Args:
+            policy: Who drives.
+            latency_s: Time from a picture until the policy has it [s].
+        """
+        self._policy, self._memory = policy, policy.start()
+        self._pictures: deque[npt.NDArray[np.uint8]] = deque(maxlen=whole_steps(latency_s) + 1)
+
+    def command(self, simulation: EpisodeSimulation, picture: npt.NDArray[np.uint8]) -> tuple[float, float]:
+        """Command v [m/s], w [rad/s] for the next step, after the picture of the present one."""
+        self._pictures.append(picture)
+        previous = np.array([(simulation.v_mps, simulation.w_radps)], dtype=np.float32)
+        goal = np.array([simulation.goal_xy_robot_m], dtype=np.float32)
+        v, w = self._policy.step([self._memory], self._pictures[0][None], previous, goal)[0].tolist()
+        return v, w
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Drive:
+    """One episode, driven."""
+
+    trajectory: RobotTrajectory
+    expert_commands: tuple[Commands, ...]
+    """What the expert would have had the robot execute from each step on; 1 + AHEAD_STEPS commands each."""
+
+
+def driver_of(episode: EpisodeKey, mix: float) -> Driver:
+    """Who drives an episode of a run in which a policy drives the share `mix`: drawn from a stream of its own."""
+    return Driver.POLICY if episode_rng(episode, Purpose.DRIVER).random() < mix else Driver.EXPERT
+
+
+def drive(simulation: EpisodeSimulation, expert: Expert, camera: Camera, policy: PolicyDriver | None = None) -> Drive:
+    """Drive an episode to its end; at every step a picture is taken and the expert asked.
+
+    Args:
+        simulation: The episode at its start.
+        expert: Is asked, and drives if there is no policy.
+        camera: Takes the pictures.
+        policy: Drives if it is there.
+    """
+    asked: list[Advice] = []
+    would: list[Commands] = []
+    while simulation.outcome is None:
+        picture = camera.take()
+        advice = expert.act(simulation)
+        asked.append(advice)
+        would.append(executable(advice.commands, simulation))
+        v, w = would[-1][0] if policy is None else policy.command(simulation, picture)
+        simulation.advance(v, w)
+    trajectory = simulation.trajectory(
+        human_visible=[advice.visible for advice in asked],
+        replanned=[advice.replanned for advice in asked],
+        expert_cost=[advice.cost for advice in asked],
+        replan_times_s=expert.replan_times_s,
+    )
+    return Drive(trajectory=trajectory, expert_commands=tuple(would))
+
+
+def executable(commands: npt.NDArray[np.float64], simulation: EpisodeSimulation) -> Commands:
+    """What the robot would make of commands from its present state on, as many as are recorded.
+
+    Args:
+        commands: v [m/s], w [rad/s], shape (N, 2); the last one is held.
+        simulation: The robot's state.
+    """
+    v, w = simulation.v_mps, simulation.w_radps
+    executed = []
+    for step in range(1 + AHEAD_STEPS):
+        wanted_v, wanted_w = commands[min(step, len(commands) - 1)].tolist()
+        v, w = limit_command(wanted_v, wanted_w, v, w, simulation.robot)
+        executed.append((v, w))
+    return tuple(executed)

@@ -1,0 +1,43 @@
+"""The pictures of an episode while it is driven."""
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.episode import EpisodeSimulation
+from readygo.services.renderer.capture import Shot
+from readygo.services.renderer.handlers import Picture, Renderer, encode_picture, episode_camera
+from readygo.services.renderer.sensor.motion import Timeline
+
+
+class LiveCamera:
+    """Takes the pictures of one episode step by step: those that `episode_samples` draws of the finished trajectory."""
+
+    def __init__(self, renderer: Renderer, simulation: EpisodeSimulation) -> None:
+        """Put the camera onto the robot.
+
+        Args:
+            renderer: Scene, avatars and camera.
+            simulation: The episode at its start.
+
+        Raises:
+            AvatarError: If a human wears an avatar that is not loaded.
+        """
+        renderer.check_avatars(simulation.motions.humans)
+        self._renderer, self._simulation = renderer, simulation
+        self._camera = episode_camera(renderer, simulation.scenario)
+        self.pictures: list[Picture] = []
+        """What was taken so far, as it is recorded."""
+
+    def take(self) -> npt.NDArray[np.uint8]:
+        """The picture at the simulation's present step, sRGB, shape (H, W, 3); call it once at every step."""
+        renderer, step = self._renderer, self._simulation.step
+        timeline = Timeline(
+            xyyaw=self._simulation.path_xyyaw(0, step),
+            humans=self._simulation.motions.humans,
+            floor=renderer.scene.maps.floor,
+            camera=renderer.robot.camera,
+        )
+        shot = Shot(camera=self._camera, moment_at=timeline.at, step=step)
+        (images,) = renderer.capture.take((shot,), renderer.config.outputs)
+        self.pictures.append(encode_picture(images, renderer.config))
+        return images.rgb

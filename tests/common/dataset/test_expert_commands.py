@@ -1,0 +1,125 @@
+"""Shards with what the expert would do: read, indexed and checked."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from readygo.common.dataset import Dataset, ShardWriter, encode_episode, schemas, shard_name, validate
+from readygo.common.dataset.index import index_path, load_index, read_index
+from readygo.common.errors import DatasetError
+from readygo.common.messages import Driver, Outcome
+from tests.common.dataset.episodes import PROVENANCE, make_episode, write_shard
+from tests.common.dataset.forge import rewrite
+
+ENDINGS = {0: (Outcome.STATIC_COLLISION, Driver.POLICY), 1: (Outcome.SUCCESS, Driver.EXPERT)}
+AHEAD = 4
+
+
+def _write(folder: Path, ahead: int = AHEAD, number: int = 0, first: int = 0) -> Path:
+    folder.mkdir(exist_ok=True)
+    path = folder / shard_name("r0", number)
+    with ShardWriter(path, PROVENANCE, outputs=("expert",), fsync=False) as writer:
+        for index, (outcome, driver) in ENDINGS.items():
+            header, samples = make_episode(first + index, outcome=outcome, driver=driver)
+            asked = [
+                # The robot could go on as it does.
+                dataclasses.replace(s, expert_commands=((s.action_v_mps, s.action_w_radps),) * (1 + ahead))
+                for s in samples
+            ]
+            writer.append(encode_episode(header, 1, asked))
+    return path
+
+
+def test_dataset_gives_commands_and_endings(tmp_path: Path) -> None:
+    _write(tmp_path)
+    data = Dataset(tmp_path)
+    assert data.has_expert
+    assert (data.outputs, data.labels) == (("rgb",), ())
+    assert np.array_equal(data.expert_actions, data.actions)
+    assert data.expert_ahead.shape == (len(data), AHEAD, 2)
+    assert np.array_equal(data.expert_ahead[:, 2], data.actions)
+    assert [(entry.outcome, entry.driver) for entry in data.episodes] == [*ENDINGS.values()]
+
+
+def test_shards_without_an_expert_are_successes_of_the_expert_and_say_how_to_get_commands(tmp_path: Path) -> None:
+    write_shard(tmp_path, [0])
+    data = Dataset(tmp_path)
+    assert not data.has_expert
+    assert (data.episodes[0].outcome, data.episodes[0].driver) == (Outcome.SUCCESS, Driver.EXPERT)
+    with pytest.raises(DatasetError, match="no commands of the expert; record with `readygo generate --policy`"):
+        _ = data.expert_actions
+
+
+def test_commands_that_reach_differently_far_are_not_mixed(tmp_path: Path) -> None:
+    _write(tmp_path)
+    _write(tmp_path, ahead=2, number=1, first=5)
+    with pytest.raises(DatasetError, match="reach differently far ahead"):
+        _ = Dataset(tmp_path).expert_ahead
+
+
+def test_index_keeps_endings_and_is_the_one_made_of_the_shard(tmp_path: Path) -> None:
+    shard = _write(tmp_path)
+    stored = read_index(index_path(shard))
+    assert stored is not None
+    index_path(shard).unlink()
+    again = load_index(shard)
+    assert stored.equals(again)
+    assert [again.ending(row) for row in (0, 1)] == [*ENDINGS.values()]
+    usual = dataclasses.replace(again, endings=again.endings[[1, 1]])
+    assert not usual.equals(again)
+
+
+def test_index_of_the_experts_successes_has_no_further_array(tmp_path: Path) -> None:
+    shard = write_shard(tmp_path, [0])
+    with np.load(index_path(shard)) as arrays:
+        assert set(arrays.files) == {"header", "episodes", "samples"}
+
+
+def test_failed_episode_of_a_policy_is_sound(tmp_path: Path) -> None:
+    _write(tmp_path)
+    assert validate(tmp_path).ok
+
+
+def _beyond_reach(message) -> None:
+    message.v_mps[2] += 0.5
+
+
+def _not_finite(message) -> None:
+    message.w_radps[0] = np.nan
+
+
+def _too_few(message) -> None:
+    del message.v_mps[-1], message.w_radps[-1]
+
+
+def _uneven(message) -> None:
+    del message.v_mps[-1]
+
+
+@pytest.mark.parametrize("damage", [_beyond_reach, _not_finite, _too_few, _uneven])
+def test_commands_that_no_robot_could_execute_are_found(tmp_path: Path, damage) -> None:
+    shard = _write(tmp_path)
+
+    def change(records):
+        channel = schemas.EXPERT_CHANNELS["expert"]
+        damage(next(record for record in records if record.channel is channel and record.sequence == 4).message)
+        return records
+
+    rewrite(shard, change)
+    found = [str(defect) for defect in validate(tmp_path).defects]
+    assert found
+    assert all("action: " in text and "could not do what the expert would at samples 4" in text for text in found)
+
+
+def test_unknown_outcome_is_found(tmp_path: Path) -> None:
+    shard = _write(tmp_path)
+
+    def change(records):
+        channel = schemas.EXPERT_CHANNELS["expert"]
+        next(record for record in records if record.channel is channel).message.outcome = "bliss"
+        return records
+
+    rewrite(shard, change)
+    assert any("the end of an episode cannot be read: 'bliss'" in str(defect) for defect in validate(tmp_path).defects)

@@ -1,0 +1,131 @@
+from collections.abc import Callable
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from readygo.common.episode import EpisodeConfig, EpisodeSimulation
+from readygo.common.maps import GridFrame, OccupancyMap
+from readygo.common.messages import Driver, EpisodeKey, EpisodeMotions, Outcome, Scenario, Split
+from readygo.common.robot import RobotConfig
+from readygo.services.driver import AHEAD_STEPS, PolicyDriver, drive, driver_of
+
+START_X_M = 2.0
+
+
+class _Expert:
+    """Wants to go ahead at full speed, then to turn."""
+
+    def __init__(self) -> None:
+        self.replan_times_s: list[float] = []
+        self.asked_at: list[int] = []
+
+    def act(self, simulation: EpisodeSimulation) -> SimpleNamespace:
+        self.asked_at.append(simulation.step)
+        commands = np.array([(1.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
+        return SimpleNamespace(commands=commands, replanned=simulation.step == 1, cost=2.5, visible=False)
+
+
+class _Camera:
+    """Pictures whose value is the step."""
+
+    def __init__(self, simulation: EpisodeSimulation) -> None:
+        self._simulation = simulation
+        self.taken: list[int] = []
+
+    def take(self) -> np.ndarray:
+        self.taken.append(self._simulation.step)
+        return np.full((2, 2, 3), self._simulation.step, np.uint8)
+
+
+class _Policy:
+    """Turns on the spot, and notes what it is given."""
+
+    def __init__(self) -> None:
+        self.given: list[tuple[int, tuple[float, float]]] = []
+
+    def start(self) -> str:
+        return "memory"
+
+    def step(self, memories: list[str], images: np.ndarray, previous: np.ndarray, goals: np.ndarray) -> np.ndarray:
+        self.given.append((int(images[0, 0, 0, 0]), tuple(previous[0].tolist())))
+        return np.array([[0.0, 9.0]], np.float32)
+
+
+@pytest.fixture
+def make_simulation() -> Callable[..., EpisodeSimulation]:
+    def make(goal_x_m: float = 4.0, time_limit_s: float = 50.0) -> EpisodeSimulation:
+        occupied = np.zeros((60, 120), np.bool_)
+        occupied[[0, -1]] = occupied[:, [0, -1]] = True
+        occupied[:, 80] = True
+        frame = GridFrame(origin_x_m=0.0, origin_y_m=0.0, resolution_m=0.1)
+        scenario = Scenario(
+            episode=EpisodeKey(seed=0, split=Split.TRAIN, index=0),
+            start_xyyaw=np.array([START_X_M, 3.0, 0.0]),
+            goal_xy_m=np.array([goal_x_m, 3.0]),
+            humans=(),
+        )
+        robot_map = OccupancyMap(frame=frame, occupied=occupied)
+        config = EpisodeConfig(time_limit_s=time_limit_s)
+        return EpisodeSimulation(scenario, EpisodeMotions(humans=()), robot_map, RobotConfig(), config)
+
+    return make
+
+
+def test_expert_that_drives_does_what_it_says(make_simulation: Callable[..., EpisodeSimulation]) -> None:
+    simulation, expert = make_simulation(), _Expert()
+    camera = _Camera(simulation)
+    driven = drive(simulation, expert, camera)
+    steps = list(range(len(driven.trajectory.actions)))
+    assert driven.trajectory.outcome is Outcome.SUCCESS
+    assert camera.taken == expert.asked_at == steps
+    assert [commands[0] for commands in driven.expert_commands] == [*map(tuple, driven.trajectory.actions.tolist())]
+    assert driven.trajectory.replanned.tolist() == [step == 1 for step in steps]
+    assert driven.trajectory.expert_cost[0] == 2.5
+
+
+def test_what_the_expert_goes_on_with_is_within_the_robots_reach(
+    make_simulation: Callable[..., EpisodeSimulation],
+) -> None:
+    simulation = make_simulation()
+    robot = simulation.robot
+    first = np.array(drive(simulation, _Expert(), _Camera(simulation)).expert_commands[0])
+    assert first.shape == (1 + AHEAD_STEPS, 2)
+    changes = np.abs(np.diff(np.vstack([[0.0, 0.0], first]), axis=0))
+    assert changes[:, 0].max() <= robot.a_max_mps2 * 0.05 + 1e-9
+    assert changes[:, 1].max() <= robot.alpha_max_radps2 * 0.05 + 1e-9
+    # Two steps ahead, then the turn that the last command holds.
+    assert first[1, 0] > first[0, 0] > 0.0
+    assert tuple(first[-1]) == (0.0, 1.0)
+
+
+def test_collision_is_kept_with_the_advice_before_it(make_simulation: Callable[..., EpisodeSimulation]) -> None:
+    simulation = make_simulation(goal_x_m=11.0)
+    driven = drive(simulation, _Expert(), _Camera(simulation))
+    assert driven.trajectory.outcome is Outcome.STATIC_COLLISION
+    assert len(driven.expert_commands) == len(driven.trajectory.actions) > 20
+
+
+def test_policy_drives_and_the_expert_is_asked_all_the_same(make_simulation: Callable[..., EpisodeSimulation]) -> None:
+    simulation, expert, policy = make_simulation(time_limit_s=1.0), _Expert(), _Policy()
+    driven = drive(simulation, expert, _Camera(simulation), PolicyDriver(policy, latency_s=0.1))
+    assert driven.trajectory.outcome is Outcome.TIMEOUT
+    assert expert.asked_at == list(range(20))
+    assert not driven.trajectory.actions[:, 0].any()
+    assert driven.expert_commands[5][0][0] > 0.0
+    # Pictures are two steps late, and the first one stands in until there is one so old.
+    assert [picture for picture, _ in policy.given[:5]] == [0, 0, 0, 1, 2]
+    assert [previous for _, previous in policy.given[1:]] == [
+        tuple(np.float32(row).tolist()) for row in driven.trajectory.actions[:-1]
+    ]
+
+
+def test_share_of_the_policys_episodes_is_the_mix_and_depends_on_the_key_alone() -> None:
+    keys = [EpisodeKey(seed=1, split=Split.TRAIN, index=index) for index in range(400)]
+    drivers = [driver_of(key, 0.25) for key in keys]
+    assert 70 <= drivers.count(Driver.POLICY) <= 130
+    assert drivers == [driver_of(key, 0.25) for key in keys]
+    assert {driver_of(key, 0.0) for key in keys} == {Driver.EXPERT}
+    assert {driver_of(key, 1.0) for key in keys} == {Driver.POLICY}
+    of_the_smaller = [key for key, driver in zip(keys, drivers, strict=True) if driver is Driver.POLICY]
+    assert {driver_of(key, 0.5) for key in of_the_smaller} == {Driver.POLICY}
