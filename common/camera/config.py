@@ -62,24 +62,35 @@ class CameraConfig:
     """
 
     height_px: int = 144
+    """Image height."""
     width_px: int = 256
+    """Image width."""
     horizontal_fov_deg: float | None = None
     """What the image spans between the middles of its left and right edges, with every lens: the focal length follows
     from it. 100 if no intrinsics are given either."""
     fx_px: float | None = None
-    """Focal lengths and principal point, pixel centres at +0.5: all four, in place of `horizontal_fov_deg`."""
+    """Focal length along rows; with the next three, in place of `horizontal_fov_deg`."""
     fy_px: float | None = None
+    """Focal length along columns."""
     cx_px: float | None = None
+    """Principal point from the left edge, pixel centres at +0.5."""
     cy_px: float | None = None
+    """Principal point from the upper edge, pixel centres at +0.5."""
     distortion: Distortion = "none"
     """Lens: pinhole, Brown-Conrady (k1, k2, k3 radial, p1, p2 tangential) or equidistant fisheye (k1 to k4), with
     OpenCV's meaning of the coefficients."""
     k1: float = 0.0
+    """Radial coefficient of s^2."""
     k2: float = 0.0
+    """Radial coefficient of s^4."""
     k3: float = 0.0
+    """Radial coefficient of s^6."""
     k4: float = 0.0
+    """Radial coefficient of s^8."""
     p1: float = 0.0
+    """Tangential coefficient."""
     p2: float = 0.0
+    """Tangential coefficient."""
     mount_x_m: float = 0.0
     """Ahead of the robot's centre [m]."""
     mount_y_m: float = 0.0
@@ -93,6 +104,7 @@ class CameraConfig:
     red_gain: float = 1.0
     """White balance: factor on red; green's is 1."""
     blue_gain: float = 1.0
+    """White balance: factor on blue."""
     vignetting: float = 0.0
     """Share of the light that is lost in the corners; it grows with the square of the distance from the centre."""
     shot_noise: float = 0.0
@@ -175,12 +187,25 @@ class CameraConfig:
         return np.array([[focal_px, 0.0, self.width_px / 2], [0.0, focal_px, self.height_px / 2], [0.0, 0.0, 1.0]])
 
     def place_m(self, x_m: float, y_m: float, yaw_rad: float) -> tuple[float, float]:
-        """Where the camera of a robot at (x, y, yaw) is, seen from above [m]."""
+        """Where a robot's camera is, seen from above [m].
+
+        Args:
+            x_m: The robot's centre in the world [m].
+            y_m: As `x_m`.
+            yaw_rad: Its heading from the world's x axis to the left [rad].
+        """
         c, s = math.cos(yaw_rad), math.sin(yaw_rad)
         return x_m + c * self.mount_x_m - s * self.mount_y_m, y_m + s * self.mount_x_m + c * self.mount_y_m
 
     def T_world_camera(self, x_m: float, y_m: float, yaw_rad: float, floor_m: float) -> npt.NDArray[np.float64]:
-        """Camera pose (OpenCV axes) of a robot at (x, y, yaw) on a floor of height `floor_m`, shape (4, 4)."""
+        """Pose of the camera of a robot on the floor, OpenCV axes, shape (4, 4).
+
+        Args:
+            x_m: The robot's centre in the world [m].
+            y_m: As `x_m`.
+            yaw_rad: Its heading from the world's x axis to the left [rad].
+            floor_m: Height of the floor below it [m].
+        """
         c, s = math.cos(yaw_rad), math.sin(yaw_rad)
         pitch_rad = math.radians(self.mount_pitch_deg)
         level, down = math.cos(pitch_rad), math.sin(pitch_rad)

@@ -31,7 +31,11 @@ class PosedHuman:
     """Joint rotations [rad] as in `Motion`, shape (24, 3)."""
 
     def equals(self, other: "PosedHuman") -> bool:
-        """True if both are the same human in the same pose."""
+        """True if both are the same human in the same pose.
+
+        Args:
+            other: Another one.
+        """
         return (
             self.avatar == other.avatar
             and np.array_equal(self.root_m, other.root_m)

@@ -124,6 +124,7 @@ def test_error_of_the_system_that_names_no_file_is_a_bug() -> None:
 def test_ctrl_c_while_modules_load_is_one_line() -> None:
     code = """
         import os, signal, sys
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         class Interrupt:
             def find_spec(self, name, path=None, target=None):
                 if name == "tyro":

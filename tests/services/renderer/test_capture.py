@@ -278,7 +278,7 @@ def test_camera_that_is_mounted_elsewhere_sees_from_there(renderer: Renderer, ep
     T = renderer.robot.camera.T_world_camera(0.2, -0.1, 0.0, renderer.scene.maps.floor.at(0.0, 0.0) + 0.2)
     pitch = np.radians(20.0)
     T[:3, 1:3] = T[:3, 1:3] @ [[np.cos(pitch), np.sin(pitch)], [-np.sin(pitch), np.cos(pitch)]]
-    assert np.array_equal(_decoded(sample.image), renderer.drawing.draw(T, (), 0))
+    assert np.array_equal(_decoded(sample.image), drawn(renderer.drawing, T, (), 0).rgb)
 
 
 def test_views_have_noise_of_their_humans_and_step_and_no_blur(phone: Renderer, human: HumanMotion) -> None:

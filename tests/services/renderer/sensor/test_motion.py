@@ -15,7 +15,8 @@ def test_robot_drives_the_unicycles_arc_between_rows(x: float, v: float, w: floa
     first = np.array([x, 0.4, yaw])
     last = np.array(step_unicycle(*first, v, w))
     expected = step_unicycle(*first, v, w, 0.05 * share)
-    assert arc(first, last, share) == pytest.approx(expected, abs=1e-9)
+    # The ends of arcs of many kilometres cancel.
+    assert arc(first, last, share) == pytest.approx(expected, abs=1e-9 if abs(w) > 1e-6 else 1e-6)
 
 
 def human(count: int = 3) -> HumanMotion:
