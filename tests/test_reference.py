@@ -89,7 +89,7 @@ def _shown(cls: object) -> Iterator[object]:
 
 
 def _is_of_dataclass(function: object) -> bool:
-    """True for a constructor whose arguments are a dataclass' fields or an enum's values, or that a protocol has not."""
+    """True for a constructor of a dataclass' fields or an enum's values, or that a protocol has not."""
     cls = vars(readygo).get(function.qualname.split(".")[0])
     made = hasattr(cls, "__dataclass_fields__") or (inspect.isclass(cls) and issubclass(cls, enum.Enum))
     made = made or getattr(cls, "_is_protocol", False)
