@@ -29,7 +29,7 @@ from readygo.common.messages import (
 from readygo.common.messages.stages import ANIMATE, DRIVE, HUMAN_PLAN, RENDER, ROBOT_PLAN
 from readygo.common.rasterizer.warm import warm as warm_rasterizer
 from readygo.services.animator import handle_animate
-from readygo.services.driver import Disturbance, PolicyDriver, disturbs, drive, driver_of
+from readygo.services.driver import Disturbance, PolicyDriver, RiskMap, disturbs, drive, driver_of
 from readygo.services.planner import handle_human_plan, handle_robot_plan
 from readygo.services.renderer import LiveCamera, described_samples, episode_header, episode_samples
 
@@ -116,6 +116,7 @@ def _render(world: World, bus: Bus) -> Work:
 def _drive(world: World, bus: Bus) -> Work:
     warm_rasterizer()
     renderer, planner, config = world.renderer(), world.robot_planner, world.config
+    weigher = RiskMap(planner.maps.robot)
     own = world.spec.policy if world.spec.policy and world.spec.policy.files else None
     if own:
         # What is wrong with it is said before any work is claimed.
@@ -132,7 +133,7 @@ def _drive(world: World, bus: Bus) -> Work:
             policy = PolicyDriver(world.policy(ref), config.robot.camera.latency_s)
         elif disturbs(episode, config.driver.disturbed):
             disturbance = Disturbance(episode, config.driver, config.robot)
-        driven = drive(simulation, planner.expert(scenario, motions), camera, policy, disturbance)
+        driven = drive(simulation, planner.expert(scenario, motions), camera, weigher, policy, disturbance)
         offered = claim.policy.sha256 if claim.policy and policy else ""
         header = dataclasses.replace(
             episode_header(renderer, scenario, driven.trajectory, driver),
@@ -140,8 +141,8 @@ def _drive(world: World, bus: Bus) -> Work:
         )
         seen = described_samples(renderer, scenario, motions, driven.trajectory, camera.pictures)
         samples = (
-            dataclasses.replace(sample, expert_commands=commands)
-            for sample, commands in zip(seen, driven.expert_commands, strict=True)
+            dataclasses.replace(sample, expert_commands=commands, risks=risks)
+            for sample, commands, risks in zip(seen, driven.expert_commands, driven.risks, strict=True)
         )
         append_episode(bus, claim, header, samples)
 

@@ -176,6 +176,7 @@ def _sample(chunk: EpisodeChunk, messages: Messages, seq: int) -> Sample:
         outputs=outputs,
         labels=_labels(messages, seq) if "joints" in chunk.outputs else (),
         expert_commands=tuple(zip(asked[seq].v_mps, asked[seq].w_radps, strict=True)) if asked else (),
+        risks=asked[seq].risks if asked else b"",
     )
 
 

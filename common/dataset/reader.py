@@ -26,6 +26,7 @@ from readygo.common.messages.plan import Driver, Outcome
 from readygo.common.messages.samples import DISTORTION_MODELS
 from readygo.common.policy.windows import spacing_steps_of, window_rows
 from readygo.common.robot import RobotConfig
+from readygo.common.robot.command_grid import COMMAND_COUNT
 
 _CALIBRATION = ("height_px", "width_px", "K_px", "distortion_model", "distortion")
 OPEN_SHARDS_MAX = 128
@@ -150,6 +151,31 @@ class Dataset:
             DatasetError: If it was not asked at every sample.
         """
         return self._expert_commands[:, 1:]
+
+    @cached_property
+    def risks(self) -> npt.NDArray[np.uint8]:
+        """What would have become of the robot under each command of `readygo.common.robot.command_grid`, shape (S, C).
+
+        0 nothing, 1 a collision with an obstacle, 2 one with a human.
+
+        Raises:
+            DatasetError: If nobody looked at every sample.
+        """
+        if not self.has_risks:
+            raise DatasetError(
+                f"The samples of {self.shards[0].parent} have no risks of commands; record with this version and "
+                "`readygo generate --policy` or --disturb."
+            )
+        return np.frombuffer(b"".join(self._risk_rows), np.uint8).reshape(len(self), COMMAND_COUNT)
+
+    @cached_property
+    def has_risks(self) -> bool:
+        """True if every sample says what each command would have led to."""
+        return self.has_expert and all(len(row) == COMMAND_COUNT for row in self._risk_rows)
+
+    @cached_property
+    def _risk_rows(self) -> list[bytes]:
+        return [self._message(index, EXPERT).risks for index in range(len(self))]
 
     @cached_property
     def _expert_commands(self) -> npt.NDArray[np.float32]:

@@ -201,7 +201,7 @@ def sample_messages(sample: Sample, header: EpisodeHeader, stamp_ns: int) -> Ite
         channels |= EXPERT_CHANNELS
         v_mps, w_radps = zip(*sample.expert_commands, strict=True)
         ending = {"outcome": header.outcome.value, "driver": header.driver.value, "policy": header.policy}
-        outputs.append(ExpertCommands(v_mps=v_mps, w_radps=w_radps, **ending))
+        outputs.append(ExpertCommands(v_mps=v_mps, w_radps=w_radps, risks=sample.risks, **ending))
     return zip((*SAMPLE_CHANNELS, *channels.values()), map(_serialized, (*messages, *outputs)), strict=True)
 
 

@@ -73,6 +73,9 @@ class Sample:
     expert_commands: tuple[tuple[float, float], ...] = field(default=(), metadata=OMITTED_WHEN_DEFAULT)
     """What the expert would have the robot execute from here on, whoever drives: v [m/s], w [rad/s] over the next
     0.05 s and over every further 0.05 s; none where nobody asked it."""
+    risks: bytes = field(default=b"", metadata=OMITTED_WHEN_DEFAULT)
+    """What would become of the robot under each command of `readygo.common.robot.command_grid`: 0 nothing, 1 a
+    collision with an obstacle, 2 one with a human; empty where nobody looked."""
 
     @property
     def intact(self) -> bool:

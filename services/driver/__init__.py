@@ -2,7 +2,18 @@
 
 from readygo.services.driver.config import DriverConfig
 from readygo.services.driver.disturbance import Disturbance, disturbs
-from readygo.services.driver.handlers import AHEAD_STEPS, Advice, Camera, Drive, Expert, PolicyDriver, drive, driver_of
+from readygo.services.driver.handlers import (
+    AHEAD_STEPS,
+    Advice,
+    Camera,
+    Drive,
+    Expert,
+    PolicyDriver,
+    Weigher,
+    drive,
+    driver_of,
+)
+from readygo.services.driver.risks import RiskMap
 
 __all__ = [
     "AHEAD_STEPS",
@@ -13,6 +24,8 @@ __all__ = [
     "DriverConfig",
     "Expert",
     "PolicyDriver",
+    "RiskMap",
+    "Weigher",
     "disturbs",
     "drive",
     "driver_of",

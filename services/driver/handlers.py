@@ -62,6 +62,14 @@ class Expert(Protocol):
         ...
 
 
+class Weigher(Protocol):
+    """Says what would become of the robot under each command of a grid, see `Sample.risks`."""
+
+    def risks(self, simulation: EpisodeSimulation) -> bytes:
+        """Risks at the simulation's present state, one byte per command."""
+        ...
+
+
 class Camera(Protocol):
     """The robot's camera in one episode."""
 
@@ -99,6 +107,8 @@ class Drive:
     trajectory: RobotTrajectory
     expert_commands: tuple[Commands, ...]
     """What the expert would have had the robot execute from each step on; 1 + AHEAD_STEPS commands each."""
+    risks: tuple[bytes, ...]
+    """What would have become of the robot under each command of the grid at each step."""
 
 
 def driver_of(episode: EpisodeKey, mix: float) -> Driver:
@@ -110,6 +120,7 @@ def drive(
     simulation: EpisodeSimulation,
     expert: Expert,
     camera: Camera,
+    weigher: Weigher,
     policy: PolicyDriver | None = None,
     disturbance: Disturbance | None = None,
 ) -> Drive:
@@ -119,16 +130,19 @@ def drive(
         simulation: The episode at its start.
         expert: Is asked, and drives if there is no policy.
         camera: Takes the pictures.
+        weigher: Says what each command would lead to.
         policy: Drives if it is there.
         disturbance: Comes between the expert and the robot, where the expert drives.
     """
     asked: list[Advice] = []
     would: list[Commands] = []
+    risks: list[bytes] = []
     while simulation.outcome is None:
         picture = camera.take()
         advice = expert.act(simulation)
         asked.append(advice)
         would.append(executable(advice.commands, simulation))
+        risks.append(weigher.risks(simulation))
         if policy is not None:
             v, w = policy.command(simulation, picture)
         elif disturbance is not None:
@@ -142,7 +156,7 @@ def drive(
         expert_cost=[advice.cost for advice in asked],
         replan_times_s=expert.replan_times_s,
     )
-    return Drive(trajectory=trajectory, expert_commands=tuple(would))
+    return Drive(trajectory=trajectory, expert_commands=tuple(would), risks=tuple(risks))
 
 
 def executable(commands: npt.NDArray[np.float64], simulation: EpisodeSimulation) -> Commands:

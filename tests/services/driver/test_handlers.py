@@ -38,6 +38,13 @@ class _Camera:
         return np.full((2, 2, 3), self._simulation.step, np.uint8)
 
 
+class _Weigher:
+    """The step, as the risk of the only command."""
+
+    def risks(self, simulation: EpisodeSimulation) -> bytes:
+        return bytes([simulation.step])
+
+
 class _Policy:
     """Turns on the spot, and notes what it is given."""
 
@@ -75,8 +82,9 @@ def make_simulation() -> Callable[..., EpisodeSimulation]:
 def test_expert_that_drives_does_what_it_says(make_simulation: Callable[..., EpisodeSimulation]) -> None:
     simulation, expert = make_simulation(), _Expert()
     camera = _Camera(simulation)
-    driven = drive(simulation, expert, camera)
+    driven = drive(simulation, expert, camera, _Weigher())
     steps = list(range(len(driven.trajectory.actions)))
+    assert [risks[0] for risks in driven.risks] == steps
     assert driven.trajectory.outcome is Outcome.SUCCESS
     assert camera.taken == expert.asked_at == steps
     assert [commands[0] for commands in driven.expert_commands] == [*map(tuple, driven.trajectory.actions.tolist())]
@@ -89,7 +97,7 @@ def test_what_the_expert_goes_on_with_is_within_the_robots_reach(
 ) -> None:
     simulation = make_simulation()
     robot = simulation.robot
-    first = np.array(drive(simulation, _Expert(), _Camera(simulation)).expert_commands[0])
+    first = np.array(drive(simulation, _Expert(), _Camera(simulation), _Weigher()).expert_commands[0])
     assert first.shape == (1 + AHEAD_STEPS, 2)
     changes = np.abs(np.diff(np.vstack([[0.0, 0.0], first]), axis=0))
     assert changes[:, 0].max() <= robot.a_max_mps2 * 0.05 + 1e-9
@@ -101,14 +109,14 @@ def test_what_the_expert_goes_on_with_is_within_the_robots_reach(
 
 def test_collision_is_kept_with_the_advice_before_it(make_simulation: Callable[..., EpisodeSimulation]) -> None:
     simulation = make_simulation(goal_x_m=11.0)
-    driven = drive(simulation, _Expert(), _Camera(simulation))
+    driven = drive(simulation, _Expert(), _Camera(simulation), _Weigher())
     assert driven.trajectory.outcome is Outcome.STATIC_COLLISION
     assert len(driven.expert_commands) == len(driven.trajectory.actions) > 20
 
 
 def test_policy_drives_and_the_expert_is_asked_all_the_same(make_simulation: Callable[..., EpisodeSimulation]) -> None:
     simulation, expert, policy = make_simulation(time_limit_s=1.0), _Expert(), _Policy()
-    driven = drive(simulation, expert, _Camera(simulation), PolicyDriver(policy, latency_s=0.1))
+    driven = drive(simulation, expert, _Camera(simulation), _Weigher(), PolicyDriver(policy, latency_s=0.1))
     assert driven.trajectory.outcome is Outcome.TIMEOUT
     assert expert.asked_at == list(range(20))
     assert not driven.trajectory.actions[:, 0].any()

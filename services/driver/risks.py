@@ -1,0 +1,132 @@
+"""What would become of the robot under each command of the grid: a collision with an obstacle, with a human, or none.
+
+The robot obeys a command for `HOLD_S`, then brakes, within its limits; humans walk as they will. An expert says which
+one command is right, and says as little of one that is a little worse as of one that ends in a wall; this tells them
+apart. Humans' true ways are used: what a policy learns from many such samples is how likely a collision is as far as it
+can see.
+
+Source: rolled-out candidates as in Fox, Burgard and Thrun, The dynamic window approach to collision avoidance, 1997;
+learned outcomes of actions as in Kahn et al., Self-supervised deep reinforcement learning with generalized computation
+graphs, 2018.
+"""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.episode import EpisodeSimulation
+from readygo.common.episode.collision import disc_meets_cells
+from readygo.common.kernels import compiled
+from readygo.common.maps import OccupancyMap
+from readygo.common.maps.distance import clearance_m
+from readygo.common.robot.command_grid import COMMAND_COUNT, command_grid
+from readygo.common.robot.kinematics import DT_S
+
+HOLD_S = 1.0
+"""How long a command is obeyed [s]."""
+HORIZON_S = 1.8
+"""How far ahead collisions count [s]."""
+OBSTACLE_MARGIN_M = 0.02
+"""Added to the robot's radius towards obstacles [m]."""
+HUMAN_MARGIN_M = 0.10
+"""Added to the distance at which robot and human meet [m]."""
+OBSTACLE, HUMAN = 1, 2
+"""Bits of a command's risk."""
+_STRIDE = 2
+"""Simulation steps per step of a rollout."""
+
+Float64Array = npt.NDArray[np.float64]
+
+
+class RiskMap:
+    """Rolls out commands in one scene."""
+
+    def __init__(self, robot_map: OccupancyMap) -> None:
+        """Prepare the map's clearance.
+
+        Args:
+            robot_map: What the robot collides with, not inflated.
+        """
+        frame = robot_map.frame
+        self._occupied, self._clearance = robot_map.occupied, clearance_m(robot_map)
+        self._frame = (frame.origin_x_m, frame.origin_y_m, frame.resolution_m)
+        self._grid = command_grid()
+
+    def risks(self, simulation: EpisodeSimulation) -> bytes:
+        """Risks of all commands at the simulation's present state.
+
+        Returns:
+            `OBSTACLE`, `HUMAN`, both or 0 for every command of `command_grid`, one byte each.
+        """
+        robot = simulation.robot
+        count = round(HORIZON_S / (DT_S * _STRIDE))
+        steps = range(simulation.step + _STRIDE, simulation.step + _STRIDE * (count + 1), _STRIDE)
+        humans_m = np.stack([simulation.human_xy_at(step) for step in steps])
+        state = (simulation.x_m, simulation.y_m, simulation.yaw_rad, simulation.v_mps, simulation.w_radps)
+        limits = (robot.v_max_mps, robot.w_max_radps, robot.a_max_mps2, robot.alpha_max_radps2)
+        radii = (robot.radius_m, robot.radius_m + simulation.config.human_radius_m + HUMAN_MARGIN_M)
+        out = np.zeros(COMMAND_COUNT, dtype=np.uint8)
+        _roll_out(self._grid, state, limits, radii, self._occupied, self._clearance, self._frame, humans_m, out)
+        return out.tobytes()
+
+
+@compiled
+def _roll_out(
+    grid: Float64Array,
+    start: tuple[float, float, float, float, float],
+    limits: tuple[float, float, float, float],
+    radii: tuple[float, float],
+    occupied: npt.NDArray[np.bool_],
+    clearance: npt.NDArray[np.float32],
+    frame: tuple[float, float, float],
+    humans: Float64Array,
+    out: npt.NDArray[np.uint8],
+) -> None:
+    """Fill `out` with the risks of all commands; humans at each step of the rollout, shape (T, N, 2)."""
+    v_max, w_max, a_max, alpha_max = limits
+    dt = DT_S * _STRIDE
+    for number in range(len(grid)):
+        x, y, yaw, v, w = start
+        risk = 0
+        for k in range(len(humans)):
+            held = k * dt < HOLD_S - 1e-9
+            wanted_v = grid[number, 0] * v_max if held else 0.0
+            wanted_w = grid[number, 1] * w_max if held else 0.0
+            v += min(max(wanted_v - v, -a_max * dt), a_max * dt)
+            w += min(max(wanted_w - w, -alpha_max * dt), alpha_max * dt)
+            middle = yaw + 0.5 * w * dt
+            x, y, yaw = x + v * dt * math.cos(middle), y + v * dt * math.sin(middle), yaw + w * dt
+            if _near_obstacle(occupied, clearance, frame, x, y, radii[0] + OBSTACLE_MARGIN_M):
+                risk |= OBSTACLE
+                break
+            if _near_human(humans[k], x, y, radii[1]):
+                risk |= HUMAN
+                break
+        out[number] = risk
+
+
+@compiled
+def _near_obstacle(
+    occupied: npt.NDArray[np.bool_],
+    clearance: npt.NDArray[np.float32],
+    frame: tuple[float, float, float],
+    x: float,
+    y: float,
+    radius: float,
+) -> bool:
+    origin_x, origin_y, resolution = frame
+    i, j = math.floor((y - origin_y) / resolution), math.floor((x - origin_x) / resolution)
+    if 0 <= i < occupied.shape[0] and 0 <= j < occupied.shape[1] and clearance[i, j] > radius + 0.71 * resolution:
+        # Half a cell's diagonal covers the offset of the point from its cell's centre.
+        return False
+    return disc_meets_cells(occupied, origin_x, origin_y, resolution, x, y, radius)
+
+
+@compiled
+def _near_human(humans: Float64Array, x: float, y: float, distance: float) -> bool:
+    for m in range(len(humans)):
+        dx, dy = humans[m, 0] - x, humans[m, 1] - y
+        if dx * dx + dy * dy < distance * distance:
+            return True
+    return False

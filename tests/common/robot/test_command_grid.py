@@ -1,0 +1,19 @@
+"""The grid of commands."""
+
+import numpy as np
+
+from readygo.common.robot.command_grid import COMMAND_COUNT, command_grid, mirrored
+
+
+def test_grid_holds_every_pair_of_speed_and_turn_once():
+    grid = command_grid()
+    assert grid.shape == (COMMAND_COUNT, 2)
+    assert len(np.unique(grid, axis=0)) == COMMAND_COUNT
+    assert grid[:, 0].min() == 0
+    assert grid[:, 1].min() == -1
+    assert grid.max(axis=0).tolist() == [1, 1]
+
+
+def test_mirror_image_turns_the_other_way_at_the_same_speed():
+    grid = command_grid()
+    np.testing.assert_array_equal(grid[mirrored()], grid * [1, -1])
