@@ -152,7 +152,7 @@ def best_recipe() -> TrainConfig:
     Small images, own motion instead of the previous action, and the expert's command 0.4 s ahead.
     """
     return TrainConfig(
-        network=NetworkConfig(motion="poses", pooled_height_px=72, widths=(32, 64, 128, 192, 272)),
+        network=NetworkConfig(motion="poses", pooled_height_px=72, widths=(32, 48, 96, 128, 192)),
         sampling=SamplingConfig(ahead_s=0.4, chain_length=16, batch_size=128, shift_px=2),
         optimizer=OptimizerConfig(ema_decay=0.998),
     )
