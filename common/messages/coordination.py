@@ -5,6 +5,7 @@ attempt number until it completes or the lease runs out. Late work carries an ol
 """
 
 import enum
+import hashlib
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -92,6 +93,12 @@ class PolicyRef:
         if not 0.0 <= self.mix <= 1.0:
             raise ValueError(f"mix must be 0..1, got {self.mix}.")
 
+    @property
+    def sha256(self) -> str:
+        """SHA-256 over the names and hashes of the files, in any order."""
+        lines = sorted(f"{file.path} {file.sha256}" for file in self.files)
+        return hashlib.sha256("\n".join(lines).encode()).hexdigest()
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ClaimRequest:
@@ -162,6 +169,8 @@ class DoneRequest:
     attempt: int
     shard: str
     sample_count: int
+    policy: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
+    """The offered policy that drove, see `EpisodeHeader.policy`."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

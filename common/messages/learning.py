@@ -1,5 +1,6 @@
 """Learning while a run goes on: policies that are offered to it, and what it has recorded."""
 
+import re
 from dataclasses import dataclass
 
 from readygo.common.messages.samples import EpisodeHeader, Sample
@@ -10,8 +11,11 @@ class PolicyFile:
     """One file of a policy's folder."""
 
     name: str
-    """Path relative to the folder."""
     data: bytes
+
+    def __post_init__(self) -> None:
+        if not re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9_.-]*", self.name):
+            raise ValueError(f"a policy's file must have a plain name, got {self.name!r}.")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
