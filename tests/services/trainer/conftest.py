@@ -25,6 +25,7 @@ class FakeEpisode:
     sha256: str
     driver: Driver = Driver.EXPERT
     outcome: Outcome = Outcome.SUCCESS
+    policy: str = ""
 
 
 @dataclass
