@@ -2,7 +2,9 @@
 
 import json as json_module
 import math
+import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,8 +14,10 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from readygo.apps.run.evaluation import closed_loop
-from readygo.apps.run.training import make_config, run_training
+from readygo.apps.run.training import default_recipe, make_config, run_training
+from readygo.common.dataset import Dataset
 from readygo.common.errors import ConfigError
+from readygo.services.trainer import TrainConfig
 
 if TYPE_CHECKING:
     from readygo.services.trainer.run import TrainProgress
@@ -28,60 +32,104 @@ def train(
     *,
     out: Path,
     minutes: float = 10.0,
-    epochs: int | None = None,
+    samples: int | None = None,
     val: tuple[Path, ...] = (),
     val_scene: str = "",
     val_episodes: int = 30,
-    recipe: Literal["fast", "paper"] = "fast",
+    recipe: Literal["best", "fast", "paper"] | None = None,
+    config: Path | None = None,
     learning_rate: float | None = None,
-    batch_size: int = 64,
+    batch_size: int | None = None,
     seed: int = 0,
     threads: int = 0,
-    cache_mb: int = 2048,
-    previous_dropout: float | None = None,
-    mirror: float | None = None,
+    device: Literal["auto", "cpu", "cuda"] | None = None,
+    memory_mb: int | None = None,
+    cache_mb: int | None = None,
+    live: str = "",
+    run: str = "",
     json: bool = False,
 ) -> None:
-    """Learn a policy from recorded episodes; run again to continue, with more minutes or epochs to go further.
+    """Learn a policy from recorded episodes; run again to continue, with more minutes or samples to go further.
 
     Args:
         data: Data folders.
         out: Folder of the policy: encoder.onnx, head.onnx, policy.toml, metrics.json, loss.png and the checkpoint.
-        minutes: Training time [min]; counts the time of earlier runs into the same folder.
-        epochs: Passes over the data instead of minutes; the result is then reproducible.
+        minutes: Processor time of each thread [min]; counts that of earlier runs into the same folder.
+        samples: Samples to be shown instead of minutes; the result is then reproducible.
         val: Data folders to validate on; by default a fifth of the episodes is held out.
         val_scene: Scene ("embedded" or a bundle) whose closed-loop success rate chooses the checkpoint; its time is
-            not counted. By default the validation loss chooses.
+            not counted. By default the last weights are taken.
         val_episodes: Episodes per such measurement, from the split val.
-        recipe: "fast" is made for minutes on a CPU; "paper" is Adam at a constant 1e-4.
+        recipe: "best" learns most from data in which the expert was asked at every state, and is the default for
+            them; "fast" is the paper's network made for minutes on a CPU, the default for others; "paper" is Adam at a
+            constant 1e-4.
+        config: TOML file with fields of the recipe's `TrainConfig` that shall be others.
         learning_rate: Learning rate instead of the recipe's.
         batch_size: Samples per step.
         seed: Seed of weights, order and augmentation.
         threads: CPU threads; 0 takes all cores.
+        device: Where to train; "auto" takes a CUDA device if there is one.
+        memory_mb: Most memory for episodes as they were recorded; beyond it they are thinned out [MB].
         cache_mb: Most memory for decoded frames [MB].
-        previous_dropout: Share of samples that do not see the previous action.
-        mirror: Share of batches that are mirrored left to right.
+        live: Endpoint of a fleet's router, such as tcp/127.0.0.1:7447: episodes are learned from while the fleet makes
+            them, and what is learned is offered to it. The data folders are those to catch up from, also while they are
+            recorded; the fleet's own is the first.
+        run: Name of the fleet's run, as `readygo generate --listen` prints it.
         json: Print the metrics as JSON.
     """
+    settings = {
+        "minutes": minutes,
+        "samples": samples,
+        "batch_size": batch_size,
+        "seed": seed,
+        "threads": threads,
+        "device": device,
+        "memory_mb": memory_mb,
+        "cache_mb": cache_mb,
+        "learning_rate": learning_rate,
+    }
+    console = Console(stderr=True)
+    if live:
+        metrics = _train_live(make_config(recipe or "best", config, **settings), out, live, run, data)
+    else:
+        dataset = _open(data)
+        chosen = make_config(recipe or _default_recipe(dataset, console, quiet=json), config, **settings)
+        evaluate = closed_loop(val_scene, episodes=val_episodes, seed=seed) if val_scene else None
+        with _progress(console, quiet=json) as show:
+            metrics = run_training(dataset, chosen, out, val=val, evaluate=evaluate, show=show)
+    if metrics:
+        _report(metrics, out, as_json=json)
+
+
+def _open(data: tuple[Path, ...]) -> Dataset:
     if not data:
         raise ConfigError("No data folder is given; record one with `readygo generate`.")
-    config = make_config(
-        recipe,
-        minutes=minutes,
-        epochs=epochs,
-        batch_size=batch_size,
-        seed=seed,
-        threads=threads,
-        cache_mb=cache_mb,
-        learning_rate=learning_rate,
-        previous_dropout=previous_dropout,
-        mirror=mirror,
-    )
-    evaluate = closed_loop(val_scene, episodes=val_episodes, seed=seed) if val_scene else None
-    console = Console(stderr=True)
-    with _progress(console, quiet=json) as show:
-        metrics = run_training(data, config, out, val=val, evaluate=evaluate, show=show)
-    _report(metrics, out, as_json=json)
+    return Dataset(data)
+
+
+def _default_recipe(dataset: Dataset, console: Console, *, quiet: bool) -> str:
+    recipe = default_recipe(dataset)
+    if not quiet:
+        why = "asked at every state" if dataset.has_expert else "not asked"
+        console.print(f"Recipe {recipe}: the expert was {why} in these data.")
+    return recipe
+
+
+def _train_live(config: TrainConfig, out: Path, live: str, run: str, data: tuple[Path, ...]) -> dict[str, Any]:
+    """Train beside a fleet until the budget is spent, Ctrl-C or SIGTERM."""
+    if not run:
+        raise ConfigError("--live needs the name of the fleet's run: pass --run.")
+    from readygo.apps.fleet.trainer import train_beside
+    from readygo.common.bus.zenoh_bus import ZenohBus
+
+    stop = threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: stop.set())
+    bus = ZenohBus(live, run)
+    try:
+        return train_beside({run: bus}, config, out, data=data, stop=stop)
+    finally:
+        bus.close()
 
 
 @contextmanager
@@ -119,9 +167,10 @@ def _report(metrics: dict[str, Any], out: Path, *, as_json: bool) -> None:
         f"{metrics['parameters']} parameters, {metrics['samples_seen']} samples in {metrics['elapsed_s']:.0f} s "
         f"({metrics['samples_per_s']:.0f} samples/s); step {metrics['chosen_step']} of {metrics['steps']} chosen."
     )
-    console.print(
-        f"Held out ({metrics['validation_episodes']} episodes): v {metrics['rmse_v_mps']:.3f} m/s = "
-        f"{100 * metrics['ratio_v']:.0f} %, w {metrics['rmse_w_radps']:.3f} rad/s = {100 * metrics['ratio_w']:.0f} % "
-        "of predicting the mean."
-    )
+    if metrics.get("validation_samples"):
+        console.print(
+            f"Held out ({metrics['validation_episodes']} episodes): v {metrics['rmse_v_mps']:.3f} m/s = "
+            f"{100 * metrics['ratio_v']:.0f} %, w {metrics['rmse_w_radps']:.3f} rad/s = "
+            f"{100 * metrics['ratio_w']:.0f} % of predicting the mean."
+        )
     console.print(f"Next: readygo evaluate SCENE {out}", markup=False)
