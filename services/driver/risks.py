@@ -20,7 +20,7 @@ from readygo.common.episode.collision import disc_meets_cells
 from readygo.common.kernels import compiled
 from readygo.common.maps import OccupancyMap
 from readygo.common.maps.distance import clearance_m
-from readygo.common.robot.command_grid import COMMAND_COUNT, command_grid
+from readygo.common.robot.command_grid import COMMAND_COUNT, HUMAN, OBSTACLE, command_grid
 from readygo.common.robot.kinematics import DT_S
 
 HOLD_S = 1.0
@@ -31,8 +31,6 @@ OBSTACLE_MARGIN_M = 0.02
 """Added to the robot's radius towards obstacles [m]."""
 HUMAN_MARGIN_M = 0.10
 """Added to the distance at which robot and human meet [m]."""
-OBSTACLE, HUMAN = 1, 2
-"""Bits of a command's risk."""
 _STRIDE = 2
 """Simulation steps per step of a rollout."""
 
@@ -57,7 +55,7 @@ class RiskMap:
         """Risks of all commands at the simulation's present state.
 
         Returns:
-            `OBSTACLE`, `HUMAN`, both or 0 for every command of `command_grid`, one byte each.
+            `OBSTACLE`, `HUMAN` or 0 for every command of `command_grid`, one byte each.
         """
         robot = simulation.robot
         count = round(HORIZON_S / (DT_S * _STRIDE))
@@ -98,10 +96,10 @@ def _roll_out(
             middle = yaw + 0.5 * w * dt
             x, y, yaw = x + v * dt * math.cos(middle), y + v * dt * math.sin(middle), yaw + w * dt
             if _near_obstacle(occupied, clearance, frame, x, y, radii[0] + OBSTACLE_MARGIN_M):
-                risk |= OBSTACLE
+                risk = OBSTACLE
                 break
             if _near_human(humans[k], x, y, radii[1]):
-                risk |= HUMAN
+                risk = HUMAN
                 break
         out[number] = risk
 

@@ -28,9 +28,12 @@ class NetworkConfig:
     """Channels of the stem and of the four residual blocks."""
     pooled_height_px: Annotated[int, Range(low=0)] = 0
     """Larger images are pooled by the largest whole factor that leaves this height; 0 takes them as they are [px]."""
-    output: Literal["regression", "bins"] = "regression"
+    output: Literal["regression", "bins", "weighed"] = "regression"
     """"regression": v and w, by their squared error; "bins": a distribution over a grid of both, by its cross-entropy,
-    of which the mode and its neighbours are answered."""
+    of which the mode and its neighbours are answered; "weighed": the same on the grid of
+    `readygo.common.robot.command_grid`, less what each command risks, which is learned beside it."""
+    caution: NotNegative = 9.0
+    """How much a certain collision takes off a command's logarithmic likelihood ("weighed" only)."""
     v_bins: Annotated[int, Range(low=3)] = 9
     w_bins: Annotated[int, Range(low=3)] = 17
 
@@ -70,6 +73,8 @@ class SamplingConfig:
     """Share of the samples that the expert drove whose goal is a place that the robot reached later."""
     mirror: Share = 0.5
     """Probability that an episode's samples are mirrored left to right in a batch, with goals and turns."""
+    risks_weight: NotNegative = 4.0
+    """Weight of what commands risk in the loss ("weighed" only)."""
     humans_weight: NotNegative = 0.0
     """Weight of a further loss in training alone: presence, bearing and distance of the nearest visible human."""
 

@@ -12,6 +12,7 @@ from readygo.common.camera import SensorConfig
 from readygo.common.messages import CommittedEpisode, EpisodeKey, Sample
 from readygo.common.messages.plan import Driver, Outcome
 from readygo.common.robot import RobotConfig
+from readygo.common.robot.command_grid import COMMAND_COUNT
 
 Array = npt.NDArray[np.float32]
 
@@ -33,6 +34,9 @@ class Episode:
     expert: Array | None = None
     """What the expert would have executed from each sample on: v [m/s], w [rad/s], shape (T, K, 2); None if nobody
     asked it."""
+    risks: npt.NDArray[np.uint8] | None = None
+    """What each command of `readygo.common.robot.command_grid` would have led to, see `Dataset.risks`, shape (T, C);
+    None if the data do not say."""
     humans: Array | None = None
     """The nearest visible human: 1 if there is one, else 0; bearing to the left [rad], distance [m]; shape (T, 3).
     None if the data do not say."""
@@ -51,7 +55,7 @@ class Episode:
     @property
     def size_bytes(self) -> int:
         """Memory that it takes, roughly."""
-        numbers = (self.actions, self.goals_xy_m, self.xyyaw, self.expert, self.humans)
+        numbers = (self.actions, self.goals_xy_m, self.xyyaw, self.expert, self.risks, self.humans)
         return sum(map(len, self.images)) + sum(array.nbytes for array in numbers if array is not None)
 
 
@@ -133,6 +137,16 @@ class SampleSource(Protocol):
         ...
 
     @property
+    def has_risks(self) -> bool:
+        """True if every sample says what each command would have led to."""
+        ...
+
+    @property
+    def risks(self) -> npt.NDArray[np.uint8]:
+        """What each command would have led to, shape (S, C)."""
+        ...
+
+    @property
     def labels(self) -> tuple[str, ...]:
         """Names of the labels of humans that every sample has."""
         ...
@@ -179,6 +193,7 @@ def read_episodes(source: SampleSource, *, with_humans: bool = False) -> Iterato
     commands = None
     if source.has_expert:
         commands = np.concatenate([source.expert_actions[:, None], source.expert_ahead], axis=1)
+    risks = source.risks if source.has_risks else None
     distances_m, xyyaw = source.truth["human_distance_m"], source.poses[:, [0, 1, 3]]
     visible = source.truth["human_visible"]
     for entry in source.episodes:
@@ -195,6 +210,7 @@ def read_episodes(source: SampleSource, *, with_humans: bool = False) -> Iterato
             goals_xy_m=source.goals_xy_m[part],
             xyyaw=xyyaw[part],
             expert=None if commands is None else commands[part],
+            risks=None if risks is None else risks[part],
             humans=humans,
             driver=entry.driver,
             outcome=entry.outcome,
@@ -217,6 +233,7 @@ def committed_episode(message: CommittedEpisode) -> Episode:
         goals_xy_m=np.array([s.goal_xy_robot_m for s in samples], np.float32),
         xyyaw=xyyaw,
         expert=expert,
+        risks=_risks(samples),
         humans=nearest_humans(xyyaw, [_places(s) for s in samples], np.array([s.human_visible for s in samples])),
         driver=header.driver,
         outcome=header.outcome,
@@ -244,6 +261,12 @@ def nearest_humans(
             nearest = int(distances_m.argmin())
             found[row] = 1.0, bearings_rad[nearest], distances_m[nearest]
     return found
+
+
+def _risks(samples: Sequence[Sample]) -> npt.NDArray[np.uint8] | None:
+    if any(len(sample.risks) != COMMAND_COUNT for sample in samples):
+        return None
+    return np.frombuffer(b"".join(sample.risks for sample in samples), np.uint8).reshape(-1, COMMAND_COUNT)
 
 
 def _places(sample: Sample) -> npt.NDArray[np.float64]:

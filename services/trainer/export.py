@@ -59,6 +59,12 @@ class GraphBuilder:
         self.nodes.append(helper.make_node(operation, list(inputs), [name], **attributes))
         return name
 
+    def split(self, x: str, count: int) -> list[str]:
+        """Equal parts of the columns."""
+        names = [f"value{len(self.nodes)}_{part}" for part in range(count)]
+        self.nodes.append(helper.make_node("Split", [x], names, axis=1))
+        return names
+
     def conv(self, x: str, conv: nn.Conv2d, norm: nn.BatchNorm2d | None) -> str:
         """A convolution with its batch normalisation folded in."""
         weight, bias = fold_norm(conv, norm)
@@ -149,7 +155,7 @@ def head_graph(model: PolicyNet, robot: RobotConfig) -> onnx.ModelProto:
     x = graph.node("Relu", [graph.linear(x, head.layer2)])
     x = graph.linear(x, head.layer3)
     if model.bins is not None:
-        x = _append_mode(graph, x, model.bins)
+        x = _append_mode(graph, x if model.caution is None else _append_weighing(graph, x, model.caution), model.bins)
     x = graph.node("Min", [x, graph.constant(np.array([1.0, 1.0], np.float32))])
     x = graph.node("Max", [x, graph.constant(np.array([0.0, -1.0], np.float32))])
     x = graph.node("Mul", [x, graph.constant(np.array([robot.v_max_mps, robot.w_max_radps], np.float32))])
@@ -162,6 +168,14 @@ def _append_mode(graph: GraphBuilder, logits: str, bins: Bins) -> str:
     beside = graph.node("Gather", [graph.constant(_array(bins.beside)), likeliest], axis=0)
     near = graph.node("Softmax", [graph.node("Add", [logits, beside])], axis=1)
     return graph.node("MatMul", [near, graph.constant(_array(bins.centres))])
+
+
+def _append_weighing(graph: GraphBuilder, answers: str, caution: float) -> str:
+    """`weigh`."""
+    likely, obstacle, human = graph.split(answers, 3)
+    risk = graph.node("Add", [graph.node("Sigmoid", [obstacle]), graph.node("Sigmoid", [human])])
+    likely = graph.node("LogSoftmax", [likely], axis=1)
+    return graph.node("Sub", [likely, graph.node("Mul", [risk, graph.scalar(caution)])])
 
 
 def export_policy(model: PolicyNet, spec: PolicySpec, folder: Path) -> None:

@@ -17,6 +17,7 @@ from torch import Tensor, nn
 from readygo.common.policy.artifact import GOAL_SCALE_M, Fusion, MotionInput, PolicyInputs
 from readygo.common.policy.windows import FRAME_COUNT
 from readygo.common.robot import RobotConfig
+from readygo.common.robot.command_grid import SPEED_SHARES, TURN_SHARES
 from readygo.services.trainer.config import NetworkConfig
 from readygo.services.trainer.frames import pooling_of
 
@@ -128,8 +129,11 @@ class PolicyNet(nn.Module):
         self.pooling = pooling_of(robot.camera, config.pooled_height_px)
         size_px = robot.camera.height_px // self.pooling, robot.camera.width_px // self.pooling
         self.encoder = Encoder(size_px, self.inputs.image_channels, config.widths, config.latent_count)
-        self.bins = Bins(config.v_bins, config.w_bins) if config.output == "bins" else None
-        self.head = Head(self.inputs.feature_count, len(self.bins.centres) if self.bins else 2)
+        self.bins = bins_of(config)
+        self.caution = config.caution if config.output == "weighed" else None
+        """None if commands are not weighed by what they risk."""
+        answers = len(self.bins.centres) * (3 if self.caution is not None else 1) if self.bins else 2
+        self.head = Head(self.inputs.feature_count, answers)
         self.humans = humans_head(self.inputs.latents_width) if reads_humans else None
         """Of training alone."""
         self.register_buffer("limits", torch.tensor([robot.v_max_mps, robot.w_max_radps]), persistent=False)
@@ -180,7 +184,9 @@ class PolicyNet(nn.Module):
 
     def decide(self, answers: Tensor) -> Tensor:
         """Actions of the head's answers: (v / v_max, w / w_max), not clipped, shape (B, 2)."""
-        return self.bins.mode(answers) if self.bins else answers
+        if self.bins is None:
+            return answers
+        return self.bins.mode(answers if self.caution is None else weigh(answers, self.caution))
 
     def normalise_motion(self, motion: Tensor) -> Tensor:
         """Features of own motion in SI units -> numbers around [-1, 1]."""
@@ -190,6 +196,29 @@ class PolicyNet(nn.Module):
         """Normalised actions -> (v [m/s] in [0, v_max], w [rad/s] in +-w_max), as the exported head answers them."""
         v, w = normalised_actions.unbind(1)
         return torch.stack([v.clamp(0.0, 1.0), w.clamp(-1.0, 1.0)], dim=1) * self.limits
+
+
+def bins_of(config: NetworkConfig) -> Bins | None:
+    """The grid of a network's actions, if it has one."""
+    if config.output == "regression":
+        return None
+    return (
+        Bins(len(SPEED_SHARES), len(TURN_SHARES)) if config.output == "weighed" else Bins(config.v_bins, config.w_bins)
+    )
+
+
+def weigh(answers: Tensor, caution: float) -> Tensor:
+    """Scores of commands: how likely the expert is to choose them, less what they risk.
+
+    Args:
+        answers: Logits of the expert's choice, of meeting an obstacle and of meeting a human, shape (B, 3 N).
+        caution: What a certain collision costs.
+
+    Returns:
+        Shape (B, N).
+    """
+    likely, obstacle, human = answers.chunk(3, dim=1)
+    return likely.log_softmax(dim=1) - caution * (obstacle.sigmoid() + human.sigmoid())
 
 
 def humans_head(latents_width: int) -> nn.Sequential:

@@ -1,6 +1,7 @@
 """What the network is shown of a batch, and how far its answers are off."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -9,6 +10,7 @@ from torch import Tensor, nn
 
 from readygo.common.policy.artifact import MotionInput
 from readygo.common.robot import RobotConfig
+from readygo.common.robot.command_grid import HUMAN, OBSTACLE, mirrored
 from readygo.services.trainer.augment import (
     MIRRORED_MOTION,
     FrameWarp,
@@ -25,8 +27,9 @@ from readygo.services.trainer.augment import (
 from readygo.services.trainer.config import TrainConfig
 from readygo.services.trainer.frames import FrameCache, pooling_of
 from readygo.services.trainer.model import Bins
-from readygo.services.trainer.samples import Array, Batch, Indices, SampleTable, Timing, make_batch
+from readygo.services.trainer.samples import UNKNOWN, Array, Batch, Indices, SampleTable, Timing, make_batch
 
+MIRRORED_COMMANDS = mirrored()
 LEFT_RIGHT = np.array([1.0, -1.0], np.float32)
 
 
@@ -44,6 +47,8 @@ class Shown:
     """Shape (B, 2)."""
     targets: Tensor
     """(v / v_max, w / w_max), shape (B, 2)."""
+    risks: Tensor
+    """See `SampleTable.risks`, shape (B, C)."""
     humans: Tensor
     """See `SampleTable.humans`, shape (B, 3)."""
 
@@ -73,6 +78,8 @@ class Objective:
             table.targets[samples], yaws_rad, self._config.yaw_gain_per_s, self._robot.w_max_radps
         )
         signs = MIRRORED_MOTION if self._motion is MotionInput.POSES else np.array([1, -1, 1], np.float32)
+        # What a command leads to is told for the robot as it stood.
+        risks = np.where(yaws_rad[:, None] != 0, UNKNOWN, table.risks[samples])
         humans = table.humans[samples] - np.stack([0 * yaws_rad, yaws_rad, 0 * yaws_rad], axis=1)
         return self._shown(
             self._images(frames.get(table, batch.frames), groups, view),
@@ -80,6 +87,7 @@ class Objective:
             motion=np.where(mirrored, motion * signs, motion),
             goals=np.where(mirrored, goals * LEFT_RIGHT, goals),
             targets=np.where(mirrored, targets * LEFT_RIGHT, targets),
+            risks=np.where(mirrored, risks[:, MIRRORED_COMMANDS], risks),
             humans=np.where(mirrored, humans * np.array([1, -1, 1]), humans).astype(np.float32),
         )
 
@@ -96,6 +104,7 @@ class Objective:
             motion=motion,
             goals=table.goals_xy_m[samples],
             targets=table.targets[samples],
+            risks=table.risks[samples],
             humans=table.humans[samples],
         )
 
@@ -117,7 +126,10 @@ class Objective:
         if bins is None:
             loss = nn.functional.mse_loss(answers, shown.targets)
         else:
-            loss = nn.functional.cross_entropy(answers, bins.weights(shown.targets))
+            choice = answers[:, : len(bins.centres)]
+            loss = nn.functional.cross_entropy(choice, bins.weights(shown.targets))
+            if choice.shape != answers.shape:
+                loss = loss + self._config.risks_weight * risks_loss(answers[:, choice.shape[1] :], shown.risks)
         if self._config.humans_weight > 0:
             loss = loss + self._config.humans_weight * humans_loss(humans, shown.humans)
         return loss
@@ -139,7 +151,7 @@ class Objective:
             images = torch.from_numpy(lit(shown, groups, view.light))
         return images.permute(0, 3, 1, 2)
 
-    def _shown(self, images: Tensor, batch: Batch, **numbers: Array) -> Shown:
+    def _shown(self, images: Tensor, batch: Batch, **numbers: npt.NDArray[Any]) -> Shown:
         limits = np.array([self._robot.v_max_mps, self._robot.w_max_radps], np.float32)
         return Shown(
             images=images,
@@ -147,8 +159,23 @@ class Objective:
             motion=torch.from_numpy(numbers["motion"]),
             goals_xy_m=torch.from_numpy(numbers["goals"]),
             targets=torch.from_numpy(numbers["targets"] / limits),
+            risks=torch.from_numpy(numbers["risks"].astype(np.uint8)),
             humans=torch.from_numpy(numbers["humans"]),
         )
+
+
+def risks_loss(logits: Tensor, risks: Tensor) -> Tensor:
+    """Binary cross-entropy of what commands lead to, over the samples that tell it.
+
+    Args:
+        logits: Of meeting an obstacle and of meeting a human, shape (B, 2 C).
+        risks: See `SampleTable.risks`, shape (B, C).
+    """
+    known = risks[:, 0] != UNKNOWN
+    if not known.any():
+        return logits.sum() * 0.0
+    truth = torch.cat([risks[known] == OBSTACLE, risks[known] == HUMAN], dim=1)
+    return nn.functional.binary_cross_entropy_with_logits(logits[known], truth.to(logits.dtype))
 
 
 def humans_loss(answers: Tensor, humans: Tensor) -> Tensor:

@@ -11,10 +11,13 @@ from readygo.common.errors import DatasetError
 from readygo.common.messages.plan import Driver
 from readygo.common.policy.motion import odometry, own_motion
 from readygo.common.policy.windows import window_rows
+from readygo.common.robot.command_grid import COMMAND_COUNT
 from readygo.services.trainer.episodes import Episode
 
 Indices = npt.NDArray[np.int64]
 Array = npt.NDArray[np.float32]
+UNKNOWN = 255
+"""A risk that the data do not tell."""
 SAME_COMMAND = 1e-4
 """Commands [m/s, rad/s] that differ by less are the same."""
 
@@ -56,6 +59,8 @@ class SampleTable:
     """Goals in the robot's frame [m], shape (S, 2)."""
     xyyaw: npt.NDArray[np.float64]
     """Robot's pose: x, y [m], yaw [rad], shape (S, 3)."""
+    risks: npt.NDArray[np.uint8]
+    """See `Episode.risks`; `UNKNOWN` where the data do not say, shape (S, C)."""
     humans: Array
     """See `Episode.humans`; NaN where the data do not say, shape (S, 3)."""
 
@@ -93,6 +98,7 @@ def episode_table(episode: Episode, timing: Timing) -> SampleTable:
         motion=own_motion(poses[rows[:, :-1]], poses, previous),
         goals_xy_m=episode.goals_xy_m,
         xyyaw=episode.xyyaw,
+        risks=np.full((count, COMMAND_COUNT), UNKNOWN, np.uint8) if episode.risks is None else episode.risks,
         humans=np.full((count, 3), np.nan, np.float32) if episode.humans is None else episode.humans,
     )
 

@@ -9,9 +9,8 @@ from readygo.common.episode import EpisodeConfig, EpisodeSimulation
 from readygo.common.maps import GridFrame, OccupancyMap
 from readygo.common.messages import EpisodeKey, EpisodeMotions, HumanMotion, HumanTrajectory, Motion, Scenario, Split
 from readygo.common.robot import RobotConfig
-from readygo.common.robot.command_grid import command_grid, mirrored
+from readygo.common.robot.command_grid import HUMAN, OBSTACLE, command_grid, mirrored
 from readygo.services.driver import RiskMap
-from readygo.services.driver.risks import HUMAN, OBSTACLE
 
 FULL_AHEAD = int(np.flatnonzero((command_grid() == (1.0, 0.0)).all(axis=1))[0])
 STOP = int(np.flatnonzero((command_grid() == (0.0, 0.0)).all(axis=1))[0])
