@@ -129,7 +129,9 @@ def test_light_varies_between_groups_and_none_keeps_the_image():
     shown = lit(frames, np.array([0, 1, 0]), light)
     assert np.array_equal(shown[0], shown[2])
     assert not np.array_equal(shown[0], shown[1])
-    plain = lit(np.array([0, 255], np.uint8).reshape(1, 2, 1, 1).repeat(3, axis=3), np.zeros(1, int), plain_view().light)
+    plain = lit(
+        np.array([0, 255], np.uint8).reshape(1, 2, 1, 1).repeat(3, axis=3), np.zeros(1, int), plain_view().light
+    )
     assert plain[0, :, 0].tolist() == [[-1.0] * 3, [1.0] * 3]
 
 
