@@ -82,4 +82,7 @@ def test_recorded_episodes_come_with_the_advice_that_the_data_have(source):
     assert np.array_equal(advised.expert[:, 0], source.actions[60:120])
     assert np.array_equal(advised.expert[3, 2], source.actions[65])
     assert advised.images[4] == source.image(64)
+    assert advised.humans is None
+    seen = next(read_episodes(source, with_humans=True)).humans
+    assert np.allclose(seen, [1, 0, 2], atol=1e-5)
     assert advised.size_bytes > plain[1].size_bytes

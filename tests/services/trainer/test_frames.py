@@ -73,7 +73,10 @@ def test_frames_of_an_episode_that_went_make_room(decodings):
 
 
 def test_image_of_another_size_or_damaged_is_refused_by_name():
-    for images, message in (((png(pictures(size=(16, 24))[0]),), r"\(16, 24, 3\).*\(16, 32, 3\)"), ((b"x",), "no image")):
+    for images, message in (
+        ((png(pictures(size=(16, 24))[0]),), r"\(16, 24, 3\).*\(16, 32, 3\)"),
+        ((b"x",), "no image"),
+    ):
         reservoir = Reservoir(10**6)
         reservoir.add(episode_of("abc", images))
         cache = FrameCache(reservoir, CAMERA, pooling=1, limit_bytes=0)
@@ -98,4 +101,6 @@ def test_pooled_pixel_is_the_mean_with_halves_rounded_up(factor):
 def test_pooled_frames_are_what_the_cache_gives():
     seen = pictures()
     _, cache, table = make_cache({"a": seen}, room=10, pooling=2)
-    assert np.array_equal(cache.get(table, np.array([3]))[0], cv2.resize(seen[3], (16, 8), interpolation=cv2.INTER_AREA))
+    assert np.array_equal(
+        cache.get(table, np.array([3]))[0], cv2.resize(seen[3], (16, 8), interpolation=cv2.INTER_AREA)
+    )

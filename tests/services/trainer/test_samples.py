@@ -97,9 +97,7 @@ def test_draws_have_the_size_asked_for_and_are_a_function_of_the_generator(table
 
 def test_every_sample_is_drawn_about_as_often(table):
     rng = np.random.default_rng(0)
-    draws = [
-        draw_samples(table, batch_size=64, chain_length=4, spacing_steps=10, rng=rng) for _ in range(1500)
-    ]
+    draws = [draw_samples(table, batch_size=64, chain_length=4, spacing_steps=10, rng=rng) for _ in range(1500)]
     counts = np.bincount(np.concatenate(draws), minlength=len(table))
     assert counts.min() > 0.3 * counts.mean()
     assert counts.max() < 2.5 * counts.mean()
