@@ -73,13 +73,15 @@ def test_subscriber_that_does_nothing_does_not_hold_up_the_recorder(endpoint: st
     frozen.subscribe(topics.COMMITTED, sleeps)
     recorder = Recorder(tmp_path, "r0", recording, PROVENANCE, RecorderConfig(fsync=False))
     attach(recording, recorder)
-    for index in range(40):
-        for request in append_requests(index):
-            sender.request(topics.append("r0"), request)
-    assert [episode.header.episode.index for episode in committed_episodes(tmp_path)] == [*range(40)]
-    assert heard.get(timeout=5.0) == 0
-    assert heard.empty(), "it still sleeps"
-    over.set()
-    recorder.close()
-    for bus in reversed(buses):
-        bus.close()
+    try:
+        for index in range(40):
+            for request in append_requests(index):
+                sender.request(topics.append("r0"), request)
+        assert [episode.header.episode.index for episode in committed_episodes(tmp_path)] == [*range(40)]
+        heard.get(timeout=5.0)
+        assert heard.empty(), "it still sleeps"
+    finally:
+        over.set()
+        recorder.close()
+        for bus in reversed(buses):
+            bus.close()
