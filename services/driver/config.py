@@ -11,7 +11,7 @@ class DriverConfig:
 
     disturbed: float = 0.0
     """Share of the expert's episodes in which it is disturbed, 0..1."""
-    push: float = 1.0
+    push: float = 0.5
     """Standard deviation of the pushes, as a multiple of the largest changes of speed and yaw rate that the robot can
     make: what is above 1 it cannot resist."""
     push_time_s: float = 0.5

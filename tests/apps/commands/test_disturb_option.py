@@ -31,7 +31,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> str:
 def options(tmp_path_factory: pytest.TempPathFactory) -> dict:
     path = tmp_path_factory.mktemp("settings") / "short.toml"
     path.write_text(CONFIG)
-    return {"config": path, "static": True, "disturb": 0.5, "episodes": EPISODES, "json": True}
+    return {"config": path, "static": True, "disturb": 0.3, "episodes": EPISODES, "json": True}
 
 
 @pytest.fixture(scope="module")
