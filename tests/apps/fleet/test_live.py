@@ -145,9 +145,9 @@ def test_stopped_run_is_made_again_as_far_as_it_came(folder: RunFolder, tmp_path
 
 def test_policy_of_another_robot_or_broken_is_refused_with_the_reason(folder: RunFolder, tmp_path: Path) -> None:
     with _in_process(folder) as (bus, _):
-        with pytest.raises(PeerError, match=r"another camera: .*height_px 9 \(the robot's: 8\)"):
-            _offer(bus, tmp_path, "other", **{"height_px = 8": "height_px = 9"})
-        with pytest.raises(PeerError, match=r"The offered policy holds no policy\.toml"):
+        with pytest.raises(PeerError, match=r"another robot: v_max_mps 0\.5 \(the run's: 1\.0"):
+            _offer(bus, tmp_path, "other", **{"v_max_mps = 1.0": "v_max_mps = 0.5"})
+        with pytest.raises(PeerError, match=r"the offered policy holds no policy\.toml"):
             bus.request(topics.OFFER, OfferRequest(files=(PolicyFile(name="a", data=b"b"),)))
         assert bus.request(topics.STATUS, StatusRequest()).policies == 0
 
