@@ -1,4 +1,3 @@
-import sqlite3
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -141,22 +140,6 @@ def test_full_disk_is_said_in_one_line_and_undoes_the_step(tmp_path: Path) -> No
 
 def _policy(sha256: str) -> PolicyRef:
     return PolicyRef(path="", files=(FileRef(path="head", sha256=sha256, size=4),), mix=0.5)
-
-
-def test_ledger_of_before_there_were_policies_goes_on(ledger: Ledger, tmp_path: Path) -> None:
-    attempt = _render(ledger)
-    ledger.close()
-    with sqlite3.connect(tmp_path / "ledger.sqlite") as old:
-        for column in ("policy", "driven_by", "assigned"):
-            old.execute(f"ALTER TABLE episode DROP COLUMN {column}")
-        old.execute("DROP TABLE policy")
-    old.close()
-    again = Ledger(tmp_path / "ledger.sqlite")
-    assert again.grant(0, attempt, "rec0") is VerdictStatus.OK
-    assert again.commit(0, "rec0", "shard", 10) is not None
-    assert again.driven_by() == {0: ""}
-    assert again.policies() == ()
-    again.close()
 
 
 def test_offers_are_numbered_and_say_when_they_came(ledger: Ledger) -> None:
