@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from readygo.apps.run.evaluation import closed_loop
+from readygo.apps.run.origin import origin_of_data
 from readygo.apps.run.training import make_config, run_training
 from readygo.common.errors import ConfigError
 
@@ -77,7 +78,8 @@ def train(
         previous_dropout=previous_dropout,
         mirror=mirror,
     )
-    evaluate = closed_loop(val_scene, episodes=val_episodes, seed=seed) if val_scene else None
+    origin = origin_of_data(data) if val_scene else None
+    evaluate = closed_loop(val_scene, episodes=val_episodes, seed=seed, origin=origin) if val_scene else None
     console = Console(stderr=True)
     with _progress(console, quiet=json) as show:
         metrics = run_training(data, config, out, val=val, evaluate=evaluate, show=show)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from readygo.apps.run.origin import note_origin, origin_of_data
 from readygo.common.dataset import Dataset
 from readygo.common.errors import ConfigError, PolicyError
 from readygo.common.extras import install_command
@@ -51,4 +52,6 @@ def run_training(
     except ImportError as error:
         raise PolicyError(f"Training needs {error.name}; run: {install_command('train')}") from error
     validation = Dataset(val) if val else None
-    return train_policy(Dataset(data), config, out, validation=validation, evaluate=evaluate, report=show)
+    metrics = train_policy(Dataset(data), config, out, validation=validation, evaluate=evaluate, report=show)
+    note_origin(out, origin_of_data(data))
+    return metrics
