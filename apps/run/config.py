@@ -22,6 +22,8 @@ from readygo.services.recorder.config import RecorderConfig
 from readygo.services.renderer.config import RendererConfig
 from readygo.services.renderer.sensor.recipes import SENSOR_RECIPES, SensorName
 
+_NOT_OF_RUNS = ("learn",)
+"""Sections of a configuration file that are no run's: `readygo learn` reads its own."""
 _RETIRED = {"episode": ("human_height_m",)}
 """Settings of earlier versions, by section."""
 
@@ -76,10 +78,7 @@ def load_run_config(
 
 def _read_config(path: Path, base: RunConfig) -> RunConfig:
     """The sections of a TOML file over those of `base`; a robot that the file names has only its camera from there."""
-    try:
-        sections = tomllib.loads(path.read_text())
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ConfigError(f"Configuration {path} cannot be read: {error}.") from error
+    sections = {name: keys for name, keys in read_sections(path).items() if name not in _NOT_OF_RUNS}
     if "robot" in sections:
         base = dataclasses.replace(base, robot=RobotConfig(camera=base.robot.camera))
     try:
@@ -87,6 +86,18 @@ def _read_config(path: Path, base: RunConfig) -> RunConfig:
         return merged(base, sections)
     except ConfigError as error:
         raise ConfigError(f"Configuration {path}: {error}") from error
+
+
+def read_sections(path: Path) -> dict[str, Any]:
+    """All sections of a configuration file.
+
+    Raises:
+        ConfigError: If it cannot be read.
+    """
+    try:
+        return tomllib.loads(path.read_text())
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise ConfigError(f"Configuration {path} cannot be read: {error}.") from error
 
 
 def merged(base: RunConfig, sections: Mapping[str, Any]) -> RunConfig:

@@ -1,6 +1,6 @@
 import pytest
 
-from readygo.apps.demo.report_content import RunNumbers
+from readygo.apps.learn.report_content import RunNumbers
 
 
 def test_speed_is_of_the_whole_run() -> None:

@@ -1,0 +1,35 @@
+"""How many cores collect and how many learn."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Split:
+    """Cores of a machine between collecting and learning."""
+
+    collectors: int
+    """Processes that do all stages of the line, one core each."""
+    trainer_threads: int
+
+
+def split_cores(cores: int, *, scenes: int, collect_hz: float, train_hz: float, reuse: float) -> Split:
+    """The split at which every recorded sample is learned from `reuse` times.
+
+    k of n cores record k c samples a second, the others learn from (n - k) t: as many as k c reuse where
+    k = n t / (t + reuse c). Both sides get a core at least, and every scene a collector.
+
+    Args:
+        cores: Cores that there are, n.
+        scenes: Scenes that are recorded in.
+        collect_hz: Samples that one core records per second, c.
+        train_hz: Samples that one core learns from per second, t.
+        reuse: How often each sample is to be learned from.
+    """
+    wanted = round(cores * train_hz / (train_hz + reuse * collect_hz))
+    collectors = max(scenes, min(wanted, cores - 1), 1)
+    return Split(collectors, max(1, cores - collectors))
+
+
+def shared_out(collectors: int, scenes: int) -> list[int]:
+    """Collectors of each scene: as even as it goes, one at least."""
+    return [max(1, collectors // scenes + (number < collectors % scenes)) for number in range(scenes)]
