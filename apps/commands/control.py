@@ -66,6 +66,7 @@ def status_text(reply: StatusReply) -> str:
     lines = [f"{reply.committed} of {reply.wanted} episodes, {reply.samples} samples"]
     counts = {"waiting": reply.waiting, "at work": reply.leased, "rejected": reply.rejected, "kept": reply.kept}
     lines += [f"  {name}: {_listed(count)}" for name, count in counts.items() if count]
+    lines += [f"  policies offered: {reply.policies}"] if reply.policies else []
     lines += [f"  ended: {reply.failed}"] if reply.failed else []
     return "\n".join(lines)
 

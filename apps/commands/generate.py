@@ -12,13 +12,14 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from readygo.apps.fleet.run import Show, record
-from readygo.apps.run.config import load_run_config, with_detail, with_outputs
+from readygo.apps.run.again import prepare_again
+from readygo.apps.run.config import load_run_config, with_detail, with_disturbance, with_outputs
 from readygo.apps.run.origin import avatars_of_policy, robot_of_policy
-from readygo.apps.run.policy import with_policy
+from readygo.apps.run.policy import with_expert, with_policy
 from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.run.spec import episode_count, make_spec
 from readygo.common.errors import RunError
-from readygo.common.messages import Split, StatusReply
+from readygo.common.messages import RunSpec, Split, StatusReply
 from readygo.common.policy import load_spec
 from readygo.common.robot import load_robot
 from readygo.services.planner.humans.mixes import MixName
@@ -26,7 +27,7 @@ from readygo.services.renderer.sensor.recipes import SensorName
 
 
 def generate(
-    scene: str,
+    scene: str = "",
     /,
     *,
     out: Path,
@@ -40,6 +41,8 @@ def generate(
     scenarios: Path | None = None,
     policy: Path | None = None,
     mix: float | None = None,
+    disturb: float | None = None,
+    again: Path | None = None,
     outputs: str = "",
     detail: Literal["exact", "lod"] | None = None,
     robot: Path | None = None,
@@ -66,6 +69,10 @@ def generate(
         policy: Folder of a trained policy: it or the expert drives, episodes are kept however they end, and the expert
             says at every sample what it would do. The robot is the policy's unless `robot` or `config` names one.
         mix: Share of the episodes that the policy drives, 0..1; 0.5 by default.
+        disturb: Share of the expert's episodes in which it is pushed and obeyed late, 0..1: it is shown to find back,
+            and says at every sample what it would do. Episodes are kept however they end.
+        again: Data folder whose episodes are made again, each with the policy that drove it; `scene` and all that
+            belongs to a run is taken from there.
         outputs: Images to record, separated by commas, of rgb, depth, median_depth, alpha, mask and normal, such as
             rgb,depth,mask; rgb alone by default.
         detail: "lod" draws far things and people with fewer Gaussians, about twice as fast; as in `config`, or
@@ -78,6 +85,14 @@ def generate(
             free loopback port by default.
         json: Print the summary as JSON.
     """
+    if again is not None:
+        if scene:
+            raise RunError("--again has the scene of the run that it makes again: name one of the two.")
+        spec, wanted = prepare_again(again, out)
+        _record(spec, out, wanted, workers, listen, json=json)
+        return
+    if not scene:
+        raise RunError('Name a scene: a bundle, or "embedded".')
     if mix is not None and policy is None:
         raise RunError("--mix is the share of a policy's episodes: name the policy with --policy.")
     trained = load_spec(policy) if policy else None
@@ -87,6 +102,8 @@ def generate(
         run_config = with_outputs(run_config, outputs)
     if detail:
         run_config = with_detail(run_config, detail)
+    if disturb is not None:
+        run_config = with_disturbance(run_config, disturb)
     if trained and not (avatars or static):
         avatars = avatars_of_policy(trained)
     spec = make_spec(
@@ -94,11 +111,18 @@ def generate(
     )
     if policy is not None:
         spec = with_policy(spec, run_config, policy, 0.5 if mix is None else mix)
+    elif disturb is not None or run_config.driver.disturbed:
+        spec = with_expert(spec)
     wanted = episode_count(scenarios) if episodes is None else episodes
+    _record(spec, out, wanted, workers, listen, json=json)
+
+
+def _record(spec: RunSpec, out: Path, episodes: int, workers: int, listen: str, *, json: bool) -> None:
+    """Do a run, and say on the terminal how it goes and what it gave."""
     role = spec.stages[-1].role
     join = f"More workers can join: readygo worker {role} --connect {listen} --run {spec.run}" if listen else ""
     with progress_bar(first_words=join, quiet=json) as show:
-        summary = record(spec, out, episodes=wanted, workers=workers, listen=listen, show=show)
+        summary = record(spec, out, episodes=episodes, workers=workers, listen=listen, show=show)
     if json:
         sys.stdout.write(json_module.dumps(summary) + "\n")
         return
@@ -106,9 +130,7 @@ def generate(
     console.print(f"{summary['episodes']} episodes, {summary['samples']} samples in {out} ({summary['wall_s']:.1f} s).")
     for reason, count in summary["rejected"].items():
         console.print(f"  rejected {count}: {reason}", markup=False)
-    # Training imitates what was executed: a policy's own mistakes are not for it.
-    then = "" if spec.policy else f" && readygo train {out} --out policy"
-    console.print(f"Next: readygo validate {out}{then}", markup=False)
+    console.print(f"Next: readygo validate {out} && readygo train {out} --out policy", markup=False)
     console.print(f"What it covers: readygo coverage {out} --out coverage", markup=False)
 
 

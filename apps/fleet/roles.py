@@ -1,21 +1,26 @@
-"""Who makes up a fleet: the roles of a run's stages, and the two that every run has."""
+"""Who makes up a fleet: the roles of a run's stages or one for all of them, and the two that every run has."""
 
 from readygo.common.messages import RunSpec
 
 COORDINATOR = "coordinator"
 RECORDER = "recorder"
+ALL = "all"
+"""A worker that does every stage of the line, the later ones first."""
 
 
-def places(spec: RunSpec, recorders: tuple[str, ...], workers: int) -> list[tuple[str, str]]:
+def places(spec: RunSpec, recorders: tuple[str, ...], workers: int, *, together: bool = False) -> list[tuple[str, str]]:
     """Role and name of every process of a local fleet.
 
     Args:
         spec: The run.
         recorders: Names of its recorders.
         workers: Processes of the role that does the last stage, which is the most work; every other role has one.
+        together: True for `workers` processes that do all stages instead, for machines with few cores.
     """
     busiest = spec.stages[-1].role
     counts = {stage.role: workers if stage.role == busiest else 1 for stage in spec.stages}
+    if together:
+        counts = {ALL: workers}
     return [
         (COORDINATOR, COORDINATOR),
         *((RECORDER, name) for name in recorders),

@@ -102,15 +102,16 @@ def _work_until_over(bus: Bus, worker: Worker, show: Show) -> None:
         show(bus.request(topics.STATUS, StatusRequest()))
 
 
-def run_fleet(folder: RunFolder, workers: int, endpoint: str, show: Show) -> StatusReply:
-    """Do the run with a local fleet over Zenoh."""
+def run_fleet(folder: RunFolder, workers: int, endpoint: str, show: Show, *, together: bool = False) -> StatusReply:
+    """Do the run with a local fleet over Zenoh; see `places` for `workers` and `together`."""
     spec, _ = folder.load()
     router = Router(endpoint)
     fleet = Fleet(connect=endpoint, run=spec.run, data=folder.path.resolve(), logs=folder.logs)
     bus = ZenohBus(endpoint, spec.run)
     try:
         with folder.reachable(endpoint):
-            for role, name in places(spec, World(spec).config.coordinator.recorders, workers):
+            recorders = World(spec).config.coordinator.recorders
+            for role, name in places(spec, recorders, workers, together=together):
                 fleet.add(role, name)
             status = _supervise(fleet, bus, show)
     finally:

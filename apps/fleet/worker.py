@@ -8,12 +8,14 @@ import signal
 import socket
 import sys
 import threading
+from functools import partial
 from pathlib import Path
 
 from readygo.apps.fleet.fleet import CANNOT_WORK
-from readygo.apps.fleet.roles import COORDINATOR, RECORDER
+from readygo.apps.fleet.roles import ALL, COORDINATOR, RECORDER
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.identity import numeric_class
+from readygo.apps.run.policy import check_offer
 from readygo.apps.run.stages import stage_works
 from readygo.apps.run.world import World
 from readygo.common.bus import Bus
@@ -49,8 +51,8 @@ def worker(
     A worker that somebody must help first (settings, data, disk) exits with 78; started again it would do no better.
 
     Args:
-        role: coordinator, recorder, or the role of a stage: human-planner, animator, robot-planner, renderer or
-            driver.
+        role: coordinator, recorder, the role of a stage (human-planner, animator, robot-planner, renderer or driver),
+            or all, which does every stage in one process.
         connect: Endpoint of the fleet's router, such as tcp/127.0.0.1:7447.
         run: Name of the run, as `readygo generate --listen` prints it.
         name: Name of this worker; must differ between workers of one role.
@@ -96,6 +98,7 @@ def _keep_the_heap_small() -> None:
 def make_coordinator(folder: RunFolder) -> coordination.Coordinator:
     """The coordinator of the run in a data folder."""
     spec, wanted = folder.load()
+    config = World(spec).config
     scene = Path(spec.scene_path)
     files = {file.sha256: scene / file.path for file in spec.scene_files}
     if spec.policy is not None:
@@ -105,7 +108,8 @@ def make_coordinator(folder: RunFolder) -> coordination.Coordinator:
         wanted=wanted,
         ledger=coordination.Ledger(folder.ledger, spec.stages),
         blobs=coordination.BlobStore(folder.blobs, files),
-        config=World(spec).config.coordinator,
+        config=config.coordinator,
+        check_policy=partial(check_offer, config=config),
     )
 
 
@@ -135,7 +139,7 @@ def _record(bus: Bus, name: str, folder: RunFolder, stop: threading.Event) -> No
 
 def _work(bus: Bus, role: str, name: str, stop: threading.Event) -> None:
     world = _world(bus)
-    works = stage_works(world, bus, role)
+    works = stage_works(world, bus, "" if role == ALL else role)
     world.forget_avatars()
     bus.announce(role, name)
     pull(bus, Worker(name=name, numeric_class=numeric_class(world.config, world.spec.policy), works=works), stop=stop)

@@ -152,7 +152,7 @@ def _training(content: ReportContent) -> str:
     rates = {"minutes": content.rates, "samples learned from": content.rates_by_samples}
     charts = [
         (
-            line_chart(curves, x_name=x_name, what="Success rate", y_max=100.0),
+            line_chart(curves, x_name=x_name, what="Success", y_max=100.0),
             f"Success [%] on the split val over {x_name}.",
         )
         for x_name, curves in rates.items()

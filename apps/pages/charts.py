@@ -44,9 +44,9 @@ def line_chart(curves: Sequence[Curve], *, x_name: str, what: str = "Loss", y_ma
     steps = np.concatenate([step for _, step, _ in cleaned])
     losses = np.concatenate([loss for _, _, loss in cleaned])
     log = bool(not y_max and losses.min() > 0 and losses.max() > 20 * losses.min())
-    low, high = (
-        (losses.min(), losses.max()) if log else (min(0.0, float(losses.min())), max(float(losses.max()), y_max))
-    )
+    low, high = float(losses.min()), float(losses.max())
+    if not log:
+        low, high = min(0.0, low), max(high, y_max)
     y_ticks = _decades(low, high) if log else nice_ticks(low, high)
     low, high = min(low, y_ticks[0]), max(high, y_ticks[-1])
     x_ticks = nice_ticks(float(steps.min()), float(steps.max()))

@@ -1,4 +1,4 @@
-"""Recorded episodes of a run as films, ways on a map and strips of images, with the humans made again from their keys."""
+"""Recorded episodes of a run as films and as ways on a map, with the humans made again from their keys."""
 
 from pathlib import Path
 

@@ -15,6 +15,7 @@ from readygo.common.errors import ConfigError
 from readygo.common.robot import RobotConfig
 from readygo.services.animator.config import AnimatorConfig
 from readygo.services.coordinator.config import CoordinatorConfig
+from readygo.services.driver.config import DriverConfig
 from readygo.services.planner.expert.config import ExpertConfig
 from readygo.services.planner.humans.config import HumanPlannerConfig
 from readygo.services.planner.humans.mixes import MIXES, MixName
@@ -36,6 +37,7 @@ class RunConfig:
     episode: EpisodeConfig = field(default_factory=EpisodeConfig)
     human_planner: HumanPlannerConfig = field(default_factory=HumanPlannerConfig)
     expert: ExpertConfig = field(default_factory=ExpertConfig)
+    driver: DriverConfig = field(default_factory=DriverConfig)
     animator: AnimatorConfig = field(default_factory=AnimatorConfig)
     renderer: RendererConfig = field(default_factory=RendererConfig)
     recorder: RecorderConfig = field(default_factory=RecorderConfig)
@@ -156,6 +158,19 @@ def with_detail(config: RunConfig, detail: Literal["exact", "lod"]) -> RunConfig
     except ValueError as error:
         raise ConfigError(f"--detail: {error}") from error
     return dataclasses.replace(config, renderer=renderer)
+
+
+def with_disturbance(config: RunConfig, share: float) -> RunConfig:
+    """The configuration with another share of the expert's episodes disturbed.
+
+    Raises:
+        ConfigError: If `share` is none.
+    """
+    try:
+        driver = dataclasses.replace(config.driver, disturbed=share)
+    except ValueError as error:
+        raise ConfigError(f"--disturb is the share of the expert's episodes: {error}") from error
+    return dataclasses.replace(config, driver=driver)
 
 
 def resolved_sections(config: RunConfig) -> dict[str, Any]:

@@ -36,14 +36,8 @@ def identity(spec: RunSpec) -> dict[str, Any]:
         "scenarios": text_hash(spec.scenarios) if spec.scenarios else "",
         "config": config,
         **({"stages": hashlib.sha256(stages).hexdigest()} if stages else {}),
-        **({"policy": policy_hash(spec.policy), "mix": spec.policy.mix} if spec.policy else {}),
+        **({"policy": spec.policy.sha256, "mix": spec.policy.mix} if spec.policy else {}),
     }
-
-
-def policy_hash(policy: PolicyRef) -> str:
-    """SHA-256 over the names and hashes of a policy's files."""
-    lines = sorted(f"{file.path} {file.sha256}" for file in policy.files)
-    return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
 
 def run_name(spec: RunSpec) -> str:

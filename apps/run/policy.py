@@ -1,17 +1,20 @@
-"""Runs in which a policy drives."""
+"""Runs in which the robot is driven: by a policy, by policies that are offered while they go on, or by the expert."""
 
 import dataclasses
 import hashlib
+import tempfile
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from readygo.apps.run.config import RunConfig
-from readygo.apps.run.identity import numeric_class, policy_hash, run_name
+from readygo.apps.run.identity import numeric_class, run_name
 from readygo.common.config import section_differences
 from readygo.common.dataset.provenance import PolicyOrigin
 from readygo.common.errors import PolicyError
-from readygo.common.messages import FileRef, PolicyRef, RunSpec
+from readygo.common.messages import FileRef, PolicyFile, PolicyRef, RunSpec
 from readygo.common.messages.stages import DRIVE_LINE
-from readygo.common.policy import PolicySpec, check_policy_camera, load_policy
+from readygo.common.policy import check_policy_camera, load_policy
 from readygo.common.policy.artifact import ENCODER_FILE, HEAD_FILE, SPEC_FILE
 
 
@@ -27,24 +30,64 @@ def with_policy(spec: RunSpec, config: RunConfig, folder: Path, mix: float) -> R
     Raises:
         PolicyError: If the policy cannot be used, or is one for another robot or camera, or `mix` is no share.
     """
-    check_policy_robot(load_policy(folder).spec, config)
+    check_policy(folder, config)
     try:
         files = tuple(file_ref(folder, name) for name in (ENCODER_FILE, HEAD_FILE, SPEC_FILE))
         policy = PolicyRef(path=str(folder.resolve()), files=files, mix=mix)
     except ValueError as error:
         raise PolicyError(f"--{error}") from error
-    origin = PolicyOrigin(sha256=policy_hash(policy), mix=mix)
-    metadata = {
-        **spec.metadata,
-        "numeric_class": numeric_class(config, policy),
-        "policy": dataclasses.asdict(origin),
-    }
-    driven = dataclasses.replace(spec, stages=DRIVE_LINE, policy=policy, metadata=metadata)
+    origin = PolicyOrigin(sha256=policy.sha256, mix=mix)
+    return _driven(spec, policy, {"numeric_class": numeric_class(config, policy), "policy": dataclasses.asdict(origin)})
+
+
+def with_offers(spec: RunSpec, config: RunConfig, mix: float) -> RunSpec:
+    """A run that learns: the newest of the policies that are offered to it drives a share of the episodes.
+
+    Until there is one, the expert drives all of them.
+
+    Args:
+        spec: The run with the expert alone.
+        config: Its settings.
+        mix: Share of the episodes that policies drive, 0..1.
+
+    Raises:
+        PolicyError: If `mix` is no share, or policies cannot run on this machine.
+    """
+    try:
+        policy = PolicyRef(path="", files=(), mix=mix)
+    except ValueError as error:
+        raise PolicyError(str(error)) from error
+    return _driven(spec, policy, {"numeric_class": numeric_class(config, policy)})
+
+
+def with_expert(spec: RunSpec) -> RunSpec:
+    """A run in which the expert drives, disturbed as `DriverConfig` says, and says what it would do."""
+    return _driven(spec, None, {})
+
+
+def _driven(spec: RunSpec, policy: PolicyRef | None, metadata: Mapping[str, Any]) -> RunSpec:
+    driven = dataclasses.replace(spec, stages=DRIVE_LINE, policy=policy, metadata={**spec.metadata, **metadata})
     return dataclasses.replace(driven, run=run_name(driven))
 
 
-def check_policy_robot(trained: PolicySpec, config: RunConfig) -> None:
-    """Raise PolicyError unless a run has the camera, the sensor and the robot that a policy was trained with."""
+def check_offer(files: Sequence[PolicyFile], config: RunConfig) -> None:
+    """Raise PolicyError unless files that a trainer offers are a policy that can drive in a run."""
+    with tempfile.TemporaryDirectory() as name:
+        for file in files:
+            (Path(name) / file.name).write_bytes(file.data)
+        try:
+            check_policy(Path(name), config)
+        except PolicyError as error:
+            raise PolicyError(str(error).replace(name, "The offered policy")) from error
+
+
+def check_policy(folder: Path, config: RunConfig) -> None:
+    """See whether a policy can drive in a run.
+
+    Raises:
+        PolicyError: If it cannot be used, or was trained with another camera, sensor or robot.
+    """
+    trained = load_policy(folder).spec
     check_policy_camera(trained, config.robot, config.renderer.sensor)
     for name, ours, theirs in section_differences(trained.robot, config.robot):
         raise PolicyError(f"The policy was trained for another robot: {name} {ours} (the run's: {theirs}).")

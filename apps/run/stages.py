@@ -29,7 +29,7 @@ from readygo.common.messages import (
 from readygo.common.messages.stages import ANIMATE, DRIVE, HUMAN_PLAN, RENDER, ROBOT_PLAN
 from readygo.common.rasterizer.warm import warm as warm_rasterizer
 from readygo.services.animator import handle_animate
-from readygo.services.driver import PolicyDriver, drive, driver_of
+from readygo.services.driver import Disturbance, PolicyDriver, disturbs, drive, driver_of
 from readygo.services.planner import handle_human_plan, handle_robot_plan
 from readygo.services.renderer import LiveCamera, described_samples, episode_header, episode_samples
 
@@ -115,17 +115,29 @@ def _render(world: World, bus: Bus) -> Work:
 
 def _drive(world: World, bus: Bus) -> Work:
     warm_rasterizer()
-    renderer, planner, policy = world.renderer(), world.robot_planner, world.policy()
-    mix = world.spec.policy.mix if world.spec.policy else 0.0
+    renderer, planner, config = world.renderer(), world.robot_planner, world.config
+    own = world.spec.policy if world.spec.policy and world.spec.policy.files else None
+    if own:
+        # What is wrong with it is said before any work is claimed.
+        world.policy(own)
 
     def work(claim: ClaimReply, inputs: Inputs) -> None:
         scenario, motions = _scenario(inputs), _motions(inputs)
-        driver = driver_of(scenario.episode, mix)
+        episode, ref = scenario.episode, claim.policy or own
+        driver = driver_of(episode, ref.mix if ref else 0.0)
         simulation = planner.simulation(scenario, motions)
         camera = LiveCamera(renderer, simulation)
-        drives = PolicyDriver(policy, planner.robot.camera.latency_s) if policy and driver is Driver.POLICY else None
-        driven = drive(simulation, planner.expert(scenario, motions), camera, drives)
-        header = episode_header(renderer, scenario, driven.trajectory, driver)
+        policy = disturbance = None
+        if ref and driver is Driver.POLICY:
+            policy = PolicyDriver(world.policy(ref), config.robot.camera.latency_s)
+        elif disturbs(episode, config.driver.disturbed):
+            disturbance = Disturbance(episode, config.driver, config.robot)
+        driven = drive(simulation, planner.expert(scenario, motions), camera, policy, disturbance)
+        offered = claim.policy.sha256 if claim.policy and policy else ""
+        header = dataclasses.replace(
+            episode_header(renderer, scenario, driven.trajectory, driver),
+            policy=offered,
+        )
         seen = described_samples(renderer, scenario, motions, driven.trajectory, camera.pictures)
         samples = (
             dataclasses.replace(sample, expert_commands=commands)

@@ -5,7 +5,6 @@ from functools import cached_property
 from pathlib import Path
 
 from readygo.apps.run.config import RunConfig, sections_of_today
-from readygo.apps.run.identity import policy_hash
 from readygo.apps.run.policy import file_ref
 from readygo.common.avatars import Avatar, load_avatars
 from readygo.common.avatars.file import avatar_hash
@@ -15,13 +14,16 @@ from readygo.common.dataset.provenance import Provenance
 from readygo.common.errors import RunError, SceneError
 from readygo.common.files import cache_folder, write_whole
 from readygo.common.fleet import fetch_blob
-from readygo.common.messages import FileRef, RunSpec
+from readygo.common.messages import FileRef, PolicyRef, RunSpec
 from readygo.common.policy import Policy, load_policy
 from readygo.common.scenes import Scene, load_scene, verify_scene
 from readygo.services.animator import Animator
 from readygo.services.planner import HumanPlanner, RobotPlanner
 from readygo.services.planner.humans.scenario_file import ScenarioFile, parse_scenarios
 from readygo.services.renderer import Renderer
+
+POLICIES_MAX = 2
+"""Policies that are kept in memory: drivers take up the newest one, and go back to none."""
 
 
 class World:
@@ -31,6 +33,7 @@ class World:
         self.spec = spec
         self.config = section_from_mapping(RunConfig, sections_of_today(spec.config))
         self._bus = bus
+        self._policies: dict[PolicyRef, Policy] = {}
 
     @cached_property
     def scene(self) -> Scene:
@@ -105,19 +108,25 @@ class World:
         maps = self.scene.maps
         return Animator(self.avatars, maps.floor, self.config.animator, obstacles=maps.human)
 
-    def policy(self) -> Policy | None:
-        """The policy that drives in a share of the episodes: at its path if it is there, else fetched from the run.
+    def policy(self, ref: PolicyRef) -> Policy:
+        """A policy that drives in the run: at its path if it is there, else fetched from the run.
+
+        The few that were asked for last are kept.
 
         Raises:
             RunError: If the policy at hand is another one than the run's.
             PolicyError: If it cannot be used.
         """
-        ref = self.spec.policy
-        if ref is None:
-            return None
+        if ref not in self._policies:
+            while len(self._policies) >= POLICIES_MAX:
+                self._policies.pop(next(iter(self._policies)))
+            self._policies[ref] = self._load_policy(ref)
+        return self._policies[ref]
+
+    def _load_policy(self, ref: PolicyRef) -> Policy:
         folder = Path(ref.path)
-        if not folder.is_dir() and self._bus is not None:
-            folder = cache_folder("policies") / policy_hash(ref)
+        if not (ref.path and folder.is_dir()) and self._bus is not None:
+            folder = cache_folder("policies") / ref.sha256
             _fetch_files(self._bus, ref.files, folder)
         policy = load_policy(folder)
         if tuple(file_ref(folder, file.path) for file in ref.files) != ref.files:

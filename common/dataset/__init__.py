@@ -1,6 +1,7 @@
 """Recorded data: shards, their index, the reader and the check of everything in them."""
 
 from readygo.common.dataset.chunk import EpisodeChunk, encode_episode, read_chunk
+from readygo.common.dataset.committed import committed_episodes
 from readygo.common.dataset.provenance import AvatarOrigin, Provenance, ScenarioOrigin, SceneOrigin
 from readygo.common.dataset.reader import Calibration, Dataset, EpisodeEntry
 from readygo.common.dataset.validate import Defect, Report, validate
@@ -18,6 +19,7 @@ __all__ = [
     "ScenarioOrigin",
     "SceneOrigin",
     "ShardWriter",
+    "committed_episodes",
     "encode_episode",
     "read_chunk",
     "shard_name",

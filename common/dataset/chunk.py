@@ -20,7 +20,6 @@ from readygo.common.dataset.poses import pose_xyzyaw
 from readygo.common.dataset.records import MESSAGE_FIELDS_SIZE, MESSAGE_HEADER, Message, field_span, iter_messages
 from readygo.common.errors import DatasetError
 from readygo.common.messages.episode import EpisodeKey
-from readygo.common.messages.plan import Driver, Outcome
 from readygo.common.messages.samples import EpisodeHeader, Sample
 
 EPISODE_SLOT_NS = 100 * schemas.NS_PER_S
@@ -68,9 +67,8 @@ class EpisodeChunk:
     """(log time [ns], offset in `data`) of the messages of each channel."""
     samples: npt.NDArray[np.void]
     """Rows of `SAMPLE_DTYPE`; `image_offset` counts from the beginning of `data`."""
-    outcome: Outcome
+    ending: schemas.Ending
     """Known where there are the expert's commands; without them an episode is a success of the expert."""
-    driver: Driver
     outputs: dict[str, npt.NDArray[np.void]] = field(default_factory=dict)
     """By output besides rgb (images, labels, the expert's commands): rows of `OUTPUT_DTYPE`, one per sample; `offset`
     counts from the beginning of `data`."""
@@ -168,7 +166,6 @@ def read_chunk(data: bytes | memoryview, *, sha256: str = "") -> EpisodeChunk:
     rows = _sample_rows(view, by_channel, tuple(outputs.values()), base_ns)
     if not len(rows) == commit.sample_count == start.sample_count:
         raise DatasetError(f"episode {start.episode_id} has {len(rows)} samples, its commit says {commit.sample_count}")
-    outcome, driver = _ending(view, by_channel)
     return EpisodeChunk(
         episode=schemas.episode_key(start),
         attempt=commit.attempt,
@@ -188,8 +185,7 @@ def read_chunk(data: bytes | memoryview, *, sha256: str = "") -> EpisodeChunk:
             for number, messages in by_channel.items()
         },
         samples=rows,
-        outcome=outcome,
-        driver=driver,
+        ending=_ending(view, by_channel),
         outputs={name: _places(view, by_channel[channel.number], channel) for name, channel in outputs.items()},
     )
 
@@ -224,11 +220,11 @@ def _only(view: memoryview, by_channel: dict[int, list[Message]], channel: schem
     return parse(channel, view[messages[0].body : messages[0].end])
 
 
-def _ending(view: memoryview, by_channel: dict[int, list[Message]]) -> tuple[Outcome, Driver]:
+def _ending(view: memoryview, by_channel: dict[int, list[Message]]) -> schemas.Ending:
     channel = schemas.EXPERT_CHANNELS[schemas.EXPERT]
     found = by_channel.get(channel.number)
     if not found:
-        return Outcome.SUCCESS, Driver.EXPERT
+        return schemas.Ending()
     return schemas.ending_of(parse(channel, view[found[0].body : found[0].end]))
 
 

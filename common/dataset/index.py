@@ -27,6 +27,7 @@ from mcap.records import Metadata
 from readygo.common.dataset.chunk import OUTPUT_DTYPE, SAMPLE_DTYPE, EpisodeChunk, read_chunk
 from readygo.common.dataset.provenance import RECORD_NAME, Provenance, provenance_from_strings
 from readygo.common.dataset.records import MAGIC, RECORD_HEADER, Record, chunk_span, is_intact, iter_records
+from readygo.common.dataset.schemas import Ending
 from readygo.common.errors import DatasetError
 from readygo.common.messages.episode import EpisodeKey, Split
 from readygo.common.messages.plan import Driver, Outcome
@@ -51,8 +52,8 @@ EPISODE_DTYPE = np.dtype(
     ]
 )
 """One episode; `first_sample` is its first row among the shard's samples, `sha256` is hexadecimal."""
-ENDING_DTYPE = np.dtype([("outcome", "S24"), ("driver", "S16")])
-"""How an episode ended, and who drove."""
+ENDING_DTYPE = np.dtype([("outcome", "S24"), ("driver", "S16"), ("policy", "S64")])
+"""An `Ending`."""
 FOOTER_SIZE = RECORD_HEADER.size + 8 + 8 + 4 + len(MAGIC)
 DATA_END_SIZE = RECORD_HEADER.size + 4
 _OUTPUT_PREFIX = "output_"
@@ -85,10 +86,10 @@ class ShardIndex:
             seed=int(episode["seed"]), split=Split(episode["split"].decode()), index=int(episode["index"])
         )
 
-    def ending(self, row: int) -> tuple[Outcome, Driver]:
+    def ending(self, row: int) -> Ending:
         """How the episode in a row of `episodes` ended, and who drove."""
-        outcome, driver = self.endings[row]
-        return Outcome(outcome.decode()), Driver(driver.decode())
+        outcome, driver, policy = (value.decode() for value in self.endings[row])
+        return Ending(Outcome(outcome), Driver(driver), policy)
 
     def equals(self, other: "ShardIndex") -> bool:
         """True if both describe the same shard in the same way."""
@@ -109,7 +110,7 @@ class IndexRows:
     def __init__(self) -> None:
         self._episodes: list[tuple[Any, ...]] = []
         self._samples: list[npt.NDArray[np.void]] = []
-        self._endings: list[tuple[bytes, bytes]] = []
+        self._endings: list[tuple[bytes, ...]] = []
         self._outputs: list[dict[str, npt.NDArray[np.void]]] = []
         self._sample_count = 0
 
@@ -125,7 +126,7 @@ class IndexRows:
         if outputs.keys() != first.keys():
             raise DatasetError(f"episode {key.episode_id} has the outputs {list(outputs)}, others have {list(first)}")
         self._outputs.append(outputs)
-        self._endings.append((chunk.outcome.value.encode(), chunk.driver.value.encode()))
+        self._endings.append(_ending_row(chunk.ending))
         self._episodes.append(
             (
                 key.seed,
@@ -289,8 +290,11 @@ def read_index(path: Path) -> ShardIndex | None:
 
 
 def _usual_endings(count: int) -> npt.NDArray[np.void]:
-    usual = (Outcome.SUCCESS.value.encode(), Driver.EXPERT.value.encode())
-    return np.array([usual] * count, dtype=ENDING_DTYPE)
+    return np.array([_ending_row(Ending())] * count, dtype=ENDING_DTYPE)
+
+
+def _ending_row(ending: Ending) -> tuple[bytes, ...]:
+    return ending.outcome.value.encode(), ending.driver.value.encode(), ending.policy.encode()
 
 
 @contextmanager

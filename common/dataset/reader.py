@@ -18,7 +18,7 @@ from readygo.common.dataset.chunk import parse
 from readygo.common.dataset.index import ShardIndex, load_index
 from readygo.common.dataset.labels import boxes_of, footprints_of, joints_of
 from readygo.common.dataset.provenance import Provenance
-from readygo.common.dataset.schemas import EXPERT, LABEL_CHANNELS, OPTIONAL_CHANNELS, OUTPUT_CHANNELS
+from readygo.common.dataset.schemas import EXPERT, LABEL_CHANNELS, OPTIONAL_CHANNELS, OUTPUT_CHANNELS, Ending
 from readygo.common.errors import DatasetError
 from readygo.common.images.files import decode_output
 from readygo.common.messages.episode import EpisodeKey
@@ -68,6 +68,8 @@ class EpisodeEntry:
     """How it ended; the samples before a collision are there."""
     driver: Driver = Driver.EXPERT
     """Who drove."""
+    policy: str = ""
+    """SHA-256 over the files of the policy that drove; empty for the expert."""
 
 
 class Dataset:
@@ -155,7 +157,7 @@ class Dataset:
         if not self.has_expert:
             raise DatasetError(
                 f"The samples of {self.shards[0].parent} have no commands of the expert; record with "
-                "`readygo generate --policy`."
+                "`readygo generate --disturb` or `--policy`."
             )
         messages = (self._message(index, EXPERT) for index in range(len(self)))
         rows = [(message.v_mps, message.w_radps) for message in messages]
@@ -419,7 +421,7 @@ def _entries(
     first_sample = 0
     for shard, row in order:
         episode = indexes[shard].episodes[row]
-        outcome, driver = indexes[shard].ending(row)
+        ending = indexes[shard].ending(row)
         entry = EpisodeEntry(
             episode=indexes[shard].episode_key(row),
             first_sample=first_sample,
@@ -427,12 +429,19 @@ def _entries(
             attempt=int(episode["attempt"]),
             shard=shards[shard],
             sha256=episode["sha256"].decode(),
-            outcome=outcome,
-            driver=driver,
+            outcome=ending.outcome,
+            driver=ending.driver,
+            policy=_policy_of(ending, indexes[shard].provenance),
         )
         entries.append(entry)
         first_sample += entry.sample_count
     return tuple(entries)
+
+
+def _policy_of(ending: Ending, provenance: Provenance) -> str:
+    """The policy that drove an episode: the offered one that it names, else the run's own."""
+    own = provenance.policy.sha256 if provenance.policy and ending.driver is Driver.POLICY else ""
+    return ending.policy or own
 
 
 def _episode_rows(index: ShardIndex, row: int, output: str = "rgb") -> npt.NDArray[np.void]:

@@ -7,7 +7,7 @@ further images, the labels of people, and the expert's commands.
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
@@ -73,6 +73,15 @@ EXPERT_CHANNELS: Mapping[str, Channel] = {EXPERT: Channel(18, "/robot/expert_com
 """Channel of what the expert would do at the robot's states."""
 OPTIONAL_CHANNELS: Mapping[str, Channel] = {**OUTPUT_CHANNELS, **LABEL_CHANNELS, **EXPERT_CHANNELS}
 """In the order of their messages, which follow those of `SAMPLE_CHANNELS`."""
+
+
+class Ending(NamedTuple):
+    """How an episode ended, and who drove it."""
+
+    outcome: Outcome = Outcome.SUCCESS
+    driver: Driver = Driver.EXPERT
+    policy: str = ""
+    """SHA-256 of the offered policy that drove; empty if it was none."""
 
 
 def schema_numbers(channels: Iterable[Channel]) -> dict[Any, int]:
@@ -191,7 +200,7 @@ def sample_messages(sample: Sample, header: EpisodeHeader, stamp_ns: int) -> Ite
     if sample.expert_commands:
         channels |= EXPERT_CHANNELS
         v_mps, w_radps = zip(*sample.expert_commands, strict=True)
-        ending = {"outcome": header.outcome.value, "driver": header.driver.value}
+        ending = {"outcome": header.outcome.value, "driver": header.driver.value, "policy": header.policy}
         outputs.append(ExpertCommands(v_mps=v_mps, w_radps=w_radps, **ending))
     return zip((*SAMPLE_CHANNELS, *channels.values()), map(_serialized, (*messages, *outputs)), strict=True)
 
@@ -229,14 +238,14 @@ def episode_key(start: Any) -> EpisodeKey:
         raise DatasetError(f"an episode's start names the unknown split {start.split!r}") from error
 
 
-def ending_of(commands: Any) -> tuple[Outcome, Driver]:
-    """How the episode of an ExpertCommands message ended, and who drove.
+def ending_of(commands: Any) -> Ending:
+    """The ending that an ExpertCommands message tells of.
 
     Raises:
-        DatasetError: If either is unknown.
+        DatasetError: If outcome or driver is unknown.
     """
     try:
-        return Outcome(commands.outcome), Driver(commands.driver)
+        return Ending(Outcome(commands.outcome), Driver(commands.driver), commands.policy)
     except ValueError as error:
         raise DatasetError(f"the end of an episode cannot be read: {error}") from error
 

@@ -18,6 +18,8 @@ class Purpose(enum.IntEnum):
     SENSOR = 3
     AVATAR = 4
     DRIVER = 5
+    DISTURBANCE = 6
+    ABSENCE = 7
 
 
 def episode_rng(episode: EpisodeKey, purpose: Purpose) -> np.random.Generator:

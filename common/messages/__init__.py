@@ -28,6 +28,7 @@ from readygo.common.messages.coordination import (
     VerdictStatus,
 )
 from readygo.common.messages.episode import EpisodeKey, HumanTrajectory, Scenario, Split
+from readygo.common.messages.learning import CommittedEpisode, OfferReply, OfferRequest, PolicyFile
 from readygo.common.messages.motion import EpisodeMotions, HumanMotion, Motion
 from readygo.common.messages.plan import Driver, Outcome, RobotTrajectory
 from readygo.common.messages.render import Humans, RenderReply, RenderRequest, RenderView
@@ -64,6 +65,7 @@ __all__ = [
     "ClaimRequest",
     "ClaimStatus",
     "Command",
+    "CommittedEpisode",
     "CompleteRequest",
     "ControlRequest",
     "DoneRequest",
@@ -81,10 +83,13 @@ __all__ = [
     "Humans",
     "LostRequest",
     "Motion",
+    "OfferReply",
+    "OfferRequest",
     "OnRejection",
     "Outcome",
     "PendingReply",
     "PendingRequest",
+    "PolicyFile",
     "PolicyRef",
     "RenderReply",
     "RenderRequest",

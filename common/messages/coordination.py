@@ -5,6 +5,7 @@ attempt number until it completes or the lease runs out. Late work carries an ol
 """
 
 import enum
+import hashlib
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -68,6 +69,38 @@ class BlobReply:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class FileRef:
+    """A file of the run that workers can fetch as a blob."""
+
+    path: str
+    """Path relative to its bundle, with forward slashes."""
+    sha256: str
+    size: int
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PolicyRef:
+    """A policy that drives in a run; the one of a run that learns is empty at first: others are offered to it."""
+
+    path: str
+    """Its folder on the machine that began the run; empty if its files are blobs alone."""
+    files: tuple[FileRef, ...]
+    """All that it is loaded from; none while there is no policy yet."""
+    mix: float
+    """Share of the episodes that it drives, 0..1; the expert drives the others."""
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.mix <= 1.0:
+            raise ValueError(f"mix must be 0..1, got {self.mix}.")
+
+    @property
+    def sha256(self) -> str:
+        """SHA-256 over the names and hashes of the files, in any order."""
+        lines = sorted(f"{file.path} {file.sha256}" for file in self.files)
+        return hashlib.sha256("\n".join(lines).encode()).hexdigest()
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class ClaimRequest:
     """A worker asks for work."""
 
@@ -89,6 +122,9 @@ class ClaimReply:
     """Encoded results of the stages that this one needs, in the order of `Stage.needs`."""
     recorder: str = ""
     """The recorder to append to, for a stage that records."""
+    policy: PolicyRef | None = field(default=None, metadata=OMITTED_WHEN_DEFAULT)
+    """The offered policy that drives this episode if its draw says so, for a stage that records; None where none was
+    offered: the run's own drives then, see `RunSpec.policy`."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -133,6 +169,8 @@ class DoneRequest:
     attempt: int
     shard: str
     sample_count: int
+    policy: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
+    """The offered policy that drove, see `EpisodeHeader.policy`."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -193,32 +231,8 @@ class StatusReply:
     """Why the run cannot be finished; empty while it can."""
     kept: dict[str, int] = field(default_factory=dict, metadata=OMITTED_WHEN_DEFAULT)
     """Episodes that go on, or are durable, although a stage rejected them, by reason."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class FileRef:
-    """A file of the run that workers can fetch as a blob."""
-
-    path: str
-    """Path relative to its bundle, with forward slashes."""
-    sha256: str
-    size: int
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class PolicyRef:
-    """The policy that drives in a run."""
-
-    path: str
-    """Its folder on the machine that began the run."""
-    files: tuple[FileRef, ...]
-    """All that it is loaded from."""
-    mix: float
-    """Share of the episodes that it drives, 0..1; the expert drives the others."""
-
-    def __post_init__(self) -> None:
-        if not 0.0 <= self.mix <= 1.0:
-            raise ValueError(f"mix must be 0..1, got {self.mix}.")
+    policies: int = field(default=0, metadata=OMITTED_WHEN_DEFAULT)
+    """Policies that were offered to the run so far."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -119,6 +119,9 @@ class EpisodeHeader:
     """How the episode ended."""
     driver: Driver = field(default=Driver.EXPERT, metadata=OMITTED_WHEN_DEFAULT)
     """Who drove."""
+    policy: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
+    """SHA-256 of the offered policy that drove, see `OfferReply.sha256`; empty if it was none: the expert
+    drove, or the policy that the run began with."""
 
     def __post_init__(self) -> None:
         known = DISTORTION_MODELS.get(self.distortion_model)

@@ -25,6 +25,7 @@ from readygo.common.messages.coordination import (
     StatusRequest,
     Verdict,
 )
+from readygo.common.messages.learning import CommittedEpisode, OfferReply, OfferRequest
 from readygo.common.messages.render import RenderReply, RenderRequest
 from readygo.common.messages.samples import AppendReply, AppendRequest
 from readygo.common.messages.stages import (
@@ -66,6 +67,7 @@ PENDING = Topic("coord/rec/pending", PendingRequest, PendingReply)
 BLOB = Topic("blob", BlobRequest, BlobReply)
 CONTROL = Topic("ctl", ControlRequest, Verdict)
 STATUS = Topic("ctl/status", StatusRequest, StatusReply)
+OFFER = Topic("coord/policy", OfferRequest, OfferReply)
 
 HUMAN_PLAN = Topic("human-plan", HumanPlanRequest, HumanPlanReply)
 ANIMATE = Topic("animate", AnimateRequest, AnimateReply)
@@ -73,6 +75,8 @@ ROBOT_PLAN = Topic("robot-plan", RobotPlanRequest, RobotPlanReply)
 
 PROGRESS = Stream("live/progress", StatusReply)
 """The coordinator's status, a few times a second."""
+COMMITTED = Stream("train/episodes", CommittedEpisode)
+"""Every episode, as soon as it is durable."""
 
 
 def claim(stage: str) -> Topic[ClaimRequest, ClaimReply]:

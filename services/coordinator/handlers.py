@@ -2,7 +2,7 @@
 
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from readygo.common.errors import ReadygoError, RunError
 from readygo.common.messages import (
@@ -17,11 +17,16 @@ from readygo.common.messages import (
     ControlRequest,
     DoneRequest,
     EpisodeKey,
+    FileRef,
     GrantRequest,
     LostRequest,
+    OfferReply,
+    OfferRequest,
     OnRejection,
     PendingReply,
     PendingRequest,
+    PolicyFile,
+    PolicyRef,
     RenewRequest,
     RunSpec,
     RunSpecRequest,
@@ -49,9 +54,19 @@ class Coordinator:
         ledger: Ledger,
         blobs: BlobStore,
         config: CoordinatorConfig | None = None,
+        check_policy: Callable[[Sequence[PolicyFile]], None] = lambda files: None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """Go on with a run where its ledger is; nobody holds a lease then.
+
+        Args:
+            spec: What the run is.
+            wanted: Episodes that it shall have.
+            ledger: How far it is.
+            blobs: Results between the stages, and offered policies.
+            config: Settings.
+            check_policy: Raises ReadygoError at the files of a policy that cannot drive in the run.
+            clock: Time that leases are measured by [s].
 
         Raises:
             RunError: If a recorder that holds grants is not among the run's recorders any more.
@@ -61,6 +76,7 @@ class Coordinator:
         self.ledger = ledger
         self.blobs = blobs
         self.config = config or CoordinatorConfig()
+        self.check_policy = check_policy
         self.clock = clock
         self.failed = ""
         self.paused = False
@@ -68,7 +84,7 @@ class Coordinator:
         self._check_recorders()
         ledger.requeue_all()
         ledger.drop_episodes(wanted)
-        blobs.keep_only(ledger.results())
+        blobs.keep_only(ledger.results() | {file.sha256 for policy in ledger.policies() for file in policy.files})
         ledger.open_episodes(wanted)
 
     @property
@@ -140,7 +156,9 @@ def handle_grant(coordinator: Coordinator, request: GrantRequest) -> Verdict:
 
 def handle_done(coordinator: Coordinator, request: DoneRequest) -> Verdict:
     """An episode is durable; STALE if it is in another recorder's shard already."""
-    hashes = coordinator.ledger.commit(request.index, request.recorder, request.shard, request.sample_count)
+    hashes = coordinator.ledger.commit(
+        request.index, request.recorder, request.shard, request.sample_count, request.policy
+    )
     for sha256 in hashes or ():
         coordinator.blobs.drop(sha256)
     return _verdict(hashes is not None)
@@ -163,6 +181,25 @@ def handle_blob(coordinator: Coordinator, request: BlobRequest) -> BlobReply:
     """One chunk of a blob."""
     size, data = coordinator.blobs.read(request.sha256, request.offset, coordinator.config.blob_chunk_bytes)
     return BlobReply(size=size, data=data)
+
+
+def handle_offer(coordinator: Coordinator, request: OfferRequest) -> OfferReply:
+    """Keep a policy for the episodes that are leased from now on.
+
+    Raises:
+        RunError: If the run takes none.
+        ReadygoError: If the policy cannot drive in it.
+    """
+    own = coordinator.spec.policy
+    if own is None or own.files:
+        driver = "the policy that it began with" if own else "the expert"
+        raise RunError(f"Run {coordinator.spec.run} takes no policies: {driver} drives in it.")
+    coordinator.check_policy(request.files)
+    files = tuple(
+        FileRef(path=file.name, sha256=coordinator.blobs.put(file.data), size=len(file.data)) for file in request.files
+    )
+    offered = coordinator.ledger.offer(PolicyRef(path="", files=files, mix=own.mix), time.time_ns())
+    return OfferReply(version=offered.version, sha256=offered.sha256)
 
 
 def handle_control(coordinator: Coordinator, request: ControlRequest) -> Verdict:
@@ -190,6 +227,7 @@ def handle_status(coordinator: Coordinator, request: StatusRequest) -> StatusRep
         finished=coordinator.finished,
         failed=coordinator.failed or (CANCELLED if coordinator.cancelled and not coordinator.finished else ""),
         kept=ledger.kept(),
+        policies=len(ledger.policies()),
     )
 
 
@@ -230,7 +268,16 @@ def _lease_reply(coordinator: Coordinator, stage: Stage, lease: Lease) -> ClaimR
         ttl_s=coordinator.config.lease_s,
         inputs=tuple(inputs),
         recorder=recorders[lease.index % len(recorders)] if stage.records else "",
+        policy=_leased_policy(coordinator, lease),
     )
+
+
+def _leased_policy(coordinator: Coordinator, lease: Lease) -> PolicyRef | None:
+    own = coordinator.spec.policy
+    if own is None or not lease.policy:
+        return None
+    (offered,) = (policy for policy in coordinator.ledger.policies() if policy.sha256 == lease.policy)
+    return PolicyRef(path="", files=offered.files, mix=own.mix)
 
 
 def _after_rejection(coordinator: Coordinator) -> None:

@@ -5,16 +5,17 @@ rejected, opened in the order of their indices, so the committed ones are the N 
 ever made in vain.
 """
 
+import json
 import sqlite3
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from readygo.common.errors import RunError
-from readygo.common.messages import Stage, VerdictStatus
+from readygo.common.messages import FileRef, PolicyRef, Stage, VerdictStatus
 from readygo.common.messages.stages import EXPERT_LINE
 
 _SCHEMA = """
@@ -40,7 +41,21 @@ CREATE TABLE IF NOT EXISTS result (
 );
 CREATE TABLE IF NOT EXISTS counter (name TEXT PRIMARY KEY, value REAL NOT NULL);
 CREATE TABLE IF NOT EXISTS run (key TEXT PRIMARY KEY, value TEXT NOT NULL);
+CREATE TABLE IF NOT EXISTS policy (
+    version INTEGER PRIMARY KEY,
+    sha256 TEXT NOT NULL UNIQUE,
+    files TEXT NOT NULL,
+    samples INTEGER NOT NULL,
+    wall_ns INTEGER NOT NULL
+);
 """
+_ADDED = {
+    "policy": "TEXT NOT NULL DEFAULT ''",
+    "driven_by": "TEXT NOT NULL DEFAULT ''",
+    "assigned": "TEXT",
+}
+"""Columns of `episode` that ledgers of earlier versions lack: the policy leased with the present attempt, the one that
+drove the durable attempt, and the one that shall drive whatever is the newest."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,6 +66,23 @@ class Lease:
     attempt: int
     inputs: tuple[str, ...]
     """Hashes of the results that the stage needs, in the order of `Stage.needs`."""
+    policy: str = ""
+    """The offered policy that comes with it, for a stage that records; empty without any."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class OfferedPolicy:
+    """A policy that was offered to the run."""
+
+    version: int
+    """From 1, in the order of the offers."""
+    sha256: str
+    """See `PolicyRef.sha256`."""
+    files: tuple[FileRef, ...]
+    samples: int
+    """Durable samples when it was offered."""
+    wall_ns: int
+    """When it was offered, by the wall clock [ns]."""
 
 
 class Ledger:
@@ -76,6 +108,9 @@ class Ledger:
             # files.
             self._db.execute("PRAGMA synchronous = NORMAL")
             self._db.executescript(_SCHEMA)
+            present = {row[1] for row in self._db.execute("PRAGMA table_info(episode)")}
+            for column in _ADDED.keys() - present:
+                self._db.execute(f"ALTER TABLE episode ADD COLUMN {column} {_ADDED[column]}")
 
     def close(self) -> None:
         """Close the file."""
@@ -124,20 +159,26 @@ class Ledger:
         return int(row[0])
 
     def claim(self, stage: Stage, worker: str, deadline_s: float) -> Lease | None:
-        """Lease the waiting episode of smallest index at `stage`, if there is one."""
+        """Lease the waiting episode of smallest index at `stage`, if there is one.
+
+        With the stage that records comes the policy that is assigned to the episode, else the newest one.
+        """
         with self._lock:
             row = self._one(
-                """UPDATE episode SET state = 'leased', attempt = attempt + 1, worker = ?, deadline_s = ?
+                """UPDATE episode SET state = 'leased', attempt = attempt + 1, worker = ?, deadline_s = ?,
+                policy = CASE WHEN ? THEN
+                    coalesce(assigned, (SELECT sha256 FROM policy ORDER BY version DESC LIMIT 1), '') ELSE '' END
                 WHERE idx = (SELECT idx FROM episode WHERE state = 'waiting' AND stage = ? ORDER BY idx LIMIT 1)
-                RETURNING idx, attempt""",
+                RETURNING idx, attempt, policy""",
                 worker,
                 deadline_s,
+                stage.records,
                 stage.name,
             )
             if row is None:
                 return None
             results = dict(self._all("SELECT stage, sha256 FROM result WHERE idx = ?", row[0]))
-        return Lease(index=row[0], attempt=row[1], inputs=tuple(results[name] for name in stage.needs))
+        return Lease(index=row[0], attempt=row[1], inputs=tuple(results[name] for name in stage.needs), policy=row[2])
 
     def renew(self, index: int, attempt: int, deadline_s: float) -> bool:
         """Prolong a lease; False if the attempt does not hold it any more."""
@@ -208,8 +249,15 @@ class Ledger:
         durable = self._held("SELECT idx FROM episode WHERE idx = ? AND state = 'committed'", index)
         return VerdictStatus.DONE if durable else VerdictStatus.STALE
 
-    def commit(self, index: int, recorder: str, shard: str, samples: int) -> list[str] | None:
+    def commit(self, index: int, recorder: str, shard: str, samples: int, policy: str = "") -> list[str] | None:
         """Note that an episode is durable.
+
+        Args:
+            index: Of the episode.
+            recorder: Who has it.
+            shard: In which file.
+            samples: How many it has.
+            policy: The offered policy that drove.
 
         Returns:
             Hashes of results that nobody needs any more; None if another recorder has made the episode durable.
@@ -217,11 +265,13 @@ class Ledger:
         with self._transaction():
             held = self._held(
                 """UPDATE episode SET state = 'committed', stage = ?, recorder = ?, shard = ?, samples = ?,
-                worker = '' WHERE idx = ? AND NOT (state = 'committed' AND recorder != ?) RETURNING idx""",
+                driven_by = ?, worker = ''
+                WHERE idx = ? AND NOT (state = 'committed' AND recorder != ?) RETURNING idx""",
                 self._stages[-1].name,
                 recorder,
                 shard,
                 samples,
+                policy,
                 index,
                 recorder,
             )
@@ -299,6 +349,46 @@ class Ledger:
     def results(self) -> set[str]:
         """Hashes of all results that are still needed."""
         return {row[0] for row in self._all("SELECT sha256 FROM result")}
+
+    def offer(self, policy: PolicyRef, wall_ns: int) -> OfferedPolicy:
+        """Note that a policy was offered; files that are known already stay what they are, and as old."""
+        files = json.dumps([[file.path, file.sha256, file.size] for file in policy.files])
+        with self._transaction():
+            self._db.execute(
+                """INSERT OR IGNORE INTO policy (sha256, files, samples, wall_ns)
+                VALUES (?, ?, (SELECT coalesce(sum(samples), 0) FROM episode WHERE state = 'committed'), ?)""",
+                (policy.sha256, files, wall_ns),
+            )
+        return next(offered for offered in self.policies() if offered.sha256 == policy.sha256)
+
+    def policies(self) -> tuple[OfferedPolicy, ...]:
+        """All policies that were offered, the oldest first."""
+        rows = self._all("SELECT version, sha256, files, samples, wall_ns FROM policy ORDER BY version")
+        return tuple(
+            OfferedPolicy(
+                version=version,
+                sha256=sha256,
+                files=tuple(FileRef(path=path, sha256=digest, size=size) for path, digest, size in json.loads(files)),
+                samples=samples,
+                wall_ns=wall_ns,
+            )
+            for version, sha256, files, samples, wall_ns in rows
+        )
+
+    def driven_by(self) -> dict[int, str]:
+        """The offered policy that drove, empty for none, of every durable episode by its index."""
+        return dict(self._all("SELECT idx, driven_by FROM episode WHERE state = 'committed' ORDER BY idx"))
+
+    def assign(self, policies: Mapping[int, str]) -> None:
+        """Open exactly these indices, each for the policy that shall drive it; empty is for none of the offered ones.
+
+        Indices that are open already stay as they are.
+        """
+        with self._transaction():
+            self._db.executemany(
+                "INSERT OR IGNORE INTO episode (idx, stage, state, assigned) VALUES (?, ?, 'waiting', ?)",
+                [(index, self._stages[0].name, sha256) for index, sha256 in policies.items()],
+            )
 
     def add(self, counter: str, amount: float) -> None:
         """Add to a counter."""

@@ -20,6 +20,7 @@ def attach(bus: Bus, coordinator: Coordinator) -> None:
     bus.serve(topics.LOST, partial(handlers.handle_lost, coordinator))
     bus.serve(topics.PENDING, partial(handlers.handle_pending, coordinator))
     bus.serve(topics.BLOB, partial(handlers.handle_blob, coordinator))
+    bus.serve(topics.OFFER, partial(handlers.handle_offer, coordinator))
     bus.serve(topics.CONTROL, partial(handlers.handle_control, coordinator))
     bus.serve(topics.STATUS, partial(handlers.handle_status, coordinator))
 

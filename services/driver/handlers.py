@@ -17,6 +17,7 @@ from readygo.common.messages import Driver, EpisodeKey, RobotTrajectory
 from readygo.common.policy import Policy
 from readygo.common.robot import limit_command
 from readygo.common.robot.kinematics import whole_steps
+from readygo.services.driver.disturbance import Disturbance
 
 AHEAD_STEPS = 20
 """Commands of the expert that are recorded beyond the one of now: 1 s."""
@@ -105,7 +106,13 @@ def driver_of(episode: EpisodeKey, mix: float) -> Driver:
     return Driver.POLICY if episode_rng(episode, Purpose.DRIVER).random() < mix else Driver.EXPERT
 
 
-def drive(simulation: EpisodeSimulation, expert: Expert, camera: Camera, policy: PolicyDriver | None = None) -> Drive:
+def drive(
+    simulation: EpisodeSimulation,
+    expert: Expert,
+    camera: Camera,
+    policy: PolicyDriver | None = None,
+    disturbance: Disturbance | None = None,
+) -> Drive:
     """Drive an episode to its end; at every step a picture is taken and the expert asked.
 
     Args:
@@ -113,6 +120,7 @@ def drive(simulation: EpisodeSimulation, expert: Expert, camera: Camera, policy:
         expert: Is asked, and drives if there is no policy.
         camera: Takes the pictures.
         policy: Drives if it is there.
+        disturbance: Comes between the expert and the robot, where the expert drives.
     """
     asked: list[Advice] = []
     would: list[Commands] = []
@@ -121,7 +129,12 @@ def drive(simulation: EpisodeSimulation, expert: Expert, camera: Camera, policy:
         advice = expert.act(simulation)
         asked.append(advice)
         would.append(executable(advice.commands, simulation))
-        v, w = would[-1][0] if policy is None else policy.command(simulation, picture)
+        if policy is not None:
+            v, w = policy.command(simulation, picture)
+        elif disturbance is not None:
+            v, w = disturbance.command(would)
+        else:
+            v, w = would[-1][0]
         simulation.advance(v, w)
     trajectory = simulation.trajectory(
         human_visible=[advice.visible for advice in asked],

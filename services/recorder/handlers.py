@@ -2,6 +2,7 @@
 
 import errno
 import fcntl
+import logging
 import os
 import re
 import threading
@@ -17,15 +18,19 @@ from readygo.common.messages import (
     AppendReply,
     AppendRequest,
     AppendStatus,
+    CommittedEpisode,
     DoneRequest,
     EpisodeKey,
     LostRequest,
     Split,
     VerdictStatus,
+    topics,
 )
-from readygo.services.recorder.buffers import EpisodeBuffers
+from readygo.services.recorder.buffers import EpisodeBuffer, EpisodeBuffers
 from readygo.services.recorder.config import RecorderConfig
 from readygo.services.recorder.salvage import Durable, OpenShard, finished_episodes, next_number, open_shards, publish
+
+_log = logging.getLogger(__name__)
 
 
 class Recorder:
@@ -146,7 +151,17 @@ class Recorder:
         if verdict is not VerdictStatus.OK:
             return self._finished(index, AppendStatus.DUP if verdict is VerdictStatus.DONE else AppendStatus.STALE)
         self._write(chunk)
+        self._publish(buffer)
         return self._finished(index, AppendStatus.COMMITTED)
+
+    def _publish(self, buffer: EpisodeBuffer) -> None:
+        """Give a durable episode to those who learn from it; whoever misses it finds it in the shard."""
+        message = CommittedEpisode(header=buffer.header, attempt=buffer.attempt, samples=tuple(buffer.samples))
+        try:
+            self._bus.publish(topics.COMMITTED, message)
+        except Exception:
+            # Recording must not depend on who listens.
+            _log.exception("%s was not published", buffer.header.episode.episode_id)
 
     def _finished(self, index: int, status: AppendStatus) -> AppendReply:
         self._buffers.drop(index)
@@ -186,6 +201,7 @@ class Recorder:
             attempt=durable.attempt,
             shard=durable.shard,
             sample_count=durable.sample_count,
+            policy=durable.policy,
         )
 
     def _reconcile(self) -> None:

@@ -26,11 +26,19 @@ class Durable:
     attempt: int
     shard: str
     sample_count: int
+    policy: str
+    """The offered policy that drove."""
 
     @classmethod
     def of_chunk(cls, chunk: EpisodeChunk, shard: str) -> "Durable":
         """The episode of a chunk in `shard`."""
-        return cls(episode=chunk.episode, attempt=chunk.attempt, shard=shard, sample_count=chunk.sample_count)
+        return cls(
+            episode=chunk.episode,
+            attempt=chunk.attempt,
+            shard=shard,
+            sample_count=chunk.sample_count,
+            policy=chunk.ending.policy,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,6 +65,7 @@ def finished_episodes(folder: Path, recorder: str) -> dict[int, Durable]:
                 attempt=int(episode["attempt"]),
                 shard=shard.name,
                 sample_count=int(episode["sample_count"]),
+                policy=index.ending(row).policy,
             )
             episodes[durable.episode.index] = durable
     return episodes

@@ -24,7 +24,7 @@ _sym_db = _symbol_database.Default()
 
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\rdriving.proto\x12\x0freadygo.driving\"Q\n\x0e\x45xpertCommands\x12\r\n\x05v_mps\x18\x01 \x03(\x01\x12\x0f\n\x07w_radps\x18\x02 \x03(\x01\x12\x0f\n\x07outcome\x18\x03 \x01(\t\x12\x0e\n\x06\x64river\x18\x04 \x01(\tb\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\rdriving.proto\x12\x0freadygo.driving\"a\n\x0e\x45xpertCommands\x12\r\n\x05v_mps\x18\x01 \x03(\x01\x12\x0f\n\x07w_radps\x18\x02 \x03(\x01\x12\x0f\n\x07outcome\x18\x03 \x01(\t\x12\x0e\n\x06\x64river\x18\x04 \x01(\t\x12\x0e\n\x06policy\x18\x05 \x01(\tb\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
@@ -32,5 +32,5 @@ _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'driving_pb2', _globals)
 if not _descriptor._USE_C_DESCRIPTORS:
   DESCRIPTOR._loaded_options = None
   _globals['_EXPERTCOMMANDS']._serialized_start=34
-  _globals['_EXPERTCOMMANDS']._serialized_end=115
+  _globals['_EXPERTCOMMANDS']._serialized_end=131
 # @@protoc_insertion_point(module_scope)

@@ -6,13 +6,15 @@ from typing import ClassVar as _ClassVar, Iterable as _Iterable, Optional as _Op
 DESCRIPTOR: _descriptor.FileDescriptor
 
 class ExpertCommands(_message.Message):
-    __slots__ = ("v_mps", "w_radps", "outcome", "driver")
+    __slots__ = ("v_mps", "w_radps", "outcome", "driver", "policy")
     V_MPS_FIELD_NUMBER: _ClassVar[int]
     W_RADPS_FIELD_NUMBER: _ClassVar[int]
     OUTCOME_FIELD_NUMBER: _ClassVar[int]
     DRIVER_FIELD_NUMBER: _ClassVar[int]
+    POLICY_FIELD_NUMBER: _ClassVar[int]
     v_mps: _containers.RepeatedScalarFieldContainer[float]
     w_radps: _containers.RepeatedScalarFieldContainer[float]
     outcome: str
     driver: str
-    def __init__(self, v_mps: _Optional[_Iterable[float]] = ..., w_radps: _Optional[_Iterable[float]] = ..., outcome: _Optional[str] = ..., driver: _Optional[str] = ...) -> None: ...
+    policy: str
+    def __init__(self, v_mps: _Optional[_Iterable[float]] = ..., w_radps: _Optional[_Iterable[float]] = ..., outcome: _Optional[str] = ..., driver: _Optional[str] = ..., policy: _Optional[str] = ...) -> None: ...

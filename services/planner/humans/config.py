@@ -61,6 +61,8 @@ class HumanPlannerConfig:
 
     mix: FamilyMix = PAPER_MIX
     """Families of encounters (paper: crossing or parallel)."""
+    absent: float = 0.0
+    """Share of the episodes in which nobody walks, 0..1; start and goal are the same as with humans."""
     reactive: bool = False
     """True lets humans yield to the robot that they see: planned against the expert, see the README."""
     reactive_cone_deg: float = 200.0
@@ -124,6 +126,8 @@ class HumanPlannerConfig:
     def __post_init__(self) -> None:
         if not 0 < self.clearance_m <= self.route_clearance_m <= self.preferred_clearance_m:
             raise ValueError("clearances must be 0 < clearance_m <= route_clearance_m <= preferred_clearance_m.")
+        if not 0 <= self.absent <= 1:
+            raise ValueError(f"absent must be 0..1, got {self.absent}.")
         if not (0 <= self.goal_snap_m <= 5 and self.slope_max >= 0):
             raise ValueError("goal_snap_m must be 0..5 m and slope_max at least 0.")
         if not (0 < self.reactive_cone_deg <= 360 and self.reactive_range_m > 0):

@@ -77,12 +77,13 @@ class HumanPlanner:
 def handle_human_plan(planner: HumanPlanner, request: HumanPlanRequest) -> HumanPlanReply:
     """Draw the scenario of an episode, or play the file's; what cannot take place is rejected with a short reason."""
     rng = episode_rng(request.episode, Purpose.SCENARIO)
+    static = request.static or bool(episode_rng(request.episode, Purpose.ABSENCE).random() < planner.config.absent)
     try:
         if planner.script is None:
-            scenario = planner.sampler.draw(request.episode, rng, planner.avatar_names, static=request.static)
+            scenario = planner.sampler.draw(request.episode, rng, planner.avatar_names, static=static)
             reacts = [True] * len(scenario.humans)
         else:
-            scenario, reacts = planner.script.scenario(request.episode, static=request.static)
+            scenario, reacts = planner.script.scenario(request.episode, static=static)
         if planner.config.reactive and any(reacts):
             scenario = let_react(planner, scenario, reacts)
     except RejectedError as reason:

@@ -100,7 +100,7 @@ def test_report_is_one_balanced_page_that_needs_no_network(tmp_path: Path) -> No
     page = Balanced()
     page.feed(html)
     assert page.open == []
-    assert len(page.sources) == 4
+    assert len(page.sources) == 5
     assert all(source.startswith("data:image/") for source in page.sources)
     assert "<script" not in html
     assert "http" not in re.sub(r"base64,[A-Za-z0-9+/=]+", "", html)

@@ -6,7 +6,7 @@ import pytest
 from readygo.apps.fleet.worker import make_coordinator
 from readygo.apps.run.config import RunConfig, resolved_sections
 from readygo.apps.run.folder import RunFolder
-from readygo.apps.run.identity import identity, numeric_class, policy_hash, run_name
+from readygo.apps.run.identity import identity, numeric_class, run_name
 from readygo.apps.run.policy import with_policy
 from readygo.apps.run.world import World
 from readygo.common.bus import InProcessBus
@@ -40,7 +40,7 @@ def test_run_with_a_policy_has_the_drive_line_and_says_who_drives(spec: RunSpec)
     assert decode(RunSpec, encode(spec)) == spec
     origin = Provenance.of_run(spec).policy
     assert origin is not None
-    assert (origin.sha256, origin.mix) == (policy_hash(spec.policy), 0.5)
+    assert (origin.sha256, origin.mix) == (spec.policy.sha256, 0.5)
     assert "onnxruntime-" in spec.metadata["numeric_class"]
     assert "onnxruntime" not in numeric_class(CONFIG)
 
@@ -91,16 +91,16 @@ def test_worker_without_the_policy_fetches_it_from_the_run(
     attach(bus, make_coordinator(folder))
     assert spec.policy is not None
     away = dataclasses.replace(spec, policy=dataclasses.replace(spec.policy, path=str(tmp_path / "not-here")))
-    fetched = World(away, bus).policy()
-    assert fetched is not None
+    assert away.policy is not None
+    fetched = World(away, bus).policy(away.policy)
     assert fetched.spec.robot == ROBOT
     damaged = next((tmp_path / "cache").rglob("policy.toml"))
     damaged.write_text(damaged.read_text().replace("0.5", "0.6", 1))
     with pytest.raises(RunError, match="has changed since the run began"):
-        World(away, bus).policy()
+        World(away, bus).policy(away.policy)
 
 
 def test_policy_that_was_trained_on_since_the_run_began_is_refused(spec: RunSpec, policy: Path) -> None:
     (policy / "policy.toml").write_text((policy / "policy.toml").read_text() + "\n[training.extra]\n")
     with pytest.raises(RunError, match=r"Policy .*policy has changed since the run began; record into a new folder"):
-        World(spec).policy()
+        World(spec).policy(spec.policy)

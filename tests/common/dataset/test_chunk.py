@@ -177,7 +177,7 @@ def _with_expert(samples, count=3):
 def test_experts_commands_outcome_and_driver_come_back() -> None:
     header, samples = make_episode(0, outcome=Outcome.HUMAN_COLLISION, driver=Driver.POLICY)
     chunk = encode_episode(header, 1, _with_expert(samples))
-    assert (chunk.outcome, chunk.driver) == (Outcome.HUMAN_COLLISION, Driver.POLICY)
+    assert chunk.ending == (Outcome.HUMAN_COLLISION, Driver.POLICY, "")
     assert tuple(chunk.outputs) == ("expert",)
     assert len(chunk.outputs["expert"]) == len(samples)
 
@@ -185,7 +185,7 @@ def test_experts_commands_outcome_and_driver_come_back() -> None:
 def test_episode_without_the_experts_commands_is_its_success() -> None:
     header, samples = make_episode(0)
     plain = encode_episode(header, 1, samples)
-    assert (plain.outcome, plain.driver) == (Outcome.SUCCESS, Driver.EXPERT)
+    assert plain.ending == (Outcome.SUCCESS, Driver.EXPERT, "")
     assert "expert" not in plain.outputs
 
 

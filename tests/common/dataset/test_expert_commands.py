@@ -8,27 +8,31 @@ import pytest
 
 from readygo.common.dataset import Dataset, ShardWriter, encode_episode, schemas, shard_name, validate
 from readygo.common.dataset.index import index_path, load_index, read_index
+from readygo.common.dataset.provenance import PolicyOrigin
 from readygo.common.errors import DatasetError
 from readygo.common.messages import Driver, Outcome
 from tests.common.dataset.episodes import PROVENANCE, make_episode, write_shard
 from tests.common.dataset.forge import rewrite
 
-ENDINGS = {0: (Outcome.STATIC_COLLISION, Driver.POLICY), 1: (Outcome.SUCCESS, Driver.EXPERT)}
+ENDINGS = {0: (Outcome.STATIC_COLLISION, Driver.POLICY, "ab" * 32), 1: (Outcome.SUCCESS, Driver.EXPERT, "")}
 AHEAD = 4
+
+
+def _asked(index: int, ahead: int = AHEAD, **changes) -> tuple:
+    """Header, attempt and samples of an episode whose expert would go on as the robot does."""
+    header, samples = make_episode(index, **changes)
+    asked = [
+        dataclasses.replace(s, expert_commands=((s.action_v_mps, s.action_w_radps),) * (1 + ahead)) for s in samples
+    ]
+    return header, 1, asked
 
 
 def _write(folder: Path, ahead: int = AHEAD, number: int = 0, first: int = 0) -> Path:
     folder.mkdir(exist_ok=True)
     path = folder / shard_name("r0", number)
     with ShardWriter(path, PROVENANCE, outputs=("expert",), fsync=False) as writer:
-        for index, (outcome, driver) in ENDINGS.items():
-            header, samples = make_episode(first + index, outcome=outcome, driver=driver)
-            asked = [
-                # The robot could go on as it does.
-                dataclasses.replace(s, expert_commands=((s.action_v_mps, s.action_w_radps),) * (1 + ahead))
-                for s in samples
-            ]
-            writer.append(encode_episode(header, 1, asked))
+        for index, (outcome, driver, policy) in ENDINGS.items():
+            writer.append(encode_episode(*_asked(first + index, ahead, outcome=outcome, driver=driver, policy=policy)))
     return path
 
 
@@ -40,7 +44,7 @@ def test_dataset_gives_commands_and_endings(tmp_path: Path) -> None:
     assert np.array_equal(data.expert_actions, data.actions)
     assert data.expert_ahead.shape == (len(data), AHEAD, 2)
     assert np.array_equal(data.expert_ahead[:, 2], data.actions)
-    assert [(entry.outcome, entry.driver) for entry in data.episodes] == [*ENDINGS.values()]
+    assert [(entry.outcome, entry.driver, entry.policy) for entry in data.episodes] == [*ENDINGS.values()]
 
 
 def test_shards_without_an_expert_are_successes_of_the_expert_and_say_how_to_get_commands(tmp_path: Path) -> None:
@@ -48,7 +52,7 @@ def test_shards_without_an_expert_are_successes_of_the_expert_and_say_how_to_get
     data = Dataset(tmp_path)
     assert not data.has_expert
     assert (data.episodes[0].outcome, data.episodes[0].driver) == (Outcome.SUCCESS, Driver.EXPERT)
-    with pytest.raises(DatasetError, match="no commands of the expert; record with `readygo generate --policy`"):
+    with pytest.raises(DatasetError, match="no commands of the expert; record with `readygo generate --disturb` or"):
         _ = data.expert_actions
 
 
@@ -75,6 +79,29 @@ def test_index_of_the_experts_successes_has_no_further_array(tmp_path: Path) -> 
     shard = write_shard(tmp_path, [0])
     with np.load(index_path(shard)) as arrays:
         assert set(arrays.files) == {"header", "episodes", "samples"}
+
+
+def test_index_of_before_policies_were_named_is_made_again(tmp_path: Path) -> None:
+    shard = _write(tmp_path)
+    with np.load(index_path(shard)) as arrays:
+        old = {name: arrays[name] for name in arrays.files}
+    old["endings"] = np.array([row.tolist()[:2] for row in old["endings"]], [("outcome", "S24"), ("driver", "S16")])
+    with index_path(shard).open("wb") as file:
+        np.savez(file, **old)
+    assert [load_index(shard).ending(row) for row in (0, 1)] == [*ENDINGS.values()]
+
+
+def test_policy_that_a_run_began_with_is_named_by_its_provenance(tmp_path: Path) -> None:
+    policy = PolicyOrigin(sha256="cd" * 32, mix=0.5)
+    with ShardWriter(
+        tmp_path / shard_name("r0", 0), dataclasses.replace(PROVENANCE, policy=policy), outputs=("expert",), fsync=False
+    ) as writer:
+        for index, driver in enumerate(Driver):
+            writer.append(encode_episode(*_asked(index, driver=driver)))
+    assert [(entry.driver, entry.policy) for entry in Dataset(tmp_path).episodes] == [
+        (Driver.EXPERT, ""),
+        (Driver.POLICY, policy.sha256),
+    ]
 
 
 def test_failed_episode_of_a_policy_is_sound(tmp_path: Path) -> None:

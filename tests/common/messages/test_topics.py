@@ -20,6 +20,7 @@ def test_names_of_the_wire_do_not_change_silently() -> None:
         "coord/*/claim",
         "coord/*/complete",
         "coord/*/renew",
+        "coord/policy",
         "coord/rec/done",
         "coord/rec/grant",
         "coord/rec/lost",
@@ -32,13 +33,14 @@ def test_names_of_the_wire_do_not_change_silently() -> None:
         "rec/*/append",
         "render/*",
         "robot-plan",
+        "train/episodes",
     ]
     assert topics.presence("renderer", "r0") == "alive/renderer/r0"
 
 
 @pytest.mark.parametrize("folder", ["common", "services", "apps", "benchmarks"])
 def test_no_topic_is_written_down_anywhere_else(folder: str) -> None:
-    literal = re.compile(r"""["'](coord/|ctl["'/]|rec/|render/|blob["']|alive/|live/)""")
+    literal = re.compile(r"""["'](coord/|ctl["'/]|rec/|render/|blob["']|alive/|live/|train/)""")
     found = [
         f"{path.relative_to(ROOT)}: {line.strip()}"
         for path in (ROOT / folder).rglob("*.py")

@@ -1,0 +1,50 @@
+"""A recorded run, made again: its episodes, each with the policy that drove it."""
+
+from pathlib import Path
+
+from readygo.apps.run.folder import RunFolder
+from readygo.common.errors import RunError
+from readygo.common.messages import PolicyRef, RunSpec
+from readygo.services.coordinator import BlobStore, Ledger
+
+
+def prepare_again(data: Path, out: Path) -> tuple[RunSpec, int]:
+    """Make a data folder ready to record the durable episodes of another one's run once more.
+
+    Args:
+        data: Data folder of a run that is finished or was stopped.
+        out: Data folder of the same run made again; more of it where `data` has grown since.
+
+    Returns:
+        The run, and how many episodes it has there.
+
+    Raises:
+        RunError: If there is no such run or nothing durable of it, or `out` holds something else.
+    """
+    source, target = RunFolder(data), RunFolder(out)
+    spec, _ = source.load()
+    target.check(spec)
+    known = Ledger(source.ledger, spec.stages)
+    driven_by, policies = known.driven_by(), known.policies()
+    known.close()
+    if not driven_by:
+        raise RunError(f"{data} holds no durable episodes yet; there is nothing to make again.")
+    blobs = BlobStore(source.blobs)
+    with target.locked():
+        made = Ledger(target.ledger, spec.stages)
+        store = BlobStore(target.blobs)
+        for policy in policies:
+            if policy.sha256 not in driven_by.values():
+                continue
+            for file in policy.files:
+                stored = blobs.get(file.sha256)
+                if stored is None:
+                    raise RunError(
+                        f"{data} has lost file {file.path} of policy {policy.sha256}; it cannot be made again."
+                    )
+                store.put(stored)
+            made.offer(PolicyRef(path="", files=policy.files, mix=0.0), policy.wall_ns)
+        made.assign(driven_by)
+        made.close()
+        target.save(spec, len(driven_by))
+    return spec, len(driven_by)

@@ -1,0 +1,185 @@
+"""Episodes of a data folder while it is still recorded: those of finished shards, and the whole ones of open shards.
+
+Files are read, not mapped: a recorder may cut an open one.
+"""
+
+import os
+import struct
+from collections.abc import Collection, Iterator, Mapping
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from mcap.opcode import Opcode
+
+from readygo.common.dataset import schemas
+from readygo.common.dataset.chunk import EpisodeChunk, parse, read_chunk
+from readygo.common.dataset.labels import boxes_of, footprints_of, joints_of
+from readygo.common.dataset.poses import pose_xyzyaw
+from readygo.common.dataset.records import (
+    CHUNK_FIELDS,
+    MAGIC,
+    MESSAGE_HEADER,
+    RECORD_HEADER,
+    Record,
+    chunk_span,
+    is_intact,
+    iter_messages,
+)
+from readygo.common.dataset.writer import PART_SUFFIX
+from readygo.common.errors import DatasetError
+from readygo.common.messages.episode import EpisodeKey
+from readygo.common.messages.learning import CommittedEpisode
+from readygo.common.messages.samples import EpisodeHeader, HumanLabels, Sample, sample_crc32
+
+Messages = Mapping[int, list[Any]]
+"""Those of an episode by the number of their channel, in order."""
+_START_MAX = CHUNK_FIELDS.size + 12 + 65_536
+"""A chunk's fields and the first message of its episode are shorter [bytes]."""
+
+
+def committed_episodes(folder: Path, known: Collection[EpisodeKey] = ()) -> Iterator[CommittedEpisode]:
+    """The durable episodes of a data folder, also of one that is being recorded, as their recorder published them.
+
+    Args:
+        folder: The data folder of one run.
+        known: Episodes to leave out; little is read of them.
+
+    Raises:
+        DatasetError: If a finished shard is damaged or cut off; it names the file. Open shards end where they end.
+    """
+    seen = set(known)
+    for path in [*sorted(folder.glob("shard-*.mcap")), *sorted(folder.glob(f"shard-*.mcap{PART_SUFFIX}"))]:
+        for chunk in _chunks(path, seen):
+            seen.add(chunk.episode)
+            yield _episode(chunk)
+
+
+def _chunks(path: Path, seen: Collection[EpisodeKey]) -> Iterator[EpisodeChunk]:
+    is_open = path.suffix == PART_SUFFIX
+    try:
+        file = path.open("rb")
+    except FileNotFoundError:
+        # It was finished, or saved under another name, since the folder was listed.
+        path = path.with_suffix("") if is_open else path
+        if not path.exists():
+            return
+        file, is_open = path.open("rb"), False
+    with file:
+        try:
+            yield from _whole_chunks(file, seen)
+        except DatasetError as error:
+            if not is_open:
+                hint = f"see `readygo validate {path.parent}`"
+                raise DatasetError(f"Shard {path} cannot be read: {error}; {hint}.") from error
+
+
+def _whole_chunks(file: BinaryIO, seen: Collection[EpisodeKey]) -> Iterator[EpisodeChunk]:
+    """The chunks of a shard whose episodes are not among `seen`, up to its footer."""
+    size = os.fstat(file.fileno()).st_size
+    if file.read(len(MAGIC)) != MAGIC:
+        raise DatasetError("it does not begin as an MCAP file")
+    opcode = 0
+    while opcode != Opcode.FOOTER:
+        offset, head = file.tell(), file.read(RECORD_HEADER.size)
+        if len(head) < RECORD_HEADER.size:
+            raise DatasetError(f"the file ends at byte {offset} without a footer")
+        opcode, length = RECORD_HEADER.unpack(head)
+        body = offset + RECORD_HEADER.size
+        if body + length > size:
+            raise DatasetError(f"the record at byte {offset} is cut off")
+        if opcode == Opcode.CHUNK and _key(file.read(min(length, _START_MAX)), offset) not in seen:
+            file.seek(body)
+            yield _chunk(file.read(length), offset)
+        file.seek(body + length)
+
+
+def _key(begin: bytes, offset: int) -> EpisodeKey:
+    """The episode of a chunk of which only the beginning is given."""
+    try:
+        first = CHUNK_FIELDS.size + 12
+        _, length, channel, *_ = MESSAGE_HEADER.unpack_from(begin, first)
+    except struct.error as error:
+        raise DatasetError(f"the chunk at byte {offset} is cut off") from error
+    body, end = first + MESSAGE_HEADER.size, first + RECORD_HEADER.size + length
+    if channel != schemas.EPISODE_START.number or end > len(begin):
+        raise DatasetError(f"the chunk at byte {offset} does not begin with an episode's start")
+    return schemas.episode_key(parse(schemas.EPISODE_START, memoryview(begin)[body:end]))
+
+
+def _chunk(data: bytes, offset: int) -> EpisodeChunk:
+    """The episode in the body of the chunk record at `offset`."""
+    view = memoryview(data)
+    span = chunk_span(view, Record(Opcode.CHUNK, 0, 0, len(data)))
+    if not is_intact(view, span):
+        raise DatasetError(f"the chunk at byte {offset} does not match its CRC-32")
+    return read_chunk(view[span.body : span.end])
+
+
+def _episode(chunk: EpisodeChunk) -> CommittedEpisode:
+    channels = {channel.number: channel for channel in (*schemas.CHANNELS, *schemas.OPTIONAL_CHANNELS.values())}
+    messages: Messages = {number: [] for number in channels}
+    view = memoryview(chunk.data)
+    for message in iter_messages(view, 0, len(view)):
+        messages[message.channel].append(parse(channels[message.channel], view[message.body : message.end]))
+    return CommittedEpisode(
+        header=_header(chunk, messages),
+        attempt=chunk.attempt,
+        samples=tuple(_sample(chunk, messages, seq) for seq in range(chunk.sample_count)),
+    )
+
+
+def _header(chunk: EpisodeChunk, messages: Messages) -> EpisodeHeader:
+    (start,) = messages[schemas.EPISODE_START.number]
+    return EpisodeHeader(
+        episode=chunk.episode,
+        sample_count=chunk.sample_count,
+        goal_xy_m=chunk.goal_xy_m,
+        start_xyyaw=chunk.start_xyyaw,
+        avatars=tuple(start.avatars),
+        encounters=tuple(start.encounters),
+        image_format=start.image_format,
+        height_px=chunk.height_px,
+        width_px=chunk.width_px,
+        K_px=chunk.K_px,
+        distortion_model=chunk.distortion_model,
+        distortion=chunk.distortion,
+        labels="joints" in chunk.outputs,
+        outcome=chunk.ending.outcome,
+        driver=chunk.ending.driver,
+        policy=chunk.ending.policy,
+    )
+
+
+def _sample(chunk: EpisodeChunk, messages: Messages, seq: int) -> Sample:
+    image, pose, humans, action, goal, truth = (messages[channel.number][seq] for channel in schemas.SAMPLE_CHANNELS)
+    outputs = {
+        name: messages[channel.number][seq].data
+        for name, channel in schemas.OUTPUT_CHANNELS.items()
+        if name in chunk.outputs
+    }
+    asked = messages[schemas.EXPERT_CHANNELS[schemas.EXPERT].number]
+    return Sample(
+        seq=seq,
+        crc32=sample_crc32(image.data, outputs),
+        time_ns=int(chunk.samples["time_ns"][seq]),
+        image=image.data,
+        action_v_mps=action.v_mps,
+        action_w_radps=action.w_radps,
+        goal_xy_robot_m=(goal.x_m, goal.y_m),
+        robot_xyzyaw=pose_xyzyaw(pose.pose),
+        humans_xyzyaw=tuple(map(pose_xyzyaw, humans.poses)),
+        human_distance_m=truth.human_distance_m,
+        time_to_collision_s=truth.time_to_collision_s,
+        human_visible=truth.human_visible,
+        expert_cost=truth.expert_cost,
+        replanned=truth.replanned,
+        outputs=outputs,
+        labels=_labels(messages, seq) if "joints" in chunk.outputs else (),
+        expert_commands=tuple(zip(asked[seq].v_mps, asked[seq].w_radps, strict=True)) if asked else (),
+    )
+
+
+def _labels(messages: Messages, seq: int) -> tuple[HumanLabels, ...]:
+    joints, boxes, footprints = (messages[channel.number][seq] for channel in schemas.LABEL_CHANNELS.values())
+    labels = zip(joints_of(joints), boxes_of(boxes), footprints_of(footprints), strict=True)
+    return tuple(HumanLabels(joints_m=body, box=box, footprint_xy_m=ground) for body, box, ground in labels)

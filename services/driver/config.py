@@ -1,0 +1,28 @@
+"""How the expert is disturbed where it drives; the run's config carries it."""
+
+from dataclasses import dataclass
+
+from readygo.common.robot.kinematics import DT_S
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriverConfig:
+    """Disturbances of the expert in the drive stage: data of states that it would never come to by itself."""
+
+    disturbed: float = 0.0
+    """Share of the expert's episodes in which it is disturbed, 0..1."""
+    push: float = 0.8
+    """Standard deviation of the pushes, of the robot's largest changes of speed and yaw rate; above 1 the robot cannot
+    always resist."""
+    push_time_s: float = 0.5
+    """How long a push lasts: the correlation time of an Ornstein-Uhlenbeck process [s]."""
+    late_max_s: float = 0.3
+    """The expert's commands come this late at most, drawn per episode [s]."""
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.disturbed <= 1.0:
+            raise ValueError(f"disturbed must be 0..1, got {self.disturbed}.")
+        if not (0.0 <= self.push <= 10.0 and DT_S <= self.push_time_s <= 60.0):
+            raise ValueError(f"push must be 0..10 and push_time_s 0.05..60, got {self.push} and {self.push_time_s}.")
+        if not 0.0 <= self.late_max_s <= 1.0:
+            raise ValueError(f"late_max_s must be 0..1, got {self.late_max_s}.")

@@ -1,0 +1,54 @@
+"""An expert that is pushed and obeyed late: its robot comes to states from which it must find back."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from readygo.common.episode.streams import Purpose, episode_rng
+from readygo.common.messages import EpisodeKey
+from readygo.common.robot import RobotConfig
+from readygo.common.robot.kinematics import DT_S, whole_steps
+from readygo.services.driver.config import DriverConfig
+
+
+class Disturbance:
+    """What comes between the expert and the robot in one episode; the same numbers for the same episode."""
+
+    def __init__(self, episode: EpisodeKey, config: DriverConfig, robot: RobotConfig) -> None:
+        """Draw how late the commands are.
+
+        Args:
+            episode: Its stream is drawn from.
+            config: How strong and how late.
+            robot: Whose limits pushes are measured by.
+        """
+        self._rng = _rng(episode)
+        # The draw of `disturbs`.
+        self._rng.random()
+        self._late_steps = int(self._rng.integers(0, whole_steps(config.late_max_s) + 1))
+        self._keep = math.exp(-DT_S / config.push_time_s)
+        self._noise = config.push * math.sqrt(1.0 - self._keep * self._keep)
+        self._change = robot.a_max_mps2 * DT_S, robot.alpha_max_radps2 * DT_S
+        self._push = (0.0, 0.0)
+
+    def command(self, would: Sequence[Sequence[tuple[float, float]]]) -> tuple[float, float]:
+        """What reaches the robot: v [m/s], w [rad/s] for the next step, pushes included.
+
+        Args:
+            would: At every step so far, what the expert wanted from there on: v [m/s], w [rad/s] over every 0.05 s.
+        """
+        late = min(self._late_steps, len(would) - 1)
+        v, w = would[-1 - late][late]
+        push_v, push_w = (self._keep * push + self._noise * self._rng.standard_normal() for push in self._push)
+        self._push = push_v, push_w
+        return v + push_v * self._change[0], w + push_w * self._change[1]
+
+
+def disturbs(episode: EpisodeKey, share: float) -> bool:
+    """True in a `share` of the episodes: drawn from a stream of its own."""
+    return bool(_rng(episode).random() < share)
+
+
+def _rng(episode: EpisodeKey) -> np.random.Generator:
+    return episode_rng(episode, Purpose.DISTURBANCE)
