@@ -12,8 +12,9 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from readygo.apps.run.evaluation import closed_loop
-from readygo.apps.run.origin import origin_of_data
-from readygo.apps.run.training import make_config, run_training
+from readygo.apps.run.origin import note_origin, origin_of_data
+from readygo.apps.run.training import default_recipe, make_config, run_training
+from readygo.common.dataset import Dataset
 from readygo.common.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -29,61 +30,73 @@ def train(
     *,
     out: Path,
     minutes: float = 10.0,
-    epochs: int | None = None,
+    samples: int | None = None,
     val: tuple[Path, ...] = (),
     val_scene: str = "",
     val_episodes: int = 30,
-    recipe: Literal["fast", "paper"] = "fast",
+    recipe: Literal["best", "fast", "paper"] | None = None,
+    config: Path | None = None,
     learning_rate: float | None = None,
-    batch_size: int = 64,
+    batch_size: int | None = None,
     seed: int = 0,
     threads: int = 0,
-    cache_mb: int = 2048,
-    previous_dropout: float | None = None,
-    mirror: float | None = None,
+    device: Literal["auto", "cpu", "cuda"] | None = None,
+    memory_mb: int | None = None,
+    cache_mb: int | None = None,
     json: bool = False,
 ) -> None:
-    """Learn a policy from recorded episodes; run again to continue, with more minutes or epochs to go further.
+    """Learn a policy from recorded episodes; run again to continue, with more minutes or samples to go further.
 
     Args:
         data: Data folders.
         out: Folder of the policy: encoder.onnx, head.onnx, policy.toml, metrics.json, loss.png and the checkpoint.
-        minutes: Training time [min]; counts the time of earlier runs into the same folder.
-        epochs: Passes over the data instead of minutes; the result is then reproducible.
+        minutes: Processor time of each thread [min]; counts that of earlier runs into the same folder.
+        samples: Samples to be shown instead of minutes; the result is then reproducible.
         val: Data folders to validate on; by default a fifth of the episodes is held out.
         val_scene: Scene ("embedded" or a bundle) whose closed-loop success rate chooses the checkpoint; its time is
-            not counted. By default the validation loss chooses.
+            not counted. By default the last weights are taken.
         val_episodes: Episodes per such measurement, from the split val.
-        recipe: "fast" is made for minutes on a CPU; "paper" is Adam at a constant 1e-4.
+        recipe: "best" learns most from data in which the expert was asked at every state, and is the default for
+            them; "fast" is the paper's network made for minutes on a CPU, the default for others; "paper" is Adam at a
+            constant 1e-4.
+        config: TOML file with fields of the recipe's `TrainConfig` that shall be others.
         learning_rate: Learning rate instead of the recipe's.
         batch_size: Samples per step.
         seed: Seed of weights, order and augmentation.
         threads: CPU threads; 0 takes all cores.
+        device: Where to train; "auto" takes a CUDA device if there is one.
+        memory_mb: Most memory for episodes as they were recorded; beyond it they are thinned out [MB].
         cache_mb: Most memory for decoded frames [MB].
-        previous_dropout: Share of samples that do not see the previous action.
-        mirror: Share of batches that are mirrored left to right.
         json: Print the metrics as JSON.
     """
     if not data:
         raise ConfigError("No data folder is given; record one with `readygo generate`.")
-    config = make_config(
-        recipe,
+    dataset = Dataset(data)
+    chosen = recipe or default_recipe(dataset)
+    settings = make_config(
+        chosen,
+        config,
         minutes=minutes,
-        epochs=epochs,
+        samples=samples,
         batch_size=batch_size,
         seed=seed,
         threads=threads,
+        device=device,
+        memory_mb=memory_mb,
         cache_mb=cache_mb,
         learning_rate=learning_rate,
-        previous_dropout=previous_dropout,
-        mirror=mirror,
     )
-    origin = origin_of_data(data) if val_scene else None
+    origin = origin_of_data(data)
     evaluate = closed_loop(val_scene, episodes=val_episodes, seed=seed, origin=origin) if val_scene else None
     console = Console(stderr=True)
+    if recipe is None and not json:
+        why = "asked at every state" if dataset.has_expert else "not asked"
+        console.print(f"Recipe {chosen}: the expert was {why} in these data.")
     with _progress(console, quiet=json) as show:
-        metrics = run_training(data, config, out, val=val, evaluate=evaluate, show=show)
-    _report(metrics, out, as_json=json)
+        metrics = run_training(dataset, settings, out, val=val, evaluate=evaluate, show=show)
+    if metrics:
+        note_origin(out, origin)
+        _report(metrics, out, as_json=json)
 
 
 @contextmanager

@@ -99,7 +99,7 @@ def demo(
     if not report.ok:
         raise DatasetError(f"{out / 'data'} has defects, the first: {report.defects[0]}")
     timer.say(f"{run['samples']} samples are recorded and sound; training for {train_minutes:g} min")
-    metrics = run_training((out / "data",), make_config("fast", minutes=train_minutes), out / "policy")
+    metrics = run_training(Dataset(out / "data"), make_config("fast", minutes=train_minutes), out / "policy")
     timer.say("evaluating policy, expert and straight line on matched test episodes")
     reply = _evaluate(out, config, evaluate_episodes)
     timer.say("drawing the report")

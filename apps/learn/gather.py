@@ -63,7 +63,7 @@ def gather(
     origin = dataset.provenance
     return ReportContent(
         title=f"A policy for {', '.join(each.name for each in plan.places)}",
-        subtitle="Learned from that place's Gaussians alone: a fleet of workers recorded what the newest policy did and "
+        subtitle="Learned from that place's Gaussians alone: a fleet recorded what the newest policy did and "
         "what the expert would have done, while a trainer learned from it, on this machine.",
         scene_name=place.name,
         scene_note=f"{len(world.scene.cloud):,} Gaussians; {len(world.avatars)} humans can walk in it.",

@@ -109,7 +109,7 @@ def make_plan(
     """
     if not scenes:
         raise RunError('Name a scene: a bundle, or "embedded".')
-    places = []
+    places: list[Place] = []
     for scene in scenes:
         spec = make_spec(open_scene(scene), avatars, config, seed=seed, split=Split.TRAIN, static=False)
         name = _free_name(spec.metadata["scene"]["name"] or "scene", [place.name for place in places])

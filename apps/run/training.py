@@ -1,36 +1,57 @@
 """From settings to a trained policy."""
 
-import dataclasses
+import importlib
 import os
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from readygo.apps.run.origin import note_origin, origin_of_data
+from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.dataset import Dataset
 from readygo.common.errors import ConfigError, PolicyError
 from readygo.common.extras import install_command
-from readygo.services.trainer import TrainConfig, paper_recipe
+from readygo.services.trainer import RECIPES, TrainConfig, with_overrides
 
 if TYPE_CHECKING:
     from readygo.services.trainer.run import Evaluate, TrainProgress
 
 
-def make_config(recipe: str, **settings: Any) -> TrainConfig:
-    """The recipe's configuration with the settings that are not None.
+def make_config(recipe: str, file: Path | None = None, **settings: Any) -> TrainConfig:
+    """The recipe's configuration with what a file says, and the settings that are not None.
+
+    Args:
+        recipe: One of `RECIPES`.
+        file: TOML file with fields of `TrainConfig`.
+        settings: Fields of `TrainConfig` or of its sections.
 
     Raises:
-        ConfigError: If a setting makes no sense.
+        ConfigError: If the file cannot be read, or a setting makes no sense.
     """
+    config = RECIPES[recipe]()
     try:
-        config = paper_recipe(TrainConfig()) if recipe == "paper" else TrainConfig()
-        return dataclasses.replace(config, **{name: value for name, value in settings.items() if value is not None})
+        if file is not None:
+            merged = _merged(section_to_mapping(config), tomllib.loads(file.read_text()))
+            config = section_from_mapping(TrainConfig, {k: v for k, v in merged.items() if v is not None})
+        return with_overrides(config, **settings)
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise ConfigError(f"Settings {file} cannot be read: {error}.") from error
     except ValueError as error:
         raise ConfigError(str(error)) from error
 
 
+def _merged(mapping: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
+    both = {k: _merged(mapping[k], v) for k, v in over.items() if isinstance(v, dict) and k in mapping}
+    return mapping | over | both
+
+
+def default_recipe(dataset: Dataset) -> str:
+    """What data are trained with where nobody says: "best" if the expert was asked at every state, else "fast"."""
+    return "best" if dataset.has_expert else "fast"
+
+
 def run_training(
-    data: tuple[Path, ...],
+    dataset: Dataset,
     config: TrainConfig,
     out: Path,
     *,
@@ -38,20 +59,30 @@ def run_training(
     evaluate: "Evaluate | None" = None,
     show: "Callable[[TrainProgress], None] | None" = None,
 ) -> dict[str, Any]:
-    """Train on data folders; returns what `metrics.json` holds.
+    """Train on recorded episodes; returns what `metrics.json` holds, nothing in processes that only help another one.
 
     Raises:
         PolicyError: If torch or onnx is not installed, or `out` belongs to another run.
         DatasetError: If the data cannot be used.
     """
+    validation = Dataset(val) if val else None
+    train_policy = load_trainer("train").train
+    if "WORLD_SIZE" in os.environ:
+        load_trainer("ranks").join_ranks(config.device)
+    metrics: dict[str, Any] = train_policy(dataset, config, out, validation=validation, evaluate=evaluate, report=show)
+    return metrics
+
+
+def load_trainer(module: str) -> Any:
+    """A module of the trainer that needs torch.
+
+    Raises:
+        PolicyError: If torch or onnx is not installed.
+    """
     # Threads that wait by spinning take the cores that the working ones need: on a shared machine training is 2.5
     # times faster without. libgomp reads this once, when torch loads it.
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     try:
-        from readygo.services.trainer.train import train as train_policy
+        return importlib.import_module(f"readygo.services.trainer.{module}")
     except ImportError as error:
         raise PolicyError(f"Training needs {error.name}; run: {install_command('train')}") from error
-    validation = Dataset(val) if val else None
-    metrics = train_policy(Dataset(data), config, out, validation=validation, evaluate=evaluate, report=show)
-    note_origin(out, origin_of_data(data))
-    return metrics

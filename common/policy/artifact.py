@@ -1,11 +1,14 @@
 """The policy artifact: a folder with `policy.toml`, `encoder.onnx`, `head.onnx` and `metrics.json`.
 
-encoder.onnx: `image` uint8 (B, H, W, 3) RGB -> `latent` float32 (B, 20).
-head.onnx: `features` float32 (B, 64) -> `action` float32 (B, 2), v [m/s] and w [rad/s] within the robot's limits.
-The 64 features are the latents of t - 2 spacings, t - 1 spacing and t, then the previous action (v [m/s], w [rad/s])
-and the goal in the robot's frame (dx, dy) [m]. Every normalisation lies inside of the two graphs.
+encoder.onnx: `image` uint8 (B, H, W, C) RGB -> `latent` float32 (B, L). With late fusion it sees one frame, C = 3; with
+early fusion three frames stacked along the channels, oldest first, C = 9.
+head.onnx: `features` float32 (B, F) -> `action` float32 (B, 2), v [m/s] and w [rad/s] within the robot's limits.
+The features are the latents (late fusion: of t - 2 spacings, t - 1 spacing and t), then what the policy knows of its
+own motion (`MotionInput`), then the goal in the robot's frame (dx, dy) [m]. Every normalisation lies inside of the
+two graphs.
 """
 
+import enum
 import re
 import tomllib
 from collections.abc import Mapping
@@ -20,15 +23,73 @@ from readygo.common.files import write_whole
 from readygo.common.policy.windows import FRAME_COUNT, spacing_steps_of
 from readygo.common.robot import RobotConfig
 
-POLICY_FORMAT = "readygo-policy/1"
-LATENT_COUNT = 20
-FEATURE_COUNT = FRAME_COUNT * LATENT_COUNT + 4
+POLICY_FORMAT = "readygo-policy/2"
+FIRST_FORMAT = "readygo-policy/1"
+"""Of policies that name no inputs: theirs are `FIRST_INPUTS`."""
 GOAL_SCALE_M = 10.0
 """Goals are divided by this and clipped to [-1, 1] [m]."""
 ENCODER_FILE = "encoder.onnx"
 HEAD_FILE = "head.onnx"
 SPEC_FILE = "policy.toml"
 METRICS_FILE = "metrics.json"
+
+
+class Fusion(enum.Enum):
+    """Where the three frames of a policy meet."""
+
+    LATE = "late"
+    """The encoder sees one frame; the latents of three are put side by side."""
+    EARLY = "early"
+    """The encoder sees the three frames stacked: one latent."""
+
+
+class MotionInput(enum.Enum):
+    """What a policy is told of its own motion."""
+
+    POSES = "poses"
+    """Poses of the two older frames in the present robot frame (dx, dy [m], dyaw [rad] each), then v [m/s] and
+    w [rad/s] executed over the last step."""
+    COMMAND = "command"
+    """v [m/s], w [rad/s] executed over the last step, then 1 where they are known; 0, 0, 0 where they are not."""
+    BARE_COMMAND = "bare-command"
+    """v and w alone, as policies of the first format take them."""
+
+    @property
+    def width(self) -> int:
+        """Number of features."""
+        return {MotionInput.POSES: 8, MotionInput.COMMAND: 3, MotionInput.BARE_COMMAND: 2}[self]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PolicyInputs:
+    """What the two graphs of a policy take."""
+
+    fusion: Fusion = Fusion.LATE
+    latent_count: int = 20
+    """Numbers that the encoder answers."""
+    motion: MotionInput = MotionInput.POSES
+
+    def __post_init__(self) -> None:
+        if self.latent_count < 1:
+            raise ValueError(f"latent_count must be at least 1, got {self.latent_count}.")
+
+    @property
+    def image_channels(self) -> int:
+        """Channels of the encoder's image."""
+        return 3 * FRAME_COUNT if self.fusion is Fusion.EARLY else 3
+
+    @property
+    def latents_width(self) -> int:
+        """Latents that the head takes."""
+        return self.latent_count * (1 if self.fusion is Fusion.EARLY else FRAME_COUNT)
+
+    @property
+    def feature_count(self) -> int:
+        """Numbers that the head takes: latents, own motion, goal."""
+        return self.latents_width + self.motion.width + 2
+
+
+FIRST_INPUTS = PolicyInputs(motion=MotionInput.BARE_COMMAND)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +102,8 @@ class PolicySpec:
     """What varied of that camera from episode to episode."""
     frame_spacing_s: float = 0.5
     """Time between the three frames [s]; a multiple of the step of 0.05 s."""
+    inputs: PolicyInputs = field(default_factory=PolicyInputs)
+    """What its graphs take."""
     training: Mapping[str, Any] = field(default_factory=dict)
     """Where it comes from: data hashes, seed, versions."""
 
@@ -58,6 +121,11 @@ def save_spec(spec: PolicySpec, folder: Path) -> None:
     mapping = {
         "format": POLICY_FORMAT,
         "frame_spacing_s": spec.frame_spacing_s,
+        "inputs": {
+            "fusion": spec.inputs.fusion.value,
+            "latent_count": spec.inputs.latent_count,
+            "motion": spec.inputs.motion.value,
+        },
         "robot": section_to_mapping(spec.robot),
         "sensor": section_to_mapping(spec.sensor),
         "training": dict(spec.training),
@@ -80,7 +148,7 @@ def load_spec(folder: Path) -> PolicySpec:
         ) from error
     except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise PolicyError(f"{path} is no TOML file: {error}; export the policy again.") from error
-    if mapping.get("format") != POLICY_FORMAT:
+    if mapping.get("format") not in (FIRST_FORMAT, POLICY_FORMAT):
         raise PolicyError(f"{path} has format {mapping.get('format')!r}, this version reads {POLICY_FORMAT!r}.")
     try:
         robot = section_from_mapping(RobotConfig, mapping["robot"], where="robot.")
@@ -90,10 +158,19 @@ def load_spec(folder: Path) -> PolicySpec:
             robot=robot,
             sensor=sensor,
             frame_spacing_s=float(mapping["frame_spacing_s"]),
+            inputs=FIRST_INPUTS if mapping["format"] == FIRST_FORMAT else _inputs(mapping["inputs"]),
             training=mapping.get("training", {}),
         )
     except (ConfigError, KeyError, TypeError, ValueError) as error:
         raise PolicyError(f"{path} cannot be used: {error}; export the policy again.") from error
+
+
+def _inputs(mapping: Mapping[str, Any]) -> PolicyInputs:
+    return PolicyInputs(
+        fusion=Fusion(mapping["fusion"]),
+        latent_count=int(mapping["latent_count"]),
+        motion=MotionInput(mapping["motion"]),
+    )
 
 
 def _toml_lines(mapping: Mapping[str, Any], path: str = "") -> list[str]:

@@ -15,41 +15,63 @@ from readygo.common.extras import install_command
 from readygo.common.messages.checks import check_array
 from readygo.common.policy.artifact import (
     ENCODER_FILE,
-    FEATURE_COUNT,
     HEAD_FILE,
-    LATENT_COUNT,
     SPEC_FILE,
+    Fusion,
     PolicySpec,
     load_spec,
 )
+from readygo.common.policy.motion import motion_features, own_motion
 from readygo.common.policy.windows import FRAME_COUNT, window_rows
-from readygo.common.robot import RobotConfig
+from readygo.common.robot import RobotConfig, step_unicycle
+from readygo.common.robot.kinematics import whole_steps
 
 
 class PolicyMemory:
-    """What a policy remembers of one episode: the latents of the last two frame spacings.
+    """What a policy remembers of one episode: frames or latents of the last two spacings, and how the robot moved.
 
     Args:
-        frame_spacing_steps: Simulation steps between the frames that it sees.
+        spacing_steps: Simulation steps between the frames that it sees.
+        latency_steps: Steps from when a frame was taken until the policy has it.
     """
 
-    def __init__(self, frame_spacing_steps: int) -> None:
-        self._spacing = frame_spacing_steps
-        self._latents: deque[npt.NDArray[np.float32]] = deque(maxlen=(FRAME_COUNT - 1) * frame_spacing_steps + 1)
+    def __init__(self, spacing_steps: int, latency_steps: int = 0) -> None:
+        span = (FRAME_COUNT - 1) * spacing_steps
+        self._spacing, self._latency = spacing_steps, latency_steps
+        self._seen: deque[npt.NDArray[Any]] = deque(maxlen=span + 1)
+        self._poses: deque[tuple[float, float, float]] = deque(maxlen=span + latency_steps + 1)
 
-    def push(self, latent: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-        """Remember the latent of the current step, and return what the head sees.
+    def push(self, seen: npt.NDArray[Any]) -> list[npt.NDArray[Any]]:
+        """Remember what came of the present step's frame, and return what the policy sees together.
 
         Args:
-            latent: Latent of the frame at this step, shape (20,).
+            seen: The frame, or its latent.
 
         Returns:
-            Latents of two spacings ago, one spacing ago and now, shape (60,); the episode's first frame stands for
-            those before it.
+            What was pushed two spacings ago, one spacing ago and now; the episode's first one stands for those before.
         """
-        self._latents.append(latent)
-        rows = window_rows(len(self._latents) - 1, 0, self._spacing)
-        return np.concatenate([self._latents[row] for row in rows])
+        self._seen.append(seen)
+        rows = window_rows(len(self._seen) - 1, 0, self._spacing)
+        return [self._seen[row] for row in rows]
+
+    def move(self, command: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        """Remember how the robot moved over the last step; call it once a step.
+
+        Args:
+            command: v [m/s], w [rad/s] executed over it, shape (2,); of no meaning at the first step.
+
+        Returns:
+            The features of `MotionInput.POSES`, shape (8,).
+        """
+        pose = (0.0, 0.0, 0.0)
+        if self._poses:
+            v_mps, w_radps = command.tolist()
+            pose = step_unicycle(*self._poses[-1], v_mps, w_radps)
+        self._poses.append(pose)
+        rows = window_rows(len(self._poses) - 1 - self._latency, 0, self._spacing)[:-1]
+        older = np.array([[self._poses[row] for row in rows]])
+        features: npt.NDArray[np.float32] = own_motion(older, np.array([pose]), command[None])[0]
+        return features
 
 
 class Policy:
@@ -58,7 +80,7 @@ class Policy:
     Args:
         spec: What it was trained for.
         encoder: onnxruntime's session of the graph from image to latent.
-        head: That of the graph from latents, previous command and goal to the command.
+        head: That of the graph from latents, own motion and goal to the command.
     """
 
     def __init__(self, spec: PolicySpec, encoder: Any, head: Any) -> None:
@@ -69,28 +91,29 @@ class Policy:
 
     def start(self) -> PolicyMemory:
         """Memory for a new episode."""
-        return PolicyMemory(self.spec.frame_spacing_steps)
+        return PolicyMemory(self.spec.frame_spacing_steps, whole_steps(self.spec.robot.camera.latency_s))
 
     def encode(self, images: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
-        """Latents of RGB images, shape (B, 20).
+        """Latents of RGB images, shape (B, L).
 
         Images go through one at a time: the sums of a batch are grouped differently, and an episode's result would
         depend on which other episodes run beside it.
 
         Args:
-            images: What the robots see, sRGB, shape (B, H, W, 3).
+            images: What the encoder takes, sRGB, shape (B, H, W, 3); three frames stacked with early fusion,
+                shape (B, H, W, 9).
 
         Raises:
             PolicyError: If the images do not have the size that the policy was trained for.
         """
-        check_array("images", images, np.uint8, (None, None, None, 3))
-        camera = self.spec.robot.camera
+        inputs, camera = self.spec.inputs, self.spec.robot.camera
+        check_array("images", images, np.uint8, (None, None, None, inputs.image_channels))
         if images.shape[1:3] != (camera.height_px, camera.width_px):
             raise PolicyError(
                 f"The policy sees images of {camera.height_px}x{camera.width_px} px, got "
                 f"{images.shape[1]}x{images.shape[2]}; use the robot.toml that it was trained with."
             )
-        latents = np.empty((len(images), LATENT_COUNT), np.float32)
+        latents = np.empty((len(images), inputs.latent_count), np.float32)
         for row, image in enumerate(images):
             latents[row] = self._encoder.run(None, {"image": image[None]})[0][0]
         return latents
@@ -98,21 +121,21 @@ class Policy:
     def act(
         self,
         latents: npt.NDArray[np.float32],
-        previous_actions: npt.NDArray[np.float32],
+        motion: npt.NDArray[np.float32],
         goals_xy_m: npt.NDArray[np.float32],
     ) -> npt.NDArray[np.float32]:
         """Actions of several episodes.
 
         Args:
-            latents: What `PolicyMemory.push` returned, one row per episode, shape (B, 60).
-            previous_actions: Commands executed over the last step: v [m/s], w [rad/s], shape (B, 2).
+            latents: One row per episode, with late fusion those of the three frames, shape (B, `latents_width`).
+            motion: Features of own motion, see `MotionInput`, shape (B, M).
             goals_xy_m: Goals in the robots' frames (x forward, y left) [m], shape (B, 2).
 
         Returns:
             Commands v [m/s], w [rad/s] within the robot's limits, shape (B, 2).
         """
-        features = np.concatenate([latents, previous_actions, goals_xy_m], axis=1).astype(np.float32)
-        check_array("features", features, np.float32, (None, FEATURE_COUNT))
+        features = np.concatenate([latents, motion, goals_xy_m], axis=1).astype(np.float32)
+        check_array("features", features, np.float32, (None, self.spec.inputs.feature_count))
         rows = [self._head.run(None, {"features": row[None]})[0] for row in features]
         return np.concatenate(rows) if rows else np.empty((0, 2), np.float32)
 
@@ -123,7 +146,7 @@ class Policy:
         previous_actions: npt.NDArray[np.float32],
         goals_xy_m: npt.NDArray[np.float32],
     ) -> npt.NDArray[np.float32]:
-        """One control step of several episodes: `encode`, remember, `act`.
+        """One control step of several episodes: encode, remember, act.
 
         Args:
             memories: What `start` returned, one per episode.
@@ -137,9 +160,13 @@ class Policy:
         Raises:
             PolicyError: If the images do not have the size that the policy was trained for.
         """
-        latents = self.encode(images)
-        seen = [memory.push(latent) for memory, latent in zip(memories, latents, strict=True)]
-        return self.act(np.stack(seen), previous_actions, goals_xy_m)
+        poses = [memory.move(command) for memory, command in zip(memories, previous_actions, strict=True)]
+        motion = motion_features(self.spec.inputs.motion, np.stack(poses))
+        if self.spec.inputs.fusion is Fusion.EARLY:
+            windows = [memory.push(image) for memory, image in zip(memories, images, strict=True)]
+            return self.act(self.encode(np.stack([np.concatenate(w, axis=2) for w in windows])), motion, goals_xy_m)
+        windows = [memory.push(latent) for memory, latent in zip(memories, self.encode(images), strict=True)]
+        return self.act(np.stack([np.concatenate(window) for window in windows]), motion, goals_xy_m)
 
 
 def load_policy(folder: str | Path, *, robot: RobotConfig | None = None) -> Policy:
@@ -206,10 +233,9 @@ def _open_session(path: Path) -> Any:
 
 
 def _check_graphs(policy: Policy, folder: Path) -> None:
-    camera = policy.spec.robot.camera
+    camera, zeros = policy.spec.robot.camera, np.zeros((1, 2), np.float32)
     try:
-        latents = policy.encode(np.zeros((1, camera.height_px, camera.width_px, 3), np.uint8))
-        policy.act(np.tile(latents, (1, FRAME_COUNT)), np.zeros((1, 2), np.float32), np.zeros((1, 2), np.float32))
+        policy.step([policy.start()], np.zeros((1, camera.height_px, camera.width_px, 3), np.uint8), zeros, zeros)
     except PolicyError:
         raise
     except Exception as error:  # as above: a graph of other inputs or shapes

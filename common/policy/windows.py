@@ -25,7 +25,7 @@ def window_rows(newest: npt.ArrayLike, first: npt.ArrayLike, spacing_steps: int)
     return rows
 
 
-def spacing_steps_of(spacing_s: float) -> int:
+def spacing_steps_of(spacing_s: float, *, name: str = "frame_spacing_s") -> int:
     """Steps between images that are `spacing_s` [s] apart.
 
     Raises:
@@ -33,5 +33,5 @@ def spacing_steps_of(spacing_s: float) -> int:
     """
     steps = spacing_s * RATE_HZ
     if steps < 1 or abs(steps - round(steps)) > 1e-6:
-        raise ValueError(f"frame_spacing_s must be a multiple of {DT_S} s, got {spacing_s}.")
+        raise ValueError(f"{name} must be a multiple of {DT_S} s, got {spacing_s}.")
     return round(steps)

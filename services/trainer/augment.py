@@ -1,107 +1,137 @@
-"""Random changes to training samples."""
+"""Random changes to training samples, alike for all samples of one episode in a batch."""
 
 import math
+from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
 import numpy.typing as npt
-import torch
-from torch import Tensor
 
 from readygo.common.camera import CameraConfig
 from readygo.common.camera.lens import make_lens
 from readygo.common.frames import goals_in_robot_frames
+from readygo.services.trainer.config import SamplingConfig
 from readygo.services.trainer.samples import Indices, SampleTable
 
 NEAR_M = 1.0
 """Goals are reached at this distance [m]."""
+MIRRORED_MOTION = np.array([1, -1, -1, 1, -1, -1, 1, -1], np.float32)
+"""Signs of the features of own motion in a mirrored world."""
+
+Array = npt.NDArray[np.float32]
+Image = npt.NDArray[np.uint8]
 
 
-def vary_light(images: Tensor, groups: Indices, strength: float, rng: np.random.Generator) -> None:
-    """Change contrast, brightness and colour in place, alike for all frames of one group.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class View:
+    """How each of G episodes is shown in a batch: turned, then shifted, then mirrored, in another light."""
+
+    yaws_rad: npt.NDArray[np.float64]
+    """Turn of the robot to the left [rad], shape (G,)."""
+    shifts_px: Indices
+    """Rows and columns by which the image moves down and right, shape (G, 2)."""
+    mirrored: npt.NDArray[np.bool_]
+    """Shape (G,)."""
+    light: Array
+    """What the network is given for each byte of each colour, shape (G, 256, 3)."""
+
+
+def draw_views(turnable: npt.NDArray[np.bool_], config: SamplingConfig, rng: np.random.Generator) -> View:
+    """A random view of each episode.
 
     Args:
-        images: Frames in [-1, 1], shape (F, 3, H, W).
-        groups: What belongs together, such as an episode, for each frame, shape (F,).
+        turnable: False where the robot must not be turned, shape (G,).
+        config: How far.
+        rng: Random generator.
+    """
+    count = len(turnable)
+    yaws_rad = config.yaw_error_rad * np.clip(rng.normal(0.0, 1.0, count), -2.5, 2.5)
+    return View(
+        yaws_rad=np.where(turnable, yaws_rad, 0.0),
+        shifts_px=rng.integers(-config.shift_px, config.shift_px + 1, (count, 2)),
+        mirrored=rng.random(count) < config.mirror,
+        light=draw_light(count, config.photometric, rng),
+    )
+
+
+def plain_view() -> View:
+    """What the camera saw, for a single episode or all of them."""
+    zeros = np.zeros(1)
+    return View(
+        yaws_rad=zeros,
+        shifts_px=np.zeros((1, 2), np.int64),
+        mirrored=np.zeros(1, np.bool_),
+        light=draw_light(1, 0.0, np.random.default_rng(0)),
+    )
+
+
+def draw_light(count: int, strength: float, rng: np.random.Generator) -> Array:
+    """Contrast, brightness and colour of episodes, as tables from bytes to numbers around [-1, 1].
+
+    Args:
+        count: Number of episodes.
         strength: Largest relative change.
         rng: Random generator.
+
+    Returns:
+        Shape (count, 256, 3).
     """
-    if strength == 0:
-        return
-    names, member = np.unique(groups, return_inverse=True)
-    contrast = 1 + rng.uniform(-strength, strength, (len(names), 1))
-    colour = 1 + rng.uniform(-strength, strength, (len(names), 3)) / 2
-    brightness = rng.uniform(-strength, strength, (len(names), 1))
-    gain = (contrast * colour)[member].astype(np.float32)
-    offset = (brightness + colour - 1)[member].astype(np.float32)
-    images.mul_(torch.from_numpy(gain)[:, :, None, None]).add_(torch.from_numpy(offset)[:, :, None, None])
+    contrast = 1 + rng.uniform(-strength, strength, (count, 1, 1))
+    colour = 1 + rng.uniform(-strength, strength, (count, 1, 3)) / 2
+    brightness = rng.uniform(-strength, strength, (count, 1, 1))
+    plain = (np.arange(256) / 127.5 - 1)[:, None]
+    tables: Array = (contrast * colour * plain + brightness + colour - 1).astype(np.float32)
+    return tables
 
 
-def shift_frames(
-    frames: npt.NDArray[np.uint8], groups: Indices, limit_px: int, rng: np.random.Generator
-) -> npt.NDArray[np.uint8]:
-    """Shift frames by a few pixels, alike for all frames of one group; the edge is repeated.
-
-    Args:
-        frames: Frames, shape (F, H, W, 3).
-        groups: What belongs together, for each frame, shape (F,).
-        limit_px: Largest shift along rows and columns [px].
-        rng: Random generator.
-    """
-    if limit_px == 0:
-        return frames
-    names, member = np.unique(groups, return_inverse=True)
-    shifts_px = rng.integers(-limit_px, limit_px + 1, (len(names), 2))[member]
-    rows = np.clip(np.arange(frames.shape[1]) + shifts_px[:, :1], 0, frames.shape[1] - 1)
-    columns = np.clip(np.arange(frames.shape[2]) + shifts_px[:, 1:], 0, frames.shape[2] - 1)
-    shifted = np.empty_like(frames)
-    for k, frame in enumerate(frames):
-        shifted[k] = frame[rows[k]][:, columns[k]]
-    return shifted
-
-
-def draw_yaws(groups: Indices, sigma_rad: float, rng: np.random.Generator) -> npt.NDArray[np.float64]:
-    """A yaw error [rad] for each row, alike within a group, cut off at 2.5 standard deviations.
-
-    Args:
-        groups: What belongs together, for each row, shape (F,).
-        sigma_rad: Standard deviation [rad].
-        rng: Random generator.
-    """
-    names, member = np.unique(groups, return_inverse=True)
-    yaws: npt.NDArray[np.float64] = sigma_rad * np.clip(rng.normal(0.0, 1.0, len(names)), -2.5, 2.5)[member]
-    return yaws
-
-
-class TurnedCamera:
-    """What a robot's camera would have seen, had the robot been turned on the spot.
+class FrameWarp:
+    """Shows frames as a robot's camera would have, had the robot been turned on the spot; shifted and mirrored.
 
     A rotation moves pixels the same way at every depth, so that the images are exact but for what was out of view: the
     edge is repeated there. A camera that is not above the robot's centre also moves a little, which is left out. What
     varies of a lens between episodes is left out as well: all frames have the lens of `robot.toml`.
     """
 
-    def __init__(self, camera: CameraConfig) -> None:
+    def __init__(self, camera: CameraConfig, pooling: int = 1) -> None:
         self._lens = make_lens(camera)
         self._R_robot_camera = camera.T_world_camera(0.0, 0.0, 0.0, 0.0)[:3, :3]
-        columns, rows = np.meshgrid(np.arange(camera.width_px) + 0.5, np.arange(camera.height_px) + 0.5)
-        self._shape = columns.shape
-        xy = self._lens.rays(np.stack([columns.ravel(), rows.ravel()], axis=1))
+        self._size = camera.width_px // pooling, camera.height_px // pooling
+        self._pooling = pooling
+        columns, rows = np.meshgrid(np.arange(self._size[0]) + 0.5, np.arange(self._size[1]) + 0.5)
+        xy = self._lens.rays(pooling * np.stack([columns.ravel(), rows.ravel()], axis=1))
         self._rays = np.concatenate([xy, np.ones((len(xy), 1))], axis=1)
 
-    def turn(self, frames: npt.NDArray[np.uint8], yaws_rad: npt.NDArray[np.float64]) -> npt.NDArray[np.uint8]:
-        """The frames of robots that are turned to the left.
+    def show(self, frames: Image, groups: Indices, view: View) -> Image:
+        """Frames as a view has them, but for its light; the frames themselves where nothing changes.
 
         Args:
             frames: Frames, shape (F, H, W, 3).
-            yaws_rad: Turn of each frame to the left [rad], shape (F,).
+            groups: Row of each frame's episode in the view, shape (F,).
+            view: How they are shown.
         """
-        warp = self._warped if self._lens.distortion == "none" else self._remapped
-        turned = np.empty_like(frames)
-        for yaw_rad in np.unique(yaws_rad).tolist():
-            rows = np.flatnonzero(yaws_rad == yaw_rad)
-            turned[rows] = warp(frames[rows], self._rotation(yaw_rad))
-        return turned
+        if not (view.yaws_rad.any() or view.shifts_px.any() or view.mirrored.any()):
+            return frames
+        shown = np.empty_like(frames)
+        for group in np.unique(groups).tolist():
+            rows = np.flatnonzero(groups == group).tolist()
+            yaw_rad, shift_px, mirrored = view.yaws_rad[group], view.shifts_px[group], bool(view.mirrored[group])
+            if yaw_rad == 0:
+                for row in rows:
+                    _move(frames[row], shift_px, mirrored, out=shown[row])
+            elif self._lens.distortion == "none":
+                self._warp(frames, shown, rows, self._homography(yaw_rad) @ _moved_from(shift_px, mirrored, self._size))
+            else:
+                maps = self._turned_maps(yaw_rad)
+                for row in rows:
+                    turned: Any = cv2.remap(frames[row], *maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+                    _move(turned, shift_px, mirrored, out=shown[row])
+        return shown
+
+    def _warp(self, frames: Image, shown: Image, rows: list[int], H: npt.NDArray[np.float64]) -> None:
+        flags, border = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, cv2.BORDER_REPLICATE
+        for row in rows:
+            cv2.warpPerspective(frames[row], H, self._size, dst=shown[row], flags=flags, borderMode=border)
 
     def _rotation(self, yaw_rad: float) -> npt.NDArray[np.float64]:
         """From the turned camera's axes to those before, shape (3, 3)."""
@@ -110,52 +140,98 @@ class TurnedCamera:
         R: npt.NDArray[np.float64] = self._R_robot_camera.T @ R_before_after @ self._R_robot_camera
         return R
 
-    def _warped(self, frames: npt.NDArray[np.uint8], R: npt.NDArray[np.float64]) -> npt.NDArray[np.uint8]:
-        """Without a lens a rotation is a homography."""
+    def _homography(self, yaw_rad: float) -> npt.NDArray[np.float64]:
+        """Without a lens a rotation is a homography: from turned pixels to those before, shape (3, 3)."""
         # OpenCV's warp counts pixel centres from 0.
-        K = np.array([[1.0, 0.0, -0.5], [0.0, 1.0, -0.5], [0.0, 0.0, 1.0]]) @ self._lens.K_px
-        H, size = K @ R @ np.linalg.inv(K), (self._shape[1], self._shape[0])
-        flags, border = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, cv2.BORDER_REPLICATE
-        return np.stack([cv2.warpPerspective(frame, H, size, flags=flags, borderMode=border) for frame in frames])
+        K = np.diag([1 / self._pooling, 1 / self._pooling, 1.0]) @ self._lens.K_px
+        K = np.array([[1.0, 0.0, -0.5], [0.0, 1.0, -0.5], [0.0, 0.0, 1.0]]) @ K
+        return np.asarray(K @ self._rotation(yaw_rad) @ np.linalg.inv(K), np.float64)
 
-    def _remapped(self, frames: npt.NDArray[np.uint8], R: npt.NDArray[np.float64]) -> npt.NDArray[np.uint8]:
+    def _turned_maps(self, yaw_rad: float) -> tuple[Array, Array]:
         """Through the lens: every pixel's ray, turned, and the pixel that saw it before."""
-        x, y, ahead = (self._rays @ R.T).T
+        x, y, ahead = (self._rays @ self._rotation(yaw_rad).T).T
         xy = np.stack([x, y], axis=1) / np.maximum(ahead, 1e-6)[:, None]
         # Beyond what the lens can show its polynomial would turn back into the image.
         xy *= np.minimum(1.0, self._lens.radius_max / np.maximum(np.hypot(xy[:, 0], xy[:, 1]), 1e-12))[:, None]
-        columns, rows = (self._lens.pixels(xy) - 0.5).astype(np.float32).T.reshape(2, *self._shape)
-        border = cv2.BORDER_REPLICATE
-        return np.stack([cv2.remap(frame, columns, rows, cv2.INTER_LINEAR, borderMode=border) for frame in frames])
+        pixels = self._lens.pixels(xy) / self._pooling - 0.5
+        columns, rows = pixels.astype(np.float32).T.reshape(2, self._size[1], self._size[0])
+        return columns, rows
+
+
+def _moved_from(shift_px: Indices, mirrored: bool, size: tuple[int, int]) -> npt.NDArray[np.float64]:
+    """From shifted and mirrored pixels to those before, shape (3, 3)."""
+    mirror = np.array([[-1.0, 0.0, size[0] - 1], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]) if mirrored else np.eye(3)
+    return np.asarray(np.array([[1.0, 0.0, -shift_px[1]], [0.0, 1.0, -shift_px[0]], [0.0, 0.0, 1.0]]) @ mirror)
+
+
+def _move(frame: Image, shift_px: Indices, mirrored: bool, *, out: Image) -> None:
+    """Shift a frame down and right, its edge repeated, and mirror it then."""
+    target = out[:, ::-1] if mirrored else out
+    (down, right), (height, width) = shift_px.tolist(), frame.shape[:2]
+    rows, columns = slice(max(down, 0), height + min(down, 0)), slice(max(right, 0), width + min(right, 0))
+    target[rows, columns] = frame[max(-down, 0) : height - max(down, 0), max(-right, 0) : width - max(right, 0)]
+    target[rows, : columns.start] = target[rows, columns.start : columns.start + 1]
+    target[rows, columns.stop :] = target[rows, columns.stop - 1 : columns.stop]
+    target[: rows.start] = target[rows.start]
+    target[rows.stop :] = target[rows.stop - 1]
+
+
+def lit(frames: Image, groups: Indices, light: npt.NDArray[np.generic]) -> npt.NDArray[np.generic]:
+    """What the network is given for frames.
+
+    Args:
+        frames: Frames, shape (F, H, W, 3).
+        groups: Row of each frame's episode in `light`, shape (F,).
+        light: Tables from bytes, of float32 or of 16 bits that stand for bfloat16, shape (G, 256, 3).
+
+    Returns:
+        Of the type of `light`, shape (F, H, W, 3).
+    """
+    shown = np.empty(frames.shape, light.dtype)
+    for row, group in enumerate(groups.tolist()):
+        cv2.LUT(frames[row], light[group][None], dst=shown[row])
+    return shown
+
+
+def turn_world(xy_m: Array, yaws_rad: npt.NDArray[np.float64]) -> Array:
+    """Places in the frames of robots that are turned to the left by `yaws_rad`, shape (B, 2)."""
+    c, s = np.cos(yaws_rad), np.sin(yaws_rad)
+    x, y = xy_m.T
+    turned: Array = np.stack([c * x + s * y, c * y - s * x], axis=1).astype(np.float32)
+    return turned
+
+
+def turn_motion(motion: Array, yaws_rad: npt.NDArray[np.float64]) -> Array:
+    """Own motion of robots that were turned to the left by `yaws_rad` at all of their frames, shape (B, 8)."""
+    older, newer = turn_world(motion[:, :2], yaws_rad), turn_world(motion[:, 3:5], yaws_rad)
+    return np.concatenate([older, motion[:, 2:3], newer, motion[:, 5:]], axis=1)
 
 
 def correct_for_turn(
-    actions: Tensor, goals_xy_m: Tensor, yaws_rad: Tensor, gain_per_s: float, w_max_radps: float
-) -> tuple[Tensor, Tensor]:
-    """Action and goal of samples whose robot was turned to the left by `yaws_rad`.
+    commands: Array, yaws_rad: npt.NDArray[np.float64], gain_per_s: float, w_max_radps: float
+) -> Array:
+    """Commands of robots that were turned to the left by `yaws_rad`: they turn back.
 
     Args:
-        actions: v [m/s], w [rad/s], shape (B, 2).
-        goals_xy_m: Goals in the robot's frame [m], shape (B, 2).
+        commands: v [m/s], w [rad/s], shape (B, 2).
         yaws_rad: Turn of each robot [rad], shape (B,).
         gain_per_s: Turn rate per yaw error that brings the robot back [1/s].
         w_max_radps: Limit of the corrected turn rate [rad/s].
 
     Source: Bojarski et al., End to end learning for self-driving cars, 2016 (rotated views with corrected steering).
     """
-    c, s = torch.cos(yaws_rad), torch.sin(yaws_rad)
-    x, y = goals_xy_m.unbind(1)
-    w = (actions[:, 1] - gain_per_s * yaws_rad).clamp(-w_max_radps, w_max_radps)
-    return torch.stack([actions[:, 0], w], dim=1), torch.stack([c * x + s * y, c * y - s * x], dim=1)
+    corrected = commands.copy()
+    turned = yaws_rad != 0
+    w_radps = np.clip(commands[:, 1] - gain_per_s * yaws_rad, -w_max_radps, w_max_radps)
+    corrected[turned, 1] = w_radps[turned]
+    return corrected
 
 
-def hindsight_goals(
-    table: SampleTable, samples: Indices, share: float, rng: np.random.Generator
-) -> npt.NDArray[np.float32]:
+def hindsight_goals(table: SampleTable, samples: Indices, share: float, rng: np.random.Generator) -> Array:
     """Goals of samples, some of them replaced by a place that the robot reached later in the same episode.
 
-    What the expert did was right for every place that it came to, so that one episode teaches many goals. Places within
-    `NEAR_M` are no goals: an episode ends before the robot is that near.
+    What the expert did was right for every place that it came to undisturbed, so that one episode teaches many goals.
+    Places within `NEAR_M` are no goals: an episode ends before the robot is that near.
 
     Args:
         table: Poses, goals and episodes.
@@ -169,28 +245,29 @@ def hindsight_goals(
     Source: Andrychowicz et al., Hindsight experience replay, 2017; Ghosh et al., Learning to reach goals via iterated
     supervised learning, 2019.
     """
-    later = samples + np.ceil(rng.random(len(samples)) * (table.last[samples] - samples)).astype(np.int64)
+    later = samples + np.ceil(rng.random(len(samples)) * (table.driven_last[samples] - samples)).astype(np.int64)
     reached = goals_in_robot_frames(table.xyyaw[samples], table.xyyaw[later, :2]).astype(np.float32)
     dx, dy = (table.xyyaw[later, :2] - table.xyyaw[samples, :2]).T
     replaced = (rng.random(len(samples)) < share) & (dx * dx + dy * dy > NEAR_M**2)
-    goals: npt.NDArray[np.float32] = np.where(replaced[:, None], reached, table.goals_xy_m[samples])
+    goals: Array = np.where(replaced[:, None], reached, table.goals_xy_m[samples])
     return goals
 
 
-def corrupt_previous(previous: Tensor, noise: float, dropout: float, rng: np.random.Generator) -> Tensor:
-    """Previous actions with noise, and withheld (zero) in some samples.
+def corrupt_previous(commands: Array, noise: Array, withheld: npt.NDArray[np.bool_]) -> Array:
+    """Previous actions as `MotionInput.COMMAND` has them, with noise, and withheld (0, 0, 0) in some samples.
 
     An imitator that sees the previous action learns to repeat it: consecutive actions of an expert hardly differ, and
     the copy scores well on recorded data but never starts or stops by itself.
 
     Args:
-        previous: Normalised previous actions, shape (B, 2).
-        noise: Standard deviation of the noise.
-        dropout: Probability that a sample's previous action is withheld.
-        rng: Random generator.
+        commands: v [m/s], w [rad/s], shape (B, 2).
+        noise: Added to them, shape (B, 2).
+        withheld: Where the previous action is not known, shape (B,).
+
+    Returns:
+        Shape (B, 3).
 
     Source: Wen et al., Fighting copycat agents in behavioral cloning from observation histories, 2020.
     """
-    disturbed = previous + torch.from_numpy(rng.normal(0.0, noise, previous.shape).astype(np.float32))
-    kept = rng.random((len(previous), 1)) >= dropout
-    return disturbed * torch.from_numpy(kept.astype(np.float32))
+    known = np.concatenate([commands + noise, np.ones((len(commands), 1))], axis=1)
+    return np.where(withheld[:, None], 0.0, known).astype(np.float32)

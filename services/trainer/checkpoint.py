@@ -10,7 +10,7 @@ from readygo.common.errors import ConfigError, PolicyError
 from readygo.common.files import unfinished
 from readygo.common.robot import RobotConfig
 
-CHECKPOINT_FORMAT = "readygo-training/1"
+CHECKPOINT_FORMAT = "readygo-training/2"
 CHECKPOINT_FILE = "checkpoint.pt"
 
 

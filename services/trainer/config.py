@@ -1,84 +1,175 @@
 """How a policy is trained."""
 
 import dataclasses
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+from readygo.common.config import Range, check_ranges
+from readygo.common.policy.windows import spacing_steps_of
+
+Share = Annotated[float, Range(low=0.0, high=1.0)]
+Positive = Annotated[float, Range(above=0.0)]
+Count = Annotated[int, Range(low=1)]
+NotNegative = Annotated[float, Range(low=0.0)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class NetworkConfig:
+    """The network. The defaults are the paper's."""
+
+    fusion: Literal["late", "early"] = "late"
+    """"late": each frame is encoded alone, the latents of three are put side by side; "early": one pass over all three
+    frames, stacked."""
+    latent_count: Count = 20
+    """Numbers that the encoder answers."""
+    motion: Literal["poses", "command"] = "command"
+    """What it is told of its own motion, see `readygo.common.policy.artifact.MotionInput`."""
+    widths: tuple[int, ...] = (32, 64, 128, 192, 272)
+    """Channels of the stem and of the four residual blocks."""
+    pooled_height_px: Annotated[int, Range(low=0)] = 0
+    """Larger images are pooled by the largest whole factor that leaves this height; 0 takes them as they are [px]."""
+    output: Literal["regression", "bins"] = "regression"
+    """"regression": v and w, by their squared error; "bins": a distribution over a grid of both, by its cross-entropy,
+    of which the mode and its neighbours are answered."""
+    v_bins: Annotated[int, Range(low=3)] = 9
+    w_bins: Annotated[int, Range(low=3)] = 17
+
+    def __post_init__(self) -> None:
+        check_ranges(self)
+        if len(self.widths) != 5 or min(self.widths) < 1:
+            raise ValueError(f"widths must be five channel counts, got {self.widths}.")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SamplingConfig:
+    """What the network is shown, and what it shall answer. The defaults go with the paper's network."""
+
+    batch_size: Count = 64
+    """Samples per step."""
+    chain_length: Count = 8
+    """Samples of one episode in a batch, one frame spacing apart, so that they share encoded frames."""
+    frame_spacing_s: float = 0.5
+    """Time between the three frames that the policy sees [s]."""
+    ahead_s: NotNegative = 0.0
+    """How far ahead of its frame the command is that a sample teaches [s]; a multiple of 0.05 s."""
+    previous_dropout: Share = 0.5
+    """Probability that a training sample does not see the previous action (`motion` "command" only)."""
+    previous_noise: NotNegative = 0.1
+    """Standard deviation of the noise on the previous action in training, in units of its limits."""
+    photometric: Annotated[float, Range(low=0.0, high=0.99)] = 0.2
+    """Largest relative change of brightness, contrast and colour; 0 turns it off."""
+    shift_px: Annotated[int, Range(low=0)] = 4
+    """Largest shift of the images [px]; 0 turns it off."""
+    yaw_error_rad: NotNegative = 0.1
+    """Standard deviation of a yaw error that images and goals are turned by [rad]; 0 turns it off."""
+    yaw_gain_per_s: float = 2.0
+    """Turn rate that the policy learns against a yaw error [1/s]."""
+    yaw_on_policy: bool = False
+    """Turn the samples of episodes that a policy drove as well: they show its own errors already."""
+    hindsight: Share = 0.5
+    """Share of the samples that the expert drove whose goal is a place that the robot reached later."""
+    mirror: Share = 0.5
+    """Probability that an episode's samples are mirrored left to right in a batch, with goals and turns."""
+    humans_weight: NotNegative = 0.0
+    """Weight of a further loss in training alone: presence, bearing and distance of the nearest visible human."""
+
+    def __post_init__(self) -> None:
+        check_ranges(self)
+        spacing_steps_of(self.frame_spacing_s)
+        if self.ahead_s > 0:
+            spacing_steps_of(self.ahead_s, name="ahead_s")
+
+
+@dataclass(frozen=True, kw_only=True)
+class OptimizerConfig:
+    """How the weights are changed."""
+
+    learning_rate: Positive = 1e-3
+    warm_up_steps: Count = 50
+    """Steps over which the learning rate rises."""
+    decay_share: Share = 0.2
+    """The last share of the budget, over which it falls to a hundredth; 0 keeps it."""
+    weight_decay: NotNegative = 1e-4
+    """Decoupled weight decay (AdamW); 0 is plain Adam."""
+    ema_decay: Annotated[float, Range(low=0.0, high=0.99999)] = 0.995
+    """Decay per step of the averaged weights that are validated and exported; 0 exports the latest weights."""
+
+    def __post_init__(self) -> None:
+        check_ranges(self)
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrainConfig:
-    """Budget, optimisation and regularisation of one training run."""
+    """One training run."""
 
-    minutes: float = 10.0
-    """Training time; runs that continue count the time of the earlier ones [min]."""
-    epochs: int | None = None
-    """Passes over the data instead of `minutes`; the result is then a function of data, config and threads."""
-    seed: int = 0
-    threads: int = 0
+    minutes: Positive = 10.0
+    """Processor time of each training thread; runs that continue count that of the earlier ones [min]."""
+    samples: Annotated[int, Range(low=1)] | None = None
+    """Samples to be shown instead of `minutes`; the result is then a function of data, config and threads."""
+    seed: Annotated[int, Range(low=0)] = 0
+    threads: Annotated[int, Range(low=0)] = 0
     """CPU threads; 0 takes every core that the process may use."""
-    batch_size: int = 64
-    chain_length: int = 8
-    """Samples of one episode in a batch, one frame spacing apart, so that they share encoded frames."""
-    learning_rate: float = 1e-3
-    schedule: Literal["cosine", "constant"] = "cosine"
-    """"cosine" warms up, then falls to a hundredth over the budget; "constant" keeps the learning rate."""
-    weight_decay: float = 1e-4
-    """Decoupled weight decay (AdamW); 0 is plain Adam."""
-    ema_decay: float = 0.995
-    """Decay per step of the averaged weights that are validated and exported; 0 exports the latest weights."""
-    previous_dropout: float = 0.5
-    """Probability that a training sample does not see the previous action (against copying it)."""
-    previous_noise: float = 0.1
-    """Standard deviation of the noise on the previous action in training, in units of its limits."""
-    photometric: float = 0.2
-    """Largest relative change of brightness, contrast and colour in training; 0 turns it off."""
-    shift_px: int = 4
-    """Largest shift of the images in training [px]; 0 turns it off."""
-    yaw_error_rad: float = 0.1
-    """Standard deviation of a yaw error that training images and goals are turned by [rad]; 0 turns it off."""
-    yaw_gain_per_s: float = 2.0
-    """Turn rate that the policy learns against a yaw error [1/s]."""
-    hindsight: float = 0.5
-    """Share of training samples whose goal is a place that the robot reached later."""
-    mirror: float = 0.5
-    """Probability that a batch is mirrored left to right in training, with goals and turns."""
-    frame_spacing_s: float = 0.5
-    """Time between the three frames that the policy sees [s]."""
-    validation_fraction: float = 0.2
-    """Share of the episodes that is held out when no validation data are given."""
-    validation_samples: int = 2000
-    """Most held-out samples that one validation looks at, spread evenly."""
-    validate_every_steps: int = 100
-    """Steps between validations; each also writes the checkpoint."""
-    rollout_every: int = 5
-    """Validations between closed-loop rollouts, where they choose the checkpoint."""
-    cache_mb: int = 2048
+    device: Literal["auto", "cpu", "cuda"] = "auto"
+    """"auto" takes a CUDA device if there is one."""
+    precision: Literal["auto", "bf16", "fp32"] = "auto"
+    """"auto" computes in bfloat16 on CUDA and on CPUs that multiply it (avx512_bf16, amx_bf16), else in float32."""
+    memory_mb: Count = 2048
+    """Most memory for episodes as they were recorded; beyond it they are thinned out, every round alike [MB]."""
+    cache_mb: Annotated[int, Range(low=0)] = 1024
     """Most memory for decoded frames; the rest is decoded anew for each batch [MB]."""
+    validation_fraction: Annotated[float, Range(low=0.0, high=0.9)] = 0.1
+    """Share of the episodes that is held out when no validation data are given."""
+    validation_samples: Count = 1000
+    """Most held-out samples that one validation looks at, spread evenly."""
+    validate_every: Count = 12_000
+    """Training samples between validations."""
+    rollout_every: Count = 5
+    """Validations between closed-loop rollouts, where they choose the checkpoint."""
+    network: NetworkConfig = field(default_factory=NetworkConfig)
+    sampling: SamplingConfig = field(default_factory=SamplingConfig)
+    optimizer: OptimizerConfig = field(default_factory=OptimizerConfig)
 
     def __post_init__(self) -> None:
-        if self.epochs is None and not self.minutes > 0:
-            raise ValueError(f"minutes must be positive, got {self.minutes}.")
-        if self.epochs is not None and self.epochs < 1:
-            raise ValueError(f"epochs must be at least 1, got {self.epochs}.")
-        for name in ("batch_size", "chain_length", "validation_samples", "validate_every_steps", "rollout_every"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}.")
-        for name in ("previous_dropout", "ema_decay", "validation_fraction", "photometric"):
-            if not 0 <= getattr(self, name) < 1:
-                raise ValueError(f"{name} must be in [0, 1), got {getattr(self, name)}.")
-        for name in ("mirror", "hindsight"):
-            if not 0 <= getattr(self, name) <= 1:
-                raise ValueError(f"{name} must be in [0, 1], got {getattr(self, name)}.")
-        for name in ("learning_rate", "frame_spacing_s"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name} must be positive, got {getattr(self, name)}.")
-        if min(self.threads, self.seed, self.cache_mb) < 0 or min(self.weight_decay, self.previous_noise) < 0:
-            raise ValueError("threads, seed, cache_mb, weight_decay and previous_noise must not be negative.")
+        check_ranges(self)
 
 
-def paper_recipe(config: TrainConfig) -> TrainConfig:
-    """The optimisation that the paper states, Adam at a constant 1e-4; what it leaves open is kept.
+def fast_recipe() -> TrainConfig:
+    """The paper's network and inputs, optimised for minutes on a CPU: for data in which no expert was asked."""
+    return TrainConfig()
+
+
+def paper_recipe() -> TrainConfig:
+    """The paper's network, inputs and optimisation, Adam at a constant 1e-4; what it leaves open is as in `fast`.
 
     Source: ReaDy-Go, section IV-B-2.
     """
-    return dataclasses.replace(config, learning_rate=1e-4, schedule="constant", weight_decay=0.0)
+    return TrainConfig(optimizer=OptimizerConfig(learning_rate=1e-4, decay_share=0.0, weight_decay=0.0))
+
+
+def best_recipe() -> TrainConfig:
+    """What learns most in a given time from data in which the expert was asked at every state.
+
+    Small images, own motion instead of the previous action, and the expert's command 0.4 s ahead.
+    """
+    return TrainConfig(
+        network=NetworkConfig(motion="poses", pooled_height_px=72, widths=(32, 64, 128, 192, 272)),
+        sampling=SamplingConfig(ahead_s=0.4, chain_length=16, batch_size=128, shift_px=2),
+        optimizer=OptimizerConfig(ema_decay=0.998),
+    )
+
+
+RECIPES = {"best": best_recipe, "fast": fast_recipe, "paper": paper_recipe}
+
+
+def with_overrides(config: TrainConfig, **settings: object) -> TrainConfig:
+    """The config with those of `settings` that are not None, which may be fields of its sections.
+
+    Raises:
+        ValueError: If a setting makes no sense.
+    """
+    given = {name: value for name, value in settings.items() if value is not None}
+    for section in ("network", "sampling", "optimizer"):
+        part = getattr(config, section)
+        names = {item.name for item in dataclasses.fields(part)} & set(given)
+        given[section] = dataclasses.replace(part, **{name: given.pop(name) for name in names})
+    return dataclasses.replace(config, **given)  # type: ignore[arg-type]

@@ -4,6 +4,7 @@ The graphs are built from the weights, operation by operation: the file depends 
 normalisation is folded into the convolutions before it.
 """
 
+import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -19,17 +20,14 @@ from readygo.common.errors import PolicyError
 from readygo.common.files import write_whole
 from readygo.common.policy.artifact import (
     ENCODER_FILE,
-    FEATURE_COUNT,
     GOAL_SCALE_M,
     HEAD_FILE,
-    LATENT_COUNT,
     SPEC_FILE,
     PolicySpec,
     save_spec,
 )
-from readygo.common.policy.windows import FRAME_COUNT
 from readygo.common.robot import RobotConfig
-from readygo.services.trainer.model import Encoder, Head, PolicyNet, ResidualBlock
+from readygo.services.trainer.model import Bins, PolicyNet, ResidualBlock, motion_units
 
 OPSET = 17
 IR_VERSION = 8
@@ -98,14 +96,18 @@ def fold_norm(conv: nn.Conv2d, norm: nn.BatchNorm2d | None) -> tuple[Array, Arra
         scale = norm.weight.detach().double() / torch.sqrt(norm.running_var.double() + norm.eps)
         weight = weight * scale[:, None, None, None]
         bias = (bias - norm.running_mean.double()) * scale + norm.bias.detach().double()
-    return weight.float().numpy(), bias.float().numpy()
+    return weight.float().cpu().numpy(), bias.float().cpu().numpy()
 
 
-def encoder_graph(encoder: Encoder, robot: RobotConfig) -> onnx.ModelProto:
-    """`image` uint8 (B, H, W, 3) -> `latent` float32 (B, 20)."""
-    graph = GraphBuilder()
+def encoder_graph(model: PolicyNet, robot: RobotConfig) -> onnx.ModelProto:
+    """`image` uint8 (B, H, W, C) -> `latent` float32 (B, L)."""
+    graph, encoder, pooling = GraphBuilder(), model.encoder, model.pooling
     x = graph.node("Cast", ["image"], to=TensorProto.FLOAT)
     x = graph.node("Transpose", [x], perm=[0, 3, 1, 2])
+    if pooling > 1:
+        # Means of bytes, halves rounded up: what `pool` gives.
+        x = graph.node("AveragePool", [x], kernel_shape=[pooling] * 2, strides=[pooling] * 2)
+        x = graph.node("Floor", [graph.node("Add", [x, graph.scalar(0.5)])])
     x = graph.node("Mul", [x, graph.scalar(1 / 127.5)])
     x = graph.node("Sub", [x, graph.scalar(1.0)])
     x = graph.node("Relu", [graph.conv(x, encoder.stem, encoder.stem_norm)])
@@ -114,9 +116,14 @@ def encoder_graph(encoder: Encoder, robot: RobotConfig) -> onnx.ModelProto:
         x = _append_block(graph, x, block)
     x = graph.node("Relu", [graph.conv(x, encoder.neck, None)])
     x = graph.linear(graph.node("Flatten", [x], axis=1), encoder.latent)
-    camera = robot.camera
-    image = helper.make_tensor_value_info("image", TensorProto.UINT8, ["batch", camera.height_px, camera.width_px, 3])
-    return graph.model(x, image, _float_value("latent", LATENT_COUNT))
+    shape: list[str | int | None] = [
+        "batch",
+        robot.camera.height_px,
+        robot.camera.width_px,
+        model.inputs.image_channels,
+    ]
+    image = helper.make_tensor_value_info("image", TensorProto.UINT8, shape)
+    return graph.model(x, image, _float_value("latent", model.inputs.latent_count))
 
 
 def _append_block(graph: GraphBuilder, x: str, block: ResidualBlock) -> str:
@@ -127,33 +134,40 @@ def _append_block(graph: GraphBuilder, x: str, block: ResidualBlock) -> str:
     return graph.node("Relu", [graph.node("Add", [y, graph.node("Pad", [shortcut, pads])])])
 
 
-def head_graph(head: Head, robot: RobotConfig) -> onnx.ModelProto:
-    """`features` float32 (B, 64), previous action and goal in SI units -> `action` float32 (B, 2) in SI units."""
-    graph = GraphBuilder()
-    latents = FRAME_COUNT * LATENT_COUNT
-    scale, offset, limit = np.ones(FEATURE_COUNT), np.zeros(FEATURE_COUNT), np.full(FEATURE_COUNT, np.inf)
-    scale[latents:] = (2 / robot.v_max_mps, 1 / robot.w_max_radps, 1 / GOAL_SCALE_M, 1 / GOAL_SCALE_M)
-    offset[latents] = -1.0
-    limit[latents + 2 :] = 1.0
-    x = graph.node("Mul", ["features", graph.constant(scale.astype(np.float32))])
-    x = graph.node("Add", [x, graph.constant(offset.astype(np.float32))])
-    x = graph.node("Min", [x, graph.constant(limit.astype(np.float32))])
-    x = graph.node("Max", [x, graph.constant(-limit.astype(np.float32))])
+def head_graph(model: PolicyNet, robot: RobotConfig) -> onnx.ModelProto:
+    """`features` float32 (B, F), own motion and goal in SI units -> `action` float32 (B, 2) in SI units."""
+    graph, head, inputs = GraphBuilder(), model.head, model.inputs
+    motion_scale, motion_offset = motion_units(inputs.motion, robot)
+    scale = [1.0] * inputs.latents_width + motion_scale + [1 / GOAL_SCALE_M] * 2
+    offset = [0.0] * inputs.latents_width + motion_offset + [0.0] * 2
+    limit = np.array([np.inf] * (inputs.feature_count - 2) + [1.0] * 2, np.float32)
+    x = graph.node("Mul", ["features", graph.constant(np.array(scale, np.float32))])
+    x = graph.node("Add", [x, graph.constant(np.array(offset, np.float32))])
+    x = graph.node("Min", [x, graph.constant(limit)])
+    x = graph.node("Max", [x, graph.constant(-limit)])
     x = graph.node("Relu", [graph.linear(x, head.layer1)])
     x = graph.node("Relu", [graph.linear(x, head.layer2)])
     x = graph.linear(x, head.layer3)
+    if model.bins is not None:
+        x = _append_mode(graph, x, model.bins)
     x = graph.node("Min", [x, graph.constant(np.array([1.0, 1.0], np.float32))])
     x = graph.node("Max", [x, graph.constant(np.array([0.0, -1.0], np.float32))])
     x = graph.node("Mul", [x, graph.constant(np.array([robot.v_max_mps, robot.w_max_radps], np.float32))])
-    return graph.model(x, _float_value("features", FEATURE_COUNT), _float_value("action", 2))
+    return graph.model(x, _float_value("features", inputs.feature_count), _float_value("action", 2))
+
+
+def _append_mode(graph: GraphBuilder, logits: str, bins: Bins) -> str:
+    """`Bins.mode`."""
+    likeliest = graph.node("ArgMax", [logits], axis=1, keepdims=0)
+    beside = graph.node("Gather", [graph.constant(_array(bins.beside)), likeliest], axis=0)
+    near = graph.node("Softmax", [graph.node("Add", [logits, beside])], axis=1)
+    return graph.node("MatMul", [near, graph.constant(_array(bins.centres))])
 
 
 def export_policy(model: PolicyNet, spec: PolicySpec, folder: Path) -> None:
     """Write `encoder.onnx`, `head.onnx` and `policy.toml`, each in one piece; whatever happens, they fit each other."""
-    graphs = {
-        ENCODER_FILE: encoder_graph(model.encoder, spec.robot),
-        HEAD_FILE: head_graph(model.head, spec.robot),
-    }
+    graphs = {ENCODER_FILE: encoder_graph(model, spec.robot), HEAD_FILE: head_graph(model, spec.robot)}
+    spec = dataclasses.replace(spec, inputs=model.inputs)
     folder.mkdir(parents=True, exist_ok=True)
     # Without it a folder is no policy: one that is half replaced is not taken for a whole one.
     (folder / SPEC_FILE).unlink(missing_ok=True)
@@ -163,7 +177,7 @@ def export_policy(model: PolicyNet, spec: PolicySpec, folder: Path) -> None:
 
 
 def _array(tensor: torch.Tensor) -> Array:
-    array: Array = tensor.detach().float().numpy()
+    array: Array = tensor.detach().float().cpu().numpy()
     return array
 
 

@@ -1,4 +1,4 @@
-"""The policy network: ten convolutions per frame, shared over three frames, then three fully connected layers.
+"""The policy network: ten convolutions, three frames that meet before or after them, three fully connected layers.
 
 The paper gives the number of convolutions, the sizes of the latents (20 per frame, 64 in all) and "2M" parameters;
 widths, strides and normalisation are chosen here for training speed on a CPU: a stride-4 stem instead of a
@@ -9,17 +9,22 @@ shortcuts (their option A).
 """
 
 import itertools
+from collections.abc import Sequence
 
 import torch
 from torch import Tensor, nn
 
-from readygo.common.policy.artifact import FEATURE_COUNT, GOAL_SCALE_M, LATENT_COUNT
+from readygo.common.policy.artifact import GOAL_SCALE_M, Fusion, MotionInput, PolicyInputs
 from readygo.common.policy.windows import FRAME_COUNT
 from readygo.common.robot import RobotConfig
+from readygo.services.trainer.config import NetworkConfig
+from readygo.services.trainer.frames import pooling_of
 
-WIDTHS = (32, 64, 128, 192, 272)
 NECK_CHANNELS = 32
 HEAD_WIDTHS = (256, 128)
+HUMANS_WIDTH = 64
+OFF = -1e4
+"""Added to the logits of bins that do not count."""
 
 
 class ResidualBlock(nn.Module):
@@ -42,21 +47,21 @@ class ResidualBlock(nn.Module):
 
 
 class Encoder(nn.Module):
-    """One RGB frame -> 20 numbers: stem 8x8, four residual blocks, 1x1, fully connected."""
+    """Images -> latents: stem 8x8, four residual blocks, 1x1, fully connected."""
 
-    def __init__(self, height_px: int, width_px: int) -> None:
+    def __init__(self, size_px: tuple[int, int], channels: int, widths: Sequence[int], latent_count: int) -> None:
         super().__init__()
-        self.stem = nn.Conv2d(3, WIDTHS[0], 8, stride=4, padding=2, bias=False)
-        self.stem_norm = nn.BatchNorm2d(WIDTHS[0])
-        self.blocks = nn.Sequential(*(ResidualBlock(i, o) for i, o in itertools.pairwise(WIDTHS)))
-        self.neck = nn.Conv2d(WIDTHS[-1], NECK_CHANNELS, 1)
-        rows, columns = height_px // 4, width_px // 4
+        self.stem = nn.Conv2d(channels, widths[0], 8, stride=4, padding=2, bias=False)
+        self.stem_norm = nn.BatchNorm2d(widths[0])
+        self.blocks = nn.Sequential(*(ResidualBlock(i, o) for i, o in itertools.pairwise(widths)))
+        self.neck = nn.Conv2d(widths[-1], NECK_CHANNELS, 1)
+        rows, columns = size_px[0] // 4, size_px[1] // 4
         for _ in self.blocks:
             rows, columns = (rows + 1) // 2, (columns + 1) // 2
-        self.latent = nn.Linear(NECK_CHANNELS * rows * columns, LATENT_COUNT)
+        self.latent = nn.Linear(NECK_CHANNELS * rows * columns, latent_count)
 
     def forward(self, image: Tensor) -> Tensor:
-        """Images in [-1, 1], shape (B, 3, H, W), channels_last is fastest -> latents (B, 20)."""
+        """Images in [-1, 1], shape (B, C, H, W), channels_last is fastest -> latents (B, L)."""
         x = nn.functional.relu(self.stem_norm(self.stem(image)))
         x = nn.functional.relu(self.neck(self.blocks(x)))
         latents: Tensor = self.latent(x.flatten(1))
@@ -64,34 +69,85 @@ class Encoder(nn.Module):
 
 
 class Head(nn.Module):
-    """Three latents, previous action and goal -> action, all normalised."""
+    """Latents, own motion and goal -> what `PolicyNet.decide` makes actions of."""
 
-    def __init__(self) -> None:
+    def __init__(self, width_in: int, width_out: int) -> None:
         super().__init__()
-        self.layer1 = nn.Linear(FEATURE_COUNT, HEAD_WIDTHS[0])
+        self.layer1 = nn.Linear(width_in, HEAD_WIDTHS[0])
         self.layer2 = nn.Linear(HEAD_WIDTHS[0], HEAD_WIDTHS[1])
-        self.layer3 = nn.Linear(HEAD_WIDTHS[1], 2)
+        self.layer3 = nn.Linear(HEAD_WIDTHS[1], width_out)
 
     def forward(self, features: Tensor) -> Tensor:
-        """Normalised features (B, 64) -> (v / v_max, w / w_max), shape (B, 2)."""
-        actions: Tensor = self.layer3(nn.functional.relu(self.layer2(nn.functional.relu(self.layer1(features)))))
-        return actions
+        """Normalised features (B, F) -> (B, width_out)."""
+        answers: Tensor = self.layer3(nn.functional.relu(self.layer2(nn.functional.relu(self.layer1(features)))))
+        return answers
+
+
+class Bins:
+    """A grid over (v / v_max, w / w_max), on [0, 1] x [-1, 1]; a bin's number is `v_row * w_bins + w_row`."""
+
+    def __init__(self, v_bins: int, w_bins: int) -> None:
+        v, w = torch.linspace(0.0, 1.0, v_bins), torch.linspace(-1.0, 1.0, w_bins)
+        self.steps = torch.tensor([v[1] - v[0], w[1] - w[0]])
+        """Distance of bins along v and w, shape (2,)."""
+        self.centres = torch.cartesian_prod(v, w)
+        """Shape (N, 2)."""
+        apart = (self.centres[:, None] - self.centres).abs() / self.steps
+        self.beside = torch.where((apart < 1.5).all(dim=2), 0.0, OFF)
+        """0 for every bin and its neighbours, `OFF` elsewhere, shape (N, N)."""
+
+    def to(self, device: torch.device) -> "Bins":
+        """The same grid on a device."""
+        self.steps, self.centres, self.beside = (t.to(device) for t in (self.steps, self.centres, self.beside))
+        return self
+
+    def weights(self, actions: Tensor) -> Tensor:
+        """The distribution over bins whose mean is the action: linear between the four around it, shape (B, N)."""
+        low, high = self.centres.min(dim=0).values, self.centres.max(dim=0).values
+        apart = (actions.clamp(low, high)[:, None] - self.centres).abs() / self.steps
+        return (1.0 - apart).clamp(min=0.0).prod(dim=2)
+
+    def mode(self, logits: Tensor) -> Tensor:
+        """The mean over the likeliest bin and its neighbours, shape (B, 2)."""
+        near = logits + self.beside[logits.argmax(dim=1)]
+        return near.softmax(dim=1) @ self.centres
 
 
 class PolicyNet(nn.Module):
     """Encoder and head, with the robot's limits as units of the actions."""
 
     limits: Tensor
+    motion_scale: Tensor
+    motion_offset: Tensor
 
-    def __init__(self, robot: RobotConfig) -> None:
+    def __init__(self, robot: RobotConfig, config: NetworkConfig, *, reads_humans: bool = False) -> None:
         super().__init__()
-        self.encoder = Encoder(robot.camera.height_px, robot.camera.width_px)
-        self.head = Head()
+        self.inputs = PolicyInputs(
+            fusion=Fusion(config.fusion), latent_count=config.latent_count, motion=MotionInput(config.motion)
+        )
+        self.pooling = pooling_of(robot.camera, config.pooled_height_px)
+        size_px = robot.camera.height_px // self.pooling, robot.camera.width_px // self.pooling
+        self.encoder = Encoder(size_px, self.inputs.image_channels, config.widths, config.latent_count)
+        self.bins = Bins(config.v_bins, config.w_bins) if config.output == "bins" else None
+        self.head = Head(self.inputs.feature_count, len(self.bins.centres) if self.bins else 2)
+        self.humans = humans_head(self.inputs.latents_width) if reads_humans else None
+        """Of training alone."""
         self.register_buffer("limits", torch.tensor([robot.v_max_mps, robot.w_max_radps]), persistent=False)
+        scale, offset = motion_units(self.inputs.motion, robot)
+        self.register_buffer("motion_scale", torch.tensor(scale), persistent=False)
+        self.register_buffer("motion_offset", torch.tensor(offset), persistent=False)
 
-    def forward(self, images: Tensor, window: Tensor, previous: Tensor, goal_xy_m: Tensor) -> Tensor:
-        """`encode_windows`, then `act`."""
-        return self.act(self.encode_windows(images, window), previous, goal_xy_m)
+    def forward(self, images: Tensor, window: Tensor, motion: Tensor, goal_xy_m: Tensor) -> tuple[Tensor, Tensor]:
+        """`encode_windows`, in whatever type is set by autocast, then `act` in float32.
+
+        Returns:
+            What the head answers, and what `humans` reads, shape (B, 3); empty without it.
+        """
+        latents = self.encode_windows(images, window)
+        with torch.autocast(images.device.type, enabled=False):
+            latents = latents.float()
+            answers = self.act(latents, self.normalise_motion(motion), goal_xy_m)
+            return answers, latents[:, :0] if self.humans is None else self.humans(latents)
 
     def encode_windows(self, images: Tensor, window: Tensor) -> Tensor:
         """Latents of windows that share frames.
@@ -101,30 +157,34 @@ class PolicyNet(nn.Module):
             window: Rows of `images` that each sample sees, oldest first, shape (B, 3).
 
         Returns:
-            Shape (B, 60).
+            Shape (B, `latents_width`).
         """
-        latents: Tensor = self.encoder(images)[window.reshape(-1)]
-        return latents.reshape(len(window), FRAME_COUNT * LATENT_COUNT)
+        if self.inputs.fusion is Fusion.EARLY:
+            stacked = torch.cat([images[window[:, k]] for k in range(FRAME_COUNT)], dim=1)
+            latents: Tensor = self.encoder(stacked.contiguous(memory_format=torch.channels_last))
+            return latents
+        latents = self.encoder(images)[window.reshape(-1)]
+        return latents.reshape(len(window), self.inputs.latents_width)
 
-    def act(self, latents: Tensor, previous: Tensor, goal_xy_m: Tensor) -> Tensor:
-        """Predicted actions.
+    def act(self, latents: Tensor, motion: Tensor, goal_xy_m: Tensor) -> Tensor:
+        """What the head answers, for `decide` and for the loss.
 
         Args:
-            latents: From `encode_windows`, shape (B, 60).
-            previous: Previous actions from `normalise_previous`, shape (B, 2).
+            latents: From `encode_windows`, shape (B, `latents_width`).
+            motion: Own motion from `normalise_motion`, shape (B, M).
             goal_xy_m: Goals in the robot's frame [m], shape (B, 2).
-
-        Returns:
-            (v / v_max, w / w_max), not clipped, shape (B, 2).
         """
         goal = (goal_xy_m / GOAL_SCALE_M).clamp(-1.0, 1.0)
-        actions: Tensor = self.head(torch.cat([latents, previous, goal], dim=1))
-        return actions
+        answers: Tensor = self.head(torch.cat([latents, motion, goal], dim=1))
+        return answers
 
-    def normalise_previous(self, previous: Tensor) -> Tensor:
-        """Previous actions [m/s, rad/s] -> numbers in [-1, 1]; 0 is half speed straight on, and "not known"."""
-        scaled = previous / self.limits
-        return torch.stack([2.0 * scaled[:, 0] - 1.0, scaled[:, 1]], dim=1)
+    def decide(self, answers: Tensor) -> Tensor:
+        """Actions of the head's answers: (v / v_max, w / w_max), not clipped, shape (B, 2)."""
+        return self.bins.mode(answers) if self.bins else answers
+
+    def normalise_motion(self, motion: Tensor) -> Tensor:
+        """Features of own motion in SI units -> numbers around [-1, 1]."""
+        return motion * self.motion_scale + self.motion_offset
 
     def clip(self, normalised_actions: Tensor) -> Tensor:
         """Normalised actions -> (v [m/s] in [0, v_max], w [rad/s] in +-w_max), as the exported head answers them."""
@@ -132,11 +192,19 @@ class PolicyNet(nn.Module):
         return torch.stack([v.clamp(0.0, 1.0), w.clamp(-1.0, 1.0)], dim=1) * self.limits
 
 
-def images_from_bytes(frames: Tensor) -> Tensor:
-    """Frames uint8 (F, H, W, 3) -> network input in [-1, 1], shape (F, 3, H, W), channels_last."""
-    return frames.permute(0, 3, 1, 2).to(torch.float32).mul_(1 / 127.5).sub_(1.0)
+def humans_head(latents_width: int) -> nn.Sequential:
+    """Latents -> the nearest visible human: logit of presence, bearing [rad], logarithm of the distance [m]."""
+    return nn.Sequential(nn.Linear(latents_width, HUMANS_WIDTH), nn.ReLU(), nn.Linear(HUMANS_WIDTH, 3))
 
 
-def parameter_count(model: nn.Module) -> int:
-    """Number of trained numbers."""
-    return sum(parameter.numel() for parameter in model.parameters())
+def motion_units(motion: MotionInput, robot: RobotConfig) -> tuple[list[float], list[float]]:
+    """Factor and offset that bring the features of own motion to about [-1, 1]."""
+    command = [1.0 / robot.v_max_mps, 1.0 / robot.w_max_radps]
+    if motion is MotionInput.POSES:
+        return [1.0] * 6 + command, [0.0] * 8
+    return [*command, 1.0][: motion.width], [0.0] * motion.width
+
+
+def parameter_count(model: PolicyNet) -> int:
+    """Trained numbers of what is exported."""
+    return sum(p.numel() for part in (model.encoder, model.head) for p in part.parameters())

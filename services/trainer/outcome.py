@@ -1,10 +1,12 @@
 """What a training run leaves behind: the exported policy, its metrics and the loss curve."""
 
+import copy
 import dataclasses
 import json
 import platform
 import shutil
 from importlib import metadata
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +18,7 @@ from readygo.common.files import write_whole
 from readygo.common.policy.artifact import METRICS_FILE
 from readygo.services.trainer.curve import draw_history
 from readygo.services.trainer.export import export_policy
-from readygo.services.trainer.model import parameter_count
+from readygo.services.trainer.model import PolicyNet, parameter_count
 from readygo.services.trainer.run import CANDIDATE_FOLDER, TrainRun
 from readygo.services.trainer.samples import spread_samples
 from readygo.services.trainer.validation import error_metrics, predict
@@ -28,8 +30,7 @@ FINAL_SAMPLES = 20_000
 
 def write_outcome(run: TrainRun) -> dict[str, Any]:
     """Export the chosen weights, draw the loss curve and write `metrics.json`, whose contents are returned."""
-    run.average.load_state_dict(run.best["model"])
-    export_policy(run.average, dataclasses.replace(run.spec, training=_provenance(run)), run.out)
+    export_chosen(run, run.out)
     draw_history(run.out / CURVE_FILE, run.history)
     shutil.rmtree(run.out / CANDIDATE_FOLDER, ignore_errors=True)
     metrics = _metrics(run)
@@ -37,41 +38,48 @@ def write_outcome(run: TrainRun) -> dict[str, Any]:
     return metrics
 
 
+def export_chosen(run: TrainRun, folder: Path) -> None:
+    """Write the policy of the chosen weights."""
+    export_policy(chosen_model(run), dataclasses.replace(run.spec, training=_provenance(run)), folder)
+
+
+def chosen_model(run: TrainRun) -> PolicyNet:
+    """A network with the chosen weights."""
+    model = copy.deepcopy(run.learner.average)
+    model.load_state_dict(run.chosen_weights())
+    return model
+
+
 def _metrics(run: TrainRun) -> dict[str, Any]:
-    part = run.held_out
-    rows = spread_samples(part.episodes, FINAL_SAMPLES)
-    predictions = predict(run.average, part.frames, part.table, rows, run.spec)
-    actions = [
-        run.train_part.table.actions[item.first_sample : item.first_sample + item.sample_count]
-        for item in run.train_part.episodes
-    ]
-    trained_on = np.concatenate(actions)
-    mean_action = trained_on.mean(axis=0, dtype=np.float64).astype(np.float32)
+    part, training = run.held_out, run.training.table
+    rows = spread_samples(part.table, FINAL_SAMPLES)
+    predictions = predict(chosen_model(run), run.learner.objective, part, rows)
+    mean_action = training.targets.mean(axis=0, dtype=np.float64).astype(np.float32)
     return error_metrics(predictions, part.table, rows, mean_action) | {
-        "parameters": parameter_count(run.model),
-        "training_episodes": len(run.train_part.episodes),
-        "validation_episodes": len(part.episodes),
-        "training_samples": len(trained_on),
+        "parameters": parameter_count(run.learner.model),
+        "training_episodes": len(run.training.reservoir.episodes),
+        "validation_episodes": len(part.reservoir.episodes),
+        "training_samples": len(training),
         "samples_seen": run.samples_seen,
         "samples_per_s": run.samples_seen / max(run.elapsed_s, 1e-9),
         "elapsed_s": run.elapsed_s,
-        "steps": run.step,
-        "chosen_step": run.best["step"],
+        "steps": run.steps,
+        "chosen_step": run.chosen_step,
         "history": run.history,
     }
 
 
 def _provenance(run: TrainRun) -> dict[str, Any]:
     return {
-        "data_sha256": run.train_part.source.content_hash,
-        "validation_data_sha256": run.held_out.source.content_hash,
-        "episodes": len(run.train_part.episodes),
-        "chosen_step": run.best["step"],
+        **{f"{name.replace(' ', '_')}_sha256": sha256 for name, sha256 in run.data.items()},
+        "episodes": len(run.training.reservoir.episodes),
+        "chosen_step": run.chosen_step,
+        "samples_seen": run.samples_seen,
         "readygo": _version("readygo"),
         "torch": torch.__version__,
         "numpy": np.__version__,
         "python": platform.python_version(),
-        "config": {name: value for name, value in section_to_mapping(run.config).items() if value is not None},
+        "config": section_to_mapping(run.config),
     }
 
 

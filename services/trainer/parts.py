@@ -1,22 +1,67 @@
 """The episodes that training learns from and those that it holds out."""
 
-from dataclasses import dataclass
+from collections.abc import Iterable
 
 from readygo.common.errors import DatasetError
 from readygo.common.robot import RobotConfig
+from readygo.common.robot.kinematics import whole_steps
 from readygo.services.trainer.config import TrainConfig
-from readygo.services.trainer.frames import FrameCache
-from readygo.services.trainer.samples import EpisodeRange, SampleSource, SampleTable, build_table, split_episodes
+from readygo.services.trainer.episodes import Episode, SampleSource, read_episodes
+from readygo.services.trainer.frames import FrameCache, pooling_of
+from readygo.services.trainer.reservoir import Reservoir
+from readygo.services.trainer.samples import SampleTable, Timing, episode_table, held_out_names, join_tables
+
+HELD_OUT_SHARE = 0.2
+"""Of the memory for episodes and for decoded frames."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Part:
-    """Episodes of one source, to train on or to hold out."""
+    """Episodes to train on, or to hold out."""
 
-    source: SampleSource
-    episodes: list[EpisodeRange]
-    table: SampleTable
-    frames: FrameCache
+    def __init__(self, robot: RobotConfig, config: TrainConfig, share: float) -> None:
+        """Without episodes so far.
+
+        Args:
+            robot: Whose camera took the images.
+            config: How much memory there is, and which steps belong together.
+            share: The part's share of the memory.
+        """
+        self.reservoir = Reservoir(int(share * config.memory_mb * 1e6), config.seed)
+        self.frames = FrameCache(
+            self.reservoir,
+            robot.camera,
+            pooling=pooling_of(robot.camera, config.network.pooled_height_px),
+            limit_bytes=int(share * config.cache_mb * 1e6),
+        )
+        self._timing = timing_of(robot, config)
+        self._tables: dict[str, SampleTable] = {}
+        self._joined: tuple[int, SampleTable] | None = None
+
+    @property
+    def table(self) -> SampleTable:
+        """The numbers of the episodes that there are now.
+
+        Raises:
+            DatasetError: If there are none.
+        """
+        episodes = self.reservoir.episodes
+        if self._joined is None or self._joined[0] != self.reservoir.version:
+            known = self._tables
+            self._tables = {
+                name: known[name] if name in known else episode_table(episode, self._timing)
+                for name, episode in episodes.items()
+            }
+            self._joined = self.reservoir.version, join_tables(list(self._tables.values()))
+        return self._joined[1]
+
+
+def timing_of(robot: RobotConfig, config: TrainConfig) -> Timing:
+    """Which steps belong together."""
+    return Timing(
+        spacing_steps=whole_steps(config.sampling.frame_spacing_s),
+        latency_steps=whole_steps(robot.camera.latency_s),
+        ahead_steps=whole_steps(config.sampling.ahead_s),
+    )
 
 
 def robot_of_source(source: SampleSource) -> RobotConfig:
@@ -36,28 +81,22 @@ def build_parts(source: SampleSource, validation: SampleSource | None, config: T
     Raises:
         DatasetError: If there are too few episodes, or the robots of the sources differ.
     """
-    robot = robot_of_source(source)
-    camera, limit_bytes = robot.camera, config.cache_mb * 1_000_000
+    robot, with_humans = robot_of_source(source), config.sampling.humans_weight > 0
     if validation is not None and robot_of_source(validation) != robot:
         raise DatasetError("Training and validation data were recorded with different robots; use one robot.toml.")
+    training, held_out = Part(robot, config, 1 - HELD_OUT_SHARE), Part(robot, config, HELD_OUT_SHARE)
+    if validation is not None:
+        if not source.episodes or not validation.episodes:
+            raise DatasetError("Training and validation data need at least one episode each.")
+        _fill(training, read_episodes(source, with_humans=with_humans))
+        _fill(held_out, read_episodes(validation, with_humans=with_humans))
+        return training, held_out
+    names = held_out_names([entry.sha256 for entry in source.episodes], config.validation_fraction)
+    for episode in read_episodes(source, with_humans=with_humans):
+        (held_out if episode.name in names else training).reservoir.add(episode)
+    return training, held_out
 
-    def cache(of: SampleSource, share: float) -> FrameCache:
-        limit = int(limit_bytes * share)
-        return FrameCache(of, height_px=camera.height_px, width_px=camera.width_px, limit_bytes=limit)
 
-    if validation is None:
-        training, held_out = split_episodes(source.episodes, config.validation_fraction)
-        table, frames = build_table(source), cache(source, 1.0)
-        shared = {"source": source, "table": table, "frames": frames}
-        return Part(episodes=training, **shared), Part(episodes=held_out, **shared)  # type: ignore[arg-type]
-    if not source.episodes or not validation.episodes:
-        raise DatasetError("Training and validation data need at least one episode each.")
-    return (
-        Part(source=source, episodes=list(source.episodes), table=build_table(source), frames=cache(source, 0.8)),
-        Part(
-            source=validation,
-            episodes=list(validation.episodes),
-            table=build_table(validation),
-            frames=cache(validation, 0.2),
-        ),
-    )
+def _fill(part: Part, episodes: Iterable[Episode]) -> None:
+    for episode in episodes:
+        part.reservoir.add(episode)

@@ -1,98 +1,66 @@
-"""Which samples a batch holds, and which frames they see."""
+"""Which samples a batch holds, which frames they see, and the numbers that go with them."""
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, fields
 
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.camera import SensorConfig
 from readygo.common.errors import DatasetError
-from readygo.common.messages import EpisodeKey
+from readygo.common.messages.plan import Driver
+from readygo.common.policy.motion import odometry, own_motion
 from readygo.common.policy.windows import window_rows
-from readygo.common.robot import RobotConfig
+from readygo.services.trainer.episodes import Episode
 
 Indices = npt.NDArray[np.int64]
+Array = npt.NDArray[np.float32]
+SAME_COMMAND = 1e-4
+"""Commands [m/s, rad/s] that differ by less are the same."""
 
 
-class EpisodeRange(Protocol):
-    """One episode's place among the samples of a dataset."""
+@dataclass(frozen=True, kw_only=True)
+class Timing:
+    """Which steps belong together."""
 
-    @property
-    def episode(self) -> EpisodeKey:
-        """Which episode it is."""
-        ...
-
-    @property
-    def first_sample(self) -> int:
-        """Index of its first sample."""
-        ...
-
-    @property
-    def sample_count(self) -> int:
-        """Number of its samples, 20 per second."""
-        ...
-
-
-class SampleSource(Protocol):
-    """What training reads of `readygo.common.dataset.Dataset`."""
-
-    @property
-    def episodes(self) -> Sequence[EpisodeRange]:
-        """Episodes, in the order of their samples."""
-        ...
-
-    @property
-    def actions(self) -> npt.NDArray[np.float32]:
-        """Commands over the next step: v [m/s], w [rad/s], shape (S, 2)."""
-        ...
-
-    @property
-    def goals_xy_m(self) -> npt.NDArray[np.float32]:
-        """Goals in the robot's frame [m], shape (S, 2)."""
-        ...
-
-    @property
-    def poses(self) -> npt.NDArray[np.float64]:
-        """Robot on the floor: x, y, z [m], yaw [rad], shape (S, 4)."""
-        ...
-
-    @property
-    def robot(self) -> RobotConfig | None:
-        """The robot that the samples were recorded with, None if they do not say."""
-        ...
-
-    @property
-    def sensor(self) -> SensorConfig:
-        """What varied of the robot's camera from episode to episode."""
-        ...
-
-    @property
-    def content_hash(self) -> str:
-        """Hash of the data."""
-        ...
-
-    def decode(self, index: int) -> npt.NDArray[np.uint8]:
-        """Image of one sample, RGB, shape (H, W, 3)."""
-        ...
+    spacing_steps: int
+    """Steps between the frames of a window."""
+    latency_steps: int = 0
+    """Steps between the latest frame of a window and its sample."""
+    ahead_steps: int = 0
+    """Steps from a sample to the command that it teaches."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SampleTable:
-    """The numbers of a set of episodes of one source, in flat arrays over ALL samples of the source."""
+    """The numbers of some episodes, in flat arrays over all of their S samples."""
 
+    names: tuple[str, ...]
+    """Names of the episodes."""
+    episode: Indices
+    """Row in `names` of each sample's episode, shape (S,)."""
     first: Indices
     """First sample of each sample's episode, shape (S,)."""
     last: Indices
     """Last sample of each sample's episode, shape (S,)."""
-    actions: npt.NDArray[np.float32]
-    previous: npt.NDArray[np.float32]
-    """Action of the sample before; the robot starts at rest, shape (S, 2)."""
-    goals_xy_m: npt.NDArray[np.float32]
+    driven_last: Indices
+    """Last sample up to which the expert has driven undisturbed from this one on; the sample itself where it has not,
+    shape (S,)."""
+    by_policy: npt.NDArray[np.bool_]
+    """True where a policy drove, shape (S,)."""
+    targets: Array
+    """Commands that the samples teach: v [m/s], w [rad/s], shape (S, 2)."""
+    motion: Array
+    """Own motion, see `readygo.common.policy.motion.own_motion`, shape (S, 8)."""
+    goals_xy_m: Array
+    """Goals in the robot's frame [m], shape (S, 2)."""
     xyyaw: npt.NDArray[np.float64]
     """Robot's pose: x, y [m], yaw [rad], shape (S, 3)."""
+    humans: Array
+    """See `Episode.humans`; NaN where the data do not say, shape (S, 3)."""
+
+    def __len__(self) -> int:
+        return len(self.first)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -107,85 +75,122 @@ class Batch:
     """Rows of `frames` that each sample sees, oldest first, shape (B, 3)."""
 
 
-def build_table(source: SampleSource) -> SampleTable:
-    """Flat arrays of a source."""
-    count = sum(episode.sample_count for episode in source.episodes)
-    first, last = np.zeros(count, np.int64), np.zeros(count, np.int64)
-    previous = np.zeros((count, 2), np.float32)
-    for episode in source.episodes:
-        begin, end = episode.first_sample, episode.first_sample + episode.sample_count
-        first[begin:end], last[begin:end] = begin, end - 1
-        previous[begin + 1 : end] = source.actions[begin : end - 1]
+def episode_table(episode: Episode, timing: Timing) -> SampleTable:
+    """The table of one episode."""
+    count = episode.sample_count
+    steps, zeros = np.arange(count), np.zeros(count, np.int64)
+    poses = odometry(episode.actions)
+    rows = window_rows(steps - timing.latency_steps, zeros, timing.spacing_steps)
+    previous = np.concatenate([np.zeros((1, 2), np.float32), episode.actions[:-1]])
     return SampleTable(
-        first=first,
-        last=last,
-        actions=source.actions,
-        previous=previous,
-        goals_xy_m=source.goals_xy_m,
-        xyyaw=source.poses[:, [0, 1, 3]],
+        names=(episode.name,),
+        episode=zeros,
+        first=zeros,
+        last=np.full(count, count - 1),
+        driven_last=_driven_last(episode),
+        by_policy=np.full(count, episode.driver is Driver.POLICY),
+        targets=_targets(episode, timing.ahead_steps),
+        motion=own_motion(poses[rows[:, :-1]], poses, previous),
+        goals_xy_m=episode.goals_xy_m,
+        xyyaw=episode.xyyaw,
+        humans=np.full((count, 3), np.nan, np.float32) if episode.humans is None else episode.humans,
     )
 
 
-def split_episodes(
-    episodes: Sequence[EpisodeRange], validation_fraction: float
-) -> tuple[list[EpisodeRange], list[EpisodeRange]]:
-    """Episodes to train on and to hold out, chosen by the hash of their names: the order of shards does not matter.
+def join_tables(tables: Sequence[SampleTable]) -> SampleTable:
+    """One table of several.
+
+    Raises:
+        DatasetError: If there is none.
+    """
+    if not tables:
+        raise DatasetError("There is no episode to train on.")
+    counts = np.array([len(table) for table in tables])
+    begins = np.repeat(np.cumsum(counts) - counts, counts)
+    columns = {
+        item.name: np.concatenate([getattr(table, item.name) for table in tables])
+        for item in fields(SampleTable)
+        if item.name != "names"
+    }
+    for name in ("first", "last", "driven_last"):
+        columns[name] = columns[name] + begins
+    columns["episode"] = np.repeat(np.arange(len(tables)), counts)
+    return SampleTable(names=tuple(name for table in tables for name in table.names), **columns)
+
+
+def _targets(episode: Episode, ahead_steps: int) -> Array:
+    """The expert's commands some steps ahead; where nobody asked it, what was executed then."""
+    if episode.expert is not None:
+        return episode.expert[:, min(ahead_steps, episode.expert.shape[1] - 1)]
+    return episode.actions[np.minimum(np.arange(episode.sample_count) + ahead_steps, episode.sample_count - 1)]
+
+
+def _driven_last(episode: Episode) -> Indices:
+    steps = np.arange(episode.sample_count)
+    if episode.driver is not Driver.EXPERT:
+        return steps
+    if episode.expert is None:
+        return np.full(len(steps), len(steps) - 1)
+    other = np.any(np.abs(episode.expert[:, 0] - episode.actions) > SAME_COMMAND, axis=1)
+    ends = np.append(np.flatnonzero(other), len(steps) - 1)
+    return np.asarray(ends[np.searchsorted(ends, steps)], np.int64)
+
+
+def held_out_names(names: Sequence[str], fraction: float) -> set[str]:
+    """Episodes to hold out, chosen by the hash of their names: the order does not matter.
 
     Raises:
         DatasetError: If there are fewer than two episodes.
     """
-    if len(episodes) < 2:
-        raise DatasetError(f"Training needs 2 or more episodes, got {len(episodes)}; generate more, or give --val.")
-    ranked = sorted(episodes, key=lambda item: hashlib.sha256(item.episode.episode_id.encode()).digest())
-    held_out = min(max(1, round(validation_fraction * len(ranked))), len(ranked) - 1)
-
-    def in_order(items: Sequence[EpisodeRange]) -> list[EpisodeRange]:
-        return sorted(items, key=lambda item: item.first_sample)
-
-    return in_order(ranked[held_out:]), in_order(ranked[:held_out])
+    if len(names) < 2:
+        raise DatasetError(f"Training needs 2 or more episodes, got {len(names)}; generate more, or give --val.")
+    count = min(max(1, round(fraction * len(names))), len(names) - 1)
+    return set(sorted(names, key=name_rank)[:count])
 
 
-def make_batch(samples: Indices, first: Indices, spacing_steps: int, latency_steps: int = 0) -> Batch:
+def name_rank(name: str) -> float:
+    """A number in [0, 1) for a name, evenly spread."""
+    return int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big") / 2**64
+
+
+def make_batch(samples: Indices, first: Indices, timing: Timing) -> Batch:
     """The batch of some samples; before an episode's start its first frame is seen.
 
     Args:
         samples: Sample indices, shape (B,).
-        first: First sample of each sample's episode for the whole source, shape (S,).
-        spacing_steps: Steps between the frames of a window.
-        latency_steps: Steps between the latest frame of a window and its sample.
+        first: First sample of each sample's episode for the whole table, shape (S,).
+        timing: Which steps belong together.
     """
-    seen = window_rows(samples - latency_steps, first[samples], spacing_steps)
+    seen = window_rows(samples - timing.latency_steps, first[samples], timing.spacing_steps)
     frames, window = np.unique(seen, return_inverse=True)
     return Batch(samples=samples, frames=frames, window=window.reshape(seen.shape))
 
 
-def epoch_samples(
-    episodes: Sequence[EpisodeRange],
-    *,
-    spacing_steps: int,
-    chain_length: int,
-    batch_size: int,
-    rng: np.random.Generator,
-) -> list[Indices]:
-    """Sample indices of each batch of one pass over the episodes.
+def draw_samples(
+    table: SampleTable, *, batch_size: int, chain_length: int, spacing_steps: int, rng: np.random.Generator
+) -> Indices:
+    """Random samples for one batch, all alike likely but for those near the ends of episodes.
 
     Samples that are one frame spacing apart form chains of at most `chain_length`: a chain of n samples sees only
-    n + 2 distinct frames. Chains are shuffled and cut into batches.
+    n + 2 distinct frames.
+
+    Returns:
+        Sample indices, shape (batch_size,).
     """
-    chains = []
-    for episode in episodes:
-        for offset in range(min(spacing_steps, episode.sample_count)):
-            steps = np.arange(offset, episode.sample_count, spacing_steps) + episode.first_sample
-            lead = int(rng.integers(chain_length))
-            cuts = range(lead, len(steps), chain_length) if len(steps) > chain_length else ()
-            chains += [chain for chain in np.split(steps, list(cuts)) if len(chain)]
-    order = rng.permutation(len(chains))
-    samples = np.concatenate([chains[i] for i in order])
-    return np.array_split(samples, max(1, round(len(samples) / batch_size)))
+    chains: list[Indices] = []
+    total = 0
+    while total < batch_size:
+        sample = int(rng.integers(len(table)))
+        first, last = int(table.first[sample]), int(table.last[sample])
+        back = min(int(rng.integers(chain_length)), (sample - first) // spacing_steps)
+        begin = sample - back * spacing_steps
+        end = min(begin + chain_length * spacing_steps, last + 1)
+        chain = np.arange(begin, end, spacing_steps)[: batch_size - total]
+        chains.append(chain)
+        total += len(chain)
+    return np.concatenate(chains)
 
 
-def spread_samples(episodes: Sequence[EpisodeRange], limit: int) -> Indices:
-    """At most `limit` samples of the episodes, evenly spread, in order."""
-    samples = np.concatenate([np.arange(item.first_sample, item.first_sample + item.sample_count) for item in episodes])
-    stride = -(-len(samples) // limit)
-    return samples[::stride]
+def spread_samples(table: SampleTable, limit: int) -> Indices:
+    """At most `limit` samples, evenly spread, in order."""
+    return np.arange(0, len(table), -(-len(table) // limit))

@@ -1,16 +1,19 @@
 """Training from recorded samples to an exported policy."""
 
-import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import cv2
 import torch
 
 from readygo.services.trainer.config import TrainConfig
+from readygo.services.trainer.episodes import SampleSource
+from readygo.services.trainer.hardware import available_cores
 from readygo.services.trainer.outcome import write_outcome
+from readygo.services.trainer.parts import build_parts, robot_of_source
 from readygo.services.trainer.run import Evaluate, TrainProgress, TrainRun
-from readygo.services.trainer.samples import SampleSource
 
 
 def train(
@@ -29,7 +32,8 @@ def train(
         config: Budget and settings.
         out: Folder of the policy artifact; also holds `checkpoint.pt`, `loss.png` and `metrics.json`.
         validation: Held-out samples; None holds out whole episodes of `source`.
-        evaluate: Closed-loop success rate of an exported policy; chooses the checkpoint instead of the loss.
+        evaluate: Closed-loop success rate of an exported policy, which chooses the checkpoint; without it the last one
+            is taken.
         report: Told about every step.
 
     Returns:
@@ -37,18 +41,26 @@ def train(
 
     Raises:
         DatasetError: If the data hold too few episodes or images of another size.
-        PolicyError: If `out` belongs to a run of other data or settings.
+        PolicyError: If `out` belongs to a run of other data or settings, or the loss is not finite.
     """
-    threads_before = torch.get_num_threads()
-    torch.set_num_threads(config.threads or available_cores())
-    try:
-        run = TrainRun(source, config, out, validation=validation, evaluate=evaluate)
+    robot = robot_of_source(source)
+    parts = build_parts(source, validation, config)
+    held_out_hash = (validation or source).content_hash
+    data = {"training data": source.content_hash, "validation data": held_out_hash}
+    with training_threads(config):
+        run = TrainRun(parts, robot, source.sensor, config, out, data=data, evaluate=evaluate)
         run.go(report or (lambda _: None))
-        return write_outcome(run)
+        return write_outcome(run) if run.ranks.is_first else {}
+
+
+@contextmanager
+def training_threads(config: TrainConfig) -> Iterator[None]:
+    """Have torch and OpenCV compute with as many threads as a run may have."""
+    threads_before, opencv_before = torch.get_num_threads(), cv2.getNumThreads()
+    torch.set_num_threads(config.threads or available_cores())
+    cv2.setNumThreads(1)
+    try:
+        yield
     finally:
         torch.set_num_threads(threads_before)
-
-
-def available_cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        cv2.setNumThreads(opencv_before)

@@ -3,14 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import torch
 
-from readygo.common.policy import PolicySpec
-from readygo.common.robot.kinematics import whole_steps
-from readygo.services.trainer.frames import FrameCache
-from readygo.services.trainer.model import PolicyNet, images_from_bytes
-from readygo.services.trainer.samples import Batch, Indices, SampleTable, make_batch
+from readygo.common.policy.artifact import MotionInput
+from readygo.services.trainer.model import PolicyNet
+from readygo.services.trainer.objective import Objective
+from readygo.services.trainer.parts import Part
+from readygo.services.trainer.samples import Array, Indices, SampleTable
 
 VALIDATION_BATCH = 128
 
@@ -19,74 +18,62 @@ VALIDATION_BATCH = 128
 class Predictions:
     """Clipped predictions for held-out samples."""
 
-    with_previous: npt.NDArray[np.float32]
-    """v [m/s], w [rad/s] given the recorded previous action, shape (B, 2)."""
-    without_previous: npt.NDArray[np.float32]
-    """The same with the previous action withheld: what images and goal alone tell, shape (B, 2)."""
+    given: Array
+    """v [m/s], w [rad/s] as in closed loop, shape (B, 2)."""
+    withheld: Array
+    """The same with the previous action withheld, where the policy takes it at all, shape (B, 2)."""
 
 
-def predict(
-    model: PolicyNet, frames: FrameCache, table: SampleTable, samples: Indices, spec: PolicySpec
-) -> Predictions:
-    """Predictions of `model` for `samples`, in evaluation mode."""
-    latency_steps = whole_steps(spec.robot.camera.latency_s)
+def predict(model: PolicyNet, objective: Objective, part: Part, samples: Indices) -> Predictions:
+    """Predictions of `model` for `samples` of a part, in evaluation mode."""
+    given = _answers(model, objective, part, samples, withheld=False)
+    if model.inputs.motion is MotionInput.POSES:
+        return Predictions(given=given, withheld=given)
+    return Predictions(given=given, withheld=_answers(model, objective, part, samples, withheld=True))
+
+
+def _answers(model: PolicyNet, objective: Objective, part: Part, samples: Indices, *, withheld: bool) -> Array:
     model.eval()
-    given, withheld = [], []
+    device, table = model.limits.device, part.table
+    answers = []
     with torch.inference_mode():
         for begin in range(0, len(samples), VALIDATION_BATCH):
-            rows = samples[begin : begin + VALIDATION_BATCH]
-            batch = make_batch(rows, table.first, spec.frame_spacing_steps, latency_steps)
-            pair = _predict_batch(model, frames, table, batch)
-            given.append(pair[0])
-            withheld.append(pair[1])
-    return Predictions(with_previous=np.concatenate(given), without_previous=np.concatenate(withheld))
+            batch = samples[begin : begin + VALIDATION_BATCH]
+            shown = objective.plain(table, part.frames, batch, withheld=withheld).to(device)
+            answers.append(model.clip(model.decide(objective.answers(model, shown)[0])).cpu().numpy())
+    return np.concatenate(answers)
 
 
-def _predict_batch(
-    model: PolicyNet, frames: FrameCache, table: SampleTable, batch: Batch
-) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
-    images = images_from_bytes(torch.from_numpy(frames.get(batch.frames)))
-    window = torch.from_numpy(batch.window)
-    goals = torch.from_numpy(table.goals_xy_m[batch.samples])
-    previous = model.normalise_previous(torch.from_numpy(table.previous[batch.samples]))
-    latents = model.encode_windows(images, window)
-    given = model.clip(model.act(latents, previous, goals))
-    withheld = model.clip(model.act(latents, torch.zeros_like(previous), goals))
-    return given.numpy(), withheld.numpy()
-
-
-def validation_loss(
-    predictions: Predictions, actions: npt.NDArray[np.float32], limits: npt.NDArray[np.float32]
-) -> float:
+def validation_loss(predictions: Predictions, targets: Array, limits: Array) -> float:
     """Mean squared error in units of the limits, the previous action withheld.
 
-    Given the previous action, a policy that copies it has the smallest error on recorded data, and the checkpoint would
-    be chosen for copying; what images and goal teach shows without it.
+    Given the previous action, a policy that copies it has the smallest error on recorded data; what images and goal
+    teach shows without it.
     """
-    return float(np.mean(((predictions.without_previous - actions) / limits).astype(np.float64) ** 2))
+    return float(np.mean(((predictions.withheld - targets) / limits).astype(np.float64) ** 2))
 
 
 def error_metrics(
-    predictions: Predictions, table: SampleTable, samples: Indices, mean_action: npt.NDArray[np.float32]
+    predictions: Predictions, table: SampleTable, samples: Indices, mean_action: Array
 ) -> dict[str, float | int]:
     """Root mean square errors on held-out samples, beside two trivial predictors.
 
     Args:
         predictions: Predictions for `samples`.
-        table: Arrays of the source.
+        table: The part's numbers.
         samples: Held-out samples.
-        mean_action: Mean action of the training episodes [m/s, rad/s], shape (2,).
+        mean_action: Mean target of the training episodes [m/s, rad/s], shape (2,).
 
     Returns:
         RMSE of v and w: of the policy, of the policy without previous action, of predicting `mean_action`, of copying
         the previous action, and the ratios policy / mean.
     """
-    actions = table.actions[samples]
+    targets = table.targets[samples]
     rmse = {
-        "": _rmse(predictions.with_previous - actions),
-        "without_previous_": _rmse(predictions.without_previous - actions),
-        "mean_baseline_": _rmse(mean_action - actions),
-        "copy_baseline_": _rmse(table.previous[samples] - actions),
+        "": _rmse(predictions.given - targets),
+        "without_previous_": _rmse(predictions.withheld - targets),
+        "mean_baseline_": _rmse(mean_action - targets),
+        "copy_baseline_": _rmse(table.motion[samples, 6:] - targets),
     }
     metrics: dict[str, float | int] = {}
     for name, (v, w) in rmse.items():
@@ -98,6 +85,6 @@ def error_metrics(
     return metrics | {"validation_samples": len(samples)}
 
 
-def _rmse(errors: npt.NDArray[np.float32]) -> tuple[float, float]:
+def _rmse(errors: Array) -> tuple[float, float]:
     v, w = np.sqrt(np.mean(errors.astype(np.float64) ** 2, axis=0))
     return float(v), float(w)

@@ -1,0 +1,67 @@
+"""A robot's own motion, from the commands that it executed: the one definition for training and driving."""
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.frames import goals_in_robot_frames
+from readygo.common.policy.artifact import MotionInput
+from readygo.common.robot import step_unicycle
+
+Array = npt.NDArray[np.float64]
+
+
+def odometry(commands: npt.NDArray[np.float32]) -> Array:
+    """Where a robot is at every step of an episode, by the commands that it executed.
+
+    Args:
+        commands: v [m/s], w [rad/s] executed after each step, shape (T, 2).
+
+    Returns:
+        x, y [m], yaw [rad] (not wrapped) at each step in the robot's frame at the first one, shape (T, 3).
+    """
+    pose = (0.0, 0.0, 0.0)
+    poses = [pose]
+    for v_mps, w_radps in commands[:-1].tolist():
+        pose = step_unicycle(*pose, v_mps, w_radps)
+        poses.append(pose)
+    return np.array(poses[: len(commands)], np.float64).reshape(-1, 3)
+
+
+def own_motion(older: Array, present: Array, commands: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    """The features of `MotionInput.POSES`.
+
+    Args:
+        older: Poses x, y [m], yaw [rad] at the two older frames, shape (N, 2, 3).
+        present: Poses now, in the same frame, shape (N, 3).
+        commands: v [m/s], w [rad/s] executed over the last step, shape (N, 2).
+
+    Returns:
+        Shape (N, 8).
+    """
+    parts = [_seen_from(present, older[:, 0]), _seen_from(present, older[:, 1]), commands.astype(np.float64)]
+    features: npt.NDArray[np.float32] = np.concatenate(parts, axis=1).astype(np.float32)
+    return features
+
+
+def motion_features(motion: MotionInput, poses: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    """What a policy is told of its own motion where all is known.
+
+    Args:
+        motion: What it takes.
+        poses: From `own_motion`, shape (N, 8).
+
+    Returns:
+        Shape (N, `motion.width`).
+    """
+    if motion is MotionInput.POSES:
+        return poses
+    commands = poses[:, 6:]
+    if motion is MotionInput.BARE_COMMAND:
+        return commands
+    return np.concatenate([commands, np.ones_like(commands[:, :1])], axis=1)
+
+
+def _seen_from(present: Array, pose: Array) -> Array:
+    """Poses in the robot's frame now: dx, dy [m], dyaw [rad], shape (N, 3)."""
+    dyaw = (pose[:, 2] - present[:, 2])[:, None]
+    return np.concatenate([goals_in_robot_frames(present, pose[:, :2]), dyaw], axis=1)

@@ -1,0 +1,245 @@
+"""Episodes as training holds them: encoded images and numbers."""
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.camera import SensorConfig
+from readygo.common.messages import CommittedEpisode, EpisodeKey, Sample
+from readygo.common.messages.plan import Driver, Outcome
+from readygo.common.robot import RobotConfig
+
+Array = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, slots=True)
+class Episode:
+    """One recorded episode of T samples."""
+
+    name: str
+    """Tells it from all others."""
+    images: tuple[bytes, ...]
+    """Encoded images, T of them."""
+    actions: Array
+    """Commands executed after each sample: v [m/s], w [rad/s], shape (T, 2)."""
+    goals_xy_m: Array
+    """Goals in the robot's frame [m], shape (T, 2)."""
+    xyyaw: npt.NDArray[np.float64]
+    """Robot's poses: x, y [m], yaw [rad], shape (T, 3)."""
+    expert: Array | None = None
+    """What the expert would have executed from each sample on: v [m/s], w [rad/s], shape (T, K, 2); None if nobody
+    asked it."""
+    humans: Array | None = None
+    """The nearest visible human: 1 if there is one, else 0; bearing to the left [rad], distance [m]; shape (T, 3).
+    None if the data do not say."""
+    driver: Driver = Driver.EXPERT
+    outcome: Outcome = Outcome.SUCCESS
+    static: bool = True
+    """True if there were no humans."""
+    policy: str = ""
+    """SHA-256 of the policy that drove; empty for the expert."""
+
+    @property
+    def sample_count(self) -> int:
+        """T."""
+        return len(self.images)
+
+    @property
+    def size_bytes(self) -> int:
+        """Memory that it takes, roughly."""
+        numbers = (self.actions, self.goals_xy_m, self.xyyaw, self.expert, self.humans)
+        return sum(map(len, self.images)) + sum(array.nbytes for array in numbers if array is not None)
+
+
+class EpisodeRange(Protocol):
+    """One episode's place among the samples of a dataset."""
+
+    @property
+    def episode(self) -> EpisodeKey:
+        """Which episode it is."""
+        ...
+
+    @property
+    def first_sample(self) -> int:
+        """Index of its first sample."""
+        ...
+
+    @property
+    def sample_count(self) -> int:
+        """Number of its samples, 20 per second."""
+        ...
+
+    @property
+    def sha256(self) -> str:
+        """Hash of its bytes."""
+        ...
+
+    @property
+    def driver(self) -> Driver:
+        """Who drove."""
+        ...
+
+    @property
+    def outcome(self) -> Outcome:
+        """How it ended."""
+        ...
+
+
+class SampleSource(Protocol):
+    """What training reads of `readygo.common.dataset.Dataset`."""
+
+    @property
+    def episodes(self) -> Sequence[EpisodeRange]:
+        """Episodes, in the order of their samples."""
+        ...
+
+    @property
+    def actions(self) -> Array:
+        """Commands over the next step: v [m/s], w [rad/s], shape (S, 2)."""
+        ...
+
+    @property
+    def goals_xy_m(self) -> Array:
+        """Goals in the robot's frame [m], shape (S, 2)."""
+        ...
+
+    @property
+    def poses(self) -> npt.NDArray[np.float64]:
+        """Robot on the floor: x, y, z [m], yaw [rad], shape (S, 4)."""
+        ...
+
+    @property
+    def has_expert(self) -> bool:
+        """True if the expert was asked at every sample."""
+        ...
+
+    @property
+    def expert_actions(self) -> Array:
+        """What the expert would have executed, shape (S, 2)."""
+        ...
+
+    @property
+    def expert_ahead(self) -> Array:
+        """What it would have gone on with, every 0.05 s, shape (S, K, 2)."""
+        ...
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of the labels of humans that every sample has."""
+        ...
+
+    @property
+    def truth(self) -> npt.NDArray[np.void]:
+        """What the robot does not know, shape (S,): `human_distance_m` and `human_visible` among others."""
+        ...
+
+    @property
+    def robot(self) -> RobotConfig | None:
+        """The robot that the samples were recorded with, None if they do not say."""
+        ...
+
+    @property
+    def sensor(self) -> SensorConfig:
+        """What varied of the robot's camera from episode to episode."""
+        ...
+
+    @property
+    def content_hash(self) -> str:
+        """Hash of the data."""
+        ...
+
+    def image(self, index: int) -> bytes:
+        """Encoded image of one sample."""
+        ...
+
+    def footprints_xy_m(self, index: int) -> tuple[Array, ...]:
+        """Ground points below every human [m]."""
+        ...
+
+
+def read_episodes(source: SampleSource, *, with_humans: bool = False) -> Iterator[Episode]:
+    """The episodes of recorded shards, in their order.
+
+    Args:
+        source: The shards.
+        with_humans: Read where the humans were as well, which takes a while.
+
+    Raises:
+        DatasetError: If a shard is damaged, or the humans' places are wanted and not there.
+    """
+    commands = None
+    if source.has_expert:
+        commands = np.concatenate([source.expert_actions[:, None], source.expert_ahead], axis=1)
+    distances_m, xyyaw = source.truth["human_distance_m"], source.poses[:, [0, 1, 3]]
+    visible = source.truth["human_visible"]
+    for entry in source.episodes:
+        rows = range(entry.first_sample, entry.first_sample + entry.sample_count)
+        part = slice(rows.start, rows.stop)
+        humans = None
+        if with_humans:
+            places = [np.array([p.mean(axis=0) for p in source.footprints_xy_m(row)]).reshape(-1, 2) for row in rows]
+            humans = nearest_humans(xyyaw[part], places, visible[part])
+        yield Episode(
+            name=entry.sha256,
+            images=tuple(source.image(row) for row in rows),
+            actions=source.actions[part],
+            goals_xy_m=source.goals_xy_m[part],
+            xyyaw=xyyaw[part],
+            expert=None if commands is None else commands[part],
+            humans=humans,
+            driver=entry.driver,
+            outcome=entry.outcome,
+            static=not bool(np.isfinite(distances_m[part]).any()),
+            policy=getattr(entry, "policy", ""),
+        )
+
+
+def committed_episode(message: CommittedEpisode) -> Episode:
+    """An episode as the recorder announces it."""
+    header, samples = message.header, message.samples
+    xyyaw = np.array([(s.robot_xyzyaw[0], s.robot_xyzyaw[1], s.robot_xyzyaw[3]) for s in samples], np.float64)
+    expert = None
+    if all(sample.expert_commands for sample in samples):
+        expert = np.array([sample.expert_commands for sample in samples], np.float32)
+    return Episode(
+        name=header.episode.episode_id,
+        images=tuple(sample.image for sample in samples),
+        actions=np.array([(s.action_v_mps, s.action_w_radps) for s in samples], np.float32),
+        goals_xy_m=np.array([s.goal_xy_robot_m for s in samples], np.float32),
+        xyyaw=xyyaw,
+        expert=expert,
+        humans=nearest_humans(xyyaw, [_places(s) for s in samples], np.array([s.human_visible for s in samples])),
+        driver=header.driver,
+        outcome=header.outcome,
+        static=not header.avatars,
+        policy=header.policy,
+    )
+
+
+def nearest_humans(
+    xyyaw: npt.NDArray[np.float64], places_xy_m: Sequence[npt.NDArray[np.floating]], visible: npt.NDArray[np.bool_]
+) -> Array:
+    """`Episode.humans`: the nearest human ahead of the robot, at the samples at which one is visible.
+
+    Args:
+        xyyaw: Robot's poses, shape (T, 3).
+        places_xy_m: Where the humans are at each sample [m], shapes (H, 2).
+        visible: True where one is in view, shape (T,).
+    """
+    found = np.zeros((len(xyyaw), 3), np.float32)
+    for row in itertools.compress(range(len(xyyaw)), visible):
+        dx, dy = (np.asarray(places_xy_m[row], np.float64).reshape(-1, 2) - xyyaw[row, :2]).T
+        bearings_rad = np.remainder(np.arctan2(dy, dx) - xyyaw[row, 2] + np.pi, 2 * np.pi) - np.pi
+        distances_m = np.where(np.abs(bearings_rad) < np.pi / 2, np.hypot(dx, dy), np.inf)
+        if len(distances_m) and np.isfinite(distances_m.min()):
+            nearest = int(distances_m.argmin())
+            found[row] = 1.0, bearings_rad[nearest], distances_m[nearest]
+    return found
+
+
+def _places(sample: Sample) -> npt.NDArray[np.float64]:
+    return np.array([place[:2] for place in sample.humans_xyzyaw], np.float64).reshape(-1, 2)

@@ -1,0 +1,168 @@
+"""What the network is shown of a batch, and how far its answers are off."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from torch import Tensor, nn
+
+from readygo.common.policy.artifact import MotionInput
+from readygo.common.robot import RobotConfig
+from readygo.services.trainer.augment import (
+    MIRRORED_MOTION,
+    FrameWarp,
+    View,
+    correct_for_turn,
+    corrupt_previous,
+    draw_views,
+    hindsight_goals,
+    lit,
+    plain_view,
+    turn_motion,
+    turn_world,
+)
+from readygo.services.trainer.config import TrainConfig
+from readygo.services.trainer.frames import FrameCache, pooling_of
+from readygo.services.trainer.model import Bins
+from readygo.services.trainer.samples import Array, Batch, Indices, SampleTable, Timing, make_batch
+
+LEFT_RIGHT = np.array([1.0, -1.0], np.float32)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Shown:
+    """A batch as the network takes it."""
+
+    images: Tensor
+    """Distinct frames, shape (F, 3, H, W), channels_last."""
+    window: Tensor
+    """Rows of `images` that each sample sees, shape (B, 3)."""
+    motion: Tensor
+    """Features of own motion in SI units, shape (B, M)."""
+    goals_xy_m: Tensor
+    """Shape (B, 2)."""
+    targets: Tensor
+    """(v / v_max, w / w_max), shape (B, 2)."""
+    humans: Tensor
+    """See `SampleTable.humans`, shape (B, 3)."""
+
+    def to(self, device: torch.device) -> "Shown":
+        """The same on a device."""
+        return Shown(**{name: getattr(self, name).to(device, non_blocking=True) for name in self.__dataclass_fields__})
+
+
+class Objective:
+    """Turns samples into what the network is shown, and its answers into a loss."""
+
+    def __init__(self, robot: RobotConfig, config: TrainConfig, timing: Timing, dtype: torch.dtype) -> None:
+        self._robot, self._config, self._timing, self._dtype = robot, config.sampling, timing, dtype
+        self._motion = MotionInput(config.network.motion)
+        self._warp = FrameWarp(robot.camera, pooling_of(robot.camera, config.network.pooled_height_px))
+
+    def training(self, table: SampleTable, frames: FrameCache, samples: Indices, rng: np.random.Generator) -> Shown:
+        """Samples with random changes."""
+        batch = make_batch(samples, table.first, self._timing)
+        firsts, groups = np.unique(table.first[batch.frames], return_inverse=True)
+        turnable = ~table.by_policy[firsts] | self._config.yaw_on_policy
+        view, rows = draw_views(turnable, self._config, rng), groups[batch.window[:, -1]]
+        yaws_rad, mirrored = view.yaws_rad[rows], view.mirrored[rows][:, None]
+        goals = turn_world(hindsight_goals(table, samples, self._config.hindsight, rng), yaws_rad)
+        motion = self._training_motion(turn_motion(table.motion[samples], yaws_rad), rng)
+        targets = correct_for_turn(
+            table.targets[samples], yaws_rad, self._config.yaw_gain_per_s, self._robot.w_max_radps
+        )
+        signs = MIRRORED_MOTION if self._motion is MotionInput.POSES else np.array([1, -1, 1], np.float32)
+        humans = table.humans[samples] - np.stack([0 * yaws_rad, yaws_rad, 0 * yaws_rad], axis=1)
+        return self._shown(
+            self._images(frames.get(table, batch.frames), groups, view),
+            batch,
+            motion=np.where(mirrored, motion * signs, motion),
+            goals=np.where(mirrored, goals * LEFT_RIGHT, goals),
+            targets=np.where(mirrored, targets * LEFT_RIGHT, targets),
+            humans=np.where(mirrored, humans * np.array([1, -1, 1]), humans).astype(np.float32),
+        )
+
+    def plain(self, table: SampleTable, frames: FrameCache, samples: Indices, *, withheld: bool = False) -> Shown:
+        """Samples as they were recorded, the previous action withheld where asked for."""
+        batch = make_batch(samples, table.first, self._timing)
+        motion = table.motion[samples]
+        if self._motion is MotionInput.COMMAND:
+            motion = corrupt_previous(motion[:, 6:], np.zeros(2, np.float32), np.full(len(samples), withheld))
+        groups = np.zeros(len(batch.frames), np.int64)
+        return self._shown(
+            self._images(frames.get(table, batch.frames), groups, plain_view()),
+            batch,
+            motion=motion,
+            goals=table.goals_xy_m[samples],
+            targets=table.targets[samples],
+            humans=table.humans[samples],
+        )
+
+    def answers(self, network: nn.Module, shown: Shown) -> tuple[Tensor, Tensor]:
+        """What `PolicyNet.forward` answers to a batch, computed in the type that was chosen."""
+        with torch.autocast(shown.images.device.type, torch.bfloat16, enabled=self._dtype is torch.bfloat16):
+            answers: tuple[Tensor, Tensor] = network(shown.images, shown.window, shown.motion, shown.goals_xy_m)
+        return answers
+
+    def loss(self, network: nn.Module, bins: Bins | None, shown: Shown) -> Tensor:
+        """The mean loss of a batch.
+
+        Args:
+            network: A `PolicyNet`, as it is or wrapped.
+            bins: Its grid of actions, if it has one.
+            shown: The batch.
+        """
+        answers, humans = self.answers(network, shown)
+        if bins is None:
+            loss = nn.functional.mse_loss(answers, shown.targets)
+        else:
+            loss = nn.functional.cross_entropy(answers, bins.weights(shown.targets))
+        if self._config.humans_weight > 0:
+            loss = loss + self._config.humans_weight * humans_loss(humans, shown.humans)
+        return loss
+
+    def _training_motion(self, motion: Array, rng: np.random.Generator) -> Array:
+        if self._motion is MotionInput.POSES:
+            return motion
+        config, limits = self._config, (self._robot.v_max_mps, self._robot.w_max_radps)
+        noise = (config.previous_noise * rng.normal(0.0, limits, (len(motion), 2))).astype(np.float32)
+        return corrupt_previous(motion[:, 6:], noise, rng.random(len(motion)) < config.previous_dropout)
+
+    def _images(self, frames: npt.NDArray[np.uint8], groups: Indices, view: View) -> Tensor:
+        shown = self._warp.show(frames, groups, view)
+        if self._dtype is torch.bfloat16:
+            # OpenCV knows no bfloat16: its bits travel as 16-bit numbers.
+            light = torch.from_numpy(view.light).to(torch.bfloat16).view(torch.int16).numpy()
+            images = torch.from_numpy(lit(shown, groups, light)).view(torch.bfloat16)
+        else:
+            images = torch.from_numpy(lit(shown, groups, view.light))
+        return images.permute(0, 3, 1, 2)
+
+    def _shown(self, images: Tensor, batch: Batch, **numbers: Array) -> Shown:
+        limits = np.array([self._robot.v_max_mps, self._robot.w_max_radps], np.float32)
+        return Shown(
+            images=images,
+            window=torch.from_numpy(batch.window),
+            motion=torch.from_numpy(numbers["motion"]),
+            goals_xy_m=torch.from_numpy(numbers["goals"]),
+            targets=torch.from_numpy(numbers["targets"] / limits),
+            humans=torch.from_numpy(numbers["humans"]),
+        )
+
+
+def humans_loss(answers: Tensor, humans: Tensor) -> Tensor:
+    """How far a reading of the nearest visible human is off: presence, then bearing and distance where there is one.
+
+    Args:
+        answers: Logit of presence, bearing [rad], logarithm of the distance [m], shape (B, 3).
+        humans: See `SampleTable.humans`, shape (B, 3).
+    """
+    known = torch.isfinite(humans).all(dim=1)
+    there = known & (torch.nan_to_num(humans[:, 0]) > 0.5)
+    if not known.any():
+        return answers.sum() * 0.0
+    presence = nn.functional.binary_cross_entropy_with_logits(answers[known, 0], humans[known, 0])
+    wanted = torch.stack([humans[there, 1], humans[there, 2].log()], dim=1)
+    places = nn.functional.smooth_l1_loss(answers[there, 1:], wanted, reduction="sum", beta=0.1)
+    return presence + places / known.sum()
