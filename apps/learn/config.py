@@ -6,6 +6,7 @@ from typing import Annotated
 
 from readygo.apps.run.config import read_sections
 from readygo.common.config import Range, check_ranges, section_from_mapping
+from readygo.common.errors import ConfigError
 
 Share = Annotated[float, Range(low=0.0, high=1.0)]
 
@@ -38,4 +39,6 @@ def load_learn_config(path: Path | None) -> LearnConfig:
         ConfigError: If the file cannot be read, or the section holds an unknown key or a wrong value.
     """
     section = read_sections(path).get("learn", {}) if path else {}
+    if not isinstance(section, dict):
+        raise ConfigError(f"Configuration {path}: learn must be a table, got {section!r}.")
     return section_from_mapping(LearnConfig, section, where="learn.")
