@@ -2,7 +2,9 @@
 
 import json as json_module
 import math
+import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +18,7 @@ from readygo.apps.run.origin import note_origin, origin_of_data
 from readygo.apps.run.training import default_recipe, make_config, run_training
 from readygo.common.dataset import Dataset
 from readygo.common.errors import ConfigError
+from readygo.services.trainer import TrainConfig
 
 if TYPE_CHECKING:
     from readygo.services.trainer.run import TrainProgress
@@ -43,6 +46,8 @@ def train(
     device: Literal["auto", "cpu", "cuda"] | None = None,
     memory_mb: int | None = None,
     cache_mb: int | None = None,
+    live: str = "",
+    run: str = "",
     json: bool = False,
 ) -> None:
     """Learn a policy from recorded episodes; run again to continue, with more minutes or samples to go further.
@@ -67,36 +72,68 @@ def train(
         device: Where to train; "auto" takes a CUDA device if there is one.
         memory_mb: Most memory for episodes as they were recorded; beyond it they are thinned out [MB].
         cache_mb: Most memory for decoded frames [MB].
+        live: Endpoint of a fleet's router, such as tcp/127.0.0.1:7447: episodes are learned from while the fleet makes
+            them, and what is learned is offered to it. The data folders are those to catch up from, also while they are
+            recorded; the fleet's own is the first.
+        run: Name of the fleet's run, as `readygo generate --listen` prints it.
         json: Print the metrics as JSON.
     """
+    settings = {
+        "minutes": minutes,
+        "samples": samples,
+        "batch_size": batch_size,
+        "seed": seed,
+        "threads": threads,
+        "device": device,
+        "memory_mb": memory_mb,
+        "cache_mb": cache_mb,
+        "learning_rate": learning_rate,
+    }
+    console = Console(stderr=True)
+    if live:
+        metrics = _train_live(make_config(recipe or "best", config, **settings), out, live, run, data)
+    else:
+        dataset = _open(data)
+        chosen = make_config(recipe or _default_recipe(dataset, console, quiet=json), config, **settings)
+        origin = origin_of_data(data)
+        evaluate = closed_loop(val_scene, episodes=val_episodes, seed=seed, origin=origin) if val_scene else None
+        with _progress(console, quiet=json) as show:
+            metrics = run_training(dataset, chosen, out, val=val, evaluate=evaluate, show=show)
+        if metrics:
+            note_origin(out, origin)
+    if metrics:
+        _report(metrics, out, as_json=json)
+
+
+def _open(data: tuple[Path, ...]) -> Dataset:
     if not data:
         raise ConfigError("No data folder is given; record one with `readygo generate`.")
-    dataset = Dataset(data)
-    chosen = recipe or default_recipe(dataset)
-    settings = make_config(
-        chosen,
-        config,
-        minutes=minutes,
-        samples=samples,
-        batch_size=batch_size,
-        seed=seed,
-        threads=threads,
-        device=device,
-        memory_mb=memory_mb,
-        cache_mb=cache_mb,
-        learning_rate=learning_rate,
-    )
-    origin = origin_of_data(data)
-    evaluate = closed_loop(val_scene, episodes=val_episodes, seed=seed, origin=origin) if val_scene else None
-    console = Console(stderr=True)
-    if recipe is None and not json:
+    return Dataset(data)
+
+
+def _default_recipe(dataset: Dataset, console: Console, *, quiet: bool) -> str:
+    recipe = default_recipe(dataset)
+    if not quiet:
         why = "asked at every state" if dataset.has_expert else "not asked"
-        console.print(f"Recipe {chosen}: the expert was {why} in these data.")
-    with _progress(console, quiet=json) as show:
-        metrics = run_training(dataset, settings, out, val=val, evaluate=evaluate, show=show)
-    if metrics:
-        note_origin(out, origin)
-        _report(metrics, out, as_json=json)
+        console.print(f"Recipe {recipe}: the expert was {why} in these data.")
+    return recipe
+
+
+def _train_live(config: TrainConfig, out: Path, live: str, run: str, data: tuple[Path, ...]) -> dict[str, Any]:
+    """Train beside a fleet until the budget is spent, Ctrl-C or SIGTERM."""
+    if not run:
+        raise ConfigError("--live needs the name of the fleet's run: pass --run.")
+    from readygo.apps.fleet.trainer import train_beside
+    from readygo.common.bus.zenoh_bus import ZenohBus
+
+    stop = threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: stop.set())
+    bus = ZenohBus(live, run)
+    try:
+        return train_beside({run: bus}, config, out, data=data, stop=stop)
+    finally:
+        bus.close()
 
 
 @contextmanager
@@ -134,9 +171,10 @@ def _report(metrics: dict[str, Any], out: Path, *, as_json: bool) -> None:
         f"{metrics['parameters']} parameters, {metrics['samples_seen']} samples in {metrics['elapsed_s']:.0f} s "
         f"({metrics['samples_per_s']:.0f} samples/s); step {metrics['chosen_step']} of {metrics['steps']} chosen."
     )
-    console.print(
-        f"Held out ({metrics['validation_episodes']} episodes): v {metrics['rmse_v_mps']:.3f} m/s = "
-        f"{100 * metrics['ratio_v']:.0f} %, w {metrics['rmse_w_radps']:.3f} rad/s = {100 * metrics['ratio_w']:.0f} % "
-        "of predicting the mean."
-    )
+    if metrics.get("validation_samples"):
+        console.print(
+            f"Held out ({metrics['validation_episodes']} episodes): v {metrics['rmse_v_mps']:.3f} m/s = "
+            f"{100 * metrics['ratio_v']:.0f} %, w {metrics['rmse_w_radps']:.3f} rad/s = "
+            f"{100 * metrics['ratio_w']:.0f} % of predicting the mean."
+        )
     console.print(f"Next: readygo evaluate SCENE {out}", markup=False)

@@ -13,10 +13,12 @@ from pathlib import Path
 
 from readygo.apps.fleet.fleet import CANNOT_WORK
 from readygo.apps.fleet.roles import ALL, COORDINATOR, RECORDER
+from readygo.apps.fleet.trainer import TRAINER, train_beside
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.identity import numeric_class
 from readygo.apps.run.policy import check_offer
 from readygo.apps.run.stages import stage_works
+from readygo.apps.run.training import make_config
 from readygo.apps.run.world import World
 from readygo.common.bus import Bus
 from readygo.common.bus.zenoh_bus import ZenohBus
@@ -44,6 +46,8 @@ def worker(
     run: str,
     name: str = "",
     data: Path | None = None,
+    out: Path | None = None,
+    config: Path | None = None,
     exit_with_parent: bool = False,
 ) -> None:
     """Work in a fleet until the run is over, or until SIGTERM.
@@ -52,19 +56,25 @@ def worker(
 
     Args:
         role: coordinator, recorder, the role of a stage (human-planner, animator, robot-planner, renderer or driver),
-            or all, which does every stage in one process.
+            all, which does every stage in one process, or trainer.
         connect: Endpoint of the fleet's router, such as tcp/127.0.0.1:7447.
         run: Name of the run, as `readygo generate --listen` prints it.
         name: Name of this worker; must differ between workers of one role.
-        data: Data folder of the run (coordinator and recorder only).
+        data: Data folder of the run (coordinator and recorder; a trainer catches up from it).
+        out: Folder of the policy (trainer only).
+        config: TOML file with fields of `TrainConfig` that shall be others than the recipe's (trainer only).
         exit_with_parent: Exit as soon as standard input is closed.
     """
     logging.basicConfig(level=logging.INFO, stream=sys.stderr, format="%(asctime)s %(name)s %(levelname)s %(message)s")
-    _keep_the_heap_small()
+    if role != TRAINER:
+        _keep_the_heap_small()
     stop = _stop_signal(exit_with_parent)
     name = name or f"{role}-{socket.gethostname()}-{os.getpid()}"
     try:
-        _join(role, name, connect, run, data, stop)
+        if role == TRAINER:
+            _train(connect, run, (data,) if data else (), out, config, stop)
+        else:
+            _join(role, name, connect, run, data, stop)
     except BusError:
         raise
     except ReadygoError as error:
@@ -81,6 +91,18 @@ def _join(role: str, name: str, connect: str, run: str, data: Path | None, stop:
             _record(bus, name, _folder(role, data), stop)
         else:
             _work(bus, role, name, stop)
+    finally:
+        bus.close()
+
+
+def _train(
+    connect: str, run: str, data: tuple[Path, ...], out: Path | None, config: Path | None, stop: threading.Event
+) -> None:
+    if out is None:
+        raise RunError("A trainer needs a folder for its policy: pass --out.")
+    bus = ZenohBus(connect, run)
+    try:
+        train_beside({run: bus}, make_config("best", config), out, data=data, stop=stop)
     finally:
         bus.close()
 

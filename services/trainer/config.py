@@ -99,6 +99,21 @@ class OptimizerConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
+class LiveConfig:
+    """How a trainer goes along with a fleet."""
+
+    first_episodes: Count = 8
+    """Training begins with so many episodes."""
+    offer_every_s: Positive = 60.0
+    """Processor time between policies that are offered to the fleet [s]."""
+    catch_up_every_s: Positive = 60.0
+    """Time between looks into the data folders for episodes that were not heard [s]."""
+
+    def __post_init__(self) -> None:
+        check_ranges(self)
+
+
+@dataclass(frozen=True, kw_only=True)
 class TrainConfig:
     """One training run."""
 
@@ -128,6 +143,7 @@ class TrainConfig:
     network: NetworkConfig = field(default_factory=NetworkConfig)
     sampling: SamplingConfig = field(default_factory=SamplingConfig)
     optimizer: OptimizerConfig = field(default_factory=OptimizerConfig)
+    live: LiveConfig = field(default_factory=LiveConfig)
 
     def __post_init__(self) -> None:
         check_ranges(self)
@@ -152,7 +168,7 @@ def best_recipe() -> TrainConfig:
     Small images, own motion instead of the previous action, and the expert's command 0.4 s ahead.
     """
     return TrainConfig(
-        network=NetworkConfig(motion="poses", pooled_height_px=72, widths=(32, 64, 128, 192, 272)),
+        network=NetworkConfig(motion="poses", pooled_height_px=72, widths=(32, 48, 96, 128, 192)),
         sampling=SamplingConfig(ahead_s=0.4, chain_length=16, batch_size=128, shift_px=2),
         optimizer=OptimizerConfig(ema_decay=0.998),
     )
@@ -168,7 +184,7 @@ def with_overrides(config: TrainConfig, **settings: object) -> TrainConfig:
         ValueError: If a setting makes no sense.
     """
     given = {name: value for name, value in settings.items() if value is not None}
-    for section in ("network", "sampling", "optimizer"):
+    for section in ("network", "sampling", "optimizer", "live"):
         part = getattr(config, section)
         names = {item.name for item in dataclasses.fields(part)} & set(given)
         given[section] = dataclasses.replace(part, **{name: given.pop(name) for name in names})

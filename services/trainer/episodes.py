@@ -88,6 +88,11 @@ class EpisodeRange(Protocol):
         """How it ended."""
         ...
 
+    @property
+    def policy(self) -> str:
+        """SHA-256 of the policy that drove; empty for the expert."""
+        ...
+
 
 class SampleSource(Protocol):
     """What training reads of `readygo.common.dataset.Dataset`."""
@@ -194,7 +199,7 @@ def read_episodes(source: SampleSource, *, with_humans: bool = False) -> Iterato
             driver=entry.driver,
             outcome=entry.outcome,
             static=not bool(np.isfinite(distances_m[part]).any()),
-            policy=getattr(entry, "policy", ""),
+            policy=entry.policy,
         )
 
 

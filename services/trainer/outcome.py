@@ -52,10 +52,7 @@ def chosen_model(run: TrainRun) -> PolicyNet:
 
 def _metrics(run: TrainRun) -> dict[str, Any]:
     part, training = run.held_out, run.training.table
-    rows = spread_samples(part.table, FINAL_SAMPLES)
-    predictions = predict(chosen_model(run), run.learner.objective, part, rows)
-    mean_action = training.targets.mean(axis=0, dtype=np.float64).astype(np.float32)
-    return error_metrics(predictions, part.table, rows, mean_action) | {
+    return _errors(run) | {
         "parameters": parameter_count(run.learner.model),
         "training_episodes": len(run.training.reservoir.episodes),
         "validation_episodes": len(part.reservoir.episodes),
@@ -69,9 +66,20 @@ def _metrics(run: TrainRun) -> dict[str, Any]:
     }
 
 
+def _errors(run: TrainRun) -> dict[str, float | int]:
+    """Errors on what is held out, if anything is."""
+    part = run.held_out
+    if not part.reservoir.episodes:
+        return {}
+    rows = spread_samples(part.table, FINAL_SAMPLES)
+    predictions = predict(chosen_model(run), run.learner.objective, part, rows)
+    mean_action = run.training.table.targets.mean(axis=0, dtype=np.float64).astype(np.float32)
+    return error_metrics(predictions, part.table, rows, mean_action)
+
+
 def _provenance(run: TrainRun) -> dict[str, Any]:
     return {
-        **{f"{name.replace(' ', '_')}_sha256": sha256 for name, sha256 in run.data.items()},
+        "data": run.data,
         "episodes": len(run.training.reservoir.episodes),
         "chosen_step": run.chosen_step,
         "samples_seen": run.samples_seen,

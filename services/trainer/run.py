@@ -27,7 +27,16 @@ from readygo.services.trainer.validation import predict, validation_loss
 
 SAVE_EVERY_S = 30.0
 """Processor time between checkpoints [s]."""
-BUDGET_FIELDS = ("minutes", "samples", "threads", "memory_mb", "cache_mb")
+BUDGET_FIELDS = (
+    "minutes",
+    "samples",
+    "threads",
+    "memory_mb",
+    "cache_mb",
+    "first_episodes",
+    "offer_every_s",
+    "catch_up_every_s",
+)
 """Settings that may change when a run is continued."""
 CANDIDATE_FOLDER = "candidate"
 """Policy whose closed-loop success is being measured."""

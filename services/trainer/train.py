@@ -46,7 +46,7 @@ def train(
     robot = robot_of_source(source)
     parts = build_parts(source, validation, config)
     held_out_hash = (validation or source).content_hash
-    data = {"training data": source.content_hash, "validation data": held_out_hash}
+    data = {"training_data": source.content_hash, "validation_data": held_out_hash}
     with training_threads(config):
         run = TrainRun(parts, robot, source.sensor, config, out, data=data, evaluate=evaluate)
         run.go(report or (lambda _: None))

@@ -1,14 +1,20 @@
 """Synthetic episodes whose images tell the action."""
 
+import dataclasses
 from dataclasses import dataclass, field
 
+import cv2
 import numpy as np
 import pytest
 
 from readygo.common.camera import CameraConfig, SensorConfig
 from readygo.common.messages import EpisodeKey, Split
+from readygo.common.messages.plan import Driver, Outcome
 from readygo.common.robot import RobotConfig
-from readygo.services.trainer import TrainConfig
+from readygo.services.trainer import TrainConfig, with_overrides
+from readygo.services.trainer.episodes import Episode
+
+AHEAD = 4
 
 
 @dataclass
@@ -16,6 +22,10 @@ class FakeEpisode:
     episode: EpisodeKey
     first_sample: int
     sample_count: int
+    sha256: str
+    driver: Driver = Driver.EXPERT
+    outcome: Outcome = Outcome.SUCCESS
+    policy: str = ""
 
 
 @dataclass
@@ -30,16 +40,39 @@ class FakeSource:
     content_hash: str
     camera: CameraConfig
     sensor: SensorConfig = field(default_factory=SensorConfig)
-    decoded: int = 0
+    has_expert: bool = False
+    labels: tuple = ()
 
-    def decode(self, index):
-        self.decoded += 1
+    @property
+    def truth(self):
+        kinds = [("human_distance_m", np.float64), ("human_visible", np.bool_)]
+        truth = np.zeros(len(self.actions), kinds)
+        truth["human_distance_m"] = np.inf
+        return truth
+
+    @property
+    def expert_actions(self):
+        return self.actions
+
+    @property
+    def expert_ahead(self):
+        rows = np.arange(len(self.actions))
+        return np.stack([self.actions[np.minimum(rows + k, rows[-1])] for k in range(1, AHEAD + 1)], axis=1)
+
+    def picture(self, index):
         height, width = self.camera.height_px, self.camera.width_px
         v, w = self.actions[index].tolist()
         image = np.full((height, width, 3), round(40 + 120 * v), np.uint8)
         column = round((0.5 - 0.4 * w / 1.2) * (width - 1))
         image[:, max(0, column - 2) : column + 3] = (255, 255, 0)
         return image
+
+    def image(self, index):
+        return png(self.picture(index))
+
+
+def png(picture):
+    return cv2.imencode(".png", picture[:, :, ::-1])[1].tobytes()
 
 
 def make_source(*, episodes=6, samples=60, seed=0, camera=None, name="data"):
@@ -61,7 +94,9 @@ def make_source(*, episodes=6, samples=60, seed=0, camera=None, name="data"):
     ).astype(np.float32)
     return FakeSource(
         episodes=[
-            FakeEpisode(EpisodeKey(seed=seed, split=Split.TRAIN, index=i), i * samples, samples)
+            FakeEpisode(
+                EpisodeKey(seed=seed, split=Split.TRAIN, index=i), i * samples, samples, f"{name}-{seed}-episode-{i}"
+            )
             for i in range(episodes)
         ],
         actions=actions,
@@ -71,6 +106,17 @@ def make_source(*, episodes=6, samples=60, seed=0, camera=None, name="data"):
         content_hash=f"{name}-{seed}",
         camera=camera,
     )
+
+
+def make_one(name="e", *, samples=40, size=100, **fields):
+    """An episode of `samples` samples whose images have `size` bytes and cannot be decoded."""
+    rng = np.random.default_rng(int.from_bytes(name.encode(), "big") % 2**32)
+    numbers = {
+        "actions": rng.uniform((0, -1), (1, 1), (samples, 2)).astype(np.float32),
+        "goals_xy_m": rng.uniform(-8, 8, (samples, 2)).astype(np.float32),
+        "xyyaw": rng.uniform(-3, 3, (samples, 3)),
+    }
+    return Episode(name=name, images=tuple(bytes(size) for _ in range(samples)), **(numbers | fields))
 
 
 @pytest.fixture
@@ -83,13 +129,25 @@ def source():
     return make_source()
 
 
-QUICK = TrainConfig(
-    epochs=2,
-    threads=1,
-    batch_size=40,
-    validate_every_steps=5,
-    validation_samples=60,
+@pytest.fixture
+def make_episode():
+    return make_one
+
+
+QUICK = with_overrides(
+    TrainConfig(samples=640, threads=1, precision="fp32", validate_every=160, validation_samples=60),
+    batch_size=32,
     shift_px=0,
     mirror=0.0,
     yaw_error_rad=0.0,
 )
+
+
+def quick(**settings):
+    """`QUICK` with other settings."""
+    return with_overrides(QUICK, **settings)
+
+
+def forever(config):
+    """The same without a budget in samples."""
+    return dataclasses.replace(config, samples=None)

@@ -1,0 +1,95 @@
+"""A trainer beside a fleet: it hears what is committed, and offers what it learns."""
+
+import threading
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from readygo.apps.run.origin import note_origin, origin_of_runs
+from readygo.apps.run.training import load_trainer
+from readygo.apps.run.world import World
+from readygo.common.bus import Bus
+from readygo.common.dataset import committed_episodes
+from readygo.common.errors import RunError
+from readygo.common.messages import CommittedEpisode, EpisodeKey, RunSpec, RunSpecRequest, topics
+from readygo.services.trainer import TrainConfig
+
+if TYPE_CHECKING:
+    from readygo.services.trainer.live import LiveTrainer
+
+TRAINER = "trainer"
+SPEC_TIMEOUT_S = 30.0
+"""Time that a trainer waits for the coordinator to start [s]."""
+OFFER_TIMEOUT_S = 10.0
+
+
+def train_beside(
+    buses: dict[str, Bus], config: TrainConfig, out: Path, *, data: tuple[Path, ...], stop: threading.Event
+) -> dict[str, Any]:
+    """Train on what fleets commit until `stop`; returns what `metrics.json` holds.
+
+    Args:
+        buses: The fleets by the names of their runs; all must have the same robot and sensor.
+        config: Budget and settings.
+        out: Folder of the policy.
+        data: Data folders to catch up from, also while they are recorded: those of the runs, in the order of `buses`,
+            and others after them.
+        stop: Ends training.
+
+    Raises:
+        RunError: If the fleets have different robots.
+        PolicyError: If `out` belongs to another run, or the loss is not finite.
+    """
+    specs = [bus.request(topics.SPEC, RunSpecRequest(), timeout_s=SPEC_TIMEOUT_S) for bus in buses.values()]
+    robot, sensor = _camera(specs)
+    reader = Reader({folder: run for run, folder in zip([*buses, *map(str, data[len(buses) :])], data, strict=False)})
+
+    def offer(request: Any) -> Any:
+        return [bus.request(topics.OFFER, request, timeout_s=OFFER_TIMEOUT_S) for bus in buses.values()][0]
+
+    with load_trainer("train").training_threads(config):
+        trainer: LiveTrainer = load_trainer("live").LiveTrainer(
+            robot, sensor, config, out, offer=offer, catch_up=reader.new_episodes
+        )
+        for run, bus in buses.items():
+            bus.subscribe(topics.COMMITTED, partial(trainer.hear, run))
+            bus.announce(TRAINER, TRAINER)
+        metrics = trainer.train(stop)
+    if metrics:
+        note_origin(out, origin_of_runs(specs))
+    return metrics
+
+
+class Reader:
+    """Reads every durable episode of some folders once."""
+
+    def __init__(self, runs: dict[Path, str]) -> None:
+        """Nothing is read yet.
+
+        Args:
+            runs: The folders, with the names of their runs.
+        """
+        self._runs = runs
+        self._known: dict[Path, set[EpisodeKey]] = {folder: set() for folder in runs}
+
+    def new_episodes(self) -> Iterator[tuple[str, CommittedEpisode]]:
+        """Episodes that were not given before, with the names of their runs."""
+        for folder, run in self._runs.items():
+            known = self._known[folder]
+            for episode in committed_episodes(folder, frozenset(known)):
+                known.add(episode.header.episode)
+                yield run, episode
+
+
+def _camera(specs: list[RunSpec]) -> tuple[Any, Any]:
+    """Robot and sensor of the runs.
+
+    Raises:
+        RunError: If they differ.
+    """
+    configs = [World(spec).config for spec in specs]
+    robot, sensor = configs[0].robot, configs[0].renderer.sensor
+    if any((config.robot, config.renderer.sensor) != (robot, sensor) for config in configs):
+        raise RunError("The fleets have different robots or sensors; train one policy for each.")
+    return robot, sensor
