@@ -1,5 +1,6 @@
 """How many cores collect and how many learn."""
 
+import os
 from dataclasses import dataclass
 
 
@@ -33,3 +34,8 @@ def split_cores(cores: int, *, scenes: int, collect_hz: float, train_hz: float, 
 def shared_out(collectors: int, scenes: int) -> list[int]:
     """Collectors of each scene: as even as it goes, one at least."""
     return [max(1, collectors // scenes + (number < collectors % scenes)) for number in range(scenes)]
+
+
+def cores_here() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -31,6 +31,8 @@ class Measured:
     """A measurement, and what it cost."""
 
     measurement: Measurement
+    folder: Path
+    """The policy."""
     episode_s: float
     """Time per episode [s]."""
 
@@ -41,7 +43,15 @@ class Measuring:
     def __init__(self, plan: Plan) -> None:
         self._plan = plan
 
-    def val(self, folder: Path, sha256: str, episodes: int, fraction: float) -> Measured:
+    def val(
+        self,
+        folder: Path,
+        sha256: str,
+        episodes: int,
+        fraction: float,
+        *,
+        check: Callable[[], None] = lambda: None,
+    ) -> Measured:
         """Success rates on the split val: of static and dynamic episodes, over all scenes.
 
         Args:
@@ -49,6 +59,7 @@ class Measuring:
             sha256: What the run calls it.
             episodes: Per task, shared out among the scenes.
             fraction: Share of the budget that is spent.
+            check: Called after each episode; what it raises ends the measurement.
 
         Raises:
             PolicyError: If the policy cannot be used.
@@ -57,7 +68,10 @@ class Measuring:
         each = max(1, -(-episodes // len(self._plan.places)))
         request = EvaluateRequest(methods=(Method.POLICY,), episodes=each, seed=self._plan.seed, split=Split.VAL)
         evaluators, begin_s = self._evaluators, time.monotonic()
-        replies = [handle_evaluate(dataclasses.replace(each, policy=policy), request) for each in evaluators]
+        replies = [
+            handle_evaluate(dataclasses.replace(evaluator, policy=policy), request, report=lambda _: check())
+            for evaluator in evaluators
+        ]
         records = [record for reply in replies for record in reply.records]
         measurement = Measurement(
             fraction=fraction,
@@ -66,7 +80,8 @@ class Measuring:
             static=success_rate(records, Task.STATIC),
             dynamic=success_rate(records, Task.DYNAMIC),
         )
-        return Measured(measurement=measurement, episode_s=(time.monotonic() - begin_s) / len(records))
+        episode_s = (time.monotonic() - begin_s) / len(records)
+        return Measured(measurement=measurement, folder=folder, episode_s=episode_s)
 
     def test(
         self, folder: Path, episodes: int, out: Path, report: Callable[[EpisodeRecord], None]

@@ -3,6 +3,7 @@
 import dataclasses
 import fcntl
 import json
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -49,6 +50,16 @@ class Place:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Budget:
+    """When learning ends, if not before because nothing improves any more."""
+
+    minutes: float = 60.0
+    """Of wall time, those of earlier commands included [min]."""
+    samples: int | None = None
+    """Samples that the trainer is shown, instead of minutes: the result then does not depend on the machine's load."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Plan:
     """What is learned, and where."""
 
@@ -56,8 +67,14 @@ class Plan:
     places: tuple[Place, ...]
     config: RunConfig
     learn: LearnConfig
+    budget: Budget
     avatars: Path | None
     seed: int
+
+    @property
+    def best(self) -> Path:
+        """The policy with the best measurement so far."""
+        return self.policy / "best"
 
     @property
     def policy(self) -> Path:
@@ -97,6 +114,7 @@ def make_plan(
     out: Path,
     config: RunConfig,
     learn: LearnConfig,
+    budget: Budget,
     *,
     avatars: Path | None,
     seed: int,
@@ -109,13 +127,15 @@ def make_plan(
     """
     if not scenes:
         raise RunError('Name a scene: a bundle, or "embedded".')
+    if not (0 < budget.minutes < math.inf and (budget.samples is None or budget.samples > 0)):
+        raise RunError(f"--minutes and --samples must be above 0, got {budget.minutes:g} and {budget.samples}.")
     places: list[Place] = []
     for scene in scenes:
         spec = make_spec(open_scene(scene), avatars, config, seed=seed, split=Split.TRAIN, static=False)
         name = _free_name(spec.metadata["scene"]["name"] or "scene", [place.name for place in places])
         folder = RunFolder(out / "data" / name)
         places.append(Place(name=name, scene=scene, spec=with_offers(spec, config, learn.mix), folder=folder))
-    plan = Plan(out=out, places=tuple(places), config=config, learn=learn, avatars=avatars, seed=seed)
+    plan = Plan(out=out, places=tuple(places), config=config, learn=learn, budget=budget, avatars=avatars, seed=seed)
     _check_folder(plan)
     for place in plan.places:
         place.folder.check(place.spec)

@@ -190,7 +190,7 @@ def _run(content: ReportContent) -> str:
     if run is None:
         return ""
     text = (
-        f"{run.episodes:,} episodes with {run.samples:,} samples in {run.wall_s:,.0f} s by {run.workers} workers: "
+        f"{run.episodes:,} episodes with {run.samples:,} samples in {run.wall_s:,.0f} s: "
         f"{run.samples_per_s:,.1f} samples per second."
     )
     return f"<p>{escape(text)}</p><div class=pair>{_cpu_table(run)}{_rejected_table(run)}</div>"

@@ -62,7 +62,6 @@ class RunNumbers:
     samples: int
     wall_s: float
     """Of the whole run, start and stop of its processes included [s]."""
-    workers: int
     rejected: Mapping[str, int] = field(default_factory=dict)
     """Episodes that were not recorded, by reason."""
     cpu_s_by_stage: Mapping[str, float] = field(default_factory=dict)

@@ -81,9 +81,7 @@ def test_scene_without_room_for_humans_is_refused_before_anything_is_written(tmp
     wide = dataclasses.replace(
         config.human_planner, clearance_m=5.0, route_clearance_m=5.0, preferred_clearance_m=5.0, attempts=1, searches=1
     )
-    with pytest.raises(
-        SceneError, match=r"^Scene embedded has no room for humans: of 40 scenarios none can"
-    ):
+    with pytest.raises(SceneError, match=r"^Scene embedded has no room for humans: of 40 scenarios none can"):
         plan_of(tmp_path / "run", dataclasses.replace(config, human_planner=wide))
     assert not (tmp_path / "run").exists()
 

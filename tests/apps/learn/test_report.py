@@ -67,7 +67,6 @@ def full_content(tmp_path: Path) -> ReportContent:
             episodes=4,
             samples=1000,
             wall_s=20.0,
-            workers=2,
             rejected={"no <way>": 1},
             cpu_s_by_stage={"render": 3.0, "expert": 1.0},
         ),
