@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from readygo.common.episode.metrics import wilson_interval
+
 EPISODES_MIN = 4
 """Of a measurement, per task: fewer say nothing."""
 MEASUREMENTS_MIN = 4
@@ -26,13 +28,9 @@ class Measurement:
 
     @property
     def score(self) -> float:
-        """The mean of both rates, drawn towards one half as if two more episodes of each task had ended one each way.
-
-        So four successes of four are worth less than nineteen of twenty.
-
-        Source: the rule of succession, Laplace 1814.
-        """
-        return (self.episodes * (self.static + self.dynamic) / 2 + 1) / (self.episodes + 2)
+        """The lower end of the 95 % interval of the mean of both rates: what few episodes say counts for less."""
+        low, _ = wilson_interval(round(self.episodes * (self.static + self.dynamic)), 2 * self.episodes)
+        return low
 
 
 def best_of(measurements: Sequence[Measurement]) -> int | None:

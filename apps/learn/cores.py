@@ -3,6 +3,9 @@
 import os
 from dataclasses import dataclass
 
+AHEAD_SAMPLES = 10_000
+"""Samples that may be recorded before they are learned from: those of the first minute, among others."""
+
 
 @dataclass(frozen=True)
 class Split:
@@ -34,6 +37,20 @@ def split_cores(cores: int, *, scenes: int, collect_hz: float, train_hz: float, 
 def shared_out(collectors: int, scenes: int) -> list[int]:
     """Collectors of each scene: as even as it goes, one at least."""
     return [max(1, collectors // scenes + (number < collectors % scenes)) for number in range(scenes)]
+
+
+def is_ahead(learned: int, recorded: int, reuse: float) -> bool:
+    """True while training keeps up with what is recorded, so that more is wanted.
+
+    Cores are whole, and on a machine that others use too a collector may get more of it than the trainer: what is
+    recorded beyond its `reuse` only takes time from training.
+
+    Args:
+        learned: Samples that the trainer was shown.
+        recorded: Samples in the shards.
+        reuse: How often each sample is to be learned from.
+    """
+    return learned >= reuse * (recorded - AHEAD_SAMPLES)
 
 
 def cores_here() -> int:

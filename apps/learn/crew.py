@@ -13,11 +13,13 @@ from readygo.apps.learn.cores import Split, shared_out
 from readygo.apps.learn.plan import Place, Plan
 from readygo.apps.learn.training import Training, write_trainer_config
 from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
-from readygo.common.errors import RunError
-from readygo.common.messages import StatusReply, topics
+from readygo.common.errors import BusError, RunError
+from readygo.common.messages import Command, ControlRequest, StatusReply, topics
 
 FROZEN_S = 120.0
 """A trainer that says nothing for so long is started anew [s]."""
+CONTROL_S = 2.0
+"""Longest wait for a coordinator to take a command [s]."""
 
 
 class Crew:
@@ -29,6 +31,8 @@ class Crew:
         self._plan, self._split = plan, split
         self._endpoint = free_endpoint()
         self._fleets: dict[str, Fleet] = {}
+        self._buses: list[ZenohBus] = []
+        self._collects = True
         self._open = contextlib.ExitStack()
         self._logs = plan.out / "logs"
 
@@ -85,6 +89,17 @@ class Crew:
             self._start_trainer()
         self._trainer.check()
 
+    def pace(self, wanted: bool) -> None:
+        """Let the collectors work, or have them wait."""
+        if wanted == self._collects:
+            return
+        self._collects = wanted
+        command = Command.RESUME if wanted else Command.PAUSE
+        for bus in self._buses:
+            # A coordinator that is just being started again hears the next one.
+            with contextlib.suppress(BusError):
+                bus.request(topics.CONTROL, ControlRequest(command=command), timeout_s=CONTROL_S)
+
     def split(self, split: Split) -> None:
         """Split the cores in another way: collectors come or go, the trainer goes on with other threads."""
         threads = self._split.trainer_threads
@@ -117,6 +132,7 @@ class Crew:
         self._open.enter_context(folder.locked())
         bus = ZenohBus(self._endpoint, spec.run)
         self._open.callback(bus.close)
+        self._buses.append(bus)
         bus.subscribe(topics.PROGRESS, partial(self.status.__setitem__, place.name))
         fleet = Fleet(connect=self._endpoint, run=spec.run, data=folder.path.resolve(), logs=folder.logs)
         self._fleets[place.name] = fleet

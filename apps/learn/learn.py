@@ -16,7 +16,7 @@ from readygo.apps.learn.report_content import Command, ReportContent, RunNumbers
 from readygo.apps.learn.supervise import Now, Supervisor
 from readygo.common.config import section_to_mapping
 from readygo.common.messages import StatusRequest
-from readygo.services import coordinator as coordination
+from readygo.services.coordinator.handlers import handle_status
 from readygo.services.evaluator import EpisodeRecord, EvaluateReply
 
 
@@ -101,7 +101,7 @@ def _numbers(learned: Learned) -> RunNumbers:
     cpu_s: Counter[str] = Counter()
     for place in learned.plan.places:
         coordinator = make_coordinator(place.folder)
-        status = coordination.handle_status(coordinator, StatusRequest())
+        status = handle_status(coordinator, StatusRequest())
         coordinator.ledger.close()
         episodes, samples = episodes + status.committed, samples + status.samples
         rejected.update(status.rejected)
@@ -121,9 +121,7 @@ def _commands(plan: Plan, scenes: tuple[str, ...], avatars: Path | None) -> tupl
     more = f"--minutes {2 * plan.budget.minutes:g}"
     return (
         Command(what="learn on", line=f"readygo learn {named}{options} {more} --out {plan.out}"),
-        Command(
-            what="measure", line=f"readygo evaluate {scenes[0]} {policy} --episodes 100 --out {plan.out / 'measured'}"
-        ),
+        Command(what="measure", line=f"readygo evaluate {scenes[0]} {policy} --episodes 100 --control-hz 4"),
         Command(what="check the data", line=f"readygo validate {data}"),
         Command(what="what they cover", line=f"readygo coverage {data} --out {plan.out / 'coverage'}"),
         Command(

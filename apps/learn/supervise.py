@@ -9,7 +9,7 @@ from pathlib import Path
 
 from readygo.apps.learn.background import Background
 from readygo.apps.learn.choice import Measurement, best_of, episodes_to_measure, has_stopped_rising
-from readygo.apps.learn.cores import Split, cores_here, split_cores
+from readygo.apps.learn.cores import Split, cores_here, is_ahead, split_cores
 from readygo.apps.learn.crew import Crew
 from readygo.apps.learn.curve import CurvePoint, load_curve, measurements_of, save_curve
 from readygo.apps.learn.measure import Measured, Measuring
@@ -132,6 +132,7 @@ class Supervisor:
             fraction = self._fraction(training)
             self._measure(crew, training, background, fraction)
             self._split_again(crew, training)
+            crew.pace(is_ahead(training.samples, crew.recorded, self._plan.learn.reuse))
             self._note(crew, training)
             self._let_fall(fraction)
             if now_s - saved_s > SAVE_S:

@@ -15,6 +15,7 @@ def test_later_one_of_equals_is_kept() -> None:
 
 def test_few_lucky_episodes_do_not_beat_many_good_ones() -> None:
     assert best_of([measured(0.1, 1.0, 1.0, episodes=4), measured(0.2, 0.95, 0.9, episodes=40)]) == 1
+    assert best_of([measured(0.1, 0.25, 0.0, episodes=4), measured(0.2, 0.15, 0.05, episodes=40)]) == 1
 
 
 def test_nothing_is_kept_before_anything_is_measured() -> None:

@@ -1,6 +1,6 @@
 import pytest
 
-from readygo.apps.learn.cores import Split, shared_out, split_cores
+from readygo.apps.learn.cores import Split, is_ahead, shared_out, split_cores
 
 
 def split(
@@ -35,3 +35,10 @@ def test_every_scene_has_a_collector_however_few_cores_there_are() -> None:
     assert shared_out(3, 3) == [1, 1, 1]
     assert shared_out(7, 3) == [3, 2, 2]
     assert shared_out(1, 2) == [1, 1]
+
+
+def test_collecting_waits_for_training_and_never_at_first() -> None:
+    assert is_ahead(learned=0, recorded=9_000, reuse=4.0)
+    assert not is_ahead(learned=0, recorded=11_000, reuse=4.0)
+    assert is_ahead(learned=40_000, recorded=20_000, reuse=4.0)
+    assert not is_ahead(learned=39_000, recorded=20_000, reuse=4.0)
