@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from readygo.apps.learn.config import LearnConfig
-from readygo.apps.learn.plan import Plan, learn_settings, locked, make_plan, read_state, write_state
+from readygo.apps.learn.plan import Budget, Plan, learn_settings, locked, make_plan, read_state, write_state
 from readygo.apps.run.config import RunConfig
 from readygo.apps.run.scene_argument import open_scene
 from readygo.common.errors import ReadygoError, RunError, SceneError
@@ -13,7 +13,8 @@ from readygo.common.robot import CameraConfig
 
 
 def plan_of(out: Path, config: RunConfig | None = None, scenes: tuple[str, ...] = ("embedded",), seed: int = 0) -> Plan:
-    return make_plan(scenes, out, config or learn_settings(None, None), LearnConfig(), avatars=None, seed=seed)
+    settings = config or learn_settings(None, None)
+    return make_plan(scenes, out, settings, LearnConfig(), Budget(minutes=1.0), avatars=None, seed=seed)
 
 
 def test_run_waits_for_policies_and_says_what_the_expert_would_do(tmp_path: Path) -> None:
