@@ -32,7 +32,7 @@ def train(
     /,
     *,
     out: Path,
-    minutes: float = 10.0,
+    minutes: float | None = None,
     samples: int | None = None,
     val: tuple[Path, ...] = (),
     val_scene: str = "",
@@ -41,8 +41,8 @@ def train(
     config: Path | None = None,
     learning_rate: float | None = None,
     batch_size: int | None = None,
-    seed: int = 0,
-    threads: int = 0,
+    seed: int | None = None,
+    threads: int | None = None,
     device: Literal["auto", "cpu", "cuda"] | None = None,
     memory_mb: int | None = None,
     cache_mb: int | None = None,
@@ -55,7 +55,7 @@ def train(
     Args:
         data: Data folders.
         out: Folder of the policy: encoder.onnx, head.onnx, policy.toml, metrics.json, loss.png and the checkpoint.
-        minutes: Processor time of each thread [min]; counts that of earlier runs into the same folder.
+        minutes: Processor time of each thread [min], 10 by default; counts that of earlier runs into the same folder.
         samples: Samples to be shown instead of minutes; the result is then reproducible.
         val: Data folders to validate on; by default a fifth of the episodes is held out.
         val_scene: Scene ("embedded" or a bundle) whose closed-loop success rate chooses the checkpoint; its time is
@@ -96,7 +96,7 @@ def train(
         dataset = _open(data)
         chosen = make_config(recipe or _default_recipe(dataset, console, quiet=json), config, **settings)
         origin = origin_of_data(data)
-        evaluate = closed_loop(val_scene, episodes=val_episodes, seed=seed, origin=origin) if val_scene else None
+        evaluate = closed_loop(val_scene, episodes=val_episodes, seed=seed or 0, origin=origin) if val_scene else None
         with _progress(console, quiet=json) as show:
             metrics = run_training(dataset, chosen, out, val=val, evaluate=evaluate, show=show)
         if metrics:

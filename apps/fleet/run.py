@@ -28,7 +28,14 @@ COORDINATOR_ABSENT_S = 60.0
 
 
 def record(
-    spec: RunSpec, out: Path, *, episodes: int, workers: int, listen: str = "", show: Show = lambda status: None
+    spec: RunSpec,
+    out: Path,
+    *,
+    episodes: int,
+    workers: int,
+    listen: str = "",
+    show: Show = lambda status: None,
+    together: bool = False,
 ) -> dict[str, Any]:
     """Do a run, or the rest of it.
 
@@ -39,6 +46,7 @@ def record(
         workers: Renderer or driver processes of the fleet; 0 does everything in this process.
         listen: Endpoint of the fleet's router; empty takes a free loopback port.
         show: Hears how far the run is, now and then.
+        together: True for workers that do all stages, see `places`.
 
     Returns:
         What was done and what it cost, as plain values.
@@ -57,7 +65,7 @@ def record(
         if workers == 0 or recorded == episodes:
             status = run_in_process(folder, show)
         else:
-            status = run_fleet(folder, workers, listen or free_endpoint(), show)
+            status = run_fleet(folder, workers, listen or free_endpoint(), show, together=together)
     if status.failed:
         raise RunError(f"{status.failed} ({status.committed} of {status.wanted} episodes are recorded.)")
     return _summary(out, status, samples_before, time.monotonic() - begin_s)

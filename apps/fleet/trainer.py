@@ -46,7 +46,8 @@ def train_beside(
     reader = Reader({folder: run for run, folder in zip([*buses, *map(str, data[len(buses) :])], data, strict=False)})
 
     def offer(request: Any) -> Any:
-        return [bus.request(topics.OFFER, request, timeout_s=OFFER_TIMEOUT_S) for bus in buses.values()][0]
+        replies = [bus.request(topics.OFFER, request, timeout_s=OFFER_TIMEOUT_S) for bus in buses.values()]
+        return replies[0]
 
     with load_trainer("train").training_threads(config):
         trainer: LiveTrainer = load_trainer("live").LiveTrainer(

@@ -81,7 +81,7 @@ def check_offer(files: Sequence[PolicyFile], config: RunConfig) -> None:
         try:
             check_policy(Path(name), config)
         except PolicyError as error:
-            raise PolicyError(str(error).replace(name, "The offered policy")) from error
+            raise PolicyError(str(error).replace(name, "the offered policy")) from error
 
 
 def check_policy(folder: Path, config: RunConfig) -> None:

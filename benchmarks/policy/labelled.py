@@ -27,6 +27,7 @@ from readygo.services.animator import handle_animate
 from readygo.services.driver import PolicyDriver, drive
 from readygo.services.planner import handle_human_plan
 from readygo.services.renderer import LiveCamera
+from readygo.services.trainer.config import NetworkConfig
 from readygo.services.trainer.export import export_policy
 from readygo.services.trainer.model import PolicyNet
 
@@ -56,7 +57,7 @@ def untrained_policy() -> Policy:
     torch.manual_seed(0)
     robot = RobotConfig()
     with tempfile.TemporaryDirectory() as folder:
-        export_policy(PolicyNet(robot).eval(), PolicySpec(robot=robot), Path(folder))
+        export_policy(PolicyNet(robot, NetworkConfig()).eval(), PolicySpec(robot=robot), Path(folder))
         return load_policy(folder)
 
 

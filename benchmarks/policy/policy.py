@@ -3,13 +3,14 @@
     python -m readygo.benchmarks.policy.policy cost
     ... learn --minutes 10 --out FOLDER
 
-cost: parameters, training samples per second, and milliseconds per control step of the exported policy (thread CPU
-time, one thread).
+cost: parameters, training samples and frames per second, and milliseconds per control step of the exported policy, of
+the recipe `best` beside the network for full images in float32 (CPU time of one thread; the recipes take turns).
 learn: trains on an expert's episodes in toy rooms (`toy_rooms.py`), then drives in the same rooms between new starts
 and goals, beside an expert and a straight line.
 """
 
 import argparse
+import dataclasses
 import json
 import math
 import os
@@ -26,45 +27,93 @@ from readygo.common.episode.metrics import wilson_interval
 from readygo.common.episode.straight_line import straight_line_command
 from readygo.common.policy import Policy, load_policy
 from readygo.common.robot import RobotConfig
-from readygo.services.trainer import TrainConfig, paper_recipe
-from readygo.services.trainer.train import train
+from readygo.services.trainer import RECIPES, TrainConfig, with_overrides
+from readygo.services.trainer.export import export_policy
+from readygo.services.trainer.model import parameter_count
+from readygo.services.trainer.parts import build_parts, timing_of
+from readygo.services.trainer.run import TrainRun
+from readygo.services.trainer.samples import draw_samples, make_batch
+from readygo.services.trainer.train import train, training_threads
 
 ROOMS_SEED, BOXES = 3, 28
 
 
-def measure_cost(threads: int) -> dict:
-    """Parameters, training speed and latency."""
+def measure_cost(samples: int) -> list[dict]:
+    """Parameters, training speed and latency on one thread, of the network for full images in float32 and of `best`.
+
+    The two take turns, so that a busy machine slows both.
+    """
     rooms = make_rooms(RobotConfig(), seed=ROOMS_SEED, boxes=BOXES)
     source = record(rooms, 6, seed=0)
-    with tempfile.TemporaryDirectory() as folder:
-        config = TrainConfig(epochs=2, threads=threads, validation_samples=50, validate_every_steps=10**6)
-        cpu_s, wall_s = time.process_time(), time.monotonic()
-        metrics = train(source, config, Path(folder))
-        cpu_s, wall_s = time.process_time() - cpu_s, time.monotonic() - wall_s
-        policy = load_policy(folder)
-    return {
-        "parameters": metrics["parameters"],
-        "threads": threads,
-        "train_samples_per_s": round(metrics["samples_per_s"], 1),
-        "train_samples_per_cpu_s": round(metrics["samples_seen"] / cpu_s, 1),
-        "train_wall_s": round(wall_s, 1),
-        **measure_latency(policy, source.images[:40]),
+    recipes = {
+        "fast, float32": dataclasses.replace(RECIPES["fast"](), precision="fp32"),
+        "best, float32": dataclasses.replace(RECIPES["best"](), precision="fp32"),
+        "best": RECIPES["best"](),
     }
+    with tempfile.TemporaryDirectory() as folder:
+        runs = {
+            name: open_run(source, with_overrides(config, threads=1, samples=10**9), Path(folder) / name)
+            for name, config in recipes.items()
+        }
+        with training_threads(TrainConfig(threads=1)):
+            measured = measure_speed(runs, samples)
+        first = measured[0]["samples_per_s"]
+        for row in measured:
+            export_policy(runs[row["recipe"]].learner.average, runs[row["recipe"]].spec, Path(folder) / "policy")
+            row |= measure_latency(load_policy(Path(folder) / "policy"), source.images[:40])
+            row["ratio"] = round(row["samples_per_s"] / first, 2)
+    return measured
+
+
+def open_run(source, config: TrainConfig, out: Path) -> TrainRun:
+    """A training run that nothing was done for so far."""
+    return TrainRun(build_parts(source, None, config), source.robot, source.sensor, config, out, data={})
+
+
+def measure_speed(runs: dict[str, TrainRun], samples: int, rounds: int = 3) -> list[dict]:
+    """Samples and frames per second of processor time, validation included, decoded frames in memory."""
+    spent_s = dict.fromkeys(runs, 0.0)
+    for run in runs.values():
+        run.training.frames.get(run.training.table, np.arange(len(run.training.table)))
+        run.step()
+    begun = {name: run.samples_seen for name, run in runs.items()}
+    for turn in range(rounds):
+        for name, run in runs.items():
+            begin_s = time.process_time()
+            while run.samples_seen - begun[name] < samples * (turn + 1) / rounds:
+                run.step()
+            if turn == rounds - 1:
+                run.validate()
+            spent_s[name] += time.process_time() - begin_s
+    return [
+        {
+            "recipe": name,
+            "parameters": parameter_count(run.learner.model),
+            "samples_per_s": round((run.samples_seen - begun[name]) / spent_s[name], 1),
+            "frames_per_s": round((run.samples_seen - begun[name]) / spent_s[name] * frames_per_sample(run), 1),
+        }
+        for name, run in runs.items()
+    ]
+
+
+def frames_per_sample(run: TrainRun) -> float:
+    """Distinct frames in a batch, per sample."""
+    sampling, table, rng = run.config.sampling, run.training.table, np.random.default_rng(0)
+    timing = timing_of(run.spec.robot, run.config)
+    shape = {"batch_size": sampling.batch_size, "chain_length": sampling.chain_length}
+    batches = [draw_samples(table, **shape, spacing_steps=timing.spacing_steps, rng=rng) for _ in range(20)]
+    return sum(len(make_batch(rows, table.first, timing).frames) / len(rows) for rows in batches) / len(batches)
 
 
 def measure_latency(policy: Policy, images: list) -> dict:
     """Milliseconds of thread CPU time per control step."""
     frames, goals = np.stack(images), np.array([[4.0, 1.0]], np.float32)
-    previous = np.zeros((1, 2), np.float32)
-    latent = policy.encode(frames[:1])
+    previous, memory = np.zeros((1, 2), np.float32), policy.start()
+    policy.step([memory], frames[:1], previous, goals)
     begin_s = time.thread_time()
-    policy.encode(frames)
-    encode_ms = (time.thread_time() - begin_s) / len(frames) * 1e3
-    begin_s = time.thread_time()
-    for _ in range(200):
-        policy.act(np.tile(latent, (1, 3)), previous, goals)
-    head_ms = (time.thread_time() - begin_s) / 200 * 1e3
-    return {"encode_ms": round(encode_ms, 2), "head_ms": round(head_ms, 3), "step_ms": round(encode_ms + head_ms, 2)}
+    for frame in frames:
+        policy.step([memory], frame[None], previous, goals)
+    return {"step_ms": round((time.thread_time() - begin_s) / len(frames) * 1e3, 2)}
 
 
 def measure_learning(config: TrainConfig, episodes: int, drives: int, out: Path) -> dict:
@@ -119,6 +168,7 @@ def main() -> None:
     """Measure and print one JSON line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=("cost", "learn"))
+    parser.add_argument("--samples", type=int, default=3000, help="of each recipe, to measure its cost")
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--episodes", type=int, default=40)
@@ -127,10 +177,10 @@ def main() -> None:
     parser.add_argument("--out", type=Path, help="keep the policy in this folder")
     args = parser.parse_args()
     if args.what == "cost":
-        result = measure_cost(args.threads or 1)
+        result = measure_cost(args.samples)
     else:
-        config = TrainConfig(minutes=args.minutes, threads=args.threads)
-        config = paper_recipe(config) if args.paper else config
+        recipe = RECIPES["paper" if args.paper else "fast"]()
+        config = with_overrides(recipe, minutes=args.minutes, threads=args.threads)
         with tempfile.TemporaryDirectory() as folder:
             result = measure_learning(config, args.episodes, args.drives, args.out or Path(folder))
     print(json.dumps(result))

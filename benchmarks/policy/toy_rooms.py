@@ -5,13 +5,16 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.camera import SensorConfig
 from readygo.common.episode import EpisodeConfig
 from readygo.common.frames import goal_in_robot_frame
 from readygo.common.kernels import compiled
 from readygo.common.messages import EpisodeKey, Split
+from readygo.common.messages.plan import Driver, Outcome
 from readygo.common.robot import RobotConfig, limit_command, step_unicycle
 from readygo.common.robot.kinematics import DT_S
 
@@ -193,6 +196,10 @@ class ToyEpisode:
     episode: EpisodeKey
     first_sample: int
     sample_count: int
+    sha256: str
+    driver: Driver = Driver.EXPERT
+    outcome: Outcome = Outcome.SUCCESS
+    policy: str = ""
 
 
 @dataclass
@@ -206,10 +213,19 @@ class ToyDataset:
     images: list[npt.NDArray[np.uint8]]
     robot: RobotConfig
     content_hash: str = "toy"
+    sensor: SensorConfig = field(default_factory=SensorConfig)
+    has_expert: bool = False
 
-    def decode(self, index: int) -> npt.NDArray[np.uint8]:
-        """Image of a sample."""
-        return self.images[index]
+    @property
+    def truth(self) -> npt.NDArray[np.void]:
+        """There are no humans."""
+        truth = np.zeros(len(self.actions), [("human_distance_m", np.float64), ("human_visible", np.bool_)])
+        truth["human_distance_m"] = np.inf
+        return truth
+
+    def image(self, index: int) -> bytes:
+        """Encoded image of a sample."""
+        return cv2.imencode(".jpg", self.images[index][:, :, ::-1])[1].tobytes()
 
 
 def record(rooms: Rooms, count: int, *, seed: int) -> ToyDataset:
@@ -220,7 +236,7 @@ def record(rooms: Rooms, count: int, *, seed: int) -> ToyDataset:
         outcome, records = drive(rooms, task, lambda i, g, p, pose, c=task.cost: expert_command(c, pose, rooms.robot))
         if outcome == "success":
             key = EpisodeKey(seed=seed, split=Split.TRAIN, index=len(episodes))
-            episodes.append(ToyEpisode(key, len(rows), len(records)))
+            episodes.append(ToyEpisode(key, len(rows), len(records), f"toy-{key.episode_id}"))
             rows += records
     images, goals, actions, poses = zip(*rows, strict=True)
     return ToyDataset(

@@ -17,45 +17,7 @@ from typing import Any
 from readygo.common.errors import RunError
 from readygo.common.messages import FileRef, PolicyRef, Stage, VerdictStatus
 from readygo.common.messages.stages import EXPERT_LINE
-
-_SCHEMA = """
-CREATE TABLE IF NOT EXISTS episode (
-    idx INTEGER PRIMARY KEY,
-    stage TEXT NOT NULL,
-    state TEXT NOT NULL CHECK (state IN ('waiting', 'leased', 'granted', 'committed', 'rejected')),
-    attempt INTEGER NOT NULL DEFAULT 0,
-    failures INTEGER NOT NULL DEFAULT 0,
-    worker TEXT NOT NULL DEFAULT '',
-    deadline_s REAL NOT NULL DEFAULT 0,
-    recorder TEXT NOT NULL DEFAULT '',
-    reason TEXT NOT NULL DEFAULT '',
-    shard TEXT NOT NULL DEFAULT '',
-    samples INTEGER NOT NULL DEFAULT 0
-);
-CREATE INDEX IF NOT EXISTS by_state ON episode (state, stage, idx);
-CREATE TABLE IF NOT EXISTS result (
-    idx INTEGER NOT NULL,
-    stage TEXT NOT NULL,
-    sha256 TEXT NOT NULL,
-    PRIMARY KEY (idx, stage)
-);
-CREATE TABLE IF NOT EXISTS counter (name TEXT PRIMARY KEY, value REAL NOT NULL);
-CREATE TABLE IF NOT EXISTS run (key TEXT PRIMARY KEY, value TEXT NOT NULL);
-CREATE TABLE IF NOT EXISTS policy (
-    version INTEGER PRIMARY KEY,
-    sha256 TEXT NOT NULL UNIQUE,
-    files TEXT NOT NULL,
-    samples INTEGER NOT NULL,
-    wall_ns INTEGER NOT NULL
-);
-"""
-_ADDED = {
-    "policy": "TEXT NOT NULL DEFAULT ''",
-    "driven_by": "TEXT NOT NULL DEFAULT ''",
-    "assigned": "TEXT",
-}
-"""Columns of `episode` that ledgers of earlier versions lack: the policy leased with the present attempt, the one that
-drove the durable attempt, and the one that shall drive whatever is the newest."""
+from readygo.services.coordinator.schema import open_database
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,15 +64,7 @@ class Ledger:
         self._stages = tuple(stages)
         self._lock = threading.RLock()
         with self._worded():
-            self._db = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
-            self._db.execute("PRAGMA journal_mode = WAL")
-            # NORMAL loses at most the latest leases in a power cut; grants are confirmed again by the recorder's own
-            # files.
-            self._db.execute("PRAGMA synchronous = NORMAL")
-            self._db.executescript(_SCHEMA)
-            present = {row[1] for row in self._db.execute("PRAGMA table_info(episode)")}
-            for column in _ADDED.keys() - present:
-                self._db.execute(f"ALTER TABLE episode ADD COLUMN {column} {_ADDED[column]}")
+            self._db = open_database(path)
 
     def close(self) -> None:
         """Close the file."""

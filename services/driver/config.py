@@ -11,13 +11,13 @@ class DriverConfig:
 
     disturbed: float = 0.0
     """Share of the expert's episodes in which it is disturbed, 0..1."""
-    push: float = 0.8
-    """Standard deviation of the pushes, of the robot's largest changes of speed and yaw rate; above 1 the robot cannot
-    always resist."""
+    push: float = 0.5
+    """Standard deviation of the pushes, as a multiple of the largest changes of speed and yaw rate that the robot can
+    make: what is above 1 it cannot resist."""
     push_time_s: float = 0.5
     """How long a push lasts: the correlation time of an Ornstein-Uhlenbeck process [s]."""
     late_max_s: float = 0.3
-    """The expert's commands come this late at most, drawn per episode [s]."""
+    """The robot does now what the expert planned for now this long ago at most; drawn per episode [s]."""
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.disturbed <= 1.0:

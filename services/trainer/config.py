@@ -119,7 +119,7 @@ class TrainConfig:
 
     minutes: Positive = 10.0
     """Processor time of each training thread; runs that continue count that of the earlier ones [min]."""
-    samples: Annotated[int, Range(low=1)] | None = None
+    samples: int | None = None
     """Samples to be shown instead of `minutes`; the result is then a function of data, config and threads."""
     seed: Annotated[int, Range(low=0)] = 0
     threads: Annotated[int, Range(low=0)] = 0
@@ -147,6 +147,8 @@ class TrainConfig:
 
     def __post_init__(self) -> None:
         check_ranges(self)
+        if self.samples is not None and self.samples < 1:
+            raise ValueError(f"samples must be at least 1, got {self.samples}.")
 
 
 def fast_recipe() -> TrainConfig:

@@ -24,8 +24,8 @@ class Schedule:
         return min(1.0, self.decay_from / (1 - self.config.decay_share))
 
     def begin_decay(self, fraction: float) -> None:
-        """Begin the fall now, unless it has begun; the run then ends as much earlier."""
-        if self.decay_from is None and fraction < 1 - self.config.decay_share:
+        """Begin the fall now, unless it has begun or nothing is spent; the run then ends as much earlier."""
+        if self.decay_from is None and 0 < fraction < 1 - self.config.decay_share:
             self.decay_from = fraction
 
     def rate(self, step: int, fraction: float) -> float:

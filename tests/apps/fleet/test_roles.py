@@ -24,3 +24,12 @@ def test_role_of_two_stages_is_one_worker() -> None:
         ("painter", "painter0"),
         ("cam", "cam0"),
     ]
+
+
+def test_workers_of_all_stages_take_the_place_of_the_others() -> None:
+    assert places(SPEC, ("rec0",), 2, together=True) == [
+        ("coordinator", "coordinator"),
+        ("recorder", "rec0"),
+        ("all", "all0"),
+        ("all", "all1"),
+    ]

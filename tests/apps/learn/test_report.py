@@ -134,7 +134,7 @@ def test_images_in_the_page_decode(tmp_path: Path) -> None:
     images = re.findall(r"data:image/(?:png|jpeg);base64,([A-Za-z0-9+/=]+)", html)
     shapes = [cv2.imdecode(np.frombuffer(base64.b64decode(i), np.uint8), cv2.IMREAD_COLOR).shape for i in images]
     assert shapes[2] == (14, 25, 3)
-    assert len(shapes) == 3
+    assert len(shapes) == 4
 
 
 def test_report_appears_complete_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,13 +7,13 @@ from readygo.apps.fleet.worker import make_coordinator
 from readygo.apps.run.config import RunConfig, resolved_sections
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.identity import identity, numeric_class, run_name
-from readygo.apps.run.policy import with_policy
+from readygo.apps.run.policy import with_expert, with_offers, with_policy
 from readygo.apps.run.world import World
 from readygo.common.bus import InProcessBus
 from readygo.common.camera import SensorConfig
 from readygo.common.dataset.provenance import Provenance
 from readygo.common.errors import PolicyError, RunError
-from readygo.common.messages import RunSpec, decode, encode
+from readygo.common.messages import PolicyRef, RunSpec, decode, encode
 from readygo.common.messages.stages import DRIVE_LINE
 from readygo.services.coordinator import attach
 from readygo.services.renderer import RendererConfig
@@ -104,3 +104,18 @@ def test_policy_that_was_trained_on_since_the_run_began_is_refused(spec: RunSpec
     (policy / "policy.toml").write_text((policy / "policy.toml").read_text() + "\n[training.extra]\n")
     with pytest.raises(RunError, match=r"Policy .*policy has changed since the run began; record into a new folder"):
         World(spec).policy(spec.policy)
+
+
+def test_run_that_takes_policies_has_none_yet(spec: RunSpec) -> None:
+    live = with_offers(dataclasses.replace(spec, policy=None), CONFIG, 0.25)
+    assert (live.stages, live.policy) == (DRIVE_LINE, PolicyRef(path="", files=(), mix=0.25))
+    assert "onnxruntime-" in live.metadata["numeric_class"]
+    assert len({live.run, spec.run, with_offers(spec, CONFIG, 0.5).run}) == 3
+    with pytest.raises(PolicyError, match=r"mix must be 0\.\.1"):
+        with_offers(spec, CONFIG, 1.5)
+
+
+def test_run_of_the_expert_alone_may_have_the_drive_line() -> None:
+    driven = with_expert(SPEC)
+    assert (driven.stages, driven.policy) == (DRIVE_LINE, None)
+    assert driven.run != run_name(SPEC)

@@ -39,8 +39,8 @@ def write_policy(folder: Path) -> Path:
     rng = np.random.default_rng(0)
     pixels = CAMERA.height_px * CAMERA.width_px * 3
     encoder = rng.normal(0, 0.01, (pixels, 20)).astype(np.float32)
-    head = rng.normal(0, 0.1, (64, 2)).astype(np.float32)
+    head = rng.normal(0, 0.1, (70, 2)).astype(np.float32)
     linear_graph(folder / "encoder.onnx", "image", TensorProto.UINT8, (8, 10, 3), "latent", encoder)
-    linear_graph(folder / "head.onnx", "features", TensorProto.FLOAT, (64,), "action", head)
+    linear_graph(folder / "head.onnx", "features", TensorProto.FLOAT, (70,), "action", head)
     save_spec(PolicySpec(robot=ROBOT), folder)
     return folder

@@ -3,6 +3,7 @@ import pytest
 from readygo.common.camera import SensorConfig
 from readygo.common.errors import PolicyError
 from readygo.common.policy import PolicySpec, load_spec, save_spec
+from readygo.common.policy.artifact import FIRST_INPUTS, Fusion, MotionInput, PolicyInputs
 from readygo.common.robot import CameraConfig, RobotConfig
 
 SENSOR = SensorConfig(k1=(-0.1, 0.1), exposure_s=(0.0, 0.01))
@@ -35,6 +36,8 @@ def test_policy_of_before_it_named_lens_and_sensor_still_loads(tmp_path):
     camera = CameraConfig(height_px=90, width_px=160, horizontal_fov_deg=80.0, mount_height_m=0.4)
     assert spec.robot == RobotConfig(camera=camera)
     assert spec.sensor == SensorConfig()
+    assert spec.inputs == FIRST_INPUTS
+    assert spec.inputs.feature_count == 64
 
 
 def test_camera_with_given_intrinsics_comes_back(tmp_path):
@@ -48,7 +51,8 @@ def test_camera_with_given_intrinsics_comes_back(tmp_path):
 def test_spec_comes_back_as_it_was_written(tmp_path):
     robot = RobotConfig(v_max_mps=0.7, camera=CameraConfig(height_px=90, width_px=160))
     training = {"data_sha256": 'ab"c\\d', "episodes": 40, "config": {"minutes": 1e-5, "live": False}, "seeds": [1, 2]}
-    spec = PolicySpec(robot=robot, sensor=SENSOR, frame_spacing_s=0.25, training=training)
+    inputs = PolicyInputs(fusion=Fusion.EARLY, latent_count=64, motion=MotionInput.COMMAND)
+    spec = PolicySpec(robot=robot, sensor=SENSOR, frame_spacing_s=0.25, inputs=inputs, training=training)
     save_spec(spec, tmp_path)
     assert load_spec(tmp_path) == spec
     assert [path.name for path in tmp_path.iterdir()] == ["policy.toml"]
@@ -66,6 +70,7 @@ def test_missing_folder_says_what_to_give(tmp_path):
         ('format = "readygo-policy/9"', "readygo-policy/9"),
         ('format = "readygo-policy/1"', "robot"),
         ('format = "readygo-policy/1"\nframe_spacing_s = 0.5\n[robot]\nwheels = 4', "wheels"),
+        ('format = "readygo-policy/2"\nframe_spacing_s = 0.5\n[robot]', "inputs"),
         ('format = "readygo-policy/1"\nframe_spacing_s = 0.33\n[robot]', "frame_spacing_s"),
     ],
 )

@@ -5,13 +5,14 @@ import sys
 import numpy as np
 import onnx
 import pytest
-from onnx import numpy_helper
+from onnx import TensorProto, numpy_helper
 
 from readygo.common.camera import SensorConfig
 from readygo.common.errors import PolicyError
 from readygo.common.policy import PolicyMemory, PolicySpec, check_policy_camera, load_policy, save_spec
+from readygo.common.policy.motion import odometry, own_motion
 from readygo.common.robot import CameraConfig, RobotConfig
-from tests.common.policy.artifacts import CAMERA, ROBOT, write_policy
+from tests.common.policy.artifacts import CAMERA, ROBOT, linear_graph, write_policy
 
 
 @pytest.fixture
@@ -34,15 +35,28 @@ def test_memory_sees_now_and_one_and_two_spacings_ago():
     memory = PolicyMemory(10)
     for step in range(31):
         window = memory.push(np.full(20, step, np.float32))
-    assert window.reshape(3, 20)[:, 0].tolist() == [10, 20, 30]
+    assert [latent[0] for latent in window] == [10, 20, 30]
 
 
 def test_memory_repeats_the_first_frame_at_the_start():
     memory = PolicyMemory(10)
-    windows = [memory.push(np.full(20, step, np.float32)).reshape(3, 20)[:, 0].tolist() for step in range(13)]
+    windows = [[int(latent[0]) for latent in memory.push(np.full(20, step))] for step in range(13)]
     assert windows[0] == [0, 0, 0]
     assert windows[9] == [0, 0, 9]
     assert windows[12] == [0, 2, 12]
+
+
+@pytest.mark.parametrize("latency", [0, 3])
+def test_memory_knows_where_the_older_frames_were_taken(latency):
+    rng = np.random.default_rng(0)
+    commands = rng.uniform((0, -1), (1, 1), (40, 2)).astype(np.float32)
+    poses, memory = odometry(commands), PolicyMemory(6, latency)
+    for step in range(40):
+        features = memory.move(commands[step - 1] if step else np.zeros(2, np.float32))
+        rows = [max(step - latency - back, 0) for back in (12, 6)]
+        previous = commands[step - 1] if step else np.zeros(2, np.float32)
+        expected = own_motion(poses[None, rows], poses[step][None], previous[None])[0]
+        assert np.allclose(features, expected, atol=1e-6)
 
 
 def test_step_equals_encode_and_act_of_each_episode(folder):
@@ -50,18 +64,30 @@ def test_step_equals_encode_and_act_of_each_episode(folder):
     previous, goals = np.array([[0.2, 0.1], [0.5, -0.3]], np.float32), np.array([[3, 1], [2, -1]], np.float32)
     actions = policy.step([policy.start(), policy.start()], seen, previous, goals)
     windows = np.tile(policy.encode(seen), (1, 3))
-    assert np.array_equal(actions, policy.act(windows, previous, goals))
+    motion = np.concatenate([np.zeros((2, 6), np.float32), previous], axis=1)
+    assert np.array_equal(actions, policy.act(windows, motion, goals))
     assert not np.array_equal(actions[0], actions[1])
 
 
-def test_head_sees_latents_then_previous_action_then_goal(folder):
+def test_head_sees_latents_then_motion_then_goal(folder):
     policy = load_policy(folder)
     weight = numpy_helper.to_array(onnx.load(folder / "head.onnx").graph.initializer[0])
-    zeros = np.zeros((1, 2), np.float32)
-    by_previous = policy.act(np.zeros((1, 60), np.float32), np.array([[1, 0]], np.float32), zeros)
-    by_goal = policy.act(np.zeros((1, 60), np.float32), zeros, np.array([[0, 1]], np.float32))
-    assert np.allclose(by_previous[0], weight[60])
-    assert np.allclose(by_goal[0], weight[63])
+    latents, motion, goal = np.zeros((1, 60)), np.zeros((1, 8)), np.zeros((1, 2))
+    motion[0, 6] = 1
+    assert np.allclose(policy.act(latents, motion, goal)[0], weight[66])
+    assert np.allclose(policy.act(latents, 0 * motion, np.array([[0, 1]]))[0], weight[69])
+
+
+def test_policy_of_the_first_format_is_given_the_previous_action(tmp_path):
+    folder = write_policy(tmp_path)
+    head = np.random.default_rng(1).normal(0, 0.1, (64, 2)).astype(np.float32)
+    linear_graph(folder / "head.onnx", "features", TensorProto.FLOAT, (64,), "action", head)
+    text = (folder / "policy.toml").read_text().replace("readygo-policy/2", "readygo-policy/1")
+    (folder / "policy.toml").write_text(text)
+    policy, seen = load_policy(folder), images(1)
+    previous, goals = np.array([[0.2, 0.1]], np.float32), np.array([[3, 1]], np.float32)
+    features = np.concatenate([np.tile(policy.encode(seen), (1, 3)), previous, goals], axis=1)
+    assert np.allclose(policy.step([policy.start()], seen, previous, goals), features @ head, atol=1e-5)
 
 
 def test_images_of_another_size_are_refused(folder):

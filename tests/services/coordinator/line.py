@@ -1,15 +1,21 @@
 """A run on a bus, driven by hand."""
 
 import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
 
 from readygo.common.bus import InProcessBus
+from readygo.common.errors import PolicyError
 from readygo.common.messages import (
     ClaimReply,
     ClaimRequest,
     CompleteRequest,
     DoneRequest,
     GrantRequest,
+    OfferReply,
+    OfferRequest,
+    PolicyFile,
+    PolicyRef,
     Stage,
     StatusReply,
     StatusRequest,
@@ -25,19 +31,36 @@ class Line:
     """A coordinator on an in-process bus with a hand-set clock."""
 
     def __init__(
-        self, folder: Path, wanted: int = 3, stages: tuple[Stage, ...] = EXPERT_LINE, **settings: object
+        self,
+        folder: Path,
+        wanted: int = 3,
+        stages: tuple[Stage, ...] = EXPERT_LINE,
+        policy: PolicyRef | None = None,
+        **settings: object,
     ) -> None:
         self.now_s = 0.0
+        self.refused = ""
+        """Why offered policies cannot drive; empty if they can."""
         self.bus = InProcessBus()
         self.coordinator = Coordinator(
-            spec=dataclasses.replace(SPEC, stages=stages),
+            spec=dataclasses.replace(SPEC, stages=stages, policy=policy),
             wanted=wanted,
             ledger=Ledger(folder / "ledger.sqlite", stages),
             blobs=BlobStore(folder / "blobs"),
             config=CoordinatorConfig(**settings),  # type: ignore[arg-type]
+            check_policy=self._check_policy,
             clock=lambda: self.now_s,
         )
         attach(self.bus, self.coordinator)
+
+    def _check_policy(self, files: Sequence[PolicyFile]) -> None:
+        if self.refused:
+            raise PolicyError(self.refused)
+
+    def offer(self, **files: bytes) -> OfferReply:
+        """Offer a policy of these files."""
+        request = OfferRequest(files=tuple(PolicyFile(name=name, data=data) for name, data in files.items()))
+        return self.bus.request(topics.OFFER, request)
 
     def claim(self, stage: Stage, worker: str = "w", numeric_class: str = "") -> ClaimReply:
         request = ClaimRequest(worker=worker, numeric_class=numeric_class)
@@ -67,10 +90,10 @@ class Line:
         request = GrantRequest(recorder="rec0", index=claim.episode.index, attempt=claim.attempt)
         return self.bus.request(topics.GRANT, request).status
 
-    def done(self, claim: ClaimReply) -> VerdictStatus:
+    def done(self, claim: ClaimReply, policy: str = "") -> VerdictStatus:
         assert claim.episode is not None
         request = DoneRequest(
-            recorder="rec0", index=claim.episode.index, attempt=claim.attempt, shard="s", sample_count=10
+            recorder="rec0", index=claim.episode.index, attempt=claim.attempt, shard="s", sample_count=10, policy=policy
         )
         return self.bus.request(topics.DONE, request).status
 

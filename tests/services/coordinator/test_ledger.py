@@ -4,9 +4,7 @@ from pathlib import Path
 import pytest
 
 from readygo.common.errors import RunError
-from readygo.common.messages import (
-    VerdictStatus,
-)
+from readygo.common.messages import FileRef, PolicyRef, Stage, VerdictStatus
 from readygo.common.messages.stages import ANIMATE, HUMAN_PLAN, RENDER, ROBOT_PLAN
 from readygo.services.coordinator import Ledger
 
@@ -137,4 +135,28 @@ def test_full_disk_is_said_in_one_line_and_undoes_the_step(tmp_path: Path) -> No
     with pytest.raises(RunError, match="database or disk is full; if the disk is full, free some space"):
         ledger.open_episodes(10_000)
     assert ledger.waiting() == {"human-plan": 3}
+    ledger.close()
+
+
+def _policy(sha256: str) -> PolicyRef:
+    return PolicyRef(path="", files=(FileRef(path="head", sha256=sha256, size=4),), mix=0.5)
+
+
+def test_offers_are_numbered_and_say_when_they_came(ledger: Ledger) -> None:
+    first, second = ledger.offer(_policy("a"), 10), ledger.offer(_policy("b"), 20)
+    assert ledger.offer(_policy("a"), 30) == first
+    assert ledger.policies() == (first, second)
+    assert (first.version, first.files, first.wall_ns) == (1, _policy("a").files, 10)
+    assert (second.version, second.sha256) == (2, _policy("b").sha256)
+
+
+def test_assigned_policy_goes_before_the_newest(tmp_path: Path) -> None:
+    film = Stage(name="film", role="camera", records=True)
+    ledger = Ledger(tmp_path / "ledger.sqlite", (film,))
+    old, new = ledger.offer(_policy("a"), 1), ledger.offer(_policy("b"), 2)
+    ledger.assign({0: old.sha256, 3: ""})
+    ledger.assign({0: new.sha256, 3: new.sha256})
+    ledger.open_episodes(3)
+    leases = [ledger.claim(film, "w", 10.0) for _ in range(3)]
+    assert [(lease.index, lease.policy) for lease in leases if lease] == [(0, old.sha256), (3, ""), (4, new.sha256)]
     ledger.close()

@@ -8,7 +8,7 @@ from readygo.common.episode import EpisodeConfig, EpisodeSimulation
 from readygo.common.maps import GridFrame, OccupancyMap
 from readygo.common.messages import Driver, EpisodeKey, EpisodeMotions, Outcome, Scenario, Split
 from readygo.common.robot import RobotConfig
-from readygo.services.driver import AHEAD_STEPS, PolicyDriver, drive, driver_of
+from readygo.services.driver import AHEAD_STEPS, Disturbance, DriverConfig, PolicyDriver, drive, driver_of
 
 START_X_M = 2.0
 
@@ -118,6 +118,20 @@ def test_policy_drives_and_the_expert_is_asked_all_the_same(make_simulation: Cal
     assert [previous for _, previous in policy.given[1:]] == [
         tuple(np.float32(row).tolist()) for row in driven.trajectory.actions[:-1]
     ]
+
+
+def test_disturbed_expert_says_what_it_would_do_at_the_states_that_it_comes_to(
+    make_simulation: Callable[..., EpisodeSimulation],
+) -> None:
+    simulation, expert = make_simulation(time_limit_s=1.0), _Expert()
+    disturbance = Disturbance(simulation.scenario.episode, DriverConfig(push=2.0), simulation.robot)
+    driven = drive(simulation, expert, _Camera(simulation), disturbance=disturbance)
+    assert expert.asked_at == list(range(20))
+    executed = driven.trajectory.actions
+    assert not np.array_equal(executed, [commands[0] for commands in driven.expert_commands])
+    before = np.vstack([np.zeros(2), executed])
+    for commands, speeds in zip(driven.expert_commands, before[:-1], strict=True):
+        assert abs(commands[0][1] - speeds[1]) <= 0.15 + 1e-9
 
 
 def test_share_of_the_policys_episodes_is_the_mix_and_depends_on_the_key_alone() -> None:

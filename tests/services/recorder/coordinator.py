@@ -1,6 +1,6 @@
 """A coordinator that can be away, refuse, and remember what it was told."""
 
-from readygo.common.bus import InProcessBus
+from readygo.common.bus import Bus, InProcessBus
 from readygo.common.errors import BusError
 from readygo.common.messages import (
     DoneRequest,
@@ -15,8 +15,8 @@ from readygo.common.messages import (
 
 
 class FakeCoordinator:
-    def __init__(self) -> None:
-        self.bus = InProcessBus()
+    def __init__(self, bus: Bus | None = None) -> None:
+        self.bus: Bus = bus or InProcessBus()
         self.away: set[str] = set()
         """Topics that are not answered; "grant-reply" acts on the grant and loses the answer."""
         self.verdicts: dict[int, VerdictStatus] = {}

@@ -47,7 +47,7 @@ class FakeSource:
     def truth(self):
         kinds = [("human_distance_m", np.float64), ("human_visible", np.bool_)]
         truth = np.zeros(len(self.actions), kinds)
-        truth["human_distance_m"] = np.inf
+        truth["human_distance_m"], truth["human_visible"] = np.inf, True
         return truth
 
     @property
@@ -58,6 +58,11 @@ class FakeSource:
     def expert_ahead(self):
         rows = np.arange(len(self.actions))
         return np.stack([self.actions[np.minimum(rows + k, rows[-1])] for k in range(1, AHEAD + 1)], axis=1)
+
+    def footprints_xy_m(self, index):
+        x, y, _, yaw = self.poses[index]
+        ahead = np.array([x + 2 * np.cos(yaw), y + 2 * np.sin(yaw)], np.float32)
+        return (ahead + np.array([[0.1, 0], [-0.1, 0]], np.float32), (ahead + 5)[None])
 
     def picture(self, index):
         height, width = self.camera.height_px, self.camera.width_px

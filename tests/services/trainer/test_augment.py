@@ -3,63 +3,42 @@ import math
 
 import numpy as np
 import pytest
-import torch
 
 from readygo.common.camera import CameraConfig
 from readygo.common.camera.lens import make_lens
+from readygo.common.policy.motion import own_motion
 from readygo.services.trainer.augment import (
-    TurnedCamera,
+    MIRRORED_MOTION,
+    FrameWarp,
+    View,
     correct_for_turn,
     corrupt_previous,
-    draw_yaws,
+    draw_light,
+    draw_views,
     hindsight_goals,
-    shift_frames,
-    vary_light,
+    lit,
+    plain_view,
+    turn_motion,
+    turn_world,
 )
-from readygo.services.trainer.samples import build_table
+from readygo.services.trainer.config import SamplingConfig
+from readygo.services.trainer.frames import pool
+from readygo.services.trainer.samples import Timing, episode_table, join_tables
+from tests.services.trainer.conftest import make_one
 
 
-def test_light_varies_alike_within_an_episode():
-    images = torch.full((4, 3, 2, 2), 0.25)
-    vary_light(images, np.array([7, 9, 7, 9]), 0.3, np.random.default_rng(0))
-    assert torch.equal(images[0], images[2])
-    assert torch.equal(images[1], images[3])
-    assert not torch.equal(images[0], images[1])
+def view_of(yaws_rad=(0.0,), shift_px=(0, 0), mirrored=False):
+    count = len(yaws_rad)
+    return View(
+        yaws_rad=np.array(yaws_rad),
+        shifts_px=np.tile(np.array(shift_px), (count, 1)),
+        mirrored=np.full(count, mirrored),
+        light=draw_light(count, 0.0, np.random.default_rng(0)),
+    )
 
 
-def test_no_strength_changes_nothing():
-    images = torch.rand(2, 3, 4, 4)
-    frames = np.arange(2 * 4 * 4 * 3, dtype=np.uint8).reshape(2, 4, 4, 3)
-    before = images.clone()
-    vary_light(images, np.zeros(2, np.int64), 0.0, np.random.default_rng(0))
-    assert torch.equal(images, before)
-    assert np.array_equal(shift_frames(frames, np.zeros(2, np.int64), 0, np.random.default_rng(0)), frames)
-
-
-def test_shift_moves_a_bright_pixel_by_at_most_the_limit():
-    frames = np.zeros((30, 21, 31, 3), np.uint8)
-    frames[:, 10, 15] = 255
-    shifted = shift_frames(frames, np.arange(30), 3, np.random.default_rng(0))
-    places = np.array([np.argwhere(frame[:, :, 0] == 255)[0] for frame in shifted])
-    assert set(np.abs(places - (10, 15)).ravel().tolist()) == {0, 1, 2, 3}
-
-
-def test_shift_repeats_the_edge():
-    frames = np.full((1, 8, 8, 3), 200, np.uint8)
-    assert np.all(shift_frames(frames, np.zeros(1, np.int64), 3, np.random.default_rng(1)) == 200)
-
-
-def test_previous_action_is_withheld_as_often_as_asked():
-    previous = torch.ones(4000, 2)
-    corrupted = corrupt_previous(previous, 0.0, 0.25, np.random.default_rng(0))
-    withheld = (corrupted == 0).all(dim=1)
-    assert 0.22 < withheld.float().mean() < 0.28
-    assert torch.equal(corrupted[~withheld], previous[~withheld])
-
-
-def test_previous_action_carries_noise():
-    corrupted = corrupt_previous(torch.zeros(4000, 2), 0.1, 0.0, np.random.default_rng(0))
-    assert 0.095 < corrupted.std() < 0.105
+def turn(camera, frames, yaws_rad, pooling=1):
+    return FrameWarp(camera, pooling).show(frames, np.arange(len(frames)), view_of(yaws_rad))
 
 
 SMALL = CameraConfig(height_px=48, width_px=96)
@@ -86,7 +65,7 @@ def panorama(camera, yaw_rad):
 def test_turned_frame_is_what_the_turned_camera_sees(lens):
     camera = dataclasses.replace(SMALL, **LENSES[lens])
     frames = np.stack([panorama(camera, 0.3)] * 3)
-    turned = TurnedCamera(camera).turn(frames, np.array([0.2, -0.2, 0.2]))
+    turned = turn(camera, frames, [0.2, -0.2, 0.2])
     left = np.abs(turned[0].astype(int) - panorama(camera, 0.5))[10:-10, 25:]
     right = np.abs(turned[1].astype(int) - panorama(camera, 0.1))[10:-10, :-25]
     assert left.max() <= 3
@@ -96,7 +75,7 @@ def test_turned_frame_is_what_the_turned_camera_sees(lens):
 
 def test_lens_matters_to_the_turn():
     camera = dataclasses.replace(SMALL, distortion="brown_conrady", k1=-0.05)
-    turned = TurnedCamera(SMALL).turn(panorama(camera, 0.3)[None], np.array([0.2]))[0]
+    turned = turn(SMALL, panorama(camera, 0.3)[None], [0.2])[0]
     assert np.abs(turned.astype(int) - panorama(camera, 0.5))[10:-10, 25:].max() > 3
 
 
@@ -105,45 +84,121 @@ def test_beyond_the_frame_its_edge_is_repeated(optics):
     camera = dataclasses.replace(SMALL, **optics)
     frame = np.zeros((48, 96, 3), np.uint8)
     frame[:, 0] = 200
-    turned = TurnedCamera(camera).turn(frame[None], np.array([0.25]))[0]
+    turned = turn(camera, frame[None], [0.25])[0]
     assert (turned[24, :6] == 200).all()
     assert (turned[24, 40:] == 0).all()
 
 
-def test_unturned_frame_is_unchanged():
+@pytest.mark.parametrize("lens", ["pinhole", "fisheye"])
+def test_pooled_frame_turns_as_the_camera_does(lens):
+    camera = dataclasses.replace(SMALL, **LENSES[lens])
+    pooled = pool(panorama(camera, 0.3), 2)
+    turned = turn(camera, pooled[None], [0.2], pooling=2)[0]
+    assert np.abs(turned.astype(int) - pool(panorama(camera, 0.5), 2))[5:-5, 14:].max() <= 3
+
+
+@pytest.mark.parametrize("lens", ["pinhole", "fisheye"])
+def test_turned_frame_is_shifted_and_mirrored_as_a_plain_one(lens):
+    camera = dataclasses.replace(SMALL, **LENSES[lens])
+    frames, groups, warp = panorama(camera, 0.3)[None], np.zeros(1, np.int64), FrameWarp(camera)
+    turned = warp.show(frames, groups, view_of([0.1]))
+    expected = warp.show(turned, groups, view_of([0.0], (2, -3), mirrored=True))
+    both = warp.show(frames, groups, view_of([0.1], (2, -3), mirrored=True))
+    assert np.abs(both.astype(int) - expected)[0, 8:-8, 12:-12].max() <= 3
+
+
+def test_plain_view_changes_nothing():
     frames = panorama(SMALL, 0.3)[None]
-    assert np.array_equal(TurnedCamera(SMALL).turn(frames, np.zeros(1)), frames)
+    assert FrameWarp(SMALL).show(frames, np.zeros(1, np.int64), plain_view()) is frames
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+@pytest.mark.parametrize("shift_px", [(0, 0), (2, 3), (-2, 1), (1, -3), (-1, -1)])
+def test_shift_moves_the_image_repeats_its_edge_and_is_mirrored_then(shift_px, mirrored):
+    frame = np.random.default_rng(0).integers(0, 256, (48, 96, 3), np.uint8)
+    shown = FrameWarp(SMALL).show(frame[None], np.zeros(1, np.int64), view_of([0.0], shift_px, mirrored))[0]
+    rows = np.clip(np.arange(48) - shift_px[0], 0, 47)
+    columns = np.clip(np.arange(96) - shift_px[1], 0, 95)
+    expected = frame[rows][:, columns]
+    assert np.array_equal(shown, expected[:, ::-1] if mirrored else expected)
+
+
+def test_light_varies_between_groups_and_none_keeps_the_image():
+    light = draw_light(2, 0.3, np.random.default_rng(0))
+    frames = np.full((3, 2, 2, 3), 160, np.uint8)
+    shown = lit(frames, np.array([0, 1, 0]), light)
+    assert np.array_equal(shown[0], shown[2])
+    assert not np.array_equal(shown[0], shown[1])
+    plain = lit(
+        np.array([0, 255], np.uint8).reshape(1, 2, 1, 1).repeat(3, axis=3), np.zeros(1, int), plain_view().light
+    )
+    assert plain[0, :, 0].tolist() == [[-1.0] * 3, [1.0] * 3]
+
+
+def test_tables_of_sixteen_bits_stay_so():
+    light = np.arange(256 * 3, dtype=np.int16).reshape(1, 256, 3)
+    shown = lit(np.full((1, 1, 1, 3), 7, np.uint8), np.zeros(1, np.int64), light)
+    assert shown.dtype == np.int16
+    assert shown.ravel().tolist() == [21, 22, 23]
+
+
+def test_views_are_as_wide_as_asked_for_and_turn_only_who_may_be_turned():
+    config = SamplingConfig(yaw_error_rad=0.1, shift_px=3, mirror=0.25)
+    turnable = np.arange(4000) % 2 == 0
+    view = draw_views(turnable, config, np.random.default_rng(0))
+    assert not view.yaws_rad[~turnable].any()
+    assert 0.09 < view.yaws_rad[turnable].std() < 0.1
+    assert np.abs(view.yaws_rad).max() <= 0.25
+    assert (view.shifts_px.min(), view.shifts_px.max()) == (-3, 3)
+    assert 0.22 < view.mirrored.mean() < 0.28
 
 
 def test_robot_turned_left_sees_its_goal_on_the_right_and_turns_back():
-    actions, goals = correct_for_turn(
-        torch.tensor([[0.8, 0.1], [0.8, 1.1]]),
-        torch.tensor([[2.0, 0.0], [2.0, 0.0]]),
-        torch.tensor([math.pi / 2, -0.3]),
-        0.5,
-        1.2,
-    )
-    assert torch.allclose(goals[0], torch.tensor([0.0, -2.0]), atol=1e-6)
-    assert torch.allclose(actions, torch.tensor([[0.8, 0.1 - math.pi / 4], [0.8, 1.2]]))
+    yaws_rad = np.array([math.pi / 2, -0.3, 0.0])
+    goals = turn_world(np.array([[2.0, 0.0]] * 3, np.float32), yaws_rad)
+    commands = np.array([[0.8, 0.1], [0.8, 1.1], [0.8, 1.5]], np.float32)
+    assert np.allclose(goals[0], [0.0, -2.0], atol=1e-6)
+    corrected = correct_for_turn(commands, yaws_rad, 0.5, 1.2)
+    assert np.allclose(corrected, [[0.8, 0.1 - math.pi / 4], [0.8, 1.2], [0.8, 1.5]])
 
 
-def test_yaw_errors_are_alike_within_an_episode_and_bounded():
-    yaws_rad = draw_yaws(np.repeat(np.arange(3000), 2), 0.1, np.random.default_rng(0))
-    assert np.array_equal(yaws_rad[::2], yaws_rad[1::2])
-    assert 0.09 < yaws_rad.std() < 0.1
-    assert np.abs(yaws_rad).max() <= 0.25
+POSES = np.array([[[-1.0, 0.2, 0.3], [-0.5, 0.1, 0.2]]])
+COMMAND = np.array([[0.5, 0.1]], np.float32)
 
 
-def test_hindsight_goal_is_a_place_that_the_robot_reached_later_in_its_episode(make_data):
-    source = make_data(episodes=3, samples=40)
-    source.poses[:, 0] = np.tile(np.arange(40) * 0.19, 3)
-    source.poses[:, 1] = np.repeat([0.0, 100.0, 200.0], 40)
-    source.poses[:, 3] = np.pi / 2
-    table = build_table(source)
-    samples = np.arange(120)
+def test_own_motion_of_a_turned_robot_is_that_of_turned_poses():
+    present = np.array([[0.2, 0.3, 0.4]])
+    yaw = np.array([0.0, 0.0, 0.25])
+    turned = turn_motion(own_motion(POSES, present, COMMAND), np.array([0.25]))
+    assert np.allclose(turned, own_motion(POSES + yaw, present + yaw, COMMAND), atol=1e-6)
+
+
+def test_mirrored_motion_is_that_of_mirrored_poses_and_commands():
+    present, flip = np.array([[0.2, 0.3, 0.4]]), np.array([1.0, -1.0, -1.0])
+    mirrored = own_motion(POSES * flip, present * flip, COMMAND * np.array([1, -1], np.float32))
+    assert np.allclose(own_motion(POSES, present, COMMAND) * MIRRORED_MOTION, mirrored, atol=1e-6)
+
+
+def test_withheld_previous_action_differs_from_standing_still():
+    commands = np.array([[0.5, 0.2], [0.0, 0.0], [0.5, 0.2]], np.float32)
+    corrupted = corrupt_previous(commands, np.full((3, 2), 0.1, np.float32), np.array([False, False, True]))
+    assert np.allclose(corrupted, [[0.6, 0.3, 1], [0.1, 0.1, 1], [0, 0, 0]])
+
+
+def straight_drives(**fields):
+    """Episodes that drive along +x while they look along +y."""
+    tables = []
+    for k in range(3):
+        xyyaw = np.stack([np.arange(40) * 0.19, np.full(40, 100.0 * k), np.full(40, np.pi / 2)], axis=1)
+        tables.append(episode_table(make_one(f"e{k}", xyyaw=xyyaw, **fields), Timing(spacing_steps=10)))
+    return join_tables(tables)
+
+
+def test_hindsight_goal_is_a_place_that_the_robot_reached_later_in_its_episode():
+    table, samples = straight_drives(), np.arange(120)
     goals = hindsight_goals(table, samples, 1.0, np.random.default_rng(0))
-    replaced = np.any(goals != source.goals_xy_m, axis=1)
-    # Facing +y and driving along +x, whatever comes later is to the right.
+    replaced = np.any(goals != table.goals_xy_m, axis=1)
+    # Whatever comes later is to the right.
     np.testing.assert_allclose(goals[replaced, 0], 0.0, atol=1e-5)
     steps_later = -goals[replaced, 1] / 0.19
     np.testing.assert_allclose(steps_later, np.round(steps_later), atol=1e-4)
@@ -152,8 +207,22 @@ def test_hindsight_goal_is_a_place_that_the_robot_reached_later_in_its_episode(m
     assert not replaced[(table.last - samples) * 0.19 <= 1.0].any()
 
 
-def test_hindsight_share_zero_keeps_every_goal(make_data):
-    source = make_data()
-    samples = np.arange(60)
-    goals = hindsight_goals(build_table(source), samples, 0.0, np.random.default_rng(0))
-    np.testing.assert_array_equal(goals, source.goals_xy_m[samples])
+def test_hindsight_goals_end_where_the_expert_was_disturbed():
+    calm = make_one("e0")
+    expert = np.repeat(calm.actions[:, None], 2, axis=1)
+    expert[20, 0] += 0.3
+    xyyaw = np.stack([np.arange(40) * 0.19, np.zeros(40), np.full(40, np.pi / 2)], axis=1)
+    table = episode_table(dataclasses.replace(calm, xyyaw=xyyaw, expert=expert), Timing(spacing_steps=10))
+    samples = np.arange(40)
+    for seed in range(20):
+        goals = hindsight_goals(table, samples, 1.0, np.random.default_rng(seed))
+        replaced = np.any(goals != table.goals_xy_m, axis=1)
+        reached = np.round(-goals[:, 1] / 0.19) + samples
+        assert not replaced[20]
+        assert np.all(reached[:20][replaced[:20]] <= 20)
+
+
+def test_hindsight_share_zero_keeps_every_goal():
+    table = straight_drives()
+    goals = hindsight_goals(table, np.arange(60), 0.0, np.random.default_rng(0))
+    np.testing.assert_array_equal(goals, table.goals_xy_m[:60])

@@ -34,7 +34,7 @@ def test_robot_that_was_written_down_with_fewer_settings_is_the_same_robot(tmp_p
 
 
 def test_checkpoint_of_another_version_is_refused(tmp_path):
-    torch.save({"format": "readygo-training/0", "identity": IDENTITY}, tmp_path / "checkpoint.pt")
+    torch.save({"format": "readygo-training/1", "identity": IDENTITY}, tmp_path / "checkpoint.pt")
     with pytest.raises(PolicyError, match="no checkpoint of this version; delete it"):
         load_checkpoint(tmp_path, IDENTITY)
 
@@ -46,6 +46,6 @@ def test_broken_checkpoint_is_named(tmp_path):
 
 
 def test_pickled_objects_in_a_checkpoint_are_refused(tmp_path):
-    torch.save({"format": "readygo-training/1", "identity": pytest.approx}, tmp_path / "checkpoint.pt")
+    torch.save({"format": "readygo-training/2", "identity": pytest.approx}, tmp_path / "checkpoint.pt")
     with pytest.raises(PolicyError, match="cannot be read"):
         load_checkpoint(tmp_path, IDENTITY)

@@ -1,32 +1,106 @@
+import dataclasses
+
+import cv2
 import numpy as np
 import pytest
 
+from readygo.common.camera import CameraConfig
 from readygo.common.errors import DatasetError
-from readygo.services.trainer.frames import FrameCache
+from readygo.services.trainer import frames as frames_module
+from readygo.services.trainer.frames import FrameCache, pool, pooling_of
+from readygo.services.trainer.reservoir import Reservoir
+from readygo.services.trainer.samples import Timing, episode_table, join_tables
+from tests.services.trainer.conftest import make_one, png
 
-FRAME_BYTES = 32 * 64 * 3
+CAMERA = CameraConfig(height_px=16, width_px=32)
+FRAME_BYTES = 16 * 32 * 3
 
 
-def cache_of(source, frames):
-    return FrameCache(source, height_px=32, width_px=64, limit_bytes=int(frames * FRAME_BYTES))
+def pictures(seed=0, size=(16, 32)):
+    return np.random.default_rng(seed).integers(0, 256, (10, *size, 3), np.uint8)
 
 
-def test_frames_come_in_the_order_asked_for(source):
-    frames = cache_of(source, 100).get(np.array([7, 3, 7]))
-    assert np.array_equal(frames, [source.decode(7), source.decode(3), source.decode(7)])
-    assert not np.array_equal(frames[0], frames[1])
+@pytest.fixture
+def decodings(monkeypatch):
+    """Counts what is decoded."""
+    counted = []
+    decode = frames_module.decode_image
+    monkeypatch.setattr(frames_module, "decode_image", lambda data: (counted.append(1), decode(data))[1])
+    return counted
+
+
+def make_cache(frames, *, room, pooling=1):
+    reservoir = Reservoir(10**9)
+    for name, seen in frames.items():
+        reservoir.add(episode_of(name, tuple(png(picture) for picture in seen)))
+    size = FRAME_BYTES // pooling**2
+    cache = FrameCache(reservoir, CAMERA, pooling=pooling, limit_bytes=int(room * size))
+    return reservoir, cache, table_of(reservoir)
+
+
+def episode_of(name, images):
+    return dataclasses.replace(make_one(name, samples=len(images)), images=images)
+
+
+def table_of(reservoir):
+    return join_tables([episode_table(episode, Timing(spacing_steps=2)) for episode in reservoir.episodes.values()])
+
+
+def test_frames_come_in_the_order_asked_for():
+    seen = {"a": pictures(1), "b": pictures(2)}
+    _, cache, table = make_cache(seen, room=100)
+    frames = cache.get(table, np.array([17, 3, 17]))
+    assert np.array_equal(frames, [seen["b"][7], seen["a"][3], seen["b"][7]])
 
 
 @pytest.mark.parametrize(("room", "decoded_again"), [(10, 0), (3.9, 7), (0, 10)])
-def test_first_frames_that_fit_stay_decoded_and_no_more(source, room, decoded_again):
-    cache, samples = cache_of(source, room), np.arange(10)
-    cache.get(samples)
-    assert source.decoded == 10
-    cache.get(samples)
-    assert source.decoded == 10 + decoded_again
+def test_first_frames_that_fit_stay_decoded_and_no_more(decodings, room, decoded_again):
+    _, cache, table = make_cache({"a": pictures()}, room=room)
+    cache.get(table, np.arange(10))
+    assert len(decodings) == 10
+    cache.get(table, np.arange(10))
+    assert len(decodings) == 10 + decoded_again
 
 
-def test_image_of_another_size_is_refused_with_both_sizes(source):
-    cache = FrameCache(source, height_px=32, width_px=48, limit_bytes=0)
-    with pytest.raises(DatasetError, match=r"Sample 4 .*\(32, 64, 3\).*\(32, 48, 3\)"):
-        cache.get(np.array([4]))
+def test_frames_of_an_episode_that_went_make_room(decodings):
+    reservoir, cache, table = make_cache({"a": pictures()}, room=10)
+    cache.get(table, np.arange(10))
+    reservoir.episodes.clear()
+    reservoir.add(episode_of("b", tuple(png(picture) for picture in pictures(2))))
+    for _ in range(2):
+        cache.get(table_of(reservoir), np.arange(10))
+    assert len(decodings) == 20
+
+
+def test_image_of_another_size_or_damaged_is_refused_by_name():
+    for images, message in (
+        ((png(pictures(size=(16, 24))[0]),), r"\(16, 24, 3\).*\(16, 32, 3\)"),
+        ((b"x",), "no image"),
+    ):
+        reservoir = Reservoir(10**6)
+        reservoir.add(episode_of("abc", images))
+        cache = FrameCache(reservoir, CAMERA, pooling=1, limit_bytes=0)
+        with pytest.raises(DatasetError, match=rf"Sample 0 of episode abc has .*{message}"):
+            cache.get(table_of(reservoir), np.array([0]))
+
+
+def test_pooling_leaves_the_height_and_divides_the_image():
+    sizes = [(72, 128), (144, 256), (240, 320), (216, 384), (100, 101), (36, 64)]
+    factors = [pooling_of(CameraConfig(height_px=h, width_px=w), 72) for h, w in sizes]
+    assert factors == [1, 2, 2, 3, 1, 1]
+    assert pooling_of(CameraConfig(), 0) == 1
+
+
+@pytest.mark.parametrize("factor", [1, 2, 3, 4])
+def test_pooled_pixel_is_the_mean_with_halves_rounded_up(factor):
+    frame = np.random.default_rng(0).integers(0, 256, (24, 48, 3), np.uint8)
+    means = frame.reshape(24 // factor, factor, 48 // factor, factor, 3).astype(np.float64).mean(axis=(1, 3))
+    assert np.array_equal(pool(frame, factor), np.floor(means + 0.5))
+
+
+def test_pooled_frames_are_what_the_cache_gives():
+    seen = pictures()
+    _, cache, table = make_cache({"a": seen}, room=10, pooling=2)
+    assert np.array_equal(
+        cache.get(table, np.array([3]))[0], cv2.resize(seen[3], (16, 8), interpolation=cv2.INTER_AREA)
+    )

@@ -2,35 +2,54 @@ import pytest
 import torch
 from torch import nn
 
-from readygo.common.policy.artifact import FEATURE_COUNT, LATENT_COUNT
 from readygo.common.robot import CameraConfig, RobotConfig
-from readygo.services.trainer.model import PolicyNet, images_from_bytes, parameter_count
+from readygo.services.trainer import best_recipe
+from readygo.services.trainer.config import NetworkConfig
+from readygo.services.trainer.model import Bins, PolicyNet, parameter_count
 
 
 @pytest.fixture(scope="module")
 def model():
-    return PolicyNet(RobotConfig()).eval()
+    return PolicyNet(RobotConfig(), NetworkConfig()).eval()
 
 
-def test_network_has_the_size_and_the_ten_convolutions_of_the_paper(model):
+def test_default_network_has_the_size_and_the_ten_convolutions_of_the_paper(model):
     convolutions = [module for module in model.encoder.modules() if isinstance(module, nn.Conv2d)]
     layers = [module for module in model.head.modules() if isinstance(module, nn.Linear)]
     assert len(convolutions) == 10
     assert len(layers) == 3
-    assert layers[0].in_features == FEATURE_COUNT == 64
+    assert layers[0].in_features == 65
     assert 1.9e6 < parameter_count(model) < 2.1e6
+
+
+def test_best_network_is_within_the_paper_s_size():
+    camera = CameraConfig(height_px=144, width_px=256)
+    model = PolicyNet(RobotConfig(camera=camera), best_recipe().network, reads_humans=True)
+    assert model.pooling == 2
+    assert parameter_count(model) < 2.1e6
 
 
 def test_shared_frames_give_the_same_as_separate_ones(model):
     images = torch.rand(3, 3, 144, 256) * 2 - 1
-    window = torch.tensor([[0, 1, 2], [1, 2, 2]])
     latents = model.encoder(images)
-    assert torch.equal(model.encode_windows(images, window)[1], latents[[1, 2, 2]].reshape(-1))
-    assert latents.shape == (3, LATENT_COUNT)
+    encoded = model.encode_windows(images, torch.tensor([[0, 1, 2], [1, 2, 2]]))
+    assert torch.equal(encoded[1], latents[[1, 2, 2]].reshape(-1))
 
 
-def test_withheld_previous_action_reads_as_half_speed_straight_on(model):
-    assert model.normalise_previous(torch.tensor([[0.5, 0.0]])).tolist() == [[0.0, 0.0]]
+def test_early_fusion_sees_the_frames_stacked_oldest_first():
+    robot = RobotConfig(camera=CameraConfig(height_px=16, width_px=16))
+    model = PolicyNet(robot, NetworkConfig(fusion="early", latent_count=5)).eval()
+    images = torch.rand(4, 3, 16, 16)
+    encoded = model.encode_windows(images, torch.tensor([[3, 0, 2]]))
+    assert encoded.shape == (1, 5)
+    assert torch.allclose(encoded, model.encoder(torch.cat([images[3], images[0], images[2]])[None]), atol=1e-6)
+
+
+def test_withheld_previous_action_is_none_that_can_be_executed(model):
+    known, withheld = model.normalise_motion(torch.tensor([[0.0, 0.0, 1.0], [0.0, 0.0, 0.0]]))
+    assert known.tolist() == [0, 0, 1]
+    assert withheld.tolist() == [0, 0, 0]
+    assert torch.allclose(model.normalise_motion(torch.tensor([[0.5, -0.6, 1.0]])), torch.tensor([[0.5, -0.5, 1.0]]))
 
 
 def test_answers_are_clipped_to_the_limits(model):
@@ -39,8 +58,8 @@ def test_answers_are_clipped_to_the_limits(model):
 
 
 def test_far_goals_look_alike(model):
-    latents, previous = torch.zeros(1, 60), torch.zeros(1, 2)
-    near, far, farther = (model.act(latents, previous, torch.tensor([[d, 0.0]])) for d in (5.0, 10.0, 30.0))
+    latents, motion = torch.zeros(1, 60), torch.zeros(1, 3)
+    near, far, farther = (model.act(latents, motion, torch.tensor([[d, 0.0]])) for d in (5.0, 10.0, 30.0))
     assert torch.equal(far, farther)
     assert not torch.equal(near, far)
 
@@ -48,12 +67,30 @@ def test_far_goals_look_alike(model):
 @pytest.mark.parametrize("size", [(8, 8), (90, 161), (240, 320)])
 def test_other_image_sizes_fit(size):
     camera = CameraConfig(height_px=size[0], width_px=size[1])
-    model = PolicyNet(RobotConfig(camera=camera)).eval()
-    assert model.encoder(torch.zeros(1, 3, *size)).shape == (1, LATENT_COUNT)
+    model = PolicyNet(RobotConfig(camera=camera), NetworkConfig()).eval()
+    assert model.encoder(torch.zeros(1, 3, *size)).shape == (1, 20)
 
 
-def test_bytes_become_numbers_from_minus_one_to_one():
-    images = images_from_bytes(torch.tensor([0, 255], dtype=torch.uint8).reshape(1, 2, 1, 1).expand(1, 2, 4, 3))
-    assert images.shape == (1, 3, 2, 4)
-    assert images[:, :, 0].unique().tolist() == [-1.0]
-    assert images[:, :, 1].unique().tolist() == [1.0]
+def test_weights_of_bins_mean_the_action_and_touch_four_bins():
+    bins = Bins(9, 17)
+    actions = torch.tensor([[0.3, -0.77], [1.4, 0.0]])
+    weights = bins.weights(actions)
+    assert torch.allclose(weights.sum(dim=1), torch.ones(2), atol=1e-5)
+    assert torch.allclose(weights @ bins.centres, torch.tensor([[0.3, -0.77], [1.0, 0.0]]), atol=1e-5)
+    assert ((weights > 1e-6).sum(dim=1) <= 4).all()
+
+
+def test_mode_is_not_the_mean_of_two_ways_around():
+    bins = Bins(5, 9)
+    left, right = bins.weights(torch.tensor([[1.0, 0.7]])), bins.weights(torch.tensor([[1.0, -0.7]]))
+    logits = (0.6 * left + 0.4 * right + 1e-6).log()
+    assert torch.allclose(bins.mode(logits), torch.tensor([[1.0, 0.7]]), atol=0.02)
+
+
+def test_humans_are_read_in_training_alone():
+    robot = RobotConfig(camera=CameraConfig(height_px=16, width_px=16))
+    inputs = torch.rand(3, 3, 16, 16), torch.tensor([[0, 1, 2]]), torch.zeros(1, 3), torch.zeros(1, 2)
+    assert PolicyNet(robot, NetworkConfig()).eval()(*inputs)[1].shape == (1, 0)
+    reader = PolicyNet(robot, NetworkConfig(), reads_humans=True).eval()
+    assert reader(*inputs)[1].shape == (1, 3)
+    assert parameter_count(reader) == parameter_count(PolicyNet(robot, NetworkConfig()))

@@ -8,8 +8,11 @@ import pytest
 from readygo.common.camera import SensorConfig
 from readygo.common.policy import load_policy
 from readygo.common.robot import RobotConfig
+from readygo.services.trainer.outcome import write_outcome
+from readygo.services.trainer.parts import build_parts
+from readygo.services.trainer.run import TrainRun
 from readygo.services.trainer.train import train
-from tests.services.trainer.conftest import QUICK
+from tests.services.trainer.conftest import QUICK, quick
 
 
 def test_run_leaves_a_policy_metrics_and_a_curve(source, tmp_path):
@@ -17,7 +20,7 @@ def test_run_leaves_a_policy_metrics_and_a_curve(source, tmp_path):
     assert json.loads((tmp_path / "metrics.json").read_text()) == metrics
     assert cv2.imread(str(tmp_path / "loss.png")).shape == (540, 960, 3)
     training = load_policy(tmp_path).spec.training
-    assert training["data_sha256"] == "data-0"
+    assert training["data"] == {"training_data": "data-0", "validation_data": "data-0"}
     assert training["config"]["seed"] == 0
     assert not [path for path in tmp_path.iterdir() if "part" in path.name]
 
@@ -25,10 +28,21 @@ def test_run_leaves_a_policy_metrics_and_a_curve(source, tmp_path):
 def test_policy_carries_the_camera_of_its_data_and_what_varied_of_it(source, tmp_path):
     camera = dataclasses.replace(source.camera, distortion="fisheye", k1=0.01, latency_s=0.1)
     source.robot, source.sensor = RobotConfig(camera=camera), SensorConfig(k1=(0.0, 0.02))
-    train(source, dataclasses.replace(QUICK, epochs=1, yaw_error_rad=0.1), tmp_path)
+    train(source, quick(samples=64, yaw_error_rad=0.1), tmp_path)
     spec = load_policy(tmp_path).spec
     assert spec.robot.camera == camera
     assert spec.sensor == SensorConfig(k1=(0.0, 0.02))
+
+
+def test_run_that_holds_nothing_out_says_nothing_of_errors(source, tmp_path):
+    parts = build_parts(source, None, QUICK)
+    parts[1].reservoir.episodes.clear()
+    run = TrainRun(parts, source.robot, source.sensor, quick(samples=64), tmp_path, data={})
+    run.go(lambda _: None)
+    metrics = write_outcome(run)
+    assert "rmse_v_mps" not in metrics
+    assert metrics["samples_seen"] == 64
+    load_policy(tmp_path)
 
 
 def test_mean_baseline_is_the_spread_of_held_out_actions_around_the_training_mean(make_data, tmp_path):

@@ -1,44 +1,58 @@
+import dataclasses
+
 import numpy as np
 import pytest
 
 from readygo.common.errors import DatasetError
 from readygo.common.robot import CameraConfig
-from readygo.services.trainer import TrainConfig
-from readygo.services.trainer.parts import build_parts, robot_of_source
+from readygo.services.trainer import TrainConfig, best_recipe
+from readygo.services.trainer.parts import Part, build_parts, robot_of_source, timing_of
+from tests.services.trainer.conftest import make_one
 
 CONFIG = TrainConfig(validation_fraction=0.2)
 
 
-def test_part_is_held_out_of_one_source_and_shares_its_frames(make_data):
+def test_part_of_the_episodes_is_held_out(make_data):
     source = make_data(episodes=10)
     training, held_out = build_parts(source, None, CONFIG)
-    assert (len(training.episodes), len(held_out.episodes)) == (8, 2)
-    firsts = [episode.first_sample for part in (training, held_out) for episode in part.episodes]
-    assert sorted(firsts) == [episode.first_sample for episode in source.episodes]
-    assert training.frames is held_out.frames
-    assert training.source is held_out.source is source
+    assert (len(training.reservoir.episodes), len(held_out.reservoir.episodes)) == (8, 2)
+    names = {*training.reservoir.episodes, *held_out.reservoir.episodes}
+    assert names == {episode.sha256 for episode in source.episodes}
 
 
 def test_each_of_two_sources_keeps_its_own_episodes_numbers_and_frames(make_data):
     source, validation = make_data(), make_data(episodes=2, seed=1)
-    training, held_out = build_parts(source, validation, CONFIG)
-    for part, of in ((training, source), (held_out, validation)):
-        assert part.source is of
-        assert part.episodes == of.episodes
-        assert np.array_equal(part.table.actions, of.actions)
-        assert np.array_equal(part.frames.get(np.array([5]))[0], of.decode(5))
+    for part, of in zip(build_parts(source, validation, CONFIG), (source, validation), strict=True):
+        assert list(part.reservoir.episodes) == [episode.sha256 for episode in of.episodes]
+        assert np.array_equal(part.table.targets, of.actions)
+        assert np.array_equal(part.frames.get(part.table, np.array([65]))[0], of.picture(65))
 
 
-def test_most_of_the_cache_is_for_training(make_data):
-    camera = CameraConfig(height_px=32, width_px=64)
-    frames = 1_000_000 // (32 * 64 * 3)
-    source, validation = make_data(samples=200, camera=camera), make_data(samples=200, seed=1, camera=camera)
-    parts = build_parts(source, validation, TrainConfig(cache_mb=1))
-    for part, of, share in zip(parts, (source, validation), (0.8, 0.2), strict=True):
-        part.frames.get(np.arange(frames))
-        again = of.decoded
-        part.frames.get(np.arange(frames))
-        assert frames - (of.decoded - again) == pytest.approx(share * frames, abs=1)
+def test_table_follows_the_reservoir(make_data):
+    robot = make_data().robot
+    part = Part(robot, TrainConfig(), 1.0)
+    with pytest.raises(DatasetError, match="no episode"):
+        _ = part.table
+    part.reservoir.add(make_one("a"))
+    first = part.table
+    assert part.table is first
+    part.reservoir.add(make_one("b"))
+    assert part.table.names == ("a", "b")
+
+
+def test_memory_for_episodes_is_bounded(make_data):
+    part = Part(make_data().robot, TrainConfig(memory_mb=1), 0.5)
+    for k in range(30):
+        part.reservoir.add(make_one(f"e{k}", size=1000))
+    assert part.reservoir.size_bytes <= 500_000
+    assert len(part.reservoir.episodes) > 8
+
+
+def test_timing_is_that_of_camera_and_settings(make_data):
+    robot = make_data().robot
+    late = dataclasses.replace(robot, camera=dataclasses.replace(robot.camera, latency_s=0.1))
+    timing = timing_of(late, best_recipe())
+    assert (timing.spacing_steps, timing.latency_steps, timing.ahead_steps) == (10, 2, 8)
 
 
 def test_sources_without_episodes_or_robot_or_of_two_robots_are_refused(make_data):

@@ -25,7 +25,7 @@ def recorded(robot):
     rng = np.random.default_rng(1)
     camera, walk = robot.camera, np.cumsum(rng.normal(0, 0.1, (STEPS, 2)), axis=0)
     pictures = rng.integers(0, 256, (STEPS, camera.height_px, camera.width_px, 3), np.uint8)
-    commands = np.clip(walk + (0.5, 0.0), (0, -robot.w_max_radps), (robot.v_max_mps, robot.w_max_radps))
+    commands = np.clip(walk + np.array([0.5, 0.0]), (0, -robot.w_max_radps), (robot.v_max_mps, robot.w_max_radps))
     episode = Episode(
         name="e",
         images=tuple(cv2.imencode(".png", picture[:, :, ::-1])[1].tobytes() for picture in pictures),

@@ -1,79 +1,101 @@
-import dataclasses
-from types import SimpleNamespace
+import math
 
 import pytest
 import torch
 
-from readygo.services.trainer import TrainConfig, paper_recipe
-from readygo.services.trainer.model import PolicyNet
-from readygo.services.trainer.run import TrainRun, learning_rate
-
-ONE_BATCH = TrainConfig(
-    epochs=1, threads=1, batch_size=1000, validation_samples=60, previous_noise=0.0, previous_dropout=0.0
-)
-LEFT = torch.tensor([1.0, -1.0])
+from readygo.common.errors import PolicyError
+from readygo.common.policy import load_policy
+from readygo.services.trainer.parts import build_parts
+from readygo.services.trainer.run import CANDIDATE_FOLDER, TrainRun
+from tests.services.trainer.conftest import QUICK, make_one, png, quick
 
 
 @pytest.fixture
-def first_batch(source, tmp_path, monkeypatch):
-    """What the network is shown, and what it is to answer, in the first step of a run."""
+def make_run(source, tmp_path):
+    def make(evaluate=None, **settings):
+        config = quick(**settings)
+        parts = build_parts(source, None, config)
+        return TrainRun(parts, source.robot, source.sensor, config, tmp_path, data={}, evaluate=evaluate)
 
-    def show(**settings):
-        shown = []
-        forward, loss = PolicyNet.forward, torch.nn.functional.mse_loss
-
-        def watched_forward(self, images, window, previous, goals):
-            shown.append(SimpleNamespace(images=images.clone(), previous=previous.clone(), goals=goals.clone()))
-            return forward(self, images, window, previous, goals)
-
-        def watched_loss(answers, wanted):
-            shown[-1].wanted = wanted.clone()
-            return loss(answers, wanted)
-
-        with monkeypatch.context() as patch:
-            patch.setattr(PolicyNet, "forward", watched_forward)
-            patch.setattr(torch.nn.functional, "mse_loss", watched_loss)
-            config = dataclasses.replace(ONE_BATCH, **settings)
-            out = tmp_path / str(len(list(tmp_path.iterdir())))
-            TrainRun(source, config, out, validation=None, evaluate=None).go(lambda _: None)
-        return shown[0]
-
-    return show
+    return make
 
 
-def test_mirrored_batch_is_the_flipped_image_with_goal_and_turn_rates_to_the_other_side(first_batch):
-    plain, mirrored = first_batch(mirror=0.0), first_batch(mirror=1.0)
-    assert plain.goals.abs().min() > 0
-    assert plain.wanted[:, 1].abs().max() > 0.5
-    assert not torch.equal(plain.images, plain.images.flip(3))
-    assert torch.equal(mirrored.images, plain.images.flip(3))
-    assert torch.equal(mirrored.goals, plain.goals * LEFT)
-    assert torch.equal(mirrored.wanted, plain.wanted * LEFT)
-    assert torch.allclose(mirrored.previous, plain.previous * LEFT, atol=1e-6)
-
-
-def test_wanted_answers_are_the_recorded_actions_as_shares_of_the_limits(first_batch, source):
-    shown = first_batch(mirror=0.0, yaw_error_rad=0.0, hindsight=0.0)
-    v_mps = {round(v, 5) for v in source.actions[:, 0].tolist()}
-    assert {round(v, 5) for v in shown.wanted[:, 0].tolist()} <= v_mps
-    rates = {round(w / 1.2, 5) for w in source.actions[:, 1].tolist()}
-    assert {round(w, 5) for w in shown.wanted[:, 1].tolist()} <= rates
-
-
-@pytest.mark.parametrize(("ema_decay", "kept"), [(0.99, 0.1), (0.05, 0.05), (0.0, 0.0)])
-def test_average_of_the_weights_follows_them_faster_at_first(source, tmp_path, ema_decay, kept):
-    config = dataclasses.replace(ONE_BATCH, ema_decay=ema_decay, learning_rate=0.01)
-    run = TrainRun(source, config, tmp_path, validation=None, evaluate=None)
-    before = run.average.head.layer1.weight.clone()
+def test_validations_come_after_equal_numbers_of_samples(make_run):
+    run = make_run()
     run.go(lambda _: None)
-    after = run.model.head.layer1.weight.detach()
-    assert run.step == 1
-    assert (after - before).abs().max() > 1e-5
-    assert torch.allclose(run.average.head.layer1.weight, kept * before + (1 - kept) * after, atol=1e-7)
+    assert [entry["samples"] for entry in run.history] == [160, 320, 480, 640]
+    assert all(math.isfinite(entry["train_loss"] + entry["validation_loss"]) for entry in run.history)
 
 
-def test_learning_rate_warms_up_and_falls():
-    rates = [learning_rate(TrainConfig(), step, step / 1000) for step in range(1001)]
-    assert rates[0] < 0.1 * max(rates)
-    assert rates[-1] == pytest.approx(1e-5)
-    assert learning_rate(paper_recipe(TrainConfig()), 500, 0.5) == 1e-4
+def test_weights_of_the_highest_success_rate_are_chosen(make_run):
+    rates = iter([0.5, 0.75, 0.75, 0.5])
+
+    def evaluate(folder):
+        load_policy(folder)
+        return next(rates)
+
+    run = make_run(evaluate, rollout_every=1)
+    run.go(lambda _: None)
+    assert run.chosen_step == run.history[2]["step"]
+    assert [entry["success_rate"] for entry in run.history] == [0.5, 0.75, 0.75, 0.5]
+    assert (run.out / CANDIDATE_FOLDER).exists()
+
+
+def test_loss_never_outranks_a_measured_success_rate(make_run):
+    run = make_run(lambda _: 0.0, rollout_every=2)
+    for _ in range(15):
+        run.step()
+    assert len(run.history) == 3
+    assert run.chosen_step == run.history[1]["step"]
+
+
+def test_last_weights_are_taken_where_nothing_was_measured(make_run):
+    run = make_run()
+    run.go(lambda _: None)
+    assert run.chosen_step == run.steps == 20
+    assert run.chosen_weights()["head.layer1.bias"].equal(run.learner.average.head.layer1.bias)
+
+
+def test_loss_that_is_no_number_names_the_episodes_and_leaves_the_checkpoint(make_run):
+    run = make_run()
+    run.step()
+    run.save()
+    before = (run.out / "checkpoint.pt").read_bytes()
+    goals = make_one("broken", samples=60).goals_xy_m * math.nan
+    images = (png(torch.zeros(32, 64, 3, dtype=torch.uint8).numpy()),) * 60
+    for name in list(run.training.reservoir.episodes):
+        del run.training.reservoir.episodes[name]
+    broken = make_one("broken", samples=60)
+    run.training.reservoir.add(
+        type(broken)(
+            **{k: getattr(broken, k) for k in broken.__slots__}
+            | {
+                "goals_xy_m": goals,
+                "images": images,
+            }
+        )
+    )
+    with pytest.raises(PolicyError, match=r"^The loss of step 1 is nan on episodes broken; the checkpoint in .*"):
+        run.step()
+    assert (run.out / "checkpoint.pt").read_bytes() == before
+
+
+def test_weights_that_are_no_numbers_are_not_saved(make_run):
+    run = make_run()
+    run.save()
+    before = (run.out / "checkpoint.pt").read_bytes()
+    run.learner.model.head.layer1.weight.data[0, 0] = math.nan
+    with pytest.raises(PolicyError, match="weights are not finite after step 0"):
+        run.save()
+    assert (run.out / "checkpoint.pt").read_bytes() == before
+
+
+def test_fall_that_is_begun_early_ends_the_run_early(make_run):
+    run = make_run()
+    for _ in range(8):
+        run.step()
+    run.schedule.begin_decay(run.fraction)
+    run.go(lambda _: None)
+    assert run.steps == 10
+    assert run.learner.optimizer.param_groups[0]["lr"] < 0.6 * QUICK.optimizer.learning_rate
+    assert run.progress().fraction == 1.0

@@ -1,7 +1,8 @@
+import numpy as np
 import pytest
 
 from readygo.common.errors import ConfigError
-from readygo.common.messages import HumanPlanRequest
+from readygo.common.messages import HumanPlanRequest, encode
 from readygo.services.planner import HumanPlannerConfig, handle_human_plan
 from tests.services.planner.worlds import key, make_human_planner, planner_of
 
@@ -34,3 +35,21 @@ def test_rejected_draw_has_a_reason_and_no_scenario():
         planner_of("doorway", slope_max=0.0, attempts=1, families_tried=1), HumanPlanRequest(episode=key(3))
     )
     assert (reply.scenario is None) == bool(reply.rejected)
+
+
+def test_nobody_walks_in_a_share_of_the_episodes_and_all_others_stay_what_they_are():
+    requests = [HumanPlanRequest(episode=key(index)) for index in range(12)]
+    everybody = [handle_human_plan(make_human_planner(), request).scenario for request in requests]
+    absent = make_human_planner(config=HumanPlannerConfig(absent=0.5))
+    scenarios = [handle_human_plan(absent, request).scenario for request in requests]
+    empty = 0
+    for scenario, other in zip(scenarios, everybody, strict=True):
+        if scenario.humans == () and other is not None:
+            empty += 1
+            assert np.array_equal(scenario.start_xyyaw, other.start_xyyaw)
+            assert np.array_equal(scenario.goal_xy_m, other.goal_xy_m)
+        elif scenario.humans:
+            assert encode(scenario) == encode(other)
+    assert 2 <= empty <= 10
+    with pytest.raises(ValueError, match=r"absent must be 0\.\.1, got 1\.5"):
+        HumanPlannerConfig(absent=1.5)

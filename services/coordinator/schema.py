@@ -1,0 +1,60 @@
+"""The tables of a run's ledger, and what ledgers of earlier versions lack of them."""
+
+import sqlite3
+from pathlib import Path
+
+_SCHEMA = """
+CREATE TABLE IF NOT EXISTS episode (
+    idx INTEGER PRIMARY KEY,
+    stage TEXT NOT NULL,
+    state TEXT NOT NULL CHECK (state IN ('waiting', 'leased', 'granted', 'committed', 'rejected')),
+    attempt INTEGER NOT NULL DEFAULT 0,
+    failures INTEGER NOT NULL DEFAULT 0,
+    worker TEXT NOT NULL DEFAULT '',
+    deadline_s REAL NOT NULL DEFAULT 0,
+    recorder TEXT NOT NULL DEFAULT '',
+    reason TEXT NOT NULL DEFAULT '',
+    shard TEXT NOT NULL DEFAULT '',
+    samples INTEGER NOT NULL DEFAULT 0
+);
+CREATE INDEX IF NOT EXISTS by_state ON episode (state, stage, idx);
+CREATE TABLE IF NOT EXISTS result (
+    idx INTEGER NOT NULL,
+    stage TEXT NOT NULL,
+    sha256 TEXT NOT NULL,
+    PRIMARY KEY (idx, stage)
+);
+CREATE TABLE IF NOT EXISTS counter (name TEXT PRIMARY KEY, value REAL NOT NULL);
+CREATE TABLE IF NOT EXISTS run (key TEXT PRIMARY KEY, value TEXT NOT NULL);
+CREATE TABLE IF NOT EXISTS policy (
+    version INTEGER PRIMARY KEY,
+    sha256 TEXT NOT NULL UNIQUE,
+    files TEXT NOT NULL,
+    samples INTEGER NOT NULL,
+    wall_ns INTEGER NOT NULL
+);
+"""
+_ADDED = {
+    "policy": "TEXT NOT NULL DEFAULT ''",
+    "driven_by": "TEXT NOT NULL DEFAULT ''",
+    "assigned": "TEXT",
+}
+"""Columns of `episode` that ledgers of earlier versions lack: the policy leased with the present attempt, the one that
+drove the durable attempt, and the one that shall drive whatever is the newest."""
+
+
+def open_database(path: Path) -> sqlite3.Connection:
+    """Open a ledger's file, or make it; usable from several threads that take turns.
+
+    Raises:
+        sqlite3.Error: If it is no ledger or cannot be written.
+    """
+    database = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
+    database.execute("PRAGMA journal_mode = WAL")
+    # NORMAL loses at most the latest leases in a power cut; grants are confirmed again by the recorder's own files.
+    database.execute("PRAGMA synchronous = NORMAL")
+    database.executescript(_SCHEMA)
+    present = {row[1] for row in database.execute("PRAGMA table_info(episode)")}
+    for column in _ADDED.keys() - present:
+        database.execute(f"ALTER TABLE episode ADD COLUMN {column} {_ADDED[column]}")
+    return database

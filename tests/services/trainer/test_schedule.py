@@ -1,0 +1,35 @@
+import pytest
+
+from readygo.services.trainer.config import OptimizerConfig
+from readygo.services.trainer.schedule import Schedule
+
+CONFIG = OptimizerConfig(learning_rate=1e-3, warm_up_steps=50, decay_share=0.2)
+
+
+def test_rate_warms_up_stays_and_falls_over_the_last_fifth():
+    schedule = Schedule(CONFIG)
+    assert schedule.rate(0, 0.0) == pytest.approx(2e-5)
+    assert schedule.rate(49, 0.01) == schedule.rate(500, 0.79) == pytest.approx(1e-3)
+    assert schedule.rate(900, 0.9) == pytest.approx(1e-3 * (0.01 + 0.99 * 0.5))
+    assert schedule.rate(1000, 1.0) == pytest.approx(1e-5)
+    assert schedule.end == 1.0
+
+
+def test_fall_that_is_begun_early_ends_early_and_takes_the_same_share():
+    schedule = Schedule(CONFIG)
+    schedule.begin_decay(0.4)
+    schedule.begin_decay(0.45)
+    assert schedule.end == pytest.approx(0.5)
+    assert schedule.rate(500, 0.45) == pytest.approx(1e-3 * (0.01 + 0.99 * 0.5))
+    assert schedule.rate(500, 0.5) == pytest.approx(1e-5)
+
+
+def test_fall_that_has_begun_is_not_begun_again():
+    schedule = Schedule(CONFIG)
+    schedule.begin_decay(0.9)
+    assert schedule.decay_from is None
+    assert schedule.end == 1.0
+
+
+def test_constant_rate_never_falls():
+    assert Schedule(OptimizerConfig(learning_rate=1e-4, decay_share=0.0)).rate(1000, 1.0) == 1e-4
