@@ -29,9 +29,10 @@ def test_error_of_the_work_is_raised_where_its_result_is_asked_for() -> None:
     def fails(check: object) -> int:
         raise PolicyError("no such policy")
 
-    with Background() as background, pytest.raises(PolicyError, match="no such policy"):
+    with Background() as background:
         background.start(fails)
-        wait_for(background)
+        with pytest.raises(PolicyError, match="no such policy"):
+            wait_for(background)
 
 
 def test_work_ends_with_its_block() -> None:

@@ -1,5 +1,4 @@
 import json
-import tomllib
 from pathlib import Path
 
 from readygo.apps.learn.training import Training, begin_decay, forget_decay, read_training
