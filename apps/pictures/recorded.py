@@ -36,7 +36,7 @@ class RecordedEpisodes:
             dataset: The episodes.
             world: Of the run that recorded them.
         """
-        self.dataset = dataset
+        self.dataset, self.world = dataset, world
         self._planner, self._animator = world.human_planner(), world.animator()
         self._static, self._map = world.spec.static, world.scene.maps.robot
 

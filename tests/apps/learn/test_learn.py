@@ -62,6 +62,10 @@ def workers_of(out: Path, role: str = "") -> list[int]:
     return found
 
 
+def recorded_bytes(out: Path) -> int:
+    return sum(path.stat().st_size for path in (out / "data" / "embedded").glob("shard-*.mcap*"))
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/cmdline").exists(), reason="finds processes in /proc")
 def test_run_that_is_killed_goes_on_with_the_same_command(
@@ -71,6 +75,9 @@ def test_run_that_is_killed_goes_on_with_the_same_command(
     first = start()
     wait_until(lambda: (out / "policy" / "progress.json").exists())
     (trainer,) = workers_of(out, "trainer")
+    os.kill(trainer, signal.SIGSTOP)
+    before = recorded_bytes(out)
+    wait_until(lambda: recorded_bytes(out) > before)
     os.kill(trainer, signal.SIGKILL)
     wait_until(lambda: workers_of(out, "trainer") not in ([], [trainer]))
     assert first.poll() is None, "a trainer that dies is replaced"
