@@ -37,8 +37,10 @@ def _config(mode: str, *, listen: str | None = None, connect: str | None = None)
         "scouting/multicast/enabled": False,
         "transport/shared_memory/enabled": False,
         "transport/link/tx/lease": _LEASE_MS,
-        # By default a router waits 1 ms for a full way before it drops: for every message of a slow subscriber.
-        "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 0,
+        # How long a router waits for a full way before it drops a message of a slow subscriber, for each 64 kB of it
+        # [us]; by default 1 ms. Without any wait a message of more than one such part never arrives.
+        "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 100,
+        "transport/link/tx/queue/size/data_low": 16,
         "queries_default_timeout": 5000,
         "listen/endpoints": [listen] if listen else [],
         "connect/endpoints": [connect] if connect else [],

@@ -9,6 +9,7 @@ from readygo.apps.fleet.worker import make_coordinator
 from readygo.apps.run.folder import RunFolder
 from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
 from readygo.common.errors import RunError
+from readygo.common.messages import PolicyRef
 from readygo.services.coordinator import Coordinator, attach
 from tests.common.messages.run_specs import SPEC
 
@@ -57,6 +58,14 @@ def test_status_says_how_far_the_run_is(
     status(folder.path, json=True)
     reply = json.loads(capsys.readouterr().out)
     assert (reply["committed"], reply["waiting"], reply["finished"]) == (1, {"human-plan": 2}, False)
+
+
+def test_status_counts_the_policies_of_a_run_that_learns(
+    folder: RunFolder, coordinator: Coordinator, capsys: pytest.CaptureFixture[str]
+) -> None:
+    coordinator.ledger.offer(PolicyRef(path="", files=(), mix=0.5), 1)
+    status(folder.path)
+    assert "policies offered: 1" in capsys.readouterr().out
 
 
 def test_folder_that_no_fleet_works_on_is_said_in_one_line(folder: RunFolder) -> None:

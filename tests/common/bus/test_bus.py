@@ -143,6 +143,17 @@ def test_subscribers_hear_what_is_published_in_order(server: Bus, client: Bus, j
         assert messages == [news(number, b"x" * number) for number in range(5)]
 
 
+def test_large_messages_come_through_at_an_easy_pace(server: Bus, client: Bus) -> None:
+    heard: list[BlobReply] = []
+    heard_by(server, client, heard.append)
+    for number in range(1, 4):
+        server.publish(NEWS, news(number, bytes(1_000_000 * number)))
+        time.sleep(0.3)
+    # A busy machine may lose one: the stream is lossy.
+    wait_for(lambda: len(heard) >= 2)
+    assert all(len(message.data) == 1_000_000 * message.size for message in heard)
+
+
 def test_message_that_nobody_hears_costs_nothing(server: Bus, client: Bus, monkeypatch: pytest.MonkeyPatch) -> None:
     encoded: list[object] = []
     monkeypatch.setattr("readygo.common.bus.zenoh_bus.encode", encoded.append)
