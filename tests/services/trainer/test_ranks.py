@@ -12,7 +12,7 @@ from readygo.services.trainer.ranks import Ranks, join_ranks
 from readygo.services.trainer.train import train
 from tests.services.trainer.conftest import make_source, quick
 join_ranks("cpu")
-config = quick(samples=256, batch_size=16)
+config = quick(samples=64, batch_size=16)
 metrics = train(make_source(), config, Path(sys.argv[1]) / str(Ranks().rank))
 print(json.dumps(metrics))
 """
@@ -49,8 +49,8 @@ def test_two_processes_train_one_policy(tmp_path):
     outputs = [process.communicate(timeout=120) for process in processes]
     assert [process.returncode for process in processes] == [0, 0], outputs[0][1][-500:]
     first, second = (json.loads(output[0].splitlines()[-1]) for output in outputs)
-    assert first["samples_seen"] == 256
-    assert first["steps"] == 8
+    assert first["samples_seen"] == 64
+    assert first["steps"] == 2
     assert second == {}
     assert (tmp_path / "0" / "policy.toml").is_file()
     assert not (tmp_path / "1" / "policy.toml").exists()

@@ -16,7 +16,7 @@ def weights(folder):
 
 def test_policy_learns_what_the_images_tell(source, tmp_path):
     # Brightness tells v here, so light must not vary.
-    config = quick(samples=5000, learning_rate=2e-3, photometric=0.0, ema_decay=0.98)
+    config = quick(samples=4000, learning_rate=2e-3, photometric=0.0, ema_decay=0.98)
     metrics = train(source, config, tmp_path)
     assert metrics["without_previous_ratio_w"] < 0.6
     assert metrics["without_previous_ratio_v"] < 0.6
@@ -40,7 +40,7 @@ def test_equal_seeds_give_equal_weights(source, tmp_path):
     assert weights(tmp_path / "a") != weights(tmp_path / "c")
 
 
-@pytest.mark.parametrize("step", [1, 7, 13])
+@pytest.mark.parametrize("step", [1, 13])
 def test_interrupted_run_goes_on_as_if_nothing_had_happened(source, tmp_path, monkeypatch, step):
     monkeypatch.setattr("readygo.services.trainer.run.SAVE_EVERY_S", 0.05)
     train(source, QUICK, tmp_path / "whole")
