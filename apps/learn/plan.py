@@ -132,7 +132,9 @@ def make_plan(
     places: list[Place] = []
     for scene in scenes:
         spec = make_spec(open_scene(scene), avatars, config, seed=seed, split=Split.TRAIN, static=False)
-        name = _free_name(spec.metadata["scene"]["name"] or "scene", [place.name for place in places])
+        if spec.scene_hash in [place.spec.scene_hash for place in places]:
+            raise RunError(f"Scene {scene} is named twice; name each scene once.")
+        name = free_name(spec.metadata["scene"]["name"] or "scene", [place.name for place in places])
         folder = RunFolder(out / "data" / name)
         places.append(Place(name=name, scene=scene, spec=with_offers(spec, config, learn.mix), folder=folder))
     plan = Plan(out=out, places=tuple(places), config=config, learn=learn, budget=budget, avatars=avatars, seed=seed)
@@ -217,6 +219,7 @@ def _check_room(place: Place) -> None:
     )
 
 
-def _free_name(name: str, taken: list[str]) -> str:
+def free_name(name: str, taken: list[str]) -> str:
+    """The name, or the name with a number that nothing else has."""
     numbered = (name if number == 1 else f"{name}-{number}" for number in range(1, len(taken) + 2))
     return next(option for option in numbered if option not in taken)

@@ -1,5 +1,6 @@
 """The crew with stand-ins for fleets, buses and router."""
 
+import dataclasses
 import time
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,6 +13,7 @@ from readygo.apps.learn.cores import Split
 from readygo.apps.learn.crew import FROZEN_S, Crew
 from readygo.apps.learn.plan import Budget, Plan, learn_settings, make_plan
 from readygo.apps.learn.training import Training
+from readygo.apps.run.folder import RunFolder
 from readygo.common.errors import BusError, RunError
 from readygo.common.messages import Command, StatusReply
 
@@ -73,9 +75,12 @@ def plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Plan:
     monkeypatch.setattr(crew_module, "ZenohBus", StandInBus)
     monkeypatch.setattr(crew_module, "Router", lambda endpoint: SimpleNamespace(close=lambda: None))
     (tmp_path / "run").mkdir()
-    settings = learn_settings(None, None)
-    scenes = ("embedded", "embedded")
-    return make_plan(scenes, tmp_path / "run", settings, LearnConfig(), Budget(minutes=1.0), avatars=None, seed=0)
+    settings, budget = learn_settings(None, None), Budget(minutes=1.0)
+    plan = make_plan(("embedded",), tmp_path / "run", settings, LearnConfig(), budget, avatars=None, seed=0)
+    first = plan.places[0]
+    spec, folder = dataclasses.replace(first.spec, run="run-2"), RunFolder(tmp_path / "other")
+    other = dataclasses.replace(first, name="embedded-2", spec=spec, folder=folder)
+    return dataclasses.replace(plan, places=(first, other))
 
 
 def status(**changes: object) -> StatusReply:

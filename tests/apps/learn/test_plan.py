@@ -1,10 +1,11 @@
 import dataclasses
+import json
 from pathlib import Path
 
 import pytest
 
 from readygo.apps.learn.config import LearnConfig
-from readygo.apps.learn.plan import Budget, Plan, learn_settings, locked, make_plan, read_state, write_state
+from readygo.apps.learn.plan import Budget, Plan, free_name, learn_settings, locked, make_plan, read_state, write_state
 from readygo.apps.run.config import RunConfig
 from readygo.apps.run.scene_argument import open_scene
 from readygo.common.errors import ReadygoError, RunError, SceneError
@@ -40,9 +41,14 @@ def test_what_nobody_names_is_as_learning_needs_it(tmp_path: Path) -> None:
     assert learn_settings(None, tmp_path / "robot.toml").robot.camera == CameraConfig(width_px=256, height_px=144)
 
 
-def test_two_scenes_of_one_name_have_a_folder_each(tmp_path: Path) -> None:
-    plan = plan_of(tmp_path / "run", scenes=("embedded", str(open_scene("embedded").path)))
-    assert [place.name for place in plan.places] == ["embedded", "embedded-2"]
+def test_two_scenes_of_one_name_have_a_folder_each() -> None:
+    assert [free_name("flat", []), free_name("flat", ["flat"])] == ["flat", "flat-2"]
+    assert free_name("flat", ["flat", "flat-2"]) == "flat-3"
+
+
+def test_scene_that_is_named_twice_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RunError, match="is named twice"):
+        plan_of(tmp_path / "run", scenes=("embedded", str(open_scene("embedded").path)))
 
 
 def test_run_goes_on_only_as_what_it_is(tmp_path: Path) -> None:
@@ -61,8 +67,10 @@ def test_run_goes_on_only_as_what_it_is(tmp_path: Path) -> None:
     other = dataclasses.replace(other, human_planner=dataclasses.replace(other.human_planner, detour_max=2.0))
     with pytest.raises(RunError, match=r"another run: config \(human_planner\) differ"):
         plan_of(tmp_path / "run", other)
-    with pytest.raises(RunError, match="learns in embedded; choose another --out for other scenes"):
-        plan_of(tmp_path / "run", scenes=("embedded", "embedded"))
+    state = json.loads(plan.state_file.read_text())
+    plan.state_file.write_text(json.dumps({**state, "runs": {"lobby": "run-1"}}))
+    with pytest.raises(RunError, match="learns in lobby; choose another --out for other scenes"):
+        plan_of(tmp_path / "run")
 
 
 def test_folder_of_something_else_is_refused(tmp_path: Path) -> None:
