@@ -95,8 +95,11 @@ class Supervisor:
         if not self._over:
             self._prepare()
             background: Background[Measured] = Background()
-            with Crew(plan, self._split or self._first_split()) as crew, background:
-                self._supervise(crew, background)
+            try:
+                with Crew(plan, self._split or self._first_split()) as crew, background:
+                    self._supervise(crew, background)
+            finally:
+                self._save()
             self._measure_last()
             self._over = True
             self._save()
