@@ -24,6 +24,9 @@ COMMANDS = {
     "coverage": Command(
         "readygo.apps.commands.coverage:coverage", "show what a dataset covers, and what it does not, on one page"
     ),
+    "learn": Command(
+        "readygo.apps.commands.learn:learn", "record and learn side by side, until a policy drives well in a scene"
+    ),
     "train": Command("readygo.apps.commands.train:train", "learn a policy from recorded episodes"),
     "evaluate": Command("readygo.apps.commands.evaluate:evaluate", "measure success rates in closed loop"),
     "status": Command("readygo.apps.commands.control:status", "say how far a fleet's run is"),

@@ -18,6 +18,7 @@ from readygo.apps.run.evaluation import (
     make_request,
     summarize,
 )
+from readygo.apps.run.origin import avatars_of_policy
 from readygo.apps.run.spec import episode_count
 from readygo.common.config import section_to_mapping
 from readygo.common.errors import RunError
@@ -52,6 +53,7 @@ def evaluate(
     camera: CameraName = "policy",
     people: MixName | None = None,
     scenarios: Path | None = None,
+    control_hz: float = 20.0,
     lockstep: int = 8,
     json: bool = False,
 ) -> None:
@@ -66,22 +68,27 @@ def evaluate(
         split: Random streams to draw the episodes from.
         seed: Seed of the episodes.
         out: Folder for episodes.jsonl and summary.json.
-        avatars: Avatar file or folder of them; the embedded ones by default.
+        avatars: Avatar file or folder of them; those of the policy's data by default, else the embedded ones.
         robot: robot.toml; by default the one in `config`, else the policy's robot.
-        config: TOML file with sections of settings, as given to `readygo generate`.
+        config: TOML file with sections of settings, as given to `readygo generate`; what it does not name is as in the
+            policy's data.
         sensor: Recipe of the camera's lens, light and shutter and of what varies of them, in place of what robot and
             `config` say of that.
         camera: "policy" looks through the camera that the policy was trained with, and refuses another one of `robot`,
             `config` or `sensor`; "robot" takes that one.
-        people: Recipe of how many people come and how they meet the robot, in place of what `config` says of it;
-            "paper" by default.
+        people: Recipe of how many people come and how they meet the robot, in place of what `config` says of it; as in
+            the policy's data by default, else "paper".
         scenarios: TOML file with starts, goals and people to play instead of drawing them, one entry after the other.
+        control_hz: How often the policy decides [Hz]; its command is held in between, its memory sees every image.
         lockstep: Episodes that run side by side.
         json: Print the summary as JSON.
     """
     count = episode_count(scenarios) if episodes is None else episodes
-    request = make_request(count, tasks, methods if policy else _without_policy(methods), Split(split), seed)
+    drivers = methods if policy else _without_policy(methods)
+    request = make_request(count, tasks, drivers, Split(split), seed, control_hz=control_hz)
     loaded = load_policy(policy) if policy else None
+    if loaded and avatars is None:
+        avatars = avatars_of_policy(loaded.spec)
     trained_camera = loaded.spec.robot.camera if loaded and camera == "policy" else None
     run_config = evaluation_config(
         loaded.spec if loaded else None,
@@ -109,6 +116,7 @@ def evaluate(
     summary = summarize(reply, request, evaluator)
     summary["human_planner"] = section_to_mapping(run_config.human_planner)
     summary["sensor"] = section_to_mapping(run_config.renderer.sensor)
+    summary["detail"] = run_config.renderer.detail
     summary["scenarios"] = text_hash(read_text(scenarios)) if scenarios else ""
     if out is not None:
         write_results(out, reply.records, summary)

@@ -14,6 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from readygo.apps.fleet.run import Show, record
 from readygo.apps.run.again import prepare_again
 from readygo.apps.run.config import load_run_config, with_detail, with_disturbance, with_outputs
+from readygo.apps.run.origin import avatars_of_policy, robot_of_policy
 from readygo.apps.run.policy import with_expert, with_policy
 from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.run.spec import episode_count, make_spec
@@ -60,7 +61,7 @@ def generate(
             everything in this process.
         split: Random streams to draw the episodes from; train, val and test never share an episode.
         seed: Seed of the run.
-        avatars: Avatar file or folder of them; the embedded ones by default.
+        avatars: Avatar file or folder of them; those of the policy's data by default, else the embedded ones.
         static: Leave the humans out.
         people: Recipe of how many people come and how they meet the robot, in place of what `config` says of it;
             "paper" by default.
@@ -95,13 +96,16 @@ def generate(
     if mix is not None and policy is None:
         raise RunError("--mix is the share of a policy's episodes: name the policy with --policy.")
     trained = load_spec(policy) if policy else None
-    run_config = load_run_config(config, load_robot(robot) if robot else None, sensor, people, trained=trained)
+    base = robot_of_policy(trained) if trained else None
+    run_config = load_run_config(config, load_robot(robot) if robot else None, sensor, people, base=base)
     if outputs:
         run_config = with_outputs(run_config, outputs)
     if detail:
         run_config = with_detail(run_config, detail)
     if disturb is not None:
         run_config = with_disturbance(run_config, disturb)
+    if trained and not (avatars or static):
+        avatars = avatars_of_policy(trained)
     spec = make_spec(
         open_scene(scene), avatars, run_config, seed=seed, split=Split(split), static=static, scenarios=scenarios
     )

@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from readygo.apps.run.evaluation import closed_loop
+from readygo.apps.run.origin import note_origin, origin_of_data
 from readygo.apps.run.training import default_recipe, make_config, run_training
 from readygo.common.dataset import Dataset
 from readygo.common.errors import ConfigError
@@ -94,9 +95,12 @@ def train(
     else:
         dataset = _open(data)
         chosen = make_config(recipe or _default_recipe(dataset, console, quiet=json), config, **settings)
-        evaluate = closed_loop(val_scene, episodes=val_episodes, seed=seed or 0) if val_scene else None
+        origin = origin_of_data(data)
+        evaluate = closed_loop(val_scene, episodes=val_episodes, seed=seed or 0, origin=origin) if val_scene else None
         with _progress(console, quiet=json) as show:
             metrics = run_training(dataset, chosen, out, val=val, evaluate=evaluate, show=show)
+        if metrics:
+            note_origin(out, origin)
     if metrics:
         _report(metrics, out, as_json=json)
 

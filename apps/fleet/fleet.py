@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -26,6 +27,8 @@ class Member:
     role: str
     name: str
     log: Path
+    arguments: tuple[str, ...] = ()
+    """Further ones of its command line."""
     process: subprocess.Popen[bytes] | None = None
     restarts: int = field(default=0)
 
@@ -33,16 +36,23 @@ class Member:
 class Fleet:
     """Worker processes of one run."""
 
-    def __init__(self, *, connect: str, run: str, data: Path, logs: Path) -> None:
-        self._arguments = ["--connect", connect, "--run", run, "--data", str(data), "--exit-with-parent"]
+    def __init__(self, *, connect: str, run: str, data: Path | Sequence[Path], logs: Path) -> None:
+        folders = [data] if isinstance(data, Path) else data
+        self._arguments = ["--connect", connect, "--run", run, "--data", *map(str, folders), "--exit-with-parent"]
         self._logs = logs
         self.members: list[Member] = []
 
-    def add(self, role: str, name: str) -> None:
-        """Start a worker."""
-        member = Member(role=role, name=name, log=self._logs / f"{name}.log")
+    def add(self, role: str, name: str, *arguments: str) -> None:
+        """Start a worker; `arguments` are further ones of its command line."""
+        member = Member(role=role, name=name, log=self._logs / f"{name}.log", arguments=arguments)
         self.members.append(member)
         self._start(member)
+
+    def remove(self, name: str) -> None:
+        """End a worker; what it holds is done by others."""
+        (member,) = (member for member in self.members if member.name == name)
+        self.members.remove(member)
+        self._stop([member])
 
     def check(self) -> None:
         """Start workers anew that ended, however they ended; call it only while the run is not over.
@@ -63,18 +73,22 @@ class Fleet:
         """End the fleet: workers first, then recorders, the coordinator last; no process is left behind."""
         last = (RECORDER, COORDINATOR)
         for roles in ({member.role for member in self.members}.difference(last), *({role} for role in last)):
-            processes = [m.process for m in self.members if m.role in roles and m.process]
-            for process in processes:
-                process.terminate()
-            deadline_s = time.monotonic() + STOP_S
-            for process in processes:
-                try:
-                    process.wait(timeout=max(0.1, deadline_s - time.monotonic()))
-                except subprocess.TimeoutExpired:
-                    process.kill()
-                    process.wait()
-                if process.stdin:
-                    process.stdin.close()
+            self._stop([member for member in self.members if member.role in roles])
+
+    def _stop(self, members: list[Member]) -> None:
+        """End workers side by side, by force if they take too long."""
+        processes = [member.process for member in members if member.process]
+        for process in processes:
+            process.terminate()
+        deadline_s = time.monotonic() + STOP_S
+        for process in processes:
+            try:
+                process.wait(timeout=max(0.1, deadline_s - time.monotonic()))
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+            if process.stdin:
+                process.stdin.close()
 
     def check_recorders(self) -> None:
         """Look at how the recorders ended, after `stop`.
@@ -92,7 +106,8 @@ class Fleet:
 
     def command(self, member: Member) -> list[str]:
         """The command line that fills a place."""
-        return [sys.executable, "-m", "readygo", "worker", member.role, "--name", member.name, *self._arguments]
+        own = ["--name", member.name, *member.arguments]
+        return [sys.executable, "-m", "readygo", "worker", member.role, *own, *self._arguments]
 
     def _start(self, member: Member) -> None:
         if member.process and member.process.stdin:

@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from readygo.apps.run.origin import note_origin, origin_of_runs
 from readygo.apps.run.training import load_trainer
 from readygo.apps.run.world import World
 from readygo.common.bus import Bus
@@ -55,7 +56,10 @@ def train_beside(
         for run, bus in buses.items():
             bus.subscribe(topics.COMMITTED, partial(trainer.hear, run))
             bus.announce(TRAINER, TRAINER)
-        return trainer.train(stop)
+        metrics = trainer.train(stop)
+    if metrics:
+        note_origin(out, origin_of_runs(specs))
+    return metrics
 
 
 class Reader:

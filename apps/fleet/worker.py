@@ -45,7 +45,7 @@ def worker(
     connect: str,
     run: str,
     name: str = "",
-    data: Path | None = None,
+    data: tuple[Path, ...] = (),
     out: Path | None = None,
     config: Path | None = None,
     exit_with_parent: bool = False,
@@ -58,9 +58,9 @@ def worker(
         role: coordinator, recorder, the role of a stage (human-planner, animator, robot-planner, renderer or driver),
             all, which does every stage in one process, or trainer.
         connect: Endpoint of the fleet's router, such as tcp/127.0.0.1:7447.
-        run: Name of the run, as `readygo generate --listen` prints it.
+        run: Name of the run, as `readygo generate --listen` prints it; for a trainer several, with commas between.
         name: Name of this worker; must differ between workers of one role.
-        data: Data folder of the run (coordinator and recorder; a trainer catches up from it).
+        data: Data folder of the run (coordinator and recorder; a trainer catches up from it, one for each run).
         out: Folder of the policy (trainer only).
         config: TOML file with fields of `TrainConfig` that shall be others than the recipe's (trainer only).
         exit_with_parent: Exit as soon as standard input is closed.
@@ -72,7 +72,7 @@ def worker(
     name = name or f"{role}-{socket.gethostname()}-{os.getpid()}"
     try:
         if role == TRAINER:
-            _train(connect, run, (data,) if data else (), out, config, stop)
+            _train(connect, run.split(","), data, out, config, stop)
         else:
             _join(role, name, connect, run, data, stop)
     except BusError:
@@ -82,7 +82,7 @@ def worker(
         raise SystemExit(CANNOT_WORK) from error
 
 
-def _join(role: str, name: str, connect: str, run: str, data: Path | None, stop: threading.Event) -> None:
+def _join(role: str, name: str, connect: str, run: str, data: tuple[Path, ...], stop: threading.Event) -> None:
     bus = ZenohBus(connect, run)
     try:
         if role == COORDINATOR:
@@ -96,15 +96,16 @@ def _join(role: str, name: str, connect: str, run: str, data: Path | None, stop:
 
 
 def _train(
-    connect: str, run: str, data: tuple[Path, ...], out: Path | None, config: Path | None, stop: threading.Event
+    connect: str, runs: list[str], data: tuple[Path, ...], out: Path | None, config: Path | None, stop: threading.Event
 ) -> None:
     if out is None:
         raise RunError("A trainer needs a folder for its policy: pass --out.")
-    bus = ZenohBus(connect, run)
+    buses: dict[str, Bus] = {run: ZenohBus(connect, run) for run in runs}
     try:
-        train_beside({run: bus}, make_config("best", config), out, data=data, stop=stop)
+        train_beside(buses, make_config("best", config), out, data=data, stop=stop)
     finally:
-        bus.close()
+        for bus in buses.values():
+            bus.close()
 
 
 def _keep_the_heap_small() -> None:
@@ -171,10 +172,10 @@ def _world(bus: Bus) -> World:
     return World(bus.request(topics.SPEC, RunSpecRequest(), timeout_s=SPEC_TIMEOUT_S), bus)
 
 
-def _folder(role: str, data: Path | None) -> RunFolder:
-    if data is None:
+def _folder(role: str, data: tuple[Path, ...]) -> RunFolder:
+    if len(data) != 1:
         raise RunError(f"A {role} needs the run's data folder: pass --data.")
-    return RunFolder(data)
+    return RunFolder(data[0])
 
 
 def _stop_signal(exit_with_parent: bool) -> threading.Event:

@@ -14,19 +14,25 @@ _LEFT, _RIGHT, _TOP, _BOTTOM = 58, 16, 14, 40
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LossCurve:
-    """One line of a chart of losses."""
+class Curve:
+    """One line of a chart."""
 
     name: str
     """For example "training" or "validation"."""
-    step: npt.NDArray[np.float64]
-    """Optimiser steps or epochs, rising, shape (N,)."""
-    loss: npt.NDArray[np.float64]
+    x: npt.NDArray[np.float64]
+    """Rising, shape (N,)."""
+    y: npt.NDArray[np.float64]
     """Shape (N,); values that are not finite are left out."""
 
 
-def loss_chart(curves: Sequence[LossCurve], *, step_name: str) -> str:
-    """A line chart of losses; the vertical axis is logarithmic when they span more than a factor of 20.
+def line_chart(curves: Sequence[Curve], *, x_name: str, what: str = "Loss", y_max: float = 0.0) -> str:
+    """A line chart; the vertical axis is logarithmic when the values span more than a factor of 20.
+
+    Args:
+        curves: The lines.
+        x_name: What x is, with its unit.
+        what: What the values are.
+        y_max: The vertical axis goes from 0 to at least here, and is linear; 0 leaves that to the values.
 
     Returns:
         An SVG element, or an empty string when there is nothing finite to draw.
@@ -37,8 +43,10 @@ def loss_chart(curves: Sequence[LossCurve], *, step_name: str) -> str:
         return ""
     steps = np.concatenate([step for _, step, _ in cleaned])
     losses = np.concatenate([loss for _, _, loss in cleaned])
-    log = bool(losses.min() > 0 and losses.max() > 20 * losses.min())
-    low, high = (losses.min(), losses.max()) if log else (min(0.0, float(losses.min())), float(losses.max()))
+    log = bool(not y_max and losses.min() > 0 and losses.max() > 20 * losses.min())
+    low, high = float(losses.min()), float(losses.max())
+    if not log:
+        low, high = min(0.0, low), max(high, y_max)
     y_ticks = _decades(low, high) if log else nice_ticks(low, high)
     low, high = min(low, y_ticks[0]), max(high, y_ticks[-1])
     x_ticks = nice_ticks(float(steps.min()), float(steps.max()))
@@ -51,9 +59,8 @@ def loss_chart(curves: Sequence[LossCurve], *, step_name: str) -> str:
         a, b, c = (math.log(low), math.log(high), math.log(loss)) if log else (low, high, loss)
         return _HEIGHT - _BOTTOM - (c - a) / max(b - a, 1e-12) * (_HEIGHT - _TOP - _BOTTOM)
 
-    parts = [
-        f'<svg class="chart" viewBox="0 0 {_WIDTH} {_HEIGHT}" role="img" aria-label="Loss over {escape(step_name)}">'
-    ]
+    label = f"{escape(what)} over {escape(x_name)}"
+    parts = [f'<svg class="chart" viewBox="0 0 {_WIDTH} {_HEIGHT}" role="img" aria-label="{label}">']
     for tick in y_ticks:
         y = y_of(tick)
         parts.append(f'<line x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{y:.1f}" y2="{y:.1f}" class="grid"/>')
@@ -64,7 +71,7 @@ def loss_chart(curves: Sequence[LossCurve], *, step_name: str) -> str:
                 f'<text x="{x_of(tick):.1f}" y="{_HEIGHT - 20}" text-anchor="middle">{number_text(tick)}</text>'
             )
     middle = (_LEFT + _WIDTH - _RIGHT) / 2
-    parts.append(f'<text x="{middle}" y="{_HEIGHT - 4}" text-anchor="middle">{escape(step_name)}</text>')
+    parts.append(f'<text x="{middle}" y="{_HEIGHT - 4}" text-anchor="middle">{escape(x_name)}</text>')
     for k, (name, step, loss) in enumerate(cleaned):
         colour = _COLOURS[k % len(_COLOURS)]
         points = " ".join(f"{x_of(float(s)):.1f},{y_of(float(v)):.1f}" for s, v in zip(step, loss, strict=True))
@@ -95,10 +102,10 @@ def share_bar(share: float) -> str:
     )
 
 
-def _finite(curve: LossCurve) -> tuple[np.ndarray, np.ndarray]:
-    step, loss = np.asarray(curve.step, dtype=np.float64), np.asarray(curve.loss, dtype=np.float64)
-    keep = np.isfinite(step) & np.isfinite(loss)
-    return step[keep], loss[keep]
+def _finite(curve: Curve) -> tuple[np.ndarray, np.ndarray]:
+    x, y = np.asarray(curve.x, dtype=np.float64), np.asarray(curve.y, dtype=np.float64)
+    keep = np.isfinite(x) & np.isfinite(y)
+    return x[keep], y[keep]
 
 
 def nice_ticks(low: float, high: float) -> list[float]:

@@ -12,7 +12,6 @@ from readygo.common.camera.recorded import with_whole_camera
 from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.episode import EpisodeConfig
 from readygo.common.errors import ConfigError
-from readygo.common.policy import PolicySpec
 from readygo.common.robot import RobotConfig
 from readygo.services.animator.config import AnimatorConfig
 from readygo.services.coordinator.config import CoordinatorConfig
@@ -24,6 +23,8 @@ from readygo.services.recorder.config import RecorderConfig
 from readygo.services.renderer.config import RendererConfig
 from readygo.services.renderer.sensor.recipes import SENSOR_RECIPES, SensorName
 
+_NOT_OF_RUNS = ("learn",)
+"""Sections of a configuration file that are no run's: `readygo learn` reads its own."""
 _RETIRED = {"episode": ("human_height_m",)}
 """Settings of earlier versions, by section."""
 
@@ -49,7 +50,7 @@ def load_run_config(
     sensor: SensorName | None = None,
     people: MixName | None = None,
     *,
-    trained: PolicySpec | None = None,
+    base: RunConfig | None = None,
 ) -> RunConfig:
     """The defaults, changed by the sections of a TOML file, by another robot and by recipes of a sensor and of people.
 
@@ -58,14 +59,12 @@ def load_run_config(
         robot: In place of the file's.
         sensor: Recipe for the optics of the robot's camera and what varies of them.
         people: Recipe of how many people come and how they meet the robot.
-        trained: Where file and `robot` name no robot, no camera or no sensor, those that this policy was trained with.
+        base: What file and arguments do not name; the defaults by default.
 
     Raises:
         ConfigError: If the file cannot be read or holds an unknown key or a wrong value.
     """
-    config = RunConfig()
-    if trained is not None:
-        config = RunConfig(robot=trained.robot, renderer=RendererConfig(sensor=trained.sensor))
+    config = base or RunConfig()
     if path is not None:
         config = _read_config(path, config)
     if robot is not None:
@@ -80,26 +79,44 @@ def load_run_config(
 
 
 def _read_config(path: Path, base: RunConfig) -> RunConfig:
-    """The sections of a TOML file; `base` has the robot, camera and sensor of a file that does not name them."""
-    try:
-        sections = tomllib.loads(path.read_text())
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ConfigError(f"Configuration {path} cannot be read: {error}.") from error
-    for section, part in (("robot", "camera"), ("renderer", "sensor")):
-        known = section_to_mapping(getattr(base, section))
-        given = sections.setdefault(section, known if section == "robot" else {})
-        if isinstance(given, dict):
-            given.setdefault(part, known[part])
+    """The sections of a TOML file over those of `base`; a robot that the file names has only its camera from there."""
+    sections = {name: keys for name, keys in read_sections(path).items() if name not in _NOT_OF_RUNS}
+    if "robot" in sections:
+        base = dataclasses.replace(base, robot=RobotConfig(camera=base.robot.camera))
     try:
         _refuse_moved_keys(sections)
-        return section_from_mapping(RunConfig, sections)
+        return merged(base, sections)
     except ConfigError as error:
         raise ConfigError(f"Configuration {path}: {error}") from error
 
 
+def read_sections(path: Path) -> dict[str, Any]:
+    """All sections of a configuration file.
+
+    Raises:
+        ConfigError: If it cannot be read.
+    """
+    try:
+        return tomllib.loads(path.read_text())
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise ConfigError(f"Configuration {path} cannot be read: {error}.") from error
+
+
+def merged(base: RunConfig, sections: Mapping[str, Any]) -> RunConfig:
+    """The configuration with the keys of some sections, given as plain values.
+
+    Raises:
+        ConfigError: If a key is unknown or a value wrong.
+    """
+    whole = section_to_mapping(base)
+    for name, section in sections.items():
+        whole[name] = {**whole.get(name, {}), **section} if isinstance(section, Mapping) else section
+    return section_from_mapping(RunConfig, whole)
+
+
 def _refuse_moved_keys(sections: dict[str, Any]) -> None:
     """Raise ConfigError if lens, light and shutter stand where they stood before the camera was one section."""
-    renderer = sections["renderer"]
+    renderer = sections.get("renderer")
     sensor = renderer.get("sensor") if isinstance(renderer, dict) else None
     for name, value in sensor.items() if isinstance(sensor, dict) else ():
         if name == "ranges":

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from readygo.apps.run.config import RunConfig, load_run_config
+from readygo.apps.run.origin import DataOrigin, avatars_of_policy, settings_of_policy, with_origin
 from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.run.spec import make_spec
 from readygo.apps.run.world import World
@@ -16,6 +17,7 @@ from readygo.common.errors import RunError
 from readygo.common.messages import Split
 from readygo.common.policy import Policy, PolicySpec, check_policy_camera, load_policy
 from readygo.common.robot import RobotConfig
+from readygo.common.robot.kinematics import RATE_HZ
 from readygo.services.animator.service import attach as attach_animator
 from readygo.services.evaluator import (
     EvaluateReply,
@@ -44,7 +46,7 @@ def evaluation_config(
     sensor: SensorName | None,
     humans: MixName | None,
 ) -> RunConfig:
-    """The settings that an evaluation has, whose robot is the policy's where none is given.
+    """The settings that an evaluation has: where none are given those of the policy's data, the robot included.
 
     Args:
         policy: What the policy says of itself.
@@ -58,8 +60,8 @@ def evaluation_config(
         ConfigError: If the file cannot be read.
         PolicyError: If the settings ask for another camera than the policy's, and `camera` for the policy's.
     """
-    trained = trained_settings(policy, camera) if policy else None
-    settings = load_run_config(config, robot, sensor, humans, trained=trained)
+    base = settings_of_policy(trained_settings(policy, camera), humans=humans is None) if policy else None
+    settings = load_run_config(config, robot, sensor, humans, base=base)
     if policy is not None and camera == "policy":
         check_policy_camera(policy, settings.robot, settings.renderer.sensor)
     return settings
@@ -74,7 +76,13 @@ def trained_settings(spec: PolicySpec, camera: CameraName) -> PolicySpec:
 
 
 def make_request(
-    episodes: int, tasks: tuple[str, ...], methods: tuple[str, ...], split: Split, seed: int
+    episodes: int,
+    tasks: tuple[str, ...],
+    methods: tuple[str, ...],
+    split: Split,
+    seed: int,
+    *,
+    control_hz: float = RATE_HZ,
 ) -> EvaluateRequest:
     """The request of command-line arguments.
 
@@ -88,6 +96,7 @@ def make_request(
             episodes=episodes,
             seed=seed,
             split=split,
+            control_hz=control_hz,
         )
     except ValueError as error:
         raise RunError(f"These arguments make no evaluation: {error}") from error
@@ -149,6 +158,7 @@ def summarize(reply: EvaluateReply, request: EvaluateRequest, evaluator: Evaluat
         "episodes": request.episodes,
         "seed": request.seed,
         "split": request.split.value,
+        "control_hz": request.control_hz,
         "skipped": reply.skipped,
         "robot": section_to_mapping(evaluator.robot),
         "episode": section_to_mapping(evaluator.episode_config),
@@ -156,8 +166,14 @@ def summarize(reply: EvaluateReply, request: EvaluateRequest, evaluator: Evaluat
     }
 
 
-def closed_loop(scene: str, *, episodes: int, seed: int) -> Callable[[Path], float]:
+def closed_loop(scene: str, *, episodes: int, seed: int, origin: DataOrigin | None = None) -> Callable[[Path], float]:
     """Measures the static and dynamic success rate of a policy on the split val of a scene; their mean counts.
+
+    Args:
+        scene: Scene bundle, or "embedded".
+        episodes: Episodes of a measurement, per task.
+        seed: Of the episodes.
+        origin: Of the policy's data: who walks, and how it is drawn; the defaults where it says nothing.
 
     Raises:
         RunError: If that is no evaluation.
@@ -171,8 +187,11 @@ def closed_loop(scene: str, *, episodes: int, seed: int) -> Callable[[Path], flo
     def success_rate(folder: Path) -> float:
         policy = load_policy(folder)
         if scene not in evaluators:
-            config = load_run_config(None, trained=policy.spec)
-            evaluators[scene] = make_evaluator(scene, config, avatars=None, seed=seed, renders=True)
+            spec = with_origin(policy.spec, origin or DataOrigin())
+            avatars = avatars_of_policy(spec)
+            evaluators[scene] = make_evaluator(
+                scene, settings_of_policy(spec), avatars=avatars, seed=seed, renders=True
+            )
         evaluator = dataclasses.replace(evaluators[scene], policy=policy)
         rates = [summary.success_rate for summary in handle_evaluate(evaluator, request).summaries.values()]
         return sum(rates) / len(rates)

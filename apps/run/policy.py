@@ -17,6 +17,9 @@ from readygo.common.messages.stages import DRIVE_LINE
 from readygo.common.policy import check_policy_camera, load_policy
 from readygo.common.policy.artifact import ENCODER_FILE, HEAD_FILE, SPEC_FILE
 
+POLICY_FILES = (ENCODER_FILE, HEAD_FILE, SPEC_FILE)
+"""All that a policy is loaded from."""
+
 
 def with_policy(spec: RunSpec, config: RunConfig, folder: Path, mix: float) -> RunSpec:
     """A run in which a policy drives a share of the episodes, and the expert says at every state what it would do.
@@ -32,7 +35,7 @@ def with_policy(spec: RunSpec, config: RunConfig, folder: Path, mix: float) -> R
     """
     check_policy(folder, config)
     try:
-        files = tuple(file_ref(folder, name) for name in (ENCODER_FILE, HEAD_FILE, SPEC_FILE))
+        files = tuple(file_ref(folder, name) for name in POLICY_FILES)
         policy = PolicyRef(path=str(folder.resolve()), files=files, mix=mix)
     except ValueError as error:
         raise PolicyError(f"--{error}") from error
@@ -91,6 +94,11 @@ def check_policy(folder: Path, config: RunConfig) -> None:
     check_policy_camera(trained, config.robot, config.renderer.sensor)
     for name, ours, theirs in section_differences(trained.robot, config.robot):
         raise PolicyError(f"The policy was trained for another robot: {name} {ours} (the run's: {theirs}).")
+
+
+def policy_sha256(folder: Path) -> str:
+    """What runs call the policy in a folder."""
+    return PolicyRef(path="", files=tuple(file_ref(folder, name) for name in POLICY_FILES), mix=0.0).sha256
 
 
 def file_ref(folder: Path, name: str) -> FileRef:

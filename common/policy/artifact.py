@@ -9,6 +9,7 @@ two graphs.
 """
 
 import enum
+import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -175,11 +176,16 @@ def _inputs(mapping: Mapping[str, Any]) -> PolicyInputs:
 def _toml_lines(mapping: Mapping[str, Any], path: str = "") -> list[str]:
     # TOML has no null: what is not given is left out.
     plain = {key: value for key, value in mapping.items() if value is not None and not isinstance(value, Mapping)}
-    lines = [f"{key} = {_toml_value(value)}" for key, value in plain.items()]
+    lines = [f"{_toml_key(key)} = {_toml_value(value)}" for key, value in plain.items()]
     for key, value in mapping.items():
         if isinstance(value, Mapping):
-            lines += ["", f"[{path}{key}]", *_toml_lines(value, f"{path}{key}.")]
+            table = f"{path}{_toml_key(key)}"
+            lines += ["", f"[{table}]", *_toml_lines(value, f"{table}.")]
     return lines
+
+
+def _toml_key(key: str) -> str:
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _toml_value(key)
 
 
 def _toml_value(value: Any) -> str:

@@ -2,7 +2,8 @@
 
 import enum
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol, TypeVar
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -39,19 +40,29 @@ class Driver(Protocol[State]):
         ...
 
 
-class Ride(NamedTuple):
+@dataclass
+class Ride:
     """What a policy's driver remembers of one episode."""
 
     memory: PolicyMemory
     people: str
     """Key of the episode's humans."""
+    command: tuple[float, float] = (0.0, 0.0)
+    """The latest decision: v [m/s], w [rad/s]."""
 
 
 class PolicyDriver:
-    """Drives by what the policy sees through a renderer."""
+    """Drives by what the policy sees through a renderer: at every step, however seldom it decides."""
 
-    def __init__(self, policy: Policy, eyes: Eyes) -> None:
-        self._policy, self._eyes = policy, eyes
+    def __init__(self, policy: Policy, eyes: Eyes, hold_steps: int = 1) -> None:
+        """Prepare to drive.
+
+        Args:
+            policy: Who drives.
+            eyes: Where its images come from.
+            hold_steps: Steps from one decision to the next; the command is held in between.
+        """
+        self._policy, self._eyes, self._hold_steps = policy, eyes, hold_steps
 
     def start(self, simulation: EpisodeSimulation) -> Ride:
         """An empty memory."""
@@ -64,7 +75,10 @@ class PolicyDriver:
         previous = np.array([(s.v_mps, s.w_radps) for s in simulations], dtype=np.float32)
         goals = np.array([s.goal_xy_robot_m for s in simulations], dtype=np.float32)
         actions = self._policy.step([ride.memory for ride in rides], images, previous, goals)
-        return [(v, w) for v, w in actions.tolist()]
+        for simulation, ride, (v, w) in zip(simulations, rides, actions.tolist(), strict=True):
+            if simulation.step % self._hold_steps == 0:
+                ride.command = (v, w)
+        return [ride.command for ride in rides]
 
 
 class StraightLineDriver:

@@ -13,6 +13,7 @@ from readygo.common.maps import FloorMap, OccupancyMap
 from readygo.common.messages import RobotPlanRequest, RobotTrajectory, Split, topics
 from readygo.common.policy import Policy, check_policy_camera
 from readygo.common.robot import RobotConfig
+from readygo.common.robot.kinematics import RATE_HZ
 from readygo.services.evaluator.config import EvaluatorConfig
 from readygo.services.evaluator.drivers import Driver, Method, PolicyDriver, StraightLineDriver
 from readygo.services.evaluator.episodes import EpisodeSource, MatchedEpisode, Task
@@ -33,12 +34,22 @@ class EvaluateRequest:
     """Episodes per task."""
     seed: int = 0
     split: Split = Split.TEST
+    control_hz: float = RATE_HZ
+    """How often the policy decides [Hz]; its command is held in between. A step is 0.05 s: 20, 10, 5, 4, 2 or 1 Hz."""
 
     def __post_init__(self) -> None:
         if not self.tasks or not self.methods or self.episodes < 1 or self.seed < 0:
             raise ValueError("an evaluation needs a task, a method, one or more episodes and a seed >= 0.")
         if len(set(self.tasks)) < len(self.tasks) or len(set(self.methods)) < len(self.methods):
             raise ValueError("tasks and methods must not repeat.")
+        steps = RATE_HZ / self.control_hz if self.control_hz > 0 else 0.0
+        if steps < 1 or steps != round(steps):
+            raise ValueError(f"control_hz must be {RATE_HZ} Hz divided by a whole number, got {self.control_hz:g}.")
+
+    @property
+    def hold_steps(self) -> int:
+        """Steps from one decision of the policy to the next."""
+        return round(RATE_HZ / self.control_hz)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -98,7 +109,8 @@ def handle_evaluate(evaluator: Evaluator, request: EvaluateRequest, *, report: R
     for task in request.tasks:
         of_task = [episode for episode in episodes if episode.task is task]
         for method in request.methods:
-            records += _drive_all(evaluator, method, of_task, report or (lambda _: None))
+            driver = None if method is Method.EXPERT else _make_driver(evaluator, method, request.hold_steps)
+            records += _drive_all(evaluator, method, driver, of_task, report or (lambda _: None))
     return EvaluateReply(
         records=tuple(records),
         summaries=summarize_records(records, time_limit_s=evaluator.episode_config.time_limit_s),
@@ -107,19 +119,18 @@ def handle_evaluate(evaluator: Evaluator, request: EvaluateRequest, *, report: R
 
 
 def _drive_all(
-    evaluator: Evaluator, method: Method, episodes: Sequence[MatchedEpisode], report: Report
+    evaluator: Evaluator,
+    method: Method,
+    driver: Driver[Any] | None,
+    episodes: Sequence[MatchedEpisode],
+    report: Report,
 ) -> list[EpisodeRecord]:
-    """Records of one method, in the order of `episodes`."""
+    """Records of one method, in the order of `episodes`; without a driver the expert is asked."""
     records: dict[int, EpisodeRecord] = {}
     runs = (
         ((row, _ask_expert(evaluator, episode)) for row, episode in enumerate(episodes))
-        if method is Method.EXPERT
-        else roll_out(
-            episodes,
-            _make_driver(evaluator, method),
-            _simulate_on(evaluator),
-            lockstep=evaluator.config.lockstep,
-        )
+        if driver is None
+        else roll_out(episodes, driver, _simulate_on(evaluator), lockstep=evaluator.config.lockstep)
     )
     for row, trajectory in runs:
         records[row] = make_record(episodes[row], method, trajectory, evaluator.episode_config)
@@ -138,7 +149,7 @@ def _simulate_on(evaluator: Evaluator) -> Callable[[MatchedEpisode], EpisodeSimu
     return simulate
 
 
-def _make_driver(evaluator: Evaluator, method: Method) -> Driver[Any]:
+def _make_driver(evaluator: Evaluator, method: Method, hold_steps: int) -> Driver[Any]:
     if method is Method.STRAIGHT_LINE:
         return StraightLineDriver(evaluator.robot)
     assert evaluator.policy is not None
@@ -150,7 +161,7 @@ def _make_driver(evaluator: Evaluator, method: Method) -> Driver[Any]:
         floor=evaluator.floor,
         timeout_s=config.request_timeout_s,
     )
-    return PolicyDriver(evaluator.policy, eyes)
+    return PolicyDriver(evaluator.policy, eyes, hold_steps)
 
 
 def _ask_expert(evaluator: Evaluator, episode: MatchedEpisode) -> RobotTrajectory | None:

@@ -1,11 +1,14 @@
 """`readygo generate --policy`: a policy and the expert drive, and what the expert would do is recorded."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from readygo.apps.commands.generate import generate
+from readygo.apps.run.origin import note_origin, origin_of_data
+from readygo.common.avatars.file import EMBEDDED_FOLDER
 from readygo.common.dataset import Dataset, validate
 from readygo.common.errors import PolicyError, RunError
 from readygo.common.messages import Driver, Outcome
@@ -99,3 +102,19 @@ def test_what_makes_no_run_is_refused_in_a_line(scene: str, options: dict, tmp_p
     with pytest.raises(PolicyError, match="trained with another camera: height_px 8"):
         generate(scene, out=out, **{**options, "config": tmp_path / "wide.toml"})
     assert not out.exists()
+
+
+def test_policys_avatars_walk_unless_others_are_named(scene: str, options: dict, tmp_path: Path) -> None:
+    people = tmp_path / "people"
+    people.mkdir()
+    shutil.copy(EMBEDDED_FOLDER / "amara.npz", people)
+    policy = shutil.copytree(options["policy"], tmp_path / "policy")
+    first, second = tmp_path / "first", tmp_path / "second"
+    generate(scene, out=first, episodes=1, workers=0, avatars=people, **options)
+    note_origin(policy, origin_of_data([first]))
+    generate(scene, out=second, episodes=1, workers=0, **{**options, "policy": policy})
+    assert set(Dataset([second]).provenance.avatars) == {"amara"}
+    people.rename(tmp_path / "moved")
+    with pytest.raises(PolicyError, match=r"not at .*/people any more; name them with --avatars\.$"):
+        generate(scene, out=tmp_path / "third", episodes=1, workers=0, **{**options, "policy": policy})
+    assert not (tmp_path / "third").exists()

@@ -16,6 +16,6 @@ def test_demo_refuses_a_folder_that_no_demo_has_made(tmp_path: Path) -> None:
 
 def test_demo_replaces_an_earlier_demo(tmp_path: Path) -> None:
     _clear(tmp_path / "demo")
-    (tmp_path / "demo" / "data").mkdir()
+    (tmp_path / "demo" / "run").mkdir()
     _clear(tmp_path / "demo")
-    assert not (tmp_path / "demo" / "data").exists()
+    assert not (tmp_path / "demo" / "run").exists()

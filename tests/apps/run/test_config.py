@@ -7,6 +7,7 @@ import pytest
 from readygo.__main__ import main
 from readygo.apps.run.config import RunConfig, load_run_config, resolved_sections, with_outputs
 from readygo.apps.run.identity import run_name
+from readygo.apps.run.origin import robot_of_policy
 from readygo.common.camera import CameraConfig, SensorConfig
 from readygo.common.config import section_from_mapping
 from readygo.common.errors import ConfigError
@@ -62,14 +63,17 @@ def run_config(tmp_path: Path, text: str) -> Path:
 def test_what_nobody_names_is_the_policys(tmp_path: Path) -> None:
     camera = CameraConfig(height_px=72, width_px=128, distortion="fisheye", mount_height_m=0.4)
     spec = PolicySpec(robot=RobotConfig(v_max_mps=0.8, camera=camera), sensor=SensorConfig(k1=(0.0, 0.01)))
-    whole = load_run_config(None, trained=spec)
+    base = robot_of_policy(spec)
+    whole = load_run_config(None, base=base)
     assert (whole.robot, whole.renderer.sensor) == (spec.robot, spec.sensor)
     other = load_run_config(
-        run_config(tmp_path, "[robot]\nv_max_mps = 0.5\n[renderer]\ndetail = 'lod'\n"), trained=spec
+        run_config(tmp_path, "[robot]\nv_max_mps = 0.5\n[renderer]\ndetail = 'lod'\n"), base=robot_of_policy(spec)
     )
     assert other.robot == RobotConfig(v_max_mps=0.5, camera=camera)
     assert (other.renderer.sensor, other.renderer.detail) == (spec.sensor, "lod")
-    named = load_run_config(run_config(tmp_path, "[robot.camera]\nwidth_px = 128\n[renderer.sensor]\n"), trained=spec)
+    named = load_run_config(
+        run_config(tmp_path, "[robot.camera]\nwidth_px = 128\n[renderer.sensor]\n"), base=robot_of_policy(spec)
+    )
     assert named.robot == RobotConfig(camera=CameraConfig(width_px=128))
     assert named.renderer.sensor == SensorConfig()
 

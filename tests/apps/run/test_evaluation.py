@@ -15,6 +15,7 @@ from readygo.apps.run.evaluation import (
     summarize,
     trained_settings,
 )
+from readygo.apps.run.origin import DataOrigin, robot_of_policy, with_origin
 from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.run.spec import make_spec
 from readygo.common.camera import CameraConfig, SensorConfig
@@ -52,7 +53,7 @@ def policy_of(data: Dataset, folder: Path) -> PolicySpec:
 
 def images_along(data: Dataset, spec: PolicySpec) -> np.ndarray:
     """What an evaluator draws for a policy whose robot drives as the recorded one did."""
-    evaluator = make_evaluator("embedded", load_run_config(None, trained=spec), avatars=None, seed=3, renders=True)
+    evaluator = make_evaluator("embedded", robot_of_policy(spec), avatars=None, seed=3, renders=True)
     eyes = Eyes(evaluator.bus, topics.render("0"), robot=evaluator.robot, floor=evaluator.floor, timeout_s=60.0)
     key = data.episodes[0].episode
     plan = evaluator.bus.request(topics.HUMAN_PLAN, HumanPlanRequest(episode=key, static=True))
@@ -104,6 +105,18 @@ def test_robots_camera_replaces_the_policys_but_the_rest_of_its_robot_stays() ->
     other = trained_settings(spec, "robot")
     assert other.robot == dataclasses.replace(robot, camera=CameraConfig())
     assert other.sensor == SensorConfig()
+
+
+def test_evaluation_is_as_the_policys_data_where_nobody_names_something_else(tmp_path: Path) -> None:
+    settings = {"human_planner": {"detour_max": 2.0}, "episode": {"human_count_max": 4}, "renderer": {"detail": "lod"}}
+    spec = with_origin(PolicySpec(robot=SMALL), DataOrigin(settings=settings))
+    asis = evaluation_config(spec, "policy", config=None, robot=None, sensor=None, humans=None)
+    assert (asis.human_planner.detour_max, asis.episode.human_count_max, asis.renderer.detail) == (2.0, 4, "lod")
+    (tmp_path / "run.toml").write_text('[renderer]\ndetail = "exact"\n')
+    named = evaluation_config(spec, "policy", config=tmp_path / "run.toml", robot=None, sensor=None, humans="paper")
+    assert named.human_planner.detour_max == 3.0
+    assert named.episode.human_count_max == 2
+    assert named.renderer.detail == "exact"
 
 
 def test_arguments_become_a_request_or_one_line() -> None:

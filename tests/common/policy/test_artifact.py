@@ -79,3 +79,9 @@ def test_spec_that_cannot_be_used_is_refused(tmp_path, text, message):
     with pytest.raises(PolicyError, match=message) as caught:
         load_spec(tmp_path)
     assert "\n" not in str(caught.value)
+
+
+def test_names_that_toml_must_quote_come_back(tmp_path):
+    training = {"data": {"avatars": {"Anna B.": "12", "plain_name-3": "34"}}}
+    save_spec(PolicySpec(robot=RobotConfig(), training=training), tmp_path)
+    assert load_spec(tmp_path).training == training

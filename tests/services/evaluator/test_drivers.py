@@ -82,3 +82,19 @@ def test_episode_that_starts_again_has_forgotten(simulation):
     ride = driver.start(episode)
     driver.commands([(episode, ride)])
     assert policy.given[-1][0] == ["memory 2"]
+
+
+def test_command_is_held_between_decisions_while_the_policy_sees_every_image(simulation):
+    policy = RecordingPolicy()
+    policy.step = lambda memories, images, previous, goals: (
+        policy.given.append((images, previous)) or np.array([[0.1 * images[0, 0, 0, 0], 0.0]], np.float32)
+    )
+    driver, episode = PolicyDriver(policy, Eyes(), hold_steps=5), simulation()
+    ride = driver.start(episode)
+    commands = []
+    for _ in range(12):
+        commands += driver.commands([(episode, ride)])
+        episode.advance(*commands[-1])
+    assert [v for v, _ in commands] == pytest.approx([0.0] * 5 + [0.5] * 5 + [1.0] * 2)
+    assert [images[0, 0, 0, 0] for images, _ in policy.given] == list(range(12))
+    assert policy.given[7][1][0, 0] == pytest.approx(0.05 * 2), "it is told what was executed, not what it decided"

@@ -89,3 +89,21 @@ def test_every_ended_episode_is_reported(make_evaluator):
     reported = []
     reply = handle_evaluate(make_evaluator(), EvaluateRequest(episodes=2), report=reported.append)
     assert sorted(map(str, reported)) == sorted(map(str, reply.records))
+
+
+def test_policy_that_decides_seldom_drives_otherwise_and_the_others_as_before(make_evaluator):
+    often = handle_evaluate(make_evaluator(), EvaluateRequest(tasks=(Task.STATIC,), episodes=3))
+    seldom = handle_evaluate(make_evaluator(), EvaluateRequest(tasks=(Task.STATIC,), episodes=3, control_hz=1))
+    assert pick(often, Task.STATIC, Method.POLICY) != pick(seldom, Task.STATIC, Method.POLICY)
+    for method in (Method.EXPERT, Method.STRAIGHT_LINE):
+        assert pick(often, Task.STATIC, method) == pick(seldom, Task.STATIC, method)
+
+
+@pytest.mark.parametrize("control_hz", [0.0, -4.0, 40.0, 3.0, 15.0, float("nan")])
+def test_control_rate_that_is_no_whole_number_of_steps_is_refused(control_hz):
+    with pytest.raises(ValueError, match="control_hz must be 20 Hz divided by a whole number"):
+        EvaluateRequest(control_hz=control_hz)
+
+
+def test_control_rates_are_whole_steps():
+    assert [EvaluateRequest(control_hz=rate).hold_steps for rate in (20, 10, 5, 4, 2.5, 1)] == [1, 2, 4, 5, 8, 20]

@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 import pytest
 
-from readygo.apps.demo.report import report_html, write_report
-from readygo.apps.demo.report_content import Command, ReportContent, RunNumbers, Score, StripImage
-from readygo.apps.pages.charts import LossCurve
+from readygo.apps.learn.report import report_html, write_report
+from readygo.apps.learn.report_content import Command, Ends, Film, ReportContent, RunNumbers, Score, StripImage
+from readygo.apps.pages.charts import Curve
 from readygo.common.drawing.plan_view import GOAL, ROBOT, DrawnEpisode, draw_episodes, map_view, resized
 from readygo.common.episode.metrics import EpisodeResult, summarize
 from readygo.common.errors import ReadygoError
@@ -57,15 +57,16 @@ def full_content(tmp_path: Path) -> ReportContent:
         occupancy=occupancy(),
         episodes=(DrawnEpisode(label="train-0-1", robot_xy_m=way, goal_xy_m=way[-1], humans_xy_m=(way + 0.3,)),),
         strip=(StripImage(rgb=np.zeros((14, 25, 3), np.uint8), time_s=1.25),),
-        animation=tmp_path / "film.webp",
         video=tmp_path / "film.mp4",
-        losses=(LossCurve(name="training", step=np.arange(5.0), loss=np.array([1.0, 0.5, np.nan, 0.3, 0.2])),),
+        losses=(Curve(name="training", x=np.arange(5.0), y=np.array([1.0, 0.5, np.nan, 0.3, 0.2])),),
+        rates=(Curve(name="static", x=np.array([1.0, 2.0]), y=np.array([0.0, 50.0])),),
+        ends=(Ends(name="hit a thing", xy_m=np.array([[0.5, 3.0], [0.7, 3.1]])),),
+        films=(Film(path=tmp_path / "film.webp", note="It hits a <chair>."),),
         scores=(Score(task="with people", driver="policy", summary=summary(3, 4)),),
         run=RunNumbers(
             episodes=4,
             samples=1000,
             wall_s=20.0,
-            workers=2,
             rejected={"no <way>": 1},
             cpu_s_by_stage={"render": 3.0, "expert": 1.0},
         ),
@@ -98,7 +99,7 @@ def test_report_is_one_balanced_page_that_needs_no_network(tmp_path: Path) -> No
     page = Balanced()
     page.feed(html)
     assert page.open == []
-    assert len(page.sources) == 4
+    assert len(page.sources) == 5
     assert all(source.startswith("data:image/") for source in page.sources)
     assert "<script" not in html
     assert "http" not in re.sub(r"base64,[A-Za-z0-9+/=]+", "", html)
@@ -132,8 +133,8 @@ def test_images_in_the_page_decode(tmp_path: Path) -> None:
     html = report_html(full_content(tmp_path))
     images = re.findall(r"data:image/(?:png|jpeg);base64,([A-Za-z0-9+/=]+)", html)
     shapes = [cv2.imdecode(np.frombuffer(base64.b64decode(i), np.uint8), cv2.IMREAD_COLOR).shape for i in images]
-    assert shapes[-1] == (14, 25, 3)
-    assert len(shapes) == 3
+    assert shapes[2] == (14, 25, 3)
+    assert len(shapes) == 4
 
 
 def test_report_appears_complete_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,4 +1,4 @@
-"""What a report shows: plain data that the demo fills in."""
+"""What a report shows, as plain data."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from readygo.apps.pages.charts import LossCurve
+from readygo.apps.pages.charts import Curve
 from readygo.common.drawing.plan_view import DrawnEpisode
 from readygo.common.episode.metrics import TaskSummary
 from readygo.common.maps import OccupancyMap
@@ -22,6 +22,25 @@ class StripImage:
     """Shape (H, W, 3)."""
     time_s: float
     """Simulated time since the episode began [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Film:
+    """One episode as an animated WebP, embedded into the report."""
+
+    path: Path
+    note: str
+    """What it shows."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Ends:
+    """Where episodes ended in one way."""
+
+    name: str
+    """For example "hit a wall"."""
+    xy_m: npt.NDArray[np.float64]
+    """Robot's last places [m], shape (N, 2)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +62,6 @@ class RunNumbers:
     samples: int
     wall_s: float
     """Of the whole run, start and stop of its processes included [s]."""
-    workers: int
     rejected: Mapping[str, int] = field(default_factory=dict)
     """Episodes that were not recorded, by reason."""
     cpu_s_by_stage: Mapping[str, float] = field(default_factory=dict)
@@ -80,13 +98,20 @@ class ReportContent:
     strip: tuple[StripImage, ...] = ()
     """Consecutive images of the robot's camera, best with a person who walks by."""
     strip_note: str = ""
-    animation: Path | None = None
-    """An animated WebP of one episode, embedded into the report (see `readygo.common.drawing.film.write_animation`)."""
     video: Path | None = None
-    """The same episode as MP4, beside the report; only its name is shown."""
-    losses: tuple[LossCurve, ...] = ()
-    loss_step_name: str = "step"
+    """An episode as MP4, beside the report; only its name is shown."""
+    rates: tuple[Curve, ...] = ()
+    """Success rates on the split val [%] over minutes."""
+    rates_by_samples: tuple[Curve, ...] = ()
+    """The same over samples learned from."""
+    losses: tuple[Curve, ...] = ()
+    """Over samples learned from."""
     training_note: str = ""
+    ends: tuple[Ends, ...] = ()
+    """Where the policy failed, by what happened."""
+    ends_note: str = ""
+    films: tuple[Film, ...] = ()
+    """Of the policy, failing and succeeding."""
     scores: tuple[Score, ...] = ()
     scores_note: str = ""
     run: RunNumbers | None = None

@@ -4,14 +4,28 @@ from collections.abc import Callable, Sequence
 from html import escape
 from pathlib import Path
 
-from readygo.apps.demo.report_content import Command, ReportContent, RunNumbers, Score
-from readygo.apps.pages.charts import loss_chart, rate_bar, share_bar
-from readygo.apps.pages.page import figure, jpeg_source, page, percent, png_source, table, webp_source
+from readygo.apps.learn.report_content import Command, ReportContent, RunNumbers, Score
+from readygo.apps.pages.charts import line_chart, rate_bar, share_bar
+from readygo.apps.pages.page import chart_figure, figure, jpeg_source, page, percent, png_source, table, webp_source
 from readygo.common.drawing.files import Picture
-from readygo.common.drawing.plan_view import draw_episodes, draw_scale_bar, faded, map_view, resized
+from readygo.common.drawing.plan_view import (
+    HUMANS,
+    INK,
+    ROBOT,
+    Rgb,
+    draw_disc,
+    draw_episodes,
+    draw_scale_bar,
+    faded,
+    map_view,
+    resized,
+)
 from readygo.common.files import write_whole
+from readygo.common.scenes.top_view import TopView
 
 _PLAN_HEIGHT_PX = 760
+_END_COLOURS: tuple[Rgb, ...] = (INK, HUMANS[0], ROBOT, HUMANS[1])
+_END_NAMES = ("black", "orange", "blue", "pink")
 
 
 def write_report(path: Path, content: ReportContent) -> None:
@@ -33,7 +47,8 @@ def report_html(content: ReportContent) -> str:
         ("The place", _place),
         ("What the robot sees", _camera),
         ("Results in closed loop", _results),
-        ("Training", _training),
+        ("How it learned", _training),
+        ("What it fails in", _failures),
         ("The data run", _run),
         ("How this was made", lambda c: _commands(c.commands)),
         ("Next: your own place", lambda c: _commands(c.next_steps)),
@@ -75,12 +90,14 @@ def _place(content: ReportContent) -> str:
 
 
 def _paths(content: ReportContent) -> Picture:
+    return draw_episodes(_plan(content), content.episodes)
+
+
+def _plan(content: ReportContent) -> TopView:
     if content.occupancy:
-        view = resized(map_view(content.occupancy), _PLAN_HEIGHT_PX)
-    else:
-        assert content.top_view
-        view = faded(resized(content.top_view, _PLAN_HEIGHT_PX), 0.5)
-    return draw_episodes(view, content.episodes)
+        return resized(map_view(content.occupancy), _PLAN_HEIGHT_PX)
+    assert content.top_view
+    return faded(resized(content.top_view, _PLAN_HEIGHT_PX), 0.5)
 
 
 def _paths_note(content: ReportContent) -> str:
@@ -99,16 +116,8 @@ def _camera(content: ReportContent) -> str:
     )
     strip = f'<div class="strip">{images}</div>' if images else ""
     note = f'<p class="note">{escape(content.strip_note)}</p>' if content.strip_note else ""
-    return strip + note + _film(content)
-
-
-def _film(content: ReportContent) -> str:
-    if content.animation is None:
-        return ""
-    note = "One episode: the robot's view beside the scene from above; person, goal and ways in the colours of the map."
-    if content.video:
-        note += f" As a video: {content.video.name}, beside this page."
-    return f'<div class="film">{figure(webp_source(content.animation), note, alt="One episode as a film")}</div>'
+    video = f'<p class="note">As a video: {escape(content.video.name)}, beside this page.</p>' if content.video else ""
+    return strip + note + video
 
 
 def _results(content: ReportContent) -> str:
@@ -140,9 +149,40 @@ def _score_row(score: Score) -> str:
 
 
 def _training(content: ReportContent) -> str:
-    chart = loss_chart(content.losses, step_name=content.loss_step_name)
+    rates = {"minutes": content.rates, "samples learned from": content.rates_by_samples}
+    charts = [
+        (
+            line_chart(curves, x_name=x_name, what="Success", y_max=100.0),
+            f"Success [%] on the split val over {x_name}.",
+        )
+        for x_name, curves in rates.items()
+    ]
+    charts.append((line_chart(content.losses, x_name="samples learned from"), "Loss."))
     note = f'<p class="note">{escape(content.training_note)}</p>' if content.training_note else ""
-    return chart + note
+    return "".join(chart_figure(svg, caption) for svg, caption in charts if svg) + note
+
+
+def _failures(content: ReportContent) -> str:
+    parts = []
+    if any(len(ends.xy_m) for ends in content.ends) and (content.occupancy or content.top_view):
+        parts.append(figure(png_source(_ends(content)), _ends_note(content), alt="Map of the places of failure"))
+    for film in content.films:
+        parts.append(f'<div class="film">{figure(webp_source(film.path), film.note, alt=film.note)}</div>')
+    return "".join(parts)
+
+
+def _ends(content: ReportContent) -> Picture:
+    view = _plan(content)
+    picture = view.rgb.copy()
+    for ends, colour in zip(content.ends, _END_COLOURS, strict=False):
+        for xy_m in ends.xy_m:
+            draw_disc(picture, view, xy_m, 0.12, colour)
+    return picture
+
+
+def _ends_note(content: ReportContent) -> str:
+    kinds = [f"{ends.name} {len(ends.xy_m)} ({colour})" for ends, colour in zip(content.ends, _END_NAMES, strict=False)]
+    return f"Where it failed: {', '.join(kinds)}. {content.ends_note}".strip()
 
 
 def _run(content: ReportContent) -> str:
@@ -150,7 +190,7 @@ def _run(content: ReportContent) -> str:
     if run is None:
         return ""
     text = (
-        f"{run.episodes:,} episodes with {run.samples:,} samples in {run.wall_s:,.0f} s by {run.workers} workers: "
+        f"{run.episodes:,} episodes with {run.samples:,} samples in {run.wall_s:,.0f} s: "
         f"{run.samples_per_s:,.1f} samples per second."
     )
     return f"<p>{escape(text)}</p><div class=pair>{_cpu_table(run)}{_rejected_table(run)}</div>"

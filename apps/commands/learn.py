@@ -1,0 +1,111 @@
+"""`readygo learn`: from a scene to a policy that drives there."""
+
+import json as json_module
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+
+from readygo.apps.learn.config import load_learn_config
+from readygo.apps.learn.learn import learn_policy, report_content
+from readygo.apps.learn.plan import Budget, learn_settings, make_plan
+from readygo.apps.learn.report import write_report
+from readygo.apps.learn.supervise import Now
+from readygo.common.errors import RunError
+from readygo.services.evaluator import EpisodeRecord, summary_table
+
+Show = Callable[[Now], None]
+Tested = Callable[[EpisodeRecord], None]
+
+
+def learn(
+    scenes: tuple[str, ...],
+    /,
+    *,
+    out: Path,
+    minutes: float = 60.0,
+    samples: int | None = None,
+    episodes: int = 100,
+    seed: int = 0,
+    avatars: Path | None = None,
+    robot: Path | None = None,
+    config: Path | None = None,
+    json: bool = False,
+) -> None:
+    """Record and learn side by side until a policy drives well; run again to go on.
+
+    The expert drives at first, disturbed; then the newest policy does in most episodes, and the expert says at every
+    sample what it would do. The policy that does best on the split val is kept and tried on the split test.
+
+    Args:
+        scenes: Scene bundles, or "embedded"; one policy learns in all of them.
+        out: Folder of the run: data, policy, curve.json, evaluation and report.html.
+        minutes: Wall time of recording and learning, that of earlier commands included [min]; it ends sooner if the
+            policy does not get better any more. The test comes after it.
+        samples: Samples that the trainer is shown, instead of minutes.
+        episodes: Test episodes per task and scene; 0 leaves the test out.
+        seed: Seed of the episodes and of the training.
+        avatars: Avatar file or folder of them; the embedded ones by default.
+        robot: robot.toml; without one, or without a camera in it, the camera has 72x128 pixels.
+        config: TOML file with sections of settings, as given to `readygo generate`, and [learn].
+        json: Print the result as JSON.
+    """
+    if episodes < 0:
+        raise RunError(f"--episodes must be at least 0, got {episodes}.")
+    plan = make_plan(
+        scenes,
+        out,
+        learn_settings(config, robot),
+        load_learn_config(config),
+        Budget(minutes=minutes, samples=samples),
+        avatars=avatars,
+        seed=seed,
+    )
+    with live_line(6 * episodes * len(scenes), quiet=json) as (show, tested):
+        learned = learn_policy(plan, episodes=episodes, show=show, tested=tested)
+    report = out / "report.html"
+    write_report(report, report_content(learned, scenes, avatars))
+    if json:
+        sys.stdout.write(json_module.dumps(learned.to_mapping()) + "\n")
+        return
+    console = Console(highlight=False, soft_wrap=True)
+    for name, reply in learned.replies.items():
+        console.print(name, markup=False)
+        console.print(summary_table(reply.summaries))
+    console.print(f"The policy: {plan.policy}. How it learned and what it fails in: {report}", markup=False)
+
+
+@contextmanager
+def live_line(tested_total: int, *, quiet: bool = False) -> Iterator[tuple[Show, Tested]]:
+    """Show on the terminal how learning, and then the test, goes; `quiet` shows nothing."""
+    columns = (TextColumn("{task.description}"), BarColumn(20), TaskProgressColumn(), TextColumn("{task.fields[said]}"))
+    with Progress(*columns, console=Console(stderr=True), disable=quiet) as progress:
+        task = progress.add_task("learning", total=1.0, said="starting")
+
+        def show(now: Now) -> None:
+            progress.update(task, completed=now.fraction, said=line_of(now))
+
+        testing = progress.add_task("test", total=tested_total, said="", visible=False)
+
+        def tested(record: EpisodeRecord) -> None:
+            progress.update(testing, advance=1, visible=True, said=f"{record.task.value}, {record.method.value}")
+
+        yield show, tested
+
+
+def line_of(now: Now) -> str:
+    """What a run that learns is doing, in a line."""
+    parts = [
+        f"{now.minutes:.1f} min",
+        f"{now.recorded:,} recorded",
+        f"{now.learned:,} learned",
+        f"{now.policies} policies",
+    ]
+    if now.driven is not None:
+        parts.append(f"driving SR {100 * now.driven:.0f} %")
+    if now.latest is not None:
+        parts.append(f"val SR {100 * now.latest.static:.0f} / {100 * now.latest.dynamic:.0f} %")
+    return ", ".join(parts)

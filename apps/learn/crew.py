@@ -1,0 +1,158 @@
+"""All processes of a run that learns: a fleet in every scene and one trainer."""
+
+import contextlib
+import time
+from functools import partial
+from pathlib import Path
+from types import TracebackType
+
+from readygo.apps.fleet.fleet import Fleet
+from readygo.apps.fleet.roles import ALL, places
+from readygo.apps.fleet.trainer import TRAINER
+from readygo.apps.learn.cores import Split, shared_out
+from readygo.apps.learn.plan import Place, Plan
+from readygo.apps.learn.training import Training, write_trainer_config
+from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
+from readygo.common.errors import BusError, RunError
+from readygo.common.messages import Command, ControlRequest, StatusReply, topics
+
+FROZEN_S = 120.0
+"""A trainer that says nothing for so long is started anew [s]."""
+CONTROL_S = 2.0
+"""Longest wait for a coordinator to take a command [s]."""
+
+
+class Crew:
+    """Starts, watches and ends the processes; none is left when its block is."""
+
+    def __init__(self, plan: Plan, split: Split) -> None:
+        self.status: dict[str, StatusReply] = {}
+        """Of each scene's run, as it was told last."""
+        self._plan, self._split = plan, split
+        self._endpoint = free_endpoint()
+        self._fleets: dict[str, Fleet] = {}
+        self._buses: list[ZenohBus] = []
+        self._collects = True
+        self._open = contextlib.ExitStack()
+        self._logs = plan.out / "logs"
+
+    def __enter__(self) -> "Crew":
+        try:
+            self._start()
+        except BaseException:
+            self._open.close()
+            raise
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
+        self._open.close()
+        if error is None:
+            for fleet in self._fleets.values():
+                fleet.check_recorders()
+
+    @property
+    def recorded(self) -> int:
+        """Samples in the shards of all scenes."""
+        return sum(status.samples for status in self.status.values())
+
+    @property
+    def policies(self) -> int:
+        """Policies that were offered."""
+        return max((status.policies for status in self.status.values()), default=0)
+
+    @property
+    def collect_hz(self) -> float:
+        """Samples that one core records per second, by the processor time that the stages took; 0 if not known yet."""
+        cpu_s = sum(sum(status.cpu_s.values()) for status in self.status.values())
+        return self.recorded / cpu_s if cpu_s > 0 else 0.0
+
+    @property
+    def running(self) -> Split:
+        """How the cores are split now."""
+        return self._split
+
+    def check(self, training: Training) -> None:
+        """Start processes anew that ended, and a trainer that is frozen.
+
+        Raises:
+            RunError: If one ends again and again, or a run cannot go on.
+        """
+        for name, fleet in self._fleets.items():
+            status = self.status.get(name)
+            if status and status.failed:
+                raise RunError(f"Scene {name}: {status.failed}")
+            if not (status and status.finished):
+                fleet.check()
+        if training.ended:
+            return
+        if time.time() - max(training.told_s, self._trainer_begun_s) > FROZEN_S:
+            self._start_trainer()
+        self._trainer.check()
+
+    def pace(self, wanted: bool) -> None:
+        """Let the collectors work, or have them wait."""
+        if wanted == self._collects:
+            return
+        self._collects = wanted
+        command = Command.RESUME if wanted else Command.PAUSE
+        for bus in self._buses:
+            # A coordinator that is just being started again hears the next one.
+            with contextlib.suppress(BusError):
+                bus.request(topics.CONTROL, ControlRequest(command=command), timeout_s=CONTROL_S)
+
+    def split(self, split: Split) -> None:
+        """Split the cores in another way: collectors come or go, the trainer goes on with other threads."""
+        threads = self._split.trainer_threads
+        self._split = split
+        counts = shared_out(split.collectors, len(self._plan.places))
+        for place, wanted in zip(self._plan.places, counts, strict=True):
+            self._collect(self._fleets[place.name], wanted)
+        if split.trainer_threads != threads:
+            self._start_trainer()
+
+    def _start(self) -> None:
+        router = Router(self._endpoint)
+        self._open.callback(router.close)
+        self._logs.mkdir(exist_ok=True)
+        for place, count in zip(
+            self._plan.places, shared_out(self._split.collectors, len(self._plan.places)), strict=True
+        ):
+            self._start_fleet(place, count)
+        self._trainer = Fleet(
+            connect=self._endpoint,
+            run=",".join(place.spec.run for place in self._plan.places),
+            data=[place.folder.path.resolve() for place in self._plan.places],
+            logs=self._logs,
+        )
+        self._open.callback(self._trainer.stop)
+        self._start_trainer()
+
+    def _start_fleet(self, place: Place, collectors: int) -> None:
+        folder, spec = place.folder, place.spec
+        self._open.enter_context(folder.locked())
+        bus = ZenohBus(self._endpoint, spec.run)
+        self._open.callback(bus.close)
+        self._buses.append(bus)
+        bus.subscribe(topics.PROGRESS, partial(self.status.__setitem__, place.name))
+        fleet = Fleet(connect=self._endpoint, run=spec.run, data=folder.path.resolve(), logs=folder.logs)
+        self._fleets[place.name] = fleet
+        self._open.callback(fleet.stop)
+        self._open.enter_context(folder.reachable(self._endpoint))
+        for role, name in places(spec, self._plan.config.coordinator.recorders, collectors, together=True):
+            fleet.add(role, name)
+
+    def _collect(self, fleet: Fleet, wanted: int) -> None:
+        names = [member.name for member in fleet.members if member.role == ALL]
+        for name in names[wanted:]:
+            fleet.remove(name)
+        for number in range(len(names), wanted):
+            fleet.add(ALL, f"{ALL}{number}")
+
+    def _start_trainer(self) -> None:
+        """Start the trainer, which goes on where it was; one that runs already is ended first."""
+        for member in list(self._trainer.members):
+            self._trainer.remove(member.name)
+        config = write_trainer_config(self._plan, self._split.trainer_threads)
+        out: Path = self._plan.policy.resolve()
+        self._trainer.add(TRAINER, TRAINER, "--out", str(out), "--config", str(config.resolve()))
+        self._trainer_begun_s = time.time()

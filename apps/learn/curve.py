@@ -1,0 +1,56 @@
+"""How a run went, in `curve.json`: what was recorded, learned and measured over its minutes."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from readygo.apps.learn.choice import Measurement
+from readygo.common.config import section_from_mapping, section_to_mapping
+from readygo.common.errors import ConfigError, RunError
+from readygo.common.files import write_whole
+
+
+@dataclass(frozen=True, kw_only=True)
+class CurvePoint:
+    """How far a run was at one time."""
+
+    minutes: float
+    """Spent, those of earlier commands included [min]."""
+    recorded: int
+    """Samples in the shards."""
+    learned: int
+    """Samples that the trainer was shown."""
+    policies: int
+    """Policies that were offered."""
+    loss: float | None = None
+    """Training loss since the point before; None where it is not known."""
+    driven: float | None = None
+    """Success rate of the latest recorded episodes that policies drove; None before there are any."""
+    measurement: Measurement | None = None
+    """On the split val, where one was taken."""
+
+
+def load_curve(path: Path) -> list[CurvePoint]:
+    """The points so far; none without a file.
+
+    Raises:
+        RunError: If the file is broken.
+    """
+    try:
+        return [section_from_mapping(CurvePoint, point) for point in json.loads(path.read_text())["points"]]
+    except FileNotFoundError:
+        return []
+    except (OSError, ValueError, KeyError, TypeError, ConfigError) as error:
+        raise RunError(f"{path} cannot be read: {error}; remove it, or choose another --out.") from error
+
+
+def save_curve(path: Path, points: Sequence[CurvePoint]) -> None:
+    """Write all points."""
+    text = json.dumps({"points": [section_to_mapping(point) for point in points]}, indent=1)
+    write_whole(path, text + "\n", raises=RunError)
+
+
+def measurements_of(points: Sequence[CurvePoint]) -> list[Measurement]:
+    """The measurements among the points, in order."""
+    return [point.measurement for point in points if point.measurement is not None]

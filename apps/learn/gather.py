@@ -1,0 +1,166 @@
+"""Everything that the report of a run that learns shows, from its folder and its test episodes."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from readygo.apps.learn.choice import Measurement
+from readygo.apps.learn.curve import CurvePoint
+from readygo.apps.learn.plan import Plan
+from readygo.apps.learn.report_content import Command, Ends, Film, ReportContent, RunNumbers, Score, StripImage
+from readygo.apps.pages.charts import Curve
+from readygo.apps.pictures.recorded import RecordedEpisodes, rows_of
+from readygo.apps.run.world import World
+from readygo.common.dataset import Dataset, EpisodeEntry
+from readygo.common.messages import Driver, Outcome
+from readygo.common.robot.kinematics import DT_S
+from readygo.common.scenes.top_view import TopView, top_view
+from readygo.services.evaluator import EvaluateReply, Method
+
+TASK_NAMES = {"static": "static", "dynamic": "among humans"}
+LATEST = 100
+"""Episodes that policies drove last, which are looked at for where they fail."""
+FILMS = 2
+"""Films of failures, and as many of successes."""
+STRIP_STEPS = (-30, -22, -15, -9, -4, 0)
+"""Samples of the film strip, around the moment at which a visible human is nearest."""
+SEARCHED = 20
+"""Episodes among which the one that shows a human best is looked for."""
+FAILURES = {
+    Outcome.STATIC_COLLISION: "hit a thing",
+    Outcome.HUMAN_COLLISION: "hit a human",
+    Outcome.TIMEOUT: "too late",
+}
+
+
+def gather(
+    plan: Plan,
+    points: Sequence[CurvePoint],
+    chosen: Measurement | None,
+    replies: Mapping[str, EvaluateReply],
+    run: RunNumbers,
+    commands: tuple[Command, ...],
+) -> ReportContent:
+    """The report's content; maps and films are those of the first scene.
+
+    Args:
+        plan: What was learned, and where.
+        points: How it went.
+        chosen: The measurement of the policy that was kept.
+        replies: Test episodes by scene; none if none were driven.
+        run: What was recorded.
+        commands: To go on with.
+    """
+    place = plan.places[0]
+    world = World(place.spec)
+    dataset = Dataset(place.folder.path)
+    recorded = RecordedEpisodes(dataset, world)
+    view = top_view(world.scene)
+    driven = [entry for entry in dataset.episodes if entry.driver is Driver.POLICY][-LATEST:]
+    seen = recorded.best_encounter(list(dataset.episodes[:SEARCHED]))
+    origin = dataset.provenance
+    return ReportContent(
+        title=f"A policy for {', '.join(each.name for each in plan.places)}",
+        subtitle="Learned from that place's Gaussians alone: a fleet recorded what the newest policy did and "
+        "what the expert would have done, while a trainer learned from it, on this machine.",
+        scene_name=place.name,
+        scene_note=f"{len(world.scene.cloud):,} Gaussians; {len(world.avatars)} humans can walk in it.",
+        top_view=view,
+        occupancy=world.scene.maps.robot,
+        episodes=tuple(recorded.drawn(entry) for entry in dataset.episodes[:6]),
+        strip=_strip(recorded, seen),
+        strip_note=f"Episode {seen.episode.episode_id}, as recorded: {dataset.width_px}x{dataset.height_px}.",
+        **_curves(points),
+        training_note=_chosen_note(chosen),
+        ends=_ends(dataset, driven),
+        ends_note=f"Last places of the latest {len(driven)} recorded episodes that policies drove in {place.name}.",
+        films=tuple(_films(plan.out / "films", recorded, driven, view)),
+        scores=tuple(_scores(replies)),
+        run=run,
+        commands=commands,
+        provenance={
+            "readygo_version": origin.readygo_version,
+            "commit": origin.commit,
+            "numeric_class": origin.numeric_class,
+            "scenes": ", ".join(f"{each.name} {each.spec.scene_hash[:12]}" for each in plan.places),
+            "policy": chosen.policy if chosen else "",
+        },
+    )
+
+
+def _curves(points: Sequence[CurvePoint]) -> dict[str, Any]:
+    measured = [(point, point.measurement) for point in points if point.measurement is not None]
+    axes = {
+        "rates": np.array([point.minutes for point, _ in measured]),
+        "rates_by_samples": np.array([float(point.learned) for point, _ in measured]),
+    }
+    rates = {
+        "static": np.array([100 * measurement.static for _, measurement in measured]),
+        "among humans": np.array([100 * measurement.dynamic for _, measurement in measured]),
+    }
+    losses = [point for point in points if point.loss is not None]
+    loss = Curve(
+        name="training",
+        x=np.array([float(point.learned) for point in losses]),
+        y=np.array([point.loss for point in losses], dtype=np.float64),
+    )
+    return {
+        **{axis: tuple(Curve(name=name, x=x, y=y) for name, y in rates.items()) for axis, x in axes.items()},
+        "losses": (loss,),
+    }
+
+
+def _chosen_note(chosen: Measurement | None) -> str:
+    if chosen is None:
+        return "The policy is the last one: none was measured on the split val."
+    return (
+        f"The policy that was kept is the best on the split val: {100 * chosen.static:.0f} % static and "
+        f"{100 * chosen.dynamic:.0f} % among humans, {chosen.episodes} episodes each, after "
+        f"{100 * chosen.fraction:.0f} % of the budget. The split test had no part in any choice."
+    )
+
+
+def _ends(dataset: Dataset, driven: Sequence[EpisodeEntry]) -> tuple[Ends, ...]:
+    def places(outcome: Outcome) -> list[Any]:
+        return [dataset.poses[rows_of(entry).stop - 1, :2] for entry in driven if entry.outcome is outcome]
+
+    return tuple(
+        Ends(name=name, xy_m=np.array(places(outcome), dtype=np.float64).reshape(-1, 2))
+        for outcome, name in FAILURES.items()
+    )
+
+
+def _films(folder: Path, recorded: RecordedEpisodes, driven: Sequence[EpisodeEntry], view: TopView) -> list[Film]:
+    """Films of the latest episodes that a policy failed in, and of those that it succeeded in."""
+    failed = [entry for entry in reversed(driven) if entry.outcome in FAILURES][:FILMS]
+    reached = [entry for entry in reversed(driven) if entry.outcome is Outcome.SUCCESS][:FILMS]
+    films = []
+    for number, entry in enumerate(failed + reached):
+        path = folder / f"episode{number}.webp"
+        recorded.write_animation(path, entry, view)
+        what = FAILURES.get(entry.outcome, "reached the goal")
+        films.append(Film(path=path, note=f"Episode {entry.episode.episode_id}, driven by a policy: {what}."))
+    return films
+
+
+def _strip(recorded: RecordedEpisodes, entry: EpisodeEntry) -> tuple[StripImage, ...]:
+    centre = int(np.argmax(recorded.nearness(entry)))
+    first = min(max(centre, -STRIP_STEPS[0]), entry.sample_count - 1)
+    steps = sorted({max(0, first + offset) for offset in STRIP_STEPS})
+    dataset = recorded.dataset
+    return tuple(StripImage(rgb=dataset.decode(entry.first_sample + step), time_s=step * DT_S) for step in steps)
+
+
+def _scores(replies: Mapping[str, EvaluateReply]) -> list[Score]:
+    return [
+        Score(
+            task=TASK_NAMES[task.value] if len(replies) == 1 else f"{TASK_NAMES[task.value]}, {name}",
+            driver=method.value.replace("-", " "),
+            summary=summary,
+        )
+        for name, reply in replies.items()
+        for (task, method), summary in reply.summaries.items()
+        if method in Method
+    ]

@@ -1,0 +1,132 @@
+"""All of `readygo learn`: a policy, its data, its curve, its test and the report."""
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from readygo.apps.fleet.worker import make_coordinator
+from readygo.apps.learn.choice import Measurement
+from readygo.apps.learn.curve import CurvePoint, save_curve
+from readygo.apps.learn.gather import gather
+from readygo.apps.learn.measure import Measuring
+from readygo.apps.learn.plan import Plan, locked
+from readygo.apps.learn.report_content import Command, ReportContent, RunNumbers
+from readygo.apps.learn.supervise import Now, Supervisor
+from readygo.common.config import section_to_mapping
+from readygo.common.messages import StatusRequest
+from readygo.services.coordinator.handlers import handle_status
+from readygo.services.evaluator import EpisodeRecord, EvaluateReply
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Learned:
+    """What a run that learns has led to."""
+
+    plan: Plan
+    points: list[CurvePoint]
+    chosen: Measurement | None
+    """The measurement of the policy that was kept."""
+    replies: dict[str, EvaluateReply]
+    """Test episodes by scene."""
+    minutes: float
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Plain values for scripts."""
+        test = {
+            name: {
+                f"{task.value} {method.value}": round(summary.success_rate, 4)
+                for (task, method), summary in reply.summaries.items()
+            }
+            for name, reply in self.replies.items()
+        }
+        latest = self.points[-1]
+        return {
+            "policy": str(self.plan.policy),
+            "minutes": round(self.minutes, 2),
+            "recorded": latest.recorded,
+            "learned": latest.learned,
+            "policies": latest.policies,
+            "val": section_to_mapping(self.chosen) if self.chosen else None,
+            "test": test,
+            "report": str(self.plan.out / "report.html"),
+        }
+
+
+def learn_policy(
+    plan: Plan,
+    *,
+    episodes: int,
+    show: Callable[[Now], None] = lambda now: None,
+    tested: Callable[[EpisodeRecord], None] = lambda record: None,
+) -> Learned:
+    """Learn, or go on learning; then drive the test episodes.
+
+    Args:
+        plan: What is learned, and where.
+        episodes: Test episodes per task and scene; 0 drives none.
+        show: Hears how far it is, twice a second.
+        tested: Hears of every test episode.
+
+    Raises:
+        ReadygoError: If it cannot go on; what is recorded and learned stays.
+    """
+    with locked(plan):
+        measuring = Measuring(plan)
+        supervisor = Supervisor(plan, measuring, show)
+        chosen = supervisor.learn()
+        save_curve(plan.curve_file, supervisor.points)
+        replies = measuring.test(plan.policy, episodes, plan.out / "evaluation", tested) if episodes else {}
+    return Learned(plan=plan, points=supervisor.points, chosen=chosen, replies=replies, minutes=supervisor.minutes)
+
+
+def report_content(learned: Learned, scenes: tuple[str, ...], avatars: Path | None) -> ReportContent:
+    """What the report of a run that learned shows.
+
+    Args:
+        learned: The run.
+        scenes: As they were named.
+        avatars: As they were named.
+    """
+    plan = learned.plan
+    commands = _commands(plan, scenes, avatars)
+    return gather(plan, learned.points, learned.chosen, learned.replies, _numbers(learned), commands)
+
+
+def _numbers(learned: Learned) -> RunNumbers:
+    """What the runs of all scenes recorded and what it cost."""
+    episodes = samples = 0
+    rejected: Counter[str] = Counter()
+    cpu_s: Counter[str] = Counter()
+    for place in learned.plan.places:
+        coordinator = make_coordinator(place.folder)
+        status = handle_status(coordinator, StatusRequest())
+        coordinator.ledger.close()
+        episodes, samples = episodes + status.committed, samples + status.samples
+        rejected.update(status.rejected)
+        cpu_s.update(status.cpu_s)  # type: ignore[arg-type]
+    return RunNumbers(
+        episodes=episodes,
+        samples=samples,
+        wall_s=60 * learned.minutes,
+        rejected=dict(rejected),
+        cpu_s_by_stage=dict(cpu_s),
+    )
+
+
+def _commands(plan: Plan, scenes: tuple[str, ...], avatars: Path | None) -> tuple[Command, ...]:
+    named, policy, data = " ".join(scenes), plan.policy, plan.places[0].folder.path
+    options = f" --avatars {avatars}" if avatars else ""
+    more = f"--minutes {2 * plan.budget.minutes:g}"
+    return (
+        Command(what="learn on", line=f"readygo learn {named}{options} {more} --out {plan.out}"),
+        Command(what="measure", line=f"readygo evaluate {scenes[0]} {policy} --episodes 100 --control-hz 4"),
+        Command(what="check the data", line=f"readygo validate {data}"),
+        Command(what="what they cover", line=f"readygo coverage {data} --out {plan.out / 'coverage'}"),
+        Command(
+            what="record more that it drives",
+            line=f"readygo generate {scenes[0]} --policy {policy} --mix 0.5 --episodes 50 --out {plan.out / 'more'}",
+        ),
+        Command(what="learn from data alone", line=f"readygo train {data} --minutes 60 --out {plan.out / 'offline'}"),
+    )

@@ -1,0 +1,127 @@
+"""Closed-loop success of a policy in the scenes of a run, in this process."""
+
+import dataclasses
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from readygo.apps.learn.choice import Measurement
+from readygo.apps.learn.plan import Plan
+from readygo.apps.run.config import RunConfig
+from readygo.apps.run.evaluation import make_evaluator, summarize
+from readygo.apps.run.origin import origin_of_runs, settings_of_policy, with_origin
+from readygo.common.messages import Outcome, Split
+from readygo.common.policy import PolicySpec, load_policy
+from readygo.services.evaluator import (
+    EpisodeRecord,
+    EvaluateReply,
+    EvaluateRequest,
+    Evaluator,
+    Method,
+    Task,
+    handle_evaluate,
+    write_results,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measured:
+    """A measurement, and what it cost."""
+
+    measurement: Measurement
+    folder: Path
+    """The policy."""
+    episode_s: float
+    """Time per episode [s]."""
+
+
+class Measuring:
+    """Keeps the scenes ready for one measurement after the other; they are loaded for the first one."""
+
+    def __init__(self, plan: Plan) -> None:
+        self._plan = plan
+
+    def val(
+        self,
+        folder: Path,
+        sha256: str,
+        episodes: int,
+        fraction: float,
+        *,
+        check: Callable[[], None] = lambda: None,
+    ) -> Measured:
+        """Success rates on the split val: of static and dynamic episodes, over all scenes.
+
+        Args:
+            folder: The policy.
+            sha256: What the run calls it.
+            episodes: Per task, shared out among the scenes.
+            fraction: Share of the budget that is spent.
+            check: Called after each episode; what it raises ends the measurement.
+
+        Raises:
+            PolicyError: If the policy cannot be used.
+        """
+        policy = load_policy(folder)
+        each = max(1, -(-episodes // len(self._plan.places)))
+        request = EvaluateRequest(methods=(Method.POLICY,), episodes=each, seed=self._plan.seed, split=Split.VAL)
+        evaluators, begin_s = self._evaluators, time.monotonic()
+        replies = [
+            handle_evaluate(dataclasses.replace(evaluator, policy=policy), request, report=lambda _: check())
+            for evaluator in evaluators
+        ]
+        records = [record for reply in replies for record in reply.records]
+        measurement = Measurement(
+            fraction=fraction,
+            policy=sha256,
+            episodes=each * len(self._plan.places),
+            static=success_rate(records, Task.STATIC),
+            dynamic=success_rate(records, Task.DYNAMIC),
+        )
+        episode_s = (time.monotonic() - begin_s) / len(records)
+        return Measured(measurement=measurement, folder=folder, episode_s=episode_s)
+
+    def test(
+        self, folder: Path, episodes: int, out: Path, report: Callable[[EpisodeRecord], None]
+    ) -> dict[str, EvaluateReply]:
+        """Records of policy, expert and straight line on the split test, by scene; also written into `out`.
+
+        Args:
+            folder: The policy.
+            episodes: Per task and scene.
+            out: Gets a folder per scene.
+            report: Told about every episode that ends.
+
+        Raises:
+            PolicyError: If the policy cannot be used.
+        """
+        policy = load_policy(folder)
+        request = EvaluateRequest(episodes=episodes, seed=self._plan.seed)
+        replies = {}
+        for place, evaluator in zip(self._plan.places, self._evaluators, strict=True):
+            driven = dataclasses.replace(evaluator, policy=policy)
+            replies[place.name] = reply = handle_evaluate(driven, request, report=report)
+            write_results(out / place.name, reply.records, summarize(reply, request, driven))
+        return replies
+
+    @cached_property
+    def _evaluators(self) -> list[Evaluator]:
+        plan = self._plan
+        return [
+            make_evaluator(place.scene, tried_settings(plan), avatars=plan.avatars, seed=plan.seed, renders=True)
+            for place in plan.places
+        ]
+
+
+def tried_settings(plan: Plan) -> RunConfig:
+    """The settings in which a plan's policies are tried: those that `readygo evaluate` takes from the policy."""
+    bare = PolicySpec(robot=plan.config.robot, sensor=plan.config.renderer.sensor)
+    return settings_of_policy(with_origin(bare, origin_of_runs(place.spec for place in plan.places)))
+
+
+def success_rate(records: Sequence[EpisodeRecord], task: Task) -> float:
+    """Share of a task's episodes that succeeded."""
+    outcomes = [record.result.outcome for record in records if record.task is task]
+    return sum(outcome is Outcome.SUCCESS for outcome in outcomes) / len(outcomes)

@@ -1,0 +1,225 @@
+"""From settings to the runs that a policy is learned in, and the folder that holds all of it."""
+
+import dataclasses
+import fcntl
+import json
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from readygo.apps.learn.config import LearnConfig
+from readygo.apps.run.config import RunConfig, load_run_config
+from readygo.apps.run.folder import RunFolder
+from readygo.apps.run.policy import with_offers
+from readygo.apps.run.scene_argument import open_scene
+from readygo.apps.run.spec import make_spec
+from readygo.apps.run.world import World
+from readygo.common.camera import CameraConfig
+from readygo.common.errors import RunError, SceneError
+from readygo.common.files import write_whole
+from readygo.common.messages import EpisodeKey, HumanPlanRequest, RunSpec, Split
+from readygo.common.robot import RobotConfig, load_robot
+from readygo.services.driver import DriverConfig
+from readygo.services.planner import handle_human_plan
+from readygo.services.planner.humans.config import HumanPlannerConfig
+from readygo.services.renderer import RendererConfig
+
+FORMAT = "readygo-learn/1"
+SMALL_CAMERA = CameraConfig(height_px=72, width_px=128)
+"""What a policy sees where nobody names a camera: half the usual size, learned from three times as fast."""
+ABSENT = 0.3
+"""Share of the episodes without humans."""
+DISTURBED = 0.5
+"""Share of the expert's episodes in which it is disturbed."""
+DRAWS = 40
+"""Scenarios that are tried before a scene is said to have no room."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Place:
+    """A scene, and the run that records in it."""
+
+    name: str
+    scene: str
+    """Its bundle, or "embedded"."""
+    spec: RunSpec
+    folder: RunFolder
+
+
+@dataclass(frozen=True, kw_only=True)
+class Budget:
+    """When learning ends, if not before because nothing improves any more."""
+
+    minutes: float = 60.0
+    """Of wall time, those of earlier commands included [min]."""
+    samples: int | None = None
+    """Samples that the trainer is shown, instead of minutes: the result then does not depend on the machine's load."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """What is learned, and where."""
+
+    out: Path
+    places: tuple[Place, ...]
+    config: RunConfig
+    learn: LearnConfig
+    budget: Budget
+    avatars: Path | None
+    seed: int
+
+    @property
+    def best(self) -> Path:
+        """The policy with the best measurement so far."""
+        return self.policy / "best"
+
+    @property
+    def policy(self) -> Path:
+        """The policy, and the trainer's state."""
+        return self.out / "policy"
+
+    @property
+    def state_file(self) -> Path:
+        """What must be the same when the run goes on, and how much of its time is spent."""
+        return self.out / "learn.json"
+
+    @property
+    def curve_file(self) -> Path:
+        """How it went."""
+        return self.out / "curve.json"
+
+
+def learn_settings(config: Path | None, robot: Path | None) -> RunConfig:
+    """The settings of the runs: what nobody names is as learning needs it, instead of as in `readygo generate`.
+
+    Small images with levels of detail, episodes without humans among those with them, an expert that is disturbed.
+
+    Raises:
+        ConfigError: If a file cannot be read or holds an unknown key or a wrong value.
+    """
+    base = RunConfig(
+        robot=RobotConfig(camera=SMALL_CAMERA),
+        human_planner=HumanPlannerConfig(absent=ABSENT),
+        driver=DriverConfig(disturbed=DISTURBED),
+        renderer=RendererConfig(detail="lod"),
+    )
+    return load_run_config(config, load_robot(robot, camera=SMALL_CAMERA) if robot else None, base=base)
+
+
+def make_plan(
+    scenes: tuple[str, ...],
+    out: Path,
+    config: RunConfig,
+    learn: LearnConfig,
+    budget: Budget,
+    *,
+    avatars: Path | None,
+    seed: int,
+) -> Plan:
+    """The runs of some scenes, all of one robot and one recipe of humans; writes nothing.
+
+    Raises:
+        SceneError: If there is no such scene, or it has no room for humans.
+        RunError: If `out` holds something else, or was begun with other scenes or settings.
+    """
+    if not scenes:
+        raise RunError('Name a scene: a bundle, or "embedded".')
+    if not (0 < budget.minutes < math.inf and (budget.samples is None or budget.samples > 0)):
+        raise RunError(f"--minutes and --samples must be above 0, got {budget.minutes:g} and {budget.samples}.")
+    places: list[Place] = []
+    for scene in scenes:
+        spec = make_spec(open_scene(scene), avatars, config, seed=seed, split=Split.TRAIN, static=False)
+        if spec.scene_hash in [place.spec.scene_hash for place in places]:
+            raise RunError(f"Scene {scene} is named twice; name each scene once.")
+        name = free_name(spec.metadata["scene"]["name"] or "scene", [place.name for place in places])
+        folder = RunFolder(out / "data" / name)
+        places.append(Place(name=name, scene=scene, spec=with_offers(spec, config, learn.mix), folder=folder))
+    plan = Plan(out=out, places=tuple(places), config=config, learn=learn, budget=budget, avatars=avatars, seed=seed)
+    _check_folder(plan)
+    for place in plan.places:
+        place.folder.check(place.spec)
+        _check_room(place)
+    return plan
+
+
+@contextmanager
+def locked(plan: Plan) -> Iterator[None]:
+    """Hold the run's folder, made if it is missing; the lock goes with the process.
+
+    Raises:
+        RunError: If another process holds it, or it cannot be written.
+    """
+    try:
+        plan.out.mkdir(parents=True, exist_ok=True)
+        lock = (plan.out / ".lock").open("w")
+    except OSError as error:
+        raise RunError(f"{plan.out} cannot be written: {error.strerror}.") from error
+    with lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise RunError(f"Another process is learning in {plan.out}; wait for it or stop it.") from error
+        yield
+
+
+def read_state(plan: Plan) -> dict[str, Any]:
+    """What `write_state` wrote; empty for a new run.
+
+    Raises:
+        RunError: If the file is broken.
+    """
+    if not plan.state_file.exists():
+        return {}
+    try:
+        state = json.loads(plan.state_file.read_text())
+        if state["format"] != FORMAT:
+            raise ValueError(f"format {state['format']!r}")
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise RunError(f"{plan.state_file} cannot be read: {error}; choose another --out.") from error
+    return dict(state)
+
+
+def write_state(plan: Plan, **state: Any) -> None:
+    """Write what the run is, and how far it got."""
+    mapping = {"format": FORMAT, "runs": _runs(plan), **state}
+    write_whole(plan.state_file, json.dumps(mapping, indent=2) + "\n", raises=RunError)
+
+
+def _runs(plan: Plan) -> dict[str, str]:
+    return {place.name: place.spec.run for place in plan.places}
+
+
+def _check_folder(plan: Plan) -> None:
+    if plan.state_file.exists():
+        theirs, ours = read_state(plan)["runs"], _runs(plan)
+        if set(theirs) != set(ours):
+            raise RunError(f"{plan.out} learns in {', '.join(theirs)}; choose another --out for other scenes.")
+    elif plan.out.exists() and any(entry.name != ".lock" for entry in plan.out.iterdir()):
+        raise RunError(f"{plan.out} holds files of something else; choose an empty or new folder with --out.")
+
+
+def _check_room(place: Place) -> None:
+    """Raise SceneError unless humans find room beside the robot in some of the first scenarios."""
+    world = World(place.spec)
+    config = dataclasses.replace(world.config.human_planner, absent=0.0)
+    world.config = dataclasses.replace(world.config, human_planner=config)
+    planner, reason = world.human_planner(), ""
+    for index in range(DRAWS):
+        key = EpisodeKey(seed=place.spec.seed, split=place.spec.split, index=index)
+        reply = handle_human_plan(planner, HumanPlanRequest(episode=key))
+        if reply.scenario is not None:
+            return
+        reason = reply.rejected
+    raise SceneError(
+        f"Scene {place.name} has no room for humans: of {DRAWS} scenarios none can take place ({reason}); look at its "
+        "maps with `readygo scene inspect`."
+    )
+
+
+def free_name(name: str, taken: list[str]) -> str:
+    """The name, or the name with a number that nothing else has."""
+    numbered = (name if number == 1 else f"{name}-{number}" for number in range(1, len(taken) + 2))
+    return next(option for option in numbered if option not in taken)

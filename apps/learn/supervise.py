@@ -1,0 +1,281 @@
+"""The supervisor of a run that learns: from the first episode until its budget is spent or nothing improves."""
+
+import math
+import shutil
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from readygo.apps.learn.background import Background
+from readygo.apps.learn.choice import Measurement, best_of, episodes_to_measure, has_stopped_rising
+from readygo.apps.learn.cores import Split, cores_here, is_ahead, split_cores
+from readygo.apps.learn.crew import Crew
+from readygo.apps.learn.curve import CurvePoint, load_curve, measurements_of, save_curve
+from readygo.apps.learn.measure import Measured, Measuring
+from readygo.apps.learn.plan import Plan, read_state, write_state
+from readygo.apps.learn.training import Training, begin_decay, decay_share, forget_decay, read_training
+from readygo.apps.run.origin import note_origin, origin_of_runs
+from readygo.apps.run.policy import POLICY_FILES, policy_sha256
+from readygo.common.config import section_to_mapping
+from readygo.common.errors import RunError
+from readygo.common.files import unfinished_folder
+
+TICK_S = 0.5
+SAVE_S = 5.0
+"""How often the time that is spent is written down [s]."""
+POINTS = 100
+"""Points of the curve over the budget, besides the measurements."""
+LATE = 1.1
+"""Share of the budget after which a trainer that has not ended is ended."""
+EPISODE_S = 1.5
+"""Time that an episode of a measurement takes, before one was taken [s]."""
+SPLIT_S = 30.0
+"""Training time from which on rates are trusted to split the cores by [s]."""
+CANDIDATES = 3
+"""Offered policies that are left for measurements, besides the best one."""
+EPISODES_HZ = 3.0
+"""More episodes than a collector records per second: so many rows are opened for a run."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Now:
+    """What a run that learns is doing."""
+
+    fraction: float
+    """Share of the budget that is spent."""
+    minutes: float
+    recorded: int
+    """Samples in the shards."""
+    learned: int
+    """Samples that the trainer was shown."""
+    policies: int
+    driven: float | None
+    """Success rate of the latest recorded episodes that policies drove."""
+    latest: Measurement | None
+    """On the split val."""
+
+
+class Supervisor:
+    """One run that learns; what it knows is on disk, so that it goes on after whatever ended it."""
+
+    def __init__(self, plan: Plan, measuring: Measuring, show: Callable[[Now], None]) -> None:
+        """Go on where the run's folder is.
+
+        Raises:
+            RunError: If its files are broken.
+        """
+        self._plan, self._measuring, self._show = plan, measuring, show
+        state = read_state(plan)
+        self._spent_s = float(state.get("spent_s", 0.0))
+        self._over = state.get("over") == section_to_mapping(plan.budget)
+        self._split = Split(**state["split"]) if "split" in state else None
+        self._begun_decay = False
+        self._episode_s = EPISODE_S
+        self.points = load_curve(plan.curve_file)
+        """How it went so far."""
+
+    @property
+    def minutes(self) -> float:
+        """Time spent, that of earlier commands included [min]."""
+        return self._spent_s / 60
+
+    @property
+    def measurements(self) -> list[Measurement]:
+        """All on the split val, in order."""
+        return measurements_of(self.points)
+
+    def learn(self) -> Measurement | None:
+        """Learn until the budget is spent or nothing improves; returns the measurement of the policy that is kept.
+
+        Raises:
+            RunError: If it cannot go on, or nothing could be learned.
+        """
+        plan = self._plan
+        if not self._over:
+            self._prepare()
+            background: Background[Measured] = Background()
+            try:
+                with Crew(plan, self._split or self._first_split()) as crew, background:
+                    self._supervise(crew, background)
+            finally:
+                self._save()
+            self._measure_last()
+            self._over = True
+            self._save()
+        best = best_of(self.measurements)
+        return None if best is None else self.measurements[best]
+
+    def _prepare(self) -> None:
+        """Write what the processes read; the folder is a run that learns from here on."""
+        plan = self._plan
+        self._save()
+        plan.policy.mkdir(exist_ok=True)
+        forget_decay(plan.policy)
+        collectors = max(cores_here(), len(plan.places))
+        minutes = plan.budget.minutes if plan.budget.samples is None else 60.0
+        wanted = math.ceil(60 * minutes * EPISODES_HZ * collectors)
+        for place in plan.places:
+            with place.folder.locked():
+                before = place.folder.load()[1] if place.folder.ledger.exists() else 0
+                place.folder.save(place.spec, max(wanted, before))
+
+    def _first_split(self) -> Split:
+        cores = cores_here()
+        return split_cores(cores, scenes=len(self._plan.places), collect_hz=1.0, train_hz=1.0, reuse=1.0)
+
+    def _supervise(self, crew: Crew, background: "Background[Measured]") -> None:
+        before_s = saved_s = time.monotonic()
+        while True:
+            time.sleep(TICK_S)
+            training = read_training(self._plan.policy)
+            crew.check(training)
+            now_s = time.monotonic()
+            self._spent_s, before_s = self._spent_s + now_s - before_s, now_s
+            fraction = self._fraction(training)
+            self._measure(crew, training, background, fraction)
+            self._split_again(crew, training)
+            crew.pace(is_ahead(training.samples, crew.recorded, self._plan.learn.reuse))
+            self._note(crew, training)
+            self._let_fall(fraction)
+            if now_s - saved_s > SAVE_S:
+                self._save()
+                saved_s = now_s
+            self._tell(crew, training, fraction)
+            if training.ended or fraction >= LATE:
+                return
+
+    def _fraction(self, training: Training) -> float:
+        """Share of the budget that is spent."""
+        budget = self._plan.budget
+        return self.minutes / budget.minutes if budget.samples is None else training.samples / budget.samples
+
+    def _measure(self, crew: Crew, training: Training, background: "Background[Measured]", fraction: float) -> None:
+        """Take what was measured, and measure the newest policy where that is due."""
+        if (measured := background.result()) is not None:
+            self._keep_if_best(measured)
+            self._add_point(crew, training, measured.measurement)
+        done = self.measurements
+        offered, latest = training.offered, done[-1].fraction if done else 0.0
+        due = fraction - latest >= self._plan.learn.val_every and not background.busy
+        if offered is None or not due or fraction >= 1 or (done and done[-1].policy == offered.sha256):
+            return
+        seconds = self._plan.learn.val_share * (fraction - latest) / max(fraction, 1e-9) * self._spent_s
+        episodes = episodes_to_measure(seconds, self._episode_s, self._plan.learn.val_episodes_max)
+        background.start(
+            lambda check: self._measuring.val(offered.folder, offered.sha256, episodes, fraction, check=check)
+        )
+
+    def _keep_if_best(self, measured: Measured) -> None:
+        """Keep a policy beside the candidates, which come and go, if it is the best so far."""
+        self._episode_s = measured.episode_s
+        rows = [*self.measurements, measured.measurement]
+        if best_of(rows) == len(rows) - 1:
+            keep_policy(measured.folder, self._plan.best)
+        candidates = sorted(measured.folder.parent.iterdir())
+        for folder in candidates[:-CANDIDATES]:
+            shutil.rmtree(folder, ignore_errors=True)
+
+    def _let_fall(self, fraction: float) -> None:
+        """Begin the end of training: when the rest of the budget is what it takes, or nothing improves any more.
+
+        The trainer counts processor time and the budget is wall time; a fall that begins after the share t of it takes
+        d / (1 - d) of t, so that it ends with the budget if t = 1 - d.
+        """
+        if self._begun_decay:
+            return
+        by_time = self._plan.budget.samples is None and fraction >= 1 - decay_share()
+        if by_time or has_stopped_rising(self.measurements, fraction, self._plan.learn.patience):
+            begin_decay(self._plan.policy)
+            self._begun_decay = True
+
+    def _split_again(self, crew: Crew, training: Training) -> None:
+        """Split the cores by what both sides were measured to do, once."""
+        if self._split is not None or 60 * training.minutes < SPLIT_S or not crew.collect_hz:
+            return
+        threads = crew.running.trainer_threads
+        self._split = split_cores(
+            cores_here(),
+            scenes=len(self._plan.places),
+            collect_hz=crew.collect_hz,
+            train_hz=training.samples_hz / threads,
+            reuse=self._plan.learn.reuse,
+        )
+        crew.split(self._split)
+        self._save()
+
+    def _note(self, crew: Crew, training: Training) -> None:
+        """Add a point to the curve, a hundred times over the budget."""
+        apart = self._plan.budget.minutes / POINTS
+        if training.samples and (not self.points or self.minutes - self.points[-1].minutes >= apart):
+            self._add_point(crew, training, None)
+
+    def _add_point(self, crew: Crew, training: Training, measurement: Measurement | None) -> None:
+        point = CurvePoint(
+            minutes=self.minutes,
+            recorded=crew.recorded,
+            learned=training.samples,
+            policies=crew.policies,
+            loss=training.loss,
+            driven=training.driven,
+            measurement=measurement,
+        )
+        self.points.append(point)
+        save_curve(self._plan.curve_file, self.points)
+
+    def _tell(self, crew: Crew, training: Training, fraction: float) -> None:
+        done = self.measurements
+        now = Now(
+            fraction=min(fraction, 1.0),
+            minutes=self.minutes,
+            recorded=crew.recorded,
+            learned=training.samples,
+            policies=crew.policies,
+            driven=training.driven,
+            latest=done[-1] if done else None,
+        )
+        self._show(now)
+
+    def _measure_last(self) -> None:
+        """Measure what training ended with, and leave the best policy as the run's."""
+        plan = self._plan
+        if not (plan.policy / POLICY_FILES[0]).exists():
+            raise RunError(
+                f"Nothing was learned in {self.minutes:.1f} min: the trainer saw too few episodes; give more --minutes "
+                f"(its log: {plan.out / 'logs' / 'trainer.log'})."
+            )
+        sha256, training = policy_sha256(plan.policy), read_training(plan.policy)
+        share_s = plan.learn.val_share * self._spent_s
+        episodes = episodes_to_measure(share_s, self._episode_s, plan.learn.val_episodes_max)
+        measured = self._measuring.val(plan.policy, sha256, episodes, 1.0)
+        rows = [*self.measurements, measured.measurement]
+        before = self.points[-1] if self.points else None
+        self.points.append(
+            CurvePoint(
+                minutes=self.minutes,
+                recorded=before.recorded if before else 0,
+                learned=training.samples,
+                policies=before.policies if before else 0,
+                loss=training.loss,
+                driven=training.driven,
+                measurement=measured.measurement,
+            )
+        )
+        save_curve(plan.curve_file, self.points)
+        if best_of(rows) == len(rows) - 1:
+            keep_policy(plan.policy, plan.best)
+        for name in POLICY_FILES:
+            shutil.copyfile(plan.best / name, plan.policy / name)
+        note_origin(plan.policy, origin_of_runs(place.spec for place in plan.places))
+
+    def _save(self) -> None:
+        split = {"split": section_to_mapping(self._split)} if self._split else {}
+        over = {"over": section_to_mapping(self._plan.budget)} if self._over else {}
+        write_state(self._plan, spent_s=round(self._spent_s, 1), **split, **over)
+
+
+def keep_policy(folder: Path, kept: Path) -> None:
+    """Copy a policy; the copy is there whole, or the one before."""
+    with unfinished_folder(kept, good=lambda: False, raises=RunError) as place:
+        for name in POLICY_FILES:
+            shutil.copyfile(folder / name, place / name)

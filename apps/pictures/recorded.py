@@ -1,0 +1,108 @@
+"""Recorded episodes of a run as films and as ways on a map, with the humans made again from their keys."""
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.apps.pictures.episode_film import EpisodeFilm, film_frames
+from readygo.apps.run.world import World
+from readygo.common.dataset import Dataset, EpisodeEntry
+from readygo.common.drawing.film import write_animation
+from readygo.common.drawing.plan_view import DrawnEpisode
+from readygo.common.frames import wrap_angle
+from readygo.common.messages import AnimateRequest, HumanPlanRequest, Scenario
+from readygo.common.scenes.top_view import TopView
+from readygo.services.animator import handle_animate
+from readygo.services.planner import handle_human_plan
+
+CLOSE_UP_RAD = 0.6
+"""A human this far from the middle of the image is shown well [rad]."""
+BEST_DISTANCE_M = 2.5
+"""A human this far away is shown best [m]."""
+ANIMATION_SCALE, ANIMATION_STEP = 2, 2
+"""Enlargement of the robot's view in a page's film, and rows from image to image."""
+
+Way = npt.NDArray[np.float64]
+
+
+class RecordedEpisodes:
+    """The episodes of one data folder."""
+
+    def __init__(self, dataset: Dataset, world: World) -> None:
+        """Prepare to draw.
+
+        Args:
+            dataset: The episodes.
+            world: Of the run that recorded them.
+        """
+        self.dataset, self.world = dataset, world
+        self._planner, self._animator = world.human_planner(), world.animator()
+        self._static, self._map = world.spec.static, world.scene.maps.robot
+
+    def humans(self, entry: EpisodeEntry) -> tuple[Scenario, tuple[Way, ...]]:
+        """The scenario of an episode, and where its humans walk, shape (T, 2) each."""
+        request = HumanPlanRequest(episode=entry.episode, static=self._static)
+        scenario = handle_human_plan(self._planner, request).scenario
+        assert scenario is not None
+        motions = handle_animate(self._animator, AnimateRequest(scenario=scenario)).motions
+        assert motions is not None
+        return scenario, tuple(human.motion.root_m[:, :2].astype(np.float64) for human in motions.humans)
+
+    def drawn(self, entry: EpisodeEntry) -> DrawnEpisode:
+        """Where everybody went in an episode."""
+        scenario, humans = self.humans(entry)
+        return DrawnEpisode(
+            label=entry.episode.episode_id,
+            robot_xy_m=self.dataset.poses[rows_of(entry), :2].astype(np.float64),
+            goal_xy_m=scenario.goal_xy_m,
+            humans_xy_m=tuple(xy[: entry.sample_count] for xy in humans),
+        )
+
+    def film(self, entry: EpisodeEntry) -> EpisodeFilm:
+        """An episode as a film."""
+        scenario, humans = self.humans(entry)
+        rows, dataset = rows_of(entry), self.dataset
+        return EpisodeFilm(
+            title=entry.episode.episode_id,
+            camera=(dataset.decode(sample) for sample in range(rows.start, rows.stop)),
+            xyyaw=dataset.poses[rows][:, [0, 1, 3]].astype(np.float64),
+            actions=dataset.actions[rows].astype(np.float64),
+            goal_xy_m=scenario.goal_xy_m,
+            humans_xy_m=humans,
+            human_visible=dataset.truth["human_visible"][rows],
+            replanned=dataset.truth["replanned"][rows],
+            outcome=entry.outcome.value.replace("_", " "),
+        )
+
+    def write_animation(self, path: Path, entry: EpisodeEntry, view: TopView) -> None:
+        """Write an episode as an animation for pages."""
+        frames = film_frames(self.film(entry), view, camera_scale=ANIMATION_SCALE, step=ANIMATION_STEP)
+        write_animation(path, frames, step=ANIMATION_STEP)
+
+    def nearness(self, entry: EpisodeEntry) -> npt.NDArray[np.float64]:
+        """How well a human can be seen at each sample: in view, not hidden, two to three metres away; -inf if not."""
+        _, humans = self.humans(entry)
+        scores = np.full(entry.sample_count, -np.inf)
+        for step, (x, y, _, yaw) in enumerate(self.dataset.poses[rows_of(entry)].astype(np.float64)):
+            for xy in humans:
+                offset = xy[min(step, len(xy) - 1)] - (x, y)
+                distance, bearing = np.hypot(*offset), wrap_angle(np.arctan2(offset[1], offset[0]) - yaw)
+                if abs(bearing) < CLOSE_UP_RAD and self._sees((x, y), offset):
+                    scores[step] = max(scores[step], -abs(distance - BEST_DISTANCE_M))
+        return scores
+
+    def best_encounter(self, entries: list[EpisodeEntry]) -> EpisodeEntry:
+        """The episode that shows a human well for longest."""
+        return max(entries, key=lambda entry: float(np.sum(self.nearness(entry) > -1.2)))
+
+    def _sees(self, xy_m: tuple[float, float], offset_m: Way) -> bool:
+        """True if nothing stands between a point and the point at an offset from it."""
+        steps = max(2, int(np.hypot(*offset_m) / self._map.frame.resolution_m))
+        cells = [self._map.frame.cell(*(xy_m + offset_m * share)) for share in np.linspace(0.0, 1.0, steps)]
+        return not any(self._map.occupied[cell] for cell in cells)
+
+
+def rows_of(entry: EpisodeEntry) -> slice:
+    """The samples of an episode."""
+    return slice(entry.first_sample, entry.first_sample + entry.sample_count)

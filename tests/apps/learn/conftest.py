@@ -1,0 +1,42 @@
+"""A run that learns with a few tiny episodes, most of them driven by a policy of random numbers."""
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+from readygo.apps.fleet.run import run_in_process
+from readygo.apps.learn.config import LearnConfig
+from readygo.apps.learn.plan import Budget, Plan, learn_settings, make_plan
+from readygo.apps.run.policy import POLICY_FILES, file_ref
+from readygo.common.episode import EpisodeConfig
+from readygo.common.messages import PolicyRef
+from readygo.services.coordinator import BlobStore, Ledger
+from tests.common.policy.artifacts import ROBOT, write_policy
+
+EPISODES = 6
+
+
+@pytest.fixture(scope="session")
+def tiny(tmp_path_factory: pytest.TempPathFactory) -> Plan:
+    out = tmp_path_factory.mktemp("tiny") / "run"
+    episode = EpisodeConfig(goal_distance_max_m=4.0, time_limit_s=4.0)
+    config = dataclasses.replace(learn_settings(None, None), robot=ROBOT, episode=episode)
+    budget = Budget(minutes=1.0)
+    plan = make_plan(("embedded",), out, config, LearnConfig(), budget, avatars=None, seed=0)
+    write_policy(plan.policy)
+    place = plan.places[0]
+    with place.folder.locked():
+        place.folder.save(place.spec, EPISODES)
+        _offer(plan.policy, place.folder.ledger, place.folder.blobs, plan)
+        run_in_process(place.folder, lambda status: None)
+    return plan
+
+
+def _offer(policy: Path, ledger: Path, blobs: Path, plan: Plan) -> None:
+    store, book = BlobStore(blobs), Ledger(ledger, plan.places[0].spec.stages)
+    for name in POLICY_FILES:
+        store.put((policy / name).read_bytes())
+    files = tuple(file_ref(policy, name) for name in POLICY_FILES)
+    book.offer(PolicyRef(path="", files=files, mix=plan.learn.mix), 0)
+    book.close()

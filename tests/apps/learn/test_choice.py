@@ -1,0 +1,39 @@
+from readygo.apps.learn.choice import Measurement, best_of, episodes_to_measure, has_stopped_rising
+
+
+def measured(fraction: float, static: float, dynamic: float = 0.0, episodes: int = 20) -> Measurement:
+    return Measurement(fraction=fraction, policy=f"{fraction}", episodes=episodes, static=static, dynamic=dynamic)
+
+
+def test_both_tasks_count_alike() -> None:
+    assert best_of([measured(0.1, 0.9, 0.1), measured(0.2, 0.4, 0.8), measured(0.3, 0.6, 0.3)]) == 1
+
+
+def test_later_one_of_equals_is_kept() -> None:
+    assert best_of([measured(0.1, 0.5), measured(0.2, 0.5), measured(0.3, 0.4)]) == 1
+
+
+def test_few_lucky_episodes_do_not_beat_many_good_ones() -> None:
+    assert best_of([measured(0.1, 1.0, 1.0, episodes=4), measured(0.2, 0.95, 0.9, episodes=40)]) == 1
+    assert best_of([measured(0.1, 0.25, 0.0, episodes=4), measured(0.2, 0.15, 0.05, episodes=40)]) == 1
+
+
+def test_nothing_is_kept_before_anything_is_measured() -> None:
+    assert best_of([]) is None
+    assert not has_stopped_rising([], 1.0, 0.1)
+
+
+def test_it_ends_when_the_rate_has_not_risen_for_long_and_in_several_measurements() -> None:
+    risen = [measured(0.1, 0.2), measured(0.2, 0.8)]
+    flat = [measured(0.2 + 0.1 * k, 0.7) for k in range(1, 5)]
+    assert not has_stopped_rising(risen + flat, 0.65, 0.5)
+    assert has_stopped_rising(risen + flat, 0.75, 0.5)
+    assert not has_stopped_rising(risen + flat[:3], 0.9, 0.5)
+    assert not has_stopped_rising([*risen, *flat, measured(0.65, 0.9)], 0.9, 0.5)
+
+
+def test_measurement_takes_its_share_of_time_and_never_less_than_says_something() -> None:
+    assert episodes_to_measure(60.0, 1.5, 50) == 20
+    assert episodes_to_measure(1.0, 1.5, 50) == 4
+    assert episodes_to_measure(1000.0, 1.5, 50) == 50
+    assert episodes_to_measure(60.0, 1.5, 2) == 2

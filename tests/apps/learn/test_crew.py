@@ -1,0 +1,153 @@
+"""The crew with stand-ins for fleets, buses and router."""
+
+import dataclasses
+import time
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from readygo.apps.learn import crew as crew_module
+from readygo.apps.learn.config import LearnConfig
+from readygo.apps.learn.cores import Split
+from readygo.apps.learn.crew import FROZEN_S, Crew
+from readygo.apps.learn.plan import Budget, Plan, learn_settings, make_plan
+from readygo.apps.learn.training import Training
+from readygo.apps.run.folder import RunFolder
+from readygo.common.errors import BusError, RunError
+from readygo.common.messages import Command, StatusReply
+
+NOW = Training(told_s=time.time())
+
+
+class StandInFleet:
+    """Notes who is in it."""
+
+    made: "list[StandInFleet]" = []  # noqa: RUF012
+
+    def __init__(self, *, connect: str, run: str, data: object, logs: Path) -> None:
+        self.run, self.members, self.checks, self.stopped, self.begun = run, [], 0, False, 0
+        self.made.append(self)
+
+    def add(self, role: str, name: str, *arguments: str) -> None:
+        self.members.append(SimpleNamespace(role=role, name=name, arguments=arguments))
+        self.begun += 1
+
+    def remove(self, name: str) -> None:
+        self.members = [member for member in self.members if member.name != name]
+
+    def check(self) -> None:
+        self.checks += 1
+
+    def check_recorders(self) -> None:
+        assert self.stopped
+
+    def stop(self) -> None:
+        self.stopped = True
+
+    def names(self, role: str) -> list[str]:
+        return [member.name for member in self.members if member.role == role]
+
+
+class StandInBus:
+    """Notes what an operator commands."""
+
+    commands: "list[Command]" = []  # noqa: RUF012
+    deaf = False
+
+    def __init__(self, connect: str, run: str) -> None: ...
+
+    def subscribe(self, stream: object, handler: object) -> None: ...
+
+    def request(self, topic: object, request: object, *, timeout_s: float) -> None:
+        if self.deaf:
+            raise BusError("nobody answers")
+        self.commands.append(request.command)
+
+    def close(self) -> None: ...
+
+
+@pytest.fixture
+def plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Plan:
+    monkeypatch.setattr(StandInFleet, "made", [])
+    monkeypatch.setattr(StandInBus, "commands", [])
+    monkeypatch.setattr(crew_module, "Fleet", StandInFleet)
+    monkeypatch.setattr(crew_module, "ZenohBus", StandInBus)
+    monkeypatch.setattr(crew_module, "Router", lambda endpoint: SimpleNamespace(close=lambda: None))
+    (tmp_path / "run").mkdir()
+    settings, budget = learn_settings(None, None), Budget(minutes=1.0)
+    plan = make_plan(("embedded",), tmp_path / "run", settings, LearnConfig(), budget, avatars=None, seed=0)
+    first = plan.places[0]
+    spec, folder = dataclasses.replace(first.spec, run="run-2"), RunFolder(tmp_path / "other")
+    other = dataclasses.replace(first, name="embedded-2", spec=spec, folder=folder)
+    return dataclasses.replace(plan, places=(first, other))
+
+
+def status(**changes: object) -> StatusReply:
+    counts = {"waiting": {}, "leased": {}, "rejected": {}, "requeued": 0, "cpu_s": {"drive": 2.0, "animate": 0.5}}
+    plain = {"wanted": 9, "committed": 2, "samples": 300, "finished": False, "policies": 3, **counts}
+    return StatusReply(**{**plain, **changes})
+
+
+def test_every_scene_has_a_fleet_and_all_have_one_trainer(plan: Plan) -> None:
+    with Crew(plan, Split(3, 2)):
+        first, second, trainer = StandInFleet.made
+        assert (first.names("all"), second.names("all")) == (["all0", "all1"], ["all0"])
+        assert first.names("coordinator") == ["coordinator"]
+        assert trainer.names("trainer") == ["trainer"]
+        assert trainer.run == ",".join(place.spec.run for place in plan.places)
+        assert "threads = 2" in (plan.out / "trainer.toml").read_text()
+    assert all(fleet.stopped for fleet in StandInFleet.made)
+
+
+def test_numbers_are_those_of_all_scenes(plan: Plan) -> None:
+    with Crew(plan, Split(2, 1)) as crew:
+        assert (crew.recorded, crew.policies, crew.collect_hz) == (0, 0, 0.0)
+        crew.status = {"embedded": status(), "embedded-2": status(samples=200, policies=2)}
+        assert (crew.recorded, crew.policies, crew.collect_hz) == (500, 3, 100.0)
+
+
+def test_run_that_cannot_go_on_ends_it_all_and_one_that_is_finished_rests(plan: Plan) -> None:
+    with Crew(plan, Split(2, 1)) as crew:
+        crew.status = {"embedded": status(finished=True)}
+        crew.check(NOW)
+        first, second, trainer = StandInFleet.made
+        assert (first.checks, second.checks, trainer.checks) == (0, 1, 1)
+        crew.check(Training(told_s=NOW.told_s, ended=True))
+        assert (second.checks, trainer.checks) == (2, 1)
+        crew.status["embedded-2"] = status(failed="No space left on device.")
+        with pytest.raises(RunError, match=r"^Scene embedded-2: No space left on device\.$"):
+            crew.check(NOW)
+
+
+def test_frozen_trainer_is_started_anew(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
+    with Crew(plan, Split(2, 1)) as crew:
+        trainer = StandInFleet.made[-1]
+        crew.check(NOW)
+        assert trainer.begun == 1
+        later_s = time.time() + FROZEN_S + 1
+        monkeypatch.setattr(crew_module, "time", SimpleNamespace(time=lambda: later_s))
+        crew.check(NOW)
+        assert (trainer.begun, trainer.names("trainer")) == (2, ["trainer"])
+        crew.check(NOW)
+        assert trainer.begun == 2, "it gets time to begin"
+
+
+def test_cores_are_split_in_another_way_while_it_runs(plan: Plan) -> None:
+    with Crew(plan, Split(4, 4)) as crew:
+        first, second, trainer = StandInFleet.made
+        crew.split(Split(3, 4))
+        assert (first.names("all"), second.names("all"), trainer.begun) == (["all0", "all1"], ["all0"], 1)
+        crew.split(Split(6, 2))
+        assert (len(first.names("all")), len(second.names("all")), trainer.begun) == (3, 3, 2)
+        assert "threads = 2" in (plan.out / "trainer.toml").read_text()
+
+
+@pytest.mark.parametrize("deaf", [False, True])
+def test_collecting_is_paused_once_and_resumed_once(plan: Plan, deaf: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(StandInBus, "deaf", deaf)
+
+    with Crew(plan, Split(2, 1)) as crew:
+        for wanted in (True, False, False, True):
+            crew.pace(wanted)
+    assert StandInBus.commands == ([] if deaf else [Command.PAUSE] * 2 + [Command.RESUME] * 2)

@@ -1,0 +1,37 @@
+import pytest
+
+from readygo.apps.learn.measure import Measuring, tried_settings
+from readygo.apps.learn.plan import Plan
+from readygo.services.evaluator import EpisodeRecord, Method, Task
+
+
+class StopError(Exception):
+    pass
+
+
+def test_policies_are_tried_as_evaluate_does_it(tiny: Plan) -> None:
+    settings = tried_settings(tiny)
+    assert settings.human_planner.absent == 0.0, "the dynamic task has humans in every episode"
+    assert settings.renderer.detail == "lod"
+    assert (settings.robot, settings.episode) == (tiny.config.robot, tiny.config.episode)
+
+
+def test_measurement_is_of_both_tasks_and_can_be_ended(tiny: Plan) -> None:
+    measuring = Measuring(tiny)
+    measured = measuring.val(tiny.policy, "ab", 2, 0.5)
+    assert (measured.measurement.policy, measured.measurement.episodes, measured.folder) == ("ab", 2, tiny.policy)
+    assert measured.episode_s > 0
+
+    def check() -> None:
+        raise StopError
+
+    with pytest.raises(StopError):
+        measuring.val(tiny.policy, "ab", 2, 0.5, check=check)
+
+
+def test_test_episodes_are_driven_by_all_and_written_down(tiny: Plan, tmp_path) -> None:
+    records: list[EpisodeRecord] = []
+    replies = Measuring(tiny).test(tiny.policy, 1, tmp_path, records.append)
+    assert {(record.task, record.method) for record in records} == {(t, m) for t in Task for m in Method}
+    assert list(replies) == ["embedded"]
+    assert (tmp_path / "embedded" / "summary.json").exists()

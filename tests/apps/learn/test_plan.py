@@ -1,0 +1,100 @@
+import dataclasses
+import json
+from pathlib import Path
+
+import pytest
+
+from readygo.apps.learn.config import LearnConfig
+from readygo.apps.learn.plan import Budget, Plan, free_name, learn_settings, locked, make_plan, read_state, write_state
+from readygo.apps.run.config import RunConfig
+from readygo.apps.run.scene_argument import open_scene
+from readygo.common.errors import ReadygoError, RunError, SceneError
+from readygo.common.messages.stages import DRIVE_LINE
+from readygo.common.robot import CameraConfig
+
+
+def plan_of(out: Path, config: RunConfig | None = None, scenes: tuple[str, ...] = ("embedded",), seed: int = 0) -> Plan:
+    settings = config or learn_settings(None, None)
+    return make_plan(scenes, out, settings, LearnConfig(), Budget(minutes=1.0), avatars=None, seed=seed)
+
+
+def test_run_waits_for_policies_and_says_what_the_expert_would_do(tmp_path: Path) -> None:
+    plan = plan_of(tmp_path / "run")
+    spec = plan.places[0].spec
+    assert spec.stages == DRIVE_LINE
+    assert spec.policy is not None
+    assert (spec.policy.files, spec.policy.mix) == ((), 0.8)
+    assert plan.places[0].folder.path == tmp_path / "run" / "data" / "embedded"
+    assert not (tmp_path / "run").exists()
+
+
+def test_what_nobody_names_is_as_learning_needs_it(tmp_path: Path) -> None:
+    config = learn_settings(None, None)
+    assert (config.robot.camera.height_px, config.robot.camera.width_px) == (72, 128)
+    assert config.renderer.detail == "lod"
+    assert config.human_planner.absent > 0
+    assert config.driver.disturbed > 0
+    (tmp_path / "run.toml").write_text('[renderer]\ndetail = "exact"\n[robot]\nv_max_mps = 0.5\n')
+    named = learn_settings(tmp_path / "run.toml", None)
+    assert (named.renderer.detail, named.robot.v_max_mps, named.robot.camera.width_px) == ("exact", 0.5, 128)
+    (tmp_path / "robot.toml").write_text("[camera]\nwidth_px = 256\nheight_px = 144\n")
+    assert learn_settings(None, tmp_path / "robot.toml").robot.camera == CameraConfig(width_px=256, height_px=144)
+
+
+def test_two_scenes_of_one_name_have_a_folder_each() -> None:
+    assert [free_name("flat", []), free_name("flat", ["flat"])] == ["flat", "flat-2"]
+    assert free_name("flat", ["flat", "flat-2"]) == "flat-3"
+
+
+def test_scene_that_is_named_twice_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RunError, match="is named twice"):
+        plan_of(tmp_path / "run", scenes=("embedded", str(open_scene("embedded").path)))
+
+
+def test_run_goes_on_only_as_what_it_is(tmp_path: Path) -> None:
+    plan = plan_of(tmp_path / "run")
+    with locked(plan):
+        write_state(plan, spent_s=12.0)
+        for place in plan.places:
+            with place.folder.locked():
+                place.folder.save(place.spec, 10)
+        with pytest.raises(RunError, match="Another process is learning in"), locked(plan):
+            pass
+    assert read_state(plan_of(tmp_path / "run"))["spent_s"] == 12.0
+    with pytest.raises(RunError, match="holds data of another run: seed differ"):
+        plan_of(tmp_path / "run", seed=1)
+    other = learn_settings(None, None)
+    other = dataclasses.replace(other, human_planner=dataclasses.replace(other.human_planner, detour_max=2.0))
+    with pytest.raises(RunError, match=r"another run: config \(human_planner\) differ"):
+        plan_of(tmp_path / "run", other)
+    state = json.loads(plan.state_file.read_text())
+    plan.state_file.write_text(json.dumps({**state, "runs": {"lobby": "run-1"}}))
+    with pytest.raises(RunError, match="learns in lobby; choose another --out for other scenes"):
+        plan_of(tmp_path / "run")
+
+
+def test_folder_of_something_else_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "precious.txt").write_text("")
+    with pytest.raises(RunError, match="holds files of something else"):
+        plan_of(tmp_path)
+
+
+def test_broken_state_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "learn.json").write_text("{}")
+    with pytest.raises(RunError, match=r"learn\.json cannot be read: "):
+        plan_of(tmp_path)
+
+
+def test_scene_without_room_for_humans_is_refused_before_anything_is_written(tmp_path: Path) -> None:
+    config = learn_settings(None, None)
+    wide = dataclasses.replace(
+        config.human_planner, clearance_m=5.0, route_clearance_m=5.0, preferred_clearance_m=5.0, attempts=1, searches=1
+    )
+    with pytest.raises(SceneError, match=r"^Scene embedded has no room for humans: of 40 scenarios none can"):
+        plan_of(tmp_path / "run", dataclasses.replace(config, human_planner=wide))
+    assert not (tmp_path / "run").exists()
+
+
+def test_scene_must_be_named(tmp_path: Path) -> None:
+    with pytest.raises(ReadygoError, match="Name a scene"):
+        plan_of(tmp_path / "run", scenes=())

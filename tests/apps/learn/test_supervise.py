@@ -1,0 +1,208 @@
+"""The supervisor with stand-ins for the processes, the measurements and the clock."""
+
+import json
+import shutil
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from readygo.apps.learn import supervise
+from readygo.apps.learn.choice import Measurement
+from readygo.apps.learn.config import LearnConfig
+from readygo.apps.learn.cores import Split
+from readygo.apps.learn.measure import Measured
+from readygo.apps.learn.plan import Budget, Plan, learn_settings, make_plan, read_state
+from readygo.apps.learn.supervise import Supervisor
+from readygo.apps.learn.training import DECAY_FILE, PROGRESS_FILE
+from readygo.apps.run.origin import origin_of_policy
+from readygo.common.errors import RunError
+from readygo.common.policy import load_spec
+from tests.common.policy.artifacts import write_policy
+
+MINUTES = 2.0
+TICK_S = 1.0
+
+
+class Clock:
+    """A tick a second, whatever it really takes."""
+
+    def __init__(self) -> None:
+        self.now_s = 0.0
+
+    def monotonic(self) -> float:
+        return self.now_s
+
+    def sleep(self, seconds: float) -> None:
+        self.now_s += TICK_S
+        time.sleep(0.002)
+
+
+class StandInCrew:
+    """A fleet that records 100 samples a tick, and a trainer that learns 800 and offers a policy every 6 ticks."""
+
+    made: "list[StandInCrew]" = []  # noqa: RUF012
+    learns = True
+    dies_after = 10**9
+
+    def __init__(self, plan: Plan, split: Split) -> None:
+        self.plan, self.running, self.splits = plan, split, []
+        self.recorded = self.policies = self.ticks = self.fell = 0
+        self.collect_hz, self.status = 100.0, {}
+        self.made.append(self)
+
+    def __enter__(self) -> "StandInCrew":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.learns:
+            write_policy(self.plan.policy)
+
+    def pace(self, wanted: bool) -> None:
+        self.paused = not wanted
+
+    def split(self, split: Split) -> None:
+        self.splits.append(split)
+
+    def check(self, training: object) -> None:
+        self.ticks += 1
+        if self.ticks > self.dies_after:
+            raise KeyboardInterrupt
+        self.recorded += 100
+        self.fell += (self.plan.policy / DECAY_FILE).exists()
+        if self.learns:
+            self._train()
+
+    def _train(self) -> None:
+        folder = self.plan.policy / "candidates" / f"{self.ticks:07d}"
+        if self.ticks % 6 == 0:
+            shutil.copytree(self._policy(), folder)
+            self.policies += 1
+        offers = [{"folder": f"candidates/{n:07d}", "sha256": f"{n}"} for n in range(6, self.ticks + 1, 6)]
+        ended = self.fell > 10
+        told = {
+            "state": "ended" if ended else "training",
+            "fraction": 1.0 if ended else 0.5,
+            "minutes": self.ticks / 60,
+            "samples": 800 * self.ticks,
+            "success": {},
+            "offers": offers,
+            "history": [{"train_loss": 1 / self.ticks}],
+        }
+        (self.plan.policy / PROGRESS_FILE).write_text(json.dumps(told))
+
+    def _policy(self) -> Path:
+        return write_policy(self.plan.out / "newest")
+
+
+class StandInMeasuring:
+    """Success rates by the order in which they are asked for; the last one stays."""
+
+    def __init__(self, rates: list[float]) -> None:
+        self.rates, self.asked = rates, []
+
+    def val(self, folder: Path, sha256: str, episodes: int, fraction: float, **_: object) -> Measured:
+        rate = self.rates[min(len(self.asked), len(self.rates) - 1)]
+        self.asked.append((sha256, fraction))
+        measurement = Measurement(fraction=fraction, policy=sha256, episodes=20, static=rate, dynamic=rate)
+        return Measured(measurement=measurement, folder=folder, episode_s=0.5)
+
+
+@pytest.fixture
+def plan(tmp_path: Path) -> Callable[..., Plan]:
+    def made(minutes: float = MINUTES, **learn: float) -> Plan:
+        settings, budget = learn_settings(None, None), Budget(minutes=minutes)
+        out = tmp_path / "run"
+        return make_plan(("embedded",), out, settings, LearnConfig(**learn), budget, avatars=None, seed=0)
+
+    return made
+
+
+@pytest.fixture(autouse=True)
+def crew(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> type[StandInCrew]:
+    clock = Clock()
+    monkeypatch.setattr(supervise, "time", SimpleNamespace(monotonic=clock.monotonic, sleep=clock.sleep))
+    monkeypatch.setattr(supervise, "Crew", StandInCrew)
+    monkeypatch.setattr(supervise, "cores_here", lambda: 2)
+    monkeypatch.setattr(StandInCrew, "made", [])
+    (tmp_path / "run").mkdir()
+    return StandInCrew
+
+
+def learn(plan: Plan, rates: list[float]) -> tuple[Supervisor, StandInMeasuring, Measurement | None]:
+    measuring = StandInMeasuring(rates)
+    supervisor = Supervisor(plan, measuring, lambda now: None)
+    return supervisor, measuring, supervisor.learn()
+
+
+def test_policies_are_measured_as_it_goes_and_the_best_one_is_left(plan: Callable[..., Plan]) -> None:
+    _, measuring, chosen = learn(plan(), [0.2, 0.9, 0.4])
+    apart = [later[1] - earlier[1] for earlier, later in zip(measuring.asked, measuring.asked[1:], strict=False)]
+    assert len(measuring.asked) >= 5
+    assert min(apart[:-1]) >= 0.1
+    assert chosen is not None
+    assert (chosen.static, chosen.policy) == (0.9, measuring.asked[1][0])
+    origin = origin_of_policy(load_spec(plan().policy))
+    assert origin is not None
+    assert set(origin.scenes.values()) == {"embedded"}
+    assert plan().best.is_dir()
+
+
+def test_rate_falls_in_time_for_the_budget_and_the_time_is_written_down(plan: Callable[..., Plan]) -> None:
+    supervisor, _, _ = learn(plan(), [0.5])
+    assert 0.8 * MINUTES < supervisor.minutes <= 1.1 * MINUTES
+    state = read_state(plan())
+    assert state["spent_s"] == pytest.approx(60 * supervisor.minutes, abs=0.1)
+    assert state["over"] == {"minutes": MINUTES, "samples": None}
+
+
+def test_it_ends_early_when_the_rate_does_not_rise(plan: Callable[..., Plan]) -> None:
+    patient, _, _ = learn(plan(minutes=4.0, patience=0.3), [0.9, 0.1])
+    assert patient.minutes < 0.8 * 4.0
+
+
+def test_interrupted_run_goes_on_with_the_time_that_is_left(
+    plan: Callable[..., Plan], crew: type[StandInCrew], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(StandInCrew, "dies_after", 60)
+    with pytest.raises(KeyboardInterrupt):
+        learn(plan(), [0.5])
+    spent_s = read_state(plan())["spent_s"]
+    assert spent_s == 60
+    monkeypatch.setattr(StandInCrew, "dies_after", 10**9)
+    shutil.rmtree(plan().policy / "candidates")
+    supervisor, _, _ = learn(plan(), [0.5])
+    assert supervisor.minutes <= 1.1 * MINUTES
+    assert crew.made[-1].ticks < 1.1 * 60 * MINUTES - spent_s + 5
+    assert [point.minutes for point in supervisor.points] == sorted(point.minutes for point in supervisor.points)
+
+
+def test_run_that_is_over_is_not_begun_again_unless_there_is_more_time(
+    plan: Callable[..., Plan], crew: type[StandInCrew]
+) -> None:
+    learn(plan(), [0.5])
+    _, _, chosen = learn(plan(), [0.5])
+    assert len(crew.made) == 1
+    assert chosen is not None
+    shutil.rmtree(plan().policy / "candidates")
+    learn(plan(minutes=2 * MINUTES), [0.5])
+    assert len(crew.made) == 2
+
+
+def test_cores_are_split_by_what_was_measured_once(
+    plan: Callable[..., Plan], crew: type[StandInCrew], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(supervise, "cores_here", lambda: 12)
+    learn(plan(), [0.5])
+    # Six threads learn 800 samples per second of each one's time together.
+    assert crew.made[0].running == Split(6, 6)
+    assert crew.made[0].splits == [Split(3, 9)]
+    assert read_state(plan())["split"] == {"collectors": 3, "trainer_threads": 9}
+
+
+def test_nothing_learned_is_one_line(plan: Callable[..., Plan], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(StandInCrew, "learns", False)
+    with pytest.raises(RunError, match=r"^Nothing was learned in 2\.2 min: the trainer saw too few episodes"):
+        learn(plan(), [0.5])

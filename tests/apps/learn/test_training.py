@@ -1,0 +1,52 @@
+import json
+from pathlib import Path
+
+from readygo.apps.learn.training import Training, begin_decay, forget_decay, read_training
+from readygo.services.trainer import live
+
+TOLD = {
+    "state": "training",
+    "fraction": 0.4,
+    "minutes": 0.5,
+    "steps": 100,
+    "samples": 24_000,
+    "success": {"static": {"episodes": 4, "rate": 0.5}, "dynamic": {"episodes": 0, "rate": None}},
+    "offers": [
+        {"step": 50, "folder": "candidates/0000050", "version": 1, "sha256": "ab"},
+        {"step": 90, "folder": "candidates/0000090"},
+    ],
+    "history": [{"train_loss": 0.2}, {"train_loss": float("nan")}],
+}
+
+
+def told(folder: Path, **changes: object) -> Training:
+    (folder / live.PROGRESS_FILE).write_text(json.dumps({**TOLD, **changes}))
+    return read_training(folder)
+
+
+def test_nothing_is_known_before_the_trainer_says_something(tmp_path: Path) -> None:
+    assert read_training(tmp_path) == Training()
+    (tmp_path / live.PROGRESS_FILE).write_text("{")
+    assert read_training(tmp_path) == Training()
+    assert Training().samples_hz == 0.0
+
+
+def test_newest_policy_is_the_last_one_that_the_fleet_took(tmp_path: Path) -> None:
+    training = told(tmp_path)
+    assert training.offered is not None
+    assert (training.offered.sha256, training.offered.folder) == ("ab", tmp_path / "candidates/0000050")
+    assert (training.loss, training.driven, training.samples_hz) == (0.2, 0.5, 800.0)
+
+
+def test_trainer_has_ended_only_with_its_budget(tmp_path: Path) -> None:
+    assert not told(tmp_path).ended
+    assert not told(tmp_path, state="ended").ended, "it was stopped, and is to go on"
+    assert told(tmp_path, state="ended", fraction=1.0).ended
+
+
+def test_fall_of_the_rate_is_asked_for_and_taken_back(tmp_path: Path) -> None:
+    forget_decay(tmp_path)
+    begin_decay(tmp_path)
+    assert (tmp_path / live.DECAY_FILE).exists()
+    forget_decay(tmp_path)
+    assert not (tmp_path / live.DECAY_FILE).exists()

@@ -1,0 +1,54 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from readygo.apps.fleet.run import record
+from readygo.apps.pictures.episode_film import film_frames
+from readygo.apps.pictures.recorded import RecordedEpisodes, rows_of
+from readygo.apps.run.config import RunConfig
+from readygo.apps.run.scene_argument import open_scene
+from readygo.apps.run.spec import make_spec
+from readygo.apps.run.world import World
+from readygo.common.dataset import Dataset
+from readygo.common.episode import EpisodeConfig
+from readygo.common.messages import Split
+from readygo.common.scenes.top_view import top_view
+from tests.common.policy.artifacts import ROBOT
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> RecordedEpisodes:
+    config = RunConfig(robot=ROBOT, episode=EpisodeConfig(goal_distance_max_m=4.0))
+    spec = make_spec(open_scene("embedded"), None, config, seed=1, split=Split.TRAIN, static=False)
+    out = tmp_path_factory.mktemp("recorded") / "data"
+    record(spec, out, episodes=2, workers=0)
+    return RecordedEpisodes(Dataset(out), World(spec))
+
+
+def test_humans_are_where_they_were_recorded(recorded: RecordedEpisodes) -> None:
+    data = recorded.dataset
+    for entry in data.episodes:
+        scenario, humans = recorded.humans(entry)
+        assert len(humans) == len(scenario.humans) > 0
+        joints_m = data.joints_m(entry.first_sample)
+        np.testing.assert_allclose([way[0] for way in humans], joints_m[:, 0, :2], atol=0.01)
+        drawn = recorded.drawn(entry)
+        assert len(drawn.robot_xy_m) == entry.sample_count
+
+
+def test_film_has_a_picture_for_every_row(recorded: RecordedEpisodes, tmp_path: Path) -> None:
+    entry, view = recorded.dataset.episodes[0], top_view(recorded.world.scene)
+    film = recorded.film(entry)
+    assert (film.outcome, len(film.xyyaw)) == ("success", entry.sample_count)
+    assert len(list(film_frames(film, view, step=20))) == -(-entry.sample_count // 20)
+    recorded.write_animation(tmp_path / "film.webp", entry, view)
+    assert (tmp_path / "film.webp").read_bytes()[8:12] == b"WEBP"
+
+
+def test_best_encounter_shows_a_human_for_longest(recorded: RecordedEpisodes) -> None:
+    entries = list(recorded.dataset.episodes)
+    shown = [int(np.sum(recorded.nearness(entry) > -1.2)) for entry in entries]
+    best = recorded.best_encounter(entries)
+    assert shown[entries.index(best)] == max(shown)
+    assert rows_of(best).stop - rows_of(best).start == best.sample_count

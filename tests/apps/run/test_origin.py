@@ -1,0 +1,114 @@
+import dataclasses
+import shutil
+from pathlib import Path
+
+import pytest
+
+from readygo.apps.run.config import RunConfig, load_run_config, with_detail
+from readygo.apps.run.origin import (
+    DataOrigin,
+    avatars_of_policy,
+    note_origin,
+    origin_of_policy,
+    origin_of_runs,
+    robot_of_policy,
+    settings_of_policy,
+    with_origin,
+)
+from readygo.apps.run.scene_argument import open_scene
+from readygo.apps.run.spec import make_spec
+from readygo.common.avatars.file import EMBEDDED_FOLDER
+from readygo.common.camera import SensorConfig
+from readygo.common.errors import PolicyError
+from readygo.common.messages import RunSpec, Split
+from readygo.common.policy import PolicySpec, load_spec, save_spec
+from readygo.common.robot import RobotConfig
+
+SPEC = PolicySpec(robot=RobotConfig(height_m=0.8), sensor=SensorConfig(k1=(0.0, 0.02)), training={"seed": 3})
+
+
+def run_of(config: RunConfig, avatars: Path | None, *, static: bool = False) -> RunSpec:
+    return make_spec(open_scene("embedded"), avatars, config, seed=0, split=Split.TRAIN, static=static)
+
+
+@pytest.fixture
+def avatars(tmp_path: Path) -> Path:
+    folder = tmp_path / "people of here"
+    folder.mkdir()
+    for name in ("amara", "bruno"):
+        shutil.copy(EMBEDDED_FOLDER / f"{name}.npz", folder)
+    return folder
+
+
+@pytest.fixture
+def policy(avatars: Path, tmp_path: Path) -> Path:
+    """A policy of data with two humans, drawn with levels of detail."""
+    save_spec(SPEC, tmp_path)
+    config = with_detail(load_run_config(None, people="varied"), "lod")
+    note_origin(tmp_path, origin_of_runs([run_of(config, avatars)]))
+    return tmp_path
+
+
+def test_policy_says_of_what_its_data_were_made_after_it_was_written_and_read(policy: Path, avatars: Path) -> None:
+    spec = load_spec(policy)
+    origin = origin_of_policy(spec)
+    assert origin is not None
+    assert set(origin.scenes.values()) == {"embedded"}
+    assert set(origin.avatars) == {"amara", "bruno"}
+    assert avatars_of_policy(spec) == avatars
+    assert spec.training["seed"] == 3
+
+
+def test_evaluation_has_the_settings_of_the_data_and_the_policys_robot(policy: Path) -> None:
+    settings = settings_of_policy(load_spec(policy))
+    varied = load_run_config(None, people="varied")
+    assert (settings.human_planner, settings.episode) == (varied.human_planner, varied.episode)
+    assert settings.renderer.detail == "lod"
+    assert (settings.robot, settings.renderer.sensor) == (SPEC.robot, SPEC.sensor)
+    assert settings.expert == RunConfig().expert
+
+
+def test_humans_are_left_out_where_a_recipe_names_them(policy: Path) -> None:
+    settings = settings_of_policy(load_spec(policy), humans=False)
+    assert (settings.human_planner, settings.episode) == (RunConfig().human_planner, RunConfig().episode)
+    assert settings.renderer.detail == "lod"
+
+
+def test_policy_that_says_nothing_gets_the_defaults() -> None:
+    assert origin_of_policy(SPEC) is None
+    assert settings_of_policy(SPEC) == robot_of_policy(SPEC)
+    assert avatars_of_policy(SPEC) is None
+
+
+def test_data_without_humans_name_no_avatars(tmp_path: Path, avatars: Path) -> None:
+    origin = origin_of_runs([run_of(RunConfig(), avatars, static=True)])
+    assert not origin.avatars
+    assert avatars_of_policy(with_origin(SPEC, origin)) is None
+
+
+def test_avatars_that_have_moved_are_one_line(policy: Path, avatars: Path) -> None:
+    avatars.rename(avatars.parent / "elsewhere")
+    with pytest.raises(PolicyError, match=r"not at .*people of here any more; name them with --avatars\.$"):
+        avatars_of_policy(load_spec(policy))
+
+
+def test_avatars_that_have_changed_are_one_line(policy: Path, avatars: Path) -> None:
+    shutil.copy(EMBEDDED_FOLDER / "clara.npz", avatars)
+    with pytest.raises(PolicyError, match=r"any more \('clara' differs\); name them with --avatars\.$"):
+        avatars_of_policy(load_spec(policy))
+
+
+def test_embedded_avatars_of_the_data_are_taken_as_long_as_they_are_the_same() -> None:
+    origin = origin_of_runs([run_of(RunConfig(), None)])
+    assert avatars_of_policy(with_origin(SPEC, origin)) is None
+    changed = dataclasses.replace(origin, avatars={**origin.avatars, "amara": "0"})
+    with pytest.raises(PolicyError, match=r"not those in readygo any more \('amara' differs\)"):
+        avatars_of_policy(with_origin(SPEC, changed))
+
+
+def test_what_is_not_understood_is_one_line() -> None:
+    with pytest.raises(PolicyError, match=r"\[training\.data\] .* Unknown key 'weather'"):
+        origin_of_policy(dataclasses.replace(SPEC, training={"data": {"weather": "fine"}}))
+    odd = with_origin(SPEC, DataOrigin(settings={"human_planner": {"moods": 3}}))
+    with pytest.raises(PolicyError, match=r"settings of the policy's data .*human_planner\.moods"):
+        settings_of_policy(odd)
