@@ -11,6 +11,7 @@ from readygo.common.camera import CameraConfig, SensorConfig
 from readygo.common.messages import EpisodeKey, Split
 from readygo.common.messages.plan import Driver, Outcome
 from readygo.common.robot import RobotConfig
+from readygo.common.robot.command_grid import HUMAN, OBSTACLE, command_grid
 from readygo.services.trainer import TrainConfig, with_overrides
 from readygo.services.trainer.episodes import Episode
 
@@ -41,6 +42,7 @@ class FakeSource:
     camera: CameraConfig
     sensor: SensorConfig = field(default_factory=SensorConfig)
     has_expert: bool = False
+    has_risks: bool = False
     labels: tuple = ()
 
     @property
@@ -58,6 +60,14 @@ class FakeSource:
     def expert_ahead(self):
         rows = np.arange(len(self.actions))
         return np.stack([self.actions[np.minimum(rows + k, rows[-1])] for k in range(1, AHEAD + 1)], axis=1)
+
+    @property
+    def risks(self):
+        """Obstacles to the left, and a human ahead at every third sample."""
+        speeds, turns = command_grid().T
+        risks = np.tile(np.where((turns > 0) & (speeds > 0), OBSTACLE, 0), (len(self.actions), 1))
+        risks[::3, (turns == 0) & (speeds == 1)] = HUMAN
+        return risks.astype(np.uint8)
 
     def footprints_xy_m(self, index):
         x, y, _, yaw = self.poses[index]

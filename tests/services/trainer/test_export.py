@@ -45,7 +45,7 @@ def test_exported_graphs_answer_what_torch_answers(tmp_path, size):
     assert np.abs(policy.act(ours[window].reshape(2, -1), motion, goals) - expected).max() < 1e-5
 
 
-@pytest.mark.parametrize("output", ["regression", "bins"])
+@pytest.mark.parametrize("output", ["regression", "bins", "weighed"])
 def test_actions_stay_within_the_limits(tmp_path, output):
     robot = RobotConfig(camera=CameraConfig(height_px=16, width_px=16))
     model = trained_looking_model(robot, output=output)

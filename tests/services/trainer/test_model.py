@@ -5,7 +5,7 @@ from torch import nn
 from readygo.common.robot import CameraConfig, RobotConfig
 from readygo.services.trainer import best_recipe
 from readygo.services.trainer.config import NetworkConfig
-from readygo.services.trainer.model import Bins, PolicyNet, parameter_count
+from readygo.services.trainer.model import Bins, PolicyNet, parameter_count, weigh
 
 
 @pytest.fixture(scope="module")
@@ -69,6 +69,15 @@ def test_other_image_sizes_fit(size):
     camera = CameraConfig(height_px=size[0], width_px=size[1])
     model = PolicyNet(RobotConfig(camera=camera), NetworkConfig()).eval()
     assert model.encoder(torch.zeros(1, 3, *size)).shape == (1, 20)
+
+
+def test_a_likely_command_that_ends_in_a_collision_gives_way_to_the_next_one():
+    likely = torch.tensor([[2.0, 1.0, -3.0]])
+    safe, risky = torch.full((1, 3), -20.0), torch.tensor([[20.0, -20.0, -20.0]])
+    assert weigh(torch.cat([likely, safe, safe], dim=1), 9.0).argmax() == 0
+    for answers in ([likely, risky, safe], [likely, safe, risky]):
+        assert weigh(torch.cat(answers, dim=1), 9.0).argmax() == 1
+        assert weigh(torch.cat(answers, dim=1), 0.0).argmax() == 0
 
 
 def test_weights_of_bins_mean_the_action_and_touch_four_bins():

@@ -4,10 +4,13 @@ import numpy as np
 import pytest
 import torch
 
+from readygo.common.robot.command_grid import HUMAN, OBSTACLE
+from readygo.common.robot.command_grid import mirrored as mirrored_commands
 from readygo.services.trainer import with_overrides
 from readygo.services.trainer.model import Bins, PolicyNet
-from readygo.services.trainer.objective import Objective, humans_loss
+from readygo.services.trainer.objective import Objective, humans_loss, risks_loss
 from readygo.services.trainer.parts import build_parts, timing_of
+from readygo.services.trainer.samples import UNKNOWN
 from tests.services.trainer.conftest import QUICK, quick
 
 LEFT = torch.tensor([1.0, -1.0])
@@ -77,6 +80,23 @@ def test_loss_of_both_kinds_of_answers_is_least_at_the_target(show, source):
         least, more = (objective.loss(lambda *_, a=a: (a, a[:, :0]), bins, shown).item() for a in (exact, other))
         assert least < more
         assert math.isfinite(objective.loss(model, model.bins, shown).item())
+
+
+def test_risks_are_mirrored_with_the_batch_and_not_told_of_turned_images(show, source):
+    source.has_risks = True
+    plain, mirrored = show()[0].risks, show(mirror=1.0)[0].risks
+    assert {0, OBSTACLE, HUMAN} == set(plain.flatten().tolist())
+    assert not torch.equal(plain, mirrored)
+    assert torch.equal(mirrored, plain[:, torch.from_numpy(mirrored_commands())])
+    assert (show(yaw_error_rad=0.2)[0].risks == UNKNOWN).all()
+
+
+def test_risks_count_where_the_data_tell_them():
+    risks = torch.tensor([[OBSTACLE, 0], [HUMAN, HUMAN], [UNKNOWN, UNKNOWN]], dtype=torch.uint8)
+    right = torch.tensor([[9.0, -9, -9, -9], [-9, -9, 9, 9], [0, 0, 0, 0]])
+    assert risks_loss(right, risks) < 1e-3
+    assert risks_loss(-right, risks) > 5
+    assert risks_loss(right, risks[2:].expand(3, 2)) == 0
 
 
 def test_humans_count_where_there_are_any_and_the_data_say_so():

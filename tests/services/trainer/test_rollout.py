@@ -48,7 +48,7 @@ def network(robot, config):
     return model.eval()
 
 
-@pytest.mark.parametrize("output", ["regression", "bins"])
+@pytest.mark.parametrize("output", ["regression", "bins", "weighed"])
 @pytest.mark.parametrize("fusion", ["late", "early"])
 @pytest.mark.parametrize("motion", ["poses", "command"])
 def test_exported_policy_drives_as_the_network_that_was_trained(tmp_path, output, fusion, motion):

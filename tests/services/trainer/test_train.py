@@ -101,7 +101,8 @@ def test_data_without_a_robot_are_refused(source, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "network", [{"fusion": "early"}, {"output": "bins"}, {"motion": "poses", "humans_weight": 0.1}]
+    "network",
+    [{"fusion": "early"}, {"output": "bins"}, {"output": "weighed"}, {"motion": "poses", "humans_weight": 0.1}],
 )
 def test_every_network_can_be_trained_and_loaded(source, tmp_path, network):
     source.has_expert = True
