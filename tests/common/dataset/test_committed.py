@@ -33,7 +33,9 @@ def _whole_episode() -> CommittedEpisode:
         distortion_model="plumb_bob",
         distortion=(0.1, -0.2, 0.3, 0.4, 0.5),
     )
-    asked = tuple(dataclasses.replace(sample, expert_commands=((0.5, 0.1), (0.25, -0.1))) for sample in samples)
+    asked = tuple(
+        dataclasses.replace(sample, expert_commands=((0.5, 0.1), (0.25, -0.1)), risks=bytes(45)) for sample in samples
+    )
     return CommittedEpisode(header=header, attempt=3, samples=asked)
 
 

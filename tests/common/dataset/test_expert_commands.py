@@ -11,6 +11,7 @@ from readygo.common.dataset.index import index_path, load_index, read_index
 from readygo.common.dataset.provenance import PolicyOrigin
 from readygo.common.errors import DatasetError
 from readygo.common.messages import Driver, Outcome
+from readygo.common.robot.command_grid import COMMAND_COUNT
 from tests.common.dataset.episodes import PROVENANCE, make_episode, write_shard
 from tests.common.dataset.forge import rewrite
 
@@ -18,11 +19,18 @@ ENDINGS = {0: (Outcome.STATIC_COLLISION, Driver.POLICY, "ab" * 32), 1: (Outcome.
 AHEAD = 4
 
 
+def _risks(index: int, seq: int) -> list[int]:
+    return [(number + seq + index) % 3 for number in range(COMMAND_COUNT)]
+
+
 def _asked(index: int, ahead: int = AHEAD, **changes) -> tuple:
     """Header, attempt and samples of an episode whose expert would go on as the robot does."""
     header, samples = make_episode(index, **changes)
     asked = [
-        dataclasses.replace(s, expert_commands=((s.action_v_mps, s.action_w_radps),) * (1 + ahead)) for s in samples
+        dataclasses.replace(
+            s, expert_commands=((s.action_v_mps, s.action_w_radps),) * (1 + ahead), risks=bytes(_risks(index, s.seq))
+        )
+        for s in samples
     ]
     return header, 1, asked
 
@@ -44,6 +52,9 @@ def test_dataset_gives_commands_and_endings(tmp_path: Path) -> None:
     assert np.array_equal(data.expert_actions, data.actions)
     assert data.expert_ahead.shape == (len(data), AHEAD, 2)
     assert np.array_equal(data.expert_ahead[:, 2], data.actions)
+    assert data.has_risks
+    risks = [_risks(entry.episode.index, seq) for entry in data.episodes for seq in range(entry.sample_count)]
+    assert np.array_equal(data.risks, risks)
     assert [(entry.outcome, entry.driver, entry.policy) for entry in data.episodes] == [*ENDINGS.values()]
 
 
@@ -54,6 +65,9 @@ def test_shards_without_an_expert_are_successes_of_the_expert_and_say_how_to_get
     assert (data.episodes[0].outcome, data.episodes[0].driver) == (Outcome.SUCCESS, Driver.EXPERT)
     with pytest.raises(DatasetError, match="no commands of the expert; record with `readygo generate --disturb` or"):
         _ = data.expert_actions
+    assert not data.has_risks
+    with pytest.raises(DatasetError, match="no risks of commands"):
+        _ = data.risks
 
 
 def test_commands_that_reach_differently_far_are_not_mixed(tmp_path: Path) -> None:
