@@ -30,7 +30,7 @@ STOP_FILE = "stop"
 DECAY_FILE = "decay"
 """One of this name begins the fall of the learning rate, which ends training."""
 CANDIDATES_FOLDER = "candidates"
-"""One folder per offered policy, by its step."""
+"""One folder per offered policy, by its number."""
 WAITING_MAX = 256
 """Heard episodes that wait for the trainer; the oldest ones give way."""
 RECENT = 100
@@ -146,7 +146,7 @@ class LiveTrainer:
         """Offer the averaged weights to the fleet; one that does not answer is offered the next ones."""
         run = self._run
         self._offered_s = run.elapsed_s
-        folder = run.out / CANDIDATES_FOLDER / f"{run.steps:07d}"
+        folder = run.out / CANDIDATES_FOLDER / f"{len(self._offers):05d}"
         export_chosen(run, folder)
         files = tuple(
             PolicyFile(name=name, data=(folder / name).read_bytes()) for name in (ENCODER_FILE, HEAD_FILE, SPEC_FILE)
