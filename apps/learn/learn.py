@@ -8,7 +8,7 @@ from typing import Any
 
 from readygo.apps.fleet.worker import make_coordinator
 from readygo.apps.learn.choice import Measurement
-from readygo.apps.learn.curve import CurvePoint, save_curve
+from readygo.apps.learn.curve import CurvePoint
 from readygo.apps.learn.gather import gather
 from readygo.apps.learn.measure import Measuring
 from readygo.apps.learn.plan import Plan, locked
@@ -76,7 +76,6 @@ def learn_policy(
         measuring = Measuring(plan)
         supervisor = Supervisor(plan, measuring, show)
         chosen = supervisor.learn()
-        save_curve(plan.curve_file, supervisor.points)
         replies = measuring.test(plan.policy, episodes, plan.out / "evaluation", tested) if episodes else {}
     return Learned(plan=plan, points=supervisor.points, chosen=chosen, replies=replies, minutes=supervisor.minutes)
 

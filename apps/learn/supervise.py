@@ -126,9 +126,10 @@ class Supervisor:
 
     def _supervise(self, crew: Crew, background: "Background[Measured]") -> None:
         before_s = saved_s = time.monotonic()
+        begun_s = time.time()
         while True:
             time.sleep(TICK_S)
-            training = read_training(self._plan.policy)
+            training = read_training(self._plan.policy, begun_s)
             crew.check(training)
             now_s = time.monotonic()
             self._spent_s, before_s = self._spent_s + now_s - before_s, now_s

@@ -53,8 +53,13 @@ class Training:
         return self.samples / (60 * self.minutes) if self.minutes > 0 else 0.0
 
 
-def read_training(folder: Path) -> Training:
-    """What the trainer wrote last; nothing is known before it did."""
+def read_training(folder: Path, since_s: float = 0.0) -> Training:
+    """What the trainer wrote last; nothing is known before it did.
+
+    Args:
+        folder: The trainer's.
+        since_s: When it was started, since the epoch [s]: that an earlier one had ended says nothing.
+    """
     path = folder / PROGRESS_FILE
     try:
         told_s, told = path.stat().st_mtime, json.loads(path.read_text())
@@ -65,7 +70,7 @@ def read_training(folder: Path) -> Training:
     taken = [offer for offer in told["offers"] if "sha256" in offer]
     return Training(
         told_s=told_s,
-        ended=told["state"] == "ended" and told["fraction"] >= 1.0,
+        ended=told["state"] == "ended" and told["fraction"] >= 1.0 and told_s >= since_s,
         fraction=told["fraction"],
         minutes=told["minutes"],
         samples=told["samples"],

@@ -118,3 +118,23 @@ def test_coordinator_stops_last_and_recorders_before_it(tmp_path: Path) -> None:
         time.sleep(0.02)
     fleet.stop()
     assert (tmp_path / "order").read_text().split() == ["painter", "recorder", "coordinator"]
+
+
+def test_worker_that_is_removed_has_ended_and_is_not_started_again(start: Callable[[str, str], ScriptedFleet]) -> None:
+    fleet = start("all", OBEYS)
+    fleet.add("all", "w1")
+    gone = fleet.members[0].process
+    assert gone is not None
+    fleet.remove("w0")
+    assert gone.poll() is not None
+    fleet.check()
+    assert [member.name for member in fleet.members] == ["w1"]
+
+
+def test_member_has_arguments_of_its_own_and_a_fleet_all_its_data_folders(tmp_path: Path) -> None:
+    fleet = Fleet(connect="tcp/x:1", run="a,b", data=[tmp_path / "a", tmp_path / "b"], logs=tmp_path)
+    member = Member(role="trainer", name="t", log=tmp_path / "t.log", arguments=("--out", "policy"))
+    words = fleet.command(member)
+    assert words[words.index("--out") + 1] == "policy"
+    begin = words.index("--data")
+    assert words[begin + 1 : begin + 3] == [str(tmp_path / "a"), str(tmp_path / "b")]

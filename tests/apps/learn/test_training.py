@@ -1,4 +1,5 @@
 import json
+import time
 from pathlib import Path
 
 from readygo.apps.learn.training import Training, begin_decay, forget_decay, read_training
@@ -42,6 +43,7 @@ def test_trainer_has_ended_only_with_its_budget(tmp_path: Path) -> None:
     assert not told(tmp_path).ended
     assert not told(tmp_path, state="ended").ended, "it was stopped, and is to go on"
     assert told(tmp_path, state="ended", fraction=1.0).ended
+    assert not read_training(tmp_path, since_s=time.time() + 1.0).ended, "it was an earlier one"
 
 
 def test_fall_of_the_rate_is_asked_for_and_taken_back(tmp_path: Path) -> None:
