@@ -95,7 +95,7 @@ class Plan:
 def learn_settings(config: Path | None, robot: Path | None) -> RunConfig:
     """The settings of the runs: what nobody names is as learning needs it, instead of as in `readygo generate`.
 
-    Small images with levels of detail, episodes without humans among those with them, an expert that is disturbed.
+    Small images with levels of detail and no labels beside them, episodes without humans among those with them, an expert that is disturbed.
 
     Raises:
         ConfigError: If a file cannot be read or holds an unknown key or a wrong value.
@@ -104,7 +104,7 @@ def learn_settings(config: Path | None, robot: Path | None) -> RunConfig:
         robot=RobotConfig(camera=SMALL_CAMERA),
         human_planner=HumanPlannerConfig(absent=ABSENT),
         driver=DriverConfig(disturbed=DISTURBED),
-        renderer=RendererConfig(detail="lod"),
+        renderer=RendererConfig(detail="lod", labels=False),
     )
     return load_run_config(config, load_robot(robot, camera=SMALL_CAMERA) if robot else None, base=base)
 
