@@ -12,6 +12,7 @@ from readygo.apps.learn.plan import Plan
 from readygo.apps.run.config import RunConfig
 from readygo.apps.run.evaluation import make_evaluator, summarize
 from readygo.apps.run.origin import origin_of_runs, settings_of_policy, with_origin
+from readygo.apps.run.policy import policy_sha256
 from readygo.common.messages import Outcome, Split
 from readygo.common.policy import PolicySpec, load_policy
 from readygo.services.evaluator import (
@@ -22,8 +23,13 @@ from readygo.services.evaluator import (
     Method,
     Task,
     handle_evaluate,
+    read_results,
+    summarize_records,
     write_results,
 )
+
+POLICY_KEY = "policy_sha256"
+"""What `summary.json` of a test calls the hash of the policy's files."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,6 +94,8 @@ class Measuring:
     ) -> dict[str, EvaluateReply]:
         """Records of policy, expert and straight line on the split test, by scene; also written into `out`.
 
+        Episodes that `out` has of the same policy are not driven again.
+
         Args:
             folder: The policy.
             episodes: Per task and scene.
@@ -97,14 +105,31 @@ class Measuring:
         Raises:
             PolicyError: If the policy cannot be used.
         """
-        policy = load_policy(folder)
+        policy, sha256 = load_policy(folder), policy_sha256(folder)
         request = EvaluateRequest(episodes=episodes, seed=self._plan.seed)
         replies = {}
-        for place, evaluator in zip(self._plan.places, self._evaluators, strict=True):
-            driven = dataclasses.replace(evaluator, policy=policy)
-            replies[place.name] = reply = handle_evaluate(driven, request, report=report)
-            write_results(out / place.name, reply.records, summarize(reply, request, driven))
+        for row, place in enumerate(self._plan.places):
+            reply = self._known_reply(out / place.name, request, sha256)
+            if reply is None:
+                driven = dataclasses.replace(self._evaluators[row], policy=policy)
+                reply = handle_evaluate(driven, request, report=report)
+                summary = {**summarize(reply, request, driven), POLICY_KEY: sha256}
+                write_results(out / place.name, reply.records, summary)
+            replies[place.name] = reply
         return replies
+
+    def _known_reply(self, folder: Path, request: EvaluateRequest, policy: str) -> EvaluateReply | None:
+        """What an earlier test wrote into a folder, if it was the same."""
+        try:
+            records, summary = read_results(folder)
+        except (OSError, ValueError, KeyError, TypeError):
+            return None
+        asked = {"episodes": request.episodes, "seed": request.seed, POLICY_KEY: policy}
+        count = request.episodes * len(request.tasks) * len(request.methods)
+        if len(records) != count or any(summary.get(key) != value for key, value in asked.items()):
+            return None
+        summaries = summarize_records(records, time_limit_s=self._plan.config.episode.time_limit_s)
+        return EvaluateReply(records=tuple(records), summaries=summaries, skipped=summary["skipped"])
 
     @cached_property
     def _evaluators(self) -> list[Evaluator]:

@@ -19,7 +19,8 @@ from readygo.apps.run.origin import note_origin, origin_of_runs
 from readygo.apps.run.policy import POLICY_FILES, policy_sha256
 from readygo.common.config import section_to_mapping
 from readygo.common.errors import RunError
-from readygo.common.files import unfinished_folder
+from readygo.common.files import unfinished_folder, write_whole
+from readygo.common.policy.artifact import SPEC_FILE
 
 TICK_S = 0.5
 SAVE_S = 5.0
@@ -265,8 +266,10 @@ class Supervisor:
         save_curve(plan.curve_file, self.points)
         if best_of(rows) == len(rows) - 1:
             keep_policy(plan.policy, plan.best)
+        # policy.toml is the last one: without it the folder is no policy.
+        (plan.policy / SPEC_FILE).unlink(missing_ok=True)
         for name in POLICY_FILES:
-            shutil.copyfile(plan.best / name, plan.policy / name)
+            write_whole(plan.policy / name, (plan.best / name).read_bytes(), raises=RunError)
         note_origin(plan.policy, origin_of_runs(place.spec for place in plan.places))
 
     def _save(self) -> None:

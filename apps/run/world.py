@@ -1,5 +1,7 @@
 """Builds the services' objects from a run's spec."""
 
+import os
+import shutil
 from collections.abc import Iterable
 from functools import cached_property
 from pathlib import Path
@@ -24,6 +26,8 @@ from readygo.services.renderer import Renderer
 
 POLICIES_MAX = 2
 """Policies that are kept in memory: drivers take up the newest one, and go back to none."""
+POLICIES_CACHED = 8
+"""Fetched policies that are kept on this machine, for all its runs."""
 
 
 class World:
@@ -128,6 +132,7 @@ class World:
         if not (ref.path and folder.is_dir()) and self._bus is not None:
             folder = cache_folder("policies") / ref.sha256
             _fetch_files(self._bus, ref.files, folder)
+            _keep_latest(folder)
         policy = load_policy(folder)
         if tuple(file_ref(folder, file.path) for file in ref.files) != ref.files:
             raise RunError(f"Policy {folder} has changed since the run began; record into a new folder with --out.")
@@ -137,6 +142,21 @@ class World:
         """The renderer."""
         config = self.config
         return Renderer(scene=self.scene, avatars=self.avatars, robot=config.robot, config=config.renderer)
+
+
+def _keep_latest(folder: Path) -> None:
+    """Note that a policy of the cache is used now, and remove those that have not been for longest."""
+    os.utime(folder)
+    for other in sorted(folder.parent.iterdir(), key=_used_s)[:-POLICIES_CACHED]:
+        shutil.rmtree(other, ignore_errors=True)
+
+
+def _used_s(folder: Path) -> float:
+    try:
+        return folder.stat().st_mtime
+    except FileNotFoundError:
+        # Another process has removed it.
+        return 0.0
 
 
 def _fetched_scene(bus: Bus, spec: RunSpec) -> Scene:

@@ -184,7 +184,7 @@ def handle_blob(coordinator: Coordinator, request: BlobRequest) -> BlobReply:
 
 
 def handle_offer(coordinator: Coordinator, request: OfferRequest) -> OfferReply:
-    """Keep a policy for the episodes that are leased from now on.
+    """Keep a policy for the episodes that are leased from now on; older ones that drove nothing go.
 
     Raises:
         RunError: If the run takes none.
@@ -199,6 +199,8 @@ def handle_offer(coordinator: Coordinator, request: OfferRequest) -> OfferReply:
         FileRef(path=file.name, sha256=coordinator.blobs.put(file.data), size=len(file.data)) for file in request.files
     )
     offered = coordinator.ledger.offer(PolicyRef(path="", files=files, mix=own.mix), time.time_ns())
+    for sha256 in coordinator.ledger.idle_policy_files():
+        coordinator.blobs.drop(sha256)
     return OfferReply(version=offered.version, sha256=offered.sha256)
 
 

@@ -47,6 +47,10 @@ class OfferedPolicy:
     """When it was offered, by the wall clock [ns]."""
 
 
+def _files_of(policies: Sequence[OfferedPolicy]) -> set[str]:
+    return {file.sha256 for policy in policies for file in policy.files}
+
+
 class Ledger:
     """Transactions on the ledger file; safe to call from several threads."""
 
@@ -328,6 +332,23 @@ class Ledger:
             )
             for version, sha256, files, samples, wall_ns in rows
         )
+
+    def idle_policy_files(self) -> set[str]:
+        """Hashes of the files of offered policies that no episode names, the newest policy's not among them.
+
+        An episode names the policy that drove it, that comes with its lease or that is assigned to it.
+        """
+        named = {
+            row[0]
+            for row in self._all(
+                """SELECT CASE state WHEN 'committed' THEN driven_by ELSE policy END FROM episode
+                UNION SELECT assigned FROM episode"""
+            )
+        }
+        *older, newest = self.policies()
+        idle = [policy for policy in older if policy.sha256 not in named]
+        needed = [newest, *(policy for policy in older if policy.sha256 in named)]
+        return _files_of(idle) - _files_of(needed)
 
     def driven_by(self) -> dict[int, str]:
         """The offered policy that drove, empty for none, of every durable episode by its index."""

@@ -4,7 +4,14 @@ from readygo.services.evaluator.config import EvaluatorConfig
 from readygo.services.evaluator.drivers import Method
 from readygo.services.evaluator.episodes import Task
 from readygo.services.evaluator.handlers import EvaluateReply, EvaluateRequest, Evaluator, handle_evaluate
-from readygo.services.evaluator.records import EpisodeRecord, summary_mapping, summary_table, write_results
+from readygo.services.evaluator.records import (
+    EpisodeRecord,
+    read_results,
+    summarize_records,
+    summary_mapping,
+    summary_table,
+    write_results,
+)
 
 __all__ = [
     "EpisodeRecord",
@@ -15,6 +22,8 @@ __all__ = [
     "Method",
     "Task",
     "handle_evaluate",
+    "read_results",
+    "summarize_records",
     "summary_mapping",
     "summary_table",
     "write_results",

@@ -3,7 +3,7 @@
 import dataclasses
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from rich.table import Table
 from readygo.common.episode import EpisodeConfig
 from readygo.common.episode.metrics import EpisodeResult, TaskSummary, summarize
 from readygo.common.files import write_whole
-from readygo.common.messages import EpisodeKey, Outcome, RobotTrajectory
+from readygo.common.messages import EpisodeKey, Outcome, RobotTrajectory, Split
 from readygo.services.evaluator.drivers import Method
 from readygo.services.evaluator.episodes import MatchedEpisode, Task
 
@@ -48,6 +48,22 @@ class EpisodeRecord:
             "shortest_m": _finite(self.result.shortest_m),
             "human_distance_min_m": _finite(self.human_distance_min_m),
         }
+
+
+def record_of_mapping(mapping: Mapping[str, Any]) -> EpisodeRecord:
+    """The record of which `EpisodeRecord.to_mapping` gave the plain values."""
+    return EpisodeRecord(
+        episode=EpisodeKey(seed=mapping["seed"], split=Split(mapping["split"]), index=mapping["index"]),
+        task=Task(mapping["task"]),
+        method=Method(mapping["method"]),
+        result=EpisodeResult(
+            outcome=Outcome(mapping["outcome"]),
+            duration_s=mapping["duration_s"],
+            path_length_m=mapping["path_length_m"],
+            shortest_m=_or_infinite(mapping["shortest_m"]),
+        ),
+        human_distance_min_m=_or_infinite(mapping["human_distance_min_m"]),
+    )
 
 
 def make_record(
@@ -99,6 +115,18 @@ def write_results(folder: Path, records: Sequence[EpisodeRecord], summary: dict[
     write_whole(folder / SUMMARY_FILE, json.dumps(summary, indent=2) + "\n")
 
 
+def read_results(folder: Path) -> tuple[list[EpisodeRecord], dict[str, Any]]:
+    """What `write_results` wrote.
+
+    Raises:
+        OSError: If it is not there.
+        ValueError: If it is broken; KeyError too.
+    """
+    lines = (folder / RECORDS_FILE).read_text().splitlines()
+    summary: dict[str, Any] = json.loads((folder / SUMMARY_FILE).read_text())
+    return [record_of_mapping(json.loads(line)) for line in lines], summary
+
+
 def summary_table(summaries: dict[tuple[Task, Method], TaskSummary]) -> Table:
     """Scores for people to read, 80 columns wide: success rate and its interval, collisions by kind, timeouts."""
     counts = max(summary.episode_count for summary in summaries.values())
@@ -125,6 +153,10 @@ def summary_table(summaries: dict[tuple[Task, Method], TaskSummary]) -> Table:
             f"{100 * summary.timeout_rate:.1f}",
         )
     return table
+
+
+def _or_infinite(value: float | None) -> float:
+    return math.inf if value is None else value
 
 
 def _finite(value: float) -> float | None:

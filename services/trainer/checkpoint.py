@@ -1,5 +1,6 @@
 """State of a training run on disk: plain tensors and numbers, nothing pickled is ever loaded."""
 
+import io
 from pathlib import Path
 from typing import Any
 
@@ -7,7 +8,7 @@ import torch
 
 from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.errors import ConfigError, PolicyError
-from readygo.common.files import unfinished
+from readygo.common.files import write_whole
 from readygo.common.robot import RobotConfig
 
 CHECKPOINT_FORMAT = "readygo-training/2"
@@ -15,9 +16,15 @@ CHECKPOINT_FILE = "checkpoint.pt"
 
 
 def save_checkpoint(state: dict[str, Any], folder: Path) -> None:
-    """Write `checkpoint.pt` in one piece."""
-    with unfinished(folder / CHECKPOINT_FILE, raises=PolicyError) as part:
-        torch.save({"format": CHECKPOINT_FORMAT} | state, part)
+    """Write `checkpoint.pt` in one piece.
+
+    Raises:
+        PolicyError: If it cannot be written; the one before is left then.
+    """
+    # Into memory first: torch has its own words for a full disk.
+    buffer = io.BytesIO()
+    torch.save({"format": CHECKPOINT_FORMAT} | state, buffer)
+    write_whole(folder / CHECKPOINT_FILE, buffer.getvalue(), raises=PolicyError)
 
 
 def load_checkpoint(folder: Path, identity: dict[str, Any]) -> dict[str, Any] | None:

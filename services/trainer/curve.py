@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.files import unfinished
+from readygo.common.errors import PolicyError
+from readygo.common.files import write_whole
 
 WIDTH_PX, HEIGHT_PX = 960, 540
 LEFT_PX, RIGHT_PX, TOP_PX, BOTTOM_PX = 90, 30, 50, 60
@@ -42,8 +43,8 @@ def draw_curves(path: Path, curves: dict[str, Sequence[tuple[float, float]]], *,
             pixels = [_pixel(x / x_max, (math.log10(y) - low) / (high - low)) for x, y in points]
             cv2.polylines(canvas, [np.array(pixels, np.int32)], False, colour, 2, cv2.LINE_AA)
             _text(canvas, name, (WIDTH_PX - 260, TOP_PX + 24 * (i + 1)), colour)
-    with unfinished(path) as part:
-        cv2.imwrite(str(part), canvas)
+    # Encoded in memory: OpenCV says nothing of a full disk.
+    write_whole(path, cv2.imencode(path.suffix, canvas)[1].tobytes(), raises=PolicyError)
 
 
 def draw_history(path: Path, history: Sequence[dict[str, Any]]) -> None:

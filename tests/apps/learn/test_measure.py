@@ -1,8 +1,10 @@
+import shutil
+
 import pytest
 
 from readygo.apps.learn.measure import Measuring, tried_settings
 from readygo.apps.learn.plan import Plan
-from readygo.services.evaluator import EpisodeRecord, Method, Task
+from readygo.services.evaluator import EpisodeRecord, EvaluateReply, Method, Task
 
 
 class StopError(Exception):
@@ -35,3 +37,27 @@ def test_test_episodes_are_driven_by_all_and_written_down(tiny: Plan, tmp_path) 
     assert {(record.task, record.method) for record in records} == {(t, m) for t in Task for m in Method}
     assert list(replies) == ["embedded"]
     assert (tmp_path / "embedded" / "summary.json").exists()
+
+
+def test_test_episodes_that_are_there_are_not_driven_again(tiny: Plan, tmp_path) -> None:
+    driven: list[EpisodeRecord] = []
+    policy = shutil.copytree(tiny.policy, tmp_path / "policy")
+
+    def test(episodes: int) -> tuple[int, dict[str, EvaluateReply]]:
+        driven.clear()
+        replies = Measuring(tiny).test(policy, episodes, tmp_path / "evaluation", driven.append)
+        return len(driven), replies
+
+    _, first = test(1)
+    count, again = test(1)
+    assert count == 0
+    assert [record.to_mapping() for record in again["embedded"].records] == [
+        record.to_mapping() for record in first["embedded"].records
+    ]
+    assert again["embedded"].summaries.keys() == first["embedded"].summaries.keys()
+    (policy / "policy.toml").write_text((policy / "policy.toml").read_text() + "\n")
+    assert test(1)[0] == 6, "another policy"
+    assert test(2)[0] == 12, "more episodes"
+    with (tmp_path / "evaluation" / "embedded" / "episodes.jsonl").open("a") as lines:
+        lines.write('{"half')
+    assert test(2)[0] == 12, "a broken file"

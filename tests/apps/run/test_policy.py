@@ -1,4 +1,5 @@
 import dataclasses
+import os
 from pathlib import Path
 
 import pytest
@@ -98,6 +99,25 @@ def test_worker_without_the_policy_fetches_it_from_the_run(
     damaged.write_text(damaged.read_text().replace("0.5", "0.6", 1))
     with pytest.raises(RunError, match="has changed since the run began"):
         World(away, bus).policy(away.policy)
+
+
+def test_fetched_policies_are_kept_as_long_as_they_are_among_the_latest_used(
+    spec: RunSpec, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    folder = RunFolder(tmp_path / "data")
+    with folder.locked():
+        folder.save(spec, 1)
+    bus = InProcessBus()
+    attach(bus, make_coordinator(folder))
+    assert spec.policy is not None
+    away = dataclasses.replace(spec.policy, path=str(tmp_path / "not-here"))
+    cache = tmp_path / "cache" / "readygo" / "policies"
+    for name, used_s in ((away.sha256, 0), *((f"{age:02d}", 1000 - age) for age in range(10))):
+        (cache / name).mkdir(parents=True)
+        os.utime(cache / name, (used_s, used_s))
+    World(spec, bus).policy(away)
+    assert {path.name for path in cache.iterdir()} == {away.sha256, *(f"{age:02d}" for age in range(7))}
 
 
 def test_policy_that_was_trained_on_since_the_run_began_is_refused(spec: RunSpec, policy: Path) -> None:

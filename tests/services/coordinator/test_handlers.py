@@ -378,6 +378,29 @@ def test_newest_policy_comes_with_the_episodes_that_are_leased_after_its_offer(l
     assert [policy.samples for policy in live.coordinator.ledger.policies()] == [10, 20]
 
 
+def _held(line: Line) -> set[bytes]:
+    """What offered files the coordinator has."""
+    return {path.read_bytes() for path in line.coordinator.blobs._folder.iterdir() if len(path.read_bytes()) == 1}
+
+
+def test_policies_that_drove_nothing_go_when_a_newer_one_comes(live: Line) -> None:
+    live.offer(head=b"1", encoder=b"s")
+    live.offer(head=b"2", encoder=b"s")
+    assert _held(live) == {b"2", b"s"}, "the first one drove nothing"
+    _driven(live)
+    live.offer(head=b"3", encoder=b"s")
+    live.pass_on(HUMAN_PLAN, ANIMATE)
+    leased = live.claim(DRIVE)
+    live.offer(head=b"4", encoder=b"t")
+    assert _held(live) == {b"2", b"s", b"3", b"4", b"t"}, "the second drove, the third is leased"
+    assert live.grant(leased) is VerdictStatus.OK
+    live.offer(head=b"5", encoder=b"t")
+    assert _held(live) == {b"2", b"s", b"3", b"5", b"t"}
+    assert live.done(leased, "") is VerdictStatus.OK
+    assert live.offer(head=b"6", encoder=b"t").version == 6
+    assert _held(live) == {b"2", b"s", b"6", b"t"}, "the expert drove in the third one's stead"
+
+
 def test_policy_travels_by_its_blobs_and_outlives_a_restart(live: Line, tmp_path: Path) -> None:
     offered = live.offer(head=b"1", encoder=b"2")
     live.coordinator.ledger.close()

@@ -150,6 +150,18 @@ def test_offers_are_numbered_and_say_when_they_came(ledger: Ledger) -> None:
     assert (second.version, second.sha256) == (2, _policy("b").sha256)
 
 
+def test_files_of_a_policy_are_idle_when_no_episode_names_it_and_there_is_a_newer_one(tmp_path: Path) -> None:
+    film = Stage(name="film", role="camera", records=True)
+    ledger = Ledger(tmp_path / "ledger.sqlite", (film,))
+    assigned = ledger.offer(_policy("a"), 1)
+    assert ledger.idle_policy_files() == set(), "it is the newest"
+    ledger.assign({0: assigned.sha256, 1: ""})
+    for name in ("b", "c"):
+        ledger.offer(_policy(name), 2)
+    assert ledger.idle_policy_files() == {"b"}
+    ledger.close()
+
+
 def test_assigned_policy_goes_before_the_newest(tmp_path: Path) -> None:
     film = Stage(name="film", role="camera", records=True)
     ledger = Ledger(tmp_path / "ledger.sqlite", (film,))

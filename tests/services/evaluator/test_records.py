@@ -10,6 +10,7 @@ from readygo.services.evaluator import (
     Method,
     Task,
     handle_evaluate,
+    read_results,
     summary_mapping,
     summary_table,
     write_results,
@@ -45,3 +46,12 @@ def test_table_shows_rates_and_interval(make_evaluator):
     assert "straight-line" in text
     assert "66.7" in text
     assert np.all([name in text for name in ("SR %", "95 %", "ART s", "SPL", "late %")])
+
+
+def test_results_are_read_as_they_were_written(make_evaluator, tmp_path):
+    reply = handle_evaluate(make_evaluator(), EvaluateRequest(episodes=1))
+    write_results(tmp_path, reply.records, {"seed": 0})
+    records, summary = read_results(tmp_path)
+    assert [record.to_mapping() for record in records] == [record.to_mapping() for record in reply.records]
+    assert [record.episode for record in records] == [record.episode for record in reply.records]
+    assert summary == {"seed": 0}

@@ -1,3 +1,6 @@
+import errno
+from pathlib import Path
+
 import pytest
 import torch
 
@@ -15,6 +18,21 @@ def test_state_comes_back_as_it_was_saved(tmp_path):
     state = load_checkpoint(tmp_path, IDENTITY)
     assert state["step"] == 7
     assert state["weights"].tolist() == [0.0, 1.0, 2.0]
+    assert [path.name for path in tmp_path.iterdir()] == ["checkpoint.pt"]
+
+
+def test_full_disk_is_one_line_and_leaves_the_checkpoint_before(tmp_path, monkeypatch):
+    save_checkpoint({"identity": IDENTITY, "step": 7}, tmp_path)
+
+    def full(path, data):
+        with path.open("wb") as file:
+            file.write(data[:100])
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(PolicyError, match=r"checkpoint\.pt cannot be written: No space left on device\.$"):
+        save_checkpoint({"identity": IDENTITY, "step": 8}, tmp_path)
+    assert load_checkpoint(tmp_path, IDENTITY)["step"] == 7
     assert [path.name for path in tmp_path.iterdir()] == ["checkpoint.pt"]
 
 
