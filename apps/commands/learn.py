@@ -67,7 +67,8 @@ def learn(
     with live_line(6 * episodes * len(scenes), quiet=json) as (show, tested):
         learned = learn_policy(plan, episodes=episodes, show=show, tested=tested)
     report = out / "report.html"
-    write_report(report, report_content(learned, scenes, avatars))
+    named = {"avatars": avatars, "robot": robot, "config": config, "seed": seed or None}
+    write_report(report, report_content(learned, scenes, **named))
     if json:
         sys.stdout.write(json_module.dumps(learned.to_mapping()) + "\n")
         return

@@ -93,7 +93,7 @@ def _write_pictures(out: Path, learned: Learned) -> None:
     recorded = RecordedEpisodes(dataset, world)
     shown = recorded.best_encounter(list(dataset.episodes[:SEARCHED]))
     write_film(out / "episode.mp4", film_frames(recorded.film(shown), top_view(world.scene)))
-    content = report_content(learned, (SCENE,), None)
+    content = report_content(learned, (SCENE,))
     content = dataclasses.replace(
         content,
         title="readygo demo",

@@ -1,9 +1,8 @@
 """All of `readygo learn`: a policy, its data, its curve, its test and the report."""
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from readygo.apps.fleet.worker import make_coordinator
@@ -80,16 +79,16 @@ def learn_policy(
     return Learned(plan=plan, points=supervisor.points, chosen=chosen, replies=replies, minutes=supervisor.minutes)
 
 
-def report_content(learned: Learned, scenes: tuple[str, ...], avatars: Path | None) -> ReportContent:
+def report_content(learned: Learned, scenes: tuple[str, ...], **options: object) -> ReportContent:
     """What the report of a run that learned shows.
 
     Args:
         learned: The run.
         scenes: As they were named.
-        avatars: As they were named.
+        options: Further ones of the command, as they were named; None for what was not.
     """
     plan = learned.plan
-    commands = _commands(plan, scenes, avatars)
+    commands = _commands(plan, scenes, options)
     return gather(plan, learned.points, learned.chosen, learned.replies, _numbers(learned), commands)
 
 
@@ -114,13 +113,13 @@ def _numbers(learned: Learned) -> RunNumbers:
     )
 
 
-def _commands(plan: Plan, scenes: tuple[str, ...], avatars: Path | None) -> tuple[Command, ...]:
-    named, policy, data = " ".join(scenes), plan.policy, plan.places[0].folder.path
-    options = f" --avatars {avatars}" if avatars else ""
-    more = f"--minutes {2 * plan.budget.minutes:g}"
+def _commands(plan: Plan, scenes: tuple[str, ...], options: Mapping[str, object]) -> tuple[Command, ...]:
+    policy, data, budget = plan.policy, plan.places[0].folder.path, plan.budget
+    named = [f"--{name} {value}" for name, value in options.items() if value is not None]
+    more = f"--minutes {2 * budget.minutes:g}" if budget.samples is None else f"--samples {2 * budget.samples}"
     return (
-        Command(what="learn on", line=f"readygo learn {named}{options} {more} --out {plan.out}"),
-        Command(what="measure", line=f"readygo evaluate {scenes[0]} {policy} --episodes 100 --control-hz 4"),
+        Command(what="learn on", line=" ".join(["readygo learn", *scenes, *named, more, f"--out {plan.out}"])),
+        Command(what="measure", line=f"readygo evaluate {scenes[0]} {policy} --episodes 100"),
         Command(what="check the data", line=f"readygo validate {data}"),
         Command(what="what they cover", line=f"readygo coverage {data} --out {plan.out / 'coverage'}"),
         Command(

@@ -157,7 +157,7 @@ def _training(content: ReportContent) -> str:
         )
         for x_name, curves in rates.items()
     ]
-    charts.append((line_chart(content.losses, x_name="samples learned from"), "Loss."))
+    charts.append((line_chart(content.losses, x_name="samples learned from"), "Loss in training."))
     note = f'<p class="note">{escape(content.training_note)}</p>' if content.training_note else ""
     return "".join(chart_figure(svg, caption) for svg, caption in charts if svg) + note
 

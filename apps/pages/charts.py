@@ -10,7 +10,11 @@ import numpy.typing as npt
 
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
 _WIDTH, _HEIGHT = 720, 280
-_LEFT, _RIGHT, _TOP, _BOTTOM = 58, 16, 14, 40
+_LEFT, _RIGHT, _TOP, _BOTTOM = 58, 16, 34, 40
+_LEGEND_PX = 180
+"""Width of a curve's entry in the legend, above the plot."""
+_DOTS_MAX = 30
+"""Curves of so few points have a dot at each: a single one would not be seen."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -26,7 +30,7 @@ class Curve:
 
 
 def line_chart(curves: Sequence[Curve], *, x_name: str, what: str = "Loss", y_max: float = 0.0) -> str:
-    """A line chart; the vertical axis is logarithmic when the values span more than a factor of 20.
+    """A line chart from x = 0 on; the vertical axis is logarithmic when the values span more than a factor of 20.
 
     Args:
         curves: The lines.
@@ -49,8 +53,8 @@ def line_chart(curves: Sequence[Curve], *, x_name: str, what: str = "Loss", y_ma
         low, high = min(0.0, low), max(high, y_max)
     y_ticks = _decades(low, high) if log else nice_ticks(low, high)
     low, high = min(low, y_ticks[0]), max(high, y_ticks[-1])
-    x_ticks = nice_ticks(float(steps.min()), float(steps.max()))
-    x_low, x_high = float(steps.min()), max(float(steps.max()), float(steps.min()) + 1e-9)
+    x_low, x_high = min(0.0, float(steps.min())), max(float(steps.max()), 1e-9)
+    x_ticks = nice_ticks(x_low, x_high)
 
     def x_of(step: float) -> float:
         return _LEFT + (step - x_low) / (x_high - x_low) * (_WIDTH - _LEFT - _RIGHT)
@@ -74,11 +78,14 @@ def line_chart(curves: Sequence[Curve], *, x_name: str, what: str = "Loss", y_ma
     parts.append(f'<text x="{middle}" y="{_HEIGHT - 4}" text-anchor="middle">{escape(x_name)}</text>')
     for k, (name, step, loss) in enumerate(cleaned):
         colour = _COLOURS[k % len(_COLOURS)]
-        points = " ".join(f"{x_of(float(s)):.1f},{y_of(float(v)):.1f}" for s, v in zip(step, loss, strict=True))
+        places = [(x_of(float(s)), y_of(float(v))) for s, v in zip(step, loss, strict=True)]
+        points = " ".join(f"{x:.1f},{y:.1f}" for x, y in places)
         parts.append(f'<polyline points="{points}" fill="none" stroke="{colour}" stroke-width="2"/>')
-        y = _TOP + 10 + 18 * k
-        parts.append(f'<rect x="{_WIDTH - 150}" y="{y - 8}" width="18" height="4" fill="{colour}"/>')
-        parts.append(f'<text x="{_WIDTH - 126}" y="{y - 2}">{escape(name)} {number_text(float(loss[-1]))}</text>')
+        if len(places) <= _DOTS_MAX:
+            parts += [f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3.5" fill="{colour}"/>' for x, y in places]
+        x = _LEFT + _LEGEND_PX * k
+        parts.append(f'<rect x="{x}" y="10" width="18" height="4" fill="{colour}"/>')
+        parts.append(f'<text x="{x + 24}" y="16">{escape(name)} {number_text(float(loss[-1]))}</text>')
     return "".join([*parts, "</svg>"])
 
 
@@ -125,6 +132,8 @@ def _decades(low: float, high: float) -> list[float]:
 
 def number_text(value: float) -> str:
     """A number with about three digits."""
-    if value != 0 and (abs(value) < 0.001 or abs(value) >= 1e6):
+    if value != 0 and (abs(value) < 0.001 or abs(value) >= 1e9):
         return f"{value:.1e}"
+    if abs(value) >= 1e6:
+        return f"{value / 1e6:.3g}M"
     return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.3g}"

@@ -11,14 +11,17 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from mcap.opcode import Opcode
 
 from readygo.common.camera import SensorConfig
 from readygo.common.config import section_differences
 from readygo.common.dataset.chunk import parse
-from readygo.common.dataset.index import ShardIndex, load_index
+from readygo.common.dataset.index import ShardIndex, load_index, mapped
 from readygo.common.dataset.labels import boxes_of, footprints_of, joints_of
+from readygo.common.dataset.poses import pose_xyzyaw
 from readygo.common.dataset.provenance import Provenance
-from readygo.common.dataset.schemas import EXPERT, LABEL_CHANNELS, OPTIONAL_CHANNELS, OUTPUT_CHANNELS, Ending
+from readygo.common.dataset.records import chunk_span, iter_messages, iter_records
+from readygo.common.dataset.schemas import EXPERT, HUMANS, LABEL_CHANNELS, OPTIONAL_CHANNELS, OUTPUT_CHANNELS, Ending
 from readygo.common.errors import DatasetError
 from readygo.common.images.files import decode_output
 from readygo.common.messages.episode import EpisodeKey
@@ -104,6 +107,7 @@ class Dataset:
         _check_unique(self.episodes)
         rows = np.concatenate([_episode_rows(indexes[shard], row) for shard, row in order])
         counts = np.array([entry.sample_count for entry in self.episodes])
+        self._order = order
         self._shard_of_sample = np.repeat(np.array([shard for shard, _ in order], dtype=np.int32), counts)
         self._rows = rows
         common = _common_outputs(indexes)
@@ -332,6 +336,18 @@ class Dataset:
         """
         return footprints_of(self._label(index, "footprints"))
 
+    @cached_property
+    def humans_xyzyaw(self) -> tuple[npt.NDArray[np.float64], ...]:
+        """Every human at each sample, with labels or without: x, y, z [m], yaw [rad], one array (H, 4) per sample.
+
+        All shards are read for it, once.
+
+        Raises:
+            DatasetError: If a shard is damaged.
+        """
+        of_shard = [_humans_of_shard(shard) for shard in self.shards]
+        return tuple(poses for shard, row in self._order for poses in of_shard[shard][row])
+
     def calibration(self, index: int) -> Calibration:
         """The camera that made the images of a sample.
 
@@ -397,6 +413,20 @@ class Dataset:
         with self.shards[shard].open("rb") as file:
             self._maps[shard] = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
         return self._maps[shard]
+
+
+def _humans_of_shard(shard: Path) -> list[list[npt.NDArray[np.float64]]]:
+    """Humans at every sample of every episode, in the order of the shard."""
+    episodes = []
+    with mapped(shard) as view:
+        for record in iter_records(view):
+            if record.opcode != Opcode.CHUNK:
+                continue
+            span = chunk_span(view, record)
+            found = (m for m in iter_messages(view, span.body, span.end) if m.channel == HUMANS.number)
+            poses = (parse(HUMANS, view[message.body : message.end]).poses for message in found)
+            episodes.append([np.array([pose_xyzyaw(pose) for pose in each]).reshape(-1, 4) for each in poses])
+    return episodes
 
 
 def find_shards(folder: str | Path) -> list[Path]:

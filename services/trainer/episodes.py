@@ -147,11 +147,6 @@ class SampleSource(Protocol):
         ...
 
     @property
-    def labels(self) -> tuple[str, ...]:
-        """Names of the labels of humans that every sample has."""
-        ...
-
-    @property
     def truth(self) -> npt.NDArray[np.void]:
         """What the robot does not know, shape (S,): `human_distance_m` and `human_visible` among others."""
         ...
@@ -175,8 +170,9 @@ class SampleSource(Protocol):
         """Encoded image of one sample."""
         ...
 
-    def footprints_xy_m(self, index: int) -> tuple[Array, ...]:
-        """Ground points below every human [m]."""
+    @property
+    def humans_xyzyaw(self) -> Sequence[npt.NDArray[np.float64]]:
+        """Every human at each sample: x, y, z [m], yaw [rad], shapes (H, 4)."""
         ...
 
 
@@ -188,7 +184,7 @@ def read_episodes(source: SampleSource, *, with_humans: bool = False) -> Iterato
         with_humans: Read where the humans were as well, which takes a while.
 
     Raises:
-        DatasetError: If a shard is damaged, or the humans' places are wanted and not there.
+        DatasetError: If a shard is damaged.
     """
     commands = None
     if source.has_expert:
@@ -201,7 +197,7 @@ def read_episodes(source: SampleSource, *, with_humans: bool = False) -> Iterato
         part = slice(rows.start, rows.stop)
         humans = None
         if with_humans:
-            places = [np.array([p.mean(axis=0) for p in source.footprints_xy_m(row)]).reshape(-1, 2) for row in rows]
+            places = [poses[:, :2] for poses in source.humans_xyzyaw[part]]
             humans = nearest_humans(xyyaw[part], places, visible[part])
         yield Episode(
             name=entry.sha256,

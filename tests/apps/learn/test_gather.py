@@ -17,7 +17,7 @@ POINTS = [
 
 def test_report_shows_how_it_learned_and_what_it_fails_in(tiny: Plan) -> None:
     learned = Learned(plan=tiny, points=POINTS, chosen=CHOSEN, replies={}, minutes=1.0)
-    content = report_content(learned, ("embedded",), None)
+    content = report_content(learned, ("embedded",), avatars=None, config="run.toml")
     assert [(curve.name, curve.x.tolist(), curve.y.tolist()) for curve in content.rates] == [
         ("static", [1.0], [50.0]),
         ("among humans", [1.0], [25.0]),
@@ -33,12 +33,12 @@ def test_report_shows_how_it_learned_and_what_it_fails_in(tiny: Plan) -> None:
     html = report_html(content)
     assert "50 % static and 25 % among humans" in html
     assert "Where it failed:" in html
-    assert f"readygo learn embedded --minutes 2 --out {tiny.out}" in html
+    assert f"readygo learn embedded --config run.toml --minutes 2 --out {tiny.out}" in html
 
 
 def test_run_without_a_measurement_says_so(tiny: Plan) -> None:
     point = dataclasses.replace(POINTS[1], measurement=None)
     learned = Learned(plan=tiny, points=[point], chosen=None, replies={}, minutes=1.0)
-    content = report_content(learned, ("embedded",), None)
+    content = report_content(learned, ("embedded",))
     assert "none was measured" in content.training_note
     assert report_html(content)

@@ -355,6 +355,17 @@ def test_labels_of_any_sample_can_be_read(tmp_path) -> None:
     assert pickle.loads(pickle.dumps(dataset)).joints_m(2).shape == (1, 24, 3)
 
 
+def test_humans_are_known_without_labels_in_the_order_of_the_samples(tmp_path) -> None:
+    write_shard(tmp_path, [4, 1], number=0)
+    write_shard(tmp_path, [2], number=1)
+    dataset = Dataset([tmp_path])
+    wanted = [sample.humans_xyzyaw for index in (1, 2, 4) for sample in make_episode(index)[1]]
+    assert len(dataset.humans_xyzyaw) == len(dataset) == len(wanted)
+    for got, want in zip(dataset.humans_xyzyaw, wanted, strict=True):
+        np.testing.assert_allclose(got, np.reshape(want, (-1, 4)), atol=1e-12)
+    assert any(len(poses) for poses in dataset.humans_xyzyaw)
+
+
 def test_labels_that_some_shards_lack_are_refused(tmp_path) -> None:
     write_shard(tmp_path, [0], labels=True)
     write_shard(tmp_path, [1], number=1)

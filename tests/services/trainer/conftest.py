@@ -43,7 +43,6 @@ class FakeSource:
     sensor: SensorConfig = field(default_factory=SensorConfig)
     has_expert: bool = False
     has_risks: bool = False
-    labels: tuple = ()
 
     @property
     def truth(self):
@@ -69,10 +68,12 @@ class FakeSource:
         risks[::3, (turns == 0) & (speeds == 1)] = HUMAN
         return risks.astype(np.uint8)
 
-    def footprints_xy_m(self, index):
-        x, y, _, yaw = self.poses[index]
-        ahead = np.array([x + 2 * np.cos(yaw), y + 2 * np.sin(yaw)], np.float32)
-        return (ahead + np.array([[0.1, 0], [-0.1, 0]], np.float32), (ahead + 5)[None])
+    @property
+    def humans_xyzyaw(self):
+        """One 2 m ahead, and another one."""
+        x, y, _, yaw = self.poses.T
+        ahead = np.stack([x + 2 * np.cos(yaw), y + 2 * np.sin(yaw), 0 * x, 0 * x], axis=1)
+        return np.stack([ahead, ahead + 5], axis=1)
 
     def picture(self, index):
         height, width = self.camera.height_px, self.camera.width_px
