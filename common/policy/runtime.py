@@ -205,8 +205,8 @@ def check_policy_camera(spec: PolicySpec, robot: RobotConfig, sensor: SensorConf
             f"{where}{name} {_plain(ours)} (the robot's: {_plain(theirs)})" for where, name, ours, theirs in found
         )
         raise PolicyError(
-            f"The policy was trained with another camera: {fields}; leave the robot's camera out, or take it with "
-            "--camera robot if the image size is the same."
+            f"The policy was trained with another camera: {fields}; leave the robot's camera out, or measure it with "
+            "that one by `readygo evaluate --camera robot` if the image size is the same."
         )
 
 

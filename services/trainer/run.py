@@ -14,7 +14,7 @@ from readygo.common.config import section_to_mapping
 from readygo.common.errors import PolicyError
 from readygo.common.policy import PolicySpec
 from readygo.common.robot import RobotConfig
-from readygo.services.trainer.checkpoint import load_checkpoint, save_checkpoint
+from readygo.services.trainer.checkpoint import CHECKPOINT_FILE, load_checkpoint, save_checkpoint
 from readygo.services.trainer.config import TrainConfig
 from readygo.services.trainer.export import export_policy
 from readygo.services.trainer.hardware import available_cores
@@ -235,7 +235,9 @@ class TrainRun:
         return np.random.default_rng([self.config.seed, self.steps, self.ranks.rank, purpose])
 
     def _remedy(self) -> str:
-        return f"the checkpoint in {self.out} is of before; go on with a lower --learning-rate in another --out"
+        saved = (self.out / CHECKPOINT_FILE).exists()
+        kept = f"the checkpoint in {self.out} is of before" if saved else "there is no checkpoint of before"
+        return f"{kept}; go on with a lower --learning-rate in another --out"
 
     def _roll_out(self, evaluate: Evaluate) -> None:
         export_policy(self.learner.average, self.spec, self.out / CANDIDATE_FOLDER)

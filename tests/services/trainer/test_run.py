@@ -90,6 +90,13 @@ def test_weights_that_are_no_numbers_are_not_saved(make_run):
     assert (run.out / "checkpoint.pt").read_bytes() == before
 
 
+def test_loss_that_is_no_number_at_once_leaves_no_checkpoint_and_says_so(make_run):
+    run = make_run(learning_rate=1e30)
+    with pytest.raises(PolicyError, match=r"^The loss of step 1 is nan .*; there is no checkpoint of before; go on with"):
+        run.go(lambda _: None)
+    assert list(run.out.iterdir()) == []
+
+
 def test_fall_that_is_begun_early_ends_the_run_early(make_run):
     run = make_run()
     for _ in range(8):
