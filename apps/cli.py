@@ -140,7 +140,11 @@ def _with_value_name(hint: Any, parameter: inspect.Parameter) -> Any:
     if name is None:
         return hint
     optional = positional and parameter.default is not inspect.Parameter.empty
-    return Annotated[hint, tyro.conf.arg(metavar=f"[{name}]" if optional else name)]
+    # "(default: None)" says nothing; what is taken then stands in the words.
+    several = positional and typing.get_origin(hint) is tuple
+    unsaid = parameter.default in (None, "", ()) or several
+    metavar = f"[{name}]" if optional else name
+    return Annotated[hint, tyro.conf.arg(metavar=metavar, help_behavior_hint="" if unsaid else None)]
 
 
 def _value_name(hint: Any, name: str, positional: bool) -> str | None:

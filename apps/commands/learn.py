@@ -42,15 +42,17 @@ def learn(
 
     Args:
         scenes: Scene bundles, or "embedded"; one policy learns in all of them.
-        out: Folder of the run: data, policy, curve.json, evaluation and report.html.
+        out: Folder of the run, new or one to go on with: data, policy, curve.json, evaluation and report.html.
         minutes: Wall time of recording and learning, that of earlier commands included [min]; it ends sooner if the
             policy does not get better any more. The test comes after it.
-        samples: Samples that the trainer is shown, instead of minutes.
-        episodes: Test episodes per task and scene; 0 leaves the test out.
+        samples: Samples that the trainer is shown, instead of minutes: the result depends less on the machine's load.
+        episodes: Test episodes per task and scene, each driven by the policy, the expert and a straight line; 0 leaves
+            the test out.
         seed: Seed of the episodes and of the training.
         avatars: Avatar file or folder of them; the embedded ones by default.
         robot: robot.toml; without one, or without a camera in it, the camera has 72x128 pixels.
-        config: TOML file with sections of settings, as given to `readygo generate`, and [learn].
+        config: TOML file with sections of settings, as given to `readygo generate`, and [learn]: `mix`, the share of
+            the episodes that policies drive, `reuse`, how often each sample is learned from, and others.
         json: Print the result as JSON.
     """
     if episodes < 0:

@@ -56,22 +56,22 @@ def train(
         data: Data folders.
         out: Folder of the policy: encoder.onnx, head.onnx, policy.toml, metrics.json, loss.png and the checkpoint.
         minutes: Processor time of each thread [min], 10 by default; counts that of earlier runs into the same folder.
-        samples: Samples to be shown instead of minutes; the result is then reproducible.
+        samples: Samples that the network is shown, instead of minutes; the result is then reproducible.
         val: Data folders to validate on; by default a fifth of the episodes is held out.
         val_scene: Scene ("embedded" or a bundle) whose closed-loop success rate chooses the checkpoint; its time is
             not counted. By default the last weights are taken.
         val_episodes: Episodes per such measurement, from the split val.
         recipe: "best" learns most from data in which the expert was asked at every state, and is the default for
-            them; "fast" is the paper's network made for minutes on a CPU, the default for others; "paper" is Adam at a
-            constant 1e-4.
+            them; "fast" is the paper's network made for minutes on a CPU, the default for others; "paper" trains that
+            network as the paper does, with Adam at a constant 1e-4.
         config: TOML file with fields of the recipe's `TrainConfig` that shall be others.
         learning_rate: Learning rate instead of the recipe's.
-        batch_size: Samples per step.
-        seed: Seed of weights, order and augmentation.
-        threads: CPU threads; 0 takes all cores.
-        device: Where to train; "auto" takes a CUDA device if there is one.
-        memory_mb: Most memory for episodes as they were recorded; beyond it they are thinned out [MB].
-        cache_mb: Most memory for decoded frames [MB].
+        batch_size: Samples per step; the recipe's by default.
+        seed: Seed of weights, order and augmentation; 0 by default.
+        threads: CPU threads; 0, the default, takes all cores.
+        device: Where to train; "auto", the default, takes a CUDA device if there is one.
+        memory_mb: Most memory for episodes as they were recorded; beyond it they are thinned out [MB], 2048 by default.
+        cache_mb: Most memory for decoded frames [MB], 1024 by default.
         live: Endpoint of a fleet's router, such as tcp/127.0.0.1:7447: episodes are learned from while the fleet makes
             them, and what is learned is offered to it. The data folders are those to catch up from, also while they are
             recorded; the fleet's own is the first.

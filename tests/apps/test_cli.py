@@ -98,6 +98,16 @@ def test_value_names_say_scene_and_data(capsys: pytest.CaptureFixture[str]) -> N
     assert "--people {paper,varied,crowd}" in shown
 
 
+def test_help_names_defaults_only_where_there_is_something_to_name(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        parse(COMMANDS, ["learn", "--help"])
+    shown = capsys.readouterr().out
+    for text in ("default: None", "default: ''", "default: )"):
+        assert text not in shown
+    assert "(default: 60.0)" in shown
+    assert "(required)" in shown
+
+
 @pytest.mark.parametrize(
     ("how", "code", "message"),
     [
