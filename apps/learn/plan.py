@@ -95,7 +95,8 @@ class Plan:
 def learn_settings(config: Path | None, robot: Path | None) -> RunConfig:
     """The settings of the runs: what nobody names is as learning needs it, instead of as in `readygo generate`.
 
-    Small images with levels of detail and no labels beside them, episodes without humans among those with them, an expert that is disturbed.
+    Small images with levels of detail and no labels beside them, episodes without humans among those with them, an
+    expert that is disturbed.
 
     Raises:
         ConfigError: If a file cannot be read or holds an unknown key or a wrong value.

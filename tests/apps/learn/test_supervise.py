@@ -1,5 +1,6 @@
 """The supervisor with stand-ins for the processes, the measurements and the clock."""
 
+import errno
 import json
 import os
 import shutil
@@ -20,7 +21,7 @@ from readygo.apps.learn.supervise import Supervisor
 from readygo.apps.learn.training import DECAY_FILE, PROGRESS_FILE
 from readygo.apps.run.origin import origin_of_policy
 from readygo.common.errors import RunError
-from readygo.common.policy import load_spec
+from readygo.common.policy import load_policy, load_spec
 from tests.common.policy.artifacts import write_policy
 
 MINUTES = 2.0
@@ -206,6 +207,41 @@ def test_cores_are_split_by_what_was_measured_once(
     assert crew.made[0].running == Split(6, 6)
     assert crew.made[0].splits == [Split(3, 9)]
     assert read_state(plan())["split"] == {"collectors": 3, "trainer_threads": 9}
+
+
+@pytest.mark.parametrize("file", ["curve.json", "learn.json", "encoder.onnx"])
+def test_full_disk_is_one_line_and_with_room_it_goes_on(
+    plan: Callable[..., Plan], file: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(path: Path, data: bytes) -> int:
+        if path.parent.name.startswith(f".{Path(file).stem}-"):
+            with path.open("wb") as half:
+                half.write(data[:10])
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return write_bytes(path, data)
+
+    write_bytes = Path.write_bytes
+    made = plan()
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(RunError, match=rf"{file} cannot be written: No space left on device\.$"):
+        learn(made, [0.5])
+    monkeypatch.setattr(Path, "write_bytes", write_bytes)
+    shutil.rmtree(made.policy / "candidates", ignore_errors=True)
+    _, _, chosen = learn(plan(), [0.5])
+    assert chosen is not None
+    load_policy(made.policy)
+    assert not [path for path in made.out.rglob(".*") if path.name not in (".lock", ".readygo")]
+
+
+def test_policy_that_is_half_copied_is_none(plan: Callable[..., Plan], monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(source: Path, target: Path) -> None:
+        target.write_bytes(source.read_bytes()[:10])
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(supervise, "shutil", SimpleNamespace(copyfile=full, rmtree=shutil.rmtree))
+    with pytest.raises(RunError, match=r"best cannot be written: No space left on device\.$"):
+        learn(plan(), [0.5])
+    assert not plan().best.exists()
 
 
 def test_nothing_learned_is_one_line(plan: Callable[..., Plan], monkeypatch: pytest.MonkeyPatch) -> None:

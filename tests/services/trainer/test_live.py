@@ -1,5 +1,7 @@
+import errno
 import json
 import threading
+from pathlib import Path
 
 import pytest
 
@@ -158,3 +160,23 @@ def test_images_of_another_size_are_left_out(make_trainer, tmp_path):
     trainer.hear("run", episode(7, height_px=16))
     trainer.train(threading.Event())
     assert sum(progress(tmp_path)["episodes"].values()) == 5
+
+
+@pytest.mark.parametrize("file", ["encoder.onnx", "progress.json"])
+def test_full_disk_ends_training_in_one_line_and_with_room_it_goes_on(make_trainer, tmp_path, monkeypatch, file):
+    def full(path, data):
+        if path.parent.name.startswith(f".{Path(file).stem}-"):
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return write_bytes(path, data)
+
+    write_bytes = Path.write_bytes
+    trainer = make_trainer(catch_up=lambda: [("r", episode(k)) for k in range(5)])
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(PolicyError, match=rf"{file} cannot be written: No space left on device\.$"):
+        trainer.train(threading.Event())
+    with pytest.raises(PolicyError, match=r"policy\.toml"):
+        load_policy(tmp_path)
+    monkeypatch.setattr(Path, "write_bytes", write_bytes)
+    again = make_trainer(catch_up=lambda: [("r", episode(k)) for k in range(5)])
+    assert again.train(threading.Event())["samples_seen"] == 320
+    load_policy(tmp_path)
