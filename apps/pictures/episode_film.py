@@ -14,8 +14,8 @@ from readygo.common.drawing.plan_view import GOAL, HUMANS, INK, ROBOT, Rgb
 from readygo.common.robot.kinematics import DT_S
 from readygo.common.scenes.top_view import TopView
 
-CAMERA_SCALE = 3
-"""Enlargement of the robot's view."""
+CAMERA_HEIGHT_PX = 432
+"""Height at which the robot's view is shown, about: it is enlarged by a whole factor."""
 PLAN_HEIGHT_PX, PLAN_WIDTH_MAX_PX = 640, 1000
 _WIDTH_MIN_PX = 860
 _MARGIN_PX = 8
@@ -69,14 +69,14 @@ class EpisodeFilm:
 
 
 def film_frames(
-    film: EpisodeFilm, view: TopView, *, camera_scale: int = CAMERA_SCALE, step: int = 1
+    film: EpisodeFilm, view: TopView, *, camera_height_px: int = CAMERA_HEIGHT_PX, step: int = 1
 ) -> Iterator[Picture]:
     """The film's pictures, every `step`-th row, even in width and height, sRGB.
 
     Args:
         film: The episode.
         view: The scene from above.
-        camera_scale: Enlargement of the robot's view.
+        camera_height_px: Height of the robot's view [px], about: it is enlarged by a whole factor.
         step: Rows from picture to picture.
 
     Raises:
@@ -87,7 +87,7 @@ def film_frames(
     background: TopView | None = None
     shown = 0
     for row, image in zip(rows, images, strict=False):
-        camera = None if image is None else _enlarged(image, camera_scale)
+        camera = None if image is None else _enlarged(image, camera_height_px)
         if background is None:
             background = plan_view.faded(_fitted(view, PLAN_HEIGHT_PX if camera is None else len(camera)), 0.25)
         shown += 1
@@ -96,7 +96,8 @@ def film_frames(
         raise ValueError(f"the camera has {shown} images for {len(rows)} rows.")
 
 
-def _enlarged(image: Picture, scale: int) -> Picture:
+def _enlarged(image: Picture, height_px: int) -> Picture:
+    scale = max(1, round(height_px / image.shape[0]))
     size = (image.shape[1] * scale, image.shape[0] * scale)
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
 

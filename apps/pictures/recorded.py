@@ -20,8 +20,8 @@ CLOSE_UP_RAD = 0.6
 """A human this far from the middle of the image is shown well [rad]."""
 BEST_DISTANCE_M = 2.5
 """A human this far away is shown best [m]."""
-ANIMATION_SCALE, ANIMATION_STEP = 2, 2
-"""Enlargement of the robot's view in a page's film, and rows from image to image."""
+ANIMATION_HEIGHT_PX, ANIMATION_STEP = 288, 2
+"""Height of the robot's view in a page's film, about, and rows from image to image."""
 
 Way = npt.NDArray[np.float64]
 
@@ -77,7 +77,7 @@ class RecordedEpisodes:
 
     def write_animation(self, path: Path, entry: EpisodeEntry, view: TopView) -> None:
         """Write an episode as an animation for pages."""
-        frames = film_frames(self.film(entry), view, camera_scale=ANIMATION_SCALE, step=ANIMATION_STEP)
+        frames = film_frames(self.film(entry), view, camera_height_px=ANIMATION_HEIGHT_PX, step=ANIMATION_STEP)
         write_animation(path, frames, step=ANIMATION_STEP)
 
     def nearness(self, entry: EpisodeEntry) -> npt.NDArray[np.float64]:

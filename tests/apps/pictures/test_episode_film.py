@@ -54,7 +54,7 @@ def test_video_plays_back_with_all_images(film: EpisodeFilm, top_view: TopView, 
 
 def test_animation_plays_at_the_films_pace(film: EpisodeFilm, top_view: TopView, tmp_path: Path) -> None:
     out = tmp_path / "film.webp"
-    write_animation(out, film_frames(film, top_view, camera_scale=2, step=2), step=2)
+    write_animation(out, film_frames(film, top_view, camera_height_px=72, step=2), step=2)
     done, animation = cv2.imreadanimation(str(out))
     assert done
     assert len(animation.frames) == COUNT // 2
@@ -62,7 +62,7 @@ def test_animation_plays_at_the_films_pace(film: EpisodeFilm, top_view: TopView,
 
 
 def test_plan_shows_robot_and_human_where_they_are(film: EpisodeFilm, top_view: TopView) -> None:
-    pictures = list(film_frames(film, top_view, camera_scale=3))
+    pictures = list(film_frames(film, top_view, camera_height_px=110))
     left, height_px = 8 + 64 * 3 + 8, 36 * 3
     metre_px = height_px / 3.0
     for row, picture in ((0, pictures[0]), (COUNT - 1, pictures[-1])):
@@ -82,7 +82,7 @@ def test_pictures_have_even_sides(top_view: TopView) -> None:
         actions=np.zeros((1, 2)),
         goal_xy_m=np.ones(2),
     )
-    picture = next(film_frames(odd, top_view, camera_scale=1))
+    picture = next(film_frames(odd, top_view, camera_height_px=1))
     assert picture.shape[0] % 2 == 0
     assert picture.shape[1] % 2 == 0
 
