@@ -112,7 +112,7 @@ def test_underlay_is_drawn_below_humans(film: EpisodeFilm, top_view: TopView) ->
         picture[:] = GOAL
         drawn.append(row)
 
-    picture, *_ = film_frames(dataclasses.replace(film, underlay=paint), top_view, step=5)
+    picture, *_ = film_frames(dataclasses.replace(film, underlay=paint), top_view, camera_height_px=110, step=5)
     left, height_px = 8 + 64 * 3 + 8, 36 * 3
     assert drawn == [0, 5, 10]
     assert tuple(picture[10, left + 3]) == GOAL
@@ -122,7 +122,7 @@ def test_underlay_is_drawn_below_humans(film: EpisodeFilm, top_view: TopView) ->
 
 def test_time_line_marks_when_a_human_is_seen(film: EpisodeFilm, top_view: TopView) -> None:
     seen = np.arange(COUNT) < COUNT // 2
-    picture = list(film_frames(dataclasses.replace(film, human_visible=seen), top_view))[-1]
+    picture = list(film_frames(dataclasses.replace(film, human_visible=seen), top_view, camera_height_px=110))[-1]
     line = picture[36 * 3 + 16 + 56 + 5]
     warm = np.flatnonzero((line == HUMANS[2]).all(axis=1))
     assert warm.max() == pytest.approx(picture.shape[1] // 2, abs=8)
