@@ -9,7 +9,7 @@ the expert was asked, and the risks of commands are named. Prints one row of JSO
   2 m, from 2 to 4 m and from 4 to 6 m. Errors of bearing and distance where one is.
 - human_risk, obstacle_risk: would this command meet one? AUC over all commands of all states, and the mean over states
   of the AUC among the commands of one state: the first needs to know whether there is danger, the second only which
-  commands are dangerous.
+  commands are dangerous. "blind" is what a fixed ranking reaches: how often each command met one in training.
 - cross_entropy: of the expert's command.
 """
 
@@ -58,21 +58,30 @@ def auc(scores: Floats, truth: Bools) -> float | None:
     return float(below.mean() / 2 / len(false))
 
 
-def risk_scores(logits: Floats, truth: Bools) -> dict[str, float | int | None]:
+def risk_scores(logits: Floats, truth: Bools, usual: Floats) -> dict[str, float | int | None]:
     """How well risks are told: over all commands, and among those of one state.
 
     Args:
         logits: Of the risk of each command, shape (N, C).
         truth: Which commands would meet it, shape (N, C).
+        usual: How often each command met it in training, shape (C,).
     """
-    within = [auc(row, true) for row, true in zip(logits, truth, strict=True)]
-    varied = [value for value in within if value is not None]
+    blind = np.broadcast_to(usual, truth.shape)
     return {
         "auc": auc(logits.ravel(), truth.ravel()),
-        "auc_within_state": float(np.mean(varied)) if varied else None,
-        "states_that_vary": len(varied),
+        "auc_blind": auc(blind.ravel(), truth.ravel()),
+        "auc_within_state": auc_within_states(logits, truth),
+        "auc_within_state_blind": auc_within_states(blind, truth),
+        "states_that_vary": int((truth.any(axis=1) & ~truth.all(axis=1)).sum()),
         "share": float(truth.mean()),
     }
+
+
+def auc_within_states(logits: Floats, truth: Bools) -> float | None:
+    """The mean of `auc` over the rows that have both kinds, shapes (N, C); None if there are none."""
+    within = [auc(row, true) for row, true in zip(logits, truth, strict=True)]
+    varied = [value for value in within if value is not None]
+    return float(np.mean(varied)) if varied else None
 
 
 def presence_scores(read: Floats, humans: Floats) -> dict[str, Any]:
@@ -120,12 +129,14 @@ def scores_of(run: TrainRun) -> dict[str, Any]:
         raise DatasetError("The data do not name the risks of commands; record them with --disturb or --policy.")
     answers, read = answers_of(run, rows)
     likely, obstacle, human = answers.split(COMMAND_COUNT, dim=1)
+    truth, known = table.risks[rows], run.training.table.risks
+    known = known[known[:, 0] != UNKNOWN]
     limits = run.learner.average.limits.cpu()
     expert = run.learner.average.bins.weights(torch.from_numpy(table.targets[rows]) / limits)
     return {
         "cross_entropy": float(torch.nn.functional.cross_entropy(likely, expert)),
-        "human_risk": risk_scores(human.numpy(), table.risks[rows] == HUMAN),
-        "obstacle_risk": risk_scores(obstacle.numpy(), table.risks[rows] == OBSTACLE),
+        "human_risk": risk_scores(human.numpy(), truth == HUMAN, (known == HUMAN).mean(axis=0)),
+        "obstacle_risk": risk_scores(obstacle.numpy(), truth == OBSTACLE, (known == OBSTACLE).mean(axis=0)),
         "human_presence": presence_scores(read.numpy(), table.humans[rows]) if read.shape[1] else None,
     }
 

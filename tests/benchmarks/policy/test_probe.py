@@ -6,7 +6,16 @@ import pytest
 
 pytest.importorskip("torch", reason="needs the extra train")
 
-from readygo.benchmarks.policy.probe import HELD_OUT, append, auc, config_of, presence_scores, probe, risk_scores
+from readygo.benchmarks.policy.probe import (
+    HELD_OUT,
+    append,
+    auc,
+    auc_within_states,
+    config_of,
+    presence_scores,
+    probe,
+    risk_scores,
+)
 from readygo.common.errors import ConfigError, DatasetError
 from tests.services.trainer.conftest import make_source
 
@@ -28,12 +37,13 @@ def test_auc_of_one_kind_alone_is_not_known():
 def test_order_within_a_state_counts_apart_from_that_of_states():
     truth = np.array([[False, True], [False, True], [False, False]])
     logits = np.array([[0.0, 1.0], [10.0, 11.0], [20.0, 20.0]])
-    scores = risk_scores(logits, truth)
-    assert scores["auc_within_state"] == 1.0
+    scores = risk_scores(logits, truth, np.array([0.4, 0.1]))
+    assert (scores["auc_within_state"], scores["auc_within_state_blind"]) == (1.0, 0.0)
     assert scores["states_that_vary"] == 2
     assert scores["auc"] == pytest.approx(3 / 8)
+    assert scores["auc_blind"] == pytest.approx(1 / 8)
     assert scores["share"] == pytest.approx(1 / 3)
-    assert risk_scores(logits[2:], truth[2:])["auc_within_state"] is None
+    assert auc_within_states(logits[2:], truth[2:]) is None
 
 
 def test_humans_are_told_apart_by_distance_and_far_ones_do_not_count():
