@@ -291,9 +291,10 @@ def main() -> None:
     plan = {name: getattr(arguments, name) for name in ("rounds", "samples", "steps", "seed")}
     learned(course, learner, **plan)
     row = {"driver": arguments.output, "samples": len(learner), "cpu_s": round(time.process_time())}
-    for caution in arguments.drive_caution or [arguments.caution]:
+    for caution in (arguments.drive_caution if learner.weighed else None) or [arguments.caution]:
         learner.caution = caution
-        print(json.dumps({**row, "caution": caution, **scores(course, learner, episodes)}), flush=True)
+        row["caution"] = caution if learner.weighed else None
+        print(json.dumps({**row, **scores(course, learner, episodes)}), flush=True)
 
 
 if __name__ == "__main__":
