@@ -28,9 +28,11 @@ import numpy.typing as npt
 
 from readygo.benchmarks.planning.maps import default_data_folder, find_map
 from readygo.benchmarks.planning.runs import Course, Job
+from readygo.common.camera import CameraConfig
 from readygo.common.camera.view import view_of
 from readygo.common.frames import goal_in_robot_frame
 from readygo.common.kernels import compiled
+from readygo.common.maps import OccupancyMap
 from readygo.common.messages import (
     AnimateRequest,
     EpisodeKey,
@@ -101,10 +103,8 @@ def _free_m(
 class Eyes:
     """What a policy could at best see on a map."""
 
-    def __init__(self, course: Course) -> None:
-        self._map, robot = course.maps.robot, course.robot
-        self._view = view_of(robot.camera)
-        self._human_m = course.episode.human_radius_m
+    def __init__(self, robot_map: OccupancyMap, camera: CameraConfig, human_radius_m: float) -> None:
+        self._map, self._view, self._human_m = robot_map, view_of(camera), human_radius_m
 
     def free_m(self, pose: Sequence[float], bearing_rad: float) -> float:
         """Free way in a direction of the robot's frame [m]."""
@@ -264,7 +264,8 @@ def _repeated(samples: Samples) -> Floats:
 def study(course: Course, mode: str, episodes: int) -> dict[str, Any]:
     """Fit the networks of one expert."""
     runs, failed = successful_runs(course, mode, episodes)
-    samples = samples_of(Eyes(course), runs)
+    eyes = Eyes(course.maps.robot, course.robot.camera, course.episode.human_radius_m)
+    samples = samples_of(eyes, runs)
     share = samples.run / episodes
     part = np.where(share >= 1 - HELD_OUT, 2, np.where(share >= 1 - HELD_OUT - VALIDATION, 1, 0)).astype(np.int8)
     result: dict[str, Any] = {

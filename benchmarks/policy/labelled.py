@@ -1,4 +1,4 @@
-"""What a sample with the expert's advice costs: picture, expert and policy, in thread CPU time.
+"""What a sample with the expert's advice costs: picture, expert, risks and policy, in thread CPU time.
 
     python -m readygo.benchmarks.policy.labelled embedded [--policy FOLDER] [--episodes 5]
 
@@ -24,7 +24,7 @@ from readygo.common.messages import AnimateRequest, EpisodeKey, HumanPlanRequest
 from readygo.common.policy import Policy, PolicySpec, load_policy
 from readygo.common.robot import RobotConfig
 from readygo.services.animator import handle_animate
-from readygo.services.driver import PolicyDriver, drive
+from readygo.services.driver import PolicyDriver, RiskMap, drive
 from readygo.services.planner import handle_human_plan
 from readygo.services.renderer import LiveCamera
 from readygo.services.trainer.config import NetworkConfig
@@ -64,7 +64,8 @@ def untrained_policy() -> Policy:
 def measure(world: World, policy: Policy, episodes: int) -> dict[str, Any]:
     """Milliseconds a sample, by part; the first episode, which loads compiled code, is not counted."""
     humans, animator, renderer, planner = world.human_planner(), world.animator(), world.renderer(), world.robot_planner
-    clock, samples, driven = Clock(), 0, -1
+    clock, samples, driven, weigher = Clock(), 0, -1, RiskMap(planner.maps.robot)
+    clock.watch("risks", weigher, "risks")
     for index in itertools.count():
         key = EpisodeKey(seed=world.spec.seed, split=world.spec.split, index=index)
         scenario = handle_human_plan(humans, HumanPlanRequest(episode=key, static=world.spec.static)).scenario
@@ -79,7 +80,7 @@ def measure(world: World, policy: Policy, episodes: int) -> dict[str, Any]:
             ("policy", driver, "command"),
         ):
             clock.watch(part, thing, method)
-        length = len(drive(simulation, expert, camera, driver).expert_commands)
+        length = len(drive(simulation, expert, camera, weigher, driver).expert_commands)
         samples, driven = (0, 0) if driven < 0 else (samples + length, driven + 1)
         if samples == 0:
             clock.spent_s.clear()

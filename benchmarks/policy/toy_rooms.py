@@ -215,6 +215,7 @@ class ToyDataset:
     content_hash: str = "toy"
     sensor: SensorConfig = field(default_factory=SensorConfig)
     has_expert: bool = False
+    has_risks: bool = False
 
     @property
     def truth(self) -> npt.NDArray[np.void]:
@@ -222,6 +223,10 @@ class ToyDataset:
         truth = np.zeros(len(self.actions), [("human_distance_m", np.float64), ("human_visible", np.bool_)])
         truth["human_distance_m"] = np.inf
         return truth
+
+    def footprints_xy_m(self, index: int) -> tuple[npt.NDArray[np.float32], ...]:
+        """There are no humans."""
+        return ()
 
     def image(self, index: int) -> bytes:
         """Encoded image of a sample."""

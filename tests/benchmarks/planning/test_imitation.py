@@ -16,9 +16,14 @@ def course():
     return Course(Job(source=MapSource(name="embedded", path="embedded"), modes=("paper",), tasks=("dynamic",), seed=3))
 
 
-def test_samples_tell_what_is_ahead_and_what_the_expert_does(course):
+@pytest.fixture
+def eyes(course):
+    return Eyes(course.maps.robot, course.robot.camera, course.episode.human_radius_m)
+
+
+def test_samples_tell_what_is_ahead_and_what_the_expert_does(course, eyes):
     runs, _ = successful_runs(course, "paper", 1)
-    samples = samples_of(Eyes(course), runs)
+    samples = samples_of(eyes, runs)
     scenario, _, run = runs[0]
     assert len(samples.actions) == math.ceil(len(run.actions) / 4)
     np.testing.assert_array_equal(samples.actions[1], [*run.actions[4], *run.actions[14]])
@@ -32,8 +37,7 @@ def test_samples_tell_what_is_ahead_and_what_the_expert_does(course):
     assert rays.max() <= 1
 
 
-def test_humans_are_told_of_in_the_robots_frame_only_when_they_are_in_view(course):
-    eyes = Eyes(course)
+def test_humans_are_told_of_in_the_robots_frame_only_when_they_are_in_view(course, eyes):
     x, y, yaw = successful_runs(course, "paper", 1)[0][0][0].start_xyyaw.tolist()
     ahead, left = np.array([math.cos(yaw), math.sin(yaw)]), np.array([-math.sin(yaw), math.cos(yaw)])
     seen = eyes.people((x, y, yaw), np.array([(x, y) + 0.6 * ahead]), np.array([(x, y) + 0.6 * ahead - 0.2 * left]))

@@ -13,8 +13,10 @@ from readygo.benchmarks.policy.toy_rooms import (
     drive,
     expert_command,
     make_rooms,
+    record,
 )
 from readygo.common.robot import CameraConfig, RobotConfig
+from readygo.services.trainer.episodes import read_episodes
 
 ROBOT = RobotConfig(camera=CameraConfig(height_px=8, width_px=10))
 
@@ -77,3 +79,10 @@ def test_drive_ends_at_goal_wall_or_limit(hall, command, goal, outcome):
     assert start_goal == pytest.approx((goal[0] - 2.0, goal[1] - 2.0))
     assert pose == (2.0, 2.0, 0.0, 0.0)
     assert action[0] == pytest.approx(min(command[0], ROBOT.a_max_mps2 * 0.05))
+
+
+def test_recorded_episodes_can_be_trained_on_and_have_no_humans(rooms):
+    (episode,) = read_episodes(record(rooms, 1, seed=0), with_humans=True)
+    assert episode.static
+    assert episode.risks is None
+    assert not episode.humans.any()
