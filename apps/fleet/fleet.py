@@ -54,6 +54,13 @@ class Fleet:
         self.members.remove(member)
         self._stop([member])
 
+    def kill(self, role: str) -> None:
+        """End the workers of a role by force; `check` starts them anew."""
+        for member in self.members:
+            if member.role == role and member.process:
+                member.process.kill()
+                member.process.wait()
+
     def check(self) -> None:
         """Start workers anew that ended, however they ended; call it only while the run is not over.
 

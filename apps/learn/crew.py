@@ -2,12 +2,13 @@
 
 import contextlib
 import time
+from collections import Counter
 from functools import partial
 from pathlib import Path
 from types import TracebackType
 
 from readygo.apps.fleet.fleet import Fleet
-from readygo.apps.fleet.roles import ALL, places
+from readygo.apps.fleet.roles import ALL, COORDINATOR, places
 from readygo.apps.fleet.trainer import TRAINER
 from readygo.apps.learn.cores import Split, shared_out
 from readygo.apps.learn.plan import Place, Plan
@@ -20,6 +21,10 @@ FROZEN_S = 120.0
 """A trainer that says nothing for so long is started anew [s]."""
 CONTROL_S = 2.0
 """Longest wait for a coordinator to take a command [s]."""
+PACE_S = 5.0
+"""Time after which a coordinator is told again whether to collect [s]."""
+DEAF_MAX = 6
+"""Commands in a row that a coordinator may leave unanswered before it is started anew."""
 
 
 class Crew:
@@ -31,8 +36,10 @@ class Crew:
         self._plan, self._split = plan, split
         self._endpoint = free_endpoint()
         self._fleets: dict[str, Fleet] = {}
-        self._buses: list[ZenohBus] = []
-        self._collects = True
+        self._buses: dict[str, ZenohBus] = {}
+        self._collects, self._paced_s = True, 0.0
+        self._deaf: Counter[str] = Counter()
+        """Commands in a row that each scene's coordinator has not answered."""
         self._open = contextlib.ExitStack()
         self._logs = plan.out / "logs"
 
@@ -90,15 +97,28 @@ class Crew:
         self._trainer.check()
 
     def pace(self, wanted: bool) -> None:
-        """Let the collectors work, or have them wait."""
-        if wanted == self._collects:
+        """Let the collectors work, or have them wait.
+
+        It is said again now and then: a coordinator that was just being started has not heard it, and one that cannot
+        be reached any more shows by not answering.
+        """
+        if wanted == self._collects and time.monotonic() - self._paced_s < PACE_S:
             return
-        self._collects = wanted
-        command = Command.RESUME if wanted else Command.PAUSE
-        for bus in self._buses:
-            # A coordinator that is just being started again hears the next one.
-            with contextlib.suppress(BusError):
-                bus.request(topics.CONTROL, ControlRequest(command=command), timeout_s=CONTROL_S)
+        self._collects, self._paced_s = wanted, time.monotonic()
+        for name in self._buses:
+            self._command(name, Command.RESUME if wanted else Command.PAUSE)
+
+    def _command(self, name: str, command: Command) -> None:
+        """Tell a scene's coordinator; one that is deaf for long is started anew."""
+        try:
+            self._buses[name].request(topics.CONTROL, ControlRequest(command=command), timeout_s=CONTROL_S)
+        except BusError:
+            self._deaf[name] += 1
+        else:
+            del self._deaf[name]
+        if self._deaf[name] >= DEAF_MAX:
+            del self._deaf[name]
+            self._fleets[name].kill(COORDINATOR)
 
     def split(self, split: Split) -> None:
         """Split the cores in another way: collectors come or go, the trainer goes on with other threads."""
@@ -132,7 +152,7 @@ class Crew:
         self._open.enter_context(folder.locked())
         bus = ZenohBus(self._endpoint, spec.run)
         self._open.callback(bus.close)
-        self._buses.append(bus)
+        self._buses[place.name] = bus
         bus.subscribe(topics.PROGRESS, partial(self.status.__setitem__, place.name))
         fleet = Fleet(connect=self._endpoint, run=spec.run, data=folder.path.resolve(), logs=folder.logs)
         self._fleets[place.name] = fleet

@@ -33,6 +33,8 @@ CANDIDATES_FOLDER = "candidates"
 """One folder per offered policy, by its number."""
 WAITING_MAX = 256
 """Heard episodes that wait for the trainer; the oldest ones give way."""
+REFUSALS_MAX = 3
+"""Policies that the fleet may refuse before training ends."""
 RECENT = 100
 """Episodes that a success rate is taken over."""
 PROGRESS_EVERY_S = 5.0
@@ -77,6 +79,7 @@ class LiveTrainer:
         self._size_px = robot.camera.height_px, robot.camera.width_px
         self._heard: deque[tuple[str, CommittedEpisode]] = deque(maxlen=WAITING_MAX)
         self._seen: set[str] = set()
+        self._refusals = 0
         self._recent = {name: deque[bool](maxlen=RECENT) for name in ("static", "dynamic")}
         self._offers: list[dict[str, Any]] = _earlier_offers(out)
         self._offered_s, self._told_s, self._caught_up_s = self._run.elapsed_s, 0.0, 0.0
@@ -154,11 +157,13 @@ class LiveTrainer:
         entry: dict[str, Any] = {"step": run.steps, "samples": run.samples_seen, "minutes": run.elapsed_s / 60}
         try:
             reply = self._offer(OfferRequest(files=files))
-        except PeerError as error:
-            raise PolicyError(f"The fleet cannot use what is trained for it: {error}") from error
         except BusError as error:
+            self._refusals += isinstance(error, PeerError)
+            if self._refusals == REFUSALS_MAX:
+                raise PolicyError(f"The fleet cannot use what is trained for it: {error}") from error
             _log.warning("The policy of step %d was not taken: %s", run.steps, error)
         else:
+            self._refusals = 0
             entry |= {"version": reply.version, "sha256": reply.sha256}
         self._offers.append(entry | {"folder": str(folder.relative_to(run.out))})
         self._tell("training", now=True)
