@@ -131,6 +131,20 @@ def test_worker_that_is_removed_has_ended_and_is_not_started_again(start: Callab
     assert [member.name for member in fleet.members] == ["w1"]
 
 
+def test_worker_that_is_killed_is_started_anew(start: Callable[[str, str], ScriptedFleet]) -> None:
+    fleet = start("all", OBEYS)
+    before = fleet.members[0].process
+    fleet.kill("recorder")
+    assert before is not None
+    assert before.poll() is None, "it has another role"
+    fleet.kill("all")
+    assert before.poll() is not None
+    fleet.check()
+    after = fleet.members[0].process
+    assert after is not None
+    assert after.pid != before.pid
+
+
 def test_member_has_arguments_of_its_own_and_a_fleet_all_its_data_folders(tmp_path: Path) -> None:
     fleet = Fleet(connect="tcp/x:1", run="a,b", data=[tmp_path / "a", tmp_path / "b"], logs=tmp_path)
     member = Member(role="trainer", name="t", log=tmp_path / "t.log", arguments=("--out", "policy"))

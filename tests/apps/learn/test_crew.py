@@ -10,7 +10,7 @@ import pytest
 from readygo.apps.learn import crew as crew_module
 from readygo.apps.learn.config import LearnConfig
 from readygo.apps.learn.cores import Split
-from readygo.apps.learn.crew import FROZEN_S, Crew
+from readygo.apps.learn.crew import DEAF_MAX, FROZEN_S, PACE_S, Crew
 from readygo.apps.learn.plan import Budget, Plan, learn_settings, make_plan
 from readygo.apps.learn.training import Training
 from readygo.apps.run.folder import RunFolder
@@ -27,6 +27,7 @@ class StandInFleet:
 
     def __init__(self, *, connect: str, run: str, data: object, logs: Path) -> None:
         self.run, self.members, self.checks, self.stopped, self.begun = run, [], 0, False, 0
+        self.killed: list[str] = []
         self.made.append(self)
 
     def add(self, role: str, name: str, *arguments: str) -> None:
@@ -38,6 +39,9 @@ class StandInFleet:
 
     def check(self) -> None:
         self.checks += 1
+
+    def kill(self, role: str) -> None:
+        self.killed.append(role)
 
     def check_recorders(self) -> None:
         assert self.stopped
@@ -143,11 +147,40 @@ def test_cores_are_split_in_another_way_while_it_runs(plan: Plan) -> None:
         assert "threads = 2" in (plan.out / "trainer.toml").read_text()
 
 
-@pytest.mark.parametrize("deaf", [False, True])
-def test_collecting_is_paused_once_and_resumed_once(plan: Plan, deaf: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(StandInBus, "deaf", deaf)
-
+def test_collecting_is_paused_and_resumed_at_once_and_said_again_now_and_then(
+    plan: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now_s = 1000.0
+    monkeypatch.setattr(crew_module, "time", SimpleNamespace(time=time.time, monotonic=lambda: now_s))
     with Crew(plan, Split(2, 1)) as crew:
-        for wanted in (True, False, False, True):
+        said = []
+        for now_s, wanted in (
+            (1000.0, True),
+            (1001.0, False),
+            (1002.0, False),
+            (1001.0 + PACE_S, False),
+            (1007.0, True),
+        ):
+            StandInBus.commands.clear()
             crew.pace(wanted)
-    assert StandInBus.commands == ([] if deaf else [Command.PAUSE] * 2 + [Command.RESUME] * 2)
+            said.append(list(StandInBus.commands))
+    pause, resume = [Command.PAUSE] * 2, [Command.RESUME] * 2
+    assert said == [resume, pause, [], pause, resume]
+
+
+def test_coordinator_that_answers_nobody_is_started_anew(plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s = 1000.0
+    monkeypatch.setattr(crew_module, "time", SimpleNamespace(time=time.time, monotonic=lambda: now_s))
+    with Crew(plan, Split(2, 1)) as crew:
+        monkeypatch.setattr(StandInBus, "deaf", True)
+        for count in range(1, 2 * DEAF_MAX):
+            now_s += PACE_S
+            crew.pace(True)
+            assert StandInFleet.made[0].killed == ["coordinator"] * (count >= DEAF_MAX)
+        monkeypatch.setattr(StandInBus, "deaf", False)
+        now_s += PACE_S
+        crew.pace(True)
+        monkeypatch.setattr(StandInBus, "deaf", True)
+        now_s += PACE_S
+        crew.pace(True)
+        assert StandInFleet.made[0].killed == ["coordinator"], "one that answers in between is not deaf"

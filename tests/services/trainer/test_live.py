@@ -9,11 +9,12 @@ from readygo.common.errors import BusError, PeerError, PolicyError
 from readygo.common.messages import EpisodeKey, OfferReply, Split
 from readygo.common.messages.plan import Driver, Outcome
 from readygo.common.policy import load_policy
-from readygo.services.trainer.live import DECAY_FILE, STOP_FILE, LiveTrainer
+from readygo.services.trainer.live import DECAY_FILE, REFUSALS_MAX, STOP_FILE, LiveTrainer
 from tests.services.trainer.conftest import make_source, quick
 from tests.services.trainer.test_episodes import message, sample
 
 CONFIG = quick(samples=320, first_episodes=3, offer_every_s=0.2, validation_fraction=0.2, ahead_s=0.05)
+OFTEN = quick(samples=320, first_episodes=3, offer_every_s=1e-6)
 
 
 def episode(index, **fields):
@@ -146,13 +147,31 @@ def test_fleet_that_does_not_answer_does_not_stop_training(make_trainer, tmp_pat
     assert "sha256" not in progress(tmp_path)["offers"][0]
 
 
-def test_fleet_that_refuses_a_policy_ends_training_with_its_reason(make_trainer):
+def test_fleet_that_refuses_policy_after_policy_ends_training_with_its_reason(make_trainer):
+    asked = []
+
     def offer(_):
+        asked.append(1)
         raise PeerError("another robot")
 
-    trainer = make_trainer(offer=offer, catch_up=lambda: [("r", episode(k)) for k in range(5)])
+    trainer = make_trainer(OFTEN, offer=offer, catch_up=lambda: [("r", episode(k)) for k in range(5)])
     with pytest.raises(PolicyError, match="cannot use what is trained for it: another robot"):
         trainer.train(threading.Event())
+    assert len(asked) == REFUSALS_MAX
+
+
+def test_fleet_that_takes_the_next_policy_after_a_refusal_goes_on(make_trainer):
+    asked = []
+
+    def offer(_):
+        asked.append(1)
+        if len(asked) % 2:
+            raise PeerError("a message that went astray")
+        return OfferReply(version=1, sha256="ab" * 32)
+
+    trainer = make_trainer(OFTEN, offer=offer, catch_up=lambda: [("r", episode(k)) for k in range(5)])
+    assert trainer.train(threading.Event())["samples_seen"] == 320
+    assert len(asked) > REFUSALS_MAX
 
 
 def test_images_of_another_size_are_left_out(make_trainer, tmp_path):
