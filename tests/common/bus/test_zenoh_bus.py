@@ -1,8 +1,11 @@
+import dataclasses
+
 import pytest
 
-from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
+from readygo.common.bus.zenoh_bus import _ASTRAY, Router, ZenohBus, free_endpoint
 from readygo.common.errors import BusError
 from readygo.common.messages import PendingReply, PendingRequest, topics
+from readygo.common.messages.codec import encode
 
 REQUEST = PendingRequest(recorder="rec0")
 
@@ -28,3 +31,33 @@ def test_absent_router_is_said_in_one_line() -> None:
     with pytest.raises(BusError, match=r"No router answers at .*: Unable to connect") as error:
         ZenohBus(free_endpoint(), "test")
     assert "\n" not in str(error.value)
+
+
+def test_request_that_goes_astray_is_not_handled_and_sent_again() -> None:
+    router = Router(free_endpoint())
+    server, client = ZenohBus(router.endpoint, "test"), ZenohBus(router.endpoint, "test")
+    handled: list[PendingRequest] = []
+    server.serve(topics.PENDING, lambda request: handled.append(request) or PendingReply(indices=(3,)))
+    assert client.request(topics.PENDING, REQUEST).indices == (3,)
+    key = f"readygo/test/{topics.PENDING.name}"
+    for other in ({"attachment": b"coord/policy"}, {}):
+        (reply,) = client._session.get(key, payload=encode(REQUEST), timeout=5.0, **other)
+        assert reply.err.payload.to_bytes().decode() == _ASTRAY
+    assert len(handled) == 1
+
+    asked = []
+
+    def at_second(query) -> None:
+        asked.append(query.attachment.to_bytes().decode())
+        if len(asked) == 1:
+            query.reply_err(_ASTRAY.encode())
+        else:
+            query.reply(query.key_expr, encode(PendingReply(indices=(4,))))
+        query.drop()
+
+    server._declared.append(server._session.declare_queryable("readygo/test/" + topics.GRANT.name, at_second))
+    grant = dataclasses.replace(topics.PENDING, name=topics.GRANT.name)
+    assert client.request(grant, REQUEST).indices == (4,)
+    assert asked == [topics.GRANT.name] * 2
+    for bus in (client, server, router):
+        bus.close()
