@@ -2,6 +2,7 @@
 
 import dataclasses
 import time
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -150,17 +151,14 @@ def test_cores_are_split_in_another_way_while_it_runs(plan: Plan) -> None:
 def test_collecting_is_paused_and_resumed_at_once_and_said_again_now_and_then(
     plan: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    now_s = 1000.0
-    monkeypatch.setattr(crew_module, "time", SimpleNamespace(time=time.time, monotonic=lambda: now_s))
+    clock = SimpleNamespace(time=time.time)
+    monkeypatch.setattr(crew_module, "time", clock)
+    asked = {1000.0: True, 1001.0: False, 1002.0: False, 1001.0 + PACE_S: False, 1007.0: True}
+    said = []
+    clock.monotonic = lambda: 0.0
     with Crew(plan, Split(2, 1)) as crew:
-        said = []
-        for now_s, wanted in (
-            (1000.0, True),
-            (1001.0, False),
-            (1002.0, False),
-            (1001.0 + PACE_S, False),
-            (1007.0, True),
-        ):
+        for at_s, wanted in asked.items():
+            clock.monotonic = partial(float, at_s)
             StandInBus.commands.clear()
             crew.pace(wanted)
             said.append(list(StandInBus.commands))
