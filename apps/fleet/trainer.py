@@ -4,19 +4,16 @@ import threading
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from readygo.apps.run.origin import note_origin, origin_of_runs
-from readygo.apps.run.training import load_trainer
+from readygo.apps.run.training import torch_needed
 from readygo.apps.run.world import World
 from readygo.common.bus import Bus
 from readygo.common.dataset import committed_episodes
 from readygo.common.errors import RunError
 from readygo.common.messages import CommittedEpisode, EpisodeKey, RunSpec, RunSpecRequest, topics
 from readygo.services.trainer import TrainConfig
-
-if TYPE_CHECKING:
-    from readygo.services.trainer.live import LiveTrainer
 
 TRAINER = "trainer"
 SPEC_TIMEOUT_S = 30.0
@@ -39,8 +36,11 @@ def train_beside(
 
     Raises:
         RunError: If the fleets have different robots.
-        PolicyError: If `out` belongs to another run, or the loss is not finite.
+        PolicyError: If torch is not installed, `out` belongs to another run, or the loss is not finite.
     """
+    with torch_needed():
+        from readygo.services.trainer.live import LiveTrainer
+        from readygo.services.trainer.train import training_threads
     specs = [bus.request(topics.SPEC, RunSpecRequest(), timeout_s=SPEC_TIMEOUT_S) for bus in buses.values()]
     robot, sensor = _camera(specs)
     reader = Reader({folder: run for run, folder in zip([*buses, *map(str, data[len(buses) :])], data, strict=False)})
@@ -49,10 +49,8 @@ def train_beside(
         replies = [bus.request(topics.OFFER, request, timeout_s=OFFER_TIMEOUT_S) for bus in buses.values()]
         return replies[0]
 
-    with load_trainer("train").training_threads(config):
-        trainer: LiveTrainer = load_trainer("live").LiveTrainer(
-            robot, sensor, config, out, offer=offer, catch_up=reader.new_episodes
-        )
+    with training_threads(config):
+        trainer = LiveTrainer(robot, sensor, config, out, offer=offer, catch_up=reader.new_episodes)
         for run, bus in buses.items():
             bus.subscribe(topics.COMMITTED, partial(trainer.hear, run))
             bus.announce(TRAINER, TRAINER)

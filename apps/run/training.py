@@ -1,9 +1,9 @@
 """From settings to a trained policy."""
 
-import importlib
 import os
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -66,15 +66,17 @@ def run_training(
         DatasetError: If the data cannot be used.
     """
     validation = Dataset(val) if val else None
-    train_policy = load_trainer("train").train
+    with torch_needed():
+        from readygo.services.trainer.ranks import join_ranks
+        from readygo.services.trainer.train import train
     if "WORLD_SIZE" in os.environ:
-        load_trainer("ranks").join_ranks(config.device)
-    metrics: dict[str, Any] = train_policy(dataset, config, out, validation=validation, evaluate=evaluate, report=show)
-    return metrics
+        join_ranks(config.device)
+    return train(dataset, config, out, validation=validation, evaluate=evaluate, report=show)
 
 
-def load_trainer(module: str) -> Any:
-    """A module of the trainer that needs torch.
+@contextmanager
+def torch_needed() -> Iterator[None]:
+    """For a block that imports modules of the trainer that need torch.
 
     Raises:
         PolicyError: If torch or onnx is not installed.
@@ -83,6 +85,6 @@ def load_trainer(module: str) -> Any:
     # times faster without. libgomp reads this once, when torch loads it.
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     try:
-        return importlib.import_module(f"readygo.services.trainer.{module}")
+        yield
     except ImportError as error:
         raise PolicyError(f"Training needs {error.name}; run: {install_command('train')}") from error

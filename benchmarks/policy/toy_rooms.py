@@ -224,9 +224,10 @@ class ToyDataset:
         truth["human_distance_m"] = np.inf
         return truth
 
-    def footprints_xy_m(self, index: int) -> tuple[npt.NDArray[np.float32], ...]:
+    @property
+    def humans_xyzyaw(self) -> list[npt.NDArray[np.float64]]:
         """There are no humans."""
-        return ()
+        return [np.empty((0, 4))] * len(self.actions)
 
     def image(self, index: int) -> bytes:
         """Encoded image of a sample."""

@@ -13,6 +13,10 @@ CPU_INFO = Path("/proc/cpuinfo")
 BF16_FEATURES = ("avx512_bf16", "amx_bf16", "bf16")
 """Features of CPUs that multiply bfloat16 numbers (the last one is Arm's)."""
 
+BF16_MIN_PX = 48
+"""Maps of smaller images shrink to one pixel, for which torch's convolutions on the CPU read, in bfloat16, memory that
+nobody wrote: the gradient is no number now and then (seen with torch 2.13 at 24x32, never from 48x64 on)."""
+
 
 def device_of(config: TrainConfig) -> torch.device:
     """The device to train on.
@@ -29,9 +33,17 @@ def device_of(config: TrainConfig) -> torch.device:
     return torch.device("cpu")
 
 
-def dtype_of(config: TrainConfig, device: torch.device) -> torch.dtype:
-    """The type of the network's numbers while it is trained."""
-    half = config.precision == "bf16" or (config.precision == "auto" and (device.type == "cuda" or cpu_has_bf16()))
+def dtype_of(config: TrainConfig, device: torch.device, size_px: tuple[int, int]) -> torch.dtype:
+    """The type of the network's numbers while it is trained.
+
+    Args:
+        config: Says which one is wanted.
+        device: Where it is trained.
+        size_px: Height and width of what the camera gives.
+    """
+    if config.precision != "auto":
+        return torch.bfloat16 if config.precision == "bf16" else torch.float32
+    half = device.type == "cuda" or (cpu_has_bf16() and min(size_px) >= BF16_MIN_PX)
     return torch.bfloat16 if half else torch.float32
 
 

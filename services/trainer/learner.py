@@ -24,7 +24,7 @@ class Learner:
             PolicyError: If the device that is asked for is not there.
         """
         device = device_of(config)
-        dtype = dtype_of(config, device)
+        dtype = dtype_of(config, device, (robot.camera.height_px, robot.camera.width_px))
         self.objective = Objective(robot, config, timing_of(robot, config), dtype)
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(config.seed)

@@ -133,7 +133,7 @@ def test_disturbed_expert_says_what_it_would_do_at_the_states_that_it_comes_to(
 ) -> None:
     simulation, expert = make_simulation(time_limit_s=1.0), _Expert()
     disturbance = Disturbance(simulation.scenario.episode, DriverConfig(push=2.0), simulation.robot)
-    driven = drive(simulation, expert, _Camera(simulation), disturbance=disturbance)
+    driven = drive(simulation, expert, _Camera(simulation), _Weigher(), disturbance=disturbance)
     assert expert.asked_at == list(range(20))
     executed = driven.trajectory.actions
     assert not np.array_equal(executed, [commands[0] for commands in driven.expert_commands])

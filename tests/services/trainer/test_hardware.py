@@ -2,16 +2,27 @@ import os
 
 import torch
 
-from readygo.services.trainer import TrainConfig
+from readygo.services.trainer import TrainConfig, hardware
 from readygo.services.trainer.hardware import available_cores, cpu_has_bf16, dtype_of
 
 CPU = torch.device("cpu")
+USUAL, SMALL = (72, 128), (24, 32)
 
 
 def test_precision_that_is_asked_for_is_taken():
-    assert dtype_of(TrainConfig(precision="bf16"), CPU) is torch.bfloat16
-    assert dtype_of(TrainConfig(precision="fp32"), CPU) is torch.float32
-    assert dtype_of(TrainConfig(), torch.device("cuda")) is torch.bfloat16
+    assert dtype_of(TrainConfig(precision="bf16"), CPU, SMALL) is torch.bfloat16
+    assert dtype_of(TrainConfig(precision="fp32"), CPU, USUAL) is torch.float32
+    assert dtype_of(TrainConfig(), torch.device("cuda"), USUAL) is torch.bfloat16
+
+
+def test_cpu_computes_in_halves_if_it_multiplies_them_and_images_are_not_tiny(monkeypatch):
+    for has, size_px, expected in (
+        (True, USUAL, torch.bfloat16),
+        (True, SMALL, torch.float32),
+        (False, USUAL, torch.float32),
+    ):
+        monkeypatch.setattr(hardware, "cpu_has_bf16", lambda has=has: has)
+        assert dtype_of(TrainConfig(), CPU, size_px) is expected
 
 
 def test_cpus_say_what_they_multiply(tmp_path):
