@@ -11,7 +11,7 @@ from readygo.apps.learn.curve import CurvePoint
 from readygo.apps.learn.plan import Plan
 from readygo.apps.learn.report_content import Command, Ends, Film, ReportContent, RunNumbers, Score, StripImage
 from readygo.apps.pages.charts import Curve
-from readygo.apps.pictures.recorded import RecordedEpisodes, rows_of
+from readygo.apps.pictures.recorded import RecordedEpisodes, latest_pictured, rows_of
 from readygo.apps.run.world import World
 from readygo.common.dataset import Dataset, EpisodeEntry
 from readygo.common.messages import Driver, Outcome
@@ -150,7 +150,8 @@ def _strip(recorded: RecordedEpisodes, entry: EpisodeEntry) -> tuple[StripImage,
     first = min(max(centre, -STRIP_STEPS[0]), entry.sample_count - 1)
     steps = sorted({max(0, first + offset) for offset in STRIP_STEPS})
     dataset = recorded.dataset
-    return tuple(StripImage(rgb=dataset.decode(entry.first_sample + step), time_s=step * DT_S) for step in steps)
+    pictured = latest_pictured(dataset, rows_of(entry))
+    return tuple(StripImage(rgb=dataset.decode(int(pictured[step])), time_s=step * DT_S) for step in steps)
 
 
 def _scores(replies: Mapping[str, EvaluateReply]) -> list[Score]:

@@ -65,7 +65,7 @@ class RecordedEpisodes:
         rows, dataset = rows_of(entry), self.dataset
         return EpisodeFilm(
             title=entry.episode.episode_id,
-            camera=(dataset.decode(sample) for sample in range(rows.start, rows.stop)),
+            camera=(dataset.decode(sample) for sample in latest_pictured(dataset, rows)),
             xyyaw=dataset.poses[rows][:, [0, 1, 3]].astype(np.float64),
             actions=dataset.actions[rows].astype(np.float64),
             goal_xy_m=scenario.goal_xy_m,
@@ -101,6 +101,12 @@ class RecordedEpisodes:
         steps = max(2, int(np.hypot(*offset_m) / self._map.frame.resolution_m))
         cells = [self._map.frame.cell(*(xy_m + offset_m * share)) for share in np.linspace(0.0, 1.0, steps)]
         return not any(self._map.occupied[cell] for cell in cells)
+
+
+def latest_pictured(dataset: Dataset, rows: slice) -> npt.NDArray[np.int64]:
+    """The sample of the newest image at each sample of an episode, shape (T,)."""
+    numbers = np.arange(rows.start, rows.stop)
+    return np.maximum.accumulate(np.where(dataset.pictured[rows], numbers, rows.start))
 
 
 def rows_of(entry: EpisodeEntry) -> slice:

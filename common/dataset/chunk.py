@@ -69,6 +69,8 @@ class EpisodeChunk:
     """Rows of `SAMPLE_DTYPE`; `image_offset` counts from the beginning of `data`."""
     ending: schemas.Ending
     """Known where there are the expert's commands; without them an episode is a success of the expert."""
+    image_every: int = 1
+    """See `EpisodeHeader.image_every`."""
     outputs: dict[str, npt.NDArray[np.void]] = field(default_factory=dict)
     """By output besides rgb (images, labels, the expert's commands): rows of `OUTPUT_DTYPE`, one per sample; `offset`
     counts from the beginning of `data`."""
@@ -77,6 +79,9 @@ class EpisodeChunk:
     def sample_count(self) -> int:
         """Number of samples."""
         return len(self.samples)
+
+
+_NUMBERS = (schemas.ACTION, schemas.GOAL, schemas.TRUTH)
 
 
 class _ChunkParts:
@@ -109,21 +114,7 @@ def encode_episode(header: EpisodeHeader, attempt: int, samples: Sequence[Sample
     if not samples or [sample.seq for sample in samples] != list(range(header.sample_count)):
         raise DatasetError(f"Episode {name} has {header.sample_count} samples, got {len(samples)} to record.")
     for sample in samples:
-        if sample.outputs.keys() != samples[0].outputs.keys():
-            raise DatasetError(
-                f"Episode {name} has the outputs {sorted(samples[0].outputs)} at sample 0, but "
-                f"{sorted(sample.outputs)} at sample {sample.seq}."
-            )
-        if len(sample.labels) != (len(sample.humans_xyzyaw) if header.labels else 0):
-            raise DatasetError(
-                f"Episode {name} has {len(sample.labels)} labels for {len(sample.humans_xyzyaw)} humans at sample "
-                f"{sample.seq}; its header says {'all' if header.labels else 'none'} are labelled."
-            )
-        if len(sample.expert_commands) != len(samples[0].expert_commands):
-            raise DatasetError(
-                f"Episode {name} has {len(samples[0].expert_commands)} commands of the expert at sample 0, but "
-                f"{len(sample.expert_commands)} at sample {sample.seq}."
-            )
+        _check_alike(sample, samples[0], header)
     base_ns = header.episode.index * EPISODE_SLOT_NS
     chunk = _ChunkParts()
     chunk.add(schemas.EPISODE_START, 0, base_ns, schemas.start_message(header))
@@ -136,6 +127,31 @@ def encode_episode(header: EpisodeHeader, attempt: int, samples: Sequence[Sample
     commit = schemas.commit_message(header.episode, attempt, len(samples), sha256)
     chunk.add(schemas.EPISODE_COMMIT, 0, base_ns + samples[-1].time_ns, commit)
     return read_chunk(b"".join(chunk.parts), sha256=sha256)
+
+
+def _check_alike(sample: Sample, first: Sample, header: EpisodeHeader) -> None:
+    """Raise DatasetError unless a sample has all that its header and the episode's first sample have, and no more."""
+    name, taken = header.episode.episode_id, sample.seq % header.image_every == 0
+    if bool(sample.image) != taken:
+        raise DatasetError(
+            f"Episode {name} has images at every {header.image_every}. sample, but sample {sample.seq} has "
+            f"{'none' if taken else 'one'}."
+        )
+    if sample.outputs.keys() != (first.outputs.keys() if taken else set()):
+        raise DatasetError(
+            f"Episode {name} has the outputs {sorted(first.outputs)} at sample 0, but "
+            f"{sorted(sample.outputs)} at sample {sample.seq}."
+        )
+    if len(sample.labels) != (len(sample.humans_xyzyaw) if header.labels else 0):
+        raise DatasetError(
+            f"Episode {name} has {len(sample.labels)} labels for {len(sample.humans_xyzyaw)} humans at sample "
+            f"{sample.seq}; its header says {'all' if header.labels else 'none'} are labelled."
+        )
+    if len(sample.expert_commands) != (len(first.expert_commands) if taken else 0):
+        raise DatasetError(
+            f"Episode {name} has {len(first.expert_commands)} commands of the expert at sample 0, but "
+            f"{len(sample.expert_commands)} at sample {sample.seq}."
+        )
 
 
 def read_chunk(data: bytes | memoryview, *, sha256: str = "") -> EpisodeChunk:
@@ -163,7 +179,9 @@ def read_chunk(data: bytes | memoryview, *, sha256: str = "") -> EpisodeChunk:
         raise DatasetError(f"episode {start.episode_id} has a calibration of another layout")
     base_ns = by_channel[schemas.EPISODE_START.number][0].log_time_ns
     outputs = {name: c for name, c in schemas.OPTIONAL_CHANNELS.items() if c.number in by_channel}
-    rows = _sample_rows(view, by_channel, tuple(outputs.values()), base_ns)
+    commands = _first_commands(view, by_channel)
+    every = schemas.image_every(commands) if commands is not None else 1
+    rows = _sample_rows(view, by_channel, tuple(outputs.values()), base_ns, every)
     if not len(rows) == commit.sample_count == start.sample_count:
         raise DatasetError(f"episode {start.episode_id} has {len(rows)} samples, its commit says {commit.sample_count}")
     return EpisodeChunk(
@@ -185,8 +203,11 @@ def read_chunk(data: bytes | memoryview, *, sha256: str = "") -> EpisodeChunk:
             for number, messages in by_channel.items()
         },
         samples=rows,
-        ending=_ending(view, by_channel),
-        outputs={name: _places(view, by_channel[channel.number], channel) for name, channel in outputs.items()},
+        ending=schemas.ending_of(commands) if commands is not None else schemas.Ending(),
+        image_every=every,
+        outputs={
+            name: _places(view, by_channel[channel.number], channel, len(rows)) for name, channel in outputs.items()
+        },
     )
 
 
@@ -220,42 +241,51 @@ def _only(view: memoryview, by_channel: dict[int, list[Message]], channel: schem
     return parse(channel, view[messages[0].body : messages[0].end])
 
 
-def _ending(view: memoryview, by_channel: dict[int, list[Message]]) -> schemas.Ending:
+def _first_commands(view: memoryview, by_channel: dict[int, list[Message]]) -> Any:
+    """The first message of the expert, which tells how the episode ended as all of them do; None without an expert."""
     channel = schemas.EXPERT_CHANNELS[schemas.EXPERT]
     found = by_channel.get(channel.number)
-    if not found:
-        return schemas.Ending()
-    return schemas.ending_of(parse(channel, view[found[0].body : found[0].end]))
+    return parse(channel, view[found[0].body : found[0].end]) if found else None
 
 
 def _sample_rows(
-    view: memoryview, by_channel: dict[int, list[Message]], outputs: tuple[schemas.Channel, ...], base_ns: int
+    view: memoryview,
+    by_channel: dict[int, list[Message]],
+    outputs: tuple[schemas.Channel, ...],
+    base_ns: int,
+    image_every: int,
 ) -> npt.NDArray[np.void]:
-    channels = (*schemas.SAMPLE_CHANNELS, *outputs)
-    columns = [by_channel[channel.number] for channel in channels]
-    count = len(columns[0])
-    for channel, column in zip(channels, columns, strict=True):
-        if len(column) != count:
-            raise DatasetError(f"an episode has {count} images, but {len(column)} messages on {channel.topic}")
-    rows = np.zeros(count, dtype=SAMPLE_DTYPE)
-    for seq, messages in enumerate(zip(*columns, strict=True)):
-        if {(message.sequence, message.log_time_ns) for message in messages} != {(seq, messages[0].log_time_ns)}:
-            raise DatasetError(f"the messages of sample {seq} do not belong together")
+    poses = by_channel[schemas.ROBOT_POSE.number]
+    times_ns = [message.log_time_ns for message in poses]
+    for channel in (*schemas.SAMPLE_CHANNELS, *outputs):
+        expected = schemas.samples_with(channel, len(poses), image_every)
+        found = [(message.sequence, message.log_time_ns) for message in by_channel[channel.number]]
+        if len(found) != len(expected):
+            raise DatasetError(
+                f"an episode of {len(poses)} samples has {len(found)} messages on {channel.topic}, not {len(expected)}"
+            )
+        for seq, pair in zip(expected, found, strict=True):
+            if pair != (seq, times_ns[seq]):
+                raise DatasetError(f"the messages of sample {seq} do not belong together")
+    rows = np.zeros(len(poses), dtype=SAMPLE_DTYPE)
+    dense = [by_channel[channel.number] for channel in (schemas.ROBOT_POSE, *_NUMBERS)]
+    for seq, messages in enumerate(zip(*dense, strict=True)):
         rows[seq] = _sample_row(view, messages, base_ns)
+    for message in by_channel[schemas.IMAGE.number]:
+        rows["image_offset"][message.sequence], rows["image_length"][message.sequence] = _image_place(view, message)
     return rows
 
 
 def _sample_row(view: memoryview, messages: tuple[Message, ...], base_ns: int) -> tuple[Any, ...]:
-    image = messages[0]
+    """A row without its image."""
     pose, action, goal, truth = (
-        parse(schemas.SAMPLE_CHANNELS[column], view[messages[column].body : messages[column].end])
-        for column in (1, 3, 4, 5)
+        parse(channel, view[message.body : message.end])
+        for channel, message in zip((schemas.ROBOT_POSE, *_NUMBERS), messages, strict=True)
     )
-    image_offset, image_length = _image_place(view, image)
     return (
-        image.log_time_ns - base_ns,
-        image_offset,
-        image_length,
+        messages[0].log_time_ns - base_ns,
+        0,
+        0,
         (action.v_mps, action.w_radps),
         (goal.x_m, goal.y_m),
         pose_xyzyaw(pose.pose),
@@ -267,12 +297,17 @@ def _sample_row(view: memoryview, messages: tuple[Message, ...], base_ns: int) -
     )
 
 
-def _places(view: memoryview, messages: list[Message], channel: schemas.Channel) -> npt.NDArray[np.void]:
-    if channel in schemas.OUTPUT_CHANNELS.values():
-        places = [_image_place(view, message) for message in messages]
-    else:
-        places = [(message.body, message.end - message.body) for message in messages]
-    return np.array(places, dtype=OUTPUT_DTYPE)
+def _places(
+    view: memoryview, messages: list[Message], channel: schemas.Channel, sample_count: int
+) -> npt.NDArray[np.void]:
+    """Where each sample's message is; nowhere, with no length, for samples that have none."""
+    places = np.zeros(sample_count, dtype=OUTPUT_DTYPE)
+    for message in messages:
+        if channel in schemas.OUTPUT_CHANNELS.values():
+            places[message.sequence] = _image_place(view, message)
+        else:
+            places[message.sequence] = (message.body, message.end - message.body)
+    return places
 
 
 def _image_place(view: memoryview, message: Message) -> tuple[int, int]:

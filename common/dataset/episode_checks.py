@@ -43,7 +43,8 @@ class _Step:
     v_mps: float
     w_radps: float
     goal_xy_m: tuple[float, float]
-    image: bytes
+    image: bytes | None
+    """None at a sample without an image."""
     image_format: str
 
 
@@ -53,6 +54,7 @@ class EpisodeChecks:
     def __init__(self, view: memoryview, span: ChunkSpan, limits: Limits, outputs: Sequence[str] = ()) -> None:
         self.episode: EpisodeKey | None = None
         self.sample_count = 0
+        self._image_every = 1
         self._view = view
         self._span = span
         self._robot = limits.robot
@@ -73,7 +75,10 @@ class EpisodeChecks:
             )
             self.episode = schemas.episode_key(start)
             self._name = f"episode {self.episode.episode_id}"
-            self.sample_count = len(self._messages(schemas.IMAGE))
+            self.sample_count = len(self._messages(schemas.ROBOT_POSE))
+            expert = self._outputs.get(schemas.EXPERT)
+            if expert is not None and self._messages(expert):
+                self._image_every = schemas.image_every(self._parsed(expert, 0))
             yield from self._hash(commit)
             broken = list(self._sequence(start, commit))
             yield from broken
@@ -89,7 +94,11 @@ class EpisodeChecks:
     def _messages(self, channel: schemas.Channel) -> list[Message]:
         return self._by_channel[channel.number]
 
+    def _samples_with(self, channel: schemas.Channel) -> range:
+        return schemas.samples_with(channel, self.sample_count, self._image_every)
+
     def _parsed(self, channel: schemas.Channel, position: int) -> Any:
+        """The message of a channel, by its position there: what is not at every sample has fewer than samples."""
         message = self._messages(channel)[position]
         return parse(channel, self._view[message.body : message.end])
 
@@ -115,8 +124,9 @@ class EpisodeChecks:
     def _sequence(self, start: Any, commit: Any) -> Iterator[Finding]:
         for channel in self._sample_channels:
             numbers = [message.sequence for message in self._messages(channel)]
-            if numbers != list(range(commit.sample_count)):
-                missing = sorted(set(range(commit.sample_count)) - set(numbers))
+            expected = schemas.samples_with(channel, commit.sample_count, self._image_every)
+            if numbers != list(expected):
+                missing = sorted(set(expected) - set(numbers))
                 what = f"lacks samples {_some(missing)}" if missing else "has samples out of order"
                 yield "sequence", f"{self._name}: {channel.topic} {what}"
         if not start.sample_count == commit.sample_count > 0:
@@ -169,8 +179,8 @@ class EpisodeChecks:
             if name not in schemas.OUTPUT_CHANNELS:
                 continue
             bad, strangers = [], []
-            for seq in range(self.sample_count):
-                message = self._parsed(channel, seq)
+            for position, seq in enumerate(self._samples_with(channel)):
+                message = self._parsed(channel, position)
                 image = decode_output(name, message.data)
                 if image is None or image.shape[:2] != shape or message.format != FILE_FORMAT:
                     bad.append(seq)
@@ -198,38 +208,42 @@ class EpisodeChecks:
         """Commands of the expert must be what the robot could have executed."""
         if schemas.EXPERT not in self._outputs:
             return
-        wrong, before = [], (0.0, 0.0)
-        first = self._parsed(self._outputs[schemas.EXPERT], 0)
+        wrong, channel = [], self._outputs[schemas.EXPERT]
+        first = self._parsed(channel, 0)
         count, ending = len(first.v_mps), schemas.ending_of(first)
-        for seq in range(self.sample_count):
-            commands = self._parsed(self._outputs[schemas.EXPERT], seq)
-            if schemas.ending_of(commands) != ending:
-                yield "sequence", f"{self._name}: sample {seq} tells of another end of the episode than sample 0"
+        for position, seq in enumerate(self._samples_with(channel)):
+            commands = self._parsed(channel, position)
+            action = self._parsed(schemas.ACTION, seq - 1) if seq else None
+            before = (action.v_mps, action.w_radps) if action is not None else (0.0, 0.0)
+            if (schemas.ending_of(commands), schemas.image_every(commands)) != (ending, self._image_every):
+                yield "sequence", f"{self._name}: sample {seq} tells of another end or camera than sample 0"
             if not _can_execute(commands, count, before, self._robot):
                 wrong.append(seq)
-            action = self._parsed(schemas.ACTION, seq)
-            before = action.v_mps, action.w_radps
         if wrong:
             yield "action", f"{self._name}: the robot could not do what the expert would at samples {_some(wrong)}"
 
     def _step(self, seq: int) -> _Step:
-        image, pose, action, goal = (
-            self._parsed(channel, seq) for channel in (schemas.IMAGE, schemas.ROBOT_POSE, schemas.ACTION, schemas.GOAL)
+        pose, action, goal = (
+            self._parsed(channel, seq) for channel in (schemas.ROBOT_POSE, schemas.ACTION, schemas.GOAL)
         )
+        taken = self._parsed(schemas.IMAGE, seq // self._image_every) if seq % self._image_every == 0 else None
         return _Step(
             pose_xyzyaw(pose.pose),
             action.v_mps,
             action.w_radps,
             (goal.x_m, goal.y_m),
-            image.data,
-            image.format,
+            taken.data if taken is not None else None,
+            taken.format if taken is not None else "",
         )
 
     def _pictures(self, steps: Sequence[_Step], start: Any, calibration: Any) -> Callable[[int], bool]:
         shape = (calibration.height, calibration.width, 3)
 
         def holds(seq: int) -> bool:
-            image = decode_image(steps[seq].image)
+            data = steps[seq].image
+            if data is None:
+                return True
+            image = decode_image(data)
             return image is not None and image.shape == shape and steps[seq].image_format == start.image_format
 
         return holds

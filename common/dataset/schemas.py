@@ -53,7 +53,7 @@ TRUTH = Channel(8, "/truth", StepTruth)
 EPISODE_COMMIT = Channel(9, "/episode/commit", EpisodeCommit)
 CHANNELS = (EPISODE_START, CALIBRATION, IMAGE, ROBOT_POSE, HUMANS, ACTION, GOAL, TRUTH, EPISODE_COMMIT)
 SAMPLE_CHANNELS = (IMAGE, ROBOT_POSE, HUMANS, ACTION, GOAL, TRUTH)
-"""Every sample has one message on each of these, in this order."""
+"""Every sample has one message on each of these, in this order; see `samples_with` for images."""
 OUTPUT_CHANNELS: Mapping[str, Channel] = {
     "depth": Channel(10, "/camera/depth", CompressedImage),
     "median_depth": Channel(11, "/camera/median_depth", CompressedImage),
@@ -73,6 +73,25 @@ EXPERT_CHANNELS: Mapping[str, Channel] = {EXPERT: Channel(18, "/robot/expert_com
 """Channel of what the expert would do at the robot's states."""
 OPTIONAL_CHANNELS: Mapping[str, Channel] = {**OUTPUT_CHANNELS, **LABEL_CHANNELS, **EXPERT_CHANNELS}
 """In the order of their messages, which follow those of `SAMPLE_CHANNELS`."""
+
+
+_WITH_IMAGES = {channel.number for channel in (IMAGE, *OUTPUT_CHANNELS.values(), *EXPERT_CHANNELS.values())}
+
+
+def samples_with(channel: Channel, sample_count: int, image_every: int) -> range:
+    """The samples of an episode that have a message on a channel of samples: all, or those at which images were taken.
+
+    Args:
+        channel: One of `SAMPLE_CHANNELS` or `OPTIONAL_CHANNELS`.
+        sample_count: Samples of the episode.
+        image_every: See `EpisodeHeader.image_every`.
+    """
+    return range(0, sample_count, image_every if channel.number in _WITH_IMAGES else 1)
+
+
+def image_every(commands: Any) -> int:
+    """`EpisodeHeader.image_every` of an ExpertCommands message; where there is none, images are at all samples."""
+    return int(commands.image_every) or 1
 
 
 class Ending(NamedTuple):
@@ -201,8 +220,12 @@ def sample_messages(sample: Sample, header: EpisodeHeader, stamp_ns: int) -> Ite
         channels |= EXPERT_CHANNELS
         v_mps, w_radps = zip(*sample.expert_commands, strict=True)
         ending = {"outcome": header.outcome.value, "driver": header.driver.value, "policy": header.policy}
-        outputs.append(ExpertCommands(v_mps=v_mps, w_radps=w_radps, risks=sample.risks, **ending))
-    return zip((*SAMPLE_CHANNELS, *channels.values()), map(_serialized, (*messages, *outputs)), strict=True)
+        every = header.image_every if header.image_every > 1 else 0
+        outputs.append(
+            ExpertCommands(v_mps=v_mps, w_radps=w_radps, risks=sample.risks, image_every=every, **ending)
+        )
+    written = zip((*SAMPLE_CHANNELS, *channels.values()), map(_serialized, (*messages, *outputs)), strict=True)
+    return written if sample.image else (pair for pair in written if pair[0] is not IMAGE)
 
 
 def stamps_ns(message: Any) -> list[int]:

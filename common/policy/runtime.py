@@ -54,6 +54,15 @@ class PolicyMemory:
         rows = window_rows(len(self._seen) - 1, 0, self._spacing)
         return [self._seen[row] for row in rows]
 
+    def hold(self, command: npt.NDArray[np.float32]) -> None:
+        """Remember a step without a new frame: what was seen last is seen still; not at the first step.
+
+        Args:
+            command: v [m/s], w [rad/s] executed over the last step, shape (2,).
+        """
+        self._seen.append(self._seen[-1])
+        self.move(command)
+
     def move(self, command: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
         """Remember how the robot moved over the last step; call it once a step.
 

@@ -2,6 +2,7 @@
 
 from readygo.services.renderer.config import RendererConfig
 from readygo.services.renderer.handlers import (
+    NO_PICTURE,
     Renderer,
     described_samples,
     episode_header,
@@ -12,6 +13,7 @@ from readygo.services.renderer.live import LiveCamera
 from readygo.services.renderer.service import attach
 
 __all__ = [
+    "NO_PICTURE",
     "LiveCamera",
     "Renderer",
     "RendererConfig",
