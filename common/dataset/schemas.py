@@ -221,9 +221,7 @@ def sample_messages(sample: Sample, header: EpisodeHeader, stamp_ns: int) -> Ite
         v_mps, w_radps = zip(*sample.expert_commands, strict=True)
         ending = {"outcome": header.outcome.value, "driver": header.driver.value, "policy": header.policy}
         every = header.image_every if header.image_every > 1 else 0
-        outputs.append(
-            ExpertCommands(v_mps=v_mps, w_radps=w_radps, risks=sample.risks, image_every=every, **ending)
-        )
+        outputs.append(ExpertCommands(v_mps=v_mps, w_radps=w_radps, risks=sample.risks, image_every=every, **ending))
     written = zip((*SAMPLE_CHANNELS, *channels.values()), map(_serialized, (*messages, *outputs)), strict=True)
     return written if sample.image else (pair for pair in written if pair[0] is not IMAGE)
 

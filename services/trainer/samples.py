@@ -17,6 +17,8 @@ from readygo.services.trainer.episodes import Episode
 
 Indices = npt.NDArray[np.int64]
 Array = npt.NDArray[np.float32]
+USABLE_MIN = 0.05
+"""Least share of usable samples: with fewer, pictures and windows do not meet but at the beginning of episodes."""
 SAME_COMMAND = 1e-4
 """Commands [m/s, rad/s] that differ by less are the same."""
 
@@ -73,13 +75,13 @@ class SampleTable:
         """Those that can be learned from, ascending.
 
         Raises:
-            DatasetError: If there is none.
+            DatasetError: If they are too few.
         """
         found = np.flatnonzero(self.usable)
-        if not len(found):
+        if len(found) < len(self) * USABLE_MIN:
             raise DatasetError(
-                "No sample has images at all times of its window; record with a [driver] camera_hz that divides the "
-                "spacing of the frames."
+                f"Only {len(found)} of {len(self)} samples have images at all times of their windows; record with a "
+                "[driver] camera_hz that divides the spacing of the frames."
             )
         return found
 

@@ -46,6 +46,20 @@ def test_memory_repeats_the_first_frame_at_the_start():
     assert windows[12] == [0, 2, 12]
 
 
+def test_step_without_a_frame_keeps_what_was_seen_and_counts_on():
+    memory, command = PolicyMemory(10), np.array([0.5, 0.1], np.float32)
+    other = PolicyMemory(10)
+    for step in range(31):
+        expected = other.move(command)
+        if step % 5:
+            memory.hold(command)
+        else:
+            features = memory.move(command)
+            window = memory.push(np.full(20, step, np.float32))
+    assert [latent[0] for latent in window] == [10, 20, 30]
+    assert np.array_equal(features, expected)
+
+
 @pytest.mark.parametrize("latency", [0, 3])
 def test_memory_knows_where_the_older_frames_were_taken(latency):
     rng = np.random.default_rng(0)
