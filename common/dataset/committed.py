@@ -120,7 +120,8 @@ def _episode(chunk: EpisodeChunk) -> CommittedEpisode:
     messages: Messages = {number: [] for number in channels}
     view = memoryview(chunk.data)
     for message in iter_messages(view, 0, len(view)):
-        messages[message.channel].append(parse(channels[message.channel], view[message.body : message.end]))
+        if message.channel in channels:
+            messages[message.channel].append(parse(channels[message.channel], view[message.body : message.end]))
     return CommittedEpisode(
         header=_header(chunk, messages),
         attempt=chunk.attempt,
