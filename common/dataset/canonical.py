@@ -48,7 +48,7 @@ def canonical_sha256(view: memoryview, messages: Sequence[Message], index: int) 
         DatasetError: If a message cannot be read.
     """
     if is_canonical(messages):
-        return hashlib.sha256(view[: messages[-1].offset]).hexdigest()
+        return hashlib.sha256(view[messages[0].offset : messages[-1].offset]).hexdigest()
     sha256 = hashlib.sha256()
     for part in canonical_parts(view, messages[:-1], index):
         sha256.update(part)
