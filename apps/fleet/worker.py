@@ -23,7 +23,6 @@ from readygo.apps.run.world import World
 from readygo.common.bus import Bus
 from readygo.common.bus.zenoh_bus import ZenohBus
 from readygo.common.dataset.provenance import Provenance
-from readygo.common.dataset.stage import Stage
 from readygo.common.errors import BusError, ReadygoError, RunError
 from readygo.common.fleet import Worker, pull
 from readygo.common.messages import RunSpecRequest, topics
@@ -145,7 +144,7 @@ def make_recorder(bus: Bus, name: str, folder: RunFolder, world: World) -> Recor
         bus=bus,
         provenance=Provenance.of_run(world.spec),
         config=world.config.recorder,
-        stage=Stage(robot=world.config.robot, maps=world.scene.maps),
+        stage=world.stage(),
     )
 
 
