@@ -1,8 +1,9 @@
 """An episode as the bytes of one MCAP chunk: what recorder workers agree on, wherever and whenever they run.
 
-The chunk's times are simulated: episode `index` begins at `index * EPISODE_SLOT_NS`, so that the episodes of a shard
-follow one another on a viewer's time line. There is no wall clock in it, and the same key gives the same bytes up to
-the last message, EpisodeCommit, which carries their SHA-256 and the attempt.
+The chunk's times are simulated, there is no wall clock in it. In canonical form (`canonical`), as `encode_episode`
+gives it, the same key gives the same bytes up to the last message, EpisodeCommit, which carries their SHA-256 and the
+attempt. A shard's writer stages it for viewers (`stage`): it moves the episode to its place in the shard's time and
+adds what viewers need. Both can be read, and the SHA-256 is that of the canonical form.
 """
 
 import hashlib
@@ -13,17 +14,22 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from google.protobuf.message import DecodeError
-from mcap.opcode import Opcode
 
 from readygo.common.dataset import schemas
+from readygo.common.dataset.canonical import (
+    EPISODE_SLOT_NS,
+    HALF_PX,
+    canonical_parts,
+    canonical_sha256,
+    is_canonical,
+    record_head,
+)
 from readygo.common.dataset.poses import pose_xyzyaw
-from readygo.common.dataset.records import MESSAGE_FIELDS_SIZE, MESSAGE_HEADER, Message, field_span, iter_messages
+from readygo.common.dataset.records import Message, field_span, iter_messages
 from readygo.common.errors import DatasetError
 from readygo.common.messages.episode import EpisodeKey
 from readygo.common.messages.samples import EpisodeHeader, Sample
 
-EPISODE_SLOT_NS = 100 * schemas.NS_PER_S
-"""Longer episodes are recorded as well; they only overlap the next one on a viewer's time line."""
 SAMPLE_DTYPE = np.dtype(
     [
         ("time_ns", "<i8"),
@@ -59,7 +65,7 @@ class EpisodeChunk:
     start_xyyaw: tuple[float, float, float]
     goal_xy_m: tuple[float, float]
     K_px: tuple[float, ...]
-    """Intrinsics [px], row-major, 9 numbers."""
+    """Intrinsics [px] with pixel centres at +0.5, row-major, 9 numbers."""
     distortion_model: str
     distortion: tuple[float, ...]
     """Coefficients of the distortion model, at most 8."""
@@ -92,15 +98,14 @@ class _ChunkParts:
         self.hash = hashlib.sha256()
 
     def add(self, channel: schemas.Channel, sequence: int, log_time_ns: int, payload: bytes) -> None:
-        length = MESSAGE_FIELDS_SIZE + len(payload)
-        head = MESSAGE_HEADER.pack(Opcode.MESSAGE, length, channel.number, sequence, log_time_ns, log_time_ns)
+        head = record_head(channel.number, sequence, (log_time_ns, log_time_ns), len(payload))
         self.parts += (head, payload)
         self.hash.update(head)
         self.hash.update(payload)
 
 
 def encode_episode(header: EpisodeHeader, attempt: int, samples: Sequence[Sample]) -> EpisodeChunk:
-    """Encode an episode as one chunk.
+    """Encode an episode as one chunk in canonical form.
 
     Args:
         header: What is constant over the episode.
@@ -165,15 +170,17 @@ def read_chunk(data: bytes | memoryview, *, sha256: str = "") -> EpisodeChunk:
         DatasetError: If the records are not one whole, committed episode with the hash that its commit names.
     """
     view = memoryview(data)
-    by_channel = _messages_by_channel(view)
+    messages = messages_of(view)
+    by_channel = _messages_by_channel(messages)
+    calibration_channel = schemas.CALIBRATION if is_canonical(messages) else schemas.ROS_CALIBRATION
     start, calibration, commit = (
         _only(view, by_channel, channel)
-        for channel in (schemas.EPISODE_START, schemas.CALIBRATION, schemas.EPISODE_COMMIT)
+        for channel in (schemas.EPISODE_START, calibration_channel, schemas.EPISODE_COMMIT)
     )
     commit_message = by_channel[schemas.EPISODE_COMMIT.number][0]
     if commit_message.end != len(view):
         raise DatasetError(f"episode {start.episode_id} goes on after its commit")
-    if commit.sha256 != (sha256 or hashlib.sha256(view[: commit_message.offset]).hexdigest()):
+    if commit.sha256 != (sha256 or canonical_sha256(view, messages, start.index)):
         raise DatasetError(f"episode {start.episode_id} does not match the SHA-256 of its commit")
     if len(calibration.K) != 9 or len(calibration.D) > 8:
         raise DatasetError(f"episode {start.episode_id} has a calibration of another layout")
@@ -195,12 +202,13 @@ def read_chunk(data: bytes | memoryview, *, sha256: str = "") -> EpisodeChunk:
         width_px=calibration.width,
         start_xyyaw=(start.start_x_m, start.start_y_m, start.start_yaw_rad),
         goal_xy_m=(start.goal_x_m, start.goal_y_m),
-        K_px=tuple(calibration.K),
+        K_px=intrinsics_px(calibration, calibration_channel),
         distortion_model=calibration.distortion_model,
         distortion=tuple(calibration.D),
         message_offsets={
             number: [(message.log_time_ns, message.offset) for message in messages]
             for number, messages in by_channel.items()
+            if messages
         },
         samples=rows,
         ending=schemas.ending_of(commands) if commands is not None else schemas.Ending(),
@@ -209,6 +217,33 @@ def read_chunk(data: bytes | memoryview, *, sha256: str = "") -> EpisodeChunk:
             name: _places(view, by_channel[channel.number], channel, len(rows)) for name, channel in outputs.items()
         },
     )
+
+
+def messages_of(view: memoryview) -> list[Message]:
+    """The messages among a chunk's records.
+
+    Raises:
+        DatasetError: If a record is cut off.
+    """
+    return list(iter_messages(view, 0, len(view)))
+
+
+def canonical(chunk: EpisodeChunk) -> EpisodeChunk:
+    """An episode in canonical form, however `chunk` holds it."""
+    view = memoryview(chunk.data)
+    messages = messages_of(view)
+    if is_canonical(messages):
+        return chunk
+    return read_chunk(b"".join(canonical_parts(view, messages, chunk.episode.index)), sha256=chunk.sha256)
+
+
+def intrinsics_px(calibration: Any, channel: schemas.Channel) -> tuple[float, ...]:
+    """Intrinsics with pixel centres at +0.5 [px], row-major, of a calibration with 9 numbers on `channel`."""
+    K_px = list(calibration.K)
+    if channel is schemas.ROS_CALIBRATION:
+        K_px[2] += HALF_PX
+        K_px[5] += HALF_PX
+    return tuple(K_px)
 
 
 def parse(channel: schemas.Channel, payload: memoryview) -> Any:
@@ -223,11 +258,12 @@ def parse(channel: schemas.Channel, payload: memoryview) -> Any:
         raise DatasetError(f"a message on {channel.topic} cannot be read: {error}") from error
 
 
-def _messages_by_channel(view: memoryview) -> dict[int, list[Message]]:
-    """The messages of each channel; outputs that the episode has not are left out."""
-    known = {channel.number for channel in schemas.OPTIONAL_CHANNELS.values()}
+def _messages_by_channel(messages: Sequence[Message]) -> dict[int, list[Message]]:
+    """The messages of each channel; channels besides `CHANNELS` that the episode has not are left out."""
+    others = (*schemas.OPTIONAL_CHANNELS.values(), schemas.ROS_CALIBRATION, *schemas.VIEW_CHANNELS)
+    known = {channel.number for channel in others}
     by_channel: dict[int, list[Message]] = {channel.number: [] for channel in schemas.CHANNELS}
-    for message in iter_messages(view, 0, len(view)):
+    for message in messages:
         if message.channel not in by_channel and message.channel not in known:
             raise DatasetError(f"a message is on the unknown channel {message.channel}")
         by_channel.setdefault(message.channel, []).append(message)

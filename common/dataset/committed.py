@@ -120,7 +120,9 @@ def _episode(chunk: EpisodeChunk) -> CommittedEpisode:
     messages: Messages = {number: {} for number in channels}
     view = memoryview(chunk.data)
     for message in iter_messages(view, 0, len(view)):
-        messages[message.channel][message.sequence] = parse(channels[message.channel], view[message.body : message.end])
+        if message.channel in channels:
+            payload = view[message.body : message.end]
+            messages[message.channel][message.sequence] = parse(channels[message.channel], payload)
     return CommittedEpisode(
         header=_header(chunk, messages),
         attempt=chunk.attempt,

@@ -1,12 +1,12 @@
 """What must hold in one recorded episode."""
 
-import hashlib
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from readygo.common.dataset import schemas
+from readygo.common.dataset.canonical import canonical_sha256, is_canonical
 from readygo.common.dataset.chunk import parse
 from readygo.common.dataset.label_checks import wrong_labels
 from readygo.common.dataset.poses import pose_xyzyaw
@@ -60,8 +60,11 @@ class EpisodeChecks:
         self._robot = limits.robot
         self._outputs = schemas.output_channels(outputs)
         self._sample_channels = (*schemas.SAMPLE_CHANNELS, *self._outputs.values())
+        self._calibration = schemas.CALIBRATION
+        self._all: list[Message] = []
         self._by_channel: dict[int, list[Message]] = {
-            channel.number: [] for channel in schemas.channels_with(self._outputs)
+            channel.number: []
+            for channel in {*schemas.channels_with(self._outputs), *schemas.staged_channels(self._outputs)}
         }
         self._name = f"the episode at byte {span.body}"
 
@@ -71,7 +74,7 @@ class EpisodeChecks:
             yield from self._frame()
             start, calibration, commit = (
                 self._parsed(channel, 0)
-                for channel in (schemas.EPISODE_START, schemas.CALIBRATION, schemas.EPISODE_COMMIT)
+                for channel in (schemas.EPISODE_START, self._calibration, schemas.EPISODE_COMMIT)
             )
             self.episode = schemas.episode_key(start)
             self._name = f"episode {self.episode.episode_id}"
@@ -79,7 +82,7 @@ class EpisodeChecks:
             expert = self._outputs.get(schemas.EXPERT)
             if expert is not None and self._messages(expert):
                 self._image_every = schemas.image_every(self._parsed(expert, 0))
-            yield from self._hash(commit)
+            yield from self._hash(start, commit)
             broken = list(self._sequence(start, commit))
             yield from broken
             yield from self._times()
@@ -88,6 +91,7 @@ class EpisodeChecks:
                 yield from self._output_images(start, calibration)
                 yield from self._labels()
                 yield from self._expert_commands()
+                yield from self._frames()
         except DatasetError as error:
             yield "sequence", f"{self._name}: {error}"
 
@@ -104,21 +108,24 @@ class EpisodeChecks:
 
     def _frame(self) -> Iterator[Finding]:
         """Group the messages; an episode begins with its start and ends with its commit."""
-        numbers: list[int] = []
-        for message in iter_messages(self._view, self._span.body, self._span.end):
+        self._all = list(iter_messages(self._view, self._span.body, self._span.end))
+        for message in self._all:
             if message.channel not in self._by_channel:
                 raise DatasetError(f"a message is on the unknown channel {message.channel}")
             self._by_channel[message.channel].append(message)
-            numbers.append(message.channel)
-        for channel in (schemas.EPISODE_START, schemas.CALIBRATION, schemas.EPISODE_COMMIT):
+        if not is_canonical(self._all):
+            self._calibration = schemas.ROS_CALIBRATION
+        for channel in (schemas.EPISODE_START, self._calibration, schemas.EPISODE_COMMIT):
             if len(self._messages(channel)) != 1:
                 raise DatasetError(f"there are {len(self._messages(channel))} messages on {channel.topic}, not 1")
-        if (numbers[0], numbers[-1]) != (schemas.EPISODE_START.number, schemas.EPISODE_COMMIT.number):
+        ends = (self._all[0].channel, self._all[-1].channel)
+        if ends != (schemas.EPISODE_START.number, schemas.EPISODE_COMMIT.number):
             yield "sequence", f"{self._name} does not begin with its start and end with its commit"
 
-    def _hash(self, commit: Any) -> Iterator[Finding]:
-        end = self._messages(schemas.EPISODE_COMMIT)[0].offset
-        if hashlib.sha256(self._view[self._span.body : end]).hexdigest() != commit.sha256:
+    def _hash(self, start: Any, commit: Any) -> Iterator[Finding]:
+        (last,) = self._messages(schemas.EPISODE_COMMIT)
+        until_commit = [message for message in self._all if message.offset <= last.offset]
+        if canonical_sha256(self._view, until_commit, start.index) != commit.sha256:
             yield "sha256", f"{self._name} does not match the SHA-256 of its commit"
 
     def _sequence(self, start: Any, commit: Any) -> Iterator[Finding]:
@@ -222,6 +229,20 @@ class EpisodeChecks:
         if wrong:
             yield "action", f"{self._name}: the robot could not do what the expert would at samples {_some(wrong)}"
 
+    def _frames(self) -> Iterator[Finding]:
+        """The robot's frame must be at its pose, at every sample of an episode that is staged for viewers."""
+        if self._calibration is schemas.CALIBRATION:
+            return
+        frames = {message.sequence: place for place, message in enumerate(self._messages(schemas.TRANSFORMS))}
+        wrong = []
+        for place, message in enumerate(self._messages(schemas.ROBOT_POSE)):
+            pose = self._parsed(schemas.ROBOT_POSE, place)
+            frame = self._parsed(schemas.TRANSFORMS, frames[message.sequence]) if message.sequence in frames else None
+            if frame is None or not _holds_pose(frame, pose):
+                wrong.append(message.sequence)
+        if wrong:
+            yield "frame", f"{self._name}: the robot's frame is not at its pose at samples {_some(wrong)}"
+
     def _step(self, seq: int) -> _Step:
         pose, action, goal = (
             self._parsed(channel, seq) for channel in (schemas.ROBOT_POSE, schemas.ACTION, schemas.GOAL)
@@ -299,6 +320,19 @@ def _can_execute(commands: Any, count: int, before: tuple[float, float], robot: 
             return False
         before = v, w
     return True
+
+
+def _holds_pose(frames: Any, pose: Any) -> bool:
+    """True if the first of a message's frames is that of the robot, at a PoseInFrame and its time."""
+    if not frames.transforms:
+        return False
+    robot = frames.transforms[0]
+    return (robot.child_frame_id, robot.timestamp, robot.translation, robot.rotation) == (
+        schemas.ROBOT_FRAME,
+        pose.timestamp,
+        pose.pose.position,
+        pose.pose.orientation,
+    )
 
 
 def _near_pose(a: tuple[float, float, float, float], b: tuple[float, float, float, float]) -> bool:
