@@ -26,6 +26,8 @@ class RendererConfig:
     """"lod" draws far things and people with fewer Gaussians, about twice as fast; backend cpu only."""
     contact_shadow: bool = False
     """True puts soft shadows under people's feet."""
+    human_light: bool = True
+    """True lights people as the scene does where they walk; False draws them in their avatars' own colours."""
     sensor: SensorConfig = field(default_factory=SensorConfig)
     """What varies of the robot's camera from episode to episode; nothing by default."""
     sub_frames: int = 8
