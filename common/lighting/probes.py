@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +28,8 @@ from readygo.common.rasterizer.packed.scene import PackedScene
 
 Floats = npt.NDArray[np.float64]
 
+FORMAT = "readygo-light/1"
+"""Of a file of probes; another one for whatever changes their values."""
 SPACING_M = 1.0
 """Between probes; more where there would be too many of them."""
 PROBES_MAX = 200
@@ -106,7 +109,7 @@ def load_or_make_probes(path: Path, make: Callable[[], LightProbes]) -> LightPro
     frame = (made.frame.origin_x_m, made.frame.origin_y_m, made.frame.resolution_m)
     try:
         with unfinished(path) as part:
-            np.savez(part, frame=np.array(frame), sh=made.sh)
+            np.savez(part, format=np.array(FORMAT), frame=np.array(frame), sh=made.sh)
     except ReadygoError:
         # A bundle on a read-only disk: every process makes its own.
         return made
@@ -118,9 +121,10 @@ def _load(path: Path) -> LightProbes | None:
         with np.load(path, allow_pickle=False) as file:
             x_m, y_m, resolution_m = (float(value) for value in file["frame"])
             sh: Floats = file["sh"]
-    except (OSError, ValueError, EOFError, KeyError):
+            form = str(file["format"])
+    except (OSError, ValueError, EOFError, KeyError, BadZipFile):
         return None
-    if sh.ndim != 4 or sh.shape[2:] != (HARMONICS, 3) or sh.dtype != np.float64:
+    if form != FORMAT or sh.ndim != 4 or sh.shape[2:] != (HARMONICS, 3) or sh.dtype != np.float64:
         return None
     return LightProbes(frame=GridFrame(origin_x_m=x_m, origin_y_m=y_m, resolution_m=resolution_m), sh=sh)
 
