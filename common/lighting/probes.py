@@ -118,7 +118,7 @@ def load_or_make_probes(path: Path, make: Callable[[], LightProbes]) -> LightPro
 
 def _load(path: Path) -> LightProbes | None:
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
             x_m, y_m, resolution_m = (float(value) for value in file["frame"])
             sh: Floats = file["sh"]
             form = str(file["format"])
@@ -159,9 +159,7 @@ def _standpoints(
     wanted_m = max(SPACING_M, math.sqrt(float(free.sum()) * edge_m * edge_m / PROBES_MAX))
     step = max(math.ceil(wanted_m / edge_m - 1e-9), 1)
     shape = (-(-free.shape[0] // step), -(-free.shape[1] // step))
-    frame = GridFrame(
-        origin_x_m=human.frame.origin_x_m, origin_y_m=human.frame.origin_y_m, resolution_m=step * edge_m
-    )
+    frame = GridFrame(origin_x_m=human.frame.origin_x_m, origin_y_m=human.frame.origin_y_m, resolution_m=step * edge_m)
     cells, places = [], []
     for i in range(shape[0]):
         for j in range(shape[1]):

@@ -39,8 +39,6 @@ Shading = Callable[[], npt.NDArray[np.int16]]
 """Gives the normals of an avatar that light falls on, flat."""
 
 
-
-
 def _frozen(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """A read-only plain view: mapped and other packs then have one numba type, so that kernels compile once."""
     view = array.view(np.ndarray)

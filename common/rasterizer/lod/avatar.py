@@ -12,7 +12,7 @@ import numpy.typing as npt
 from readygo.common.rasterizer.lod.clusters import Floats, Integers
 from readygo.common.rasterizer.lod.tree import ChunkTree, Node, children_of, grow, preorder, tree_of_nodes
 from readygo.common.rasterizer.packed.avatar import JOINTS, PackedAvatar, chunk_weights
-from readygo.common.rasterizer.packed.scene import BLOCKS, CHUNK, rounded_up
+from readygo.common.rasterizer.packed.scene import CHUNK, rounded_up
 
 Singles = npt.NDArray[np.float32]
 
