@@ -124,4 +124,5 @@ def bilinear(
     j1, i1, a, b = min(j + 1, width - 1), min(i + 1, height - 1), u - j, v - i
     low = (1.0 - a) * float(height_m[i, j]) + a * float(height_m[i, j1])
     high = (1.0 - a) * float(height_m[i1, j]) + a * float(height_m[i1, j1])
-    return (1.0 - b) * low + b * high
+    value: float = (1.0 - b) * low + b * high
+    return value
