@@ -188,8 +188,13 @@ def resolved_sections(config: RunConfig) -> dict[str, Any]:
 
 
 def sections_of_today(sections: Mapping[str, Any]) -> dict[str, Any]:
-    """A run's recorded sections with the camera as one section, without settings that nothing reads any more."""
-    return {
+    """A run's recorded sections as they would be recorded today.
+
+    The camera is one section, settings that nothing reads any more are gone, and people are unlit in runs from before
+    there was light.
+    """
+    today = {
         name: {key: value for key, value in section.items() if key not in _RETIRED.get(name, ())}
         for name, section in with_whole_camera(sections).items()
     }
+    return {**today, "renderer": {"human_light": False, **today.get("renderer", {})}}
