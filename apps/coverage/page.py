@@ -10,7 +10,7 @@ import numpy.typing as npt
 from readygo.apps.coverage.numbers import Coverage, Histogram, Visits
 from readygo.apps.pages.charts import share_bar
 from readygo.apps.pages.histograms import bar_chart, grid_chart, rose_chart
-from readygo.apps.pages.page import chart_figure, figure, page, percent, png_source, table
+from readygo.apps.pages.page import Column, chart_figure, figure, page, percent, png_source, rejections, table
 from readygo.common.drawing.files import Picture
 from readygo.common.drawing.plan_view import INK, WHITE, draw_scale_bar, map_window, put_text, text_width_px
 from readygo.common.maps import OccupancyMap
@@ -164,30 +164,27 @@ def _chart(histogram: Histogram, axis: str, none_name: str) -> str:
 def _encounters(coverage: Coverage, facts: RunFacts) -> str:
     kinds = dict.fromkeys([*coverage.encounters, *(facts.failed or {})])
     outcomes = sorted({outcome for counts in (facts.failed or {}).values() for outcome in counts})
-    rows = "".join(_encounter_row(kind, coverage, facts, outcomes) for kind in kinds)
-    head = "<tr><th>Encounter</th><th class=n>Episodes</th><th class=n>People</th><th>Share</th>"
+    columns = [Column("Encounter"), Column("Episodes", "n"), Column("People", "n"), Column("Share")]
     if facts.failed is not None:
-        failures = "".join(f"<th class=n>{escape(outcome.replace('_', ' '))}</th>" for outcome in outcomes)
-        head += f"{failures}<th class=n>Expert succeeds</th>"
+        columns += [Column(outcome.replace("_", " "), "n") for outcome in outcomes]
+        columns.append(Column("Expert succeeds", "n"))
     note = (
         "Recorded episodes; those in which the expert failed are left out of the data and counted at the right."
         if facts.failed is not None
         else "Recorded episodes. Whom the rejected ones would have met is not known here."
     )
-    return table(head + "</tr>", rows) + f'<p class="note">{escape(note)}</p>'
+    rows = [_encounter_cells(kind, coverage, facts, outcomes) for kind in kinds]
+    return table(columns, rows) + f'<p class="note">{escape(note)}</p>'
 
 
-def _encounter_row(kind: str, coverage: Coverage, facts: RunFacts, outcomes: list[str]) -> str:
+def _encounter_cells(kind: str, coverage: Coverage, facts: RunFacts, outcomes: list[str]) -> list[str]:
     episodes, humans = coverage.encounters.get(kind, (0, 0))
-    row = (
-        f"<tr><td>{escape(kind.replace('_', ' '))}</td><td class=n>{episodes:,}</td><td class=n>{humans:,}</td>"
-        f"<td>{share_bar(episodes / coverage.episodes)}</td>"
-    )
+    cells = [escape(kind.replace("_", " ")), f"{episodes:,}", f"{humans:,}", share_bar(episodes / coverage.episodes)]
     if facts.failed is not None:
         failed = facts.failed.get(kind, {})
-        row += "".join(f"<td class=n>{failed.get(outcome, 0):,}</td>" for outcome in outcomes)
-        row += f"<td class=n>{percent(episodes / max(episodes + sum(failed.values()), 1))}</td>"
-    return row + "</tr>"
+        cells += [f"{failed.get(outcome, 0):,}" for outcome in outcomes]
+        cells.append(percent(episodes / max(episodes + sum(failed.values()), 1)))
+    return cells
 
 
 def _driving(coverage: Coverage) -> str:
@@ -211,13 +208,4 @@ def _driving(coverage: Coverage) -> str:
 
 
 def _rejected(coverage: Coverage, facts: RunFacts) -> str:
-    if facts.rejected is None:
-        return ""
-    tried = coverage.episodes + sum(facts.rejected.values())
-    rows = "".join(
-        f"<tr><td class=wide>{escape(reason.replace('_', ' '))}</td><td class=n>{count:,}</td>"
-        f"<td class=n>{percent(count / tried)}</td></tr>"
-        for reason, count in sorted(facts.rejected.items(), key=lambda item: (-item[1], item[0]))
-    )
-    head = f"<tr><th>Not recorded, of {tried:,} tried</th><th class=n>Episodes</th><th class=n>Share</th></tr>"
-    return table(head, rows or "<tr><td>none</td><td class=n>0</td><td class=n>0 %</td></tr>")
+    return "" if facts.rejected is None else rejections(facts.rejected, coverage.episodes)

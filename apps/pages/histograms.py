@@ -7,13 +7,14 @@ from html import escape
 import numpy as np
 import numpy.typing as npt
 
-from readygo.apps.pages.charts import nice_ticks, number_text
+from readygo.common.drawing.ticks import nice_ticks, number_text
 
 Array = npt.NDArray[np.float64]
 Counts = npt.NDArray[np.int64]
 
 _COLOUR, _REST_COLOUR = "#0072b2", "#9aa3ad"
-_WIDTH, _HEIGHT = 460, 230
+# As wide as line charts, for the same reason.
+_WIDTH, _HEIGHT = 400, 230
 _LEFT, _RIGHT, _TOP, _BOTTOM = 52, 12, 12, 40
 _REST_PX = 56
 """Width of a bar behind the axis, with its name."""
