@@ -1,5 +1,6 @@
 """The page of a dataset's coverage, to be looked at in a minute."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from html import escape
@@ -17,6 +18,8 @@ from readygo.common.maps import OccupancyMap
 
 MARGIN_M, ASPECT_MIN = 0.5, 0.5
 MAP_SIDE_MIN_PX, MAP_SIDE_MAX_PX = 500, 1400
+CELL_MIN_PX = 4
+"""Narrowest cell in the picture: a way through a large map stays visible."""
 # Pale yellow to dark red: told apart from the grey of walls in print and with every common colour vision.
 _HEAT = np.array([(255, 237, 160), (254, 178, 76), (240, 59, 32), (128, 0, 38)], dtype=np.float64)
 
@@ -40,7 +43,10 @@ class RunFacts:
 
 
 def heat_map(visits: Visits, occupancy: OccupancyMap | None) -> Picture:
-    """Where robots went: the number of episodes that came by, on the map if there is one, with a scale."""
+    """Where robots went: the number of episodes that came by, on the map if there is one, with a scale.
+
+    Cells that would be too small to be seen are put together.
+    """
     frame, (rows, columns) = visits.frame, visits.episodes.shape
     low_m = np.array([frame.origin_x_m, frame.origin_y_m])
     high_m = low_m + np.array([columns, rows]) * frame.resolution_m
@@ -59,9 +65,10 @@ def heat_map(visits: Visits, occupancy: OccupancyMap | None) -> Picture:
     side_px = min(max(MAP_SIDE_MIN_PX, 60 * side_m), MAP_SIDE_MAX_PX)
     view = map_window(ground, low_m, high_m, pixel_m=side_m / side_px)
     picture = view.rgb.copy()
-    _paint(picture, visits, low_m, side_m / side_px)
+    shown = visits.coarser(math.ceil(CELL_MIN_PX * view.frame.resolution_m / frame.resolution_m - 1e-6))
+    _paint(picture, shown, low_m, side_m / side_px)
     draw_scale_bar(picture, view)
-    return np.concatenate([picture, _heat_scale(picture.shape[1], int(visits.episodes.max()))])
+    return np.concatenate([picture, _heat_scale(picture.shape[1], shown)])
 
 
 def _is_vast(occupancy: OccupancyMap, visited_m: float) -> bool:
@@ -88,13 +95,14 @@ def _heat_colours(shares: npt.NDArray[np.float64]) -> npt.NDArray[np.uint8]:
     return np.asarray(np.rint(np.stack(channels, axis=-1)), dtype=np.uint8)
 
 
-def _heat_scale(width: int, highest: int) -> Picture:
+def _heat_scale(width: int, visits: Visits) -> Picture:
+    highest = int(visits.episodes.max())
     strip = np.full((30, width, 3), WHITE, np.uint8)
     bar = np.linspace(1 / max(highest, 1), 1.0, 160)
     strip[8:22, 30:190] = _heat_colours(bar)[None]
     put_text(strip, "1", (16, 20), colour=INK)
     put_text(strip, f"{highest} episodes", (198, 20), colour=INK)
-    note = "colour: square root of the count"
+    note = f"cells of {visits.frame.resolution_m:.3g} m; colour: square root of the count"
     if 320 + text_width_px(note) < width:
         put_text(strip, note, (320, 20), colour=(93, 104, 116))
     return strip
@@ -136,7 +144,7 @@ def _tiles(coverage: Coverage, facts: RunFacts) -> list[tuple[str, str]]:
 
 
 def _places(coverage: Coverage, facts: RunFacts, heat: Picture) -> str:
-    note = "How many episodes came by, in cells of 10 cm"
+    note = "How many episodes came by, at the busiest place of each cell"
     note += "; grey blocks the robot." if facts.occupancy else ". The scene's map is not at hand: name it with --scene."
     rose = chart_figure(
         rose_chart(coverage.headings.counts, name="Samples by heading"),

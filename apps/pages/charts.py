@@ -13,7 +13,7 @@ from readygo.common.drawing.ticks import log_ticks, nice_ticks, number_text
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
 # About as wide as a telephone's page: there, and in one of two columns, its text is as large as that around it.
 _WIDTH, _HEIGHT = 400, 240
-_LEFT, _RIGHT, _TOP, _BOTTOM = 54, 14, 46, 40
+_LEFT, _RIGHT, _TOP, _BOTTOM = 54, 28, 46, 40
 _LEGEND_PX = 168
 """Width of a curve's entry in the legend, above the plot."""
 _LOG_FACTOR = 20

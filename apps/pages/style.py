@@ -44,7 +44,8 @@ td.wide { white-space: normal; }
 td b { font-weight: 600; }
 th.n, td.n { text-align: right; }
 tr:last-child td { border-bottom: 0; }
-.chart { display: block; width: 100%; height: auto; font-size: 12px; }
+.chart { display: block; width: 100%; height: auto; font-size: 13px; }
+.rose { max-width: 320px; margin: 0 auto; }
 .chart text { fill: var(--soft); }
 .grid { stroke: var(--line); stroke-width: 1; }
 .track { fill: #eceef0; }

@@ -37,7 +37,7 @@ class Browser:
             commands: File to write the protocol's messages to.
             answers: File to read them from.
         """
-        self._commands, self._answers = commands, os.fdopen(answers, "rb")
+        self._commands, self._answers = commands, answers
         self._numbers, self._rest, self._session = itertools.count(1), b"", ""
         self.complaints: list[str] = []
         """Errors and warnings on the console, exceptions of scripts and failed requests, in order."""
@@ -80,7 +80,7 @@ class Browser:
 
     def _next(self) -> dict[str, Any]:
         while b"\0" not in self._rest:
-            read = self._answers.read1(1 << 20)
+            read = os.read(self._answers, 1 << 20)
             assert read, "the browser ended"
             self._rest += read
         text, self._rest = self._rest.split(b"\0", 1)
@@ -121,5 +121,46 @@ def browser(profile: Path) -> Iterator[Browser]:
         yield Browser(commands, answers)
     finally:
         process.terminate()
-        process.wait(timeout=20)
+        process.wait(timeout=60)
         os.close(commands)
+        os.close(answers)
+
+
+def assert_readable(page: Browser, width_px: int) -> None:
+    """Assert that nothing is cut or has to be scrolled to the side, and that text is at least 10 px high."""
+    assert page.run("document.documentElement.scrollWidth") == width_px
+    for script in (_OUTSIDE, _SMALL_TEXTS):
+        wrong = page.run(script)
+        assert wrong == [], wrong
+
+
+def assert_films_play(page: Browser) -> None:
+    """Assert that there are films, and that each of them has pictures and goes on."""
+    films = page.run(_PLAYED)
+    assert films
+    for width_px, seconds in films:
+        assert width_px > 0
+        assert seconds > 0.0
+
+
+# Elements with something to be scrolled to inside, or that reach beyond the window, and text beyond its chart.
+_OUTSIDE = """[...document.querySelectorAll('main *')].filter(element => {
+  const box = element.getBoundingClientRect(), chart = element.closest('svg')?.getBoundingClientRect()
+  const left = chart?.left ?? 0, right = chart?.right ?? innerWidth
+  const scrolls = element.scrollWidth > element.clientWidth + 1 && getComputedStyle(element).display != 'inline'
+  return box.width && (box.left < left - 1 || box.right > right + 1 || (scrolls && !chart && element.clientWidth))
+}).map(element => element.outerHTML.slice(0, 120))"""
+
+_SMALL_TEXTS = """[...document.querySelectorAll('main *')].filter(element => {
+  const own = [...element.childNodes].some(node => node.nodeType == Node.TEXT_NODE && node.data.trim())
+  const scale = element.ownerSVGElement?.getScreenCTM().a ?? 1
+  return own && element.localName != 'title' && parseFloat(getComputedStyle(element).fontSize) * scale < 10
+}).map(element => element.outerHTML.slice(0, 120))"""
+
+_PLAYED = """Promise.all([...document.querySelectorAll('video')].map(async film => {
+  film.loop = true
+  await film.play()
+  const begin = performance.now()
+  while (film.currentTime == 0 && performance.now() - begin < 10000) await new Promise(requestAnimationFrame)
+  return [film.videoWidth, film.currentTime]
+}))"""

@@ -25,14 +25,14 @@ def test_line_chart_draws_odd_curves(loss: list[float]) -> None:
 def test_single_measurement_is_seen() -> None:
     chart = line_chart([Curve(name="a", x=np.array([5.0]), y=np.array([50.0]))], x_name="minutes", y_max=100.0)
     (x, y) = re.search(r'<circle cx="([\d.]+)" cy="([\d.]+)"', chart).groups()
-    assert (float(x), float(y)) == (386.0, 123.0), "at the right, half way up"
+    assert (float(x), float(y)) == (372.0, 123.0), "at the right, half way up"
     many = line_chart([Curve(name="a", x=np.arange(100.0), y=np.arange(100.0))], x_name="step")
     assert "<circle" not in many
 
 
 def test_curves_begin_at_the_left_where_x_is_0_and_no_legend_lies_over_them() -> None:
     chart = line_chart([Curve(name="a", x=np.array([5.0, 10.0]), y=np.array([100.0, 100.0]))], x_name="x", y_max=100.0)
-    assert re.search(r'points="220\.0,46\.0 386\.0,46\.0"', chart)
+    assert re.search(r'points="213\.0,46\.0 372\.0,46\.0"', chart)
     assert max(float(y) for y in re.findall(r'<rect [^>]*y="([\d.]+)"', chart)) < 46.0
 
 
