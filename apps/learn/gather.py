@@ -25,7 +25,7 @@ from readygo.services.evaluator import EvaluateReply, Method
 TASK_NAMES = {"static": "static", "dynamic": "among humans"}
 LATEST = 100
 """Episodes that policies drove last, which are looked at for where they fail."""
-FILMS = 3
+FILMS = 2
 """Films of failures."""
 STRIP_STEPS = (-30, -22, -15, -9, -4, 0)
 """Samples of the film strip, around the moment at which a visible human is nearest."""

@@ -16,7 +16,7 @@ _COLOUR, _REST_COLOUR = "#0072b2", "#9aa3ad"
 # As wide as line charts, for the same reason.
 _WIDTH, _HEIGHT = 400, 230
 _LEFT, _RIGHT, _TOP, _BOTTOM = 52, 18, 12, 40
-_REST_PX = 56
+_REST_PX = 68
 """Width of a bar behind the axis, with its name."""
 _ROSE_PX, _ROSE_RADIUS = 260, 100
 

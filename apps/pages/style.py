@@ -15,6 +15,7 @@ section {
   margin-top: 24px; padding: 22px 24px 24px; background: #fff; border: 1px solid var(--line); border-radius: 10px;
 }
 p.note, figcaption { margin: 8px 0 0; color: var(--soft); font-size: 14px; line-height: 1.45; }
+a { color: var(--accent); }
 figure { margin: 0; min-width: 0; }
 img { display: block; max-width: 100%; height: auto; border-radius: 6px; }
 video { display: block; width: 100%; height: auto; border: 1px solid var(--line); border-radius: 6px; }
@@ -28,7 +29,7 @@ video { display: block; width: 100%; height: auto; border: 1px solid var(--line)
   display: block; color: var(--ink); font-size: 26px; line-height: 1.25; font-variant-numeric: tabular-nums;
 }
 .pair { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 360px), 1fr)); gap: 22px; }
-.pair + .pair { margin-top: 22px; }
+.pair + .pair, .note + .pair { margin-top: 22px; }
 .pair img { width: 100%; }
 .strip { display: grid; grid-template-columns: repeat(3, 1fr); gap: 8px; }
 .strip img { width: 100%; }

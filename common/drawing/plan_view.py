@@ -169,7 +169,7 @@ def draw_scale_bar(picture: Picture, view: TopView) -> None:
     for grown, colour in ((k + 1, WHITE), (0, INK)):
         corners = (12 - grown, bottom - 2 * k - grown), (12 + length_px + grown, bottom + 2 * k + grown)
         cv2.rectangle(picture, *corners, colour, cv2.FILLED)
-    put_text(picture, f"{length_m:g} m", (12, bottom - 8 * k), size=0.5 * k, halo=WHITE)
+    put_text(picture, f"{length_m:g} m", (12, bottom - 10 * k), size=0.5 * k, halo=WHITE)
 
 
 def fill_area(
@@ -247,7 +247,9 @@ def put_text(
     """
     width = max(1, round(size))
     if halo is not None:
-        cv2.putText(picture, text, xy_px, cv2.FONT_HERSHEY_SIMPLEX, size, halo, width + 3, cv2.LINE_AA)
+        mask = np.zeros(picture.shape[:2], np.uint8)
+        cv2.putText(mask, text, xy_px, cv2.FONT_HERSHEY_SIMPLEX, size, (255,), width, cv2.LINE_AA)
+        picture[cv2.dilate(mask, np.ones((4 * width + 1, 4 * width + 1), np.uint8)) > 0] = halo
     cv2.putText(picture, text, xy_px, cv2.FONT_HERSHEY_SIMPLEX, size, colour, width, cv2.LINE_AA)
 
 
