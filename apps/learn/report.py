@@ -211,7 +211,8 @@ def _training(content: ReportContent) -> str:
 
 
 def _failures(content: ReportContent) -> str:
-    parts = [film_figure(film.path, film.note) for film in content.films]
+    films = "".join(film_figure(film.path, film.note) for film in content.films)
+    parts = [f'<div class="stack">{films}</div>'] if films else []
     if any(len(ends.xy_m) for ends in content.ends) and (content.occupancy or content.top_view):
         kinds = [(f"{ends.name} {len(ends.xy_m)}", colour) for ends, colour in _coloured(content.ends)]
         places = figure(png_source(_ends(content)), content.ends_note, alt="Map of the places of failure")

@@ -35,6 +35,7 @@ video { display: block; width: 100%; height: auto; border: 1px solid var(--line)
 .strip img { width: 100%; }
 .strip figcaption { margin-top: 2px; font-variant-numeric: tabular-nums; }
 .scroll { overflow-x: auto; }
+.stack { display: grid; gap: 18px; align-content: start; }
 table { width: 100%; border-collapse: collapse; font-size: 14px; font-variant-numeric: tabular-nums; }
 th {
   padding: 6px 14px 6px 0; border-bottom: 2px solid var(--line); color: var(--soft); font-size: 13px;
@@ -54,10 +55,10 @@ tr:last-child td { border-bottom: 0; }
 h3 { margin: 16px 0 6px; font-size: 15px; }
 h3:first-child { margin-top: 0; }
 .rates {
-  display: grid; grid-template: "name bar value" / 110px 1fr 56px; gap: 2px 12px; align-items: center; margin: 6px 0;
+  display: grid; grid-template: "name bar value" / 110px 1fr 64px; gap: 2px 12px; align-items: center; margin: 6px 0;
 }
 .rates span { grid-area: name; }
-.rates b { grid-area: value; font-size: 17px; text-align: right; font-variant-numeric: tabular-nums; }
+.rates b { grid-area: value; font-size: 17px; text-align: right; white-space: nowrap; font-variant-numeric: tabular-nums; }
 .own { color: var(--accent); }
 .meter { grid-area: bar; position: relative; height: 16px; background: #eceef0; border-radius: 4px; }
 .meter i { position: absolute; inset: 0 auto 0 0; border-radius: 4px; background: #9aa3ad; }
