@@ -58,7 +58,7 @@ h3:first-child { margin-top: 0; }
   display: grid; grid-template: "name bar value" / 110px 1fr 64px; gap: 2px 12px; align-items: center; margin: 6px 0;
 }
 .rates span { grid-area: name; }
-.rates b { grid-area: value; font-size: 17px; text-align: right; white-space: nowrap; font-variant-numeric: tabular-nums; }
+.rates b { grid-area: value; font-size: 17px; text-align: right; white-space: nowrap; }
 .own { color: var(--accent); }
 .meter { grid-area: bar; position: relative; height: 16px; background: #eceef0; border-radius: 4px; }
 .meter i { position: absolute; inset: 0 auto 0 0; border-radius: 4px; background: #9aa3ad; }
