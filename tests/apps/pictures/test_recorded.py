@@ -48,8 +48,9 @@ def test_film_has_a_picture_for_every_row(recorded: RecordedEpisodes, tmp_path: 
     count = 0
     while capture.read()[0]:
         count += 1
-    assert count == -(-entry.sample_count // 2)
-    assert capture.get(cv2.CAP_PROP_FPS) == pytest.approx(10.0), "every second row, at the simulation's pace"
+    step = max(2, -(-entry.sample_count // 120))
+    assert count == -(-entry.sample_count // step) <= 120
+    assert capture.get(cv2.CAP_PROP_FPS) == pytest.approx(10.0)
 
 
 def test_best_encounter_shows_a_human_for_longest(recorded: RecordedEpisodes) -> None:
