@@ -30,12 +30,17 @@ def scene_pictures(scene: Scene, radius_m: float) -> dict[str, Picture]:
     """
     cell_m = scene.maps.robot.frame.resolution_m
     side_m = max(scene.maps.robot.occupied.shape) * cell_m
-    pixel_m = float(np.clip(0.4 * cell_m, side_m / TOP_PICTURE_MAX_PX, side_m / TOP_PICTURE_MIN_PX))
+    pixel_m = top_pixel_m(side_m, cell_m)
     return {
         "top.png": _with_scale_bar(top_view(scene, pixel_m)),
         "map_robot.png": map_picture(scene.maps.robot, load_unknown_cells(scene.path / ROBOT_MAP_FILE), radius_m),
         "map_human.png": map_picture(scene.maps.human, load_unknown_cells(scene.path / HUMAN_MAP_FILE), HUMAN_RADIUS_M),
     }
+
+
+def top_pixel_m(side_m: float, cell_m: float) -> float:
+    """Edge of a pixel of the scene's picture [m], for a scene of a longer side and cells of its maps [m]."""
+    return float(np.clip(0.4 * cell_m, side_m / TOP_PICTURE_MAX_PX, side_m / TOP_PICTURE_MIN_PX))
 
 
 def map_picture(occupancy: OccupancyMap, unknown: npt.NDArray[np.bool_], radius_m: float) -> Picture:
