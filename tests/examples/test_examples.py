@@ -60,6 +60,7 @@ def test_scenarios_are_played(tmp_path: Path) -> None:
     entries = load_scenarios(path).entries
     config = load_run_config(EXAMPLES / "run.toml")
     data = recorded(config, tmp_path / "data", episodes=len(entries), scenarios=path)
+    assert [episode.episode.index for episode in data.episodes] == list(range(len(entries))), "none is rejected"
     for entry, episode in zip(entries, data.episodes, strict=True):
         x_m, y_m, _, _ = data.poses[episode.first_sample].tolist()
         assert (x_m, y_m) == pytest.approx(entry.start_m, abs=0.05)
