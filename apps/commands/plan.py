@@ -16,6 +16,7 @@ from readygo.apps.run.take import Take, Takes
 from readygo.common.avatars import Avatar, load_avatars
 from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.drawing.files import Picture, write_png
+from readygo.common.drawing.film import CODECS
 from readygo.common.errors import RunError
 from readygo.common.messages import EpisodeKey, Split
 from readygo.common.robot import load_robot
@@ -60,7 +61,7 @@ def plan(
         robot: robot.toml of another robot.
         avatars: Avatar file or folder of them; the embedded ones by default.
         picture: PNG to write: the map, the ways, plans given up, what the robot saw and expected, the outcome.
-        video: MP4 to write: the same over time, in real time.
+        video: .webm (quick to write) or .mp4: the same over time, in real time.
         camera: Show the robot's camera in the video, drawn as `generate` records it.
         export: TOML file to write with the scenario, to be changed by hand or given to others.
         json: Print the numbers as JSON.
@@ -94,17 +95,17 @@ def _check(scene: str, index: int, seed: int, *, camera: bool, video: Path | Non
     if index < 0 or not 0 <= seed < 2**63:
         raise RunError(f"--index must be at least 0 and --seed 0..2^63-1, got {index} and {seed}.")
     if camera and video is None:
-        raise RunError("--camera shows the robot's view in a video: say where with --video FILE.mp4.")
+        raise RunError("--camera shows the robot's view in a video: say where with --video FILE.webm.")
     if camera and scene.endswith((".yaml", ".yml")):
         raise RunError(f"--camera needs a scene bundle to draw: {scene} is a map.")
 
 
 def _check_endings(picture: Path | None, video: Path | None, export: Path | None) -> None:
     """Raise RunError if a file's name does not say what it will be."""
-    files = (("--picture", picture, ".png"), ("--video", video, ".mp4"), ("--export", export, ".toml"))
-    for option, path, ending in files:
-        if path is not None and path.suffix.lower() != ending:
-            raise RunError(f"{option} {path} must end in {ending}.")
+    files = (("--picture", picture, (".png",)), ("--video", video, tuple(CODECS)), ("--export", export, (".toml",)))
+    for option, path, endings in files:
+        if path is not None and path.suffix.lower() not in endings:
+            raise RunError(f"{option} {path} must end in {' or '.join(endings)}.")
 
 
 def _with_mode(expert: ExpertConfig, mode: str) -> ExpertConfig:
