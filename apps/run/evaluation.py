@@ -15,7 +15,7 @@ from readygo.common.camera import CameraConfig, SensorConfig
 from readygo.common.config import section_to_mapping
 from readygo.common.errors import RunError
 from readygo.common.messages import Split
-from readygo.common.policy import Policy, PolicySpec, check_policy_camera, load_policy
+from readygo.common.policy import Policy, PolicySpec, check_policy_camera, check_policy_limits, load_policy
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import RATE_HZ
 from readygo.services.animator.service import attach as attach_animator
@@ -58,10 +58,13 @@ def evaluation_config(
 
     Raises:
         ConfigError: If the file cannot be read.
-        PolicyError: If the settings ask for another camera than the policy's, and `camera` for the policy's.
+        PolicyError: If the settings ask for a robot of other limits than the policy's, or for another camera where
+            `camera` asks for the policy's.
     """
     base = settings_of_policy(trained_settings(policy, camera), humans=humans is None) if policy else None
     settings = load_run_config(config, robot, sensor, humans, base=base)
+    if policy is not None:
+        check_policy_limits(policy, settings.robot)
     if policy is not None and camera == "policy":
         check_policy_camera(policy, settings.robot, settings.renderer.sensor)
     return settings
