@@ -156,7 +156,10 @@ def _look(take: Take, renderer: Renderer | None) -> Look | None:
     """What the robot's camera sees; None without a renderer or a run."""
     from readygo.apps.pictures.plan_film import robot_view
 
-    return robot_view(renderer, take.run) if renderer is not None and take.run is not None else None
+    run = take.run
+    if renderer is None or run is None:
+        return None
+    return robot_view(renderer, run.scenario, run.motions, run.trajectory)
 
 
 def _picture(take: Take, planner: RobotPlanner, look: Look | None) -> Picture:

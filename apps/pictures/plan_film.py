@@ -6,6 +6,7 @@ from functools import partial
 from readygo.apps.pictures.episode_film import EpisodeFilm, film_frames
 from readygo.common.drawing.files import Picture
 from readygo.common.drawing.plan_view import draw_scale_bar
+from readygo.common.messages import EpisodeMotions, RobotTrajectory, Scenario
 from readygo.common.robot.kinematics import RATE_HZ
 from readygo.common.scenes.top_view import TopView
 from readygo.services.planner import RobotPlanner
@@ -58,17 +59,17 @@ def _underlay(planner: RobotPlanner, run: DrivenRun, picture: Picture, view: Top
     draw_scale_bar(picture, view)
 
 
-def robot_view(renderer: Renderer, run: DrivenRun) -> Look:
+def robot_view(renderer: Renderer, scenario: Scenario, motions: EpisodeMotions, trajectory: RobotTrajectory) -> Look:
     """What the robot's camera shows at a run's steps: the images that `readygo generate` records, before JPEG.
 
     Raises:
         AvatarError: If a human wears an avatar that is not loaded.
     """
-    renderer.check_avatars(run.motions.humans)
-    camera = episode_camera(renderer, run.scenario)
+    renderer.check_avatars(motions.humans)
+    camera = episode_camera(renderer, scenario)
     timeline = Timeline(
-        xyyaw=run.trajectory.xyyaw,
-        humans=run.motions.humans,
+        xyyaw=trajectory.xyyaw,
+        humans=motions.humans,
         floor=renderer.scene.maps.floor,
         camera=renderer.robot.camera,
     )

@@ -85,10 +85,9 @@ def draw_episode(
     Returns:
         RGB image, shape (H, W, 3). Dots mark seconds; discs show where everybody is in the end.
     """
-    robot, episode = robot or RobotConfig(), episode_config or EpisodeConfig()
     view = episode_view(robot_map, scenario, trajectory, motions=motions, pixels_per_m=pixels_per_m, margin_m=margin_m)
     picture = view.rgb.copy()
-    _draw_ways(picture, view, scenario, trajectory, motions, robot, episode)
+    draw_ways(picture, view, scenario, trajectory, motions, robot or RobotConfig(), episode_config or EpisodeConfig())
     plan_view.draw_scale_bar(picture, view)
     return sheet([[picture]], _headline(scenario, trajectory, None), _legend(scenario, trajectory, None))
 
@@ -109,7 +108,7 @@ def draw_run(planner: RobotPlanner, run: DrivenRun, look: Look | None = None) ->
     view, below = _widest_view(planner.maps.robot, run, panels)
     picture = view.rgb.copy()
     draw_superseded(picture, view, run)
-    _draw_ways(picture, view, scenario, trajectory, run.motions, planner.robot, planner.episode_config)
+    draw_ways(picture, view, scenario, trajectory, run.motions, planner.robot, planner.episode_config)
     draw_changes(picture, view, run)
     draw_closest(picture, view, run)
     _put_numbers(picture, view, trajectory.xyyaw[[moment.step for moment in moments]])
@@ -174,7 +173,7 @@ def _ways(scenario: Scenario, motions: EpisodeMotions | None) -> list[Float64Arr
     return [human.motion.root_m[:, :2].astype(np.float64) for human in motions.humans]
 
 
-def _draw_ways(
+def draw_ways(
     picture: Picture,
     view: TopView,
     scenario: Scenario,
@@ -183,6 +182,7 @@ def _draw_ways(
     robot: RobotConfig,
     episode: EpisodeConfig,
 ) -> None:
+    """Goal, humans and robot with their ways on a view from `episode_view`, all as they are when the run ends."""
     end = None if trajectory is None else len(trajectory.xyyaw) - 1
     plan_view.draw_ring(picture, view, scenario.goal_xy_m, episode.success_radius_m, GOAL)
     plan_view.draw_goal(picture, view, scenario.goal_xy_m, radius_m=0.12)
