@@ -13,7 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from readygo.apps.evaluation.choice import check_wanted, watched_method
 from readygo.apps.evaluation.replay import Replays
 from readygo.apps.evaluation.report import REPORT_FILE
-from readygo.apps.evaluation.watch import write_films, write_pages
+from readygo.apps.evaluation.watch import plan_command, write_films, write_pages
 from readygo.apps.run.evaluation import (
     CameraName,
     evaluation_config,
@@ -43,7 +43,6 @@ from readygo.services.evaluator import (
     summary_table,
 )
 from readygo.services.planner.humans.mixes import MixName
-from readygo.services.planner.humans.scenario_file import read_text, text_hash
 from readygo.services.renderer.sensor.recipes import SensorName
 
 TaskName = Literal["static", "dynamic"]
@@ -111,9 +110,8 @@ def evaluate(
     count = episode_count(scenarios) if episodes is None else episodes
     drivers = methods if policy else _without_policy(methods)
     request = make_request(count, tasks, drivers, Split(split), seed, control_hz=control_hz)
+    settings = make_evaluator_config(lockstep)
     loaded = load_policy(policy) if policy else None
-    if loaded and avatars is None:
-        avatars = avatars_of_policy(loaded.spec)
     trained_camera = loaded.spec.robot.camera if loaded and camera == "policy" else None
     run_config = evaluation_config(
         loaded.spec if loaded else None,
@@ -123,34 +121,41 @@ def evaluate(
         sensor=sensor,
         humans=people,
     )
-    world = evaluation_world(scene, run_config, avatars=avatars, seed=seed, scenarios=scenarios)
+    bodies = avatars_of_policy(loaded.spec) if loaded and avatars is None else avatars
+    world = evaluation_world(scene, run_config, avatars=bodies, seed=seed, scenarios=scenarios)
     sha256 = policy_sha256(policy) if policy else ""
-    settings = evaluation_settings(world, request, policy=sha256, camera=camera)
-    with open_results(out, settings) if out else nullcontext() as results, _kept(results, request):
+    identity = evaluation_settings(world, request, policy=sha256, camera=camera)
+    total = len(request.tasks) * len(request.methods) * request.episodes
+    with open_results(out, identity) if out else nullcontext() as results, _kept(results, request, total):
         renderer = world.renderer() if loaded else None
-        evaluator = make_evaluator(
-            world,
-            renderer=renderer,
-            policy=loaded,
-            evaluator_config=make_evaluator_config(lockstep),
-            camera=camera,
-        )
-        total = len(request.tasks) * len(request.methods) * request.episodes
+        evaluator = make_evaluator(world, renderer=renderer, policy=loaded, evaluator_config=settings, camera=camera)
         with _progress(Console(stderr=True), total, quiet=json) as show:
             reply = handle_evaluate(evaluator, request, report=show, results=results)
         summary = summarize(reply, request, evaluator)
         summary["human_planner"] = section_to_mapping(run_config.human_planner)
         summary["sensor"] = section_to_mapping(run_config.renderer.sensor)
         summary["detail"] = run_config.renderer.detail
-        summary["scenarios"] = text_hash(read_text(scenarios)) if scenarios else ""
-        if out is not None and results is not None:
+        summary["scenarios"] = identity["scenarios"]
+        if results is not None:
             results.finish(summary)
             replays = Replays(world, results, reply.episodes, renderer)
-            watched = watched_method(request.methods)
-            write_films(replays, [record for record in reply.records if record.method is watched], video, out)
-            facts = {"scene": f"{world.scene.name} {world.scene.content_hash[:12]}", "policy": sha256}
-            title = f"{policy.name if policy else watched.value} in {world.scene.name}"
-            write_pages(replays, request, reply, out, title=title, facts=facts)
+            write_films(replays, request, reply, video)
+            options = {
+                "policy": policy,
+                "avatars": avatars,
+                "robot": robot,
+                "config": config,
+                "sensor": sensor,
+                "people": people,
+                "scenarios": scenarios,
+            }
+            write_pages(
+                replays,
+                request,
+                reply,
+                title=f"{policy or watched_method(request.methods).value} in {world.scene.name}",
+                command_of=plan_command(scene, request, options) if camera == "policy" else None,
+            )
     if json:
         sys.stdout.write(json_module.dumps(summary) + "\n")
         return
@@ -168,14 +173,13 @@ def _without_policy(methods: tuple[MethodName, ...]) -> tuple[MethodName, ...]:
 
 
 @contextmanager
-def _kept(results: Results | None, request: EvaluateRequest) -> Iterator[None]:
+def _kept(results: Results | None, request: EvaluateRequest, total: int) -> Iterator[None]:
     """Say at Ctrl-C what is kept."""
     try:
         yield
     except KeyboardInterrupt:
         if results is None:
             raise KeyboardInterrupt("nothing is kept: with --out every episode is, as it ends.") from None
-        total = len(request.tasks) * len(request.methods) * request.episodes
         kept = sum(task in request.tasks and method in request.methods for task, method, _ in results.records)
         said = f"{min(kept, total)} of {total} episodes are kept in {results.folder}; the same command goes on."
         raise KeyboardInterrupt(said) from None

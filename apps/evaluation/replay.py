@@ -51,7 +51,7 @@ class Replays:
             episodes: Those that were driven.
             renderer: Of the world; made when it is needed if there is none yet.
         """
-        self.world, self._results = world, results
+        self.world, self.folder, self._results = world, results.folder, results
         self._episodes: Mapping[tuple[Task, EpisodeKey], MatchedEpisode] = {
             (episode.task, episode.scenario.episode): episode for episode in episodes
         }

@@ -93,10 +93,10 @@ def gallery_html(content: EvaluationContent) -> str:
         f"Failures: {content.title}",
         f"{_name(content.watched)}'s failures, {more}. The map shows everybody's way until the end, a dot a second; "
         "the images are what the robot saw.",
-        tiles=[(str(len(group)), f"{FAILURES[kind]}, {TASK_NAMES[task]}") for (task, kind), group in groups.items()],
+        tiles=[(str(len(group)), _kind(task, outcome)) for (task, outcome), group in groups.items()],
         sections=[
-            (f"{FAILURES[kind].capitalize()}, {TASK_NAMES[task]}", "".join(map(_failure, group)))
-            for (task, kind), group in groups.items()
+            (_kind(task, outcome).capitalize(), "".join(map(_failure, group)))
+            for (task, outcome), group in groups.items()
         ],
         facts=content.facts,
     )
@@ -188,6 +188,10 @@ def _video(path: Path) -> str:
 def _headline(record: EpisodeRecord) -> str:
     words = {Outcome.SUCCESS: "reached the goal", **FAILURES}[record.result.outcome]
     return f"Episode {record.episode.index} {TASK_NAMES[record.task]}: {words} after {record.result.duration_s:.2f} s"
+
+
+def _kind(task: Task, outcome: Outcome) -> str:
+    return FAILURES[outcome] if outcome is Outcome.HUMAN_COLLISION else f"{FAILURES[outcome]}, {TASK_NAMES[task]}"
 
 
 def _name(method: Method) -> str:
