@@ -123,7 +123,7 @@ def evaluate(
     )
     bodies = avatars_of_policy(loaded.spec) if loaded and avatars is None else avatars
     world = evaluation_world(scene, run_config, avatars=bodies, seed=seed, scenarios=scenarios)
-    sha256 = policy_sha256(policy) if policy else ""
+    sha256 = policy_sha256(policy) if policy and out else ""
     identity = evaluation_settings(world, request, policy=sha256, camera=camera)
     total = len(request.tasks) * len(request.methods) * request.episodes
     with open_results(out, identity) if out else nullcontext() as results, _kept(results, request, total):

@@ -4,7 +4,7 @@ import fcntl
 import json
 import os
 from collections.abc import Collection, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -34,9 +34,11 @@ class Results:
         self.records: dict[RecordKey, EpisodeRecord] = {}
         """All that are on disk."""
         self._records, self._trajectories = records, trajectories
-        for mapping in _whole_lines(records, folder / RECORDS_FILE):
-            record = record_of_mapping(mapping)
-            self.records[record.key] = record
+        try:
+            found = [record_of_mapping(mapping) for mapping in _whole_lines(records, folder / RECORDS_FILE)]
+        except (KeyError, TypeError, ValueError) as error:
+            raise RunError(f"{folder / RECORDS_FILE} holds no records: {error!r}; choose another --out.") from error
+        self.records |= {record.key: record for record in found}
         for _ in _whole_lines(trajectories, folder / TRAJECTORIES_FILE):
             pass
 
@@ -95,15 +97,19 @@ def open_results(folder: Path, settings: Mapping[str, Any]) -> Iterator[Results]
         RunError: If the folder has results of other settings or of unknown ones, another process is at work in it, or
             it cannot be read or written.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        _check_settings(folder, settings)
-        with (folder / RECORDS_FILE).open("a+b", buffering=0) as records:
+    with ExitStack() as files:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            _check_settings(folder, settings)
+            records, trajectories = (
+                files.enter_context((folder / name).open("a+b", buffering=0))
+                for name in (RECORDS_FILE, TRAJECTORIES_FILE)
+            )
             _lock(records, folder)
-            with (folder / TRAJECTORIES_FILE).open("a+b", buffering=0) as trajectories:
-                yield Results(folder, records, trajectories)
-    except OSError as error:
-        raise RunError(f"{folder} cannot be written: {error.strerror or error}.") from error
+            results = Results(folder, records, trajectories)
+        except OSError as error:
+            raise RunError(f"{folder} cannot be written: {error.strerror or error}.") from error
+        yield results
 
 
 def is_of(folder: Path, settings: Mapping[str, Any]) -> bool:

@@ -90,7 +90,7 @@ def test_policys_robot_drives_unless_the_configuration_names_another(
     class StoppedError(Exception):
         pass
 
-    def evaluator(scene: str, config: RunConfig, **_: object) -> None:
+    def world(scene: str, config: RunConfig, **_: object) -> None:
         assert config.robot.height_m == height_m
         raise StoppedError
 
@@ -100,6 +100,6 @@ def test_policys_robot_drives_unless_the_configuration_names_another(
     config = tmp_path / "run.toml"
     config.write_text(text)
     monkeypatch.setattr(evaluate_command, "load_policy", lambda _: Trained())
-    monkeypatch.setattr(evaluate_command, "make_evaluator", evaluator)
+    monkeypatch.setattr(evaluate_command, "evaluation_world", world)
     with pytest.raises(StoppedError):
         evaluate_command.evaluate("embedded", tmp_path, config=config)
