@@ -107,7 +107,7 @@ def draw_runs(occupancy: OccupancyMap, runs: Sequence[tuple[EpisodeRecord, Robot
     view = plan_view.resized(plan_view.map_view(occupancy), _MAP_HEIGHT_PX)
     picture = view.rgb.copy()
     for _, trajectory in runs:
-        plan_view.draw_path(picture, view, trajectory.xyyaw[:, :2], ROBOT, width_px=1)
+        plan_view.draw_path(picture, view, trajectory.xyyaw[:, :2], ROBOT, width_px=2)
     for record, trajectory in runs:
         colour, _ = _END_COLOURS[record.result.outcome]
         plan_view.draw_disc(picture, view, trajectory.xyyaw[-1, :2], 0.14, colour)
