@@ -19,6 +19,7 @@ from readygo.common.avatars import Avatar, load_avatars
 from readygo.common.camera.lens import check_sensor
 from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.drawing.files import Picture, write_png
+from readygo.common.drawing.film import CODECS
 from readygo.common.errors import RunError
 from readygo.common.messages import EpisodeKey, Split
 from readygo.common.policy import load_policy
@@ -77,7 +78,7 @@ def plan(
         sensor: Recipe of the camera's lens, light and shutter and of what varies of them.
         avatars: Avatar file or folder of them; those of the policy's data by default, else the embedded ones.
         picture: PNG to write: the map, the ways, plans given up, what the robot saw and expected, the outcome.
-        video: MP4 to write: the same over time, in real time.
+        video: .webm (quick to write) or .mp4: the same over time, in real time.
         camera: Show what the robot's camera sees in picture and video, as `generate` records it; with a policy it is
             always shown.
         export: TOML file to write with the scenario, to be changed by hand or given to others.
@@ -86,7 +87,7 @@ def plan(
     camera = camera or policy is not None
     _check(scene, index, seed, camera=camera)
     if camera and policy is None and picture is None and video is None:
-        raise RunError("--camera shows the robot's view: say where with --picture FILE.png or --video FILE.mp4.")
+        raise RunError("--camera shows the robot's view: say where with --picture FILE.png or --video FILE.webm.")
     _check_endings(picture, video, export)
     driving = load_policy(policy) if policy else None
     run_config = evaluation_config(
@@ -131,10 +132,10 @@ def _check(scene: str, index: int, seed: int, *, camera: bool) -> None:
 
 def _check_endings(picture: Path | None, video: Path | None, export: Path | None) -> None:
     """Raise RunError if a file's name does not say what it will be."""
-    files = (("--picture", picture, ".png"), ("--video", video, ".mp4"), ("--export", export, ".toml"))
-    for option, path, ending in files:
-        if path is not None and path.suffix.lower() != ending:
-            raise RunError(f"{option} {path} must end in {ending}.")
+    files = (("--picture", picture, (".png",)), ("--video", video, tuple(CODECS)), ("--export", export, (".toml",)))
+    for option, path, endings in files:
+        if path is not None and path.suffix.lower() not in endings:
+            raise RunError(f"{option} {path} must end in {' or '.join(endings)}.")
 
 
 def _with_mode(expert: ExpertConfig, mode: str) -> ExpertConfig:

@@ -9,7 +9,7 @@ from pathlib import Path
 from readygo.apps.evaluation.choice import FAILURES
 from readygo.apps.evaluation.replay import StripImage
 from readygo.apps.pages.charts import rate_bar
-from readygo.apps.pages.page import figure, jpeg_source, page, percent, png_source, table
+from readygo.apps.pages.page import Column, figure, jpeg_source, legend, page, percent, png_source, table
 from readygo.common.drawing import plan_view
 from readygo.common.drawing.files import Picture
 from readygo.common.drawing.plan_view import GOAL, HUMANS, INK, ROBOT, Rgb
@@ -21,11 +21,12 @@ from readygo.services.evaluator import EpisodeRecord, Method, Task
 REPORT_FILE, GALLERY_FILE = "report.html", "failures.html"
 TASK_NAMES = {Task.STATIC: "alone", Task.DYNAMIC: "among humans"}
 _MAP_HEIGHT_PX = 760
-_END_COLOURS: Mapping[Outcome, tuple[Rgb, str]] = {
-    Outcome.SUCCESS: (GOAL, "green"),
-    Outcome.HUMAN_COLLISION: (HUMANS[0], "orange"),
-    Outcome.STATIC_COLLISION: (INK, "black"),
-    Outcome.TIMEOUT: (HUMANS[1], "pink"),
+WORDS = {Outcome.SUCCESS: "reached the goal", **FAILURES}
+_END_COLOURS: Mapping[Outcome, Rgb] = {
+    Outcome.SUCCESS: GOAL,
+    Outcome.HUMAN_COLLISION: HUMANS[0],
+    Outcome.STATIC_COLLISION: INK,
+    Outcome.TIMEOUT: HUMANS[1],
 }
 
 
@@ -109,46 +110,50 @@ def draw_runs(occupancy: OccupancyMap, runs: Sequence[tuple[EpisodeRecord, Robot
     for _, trajectory in runs:
         plan_view.draw_path(picture, view, trajectory.xyyaw[:, :2], ROBOT, width_px=2)
     for record, trajectory in runs:
-        colour, _ = _END_COLOURS[record.result.outcome]
-        plan_view.draw_disc(picture, view, trajectory.xyyaw[-1, :2], 0.14, colour)
+        plan_view.draw_disc(picture, view, trajectory.xyyaw[-1, :2], 0.14, _END_COLOURS[record.result.outcome])
     plan_view.draw_scale_bar(picture, view)
     return picture
 
 
 def _scores(summaries: Mapping[tuple[Task, Method], TaskSummary]) -> str:
-    head = (
-        "<tr><th>Task</th><th>Driver</th><th class=n>Success</th><th></th><th class=n>Hit a human</th>"
-        "<th class=n>Hit a thing</th><th class=n>Too late</th><th class=n>Reaching time</th><th class=n>SPL</th></tr>"
-    )
-    rows = "".join(_score_row(task, method, summary) for (task, method), summary in summaries.items())
+    columns = [
+        *(Column(name) for name in ("Task", "Driver")),
+        Column("Success", "n"),
+        Column(""),
+        *(Column(name, "n") for name in ("Hit a human", "Hit a thing", "Too late", "Reaching time", "SPL")),
+    ]
+    rows = [_score_row(task, method, summary) for (task, method), summary in summaries.items()]
     note = (
         "Success: within the goal's circle, no collision, in time. Bars show Wilson's 95 % interval. A failure counts "
         "the whole time limit in the reaching time; SPL is success weighted by path length."
     )
-    return table(head, rows) + f'<p class="note">{note}</p>'
+    return table(columns, rows) + f'<p class="note">{note}</p>'
 
 
-def _score_row(task: Task, method: Method, summary: TaskSummary) -> str:
-    bar = rate_bar(summary.success_rate, summary.success_rate_low, summary.success_rate_high)
-    return (
-        f"<tr><td>{TASK_NAMES[task]}</td><td>{method.value}</td><td class=n><b>{percent(summary.success_rate)}</b></td>"
-        f"<td>{bar}</td><td class=n>{percent(summary.human_collision_rate)}</td>"
-        f"<td class=n>{percent(summary.static_collision_rate)}</td><td class=n>{percent(summary.timeout_rate)}</td>"
-        f"<td class=n>{summary.art_s:.1f} s</td><td class=n>{summary.spl:.2f}</td></tr>"
-    )
+def _score_row(task: Task, method: Method, summary: TaskSummary) -> list[str]:
+    return [
+        TASK_NAMES[task],
+        method.value,
+        f"<b>{percent(summary.success_rate)}</b>",
+        rate_bar(summary.success_rate, summary.success_rate_low, summary.success_rate_high),
+        percent(summary.human_collision_rate),
+        percent(summary.static_collision_rate),
+        percent(summary.timeout_rate),
+        f"{summary.art_s:.1f} s",
+        f"{summary.spl:.2f}",
+    ]
 
 
 def _ways(content: EvaluationContent) -> str:
     if not content.runs:
         return ""
     ends = Counter(record.result.outcome for record, _ in content.runs)
-    words = {Outcome.SUCCESS: "reached the goal", **FAILURES}
-    kinds = ", ".join(f"{words[kind]} {ends[kind]} ({colour})" for kind, (_, colour) in _END_COLOURS.items())
-    return figure(
+    picture = figure(
         png_source(draw_runs(content.occupancy, content.runs)),
-        f"{len(content.runs)} episodes of the {content.watched.value}, each with a dot where it ended: {kinds}.",
+        f"{len(content.runs)} episodes of the {content.watched.value}, each with a dot where it ended.",
         alt="Map with the ways of all episodes",
     )
+    return picture + legend([(f"{WORDS[kind]}: {ends[kind]}", colour) for kind, colour in _END_COLOURS.items()])
 
 
 def _failure_counts(content: EvaluationContent) -> str:
@@ -182,12 +187,12 @@ def _failure(failure: Failure) -> str:
 
 def _video(path: Path) -> str:
     source = escape(f"{path.parent.name}/{path.name}")
-    return f'<video controls preload="metadata" style="max-width: 100%" src="{source}"></video>'
+    return f'<video controls muted playsinline preload="metadata" src="{source}"></video>'
 
 
 def _headline(record: EpisodeRecord) -> str:
-    words = {Outcome.SUCCESS: "reached the goal", **FAILURES}[record.result.outcome]
-    return f"Episode {record.episode.index} {TASK_NAMES[record.task]}: {words} after {record.result.duration_s:.2f} s"
+    what = WORDS[record.result.outcome]
+    return f"Episode {record.episode.index} {TASK_NAMES[record.task]}: {what} after {record.result.duration_s:.2f} s"
 
 
 def _kind(task: Task, outcome: Outcome) -> str:

@@ -20,7 +20,7 @@ from readygo.common.messages import RobotTrajectory
 from readygo.common.robot.kinematics import RATE_HZ
 from readygo.services.evaluator import EpisodeRecord, EvaluateReply, EvaluateRequest, Method, Task
 
-FILMS_FOLDER, FILM_ENDING = "films", ".mp4"
+FILMS_FOLDER, FILM_ENDING = "films", ".webm"
 SHOWN_MAX = 24
 """Failures on a page."""
 

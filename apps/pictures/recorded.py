@@ -8,10 +8,11 @@ import numpy.typing as npt
 from readygo.apps.pictures.episode_film import EpisodeFilm, film_frames
 from readygo.apps.run.world import World
 from readygo.common.dataset import Dataset, EpisodeEntry
-from readygo.common.drawing.film import write_animation
+from readygo.common.drawing.film import write_film
 from readygo.common.drawing.plan_view import DrawnEpisode
 from readygo.common.frames import wrap_angle
 from readygo.common.messages import AnimateRequest, HumanPlanRequest, Scenario
+from readygo.common.robot.kinematics import RATE_HZ
 from readygo.common.scenes.top_view import TopView
 from readygo.services.animator import handle_animate
 from readygo.services.planner import handle_human_plan
@@ -20,7 +21,7 @@ CLOSE_UP_RAD = 0.6
 """A human this far from the middle of the image is shown well [rad]."""
 BEST_DISTANCE_M = 2.5
 """A human this far away is shown best [m]."""
-ANIMATION_HEIGHT_PX, ANIMATION_STEP = 288, 2
+PAGE_HEIGHT_PX, PAGE_STEP = 288, 2
 """Height of the robot's view in a page's film, about, and rows from image to image."""
 
 Way = npt.NDArray[np.float64]
@@ -75,10 +76,10 @@ class RecordedEpisodes:
             outcome=entry.outcome.value.replace("_", " "),
         )
 
-    def write_animation(self, path: Path, entry: EpisodeEntry, view: TopView) -> None:
-        """Write an episode as an animation for pages."""
-        frames = film_frames(self.film(entry), view, camera_height_px=ANIMATION_HEIGHT_PX, step=ANIMATION_STEP)
-        write_animation(path, frames, step=ANIMATION_STEP)
+    def write_film(self, path: Path, entry: EpisodeEntry, view: TopView) -> None:
+        """Write an episode as a film for pages, small and at half of the pictures."""
+        frames = film_frames(self.film(entry), view, camera_height_px=PAGE_HEIGHT_PX, step=PAGE_STEP)
+        write_film(path, frames, fps=RATE_HZ // PAGE_STEP)
 
     def nearness(self, entry: EpisodeEntry) -> npt.NDArray[np.float64]:
         """How well a human can be seen at each sample: in view, not hidden, two to three metres away; -inf if not."""

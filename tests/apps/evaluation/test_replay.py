@@ -39,8 +39,8 @@ def test_map_and_strip_show_the_episode(evaluated):
 
 def test_film_has_an_image_per_step(evaluated, tmp_path):
     record = of(evaluated, Method.STRAIGHT_LINE)[0]
-    evaluated.replays.film(tmp_path / "film.mp4", record)
-    film = cv2.VideoCapture(str(tmp_path / "film.mp4"))
+    evaluated.replays.film(tmp_path / "film.webm", record)
+    film = cv2.VideoCapture(str(tmp_path / "film.webm"))
     assert film.get(cv2.CAP_PROP_FRAME_COUNT) == round(record.result.duration_s * 20)
 
 

@@ -46,7 +46,8 @@ def test_report_tells_the_rates_and_links_films_and_failures(content):
     assert "policy in a &lt;flat&gt;" in html
     assert '<a href="failures.html">' in html
     assert 'src="films/a.webm"' in html
-    assert "reached the goal 3 (green), hit a human 1 (orange), hit a thing 1 (black), too late 1 (pink)" in html
+    for end in ("reached the goal: 3", "hit a human: 1", "hit a thing: 1", "too late: 1"):
+        assert end in html
     assert "40 %" in html
 
 

@@ -10,12 +10,13 @@ from tests.apps.evaluation.test_choice import record
 
 
 def test_pages_and_films_are_made_of_what_was_kept(evaluated):
-    write_films(evaluated.replays, evaluated.request, evaluated.reply, ["worst"])
     records = [record for record in evaluated.reply.records if record.method is Method.POLICY]
-    films = [film_path(evaluated.folder, record) for record in records]
+    index = records[0].episode.index
+    films = [film_path(evaluated.folder, record) for record in records if record.episode.index == index]
+    write_films(evaluated.replays, evaluated.request, evaluated.reply, [str(index)])
     assert sorted(path.name for path in (evaluated.folder / "films").iterdir()) == sorted(path.name for path in films)
     before = [path.stat().st_mtime_ns for path in films]
-    write_films(evaluated.replays, evaluated.request, evaluated.reply, ["worst"])
+    write_films(evaluated.replays, evaluated.request, evaluated.reply, [str(index)])
     assert [path.stat().st_mtime_ns for path in films] == before, "what is there is not made again"
     command_of = plan_command("embedded", evaluated.request, {"policy": evaluated.policy, "robot": None})
     write_pages(evaluated.replays, evaluated.request, evaluated.reply, title="random", command_of=command_of)
