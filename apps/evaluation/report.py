@@ -123,8 +123,8 @@ def _scores(summaries: Mapping[tuple[Task, Method], TaskSummary], watched: Metho
     numbers = table(columns, [_score_row(task, method, summary) for (task, method), summary in summaries.items()])
     bars = "".join(_bars(task, summaries, watched) for task in dict.fromkeys(task for task, _ in summaries))
     note = (
-        "Success: within the goal's circle, no collision, in time. The line on a bar is Wilson's 95 % interval. A failure "
-        "counts the whole time limit in the reaching time; SPL is success weighted by path length."
+        "Success: within the goal's circle, no collision, in time. The line on a bar is Wilson's 95 % interval. A "
+        "failure counts the whole time limit in the reaching time; SPL is success weighted by path length."
     )
     return f'{bars}<p class="note">{note}</p>{details("All numbers", numbers)}'
 
