@@ -10,7 +10,7 @@ from readygo.common.errors import SceneError
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.kernels import compiled
 from readygo.common.maps.fill import box_mean, fill_smoothly
-from readygo.common.maps.floor_layers import COLUMN_M, CoarseFloor, find_coarse_floor
+from readygo.common.maps.floor_layers import COLUMN_M, SLOPE_MAX, CoarseFloor, find_coarse_floor
 from readygo.common.maps.grid import FloorMap, GridFrame
 from readygo.common.maps.surface import SurfaceSamples, sample_surfaces
 
@@ -41,6 +41,9 @@ class FloorEstimate:
     floor: FloorMap
     supported: npt.NDArray[np.bool_]
     """True where floor is seen, or hidden by a small gap only; same grid as the floor, shape (H, W)."""
+    relief_m: npt.NDArray[np.float64]
+    """World z of what is seen of the floor before it is smoothed [m]: its bulges too, where they rise no faster than
+    SLOPE_MAX, never below the floor, shape (H, W)."""
 
 
 def estimate_floor(cloud: GaussianCloud, cell_m: float) -> FloorEstimate:
@@ -74,7 +77,8 @@ def estimate_floor(cloud: GaussianCloud, cell_m: float) -> FloorEstimate:
         raise SceneError("The scene has no floor: its level surfaces are too faint; check the scale.")
     height = _smoothed(prior + offset, known)
     floor = FloorMap(frame=frame, height_m=height.astype(np.float32))
-    return FloorEstimate(floor=floor, supported=_closed(known, cell_m))
+    relief = np.maximum(height, _gentle(np.where(known, prior + offset, height), cell_m))
+    return FloorEstimate(floor=floor, supported=_closed(known, cell_m), relief_m=relief)
 
 
 def _arrays(samples: SurfaceSamples) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
@@ -166,6 +170,17 @@ def _smoothed(height_m: npt.NDArray[np.float64], known: npt.NDArray[np.bool_]) -
     filled = fill_smoothly(height_m, known)
     median: npt.NDArray[np.float64] = ndimage.median_filter(filled, size=5, mode="nearest")
     return box_mean(median)
+
+
+def _gentle(height_m: npt.NDArray[np.float64], cell_m: float) -> npt.NDArray[np.float64]:
+    """The highest surface below this one that is nowhere steeper than SLOPE_MAX: bulges stay, steps become ramps."""
+    from scipy import ndimage
+
+    reach = max(1, round(BAND_M / SLOPE_MAX / cell_m))
+    i, j = np.mgrid[-reach : reach + 1, -reach : reach + 1]
+    cone = -SLOPE_MAX * cell_m * np.sqrt(i * i + j * j)
+    gentle: npt.NDArray[np.float64] = ndimage.grey_erosion(height_m, structure=cone, mode="nearest")
+    return gentle
 
 
 def _closed(known: npt.NDArray[np.bool_], cell_m: float) -> npt.NDArray[np.bool_]:

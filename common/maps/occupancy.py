@@ -69,6 +69,8 @@ class ScenePlan:
     floor: FloorMap
     unknown: npt.NDArray[np.bool_]
     """Cells that are occupied only because no floor, or a too steep one, is seen there, shape (H, W)."""
+    phantoms: npt.NDArray[np.bool_]
+    """Cells where only the floor's own Gaussians stick out of it; they are free, shape (H, W)."""
 
 
 def plan_scene(cloud: GaussianCloud, config: MapConfig) -> ScenePlan:
@@ -84,12 +86,17 @@ def plan_scene(cloud: GaussianCloud, config: MapConfig) -> ScenePlan:
     estimate = estimate_floor(cloud, FLOOR_CELLS * config.resolution_m)
     frame = replace(estimate.floor.frame, resolution_m=config.resolution_m)
     shape = tuple(FLOOR_CELLS * n for n in estimate.supported.shape)
-    bands = _occupied_bands(_above_floor(cloud, estimate.floor), frame, (shape[0], shape[1]), config)
+    above = _above_floor(cloud, estimate.floor)
+    bands = _occupied_bands(above, frame, (shape[0], shape[1]), config)
     robot = _with_compact_low(bands.low, bands.robot, config.resolution_m)
     robot |= _railings(bands.waist, robot, config.resolution_m)
     human = _with_compact_low(bands.low, bands.human, config.resolution_m)
+    standing = _occupied_bands(above.select(_stand(cloud, estimate, config)), frame, (shape[0], shape[1]), config)
+    phantoms = _phantoms(robot | human, standing.low | standing.robot | standing.waist | standing.human)
+    robot, human = robot & ~phantoms, human & ~phantoms
     closed = ~_walkable(estimate, config.slope_max)
     return ScenePlan(
+        phantoms=phantoms & ~closed,
         robot=OccupancyMap(frame=frame, occupied=robot | closed),
         human=OccupancyMap(frame=frame, occupied=human | closed),
         floor=estimate.floor,
@@ -112,6 +119,26 @@ def _above_floor(cloud: GaussianCloud, floor: FloorMap) -> GaussianCloud:
     means = cloud.means_m.copy()
     means[:, 2] -= floor.at_many(cloud.means_m[:, :2].astype(np.float64)).astype(np.float32)
     return replace(cloud, means_m=means)
+
+
+def _stand(cloud: GaussianCloud, estimate: FloorEstimate, config: MapConfig) -> npt.NDArray[np.bool_]:
+    """The Gaussians that stand on the floor: their centres are higher over what is seen of it than counts as floor."""
+    relief = FloorMap(frame=estimate.floor.frame, height_m=estimate.relief_m.astype(np.float32))
+    height_m = cloud.means_m[:, 2] - relief.at_many(cloud.means_m[:, :2].astype(np.float64))
+    standing: npt.NDArray[np.bool_] = height_m > config.ground_clearance_m
+    return standing
+
+
+def _phantoms(occupied: npt.NDArray[np.bool_], standing: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """Islands without a cell in which something stands: rough ground made of thick Gaussians, not obstacles."""
+    from scipy import ndimage
+
+    labels, count = ndimage.label(occupied, np.ones((3, 3)))
+    real = np.zeros(count + 1, np.bool_)
+    real[np.unique(labels[standing])] = True
+    real[0] = True
+    phantoms: npt.NDArray[np.bool_] = ~real[labels]
+    return phantoms
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
