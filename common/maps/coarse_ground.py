@@ -19,8 +19,10 @@ WIDTH_M = 1.0
 """Narrower patches and gaps are smoothed away: what a rug or a shadow leaves is no border [m]."""
 
 
-def coarse_ground(cloud: GaussianCloud, floor: FloorMap, known: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """Cells whose ground consists of large Gaussians.
+def coarse_ground(
+    cloud: GaussianCloud, floor: FloorMap, known: npt.NDArray[np.bool_]
+) -> tuple[npt.NDArray[np.bool_], float]:
+    """Cells whose ground consists of large Gaussians, and the usual size of all that the ground consists of.
 
     Args:
         cloud: Gaussians, metres, z up.
@@ -28,14 +30,15 @@ def coarse_ground(cloud: GaussianCloud, floor: FloorMap, known: npt.NDArray[np.b
         known: Cells with floor, shape (H, W) of the floor's grid.
 
     Returns:
-        Mask, shape (H, W).
+        Mask, shape (H, W), and the median of the largest standard deviations [m].
     """
     from scipy import ndimage
 
     height_m = cloud.means_m[:, 2] - floor.at_many(cloud.means_m[:, :2].astype(np.float64))
     ground = cloud.select(np.abs(height_m) < BAND_M)
     reach_m = ground.scales_m.max(axis=1)
-    limit_m = max(COARSE_M, COARSE_RATIO * float(np.median(reach_m))) if len(ground) else COARSE_M
+    usual_m = float(np.median(reach_m)) if len(ground) else 0.0
+    limit_m = max(COARSE_M, COARSE_RATIO * usual_m)
     large, small = (_covered_m2(ground.select(part), floor) for part in (reach_m > limit_m, reach_m <= limit_m))
     covered = large + small
     share = np.divide(large, covered, out=np.zeros_like(large), where=covered > 0)
@@ -43,7 +46,7 @@ def coarse_ground(cloud: GaussianCloud, floor: FloorMap, known: npt.NDArray[np.b
     weights = ndimage.uniform_filter(known.astype(np.float64), size)
     mean = ndimage.uniform_filter(np.where(known, share, 0.0), size)
     coarse: npt.NDArray[np.bool_] = known & (mean >= SHARE_MIN * weights)
-    return coarse
+    return coarse, usual_m
 
 
 def _covered_m2(cloud: GaussianCloud, floor: FloorMap) -> npt.NDArray[np.float64]:

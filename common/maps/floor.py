@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.errors import SceneError
+from readygo.common.errors import NoGroundError
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.kernels import compiled
 from readygo.common.maps.fill import box_mean, fill_smoothly
@@ -58,12 +58,12 @@ def estimate_floor(cloud: GaussianCloud, cell_m: float) -> FloorEstimate:
         cell_m: Edge of the floor map's cells [m].
 
     Raises:
-        SceneError: If there is no floor, or the map would be too large.
+        NoGroundError: If there is no floor, or the map would be too large.
     """
     coarse = find_coarse_floor(sample_surfaces(cloud, COLUMN_M / 2))
     if coarse is None or coarse.area_m2 < AREA_MIN_M2:
         found_m2 = 0.0 if coarse is None else coarse.area_m2
-        raise SceneError(
+        raise NoGroundError(
             f"The scene has no floor: the largest level surface covers {found_m2:.1f} m2, {AREA_MIN_M2:.0f} m2 are "
             "needed; check the up axis and the scale, or import a whole place instead of an object."
         )
@@ -74,7 +74,7 @@ def estimate_floor(cloud: GaussianCloud, cell_m: float) -> FloorEstimate:
     offset, covered_m2 = _visible_offset(masses, cell_m * cell_m)
     known = covered_m2 >= COVERAGE_MIN * cell_m * cell_m
     if not known.any():
-        raise SceneError("The scene has no floor: its level surfaces are too faint; check the scale.")
+        raise NoGroundError("The scene has no floor: its level surfaces are too faint; check the scale.")
     height = _smoothed(prior + offset, known)
     floor = FloorMap(frame=frame, height_m=height.astype(np.float32))
     relief = np.maximum(height, _gentle(np.where(known, prior + offset, height), cell_m))
@@ -93,9 +93,9 @@ def _fine_grid(coarse: CoarseFloor, cell_m: float) -> tuple[GridFrame, tuple[int
     first = np.floor((low - MARGIN_M) / cell_m)
     width, height = np.ceil((high + MARGIN_M) / cell_m - first).astype(int).tolist()
     if 4 * width * height > CELLS_MAX:
-        raise SceneError(
+        raise NoGroundError(
             f"The floor spans {high[0] - low[0]:.0f} x {high[1] - low[1]:.0f} m: over {CELLS_MAX // 10**6} million "
-            f"cells of {cell_m / 2:g} m; use a coarser resolution, for example {cell_m:g} m, or crop the scene."
+            f"cells of {cell_m / 2:g} m; use a coarser resolution, for example {cell_m:g} m, or crop the scene (--crop)."
         )
     frame = GridFrame(origin_x_m=float(first[0]) * cell_m, origin_y_m=float(first[1]) * cell_m, resolution_m=cell_m)
     return frame, (height, width)

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.gaussians import GaussianCloud
+from readygo.common.maps.coarse_ground import coarse_ground
 from readygo.common.maps.floor import FloorEstimate, estimate_floor
 from readygo.common.maps.grid import FloorMap, GridFrame, OccupancyMap
 from readygo.common.maps.voxels import opacity_sums
@@ -47,6 +48,8 @@ class MapConfig:
     human_height_m: float = 1.9
     slope_max: float = 0.35
     """Steeper floor (rise over run) is blocked."""
+    close_coarse: bool = False
+    """True blocks ground that nobody filmed: where huge Gaussians stand for it."""
 
     def __post_init__(self) -> None:
         if not 0.01 <= self.resolution_m <= 1.0:
@@ -71,6 +74,10 @@ class ScenePlan:
     """Cells that are occupied only because no floor, or a too steep one, is seen there, shape (H, W)."""
     phantoms: npt.NDArray[np.bool_]
     """Cells where only the floor's own Gaussians stick out of it; they are free, shape (H, W)."""
+    coarse: npt.NDArray[np.bool_]
+    """Cells whose ground nobody filmed from near, shape (H, W)."""
+    ground_size_m: float
+    """Usual size of the Gaussians that the ground consists of [m]."""
 
 
 def plan_scene(cloud: GaussianCloud, config: MapConfig) -> ScenePlan:
@@ -81,7 +88,7 @@ def plan_scene(cloud: GaussianCloud, config: MapConfig) -> ScenePlan:
         config: Cells, thresholds and heights.
 
     Raises:
-        SceneError: If no floor is found.
+        NoGroundError: If no floor is found.
     """
     estimate = estimate_floor(cloud, FLOOR_CELLS * config.resolution_m)
     frame = replace(estimate.floor.frame, resolution_m=config.resolution_m)
@@ -95,8 +102,14 @@ def plan_scene(cloud: GaussianCloud, config: MapConfig) -> ScenePlan:
     phantoms = _phantoms(robot | human, standing.low | standing.robot | standing.waist | standing.human)
     robot, human = robot & ~phantoms, human & ~phantoms
     closed = ~_walkable(estimate, config.slope_max)
+    coarse, ground_size_m = coarse_ground(cloud, estimate.floor, estimate.supported)
+    coarse = coarse.repeat(FLOOR_CELLS, axis=0).repeat(FLOOR_CELLS, axis=1)
+    if config.close_coarse:
+        closed |= coarse
     return ScenePlan(
         phantoms=phantoms & ~closed,
+        coarse=coarse,
+        ground_size_m=ground_size_m,
         robot=OccupancyMap(frame=frame, occupied=robot | closed),
         human=OccupancyMap(frame=frame, occupied=human | closed),
         floor=estimate.floor,

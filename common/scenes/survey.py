@@ -4,12 +4,13 @@ All lengths are in units of the file, all directions in its axes, so that nothin
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.errors import SceneError
+from readygo.common.errors import NoGroundError
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.gaussians.transform import R_UP
 
@@ -129,26 +130,19 @@ def survey(cloud: GaussianCloud) -> Survey:
     )
 
 
-def resolve_up(up: str, cloud: GaussianCloud) -> str:
-    """The up direction by name, with "auto" looked for in the cloud.
+def resolve_up(up: str, load: Callable[[], GaussianCloud]) -> str:
+    """The up direction by name; "auto" is looked for in the cloud, which is only read for that.
 
     Raises:
-        SceneError: If it is to be found and is not clear.
+        NoGroundError: If it is to be found and is not clear.
     """
     if up != "auto":
         return up
-    found = survey(cloud)
+    found = survey(load())
     if found.clear_up is None:
-        raise SceneError("--up auto: no direction is clearly up; " + candidates_line(found))
+        names = ", ".join(candidate.name for candidate in found.ups[:3]) or "none"
+        raise NoGroundError(f"No direction of the scene is clearly up (candidates: {names}).")
     return found.clear_up.name
-
-
-def candidates_line(found: Survey) -> str:
-    """The candidates for up in a few words."""
-    if not found.ups:
-        return "no plane in it looks like a floor: it may be an object, or outdoors without level ground."
-    words = [f"{up.name} ({100 * up.support:.0f} % of the surface lies level, score {up.score:.2f})" for up in found.ups[:3]]
-    return f"candidates: {', '.join(words)}; look at the picture, and give one as --up={found.ups[0].name}."
 
 
 def _flat(cloud: GaussianCloud) -> _Flat:
