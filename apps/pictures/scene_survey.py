@@ -23,8 +23,6 @@ MARGIN = 0.12
 CEILING = 0.6
 """From above, only this part of the height is drawn, so that a ceiling hides nothing."""
 COLOURS: tuple[Rgb, ...] = (ROBOT, HUMANS[0], HUMANS[1])
-SHOWN_MIN = 0.25
-"""Candidates of at least this part of the best one's score are drawn."""
 AXES = "xyz"
 VIEWS = ((0, 1, (0, 0, 1)), (0, 2, (0, -1, 0)), (1, 2, (1, 0, 0)))
 """Axis to the right, axis upwards, and where the viewer stands."""
@@ -62,7 +60,7 @@ def survey_picture(cloud: GaussianCloud, found: Survey, headline: str) -> Pictur
         RGB image, shape (H, W, 3).
     """
     plain = replace(cloud, sh=np.ascontiguousarray(cloud.sh[:, :1]))
-    candidates = tuple(up for up in found.ups[: len(COLOURS)] if up.score >= SHOWN_MIN * found.ups[0].score)
+    candidates = found.likely_ups
     views = [_view(plain, found, candidates, *view) for view in VIEWS]
     legend = [
         (line_swatch(colour, 3), f"--up={up.name}: floor at {up.floor:.3g}, {100 * up.support:.1f} % of the surface")
@@ -95,8 +93,8 @@ def _view(
     view = draw_top_view(moved, ground, frame, (shape[0], shape[1]), ceiling_m=top)
     picture = np.ascontiguousarray(view.rgb)
     _draw_grid(picture, view, (right, upwards))
-    for colour, up in list(zip(COLOURS, candidates, strict=False))[::-1]:
-        _draw_floor(picture, view, R @ up.up, up.floor, colour)
+    for colour, candidate in list(zip(COLOURS, candidates, strict=False))[::-1]:
+        _draw_floor(picture, view, R @ candidate.up, candidate.floor, colour)
     return _titled(picture, right, upwards, R[2])
 
 

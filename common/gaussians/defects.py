@@ -95,7 +95,7 @@ def _float(
     sparse = counts < SPARSE_RATIO * np.quantile(held, 0.9)
     if sparse[counts > 0].mean() > SPARSE_CELLS_MIN:
         alone |= sparse
-    floats = ~inside
+    floats = np.asarray(~inside)
     floats[inside] = alone[tuple(cells.T)]
     return floats
 

@@ -38,7 +38,9 @@ def R_from_up(up: str) -> npt.NDArray[np.float64]:
         return _R_from_direction(axis, up)
     axis = axis if axis[:1] in ("+", "-") else f"+{axis}"
     if axis not in R_UP:
-        raise SceneError(f"Unknown up axis {up!r}; use one of {', '.join(R_UP)}, or three numbers such as 0.1,-0.99,0.05.")
+        raise SceneError(
+            f"Unknown up axis {up!r}; use one of {', '.join(R_UP)}, or three numbers such as 0.1,-0.99,0.05."
+        )
     return np.array(R_UP[axis], dtype=np.float64)
 
 
@@ -55,7 +57,9 @@ def _R_from_direction(text: str, up: str) -> npt.NDArray[np.float64]:
     R_axis = max((np.array(R, dtype=np.float64) for R in R_UP.values()), key=lambda R: float(R[2] @ direction))
     x, y, z = R_axis @ direction
     # Rodrigues' formula for the rotation that takes (x, y, z) to (0, 0, 1); z is at least 1 / sqrt(3).
-    tilt = np.array([[1 - x * x / (1 + z), -x * y / (1 + z), -x], [-x * y / (1 + z), 1 - y * y / (1 + z), -y], [x, y, z]])
+    tilt = np.array(
+        [[1 - x * x / (1 + z), -x * y / (1 + z), -x], [-x * y / (1 + z), 1 - y * y / (1 + z), -y], [x, y, z]]
+    )
     turned: npt.NDArray[np.float64] = tilt @ R_axis
     return turned
 

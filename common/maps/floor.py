@@ -95,7 +95,7 @@ def _fine_grid(coarse: CoarseFloor, cell_m: float) -> tuple[GridFrame, tuple[int
     if 4 * width * height > CELLS_MAX:
         raise NoGroundError(
             f"The floor spans {high[0] - low[0]:.0f} x {high[1] - low[1]:.0f} m: over {CELLS_MAX // 10**6} million "
-            f"cells of {cell_m / 2:g} m; use a coarser resolution, for example {cell_m:g} m, or crop the scene (--crop)."
+            f"cells of {cell_m / 2:g} m; use a coarser resolution, for example {cell_m:g} m, or --crop the scene."
         )
     frame = GridFrame(origin_x_m=float(first[0]) * cell_m, origin_y_m=float(first[1]) * cell_m, resolution_m=cell_m)
     return frame, (height, width)

@@ -18,7 +18,7 @@ from readygo.common.gaussians.defects import HUGE, excessive, refusal, unusable,
 from readygo.common.gaussians.files import load_gaussians, read_gaussians, with_unit_rotations
 from readygo.common.maps import MapConfig, ScenePlan, largest_free_area, plan_scene, save_ros_map
 from readygo.common.robot import RobotConfig
-from readygo.common.scenes.edit import Box, cropped
+from readygo.common.scenes.edit import Box, cropped, mirrored
 from readygo.common.scenes.findings import findings
 from readygo.common.scenes.manifest import FORMAT, MANIFEST, combined_hash, file_of, grid_digest, toml_text
 from readygo.common.scenes.report import scene_report
@@ -77,6 +77,7 @@ def import_scene(
     human_height_m: float = 1.9,
     crop: Box | None = None,
     close_coarse: bool = False,
+    mirror: bool = False,
     drop_bad: bool = False,
 ) -> Scene:
     """Make a scene bundle of a Gaussian file.
@@ -97,6 +98,7 @@ def import_scene(
         human_height_m: Height of humans for their map [m].
         crop: What is kept of the scene, in metres after moving.
         close_coarse: Keep everybody off ground that nobody filmed.
+        mirror: Take the mirror image of the file.
         drop_bad: Leave out Gaussians that cannot be drawn (`readygo.common.gaussians.defects`) instead of refusing the
             file, and those that are huge; their number is kept in `SceneSource.dropped_gaussians`.
 
@@ -119,6 +121,8 @@ def import_scene(
     files = [_sound(Path(file), R, translate_m, scale, drop_bad=drop_bad) for file in (source, sky) if file is not None]
     cloud, sky_cloud = files[0][0], files[1][0] if sky is not None else None
     dropped = sum(dropped for _, dropped in files)
+    if mirror:
+        cloud, sky_cloud = mirrored(cloud), None if sky_cloud is None else mirrored(sky_cloud)
     if drop_bad:
         cloud, huge = without(cloud, {HUGE: unwanted(cloud)[HUGE]})
         dropped += huge.get(HUGE, 0)
@@ -132,7 +136,7 @@ def import_scene(
         scale_origin="as in the file" if scale == 1 else "given on import",
         translate_m=tuple(map(float, translate_m)),
         dropped_gaussians=dropped,
-        edits=() if crop is None else (f"cropped to {crop}",),
+        edits=(*(["mirrored"] if mirror else []), *([] if crop is None else [f"cropped to {crop}"])),
     )
     return save_scene(
         cloud, sky_cloud, out, name=name, license=license, source=provenance, robot=robot, map_config=config

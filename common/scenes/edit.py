@@ -29,7 +29,9 @@ class Box:
 
     def __str__(self) -> str:
         ranges = zip("xyz", self.low, self.high, strict=True)
-        return ", ".join(f"{axis} {low:g}..{high:g} m" for axis, low, high in ranges if (low, high) != (-math.inf, math.inf))
+        return ", ".join(
+            f"{axis} {low:g}..{high:g} m" for axis, low, high in ranges if (low, high) != (-math.inf, math.inf)
+        )
 
 
 def crop_box(xy: tuple[float, float, float, float] | None, z: tuple[float, float] | None) -> Box | None:
@@ -51,7 +53,7 @@ def cropped(cloud: GaussianCloud, box: Box) -> GaussianCloud:
     Raises:
         SceneError: If there are none.
     """
-    kept = ((cloud.means_m >= np.array(box.low)) & (cloud.means_m <= np.array(box.high))).all(axis=1)
+    kept = np.asarray(((cloud.means_m >= np.array(box.low)) & (cloud.means_m <= np.array(box.high))).all(axis=1))
     if not kept.any():
         low, high = np.quantile(cloud.means_m, [0.01, 0.99], axis=0)
         extent = ", ".join(f"{axis} {a:.1f}..{b:.1f}" for axis, a, b in zip("xyz", low, high, strict=True))
@@ -124,7 +126,7 @@ def mirrored(cloud: GaussianCloud) -> GaussianCloud:
     parity = np.sign(sh_basis(directions * flip, cloud.sh_degree) * sh_basis(directions, cloud.sh_degree))[0]
     return GaussianCloud(
         means_m=(cloud.means_m * flip).astype(np.float32),
-        quats_wxyz=cloud.quats_wxyz * np.float32([1.0, 1.0, -1.0, -1.0]),
+        quats_wxyz=cloud.quats_wxyz * np.array([1.0, 1.0, -1.0, -1.0], np.float32),
         scales_m=cloud.scales_m,
         opacities=cloud.opacities,
         sh=(cloud.sh * parity[:, None]).astype(np.float32),

@@ -65,7 +65,9 @@ def _frame(found: Survey) -> list[str]:
             f"its ceiling is {clear.ceiling:.2f} m above its floor: the scale may be wrong by {factor:.2g}, which "
             "`readygo scene scale --room-height 2.5` mends."
         )
-    storeys = [z for z in clear.levels if z - clear.floor >= STOREY_M and z < clear.floor + (clear.ceiling or math.inf) - 1]
+    storeys = [
+        z for z in clear.levels if z - clear.floor >= STOREY_M and z < clear.floor + (clear.ceiling or math.inf) - 1
+    ]
     sentences += [
         f"there may be another floor at z = {z:.1f} m, which robots do not reach; crop with --crop-z to import it."
         for z in storeys[:1]
@@ -75,9 +77,7 @@ def _frame(found: Survey) -> list[str]:
 
 
 def _gaussians(cloud: GaussianCloud) -> list[str]:
-    masks = {
-        kind: mask for kind, mask in unwanted(cloud).items() if float(mask.mean()) > SHARES_WORTH_NAMING[kind]
-    }
+    masks = {kind: mask for kind, mask in unwanted(cloud).items() if float(mask.mean()) > SHARES_WORTH_NAMING[kind]}
     if not masks:
         return []
     return [f"it holds unwanted Gaussians ({counted(masks)}); `readygo scene clean` shows and removes them."]
@@ -98,7 +98,7 @@ def _ground(plan: ScenePlan) -> list[str]:
         )
     if plan.ground_size_m > BLURRED_M:
         sentences.append(
-            f"its ground is made of Gaussians of {plan.ground_size_m:.2f} m: images at a robot's height will be blurred."
+            f"its ground consists of Gaussians of {plan.ground_size_m:.2f} m: a robot's images of it will be blurred."
         )
     return sentences
 

@@ -5,14 +5,15 @@ All lengths are in units of the file, all directions in its axes, so that nothin
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from readygo.common.errors import NoGroundError
 from readygo.common.gaussians import GaussianCloud
-from readygo.common.gaussians.transform import R_UP
+from readygo.common.gaussians.transform import R_UP, R_from_up
 
 Floats = npt.NDArray[np.float64]
 
@@ -32,6 +33,8 @@ SAME_DEG, AXIS_DEG = 12.0, 2.0
 """Directions nearer than the first are one candidate; nearer than the second to an axis they are called by it [deg]."""
 CLEAR_RATIO = 1.4
 """The best candidate for up is clear if its score is this many times the next one's."""
+LIKELY_RATIO = 0.25
+"""Candidates of at least this part of the best one's score are worth a look."""
 SCORE_MIN = 0.002
 """Weaker candidates are none at all."""
 ABOVE_MIN = 0.7
@@ -43,6 +46,8 @@ UNITS_M = {"metres": 1.0, "feet": 0.3048, "inches": 0.0254, "centimetres": 0.01,
 ROOM_HEIGHTS_M = (2.1, 6.0)
 SIZES_M = (4.0, 1000.0)
 """Plausible heights of rooms and widths of places [m]."""
+SCALE_RATIO = 1.5
+"""Scales that differ by less are the same guess."""
 DETAIL_M = 0.03
 """Usual size of the Gaussians of a place that was filmed at arm's length to some metres; a rough guide [m]."""
 
@@ -95,6 +100,11 @@ class Survey:
     """Best first."""
     scales: tuple[ScaleCandidate, ...]
     """Most telling first."""
+
+    @property
+    def likely_ups(self) -> tuple[UpCandidate, ...]:
+        """The candidates that are not far behind the best one, three at most."""
+        return tuple(up for up in self.ups[:3] if up.score >= LIKELY_RATIO * self.ups[0].score)
 
     @property
     def clear_up(self) -> UpCandidate | None:
@@ -156,7 +166,7 @@ def _flat(cloud: GaussianCloud) -> _Flat:
     return _Flat(
         means=visible.means_m[flat].astype(np.float64),
         normals=_axis(visible.quats_wxyz.astype(np.float64), thin)[flat],
-        areas=(sizes[:, 0] * sizes[:, 1] * visible.opacities)[flat],
+        areas=(sizes[:, 0] * sizes[:, 1] * visible.opacities.astype(np.float64))[flat],
         all_means=visible.means_m.astype(np.float64),
     )
 
@@ -272,3 +282,35 @@ def _scales(up: UpCandidate, size: Floats, detail: float) -> tuple[ScaleCandidat
     rough = f"roughly: its Gaussians would have the usual size of {100 * DETAIL_M:g} cm"
     found.append(ScaleCandidate(metres_per_unit=DETAIL_M / max(detail, 1e-9), reason=rough))
     return tuple(found)
+
+
+def advice(found: Survey, up: str, scale: float) -> str:
+    """What to try after an import with these options failed: options, and why."""
+    options, reasons = [], []
+    best = found.clear_up
+    if best is not None and up != "auto" and float(R_from_up(up)[2] @ best.up) < math.cos(math.radians(SAME_DEG)):
+        options.append(f"--up={best.name}")
+        reasons.append(f"{100 * best.above:.0f} % of the scene is above the plane that it makes the floor")
+    likely = found.scales[0]
+    if abs(math.log(likely.metres_per_unit / scale)) > math.log(SCALE_RATIO):
+        options.append(f"--scale {likely.metres_per_unit:.3g}")
+        reasons.append(likely.reason)
+    if not options:
+        return (
+            "Up and scale look right; if the picture shows a place that one can walk in, --crop away what is around it."
+        )
+    return f"Try {' '.join(options)} ({'; '.join(reasons)})."
+
+
+def survey_row(found: Survey) -> dict[str, Any]:
+    """A survey as plain values."""
+    return {
+        "gaussians": found.gaussians,
+        "extent_low": found.low.tolist(),
+        "extent_high": found.high.tolist(),
+        "up_candidates": [
+            {"up": up.name, "score": up.score, "floor": up.floor, "support": up.support, "ceiling": up.ceiling}
+            for up in found.ups
+        ],
+        "scale_candidates": [asdict(scale) for scale in found.scales],
+    }
