@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from readygo.apps.pictures.scene_maps import scene_pictures
@@ -167,7 +168,7 @@ def _print(scene: Scene, report: dict[str, Any], pictures: list[Path], *, json: 
     if _dropped(scene):
         table.add_row("left out", f"{_dropped(scene):,} Gaussians that cannot be drawn")
     for sentence in report.get("findings", []):
-        table.add_row("look here", sentence)
+        table.add_row("look here", escape(sentence))
     table.add_row("license", scene.license or "not given")
     table.add_row("bundle", str(scene.path))
     for path in pictures:

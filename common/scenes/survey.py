@@ -189,7 +189,7 @@ def _axis(q: Floats, axis: npt.NDArray[np.intp]) -> Floats:
 def _directions(flat: _Flat) -> list[Floats]:
     """The normals that most surface has, and the axes, each with its opposite."""
     axes = [np.eye(3)[axis] for axis in range(3)]
-    seeds = axes + [_refined(flat, seed) for seed in axes]
+    seeds = [_refined(flat, seed) for seed in axes]
     rest = np.ones(len(flat.normals), np.bool_)
     for _ in range(3):
         if not rest.any():
@@ -197,7 +197,7 @@ def _directions(flat: _Flat) -> list[Floats]:
         seeds.append(_refined(flat, flat.normals[rest][np.argmax(_votes(flat, flat.normals[rest]))]))
         rest &= np.abs(flat.normals @ seeds[-1]) < LYING_COS
     kept: list[Floats] = []
-    for seed in sorted(seeds, key=lambda up: -float(_votes(flat, up[None])[0])):
+    for seed in seeds + axes:
         if all(abs(float(seed @ other)) < math.cos(math.radians(SAME_DEG)) for other in kept):
             kept.append(seed)
     return [sign * up for up in kept for sign in (1.0, -1.0)]
@@ -296,9 +296,8 @@ def advice(found: Survey, up: str, scale: float) -> str:
         options.append(f"--scale {likely.metres_per_unit:.3g}")
         reasons.append(likely.reason)
     if not options:
-        return (
-            "Up and scale look right; if the picture shows a place that one can walk in, --crop away what is around it."
-        )
+        words = "No other axes or scale suggest themselves: is it an object? "
+        return words + "If it is a place to walk in, --crop away what surrounds it."
     return f"Try {' '.join(options)} ({'; '.join(reasons)})."
 
 

@@ -1,3 +1,5 @@
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -156,3 +158,18 @@ def test_real_flat_has_the_free_area_of_its_rooms(shared_data):
         assert cells[row - 10 : row + 11, column - 10 : column + 11].any()
     beyond_the_glass_railing = plan.robot.frame.cell(2.5, 2.6)
     assert not cells[beyond_the_glass_railing]
+
+
+def _low_box(cloud):
+    return plan_scene(concatenate([room(), cloud]), CONFIG)
+
+
+def test_thick_gaussians_of_the_floor_are_no_obstacle_but_low_boxes_are():
+    thick = sheet((2, 2, 0.02), (0.6, 0, 0), (0, 0.6, 0))
+    thick = dataclasses.replace(thick, scales_m=np.full_like(thick.scales_m, 0.18))
+    plan = _low_box(thick)
+    assert not state(plan.robot, 2.3, 2.3)
+    assert plan.phantoms[plan.robot.frame.cell(2.3, 2.3)]
+    plan = _low_box(box((2, 2, 0), (2.6, 2.6, 0.14)))
+    assert state(plan.robot, 2.3, 2.3)
+    assert not plan.phantoms.any()
