@@ -13,7 +13,7 @@ from readygo.apps.pictures.scene_maps import scene_pictures
 from readygo.apps.pictures.scene_survey import survey_picture
 from readygo.apps.run.scene_argument import open_scene
 from readygo.common.drawing.files import write_png
-from readygo.common.errors import NoGroundError, SceneError
+from readygo.common.errors import NoGroundError, ReadygoError, SceneError
 from readygo.common.gaussians.defects import HUGE, counted, unusable, unwanted, without
 from readygo.common.gaussians.files import read_gaussians, with_unit_rotations
 from readygo.common.robot import load_robot
@@ -125,7 +125,12 @@ def _shown(source: Path, out: Path, up: str, scale: float, *, json: bool) -> str
     seen, _ = without(cloud, {HUGE: masks[HUGE]})
     found = survey(seen)
     picture = out.with_name(f"{out.name}-survey.png")
-    write_png(picture, survey_picture(seen, found, source.name))
+    try:
+        write_png(picture, survey_picture(seen, found, source.name))
+        where = f"What the file holds: {picture}."
+    except ReadygoError as trouble:
+        # Why the scene cannot be imported matters more than its picture.
+        where = str(trouble)
     if json:
         sys.stdout.write(json_module.dumps({**survey_row(found), "picture": str(picture)}) + "\n")
     else:
@@ -136,7 +141,7 @@ def _shown(source: Path, out: Path, up: str, scale: float, *, json: bool) -> str
     words = advice(found, up, scale)
     if masks[HUGE].any():
         words += f" {int(masks[HUGE].sum())} of its Gaussians are huge and cover all: --drop-bad leaves them out."
-    return f"{words} What the file holds: {picture}."
+    return f"{words} {where}"
 
 
 def _survey_rows(found: Survey, unwanted_words: str) -> list[tuple[str, str]]:

@@ -143,7 +143,10 @@ def _stand(cloud: GaussianCloud, estimate: FloorEstimate, config: MapConfig) -> 
 
 
 def _phantoms(occupied: npt.NDArray[np.bool_], standing: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """Islands without a cell in which something stands: rough ground made of thick Gaussians, not obstacles."""
+    """Islands without a cell in which something stands: rough ground made of thick Gaussians, not obstacles.
+
+    A box of 0.3 m that is 12 cm high goes with them, one that is 14 cm high stays.
+    """
     from scipy import ndimage
 
     labels, count = ndimage.label(occupied, np.ones((3, 3)))

@@ -160,16 +160,12 @@ def test_real_flat_has_the_free_area_of_its_rooms(shared_data):
     assert not cells[beyond_the_glass_railing]
 
 
-def _low_box(cloud):
-    return plan_scene(concatenate([room(), cloud]), CONFIG)
-
-
 def test_thick_gaussians_of_the_floor_are_no_obstacle_but_low_boxes_are():
     thick = sheet((2, 2, 0.02), (0.6, 0, 0), (0, 0.6, 0))
     thick = dataclasses.replace(thick, scales_m=np.full_like(thick.scales_m, 0.18))
-    plan = _low_box(thick)
+    plan = plan_scene(concatenate([room(), thick]), CONFIG)
     assert not state(plan.robot, 2.3, 2.3)
     assert plan.phantoms[plan.robot.frame.cell(2.3, 2.3)]
-    plan = _low_box(box((2, 2, 0), (2.6, 2.6, 0.14)))
-    assert state(plan.robot, 2.3, 2.3)
+    plan = plan_scene(concatenate([room(), box((2, 2, 0), (2.3, 2.3, 0.14))]), CONFIG)
+    assert state(plan.robot, 2.15, 2.15)
     assert not plan.phantoms.any()
