@@ -32,7 +32,7 @@ def findings(cloud: GaussianCloud, plan: ScenePlan, report: dict[str, Any]) -> l
         report: Its figures, as of `scene_report`.
     """
     found = survey(cloud)
-    return [*_frame(found), *_gaussians(cloud), *_ground(plan), *_room_to_move(report)]
+    return [*_frame(found), *_storeys(found), *_gaussians(cloud), *_ground(plan), *_room_to_move(report)]
 
 
 def goals_line(farthest_m: float, goal_distance_min_m: float, radius_m: float) -> str:
@@ -65,15 +65,20 @@ def _frame(found: Survey) -> list[str]:
             f"its ceiling is {clear.ceiling:.2f} m above its floor: the scale may be wrong by {factor:.2g}, which "
             "`readygo scene scale --room-height 2.5` mends."
         )
-    storeys = [
-        z for z in clear.levels if z - clear.floor >= STOREY_M and z < clear.floor + (clear.ceiling or math.inf) - 1
-    ]
-    sentences += [
-        f"there may be another floor at z = {z:.1f} m, which robots do not reach; crop with --crop-z to import it."
-        for z in storeys[:1]
-        if clear.ceiling is not None
-    ]
     return sentences
+
+
+def _storeys(found: Survey) -> list[str]:
+    """Another floor above the one that is used."""
+    upright = [up for up in found.ups if up.up[2] > 0.95 and up.ceiling is not None]
+    if not upright or upright[0].ceiling is None:
+        return []
+    low, high = upright[0].floor + STOREY_M, upright[0].floor + upright[0].ceiling - STOREY_M
+    return [
+        f"there may be another floor at about z = {z:.1f} m, out of reach for robots; --crop-z imports it instead."
+        for z in upright[0].levels
+        if low <= z <= high
+    ][-1:]
 
 
 def _gaussians(cloud: GaussianCloud) -> list[str]:

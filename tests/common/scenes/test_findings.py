@@ -37,3 +37,10 @@ def test_goals_that_are_too_far_are_named_with_the_distance_that_fits():
     assert goals_line(3.2, 3.0, 0.3) == ""
     assert "goal_distance_min_m below 2.6" in goals_line(2.6, 3.0, 0.3)
     assert "goal_distance_min_m" not in goals_line(0.8, 3.0, 0.3)
+
+
+def test_second_floor_is_named_with_its_height(furnished):
+    upper = transform_cloud(furnished, np.eye(3), (0, 0, 2.8))
+    assert any(
+        "another floor at about z = 2.8 m" in sentence for sentence in _findings(concatenate([furnished, upper]))
+    )
