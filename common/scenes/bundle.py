@@ -1,5 +1,6 @@
 """Making scene bundles: from a Gaussian file, or from Gaussians in memory."""
 
+import dataclasses
 import json
 import math
 from dataclasses import dataclass
@@ -10,13 +11,15 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.config import section_to_mapping
-from readygo.common.errors import SceneError
+from readygo.common.errors import NoGroundError, SceneError
 from readygo.common.files import unfinished_folder
 from readygo.common.gaussians import GaussianCloud, R_from_up, save_ply, transform_cloud
-from readygo.common.gaussians.defects import excessive, refusal, unusable, without
-from readygo.common.gaussians.files import read_gaussians, with_unit_rotations
+from readygo.common.gaussians.defects import HUGE, excessive, refusal, unusable, unwanted, without
+from readygo.common.gaussians.files import load_gaussians, read_gaussians, with_unit_rotations
 from readygo.common.maps import MapConfig, ScenePlan, largest_free_area, plan_scene, save_ros_map
 from readygo.common.robot import RobotConfig
+from readygo.common.scenes.edit import Box, cropped, mirrored
+from readygo.common.scenes.findings import findings
 from readygo.common.scenes.manifest import FORMAT, MANIFEST, combined_hash, file_of, grid_digest, toml_text
 from readygo.common.scenes.report import scene_report
 from readygo.common.scenes.scene import (
@@ -29,6 +32,7 @@ from readygo.common.scenes.scene import (
     Scene,
     load_scene,
 )
+from readygo.common.scenes.survey import resolve_up
 
 FREE_AREA_MIN_M2 = 1.0
 """A scene whose largest connected free area for the robot is smaller is refused [m2]."""
@@ -52,7 +56,9 @@ class SceneSource:
     translate_m: tuple[float, ...] = (0.0, 0.0, 0.0)
     """Added after turning and scaling [m]."""
     dropped_gaussians: int = 0
-    """Gaussians of the files that could not be drawn and were left out."""
+    """Gaussians of the files that could not be drawn, or were huge, and were left out."""
+    edits: tuple[str, ...] = ()
+    """What was done to the scene afterwards: what was cropped, cleaned, turned."""
 
 
 def import_scene(
@@ -69,6 +75,9 @@ def import_scene(
     resolution_m: float = 0.05,
     opacity_threshold: float = 0.5,
     human_height_m: float = 1.9,
+    crop: Box | None = None,
+    close_coarse: bool = False,
+    mirror: bool = False,
     drop_bad: bool = False,
 ) -> Scene:
     """Make a scene bundle of a Gaussian file.
@@ -78,7 +87,8 @@ def import_scene(
         out: Folder to make; must not exist.
         name: Name of the scene; the folder's by default.
         sky: Gaussians of the far surroundings, in the frame of `source`.
-        up: Axis of the file that points up: +x, -x, +y, -y, +z or -z.
+        up: Axis of the file that points up: +x, -x, +y, -y, +z or -z; three numbers with commas for a direction; or
+            "auto", which finds it where that is clear.
         scale: Metres per unit of the file.
         translate_m: Added after turning and scaling [m].
         license: Terms of the scene, for everything made from it.
@@ -86,23 +96,38 @@ def import_scene(
         resolution_m: Edge of map cells [m].
         opacity_threshold: Opacity sum above which a voxel is occupied.
         human_height_m: Height of humans for their map [m].
+        crop: What is kept of the scene, in metres after moving.
+        close_coarse: Keep everybody off ground that nobody filmed.
+        mirror: Take the mirror image of the file.
         drop_bad: Leave out Gaussians that cannot be drawn (`readygo.common.gaussians.defects`) instead of refusing the
-            file; their number is kept in `SceneSource.dropped_gaussians`.
+            file, and those that are huge; their number is kept in `SceneSource.dropped_gaussians`.
 
     Returns:
         The scene.
 
     Raises:
-        SceneError: If the file cannot be used, `out` exists, or the scene has no floor or no free area.
+        SceneError: If the file cannot be used or `out` exists.
+        NoGroundError: If the scene has no floor or no free area, or it is not clear which way is up.
     """
     source, out, robot = Path(source), Path(out), robot or RobotConfig()
     _refuse_existing(out)
+    up = resolve_up(up, lambda: load_gaussians(source))
     R = R_from_up(up)
     if not (math.isfinite(scale) and scale > 0) or not all(map(math.isfinite, translate_m)):
         raise SceneError(f"The scale must be positive and the translation finite, got {scale} and {translate_m}.")
-    config = _map_config(robot, resolution_m, opacity_threshold, human_height_m)
+    config = dataclasses.replace(
+        _map_config(robot, resolution_m, opacity_threshold, human_height_m), close_coarse=close_coarse
+    )
     files = [_sound(Path(file), R, translate_m, scale, drop_bad=drop_bad) for file in (source, sky) if file is not None]
     cloud, sky_cloud = files[0][0], files[1][0] if sky is not None else None
+    dropped = sum(dropped for _, dropped in files)
+    if mirror:
+        cloud, sky_cloud = mirrored(cloud), None if sky_cloud is None else mirrored(sky_cloud)
+    if drop_bad:
+        cloud, huge = without(cloud, {HUGE: unwanted(cloud)[HUGE]})
+        dropped += huge.get(HUGE, 0)
+    if crop is not None:
+        cloud = cropped(cloud, crop)
     provenance = SceneSource(
         file=source.name,
         sha256=file_of(source.parent, source.name).sha256,
@@ -110,7 +135,8 @@ def import_scene(
         scale=float(scale),
         scale_origin="as in the file" if scale == 1 else "given on import",
         translate_m=tuple(map(float, translate_m)),
-        dropped_gaussians=sum(dropped for _, dropped in files),
+        dropped_gaussians=dropped,
+        edits=(*(["mirrored"] if mirror else []), *([] if crop is None else [f"cropped to {crop}"])),
     )
     return save_scene(
         cloud, sky_cloud, out, name=name, license=license, source=provenance, robot=robot, map_config=config
@@ -209,6 +235,7 @@ def fill_bundle(
     save_ros_map(plan.human, folder / HUMAN_MAP_FILE, unknown=plan.unknown)
     np.save(folder / FLOOR_FILE, plan.floor.height_m)
     report = scene_report(cloud, sky, plan.robot, plan.human, plan.floor, robot.planning_radius_m)
+    report["findings"] = findings(cloud, plan, report)
     (folder / REPORT_FILE).write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
     manifest = _manifest(folder, plan, name, license, source, robot, map_config)
     (folder / MANIFEST).write_text(toml_text(manifest), encoding="utf-8")
@@ -267,7 +294,7 @@ def _refuse_without_free_area(plan: ScenePlan, robot: RobotConfig) -> None:
         return
     floor_m2 = float((~plan.unknown).sum()) * plan.robot.frame.resolution_m**2
     clear_m2 = float((~plan.robot.occupied).sum()) * plan.robot.frame.resolution_m**2
-    raise SceneError(
+    raise NoGroundError(
         f"The scene has no free area for the robot: of {floor_m2:.1f} m2 mapped, {clear_m2:.1f} m2 are clear of "
         f"obstacles, and a disc of radius {radius_m:g} m can move on {area_m2:.1f} m2 ({FREE_AREA_MIN_M2:g} m2 are "
         "needed); check the up axis and the scale."
