@@ -10,9 +10,11 @@ from readygo.services.renderer.handlers import (
 )
 from readygo.services.renderer.live import LiveCamera
 from readygo.services.renderer.service import attach
+from readygo.services.renderer.survey import Look, look_around, unclear
 
 __all__ = [
     "LiveCamera",
+    "Look",
     "Renderer",
     "RendererConfig",
     "attach",
@@ -20,4 +22,6 @@ __all__ = [
     "episode_header",
     "episode_samples",
     "handle_render",
+    "look_around",
+    "unclear",
 ]
