@@ -10,9 +10,11 @@ from rich.table import Table
 
 from readygo.apps.pictures.scene_maps import scene_pictures
 from readygo.apps.run.scene_argument import open_scene
+from readygo.apps.survey.pictures import clarity_map, views_sheet
+from readygo.apps.survey.survey import Survey, survey_scene, warnings
 from readygo.common.drawing.files import write_png
 from readygo.common.errors import SceneError
-from readygo.common.robot import load_robot
+from readygo.common.robot import RobotConfig, load_robot
 from readygo.common.scenes import Scene, import_scene
 from readygo.common.scenes.report import scene_report
 
@@ -49,6 +51,7 @@ def scene_import(
         drop_bad: Leave out Gaussians that cannot be drawn (numbers that are not finite; beyond 10 km) and say how many.
         json: Print one JSON object instead of a table.
     """
+    chosen = None if robot is None else load_robot(robot)
     scene = import_scene(
         source,
         out,
@@ -58,23 +61,34 @@ def scene_import(
         scale=scale,
         translate_m=translate,
         license=license,
-        robot=None if robot is None else load_robot(robot),
+        robot=chosen,
         resolution_m=resolution,
         drop_bad=drop_bad,
     )
-    _print(scene, json_module.loads((scene.path / "report.json").read_text()), [], json=json)
+    seen = survey_scene(scene, chosen or RobotConfig())
+    _print(scene, json_module.loads((scene.path / "report.json").read_text()), seen, [], json=json)
 
 
-def scene_inspect(scene: str, /, *, out: Path | None = None, radius: float | None = None, json: bool = False) -> None:
-    """Measure a scene bundle and draw it, and its maps, from above.
+def scene_inspect(
+    scene: str,
+    /,
+    *,
+    out: Path | None = None,
+    radius: float | None = None,
+    robot: Path | None = None,
+    json: bool = False,
+) -> None:
+    """Measure a scene bundle, draw it, and its maps, from above, and look around in it with the robot's camera.
 
     Pictures of the maps: dark is occupied, grey has no floor in sight, white is too narrow for the agent, green is the
-    largest area that it can move in, orange are areas cut off from that.
+    largest area that it can move in, orange are areas cut off from that. views.png shows what the robot sees from places
+    all over that area, map_views.png the same area in the colours of their sharpness: orange and brown is fog.
 
     Args:
         scene: Scene bundle, or "embedded".
-        out: Folder for top.png, map_robot.png and map_human.png; the bundle's inspect/ by default.
+        out: Folder for the pictures; the bundle's inspect/ by default.
         radius: Radius of the robot's disc [m]; by default the one that the scene was imported for.
+        robot: robot.toml, for the camera that looks around.
         json: Print one JSON object instead of a table.
     """
     bundle = open_scene(scene)
@@ -85,23 +99,29 @@ def scene_inspect(scene: str, /, *, out: Path | None = None, radius: float | Non
     report = scene_report(bundle.cloud, bundle.sky, maps.robot, maps.human, maps.floor, radius_m)
     folder = bundle.path / "inspect" if out is None else out
     folder.mkdir(parents=True, exist_ok=True)
-    pictures = scene_pictures(bundle, radius_m)
+    seen = survey_scene(bundle, RobotConfig() if robot is None else load_robot(robot), radius_m=radius_m)
+    pictures = {
+        **scene_pictures(bundle, radius_m),
+        "views.png": views_sheet(seen, bundle.name),
+        "map_views.png": clarity_map(seen, maps.robot, radius_m),
+    }
     for file, picture in pictures.items():
         write_png(folder / file, picture)
-    _print(bundle, report, [folder / file for file in pictures], json=json)
+    _print(bundle, report, seen, [folder / file for file in pictures], json=json)
 
 
-def _print(scene: Scene, report: dict[str, Any], pictures: list[Path], *, json: bool) -> None:
+def _print(scene: Scene, report: dict[str, Any], seen: Survey, pictures: list[Path], *, json: bool) -> None:
     if json:
         head: dict[str, Any] = {"name": scene.name, "path": str(scene.path), "content_hash": scene.content_hash}
         head["license"] = scene.license
         head["dropped_gaussians"] = _dropped(scene)
-        row = {**head, **report, "pictures": [str(path) for path in pictures]}
+        row = {**head, **report, "views": seen.to_mapping(), "pictures": [str(path) for path in pictures]}
         sys.stdout.write(json_module.dumps(row) + "\n")
         return
     table = Table(title=f"scene {scene.name}", show_header=False)
     for label, text in _rows(report):
         table.add_row(label, text)
+    table.add_row("robot's views", _seen(seen))
     if _dropped(scene):
         table.add_row("left out", f"{_dropped(scene):,} Gaussians that cannot be drawn")
     table.add_row("license", scene.license or "not given")
@@ -109,6 +129,16 @@ def _print(scene: Scene, report: dict[str, Any], pictures: list[Path], *, json: 
     for path in pictures:
         table.add_row("picture", str(path))
     Console().print(table)
+    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    for text in warnings(seen):
+        console.print(f"Warning: {text}", markup=False)
+
+
+def _seen(seen: Survey) -> str:
+    return (
+        f"sharpness {seen.sharpness:.0f}, surface {100 * seen.coverage:.0f} % of the view "
+        f"(medians of {len(seen.places)} places)"
+    )
 
 
 def _dropped(scene: Scene) -> int:
