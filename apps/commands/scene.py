@@ -10,8 +10,8 @@ from rich.table import Table
 
 from readygo.apps.pictures.scene_maps import scene_pictures
 from readygo.apps.run.scene_argument import open_scene
-from readygo.apps.survey.pictures import clarity_map, views_sheet
-from readygo.apps.survey.survey import Survey, survey_scene, warnings
+from readygo.apps.views.pictures import clarity_map, views_sheet
+from readygo.apps.views.views import SceneViews, scene_views, warnings
 from readygo.common.drawing.files import write_png
 from readygo.common.errors import SceneError
 from readygo.common.robot import RobotConfig, load_robot
@@ -65,7 +65,7 @@ def scene_import(
         resolution_m=resolution,
         drop_bad=drop_bad,
     )
-    seen = survey_scene(scene, chosen or RobotConfig())
+    seen = scene_views(scene, chosen or RobotConfig())
     _print(scene, json_module.loads((scene.path / "report.json").read_text()), seen, [], json=json)
 
 
@@ -99,7 +99,7 @@ def scene_inspect(
     report = scene_report(bundle.cloud, bundle.sky, maps.robot, maps.human, maps.floor, radius_m)
     folder = bundle.path / "inspect" if out is None else out
     folder.mkdir(parents=True, exist_ok=True)
-    seen = survey_scene(bundle, RobotConfig() if robot is None else load_robot(robot), radius_m=radius_m)
+    seen = scene_views(bundle, RobotConfig() if robot is None else load_robot(robot), radius_m=radius_m)
     pictures = {
         **scene_pictures(bundle, radius_m),
         "views.png": views_sheet(seen, bundle.name),
@@ -110,7 +110,7 @@ def scene_inspect(
     _print(bundle, report, seen, [folder / file for file in pictures], json=json)
 
 
-def _print(scene: Scene, report: dict[str, Any], seen: Survey, pictures: list[Path], *, json: bool) -> None:
+def _print(scene: Scene, report: dict[str, Any], seen: SceneViews, pictures: list[Path], *, json: bool) -> None:
     if json:
         head: dict[str, Any] = {"name": scene.name, "path": str(scene.path), "content_hash": scene.content_hash}
         head["license"] = scene.license
@@ -134,7 +134,7 @@ def _print(scene: Scene, report: dict[str, Any], seen: Survey, pictures: list[Pa
         console.print(f"Warning: {text}", markup=False)
 
 
-def _seen(seen: Survey) -> str:
+def _seen(seen: SceneViews) -> str:
     return (
         f"sharpness {seen.sharpness:.0f}, surface {100 * seen.coverage:.0f} % of the view "
         f"(medians of {len(seen.places)} places)"

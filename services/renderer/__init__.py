@@ -10,7 +10,7 @@ from readygo.services.renderer.handlers import (
 )
 from readygo.services.renderer.live import LiveCamera
 from readygo.services.renderer.service import attach
-from readygo.services.renderer.survey import Look, look_around, unclear
+from readygo.services.renderer.looks import Look, look_around, unclear
 
 __all__ = [
     "LiveCamera",

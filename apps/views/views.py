@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from readygo.apps.survey.places import survey_poses
+from readygo.apps.views.places import poses_to_look_from
 from readygo.common.errors import SceneError
 from readygo.common.images.clarity import COVERED_FROM, SHARP_FROM
 from readygo.common.maps import clearance_m, free_components
@@ -43,7 +43,7 @@ class Place:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Survey:
+class SceneViews:
     """Places spread over the reachable ground of a scene."""
 
     places: tuple[Place, ...]
@@ -86,7 +86,7 @@ class Survey:
         }
 
 
-def survey_scene(scene: Scene, robot: RobotConfig, *, radius_m: float | None = None, places: int = PLACES) -> Survey:
+def scene_views(scene: Scene, robot: RobotConfig, *, radius_m: float | None = None, places: int = PLACES) -> SceneViews:
     """Look around at places spread over the ground that a robot can reach, without people.
 
     Args:
@@ -102,25 +102,25 @@ def survey_scene(scene: Scene, robot: RobotConfig, *, radius_m: float | None = N
     labels, _ = free_components(clearance_m(scene.maps.robot) > radius_m)
     if not (labels == 1).any():
         raise SceneError(f"Nowhere in scene {scene.name} is there room for a disc of radius {radius_m:g} m.")
-    poses = survey_poses(labels == 1, scene.maps.robot.frame, places)
+    poses = poses_to_look_from(labels == 1, scene.maps.robot.frame, places)
     looks = list(look_around(Renderer(scene, {}, robot, RendererConfig()), poses.reshape(-1, 3)))
     width = poses.shape[1]
-    return Survey(places=tuple(Place(looks=tuple(looks[k : k + width])) for k in range(0, len(looks), width)))
+    return SceneViews(places=tuple(Place(looks=tuple(looks[k : k + width])) for k in range(0, len(looks), width)))
 
 
-def warnings(survey: Survey) -> list[str]:
+def warnings(views: SceneViews) -> list[str]:
     """What is wrong with what the robot would see, a line each; none where all is well at most places."""
-    count, found = len(survey.places), []
-    if (blurred := survey.blurred) > TOLERATED * count:
+    count, found = len(views.places), []
+    if (blurred := views.blurred) > TOLERATED * count:
         found.append(
-            f"{blurred} of {count} places are blurred (sharpness below {SHARP_FROM:g}, median {survey.sharpness:.0f}): the "
+            f"{blurred} of {count} places are blurred (sharpness below {SHARP_FROM:g}, median {views.sharpness:.0f}): the "
             f"camera stands in haze or looks at what nobody filmed; [episode] sharpness_min = {SHARP_FROM:g} leaves out "
             "episodes that show no more."
         )
-    if (bare := survey.bare) > TOLERATED * count:
+    if (bare := views.bare) > TOLERATED * count:
         found.append(
             f"From {bare} of {count} places less than {100 * COVERED_FROM:.0f} % of the view is surface (median "
-            f"{100 * survey.coverage:.0f} %), the rest haze or nothing; [episode] coverage_min = {COVERED_FROM:g} leaves "
+            f"{100 * views.coverage:.0f} %), the rest haze or nothing; [episode] coverage_min = {COVERED_FROM:g} leaves "
             "out episodes that show no more."
         )
     return found

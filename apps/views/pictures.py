@@ -1,4 +1,4 @@
-"""Pictures of a survey: the robot's views on one sheet, and the map coloured by their sharpness."""
+"""What the robot sees, as pictures: its views on one sheet, and the map coloured by their sharpness."""
 
 import math
 
@@ -6,9 +6,18 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from readygo.apps.survey.survey import Place, Survey
+from readygo.apps.views.views import Place, SceneViews
 from readygo.common.drawing.files import Picture
-from readygo.common.drawing.plan_view import INK, WHITE, Rgb, draw_scale_bar, map_window, put_mark, put_text
+from readygo.common.drawing.plan_view import (
+    INK,
+    WHITE,
+    Rgb,
+    draw_scale_bar,
+    map_window,
+    put_mark,
+    put_text,
+    text_width_px,
+)
 from readygo.common.drawing.sheet import Swatch, sheet
 from readygo.common.images.clarity import SHARP_FROM
 from readygo.common.maps import OccupancyMap, clearance_m, free_components
@@ -36,32 +45,32 @@ def sharpness_legend() -> list[tuple[Swatch, str]]:
     return [(_swatch(colour), text) for _, colour, text in _STEPS]
 
 
-def views_sheet(survey: Survey, name: str) -> Picture:
+def views_sheet(views: SceneViews, name: str) -> Picture:
     """The typical view from each place, with number, place, sharpness and coverage below it.
 
     Args:
-        survey: What was seen.
+        views: What was seen.
         name: Of the scene.
 
     Returns:
         RGB.
     """
-    tiles = [_tile(number, place) for number, place in enumerate(survey.places, start=1)]
+    tiles = [_tile(number, place) for number, place in enumerate(views.places, start=1)]
     rows = [tiles[k : k + COLUMNS] for k in range(0, len(tiles), COLUMNS)]
     headline = [
         (f"what the robot sees in {name}", INK),
-        (f"sharpness {survey.sharpness:.0f}, {survey.blurred} of {len(tiles)} places blurred", ALARM if survey.blurred else INK),
-        (f"surface {100 * survey.coverage:.0f} % of the view, {survey.bare} places bare", ALARM if survey.bare else INK),
+        (f"sharpness {views.sharpness:.0f}, {views.blurred} of {len(tiles)} places blurred", ALARM if views.blurred else INK),
+        (f"surface {100 * views.coverage:.0f} % of the view, {views.bare} places bare", ALARM if views.bare else INK),
     ]
     note = "number on the map, x and y [m], sharpness, share of the view that is surface"
     return sheet(rows, headline, [(_swatch(INK), note), (_swatch(ALARM), "too little to learn from")])
 
 
-def clarity_map(survey: Survey, occupancy: OccupancyMap, radius_m: float) -> Picture:
+def clarity_map(views: SceneViews, occupancy: OccupancyMap, radius_m: float) -> Picture:
     """The map, its reachable ground in the colour of the nearest place's sharpness; numbers are those of the sheet.
 
     Args:
-        survey: What was seen.
+        views: What was seen.
         occupancy: What blocks the robot.
         radius_m: Radius of the disc that the reachable ground is for [m].
 
@@ -71,13 +80,13 @@ def clarity_map(survey: Survey, occupancy: OccupancyMap, radius_m: float) -> Pic
     labels, _ = free_components(clearance_m(occupancy) > radius_m)
     view = _window(occupancy, labels == 1)
     picture = view.rgb.copy()
-    xy_m = np.array([place.typical.xyyaw[:2] for place in survey.places])
-    colours = np.array([sharpness_colour(place.typical.sharpness) for place in survey.places], dtype=np.uint8)
+    xy_m = np.array([place.typical.xyyaw[:2] for place in views.places])
+    colours = np.array([sharpness_colour(place.typical.sharpness) for place in views.places], dtype=np.uint8)
     u, v, cells = _pixels_of(view, occupancy, labels == 1)
     squared = [(u - x) ** 2 + (v - y) ** 2 for x, y in view.world_to_pixel(xy_m).tolist()]
     picture[cells] = colours[np.argmin(squared, axis=0)]
     draw_scale_bar(picture, view)
-    for number, place in enumerate(survey.places, start=1):
+    for number, place in enumerate(views.places, start=1):
         put_mark(picture, view, place.typical.xyyaw[:2], str(number), ALARM if place.blurred or place.bare else INK)
     return sheet([[picture]], [("sharpness of what the robot sees", INK)], sharpness_legend())
 
@@ -105,17 +114,23 @@ def _pixels_of(
     return u[cells], v[cells], cells
 
 
-def _tile(number: int, place: Place) -> Picture:
-    look = place.typical
-    height, width = look.rgb.shape[:2]
+def captioned(rgb: Picture, text: str, colour: Rgb = INK) -> Picture:
+    """A picture at the size of a thumbnail, with a line of text below it."""
+    height, width = rgb.shape[:2]
     size = (TILE_WIDTH_PX, round(height * TILE_WIDTH_PX / width))
     method = cv2.INTER_AREA if width > TILE_WIDTH_PX else cv2.INTER_CUBIC
-    image = np.asarray(cv2.resize(look.rgb, size, interpolation=method), dtype=np.uint8)
+    image = np.asarray(cv2.resize(rgb, size, interpolation=method), dtype=np.uint8)
     caption = np.full((CAPTION_PX, TILE_WIDTH_PX, 3), WHITE, np.uint8)
+    fitting = min(0.4, 0.4 * (TILE_WIDTH_PX - 4) / text_width_px(text, size=0.4))
+    put_text(caption, text, (2, 14), size=fitting, colour=colour)
+    return np.concatenate([image, caption])
+
+
+def _tile(number: int, place: Place) -> Picture:
+    look = place.typical
     x_m, y_m, _ = look.xyyaw
     text = f"{number}  ({x_m:.1f}, {y_m:.1f})  sharp {look.sharpness:.0f}  surface {100 * look.coverage:.0f} %"
-    put_text(caption, text, (2, 14), size=0.4, colour=ALARM if place.blurred or place.bare else INK)
-    return np.concatenate([image, caption])
+    return captioned(look.rgb, text, ALARM if place.blurred or place.bare else INK)
 
 
 def _swatch(colour: Rgb) -> Swatch:
