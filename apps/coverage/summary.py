@@ -84,7 +84,9 @@ def _robot_line(robot: Mapping[str, Any]) -> str:
     camera = robot.get("camera", {})
     words = [f"{name} = {robot[name]:g}" for name in ("radius_m", "v_max_mps", "w_max_radps") if name in robot]
     if "mount_height_m" in camera:
-        words.append(f"camera at {camera['mount_height_m']:g} m, {camera.get('horizontal_fov_deg') or 'own intrinsics'}")
+        span_deg = camera.get("horizontal_fov_deg")
+        lens = f"{span_deg:g} deg" if span_deg else "intrinsics of its own"
+        words.append(f"camera at {camera['mount_height_m']:g} m with {lens}")
     return ", ".join(words) or "not named"
 
 

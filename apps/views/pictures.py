@@ -18,7 +18,7 @@ from readygo.common.drawing.plan_view import (
     put_text,
     text_width_px,
 )
-from readygo.common.drawing.sheet import Swatch, sheet
+from readygo.common.drawing.sheet import Swatch, ring_swatch, sheet
 from readygo.common.images.clarity import SHARP_FROM
 from readygo.common.maps import OccupancyMap, clearance_m, free_components
 from readygo.common.scenes.top_view import TopView
@@ -59,7 +59,10 @@ def views_sheet(views: SceneViews, name: str) -> Picture:
     rows = [tiles[k : k + COLUMNS] for k in range(0, len(tiles), COLUMNS)]
     headline = [
         (f"what the robot sees in {name}", INK),
-        (f"sharpness {views.sharpness:.0f}, {views.blurred} of {len(tiles)} places blurred", ALARM if views.blurred else INK),
+        (
+            f"sharpness {views.sharpness:.0f}, {views.blurred} of {len(tiles)} places blurred",
+            ALARM if views.blurred else INK,
+        ),
         (f"surface {100 * views.coverage:.0f} % of the view, {views.bare} places bare", ALARM if views.bare else INK),
     ]
     note = "number on the map, x and y [m], sharpness, share of the view that is surface"
@@ -88,7 +91,8 @@ def clarity_map(views: SceneViews, occupancy: OccupancyMap, radius_m: float) -> 
     draw_scale_bar(picture, view)
     for number, place in enumerate(views.places, start=1):
         put_mark(picture, view, place.typical.xyyaw[:2], str(number), ALARM if place.blurred or place.bare else INK)
-    return sheet([[picture]], [("sharpness of what the robot sees", INK)], sharpness_legend())
+    numbers = (ring_swatch(ALARM), "number: too little to learn from")
+    return sheet([[picture]], [("sharpness of what the robot sees", INK)], [*sharpness_legend(), numbers])
 
 
 def _window(occupancy: OccupancyMap, shown: npt.NDArray[np.bool_]) -> TopView:
@@ -121,8 +125,8 @@ def captioned(rgb: Picture, text: str, colour: Rgb = INK) -> Picture:
     method = cv2.INTER_AREA if width > TILE_WIDTH_PX else cv2.INTER_CUBIC
     image = np.asarray(cv2.resize(rgb, size, interpolation=method), dtype=np.uint8)
     caption = np.full((CAPTION_PX, TILE_WIDTH_PX, 3), WHITE, np.uint8)
-    fitting = min(0.4, 0.4 * (TILE_WIDTH_PX - 4) / text_width_px(text, size=0.4))
-    put_text(caption, text, (2, 14), size=fitting, colour=colour)
+    size_of_text = next((s for s in (0.4, 0.38, 0.36, 0.34) if text_width_px(text, size=s) < TILE_WIDTH_PX - 6), 0.32)
+    put_text(caption, text, (2, 14), size=size_of_text, colour=colour)
     return np.concatenate([image, caption])
 
 

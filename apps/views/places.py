@@ -13,9 +13,7 @@ _CELLS_MAX = 20_000
 _ROUNDS = 4
 
 
-def poses_to_look_from(
-    reachable: npt.NDArray[np.bool_], frame: GridFrame, count: int
-) -> npt.NDArray[np.float64]:
+def poses_to_look_from(reachable: npt.NDArray[np.bool_], frame: GridFrame, count: int) -> npt.NDArray[np.float64]:
     """Poses to look from, `HEADINGS` per place.
 
     Args:

@@ -31,7 +31,7 @@ THUMBNAILS = 24
 COVERAGE_LOOKS = 24
 NAMED = 3
 """Blurred episodes that a warning names."""
-MARGIN_M = 1.0
+MARGIN_M, MARGIN_SHARE = 1.0, 0.04
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -132,7 +132,8 @@ def recorded_map(dataset: Dataset, clarity: RecordedClarity, occupancy: Occupanc
         RGB.
     """
     xy_m = dataset.poses[clarity.samples, :2]
-    low_m, high_m = xy_m.min(axis=0) - MARGIN_M, xy_m.max(axis=0) + MARGIN_M
+    margin_m = max(MARGIN_M, MARGIN_SHARE * float(np.ptp(xy_m, axis=0).max()))
+    low_m, high_m = xy_m.min(axis=0) - margin_m, xy_m.max(axis=0) + margin_m
     if occupancy is None:
         side = 1 + int(np.ceil((high_m - low_m).max()))
         frame = GridFrame(origin_x_m=float(low_m[0]), origin_y_m=float(low_m[1]), resolution_m=1.0)

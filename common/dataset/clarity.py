@@ -59,9 +59,7 @@ def recorded_clarity(dataset: Dataset) -> RecordedClarity:
     samples = np.array([entry.first_sample + (entry.sample_count * shares).astype(np.int64) for entry in entries])
     samples = np.array([[_pictured(dataset, index) for index in row] for row in samples.tolist()])
     values = np.array([[sharpness(dataset.decode(index)) for index in row] for row in samples.tolist()])
-    return RecordedClarity(
-        samples=samples.ravel(), sharpness=values.ravel(), of_episode=np.median(values, axis=1)
-    )
+    return RecordedClarity(samples=samples.ravel(), sharpness=values.ravel(), of_episode=np.median(values, axis=1))
 
 
 def _pictured(dataset: Dataset, index: int) -> int:

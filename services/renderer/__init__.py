@@ -9,8 +9,8 @@ from readygo.services.renderer.handlers import (
     handle_render,
 )
 from readygo.services.renderer.live import LiveCamera
-from readygo.services.renderer.service import attach
 from readygo.services.renderer.looks import Look, look_around, unclear
+from readygo.services.renderer.service import attach
 
 __all__ = [
     "LiveCamera",

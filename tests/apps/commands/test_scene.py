@@ -28,15 +28,25 @@ def test_import_then_inspect_prints_json_and_draws(source, tmp_path, capsys):
     inspected = json.loads(capsys.readouterr().out)
     assert inspected["content_hash"] == imported["content_hash"]
     assert inspected["license"] == "CC0"
+    assert inspected["views"] == imported["views"]
+    assert len(inspected["views"]["places"]) == 24
     assert inspected["robot"]["radius_m"] == 0.3
     assert 4 < inspected["robot"]["reachable_m2"] < 12
-    assert [Path(p).name for p in inspected["pictures"]] == ["top.png", "map_robot.png", "map_human.png"]
+    assert [Path(p).name for p in inspected["pictures"]] == [
+        "top.png",
+        "map_robot.png",
+        "map_human.png",
+        "views.png",
+        "map_views.png",
+    ]
     for picture in inspected["pictures"]:
         assert cv2.imread(picture).shape[2] == 3
     assert sorted(p.name for p in (tmp_path / "room" / "inspect").iterdir()) == [
         "map_human.png",
         "map_robot.png",
+        "map_views.png",
         "top.png",
+        "views.png",
     ]
 
 
@@ -70,3 +80,11 @@ def test_command_line_reports_a_mistake_in_one_line(tmp_path):
     assert len(done.stderr.strip().splitlines()) == 1
     assert "not a PLY file" in done.stderr
     assert not (tmp_path / "b").exists()
+
+
+def test_what_the_robot_cannot_see_is_a_warning_at_import(source, tmp_path, capsys):
+    (tmp_path / "robot.toml").write_text("[camera]\nmount_height_m = 9.0\n")
+    scene_import(source, out=tmp_path / "room", robot=tmp_path / "robot.toml")
+    out, err = capsys.readouterr()
+    assert "robot's views" in out
+    assert "of 24 places are blurred" in err

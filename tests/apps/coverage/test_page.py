@@ -32,7 +32,7 @@ def test_page_tells_the_experts_failures_by_encounter(data) -> None:
         rejected={"human_collision": 2, "no room for a human": 1},
         failed={"crossing": {"human_collision": 2}},
     )
-    html = coverage_page(found, facts, heat_map(found.visits, None))
+    html = coverage_page(found, facts, heat_map(found.visits, None), np.zeros((9, 9, 3), np.uint8))
     assert "human collision" in html
     assert "&lt;plaza&gt;" in html
     # Two recorded crossings and two failed ones.
