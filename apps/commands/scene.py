@@ -81,8 +81,8 @@ def scene_inspect(
     """Measure a scene bundle, draw it, and its maps, from above, and look around in it with the robot's camera.
 
     Pictures of the maps: dark is occupied, grey has no floor in sight, white is too narrow for the agent, green is the
-    largest area that it can move in, orange are areas cut off from that. views.png shows what the robot sees from places
-    all over that area, map_views.png the same area in the colours of their sharpness: orange and brown is fog.
+    largest area that it can move in, orange are areas cut off from that. views.png shows what the robot sees from
+    places all over that area, map_views.png the same area in the colours of their sharpness: orange and brown is fog.
 
     Args:
         scene: Scene bundle, or "embedded".

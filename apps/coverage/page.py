@@ -149,8 +149,8 @@ def _places(coverage: Coverage, facts: RunFacts, heat: Picture) -> str:
 
 def _sharpness(sharp: Picture) -> str:
     note = (
-        "Where some of the pictures were taken, and how sharp they are: the variance of the Laplacian. A wall close by is "
-        "dull for a moment; a region in orange or brown is fog."
+        "Where some of the pictures were taken, and how sharp they are: the variance of the Laplacian. A wall close by "
+        "is dull for a moment; a region in orange or brown is fog."
     )
     return figure(png_source(sharp), note, alt="How sharp pictures are")
 

@@ -60,8 +60,8 @@ def summary_lines(summary: Mapping[str, Any]) -> dict[str, str]:
         "episodes": f"{summary['episodes']:,} ({', '.join(summary['splits'])})",
         "samples": f"{summary['samples']:,}, {60 * summary['hours']:.1f} min",
         "images": f"{summary['image_height_px']}x{summary['image_width_px']}, {', '.join(summary['outputs'])}{labels}",
-        "sharpness": f"median {clarity['sharpness_median']:.0f}, 5 % below {clarity['sharpness_5_percent']:.0f}; {blurred} "
-        f"of {clarity['episodes_looked_at']} episodes blurred",
+        "sharpness": f"median {clarity['sharpness_median']:.0f}, 5 % below {clarity['sharpness_5_percent']:.0f}; "
+        f"{blurred} of {clarity['episodes_looked_at']} episodes blurred",
         "driving": f"{summary['speed_mean_mps']:.2f} m/s on average, {summary['replans']:,} replans",
         "humans": f"in view at {100 * summary['human_visible_fraction']:.0f} % of samples"
         + ("" if nearest is None else f", nearest {nearest:.2f} m"),

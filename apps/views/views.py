@@ -113,14 +113,14 @@ def warnings(views: SceneViews) -> list[str]:
     count, found = len(views.places), []
     if (blurred := views.blurred) > TOLERATED * count:
         found.append(
-            f"{blurred} of {count} places are blurred (sharpness below {SHARP_FROM:g}, median {views.sharpness:.0f}): the "
-            f"camera stands in haze or looks at what nobody filmed; [episode] sharpness_min = {SHARP_FROM:g} leaves out "
-            "episodes that show no more."
+            f"{blurred} of {count} places are blurred (sharpness below {SHARP_FROM:g}, median {views.sharpness:.0f}): "
+            "the camera stands in haze or looks at what nobody filmed; "
+            f"[episode] sharpness_min = {SHARP_FROM:g} leaves out episodes that show no more."
         )
     if (bare := views.bare) > TOLERATED * count:
         found.append(
             f"From {bare} of {count} places less than {100 * COVERED_FROM:.0f} % of the view is surface (median "
-            f"{100 * views.coverage:.0f} %), the rest haze or nothing; [episode] coverage_min = {COVERED_FROM:g} leaves "
-            "out episodes that show no more."
+            f"{100 * views.coverage:.0f} %), the rest haze or nothing; "
+            f"[episode] coverage_min = {COVERED_FROM:g} leaves out episodes that show no more."
         )
     return found

@@ -70,7 +70,9 @@ def coverage(images: Images) -> float:
     Args:
         images: One view with `CLARITY_OUTPUTS`.
     """
-    assert images.depth_m is not None and images.median_depth_m is not None and images.alpha is not None
+    assert images.depth_m is not None
+    assert images.median_depth_m is not None
+    assert images.alpha is not None
     mean_m, median_m = images.depth_m.astype(np.float64), images.median_depth_m.astype(np.float64)
     opaque = (images.alpha >= _OPAQUE) & np.isfinite(mean_m) & np.isfinite(median_m)
     mean_m, median_m = mean_m[opaque], median_m[opaque]
