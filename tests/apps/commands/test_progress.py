@@ -26,13 +26,13 @@ def drive(file: io.StringIO, *, quiet: bool = False, terminal: bool = False) -> 
         bar.add_task("hidden", total=1, said="", visible=False)
         for done in range(10):
             clock.now_s += 0.4 * EVERY_S
-            bar.update(task, completed=done, said=f"{done} [ok]")
+            bar.update(task, completed=done, said=f"{done} ok")
 
 
 def test_a_file_gets_a_line_now_and_then_and_the_last_state() -> None:
     file = io.StringIO()
     drive(file)
-    lines = ["episodes 2/9 2 [ok]", "episodes 5/9 5 [ok]", "episodes 8/9 8 [ok]", "episodes 9/9 9 [ok]"]
+    lines = ["episodes 2/9 2 ok", "episodes 5/9 5 ok", "episodes 8/9 8 ok", "episodes 9/9 9 ok"]
     assert file.getvalue().splitlines() == lines
 
 
