@@ -86,13 +86,24 @@ def clarity_map(views: SceneViews, occupancy: OccupancyMap, radius_m: float) -> 
     xy_m = np.array([place.typical.xyyaw[:2] for place in views.places])
     colours = np.array([sharpness_colour(place.typical.sharpness) for place in views.places], dtype=np.uint8)
     u, v, cells = _pixels_of(view, occupancy, labels == 1)
-    squared = [(u - x) ** 2 + (v - y) ** 2 for x, y in view.world_to_pixel(xy_m).tolist()]
-    picture[cells] = colours[np.argmin(squared, axis=0)]
+    picture[cells] = colours[_nearest(u, v, view.world_to_pixel(xy_m))]
     draw_scale_bar(picture, view)
     for number, place in enumerate(views.places, start=1):
         put_mark(picture, view, place.typical.xyyaw[:2], str(number), ALARM if place.blurred or place.bare else INK)
     numbers = (ring_swatch(ALARM), "number: too little to learn from")
     return sheet([[picture]], [("sharpness of what the robot sees", INK)], [*sharpness_legend(), numbers])
+
+
+def _nearest(
+    u: npt.NDArray[np.float64], v: npt.NDArray[np.float64], places_px: npt.NDArray[np.float64]
+) -> npt.NDArray[np.intp]:
+    """Number of the nearest place for each pixel, shape (N,)."""
+    owner, least = np.zeros(len(u), np.intp), np.full(len(u), np.inf)
+    for number, (x, y) in enumerate(places_px.tolist()):
+        squared = (u - x) ** 2 + (v - y) ** 2
+        closer = squared < least
+        owner[closer], least[closer] = number, squared[closer]
+    return owner
 
 
 def _window(occupancy: OccupancyMap, shown: npt.NDArray[np.bool_]) -> TopView:
