@@ -39,7 +39,7 @@ def sharpness(rgb: npt.NDArray[np.uint8]) -> float:
     """Variance of the Laplacian of a picture's grey values [grey levels squared]; 0 in a picture of one colour.
 
     Pictures of more than 9,216 pixels (72x128) are averaged down to that many first, so that the same view gives the
-    same number at any size: 429, 434, 393 and 374 at 72, 144, 288 and 576 rows (median of 40 views of the embedded flat).
+    same number at any size: 429, 434, 393 and 374 at 72, 144, 288 and 576 rows (median of 40 views, embedded flat).
     Smaller pictures are taken as they are.
 
     Args:
