@@ -35,6 +35,7 @@ class SteadyProgress(Progress):
         console = console or Console(stderr=True)
         self._lines = not quiet and not console.is_terminal
         super().__init__(*columns, console=console, disable=quiet or self._lines, transient=transient)
+        self._spoken = [column for column in columns if not isinstance(column, BarColumn)]
         self._clock, self._said_s, self._said = clock, clock(), ""
 
     def update(self, task_id: TaskID, **changes: Any) -> None:
@@ -51,7 +52,7 @@ class SteadyProgress(Progress):
 
     def _say(self) -> None:
         tasks = [task for task in self.tasks if task.visible]
-        words = [[column(task) for column in self.columns if not isinstance(column, BarColumn)] for task in tasks]
+        words = [[column(task) for column in self._spoken] for task in tasks]
         said = "; ".join(" ".join(str(word) for word in of_task if isinstance(word, Text)) for of_task in words)
         self._said_s = self._clock()
         if said != self._said:
