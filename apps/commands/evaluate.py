@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Literal
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
+from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.evaluation.choice import check_wanted, watched_method
 from readygo.apps.evaluation.replay import Replays
 from readygo.apps.evaluation.report import REPORT_FILE
@@ -194,7 +195,7 @@ def _progress(console: Console, total: int, *, quiet: bool) -> Iterator[Show]:
         TextColumn("{task.fields[rate]}"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=console, disable=quiet) as progress:
+    with SteadyProgress(*columns, console=console, quiet=quiet) as progress:
         task = progress.add_task("episodes", total=total, rate="")
         outcomes: dict[tuple[Task, Method], list[bool]] = {}
 

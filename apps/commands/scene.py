@@ -12,11 +12,13 @@ from rich.table import Table
 from readygo.apps.pictures.scene_maps import scene_pictures
 from readygo.apps.pictures.scene_survey import survey_picture
 from readygo.apps.run.scene_argument import open_scene
+from readygo.apps.views.pictures import clarity_map, views_sheet
+from readygo.apps.views.views import SceneViews, scene_views, warnings
 from readygo.common.drawing.files import write_png
 from readygo.common.errors import NoGroundError, ReadygoError, SceneError
 from readygo.common.gaussians.defects import HUGE, counted, unusable, unwanted, without
 from readygo.common.gaussians.files import read_gaussians, with_unit_rotations
-from readygo.common.robot import load_robot
+from readygo.common.robot import RobotConfig, load_robot
 from readygo.common.scenes import Scene, import_scene
 from readygo.common.scenes.edit import crop_box
 from readygo.common.scenes.report import scene_report
@@ -68,6 +70,7 @@ def scene_import(
             larger than a fifth of the scene, and say how many.
         json: Print one JSON object instead of a table.
     """
+    chosen = None if robot is None else load_robot(robot)
     try:
         scene = import_scene(
             source,
@@ -78,7 +81,7 @@ def scene_import(
             scale=scale,
             translate_m=translate,
             license=license,
-            robot=None if robot is None else load_robot(robot),
+            robot=chosen,
             resolution_m=resolution,
             crop=crop_box(crop, crop_z),
             close_coarse=close_coarse,
@@ -87,19 +90,30 @@ def scene_import(
         )
     except NoGroundError as error:
         raise SceneError(f"{error} {_shown(source, out, up, scale, json=json)}") from error
-    _print(scene, json_module.loads((scene.path / "report.json").read_text()), [], json=json)
+    seen = scene_views(scene, chosen or RobotConfig())
+    _print(scene, json_module.loads((scene.path / "report.json").read_text()), seen, [], json=json)
 
 
-def scene_inspect(scene: str, /, *, out: Path | None = None, radius: float | None = None, json: bool = False) -> None:
-    """Measure a scene bundle and draw it, and its maps, from above.
+def scene_inspect(
+    scene: str,
+    /,
+    *,
+    out: Path | None = None,
+    radius: float | None = None,
+    robot: Path | None = None,
+    json: bool = False,
+) -> None:
+    """Measure a scene bundle, draw it, and its maps, from above, and look around in it with the robot's camera.
 
     Pictures of the maps: dark is occupied, grey has no floor in sight, white is too narrow for the agent, green is the
-    largest area that it can move in, orange are areas cut off from that.
+    largest area that it can move in, orange are areas cut off from that. views.png shows what the robot sees from
+    places all over that area, map_views.png the same area in the colours of their sharpness: orange and brown is fog.
 
     Args:
         scene: Scene bundle, or "embedded".
-        out: Folder for top.png, map_robot.png and map_human.png; the bundle's inspect/ by default.
+        out: Folder for the pictures; the bundle's inspect/ by default.
         radius: Radius of the robot's disc [m]; by default the one that the scene was imported for.
+        robot: robot.toml, for the camera that looks around.
         json: Print one JSON object instead of a table.
     """
     bundle = open_scene(scene)
@@ -110,10 +124,15 @@ def scene_inspect(scene: str, /, *, out: Path | None = None, radius: float | Non
     report = scene_report(bundle.cloud, bundle.sky, maps.robot, maps.human, maps.floor, radius_m)
     folder = bundle.path / "inspect" if out is None else out
     folder.mkdir(parents=True, exist_ok=True)
-    pictures = scene_pictures(bundle, radius_m)
+    seen = scene_views(bundle, RobotConfig() if robot is None else load_robot(robot), radius_m=radius_m)
+    pictures = {
+        **scene_pictures(bundle, radius_m),
+        "views.png": views_sheet(seen, bundle.name),
+        "map_views.png": clarity_map(seen, maps.robot, radius_m),
+    }
     for file, picture in pictures.items():
         write_png(folder / file, picture)
-    _print(bundle, report, [folder / file for file in pictures], json=json)
+    _print(bundle, report, seen, [folder / file for file in pictures], json=json)
 
 
 def _shown(source: Path, out: Path, up: str, scale: float, *, json: bool) -> str:
@@ -159,17 +178,18 @@ def _survey_rows(found: Survey, unwanted_words: str) -> list[tuple[str, str]]:
     return rows + [(f"--scale {scale.metres_per_unit:.3g}", scale.reason) for scale in found.scales]
 
 
-def _print(scene: Scene, report: dict[str, Any], pictures: list[Path], *, json: bool) -> None:
+def _print(scene: Scene, report: dict[str, Any], seen: SceneViews, pictures: list[Path], *, json: bool) -> None:
     if json:
         head: dict[str, Any] = {"name": scene.name, "path": str(scene.path), "content_hash": scene.content_hash}
         head["license"] = scene.license
         head["dropped_gaussians"] = _dropped(scene)
-        row = {**head, **report, "pictures": [str(path) for path in pictures]}
+        row = {**head, **report, "views": seen.to_mapping(), "pictures": [str(path) for path in pictures]}
         sys.stdout.write(json_module.dumps(row) + "\n")
         return
     table = Table(title=f"scene {scene.name}", show_header=False)
     for label, text in _rows(report):
         table.add_row(label, text)
+    table.add_row("robot's views", _seen(seen))
     if _dropped(scene):
         table.add_row("left out", f"{_dropped(scene):,} Gaussians that cannot be drawn")
     for sentence in report.get("findings", []):
@@ -179,6 +199,16 @@ def _print(scene: Scene, report: dict[str, Any], pictures: list[Path], *, json: 
     for path in pictures:
         table.add_row("picture", str(path))
     Console().print(table)
+    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    for text in warnings(seen):
+        console.print(f"Warning: {text}", markup=False)
+
+
+def _seen(seen: SceneViews) -> str:
+    return (
+        f"sharpness {seen.sharpness:.0f}, surface {100 * seen.coverage:.0f} % of the view "
+        f"(medians of {len(seen.places)} places)"
+    )
 
 
 def _dropped(scene: Scene) -> int:

@@ -108,13 +108,14 @@ def _heat_scale(width: int, visits: Visits) -> Picture:
     return strip
 
 
-def coverage_page(coverage: Coverage, facts: RunFacts, heat: Picture) -> str:
+def coverage_page(coverage: Coverage, facts: RunFacts, heat: Picture, sharp: Picture) -> str:
     """The page as HTML text.
 
     Args:
         coverage: What the dataset covers.
         facts: Of its run.
         heat: Picture of where robots went.
+        sharp: Picture of how sharp the pictures are.
     """
     return page(
         f"Coverage of {facts.name}",
@@ -122,6 +123,7 @@ def coverage_page(coverage: Coverage, facts: RunFacts, heat: Picture) -> str:
         tiles=_tiles(coverage, facts),
         sections=[
             ("Where robots went", _places(coverage, facts, heat)),
+            ("How sharp pictures are", _sharpness(sharp)),
             ("Whom they met", _meetings(coverage, facts)),
             ("How they drove", _driving(coverage)),
             ("What is not recorded", _rejected(coverage, facts)),
@@ -151,6 +153,14 @@ def _places(coverage: Coverage, facts: RunFacts, heat: Picture) -> str:
         "Where the robot looked, in the world; areas are samples.",
     )
     return f'<div class="pair">{figure(png_source(heat), note, alt="Where robots went")}{rose}</div>'
+
+
+def _sharpness(sharp: Picture) -> str:
+    note = (
+        "Where some of the pictures were taken, and how sharp they are: the variance of the Laplacian. A wall close by "
+        "is dull for a moment; a region in orange or brown is fog."
+    )
+    return figure(png_source(sharp), note, alt="How sharp pictures are")
 
 
 def _meetings(coverage: Coverage, facts: RunFacts) -> str:

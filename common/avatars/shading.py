@@ -43,7 +43,8 @@ def outward_normals(means_m: Floats, axes: Floats, flatness: Floats, weights: Si
 
 def _bone_end(joint: int, joints_m: Floats) -> Floats:
     further = _NEXT[joint]
-    return joints_m[further] if further >= 0 else 2.0 * joints_m[joint] - joints_m[_PARENTS[joint]]
+    end: Floats = joints_m[further] if further >= 0 else 2.0 * joints_m[joint] - joints_m[_PARENTS[joint]]
+    return end
 
 
 @compiled

@@ -154,4 +154,4 @@ def _is_inside(foot: Floats, x: float, y: float) -> bool:
     wx, wy = foot[1, 0] - foot[0, 0], foot[1, 1] - foot[0, 1]
     px, py = x - foot[0, 0], y - foot[0, 1]
     length2, along, aside = wx * wx + wy * wy, px * wx + py * wy, py * wx - px * wy
-    return 0.0 <= along <= length2 and aside * aside <= length2 * _HALF_WIDTH_M * _HALF_WIDTH_M
+    return bool(0.0 <= along <= length2 and aside * aside <= length2 * _HALF_WIDTH_M * _HALF_WIDTH_M)

@@ -91,7 +91,7 @@ def packed_shading(packed: PackedAvatar, joints_m: npt.NDArray[np.float32]) -> n
     scene = packed.scene
     assert scene.normal is not None
     rows = scene.geometry.astype(np.float64).transpose(0, 1, 3, 2).reshape(-1, scene.geometry.shape[2])
-    axes = scene.normal.transpose(0, 1, 3, 2).reshape(-1, 3) * NORMAL_STEP
+    axes = scene.normal.transpose(0, 1, 3, 2).reshape(-1, 3).astype(np.float64) * NORMAL_STEP
     weights = chunk_weights(packed).reshape(-1, JOINTS)
     normals = outward_normals(rows[:, :3], axes, flatness(rows[:, 3:9], axes), weights, joints_m)
     steps = np.rint(normals / NORMAL_STEP).astype(np.int16)

@@ -217,7 +217,8 @@ def flatness(covariance_m2: Floats, axes: Floats) -> Floats:
     xx, xy, xz, yy, yz, zz = covariance_m2.T
     x, y, z = axes.T
     least = x * (xx * x + 2.0 * (xy * y + xz * z)) + y * (yy * y + 2.0 * yz * z) + z * zz * z
-    return np.clip(1.0 - 3.0 * least / np.maximum(xx + yy + zz, 1e-30), 0.0, 1.0)
+    share: Floats = np.clip(1.0 - 3.0 * least / np.maximum(xx + yy + zz, 1e-30), 0.0, 1.0)
+    return share
 
 
 def _rotations(cloud: GaussianCloud) -> list[list[Floats]]:

@@ -30,15 +30,25 @@ def test_import_then_inspect_prints_json_and_draws(source, tmp_path, capsys):
     inspected = json.loads(capsys.readouterr().out)
     assert inspected["content_hash"] == imported["content_hash"]
     assert inspected["license"] == "CC0"
+    assert inspected["views"] == imported["views"]
+    assert len(inspected["views"]["places"]) == 24
     assert inspected["robot"]["radius_m"] == 0.3
     assert 4 < inspected["robot"]["reachable_m2"] < 12
-    assert [Path(p).name for p in inspected["pictures"]] == ["top.png", "map_robot.png", "map_human.png"]
+    assert [Path(p).name for p in inspected["pictures"]] == [
+        "top.png",
+        "map_robot.png",
+        "map_human.png",
+        "views.png",
+        "map_views.png",
+    ]
     for picture in inspected["pictures"]:
         assert cv2.imread(picture).shape[2] == 3
     assert sorted(p.name for p in (tmp_path / "room" / "inspect").iterdir()) == [
         "map_human.png",
         "map_robot.png",
+        "map_views.png",
         "top.png",
+        "views.png",
     ]
 
 
@@ -102,3 +112,11 @@ def test_import_finds_up_and_crops_and_drops_huge_gaussians(furnished, tmp_path,
     row = json.loads(capsys.readouterr().out)
     assert row["dropped_gaussians"] == 3
     assert row["extent_high_m"][2] <= 2.0
+
+
+def test_what_the_robot_cannot_see_is_a_warning_at_import(source, tmp_path, capsys):
+    (tmp_path / "robot.toml").write_text("[camera]\nmount_height_m = 9.0\n")
+    scene_import(source, out=tmp_path / "room", robot=tmp_path / "robot.toml")
+    out, err = capsys.readouterr()
+    assert "robot's views" in out
+    assert "of 24 places are blurred" in err
