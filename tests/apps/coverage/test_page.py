@@ -63,7 +63,9 @@ def test_page_tells_the_experts_failures_by_encounter(data) -> None:
 @pytest.mark.skipif(CHROMIUM is None, reason=NO_CHROMIUM)
 def test_page_reads_well_on_telephones(data, tmp_path) -> None:
     found = measured(data)
-    (tmp_path / "page.html").write_text(coverage_page(found, facts(), heat_map(found.visits, None), np.zeros((9, 9, 3), np.uint8)))
+    (tmp_path / "page.html").write_text(
+        coverage_page(found, facts(), heat_map(found.visits, None), np.zeros((9, 9, 3), np.uint8))
+    )
     with browser(tmp_path / "profile") as chromium:
         for width_px in (400, 1280):
             chromium.open(tmp_path / "page.html", width_px)
