@@ -1,9 +1,9 @@
 """The policy artifact: a folder with `policy.toml`, `encoder.onnx`, `head.onnx` and `metrics.json`.
 
 encoder.onnx: `image` uint8 (B, H, W, C) RGB -> `latent` float32 (B, L). With late fusion it sees one frame, C = 3; with
-early fusion three frames stacked along the channels, oldest first, C = 9.
+early fusion all of them stacked along the channels, oldest first, C = 3 `frame_count`.
 head.onnx: `features` float32 (B, F) -> `action` float32 (B, 2), v [m/s] and w [rad/s] within the robot's limits.
-The features are the latents (late fusion: of t - 2 spacings, t - 1 spacing and t), then what the policy knows of its
+The features are the latents (late fusion: of ..., t - 2 spacings, t - 1 spacing and t), then what the policy knows of its
 own motion (`MotionInput`), then the goal in the robot's frame (dx, dy) [m]. Every normalisation lies inside of the
 two graphs.
 """
@@ -35,29 +35,29 @@ METRICS_FILE = "metrics.json"
 
 
 class Fusion(enum.Enum):
-    """Where the three frames of a policy meet."""
+    """Where the frames of a policy meet."""
 
     LATE = "late"
-    """The encoder sees one frame; the latents of three are put side by side."""
+    """The encoder sees one frame; the latents of all are put side by side."""
     EARLY = "early"
-    """The encoder sees the three frames stacked: one latent."""
+    """The encoder sees all frames stacked: one latent."""
 
 
 class MotionInput(enum.Enum):
     """What a policy is told of its own motion."""
 
     POSES = "poses"
-    """Poses of the two older frames in the present robot frame (dx, dy [m], dyaw [rad] each), then v [m/s] and
-    w [rad/s] executed over the last step."""
+    """Poses of the older frames in the present robot frame (dx, dy [m], dyaw [rad] each), the oldest first, then
+    v [m/s] and w [rad/s] executed over the last step."""
     COMMAND = "command"
     """v [m/s], w [rad/s] executed over the last step, then 1 where they are known; 0, 0, 0 where they are not."""
     BARE_COMMAND = "bare-command"
     """v and w alone, as policies of the first format take them."""
 
-    @property
-    def width(self) -> int:
-        """Number of features."""
-        return {MotionInput.POSES: 8, MotionInput.COMMAND: 3, MotionInput.BARE_COMMAND: 2}[self]
+    def width(self, frame_count: int) -> int:
+        """Number of features of a policy that sees some frames together."""
+        poses = 3 * (frame_count - 1) + 2
+        return {MotionInput.POSES: poses, MotionInput.COMMAND: 3, MotionInput.BARE_COMMAND: 2}[self]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,25 +68,28 @@ class PolicyInputs:
     latent_count: int = 20
     """Numbers that the encoder answers."""
     motion: MotionInput = MotionInput.POSES
+    frame_count: int = FRAME_COUNT
+    """Frames that it sees together, one frame spacing apart."""
 
     def __post_init__(self) -> None:
-        if self.latent_count < 1:
-            raise ValueError(f"latent_count must be at least 1, got {self.latent_count}.")
+        for name in ("latent_count", "frame_count"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}.")
 
     @property
     def image_channels(self) -> int:
         """Channels of the encoder's image."""
-        return 3 * FRAME_COUNT if self.fusion is Fusion.EARLY else 3
+        return 3 * self.frame_count if self.fusion is Fusion.EARLY else 3
 
     @property
     def latents_width(self) -> int:
         """Latents that the head takes."""
-        return self.latent_count * (1 if self.fusion is Fusion.EARLY else FRAME_COUNT)
+        return self.latent_count * (1 if self.fusion is Fusion.EARLY else self.frame_count)
 
     @property
     def feature_count(self) -> int:
         """Numbers that the head takes: latents, own motion, goal."""
-        return self.latents_width + self.motion.width + 2
+        return self.latents_width + self.motion.width(self.frame_count) + 2
 
 
 FIRST_INPUTS = PolicyInputs(motion=MotionInput.BARE_COMMAND)
@@ -101,7 +104,7 @@ class PolicySpec:
     sensor: SensorConfig = field(default_factory=SensorConfig)
     """What varied of that camera from episode to episode."""
     frame_spacing_s: float = 0.5
-    """Time between the three frames [s]; a multiple of the step of 0.05 s."""
+    """Time between the frames [s]; a multiple of the step of 0.05 s."""
     inputs: PolicyInputs = field(default_factory=PolicyInputs)
     """What its graphs take."""
     training: Mapping[str, Any] = field(default_factory=dict)
@@ -112,7 +115,7 @@ class PolicySpec:
 
     @property
     def frame_spacing_steps(self) -> int:
-        """Simulation steps between the three frames."""
+        """Simulation steps between the frames."""
         return spacing_steps_of(self.frame_spacing_s)
 
 
@@ -125,6 +128,7 @@ def save_spec(spec: PolicySpec, folder: Path) -> None:
             "fusion": spec.inputs.fusion.value,
             "latent_count": spec.inputs.latent_count,
             "motion": spec.inputs.motion.value,
+            "frame_count": spec.inputs.frame_count,
         },
         "robot": section_to_mapping(spec.robot),
         "sensor": section_to_mapping(spec.sensor),
@@ -170,6 +174,8 @@ def _inputs(mapping: Mapping[str, Any]) -> PolicyInputs:
         fusion=Fusion(mapping["fusion"]),
         latent_count=int(mapping["latent_count"]),
         motion=MotionInput(mapping["motion"]),
+        # Policies of before it was theirs to say see three.
+        frame_count=int(mapping.get("frame_count", FRAME_COUNT)),
     )
 
 

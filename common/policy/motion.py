@@ -31,14 +31,15 @@ def own_motion(older: Array, present: Array, commands: npt.NDArray[np.float32]) 
     """The features of `MotionInput.POSES`.
 
     Args:
-        older: Poses x, y [m], yaw [rad] at the two older frames, shape (N, 2, 3).
+        older: Poses x, y [m], yaw [rad] at the older frames, the oldest first, shape (N, K, 3).
         present: Poses now, in the same frame, shape (N, 3).
         commands: v [m/s], w [rad/s] executed over the last step, shape (N, 2).
 
     Returns:
-        Shape (N, 8).
+        Shape (N, 3 K + 2).
     """
-    parts = [_seen_from(present, older[:, 0]), _seen_from(present, older[:, 1]), commands.astype(np.float64)]
+    seen = [_seen_from(present, older[:, frame]) for frame in range(older.shape[1])]
+    parts = [*seen, commands.astype(np.float64)]
     features: npt.NDArray[np.float32] = np.concatenate(parts, axis=1).astype(np.float32)
     return features
 
@@ -48,14 +49,14 @@ def motion_features(motion: MotionInput, poses: npt.NDArray[np.float32]) -> npt.
 
     Args:
         motion: What it takes.
-        poses: From `own_motion`, shape (N, 8).
+        poses: From `own_motion`, shape (N, 3 K + 2).
 
     Returns:
-        Shape (N, `motion.width`).
+        Shape (N, `motion.width(K + 1)`).
     """
     if motion is MotionInput.POSES:
         return poses
-    commands = poses[:, 6:]
+    commands = poses[:, -2:]
     if motion is MotionInput.BARE_COMMAND:
         return commands
     return np.concatenate([commands, np.ones_like(commands[:, :1])], axis=1)

@@ -31,16 +31,17 @@ LIMITS = ("v_max_mps", "w_max_radps", "a_max_mps2", "alpha_max_radps2")
 
 
 class PolicyMemory:
-    """What a policy remembers of one episode: frames or latents of the last two spacings, and how the robot moved.
+    """What a policy remembers of one episode: frames or latents of the last spacings, and how the robot moved.
 
     Args:
         spacing_steps: Simulation steps between the frames that it sees.
         latency_steps: Steps from when a frame was taken until the policy has it.
+        frame_count: Frames that it sees together.
     """
 
-    def __init__(self, spacing_steps: int, latency_steps: int = 0) -> None:
-        span = (FRAME_COUNT - 1) * spacing_steps
-        self._spacing, self._latency = spacing_steps, latency_steps
+    def __init__(self, spacing_steps: int, latency_steps: int = 0, frame_count: int = FRAME_COUNT) -> None:
+        span = (frame_count - 1) * spacing_steps
+        self._spacing, self._latency, self._count = spacing_steps, latency_steps, frame_count
         self._seen: deque[npt.NDArray[Any]] = deque(maxlen=span + 1)
         self._poses: deque[tuple[float, float, float]] = deque(maxlen=span + latency_steps + 1)
 
@@ -51,10 +52,11 @@ class PolicyMemory:
             seen: The frame, or its latent.
 
         Returns:
-            What was pushed two spacings ago, one spacing ago and now; the episode's first one stands for those before.
+            What was pushed ..., two spacings ago, one spacing ago and now; the episode's first one stands for those
+            before.
         """
         self._seen.append(seen)
-        rows = window_rows(len(self._seen) - 1, 0, self._spacing)
+        rows = window_rows(len(self._seen) - 1, 0, self._spacing, self._count)
         return [self._seen[row] for row in rows]
 
     def hold(self, command: npt.NDArray[np.float32]) -> None:
@@ -73,15 +75,15 @@ class PolicyMemory:
             command: v [m/s], w [rad/s] executed over it, shape (2,); of no meaning at the first step.
 
         Returns:
-            The features of `MotionInput.POSES`, shape (8,).
+            The features of `MotionInput.POSES`, shape (3 (frame_count - 1) + 2,).
         """
         pose = (0.0, 0.0, 0.0)
         if self._poses:
             v_mps, w_radps = command.tolist()
             pose = step_unicycle(*self._poses[-1], v_mps, w_radps)
         self._poses.append(pose)
-        rows = window_rows(len(self._poses) - 1 - self._latency, 0, self._spacing)[:-1]
-        older = np.array([[self._poses[row] for row in rows]])
+        rows = window_rows(len(self._poses) - 1 - self._latency, 0, self._spacing, self._count)[:-1]
+        older = np.array([[self._poses[row] for row in rows]]).reshape(1, -1, 3)
         features: npt.NDArray[np.float32] = own_motion(older, np.array([pose]), command[None])[0]
         return features
 
@@ -103,7 +105,8 @@ class Policy:
 
     def start(self) -> PolicyMemory:
         """Memory for a new episode."""
-        return PolicyMemory(self.spec.frame_spacing_steps, whole_steps(self.spec.robot.camera.latency_s))
+        late = whole_steps(self.spec.robot.camera.latency_s)
+        return PolicyMemory(self.spec.frame_spacing_steps, late, self.spec.inputs.frame_count)
 
     def encode(self, images: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
         """Latents of RGB images, shape (B, L).
@@ -112,7 +115,7 @@ class Policy:
         depend on which other episodes run beside it.
 
         Args:
-            images: What the encoder takes, sRGB, shape (B, H, W, 3); three frames stacked with early fusion,
+            images: What the encoder takes, sRGB, shape (B, H, W, 3); all frames stacked with early fusion,
                 shape (B, H, W, 9).
 
         Raises:
@@ -139,7 +142,7 @@ class Policy:
         """Actions of several episodes.
 
         Args:
-            latents: One row per episode, with late fusion those of the three frames, shape (B, `latents_width`).
+            latents: One row per episode, with late fusion those of all frames, shape (B, `latents_width`).
             motion: Features of own motion, see `MotionInput`, shape (B, M).
             goals_xy_m: Goals in the robots' frames (x forward, y left) [m], shape (B, 2).
 

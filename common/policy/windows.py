@@ -6,21 +6,24 @@ import numpy.typing as npt
 from readygo.common.robot.kinematics import DT_S, RATE_HZ
 
 FRAME_COUNT = 3
-"""Images that a policy sees together."""
+"""Images that a policy sees together, where it does not say."""
 
 
-def window_rows(newest: npt.ArrayLike, first: npt.ArrayLike, spacing_steps: int) -> npt.NDArray[np.int64]:
+def window_rows(
+    newest: npt.ArrayLike, first: npt.ArrayLike, spacing_steps: int, frame_count: int = FRAME_COUNT
+) -> npt.NDArray[np.int64]:
     """The rows of a window, oldest first; an episode's first row stands in for what was before it.
 
     Args:
         newest: Row of the newest image of each window, shape (...).
         first: First row of each window's episode, shape (...).
         spacing_steps: Steps between the images.
+        frame_count: Images of a window.
 
     Returns:
-        Shape (..., FRAME_COUNT).
+        Shape (..., frame_count).
     """
-    back = spacing_steps * np.arange(FRAME_COUNT - 1, -1, -1)
+    back = spacing_steps * np.arange(frame_count - 1, -1, -1)
     rows: npt.NDArray[np.int64] = np.maximum(np.asarray(newest)[..., None] - back, np.asarray(first)[..., None])
     return rows
 

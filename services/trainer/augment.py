@@ -16,8 +16,6 @@ from readygo.services.trainer.samples import Indices, SampleTable
 
 NEAR_M = 1.0
 """Goals are reached at this distance [m]."""
-MIRRORED_MOTION = np.array([1, -1, -1, 1, -1, -1, 1, -1], np.float32)
-"""Signs of the features of own motion in a mirrored world."""
 
 Array = npt.NDArray[np.float32]
 Image = npt.NDArray[np.uint8]
@@ -202,9 +200,16 @@ def turn_world(xy_m: Array, yaws_rad: npt.NDArray[np.float64]) -> Array:
 
 
 def turn_motion(motion: Array, yaws_rad: npt.NDArray[np.float64]) -> Array:
-    """Own motion of robots that were turned to the left by `yaws_rad` at all of their frames, shape (B, 8)."""
-    older, newer = turn_world(motion[:, :2], yaws_rad), turn_world(motion[:, 3:5], yaws_rad)
-    return np.concatenate([older, motion[:, 2:3], newer, motion[:, 5:]], axis=1)
+    """Own motion of robots that were turned to the left by `yaws_rad` at all of their frames, shape (B, 3 K + 2)."""
+    turned = motion.copy()
+    for begin in range(0, motion.shape[1] - 2, 3):
+        turned[:, begin : begin + 2] = turn_world(motion[:, begin : begin + 2], yaws_rad)
+    return turned
+
+
+def mirrored_motion(width: int) -> Array:
+    """Signs of the features of own motion in a mirrored world: of K older frames and the command, shape (3 K + 2,)."""
+    return np.array([1, -1, -1] * ((width - 2) // 3) + [1, -1], np.float32)
 
 
 def correct_for_turn(

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 from readygo.common.config import Range, check_ranges
-from readygo.common.policy.windows import spacing_steps_of
+from readygo.common.policy.windows import FRAME_COUNT, spacing_steps_of
 
 Share = Annotated[float, Range(low=0.0, high=1.0)]
 Positive = Annotated[float, Range(above=0.0)]
@@ -18,8 +18,10 @@ class NetworkConfig:
     """The network. The defaults are the paper's."""
 
     fusion: Literal["late", "early"] = "late"
-    """"late": each frame is encoded alone, the latents of three are put side by side; "early": one pass over all three
-    frames, stacked."""
+    """"late": each frame is encoded alone, the latents of all are put side by side; "early": one pass over all frames,
+    stacked."""
+    frame_count: Annotated[int, Range(low=1, high=32)] = FRAME_COUNT
+    """Frames that it sees together, `frame_spacing_s` apart."""
     latent_count: Count = 20
     """Numbers that the encoder answers."""
     motion: Literal["poses", "command"] = "command"
@@ -52,7 +54,7 @@ class SamplingConfig:
     chain_length: Count = 8
     """Samples of one episode in a batch, one frame spacing apart, so that they share encoded frames."""
     frame_spacing_s: float = 0.5
-    """Time between the three frames that the policy sees [s]."""
+    """Time between the frames that the policy sees [s]."""
     ahead_s: NotNegative = 0.0
     """How far ahead of its frame the command is that a sample teaches [s]; a multiple of 0.05 s."""
     previous_dropout: Share = 0.5

@@ -143,7 +143,7 @@ def _append_block(graph: GraphBuilder, x: str, block: ResidualBlock) -> str:
 def head_graph(model: PolicyNet, robot: RobotConfig) -> onnx.ModelProto:
     """`features` float32 (B, F), own motion and goal in SI units -> `action` float32 (B, 2) in SI units."""
     graph, head, inputs = GraphBuilder(), model.head, model.inputs
-    motion_scale, motion_offset = motion_units(inputs.motion, robot)
+    motion_scale, motion_offset = motion_units(inputs, robot)
     scale = [1.0] * inputs.latents_width + motion_scale + [1 / GOAL_SCALE_M] * 2
     offset = [0.0] * inputs.latents_width + motion_offset + [0.0] * 2
     limit = np.array([np.inf] * (inputs.feature_count - 2) + [1.0] * 2, np.float32)

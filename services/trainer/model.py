@@ -1,4 +1,4 @@
-"""The policy network: ten convolutions, three frames that meet before or after them, three fully connected layers.
+"""The policy network: ten convolutions, frames that meet before or after them, three fully connected layers.
 
 The paper gives the number of convolutions, the sizes of the latents (20 per frame, 64 in all) and "2M" parameters;
 widths, strides and normalisation are chosen here for training speed on a CPU: a stride-4 stem instead of a
@@ -15,7 +15,6 @@ import torch
 from torch import Tensor, nn
 
 from readygo.common.policy.artifact import GOAL_SCALE_M, Fusion, MotionInput, PolicyInputs
-from readygo.common.policy.windows import FRAME_COUNT
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.command_grid import SPEED_SHARES, TURN_SHARES
 from readygo.services.trainer.config import NetworkConfig
@@ -124,7 +123,10 @@ class PolicyNet(nn.Module):
     def __init__(self, robot: RobotConfig, config: NetworkConfig, *, reads_humans: bool = False) -> None:
         super().__init__()
         self.inputs = PolicyInputs(
-            fusion=Fusion(config.fusion), latent_count=config.latent_count, motion=MotionInput(config.motion)
+            fusion=Fusion(config.fusion),
+            latent_count=config.latent_count,
+            motion=MotionInput(config.motion),
+            frame_count=config.frame_count,
         )
         self.pooling = pooling_of(robot.camera, config.pooled_height_px)
         size_px = robot.camera.height_px // self.pooling, robot.camera.width_px // self.pooling
@@ -137,7 +139,7 @@ class PolicyNet(nn.Module):
         self.humans = humans_head(self.inputs.latents_width) if reads_humans else None
         """Of training alone."""
         self.register_buffer("limits", torch.tensor([robot.v_max_mps, robot.w_max_radps]), persistent=False)
-        scale, offset = motion_units(self.inputs.motion, robot)
+        scale, offset = motion_units(self.inputs, robot)
         self.register_buffer("motion_scale", torch.tensor(scale), persistent=False)
         self.register_buffer("motion_offset", torch.tensor(offset), persistent=False)
 
@@ -158,13 +160,13 @@ class PolicyNet(nn.Module):
 
         Args:
             images: Distinct frames in [-1, 1], shape (F, 3, H, W).
-            window: Rows of `images` that each sample sees, oldest first, shape (B, 3).
+            window: Rows of `images` that each sample sees, oldest first, shape (B, `frame_count`).
 
         Returns:
             Shape (B, `latents_width`).
         """
         if self.inputs.fusion is Fusion.EARLY:
-            stacked = torch.cat([images[window[:, k]] for k in range(FRAME_COUNT)], dim=1)
+            stacked = torch.cat([images[window[:, k]] for k in range(self.inputs.frame_count)], dim=1)
             latents: Tensor = self.encoder(stacked.contiguous(memory_format=torch.channels_last))
             return latents
         latents = self.encoder(images)[window.reshape(-1)]
@@ -226,12 +228,13 @@ def humans_head(latents_width: int) -> nn.Sequential:
     return nn.Sequential(nn.Linear(latents_width, HUMANS_WIDTH), nn.ReLU(), nn.Linear(HUMANS_WIDTH, 3))
 
 
-def motion_units(motion: MotionInput, robot: RobotConfig) -> tuple[list[float], list[float]]:
+def motion_units(inputs: PolicyInputs, robot: RobotConfig) -> tuple[list[float], list[float]]:
     """Factor and offset that bring the features of own motion to about [-1, 1]."""
     command = [1.0 / robot.v_max_mps, 1.0 / robot.w_max_radps]
-    if motion is MotionInput.POSES:
-        return [1.0] * 6 + command, [0.0] * 8
-    return [*command, 1.0][: motion.width], [0.0] * motion.width
+    width = inputs.motion.width(inputs.frame_count)
+    if inputs.motion is MotionInput.POSES:
+        return [1.0] * (width - 2) + command, [0.0] * width
+    return [*command, 1.0][:width], [0.0] * width
 
 
 def parameter_count(model: PolicyNet) -> int:

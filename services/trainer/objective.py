@@ -12,7 +12,6 @@ from readygo.common.policy.artifact import MotionInput
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.command_grid import HUMAN, OBSTACLE, UNKNOWN_RISK, mirrored
 from readygo.services.trainer.augment import (
-    MIRRORED_MOTION,
     FrameWarp,
     View,
     correct_for_turn,
@@ -20,6 +19,7 @@ from readygo.services.trainer.augment import (
     draw_views,
     hindsight_goals,
     lit,
+    mirrored_motion,
     plain_view,
     turn_motion,
     turn_world,
@@ -77,7 +77,8 @@ class Objective:
         targets = correct_for_turn(
             table.targets[samples], yaws_rad, self._config.yaw_gain_per_s, self._robot.w_max_radps
         )
-        signs = MIRRORED_MOTION if self._motion is MotionInput.POSES else np.array([1, -1, 1], np.float32)
+        poses = self._motion is MotionInput.POSES
+        signs = mirrored_motion(motion.shape[1]) if poses else np.array([1, -1, 1], np.float32)
         # What a command leads to is told for the robot as it stood.
         risks = np.where(yaws_rad[:, None] != 0, UNKNOWN_RISK, table.risks[samples])
         humans = table.humans[samples] - np.stack([0 * yaws_rad, yaws_rad, 0 * yaws_rad], axis=1)
@@ -96,7 +97,7 @@ class Objective:
         batch = make_batch(samples, table.first, self._timing)
         motion = table.motion[samples]
         if self._motion is MotionInput.COMMAND:
-            motion = corrupt_previous(motion[:, 6:], np.zeros(2, np.float32), np.full(len(samples), withheld))
+            motion = corrupt_previous(motion[:, -2:], np.zeros(2, np.float32), np.full(len(samples), withheld))
         groups = np.zeros(len(batch.frames), np.int64)
         return self._shown(
             self._images(frames.get(table, batch.frames), groups, plain_view()),
@@ -139,7 +140,7 @@ class Objective:
             return motion
         config, limits = self._config, (self._robot.v_max_mps, self._robot.w_max_radps)
         noise = (config.previous_noise * rng.normal(0.0, limits, (len(motion), 2))).astype(np.float32)
-        return corrupt_previous(motion[:, 6:], noise, rng.random(len(motion)) < config.previous_dropout)
+        return corrupt_previous(motion[:, -2:], noise, rng.random(len(motion)) < config.previous_dropout)
 
     def _images(self, frames: npt.NDArray[np.uint8], groups: Indices, view: View) -> Tensor:
         shown = self._warp.show(frames, groups, view)

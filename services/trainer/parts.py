@@ -59,6 +59,7 @@ def timing_of(robot: RobotConfig, config: TrainConfig) -> Timing:
     """Which steps belong together."""
     return Timing(
         spacing_steps=whole_steps(config.sampling.frame_spacing_s),
+        frame_count=config.network.frame_count,
         latency_steps=whole_steps(robot.camera.latency_s),
         ahead_steps=whole_steps(config.sampling.ahead_s),
     )

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from readygo.common.errors import DatasetError
 from readygo.common.messages.plan import Driver
 from readygo.common.policy.motion import odometry, own_motion
-from readygo.common.policy.windows import window_rows
+from readygo.common.policy.windows import FRAME_COUNT, window_rows
 from readygo.common.robot.command_grid import COMMAND_COUNT, UNKNOWN_RISK
 from readygo.services.trainer.episodes import Episode
 
@@ -29,6 +29,8 @@ class Timing:
 
     spacing_steps: int
     """Steps between the frames of a window."""
+    frame_count: int = FRAME_COUNT
+    """Frames of a window."""
     latency_steps: int = 0
     """Steps between the latest frame of a window and its sample."""
     ahead_steps: int = 0
@@ -57,7 +59,7 @@ class SampleTable:
     targets: Array
     """Commands that the samples teach: v [m/s], w [rad/s], shape (S, 2)."""
     motion: Array
-    """Own motion, see `readygo.common.policy.motion.own_motion`, shape (S, 8)."""
+    """Own motion, see `readygo.common.policy.motion.own_motion`, shape (S, 3 K + 2)."""
     goals_xy_m: Array
     """Goals in the robot's frame [m], shape (S, 2)."""
     xyyaw: npt.NDArray[np.float64]
@@ -95,7 +97,7 @@ class Batch:
     frames: Indices
     """Sample indices of the distinct frames, ascending, shape (F,)."""
     window: Indices
-    """Rows of `frames` that each sample sees, oldest first, shape (B, 3)."""
+    """Rows of `frames` that each sample sees, oldest first, shape (B, `frame_count`)."""
 
 
 def episode_table(episode: Episode, timing: Timing) -> SampleTable:
@@ -103,7 +105,7 @@ def episode_table(episode: Episode, timing: Timing) -> SampleTable:
     count = episode.sample_count
     steps, zeros = np.arange(count), np.zeros(count, np.int64)
     poses = odometry(episode.actions)
-    rows = window_rows(steps - timing.latency_steps, zeros, timing.spacing_steps)
+    rows = window_rows(steps - timing.latency_steps, zeros, timing.spacing_steps, timing.frame_count)
     targets = _targets(episode, timing.ahead_steps)
     previous = np.concatenate([np.zeros((1, 2), np.float32), episode.actions[:-1]])
     return SampleTable(
@@ -187,7 +189,7 @@ def make_batch(samples: Indices, first: Indices, timing: Timing) -> Batch:
         first: First sample of each sample's episode for the whole table, shape (S,).
         timing: Which steps belong together.
     """
-    seen = window_rows(samples - timing.latency_steps, first[samples], timing.spacing_steps)
+    seen = window_rows(samples - timing.latency_steps, first[samples], timing.spacing_steps, timing.frame_count)
     frames, window = np.unique(seen, return_inverse=True)
     return Batch(samples=samples, frames=frames, window=window.reshape(seen.shape))
 
@@ -198,7 +200,7 @@ def draw_samples(
     """Random samples for one batch, all usable ones alike likely but for those near the ends of episodes.
 
     Samples that are one frame spacing apart form chains of at most `chain_length`: a chain of n samples sees only
-    n + 2 distinct frames.
+    n + `frame_count` - 1 distinct frames.
 
     Returns:
         Sample indices, shape (batch_size,).

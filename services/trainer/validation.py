@@ -73,7 +73,7 @@ def error_metrics(
         "": _rmse(predictions.given - targets),
         "without_previous_": _rmse(predictions.withheld - targets),
         "mean_baseline_": _rmse(mean_action - targets),
-        "copy_baseline_": _rmse(table.motion[samples, 6:] - targets),
+        "copy_baseline_": _rmse(table.motion[samples, -2:] - targets),
     }
     metrics: dict[str, float | int] = {}
     for name, (v, w) in rmse.items():

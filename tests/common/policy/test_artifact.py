@@ -51,7 +51,7 @@ def test_camera_with_given_intrinsics_comes_back(tmp_path):
 def test_spec_comes_back_as_it_was_written(tmp_path):
     robot = RobotConfig(v_max_mps=0.7, camera=CameraConfig(height_px=90, width_px=160))
     training = {"data_sha256": 'ab"c\\d', "episodes": 40, "config": {"minutes": 1e-5, "live": False}, "seeds": [1, 2]}
-    inputs = PolicyInputs(fusion=Fusion.EARLY, latent_count=64, motion=MotionInput.COMMAND)
+    inputs = PolicyInputs(fusion=Fusion.EARLY, latent_count=64, motion=MotionInput.COMMAND, frame_count=5)
     spec = PolicySpec(robot=robot, sensor=SENSOR, frame_spacing_s=0.25, inputs=inputs, training=training)
     save_spec(spec, tmp_path)
     assert load_spec(tmp_path) == spec

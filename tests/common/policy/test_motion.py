@@ -28,4 +28,4 @@ def test_what_is_known_of_the_previous_action_is_said() -> None:
     assert motion_features(MotionInput.BARE_COMMAND, poses).tolist() == [[0, 0]]
     assert motion_features(MotionInput.POSES, poses) is poses
     for motion in MotionInput:
-        assert motion_features(motion, poses).shape == (1, motion.width)
+        assert motion_features(motion, poses).shape == (1, motion.width(3))

@@ -6,6 +6,8 @@ from readygo.common.policy.windows import spacing_steps_of, window_rows
 def test_window_is_oldest_first_and_repeats_the_first_row() -> None:
     assert window_rows([0, 7, 25], [0, 0, 0], 10).tolist() == [[0, 0, 0], [0, 0, 7], [5, 15, 25]]
     assert window_rows(31, 20, 10).tolist() == [20, 21, 31]
+    assert window_rows(31, 0, 10, 5).tolist() == [0, 1, 11, 21, 31]
+    assert window_rows(31, 0, 10, 1).tolist() == [31]
 
 
 def test_spacing_counts_steps() -> None:

@@ -8,7 +8,6 @@ from readygo.common.camera import CameraConfig
 from readygo.common.camera.lens import make_lens
 from readygo.common.policy.motion import own_motion
 from readygo.services.trainer.augment import (
-    MIRRORED_MOTION,
     FrameWarp,
     View,
     correct_for_turn,
@@ -17,6 +16,7 @@ from readygo.services.trainer.augment import (
     draw_views,
     hindsight_goals,
     lit,
+    mirrored_motion,
     plain_view,
     turn_motion,
     turn_world,
@@ -176,7 +176,7 @@ def test_own_motion_of_a_turned_robot_is_that_of_turned_poses():
 def test_mirrored_motion_is_that_of_mirrored_poses_and_commands():
     present, flip = np.array([[0.2, 0.3, 0.4]]), np.array([1.0, -1.0, -1.0])
     mirrored = own_motion(POSES * flip, present * flip, COMMAND * np.array([1, -1], np.float32))
-    assert np.allclose(own_motion(POSES, present, COMMAND) * MIRRORED_MOTION, mirrored, atol=1e-6)
+    assert np.allclose(own_motion(POSES, present, COMMAND) * mirrored_motion(8), mirrored, atol=1e-6)
 
 
 def test_withheld_previous_action_differs_from_standing_still():
