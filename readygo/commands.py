@@ -8,6 +8,11 @@ COMMANDS = {
     "scene inspect": Command(
         "readygo.apps.commands.scene:scene_inspect", "measure a scene bundle and draw it from above"
     ),
+    "scene poses": Command(
+        "readygo.apps.commands.reconstruct:scene_poses",
+        "find metric camera poses of a video or photos; no Gaussians yet",
+    ),
+    "marker": Command("readygo.apps.commands.reconstruct:marker", "write a printable marker of true size, as PDF"),
     "avatar list": Command("readygo.apps.commands.avatar:avatar_list", "list the people that can walk through scenes"),
     "avatar import": Command(
         "readygo.apps.commands.avatar_import:avatar_import", "make an avatar of a HUGS, SMPL, glTF or Gaussian file"

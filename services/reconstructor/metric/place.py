@@ -10,7 +10,13 @@ from readygo.common.errors import ConfigError, SceneError
 from readygo.services.reconstructor.config import MetricConfig
 from readygo.services.reconstructor.metric.lengths import KnownLength, measured_length, parse_length
 from readygo.services.reconstructor.metric.markers import MarkerSighting
-from readygo.services.reconstructor.metric.scale import TWO_SIDED_95, MarkerMeasure, Scale, measure_marker, scale_of_markers
+from readygo.services.reconstructor.metric.scale import (
+    TWO_SIDED_95,
+    MarkerMeasure,
+    Scale,
+    measure_marker,
+    scale_of_markers,
+)
 from readygo.services.reconstructor.metric.similarity import Similarity
 from readygo.services.reconstructor.metric.up import (
     FLOOR_MARKER_MAX_DEG,
@@ -56,9 +62,7 @@ def place_map(images: PosedImages, sightings: Sequence[MarkerSighting], config: 
     forward = images.T_world_camera[0, :3, 2] if marker is None else marker.map_from_marker.R[:, 0]
     moved = world_from_map(floor, forward, origin, scale.metres_per_unit)
     warnings += [*more, *others, *_doubtful_height(images.moved(moved))]
-    return Placement(
-        world_from_map=moved, scale=scale, floor=floor, markers=tuple(measures), warnings=tuple(warnings)
-    )
+    return Placement(world_from_map=moved, scale=scale, floor=floor, markers=tuple(measures), warnings=tuple(warnings))
 
 
 def _measured_markers(
@@ -138,9 +142,8 @@ def _floor(
         plane = floor_of_points(images, normal)
         if plane is None:
             return floor, best, []
-        return floor, best, [
-            f"check: the floor's points ({plane.point_count}) lean {lean_deg(plane.up, normal):.2f} deg against the marker"
-        ]
+        lean = f"{lean_deg(plane.up, normal):.2f} deg"
+        return floor, best, [f"check: the floor's points ({plane.point_count}) lean {lean} against the marker"]
     plane = floor_of_points(images, up)
     if plane is not None:
         return plane, None, []
@@ -154,4 +157,6 @@ def _doubtful_height(images: PosedImages) -> list[str]:
     height_m = float(np.median(images.T_world_camera[:, 2, 3]))
     if _HANDHELD_M[0] <= height_m <= _HANDHELD_M[1]:
         return []
-    return [f"cameras are {height_m:.2f} m above the floor in the median: check the marker's size, and that it lies flat"]
+    return [
+        f"cameras are {height_m:.2f} m above the floor in the median: check the marker's size, and that it lies flat"
+    ]

@@ -76,9 +76,7 @@ def triangulate(xy: Array, T_world_camera: Array, focal_px: Array) -> Triangulat
         if np.linalg.norm(step) <= 1e-12 * np.linalg.norm(point - centres.mean(axis=0)):
             break
     error_px, _ = _errors(point, xy, R_camera_world, centres, focal_px)
-    return Triangulated(
-        point=point, covariance=np.linalg.inv(normal), residuals_px=np.linalg.norm(error_px, axis=1)
-    )
+    return Triangulated(point=point, covariance=np.linalg.inv(normal), residuals_px=np.linalg.norm(error_px, axis=1))
 
 
 def _errors(point: Array, xy: Array, R_camera_world: Array, centres: Array, focal_px: Array) -> tuple[Array, Array]:

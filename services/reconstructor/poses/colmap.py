@@ -137,9 +137,7 @@ def _append_keypoints(db: Any, image_id: int, pixels: Array) -> tuple[int, Array
     return len(old), keypoints[:, :2].astype(np.float64)
 
 
-def build_maps(
-    database: Path, images: Path, folder: Path, config: PosesConfig, *, count: int, known_focal: bool
-) -> list[Path]:
+def build_maps(database: Path, images: Path, folder: Path, config: PosesConfig, *, count: int) -> list[Path]:
     """Find poses and points.
 
     Args:
@@ -148,7 +146,6 @@ def build_maps(
         folder: Where the models are written, a folder each.
         config: How.
         count: Images there are.
-        known_focal: Whether the focal length need not be found from nothing.
 
     Returns:
         The models, that with the most images first.
