@@ -88,6 +88,11 @@ def find_poses(source: Path, out: Path, config: ReconstructorConfig, say: Say) -
     colmap.pycolmap()
     given = open_source(source)
     stages = Stages(out, say)
+    with stages.alone():
+        return _run_stages(stages, given, out, config)
+
+
+def _run_stages(stages: Stages, given: Source, out: Path, config: ReconstructorConfig) -> dict[str, Any]:
     poses, metric = section_to_mapping(config.poses), section_to_mapping(config.metric)
     settings = {"source": [str(given.path.resolve()), given.kind, given.identity], **section_to_mapping(config.frames)}
     frames = stages.run(FRAMES, settings, partial(make_frames, given, config))
@@ -104,7 +109,7 @@ def find_poses(source: Path, out: Path, config: ReconstructorConfig, say: Say) -
     made = stages.run(MAP, poses, partial(make_map, out, given, frames, config))
     place = partial(make_posed, out, out / MAP / made["model"], Verdict(**made["verdict"]), sightings, config)
     report = stages.run(POSED, metric, place)
-    return {"source": str(source), "kind": given.kind, "frames": frames, **report, "seconds": stages.seconds}
+    return {"source": str(given.path), "kind": given.kind, "frames": frames, **report, "seconds": stages.seconds}
 
 
 def _some(settings: Mapping[str, Any], *names: str) -> dict[str, Any]:

@@ -1,15 +1,19 @@
 """Stages of a job on disk: each makes a folder that is there whole or not at all, and is not made twice."""
 
+import fcntl
 import hashlib
 import json
+import shutil
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from readygo.common.errors import RunError
 from readygo.common.files import unfinished_folder
 
-STAGE_FILE = "stage.json"
+STAGE_FILE, LOCK_FILE = "stage.json", ".lock"
 
 Say = Callable[[str], None]
 
@@ -28,6 +32,25 @@ class Stages:
         self.seconds: dict[str, float] = {}
         self._say = say
         self._key = ""
+
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Keep other commands out of the folder, and remove what a killed one left half done.
+
+        Raises:
+            RunError: If another command works there.
+        """
+        self.folder.mkdir(parents=True, exist_ok=True)
+        with (self.folder / LOCK_FILE).open("w") as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError as error:
+                raise RunError(
+                    f"{self.folder}: another command works here; wait for it, or choose another folder."
+                ) from error
+            for remains in self.folder.glob(".*-*/"):
+                shutil.rmtree(remains, ignore_errors=True)
+            yield
 
     def run(self, name: str, settings: Mapping[str, Any], make: Callable[[Path], Mapping[str, Any]]) -> dict[str, Any]:
         """Make a stage's folder unless it is there already.

@@ -1,5 +1,6 @@
 """The only place that knows pycolmap: features, matches, maps, undistortion and files of COLMAP models."""
 
+import shutil
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -13,6 +14,7 @@ from readygo.common.extras import install_command
 from readygo.services.reconstructor.config import PosesConfig
 from readygo.services.reconstructor.metric.similarity import Similarity
 from readygo.services.reconstructor.posed import PosedImages
+from readygo.services.reconstructor.poses.tags import tag_matches
 
 Array = npt.NDArray[np.float64]
 TagFeatures = Mapping[str, tuple[npt.NDArray[np.int64], Array]]
@@ -94,8 +96,6 @@ def _two_views(colmap: Any, config: PosesConfig) -> Any:
 
 def add_tag_matches(database: Path, tags: TagFeatures, config: PosesConfig) -> None:
     """Add points of markers to the features, and their matches to the matches, of images that show the same ones."""
-    from readygo.services.reconstructor.poses.tags import tag_matches
-
     colmap = pycolmap()
     colmap.set_random_seed(config.seed)
     with colmap.Database.open(database) as db:
@@ -165,7 +165,8 @@ def build_maps(database: Path, images: Path, folder: Path, config: PosesConfig, 
         options.triangulation.random_seed = options.mapper.random_seed = config.seed
         # Small pieces are made too, so that the verdict can count them.
         options.min_model_size = 2
-        options.mapper.init_min_num_inliers = 60
+        # An image with little texture is held by the points of one marker.
+        options.mapper.init_min_num_inliers, options.mapper.abs_pose_min_num_inliers = 60, 14
         found = colmap.incremental_mapping(database, images, folder, options)
     order = sorted(found, key=lambda number: (-found[number].num_reg_images(), number))
     return [folder / str(number) for number in order]
@@ -239,14 +240,6 @@ def write_undistorted(model: Path, images: Path, folder: Path, b_from_a: Similar
     sparse.mkdir()
     inner.rename(sparse / "0")
     # For COLMAP's dense stereo, which nothing here uses.
-    for name in ("stereo", "run-colmap-photometric.sh", "run-colmap-geometric.sh"):
-        _remove(folder / name)
-
-
-def _remove(path: Path) -> None:
-    import shutil
-
-    if path.is_dir():
-        shutil.rmtree(path)
-    else:
-        path.unlink(missing_ok=True)
+    shutil.rmtree(folder / "stereo", ignore_errors=True)
+    for script in folder.glob("run-colmap-*.sh"):
+        script.unlink()

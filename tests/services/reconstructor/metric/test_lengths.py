@@ -35,7 +35,7 @@ def test_other_forms_are_refused(text: str) -> None:
 
 def test_picks_of_different_points_are_refused() -> None:
     text = picked((0, 3), 1.0).replace("000003.jpg:", "000006.jpg:")
-    with pytest.raises(SceneError, match="miss each other|only|cannot be placed"):
+    with pytest.raises(SceneError, match=r"miss each other|only|cannot be placed"):
         measured_length(IMAGES, parse_length(text))
 
 

@@ -43,7 +43,7 @@ def test_length_gives_the_scale_and_beside_a_marker_checks_it() -> None:
 
 def test_marker_of_the_wrong_size_is_found_by_a_second_length() -> None:
     length_m = float(np.linalg.norm(ENDS[1] - ENDS[0]))
-    with pytest.raises(SceneError, match="contradict each other.*printed size"):
+    with pytest.raises(SceneError, match=r"contradict each other.*printed size"):
         place_map(IMAGES, SEEN, MetricConfig(marker_size_m=0.15, lengths=(picked((0, 4, 8), length_m),)))
 
 
@@ -53,7 +53,7 @@ def test_cameras_at_a_strange_height_make_the_size_doubtful() -> None:
 
 
 def test_marker_that_is_asked_for_and_not_there_is_named() -> None:
-    with pytest.raises(SceneError, match="Marker 7 .* is in no image; found: 0"):
+    with pytest.raises(SceneError, match=r"Marker 7 .* is in no image; found: 0"):
         place_map(IMAGES, SEEN, MetricConfig(marker_size_m=0.2, marker_ids=(7,)))
 
 

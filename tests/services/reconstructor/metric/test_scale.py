@@ -45,7 +45,7 @@ def test_of_three_markers_the_odd_one_is_named_and_left_out() -> None:
 
 def test_marker_that_moved_is_refused() -> None:
     seen = sighted(POSES[:6], marker_at(), 0) + sighted(POSES, marker_at((0.4, 0.3, 0)), 0)[6:]
-    with pytest.raises(SceneError, match="no square|only"):
+    with pytest.raises(SceneError, match=r"no square|only"):
         measure_marker(IMAGES, seen, 0.2)
 
 
