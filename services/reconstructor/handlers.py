@@ -223,7 +223,8 @@ def make_map(
     if source.kind == "colmap":
         model = colmap.find_model(source.path)
         assert model is not None
-        asked, sizes = colmap.map_size(model), (colmap.map_size(model),)
+        sizes = colmap.piece_sizes([model])
+        asked = sizes[0]
         name = str(model.resolve())
     else:
         asked = len(frames["names"])
@@ -231,7 +232,7 @@ def make_map(
         if not models:
             nothing = Verdict(**{**_NOTHING, "images": asked})
             raise SceneError(str(refusal(nothing, registered_min=config.poses.registered_min)))
-        model, sizes, name = models[0], tuple(colmap.map_size(each) for each in models), models[0].name
+        model, sizes, name = models[0], colmap.piece_sizes(models), models[0].name
     images = colmap.read_map(model)
     verdict = judge(images, asked=asked, components=sizes, sequential=_in_order(source.kind, asked, config))
     reason = refusal(verdict, registered_min=config.poses.registered_min)

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import cv2
+import numpy as np
 
 from readygo.common.errors import SceneError
 from readygo.services.reconstructor.config import FramesConfig
@@ -38,7 +39,7 @@ def prepare_photos(source: Path, folder: Path, config: FramesConfig) -> dict[str
         if bgr is None:
             unreadable.append(path.name)
             continue
-        small = shrunk(bgr, config.side_max_px)
+        small = shrunk(np.asarray(bgr, dtype=np.uint8), config.side_max_px)
         height, width = small.shape[:2]
         kept.append((path.stem, small.shape[:2]))
         focal_35mm = read_exif(path).get("focal_35mm")

@@ -48,7 +48,7 @@ def motion(before: Grey, now: Grey) -> float:
     corners = cv2.goodFeaturesToTrack(before, _CORNERS, 0.01, 7)
     if corners is None:
         return 0.0
-    moved, found, _ = cv2.calcOpticalFlowPyrLK(before, now, corners, None)
+    moved, found, _ = cv2.calcOpticalFlowPyrLK(before, now, corners, np.empty_like(corners))
     way_px = np.linalg.norm((moved - corners).reshape(-1, 2)[found.ravel() == 1], axis=1)
     # Lost corners mean that the picture changed a lot.
     return float(np.median(way_px)) / before.shape[1] if 2 * len(way_px) > len(corners) else 0.25

@@ -79,7 +79,9 @@ def sightings_in(folder: Path, names: Iterable[str], dictionary: str) -> list[Ma
     found = []
     for name in names:
         grey = cv2.imread(str(folder / name), cv2.IMREAD_GRAYSCALE)
-        seen = list(find_markers(grey, dictionary))
+        if grey is None:
+            continue
+        seen = list(find_markers(np.asarray(grey, dtype=np.uint8), dictionary))
         # An id that one image shows twice says nothing about which is which.
         ids = [marker for marker, _ in seen]
         found += [MarkerSighting(image=name, marker=m, corners_px=px) for m, px in seen if ids.count(m) == 1]

@@ -172,9 +172,16 @@ def build_maps(database: Path, images: Path, folder: Path, config: PosesConfig, 
     return [folder / str(number) for number in order]
 
 
-def map_size(model: Path) -> int:
-    """Images with a pose."""
-    return int(pycolmap().Reconstruction(model).num_reg_images())
+def piece_sizes(models: Sequence[Path]) -> tuple[int, ...]:
+    """Images with a pose in each model that none before it has."""
+    colmap, sizes = pycolmap(), []
+    known: set[str] = set()
+    for model in models:
+        rec = colmap.Reconstruction(model)
+        names = {rec.images[number].name for number in rec.reg_image_ids()}
+        sizes.append(len(names - known))
+        known |= names
+    return tuple(size for size in sizes if size)
 
 
 def read_map(model: Path) -> PosedImages:

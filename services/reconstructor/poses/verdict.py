@@ -26,7 +26,7 @@ class Verdict:
     images: int
     registered: int
     components: tuple[int, ...]
-    """Images of each piece that the mapper made, the largest first."""
+    """Images of each piece that the mapper made, the largest first; those in a piece before it do not count."""
     points: int
     reprojection_px: float
     """Mean over points, weighted by their views [px]."""

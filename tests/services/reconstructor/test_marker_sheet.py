@@ -39,7 +39,7 @@ def test_document_is_whole() -> None:
 
 
 @pytest.mark.parametrize(
-    ("marker", "size_m", "words"), [(50, 0.1, "0 to 49"), (0, 0.2, "0.01 to 0.157"), (0, 0.0, "got 0 m")]
+    ("marker", "size_m", "words"), [(50, 0.1, "0 to 49"), (0, 0.2, "0.01 to 0.158"), (0, 0.0, "got 0 m")]
 )
 def test_what_no_page_holds_is_refused(marker: int, size_m: float, words: str) -> None:
     with pytest.raises(ConfigError, match=words):
