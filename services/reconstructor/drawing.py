@@ -30,7 +30,7 @@ def draw_map(images: PosedImages, markers: Mapping[int, Array]) -> Picture:
         Shape (H, W, 3), x to the right and y up.
     """
     view = _window(images, markers)
-    order = np.argsort(images.points[:, 2]) if len(images.points) else []
+    order = np.argsort(images.points[:, 2])
     for (column, row), rgb in zip(_pixels(view, images.points[order]), images.points_rgb[order], strict=True):
         if 0 <= column < view.rgb.shape[1] and 0 <= row < view.rgb.shape[0]:
             view.rgb[row, column] = rgb
@@ -44,7 +44,9 @@ def draw_map(images: PosedImages, markers: Mapping[int, Array]) -> Picture:
         column, row = _pixels(view, corners.mean(axis=0, keepdims=True))[0].tolist()
         put_text(view.rgb, str(marker), (column + 8, row - 8), colour=HUMANS[0])
     put_text(view.rgb, f"{len(images.names)} cameras, {len(images.points):,} points", (12, 24), colour=INK)
-    draw_scale_bar(view.rgb, view)
+    # The bar is a metre or more.
+    if view.rgb.shape[1] * view.frame.resolution_m > 1.2:
+        draw_scale_bar(view.rgb, view)
     return view.rgb
 
 
@@ -68,4 +70,4 @@ def _pixels(view: TopView, points_m: Array) -> npt.NDArray[np.int32]:
     """Columns and rows of points, shape (N, 2)."""
     column = (points_m[:, 0] - view.frame.origin_x_m) / view.frame.resolution_m
     row = view.rgb.shape[0] - (points_m[:, 1] - view.frame.origin_y_m) / view.frame.resolution_m
-    return np.clip(np.column_stack([column, row]), -1e6, 1e6).astype(np.int32)
+    return np.asarray(np.clip(np.column_stack([column, row]), -1e6, 1e6), dtype=np.int32)

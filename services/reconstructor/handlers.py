@@ -3,7 +3,7 @@
 import json
 import shutil
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -230,7 +230,7 @@ def make_map(
         asked = len(frames["names"])
         models = colmap.build_maps(out / MATCHES / DATABASE_FILE, out / FRAMES, folder, config.poses, count=asked)
         if not models:
-            nothing = Verdict(**{**_NOTHING, "images": asked})
+            nothing = replace(_NOTHING, images=asked)
             raise SceneError(str(refusal(nothing, registered_min=config.poses.registered_min)))
         model, sizes, name = models[0], colmap.piece_sizes(models), models[0].name
     images = colmap.read_map(model)
@@ -241,8 +241,17 @@ def make_map(
     return {"model": name, "verdict": {**asdict(verdict), "components": list(sizes)}}
 
 
-_NOTHING = {"registered": 0, "components": (), "points": 0, "reprojection_px": 0.0, "points_per_image": 0.0,
-            "weakest_link": 0, "loops": 0, "sequential": False}  # fmt: skip
+_NOTHING = Verdict(
+    images=0,
+    registered=0,
+    components=(),
+    points=0,
+    reprojection_px=0.0,
+    points_per_image=0.0,
+    weakest_link=0,
+    loops=0,
+    sequential=False,
+)
 
 
 def make_posed(
