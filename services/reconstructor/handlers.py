@@ -106,7 +106,9 @@ def _run_stages(stages: Stages, given: Source, out: Path, config: ReconstructorC
         stages.run(FEATURES, _some(poses, "features_max"), partial(make_features, folder, frames, sightings, config))
         compared = _some(poses, "overlap", "exhaustive_max", "seed")
         stages.run(MATCHES, compared, partial(make_matches, out, frames, sightings, given.kind, config))
-    made = stages.run(MAP, poses, partial(make_map, out, given, frames, config))
+    made = stages.run(
+        MAP, {**poses, "tags": bool(sightings)}, partial(make_map, out, given, frames, bool(sightings), config)
+    )
     place = partial(make_posed, out, out / MAP / made["model"], Verdict(**made["verdict"]), sightings, config)
     report = stages.run(POSED, metric, place)
     return {"source": str(given.path), "kind": given.kind, "frames": frames, **report, "seconds": stages.seconds}
@@ -213,7 +215,7 @@ def _in_order(kind: str, count: int, config: ReconstructorConfig) -> bool:
 
 
 def make_map(
-    out: Path, source: Source, frames: Mapping[str, Any], config: ReconstructorConfig, folder: Path
+    out: Path, source: Source, frames: Mapping[str, Any], with_tags: bool, config: ReconstructorConfig, folder: Path
 ) -> Mapping[str, Any]:
     """Poses and points in units of their own, judged.
 
@@ -228,7 +230,8 @@ def make_map(
         name = str(model.resolve())
     else:
         asked = len(frames["names"])
-        models = colmap.build_maps(out / MATCHES / DATABASE_FILE, out / FRAMES, folder, config.poses, count=asked)
+        database = out / MATCHES / DATABASE_FILE
+        models = colmap.build_maps(database, out / FRAMES, folder, config.poses, count=asked, with_tags=with_tags)
         if not models:
             nothing = replace(_NOTHING, images=asked)
             raise SceneError(str(refusal(nothing, registered_min=config.poses.registered_min)))

@@ -137,7 +137,9 @@ def _append_keypoints(db: Any, image_id: int, pixels: Array) -> tuple[int, Array
     return len(old), keypoints[:, :2].astype(np.float64)
 
 
-def build_maps(database: Path, images: Path, folder: Path, config: PosesConfig, *, count: int) -> list[Path]:
+def build_maps(
+    database: Path, images: Path, folder: Path, config: PosesConfig, *, count: int, with_tags: bool = False
+) -> list[Path]:
     """Find poses and points.
 
     Args:
@@ -146,6 +148,7 @@ def build_maps(database: Path, images: Path, folder: Path, config: PosesConfig, 
         folder: Where the models are written, a folder each.
         config: How.
         count: Images there are.
+        with_tags: Whether points of markers are among the features.
 
     Returns:
         The models, that with the most images first.
@@ -165,8 +168,9 @@ def build_maps(database: Path, images: Path, folder: Path, config: PosesConfig, 
         options.triangulation.random_seed = options.mapper.random_seed = config.seed
         # Small pieces are made too, so that the verdict can count them.
         options.min_model_size = 2
-        # An image with little texture is held by the points of one marker.
-        options.mapper.init_min_num_inliers, options.mapper.abs_pose_min_num_inliers = 60, 14
+        if with_tags:
+            # An image with little texture is held by one marker; without markers so few matches are chance.
+            options.mapper.init_min_num_inliers, options.mapper.abs_pose_min_num_inliers = 60, 14
         found = colmap.incremental_mapping(database, images, folder, options)
     order = sorted(found, key=lambda number: (-found[number].num_reg_images(), number))
     return [folder / str(number) for number in order]
