@@ -12,6 +12,11 @@ COMMANDS = {
     "scene align": Command("readygo.apps.commands.scene_edit:scene_align", "level a scene's floor at height 0"),
     "scene scale": Command("readygo.apps.commands.scene_edit:scene_scale", "make a scene larger or smaller"),
     "scene clean": Command("readygo.apps.commands.scene_edit:scene_clean", "remove huge Gaussians, floaters and haze"),
+    "scene poses": Command(
+        "readygo.apps.commands.reconstruct:scene_poses",
+        "find metric camera poses of a video or photos; no Gaussians yet",
+    ),
+    "marker": Command("readygo.apps.commands.reconstruct:marker", "write a printable marker of true size, as PDF"),
     "avatar list": Command("readygo.apps.commands.avatar:avatar_list", "list the people that can walk through scenes"),
     "avatar import": Command(
         "readygo.apps.commands.avatar_import:avatar_import", "make an avatar of a HUGS, SMPL, glTF or Gaussian file"

@@ -1,0 +1,123 @@
+"""`readygo scene poses` and `readygo marker`: from a video or photos to metric poses."""
+
+import json as json_module
+import sys
+from pathlib import Path
+from typing import Any, Literal
+
+from rich.console import Console
+from rich.table import Table
+
+from readygo.common.errors import ConfigError
+from readygo.common.files import write_whole
+from readygo.services.reconstructor.config import FramesConfig, MetricConfig, PosesConfig, ReconstructorConfig
+from readygo.services.reconstructor.handlers import PICTURE_FILE, POSED, find_poses
+from readygo.services.reconstructor.marker_sheet import marker_pdf
+from readygo.services.reconstructor.metric.markers import DEFAULT_DICTIONARY
+
+
+def scene_poses(
+    source: Path,
+    /,
+    *,
+    out: Path,
+    marker_size_m: float = 0.0,
+    marker_dictionary: str = DEFAULT_DICTIONARY,
+    marker_id: tuple[int, ...] = (),
+    marker_on: Literal["auto", "floor", "wall"] = "auto",
+    length: tuple[str, ...] = (),
+    scale: float = 0.0,
+    frames: int = 300,
+    mapper: Literal["auto", "incremental", "global"] = "auto",
+    threads: int = 0,
+    json: bool = False,
+) -> None:
+    """Find the poses of a video's or of photos' cameras in metres, z up, z = 0 on the floor; it makes no Gaussians.
+
+    What is left in the folder `posed` is a COLMAP model with undistorted pinhole images, for any Gaussian trainer.
+    Stages that are finished are not done again: run the same command to go on, or with another marker or length.
+
+    Args:
+        source: A video, a folder of photos, or a folder with a COLMAP model and images/.
+        out: State folder, new or one to go on with.
+        marker_size_m: Side of the black square of the printed markers [m]; see `readygo marker`.
+        marker_dictionary: Dictionary of the markers, as OpenCV names it.
+        marker_id: Markers of that size; all that are found by default.
+        marker_on: What markers lie on; auto goes by how the camera was held.
+        length: Length between two points picked in two images, "a.jpg:u,v a.jpg:u,v b.jpg:u,v b.jpg:u,v = 2.35", both
+            ends in each image [px, m]; beside a marker it checks the marker.
+        scale: Metres per unit of the map, where nothing else tells it.
+        frames: At most this many frames of a video are used.
+        mapper: auto is incremental up to 200 images, global beyond.
+        threads: 0 takes all cores; 1 gives the same map each time.
+        json: Print the report as JSON.
+    """
+    try:
+        config = ReconstructorConfig(
+            frames=FramesConfig(count_max=frames),
+            poses=PosesConfig(mapper=mapper, threads=threads),
+            metric=MetricConfig(
+                marker_size_m=marker_size_m,
+                marker_dictionary=marker_dictionary,
+                marker_ids=marker_id,
+                marker_on=marker_on,
+                lengths=length,
+                scale=scale,
+            ),
+        )
+    except ValueError as error:
+        raise ConfigError(str(error)) from error
+    notes = Console(stderr=True, highlight=False)
+    report = find_poses(source, out, config, lambda stage: notes.print(f"{stage} ...", markup=False))
+    if json:
+        sys.stdout.write(json_module.dumps(report) + "\n")
+        return
+    table = Table(title=f"poses of {source.name}", show_header=False)
+    for label, text in _rows(report):
+        table.add_row(label, text)
+    table.add_row("model and images", str(out / POSED))
+    table.add_row("picture", str(out / POSED / PICTURE_FILE))
+    Console().print(table)
+
+
+def _rows(report: dict[str, Any]) -> list[tuple[str, str]]:
+    verdict, scale = report["verdict"], report["scale"]
+    share = f"{100 * verdict['registered_share']:.0f} %"
+    interval = scale["interval_percent"]
+    known = "interval unknown" if interval is None else f"+-{interval:.2f} % (95 %)"
+    rows = [
+        ("images", f"{verdict['registered']} of {verdict['images']} have a pose ({share})"),
+        ("pieces", " + ".join(map(str, verdict["components"]))),
+        ("points", f"{verdict['points']:,}, off by {verdict['reprojection_px']:.2f} px in the mean"),
+        ("drift", verdict["drift"]),
+        ("scale", f"{scale['metres_per_unit']:.5g} m per unit, {known}, by {scale['source']}"),
+        ("up", report["up"]),
+    ]
+    rows += [
+        (f"marker {m['marker']}", f"side {m['side_m']:.4f} m in {m['views']} images, off by {m['residual_px']:.2f} px")
+        for m in report["markers"]
+    ]
+    return [*rows, *(("note", note) for note in report["notes"])]
+
+
+def marker(
+    *,
+    size_m: float = 0.2,
+    out: Path,
+    dictionary: str = DEFAULT_DICTIONARY,
+    id: int = 0,
+    page: Literal["A4", "A3", "A2", "letter"] = "A3",
+) -> None:
+    """Write a PDF with one marker at true size: print it at 100 %, measure it, and lay it on the floor.
+
+    Args:
+        size_m: Side of the black square [m].
+        out: The PDF.
+        dictionary: ArUco or AprilTag dictionary, as OpenCV names it.
+        id: Which marker of the dictionary.
+        page: Paper; the marker needs a white border of one cell.
+    """
+    write_whole(out, marker_pdf(dictionary, id, size_m, page))
+    Console(highlight=False, soft_wrap=True).print(
+        f"{out}: marker {id} of {dictionary}, {size_m:g} m wide.", markup=False
+    )

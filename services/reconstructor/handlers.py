@@ -1,0 +1,301 @@
+"""The stages from a source to posed, undistorted, metric images: functions of files and settings, without a bus."""
+
+import json
+import shutil
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from readygo.common.config import section_to_mapping
+from readygo.common.drawing.files import write_png
+from readygo.common.errors import ConfigError, SceneError
+from readygo.services.reconstructor.config import ReconstructorConfig
+from readygo.services.reconstructor.drawing import draw_map
+from readygo.services.reconstructor.frames.photos import photo_files, prepare_photos
+from readygo.services.reconstructor.frames.video import extract_frames
+from readygo.services.reconstructor.metric.markers import (
+    MarkerSighting,
+    open_dictionary,
+    other_dictionaries,
+    sightings_in,
+)
+from readygo.services.reconstructor.metric.place import Placement, place_map
+from readygo.services.reconstructor.metric.scale import square_corners_m
+from readygo.services.reconstructor.poses import colmap
+from readygo.services.reconstructor.poses.pairs import image_pairs
+from readygo.services.reconstructor.poses.tags import focal_of_tags, tag_features
+from readygo.services.reconstructor.poses.verdict import Verdict, judge, refusal
+from readygo.services.reconstructor.stages import Say, Stages
+
+FRAMES, MARKERS, FEATURES, MATCHES, MAP, POSED = "frames", "markers", "features", "matches", "map", "posed"
+"""Stages, and folders of the job."""
+DATABASE_FILE, PICTURE_FILE, REPORT_FILE = "database.db", "top.png", "poses.json"
+_TRIED_IMAGES = 40
+"""Of so many images other dictionaries are looked for."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """What a job begins with."""
+
+    path: Path
+    kind: str
+    """video, photos or colmap."""
+    identity: tuple[tuple[str, int, int], ...]
+    """Name, size and time of change of each file."""
+
+
+def open_source(path: Path) -> Source:
+    """Tell what a path is.
+
+    Raises:
+        SceneError: If it is nothing to begin with.
+    """
+    if not path.exists():
+        raise SceneError(f"{path} does not exist; give a video, a folder of photos or a folder with a COLMAP model.")
+    if path.is_file():
+        return Source(path=path, kind="video", identity=_identity([path]))
+    model = colmap.find_model(path)
+    if model is not None:
+        return Source(path=path, kind="colmap", identity=_identity(sorted(model.iterdir())))
+    photos = photo_files(path)
+    if not photos:
+        raise SceneError(f"{path} holds no photos (.jpg, .png, .tif, ...) and no COLMAP model.")
+    return Source(path=path, kind="photos", identity=_identity(photos))
+
+
+def _identity(files: list[Path]) -> tuple[tuple[str, int, int], ...]:
+    return tuple((path.name, path.stat().st_size, path.stat().st_mtime_ns) for path in files if path.is_file())
+
+
+def find_poses(source: Path, out: Path, config: ReconstructorConfig, say: Say) -> dict[str, Any]:
+    """Run all stages that are not done yet, and give the report, which is also in `out`/poses.json.
+
+    Args:
+        source: A video, a folder of photos, or a folder with a COLMAP model and its images.
+        out: State folder; what is finished there is not done again.
+        config: How.
+        say: Hears one line per stage.
+
+    Raises:
+        ReadygoError: If the source cannot be used, the map is bad, or the scale is not known.
+    """
+    _check_scale_is_told(config)
+    colmap.pycolmap()
+    given = open_source(source)
+    stages = Stages(out, say)
+    with stages.alone():
+        return _run_stages(stages, given, out, config)
+
+
+def _run_stages(stages: Stages, given: Source, out: Path, config: ReconstructorConfig) -> dict[str, Any]:
+    poses, metric = section_to_mapping(config.poses), section_to_mapping(config.metric)
+    settings = {"source": [str(given.path.resolve()), given.kind, given.identity], **section_to_mapping(config.frames)}
+    frames = stages.run(FRAMES, settings, partial(make_frames, given, config))
+    folder = out / FRAMES
+    seen: list[dict[str, Any]] = []
+    if config.metric.marker_size_m:
+        wanted = {"dictionary": config.metric.marker_dictionary}
+        seen = stages.run(MARKERS, wanted, partial(make_markers, folder, frames, config))["sightings"]
+    sightings = [MarkerSighting(**{**each, "corners_px": np.array(each["corners_px"])}) for each in seen]
+    if given.kind != "colmap":
+        stages.run(FEATURES, _some(poses, "features_max"), partial(make_features, folder, frames, sightings, config))
+        compared = _some(poses, "overlap", "exhaustive_max", "seed")
+        stages.run(MATCHES, compared, partial(make_matches, out, frames, sightings, given.kind, config))
+    made = stages.run(
+        MAP, {**poses, "tags": bool(sightings)}, partial(make_map, out, given, frames, bool(sightings), config)
+    )
+    place = partial(make_posed, out, out / MAP / made["model"], Verdict(**made["verdict"]), sightings, config)
+    report = stages.run(POSED, metric, place)
+    return {"source": str(given.path), "kind": given.kind, "frames": frames, **report, "seconds": stages.seconds}
+
+
+def _some(settings: Mapping[str, Any], *names: str) -> dict[str, Any]:
+    return {name: settings[name] for name in names}
+
+
+def _check_scale_is_told(config: ReconstructorConfig) -> None:
+    """Before hours of work, not after them."""
+    metric = config.metric
+    if not (metric.marker_size_m or metric.lengths or metric.scale):
+        raise ConfigError(
+            "Nothing tells the scale: give --marker-size-m for a printed marker (`readygo marker` makes one), "
+            "--length between two points, or --scale."
+        )
+    open_dictionary(metric.marker_dictionary)
+
+
+def make_frames(source: Source, config: ReconstructorConfig, folder: Path) -> Mapping[str, Any]:
+    """The images that are used, and what they are."""
+    if source.kind == "video":
+        found = extract_frames(source.path, folder, config.frames)
+    elif source.kind == "photos":
+        found = prepare_photos(source.path, folder, config.frames)
+    else:
+        return {"kept": 0, "names": [], "images": str(_images_of_model(source.path))}
+    return {**found, "names": sorted(p.relative_to(folder).as_posix() for p in folder.rglob("*.jpg"))}
+
+
+def _images_of_model(path: Path) -> Path:
+    folder = path / "images"
+    if not folder.is_dir():
+        raise SceneError(f"{path} holds a COLMAP model but no folder images/.")
+    return folder.resolve()
+
+
+def _images(frames: Mapping[str, Any], folder: Path) -> tuple[Path, list[str]]:
+    """Where images are, and their names."""
+    if "images" not in frames:
+        return folder, list(frames["names"])
+    place = Path(frames["images"])
+    return place, sorted(p.relative_to(place).as_posix() for p in place.rglob("*") if p.is_file())
+
+
+def make_markers(
+    images: Path, frames: Mapping[str, Any], config: ReconstructorConfig, folder: Path
+) -> Mapping[str, Any]:
+    """Every marker in every image.
+
+    Raises:
+        SceneError: If there is none; other dictionaries that have one are named.
+    """
+    dictionary = config.metric.marker_dictionary
+    place, names = _images(frames, images)
+    found = sightings_in(place, names, dictionary)
+    if not found:
+        some = names[:: max(1, len(names) // _TRIED_IMAGES)]
+        others = other_dictionaries(place, some, dictionary)
+        remedy = f"found instead: {'; '.join(others)}" if others else "no other dictionary has one either"
+        raise SceneError(f"No image shows a marker of {dictionary}; {remedy}. Name it with --marker-dictionary.")
+    return {"sightings": [{**asdict(each), "corners_px": each.corners_px.tolist()} for each in found]}
+
+
+def make_features(
+    images: Path, frames: Mapping[str, Any], sightings: list[MarkerSighting], config: ReconstructorConfig, folder: Path
+) -> Mapping[str, Any]:
+    """The database of features; the focal length is EXIF's, else that which makes markers square."""
+    focal_px = float(frames.get("focal_px") or 0.0) or _focal_of_tags(frames, sightings)
+    database, names, size_px = folder / DATABASE_FILE, list(frames["names"]), frames["size_px"]
+    colmap.extract_features(database, images, names, config.poses, focal_px=focal_px, size_px=size_px)
+    return {"focal_px": focal_px}
+
+
+def make_matches(
+    out: Path,
+    frames: Mapping[str, Any],
+    sightings: list[MarkerSighting],
+    kind: str,
+    config: ReconstructorConfig,
+    folder: Path,
+) -> Mapping[str, Any]:
+    """The database with matches; points of markers are among them."""
+    names = list(frames["names"])
+    database = folder / DATABASE_FILE
+    shutil.copyfile(out / FEATURES / DATABASE_FILE, database)
+    pairs = image_pairs(len(names), sequential=_in_order(kind, len(names), config), overlap=config.poses.overlap)
+    colmap.match_features(database, [(names[a], names[b]) for a, b in pairs], config.poses)
+    if sightings:
+        colmap.add_tag_matches(database, tag_features(sightings), config.poses)
+    return {"pairs": len(pairs)}
+
+
+def _focal_of_tags(frames: Mapping[str, Any], sightings: list[MarkerSighting]) -> float:
+    size_px = frames["size_px"]
+    if not sightings or isinstance(size_px[0], list):
+        return 0.0
+    return focal_of_tags(sightings, {each.image: tuple(size_px) for each in sightings}) or 0.0
+
+
+def _in_order(kind: str, count: int, config: ReconstructorConfig) -> bool:
+    return kind == "video" or (kind == "photos" and count > config.poses.exhaustive_max)
+
+
+def make_map(
+    out: Path, source: Source, frames: Mapping[str, Any], with_tags: bool, config: ReconstructorConfig, folder: Path
+) -> Mapping[str, Any]:
+    """Poses and points in units of their own, judged.
+
+    Raises:
+        SceneError: If the map must not be used; the message has advice.
+    """
+    if source.kind == "colmap":
+        model = colmap.find_model(source.path)
+        assert model is not None
+        sizes = colmap.piece_sizes([model])
+        asked = sizes[0]
+        name = str(model.resolve())
+    else:
+        asked = len(frames["names"])
+        database = out / MATCHES / DATABASE_FILE
+        models = colmap.build_maps(database, out / FRAMES, folder, config.poses, count=asked, with_tags=with_tags)
+        if not models:
+            nothing = replace(_NOTHING, images=asked)
+            raise SceneError(str(refusal(nothing, registered_min=config.poses.registered_min)))
+        model, sizes, name = models[0], colmap.piece_sizes(models), models[0].name
+    images = colmap.read_map(model)
+    verdict = judge(images, asked=asked, components=sizes, sequential=_in_order(source.kind, asked, config))
+    reason = refusal(verdict, registered_min=config.poses.registered_min)
+    if reason:
+        raise SceneError(reason)
+    return {"model": name, "verdict": {**asdict(verdict), "components": list(sizes)}}
+
+
+_NOTHING = Verdict(
+    images=0,
+    registered=0,
+    components=(),
+    points=0,
+    reprojection_px=0.0,
+    points_per_image=0.0,
+    weakest_link=0,
+    loops=0,
+    sequential=False,
+)
+
+
+def make_posed(
+    out: Path, model: Path, verdict: Verdict, sightings: list[MarkerSighting], config: ReconstructorConfig, folder: Path
+) -> Mapping[str, Any]:
+    """Undistorted images and the metric model, a picture from above, and the report."""
+    frames = json.loads((out / FRAMES / "stage.json").read_text())["found"]
+    place, _ = _images(frames, out / FRAMES)
+    images = colmap.read_map(model)
+    placed = place_map(images, sightings, config.metric)
+    colmap.write_undistorted(model, place, folder, placed.world_from_map, config.poses)
+    metric = images.moved(placed.world_from_map)
+    corners_m = [placed.world_from_map.apply(marker.corners) for marker in placed.markers]
+    write_png(
+        folder / PICTURE_FILE, draw_map(metric, {m.marker: c for m, c in zip(placed.markers, corners_m, strict=True)})
+    )
+    report = {"verdict": {**asdict(verdict), "registered_share": verdict.registered_share, "drift": verdict.drift}}
+    report |= _placement_numbers(placed, config)
+    (folder / REPORT_FILE).write_text(json.dumps(report, indent=2) + "\n")
+    return report
+
+
+def _placement_numbers(placed: Placement, config: ReconstructorConfig) -> dict[str, Any]:
+    """What the report says of scale and floor."""
+    scale = placed.scale
+    measured = scale.sigma == scale.sigma
+    low, high = scale.interval
+    size_m = config.metric.marker_size_m
+    markers = []
+    for marker in placed.markers:
+        corners = placed.world_from_map.apply(marker.corners)
+        sides_m = np.linalg.norm(corners - np.roll(corners, -1, axis=0), axis=1)
+        fitted = placed.world_from_map.apply(marker.map_from_marker.apply(square_corners_m(size_m)))
+        markers.append({"marker": marker.marker, "views": marker.views, "residual_px": round(marker.residual_px, 3),
+                        "side_m": round(float(sides_m.mean()), 5), "sides_m": np.round(sides_m, 5).tolist(),
+                        "centre_m": np.round(fitted.mean(axis=0), 4).tolist()})  # fmt: skip
+    return {
+        "scale": {"metres_per_unit": scale.metres_per_unit, "source": scale.source,
+                  "low": low if measured else None, "high": high if measured else None,
+                  "interval_percent": round(196.0 * scale.sigma, 3) if measured else None},
+        "up": placed.floor.source,
+        "markers": markers,
+        "notes": list(placed.warnings),
+    }  # fmt: skip

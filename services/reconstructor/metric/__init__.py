@@ -1,0 +1,1 @@
+"""Metres, up and the floor."""

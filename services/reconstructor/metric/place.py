@@ -1,0 +1,162 @@
+"""From a map in units of its own to metres, z up, with z = 0 on the floor."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.errors import ConfigError, SceneError
+from readygo.services.reconstructor.config import MetricConfig
+from readygo.services.reconstructor.metric.lengths import KnownLength, measured_length, parse_length
+from readygo.services.reconstructor.metric.markers import MarkerSighting
+from readygo.services.reconstructor.metric.scale import (
+    TWO_SIDED_95,
+    MarkerMeasure,
+    Scale,
+    measure_marker,
+    scale_of_markers,
+)
+from readygo.services.reconstructor.metric.similarity import Similarity
+from readygo.services.reconstructor.metric.up import (
+    FLOOR_MARKER_MAX_DEG,
+    Floor,
+    floor_of_points,
+    held_up,
+    lean_deg,
+    world_from_map,
+)
+from readygo.services.reconstructor.posed import PosedImages
+
+Array = npt.NDArray[np.float64]
+
+_CHECK_TOLERANCE = 0.02
+"""A second length may differ by this share beyond the intervals before it is called wrong."""
+_HANDHELD_M = (0.15, 3.5)
+"""Heights at which people hold cameras [m]; others make a marker's size doubtful."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Placement:
+    """How a map lies in the world."""
+
+    world_from_map: Similarity
+    scale: Scale
+    floor: Floor
+    markers: tuple[MarkerMeasure, ...]
+    warnings: tuple[str, ...]
+
+
+def place_map(images: PosedImages, sightings: Sequence[MarkerSighting], config: MetricConfig) -> Placement:
+    """Find scale, up and floor of a map.
+
+    Raises:
+        ConfigError: If nothing tells the scale.
+        SceneError: If what tells it cannot be measured, or contradicts itself.
+    """
+    measures, warnings = _measured_markers(images, sightings, config)
+    lengths = [parse_length(text) for text in config.lengths]
+    scale, more = _scale(images, measures, lengths, config)
+    floor, marker, others = _floor(images, measures, config)
+    origin = images.T_world_camera[0, :3, 3] if marker is None else marker.corners.mean(axis=0)
+    forward = images.T_world_camera[0, :3, 2] if marker is None else marker.map_from_marker.R[:, 0]
+    moved = world_from_map(floor, forward, origin, scale.metres_per_unit)
+    warnings += [*more, *others, *_doubtful_height(images.moved(moved))]
+    return Placement(world_from_map=moved, scale=scale, floor=floor, markers=tuple(measures), warnings=tuple(warnings))
+
+
+def _measured_markers(
+    images: PosedImages, sightings: Sequence[MarkerSighting], config: MetricConfig
+) -> tuple[list[MarkerMeasure], list[str]]:
+    """Markers of the known size, and why others could not be measured."""
+    if not config.marker_size_m:
+        return [], []
+    there = sorted({sighting.marker for sighting in sightings})
+    asked = list(config.marker_ids) or there
+    absent = [marker for marker in asked if marker not in there]
+    if absent:
+        found = ", ".join(map(str, there)) or "none"
+        raise SceneError(f"Marker {absent[0]} of {config.marker_dictionary} is in no image; found: {found}.")
+    measures, reasons = [], []
+    for marker in asked:
+        try:
+            measures.append(measure_marker(images, [s for s in sightings if s.marker == marker], config.marker_size_m))
+        except SceneError as error:
+            reasons.append(str(error))
+    if not measures:
+        raise SceneError(f"No marker tells the scale: {'; '.join(reasons)}.")
+    return measures, reasons
+
+
+def _scale(
+    images: PosedImages, measures: list[MarkerMeasure], lengths: list[KnownLength], config: MetricConfig
+) -> tuple[Scale, list[str]]:
+    """The scale, and what else there is to say of it."""
+    if measures:
+        scale = scale_of_markers(measures, config.marker_size_m, config.marker_sigma_m)
+        return scale, [*scale.left_out, *_length_checks(images, lengths, scale)]
+    if lengths:
+        length, sigma = measured_length(images, lengths[0])
+        source = f"a length of {lengths[0].length_m:g} m"
+        scale = Scale(metres_per_unit=lengths[0].length_m / length, sigma=sigma, source=source)
+        return scale, _length_checks(images, lengths[1:], scale)
+    if config.scale:
+        return Scale(metres_per_unit=config.scale, sigma=float("nan"), source="given, not measured"), []
+    raise ConfigError(
+        "Nothing tells the scale: give --marker-size-m for a printed marker (`readygo marker` makes one), --length "
+        "between two points, or --scale."
+    )
+
+
+def _length_checks(images: PosedImages, lengths: list[KnownLength], scale: Scale) -> list[str]:
+    """What a second length says; one that does not fit is an error.
+
+    Raises:
+        SceneError: If a length contradicts the scale.
+    """
+    said = []
+    for known in lengths:
+        length, sigma = measured_length(images, known)
+        length_m = length * scale.metres_per_unit
+        off = length_m / known.length_m - 1.0
+        words = f"the length of {known.length_m:g} m is {length_m:.3f} m by {scale.source} ({100 * off:+.1f} %)"
+        if abs(off) > TWO_SIDED_95 * float(np.hypot(sigma, scale.sigma)) + _CHECK_TOLERANCE:
+            raise SceneError(f"Two measures contradict each other: {words}. Check the marker's printed size.")
+        said.append(f"check: {words}")
+    return said
+
+
+def _floor(
+    images: PosedImages, measures: list[MarkerMeasure], config: MetricConfig
+) -> tuple[Floor, MarkerMeasure | None, list[str]]:
+    """The floor, the marker that lies on it, and what speaks against it."""
+    up = held_up(images.T_world_camera)
+    best = min(measures, key=lambda measure: measure.sigma, default=None)
+    if best is not None and config.marker_on == "auto":
+        flat = [m for m in measures if lean_deg(m.map_from_marker.R[:, 2], up) <= FLOOR_MARKER_MAX_DEG]
+        best = min(flat, key=lambda measure: measure.sigma, default=None)
+    if best is not None and config.marker_on != "wall":
+        normal = best.map_from_marker.R[:, 2]
+        centre = best.corners.mean(axis=0)
+        floor = Floor(up=normal, point=centre, source=f"marker {best.marker} on the floor")
+        plane = floor_of_points(images, normal)
+        if plane is None:
+            return floor, best, []
+        lean = f"{lean_deg(plane.up, normal):.2f} deg"
+        return floor, best, [f"check: the floor's points ({plane.point_count}) lean {lean} against the marker"]
+    plane = floor_of_points(images, up)
+    if plane is not None:
+        return plane, None, []
+    heights = images.points @ up
+    lowest = images.points[np.argsort(heights)[len(heights) // 100]] if len(heights) else np.zeros(3)
+    floor = Floor(up=up, point=lowest, source="gravity, as cameras were held; floor at the lowest points")
+    return floor, None, ["no floor plane was found: up and z = 0 are rough; put a marker on the floor"]
+
+
+def _doubtful_height(images: PosedImages) -> list[str]:
+    height_m = float(np.median(images.T_world_camera[:, 2, 3]))
+    if _HANDHELD_M[0] <= height_m <= _HANDHELD_M[1]:
+        return []
+    return [
+        f"cameras are {height_m:.2f} m above the floor in the median: check the marker's size, and that it lies flat"
+    ]

@@ -1,0 +1,204 @@
+"""Metres per unit of a map, from markers of known size or lengths that somebody measured."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.errors import SceneError
+from readygo.services.reconstructor.metric.markers import MarkerSighting
+from readygo.services.reconstructor.metric.similarity import Similarity, umeyama
+from readygo.services.reconstructor.metric.triangulate import triangulate
+from readygo.services.reconstructor.posed import PosedImages
+
+Array = npt.NDArray[np.float64]
+
+VIEWS_MIN = 3
+"""Fewer images say too little of a marker's corners."""
+_BOOTSTRAPS = 100
+_SQUARE_TOLERANCE = 0.05
+"""Corners that are farther off a square than this share of its side are no marker's."""
+_SIGMA_MAX = 0.05
+"""A scale that is known worse is none."""
+_AGREE = 0.01
+"""Markers may differ by this beyond their intervals: printers and rulers do."""
+TWO_SIDED_95 = 1.96
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MarkerMeasure:
+    """A marker in the map."""
+
+    marker: int
+    corners: Array
+    """In units of the map, shape (4, 3)."""
+    map_from_marker: Similarity
+    """From metres in the marker's frame (x right, y up, z out of the paper) to the map."""
+    metres_per_unit: float
+    sigma: float
+    """Standard deviation of that, relative; of corners and poses, not of the printed size."""
+    views: int
+    residual_px: float
+    """Root mean square of the distance between corners where they were seen and where they should be [px]."""
+    square_error: float
+    """Root mean square of the corners' distance to the fitted square, as share of its side."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Scale:
+    """Metres per unit of the map, with its interval of 95 %."""
+
+    metres_per_unit: float
+    sigma: float
+    """Relative; None is known of a scale that was given: NaN."""
+    source: str
+    """In words: markers, length, given, or none."""
+    left_out: tuple[str, ...] = ()
+    """Markers that were not used, and why."""
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Bounds of 95 % of metres per unit."""
+        half = TWO_SIDED_95 * self.sigma * self.metres_per_unit
+        return self.metres_per_unit - half, self.metres_per_unit + half
+
+
+def square_corners_m(size_m: float) -> Array:
+    """Corners of a marker in its own frame, in the order of `MarkerSighting`, shape (4, 3) [m]."""
+    half = 0.5 * size_m
+    return np.array([[-half, half, 0.0], [half, half, 0.0], [half, -half, 0.0], [-half, -half, 0.0]])
+
+
+def measure_marker(images: PosedImages, sightings: Sequence[MarkerSighting], size_m: float) -> MarkerMeasure:
+    """A marker's corners and what they say of the map's scale.
+
+    The spread over images that are drawn anew holds the errors of corners and of poses together; where the corners'
+    own noise makes more of it, that counts.
+
+    Args:
+        images: The map.
+        sightings: Of one marker; those in images without a pose are ignored.
+        size_m: Printed side [m].
+
+    Raises:
+        SceneError: If the marker cannot be measured; the message says why.
+    """
+    index = {name: number for number, name in enumerate(images.names)}
+    seen = [sighting for sighting in sightings if sighting.image in index]
+    name = f"marker {sightings[0].marker}"
+    if len(seen) < VIEWS_MIN:
+        raise SceneError(f"{name} is in {len(seen)} images with a pose; {VIEWS_MIN} are needed")
+    views = np.array([index[sighting.image] for sighting in seen])
+    rays = np.stack([images.rays(index[s.image], s.corners_px) for s in seen])
+    chosen = np.arange(len(seen))
+    try:
+        corners, residuals_px, covariances = _corners(images, views, rays, chosen)
+    except (ValueError, np.linalg.LinAlgError) as error:
+        raise SceneError(f"{name} cannot be placed: {error}") from error
+    fit = umeyama(square_corners_m(size_m), corners)
+    off = np.linalg.norm(fit.apply(square_corners_m(size_m)) - corners, axis=1) / (fit.scale * size_m)
+    noise_px = max(float(np.sqrt((residuals_px**2).mean() / 2.0)), 0.02)
+    # A side's two corners move along it; four sides say it four times.
+    along = float(np.trace(covariances.mean(axis=0)) / 3.0)
+    by_noise = noise_px * np.sqrt(2.0 * along / 4.0) / (fit.scale * size_m)
+    measure = MarkerMeasure(
+        marker=seen[0].marker,
+        corners=corners,
+        map_from_marker=fit,
+        metres_per_unit=1.0 / fit.scale,
+        sigma=max(float(by_noise), _bootstrap_sigma(images, views, rays, size_m)),
+        views=len(seen),
+        residual_px=float(np.sqrt((residuals_px**2).mean())),
+        square_error=float(np.sqrt((off**2).mean())),
+    )
+    _refuse_doubtful(measure)
+    return measure
+
+
+def _corners(
+    images: PosedImages, views: npt.NDArray[np.int64], rays: Array, chosen: npt.NDArray[np.int64]
+) -> tuple[Array, Array, Array]:
+    """Corners (4, 3), residuals (4, V) and covariances (4, 3, 3) of the chosen sightings."""
+    poses, focal_px = images.T_world_camera[views[chosen]], images.focal_px[views[chosen]]
+    found = [triangulate(rays[chosen, corner], poses, focal_px) for corner in range(4)]
+    return (
+        np.stack([each.point for each in found]),
+        np.stack([each.residuals_px for each in found]),
+        np.stack([each.covariance for each in found]),
+    )
+
+
+def _bootstrap_sigma(images: PosedImages, views: npt.NDArray[np.int64], rays: Array, size_m: float) -> float:
+    """Relative spread of the scale over draws of images with replacement."""
+    rng = np.random.default_rng(0)
+    logs = []
+    for _ in range(_BOOTSTRAPS):
+        chosen = rng.integers(len(views), size=len(views))
+        if len(set(chosen.tolist())) < 2:
+            continue
+        try:
+            corners = _corners(images, views, rays, chosen)[0]
+        except (ValueError, np.linalg.LinAlgError):
+            continue
+        logs.append(np.log(umeyama(square_corners_m(size_m), corners).scale))
+    # Quartiles: a draw of nearly parallel views may be anywhere.
+    low, high = np.percentile(logs, [25.0, 75.0]) if logs else (0.0, np.inf)
+    return float((high - low) / 1.349)
+
+
+def _refuse_doubtful(measure: MarkerMeasure) -> None:
+    name = f"marker {measure.marker}"
+    if measure.square_error > _SQUARE_TOLERANCE:
+        raise SceneError(
+            f"{name} is no square in the map (corners are off by {100 * measure.square_error:.0f} % of its side): "
+            "it moved, or there are two with this id"
+        )
+    if not measure.sigma <= _SIGMA_MAX:
+        raise SceneError(
+            f"{name} gives the scale to +-{100 * TWO_SIDED_95 * measure.sigma:.0f} % only: film it from several sides"
+        )
+
+
+def scale_of_markers(measures: Sequence[MarkerMeasure], size_m: float, printed_sigma_m: float) -> Scale:
+    """The mean of what markers of the same size say, weighted by how well each is known.
+
+    Where a majority agrees the others are left out and named. Two that differ are refused.
+
+    Args:
+        measures: One or more.
+        size_m: Printed side [m].
+        printed_sigma_m: Standard deviation of the side that was measured with a ruler [m].
+
+    Raises:
+        SceneError: If markers contradict each other.
+    """
+    logs = np.log([measure.metres_per_unit for measure in measures])
+    sigmas = np.array([measure.sigma for measure in measures])
+    apart = np.abs(logs[:, None] - logs[None, :]) > 3.0 * np.hypot(sigmas[:, None], sigmas[None, :]) + _AGREE
+    friends = (~apart).sum(axis=1)
+    best = int(np.argmax(friends))
+    if 2 * int(friends[best]) <= len(measures) and len(measures) > 1:
+        said = "; ".join(f"marker {m.marker}: {m.metres_per_unit:.4g} m per unit +-{_percent(m)}" for m in measures)
+        raise SceneError(
+            f"Markers contradict each other: {said}, each taken as {size_m:g} m wide. Measure them, and name the one "
+            "that has this size with --marker-id."
+        )
+    kept = ~apart[best]
+    weights = kept / np.maximum(sigmas, 1e-6) ** 2
+    mean = float((weights * logs).sum() / weights.sum())
+    # Poses of one map are wrong together: more markers do not make it better than the best of them.
+    sigma = float(np.hypot(sigmas[kept].min(), printed_sigma_m / size_m))
+    used = ", ".join(str(m.marker) for m, good in zip(measures, kept, strict=True) if good)
+    left_out = tuple(
+        f"marker {m.marker} says {100 * (np.exp(log - mean) - 1):+.1f} %"
+        for m, log, good in zip(measures, logs, kept, strict=True)
+        if not good
+    )
+    plural = "s" if int(kept.sum()) > 1 else ""
+    source = f"marker{plural} {used} of {size_m:g} m"
+    return Scale(metres_per_unit=float(np.exp(mean)), sigma=sigma, source=source, left_out=left_out)
+
+
+def _percent(measure: MarkerMeasure) -> str:
+    return f"{100 * TWO_SIDED_95 * measure.sigma:.1f} %"

@@ -1,0 +1,42 @@
+"""A map of cameras and points as arrays: what the mapper makes, and all that comes after it reads."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.services.reconstructor.metric.similarity import Similarity
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PosedImages:
+    """Images with poses, and the points that they share; units are the mapper's own until the map is metric.
+
+    Images are in the order of their names, which is that of time in a video.
+    """
+
+    names: tuple[str, ...]
+    T_world_camera: Array
+    """Shape (V, 4, 4)."""
+    focal_px: Array
+    """Mean of fx and fy, shape (V,) [px]."""
+    size_px: npt.NDArray[np.int64]
+    """Width and height, shape (V, 2)."""
+    rays: Callable[[int, Array], Array]
+    """Of an image's number and pixels, shape (N, 2), pixel centres at +0.5: where they point at depth 1, (N, 2)."""
+    points: Array
+    """Shape (P, 3)."""
+    points_rgb: npt.NDArray[np.uint8]
+    """Shape (P, 3)."""
+    seen: npt.NDArray[np.int64]
+    """Which image sees which point: rows of numbers of image and point, shape (M, 2)."""
+    errors_px: Array
+    """Mean reprojection error of each point, shape (P,) [px]."""
+
+    def moved(self, b_from_a: Similarity) -> "PosedImages":
+        """The same map in another frame, possibly of another scale."""
+        T, points = b_from_a.moved_poses(self.T_world_camera), b_from_a.apply(self.points)
+        return replace(self, T_world_camera=T, points=points)

@@ -1,0 +1,1 @@
+"""Cameras and points of images, through COLMAP, and whether they can be trusted."""

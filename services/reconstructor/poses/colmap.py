@@ -1,0 +1,256 @@
+"""The only place that knows pycolmap: features, matches, maps, undistortion and files of COLMAP models."""
+
+import shutil
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.errors import ConfigError, SceneError
+from readygo.common.extras import install_command
+from readygo.services.reconstructor.config import PosesConfig
+from readygo.services.reconstructor.metric.similarity import Similarity
+from readygo.services.reconstructor.posed import PosedImages
+from readygo.services.reconstructor.poses.tags import tag_matches
+
+Array = npt.NDArray[np.float64]
+TagFeatures = Mapping[str, tuple[npt.NDArray[np.int64], Array]]
+
+MODEL_FILES = ("cameras", "images", "points3D")
+_MANY_IMAGES = 30
+"""So many images of one camera determine a lens of four parameters."""
+
+
+def pycolmap() -> Any:
+    """The package, quiet.
+
+    Raises:
+        ConfigError: If it is not installed.
+    """
+    try:
+        import pycolmap as package
+    except ImportError as error:
+        raise ConfigError(f"Poses need pycolmap; run: {install_command('reconstruct')}") from error
+    package.logging.minloglevel = package.logging.FATAL.value
+    return package
+
+
+def find_model(folder: Path) -> Path | None:
+    """Where a folder holds a COLMAP model: itself, `sparse` or `sparse/0`."""
+    for place in (folder, folder / "sparse" / "0", folder / "sparse"):
+        if any(all((place / f"{name}.{ending}").is_file() for name in MODEL_FILES) for ending in ("bin", "txt")):
+            return place
+    return None
+
+
+def extract_features(
+    database: Path, images: Path, names: Sequence[str], config: PosesConfig, *, focal_px: float, size_px: Any
+) -> None:
+    """Write the images' features to a database; images that are in it already are left alone.
+
+    Args:
+        database: SQLite file, made where it is missing.
+        images: Folder of the images.
+        names: Relative to that.
+        config: How.
+        focal_px: Of all images, if it is known [px]; 0: a guess is refined.
+        size_px: Width and height, or several of them, if images differ.
+    """
+    colmap = pycolmap()
+    colmap.set_random_seed(config.seed)
+    reader = colmap.ImageReaderOptions()
+    one_camera = not isinstance(size_px[0], list)
+    reader.camera_model = "OPENCV" if one_camera and len(names) >= _MANY_IMAGES else "SIMPLE_RADIAL"
+    if one_camera and focal_px > 0:
+        middle = f"{size_px[0] / 2},{size_px[1] / 2}"
+        focal = f"{focal_px},{focal_px}" if reader.camera_model == "OPENCV" else f"{focal_px}"
+        reader.camera_params = f"{focal},{middle}," + ",".join("0" * (4 if reader.camera_model == "OPENCV" else 1))
+    options = colmap.FeatureExtractionOptions()
+    options.num_threads, options.use_gpu = config.threads or -1, False
+    options.sift.max_num_features = config.features_max
+    mode = colmap.CameraMode.SINGLE if one_camera else colmap.CameraMode.PER_FOLDER
+    colmap.extract_features(database, images, list(names), mode, reader, options)
+
+
+def match_features(database: Path, pairs: Sequence[tuple[str, str]], config: PosesConfig) -> None:
+    """Match the features of pairs of images; pairs that are matched already are left alone."""
+    colmap = pycolmap()
+    colmap.set_random_seed(config.seed)
+    options = colmap.FeatureMatchingOptions()
+    options.num_threads, options.use_gpu = config.threads or -1, False
+    pairing = colmap.ImportedPairingOptions()
+    with tempfile.TemporaryDirectory() as folder:
+        pairing.match_list_path = Path(folder) / "pairs.txt"
+        pairing.match_list_path.write_text("".join(f"{a} {b}\n" for a, b in pairs))
+        colmap.match_image_pairs(database, options, pairing, _two_views(colmap, config))
+
+
+def _two_views(colmap: Any, config: PosesConfig) -> Any:
+    options = colmap.TwoViewGeometryOptions()
+    options.ransac.random_seed = config.seed
+    return options
+
+
+def add_tag_matches(database: Path, tags: TagFeatures, config: PosesConfig) -> None:
+    """Add points of markers to the features, and their matches to the matches, of images that show the same ones."""
+    colmap = pycolmap()
+    colmap.set_random_seed(config.seed)
+    with colmap.Database.open(database) as db:
+        images = {image.name: image for image in db.read_all_images() if image.name in tags}
+        cameras = {camera.camera_id: camera for camera in db.read_all_cameras()}
+        begins, pixels = {}, {}
+        for name, image in images.items():
+            begins[name], pixels[name] = _append_keypoints(db, image.image_id, tags[name][1])
+        names = sorted(images)
+        for number, first in enumerate(names):
+            for second in names[number + 1 :]:
+                rows = tag_matches(tags[first][0], tags[second][0])
+                if not len(rows):
+                    continue
+                a, b = images[first], images[second]
+                rows = (rows + np.array([begins[first], begins[second]])).astype(np.uint32)
+                if db.exists_matches(a.image_id, b.image_id):
+                    rows = np.concatenate([db.read_matches(a.image_id, b.image_id).reshape(-1, 2), rows])
+                    db.delete_matches(a.image_id, b.image_id)
+                if db.exists_two_view_geometry(a.image_id, b.image_id):
+                    db.delete_two_view_geometry(a.image_id, b.image_id)
+                geometry = colmap.estimate_two_view_geometry(
+                    cameras[a.camera_id], pixels[first], cameras[b.camera_id], pixels[second], rows,
+                    _two_views(colmap, config),
+                )  # fmt: skip
+                db.write_matches(a.image_id, b.image_id, rows)
+                db.write_two_view_geometry(a.image_id, b.image_id, geometry)
+
+
+def _append_keypoints(db: Any, image_id: int, pixels: Array) -> tuple[int, Array]:
+    """Add points without descriptors; gives the number of the first, and where all points are."""
+    old = db.read_keypoints(image_id)
+    added = np.zeros((len(pixels), old.shape[1]), dtype=np.float32)
+    added[:, :2] = pixels
+    # Affine shape or scale, by the number of columns.
+    added[:, [2, 5] if old.shape[1] == 6 else [2]] = 1.0
+    keypoints = np.concatenate([old, added])
+    db.update_keypoints(image_id, keypoints)
+    return len(old), keypoints[:, :2].astype(np.float64)
+
+
+def build_maps(
+    database: Path, images: Path, folder: Path, config: PosesConfig, *, count: int, with_tags: bool = False
+) -> list[Path]:
+    """Find poses and points.
+
+    Args:
+        database: With features and matches.
+        images: Folder of the images.
+        folder: Where the models are written, a folder each.
+        config: How.
+        count: Images there are.
+        with_tags: Whether points of markers are among the features.
+
+    Returns:
+        The models, that with the most images first.
+    """
+    colmap = pycolmap()
+    colmap.set_random_seed(config.seed)
+    kind = config.mapper
+    if kind == "auto":
+        kind = "incremental" if count <= config.incremental_max else "global"
+    if kind == "global":
+        options = colmap.GlobalPipelineOptions()
+        options.random_seed, options.num_threads = config.seed, config.threads or -1
+        found = colmap.global_mapping(database, images, folder, options)
+    else:
+        options = colmap.IncrementalPipelineOptions()
+        options.random_seed, options.num_threads = config.seed, config.threads or -1
+        options.triangulation.random_seed = options.mapper.random_seed = config.seed
+        # Small pieces are made too, so that the verdict can count them.
+        options.min_model_size = 2
+        if with_tags:
+            # An image with little texture is held by one marker; without markers so few matches are chance.
+            options.mapper.init_min_num_inliers, options.mapper.abs_pose_min_num_inliers = 60, 14
+        found = colmap.incremental_mapping(database, images, folder, options)
+    order = sorted(found, key=lambda number: (-found[number].num_reg_images(), number))
+    return [folder / str(number) for number in order]
+
+
+def piece_sizes(models: Sequence[Path]) -> tuple[int, ...]:
+    """Images with a pose in each model that none before it has."""
+    colmap, sizes = pycolmap(), []
+    known: set[str] = set()
+    for model in models:
+        rec = colmap.Reconstruction(model)
+        names = {rec.images[number].name for number in rec.reg_image_ids()}
+        sizes.append(len(names - known))
+        known |= names
+    return tuple(size for size in sizes if size)
+
+
+def read_map(model: Path) -> PosedImages:
+    """A COLMAP model as arrays.
+
+    Raises:
+        SceneError: If it cannot be read.
+    """
+    try:
+        rec = pycolmap().Reconstruction(model)
+    except (ValueError, RuntimeError, OSError) as error:
+        raise SceneError(f"{model} cannot be read as a COLMAP model: {str(error).splitlines()[0]}.") from error
+    images = sorted((rec.images[number] for number in rec.reg_image_ids()), key=lambda image: image.name)
+    cameras = [image.camera for image in images]
+    ids = sorted(rec.points3D)
+    number_of = {image.image_id: number for number, image in enumerate(images)}
+    points = [rec.points3D[number] for number in ids]
+    seen = {(number_of[e.image_id], n) for n, p in enumerate(points) for e in p.track.elements}
+
+    def rays(view: int, pixels: Array) -> Array:
+        # The model stays alive as long as its cameras are asked.
+        assert rec is not None
+        return np.asarray(cameras[view].cam_from_img(np.asarray(pixels, dtype=np.float64)))
+
+    return PosedImages(
+        names=tuple(image.name for image in images),
+        T_world_camera=np.array([_pose(image) for image in images]).reshape(-1, 4, 4),
+        focal_px=np.array([camera.mean_focal_length() for camera in cameras]),
+        size_px=np.array([[camera.width, camera.height] for camera in cameras]),
+        rays=rays,
+        points=np.array([point.xyz for point in points]).reshape(-1, 3),
+        points_rgb=np.array([point.color for point in points], dtype=np.uint8).reshape(-1, 3),
+        seen=np.array(sorted(seen), dtype=np.int64).reshape(-1, 2),
+        errors_px=np.array([max(point.error, 0.0) for point in points]),
+    )
+
+
+def _pose(image: Any) -> Array:
+    T = np.eye(4)
+    T[:3] = image.cam_from_world().inverse().matrix()
+    return T
+
+
+def write_undistorted(model: Path, images: Path, folder: Path, b_from_a: Similarity, config: PosesConfig) -> None:
+    """Write a model in another frame with pinhole images, as COLMAP does: `images/` and `sparse/0/`.
+
+    Args:
+        model: The model that `b_from_a` moves.
+        images: Folder of its images.
+        folder: Where to write.
+        b_from_a: From the model's frame to the new one.
+        config: How many threads.
+    """
+    colmap = pycolmap()
+    rec = colmap.Reconstruction(model)
+    rec.transform(colmap.Sim3d(b_from_a.scale, colmap.Rotation3d(b_from_a.R), b_from_a.t))
+    with tempfile.TemporaryDirectory() as moved:
+        rec.write(moved)
+        colmap.undistort_images(folder, moved, images, jpeg_quality=97, num_threads=config.threads or -1)
+    sparse = folder / "sparse"
+    inner = folder / "0"
+    sparse.rename(inner)
+    sparse.mkdir()
+    inner.rename(sparse / "0")
+    # For COLMAP's dense stereo, which nothing here uses.
+    shutil.rmtree(folder / "stereo", ignore_errors=True)
+    for script in folder.glob("run-colmap-*.sh"):
+        script.unlink()

@@ -1,0 +1,118 @@
+"""Whether a map of cameras can be trusted, in numbers and in words."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.services.reconstructor.posed import PosedImages
+
+_REPROJECTION_MAX_PX = 2.0
+_POINTS_MIN = 30
+"""An image that sees fewer points hangs by a thread."""
+_SECOND_MAX = 0.2
+"""A second piece with more of the images, as share, is a part of the place that is lost."""
+_LOOP_POINTS = 20
+ADVICE = (
+    "Film again: walk slowly and sideways to what you look at, keep two thirds of the picture from one image to the "
+    "next, come back to where you began, with light and without blur."
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """What speaks for and against a map. A low reprojection error alone proves nothing."""
+
+    images: int
+    registered: int
+    components: tuple[int, ...]
+    """Images of each piece that the mapper made, the largest first; those in a piece before it do not count."""
+    points: int
+    reprojection_px: float
+    """Mean over points, weighted by their views [px]."""
+    points_per_image: float
+    """Median."""
+    weakest_link: int
+    """Fewest points that images before and after one place of the sequence share: where a map bends."""
+    loops: int
+    """Pairs of images at least a third of the sequence apart that share points: they hold drift down."""
+    sequential: bool
+
+    @property
+    def registered_share(self) -> float:
+        """Share of the images that have a pose."""
+        return self.registered / max(self.images, 1)
+
+    @property
+    def drift(self) -> str:
+        """What is known of drift, in words."""
+        if not self.sequential:
+            return "photos in no order"
+        if self.loops:
+            return f"held by {self.loops} pairs of images that meet again; weakest link {self.weakest_link} points"
+        return f"not held: the way never meets itself; weakest link {self.weakest_link} points"
+
+
+def judge(images: PosedImages, *, asked: int, components: tuple[int, ...], sequential: bool) -> Verdict:
+    """Measure a map.
+
+    Args:
+        images: The largest piece.
+        asked: How many images there were.
+        components: Images of each piece, the largest first.
+        sequential: Whether the order of the images is that of a way.
+    """
+    view, point = images.seen.T
+    views_of_point = np.bincount(point, minlength=len(images.points))
+    per_image = np.bincount(view, minlength=len(images.names))
+    weakest, loops = _links(images, views_of_point)
+    weights = np.maximum(views_of_point, 1)
+    error_px = float((images.errors_px * weights).sum() / weights.sum()) if len(images.points) else float("inf")
+    return Verdict(
+        images=asked,
+        registered=len(images.names),
+        components=components,
+        points=len(images.points),
+        reprojection_px=error_px,
+        points_per_image=float(np.median(per_image)) if len(per_image) else 0.0,
+        weakest_link=weakest,
+        loops=loops,
+        sequential=sequential,
+    )
+
+
+def _links(images: PosedImages, views_of_point: npt.NDArray[np.int64]) -> tuple[int, int]:
+    """Fewest points across a place of the sequence, and pairs of images far apart that share points."""
+    count, total = len(images.names), len(views_of_point)
+    view, point = images.seen.T
+    first, last = np.full(total, count), np.full(total, -1)
+    np.minimum.at(first, point, view)
+    np.maximum.at(last, point, view)
+    seen = last >= 0
+    crossing = np.cumsum(np.bincount(first[seen], minlength=count) - np.bincount(last[seen], minlength=count))
+    far = count // 3
+    shared: dict[tuple[int, int], int] = {}
+    long = np.flatnonzero(last - first >= max(far, 1))
+    order = np.argsort(point, kind="stable")
+    starts = np.searchsorted(point[order], long)
+    for start, number in zip(starts, long, strict=True):
+        views = np.sort(view[order[start : start + views_of_point[number]]])
+        for a in views:
+            for b in views[views >= a + max(far, 1)]:
+                shared[int(a), int(b)] = shared.get((int(a), int(b)), 0) + 1
+    return int(crossing[:-1].min(initial=total)), sum(n >= _LOOP_POINTS for n in shared.values())
+
+
+def refusal(verdict: Verdict, *, registered_min: float) -> str | None:
+    """Why a map must not be used, with advice; None if nothing speaks against it."""
+    said = f"{verdict.registered} of {verdict.images} images found a pose"
+    if verdict.registered < 3 or verdict.registered_share < registered_min:
+        return f"{said}; {100 * registered_min:.0f} % are needed. The images share too little. {ADVICE}"
+    if len(verdict.components) > 1 and verdict.components[1] > _SECOND_MAX * verdict.images:
+        pieces = " + ".join(str(size) for size in verdict.components)
+        return f"The map falls into pieces of {pieces} images that do not meet. {ADVICE}"
+    if verdict.reprojection_px > _REPROJECTION_MAX_PX:
+        return f"{said}, but points are off by {verdict.reprojection_px:.1f} px in the mean: the map is bent. {ADVICE}"
+    if verdict.points_per_image < _POINTS_MIN:
+        return f"{said}, but see {verdict.points_per_image:.0f} points each: there is too little texture. {ADVICE}"
+    return None

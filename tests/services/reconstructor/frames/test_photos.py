@@ -1,0 +1,41 @@
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from readygo.common.errors import SceneError
+from readygo.services.reconstructor.config import FramesConfig
+from readygo.services.reconstructor.frames.photos import prepare_photos
+from tests.services.reconstructor.frames.test_exif import exif
+
+
+def photo(path: Path, width: int = 640, height: int = 480, begin: bytes = b"") -> None:
+    data = cv2.imencode(".jpg", np.full((height, width, 3), 99, np.uint8))[1].tobytes()
+    path.write_bytes(begin + data[2:] if begin else data)
+
+
+def test_photos_are_turned_and_made_smaller_and_their_focal_length_is_known(tmp_path: Path) -> None:
+    source = tmp_path / "in"
+    source.mkdir()
+    for number in range(3):
+        photo(source / f"{number}.jpg", begin=exif("<", 6, 26))
+    (source / "broken.png").write_bytes(b"no image")
+    found = prepare_photos(source, tmp_path / "out", FramesConfig(side_max_px=320))
+    assert cv2.imread(str(tmp_path / "out" / "0.jpg")).shape == (320, 240, 3)
+    assert (found["kept"], found["size_px"], found["unreadable"]) == (3, [240, 320], ["broken.png"])
+    assert abs(found["focal_px"] - 26 / 43.2666 * 400) < 0.1
+
+
+def test_each_size_is_a_camera_of_its_own(tmp_path: Path) -> None:
+    for number, size in enumerate([(640, 480), (640, 480), (480, 640)]):
+        photo(tmp_path / f"{number}.jpg", *size)
+    found = prepare_photos(tmp_path, tmp_path / "out", FramesConfig())
+    assert found["size_px"] == [[480, 640], [640, 480]] or found["size_px"] == [[640, 480], [480, 640]]
+    assert (tmp_path / "out" / "480x640" / "2.jpg").is_file()
+
+
+def test_too_few_photos_are_refused(tmp_path: Path) -> None:
+    photo(tmp_path / "a.jpg")
+    with pytest.raises(SceneError, match="1 readable photos; 3 are needed"):
+        prepare_photos(tmp_path, tmp_path / "out", FramesConfig())

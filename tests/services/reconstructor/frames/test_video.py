@@ -1,0 +1,55 @@
+import struct
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from readygo.common.errors import SceneError
+from readygo.services.reconstructor.config import FramesConfig
+from readygo.services.reconstructor.frames.video import extract_frames
+
+
+def film(path: Path, *, frames: int, step_px: int) -> None:
+    """A wide picture that passes by, 160 x 120 pixels, ten frames a second."""
+    noise = np.random.default_rng(0).integers(0, 255, (30, 200, 3), dtype=np.uint8)
+    wide = cv2.resize(noise, (800, 120), interpolation=cv2.INTER_CUBIC)
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 10.0, (160, 120))
+    for number in range(frames):
+        writer.write(np.ascontiguousarray(wide[:, step_px * number : step_px * number + 160]))
+    writer.release()
+
+
+def test_frames_of_a_moving_video_are_kept_and_made_smaller(tmp_path: Path) -> None:
+    film(tmp_path / "v.mp4", frames=40, step_px=8)
+    found = extract_frames(tmp_path / "v.mp4", tmp_path, FramesConfig(count_max=15))
+    names = sorted(path.name for path in tmp_path.glob("*.jpg"))
+    assert found["kept"] == len(names)
+    assert 10 <= len(names) <= 15
+    assert found["size_px"] == [160, 120]
+
+
+def test_video_that_was_held_upright_is_turned(tmp_path: Path) -> None:
+    film(tmp_path / "v.mp4", frames=40, step_px=8)
+    data = bytearray((tmp_path / "v.mp4").read_bytes())
+    at = data.index(b"tkhd") + 4 + 40
+    # Quarter turn, as phones write it.
+    data[at : at + 36] = struct.pack(">9i", 0, 1 << 16, 0, -(1 << 16), 0, 0, 120 << 16, 0, 1 << 30)
+    (tmp_path / "v.mp4").write_bytes(bytes(data))
+    assert extract_frames(tmp_path / "v.mp4", tmp_path, FramesConfig())["size_px"] == [120, 160]
+
+
+@pytest.mark.parametrize(
+    ("frames", "step_px", "words"), [(10, 8, "10 frames, 1.0 s"), (40, 0, "A camera that stands still shows no depth")]
+)
+def test_videos_of_no_use_are_refused(tmp_path: Path, frames: int, step_px: int, words: str) -> None:
+    film(tmp_path / "v.mp4", frames=frames, step_px=step_px)
+    with pytest.raises(SceneError, match=words):
+        extract_frames(tmp_path / "v.mp4", tmp_path, FramesConfig())
+    assert not list(tmp_path.glob("*.jpg"))
+
+
+def test_file_that_is_no_video_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "v.mp4").write_bytes(b"not a video")
+    with pytest.raises(SceneError, match="cannot be read as a video"):
+        extract_frames(tmp_path / "v.mp4", tmp_path, FramesConfig())

@@ -1,0 +1,44 @@
+import numpy as np
+import pytest
+
+from readygo.common.errors import ConfigError, SceneError
+from readygo.services.reconstructor.metric.lengths import measured_length, parse_length
+from tests.services.reconstructor.synthetic import floor_points, mapped, projected, ring, some_similarity
+
+POSES = ring()
+IMAGES = mapped(POSES, floor_points(30), some_similarity())
+ENDS = np.array([[-0.5, 0.0, 0.0], [0.4, 0.2, 0.3]])
+
+
+def picked(views: tuple[int, ...], length_m: float) -> str:
+    words = []
+    for view in views:
+        words += [f"{view:06d}.jpg:{u:.6f},{v:.6f}" for u, v in projected(POSES[view], ENDS)]
+    return f"{' '.join(words)} = {length_m}"
+
+
+def test_length_is_measured_in_units_of_the_map() -> None:
+    length, sigma = measured_length(IMAGES, parse_length(picked((0, 4, 8), 1.0)))
+    np.testing.assert_allclose(length, some_similarity().scale * np.linalg.norm(ENDS[1] - ENDS[0]), rtol=1e-6)
+    assert 0.0005 < sigma < 0.01
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "a.jpg:1,2 a.jpg:3,4 = 1", "a.jpg:1,2 b.jpg:3,4 a.jpg:1,1 b.jpg:2,2 = 1", "a:1,2 a:3,4 b:1,2 b:3,4 = 0",
+     "a:1,2 a:3,4 b:1,2 b:3,4", "a:1 a:3,4 b:1,2 b:3,4 = 2"],
+)  # fmt: skip
+def test_other_forms_are_refused(text: str) -> None:
+    with pytest.raises(ConfigError, match="--length"):
+        parse_length(text)
+
+
+def test_picks_of_different_points_are_refused() -> None:
+    text = picked((0, 3), 1.0).replace("000003.jpg:", "000006.jpg:")
+    with pytest.raises(SceneError, match=r"miss each other|only|cannot be placed"):
+        measured_length(IMAGES, parse_length(text))
+
+
+def test_image_without_a_pose_is_named() -> None:
+    with pytest.raises(SceneError, match=r"x\.jpg, which has no pose"):
+        measured_length(IMAGES, parse_length("x.jpg:1,2 x.jpg:3,4 000001.jpg:1,2 000001.jpg:3,4 = 1"))

@@ -1,0 +1,53 @@
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from readygo.services.reconstructor.config import PosesConfig
+from readygo.services.reconstructor.poses.colmap import build_maps, find_model, read_map, write_undistorted
+from tests.services.reconstructor.synthetic import some_similarity
+
+pycolmap = pytest.importorskip("pycolmap", reason="pycolmap is not installed")
+
+
+def synthetic(folder: Path) -> None:
+    """A database of features that match exactly, the map that they come from, and images without content."""
+    options = pycolmap.SyntheticDatasetOptions()
+    options.num_rigs, options.num_cameras_per_rig, options.num_frames_per_rig, options.num_points3D = 1, 1, 5, 80
+    options.camera_width, options.camera_height, options.camera_params = 160, 120, [150.0, 80.0, 60.0, 0.02]
+    pycolmap.set_random_seed(0)
+    with pycolmap.Database.open(folder / "database.db") as db:
+        rec = pycolmap.synthesize_dataset(options, db)
+    (folder / "sparse").mkdir()
+    rec.write(folder / "sparse")
+    for image in rec.images.values():
+        path = folder / "images" / image.name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        cv2.imwrite(str(path.with_suffix(".png")), np.full((120, 160, 3), 90, np.uint8))
+        path.with_suffix(".png").rename(path)
+
+
+def test_map_is_read_moved_and_undistorted(tmp_path: Path) -> None:
+    synthetic(tmp_path)
+    model = find_model(tmp_path)
+    assert model == tmp_path / "sparse"
+    images = read_map(model)
+    assert len(images.names) == 5
+    point, view = images.points[images.seen[0, 1]], int(images.seen[0, 0])
+    T = images.T_world_camera[view]
+    seen = (point - T[:3, 3]) @ T[:3, :3]
+    rec = pycolmap.Reconstruction(model)
+    camera = rec.find_image_with_name(images.names[view]).camera
+    np.testing.assert_allclose(images.rays(view, camera.img_from_cam(seen[None])), [seen[:2] / seen[2]], atol=1e-6)
+    (tmp_path / "out").mkdir()
+    write_undistorted(model, tmp_path / "images", tmp_path / "out", some_similarity(), PosesConfig(threads=1))
+    again = read_map(tmp_path / "out" / "sparse" / "0")
+    np.testing.assert_allclose(again.T_world_camera, images.moved(some_similarity()).T_world_camera, atol=1e-6)
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"images", "sparse"}
+
+
+def test_map_is_found_from_matches(tmp_path: Path) -> None:
+    synthetic(tmp_path)
+    models = build_maps(tmp_path / "database.db", tmp_path / "images", tmp_path, PosesConfig(threads=1), count=5)
+    assert len(read_map(models[0]).names) == 5

@@ -1,0 +1,100 @@
+"""Cameras that walk around a marker on a floor, with what they see of points, exactly or with noise."""
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.services.reconstructor.metric.markers import MarkerSighting
+from readygo.services.reconstructor.metric.scale import square_corners_m
+from readygo.services.reconstructor.metric.similarity import Similarity
+from readygo.services.reconstructor.posed import PosedImages
+
+Array = npt.NDArray[np.float64]
+
+FOCAL_PX, WIDTH_PX, HEIGHT_PX = 600.0, 800, 600
+MIDDLE_PX = np.array([WIDTH_PX / 2, HEIGHT_PX / 2])
+CURVATURE = 0.05
+"""Of the lens: x_distorted = x (1 + CURVATURE r^2)."""
+
+
+def looking(centre: Array, at: Array) -> Array:
+    """A level camera's pose."""
+    z = (at - centre) / np.linalg.norm(at - centre)
+    x = np.cross(z, [0.0, 0.0, 1.0])
+    x /= np.linalg.norm(x)
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = np.column_stack([x, np.cross(z, x), z]), centre
+    return T
+
+
+def ring(count: int = 12, *, radius_m: float = 1.5, height_m: float = 1.4) -> Array:
+    """Poses around the origin, shape (count, 4, 4)."""
+    angles = np.linspace(0.0, 1.5 * np.pi, count)
+    centres = np.column_stack([radius_m * np.cos(angles), radius_m * np.sin(angles), np.full(count, height_m)])
+    return np.stack([looking(centre, np.zeros(3)) for centre in centres])
+
+
+def projected(T_world_camera: Array, points: Array) -> Array:
+    """Where a camera sees points through its lens, shape (N, 2) [px]."""
+    seen = (points - T_world_camera[:3, 3]) @ T_world_camera[:3, :3]
+    xy = seen[:, :2] / seen[:, 2:]
+    return FOCAL_PX * xy * (1.0 + CURVATURE * (xy**2).sum(axis=1, keepdims=True)) + MIDDLE_PX
+
+
+def undistorted(view: int, pixels: Array) -> Array:
+    """Rays of pixels: the lens solved by iteration."""
+    bent = (np.asarray(pixels) - MIDDLE_PX) / FOCAL_PX
+    xy = bent.copy()
+    for _ in range(50):
+        xy = bent / (1.0 + CURVATURE * (xy**2).sum(axis=1, keepdims=True))
+    return xy
+
+
+def mapped(T_world_camera: Array, points_m: Array, map_from_world: Similarity) -> PosedImages:
+    """A perfect map of cameras that all see all points, in units of its own."""
+    count, total = len(T_world_camera), len(points_m)
+    seen = np.array([(v, p) for p in range(total) for v in range(count)], dtype=np.int64).reshape(-1, 2)
+    return PosedImages(
+        names=tuple(f"{number:06d}.jpg" for number in range(count)),
+        T_world_camera=map_from_world.moved_poses(T_world_camera),
+        focal_px=np.full(count, FOCAL_PX),
+        size_px=np.tile([WIDTH_PX, HEIGHT_PX], (count, 1)),
+        rays=undistorted,
+        points=map_from_world.apply(points_m),
+        points_rgb=np.full((total, 3), 120, dtype=np.uint8),
+        seen=seen,
+        errors_px=np.full(total, 0.3),
+    )
+
+
+def sighted(T_world_camera: Array, corners_m: Array, marker: int, noise_px: float = 0.0) -> list[MarkerSighting]:
+    """A marker as all cameras see it."""
+    rng = np.random.default_rng(marker)
+    return [
+        MarkerSighting(
+            image=f"{number:06d}.jpg",
+            marker=marker,
+            corners_px=projected(T, corners_m) + rng.normal(0.0, noise_px, (4, 2))
+            if noise_px
+            else projected(T, corners_m),
+        )
+        for number, T in enumerate(T_world_camera)
+    ]
+
+
+def floor_points(count: int = 300) -> Array:
+    """Points on the floor and some above it [m]."""
+    rng = np.random.default_rng(5)
+    floor = np.column_stack([rng.uniform(-2, 2, (count, 2)), np.zeros(count)])
+    above = rng.uniform([-2, -2, 0.1], [2, 2, 1.0], (count // 3, 3))
+    return np.concatenate([floor, above])
+
+
+def some_similarity() -> Similarity:
+    """From metres to units of a map that lies askew."""
+    R = np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))[0]
+    return Similarity(scale=0.37, R=R * np.sign(np.linalg.det(R)), t=np.array([1.0, -2.0, 0.5]))
+
+
+def marker_at(xyz_m: tuple[float, float, float] = (0.0, 0.0, 0.0), size_m: float = 0.2) -> Array:
+    """Corners of a marker that lies flat [m]."""
+    return square_corners_m(size_m) + np.array(xyz_m)
