@@ -3,8 +3,8 @@
 encoder.onnx: `image` uint8 (B, H, W, C) RGB -> `latent` float32 (B, L). With late fusion it sees one frame, C = 3; with
 early fusion all of them stacked along the channels, oldest first, C = 3 `frame_count`.
 head.onnx: `features` float32 (B, F) -> `action` float32 (B, 2), v [m/s] and w [rad/s] within the robot's limits.
-The features are the latents (late fusion: of ..., t - 2 spacings, t - 1 spacing and t), then what the policy knows of its
-own motion (`MotionInput`), then the goal in the robot's frame (dx, dy) [m]. Every normalisation lies inside of the
+The features are the latents (late fusion: of ..., t - 2 spacings, t - 1 spacing and t), then what the policy knows of
+its own motion (`MotionInput`), then the goal in the robot's frame (dx, dy) [m]. Every normalisation lies inside of the
 two graphs.
 """
 
