@@ -22,10 +22,10 @@ R_UP = {
 
 
 def R_from_up(up: str) -> npt.NDArray[np.float64]:
-    """Rotation that maps a file's up axis to +z.
+    """Rotation that maps a file's up axis to +z, turning no further than it must.
 
     Args:
-        up: One of +x, -x, +y, -y, +z, -z; a sign may be left out for +.
+        up: One of +x, -x, +y, -y, +z, -z; a sign may be left out for +. Or a direction, as three numbers with commas.
 
     Returns:
         Rotation matrix, shape (3, 3).
@@ -34,10 +34,34 @@ def R_from_up(up: str) -> npt.NDArray[np.float64]:
         SceneError: If `up` names no axis.
     """
     axis = up.strip().lower()
+    if axis.count(",") == 2:
+        return _R_from_direction(axis, up)
     axis = axis if axis[:1] in ("+", "-") else f"+{axis}"
     if axis not in R_UP:
-        raise SceneError(f"Unknown up axis {up!r}; use one of {', '.join(R_UP)}.")
+        raise SceneError(
+            f"Unknown up axis {up!r}; use one of {', '.join(R_UP)}, or three numbers such as 0.1,-0.99,0.05."
+        )
     return np.array(R_UP[axis], dtype=np.float64)
+
+
+def _R_from_direction(text: str, up: str) -> npt.NDArray[np.float64]:
+    """The rotation of the nearest axis, and then the smallest one."""
+    try:
+        direction = np.array([float(word) for word in text.split(",")])
+    except ValueError:
+        direction = np.zeros(3)
+    length = float(np.sqrt(direction @ direction))
+    if not (0 < length < np.inf):
+        raise SceneError(f"The up direction {up!r} must be three numbers that are not all 0.")
+    direction /= length
+    R_axis = max((np.array(R, dtype=np.float64) for R in R_UP.values()), key=lambda R: float(R[2] @ direction))
+    x, y, z = R_axis @ direction
+    # Rodrigues' formula for the rotation that takes (x, y, z) to (0, 0, 1); z is at least 1 / sqrt(3).
+    tilt = np.array(
+        [[1 - x * x / (1 + z), -x * y / (1 + z), -x], [-x * y / (1 + z), 1 - y * y / (1 + z), -y], [x, y, z]]
+    )
+    turned: npt.NDArray[np.float64] = tilt @ R_axis
+    return turned
 
 
 def transform_cloud(
