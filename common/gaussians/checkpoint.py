@@ -1,7 +1,7 @@
 """Training checkpoints of gsplat (`ckpt_*.pt`) and of nerfstudio's splatfacto (`step-*.ckpt`).
 
-Both hold what is optimised: means, rotations (w, x, y, z, of any length), logarithms of scales, logits of opacities, and
-SH coefficients. gsplat has them below "splats", of every process of a training a file of its own; splatfacto below
+Both hold what is optimised: means, rotations (w, x, y, z, of any length), logarithms of scales, logits of opacities,
+and SH coefficients. gsplat has them below "splats", of every process of a training a file of its own; splatfacto below
 "pipeline", in a frame of its own that `dataparser_transforms.json` leads out of.
 
 Source: nerfstudio-project/gsplat, `examples/simple_trainer.py`; nerfstudio-project/nerfstudio, `splatfacto.py` and
@@ -48,7 +48,7 @@ class DataTransform:
 
 
 class _Inert:
-    """What stands in for NumPy's scalars, which splatfacto's schedulers leave in checkpoints; nothing is made of them."""
+    """Stands in for NumPy's scalars, which splatfacto's schedulers leave in checkpoints; nothing is made of them."""
 
     def __init__(self, *_: Any) -> None: ...
 

@@ -6,7 +6,8 @@
 | opacity | 1 | b / 255 |
 | colour | 3 | (b / 255 - 0.5) / 0.15 is the SH coefficient of degree 0 |
 | scale | 3 | exp(b / 16 - 10) |
-| rotation | 4 (versions 1, 2: 3) | the three smaller of x, y, z, w, see `_smallest_three` (b / 127.5 - 1 for x, y, z; w >= 0) |
+| rotation | 4 | the three smaller of x, y, z, w, see `_smallest_three` |
+| rotation of versions 1 and 2 | 3 | b / 127.5 - 1 for x, y, z; w is not negative |
 | SH | 9, 24, 45, 72 | (b - 128) / 128, coefficient by coefficient, red, green and blue side by side |
 
 By convention the axes are right, up, back: y points up. The vendors' extensions are left out, and so are the SH
@@ -75,7 +76,7 @@ def cloud_from_spz(path: Path) -> GaussianCloud:
     rest = min(_SH_ROWS[header.sh_degree], _SH_ROWS[3])
     coefficients = np.empty((header.count, 1 + rest, 3), np.float32)
     coefficients[:, 0] = (colour / 255.0 - 0.5) / COLOUR_SCALE
-    coefficients[:, 1:] = (sh.reshape(header.count, -1, 3)[:, :rest].astype(np.float32) - 128.0) / 128.0
+    coefficients[:, 1:] = (sh[:, : 3 * rest].reshape(header.count, rest, 3).astype(np.float32) - 128.0) / 128.0
     return GaussianCloud(
         means_m=_positions(position, header),
         quats_wxyz=_smallest_three(rotation) if header.version >= 3 else _first_three(rotation),
@@ -89,7 +90,7 @@ def _gzip_attributes(data: bytes, path: Path) -> tuple[_Header, list[Bytes]]:
     inflate = zlib.decompressobj(16 + zlib.MAX_WBITS)
     try:
         start = inflate.decompress(data, _HEADER.size)
-        if not start.startswith(MAGIC):
+        if not start.startswith(MAGIC) and (inflate.eof or start):
             raise SceneError(f"{path} is compressed with gzip, but holds no .spz; unpack it first.")
         header = _header(start, (1, 2, 3), len(data), path)
         expected = header.count * sum(header.row_bytes)

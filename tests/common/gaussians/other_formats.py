@@ -57,8 +57,8 @@ def first_three(xyzw):
 
 def smallest_three(xyzw):
     words = np.empty(len(xyzw), "<u4")
-    for k, q in enumerate(xyzw):
-        largest = int(np.abs(q).argmax())
+    for k, q in enumerate(xyzw.tolist()):
+        largest = max(range(4), key=lambda i: abs(q[i]))
         word = largest
         for i in range(4):
             if i != largest:
@@ -120,12 +120,13 @@ def write_gsplat(cloud, path, **more):
 def write_splatfacto(cloud, folder, step=29999, *, R=None, t=(0, 0, 0), scale=1.0):
     """nerfstudio's output folder; the Gaussians as given, with the transform that is said to have led to them.
 
-    Its schedulers leave a NumPy scalar in the checkpoint.
+    Its schedulers leave a NumPy scalar in the checkpoint. Without view dependence it optimises logits of colours.
     """
     import torch
 
     parts, sh = trained(cloud)
-    parts |= {"features_dc": sh[:, 0].clone(), "features_rest": sh[:, 1:].clone()}
+    dc = sh[:, 0].clone() if sh.shape[1] > 1 else torch.logit(0.5 + 0.28209479177387814 * sh[:, 0], eps=1e-6)
+    parts |= {"features_dc": dc, "features_rest": sh[:, 1:].clone()}
     parts["opacities"] = parts["opacities"][:, None]
     pipeline = {f"_model.gauss_params.{name}": tensor for name, tensor in parts.items()}
     state = {"step": step, "pipeline": pipeline, "schedulers": {"means": {"_last_lr": [np.float64(1.6e-6)]}}}
