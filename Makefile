@@ -14,7 +14,7 @@ export NUMBA_NUM_THREADS := 1
 
 .PHONY: demo test check bench golden docs setup
 
-demo: $(RUNTIME)  ## Run the whole job on the embedded scene; writes demo/report.html and demo/episode.mp4
+demo: $(RUNTIME)  ## Run the whole job on the embedded scene; writes demo/report.html and demo/episode.webm
 	$(BIN)/readygo demo
 
 test: $(DEV)  ## Run all tests

@@ -63,8 +63,10 @@ def run_command(commands: Mapping[str, Command], argv: Sequence[str]) -> None:
             raise
         _drop_output()
         _stop(f"{error.strerror or error}{f': {error.filename}' if error.filename else ''}.", USER_MISTAKE)
-    except KeyboardInterrupt:
-        _stop("stopped; what is recorded or saved stays, run the same command again to go on.", INTERRUPTED)
+    except KeyboardInterrupt as stop:
+        # A command that knows what it leaves behind raises it anew with its words.
+        said = str(stop) or "what is recorded or saved stays, run the same command again to go on."
+        _stop(f"stopped; {said}", INTERRUPTED)
 
 
 def parse(commands: Mapping[str, Command], argv: Sequence[str]) -> Callable[[], object]:

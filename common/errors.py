@@ -13,6 +13,10 @@ class SceneError(ReadygoError):
     """A scene, a Gaussian file or a map that cannot be used."""
 
 
+class NoGroundError(SceneError):
+    """A scene that nobody can move in: no floor, none that is large enough, or far too much of it."""
+
+
 class AvatarError(ReadygoError):
     """An avatar file that cannot be used."""
 

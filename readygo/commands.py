@@ -8,6 +8,10 @@ COMMANDS = {
     "scene inspect": Command(
         "readygo.apps.commands.scene:scene_inspect", "measure a scene bundle and draw it from above"
     ),
+    "scene crop": Command("readygo.apps.commands.scene_edit:scene_crop", "keep a part of a scene"),
+    "scene align": Command("readygo.apps.commands.scene_edit:scene_align", "level a scene's floor at height 0"),
+    "scene scale": Command("readygo.apps.commands.scene_edit:scene_scale", "make a scene larger or smaller"),
+    "scene clean": Command("readygo.apps.commands.scene_edit:scene_clean", "remove huge Gaussians, floaters and haze"),
     "avatar list": Command("readygo.apps.commands.avatar:avatar_list", "list the people that can walk through scenes"),
     "avatar import": Command(
         "readygo.apps.commands.avatar_import:avatar_import", "make an avatar of a HUGS, SMPL, glTF or Gaussian file"

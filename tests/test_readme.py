@@ -18,7 +18,9 @@ from tests.common.policy.artifacts import write_policy
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCUMENTS = [ROOT / "README.md", ROOT / "ARCHITECTURE.md", ROOT / "CHANGELOG.md"]
-DOCUMENTS += sorted(path for top in ("services", "common", "benchmarks") for path in (ROOT / top).rglob("README.md"))
+DOCUMENTS += sorted(
+    path for top in ("services", "common", "benchmarks", "examples") for path in (ROOT / top).rglob("README.md")
+)
 NAMES = [path.relative_to(ROOT).as_posix() for path in DOCUMENTS]
 README = (ROOT / "README.md").read_text()
 SPAN = re.compile(r"`([^`]+)`")

@@ -7,7 +7,7 @@ from readygo.apps.avatar.film import level_walk
 from readygo.apps.avatar.studio import Framing, Studio, look_at
 from readygo.common.avatars import Avatar, joint_positions
 from readygo.common.drawing.files import Picture
-from readygo.common.drawing.plan_view import put_text
+from readygo.common.drawing.plan_view import WHITE, put_text
 from readygo.common.errors import AvatarError
 
 Array = npt.NDArray[np.float64]
@@ -45,7 +45,7 @@ def contact_sheet(avatar: Avatar, *, seed: int = 0) -> Picture:
             away = CAMERA_DISTANCE_M * np.array([np.cos(angle), np.sin(angle)])
             camera = look_at((x + away[0], y + away[1], CAMERA_HEIGHT_M), (x, y, 0.5 * avatar.height_m))
             tile = studio.picture(camera, motion, row, joints)
-            put_text(tile, f"{phase}, {view}", (8, _CAPTION_PX - 6), size=0.4)
+            put_text(tile, f"{phase}, {view}", (8, _CAPTION_PX - 6), size=0.4, halo=WHITE)
             tiles.append(tile)
         strips.append(np.concatenate(tiles, axis=1))
     return np.concatenate(strips)

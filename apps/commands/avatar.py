@@ -46,14 +46,20 @@ def avatar_preview(
         avatar: Avatar file, or the name of an embedded avatar.
         out: PNG to write: eight sides, standing and in mid-stride.
         sheet: PNG to write: a contact sheet of four phases of the gait, each from three sides.
-        video: MP4 to write: the person walks an S-curve over a floor with lines every 0.5 m.
+        video: .webm (quick to write) or .mp4: the person walks an S-curve over a floor with lines every 0.5 m.
         seed: Habits of the person on the walk.
     """
     if out is None and sheet is None and video is None:
-        raise AvatarError("Say what to make: --out person.png, --sheet gait.png, --video person.mp4, or several.")
-    for option, path, ending in (("--out", out, ".png"), ("--sheet", sheet, ".png"), ("--video", video, ".mp4")):
-        if path is not None and path.suffix.lower() != ending:
-            raise AvatarError(f"{option} {path} must end in {ending}.")
+        raise AvatarError("Say what to make: --out person.png, --sheet gait.png, --video person.webm, or several.")
+    from readygo.common.drawing.film import CODECS, write_film
+
+    for option, path, endings in (
+        ("--out", out, (".png",)),
+        ("--sheet", sheet, (".png",)),
+        ("--video", video, tuple(CODECS)),
+    ):
+        if path is not None and path.suffix.lower() not in endings:
+            raise AvatarError(f"{option} {path} must end in {' or '.join(endings)}.")
     from readygo.common.drawing.files import write_png
 
     human = load_avatar(_file_of(avatar))
@@ -67,7 +73,6 @@ def avatar_preview(
         write_png(sheet, contact_sheet(human, seed=seed))
     if video is not None:
         from readygo.apps.avatar.film import walk_frames
-        from readygo.common.drawing.film import write_film
 
         write_film(video, walk_frames(human, seed=seed))
 

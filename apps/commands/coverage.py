@@ -9,11 +9,13 @@ from rich.console import Console
 from readygo.apps.coverage.numbers import casts_of, measure
 from readygo.apps.coverage.page import coverage_page, heat_map
 from readygo.apps.coverage.report import gather, page_numbers
-from readygo.common.dataset import Dataset
+from readygo.apps.views.recorded import recorded_map
+from readygo.common.dataset import Dataset, recorded_clarity
 from readygo.common.drawing.files import write_png
 from readygo.common.files import write_whole
 
-PAGE_FILE, NUMBERS_FILE, MAP_FILE = "coverage.html", "coverage.json", "visits.png"
+PAGE_FILE, NUMBERS_FILE = "coverage.html", "coverage.json"
+MAP_FILE, SHARPNESS_FILE = "visits.png", "sharpness.png"
 
 
 def coverage(data: Path, /, *, out: Path, scene: str = "", json: bool = False) -> None:
@@ -21,7 +23,7 @@ def coverage(data: Path, /, *, out: Path, scene: str = "", json: bool = False) -
 
     Args:
         data: Data folder.
-        out: Folder for coverage.html, coverage.json and visits.png.
+        out: Folder for coverage.html, coverage.json, visits.png and sharpness.png.
         scene: Scene bundle, "embedded", or a ROS map (.yaml) to draw on; by default the run's scene, if it is at hand.
         json: Print the numbers as JSON.
     """
@@ -30,9 +32,13 @@ def coverage(data: Path, /, *, out: Path, scene: str = "", json: bool = False) -
     measured = measure(dataset, casts)
     facts = gather(data, dataset, casts, measured, scene)
     numbers = page_numbers(measured, facts, dataset)
+    clarity = recorded_clarity(dataset)
+    numbers["clarity"] = clarity.to_mapping()
     heat = heat_map(measured.visits, facts.occupancy)
-    html = coverage_page(measured, facts, heat)
+    sharp = recorded_map(dataset, clarity, facts.occupancy)
+    html = coverage_page(measured, facts, heat, sharp)
     write_png(out / MAP_FILE, heat)
+    write_png(out / SHARPNESS_FILE, sharp)
     write_whole(out / NUMBERS_FILE, json_module.dumps(numbers, indent=2) + "\n")
     write_whole(out / PAGE_FILE, html)
     if json:

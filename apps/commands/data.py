@@ -7,12 +7,15 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, DownloadColumn, TextColumn, TimeRemainingColumn
 from rich.table import Table
+from rich.text import Text
 
-from readygo.apps.coverage.summary import dataset_summary
-from readygo.common.dataset import Dataset, Report
+from readygo.apps.commands.progress import SteadyProgress
+from readygo.apps.coverage.summary import dataset_summary, summary_lines
+from readygo.common.dataset import Dataset, Report, recorded_clarity
 from readygo.common.dataset import validate as validate_folder
+from readygo.common.drawing.files import write_png
 from readygo.common.errors import ConfigError, DatasetError
 
 DEFECTS_SHOWN = 20
@@ -29,15 +32,17 @@ def validate(data: Path, /, *, json: bool = False) -> None:
         DatasetError: If there is a defect.
     """
     report = _validate_with_progress(data, quiet=json)
+    clarity = recorded_clarity(Dataset([data])) if report.ok else None
     if json:
-        _print_json(_report_as_mapping(report))
+        _print_json(_report_as_mapping(report) | {"clarity": clarity and clarity.to_mapping()})
     else:
         console = Console(soft_wrap=True, highlight=False)
         for defect in report.defects[:DEFECTS_SHOWN]:
             console.print(str(defect), markup=False)
         for note in report.notes:
             console.print(f"note: {note}", markup=False)
-        if report.ok:
+        if clarity is not None:
+            console.print(f"{'warning' if clarity.blurred else 'note'}: {clarity}.", markup=False)
             console.print(f"{data} is sound: {_counts(report)}.", markup=False)
     if not report.ok:
         more = len(report.defects) - DEFECTS_SHOWN
@@ -48,37 +53,43 @@ def validate(data: Path, /, *, json: bool = False) -> None:
         )
 
 
-def inspect(data: Path, /, *, overlay: Path | None = None, json: bool = False) -> None:
-    """Say what a dataset holds, or show how its labels lie on its people.
+def inspect(data: Path, /, *, sheet: Path | None = None, overlay: Path | None = None, json: bool = False) -> None:
+    """Say what a dataset holds, show it, or show how its labels lie on its people.
 
     Args:
         data: Data folder.
+        sheet: PNG to write: recorded images, spread over the episodes, with place and sharpness.
         overlay: PNG to write: images with people, their joints, boxes and ground points drawn over them.
-        json: Print the result as JSON.
+        json: Print everything that is known as JSON.
 
     Raises:
         DatasetError: If there is no readable dataset, or no labels for an overlay.
     """
+    for option, path in (("--sheet", sheet), ("--overlay", overlay)):
+        if path is not None and path.suffix.lower() != ".png":
+            raise ConfigError(f"{option} {path} must end in .png.")
+    dataset = Dataset([data])
     if overlay is not None:
-        if overlay.suffix.lower() != ".png":
-            raise ConfigError(f"--overlay {overlay} must end in .png.")
         from readygo.apps.pictures.label_overlay import label_overlay
-        from readygo.common.drawing.files import write_png
 
-        write_png(overlay, label_overlay(Dataset([data])))
-    summary = dataset_summary(Dataset([data]), data)
+        write_png(overlay, label_overlay(dataset))
+    if sheet is not None:
+        from readygo.apps.views.recorded import thumbnails
+
+        write_png(sheet, thumbnails(dataset, data.resolve().name))
+    summary = dataset_summary(dataset, data)
     if json:
         _print_json(summary)
         return
     table = Table(show_header=False, box=None)
-    for name, value in summary.items():
-        table.add_row(name, _text(value))
+    for name, text in summary_lines(summary).items():
+        table.add_row(name, Text(text))
     Console(highlight=False).print(table)
 
 
 def _validate_with_progress(data: Path, *, quiet: bool) -> Report:
     columns = (TextColumn("reading"), BarColumn(), DownloadColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True, disable=quiet) as progress:
+    with SteadyProgress(*columns, quiet=quiet, transient=True) as progress:
         task = progress.add_task("reading", total=None)
         return validate_folder(data, progress=lambda done, total: progress.update(task, completed=done, total=total))
 
@@ -97,14 +108,6 @@ def _report_as_mapping(report: Report) -> dict[str, Any]:
         "defects": [{"shard": d.shard, "kind": d.kind, "text": d.text} for d in report.defects],
         "notes": list(report.notes),
     }
-
-
-def _text(value: Any) -> str:
-    if isinstance(value, Mapping):
-        return "\n".join(f"{key} = {_text(item)}" for key, item in value.items())
-    if isinstance(value, (list, tuple)):
-        return ", ".join(map(_text, value))
-    return str(value)
 
 
 def _print_json(mapping: Mapping[str, Any]) -> None:

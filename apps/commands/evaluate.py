@@ -3,31 +3,47 @@
 import json as json_module
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Literal
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
+from readygo.apps.commands.progress import SteadyProgress
+from readygo.apps.evaluation.choice import check_wanted, watched_method
+from readygo.apps.evaluation.replay import Replays
+from readygo.apps.evaluation.report import REPORT_FILE
+from readygo.apps.evaluation.watch import plan_command, write_films, write_pages
 from readygo.apps.run.evaluation import (
     CameraName,
     evaluation_config,
+    evaluation_settings,
+    evaluation_world,
     make_evaluator,
     make_evaluator_config,
     make_request,
     summarize,
 )
 from readygo.apps.run.origin import avatars_of_policy
+from readygo.apps.run.policy import policy_sha256
 from readygo.apps.run.spec import episode_count
 from readygo.common.config import section_to_mapping
 from readygo.common.errors import RunError
 from readygo.common.messages import Split
 from readygo.common.policy import load_policy
 from readygo.common.robot import load_robot
-from readygo.services.evaluator import EpisodeRecord, Method, Task, handle_evaluate, summary_table, write_results
+from readygo.services.evaluator import (
+    EpisodeRecord,
+    EvaluateRequest,
+    Method,
+    Results,
+    Task,
+    handle_evaluate,
+    open_results,
+    summary_table,
+)
 from readygo.services.planner.humans.mixes import MixName
-from readygo.services.planner.humans.scenario_file import read_text, text_hash
 from readygo.services.renderer.sensor.recipes import SensorName
 
 TaskName = Literal["static", "dynamic"]
@@ -46,6 +62,7 @@ def evaluate(
     split: Literal["train", "val", "test"] = "test",
     seed: int = 0,
     out: Path | None = None,
+    video: tuple[str, ...] = (),
     avatars: Path | None = None,
     robot: Path | None = None,
     config: Path | None = None,
@@ -59,6 +76,9 @@ def evaluate(
 ) -> None:
     """Drive a policy, the expert and a straight line through the same episodes, and count successes.
 
+    With `out` every episode is written when it ends: stopped or killed, the same command goes on, also with more
+    episodes, tasks or methods.
+
     Args:
         scene: Scene bundle, or "embedded".
         policy: Folder of a trained policy; without one only the other methods drive.
@@ -67,7 +87,9 @@ def evaluate(
         methods: Who drives.
         split: Random streams to draw the episodes from.
         seed: Seed of the episodes.
-        out: Folder for episodes.jsonl and summary.json.
+        out: Folder for episodes.jsonl, trajectories.jsonl, summary.json, films, and pages with the failures.
+        video: Films to write into `out`, of the policy: "worst", "failures" or indices of episodes, such as worst 17;
+            they can be asked for later, episodes are not driven again for them.
         avatars: Avatar file or folder of them; those of the policy's data by default, else the embedded ones.
         robot: robot.toml; by default the one in `config`, else the policy's robot.
         config: TOML file with sections of settings, as given to `readygo generate`; what it does not name is as in the
@@ -83,12 +105,14 @@ def evaluate(
         lockstep: Episodes that run side by side.
         json: Print the summary as JSON.
     """
+    check_wanted(video)
+    if video and out is None:
+        raise RunError("--video writes films into a folder: say which with --out.")
     count = episode_count(scenarios) if episodes is None else episodes
     drivers = methods if policy else _without_policy(methods)
     request = make_request(count, tasks, drivers, Split(split), seed, control_hz=control_hz)
+    settings = make_evaluator_config(lockstep)
     loaded = load_policy(policy) if policy else None
-    if loaded and avatars is None:
-        avatars = avatars_of_policy(loaded.spec)
     trained_camera = loaded.spec.robot.camera if loaded and camera == "policy" else None
     run_config = evaluation_config(
         loaded.spec if loaded else None,
@@ -98,35 +122,48 @@ def evaluate(
         sensor=sensor,
         humans=people,
     )
-    evaluator = make_evaluator(
-        scene,
-        run_config,
-        avatars=avatars,
-        seed=seed,
-        policy=loaded,
-        evaluator_config=make_evaluator_config(lockstep),
-        scenarios=scenarios,
-        camera=camera,
-    )
-    if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
+    bodies = avatars_of_policy(loaded.spec) if loaded and avatars is None else avatars
+    world = evaluation_world(scene, run_config, avatars=bodies, seed=seed, scenarios=scenarios)
+    sha256 = policy_sha256(policy) if policy and out else ""
+    identity = evaluation_settings(world, request, policy=sha256, camera=camera)
     total = len(request.tasks) * len(request.methods) * request.episodes
-    with _progress(Console(stderr=True), total, quiet=json) as show:
-        reply = handle_evaluate(evaluator, request, report=show)
-    summary = summarize(reply, request, evaluator)
-    summary["human_planner"] = section_to_mapping(run_config.human_planner)
-    summary["sensor"] = section_to_mapping(run_config.renderer.sensor)
-    summary["detail"] = run_config.renderer.detail
-    summary["scenarios"] = text_hash(read_text(scenarios)) if scenarios else ""
-    if out is not None:
-        write_results(out, reply.records, summary)
+    with open_results(out, identity) if out else nullcontext() as results, _kept(results, request, total):
+        renderer = world.renderer() if loaded else None
+        evaluator = make_evaluator(world, renderer=renderer, policy=loaded, evaluator_config=settings, camera=camera)
+        with _progress(Console(stderr=True), total, quiet=json) as show:
+            reply = handle_evaluate(evaluator, request, report=show, results=results)
+        summary = summarize(reply, request, evaluator)
+        summary["human_planner"] = section_to_mapping(run_config.human_planner)
+        summary["sensor"] = section_to_mapping(run_config.renderer.sensor)
+        summary["detail"] = run_config.renderer.detail
+        summary["scenarios"] = identity["scenarios"]
+        if results is not None:
+            results.finish(summary)
+            replays = Replays(world, results, reply.episodes, renderer)
+            write_films(replays, request, reply, video)
+            options = {
+                "policy": policy,
+                "avatars": avatars,
+                "robot": robot,
+                "config": config,
+                "sensor": sensor,
+                "people": people,
+                "scenarios": scenarios,
+            }
+            write_pages(
+                replays,
+                request,
+                reply,
+                title=f"{policy or watched_method(request.methods).value} in {world.scene.name}",
+                command_of=plan_command(scene, request, options) if camera == "policy" else None,
+            )
     if json:
         sys.stdout.write(json_module.dumps(summary) + "\n")
         return
     console = Console(highlight=False)
     console.print(summary_table(reply.summaries))
     if out is not None:
-        console.print(f"Every episode: {out / 'episodes.jsonl'}", markup=False)
+        console.print(f"Look at it: {out / REPORT_FILE}", markup=False, soft_wrap=True)
 
 
 def _without_policy(methods: tuple[MethodName, ...]) -> tuple[MethodName, ...]:
@@ -134,6 +171,19 @@ def _without_policy(methods: tuple[MethodName, ...]) -> tuple[MethodName, ...]:
     if methods and not others:
         raise RunError("The method `policy` needs a policy: readygo evaluate SCENE POLICY.")
     return others
+
+
+@contextmanager
+def _kept(results: Results | None, request: EvaluateRequest, total: int) -> Iterator[None]:
+    """Say at Ctrl-C what is kept."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if results is None:
+            raise KeyboardInterrupt("nothing is kept: with --out every episode is, as it ends.") from None
+        kept = sum(task in request.tasks and method in request.methods for task, method, _ in results.records)
+        said = f"{min(kept, total)} of {total} episodes are kept in {results.folder}; the same command goes on."
+        raise KeyboardInterrupt(said) from None
 
 
 @contextmanager
@@ -145,7 +195,7 @@ def _progress(console: Console, total: int, *, quiet: bool) -> Iterator[Show]:
         TextColumn("{task.fields[rate]}"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=console, disable=quiet) as progress:
+    with SteadyProgress(*columns, console=console, quiet=quiet) as progress:
         task = progress.add_task("episodes", total=total, rate="")
         outcomes: dict[tuple[Task, Method], list[bool]] = {}
 

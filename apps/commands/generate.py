@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Literal
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
+from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.fleet.run import Show, record
 from readygo.apps.run.again import prepare_again
 from readygo.apps.run.config import load_run_config, with_detail, with_disturbance, with_outputs
@@ -18,6 +19,7 @@ from readygo.apps.run.origin import avatars_of_policy, robot_of_policy
 from readygo.apps.run.policy import with_expert, with_policy
 from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.run.spec import episode_count, make_spec
+from readygo.apps.views.recorded import run_clarity
 from readygo.common.errors import RunError
 from readygo.common.messages import RunSpec, Split, StatusReply
 from readygo.common.policy import load_spec
@@ -123,13 +125,16 @@ def _record(spec: RunSpec, out: Path, episodes: int, workers: int, listen: str, 
     join = f"More workers can join: readygo worker {role} --connect {listen} --run {spec.run}" if listen else ""
     with progress_bar(first_words=join, quiet=json) as show:
         summary = record(spec, out, episodes=episodes, workers=workers, listen=listen, show=show)
+    clarity = run_clarity(spec, out)
     if json:
-        sys.stdout.write(json_module.dumps(summary) + "\n")
+        sys.stdout.write(json_module.dumps({**summary, "clarity": clarity.to_mapping()}) + "\n")
         return
     console = Console(stderr=True, highlight=False, soft_wrap=True)
     console.print(f"{summary['episodes']} episodes, {summary['samples']} samples in {out} ({summary['wall_s']:.1f} s).")
     for reason, count in summary["rejected"].items():
         console.print(f"  rejected {count}: {reason}", markup=False)
+    for text in clarity.warnings():
+        console.print(f"Warning: {text}", markup=False)
     console.print(f"Next: readygo validate {out} && readygo train {out} --out policy", markup=False)
     console.print(f"What it covers: readygo coverage {out} --out coverage", markup=False)
 
@@ -146,7 +151,7 @@ def progress_bar(*, first_words: str = "", quiet: bool = False) -> Iterator[Show
     )
     begin_s = time.monotonic()
     samples_before: int | None = None
-    with Progress(*columns, console=Console(stderr=True), disable=quiet) as progress:
+    with SteadyProgress(*columns, quiet=quiet) as progress:
         task = progress.add_task("episodes", total=None, rate=0.0, rejected=0)
 
         def show(status: StatusReply) -> None:

@@ -7,8 +7,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+from rich.progress import BarColumn, TaskProgressColumn, TextColumn
 
+from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.learn.config import load_learn_config
 from readygo.apps.learn.learn import learn_policy, report_content
 from readygo.apps.learn.plan import Budget, learn_settings, make_plan
@@ -85,7 +86,7 @@ def learn(
 def live_line(tested_total: int, *, quiet: bool = False) -> Iterator[tuple[Show, Tested]]:
     """Show on the terminal how learning, and then the test, goes; `quiet` shows nothing."""
     columns = (TextColumn("{task.description}"), BarColumn(20), TaskProgressColumn(), TextColumn("{task.fields[said]}"))
-    with Progress(*columns, console=Console(stderr=True), disable=quiet) as progress:
+    with SteadyProgress(*columns, quiet=quiet) as progress:
         task = progress.add_task("learning", total=1.0, said="starting")
 
         def show(now: Now) -> None:

@@ -1,29 +1,37 @@
-"""`readygo plan`: one episode of the expert, planned again and explained."""
+"""`readygo plan`: one episode of the expert or of a policy, driven again and explained."""
 
 import dataclasses
 import json as json_module
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
 from rich.console import Console
 from rich.table import Table
 
-from readygo.apps.run.config import RunConfig, load_run_config
+from readygo.apps.run.config import RunConfig
+from readygo.apps.run.evaluation import evaluation_config
+from readygo.apps.run.origin import avatars_of_policy
 from readygo.apps.run.scene_argument import open_maps
-from readygo.apps.run.take import Take, Takes
+from readygo.apps.run.take import Take, Takes, policy_steer
 from readygo.common.avatars import Avatar, load_avatars
+from readygo.common.camera.lens import check_sensor
 from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.drawing.files import Picture, write_png
+from readygo.common.drawing.film import CODECS
 from readygo.common.errors import RunError
 from readygo.common.messages import EpisodeKey, Split
+from readygo.common.policy import load_policy
 from readygo.common.robot import load_robot
 from readygo.common.scenes import Scene
 from readygo.services.planner import ExpertConfig, RobotPlanner
 from readygo.services.planner.explain.numbers import Numbers, run_numbers, scenario_numbers
-from readygo.services.planner.explain.picture import draw_episode, draw_run
-from readygo.services.planner.humans.scenario_file import save_scenarios
+from readygo.services.planner.explain.picture import Look, draw_episode, draw_run
+from readygo.services.planner.humans.mixes import MixName
+from readygo.services.planner.humans.scenario_file import load_scenarios, save_scenarios
+from readygo.services.renderer import Renderer
+from readygo.services.renderer.sensor.recipes import SensorName
 
 
 def plan(
@@ -35,8 +43,12 @@ def plan(
     split: Literal["train", "val", "test"] = "train",
     mode: str = "",
     static: bool = False,
+    people: MixName | None = None,
+    scenarios: Path | None = None,
+    policy: Path | None = None,
     config: Path | None = None,
     robot: Path | None = None,
+    sensor: SensorName | None = None,
     avatars: Path | None = None,
     picture: Path | None = None,
     video: Path | None = None,
@@ -44,10 +56,11 @@ def plan(
     export: Path | None = None,
     json: bool = False,
 ) -> None:
-    """Plan one episode again, and say and show what the expert did and why.
+    """Take one episode again, and say and show what the expert, or a policy, did and why.
 
     Seed, split, index and settings are those of `readygo generate`: the same episode. One that generate leaves out,
-    because the expert fails, is shown as well; an index without a scenario is an error.
+    because the expert fails, is shown as well; an index without a scenario is an error. With a policy they are those
+    of `readygo evaluate`, whose split is test; what the expert would have done is shown beside.
 
     Args:
         scene: Scene bundle, "embedded", or a ROS map (.yaml) with a flat floor.
@@ -56,30 +69,50 @@ def plan(
         split: Random streams to draw the episode from.
         mode: How the expert plans, "paper" or "spacetime"; as in `config` by default.
         static: Leave the humans out.
+        people: Recipe of how many people come and how they meet the robot, as given to `readygo generate`.
+        scenarios: TOML file whose scenarios are played instead of drawing them: entry `index` modulo their number.
+        policy: Folder of a trained policy that drives instead of the expert, by what it sees; robot, camera, avatars
+            and settings are those of its data unless others are named.
         config: TOML file with sections of settings, as given to `readygo generate`.
         robot: robot.toml of another robot.
-        avatars: Avatar file or folder of them; the embedded ones by default.
+        sensor: Recipe of the camera's lens, light and shutter and of what varies of them.
+        avatars: Avatar file or folder of them; those of the policy's data by default, else the embedded ones.
         picture: PNG to write: the map, the ways, plans given up, what the robot saw and expected, the outcome.
-        video: MP4 to write: the same over time, in real time.
-        camera: Show the robot's camera in the video, drawn as `generate` records it.
+        video: .webm (quick to write) or .mp4: the same over time, in real time.
+        camera: Show what the robot's camera sees in picture and video, as `generate` records it; with a policy it is
+            always shown.
         export: TOML file to write with the scenario, to be changed by hand or given to others.
         json: Print the numbers as JSON.
     """
-    _check(scene, index, seed, camera=camera, video=video)
+    camera = camera or policy is not None
+    _check(scene, index, seed, camera=camera)
+    if camera and policy is None and picture is None and video is None:
+        raise RunError("--camera shows the robot's view: say where with --picture FILE.png or --video FILE.webm.")
     _check_endings(picture, video, export)
-    run_config = load_run_config(config, load_robot(robot) if robot else None)
+    driving = load_policy(policy) if policy else None
+    run_config = evaluation_config(
+        driving.spec if driving else None,
+        "policy",
+        config=config,
+        robot=load_robot(robot, camera=driving.spec.robot.camera if driving else None) if robot else None,
+        sensor=sensor,
+        humans=people,
+    )
     if mode:
         run_config = dataclasses.replace(run_config, expert=_with_mode(run_config.expert, mode))
-    episode = EpisodeKey(seed=seed, split=Split(split), index=index)
+    if driving and not (avatars or static):
+        avatars = avatars_of_policy(driving.spec)
     maps, bundle = open_maps(scene)
-    people = {} if static else load_avatars(avatars)
-    takes = Takes(maps, people, run_config)
-    take = takes.take(episode, static=static)
+    humans = {} if static else load_avatars(avatars)
+    takes = Takes(maps, humans, run_config, load_scenarios(scenarios) if scenarios else None)
+    renderer = _renderer(bundle, humans, run_config) if camera and bundle else None
+    steer = policy_steer(driving, renderer) if driving and renderer else None
+    take = takes.take(EpisodeKey(seed=seed, split=Split(split), index=index), static=static, steer=steer)
+    look = _look(take, renderer)
     if picture is not None:
-        write_png(picture, _picture(take, takes.robot_planner))
+        write_png(picture, _picture(take, takes.robot_planner, look))
     if video is not None:
-        images = _camera(take, bundle, people, run_config) if camera else None
-        _write_video(video, take, takes.robot_planner, images)
+        _write_video(video, take, takes.robot_planner, look)
     if export is not None:
         save_scenarios(export, [take.scenario])
     numbers = _numbers(take, run_config.expert.mode)
@@ -89,35 +122,54 @@ def plan(
         _print(numbers, [path for path in (picture, video, export) if path is not None])
 
 
-def _check(scene: str, index: int, seed: int, *, camera: bool, video: Path | None) -> None:
+def _check(scene: str, index: int, seed: int, *, camera: bool) -> None:
     """Raise RunError if the arguments make no sense."""
     if index < 0 or not 0 <= seed < 2**63:
         raise RunError(f"--index must be at least 0 and --seed 0..2^63-1, got {index} and {seed}.")
-    if camera and video is None:
-        raise RunError("--camera shows the robot's view in a video: say where with --video FILE.mp4.")
     if camera and scene.endswith((".yaml", ".yml")):
-        raise RunError(f"--camera needs a scene bundle to draw: {scene} is a map.")
+        raise RunError(f"--camera and --policy need a scene bundle to see: {scene} is a map.")
 
 
 def _check_endings(picture: Path | None, video: Path | None, export: Path | None) -> None:
     """Raise RunError if a file's name does not say what it will be."""
-    files = (("--picture", picture, ".png"), ("--video", video, ".mp4"), ("--export", export, ".toml"))
-    for option, path, ending in files:
-        if path is not None and path.suffix.lower() != ending:
-            raise RunError(f"{option} {path} must end in {ending}.")
+    files = (("--picture", picture, (".png",)), ("--video", video, tuple(CODECS)), ("--export", export, (".toml",)))
+    for option, path, endings in files:
+        if path is not None and path.suffix.lower() not in endings:
+            raise RunError(f"{option} {path} must end in {' or '.join(endings)}.")
 
 
 def _with_mode(expert: ExpertConfig, mode: str) -> ExpertConfig:
     return section_from_mapping(ExpertConfig, {**section_to_mapping(expert), "mode": mode}, where="--")
 
 
-def _picture(take: Take, planner: RobotPlanner) -> Picture:
+def _renderer(scene: Scene, avatars: dict[str, Avatar], config: RunConfig) -> Renderer:
+    """Draws what the robot sees.
+
+    Raises:
+        ConfigError: If the robot's camera cannot have the sensor's lens.
+    """
+    check_sensor(config.renderer.sensor, config.robot.camera)
+    only_rgb = dataclasses.replace(config.renderer, outputs=("rgb",))
+    return Renderer(scene=scene, avatars=avatars, robot=config.robot, config=only_rgb)
+
+
+def _look(take: Take, renderer: Renderer | None) -> Look | None:
+    """What the robot's camera sees; None without a renderer or a run."""
+    from readygo.apps.pictures.plan_film import robot_view
+
+    run = take.run
+    if renderer is None or run is None:
+        return None
+    return robot_view(renderer, run.scenario, run.motions, run.trajectory)
+
+
+def _picture(take: Take, planner: RobotPlanner, look: Look | None) -> Picture:
     if take.run is not None:
-        return draw_run(planner, take.run)
+        return draw_run(planner, take.run, look)
     return draw_episode(planner.maps.robot, take.scenario, robot=planner.robot, episode_config=planner.episode_config)
 
 
-def _write_video(path: Path, take: Take, planner: RobotPlanner, camera: Iterator[Picture] | None) -> None:
+def _write_video(path: Path, take: Take, planner: RobotPlanner, look: Look | None) -> None:
     """Film the run.
 
     Raises:
@@ -128,25 +180,21 @@ def _write_video(path: Path, take: Take, planner: RobotPlanner, camera: Iterator
 
     if take.run is None:
         raise RunError(f"There is nothing to film in {take.scenario.episode.episode_id}: {take.rejected}.")
-    write_film(path, run_film(planner, take.run, camera))
-
-
-def _camera(take: Take, scene: Scene | None, avatars: dict[str, Avatar], config: RunConfig) -> Iterator[Picture] | None:
-    """What the robot's camera sees; None without a scene or a run."""
-    from readygo.apps.pictures.plan_film import camera_images
-
-    return camera_images(scene, avatars, config, take.run) if scene is not None and take.run is not None else None
+    write_film(path, run_film(planner, take.run, look))
 
 
 def _numbers(take: Take, mode: str) -> Numbers:
     head = {"episode": take.scenario.episode.episode_id, "mode": mode, "rejected": take.rejected}
     if take.run is None:
         return {**head, **scenario_numbers(take.scenario)}
+    if not take.run.explained:
+        return {"episode": head["episode"], "driver": take.run.driver, **run_numbers(take.run)}
     return {**head, **run_numbers(take.run), "drive_ms": round(take.drive_ms, 2)}
 
 
 def _print(numbers: Numbers, written: Sequence[Path]) -> None:
-    table = Table(title=f"episode {numbers['episode']}, mode {numbers['mode']}", show_header=False)
+    who = f"mode {numbers['mode']}" if "mode" in numbers else f"{numbers['driver']} drives"
+    table = Table(title=f"episode {numbers['episode']}, {who}", show_header=False)
     for name, value in _rows(numbers):
         table.add_row(name, value)
     console = Console(highlight=False)
@@ -161,14 +209,20 @@ def _rows(numbers: Numbers) -> list[tuple[str, str]]:
         share = 100 * numbers["human_visible_share"]
         rows.insert(0, ("outcome", f"{numbers['outcome'].replace('_', ' ')} after {numbers['duration_s']:.2f} s"))
         rows.append(("way", f"{numbers['path_length_m']:.2f} m"))
-        replans = f"{numbers['replans']}, {numbers['ways']} different ways"
-        if numbers["replans"]:
-            replans += f"; p50 {numbers['replan_p50_ms']:.2f} ms, p99 {numbers['replan_p99_ms']:.2f} ms"
-        rows.append(("replans", replans))
+        rows += [("replans", _replans(numbers))] if "replans" in numbers else []
         rows += [("a person in view", f"{share:.0f} % of the time")] if numbers["humans"] else []
     rows += [(f"person {k}", _human_row(human)) for k, human in enumerate(numbers["humans"], start=1)]
-    left_out = f"no: {numbers['rejected'].replace('_', ' ')}" if numbers["rejected"] else "yes"
-    return [*rows, ("recorded by generate", left_out)]
+    if "rejected" in numbers:
+        left_out = f"no: {numbers['rejected'].replace('_', ' ')}" if numbers["rejected"] else "yes"
+        rows.append(("recorded by generate", left_out))
+    return rows
+
+
+def _replans(numbers: Numbers) -> str:
+    text = f"{numbers['replans']}, {numbers['ways']} different ways"
+    if not numbers["replans"]:
+        return text
+    return f"{text}; p50 {numbers['replan_p50_ms']:.2f} ms, p99 {numbers['replan_p99_ms']:.2f} ms"
 
 
 def _human_row(human: Numbers) -> str:

@@ -6,15 +6,23 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from readygo.apps.pictures.scene_maps import scene_pictures
+from readygo.apps.pictures.scene_survey import survey_picture
 from readygo.apps.run.scene_argument import open_scene
+from readygo.apps.views.pictures import clarity_map, views_sheet
+from readygo.apps.views.views import SceneViews, scene_views, warnings
 from readygo.common.drawing.files import write_png
-from readygo.common.errors import SceneError
-from readygo.common.robot import load_robot
+from readygo.common.errors import NoGroundError, ReadygoError, SceneError
+from readygo.common.gaussians.defects import HUGE, counted, unusable, unwanted, without
+from readygo.common.gaussians.files import read_gaussians, with_unit_rotations
+from readygo.common.robot import RobotConfig, load_robot
 from readygo.common.scenes import Scene, import_scene
+from readygo.common.scenes.edit import crop_box
 from readygo.common.scenes.report import scene_report
+from readygo.common.scenes.survey import Survey, advice, survey, survey_row
 
 
 def scene_import(
@@ -30,51 +38,84 @@ def scene_import(
     license: str = "",
     robot: Path | None = None,
     resolution: float = 0.05,
+    crop: tuple[float, float, float, float] | None = None,
+    crop_z: tuple[float, float] | None = None,
+    close_coarse: bool = False,
+    mirror: bool = False,
     drop_bad: bool = False,
     json: bool = False,
 ) -> None:
-    """Make a scene bundle (Gaussians, maps, report) of a Gaussian file.
+    """Make a scene bundle (Gaussians, maps, report) of a Gaussian file, or of what a training left.
+
+    Where that fails because of the scene, a picture beside OUT and a table show what the file holds, which ways may be
+    up and how long its unit may be, and the error says what to try.
 
     Args:
-        source: A 3DGS .ply or a PlayCanvas .compressed.ply.
+        source: A .ply of 3DGS, 2DGS or PGSR, a .compressed.ply, .splat or .spz, a checkpoint of gsplat or nerfstudio, or
+            the output folder of one of these trainings, of which the newest iteration is taken, with its cameras.
         out: Folder to make; must not exist.
         name: Name of the scene; the folder's by default.
         sky: Gaussians of the far surroundings, in the same frame as the source.
-        up: Axis of the file that points up: +x, +y, +z, -x, -y or -z; write --up=-y with the equals sign.
+        up: Axis of the file that points up: +x, +y, +z, -x, -y or -z, written with the equals sign, as in --up=-y; a
+            direction such as --up=0.1,-0.99,0.05; "cameras", as those were held that it was filmed with; or "auto",
+            which finds it where that is clear, near the up of the cameras if there are any.
         scale: Metres per unit of the file.
         translate: Added after turning and scaling [m].
         license: Terms of the scene; recorded with everything made from it.
         robot: robot.toml, for the height and radius that the maps are made for.
         resolution: Edge of map cells [m].
-        drop_bad: Leave out Gaussians that cannot be drawn (numbers that are not finite; beyond 10 km) and say how many.
+        crop: x0 y0 x1 y1 of what is kept [m], after turning, scaling and moving.
+        crop_z: z0 z1 of what is kept [m].
+        close_coarse: Keep everybody off ground that nobody filmed: where huge Gaussians stand for it.
+        mirror: The file is mirrored (writing in it reads backwards); mirror it back.
+        drop_bad: Leave out Gaussians that cannot be drawn (numbers that are not finite; beyond 10 km) and huge ones,
+            larger than a fifth of the scene, and say how many.
         json: Print one JSON object instead of a table.
     """
-    scene = import_scene(
-        source,
-        out,
-        name=name,
-        sky=sky,
-        up=up,
-        scale=scale,
-        translate_m=translate,
-        license=license,
-        robot=None if robot is None else load_robot(robot),
-        resolution_m=resolution,
-        drop_bad=drop_bad,
-    )
-    _print(scene, json_module.loads((scene.path / "report.json").read_text()), [], json=json)
+    chosen = None if robot is None else load_robot(robot)
+    try:
+        scene = import_scene(
+            source,
+            out,
+            name=name,
+            sky=sky,
+            up=up,
+            scale=scale,
+            translate_m=translate,
+            license=license,
+            robot=chosen,
+            resolution_m=resolution,
+            crop=crop_box(crop, crop_z),
+            close_coarse=close_coarse,
+            mirror=mirror,
+            drop_bad=drop_bad,
+        )
+    except NoGroundError as error:
+        raise SceneError(f"{error} {_shown(source, out, up, scale, json=json)}") from error
+    seen = scene_views(scene, chosen or RobotConfig())
+    _print(scene, json_module.loads((scene.path / "report.json").read_text()), seen, [], json=json)
 
 
-def scene_inspect(scene: str, /, *, out: Path | None = None, radius: float | None = None, json: bool = False) -> None:
-    """Measure a scene bundle and draw it, and its maps, from above.
+def scene_inspect(
+    scene: str,
+    /,
+    *,
+    out: Path | None = None,
+    radius: float | None = None,
+    robot: Path | None = None,
+    json: bool = False,
+) -> None:
+    """Measure a scene bundle, draw it, and its maps, from above, and look around in it with the robot's camera.
 
     Pictures of the maps: dark is occupied, grey has no floor in sight, white is too narrow for the agent, green is the
-    largest area that it can move in, orange are areas cut off from that.
+    largest area that it can move in, orange are areas cut off from that. views.png shows what the robot sees from
+    places all over that area, map_views.png the same area in the colours of their sharpness: orange and brown is fog.
 
     Args:
         scene: Scene bundle, or "embedded".
-        out: Folder for top.png, map_robot.png and map_human.png; the bundle's inspect/ by default.
+        out: Folder for the pictures; the bundle's inspect/ by default.
         radius: Radius of the robot's disc [m]; by default the one that the scene was imported for.
+        robot: robot.toml, for the camera that looks around.
         json: Print one JSON object instead of a table.
     """
     bundle = open_scene(scene)
@@ -85,30 +126,94 @@ def scene_inspect(scene: str, /, *, out: Path | None = None, radius: float | Non
     report = scene_report(bundle.cloud, bundle.sky, maps.robot, maps.human, maps.floor, radius_m)
     folder = bundle.path / "inspect" if out is None else out
     folder.mkdir(parents=True, exist_ok=True)
-    pictures = scene_pictures(bundle, radius_m)
+    seen = scene_views(bundle, RobotConfig() if robot is None else load_robot(robot), radius_m=radius_m)
+    pictures = {
+        **scene_pictures(bundle, radius_m),
+        "views.png": views_sheet(seen, bundle.name),
+        "map_views.png": clarity_map(seen, maps.robot, radius_m),
+    }
     for file, picture in pictures.items():
         write_png(folder / file, picture)
-    _print(bundle, report, [folder / file for file in pictures], json=json)
+    _print(bundle, report, seen, [folder / file for file in pictures], json=json)
 
 
-def _print(scene: Scene, report: dict[str, Any], pictures: list[Path], *, json: bool) -> None:
+def _shown(source: Path, out: Path, up: str, scale: float, *, json: bool) -> str:
+    """Show what a file holds that cannot be imported; returns where, and what to try."""
+    stored = read_gaussians(source)
+    usable, _ = without(stored, unusable(stored))
+    cloud = with_unit_rotations(usable)
+    masks = unwanted(cloud)
+    seen, _ = without(cloud, {HUGE: masks[HUGE]})
+    found = survey(seen)
+    picture = out.with_name(f"{out.name}-survey.png")
+    try:
+        write_png(picture, survey_picture(seen, found, source.name))
+        where = f"What the file holds: {picture}."
+    except ReadygoError as trouble:
+        # Why the scene cannot be imported matters more than its picture.
+        where = str(trouble)
+    if json:
+        sys.stdout.write(json_module.dumps({**survey_row(found), "picture": str(picture)}) + "\n")
+    else:
+        table = Table(title=f"what {source.name} holds", show_header=False)
+        for label, text in _survey_rows(found, counted(masks)):
+            table.add_row(label, text)
+        Console().print(table, markup=False)
+    words = advice(found, up, scale)
+    if masks[HUGE].any():
+        words += f" {int(masks[HUGE].sum())} of its Gaussians are huge and cover all: --drop-bad leaves them out."
+    return f"{words} {where}"
+
+
+def _survey_rows(found: Survey, unwanted_words: str) -> list[tuple[str, str]]:
+    rows = [("Gaussians", f"{found.gaussians:,}; unwanted: {unwanted_words}")]
+    rows += [
+        (f"extent along {axis} (98 %)", f"{low:.4g} .. {high:.4g} units of the file")
+        for axis, low, high in zip("xyz", found.low, found.high, strict=True)
+    ]
+    for up in found.likely_ups:
+        room = "" if up.ceiling is None else f", ceiling {up.ceiling:.3g} above it"
+        text = (
+            f"floor at {up.floor:.3g}{room}; {100 * up.above:.0f} % of the scene above it; score {1000 * up.score:.1f}"
+        )
+        rows.append((f"--up={up.name}", text))
+    return rows + [(f"--scale {scale.metres_per_unit:.3g}", scale.reason) for scale in found.scales]
+
+
+def _print(scene: Scene, report: dict[str, Any], seen: SceneViews, pictures: list[Path], *, json: bool) -> None:
     if json:
         head: dict[str, Any] = {"name": scene.name, "path": str(scene.path), "content_hash": scene.content_hash}
         head["license"] = scene.license
         head["dropped_gaussians"] = _dropped(scene)
-        row = {**head, **report, "pictures": [str(path) for path in pictures]}
+        head["cameras"] = 0 if scene.views is None else len(scene.views)
+        row = {**head, **report, "views": seen.to_mapping(), "pictures": [str(path) for path in pictures]}
         sys.stdout.write(json_module.dumps(row) + "\n")
         return
     table = Table(title=f"scene {scene.name}", show_header=False)
     for label, text in _rows(report):
         table.add_row(label, text)
+    table.add_row("robot's views", _seen(seen))
     if _dropped(scene):
         table.add_row("left out", f"{_dropped(scene):,} Gaussians that cannot be drawn")
+    for sentence in report.get("findings", []):
+        table.add_row("look here", escape(sentence))
+    if scene.views is not None:
+        table.add_row("filmed by", f"{len(scene.views):,} cameras")
     table.add_row("license", scene.license or "not given")
     table.add_row("bundle", str(scene.path))
     for path in pictures:
         table.add_row("picture", str(path))
     Console().print(table)
+    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    for text in warnings(seen):
+        console.print(f"Warning: {text}", markup=False)
+
+
+def _seen(seen: SceneViews) -> str:
+    return (
+        f"sharpness {seen.sharpness:.0f}, surface {100 * seen.coverage:.0f} % of the view "
+        f"(medians of {len(seen.places)} places)"
+    )
 
 
 def _dropped(scene: Scene) -> int:

@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
+from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.run.evaluation import closed_loop
 from readygo.apps.run.origin import note_origin, origin_of_data
 from readygo.apps.run.training import default_recipe, make_config, run_training
@@ -145,7 +146,7 @@ def _progress(console: Console, *, quiet: bool) -> "Iterator[Callable[[TrainProg
         TextColumn("{task.fields[reached]}"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=console, disable=quiet) as progress:
+    with SteadyProgress(*columns, console=console, quiet=quiet) as progress:
         task = progress.add_task("training", total=1.0, reached="")
 
         def show(state: "TrainProgress") -> None:

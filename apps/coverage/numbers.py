@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -71,6 +71,14 @@ class Visits:
     frame: GridFrame
     episodes: Counts
     """Shape (H, W); row 0 is the smallest y."""
+
+    def coarser(self, factor: int) -> "Visits":
+        """Cells `factor` times as wide, each with the count of its busiest one."""
+        rows, columns = (-(-side // factor) for side in self.episodes.shape)
+        spare = [(0, count * factor - side) for count, side in zip((rows, columns), self.episodes.shape, strict=True)]
+        blocks = np.pad(self.episodes, spare).reshape(rows, factor, columns, factor)
+        frame = replace(self.frame, resolution_m=self.frame.resolution_m * factor)
+        return Visits(frame=frame, episodes=blocks.max(axis=(1, 3)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,5 +1,6 @@
 """The page of a dataset's coverage, to be looked at in a minute."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from html import escape
@@ -10,13 +11,15 @@ import numpy.typing as npt
 from readygo.apps.coverage.numbers import Coverage, Histogram, Visits
 from readygo.apps.pages.charts import share_bar
 from readygo.apps.pages.histograms import bar_chart, grid_chart, rose_chart
-from readygo.apps.pages.page import chart_figure, figure, page, percent, png_source, table
+from readygo.apps.pages.page import Column, chart_figure, figure, page, percent, png_source, rejections, table
 from readygo.common.drawing.files import Picture
 from readygo.common.drawing.plan_view import INK, WHITE, draw_scale_bar, map_window, put_text, text_width_px
 from readygo.common.maps import OccupancyMap
 
 MARGIN_M, ASPECT_MIN = 0.5, 0.5
 MAP_SIDE_MIN_PX, MAP_SIDE_MAX_PX = 500, 1400
+CELL_MIN_PX = 4
+"""Narrowest cell in the picture: a way through a large map stays visible."""
 # Pale yellow to dark red: told apart from the grey of walls in print and with every common colour vision.
 _HEAT = np.array([(255, 237, 160), (254, 178, 76), (240, 59, 32), (128, 0, 38)], dtype=np.float64)
 
@@ -40,7 +43,10 @@ class RunFacts:
 
 
 def heat_map(visits: Visits, occupancy: OccupancyMap | None) -> Picture:
-    """Where robots went: the number of episodes that came by, on the map if there is one, with a scale."""
+    """Where robots went: the number of episodes that came by, on the map if there is one, with a scale.
+
+    Cells that would be too small to be seen are put together.
+    """
     frame, (rows, columns) = visits.frame, visits.episodes.shape
     low_m = np.array([frame.origin_x_m, frame.origin_y_m])
     high_m = low_m + np.array([columns, rows]) * frame.resolution_m
@@ -59,9 +65,10 @@ def heat_map(visits: Visits, occupancy: OccupancyMap | None) -> Picture:
     side_px = min(max(MAP_SIDE_MIN_PX, 60 * side_m), MAP_SIDE_MAX_PX)
     view = map_window(ground, low_m, high_m, pixel_m=side_m / side_px)
     picture = view.rgb.copy()
-    _paint(picture, visits, low_m, side_m / side_px)
+    shown = visits.coarser(math.ceil(CELL_MIN_PX * view.frame.resolution_m / frame.resolution_m - 1e-6))
+    _paint(picture, shown, low_m, side_m / side_px)
     draw_scale_bar(picture, view)
-    return np.concatenate([picture, _heat_scale(picture.shape[1], int(visits.episodes.max()))])
+    return np.concatenate([picture, _heat_scale(picture.shape[1], shown)])
 
 
 def _is_vast(occupancy: OccupancyMap, visited_m: float) -> bool:
@@ -88,25 +95,27 @@ def _heat_colours(shares: npt.NDArray[np.float64]) -> npt.NDArray[np.uint8]:
     return np.asarray(np.rint(np.stack(channels, axis=-1)), dtype=np.uint8)
 
 
-def _heat_scale(width: int, highest: int) -> Picture:
+def _heat_scale(width: int, visits: Visits) -> Picture:
+    highest = int(visits.episodes.max())
     strip = np.full((30, width, 3), WHITE, np.uint8)
     bar = np.linspace(1 / max(highest, 1), 1.0, 160)
     strip[8:22, 30:190] = _heat_colours(bar)[None]
     put_text(strip, "1", (16, 20), colour=INK)
     put_text(strip, f"{highest} episodes", (198, 20), colour=INK)
-    note = "colour: square root of the count"
+    note = f"cells of {visits.frame.resolution_m:.3g} m; colour: square root of the count"
     if 320 + text_width_px(note) < width:
         put_text(strip, note, (320, 20), colour=(93, 104, 116))
     return strip
 
 
-def coverage_page(coverage: Coverage, facts: RunFacts, heat: Picture) -> str:
+def coverage_page(coverage: Coverage, facts: RunFacts, heat: Picture, sharp: Picture) -> str:
     """The page as HTML text.
 
     Args:
         coverage: What the dataset covers.
         facts: Of its run.
         heat: Picture of where robots went.
+        sharp: Picture of how sharp the pictures are.
     """
     return page(
         f"Coverage of {facts.name}",
@@ -114,6 +123,7 @@ def coverage_page(coverage: Coverage, facts: RunFacts, heat: Picture) -> str:
         tiles=_tiles(coverage, facts),
         sections=[
             ("Where robots went", _places(coverage, facts, heat)),
+            ("How sharp pictures are", _sharpness(sharp)),
             ("Whom they met", _meetings(coverage, facts)),
             ("How they drove", _driving(coverage)),
             ("What is not recorded", _rejected(coverage, facts)),
@@ -136,13 +146,21 @@ def _tiles(coverage: Coverage, facts: RunFacts) -> list[tuple[str, str]]:
 
 
 def _places(coverage: Coverage, facts: RunFacts, heat: Picture) -> str:
-    note = "How many episodes came by, in cells of 10 cm"
+    note = "How many episodes came by, at the busiest place of each cell"
     note += "; grey blocks the robot." if facts.occupancy else ". The scene's map is not at hand: name it with --scene."
     rose = chart_figure(
         rose_chart(coverage.headings.counts, name="Samples by heading"),
         "Where the robot looked, in the world; areas are samples.",
     )
     return f'<div class="pair">{figure(png_source(heat), note, alt="Where robots went")}{rose}</div>'
+
+
+def _sharpness(sharp: Picture) -> str:
+    note = (
+        "Where some of the pictures were taken, and how sharp they are: the variance of the Laplacian. A wall close by "
+        "is dull for a moment; a region in orange or brown is fog."
+    )
+    return figure(png_source(sharp), note, alt="How sharp pictures are")
 
 
 def _meetings(coverage: Coverage, facts: RunFacts) -> str:
@@ -164,30 +182,27 @@ def _chart(histogram: Histogram, axis: str, none_name: str) -> str:
 def _encounters(coverage: Coverage, facts: RunFacts) -> str:
     kinds = dict.fromkeys([*coverage.encounters, *(facts.failed or {})])
     outcomes = sorted({outcome for counts in (facts.failed or {}).values() for outcome in counts})
-    rows = "".join(_encounter_row(kind, coverage, facts, outcomes) for kind in kinds)
-    head = "<tr><th>Encounter</th><th class=n>Episodes</th><th class=n>People</th><th>Share</th>"
+    columns = [Column("Encounter"), Column("Episodes", "n"), Column("People", "n"), Column("Share")]
     if facts.failed is not None:
-        failures = "".join(f"<th class=n>{escape(outcome.replace('_', ' '))}</th>" for outcome in outcomes)
-        head += f"{failures}<th class=n>Expert succeeds</th>"
+        columns += [Column(outcome.replace("_", " "), "n") for outcome in outcomes]
+        columns.append(Column("Expert succeeds", "n"))
     note = (
         "Recorded episodes; those in which the expert failed are left out of the data and counted at the right."
         if facts.failed is not None
         else "Recorded episodes. Whom the rejected ones would have met is not known here."
     )
-    return table(head + "</tr>", rows) + f'<p class="note">{escape(note)}</p>'
+    rows = [_encounter_cells(kind, coverage, facts, outcomes) for kind in kinds]
+    return table(columns, rows) + f'<p class="note">{escape(note)}</p>'
 
 
-def _encounter_row(kind: str, coverage: Coverage, facts: RunFacts, outcomes: list[str]) -> str:
+def _encounter_cells(kind: str, coverage: Coverage, facts: RunFacts, outcomes: list[str]) -> list[str]:
     episodes, humans = coverage.encounters.get(kind, (0, 0))
-    row = (
-        f"<tr><td>{escape(kind.replace('_', ' '))}</td><td class=n>{episodes:,}</td><td class=n>{humans:,}</td>"
-        f"<td>{share_bar(episodes / coverage.episodes)}</td>"
-    )
+    cells = [escape(kind.replace("_", " ")), f"{episodes:,}", f"{humans:,}", share_bar(episodes / coverage.episodes)]
     if facts.failed is not None:
         failed = facts.failed.get(kind, {})
-        row += "".join(f"<td class=n>{failed.get(outcome, 0):,}</td>" for outcome in outcomes)
-        row += f"<td class=n>{percent(episodes / max(episodes + sum(failed.values()), 1))}</td>"
-    return row + "</tr>"
+        cells += [f"{failed.get(outcome, 0):,}" for outcome in outcomes]
+        cells.append(percent(episodes / max(episodes + sum(failed.values()), 1)))
+    return cells
 
 
 def _driving(coverage: Coverage) -> str:
@@ -211,13 +226,4 @@ def _driving(coverage: Coverage) -> str:
 
 
 def _rejected(coverage: Coverage, facts: RunFacts) -> str:
-    if facts.rejected is None:
-        return ""
-    tried = coverage.episodes + sum(facts.rejected.values())
-    rows = "".join(
-        f"<tr><td class=wide>{escape(reason.replace('_', ' '))}</td><td class=n>{count:,}</td>"
-        f"<td class=n>{percent(count / tried)}</td></tr>"
-        for reason, count in sorted(facts.rejected.items(), key=lambda item: (-item[1], item[0]))
-    )
-    head = f"<tr><th>Not recorded, of {tried:,} tried</th><th class=n>Episodes</th><th class=n>Share</th></tr>"
-    return table(head, rows or "<tr><td>none</td><td class=n>0</td><td class=n>0 %</td></tr>")
+    return "" if facts.rejected is None else rejections(facts.rejected, coverage.episodes)

@@ -1,10 +1,11 @@
 """What a dataset holds, in a few numbers."""
 
 from collections import Counter
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from readygo.common.dataset import Dataset
+from readygo.common.dataset import Dataset, recorded_clarity
 from readygo.common.robot.kinematics import RATE_HZ
 
 
@@ -37,8 +38,67 @@ def dataset_summary(dataset: Dataset, data: Path) -> dict[str, Any]:
         "speed_mean_mps": round(float(dataset.actions[:, 0].mean()), 3),
         "human_visible_fraction": round(float(truth["human_visible"].mean()), 3),
         "human_distance_min_m": round(float(with_human.min()), 3) if len(with_human) else None,
+        "clarity": recorded_clarity(dataset).to_mapping(),
         "replans": int(truth["replanned"].sum()),
         "content_hash": dataset.content_hash,
         **dict(sorted(recorded.items())),
         "config": {name: config.get(name) for name in ("robot", "episode")},
     }
+
+
+def summary_lines(summary: Mapping[str, Any]) -> dict[str, str]:
+    """A summary in a screenful: what it tells by name, in words.
+
+    Args:
+        summary: Of `dataset_summary`.
+    """
+    clarity, scene, avatars = summary["clarity"], summary["scene"], summary.get("avatars", {})
+    blurred, nearest = clarity["episodes_blurred"], summary["human_distance_min_m"]
+    labels = f"; labels: {', '.join(summary['labels'])}" if summary["labels"] else ""
+    lines = {
+        "folder": f"{summary['folder']}, {summary['shards']} shards, {summary['size_bytes'] / 1e6:.1f} MB",
+        "episodes": f"{summary['episodes']:,} ({', '.join(summary['splits'])})",
+        "samples": f"{summary['samples']:,}, {60 * summary['hours']:.1f} min",
+        "images": f"{summary['image_height_px']}x{summary['image_width_px']}, {', '.join(summary['outputs'])}{labels}",
+        "sharpness": f"median {clarity['sharpness_median']:.0f}, 5 % below {clarity['sharpness_5_percent']:.0f}; "
+        f"{blurred} of {clarity['episodes_looked_at']} episodes blurred",
+        "driving": f"{summary['speed_mean_mps']:.2f} m/s on average, {summary['replans']:,} replans",
+        "humans": f"in view at {100 * summary['human_visible_fraction']:.0f} % of samples"
+        + ("" if nearest is None else f", nearest {nearest:.2f} m"),
+        "scene": f"{scene['name'] or 'unknown'} {scene['hash'][:16]}",
+        "avatars": ", ".join(sorted(avatars)) or "none",
+        "licenses": _licenses([scene, *avatars.values()]),
+        "robot": _robot_line(summary["config"]["robot"] or {}),
+        "made by": _made_by(summary),
+        "content hash": summary["content_hash"],
+    }
+    return lines | _others(summary)
+
+
+def _licenses(parts: Iterable[Mapping[str, Any]]) -> str:
+    """Every license once."""
+    return "; ".join(dict.fromkeys(str(part["license"]) or "not given" for part in parts))
+
+
+def _robot_line(robot: Mapping[str, Any]) -> str:
+    camera = robot.get("camera", {})
+    words = [f"{name} = {robot[name]:g}" for name in ("radius_m", "v_max_mps", "w_max_radps") if name in robot]
+    if "mount_height_m" in camera:
+        span_deg = camera.get("horizontal_fov_deg")
+        lens = f"{span_deg:g} deg" if span_deg else "intrinsics of its own"
+        words.append(f"camera at {camera['mount_height_m']:g} m with {lens}")
+    return ", ".join(words) or "not named"
+
+
+def _made_by(summary: Mapping[str, Any]) -> str:
+    words = [f"readygo {summary['readygo_version']}"] if summary.get("readygo_version") else []
+    words += [f"commit {summary['commit'][:12]}"] if summary.get("commit") else []
+    words += [f"seed {summary['seed']}"] if summary.get("seed") is not None else []
+    return ", ".join(words) or "unknown"
+
+
+def _others(summary: Mapping[str, Any]) -> dict[str, str]:
+    """What few datasets have."""
+    named = {"scenarios": "sha256", "policy": "sha256"}
+    found = {name: summary[name] for name in named if summary.get(name)}
+    return {name: f"{value.get('name', '')} {str(value[named[name]])[:16]}".strip() for name, value in found.items()}

@@ -45,7 +45,7 @@ def demo(*, out: Path = Path("demo"), minutes: float = 4.5, episodes: int = 10) 
     """Learn a policy in the embedded scene, try it, and write a report and a film.
 
     Args:
-        out: Folder for report.html, episode.mp4 and what they are made from; an earlier demo in it is replaced.
+        out: Folder for report.html, episode.webm and what they are made from; an earlier demo in it is replaced.
         minutes: Time of recording and learning [min].
         episodes: Matched test episodes per task.
 
@@ -71,7 +71,7 @@ def demo(*, out: Path = Path("demo"), minutes: float = 4.5, episodes: int = 10) 
     console.print(summary_table(learned.replies[plan.places[0].name].summaries))
     timer.say("done")
     sys.stdout.write(
-        f"Open {out / 'report.html'} and {out / 'episode.mp4'}.\n"
+        f"Open {out / 'report.html'} and {out / 'episode.webm'}.\n"
         "Next, your own place: readygo scene import SCENE.ply --out out/place && "
         "readygo learn out/place --minutes 60 --out runs/place\n"
     )
@@ -92,12 +92,12 @@ def _write_pictures(out: Path, learned: Learned) -> None:
     world, dataset = World(place.spec), Dataset(place.folder.path)
     recorded = RecordedEpisodes(dataset, world)
     shown = recorded.best_encounter(list(dataset.episodes[:SEARCHED]))
-    write_film(out / "episode.mp4", film_frames(recorded.film(shown), top_view(world.scene)))
+    write_film(out / "episode.webm", film_frames(recorded.film(shown), top_view(world.scene)))
     content = report_content(learned, (SCENE,))
     content = dataclasses.replace(
         content,
         title="readygo demo",
-        video=out / "episode.mp4",
+        video=out / "episode.webm",
         scores_note="A few minutes show the way, not what a policy can do.",
         next_steps=_next_steps(),
     )

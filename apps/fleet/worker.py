@@ -139,7 +139,12 @@ def make_coordinator(folder: RunFolder) -> coordination.Coordinator:
 def make_recorder(bus: Bus, name: str, folder: RunFolder, world: World) -> Recorder:
     """A recorder of a run, into the run's data folder."""
     return Recorder(
-        folder=folder.path, name=name, bus=bus, provenance=Provenance.of_run(world.spec), config=world.config.recorder
+        folder=folder.path,
+        name=name,
+        bus=bus,
+        provenance=Provenance.of_run(world.spec),
+        config=world.config.recorder,
+        stage=world.stage(),
     )
 
 

@@ -59,8 +59,8 @@ class Crew:
 
     @property
     def recorded(self) -> int:
-        """Samples in the shards of all scenes."""
-        return sum(status.samples for status in self.status.values())
+        """Samples with images in the shards of all scenes."""
+        return sum(status.samples for status in self.status.values()) // self._plan.config.driver.image_every
 
     @property
     def policies(self) -> int:

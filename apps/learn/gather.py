@@ -1,6 +1,7 @@
 """Everything that the report of a run that learns shows, from its folder and its test episodes."""
 
 from collections.abc import Mapping, Sequence
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,10 @@ from readygo.apps.learn.choice import Measurement
 from readygo.apps.learn.curve import CurvePoint
 from readygo.apps.learn.plan import Plan
 from readygo.apps.learn.report_content import Command, Ends, Film, ReportContent, RunNumbers, Score, StripImage
+from readygo.apps.learn.training import read_history
 from readygo.apps.pages.charts import Curve
-from readygo.apps.pictures.recorded import RecordedEpisodes, rows_of
+from readygo.apps.pages.page import percent
+from readygo.apps.pictures.recorded import RecordedEpisodes, latest_pictured, rows_of
 from readygo.apps.run.world import World
 from readygo.common.dataset import Dataset, EpisodeEntry
 from readygo.common.messages import Driver, Outcome
@@ -23,7 +26,7 @@ TASK_NAMES = {"static": "static", "dynamic": "among humans"}
 LATEST = 100
 """Episodes that policies drove last, which are looked at for where they fail."""
 FILMS = 2
-"""Films of failures, and as many of successes."""
+"""Films of failures."""
 STRIP_STEPS = (-30, -22, -15, -9, -4, 0)
 """Samples of the film strip, around the moment at which a visible human is nearest."""
 SEARCHED = 20
@@ -58,13 +61,15 @@ def gather(
     dataset = Dataset(place.folder.path)
     recorded = RecordedEpisodes(dataset, world)
     view = top_view(world.scene)
+    films, scores = plan.out / "films", tuple(_scores(replies))
     driven = [entry for entry in dataset.episodes if entry.driver is Driver.POLICY][-LATEST:]
     seen = recorded.best_encounter(list(dataset.episodes[:SEARCHED]))
     origin = dataset.provenance
     return ReportContent(
         title=f"A policy for {', '.join(each.name for each in plan.places)}",
-        subtitle="Learned from that place's Gaussians alone: a fleet recorded what the newest policy did and "
-        "what the expert would have done, while a trainer learned from it, on this machine.",
+        subtitle=f"{_story(scores)}It learned from that place's Gaussians alone: a fleet recorded what the "
+        "newest policy did and what the expert would have done, while a trainer learned from it, on this machine.",
+        hero=_hero(films, recorded, driven, view),
         scene_name=place.name,
         scene_note=f"{len(world.scene.cloud):,} Gaussians; {len(world.avatars)} humans can walk in it.",
         top_view=view,
@@ -72,12 +77,13 @@ def gather(
         episodes=tuple(recorded.drawn(entry) for entry in dataset.episodes[:6]),
         strip=_strip(recorded, seen),
         strip_note=f"Episode {seen.episode.episode_id}, as recorded: {dataset.width_px}x{dataset.height_px}.",
-        **_curves(points),
+        **_rates(points),
+        losses=_losses(plan.out / "policy"),
         training_note=_chosen_note(chosen),
         ends=_ends(dataset, driven),
         ends_note=f"Last places of the latest {len(driven)} recorded episodes that policies drove in {place.name}.",
-        films=tuple(_films(plan.out / "films", recorded, driven, view)),
-        scores=tuple(_scores(replies)),
+        films=tuple(_failures(films, recorded, driven, view)),
+        scores=scores,
         run=run,
         commands=commands,
         provenance={
@@ -90,7 +96,20 @@ def gather(
     )
 
 
-def _curves(points: Sequence[CurvePoint]) -> dict[str, Any]:
+def _story(scores: Sequence[Score]) -> str:
+    """What the test said of the policy, in a sentence; empty without a test."""
+    tasks = list(dict.fromkeys(score.task for score in scores))
+    rates = {(score.driver, score.task): percent(score.summary.success_rate) for score in scores}
+    told = [f"{rates['policy', task]} {task}" for task in tasks if ("policy", task) in rates]
+    expert = [f"{rates['expert', task]} {task}" for task in tasks if ("expert", task) in rates]
+    if not told:
+        return ""
+    taught = f"; the expert that teaches it, which knows the map, in {' and '.join(expert)}" if expert else ""
+    return f"From its camera alone it reaches its goal in {' and '.join(told)}{taught}. "
+
+
+def _rates(points: Sequence[CurvePoint]) -> dict[str, Any]:
+    """Success rates over minutes and over samples, by field of the report."""
     measured = [(point, point.measurement) for point in points if point.measurement is not None]
     axes = {
         "rates": np.array([point.minutes for point, _ in measured]),
@@ -100,16 +119,16 @@ def _curves(points: Sequence[CurvePoint]) -> dict[str, Any]:
         "static": np.array([100 * measurement.static for _, measurement in measured]),
         "among humans": np.array([100 * measurement.dynamic for _, measurement in measured]),
     }
-    losses = [point for point in points if point.loss is not None]
-    loss = Curve(
-        name="training",
-        x=np.array([float(point.learned) for point in losses]),
-        y=np.array([point.loss for point in losses], dtype=np.float64),
+    return {axis: tuple(Curve(name=name, x=x, y=y) for name, y in rates.items()) for axis, x in axes.items()}
+
+
+def _losses(folder: Path) -> tuple[Curve, ...]:
+    history = read_history(folder)
+    samples = np.array([float(entry["samples"]) for entry in history])
+    return tuple(
+        Curve(name=name, x=samples, y=np.array([float(entry[key]) for entry in history]))
+        for name, key in (("training", "train_loss"), ("held out", "validation_loss"))
     )
-    return {
-        **{axis: tuple(Curve(name=name, x=x, y=y) for name, y in rates.items()) for axis, x in axes.items()},
-        "losses": (loss,),
-    }
 
 
 def _chosen_note(chosen: Measurement | None) -> str:
@@ -132,17 +151,23 @@ def _ends(dataset: Dataset, driven: Sequence[EpisodeEntry]) -> tuple[Ends, ...]:
     )
 
 
-def _films(folder: Path, recorded: RecordedEpisodes, driven: Sequence[EpisodeEntry], view: TopView) -> list[Film]:
-    """Films of the latest episodes that a policy failed in, and of those that it succeeded in."""
-    failed = [entry for entry in reversed(driven) if entry.outcome in FAILURES][:FILMS]
-    reached = [entry for entry in reversed(driven) if entry.outcome is Outcome.SUCCESS][:FILMS]
-    films = []
-    for number, entry in enumerate(failed + reached):
-        path = folder / f"episode{number}.webp"
-        recorded.write_animation(path, entry, view)
-        what = FAILURES.get(entry.outcome, "reached the goal")
-        films.append(Film(path=path, note=f"Episode {entry.episode.episode_id}, driven by a policy: {what}."))
-    return films
+def _hero(folder: Path, recorded: RecordedEpisodes, driven: Sequence[EpisodeEntry], view: TopView) -> Film | None:
+    """The latest episodes in which a policy succeeded: the one that shows a human best."""
+    reached = [entry for entry in reversed(driven) if entry.outcome is Outcome.SUCCESS][:SEARCHED]
+    return _film(folder / "reached.webm", recorded, recorded.best_encounter(reached), view) if reached else None
+
+
+def _failures(folder: Path, recorded: RecordedEpisodes, driven: Sequence[EpisodeEntry], view: TopView) -> list[Film]:
+    """Films of the latest episodes that a policy failed in, of each kind in turn."""
+    kinds = [[entry for entry in reversed(driven) if entry.outcome is outcome] for outcome in FAILURES]
+    chosen = [entry for turn in zip_longest(*kinds) for entry in turn if entry is not None][:FILMS]
+    return [_film(folder / f"failed{k}.webm", recorded, entry, view) for k, entry in enumerate(chosen)]
+
+
+def _film(path: Path, recorded: RecordedEpisodes, entry: EpisodeEntry, view: TopView) -> Film:
+    recorded.write_film(path, entry, view)
+    what = FAILURES.get(entry.outcome, "reached the goal")
+    return Film(path=path, note=f"Episode {entry.episode.episode_id}, driven by a policy: {what}.")
 
 
 def _strip(recorded: RecordedEpisodes, entry: EpisodeEntry) -> tuple[StripImage, ...]:
@@ -150,7 +175,8 @@ def _strip(recorded: RecordedEpisodes, entry: EpisodeEntry) -> tuple[StripImage,
     first = min(max(centre, -STRIP_STEPS[0]), entry.sample_count - 1)
     steps = sorted({max(0, first + offset) for offset in STRIP_STEPS})
     dataset = recorded.dataset
-    return tuple(StripImage(rgb=dataset.decode(entry.first_sample + step), time_s=step * DT_S) for step in steps)
+    pictured = latest_pictured(dataset, rows_of(entry))
+    return tuple(StripImage(rgb=dataset.decode(int(pictured[step])), time_s=step * DT_S) for step in steps)
 
 
 def _scores(replies: Mapping[str, EvaluateReply]) -> list[Score]:

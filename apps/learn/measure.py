@@ -1,6 +1,7 @@
 """Closed-loop success of a policy in the scenes of a run, in this process."""
 
 import dataclasses
+import shutil
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -10,9 +11,10 @@ from pathlib import Path
 from readygo.apps.learn.choice import Measurement
 from readygo.apps.learn.plan import Plan
 from readygo.apps.run.config import RunConfig
-from readygo.apps.run.evaluation import make_evaluator, summarize
+from readygo.apps.run.evaluation import evaluation_settings, evaluation_world, make_evaluator, summarize
 from readygo.apps.run.origin import origin_of_runs, settings_of_policy, with_origin
 from readygo.apps.run.policy import policy_sha256
+from readygo.apps.run.world import World
 from readygo.common.messages import Outcome, Split
 from readygo.common.policy import PolicySpec, load_policy
 from readygo.services.evaluator import (
@@ -23,13 +25,9 @@ from readygo.services.evaluator import (
     Method,
     Task,
     handle_evaluate,
-    read_results,
-    summarize_records,
-    write_results,
+    is_of,
+    open_results,
 )
-
-POLICY_KEY = "policy_sha256"
-"""What `summary.json` of a test calls the hash of the policy's files."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,7 +92,7 @@ class Measuring:
     ) -> dict[str, EvaluateReply]:
         """Records of policy, expert and straight line on the split test, by scene; also written into `out`.
 
-        Episodes that `out` has of the same policy are not driven again.
+        Episodes that `out` has of the same policy are not driven again; those of another one go.
 
         Args:
             folder: The policy.
@@ -109,35 +107,27 @@ class Measuring:
         request = EvaluateRequest(episodes=episodes, seed=self._plan.seed)
         replies = {}
         for row, place in enumerate(self._plan.places):
-            reply = self._known_reply(out / place.name, request, sha256)
-            if reply is None:
-                driven = dataclasses.replace(self._evaluators[row], policy=policy)
-                reply = handle_evaluate(driven, request, report=report)
-                summary = {**summarize(reply, request, driven), POLICY_KEY: sha256}
-                write_results(out / place.name, reply.records, summary)
-            replies[place.name] = reply
+            driven = dataclasses.replace(self._evaluators[row], policy=policy)
+            settings = evaluation_settings(self._worlds[row], request, policy=sha256, camera="policy")
+            folder_of_place = out / place.name
+            if not is_of(folder_of_place, settings):
+                shutil.rmtree(folder_of_place, ignore_errors=True)
+            with open_results(folder_of_place, settings) as results:
+                replies[place.name] = handle_evaluate(driven, request, report=report, results=results)
+                results.finish(summarize(replies[place.name], request, driven))
         return replies
 
-    def _known_reply(self, folder: Path, request: EvaluateRequest, policy: str) -> EvaluateReply | None:
-        """What an earlier test wrote into a folder, if it was the same."""
-        try:
-            records, summary = read_results(folder)
-        except (OSError, ValueError, KeyError, TypeError):
-            return None
-        asked = {"episodes": request.episodes, "seed": request.seed, POLICY_KEY: policy}
-        count = request.episodes * len(request.tasks) * len(request.methods)
-        if len(records) != count or any(summary.get(key) != value for key, value in asked.items()):
-            return None
-        summaries = summarize_records(records, time_limit_s=self._plan.config.episode.time_limit_s)
-        return EvaluateReply(records=tuple(records), summaries=summaries, skipped=summary["skipped"])
+    @cached_property
+    def _worlds(self) -> list[World]:
+        plan = self._plan
+        return [
+            evaluation_world(place.scene, tried_settings(plan), avatars=plan.avatars, seed=plan.seed)
+            for place in plan.places
+        ]
 
     @cached_property
     def _evaluators(self) -> list[Evaluator]:
-        plan = self._plan
-        return [
-            make_evaluator(place.scene, tried_settings(plan), avatars=plan.avatars, seed=plan.seed, renders=True)
-            for place in plan.places
-        ]
+        return [make_evaluator(world, renderer=world.renderer()) for world in self._worlds]
 
 
 def tried_settings(plan: Plan) -> RunConfig:

@@ -22,6 +22,7 @@ from readygo.common.errors import RunError, SceneError
 from readygo.common.files import write_whole
 from readygo.common.messages import EpisodeKey, HumanPlanRequest, RunSpec, Split
 from readygo.common.robot import RobotConfig, load_robot
+from readygo.common.robot.kinematics import RATE_HZ, whole_steps
 from readygo.services.driver import DriverConfig
 from readygo.services.planner import handle_human_plan
 from readygo.services.planner.humans.config import HumanPlannerConfig
@@ -34,6 +35,8 @@ ABSENT = 0.3
 """Share of the episodes without humans."""
 DISTURBED = 0.5
 """Share of the expert's episodes in which it is disturbed."""
+IMAGE_EVERY = 5
+"""Steps from picture to picture, at most: neighbouring pictures teach much the same, and drawing is what takes time."""
 DRAWS = 40
 """Scenarios that are tried before a scene is said to have no room."""
 
@@ -95,19 +98,21 @@ class Plan:
 def learn_settings(config: Path | None, robot: Path | None) -> RunConfig:
     """The settings of the runs: what nobody names is as learning needs it, instead of as in `readygo generate`.
 
-    Small images with levels of detail and no labels beside them, episodes without humans among those with them, an
-    expert that is disturbed.
+    Small images with levels of detail and no labels beside them, few a second, episodes without humans among those
+    with them, an expert that is disturbed.
 
     Raises:
         ConfigError: If a file cannot be read or holds an unknown key or a wrong value.
     """
+    own = load_robot(robot, camera=SMALL_CAMERA) if robot else None
+    late = whole_steps(own.camera.latency_s) if own else 0
     base = RunConfig(
         robot=RobotConfig(camera=SMALL_CAMERA),
         human_planner=HumanPlannerConfig(absent=ABSENT),
-        driver=DriverConfig(disturbed=DISTURBED),
+        driver=DriverConfig(disturbed=DISTURBED, camera_hz=RATE_HZ / math.gcd(IMAGE_EVERY, late)),
         renderer=RendererConfig(detail="lod", labels=False),
     )
-    return load_run_config(config, load_robot(robot, camera=SMALL_CAMERA) if robot else None, base=base)
+    return load_run_config(config, own, base=base)
 
 
 def make_plan(

@@ -3,10 +3,24 @@
 from collections.abc import Callable, Sequence
 from html import escape
 from pathlib import Path
+from urllib.parse import quote
 
-from readygo.apps.learn.report_content import Command, ReportContent, RunNumbers, Score
-from readygo.apps.pages.charts import line_chart, rate_bar, share_bar
-from readygo.apps.pages.page import chart_figure, figure, jpeg_source, page, percent, png_source, table, webp_source
+from readygo.apps.learn.report_content import Command, Ends, ReportContent, RunNumbers, Score
+from readygo.apps.pages.charts import line_chart, meter, share_bar
+from readygo.apps.pages.page import (
+    Column,
+    chart_figure,
+    details,
+    figure,
+    film_figure,
+    jpeg_source,
+    legend,
+    page,
+    percent,
+    png_source,
+    rejections,
+    table,
+)
 from readygo.common.drawing.files import Picture
 from readygo.common.drawing.plan_view import (
     HUMANS,
@@ -25,7 +39,6 @@ from readygo.common.scenes.top_view import TopView
 
 _PLAN_HEIGHT_PX = 760
 _END_COLOURS: tuple[Rgb, ...] = (INK, HUMANS[0], ROBOT, HUMANS[1])
-_END_NAMES = ("black", "orange", "blue", "pink")
 
 
 def write_report(path: Path, content: ReportContent) -> None:
@@ -44,11 +57,11 @@ def write_report(path: Path, content: ReportContent) -> None:
 def report_html(content: ReportContent) -> str:
     """The report as HTML text."""
     sections: list[tuple[str, Callable[[ReportContent], str]]] = [
+        ("How well it drives", _results),
+        ("What it fails in", _failures),
+        ("How it learned", _training),
         ("The place", _place),
         ("What the robot sees", _camera),
-        ("Results in closed loop", _results),
-        ("How it learned", _training),
-        ("What it fails in", _failures),
         ("The data run", _run),
         ("How this was made", lambda c: _commands(c.commands)),
         ("Next: your own place", lambda c: _commands(c.next_steps)),
@@ -56,21 +69,28 @@ def report_html(content: ReportContent) -> str:
     return page(
         content.title,
         content.subtitle,
+        hero=_hero(content),
         tiles=_tiles(content),
         sections=[(heading, draw(content)) for heading, draw in sections],
         facts=content.provenance,
     )
 
 
+def _hero(content: ReportContent) -> str:
+    film = content.hero
+    return f'<div class="hero">{film_figure(film.path, film.note, runs=True)}</div>' if film else ""
+
+
 def _tiles(content: ReportContent) -> list[tuple[str, str]]:
-    facts: list[tuple[str, str]] = []
+    facts = [
+        (percent(score.summary.success_rate), f"reaches its goal, {score.task}")
+        for score in content.scores
+        if score.driver == "policy"
+    ]
     if content.run:
+        facts.append((f"{content.run.wall_s / 60:.0f} min", "of recording and learning"))
         facts.append((f"{content.run.episodes:,}", "episodes recorded"))
         facts.append((f"{content.run.samples:,}", "samples"))
-        facts.append((f"{content.run.samples_per_s:,.1f}", "samples per second"))
-    for score in content.scores:
-        if score.driver == "policy":
-            facts.append((f"{100 * score.summary.success_rate:.0f} %", f"policy's success, {score.task}"))
     return facts
 
 
@@ -104,9 +124,7 @@ def _paths_note(content: ReportContent) -> str:
     note = "What blocks the robot (grey)" if content.occupancy else "The scene"
     if not content.episodes:
         return note + "."
-    labels = ", ".join(episode.label for episode in content.episodes if episode.label)
-    ways = f"{len(content.episodes)} episodes: robot in blue from dot to green goal, people in warm colours"
-    return f"{note} and {ways} ({labels})." if labels else f"{note} and {ways}."
+    return f"{note} and {len(content.episodes)} episodes: robot in blue from dot to green goal, people in warm colours."
 
 
 def _camera(content: ReportContent) -> str:
@@ -116,73 +134,103 @@ def _camera(content: ReportContent) -> str:
     )
     strip = f'<div class="strip">{images}</div>' if images else ""
     note = f'<p class="note">{escape(content.strip_note)}</p>' if content.strip_note else ""
-    video = f'<p class="note">As a video: {escape(content.video.name)}, beside this page.</p>' if content.video else ""
-    return strip + note + video
+    return strip + note + (_video_link(content.video.name) if content.video else "")
+
+
+def _video_link(name: str) -> str:
+    return f'<p class="note">As a film, beside this page: <a href="{escape(quote(name))}">{escape(name)}</a>.</p>'
 
 
 def _results(content: ReportContent) -> str:
     if not content.scores:
         return ""
-    head = (
-        "<tr><th>Task</th><th>Driver</th><th class=n>Success</th><th>95 % interval</th><th></th>"
-        "<th class=n>Reaching time</th><th class=n>SPL</th><th class=n>Hit a person</th>"
-        "<th class=n>Hit a thing</th><th class=n>Too late</th><th class=n>n</th></tr>"
-    )
-    scores = table(head, "".join(_score_row(score) for score in content.scores))
+    tasks = dict.fromkeys(score.task for score in content.scores)
+    bars = "".join(_task_bars(task, [score for score in content.scores if score.task == task]) for task in tasks)
     note = (
-        "Success: within 1 m of the goal, no collision, in time. Intervals are Wilson's. The reaching time is the mean "
-        "over all episodes, a failed one counting as the time limit; SPL is success weighted by path length. "
+        "Success: within 1 m of the goal, no collision, in time. The line on a bar is Wilson's 95 % interval. The "
+        "reaching time is the mean over all episodes, a failed one counting as the time limit; SPL is success weighted "
+        "by path length. "
     )
-    return scores + f'<p class="note">{escape(note + content.scores_note)}</p>'
+    numbers = details("All numbers", table(_SCORE_COLUMNS, [_score_cells(score) for score in content.scores]))
+    return f'{bars}<p class="note">{escape(note + content.scores_note)}</p>{numbers}'
 
 
-def _score_row(score: Score) -> str:
+def _task_bars(task: str, scores: Sequence[Score]) -> str:
+    return f"<h3>{escape(task.capitalize())}</h3>" + "".join(
+        f'<div class="rates{" own" if score.driver == "policy" else ""}"><span>{escape(score.driver)}</span>'
+        f"{meter(score.summary.success_rate, score.summary.success_rate_low, score.summary.success_rate_high)}"
+        f"<b>{percent(score.summary.success_rate)}</b></div>"
+        for score in scores
+    )
+
+
+_SCORE_COLUMNS = (
+    Column("Task"),
+    Column("Driver"),
+    Column("Success", "n"),
+    Column("95 % interval", "n"),
+    Column("Reaching time", "n"),
+    Column("SPL", "n"),
+    Column("Hit a person", "n"),
+    Column("Hit a thing", "n"),
+    Column("Too late", "n"),
+    Column("Episodes", "n"),
+)
+
+
+def _score_cells(score: Score) -> list[str]:
     s = score.summary
-    low, high = s.success_rate_low, s.success_rate_high
-    return (
-        f"<tr><td>{escape(score.task)}</td><td>{escape(score.driver)}</td>"
-        f"<td class=n><b>{percent(s.success_rate)}</b></td><td>{percent(low)} to {percent(high)}</td>"
-        f"<td>{rate_bar(s.success_rate, low, high)}</td><td class=n>{s.art_s:.1f} s</td><td class=n>{s.spl:.2f}</td>"
-        f"<td class=n>{percent(s.human_collision_rate)}</td><td class=n>{percent(s.static_collision_rate)}</td>"
-        f"<td class=n>{percent(s.timeout_rate)}</td><td class=n>{s.episode_count:,}</td></tr>"
-    )
+    return [
+        escape(score.task),
+        escape(score.driver),
+        f"<b>{percent(s.success_rate)}</b>",
+        f"{percent(s.success_rate_low)} to {percent(s.success_rate_high)}",
+        f"{s.art_s:.1f} s",
+        f"{s.spl:.2f}",
+        percent(s.human_collision_rate),
+        percent(s.static_collision_rate),
+        percent(s.timeout_rate),
+        f"{s.episode_count:,}",
+    ]
 
 
 def _training(content: ReportContent) -> str:
     rates = {"minutes": content.rates, "samples learned from": content.rates_by_samples}
     charts = [
         (
-            line_chart(curves, x_name=x_name, what="Success", y_max=100.0),
-            f"Success [%] on the split val over {x_name}.",
+            line_chart(curves, x_name=x_name, what="Success [%]", y_max=100.0),
+            f"Success on the split val over {x_name}.",
         )
         for x_name, curves in rates.items()
     ]
-    charts.append((line_chart(content.losses, x_name="samples learned from"), "Loss in training."))
+    loss = line_chart(content.losses, x_name="samples learned from")
+    charts.append((loss, "What training makes small, and the squared error on episodes that are held out."))
+    figures = "".join(chart_figure(svg, caption) for svg, caption in charts if svg)
     note = f'<p class="note">{escape(content.training_note)}</p>' if content.training_note else ""
-    return "".join(chart_figure(svg, caption) for svg, caption in charts if svg) + note
+    return (f'<div class="pair">{figures}</div>' if figures else "") + note
 
 
 def _failures(content: ReportContent) -> str:
-    parts = []
+    films = "".join(film_figure(film.path, film.note) for film in content.films)
+    parts = [f'<div class="stack">{films}</div>'] if films else []
     if any(len(ends.xy_m) for ends in content.ends) and (content.occupancy or content.top_view):
-        parts.append(figure(png_source(_ends(content)), _ends_note(content), alt="Map of the places of failure"))
-    for film in content.films:
-        parts.append(f'<div class="film">{figure(webp_source(film.path), film.note, alt=film.note)}</div>')
-    return "".join(parts)
+        kinds = [(f"{ends.name} {len(ends.xy_m)}", colour) for ends, colour in _coloured(content.ends)]
+        places = figure(png_source(_ends(content)), content.ends_note, alt="Map of the places of failure")
+        parts.insert(0, f"<div>{legend(kinds)}{places}</div>")
+    return f'<div class="pair">{"".join(parts)}</div>' if parts else ""
+
+
+def _coloured(ends: Sequence[Ends]) -> list[tuple[Ends, Rgb]]:
+    return list(zip(ends, _END_COLOURS, strict=False))
 
 
 def _ends(content: ReportContent) -> Picture:
     view = _plan(content)
     picture = view.rgb.copy()
-    for ends, colour in zip(content.ends, _END_COLOURS, strict=False):
+    for ends, colour in _coloured(content.ends):
         for xy_m in ends.xy_m:
-            draw_disc(picture, view, xy_m, 0.12, colour)
+            draw_disc(picture, view, xy_m, 0.16, colour)
     return picture
-
-
-def _ends_note(content: ReportContent) -> str:
-    kinds = [f"{ends.name} {len(ends.xy_m)} ({colour})" for ends, colour in zip(content.ends, _END_NAMES, strict=False)]
-    return f"Where it failed: {', '.join(kinds)}. {content.ends_note}".strip()
 
 
 def _run(content: ReportContent) -> str:
@@ -193,30 +241,22 @@ def _run(content: ReportContent) -> str:
         f"{run.episodes:,} episodes with {run.samples:,} samples in {run.wall_s:,.0f} s: "
         f"{run.samples_per_s:,.1f} samples per second."
     )
-    return f"<p>{escape(text)}</p><div class=pair>{_cpu_table(run)}{_rejected_table(run)}</div>"
+    return f"<p>{escape(text)}</p><div class=pair>{_cpu_table(run)}{rejections(run.rejected, run.episodes)}</div>"
 
 
 def _cpu_table(run: RunNumbers) -> str:
-    total = sum(run.cpu_s_by_stage.values())
-    rows = "".join(
-        f"<tr><td>{escape(stage)}</td><td class=n>{seconds:,.1f} s</td>"
-        f"<td class=n>{1e3 * seconds / max(run.samples, 1):,.2f} ms</td>"
-        f"<td>{share_bar(seconds / max(total, 1e-9))}</td></tr>"
+    total = max(sum(run.cpu_s_by_stage.values()), 1e-9)
+    columns = (Column("Stage"), Column("CPU time", "n"), Column("per sample", "n"), Column("share"))
+    rows = [
+        [
+            escape(stage),
+            f"{seconds:,.1f} s",
+            f"{1e3 * seconds / max(run.samples, 1):,.2f} ms",
+            share_bar(seconds / total),
+        ]
         for stage, seconds in run.cpu_s_by_stage.items()
-    )
-    head = "<tr><th>Stage</th><th class=n>CPU time</th><th class=n>per sample</th><th></th></tr>"
-    return table(head, rows) if rows else ""
-
-
-def _rejected_table(run: RunNumbers) -> str:
-    tried = run.episodes + sum(run.rejected.values())
-    rows = "".join(
-        f"<tr><td class=wide>{escape(reason)}</td><td class=n>{count:,}</td>"
-        f"<td class=n>{percent(count / tried)}</td></tr>"
-        for reason, count in sorted(run.rejected.items(), key=lambda item: (-item[1], item[0]))
-    )
-    head = f"<tr><th>Not recorded, of {tried:,} tried</th><th class=n>Episodes</th><th class=n>Share</th></tr>"
-    return table(head, rows or "<tr><td>none</td><td class=n>0</td><td class=n>0 %</td></tr>")
+    ]
+    return table(columns, rows) if rows else ""
 
 
 def _commands(commands: Sequence[Command]) -> str:

@@ -26,9 +26,10 @@ class StripImage:
 
 @dataclass(frozen=True, kw_only=True)
 class Film:
-    """One episode as an animated WebP, embedded into the report."""
+    """One episode as a film, embedded into the report."""
 
     path: Path
+    """A .webm."""
     note: str
     """What it shows."""
 
@@ -87,7 +88,9 @@ class ReportContent:
 
     title: str
     subtitle: str
-    """One or two sentences on what was done."""
+    """What came out and what was done, in a few sentences."""
+    hero: Film | None = None
+    """What is seen first: best the policy that reaches its goal among humans."""
     scene_name: str
     scene_note: str = ""
     """For example size, number of Gaussians, license."""
@@ -99,7 +102,7 @@ class ReportContent:
     """Consecutive images of the robot's camera, best with a person who walks by."""
     strip_note: str = ""
     video: Path | None = None
-    """An episode as MP4, beside the report; only its name is shown."""
+    """A film beside the report, which links to it."""
     rates: tuple[Curve, ...] = ()
     """Success rates on the split val [%] over minutes."""
     rates_by_samples: tuple[Curve, ...] = ()
@@ -111,7 +114,7 @@ class ReportContent:
     """Where the policy failed, by what happened."""
     ends_note: str = ""
     films: tuple[Film, ...] = ()
-    """Of the policy, failing and succeeding."""
+    """Of the policy, failing."""
     scores: tuple[Score, ...] = ()
     scores_note: str = ""
     run: RunNumbers | None = None

@@ -35,7 +35,7 @@ SPLIT_S = 30.0
 """Training time from which on rates are trusted to split the cores by [s]."""
 CANDIDATES = 3
 """Offered policies that are left for measurements, besides the best one."""
-EPISODES_HZ = 3.0
+EPISODES_HZ = 5.0
 """More episodes than a collector records per second: so many rows are opened for a run."""
 
 

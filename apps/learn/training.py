@@ -4,6 +4,7 @@ import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from readygo.apps.learn.plan import Plan
 from readygo.common.errors import RunError
@@ -78,6 +79,19 @@ def read_training(folder: Path, since_s: float = 0.0) -> Training:
         driven=sum(rates) / len(rates) if rates else None,
         offered=Offered(folder=folder / taken[-1]["folder"], sha256=taken[-1]["sha256"]) if taken else None,
     )
+
+
+def read_history(folder: Path) -> list[dict[str, Any]]:
+    """Steps, samples and losses of the trainer's validations so far; none if it wrote nothing.
+
+    Args:
+        folder: The trainer's.
+    """
+    try:
+        history: list[dict[str, Any]] = json.loads((folder / PROGRESS_FILE).read_text())["history"]
+    except (OSError, ValueError):
+        return []
+    return history
 
 
 def write_trainer_config(plan: Plan, threads: int) -> Path:

@@ -8,11 +8,16 @@ from html import escape
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.drawing.ticks import log_ticks, nice_ticks, number_text
+
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
-_WIDTH, _HEIGHT = 720, 280
-_LEFT, _RIGHT, _TOP, _BOTTOM = 58, 16, 34, 40
-_LEGEND_PX = 180
+# About as wide as a telephone's page: there, and in one of two columns, its text is as large as that around it.
+_WIDTH, _HEIGHT = 400, 240
+_LEFT, _RIGHT, _TOP, _BOTTOM = 54, 28, 46, 40
+_LEGEND_PX = 168
 """Width of a curve's entry in the legend, above the plot."""
+_LOG_FACTOR = 20
+"""Values that span more than this have a logarithmic axis."""
 _DOTS_MAX = 30
 """Curves of so few points have a dot at each: a single one would not be seen."""
 
@@ -29,11 +34,32 @@ class Curve:
     """Shape (N,); values that are not finite are left out."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Axes:
+    """Where values are in a chart."""
+
+    x_high: float
+    y_ticks: list[float]
+    log: bool
+
+    @property
+    def x_ticks(self) -> list[float]:
+        return [tick for tick in nice_ticks(0.0, self.x_high) if tick <= self.x_high]
+
+    def x(self, value: float) -> float:
+        return _LEFT + value / self.x_high * (_WIDTH - _LEFT - _RIGHT)
+
+    def y(self, value: float) -> float:
+        low, high = self.y_ticks[0], self.y_ticks[-1]
+        a, b, c = (math.log(low), math.log(high), math.log(value)) if self.log else (low, high, value)
+        return _HEIGHT - _BOTTOM - (c - a) / max(b - a, 1e-12) * (_HEIGHT - _TOP - _BOTTOM)
+
+
 def line_chart(curves: Sequence[Curve], *, x_name: str, what: str = "Loss", y_max: float = 0.0) -> str:
     """A line chart from x = 0 on; the vertical axis is logarithmic when the values span more than a factor of 20.
 
     Args:
-        curves: The lines.
+        curves: The lines; no x is negative.
         x_name: What x is, with its unit.
         what: What the values are.
         y_max: The vertical axis goes from 0 to at least here, and is linear; 0 leaves that to the values.
@@ -41,62 +67,64 @@ def line_chart(curves: Sequence[Curve], *, x_name: str, what: str = "Loss", y_ma
     Returns:
         An SVG element, or an empty string when there is nothing finite to draw.
     """
-    cleaned = [(curve.name, *_finite(curve)) for curve in curves]
-    cleaned = [(name, step, loss) for name, step, loss in cleaned if len(step)]
-    if not cleaned:
+    drawn = [curve for curve in map(_finite, curves) if len(curve.x)]
+    if not drawn:
         return ""
-    steps = np.concatenate([step for _, step, _ in cleaned])
-    losses = np.concatenate([loss for _, _, loss in cleaned])
-    log = bool(not y_max and losses.min() > 0 and losses.max() > 20 * losses.min())
-    low, high = float(losses.min()), float(losses.max())
-    if not log:
-        low, high = min(0.0, low), max(high, y_max)
-    y_ticks = _decades(low, high) if log else nice_ticks(low, high)
-    low, high = min(low, y_ticks[0]), max(high, y_ticks[-1])
-    x_low, x_high = min(0.0, float(steps.min())), max(float(steps.max()), 1e-9)
-    x_ticks = nice_ticks(x_low, x_high)
-
-    def x_of(step: float) -> float:
-        return _LEFT + (step - x_low) / (x_high - x_low) * (_WIDTH - _LEFT - _RIGHT)
-
-    def y_of(loss: float) -> float:
-        a, b, c = (math.log(low), math.log(high), math.log(loss)) if log else (low, high, loss)
-        return _HEIGHT - _BOTTOM - (c - a) / max(b - a, 1e-12) * (_HEIGHT - _TOP - _BOTTOM)
-
-    label = f"{escape(what)} over {escape(x_name)}"
-    parts = [f'<svg class="chart" viewBox="0 0 {_WIDTH} {_HEIGHT}" role="img" aria-label="{label}">']
-    for tick in y_ticks:
-        y = y_of(tick)
-        parts.append(f'<line x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{y:.1f}" y2="{y:.1f}" class="grid"/>')
-        parts.append(f'<text x="{_LEFT - 8}" y="{y + 4:.1f}" text-anchor="end">{number_text(tick)}</text>')
-    for tick in x_ticks:
-        if x_low <= tick <= x_high:
-            parts.append(
-                f'<text x="{x_of(tick):.1f}" y="{_HEIGHT - 20}" text-anchor="middle">{number_text(tick)}</text>'
-            )
-    middle = (_LEFT + _WIDTH - _RIGHT) / 2
-    parts.append(f'<text x="{middle}" y="{_HEIGHT - 4}" text-anchor="middle">{escape(x_name)}</text>')
-    for k, (name, step, loss) in enumerate(cleaned):
-        colour = _COLOURS[k % len(_COLOURS)]
-        places = [(x_of(float(s)), y_of(float(v))) for s, v in zip(step, loss, strict=True)]
-        points = " ".join(f"{x:.1f},{y:.1f}" for x, y in places)
-        parts.append(f'<polyline points="{points}" fill="none" stroke="{colour}" stroke-width="2"/>')
-        if len(places) <= _DOTS_MAX:
-            parts += [f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3.5" fill="{colour}"/>' for x, y in places]
-        x = _LEFT + _LEGEND_PX * k
-        parts.append(f'<rect x="{x}" y="10" width="18" height="4" fill="{colour}"/>')
-        parts.append(f'<text x="{x + 24}" y="16">{escape(name)} {number_text(float(loss[-1]))}</text>')
+    axes = _axes(drawn, y_max)
+    kind = f"{what}, logarithmic" if axes.log else what
+    head = f'<svg class="chart" viewBox="0 0 {_WIDTH} {_HEIGHT}" role="img" '
+    parts = [f'{head}aria-label="{escape(kind)} over {escape(x_name)}">']
+    parts += [f'<text x="4" y="14">{escape(kind)}</text>', *_grid(axes, x_name)]
+    for k, curve in enumerate(drawn):
+        parts += [*_line(axes, curve, _COLOURS[k % len(_COLOURS)]), *_legend(curve, k, _COLOURS[k % len(_COLOURS)])]
     return "".join([*parts, "</svg>"])
 
 
-def rate_bar(rate: float, low: float, high: float) -> str:
-    """A rate in 0..1 as a dot on a line with its interval, as an SVG element."""
-    x, a, b = (4 + 152 * min(max(value, 0.0), 1.0) for value in (rate, low, high))
+def _axes(curves: Sequence[Curve], y_max: float) -> _Axes:
+    y = np.concatenate([curve.y for curve in curves])
+    low, high = float(y.min()), float(y.max())
+    log = not y_max and low > 0 and high > _LOG_FACTOR * low
+    return _Axes(
+        x_high=max(*(float(curve.x.max()) for curve in curves), 1e-9),
+        y_ticks=log_ticks(low, high) if log else nice_ticks(min(0.0, low), max(high, y_max)),
+        log=log,
+    )
+
+
+def _grid(axes: _Axes, x_name: str) -> list[str]:
+    parts = []
+    for tick in axes.y_ticks:
+        y = axes.y(tick)
+        parts.append(f'<line x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{y:.1f}" y2="{y:.1f}" class="grid"/>')
+        parts.append(f'<text x="{_LEFT - 7}" y="{y + 4:.1f}" text-anchor="end">{number_text(tick)}</text>')
+    for tick in axes.x_ticks:
+        parts.append(f'<text x="{axes.x(tick):.1f}" y="{_HEIGHT - 22}" text-anchor="middle">{number_text(tick)}</text>')
+    middle = (_LEFT + _WIDTH - _RIGHT) / 2
+    return [*parts, f'<text x="{middle}" y="{_HEIGHT - 4}" text-anchor="middle">{escape(x_name)}</text>']
+
+
+def _line(axes: _Axes, curve: Curve, colour: str) -> list[str]:
+    places = [(axes.x(x), axes.y(y)) for x, y in zip(curve.x.tolist(), curve.y.tolist(), strict=True)]
+    points = " ".join(f"{x:.1f},{y:.1f}" for x, y in places)
+    parts = [f'<polyline points="{points}" fill="none" stroke="{colour}" stroke-width="2"/>']
+    if len(places) <= _DOTS_MAX:
+        parts += [f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3.5" fill="{colour}"/>' for x, y in places]
+    return parts
+
+
+def _legend(curve: Curve, number: int, colour: str) -> list[str]:
+    """Name and last value of a curve."""
+    x = _LEFT + _LEGEND_PX * number
+    text = f"{escape(curve.name)} {number_text(float(curve.y[-1]))}"
+    return [f'<rect x="{x}" y="26" width="18" height="4" fill="{colour}"/>', f'<text x="{x + 24}" y="32">{text}</text>']
+
+
+def meter(rate: float, low: float, high: float) -> str:
+    """A rate in 0..1 as a filled bar, with its interval as a line on it, as an HTML element."""
+    share, a, b = (100 * min(max(value, 0.0), 1.0) for value in (rate, low, high))
     return (
-        '<svg class="rate" viewBox="0 0 160 16" aria-hidden="true">'
-        '<line x1="4" x2="156" y1="8" y2="8" class="grid"/>'
-        f'<line x1="{a:.1f}" x2="{b:.1f}" y1="8" y2="8" stroke="#0072b2" stroke-width="4" stroke-opacity="0.35"/>'
-        f'<circle cx="{x:.1f}" cy="8" r="4.5" fill="#0072b2"/></svg>'
+        f'<div class="meter" aria-hidden="true"><i style="width:{share:.1f}%"></i>'
+        f'<u style="left:{a:.1f}%;width:{b - a:.1f}%"></u></div>'
     )
 
 
@@ -109,31 +137,7 @@ def share_bar(share: float) -> str:
     )
 
 
-def _finite(curve: Curve) -> tuple[np.ndarray, np.ndarray]:
+def _finite(curve: Curve) -> Curve:
     x, y = np.asarray(curve.x, dtype=np.float64), np.asarray(curve.y, dtype=np.float64)
     keep = np.isfinite(x) & np.isfinite(y)
-    return x[keep], y[keep]
-
-
-def nice_ticks(low: float, high: float) -> list[float]:
-    """About five round numbers from at or above `low` to at or above `high`."""
-    span = max(high - low, 1e-9)
-    raw = span / 5
-    power = 10.0 ** math.floor(math.log10(raw))
-    step = next(m * power for m in (1, 2, 2.5, 5, 10) if m * power >= raw * 0.999)
-    first, last = math.ceil(low / step - 1e-9), math.ceil(high / step - 1e-9)
-    return [k * step for k in range(first, last + 1)]
-
-
-def _decades(low: float, high: float) -> list[float]:
-    first, last = math.floor(math.log10(low)), math.ceil(math.log10(high))
-    return [10.0**k for k in range(first, last + 1)]
-
-
-def number_text(value: float) -> str:
-    """A number with about three digits."""
-    if value != 0 and (abs(value) < 0.001 or abs(value) >= 1e9):
-        return f"{value:.1e}"
-    if abs(value) >= 1e6:
-        return f"{value / 1e6:.3g}M"
-    return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.3g}"
+    return Curve(name=curve.name, x=x[keep], y=y[keep])

@@ -7,15 +7,16 @@ from html import escape
 import numpy as np
 import numpy.typing as npt
 
-from readygo.apps.pages.charts import nice_ticks, number_text
+from readygo.common.drawing.ticks import nice_ticks, number_text
 
 Array = npt.NDArray[np.float64]
 Counts = npt.NDArray[np.int64]
 
 _COLOUR, _REST_COLOUR = "#0072b2", "#9aa3ad"
-_WIDTH, _HEIGHT = 460, 230
-_LEFT, _RIGHT, _TOP, _BOTTOM = 52, 12, 12, 40
-_REST_PX = 56
+# As wide as line charts, for the same reason.
+_WIDTH, _HEIGHT = 400, 230
+_LEFT, _RIGHT, _TOP, _BOTTOM = 52, 18, 12, 40
+_REST_PX = 68
 """Width of a bar behind the axis, with its name."""
 _ROSE_PX, _ROSE_RADIUS = 260, 100
 
@@ -60,7 +61,7 @@ def rose_chart(counts: Counts, *, name: str) -> str:
     """
     size, radius, width = _ROSE_PX, _ROSE_RADIUS, math.tau / len(counts)
     highest = max(int(counts.max(initial=0)), 1)
-    parts = [_head(size, size, name)]
+    parts = [_head(size, size, name, kind="chart rose")]
     for share in (0.25, 0.5, 0.75, 1.0):
         r = radius * math.sqrt(share)
         parts.append(f'<circle cx="{size / 2}" cy="{size / 2}" r="{r:.1f}" fill="none" class="grid"/>')
@@ -117,8 +118,8 @@ def grid_chart(x_edges: Array, y_edges: Array, counts: Counts, *, x_axis: str, y
     return "".join([*parts, "</svg>"])
 
 
-def _head(width: int, height: int, label: str) -> str:
-    return f'<svg class="chart" viewBox="0 0 {width} {height}" role="img" aria-label="{escape(label)}">'
+def _head(width: int, height: int, label: str, *, kind: str = "chart") -> str:
+    return f'<svg class="{kind}" viewBox="0 0 {width} {height}" role="img" aria-label="{escape(label)}">'
 
 
 def _y(count: float, high: float) -> float:

@@ -1,18 +1,31 @@
-"""Pages that open without a network: one HTML file with its style, pictures and charts inside, and no scripts."""
+"""Pages that open without a network: one HTML file with style, pictures, films and charts inside, and no scripts."""
 
 import base64
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from html import escape
 from pathlib import Path
+from typing import Literal
 
 from readygo.apps.pages.style import PAGE_CSS
 from readygo.common.drawing.files import Picture, jpeg_bytes, png_bytes
+from readygo.common.drawing.plan_view import Rgb
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table."""
+
+    name: str
+    kind: Literal["", "n", "wide"] = ""
+    """"n" for numbers, "wide" for text that may be long."""
 
 
 def page(
     title: str,
     subtitle: str,
     *,
+    hero: str = "",
     tiles: Sequence[tuple[str, str]],
     sections: Sequence[tuple[str, str]],
     facts: Mapping[str, str],
@@ -21,7 +34,8 @@ def page(
 
     Args:
         title: Headline.
-        subtitle: One or two sentences below it.
+        subtitle: What there is to say first, in a few sentences.
+        hero: HTML to be seen first, such as a film.
         tiles: (value, name) of the numbers on top.
         sections: (heading, HTML) in order; sections without content are left out.
         facts: For the footer.
@@ -31,19 +45,84 @@ def page(
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<title>{escape(title)}</title><style>{PAGE_CSS}</style></head><body><main>"
-        f"<header><h1>{escape(title)}</h1><p>{escape(subtitle)}</p>{_tiles(tiles)}</header>"
+        f"<header><h1>{escape(title)}</h1><p>{escape(subtitle)}</p></header>"
+        f"{hero}{_tiles(tiles)}"
         f"{shown}{_footer(facts)}</main></body></html>\n"
     )
 
 
-def table(head: str, rows: str) -> str:
-    """A table of rows of HTML."""
-    return f'<div class="scroll"><table><thead>{head}</thead><tbody>{rows}</tbody></table></div>'
+def table(columns: Sequence[Column], rows: Sequence[Sequence[str]]) -> str:
+    """A table of cells of HTML; on narrow screens every row is a card, whose lines name their columns.
+
+    Args:
+        columns: Left to right.
+        rows: A cell per column; empty ones are left out of cards.
+    """
+    head = "".join(f"<th{_kind(column)}>{escape(column.name)}</th>" for column in columns)
+    body = "".join(f"<tr>{_cells(columns, row)}</tr>" for row in rows)
+    return f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+
+
+def _cells(columns: Sequence[Column], row: Sequence[str]) -> str:
+    return "".join(
+        f'<td{_kind(column)} data-name="{escape(column.name)}">{cell}</td>'
+        for column, cell in zip(columns, row, strict=True)
+    )
+
+
+def _kind(column: Column) -> str:
+    return f" class={column.kind}" if column.kind else ""
+
+
+def rejections(counts: Mapping[str, int], recorded: int) -> str:
+    """A table of the episodes that are not recorded.
+
+    Args:
+        counts: Episodes by reason.
+        recorded: Those that are.
+    """
+    tried = recorded + sum(counts.values())
+    columns = (Column(f"Not recorded, of {tried:,} tried", "wide"), Column("Episodes", "n"), Column("Share", "n"))
+    rows = [
+        [escape(reason.replace("_", " ")), f"{count:,}", percent(count / tried)]
+        for reason, count in sorted(counts.items(), key=lambda item: (-item[1], item[0]))
+    ]
+    return table(columns, rows or [["none", "0", "0 %"]])
+
+
+def details(summary: str, body: str) -> str:
+    """What is shown when it is asked for."""
+    return f"<details><summary>{escape(summary)}</summary>{body}</details>"
+
+
+def legend(entries: Sequence[tuple[str, Rgb]]) -> str:
+    """What the colours of a picture mean."""
+    items = "".join(
+        f'<li><i style="background:rgb({colour[0]},{colour[1]},{colour[2]})"></i>{escape(name)}</li>'
+        for name, colour in entries
+    )
+    return f'<ul class="legend">{items}</ul>'
 
 
 def figure(source: str, caption: str, *, alt: str) -> str:
     """A picture with a caption."""
     return f'<figure><img src="{source}" alt="{escape(alt)}"><figcaption>{escape(caption)}</figcaption></figure>'
+
+
+def film_figure(path: Path, caption: str, *, runs: bool = False) -> str:
+    """A film inside of the page with a caption.
+
+    Args:
+        path: A .webm.
+        caption: What it shows.
+        runs: True if it plays by itself, again and again.
+    """
+    source = _data_uri("video/webm", path.read_bytes())
+    plays = "autoplay loop" if runs else 'preload="auto"'
+    return (
+        f'<figure class="film"><video src="{source}" controls muted playsinline {plays}></video>'
+        f"<figcaption>{escape(caption)}</figcaption></figure>"
+    )
 
 
 def chart_figure(svg: str, caption: str) -> str:
@@ -58,21 +137,16 @@ def percent(rate: float) -> str:
 
 def jpeg_source(rgb: Picture) -> str:
     """A picture as the source of an image inside of the page, for photographs."""
-    return _data_uri("jpeg", jpeg_bytes(rgb))
+    return _data_uri("image/jpeg", jpeg_bytes(rgb))
 
 
 def png_source(rgb: Picture) -> str:
     """A picture as the source of an image inside of the page, for drawings."""
-    return _data_uri("png", png_bytes(rgb))
-
-
-def webp_source(path: Path) -> str:
-    """A file as the source of an animation inside of the page."""
-    return _data_uri("webp", path.read_bytes())
+    return _data_uri("image/png", png_bytes(rgb))
 
 
 def _data_uri(kind: str, data: bytes) -> str:
-    return f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"
+    return f"data:{kind};base64,{base64.b64encode(data).decode('ascii')}"
 
 
 def _tiles(tiles: Sequence[tuple[str, str]]) -> str:

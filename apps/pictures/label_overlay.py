@@ -9,7 +9,7 @@ import numpy.typing as npt
 from readygo.common.avatars import SMPL_PARENTS
 from readygo.common.dataset import Calibration, Dataset
 from readygo.common.drawing.files import Picture
-from readygo.common.drawing.plan_view import GOAL, HUMANS, INK, Rgb, put_text
+from readygo.common.drawing.plan_view import GOAL, HUMANS, INK, WHITE, Rgb, put_text
 from readygo.common.drawing.sheet import line_swatch, sheet
 from readygo.common.errors import DatasetError
 
@@ -73,7 +73,7 @@ def labelled_image(dataset: Dataset, index: int) -> Picture:
         _lines(picture, edges, _EDGES, colour, 1)
         _lines(picture, joints, [(j, int(SMPL_PARENTS[j])) for j in range(1, 24)], colour, 2)
         _dots(picture, joints, (255, 255, 255), 2.0)
-    put_text(picture, f"sample {index}", (8, size[1] - 10))
+    put_text(picture, f"sample {index}", (8, size[1] - 10), halo=WHITE)
     return picture
 
 

@@ -1,5 +1,6 @@
 """Recorded episodes of a run as films and as ways on a map, with the humans made again from their keys."""
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -8,10 +9,11 @@ import numpy.typing as npt
 from readygo.apps.pictures.episode_film import EpisodeFilm, film_frames
 from readygo.apps.run.world import World
 from readygo.common.dataset import Dataset, EpisodeEntry
-from readygo.common.drawing.film import write_animation
+from readygo.common.drawing.film import write_film
 from readygo.common.drawing.plan_view import DrawnEpisode
 from readygo.common.frames import wrap_angle
 from readygo.common.messages import AnimateRequest, HumanPlanRequest, Scenario
+from readygo.common.robot.kinematics import RATE_HZ
 from readygo.common.scenes.top_view import TopView
 from readygo.services.animator import handle_animate
 from readygo.services.planner import handle_human_plan
@@ -20,8 +22,10 @@ CLOSE_UP_RAD = 0.6
 """A human this far from the middle of the image is shown well [rad]."""
 BEST_DISTANCE_M = 2.5
 """A human this far away is shown best [m]."""
-ANIMATION_HEIGHT_PX, ANIMATION_STEP = 288, 2
-"""Height of the robot's view in a page's film, about, and rows from image to image."""
+PAGE_HEIGHT_PX, PAGE_HZ = 288, 10
+"""Height of the robot's view in a page's film, about, and pictures per second."""
+PAGE_PICTURES_MAX = 120
+"""Longer episodes are shown faster: a page holds several films, some 20 kB a picture."""
 
 Way = npt.NDArray[np.float64]
 
@@ -65,7 +69,7 @@ class RecordedEpisodes:
         rows, dataset = rows_of(entry), self.dataset
         return EpisodeFilm(
             title=entry.episode.episode_id,
-            camera=(dataset.decode(sample) for sample in range(rows.start, rows.stop)),
+            camera=(dataset.decode(sample) for sample in latest_pictured(dataset, rows)),
             xyyaw=dataset.poses[rows][:, [0, 1, 3]].astype(np.float64),
             actions=dataset.actions[rows].astype(np.float64),
             goal_xy_m=scenario.goal_xy_m,
@@ -75,10 +79,11 @@ class RecordedEpisodes:
             outcome=entry.outcome.value.replace("_", " "),
         )
 
-    def write_animation(self, path: Path, entry: EpisodeEntry, view: TopView) -> None:
-        """Write an episode as an animation for pages."""
-        frames = film_frames(self.film(entry), view, camera_height_px=ANIMATION_HEIGHT_PX, step=ANIMATION_STEP)
-        write_animation(path, frames, step=ANIMATION_STEP)
+    def write_film(self, path: Path, entry: EpisodeEntry, view: TopView) -> None:
+        """Write an episode as a small film for pages, at its pace or faster; its pictures say the time."""
+        step = max(RATE_HZ // PAGE_HZ, math.ceil(entry.sample_count / PAGE_PICTURES_MAX))
+        frames = film_frames(self.film(entry), view, camera_height_px=PAGE_HEIGHT_PX, step=step)
+        write_film(path, frames, fps=PAGE_HZ)
 
     def nearness(self, entry: EpisodeEntry) -> npt.NDArray[np.float64]:
         """How well a human can be seen at each sample: in view, not hidden, two to three metres away; -inf if not."""
@@ -101,6 +106,12 @@ class RecordedEpisodes:
         steps = max(2, int(np.hypot(*offset_m) / self._map.frame.resolution_m))
         cells = [self._map.frame.cell(*(xy_m + offset_m * share)) for share in np.linspace(0.0, 1.0, steps)]
         return not any(self._map.occupied[cell] for cell in cells)
+
+
+def latest_pictured(dataset: Dataset, rows: slice) -> npt.NDArray[np.int64]:
+    """The sample of the newest image at each sample of an episode, shape (T,)."""
+    numbers = np.arange(rows.start, rows.stop)
+    return np.maximum.accumulate(np.where(dataset.pictured[rows], numbers, rows.start))
 
 
 def rows_of(entry: EpisodeEntry) -> slice:

@@ -17,7 +17,8 @@ from readygo.common.scenes.top_view import TopView, top_view
 OCCUPIED, UNKNOWN, TOO_NARROW = (38, 44, 52), (176, 180, 186), (255, 255, 255)
 SEPARATE, REACHABLE = (240, 200, 150), (150, 210, 170)
 MAP_PICTURE_MIN_PX = 800
-TOP_PICTURE_MAX_PX = 4000
+TOP_PICTURE_MIN_PX, TOP_PICTURE_MAX_PX = 1000, 4000
+"""Longer side of the scene's picture: small scenes fill it."""
 
 
 def scene_pictures(scene: Scene, radius_m: float) -> dict[str, Picture]:
@@ -28,12 +29,18 @@ def scene_pictures(scene: Scene, radius_m: float) -> dict[str, Picture]:
         radius_m: Radius of the robot's disc [m].
     """
     cell_m = scene.maps.robot.frame.resolution_m
-    pixel_m = max(0.4 * cell_m, max(scene.maps.robot.occupied.shape) * cell_m / TOP_PICTURE_MAX_PX)
+    side_m = max(scene.maps.robot.occupied.shape) * cell_m
+    pixel_m = top_pixel_m(side_m, cell_m)
     return {
         "top.png": _with_scale_bar(top_view(scene, pixel_m)),
         "map_robot.png": map_picture(scene.maps.robot, load_unknown_cells(scene.path / ROBOT_MAP_FILE), radius_m),
         "map_human.png": map_picture(scene.maps.human, load_unknown_cells(scene.path / HUMAN_MAP_FILE), HUMAN_RADIUS_M),
     }
+
+
+def top_pixel_m(side_m: float, cell_m: float) -> float:
+    """Edge of a pixel of the scene's picture [m], for a scene of a longer side and cells of its maps [m]."""
+    return float(np.clip(0.4 * cell_m, side_m / TOP_PICTURE_MAX_PX, side_m / TOP_PICTURE_MIN_PX))
 
 
 def map_picture(occupancy: OccupancyMap, unknown: npt.NDArray[np.bool_], radius_m: float) -> Picture:

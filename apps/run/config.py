@@ -13,6 +13,7 @@ from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.episode import EpisodeConfig
 from readygo.common.errors import ConfigError
 from readygo.common.robot import RobotConfig
+from readygo.common.robot.kinematics import whole_steps
 from readygo.services.animator.config import AnimatorConfig
 from readygo.services.coordinator.config import CoordinatorConfig
 from readygo.services.driver.config import DriverConfig
@@ -42,6 +43,14 @@ class RunConfig:
     renderer: RendererConfig = field(default_factory=RendererConfig)
     recorder: RecorderConfig = field(default_factory=RecorderConfig)
     coordinator: CoordinatorConfig = field(default_factory=CoordinatorConfig)
+
+    def __post_init__(self) -> None:
+        late, every = whole_steps(self.robot.camera.latency_s), self.driver.image_every
+        if late % every:
+            raise ConfigError(
+                f"[driver] camera_hz {self.driver.camera_hz:g}: the camera's latency of "
+                f"{self.robot.camera.latency_s:g} s must be a multiple of the time between pictures."
+            )
 
 
 def load_run_config(
@@ -179,8 +188,13 @@ def resolved_sections(config: RunConfig) -> dict[str, Any]:
 
 
 def sections_of_today(sections: Mapping[str, Any]) -> dict[str, Any]:
-    """A run's recorded sections with the camera as one section, without settings that nothing reads any more."""
-    return {
+    """A run's recorded sections as they would be recorded today.
+
+    The camera is one section, settings that nothing reads any more are gone, and people are unlit in runs from before
+    there was light.
+    """
+    today = {
         name: {key: value for key, value in section.items() if key not in _RETIRED.get(name, ())}
         for name, section in with_whole_camera(sections).items()
     }
+    return {**today, "renderer": {"human_light": False, **today.get("renderer", {})}}

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from readygo.apps.run.config import RunConfig, load_run_config
+from readygo.apps.run.identity import identity
 from readygo.apps.run.origin import DataOrigin, avatars_of_policy, settings_of_policy, with_origin
 from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.run.spec import make_spec
@@ -15,7 +16,7 @@ from readygo.common.camera import CameraConfig, SensorConfig
 from readygo.common.config import section_to_mapping
 from readygo.common.errors import RunError
 from readygo.common.messages import Split
-from readygo.common.policy import Policy, PolicySpec, check_policy_camera, load_policy
+from readygo.common.policy import Policy, PolicySpec, check_policy_camera, check_policy_limits, load_policy
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import RATE_HZ
 from readygo.services.animator.service import attach as attach_animator
@@ -31,6 +32,7 @@ from readygo.services.evaluator import (
 )
 from readygo.services.planner.humans.mixes import MixName
 from readygo.services.planner.service import attach as attach_planner
+from readygo.services.renderer import Renderer
 from readygo.services.renderer.sensor.recipes import SensorName
 from readygo.services.renderer.service import attach as attach_renderer
 
@@ -58,10 +60,13 @@ def evaluation_config(
 
     Raises:
         ConfigError: If the file cannot be read.
-        PolicyError: If the settings ask for another camera than the policy's, and `camera` for the policy's.
+        PolicyError: If the settings ask for a robot of other limits than the policy's, or for another camera where
+            `camera` asks for the policy's.
     """
     base = settings_of_policy(trained_settings(policy, camera), humans=humans is None) if policy else None
     settings = load_run_config(config, robot, sensor, humans, base=base)
+    if policy is not None:
+        check_policy_limits(policy, settings.robot)
     if policy is not None and camera == "policy":
         check_policy_camera(policy, settings.robot, settings.renderer.sensor)
     return settings
@@ -114,30 +119,45 @@ def make_evaluator_config(lockstep: int) -> EvaluatorConfig:
         raise RunError(str(error)) from error
 
 
+def evaluation_world(
+    scene: str, config: RunConfig, *, avatars: Path | None, seed: int, scenarios: Path | None = None
+) -> World:
+    """The place of an evaluation.
+
+    Raises:
+        ReadygoError: If scene, avatars or scenarios cannot be used.
+    """
+    return World(
+        make_spec(open_scene(scene), avatars, config, seed=seed, split=Split.TEST, static=False, scenarios=scenarios)
+    )
+
+
 def make_evaluator(
-    scene: str,
-    config: RunConfig,
+    world: World,
     *,
-    avatars: Path | None,
-    seed: int,
+    renderer: Renderer | None = None,
     policy: Policy | None = None,
     evaluator_config: EvaluatorConfig | None = None,
-    scenarios: Path | None = None,
     camera: CameraName = "policy",
-    renders: bool = False,
 ) -> Evaluator:
-    """An evaluator of a scene with planner and animator, all in this process; with a renderer for policies.
+    """An evaluator with planner and animator, all in this process.
 
-    `renders` makes the renderer without a policy too: for those that are given to the evaluator later.
+    Args:
+        world: The place, from `evaluation_world`.
+        renderer: Shows policies what they see; not needed where none drives.
+        policy: Who drives beside the others; another one may be given to the evaluator later.
+        evaluator_config: Settings.
+        camera: See `Evaluator.camera`.
+
+    Raises:
+        PolicyError: If the policy has another camera.
     """
-    spec = make_spec(open_scene(scene), avatars, config, seed=seed, split=Split.TEST, static=False, scenarios=scenarios)
-    bus = InProcessBus()
-    world = World(spec, bus)
+    bus, config = InProcessBus(), world.config
     settings = evaluator_config or EvaluatorConfig()
     attach_planner(bus, world.human_planner(), world.robot_planner)
     attach_animator(bus, world.animator())
-    if policy is not None or renders:
-        attach_renderer(bus, world.renderer(), settings.renderer)
+    if renderer is not None:
+        attach_renderer(bus, renderer, settings.renderer)
     return Evaluator(
         bus=bus,
         robot=config.robot,
@@ -148,6 +168,25 @@ def make_evaluator(
         policy=policy,
         camera=camera,
     )
+
+
+def evaluation_settings(world: World, request: EvaluateRequest, *, policy: str, camera: CameraName) -> dict[str, Any]:
+    """What records depend on besides task, method and index, as plain values: see `open_results`.
+
+    Args:
+        world: The place.
+        request: What is driven.
+        policy: SHA-256 of the policy, empty without one.
+        camera: Through whose camera it looks.
+    """
+    return {
+        **identity(world.spec),
+        "seed": request.seed,
+        "split": request.split.value,
+        "control_hz": request.control_hz,
+        "policy": policy,
+        "camera": camera,
+    }
 
 
 def summarize(reply: EvaluateReply, request: EvaluateRequest, evaluator: Evaluator) -> dict[str, Any]:
@@ -189,9 +228,8 @@ def closed_loop(scene: str, *, episodes: int, seed: int, origin: DataOrigin | No
         if scene not in evaluators:
             spec = with_origin(policy.spec, origin or DataOrigin())
             avatars = avatars_of_policy(spec)
-            evaluators[scene] = make_evaluator(
-                scene, settings_of_policy(spec), avatars=avatars, seed=seed, renders=True
-            )
+            world = evaluation_world(scene, settings_of_policy(spec), avatars=avatars, seed=seed)
+            evaluators[scene] = make_evaluator(world, renderer=world.renderer())
         evaluator = dataclasses.replace(evaluators[scene], policy=policy)
         rates = [summary.success_rate for summary in handle_evaluate(evaluator, request).summaries.values()]
         return sum(rates) / len(rates)

@@ -20,7 +20,7 @@ from readygo.services.renderer import RendererConfig
 
 KEY = "data"
 """Of `PolicySpec.training`."""
-_RENDERED = ("detail", "contact_shadow", "sub_frames")
+_RENDERED = ("detail", "contact_shadow", "human_light", "sub_frames")
 """Settings of the renderer that change what a robot sees; the sensor is the policy's own to say."""
 _HUMANS = ("episode", "human_planner")
 """Sections that a recipe of humans takes the place of."""
@@ -106,8 +106,12 @@ def settings_of_policy(spec: PolicySpec, *, humans: bool = True) -> RunConfig:
     Raises:
         PolicyError: If they are not understood.
     """
-    origin = origin_of_policy(spec) or DataOrigin()
+    origin = origin_of_policy(spec)
+    if origin is None:
+        return robot_of_policy(spec)
     sections = {name: keys for name, keys in origin.settings.items() if humans or name not in _HUMANS}
+    # Data from before there was light say nothing of it.
+    sections["renderer"] = {"human_light": False, **sections.get("renderer", {})}
     try:
         return merged(robot_of_policy(spec), sections)
     except ConfigError as error:

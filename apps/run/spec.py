@@ -11,8 +11,10 @@ from readygo.common.avatars.file import avatar_hash
 from readygo.common.camera.lens import check_sensor
 from readygo.common.dataset.provenance import AvatarOrigin, ScenarioOrigin, SceneOrigin
 from readygo.common.errors import ConfigError, RunError
+from readygo.common.maps import clearance_m, farthest_m, free_components
 from readygo.common.messages import FileRef, RunSpec, Split
 from readygo.common.scenes import Scene
+from readygo.common.scenes.findings import goals_line
 from readygo.services.planner.humans.scenario_file import load_scenarios, read_text, text_hash
 
 
@@ -34,7 +36,7 @@ def make_spec(
     """The run of these settings.
 
     Raises:
-        RunError: If the seed cannot be recorded.
+        RunError: If the seed cannot be recorded, or no goal is as far from any start as goals shall be.
         ConfigError: If the robot's camera cannot have the sensor's lens, or a scenario cannot take place in the scene.
     """
     if not 0 <= seed < 2**63:
@@ -62,9 +64,11 @@ def make_spec(
         ),
         scenarios=script,
     )
+    # Refuses what cannot take place, before anything is started or written.
     if scenarios:
-        # Refuses what cannot take place, before anything is started or written.
         World(spec).human_planner()
+    else:
+        _refuse_without_room(scene, config)
     return dataclasses.replace(spec, run=run_name(spec))
 
 
@@ -80,3 +84,11 @@ def _with_weights_named(config: RunConfig) -> RunConfig:
         raise ConfigError(f"{error}") from error
     model = dataclasses.replace(config.animator.priormdm, sha256=files_digest(config.animator.priormdm))
     return dataclasses.replace(config, animator=dataclasses.replace(config.animator, priormdm=model))
+
+
+def _refuse_without_room(scene: Scene, config: RunConfig) -> None:
+    robot_map, radius_m = scene.maps.robot, config.robot.planning_radius_m
+    labels, _ = free_components(clearance_m(robot_map) > radius_m + config.expert.cell_margin_m)
+    reach_m = farthest_m(labels, robot_map.frame.resolution_m)
+    if line := goals_line(reach_m, config.episode.goal_distance_min_m, radius_m):
+        raise RunError(f"Scene {scene.name}: {line}")

@@ -31,7 +31,14 @@ from readygo.common.rasterizer.warm import warm as warm_rasterizer
 from readygo.services.animator import handle_animate
 from readygo.services.driver import Disturbance, PolicyDriver, RiskMap, disturbs, drive, driver_of
 from readygo.services.planner import handle_human_plan, handle_robot_plan
-from readygo.services.renderer import LiveCamera, described_samples, episode_header, episode_samples
+from readygo.services.renderer import (
+    NO_PICTURE,
+    LiveCamera,
+    described_samples,
+    episode_header,
+    episode_samples,
+    unclear,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,12 +110,15 @@ def _render(world: World, bus: Bus) -> Work:
     warm_rasterizer()
     renderer = world.renderer()
 
-    def work(claim: ClaimReply, inputs: Inputs) -> None:
+    def work(claim: ClaimReply, inputs: Inputs) -> StageResult | None:
         scenario, motions = _scenario(inputs), _motions(inputs)
         trajectory = decode(RobotPlanReply, inputs[ROBOT_PLAN.name]).trajectory
         assert trajectory is not None
+        if reason := unclear(renderer, trajectory.xyyaw, world.config.episode):
+            return StageResult(rejected=reason)
         header = episode_header(renderer, scenario, trajectory)
         append_episode(bus, claim, header, episode_samples(renderer, scenario, motions, trajectory))
+        return None
 
     return work
 
@@ -122,7 +132,7 @@ def _drive(world: World, bus: Bus) -> Work:
         # What is wrong with it is said before any work is claimed.
         world.policy(own)
 
-    def work(claim: ClaimReply, inputs: Inputs) -> None:
+    def work(claim: ClaimReply, inputs: Inputs) -> StageResult | None:
         scenario, motions = _scenario(inputs), _motions(inputs)
         episode, ref = scenario.episode, claim.policy or own
         driver = driver_of(episode, ref.mix if ref else 0.0)
@@ -133,18 +143,24 @@ def _drive(world: World, bus: Bus) -> Work:
             policy = PolicyDriver(world.policy(ref), config.robot.camera.latency_s)
         elif disturbs(episode, config.driver.disturbed):
             disturbance = Disturbance(episode, config.driver, config.robot)
-        driven = drive(simulation, planner.expert(scenario, motions), camera, weigher, policy, disturbance)
+        expert, every = planner.expert(scenario, motions), config.driver.image_every
+        driven = drive(simulation, expert, camera, weigher, policy, disturbance, image_every=every)
+        if reason := unclear(renderer, driven.trajectory.xyyaw, config.episode):
+            return StageResult(rejected=reason)
         offered = claim.policy.sha256 if claim.policy and policy else ""
         header = dataclasses.replace(
             episode_header(renderer, scenario, driven.trajectory, driver),
             policy=offered,
+            image_every=every,
         )
-        seen = described_samples(renderer, scenario, motions, driven.trajectory, camera.pictures)
+        pictures = (camera.pictures.get(step, NO_PICTURE) for step in range(header.sample_count))
+        seen = described_samples(renderer, scenario, motions, driven.trajectory, pictures)
         samples = (
             dataclasses.replace(sample, expert_commands=commands, risks=risks)
             for sample, commands, risks in zip(seen, driven.expert_commands, driven.risks, strict=True)
         )
         append_episode(bus, claim, header, samples)
+        return None
 
     return work
 

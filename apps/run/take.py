@@ -6,12 +6,17 @@ from dataclasses import dataclass
 
 from readygo.apps.run.config import RunConfig
 from readygo.common.avatars import Avatar
+from readygo.common.episode import EpisodeSimulation
 from readygo.common.errors import RunError
 from readygo.common.messages import AnimateRequest, EpisodeKey, HumanPlanRequest, Outcome, Scenario
+from readygo.common.policy import Policy
 from readygo.services.animator import Animator, handle_animate
+from readygo.services.driver import PolicyDriver
 from readygo.services.planner import HumanPlanner, RobotPlanner, SceneMaps, handle_human_plan
 from readygo.services.planner.expert.handlers import drive
-from readygo.services.planner.explain.journal import ExpertRun, run_with_journal
+from readygo.services.planner.explain.journal import DrivenRun, Steer, run_beside_expert, run_with_journal
+from readygo.services.planner.humans.scenario_file import ScenarioFile
+from readygo.services.renderer import LiveCamera, Renderer
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -19,24 +24,31 @@ class Take:
     """One episode, as far as it got."""
 
     scenario: Scenario
-    run: ExpertRun | None
+    run: DrivenRun | None
     """None if the humans could not be animated."""
     rejected: str
     """Why `readygo generate` leaves it out; empty if it does not."""
     drive_ms: float
-    """CPU time of the expert's whole run [ms]."""
+    """CPU time of the expert's whole run [ms]; 0 where somebody else drove."""
 
 
 class Takes:
     """Takes episodes in one place."""
 
-    def __init__(self, maps: SceneMaps, avatars: Mapping[str, Avatar], config: RunConfig) -> None:
+    def __init__(
+        self,
+        maps: SceneMaps,
+        avatars: Mapping[str, Avatar],
+        config: RunConfig,
+        scenarios: ScenarioFile | None = None,
+    ) -> None:
         """Prepare the place.
 
         Args:
             maps: Of a scene, or of a bare map.
             avatars: Who may walk; may be empty if there are no humans.
             config: All settings.
+            scenarios: Is played instead of drawing.
         """
         self.robot_planner = RobotPlanner(maps, avatars, config.robot, config.episode, config.expert)
         self._human_planner = HumanPlanner(
@@ -46,12 +58,18 @@ class Takes:
             config.episode,
             config.human_planner,
             cell_margin_m=config.expert.cell_margin_m,
+            scenarios=scenarios,
             make_expert=self.robot_planner.expert,
         )
-        self._animator = Animator(avatars=avatars, floor=maps.floor, config=config.animator)
+        self._animator = Animator(avatars=avatars, floor=maps.floor, config=config.animator, obstacles=maps.human)
 
-    def take(self, episode: EpisodeKey, *, static: bool) -> Take:
+    def take(self, episode: EpisodeKey, *, static: bool, steer: Steer | None = None) -> Take:
         """Draw the scenario, let the humans walk, drive.
+
+        Args:
+            episode: Which one.
+            static: Leave the humans out.
+            steer: The policy, if it drives and not the expert.
 
         Raises:
             RunError: If this index has no scenario.
@@ -62,6 +80,9 @@ class Takes:
         animated = handle_animate(self._animator, AnimateRequest(scenario=drawn.scenario))
         if animated.motions is None:
             return Take(scenario=drawn.scenario, run=None, rejected=animated.rejected, drive_ms=0.0)
+        if steer is not None:
+            run = run_beside_expert(self.robot_planner, drawn.scenario, animated.motions, steer, "policy")
+            return Take(scenario=drawn.scenario, run=run, rejected="", drive_ms=0.0)
         # Loads the compiled code, whose time is not the planner's.
         drive(self.robot_planner, drawn.scenario, animated.motions)
         begin_s = time.thread_time()
@@ -70,3 +91,21 @@ class Takes:
         outcome = run.trajectory.outcome
         rejected = "" if outcome is Outcome.SUCCESS else outcome.value
         return Take(scenario=drawn.scenario, run=run, rejected=rejected, drive_ms=drive_ms)
+
+
+def policy_steer(policy: Policy, renderer: Renderer) -> Steer:
+    """A policy that drives one episode by what it sees.
+
+    Args:
+        policy: Who drives.
+        renderer: Of the scene, with the policy's camera.
+    """
+    driver = PolicyDriver(policy, renderer.robot.camera.latency_s)
+    cameras: list[LiveCamera] = []
+
+    def steer(simulation: EpisodeSimulation) -> tuple[float, float]:
+        if not cameras:
+            cameras.append(LiveCamera(renderer, simulation))
+        return driver.command(simulation, cameras[0].take())
+
+    return steer

@@ -13,6 +13,7 @@ from readygo.common.avatars.file import avatar_hash
 from readygo.common.bus import Bus
 from readygo.common.config import section_from_mapping
 from readygo.common.dataset.provenance import Provenance
+from readygo.common.dataset.stage import Stage
 from readygo.common.errors import RunError, SceneError
 from readygo.common.files import cache_folder, write_whole
 from readygo.common.fleet import fetch_blob
@@ -137,6 +138,11 @@ class World:
         if tuple(file_ref(folder, file.path) for file in ref.files) != ref.files:
             raise RunError(f"Policy {folder} has changed since the run began; record into a new folder with --out.")
         return policy
+
+    def stage(self) -> Stage:
+        """What viewers show around the run's samples; without the map where the scene is not on this machine."""
+        here = Path(self.spec.scene_path).is_dir()
+        return Stage(robot=self.config.robot, maps=self.scene.maps if here else None)
 
     def renderer(self) -> Renderer:
         """The renderer."""

@@ -29,12 +29,12 @@ from readygo.benchmarks.rasterizer.render import machine
 from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.dataset import Dataset
 from readygo.common.errors import ConfigError, DatasetError, ReadygoError
-from readygo.common.robot.command_grid import COMMAND_COUNT, HUMAN, OBSTACLE
+from readygo.common.robot.command_grid import COMMAND_COUNT, HUMAN, OBSTACLE, UNKNOWN_RISK
 from readygo.services.trainer import TrainConfig
 from readygo.services.trainer.episodes import SampleSource
 from readygo.services.trainer.parts import build_parts, robot_of_source
 from readygo.services.trainer.run import TrainRun
-from readygo.services.trainer.samples import UNKNOWN, Indices, spread_samples
+from readygo.services.trainer.samples import Indices, spread_samples
 from readygo.services.trainer.train import training_threads
 from readygo.services.trainer.validation import VALIDATION_BATCH
 
@@ -124,13 +124,13 @@ def scores_of(run: TrainRun) -> dict[str, Any]:
     """
     table = run.held_out.table
     rows = spread_samples(table, SAMPLES)
-    rows = rows[table.risks[rows, 0] != UNKNOWN]
+    rows = rows[table.risks[rows, 0] != UNKNOWN_RISK]
     if not len(rows):
         raise DatasetError("The data do not name the risks of commands; record them with --disturb or --policy.")
     answers, read = answers_of(run, rows)
     likely, obstacle, human = answers.split(COMMAND_COUNT, dim=1)
     truth, known = table.risks[rows], run.training.table.risks
-    known = known[known[:, 0] != UNKNOWN]
+    known = known[known[:, 0] != UNKNOWN_RISK]
     limits = run.learner.average.limits.cpu()
     expert = run.learner.average.bins.weights(torch.from_numpy(table.targets[rows]) / limits)
     return {

@@ -15,8 +15,9 @@ import cv2
 import numpy as np
 
 from readygo.common.bus import InProcessBus
-from readygo.common.dataset import Dataset, Provenance, validate
+from readygo.common.dataset import Dataset, Provenance, encode_episode, validate
 from readygo.common.dataset.index import index_path
+from readygo.common.dataset.stage import Stage
 from readygo.common.messages import (
     AppendRequest,
     EpisodeHeader,
@@ -30,6 +31,7 @@ from readygo.common.messages import (
     encode,
     topics,
 )
+from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import STEP_NS
 from readygo.services.recorder import Recorder, RecorderConfig, handle_append
 
@@ -97,7 +99,8 @@ def make_requests(index: int, images: list[bytes]) -> list[AppendRequest]:
 
 def record(folder: Path, requests: list[AppendRequest], episodes: int, *, fsync: bool) -> None:
     """Record the same episode under many indices."""
-    recorder = Recorder(folder, "r0", make_bus(), Provenance(), RecorderConfig(fsync=fsync))
+    stage = Stage(robot=RobotConfig())
+    recorder = Recorder(folder, "r0", make_bus(), Provenance(), RecorderConfig(fsync=fsync), stage)
     for index in range(episodes):
         key = EpisodeKey(seed=0, split=Split.TRAIN, index=index)
         header = dataclasses.replace(requests[0].header, episode=key)
@@ -128,6 +131,23 @@ def measure_recording(folder: Path, requests: list[AppendRequest]) -> None:
     for request in requests:
         decode(AppendRequest, encode(request))
     report("message encode and decode, 8 samples per batch", (time.thread_time() - begin_s) / SAMPLES * 1e6, "us")
+
+
+def measure_stage(requests: list[AppendRequest]) -> None:
+    """What an episode costs more because viewers shall show it."""
+    header, samples = requests[0].header, [sample for request in requests for sample in request.samples]
+    stage = Stage(robot=RobotConfig())
+    encode_s = stage_s = 0.0
+    for _ in range(10):
+        begin_s = time.thread_time()
+        chunk = encode_episode(header, 1, samples)
+        encode_s += time.thread_time() - begin_s
+        begin_s = time.thread_time()
+        staged = stage.staged(chunk, 10**9, with_map=False)
+        stage_s += time.thread_time() - begin_s
+    report("encode an episode", encode_s / 10 / SAMPLES * 1e6, "us per sample")
+    report("stage it for viewers", stage_s / 10 / SAMPLES * 1e6, "us per sample")
+    report("", (len(staged.data) - len(chunk.data)) / SAMPLES, "bytes per sample")
 
 
 def measure_reading(folder: Path) -> None:
@@ -166,6 +186,7 @@ def main() -> None:
         images = [make_image(number) for number in range(64)]
         report("image", sum(map(len, images)) / len(images) / 1e3, "kB")
         measure_recording(Path(name), make_requests(0, images))
+        measure_stage(make_requests(0, images))
         measure_reading(Path(name) / "data")
 
 

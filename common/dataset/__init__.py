@@ -1,6 +1,7 @@
 """Recorded data: shards, their index, the reader and the check of everything in them."""
 
 from readygo.common.dataset.chunk import EpisodeChunk, encode_episode, read_chunk
+from readygo.common.dataset.clarity import RecordedClarity, recorded_clarity
 from readygo.common.dataset.committed import committed_episodes
 from readygo.common.dataset.provenance import AvatarOrigin, Provenance, ScenarioOrigin, SceneOrigin
 from readygo.common.dataset.reader import Calibration, Dataset, EpisodeEntry
@@ -15,6 +16,7 @@ __all__ = [
     "EpisodeChunk",
     "EpisodeEntry",
     "Provenance",
+    "RecordedClarity",
     "Report",
     "ScenarioOrigin",
     "SceneOrigin",
@@ -22,6 +24,7 @@ __all__ = [
     "committed_episodes",
     "encode_episode",
     "read_chunk",
+    "recorded_clarity",
     "shard_name",
     "validate",
 ]

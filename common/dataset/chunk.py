@@ -1,8 +1,9 @@
 """An episode as the bytes of one MCAP chunk: what recorder workers agree on, wherever and whenever they run.
 
-The chunk's times are simulated: episode `index` begins at `index * EPISODE_SLOT_NS`, so that the episodes of a shard
-follow one another on a viewer's time line. There is no wall clock in it, and the same key gives the same bytes up to
-the last message, EpisodeCommit, which carries their SHA-256 and the attempt.
+The chunk's times are simulated, there is no wall clock in it. In canonical form (`canonical`), as `encode_episode`
+gives it, the same key gives the same bytes up to the last message, EpisodeCommit, which carries their SHA-256 and the
+attempt. A shard's writer stages it for viewers (`stage`): it moves the episode to its place in the shard's time and
+adds what viewers need. Both can be read, and the SHA-256 is that of the canonical form.
 """
 
 import hashlib
@@ -13,17 +14,22 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from google.protobuf.message import DecodeError
-from mcap.opcode import Opcode
 
 from readygo.common.dataset import schemas
+from readygo.common.dataset.canonical import (
+    EPISODE_SLOT_NS,
+    HALF_PX,
+    canonical_parts,
+    canonical_sha256,
+    is_canonical,
+    record_head,
+)
 from readygo.common.dataset.poses import pose_xyzyaw
-from readygo.common.dataset.records import MESSAGE_FIELDS_SIZE, MESSAGE_HEADER, Message, field_span, iter_messages
+from readygo.common.dataset.records import Message, field_span, iter_messages
 from readygo.common.errors import DatasetError
 from readygo.common.messages.episode import EpisodeKey
 from readygo.common.messages.samples import EpisodeHeader, Sample
 
-EPISODE_SLOT_NS = 100 * schemas.NS_PER_S
-"""Longer episodes are recorded as well; they only overlap the next one on a viewer's time line."""
 SAMPLE_DTYPE = np.dtype(
     [
         ("time_ns", "<i8"),
@@ -59,7 +65,7 @@ class EpisodeChunk:
     start_xyyaw: tuple[float, float, float]
     goal_xy_m: tuple[float, float]
     K_px: tuple[float, ...]
-    """Intrinsics [px], row-major, 9 numbers."""
+    """Intrinsics [px] with pixel centres at +0.5, row-major, 9 numbers."""
     distortion_model: str
     distortion: tuple[float, ...]
     """Coefficients of the distortion model, at most 8."""
@@ -69,6 +75,8 @@ class EpisodeChunk:
     """Rows of `SAMPLE_DTYPE`; `image_offset` counts from the beginning of `data`."""
     ending: schemas.Ending
     """Known where there are the expert's commands; without them an episode is a success of the expert."""
+    image_every: int = 1
+    """See `EpisodeHeader.image_every`."""
     outputs: dict[str, npt.NDArray[np.void]] = field(default_factory=dict)
     """By output besides rgb (images, labels, the expert's commands): rows of `OUTPUT_DTYPE`, one per sample; `offset`
     counts from the beginning of `data`."""
@@ -79,6 +87,9 @@ class EpisodeChunk:
         return len(self.samples)
 
 
+_NUMBERS = (schemas.ACTION, schemas.GOAL, schemas.TRUTH)
+
+
 class _ChunkParts:
     """Message records in a row, hashed as they come."""
 
@@ -87,15 +98,14 @@ class _ChunkParts:
         self.hash = hashlib.sha256()
 
     def add(self, channel: schemas.Channel, sequence: int, log_time_ns: int, payload: bytes) -> None:
-        length = MESSAGE_FIELDS_SIZE + len(payload)
-        head = MESSAGE_HEADER.pack(Opcode.MESSAGE, length, channel.number, sequence, log_time_ns, log_time_ns)
+        head = record_head(channel.number, sequence, (log_time_ns, log_time_ns), len(payload))
         self.parts += (head, payload)
         self.hash.update(head)
         self.hash.update(payload)
 
 
 def encode_episode(header: EpisodeHeader, attempt: int, samples: Sequence[Sample]) -> EpisodeChunk:
-    """Encode an episode as one chunk.
+    """Encode an episode as one chunk in canonical form.
 
     Args:
         header: What is constant over the episode.
@@ -109,21 +119,7 @@ def encode_episode(header: EpisodeHeader, attempt: int, samples: Sequence[Sample
     if not samples or [sample.seq for sample in samples] != list(range(header.sample_count)):
         raise DatasetError(f"Episode {name} has {header.sample_count} samples, got {len(samples)} to record.")
     for sample in samples:
-        if sample.outputs.keys() != samples[0].outputs.keys():
-            raise DatasetError(
-                f"Episode {name} has the outputs {sorted(samples[0].outputs)} at sample 0, but "
-                f"{sorted(sample.outputs)} at sample {sample.seq}."
-            )
-        if len(sample.labels) != (len(sample.humans_xyzyaw) if header.labels else 0):
-            raise DatasetError(
-                f"Episode {name} has {len(sample.labels)} labels for {len(sample.humans_xyzyaw)} humans at sample "
-                f"{sample.seq}; its header says {'all' if header.labels else 'none'} are labelled."
-            )
-        if len(sample.expert_commands) != len(samples[0].expert_commands):
-            raise DatasetError(
-                f"Episode {name} has {len(samples[0].expert_commands)} commands of the expert at sample 0, but "
-                f"{len(sample.expert_commands)} at sample {sample.seq}."
-            )
+        _check_alike(sample, samples[0], header)
     base_ns = header.episode.index * EPISODE_SLOT_NS
     chunk = _ChunkParts()
     chunk.add(schemas.EPISODE_START, 0, base_ns, schemas.start_message(header))
@@ -138,6 +134,31 @@ def encode_episode(header: EpisodeHeader, attempt: int, samples: Sequence[Sample
     return read_chunk(b"".join(chunk.parts), sha256=sha256)
 
 
+def _check_alike(sample: Sample, first: Sample, header: EpisodeHeader) -> None:
+    """Raise DatasetError unless a sample has all that its header and the episode's first sample have, and no more."""
+    name, taken = header.episode.episode_id, sample.seq % header.image_every == 0
+    if bool(sample.image) != taken:
+        raise DatasetError(
+            f"Episode {name} has images at every {header.image_every}. sample, but sample {sample.seq} has "
+            f"{'none' if taken else 'one'}."
+        )
+    if sample.outputs.keys() != (first.outputs.keys() if taken else set()):
+        raise DatasetError(
+            f"Episode {name} has the outputs {sorted(first.outputs)} at sample 0, but "
+            f"{sorted(sample.outputs)} at sample {sample.seq}."
+        )
+    if len(sample.labels) != (len(sample.humans_xyzyaw) if header.labels else 0):
+        raise DatasetError(
+            f"Episode {name} has {len(sample.labels)} labels for {len(sample.humans_xyzyaw)} humans at sample "
+            f"{sample.seq}; its header says {'all' if header.labels else 'none'} are labelled."
+        )
+    if len(sample.expert_commands) != (len(first.expert_commands) if taken else 0):
+        raise DatasetError(
+            f"Episode {name} has {len(first.expert_commands)} commands of the expert at sample 0, but "
+            f"{len(sample.expert_commands)} at sample {sample.seq}."
+        )
+
+
 def read_chunk(data: bytes | memoryview, *, sha256: str = "") -> EpisodeChunk:
     """The episode in a chunk's records.
 
@@ -149,21 +170,25 @@ def read_chunk(data: bytes | memoryview, *, sha256: str = "") -> EpisodeChunk:
         DatasetError: If the records are not one whole, committed episode with the hash that its commit names.
     """
     view = memoryview(data)
-    by_channel = _messages_by_channel(view)
+    messages = messages_of(view)
+    by_channel = _messages_by_channel(messages)
+    calibration_channel = schemas.CALIBRATION if is_canonical(messages) else schemas.ROS_CALIBRATION
     start, calibration, commit = (
         _only(view, by_channel, channel)
-        for channel in (schemas.EPISODE_START, schemas.CALIBRATION, schemas.EPISODE_COMMIT)
+        for channel in (schemas.EPISODE_START, calibration_channel, schemas.EPISODE_COMMIT)
     )
     commit_message = by_channel[schemas.EPISODE_COMMIT.number][0]
     if commit_message.end != len(view):
         raise DatasetError(f"episode {start.episode_id} goes on after its commit")
-    if commit.sha256 != (sha256 or hashlib.sha256(view[: commit_message.offset]).hexdigest()):
+    if commit.sha256 != (sha256 or canonical_sha256(view, messages, start.index)):
         raise DatasetError(f"episode {start.episode_id} does not match the SHA-256 of its commit")
     if len(calibration.K) != 9 or len(calibration.D) > 8:
         raise DatasetError(f"episode {start.episode_id} has a calibration of another layout")
     base_ns = by_channel[schemas.EPISODE_START.number][0].log_time_ns
     outputs = {name: c for name, c in schemas.OPTIONAL_CHANNELS.items() if c.number in by_channel}
-    rows = _sample_rows(view, by_channel, tuple(outputs.values()), base_ns)
+    commands = _first_commands(view, by_channel)
+    every = schemas.image_every(commands) if commands is not None else 1
+    rows = _sample_rows(view, by_channel, tuple(outputs.values()), base_ns, every)
     if not len(rows) == commit.sample_count == start.sample_count:
         raise DatasetError(f"episode {start.episode_id} has {len(rows)} samples, its commit says {commit.sample_count}")
     return EpisodeChunk(
@@ -177,17 +202,48 @@ def read_chunk(data: bytes | memoryview, *, sha256: str = "") -> EpisodeChunk:
         width_px=calibration.width,
         start_xyyaw=(start.start_x_m, start.start_y_m, start.start_yaw_rad),
         goal_xy_m=(start.goal_x_m, start.goal_y_m),
-        K_px=tuple(calibration.K),
+        K_px=intrinsics_px(calibration, calibration_channel),
         distortion_model=calibration.distortion_model,
         distortion=tuple(calibration.D),
         message_offsets={
             number: [(message.log_time_ns, message.offset) for message in messages]
             for number, messages in by_channel.items()
+            if messages
         },
         samples=rows,
-        ending=_ending(view, by_channel),
-        outputs={name: _places(view, by_channel[channel.number], channel) for name, channel in outputs.items()},
+        ending=schemas.ending_of(commands) if commands is not None else schemas.Ending(),
+        image_every=every,
+        outputs={
+            name: _places(view, by_channel[channel.number], channel, len(rows)) for name, channel in outputs.items()
+        },
     )
+
+
+def messages_of(view: memoryview) -> list[Message]:
+    """The messages among a chunk's records.
+
+    Raises:
+        DatasetError: If a record is cut off.
+    """
+    return list(iter_messages(view, 0, len(view)))
+
+
+def canonical(chunk: EpisodeChunk) -> EpisodeChunk:
+    """An episode in canonical form, however `chunk` holds it."""
+    view = memoryview(chunk.data)
+    messages = messages_of(view)
+    if is_canonical(messages):
+        return chunk
+    return read_chunk(b"".join(canonical_parts(view, messages, chunk.episode.index)), sha256=chunk.sha256)
+
+
+def intrinsics_px(calibration: Any, channel: schemas.Channel) -> tuple[float, ...]:
+    """Intrinsics with pixel centres at +0.5 [px], row-major, of a calibration with 9 numbers on `channel`."""
+    K_px = list(calibration.K)
+    if channel is schemas.ROS_CALIBRATION:
+        K_px[2] += HALF_PX
+        K_px[5] += HALF_PX
+    return tuple(K_px)
 
 
 def parse(channel: schemas.Channel, payload: memoryview) -> Any:
@@ -202,11 +258,12 @@ def parse(channel: schemas.Channel, payload: memoryview) -> Any:
         raise DatasetError(f"a message on {channel.topic} cannot be read: {error}") from error
 
 
-def _messages_by_channel(view: memoryview) -> dict[int, list[Message]]:
-    """The messages of each channel; outputs that the episode has not are left out."""
-    known = {channel.number for channel in schemas.OPTIONAL_CHANNELS.values()}
+def _messages_by_channel(messages: Sequence[Message]) -> dict[int, list[Message]]:
+    """The messages of each channel; channels besides `CHANNELS` that the episode has not are left out."""
+    others = (*schemas.OPTIONAL_CHANNELS.values(), schemas.ROS_CALIBRATION, *schemas.VIEW_CHANNELS)
+    known = {channel.number for channel in others}
     by_channel: dict[int, list[Message]] = {channel.number: [] for channel in schemas.CHANNELS}
-    for message in iter_messages(view, 0, len(view)):
+    for message in messages:
         if message.channel not in by_channel and message.channel not in known:
             raise DatasetError(f"a message is on the unknown channel {message.channel}")
         by_channel.setdefault(message.channel, []).append(message)
@@ -220,42 +277,51 @@ def _only(view: memoryview, by_channel: dict[int, list[Message]], channel: schem
     return parse(channel, view[messages[0].body : messages[0].end])
 
 
-def _ending(view: memoryview, by_channel: dict[int, list[Message]]) -> schemas.Ending:
+def _first_commands(view: memoryview, by_channel: dict[int, list[Message]]) -> Any:
+    """The first message of the expert, which tells how the episode ended as all of them do; None without an expert."""
     channel = schemas.EXPERT_CHANNELS[schemas.EXPERT]
     found = by_channel.get(channel.number)
-    if not found:
-        return schemas.Ending()
-    return schemas.ending_of(parse(channel, view[found[0].body : found[0].end]))
+    return parse(channel, view[found[0].body : found[0].end]) if found else None
 
 
 def _sample_rows(
-    view: memoryview, by_channel: dict[int, list[Message]], outputs: tuple[schemas.Channel, ...], base_ns: int
+    view: memoryview,
+    by_channel: dict[int, list[Message]],
+    outputs: tuple[schemas.Channel, ...],
+    base_ns: int,
+    image_every: int,
 ) -> npt.NDArray[np.void]:
-    channels = (*schemas.SAMPLE_CHANNELS, *outputs)
-    columns = [by_channel[channel.number] for channel in channels]
-    count = len(columns[0])
-    for channel, column in zip(channels, columns, strict=True):
-        if len(column) != count:
-            raise DatasetError(f"an episode has {count} images, but {len(column)} messages on {channel.topic}")
-    rows = np.zeros(count, dtype=SAMPLE_DTYPE)
-    for seq, messages in enumerate(zip(*columns, strict=True)):
-        if {(message.sequence, message.log_time_ns) for message in messages} != {(seq, messages[0].log_time_ns)}:
-            raise DatasetError(f"the messages of sample {seq} do not belong together")
+    poses = by_channel[schemas.ROBOT_POSE.number]
+    times_ns = [message.log_time_ns for message in poses]
+    for channel in (*schemas.SAMPLE_CHANNELS, *outputs):
+        expected = schemas.samples_with(channel, len(poses), image_every)
+        found = [(message.sequence, message.log_time_ns) for message in by_channel[channel.number]]
+        if len(found) != len(expected):
+            raise DatasetError(
+                f"an episode of {len(poses)} samples has {len(found)} messages on {channel.topic}, not {len(expected)}"
+            )
+        for seq, pair in zip(expected, found, strict=True):
+            if pair != (seq, times_ns[seq]):
+                raise DatasetError(f"the messages of sample {seq} do not belong together")
+    rows = np.zeros(len(poses), dtype=SAMPLE_DTYPE)
+    dense = [by_channel[channel.number] for channel in (schemas.ROBOT_POSE, *_NUMBERS)]
+    for seq, messages in enumerate(zip(*dense, strict=True)):
         rows[seq] = _sample_row(view, messages, base_ns)
+    for message in by_channel[schemas.IMAGE.number]:
+        rows["image_offset"][message.sequence], rows["image_length"][message.sequence] = _image_place(view, message)
     return rows
 
 
 def _sample_row(view: memoryview, messages: tuple[Message, ...], base_ns: int) -> tuple[Any, ...]:
-    image = messages[0]
+    """A row without its image."""
     pose, action, goal, truth = (
-        parse(schemas.SAMPLE_CHANNELS[column], view[messages[column].body : messages[column].end])
-        for column in (1, 3, 4, 5)
+        parse(channel, view[message.body : message.end])
+        for channel, message in zip((schemas.ROBOT_POSE, *_NUMBERS), messages, strict=True)
     )
-    image_offset, image_length = _image_place(view, image)
     return (
-        image.log_time_ns - base_ns,
-        image_offset,
-        image_length,
+        messages[0].log_time_ns - base_ns,
+        0,
+        0,
         (action.v_mps, action.w_radps),
         (goal.x_m, goal.y_m),
         pose_xyzyaw(pose.pose),
@@ -267,12 +333,17 @@ def _sample_row(view: memoryview, messages: tuple[Message, ...], base_ns: int) -
     )
 
 
-def _places(view: memoryview, messages: list[Message], channel: schemas.Channel) -> npt.NDArray[np.void]:
-    if channel in schemas.OUTPUT_CHANNELS.values():
-        places = [_image_place(view, message) for message in messages]
-    else:
-        places = [(message.body, message.end - message.body) for message in messages]
-    return np.array(places, dtype=OUTPUT_DTYPE)
+def _places(
+    view: memoryview, messages: list[Message], channel: schemas.Channel, sample_count: int
+) -> npt.NDArray[np.void]:
+    """Where each sample's message is; nowhere, with no length, for samples that have none."""
+    places = np.zeros(sample_count, dtype=OUTPUT_DTYPE)
+    for message in messages:
+        if channel in schemas.OUTPUT_CHANNELS.values():
+            places[message.sequence] = _image_place(view, message)
+        else:
+            places[message.sequence] = (message.body, message.end - message.body)
+    return places
 
 
 def _image_place(view: memoryview, message: Message) -> tuple[int, int]:

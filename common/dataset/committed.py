@@ -31,7 +31,7 @@ from readygo.common.messages.episode import EpisodeKey
 from readygo.common.messages.learning import CommittedEpisode
 from readygo.common.messages.samples import EpisodeHeader, HumanLabels, Sample, sample_crc32
 
-Messages = Mapping[int, list[Any]]
+Messages = Mapping[int, dict[int, Any]]
 """Those of an episode by the number of their channel, in order."""
 _START_MAX = CHUNK_FIELDS.size + 12 + 65_536
 """A chunk's fields and the first message of its episode are shorter [bytes]."""
@@ -117,10 +117,12 @@ def _chunk(data: bytes, offset: int) -> EpisodeChunk:
 
 def _episode(chunk: EpisodeChunk) -> CommittedEpisode:
     channels = {channel.number: channel for channel in (*schemas.CHANNELS, *schemas.OPTIONAL_CHANNELS.values())}
-    messages: Messages = {number: [] for number in channels}
+    messages: Messages = {number: {} for number in channels}
     view = memoryview(chunk.data)
     for message in iter_messages(view, 0, len(view)):
-        messages[message.channel].append(parse(channels[message.channel], view[message.body : message.end]))
+        if message.channel in channels:
+            payload = view[message.body : message.end]
+            messages[message.channel][message.sequence] = parse(channels[message.channel], payload)
     return CommittedEpisode(
         header=_header(chunk, messages),
         attempt=chunk.attempt,
@@ -129,7 +131,7 @@ def _episode(chunk: EpisodeChunk) -> CommittedEpisode:
 
 
 def _header(chunk: EpisodeChunk, messages: Messages) -> EpisodeHeader:
-    (start,) = messages[schemas.EPISODE_START.number]
+    start = messages[schemas.EPISODE_START.number][0]
     return EpisodeHeader(
         episode=chunk.episode,
         sample_count=chunk.sample_count,
@@ -147,22 +149,25 @@ def _header(chunk: EpisodeChunk, messages: Messages) -> EpisodeHeader:
         outcome=chunk.ending.outcome,
         driver=chunk.ending.driver,
         policy=chunk.ending.policy,
+        image_every=chunk.image_every,
     )
 
 
 def _sample(chunk: EpisodeChunk, messages: Messages, seq: int) -> Sample:
-    image, pose, humans, action, goal, truth = (messages[channel.number][seq] for channel in schemas.SAMPLE_CHANNELS)
+    pose, humans, action, goal, truth = (messages[channel.number][seq] for channel in schemas.SAMPLE_CHANNELS[1:])
+    taken = messages[schemas.IMAGE.number].get(seq)
+    image = taken.data if taken is not None else b""
     outputs = {
         name: messages[channel.number][seq].data
         for name, channel in schemas.OUTPUT_CHANNELS.items()
-        if name in chunk.outputs
+        if seq in messages[channel.number]
     }
-    asked = messages[schemas.EXPERT_CHANNELS[schemas.EXPERT].number]
+    asked = messages[schemas.EXPERT_CHANNELS[schemas.EXPERT].number].get(seq)
     return Sample(
         seq=seq,
-        crc32=sample_crc32(image.data, outputs),
+        crc32=sample_crc32(image, outputs),
         time_ns=int(chunk.samples["time_ns"][seq]),
-        image=image.data,
+        image=image,
         action_v_mps=action.v_mps,
         action_w_radps=action.w_radps,
         goal_xy_robot_m=(goal.x_m, goal.y_m),
@@ -175,8 +180,8 @@ def _sample(chunk: EpisodeChunk, messages: Messages, seq: int) -> Sample:
         replanned=truth.replanned,
         outputs=outputs,
         labels=_labels(messages, seq) if "joints" in chunk.outputs else (),
-        expert_commands=tuple(zip(asked[seq].v_mps, asked[seq].w_radps, strict=True)) if asked else (),
-        risks=asked[seq].risks if asked else b"",
+        expert_commands=tuple(zip(asked.v_mps, asked.w_radps, strict=True)) if asked is not None else (),
+        risks=asked.risks if asked is not None else b"",
     )
 
 

@@ -1,12 +1,12 @@
 """What must hold in one recorded episode."""
 
-import hashlib
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from readygo.common.dataset import schemas
+from readygo.common.dataset.canonical import canonical_sha256, is_canonical
 from readygo.common.dataset.chunk import parse
 from readygo.common.dataset.label_checks import wrong_labels
 from readygo.common.dataset.poses import pose_xyzyaw
@@ -43,7 +43,8 @@ class _Step:
     v_mps: float
     w_radps: float
     goal_xy_m: tuple[float, float]
-    image: bytes
+    image: bytes | None
+    """None at a sample without an image."""
     image_format: str
 
 
@@ -53,13 +54,17 @@ class EpisodeChecks:
     def __init__(self, view: memoryview, span: ChunkSpan, limits: Limits, outputs: Sequence[str] = ()) -> None:
         self.episode: EpisodeKey | None = None
         self.sample_count = 0
+        self._image_every = 1
         self._view = view
         self._span = span
         self._robot = limits.robot
         self._outputs = schemas.output_channels(outputs)
         self._sample_channels = (*schemas.SAMPLE_CHANNELS, *self._outputs.values())
+        self._calibration = schemas.CALIBRATION
+        self._all: list[Message] = []
         self._by_channel: dict[int, list[Message]] = {
-            channel.number: [] for channel in schemas.channels_with(self._outputs)
+            channel.number: []
+            for channel in {*schemas.channels_with(self._outputs), *schemas.staged_channels(self._outputs)}
         }
         self._name = f"the episode at byte {span.body}"
 
@@ -69,12 +74,15 @@ class EpisodeChecks:
             yield from self._frame()
             start, calibration, commit = (
                 self._parsed(channel, 0)
-                for channel in (schemas.EPISODE_START, schemas.CALIBRATION, schemas.EPISODE_COMMIT)
+                for channel in (schemas.EPISODE_START, self._calibration, schemas.EPISODE_COMMIT)
             )
             self.episode = schemas.episode_key(start)
             self._name = f"episode {self.episode.episode_id}"
-            self.sample_count = len(self._messages(schemas.IMAGE))
-            yield from self._hash(commit)
+            self.sample_count = len(self._messages(schemas.ROBOT_POSE))
+            expert = self._outputs.get(schemas.EXPERT)
+            if expert is not None and self._messages(expert):
+                self._image_every = schemas.image_every(self._parsed(expert, 0))
+            yield from self._hash(start, commit)
             broken = list(self._sequence(start, commit))
             yield from broken
             yield from self._times()
@@ -83,40 +91,49 @@ class EpisodeChecks:
                 yield from self._output_images(start, calibration)
                 yield from self._labels()
                 yield from self._expert_commands()
+                yield from self._frames()
         except DatasetError as error:
             yield "sequence", f"{self._name}: {error}"
 
     def _messages(self, channel: schemas.Channel) -> list[Message]:
         return self._by_channel[channel.number]
 
+    def _samples_with(self, channel: schemas.Channel) -> range:
+        return schemas.samples_with(channel, self.sample_count, self._image_every)
+
     def _parsed(self, channel: schemas.Channel, position: int) -> Any:
+        """The message of a channel, by its position there: what is not at every sample has fewer than samples."""
         message = self._messages(channel)[position]
         return parse(channel, self._view[message.body : message.end])
 
     def _frame(self) -> Iterator[Finding]:
         """Group the messages; an episode begins with its start and ends with its commit."""
-        numbers: list[int] = []
-        for message in iter_messages(self._view, self._span.body, self._span.end):
+        self._all = list(iter_messages(self._view, self._span.body, self._span.end))
+        for message in self._all:
             if message.channel not in self._by_channel:
                 raise DatasetError(f"a message is on the unknown channel {message.channel}")
             self._by_channel[message.channel].append(message)
-            numbers.append(message.channel)
-        for channel in (schemas.EPISODE_START, schemas.CALIBRATION, schemas.EPISODE_COMMIT):
+        if not is_canonical(self._all):
+            self._calibration = schemas.ROS_CALIBRATION
+        for channel in (schemas.EPISODE_START, self._calibration, schemas.EPISODE_COMMIT):
             if len(self._messages(channel)) != 1:
                 raise DatasetError(f"there are {len(self._messages(channel))} messages on {channel.topic}, not 1")
-        if (numbers[0], numbers[-1]) != (schemas.EPISODE_START.number, schemas.EPISODE_COMMIT.number):
+        ends = (self._all[0].channel, self._all[-1].channel)
+        if ends != (schemas.EPISODE_START.number, schemas.EPISODE_COMMIT.number):
             yield "sequence", f"{self._name} does not begin with its start and end with its commit"
 
-    def _hash(self, commit: Any) -> Iterator[Finding]:
-        end = self._messages(schemas.EPISODE_COMMIT)[0].offset
-        if hashlib.sha256(self._view[self._span.body : end]).hexdigest() != commit.sha256:
+    def _hash(self, start: Any, commit: Any) -> Iterator[Finding]:
+        (last,) = self._messages(schemas.EPISODE_COMMIT)
+        until_commit = [message for message in self._all if message.offset <= last.offset]
+        if canonical_sha256(self._view, until_commit, start.index) != commit.sha256:
             yield "sha256", f"{self._name} does not match the SHA-256 of its commit"
 
     def _sequence(self, start: Any, commit: Any) -> Iterator[Finding]:
         for channel in self._sample_channels:
             numbers = [message.sequence for message in self._messages(channel)]
-            if numbers != list(range(commit.sample_count)):
-                missing = sorted(set(range(commit.sample_count)) - set(numbers))
+            expected = schemas.samples_with(channel, commit.sample_count, self._image_every)
+            if numbers != list(expected):
+                missing = sorted(set(expected) - set(numbers))
                 what = f"lacks samples {_some(missing)}" if missing else "has samples out of order"
                 yield "sequence", f"{self._name}: {channel.topic} {what}"
         if not start.sample_count == commit.sample_count > 0:
@@ -169,8 +186,8 @@ class EpisodeChecks:
             if name not in schemas.OUTPUT_CHANNELS:
                 continue
             bad, strangers = [], []
-            for seq in range(self.sample_count):
-                message = self._parsed(channel, seq)
+            for position, seq in enumerate(self._samples_with(channel)):
+                message = self._parsed(channel, position)
                 image = decode_output(name, message.data)
                 if image is None or image.shape[:2] != shape or message.format != FILE_FORMAT:
                     bad.append(seq)
@@ -198,38 +215,56 @@ class EpisodeChecks:
         """Commands of the expert must be what the robot could have executed."""
         if schemas.EXPERT not in self._outputs:
             return
-        wrong, before = [], (0.0, 0.0)
-        first = self._parsed(self._outputs[schemas.EXPERT], 0)
+        wrong, channel = [], self._outputs[schemas.EXPERT]
+        first = self._parsed(channel, 0)
         count, ending = len(first.v_mps), schemas.ending_of(first)
-        for seq in range(self.sample_count):
-            commands = self._parsed(self._outputs[schemas.EXPERT], seq)
-            if schemas.ending_of(commands) != ending:
-                yield "sequence", f"{self._name}: sample {seq} tells of another end of the episode than sample 0"
+        for position, seq in enumerate(self._samples_with(channel)):
+            commands = self._parsed(channel, position)
+            action = self._parsed(schemas.ACTION, seq - 1) if seq else None
+            before = (action.v_mps, action.w_radps) if action is not None else (0.0, 0.0)
+            if (schemas.ending_of(commands), schemas.image_every(commands)) != (ending, self._image_every):
+                yield "sequence", f"{self._name}: sample {seq} tells of another end or camera than sample 0"
             if not _can_execute(commands, count, before, self._robot):
                 wrong.append(seq)
-            action = self._parsed(schemas.ACTION, seq)
-            before = action.v_mps, action.w_radps
         if wrong:
             yield "action", f"{self._name}: the robot could not do what the expert would at samples {_some(wrong)}"
 
+    def _frames(self) -> Iterator[Finding]:
+        """The robot's frame must be at its pose, at every sample of an episode that is staged for viewers."""
+        if self._calibration is schemas.CALIBRATION:
+            return
+        frames = {message.sequence: place for place, message in enumerate(self._messages(schemas.TRANSFORMS))}
+        wrong = []
+        for place, message in enumerate(self._messages(schemas.ROBOT_POSE)):
+            pose = self._parsed(schemas.ROBOT_POSE, place)
+            frame = self._parsed(schemas.TRANSFORMS, frames[message.sequence]) if message.sequence in frames else None
+            if frame is None or not _holds_pose(frame, pose):
+                wrong.append(message.sequence)
+        if wrong:
+            yield "frame", f"{self._name}: the robot's frame is not at its pose at samples {_some(wrong)}"
+
     def _step(self, seq: int) -> _Step:
-        image, pose, action, goal = (
-            self._parsed(channel, seq) for channel in (schemas.IMAGE, schemas.ROBOT_POSE, schemas.ACTION, schemas.GOAL)
+        pose, action, goal = (
+            self._parsed(channel, seq) for channel in (schemas.ROBOT_POSE, schemas.ACTION, schemas.GOAL)
         )
+        taken = self._parsed(schemas.IMAGE, seq // self._image_every) if seq % self._image_every == 0 else None
         return _Step(
             pose_xyzyaw(pose.pose),
             action.v_mps,
             action.w_radps,
             (goal.x_m, goal.y_m),
-            image.data,
-            image.format,
+            taken.data if taken is not None else None,
+            taken.format if taken is not None else "",
         )
 
     def _pictures(self, steps: Sequence[_Step], start: Any, calibration: Any) -> Callable[[int], bool]:
         shape = (calibration.height, calibration.width, 3)
 
         def holds(seq: int) -> bool:
-            image = decode_image(steps[seq].image)
+            data = steps[seq].image
+            if data is None:
+                return True
+            image = decode_image(data)
             return image is not None and image.shape == shape and steps[seq].image_format == start.image_format
 
         return holds
@@ -285,6 +320,19 @@ def _can_execute(commands: Any, count: int, before: tuple[float, float], robot: 
             return False
         before = v, w
     return True
+
+
+def _holds_pose(frames: Any, pose: Any) -> bool:
+    """True if the first of a message's frames is that of the robot, at a PoseInFrame and its time."""
+    if not frames.transforms:
+        return False
+    robot = frames.transforms[0]
+    return (robot.child_frame_id, robot.timestamp, robot.translation, robot.rotation) == (
+        schemas.ROBOT_FRAME,
+        pose.timestamp,
+        pose.pose.position,
+        pose.pose.orientation,
+    )
 
 
 def _near_pose(a: tuple[float, float, float, float], b: tuple[float, float, float, float]) -> bool:

@@ -27,8 +27,8 @@ JOINT_DTYPE = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("human", "u1"
 """A joint in the world [m] and whose it is, by the order of /humans."""
 GROUND_DTYPE = np.dtype([("x", "<f4"), ("y", "<f4"), ("human", "u1")])
 """A point on the ground [m] and below whom it is."""
-_BOX_LIFETIME_NS = 100_000_000
-"""A viewer drops a box that no later sample moves: the next episode may have fewer humans."""
+LIFETIME_NS = 100_000_000
+"""Viewers drop a human whom no later sample moves: the next episode may have fewer."""
 _TYPES = {"<f4": PackedElementField.FLOAT32, "|u1": PackedElementField.UINT8}
 
 
@@ -109,12 +109,13 @@ def _cloud(points: npt.NDArray[np.void], stamp: Any, frame_id: str, z_m: float) 
         frame_id=frame_id,
         pose=pose_of(0.0, 0.0, z_m, 0.0),
         point_stride=points.dtype.itemsize,
-        fields=_layout(points.dtype),
+        fields=layout(points.dtype),
         data=points.tobytes(),
     )
 
 
-def _layout(dtype: np.dtype[np.void]) -> list[Any]:
+def layout(dtype: np.dtype[np.void]) -> list[Any]:
+    """The fields of a packed dtype."""
     fields: Mapping[str, Any] = dtype.fields or {}
     return [
         PackedElementField(name=name, offset=offset, type=_TYPES[kind.str])
@@ -123,7 +124,7 @@ def _layout(dtype: np.dtype[np.void]) -> list[Any]:
 
 
 def _unpacked(message: Any, dtype: np.dtype[np.void]) -> npt.NDArray[np.void]:
-    same = message.point_stride == dtype.itemsize and list(message.fields) == _layout(dtype)
+    same = message.point_stride == dtype.itemsize and list(message.fields) == layout(dtype)
     if not same or len(message.data) % dtype.itemsize:
         raise DatasetError(f"a point cloud is not packed as {dtype}")
     return np.frombuffer(message.data, dtype=dtype)
@@ -136,5 +137,5 @@ def _entity(number: int, box: npt.NDArray[np.float64], stamp: Any, frame_id: str
         size=Vector3(x=length_m, y=width_m, z=height_m),
         color=Color(r=1.0, g=0.5, b=0.0, a=0.25),
     )
-    lifetime = Duration(nanos=_BOX_LIFETIME_NS)
+    lifetime = Duration(nanos=LIFETIME_NS)
     return SceneEntity(timestamp=stamp, frame_id=frame_id, id=str(number), lifetime=lifetime, cubes=[cube])

@@ -29,7 +29,7 @@ from readygo.common.messages.plan import Driver, Outcome
 from readygo.common.messages.samples import DISTORTION_MODELS
 from readygo.common.policy.windows import spacing_steps_of, window_rows
 from readygo.common.robot import RobotConfig
-from readygo.common.robot.command_grid import COMMAND_COUNT
+from readygo.common.robot.command_grid import COMMAND_COUNT, UNKNOWN_RISK
 
 _CALIBRATION = ("height_px", "width_px", "K_px", "distortion_model", "distortion")
 OPEN_SHARDS_MAX = 128
@@ -116,7 +116,7 @@ class Dataset:
         self.labels: tuple[str, ...] = tuple(name for name in common if name in LABEL_CHANNELS)
         """Names of the labels of people that every sample has: "joints", "boxes" and "footprints", or none."""
         self.has_expert: bool = EXPERT in common
-        """True if the expert was asked at every sample: `expert_actions` and `expert_ahead` are there."""
+        """True if the expert was asked wherever there is an image: `expert_actions` and `expert_ahead` are there."""
         self._output_rows = {
             name: np.concatenate([_episode_rows(indexes[shard], row, name) for shard, row in order]) for name in common
         }
@@ -125,6 +125,8 @@ class Dataset:
         """Row in `episodes` of each sample, shape (S,)."""
         self._first_sample = np.repeat(np.cumsum(counts) - counts, counts)
         self._maps: OrderedDict[int, mmap.mmap] = OrderedDict()
+        self.pictured: npt.NDArray[np.bool_] = self._rows["image_length"] > 0
+        """True where a sample has an image, shape (S,): everywhere, but for episodes whose camera was slower."""
 
     def __len__(self) -> int:
         return len(self._rows)
@@ -142,17 +144,19 @@ class Dataset:
     def expert_actions(self) -> npt.NDArray[np.float32]:
         """What the expert would have executed after each sample: v [m/s], w [rad/s], shape (S, 2).
 
+        NaN at samples without an image.
+
         Raises:
-            DatasetError: If it was not asked at every sample.
+            DatasetError: If nobody asked it.
         """
         return self._expert_commands[:, 0]
 
     @property
     def expert_ahead(self) -> npt.NDArray[np.float32]:
-        """What it would have gone on with, every 0.05 s: v [m/s], w [rad/s], shape (S, K, 2).
+        """What it would have gone on with, every 0.05 s: v [m/s], w [rad/s], shape (S, K, 2); NaN like them.
 
         Raises:
-            DatasetError: If it was not asked at every sample.
+            DatasetError: If nobody asked it.
         """
         return self._expert_commands[:, 1:]
 
@@ -160,26 +164,40 @@ class Dataset:
     def risks(self) -> npt.NDArray[np.uint8]:
         """What would have become of the robot under each command of `readygo.common.robot.command_grid`, shape (S, C).
 
-        0 nothing, 1 a collision with an obstacle, 2 one with a human.
+        0 nothing, 1 a collision with an obstacle, 2 one with a human, `UNKNOWN_RISK` at samples without an image.
 
         Raises:
-            DatasetError: If nobody looked at every sample.
+            DatasetError: If nobody looked at all samples with images.
         """
         if not self.has_risks:
             raise DatasetError(
                 f"The samples of {self.shards[0].parent} have no risks of commands; record with this version and "
                 "`readygo generate --policy` or --disturb."
             )
-        return np.frombuffer(b"".join(self._risk_rows), np.uint8).reshape(len(self), COMMAND_COUNT)
+        known = np.frombuffer(b"".join(self._risk_rows), np.uint8).reshape(-1, COMMAND_COUNT)
+        return self._spread(known, UNKNOWN_RISK)
 
     @cached_property
     def has_risks(self) -> bool:
-        """True if every sample says what each command would have led to."""
+        """True if every sample with an image says what each command would have led to."""
         return self.has_expert and all(len(row) == COMMAND_COUNT for row in self._risk_rows)
 
     @cached_property
     def _risk_rows(self) -> list[bytes]:
-        return [self._message(index, EXPERT).risks for index in range(len(self))]
+        return [self._message(index, EXPERT).risks for index in np.flatnonzero(self._asked).tolist()]
+
+    @cached_property
+    def _asked(self) -> npt.NDArray[np.bool_]:
+        """Where there is a message of the expert, shape (S,)."""
+        return np.asarray(self._output_rows[EXPERT]["length"] > 0)
+
+    def _spread(self, rows: npt.NDArray[Any], missing: float) -> npt.NDArray[Any]:
+        """Rows of the samples at which the expert was asked, as rows of all samples."""
+        if self._asked.all():
+            return rows
+        spread = np.full((len(self), *rows.shape[1:]), missing, rows.dtype)
+        spread[self._asked] = rows
+        return spread
 
     @cached_property
     def _expert_commands(self) -> npt.NDArray[np.float32]:
@@ -189,14 +207,15 @@ class Dataset:
                 f"The samples of {self.shards[0].parent} have no commands of the expert; record with "
                 "`readygo generate --disturb` or `--policy`."
             )
-        messages = (self._message(index, EXPERT) for index in range(len(self)))
+        messages = (self._message(index, EXPERT) for index in np.flatnonzero(self._asked).tolist())
         rows = [(message.v_mps, message.w_radps) for message in messages]
         try:
-            return np.ascontiguousarray(np.array(rows, dtype=np.float32).transpose(0, 2, 1))
+            known = np.ascontiguousarray(np.array(rows, dtype=np.float32).transpose(0, 2, 1))
         except ValueError as error:
             raise DatasetError(
                 "The expert's commands reach differently far ahead; use the folders as separate datasets."
             ) from error
+        return self._spread(known, np.nan)
 
     @cached_property
     def goals_xy_m(self) -> npt.NDArray[np.float32]:
@@ -237,7 +256,7 @@ class Dataset:
         return hashlib.sha256("\n".join(sorted(entry.sha256 for entry in self.episodes)).encode()).hexdigest()
 
     def image(self, index: int) -> bytes:
-        """The encoded image of a sample.
+        """The encoded image of a sample; empty where it has none, see `pictured`.
 
         Args:
             index: Number of the sample.
@@ -253,8 +272,10 @@ class Dataset:
             index: Number of the sample.
 
         Raises:
-            DatasetError: If the image cannot be decoded or has another size than the dataset's.
+            DatasetError: If there is none, or it cannot be decoded or has another size than the dataset's.
         """
+        if not self.pictured[index]:
+            raise DatasetError(f"Sample {index} in {self._shard_of(index)} has no image; `pictured` tells which have.")
         image = decode_image(self.image(index))
         if image is None or image.shape != (self.height_px, self.width_px, 3):
             raise DatasetError(f"The image of sample {index} in {self._shard_of(index)} is damaged.")

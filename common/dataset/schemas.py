@@ -2,7 +2,8 @@
 
 Channel numbers are part of the bytes that an episode's SHA-256 covers: no channel ever gets another one. Those of
 `CHANNELS` are in every shard, those of `OPTIONAL_CHANNELS` in the shards whose samples have these outputs:
-further images, the labels of people, and the expert's commands.
+further images, the labels of people, and the expert's commands. Those of `VIEW_CHANNELS` are for viewers, which need
+frames, the map and markers to show an episode in 3-D; no sample is read from them and no hash covers them.
 """
 
 from collections.abc import Iterable, Mapping
@@ -11,6 +12,8 @@ from typing import Any, NamedTuple
 
 from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.Grid_pb2 import Grid
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
@@ -30,6 +33,7 @@ from readygo.common.messages.samples import EpisodeHeader, Sample
 
 NS_PER_S = 1_000_000_000
 WORLD_FRAME = "world"
+ROBOT_FRAME = "robot"
 CAMERA_FRAME = "camera"
 
 
@@ -53,7 +57,7 @@ TRUTH = Channel(8, "/truth", StepTruth)
 EPISODE_COMMIT = Channel(9, "/episode/commit", EpisodeCommit)
 CHANNELS = (EPISODE_START, CALIBRATION, IMAGE, ROBOT_POSE, HUMANS, ACTION, GOAL, TRUTH, EPISODE_COMMIT)
 SAMPLE_CHANNELS = (IMAGE, ROBOT_POSE, HUMANS, ACTION, GOAL, TRUTH)
-"""Every sample has one message on each of these, in this order."""
+"""Every sample has one message on each of these, in this order; see `samples_with` for images."""
 OUTPUT_CHANNELS: Mapping[str, Channel] = {
     "depth": Channel(10, "/camera/depth", CompressedImage),
     "median_depth": Channel(11, "/camera/median_depth", CompressedImage),
@@ -73,6 +77,36 @@ EXPERT_CHANNELS: Mapping[str, Channel] = {EXPERT: Channel(18, "/robot/expert_com
 """Channel of what the expert would do at the robot's states."""
 OPTIONAL_CHANNELS: Mapping[str, Channel] = {**OUTPUT_CHANNELS, **LABEL_CHANNELS, **EXPERT_CHANNELS}
 """In the order of their messages, which follow those of `SAMPLE_CHANNELS`."""
+ROS_CALIBRATION = Channel(19, "/camera/calibration", CameraCalibration)
+"""The calibration as ROS and OpenCV have it, pixel centres at integers; in `CALIBRATION` they are at +0.5."""
+TRANSFORMS = Channel(20, "/tf", FrameTransforms)
+MARKERS = Channel(21, "/episode/markers", SceneUpdate)
+PATH = Channel(22, "/episode/path", PointCloud)
+ROBOT_OUTLINE = Channel(23, "/robot/outline", PointCloud)
+BODIES = Channel(24, "/humans/bodies", SceneUpdate)
+MAP = Channel(25, "/map", Grid)
+MAP_POINTS = Channel(26, "/map/points", PointCloud)
+VIEW_CHANNELS = (TRANSFORMS, MARKERS, PATH, ROBOT_OUTLINE, BODIES, MAP, MAP_POINTS)
+"""What viewers need besides samples; point clouds repeat what Rerun does not show of a scene or a grid."""
+
+
+_WITH_IMAGES = {channel.number for channel in (IMAGE, *OUTPUT_CHANNELS.values(), *EXPERT_CHANNELS.values())}
+
+
+def samples_with(channel: Channel, sample_count: int, image_every: int) -> range:
+    """The samples of an episode that have a message on a channel of samples: all, or those at which images were taken.
+
+    Args:
+        channel: One of `SAMPLE_CHANNELS` or `OPTIONAL_CHANNELS`.
+        sample_count: Samples of the episode.
+        image_every: See `EpisodeHeader.image_every`.
+    """
+    return range(0, sample_count, image_every if channel.number in _WITH_IMAGES else 1)
+
+
+def image_every(commands: Any) -> int:
+    """`EpisodeHeader.image_every` of an ExpertCommands message; where there is none, images are at all samples."""
+    return int(commands.image_every) or 1
 
 
 class Ending(NamedTuple):
@@ -87,7 +121,7 @@ class Ending(NamedTuple):
 def schema_numbers(channels: Iterable[Channel]) -> dict[Any, int]:
     """Number of the schema of each message class of some channels: that of the first channel that there is for it."""
     first: dict[Any, int] = {}
-    for channel in (*CHANNELS, *OPTIONAL_CHANNELS.values()):
+    for channel in (*CHANNELS, *OPTIONAL_CHANNELS.values(), *VIEW_CHANNELS):
         first.setdefault(channel.message, channel.number)
     used = {channel.message for channel in channels}
     return {message: number for message, number in first.items() if message in used}
@@ -96,6 +130,12 @@ def schema_numbers(channels: Iterable[Channel]) -> dict[Any, int]:
 def channels_with(outputs: Iterable[str]) -> tuple[Channel, ...]:
     """All channels of a shard whose samples have `outputs`."""
     return (*CHANNELS, *output_channels(outputs).values())
+
+
+def staged_channels(outputs: Iterable[str]) -> tuple[Channel, ...]:
+    """All channels of a shard whose samples have `outputs` and whose episodes are staged for viewers."""
+    content = (channel for channel in channels_with(outputs) if channel is not CALIBRATION)
+    return (*content, ROS_CALIBRATION, *VIEW_CHANNELS)
 
 
 def output_channels(outputs: Iterable[str], known: Mapping[str, Channel] = OPTIONAL_CHANNELS) -> dict[str, Channel]:
@@ -132,7 +172,7 @@ def descriptor_set(message: Any) -> bytes:
 def start_message(header: EpisodeHeader) -> bytes:
     """The EpisodeStart of an episode."""
     x_m, y_m, yaw_rad = header.start_xyyaw
-    return _serialized(
+    return serialized(
         EpisodeStart(
             episode_id=header.episode.episode_id,
             seed=header.episode.seed,
@@ -154,9 +194,9 @@ def start_message(header: EpisodeHeader) -> bytes:
 def calibration_message(header: EpisodeHeader, stamp_ns: int) -> bytes:
     """The CameraCalibration of an episode."""
     k = list(header.K_px)
-    return _serialized(
+    return serialized(
         CameraCalibration(
-            timestamp=_timestamp(stamp_ns),
+            timestamp=timestamp(stamp_ns),
             frame_id=CAMERA_FRAME,
             width=header.width_px,
             height=header.height_px,
@@ -171,7 +211,7 @@ def calibration_message(header: EpisodeHeader, stamp_ns: int) -> bytes:
 
 def sample_messages(sample: Sample, header: EpisodeHeader, stamp_ns: int) -> Iterable[tuple[Channel, bytes]]:
     """The messages of one sample, in the order of `SAMPLE_CHANNELS` and `OPTIONAL_CHANNELS`."""
-    stamp = _timestamp(stamp_ns)
+    stamp = timestamp(stamp_ns)
     image = CompressedImage(timestamp=stamp, frame_id=CAMERA_FRAME, data=sample.image, format=header.image_format)
     humans = PosesInFrame(timestamp=stamp, frame_id=WORLD_FRAME, poses=[pose_of(*row) for row in sample.humans_xyzyaw])
     truth = StepTruth(
@@ -201,21 +241,27 @@ def sample_messages(sample: Sample, header: EpisodeHeader, stamp_ns: int) -> Ite
         channels |= EXPERT_CHANNELS
         v_mps, w_radps = zip(*sample.expert_commands, strict=True)
         ending = {"outcome": header.outcome.value, "driver": header.driver.value, "policy": header.policy}
-        outputs.append(ExpertCommands(v_mps=v_mps, w_radps=w_radps, risks=sample.risks, **ending))
-    return zip((*SAMPLE_CHANNELS, *channels.values()), map(_serialized, (*messages, *outputs)), strict=True)
+        every = header.image_every if header.image_every > 1 else 0
+        outputs.append(ExpertCommands(v_mps=v_mps, w_radps=w_radps, risks=sample.risks, image_every=every, **ending))
+    written = zip((*SAMPLE_CHANNELS, *channels.values()), map(serialized, (*messages, *outputs)), strict=True)
+    return written if sample.image else (pair for pair in written if pair[0] is not IMAGE)
+
+
+def stamped_parts(message: Any) -> list[Any]:
+    """The parts of a message that carry a time, in `timestamp`; readygo's own messages have none."""
+    parts = {"SceneUpdate": "entities", "FrameTransforms": "transforms"}.get(message.DESCRIPTOR.name)
+    candidates = getattr(message, parts) if parts else [message]
+    return [part for part in candidates if "timestamp" in part.DESCRIPTOR.fields_by_name]
 
 
 def stamps_ns(message: Any) -> list[int]:
-    """The times inside of a message of a sample [ns]; readygo's own messages have none."""
-    if isinstance(message, ExpertCommands):
-        return []
-    stamped = message.entities if isinstance(message, SceneUpdate) else [message]
-    return [part.timestamp.ToNanoseconds() for part in stamped]
+    """The times inside of a message [ns]."""
+    return [part.timestamp.ToNanoseconds() for part in stamped_parts(message)]
 
 
 def commit_message(episode: EpisodeKey, attempt: int, sample_count: int, sha256: str) -> bytes:
     """The EpisodeCommit that ends an episode."""
-    return _serialized(
+    return serialized(
         EpisodeCommit(
             episode_id=episode.episode_id,
             index=episode.index,
@@ -250,10 +296,12 @@ def ending_of(commands: Any) -> Ending:
         raise DatasetError(f"the end of an episode cannot be read: {error}") from error
 
 
-def _timestamp(stamp_ns: int) -> Any:
+def timestamp(stamp_ns: int) -> Any:
+    """A time of a message."""
     return Timestamp(seconds=stamp_ns // NS_PER_S, nanos=stamp_ns % NS_PER_S)
 
 
-def _serialized(message: Any) -> bytes:
+def serialized(message: Any) -> bytes:
+    """The bytes of a message, the same for the same content."""
     payload: bytes = message.SerializeToString(deterministic=True)
     return payload

@@ -35,7 +35,7 @@ class Defect:
     """Name of the file."""
     kind: str
     """"file", "crc", "summary", "index", "sequence", "time", "sha256", "image", "label", "action", "motion",
-    "goal", "duplicate" or "metadata"."""
+    "goal", "frame", "duplicate" or "metadata"."""
     text: str
     """What does not hold, in words."""
 

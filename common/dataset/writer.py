@@ -2,7 +2,8 @@
 
 Layout of a shard: header, metadata, schemas, channels; then per episode a chunk and its message indexes; then the end
 of data, and the summary. While it is open, its name ends in ".part". A failed write is cut off again, so that the file
-always ends after a whole episode.
+always ends after a whole episode. With a stage, time runs on from chunk to chunk: each episode begins `PAUSE_NS` after
+the one before it, in the order in which they were appended.
 """
 
 import errno
@@ -31,10 +32,11 @@ from mcap.records import (
 )
 
 from readygo.common.dataset import schemas
-from readygo.common.dataset.chunk import EpisodeChunk
+from readygo.common.dataset.chunk import EpisodeChunk, canonical
 from readygo.common.dataset.index import IndexRows, index_path, write_index
 from readygo.common.dataset.provenance import RECORD_NAME, Provenance, provenance_to_strings
 from readygo.common.dataset.records import CHUNK_FIELDS, MAGIC, RECORD_HEADER
+from readygo.common.dataset.stage import PAUSE_NS, Stage
 from readygo.common.errors import DatasetError
 
 PART_SUFFIX = ".part"
@@ -63,6 +65,8 @@ class ShardWriter:
         provenance: Provenance,
         *,
         outputs: Iterable[str] = (),
+        stage: Stage | None = None,
+        start_ns: int = 0,
         fsync: bool = True,
         part_suffix: str = PART_SUFFIX,
     ) -> None:
@@ -72,6 +76,8 @@ class ShardWriter:
             path: The finished shard, see `shard_name`.
             provenance: What the shard says about its run.
             outputs: The images besides rgb, and the labels, that all samples of the shard have.
+            stage: What viewers show around the samples; None writes episodes as they are given.
+            start_ns: When the first episode begins on the stage.
             fsync: False trades durability for speed.
             part_suffix: Ending of the open file's name; its existing file is overwritten.
 
@@ -84,8 +90,11 @@ class ShardWriter:
         self.provenance = provenance
         self._part = path.with_name(path.name + part_suffix)
         self._fsync = fsync
-        self._channels = schemas.channels_with(self.outputs)
+        self._stage = stage
+        self._channels = schemas.channels_with(self.outputs) if stage is None else schemas.staged_channels(self.outputs)
         self._rows = IndexRows()
+        self.next_start_ns = start_ns
+        """When the next episode would begin."""
         self._message_counts: Counter[int] = Counter()
         self._chunk_indexes: list[ChunkIndex] = []
         self._offset = 0
@@ -130,12 +139,15 @@ class ShardWriter:
                 f"Episode {chunk.episode.episode_id} has the outputs {list(chunk.outputs)}, its shard "
                 f"{list(self.outputs)}; begin a new shard."
             )
+        if self._stage is not None:
+            chunk = self._stage.staged(canonical(chunk), self.next_start_ns, with_map=not self._chunk_indexes)
         parts, index = _chunk_record(chunk, self._offset)
         self._write(*parts)
         for part in parts:
             self._data_crc32 = zlib.crc32(part, self._data_crc32)
         self._rows.add(chunk, index.chunk_start_offset + _CHUNK_HEADER_SIZE)
         self._chunk_indexes.append(index)
+        self.next_start_ns = chunk.end_time_ns + PAUSE_NS
         self._message_counts.update({number: len(rows) for number, rows in chunk.message_offsets.items()})
 
     def close(self) -> Path | None:

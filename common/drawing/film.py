@@ -1,4 +1,4 @@
-"""Films of pictures: MP4 files, and animations for pages."""
+"""Films of pictures, which browsers play."""
 
 import itertools
 import os
@@ -14,17 +14,16 @@ import numpy as np
 from readygo.common.drawing.files import Picture
 from readygo.common.errors import ReadygoError
 from readygo.common.files import unfinished
-from readygo.common.robot.kinematics import DT_S, RATE_HZ
+from readygo.common.robot.kinematics import RATE_HZ
 
-# Browsers play H.264; OpenCV's own builds often lack its encoder, but all write MPEG-4 part 2.
-CODECS = ("avc1", "mp4v")
-ANIMATION_QUALITY = 60
-ANIMATION_END_MS = 1500
+CODECS = {".webm": ("VP80",), ".mp4": ("avc1", "vp09")}
+"""What browsers play, by the ending of the file, the first that can be written. OpenCV's own builds lack H.264 (avc1);
+VP9 then takes five times as long as VP8 in a .webm, and as many bytes."""
 _INSTALL = "install opencv-python-headless from PyPI"
 
 
 def write_film(path: Path, frames: Iterable[Picture], *, fps: int = RATE_HZ) -> None:
-    """Write an MP4.
+    """Write a film: VP8 in a .webm, which is quick, or H.264 in a .mp4, VP9 where OpenCV lacks that.
 
     Args:
         path: File to write; it appears under this name only when it is complete.
@@ -32,12 +31,16 @@ def write_film(path: Path, frames: Iterable[Picture], *, fps: int = RATE_HZ) -> 
         fps: Pictures per second; by default the simulation's rate.
 
     Raises:
-        ReadygoError: If the file cannot be written, or this OpenCV cannot write videos.
+        ReadygoError: If the ending is neither .webm nor .mp4, the file cannot be written, or this OpenCV cannot write
+            films.
     """
+    codecs = CODECS.get(path.suffix.lower())
+    if codecs is None:
+        raise ReadygoError(f"{path} must end in {' or '.join(CODECS)} to be a film.")
     pictures = iter(frames)
     first = next(pictures)
     with unfinished(path) as part:
-        writer = _writer(part, (first.shape[1], first.shape[0]), fps)
+        writer = _writer(part, codecs, (first.shape[1], first.shape[0]), fps)
         try:
             for picture in itertools.chain([first], pictures):
                 writer.write(np.ascontiguousarray(picture[:, :, ::-1]))
@@ -47,30 +50,8 @@ def write_film(path: Path, frames: Iterable[Picture], *, fps: int = RATE_HZ) -> 
             raise ReadygoError(f"OpenCV {cv2.__version__} cannot write {path}; {_INSTALL}.")
 
 
-def write_animation(path: Path, frames: Iterable[Picture], *, step: int = 1) -> None:
-    """Write an animated WebP, which browsers play inside of a page, at the simulation's pace.
-
-    Args:
-        path: File to write; it appears under this name only when it is complete.
-        frames: Pictures of one size, shape (H, W, 3).
-        step: Simulation steps between two pictures.
-
-    Raises:
-        ReadygoError: If the file cannot be written, or this OpenCV cannot write animations.
-    """
-    animation = cv2.Animation()
-    animation.frames = [np.ascontiguousarray(frame[..., ::-1]) for frame in frames]
-    durations_ms = [round(1000 * DT_S * step)] * len(animation.frames)
-    # The end stays on for a moment before the film begins anew.
-    durations_ms[-1] = ANIMATION_END_MS
-    animation.durations = durations_ms
-    with unfinished(path) as part:
-        if not cv2.imwriteanimation(str(part), animation, [cv2.IMWRITE_WEBP_QUALITY, ANIMATION_QUALITY]):
-            raise ReadygoError(f"OpenCV {cv2.__version__} cannot write {path}; {_INSTALL}.")
-
-
-def _writer(path: Path, size: tuple[int, int], fps: int) -> Any:
-    for codec in CODECS:
+def _writer(path: Path, codecs: Iterable[str], size: tuple[int, int], fps: int) -> Any:
+    for codec in codecs:
         with _quiet_libraries():
             writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*codec), fps, size)
         if writer.isOpened():

@@ -22,6 +22,9 @@ INK: Rgb = (38, 44, 52)
 WHITE: Rgb = (255, 255, 255)
 FREE, OCCUPIED = 250, 150
 """Grey of map cells."""
+SCALE_BARS_M = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0)
+SCALE_BAR_SHARE = 0.2
+"""Of a picture's width that a scale bar takes at most."""
 _SUBPIXEL_BITS = 4
 
 
@@ -157,12 +160,16 @@ def draw_ring(picture: Picture, view: TopView, xy_m: npt.ArrayLike, radius_m: fl
 
 
 def draw_scale_bar(picture: Picture, view: TopView) -> None:
-    """A bar of 1 m, or 10 m in wide views, in the lower left corner."""
-    length_m = 1 if picture.shape[1] * view.frame.resolution_m < 60 else 10
+    """A bar of a round length, at most a fifth of the picture's width, in the lower left corner."""
+    room_m = SCALE_BAR_SHARE * picture.shape[1] * view.frame.resolution_m
+    length_m = max((length for length in SCALE_BARS_M if length <= room_m), default=SCALE_BARS_M[0])
     length_px, bottom = round(length_m / view.frame.resolution_m), picture.shape[0] - 12
-    cv2.rectangle(picture, (8, bottom - 26), (max(16 + length_px, 64), bottom + 8), WHITE, cv2.FILLED)
-    cv2.rectangle(picture, (12, bottom - 2), (12 + length_px, bottom + 3), INK, cv2.FILLED)
-    put_text(picture, f"{length_m} m", (12, bottom - 8), size=0.5)
+    # Large pictures are looked at from further away.
+    k = max(1, round(picture.shape[1] / 1000))
+    for grown, colour in ((k + 1, WHITE), (0, INK)):
+        corners = (12 - grown, bottom - 2 * k - grown), (12 + length_px + grown, bottom + 2 * k + grown)
+        cv2.rectangle(picture, *corners, colour, cv2.FILLED)
+    put_text(picture, f"{length_m:g} m", (12, bottom - 10 * k), size=0.5 * k, halo=WHITE)
 
 
 def fill_area(
@@ -219,9 +226,31 @@ def _blend(picture: Picture, mask: Picture, colour: Rgb, share: float) -> None:
     picture[box] = cv2.copyTo(mixed, (mask[box] > 127).astype(np.uint8), ground)
 
 
-def put_text(picture: Picture, text: str, xy_px: tuple[int, int], *, size: float = 0.45, colour: Rgb = INK) -> None:
-    """One line of text; `xy_px` is its lower left corner."""
-    cv2.putText(picture, text, xy_px, cv2.FONT_HERSHEY_SIMPLEX, size, colour, 1, cv2.LINE_AA)
+def put_text(
+    picture: Picture,
+    text: str,
+    xy_px: tuple[int, int],
+    *,
+    size: float = 0.45,
+    colour: Rgb = INK,
+    halo: Rgb | None = None,
+) -> None:
+    """One line of text.
+
+    Args:
+        picture: Drawn on.
+        text: ASCII.
+        xy_px: Its lower left corner.
+        size: 1 is letters of about 22 px.
+        colour: Of the letters.
+        halo: Colour around them, without which they vanish on grounds of their own colour.
+    """
+    width = max(1, round(size))
+    if halo is not None:
+        mask = np.zeros(picture.shape[:2], np.uint8)
+        cv2.putText(mask, text, xy_px, cv2.FONT_HERSHEY_SIMPLEX, size, (255,), width, cv2.LINE_AA)
+        picture[cv2.dilate(mask, np.ones((4 * width + 1, 4 * width + 1), np.uint8)) > 0] = halo
+    cv2.putText(picture, text, xy_px, cv2.FONT_HERSHEY_SIMPLEX, size, colour, width, cv2.LINE_AA)
 
 
 def text_width_px(text: str, *, size: float = 0.45) -> int:

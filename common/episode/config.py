@@ -1,5 +1,6 @@
 """What an episode is: task, limits and the humans in it."""
 
+import math
 from dataclasses import dataclass
 
 
@@ -16,6 +17,12 @@ class EpisodeConfig:
     human_speed_min_mps: float = 0.8
     human_speed_max_mps: float = 1.4
     human_radius_m: float = 0.25
+    sharpness_min: float = 0.0
+    """Episodes whose median view, without people, is duller are rejected: fog. See `readygo.common.images.clarity`,
+    where 150 tells fog from what is clear; 0 rejects none."""
+    coverage_min: float = 0.0
+    """Episodes whose median view shows less surface are rejected, 0..1: haze, and places with nothing around them.
+    0.45 tells them apart there; 0 rejects none."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.human_count_min <= self.human_count_max <= 8:
@@ -28,3 +35,8 @@ class EpisodeConfig:
             raise ValueError("goal distances must be success_radius_m < min <= max.")
         if self.time_limit_s <= 0 or self.human_radius_m <= 0:
             raise ValueError("time_limit_s and human_radius_m must be positive.")
+        if not (0 <= self.sharpness_min < math.inf and 0 <= self.coverage_min <= 1):
+            raise ValueError(
+                "sharpness_min must be a number from 0 on and coverage_min 0..1, "
+                f"got {self.sharpness_min} and {self.coverage_min}."
+            )

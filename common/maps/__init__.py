@@ -1,6 +1,6 @@
 """Voxels and 2-D maps of a scene."""
 
-from readygo.common.maps.distance import clearance_m, free_components, largest_free_area
+from readygo.common.maps.distance import clearance_m, farthest_m, free_components, largest_free_area
 from readygo.common.maps.floor import FloorEstimate, estimate_floor
 from readygo.common.maps.grid import FloorMap, GridFrame, OccupancyMap
 from readygo.common.maps.occupancy import MapConfig, ScenePlan, plan_scene
@@ -18,6 +18,7 @@ __all__ = [
     "SightMap",
     "clearance_m",
     "estimate_floor",
+    "farthest_m",
     "free_components",
     "largest_free_area",
     "load_ros_map",

@@ -81,6 +81,27 @@ def free_components(free: npt.NDArray[np.bool_]) -> tuple[npt.NDArray[np.int32],
     return rank[labels], np.concatenate([sizes[:1], sizes[1:][order]]).astype(np.int64)
 
 
+def farthest_m(labels: npt.NDArray[np.int32], resolution_m: float) -> float:
+    """The longest straight distance of two cells of one area [m], up to 1 %.
+
+    Args:
+        labels: Areas as of `free_components`, 0 where nobody can be, shape (H, W).
+        resolution_m: Edge of a cell [m].
+    """
+    rows, columns = np.nonzero(labels)
+    if len(rows) == 0:
+        return 0.0
+    area = labels[rows, columns] - 1
+    longest = 0.0
+    for angle in np.linspace(0.0, np.pi, 24, endpoint=False).tolist():
+        at = columns * np.cos(angle) + rows * np.sin(angle)
+        high, low = np.full(area.max() + 1, -np.inf), np.full(area.max() + 1, np.inf)
+        np.maximum.at(high, area, at)
+        np.minimum.at(low, area, at)
+        longest = max(longest, float((high - low)[np.isfinite(low)].max()))
+    return longest * resolution_m
+
+
 def largest_free_area(occupancy: OccupancyMap, radius_m: float) -> tuple[npt.NDArray[np.bool_], float]:
     """The largest connected set of cells on whose centres a disc stands clear of everything.
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.errors import SceneError
+from readygo.common.errors import NoGroundError
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.kernels import compiled
 from readygo.common.maps.fill import box_mean, fill_smoothly
-from readygo.common.maps.floor_layers import COLUMN_M, CoarseFloor, find_coarse_floor
+from readygo.common.maps.floor_layers import COLUMN_M, SLOPE_MAX, CoarseFloor, find_coarse_floor
 from readygo.common.maps.grid import FloorMap, GridFrame
 from readygo.common.maps.surface import SurfaceSamples, sample_surfaces
 
@@ -41,6 +41,9 @@ class FloorEstimate:
     floor: FloorMap
     supported: npt.NDArray[np.bool_]
     """True where floor is seen, or hidden by a small gap only; same grid as the floor, shape (H, W)."""
+    relief_m: npt.NDArray[np.float64]
+    """World z of what is seen of the floor before it is smoothed [m]: its bulges too, where they rise no faster than
+    SLOPE_MAX, never below the floor, shape (H, W)."""
 
 
 def estimate_floor(cloud: GaussianCloud, cell_m: float) -> FloorEstimate:
@@ -55,12 +58,12 @@ def estimate_floor(cloud: GaussianCloud, cell_m: float) -> FloorEstimate:
         cell_m: Edge of the floor map's cells [m].
 
     Raises:
-        SceneError: If there is no floor, or the map would be too large.
+        NoGroundError: If there is no floor, or the map would be too large.
     """
     coarse = find_coarse_floor(sample_surfaces(cloud, COLUMN_M / 2))
     if coarse is None or coarse.area_m2 < AREA_MIN_M2:
         found_m2 = 0.0 if coarse is None else coarse.area_m2
-        raise SceneError(
+        raise NoGroundError(
             f"The scene has no floor: the largest level surface covers {found_m2:.1f} m2, {AREA_MIN_M2:.0f} m2 are "
             "needed; check the up axis and the scale, or import a whole place instead of an object."
         )
@@ -71,10 +74,11 @@ def estimate_floor(cloud: GaussianCloud, cell_m: float) -> FloorEstimate:
     offset, covered_m2 = _visible_offset(masses, cell_m * cell_m)
     known = covered_m2 >= COVERAGE_MIN * cell_m * cell_m
     if not known.any():
-        raise SceneError("The scene has no floor: its level surfaces are too faint; check the scale.")
+        raise NoGroundError("The scene has no floor: its level surfaces are too faint; check the scale.")
     height = _smoothed(prior + offset, known)
     floor = FloorMap(frame=frame, height_m=height.astype(np.float32))
-    return FloorEstimate(floor=floor, supported=_closed(known, cell_m))
+    relief = np.maximum(height, _gentle(np.where(known, prior + offset, height), cell_m))
+    return FloorEstimate(floor=floor, supported=_closed(known, cell_m), relief_m=relief)
 
 
 def _arrays(samples: SurfaceSamples) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
@@ -89,9 +93,9 @@ def _fine_grid(coarse: CoarseFloor, cell_m: float) -> tuple[GridFrame, tuple[int
     first = np.floor((low - MARGIN_M) / cell_m)
     width, height = np.ceil((high + MARGIN_M) / cell_m - first).astype(int).tolist()
     if 4 * width * height > CELLS_MAX:
-        raise SceneError(
+        raise NoGroundError(
             f"The floor spans {high[0] - low[0]:.0f} x {high[1] - low[1]:.0f} m: over {CELLS_MAX // 10**6} million "
-            f"cells of {cell_m / 2:g} m; use a coarser resolution, for example {cell_m:g} m, or crop the scene."
+            f"cells of {cell_m / 2:g} m; use a coarser resolution, for example {cell_m:g} m, or --crop the scene."
         )
     frame = GridFrame(origin_x_m=float(first[0]) * cell_m, origin_y_m=float(first[1]) * cell_m, resolution_m=cell_m)
     return frame, (height, width)
@@ -166,6 +170,17 @@ def _smoothed(height_m: npt.NDArray[np.float64], known: npt.NDArray[np.bool_]) -
     filled = fill_smoothly(height_m, known)
     median: npt.NDArray[np.float64] = ndimage.median_filter(filled, size=5, mode="nearest")
     return box_mean(median)
+
+
+def _gentle(height_m: npt.NDArray[np.float64], cell_m: float) -> npt.NDArray[np.float64]:
+    """The highest surface below this one that is nowhere steeper than SLOPE_MAX: bulges stay, steps become ramps."""
+    from scipy import ndimage
+
+    reach = max(1, round(BAND_M / SLOPE_MAX / cell_m))
+    i, j = np.mgrid[-reach : reach + 1, -reach : reach + 1]
+    cone = -SLOPE_MAX * cell_m * np.sqrt(i * i + j * j)
+    gentle: npt.NDArray[np.float64] = ndimage.grey_erosion(height_m, structure=cone, mode="nearest")
+    return gentle
 
 
 def _closed(known: npt.NDArray[np.bool_], cell_m: float) -> npt.NDArray[np.bool_]:

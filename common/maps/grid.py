@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.kernels import compiled
 from readygo.common.messages.checks import check_array
 
 
@@ -100,3 +101,28 @@ class FloorMap:
         high = (1 - a) * z[i1, j].astype(np.float64) + a * z[i1, j1]
         heights: npt.NDArray[np.float64] = (1 - b) * low + b * high
         return heights
+
+
+@compiled
+def bilinear(
+    height_m: npt.NDArray[np.float32], origin_x_m: float, origin_y_m: float, resolution_m: float, x_m: float, y_m: float
+) -> float:
+    """As `FloorMap.at`, for callers that are compiled themselves.
+
+    Args:
+        height_m: See `FloorMap`.
+        origin_x_m: See `GridFrame`, as for the next one.
+        origin_y_m: See there.
+        resolution_m: See there.
+        x_m: World x [m].
+        y_m: World y [m].
+    """
+    height, width = height_m.shape
+    u = min(max((x_m - origin_x_m) / resolution_m - 0.5, 0.0), width - 1.0)
+    v = min(max((y_m - origin_y_m) / resolution_m - 0.5, 0.0), height - 1.0)
+    j, i = int(u), int(v)
+    j1, i1, a, b = min(j + 1, width - 1), min(i + 1, height - 1), u - j, v - i
+    low = (1.0 - a) * float(height_m[i, j]) + a * float(height_m[i, j1])
+    high = (1.0 - a) * float(height_m[i1, j]) + a * float(height_m[i1, j1])
+    value: float = (1.0 - b) * low + b * high
+    return value

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.gaussians import GaussianCloud
+from readygo.common.maps.coarse_ground import coarse_ground
 from readygo.common.maps.floor import FloorEstimate, estimate_floor
 from readygo.common.maps.grid import FloorMap, GridFrame, OccupancyMap
 from readygo.common.maps.voxels import opacity_sums
@@ -47,6 +48,8 @@ class MapConfig:
     human_height_m: float = 1.9
     slope_max: float = 0.35
     """Steeper floor (rise over run) is blocked."""
+    close_coarse: bool = False
+    """True blocks ground that nobody filmed: where huge Gaussians stand for it."""
 
     def __post_init__(self) -> None:
         if not 0.01 <= self.resolution_m <= 1.0:
@@ -69,6 +72,12 @@ class ScenePlan:
     floor: FloorMap
     unknown: npt.NDArray[np.bool_]
     """Cells that are occupied only because no floor, or a too steep one, is seen there, shape (H, W)."""
+    phantoms: npt.NDArray[np.bool_]
+    """Cells where only the floor's own Gaussians stick out of it; they are free, shape (H, W)."""
+    coarse: npt.NDArray[np.bool_]
+    """Cells whose ground nobody filmed from near, shape (H, W)."""
+    ground_size_m: float
+    """Usual size of the Gaussians that the ground consists of [m]."""
 
 
 def plan_scene(cloud: GaussianCloud, config: MapConfig) -> ScenePlan:
@@ -79,17 +88,28 @@ def plan_scene(cloud: GaussianCloud, config: MapConfig) -> ScenePlan:
         config: Cells, thresholds and heights.
 
     Raises:
-        SceneError: If no floor is found.
+        NoGroundError: If no floor is found.
     """
     estimate = estimate_floor(cloud, FLOOR_CELLS * config.resolution_m)
     frame = replace(estimate.floor.frame, resolution_m=config.resolution_m)
     shape = tuple(FLOOR_CELLS * n for n in estimate.supported.shape)
-    bands = _occupied_bands(_above_floor(cloud, estimate.floor), frame, (shape[0], shape[1]), config)
+    above = _above_floor(cloud, estimate.floor)
+    bands = _occupied_bands(above, frame, (shape[0], shape[1]), config)
     robot = _with_compact_low(bands.low, bands.robot, config.resolution_m)
     robot |= _railings(bands.waist, robot, config.resolution_m)
     human = _with_compact_low(bands.low, bands.human, config.resolution_m)
+    standing = _occupied_bands(above.select(_stand(cloud, estimate, config)), frame, (shape[0], shape[1]), config)
+    phantoms = _phantoms(robot | human, standing.low | standing.robot | standing.waist | standing.human)
+    robot, human = robot & ~phantoms, human & ~phantoms
     closed = ~_walkable(estimate, config.slope_max)
+    coarse, ground_size_m = coarse_ground(cloud, estimate.floor, estimate.supported)
+    coarse = coarse.repeat(FLOOR_CELLS, axis=0).repeat(FLOOR_CELLS, axis=1)
+    if config.close_coarse:
+        closed |= coarse
     return ScenePlan(
+        phantoms=phantoms & ~closed,
+        coarse=coarse,
+        ground_size_m=ground_size_m,
         robot=OccupancyMap(frame=frame, occupied=robot | closed),
         human=OccupancyMap(frame=frame, occupied=human | closed),
         floor=estimate.floor,
@@ -112,6 +132,29 @@ def _above_floor(cloud: GaussianCloud, floor: FloorMap) -> GaussianCloud:
     means = cloud.means_m.copy()
     means[:, 2] -= floor.at_many(cloud.means_m[:, :2].astype(np.float64)).astype(np.float32)
     return replace(cloud, means_m=means)
+
+
+def _stand(cloud: GaussianCloud, estimate: FloorEstimate, config: MapConfig) -> npt.NDArray[np.bool_]:
+    """The Gaussians that stand on the floor: their centres are higher over what is seen of it than counts as floor."""
+    relief = FloorMap(frame=estimate.floor.frame, height_m=estimate.relief_m.astype(np.float32))
+    height_m = cloud.means_m[:, 2] - relief.at_many(cloud.means_m[:, :2].astype(np.float64))
+    standing: npt.NDArray[np.bool_] = height_m > config.ground_clearance_m
+    return standing
+
+
+def _phantoms(occupied: npt.NDArray[np.bool_], standing: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """Islands without a cell in which something stands: rough ground made of thick Gaussians, not obstacles.
+
+    A box of 0.3 m that is 12 cm high goes with them, one that is 14 cm high stays.
+    """
+    from scipy import ndimage
+
+    labels, count = ndimage.label(occupied, np.ones((3, 3)))
+    real = np.zeros(count + 1, np.bool_)
+    real[np.unique(labels[standing])] = True
+    real[0] = True
+    phantoms: npt.NDArray[np.bool_] = ~real[labels]
+    return phantoms
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -51,7 +51,7 @@ class Sample:
     time_ns: int
     """Simulated time since the episode began [ns]."""
     image: bytes
-    """Encoded image (JPEG or PNG)."""
+    """Encoded image (JPEG or PNG); empty where none was taken, see `EpisodeHeader.image_every`."""
     action_v_mps: float
     action_w_radps: float
     goal_xy_robot_m: tuple[float, float]
@@ -125,8 +125,12 @@ class EpisodeHeader:
     policy: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
     """SHA-256 of the offered policy that drove, see `OfferReply.sha256`; empty if it was none: the expert
     drove, or the policy that the run began with."""
+    image_every: int = field(default=1, metadata=OMITTED_WHEN_DEFAULT)
+    """Samples from image to image: images, and what the expert would do, are there at samples 0, n, 2 n ... alone."""
 
     def __post_init__(self) -> None:
+        if self.image_every < 1:
+            raise ValueError(f"image_every must be 1 or more, got {self.image_every}.")
         known = DISTORTION_MODELS.get(self.distortion_model)
         if known is None:
             raise ValueError(

@@ -1,6 +1,21 @@
 """Run-time of an exported policy."""
 
 from readygo.common.policy.artifact import PolicySpec, load_spec, save_spec
-from readygo.common.policy.runtime import Policy, PolicyMemory, check_policy_camera, load_policy
+from readygo.common.policy.runtime import (
+    Policy,
+    PolicyMemory,
+    check_policy_camera,
+    check_policy_limits,
+    load_policy,
+)
 
-__all__ = ["Policy", "PolicyMemory", "PolicySpec", "check_policy_camera", "load_policy", "load_spec", "save_spec"]
+__all__ = [
+    "Policy",
+    "PolicyMemory",
+    "PolicySpec",
+    "check_policy_camera",
+    "check_policy_limits",
+    "load_policy",
+    "load_spec",
+    "save_spec",
+]

@@ -26,6 +26,9 @@ from readygo.common.policy.windows import FRAME_COUNT, window_rows
 from readygo.common.robot import RobotConfig, step_unicycle
 from readygo.common.robot.kinematics import whole_steps
 
+LIMITS = ("v_max_mps", "w_max_radps", "a_max_mps2", "alpha_max_radps2")
+"""Of `RobotConfig`: what a policy's commands are within."""
+
 
 class PolicyMemory:
     """What a policy remembers of one episode: frames or latents of the last two spacings, and how the robot moved.
@@ -53,6 +56,15 @@ class PolicyMemory:
         self._seen.append(seen)
         rows = window_rows(len(self._seen) - 1, 0, self._spacing)
         return [self._seen[row] for row in rows]
+
+    def hold(self, command: npt.NDArray[np.float32]) -> None:
+        """Remember a step without a new frame: what was seen last is seen still; not at the first step.
+
+        Args:
+            command: v [m/s], w [rad/s] executed over the last step, shape (2,).
+        """
+        self._seen.append(self._seen[-1])
+        self.move(command)
 
     def move(self, command: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
         """Remember how the robot moved over the last step; call it once a step.
@@ -207,6 +219,20 @@ def check_policy_camera(spec: PolicySpec, robot: RobotConfig, sensor: SensorConf
         raise PolicyError(
             f"The policy was trained with another camera: {fields}; leave the robot's camera out, or measure it with "
             "that one by `readygo evaluate --camera robot` if the image size is the same."
+        )
+
+
+def check_policy_limits(spec: PolicySpec, robot: RobotConfig) -> None:
+    """Raise PolicyError unless the robot has the limits that the policy's commands were learned for."""
+    found = [
+        f"{name} {getattr(spec.robot, name):g} (the robot's: {getattr(robot, name):g})"
+        for name in LIMITS
+        if getattr(spec.robot, name) != getattr(robot, name)
+    ]
+    if found:
+        raise PolicyError(
+            f"The policy was trained for a robot of other limits: {', '.join(found)}; leave them out, the policy "
+            "says its own."
         )
 
 

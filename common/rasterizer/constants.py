@@ -9,6 +9,8 @@
 - A pixel is finished once its transmittance is below `TRANSMITTANCE_MIN`. The Gaussian that brings it there is still
   drawn: 3DGS and gsplat drop it, and with it up to 1 % of a pixel's light. A backend may blend finished pixels further
   as long as neighbours in its block are not finished: that adds at most `TRANSMITTANCE_MIN` of a colour.
+- The colour of a human's Gaussian is multiplied by the square root of the light that falls along its normal
+  (`avatars.shading`), between `LIGHT_MIN` and `LIGHT_MAX`: light is the square of a display value.
 
 Source: Kerbl et al., 3D Gaussian Splatting for Real-Time Radiance Field Rendering, 2023.
 """
@@ -19,6 +21,8 @@ FOV_MARGIN = 0.3
 ALPHA_MAX = 0.99
 ALPHA_MIN = 1.0 / 255.0
 TRANSMITTANCE_MIN = 1e-4
+LIGHT_MIN, LIGHT_MAX = 0.1, 4.0
+"""A human's light is kept within these multiples of the scene's mean."""
 LOG2_E = 1.4426950408889634
 LOG2_ALPHA_MIN = -7.994353436858858
 """Binary logarithm of `ALPHA_MIN`: kernels compare logarithms."""

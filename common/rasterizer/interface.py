@@ -29,6 +29,9 @@ class PosedHuman:
     """Pelvis in the z-up world [m], shape (3,)."""
     pose_axis_angle: npt.NDArray[np.floating]
     """Joint rotations [rad] as in `Motion`, shape (24, 3)."""
+    light: npt.NDArray[np.float64] | None = None
+    """Light that falls on them, as in `readygo.common.lighting.irradiance.irradiance_matrix`, shape (3, 4, 4); None
+    draws them in the avatar's own colours."""
 
     def equals(self, other: "PosedHuman") -> bool:
         """True if both are the same human in the same pose.

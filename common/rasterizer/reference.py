@@ -1,5 +1,6 @@
 """The slow, obvious rasterizer that the fast ones are compared with: float64 NumPy, one Gaussian after the other."""
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -7,18 +8,25 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.avatars import Avatar, pose_avatar
+from readygo.common.avatars.shading import outward_normals
 from readygo.common.frames import matrix_from_quat
 from readygo.common.gaussians import GaussianCloud, concatenate, sh_basis
+from readygo.common.gaussians.spherical_harmonics import SH_C0
 from readygo.common.images.images import Images, empty_images
+from readygo.common.lighting.irradiance import irradiance
 from readygo.common.rasterizer.constants import (
     ALPHA_MAX,
     ALPHA_MIN,
     DILATION_PX2,
     FOV_MARGIN,
+    LIGHT_MAX,
+    LIGHT_MIN,
     NEAR_M,
     TRANSMITTANCE_MIN,
 )
-from readygo.common.rasterizer.interface import PinholeCamera, View, checked_outputs
+from readygo.common.rasterizer.interface import PinholeCamera, PosedHuman, View, checked_outputs
+from readygo.common.rasterizer.packed.avatar import dense_weights
+from readygo.common.rasterizer.packed.scene import covariances, flatness, shortest_axes
 
 Floats = npt.NDArray[np.float64]
 
@@ -88,7 +96,7 @@ class ReferenceRasterizer:
         return images
 
     def _drawn(self, view: View, shadows: GaussianCloud | None) -> ReferenceImages:
-        humans = [pose_avatar(self._avatars[one.avatar], one.root_m, one.pose_axis_angle) for one in view.humans]
+        humans = [posed_and_lit(self._avatars[one.avatar], one) for one in view.humans]
         extra = [] if shadows is None else [shadows]
         clouds = [*self._clouds, *humans, *extra]
         numbers = [0] * len(self._clouds) + list(range(1, len(humans) + 1)) + [0] * len(extra)
@@ -103,6 +111,24 @@ class ReferenceRasterizer:
             camera.width_px,
             instances=instances,
         )
+
+
+def posed_and_lit(avatar: Avatar, human: PosedHuman) -> GaussianCloud:
+    """A human's Gaussians in the z-up world, in the light that falls on them."""
+    posed = pose_avatar(avatar, human.root_m, human.pose_axis_angle)
+    if human.light is None:
+        return posed
+    axes = shortest_axes(avatar.cloud)
+    flat = flatness(covariances(avatar.cloud), axes)
+    means, weights = avatar.cloud.means_m.astype(np.float64), dense_weights(avatar)
+    normals = outward_normals(means, axes, flat, weights, avatar.joints_canonical_m)
+    R_canonical, R_posed = matrix_from_quat(avatar.cloud.quats_wxyz), matrix_from_quat(posed.quats_wxyz)
+    turned = np.einsum("nij,nkj,nk->ni", R_posed, R_canonical, normals)
+    gain = np.sqrt(np.clip(irradiance(human.light, turned), LIGHT_MIN, LIGHT_MAX))[:, None]
+    # Colour is 0.5 and the harmonics: what the gain makes of the 0.5 goes to the first of them.
+    sh = gain * posed.sh
+    sh[:, 0] += 0.5 * (gain[:, 0] - 1.0) / SH_C0
+    return dataclasses.replace(posed, sh=sh.astype(np.float32))
 
 
 def rasterize_reference(

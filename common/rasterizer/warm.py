@@ -59,7 +59,12 @@ def _draw_something(outputs: Sequence[str]) -> None:
     scene = pack_cloud(cloud, normals=True)
     size = (16, 16)
     # In sight, or nothing of the human would be projected: SMPL's (0, 0, 2) is (0, -2, 0) with z up.
-    human = PosedHuman(avatar="warm", root_m=np.array([0.0, 2.0, 2.0]), pose_axis_angle=np.zeros((24, 3)))
+    human = PosedHuman(
+        avatar="warm",
+        root_m=np.array([0.0, 2.0, 2.0]),
+        pose_axis_angle=np.zeros((24, 3)),
+        light=np.broadcast_to(np.eye(4), (3, 4, 4)).copy(),
+    )
     view = View(T_world_camera=np.eye(4), humans=(human,))
     rasterizer = CpuRasterizer(scene, {"warm": avatar}, K_px, *size)
     rasterizer.render([view])

@@ -7,8 +7,8 @@ SPEED_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Speeds of the grid, in units of the robot's largest one."""
 TURN_SHARES = (-1.0, -0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0)
 """Yaw rates of the grid, in units of the robot's largest one."""
-OBSTACLE, HUMAN = 1, 2
-"""What a command may lead to: a collision with an obstacle, or with a human; 0 is neither."""
+OBSTACLE, HUMAN, UNKNOWN_RISK = 1, 2, 255
+"""What a command may lead to: a collision with an obstacle, or with a human; 0 is neither. Or nobody looked."""
 COMMAND_COUNT = len(SPEED_SHARES) * len(TURN_SHARES)
 
 

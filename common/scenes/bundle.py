@@ -1,5 +1,6 @@
 """Making scene bundles: from a Gaussian file, or from Gaussians in memory."""
 
+import dataclasses
 import json
 import math
 from dataclasses import dataclass
@@ -11,13 +12,15 @@ import numpy.typing as npt
 
 from readygo.common.camera.captured import CapturedViews, views_text
 from readygo.common.config import section_to_mapping
-from readygo.common.errors import SceneError
+from readygo.common.errors import NoGroundError, SceneError
 from readygo.common.files import unfinished_folder
 from readygo.common.gaussians import GaussianCloud, R_from_up, save_ply, transform_cloud
-from readygo.common.gaussians.defects import excessive, refusal, unusable, without
+from readygo.common.gaussians.defects import HUGE, excessive, refusal, unusable, unwanted, without
 from readygo.common.gaussians.files import GaussianSource, read_source, with_unit_rotations
 from readygo.common.maps import MapConfig, ScenePlan, largest_free_area, plan_scene, save_ros_map
 from readygo.common.robot import RobotConfig
+from readygo.common.scenes.edit import Box, cropped, mirrored
+from readygo.common.scenes.findings import findings
 from readygo.common.scenes.manifest import FORMAT, MANIFEST, combined_hash, file_of, grid_digest, toml_text
 from readygo.common.scenes.report import scene_report
 from readygo.common.scenes.scene import (
@@ -31,12 +34,11 @@ from readygo.common.scenes.scene import (
     Scene,
     load_scene,
 )
+from readygo.common.scenes.survey import UP_OF_CAMERAS, resolve_up
 
 FREE_AREA_MIN_M2 = 1.0
 """A scene whose largest connected free area for the robot is smaller is refused [m2]."""
 FRAME = "metres, z up, right-handed"
-UP_OF_CAMERAS = "cameras"
-"""The up direction that stands for the mean up of the cameras."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +60,9 @@ class SceneSource:
     translate_m: tuple[float, ...] = (0.0, 0.0, 0.0)
     """Added after turning and scaling [m]."""
     dropped_gaussians: int = 0
-    """Gaussians of the files that could not be drawn and were left out."""
+    """Gaussians of the files that could not be drawn, or were huge, and were left out."""
+    edits: tuple[str, ...] = ()
+    """What was done to the scene afterwards: what was cropped, cleaned, turned."""
 
 
 def import_scene(
@@ -75,6 +79,9 @@ def import_scene(
     resolution_m: float = 0.05,
     opacity_threshold: float = 0.5,
     human_height_m: float = 1.9,
+    crop: Box | None = None,
+    close_coarse: bool = False,
+    mirror: bool = False,
     drop_bad: bool = False,
 ) -> Scene:
     """Make a scene bundle of a Gaussian file, or of a training's output folder.
@@ -84,8 +91,8 @@ def import_scene(
         out: Folder to make; must not exist.
         name: Name of the scene; the folder's by default.
         sky: Gaussians of the far surroundings, in the frame of `source`.
-        up: Axis of the file that points up: +x, -x, +y, -y, +z or -z; or "cameras", the mean up of those that it was
-            filmed with.
+        up: Axis of the file that points up: +x, -x, +y, -y, +z or -z; three numbers with commas for a direction;
+            "cameras", the mean up of those that it was filmed with; or "auto", which finds it where that is clear.
         scale: Metres per unit of the file.
         translate_m: Added after turning and scaling [m].
         license: Terms of the scene, for everything made from it.
@@ -93,26 +100,40 @@ def import_scene(
         resolution_m: Edge of map cells [m].
         opacity_threshold: Opacity sum above which a voxel is occupied.
         human_height_m: Height of humans for their map [m].
+        crop: What is kept of the scene, in metres after moving.
+        close_coarse: Keep everybody off ground that nobody filmed.
+        mirror: Take the mirror image of the file.
         drop_bad: Leave out Gaussians that cannot be drawn (`readygo.common.gaussians.defects`) instead of refusing the
-            file; their number is kept in `SceneSource.dropped_gaussians`.
+            file, and those that are huge; their number is kept in `SceneSource.dropped_gaussians`.
 
     Returns:
         The scene.
 
     Raises:
-        SceneError: If the file cannot be used, `out` exists, or the scene has no floor or no free area.
+        SceneError: If the file cannot be used or `out` exists.
+        NoGroundError: If the scene has no floor or no free area, or it is not clear which way is up.
     """
     source, out, robot = Path(source), Path(out), robot or RobotConfig()
     _refuse_existing(out)
     if not (math.isfinite(scale) and scale > 0) or not all(map(math.isfinite, translate_m)):
         raise SceneError(f"The scale must be positive and the translation finite, got {scale} and {translate_m}.")
-    config = _map_config(robot, resolution_m, opacity_threshold, human_height_m)
+    config = dataclasses.replace(
+        _map_config(robot, resolution_m, opacity_threshold, human_height_m), close_coarse=close_coarse
+    )
     held = read_source(source)
-    up = up_of_cameras(held) if up == UP_OF_CAMERAS else up
+    up = _resolved_up(up, held)
     R = R_from_up(up)
     stored = [(source, held.cloud), *([] if sky is None else [(Path(sky), read_source(sky).cloud)])]
     files = [_sound(file, cloud, R, translate_m, scale, drop_bad=drop_bad) for file, cloud in stored]
     cloud, sky_cloud = files[0][0], files[1][0] if sky is not None else None
+    dropped = sum(dropped for _, dropped in files)
+    if mirror:
+        cloud, sky_cloud = mirrored(cloud), None if sky_cloud is None else mirrored(sky_cloud)
+    if drop_bad:
+        cloud, huge = without(cloud, {HUGE: unwanted(cloud)[HUGE]})
+        dropped += huge.get(HUGE, 0)
+    if crop is not None:
+        cloud = cropped(cloud, crop)
     provenance = SceneSource(
         file=held.file.relative_to(source.parent).as_posix() if source.is_dir() else held.file.name,
         kind=held.kind,
@@ -121,7 +142,8 @@ def import_scene(
         scale=float(scale),
         scale_origin="as in the file" if scale == 1 else "given on import",
         translate_m=tuple(map(float, translate_m)),
-        dropped_gaussians=sum(dropped for _, dropped in files),
+        dropped_gaussians=dropped,
+        edits=(*(["mirrored"] if mirror else []), *([] if crop is None else [f"cropped to {crop}"])),
     )
     return save_scene(
         cloud,
@@ -132,21 +154,14 @@ def import_scene(
         source=provenance,
         robot=robot,
         map_config=config,
-        views=None if held.views is None else held.views.moved(R, translate_m, scale),
+        views=None if held.views is None or mirror else held.views.moved(R, translate_m, scale),
     )
 
 
-def up_of_cameras(source: GaussianSource) -> str:
-    """The way that cameras were held, as `R_from_up` takes it.
-
-    Raises:
-        SceneError: If nothing is known of them.
-    """
-    if source.up is None:
-        raise SceneError(
-            f"{source.file} comes without cameras that say which way is up; give --up=-y or another direction."
-        )
-    return ",".join(f"{value:.5f}" for value in source.up)
+def _resolved_up(up: str, source: GaussianSource) -> str:
+    if up == UP_OF_CAMERAS and source.up is None:
+        raise SceneError(f"{source.file} comes without cameras that say which way is up; give --up=-y, or --up=auto.")
+    return resolve_up(up, lambda: with_unit_rotations(without(source.cloud, unusable(source.cloud))[0]), source.up)
 
 
 def _sound(
@@ -246,6 +261,7 @@ def fill_bundle(
     save_ros_map(plan.human, folder / HUMAN_MAP_FILE, unknown=plan.unknown)
     np.save(folder / FLOOR_FILE, plan.floor.height_m)
     report = scene_report(cloud, sky, plan.robot, plan.human, plan.floor, robot.planning_radius_m)
+    report["findings"] = findings(cloud, plan, report)
     (folder / REPORT_FILE).write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
     manifest = _manifest(folder, plan, name, license, source, robot, map_config)
     (folder / MANIFEST).write_text(toml_text(manifest), encoding="utf-8")
@@ -304,7 +320,7 @@ def _refuse_without_free_area(plan: ScenePlan, robot: RobotConfig) -> None:
         return
     floor_m2 = float((~plan.unknown).sum()) * plan.robot.frame.resolution_m**2
     clear_m2 = float((~plan.robot.occupied).sum()) * plan.robot.frame.resolution_m**2
-    raise SceneError(
+    raise NoGroundError(
         f"The scene has no free area for the robot: of {floor_m2:.1f} m2 mapped, {clear_m2:.1f} m2 are clear of "
         f"obstacles, and a disc of radius {radius_m:g} m can move on {area_m2:.1f} m2 ({FREE_AREA_MIN_M2:g} m2 are "
         "needed); check the up axis and the scale."

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.maps import FloorMap, OccupancyMap, free_components
-from readygo.common.maps.distance import clearance_m
+from readygo.common.maps.distance import clearance_m, farthest_m
 
 HUMAN_RADIUS_M = 0.25
 
@@ -51,11 +51,14 @@ def scene_report(
 
 def _free_area(occupancy: OccupancyMap, radius_m: float) -> dict[str, Any]:
     cell_m2 = occupancy.frame.resolution_m**2
-    _, sizes = free_components(clearance_m(occupancy) > radius_m)
+    labels, sizes = free_components(clearance_m(occupancy) > radius_m)
     return {
         "radius_m": radius_m,
         "free_m2": _rounded(float((~occupancy.occupied).sum()) * cell_m2, 2),
         "reachable_m2": _rounded(float(sizes[1]) * cell_m2 if len(sizes) > 1 else 0.0, 2),
+        "standing_m2": _rounded(float(sizes[1:].sum()) * cell_m2, 2),
+        "farthest_m": _rounded(farthest_m(labels, occupancy.frame.resolution_m), 2),
+        "separate_areas": len(sizes) - 1,
         "separate_areas_over_1_m2": int((sizes[1:] * cell_m2 > 1.0).sum()),
     }
 

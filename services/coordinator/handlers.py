@@ -1,7 +1,6 @@
 """Requests to the coordinator -> replies; the ledger holds all state that must survive."""
 
 import time
-from collections import Counter
 from collections.abc import Callable, Sequence
 
 from readygo.common.errors import ReadygoError, RunError
@@ -250,9 +249,7 @@ def _same_numeric_class(coordinator: Coordinator, numeric_class: str) -> bool:
 
 
 def _planned_ahead(coordinator: Coordinator) -> bool:
-    first = coordinator.spec.stages[0].name
-    busy = Counter(coordinator.ledger.waiting()) + Counter(coordinator.ledger.leased())
-    return busy.total() - busy[first] >= coordinator.config.plan_ahead
+    return coordinator.ledger.begun() >= coordinator.config.plan_ahead
 
 
 def _lease_reply(coordinator: Coordinator, stage: Stage, lease: Lease) -> ClaimReply:
@@ -284,8 +281,7 @@ def _leased_policy(coordinator: Coordinator, lease: Lease) -> PolicyRef | None:
 
 def _after_rejection(coordinator: Coordinator) -> None:
     rejected = sum(coordinator.ledger.rejections().values())
-    last = coordinator.spec.stages[-1].name
-    accepted = coordinator.ledger.committed()[0] + coordinator.ledger.waiting().get(last, 0)
+    accepted = coordinator.ledger.committed()[0] + coordinator.ledger.waiting_at(coordinator.spec.stages[-1])
     if rejected >= coordinator.config.rejections_max and rejected > 20 * accepted:
         reasons = ", ".join(f"{reason} ({count})" for reason, count in coordinator.ledger.rejections().items())
         coordinator.failed = f"{rejected} indices were rejected and {accepted} accepted: {reasons}."

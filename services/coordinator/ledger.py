@@ -84,9 +84,9 @@ class Ledger:
     def open_episodes(self, wanted: int) -> int:
         """Open indices until `wanted` of them are not rejected; returns how many were opened."""
         with self._transaction():
-            (alive,) = self._db.execute("SELECT count(*) FROM episode WHERE state != 'rejected'").fetchone()
-            (following,) = self._db.execute("SELECT coalesce(max(idx) + 1, 0) FROM episode").fetchone()
-            missing: int = max(0, wanted - alive)
+            total, following = self._db.execute("SELECT count(*), coalesce(max(idx) + 1, 0) FROM episode").fetchone()
+            (rejected,) = self._db.execute("SELECT count(*) FROM episode WHERE state = 'rejected'").fetchone()
+            missing: int = max(0, wanted - (total - rejected))
             self._db.executemany(
                 "INSERT INTO episode (idx, stage, state) VALUES (?, ?, 'waiting')",
                 [(following + k, self._stages[0].name) for k in range(missing)],
@@ -274,6 +274,22 @@ class Ledger:
     def waiting(self) -> dict[str, int]:
         """Episodes that wait, by stage."""
         return dict(self._all("SELECT stage, count(*) FROM episode WHERE state = 'waiting' GROUP BY stage"))
+
+    def waiting_at(self, stage: Stage) -> int:
+        """Episodes that wait for a stage."""
+        row = self._one("SELECT count(*) FROM episode WHERE state = 'waiting' AND stage = ?", stage.name)
+        assert row is not None
+        return int(row[0])
+
+    def begun(self) -> int:
+        """Episodes that wait or are held behind the first stage: those that were begun and are not done."""
+        later = [stage.name for stage in self._stages[1:]]
+        marks = ", ".join("?" * len(later))
+        row = self._one(
+            f"SELECT count(*) FROM episode WHERE state IN ('waiting', 'leased') AND stage IN ({marks})", *later
+        )
+        assert row is not None
+        return int(row[0])
 
     def leased(self) -> dict[str, int]:
         """Episodes that a worker holds, by stage."""

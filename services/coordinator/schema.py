@@ -18,6 +18,7 @@ CREATE TABLE IF NOT EXISTS episode (
     samples INTEGER NOT NULL DEFAULT 0
 );
 CREATE INDEX IF NOT EXISTS by_state ON episode (state, stage, idx);
+CREATE INDEX IF NOT EXISTS by_reason ON episode (reason) WHERE reason != '';
 CREATE TABLE IF NOT EXISTS result (
     idx INTEGER NOT NULL,
     stage TEXT NOT NULL,

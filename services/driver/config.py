@@ -1,14 +1,20 @@
-"""How the expert is disturbed where it drives; the run's config carries it."""
+"""How often the driver's camera looks, and how the expert is disturbed; the run's config carries it."""
 
 from dataclasses import dataclass
 
-from readygo.common.robot.kinematics import DT_S
+from readygo.common.robot.kinematics import DT_S, RATE_HZ
 
 
 @dataclass(frozen=True, kw_only=True)
 class DriverConfig:
-    """Disturbances of the expert in the drive stage: data of states that it would never come to by itself."""
+    """The rate of pictures in the drive stage, and how the expert is disturbed there.
 
+    A disturbed expert gives data of states that it would never come to by itself.
+    """
+
+    camera_hz: float = 20.0
+    """How often a picture is taken, the expert is asked what to do and a policy decides [Hz]; in between its command is
+    held. What is not drawn leaves time for other places. 20 Hz divided by a whole number."""
     disturbed: float = 0.0
     """Share of the expert's episodes in which it is disturbed, 0..1."""
     push: float = 0.5
@@ -19,7 +25,14 @@ class DriverConfig:
     late_max_s: float = 0.3
     """The robot does now what the expert planned for now this long ago at most; drawn per episode [s]."""
 
+    @property
+    def image_every(self) -> int:
+        """Steps from picture to picture."""
+        return round(RATE_HZ / self.camera_hz)
+
     def __post_init__(self) -> None:
+        if not (0.0 < self.camera_hz <= RATE_HZ and (RATE_HZ / self.camera_hz).is_integer()):
+            raise ValueError(f"camera_hz must be {RATE_HZ} Hz divided by a whole number, got {self.camera_hz:g}.")
         if not 0.0 <= self.disturbed <= 1.0:
             raise ValueError(f"disturbed must be 0..1, got {self.disturbed}.")
         if not (0.0 <= self.push <= 10.0 and DT_S <= self.push_time_s <= 60.0):

@@ -61,6 +61,10 @@ class Expert(Protocol):
         """Advice for the simulation's present state; asked again at the same step, it is the same."""
         ...
 
+    def watch(self, simulation: EpisodeSimulation) -> bool:
+        """Look at the present state without deciding; True if a human is in view. One of both at every step."""
+        ...
+
 
 class Weigher(Protocol):
     """Says what would become of the robot under each command of a grid, see `Sample.risks`."""
@@ -86,18 +90,24 @@ class PolicyDriver:
 
         Args:
             policy: Who drives.
-            latency_s: Time from a picture until the policy has it [s].
+            latency_s: Time from a picture until the policy has it [s], a multiple of the time between pictures.
         """
         self._policy, self._memory = policy, policy.start()
+        self._command = (0.0, 0.0)
         self._pictures: deque[npt.NDArray[np.uint8]] = deque(maxlen=whole_steps(latency_s) + 1)
 
-    def command(self, simulation: EpisodeSimulation, picture: npt.NDArray[np.uint8]) -> tuple[float, float]:
-        """Command v [m/s], w [rad/s] for the next step, after the picture of the present one."""
-        self._pictures.append(picture)
+    def command(self, simulation: EpisodeSimulation, picture: npt.NDArray[np.uint8] | None) -> tuple[float, float]:
+        """Command v [m/s], w [rad/s] for the next step, after the picture of the present one; without one the last."""
         previous = np.array([(simulation.v_mps, simulation.w_radps)], dtype=np.float32)
+        if picture is None:
+            self._pictures.append(self._pictures[-1])
+            self._memory.hold(previous[0])
+            return self._command
+        self._pictures.append(picture)
         goal = np.array([simulation.goal_xy_robot_m], dtype=np.float32)
         v, w = self._policy.step([self._memory], self._pictures[0][None], previous, goal)[0].tolist()
-        return v, w
+        self._command = v, w
+        return self._command
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -106,9 +116,10 @@ class Drive:
 
     trajectory: RobotTrajectory
     expert_commands: tuple[Commands, ...]
-    """What the expert would have had the robot execute from each step on; 1 + AHEAD_STEPS commands each."""
+    """What the expert would have had the robot execute from each step on; 1 + AHEAD_STEPS commands each, none where
+    no picture was taken."""
     risks: tuple[bytes, ...]
-    """What would have become of the robot under each command of the grid at each step."""
+    """What would have become of the robot under each command of the grid at each step; empty without a picture."""
 
 
 def driver_of(episode: EpisodeKey, mix: float) -> Driver:
@@ -123,8 +134,12 @@ def drive(
     weigher: Weigher,
     policy: PolicyDriver | None = None,
     disturbance: Disturbance | None = None,
+    *,
+    image_every: int = 1,
 ) -> Drive:
-    """Drive an episode to its end; at every step a picture is taken and the expert asked.
+    """Drive an episode to its end; at every `image_every`-th step a picture is taken and the expert asked.
+
+    In between a policy's command is held and the expert only watches, unless it drives.
 
     Args:
         simulation: The episode at its start.
@@ -133,16 +148,18 @@ def drive(
         weigher: Says what each command would lead to.
         policy: Drives if it is there.
         disturbance: Comes between the expert and the robot, where the expert drives.
+        image_every: Steps from picture to picture.
     """
-    asked: list[Advice] = []
+    log = _Log()
     would: list[Commands] = []
-    risks: list[bytes] = []
     while simulation.outcome is None:
-        picture = camera.take()
-        advice = expert.act(simulation)
-        asked.append(advice)
-        would.append(executable(advice.commands, simulation))
-        risks.append(weigher.risks(simulation))
+        picture = camera.take() if simulation.step % image_every == 0 else None
+        if picture is None and policy is not None:
+            log.watched(expert.watch(simulation))
+        else:
+            advice = expert.act(simulation)
+            would.append(executable(advice.commands, simulation))
+            log.asked(advice, *((would[-1], weigher.risks(simulation)) if picture is not None else ((), b"")))
         if policy is not None:
             v, w = policy.command(simulation, picture)
         elif disturbance is not None:
@@ -151,12 +168,38 @@ def drive(
             v, w = would[-1][0]
         simulation.advance(v, w)
     trajectory = simulation.trajectory(
-        human_visible=[advice.visible for advice in asked],
-        replanned=[advice.replanned for advice in asked],
-        expert_cost=[advice.cost for advice in asked],
+        human_visible=log.visible,
+        replanned=log.replanned,
+        expert_cost=log.costs,
         replan_times_s=expert.replan_times_s,
     )
-    return Drive(trajectory=trajectory, expert_commands=tuple(would), risks=tuple(risks))
+    return Drive(trajectory=trajectory, expert_commands=tuple(log.would), risks=tuple(log.risks))
+
+
+class _Log:
+    """What the expert said at every step."""
+
+    def __init__(self) -> None:
+        self.visible: list[bool] = []
+        self.replanned: list[bool] = []
+        self.costs: list[float] = []
+        self.would: list[Commands] = []
+        self.risks: list[bytes] = []
+
+    def asked(self, advice: Advice, would: Commands, risks: bytes) -> None:
+        self._add(advice.visible, advice.replanned, advice.cost)
+        self.would.append(would)
+        self.risks.append(risks)
+
+    def watched(self, visible: bool) -> None:
+        self._add(visible, False, self.costs[-1])
+        self.would.append(())
+        self.risks.append(b"")
+
+    def _add(self, visible: bool, replanned: bool, cost: float) -> None:
+        self.visible.append(visible)
+        self.replanned.append(replanned)
+        self.costs.append(cost)
 
 
 def executable(commands: npt.NDArray[np.float64], simulation: EpisodeSimulation) -> Commands:

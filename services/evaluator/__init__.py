@@ -2,16 +2,16 @@
 
 from readygo.services.evaluator.config import EvaluatorConfig
 from readygo.services.evaluator.drivers import Method
-from readygo.services.evaluator.episodes import Task
+from readygo.services.evaluator.episodes import MatchedEpisode, Task
 from readygo.services.evaluator.handlers import EvaluateReply, EvaluateRequest, Evaluator, handle_evaluate
 from readygo.services.evaluator.records import (
     EpisodeRecord,
-    read_results,
+    RecordKey,
     summarize_records,
     summary_mapping,
     summary_table,
-    write_results,
 )
+from readygo.services.evaluator.results import Results, is_of, open_results
 
 __all__ = [
     "EpisodeRecord",
@@ -19,12 +19,15 @@ __all__ = [
     "EvaluateRequest",
     "Evaluator",
     "EvaluatorConfig",
+    "MatchedEpisode",
     "Method",
+    "RecordKey",
+    "Results",
     "Task",
     "handle_evaluate",
-    "read_results",
+    "is_of",
+    "open_results",
     "summarize_records",
     "summary_mapping",
     "summary_table",
-    "write_results",
 ]

@@ -19,6 +19,7 @@ from readygo.services.evaluator.drivers import Driver, Method, PolicyDriver, Str
 from readygo.services.evaluator.episodes import EpisodeSource, MatchedEpisode, Task
 from readygo.services.evaluator.eyes import Eyes
 from readygo.services.evaluator.records import EpisodeRecord, make_record, summarize_records
+from readygo.services.evaluator.results import Results
 from readygo.services.evaluator.rollout import roll_out
 
 Report = Callable[[EpisodeRecord], None]
@@ -60,6 +61,8 @@ class EvaluateReply:
     summaries: dict[tuple[Task, Method], TaskSummary]
     skipped: int
     """Indices that the planner or the animator rejected before anybody drove."""
+    episodes: tuple[MatchedEpisode, ...] = ()
+    """What was driven through."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -82,15 +85,19 @@ class Evaluator:
             check_policy_camera(self.policy.spec, self.robot)
 
 
-def handle_evaluate(evaluator: Evaluator, request: EvaluateRequest, *, report: Report | None = None) -> EvaluateReply:
+def handle_evaluate(
+    evaluator: Evaluator, request: EvaluateRequest, *, report: Report | None = None, results: Results | None = None
+) -> EvaluateReply:
     """Drive every method through the same episodes.
 
     Args:
         evaluator: Scene, robot, policy and bus.
         request: What to drive.
-        report: Told about every episode that ends.
+        report: Told about every episode that ends, and of those that had ended before.
+        results: Keeps every episode as it ends; those that it has are not driven again.
 
     Raises:
+        RunError: If an episode cannot be kept.
         PolicyError: If a policy is asked for and none is loaded.
         SceneError: If the scene yields no episodes.
         BusError: If a service does not answer.
@@ -110,11 +117,12 @@ def handle_evaluate(evaluator: Evaluator, request: EvaluateRequest, *, report: R
         of_task = [episode for episode in episodes if episode.task is task]
         for method in request.methods:
             driver = None if method is Method.EXPERT else _make_driver(evaluator, method, request.hold_steps)
-            records += _drive_all(evaluator, method, driver, of_task, report or (lambda _: None))
+            records += _drive_all(evaluator, method, driver, of_task, report or (lambda _: None), results)
     return EvaluateReply(
         records=tuple(records),
         summaries=summarize_records(records, time_limit_s=evaluator.episode_config.time_limit_s),
         skipped=skipped,
+        episodes=tuple(episodes),
     )
 
 
@@ -124,18 +132,27 @@ def _drive_all(
     driver: Driver[Any] | None,
     episodes: Sequence[MatchedEpisode],
     report: Report,
+    results: Results | None,
 ) -> list[EpisodeRecord]:
     """Records of one method, in the order of `episodes`; without a driver the expert is asked."""
-    records: dict[int, EpisodeRecord] = {}
+    kept = {} if results is None else results.records
+    keys = [(episode.task, method, episode.scenario.episode) for episode in episodes]
+    records = {key: kept[key] for key in keys if key in kept}
+    for record in records.values():
+        report(record)
+    missing = [episode for episode, key in zip(episodes, keys, strict=True) if key not in records]
     runs = (
-        ((row, _ask_expert(evaluator, episode)) for row, episode in enumerate(episodes))
+        ((row, _ask_expert(evaluator, episode)) for row, episode in enumerate(missing))
         if driver is None
-        else roll_out(episodes, driver, _simulate_on(evaluator), lockstep=evaluator.config.lockstep)
+        else roll_out(missing, driver, _simulate_on(evaluator), lockstep=evaluator.config.lockstep)
     )
     for row, trajectory in runs:
-        records[row] = make_record(episodes[row], method, trajectory, evaluator.episode_config)
-        report(records[row])
-    return [records[row] for row in range(len(episodes))]
+        record = make_record(missing[row], method, trajectory, evaluator.episode_config)
+        if results is not None:
+            results.keep(record, trajectory)
+        records[record.key] = record
+        report(record)
+    return [records[key] for key in keys]
 
 
 def _simulate_on(evaluator: Evaluator) -> Callable[[MatchedEpisode], EpisodeSimulation]:

@@ -1,11 +1,9 @@
-"""Results of an evaluation, as records, files and tables."""
+"""Results of an evaluation, as records and tables."""
 
 import dataclasses
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from rich import box
@@ -13,13 +11,12 @@ from rich.table import Table
 
 from readygo.common.episode import EpisodeConfig
 from readygo.common.episode.metrics import EpisodeResult, TaskSummary, summarize
-from readygo.common.files import write_whole
 from readygo.common.messages import EpisodeKey, Outcome, RobotTrajectory, Split
 from readygo.services.evaluator.drivers import Method
 from readygo.services.evaluator.episodes import MatchedEpisode, Task
 
-RECORDS_FILE = "episodes.jsonl"
-SUMMARY_FILE = "summary.json"
+RecordKey = tuple[Task, Method, EpisodeKey]
+"""Which record of an evaluation."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,6 +29,11 @@ class EpisodeRecord:
     result: EpisodeResult
     human_distance_min_m: float
     """Smallest distance of the centres of robot and any human [m]; inf without humans."""
+
+    @property
+    def key(self) -> RecordKey:
+        """Which record it is."""
+        return self.task, self.method, self.episode
 
     def to_mapping(self) -> dict[str, Any]:
         """Plain values, as in a line of `episodes.jsonl`; a distance that is not there is None."""
@@ -81,13 +83,15 @@ def make_record(
     else:
         result = EpisodeResult.from_trajectory(trajectory, episode.shortest_m)
         distance_m = min(trajectory.human_distance_m.tolist(), default=math.inf)
-    return EpisodeRecord(
+    record = EpisodeRecord(
         episode=episode.scenario.episode,
         task=episode.task,
         method=method,
         result=result,
         human_distance_min_m=distance_m,
     )
+    # Rounded as it is kept: who goes on from a folder gets the same scores to the last digit.
+    return record_of_mapping(record.to_mapping())
 
 
 def summarize_records(
@@ -106,25 +110,6 @@ def summary_mapping(summaries: dict[tuple[Task, Method], TaskSummary]) -> dict[s
     for (task, method), summary in summaries.items():
         mapping.setdefault(task.value, {})[method.value] = dataclasses.asdict(summary)
     return mapping
-
-
-def write_results(folder: Path, records: Sequence[EpisodeRecord], summary: dict[str, Any]) -> None:
-    """Write `episodes.jsonl` and `summary.json`, each in one piece."""
-    lines = [json.dumps(record.to_mapping()) for record in records]
-    write_whole(folder / RECORDS_FILE, "\n".join(lines) + "\n")
-    write_whole(folder / SUMMARY_FILE, json.dumps(summary, indent=2) + "\n")
-
-
-def read_results(folder: Path) -> tuple[list[EpisodeRecord], dict[str, Any]]:
-    """What `write_results` wrote.
-
-    Raises:
-        OSError: If it is not there.
-        ValueError: If it is broken; KeyError too.
-    """
-    lines = (folder / RECORDS_FILE).read_text().splitlines()
-    summary: dict[str, Any] = json.loads((folder / SUMMARY_FILE).read_text())
-    return [record_of_mapping(json.loads(line)) for line in lines], summary
 
 
 def summary_table(summaries: dict[tuple[Task, Method], TaskSummary]) -> Table:

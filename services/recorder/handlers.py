@@ -12,6 +12,7 @@ from pathlib import Path
 from readygo.common.bus import Bus
 from readygo.common.dataset import EpisodeChunk, Provenance, ShardWriter, encode_episode, shard_name
 from readygo.common.dataset.provenance import provenance_to_strings
+from readygo.common.dataset.stage import Stage
 from readygo.common.errors import BusError, RunError
 from readygo.common.fleet.grants import Grants
 from readygo.common.messages import (
@@ -28,7 +29,15 @@ from readygo.common.messages import (
 )
 from readygo.services.recorder.buffers import EpisodeBuffer, EpisodeBuffers
 from readygo.services.recorder.config import RecorderConfig
-from readygo.services.recorder.salvage import Durable, OpenShard, finished_episodes, next_number, open_shards, publish
+from readygo.services.recorder.salvage import (
+    Durable,
+    OpenShard,
+    finished_episodes,
+    next_number,
+    next_start_ns,
+    open_shards,
+    publish,
+)
 
 _log = logging.getLogger(__name__)
 
@@ -43,6 +52,7 @@ class Recorder:
         bus: Bus,
         provenance: Provenance,
         config: RecorderConfig | None = None,
+        stage: Stage | None = None,
     ) -> None:
         """Take over the folder: finished shards are read, open ones are saved as soon as the coordinator answers.
 
@@ -52,6 +62,7 @@ class Recorder:
             bus: Where the coordinator is asked.
             provenance: What every shard says about its run.
             config: Settings.
+            stage: What viewers show around the samples.
 
         Raises:
             RunError: If another process records under this name into this folder.
@@ -65,6 +76,7 @@ class Recorder:
         self._bus = bus
         self._provenance = provenance
         self._config = config or RecorderConfig()
+        self._stage = stage or Stage()
         self._folder.mkdir(parents=True, exist_ok=True)
         self._lock_descriptor: int | None = _lock(self._folder, name)
         self._buffers = EpisodeBuffers(self._config.buffer_mib * 2**20)
@@ -79,6 +91,7 @@ class Recorder:
         try:
             self._committed = finished_episodes(self._folder, name)
             self._open_shards = open_shards(self._folder, name)
+            self._next_start_ns = next_start_ns(self._folder, name)
         except BaseException:
             self._unlock()
             raise
@@ -174,8 +187,16 @@ class Recorder:
                 self._close_shard()
             if self._writer is None:
                 path = self._folder / shard_name(self.name, next_number(self._folder, self.name))
-                self._writer = ShardWriter(path, self._provenance, outputs=chunk.outputs, fsync=self._config.fsync)
+                self._writer = ShardWriter(
+                    path,
+                    self._provenance,
+                    outputs=chunk.outputs,
+                    stage=self._stage,
+                    start_ns=self._next_start_ns,
+                    fsync=self._config.fsync,
+                )
             self._writer.append(chunk)
+            self._next_start_ns = self._writer.next_start_ns
         except (OSError, RunError) as error:
             failure = error if isinstance(error, RunError) else self._disk_error(error)
             self._buffers.drop(chunk.episode.index)
@@ -232,7 +253,14 @@ class Recorder:
             if not known and self._grants.claim_done(report):
                 kept[index] = chunk
         try:
-            publish(shard, tuple(kept.values()), target, fsync=self._config.fsync)
+            self._next_start_ns = publish(
+                shard,
+                tuple(kept.values()),
+                target,
+                stage=self._stage,
+                start_ns=self._next_start_ns,
+                fsync=self._config.fsync,
+            )
         except OSError as error:
             raise self._disk_error(error) from error
         self._committed.update({index: Durable.of_chunk(chunk, target.name) for index, chunk in kept.items()})

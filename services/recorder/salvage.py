@@ -10,6 +10,7 @@ from mcap.opcode import Opcode
 from readygo.common.dataset import EpisodeChunk, Provenance, ShardWriter, read_chunk, shard_name
 from readygo.common.dataset.index import load_index, mapped, read_provenance
 from readygo.common.dataset.records import MAGIC, chunk_span, is_intact, iter_records
+from readygo.common.dataset.stage import PAUSE_NS, Stage
 from readygo.common.dataset.writer import PART_SUFFIX, sync_folder
 from readygo.common.errors import DatasetError
 from readygo.common.messages import EpisodeKey
@@ -96,15 +97,36 @@ def read_open_shard(path: Path) -> OpenShard:
     return OpenShard(path=path, provenance=provenance, chunks=tuple(chunks))
 
 
-def publish(shard: OpenShard, chunks: Sequence[EpisodeChunk], target: Path, *, fsync: bool) -> None:
+def publish(
+    shard: OpenShard, chunks: Sequence[EpisodeChunk], target: Path, *, stage: Stage, start_ns: int, fsync: bool
+) -> int:
     """Write episodes of an open shard as the finished shard `target`, then remove the open one.
+
+    Args:
+        shard: The open shard.
+        chunks: Those of its episodes that are kept.
+        target: The finished shard.
+        stage: What viewers show around the samples.
+        start_ns: When the first episode begins in the recorder's time.
+        fsync: False trades durability for speed.
+
+    Returns:
+        When the next shard begins [ns].
 
     Raises:
         OSError: If the disk refused; the open shard is still there then.
     """
     outputs = chunks[0].outputs if chunks else ()
     provenance = shard.provenance or Provenance()
-    writer = ShardWriter(target, provenance, outputs=outputs, fsync=fsync, part_suffix=SALVAGE_SUFFIX)
+    writer = ShardWriter(
+        target,
+        provenance,
+        outputs=outputs,
+        stage=stage,
+        start_ns=start_ns,
+        fsync=fsync,
+        part_suffix=SALVAGE_SUFFIX,
+    )
     try:
         for chunk in chunks:
             writer.append(chunk)
@@ -115,6 +137,22 @@ def publish(shard: OpenShard, chunks: Sequence[EpisodeChunk], target: Path, *, f
     shard.path.unlink()
     if fsync:
         sync_folder(target.parent)
+    return writer.next_start_ns
+
+
+def next_start_ns(folder: Path, recorder: str) -> int:
+    """When the episode after those of a recorder's finished shards begins in its time [ns].
+
+    Raises:
+        DatasetError: If the last shard is damaged.
+    """
+    shards = sorted(folder.glob(shard_pattern(recorder)))
+    if not shards:
+        return 0
+    with mapped(shards[-1]) as view:
+        records = iter_records(view)
+        ends_ns = [chunk_span(view, record).end_time_ns for record in records if record.opcode == Opcode.CHUNK]
+    return max(ends_ns) + PAUSE_NS
 
 
 def next_number(folder: Path, recorder: str) -> int:

@@ -26,6 +26,9 @@ class RendererConfig:
     """"lod" draws far things and people with fewer Gaussians, about twice as fast; backend cpu only."""
     contact_shadow: bool = False
     """True puts soft shadows under people's feet."""
+    human_light: bool = True
+    """True lights people as the scene does where they walk; False draws them in their avatars' own colours. The GPU
+    backends want False."""
     sensor: SensorConfig = field(default_factory=SensorConfig)
     """What varies of the robot's camera from episode to episode; nothing by default."""
     sub_frames: int = 8
@@ -39,8 +42,11 @@ class RendererConfig:
             raise ValueError(f'detail must be "exact" or "lod", got {self.detail!r}.')
         if self.detail == "lod" and self.backend != "cpu":
             raise ValueError(f'detail "lod" is drawn by the backend cpu only, got {self.backend!r}.')
-        if self.contact_shadow and self.backend in GPU_BACKENDS:
-            raise ValueError(f"contact_shadow is drawn by the backends cpu and reference only, got {self.backend!r}.")
+        for name in ("contact_shadow", "human_light"):
+            if getattr(self, name) and self.backend in GPU_BACKENDS:
+                raise ValueError(
+                    f"{name} is drawn by the backends cpu and reference only, got {self.backend!r}; set {name} = false."
+                )
         if self.image_format not in ("jpeg", "png"):
             raise ValueError(f'image_format must be "jpeg" or "png", got {self.image_format!r}.')
         if not 1 <= self.jpeg_quality <= 100:

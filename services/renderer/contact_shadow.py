@@ -4,12 +4,10 @@ A pixel's Gaussians are blended in the order of their centres' depths, and those
 that a shadow just above them would be half hidden. Each shadow Gaussian is therefore small, and pulled towards the
 camera along its own ray with its size in proportion: the image shows it in the same place, before the floor that it
 lies on. Where a foot stands in that way, the shadow stays behind the foot.
-
-Legend: P = shadow Gaussians, F = feet.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -18,10 +16,13 @@ from readygo.common.avatars import Avatar
 from readygo.common.avatars.kinematics import fill_globals
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.gaussians.spherical_harmonics import SH_C0
+from readygo.common.kernels import compiled
 from readygo.common.maps import FloorMap
+from readygo.common.maps.grid import bilinear
 from readygo.common.rasterizer.interface import PosedHuman
 
 Floats = npt.NDArray[np.float64]
+Singles = npt.NDArray[np.float32]
 
 FEET = ((7, 10), (8, 11))
 """SMPL joints of each foot: ankle and ball."""
@@ -42,7 +43,9 @@ _HEEL_M, _TIP_M, _HALF_WIDTH_M = 0.07, 0.09, 0.035
 _ROWS = ((-0.09, 0.05, 0.09), (-0.045, 0.032, 0.22), (0.0, 0.032, 0.22), (0.045, 0.032, 0.22), (0.09, 0.05, 0.09))
 """Rows of Gaussians along a foot: place to its left [m], standard deviation [m], opacity on the ground."""
 _ALONG = 7
-_DARK_SH = -0.5 / SH_C0
+_STEPS = round(PULL_M / PULL_BESIDE_M)
+_UPRIGHT = np.array([1, 0, 0, 0], dtype=np.float32)
+_DARK_SH = np.float32(-0.5 / SH_C0)
 """SH of black."""
 
 
@@ -50,96 +53,105 @@ def shadow_cloud(
     avatars: Mapping[str, Avatar], humans: Sequence[PosedHuman], floor: FloorMap, p_WC: Floats
 ) -> GaussianCloud | None:
     """The shadows of humans as a camera at `p_WC` [m] is to draw them; None if nobody casts one."""
-    feet = [foot for human in humans for foot in _feet(avatars[human.avatar], human)]
-    if not feet:
+    if not humans:
         return None
-    ends = np.array([foot[:2] for foot in feet])
-    xy, sole_m, sigma_m, opacity = _laid_out(ends, np.array([foot[2] for foot in feet]))
-    floor_m = floor.at_many(xy)
-    height_m = np.maximum(sole_m - floor_m, 0.0)
-    grown = sigma_m + SPREAD * height_m
-    # The same shade on more ground is thinner.
-    shade = opacity * (1.0 - np.minimum(height_m / FADE_M, 1.0)) ** 2 * (sigma_m / grown) ** 2
-    towards = p_WC - np.column_stack([xy, floor_m + LIFT_M])
-    distance = np.sqrt(towards[:, 0] ** 2 + towards[:, 1] ** 2 + towards[:, 2] ** 2)
-    kept = (shade > 1.0 / 255.0) & (distance > NEAREST_M)
-    if not kept.any():
+    feet = np.empty((2 * len(humans), 2, 3))
+    for number, human in enumerate(humans):
+        avatar = avatars[human.avatar]
+        root, pose = human.root_m.astype(np.float64), human.pose_axis_angle.astype(np.float64)
+        _fill_feet(root, pose, avatar.joints_tpose_m, avatar.joints_canonical_m, feet[2 * number : 2 * number + 2])
+    room = len(feet) * _ALONG * len(_ROWS)
+    means, scales = np.empty((room, 3), dtype=np.float32), np.empty((room, 3), dtype=np.float32)
+    opacities, frame = np.empty(room, dtype=np.float32), floor.frame
+    grid = floor.height_m, frame.origin_x_m, frame.origin_y_m, frame.resolution_m
+    count = _fill_shadows(feet, *grid, p_WC, means, scales, opacities)
+    if count == 0:
         return None
-    pull = (_free_way(xy, towards[:, :2], ends) / distance)[:, None]
-    means = np.column_stack([xy, floor_m + LIFT_M]) + towards * pull
-    scales = (grown[:, None] * (1.0 - pull)) * (1.0, 1.0, 0.05)
-    count = len(means)
-    cloud = GaussianCloud(
-        means_m=means.astype(np.float32),
-        quats_wxyz=np.tile(np.array([1, 0, 0, 0], dtype=np.float32), (count, 1)),
-        scales_m=scales.astype(np.float32),
-        opacities=shade.astype(np.float32),
-        sh=np.full((count, 1, 3), _DARK_SH, dtype=np.float32),
+    return GaussianCloud(
+        means_m=means[:count],
+        quats_wxyz=np.broadcast_to(_UPRIGHT, (count, 4)),
+        scales_m=scales[:count],
+        opacities=opacities[:count],
+        sh=np.broadcast_to(_DARK_SH, (count, 1, 3)),
     )
-    return cloud.select(kept)
 
 
-def _feet(avatar: Avatar, human: PosedHuman) -> Iterator[tuple[list[float], list[float], list[float]]]:
-    """Heel and tip on the ground [m], and the heights of the sole there [m], of each foot."""
+@compiled
+def _fill_feet(root: Floats, pose: Floats, joints_tpose: Singles, joints_canonical: Singles, feet: Floats) -> None:
+    """Write heel and tip of both feet: x, y and the height of the sole there [m], shape (2, 2, 3)."""
     positions, rotations = np.empty((24, 3)), np.empty((24, 3, 3))
-    root, pose = human.root_m.astype(np.float64), human.pose_axis_angle.astype(np.float64)
-    fill_globals(root, pose, avatar.joints_tpose_m, rotations, positions)
-    for ankle, ball in FEET:
-        (ax, ay, az), (bx, by, bz) = positions[ankle].tolist(), positions[ball].tolist()
+    fill_globals(root, pose, joints_tpose, rotations, positions)
+    for foot in range(2):
+        ankle, ball = FEET[foot]
+        ax, ay, bx, by = positions[ankle, 0], positions[ankle, 1], positions[ball, 0], positions[ball, 1]
         length = max(math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay)), 1e-3)
         ux, uy = (bx - ax) / length, (by - ay) / length
-        soles = [z - float(avatar.joints_canonical_m[joint, 1]) for z, joint in ((az, ankle), (bz, ball))]
-        yield [ax - _HEEL_M * ux, ay - _HEEL_M * uy], [bx + _TIP_M * ux, by + _TIP_M * uy], soles
+        feet[foot, 0, 0], feet[foot, 0, 1] = ax - _HEEL_M * ux, ay - _HEEL_M * uy
+        feet[foot, 1, 0], feet[foot, 1, 1] = bx + _TIP_M * ux, by + _TIP_M * uy
+        feet[foot, 0, 2] = positions[ankle, 2] - float(joints_canonical[ankle, 1])
+        feet[foot, 1, 2] = positions[ball, 2] - float(joints_canonical[ball, 1])
 
 
-def _laid_out(ends: Floats, soles_m: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-    """Gaussians along feet.
+@compiled
+def _fill_shadows(
+    feet: Floats,
+    floor_m: Singles,
+    origin_x_m: float,
+    origin_y_m: float,
+    resolution_m: float,
+    p_WC: Floats,
+    means: Singles,
+    scales: Singles,
+    opacities: Singles,
+) -> int:
+    """Write the shadow Gaussians of feet, shape (F, 2, 3), and return their number."""
+    count = 0
+    for foot in range(len(feet)):
+        wx, wy = feet[foot, 1, 0] - feet[foot, 0, 0], feet[foot, 1, 1] - feet[foot, 0, 1]
+        length = math.sqrt(wx * wx + wy * wy)
+        for k in range(_ALONG):
+            share = k / (_ALONG - 1)
+            sole_m = feet[foot, 0, 2] + share * (feet[foot, 1, 2] - feet[foot, 0, 2])
+            for left_m, sigma_m, opacity in _ROWS:
+                x = feet[foot, 0, 0] + share * wx - left_m * wy / length
+                y = feet[foot, 0, 1] + share * wy + left_m * wx / length
+                ground_m = bilinear(floor_m, origin_x_m, origin_y_m, resolution_m, x, y)
+                height_m = max(sole_m - ground_m, 0.0)
+                grown_m = sigma_m + SPREAD * height_m
+                # The same shade on more ground is thinner.
+                left_over, thinner = 1.0 - min(height_m / FADE_M, 1.0), sigma_m / grown_m
+                shade = opacity * left_over * left_over * thinner * thinner
+                tx, ty, tz = p_WC[0] - x, p_WC[1] - y, p_WC[2] - (ground_m + LIFT_M)
+                distance = math.sqrt(tx * tx + ty * ty + tz * tz)
+                if shade <= 1.0 / 255.0 or distance <= NEAREST_M:
+                    continue
+                pull = _free_way(feet, x, y, tx, ty) / distance
+                means[count, 0], means[count, 1] = x + tx * pull, y + ty * pull
+                means[count, 2] = ground_m + LIFT_M + tz * pull
+                scales[count, 0] = scales[count, 1] = grown_m * (1.0 - pull)
+                scales[count, 2] = 0.05 * grown_m * (1.0 - pull)
+                opacities[count] = shade
+                count += 1
+    return count
 
-    Args:
-        ends: Heels and tips [m], shape (F, 2, 2).
-        soles_m: Heights of the sole there [m], shape (F, 2).
 
-    Returns:
-        Places on the ground (P, 2), heights of the sole (P,), standard deviations (P,), all [m], and opacities (P,).
-    """
-    share = (np.arange(_ALONG) / (_ALONG - 1))[None, :, None]
-    left_m, sigma_m, opacity = np.array(_ROWS).T
-    way = ends[:, 1] - ends[:, 0]
-    ahead = way / np.sqrt(way[:, :1] * way[:, :1] + way[:, 1:] * way[:, 1:])
-    aside = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
-    middle = ends[:, :1] + share * way[:, None]
-    xy = middle[:, :, None] + left_m[None, None, :, None] * aside[:, None, None]
-    sole_m = soles_m[:, :1] + share[..., 0] * (soles_m[:, 1:] - soles_m[:, :1])
-    shape = xy.shape[:3]
-    flat = [np.broadcast_to(values, shape).reshape(-1) for values in (sole_m[..., None], sigma_m, opacity)]
-    return xy.reshape(-1, 2), flat[0], flat[1], flat[2]
+@compiled
+def _free_way(feet: Floats, x: float, y: float, towards_x: float, towards_y: float) -> float:
+    """How far a Gaussian at (x, y) [m] can be pulled towards the camera before a foot is in the way [m]."""
+    length = math.sqrt(towards_x * towards_x + towards_y * towards_y)
+    ux, uy = towards_x / length, towards_y / length
+    for step in range(_STEPS + 1):
+        way_m = step * PULL_BESIDE_M
+        for foot in range(len(feet)):
+            if _is_inside(feet[foot], x + way_m * ux, y + way_m * uy):
+                return max(way_m - PULL_BESIDE_M, PULL_BESIDE_M)
+    return PULL_M
 
 
-def _free_way(xy: Floats, towards: Floats, ends: Floats) -> Floats:
-    """How far Gaussians can be pulled before a foot is in the way [m], shape (P,).
-
-    Args:
-        xy: Places on the ground [m], shape (P, 2).
-        towards: Where the camera is from there [m], shape (P, 2).
-        ends: Heels and tips [m], shape (F, 2, 2).
-    """
-    ahead = towards / np.sqrt(towards[:, :1] * towards[:, :1] + towards[:, 1:] * towards[:, 1:])
-    free = np.full(len(xy), PULL_M)
-    for way_m in np.arange(PULL_M, -1e-9, -PULL_BESIDE_M).tolist():
-        points = xy + way_m * ahead
-        blocked = np.zeros(len(xy), dtype=np.bool_)
-        for heel, tip in ends:
-            blocked |= _inside(points, heel, tip)
-        free[blocked] = max(way_m - PULL_BESIDE_M, PULL_BESIDE_M)
-    return free
-
-
-def _inside(points: Floats, heel: Floats, tip: Floats) -> npt.NDArray[np.bool_]:
-    """Whether points on the ground are below a foot, shape (P,)."""
-    way, from_heel = tip - heel, points - heel
-    length2 = float(way[0] * way[0] + way[1] * way[1])
-    along = from_heel[:, 0] * way[0] + from_heel[:, 1] * way[1]
-    aside = from_heel[:, 1] * way[0] - from_heel[:, 0] * way[1]
-    beside = aside * aside <= length2 * _HALF_WIDTH_M * _HALF_WIDTH_M
-    inside: npt.NDArray[np.bool_] = (along >= 0) & (along <= length2) & beside
-    return inside
+@compiled
+def _is_inside(foot: Floats, x: float, y: float) -> bool:
+    """Whether a point on the ground is below a foot."""
+    wx, wy = foot[1, 0] - foot[0, 0], foot[1, 1] - foot[0, 1]
+    px, py = x - foot[0, 0], y - foot[0, 1]
+    length2, along, aside = wx * wx + wy * wy, px * wx + py * wy, py * wx - px * wy
+    return bool(0.0 <= along <= length2 and aside * aside <= length2 * _HALF_WIDTH_M * _HALF_WIDTH_M)

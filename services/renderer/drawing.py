@@ -1,5 +1,6 @@
 """What the renderer draws: the clouds of a scene bundle, humans at a step of their motions, their shadows."""
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -10,8 +11,9 @@ import numpy.typing as npt
 
 from readygo.common.avatars import Avatar
 from readygo.common.gaussians import GaussianCloud, load_gaussians
+from readygo.common.lighting.probes import LightProbes, load_or_make_probes, make_probes
 from readygo.common.messages import HumanMotion
-from readygo.common.rasterizer.backends import StaticCloud, make_rasterizer
+from readygo.common.rasterizer.backends import StaticCloud, make_rasterizer, packed_cloud
 from readygo.common.rasterizer.interface import PinholeCamera, PosedHuman, Rasterizer, View
 from readygo.common.scenes import Scene
 from readygo.common.scenes.scene import CLOUD_FILE, SKY_FILE
@@ -31,12 +33,19 @@ class Drawing:
     rasterizer: Rasterizer
     shadows: Shadows | None = None
     """None leaves humans without shadows."""
+    probes: LightProbes | None = None
+    """The light that humans walk in; None draws them in their avatars' own colours."""
 
     def view(self, T_world_camera: Pose, humans: Sequence[HumanMotion], step: float) -> View:
         """The scene with `humans` at simulation step `step`, which need not be whole."""
-        there = posed(humans, step)
+        there = tuple(self._lit(human) for human in posed(humans, step))
         shadows = None if self.shadows is None else self.shadows(there, T_world_camera[:3, 3])
         return View(T_world_camera=T_world_camera, humans=there, shadows=shadows)
+
+    def _lit(self, human: PosedHuman) -> PosedHuman:
+        if self.probes is None:
+            return human
+        return dataclasses.replace(human, light=self.probes.at(float(human.root_m[0]), float(human.root_m[1])))
 
 
 def make_drawing(scene: Scene, avatars: Mapping[str, Avatar], camera: PinholeCamera, config: RendererConfig) -> Drawing:
@@ -60,10 +69,22 @@ def make_drawing(scene: Scene, avatars: Mapping[str, Avatar], camera: PinholeCam
         outputs=config.outputs,
         detail=config.detail,
     )
-    if not config.contact_shadow:
-        return Drawing(rasterizer=rasterizer)
     skeletons = {name: avatar.skeleton() for name, avatar in avatars.items()}
-    return Drawing(rasterizer=rasterizer, shadows=partial(_shadows, skeletons, scene))
+    return Drawing(
+        rasterizer=rasterizer,
+        shadows=partial(_shadows, skeletons, scene) if config.contact_shadow else None,
+        probes=scene_probes(scene) if config.human_light else None,
+    )
+
+
+def scene_probes(scene: Scene) -> LightProbes:
+    """The probes of a scene's light, from its cache or made there."""
+
+    def make() -> LightProbes:
+        clouds = [packed_cloud(cloud, pack_folder(scene)) for cloud in static_clouds(scene)]
+        return make_probes(clouds, scene.maps.human, scene.maps.floor)
+
+    return load_or_make_probes(pack_folder(scene) / f"light-{scene.content_hash[:16]}.npz", make)
 
 
 def static_clouds(scene: Scene) -> list[StaticCloud]:

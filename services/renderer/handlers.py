@@ -209,6 +209,10 @@ class Picture(NamedTuple):
     """The further images by name."""
 
 
+NO_PICTURE = Picture(image=b"", outputs={})
+"""Where none was taken."""
+
+
 def encode_picture(images: Images, config: RendererConfig) -> Picture:
     """The files of a view's images."""
     return Picture(encode_image(images.rgb, config), encode_outputs(images, config))

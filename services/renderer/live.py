@@ -25,11 +25,11 @@ class LiveCamera:
         renderer.check_avatars(simulation.motions.humans)
         self._renderer, self._simulation = renderer, simulation
         self._camera = episode_camera(renderer, simulation.scenario)
-        self.pictures: list[Picture] = []
-        """What was taken so far, as it is recorded."""
+        self.pictures: dict[int, Picture] = {}
+        """What was taken so far, as it is recorded, by step."""
 
     def take(self) -> npt.NDArray[np.uint8]:
-        """The picture at the simulation's present step, sRGB, shape (H, W, 3); call it once at every step."""
+        """The picture at the simulation's present step, sRGB, shape (H, W, 3); at most once at a step."""
         renderer, step = self._renderer, self._simulation.step
         timeline = Timeline(
             xyyaw=self._simulation.path_xyyaw(0, step),
@@ -39,5 +39,5 @@ class LiveCamera:
         )
         shot = Shot(camera=self._camera, moment_at=timeline.at, step=step)
         (images,) = renderer.capture.take((shot,), renderer.config.outputs)
-        self.pictures.append(encode_picture(images, renderer.config))
+        self.pictures[step] = encode_picture(images, renderer.config)
         return images.rgb

@@ -12,7 +12,7 @@ from readygo.common.camera import SensorConfig
 from readygo.common.messages import CommittedEpisode, EpisodeKey, Sample
 from readygo.common.messages.plan import Driver, Outcome
 from readygo.common.robot import RobotConfig
-from readygo.common.robot.command_grid import COMMAND_COUNT
+from readygo.common.robot.command_grid import COMMAND_COUNT, UNKNOWN_RISK
 
 Array = npt.NDArray[np.float32]
 
@@ -24,7 +24,7 @@ class Episode:
     name: str
     """Tells it from all others."""
     images: tuple[bytes, ...]
-    """Encoded images, T of them."""
+    """Encoded images, T of them; empty where none was taken."""
     actions: Array
     """Commands executed after each sample: v [m/s], w [rad/s], shape (T, 2)."""
     goals_xy_m: Array
@@ -32,8 +32,8 @@ class Episode:
     xyyaw: npt.NDArray[np.float64]
     """Robot's poses: x, y [m], yaw [rad], shape (T, 3)."""
     expert: Array | None = None
-    """What the expert would have executed from each sample on: v [m/s], w [rad/s], shape (T, K, 2); None if nobody
-    asked it."""
+    """What the expert would have executed from each sample on: v [m/s], w [rad/s], shape (T, K, 2), NaN where there is
+    no image; None if nobody asked it."""
     risks: npt.NDArray[np.uint8] | None = None
     """What each command of `readygo.common.robot.command_grid` would have led to, see `Dataset.risks`, shape (T, C);
     None if the data do not say."""
@@ -51,6 +51,11 @@ class Episode:
     def sample_count(self) -> int:
         """T."""
         return len(self.images)
+
+    @property
+    def pictured(self) -> npt.NDArray[np.bool_]:
+        """True where an image was taken, shape (T,)."""
+        return np.array([bool(image) for image in self.images], np.bool_)
 
     @property
     def size_bytes(self) -> int:
@@ -123,12 +128,12 @@ class SampleSource(Protocol):
 
     @property
     def has_expert(self) -> bool:
-        """True if the expert was asked at every sample."""
+        """True if the expert was asked wherever there is an image."""
         ...
 
     @property
     def expert_actions(self) -> Array:
-        """What the expert would have executed, shape (S, 2)."""
+        """What the expert would have executed, shape (S, 2); NaN where there is no image."""
         ...
 
     @property
@@ -138,7 +143,7 @@ class SampleSource(Protocol):
 
     @property
     def has_risks(self) -> bool:
-        """True if every sample says what each command would have led to."""
+        """True if every sample with an image says what each command would have led to."""
         ...
 
     @property
@@ -167,7 +172,7 @@ class SampleSource(Protocol):
         ...
 
     def image(self, index: int) -> bytes:
-        """Encoded image of one sample."""
+        """Encoded image of one sample, empty where none was taken."""
         ...
 
     @property
@@ -219,16 +224,13 @@ def committed_episode(message: CommittedEpisode) -> Episode:
     """An episode as the recorder announces it."""
     header, samples = message.header, message.samples
     xyyaw = np.array([(s.robot_xyzyaw[0], s.robot_xyzyaw[1], s.robot_xyzyaw[3]) for s in samples], np.float64)
-    expert = None
-    if all(sample.expert_commands for sample in samples):
-        expert = np.array([sample.expert_commands for sample in samples], np.float32)
     return Episode(
         name=header.episode.episode_id,
         images=tuple(sample.image for sample in samples),
         actions=np.array([(s.action_v_mps, s.action_w_radps) for s in samples], np.float32),
         goals_xy_m=np.array([s.goal_xy_robot_m for s in samples], np.float32),
         xyyaw=xyyaw,
-        expert=expert,
+        expert=_expert(samples),
         risks=_risks(samples),
         humans=nearest_humans(xyyaw, [_places(s) for s in samples], np.array([s.human_visible for s in samples])),
         driver=header.driver,
@@ -259,10 +261,22 @@ def nearest_humans(
     return found
 
 
-def _risks(samples: Sequence[Sample]) -> npt.NDArray[np.uint8] | None:
-    if any(len(sample.risks) != COMMAND_COUNT for sample in samples):
+def _expert(samples: Sequence[Sample]) -> Array | None:
+    asked = [row for row, sample in enumerate(samples) if sample.image]
+    if not all(samples[row].expert_commands for row in asked):
         return None
-    return np.frombuffer(b"".join(sample.risks for sample in samples), np.uint8).reshape(-1, COMMAND_COUNT)
+    expert = np.full((len(samples), len(samples[0].expert_commands), 2), np.nan, np.float32)
+    expert[asked] = [samples[row].expert_commands for row in asked]
+    return expert
+
+
+def _risks(samples: Sequence[Sample]) -> npt.NDArray[np.uint8] | None:
+    asked = [row for row, sample in enumerate(samples) if sample.image]
+    if any(len(samples[row].risks) != COMMAND_COUNT for row in asked):
+        return None
+    risks = np.full((len(samples), COMMAND_COUNT), UNKNOWN_RISK, np.uint8)
+    risks[asked] = [np.frombuffer(samples[row].risks, np.uint8) for row in asked]
+    return risks
 
 
 def _places(sample: Sample) -> npt.NDArray[np.float64]:

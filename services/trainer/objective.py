@@ -10,7 +10,7 @@ from torch import Tensor, nn
 
 from readygo.common.policy.artifact import MotionInput
 from readygo.common.robot import RobotConfig
-from readygo.common.robot.command_grid import HUMAN, OBSTACLE, mirrored
+from readygo.common.robot.command_grid import HUMAN, OBSTACLE, UNKNOWN_RISK, mirrored
 from readygo.services.trainer.augment import (
     MIRRORED_MOTION,
     FrameWarp,
@@ -27,7 +27,7 @@ from readygo.services.trainer.augment import (
 from readygo.services.trainer.config import TrainConfig
 from readygo.services.trainer.frames import FrameCache, pooling_of
 from readygo.services.trainer.model import Bins
-from readygo.services.trainer.samples import UNKNOWN, Array, Batch, Indices, SampleTable, Timing, make_batch
+from readygo.services.trainer.samples import Array, Batch, Indices, SampleTable, Timing, make_batch
 
 MIRRORED_COMMANDS = mirrored()
 LEFT_RIGHT = np.array([1.0, -1.0], np.float32)
@@ -79,7 +79,7 @@ class Objective:
         )
         signs = MIRRORED_MOTION if self._motion is MotionInput.POSES else np.array([1, -1, 1], np.float32)
         # What a command leads to is told for the robot as it stood.
-        risks = np.where(yaws_rad[:, None] != 0, UNKNOWN, table.risks[samples])
+        risks = np.where(yaws_rad[:, None] != 0, UNKNOWN_RISK, table.risks[samples])
         humans = table.humans[samples] - np.stack([0 * yaws_rad, yaws_rad, 0 * yaws_rad], axis=1)
         return self._shown(
             self._images(frames.get(table, batch.frames), groups, view),
@@ -171,7 +171,7 @@ def risks_loss(logits: Tensor, risks: Tensor) -> Tensor:
         logits: Of meeting an obstacle and of meeting a human, shape (B, 2 C).
         risks: See `SampleTable.risks`, shape (B, C).
     """
-    known = risks[:, 0] != UNKNOWN
+    known = risks[:, 0] != UNKNOWN_RISK
     if not known.any():
         return logits.sum() * 0.0
     truth = torch.cat([risks[known] == OBSTACLE, risks[known] == HUMAN], dim=1)

@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -11,13 +12,13 @@ from readygo.common.errors import DatasetError
 from readygo.common.messages.plan import Driver
 from readygo.common.policy.motion import odometry, own_motion
 from readygo.common.policy.windows import window_rows
-from readygo.common.robot.command_grid import COMMAND_COUNT
+from readygo.common.robot.command_grid import COMMAND_COUNT, UNKNOWN_RISK
 from readygo.services.trainer.episodes import Episode
 
 Indices = npt.NDArray[np.int64]
 Array = npt.NDArray[np.float32]
-UNKNOWN = 255
-"""A risk that the data do not tell."""
+USABLE_MIN = 0.05
+"""Least share of usable samples: with fewer, pictures and windows do not meet but at the beginning of episodes."""
 SAME_COMMAND = 1e-4
 """Commands [m/s, rad/s] that differ by less are the same."""
 
@@ -51,6 +52,8 @@ class SampleTable:
     shape (S,)."""
     by_policy: npt.NDArray[np.bool_]
     """True where a policy drove, shape (S,)."""
+    usable: npt.NDArray[np.bool_]
+    """True where all frames of the window were taken and there is a target, shape (S,)."""
     targets: Array
     """Commands that the samples teach: v [m/s], w [rad/s], shape (S, 2)."""
     motion: Array
@@ -60,12 +63,27 @@ class SampleTable:
     xyyaw: npt.NDArray[np.float64]
     """Robot's pose: x, y [m], yaw [rad], shape (S, 3)."""
     risks: npt.NDArray[np.uint8]
-    """See `Episode.risks`; `UNKNOWN` where the data do not say, shape (S, C)."""
+    """See `Episode.risks`; `UNKNOWN_RISK` where the data do not say, shape (S, C)."""
     humans: Array
     """See `Episode.humans`; NaN where the data do not say, shape (S, 3)."""
 
     def __len__(self) -> int:
         return len(self.first)
+
+    @cached_property
+    def usable_samples(self) -> Indices:
+        """Those that can be learned from, ascending.
+
+        Raises:
+            DatasetError: If they are too few.
+        """
+        found = np.flatnonzero(self.usable)
+        if len(found) < len(self) * USABLE_MIN:
+            raise DatasetError(
+                f"Only {len(found)} of {len(self)} samples have images at all times of their windows; record with a "
+                "[driver] camera_hz that divides the spacing of the frames."
+            )
+        return found
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -86,6 +104,7 @@ def episode_table(episode: Episode, timing: Timing) -> SampleTable:
     steps, zeros = np.arange(count), np.zeros(count, np.int64)
     poses = odometry(episode.actions)
     rows = window_rows(steps - timing.latency_steps, zeros, timing.spacing_steps)
+    targets = _targets(episode, timing.ahead_steps)
     previous = np.concatenate([np.zeros((1, 2), np.float32), episode.actions[:-1]])
     return SampleTable(
         names=(episode.name,),
@@ -94,11 +113,12 @@ def episode_table(episode: Episode, timing: Timing) -> SampleTable:
         last=np.full(count, count - 1),
         driven_last=_driven_last(episode),
         by_policy=np.full(count, episode.driver is Driver.POLICY),
-        targets=_targets(episode, timing.ahead_steps),
+        usable=np.logical_and(episode.pictured[rows].all(axis=1), np.isfinite(targets).all(axis=1)),
+        targets=targets,
         motion=own_motion(poses[rows[:, :-1]], poses, previous),
         goals_xy_m=episode.goals_xy_m,
         xyyaw=episode.xyyaw,
-        risks=np.full((count, COMMAND_COUNT), UNKNOWN, np.uint8) if episode.risks is None else episode.risks,
+        risks=np.full((count, COMMAND_COUNT), UNKNOWN_RISK, np.uint8) if episode.risks is None else episode.risks,
         humans=np.full((count, 3), np.nan, np.float32) if episode.humans is None else episode.humans,
     )
 
@@ -175,7 +195,7 @@ def make_batch(samples: Indices, first: Indices, timing: Timing) -> Batch:
 def draw_samples(
     table: SampleTable, *, batch_size: int, chain_length: int, spacing_steps: int, rng: np.random.Generator
 ) -> Indices:
-    """Random samples for one batch, all alike likely but for those near the ends of episodes.
+    """Random samples for one batch, all usable ones alike likely but for those near the ends of episodes.
 
     Samples that are one frame spacing apart form chains of at most `chain_length`: a chain of n samples sees only
     n + 2 distinct frames.
@@ -183,20 +203,23 @@ def draw_samples(
     Returns:
         Sample indices, shape (batch_size,).
     """
+    usable = table.usable_samples
     chains: list[Indices] = []
     total = 0
     while total < batch_size:
-        sample = int(rng.integers(len(table)))
+        sample = int(usable[rng.integers(len(usable))])
         first, last = int(table.first[sample]), int(table.last[sample])
         back = min(int(rng.integers(chain_length)), (sample - first) // spacing_steps)
         begin = sample - back * spacing_steps
         end = min(begin + chain_length * spacing_steps, last + 1)
-        chain = np.arange(begin, end, spacing_steps)[: batch_size - total]
+        chain = np.arange(begin, end, spacing_steps)
+        chain = chain[table.usable[chain]][: batch_size - total]
         chains.append(chain)
         total += len(chain)
     return np.concatenate(chains)
 
 
 def spread_samples(table: SampleTable, limit: int) -> Indices:
-    """At most `limit` samples, evenly spread, in order."""
-    return np.arange(0, len(table), -(-len(table) // limit))
+    """At most `limit` usable samples, evenly spread, in order."""
+    usable = table.usable_samples
+    return usable[:: max(1, -(-len(usable) // limit))]

@@ -24,13 +24,13 @@ _sym_db = _symbol_database.Default()
 
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\rdriving.proto\x12\x0freadygo.driving\"p\n\x0e\x45xpertCommands\x12\r\n\x05v_mps\x18\x01 \x03(\x01\x12\x0f\n\x07w_radps\x18\x02 \x03(\x01\x12\x0f\n\x07outcome\x18\x03 \x01(\t\x12\x0e\n\x06\x64river\x18\x04 \x01(\t\x12\x0e\n\x06policy\x18\x05 \x01(\t\x12\r\n\x05risks\x18\x06 \x01(\x0c\x62\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\rdriving.proto\x12\x0freadygo.driving\"\x85\x01\n\x0e\x45xpertCommands\x12\r\n\x05v_mps\x18\x01 \x03(\x01\x12\x0f\n\x07w_radps\x18\x02 \x03(\x01\x12\x0f\n\x07outcome\x18\x03 \x01(\t\x12\x0e\n\x06\x64river\x18\x04 \x01(\t\x12\x0e\n\x06policy\x18\x05 \x01(\t\x12\r\n\x05risks\x18\x06 \x01(\x0c\x12\x13\n\x0bimage_every\x18\x07 \x01(\rb\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'driving_pb2', _globals)
 if not _descriptor._USE_C_DESCRIPTORS:
   DESCRIPTOR._loaded_options = None
-  _globals['_EXPERTCOMMANDS']._serialized_start=34
-  _globals['_EXPERTCOMMANDS']._serialized_end=146
+  _globals['_EXPERTCOMMANDS']._serialized_start=35
+  _globals['_EXPERTCOMMANDS']._serialized_end=168
 # @@protoc_insertion_point(module_scope)

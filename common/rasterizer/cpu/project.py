@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from readygo.common.gaussians.spherical_harmonics import SH_C0, SH_C1, SH_C2, SH_C3, SH_C20, SH_C30, SH_C31, SH_C32
 from readygo.common.kernels import inlined, kernel
-from readygo.common.rasterizer.constants import DILATION_PX2, LOG2_E, NEAR_M
+from readygo.common.rasterizer.constants import DILATION_PX2, LIGHT_MAX, LIGHT_MIN, LOG2_E, NEAR_M
 from readygo.common.rasterizer.cpu.optics import Optics, clamped, optics_of, rotation_rows
 from readygo.common.rasterizer.cpu.outputs import normal_block
 from readygo.common.rasterizer.cpu.posing import nearest_rotation
@@ -15,6 +15,7 @@ from readygo.common.rasterizer.cpu.slabs import NEAR_BITS, Slab, is_due
 from readygo.common.rasterizer.cpu.tiles import LARGE, box_codes, is_alive, tiles_met
 from readygo.common.rasterizer.cpu.view import PinholeView, VisibleChunks
 from readygo.common.rasterizer.cpu.workspace import KEYS, LARGE_ENTRIES, LATER, RECORD, RECORDS, Workspace
+from readygo.common.rasterizer.packed.scene import NORMAL_STEP
 from readygo.common.simd.memory import load_f16, load_short, peek, poke, store_f16, store_i16, transpose_in_place
 from readygo.common.simd.types import (
     bit_pattern,
@@ -59,6 +60,15 @@ class Skin(NamedTuple):
     joint_start: Integers
     joint: Integers
     weight: Singles
+
+
+class Lit(NamedTuple):
+    """The light on a human."""
+
+    normal: npt.NDArray[np.int16]
+    """Of `packed_shading`, flat."""
+    terms: Singles
+    """Of `turned` into the camera's frame, flat; empty: the avatar's own colours."""
 
 
 @inlined
@@ -182,6 +192,32 @@ def _sh_channel(cloud: Gaussians, block: int, channel: int, x: Any, y: Any, z: A
 
 
 @inlined
+def _light_block(lit: Lit, block: int, R: Any, ws: Workspace) -> None:
+    """Light the colours of a block in the scratch memory.
+
+    Args:
+        lit: The light.
+        block: Number of the block.
+        R: Rotation from the frame of the normals to the camera, row by row, nine values.
+        ws: Workspace.
+    """
+    o = block * 48
+    px, py, pz = load_short(lit.normal, o), load_short(lit.normal, o + 16), load_short(lit.normal, o + 32)
+    px, py, pz = px * NORMAL_STEP, py * NORMAL_STEP, pz * NORMAL_STEP
+    x = fma(R[0], px, fma(R[1], py, R[2] * pz))
+    y = fma(R[3], px, fma(R[4], py, R[5] * pz))
+    z = fma(R[6], px, fma(R[7], py, R[8] * pz))
+    for channel in range(3):
+        t, place = channel * 10, 96 + 16 * channel
+        along_x = fma(x, lit.terms[t + 4], fma(y, lit.terms[t + 7], fma(z, lit.terms[t + 8], lit.terms[t + 1])))
+        along_y = fma(y, lit.terms[t + 5], fma(z, lit.terms[t + 9], lit.terms[t + 2]))
+        along_z = fma(z, lit.terms[t + 6], lit.terms[t + 3])
+        light = fma(x, along_x, fma(y, along_y, fma(z, along_z, lit.terms[t])))
+        light = minimum(maximum(light, LIGHT_MIN), LIGHT_MAX)
+        store_f16(ws.scratch, place, load_f16(ws.scratch, place) * sqrt(light))
+
+
+@inlined
 def _emit(seen: int, counts: tuple[int, int, int], slab: Slab, columns: int, ws: Workspace) -> tuple[int, int, int]:
     """Append the visible lanes of the scratch memory to the records, and their keys to this slab's or the later ones.
 
@@ -259,7 +295,14 @@ def project_scene(view: PinholeView, cloud: Gaussians, chunks: VisibleChunks, sl
 
 @kernel
 def project_human(
-    view: PinholeView, cloud: Gaussians, skin: Skin, A_CS: Singles, chunks: VisibleChunks, slab: Slab, ws: Workspace
+    view: PinholeView,
+    cloud: Gaussians,
+    skin: Skin,
+    lit: Lit,
+    A_CS: Singles,
+    chunks: VisibleChunks,
+    slab: Slab,
+    ws: Workspace,
 ) -> None:
     """Pose the slab's chunks of an avatar straight into the camera's frame, and append what touches unfinished pixels.
 
@@ -267,6 +310,7 @@ def project_human(
         view: Camera.
         cloud: Gaussians in canonical coordinates.
         skin: Joints and weights of its blocks.
+        lit: The light on it.
         A_CS: Transforms of the joints from canonical to camera coordinates, shape (24, 3, 4).
         chunks: Chunks that may be seen.
         slab: Depths that are drawn now.
@@ -304,6 +348,8 @@ def project_human(
             seen = _image_block(optics, cloud.geometry, g, x, y, z, R, ws)
             if seen:
                 _colour_block(cloud, block, x, y, z, view.R_CW, ws)
+                if lit.terms.size > 0:
+                    _light_block(lit, block, R, ws)
                 normal_block(cloud.normal, block, x, y, z, R, ws)
                 counts = _emit(seen, counts, slab, optics.columns, ws)
     ws.counts[RECORDS], ws.counts[KEYS], ws.counts[LATER] = counts

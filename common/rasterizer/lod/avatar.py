@@ -11,12 +11,11 @@ import numpy.typing as npt
 
 from readygo.common.rasterizer.lod.clusters import Floats, Integers
 from readygo.common.rasterizer.lod.tree import ChunkTree, Node, children_of, grow, preorder, tree_of_nodes
-from readygo.common.rasterizer.packed.avatar import PackedAvatar
-from readygo.common.rasterizer.packed.scene import BLOCKS, CHUNK, rounded_up
+from readygo.common.rasterizer.packed.avatar import JOINTS, PackedAvatar, chunk_weights
+from readygo.common.rasterizer.packed.scene import CHUNK, rounded_up
 
 Singles = npt.NDArray[np.float32]
 
-JOINTS = 24
 TOLERANCE = 0.01
 """Below that of scenes: humans move, and a node of theirs that changes its level would be noticed."""
 LEAST_WEIGHT = 1e-3
@@ -37,7 +36,7 @@ class AvatarTree:
 
 def build_avatar_tree(packed: PackedAvatar) -> AvatarTree:
     """The tree above a packed avatar; takes some seconds."""
-    weights = _chunk_weights(packed)
+    weights = chunk_weights(packed)
     count = int((packed.scene.geometry[:, :, -1] >= 0).sum())
     roots = grow(packed.scene, weights.reshape(-1, JOINTS)[:count], centred=False, tolerance=TOLERANCE)
     nodes = list(preorder(roots))
@@ -60,14 +59,6 @@ def build_avatar_tree(packed: PackedAvatar) -> AvatarTree:
         box_half_m=rounded_up(np.maximum(high - centre, centre - low)),
     )
     return AvatarTree(avatar=avatar, skip=tree.skip, pixel_m=tree.pixel_m)
-
-
-def _chunk_weights(packed: PackedAvatar) -> Singles:
-    """Weights of all joints, shape (C, 256, 24)."""
-    blocks = packed.scene.chunk_count * BLOCKS
-    dense = np.zeros((blocks, JOINTS, 16), dtype=np.float32)
-    dense[np.repeat(np.arange(blocks), np.diff(packed.joint_start)), packed.joint] = packed.weight
-    return np.ascontiguousarray(dense.transpose(0, 2, 1)).reshape(-1, CHUNK, JOINTS)
 
 
 def _node_weights(node: Node, chunk_weights: Singles) -> Singles:

@@ -15,9 +15,9 @@ import numpy.typing as npt
 
 from readygo.common.avatars import Avatar
 from readygo.common.files import unfinished_folder
-from readygo.common.rasterizer.lod.avatar import JOINTS, AvatarTree, build_avatar_tree
+from readygo.common.rasterizer.lod.avatar import AvatarTree, build_avatar_tree
 from readygo.common.rasterizer.lod.tree import ChunkTree, build_tree
-from readygo.common.rasterizer.packed.avatar import PackedAvatar, pack_avatar
+from readygo.common.rasterizer.packed.avatar import JOINTS, PackedAvatar, pack_avatar
 from readygo.common.rasterizer.packed.scene import BLOCKS, PackedScene, load_packed, save_packed
 
 T = TypeVar("T")

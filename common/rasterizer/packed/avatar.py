@@ -6,15 +6,21 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.avatars import Avatar
+from readygo.common.avatars.shading import outward_normals
 from readygo.common.rasterizer.constants import ALPHA_MIN
 from readygo.common.rasterizer.packed.scene import (
+    BLOCKS,
     CHUNK,
+    NORMAL_STEP,
     PackedScene,
     chunk_boxes,
+    flatness,
     morton_codes,
     pack_sorted,
     rounded_up,
 )
+
+JOINTS = 24
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -48,7 +54,7 @@ def pack_avatar(avatar: Avatar) -> PackedAvatar:
     index = np.flatnonzero(avatar.cloud.opacities >= np.float32(ALPHA_MIN))
     joints = _joint_sets(avatar)
     order = index[np.lexsort((morton_codes(avatar.cloud.means_m[index]), joints[index]))]
-    weights = _dense_weights(avatar)[order]
+    weights = dense_weights(avatar)[order]
     scene = pack_sorted(avatar.cloud.select(order), centred=False, normals=True)
     padded = np.zeros((scene.chunk_count * CHUNK, 24), dtype=np.float32)
     padded[: len(weights)] = weights
@@ -67,6 +73,31 @@ def pack_avatar(avatar: Avatar) -> PackedAvatar:
     )
 
 
+def chunk_weights(packed: PackedAvatar) -> npt.NDArray[np.float32]:
+    """Weights of all joints, shape (C, 256, 24)."""
+    blocks = packed.scene.chunk_count * BLOCKS
+    dense = np.zeros((blocks, JOINTS, 16), dtype=np.float32)
+    dense[np.repeat(np.arange(blocks), np.diff(packed.joint_start)), packed.joint] = packed.weight
+    return np.ascontiguousarray(dense.transpose(0, 2, 1)).reshape(-1, CHUNK, JOINTS)
+
+
+def packed_shading(packed: PackedAvatar, joints_m: npt.NDArray[np.float32]) -> npt.NDArray[np.int16]:
+    """Normals that light falls on, in steps of `NORMAL_STEP`, shape (C, 16, 3, 16); see `avatars.shading`.
+
+    Args:
+        packed: The avatar.
+        joints_m: Its joints in the canonical pose [m], shape (24, 3).
+    """
+    scene = packed.scene
+    assert scene.normal is not None
+    rows = scene.geometry.astype(np.float64).transpose(0, 1, 3, 2).reshape(-1, scene.geometry.shape[2])
+    axes = scene.normal.transpose(0, 1, 3, 2).reshape(-1, 3).astype(np.float64) * NORMAL_STEP
+    weights = chunk_weights(packed).reshape(-1, JOINTS)
+    normals = outward_normals(rows[:, :3], axes, flatness(rows[:, 3:9], axes), weights, joints_m)
+    steps = np.rint(normals / NORMAL_STEP).astype(np.int16)
+    return np.ascontiguousarray(steps.reshape(-1, BLOCKS, 16, 3).transpose(0, 1, 3, 2))
+
+
 def _joint_sets(avatar: Avatar) -> npt.NDArray[np.int64]:
     """Bit set of the joints that move each Gaussian, shape (N,)."""
     bits = np.where(avatar.lbs_weight != 0, np.int64(1) << avatar.lbs_index.astype(np.int64), 0)
@@ -74,9 +105,9 @@ def _joint_sets(avatar: Avatar) -> npt.NDArray[np.int64]:
     return joints
 
 
-def _dense_weights(avatar: Avatar) -> npt.NDArray[np.float32]:
+def dense_weights(avatar: Avatar) -> npt.NDArray[np.float32]:
     """Weight of every joint, shape (N, 24)."""
-    dense = np.zeros((len(avatar.cloud), 24), dtype=np.float32)
+    dense = np.zeros((len(avatar.cloud), JOINTS), dtype=np.float32)
     rows = np.arange(len(dense))
     for k in range(4):
         dense[rows, avatar.lbs_index[:, k]] += avatar.lbs_weight[:, k]

@@ -207,6 +207,20 @@ def shortest_axes(cloud: GaussianCloud) -> Floats:
     return np.take_along_axis(R, shortest[:, None, None], axis=2)[..., 0]
 
 
+def flatness(covariance_m2: Floats, axes: Floats) -> Floats:
+    """1 for flat Gaussians, 0 for balls, shape (N,).
+
+    Args:
+        covariance_m2: As of `covariances`, shape (N, 6).
+        axes: Shortest axes, shape (N, 3).
+    """
+    xx, xy, xz, yy, yz, zz = covariance_m2.T
+    x, y, z = axes.T
+    least = x * (xx * x + 2.0 * (xy * y + xz * z)) + y * (yy * y + 2.0 * yz * z) + z * zz * z
+    share: Floats = np.clip(1.0 - 3.0 * least / np.maximum(xx + yy + zz, 1e-30), 0.0, 1.0)
+    return share
+
+
 def _rotations(cloud: GaussianCloud) -> list[list[Floats]]:
     """Rotation matrices from the principal axes, entry by entry, 3 rows of 3 arrays of shape (N,)."""
     q = cloud.quats_wxyz.astype(np.float64)

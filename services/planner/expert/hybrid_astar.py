@@ -25,6 +25,9 @@ Int32Array = npt.NDArray[np.int32]
 UInt8Array = npt.NDArray[np.uint8]
 
 _SAMPLE_M = 0.05
+_TURN_MIN_RAD = 0.35
+"""A primitive lasts until the robot has turned this far: one that turns less ends among the cells and headings of the
+straight one, which is cheaper and stands for both, so that robots with wide turns would never come round."""
 _TABLE_SIZE = 1 << 19
 _ROOT_COUNT = 24
 
@@ -43,8 +46,9 @@ class Primitives(NamedTuple):
 
 
 def make_primitives(robot: RobotConfig, config: ExpertConfig) -> Primitives:
-    """Three speeds by left, straight and right, each for `config.primitive_s`."""
-    duration_s, v_max, w_max = config.primitive_s, robot.v_max_mps, robot.w_max_radps
+    """Three speeds by left, straight and right, each for `config.primitive_s`, or longer where turns are wide."""
+    v_max, w_max = robot.v_max_mps, robot.w_max_radps
+    duration_s = max(config.primitive_s, _TURN_MIN_RAD / w_max)
     commands = [(v_max * k / 3, w_max * side) for k in (3, 2, 1) for side in (0, -1, 1)]
     counts = [math.ceil(v * duration_s / _SAMPLE_M - 1e-9) for v, _ in commands]
     offsets = np.zeros((len(commands), max(counts), 3))
@@ -241,7 +245,7 @@ def _trace(node: int, memory: Memory, primitives: Primitives, points: Float64Arr
     nodes, links, _, _, _, _, _, _ = memory
     offsets, sample_counts, _, speeds = primitives
     at = len(points)
-    while links[node, 0] >= 0 and at > 16:
+    while links[node, 0] >= 0 and at > offsets.shape[1]:
         parent, p = links[node, 0], links[node, 1]
         c, s = math.cos(nodes[parent, 2]), math.sin(nodes[parent, 2])
         for k in range(sample_counts[p] - 1, -1, -1):

@@ -56,6 +56,10 @@ class Expert(Protocol):
         """Decide on the next command, wherever the robot is; call it at every step. Asked again, it says the same."""
         ...
 
+    def watch(self, simulation: EpisodeSimulation) -> bool:
+        """Look without deciding, at a step at which `act` is not called; True if a human is in view."""
+        ...
+
 
 def decisions(expert: Expert, simulation: EpisodeSimulation) -> Iterator[Decision]:
     """What the expert decides until the episode ends; each decision is executed when the next one is asked for."""

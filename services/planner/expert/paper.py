@@ -83,6 +83,11 @@ class PaperExpert:
             self._decided = simulation.step, self._decide(simulation)
         return self._decided[1]
 
+    def watch(self, simulation: EpisodeSimulation) -> bool:
+        """Look without deciding; True if a human is in view."""
+        pose = (simulation.x_m, simulation.y_m, simulation.yaw_rad)
+        return any(human.seen for human in self._tracks.observe(simulation.step, pose, simulation.human_xy_m))
+
     def _decide(self, simulation: EpisodeSimulation) -> Decision:
         pose = (simulation.x_m, simulation.y_m, simulation.yaw_rad)
         if not self._local.holds(pose[0], pose[1]):

@@ -64,6 +64,11 @@ class SpaceTimeExpert:
             self._decided = simulation.step, self._decide(simulation)
         return self._decided[1]
 
+    def watch(self, simulation: EpisodeSimulation) -> bool:
+        """Look without deciding; True if a human is in view."""
+        pose = state_of(simulation)[:3]
+        return any(human.seen for human in self._tracks.observe(simulation.step, pose, simulation.human_xy_m))
+
     def _decide(self, simulation: EpisodeSimulation) -> Decision:
         state = state_of(simulation)
         if not self._local.holds(state[0], state[1]):

@@ -1,18 +1,24 @@
-"""What the expert knew and intended while it drove, for those who want to know why it did what it did."""
+"""What the expert knew and intended while it, or somebody else, drove: for those who want to know why it came so."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.episode import EpisodeSimulation
 from readygo.common.messages import EpisodeMotions, RobotTrajectory, Scenario
 from readygo.services.planner.expert.handlers import RobotPlanner, drive
 from readygo.services.planner.expert.interface import Decision
 from readygo.services.planner.expert.perception import PerceivedHuman
 
 Float64Array = npt.NDArray[np.float64]
+Steer = Callable[[EpisodeSimulation], tuple[float, float]]
+"""Commands v [m/s], w [rad/s] for the next step of an episode; called once at every step."""
+EXPERT = "expert"
+"""The driver of runs whose journal says why they went as they did."""
 
 ANOTHER_WAY_M = 0.2
 """Plans that stay nearer to each other are the same way [m]."""
@@ -20,7 +26,7 @@ ANOTHER_WAY_M = 0.2
 
 @dataclass(kw_only=True, eq=False)
 class Journal:
-    """One entry per step of the expert's run."""
+    """One entry per step of a run."""
 
     paths_m: list[Float64Array] = field(default_factory=list)
     """What was left of the path in force after the step's decision [m], shape (N, 2) each; empty without a plan."""
@@ -56,13 +62,20 @@ class Journal:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ExpertRun:
-    """One episode of the expert, and its journal."""
+class DrivenRun:
+    """One episode, driven to its end, with the expert's journal: of what it did, or would have done."""
 
     scenario: Scenario
     motions: EpisodeMotions
     trajectory: RobotTrajectory
     journal: Journal
+    driver: str = EXPERT
+    """Who drove, in a word."""
+
+    @property
+    def explained(self) -> bool:
+        """True if the journal is of the one who drove."""
+        return self.driver == EXPERT
 
     def human_xy_m(self, human: int) -> Float64Array:
         """Where a human was at each step of the run [m], shape (T, 2)."""
@@ -78,7 +91,7 @@ class ExpertRun:
         return gap
 
 
-def run_with_journal(planner: RobotPlanner, scenario: Scenario, motions: EpisodeMotions) -> ExpertRun:
+def run_with_journal(planner: RobotPlanner, scenario: Scenario, motions: EpisodeMotions) -> DrivenRun:
     """Drive the expert through a scenario, as `handle_robot_plan` does, and keep a journal.
 
     Raises:
@@ -86,7 +99,33 @@ def run_with_journal(planner: RobotPlanner, scenario: Scenario, motions: Episode
     """
     journal = Journal()
     trajectory = drive(planner, scenario, motions, observe=journal.note)
-    return ExpertRun(scenario=scenario, motions=motions, trajectory=trajectory, journal=journal)
+    return DrivenRun(scenario=scenario, motions=motions, trajectory=trajectory, journal=journal)
+
+
+def run_beside_expert(
+    planner: RobotPlanner, scenario: Scenario, motions: EpisodeMotions, steer: Steer, driver: str
+) -> DrivenRun:
+    """Let somebody else drive through a scenario, and ask the expert at every step what it knows and would do.
+
+    Args:
+        planner: The expert's.
+        scenario: Start, goal and humans.
+        motions: How the humans move.
+        steer: Who drives.
+        driver: What to call it.
+
+    Raises:
+        AvatarError: If a human's avatar is not loaded.
+    """
+    journal, visible = Journal(), []
+    simulation, expert = planner.simulation(scenario, motions), planner.expert(scenario, motions)
+    while simulation.outcome is None:
+        decision = expert.act(simulation)
+        journal.note(decision)
+        visible.append(decision.visible)
+        simulation.advance(*steer(simulation))
+    trajectory = simulation.trajectory(human_visible=visible)
+    return DrivenRun(scenario=scenario, motions=motions, trajectory=trajectory, journal=journal, driver=driver)
 
 
 def _apart_m(a_m: Float64Array, b_m: Float64Array) -> float:

@@ -6,7 +6,7 @@ import numpy as np
 
 from readygo.common.messages import Outcome
 from readygo.common.robot.kinematics import DT_S, RATE_HZ
-from readygo.services.planner.explain.journal import ExpertRun
+from readygo.services.planner.explain.journal import DrivenRun
 
 MOMENTS_MAX = 3
 APART_S = 0.5
@@ -28,7 +28,7 @@ class Moment:
         return self.step * DT_S
 
 
-def pick_moments(run: ExpertRun) -> tuple[Moment, ...]:
+def pick_moments(run: DrivenRun) -> tuple[Moment, ...]:
     """At most three moments, in order of time; the more telling one wins where two are close."""
     picked: list[Moment] = []
     for moment in _candidates(run):
@@ -38,7 +38,7 @@ def pick_moments(run: ExpertRun) -> tuple[Moment, ...]:
     return tuple(sorted(picked, key=lambda moment: moment.step))
 
 
-def _candidates(run: ExpertRun) -> list[Moment]:
+def _candidates(run: DrivenRun) -> list[Moment]:
     """Most telling first: the end of a failure, the closest approach, the change of plan before it, first sights."""
     last, humans = len(run.trajectory.xyyaw) - 1, range(len(run.scenario.humans))
     moments = []
@@ -48,7 +48,8 @@ def _candidates(run: ExpertRun) -> list[Moment]:
     if closest and closest[0][0] < CLOSE_M:
         step = int(np.argmin(run.gap_m(closest[0][1])))
         moments.append(Moment(step=step, why=f"closest to person {closest[0][1] + 1}"))
-        changed = [k for k in run.journal.given_up if k < step - APART_S * RATE_HZ and run.journal.perceived[k]]
+        given_up = run.journal.given_up if run.explained else ()
+        changed = [k for k in given_up if k < step - APART_S * RATE_HZ and run.journal.perceived[k]]
         moments += [Moment(step=k, why="takes another way") for k in changed[-1:]]
     for _, k in closest:
         seen = np.flatnonzero(run.journal.seen(k))

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from readygo.common.episode.metrics import EpisodeResult
 from readygo.common.messages import Scenario
 from readygo.common.robot.kinematics import DT_S
-from readygo.services.planner.explain.journal import ExpertRun
+from readygo.services.planner.explain.journal import DrivenRun
 
 Numbers = dict[str, Any]
 
@@ -28,14 +28,14 @@ def scenario_numbers(scenario: Scenario) -> Numbers:
     }
 
 
-def run_numbers(run: ExpertRun) -> Numbers:
-    """What was planned, how the expert drove, how near each human came and when it was seen."""
+def run_numbers(run: DrivenRun) -> Numbers:
+    """What was planned, how the robot was driven, how near each human came and when it was seen."""
     numbers = scenario_numbers(run.scenario)
     humans = [{**human, **_met(run, k)} for k, human in enumerate(numbers["humans"])]
     return {**numbers, **_driven(run), "humans": humans}
 
 
-def _met(run: ExpertRun, human: int) -> Numbers:
+def _met(run: DrivenRun, human: int) -> Numbers:
     gap_m = run.gap_m(human)
     closest = int(np.argmin(gap_m))
     return {
@@ -45,20 +45,26 @@ def _met(run: ExpertRun, human: int) -> Numbers:
     }
 
 
-def _driven(run: ExpertRun) -> Numbers:
+def _driven(run: DrivenRun) -> Numbers:
     trajectory = run.trajectory
-    times_ms = 1e3 * trajectory.replan_times_s
     return {
         "outcome": trajectory.outcome.value,
         "duration_s": round(trajectory.duration_s, 2),
         "path_length_m": round(EpisodeResult.from_trajectory(trajectory, 0.0).path_length_m, 3),
-        "replans": int(trajectory.replanned.sum()),
-        "ways": len(run.journal.changes),
-        "replan_p50_ms": round(float(np.percentile(times_ms, 50)), 3) if len(times_ms) else None,
-        "replan_p99_ms": round(float(np.percentile(times_ms, 99)), 3) if len(times_ms) else None,
+        **(_planned(run) if run.explained else {}),
         "human_distance_min_m": _finite(float(trajectory.human_distance_m.min())),
         "time_to_collision_min_s": _finite(float(trajectory.time_to_collision_s.min())),
         "human_visible_share": round(float(trajectory.human_visible.mean()), 3),
+    }
+
+
+def _planned(run: DrivenRun) -> Numbers:
+    times_ms = 1e3 * run.trajectory.replan_times_s
+    return {
+        "replans": int(run.trajectory.replanned.sum()),
+        "ways": len(run.journal.changes),
+        "replan_p50_ms": round(float(np.percentile(times_ms, 50)), 3) if len(times_ms) else None,
+        "replan_p99_ms": round(float(np.percentile(times_ms, 99)), 3) if len(times_ms) else None,
     }
 
 

@@ -1,5 +1,7 @@
 """Pictures of episodes: the map from above, who went where, what the expert knew, and how it ended."""
 
+from collections.abc import Callable
+
 import cv2
 import numpy as np
 import numpy.typing as npt
@@ -23,9 +25,10 @@ from readygo.common.messages import EpisodeMotions, RobotTrajectory, Scenario
 from readygo.common.robot import RobotConfig
 from readygo.common.scenes.top_view import TopView
 from readygo.services.planner.expert.handlers import RobotPlanner
-from readygo.services.planner.explain.journal import ExpertRun
+from readygo.services.planner.explain.journal import DrivenRun
 from readygo.services.planner.explain.moments import Moment, pick_moments
 from readygo.services.planner.explain.picture_layers import (
+    ADVICE,
     EXPECTED_SHARE,
     OUTCOMES,
     SIGHT,
@@ -41,6 +44,8 @@ from readygo.services.planner.explain.picture_layers import (
 )
 
 Float64Array = npt.NDArray[np.float64]
+Look = Callable[[int], Picture]
+"""What the robot's camera shows at a step of a run, shape (H, W, 3)."""
 
 SIDE_MAX_PX, SCALE_MAX_PX_PER_M = 1100, 85
 BELOW_HEIGHT_PX = 620
@@ -80,30 +85,30 @@ def draw_episode(
     Returns:
         RGB image, shape (H, W, 3). Dots mark seconds; discs show where everybody is in the end.
     """
-    robot, episode = robot or RobotConfig(), episode_config or EpisodeConfig()
     view = episode_view(robot_map, scenario, trajectory, motions=motions, pixels_per_m=pixels_per_m, margin_m=margin_m)
     picture = view.rgb.copy()
-    _draw_ways(picture, view, scenario, trajectory, motions, robot, episode)
+    draw_ways(picture, view, scenario, trajectory, motions, robot or RobotConfig(), episode_config or EpisodeConfig())
     plan_view.draw_scale_bar(picture, view)
     return sheet([[picture]], _headline(scenario, trajectory, None), _legend(scenario, trajectory, None))
 
 
-def draw_run(planner: RobotPlanner, run: ExpertRun) -> Picture:
-    """Draw what the expert did and why: the episode, its changes of plan, and the moments that explain it.
+def draw_run(planner: RobotPlanner, run: DrivenRun, look: Look | None = None) -> Picture:
+    """Draw what the robot did and why: the episode, the expert's changes of plan, and the moments that explain it.
 
     Args:
         planner: Whose map, robot and settings the run had.
         run: The episode with its journal.
+        look: Shows at each moment what the robot's camera saw.
 
     Returns:
         RGB image, shape (H, W, 3): the whole episode, and beside or below it the moments.
     """
     scenario, trajectory, moments = run.scenario, run.trajectory, pick_moments(run)
-    panels = [_moment_panel(planner, run, moment, number) for number, moment in enumerate(moments, start=1)]
+    panels = [_moment_panel(planner, run, moment, number, look) for number, moment in enumerate(moments, start=1)]
     view, below = _widest_view(planner.maps.robot, run, panels)
     picture = view.rgb.copy()
     draw_superseded(picture, view, run)
-    _draw_ways(picture, view, scenario, trajectory, run.motions, planner.robot, planner.episode_config)
+    draw_ways(picture, view, scenario, trajectory, run.motions, planner.robot, planner.episode_config)
     draw_changes(picture, view, run)
     draw_closest(picture, view, run)
     _put_numbers(picture, view, trajectory.xyyaw[[moment.step for moment in moments]])
@@ -112,7 +117,7 @@ def draw_run(planner: RobotPlanner, run: ExpertRun) -> Picture:
     return sheet(rows, _headline(scenario, trajectory, run), _legend(scenario, trajectory, run))
 
 
-def _widest_view(robot_map: OccupancyMap, run: ExpertRun, panels: list[Picture]) -> tuple[TopView, bool]:
+def _widest_view(robot_map: OccupancyMap, run: DrivenRun, panels: list[Picture]) -> tuple[TopView, bool]:
     """The view of the episode at the largest scale, and whether the panels are below it, not beside."""
     row_px = (max(SIDE_PX[0], sum(panel.shape[1] + GAP_PX for panel in panels) - GAP_PX), BELOW_HEIGHT_PX)
     column_px = (SIDE_PX[0], max(SIDE_PX[1], sum(len(panel) + GAP_PX for panel in panels) - GAP_PX))
@@ -168,7 +173,7 @@ def _ways(scenario: Scenario, motions: EpisodeMotions | None) -> list[Float64Arr
     return [human.motion.root_m[:, :2].astype(np.float64) for human in motions.humans]
 
 
-def _draw_ways(
+def draw_ways(
     picture: Picture,
     view: TopView,
     scenario: Scenario,
@@ -177,6 +182,7 @@ def _draw_ways(
     robot: RobotConfig,
     episode: EpisodeConfig,
 ) -> None:
+    """Goal, humans and robot with their ways on a view from `episode_view`, all as they are when the run ends."""
     end = None if trajectory is None else len(trajectory.xyyaw) - 1
     plan_view.draw_ring(picture, view, scenario.goal_xy_m, episode.success_radius_m, GOAL)
     plan_view.draw_goal(picture, view, scenario.goal_xy_m, radius_m=0.12)
@@ -205,8 +211,8 @@ def _put_numbers(picture: Picture, view: TopView, poses: Float64Array) -> None:
         plan_view.put_mark(picture, view, place, str(number), INK)
 
 
-def _moment_panel(planner: RobotPlanner, run: ExpertRun, moment: Moment, number: int) -> Picture:
-    """The robot's surroundings at one moment, with what the expert knew."""
+def _moment_panel(planner: RobotPlanner, run: DrivenRun, moment: Moment, number: int, look: Look | None) -> Picture:
+    """The robot's surroundings at one moment, with what the expert knew and what the camera showed."""
     pose = run.trajectory.xyyaw[moment.step]
     centre_m = pose[:2] + AHEAD_M * np.array([np.cos(pose[2]), np.sin(pose[2])])
     half = np.full(2, MOMENT_M / 2)
@@ -224,10 +230,16 @@ def _moment_panel(planner: RobotPlanner, run: ExpertRun, moment: Moment, number:
     cv2.circle(bar, (10, 12), 9, INK, cv2.FILLED, cv2.LINE_AA)
     plan_view.put_text(bar, str(number), (6, 17), colour=WHITE)
     plan_view.put_text(bar, f"{moment.time_s:.2f} s  {moment.why}", (26, 17))
-    return np.concatenate([bar, picture])
+    return np.concatenate([bar, *([] if look is None else [_scaled(look(moment.step), MOMENT_PX)]), picture])
 
 
-def _headline(scenario: Scenario, trajectory: RobotTrajectory | None, run: ExpertRun | None) -> list[tuple[str, Rgb]]:
+def _scaled(image: Picture, width_px: int) -> Picture:
+    size = (width_px, round(image.shape[0] * width_px / image.shape[1]))
+    method = cv2.INTER_AREA if image.shape[1] > width_px else cv2.INTER_CUBIC
+    return np.asarray(cv2.resize(image, size, interpolation=method), dtype=np.uint8)
+
+
+def _headline(scenario: Scenario, trajectory: RobotTrajectory | None, run: DrivenRun | None) -> list[tuple[str, Rgb]]:
     """Words of the headline with their colours."""
     if trajectory is None:
         return [("not driven", INK), (scenario.episode.episode_id, INK)]
@@ -236,19 +248,24 @@ def _headline(scenario: Scenario, trajectory: RobotTrajectory | None, run: Exper
     closest_m = float(trajectory.human_distance_m.min(initial=np.inf))
     if np.isfinite(closest_m):
         words.append((f"closest {closest_m:.2f} m", INK))
-    if run is not None:
+    if run is not None and not run.explained:
+        words.append((f"{run.driver} drives", INK))
+    elif run is not None:
         searches, changes = sum(run.journal.searched), len(run.journal.changes)
         words.append((f"{searches} replans, {changes} ways", INK))
     return [*words, (scenario.episode.episode_id, INK)]
 
 
-def _legend(scenario: Scenario, trajectory: RobotTrajectory | None, run: ExpertRun | None) -> list[tuple[Swatch, str]]:
+def _legend(scenario: Scenario, trajectory: RobotTrajectory | None, run: DrivenRun | None) -> list[tuple[Swatch, str]]:
     items: list[tuple[Swatch, str]] = [(dotted_swatch(ROBOT), "robot, a dot a second")] if trajectory else []
     for k, human in enumerate(scenario.humans):
         items.append((dotted_swatch(human_colour(k)), f"person {k + 1}: {human.avatar}, {human.encounter}"))
-    if run is not None:
+    if run is not None and not run.explained:
+        items.append((line_swatch(ADVICE), "what the expert would do"))
+    elif run is not None:
         items.append((lambda picture, x, y: put_diamond(picture, (x, y)), "chose another way"))
         items += [(line_swatch(SUPERSEDED), "way given up")] if run.journal.given_up else []
+    if run is not None:
         items.append((area_swatch(SIGHT, SIGHT_SHARE), "field of view"))
     if run is not None and scenario.humans:
         items.append((area_swatch(human_colour(0), EXPECTED_SHARE), "expected there"))

@@ -12,13 +12,15 @@ from readygo.common.messages import Outcome
 from readygo.common.robot.kinematics import RATE_HZ
 from readygo.common.scenes.top_view import TopView
 from readygo.services.planner.expert.handlers import RobotPlanner
-from readygo.services.planner.explain.journal import ExpertRun
+from readygo.services.planner.explain.journal import DrivenRun
 from readygo.services.planner.explain.wedge import wedge_m
 
 Float64Array = npt.NDArray[np.float64]
 
 SIGHT: Rgb = (240, 214, 60)
 SUPERSEDED: Rgb = (142, 186, 218)
+ADVICE: Rgb = (110, 60, 160)
+"""The expert's plan where somebody else drives."""
 OUTCOMES: dict[Outcome, Rgb] = {
     Outcome.SUCCESS: GOAL,
     Outcome.STATIC_COLLISION: (200, 30, 30),
@@ -47,15 +49,19 @@ def draw_way(picture: Picture, view: TopView, xy_m: Float64Array, colour: Rgb, *
         cv2.circle(picture, (u, v), 4, colour, cv2.FILLED, cv2.LINE_AA)
 
 
-def draw_superseded(picture: Picture, view: TopView, run: ExpertRun, steps: range | None = None) -> None:
-    """The plans that another one replaced, at any time or at some steps, as they were then."""
+def draw_superseded(picture: Picture, view: TopView, run: DrivenRun, steps: range | None = None) -> None:
+    """The driver's plans that another one replaced, at any time or at some steps, as they were then."""
+    if not run.explained:
+        return
     for step in run.journal.given_up:
         if steps is None or step in steps:
             plan_view.draw_path(picture, view, run.journal.paths_m[step - 1], SUPERSEDED, width_px=1)
 
 
-def draw_changes(picture: Picture, view: TopView, run: ExpertRun) -> None:
-    """A diamond where the robot was when it chose another way; of close ones only the first."""
+def draw_changes(picture: Picture, view: TopView, run: DrivenRun) -> None:
+    """A diamond where the robot was when its driver chose another way; of close ones only the first."""
+    if not run.explained:
+        return
     last = np.full(2, np.inf)
     for step in run.journal.changes:
         place = view.world_to_pixel(run.trajectory.xyyaw[step, :2]) - 0.5
@@ -72,7 +78,7 @@ def put_diamond(picture: Picture, centre_px: tuple[int, int]) -> None:
     cv2.polylines(picture, [corners], True, ROBOT, 2, cv2.LINE_AA)
 
 
-def draw_knowledge(picture: Picture, view: TopView, planner: RobotPlanner, run: ExpertRun, step: int) -> None:
+def draw_knowledge(picture: Picture, view: TopView, planner: RobotPlanner, run: DrivenRun, step: int) -> None:
     """What the expert sees, expects and intends at a step: field of view, where humans will be, plan."""
     _draw_sight(picture, view, planner, run.trajectory.xyyaw[step])
     radius_m = planner.episode_config.human_radius_m
@@ -80,7 +86,7 @@ def draw_knowledge(picture: Picture, view: TopView, planner: RobotPlanner, run: 
         ahead_m = np.concatenate([[(who.x_m, who.y_m)], who.ahead_m[: round(EXPECTED_S * RATE_HZ)]])
         share = EXPECTED_SHARE if who.seen else EXPECTED_SHARE / 2
         plan_view.fill_band(picture, view, ahead_m, radius_m, human_colour(who.index), share=share)
-    plan_view.draw_path(picture, view, run.journal.paths_m[step], ROBOT, width_px=1)
+    plan_view.draw_path(picture, view, run.journal.paths_m[step], ROBOT if run.explained else ADVICE, width_px=1)
 
 
 def _draw_sight(picture: Picture, view: TopView, planner: RobotPlanner, pose: Float64Array) -> None:
@@ -101,7 +107,7 @@ def _draw_sight(picture: Picture, view: TopView, planner: RobotPlanner, pose: Fl
         plan_view.draw_ring(picture, view, pose[:2], ground.config.near_field_m, SIGHT)
 
 
-def draw_closest(picture: Picture, view: TopView, run: ExpertRun) -> None:
+def draw_closest(picture: Picture, view: TopView, run: DrivenRun) -> None:
     """A line between the robot and the nearest human when they were closest, with its length."""
     gaps = [run.gap_m(k) for k in range(len(run.scenario.humans))]
     if not gaps:

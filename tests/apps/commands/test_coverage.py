@@ -13,9 +13,9 @@ def test_files_are_complete_and_the_same_each_time(data, tmp_path, capsys) -> No
     for name in ("a", "b"):
         coverage(data, out=tmp_path / name)
     assert "coverage.html" in capsys.readouterr().out
-    for file in ("coverage.html", "coverage.json", "visits.png"):
+    for file in ("coverage.html", "coverage.json", "visits.png", "sharpness.png"):
         assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes()
-    assert len(list((tmp_path / "a").iterdir())) == 3
+    assert len(list((tmp_path / "a").iterdir())) == 4
 
 
 def test_json_holds_what_the_page_shows(data, tmp_path, capsys) -> None:
@@ -25,6 +25,7 @@ def test_json_holds_what_the_page_shows(data, tmp_path, capsys) -> None:
     assert numbers["encounters"]["crossing"] == {"episodes": 2, "people": 2, "failed": None}
     assert numbers["rejected"] is numbers["visited_share"] is None
     assert numbers["scene"] == "plaza"
+    assert numbers["clarity"]["episodes_blurred"] == 0
     assert numbers["visited_m2"] == pytest.approx(0.19)
 
 

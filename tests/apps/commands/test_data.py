@@ -1,9 +1,10 @@
 import json
 
+import cv2
 import pytest
 
 from readygo.apps.commands.data import inspect, validate
-from readygo.common.errors import DatasetError
+from readygo.common.errors import ConfigError, DatasetError
 from tests.common.dataset.episodes import write_shard
 
 
@@ -71,7 +72,23 @@ def test_inspect_shows_a_table(folder, capsys) -> None:
     inspect(folder)
     out = capsys.readouterr().out
     assert "radius_m = 0.25" in out
+    assert "0 of 3 episodes blurred" in out
+    assert len(out.splitlines()) < 24
     assert "episodes" in out
+
+
+def test_inspect_shows_what_was_recorded(folder, tmp_path, capsys) -> None:
+    inspect(folder, sheet=tmp_path / "sheet.png")
+    assert cv2.imread(str(tmp_path / "sheet.png")).shape[1] > 6 * 256
+    with pytest.raises(ConfigError, match=r"--sheet .*sheet.jpg must end in .png"):
+        inspect(folder, sheet=tmp_path / "sheet.jpg")
+
+
+def test_validate_says_how_sharp_the_pictures_are(folder, capsys) -> None:
+    validate(folder)
+    assert "0 of 3 episodes blurred" in capsys.readouterr().out
+    validate(folder, json=True)
+    assert json.loads(capsys.readouterr().out)["clarity"]["episodes_looked_at"] == 3
 
 
 def test_missing_folder_is_one_clear_line(tmp_path) -> None:

@@ -35,6 +35,7 @@ def evaluate(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys):
     camera = CameraConfig(height_px=24, width_px=32, distortion="fisheye", k1=0.01)
     policy = StandIn(PolicySpec(robot=RobotConfig(camera=camera), sensor=SensorConfig(k1=(0.0, 0.02))))
     monkeypatch.setattr("readygo.apps.commands.evaluate.load_policy", lambda folder: policy)
+    monkeypatch.setattr("readygo.apps.commands.evaluate.policy_sha256", lambda folder: "ab")
     (tmp_path / "run.toml").write_text("[episode]\ntime_limit_s = 0.2\n")
     basics = ["embedded", "policy", "--episodes", "1", "--tasks", "static", "--methods", "policy", "--json"]
 
@@ -90,7 +91,7 @@ def test_policys_robot_drives_unless_the_configuration_names_another(
     class StoppedError(Exception):
         pass
 
-    def evaluator(scene: str, config: RunConfig, **_: object) -> None:
+    def world(scene: str, config: RunConfig, **_: object) -> None:
         assert config.robot.height_m == height_m
         raise StoppedError
 
@@ -100,6 +101,33 @@ def test_policys_robot_drives_unless_the_configuration_names_another(
     config = tmp_path / "run.toml"
     config.write_text(text)
     monkeypatch.setattr(evaluate_command, "load_policy", lambda _: Trained())
-    monkeypatch.setattr(evaluate_command, "make_evaluator", evaluator)
+    monkeypatch.setattr(evaluate_command, "evaluation_world", world)
     with pytest.raises(StoppedError):
         evaluate_command.evaluate("embedded", tmp_path, config=config)
+
+
+def test_ctrl_c_says_how_much_is_kept(evaluate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    out = tmp_path / "out"
+    assert evaluate("--out", str(out))[0] == 0
+    assert {"episodes.jsonl", "trajectories.jsonl", "summary.json", "report.html", "failures.html"} <= {
+        path.name for path in out.iterdir()
+    }
+    monkeypatch.setattr(evaluate_command, "handle_evaluate", interrupt)
+    code, printed, _ = evaluate("--out", str(out), "--episodes", "3")
+    assert code == 130
+    assert f"readygo: stopped; 1 of 3 episodes are kept in {out}; the same command goes on." in printed.err
+    code, printed, _ = evaluate()
+    assert code == 130
+    assert "nothing is kept: with --out" in printed.err
+
+
+def test_films_need_a_folder_and_episodes_that_can_be_understood(evaluate) -> None:
+    code, printed, _ = evaluate("--video", "worst")
+    assert (code, printed.err.count("\n")) == (2, 1)
+    assert "--out" in printed.err
+    code, printed, _ = evaluate("--video", "best", "--out", "x")
+    assert code == 2
+    assert "'best'" in printed.err

@@ -74,8 +74,8 @@ def test_static_episode_has_the_dynamic_ones_start_and_goal(place, index, capsys
 
 
 def test_film_shows_every_step_in_real_time(place, index, tmp_path, capsys) -> None:
-    numbers = numbers_of(capsys, place, index=index, mode="paper", static=True, video=tmp_path / "v.mp4")
-    film = cv2.VideoCapture(str(tmp_path / "v.mp4"))
+    numbers = numbers_of(capsys, place, index=index, mode="paper", static=True, video=tmp_path / "v.webm")
+    film = cv2.VideoCapture(str(tmp_path / "v.webm"))
     assert film.get(cv2.CAP_PROP_FPS) == pytest.approx(20.0)
     assert film.get(cv2.CAP_PROP_FRAME_COUNT) == round(numbers["duration_s"] * 20)
     _, first = film.read()
@@ -112,15 +112,28 @@ def test_index_without_a_scenario_is_an_error_that_says_why(place, index, tmp_pa
     [
         ({"index": -1}, "--index must be at least 0"),
         ({"picture": Path("p.jpg")}, r"--picture p\.jpg must end in \.png"),
-        ({"video": Path("v.avi")}, r"--video v\.avi must end in \.mp4"),
+        ({"video": Path("v.avi")}, r"--video v\.avi must end in \.webm or \.mp4"),
         ({"export": Path("s.json")}, r"--export s\.json must end in \.toml"),
-        ({"camera": True}, r"say where with --video"),
-        ({"camera": True, "video": Path("v.mp4")}, "is a map"),
+        ({"camera": True}, r"is a map"),
+        ({"policy": Path("policy")}, "is a map"),
     ],
 )
 def test_arguments_that_make_no_sense_are_refused(place, options, message) -> None:
     with pytest.raises(RunError, match=message):
         plan(place, seed=SEED, **options)
+
+
+def test_camera_is_shown_somewhere() -> None:
+    with pytest.raises(RunError, match=r"say where with --picture FILE\.png or --video"):
+        plan("embedded", camera=True)
+
+
+def test_people_scenarios_and_sensor_are_those_of_generate(place, index, tmp_path, capsys) -> None:
+    crowd = numbers_of(capsys, place, index=index, people="crowd", export=tmp_path / "s.toml")
+    played = numbers_of(capsys, place, index=7, scenarios=tmp_path / "s.toml", sensor="sensor_phone_like")
+    assert played["episode"].endswith("000007")
+    assert played["start_xyyaw"] == pytest.approx(crowd["start_xyyaw"], abs=1e-3)
+    assert [human["avatar"] for human in played["humans"]] == [human["avatar"] for human in crowd["humans"]]
 
 
 def test_scene_that_is_none_is_refused(tmp_path) -> None:

@@ -145,3 +145,12 @@ def test_visited_share_is_of_the_reachable_ground(data, room) -> None:
     assert share == pytest.approx(7 / 100, abs=0.01)
     shut = dataclasses.replace(room, occupied=np.ones_like(room.occupied))
     assert visited_share(measured(data).visits, shut, radius_m=0.3) == 0.0
+
+
+def test_coarser_cells_have_the_count_of_their_busiest_one() -> None:
+    frame = GridFrame(origin_x_m=1.0, origin_y_m=2.0, resolution_m=0.1)
+    episodes = np.zeros((3, 5), np.int64)
+    episodes[0, 1], episodes[1, 0], episodes[2, 4] = 2, 7, 3
+    visits = Visits(frame=frame, episodes=episodes).coarser(2)
+    assert visits.episodes.tolist() == [[7, 0, 0], [0, 0, 3]]
+    assert (visits.frame.origin_x_m, visits.frame.origin_y_m, visits.frame.resolution_m) == (1.0, 2.0, 0.2)

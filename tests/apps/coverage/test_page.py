@@ -1,9 +1,11 @@
 import numpy as np
+import pytest
 
 from readygo.apps.coverage.numbers import Visits
 from readygo.apps.coverage.page import RunFacts, coverage_page, heat_map
-from readygo.common.maps import GridFrame
+from readygo.common.maps import GridFrame, OccupancyMap
 from tests.apps.coverage.drives import measured
+from tests.apps.pages.browser import CHROMIUM, NO_CHROMIUM, assert_readable, browser
 
 
 def test_heat_map_is_darkest_where_most_episodes_came_by(data, room) -> None:
@@ -22,9 +24,23 @@ def test_heat_map_of_a_corridor_has_room_for_its_scale() -> None:
     assert picture.shape[1] > 320
 
 
-def test_page_tells_the_experts_failures_by_encounter(data) -> None:
-    found = measured(data)
-    facts = RunFacts(
+def test_way_through_a_large_map_is_seen() -> None:
+    frame = GridFrame(origin_x_m=0.0, origin_y_m=0.0, resolution_m=0.1)
+    episodes = np.zeros((3000, 3000), np.int64)
+    np.fill_diagonal(episodes, 1)
+    occupancy = OccupancyMap(
+        frame=GridFrame(origin_x_m=0.0, origin_y_m=0.0, resolution_m=0.5), occupied=np.zeros((976, 976), np.bool_)
+    )
+    picture = heat_map(Visits(frame=frame, episodes=episodes), occupancy)[:-90]
+    # Without the scales; a free cell of the map is grey: all three channels alike.
+    warm = np.ptp(picture.astype(int), axis=2) > 40
+    across = warm[warm.any(axis=1)].sum(axis=1)
+    assert across.min() >= 4, "pixels across the way"
+    assert warm.any(axis=1).mean() > 0.55
+
+
+def facts() -> RunFacts:
+    return RunFacts(
         name="data",
         scene="<plaza>",
         occupancy=None,
@@ -32,9 +48,26 @@ def test_page_tells_the_experts_failures_by_encounter(data) -> None:
         rejected={"human_collision": 2, "no room for a human": 1},
         failed={"crossing": {"human_collision": 2}},
     )
-    html = coverage_page(found, facts, heat_map(found.visits, None))
+
+
+def test_page_tells_the_experts_failures_by_encounter(data) -> None:
+    found = measured(data)
+    html = coverage_page(found, facts(), heat_map(found.visits, None), np.zeros((9, 9, 3), np.uint8))
     assert "human collision" in html
     assert "&lt;plaza&gt;" in html
     # Two recorded crossings and two failed ones.
-    assert "<td class=n>50 %</td>" in html
+    assert 'data-name="Expert succeeds">50 %</td>' in html
     assert "of 6 tried" in html
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason=NO_CHROMIUM)
+def test_page_reads_well_on_telephones(data, tmp_path) -> None:
+    found = measured(data)
+    (tmp_path / "page.html").write_text(
+        coverage_page(found, facts(), heat_map(found.visits, None), np.zeros((9, 9, 3), np.uint8))
+    )
+    with browser(tmp_path / "profile") as chromium:
+        for width_px in (400, 1280):
+            chromium.open(tmp_path / "page.html", width_px)
+            assert_readable(chromium, width_px)
+    assert chromium.complaints == []

@@ -143,6 +143,22 @@ def test_new_stage_whose_rejection_keeps_the_episode_with_its_outcome(run: Run, 
     assert _recorded(folder) == {0: ("fair",), 1: ("foul",), 2: ("fair",), 3: ("fair",)}
 
 
+def test_stage_that_records_may_reject_before_it_does(run: Run, tmp_path: Path) -> None:
+    def film(world: World, bus: Bus) -> Work:
+        clear = _film(world, bus)
+
+        def work(claim: ClaimReply, inputs: Inputs) -> StageResult | None:
+            return StageResult(rejected="blurred view") if int(inputs["draw"]) % 2 else clear(claim, inputs)
+
+        return work
+
+    line = (DRAW, dataclasses.replace(FILM, work=film))
+    folder = _folder(tmp_path / "data", line, wanted=3)
+    status = run(folder, line)
+    assert (status.finished, status.rejected) == (True, {"blurred view": 2})
+    assert sorted(_recorded(folder)) == [0, 2, 4]
+
+
 def test_recorders_share_the_episodes(tmp_path: Path) -> None:
     folder = _folder(tmp_path / "data", (DRAW, FILM), wanted=5, recorders=("rec0", "east"))
     assert _in_process(folder, (DRAW, FILM)).finished

@@ -1,11 +1,15 @@
 import dataclasses
+import json
 
 from readygo.apps.learn.choice import Measurement
 from readygo.apps.learn.curve import CurvePoint
+from readygo.apps.learn.gather import _story
 from readygo.apps.learn.learn import Learned, report_content
 from readygo.apps.learn.plan import Plan
 from readygo.apps.learn.report import report_html
+from readygo.apps.learn.report_content import Score
 from readygo.common.dataset import Dataset
+from readygo.common.episode.metrics import EpisodeResult, summarize
 from readygo.common.messages import Driver, Outcome
 
 CHOSEN = Measurement(fraction=0.5, policy="ab", episodes=8, static=0.5, dynamic=0.25)
@@ -16,23 +20,29 @@ POINTS = [
 
 
 def test_report_shows_how_it_learned_and_what_it_fails_in(tiny: Plan) -> None:
+    history = [{"samples": 400, "train_loss": 0.2, "validation_loss": 0.3}]
+    (tiny.policy / "progress.json").write_text(json.dumps({"history": history}))
     learned = Learned(plan=tiny, points=POINTS, chosen=CHOSEN, replies={}, minutes=1.0)
     content = report_content(learned, ("embedded",), avatars=None, config="run.toml")
+    (tiny.policy / "progress.json").unlink()
     assert [(curve.name, curve.x.tolist(), curve.y.tolist()) for curve in content.rates] == [
         ("static", [1.0], [50.0]),
         ("among humans", [1.0], [25.0]),
     ]
-    assert content.losses[0].x.tolist() == [400.0, 900.0]
+    assert [(curve.name, curve.x.tolist(), curve.y.tolist()) for curve in content.losses] == [
+        ("training", [400.0], [0.2]),
+        ("held out", [400.0], [0.3]),
+    ]
     driven = [entry for entry in Dataset(tiny.places[0].folder.path).episodes if entry.driver is Driver.POLICY]
     failed = [entry for entry in driven if entry.outcome is not Outcome.SUCCESS]
     assert failed
     assert sum(len(ends.xy_m) for ends in content.ends) == len(failed)
-    assert 0 < len(content.films) <= 4
+    assert 0 < len(content.films) <= 2
     assert content.run is not None
     assert content.run.episodes == len(Dataset(tiny.places[0].folder.path).episodes)
     html = report_html(content)
     assert "50 % static and 25 % among humans" in html
-    assert "Where it failed:" in html
+    assert "Last places of the latest" in html
     assert f"readygo learn embedded --config run.toml --minutes 2 --out {tiny.out}" in html
 
 
@@ -42,3 +52,11 @@ def test_run_without_a_measurement_says_so(tiny: Plan) -> None:
     content = report_content(learned, ("embedded",))
     assert "none was measured" in content.training_note
     assert report_html(content)
+
+
+def test_story_names_who_drove_how_well() -> None:
+    result = EpisodeResult(outcome=Outcome.SUCCESS, duration_s=1.0, path_length_m=1.0, shortest_m=1.0)
+    summary = summarize([result], time_limit_s=50.0)
+    scores = [Score(task="static", driver=driver, summary=summary) for driver in ("policy", "expert", "straight line")]
+    assert "reaches its goal in 100 % static; the expert" in _story(scores)
+    assert _story(scores[1:]) == ""

@@ -98,3 +98,9 @@ def test_scene_without_room_for_humans_is_refused_before_anything_is_written(tmp
 def test_scene_must_be_named(tmp_path: Path) -> None:
     with pytest.raises(ReadygoError, match="Name a scene"):
         plan_of(tmp_path / "run", scenes=())
+
+
+@pytest.mark.parametrize(("latency_s", "hz"), [(0.0, 4.0), (0.25, 4.0), (0.1, 20.0)])
+def test_pictures_are_as_few_as_the_cameras_latency_allows(tmp_path: Path, latency_s: float, hz: float) -> None:
+    (tmp_path / "robot.toml").write_text(f"[camera]\nwidth_px = 128\nheight_px = 72\nlatency_s = {latency_s}\n")
+    assert learn_settings(None, tmp_path / "robot.toml").driver.camera_hz == hz

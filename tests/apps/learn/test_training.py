@@ -2,7 +2,7 @@ import json
 import time
 from pathlib import Path
 
-from readygo.apps.learn.training import Training, begin_decay, forget_decay, read_training
+from readygo.apps.learn.training import Training, begin_decay, forget_decay, read_history, read_training
 from readygo.services.trainer import live
 
 TOLD = {
@@ -27,6 +27,7 @@ def told(folder: Path, **changes: object) -> Training:
 
 def test_nothing_is_known_before_the_trainer_says_something(tmp_path: Path) -> None:
     assert read_training(tmp_path) == Training()
+    assert read_history(tmp_path) == []
     (tmp_path / live.PROGRESS_FILE).write_text("{")
     assert read_training(tmp_path) == Training()
     assert Training().samples_hz == 0.0
@@ -36,6 +37,7 @@ def test_newest_policy_is_the_last_one_that_the_fleet_took(tmp_path: Path) -> No
     training = told(tmp_path)
     assert training.offered is not None
     assert (training.offered.sha256, training.offered.folder) == ("ab", tmp_path / "candidates/0000050")
+    assert len(read_history(tmp_path)) == 2
     assert (training.loss, training.driven, training.samples_hz) == (0.2, 0.5, 800.0)
 
 

@@ -3,7 +3,7 @@ import re
 import numpy as np
 import pytest
 
-from readygo.apps.pages.charts import Curve, line_chart, number_text, rate_bar
+from readygo.apps.pages.charts import Curve, line_chart, meter
 
 
 def test_line_chart_leaves_out_what_is_not_finite_and_turns_logarithmic() -> None:
@@ -25,25 +25,32 @@ def test_line_chart_draws_odd_curves(loss: list[float]) -> None:
 def test_single_measurement_is_seen() -> None:
     chart = line_chart([Curve(name="a", x=np.array([5.0]), y=np.array([50.0]))], x_name="minutes", y_max=100.0)
     (x, y) = re.search(r'<circle cx="([\d.]+)" cy="([\d.]+)"', chart).groups()
-    assert (float(x), float(y)) == (704.0, 137.0), "at the right, half way up"
+    assert (float(x), float(y)) == (372.0, 123.0), "at the right, half way up"
     many = line_chart([Curve(name="a", x=np.arange(100.0), y=np.arange(100.0))], x_name="step")
     assert "<circle" not in many
 
 
 def test_curves_begin_at_the_left_where_x_is_0_and_no_legend_lies_over_them() -> None:
     chart = line_chart([Curve(name="a", x=np.array([5.0, 10.0]), y=np.array([100.0, 100.0]))], x_name="x", y_max=100.0)
-    assert re.search(r'points="381\.0,34\.0 704\.0,34\.0"', chart)
-    assert max(float(y) for y in re.findall(r'<rect [^>]*y="([\d.]+)"', chart)) < 34.0
+    assert re.search(r'points="213\.0,46\.0 372\.0,46\.0"', chart)
+    assert max(float(y) for y in re.findall(r'<rect [^>]*y="([\d.]+)"', chart)) < 46.0
 
 
-@pytest.mark.parametrize(
-    ("value", "text"), [(0.0, "0"), (0.125, "0.125"), (1500.0, "1,500"), (2.5e6, "2.5M"), (1e-4, "1.0e-04")]
-)
-def test_numbers_are_short(value: float, text: str) -> None:
-    assert number_text(value) == text
+def test_both_curves_of_a_loss_share_a_logarithmic_axis_with_round_ticks() -> None:
+    curves = [
+        Curve(name=name, x=np.array([12_032.0, 1_678_976.0]), y=np.array(y))
+        for name, y in (("training", [7.5, 1.5]), ("held out", [0.34, 0.1]))
+    ]
+    chart = line_chart(curves, x_name="samples")
+    assert chart.count("<polyline") == 2
+    assert "Loss, logarithmic" in chart
+    texts = re.findall(r">([^<>]+)</text>", chart)
+    assert {"0.1", "1", "10", "500,000", "1.5M"} <= set(texts)
+    assert all(re.fullmatch(r"[\d,.]+M?|\D.*", text) for text in texts)
+    assert max(float(x) for x in re.findall(r'<text x="([\d.]+)"', chart)) < 400
 
 
-def test_rate_bar_puts_the_interval_around_the_rate() -> None:
-    bar = rate_bar(0.5, 0.25, 0.75)
-    assert 'x1="42.0" x2="118.0"' in bar
-    assert 'cx="80.0"' in bar
+def test_meter_puts_the_interval_on_the_bar() -> None:
+    bar = meter(0.5, 0.25, 0.75)
+    assert '<i style="width:50.0%">' in bar
+    assert '<u style="left:25.0%;width:50.0%">' in bar

@@ -4,7 +4,19 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from readygo.apps.pages.page import figure, jpeg_source, page, percent, png_source, table, webp_source
+from readygo.apps.pages.page import (
+    Column,
+    details,
+    figure,
+    film_figure,
+    jpeg_source,
+    legend,
+    page,
+    percent,
+    png_source,
+    rejections,
+    table,
+)
 
 
 def test_page_shows_its_parts_in_order_and_leaves_empty_ones_out() -> None:
@@ -37,10 +49,30 @@ def test_pictures_lie_within_the_page(tmp_path: Path) -> None:
         assert head == f"data:image/{kind};base64"
         shown = cv2.imdecode(np.frombuffer(base64.b64decode(data), np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
         assert np.abs(shown.astype(int) - rgb).max() < 8
-    (tmp_path / "a.webp").write_bytes(b"RIFF")
-    assert webp_source(tmp_path / "a.webp") == "data:image/webp;base64,UklGRg=="
+    (tmp_path / "a.webm").write_bytes(b"RIFF")
+    film = film_figure(tmp_path / "a.webm", "<c>", runs=True)
+    assert 'src="data:video/webm;base64,UklGRg=="' in film
+    assert "autoplay" in film
+    assert "&lt;c&gt;" in film
+    assert "autoplay" not in film_figure(tmp_path / "a.webm", "")
 
 
-def test_tables_and_rates() -> None:
-    assert table("<tr>h</tr>", "<tr>r</tr>").count("<tr>") == 2
+def test_cells_of_a_table_name_their_columns() -> None:
+    html = table([Column("<Driver>"), Column("Success", "n")], [["policy", "<b>5 %</b>"], ["expert", ""]])
+    assert "<th>&lt;Driver&gt;</th><th class=n>Success</th>" in html
+    assert '<td data-name="&lt;Driver&gt;">policy</td><td class=n data-name="Success"><b>5 %</b></td>' in html
+    assert html.count("<tr>") == 3
+
+
+def test_rejections_are_sorted_and_counted() -> None:
+    html = rejections({"no_<way>": 1, "too late": 3}, 6)
+    assert "Not recorded, of 10 tried" in html
+    assert html.index("too late") < html.index("no &lt;way&gt;")
+    assert "30 %" in html
+    assert ">none<" in rejections({}, 6)
+
+
+def test_details_legends_and_rates() -> None:
+    assert details("<s>", "<p>1</p>") == "<details><summary>&lt;s&gt;</summary><p>1</p></details>"
+    assert "rgb(1,2,3)" in legend([("<n>", (1, 2, 3))])
     assert [percent(rate) for rate in (0.0, 0.504, 1.0)] == ["0 %", "50 %", "100 %"]

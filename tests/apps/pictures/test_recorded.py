@@ -1,5 +1,6 @@
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -42,8 +43,14 @@ def test_film_has_a_picture_for_every_row(recorded: RecordedEpisodes, tmp_path: 
     film = recorded.film(entry)
     assert (film.outcome, len(film.xyyaw)) == ("success", entry.sample_count)
     assert len(list(film_frames(film, view, step=20))) == -(-entry.sample_count // 20)
-    recorded.write_animation(tmp_path / "film.webp", entry, view)
-    assert (tmp_path / "film.webp").read_bytes()[8:12] == b"WEBP"
+    recorded.write_film(tmp_path / "film.webm", entry, view)
+    capture = cv2.VideoCapture(str(tmp_path / "film.webm"))
+    count = 0
+    while capture.read()[0]:
+        count += 1
+    step = max(2, -(-entry.sample_count // 120))
+    assert count == -(-entry.sample_count // step) <= 120
+    assert capture.get(cv2.CAP_PROP_FPS) == pytest.approx(10.0)
 
 
 def test_best_encounter_shows_a_human_for_longest(recorded: RecordedEpisodes) -> None:

@@ -1,6 +1,7 @@
 import numpy as np
+import pytest
 
-from readygo.apps.pictures.scene_maps import REACHABLE, SEPARATE, map_picture
+from readygo.apps.pictures.scene_maps import REACHABLE, SEPARATE, map_picture, top_pixel_m
 from readygo.common.maps import GridFrame, OccupancyMap
 
 
@@ -12,3 +13,8 @@ def test_map_picture_tints_the_largest_area_and_the_cut_off_one():
     factor = picture.shape[0] // 40
     assert tuple(picture[20 * factor, 20 * factor]) == REACHABLE
     assert tuple(picture[20 * factor, 50 * factor]) == SEPARATE
+
+
+@pytest.mark.parametrize(("side_m", "side_px"), [(2.0, 1000), (50.0, 2500), (488.0, 4000)])
+def test_small_scenes_fill_their_picture_and_large_ones_fit(side_m, side_px):
+    assert side_m / top_pixel_m(side_m, cell_m=0.05) == pytest.approx(side_px)

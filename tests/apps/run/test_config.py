@@ -83,3 +83,12 @@ def test_setting_that_must_be_an_array_is_refused_by_name() -> None:
         section_from_mapping(RunConfig, {"expert": {"lookahead_m": 0.5}})
     with pytest.raises(ConfigError, match=r"^robot: radius_m must be positive"):
         section_from_mapping(RunConfig, {"robot": {"radius_m": -1.0}})
+
+
+def test_camera_whose_latency_falls_between_pictures_is_refused(tmp_path: Path) -> None:
+    text = "[robot.camera]\nlatency_s = 0.1\n[driver]\ncamera_hz = "
+    assert load_run_config(run_config(tmp_path, text + "10\n")).driver.image_every == 2
+    with pytest.raises(ConfigError, match=r"camera_hz 4: the camera's latency of 0\.1 s must be a multiple"):
+        load_run_config(run_config(tmp_path, text + "4\n"))
+    with pytest.raises(ConfigError, match="camera_hz must be 20 Hz divided by a whole number, got 6"):
+        load_run_config(run_config(tmp_path, "[driver]\ncamera_hz = 6\n"))

@@ -9,6 +9,8 @@ from readygo.apps.run.config import load_run_config
 from readygo.apps.run.evaluation import (
     closed_loop,
     evaluation_config,
+    evaluation_settings,
+    evaluation_world,
     make_evaluator,
     make_evaluator_config,
     make_request,
@@ -53,7 +55,8 @@ def policy_of(data: Dataset, folder: Path) -> PolicySpec:
 
 def images_along(data: Dataset, spec: PolicySpec) -> np.ndarray:
     """What an evaluator draws for a policy whose robot drives as the recorded one did."""
-    evaluator = make_evaluator("embedded", robot_of_policy(spec), avatars=None, seed=3, renders=True)
+    world = evaluation_world("embedded", robot_of_policy(spec), avatars=None, seed=3)
+    evaluator = make_evaluator(world, renderer=world.renderer())
     eyes = Eyes(evaluator.bus, topics.render("0"), robot=evaluator.robot, floor=evaluator.floor, timeout_s=60.0)
     key = data.episodes[0].episode
     plan = evaluator.bus.request(topics.HUMAN_PLAN, HumanPlanRequest(episode=key, static=True))
@@ -98,6 +101,26 @@ def test_another_camera_than_the_policys_is_refused_or_taken() -> None:
     assert evaluation_config(spec, "policy", config=None, robot=None, sensor=None, humans=None).robot == spec.robot
 
 
+def test_robot_of_other_limits_is_refused_whatever_looks() -> None:
+    spec = PolicySpec(robot=SMALL)
+    fast = dataclasses.replace(SMALL, v_max_mps=2.0, alpha_max_radps2=1.5)
+    for camera in ("policy", "robot"):
+        with pytest.raises(
+            PolicyError, match=r"v_max_mps 1 \(the robot's: 2\), alpha_max_radps2 3 \(the robot's: 1\.5\)"
+        ):
+            evaluation_config(spec, camera, config=None, robot=fast, sensor=None, humans=None)
+
+
+def test_records_depend_on_scene_settings_policy_and_streams_but_not_on_their_number() -> None:
+    world = evaluation_world("embedded", load_run_config(None, SMALL), avatars=None, seed=5)
+    few = make_request(3, ("static",), ("expert",), Split.VAL, 5)
+    more = make_request(9, ("dynamic",), ("straight-line",), Split.VAL, 5)
+    settings = evaluation_settings(world, few, policy="ab", camera="policy")
+    assert settings == evaluation_settings(world, more, policy="ab", camera="policy")
+    assert (settings["scene"], settings["split"]) == (world.scene.content_hash, "val")
+    assert settings != evaluation_settings(world, few, policy="cd", camera="policy")
+
+
 def test_robots_camera_replaces_the_policys_but_the_rest_of_its_robot_stays() -> None:
     robot = RobotConfig(height_m=0.8, camera=CameraConfig(mount_height_m=0.3))
     spec = PolicySpec(robot=robot, sensor=SensorConfig(k1=(0.0, 0.02)))
@@ -132,7 +155,7 @@ def test_arguments_become_a_request_or_one_line() -> None:
 
 def test_summary_says_on_what_was_measured() -> None:
     config = load_run_config(None, SMALL)
-    evaluator = make_evaluator("embedded", config, avatars=None, seed=5)
+    evaluator = make_evaluator(evaluation_world("embedded", config, avatars=None, seed=5))
     request = make_request(3, ("static",), ("expert",), Split.VAL, 5)
     summary = summarize(EvaluateReply(records=(), summaries={}, skipped=2), request, evaluator)
     assert {name: summary[name] for name in ("episodes", "seed", "split", "skipped", "policy_training")} == {
@@ -161,12 +184,11 @@ def test_checkpoints_are_measured_with_the_camera_of_the_policy(monkeypatch: pyt
     spec = PolicySpec(robot=robot, sensor=SensorConfig(vignetting=(0.0, 0.2)))
     configs = []
 
-    def make_evaluator(scene, config, **settings) -> None:
-        assert settings["renders"], "the policy, which is given later, needs to see"
+    def evaluation_world(scene, config, **settings) -> None:
         configs.append(config)
         raise ReachedError
 
-    monkeypatch.setattr("readygo.apps.run.evaluation.make_evaluator", make_evaluator)
+    monkeypatch.setattr("readygo.apps.run.evaluation.evaluation_world", evaluation_world)
     monkeypatch.setattr("readygo.apps.run.evaluation.load_policy", lambda folder: type("Policy", (), {"spec": spec}))
     with pytest.raises(ReachedError):
         closed_loop("embedded", episodes=1, seed=0)(Path("policy"))

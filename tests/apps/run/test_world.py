@@ -55,6 +55,14 @@ def test_fetched_scene_that_is_not_what_its_hashes_say_is_refused(bus: InProcess
         _ = World(elsewhere, bus).scene
 
 
+def test_map_is_shown_where_the_scene_is(bus: InProcessBus, spec: RunSpec, elsewhere: RunSpec) -> None:
+    here, there = World(spec).stage(), World(elsewhere, bus).stage()
+    assert here.robot == there.robot == RunConfig().robot
+    assert here.maps is not None
+    assert here.maps.robot.occupied.any()
+    assert there.maps is None
+
+
 def test_scene_file_outside_of_the_bundle_is_refused(bus: InProcessBus, elsewhere: RunSpec) -> None:
     evil = dataclasses.replace(elsewhere.scene_files[0], path="../../escaped")
     with pytest.raises(RunError, match="outside of its bundle"):

@@ -13,6 +13,7 @@ import numpy as np
 from readygo.common.config import section_to_mapping
 from readygo.common.dataset import AvatarOrigin, Provenance, SceneOrigin, ShardWriter, encode_episode, shard_name
 from readygo.common.dataset.schemas import LABEL_CHANNELS
+from readygo.common.dataset.stage import Stage
 from readygo.common.images.files import encode_output
 from readygo.common.images.images import Images
 from readygo.common.messages import AppendRequest, EpisodeHeader, EpisodeKey, HumanLabels, Sample, Split, sample_crc32
@@ -163,15 +164,17 @@ def write_shard(
     sample_count: int = 12,
     provenance: Provenance = PROVENANCE,
     outputs: Sequence[str] = (),
+    stage: Stage | None = None,
     **changes: Any,
 ) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     names = (*outputs, *(LABEL_CHANNELS if changes.get("labels") else ()))
-    with ShardWriter(folder / shard_name(recorder, number), provenance, outputs=names, fsync=False) as writer:
+    path = folder / shard_name(recorder, number)
+    with ShardWriter(path, provenance, outputs=names, stage=stage, fsync=False) as writer:
         for index in indices:
             header, samples = make_episode(index, sample_count, outputs=outputs, **changes)
             writer.append(encode_episode(header, 1, samples))
-    return folder / shard_name(recorder, number)
+    return path
 
 
 def golden_episode() -> tuple[EpisodeHeader, list[Sample]]:

@@ -124,7 +124,7 @@ def test_output_that_misses_samples_is_refused() -> None:
     view = memoryview(chunk.data)
     end = next(message.end for message in iter_messages(view, 0, len(view)) if message.offset == offset)
     data = bytes(view[:offset]) + bytes(view[end:])
-    with pytest.raises(DatasetError, match="3 images, but 2 messages on /camera/depth"):
+    with pytest.raises(DatasetError, match="3 samples has 2 messages on /camera/depth"):
         read_chunk(data, sha256=chunk.sha256)
 
 

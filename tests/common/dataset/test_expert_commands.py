@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 
 from readygo.common.dataset import Dataset, ShardWriter, encode_episode, schemas, shard_name, validate
+from readygo.common.dataset.committed import committed_episodes
 from readygo.common.dataset.index import index_path, load_index, read_index
 from readygo.common.dataset.provenance import PolicyOrigin
 from readygo.common.errors import DatasetError
 from readygo.common.messages import Driver, Outcome
-from readygo.common.robot.command_grid import COMMAND_COUNT
+from readygo.common.messages.samples import sample_crc32
+from readygo.common.robot.command_grid import COMMAND_COUNT, UNKNOWN_RISK
 from tests.common.dataset.episodes import PROVENANCE, make_episode, write_shard
 from tests.common.dataset.forge import rewrite
 
@@ -30,6 +32,8 @@ def _asked(index: int, ahead: int = AHEAD, **changes) -> tuple:
         dataclasses.replace(
             s, expert_commands=((s.action_v_mps, s.action_w_radps),) * (1 + ahead), risks=bytes(_risks(index, s.seq))
         )
+        if s.seq % header.image_every == 0
+        else dataclasses.replace(s, image=b"", crc32=sample_crc32(b"", {}), outputs={})
         for s in samples
     ]
     return header, 1, asked
@@ -56,6 +60,57 @@ def test_dataset_gives_commands_and_endings(tmp_path: Path) -> None:
     risks = [_risks(entry.episode.index, seq) for entry in data.episodes for seq in range(entry.sample_count)]
     assert np.array_equal(data.risks, risks)
     assert [(entry.outcome, entry.driver, entry.policy) for entry in data.episodes] == [*ENDINGS.values()]
+
+
+def test_images_and_the_experts_commands_at_some_samples_alone(tmp_path: Path) -> None:
+    full, sparse = _asked(0, outputs=("depth",)), _asked(0, outputs=("depth",), image_every=5)
+    data = []
+    for name, episode in (("full", full), ("sparse", sparse)):
+        (tmp_path / name).mkdir()
+        path = tmp_path / name / shard_name("r0", 0)
+        with ShardWriter(path, PROVENANCE, outputs=("depth", "expert"), fsync=False) as writer:
+            writer.append(encode_episode(*episode))
+        assert validate(path.parent).ok
+        data.append(Dataset(path.parent))
+    every, some = data
+    taken = np.arange(len(every)) % 5 == 0
+    assert every.pictured.all()
+    assert np.array_equal(some.pictured, taken)
+    for name in ("actions", "poses", "goals_xy_m"):
+        assert np.array_equal(getattr(some, name), getattr(every, name))
+    assert np.array_equal(some.expert_ahead[taken], every.expert_ahead[taken])
+    assert np.isnan(some.expert_actions[~taken]).all()
+    assert np.array_equal(some.risks[taken], every.risks[taken])
+    assert (some.risks[~taken] == UNKNOWN_RISK).all()
+    assert np.array_equal(some.decode(5), every.decode(5))
+    assert np.array_equal(some.decode_output(10, "depth"), every.decode_output(10, "depth"))
+    assert some.image(6) == b""
+    with pytest.raises(DatasetError, match=r"Sample 6 .* has no image"):
+        some.decode(6)
+    (again,) = committed_episodes(tmp_path / "sparse")
+    assert again.header == sparse[0]
+    assert [sample.image for sample in again.samples] == [sample.image for sample in sparse[2]]
+    assert [sample.expert_commands for sample in again.samples] == [sample.expert_commands for sample in sparse[2]]
+
+
+@pytest.mark.parametrize(("seq", "image", "text"), [(5, b"", "sample 5 has none"), (6, b"x", "sample 6 has one")])
+def test_episode_with_an_image_too_few_or_too_many_is_refused(seq: int, image: bytes, text: str) -> None:
+    header, attempt, samples = _asked(0, image_every=5)
+    samples[seq] = dataclasses.replace(samples[seq], image=image)
+    with pytest.raises(DatasetError, match=text):
+        encode_episode(header, attempt, samples)
+
+
+def test_missing_image_of_a_sparse_episode_is_found(tmp_path: Path) -> None:
+    path = tmp_path / shard_name("r0", 0)
+    with ShardWriter(path, PROVENANCE, outputs=("expert",), fsync=False) as writer:
+        writer.append(encode_episode(*_asked(0, image_every=5)))
+
+    def without(records):
+        return [record for record in records if (record.channel, record.sequence) != (schemas.IMAGE, 5)]
+
+    rewrite(path, without)
+    assert any("/camera/image lacks samples 5" in str(defect) for defect in validate(tmp_path).defects)
 
 
 def test_shards_without_an_expert_are_successes_of_the_expert_and_say_how_to_get_commands(tmp_path: Path) -> None:

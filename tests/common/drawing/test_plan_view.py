@@ -1,9 +1,20 @@
 """Drawing on maps: what lands where."""
 
+import cv2
 import numpy as np
 import pytest
 
-from readygo.common.drawing.plan_view import FREE, OCCUPIED, draw_scale_bar, fill_area, fill_band, map_view, map_window
+from readygo.common.drawing.plan_view import (
+    FREE,
+    OCCUPIED,
+    WHITE,
+    draw_scale_bar,
+    fill_area,
+    fill_band,
+    map_view,
+    map_window,
+    put_text,
+)
 from readygo.common.maps import GridFrame, OccupancyMap
 
 RED = (200, 0, 0)
@@ -72,8 +83,8 @@ def test_band_reaches_its_radius_around_a_path_or_a_point(occupancy, path) -> No
     assert width_m == pytest.approx(0.4 + np.ptp(np.array(path)[:, 0]), abs=0.04)
 
 
-@pytest.mark.parametrize(("pixel_m", "length_px"), [(0.02, 50), (0.5, 20)])
-def test_scale_bar_has_its_length(pixel_m, length_px) -> None:
+@pytest.mark.parametrize(("pixel_m", "length_px"), [(0.02, 25), (0.5, 40)])
+def test_scale_bar_is_round_and_short(pixel_m, length_px) -> None:
     occupied = np.zeros((10, 10), np.bool_)
     frame = GridFrame(origin_x_m=0.0, origin_y_m=0.0, resolution_m=0.5)
     view = map_window(
@@ -83,3 +94,14 @@ def test_scale_bar_has_its_length(pixel_m, length_px) -> None:
     draw_scale_bar(picture, view)
     dark = np.flatnonzero(picture[-12].max(axis=1) < 60)
     assert np.ptp(dark) == length_px
+
+
+@pytest.mark.parametrize("ground", [0, 128, 255])
+def test_caption_with_a_halo_stands_out_from_any_ground(ground) -> None:
+    picture = np.full((30, 120, 3), ground, np.uint8)
+    put_text(picture, "caption", (8, 20), halo=WHITE)
+    assert picture.min() < 80, "dark letters"
+    letters = np.zeros_like(picture)
+    put_text(letters, "caption", (8, 20), colour=WHITE)
+    near, far = (cv2.dilate(letters, np.ones((size, size))).max(axis=2) > 0 for size in (1, 3))
+    assert np.median(picture[far & ~near]) > 180, "on white"

@@ -18,6 +18,9 @@ from readygo.common.episode import EpisodeConfig
         ({"goal_distance_min_m": 10.5}, "goal distances"),
         ({"time_limit_s": 0.0}, "must be positive"),
         ({"human_radius_m": 0.0}, "must be positive"),
+        ({"sharpness_min": -1.0}, "sharpness_min must be a number from 0 on"),
+        ({"sharpness_min": float("nan")}, "sharpness_min must be"),
+        ({"coverage_min": 1.1}, r"coverage_min 0\.\.1, got 0\.0 and 1\.1"),
     ],
 )
 def test_tasks_that_cannot_be_are_refused(values: dict[str, Any], message: str) -> None:

@@ -125,3 +125,15 @@ def test_concatenate_pads_lower_degrees():
     np.testing.assert_array_equal(both.sh[3:], high.sh)
     with pytest.raises(ValueError, match="at least one"):
         concatenate([])
+
+
+def test_up_may_be_any_direction_and_turns_no_further_than_it_must():
+    up = np.array([0.1, -0.98, 0.05])
+    R = R_from_up("0.1,-0.98,0.05")
+    np.testing.assert_allclose(R @ (up / np.linalg.norm(up)), [0, 0, 1], atol=1e-12)
+    np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(R) > 0
+    assert np.trace(R @ R_from_up("-y").T) > 2.9
+    np.testing.assert_allclose(R_from_up("0,-1,0"), R_from_up("-y"), atol=1e-12)
+    with pytest.raises(SceneError, match="three numbers"):
+        R_from_up("0,0,0")

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from readygo.common.maps import GridFrame, OccupancyMap, clearance_m, free_components, largest_free_area
+from readygo.common.maps import GridFrame, OccupancyMap, clearance_m, farthest_m, free_components, largest_free_area
 
 FRAME = GridFrame(origin_x_m=0.0, origin_y_m=0.0, resolution_m=0.05)
 
@@ -79,3 +79,11 @@ def test_blocked_map_has_no_area():
     cells, area_m2 = largest_free_area(OccupancyMap(frame=FRAME, occupied=np.ones((5, 5), np.bool_)), 0.1)
     assert area_m2 == 0.0
     assert not cells.any()
+
+
+def test_farthest_distance_is_within_one_area():
+    labels = np.zeros((40, 60), np.int32)
+    labels[5:8, 10:50] = 1
+    labels[30:35, 10:20] = 2
+    assert farthest_m(labels, 0.1) == pytest.approx(3.9, rel=0.02)
+    assert farthest_m(np.zeros((4, 4), np.int32), 0.1) == 0.0

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from readygo.common.maps import FloorMap, GridFrame, OccupancyMap
+from readygo.common.maps.grid import bilinear
 
 FRAME = GridFrame(origin_x_m=-1.0, origin_y_m=2.0, resolution_m=0.5)
 
@@ -44,3 +45,10 @@ def test_arrays_of_another_type_or_shape_are_refused():
         OccupancyMap(frame=FRAME, occupied=np.zeros((3, 3), np.uint8))
     with pytest.raises(ValueError, match="height_m"):
         FloorMap(frame=FRAME, height_m=np.zeros(3, np.float32))
+
+
+def test_compiled_interpolation_is_that_of_the_floor_map():
+    rng = np.random.default_rng(3)
+    floor = FloorMap(frame=FRAME, height_m=rng.uniform(-0.2, 0.2, (5, 6)).astype(np.float32))
+    for x, y in rng.uniform((-3, 0), (4, 7), (50, 2)):
+        assert bilinear(floor.height_m, -1.0, 2.0, 0.5, x, y) == pytest.approx(floor.at(x, y), abs=1e-12)

@@ -1,3 +1,5 @@
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -156,3 +158,14 @@ def test_real_flat_has_the_free_area_of_its_rooms(shared_data):
         assert cells[row - 10 : row + 11, column - 10 : column + 11].any()
     beyond_the_glass_railing = plan.robot.frame.cell(2.5, 2.6)
     assert not cells[beyond_the_glass_railing]
+
+
+def test_thick_gaussians_of_the_floor_are_no_obstacle_but_low_boxes_are():
+    thick = sheet((2, 2, 0.02), (0.6, 0, 0), (0, 0.6, 0))
+    thick = dataclasses.replace(thick, scales_m=np.full_like(thick.scales_m, 0.18))
+    plan = plan_scene(concatenate([room(), thick]), CONFIG)
+    assert not state(plan.robot, 2.3, 2.3)
+    assert plan.phantoms[plan.robot.frame.cell(2.3, 2.3)]
+    plan = plan_scene(concatenate([room(), box((2, 2, 0), (2.3, 2.3, 0.14))]), CONFIG)
+    assert state(plan.robot, 2.15, 2.15)
+    assert not plan.phantoms.any()

@@ -9,7 +9,14 @@ from onnx import TensorProto, numpy_helper
 
 from readygo.common.camera import SensorConfig
 from readygo.common.errors import PolicyError
-from readygo.common.policy import PolicyMemory, PolicySpec, check_policy_camera, load_policy, save_spec
+from readygo.common.policy import (
+    PolicyMemory,
+    PolicySpec,
+    check_policy_camera,
+    check_policy_limits,
+    load_policy,
+    save_spec,
+)
 from readygo.common.policy.motion import odometry, own_motion
 from readygo.common.robot import CameraConfig, RobotConfig
 from tests.common.policy.artifacts import CAMERA, ROBOT, linear_graph, write_policy
@@ -44,6 +51,20 @@ def test_memory_repeats_the_first_frame_at_the_start():
     assert windows[0] == [0, 0, 0]
     assert windows[9] == [0, 0, 9]
     assert windows[12] == [0, 2, 12]
+
+
+def test_step_without_a_frame_keeps_what_was_seen_and_counts_on():
+    memory, command = PolicyMemory(10), np.array([0.5, 0.1], np.float32)
+    other = PolicyMemory(10)
+    for step in range(31):
+        expected = other.move(command)
+        if step % 5:
+            memory.hold(command)
+        else:
+            features = memory.move(command)
+            window = memory.push(np.full(20, step, np.float32))
+    assert [latent[0] for latent in window] == [10, 20, 30]
+    assert np.array_equal(features, expected)
 
 
 @pytest.mark.parametrize("latency", [0, 3])
@@ -120,6 +141,17 @@ def test_another_lens_and_another_variation_are_named_field_by_field():
         PolicyError, match=r"camera: sensor\.k1 \[-0\.04, 0\.0\] \(the robot's: none\); .*--camera robot"
     ):
         check_policy_camera(spec, RobotConfig(camera=lens), SensorConfig())
+
+
+def test_robot_of_other_limits_is_named_limit_by_limit_and_another_body_is_none():
+    spec = PolicySpec(robot=ROBOT)
+    check_policy_limits(spec, dataclasses.replace(ROBOT, height_m=1.5, camera=CameraConfig()))
+    slow = dataclasses.replace(ROBOT, v_max_mps=0.5, a_max_mps2=2.0)
+    with pytest.raises(
+        PolicyError, match=r"v_max_mps 1 \(the robot's: 0\.5\), a_max_mps2 1 \(the robot's: 2\); "
+    ) as caught:
+        check_policy_limits(spec, slow)
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("name", ["encoder.onnx", "head.onnx", "policy.toml"])

@@ -19,11 +19,26 @@ class _Expert:
     def __init__(self) -> None:
         self.replan_times_s: list[float] = []
         self.asked_at: list[int] = []
+        self.watched_at: list[int] = []
 
     def act(self, simulation: EpisodeSimulation) -> SimpleNamespace:
         self.asked_at.append(simulation.step)
         commands = np.array([(1.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
         return SimpleNamespace(commands=commands, replanned=simulation.step == 1, cost=2.5, visible=False)
+
+    def watch(self, simulation: EpisodeSimulation) -> bool:
+        self.watched_at.append(simulation.step)
+        return True
+
+
+class _Memory:
+    """Notes what was executed while nothing was seen."""
+
+    def __init__(self) -> None:
+        self.held: list[tuple[float, float]] = []
+
+    def hold(self, command: np.ndarray) -> None:
+        self.held.append(tuple(command.tolist()))
 
 
 class _Camera:
@@ -50,11 +65,12 @@ class _Policy:
 
     def __init__(self) -> None:
         self.given: list[tuple[int, tuple[float, float]]] = []
+        self.memory = _Memory()
 
-    def start(self) -> str:
-        return "memory"
+    def start(self) -> _Memory:
+        return self.memory
 
-    def step(self, memories: list[str], images: np.ndarray, previous: np.ndarray, goals: np.ndarray) -> np.ndarray:
+    def step(self, memories: list[_Memory], images: np.ndarray, previous: np.ndarray, goals: np.ndarray) -> np.ndarray:
         self.given.append((int(images[0, 0, 0, 0]), tuple(previous[0].tolist())))
         return np.array([[0.0, 9.0]], np.float32)
 
@@ -126,6 +142,37 @@ def test_policy_drives_and_the_expert_is_asked_all_the_same(make_simulation: Cal
     assert [previous for _, previous in policy.given[1:]] == [
         tuple(np.float32(row).tolist()) for row in driven.trajectory.actions[:-1]
     ]
+
+
+def test_policy_holds_its_command_between_pictures_and_the_expert_watches(
+    make_simulation: Callable[..., EpisodeSimulation],
+) -> None:
+    simulation, expert, policy = make_simulation(time_limit_s=1.0), _Expert(), _Policy()
+    camera = _Camera(simulation)
+    driver = PolicyDriver(policy, latency_s=0.25)
+    driven = drive(simulation, expert, camera, _Weigher(), driver, image_every=5)
+    taken = [0, 5, 10, 15]
+    assert camera.taken == expert.asked_at == taken
+    assert expert.watched_at == [step for step in range(20) if step % 5]
+    assert [picture for picture, _ in policy.given] == [0, 0, 5, 10]
+    executed = [tuple(np.float32(row).tolist()) for row in driven.trajectory.actions]
+    assert policy.memory.held == [executed[step - 1] for step in range(20) if step % 5]
+    assert [step for step in range(20) if driven.expert_commands[step]] == taken
+    assert [step for step in range(20) if driven.risks[step]] == taken
+    assert driven.trajectory.human_visible.tolist() == [step % 5 > 0 for step in range(20)]
+    # It turns ever faster: the held command is the one wanted, not what was reached.
+    assert np.all(np.diff(driven.trajectory.actions[:6, 1]) > 0)
+
+
+def test_expert_that_drives_decides_between_pictures_too(make_simulation: Callable[..., EpisodeSimulation]) -> None:
+    often, seldom = (make_simulation() for _ in range(2))
+    first = drive(often, _Expert(), _Camera(often), _Weigher())
+    expert, camera = _Expert(), _Camera(seldom)
+    second = drive(seldom, expert, camera, _Weigher(), image_every=4)
+    assert np.array_equal(first.trajectory.actions, second.trajectory.actions)
+    assert expert.asked_at == list(range(seldom.step))
+    assert camera.taken == list(range(0, seldom.step, 4))
+    assert [bool(commands) for commands in second.expert_commands] == [k % 4 == 0 for k in range(seldom.step)]
 
 
 def test_disturbed_expert_says_what_it_would_do_at_the_states_that_it_comes_to(

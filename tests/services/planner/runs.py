@@ -4,7 +4,7 @@ import numpy as np
 
 from readygo.common.messages import HumanTrajectory, Outcome, RobotTrajectory, Scenario
 from readygo.services.planner.expert.perception import PerceivedHuman
-from readygo.services.planner.explain.journal import ExpertRun, Journal
+from readygo.services.planner.explain.journal import DrivenRun, Journal
 from tests.services.planner.worlds import animate, key
 
 STEPS = 80
@@ -26,7 +26,7 @@ def make_scenario(*humans) -> Scenario:
     )
 
 
-def make_run(*humans, outcome=Outcome.SUCCESS, journal=None) -> ExpertRun:
+def make_run(*humans, outcome=Outcome.SUCCESS, journal=None) -> DrivenRun:
     """A run along WAY."""
     scenario, zeros, off = make_scenario(*humans), np.zeros(STEPS), np.zeros(STEPS, np.bool_)
     trajectory = RobotTrajectory(
@@ -40,7 +40,7 @@ def make_run(*humans, outcome=Outcome.SUCCESS, journal=None) -> ExpertRun:
         expert_cost=zeros,
         replan_times_s=np.array([0.001]),
     )
-    return ExpertRun(
+    return DrivenRun(
         scenario=scenario,
         motions=animate(scenario),
         trajectory=trajectory,

@@ -5,9 +5,11 @@ import threading
 from pathlib import Path
 
 import pytest
+from mcap.reader import make_reader
 
 from readygo.common.bus import InProcessBus
 from readygo.common.dataset import Dataset, Provenance, validate
+from readygo.common.dataset.stage import PAUSE_NS
 from readygo.common.errors import DatasetError, RunError
 from readygo.common.messages import (
     AppendReply,
@@ -20,7 +22,7 @@ from readygo.common.messages import (
     encode,
 )
 from readygo.services.recorder import Recorder, handle_append
-from tests.common.dataset.episodes import append_requests, make_episode
+from tests.common.dataset.episodes import append_requests, make_episode, write_shard
 
 
 def send(recorder: Recorder, requests: list[AppendRequest]) -> list[str]:
@@ -56,6 +58,41 @@ def test_full_shard_is_finished_at_once(make_recorder, tmp_path) -> None:
     assert [entry.episode.index for entry in Dataset([tmp_path]).episodes] == [0, 1, 2]
     recorder.close()
     assert len(Dataset([tmp_path]).episodes) == 4
+
+
+def chunk_times_ns(folder: Path) -> list[tuple[int, int]]:
+    """First and last time of every chunk, shard by shard."""
+    times = []
+    for shard in sorted(folder.glob("*.mcap")):
+        with shard.open("rb") as file:
+            summary = make_reader(file).get_summary()
+        assert summary is not None
+        times += [(index.message_start_time, index.message_end_time) for index in summary.chunk_indexes]
+    return times
+
+
+def test_time_runs_on_from_shard_to_shard_and_over_a_restart(make_recorder, tmp_path) -> None:
+    for indices in ((4, 0), (1, 3)):
+        recorder = make_recorder(episodes_per_shard=1)
+        for index in indices:
+            send(recorder, append_requests(index))
+        recorder.close()
+    times = chunk_times_ns(tmp_path)
+    assert len(list(tmp_path.glob("*.mcap"))) == len(times) == 4
+    assert times[0][0] == 0
+    assert [start - PAUSE_NS for start, _ in times[1:]] == [end for _, end in times[:-1]]
+
+
+def test_a_run_of_the_first_format_goes_on_in_todays(make_recorder, tmp_path) -> None:
+    write_shard(tmp_path, [0, 2])
+    recorder = make_recorder()
+    assert send(recorder, append_requests(2))[-1] == "dup"
+    assert send(recorder, append_requests(1))[-1] == "committed"
+    recorder.close()
+    assert [entry.episode.index for entry in Dataset([tmp_path]).episodes] == [0, 1, 2]
+    assert validate(tmp_path).defects == ()
+    _, before, after = chunk_times_ns(tmp_path)
+    assert after[0] == before[1] + PAUSE_NS
 
 
 def test_recorder_without_episodes_leaves_nothing(make_recorder, tmp_path) -> None:

@@ -8,10 +8,11 @@ from mcap.opcode import Opcode
 
 from readygo.common.dataset import Dataset, ShardWriter, encode_episode, validate
 from readygo.common.dataset.records import Record, chunk_span, iter_messages, iter_records
+from readygo.common.dataset.stage import Stage
 from readygo.common.errors import DatasetError, RunError
 from readygo.services.recorder import Recorder, RecorderConfig, handle_append
 from readygo.services.recorder.salvage import read_open_shard
-from tests.common.dataset.episodes import PROVENANCE, append_requests, make_episode
+from tests.common.dataset.episodes import PROVENANCE, append_requests, make_episode, write_shard
 from tests.services.recorder.coordinator import FakeCoordinator
 
 PART = "shard-r0-00000.mcap.part"
@@ -101,6 +102,21 @@ def test_salvaged_shard_has_the_bytes_of_an_undisturbed_one(tmp_path) -> None:
     smooth.close()
     shards = [tmp_path / name / "shard-r0-00000.mcap" for name in ("crashed", "smooth")]
     assert shards[0].read_bytes() == shards[1].read_bytes()
+
+
+def test_an_episode_that_is_left_out_leaves_no_gap_in_time(tmp_path) -> None:
+    stage = Stage()
+    writer = ShardWriter(tmp_path / PART.removesuffix(".part"), PROVENANCE, stage=stage, fsync=False)
+    for index in (0, 1, 2):
+        header, samples = make_episode(index, 4)
+        writer.append(encode_episode(header, 1, samples))
+    writer.abandon()
+    coordinator = FakeCoordinator()
+    coordinator.stale_done = {0, 1}
+    start(tmp_path, coordinator).close()
+    (tmp_path / "alone").mkdir()
+    alone = write_shard(tmp_path / "alone", [2], sample_count=4, stage=stage)
+    assert (tmp_path / alone.name).read_bytes() == alone.read_bytes()
 
 
 def test_new_shards_do_not_take_old_names(tmp_path) -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from readygo.common.avatars import Avatar
 from readygo.common.gaussians import GaussianCloud, save_ply
-from readygo.common.maps import FloorMap, GridFrame
+from readygo.common.maps import FloorMap, GridFrame, OccupancyMap
 from readygo.common.messages import (
     EpisodeKey,
     EpisodeMotions,
@@ -45,7 +45,8 @@ def _scene(path: Path, *, sky: bool) -> Scene:
     frame = GridFrame(origin_x_m=-6.0, origin_y_m=-6.0, resolution_m=0.5)
     rows, columns = np.mgrid[0:24, 0:24]
     floor = FloorMap(frame=frame, height_m=(0.02 * columns - 0.01 * rows).astype(np.float32))
-    scene.__dict__["maps"] = SimpleNamespace(floor=floor)
+    human = OccupancyMap(frame=frame, occupied=np.zeros((24, 24), dtype=np.bool_))
+    scene.__dict__["maps"] = SimpleNamespace(floor=floor, human=human)
     return scene
 
 

@@ -22,6 +22,7 @@ def test_outputs_without_rgb_or_with_unknown_names_are_refused(outputs) -> None:
         {"detail": "low"},
         {"detail": "lod", "backend": "reference"},
         {"contact_shadow": True, "backend": "triton"},
+        {"human_light": True, "backend": "gsplat"},
         {"image_format": "gif"},
         {"jpeg_quality": 0},
         {"jpeg_quality": 101},
@@ -39,4 +40,5 @@ def test_settings_at_their_limits_are_taken() -> None:
         config = RendererConfig(jpeg_quality=quality, sub_frames=frames)
         assert (config.jpeg_quality, config.sub_frames) == (quality, frames)
     assert RendererConfig(contact_shadow=True, backend="reference").contact_shadow
+    assert not RendererConfig(human_light=False, backend="triton").human_light
     assert RendererConfig(detail="lod").detail == "lod"

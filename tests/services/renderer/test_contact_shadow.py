@@ -5,7 +5,7 @@ import pytest
 
 from readygo.common.avatars import Avatar
 from readygo.common.gaussians import GaussianCloud, save_ply
-from readygo.common.maps import FloorMap, GridFrame
+from readygo.common.maps import FloorMap, GridFrame, OccupancyMap
 from readygo.common.messages import HumanMotion, Motion
 from readygo.common.robot import CameraConfig, RobotConfig
 from readygo.common.scenes import Scene
@@ -36,7 +36,8 @@ def floor_scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
     scene = Scene(name="floor", path=path, content_hash="f100f" * 5, metadata={"files": {"scene.ply": {}}})
     frame = GridFrame(origin_x_m=-5.0, origin_y_m=-5.0, resolution_m=1.0)
     floor = FloorMap(frame=frame, height_m=np.full((15, 10), FLOOR_M, dtype=np.float32))
-    scene.__dict__["maps"] = SimpleNamespace(floor=floor)
+    human = OccupancyMap(frame=frame, occupied=np.zeros((15, 10), dtype=np.bool_))
+    scene.__dict__["maps"] = SimpleNamespace(floor=floor, human=human)
     return scene
 
 

@@ -37,6 +37,19 @@ def test_shadows_are_those_of_the_view(scene: Scene, avatars: dict[str, Avatar],
     assert drawing.view(POSE, (), 0).shadows is None
 
 
+def test_humans_are_lit_where_they_are_and_not_at_all_when_switched_off(
+    scene: Scene, avatars: dict[str, Avatar], human: HumanMotion
+) -> None:
+    lit, off = (make_drawing(scene, avatars, CAMERA, RendererConfig(human_light=light)) for light in (True, False))
+    (cache,) = scene.path.glob("cache/light-*.npz")
+    assert cache.name == "light-c0ffeec0ffeec0ff.npz"
+    assert off.view(POSE, (human,), 0).humans[0].light is None
+    here, there = (lit.view(POSE, (human,), step).humans[0].light for step in (0, 3))
+    assert lit.probes is not None
+    assert np.array_equal(here, lit.probes.at(*(float(value) for value in human.motion.root_m[0, :2])))
+    assert not np.array_equal(here, there)
+
+
 def test_backend_is_that_of_the_config(scene: Scene, avatars: dict[str, Avatar], human: HumanMotion) -> None:
     fast, slow = (
         make_drawing(scene, avatars, CAMERA, RendererConfig(backend=backend)) for backend in ("cpu", "reference")

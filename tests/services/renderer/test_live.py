@@ -38,8 +38,8 @@ def test_pictures_are_those_of_the_finished_trajectory(
         simulation.advance(1.0, 1.5)
     scenario, motions, _ = episode
     samples = list(episode_samples(renderer, scenario, motions, simulation.trajectory()))
-    assert [picture.image for picture in live.pictures] == [sample.image for sample in samples]
-    assert [picture.outputs for picture in live.pictures] == [sample.outputs for sample in samples]
+    assert [picture.image for picture in live.pictures.values()] == [sample.image for sample in samples]
+    assert [picture.outputs for picture in live.pictures.values()] == [sample.outputs for sample in samples]
     assert len({picture.tobytes() for picture in seen}) == len(seen)
 
 

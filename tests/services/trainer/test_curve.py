@@ -30,18 +30,20 @@ def drawn(tmp_path):
 
 def rows_of(picture, colour_bgr):
     """Mean row of a colour in each column of the plot that has it."""
-    hit = np.all(picture == np.array(colour_bgr, np.uint8), axis=2)[:, LEFT_PX + 1 : WIDTH_PX - 270]
-    return {column + LEFT_PX + 1: np.flatnonzero(hit[:, column]).mean() for column in np.flatnonzero(hit.any(axis=0))}
+    hit = np.all(picture == np.array(colour_bgr, np.uint8), axis=2)[TOP_PX + 1 :, LEFT_PX + 1 : WIDTH_PX - RIGHT_PX]
+    return {
+        column + LEFT_PX + 1: TOP_PX + 1 + np.flatnonzero(hit[:, column]).mean()
+        for column in np.flatnonzero(hit.any(axis=0))
+    }
 
 
 def test_equal_factors_are_equal_heights_and_the_first_point_is_at_the_left(drawn):
     rows = rows_of(drawn({"a": [(0.0, 1.0), (50.0, 0.1), (100.0, 0.01)]}), COLOURS_BGR[0])
-    span = 1 - 2 * 0.05 / 2.1
-    top = TOP_PX + 0.05 / 2.1 * (HEIGHT_PX - TOP_PX - BOTTOM_PX)
+    # Ticks go from 0.01 to 1: the curve reaches from corner to corner.
     width = WIDTH_PX - LEFT_PX - RIGHT_PX
     for column in (LEFT_PX + 40, LEFT_PX + 200, LEFT_PX + 400):
         x = (column - LEFT_PX) / width
-        assert rows[column] == pytest.approx(top + span * x * (HEIGHT_PX - TOP_PX - BOTTOM_PX), abs=3)
+        assert rows[column] == pytest.approx(TOP_PX + x * (HEIGHT_PX - TOP_PX - BOTTOM_PX), abs=3)
 
 
 def test_curves_have_colours_of_their_own_in_order(drawn):
@@ -65,3 +67,12 @@ def test_history_shows_training_above_validation_where_it_is_worse(tmp_path):
     picture = cv2.imread(str(tmp_path / "loss.png"))
     training, validation = (rows_of(picture, colour) for colour in COLOURS_BGR[:2])
     assert max(training.values()) < min(validation.values())
+
+
+def test_single_validation_is_seen_and_no_label_is_cut(tmp_path):
+    draw_history(tmp_path / "loss.png", [{"samples": 1_678_976, "train_loss": 2.1, "validation_loss": 0.24}])
+    picture = cv2.imread(str(tmp_path / "loss.png"))
+    assert rows_of(picture, COLOURS_BGR[0])
+    assert rows_of(picture, COLOURS_BGR[1])
+    edge = np.concatenate([picture[:, :4].ravel(), picture[:, -4:].ravel(), picture[-2:].ravel()])
+    assert (edge == 255).all()

@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 import torch
 
-from readygo.common.robot.command_grid import HUMAN, OBSTACLE
+from readygo.common.robot.command_grid import HUMAN, OBSTACLE, UNKNOWN_RISK
 from readygo.common.robot.command_grid import mirrored as mirrored_commands
 from readygo.services.trainer import with_overrides
 from readygo.services.trainer.model import Bins, PolicyNet
 from readygo.services.trainer.objective import Objective, humans_loss, risks_loss
 from readygo.services.trainer.parts import build_parts, timing_of
-from readygo.services.trainer.samples import UNKNOWN
 from tests.services.trainer.conftest import QUICK, quick
 
 LEFT = torch.tensor([1.0, -1.0])
@@ -88,11 +87,11 @@ def test_risks_are_mirrored_with_the_batch_and_not_told_of_turned_images(show, s
     assert {0, OBSTACLE, HUMAN} == set(plain.flatten().tolist())
     assert not torch.equal(plain, mirrored)
     assert torch.equal(mirrored, plain[:, torch.from_numpy(mirrored_commands())])
-    assert (show(yaw_error_rad=0.2)[0].risks == UNKNOWN).all()
+    assert (show(yaw_error_rad=0.2)[0].risks == UNKNOWN_RISK).all()
 
 
 def test_risks_count_where_the_data_tell_them():
-    risks = torch.tensor([[OBSTACLE, 0], [HUMAN, HUMAN], [UNKNOWN, UNKNOWN]], dtype=torch.uint8)
+    risks = torch.tensor([[OBSTACLE, 0], [HUMAN, HUMAN], [UNKNOWN_RISK, UNKNOWN_RISK]], dtype=torch.uint8)
     right = torch.tensor([[9.0, -9, -9, -9], [-9, -9, 9, 9], [0, 0, 0, 0]])
     assert risks_loss(right, risks) < 1e-3
     assert risks_loss(-right, risks) > 5

@@ -1,3 +1,5 @@
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -41,6 +43,31 @@ def test_latency_pairs_a_sample_with_older_frames_of_its_own_episode(table):
 
 def test_shared_frames_are_listed_once(table):
     assert make_batch(np.array([20, 30, 40, 50]), table.first, TIMING).frames.tolist() == [0, 10, 20, 30, 40, 50]
+
+
+def sparse(episode, every):
+    """The same with images and answers of the expert at every n-th sample alone."""
+    missing = np.arange(episode.sample_count) % every > 0
+    expert = np.repeat(episode.actions[:, None], 3, axis=1)
+    expert[missing] = np.nan
+    images = tuple(b"" if gone else image for gone, image in zip(missing, episode.images, strict=True))
+    return dataclasses.replace(episode, images=images, expert=expert)
+
+
+def test_only_samples_whose_window_was_taken_are_drawn():
+    table = join_tables([episode_table(sparse(make_one(f"e{k}", samples=62), 5), TIMING) for k in range(2)])
+    assert np.array_equal(table.usable_samples, [*range(0, 62, 5), *range(62, 124, 5)])
+    rng = np.random.default_rng(0)
+    drawn = draw_samples(table, batch_size=500, chain_length=3, spacing_steps=10, rng=rng)
+    assert len(drawn) == 500
+    assert set(drawn.tolist()) == set(table.usable_samples.tolist())
+    assert np.array_equal(spread_samples(table, 9), table.usable_samples[::3])
+
+
+def test_pictures_that_no_window_meets_are_refused_with_the_setting():
+    table = join_tables([episode_table(sparse(make_one(samples=62), 4), Timing(spacing_steps=10, latency_steps=1))])
+    with pytest.raises(DatasetError, match="camera_hz that divides"):
+        _ = table.usable_samples
 
 
 def test_joined_tables_count_through(table):

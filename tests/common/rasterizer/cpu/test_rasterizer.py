@@ -1,3 +1,5 @@
+import dataclasses
+
 import numpy as np
 import numpy.typing as npt
 import pytest
@@ -6,7 +8,7 @@ from readygo.common.avatars import Avatar
 from readygo.common.gaussians import GaussianCloud, concatenate
 from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
 from readygo.common.rasterizer.packed.scene import load_packed, pack_cloud, save_packed
-from readygo.common.rasterizer.reference import rasterize_reference
+from readygo.common.rasterizer.reference import posed_and_lit, rasterize_reference
 from tests.common.rasterizer.drawing import assert_like_reference, float_rgb_of, human, numbered, posed, psnr_db, rgb_of
 
 
@@ -48,6 +50,25 @@ def test_two_layers_are_blended_as_one_cloud(make_cloud, camera) -> None:
     T, K = camera(-5.0, 0.0, 0.0, 96, 64)
     image = float_rgb_of(CpuRasterizer([pack_cloud(one), pack_cloud(two)], {}, K, 64, 96), T)
     assert_like_reference(image, rasterize_reference(concatenate([one, two]), T, K, 64, 96).rgb)
+
+
+def test_humans_are_lit_as_in_the_reference_and_even_light_changes_no_byte(make_cloud, camera, avatar: Avatar) -> None:
+    T, K = camera(-4.0, 0.0, 0.0, 192, 128)
+    # Red light from above, blue from the left; the rest is dim.
+    light = np.zeros((3, 4, 4))
+    light[:, 3, 3] = 0.6
+    light[0, 2, 3] = light[0, 3, 2] = light[2, 1, 3] = light[2, 3, 1] = 0.25
+    unlit, cloud = human(-2.6, 0.4, seed=1), make_cloud(200)
+    lit = dataclasses.replace(unlit, light=light)
+    rasterizer = CpuRasterizer(pack_cloud(cloud), numbered([avatar]), K, 128, 192)
+    image = float_rgb_of(rasterizer, T, [lit])
+    reference = rasterize_reference(concatenate([cloud, posed_and_lit(avatar, lit)]), T, K, 128, 192).rgb
+    assert_like_reference(image, reference)
+    assert np.abs(image - float_rgb_of(rasterizer, T, [unlit])).max() > 0.05
+    even = np.zeros((3, 4, 4))
+    even[:, 3, 3] = 1.0
+    same = float_rgb_of(rasterizer, T, [dataclasses.replace(unlit, light=even)])
+    assert np.array_equal(same, float_rgb_of(rasterizer, T, [unlit]))
 
 
 def test_humans_stand_in_the_scene_as_in_the_reference(make_cloud, camera, avatar: Avatar) -> None:

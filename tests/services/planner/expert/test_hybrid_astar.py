@@ -95,3 +95,16 @@ def test_searches_do_not_disturb_each_other(field):
     plans = [planner.search(field, search.distances(field, FRAME.cell(*g)), FRAME, (0.0, 0.0, 1.0), g) for g in goals]
     assert np.array_equal(plans[0].xyyaw, plans[2].xyyaw)
     assert plans[0].cost == plans[2].cost
+
+
+def test_robots_with_wide_turns_come_round_in_the_open():
+    robot = RobotConfig(v_max_mps=0.5, w_max_radps=0.1)  # 5 m at full speed
+    factor = np.full((600, 600), FREE, np.uint8)
+    search, goal = HybridAStar(robot, CONFIG), np.array([13.0, 13.0])
+    heuristic = GridSearch(factor.shape).distances(factor, FRAME.cell(*goal))
+    for yaw in np.linspace(-math.pi, math.pi, 8):
+        start = (13.0 - 4.0 * math.cos(yaw / 3), 13.0 - 4.0 * math.sin(yaw / 3), float(yaw))
+        plan = search.search(factor, heuristic, FRAME, start, goal)
+        assert plan is not None
+        assert np.hypot(*(plan.xyyaw[-1, :2] - goal)) < CONFIG.goal_tolerance_m
+        assert search.expansion_count < 2000

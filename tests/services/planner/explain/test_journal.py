@@ -6,7 +6,7 @@ import pytest
 from readygo.common.messages import HumanPlanRequest
 from readygo.services.planner import handle_human_plan
 from readygo.services.planner.expert.handlers import drive
-from readygo.services.planner.explain.journal import Journal, run_with_journal
+from readygo.services.planner.explain.journal import Journal, run_beside_expert, run_with_journal
 from tests.services.planner.runs import STEPS, WAY, make_journal, make_run
 from tests.services.planner.worlds import animate, key
 
@@ -74,3 +74,21 @@ def test_gap_is_between_centres_and_a_human_stays_where_its_motion_ends():
 
 def test_empty_journal_has_no_changes():
     assert Journal().changes == ()
+
+
+def test_expert_is_asked_at_every_step_that_somebody_else_drives(human_planner, robot_planner):
+    scenario = handle_human_plan(human_planner, HumanPlanRequest(episode=key(1))).scenario
+    steps = []
+
+    def steer(simulation):
+        steps.append(simulation.step)
+        return 0.3, 0.1
+
+    run = run_beside_expert(robot_planner, scenario, animate(scenario), steer, "policy")
+    assert (run.driver, run.explained) == ("policy", False)
+    assert steps == list(range(len(run.trajectory.xyyaw)))
+    assert len(run.journal.paths_m) == len(steps)
+    assert any(len(path) for path in run.journal.paths_m)
+    assert run.trajectory.actions[10].tolist() == pytest.approx([0.3, 0.1])
+    seen = np.array([run.journal.seen(k) for k in range(len(scenario.humans))])
+    assert np.array_equal(seen.any(axis=0), run.trajectory.human_visible)

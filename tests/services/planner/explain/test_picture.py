@@ -8,7 +8,7 @@ import pytest
 from readygo.common.drawing.plan_view import FREE, GOAL, HUMANS, OCCUPIED, ROBOT
 from readygo.common.messages import Outcome
 from readygo.services.planner.explain.picture import MOMENT_PX, draw_episode, draw_run, episode_view
-from readygo.services.planner.explain.picture_layers import OUTCOMES, SIGHT, SIGHT_SHARE, SUPERSEDED
+from readygo.services.planner.explain.picture_layers import ADVICE, OUTCOMES, SIGHT, SIGHT_SHARE, SUPERSEDED
 from tests.services.planner.explain.pixels import HUMAN, has, pixel, shone_through
 from tests.services.planner.runs import STEPS, WAY, Y_M, make_journal, make_run, make_scenario
 from tests.services.planner.worlds import rooms
@@ -61,3 +61,21 @@ def test_explained_picture_has_a_panel_per_moment_and_the_way_given_up(paper_pla
 
 def test_picture_of_the_same_run_is_the_same(paper_planner):
     assert np.array_equal(draw_run(paper_planner, make_run(HUMAN)), draw_run(paper_planner, make_run(HUMAN)))
+
+
+def test_run_of_a_policy_shows_what_it_saw_and_what_the_expert_would_do_but_no_plans_of_its_own(paper_planner):
+    paths = [(WAY if k < 25 else WAY + np.array([0.0, 0.6]))[k:] for k in range(STEPS)]
+    run = dataclasses.replace(make_run(HUMAN, journal=make_journal(paths, searches=(0, 25))), driver="policy")
+    shown = []
+
+    def look(step):
+        shown.append(step)
+        return np.full((30, 50, 3), (250, 0, 250), np.uint8)
+
+    picture, without = draw_run(paper_planner, run, look), draw_run(paper_planner, run)
+    assert shown
+    assert has(picture, (250, 0, 250))
+    assert len(picture) > len(without) or picture.shape[1] > without.shape[1]
+    for image in (picture, without):
+        assert has(image, ADVICE)
+        assert not has(image, SUPERSEDED)

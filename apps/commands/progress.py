@@ -1,0 +1,60 @@
+"""Progress of long commands: a bar on a terminal, and a line now and then where the output goes to a file."""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, ProgressColumn, TaskID
+from rich.text import Text
+
+EVERY_S = 30.0
+"""Time between two lines [s]."""
+
+
+class SteadyProgress(Progress):
+    """Rich's bars, or lines of the same words on anything but a terminal; at the end the last state is said."""
+
+    def __init__(
+        self,
+        *columns: ProgressColumn,
+        console: Console | None = None,
+        quiet: bool = False,
+        transient: bool = False,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Make the bars or lines.
+
+        Args:
+            columns: What they say; bars are left out of lines.
+            console: Where to; stderr by default.
+            quiet: True says nothing.
+            transient: True leaves nothing on a terminal at the end.
+            clock: Time [s].
+        """
+        console = console or Console(stderr=True)
+        self._lines = not quiet and not console.is_terminal
+        super().__init__(*columns, console=console, disable=quiet or self._lines, transient=transient)
+        self._spoken = [column for column in columns if not isinstance(column, BarColumn)]
+        self._clock, self._said_s, self._said = clock, clock(), ""
+
+    def update(self, task_id: TaskID, **changes: Any) -> None:
+        """As rich's."""
+        super().update(task_id, **changes)
+        if self._lines and self._clock() - self._said_s >= EVERY_S:
+            self._say()
+
+    def stop(self) -> None:
+        """As rich's."""
+        super().stop()
+        if self._lines:
+            self._say()
+
+    def _say(self) -> None:
+        tasks = [task for task in self.tasks if task.visible]
+        words = [[column(task) for column in self._spoken] for task in tasks]
+        said = "; ".join(" ".join(str(word) for word in of_task if isinstance(word, Text)) for of_task in words)
+        self._said_s = self._clock()
+        if said != self._said:
+            self._said = said
+            self.console.print(said, markup=False, highlight=False, soft_wrap=True)

@@ -1,0 +1,174 @@
+"""`readygo scene crop`, `align`, `scale` and `clean`: a scene, changed, under another name."""
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from rich.console import Console
+
+from readygo.apps.pictures.scene_survey import change_picture
+from readygo.apps.run.scene_argument import open_scene
+from readygo.common.drawing.files import write_png
+from readygo.common.camera.captured import CapturedViews
+from readygo.common.errors import SceneError
+from readygo.common.files import unfinished
+from readygo.common.gaussians import GaussianCloud, load_gaussians, save_ply, transform_cloud
+from readygo.common.maps import MapConfig
+from readygo.common.robot import RobotConfig
+from readygo.common.scenes import SceneSource, save_scene
+from readygo.common.scenes.edit import KINDS, cleaned, crop_box, cropped, levelling, room_scale
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Original:
+    """What is edited: a bundle, or a Gaussian file, which is taken to be in metres with z up."""
+
+    cloud: GaussianCloud
+    sky: GaussianCloud | None = None
+    views: CapturedViews | None = None
+    name: str = ""
+    license: str = ""
+    source: SceneSource = dataclasses.field(default_factory=SceneSource)
+    robot: RobotConfig = dataclasses.field(default_factory=RobotConfig)
+    config: MapConfig = dataclasses.field(default_factory=MapConfig)
+
+
+def scene_crop(
+    scene: str,
+    /,
+    *,
+    out: Path,
+    box: tuple[float, float, float, float] | None = None,
+    z: tuple[float, float] | None = None,
+) -> None:
+    """Keep a part of a scene, and make its maps anew.
+
+    Args:
+        scene: Scene bundle, "embedded", or a Gaussian file in metres, z up.
+        out: Folder of the bundle to make, or a .ply file; must not exist. A picture shows before and after.
+        box: x0 y0 x1 y1 of what is kept [m].
+        z: z0 z1 of what is kept [m].
+    """
+    part = crop_box(box, z)
+    if part is None:
+        raise SceneError("Say what is kept: --box X0 Y0 X1 Y1, --z Z0 Z1, or both.")
+    original = _opened(scene, out)
+    _write(original, cropped(original.cloud, part), original.sky, out, f"cropped to {part}")
+
+
+def scene_align(scene: str, /, *, out: Path, up: str = "auto") -> None:
+    """Turn a scene so that its floor is level and at height 0, and make its maps anew.
+
+    Args:
+        scene: Scene bundle, "embedded", or a Gaussian file in metres, z up.
+        out: Folder of the bundle to make, or a .ply file; must not exist. A picture shows before and after.
+        up: Direction that points up: an axis, three numbers with commas, or "auto" for that of the floor.
+    """
+    original = _opened(scene, out)
+    R, translate_m, name = levelling(original.cloud, up)
+    words = f"turned so that {name} is up, and moved by {translate_m[2]:.3f} m"
+    _write_moved(original, out, words, R=R, translate_m=translate_m)
+
+
+def scene_scale(scene: str, /, *, out: Path, factor: float | None = None, room_height: float | None = None) -> None:
+    """Make a scene larger or smaller, and make its maps anew.
+
+    Args:
+        scene: Scene bundle, "embedded", or a Gaussian file, z up.
+        out: Folder of the bundle to make, or a .ply file; must not exist. A picture shows before and after.
+        factor: What lengths are multiplied by.
+        room_height: Height that its ceiling shall have above its floor [m], in place of `factor`.
+    """
+    if (factor is None) == (room_height is None):
+        raise SceneError("Give either --factor or --room-height.")
+    original = _opened(scene, out)
+    by = room_scale(original.cloud, room_height) if room_height is not None else factor
+    if by is None or not 0 < by < float("inf"):
+        raise SceneError(f"The factor must be positive, got {by}.")
+    _write_moved(original, out, f"scaled by {by:.4g}", scale=by)
+
+
+def scene_clean(scene: str, /, *, out: Path, kinds: str = "huge,floaters") -> None:
+    """Remove Gaussians that nobody wants to see, count them, and make the maps anew.
+
+    Huge ones are larger than a fifth of the scene; floaters are groups of a few that touch nothing, and clouds of them
+    around a scene; haze is faint and several times as large as usual, which some glass is, too.
+
+    Args:
+        scene: Scene bundle, "embedded", or a Gaussian file in metres, z up.
+        out: Folder of the bundle to make, or a .ply file; must not exist. A picture shows before and after.
+        kinds: What is removed, separated by commas, of huge, floaters and haze.
+    """
+    original = _opened(scene, out)
+    wanted = tuple(KINDS) if kinds == "all" else tuple(word.strip() for word in kinds.split(",") if word.strip())
+    cloud, counts = cleaned(original.cloud, wanted)
+    _write(original, cloud, original.sky, out, f"cleaned of {counts}")
+
+
+def _opened(scene: str, out: Path) -> _Original:
+    if out.exists() or out.is_symlink():
+        raise SceneError(f"{out} exists already; remove it, or choose another name.")
+    if Path(scene).is_file():
+        return _Original(cloud=load_gaussians(scene), source=SceneSource(file=Path(scene).name))
+    bundle = open_scene(scene)
+    known = {field.name for field in dataclasses.fields(SceneSource)}
+    source = {key: value for key, value in bundle.metadata.get("source", {}).items() if key in known}
+    config = bundle.maps.config
+    radius_m = float(bundle.metadata["maps"]["planning_radius_m"])
+    robot = RobotConfig(
+        height_m=config.robot_height_m, planning_radius_m=radius_m, radius_m=min(RobotConfig().radius_m, radius_m)
+    )
+    return _Original(
+        cloud=bundle.cloud,
+        sky=bundle.sky,
+        views=bundle.views,
+        name=bundle.name,
+        license=bundle.license,
+        source=SceneSource(**source),
+        robot=robot,
+        config=config,
+    )
+
+
+def _write_moved(
+    original: _Original,
+    out: Path,
+    words: str,
+    *,
+    R: npt.ArrayLike = ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
+    translate_m: npt.ArrayLike = (0.0, 0.0, 0.0),
+    scale: float = 1.0,
+) -> None:
+    """Write all of a scene after x' = scale R x + translate."""
+    cloud = transform_cloud(original.cloud, R, translate_m, scale)
+    sky = None if original.sky is None else transform_cloud(original.sky, R, translate_m, scale)
+    views = None if original.views is None else original.views.moved(R, translate_m, scale)
+    _write(dataclasses.replace(original, views=views), cloud, sky, out, words)
+
+
+def _write(original: _Original, cloud: GaussianCloud, sky: GaussianCloud | None, out: Path, words: str) -> None:
+    """Write the changed scene, and a picture of before and after; say what was done."""
+    if out.suffix == ".ply":
+        with unfinished(out, raises=SceneError) as part:
+            save_ply(cloud, part)
+        picture = out.with_suffix(".png")
+    else:
+        source = dataclasses.replace(original.source, edits=(*original.source.edits, words))
+        save_scene(
+            cloud,
+            sky,
+            out,
+            name=original.name,
+            license=original.license,
+            source=source,
+            robot=original.robot,
+            map_config=original.config,
+            views=original.views,
+        )
+        picture = out / "inspect" / "change.png"
+    write_png(picture, change_picture(original.cloud, cloud, words))
+    console = Console(highlight=False, soft_wrap=True)
+    console.print(f"{out}: {words}; {len(cloud):,} of {len(original.cloud):,} Gaussians.", markup=False)
+    console.print(f"Before and after: {picture}", markup=False)

@@ -1,0 +1,150 @@
+"""Episodes of an evaluation, driven once more by the commands that were kept: on the map, in images, as films."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.apps.pictures.plan_film import robot_view, run_film
+from readygo.apps.run.world import World
+from readygo.common.drawing import plan_view
+from readygo.common.drawing.files import Picture
+from readygo.common.drawing.film import write_film
+from readygo.common.episode import EpisodeSimulation
+from readygo.common.errors import RunError
+from readygo.common.messages import EpisodeKey, Outcome, RobotTrajectory
+from readygo.common.robot.kinematics import DT_S, RATE_HZ
+from readygo.services.evaluator import EpisodeRecord, MatchedEpisode, Method, RecordKey, Results, Task
+from readygo.services.planner.explain.journal import run_beside_expert, run_with_journal
+from readygo.services.planner.explain.picture import draw_ways, episode_view
+from readygo.services.renderer import Renderer
+
+MAP_PX = (460, 330)
+"""Largest width and height of an episode's map on a page."""
+BEFORE_END_S = (4.0, 3.0, 2.0, 1.0, 0.5, 0.0)
+"""The strip of a collision shows what the robot saw this long before [s]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StripImage:
+    """What the robot saw at one time."""
+
+    time_s: float
+    """Simulated time since the episode began [s]."""
+    rgb: Picture
+
+
+class Replays:
+    """Drives the episodes of an evaluation once more."""
+
+    def __init__(
+        self, world: World, results: Results, episodes: Sequence[MatchedEpisode], renderer: Renderer | None
+    ) -> None:
+        """Prepare the place.
+
+        Args:
+            world: Of the evaluation.
+            results: What was kept of it.
+            episodes: Those that were driven.
+            renderer: Of the world; made when it is needed if there is none yet.
+        """
+        self.world, self.folder, self._results = world, results.folder, results
+        self._episodes: Mapping[tuple[Task, EpisodeKey], MatchedEpisode] = {
+            (episode.task, episode.scenario.episode): episode for episode in episodes
+        }
+        self._made_renderer = renderer
+        self._actions: dict[RecordKey, npt.NDArray[np.float64]] = {}
+
+    def load(self, records: Sequence[EpisodeRecord]) -> list[EpisodeRecord]:
+        """Read what some episodes were driven with, and return those of which it was kept."""
+        self._actions |= self._results.actions([record.key for record in records if record.key not in self._actions])
+        return [record for record in records if record.key in self._actions]
+
+    def episode(self, record: EpisodeRecord) -> MatchedEpisode:
+        """Start, goal and humans of an episode."""
+        return self._episodes[record.task, record.episode]
+
+    def trajectory(self, record: EpisodeRecord) -> RobotTrajectory:
+        """What the robot did.
+
+        Raises:
+            RunError: If the episode goes another way now.
+        """
+        episode = self.episode(record)
+        simulation = self.world.robot_planner.simulation(episode.scenario, episode.motions)
+        while simulation.outcome is None:
+            simulation.advance(*self._steer(record, simulation))
+        return self._checked(record, simulation.trajectory())
+
+    def draw(self, record: EpisodeRecord, trajectory: RobotTrajectory) -> Picture:
+        """Who went where, on the map."""
+        episode, planner = self.episode(record), self.world.robot_planner
+        scenario, motions = episode.scenario, episode.motions
+        view = episode_view(planner.maps.robot, scenario, trajectory, motions=motions, size_px=MAP_PX)
+        picture = view.rgb.copy()
+        draw_ways(picture, view, scenario, trajectory, motions, planner.robot, planner.episode_config)
+        plan_view.draw_scale_bar(picture, view)
+        return picture
+
+    def strip(self, record: EpisodeRecord, trajectory: RobotTrajectory) -> list[StripImage]:
+        """What the robot saw: before the collision, or all the time."""
+        episode = self.episode(record)
+        look = robot_view(self._renderer, episode.scenario, episode.motions, trajectory)
+        return [
+            StripImage(time_s=step * DT_S, rgb=look(step))
+            for step in strip_steps(trajectory.outcome, len(trajectory.xyyaw))
+        ]
+
+    def film(self, path: Path, record: EpisodeRecord) -> None:
+        """Write a film of an episode: what the robot saw beside the map.
+
+        Raises:
+            RunError: If the episode goes another way now.
+            ReadygoError: If the film cannot be written.
+        """
+        episode, planner = self.episode(record), self.world.robot_planner
+        scenario, motions = episode.scenario, episode.motions
+        if record.method is Method.EXPERT:
+            run = run_with_journal(planner, scenario, motions)
+        else:
+            run = run_beside_expert(
+                planner, scenario, motions, lambda simulation: self._steer(record, simulation), record.method.value
+            )
+        trajectory = self._checked(record, run.trajectory)
+        write_film(path, run_film(planner, run, robot_view(self._renderer, scenario, motions, trajectory)))
+
+    @cached_property
+    def _renderer(self) -> Renderer:
+        return self._made_renderer or self.world.renderer()
+
+    def _steer(self, record: EpisodeRecord, simulation: EpisodeSimulation) -> tuple[float, float]:
+        actions = self._actions[record.key]
+        if simulation.step >= len(actions):
+            raise _another_way(record)
+        v_mps, w_radps = actions[simulation.step].tolist()
+        return v_mps, w_radps
+
+    def _checked(self, record: EpisodeRecord, trajectory: RobotTrajectory) -> RobotTrajectory:
+        same_end = abs(trajectory.duration_s - record.result.duration_s) < DT_S / 2
+        if trajectory.outcome is not record.result.outcome or not same_end:
+            raise _another_way(record)
+        return trajectory
+
+
+def strip_steps(outcome: Outcome, step_count: int) -> list[int]:
+    """The steps that a strip shows: the last seconds of a collision, all of another episode."""
+    if outcome in (Outcome.HUMAN_COLLISION, Outcome.STATIC_COLLISION):
+        steps = [step_count - 1 - round(before_s * RATE_HZ) for before_s in BEFORE_END_S]
+    else:
+        steps = np.linspace(0, step_count - 1, len(BEFORE_END_S)).round().astype(int).tolist()
+    return sorted({max(step, 0) for step in steps})
+
+
+def _another_way(record: EpisodeRecord) -> RunError:
+    return RunError(
+        f"Episode {record.episode.episode_id} goes another way now than when it was evaluated: this version or machine "
+        "drives differently. Evaluate into a new folder with --out."
+    )

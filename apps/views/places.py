@@ -1,0 +1,58 @@
+"""Where to look from: places spread over the ground that a robot can reach."""
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.maps import GridFrame
+
+HEADINGS = 4
+"""Views from a place, a quarter turn apart."""
+_CELLS_MAX = 20_000
+_ROUNDS = 4
+
+
+def poses_to_look_from(reachable: npt.NDArray[np.bool_], frame: GridFrame, count: int) -> npt.NDArray[np.float64]:
+    """Poses to look from, `HEADINGS` per place.
+
+    Args:
+        reachable: Cells to stand on, shape (H, W), one at least.
+        frame: Where they lie.
+        count: Places; fewer where there are fewer cells.
+
+    Returns:
+        x, y [m], yaw [rad], shape (places, HEADINGS, 3).
+    """
+    places = spread_places(reachable, frame, count)[:, None].repeat(HEADINGS, axis=1)
+    yaws = np.arange(HEADINGS) * (math.tau / HEADINGS)
+    return np.concatenate([places, np.broadcast_to(yaws[:, None], (*places.shape[:2], 1))], axis=-1)
+
+
+def spread_places(reachable: npt.NDArray[np.bool_], frame: GridFrame, count: int) -> npt.NDArray[np.float64]:
+    """Centres of cells that stand for about the same area each, shape (places, 2) [m]; the same for the same map.
+
+    Far from each other at first, each then moves into the middle of the cells that it is nearest to (Lloyd, 1982).
+    """
+    cells = np.argwhere(reachable)
+    cells = cells[:: -(-len(cells) // _CELLS_MAX)]
+    chosen = [int(np.argmin(_squared(cells, cells.mean(axis=0))))]
+    nearest = _squared(cells, cells[chosen[0]])
+    while len(chosen) < min(count, len(cells)):
+        chosen.append(int(np.argmax(nearest)))
+        nearest = np.minimum(nearest, _squared(cells, cells[chosen[-1]]))
+    for _ in range(_ROUNDS):
+        owner = np.argmin([_squared(cells, cells[k]) for k in chosen], axis=0)
+        middles = (cells[owner == k].mean(axis=0) for k in range(len(chosen)))
+        chosen = [int(np.argmin(_squared(cells, middle))) for middle in middles]
+    # From the largest y down, as people read a map.
+    rows = sorted({tuple(cells[k]) for k in chosen}, reverse=True)
+    corner = np.array([frame.origin_x_m, frame.origin_y_m])
+    places: npt.NDArray[np.float64] = corner + (np.array(rows)[:, ::-1] + 0.5) * frame.resolution_m
+    return places
+
+
+def _squared(cells: npt.NDArray[np.int64], cell: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    offset: npt.NDArray[np.float64] = (cells - cell).astype(np.float64)
+    squared: npt.NDArray[np.float64] = offset[:, 0] ** 2 + offset[:, 1] ** 2
+    return squared

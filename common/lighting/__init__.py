@@ -1,0 +1,1 @@
+"""Light of a scene where humans walk: probes of it, and how it falls on surfaces."""

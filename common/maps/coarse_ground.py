@@ -1,0 +1,61 @@
+"""Ground that nobody filmed: a few huge Gaussians stand for it, and images of it are a blur."""
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.gaussians import GaussianCloud
+from readygo.common.maps.grid import FloorMap
+from readygo.common.maps.surface import sample_surfaces
+
+BAND_M = 0.15
+"""Lying Gaussians within this of the floor are the ground [m]."""
+COARSE_M = 0.25
+"""Gaussians of filmed ground are smaller (standard deviation) [m],"""
+COARSE_RATIO = 4.0
+"""or smaller than this many times the scene's usual ones."""
+SHARE_MIN = 0.8
+"""Ground is coarse where large Gaussians have at least this share of it."""
+WIDTH_M = 1.0
+"""Narrower patches and gaps are smoothed away: what a rug or a shadow leaves is no border [m]."""
+
+
+def coarse_ground(
+    cloud: GaussianCloud, floor: FloorMap, known: npt.NDArray[np.bool_]
+) -> tuple[npt.NDArray[np.bool_], float]:
+    """Cells whose ground consists of large Gaussians, and the usual size of all that the ground consists of.
+
+    Args:
+        cloud: Gaussians, metres, z up.
+        floor: The local floor.
+        known: Cells with floor, shape (H, W) of the floor's grid.
+
+    Returns:
+        Mask, shape (H, W), and the median of the largest standard deviations [m].
+    """
+    from scipy import ndimage
+
+    height_m = cloud.means_m[:, 2] - floor.at_many(cloud.means_m[:, :2].astype(np.float64))
+    ground = cloud.select(np.abs(height_m) < BAND_M)
+    reach_m = ground.scales_m.max(axis=1)
+    usual_m = float(np.median(reach_m)) if len(ground) else 0.0
+    limit_m = max(COARSE_M, COARSE_RATIO * usual_m)
+    large, small = (_covered_m2(ground.select(part), floor) for part in (reach_m > limit_m, reach_m <= limit_m))
+    covered = large + small
+    share = np.divide(large, covered, out=np.zeros_like(large), where=covered > 0)
+    size = max(3, round(WIDTH_M / floor.frame.resolution_m))
+    weights = ndimage.uniform_filter(known.astype(np.float64), size)
+    mean = ndimage.uniform_filter(np.where(known, share, 0.0), size)
+    coarse: npt.NDArray[np.bool_] = known & (mean >= SHARE_MIN * weights)
+    return coarse, usual_m
+
+
+def _covered_m2(cloud: GaussianCloud, floor: FloorMap) -> npt.NDArray[np.float64]:
+    """Area that lying Gaussians cover in each cell of the floor [m2]."""
+    samples = sample_surfaces(cloud, floor.frame.resolution_m)
+    rows, columns = floor.height_m.shape
+    j = np.floor((samples.xyz_m[:, 0] - floor.frame.origin_x_m) / floor.frame.resolution_m).astype(np.int64)
+    i = np.floor((samples.xyz_m[:, 1] - floor.frame.origin_y_m) / floor.frame.resolution_m).astype(np.int64)
+    inside = (i >= 0) & (j >= 0) & (i < rows) & (j < columns)
+    flat = np.bincount((i * columns + j)[inside], samples.area_m2[inside], rows * columns)
+    covered: npt.NDArray[np.float64] = flat.reshape(rows, columns).astype(np.float64)
+    return covered

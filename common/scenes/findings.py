@@ -1,0 +1,121 @@
+"""What a user should know of a scene that was imported: what looks wrong, how much of it, and what mends it."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from readygo.common.episode.config import EpisodeConfig
+from readygo.common.gaussians import GaussianCloud
+from readygo.common.gaussians.defects import FLOATERS, HAZE, HUGE, counted, unwanted
+from readygo.common.maps import ScenePlan
+from readygo.common.scenes.survey import ROOM_HEIGHT_M, ROOM_HEIGHTS_M, Survey, survey
+
+SHARES_WORTH_NAMING = {HUGE: 0.0, FLOATERS: 0.01, HAZE: 0.05}
+"""Fewer of them, as a share of all Gaussians, are in every scene."""
+CONNECTED_MIN = 0.7
+"""Free ground of which less than this part hangs together is in pieces."""
+COARSE_SHARE_MIN = 0.02
+BLURRED_M = 0.2
+"""Images over ground of Gaussians larger than this (standard deviation, median) are blurred [m]."""
+TILT_DEG = 3.0
+STOREY_M = 1.8
+"""A level this high above the floor is another one [m]."""
+
+
+def findings(cloud: GaussianCloud, plan: ScenePlan, report: dict[str, Any]) -> list[str]:
+    """Sentences on what looks wrong in a scene.
+
+    Args:
+        cloud: Gaussians, metres, z up.
+        plan: Its maps.
+        report: Its figures, as of `scene_report`.
+    """
+    found = survey(cloud)
+    return [*_frame(found), *_storeys(found), *_gaussians(cloud), *_ground(plan), *_room_to_move(report)]
+
+
+def goals_line(farthest_m: float, goal_distance_min_m: float, radius_m: float) -> str:
+    """Why no episode can be drawn, or nothing."""
+    if farthest_m >= goal_distance_min_m:
+        return ""
+    advice = "give more of the place, check the scale, take a smaller robot"
+    if farthest_m > 1.5:
+        advice += f", or set [episode] goal_distance_min_m below {farthest_m:.1f} (and success_radius_m below that)"
+    return (
+        f"no episode has room: goals are {goal_distance_min_m:g} m away at least, but a disc of {radius_m:g} m gets no "
+        f"farther than {farthest_m:.1f} m; {advice}."
+    )
+
+
+def _frame(found: Survey) -> list[str]:
+    clear = found.clear_up
+    if clear is None:
+        return []
+    if clear.up[2] < 0.7:
+        side = "upside down" if clear.up[2] < -0.7 else "on its side"
+        return [f"the scene looks {side}: its floor says that {clear.name} is up; import it with --up=auto."]
+    sentences = []
+    tilt = math.degrees(math.acos(min(1.0, float(clear.up[2]))))
+    if tilt > TILT_DEG:
+        sentences.append(f"its floor is tilted by {tilt:.0f} deg; `readygo scene align` levels it.")
+    if clear.ceiling is not None and not ROOM_HEIGHTS_M[0] <= clear.ceiling <= ROOM_HEIGHTS_M[1]:
+        factor = ROOM_HEIGHT_M / clear.ceiling
+        sentences.append(
+            f"its ceiling is {clear.ceiling:.2f} m above its floor: the scale may be wrong by {factor:.2g}, which "
+            "`readygo scene scale --room-height 2.5` mends."
+        )
+    return sentences
+
+
+def _storeys(found: Survey) -> list[str]:
+    """Another floor above the one that is used."""
+    upright = [up for up in found.ups if up.up[2] > 0.95 and up.ceiling is not None]
+    if not upright or upright[0].ceiling is None:
+        return []
+    low, high = upright[0].floor + STOREY_M, upright[0].floor + upright[0].ceiling - STOREY_M
+    return [
+        f"there may be another floor at about z = {z:.1f} m, out of reach for robots; --crop-z imports it instead."
+        for z in upright[0].levels
+        if low <= z <= high
+    ][-1:]
+
+
+def _gaussians(cloud: GaussianCloud) -> list[str]:
+    masks = {kind: mask for kind, mask in unwanted(cloud).items() if float(mask.mean()) > SHARES_WORTH_NAMING[kind]}
+    if not masks:
+        return []
+    return [f"it holds unwanted Gaussians ({counted(masks)}); `readygo scene clean` shows and removes them."]
+
+
+def _ground(plan: ScenePlan) -> list[str]:
+    cell_m2 = plan.robot.frame.resolution_m**2
+    free = ~plan.robot.occupied
+    sentences = []
+    phantoms_m2 = float(plan.phantoms.sum()) * cell_m2
+    if phantoms_m2 >= 1.0:
+        sentences.append(f"{phantoms_m2:.0f} m2 of rough ground would look like obstacles and count as free.")
+    coarse_m2, free_m2 = float((plan.coarse & free).sum()) * cell_m2, float(free.sum()) * cell_m2
+    if coarse_m2 >= max(1.0, COARSE_SHARE_MIN * free_m2):
+        sentences.append(
+            f"{coarse_m2:.0f} of {free_m2:.0f} m2 of free ground were hardly filmed (huge Gaussians, blur); "
+            "--close-coarse keeps everybody off them."
+        )
+    if plan.ground_size_m > BLURRED_M:
+        sentences.append(
+            f"its ground consists of Gaussians of {plan.ground_size_m:.2f} m: a robot's images of it will be blurred."
+        )
+    return sentences
+
+
+def _room_to_move(report: dict[str, Any]) -> list[str]:
+    robot = report["robot"]
+    sentences = []
+    free_m2 = float(np.sum(robot["standing_m2"]))
+    if robot["reachable_m2"] < CONNECTED_MIN * free_m2:
+        sentences.append(
+            f"where the robot can stand is in {robot['separate_areas']} pieces: {robot['reachable_m2']:.0f} of "
+            f"{free_m2:.0f} m2 hang together."
+        )
+    line = goals_line(robot["farthest_m"], EpisodeConfig().goal_distance_min_m, robot["radius_m"])
+    return [*sentences, line] if line else sentences

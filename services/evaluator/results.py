@@ -1,0 +1,212 @@
+"""The folder of an evaluation: every episode is on disk when it ends, and who comes back goes on."""
+
+import fcntl
+import json
+import os
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.errors import RunError
+from readygo.common.files import write_whole
+from readygo.common.messages import RobotTrajectory
+from readygo.services.evaluator.records import EpisodeRecord, RecordKey, record_of_mapping
+
+RECORDS_FILE = "episodes.jsonl"
+TRAJECTORIES_FILE = "trajectories.jsonl"
+SETTINGS_FILE = "settings.json"
+SUMMARY_FILE = "summary.json"
+DIFFERENCES_SHOWN = 3
+_POSE_DIGITS = 5
+
+Float64Array = npt.NDArray[np.float64]
+
+
+class Results:
+    """Records and trajectories of one evaluation; `open_results` makes it."""
+
+    def __init__(self, folder: Path, records: BinaryIO, trajectories: BinaryIO) -> None:
+        self.folder = folder
+        self.records: dict[RecordKey, EpisodeRecord] = {}
+        """All that are on disk."""
+        self._records, self._trajectories = records, trajectories
+        try:
+            found = [record_of_mapping(mapping) for mapping in _whole_lines(records, folder / RECORDS_FILE)]
+        except (KeyError, TypeError, ValueError) as error:
+            raise RunError(f"{folder / RECORDS_FILE} holds no records: {error!r}; choose another --out.") from error
+        self.records |= {record.key: record for record in found}
+        for _ in _whole_lines(trajectories, folder / TRAJECTORIES_FILE):
+            pass
+
+    def keep(self, record: EpisodeRecord, trajectory: RobotTrajectory | None) -> None:
+        """Write an episode that has ended; it is durable when this returns.
+
+        Args:
+            record: How it ended.
+            trajectory: What the robot did; None if it did nothing.
+
+        Raises:
+            RunError: If it cannot be written; what was kept before stays.
+        """
+        try:
+            if trajectory is not None:
+                _append(self._trajectories, _trajectory_mapping(record.key, trajectory))
+            _append(self._records, record.to_mapping())
+        except OSError as error:
+            raise RunError(
+                f"{self.folder} cannot be written: {error.strerror or error}; {len(self.records)} episodes are kept, "
+                "the same command goes on."
+            ) from error
+        self.records[record.key] = record
+
+    def actions(self, keys: Collection[RecordKey]) -> dict[RecordKey, Float64Array]:
+        """Commands that episodes were driven with: v [m/s], w [rad/s], shape (T, 2) each; they make a run once more.
+
+        Episodes without a trajectory are left out.
+        """
+        wanted = {_key_names(key): key for key in keys}
+        found = {}
+        for mapping in _whole_lines(self._trajectories, self.folder / TRAJECTORIES_FILE):
+            key = wanted.get((mapping["episode"], mapping["task"], mapping["method"]))
+            if key is not None:
+                found[key] = np.array(mapping["actions"], dtype=np.float64)
+        return found
+
+    def finish(self, summary: Mapping[str, Any]) -> None:
+        """Write `summary.json`, in one piece.
+
+        Raises:
+            ReadygoError: If it cannot be written.
+        """
+        write_whole(self.folder / SUMMARY_FILE, json.dumps(summary, indent=2) + "\n")
+
+
+@contextmanager
+def open_results(folder: Path, settings: Mapping[str, Any]) -> Iterator[Results]:
+    """Begin an evaluation in a folder, or go on with the one that is there.
+
+    Args:
+        folder: Made if it is missing.
+        settings: All that records depend on besides their key, as plain values; written when the folder is new.
+
+    Raises:
+        RunError: If the folder has results of other settings or of unknown ones, another process is at work in it, or
+            it cannot be read or written.
+    """
+    with ExitStack() as files:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            _check_settings(folder, settings)
+            records, trajectories = (
+                files.enter_context((folder / name).open("a+b", buffering=0))
+                for name in (RECORDS_FILE, TRAJECTORIES_FILE)
+            )
+            _lock(records, folder)
+            results = Results(folder, records, trajectories)
+        except OSError as error:
+            raise RunError(f"{folder} cannot be written: {error.strerror or error}.") from error
+        yield results
+
+
+def is_of(folder: Path, settings: Mapping[str, Any]) -> bool:
+    """True if `open_results` would go on in a folder."""
+    try:
+        return not _differences(_read_settings(folder), settings)
+    except (OSError, ValueError):
+        return False
+
+
+def _check_settings(folder: Path, settings: Mapping[str, Any]) -> None:
+    """Compare with what the folder was begun with, or say what it is begun with."""
+    try:
+        kept = _read_settings(folder)
+    except FileNotFoundError as error:
+        if any((folder / name).exists() for name in (RECORDS_FILE, SUMMARY_FILE)):
+            raise RunError(f"{folder} has results that do not say how they came; choose another --out.") from error
+        write_whole(folder / SETTINGS_FILE, json.dumps(settings, indent=2) + "\n", raises=RunError)
+        return
+    except ValueError as error:
+        raise RunError(f"{folder / SETTINGS_FILE} cannot be read: {error}; choose another --out.") from error
+    different = _differences(kept, settings)
+    if different:
+        more = f" and {len(different) - DIFFERENCES_SHOWN} more" if len(different) > DIFFERENCES_SHOWN else ""
+        raise RunError(
+            f"{folder} has results of other settings: {', '.join(different[:DIFFERENCES_SHOWN])}{more}. Choose another "
+            "--out, or those settings to go on."
+        )
+
+
+def _read_settings(folder: Path) -> dict[str, Any]:
+    settings: dict[str, Any] = json.loads((folder / SETTINGS_FILE).read_text())
+    return settings
+
+
+def _differences(kept: Mapping[str, Any], asked: Mapping[str, Any]) -> list[str]:
+    theirs, ours = _flat(kept), _flat(json.loads(json.dumps(asked)))
+    return [
+        f"{name} {_short(theirs.get(name))} (now: {_short(ours.get(name))})"
+        for name in {**theirs, **ours}
+        if theirs.get(name) != ours.get(name)
+    ]
+
+
+def _flat(mapping: Mapping[str, Any], where: str = "") -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for name, value in mapping.items():
+        flat |= _flat(value, f"{where}{name}.") if isinstance(value, Mapping) else {f"{where}{name}": value}
+    return flat
+
+
+def _short(value: Any) -> str:
+    text = "none" if value in (None, "") else str(value)
+    return text if len(text) <= 16 else f"{text[:12]}..."
+
+
+def _lock(file: BinaryIO, folder: Path) -> None:
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        raise RunError(f"Another process is evaluating into {folder}; wait for it or stop it.") from error
+
+
+def _whole_lines(file: BinaryIO, path: Path) -> Iterator[dict[str, Any]]:
+    """The mappings of a file's lines; what a crash left of a line at its end is cut off."""
+    file.seek(0)
+    end = 0
+    for number, line in enumerate(iter(file.readline, b""), start=1):
+        if not line.endswith(b"\n"):
+            file.truncate(end)
+            return
+        end += len(line)
+        try:
+            yield json.loads(line)
+        except ValueError as error:
+            raise RunError(f"{path} is broken in line {number}: {error}; choose another --out.") from error
+
+
+def _append(file: BinaryIO, mapping: Mapping[str, Any]) -> None:
+    rest = memoryview(json.dumps(mapping).encode() + b"\n")
+    while rest:
+        rest = rest[file.write(rest) :]
+    os.fsync(file)
+
+
+def _trajectory_mapping(key: RecordKey, trajectory: RobotTrajectory) -> dict[str, Any]:
+    """Poses for those who draw them, and commands to the last bit: they make the run once more."""
+    episode, task, method = _key_names(key)
+    return {
+        "episode": episode,
+        "task": task,
+        "method": method,
+        "xyyaw": np.round(trajectory.xyyaw, _POSE_DIGITS).tolist(),
+        "actions": trajectory.actions.tolist(),
+    }
+
+
+def _key_names(key: RecordKey) -> tuple[str, str, str]:
+    task, method, episode = key
+    return episode.episode_id, task.value, method.value

@@ -1,0 +1,75 @@
+"""Looking around in a scene with the robot's camera, without people: whether there is anything to see."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.episode import EpisodeConfig
+from readygo.common.images.clarity import CLARITY_OUTPUTS, coverage, sharpness
+from readygo.services.renderer.capture import MomentAt, Shot
+from readygo.services.renderer.handlers import Renderer
+from readygo.services.renderer.sensor.motion import Moment
+from readygo.services.renderer.sensor.streams import SensorStream
+
+LOOKS_PER_EPISODE = 5
+BLURRED, BARE = "blurred view", "too little in view"
+"""Why an episode is rejected, see `EpisodeConfig.sharpness_min` and `coverage_min`."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Look:
+    """What the robot's camera shows from one pose."""
+
+    xyyaw: tuple[float, float, float]
+    """Of the robot: x, y [m], yaw [rad]."""
+    rgb: npt.NDArray[np.uint8]
+    """Shape (H, W, 3)."""
+    sharpness: float
+    coverage: float
+
+
+def look_around(renderer: Renderer, xyyaw: npt.NDArray[np.float64]) -> Iterator[Look]:
+    """What the robot's camera shows, one pose after the other; equal poses look equal.
+
+    Args:
+        renderer: Scene and camera.
+        xyyaw: Poses of the robot: x, y [m], yaw [rad], shape (N, 3).
+
+    Raises:
+        RunError: If the renderer's backend makes no depths.
+    """
+    camera = renderer.capture.camera_of(SensorStream.of_humans(""))
+    shots = (Shot(camera=camera, moment_at=_still(renderer, pose), step=0) for pose in xyyaw)
+    for pose, images in zip(xyyaw, renderer.capture.take(shots, CLARITY_OUTPUTS), strict=True):
+        x_m, y_m, yaw_rad = (float(value) for value in pose)
+        yield Look(
+            xyyaw=(x_m, y_m, yaw_rad), rgb=images.rgb, sharpness=sharpness(images.rgb), coverage=coverage(images)
+        )
+
+
+def _still(renderer: Renderer, pose: npt.NDArray[np.float64]) -> MomentAt:
+    x_m, y_m, yaw_rad = (float(value) for value in pose)
+    T_world_camera = renderer.robot.camera.T_world_camera(x_m, y_m, yaw_rad, renderer.scene.maps.floor.at(x_m, y_m))
+    moment = Moment(T_world_camera=T_world_camera, humans=(), step=0)
+    return lambda _: moment
+
+
+def unclear(renderer: Renderer, xyyaw: npt.NDArray[np.float64], config: EpisodeConfig) -> str:
+    """Why an episode shows too little to be recorded; empty if it shows enough, or nobody asks.
+
+    A few views, spread evenly over its steps, are drawn without people; their medians are compared.
+
+    Args:
+        renderer: Scene and camera.
+        xyyaw: Where the robot goes: x, y [m], yaw [rad], shape (T, 3).
+        config: With the limits.
+    """
+    if config.sharpness_min == config.coverage_min == 0.0:
+        return ""
+    steps = len(xyyaw) * (2 * np.arange(LOOKS_PER_EPISODE) + 1) // (2 * LOOKS_PER_EPISODE)
+    looks = list(look_around(renderer, xyyaw[steps]))
+    if np.median([look.sharpness for look in looks]) < config.sharpness_min:
+        return BLURRED
+    return BARE if np.median([look.coverage for look in looks]) < config.coverage_min else ""

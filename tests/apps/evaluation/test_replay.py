@@ -1,0 +1,58 @@
+import dataclasses
+
+import cv2
+import numpy as np
+import pytest
+
+from readygo.apps.evaluation.replay import BEFORE_END_S, MAP_PX, strip_steps
+from readygo.common.errors import RunError
+from readygo.common.messages import Outcome
+from readygo.services.evaluator import Method, Task
+
+
+def of(evaluated, method):
+    records = [record for record in evaluated.reply.records if record.method is method]
+    return evaluated.replays.load(records)
+
+
+def test_episodes_are_driven_once_more_as_they_were(evaluated):
+    for method in (Method.POLICY, Method.STRAIGHT_LINE):
+        records = of(evaluated, method)
+        assert len(records) == 4
+        for record in records:
+            trajectory = evaluated.replays.trajectory(record)
+            assert trajectory.outcome is record.result.outcome
+            assert trajectory.duration_s == pytest.approx(record.result.duration_s)
+
+
+def test_map_and_strip_show_the_episode(evaluated):
+    record = next(record for record in of(evaluated, Method.POLICY) if record.task is Task.DYNAMIC)
+    trajectory = evaluated.replays.trajectory(record)
+    picture = evaluated.replays.draw(record, trajectory)
+    assert picture.shape[1] <= MAP_PX[0] + 1
+    assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 4
+    strip = evaluated.replays.strip(record, trajectory)
+    assert [image.time_s for image in strip] == sorted(image.time_s for image in strip)
+    assert strip[0].rgb.shape == (8, 10, 3)
+    assert not np.array_equal(strip[0].rgb, strip[-1].rgb)
+
+
+def test_film_has_an_image_per_step(evaluated, tmp_path):
+    record = of(evaluated, Method.STRAIGHT_LINE)[0]
+    evaluated.replays.film(tmp_path / "film.webm", record)
+    film = cv2.VideoCapture(str(tmp_path / "film.webm"))
+    assert film.get(cv2.CAP_PROP_FRAME_COUNT) == round(record.result.duration_s * 20)
+
+
+def test_episode_that_goes_another_way_is_refused(evaluated):
+    record = of(evaluated, Method.POLICY)[0]
+    longer = dataclasses.replace(record, result=dataclasses.replace(record.result, duration_s=9.0))
+    with pytest.raises(RunError, match="goes another way now"):
+        evaluated.replays.trajectory(longer)
+
+
+def test_strip_of_a_collision_shows_its_last_seconds_and_another_all_of_it():
+    assert strip_steps(Outcome.HUMAN_COLLISION, 200) == [119, 139, 159, 179, 189, 199]
+    assert strip_steps(Outcome.STATIC_COLLISION, 15) == [0, 4, 14]
+    assert strip_steps(Outcome.TIMEOUT, 1000)[::5] == [0, 999]
+    assert len(strip_steps(Outcome.TIMEOUT, 1000)) == len(BEFORE_END_S)

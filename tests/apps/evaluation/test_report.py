@@ -1,0 +1,66 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from readygo.apps.evaluation.replay import StripImage
+from readygo.apps.evaluation.report import EvaluationContent, Failure, draw_runs, gallery_html, report_html
+from readygo.common.drawing.plan_view import HUMANS, ROBOT
+from readygo.common.messages import Outcome
+from readygo.services.evaluator import Method, summarize_records
+from tests.apps.evaluation.test_choice import RECORDS
+from tests.services.planner.runs import make_run
+from tests.services.planner.worlds import rooms
+
+
+@pytest.fixture
+def content():
+    failed = [record for record in RECORDS if record.result.outcome is not Outcome.SUCCESS]
+    image = np.zeros((8, 10, 3), np.uint8)
+    failures = [
+        Failure(
+            record=record,
+            goal_distance_m=3.2,
+            picture=image,
+            strip=[StripImage(time_s=1.5, rgb=image)],
+            film=Path("results") / "films" / "a.webm",
+            command="readygo plan 'my flat'",
+        )
+        for record in failed
+    ]
+    return EvaluationContent(
+        title="policy in a <flat>",
+        watched=Method.POLICY,
+        summaries=summarize_records(RECORDS, time_limit_s=50.0),
+        occupancy=rooms(),
+        runs=[(record, make_run().trajectory) for record in RECORDS],
+        failure_count=3,
+        failures=failures,
+        films=[(failed[0], Path("results") / "films" / "a.webm")],
+        facts={"scene": "ab"},
+    )
+
+
+def test_report_tells_the_rates_and_links_films_and_failures(content):
+    html = report_html(content)
+    assert "policy in a &lt;flat&gt;" in html
+    assert '<a href="failures.html">' in html
+    assert 'src="films/a.webm"' in html
+    for end in ("reached the goal: 3", "hit a human: 1", "hit a thing: 1", "too late: 1"):
+        assert end in html
+    assert "40 %" in html
+
+
+def test_gallery_is_sorted_by_kind_with_what_the_robot_saw_and_how_to_see_more(content):
+    html = gallery_html(content)
+    assert html.index("<h2>Too late, among humans") < html.index("<h2>Hit a human") < html.index("<h2>Hit a thing")
+    assert html.count("<figcaption>1.50 s</figcaption>") == 3
+    assert "humans came as near as 0.50 m" in html
+    assert "readygo plan &#x27;my flat&#x27;" in html
+    assert "all 3." in html
+
+
+def test_ways_and_ends_are_on_the_map(content):
+    picture = draw_runs(content.occupancy, content.runs[2:3]).reshape(-1, 3)
+    for colour in (ROBOT, HUMANS[0]):
+        assert (picture == colour).all(axis=1).any()

@@ -1,0 +1,54 @@
+"""Frames, markers and clouds that viewers show."""
+
+import numpy as np
+import pytest
+
+from readygo.common.camera import CameraConfig
+from readygo.common.dataset import markers, schemas
+from readygo.common.dataset.poses import pose_of
+from readygo.common.frames import matrix_from_quat
+from readygo.common.robot import RobotConfig
+
+STAMP = schemas.timestamp(1_500_000_000)
+POSES = np.array([[0.0, 0.0, 0.1, 0.0], [1.0, 0.0, 0.2, 0.0], [2.0, 0.5, 0.3, 0.4]])
+
+
+def points_of(cloud) -> np.ndarray:
+    assert cloud.point_stride == markers.POINT_DTYPE.itemsize
+    return np.frombuffer(cloud.data, dtype=markers.POINT_DTYPE)
+
+
+@pytest.mark.parametrize("pitch_deg", [0.0, 20.0])
+def test_camera_frame_is_where_the_robot_carries_it(pitch_deg) -> None:
+    camera = CameraConfig(mount_x_m=0.1, mount_y_m=-0.05, mount_height_m=0.8, mount_pitch_deg=pitch_deg)
+    frame = markers.camera_transform(camera, STAMP)
+    q, p = frame.rotation, frame.translation
+    T_robot_camera = camera.T_world_camera(0.0, 0.0, 0.0, 0.0)
+    np.testing.assert_allclose(matrix_from_quat([q.w, q.x, q.y, q.z]), T_robot_camera[:3, :3], atol=1e-12)
+    assert (p.x, p.y, p.z) == pytest.approx((0.1, -0.05, 0.8))
+
+
+def test_way_goes_from_start_to_end_and_posts_stand_on_the_floor() -> None:
+    points = points_of(markers.path_cloud(POSES, (2.1, 0.6), STAMP))
+    rgb = np.stack([points[name] for name in ("red", "green", "blue")], axis=-1)
+    start, goal = (points[(rgb == colour).all(axis=1)] for colour in (markers.START_RGB, markers.GOAL_RGB))
+    assert (start["x"][0], start["z"].min()) == (0.0, np.float32(0.1))
+    assert (goal["x"][0], goal["y"][0], goal["z"].min()) == tuple(np.float32([2.1, 0.6, 0.3]))
+    way = points[(rgb == markers.PATH_RGB).all(axis=1)]
+    np.testing.assert_array_equal(way["y"], POSES[:, 1].astype(np.float32))
+
+
+def test_outline_has_the_robots_size_in_its_own_frame() -> None:
+    robot = RobotConfig(radius_m=0.3, planning_radius_m=0.4, height_m=1.2)
+    cloud = markers.robot_outline(robot, STAMP)
+    points = points_of(cloud)
+    assert cloud.frame_id == "robot"
+    np.testing.assert_allclose(np.hypot(points["x"], points["y"]), 0.3, atol=1e-6)
+    assert set(points["z"].tolist()) == {0.0, np.float32(1.2)}
+
+
+def test_bodies_stand_on_their_poses() -> None:
+    update = markers.bodies([pose_of(1.0, 2.0, 0.5, 0.3), pose_of(3.0, 4.0, 0.0, 0.0)], STAMP)
+    assert [entity.id for entity in update.entities] == ["0", "1"]
+    cylinder = update.entities[0].cylinders[0]
+    assert cylinder.pose.position.z - 0.5 * cylinder.size.z == pytest.approx(0.5)

@@ -1,0 +1,46 @@
+import numpy as np
+import pytest
+
+from readygo.common.gaussians import R_from_up, concatenate, transform_cloud
+from readygo.common.maps import MapConfig, plan_scene
+from readygo.common.scenes.findings import findings, goals_line
+from readygo.common.scenes.report import scene_report
+from tests.common.maps.room import box, room
+
+
+def _findings(cloud):
+    plan = plan_scene(cloud, MapConfig())
+    return findings(cloud, plan, scene_report(cloud, None, plan.robot, plan.human, plan.floor, 0.3))
+
+
+@pytest.fixture(scope="module")
+def furnished():
+    return concatenate([room(), box((1, 1, 0), (2, 1.5, 0.8)), box((3, 3, 0), (4.5, 4, 0.5))])
+
+
+def test_sound_room_has_nothing_to_say(furnished):
+    assert _findings(furnished) == []
+
+
+def test_room_on_its_head_is_named(furnished):
+    over = transform_cloud(furnished, R_from_up("-z"), (0, 0, 2.5))
+    assert any("upside down" in sentence for sentence in _findings(over))
+
+
+def test_small_scale_is_named_with_what_mends_it(furnished):
+    words = " ".join(_findings(transform_cloud(furnished, np.eye(3), scale=0.5)))
+    assert "ceiling is 1.2" in words
+    assert "scene scale" in words
+
+
+def test_goals_that_are_too_far_are_named_with_the_distance_that_fits():
+    assert goals_line(3.2, 3.0, 0.3) == ""
+    assert "goal_distance_min_m below 2.6" in goals_line(2.6, 3.0, 0.3)
+    assert "goal_distance_min_m" not in goals_line(0.8, 3.0, 0.3)
+
+
+def test_second_floor_is_named_with_its_height(furnished):
+    upper = transform_cloud(furnished, np.eye(3), (0, 0, 2.8))
+    assert any(
+        "another floor at about z = 2.8 m" in sentence for sentence in _findings(concatenate([furnished, upper]))
+    )

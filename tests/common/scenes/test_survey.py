@@ -1,0 +1,55 @@
+import numpy as np
+import pytest
+
+from readygo.common.errors import NoGroundError
+from readygo.common.frames import matrix_from_axis_angle
+from readygo.common.gaussians import R_from_up, concatenate, transform_cloud
+from readygo.common.scenes.survey import advice, resolve_up, survey, survey_row
+from tests.common.maps.room import box, room
+
+
+def furnished():
+    """A room of 6 x 5 x 2.5 m with things that stand on its floor."""
+    return concatenate(
+        [room(), box((1, 1, 0), (2, 1.5, 0.8)), box((3, 3, 0), (4.5, 4, 0.5)), box((5, 0.5, 0), (5.5, 1, 1))]
+    )
+
+
+@pytest.mark.parametrize("up", ["+z", "-z", "-y", "+x"])
+def test_up_is_where_furniture_stands_on_the_floor(up):
+    in_file = transform_cloud(furnished(), R_from_up(up).T)
+    assert survey(in_file).clear_up.name == up
+    assert resolve_up("auto", lambda: in_file) == up
+
+
+def test_tilted_file_in_millimetres_gives_a_direction_and_its_scale():
+    R = matrix_from_axis_angle([0.3, -0.5, 1.2])
+    found = survey(transform_cloud(furnished(), R, scale=1000))
+    np.testing.assert_allclose(found.clear_up.up, R[:, 2], atol=0.02)
+    assert found.scales[0].metres_per_unit == pytest.approx(0.001, rel=0.05)
+    level = R_from_up(found.clear_up.name) @ R
+    assert level[2, 2] == pytest.approx(1.0, abs=1e-3)
+
+
+def test_heap_has_no_up_and_says_so():
+    rng = np.random.default_rng(0)
+    heap = box((0, 0, 0), (1, 1, 1))
+    heap = type(heap)(
+        means_m=rng.normal(size=(3000, 3)).astype(np.float32),
+        quats_wxyz=(q := rng.normal(size=(3000, 4)).astype(np.float32)) / np.linalg.norm(q, axis=1, keepdims=True),
+        scales_m=np.full((3000, 3), [0.1, 0.1, 0.01], np.float32),
+        opacities=np.full(3000, 0.9, np.float32),
+        sh=np.zeros((3000, 1, 3), np.float32),
+    )
+    assert survey(heap).clear_up is None
+    with pytest.raises(NoGroundError, match="is clearly up"):
+        resolve_up("auto", lambda: heap)
+
+
+def test_advice_names_the_options_that_differ_from_those_given():
+    found = survey(transform_cloud(furnished(), R_from_up("-y").T, scale=0.1))
+    words = advice(found, "+z", 1.0)
+    assert "--up=-y" in words
+    assert "--scale 10" in words
+    assert "Try" not in advice(found, "-y", 10.0)
+    assert survey_row(found)["up_candidates"][0]["up"] == "-y"

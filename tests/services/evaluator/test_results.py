@@ -1,0 +1,160 @@
+"""The folder of an evaluation: what survives, who may go on."""
+
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from readygo.common.errors import RunError
+from readygo.services.evaluator import EvaluateRequest, Method, Task, handle_evaluate, is_of, open_results
+from tests.services.evaluator.conftest import GoalSeeker
+
+SETTINGS = {"scene": "ab", "config": {"episode": {"time_limit_s": 50.0}}, "policy": ""}
+REQUEST = EvaluateRequest(tasks=(Task.STATIC,), methods=(Method.POLICY, Method.STRAIGHT_LINE), episodes=3)
+
+
+class StopError(Exception):
+    pass
+
+
+def stop_after(count):
+    left = [count]
+
+    def report(record) -> None:
+        left[0] -= 1
+        if not left[0]:
+            raise StopError
+
+    return report
+
+
+def test_evaluation_that_is_stopped_goes_on_and_ends_as_one_that_was_not(make_evaluator, tmp_path):
+    whole = handle_evaluate(make_evaluator(), REQUEST)
+    with pytest.raises(StopError), open_results(tmp_path, SETTINGS) as results:
+        handle_evaluate(make_evaluator(), REQUEST, report=stop_after(2), results=results)
+    assert len((tmp_path / "episodes.jsonl").read_text().splitlines()) == 2
+    driven = []
+    with open_results(tmp_path, SETTINGS) as results:
+        assert len(results.records) == 2
+        keep, results.keep = results.keep, lambda record, run: (driven.append(record.key), keep(record, run))
+        reply = handle_evaluate(make_evaluator(), REQUEST, results=results)
+    assert len(driven) == 4
+    assert reply.records == whole.records
+    assert reply.summaries == whole.summaries
+
+
+def test_what_is_kept_is_told_and_more_is_driven_when_more_is_asked_for(make_evaluator, tmp_path):
+    told = []
+    for episodes in (1, 3):
+        request = EvaluateRequest(tasks=(Task.STATIC,), methods=(Method.STRAIGHT_LINE,), episodes=episodes)
+        with open_results(tmp_path, SETTINGS) as results:
+            handle_evaluate(make_evaluator(), request, report=told.append, results=results)
+    assert [record.episode.index for record in told] == [0, 0, 2, 4]
+    assert len((tmp_path / "episodes.jsonl").read_text().splitlines()) == 3
+
+
+def test_commands_are_kept_to_the_last_bit(make_evaluator, tmp_path):
+    with open_results(tmp_path, SETTINGS) as results:
+        reply = handle_evaluate(make_evaluator(policy=GoalSeeker()), REQUEST, results=results)
+        keys = [record.key for record in reply.records]
+        actions = results.actions(keys)
+        assert set(actions) == set(keys)
+        assert results.actions([]) == {}
+    lines = [json.loads(line) for line in (tmp_path / "trajectories.jsonl").read_text().splitlines()]
+    assert len(lines) == len(keys)
+    record = reply.records[0]
+    assert len(actions[record.key]) * 0.05 == pytest.approx(record.result.duration_s)
+    assert len(lines[0]["xyyaw"]) == len(lines[0]["actions"])
+    assert actions[record.key].dtype == np.float64
+
+
+def test_half_a_line_is_cut_off_and_its_episode_driven_again(make_evaluator, tmp_path):
+    with open_results(tmp_path, SETTINGS) as results:
+        handle_evaluate(make_evaluator(), REQUEST, results=results)
+    for name in ("episodes.jsonl", "trajectories.jsonl"):
+        whole = (tmp_path / name).read_bytes()
+        (tmp_path / name).write_bytes(whole[:-7])
+    with open_results(tmp_path, SETTINGS) as results:
+        assert len(results.records) == 5
+        reply = handle_evaluate(make_evaluator(), REQUEST, results=results)
+        assert len(results.actions([record.key for record in reply.records])) == 6
+    assert (tmp_path / "trajectories.jsonl").read_bytes() == whole
+
+
+def test_other_settings_are_refused_in_a_line_that_names_them(tmp_path):
+    with open_results(tmp_path, SETTINGS):
+        pass
+    other = {**SETTINGS, "config": {"episode": {"time_limit_s": 40.0}}, "policy": "0123456789abcdef0123"}
+    assert is_of(tmp_path, SETTINGS)
+    assert not is_of(tmp_path, other)
+    named = r"config\.episode\.time_limit_s 50\.0 \(now: 40\.0\), policy none"
+    with pytest.raises(RunError, match=named) as caught, open_results(tmp_path, other):
+        pass
+    assert "\n" not in str(caught.value)
+
+
+def test_folder_of_something_else_or_in_use_or_broken_is_refused(tmp_path):
+    (tmp_path / "old").mkdir()
+    (tmp_path / "old" / "episodes.jsonl").write_text("")
+    with pytest.raises(RunError, match="do not say how they came"), open_results(tmp_path / "old", SETTINGS):
+        pass
+    new = tmp_path / "new"
+    with open_results(new, SETTINGS), pytest.raises(RunError, match="Another process"), open_results(new, SETTINGS):
+        pass
+    (tmp_path / "new" / "episodes.jsonl").write_text("no record\n")
+    with pytest.raises(RunError, match="broken in line 1"), open_results(tmp_path / "new", SETTINGS):
+        pass
+    (tmp_path / "file").write_text("")
+    with pytest.raises(RunError, match="cannot be written"), open_results(tmp_path / "file", SETTINGS):
+        pass
+
+
+@pytest.fixture
+def small_disk():
+    """No file may grow beyond 12 kB."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (12_000, before[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    signal.signal(signal.SIGXFSZ, handler)
+
+
+def test_full_disk_ends_in_a_line_and_what_was_kept_stays(make_evaluator, tmp_path, small_disk):
+    with open_results(tmp_path, SETTINGS) as results:
+        with pytest.raises(RunError, match=r"cannot be written: .*; \d episodes are kept, the same command goes on"):
+            handle_evaluate(make_evaluator(lockstep=1), REQUEST, results=results)
+        kept = set(results.records)
+    assert 0 < len(kept) < 6
+    with open_results(tmp_path, SETTINGS) as results:
+        assert set(results.records) == kept
+        assert set(results.actions(kept)) == kept
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from readygo.services.evaluator import open_results
+from readygo.services.evaluator.records import record_of_mapping
+mapping = {"seed": 0, "split": "test", "index": 3, "task": "static", "method": "policy", "outcome": "success",
+           "duration_s": 1.0, "path_length_m": 1.0, "shortest_m": 1.0, "human_distance_min_m": None}
+with open_results(Path(sys.argv[1]), {}) as results:
+    results.keep(record_of_mapping(mapping), None)
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_episode_that_was_kept_survives_a_kill(tmp_path):
+    root = Path(__file__).resolve().parents[3]
+    done = subprocess.run(
+        [sys.executable, "-c", KILLED, str(tmp_path)], env={**os.environ, "PYTHONPATH": str(root)}, check=False
+    )
+    assert done.returncode == -signal.SIGKILL
+    with open_results(tmp_path, {}) as results:
+        assert [episode.index for _, _, episode in results.records] == [3]
