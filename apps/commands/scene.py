@@ -51,8 +51,8 @@ def scene_import(
     up and how long its unit may be, and the error says what to try.
 
     Args:
-        source: A .ply of 3DGS, 2DGS or PGSR, a .compressed.ply, .splat or .spz, a checkpoint of gsplat or nerfstudio, or
-            the output folder of one of these trainings, of which the newest iteration is taken, with its cameras.
+        source: A .ply of 3DGS, 2DGS or PGSR, a .compressed.ply, .splat or .spz, a checkpoint of gsplat or nerfstudio,
+            or the output folder of one of these trainings, of which the newest iteration is taken, with its cameras.
         out: Folder to make; must not exist.
         name: Name of the scene; the folder's by default.
         sky: Gaussians of the far surroundings, in the same frame as the source.

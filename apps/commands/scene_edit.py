@@ -4,14 +4,13 @@ import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import numpy.typing as npt
 from rich.console import Console
 
 from readygo.apps.pictures.scene_survey import change_picture
 from readygo.apps.run.scene_argument import open_scene
-from readygo.common.drawing.files import write_png
 from readygo.common.camera.captured import CapturedViews
+from readygo.common.drawing.files import write_png
 from readygo.common.errors import SceneError
 from readygo.common.files import unfinished
 from readygo.common.gaussians import GaussianCloud, load_gaussians, save_ply, transform_cloud

@@ -117,7 +117,7 @@ def test_what_cannot_be_there_is_not_allocated(tmp_path, make_cloud, claimed):
     for name, content in (("a", gzip.compress(raw)), ("b", bomb)):
         (tmp_path / name).write_bytes(content)
         tracemalloc.start()
-        with pytest.raises(SceneError, match="cannot hold|truncated"):
+        with pytest.raises(SceneError, match=r"cannot hold|truncated"):
             read_source(tmp_path / name)
         assert tracemalloc.get_traced_memory()[1] < 20_000_000
         tracemalloc.stop()
