@@ -68,17 +68,17 @@ def test_real_object_loads(shared_data):
     assert 0 < cloud.opacities.min() < cloud.opacities.max() <= 1
 
 
+CLAIM = b"ply\nformat binary_little_endian 1.0\nelement vertex 1000000000000\n"
+
+
 @pytest.mark.parametrize(
     ("content", "message"),
     [
         (b"", "none of what can be read: .ply of 3DGS"),
         (b"\x89PNG\r\n\x1a\n" + bytes(4096), "none of what can be read"),
         (b"a text of thirty-two characters." * 40, "none of what can be read"),
-        (
-            b"ply\nformat binary_little_endian 1.0\nelement vertex 1000000000000\nproperty float x\nend_header\n",
-            "trunc",
-        ),
-        (b"ply\nformat binary_little_endian 1.0\nelement vertex 1000000000000\nend_header\n", "lacks|PLY"),
+        (CLAIM + b"property float x\nend_header\n", "truncated: 4000000000"),
+        (CLAIM + b"end_header\n", "without properties"),
     ],
 )
 def test_other_files_and_what_they_claim_are_refused(tmp_path, content, message):
