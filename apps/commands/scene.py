@@ -45,18 +45,20 @@ def scene_import(
     drop_bad: bool = False,
     json: bool = False,
 ) -> None:
-    """Make a scene bundle (Gaussians, maps, report) of a Gaussian file.
+    """Make a scene bundle (Gaussians, maps, report) of a Gaussian file, or of what a training left.
 
     Where that fails because of the scene, a picture beside OUT and a table show what the file holds, which ways may be
     up and how long its unit may be, and the error says what to try.
 
     Args:
-        source: A 3DGS .ply or a PlayCanvas .compressed.ply.
+        source: A .ply of 3DGS, 2DGS or PGSR, a .compressed.ply, .splat or .spz, a checkpoint of gsplat or nerfstudio,
+            or the output folder of one of these trainings, of which the newest iteration is taken, with its cameras.
         out: Folder to make; must not exist.
         name: Name of the scene; the folder's by default.
         sky: Gaussians of the far surroundings, in the same frame as the source.
         up: Axis of the file that points up: +x, +y, +z, -x, -y or -z, written with the equals sign, as in --up=-y; a
-            direction such as --up=0.1,-0.99,0.05; or "auto", which finds it where that is clear.
+            direction such as --up=0.1,-0.99,0.05; "cameras", as those were held that it was filmed with; or "auto",
+            which finds it where that is clear, near the up of the cameras if there are any.
         scale: Metres per unit of the file.
         translate: Added after turning and scaling [m].
         license: Terms of the scene; recorded with everything made from it.
@@ -183,6 +185,7 @@ def _print(scene: Scene, report: dict[str, Any], seen: SceneViews, pictures: lis
         head: dict[str, Any] = {"name": scene.name, "path": str(scene.path), "content_hash": scene.content_hash}
         head["license"] = scene.license
         head["dropped_gaussians"] = _dropped(scene)
+        head["cameras"] = 0 if scene.views is None else len(scene.views)
         row = {**head, **report, "views": seen.to_mapping(), "pictures": [str(path) for path in pictures]}
         sys.stdout.write(json_module.dumps(row) + "\n")
         return
@@ -194,6 +197,8 @@ def _print(scene: Scene, report: dict[str, Any], seen: SceneViews, pictures: lis
         table.add_row("left out", f"{_dropped(scene):,} Gaussians that cannot be drawn")
     for sentence in report.get("findings", []):
         table.add_row("look here", escape(sentence))
+    if scene.views is not None:
+        table.add_row("filmed by", f"{len(scene.views):,} cameras")
     table.add_row("license", scene.license or "not given")
     table.add_row("bundle", str(scene.path))
     for path in pictures:

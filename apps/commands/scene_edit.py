@@ -4,11 +4,12 @@ import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
+import numpy.typing as npt
 from rich.console import Console
 
 from readygo.apps.pictures.scene_survey import change_picture
 from readygo.apps.run.scene_argument import open_scene
+from readygo.common.camera.captured import CapturedViews
 from readygo.common.drawing.files import write_png
 from readygo.common.errors import SceneError
 from readygo.common.files import unfinished
@@ -25,6 +26,7 @@ class _Original:
 
     cloud: GaussianCloud
     sky: GaussianCloud | None = None
+    views: CapturedViews | None = None
     name: str = ""
     license: str = ""
     source: SceneSource = dataclasses.field(default_factory=SceneSource)
@@ -65,9 +67,8 @@ def scene_align(scene: str, /, *, out: Path, up: str = "auto") -> None:
     """
     original = _opened(scene, out)
     R, translate_m, name = levelling(original.cloud, up)
-    sky = None if original.sky is None else transform_cloud(original.sky, R, translate_m)
     words = f"turned so that {name} is up, and moved by {translate_m[2]:.3f} m"
-    _write(original, transform_cloud(original.cloud, R, translate_m), sky, out, words)
+    _write_moved(original, out, words, R=R, translate_m=translate_m)
 
 
 def scene_scale(scene: str, /, *, out: Path, factor: float | None = None, room_height: float | None = None) -> None:
@@ -85,8 +86,7 @@ def scene_scale(scene: str, /, *, out: Path, factor: float | None = None, room_h
     by = room_scale(original.cloud, room_height) if room_height is not None else factor
     if by is None or not 0 < by < float("inf"):
         raise SceneError(f"The factor must be positive, got {by}.")
-    sky = None if original.sky is None else transform_cloud(original.sky, np.eye(3), scale=by)
-    _write(original, transform_cloud(original.cloud, np.eye(3), scale=by), sky, out, f"scaled by {by:.4g}")
+    _write_moved(original, out, f"scaled by {by:.4g}", scale=by)
 
 
 def scene_clean(scene: str, /, *, out: Path, kinds: str = "huge,floaters") -> None:
@@ -109,7 +109,7 @@ def scene_clean(scene: str, /, *, out: Path, kinds: str = "huge,floaters") -> No
 def _opened(scene: str, out: Path) -> _Original:
     if out.exists() or out.is_symlink():
         raise SceneError(f"{out} exists already; remove it, or choose another name.")
-    if scene.endswith(".ply"):
+    if Path(scene).is_file():
         return _Original(cloud=load_gaussians(scene), source=SceneSource(file=Path(scene).name))
     bundle = open_scene(scene)
     known = {field.name for field in dataclasses.fields(SceneSource)}
@@ -122,12 +122,29 @@ def _opened(scene: str, out: Path) -> _Original:
     return _Original(
         cloud=bundle.cloud,
         sky=bundle.sky,
+        views=bundle.views,
         name=bundle.name,
         license=bundle.license,
         source=SceneSource(**source),
         robot=robot,
         config=config,
     )
+
+
+def _write_moved(
+    original: _Original,
+    out: Path,
+    words: str,
+    *,
+    R: npt.ArrayLike = ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
+    translate_m: npt.ArrayLike = (0.0, 0.0, 0.0),
+    scale: float = 1.0,
+) -> None:
+    """Write all of a scene after x' = scale R x + translate."""
+    cloud = transform_cloud(original.cloud, R, translate_m, scale)
+    sky = None if original.sky is None else transform_cloud(original.sky, R, translate_m, scale)
+    views = None if original.views is None else original.views.moved(R, translate_m, scale)
+    _write(dataclasses.replace(original, views=views), cloud, sky, out, words)
 
 
 def _write(original: _Original, cloud: GaussianCloud, sky: GaussianCloud | None, out: Path, words: str) -> None:
@@ -147,6 +164,7 @@ def _write(original: _Original, cloud: GaussianCloud, sky: GaussianCloud | None,
             source=source,
             robot=original.robot,
             map_config=original.config,
+            views=original.views,
         )
         picture = out / "inspect" / "change.png"
     write_png(picture, change_picture(original.cloud, cloud, words))

@@ -1,4 +1,4 @@
-"""3DGS .ply files: logit opacities, log scales, SH channel by channel."""
+"""3DGS .ply files: logit opacities, log scales, SH channel by channel; also of PGSR, and of 2DGS with its flat ones."""
 
 from pathlib import Path
 
@@ -22,6 +22,9 @@ SCALE = ["scale_0", "scale_1", "scale_2"]
 ROTATION = ["rot_0", "rot_1", "rot_2", "rot_3"]
 SH_REST_COUNTS = (0, 9, 24, 45)
 """Number of f_rest properties of SH degree 0..3."""
+SURFEL_RATIO = 0.01
+"""2DGS stores two scales: its Gaussians are discs, whose normal is the third axis. They get a hundredth of the smaller
+one as the third, so that covariances can be inverted and the normal is the shortest axis."""
 
 
 def cloud_from_ply(vertices: Table, path: Path) -> GaussianCloud:
@@ -30,14 +33,27 @@ def cloud_from_ply(vertices: Table, path: Path) -> GaussianCloud:
     Raises:
         SceneError: If a property is missing or the number of SH properties fits no degree.
     """
-    require_fields(vertices, [*POSITION, *SH_DC, "opacity", *SCALE, *ROTATION], path, "a 3DGS Gaussian file")
+    scale = SCALE[:2] if is_surfels(vertices) else SCALE
+    require_fields(vertices, [*POSITION, *SH_DC, "opacity", *scale, *ROTATION], path, "a 3DGS Gaussian file")
     return GaussianCloud(
         means_m=columns(vertices, POSITION),
         quats_wxyz=columns(vertices, ROTATION),
-        scales_m=scales_from_logs(columns(vertices, SCALE)),
+        scales_m=_with_third(scales_from_logs(columns(vertices, scale))),
         opacities=opacities_from_logits(columns(vertices, ["opacity"])[:, 0]),
         sh=sh_from_channels(columns(vertices, SH_DC), columns(vertices, sh_rest_names(vertices, path))),
     )
+
+
+def is_surfels(vertices: Table) -> bool:
+    """True for a vertex table of 2DGS, which has two scales."""
+    names = vertices.dtype.names or ()
+    return all(name in names for name in SCALE[:2]) and SCALE[2] not in names
+
+
+def _with_third(scales: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    if scales.shape[1] == 3:
+        return scales
+    return np.concatenate([scales, np.float32(SURFEL_RATIO) * scales.min(axis=1, keepdims=True)], axis=1)
 
 
 def sh_rest_names(table: Table, path: Path) -> list[str]:

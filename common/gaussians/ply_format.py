@@ -104,6 +104,8 @@ def _read_header(file: BinaryIO, path: Path) -> list[PlyElement]:
 def _closed(last: list[PlyElement], fields: list[tuple[str, str]], path: Path) -> list[PlyElement]:
     """The last element of a header with its row layout filled in."""
     names = [name for name, _ in fields]
+    if not names and any(element.count for element in last):
+        raise SceneError(f"{path} has an element {last[0].name!r} without properties; export it again.")
     if len(set(names)) != len(names):
         raise SceneError(f"{path} names a property twice; export it again.")
     return [PlyElement(element.name, element.count, np.dtype(fields)) for element in last]

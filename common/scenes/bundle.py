@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.camera.captured import CapturedViews, views_text
 from readygo.common.config import section_to_mapping
 from readygo.common.errors import NoGroundError, SceneError
 from readygo.common.files import unfinished_folder
 from readygo.common.gaussians import GaussianCloud, R_from_up, save_ply, transform_cloud
 from readygo.common.gaussians.defects import HUGE, excessive, refusal, unusable, unwanted, without
-from readygo.common.gaussians.files import load_gaussians, read_gaussians, with_unit_rotations
+from readygo.common.gaussians.files import GaussianSource, read_source, with_unit_rotations
 from readygo.common.maps import MapConfig, ScenePlan, largest_free_area, plan_scene, save_ros_map
 from readygo.common.robot import RobotConfig
 from readygo.common.scenes.edit import Box, cropped, mirrored
@@ -29,10 +30,11 @@ from readygo.common.scenes.scene import (
     REPORT_FILE,
     ROBOT_MAP_FILE,
     SKY_FILE,
+    VIEWS_FILE,
     Scene,
     load_scene,
 )
-from readygo.common.scenes.survey import resolve_up
+from readygo.common.scenes.survey import UP_OF_CAMERAS, resolve_up
 
 FREE_AREA_MIN_M2 = 1.0
 """A scene whose largest connected free area for the robot is smaller is refused [m2]."""
@@ -44,7 +46,9 @@ class SceneSource:
     """Where a scene comes from."""
 
     file: str = ""
-    """Name of the file it was imported from."""
+    """Name of the file it was imported from; of an output folder, with the way to it from there."""
+    kind: str = ""
+    """What kind of file that is, in words."""
     sha256: str = ""
     """Hash of that file."""
     up: str = "+z"
@@ -80,15 +84,15 @@ def import_scene(
     mirror: bool = False,
     drop_bad: bool = False,
 ) -> Scene:
-    """Make a scene bundle of a Gaussian file.
+    """Make a scene bundle of a Gaussian file, or of a training's output folder.
 
     Args:
-        source: A 3DGS .ply or a PlayCanvas .compressed.ply.
+        source: Whatever `readygo.common.gaussians.files.FORMATS` names.
         out: Folder to make; must not exist.
         name: Name of the scene; the folder's by default.
         sky: Gaussians of the far surroundings, in the frame of `source`.
-        up: Axis of the file that points up: +x, -x, +y, -y, +z or -z; three numbers with commas for a direction; or
-            "auto", which finds it where that is clear.
+        up: Axis of the file that points up: +x, -x, +y, -y, +z or -z; three numbers with commas for a direction;
+            "cameras", the mean up of those that it was filmed with; or "auto", which finds it where that is clear.
         scale: Metres per unit of the file.
         translate_m: Added after turning and scaling [m].
         license: Terms of the scene, for everything made from it.
@@ -111,14 +115,16 @@ def import_scene(
     """
     source, out, robot = Path(source), Path(out), robot or RobotConfig()
     _refuse_existing(out)
-    up = resolve_up(up, lambda: load_gaussians(source))
-    R = R_from_up(up)
     if not (math.isfinite(scale) and scale > 0) or not all(map(math.isfinite, translate_m)):
         raise SceneError(f"The scale must be positive and the translation finite, got {scale} and {translate_m}.")
     config = dataclasses.replace(
         _map_config(robot, resolution_m, opacity_threshold, human_height_m), close_coarse=close_coarse
     )
-    files = [_sound(Path(file), R, translate_m, scale, drop_bad=drop_bad) for file in (source, sky) if file is not None]
+    held = read_source(source)
+    up = _resolved_up(up, held)
+    R = R_from_up(up)
+    stored = [(source, held.cloud), *([] if sky is None else [(Path(sky), read_source(sky).cloud)])]
+    files = [_sound(file, cloud, R, translate_m, scale, drop_bad=drop_bad) for file, cloud in stored]
     cloud, sky_cloud = files[0][0], files[1][0] if sky is not None else None
     dropped = sum(dropped for _, dropped in files)
     if mirror:
@@ -129,8 +135,9 @@ def import_scene(
     if crop is not None:
         cloud = cropped(cloud, crop)
     provenance = SceneSource(
-        file=source.name,
-        sha256=file_of(source.parent, source.name).sha256,
+        file=held.file.relative_to(source.parent).as_posix() if source.is_dir() else held.file.name,
+        kind=held.kind,
+        sha256=file_of(held.file.parent, held.file.name).sha256,
         up=up,
         scale=float(scale),
         scale_origin="as in the file" if scale == 1 else "given on import",
@@ -139,19 +146,32 @@ def import_scene(
         edits=(*(["mirrored"] if mirror else []), *([] if crop is None else [f"cropped to {crop}"])),
     )
     return save_scene(
-        cloud, sky_cloud, out, name=name, license=license, source=provenance, robot=robot, map_config=config
+        cloud,
+        sky_cloud,
+        out,
+        name=name,
+        license=license,
+        source=provenance,
+        robot=robot,
+        map_config=config,
+        views=None if held.views is None or mirror else held.views.moved(R, translate_m, scale),
     )
 
 
+def _resolved_up(up: str, source: GaussianSource) -> str:
+    if up == UP_OF_CAMERAS and source.up is None:
+        raise SceneError(f"{source.file} comes without cameras that say which way is up; give --up=-y, or --up=auto.")
+    return resolve_up(up, lambda: with_unit_rotations(without(source.cloud, unusable(source.cloud))[0]), source.up)
+
+
 def _sound(
-    path: Path, R: npt.ArrayLike, translate_m: npt.ArrayLike, scale: float, *, drop_bad: bool
+    path: Path, stored: GaussianCloud, R: npt.ArrayLike, translate_m: npt.ArrayLike, scale: float, *, drop_bad: bool
 ) -> tuple[GaussianCloud, int]:
     """The Gaussians of a file that can be drawn, metres, z up, and the number of the others.
 
     Raises:
         SceneError: If there are others and `drop_bad` is false, or if none is left.
     """
-    stored = read_gaussians(path)
     usable, counts = without(stored, unusable(stored))
     moved = transform_cloud(with_unit_rotations(usable), R, translate_m, scale)
     cloud, more = without(moved, excessive(moved))
@@ -174,6 +194,7 @@ def save_scene(
     source: SceneSource | None = None,
     robot: RobotConfig | None = None,
     map_config: MapConfig | None = None,
+    views: CapturedViews | None = None,
 ) -> Scene:
     """Make a scene bundle of Gaussians: maps, report, hashes.
 
@@ -188,6 +209,7 @@ def save_scene(
         source: Where it comes from.
         robot: Footprint and height for the robot map.
         map_config: How the maps are made; with the robot's height by default.
+        views: The cameras that it was filmed with, in the same frame.
 
     Raises:
         SceneError: If `out` exists, or the scene has no floor or no free area.
@@ -204,6 +226,7 @@ def save_scene(
             source=source or SceneSource(),
             robot=robot,
             map_config=map_config or MapConfig(robot_height_m=robot.height_m),
+            views=views,
         )
     return load_scene(out)
 
@@ -218,6 +241,7 @@ def fill_bundle(
     source: SceneSource,
     robot: RobotConfig,
     map_config: MapConfig,
+    views: CapturedViews | None = None,
 ) -> None:
     """Write everything that a bundle consists of into an empty folder; arguments as of `save_scene`.
 
@@ -230,6 +254,8 @@ def fill_bundle(
     save_ply(cloud, folder / CLOUD_FILE)
     if sky is not None:
         save_ply(sky, folder / SKY_FILE)
+    if views is not None:
+        (folder / VIEWS_FILE).write_text(views_text(views), encoding="utf-8")
     (folder / "maps").mkdir()
     save_ros_map(plan.robot, folder / ROBOT_MAP_FILE, unknown=plan.unknown)
     save_ros_map(plan.human, folder / HUMAN_MAP_FILE, unknown=plan.unknown)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from readygo.common.camera.captured import CapturedViews, load_views
 from readygo.common.errors import SceneError
 from readygo.common.gaussians import GaussianCloud, load_gaussians
 from readygo.common.maps import FloorMap, GridFrame, MapConfig, OccupancyMap, SightMap, load_ros_map, sight_of_cloud
@@ -20,6 +21,7 @@ ROBOT_MAP_FILE = "maps/robot.yaml"
 HUMAN_MAP_FILE = "maps/human.yaml"
 FLOOR_FILE = "maps/floor_height_m.npy"
 REPORT_FILE = "report.json"
+VIEWS_FILE = "cameras.json"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -89,6 +91,11 @@ class Scene:
     def sky(self) -> GaussianCloud | None:
         """Gaussians of the far surroundings in the same frame, or None."""
         return load_gaussians(self.path / SKY_FILE) if SKY_FILE in self.metadata["files"] else None
+
+    @cached_property
+    def views(self) -> CapturedViews | None:
+        """The cameras that it was filmed with, metres, z up; None where they are not known."""
+        return load_views(self.path / VIEWS_FILE) if VIEWS_FILE in self.metadata["files"] else None
 
     @cached_property
     def maps(self) -> SceneMaps:

@@ -31,6 +31,10 @@ PLANE_RATIO_MIN = 0.4
 """A plane has at least this part of the support of the strongest one along its direction."""
 SAME_DEG, AXIS_DEG = 12.0, 2.0
 """Directions nearer than the first are one candidate; nearer than the second to an axis they are called by it [deg]."""
+UP_OF_CAMERAS = "cameras"
+"""What `--up` calls the mean up of the cameras that a scene was filmed with."""
+HELD_DEG = 25.0
+"""The floor's normal is no farther from the mean up of the cameras, which are held by hand [deg]."""
 CLEAR_RATIO = 1.4
 """The best candidate for up is clear if its score is this many times the next one's."""
 LIKELY_RATIO = 0.25
@@ -140,15 +144,25 @@ def survey(cloud: GaussianCloud) -> Survey:
     )
 
 
-def resolve_up(up: str, load: Callable[[], GaussianCloud]) -> str:
+def resolve_up(up: str, load: Callable[[], GaussianCloud], held: Floats | None = None) -> str:
     """The up direction by name; "auto" is looked for in the cloud, which is only read for that.
+
+    Args:
+        up: As `--up` takes it; "cameras" is `held`, which then must be known.
+        load: Gives the cloud.
+        held: Up as its cameras were held, shape (3,): "auto" is the floor near that, or else that itself.
 
     Raises:
         NoGroundError: If it is to be found and is not clear.
     """
+    if up == UP_OF_CAMERAS and held is not None:
+        return up_name(held)
     if up != "auto":
         return up
     found = survey(load())
+    if held is not None:
+        near = [c for c in found.ups if c.up @ held > math.cos(math.radians(HELD_DEG)) and c.score >= SCORE_MIN]
+        return near[0].name if near else up_name(held)
     if found.clear_up is None:
         names = ", ".join(candidate.name for candidate in found.ups[:3]) or "none"
         raise NoGroundError(f"No direction of the scene is clearly up (candidates: {names}).")
@@ -288,7 +302,11 @@ def advice(found: Survey, up: str, scale: float) -> str:
     """What to try after an import with these options failed: options, and why."""
     options, reasons = [], []
     best = found.clear_up
-    if best is not None and up != "auto" and float(R_from_up(up)[2] @ best.up) < math.cos(math.radians(SAME_DEG)):
+    if (
+        best is not None
+        and up not in ("auto", UP_OF_CAMERAS)
+        and float(R_from_up(up)[2] @ best.up) < math.cos(math.radians(SAME_DEG))
+    ):
         options.append(f"--up={best.name}")
         reasons.append(f"{100 * best.above:.0f} % of the scene is above the plane that it makes the floor")
     likely = found.scales[0]

@@ -80,7 +80,7 @@ def test_command_line_reports_a_mistake_in_one_line(tmp_path):
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert len(done.stderr.strip().splitlines()) == 1
-    assert "not a PLY file" in done.stderr
+    assert "is none of what can be read" in done.stderr
     assert not (tmp_path / "b").exists()
 
 

@@ -66,3 +66,30 @@ def test_real_object_loads(shared_data):
     assert len(cloud) == 90854
     assert cloud.sh_degree == 0
     assert 0 < cloud.opacities.min() < cloud.opacities.max() <= 1
+
+
+CLAIM = b"ply\nformat binary_little_endian 1.0\nelement vertex 1000000000000\n"
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "none of what can be read: .ply of 3DGS"),
+        (b"\x89PNG\r\n\x1a\n" + bytes(4096), "none of what can be read"),
+        (b"a text of thirty-two characters." * 40, "none of what can be read"),
+        (CLAIM + b"property float x\nend_header\n", "truncated: 4000000000"),
+        (CLAIM + b"end_header\n", "without properties"),
+    ],
+)
+def test_other_files_and_what_they_claim_are_refused(tmp_path, content, message):
+    (tmp_path / "a.splat").write_bytes(content)
+    with pytest.raises(SceneError, match=message) as refusal:
+        read_gaussians(tmp_path / "a.splat")
+    assert "\n" not in str(refusal.value)
+
+
+def test_missing_files_and_devices_are_refused(tmp_path):
+    with pytest.raises(SceneError, match="cannot be read: No such file"):
+        read_gaussians(tmp_path / "none.ply")
+    with pytest.raises(SceneError, match="no file that can be read"):
+        read_gaussians("/dev/null")

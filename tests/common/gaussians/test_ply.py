@@ -3,6 +3,7 @@ import pytest
 
 from readygo.common.errors import SceneError
 from readygo.common.gaussians import GaussianCloud, load_gaussians, save_ply
+from readygo.common.gaussians.files import read_source
 from tests.common.gaussians.ply_files import FIELDS, good_row, write_ply
 
 
@@ -64,3 +65,17 @@ def test_wrong_number_of_sh_properties_is_refused(tmp_path):
     fields = [*FIELDS, *(f"f_rest_{i}" for i in range(8))]
     with pytest.raises(SceneError, match="8 f_rest properties"):
         load_gaussians(write_ply(tmp_path / "a.ply", fields, [good_row() + [0] * 8]))
+
+
+def test_discs_of_2dgs_get_a_thin_third_axis(tmp_path):
+    fields = [name for name in FIELDS if name != "scale_2"]
+    row = [0, 0, 0, 0, 0, 0, 0, np.log(0.2), np.log(0.5), 1, 0, 0, 0]
+    source = read_source(write_ply(tmp_path / "a.ply", fields, [row]))
+    assert source.kind == ".ply of 2DGS"
+    np.testing.assert_allclose(source.cloud.scales_m, [[0.2, 0.5, 0.002]], rtol=1e-5)
+
+
+def test_one_scale_is_none_of_2dgs(tmp_path):
+    fields = [name for name in FIELDS if name not in ("scale_1", "scale_2")]
+    with pytest.raises(SceneError, match="lacks the property 'scale_1'"):
+        load_gaussians(write_ply(tmp_path / "a.ply", fields, [[0.0] * 12]))

@@ -1,12 +1,16 @@
+import json
+
 import numpy as np
 import pytest
 
 from readygo.common.errors import SceneError
 from readygo.common.frames import matrix_from_axis_angle
-from readygo.common.gaussians import concatenate, save_ply, transform_cloud
+from readygo.common.gaussians import R_from_up, concatenate, save_ply, transform_cloud
 from readygo.common.maps import MapConfig
 from readygo.common.robot import RobotConfig
 from readygo.common.scenes import import_scene, save_scene
+from readygo.common.scenes.scene import verify_scene
+from tests.common.gaussians.other_formats import camera_row
 from tests.common.maps.room import box, room, sheet
 from tests.common.scenes.small_room import small_room
 
@@ -152,3 +156,33 @@ def test_file_without_a_sound_gaussian_is_refused_even_when_bad_ones_may_be_drop
     save_ply(bad, tmp_path / "room.ply")
     with pytest.raises(SceneError, match="cannot be drawn"):
         import_scene(tmp_path / "room.ply", tmp_path / "out", drop_bad=True)
+
+
+def test_cameras_of_an_output_folder_come_along_and_say_which_way_is_up(tmp_path):
+    R_world_file = R_from_up("0.1,-0.95,0.2")
+    place = tmp_path / "lobby" / "point_cloud" / "iteration_30000"
+    place.mkdir(parents=True)
+    save_ply(transform_cloud(small_room(), R_world_file.T, (0, 0, 0), 0.5), place / "point_cloud.ply")
+    level = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])
+    T_world_camera = np.tile(np.eye(4), (3, 1, 1))
+    T_world_camera[:, :3, :3] = level
+    T_world_camera[:, :3, 3] = [[1, 1, 1], [2, 1, 1.2], [3, 2, 1]]
+    in_file = T_world_camera.copy()
+    in_file[:, :3, :3] = R_world_file.T @ level
+    in_file[:, :3, 3] = 0.5 * T_world_camera[:, :3, 3] @ R_world_file
+    rows = [camera_row(k, T) for k, T in enumerate(in_file)]
+    (tmp_path / "lobby" / "cameras.json").write_text(json.dumps(rows))
+    scene = import_scene(tmp_path / "lobby", tmp_path / "out", up="cameras", scale=2.0)
+    np.testing.assert_allclose(scene.cloud.means_m, small_room().means_m, atol=1e-3)
+    np.testing.assert_allclose(scene.views.T_world_camera, T_world_camera, atol=1e-3)
+    assert scene.metadata["source"]["file"] == "lobby/point_cloud/iteration_30000/point_cloud.ply"
+    assert scene.metadata["source"]["kind"] == ".ply"
+    verify_scene(scene)
+    assert save_scene(scene.cloud, None, tmp_path / "again").content_hash == scene.content_hash
+
+
+def test_scene_without_cameras_has_no_views_and_no_up_of_them(scene, tmp_path):
+    assert scene.views is None
+    save_ply(small_room(), tmp_path / "a.ply")
+    with pytest.raises(SceneError, match="without cameras"):
+        import_scene(tmp_path / "a.ply", tmp_path / "out", up="cameras")

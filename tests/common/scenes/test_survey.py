@@ -53,3 +53,12 @@ def test_advice_names_the_options_that_differ_from_those_given():
     assert "--scale 10" in words
     assert "Try" not in advice(found, "-y", 10.0)
     assert survey_row(found)["up_candidates"][0]["up"] == "-y"
+
+
+def test_cameras_choose_among_floors_and_stand_in_for_them():
+    in_file = transform_cloud(furnished(), R_from_up("-y").T)
+    tilted = np.array([0.1, -0.98, 0.15]) / np.linalg.norm([0.1, -0.98, 0.15])
+    assert resolve_up("auto", lambda: in_file, tilted) == "-y"
+    np.testing.assert_allclose(R_from_up(resolve_up("cameras", lambda: in_file, tilted))[2], tilted, atol=1e-3)
+    askew = np.array([0.6, -0.6, 0.53]) / np.linalg.norm([0.6, -0.6, 0.53])
+    np.testing.assert_allclose(R_from_up(resolve_up("auto", lambda: in_file, askew))[2], askew, atol=1e-3)
