@@ -160,6 +160,9 @@ def _value_name(hint: Any, name: str, positional: bool) -> str | None:
     if origin is tuple and arguments[1:] == (...,):
         item = _value_name(arguments[0], name, positional)
         return item and f"{item} [{item} ...]"
+    if origin is tuple:
+        items = [_value_name(argument, name, positional) for argument in arguments]
+        return " ".join(item for item in items if item) if all(items) else None
     if hint is str or (positional and hint is Path):
         return name.upper()
     return {Path: "PATH", int: "INT", float: "FLOAT"}.get(hint)

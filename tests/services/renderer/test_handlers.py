@@ -14,7 +14,7 @@ from readygo.common.rasterizer.backends import packed_cloud
 from readygo.common.rasterizer.interface import Rasterizer
 from readygo.services.renderer import Renderer, RendererConfig, episode_header, episode_samples, handle_render
 from readygo.services.renderer import handlers as handlers_module
-from readygo.services.renderer.drawing import Drawing, pack_folder, static_clouds
+from readygo.services.renderer.drawing import pack_folder, static_clouds
 from readygo.services.renderer.handlers import facing_yaw
 from tests.services.renderer.pictures import drawn
 from tests.services.renderer.wearers import wearers
@@ -195,7 +195,8 @@ class AllImages:
 
 def with_outputs(renderer: Renderer, *outputs: str) -> Renderer:
     changed = Renderer(renderer.scene, wearers(), renderer.robot, RendererConfig(outputs=outputs))
-    changed.capture = replace(changed.capture, drawing=Drawing(rasterizer=AllImages(renderer.drawing.rasterizer)))
+    drawing = replace(changed.drawing, rasterizer=AllImages(renderer.drawing.rasterizer))
+    changed.capture = replace(changed.capture, drawing=drawing)
     return changed
 
 
