@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from readygo.apps.evaluation.choice import FAILURES
 from readygo.apps.learn.choice import Measurement
 from readygo.apps.learn.curve import CurvePoint
 from readygo.apps.learn.plan import Plan
@@ -31,11 +32,6 @@ STRIP_STEPS = (-30, -22, -15, -9, -4, 0)
 """Samples of the film strip, around the moment at which a visible human is nearest."""
 SEARCHED = 20
 """Episodes among which the one that shows a human best is looked for."""
-FAILURES = {
-    Outcome.STATIC_COLLISION: "hit a thing",
-    Outcome.HUMAN_COLLISION: "hit a human",
-    Outcome.TIMEOUT: "too late",
-}
 
 
 def gather(
