@@ -67,11 +67,15 @@ def run_training(
     """
     validation = Dataset(val) if val else None
     with torch_needed():
-        from readygo.services.trainer.ranks import join_ranks
+        from readygo.services.trainer.ranks import join_ranks, leave_ranks
         from readygo.services.trainer.train import train
-    if "WORLD_SIZE" in os.environ:
+    together = "WORLD_SIZE" in os.environ
+    if together:
         join_ranks(config.device)
-    return train(dataset, config, out, validation=validation, evaluate=evaluate, report=show)
+    metrics = train(dataset, config, out, validation=validation, evaluate=evaluate, report=show)
+    if together:
+        leave_ranks()
+    return metrics
 
 
 @contextmanager

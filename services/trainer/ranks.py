@@ -40,3 +40,9 @@ def join_ranks(device: str) -> None:
         device: "cuda" talks over NCCL, others over Gloo.
     """
     distributed.init_process_group("cuda:nccl,cpu:gloo" if device == "cuda" else "gloo")
+
+
+def leave_ranks() -> None:
+    """Wait until all have come so far, and take leave of them: one whose peer is gone already aborts when it ends."""
+    distributed.barrier()
+    distributed.destroy_process_group()
