@@ -8,8 +8,8 @@ from pathlib import Path
 
 from readygo.apps.evaluation.choice import FAILURES
 from readygo.apps.evaluation.replay import StripImage
-from readygo.apps.pages.charts import meter
-from readygo.apps.pages.page import Column, details, figure, jpeg_source, legend, page, percent, png_source, table
+from readygo.apps.pages.page import figure, jpeg_source, legend, page, percent, png_source
+from readygo.apps.pages.scores import Score, scores_section
 from readygo.common.drawing import plan_view
 from readygo.common.drawing.files import Picture
 from readygo.common.drawing.plan_view import GOAL, HUMANS, INK, ROBOT, Rgb
@@ -116,39 +116,11 @@ def draw_runs(occupancy: OccupancyMap, runs: Sequence[tuple[EpisodeRecord, Robot
 
 
 def _scores(summaries: Mapping[tuple[Task, Method], TaskSummary], watched: Method) -> str:
-    columns = [
-        *(Column(name) for name in ("Task", "Driver")),
-        *(Column(name, "n") for name in ("Success", "Hit a human", "Hit a thing", "Too late", "Reaching time", "SPL")),
+    scores = [
+        Score(task=TASK_NAMES[task], driver=method.value, summary=summary)
+        for (task, method), summary in summaries.items()
     ]
-    numbers = table(columns, [_score_row(task, method, summary) for (task, method), summary in summaries.items()])
-    bars = "".join(_bars(task, summaries, watched) for task in dict.fromkeys(task for task, _ in summaries))
-    note = (
-        "Success: within the goal's circle, no collision, in time. The line on a bar is Wilson's 95 % interval. A "
-        "failure counts the whole time limit in the reaching time; SPL is success weighted by path length."
-    )
-    return f'{bars}<p class="note">{note}</p>{details("All numbers", numbers)}'
-
-
-def _bars(task: Task, summaries: Mapping[tuple[Task, Method], TaskSummary], watched: Method) -> str:
-    return f"<h3>{TASK_NAMES[task].capitalize()}</h3>" + "".join(
-        f'<div class="rates{" own" if method is watched else ""}"><span>{method.value}</span>'
-        f"{meter(s.success_rate, s.success_rate_low, s.success_rate_high)}<b>{percent(s.success_rate)}</b></div>"
-        for (of, method), s in summaries.items()
-        if of is task
-    )
-
-
-def _score_row(task: Task, method: Method, summary: TaskSummary) -> list[str]:
-    return [
-        TASK_NAMES[task],
-        method.value,
-        f"<b>{percent(summary.success_rate)}</b>",
-        percent(summary.human_collision_rate),
-        percent(summary.static_collision_rate),
-        percent(summary.timeout_rate),
-        f"{summary.art_s:.1f} s",
-        f"{summary.spl:.2f}",
-    ]
+    return scores_section(scores, watched=watched.value)
 
 
 def _ways(content: EvaluationContent) -> str:

@@ -11,10 +11,11 @@ from readygo.apps.evaluation.choice import FAILURES
 from readygo.apps.learn.choice import Measurement
 from readygo.apps.learn.curve import CurvePoint
 from readygo.apps.learn.plan import Plan
-from readygo.apps.learn.report_content import Command, Ends, Film, ReportContent, RunNumbers, Score, StripImage
+from readygo.apps.learn.report_content import Command, Ends, Film, ReportContent, RunNumbers, StripImage
 from readygo.apps.learn.training import read_history
 from readygo.apps.pages.charts import Curve
 from readygo.apps.pages.page import percent
+from readygo.apps.pages.scores import Score
 from readygo.apps.pictures.recorded import RecordedEpisodes, latest_pictured, rows_of
 from readygo.apps.run.world import World
 from readygo.common.dataset import Dataset, EpisodeEntry

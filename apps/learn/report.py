@@ -5,12 +5,11 @@ from html import escape
 from pathlib import Path
 from urllib.parse import quote
 
-from readygo.apps.learn.report_content import Command, Ends, ReportContent, RunNumbers, Score
-from readygo.apps.pages.charts import line_chart, meter, share_bar
+from readygo.apps.learn.report_content import Command, Ends, ReportContent, RunNumbers
+from readygo.apps.pages.charts import line_chart, share_bar
 from readygo.apps.pages.page import (
     Column,
     chart_figure,
-    details,
     figure,
     film_figure,
     jpeg_source,
@@ -21,6 +20,7 @@ from readygo.apps.pages.page import (
     rejections,
     table,
 )
+from readygo.apps.pages.scores import scores_section
 from readygo.common.drawing.files import Picture
 from readygo.common.drawing.plan_view import (
     HUMANS,
@@ -144,54 +144,7 @@ def _video_link(name: str) -> str:
 def _results(content: ReportContent) -> str:
     if not content.scores:
         return ""
-    tasks = dict.fromkeys(score.task for score in content.scores)
-    bars = "".join(_task_bars(task, [score for score in content.scores if score.task == task]) for task in tasks)
-    note = (
-        "Success: within 1 m of the goal, no collision, in time. The line on a bar is Wilson's 95 % interval. The "
-        "reaching time is the mean over all episodes, a failed one counting as the time limit; SPL is success weighted "
-        "by path length. "
-    )
-    numbers = details("All numbers", table(_SCORE_COLUMNS, [_score_cells(score) for score in content.scores]))
-    return f'{bars}<p class="note">{escape(note + content.scores_note)}</p>{numbers}'
-
-
-def _task_bars(task: str, scores: Sequence[Score]) -> str:
-    return f"<h3>{escape(task.capitalize())}</h3>" + "".join(
-        f'<div class="rates{" own" if score.driver == "policy" else ""}"><span>{escape(score.driver)}</span>'
-        f"{meter(score.summary.success_rate, score.summary.success_rate_low, score.summary.success_rate_high)}"
-        f"<b>{percent(score.summary.success_rate)}</b></div>"
-        for score in scores
-    )
-
-
-_SCORE_COLUMNS = (
-    Column("Task"),
-    Column("Driver"),
-    Column("Success", "n"),
-    Column("95 % interval", "n"),
-    Column("Reaching time", "n"),
-    Column("SPL", "n"),
-    Column("Hit a person", "n"),
-    Column("Hit a thing", "n"),
-    Column("Too late", "n"),
-    Column("Episodes", "n"),
-)
-
-
-def _score_cells(score: Score) -> list[str]:
-    s = score.summary
-    return [
-        escape(score.task),
-        escape(score.driver),
-        f"<b>{percent(s.success_rate)}</b>",
-        f"{percent(s.success_rate_low)} to {percent(s.success_rate_high)}",
-        f"{s.art_s:.1f} s",
-        f"{s.spl:.2f}",
-        percent(s.human_collision_rate),
-        percent(s.static_collision_rate),
-        percent(s.timeout_rate),
-        f"{s.episode_count:,}",
-    ]
+    return scores_section(content.scores, note=content.scores_note)
 
 
 def _training(content: ReportContent) -> str:

@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.apps.pages.charts import Curve
+from readygo.apps.pages.scores import Score
 from readygo.common.drawing.plan_view import DrawnEpisode
-from readygo.common.episode.metrics import TaskSummary
 from readygo.common.maps import OccupancyMap
 from readygo.common.scenes.top_view import TopView
 
@@ -42,17 +42,6 @@ class Ends:
     """For example "hit a wall"."""
     xy_m: npt.NDArray[np.float64]
     """Robot's last places [m], shape (N, 2)."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Score:
-    """One row of the result table."""
-
-    task: str
-    """For example "static" or "with people"."""
-    driver: str
-    """Who drove: "policy", "expert", "straight line"."""
-    summary: TaskSummary
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,9 +14,7 @@ from readygo.services.planner.explain.journal import DrivenRun
 from readygo.services.planner.explain.picture import Look, episode_view
 from readygo.services.planner.explain.picture_layers import draw_knowledge, draw_superseded
 from readygo.services.renderer import Renderer
-from readygo.services.renderer.capture import Shot
-from readygo.services.renderer.handlers import episode_camera
-from readygo.services.renderer.sensor.motion import Timeline
+from readygo.services.renderer.handlers import episode_shots
 
 PIXELS_PER_M = 80
 GIVEN_UP_STEPS = RATE_HZ
@@ -65,17 +63,10 @@ def robot_view(renderer: Renderer, scenario: Scenario, motions: EpisodeMotions, 
     Raises:
         AvatarError: If a human wears an avatar that is not loaded.
     """
-    renderer.check_avatars(motions.humans)
-    camera = episode_camera(renderer, scenario)
-    timeline = Timeline(
-        xyyaw=trajectory.xyyaw,
-        humans=motions.humans,
-        floor=renderer.scene.maps.floor,
-        camera=renderer.robot.camera,
-    )
+    shot_at = episode_shots(renderer, scenario, motions, trajectory)
 
     def look(step: int) -> Picture:
-        (images,) = renderer.capture.take((Shot(camera=camera, moment_at=timeline.at, step=step),))
+        (images,) = renderer.capture.take((shot_at(step),))
         return images.rgb
 
     return look

@@ -2,7 +2,7 @@
 
 import math
 from collections import OrderedDict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -172,6 +172,25 @@ def episode_camera(renderer: Renderer, scenario: Scenario) -> EpisodeCamera:
     return renderer.capture.camera_of(SensorStream.of_episode(scenario.episode))
 
 
+def episode_shots(
+    renderer: Renderer, scenario: Scenario, motions: EpisodeMotions, trajectory: RobotTrajectory
+) -> Callable[[int], Shot]:
+    """The shot of each step of an episode: what its camera stands before.
+
+    Raises:
+        AvatarError: If a human wears an avatar that is not loaded.
+    """
+    renderer.check_avatars(motions.humans)
+    camera = episode_camera(renderer, scenario)
+    timeline = Timeline(
+        xyyaw=trajectory.xyyaw,
+        humans=motions.humans,
+        floor=renderer.scene.maps.floor,
+        camera=renderer.robot.camera,
+    )
+    return lambda step: Shot(camera=camera, moment_at=timeline.at, step=step)
+
+
 def episode_samples(
     renderer: Renderer, scenario: Scenario, motions: EpisodeMotions, trajectory: RobotTrajectory
 ) -> Iterator[Sample]:
@@ -186,16 +205,8 @@ def episode_samples(
     Raises:
         AvatarError: If a human wears an avatar that is not loaded.
     """
-    renderer.check_avatars(motions.humans)
-    camera = episode_camera(renderer, scenario)
-    timeline = Timeline(
-        xyyaw=trajectory.xyyaw,
-        humans=motions.humans,
-        floor=renderer.scene.maps.floor,
-        camera=renderer.robot.camera,
-    )
-    shots = (Shot(camera=camera, moment_at=timeline.at, step=step) for step in range(len(trajectory.xyyaw)))
-    drawn = renderer.capture.take(shots, renderer.config.outputs)
+    shot_at = episode_shots(renderer, scenario, motions, trajectory)
+    drawn = renderer.capture.take(map(shot_at, range(len(trajectory.xyyaw))), renderer.config.outputs)
     pictures = (encode_picture(images, renderer.config) for images in drawn)
     yield from described_samples(renderer, scenario, motions, trajectory, pictures)
 

@@ -1,16 +1,11 @@
 """Similarity transforms between two sets of corresponding points: scale, rotation and translation."""
 
-import itertools
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
-
-_TRIPLES_MAX = 300
-"""Triples that the robust fit tries; with few points these are all there are."""
-_INLIER_SIGMAS = 2.5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -64,48 +59,3 @@ def umeyama(source: npt.ArrayLike, target: npt.ArrayLike, weights: npt.ArrayLike
     R = U @ np.diag(S) @ Vt
     scale = float((D * S).sum() / (w @ (da**2).sum(axis=1)))
     return Similarity(scale=scale, R=R, t=mean_b - scale * R @ mean_a)
-
-
-def robust_umeyama(source: npt.ArrayLike, target: npt.ArrayLike, *, seed: int = 0) -> tuple[Similarity, Array]:
-    """As `umeyama`, where some of the points may be wrong.
-
-    The triple of points whose similarity has the least median error chooses the points that are right.
-
-    Args:
-        source: Points in frame a, shape (N, 3), at least 4.
-        target: The same points in frame b, shape (N, 3).
-        seed: Seed of the triples that are tried where there are many points.
-
-    Returns:
-        The similarity of the points that are right, and which these are, shape (N,), bool. Of four points none can be
-        told to be wrong.
-
-    Raises:
-        ValueError: If all triples lie on lines.
-
-    Source: Rousseeuw & Leroy, Robust regression and outlier detection, 1987, section 5.1 (least median of squares).
-    """
-    a, b = np.asarray(source, dtype=np.float64), np.asarray(target, dtype=np.float64)
-    kept = len(a) // 2 + 2
-    best, best_errors = np.inf, None
-    for triple in _triples(len(a), seed):
-        try:
-            fit = umeyama(a[triple], b[triple])
-        except ValueError:
-            continue
-        errors = np.linalg.norm(fit.apply(a) - b, axis=1)
-        score = float(np.partition(errors, kept - 1)[kept - 1])
-        if score < best:
-            best, best_errors = score, errors
-    if best_errors is None:
-        raise ValueError("the points lie on a line or in one place: no similarity follows from them.")
-    spread = float(np.linalg.norm(b - b.mean(axis=0), axis=1).mean())
-    right = best_errors <= max(_INLIER_SIGMAS * 1.4826 * (1.0 + 5.0 / (len(a) - 3)) * best, 1e-9 * spread)
-    return umeyama(a[right], b[right]), right
-
-
-def _triples(count: int, seed: int) -> list[list[int]]:
-    if count * (count - 1) * (count - 2) // 6 <= _TRIPLES_MAX:
-        return [list(triple) for triple in itertools.combinations(range(count), 3)]
-    rng = np.random.default_rng(seed)
-    return [rng.choice(count, 3, replace=False).tolist() for _ in range(_TRIPLES_MAX)]

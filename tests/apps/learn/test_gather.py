@@ -7,7 +7,7 @@ from readygo.apps.learn.gather import _story
 from readygo.apps.learn.learn import Learned, report_content
 from readygo.apps.learn.plan import Plan
 from readygo.apps.learn.report import report_html
-from readygo.apps.learn.report_content import Score
+from readygo.apps.pages.scores import Score
 from readygo.common.dataset import Dataset
 from readygo.common.episode.metrics import EpisodeResult, summarize
 from readygo.common.messages import Driver, Outcome

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from readygo.apps.learn.report import report_html, write_report
-from readygo.apps.learn.report_content import Command, Ends, Film, ReportContent, RunNumbers, Score, StripImage
+from readygo.apps.learn.report_content import Command, Ends, Film, ReportContent, RunNumbers, StripImage
 from readygo.apps.pages.charts import Curve
+from readygo.apps.pages.scores import Score
 from readygo.common.drawing.film import write_film
 from readygo.common.drawing.plan_view import GOAL, ROBOT, DrawnEpisode, draw_episodes, map_view, resized
 from readygo.common.episode.metrics import EpisodeResult, summarize
