@@ -2,10 +2,10 @@
 
 import json as json_module
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
@@ -15,6 +15,7 @@ from readygo.apps.evaluation.choice import check_wanted, watched_method
 from readygo.apps.evaluation.replay import Replays
 from readygo.apps.evaluation.report import REPORT_FILE
 from readygo.apps.evaluation.watch import plan_command, write_films, write_pages
+from readygo.apps.run.config import RunConfig
 from readygo.apps.run.evaluation import (
     CameraName,
     evaluation_config,
@@ -35,6 +36,7 @@ from readygo.common.policy import load_policy
 from readygo.common.robot import load_robot
 from readygo.services.evaluator import (
     EpisodeRecord,
+    EvaluateReply,
     EvaluateRequest,
     Method,
     Results,
@@ -132,11 +134,7 @@ def evaluate(
         evaluator = make_evaluator(world, renderer=renderer, policy=loaded, evaluator_config=settings, camera=camera)
         with _progress(Console(stderr=True), total, quiet=json) as show:
             reply = handle_evaluate(evaluator, request, report=show, results=results)
-        summary = summarize(reply, request, evaluator)
-        summary["human_planner"] = section_to_mapping(run_config.human_planner)
-        summary["sensor"] = section_to_mapping(run_config.renderer.sensor)
-        summary["detail"] = run_config.renderer.detail
-        summary["scenarios"] = identity["scenarios"]
+        summary = summarize(reply, request, evaluator) | _settings_said(run_config, identity)
         if results is not None:
             results.finish(summary)
             replays = Replays(world, results, reply.episodes, renderer)
@@ -157,6 +155,20 @@ def evaluate(
                 title=f"{policy or watched_method(request.methods).value} in {world.scene.name}",
                 command_of=plan_command(scene, request, options) if camera == "policy" else None,
             )
+    _print(summary, reply, out, json=json)
+
+
+def _settings_said(config: RunConfig, identity: Mapping[str, Any]) -> dict[str, Any]:
+    """What the summary says of the settings, beside what the evaluator says."""
+    return {
+        "human_planner": section_to_mapping(config.human_planner),
+        "sensor": section_to_mapping(config.renderer.sensor),
+        "detail": config.renderer.detail,
+        "scenarios": identity["scenarios"],
+    }
+
+
+def _print(summary: Mapping[str, Any], reply: EvaluateReply, out: Path | None, *, json: bool) -> None:
     if json:
         sys.stdout.write(json_module.dumps(summary) + "\n")
         return
