@@ -13,7 +13,7 @@ from readygo.common.lighting.irradiance import turned
 from readygo.common.rasterizer.cpu import blend as cpu_blend
 from readygo.common.rasterizer.cpu.lod_cull import COARSENESS, Cut, cull_human_tree, cull_tree
 from readygo.common.rasterizer.cpu.outputs import Sums, instance_of_records, write_images
-from readygo.common.rasterizer.cpu.project import Gaussians, Lit, Skin, project_human, project_scene
+from readygo.common.rasterizer.cpu.project import Footing, Gaussians, Lit, Skin, project_human, project_scene
 from readygo.common.rasterizer.cpu.slabs import FAR_BITS, Slab, slabs_of
 from readygo.common.rasterizer.cpu.view import PinholeView, VisibleChunks, cull_human, cull_scene, make_view
 from readygo.common.rasterizer.cpu.workspace import (
@@ -28,11 +28,12 @@ from readygo.common.rasterizer.cpu.workspace import (
     make_workspace,
     with_room,
 )
-from readygo.common.rasterizer.interface import PosedHuman, View, checked_outputs
+from readygo.common.rasterizer.interface import PosedHuman, View, checked_outputs, lead_terms
 from readygo.common.rasterizer.lod.avatar import AvatarTree
 from readygo.common.rasterizer.lod.tree import ChunkTree
 from readygo.common.rasterizer.packed.avatar import PackedAvatar, pack_avatar, packed_shading
-from readygo.common.rasterizer.packed.scene import CHUNK, PackedScene, pack_sorted
+from readygo.common.rasterizer.packed.few import pack_few
+from readygo.common.rasterizer.packed.scene import CHUNK, PackedScene
 
 _RGB_ONLY = Sums()
 Shading = Callable[[], npt.NDArray[np.int16]]
@@ -47,6 +48,7 @@ def _frozen(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 
 _UNLIT = Lit(_frozen(np.empty(0, dtype=np.int16)), np.empty(0, dtype=np.float32))
+_LEVEL = Footing(np.empty(0, dtype=np.float32))
 
 
 class _Layer:
@@ -113,16 +115,21 @@ class _Human(_Layer):
         if human.light is not None:
             turned(human.light, R, self._light)
             self._lit = Lit(self._shading(), self._light.reshape(-1))
+        self._lead_m = human.lead_m
+        self._footing = Footing(lead_terms(human, R, view.p_WC)) if human.lead_m else _LEVEL
 
     def cull(self, view: PinholeView) -> VisibleChunks:
         boxes = (view, self._A_CS, *self._joint_boxes, self._boxes[2])
         count = (
             cull_human(*boxes, self._chunks) if self._cut is None else cull_human_tree(*boxes, self._cut, self._chunks)
         )
-        return self._first(count)
+        seen = self._first(count)
+        # A slab begins with whatever is sorted into it.
+        seen.depth_m[:] -= self._lead_m
+        return seen
 
     def project(self, view: PinholeView, chunks: VisibleChunks, slab: Slab, ws: Workspace) -> None:
-        project_human(view, self.gaussians, self.skin, self._lit, self._A_CS, chunks, slab, ws)
+        project_human(view, self.gaussians, self.skin, self._lit, self._footing, self._A_CS, chunks, slab, ws)
 
 
 class CpuRasterizer:
@@ -214,7 +221,7 @@ class CpuRasterizer:
         write_images(others, images, self._ws, sums, instances)
 
     def _with_shadows(self, view: View) -> list[_Layer]:
-        return self._layers if view.shadows is None else [*self._layers, _Layer(pack_sorted(view.shadows))]
+        return self._layers if view.shadows is None else [*self._layers, _Layer(pack_few(view.shadows))]
 
     @cached_property
     def _depths(self) -> Depths:

@@ -17,6 +17,7 @@ from readygo.common.messages import (
     RenderView,
     Split,
 )
+from readygo.common.maps import FloorMap, GridFrame
 from readygo.common.robot import RobotConfig, step_unicycle
 from readygo.services.renderer import Renderer, RendererConfig, episode_header, episode_samples, handle_render
 from readygo.services.renderer.capture import Capture, Pinhole, Shot, pinhole_of
@@ -66,7 +67,8 @@ class PosterWorld:
 
 def capture(camera: CameraConfig, bright, sub_frames: int = 8, views_at_once: int = 1) -> Capture:
     pinhole, sensor = pinhole_of(SensorConfig(), camera), SensorConfig()
-    drawing = Drawing(rasterizer=PosterWorld(pinhole, bright, views_at_once))
+    flat = FloorMap(frame=GridFrame(origin_x_m=0.0, origin_y_m=0.0, resolution_m=1.0), height_m=np.zeros((2, 2), "f4"))
+    drawing = Drawing(rasterizer=PosterWorld(pinhole, bright, views_at_once), skeletons={}, floor=flat)
     return Capture(drawing=drawing, pinhole=pinhole, sensor=sensor, camera=camera, sub_frames=sub_frames)
 
 

@@ -1,5 +1,6 @@
 import pytest
 
+from readygo.common.rasterizer.interface import GPU_BACKENDS
 from readygo.services.renderer import RendererConfig
 
 
@@ -22,7 +23,7 @@ def test_outputs_without_rgb_or_with_unknown_names_are_refused(outputs) -> None:
         {"detail": "low"},
         {"detail": "lod", "backend": "reference"},
         {"contact_shadow": True, "backend": "triton"},
-        {"human_light": True, "backend": "gsplat"},
+        {"feet_on_floor": True, "backend": "gsplat"},
         {"image_format": "gif"},
         {"jpeg_quality": 0},
         {"jpeg_quality": 101},
@@ -40,5 +41,11 @@ def test_settings_at_their_limits_are_taken() -> None:
         config = RendererConfig(jpeg_quality=quality, sub_frames=frames)
         assert (config.jpeg_quality, config.sub_frames) == (quality, frames)
     assert RendererConfig(contact_shadow=True, backend="reference").contact_shadow
-    assert not RendererConfig(human_light=False, backend="triton").human_light
     assert RendererConfig(detail="lod").detail == "lod"
+
+
+@pytest.mark.parametrize("name", ["contact_shadow", "feet_on_floor"])
+def test_what_not_every_backend_draws_is_on_where_it_can_be(name: str) -> None:
+    assert all(RendererConfig(backend=backend).draws(name) for backend in ("cpu", "reference"))
+    assert not any(RendererConfig(backend=backend).draws(name) for backend in GPU_BACKENDS)
+    assert not RendererConfig(**{name: False}).draws(name)
