@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.avatars import Avatar, pose_avatar
-from readygo.common.avatars.shading import outward_normals
 from readygo.common.frames import matrix_from_quat
 from readygo.common.gaussians import GaussianCloud, concatenate, sh_basis
 from readygo.common.gaussians.spherical_harmonics import SH_C0
@@ -25,8 +24,7 @@ from readygo.common.rasterizer.constants import (
     TRANSMITTANCE_MIN,
 )
 from readygo.common.rasterizer.interface import PinholeCamera, PosedHuman, View, checked_outputs, lead_terms
-from readygo.common.rasterizer.packed.avatar import dense_weights
-from readygo.common.rasterizer.packed.scene import covariances, flatness, shortest_axes
+from readygo.common.rasterizer.packed.avatar import avatar_normals
 
 Floats = npt.NDArray[np.float64]
 
@@ -130,12 +128,8 @@ def posed_and_lit(avatar: Avatar, human: PosedHuman) -> GaussianCloud:
     posed = pose_avatar(avatar, human.root_m, human.pose_axis_angle)
     if human.light is None:
         return posed
-    axes = shortest_axes(avatar.cloud)
-    flat = flatness(covariances(avatar.cloud), axes)
-    means, weights = avatar.cloud.means_m.astype(np.float64), dense_weights(avatar)
-    normals = outward_normals(means, axes, flat, weights, avatar.joints_canonical_m)
     R_canonical, R_posed = matrix_from_quat(avatar.cloud.quats_wxyz), matrix_from_quat(posed.quats_wxyz)
-    turned = np.einsum("nij,nkj,nk->ni", R_posed, R_canonical, normals)
+    turned = np.einsum("nij,nkj,nk->ni", R_posed, R_canonical, avatar_normals(avatar))
     gain = np.sqrt(np.clip(irradiance(human.light, turned), LIGHT_MIN, LIGHT_MAX))[:, None]
     # Colour is 0.5 and the harmonics: what the gain makes of the 0.5 goes to the first of them.
     sh = gain * posed.sh

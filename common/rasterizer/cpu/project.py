@@ -71,13 +71,6 @@ class Lit(NamedTuple):
     """Of `turned` into the camera's frame, flat; empty: the avatar's own colours."""
 
 
-class Footing(NamedTuple):
-    """Whose feet are drawn before the ground that they stand on."""
-
-    terms: Singles
-    """Of `lead_terms`; empty: nobody's."""
-
-
 @inlined
 def pixels_within(low: Any, high: Any, last: Any) -> Any:
     """First and last of the pixels 0, 1, .. `last` within [low, high] (I16 each), and where there is one (M16)."""
@@ -149,12 +142,11 @@ def _image_block(optics: Optics, geometry: Singles, g: int, x: Any, y: Any, z: A
 
 
 @inlined
-def _lead_block(footing: Footing, x: Any, y: Any, z: Any, ws: Workspace) -> None:
+def _lead_block(lead: Singles, x: Any, y: Any, z: Any, ws: Workspace) -> None:
     """Have a block's Gaussians sorted as if those near the ground were nearer; their depths stay as they are."""
-    terms = footing.terms
-    lead = fma(x, terms[0], fma(y, terms[1], fma(z, terms[2], terms[3])))
-    lead = minimum(maximum(lead, 0.0), terms[4])
-    store_i16(ws.scratch_bits, 48, bit_pattern(maximum(z - lead, NEAR_M)) - NEAR_BITS)
+    nearer = fma(x, lead[0], fma(y, lead[1], fma(z, lead[2], lead[3])))
+    nearer = minimum(maximum(nearer, 0.0), lead[4])
+    store_i16(ws.scratch_bits, 48, bit_pattern(maximum(z - nearer, NEAR_M)) - NEAR_BITS)
 
 
 @inlined
@@ -315,7 +307,7 @@ def project_human(
     cloud: Gaussians,
     skin: Skin,
     lit: Lit,
-    footing: Footing,
+    lead: Singles,
     A_CS: Singles,
     chunks: VisibleChunks,
     slab: Slab,
@@ -328,7 +320,7 @@ def project_human(
         cloud: Gaussians in canonical coordinates.
         skin: Joints and weights of its blocks.
         lit: The light on it.
-        footing: Where it stands.
+        lead: Of `lead_terms`, shape (5,).
         A_CS: Transforms of the joints from canonical to camera coordinates, shape (24, 3, 4).
         chunks: Chunks that may be seen.
         slab: Depths that are drawn now.
@@ -366,8 +358,8 @@ def project_human(
             seen = _image_block(optics, cloud.geometry, g, x, y, z, R, ws)
             if seen:
                 _colour_block(cloud, block, x, y, z, view.R_CW, ws)
-                if footing.terms.size > 0:
-                    _lead_block(footing, x, y, z, ws)
+                if lead[4] > 0.0:
+                    _lead_block(lead, x, y, z, ws)
                 if lit.terms.size > 0:
                     _light_block(lit, block, R, ws)
                 normal_block(cloud.normal, block, x, y, z, R, ws)

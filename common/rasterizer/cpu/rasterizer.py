@@ -13,7 +13,7 @@ from readygo.common.lighting.irradiance import turned
 from readygo.common.rasterizer.cpu import blend as cpu_blend
 from readygo.common.rasterizer.cpu.lod_cull import COARSENESS, Cut, cull_human_tree, cull_tree
 from readygo.common.rasterizer.cpu.outputs import Sums, instance_of_records, write_images
-from readygo.common.rasterizer.cpu.project import Footing, Gaussians, Lit, Skin, project_human, project_scene
+from readygo.common.rasterizer.cpu.project import Gaussians, Lit, Skin, project_human, project_scene
 from readygo.common.rasterizer.cpu.slabs import FAR_BITS, Slab, slabs_of
 from readygo.common.rasterizer.cpu.view import PinholeView, VisibleChunks, cull_human, cull_scene, make_view
 from readygo.common.rasterizer.cpu.workspace import (
@@ -48,7 +48,6 @@ def _frozen(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 
 _UNLIT = Lit(_frozen(np.empty(0, dtype=np.int16)), np.empty(0, dtype=np.float32))
-_LEVEL = Footing(np.empty(0, dtype=np.float32))
 
 
 class _Layer:
@@ -115,21 +114,17 @@ class _Human(_Layer):
         if human.light is not None:
             turned(human.light, R, self._light)
             self._lit = Lit(self._shading(), self._light.reshape(-1))
-        self._lead_m = human.lead_m
-        self._footing = Footing(lead_terms(human, R, view.p_WC)) if human.lead_m else _LEVEL
+        self._lead = lead_terms(human, R, view.p_WC)
 
     def cull(self, view: PinholeView) -> VisibleChunks:
-        boxes = (view, self._A_CS, *self._joint_boxes, self._boxes[2])
+        boxes = (view, self._lead, self._A_CS, *self._joint_boxes, self._boxes[2])
         count = (
             cull_human(*boxes, self._chunks) if self._cut is None else cull_human_tree(*boxes, self._cut, self._chunks)
         )
-        seen = self._first(count)
-        # A slab begins with whatever is sorted into it.
-        seen.depth_m[:] -= self._lead_m
-        return seen
+        return self._first(count)
 
     def project(self, view: PinholeView, chunks: VisibleChunks, slab: Slab, ws: Workspace) -> None:
-        project_human(view, self.gaussians, self.skin, self._lit, self._footing, self._A_CS, chunks, slab, ws)
+        project_human(view, self.gaussians, self.skin, self._lit, self._lead, self._A_CS, chunks, slab, ws)
 
 
 class CpuRasterizer:
