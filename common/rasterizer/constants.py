@@ -12,8 +12,8 @@
 - The colour of a human's Gaussian is multiplied by the square root of the light that falls along its normal
   (`avatars.shading`), between `LIGHT_MIN` and `LIGHT_MAX`: light is the square of a display value.
 - A human's Gaussians are sorted as if they were nearer by a lead that they have on the ground and that falls to nothing
-  `FEET_M` above it (`lead_terms`): a pixel's order is that of means, so that Gaussians of a floor, which reach far beyond
-  theirs at a grazing view, would hide feet that stand on them. Depths of images stay what they are.
+  `FEET_M` above it (`lead_terms`): the order is that of means, and Gaussians of a floor, which reach far beyond theirs
+  at a grazing view, would hide feet that stand on them. Depths of images stay what they are.
 
 Source: Kerbl et al., 3D Gaussian Splatting for Real-Time Radiance Field Rendering, 2023.
 """

@@ -110,7 +110,7 @@ class Rasterizer(Protocol):
 
 
 def lead_terms(human: PosedHuman, R_CW: npt.NDArray[np.float64], p_WC: npt.NDArray[np.float64]) -> Singles:
-    """By how much a human's Gaussians are sorted as nearer: max(0, min(a x + b y + c z + d, e)) of camera coordinates [m].
+    """By how much a human's Gaussians are sorted as nearer [m]: max(0, min(a x + b y + c z + d, e)) of camera axes.
 
     Args:
         human: The human.

@@ -20,7 +20,7 @@ FEET = ((7, 10), (8, 11))
 """SMPL joints of each foot: ankle and ball."""
 LEAD_SHARE, LEAD_MAX_M = 0.15, 1.0
 """Gaussians of a floor hide feet that stand on it from no further before them: a share of the distance, as the view is
-the more grazing. With a share of 0.15 humans keep their order among each other for cameras up to 1.6 m above the floor."""
+the more grazing. With a share of 0.15 humans keep their order among each other for cameras up to 1.6 m high."""
 _STEP_M = 0.05
 _HEEL_M, _TIP_M = 0.07, 0.09
 """How far a foot reaches behind its ankle, and before its ball."""

@@ -7,7 +7,14 @@ import numpy.typing as npt
 
 from readygo.common.kernels import inlined, kernel
 from readygo.common.rasterizer.constants import NEAR_M
-from readygo.common.rasterizer.cpu.view import PinholeView, VisibleChunks, add_human_chunk, add_if_visible, camera_box, posed_box
+from readygo.common.rasterizer.cpu.view import (
+    PinholeView,
+    VisibleChunks,
+    add_human_chunk,
+    add_if_visible,
+    camera_box,
+    posed_box,
+)
 
 Floats = npt.NDArray[np.float64]
 Singles = npt.NDArray[np.float32]

@@ -198,9 +198,7 @@ class GsplatKernels:
             sh = gain[:, None] * own.sh
             # Colour is 0.5 and the harmonics: what the gain makes of the 0.5 goes to the first of them.
             sh[:, 0] += 0.5 * (gain - 1.0) / SH_C0
-            humans.append(
-                _Gaussians(means=means[0], quats=quats[0], scales=own.scales, opacities=own.opacities, sh=sh)
-            )
+            humans.append(_Gaussians(means=means[0], quats=quats[0], scales=own.scales, opacities=own.opacities, sh=sh))
         return humans
 
 

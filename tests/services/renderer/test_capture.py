@@ -8,6 +8,7 @@ import pytest
 
 from readygo.common.camera import CameraConfig, SensorConfig
 from readygo.common.images.images import OUTPUTS, Images
+from readygo.common.maps import FloorMap, GridFrame
 from readygo.common.messages import (
     EpisodeKey,
     EpisodeMotions,
@@ -17,7 +18,6 @@ from readygo.common.messages import (
     RenderView,
     Split,
 )
-from readygo.common.maps import FloorMap, GridFrame
 from readygo.common.robot import RobotConfig, step_unicycle
 from readygo.services.renderer import Renderer, RendererConfig, episode_header, episode_samples, handle_render
 from readygo.services.renderer.capture import Capture, Pinhole, Shot, pinhole_of

@@ -239,7 +239,8 @@ class TritonPipeline:
         human_count = max(len(seen.humans) // len(seen.nears), 1)
         project[(self._programs,)](
             buffers.pairs, pair_total, buffers.pair_capacity, seen.humans, seen.transforms, seen.lights,
-            clouds.first_chunks, clouds.joints, clouds.weights, clouds.shading, seen.views, seen.offsets, clouds.geometry, clouds.colours,
+            clouds.first_chunks, clouds.joints, clouds.weights, clouds.shading, seen.views, seen.offsets,
+            clouds.geometry, clouds.colours,
             clouds.sh, clouds.sh_rows, clouds.normals, seen.edges, self._alive_sums(alive),
             buffers.records, buffers.record_normals, buffers.rects, buffers.depths, buffers.owners,
             slab, clouds.scene_chunks, max(clouds.human_chunks, 1), human_count, seen.instances, *self._lens,
