@@ -165,7 +165,7 @@ def add_human_chunk(
     view: PinholeView, low: Floats, high: Floats, reach: float, lead: Singles, i: int, n: int, out: VisibleChunks
 ) -> int:
     """As `add_if_visible`, of a chunk that is sorted as nearer by up to what `lead_terms` say within its box."""
-    end = add_if_visible(view, low, high, reach, i, n, out)
+    end: int = add_if_visible(view, low, high, reach, i, n, out)
     if end > n and lead[4] > 0.0:
         most = float(lead[3])
         for k in range(3):
