@@ -56,7 +56,7 @@ def generate(
     """Record episodes of an expert among walking people; run again to resume.
 
     Args:
-        scene: Scene bundle, or "embedded".
+        scene: Scene bundle, "embedded", or "embedded:SEED".
         out: Data folder; shards appear in it.
         episodes: Episodes to record; 100, or as many as the scenario file has entries.
         workers: Renderer processes, or driver processes with a policy, besides one process for each other role; 0 does
