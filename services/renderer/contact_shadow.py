@@ -38,7 +38,6 @@ _ROWS = ((-0.09, 0.05, 0.09), (-0.045, 0.032, 0.22), (0.0, 0.032, 0.22), (0.045,
 """Rows of Gaussians along a foot: place to its left [m], standard deviation [m], opacity on the ground."""
 _ALONG = 7
 _STEPS = round(PULL_M / PULL_BESIDE_M)
-_UPRIGHT = np.array([1, 0, 0, 0], dtype=np.float32)
 _DARK_SH = np.float32(-0.5 / SH_C0)
 """SH of black."""
 
@@ -59,12 +58,14 @@ def shadow_cloud(feet: Floats, floor: FloorMap, p_WC: Floats) -> GaussianCloud |
     count = _fill_shadows(feet, *grid, p_WC, means, scales, opacities)
     if count == 0:
         return None
+    upright, dark = np.zeros((count, 4), dtype=np.float32), np.full((count, 1, 3), _DARK_SH)
+    upright[:, 0] = 1.0
     return GaussianCloud(
         means_m=means[:count],
-        quats_wxyz=np.broadcast_to(_UPRIGHT, (count, 4)),
+        quats_wxyz=upright,
         scales_m=scales[:count],
         opacities=opacities[:count],
-        sh=np.broadcast_to(_DARK_SH, (count, 1, 3)),
+        sh=dark,
     )
 
 

@@ -9,10 +9,11 @@ from readygo.common.gaussians import GaussianCloud
 from readygo.common.gaussians.spherical_harmonics import SH_C0
 from readygo.common.kernels import compiled
 from readygo.common.rasterizer.constants import ALPHA_MIN
-from readygo.common.rasterizer.packed.scene import BLOCKS, CHUNK, GEOMETRY_ROWS, PackedScene, rounded_up
+from readygo.common.rasterizer.packed.scene import BLOCKS, CHUNK, GEOMETRY_ROWS, PackedScene
 
 Floats = npt.NDArray[np.float64]
 Singles = npt.NDArray[np.float32]
+_NO_SH, _STEP = np.empty((0, BLOCKS, 3, 1, 16), dtype=np.int16), np.ones(1, dtype=np.float32)
 _UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 
@@ -23,20 +24,19 @@ def pack_few(cloud: GaussianCloud) -> PackedScene:
         cloud: Gaussians of degree 0.
     """
     chunks = -(-len(cloud) // CHUNK)
-    centre, half, reach = np.empty((chunks, 3)), np.empty((chunks, 3)), np.empty(chunks)
-    geometry = np.zeros((chunks, BLOCKS, GEOMETRY_ROWS, 16), dtype=np.float32)
-    geometry[:, :, GEOMETRY_ROWS - 1] = -1.0
-    colour = np.zeros((chunks, BLOCKS, 3, 16), dtype=np.float32)
+    centre, half, reach = np.empty((chunks, 3)), np.empty((chunks, 3), np.float32), np.empty(chunks, np.float32)
+    geometry = np.empty((chunks, BLOCKS, GEOMETRY_ROWS, 16), np.float32)
+    colour = np.empty((chunks, BLOCKS, 3, 16), np.float32)
     arrays = (cloud.means_m, cloud.quats_wxyz, cloud.scales_m, cloud.opacities, cloud.sh)
     _pack(*arrays, centre, half, reach, geometry, colour)
     return PackedScene(
         centre_m=centre,
-        half_m=rounded_up(half),
-        reach_m=rounded_up(reach),
+        half_m=half,
+        reach_m=reach,
         geometry=geometry,
         colour=colour,
-        sh=np.empty((0, BLOCKS, 3, 1, 16), dtype=np.int16),
-        sh_step=np.ones(1, dtype=np.float32),
+        sh=_NO_SH,
+        sh_step=_STEP,
     )
 
 
@@ -48,19 +48,23 @@ def _pack(
     opacities: Singles,
     sh: Singles,
     centre: Floats,
-    half: Floats,
-    reach: Floats,
+    half: Singles,
+    reach: Singles,
     geometry: Singles,
     colour: Singles,
 ) -> None:
-    L = np.empty((3, 3))
+    geometry[:] = 0.0
+    geometry[:, :, GEOMETRY_ROWS - 1] = -1.0
+    colour[:] = 0.0
+    L, above = np.empty((3, 3)), np.float32(np.inf)
     for chunk in range(len(centre)):
         first, end = chunk * CHUNK, min((chunk + 1) * CHUNK, len(means))
         for axis in range(3):
             low, high = np.float64(means[first:end, axis].min()), np.float64(means[first:end, axis].max())
             middle = np.float64(np.float32(0.5 * (low + high)))
-            centre[chunk, axis], half[chunk, axis] = middle, max(high - middle, middle - low)
-        reach[chunk] = 0.0
+            centre[chunk, axis] = middle
+            half[chunk, axis] = np.nextafter(np.float32(max(high - middle, middle - low)), above)
+        farthest = 0.0
         for n in range(first, end):
             out, lane = geometry[chunk, (n - first) // 16], n % 16
             _fill_axes(quats[n], scales[n], L)
@@ -72,7 +76,8 @@ def _pack(
             for k, (i, j) in enumerate(_UPPER):
                 out[3 + k, lane] = L[i, 0] * L[j, 0] + L[i, 1] * L[j, 1] + L[i, 2] * L[j, 2]
             out[9, lane], out[10, lane] = log_opacity / math.log(2.0), reach2
-            reach[chunk] = max(reach[chunk], math.sqrt(reach2) * np.float64(scales[n].max()))
+            farthest = max(farthest, math.sqrt(reach2) * np.float64(scales[n].max()))
+        reach[chunk] = np.nextafter(np.float32(farthest), above)
 
 
 @compiled
