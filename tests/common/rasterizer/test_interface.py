@@ -119,7 +119,7 @@ def test_feet_with_a_lead_are_before_what_is_nearer_or_refused(make: Make, ada: 
         sh=np.ones((1, 1, 3), dtype=np.float32),
     )
     rasterizer, upright = make(pane, ada), replace(human(), pose_axis_angle=np.zeros((24, 3)))
-    before = replace(upright, lead_m=1.0, ground_m=0.1)
+    before = replace(upright, lead_m=1.0, ground_m=0.5)
     if rasterizer.views_at_once > 1:
         with pytest.raises(ReadygoError, match="as their depths say"):
             rasterizer.render([view(-4.0, (before,))])
