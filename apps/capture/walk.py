@@ -11,7 +11,6 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.apps.capture.ground import Ground, closed_way, marker_place, sight_m, wrapped_rad
-from readygo.common.maps.sight import BITS, BOTTOM_M
 from readygo.common.scenes import Scene
 
 Floats = npt.NDArray[np.float64]
@@ -154,7 +153,7 @@ def _gaze(
     """Where the camera looks: to a side that changes from lap to lap, a little around, and not at a wall close by."""
     lap_yaw = np.array(_LAP_YAWS_RAD)[np.floor(laps).astype(np.int64) % len(_LAP_YAWS_RAD)]
     wanted = heading_rad + _smooth(lap_yaw, 1.0) + sway.slow(time_s, _LOOK_AROUND_RAD, 8.0)
-    seen_m = sight_m(_opaque_at_eye(scene), scene.maps.human.frame, xy_m, _BEARINGS_RAD)
+    seen_m = sight_m(scene.maps.sight.opaque_between(1.1, HEIGHTS_M[1]), scene.maps.human.frame, xy_m, _BEARINGS_RAD)
     # What an image shows lies up to 30 deg beside its middle.
     open_m = np.minimum.reduce([np.roll(seen_m, shift, axis=1) for shift in (-2, -1, 0, 1, 2)]) * 0.5 + seen_m * 0.5
     off = wrapped_rad(_BEARINGS_RAD[None, :] - wanted[:, None])
@@ -162,15 +161,6 @@ def _gaze(
     chosen = wanted + off[np.arange(len(off)), np.argmin(cost, axis=1)]
     pitch = _PITCH_RAD + sway.slow(time_s, math.radians(8.0), 7.0)
     return _smooth(np.unwrap(chosen), 0.7), pitch
-
-
-def _opaque_at_eye(scene: Scene) -> npt.NDArray[np.bool_]:
-    """Cells that hide what is behind them from a camera at eye height."""
-    sight = scene.maps.sight
-    low, high = (math.floor((height - BOTTOM_M) / sight.layer_m) for height in (1.1, HEIGHTS_M[1]))
-    bits = np.uint32(sum(1 << bit for bit in range(max(low, 0), min(high, BITS - 1) + 1)))
-    opaque: npt.NDArray[np.bool_] = (sight.opaque & bits) != 0
-    return opaque
 
 
 def _towards_marker(

@@ -50,9 +50,9 @@ def find_markers(grey: npt.NDArray[np.uint8], dictionary: str) -> Iterator[tuple
     """Ids and corners, shape (4, 2) [px], of the markers in an image (H, W).
 
     AprilTag's refinement is the one without a bias: others see markers 0.2-4 % too small, and it alone has the centres
-    of pixels at +0.5 already. It is slow, so it sees the surroundings of what the plain detector finds. It sees light, as
-    pixels on an edge are means of light: in encoded values they are too bright, and a marker with sides of 30 to 60 px
-    comes out 1.3 to 0.7 % too small (0.3 to 0.06 % too large in light).
+    of pixels at +0.5 already. It is slow, so it sees the surroundings of what the plain detector finds, and it sees
+    light: pixels on an edge are means of light. In encoded values they are too bright, and drawn markers with sides of
+    30 to 60 px come out 1.3 to 0.7 % too small; in light, 0.3 to 0.06 % too large.
     """
     plain = _detector(dictionary, cv2.aruco.CORNER_REFINE_NONE)
     exact = _detector(dictionary, cv2.aruco.CORNER_REFINE_APRILTAG)

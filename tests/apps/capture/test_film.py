@@ -81,5 +81,5 @@ def test_names_that_cannot_be_written_are_refused_before_the_work(tmp_path: Path
 
 
 def test_marker_that_fits_no_sheet_is_refused() -> None:
-    with pytest.raises(ReadygoError, match="is 0.01 to"):
+    with pytest.raises(ReadygoError, match=r"is 0\.01 to"):
         filming(marker_size_m=2.0)
