@@ -23,7 +23,7 @@ from readygo.common.files import unfinished_folder
 from readygo.common.robot.kinematics import DT_S
 from readygo.common.scenes import Scene
 from readygo.services.reconstructor.frames.video import write_jpeg
-from readygo.services.reconstructor.marker_sheet import PAGES_M, Sheet, marker_sheet
+from readygo.services.reconstructor.marker_sheet import Sheet, marker_sheet
 from readygo.services.renderer.capture import Capture, Shot, pinhole_of
 from readygo.services.renderer.config import RendererConfig
 from readygo.services.renderer.drawing import Drawing, make_drawing
@@ -32,6 +32,7 @@ from readygo.services.renderer.sensor.motion import Moment
 from readygo.services.renderer.sensor.streams import SensorStream
 
 Rgb = npt.NDArray[np.uint8]
+_PAGES = ("A3", "A2")
 DRIFT_EV = 0.25
 """Automatic exposure wanders by so much [stops]."""
 
@@ -90,11 +91,11 @@ def plan_filming(scene: Scene, ground: Ground, config: CaptureConfig) -> Filming
 
 
 def _sheet(config: CaptureConfig) -> Sheet:
-    """The sheet of `readygo marker`, on A3 or the next page that holds it."""
-    for page in ("A3", "A2"):
+    """The sheet of `readygo marker`, on the first page that holds it."""
+    for page in _PAGES[:-1]:
         with suppress(ConfigError):
             return marker_sheet(config.marker_dictionary, config.marker_id, config.marker_size_m, page)
-    return marker_sheet(config.marker_dictionary, config.marker_id, config.marker_size_m, max(PAGES_M, key=PAGES_M.get))
+    return marker_sheet(config.marker_dictionary, config.marker_id, config.marker_size_m, _PAGES[-1])
 
 
 def pictures(filming: Filming) -> Iterator[Rgb]:

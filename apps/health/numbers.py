@@ -57,7 +57,7 @@ def sightlines(scene: Scene, reachable: npt.NDArray[np.bool_]) -> Sightlines:
     """
     sight = scene.maps.sight
     places = spread_places(reachable, sight.frame, SIGHT_PLACES)
-    bearings = np.arange(BEARINGS) * (math.tau / BEARINGS)
+    bearings = np.arange(BEARINGS, dtype=np.float64) * np.float64(math.tau / BEARINGS)
     far_m = math.hypot(*sight.opaque.shape) * sight.frame.resolution_m
     opaque = sight.opaque_between(*WALL_HEIGHTS_M)
     seen_m = sight_m(opaque, sight.frame, places, bearings, far_m=far_m)
