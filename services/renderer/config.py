@@ -24,7 +24,7 @@ class RendererConfig:
     """Record joints, box and footprint of every human with each sample."""
     detail: Literal["exact", "lod"] = "exact"
     """"lod" draws far things and people with fewer Gaussians, about twice as fast; backend cpu only."""
-    contact_shadow: bool = True
+    contact_shadow: bool = False
     """True puts soft shadows under people's feet; `triton` and `gsplat` draw none."""
     feet_on_floor: bool = True
     """True draws feet before the relief of the floor that they stand on, False in the order of their depths alone, as

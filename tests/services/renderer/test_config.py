@@ -44,6 +44,7 @@ def test_settings_at_their_limits_are_taken() -> None:
 
 @pytest.mark.parametrize("name", ["contact_shadow", "feet_on_floor"])
 def test_what_not_every_backend_draws_is_left_out_there(name: str) -> None:
-    assert all(RendererConfig(backend=backend).draws(name) for backend in ("cpu", "reference"))
-    assert not any(RendererConfig(backend=backend).draws(name) for backend in GPU_BACKENDS)
+    on = {name: True}
+    assert all(RendererConfig(backend=backend, **on).draws(name) for backend in ("cpu", "reference"))
+    assert not any(RendererConfig(backend=backend, **on).draws(name) for backend in GPU_BACKENDS)
     assert not RendererConfig(**{name: False}).draws(name)

@@ -62,7 +62,7 @@ def test_cache_belongs_to_the_content_of_scene_and_avatar(scene: Scene, avatars:
 def test_renderer_holds_no_gaussians_of_its_avatars(
     renderer: Renderer, avatars: dict[str, Avatar], human: HumanMotion
 ) -> None:
-    other = Renderer(renderer.scene, avatars, ROBOT, RendererConfig(contact_shadow=False))
+    other = Renderer(renderer.scene, avatars, ROBOT, RendererConfig(contact_shadow=True))
     assert [len(avatar.cloud) for avatar in other.skeletons.values()] == [0] * len(avatars)
     assert all(len(avatar.cloud) for avatar in avatars.values())
     T = ROBOT.camera.T_world_camera(0.0, 0.0, 0.0, 0.0)
