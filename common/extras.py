@@ -9,7 +9,7 @@ from typing import Literal
 ROOT = Path(__file__).resolve().parents[1]
 
 
-def install_command(extra: Literal["policy", "train", "gpu", "reconstruct"]) -> str:
+def install_command(extra: Literal["policy", "train", "gpu", "reconstruct", "export", "robot-logs", "monitor"]) -> str:
     """The command that adds an extra's packages to this environment; no package index knows readygo.
 
     Args:

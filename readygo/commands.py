@@ -33,6 +33,7 @@ COMMANDS = {
     "coverage": Command(
         "readygo.apps.commands.coverage:coverage", "show what a dataset covers, and what it does not, on one page"
     ),
+    "export": Command("readygo.apps.commands.export:export", "write a dataset in the format of another program"),
     "learn": Command(
         "readygo.apps.commands.learn:learn", "record and learn side by side, until a policy drives well in a scene"
     ),

@@ -217,6 +217,11 @@ class Dataset:
             ) from error
         return self._spread(known, np.nan)
 
+    @property
+    def image_sizes(self) -> npt.NDArray[np.uint32]:
+        """Size of each sample's encoded image [bytes], shape (S,); 0 where it has none."""
+        return np.asarray(self._rows["image_length"])
+
     @cached_property
     def goals_xy_m(self) -> npt.NDArray[np.float32]:
         """Goal in the robot's frame at each sample [m], shape (S, 2)."""

@@ -1,0 +1,1 @@
+"""Recorded data in the formats of other programs: who reads what, how it is written, and how it goes on after a stop."""
