@@ -66,7 +66,12 @@ def finish(source: Source, out: Path, facts: Sequence[Any]) -> None:
 
     write_json(out / "meta" / "stats.json", merged([part["statistics"] for part in facts]))
     # pandas reads the task as the row's name.
-    names = {"index_columns": ["task"], "columns": [], "column_indexes": [], "pandas_version": "2.0.0"}
+    types = {"task_index": ("int64", "int64"), "task": ("unicode", "object")}
+    described = [
+        {"name": name, "field_name": name, "pandas_type": kind, "numpy_type": dtype, "metadata": None}
+        for name, (kind, dtype) in types.items()
+    ]
+    names = {"index_columns": ["task"], "columns": described, "column_indexes": [], "pandas_version": "2.0.0"}
     tasks = pa.table({"task_index": pa.array([0], pa.int64()), "task": [TASK]})
     write_tables(out / "meta" / "tasks.parquet", [tasks.replace_schema_metadata({"pandas": json.dumps(names)})])
     write_json(out / "meta" / "info.json", _info(source, facts[0]["features"]))

@@ -10,6 +10,7 @@ import io
 import json
 import tarfile
 from collections.abc import Iterator, Mapping, Sequence
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -47,5 +48,5 @@ def _members(episode: ExportedEpisode) -> Iterator[tuple[str, bytes]]:
         for output, image in zip(outputs, images, strict=True):
             kind = suffix(image) if output == "rgb" else f"{output}.{suffix(image)}"
             yield f"{key}.{kind}", image
-        values = {name: column[row] for name, column in columns.items()}
+        values = {name: None if column[row] in (inf, -inf) else column[row] for name, column in columns.items()}
         yield f"{key}.json", json.dumps({"row": row, **episode.facts, **values}).encode()

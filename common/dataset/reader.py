@@ -374,6 +374,18 @@ class Dataset:
         of_shard = [_humans_of_shard(shard) for shard in self.shards]
         return tuple(poses for shard, row in self._order for poses in of_shard[shard][row])
 
+    def humans_of(self, number: int) -> tuple[npt.NDArray[np.float64], ...]:
+        """Every human at each sample of an episode, see `humans_xyzyaw`; only the episode's shard is read.
+
+        Args:
+            number: Row in `episodes`.
+
+        Raises:
+            DatasetError: If the shard is damaged.
+        """
+        shard, row = self._order[number]
+        return tuple(_humans_of_shard(self.shards[shard])[row])
+
     def calibration(self, index: int) -> Calibration:
         """The camera that made the images of a sample.
 
