@@ -37,5 +37,5 @@ def _write_episode(episode: ExportedEpisode, out: Path) -> dict[str, Any]:
     calibration = episode.dataset.calibration(int(episode.samples[0]))
     constant = {name: np.array(value) for name, value in episode.facts.items()}
     with unfinished(out / file, raises=DatasetError) as path:
-        np.savez_compressed(path, allow_pickle=False, K_px=calibration.K_px, **constant, **episode.columns, **pictures)
+        np.savez_compressed(path, K_px=calibration.K_px, **constant, **episode.columns, **pictures)
     return described(episode, file=file)

@@ -49,8 +49,12 @@ def train_beside(
         replies = [bus.request(topics.OFFER, request, timeout_s=OFFER_TIMEOUT_S) for bus in buses.values()]
         return replies[0]
 
+    def show(loss: LiveLoss) -> None:
+        for bus in buses.values():
+            bus.tell(topics.LOSS, lambda: loss)
+
     with training_threads(config):
-        trainer = LiveTrainer(robot, sensor, config, out, offer=offer, catch_up=reader.new_episodes)
+        trainer = LiveTrainer(robot, sensor, config, out, offer=offer, catch_up=reader.new_episodes, show=show)
         for run, bus in buses.items():
             bus.subscribe(topics.COMMITTED, partial(trainer.hear, run))
             bus.announce(TRAINER, TRAINER)
