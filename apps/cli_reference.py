@@ -45,7 +45,7 @@ def described(command: Command) -> Described:
 
 def reference(commands: Mapping[str, Command]) -> str:
     """The page of all commands, in Markdown."""
-    lines = ["# Commands", "", "Made of the code by `make docs`; `readygo COMMAND --help` says the same.", ""]
+    lines = ["# Commands", "", "Made of the code by `make golden`; `readygo COMMAND --help` says the same.", ""]
     for name, command in commands.items():
         about = described(command)
         lines += [f"## readygo {name}", "", about.words, ""]
@@ -62,15 +62,21 @@ def completion(commands: Mapping[str, Command], shell: Shell) -> str:
         commands: All commands.
         shell: Whose script.
     """
-    options = {name: [p.flag for p in described(command).parameters if p.flag.startswith("--")]
-               for name, command in commands.items()}
+    options = {
+        name: [p.flag for p in described(command).parameters if p.flag.startswith("--")]
+        for name, command in commands.items()
+    }
     if shell == "fish":
         return "".join(f"complete -c readygo {line}\n" for line in _fish(commands, options))
     cases = "\n".join(f'    "{name}") words="{" ".join(flags)} --help" ;;' for name, flags in options.items())
     script = _BASH.replace("CASES", cases).replace("COMMANDS", " ".join(_first_words(commands)))
     groups = {name.split()[0] for name in commands if " " in name}
-    seconds = {group: [name.split()[1] for name in commands if name.startswith(f"{group} ")] for group in sorted(groups)}
-    script = script.replace("GROUPS", "\n".join(f'    "{group}") words="{" ".join(names)}" ;;' for group, names in seconds.items()))
+    seconds = {
+        group: [name.split()[1] for name in commands if name.startswith(f"{group} ")] for group in sorted(groups)
+    }
+    script = script.replace(
+        "GROUPS", "\n".join(f'    "{group}") words="{" ".join(names)}" ;;' for group, names in seconds.items())
+    )
     return f"autoload -U +X bashcompinit && bashcompinit\n{script}" if shell == "zsh" else script
 
 
@@ -101,7 +107,9 @@ def _fish(commands: Mapping[str, Command], options: Mapping[str, list[str]]) -> 
     lines = [f"-n __fish_use_subcommand -f -a {word}" for word in _first_words(commands)]
     for name, flags in options.items():
         group, _, second = name.partition(" ")
-        seen = f"-n '__fish_seen_subcommand_from {group}{f'; and __fish_seen_subcommand_from {second}' if second else ''}'"
+        seen = (
+            f"-n '__fish_seen_subcommand_from {group}{f'; and __fish_seen_subcommand_from {second}' if second else ''}'"
+        )
         lines += [f"-n '__fish_seen_subcommand_from {group}' -f -a {second}"] if second else []
         lines += [f"{seen} -l {flag.removeprefix('--')}" for flag in flags]
     return lines
@@ -124,9 +132,15 @@ def _parameter(parameter: inspect.Parameter, hint: Any, arguments: Mapping[str, 
     positional = parameter.kind is inspect.Parameter.POSITIONAL_ONLY
     plain = parameter.name if positional else parameter.name.rsplit("_", 1)[-1]
     value = "" if hint is bool else value_name(hint, plain, positional) or plain.upper()
-    unsaid = parameter.default in (inspect.Parameter.empty, None, "", (), False)
+    unsaid = parameter.default in (inspect.Parameter.empty, None, "", ()) or hint is bool
     name = value if positional else f"--{parameter.name.replace('_', '-')}"
-    given = "" if unsaid else " ".join(map(str, parameter.default)) if isinstance(parameter.default, tuple) else str(parameter.default)
+    given = (
+        ""
+        if unsaid
+        else " ".join(map(str, parameter.default))
+        if isinstance(parameter.default, tuple)
+        else str(parameter.default)
+    )
     return Parameter(name, "" if positional else value, given, arguments.get(parameter.name, ""))
 
 

@@ -51,8 +51,16 @@ COMMANDS = {
     "coverage": Command(
         "readygo.apps.commands.coverage:coverage", "show what a dataset covers, and what it does not, on one page"
     ),
+    "import rosbag2": Command(
+        "readygo.apps.commands.import_log:import_log", "make a data folder of a robot's log, a rosbag2 folder"
+    ),
+    "import mcap": Command(
+        "readygo.apps.commands.import_log:import_log", "make a data folder of a robot's log, an MCAP file"
+    ),
     "play": Command("readygo.apps.commands.play:play", "write a recorded episode as a film"),
-    "card": Command("readygo.apps.commands.card:card", "write a README.md of a data folder: what it holds, in pictures"),
+    "card": Command(
+        "readygo.apps.commands.card:card", "write a README.md of a data folder: what it holds, in pictures"
+    ),
     "export": Command("readygo.apps.commands.export:export", "write a dataset in the format of another program"),
     "learn": Command(
         "readygo.apps.commands.learn:learn", "record and learn side by side, until a policy drives well in a scene"

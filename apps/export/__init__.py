@@ -1,1 +1,1 @@
-"""Recorded data in the formats of other programs: who reads what, how it is written, and how it goes on after a stop."""
+"""Recorded data in the formats of other programs: how they are written, and how an export goes on after a stop."""

@@ -138,8 +138,8 @@ def _written(job: ExportJob, source: Source, parts: Sequence[Part], workers: int
     with ProcessPoolExecutor(workers, get_context("spawn"), initializer=_open, initargs=(job,)) as pool:
         try:
             while True:
-                while len(waiting) < WAITING_MAX * workers and (part := next(left, None)) is not None:
-                    waiting[pool.submit(_write, part)] = part
+                while len(waiting) < WAITING_MAX * workers and (following := next(left, None)) is not None:
+                    waiting[pool.submit(_write, following)] = following
                 if not waiting:
                     return
                 for future in wait(waiting, return_when=FIRST_COMPLETED).done:

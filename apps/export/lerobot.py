@@ -103,8 +103,11 @@ def _about(episode: ExportedEpisode, columns: Mapping[str, Any], chunk: int, num
     """A row of meta/episodes."""
     statistics: Statistics = {IMAGE: of_images(list(episode.images()))}
     statistics |= {name: of_rows(column) for name, column in columns.items()}
-    places = {f"{what}/{name}_index": value for what in ("data", "meta/episodes") for name, value in
-              (("chunk", chunk), ("file", number))}
+    places = {
+        f"{what}/{name}_index": value
+        for what in ("data", "meta/episodes")
+        for name, value in (("chunk", chunk), ("file", number))
+    }
     return {
         "episode_index": episode.number,
         "tasks": [TASK],

@@ -1,7 +1,7 @@
 """NumPy: one compressed .npz per episode, images decoded; `episodes.jsonl` lists them.
 
-    episodes/000003-train-0-000003.npz    image (T, H, W, 3) uint8, action (T, 2), goal_xy_m (T, 2), ...
-    episodes.jsonl                        one line per episode: file, rows, outcome, driver, hash
+episodes/000003-train-0-000003.npz    image (T, H, W, 3) uint8, action (T, 2), goal_xy_m (T, 2), ...
+episodes.jsonl                        one line per episode: file, rows, outcome, driver, hash
 """
 
 from collections.abc import Mapping, Sequence
@@ -36,6 +36,7 @@ def _write_episode(episode: ExportedEpisode, out: Path) -> dict[str, Any]:
     }
     calibration = episode.dataset.calibration(int(episode.samples[0]))
     constant = {name: np.array(value) for name, value in episode.facts.items()}
+    arrays: dict[str, Any] = {"K_px": calibration.K_px, **constant, **episode.columns, **pictures}
     with unfinished(out / file, raises=DatasetError) as path:
-        np.savez_compressed(path, K_px=calibration.K_px, **constant, **episode.columns, **pictures)
+        np.savez_compressed(path, **arrays)
     return described(episode, file=file)

@@ -35,7 +35,13 @@ def write(source: Source, part: Part, out: Path) -> Mapping[str, Any]:
             file.write(record(data))
             size += len(data)
     image = next(source.episode(part.episodes[0]).images())
-    return {"split": part.split.value, "name": name, "episodes": len(part.episodes), "bytes": size, "image": suffix(image)}
+    return {
+        "split": part.split.value,
+        "name": name,
+        "episodes": len(part.episodes),
+        "bytes": size,
+        "image": suffix(image),
+    }
 
 
 def finish(source: Source, out: Path, facts: Sequence[Any]) -> None:

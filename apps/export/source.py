@@ -3,7 +3,9 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -57,7 +59,7 @@ class ExportedEpisode:
         return (self.dataset.output(int(sample), output) for sample in self.samples)
 
     @cached_property
-    def columns(self) -> dict[str, npt.NDArray[np.generic]]:
+    def columns(self) -> dict[str, npt.NDArray[Any]]:
         """The numbers of all rows by name, shape (T,) or (T, n); docs/export.md says what they are."""
         dataset, truth = self.dataset, self.dataset.truth[self.samples]
         actions = self._mean_actions()
@@ -159,7 +161,7 @@ class Source:
         parts: list[Part] = []
         for split in SPLITS:
             begins = self._begins(self.of_split(split), size_bytes)
-            for position, (begin, end) in enumerate(zip(begins, begins[1:], strict=False)):
+            for position, (begin, end) in enumerate(pairwise(begins)):
                 parts.append(Part(len(parts), split, position, range(begin, end)))
         return parts
 

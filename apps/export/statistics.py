@@ -45,7 +45,12 @@ def merged(parts: Sequence[Statistics]) -> Statistics:
 
 
 def _described(values: npt.NDArray[np.float64], shape: tuple[int, ...], count: int) -> dict[str, Any]:
-    found = {"min": values.min(axis=0), "max": values.max(axis=0), "mean": values.mean(axis=0), "std": values.std(axis=0)}
+    found = {
+        "min": values.min(axis=0),
+        "max": values.max(axis=0),
+        "mean": values.mean(axis=0),
+        "std": values.std(axis=0),
+    }
     quantiles = np.quantile(values, QUANTILES, axis=0)
     found |= {f"q{round(100 * share):02d}": row for share, row in zip(QUANTILES, quantiles, strict=True)}
     return {**{name: value.reshape(shape).tolist() for name, value in found.items()}, "count": [count]}

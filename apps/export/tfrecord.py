@@ -57,7 +57,8 @@ def _varint(value: int) -> bytes:
 
 
 def _masked(data: bytes) -> int:
-    crc32c = int(_crc32c(np.frombuffer(data, np.uint8), _table()))
+    # Compiled code computes in 64 bits.
+    crc32c = int(_crc32c(np.frombuffer(data, np.uint8), _table())) & 0xFFFFFFFF
     return ((crc32c >> 15 | crc32c << 17) + _MASK) & 0xFFFFFFFF
 
 
@@ -75,4 +76,3 @@ def _crc32c(data: npt.NDArray[np.uint8], table: npt.NDArray[np.uint32]) -> np.ui
     for byte in data:
         crc = table[(crc ^ byte) & np.uint32(0xFF)] ^ (crc >> np.uint32(8))
     return ~crc
-

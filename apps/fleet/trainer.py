@@ -13,6 +13,7 @@ from readygo.common.bus import Bus
 from readygo.common.dataset import committed_episodes
 from readygo.common.errors import RunError
 from readygo.common.messages import CommittedEpisode, EpisodeKey, RunSpec, RunSpecRequest, topics
+from readygo.common.messages.live import LiveLoss
 from readygo.services.trainer import TrainConfig
 
 TRAINER = "trainer"

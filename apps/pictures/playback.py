@@ -12,6 +12,7 @@ from readygo.common.dataset import Dataset
 from readygo.common.drawing.plan_view import map_window
 from readygo.common.errors import ReadygoError
 from readygo.common.maps import GridFrame, OccupancyMap
+from readygo.common.robot import RobotConfig
 from readygo.common.scenes import load_scene
 from readygo.common.scenes.top_view import TopView, top_view
 
@@ -30,8 +31,7 @@ def recorded_film(dataset: Dataset, number: int) -> EpisodeFilm:
     entry = dataset.episodes[number]
     rows = rows_of(entry)
     poses = dataset.poses[rows][:, [0, 1, 3]]
-    robot = dataset.robot
-    limits = {"robot_radius_m": robot.radius_m, "v_max_mps": robot.v_max_mps, "w_max_radps": robot.w_max_radps}
+    robot = dataset.robot or RobotConfig()
     return EpisodeFilm(
         title=entry.episode.episode_id,
         camera=(dataset.decode(sample) for sample in latest_pictured(dataset, rows)),
@@ -42,7 +42,9 @@ def recorded_film(dataset: Dataset, number: int) -> EpisodeFilm:
         human_visible=dataset.truth["human_visible"][rows],
         replanned=dataset.truth["replanned"][rows],
         outcome=entry.outcome.value.replace("_", " "),
-        **(limits if robot is not None else {}),
+        robot_radius_m=robot.radius_m,
+        v_max_mps=robot.v_max_mps,
+        w_max_radps=robot.w_max_radps,
     )
 
 

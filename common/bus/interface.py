@@ -46,7 +46,10 @@ class Bus(Protocol):
         ...
 
     def subscribe(self, stream: Stream[Message], handler: Callable[[Message], None]) -> None:
-        """Hear `stream`, in whose name "*" stands for any one part; of what the handler has not come to yet, the newest `INBOX_MAX` messages wait."""
+        """Hear `stream`, in whose name "*" stands for any one part.
+
+        Of what the handler has not come to yet, the newest `INBOX_MAX` messages wait.
+        """
         ...
 
     def announce(self, role: str, name: str) -> None:

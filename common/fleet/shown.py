@@ -11,7 +11,6 @@ from readygo.common.bus import Bus
 from readygo.common.messages import ClaimReply, EpisodeHeader, RobotTrajectory, Sample, Scenario, Stage, topics
 from readygo.common.messages.live import LivePlan, LivePreview, LiveState, LiveWork
 
-
 PLAN_STRIDE = 4
 """Samples from pose to pose of a plan that is shown."""
 
@@ -51,9 +50,7 @@ def state_of(header: EpisodeHeader, sample: Sample) -> LiveState:
     )
 
 
-def show_work(
-    bus: Bus, stage: Stage, claim: ClaimReply, *, begins: bool, rejected: str = "", failed: str = ""
-) -> None:
+def show_work(bus: Bus, stage: Stage, claim: ClaimReply, *, begins: bool, rejected: str = "", failed: str = "") -> None:
     """Show what this worker does, and what its process has taken so far."""
     episode = claim.episode
     assert episode is not None

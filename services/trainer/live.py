@@ -6,7 +6,7 @@ import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from readygo.common.camera import SensorConfig
 from readygo.common.errors import BusError, PeerError, PolicyError
 from readygo.common.files import write_whole
 from readygo.common.messages import CommittedEpisode, OfferReply, OfferRequest, PolicyFile
+from readygo.common.messages.live import LiveLoss
 from readygo.common.messages.plan import Driver, Outcome
 from readygo.common.policy.artifact import ENCODER_FILE, HEAD_FILE, SPEC_FILE
 from readygo.common.robot import RobotConfig

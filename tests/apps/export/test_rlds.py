@@ -20,7 +20,9 @@ def example_class() -> Any:
 
     def add(message: Any, name: str, number: int, kind: Any, type_name: str = "", repeated: bool = False) -> None:
         label = field.LABEL_REPEATED if repeated else field.LABEL_OPTIONAL
-        message.field.add(name=name, number=number, type=kind, label=label, type_name=type_name)
+        message.field.add(name=name, number=number, type=kind, label=label)
+        if type_name:
+            message.field[-1].type_name = type_name
 
     for name, kind in kinds.items():
         add(file.message_type.add(name=name), "value", 1, kind, repeated=True)
@@ -55,7 +57,9 @@ def out(source: Source, tmp_path: Path) -> Path:
 
 def test_records_are_examples_with_all_steps(out: Path, source: Source) -> None:
     files = sorted(path.name for path in out.glob("*.tfrecord*"))
-    assert files == [f"readygo-train.tfrecord-0000{n}-of-00002" for n in (0, 1)] + ["readygo-val.tfrecord-00000-of-00001"]
+    assert files == [f"readygo-train.tfrecord-0000{n}-of-00002" for n in (0, 1)] + [
+        "readygo-val.tfrecord-00000-of-00001"
+    ]
     (data,) = records(out / files[1])
     read = example_class().FromString(data).features.feature
     episode = source.episode(1)
@@ -77,12 +81,23 @@ def test_features_describe_what_the_records_hold(out: Path) -> None:
     described = set(names(json.loads((out / "features.json").read_text())))
     assert described == set(example_class().FromString(data).features.feature)
     info = json.loads((out / "dataset_info.json").read_text())
-    assert [(split["name"], split["shardLengths"]) for split in info["splits"]] == [("train", ["1", "1"]), ("val", ["1"])]
+    assert [(split["name"], split["shardLengths"]) for split in info["splits"]] == [
+        ("train", ["1", "1"]),
+        ("val", ["1"]),
+    ]
 
 
 def test_finishing_twice_changes_nothing(out: Path, source: Source) -> None:
     before = {path: path.read_bytes() for path in out.glob("readygo-*")}
-    facts = [{"split": part.split.value, "name": f"readygo-{part.split.value}.tfrecord-{part.number_in_split:05d}",
-              "episodes": 1, "bytes": 1, "image": "jpg"} for part in source.parts(1)]
+    facts = [
+        {
+            "split": part.split.value,
+            "name": f"readygo-{part.split.value}.tfrecord-{part.number_in_split:05d}",
+            "episodes": 1,
+            "bytes": 1,
+            "image": "jpg",
+        }
+        for part in source.parts(1)
+    ]
     rlds.finish(source, out, facts)
     assert {path: path.read_bytes() for path in out.glob("readygo-*")} == before

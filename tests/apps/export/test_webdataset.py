@@ -11,7 +11,10 @@ def test_rows_follow_each_other_with_their_members_together(source: Source, tmp_
     facts = [webdataset.write(source, part, tmp_path) for part in source.parts(10**9)]
     webdataset.finish(source, tmp_path, facts)
     index = json.loads((tmp_path / "index.json").read_text())
-    assert [(file["file"], file["rows"]) for file in index["files"]] == [("train-000000.tar", 31), ("val-000000.tar", 6)]
+    assert [(file["file"], file["rows"]) for file in index["files"]] == [
+        ("train-000000.tar", 31),
+        ("val-000000.tar", 6),
+    ]
     with tarfile.open(tmp_path / "train-000000.tar") as tar:
         names = tar.getnames()
         assert names[:2] == ["000000-train-7-000000-000000.jpg", "000000-train-7-000000-000000.json"]
