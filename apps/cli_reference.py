@@ -45,7 +45,7 @@ def described(command: Command) -> Described:
 
 def reference(commands: Mapping[str, Command]) -> str:
     """The page of all commands, in Markdown."""
-    lines = ["# Commands", "", "Made of the code by `make golden`; `readygo COMMAND --help` says the same.", ""]
+    lines = ["# Commands", "", "Made of the code by `make golden`; the `--help` of each command says the same.", ""]
     for name, command in commands.items():
         about = described(command)
         lines += [f"## readygo {name}", "", about.words, ""]

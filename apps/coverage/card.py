@@ -9,7 +9,8 @@ from readygo.apps.coverage.summary import summary_lines
 from readygo.common.dataset import Dataset
 
 CARD_FILE, FRAMES_FILE, VISITS_FILE = "README.md", "card/frames.jpg", "card/visits.png"
-_NOT_SHOWN = ("folder",)
+_NOT_SHOWN = ("folder", "licenses", "content hash", "made by")
+"""Lines of the summary that are told elsewhere on the card."""
 
 
 def card_text(name: str, dataset: Dataset, summary: Mapping[str, Any], measured: Coverage) -> str:
@@ -62,7 +63,7 @@ def _balance(dataset: Dataset, measured: Coverage) -> list[str]:
         "driver": Counter(entry.driver.value for entry in dataset.episodes),
         "split": Counter(entry.episode.split.value for entry in dataset.episodes),
         "encounter": Counter({kind: count for kind, (count, _) in measured.encounters.items()}),
-        "person": Counter(measured.avatars),
+        "avatar": Counter(measured.avatars),
     }
     rows = [
         (what, value, f"{count:,}", f"{100 * count / measured.episodes:.0f} %")
@@ -75,12 +76,15 @@ def _balance(dataset: Dataset, measured: Coverage) -> list[str]:
 def _licenses(summary: Mapping[str, Any]) -> list[str]:
     scene, avatars = summary["scene"], summary.get("avatars", {})
     rows = [("scene", scene["name"] or "unknown", scene["license"] or "not given")]
-    rows += [("person", name, avatar["license"] or "not given") for name, avatar in sorted(avatars.items())]
+    by_license: dict[str, list[str]] = {}
+    for name, avatar in sorted(avatars.items()):
+        by_license.setdefault(avatar["license"] or "not given", []).append(name)
+    rows += [("avatars", ", ".join(names), license) for license, names in by_license.items()]
     return _table(("", "", "license"), rows)
 
 
 def _origin(summary: Mapping[str, Any]) -> list[str]:
-    """Versions, hashes and the command that makes an equal run."""
+    """Versions, seed and hashes."""
     named = ("readygo_version", "commit", "numeric_class", "seed", "content_hash")
     rows = [(name.replace("_", " "), f"`{summary[name]}`") for name in named if summary.get(name) not in (None, "")]
     rows += [("scene", f"`{summary['scene']['hash']}`")] if summary["scene"].get("hash") else []

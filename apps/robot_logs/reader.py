@@ -63,7 +63,8 @@ class RobotLog:
         Raises:
             DatasetError: If there are fewer than two, or one is not finite.
         """
-        times, poses = [], []
+        times: list[int] = []
+        poses: list[tuple[float, float, float]] = []
         for time_ns, message in self._messages(topic, (ODOMETRY_TYPE,)):
             if not times or time_ns > times[-1]:
                 times.append(time_ns)

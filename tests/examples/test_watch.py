@@ -1,5 +1,6 @@
 """The programs that watch a run keep its pictures."""
 
+import os
 import subprocess
 import sys
 import time
@@ -20,7 +21,8 @@ def test_program_keeps_the_newest_picture(program: str, tmp_path: Path) -> None:
     router = Router(free_endpoint())
     bus = ZenohBus(router.endpoint, "a-run")
     bus.announce("renderer", "r0")
-    watcher = subprocess.Popen([sys.executable, EXAMPLES / program, router.endpoint, "a-run", tmp_path])
+    command = [sys.executable, EXAMPLES / program, router.endpoint, "a-run", tmp_path]
+    watcher = subprocess.Popen(command, env={**os.environ, "PYTHONPATH": str(EXAMPLES.parent)})
     try:
         kept = tmp_path / f"{header.episode.episode_id}.{header.image_format}"
         deadline_s = time.monotonic() + 60
