@@ -78,9 +78,9 @@ class LiveTrainer:
             PolicyError: If `out` belongs to a run with other settings.
         """
         self._config, self._offer, self._catch_up = config, offer, catch_up
-        self._show, self._shown = show, 0
         self._parts = Part(robot, config, 1 - HELD_OUT_SHARE), Part(robot, config, HELD_OUT_SHARE)
         self._run = TrainRun(self._parts, robot, sensor, config, out, data={"source": "live"})
+        self._show, self._shown = show, len(self._run.history)
         self._size_px = robot.camera.height_px, robot.camera.width_px
         self._heard: deque[tuple[str, CommittedEpisode]] = deque(maxlen=WAITING_MAX)
         self._seen: set[str] = set()
