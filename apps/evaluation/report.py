@@ -16,10 +16,10 @@ from readygo.common.drawing.plan_view import GOAL, HUMANS, INK, ROBOT, Rgb
 from readygo.common.episode.metrics import TaskSummary
 from readygo.common.maps import OccupancyMap
 from readygo.common.messages import Outcome, RobotTrajectory
-from readygo.services.evaluator import EpisodeRecord, Method, Task
+from readygo.services.evaluator import EpisodeRecord, Task
 
 REPORT_FILE, GALLERY_FILE = "report.html", "failures.html"
-TASK_NAMES = {Task.STATIC: "alone", Task.DYNAMIC: "among humans"}
+TASK_NAMES = {Task.STATIC: "alone", Task.DYNAMIC: "among humans", Task.REACTIVE: "among humans who make way"}
 _MAP_HEIGHT_PX = 760
 WORDS = {Outcome.SUCCESS: "reached the goal", **FAILURES}
 _END_COLOURS: Mapping[Outcome, Rgb] = {
@@ -51,9 +51,9 @@ class EvaluationContent:
     """What the pages show."""
 
     title: str
-    watched: Method
+    watched: str
     """Whose runs are shown."""
-    summaries: Mapping[tuple[Task, Method], TaskSummary]
+    summaries: Mapping[tuple[Task, str], TaskSummary]
     occupancy: OccupancyMap
     runs: Sequence[tuple[EpisodeRecord, RobotTrajectory]]
     """Those that are drawn on the map."""
@@ -66,7 +66,7 @@ class EvaluationContent:
 
 def report_html(content: EvaluationContent) -> str:
     """The page of the whole evaluation."""
-    scores = [(key, summary) for key, summary in content.summaries.items() if key[1] is content.watched]
+    scores = [(key, summary) for key, summary in content.summaries.items() if key[1] == content.watched]
     tiles = [(percent(summary.success_rate), f"success, {TASK_NAMES[task]}") for (task, _), summary in scores]
     counts = {summary.episode_count for summary in content.summaries.values()}
     return page(
@@ -115,12 +115,11 @@ def draw_runs(occupancy: OccupancyMap, runs: Sequence[tuple[EpisodeRecord, Robot
     return picture
 
 
-def _scores(summaries: Mapping[tuple[Task, Method], TaskSummary], watched: Method) -> str:
+def _scores(summaries: Mapping[tuple[Task, str], TaskSummary], watched: str) -> str:
     scores = [
-        Score(task=TASK_NAMES[task], driver=method.value, summary=summary)
-        for (task, method), summary in summaries.items()
+        Score(task=TASK_NAMES[task], driver=method, summary=summary) for (task, method), summary in summaries.items()
     ]
-    return scores_section(scores, watched=watched.value)
+    return scores_section(scores, watched=watched)
 
 
 def _ways(content: EvaluationContent) -> str:
@@ -129,7 +128,7 @@ def _ways(content: EvaluationContent) -> str:
     ends = Counter(record.result.outcome for record, _ in content.runs)
     picture = figure(
         png_source(draw_runs(content.occupancy, content.runs)),
-        f"{len(content.runs)} episodes of the {content.watched.value}, each with a dot where it ended.",
+        f"{len(content.runs)} episodes of the {content.watched}, each with a dot where it ended.",
         alt="Map with the ways of all episodes",
     )
     return picture + legend([(f"{WORDS[kind]}: {ends[kind]}", colour) for kind, colour in _END_COLOURS.items()])
@@ -178,5 +177,5 @@ def _kind(task: Task, outcome: Outcome) -> str:
     return FAILURES[outcome] if outcome is Outcome.HUMAN_COLLISION else f"{FAILURES[outcome]}, {TASK_NAMES[task]}"
 
 
-def _name(method: Method) -> str:
-    return f"The {method.value.replace('-', ' ')}"
+def _name(method: str) -> str:
+    return f"The {method.replace('-', ' ')}"

@@ -18,7 +18,7 @@ from readygo.apps.evaluation.report import (
 from readygo.common.files import write_whole
 from readygo.common.messages import RobotTrajectory
 from readygo.common.robot.kinematics import RATE_HZ
-from readygo.services.evaluator import EpisodeRecord, EvaluateReply, EvaluateRequest, Method, Task
+from readygo.services.evaluator import STRAIGHT_LINE, EpisodeRecord, EvaluateReply, EvaluateRequest, Task
 
 FILMS_FOLDER, FILM_ENDING = "films", ".webm"
 SHOWN_MAX = 24
@@ -101,7 +101,7 @@ def plan_command(scene: str, request: EvaluateRequest, options: Mapping[str, obj
     Returns:
         None if they would be driven otherwise.
     """
-    if request.control_hz != RATE_HZ or watched_method(request.methods) is Method.STRAIGHT_LINE:
+    if request.control_hz != RATE_HZ or watched_method(request.methods) == STRAIGHT_LINE:
         return None
     named = [word for name, value in options.items() if value is not None for word in (f"--{name}", str(value))]
 
@@ -124,12 +124,12 @@ def shown(failed: Sequence[EpisodeRecord]) -> list[EpisodeRecord]:
 
 def film_path(folder: Path, record: EpisodeRecord) -> Path:
     """Where an episode's film lies."""
-    name = f"{record.task.value}-{record.method.value}-{record.episode.index:06d}{FILM_ENDING}"
+    name = f"{record.task.value}-{record.method}-{record.episode.index:06d}{FILM_ENDING}"
     return folder / FILMS_FOLDER / name
 
 
 def _watched(request: EvaluateRequest, reply: EvaluateReply) -> list[EpisodeRecord]:
-    return [record for record in reply.records if record.method is watched_method(request.methods)]
+    return [record for record in reply.records if record.method == watched_method(request.methods)]
 
 
 def _failure(
