@@ -92,9 +92,7 @@ MEASURES = (
         better="low",
         value=_conduct("turn_acceleration_radps2"),
     ),
-    Measure(
-        name="contact_moving", title="Contacts: it moved", unit="%", better="low", value=_contact("robot_moved")
-    ),
+    Measure(name="contact_moving", title="Contacts: it moved", unit="%", better="low", value=_contact("robot_moved")),
     Measure(name="contact_in_view", title="Contacts: in view", unit="%", better="low", value=_contact("in_view")),
     Measure(name="contact_seen_s", title="Contacts: seen before", unit="s", better="low", value=_contact("seen_s")),
 )

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.avatars import Avatar
+from readygo.common.avatars.mesh_look import fixed_light, mesh_like
 from readygo.common.gaussians import GaussianCloud, load_gaussians
 from readygo.common.lighting.probes import LightProbes, load_or_make_probes, make_probes
 from readygo.common.messages import HumanMotion
@@ -22,6 +23,8 @@ from readygo.services.renderer.contact_shadow import shadow_cloud
 from readygo.services.renderer.sensor.motion import posed
 
 Pose = npt.NDArray[np.float64]
+Light = Callable[[float, float], npt.NDArray[np.float64]]
+"""Light at a place x, y [m], as in `irradiance_matrix`."""
 Shadows = Callable[[Sequence[PosedHuman], Pose], GaussianCloud | None]
 """Makes the shadows of humans for a camera centre [m], shape (3,)."""
 
@@ -33,7 +36,7 @@ class Drawing:
     rasterizer: Rasterizer
     shadows: Shadows | None = None
     """None leaves humans without shadows."""
-    probes: LightProbes | None = None
+    light: Light | None = None
     """The light that humans walk in; None draws them in their avatars' own colours."""
 
     def view(self, T_world_camera: Pose, humans: Sequence[HumanMotion], step: float) -> View:
@@ -43,9 +46,9 @@ class Drawing:
         return View(T_world_camera=T_world_camera, humans=there, shadows=shadows)
 
     def _lit(self, human: PosedHuman) -> PosedHuman:
-        if self.probes is None:
+        if self.light is None:
             return human
-        return dataclasses.replace(human, light=self.probes.at(float(human.root_m[0]), float(human.root_m[1])))
+        return dataclasses.replace(human, light=self.light(float(human.root_m[0]), float(human.root_m[1])))
 
 
 def make_drawing(scene: Scene, avatars: Mapping[str, Avatar], camera: PinholeCamera, config: RendererConfig) -> Drawing:
@@ -60,10 +63,11 @@ def make_drawing(scene: Scene, avatars: Mapping[str, Avatar], camera: PinholeCam
     Raises:
         ReadygoError: If the backend cannot run here.
     """
+    mesh = config.human_look == "mesh"
     rasterizer = make_rasterizer(
         config.backend,
         static_clouds(scene),
-        avatars,
+        {name: mesh_like(avatar) for name, avatar in avatars.items()} if mesh else avatars,
         camera,
         cache=pack_folder(scene),
         outputs=config.outputs,
@@ -73,8 +77,15 @@ def make_drawing(scene: Scene, avatars: Mapping[str, Avatar], camera: PinholeCam
     return Drawing(
         rasterizer=rasterizer,
         shadows=partial(_shadows, skeletons, scene) if config.contact_shadow else None,
-        probes=scene_probes(scene) if config.human_light else None,
+        light=_light(scene, config),
     )
+
+
+def _light(scene: Scene, config: RendererConfig) -> Light | None:
+    if config.human_look == "mesh":
+        fixed = fixed_light()
+        return lambda *_: fixed
+    return scene_probes(scene).at if config.human_light else None
 
 
 def scene_probes(scene: Scene) -> LightProbes:

@@ -1,8 +1,8 @@
 """The social force model on a robot: drawn along the shortest way, pushed away by humans and walls.
 
 It knows the map and where all humans are and how they move, and plans nothing: a reactive, privileged baseline.
-Source: Helbing & Molnar, Social force model for pedestrian dynamics, Phys. Rev. E 51 (1995), with the anisotropy and
-strengths of Helbing, Farkas & Vicsek, Nature 407 (2000) in terms of acceleration.
+Source: Helbing & Molnar, Social force model for pedestrian dynamics, Phys. Rev. E 51 (1995); pushes from where
+both will be nearest: Zanlungo, Ikeda & Kanda, Social force model with explicit collision prediction, EPL 93 (2011).
 """
 
 import math
@@ -21,8 +21,8 @@ RELAXATION_S = 0.5
 """Time in which the robot takes up the velocity that it wants [s]."""
 HUMAN_MPS2, HUMAN_M = 4.0, 0.5
 """Strength and reach of the push of a human."""
-AHEAD_S = 1.0
-"""A human pushes from where it will be nearest in this time [s]."""
+AHEAD_S, DECAY_S = 4.0, 1.5
+"""A human pushes from where it will be nearest in this time, the less the later that is [s]."""
 WALL_MPS2, WALL_M = 1.5, 0.15
 """Strength and reach of the push of a wall."""
 BEHIND = 0.3
@@ -93,13 +93,13 @@ def _human_push(
     time_s = min(max(closing / speed2, 0.0), AHEAD_S) if speed2 > 1e-9 else 0.0
     nearest = (offset_m[0] + time_s * relative[0], offset_m[1] + time_s * relative[1])
     distance = math.hypot(*nearest)
+    gap_m = distance - contact_m
     if distance < 1e-6:
         # Head on: to the right.
         nearest, distance = (wish[1], -wish[0]), max(math.hypot(*wish), 1e-6)
-    gap_m = math.hypot(*offset_m) - contact_m
     cosine = -(offset_m[0] * wish[0] + offset_m[1] * wish[1]) / max(math.hypot(*offset_m) * math.hypot(*wish), 1e-9)
     facing = BEHIND + (1 - BEHIND) * (1 + cosine) / 2
-    push = HUMAN_MPS2 * facing * math.exp(-max(gap_m, 0.0) / HUMAN_M)
+    push = HUMAN_MPS2 * facing * math.exp(-max(gap_m, 0.0) / HUMAN_M - time_s / DECAY_S)
     return push * nearest[0] / max(distance, 1e-6), push * nearest[1] / max(distance, 1e-6)
 
 
