@@ -22,7 +22,7 @@ BODY_PARTS = {
 
 LIGHT_FROM = (0.4, 0.3, 0.866)
 """Where the one lamp is, seen from everybody, in the world."""
-LAMP, AMBIENT = 0.9, 0.35
+LAMP, AMBIENT = 1.2, 0.6
 """Light on what faces the lamp, and on everything, next to which colours are as they are at 1."""
 
 
@@ -37,7 +37,7 @@ def fixed_light() -> npt.NDArray[np.float64]:
 
 
 def mesh_like(avatar: Avatar) -> Avatar:
-    """An avatar whose Gaussians have their part's median colour, the same from all sides.
+    """An avatar whose Gaussians have their part's mean colour, the same from all sides.
 
     A part is all Gaussians that one of its joints moves most. Shape, size and opacity stay.
     """
@@ -49,6 +49,6 @@ def mesh_like(avatar: Avatar) -> Avatar:
     for joints in BODY_PARTS.values():
         part = np.isin(leading, joints)
         if part.any():
-            flat[part] = np.median(rgb[part], axis=0)
+            flat[part] = rgb[part].mean(axis=0)
     sh = sh_of_rgb(flat)[:, None].astype(np.float32)
     return dataclasses.replace(avatar, cloud=dataclasses.replace(cloud, sh=sh))

@@ -75,7 +75,7 @@ class EpisodeSource:
         for key in _keys(seed, split):
             if accepted == count:
                 break
-            dynamic, reason = self._dynamic(key)
+            dynamic, reason = self.among_humans(key)
             if dynamic is None:
                 skipped, skipped_in_a_row = skipped + 1, skipped_in_a_row + 1
                 if skipped_in_a_row == self._config.rejected_max:
@@ -84,10 +84,11 @@ class EpisodeSource:
                     )
                 continue
             accepted, skipped_in_a_row = accepted + 1, 0
-            episodes += [_as_task(dynamic, task) for task in tasks]
+            episodes += [as_task(dynamic, task) for task in tasks]
         return episodes, skipped
 
-    def _dynamic(self, key: EpisodeKey) -> tuple[MatchedEpisode | None, str]:
+    def among_humans(self, key: EpisodeKey) -> tuple[MatchedEpisode | None, str]:
+        """The dynamic episode of a key; or None, and why it was rejected."""
         timeout_s = self._config.request_timeout_s
         plan = self._bus.request(topics.HUMAN_PLAN, HumanPlanRequest(episode=key), timeout_s=timeout_s)
         if plan.rejected or plan.scenario is None:
@@ -116,7 +117,7 @@ class EpisodeSource:
         )
 
 
-def _as_task(dynamic: MatchedEpisode, task: Task) -> MatchedEpisode:
+def as_task(dynamic: MatchedEpisode, task: Task) -> MatchedEpisode:
     """An episode among humans as another task."""
     if task is not Task.STATIC:
         return dataclasses.replace(dynamic, task=task)

@@ -97,6 +97,16 @@ class Evaluator:
         if self.policy is not None and self.camera == "policy":
             check_policy_camera(self.policy.spec, self.robot)
 
+    def source(self) -> EpisodeSource:
+        """Where its episodes come from."""
+        return EpisodeSource(
+            self.bus,
+            robot=self.robot,
+            robot_map=self.robot_map,
+            episode_config=self.episode_config,
+            config=self.config,
+        )
+
     def simulation(self, episode: MatchedEpisode) -> EpisodeSimulation:
         """An episode at its start."""
         if self.simulate is not None:
@@ -155,14 +165,7 @@ def handle_evaluate(
     """
     # What is wrong with a method is said before anybody drives.
     drivers = {method: evaluator.driver(method, request.hold_steps) for method in request.methods}
-    source = EpisodeSource(
-        evaluator.bus,
-        robot=evaluator.robot,
-        robot_map=evaluator.robot_map,
-        episode_config=evaluator.episode_config,
-        config=evaluator.config,
-    )
-    episodes, skipped = source.draw(seed=request.seed, split=request.split, count=request.episodes, tasks=request.tasks)
+    episodes, skipped = evaluator.source().draw(seed=request.seed, split=request.split, count=request.episodes, tasks=request.tasks)
     records: list[EpisodeRecord] = []
     for task in request.tasks:
         of_task = [episode for episode in episodes if episode.task is task]

@@ -37,9 +37,6 @@ class Record:
 
     fields: Mapping[str, Any] = {}
 
-    def __new__(cls, *_: Any, **__: Any) -> "Record":
-        return super().__new__(cls)
-
     def __init__(self, *_: Any, **__: Any) -> None: ...
 
     def __setstate__(self, state: Any) -> None:
@@ -78,8 +75,8 @@ def _read(path: Path) -> Any:
     strange = sorted(name for name in names if not name.startswith(HARMLESS))
     if strange:
         raise PolicyError(
-            f"{path} names {strange[0]}, which no such weights have use for; it is not loaded, because a pickle can run "
-            "programs."
+            f"{path} names {strange[0]}, which no such weights have use for; it is not loaded, because a pickle can "
+            "run programs."
         )
     records: list[Any] = [(type("Record", (Record,), {}), name) for name in names]
     try:

@@ -1,5 +1,6 @@
 """The three networks: images of the last second or so and an image of the goal to waypoints."""
 
+import itertools
 from typing import Protocol
 
 import torch
@@ -68,7 +69,7 @@ class Decoder(nn.Module):
         self.sa_layer = attention_layer(width, 4 * width)
         self.sa_decoder = attention(self.sa_layer)
         sizes = (tokens * width, 512, 256, 128, 64, 32)
-        self.output_layers = nn.ModuleList(nn.Linear(a, b) for a, b in zip(sizes, sizes[1:], strict=False))
+        self.output_layers = nn.ModuleList(nn.Linear(a, b) for a, b in itertools.pairwise(sizes))
 
     def forward(self, tokens: torch.Tensor) -> torch.Tensor:
         """(B, tokens, width) -> (B, 32)."""

@@ -3,6 +3,7 @@
 Source: Janner et al., Planning with diffusion, ICML 2022; Chi et al., Diffusion policy, RSS 2023.
 """
 
+import itertools
 import math
 
 import torch
@@ -118,7 +119,7 @@ class Ddpm:
     def __init__(self, steps: int = 10) -> None:
         level = [math.cos((k / steps + 0.008) / 1.008 * math.pi / 2) ** 2 for k in range(steps + 1)]
         self.betas = torch.tensor(
-            [min(1 - after / before, 0.999) for before, after in zip(level, level[1:], strict=False)]
+            [min(1 - after / before, 0.999) for before, after in itertools.pairwise(level)]
         )
         self.kept = torch.cumprod(1 - self.betas, dim=0)
 
