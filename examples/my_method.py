@@ -1,6 +1,6 @@
-"""A method of your own in an evaluation, beside the policy and the expert:
+"""A method of your own in an evaluation, beside the policy and the expert.
 
-readygo evaluate embedded --methods examples/my_method.py:KeepsAway straight-line social-force --episodes 20
+    readygo evaluate embedded --methods examples/my_method.py:KeepsAway straight-line social-force --episodes 20
 
 The class is made once, with the robot that is driven. `start` says what to remember of an episode, `act` is asked every
 0.05 s. It sees what a policy sees; whoever raises, returns no two numbers or takes too long fails that episode alone.
@@ -24,7 +24,7 @@ class KeepsAway:
         return []
 
     def act(self, memory: list[float], observation: Observation) -> tuple[float, float]:
-        """v [m/s] and w [rad/s]."""
+        """V [m/s] and w [rad/s]."""
         left, right = (float(half.mean()) for half in np.array_split(observation.rgb, 2, axis=1))
         to_goal = math.atan2(observation.goal_xy_m[1], observation.goal_xy_m[0])
         memory.append(to_goal + 0.3 * (left - right) / max(left + right, 1.0))

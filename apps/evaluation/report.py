@@ -8,6 +8,7 @@ from pathlib import Path
 
 from readygo.apps.evaluation.choice import FAILURES
 from readygo.apps.evaluation.replay import StripImage
+from readygo.apps.evaluation.tables import TASK_NAMES
 from readygo.apps.pages.page import figure, jpeg_source, legend, page, percent, png_source
 from readygo.apps.pages.scores import Score, scores_section
 from readygo.common.drawing import plan_view
@@ -19,7 +20,6 @@ from readygo.common.messages import Outcome, RobotTrajectory
 from readygo.services.evaluator import EpisodeRecord, Task
 
 REPORT_FILE, GALLERY_FILE = "report.html", "failures.html"
-TASK_NAMES = {Task.STATIC: "alone", Task.DYNAMIC: "among humans", Task.REACTIVE: "among humans who make way"}
 _MAP_HEIGHT_PX = 760
 WORDS = {Outcome.SUCCESS: "reached the goal", **FAILURES}
 _END_COLOURS: Mapping[Outcome, Rgb] = {
@@ -61,6 +61,8 @@ class EvaluationContent:
     """All failures of who is watched, shown or not."""
     failures: Sequence[Failure]
     films: Sequence[tuple[EpisodeRecord, Path]]
+    tables: Mapping[str, str] = field(default_factory=dict)
+    """HTML by heading, see `tables`."""
     facts: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -75,6 +77,7 @@ def report_html(content: EvaluationContent) -> str:
         tiles=[*tiles, (str(content.failure_count), "failures to look at")],
         sections=[
             ("Results", _scores(content.summaries, content.watched)),
+            *content.tables.items(),
             ("Where it went", _ways(content)),
             ("What it fails in", _failure_counts(content)),
             ("Films", _films(content.films)),
@@ -152,6 +155,7 @@ def _failure(failure: Failure) -> str:
     near = record.human_distance_min_m
     facts = [f"{failure.goal_distance_m:.1f} m from the goal"]
     facts += [f"humans came as near as {near:.2f} m"] if near < float("inf") else []
+    facts += _why(record)
     images = "".join(
         figure(jpeg_source(image.rgb), f"{image.time_s:.2f} s", alt=f"Robot's view after {image.time_s:.2f} s")
         for image in failure.strip
@@ -171,6 +175,15 @@ def _video(path: Path) -> str:
 def _headline(record: EpisodeRecord) -> str:
     what = WORDS[record.result.outcome]
     return f"Episode {record.episode.index} {TASK_NAMES[record.task]}: {what} after {record.result.duration_s:.2f} s"
+
+
+def _why(record: EpisodeRecord) -> list[str]:
+    """What is known of how it failed."""
+    said = [record.category.value] if record.category else []
+    contact = record.result.conduct.contact if record.result.conduct else None
+    if contact is not None:
+        said.append(f"seen for {contact.seen_s:.1f} s before, {'in view' if contact.in_view else 'out of view'} then")
+    return [*said, *([record.reason] if record.reason else [])]
 
 
 def _kind(task: Task, outcome: Outcome) -> str:

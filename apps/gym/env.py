@@ -1,7 +1,7 @@
 """One robot: `gymnasium.make("ReadyGo/PointNav-v0", scene="embedded", humans=2)`."""
 
 import itertools
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
@@ -11,6 +11,8 @@ from gymnasium import spaces
 from readygo.apps.gym.point_nav import PointNav, Ride
 from readygo.common.robot import RobotConfig
 
+FARTHEST_M = 1000.0
+"""Bound of the space of goals [m]."""
 Observation = dict[str, npt.NDArray[Any]]
 
 
@@ -21,7 +23,7 @@ def observation_space(robot: RobotConfig) -> spaces.Dict:
     return spaces.Dict(
         {
             "rgb": spaces.Box(0, 255, (height, width, 3), np.uint8),
-            "goal": spaces.Box(-np.inf, np.inf, (2,), np.float32),
+            "goal": spaces.Box(-FARTHEST_M, FARTHEST_M, (2,), np.float32),
             "velocity": spaces.Box(np.array([0.0, -fastest[1]], np.float32), fastest, dtype=np.float32),
         }
     )
@@ -40,7 +42,7 @@ class PointNavEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
     the `expert_command` for the next step.
     """
 
-    metadata = {"render_modes": ["rgb_array"], "render_fps": 20}
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 20}
 
     def __init__(self, render_mode: str | None = None, **arguments: Any) -> None:
         self.render_mode = render_mode

@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
@@ -23,7 +23,11 @@ class PointNavVectorEnv(VectorEnv[Observation, npt.NDArray[np.float32], npt.NDAr
     A robot whose episode has ended begins the next one in the step after that, which ignores its action.
     """
 
-    metadata = {"render_modes": ["rgb_array"], "render_fps": 20, "autoreset_mode": AutoresetMode.NEXT_STEP}
+    metadata: ClassVar[dict[str, Any]] = {
+        "render_modes": ["rgb_array"],
+        "render_fps": 20,
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+    }
 
     def __init__(self, num_envs: int = 1, render_mode: str | None = None, **arguments: Any) -> None:
         self.num_envs, self.render_mode = num_envs, render_mode
@@ -51,9 +55,7 @@ class PointNavVectorEnv(VectorEnv[Observation, npt.NDArray[np.float32], npt.NDAr
         self._rides = [self._begin(k) for k in range(self.num_envs)]
         return self._observe(), self._infos()
 
-    def step(
-        self, actions: npt.NDArray[np.float32]
-    ) -> tuple[Observation, Float64Array, Bools, Bools, dict[str, Any]]:
+    def step(self, actions: npt.NDArray[np.float32]) -> tuple[Observation, Float64Array, Bools, Bools, dict[str, Any]]:
         """Drive for 0.05 s."""
         if not self._rides:
             raise gymnasium.error.ResetNeeded("call reset() before step().")

@@ -165,7 +165,9 @@ def handle_evaluate(
     """
     # What is wrong with a method is said before anybody drives.
     drivers = {method: evaluator.driver(method, request.hold_steps) for method in request.methods}
-    episodes, skipped = evaluator.source().draw(seed=request.seed, split=request.split, count=request.episodes, tasks=request.tasks)
+    episodes, skipped = evaluator.source().draw(
+        seed=request.seed, split=request.split, count=request.episodes, tasks=request.tasks
+    )
     records: list[EpisodeRecord] = []
     for task in request.tasks:
         of_task = [episode for episode in episodes if episode.task is task]

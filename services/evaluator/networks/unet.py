@@ -118,9 +118,7 @@ class Ddpm:
 
     def __init__(self, steps: int = 10) -> None:
         level = [math.cos((k / steps + 0.008) / 1.008 * math.pi / 2) ** 2 for k in range(steps + 1)]
-        self.betas = torch.tensor(
-            [min(1 - after / before, 0.999) for before, after in itertools.pairwise(level)]
-        )
+        self.betas = torch.tensor([min(1 - after / before, 0.999) for before, after in itertools.pairwise(level)])
         self.kept = torch.cumprod(1 - self.betas, dim=0)
 
     def back(self, sample: torch.Tensor, noise: torch.Tensor, step: int, generator: torch.Generator) -> torch.Tensor:
