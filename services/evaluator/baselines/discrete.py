@@ -40,7 +40,7 @@ class Plan:
 
 
 class DiscretePlannerDriver:
-    """One action after the other; the robot stands between them."""
+    """One action after the other; the robot stands between them, unless it goes straight on."""
 
     looks = False
 
@@ -63,6 +63,10 @@ class DiscretePlannerDriver:
         action.turn_rad -= simulation.w_radps * DT_S if simulation.step else 0.0
         v = _braking(action.forward_m, robot.a_max_mps2, robot.v_max_mps)
         w = _braking(action.turn_rad, robot.alpha_max_radps2, robot.w_max_radps)
+        if action.forward_m > 0 and action.forward_m <= _brakes_in(simulation.v_mps, robot.a_max_mps2):
+            # Who goes on in the same direction need not stop.
+            action.forward_m += self._next_action(simulation, plan.field).forward_m
+            v = _braking(action.forward_m, robot.a_max_mps2, robot.v_max_mps)
         stands = abs(simulation.v_mps) < HALT_MPS and abs(simulation.w_radps) < HALT_RADPS
         if abs(v) < HALT_MPS and abs(w) < HALT_RADPS and stands:
             plan.action = self._next_action(simulation, plan.field)
@@ -83,3 +87,8 @@ def _braking(left: float, slowing: float, largest: float) -> float:
     """The fastest velocity from which what is left can still be braked in, in steps of `DT_S`."""
     speed = math.sqrt((0.5 * slowing * DT_S) ** 2 + 2 * slowing * abs(left)) - 0.5 * slowing * DT_S
     return math.copysign(min(speed, largest, abs(left) / DT_S), left)
+
+
+def _brakes_in(speed: float, slowing: float) -> float:
+    """Way until a robot stands, if it begins to brake in the next step [m]."""
+    return speed * speed / (2 * slowing) + 2 * speed * DT_S

@@ -21,7 +21,7 @@ RELAXATION_S = 0.5
 """Time in which the robot takes up the velocity that it wants [s]."""
 HUMAN_MPS2, HUMAN_M = 4.0, 0.5
 """Strength and reach of the push of a human."""
-AHEAD_S, DECAY_S = 4.0, 1.5
+AHEAD_S, DECAY_S = 4.0, 3.0
 """A human pushes from where it will be nearest in this time, the less the later that is [s]."""
 WALL_MPS2, WALL_M = 1.5, 0.15
 """Strength and reach of the push of a wall."""
