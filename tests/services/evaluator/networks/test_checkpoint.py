@@ -58,9 +58,7 @@ def test_state_dictionary_is_read(network, tmp_path):
 
 
 def test_missing_file_is_named_with_where_it_goes(network, tmp_path):
-    with pytest.raises(
-        PolicyError, match=r"gnm needs its weights: put gnm_large\.pth of github\.com/.* at .*gnm_large"
-    ):
+    with pytest.raises(PolicyError, match=r"gnm needs its weights: put gnm_large\.pth of github\.com/.* at "):
         checkpoint.load_network("gnm", tmp_path / "gnm_large.pth")
 
 
