@@ -83,8 +83,10 @@ class RetimedWalk:
         self._gone_m += distance_m
         if self._loop is not None and self._gone_m > self._way_m[self._loop[1]]:
             self._gone_m -= float(self._way_m[self._loop[1]] - self._way_m[self._loop[0]])
-        row = int(np.searchsorted(self._way_m, self._gone_m))
-        self._row = min(row, len(self._way_m) - 1)
+        row = min(int(np.searchsorted(self._way_m, self._gone_m)), len(self._way_m) - 1)
+        before = max(row - 1, 0)
+        nearer = self._gone_m - self._way_m[before] < self._way_m[row] - self._gone_m
+        self._row = before if nearer else row
 
     def _pose(self, standing: float) -> Float64Array:
         walked, stood = (self._motion.pose_axis_angle[row].astype(np.float64) for row in (self._row, -1))

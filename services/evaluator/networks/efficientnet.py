@@ -83,8 +83,8 @@ class MobileBlock(nn.Module):
         y = functional.silu(self._bn1(self._depthwise_conv(y)))
         squeezed = functional.silu(self._se_reduce(y.mean(dim=(2, 3), keepdim=True)))
         y = torch.sigmoid(self._se_expand(squeezed)) * y
-        y = self._bn2(self._project_conv(y))
-        return x + y if self._adds else y
+        projected: torch.Tensor = self._bn2(self._project_conv(y))
+        return x + projected if self._adds else projected
 
 
 class PaddedConv(nn.Conv2d):

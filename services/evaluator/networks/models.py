@@ -147,14 +147,14 @@ class Nomad(nn.Module):
 
 def _tokens(encoder: Vint | VisionEncoder, images: torch.Tensor, goal: torch.Tensor) -> torch.Tensor:
     """A token per image, and one of the goal seen beside the present image."""
-    seen = encoder.compress_obs_enc(encoder.obs_encoder(images.flatten(0, 1))).unflatten(0, images.shape[:2])
+    encoded = encoder.compress_obs_enc(encoder.obs_encoder(images.flatten(0, 1)))
     wanted = encoder.compress_goal_enc(encoder.goal_encoder(torch.cat([images[:, -1], goal], dim=1)))
-    return torch.cat([seen, wanted[:, None]], dim=1)
+    return torch.cat([encoded.reshape(*images.shape[:2], -1), wanted[:, None]], dim=1)
 
 
 def _summed(actions: torch.Tensor) -> torch.Tensor:
     """Steps to places, headings to unit length."""
-    actions = actions.unflatten(1, (WAYPOINTS, 4))
+    actions = actions.reshape(-1, WAYPOINTS, 4)
     return torch.cat([actions[..., :2].cumsum(dim=1), functional.normalize(actions[..., 2:], dim=-1)], dim=-1)
 
 

@@ -44,13 +44,15 @@ class ConditionalUnet(nn.Module):
         x = sample.transpose(1, 2)
         condition = torch.cat([self.diffusion_step_encoder(step), condition], dim=1)
         kept = []
-        for first, second, smaller in self.down_modules:
+        for down in self.down_modules:
+            first, second, smaller = _three(down)
             x = second(first(x, condition), condition)
             kept.append(x)
             x = smaller(x)
         for block in self.mid_modules:
             x = block(x, condition)
-        for first, second, larger in self.up_modules:
+        for up in self.up_modules:
+            first, second, larger = _three(up)
             x = torch.cat([x, kept.pop()], dim=1)
             x = larger(second(first(x, condition), condition))
         noise: torch.Tensor = self.final_conv(x)
@@ -131,6 +133,12 @@ class Ddpm:
             return mean
         spread = ((1 - before) / (1 - kept) * beta).sqrt()
         return mean + spread * torch.randn(sample.shape, generator=generator)
+
+
+def _three(modules: nn.Module) -> tuple[nn.Module, nn.Module, nn.Module]:
+    """Two blocks, and what changes the length after them."""
+    first, second, resampled = modules.children()
+    return first, second, resampled
 
 
 def _blocks(inside: int, outside: int, condition: int) -> tuple[ConditionalBlock, ConditionalBlock]:

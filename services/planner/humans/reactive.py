@@ -157,7 +157,7 @@ class ReactiveSimulation(EpisodeSimulation):
         if animated is not None:
             first, self._figures = animated
             for human, start in zip(self._moving.humans, first.humans, strict=True):
-                human.motion.root_m[0] = start.motion.root_m[0]
+                human.motion.root_m[0, 2] = start.motion.root_m[0, 2]
                 human.motion.pose_axis_angle[:] = start.motion.pose_axis_angle[0]
         super().__init__(scenario, self._moving, robot_map, robot, episode_config)
 

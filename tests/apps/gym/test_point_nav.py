@@ -11,7 +11,7 @@ from readygo.common.errors import ConfigError
 
 @pytest.fixture(scope="module")
 def task():
-    return PointNav(humans=1, image_px=(24, 32), expert=True, reward=Reward(per_second=0.0))
+    return PointNav(humans=0, image_px=(24, 32), expert=True, reward=Reward(per_second=0.0))
 
 
 def test_what_is_gained_on_the_way_is_earned_and_success_more(task):
