@@ -17,7 +17,7 @@ from readygo.common.drawing.plan_view import GOAL, HUMANS, INK, ROBOT, Rgb
 from readygo.common.episode.metrics import TaskSummary
 from readygo.common.maps import OccupancyMap
 from readygo.common.messages import Outcome, RobotTrajectory
-from readygo.services.evaluator import EpisodeRecord, Task
+from readygo.services.evaluator import EpisodeRecord, Task, short_name
 
 REPORT_FILE, GALLERY_FILE = "report.html", "failures.html"
 _MAP_HEIGHT_PX = 760
@@ -120,9 +120,10 @@ def draw_runs(occupancy: OccupancyMap, runs: Sequence[tuple[EpisodeRecord, Robot
 
 def _scores(summaries: Mapping[tuple[Task, str], TaskSummary], watched: str) -> str:
     scores = [
-        Score(task=TASK_NAMES[task], driver=method, summary=summary) for (task, method), summary in summaries.items()
+        Score(task=TASK_NAMES[task], driver=short_name(method), summary=summary)
+        for (task, method), summary in summaries.items()
     ]
-    return scores_section(scores, watched=watched)
+    return scores_section(scores, watched=short_name(watched))
 
 
 def _ways(content: EvaluationContent) -> str:

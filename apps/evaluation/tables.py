@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from html import escape
 
 from readygo.apps.pages.page import Column, table
-from readygo.services.evaluator import Category, Task
+from readygo.services.evaluator import Category, Task, short_name
 from readygo.services.evaluator.scores import MEASURES, Comparison, Group, Measure, Score
 
 TASK_NAMES = {Task.STATIC: "alone", Task.DYNAMIC: "among humans", Task.REACTIVE: "among humans who make way"}
@@ -54,7 +54,7 @@ def failures_html(counts: Mapping[Group, Counter[Category]]) -> str:
         return ""
     columns = (Column("Task"), Column("Method"), *(Column(kind.value.capitalize(), "n") for kind in kinds))
     rows = [
-        [escape(TASK_NAMES[task]), escape(method), *(str(of_group[kind] or "") for kind in kinds)]
+        [escape(TASK_NAMES[task]), escape(short_name(method)), *(str(of_group[kind] or "") for kind in kinds)]
         for (task, method), of_group in counts.items()
     ]
     return table(columns, rows)
@@ -63,7 +63,7 @@ def failures_html(counts: Mapping[Group, Counter[Category]]) -> str:
 def latex(scores: Mapping[Group, Mapping[str, Score]]) -> str:
     """A table for a paper, with the package booktabs: a row per task and method."""
     measures = [measure for measure in MEASURES if measure.name in LATEX_MEASURES]
-    heads = [measure.title + (f" [{measure.unit}]" if measure.unit else "") for measure in measures]
+    heads = [_title(measure) for measure in measures]
     lines = [
         rf"\begin{{tabular}}{{ll{'r' * len(measures)}}}",
         r"\toprule",
@@ -74,7 +74,7 @@ def latex(scores: Mapping[Group, Mapping[str, Score]]) -> str:
         for (of_task, method), by_name in scores.items():
             if of_task is task:
                 cells = [_latex_cell(measure, by_name.get(measure.name)) for measure in measures]
-                lines.append(" & ".join([task.value, method.translate(_LATEX_SPECIAL), *cells]) + r" \\")
+                lines.append(" & ".join([task.value, short_name(method).translate(_LATEX_SPECIAL), *cells]) + r" \\")
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}", ""])
 
 
@@ -86,9 +86,9 @@ def _of_task(task: Task, scores: Mapping[Group, Mapping[str, Score]]) -> str:
     """Measures as rows, methods as columns."""
     methods = [method for of_task, method in scores if of_task is task]
     measures = [measure for measure in MEASURES if any(measure.name in scores[task, method] for method in methods)]
-    columns = (Column("Measure"), *(Column(method, "n") for method in methods))
+    columns = (Column("Measure"), *(Column(short_name(method), "n") for method in methods))
     rows = [
-        [escape(measure.title), *(_cell(measure, scores[task, method].get(measure.name)) for method in methods)]
+        [escape(_title(measure)), *(_cell(measure, scores[task, method].get(measure.name)) for method in methods)]
         for measure in measures
     ]
     return table(columns, rows)
@@ -98,7 +98,7 @@ def _cell(measure: Measure, score: Score | None) -> str:
     if score is None:
         return ""
     low, high = (_number(measure, value) for value in (score.low, score.high))
-    return f"<b>{_number(measure, score.mean)}</b>{_unit(measure)} ({low} to {high})"
+    return f"<b>{_number(measure, score.mean)}</b> ({low} to {high})"
 
 
 def _latex_cell(measure: Measure, score: Score | None) -> str:
@@ -111,19 +111,25 @@ def _latex_cell(measure: Measure, score: Score | None) -> str:
 def _number(measure: Measure, value: float) -> str:
     if math.isnan(value):
         return "?"
-    return f"{100 * value:.0f}" if measure.unit == "%" else f"{value:.1f}" if measure.unit == "s" else f"{value:.2f}"
+    return (
+        f"{100 * value:.0f}"
+        if measure.unit.startswith("%")
+        else f"{value:.1f}"
+        if measure.unit == "s"
+        else f"{value:.2f}"
+    )
 
 
-def _unit(measure: Measure) -> str:
-    return f" {measure.unit}" if measure.unit else ""
+def _title(measure: Measure) -> str:
+    return f"{measure.title} [{measure.unit}]" if measure.unit else measure.title
 
 
 def _comparison_cells(comparison: Comparison) -> list[str]:
     success = comparison.differences["success"]
     return [
         escape(TASK_NAMES[comparison.task]),
-        escape(comparison.method),
-        escape(comparison.reference),
+        escape(short_name(comparison.method)),
+        escape(short_name(comparison.reference)),
         str(comparison.episodes),
         str(comparison.only_method),
         str(comparison.only_reference),

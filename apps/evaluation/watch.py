@@ -20,7 +20,7 @@ from readygo.apps.run.evaluation import references
 from readygo.common.files import write_whole
 from readygo.common.messages import RobotTrajectory
 from readygo.common.robot.kinematics import RATE_HZ
-from readygo.services.evaluator import EXPERT, POLICY, EpisodeRecord, EvaluateReply, EvaluateRequest, Task
+from readygo.services.evaluator import EXPERT, POLICY, EpisodeRecord, EvaluateReply, EvaluateRequest, Task, short_name
 from readygo.services.evaluator.scores import compare_all, failure_counts, scores_of
 
 LATEX_FILE = "table.tex"
@@ -145,7 +145,7 @@ def shown(failed: Sequence[EpisodeRecord]) -> list[EpisodeRecord]:
 
 def film_path(folder: Path, record: EpisodeRecord) -> Path:
     """Where an episode's film lies."""
-    name = f"{record.task.value}-{record.method}-{record.episode.index:06d}{FILM_ENDING}"
+    name = f"{record.task.value}-{short_name(record.method)}-{record.episode.index:06d}{FILM_ENDING}"
     return folder / FILMS_FOLDER / name
 
 

@@ -2,7 +2,7 @@
 
 from readygo.services.evaluator.categories import Category
 from readygo.services.evaluator.config import EvaluatorConfig
-from readygo.services.evaluator.drivers import EXPERT, POLICY, STRAIGHT_LINE, Driver, DriverFailure
+from readygo.services.evaluator.drivers import EXPERT, POLICY, STRAIGHT_LINE, Driver, DriverFailure, short_name
 from readygo.services.evaluator.episodes import MatchedEpisode, Task
 from readygo.services.evaluator.handlers import EvaluateReply, EvaluateRequest, Evaluator, MakeDriver, handle_evaluate
 from readygo.services.evaluator.records import (
@@ -36,6 +36,7 @@ __all__ = [
     "handle_evaluate",
     "is_of",
     "open_results",
+    "short_name",
     "summarize_records",
     "summary_mapping",
     "summary_table",

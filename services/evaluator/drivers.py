@@ -15,6 +15,12 @@ from readygo.services.evaluator.eyes import Eyes
 POLICY, EXPERT, STRAIGHT_LINE = "policy", "expert", "straight-line"
 """Names of methods: the policy at hand; the planner that recorded its data and knows the map; a blind one."""
 
+
+def short_name(method: str) -> str:
+    """What tables call a method: a user's own by its class."""
+    return method.rpartition(":")[2]
+
+
 State = TypeVar("State")
 """What a driver remembers of one episode."""
 

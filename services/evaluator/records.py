@@ -16,6 +16,7 @@ from readygo.common.episode.conduct import Sees, conduct_of
 from readygo.common.episode.metrics import EpisodeResult, TaskSummary, summarize
 from readygo.common.messages import EpisodeKey, Outcome, Split
 from readygo.services.evaluator.categories import Category, category_of
+from readygo.services.evaluator.drivers import short_name
 from readygo.services.evaluator.episodes import MatchedEpisode, Task
 from readygo.services.evaluator.rollout import Run
 
@@ -146,7 +147,7 @@ def summary_table(summaries: dict[tuple[Task, str], TaskSummary]) -> Table:
     for (task, method), summary in summaries.items():
         table.add_row(
             task.value,
-            method,
+            short_name(method),
             f"{100 * summary.success_rate:.1f}",
             f"{100 * summary.success_rate_low:.0f}-{100 * summary.success_rate_high:.0f}",
             f"{summary.art_s:.1f}",

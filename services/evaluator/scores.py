@@ -30,7 +30,8 @@ class Measure:
 
     name: str
     title: str
-    unit: Literal["%", "s", "", "m/s3", "rad/s2"]
+    unit: Literal["%", "% of time", "s", "", "m/s3", "rad/s2"]
+    """"%" is a share of episodes."""
     better: Literal["high", "low"]
     value: Value
 
@@ -82,7 +83,7 @@ MEASURES = (
     Measure(name="at_fault", title="Robot's fault", unit="%", better="low", value=_fault(True)),
     Measure(name="not_at_fault", title="Not its fault", unit="%", better="low", value=_fault(False)),
     Measure(name="timeout", title="Too late", unit="%", better="low", value=_ended(Outcome.TIMEOUT)),
-    Measure(name="intrusion", title="Personal space", unit="%", better="low", value=_intrusion),
+    Measure(name="intrusion", title="Personal space", unit="% of time", better="low", value=_intrusion),
     Measure(name="near_misses", title="Near misses", unit="", better="low", value=_conduct("near_misses")),
     Measure(name="jerk_mps3", title="Jerk", unit="m/s3", better="low", value=_conduct("jerk_mps3")),
     Measure(
@@ -202,7 +203,7 @@ def _score(measure: Measure, results: Sequence[EpisodeResult], time_limit_s: flo
     if not found:
         return None
     mean = math.fsum(found) / len(found)
-    if set(found) <= {0.0, 1.0} and measure.unit == "%":
+    if measure.unit == "%":
         low, high = wilson_interval(round(math.fsum(found)), len(found))
     else:
         low, high = bootstrap_interval(np.array(found)[:, None])

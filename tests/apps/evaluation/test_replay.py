@@ -11,7 +11,7 @@ from readygo.services.evaluator import POLICY, STRAIGHT_LINE, Task
 
 
 def of(evaluated, method):
-    records = [record for record in evaluated.reply.records if record.method is method]
+    records = [record for record in evaluated.reply.records if record.method == method]
     return evaluated.replays.load(records)
 
 

@@ -61,7 +61,7 @@ def images_along(data: Dataset, spec: PolicySpec) -> np.ndarray:
     key = data.episodes[0].episode
     plan = evaluator.bus.request(topics.HUMAN_PLAN, HumanPlanRequest(episode=key, static=True))
     assert plan.scenario is not None
-    return np.concatenate([eyes.look([at], [""]) for at in drive_again(evaluator, plan.scenario, data)])
+    return np.concatenate([eyes.look([at]) for at in drive_again(evaluator, plan.scenario, data)])
 
 
 def drive_again(evaluator, scenario: Scenario, data: Dataset):
