@@ -2,7 +2,7 @@
 
 import json as json_module
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any, Literal
@@ -184,8 +184,22 @@ def _print(summary: Mapping[str, Any], reply: EvaluateReply, out: Path | None, *
         return
     console = Console(highlight=False)
     console.print(summary_table(reply.summaries))
+    for line in _failed_drivers(reply.records):
+        console.print(line, markup=False, soft_wrap=True)
     if out is not None:
         console.print(f"Look at it: {out / REPORT_FILE}", markup=False, soft_wrap=True)
+
+
+def _failed_drivers(records: Sequence[EpisodeRecord]) -> list[str]:
+    """A line for each method whose driver failed, with the first reason."""
+    failed: dict[str, list[EpisodeRecord]] = {}
+    for record in records:
+        if record.reason:
+            failed.setdefault(record.method, []).append(record)
+    return [
+        f"{method} failed in {len(of_method)} episodes, in {of_method[0].episode.episode_id}: {of_method[0].reason}"
+        for method, of_method in failed.items()
+    ]
 
 
 def _without_policy(methods: tuple[str, ...]) -> tuple[str, ...]:
