@@ -188,7 +188,9 @@ def _why(record: EpisodeRecord) -> list[str]:
 
 
 def _kind(task: Task, outcome: Outcome) -> str:
-    return FAILURES[outcome] if outcome is Outcome.HUMAN_COLLISION else f"{FAILURES[outcome]}, {TASK_NAMES[task]}"
+    if outcome is Outcome.HUMAN_COLLISION and task is Task.DYNAMIC:
+        return FAILURES[outcome]
+    return f"{FAILURES[outcome]}, {TASK_NAMES[task]}"
 
 
 def _name(method: str) -> str:

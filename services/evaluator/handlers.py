@@ -213,7 +213,8 @@ def _sees(evaluator: Evaluator) -> Sees:
 
     def sees(pose: tuple[float, float, float], human_m: tuple[float, float]) -> bool:
         eye_x, eye_y = camera.place_m(*pose)
-        if not in_view((eye_x, eye_y, pose[2]), *human_m, view, VIEW_RANGE_M, evaluator.episode_config.human_radius_m):
+        # An arm at the border of the image is not enough: the middle of the body counts.
+        if not in_view((eye_x, eye_y, pose[2]), *human_m, view, VIEW_RANGE_M, 0.0):
             return False
         return find_sight().sees(eye_x, eye_y, view.height_m, human_m)
 

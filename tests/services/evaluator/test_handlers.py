@@ -1,9 +1,10 @@
 import dataclasses
 
+import numpy as np
 import pytest
 
 from readygo.common.errors import PolicyError, RunError
-from readygo.common.messages import Outcome, Split
+from readygo.common.messages import Outcome, Split, topics
 from readygo.common.robot import RobotConfig
 from readygo.services.evaluator import (
     EXPERT,
@@ -17,7 +18,7 @@ from readygo.services.evaluator import (
     handle_evaluate,
 )
 from readygo.services.evaluator.drivers import StraightLineDriver
-from tests.services.evaluator.conftest import ROBOT
+from tests.services.evaluator.conftest import ROBOT, FakeServices
 
 
 def pick(reply, task, method):
@@ -132,3 +133,20 @@ def test_control_rate_that_is_no_whole_number_of_steps_is_refused(control_hz):
 
 def test_control_rates_are_whole_steps():
     assert [EvaluateRequest(control_hz=rate).hold_steps for rate in (20, 10, 5, 4, 2.5, 1)] == [1, 2, 4, 5, 8, 20]
+
+
+def test_human_collision_is_judged_by_who_moved_and_what_the_camera_showed(make_evaluator, services):
+    def plan(request):
+        reply = FakeServices.plan(services, request)
+        standing = dataclasses.replace(reply.scenario.humans[0], xy_m=np.tile([[4.0, 1.0]], (5, 1)))
+        return dataclasses.replace(reply, scenario=dataclasses.replace(reply.scenario, humans=(standing,)))
+
+    evaluator = make_evaluator()
+    evaluator.bus.serve(topics.HUMAN_PLAN, plan)
+    request = EvaluateRequest(tasks=(Task.DYNAMIC,), methods=(STRAIGHT_LINE,), episodes=1)
+    (record,) = handle_evaluate(evaluator, request).records
+    contact = record.result.conduct.contact
+    assert record.result.outcome is Outcome.HUMAN_COLLISION
+    assert (contact.robot_moved, contact.in_view, contact.at_fault) == (True, True, True)
+    assert contact.seen_s == pytest.approx(record.result.duration_s, abs=0.06)
+    assert record.category is Category.SEEN_HUMAN
