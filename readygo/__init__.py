@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from readygo.common.policy import PolicyMemory as PolicyMemory
     from readygo.common.policy import PolicySpec as PolicySpec
     from readygo.common.policy import load_policy as load_policy
+    from readygo.common.policy.observation import Observation as Observation
     from readygo.common.rasterizer.backends import StaticCloud as StaticCloud
     from readygo.common.rasterizer.backends import make_rasterizer as make_rasterizer
     from readygo.common.rasterizer.interface import PosedHuman as PosedHuman
@@ -67,6 +68,7 @@ _NAMES = {
     "readygo.common.dataset": ("Calibration", "Dataset", "Defect", "EpisodeEntry", "Report", "validate"),
     "readygo.common.messages.episode": ("EpisodeKey", "Split"),
     "readygo.common.policy": ("Policy", "PolicyMemory", "PolicySpec", "load_policy"),
+    "readygo.common.policy.observation": ("Observation",),
     "readygo.common.robot": ("CameraConfig", "RobotConfig", "load_robot"),
     "readygo.common.scenes": ("Scene", "SceneMaps", "import_scene", "load_scene"),
     "readygo.common.scenes.embedded": ("ensure_embedded_scene",),

@@ -2,7 +2,7 @@
 
 import json as json_module
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any, Literal
@@ -26,6 +26,7 @@ from readygo.apps.run.evaluation import (
     make_request,
     summarize,
 )
+from readygo.apps.run.methods import CHECKPOINTS, named_methods, needs_renderer
 from readygo.apps.run.origin import avatars_of_policy
 from readygo.apps.run.policy import policy_sha256
 from readygo.apps.run.spec import episode_count
@@ -38,7 +39,6 @@ from readygo.services.evaluator import (
     EpisodeRecord,
     EvaluateReply,
     EvaluateRequest,
-    Method,
     Results,
     Task,
     handle_evaluate,
@@ -48,8 +48,7 @@ from readygo.services.evaluator import (
 from readygo.services.planner.humans.mixes import MixName
 from readygo.services.renderer.sensor.recipes import SensorName
 
-TaskName = Literal["static", "dynamic"]
-MethodName = Literal["policy", "expert", "straight-line"]
+TaskName = Literal["static", "dynamic", "reactive"]
 Show = Callable[[EpisodeRecord], None]
 
 
@@ -60,7 +59,7 @@ def evaluate(
     *,
     episodes: int | None = None,
     tasks: tuple[TaskName, ...] = ("static", "dynamic"),
-    methods: tuple[MethodName, ...] = ("policy", "expert", "straight-line"),
+    methods: tuple[str, ...] = ("policy", "expert", "straight-line"),
     split: Literal["train", "val", "test"] = "test",
     seed: int = 0,
     out: Path | None = None,
@@ -74,6 +73,7 @@ def evaluate(
     scenarios: Path | None = None,
     control_hz: float = 20.0,
     lockstep: int = 8,
+    checkpoints: Path = CHECKPOINTS,
     json: bool = False,
 ) -> None:
     """Drive a policy, the expert and a straight line through the same episodes, and count successes.
@@ -85,8 +85,10 @@ def evaluate(
         scene: Scene bundle, "embedded", or "embedded:SEED".
         policy: Folder of a trained policy; without one only the other methods drive.
         episodes: Episodes per task; 100, or as many as the scenario file has entries.
-        tasks: "static" leaves the humans out, "dynamic" lets them walk.
-        methods: Who drives.
+        tasks: "static" leaves the humans out, "dynamic" lets them walk, "reactive" lets the same ones make way for
+            whoever drives.
+        methods: Who drives: policy, expert, expert-paper, straight-line, social-force, gaussnav, vid2sim, gnm, vint,
+            nomad, or your own class as my_package:MyDriver or folder/file.py:MyDriver.
         split: Random streams to draw the episodes from.
         seed: Seed of the episodes.
         out: Folder for episodes.jsonl, trajectories.jsonl, summary.json, films, and pages with the failures.
@@ -105,6 +107,7 @@ def evaluate(
         scenarios: TOML file with starts, goals and people to play instead of drawing them, one entry after the other.
         control_hz: How often the policy decides [Hz]; its command is held in between, its memory sees every image.
         lockstep: Episodes that run side by side.
+        checkpoints: Folder with gnm_large.pth, vint.pth, nomad.pth and the policy vid2sim, where these drive.
         json: Print the summary as JSON.
     """
     check_wanted(video)
@@ -130,14 +133,21 @@ def evaluate(
     identity = evaluation_settings(world, request, policy=sha256, camera=camera)
     total = len(request.tasks) * len(request.methods) * request.episodes
     with open_results(out, identity) if out else nullcontext() as results, _kept(results, request, total):
-        renderer = world.renderer() if loaded else None
-        evaluator = make_evaluator(world, renderer=renderer, policy=loaded, evaluator_config=settings, camera=camera)
+        renderer = world.renderer() if needs_renderer(drivers) else None
+        evaluator = make_evaluator(
+            world,
+            renderer=renderer,
+            policy=loaded,
+            evaluator_config=settings,
+            camera=camera,
+            methods=named_methods(world, drivers, checkpoints),
+        )
         with _progress(Console(stderr=True), total, quiet=json) as show:
             reply = handle_evaluate(evaluator, request, report=show, results=results)
         summary = summarize(reply, request, evaluator) | _settings_said(run_config, identity)
         if results is not None:
             results.finish(summary)
-            replays = Replays(world, results, reply.episodes, renderer)
+            replays = Replays(world, results, reply.episodes, renderer, evaluator.simulation)
             write_films(replays, request, reply, video)
             options = {
                 "policy": policy,
@@ -152,7 +162,7 @@ def evaluate(
                 replays,
                 request,
                 reply,
-                title=f"{policy or watched_method(request.methods).value} in {world.scene.name}",
+                title=f"{policy or watched_method(request.methods)} in {world.scene.name}",
                 command_of=plan_command(scene, request, options) if camera == "policy" else None,
             )
     _print(summary, reply, out, json=json)
@@ -174,11 +184,25 @@ def _print(summary: Mapping[str, Any], reply: EvaluateReply, out: Path | None, *
         return
     console = Console(highlight=False)
     console.print(summary_table(reply.summaries))
+    for line in _failed_drivers(reply.records):
+        console.print(line, markup=False, soft_wrap=True)
     if out is not None:
         console.print(f"Look at it: {out / REPORT_FILE}", markup=False, soft_wrap=True)
 
 
-def _without_policy(methods: tuple[MethodName, ...]) -> tuple[MethodName, ...]:
+def _failed_drivers(records: Sequence[EpisodeRecord]) -> list[str]:
+    """A line for each method whose driver failed, with the first reason."""
+    failed: dict[str, list[EpisodeRecord]] = {}
+    for record in records:
+        if record.reason:
+            failed.setdefault(record.method, []).append(record)
+    return [
+        f"{method} failed in {len(of_method)} episodes, in {of_method[0].episode.episode_id}: {of_method[0].reason}"
+        for method, of_method in failed.items()
+    ]
+
+
+def _without_policy(methods: tuple[str, ...]) -> tuple[str, ...]:
     others = tuple(method for method in methods if method != "policy")
     if methods and not others:
         raise RunError("The method `policy` needs a policy: readygo evaluate SCENE POLICY.")
@@ -209,12 +233,12 @@ def _progress(console: Console, total: int, *, quiet: bool) -> Iterator[Show]:
     )
     with SteadyProgress(*columns, console=console, quiet=quiet) as progress:
         task = progress.add_task("episodes", total=total, rate="")
-        outcomes: dict[tuple[Task, Method], list[bool]] = {}
+        outcomes: dict[tuple[Task, str], list[bool]] = {}
 
         def show(record: EpisodeRecord) -> None:
             of_group = outcomes.setdefault((record.task, record.method), [])
             of_group.append(record.result.outcome.value == "success")
-            rate = f"{record.task.value} {record.method.value}: SR {100 * sum(of_group) / len(of_group):.0f} %, ETA"
+            rate = f"{record.task.value} {record.method}: SR {100 * sum(of_group) / len(of_group):.0f} %, ETA"
             progress.update(task, advance=1, rate=rate)
 
         yield show

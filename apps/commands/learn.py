@@ -95,7 +95,7 @@ def live_line(tested_total: int, *, quiet: bool = False) -> Iterator[tuple[Show,
         testing = progress.add_task("test", total=tested_total, said="", visible=False)
 
         def tested(record: EpisodeRecord) -> None:
-            progress.update(testing, advance=1, visible=True, said=f"{record.task.value}, {record.method.value}")
+            progress.update(testing, advance=1, visible=True, said=f"{record.task.value}, {record.method}")
 
         yield show, tested
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from readygo.common.errors import RunError
 from readygo.common.messages import Outcome
-from readygo.services.evaluator import EpisodeRecord, Method
+from readygo.services.evaluator import POLICY, EpisodeRecord
 
 FAILED, WORST = "failures", "worst"
 WORST_COUNT = 4
@@ -16,9 +16,9 @@ FAILURES = {
 """How episodes fail, in words, the worst first."""
 
 
-def watched_method(methods: Sequence[Method]) -> Method:
+def watched_method(methods: Sequence[str]) -> str:
     """Whose episodes are filmed and shown: the policy's where one drives, else those of the first method."""
-    return Method.POLICY if Method.POLICY in methods else methods[0]
+    return POLICY if POLICY in methods else methods[0]
 
 
 def check_wanted(wanted: Sequence[str]) -> None:

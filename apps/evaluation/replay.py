@@ -1,5 +1,6 @@
 """Episodes of an evaluation, driven once more by the commands that were kept: on the map, in images, as films."""
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,9 +16,9 @@ from readygo.common.drawing.files import Picture
 from readygo.common.drawing.film import write_film
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.errors import RunError
-from readygo.common.messages import EpisodeKey, Outcome, RobotTrajectory
+from readygo.common.messages import EpisodeKey, EpisodeMotions, Outcome, RobotTrajectory
 from readygo.common.robot.kinematics import DT_S, RATE_HZ
-from readygo.services.evaluator import EpisodeRecord, MatchedEpisode, Method, RecordKey, Results, Task
+from readygo.services.evaluator import EXPERT, EpisodeRecord, MatchedEpisode, RecordKey, Results, Simulate, Task
 from readygo.services.planner.explain.journal import run_beside_expert, run_with_journal
 from readygo.services.planner.explain.picture import draw_ways, episode_view
 from readygo.services.renderer import Renderer
@@ -41,7 +42,12 @@ class Replays:
     """Drives the episodes of an evaluation once more."""
 
     def __init__(
-        self, world: World, results: Results, episodes: Sequence[MatchedEpisode], renderer: Renderer | None
+        self,
+        world: World,
+        results: Results,
+        episodes: Sequence[MatchedEpisode],
+        renderer: Renderer | None,
+        simulate: Simulate,
     ) -> None:
         """Prepare the place.
 
@@ -50,12 +56,15 @@ class Replays:
             results: What was kept of it.
             episodes: Those that were driven.
             renderer: Of the world; made when it is needed if there is none yet.
+            simulate: Starts an episode, as in the evaluation.
         """
         self.world, self.folder, self._results = world, results.folder, results
         self._episodes: Mapping[tuple[Task, EpisodeKey], MatchedEpisode] = {
             (episode.task, episode.scenario.episode): episode for episode in episodes
         }
-        self._made_renderer = renderer
+        self._made_renderer, self._simulate = renderer, simulate
+        self._walked: dict[RecordKey, EpisodeMotions] = {}
+        """What humans did who decided as they went."""
         self._actions: dict[RecordKey, npt.NDArray[np.float64]] = {}
 
     def load(self, records: Sequence[EpisodeRecord]) -> list[EpisodeRecord]:
@@ -64,8 +73,10 @@ class Replays:
         return [record for record in records if record.key in self._actions]
 
     def episode(self, record: EpisodeRecord) -> MatchedEpisode:
-        """Start, goal and humans of an episode."""
-        return self._episodes[record.task, record.episode]
+        """Start, goal and humans of an episode; as they walked, once `trajectory` was asked for."""
+        episode = self._episodes[record.task, record.episode]
+        walked = self._walked.get(record.key)
+        return episode if walked is None else dataclasses.replace(episode, motions=walked)
 
     def trajectory(self, record: EpisodeRecord) -> RobotTrajectory:
         """What the robot did.
@@ -73,10 +84,12 @@ class Replays:
         Raises:
             RunError: If the episode goes another way now.
         """
-        episode = self.episode(record)
-        simulation = self.world.robot_planner.simulation(episode.scenario, episode.motions)
+        simulation = self._simulate(self._episodes[record.task, record.episode])
         while simulation.outcome is None:
             simulation.advance(*self._steer(record, simulation))
+        walked = simulation.motions_so_far()
+        if walked is not simulation.motions:
+            self._walked[record.key] = walked
         return self._checked(record, simulation.trajectory())
 
     def draw(self, record: EpisodeRecord, trajectory: RobotTrajectory) -> Picture:
@@ -105,13 +118,14 @@ class Replays:
             RunError: If the episode goes another way now.
             ReadygoError: If the film cannot be written.
         """
+        self.trajectory(record)
         episode, planner = self.episode(record), self.world.robot_planner
         scenario, motions = episode.scenario, episode.motions
-        if record.method is Method.EXPERT:
+        if record.method == EXPERT and record.key not in self._walked:
             run = run_with_journal(planner, scenario, motions)
         else:
             run = run_beside_expert(
-                planner, scenario, motions, lambda simulation: self._steer(record, simulation), record.method.value
+                planner, scenario, motions, lambda simulation: self._steer(record, simulation), record.method
             )
         trajectory = self._checked(record, run.trajectory)
         write_film(path, run_film(planner, run, robot_view(self._renderer, scenario, motions, trajectory)))

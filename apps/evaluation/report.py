@@ -8,6 +8,7 @@ from pathlib import Path
 
 from readygo.apps.evaluation.choice import FAILURES
 from readygo.apps.evaluation.replay import StripImage
+from readygo.apps.evaluation.tables import TASK_NAMES
 from readygo.apps.pages.page import figure, jpeg_source, legend, page, percent, png_source
 from readygo.apps.pages.scores import Score, scores_section
 from readygo.common.drawing import plan_view
@@ -16,10 +17,9 @@ from readygo.common.drawing.plan_view import GOAL, HUMANS, INK, ROBOT, Rgb
 from readygo.common.episode.metrics import TaskSummary
 from readygo.common.maps import OccupancyMap
 from readygo.common.messages import Outcome, RobotTrajectory
-from readygo.services.evaluator import EpisodeRecord, Method, Task
+from readygo.services.evaluator import EpisodeRecord, Task, short_name
 
 REPORT_FILE, GALLERY_FILE = "report.html", "failures.html"
-TASK_NAMES = {Task.STATIC: "alone", Task.DYNAMIC: "among humans"}
 _MAP_HEIGHT_PX = 760
 WORDS = {Outcome.SUCCESS: "reached the goal", **FAILURES}
 _END_COLOURS: Mapping[Outcome, Rgb] = {
@@ -51,9 +51,9 @@ class EvaluationContent:
     """What the pages show."""
 
     title: str
-    watched: Method
+    watched: str
     """Whose runs are shown."""
-    summaries: Mapping[tuple[Task, Method], TaskSummary]
+    summaries: Mapping[tuple[Task, str], TaskSummary]
     occupancy: OccupancyMap
     runs: Sequence[tuple[EpisodeRecord, RobotTrajectory]]
     """Those that are drawn on the map."""
@@ -61,12 +61,14 @@ class EvaluationContent:
     """All failures of who is watched, shown or not."""
     failures: Sequence[Failure]
     films: Sequence[tuple[EpisodeRecord, Path]]
+    tables: Mapping[str, str] = field(default_factory=dict)
+    """HTML by heading, see `tables`."""
     facts: Mapping[str, str] = field(default_factory=dict)
 
 
 def report_html(content: EvaluationContent) -> str:
     """The page of the whole evaluation."""
-    scores = [(key, summary) for key, summary in content.summaries.items() if key[1] is content.watched]
+    scores = [(key, summary) for key, summary in content.summaries.items() if key[1] == content.watched]
     tiles = [(percent(summary.success_rate), f"success, {TASK_NAMES[task]}") for (task, _), summary in scores]
     counts = {summary.episode_count for summary in content.summaries.values()}
     return page(
@@ -75,6 +77,7 @@ def report_html(content: EvaluationContent) -> str:
         tiles=[*tiles, (str(content.failure_count), "failures to look at")],
         sections=[
             ("Results", _scores(content.summaries, content.watched)),
+            *content.tables.items(),
             ("Where it went", _ways(content)),
             ("What it fails in", _failure_counts(content)),
             ("Films", _films(content.films)),
@@ -115,12 +118,12 @@ def draw_runs(occupancy: OccupancyMap, runs: Sequence[tuple[EpisodeRecord, Robot
     return picture
 
 
-def _scores(summaries: Mapping[tuple[Task, Method], TaskSummary], watched: Method) -> str:
+def _scores(summaries: Mapping[tuple[Task, str], TaskSummary], watched: str) -> str:
     scores = [
-        Score(task=TASK_NAMES[task], driver=method.value, summary=summary)
+        Score(task=TASK_NAMES[task], driver=short_name(method), summary=summary)
         for (task, method), summary in summaries.items()
     ]
-    return scores_section(scores, watched=watched.value)
+    return scores_section(scores, watched=short_name(watched))
 
 
 def _ways(content: EvaluationContent) -> str:
@@ -129,7 +132,7 @@ def _ways(content: EvaluationContent) -> str:
     ends = Counter(record.result.outcome for record, _ in content.runs)
     picture = figure(
         png_source(draw_runs(content.occupancy, content.runs)),
-        f"{len(content.runs)} episodes of the {content.watched.value}, each with a dot where it ended.",
+        f"{len(content.runs)} episodes of the {content.watched}, each with a dot where it ended.",
         alt="Map with the ways of all episodes",
     )
     return picture + legend([(f"{WORDS[kind]}: {ends[kind]}", colour) for kind, colour in _END_COLOURS.items()])
@@ -153,6 +156,7 @@ def _failure(failure: Failure) -> str:
     near = record.human_distance_min_m
     facts = [f"{failure.goal_distance_m:.1f} m from the goal"]
     facts += [f"humans came as near as {near:.2f} m"] if near < float("inf") else []
+    facts += _why(record)
     images = "".join(
         figure(jpeg_source(image.rgb), f"{image.time_s:.2f} s", alt=f"Robot's view after {image.time_s:.2f} s")
         for image in failure.strip
@@ -174,9 +178,20 @@ def _headline(record: EpisodeRecord) -> str:
     return f"Episode {record.episode.index} {TASK_NAMES[record.task]}: {what} after {record.result.duration_s:.2f} s"
 
 
+def _why(record: EpisodeRecord) -> list[str]:
+    """What is known of how it failed."""
+    said = [record.category.value] if record.category else []
+    contact = record.result.conduct.contact if record.result.conduct else None
+    if contact is not None:
+        said.append(f"seen for {contact.seen_s:.1f} s before, {'in view' if contact.in_view else 'out of view'} then")
+    return [*said, *([record.reason] if record.reason else [])]
+
+
 def _kind(task: Task, outcome: Outcome) -> str:
-    return FAILURES[outcome] if outcome is Outcome.HUMAN_COLLISION else f"{FAILURES[outcome]}, {TASK_NAMES[task]}"
+    if outcome is Outcome.HUMAN_COLLISION and task is Task.DYNAMIC:
+        return FAILURES[outcome]
+    return f"{FAILURES[outcome]}, {TASK_NAMES[task]}"
 
 
-def _name(method: Method) -> str:
-    return f"The {method.value.replace('-', ' ')}"
+def _name(method: str) -> str:
+    return f"The {method.replace('-', ' ')}"

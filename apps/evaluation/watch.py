@@ -15,11 +15,15 @@ from readygo.apps.evaluation.report import (
     gallery_html,
     report_html,
 )
+from readygo.apps.evaluation.tables import comparisons_html, failures_html, latex, measures_html
+from readygo.apps.run.evaluation import references
 from readygo.common.files import write_whole
 from readygo.common.messages import RobotTrajectory
 from readygo.common.robot.kinematics import RATE_HZ
-from readygo.services.evaluator import EpisodeRecord, EvaluateReply, EvaluateRequest, Method, Task
+from readygo.services.evaluator import EXPERT, POLICY, EpisodeRecord, EvaluateReply, EvaluateRequest, Task, short_name
+from readygo.services.evaluator.scores import compare_all, failure_counts, scores_of
 
+LATEX_FILE = "table.tex"
 FILMS_FOLDER, FILM_ENDING = "films", ".webm"
 SHOWN_MAX = 24
 """Failures on a page."""
@@ -79,6 +83,7 @@ def write_pages(
         runs=list(runs.values()),
         failure_count=len(failed),
         failures=[_failure(replays, record, run, command_of) for record, run in chosen],
+        tables=_tables(reply, request, replays.world.config.episode.time_limit_s),
         films=[(record, film_path(folder, record)) for record in records if film_path(folder, record).exists()],
         facts={
             "scene": f"{scene.name} {scene.content_hash[:12]}",
@@ -88,6 +93,22 @@ def write_pages(
     if failed:
         write_whole(folder / GALLERY_FILE, gallery_html(content))
     write_whole(folder / REPORT_FILE, report_html(content))
+    scores = scores_of(reply.records, time_limit_s=replays.world.config.episode.time_limit_s)
+    write_whole(folder / LATEX_FILE, latex(scores))
+
+
+def _tables(reply: EvaluateReply, request: EvaluateRequest, time_limit_s: float) -> dict[str, str]:
+    """Tables of the report by heading."""
+    compared = [
+        comparison
+        for reference in references(request.methods)
+        for comparison in compare_all(reply.records, reference, time_limit_s=time_limit_s)
+    ]
+    return {
+        "All measures": measures_html(scores_of(reply.records, time_limit_s=time_limit_s)),
+        "Beside each other": comparisons_html(compared),
+        "How they fail": failures_html(failure_counts(reply.records)),
+    }
 
 
 def plan_command(scene: str, request: EvaluateRequest, options: Mapping[str, object]) -> CommandOf | None:
@@ -101,7 +122,7 @@ def plan_command(scene: str, request: EvaluateRequest, options: Mapping[str, obj
     Returns:
         None if they would be driven otherwise.
     """
-    if request.control_hz != RATE_HZ or watched_method(request.methods) is Method.STRAIGHT_LINE:
+    if request.control_hz != RATE_HZ or watched_method(request.methods) not in (POLICY, EXPERT):
         return None
     named = [word for name, value in options.items() if value is not None for word in (f"--{name}", str(value))]
 
@@ -124,12 +145,12 @@ def shown(failed: Sequence[EpisodeRecord]) -> list[EpisodeRecord]:
 
 def film_path(folder: Path, record: EpisodeRecord) -> Path:
     """Where an episode's film lies."""
-    name = f"{record.task.value}-{record.method.value}-{record.episode.index:06d}{FILM_ENDING}"
+    name = f"{record.task.value}-{short_name(record.method)}-{record.episode.index:06d}{FILM_ENDING}"
     return folder / FILMS_FOLDER / name
 
 
 def _watched(request: EvaluateRequest, reply: EvaluateReply) -> list[EpisodeRecord]:
-    return [record for record in reply.records if record.method is watched_method(request.methods)]
+    return [record for record in reply.records if record.method == watched_method(request.methods)]
 
 
 def _failure(
@@ -144,5 +165,6 @@ def _failure(
         picture=replays.draw(record, trajectory),
         strip=replays.strip(record, trajectory),
         film=film if film.exists() else None,
-        command=command_of(record) if command_of else "",
+        # Nobody makes way there for whoever drives.
+        command=command_of(record) if command_of and record.task is not Task.REACTIVE else "",
     )

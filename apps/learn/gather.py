@@ -22,7 +22,7 @@ from readygo.common.dataset import Dataset, EpisodeEntry
 from readygo.common.messages import Driver, Outcome
 from readygo.common.robot.kinematics import DT_S
 from readygo.common.scenes.top_view import TopView, top_view
-from readygo.services.evaluator import EvaluateReply, Method
+from readygo.services.evaluator import EvaluateReply
 
 TASK_NAMES = {"static": "static", "dynamic": "among humans"}
 LATEST = 100
@@ -180,10 +180,9 @@ def _scores(replies: Mapping[str, EvaluateReply]) -> list[Score]:
     return [
         Score(
             task=TASK_NAMES[task.value] if len(replies) == 1 else f"{TASK_NAMES[task.value]}, {name}",
-            driver=method.value.replace("-", " "),
+            driver=method.replace("-", " "),
             summary=summary,
         )
         for name, reply in replies.items()
         for (task, method), summary in reply.summaries.items()
-        if method in Method
     ]

@@ -35,7 +35,7 @@ class Learned:
         """Plain values for scripts."""
         test = {
             name: {
-                f"{task.value} {method.value}": round(summary.success_rate, 4)
+                f"{task.value} {method}": round(summary.success_rate, 4)
                 for (task, method), summary in reply.summaries.items()
             }
             for name, reply in self.replies.items()

@@ -18,11 +18,11 @@ from readygo.apps.run.world import World
 from readygo.common.messages import Outcome, Split
 from readygo.common.policy import PolicySpec, load_policy
 from readygo.services.evaluator import (
+    POLICY,
     EpisodeRecord,
     EvaluateReply,
     EvaluateRequest,
     Evaluator,
-    Method,
     Task,
     handle_evaluate,
     is_of,
@@ -70,7 +70,7 @@ class Measuring:
         """
         policy = load_policy(folder)
         each = max(1, -(-episodes // len(self._plan.places)))
-        request = EvaluateRequest(methods=(Method.POLICY,), episodes=each, seed=self._plan.seed, split=Split.VAL)
+        request = EvaluateRequest(methods=(POLICY,), episodes=each, seed=self._plan.seed, split=Split.VAL)
         evaluators, begin_s = self._evaluators, time.monotonic()
         replies = [
             handle_evaluate(dataclasses.replace(evaluator, policy=policy), request, report=lambda _: check())

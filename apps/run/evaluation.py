@@ -1,12 +1,14 @@
 """From settings to an evaluator in this process, and from its reply to what is kept of it."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
 from readygo.apps.run.config import RunConfig, load_run_config
 from readygo.apps.run.identity import identity
+from readygo.apps.run.live_humans import live_simulations
+from readygo.apps.run.methods import named_methods
 from readygo.apps.run.origin import DataOrigin, avatars_of_policy, settings_of_policy, with_origin
 from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.run.spec import make_spec
@@ -14,6 +16,7 @@ from readygo.apps.run.world import World
 from readygo.common.bus import InProcessBus
 from readygo.common.camera import CameraConfig, SensorConfig
 from readygo.common.config import section_to_mapping
+from readygo.common.episode import EpisodeConfig
 from readygo.common.errors import RunError
 from readygo.common.messages import Split
 from readygo.common.policy import Policy, PolicySpec, check_policy_camera, check_policy_limits, load_policy
@@ -21,14 +24,22 @@ from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import RATE_HZ
 from readygo.services.animator.service import attach as attach_animator
 from readygo.services.evaluator import (
+    EXPERT,
     EvaluateReply,
     EvaluateRequest,
     Evaluator,
     EvaluatorConfig,
-    Method,
+    MakeDriver,
     Task,
     handle_evaluate,
     summary_mapping,
+)
+from readygo.services.evaluator.scores import (
+    compare_all,
+    comparison_mapping,
+    failure_counts,
+    score_mapping,
+    scores_of,
 )
 from readygo.services.planner.humans.mixes import MixName
 from readygo.services.planner.service import attach as attach_planner
@@ -97,7 +108,7 @@ def make_request(
     try:
         return EvaluateRequest(
             tasks=tuple(Task(task) for task in tasks),
-            methods=tuple(Method(method) for method in methods),
+            methods=methods,
             episodes=episodes,
             seed=seed,
             split=split,
@@ -139,6 +150,7 @@ def make_evaluator(
     policy: Policy | None = None,
     evaluator_config: EvaluatorConfig | None = None,
     camera: CameraName = "policy",
+    methods: Mapping[str, MakeDriver] | None = None,
 ) -> Evaluator:
     """An evaluator with planner and animator, all in this process.
 
@@ -148,13 +160,15 @@ def make_evaluator(
         policy: Who drives beside the others; another one may be given to the evaluator later.
         evaluator_config: Settings.
         camera: See `Evaluator.camera`.
+        methods: Who may drive, from `named_methods`; all that have a name by default.
 
     Raises:
         PolicyError: If the policy has another camera.
     """
     bus, config = InProcessBus(), world.config
     settings = evaluator_config or EvaluatorConfig()
-    attach_planner(bus, world.human_planner(), world.robot_planner)
+    humans = world.human_planner(react=False)
+    attach_planner(bus, humans, world.robot_planner)
     attach_animator(bus, world.animator())
     if renderer is not None:
         attach_renderer(bus, renderer, settings.renderer)
@@ -167,6 +181,9 @@ def make_evaluator(
         config=settings,
         policy=policy,
         camera=camera,
+        drivers=named_methods(world) if methods is None else methods,
+        simulate=live_simulations(world, humans),
+        find_sight=lambda: world.scene.maps.sight,
     )
 
 
@@ -194,6 +211,7 @@ def summarize(reply: EvaluateReply, request: EvaluateRequest, evaluator: Evaluat
     policy = evaluator.policy
     return {
         "scores": summary_mapping(reply.summaries),
+        **tables(reply, request, evaluator.episode_config),
         "episodes": request.episodes,
         "seed": request.seed,
         "split": request.split.value,
@@ -203,6 +221,28 @@ def summarize(reply: EvaluateReply, request: EvaluateRequest, evaluator: Evaluat
         "episode": section_to_mapping(evaluator.episode_config),
         "policy_training": dict(policy.spec.training) if policy is not None else None,
     }
+
+
+def tables(reply: EvaluateReply, request: EvaluateRequest, config: EpisodeConfig) -> dict[str, Any]:
+    """All measures with their intervals, methods beside each other, and how each fails, as plain values."""
+    records, limit_s = reply.records, config.time_limit_s
+    failures: dict[str, dict[str, dict[str, int]]] = {}
+    for (task, method), counts in failure_counts(records).items():
+        failures.setdefault(task.value, {})[method] = {kind.name.lower(): count for kind, count in counts.items()}
+    return {
+        "measures": score_mapping(scores_of(records, time_limit_s=limit_s)),
+        "comparisons": [
+            comparison_mapping(comparison)
+            for reference in references(request.methods)
+            for comparison in compare_all(records, reference, time_limit_s=limit_s)
+        ],
+        "failures": failures,
+    }
+
+
+def references(methods: Sequence[str]) -> list[str]:
+    """Whom the others are compared with: the first method, and the expert where it drives."""
+    return list(dict.fromkeys([methods[0], *([EXPERT] if EXPERT in methods else [])])) if methods else []
 
 
 def closed_loop(scene: str, *, episodes: int, seed: int, origin: DataOrigin | None = None) -> Callable[[Path], float]:

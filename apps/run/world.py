@@ -1,5 +1,6 @@
 """Builds the services' objects from a run's spec."""
 
+import dataclasses
 import os
 import shutil
 from collections.abc import Iterable
@@ -81,18 +82,23 @@ class World:
         """Let go of the avatars, 14 MB each, once those who need them have them; they are loaded again if asked for."""
         self.__dict__.pop("avatars", None)
 
-    def human_planner(self) -> HumanPlanner:
-        """The human planner; an expert drives in it only if the humans react to one."""
+    def human_planner(self, *, react: bool = True) -> HumanPlanner:
+        """The human planner; an expert drives in it only if the humans react to one.
+
+        Args:
+            react: False draws where they mean to walk, for those who let them react to somebody else.
+        """
         config = self.config
+        humans = config.human_planner if react else dataclasses.replace(config.human_planner, reactive=False)
         return HumanPlanner(
             self.scene.maps,
             sorted(self.spec.avatar_hashes),
             config.robot,
             config.episode,
-            config.human_planner,
+            humans,
             cell_margin_m=config.expert.cell_margin_m,
             scenarios=self._scenarios(),
-            make_expert=self.robot_planner.expert if config.human_planner.reactive else None,
+            make_expert=self.robot_planner.expert if humans.reactive else None,
         )
 
     @cached_property

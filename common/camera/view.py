@@ -53,6 +53,31 @@ def view_of(camera: CameraConfig) -> View:
     return View(left_rad=left_rad, right_rad=right_rad, rise=rise, fall=fall, height_m=camera.mount_height_m)
 
 
+def in_view(
+    eye: tuple[float, float, float], x_m: float, y_m: float, view: View, range_m: float, radius_m: float
+) -> bool:
+    """True if some part of a human at (x, y) lies in a camera's view and range.
+
+    Args:
+        eye: Camera's x [m], y [m] and the robot's yaw [rad].
+        x_m: Centre of the disc [m].
+        y_m: Centre of the disc [m].
+        view: What the camera shows.
+        range_m: Largest distance of the centre [m].
+        radius_m: Radius of the disc [m].
+    """
+    dx, dy = x_m - eye[0], y_m - eye[1]
+    distance_m = math.sqrt(dx * dx + dy * dy)
+    if distance_m > range_m:
+        return False
+    if distance_m <= radius_m:
+        return True
+    bearing_rad = (math.atan2(dy, dx) - eye[2] + math.pi) % (2 * math.pi) - math.pi
+    half_rad = math.asin(radius_m / distance_m)
+    across = bearing_rad - half_rad <= view.left_rad and -bearing_rad - half_rad <= view.right_rad
+    return across and view.shows_body(distance_m)
+
+
 def _bearing_rad(camera: CameraConfig, border_px: npt.NDArray[np.float64]) -> float:
     """Bearing to the left of a border, where it is nearest to the horizon [rad]."""
     rays = _levelled(camera, border_px)

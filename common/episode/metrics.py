@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from readygo.common.episode.conduct import Conduct
 from readygo.common.messages.plan import Outcome, RobotTrajectory
 from readygo.common.robot.kinematics import DT_S
 
@@ -17,6 +18,8 @@ class EpisodeResult:
     path_length_m: float
     shortest_m: float
     """Shortest way to the circle of success around the goal [m]; see `shortest_way_m`."""
+    conduct: Conduct | None = None
+    """Manners of the run; None where nobody measured them."""
 
     @classmethod
     def from_trajectory(cls, trajectory: RobotTrajectory, shortest_m: float) -> "EpisodeResult":
@@ -71,7 +74,7 @@ def summarize(results: Sequence[EpisodeResult], *, time_limit_s: float) -> TaskS
         success_rate_low=low,
         success_rate_high=high,
         art_s=reaching_s / count,
-        spl=math.fsum(_efficiency(result) for result in successes) / count,
+        spl=math.fsum(spl_of(result) for result in successes) / count,
         static_collision_rate=rate[Outcome.STATIC_COLLISION],
         human_collision_rate=rate[Outcome.HUMAN_COLLISION],
         timeout_rate=rate[Outcome.TIMEOUT],
@@ -94,6 +97,9 @@ def wilson_interval(success_count: int, count: int, *, z: float = 1.959963984540
     return max(0.0, centre - half), min(1.0, centre + half)
 
 
-def _efficiency(result: EpisodeResult) -> float:
+def spl_of(result: EpisodeResult) -> float:
+    """Path efficiency of a run that succeeded, 0..1; 0 for any other."""
+    if result.outcome is not Outcome.SUCCESS:
+        return 0.0
     longer_m = max(result.path_length_m, result.shortest_m)
     return result.shortest_m / longer_m if 0 < longer_m < math.inf else 0.0

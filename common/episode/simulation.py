@@ -60,9 +60,9 @@ class EpisodeSimulation:
                 "plan it on the same map."
             )
         self._step_limit = round(episode_config.time_limit_s * RATE_HZ)
-        self._contact_m = robot.radius_m + episode_config.human_radius_m
-        self._roots_m = [human.motion.root_m[:, :2].astype(np.float64) for human in motions.humans]
-        self._walked_m = _side_by_side(self._roots_m)
+        self.contact_m = robot.radius_m + episode_config.human_radius_m
+        """Distance of the centres at which robot and human touch [m]."""
+        self._walked_m = _side_by_side([human.motion.root_m[:, :2].astype(np.float64) for human in motions.humans])
         self._rows = np.empty((self._step_limit, 5))
 
     @property
@@ -90,6 +90,10 @@ class EpisodeSimulation:
     def human_xy_m(self) -> Float64Array:
         """Where the humans are now [m], shape (N, 2)."""
         return self.human_xy_at(self.step)
+
+    def motions_so_far(self) -> EpisodeMotions:
+        """How the humans move, at least until now: all of it, unless they decide as they go."""
+        return self.motions
 
     def path_xyyaw(self, first: int, last: int) -> Float64Array:
         """The robot at steps `first` to `last`, at most the present one: x [m], y [m], yaw [rad], shape (T, 3)."""
@@ -162,7 +166,7 @@ class EpisodeSimulation:
     def _judge(self) -> Outcome | None:
         if meets_obstacle(self.robot_map, self.x_m, self.y_m, self.robot.radius_m):
             return Outcome.STATIC_COLLISION
-        if meets_human(self.x_m, self.y_m, self.human_xy_m, self._contact_m):
+        if meets_human(self.x_m, self.y_m, self.human_xy_m, self.contact_m):
             return Outcome.HUMAN_COLLISION
         if self.goal_distance_m <= self.config.success_radius_m:
             return Outcome.SUCCESS
@@ -171,15 +175,15 @@ class EpisodeSimulation:
     def _proximity(self, rows: Float64Array) -> tuple[Float64Array, Float64Array]:
         """Distance to the nearest human [m] and time to collision [s] of each row."""
         distance_m, collision_s = np.full(len(rows), np.inf), np.full(len(rows), np.inf)
-        for root in self._roots_m:
-            here = root[np.minimum(np.arange(len(rows)), len(root) - 1)].tolist()
-            there = root[np.minimum(np.arange(1, len(rows) + 1), len(root) - 1)].tolist()
+        walked_m = np.array([self.human_xy_at(step) for step in range(len(rows) + 1)])
+        for human in range(walked_m.shape[1]):
+            here, there = walked_m[:-1, human].tolist(), walked_m[1:, human].tolist()
             for k, (x, y, yaw, v, _) in enumerate(rows.tolist()):
                 dx, dy = here[k][0] - x, here[k][1] - y
                 vx = (there[k][0] - here[k][0]) / DT_S - v * math.cos(yaw)
                 vy = (there[k][1] - here[k][1]) / DT_S - v * math.sin(yaw)
                 distance_m[k] = min(distance_m[k], math.sqrt(dx * dx + dy * dy))
-                collision_s[k] = min(collision_s[k], time_to_contact_s(dx, dy, vx, vy, self._contact_m))
+                collision_s[k] = min(collision_s[k], time_to_contact_s(dx, dy, vx, vy, self.contact_m))
         return distance_m, collision_s
 
 

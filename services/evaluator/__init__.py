@@ -1,9 +1,10 @@
 """The evaluator: closed-loop success rates."""
 
+from readygo.services.evaluator.categories import Category
 from readygo.services.evaluator.config import EvaluatorConfig
-from readygo.services.evaluator.drivers import Method
+from readygo.services.evaluator.drivers import EXPERT, POLICY, STRAIGHT_LINE, Driver, DriverFailure, short_name
 from readygo.services.evaluator.episodes import MatchedEpisode, Task
-from readygo.services.evaluator.handlers import EvaluateReply, EvaluateRequest, Evaluator, handle_evaluate
+from readygo.services.evaluator.handlers import EvaluateReply, EvaluateRequest, Evaluator, MakeDriver, handle_evaluate
 from readygo.services.evaluator.records import (
     EpisodeRecord,
     RecordKey,
@@ -12,21 +13,30 @@ from readygo.services.evaluator.records import (
     summary_table,
 )
 from readygo.services.evaluator.results import Results, is_of, open_results
+from readygo.services.evaluator.rollout import Simulate
 
 __all__ = [
+    "Category",
+    "Driver",
+    "DriverFailure",
+    "EXPERT",
     "EpisodeRecord",
     "EvaluateReply",
     "EvaluateRequest",
     "Evaluator",
     "EvaluatorConfig",
+    "MakeDriver",
     "MatchedEpisode",
-    "Method",
+    "POLICY",
     "RecordKey",
     "Results",
+    "STRAIGHT_LINE",
+    "Simulate",
     "Task",
     "handle_evaluate",
     "is_of",
     "open_results",
+    "short_name",
     "summarize_records",
     "summary_mapping",
     "summary_table",

@@ -1,6 +1,5 @@
 """Who commands the robots in a closed loop."""
 
-import enum
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
@@ -11,31 +10,39 @@ from readygo.common.episode.simulation import EpisodeSimulation
 from readygo.common.episode.straight_line import straight_line_command
 from readygo.common.policy import Policy, PolicyMemory
 from readygo.common.robot import RobotConfig
-from readygo.services.evaluator.eyes import Eyes, humans_key
+from readygo.services.evaluator.eyes import Eyes
+
+POLICY, EXPERT, STRAIGHT_LINE = "policy", "expert", "straight-line"
+"""Names of methods: the policy at hand; the planner that recorded its data and knows the map; a blind one."""
 
 
-class Method(enum.Enum):
-    """What drives the robot."""
-
-    POLICY = "policy"
-    EXPERT = "expert"
-    """The planner that recorded the data: it knows the map."""
-    STRAIGHT_LINE = "straight-line"
-    """Turns to the goal and drives, blind."""
+def short_name(method: str) -> str:
+    """What tables call a method: a user's own by its class."""
+    return method.rpartition(":")[2]
 
 
 State = TypeVar("State")
 """What a driver remembers of one episode."""
 
 
+@dataclass(frozen=True)
+class DriverFailure:
+    """In place of a command: the episode ends here."""
+
+    reason: str
+
+
 class Driver(Protocol[State]):
     """Commands a batch of robots; episodes come and go between calls, what is remembered goes with them."""
+
+    looks: bool
+    """True if it wants images: then episodes run side by side, for their views to share a request."""
 
     def start(self, simulation: EpisodeSimulation) -> State:
         """What there is to remember of a new episode."""
         ...
 
-    def commands(self, running: Sequence[tuple[EpisodeSimulation, State]]) -> list[tuple[float, float]]:
+    def commands(self, running: Sequence[tuple[EpisodeSimulation, State]]) -> list[tuple[float, float] | DriverFailure]:
         """Commands (v [m/s], w [rad/s]) for the next step of each episode."""
         ...
 
@@ -45,14 +52,14 @@ class Ride:
     """What a policy's driver remembers of one episode."""
 
     memory: PolicyMemory
-    people: str
-    """Key of the episode's humans."""
     command: tuple[float, float] = (0.0, 0.0)
     """The latest decision: v [m/s], w [rad/s]."""
 
 
 class PolicyDriver:
     """Drives by what the policy sees through a renderer: at every step, however seldom it decides."""
+
+    looks = True
 
     def __init__(self, policy: Policy, eyes: Eyes, hold_steps: int = 1) -> None:
         """Prepare to drive.
@@ -66,12 +73,12 @@ class PolicyDriver:
 
     def start(self, simulation: EpisodeSimulation) -> Ride:
         """An empty memory."""
-        return Ride(self._policy.start(), humans_key(simulation.motions))
+        return Ride(self._policy.start())
 
-    def commands(self, running: Sequence[tuple[EpisodeSimulation, Ride]]) -> list[tuple[float, float]]:
+    def commands(self, running: Sequence[tuple[EpisodeSimulation, Ride]]) -> list[tuple[float, float] | DriverFailure]:
         """See `Driver.commands`."""
         simulations, rides = zip(*running, strict=True)
-        images = self._eyes.look(simulations, [ride.people for ride in rides])
+        images = self._eyes.look(simulations)
         previous = np.array([(s.v_mps, s.w_radps) for s in simulations], dtype=np.float32)
         goals = np.array([s.goal_xy_robot_m for s in simulations], dtype=np.float32)
         actions = self._policy.step([ride.memory for ride in rides], images, previous, goals)
@@ -84,12 +91,14 @@ class PolicyDriver:
 class StraightLineDriver:
     """Turns to the goal and drives straight at it."""
 
+    looks = False
+
     def __init__(self, robot: RobotConfig) -> None:
         self._robot = robot
 
     def start(self, simulation: EpisodeSimulation) -> None:
         """Nothing to remember."""
 
-    def commands(self, running: Sequence[tuple[EpisodeSimulation, None]]) -> list[tuple[float, float]]:
+    def commands(self, running: Sequence[tuple[EpisodeSimulation, None]]) -> list[tuple[float, float] | DriverFailure]:
         """See `Driver.commands`."""
         return [straight_line_command(simulation.goal_xy_robot_m, self._robot) for simulation, _ in running]

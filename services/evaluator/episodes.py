@@ -1,5 +1,6 @@
 """The episodes of an evaluation: the same starts, goals and humans for every method."""
 
+import dataclasses
 import enum
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -29,6 +30,8 @@ class Task(enum.Enum):
     """Reach the goal; nobody is there."""
     DYNAMIC = "dynamic"
     """Reach the goal among walking people."""
+    REACTIVE = "reactive"
+    """The same people, who make way for whoever drives."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -72,7 +75,7 @@ class EpisodeSource:
         for key in _keys(seed, split):
             if accepted == count:
                 break
-            dynamic, reason = self._dynamic(key)
+            dynamic, reason = self.among_humans(key)
             if dynamic is None:
                 skipped, skipped_in_a_row = skipped + 1, skipped_in_a_row + 1
                 if skipped_in_a_row == self._config.rejected_max:
@@ -81,10 +84,11 @@ class EpisodeSource:
                     )
                 continue
             accepted, skipped_in_a_row = accepted + 1, 0
-            episodes += [dynamic if task is Task.DYNAMIC else self._static(dynamic) for task in tasks]
+            episodes += [as_task(dynamic, task) for task in tasks]
         return episodes, skipped
 
-    def _dynamic(self, key: EpisodeKey) -> tuple[MatchedEpisode | None, str]:
+    def among_humans(self, key: EpisodeKey) -> tuple[MatchedEpisode | None, str]:
+        """The dynamic episode of a key; or None, and why it was rejected."""
         timeout_s = self._config.request_timeout_s
         plan = self._bus.request(topics.HUMAN_PLAN, HumanPlanRequest(episode=key), timeout_s=timeout_s)
         if plan.rejected or plan.scenario is None:
@@ -101,17 +105,6 @@ class EpisodeSource:
         )
         return episode, ""
 
-    def _static(self, dynamic: MatchedEpisode) -> MatchedEpisode:
-        scenario = Scenario(
-            episode=dynamic.scenario.episode,
-            start_xyyaw=dynamic.scenario.start_xyyaw,
-            goal_xy_m=dynamic.scenario.goal_xy_m,
-            humans=(),
-        )
-        return MatchedEpisode(
-            task=Task.STATIC, scenario=scenario, motions=EpisodeMotions(humans=()), shortest_m=dynamic.shortest_m
-        )
-
     def _shortest_m(self, scenario: Scenario) -> float:
         start_x, start_y, _ = scenario.start_xyyaw.tolist()
         goal_x, goal_y = scenario.goal_xy_m.tolist()
@@ -122,6 +115,14 @@ class EpisodeSource:
             (goal_x, goal_y),
             goal_radius_m=self._episode_config.success_radius_m,
         )
+
+
+def as_task(dynamic: MatchedEpisode, task: Task) -> MatchedEpisode:
+    """An episode among humans as another task."""
+    if task is not Task.STATIC:
+        return dataclasses.replace(dynamic, task=task)
+    scenario = dataclasses.replace(dynamic.scenario, humans=())
+    return dataclasses.replace(dynamic, task=task, scenario=scenario, motions=EpisodeMotions(humans=()))
 
 
 def _keys(seed: int, split: Split) -> Iterator[EpisodeKey]:

@@ -2,6 +2,7 @@
 
 import hashlib
 from collections.abc import Sequence
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
@@ -10,7 +11,7 @@ from readygo.common.bus import Bus
 from readygo.common.episode.simulation import EpisodeSimulation
 from readygo.common.errors import BusError
 from readygo.common.maps import FloorMap
-from readygo.common.messages import EpisodeMotions, Humans, RenderReply, RenderRequest, RenderView, encode
+from readygo.common.messages import EpisodeKey, EpisodeMotions, Humans, RenderReply, RenderRequest, RenderView, encode
 from readygo.common.messages.topics import Topic
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import whole_steps
@@ -35,13 +36,13 @@ class Eyes:
         self._camera, self._floor = robot.camera, floor
         self._latency_steps = whole_steps(robot.camera.latency_s)
         self._sent: set[str] = set()
+        self._keys: WeakKeyDictionary[EpisodeSimulation, str] = WeakKeyDictionary()
 
-    def look(self, simulations: Sequence[EpisodeSimulation], people: Sequence[str]) -> npt.NDArray[np.uint8]:
+    def look(self, simulations: Sequence[EpisodeSimulation]) -> npt.NDArray[np.uint8]:
         """What each robot sees now: the image of the camera's latency ago, the first one until there is one so old.
 
         Args:
             simulations: Episodes, at any step.
-            people: Key of each episode's people, from `humans_key`.
 
         Returns:
             sRGB images, shape (B, H, W, 3).
@@ -49,8 +50,27 @@ class Eyes:
         Raises:
             BusError: If the renderer does not answer, or not with one image per view.
         """
-        views = tuple(self._view(simulation, key) for simulation, key in zip(simulations, people, strict=True))
-        known = {key: simulation.motions for key, simulation in zip(people, simulations, strict=True) if key}
+        people = [simulation.motions_so_far() for simulation in simulations]
+        keys = [self._key(simulation, motions) for simulation, motions in zip(simulations, people, strict=True)]
+        views = tuple(self._view(simulation, key) for simulation, key in zip(simulations, keys, strict=True))
+        return self._images(views, {key: motions for key, motions in zip(keys, people, strict=True) if key})
+
+    def look_from(self, xyyaw: Sequence[tuple[float, float, float]], episode: EpisodeKey) -> npt.NDArray[np.uint8]:
+        """What a robot that stands somewhere sees with nobody there, as with an image of a goal.
+
+        Args:
+            xyyaw: Poses: x [m], y [m], yaw [rad], B of them.
+            episode: Whose camera looks.
+
+        Returns:
+            sRGB images, shape (B, H, W, 3).
+
+        Raises:
+            BusError: See `look`.
+        """
+        return self._images(tuple(self._still_view(pose, episode) for pose in xyyaw), {})
+
+    def _images(self, views: tuple[RenderView, ...], known: dict[str, EpisodeMotions]) -> npt.NDArray[np.uint8]:
         reply = self._ask(views, {key: motions for key, motions in known.items() if key not in self._sent})
         if reply.unknown_people:
             # A renderer keeps a few hundred keys only, and may have been replaced by another one.
@@ -60,6 +80,14 @@ class Eyes:
             raise BusError(f"{self._topic.name!r} answered {len(reply.rgb)} images to {len(views)} views.")
         self._sent.update(known)
         return reply.rgb
+
+    def _key(self, simulation: EpisodeSimulation, motions: EpisodeMotions) -> str:
+        """The name of an episode's people; motions that grow are other people at every step."""
+        if motions is not simulation.motions:
+            return humans_key(motions)
+        if simulation not in self._keys:
+            self._keys[simulation] = humans_key(motions)
+        return self._keys[simulation]
 
     def _ask(self, views: tuple[RenderView, ...], people: dict[str, EpisodeMotions]) -> RenderReply:
         request = RenderRequest(
@@ -78,6 +106,11 @@ class Eyes:
             episode=simulation.scenario.episode,
             path_xyyaw=tuple((x, y, yaw) for x, y, yaw in path),
         )
+
+    def _still_view(self, pose: tuple[float, float, float], episode: EpisodeKey) -> RenderView:
+        x_m, y_m, yaw_rad = pose
+        T_world_camera = self._camera.T_world_camera(x_m, y_m, yaw_rad, self._floor.at(x_m, y_m))
+        return RenderView(people="", step=0, T_world_camera=T_world_camera, episode=episode)
 
 
 def humans_key(motions: EpisodeMotions) -> str:

@@ -1,28 +1,35 @@
 """One evaluation: request -> reply."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from readygo.common.bus import Bus
+from readygo.common.camera.view import in_view, view_of
 from readygo.common.episode import EpisodeConfig
+from readygo.common.episode.conduct import Sees
 from readygo.common.episode.metrics import TaskSummary
 from readygo.common.episode.simulation import EpisodeSimulation
-from readygo.common.errors import PolicyError
-from readygo.common.maps import FloorMap, OccupancyMap
-from readygo.common.messages import RobotPlanRequest, RobotTrajectory, Split, topics
+from readygo.common.errors import PolicyError, RunError
+from readygo.common.maps import FloorMap, OccupancyMap, SightMap, sight_of_occupancy
+from readygo.common.messages import Split, topics
 from readygo.common.policy import Policy, check_policy_camera
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import RATE_HZ
 from readygo.services.evaluator.config import EvaluatorConfig
-from readygo.services.evaluator.drivers import Driver, Method, PolicyDriver, StraightLineDriver
+from readygo.services.evaluator.drivers import EXPERT, POLICY, STRAIGHT_LINE, Driver, PolicyDriver, StraightLineDriver
 from readygo.services.evaluator.episodes import EpisodeSource, MatchedEpisode, Task
 from readygo.services.evaluator.eyes import Eyes
 from readygo.services.evaluator.records import EpisodeRecord, make_record, summarize_records
 from readygo.services.evaluator.results import Results
-from readygo.services.evaluator.rollout import roll_out
+from readygo.services.evaluator.rollout import Simulate, roll_out
 
 Report = Callable[[EpisodeRecord], None]
+MakeDriver = Callable[["Evaluator"], Driver[Any]]
+"""Makes whoever drives by one method."""
+
+VIEW_RANGE_M = 10.0
+"""Farther humans do not count as seen [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +37,7 @@ class EvaluateRequest:
     """Which methods to drive through which episodes."""
 
     tasks: tuple[Task, ...] = (Task.STATIC, Task.DYNAMIC)
-    methods: tuple[Method, ...] = (Method.POLICY, Method.EXPERT, Method.STRAIGHT_LINE)
+    methods: tuple[str, ...] = (POLICY, EXPERT, STRAIGHT_LINE)
     episodes: int = 100
     """Episodes per task."""
     seed: int = 0
@@ -58,7 +65,7 @@ class EvaluateReply:
     """Records by task, method and episode, and their scores."""
 
     records: tuple[EpisodeRecord, ...]
-    summaries: dict[tuple[Task, Method], TaskSummary]
+    summaries: dict[tuple[Task, str], TaskSummary]
     skipped: int
     """Indices that the planner or the animator rejected before anybody drove."""
     episodes: tuple[MatchedEpisode, ...] = ()
@@ -70,7 +77,7 @@ class Evaluator:
     """What an evaluation needs besides the services on the bus."""
 
     bus: Bus
-    """Serves "human-plan", "animate", "robot-plan" and a renderer."""
+    """Serves "human-plan", "animate" and a renderer."""
     robot: RobotConfig
     robot_map: OccupancyMap
     floor: FloorMap
@@ -79,10 +86,64 @@ class Evaluator:
     policy: Policy | None = None
     camera: Literal["policy", "robot"] = "policy"
     """"robot" lets the policy look through another camera than the one that it was trained with."""
+    drivers: Mapping[str, MakeDriver] = field(default_factory=dict)
+    """Methods besides the policy and the straight line, by name."""
+    simulate: Simulate | None = None
+    """Starts an episode; None for humans that keep to their motions."""
+    find_sight: Callable[[], SightMap] | None = None
+    """What hides humans from the camera; None takes the robot's map for that."""
 
     def __post_init__(self) -> None:
         if self.policy is not None and self.camera == "policy":
             check_policy_camera(self.policy.spec, self.robot)
+
+    def source(self) -> EpisodeSource:
+        """Where its episodes come from."""
+        return EpisodeSource(
+            self.bus,
+            robot=self.robot,
+            robot_map=self.robot_map,
+            episode_config=self.episode_config,
+            config=self.config,
+        )
+
+    def simulation(self, episode: MatchedEpisode) -> EpisodeSimulation:
+        """An episode at its start."""
+        if self.simulate is not None:
+            return self.simulate(episode)
+        return EpisodeSimulation(episode.scenario, episode.motions, self.robot_map, self.robot, self.episode_config)
+
+    def eyes(self) -> Eyes:
+        """What a driver sees."""
+        return Eyes(
+            self.bus,
+            topics.render(self.config.renderer),
+            robot=self.robot,
+            floor=self.floor,
+            timeout_s=self.config.request_timeout_s,
+        )
+
+    def driver(self, method: str, hold_steps: int = 1) -> Driver[Any]:
+        """Whoever drives by a method.
+
+        Args:
+            method: Name of the method.
+            hold_steps: Steps from one decision of the policy to the next.
+
+        Raises:
+            PolicyError: If it is the policy's and there is none.
+            RunError: If there is no such method.
+        """
+        if method == POLICY:
+            if self.policy is None:
+                raise PolicyError("No policy is given; give its folder, or leave the method `policy` out.")
+            return PolicyDriver(self.policy, self.eyes(), hold_steps)
+        if method == STRAIGHT_LINE:
+            return StraightLineDriver(self.robot)
+        if method not in self.drivers:
+            known = ", ".join((POLICY, STRAIGHT_LINE, *self.drivers))
+            raise RunError(f"There is no method {method!r}; there are {known}, and yours as my_package:MyDriver.")
+        return self.drivers[method](self)
 
 
 def handle_evaluate(
@@ -97,26 +158,20 @@ def handle_evaluate(
         results: Keeps every episode as it ends; those that it has are not driven again.
 
     Raises:
-        RunError: If an episode cannot be kept.
+        RunError: If an episode cannot be kept, or there is no such method.
         PolicyError: If a policy is asked for and none is loaded.
         SceneError: If the scene yields no episodes.
         BusError: If a service does not answer.
     """
-    if Method.POLICY in request.methods and evaluator.policy is None:
-        raise PolicyError("No policy is given; give its folder, or leave the method `policy` out.")
-    source = EpisodeSource(
-        evaluator.bus,
-        robot=evaluator.robot,
-        robot_map=evaluator.robot_map,
-        episode_config=evaluator.episode_config,
-        config=evaluator.config,
+    # What is wrong with a method is said before anybody drives.
+    drivers = {method: evaluator.driver(method, request.hold_steps) for method in request.methods}
+    episodes, skipped = evaluator.source().draw(
+        seed=request.seed, split=request.split, count=request.episodes, tasks=request.tasks
     )
-    episodes, skipped = source.draw(seed=request.seed, split=request.split, count=request.episodes, tasks=request.tasks)
     records: list[EpisodeRecord] = []
     for task in request.tasks:
         of_task = [episode for episode in episodes if episode.task is task]
-        for method in request.methods:
-            driver = None if method is Method.EXPERT else _make_driver(evaluator, method, request.hold_steps)
+        for method, driver in drivers.items():
             records += _drive_all(evaluator, method, driver, of_task, report or (lambda _: None), results)
     return EvaluateReply(
         records=tuple(records),
@@ -128,61 +183,39 @@ def handle_evaluate(
 
 def _drive_all(
     evaluator: Evaluator,
-    method: Method,
-    driver: Driver[Any] | None,
+    method: str,
+    driver: Driver[Any],
     episodes: Sequence[MatchedEpisode],
     report: Report,
     results: Results | None,
 ) -> list[EpisodeRecord]:
-    """Records of one method, in the order of `episodes`; without a driver the expert is asked."""
+    """Records of one method, in the order of `episodes`."""
     kept = {} if results is None else results.records
     keys = [(episode.task, method, episode.scenario.episode) for episode in episodes]
     records = {key: kept[key] for key in keys if key in kept}
     for record in records.values():
         report(record)
     missing = [episode for episode, key in zip(episodes, keys, strict=True) if key not in records]
-    runs = (
-        ((row, _ask_expert(evaluator, episode)) for row, episode in enumerate(missing))
-        if driver is None
-        else roll_out(missing, driver, _simulate_on(evaluator), lockstep=evaluator.config.lockstep)
-    )
-    for row, trajectory in runs:
-        record = make_record(missing[row], method, trajectory, evaluator.episode_config)
+    lockstep, sees = evaluator.config.lockstep if driver.looks else 1, _sees(evaluator)
+    for run in roll_out(missing, driver, evaluator.simulation, lockstep=lockstep):
+        record = make_record(missing[run.row], method, run, sees)
         if results is not None:
-            results.keep(record, trajectory)
+            results.keep(record, run.simulation.trajectory())
         records[record.key] = record
         report(record)
     return [records[key] for key in keys]
 
 
-def _simulate_on(evaluator: Evaluator) -> Callable[[MatchedEpisode], EpisodeSimulation]:
-    """Starts simulations on the evaluator's map."""
+def _sees(evaluator: Evaluator) -> Sees:
+    """Whether the robot's camera shows a human, whatever the robot's driver looks at."""
+    camera, view = evaluator.robot.camera, view_of(evaluator.robot.camera)
+    find_sight = evaluator.find_sight or (lambda: sight_of_occupancy(evaluator.robot_map))
 
-    def simulate(episode: MatchedEpisode) -> EpisodeSimulation:
-        return EpisodeSimulation(
-            episode.scenario, episode.motions, evaluator.robot_map, evaluator.robot, evaluator.episode_config
-        )
+    def sees(pose: tuple[float, float, float], human_m: tuple[float, float]) -> bool:
+        eye_x, eye_y = camera.place_m(*pose)
+        # An arm at the border of the image is not enough: the middle of the body counts.
+        if not in_view((eye_x, eye_y, pose[2]), *human_m, view, VIEW_RANGE_M, 0.0):
+            return False
+        return find_sight().sees(eye_x, eye_y, view.height_m, human_m)
 
-    return simulate
-
-
-def _make_driver(evaluator: Evaluator, method: Method, hold_steps: int) -> Driver[Any]:
-    if method is Method.STRAIGHT_LINE:
-        return StraightLineDriver(evaluator.robot)
-    assert evaluator.policy is not None
-    config = evaluator.config
-    eyes = Eyes(
-        evaluator.bus,
-        topics.render(config.renderer),
-        robot=evaluator.robot,
-        floor=evaluator.floor,
-        timeout_s=config.request_timeout_s,
-    )
-    return PolicyDriver(evaluator.policy, eyes, hold_steps)
-
-
-def _ask_expert(evaluator: Evaluator, episode: MatchedEpisode) -> RobotTrajectory | None:
-    """The expert's run, rejected or not: a failed one counts as its failure."""
-    request = RobotPlanRequest(scenario=episode.scenario, motions=episode.motions)
-    timeout_s = evaluator.config.request_timeout_s
-    return evaluator.bus.request(topics.ROBOT_PLAN, request, timeout_s=timeout_s).trajectory
+    return sees

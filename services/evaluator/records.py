@@ -6,17 +6,22 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from rich import box
 from rich.table import Table
 
-from readygo.common.episode import EpisodeConfig
+from readygo.common.config import section_from_mapping
+from readygo.common.episode import Conduct
+from readygo.common.episode.conduct import Sees, conduct_of
 from readygo.common.episode.metrics import EpisodeResult, TaskSummary, summarize
-from readygo.common.messages import EpisodeKey, Outcome, RobotTrajectory, Split
-from readygo.services.evaluator.drivers import Method
+from readygo.common.messages import EpisodeKey, Outcome, Split
+from readygo.services.evaluator.categories import Category, category_of
+from readygo.services.evaluator.drivers import short_name
 from readygo.services.evaluator.episodes import MatchedEpisode, Task
+from readygo.services.evaluator.rollout import Run
 
-RecordKey = tuple[Task, Method, EpisodeKey]
-"""Which record of an evaluation."""
+RecordKey = tuple[Task, str, EpisodeKey]
+"""Which record of an evaluation: task, method, episode."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,10 +30,14 @@ class EpisodeRecord:
 
     episode: EpisodeKey
     task: Task
-    method: Method
+    method: str
     result: EpisodeResult
     human_distance_min_m: float
     """Smallest distance of the centres of robot and any human [m]; inf without humans."""
+    category: Category | None = None
+    """Kind of failure; None after a success, or where nobody noted it."""
+    reason: str = ""
+    """Why its driver failed."""
 
     @property
     def key(self) -> RecordKey:
@@ -43,76 +52,86 @@ class EpisodeRecord:
             "split": self.episode.split.value,
             "index": self.episode.index,
             "task": self.task.value,
-            "method": self.method.value,
+            "method": self.method,
             "outcome": self.result.outcome.value,
             "duration_s": round(self.result.duration_s, 6),
             "path_length_m": round(self.result.path_length_m, 6),
             "shortest_m": _finite(self.result.shortest_m),
             "human_distance_min_m": _finite(self.human_distance_min_m),
+            **({"conduct": _rounded(self.result.conduct)} if self.result.conduct else {}),
+            **({"category": self.category.name.lower()} if self.category else {}),
+            **({"reason": self.reason} if self.reason else {}),
         }
 
 
 def record_of_mapping(mapping: Mapping[str, Any]) -> EpisodeRecord:
-    """The record of which `EpisodeRecord.to_mapping` gave the plain values."""
+    """The record of which `EpisodeRecord.to_mapping` gave the plain values; older ones lack conduct and category."""
     return EpisodeRecord(
         episode=EpisodeKey(seed=mapping["seed"], split=Split(mapping["split"]), index=mapping["index"]),
         task=Task(mapping["task"]),
-        method=Method(mapping["method"]),
+        method=str(mapping["method"]),
         result=EpisodeResult(
             outcome=Outcome(mapping["outcome"]),
             duration_s=mapping["duration_s"],
             path_length_m=mapping["path_length_m"],
             shortest_m=_or_infinite(mapping["shortest_m"]),
+            conduct=section_from_mapping(Conduct, mapping["conduct"]) if "conduct" in mapping else None,
         ),
         human_distance_min_m=_or_infinite(mapping["human_distance_min_m"]),
+        category=Category[mapping["category"].upper()] if "category" in mapping else None,
+        reason=mapping.get("reason", ""),
     )
 
 
-def make_record(
-    episode: MatchedEpisode, method: Method, trajectory: RobotTrajectory | None, episode_config: EpisodeConfig
-) -> EpisodeRecord:
-    """The record of a run; a planner that found no way at all (None) stood still until the time was over."""
-    if trajectory is None:
-        result = EpisodeResult(
-            outcome=Outcome.TIMEOUT,
-            duration_s=episode_config.time_limit_s,
-            path_length_m=0.0,
-            shortest_m=episode.shortest_m,
-        )
-        distance_m = math.inf
-    else:
-        result = EpisodeResult.from_trajectory(trajectory, episode.shortest_m)
-        distance_m = min(trajectory.human_distance_m.tolist(), default=math.inf)
+def make_record(episode: MatchedEpisode, method: str, run: Run, sees: Sees) -> EpisodeRecord:
+    """The record of a run.
+
+    Args:
+        episode: What was driven through.
+        method: Who drove.
+        run: How it went.
+        sees: Whether the robot's camera shows a human.
+    """
+    simulation = run.simulation
+    trajectory = simulation.trajectory()
+    conduct = conduct_of(
+        simulation.path_xyyaw(0, simulation.step),
+        trajectory.actions,
+        np.array([simulation.human_xy_at(step) for step in range(simulation.step + 1)]),
+        contact_m=simulation.contact_m,
+        sees=sees,
+    )
+    result = EpisodeResult.from_trajectory(trajectory, episode.shortest_m)
     record = EpisodeRecord(
         episode=episode.scenario.episode,
         task=episode.task,
         method=method,
-        result=result,
-        human_distance_min_m=distance_m,
+        result=dataclasses.replace(result, conduct=conduct),
+        human_distance_min_m=min(trajectory.human_distance_m.tolist(), default=math.inf),
+        category=category_of(simulation, conduct.contact, run.failure),
+        reason=run.failure,
     )
     # Rounded as it is kept: who goes on from a folder gets the same scores to the last digit.
     return record_of_mapping(record.to_mapping())
 
 
-def summarize_records(
-    records: Sequence[EpisodeRecord], *, time_limit_s: float
-) -> dict[tuple[Task, Method], TaskSummary]:
+def summarize_records(records: Sequence[EpisodeRecord], *, time_limit_s: float) -> dict[tuple[Task, str], TaskSummary]:
     """Scores by task and method, in the order in which they first appear."""
-    groups: dict[tuple[Task, Method], list[EpisodeResult]] = {}
+    groups: dict[tuple[Task, str], list[EpisodeResult]] = {}
     for record in records:
         groups.setdefault((record.task, record.method), []).append(record.result)
     return {group: summarize(results, time_limit_s=time_limit_s) for group, results in groups.items()}
 
 
-def summary_mapping(summaries: dict[tuple[Task, Method], TaskSummary]) -> dict[str, dict[str, dict[str, float | int]]]:
+def summary_mapping(summaries: dict[tuple[Task, str], TaskSummary]) -> dict[str, dict[str, dict[str, float | int]]]:
     """Scores as plain values: task -> method -> measure."""
     mapping: dict[str, dict[str, dict[str, float | int]]] = {}
     for (task, method), summary in summaries.items():
-        mapping.setdefault(task.value, {})[method.value] = dataclasses.asdict(summary)
+        mapping.setdefault(task.value, {})[method] = dataclasses.asdict(summary)
     return mapping
 
 
-def summary_table(summaries: dict[tuple[Task, Method], TaskSummary]) -> Table:
+def summary_table(summaries: dict[tuple[Task, str], TaskSummary]) -> Table:
     """Scores for people to read, 80 columns wide: success rate and its interval, collisions by kind, timeouts."""
     counts = max(summary.episode_count for summary in summaries.values())
     table = Table(
@@ -128,7 +147,7 @@ def summary_table(summaries: dict[tuple[Task, Method], TaskSummary]) -> Table:
     for (task, method), summary in summaries.items():
         table.add_row(
             task.value,
-            method.value,
+            short_name(method),
             f"{100 * summary.success_rate:.1f}",
             f"{100 * summary.success_rate_low:.0f}-{100 * summary.success_rate_high:.0f}",
             f"{summary.art_s:.1f}",
@@ -138,6 +157,15 @@ def summary_table(summaries: dict[tuple[Task, Method], TaskSummary]) -> Table:
             f"{100 * summary.timeout_rate:.1f}",
         )
     return table
+
+
+def _rounded(conduct: Conduct) -> dict[str, Any]:
+    mapping: dict[str, Any] = dataclasses.asdict(conduct)
+    contact = mapping.pop("contact")
+    return {
+        **{name: round(value, 6) for name, value in mapping.items()},
+        **({"contact": {k: round(v, 6) if isinstance(v, float) else v for k, v in contact.items()}} if contact else {}),
+    }
 
 
 def _or_infinite(value: float | None) -> float:

@@ -209,4 +209,4 @@ def _trajectory_mapping(key: RecordKey, trajectory: RobotTrajectory) -> dict[str
 
 def _key_names(key: RecordKey) -> tuple[str, str, str]:
     task, method, episode = key
-    return episode.episode_id, task.value, method.value
+    return episode.episode_id, task.value, method

@@ -31,6 +31,9 @@ class RendererConfig:
     `triton` and `gsplat` do in any case."""
     human_light: bool = True
     """True lights people as the scene does where they walk; False draws them in their avatars' own colours."""
+    human_look: Literal["photoreal", "mesh"] = "photoreal"
+    """"mesh" draws people as a game engine's simple assets: a flat colour per part of the body, under one fixed light
+    wherever they walk; the comparison of policies that learn from one kind of people or the other."""
     sensor: SensorConfig = field(default_factory=SensorConfig)
     """What varies of the robot's camera from episode to episode; nothing by default."""
     sub_frames: int = 8
@@ -44,6 +47,12 @@ class RendererConfig:
             raise ValueError(f'detail must be "exact" or "lod", got {self.detail!r}.')
         if self.detail == "lod" and self.backend != "cpu":
             raise ValueError(f'detail "lod" is drawn by the backend cpu only, got {self.backend!r}.')
+        if self.human_look not in ("photoreal", "mesh"):
+            raise ValueError(f'human_look must be "photoreal" or "mesh", got {self.human_look!r}.')
+        if self.human_look == "mesh" and self.backend in GPU_BACKENDS:
+            raise ValueError(
+                f'human_look "mesh" is drawn by the backends cpu and reference only, got {self.backend!r}.'
+            )
         if self.image_format not in ("jpeg", "png"):
             raise ValueError(f'image_format must be "jpeg" or "png", got {self.image_format!r}.')
         if not 1 <= self.jpeg_quality <= 100:

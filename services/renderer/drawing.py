@@ -1,7 +1,7 @@
 """What the renderer draws: the clouds of a scene bundle, humans at a step of their motions, their shadows."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.avatars import Avatar
+from readygo.common.avatars.mesh_look import fixed_light, mesh_like
 from readygo.common.gaussians import load_gaussians
 from readygo.common.lighting.probes import LightProbes, load_or_make_probes, make_probes
 from readygo.common.maps import FloorMap, OccupancyMap
@@ -24,6 +25,8 @@ from readygo.services.renderer.feet import feet_of, stands_of
 from readygo.services.renderer.sensor.motion import posed
 
 Pose = npt.NDArray[np.float64]
+Light = Callable[[float, float], npt.NDArray[np.float64]]
+"""Light at a place x, y [m], as in `irradiance_matrix`."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,7 +41,7 @@ class Drawing:
     """Feet are drawn before the floor, but not before these; None draws them as their depths say."""
     shadows: bool = False
     """False leaves humans without shadows."""
-    probes: LightProbes | None = None
+    light: Light | None = None
     """The light that humans walk in; None draws them in their avatars' own colours."""
 
     def view(self, T_world_camera: Pose, humans: Sequence[HumanMotion], step: float) -> View:
@@ -54,7 +57,7 @@ class Drawing:
         return View(T_world_camera=T_world_camera, humans=tuple(here), shadows=shadows)
 
     def _placed(self, human: PosedHuman, ground_m: float, lead_m: float) -> PosedHuman:
-        light = None if self.probes is None else self.probes.at(float(human.root_m[0]), float(human.root_m[1]))
+        light = None if self.light is None else self.light(float(human.root_m[0]), float(human.root_m[1]))
         return dataclasses.replace(human, light=light, ground_m=ground_m, lead_m=lead_m)
 
 
@@ -70,10 +73,11 @@ def make_drawing(scene: Scene, avatars: Mapping[str, Avatar], camera: PinholeCam
     Raises:
         ReadygoError: If the backend cannot run here.
     """
+    mesh = config.human_look == "mesh"
     rasterizer = make_rasterizer(
         config.backend,
         static_clouds(scene),
-        avatars,
+        {name: mesh_like(avatar) for name, avatar in avatars.items()} if mesh else avatars,
         camera,
         cache=pack_folder(scene),
         outputs=config.outputs,
@@ -85,8 +89,15 @@ def make_drawing(scene: Scene, avatars: Mapping[str, Avatar], camera: PinholeCam
         floor=scene.maps.floor,
         obstacles=scene.maps.robot if config.draws("feet_on_floor") else None,
         shadows=config.draws("contact_shadow"),
-        probes=scene_probes(scene) if config.human_light else None,
+        light=_light(scene, config),
     )
+
+
+def _light(scene: Scene, config: RendererConfig) -> Light | None:
+    if config.human_look == "mesh":
+        fixed = fixed_light()
+        return lambda *_: fixed
+    return scene_probes(scene).at if config.human_light else None
 
 
 def scene_probes(scene: Scene) -> LightProbes:

@@ -8,7 +8,7 @@ from functools import cached_property, partial
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.camera.view import View, view_of
+from readygo.common.camera.view import in_view, view_of
 from readygo.common.maps import GridFrame
 from readygo.common.robot.kinematics import DT_S
 from readygo.services.planner.expert.ground import EpisodeGround, SceneGround
@@ -211,26 +211,3 @@ class HumanTracks:
 def stands(vx_mps: float, vy_mps: float) -> bool:
     """True if somebody who moves like this stands."""
     return vx_mps * vx_mps + vy_mps * vy_mps < STANDING_MPS**2
-
-
-def in_view(eye: Pose, x_m: float, y_m: float, view: View, range_m: float, radius_m: float) -> bool:
-    """True if some part of a human at (x, y) lies in a camera's view and range.
-
-    Args:
-        eye: Camera's x [m], y [m] and the robot's yaw [rad].
-        x_m: Centre of the disc [m].
-        y_m: Centre of the disc [m].
-        view: What the camera shows.
-        range_m: Largest distance of the centre [m].
-        radius_m: Radius of the disc [m].
-    """
-    dx, dy = x_m - eye[0], y_m - eye[1]
-    distance_m = math.sqrt(dx * dx + dy * dy)
-    if distance_m > range_m:
-        return False
-    if distance_m <= radius_m:
-        return True
-    bearing_rad = (math.atan2(dy, dx) - eye[2] + math.pi) % (2 * math.pi) - math.pi
-    half_rad = math.asin(radius_m / distance_m)
-    across = bearing_rad - half_rad <= view.left_rad and -bearing_rad - half_rad <= view.right_rad
-    return across and view.shows_body(distance_m)

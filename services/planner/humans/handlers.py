@@ -73,6 +73,12 @@ class HumanPlanner:
             places = ScriptMaps(robot_map=maps.robot, human_map=maps.human, paths=self.sampler.site.paths)
             self.script = Script(scenarios, places, robot, episode_config, config, self.avatar_names)
 
+    def reacts(self, scenario: Scenario) -> list[bool]:
+        """Who of a scenario's humans yields; the others keep to their trajectories, as a file of scenarios may say."""
+        if self.script is None:
+            return [True] * len(scenario.humans)
+        return self.script.scenario(scenario.episode, static=not scenario.humans)[1]
+
 
 def handle_human_plan(planner: HumanPlanner, request: HumanPlanRequest) -> HumanPlanReply:
     """Draw the scenario of an episode, or play the file's; what cannot take place is rejected with a short reason."""
@@ -81,10 +87,9 @@ def handle_human_plan(planner: HumanPlanner, request: HumanPlanRequest) -> Human
     try:
         if planner.script is None:
             scenario = planner.sampler.draw(request.episode, rng, planner.avatar_names, static=static)
-            reacts = [True] * len(scenario.humans)
         else:
-            scenario, reacts = planner.script.scenario(request.episode, static=static)
-        if planner.config.reactive and any(reacts):
+            scenario, _ = planner.script.scenario(request.episode, static=static)
+        if planner.config.reactive and any(reacts := planner.reacts(scenario)):
             scenario = let_react(planner, scenario, reacts)
     except RejectedError as reason:
         return HumanPlanReply(episode=request.episode, rejected=str(reason))

@@ -10,6 +10,7 @@ Source: van den Berg, Lin, Manocha, Reciprocal velocity obstacles for real-time 
 import dataclasses
 import math
 from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -118,6 +119,14 @@ class ReactiveHumans:
         return place
 
 
+class Figure(Protocol):
+    """What a human looks like who decides where to go as they go."""
+
+    def advance(self, xy_m: Float64Array, velocity_mps: Float64Array) -> tuple[Float64Array, Float64Array]:
+        """Pelvis [m], shape (3,), and pose, shape (24, 3), of the next step; see `Motion`."""
+        ...
+
+
 class ReactiveSimulation(EpisodeSimulation):
     """An episode whose humans look at the robot, instead of following motions."""
 
@@ -128,10 +137,42 @@ class ReactiveSimulation(EpisodeSimulation):
         robot_map: OccupancyMap,
         robot: RobotConfig,
         episode_config: EpisodeConfig,
+        *,
+        animated: tuple[EpisodeMotions, Sequence[Figure]] | None = None,
     ) -> None:
+        """Put the robot at its start.
+
+        Args:
+            scenario: Where everybody means to go.
+            humans: Who decide as they go.
+            robot_map: What blocks the robot.
+            robot: Footprint and limits.
+            episode_config: Task and judging.
+            animated: How the humans stand at first, and what they look like after that; figures whose arms hang
+                without, for those who look at places alone.
+        """
         self._walkers = humans
-        self._stand_ins = stand_ins(scenario, round(episode_config.time_limit_s * RATE_HZ) + 1)
-        super().__init__(scenario, self._stand_ins, robot_map, robot, episode_config)
+        self._moving = stand_ins(scenario, round(episode_config.time_limit_s * RATE_HZ) + 1)
+        self._figures: Sequence[Figure] = ()
+        if animated is not None:
+            first, self._figures = animated
+            for human, start in zip(self._moving.humans, first.humans, strict=True):
+                human.motion.root_m[0, 2] = start.motion.root_m[0, 2]
+                human.motion.pose_axis_angle[:] = start.motion.pose_axis_angle[0]
+        super().__init__(scenario, self._moving, robot_map, robot, episode_config)
+
+    def motions_so_far(self) -> EpisodeMotions:
+        """The steps that the humans have taken; other motions at every step."""
+        rows = slice(self.step + 1)
+        return EpisodeMotions(
+            humans=tuple(
+                HumanMotion(
+                    avatar=human.avatar,
+                    motion=Motion(root_m=human.motion.root_m[rows], pose_axis_angle=human.motion.pose_axis_angle[rows]),
+                )
+                for human in self._moving.humans
+            )
+        )
 
     def human_xy_at(self, step: int) -> Float64Array:
         """Where the humans are at a step [m], shape (N, 2); in the future, where they were drawn to be."""
@@ -142,8 +183,13 @@ class ReactiveSimulation(EpisodeSimulation):
         """See `EpisodeSimulation.advance`; humans see where the robot is before it moves."""
         vx, vy = self.v_mps * math.cos(self.yaw_rad), self.v_mps * math.sin(self.yaw_rad)
         self._walkers.advance((self.x_m, self.y_m, vx, vy))
-        for human, xy in zip(self._stand_ins.humans, self._walkers.xy_m[-1], strict=True):
-            human.motion.root_m[self.step + 1, :2] = xy
+        before, now = self._walkers.xy_m[-2:]
+        for k, human in enumerate(self._moving.humans):
+            motion, row = human.motion, self.step + 1
+            motion.root_m[row, :2] = now[k]
+            if self._figures:
+                velocity_mps = (now[k] - before[k]) / DT_S
+                motion.root_m[row], motion.pose_axis_angle[row] = self._figures[k].advance(now[k], velocity_mps)
         return super().advance(v_mps, w_radps)
 
 

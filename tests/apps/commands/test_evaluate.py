@@ -124,6 +124,23 @@ def test_ctrl_c_says_how_much_is_kept(evaluate, tmp_path: Path, monkeypatch: pyt
     assert "nothing is kept: with --out" in printed.err
 
 
+def test_method_that_fails_is_named_with_the_reason(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "mine.py").write_text(
+        "class Lost:\n    def __init__(self, robot): ...\n    def start(self): ...\n"
+        "    def act(self, memory, observation): raise RuntimeError('no map')\n"
+    )
+    (tmp_path / "run.toml").write_text("[episode]\ntime_limit_s = 0.2\n[robot.camera]\nheight_px = 24\nwidth_px = 32\n")
+    method, config = f"{tmp_path / 'mine.py'}:Lost", str(tmp_path / "run.toml")
+    basics = ["evaluate", "embedded", "--episodes", "1", "--tasks", "static", "--config", config]
+    monkeypatch.setattr(sys, "argv", ["readygo", *basics, "--methods", method, "straight-line"])
+    main()
+    said = capsys.readouterr().out.replace("\n", "")
+    assert "Lost failed in 1 episodes, in test-0-0000" in said
+    assert "RuntimeError: no map" in said
+
+
 def test_films_need_a_folder_and_episodes_that_can_be_understood(evaluate) -> None:
     code, printed, _ = evaluate("--video", "worst")
     assert (code, printed.err.count("\n")) == (2, 1)

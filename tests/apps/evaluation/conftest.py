@@ -29,7 +29,7 @@ def evaluated(tmp_path_factory: pytest.TempPathFactory):
     settings = evaluation_settings(world, request, policy="ab", camera="policy")
     with open_results(out / "results", settings) as results:
         reply = handle_evaluate(evaluator, request, results=results)
-        replays = Replays(world, results, reply.episodes, renderer)
+        replays = Replays(world, results, reply.episodes, renderer, evaluator.simulation)
         yield SimpleNamespace(
             folder=out / "results",
             policy=policy,

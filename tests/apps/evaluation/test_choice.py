@@ -6,13 +6,13 @@ from readygo.apps.evaluation.choice import check_wanted, filmed, watched_method
 from readygo.common.episode.metrics import EpisodeResult
 from readygo.common.errors import RunError
 from readygo.common.messages import EpisodeKey, Outcome, Split
-from readygo.services.evaluator import EpisodeRecord, Method, Task
+from readygo.services.evaluator import EXPERT, POLICY, STRAIGHT_LINE, EpisodeRecord, Task
 
 
 def record(index, outcome, near_m=math.inf, task=Task.DYNAMIC):
     result = EpisodeResult(outcome=outcome, duration_s=3.0, path_length_m=1.0, shortest_m=1.0)
     key = EpisodeKey(seed=0, split=Split.TEST, index=index)
-    return EpisodeRecord(episode=key, task=task, method=Method.POLICY, result=result, human_distance_min_m=near_m)
+    return EpisodeRecord(episode=key, task=task, method=POLICY, result=result, human_distance_min_m=near_m)
 
 
 RECORDS = [
@@ -52,5 +52,5 @@ def test_what_is_no_episode_is_refused():
 
 
 def test_policy_is_watched_where_one_drives():
-    assert watched_method([Method.EXPERT, Method.POLICY]) is Method.POLICY
-    assert watched_method([Method.EXPERT, Method.STRAIGHT_LINE]) is Method.EXPERT
+    assert watched_method([EXPERT, POLICY]) == POLICY
+    assert watched_method([EXPERT, STRAIGHT_LINE]) == EXPERT

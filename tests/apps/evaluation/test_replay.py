@@ -7,16 +7,16 @@ import pytest
 from readygo.apps.evaluation.replay import BEFORE_END_S, MAP_PX, strip_steps
 from readygo.common.errors import RunError
 from readygo.common.messages import Outcome
-from readygo.services.evaluator import Method, Task
+from readygo.services.evaluator import POLICY, STRAIGHT_LINE, Task
 
 
 def of(evaluated, method):
-    records = [record for record in evaluated.reply.records if record.method is method]
+    records = [record for record in evaluated.reply.records if record.method == method]
     return evaluated.replays.load(records)
 
 
 def test_episodes_are_driven_once_more_as_they_were(evaluated):
-    for method in (Method.POLICY, Method.STRAIGHT_LINE):
+    for method in (POLICY, STRAIGHT_LINE):
         records = of(evaluated, method)
         assert len(records) == 4
         for record in records:
@@ -26,7 +26,7 @@ def test_episodes_are_driven_once_more_as_they_were(evaluated):
 
 
 def test_map_and_strip_show_the_episode(evaluated):
-    record = next(record for record in of(evaluated, Method.POLICY) if record.task is Task.DYNAMIC)
+    record = next(record for record in of(evaluated, POLICY) if record.task is Task.DYNAMIC)
     trajectory = evaluated.replays.trajectory(record)
     picture = evaluated.replays.draw(record, trajectory)
     assert picture.shape[1] <= MAP_PX[0] + 1
@@ -38,14 +38,14 @@ def test_map_and_strip_show_the_episode(evaluated):
 
 
 def test_film_has_an_image_per_step(evaluated, tmp_path):
-    record = of(evaluated, Method.STRAIGHT_LINE)[0]
+    record = of(evaluated, STRAIGHT_LINE)[0]
     evaluated.replays.film(tmp_path / "film.webm", record)
     film = cv2.VideoCapture(str(tmp_path / "film.webm"))
     assert film.get(cv2.CAP_PROP_FRAME_COUNT) == round(record.result.duration_s * 20)
 
 
 def test_episode_that_goes_another_way_is_refused(evaluated):
-    record = of(evaluated, Method.POLICY)[0]
+    record = of(evaluated, POLICY)[0]
     longer = dataclasses.replace(record, result=dataclasses.replace(record.result, duration_s=9.0))
     with pytest.raises(RunError, match="goes another way now"):
         evaluated.replays.trajectory(longer)

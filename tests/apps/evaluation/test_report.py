@@ -7,7 +7,7 @@ from readygo.apps.evaluation.replay import StripImage
 from readygo.apps.evaluation.report import EvaluationContent, Failure, draw_runs, gallery_html, report_html
 from readygo.common.drawing.plan_view import HUMANS, ROBOT
 from readygo.common.messages import Outcome
-from readygo.services.evaluator import Method, summarize_records
+from readygo.services.evaluator import POLICY, summarize_records
 from tests.apps.evaluation.test_choice import RECORDS
 from tests.services.planner.runs import make_run
 from tests.services.planner.worlds import rooms
@@ -30,7 +30,7 @@ def content():
     ]
     return EvaluationContent(
         title="policy in a <flat>",
-        watched=Method.POLICY,
+        watched=POLICY,
         summaries=summarize_records(RECORDS, time_limit_s=50.0),
         occupancy=rooms(),
         runs=[(record, make_run().trajectory) for record in RECORDS],

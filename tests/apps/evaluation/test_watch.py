@@ -5,12 +5,12 @@ from readygo.apps.commands.plan import plan
 from readygo.apps.evaluation.watch import SHOWN_MAX, film_path, plan_command, shown, write_films, write_pages
 from readygo.apps.run.evaluation import make_request
 from readygo.common.messages import Outcome, Split
-from readygo.services.evaluator import Method, Task
+from readygo.services.evaluator import POLICY, Task
 from tests.apps.evaluation.test_choice import record
 
 
 def test_pages_and_films_are_made_of_what_was_kept(evaluated):
-    records = [record for record in evaluated.reply.records if record.method is Method.POLICY]
+    records = [record for record in evaluated.reply.records if record.method == POLICY]
     index = records[0].episode.index
     films = [film_path(evaluated.folder, record) for record in records if record.episode.index == index]
     write_films(evaluated.replays, evaluated.request, evaluated.reply, [str(index)])

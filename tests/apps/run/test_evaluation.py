@@ -27,7 +27,7 @@ from readygo.common.errors import PolicyError, RunError, SceneError
 from readygo.common.messages import EpisodeMotions, HumanPlanRequest, Scenario, Split, topics
 from readygo.common.policy import PolicySpec, load_spec, save_spec
 from readygo.common.robot import RobotConfig
-from readygo.services.evaluator import EvaluateReply, Method, Task
+from readygo.services.evaluator import EXPERT, STRAIGHT_LINE, EvaluateReply, Task
 from readygo.services.evaluator.eyes import Eyes
 
 SMALL = RobotConfig(camera=CameraConfig(height_px=72, width_px=128))
@@ -61,7 +61,7 @@ def images_along(data: Dataset, spec: PolicySpec) -> np.ndarray:
     key = data.episodes[0].episode
     plan = evaluator.bus.request(topics.HUMAN_PLAN, HumanPlanRequest(episode=key, static=True))
     assert plan.scenario is not None
-    return np.concatenate([eyes.look([at], [""]) for at in drive_again(evaluator, plan.scenario, data)])
+    return np.concatenate([eyes.look([at]) for at in drive_again(evaluator, plan.scenario, data)])
 
 
 def drive_again(evaluator, scenario: Scenario, data: Dataset):
@@ -144,7 +144,7 @@ def test_evaluation_is_as_the_policys_data_where_nobody_names_something_else(tmp
 
 def test_arguments_become_a_request_or_one_line() -> None:
     request = make_request(3, ("dynamic",), ("expert", "straight-line"), Split.VAL, 7)
-    assert (request.tasks, request.methods) == ((Task.DYNAMIC,), (Method.EXPERT, Method.STRAIGHT_LINE))
+    assert (request.tasks, request.methods) == ((Task.DYNAMIC,), (EXPERT, STRAIGHT_LINE))
     assert (request.episodes, request.seed, request.split) == (3, 7, Split.VAL)
     with pytest.raises(RunError, match=r"^These arguments make no evaluation: tasks and methods must not repeat"):
         make_request(3, ("static", "static"), ("expert",), Split.VAL, 0)

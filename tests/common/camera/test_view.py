@@ -5,7 +5,9 @@ import pytest
 
 from readygo.common.camera import CameraConfig
 from readygo.common.camera.lens import make_lens
-from readygo.common.camera.view import view_of
+from readygo.common.camera.view import View, in_view, view_of
+
+VIEW = View(left_rad=math.radians(50), right_rad=math.radians(50), rise=1.0, fall=-1.0, height_m=0.5)
 
 
 def test_level_camera_spans_its_field_of_view_with_every_lens() -> None:
@@ -51,3 +53,16 @@ def test_camera_that_looks_steeply_up_sees_nobody_far_away() -> None:
     assert up.rise == math.inf
     assert not up.shows_body(4.0)
     assert np.isfinite(up.fall)
+
+
+@pytest.mark.parametrize(
+    ("bearing_deg", "seen"), [(0, True), (49, True), (-49, True), (53, True), (60, False), (-60, False), (180, False)]
+)
+def test_a_human_is_seen_if_any_part_of_its_disc_is_in_view(bearing_deg, seen):
+    angle = math.radians(bearing_deg)
+    assert in_view((1.0, 1.0, 0.0), 1 + 3 * math.cos(angle), 1 + 3 * math.sin(angle), VIEW, 10.0, 0.25) is seen
+
+
+def test_view_turns_with_the_robot_and_ends_at_its_range():
+    assert in_view((0.0, 0.0, 7 * math.pi), -3.0, 0.0, VIEW, 10.0, 0.25)
+    assert not in_view((0.0, 0.0, 0.0), 10.1, 0.0, VIEW, 10.0, 0.25)

@@ -16,16 +16,14 @@ from readygo.common.messages import (
     HumanPlanReply,
     HumanTrajectory,
     Motion,
-    Outcome,
     RenderReply,
-    RobotPlanReply,
-    RobotTrajectory,
     Scenario,
     topics,
 )
 from readygo.common.policy import PolicySpec
 from readygo.common.robot import CameraConfig, RobotConfig
-from readygo.services.evaluator import Evaluator, EvaluatorConfig
+from readygo.services.evaluator import EXPERT, Evaluator, EvaluatorConfig
+from readygo.services.evaluator.drivers import StraightLineDriver
 
 ROBOT = RobotConfig(camera=CameraConfig(height_px=8, width_px=10))
 FRAME = GridFrame(origin_x_m=0.0, origin_y_m=0.0, resolution_m=0.1)
@@ -40,21 +38,6 @@ def hall():
     return OccupancyMap(frame=FRAME, occupied=occupied)
 
 
-def trajectory(outcome, steps):
-    zeros = np.zeros(steps)
-    return RobotTrajectory(
-        outcome=outcome,
-        xyyaw=np.zeros((steps, 3)),
-        actions=np.tile([1.0, 0.0], (steps, 1)),
-        replanned=zeros > 0,
-        human_visible=zeros > 0,
-        human_distance_m=zeros + 2.5,
-        time_to_collision_s=zeros,
-        expert_cost=zeros,
-        replan_times_s=np.zeros(0),
-    )
-
-
 @dataclass
 class FakeServices:
     """Odd indices are rejected; even ones start at (1, y) and go to (6, y), index 4 to behind the wall."""
@@ -64,7 +47,6 @@ class FakeServices:
     known_people: set = field(default_factory=set)
     forget_once: bool = False
     reject_all: bool = False
-    expert: object = None
 
     def plan(self, request):
         self.requests.append(request)
@@ -93,11 +75,6 @@ class FakeServices:
             pose = np.zeros((len(root), 24, 3), np.float32)
             humans.append(HumanMotion(avatar=human.avatar, motion=Motion(root_m=root, pose_axis_angle=pose)))
         return AnimateReply(episode=request.scenario.episode, motions=EpisodeMotions(humans=tuple(humans)))
-
-    def robot_plan(self, request):
-        if self.expert is not None:
-            return self.expert(request)
-        return RobotPlanReply(episode=request.scenario.episode, trajectory=trajectory(Outcome.SUCCESS, 100))
 
     def render(self, request):
         self.render_requests.append(request)
@@ -139,7 +116,6 @@ def make_evaluator(services):
     bus = InProcessBus()
     bus.serve(topics.HUMAN_PLAN, services.plan)
     bus.serve(topics.ANIMATE, services.animate)
-    bus.serve(topics.ROBOT_PLAN, services.robot_plan)
     bus.serve(topics.render("0"), services.render)
 
     def make(*, policy=None, robot=ROBOT, camera="policy", **settings):
@@ -152,6 +128,7 @@ def make_evaluator(services):
             episode_config=EpisodeConfig(),
             config=EvaluatorConfig(**settings),
             policy=policy if policy is not None else GoalSeeker(),
+            drivers={EXPERT: lambda evaluator: StraightLineDriver(evaluator.robot)},
         )
 
     return make

@@ -26,7 +26,7 @@ class RecordingPolicy:
 class Eyes:
     """Images whose value is the step of the episode."""
 
-    def look(self, simulations, people):
+    def look(self, simulations):
         return np.array([np.full((2, 2, 3), simulation.step, np.uint8) for simulation in simulations])
 
 

@@ -5,8 +5,8 @@ import math
 import pytest
 
 from readygo.services.evaluator import (
+    POLICY,
     EvaluateRequest,
-    Method,
     Task,
     handle_evaluate,
 )
@@ -14,7 +14,7 @@ from tests.services.evaluator.conftest import ROBOT, GoalSeeker
 
 
 def test_camera_stands_on_the_floor_at_the_robot(make_evaluator, services):
-    handle_evaluate(make_evaluator(), EvaluateRequest(tasks=(Task.STATIC,), methods=(Method.POLICY,), episodes=1))
+    handle_evaluate(make_evaluator(), EvaluateRequest(tasks=(Task.STATIC,), methods=(POLICY,), episodes=1))
     first = services.render_requests[0].views[0]
     assert first.step == 0
     assert first.T_world_camera[:3, 3].tolist() == pytest.approx([1.0, 1.0, 0.75])
@@ -22,7 +22,7 @@ def test_camera_stands_on_the_floor_at_the_robot(make_evaluator, services):
 
 
 def test_view_names_its_episode_and_where_the_robot_came_from(make_evaluator, services):
-    handle_evaluate(make_evaluator(), EvaluateRequest(tasks=(Task.STATIC,), methods=(Method.POLICY,), episodes=1))
+    handle_evaluate(make_evaluator(), EvaluateRequest(tasks=(Task.STATIC,), methods=(POLICY,), episodes=1))
     views = [request.views[0] for request in services.render_requests]
     assert {view.episode.index for view in views} == {0}
     assert [len(view.path_xyyaw) for view in views[:5]] == [1, 2, 3, 3, 3]
@@ -33,7 +33,7 @@ def test_view_names_its_episode_and_where_the_robot_came_from(make_evaluator, se
 
 def test_policy_sees_the_image_of_the_cameras_latency_ago(make_evaluator, services):
     robot = dataclasses.replace(ROBOT, camera=dataclasses.replace(ROBOT.camera, latency_s=0.15))
-    request = EvaluateRequest(tasks=(Task.STATIC,), methods=(Method.POLICY,), episodes=1)
+    request = EvaluateRequest(tasks=(Task.STATIC,), methods=(POLICY,), episodes=1)
     handle_evaluate(make_evaluator(robot=robot, policy=GoalSeeker(robot)), request)
     views = [request.views[0] for request in services.render_requests]
     assert [view.step for view in views[:6]] == [0, 0, 0, 0, 1, 2]
@@ -43,7 +43,7 @@ def test_policy_sees_the_image_of_the_cameras_latency_ago(make_evaluator, servic
 
 
 def test_humans_travel_once(make_evaluator, services):
-    request = EvaluateRequest(tasks=(Task.DYNAMIC,), methods=(Method.POLICY,), episodes=2)
+    request = EvaluateRequest(tasks=(Task.DYNAMIC,), methods=(POLICY,), episodes=2)
     handle_evaluate(make_evaluator(), request)
     sent = [people.key for request in services.render_requests for people in request.people]
     assert len(sent) == len(set(sent)) == 2
@@ -51,14 +51,14 @@ def test_humans_travel_once(make_evaluator, services):
 
 
 def test_static_task_draws_nobody(make_evaluator, services):
-    request = EvaluateRequest(tasks=(Task.STATIC,), methods=(Method.POLICY,), episodes=2)
+    request = EvaluateRequest(tasks=(Task.STATIC,), methods=(POLICY,), episodes=2)
     reply = handle_evaluate(make_evaluator(), request)
     assert {view.people for request in services.render_requests for view in request.views} == {""}
     assert all(math.isinf(record.human_distance_min_m) for record in reply.records)
 
 
 def test_humans_that_the_renderer_forgot_are_sent_again(make_evaluator, services):
-    request = EvaluateRequest(tasks=(Task.DYNAMIC,), methods=(Method.POLICY,), episodes=2)
+    request = EvaluateRequest(tasks=(Task.DYNAMIC,), methods=(POLICY,), episodes=2)
     expected = handle_evaluate(make_evaluator(), request)
     services.render_requests.clear()
     services.forget_once = True

@@ -12,11 +12,19 @@ import numpy as np
 import pytest
 
 from readygo.common.errors import RunError
-from readygo.services.evaluator import EvaluateRequest, Method, Task, handle_evaluate, is_of, open_results
+from readygo.services.evaluator import (
+    POLICY,
+    STRAIGHT_LINE,
+    EvaluateRequest,
+    Task,
+    handle_evaluate,
+    is_of,
+    open_results,
+)
 from tests.services.evaluator.conftest import GoalSeeker
 
 SETTINGS = {"scene": "ab", "config": {"episode": {"time_limit_s": 50.0}}, "policy": ""}
-REQUEST = EvaluateRequest(tasks=(Task.STATIC,), methods=(Method.POLICY, Method.STRAIGHT_LINE), episodes=3)
+REQUEST = EvaluateRequest(tasks=(Task.STATIC,), methods=(POLICY, STRAIGHT_LINE), episodes=3)
 
 
 class StopError(Exception):
@@ -52,7 +60,7 @@ def test_evaluation_that_is_stopped_goes_on_and_ends_as_one_that_was_not(make_ev
 def test_what_is_kept_is_told_and_more_is_driven_when_more_is_asked_for(make_evaluator, tmp_path):
     told = []
     for episodes in (1, 3):
-        request = EvaluateRequest(tasks=(Task.STATIC,), methods=(Method.STRAIGHT_LINE,), episodes=episodes)
+        request = EvaluateRequest(tasks=(Task.STATIC,), methods=(STRAIGHT_LINE,), episodes=episodes)
         with open_results(tmp_path, SETTINGS) as results:
             handle_evaluate(make_evaluator(), request, report=told.append, results=results)
     assert [record.episode.index for record in told] == [0, 0, 2, 4]

@@ -56,8 +56,8 @@ def test_humans_are_lit_where_they_are_and_not_at_all_when_switched_off(
     assert cache.name == "light-c0ffeec0ffeec0ff.npz"
     assert off.view(POSE, (human,), 0).humans[0].light is None
     here, there = (lit.view(POSE, (human,), step).humans[0].light for step in (0, 3))
-    assert lit.probes is not None
-    assert np.array_equal(here, lit.probes.at(*(float(value) for value in human.motion.root_m[0, :2])))
+    assert lit.light is not None
+    assert np.array_equal(here, lit.light(*(float(value) for value in human.motion.root_m[0, :2])))
     assert not np.array_equal(here, there)
 
 

@@ -3,33 +3,18 @@ import math
 import numpy as np
 import pytest
 
-from readygo.common.camera.view import View
 from readygo.common.episode import EpisodeConfig
 from readygo.common.robot import RobotConfig
 from readygo.services.planner import ExpertConfig
 from readygo.services.planner.expert.ground import SceneGround
-from readygo.services.planner.expert.perception import HumanTracks, in_view
+from readygo.services.planner.expert.perception import HumanTracks
 from tests.services.planner.worlds import rooms
 
-VIEW = View(left_rad=math.radians(50), right_rad=math.radians(50), rise=1.0, fall=-1.0, height_m=0.5)
 POSE = (-1.0, 5.5, 0.0)
 AWAY = (*POSE[:2], math.pi)
 PATH = np.array([[0.2 + 0.05 * step, 5.5 + 0.01 * step] for step in range(200)])
 BEHIND_WALL = np.array([[2.0, 8.5]])
 BEFORE_WALL = (2.0, 5.0, math.pi / 2)
-
-
-@pytest.mark.parametrize(
-    ("bearing_deg", "seen"), [(0, True), (49, True), (-49, True), (53, True), (60, False), (-60, False), (180, False)]
-)
-def test_a_human_is_seen_if_any_part_of_its_disc_is_in_view(bearing_deg, seen):
-    angle = math.radians(bearing_deg)
-    assert in_view((1.0, 1.0, 0.0), 1 + 3 * math.cos(angle), 1 + 3 * math.sin(angle), VIEW, 10.0, 0.25) is seen
-
-
-def test_view_turns_with_the_robot_and_ends_at_its_range():
-    assert in_view((0.0, 0.0, 7 * math.pi), -3.0, 0.0, VIEW, 10.0, 0.25)
-    assert not in_view((0.0, 0.0, 0.0), 10.1, 0.0, VIEW, 10.0, 0.25)
 
 
 def _tracks(path=PATH, **options):

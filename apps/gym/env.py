@@ -1,0 +1,82 @@
+"""One robot: `gymnasium.make("ReadyGo/PointNav-v0", scene="embedded", humans=2)`."""
+
+import itertools
+from typing import Any, ClassVar
+
+import gymnasium
+import numpy as np
+import numpy.typing as npt
+from gymnasium import spaces
+
+from readygo.apps.gym.point_nav import PointNav, Ride
+from readygo.common.robot import RobotConfig
+
+FARTHEST_M = 1000.0
+"""Bound of the space of goals [m]."""
+Observation = dict[str, npt.NDArray[Any]]
+
+
+def observation_space(robot: RobotConfig) -> spaces.Dict:
+    """Image, goal in the robot's frame [m], and velocities [m/s, rad/s]."""
+    height, width = robot.camera.height_px, robot.camera.width_px
+    fastest = np.array([robot.v_max_mps, robot.w_max_radps], np.float32)
+    return spaces.Dict(
+        {
+            "rgb": spaces.Box(0, 255, (height, width, 3), np.uint8),
+            "goal": spaces.Box(-FARTHEST_M, FARTHEST_M, (2,), np.float32),
+            "velocity": spaces.Box(np.array([0.0, -fastest[1]], np.float32), fastest, dtype=np.float32),
+        }
+    )
+
+
+def action_space(robot: RobotConfig) -> spaces.Box:
+    """Commands v [m/s] and w [rad/s]."""
+    fastest = np.array([robot.v_max_mps, robot.w_max_radps], np.float32)
+    return spaces.Box(np.array([0.0, -fastest[1]], np.float32), fastest, dtype=np.float32)
+
+
+class PointNavEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
+    """Drive to a goal among people; 20 steps are a second. Arguments as for `PointNav`.
+
+    `info` has the costs `cost_collision` and `cost_intrusion` (1 in a step with them, else 0), and with `expert=True`
+    the `expert_command` for the next step.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 20}
+
+    def __init__(self, render_mode: str | None = None, **arguments: Any) -> None:
+        self.render_mode = render_mode
+        self._task = PointNav(**arguments)
+        self.observation_space = observation_space(self._task.robot)
+        self.action_space = action_space(self._task.robot)
+        self._ride: Ride | None = None
+        self._seed, self._indices = 0, itertools.count()
+        self._seen: npt.NDArray[np.uint8] | None = None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Begin the first episode of a seed, or the next one of the last seed."""
+        super().reset(seed=seed)
+        if seed is not None or self._ride is None:
+            self._seed = int(self.np_random.integers(2**31)) if seed is None else seed
+            self._indices = itertools.count()
+        self._ride = self._task.begin(self._seed, self._indices)
+        return self._observation(), self._task.info(self._ride)
+
+    def step(self, action: npt.NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Drive for 0.05 s."""
+        if self._ride is None:
+            raise gymnasium.error.ResetNeeded("call reset() before step().")
+        reward, terminated, truncated = self._task.advance(self._ride, action)
+        return self._observation(), reward, terminated, truncated, self._task.info(self._ride)
+
+    def render(self) -> npt.NDArray[np.uint8] | None:  # type: ignore[override]
+        """What the robot saw last."""
+        return self._seen if self.render_mode == "rgb_array" else None
+
+    def _observation(self) -> Observation:
+        assert self._ride is not None
+        observation = {name: array[0] for name, array in self._task.observe([self._ride]).items()}
+        self._seen = observation["rgb"]
+        return observation

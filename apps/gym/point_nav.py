@@ -1,0 +1,191 @@
+"""The task behind the environments: episodes, what the robot sees, what a step earns and costs."""
+
+import dataclasses
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.apps.run.config import RunConfig, load_run_config
+from readygo.apps.run.evaluation import evaluation_world, make_evaluator
+from readygo.common.episode import EpisodeSimulation
+from readygo.common.episode.conduct import PERSONAL_SPACE_M
+from readygo.common.errors import ConfigError, SceneError
+from readygo.common.messages import EpisodeKey, Outcome, Split
+from readygo.common.robot import RobotConfig
+from readygo.services.evaluator import Task
+from readygo.services.evaluator.baselines.goal_field import GoalField
+from readygo.services.evaluator.episodes import as_task
+from readygo.services.planner import Expert
+
+REJECTED_MAX = 1000
+"""Scenarios in a row that cannot take place, after which a scene is called unusable."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reward:
+    """What a step earns."""
+
+    per_metre: float = 1.0
+    """Of the shortest way to the goal that was gained [1/m]."""
+    per_second: float = -0.1
+    success: float = 10.0
+    collision: float = -10.0
+
+
+@dataclass(eq=False)
+class Ride:
+    """One episode under way."""
+
+    key: EpisodeKey
+    simulation: EpisodeSimulation
+    ways: GoalField
+    left_m: float
+    """Shortest way to the goal that is left [m]."""
+    expert: Expert | None = None
+
+
+class PointNav:
+    """Point-goal navigation in one scene."""
+
+    def __init__(
+        self,
+        *,
+        scene: str = "embedded",
+        humans: int = 2,
+        reactive: bool = False,
+        avatars: str | Path | None = None,
+        split: str = "train",
+        config: str | Path | None = None,
+        image_px: tuple[int, int] = (72, 128),
+        expert: bool = False,
+        reward: Reward | None = None,
+    ) -> None:
+        """Load a scene.
+
+        Args:
+            scene: Scene bundle, or "embedded".
+            humans: How many walk; 0 for none.
+            reactive: True lets them make way for the robot.
+            avatars: Avatar file or folder of them; the embedded ones by default.
+            split: "train", "val" or "test": which random streams.
+            config: TOML file with sections of settings, as for `readygo generate`.
+            image_px: Height and width of the image where no `config` says them [px].
+            expert: True asks the expert at every step what it would do.
+            reward: What steps earn.
+
+        Raises:
+            ReadygoError: If scene, avatars or settings cannot be used.
+        """
+        try:
+            self._split = Split(split)
+            settings = _settings(None if config is None else Path(config), humans, image_px)
+        except ValueError as error:
+            raise ConfigError(str(error)) from error
+        place = None if avatars is None else Path(avatars)
+        self._world = evaluation_world(scene, settings, avatars=place, seed=0)
+        self._evaluator = make_evaluator(self._world, renderer=self._world.renderer())
+        self._source, self._eyes = self._evaluator.source(), self._evaluator.eyes()
+        self._task = Task.STATIC if humans == 0 else Task.REACTIVE if reactive else Task.DYNAMIC
+        self._expert, self._reward = expert, reward or Reward()
+
+    @property
+    def robot(self) -> RobotConfig:
+        """The robot that is driven."""
+        return self._world.config.robot
+
+    def begin(self, seed: int, indices: "itertools.count[int]") -> Ride:
+        """The next episode of a seed that can take place.
+
+        Raises:
+            SceneError: If scenario after scenario is rejected.
+        """
+        reason = ""
+        for index in itertools.islice(indices, REJECTED_MAX):
+            key = EpisodeKey(seed=seed, split=self._split, index=index)
+            episode, reason = self._source.among_humans(key)
+            if episode is not None:
+                return self._ride(key, self._evaluator.simulation(as_task(episode, self._task)))
+        raise SceneError(f"The last {REJECTED_MAX} scenarios were rejected ({reason}); look at the maps.")
+
+    def observe(self, rides: Sequence[Ride]) -> dict[str, npt.NDArray[Any]]:
+        """What the robots see and know: `rgb` (B, H, W, 3), `goal` (B, 2) [m], `velocity` (B, 2) [m/s, rad/s]."""
+        simulations = [ride.simulation for ride in rides]
+        return {
+            "rgb": self._eyes.look(simulations),
+            "goal": np.array([simulation.goal_xy_robot_m for simulation in simulations], np.float32),
+            "velocity": np.array([(s.v_mps, s.w_radps) for s in simulations], np.float32),
+        }
+
+    def advance(self, ride: Ride, action: npt.ArrayLike) -> tuple[float, bool, bool]:
+        """One step.
+
+        Args:
+            ride: The episode.
+            action: Command v [m/s], w [rad/s], shape (2,); the robot's limits apply.
+
+        Returns:
+            Reward; whether the episode ended by what the robot did; whether by the time limit.
+        """
+        simulation, reward = ride.simulation, self._reward
+        v_mps, w_radps = np.asarray(action, np.float64).tolist()
+        outcome = simulation.advance(v_mps, w_radps)
+        left_m = ride.ways.distance_m(simulation.x_m, simulation.y_m)
+        gained_m = ride.left_m - left_m if math.isfinite(left_m) and math.isfinite(ride.left_m) else 0.0
+        ride.left_m = left_m
+        earned = reward.per_metre * gained_m + reward.per_second * 0.05
+        earned += reward.success if outcome is Outcome.SUCCESS else reward.collision if _collided(outcome) else 0.0
+        return earned, outcome is not None and outcome is not Outcome.TIMEOUT, outcome is Outcome.TIMEOUT
+
+    def info(self, ride: Ride) -> dict[str, Any]:
+        """Costs of the latest step, and what is not the robot's to know."""
+        simulation, outcome = ride.simulation, ride.simulation.outcome
+        places = simulation.human_xy_m
+        distance_m = min((math.dist((simulation.x_m, simulation.y_m), place) for place in places), default=math.inf)
+        info: dict[str, Any] = {
+            "cost_collision": float(_collided(outcome)),
+            "cost_intrusion": float(distance_m - simulation.contact_m < PERSONAL_SPACE_M),
+            "success": outcome is Outcome.SUCCESS,
+            "outcome": "" if outcome is None else outcome.value,
+            "way_left_m": ride.left_m,
+            "human_distance_m": distance_m,
+            "episode": ride.key.episode_id,
+        }
+        if ride.expert is not None:
+            info["expert_command"] = self._command(ride)
+        return info
+
+    def _command(self, ride: Ride) -> npt.NDArray[np.float32]:
+        """What the expert would do now; nothing where the episode has ended."""
+        assert ride.expert is not None
+        if ride.simulation.outcome is not None:
+            return np.zeros(2, np.float32)
+        decision = ride.expert.act(ride.simulation)
+        return np.array([decision.v_mps, decision.w_radps], np.float32)
+
+    def _ride(self, key: EpisodeKey, simulation: EpisodeSimulation) -> Ride:
+        goal_x, goal_y = simulation.scenario.goal_xy_m.tolist()
+        ways = GoalField(simulation.robot_map, self.robot.planning_radius_m, (goal_x, goal_y))
+        planner = self._world.robot_planner
+        expert = planner.expert(simulation.scenario, simulation.motions) if self._expert else None
+        return Ride(key, simulation, ways, ways.distance_m(simulation.x_m, simulation.y_m), expert)
+
+
+def _settings(path: Path | None, humans: int, image_px: tuple[int, int]) -> RunConfig:
+    settings = load_run_config(path)
+    count = max(humans, 1)
+    episode = dataclasses.replace(settings.episode, human_count_min=count, human_count_max=count)
+    robot = settings.robot
+    if path is None:
+        camera = dataclasses.replace(robot.camera, height_px=image_px[0], width_px=image_px[1])
+        robot = dataclasses.replace(robot, camera=camera)
+    return dataclasses.replace(settings, episode=episode, robot=robot)
+
+
+def _collided(outcome: Outcome | None) -> bool:
+    return outcome in (Outcome.HUMAN_COLLISION, Outcome.STATIC_COLLISION)

@@ -1,0 +1,87 @@
+"""Many robots whose views are drawn together: `gymnasium.make_vec(..., vectorization_mode="vector_entry_point")`."""
+
+import itertools
+from collections.abc import Sequence
+from typing import Any, ClassVar
+
+import gymnasium
+import numpy as np
+import numpy.typing as npt
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from readygo.apps.gym.env import Observation, action_space, observation_space
+from readygo.apps.gym.point_nav import PointNav, Ride
+
+Float64Array = npt.NDArray[np.float64]
+Bools = npt.NDArray[np.bool_]
+
+
+class PointNavVectorEnv(VectorEnv[Observation, npt.NDArray[np.float32], npt.NDArray[Any]]):
+    """`num_envs` robots in one scene, each in an episode of its own. Arguments as for `PointNav`.
+
+    A robot whose episode has ended begins the next one in the step after that, which ignores its action.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {
+        "render_modes": ["rgb_array"],
+        "render_fps": 20,
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+    }
+
+    def __init__(self, num_envs: int = 1, render_mode: str | None = None, **arguments: Any) -> None:
+        self.num_envs, self.render_mode = num_envs, render_mode
+        self._task = PointNav(**arguments)
+        self.single_observation_space = observation_space(self._task.robot)
+        self.single_action_space = action_space(self._task.robot)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._rides: list[Ride] = []
+        self._seeds = [0] * num_envs
+        self._indices = [itertools.count() for _ in range(num_envs)]
+        self._seen: npt.NDArray[np.uint8] | None = None
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Begin an episode of every robot: robot k has the seed `seed + k`, or the k-th of a list."""
+        super().reset(seed=seed if isinstance(seed, int) else None)
+        seeds = [seed + k for k in range(self.num_envs)] if isinstance(seed, int) else list(seed or [])
+        if not seeds and not self._rides:
+            seeds = self.np_random.integers(2**31, size=self.num_envs).tolist()
+        for k, each in enumerate(seeds):
+            if each is not None:
+                self._seeds[k], self._indices[k] = int(each), itertools.count()
+        self._rides = [self._begin(k) for k in range(self.num_envs)]
+        return self._observe(), self._infos()
+
+    def step(self, actions: npt.NDArray[np.float32]) -> tuple[Observation, Float64Array, Bools, Bools, dict[str, Any]]:
+        """Drive for 0.05 s."""
+        if not self._rides:
+            raise gymnasium.error.ResetNeeded("call reset() before step().")
+        rewards = np.zeros(self.num_envs)
+        terminated, truncated = np.zeros(self.num_envs, np.bool_), np.zeros(self.num_envs, np.bool_)
+        for k, action in enumerate(actions):
+            if self._rides[k].simulation.outcome is not None:
+                self._rides[k] = self._begin(k)
+            else:
+                rewards[k], terminated[k], truncated[k] = self._task.advance(self._rides[k], action)
+        return self._observe(), rewards, terminated, truncated, self._infos()
+
+    def render(self) -> tuple[npt.NDArray[np.uint8], ...] | None:  # type: ignore[override]
+        """What the robots saw last."""
+        return tuple(self._seen) if self.render_mode == "rgb_array" and self._seen is not None else None
+
+    def _begin(self, k: int) -> Ride:
+        return self._task.begin(self._seeds[k], self._indices[k])
+
+    def _observe(self) -> Observation:
+        observation = self._task.observe(self._rides)
+        self._seen = observation["rgb"]
+        return observation
+
+    def _infos(self) -> dict[str, Any]:
+        infos: dict[str, Any] = {}
+        for k, ride in enumerate(self._rides):
+            infos = self._add_info(infos, self._task.info(ride), k)
+        return infos

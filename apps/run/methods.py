@@ -1,0 +1,100 @@
+"""Who may drive in an evaluation, by name: experts, baselines, and a user's own."""
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from readygo.apps.run.custom_method import custom_method
+from readygo.apps.run.world import World
+from readygo.common.episode import EpisodeSimulation
+from readygo.common.errors import PolicyError
+from readygo.common.policy import check_policy_limits, load_policy
+from readygo.services.evaluator import EXPERT, STRAIGHT_LINE, Driver, DriverFailure, Evaluator, MakeDriver
+from readygo.services.evaluator.baselines.discrete import DiscretePlannerDriver
+from readygo.services.evaluator.baselines.social_force import SocialForceDriver
+from readygo.services.evaluator.drivers import PolicyDriver
+from readygo.services.planner import Expert, RobotPlanner
+from readygo.services.planner.expert.config import expert_recipe
+
+CHECKPOINTS = Path("checkpoints")
+VID2SIM = "vid2sim"
+BLIND = (EXPERT, "expert-paper", STRAIGHT_LINE, "social-force", "gaussnav")
+"""Methods that need no images."""
+NETWORKS = {"gnm": "gnm_large.pth", "vint": "vint.pth", "nomad": "nomad.pth"}
+"""Published networks, and what their authors call the file of weights."""
+
+
+def needs_renderer(methods: Sequence[str]) -> bool:
+    """True if one of some methods looks through a camera."""
+    return any(method not in BLIND for method in methods)
+
+
+class ExpertDriver:
+    """The planner that records data: it knows the map, and of humans what its settings let it."""
+
+    looks = False
+
+    def __init__(self, planner: RobotPlanner) -> None:
+        self._planner = planner
+
+    def start(self, simulation: EpisodeSimulation) -> Expert:
+        """An expert for the episode."""
+        return self._planner.expert(simulation.scenario, simulation.motions)
+
+    def commands(
+        self, running: Sequence[tuple[EpisodeSimulation, Expert]]
+    ) -> list[tuple[float, float] | DriverFailure]:
+        """See `Driver.commands`."""
+        decisions = [expert.act(simulation) for simulation, expert in running]
+        return [(decision.v_mps, decision.w_radps) for decision in decisions]
+
+
+def named_methods(world: World, methods: Sequence[str] = (), checkpoints: Path = CHECKPOINTS) -> dict[str, MakeDriver]:
+    """The methods of an evaluation, besides the policy and the straight line; nothing is loaded yet.
+
+    Args:
+        world: Where they drive.
+        methods: Those that are asked for: a user's own are named `my_package:MyDriver`.
+        checkpoints: Folder of what was trained elsewhere.
+    """
+    known: dict[str, MakeDriver] = {
+        EXPERT: lambda _: ExpertDriver(world.robot_planner),
+        "expert-paper": lambda _: ExpertDriver(_paper_planner(world)),
+        "social-force": lambda evaluator: SocialForceDriver(evaluator.robot),
+        "gaussnav": lambda evaluator: DiscretePlannerDriver(evaluator.robot),
+        VID2SIM: lambda evaluator: _mesh_policy(evaluator, checkpoints / VID2SIM),
+        **{name: _network(name, checkpoints / file) for name, file in NETWORKS.items()},
+    }
+    return known | {name: _custom(name) for name in methods if ":" in name}
+
+
+def _custom(name: str) -> MakeDriver:
+    return lambda evaluator: custom_method(name, evaluator)
+
+
+def _paper_planner(world: World) -> RobotPlanner:
+    config = world.config
+    expert = dataclasses.replace(config.expert, mode=expert_recipe("paper").mode)
+    return RobotPlanner(world.scene.maps, world.avatars, config.robot, config.episode, expert)
+
+
+def _mesh_policy(evaluator: Evaluator, folder: Path) -> Driver[Any]:
+    """The policy that learned among people that look like a game engine's."""
+    if not folder.is_dir():
+        raise PolicyError(
+            f"The method {VID2SIM} needs a policy that learned among mesh-like people, at {folder}: record and train "
+            'with [renderer] human_look = "mesh" (readygo learn SCENE --config mesh.toml), and copy RUN/policy there.'
+        )
+    policy = load_policy(folder)
+    check_policy_limits(policy.spec, evaluator.robot)
+    return PolicyDriver(policy, evaluator.eyes())
+
+
+def _network(name: str, path: Path) -> MakeDriver:
+    def make(evaluator: Evaluator) -> Driver[Any]:
+        from readygo.services.evaluator.networks.driver import NetworkDriver
+
+        return NetworkDriver.load(name, path, evaluator)
+
+    return make

@@ -1,0 +1,112 @@
+"""How a run treated people and how smoothly it drove: what a success rate does not tell."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.robot.kinematics import DT_S
+
+PERSONAL_SPACE_M = 0.5
+"""Free space between robot and human below which the robot intrudes [m].
+Source: Francis et al., Principles and guidelines for evaluating social robot navigation algorithms, 2023."""
+NEAR_MISS_M = 0.2
+"""Free space below which an encounter without contact is a near miss [m]."""
+MOVING_MPS = 0.1
+"""A robot that touches somebody at a lower speed stood [m/s]."""
+REACTION_S = 1.0
+"""Who was in view for this long could have been avoided [s]."""
+
+Float64Array = npt.NDArray[np.float64]
+Sees = Callable[[tuple[float, float, float], tuple[float, float]], bool]
+"""Whether a camera shows a human: robot's x [m], y [m], yaw [rad]; human's x and y [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contact:
+    """How robot and human met that collided."""
+
+    robot_mps: float
+    """Speed of the robot [m/s]."""
+    in_view: bool
+    """True if the robot's camera showed the human then."""
+    seen_s: float
+    """How long it had shown the human before, in all [s]."""
+
+    @property
+    def robot_moved(self) -> bool:
+        """False if a human walked into a robot that stood."""
+        return self.robot_mps >= MOVING_MPS
+
+    @property
+    def at_fault(self) -> bool:
+        """True if the robot drove into somebody whom it had seen for long enough to react."""
+        return self.robot_moved and self.seen_s >= REACTION_S
+
+
+@dataclass(frozen=True, kw_only=True)
+class Conduct:
+    """Manners of one run."""
+
+    intrusion_s: float
+    """Time in somebody's personal space [s]."""
+    near_misses: int
+    """Encounters that came nearer than `NEAR_MISS_M` and did not end in contact."""
+    jerk_mps3: float
+    """Root mean square of the second derivative of the speed [m/s3]."""
+    turn_acceleration_radps2: float
+    """Mean of the turn rate's change, without its sign [rad/s2]."""
+    contact: Contact | None = None
+    """Of a run that ended by touching a human."""
+
+
+def conduct_of(
+    poses: Float64Array,
+    actions: Float64Array,
+    human_xy_m: Float64Array,
+    *,
+    contact_m: float,
+    sees: Sees,
+) -> Conduct:
+    """Measure a run.
+
+    Args:
+        poses: Robot's x [m], y [m], yaw [rad] at all steps and at the end, shape (T + 1, 3).
+        actions: Executed commands v [m/s], w [rad/s], shape (T, 2).
+        human_xy_m: Where the humans were at the same times [m], shape (T + 1, N, 2).
+        contact_m: Distance of the centres at which robot and human touch [m].
+        sees: Whether the camera shows a human; only asked about humans that were touched.
+    """
+    gap_m = np.hypot(*np.moveaxis(human_xy_m - poses[:, None, :2], 2, 0)) - contact_m
+    nearest_m = gap_m.min(axis=1) if gap_m.shape[1] else np.full(len(poses), math.inf)
+    touched = nearest_m[-1] < 0
+    return Conduct(
+        intrusion_s=float(np.count_nonzero(nearest_m[1:] < PERSONAL_SPACE_M) * DT_S),
+        near_misses=sum(_spells(gap_m[:, k]) for k in range(gap_m.shape[1])),
+        jerk_mps3=_root_mean_square(np.diff(actions[:, 0], n=2) / DT_S**2),
+        turn_acceleration_radps2=float(np.mean(np.abs(np.diff(actions[:, 1])))) / DT_S if len(actions) > 1 else 0.0,
+        contact=_contact(poses, actions, human_xy_m[:, int(gap_m[-1].argmin())], sees) if touched else None,
+    )
+
+
+def _contact(poses: Float64Array, actions: Float64Array, human_m: Float64Array, sees: Sees) -> Contact:
+    seen = [
+        sees((x, y, yaw), (human_x, human_y))
+        for (x, y, yaw), (human_x, human_y) in zip(poses.tolist(), human_m.tolist(), strict=True)
+    ]
+    return Contact(
+        robot_mps=float(actions[-1, 0]) if len(actions) else 0.0, in_view=seen[-1], seen_s=sum(seen[:-1]) * DT_S
+    )
+
+
+def _spells(gap_m: Float64Array) -> int:
+    """How often a gap fell below `NEAR_MISS_M` and rose again without a contact; one at the end counts."""
+    near = np.concatenate([[False], gap_m < NEAR_MISS_M, [False]])
+    begins, ends = np.flatnonzero(near[1:] & ~near[:-1]), np.flatnonzero(near[:-1] & ~near[1:])
+    return sum(bool(gap_m[begin:end].min() >= 0) for begin, end in zip(begins, ends, strict=True))
+
+
+def _root_mean_square(values: Float64Array) -> float:
+    return math.sqrt(float(np.mean(values**2))) if len(values) else 0.0

@@ -1,0 +1,22 @@
+"""What a robot knows at one step: all that a method is given that somebody evaluates."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Observation:
+    """One step of 0.05 s, seen from the robot."""
+
+    rgb: npt.NDArray[np.uint8]
+    """The camera's image, sRGB, shape (H, W, 3)."""
+    goal_xy_m: tuple[float, float]
+    """Goal in the robot's frame: x forward, y left [m]."""
+    v_mps: float
+    """Present speed [m/s]."""
+    w_radps: float
+    """Present turn rate [rad/s]."""
+    time_s: float
+    """Time since the episode began [s]."""

@@ -1,0 +1,32 @@
+"""A method of your own in an evaluation, beside the policy and the expert.
+
+    readygo evaluate embedded --methods examples/my_method.py:KeepsAway straight-line social-force --episodes 20
+
+The class is made once, with the robot that is driven. `start` says what to remember of an episode, `act` is asked every
+0.05 s. It sees what a policy sees; whoever raises, returns no two numbers or takes too long fails that episode alone.
+"""
+
+import math
+
+import numpy as np
+
+from readygo import Observation, RobotConfig
+
+
+class KeepsAway:
+    """Turns to the goal, and away from the darker half of the image."""
+
+    def __init__(self, robot: RobotConfig) -> None:
+        self._robot = robot
+
+    def start(self) -> list[float]:
+        """The latest turns, to smooth over."""
+        return []
+
+    def act(self, memory: list[float], observation: Observation) -> tuple[float, float]:
+        """V [m/s] and w [rad/s]."""
+        left, right = (float(half.mean()) for half in np.array_split(observation.rgb, 2, axis=1))
+        to_goal = math.atan2(observation.goal_xy_m[1], observation.goal_xy_m[0])
+        memory.append(to_goal + 0.3 * (left - right) / max(left + right, 1.0))
+        turn = sum(memory[-5:]) / len(memory[-5:])
+        return self._robot.v_max_mps * max(0.0, math.cos(turn)), 2.0 * turn

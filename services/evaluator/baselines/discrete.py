@@ -1,0 +1,94 @@
+"""A discrete planner on the map, as GaussNav has one: forward 0.25 m or turn by 30 degrees, along the shortest way.
+
+It knows the map, and of humans nothing: a privileged baseline of the static task.
+Source: Lei et al., GaussNav: Gaussian splatting for visual navigation, 2024: actions of Habitat, short-term goals of a
+shortest-way field on a grid.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from readygo.common.episode import EpisodeSimulation
+from readygo.common.robot import RobotConfig
+from readygo.common.robot.kinematics import DT_S
+from readygo.services.evaluator.baselines.goal_field import GoalField
+from readygo.services.evaluator.drivers import DriverFailure
+
+FORWARD_M = 0.25
+TURN_RAD = math.radians(30.0)
+LOOKAHEAD_M = 0.75
+"""Distance of the short-term goal [m]."""
+HALT_MPS, HALT_RADPS = 0.02, 0.02
+"""A robot this slow stands: the next action may begin."""
+
+
+@dataclass
+class Action:
+    """What is left of an action."""
+
+    forward_m: float = 0.0
+    turn_rad: float = 0.0
+
+
+@dataclass
+class Plan:
+    """What is remembered of one episode."""
+
+    field: GoalField
+    action: Action
+
+
+class DiscretePlannerDriver:
+    """One action after the other; the robot stands between them, unless it goes straight on."""
+
+    looks = False
+
+    def __init__(self, robot: RobotConfig) -> None:
+        self._robot = robot
+
+    def start(self, simulation: EpisodeSimulation) -> Plan:
+        """The ways to the episode's goal."""
+        goal_x, goal_y = simulation.scenario.goal_xy_m.tolist()
+        field = GoalField(simulation.robot_map, self._robot.planning_radius_m, (goal_x, goal_y))
+        return Plan(field, Action())
+
+    def commands(self, running: Sequence[tuple[EpisodeSimulation, Plan]]) -> list[tuple[float, float] | DriverFailure]:
+        """See `Driver.commands`."""
+        return [self._command(simulation, plan) for simulation, plan in running]
+
+    def _command(self, simulation: EpisodeSimulation, plan: Plan) -> tuple[float, float]:
+        action, robot = plan.action, self._robot
+        action.forward_m -= simulation.v_mps * DT_S if simulation.step else 0.0
+        action.turn_rad -= simulation.w_radps * DT_S if simulation.step else 0.0
+        v = _braking(action.forward_m, robot.a_max_mps2, robot.v_max_mps)
+        w = _braking(action.turn_rad, robot.alpha_max_radps2, robot.w_max_radps)
+        if action.forward_m > 0 and action.forward_m <= _brakes_in(simulation.v_mps, robot.a_max_mps2):
+            # Who goes on in the same direction need not stop.
+            action.forward_m += self._next_action(simulation, plan.field).forward_m
+            v = _braking(action.forward_m, robot.a_max_mps2, robot.v_max_mps)
+        stands = abs(simulation.v_mps) < HALT_MPS and abs(simulation.w_radps) < HALT_RADPS
+        if abs(v) < HALT_MPS and abs(w) < HALT_RADPS and stands:
+            plan.action = self._next_action(simulation, plan.field)
+            v = _braking(plan.action.forward_m, robot.a_max_mps2, robot.v_max_mps)
+            w = _braking(plan.action.turn_rad, robot.alpha_max_radps2, robot.w_max_radps)
+        return max(v, 0.0), w
+
+    def _next_action(self, simulation: EpisodeSimulation, field: GoalField) -> Action:
+        to_x, to_y = field.ahead(simulation.x_m, simulation.y_m, LOOKAHEAD_M)
+        bearing = math.atan2(to_y - simulation.y_m, to_x - simulation.x_m) - simulation.yaw_rad
+        bearing = (bearing + math.pi) % (2 * math.pi) - math.pi
+        if abs(bearing) > TURN_RAD / 2:
+            return Action(turn_rad=math.copysign(TURN_RAD, bearing))
+        return Action(forward_m=FORWARD_M)
+
+
+def _braking(left: float, slowing: float, largest: float) -> float:
+    """The fastest velocity from which what is left can still be braked in, in steps of `DT_S`."""
+    speed = math.sqrt((0.5 * slowing * DT_S) ** 2 + 2 * slowing * abs(left)) - 0.5 * slowing * DT_S
+    return math.copysign(min(speed, largest, abs(left) / DT_S), left)
+
+
+def _brakes_in(speed: float, slowing: float) -> float:
+    """Way until a robot stands, if it begins to brake in the next step [m]."""
+    return speed * speed / (2 * slowing) + 2 * speed * DT_S

@@ -1,0 +1,20 @@
+import numpy as np
+import pytest
+
+gymnasium = pytest.importorskip("gymnasium")
+
+
+@pytest.mark.filterwarnings("ignore:.*For Box action spaces.*")
+def test_environment_passes_gymnasiums_checker():
+    from gymnasium.utils.env_checker import check_env
+
+    from readygo.apps.gym.env import PointNavEnv
+
+    env = PointNavEnv(humans=1, image_px=(24, 32), render_mode="rgb_array")
+    check_env(env, skip_render_check=True)
+    observation, info = env.reset(seed=3)
+    assert np.array_equal(env.render(), observation["rgb"])
+    assert (info["cost_collision"], info["success"]) == (0.0, False)
+    second, other = env.reset()
+    assert other["episode"] != info["episode"]
+    assert not np.array_equal(second["goal"], observation["goal"])

@@ -1,0 +1,28 @@
+"""One episode of a driver in the hall."""
+
+import numpy as np
+
+from readygo.common.episode import EpisodeConfig, EpisodeSimulation
+from readygo.common.messages import EpisodeKey, EpisodeMotions, HumanMotion, HumanTrajectory, Motion, Scenario, Split
+from tests.services.evaluator.conftest import ROBOT, hall
+
+
+def drive(driver, start, goal, tracks=()):
+    """The episode at its end, and the robot's poses, shape (T + 1, 3)."""
+    scenario = Scenario(
+        episode=EpisodeKey(seed=0, split=Split.TEST, index=0),
+        start_xyyaw=np.array(start),
+        goal_xy_m=np.array(goal),
+        humans=tuple(HumanTrajectory(avatar="a", encounter="crossing", speed_mps=1.0, xy_m=t) for t in tracks),
+    )
+    motions = EpisodeMotions(humans=tuple(HumanMotion(avatar="a", motion=_upright(track)) for track in tracks))
+    simulation = EpisodeSimulation(scenario, motions, hall(), ROBOT, EpisodeConfig())
+    memory = driver.start(simulation)
+    while simulation.outcome is None:
+        simulation.advance(*driver.commands([(simulation, memory)])[0])
+    return simulation, simulation.path_xyyaw(0, simulation.step)
+
+
+def _upright(track):
+    root = np.column_stack([track, np.full(len(track), 0.9)]).astype(np.float32)
+    return Motion(root_m=root, pose_axis_angle=np.zeros((len(track), 24, 3), np.float32))

@@ -1,0 +1,28 @@
+import numpy as np
+import pytest
+
+from readygo.common.messages import Outcome
+from readygo.services.evaluator.baselines.discrete import FORWARD_M, TURN_RAD, DiscretePlannerDriver
+from tests.services.evaluator.baselines.driving import drive
+from tests.services.evaluator.conftest import ROBOT
+
+
+def stops(path):
+    """Poses at which the robot stood, one per stop."""
+    still = np.flatnonzero(np.abs(np.diff(path, axis=0)).max(axis=1) < 1e-3)
+    return path[still[np.diff(still, prepend=-9) > 1]]
+
+
+def test_goal_behind_a_wall_is_reached():
+    simulation, _ = drive(DiscretePlannerDriver(ROBOT), (1.0, 1.0, 0.0), (10.0, 1.0))
+    assert simulation.outcome is Outcome.SUCCESS
+
+
+def test_robot_goes_quarter_metres_or_turns_by_thirty_degrees_and_stands_between():
+    _, path = drive(DiscretePlannerDriver(ROBOT), (1.0, 4.0, 0.6), (6.0, 5.0))
+    places = stops(path)
+    moved, turned = np.hypot(*np.diff(places[:, :2], axis=0).T), np.abs(np.diff(places[:, 2]))
+    assert len(moved) >= 3
+    for metres, radians in zip(moved, turned, strict=True):
+        straight = metres / FORWARD_M == pytest.approx(round(metres / FORWARD_M), abs=0.25) and radians < 0.03
+        assert straight or (radians == pytest.approx(TURN_RAD, abs=0.06) and metres < 0.03)
