@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.gaussians import GaussianCloud
-from readygo.common.maps.coarse_ground import coarse_ground
+from readygo.common.maps.coarse_ground import ground_detail
 from readygo.common.maps.floor import FloorEstimate, estimate_floor
 from readygo.common.maps.grid import FloorMap, GridFrame, OccupancyMap
 from readygo.common.maps.voxels import opacity_sums
@@ -76,6 +76,8 @@ class ScenePlan:
     """Cells where only the floor's own Gaussians stick out of it; they are free, shape (H, W)."""
     coarse: npt.NDArray[np.bool_]
     """Cells whose ground nobody filmed from near, shape (H, W)."""
+    blurred: npt.NDArray[np.bool_]
+    """Cells whose ground consists of Gaussians so large that images of it are blurred, shape (H, W)."""
     ground_size_m: float
     """Usual size of the Gaussians that the ground consists of [m]."""
 
@@ -102,14 +104,17 @@ def plan_scene(cloud: GaussianCloud, config: MapConfig) -> ScenePlan:
     phantoms = _phantoms(robot | human, standing.low | standing.robot | standing.waist | standing.human)
     robot, human = robot & ~phantoms, human & ~phantoms
     closed = ~_walkable(estimate, config.slope_max)
-    coarse, ground_size_m = coarse_ground(cloud, estimate.floor, estimate.supported)
-    coarse = coarse.repeat(FLOOR_CELLS, axis=0).repeat(FLOOR_CELLS, axis=1)
+    ground = ground_detail(cloud, estimate.floor, estimate.supported)
+    coarse, blurred = (
+        part.repeat(FLOOR_CELLS, axis=0).repeat(FLOOR_CELLS, axis=1) for part in (ground.coarse, ground.blurred)
+    )
     if config.close_coarse:
         closed |= coarse
     return ScenePlan(
         phantoms=phantoms & ~closed,
         coarse=coarse,
-        ground_size_m=ground_size_m,
+        blurred=blurred,
+        ground_size_m=ground.size_m,
         robot=OccupancyMap(frame=frame, occupied=robot | closed),
         human=OccupancyMap(frame=frame, occupied=human | closed),
         floor=estimate.floor,
