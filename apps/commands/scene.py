@@ -52,9 +52,9 @@ def scene_import(
 ) -> None:
     """Make a scene bundle (Gaussians, maps, report) of a Gaussian file, or of what a training left.
 
-    What looks wrong in the scene is said, and marked on its map in inspect/findings.png.
-    Where the import fails because of the scene, a picture beside OUT and a table show what the file holds, which ways may be
-    up and how long its unit may be, and the error says what to try.
+    What looks wrong in the scene is said, and marked on its map in inspect/findings.png. Where the import fails because
+    of the scene, a picture beside OUT and a table show what the file holds, which ways may be up and how long its unit
+    may be, and the error says what to try.
 
     Args:
         source: A .ply of 3DGS, 2DGS or PGSR, a .compressed.ply, .splat or .spz, a checkpoint of gsplat or nerfstudio,

@@ -8,22 +8,25 @@ import numpy.typing as npt
 from readygo.common.frames import matrix_from_quat
 from readygo.common.gaussians.cloud import GaussianCloud
 
-CELLS_ACROSS, CELL_SIZES = 100, 4.0
-"""Groups are looked for in cells of a hundredth of the scene's width, or of so many usual Gaussians."""
+CELLS_ACROSS, CELL_SIZES = 100, 2.0
+"""Groups are looked for in cells of a hundredth of the scene's width, or of so many of the Gaussians that most surface
+consists of."""
 GROUP_MAX = 50
 """A group of at most so many Gaussians without a neighbour floats."""
 SPARSE_RATIO, SPARSE_CELLS_MIN = 0.05, 0.6
 """Cells with a smaller part of what full ones hold are sparse: in sound scenes up to 42 % of the cells that hold
 anything, at the rims of things; where more are, a thin cloud of floaters surrounds the scene."""
 CLOUD_CELLS_ACROSS = 400
-"""Dense clouds are looked for in cells as large as the Gaussians that most surface consists of, and at least this part
-of the scene's width."""
+"""Dense clouds are looked for in cells as large as those Gaussians, and at least this part of the scene's width."""
+CLOUD_CELLS = ((1, 1.0), (2, 0.25), (4, 0.25))
+"""And in larger ones, so many times, if the clouds have at most this part of all surface: a bed of flowers has half of
+its surface in cells that are thin like those of a cloud, rooms full of dust a tenth."""
 THIN = 0.5
 """The Gaussians of a thin cell cover less than this part of one of its faces; surfaces cover about all of it."""
 WINDOW, FILLED = 9, 0.4
 """A cloud fills this part of the cells around, so many a side, with thin ones; surfaces with their rims do not."""
 FILLED_SHARE = 0.03
-"""Of the occupied cells of sound scenes at most 1 % lie in such a cloud, with 100,000 floaters in a flat 4 % or more."""
+"""In sound scenes at most 1 % of the occupied cells lie in such a cloud, with 100,000 floaters in a flat over 4 %."""
 FLOATER_LEVELS, LIMITS = 2.0, (0.3, 0.6)
 """Cells of a cloud that cover up to so many times what its usual ones do are floaters, within these limits."""
 SAMPLES_PER_AXIS_MAX = 8
@@ -46,10 +49,12 @@ def floating(cloud: GaussianCloud, low: Floats, high: Floats) -> Mask:
     if len(cloud) == 0:
         return np.zeros(0, np.bool_)
     width = max(float((high - low).max()), 1e-9)
-    reach = cloud.scales_m.max(axis=1)
-    cloudy = _clouded(cloud, low, high, max(_usual_size(cloud), width / CLOUD_CELLS_ACROSS))
-    cell = max(width / CELLS_ACROSS, CELL_SIZES * float(np.median(reach)))
-    return cloudy | _apart(cloud, low, high, cell, sparse=not cloudy.any())
+    usual = _usual_size(cloud)
+    for times, area_max in CLOUD_CELLS:
+        cloudy = _clouded(cloud, low, high, times * max(width / CLOUD_CELLS_ACROSS, usual), area_max)
+        if cloudy.any():
+            break
+    return cloudy | _apart(cloud, low, high, max(width / CELLS_ACROSS, CELL_SIZES * usual), sparse=not cloudy.any())
 
 
 def _apart(cloud: GaussianCloud, low: Floats, high: Floats, cell: float, *, sparse: bool) -> Mask:
@@ -73,7 +78,7 @@ def _apart(cloud: GaussianCloud, low: Floats, high: Floats, cell: float, *, spar
     return floats
 
 
-def _clouded(cloud: GaussianCloud, low: Floats, high: Floats, cell: float) -> Mask:
+def _clouded(cloud: GaussianCloud, low: Floats, high: Floats, cell: float, area_max: float) -> Mask:
     """Gaussians of clouds: of cells that hold something, but no surface, and fill a place."""
     from scipy import ndimage
 
@@ -83,7 +88,8 @@ def _clouded(cloud: GaussianCloud, low: Floats, high: Floats, cell: float) -> Ma
     thin = (held > 0) & (held < THIN)
     filled = ndimage.uniform_filter(thin.astype(np.float32), WINDOW, mode="nearest")
     floats = np.zeros(len(cloud), np.bool_)
-    if not thin.any() or float((filled[held > 0] > FILLED).mean()) < FILLED_SHARE:
+    dense = thin.any() and float((filled[held > 0] > FILLED).mean()) >= FILLED_SHARE
+    if not dense or held[thin].sum() > area_max * held.sum():
         return floats
     near = filled > 0.5 * FILLED
     limit = np.clip(FLOATER_LEVELS * np.median(held[near & thin]), *LIMITS)

@@ -24,6 +24,10 @@ LOW_WIDTH_M = 0.15
 
 A reconstructed floor is some 10 cm thick; its highest Gaussians would close doorways.
 """
+STEP_M = 0.05
+"""Something stands where the ground that is seen rises by more than this more steeply than ground does [m]: low boxes,
+whose Gaussians are not higher than rough ground. A box 0.3 m wide and 0.1 m high has 0.051 m in a flat; of the rough
+ground in a camp site 9 % of the area has more, of that in a flat none."""
 RAIL_TOP_M = 1.3
 RAIL_WIDTH_M = 0.4
 RAIL_LENGTH_M = 0.8
@@ -101,7 +105,8 @@ def plan_scene(cloud: GaussianCloud, config: MapConfig) -> ScenePlan:
     robot |= _railings(bands.waist, robot, config.resolution_m)
     human = _with_compact_low(bands.low, bands.human, config.resolution_m)
     standing = _occupied_bands(above.select(_stand(cloud, estimate, config)), frame, (shape[0], shape[1]), config)
-    phantoms = _phantoms(robot | human, standing.low | standing.robot | standing.waist | standing.human)
+    steps = (estimate.step_m > STEP_M).repeat(FLOOR_CELLS, axis=0).repeat(FLOOR_CELLS, axis=1)
+    phantoms = _phantoms(robot | human, steps | standing.low | standing.robot | standing.waist | standing.human)
     robot, human = robot & ~phantoms, human & ~phantoms
     closed = ~_walkable(estimate, config.slope_max)
     ground = ground_detail(cloud, estimate.floor, estimate.supported)
@@ -148,10 +153,7 @@ def _stand(cloud: GaussianCloud, estimate: FloorEstimate, config: MapConfig) -> 
 
 
 def _phantoms(occupied: npt.NDArray[np.bool_], standing: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """Islands without a cell in which something stands: rough ground made of thick Gaussians, not obstacles.
-
-    A box of 0.3 m that is 12 cm high goes with them, one that is 14 cm high stays.
-    """
+    """Islands without a cell in which something stands: rough ground made of thick Gaussians, not obstacles."""
     from scipy import ndimage
 
     labels, count = ndimage.label(occupied, np.ones((3, 3)))
