@@ -40,7 +40,7 @@ def findings(cloud: GaussianCloud, plan: ScenePlan, report: dict[str, Any]) -> l
 def marks(plan: ScenePlan) -> dict[str, npt.NDArray[np.bool_]]:
     """The cells that some of the sentences are about, by what is the matter with them, shape (H, W) each."""
     free = ~plan.robot.occupied
-    return {ROUGH: plan.phantoms & free, BLURRED: plan.blurred & free, UNFILMED: plan.coarse}
+    return {ROUGH: plan.phantoms & free, BLURRED: plan.blurred & free & ~plan.coarse, UNFILMED: plan.coarse}
 
 
 def goals_line(farthest_m: float, goal_distance_min_m: float, radius_m: float) -> str:
@@ -104,7 +104,8 @@ def _ground(plan: ScenePlan) -> list[str]:
     if phantoms_m2 >= 1.0:
         sentences.append(f"{phantoms_m2:.0f} m2 of rough ground would look like obstacles and count as free.")
     free_m2 = float(free.sum()) * cell_m2
-    coarse_m2, blurred_m2 = (float((part & free).sum()) * cell_m2 for part in (plan.coarse, plan.blurred))
+    found = marks(plan)
+    coarse_m2, blurred_m2 = (float((found[kind] & free).sum()) * cell_m2 for kind in (UNFILMED, BLURRED))
     if coarse_m2 >= max(1.0, COARSE_SHARE_MIN * free_m2):
         sentences.append(
             f"{coarse_m2:.0f} of {free_m2:.0f} m2 of free ground were hardly filmed (huge Gaussians, blur); "
