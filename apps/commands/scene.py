@@ -17,13 +17,13 @@ from readygo.apps.views.pictures import clarity_map, views_sheet
 from readygo.apps.views.views import SceneViews, scene_views, warnings
 from readygo.common.drawing.files import Picture, write_png
 from readygo.common.errors import NoGroundError, ReadygoError, SceneError
-from readygo.common.gaussians.defects import HUGE, counted, unusable, unwanted, without
+from readygo.common.gaussians.defects import FLOATERS, HUGE, Masks, counted, unusable, unwanted, without
 from readygo.common.gaussians.files import read_gaussians, with_unit_rotations
 from readygo.common.maps import ScenePlan, plan_scene
 from readygo.common.robot import RobotConfig, load_robot
 from readygo.common.scenes import Scene, import_scene
 from readygo.common.scenes.edit import crop_box
-from readygo.common.scenes.findings import findings
+from readygo.common.scenes.findings import SHARES_WORTH_NAMING, findings
 from readygo.common.scenes.report import scene_report
 from readygo.common.scenes.survey import Survey, advice, survey, survey_row
 
@@ -180,10 +180,21 @@ def _shown(source: Path, out: Path, up: str, scale: float, *, json: bool) -> str
         for label, text in _survey_rows(found, counted(masks)):
             table.add_row(label, text)
         Console().print(table, markup=False)
+    return f"{_remedy(found, up, scale, masks, source)} {where}"
+
+
+def _remedy(found: Survey, up: str, scale: float, masks: Masks, source: Path) -> str:
+    """What to try after an import failed."""
     words = advice(found, up, scale)
     if masks[HUGE].any():
         words += f" {int(masks[HUGE].sum())} of its Gaussians are huge and cover all: --drop-bad leaves them out."
-    return f"{words} {where}"
+    if float(masks[FLOATERS].mean()) > SHARES_WORTH_NAMING[FLOATERS]:
+        clean = source.with_name(f"{source.stem.split('.')[0]}-clean.ply")
+        words = (
+            f"{int(masks[FLOATERS].sum()):,} of its {found.gaussians:,} Gaussians float and may fill it: "
+            f"`readygo scene clean {source} --out {clean}` removes them. {words}"
+        )
+    return words
 
 
 def _survey_rows(found: Survey, unwanted_words: str) -> list[tuple[str, str]]:
