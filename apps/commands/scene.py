@@ -125,7 +125,7 @@ def scene_inspect(
     findings.png marks what looks wrong, with words: rough ground, ground that nobody filmed, places without a view.
 
     Args:
-        scene: Scene bundle, or "embedded".
+        scene: Scene bundle, "embedded", or "embedded:SEED".
         out: Folder for the pictures; the bundle's inspect/ by default.
         radius: Radius of the robot's disc [m]; by default the one that the scene was imported for.
         robot: robot.toml, for the camera that looks around.
