@@ -20,7 +20,7 @@ COLOURS: dict[str, Rgb] = {ROUGH: HUMANS[1], BLURRED: HUMANS[3], UNFILMED: HUMAN
 SHARE = 0.7
 """Of a mark's colour; the map shines through."""
 HEIGHT_PX, WIDTH_MAX_PX = 900, 1600
-LINE_PX, LETTER_PX = 20, 8.5
+LINE_PX, LETTER_PX = 20, 6.8
 
 
 def findings_map(plan: ScenePlan, seen: SceneViews, sentences: Sequence[str], name: str, radius_m: float) -> Picture:
@@ -47,7 +47,7 @@ def findings_map(plan: ScenePlan, seen: SceneViews, sentences: Sequence[str], na
     legend += [(area_swatch(REACHABLE, 1.0), "reachable"), (area_swatch(SEPARATE, 1.0), "cut off")]
     legend += [(area_swatch(UNKNOWN, 1.0), "no floor seen"), (area_swatch(OCCUPIED, 1.0), "blocked")]
     if dull:
-        legend.append((ring_swatch(ALARM), "number: little to see from there, as in views.png"))
+        legend.append((ring_swatch(ALARM), "number: little to see from there, as `scene inspect` draws"))
     verdict = ("nothing to complain about", GOAL) if not sentences else (f"{len(sentences)} to look at", ALARM)
     rows = [[picture], *([[_text(sentences, max(picture.shape[1], 480))]] if sentences else [])]
     return sheet(rows, [(f"what was found in {name}", INK), verdict], legend)
