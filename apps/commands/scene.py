@@ -19,9 +19,10 @@ from readygo.common.drawing.files import Picture, write_png
 from readygo.common.errors import NoGroundError, ReadygoError, SceneError
 from readygo.common.gaussians.defects import FLOATERS, HUGE, Masks, counted, unusable, unwanted, without
 from readygo.common.gaussians.files import read_gaussians, with_unit_rotations
-from readygo.common.maps import ScenePlan, plan_scene
+from readygo.common.maps import ScenePlan
 from readygo.common.robot import RobotConfig, load_robot
 from readygo.common.scenes import Scene, import_scene
+from readygo.common.scenes.bundle import plan_of
 from readygo.common.scenes.edit import crop_box
 from readygo.common.scenes.findings import SHARES_WORTH_NAMING, findings
 from readygo.common.scenes.report import scene_report
@@ -106,7 +107,7 @@ def scene_import(
     pictures = []
     if report["findings"] or warnings(seen):
         pictures.append(scene.path / "inspect" / FINDINGS_FILE)
-        plan = plan_scene(scene.cloud, scene.maps.config)
+        plan = plan_of(scene)
         write_png(pictures[0], _findings(scene, plan, seen, report))
     _print(scene, report, seen, pictures, json=json)
 
@@ -140,7 +141,7 @@ def scene_inspect(
         raise SceneError(f"--radius must be positive, got {radius_m}.")
     maps = bundle.maps
     report = scene_report(bundle.cloud, bundle.sky, maps.robot, maps.human, maps.floor, radius_m)
-    plan = plan_scene(bundle.cloud, maps.config)
+    plan = plan_of(bundle)
     report["findings"] = findings(bundle.cloud, plan, report)
     folder = bundle.path / "inspect" if out is None else out
     folder.mkdir(parents=True, exist_ok=True)

@@ -63,7 +63,7 @@ def test_inspect_prints_a_table_and_takes_radius_and_folder(source, tmp_path, ca
     assert "disc of 0.5 m" in text
     assert "scene room" in text
     assert (tmp_path / "pictures" / "top.png").exists()
-    assert not (tmp_path / "room" / "inspect").exists()
+    assert not (tmp_path / "room" / "inspect" / "top.png").exists()
     with pytest.raises(SceneError, match="--radius"):
         scene_inspect(str(tmp_path / "room"), radius=-1.0)
 
