@@ -218,7 +218,7 @@ def value_name(hint: Any, name: str, positional: bool) -> str | None:
     """What a value is called; None leaves it to tyro."""
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if origin is Annotated:
-        return _value_name(arguments[0], name, positional)
+        return value_name(arguments[0], name, positional)
     if origin in (types.UnionType, typing.Union):
         kinds = [kind for kind in arguments if kind is not type(None)]
         return value_name(kinds[0], name, positional) if len(kinds) == 1 else None
