@@ -1,6 +1,7 @@
 """The command line's machinery: finds a command, reads its arguments with tyro, turns mistakes into one line."""
 
 import contextlib
+import dataclasses
 import errno
 import functools
 import importlib
@@ -25,6 +26,18 @@ READER_GONE = 128 + signal.SIGPIPE
 HELP = ("-h", "--help")
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
 """Errors of a write: they name no file, yet the user can mend them."""
+
+
+class Bare(NamedTuple):
+    """Beside an option's type, as in `Annotated[float | None, Bare("0.5")]`: its value where only its name is given."""
+
+    value: str
+
+
+class Group(NamedTuple):
+    """Beside an option's type: help shows it below a heading, "NAME options", with others of that group."""
+
+    name: str
 
 
 class Command(NamedTuple):
@@ -120,18 +133,69 @@ def _bound(function: Callable[..., object], *, prog: str, argv: Sequence[str]) -
     """A command's function with its arguments."""
     import tyro
 
-    def bind(*args: Any, **kwargs: Any) -> Callable[[], object]:
-        return functools.partial(function, *args, **kwargs)
-
     hints = typing.get_type_hints(function, include_extras=True)
     parameters = [
         parameter.replace(annotation=_with_value_name(hints[name], parameter))
         for name, parameter in inspect.signature(function).parameters.items()
     ]
+    groups = _groups(hints, parameters, function.__doc__ or "")
+    grouped = {field.name for group in groups for field in dataclasses.fields(group.annotation)}
+
+    def bind(*args: Any, **kwargs: Any) -> Callable[[], object]:
+        members = [kwargs.pop(group.name) for group in groups]
+        return functools.partial(function, *args, **kwargs, **{k: v for part in members for k, v in vars(part).items()})
+
+    shown = [parameter for parameter in parameters if parameter.name not in grouped] + groups
     bind.__doc__ = function.__doc__
-    bind.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
-    bind.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-    return tyro.cli(bind, prog=prog, args=argv)
+    bind.__annotations__ = {parameter.name: parameter.annotation for parameter in shown}
+    bind.__signature__ = inspect.Signature(shown)  # type: ignore[attr-defined]
+    config = [tyro.conf.OmitArgPrefixes] if groups else []
+    return tyro.cli(bind, prog=prog, args=_with_bare_values(hints, argv), config=config)
+
+
+def _groups(hints: Mapping[str, Any], parameters: Sequence[inspect.Parameter], words: str) -> list[inspect.Parameter]:
+    """A parameter for each group of options, whose type has those as its fields: help shows them below a heading."""
+    import docstring_parser
+    import tyro
+
+    members: dict[str, list[inspect.Parameter]] = {}
+    for parameter in parameters:
+        for said in getattr(hints[parameter.name], "__metadata__", ()):
+            if isinstance(said, Group):
+                members.setdefault(said.name, []).append(parameter)
+    described = (
+        {entry.arg_name: " ".join((entry.description or "").split()) for entry in docstring_parser.parse(words).params}
+        if members
+        else {}
+    )
+    made = []
+    for name, options in members.items():
+        fields = [
+            (
+                option.name,
+                Annotated[option.annotation, tyro.conf.arg(help=described[option.name])],
+                dataclasses.field(default=option.default),
+            )
+            for option in options
+        ]
+        kind = dataclasses.make_dataclass(name, fields, frozen=True, kw_only=True)
+        keyword = inspect.Parameter.KEYWORD_ONLY
+        made.append(inspect.Parameter(name, keyword, default=kind(), annotation=kind))
+    return made
+
+
+def _with_bare_values(hints: Mapping[str, Any], argv: Sequence[str]) -> list[str]:
+    """The arguments, with values of options that may go without one."""
+    bare = {
+        f"--{name.replace('_', '-')}": said.value
+        for name, hint in hints.items()
+        for said in getattr(hint, "__metadata__", ())
+        if isinstance(said, Bare)
+    }
+    words = []
+    for word, after in zip(argv, [*argv[1:], "--"], strict=True):
+        words.append(f"{word}={bare[word]}" if word in bare and after.startswith("-") else word)
+    return words
 
 
 def _with_value_name(hint: Any, parameter: inspect.Parameter) -> Any:
@@ -153,6 +217,8 @@ def _with_value_name(hint: Any, parameter: inspect.Parameter) -> Any:
 def value_name(hint: Any, name: str, positional: bool) -> str | None:
     """What a value is called; None leaves it to tyro."""
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
+    if origin is Annotated:
+        return value_name(arguments[0], name, positional)
     if origin in (types.UnionType, typing.Union):
         kinds = [kind for kind in arguments if kind is not type(None)]
         return value_name(kinds[0], name, positional) if len(kinds) == 1 else None

@@ -26,7 +26,7 @@ from readygo.services.reconstructor.frames.video import write_jpeg
 from readygo.services.reconstructor.marker_sheet import Sheet, marker_sheet
 from readygo.services.renderer.capture import Capture, Shot, pinhole_of
 from readygo.services.renderer.config import RendererConfig
-from readygo.services.renderer.drawing import Drawing, make_drawing
+from readygo.services.renderer.drawing import make_drawing
 from readygo.services.renderer.sensor.light import exposure_gain
 from readygo.services.renderer.sensor.motion import Moment
 from readygo.services.renderer.sensor.streams import SensorStream
@@ -115,7 +115,8 @@ def _capture(filming: Filming) -> Capture:
     config = RendererConfig(human_light=False, outputs=("rgb", "median_depth"))
     drawing = make_drawing(filming.scene, {}, pinhole, config)
     if filming.marker is not None:
-        drawing = Drawing(rasterizer=MarkedRasterizer(drawing.rasterizer, pinhole, filming.marker))
+        marked = MarkedRasterizer(drawing.rasterizer, pinhole, filming.marker)
+        drawing = dataclasses.replace(drawing, rasterizer=marked)
     return Capture(
         drawing=drawing,
         pinhole=pinhole,

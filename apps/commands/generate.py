@@ -7,11 +7,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
+from readygo.apps.cli import Bare, Group
 from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.fleet.run import Show, record
 from readygo.apps.fleet.slurm import check_slurm
@@ -29,6 +30,8 @@ from readygo.common.robot import load_robot
 from readygo.services.planner.humans.mixes import MixName
 from readygo.services.renderer.sensor.recipes import SensorName
 
+HUMANS, DRIVING, IMAGES, RUNNING = (Group(name) for name in ("humans", "driving", "images", "running"))
+
 
 def generate(
     scene: str = "",
@@ -36,26 +39,26 @@ def generate(
     *,
     out: Path,
     episodes: int | None = None,
-    workers: int = 1,
+    workers: Annotated[int, RUNNING] = 1,
     split: Literal["train", "val", "test"] = "train",
     seed: int = 0,
-    avatars: Path | None = None,
-    static: bool = False,
-    people: MixName | None = None,
-    scenarios: Path | None = None,
-    policy: Path | None = None,
-    mix: float | None = None,
-    disturb: float | None = None,
+    avatars: Annotated[Path | None, HUMANS] = None,
+    static: Annotated[bool, HUMANS] = False,
+    people: Annotated[MixName | None, HUMANS] = None,
+    scenarios: Annotated[Path | None, HUMANS] = None,
+    policy: Annotated[Path | None, DRIVING] = None,
+    mix: Annotated[float | None, DRIVING] = None,
+    disturb: Annotated[float | None, Bare("0.5"), DRIVING] = None,
     again: Path | None = None,
-    outputs: str = "",
-    detail: Literal["exact", "lod"] | None = None,
-    robot: Path | None = None,
+    outputs: Annotated[str, IMAGES] = "",
+    detail: Annotated[Literal["exact", "lod"] | None, IMAGES] = None,
+    robot: Annotated[Path | None, DRIVING] = None,
     config: Path | None = None,
-    sensor: SensorName | None = None,
-    listen: str = "",
-    on: Literal["local", "slurm"] = "local",
-    slurm: str = "",
-    json: bool = False,
+    sensor: Annotated[SensorName | None, IMAGES] = None,
+    listen: Annotated[str, RUNNING] = "",
+    on: Annotated[Literal["local", "slurm"], RUNNING] = "local",
+    slurm: Annotated[str, RUNNING] = "",
+    json: Annotated[bool, RUNNING] = False,
 ) -> None:
     """Record episodes of an expert among walking people; run again to resume.
 
@@ -75,8 +78,8 @@ def generate(
         policy: Folder of a trained policy: it or the expert drives, episodes are kept however they end, and the expert
             says at every sample what it would do. The robot is the policy's unless `robot` or `config` names one.
         mix: Share of the episodes that the policy drives, 0..1; 0.5 by default.
-        disturb: Share of the expert's episodes in which it is pushed and obeyed late, 0..1: it is shown to find back,
-            and says at every sample what it would do. Episodes are kept however they end.
+        disturb: Share of the expert's episodes in which it is pushed and obeyed late, 0..1, 0.5 if no number follows:
+            it is shown to find back, and says at every sample what it would do. Episodes are kept however they end.
         again: Data folder whose episodes are made again, each with the policy that drove it; `scene` and all that
             belongs to a run is taken from there.
         outputs: Images to record, separated by commas, of rgb, depth, median_depth, alpha, mask and normal, such as

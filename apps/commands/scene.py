@@ -9,20 +9,26 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from readygo.apps.pictures.scene_findings import findings_map
 from readygo.apps.pictures.scene_maps import scene_pictures
 from readygo.apps.pictures.scene_survey import survey_picture
 from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.views.pictures import clarity_map, views_sheet
 from readygo.apps.views.views import SceneViews, scene_views, warnings
-from readygo.common.drawing.files import write_png
+from readygo.common.drawing.files import Picture, write_png
 from readygo.common.errors import NoGroundError, ReadygoError, SceneError
-from readygo.common.gaussians.defects import HUGE, counted, unusable, unwanted, without
+from readygo.common.gaussians.defects import FLOATERS, HUGE, Masks, counted, unusable, unwanted, without
 from readygo.common.gaussians.files import read_gaussians, with_unit_rotations
+from readygo.common.maps import ScenePlan
 from readygo.common.robot import RobotConfig, load_robot
 from readygo.common.scenes import Scene, import_scene
+from readygo.common.scenes.bundle import plan_of
 from readygo.common.scenes.edit import crop_box
+from readygo.common.scenes.findings import SHARES_WORTH_NAMING, findings
 from readygo.common.scenes.report import scene_report
 from readygo.common.scenes.survey import Survey, advice, survey, survey_row
+
+FINDINGS_FILE = "findings.png"
 
 
 def scene_import(
@@ -48,8 +54,9 @@ def scene_import(
 ) -> None:
     """Make a scene bundle (Gaussians, maps, report) of a Gaussian file, or of what a training left.
 
-    Where that fails because of the scene, a picture beside OUT and a table show what the file holds, which ways may be
-    up and how long its unit may be, and the error says what to try.
+    What looks wrong in the scene is said, and marked on its map in inspect/findings.png. Where the import fails because
+    of the scene, a picture beside OUT and a table show what the file holds, which ways may be up and how long its unit
+    may be, and the error says what to try.
 
     Args:
         source: A .ply of 3DGS, 2DGS or PGSR, a .compressed.ply, .splat or .spz, a checkpoint of gsplat or nerfstudio,
@@ -96,7 +103,13 @@ def scene_import(
     except NoGroundError as error:
         raise SceneError(f"{error} {_shown(source, out, up, scale, json=json)}") from error
     seen = scene_views(scene, chosen or RobotConfig())
-    _print(scene, json_module.loads((scene.path / "report.json").read_text()), seen, [], json=json)
+    report = json_module.loads((scene.path / "report.json").read_text())
+    pictures = []
+    if report["findings"] or warnings(seen):
+        pictures.append(scene.path / "inspect" / FINDINGS_FILE)
+        plan = plan_of(scene)
+        write_png(pictures[0], _findings(scene, plan, seen, report))
+    _print(scene, report, seen, pictures, json=json)
 
 
 def scene_inspect(
@@ -113,6 +126,7 @@ def scene_inspect(
     Pictures of the maps: dark is occupied, grey has no floor in sight, white is too narrow for the agent, green is the
     largest area that it can move in, orange are areas cut off from that. views.png shows what the robot sees from
     places all over that area, map_views.png the same area in the colours of their sharpness: orange and brown is fog.
+    findings.png marks what looks wrong, with words: rough ground, ground that nobody filmed, places without a view.
 
     Args:
         scene: Scene bundle, "embedded", or "embedded:SEED".
@@ -127,6 +141,8 @@ def scene_inspect(
         raise SceneError(f"--radius must be positive, got {radius_m}.")
     maps = bundle.maps
     report = scene_report(bundle.cloud, bundle.sky, maps.robot, maps.human, maps.floor, radius_m)
+    plan = plan_of(bundle)
+    report["findings"] = findings(bundle.cloud, plan, report)
     folder = bundle.path / "inspect" if out is None else out
     folder.mkdir(parents=True, exist_ok=True)
     seen = scene_views(bundle, RobotConfig() if robot is None else load_robot(robot), radius_m=radius_m)
@@ -134,10 +150,16 @@ def scene_inspect(
         **scene_pictures(bundle, radius_m),
         "views.png": views_sheet(seen, bundle.name),
         "map_views.png": clarity_map(seen, maps.robot, radius_m),
+        FINDINGS_FILE: _findings(bundle, plan, seen, report),
     }
     for file, picture in pictures.items():
         write_png(folder / file, picture)
     _print(bundle, report, seen, [folder / file for file in pictures], json=json)
+
+
+def _findings(scene: Scene, plan: ScenePlan, seen: SceneViews, report: dict[str, Any]) -> Picture:
+    sentences = [*report["findings"], *warnings(seen)]
+    return findings_map(plan, seen, sentences, scene.name, float(report["robot"]["radius_m"]))
 
 
 def _shown(source: Path, out: Path, up: str, scale: float, *, json: bool) -> str:
@@ -162,10 +184,21 @@ def _shown(source: Path, out: Path, up: str, scale: float, *, json: bool) -> str
         for label, text in _survey_rows(found, counted(masks)):
             table.add_row(label, text)
         Console().print(table, markup=False)
+    return f"{_remedy(found, up, scale, masks, source)} {where}"
+
+
+def _remedy(found: Survey, up: str, scale: float, masks: Masks, source: Path) -> str:
+    """What to try after an import failed."""
     words = advice(found, up, scale)
     if masks[HUGE].any():
         words += f" {int(masks[HUGE].sum())} of its Gaussians are huge and cover all: --drop-bad leaves them out."
-    return f"{words} {where}"
+    if float(masks[FLOATERS].mean()) > SHARES_WORTH_NAMING[FLOATERS]:
+        clean = source.with_name(f"{source.stem.split('.')[0]}-clean.ply")
+        words = (
+            f"{int(masks[FLOATERS].sum()):,} of its {found.gaussians:,} Gaussians float and may fill it: "
+            f"`readygo scene clean {source} --out {clean}` removes them. {words}"
+        )
+    return words
 
 
 def _survey_rows(found: Survey, unwanted_words: str) -> list[tuple[str, str]]:

@@ -97,6 +97,8 @@ def train(
         dataset = _open(data)
         chosen = make_config(recipe or _default_recipe(dataset, console, quiet=json), config, **settings)
         origin = origin_of_data(data)
+        if len(origin.scenes) > 1 and not json:
+            console.print(f"Data of {len(origin.scenes)} scenes: {', '.join(origin.scenes.values())}.", markup=False)
         evaluate = closed_loop(val_scene, episodes=val_episodes, seed=seed or 0, origin=origin) if val_scene else None
         with _progress(console, quiet=json) as show:
             metrics = run_training(dataset, chosen, out, val=val, evaluate=evaluate, show=show)

@@ -1,6 +1,7 @@
 """A fleet on this machine: one process per worker, supervised and restarted."""
 
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -37,8 +38,8 @@ class Fleet:
     """Worker processes of one run."""
 
     def __init__(self, *, connect: str, run: str, data: Path | Sequence[Path], logs: Path) -> None:
-        folders = [data] if isinstance(data, Path) else data
-        self._arguments = ["--connect", connect, "--run", run, "--data", *map(str, folders), "--exit-with-parent"]
+        self._data = [data] if isinstance(data, Path) else list(data)
+        self._arguments = ["--connect", connect, "--run", run, "--data", *map(str, self._data), "--exit-with-parent"]
         self._logs = logs
         self.members: list[Member] = []
 
@@ -100,12 +101,16 @@ class Fleet:
     def check_recorders(self) -> None:
         """Look at how the recorders ended, after `stop`.
 
+        One that the signal met before it listened, while it was being started, has begun no shard.
+
         Raises:
             RunError: If one of them could not finish its shard.
         """
+        unfinished = any(part for folder in self._data for part in folder.glob("shard-*.mcap.part"))
         for member in self.members:
             code = member.process.returncode if member.process else 0
-            if member.role == RECORDER and code != 0:
+            fine = code == 0 or (code == -signal.SIGTERM and not unfinished)
+            if member.role == RECORDER and not fine:
                 raise RunError(
                     f"Recorder {member.name} could not finish its shard (exit code {code}): {last_words(member.log)} "
                     "Its episodes are safe; run the same command again to finish it."

@@ -1,7 +1,7 @@
 """One robot: `gymnasium.make("ReadyGo/PointNav-v0", scene="embedded", humans=2)`."""
 
 import itertools
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -16,7 +16,7 @@ FARTHEST_M = 1000.0
 Observation = dict[str, npt.NDArray[Any]]
 
 
-def observation_space(robot: RobotConfig) -> spaces.Dict:
+def observation_space(robot: RobotConfig) -> spaces.Space[Any]:
     """Image, goal in the robot's frame [m], and velocities [m/s, rad/s]."""
     height, width = robot.camera.height_px, robot.camera.width_px
     fastest = np.array([robot.v_max_mps, robot.w_max_radps], np.float32)
@@ -29,7 +29,7 @@ def observation_space(robot: RobotConfig) -> spaces.Dict:
     )
 
 
-def action_space(robot: RobotConfig) -> spaces.Box:
+def action_space(robot: RobotConfig) -> spaces.Space[Any]:
     """Commands v [m/s] and w [rad/s]."""
     fastest = np.array([robot.v_max_mps, robot.w_max_radps], np.float32)
     return spaces.Box(np.array([0.0, -fastest[1]], np.float32), fastest, dtype=np.float32)
@@ -42,7 +42,7 @@ class PointNavEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
     the `expert_command` for the next step.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 20}
+    metadata: dict[str, Any] = {  # noqa: RUF012"render_modes": ["rgb_array"], "render_fps": 20}
 
     def __init__(self, render_mode: str | None = None, **arguments: Any) -> None:
         self.render_mode = render_mode

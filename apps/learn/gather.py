@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from readygo.apps.evaluation.choice import FAILURES
+from readygo.apps.evaluation.report import GALLERY_FILE, REPORT_FILE
 from readygo.apps.learn.choice import Measurement
 from readygo.apps.learn.curve import CurvePoint
 from readygo.apps.learn.plan import Plan
-from readygo.apps.learn.report_content import Command, Ends, Film, ReportContent, RunNumbers, StripImage
+from readygo.apps.learn.report_content import Command, Ends, Film, Page, ReportContent, RunNumbers, StripImage
 from readygo.apps.learn.training import read_history
 from readygo.apps.pages.charts import Curve
 from readygo.apps.pages.page import percent
@@ -25,6 +26,8 @@ from readygo.common.scenes.top_view import TopView, top_view
 from readygo.services.evaluator import EvaluateReply
 
 TASK_NAMES = {"static": "static", "dynamic": "among humans"}
+TEST_FOLDER = "evaluation"
+"""Folder of the test episodes, with one for every scene."""
 LATEST = 100
 """Episodes that policies drove last, which are looked at for where they fail."""
 FILMS = 2
@@ -80,6 +83,7 @@ def gather(
         ends=_ends(dataset, driven),
         ends_note=f"Last places of the latest {len(driven)} recorded episodes that policies drove in {place.name}.",
         films=tuple(_failures(films, recorded, driven, view)),
+        pages=tuple(_pages(plan.out, replies)),
         scores=scores,
         run=run,
         commands=commands,
@@ -165,6 +169,17 @@ def _film(path: Path, recorded: RecordedEpisodes, entry: EpisodeEntry, view: Top
     recorded.write_film(path, entry, view)
     what = FAILURES.get(entry.outcome, "reached the goal")
     return Film(path=path, note=f"Episode {entry.episode.episode_id}, driven by a policy: {what}.")
+
+
+def _pages(out: Path, replies: Mapping[str, EvaluateReply]) -> list[Page]:
+    """The pages of the test episodes in each scene."""
+    pages = {GALLERY_FILE: "failures", REPORT_FILE: "all ways"}
+    return [
+        Page(href=f"{TEST_FOLDER}/{name}/{file}", what=f"{what} in {name}")
+        for name in replies
+        for file, what in pages.items()
+        if (out / TEST_FOLDER / name / file).exists()
+    ]
 
 
 def _strip(recorded: RecordedEpisodes, entry: EpisodeEntry) -> tuple[StripImage, ...]:

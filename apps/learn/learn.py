@@ -8,7 +8,7 @@ from typing import Any
 from readygo.apps.fleet.worker import make_coordinator
 from readygo.apps.learn.choice import Measurement
 from readygo.apps.learn.curve import CurvePoint
-from readygo.apps.learn.gather import gather
+from readygo.apps.learn.gather import TEST_FOLDER, gather
 from readygo.apps.learn.measure import Measuring
 from readygo.apps.learn.plan import Plan, locked
 from readygo.apps.learn.report_content import Command, ReportContent, RunNumbers
@@ -75,7 +75,7 @@ def learn_policy(
         measuring = Measuring(plan)
         supervisor = Supervisor(plan, measuring, show)
         chosen = supervisor.learn()
-        replies = measuring.test(plan.policy, episodes, plan.out / "evaluation", tested) if episodes else {}
+        replies = measuring.test(plan.policy, episodes, plan.out / TEST_FOLDER, tested) if episodes else {}
     return Learned(plan=plan, points=supervisor.points, chosen=chosen, replies=replies, minutes=supervisor.minutes)
 
 

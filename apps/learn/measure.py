@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+from readygo.apps.evaluation.replay import Replays
+from readygo.apps.evaluation.watch import plan_command, write_pages
 from readygo.apps.learn.choice import Measurement
 from readygo.apps.learn.plan import Plan
 from readygo.apps.run.config import RunConfig
@@ -28,6 +30,7 @@ from readygo.services.evaluator import (
     is_of,
     open_results,
 )
+from readygo.services.renderer import Renderer
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,7 +95,8 @@ class Measuring:
     ) -> dict[str, EvaluateReply]:
         """Records of policy, expert and straight line on the split test, by scene; also written into `out`.
 
-        Episodes that `out` has of the same policy are not driven again; those of another one go.
+        Episodes that `out` has of the same policy are not driven again; those of another one go. The pages of
+        `readygo evaluate` are written beside them.
 
         Args:
             folder: The policy.
@@ -115,6 +119,16 @@ class Measuring:
             with open_results(folder_of_place, settings) as results:
                 replies[place.name] = handle_evaluate(driven, request, report=report, results=results)
                 results.finish(summarize(replies[place.name], request, driven))
+                replays = Replays(
+                    self._worlds[row], results, replies[place.name].episodes, self._renderers[row], driven.simulation
+                )
+                write_pages(
+                    replays,
+                    request,
+                    replies[place.name],
+                    title=f"{folder} in {place.name}",
+                    command_of=plan_command(place.scene, request, {"policy": folder, "avatars": self._plan.avatars}),
+                )
         return replies
 
     @cached_property
@@ -127,7 +141,12 @@ class Measuring:
 
     @cached_property
     def _evaluators(self) -> list[Evaluator]:
-        return [make_evaluator(world, renderer=world.renderer()) for world in self._worlds]
+        pairs = zip(self._worlds, self._renderers, strict=True)
+        return [make_evaluator(world, renderer=renderer) for world, renderer in pairs]
+
+    @cached_property
+    def _renderers(self) -> list[Renderer]:
+        return [world.renderer() for world in self._worlds]
 
 
 def tried_settings(plan: Plan) -> RunConfig:

@@ -170,7 +170,9 @@ def _failures(content: ReportContent) -> str:
         kinds = [(f"{ends.name} {len(ends.xy_m)}", colour) for ends, colour in _coloured(content.ends)]
         places = figure(png_source(_ends(content)), content.ends_note, alt="Map of the places of failure")
         parts.insert(0, f"<div>{legend(kinds)}{places}</div>")
-    return f'<div class="pair">{"".join(parts)}</div>' if parts else ""
+    shown = f'<div class="pair">{"".join(parts)}</div>' if parts else ""
+    links = ", ".join(f'<a href="{escape(quote(page.href))}">{escape(page.what)}</a>' for page in content.pages)
+    return shown + (f'<p class="note">Test episodes, beside this page: {links}.</p>' if links else "")
 
 
 def _coloured(ends: Sequence[Ends]) -> list[tuple[Ends, Rgb]]:

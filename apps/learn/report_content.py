@@ -71,6 +71,16 @@ class Command:
     line: str
 
 
+@dataclass(frozen=True, kw_only=True)
+class Page:
+    """A page beside the report."""
+
+    href: str
+    """From the report's folder."""
+    what: str
+    """What it shows."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ReportContent:
     """Everything in a report. Parts that are empty or None are left out."""
@@ -104,6 +114,8 @@ class ReportContent:
     ends_note: str = ""
     films: tuple[Film, ...] = ()
     """Of the policy, failing."""
+    pages: tuple[Page, ...] = ()
+    """Of the test episodes: where everybody went, and each failure."""
     scores: tuple[Score, ...] = ()
     scores_note: str = ""
     run: RunNumbers | None = None

@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from readygo.common.errors import SceneError
 from readygo.common.gaussians.cloud import GaussianCloud
+from readygo.common.gaussians.floaters import floating
 
 LENGTH_MAX_M = 1e4
 """Coordinates and scales of a scene stay within it [m]: a Gaussian much farther away would cost its neighbours in the
@@ -16,13 +17,6 @@ COLOUR_MAX = 100.0
 
 HUGE_RATIO = 0.2
 """A Gaussian whose standard deviation is a larger part of the scene's width stands for nothing in it."""
-CELLS_ACROSS, CELL_SIZES = 100, 4.0
-"""Floaters are looked for in cells of a hundredth of the scene's width, or of so many usual Gaussians."""
-GROUP_MAX = 50
-"""A group of at most so many Gaussians without a neighbour floats."""
-SPARSE_RATIO, SPARSE_CELLS_MIN = 0.05, 0.6
-"""Cells with a smaller part of what full ones hold are sparse: in sound scenes up to 42 % of the cells that hold
-anything, at the rims of things; where more are, a cloud of floaters surrounds the scene."""
 HAZE_OPACITY, HAZE_RATIO = 0.1, 3.0
 """Fainter Gaussians that are this many times as large as usual veil what is behind them."""
 HUGE, FLOATERS, HAZE = "huge", "floaters", "haze"
@@ -62,7 +56,7 @@ def unwanted(cloud: GaussianCloud) -> Masks:
     """Gaussians that can be drawn but spoil a scene, in any unit of length; as `unusable`, but each has one kind.
 
     "huge": larger than a fifth of the scene. "floaters": groups of a few that touch nothing else, or lie far outside,
-    and clouds of them around a scene. "haze": faint and several times as large as usual.
+    and clouds of them in or around a scene. "haze": faint and several times as large as usual.
     """
     low, high = np.quantile(cloud.means_m.astype(np.float64), [0.01, 0.99], axis=0)
     width = max(float((high - low).max()), 1e-9)
@@ -70,34 +64,9 @@ def unwanted(cloud: GaussianCloud) -> Masks:
     huge = reach > HUGE_RATIO * width
     haze = ~huge & (cloud.opacities < HAZE_OPACITY) & (reach > HAZE_RATIO * np.median(reach))
     floaters = np.zeros(len(cloud), np.bool_)
-    cell = max(width / CELLS_ACROSS, CELL_SIZES * float(np.median(reach)))
-    solid = np.nonzero(~huge & ~haze)[0]
-    floaters[solid] = _float(cloud.means_m[solid].astype(np.float64), low, high, cell)
+    solid = ~huge & ~haze
+    floaters[solid] = floating(cloud.select(solid), low, high)
     return {HUGE: huge, FLOATERS: floaters, HAZE: haze}
-
-
-def _float(
-    xyz: npt.NDArray[np.float64], low: npt.NDArray[np.float64], high: npt.NDArray[np.float64], cell: float
-) -> npt.NDArray[np.bool_]:
-    """Points of small groups of cells without an occupied neighbour, and those far outside of a box."""
-    from scipy import ndimage
-
-    low, high = low - 0.5 * (high - low) - cell, high + 0.5 * (high - low) + cell
-    inside = ((xyz >= low) & (xyz <= high)).all(axis=1)
-    cells = np.floor((xyz[inside] - low) / cell).astype(np.int64)
-    shape = tuple((np.floor((high - low) / cell).astype(np.int64) + 1).tolist())
-    counts = np.zeros(shape, np.int64)
-    np.add.at(counts, tuple(cells.T), 1)
-    groups, count = ndimage.label(counts > 0, np.ones((3, 3, 3), np.bool_))
-    sizes = np.bincount(groups.reshape(-1), counts.reshape(-1), count + 1)
-    alone = sizes[groups] <= min(GROUP_MAX, 0.5 * len(xyz))
-    held = counts[tuple(cells.T)]
-    sparse = counts < SPARSE_RATIO * np.quantile(held, 0.9)
-    if sparse[counts > 0].mean() > SPARSE_CELLS_MIN:
-        alone |= sparse
-    floats = np.asarray(~inside)
-    floats[inside] = alone[tuple(cells.T)]
-    return floats
 
 
 def counted(masks: Masks) -> str:

@@ -106,4 +106,5 @@ def save_ply(cloud: GaussianCloud, path: str | Path) -> None:
     header += [*(f"property float {name}" for name in names), "end_header"]
     with unfinished(path, raises=SceneError) as part, part.open("wb") as file:
         file.write(("\n".join(header) + "\n").encode())
-        np.ascontiguousarray(rows, dtype="<f4").tofile(file)
+        # Unlike tofile it says so when the disk is full.
+        file.write(np.ascontiguousarray(rows, dtype="<f4").data)

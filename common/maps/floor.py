@@ -48,6 +48,9 @@ class FloorEstimate:
     relief_m: npt.NDArray[np.float64]
     """World z of what is seen of the floor before it is smoothed [m]: its bulges too, where they rise no faster than
     SLOPE_MAX, never below the floor, shape (H, W)."""
+    step_m: npt.NDArray[np.float64]
+    """By how much what is seen is higher than that, mean of 3x3 cells [m]: little on rough ground, much at the sharp
+    edges of low boxes, shape (H, W)."""
 
 
 def estimate_floor(cloud: GaussianCloud, cell_m: float) -> FloorEstimate:
@@ -81,8 +84,14 @@ def estimate_floor(cloud: GaussianCloud, cell_m: float) -> FloorEstimate:
         raise NoGroundError("The scene has no floor: its level surfaces are too faint; check the scale.")
     height = _smoothed(prior + offset, known)
     floor = FloorMap(frame=frame, height_m=height.astype(np.float32))
-    relief = np.maximum(height, _gentle(np.where(known, prior + offset, height), cell_m))
-    return FloorEstimate(floor=floor, supported=_closed(known, cell_m), relief_m=relief)
+    seen = np.where(known, prior + offset, height)
+    gentle = _gentle(seen, cell_m)
+    return FloorEstimate(
+        floor=floor,
+        supported=_closed(known, cell_m),
+        relief_m=np.maximum(height, gentle),
+        step_m=box_mean(np.where(known, seen - gentle, 0.0)),
+    )
 
 
 def walked(estimate: FloorEstimate, cameras_m: npt.NDArray[np.float64]) -> FloorEstimate:

@@ -27,6 +27,7 @@ from readygo.common.maps import (
     save_ros_map,
     sight_of_cloud,
 )
+from readygo.common.maps.ros_map import load_unknown_cells
 from readygo.common.robot import RobotConfig
 from readygo.common.scenes.edit import Box, cropped, mirrored
 from readygo.common.scenes.filmed import FILMED_MIN, filmed_share
@@ -269,7 +270,7 @@ def fill_bundle(
         SceneError: If the scene has no floor or no free area.
         OSError: If the folder cannot be written.
     """
-    plan = plan_scene(cloud, map_config, None if views is None else views.T_world_camera[:, :3, 3])
+    plan = plan_scene(cloud, map_config, _places(views))
     _refuse_without_free_area(plan, robot)
     save_ply(cloud, folder / CLOUD_FILE)
     if sky is not None:
@@ -293,6 +294,25 @@ def fill_bundle(
     (folder / REPORT_FILE).write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
     manifest = _manifest(folder, plan, name, license, source, robot, map_config)
     (folder / MANIFEST).write_text(toml_text(manifest), encoding="utf-8")
+
+
+def plan_of(scene: Scene) -> ScenePlan:
+    """All that is known of a bundle's ground, found again; its maps are those that the bundle has.
+
+    Raises:
+        SceneError: If the bundle is damaged.
+    """
+    plan = plan_scene(scene.cloud, scene.maps.config, _places(scene.views))
+    robot, human = scene.maps.robot, scene.maps.human
+    if robot.frame != plan.robot.frame or robot.occupied.shape != plan.robot.occupied.shape:
+        # Another version found another floor.
+        return plan
+    return dataclasses.replace(plan, robot=robot, human=human, unknown=load_unknown_cells(scene.path / ROBOT_MAP_FILE))
+
+
+def _places(views: CapturedViews | None) -> npt.NDArray[np.float64] | None:
+    """Centres of the cameras, shape (N, 3) [m]."""
+    return None if views is None else views.T_world_camera[:, :3, 3]
 
 
 def _filmed(cloud: GaussianCloud, plan: ScenePlan, views: CapturedViews, config: MapConfig) -> npt.NDArray[np.float32]:

@@ -4,11 +4,13 @@ import math
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from readygo.common.episode.config import EpisodeConfig
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.gaussians.defects import FLOATERS, HAZE, HUGE, counted, unwanted
 from readygo.common.maps import ScenePlan
+from readygo.common.maps.coarse_ground import BLURRED_M
 from readygo.common.scenes.survey import ROOM_HEIGHT_M, ROOM_HEIGHTS_M, Survey, survey
 
 SHARES_WORTH_NAMING = {HUGE: 0.0, FLOATERS: 0.01, HAZE: 0.05}
@@ -16,8 +18,8 @@ SHARES_WORTH_NAMING = {HUGE: 0.0, FLOATERS: 0.01, HAZE: 0.05}
 CONNECTED_MIN = 0.7
 """Free ground of which less than this part hangs together is in pieces."""
 COARSE_SHARE_MIN = 0.02
-BLURRED_M = 0.2
-"""Images over ground of Gaussians larger than this (standard deviation, median) are blurred [m]."""
+"""Smaller parts of the free ground that look badly are in every scene."""
+ROUGH, BLURRED, UNFILMED = "rough ground that counts as free", "ground of large Gaussians: blurred", "hardly filmed"
 TILT_DEG = 3.0
 STOREY_M = 1.8
 """A level this high above the floor is another one [m]."""
@@ -33,6 +35,12 @@ def findings(cloud: GaussianCloud, plan: ScenePlan, report: dict[str, Any]) -> l
     """
     found = survey(cloud)
     return [*_frame(found), *_storeys(found), *_gaussians(cloud), *_ground(plan), *_room_to_move(report)]
+
+
+def marks(plan: ScenePlan) -> dict[str, npt.NDArray[np.bool_]]:
+    """The cells that some of the sentences are about, by what is the matter with them, shape (H, W) each."""
+    free = ~plan.robot.occupied
+    return {ROUGH: plan.phantoms & free, BLURRED: plan.blurred & free & ~plan.coarse, UNFILMED: plan.coarse}
 
 
 def goals_line(farthest_m: float, goal_distance_min_m: float, radius_m: float) -> str:
@@ -95,15 +103,18 @@ def _ground(plan: ScenePlan) -> list[str]:
     phantoms_m2 = float(plan.phantoms.sum()) * cell_m2
     if phantoms_m2 >= 1.0:
         sentences.append(f"{phantoms_m2:.0f} m2 of rough ground would look like obstacles and count as free.")
-    coarse_m2, free_m2 = float((plan.coarse & free).sum()) * cell_m2, float(free.sum()) * cell_m2
+    free_m2 = float(free.sum()) * cell_m2
+    found = marks(plan)
+    coarse_m2, blurred_m2 = (float((found[kind] & free).sum()) * cell_m2 for kind in (UNFILMED, BLURRED))
     if coarse_m2 >= max(1.0, COARSE_SHARE_MIN * free_m2):
         sentences.append(
             f"{coarse_m2:.0f} of {free_m2:.0f} m2 of free ground were hardly filmed (huge Gaussians, blur); "
             "--close-coarse keeps everybody off them."
         )
-    if plan.ground_size_m > BLURRED_M:
+    if blurred_m2 >= max(1.0, COARSE_SHARE_MIN * free_m2):
         sentences.append(
-            f"its ground consists of Gaussians of {plan.ground_size_m:.2f} m: a robot's images of it will be blurred."
+            f"{blurred_m2:.0f} of {free_m2:.0f} m2 of free ground consist of Gaussians above {BLURRED_M:g} m (usual: "
+            f"{plan.ground_size_m:.2f} m): a robot's images of it will be blurred."
         )
     return sentences
 

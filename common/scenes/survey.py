@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.errors import NoGroundError
+from readygo.common.frames import matrix_from_quat
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.gaussians.transform import R_UP, R_from_up
 
@@ -179,25 +180,10 @@ def _flat(cloud: GaussianCloud) -> _Flat:
     thin = visible.scales_m.argmin(axis=1)
     return _Flat(
         means=visible.means_m[flat].astype(np.float64),
-        normals=_axis(visible.quats_wxyz.astype(np.float64), thin)[flat],
+        normals=matrix_from_quat(visible.quats_wxyz)[np.arange(len(thin)), :, thin][flat],
         areas=(sizes[:, 0] * sizes[:, 1] * visible.opacities.astype(np.float64))[flat],
         all_means=visible.means_m.astype(np.float64),
     )
-
-
-def _axis(q: Floats, axis: npt.NDArray[np.intp]) -> Floats:
-    """A principal axis of each Gaussian, shape (N, 3)."""
-    w, x, y, z = q.T
-    columns = np.stack(
-        [
-            np.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)], axis=1),
-            np.stack([2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)], axis=1),
-            np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], axis=1),
-        ],
-        axis=1,
-    )
-    chosen: Floats = columns[np.arange(len(q)), axis]
-    return chosen
 
 
 def _directions(flat: _Flat) -> list[Floats]:

@@ -1,4 +1,5 @@
 import errno
+import functools
 import importlib
 import inspect
 import re
@@ -173,3 +174,12 @@ def test_terminal_without_unicode_gets_question_marks() -> None:
     command = [*READYGO, "generate", "--help"]
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize(
+    ("argv", "share"), [(["--disturb"], 0.5), (["--disturb", "--static"], 0.5), (["--disturb", "0.2"], 0.2), ([], None)]
+)
+def test_option_may_go_without_its_value_where_that_is_said(argv: list[str], share: float | None) -> None:
+    call = parse(COMMANDS, ["generate", "embedded", "--out", "data", *argv])
+    assert isinstance(call, functools.partial)
+    assert call.keywords["disturb"] == share

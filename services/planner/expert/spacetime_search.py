@@ -31,7 +31,8 @@ _TABLE_SIZE = 1 << 16
 _KEY_CELL_M = 0.1
 _DEPTHS = PRIMITIVES_MAX + 1
 _SLOPE_CELLS = 3
-_DRIVEN_TURN_RAD = 0.6
+_DRIVEN_TURN_RAD, _DRIVEN_TURN_S = 0.6, 1.5
+"""Driving on mends a heading that is away from the way by so much, and no more than the robot turns in so long."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,6 +53,8 @@ class Rules(NamedTuple):
     heuristic_weight: float
     turn_cost_m: float
     """What turning in place by one radian is expected to cost [m]."""
+    driven_turn_rad: float
+    """By how much a heading may be away from the way at no cost [rad]."""
     turn_level_count: int
     heading_count: int
     expansions_max: int
@@ -78,8 +81,12 @@ class SpaceTimeSearch:
             heuristic_weight=config.timed_heuristic_weight,
             # What a turn in place costs by its time; the way to the goal knows nothing of headings.
             turn_cost_m=0.5 * robot.v_max_mps / robot.w_max_radps,
+            driven_turn_rad=min(_DRIVEN_TURN_RAD, _DRIVEN_TURN_S * robot.w_max_radps),
             turn_level_count=self._primitives.turn_level_count,
-            heading_count=config.timed_heading_count,
+            # A primitive that turns by less than a heading would be hidden by the straight one, which is cheaper.
+            heading_count=max(
+                config.timed_heading_count, math.ceil(2 * math.pi / (robot.w_max_radps * config.primitive_s))
+            ),
             expansions_max=config.timed_expansions_max,
             depth_max=round(horizon_s / config.primitive_s),
         )
@@ -165,7 +172,7 @@ def _wrapped(yaw: float) -> float:
 
 
 @compiled
-def _turn_left(heuristic: Int32Array, i: int, j: int, yaw: float) -> float:
+def _turn_left(heuristic: Int32Array, i: int, j: int, yaw: float, driven_rad: float) -> float:
     """By how much a heading is away from the way to the goal, beyond what driving on can mend [rad]."""
     reach = _SLOPE_CELLS
     if i < reach or j < reach or i + reach >= heuristic.shape[0] or j + reach >= heuristic.shape[1]:
@@ -185,7 +192,7 @@ def _turn_left(heuristic: Int32Array, i: int, j: int, yaw: float) -> float:
         if dx == 0 and dy == 0:
             return 0.0
     away = (math.atan2(dy, dx) - yaw + math.pi) % (2 * math.pi) - math.pi
-    return max(0.0, abs(away) - _DRIVEN_TURN_RAD)
+    return max(0.0, abs(away) - driven_rad)
 
 
 @compiled
@@ -207,7 +214,7 @@ def _search(
     factor, heuristic, resolution = grid
     rows, costs, lengths, ends, first = primitives
     nodes, links, heap_cost, heap_node, table_key, table_node, table_stamp, stamp = memory
-    radius, weight, turn_cost, turn_levels, heading_count, expansions_max, depth_max = rules
+    radius, weight, turn_cost, driven_turn, turn_levels, heading_count, expansions_max, depth_max = rules
     humans, delays = traffic
     expected = humans.expected_m
     steps = rows.shape[1]
@@ -265,7 +272,7 @@ def _search(
             new_cost += extra
             if known and nodes[table_node[slot], 3] <= new_cost:
                 continue
-            left = heuristic[i, j] * metres + turn_cost * _turn_left(heuristic, i, j, new_yaw) + delay
+            left = heuristic[i, j] * metres + turn_cost * _turn_left(heuristic, i, j, new_yaw, driven_turn) + delay
             if count >= len(nodes):
                 return best, expansions
             nodes[count, 0], nodes[count, 1], nodes[count, 2], nodes[count, 3] = xx, yy, new_yaw, new_cost

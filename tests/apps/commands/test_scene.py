@@ -40,10 +40,13 @@ def test_import_then_inspect_prints_json_and_draws(source, tmp_path, capsys):
         "map_human.png",
         "views.png",
         "map_views.png",
+        "findings.png",
     ]
     for picture in inspected["pictures"]:
         assert cv2.imread(picture).shape[2] == 3
+    assert inspected["findings"] == imported["findings"]
     assert sorted(p.name for p in (tmp_path / "room" / "inspect").iterdir()) == [
+        "findings.png",
         "map_human.png",
         "map_robot.png",
         "map_views.png",
@@ -60,7 +63,7 @@ def test_inspect_prints_a_table_and_takes_radius_and_folder(source, tmp_path, ca
     assert "disc of 0.5 m" in text
     assert "scene room" in text
     assert (tmp_path / "pictures" / "top.png").exists()
-    assert not (tmp_path / "room" / "inspect").exists()
+    assert not (tmp_path / "room" / "inspect" / "top.png").exists()
     with pytest.raises(SceneError, match="--radius"):
         scene_inspect(str(tmp_path / "room"), radius=-1.0)
 
@@ -120,3 +123,4 @@ def test_what_the_robot_cannot_see_is_a_warning_at_import(source, tmp_path, caps
     out, err = capsys.readouterr()
     assert "robot's views" in out
     assert "of 24 places are blurred" in err
+    assert cv2.imread(str(tmp_path / "room" / "inspect" / "findings.png")).shape[2] == 3

@@ -90,6 +90,17 @@ def test_recorder_that_could_not_finish_its_shard_is_not_passed_over(
         fleet.check_recorders()
 
 
+def test_recorder_that_was_stopped_while_it_started_matters_only_if_a_shard_is_unfinished(
+    start: Callable[[str, str], ScriptedFleet], tmp_path: Path
+) -> None:
+    fleet = start("recorder", "import time; time.sleep(60)")
+    fleet.stop()
+    fleet.check_recorders()
+    (tmp_path / "shard-w0-00000.mcap.part").touch()
+    with pytest.raises(RunError, match=r"w0 could not finish its shard \(exit code -15\)"):
+        fleet.check_recorders()
+
+
 @pytest.mark.parametrize(("code", "fatal"), [(CANNOT_WORK, True), (2, False)])
 def test_worker_that_cannot_work_ends_the_run_but_one_that_lost_the_bus_is_started_anew(
     start: Callable[[str, str], ScriptedFleet], code: int, fatal: bool

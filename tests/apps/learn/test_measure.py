@@ -4,6 +4,7 @@ import pytest
 
 from readygo.apps.learn.measure import Measuring, tried_settings
 from readygo.apps.learn.plan import Plan
+from readygo.common.messages import Outcome
 from readygo.services.evaluator import EXPERT, POLICY, STRAIGHT_LINE, EpisodeRecord, EvaluateReply, Task
 
 
@@ -39,6 +40,9 @@ def test_test_episodes_are_driven_by_all_and_written_down(tiny: Plan, tmp_path) 
     }
     assert list(replies) == ["embedded"]
     assert (tmp_path / "embedded" / "summary.json").exists()
+    assert (tmp_path / "embedded" / "report.html").exists()
+    failed = any(record.method == POLICY and record.result.outcome is not Outcome.SUCCESS for record in records)
+    assert (tmp_path / "embedded" / "failures.html").exists() == failed
 
 
 def test_test_episodes_that_are_there_are_not_driven_again(tiny: Plan, tmp_path) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from readygo.apps.learn.report import report_html, write_report
-from readygo.apps.learn.report_content import Command, Ends, Film, ReportContent, RunNumbers, StripImage
+from readygo.apps.learn.report_content import Command, Ends, Film, Page, ReportContent, RunNumbers, StripImage
 from readygo.apps.pages.charts import Curve
 from readygo.apps.pages.scores import Score
 from readygo.common.drawing.film import write_film
@@ -70,6 +70,7 @@ def full_content(tmp_path: Path) -> ReportContent:
         rates=(Curve(name="static", x=np.array([1.0, 2.0]), y=np.array([0.0, 50.0])),),
         ends=(Ends(name="hit a thing", xy_m=np.array([[0.5, 3.0], [0.7, 3.1]])),),
         films=(film,),
+        pages=(Page(href="evaluation/a <b>/failures.html", what="failures in a <b>"),),
         scores=(Score(task="with people", driver="policy", summary=summary(3, 4)),),
         run=RunNumbers(
             episodes=4,
@@ -107,10 +108,9 @@ def test_report_is_one_balanced_page_that_needs_no_network(tmp_path: Path) -> No
     page = Balanced()
     page.feed(html)
     assert page.open == []
-    assert len(page.sources) == 7
-    inside, beside = page.sources[:-1], page.sources[-1]
-    assert all(source.startswith(("data:image/", "data:video/")) for source in inside)
-    assert beside == "a%20film.webm"
+    beside = [source for source in page.sources if not source.startswith(("data:image/", "data:video/"))]
+    assert len(page.sources) == 6 + len(beside)
+    assert beside == ["evaluation/a%20%3Cb%3E/failures.html", "a%20film.webm"]
     assert "<script" not in html
     assert "http" not in re.sub(r"base64,[A-Za-z0-9+/=]+", "", html)
 

@@ -14,6 +14,8 @@ def test_ground_of_huge_gaussians_is_found_and_closed_on_demand():
     frame = plan.robot.frame
     assert plan.coarse[frame.cell(9.0, 3.0)]
     assert not plan.coarse[frame.cell(3.0, 3.0)]
+    assert plan.blurred[frame.cell(9.0, 3.0)]
+    assert not plan.blurred[frame.cell(3.0, 3.0)]
     assert plan.ground_size_m == pytest.approx(0.042, rel=0.01)
     assert not plan.robot.occupied[frame.cell(9.0, 3.0)]
     closed = plan_scene(cloud, MapConfig(close_coarse=True))

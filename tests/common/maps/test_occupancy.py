@@ -166,6 +166,7 @@ def test_thick_gaussians_of_the_floor_are_no_obstacle_but_low_boxes_are():
     plan = plan_scene(concatenate([room(), thick]), CONFIG)
     assert not state(plan.robot, 2.3, 2.3)
     assert plan.phantoms[plan.robot.frame.cell(2.3, 2.3)]
-    plan = plan_scene(concatenate([room(), box((2, 2, 0), (2.3, 2.3, 0.14))]), CONFIG)
-    assert state(plan.robot, 2.15, 2.15)
-    assert not plan.phantoms.any()
+    for height_m in (0.12, 0.14):
+        plan = plan_scene(concatenate([room(), box((2, 2, 0), (2.3, 2.3, height_m))]), CONFIG)
+        assert state(plan.robot, 2.15, 2.15)
+        assert not plan.phantoms.any()

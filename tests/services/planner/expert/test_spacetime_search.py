@@ -31,11 +31,11 @@ def _humans(*paths):
     )
 
 
-def _plan(state, goal_m, humans, occupancy=None):
+def _plan(state, goal_m, humans, occupancy=None, robot=ROBOT):
     occupancy = occupancy or rooms()
-    ground = SceneGround(occupancy, occupancy, None, ROBOT, EpisodeConfig(), CONFIG)
+    ground = SceneGround(occupancy, occupancy, None, robot, EpisodeConfig(), CONFIG)
     local = ground.around(state[:2], goal_m)
-    search = SpaceTimeSearch(ROBOT, CONFIG, goal_tolerance_m=0.5)
+    search = SpaceTimeSearch(robot, CONFIG, goal_tolerance_m=0.5)
     return search.search(local.tight_factor, local.to_goal, local.obstacles, state, goal_m, humans)
 
 
@@ -107,3 +107,10 @@ def test_a_human_who_surrounds_the_robot_still_leaves_a_least_evil(chance):
     plan = _plan(state, goal_m, humans)
     assert plan is not None
     assert np.hypot(*(plan.rows[-1, :2] - (0.1, 5.0))) > CONTACT_M
+
+
+@pytest.mark.parametrize("yaw", [-0.5, 0.5])
+def test_robots_that_turn_slowly_turn_towards_their_way(yaw):
+    slow, open_map = RobotConfig(w_max_radps=0.1), OccupancyMap(frame=FRAME, occupied=np.zeros((200, 400), np.bool_))
+    plan = _plan((0.0, 7.0, yaw, 0.0, 0.0), (8.0, 7.0), _humans(), open_map, slow)
+    assert abs(math.remainder(plan.rows[-1, 2], math.tau)) < abs(yaw) - 0.25
