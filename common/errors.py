@@ -41,6 +41,10 @@ class PeerError(BusError):
     """A peer that answered that it cannot do what it was asked; the message names the topic and the reason."""
 
 
+class MessageError(ReadygoError):
+    """Bytes that are no message, or not the one that was due."""
+
+
 class RunError(ReadygoError):
     """A run that cannot be started, resumed or finished."""
 

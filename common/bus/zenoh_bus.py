@@ -17,8 +17,8 @@ from typing import Any, TypeVar
 import zenoh
 
 from readygo.common.bus.inbox import Inbox, Mailbox
-from readygo.common.errors import BusError, PeerError, ReadygoError, reason
-from readygo.common.messages.codec import decode, encode
+from readygo.common.errors import BusError, MessageError, PeerError, ReadygoError, reason
+from readygo.common.messages.codec import MESSAGE_BYTES_MAX, decode, encode
 from readygo.common.messages.topics import Stream, Topic, presence
 
 Request = TypeVar("Request")
@@ -44,6 +44,7 @@ def _config(mode: str, *, listen: str | None = None, connect: str | None = None)
         # [us]; by default 1 ms. Without any wait a message of more than one such part never arrives.
         "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 100,
         "transport/link/tx/queue/size/data_low": 16,
+        "transport/link/rx/max_message_size": MESSAGE_BYTES_MAX,
         "queries_default_timeout": 5000,
         "listen/endpoints": [listen] if listen else [],
         "connect/endpoints": [connect] if connect else [],
@@ -121,7 +122,7 @@ class ZenohBus:
             waiting_s = max(remaining_s, 0.01)
             for reply in self._session.get(key, payload=payload, attachment=topic.name.encode(), timeout=waiting_s):
                 if reply.ok is not None:
-                    return decode(topic.reply_type, reply.ok.payload.to_bytes())
+                    return _decoded(topic, reply.ok.payload.to_bytes())
                 text = reply.err.payload.to_bytes().decode(errors="replace") if reply.err else "no reason given"
                 # Zenoh itself answers a query that ran out of time with an error reply.
                 if text not in ("Timeout", _ASTRAY):
@@ -173,6 +174,13 @@ class ZenohBus:
             self._declared.pop().undeclare()
         self._inbox.close()
         self._session.close()  # type: ignore[no-untyped-call]
+
+
+def _decoded(topic: Topic[Request, Reply], payload: bytes) -> Reply:
+    try:
+        return decode(topic.reply_type, payload)
+    except MessageError as error:
+        raise PeerError(f"{topic.name}: {error}") from error
 
 
 def _answer(query: zenoh.Query, topic: Topic[Request, Reply], handler: Callable[[Request], Reply]) -> None:
