@@ -49,6 +49,10 @@ class RunError(ReadygoError):
     """A run that cannot be started, resumed or finished."""
 
 
+class DiskError(RunError):
+    """A disk that takes nothing for now, because it is full or read-only: what is to be written can wait."""
+
+
 def reason(error: Exception) -> str:
     """What went wrong, in words for somebody who sees no traceback."""
     return str(error) if isinstance(error, ReadygoError) else f"{type(error).__name__}: {error}"

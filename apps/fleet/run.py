@@ -8,9 +8,11 @@ from typing import Any
 
 from readygo.apps.fleet.fleet import Fleet
 from readygo.apps.fleet.roles import places
+from readygo.apps.fleet.token import given_token, new_token
 from readygo.apps.fleet.worker import make_coordinator, make_recorder
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.identity import numeric_class
+from readygo.apps.run.recovery import check_recorded, recover
 from readygo.apps.run.stages import LINE, Entry, stage_works
 from readygo.apps.run.world import World
 from readygo.common.bus import Bus, InProcessBus
@@ -60,14 +62,17 @@ def record(
     folder.check(spec)
     begin_s = time.monotonic()
     with folder.locked():
+        if folder.is_run:
+            recover(folder)
         recorded, samples_before = _recorded(folder, episodes)
         folder.save(spec, episodes)
         if workers == 0 or recorded == episodes:
             status = run_in_process(folder, show)
         else:
             status = run_fleet(folder, workers, listen or free_endpoint(), show, together=together)
-    if status.failed:
-        raise RunError(f"{status.failed} ({status.committed} of {status.wanted} episodes are recorded.)")
+        if status.failed:
+            raise RunError(f"{status.failed} ({status.committed} of {status.wanted} episodes are recorded.)")
+        check_recorded(folder)
     return _summary(out, status, samples_before, time.monotonic() - begin_s)
 
 
@@ -113,11 +118,12 @@ def _work_until_over(bus: Bus, worker: Worker, show: Show) -> None:
 def run_fleet(folder: RunFolder, workers: int, endpoint: str, show: Show, *, together: bool = False) -> StatusReply:
     """Do the run with a local fleet over Zenoh; see `places` for `workers` and `together`."""
     spec, _ = folder.load()
-    router = Router(endpoint)
-    fleet = Fleet(connect=endpoint, run=spec.run, data=folder.path.resolve(), logs=folder.logs)
-    bus = ZenohBus(endpoint, spec.run)
+    token = given_token() or new_token()
+    router = Router(endpoint, token)
+    fleet = Fleet(connect=endpoint, run=spec.run, data=folder.path.resolve(), logs=folder.logs, token=token)
+    bus = ZenohBus(endpoint, spec.run, token)
     try:
-        with folder.reachable(endpoint):
+        with folder.reachable(endpoint, token):
             recorders = World(spec).config.coordinator.recorders
             for role, name in places(spec, recorders, workers, together=together):
                 fleet.add(role, name)

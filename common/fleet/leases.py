@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 from readygo.common.bus import Bus
-from readygo.common.errors import BusError, RunError
+from readygo.common.errors import BusError, PeerError, RunError, reason
 from readygo.common.fleet.blobs import fetch_blob
 from readygo.common.messages import (
     ClaimReply,
@@ -114,11 +114,12 @@ def _work_on(bus: Bus, stage: Stage, worker: str, claim: ClaimReply, work: Work)
     outcome: StageResult | None = None
     try:
         outcome = work(claim, _inputs(bus, stage, claim))
-    except BusError:
-        raise
     except Exception as error:
+        if isinstance(error, BusError) and not isinstance(error, PeerError):
+            # Nobody answers: that says nothing of the episode.
+            raise
         log.exception("stage %s of %s failed", stage.name, claim.episode.episode_id)
-        failed = f"{type(error).__name__}: {error}"
+        failed = reason(error)
     request = CompleteRequest(
         worker=worker,
         index=claim.episode.index,
@@ -130,7 +131,8 @@ def _work_on(bus: Bus, stage: Stage, worker: str, claim: ClaimReply, work: Work)
     )
     verdict = bus.request(topics.complete(stage.name), request)
     if verdict.status is not VerdictStatus.OK:
-        log.warning("%s: result of attempt %d is %s", claim.episode.episode_id, claim.attempt, verdict.status.value)
+        words = f"{verdict.status.value} {verdict.reason}".strip()
+        log.warning("%s: result of attempt %d is %s", claim.episode.episode_id, claim.attempt, words)
 
 
 def _inputs(bus: Bus, stage: Stage, claim: ClaimReply) -> Inputs:

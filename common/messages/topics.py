@@ -14,6 +14,7 @@ from readygo.common.messages.coordination import (
     CompleteRequest,
     ControlRequest,
     DoneRequest,
+    ExpectRequest,
     GrantRequest,
     LostRequest,
     PendingReply,
@@ -23,6 +24,7 @@ from readygo.common.messages.coordination import (
     RunSpecRequest,
     StatusReply,
     StatusRequest,
+    TroubleRequest,
     Verdict,
 )
 from readygo.common.messages.learning import CommittedEpisode, OfferReply, OfferRequest
@@ -60,9 +62,11 @@ class Stream(Generic[Message]):
 
 
 SPEC = Topic("coord/spec", RunSpecRequest, RunSpec)
+EXPECT = Topic("coord/rec/expect", ExpectRequest, Verdict)
 GRANT = Topic("coord/rec/grant", GrantRequest, Verdict)
 DONE = Topic("coord/rec/done", DoneRequest, Verdict)
 LOST = Topic("coord/rec/lost", LostRequest, Verdict)
+TROUBLE = Topic("coord/rec/trouble", TroubleRequest, Verdict)
 PENDING = Topic("coord/rec/pending", PendingRequest, PendingReply)
 BLOB = Topic("blob", BlobRequest, BlobReply)
 CONTROL = Topic("ctl", ControlRequest, Verdict)

@@ -86,7 +86,7 @@ def _in_process(folder: RunFolder) -> Iterator[tuple[Bus, Worker]]:
     world = World(coordinator.spec, bus)
     recorder = make_recorder(bus, "rec0", folder, world)
     attach_recorder(bus, recorder)
-    yield bus, Worker(name="w", numeric_class="", works=stage_works(world, bus))
+    yield bus, Worker(name="w", numeric_class="any", works=stage_works(world, bus))
     recorder.close()
     coordinator.ledger.close()
     bus.close()

@@ -103,7 +103,7 @@ def _over_zenoh(folder: RunFolder, line: Sequence[Entry]) -> StatusReply:
     workers = []
     for bus, entry in zip(buses[2:], line, strict=True):
         works = stage_works(World(coordinator.spec, bus), bus, entry.stage.role, line)
-        worker = Worker(name=entry.stage.role, numeric_class="", works=works)
+        worker = Worker(name=entry.stage.role, numeric_class="any", works=works)
         workers.append(threading.Thread(target=pull, args=(bus, worker), kwargs={"stop": threading.Event()}))
         workers[-1].start()
     for thread in workers:

@@ -62,14 +62,14 @@ class Line:
         request = OfferRequest(files=tuple(PolicyFile(name=name, data=data) for name, data in files.items()))
         return self.bus.request(topics.OFFER, request)
 
-    def claim(self, stage: Stage, worker: str = "w", numeric_class: str = "") -> ClaimReply:
+    def claim(self, stage: Stage, worker: str = "w", numeric_class: str = "this") -> ClaimReply:
         request = ClaimRequest(worker=worker, numeric_class=numeric_class)
         return self.bus.request(topics.claim(stage.name), request)
 
     def complete(self, stage: Stage, claim: ClaimReply, **fields: object) -> VerdictStatus:
         assert claim.episode is not None
-        request = CompleteRequest(worker="w", index=claim.episode.index, attempt=claim.attempt, **fields)  # type: ignore[arg-type]
-        return self.bus.request(topics.complete(stage.name), request).status
+        values = {"worker": "w", "index": claim.episode.index, "attempt": claim.attempt, **fields}
+        return self.bus.request(topics.complete(stage.name), CompleteRequest(**values)).status  # type: ignore[arg-type]
 
     def plan(self, *, rejected: str = "") -> ClaimReply:
         """Pass the next episode through all stages before rendering."""
