@@ -62,8 +62,7 @@ def record(
     folder.check(spec)
     begin_s = time.monotonic()
     with folder.locked():
-        if folder.is_run:
-            recover(folder)
+        recover(folder)
         recorded, samples_before = _recorded(folder, episodes)
         folder.save(spec, episodes)
         if workers == 0 or recorded == episodes:

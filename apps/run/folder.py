@@ -50,9 +50,9 @@ class RunFolder:
         return self.state / "logs"
 
     @property
-    def is_run(self) -> bool:
-        """True if a run was begun in it."""
-        return (self.state / "spec.msgpack").exists() and (self.state / "wanted").exists()
+    def has_data(self) -> bool:
+        """False also for what a start leaves behind that failed: nothing of it binds the next one."""
+        return self.ledger.exists() or any(self.path.glob("shard-*.mcap*"))
 
     def check(self, spec: RunSpec) -> None:
         """See whether this run may use the folder; changes nothing.
@@ -62,7 +62,8 @@ class RunFolder:
         """
         spec_file = self.state / "spec.msgpack"
         if spec_file.exists():
-            self._compare(decode(RunSpec, spec_file.read_bytes()), spec)
+            if self.has_data:
+                self._compare(decode(RunSpec, spec_file.read_bytes()), spec)
         elif self.path.exists() and any(entry.name != STATE_FOLDER for entry in self.path.iterdir()):
             raise RunError(f"{self.path} holds files of something else; choose an empty or new folder with --out.")
 

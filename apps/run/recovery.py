@@ -60,6 +60,8 @@ def recover(folder: RunFolder, *, every_byte: bool = False) -> Findings:
     Raises:
         RunError: If the folder cannot be written.
     """
+    if not folder.has_data:
+        return Findings()
     spec, wanted = folder.load()
     findings = Findings()
     sound = _sound_shards(folder, findings, every_byte=every_byte)

@@ -1,3 +1,6 @@
+import os
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -43,3 +46,20 @@ def test_worker_that_somebody_must_help_ends_with_a_code_of_its_own(
 def test_worker_without_a_bus_may_try_again() -> None:
     with pytest.raises(BusError, match="No router answers"):
         worker("animator", connect=free_endpoint(), run="run-test")
+
+
+@pytest.mark.parametrize(("does", "code"), [("threading.Event().wait(20)", os.EX_SOFTWARE), ("turn()", 0)])
+def test_worker_whose_main_thread_hangs_is_ended_however_alive_the_others_are(does: str, code: int) -> None:
+    script = f"""
+import threading, time
+from readygo.apps.fleet.worker import _watch_thread
+def turn():
+    end_s = time.monotonic() + 1.5
+    while time.monotonic() < end_s:
+        time.sleep(0.01)
+_watch_thread(threading.main_thread(), silent_s=0.5)
+{does}
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False, timeout=60)
+    assert done.returncode == code
+    assert ("this worker hangs" in done.stderr) is bool(code)
