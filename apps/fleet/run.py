@@ -27,6 +27,7 @@ Show = Callable[[StatusReply], None]
 CHECK_S = 0.25
 """How often a fleet's processes are looked at, at least [s]."""
 COORDINATOR_ABSENT_S = 60.0
+EPISODES_MAX = 10_000_000
 
 
 def record(
@@ -56,8 +57,8 @@ def record(
     Raises:
         RunError: If the run cannot be done; what is recorded stays.
     """
-    if episodes < 1 or not 0 <= workers <= 256:
-        raise RunError(f"--episodes must be at least 1 and --workers 0..256, got {episodes} and {workers}.")
+    if not 1 <= episodes <= EPISODES_MAX or not 0 <= workers <= 256:
+        raise RunError(f"--episodes must be 1..{EPISODES_MAX} and --workers 0..256, got {episodes} and {workers}.")
     folder = RunFolder(out)
     folder.check(spec)
     begin_s = time.monotonic()

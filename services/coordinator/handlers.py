@@ -120,6 +120,14 @@ class Coordinator:
         """The recorder that takes an episode."""
         return self.config.recorders[index % len(self.config.recorders)]
 
+    def note_recorder(self, name: str, *, alive: bool) -> None:
+        """A recorder came, or is gone: what was granted to it waits for it, and so do its senders."""
+        granted = 0 if alive else len(self.ledger.granted(name))
+        gone = (
+            f"Recorder {name} is gone and holds {granted} episodes; `readygo worker recorder --name {name}` starts it."
+        )
+        _trouble(self, f"presence of {name}", "" if alive else gone)
+
     def _check_recorders(self) -> None:
         """Refuse to leave out a recorder that may hold episodes which the ledger has not heard of."""
         if missing := sorted(self.ledger.granted_recorders() - set(self.config.recorders)):

@@ -27,7 +27,9 @@ def attach(bus: Bus, coordinator: Coordinator) -> None:
     bus.serve(topics.STATUS, partial(handlers.handle_status, coordinator))
 
     def changed(role: str, name: str, alive: bool) -> None:
-        if not alive:
+        if name in coordinator.config.recorders:
+            coordinator.note_recorder(name, alive=alive)
+        elif not alive:
             requeue_lost(coordinator, worker=name)
 
     bus.watch(changed)
