@@ -60,7 +60,7 @@ def decode(cls: type[Message], payload: bytes) -> Message:
     """
     try:
         plain = _unpacked(payload, getattr(cls, "ITEMS_MAX", ITEMS_MAX))
-        message: Message = _builder(cls)(plain)
+        message: Message = _builder(cls)(plain)  # type: ignore[arg-type]
     except (ValueError, TypeError, LookupError, OverflowError, MemoryError, msgpack.UnpackException) as error:
         words = str(error) or type(error).__name__
         raise MessageError(f"Payload of {len(payload)} bytes is no {cls.__name__}: {words[:_WORDS_MAX]}.") from error

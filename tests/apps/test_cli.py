@@ -1,9 +1,12 @@
 import errno
 import importlib
 import inspect
+import os
 import re
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import docstring_parser
