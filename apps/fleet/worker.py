@@ -9,6 +9,7 @@ import socket
 import sys
 import threading
 import time
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -160,7 +161,15 @@ def make_recorder(bus: Bus, name: str, folder: RunFolder, world: World) -> Recor
     )
 
 
-def _watch_thread(watched: threading.Thread, *, silent_s: float = SILENT_S) -> None:
+def _end_hung() -> None:
+    sys.stderr.write(f"readygo: this worker hangs: it has done nothing for {SILENT_S:g} s.\n")
+    sys.stderr.flush()
+    os._exit(os.EX_SOFTWARE)
+
+
+def _watch_thread(
+    watched: threading.Thread, *, silent_s: float = SILENT_S, end: Callable[[], object] = _end_hung
+) -> None:
     """End the process when a thread has taken no processor time for long: it hangs, however alive the others are.
 
     Threads that wait for work ask for it now and then, which takes time enough.
@@ -175,9 +184,8 @@ def _watch_thread(watched: threading.Thread, *, silent_s: float = SILENT_S) -> N
             if now_s > taken_s:
                 taken_s, since_s = now_s, time.monotonic()
             elif time.monotonic() - since_s > silent_s:
-                sys.stderr.write(f"readygo: this worker hangs: it has done nothing for {silent_s:g} s.\n")
-                sys.stderr.flush()
-                os._exit(os.EX_SOFTWARE)
+                end()
+                return
 
     threading.Thread(target=watch, name="watch", daemon=True).start()
 
