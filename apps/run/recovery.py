@@ -69,11 +69,11 @@ def recover(folder: RunFolder, *, every_byte: bool = False) -> Findings:
         _reopen(folder.path / name)
     ledger = _open_ledger(folder, spec.stages, findings)
     try:
-        _adopt(ledger, sound, spec)
+        lost = _give_back(ledger, folder, sound)
+        findings.lost = sorted(lost - _adopted(ledger, sound, spec))
         if findings.rebuilt:
             indices = [index for shard in folder.path.glob(f"{SHARDS}*") for index in _indices(shard)]
             ledger.fill_gaps(max(indices, default=-1), wanted)
-        findings.lost = _give_back(ledger, folder, sound)
     finally:
         ledger.close()
     for line in findings.lines:
@@ -191,28 +191,33 @@ def _open_ledger(folder: RunFolder, stages: tuple[Stage, ...], findings: Finding
     return ledger
 
 
-def _adopt(ledger: Ledger, sound: Mapping[str, ShardIndex], spec: RunSpec) -> None:
-    """Note the episodes of sound shards as durable that the ledger does not know of."""
+def _adopted(ledger: Ledger, sound: Mapping[str, ShardIndex], spec: RunSpec) -> set[int]:
+    """Note the episodes of sound shards as durable that the ledger does not know of; returns all of sound shards."""
+    found: set[int] = set()
     known = {index for episodes in ledger.shards().values() for index in episodes}
     for name, shard in sound.items():
         for row, episode in enumerate(shard.episodes):
             key = shard.episode_key(row)
-            if (key.seed, key.split) == (spec.seed, spec.split) and key.index not in known:
+            if (key.seed, key.split) != (spec.seed, spec.split):
+                continue
+            found.add(key.index)
+            if key.index not in known:
                 ledger.adopt(key.index, _recorder(name), name, int(episode["sample_count"]), shard.ending(row).policy)
+    return found
 
 
-def _give_back(ledger: Ledger, folder: RunFolder, sound: Mapping[str, ShardIndex]) -> list[int]:
+def _give_back(ledger: Ledger, folder: RunFolder, sound: Mapping[str, ShardIndex]) -> set[int]:
     """Have episodes recorded again that are in no sound shard; what open shards hold, their recorders tell."""
-    lost: list[int] = []
+    lost: set[int] = set()
     for name, episodes in ledger.shards().items():
         missing = _missing(episodes, sound.get(name))
         if missing and (folder.path / (name + PART_SUFFIX)).exists():
             ledger.doubt(name)
-            lost += set(missing) - set(_indices(folder.path / (name + PART_SUFFIX)))
+            lost |= set(missing) - set(_indices(folder.path / (name + PART_SUFFIX)))
         elif missing:
             ledger.miss(missing)
-            lost += missing
-    return sorted(lost)
+            lost |= set(missing)
+    return lost
 
 
 def _missing(episodes: Mapping[int, int], shard: ShardIndex | None) -> list[int]:

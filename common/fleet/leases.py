@@ -24,8 +24,8 @@ from readygo.common.messages import (
 
 log = logging.getLogger(__name__)
 
-IDLE_S = 0.05
-"""Pause before asking again when nothing waits for the stage [s]."""
+IDLE_S = 1.0
+"""Pause before asking again when nothing waits for the stage, unless the coordinator says that something may [s]."""
 COORDINATOR_ABSENT_S = 60.0
 """A worker gives up when the coordinator has not answered for this long [s]."""
 
@@ -89,7 +89,11 @@ def pull(bus: Bus, worker: Worker, *, stop: threading.Event) -> None:
     works = {stage: _renewing(bus, stage, worker.name, work) for stage, work in worker.works.items()}
     worker = dataclasses.replace(worker, works=works)
     silent_since_s: float | None = None
+    wake = threading.Event()
+    bus.subscribe(topics.WAKE, lambda _: wake.set())
     while not stop.is_set():
+        # Before the claim: what comes while it is answered is not missed.
+        wake.clear()
         try:
             status = claim_any(bus, worker)
         except BusError as error:
@@ -104,7 +108,7 @@ def pull(bus: Bus, worker: Worker, *, stop: threading.Event) -> None:
         if status is ClaimStatus.DONE:
             return
         if status is ClaimStatus.WAIT:
-            stop.wait(IDLE_S)
+            wake.wait(IDLE_S)
 
 
 def _work_on(bus: Bus, stage: Stage, worker: str, claim: ClaimReply, work: Work) -> None:

@@ -28,6 +28,7 @@ from readygo.common.messages.coordination import (
     TroubleRequest,
     Verdict,
     VerdictStatus,
+    Wake,
 )
 from readygo.common.messages.episode import EpisodeKey, HumanTrajectory, Scenario, Split
 from readygo.common.messages.learning import CommittedEpisode, OfferReply, OfferRequest, PolicyFile
@@ -112,6 +113,7 @@ __all__ = [
     "TroubleRequest",
     "Verdict",
     "VerdictStatus",
+    "Wake",
     "decode",
     "encode",
     "sample_crc32",

@@ -137,6 +137,11 @@ class ClaimReply:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class Wake:
+    """There may be work again: whoever waits may ask at once."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class RenewRequest:
     """The worker is still at it."""
 

@@ -26,6 +26,7 @@ from readygo.common.messages.coordination import (
     StatusRequest,
     TroubleRequest,
     Verdict,
+    Wake,
 )
 from readygo.common.messages.learning import CommittedEpisode, OfferReply, OfferRequest
 from readygo.common.messages.render import RenderReply, RenderRequest
@@ -79,6 +80,8 @@ ROBOT_PLAN = Topic("robot-plan", RobotPlanRequest, RobotPlanReply)
 
 PROGRESS = Stream("live/progress", StatusReply)
 """The coordinator's status, a few times a second."""
+WAKE = Stream("live/wake", Wake)
+"""When there may be work for somebody who was told to wait."""
 COMMITTED = Stream("train/episodes", CommittedEpisode)
 """Every episode, as soon as it is durable."""
 

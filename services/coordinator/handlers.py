@@ -307,8 +307,8 @@ def handle_status(coordinator: Coordinator, request: StatusRequest) -> StatusRep
     )
 
 
-def requeue_lost(coordinator: Coordinator, *, worker: str | None = None) -> None:
-    """End the leases that ran out, or those of a worker that is gone.
+def requeue_lost(coordinator: Coordinator, *, worker: str | None = None) -> bool:
+    """End the leases that ran out, or those of a worker that is gone; True if there were any.
 
     A disk that takes nothing is no reason to end: it is told as trouble, and the leases are freed when it does again.
     """
@@ -319,8 +319,9 @@ def requeue_lost(coordinator: Coordinator, *, worker: str | None = None) -> None
             coordinator.ledger.add("requeued", ended)
     except DiskError as error:
         _trouble(coordinator, _LEDGER, str(error))
-    else:
-        _trouble(coordinator, _LEDGER, "")
+        return False
+    _trouble(coordinator, _LEDGER, "")
+    return ended > 0
 
 
 def _requeue_expired(coordinator: Coordinator) -> int:

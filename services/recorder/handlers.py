@@ -121,12 +121,19 @@ class Recorder:
                 return AppendReply(status=AppendStatus.RETRY, detail=f"recorder {self.name} is closed")
             if episode.index in self._committed:
                 self._check_run(episode)
+                self._tell_again(self._committed[episode.index], request.attempt)
                 return self._finished(episode.index, AppendStatus.DUP)
             if (unexpected := self._unexpected(request)) is not None:
                 return unexpected
             self._check_run(episode)
             reply = self._buffers.add(request)
             return self._commit(episode.index) if reply.status is AppendStatus.OK and request.last else reply
+
+    def _tell_again(self, durable: Durable, attempt: int) -> None:
+        """Another attempt at a durable episode shows that the coordinator does not know of it (any more)."""
+        if attempt != durable.attempt:
+            self._grants.report(self._done_report(durable))
+            self._grants.flush()
 
     def _unexpected(self, request: AppendRequest) -> AppendReply | None:
         """The answer to an attempt that is new here unless the coordinator has leased it; None if samples may come."""

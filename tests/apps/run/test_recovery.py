@@ -132,7 +132,7 @@ def test_run_without_data_has_nothing_to_recover(tmp_path: Path) -> None:
 def test_episode_that_cannot_be_read_is_said_at_the_end(folder: RunFolder, damage: Callable[[RunFolder], None]) -> None:
     check_recorded(folder)
     damage(folder)
-    with pytest.raises(RunError, match=r"2 recorded episodes of .* cannot be read .* readygo recover"):
+    with pytest.raises(RunError, match=r"2 recorded episodes of .* cannot be read .*`readygo recover"):
         check_recorded(folder)
 
 
