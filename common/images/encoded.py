@@ -1,6 +1,7 @@
 """Encoded images that somebody else has written: what they claim to be, before anything is decoded."""
 
 import struct
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -40,7 +41,7 @@ def _jpeg_size_px(data: bytes | memoryview) -> tuple[int, int] | None:
     return None
 
 
-def decode_pixels(data: bytes | memoryview, flags: int) -> npt.NDArray[np.generic] | None:
+def decode_pixels(data: bytes | memoryview, flags: int) -> npt.NDArray[Any] | None:
     """Pixels of a JPEG or PNG file as OpenCV gives them; None if it is neither, damaged, or claims too many.
 
     Args:

@@ -93,7 +93,7 @@ def test_new_stage_whose_rejection_keeps_the_episode_with_its_outcome(run: Run, 
 
 
 def test_stage_that_records_may_reject_before_it_does(run: Run, tmp_path: Path) -> None:
-    def film(world: World, bus: Bus) -> Work:
+    def blurred(world: World, bus: Bus) -> Work:
         clear = film(world, bus)
 
         def work(claim: ClaimReply, inputs: Inputs) -> StageResult | None:
@@ -101,7 +101,7 @@ def test_stage_that_records_may_reject_before_it_does(run: Run, tmp_path: Path) 
 
         return work
 
-    line = (DRAW, dataclasses.replace(FILM, work=film))
+    line = (DRAW, dataclasses.replace(FILM, work=blurred))
     folder = make_folder(tmp_path / "data", line, wanted=3)
     status = run(folder, line)
     assert (status.finished, status.rejected) == (True, {"blurred view": 2})
