@@ -180,7 +180,11 @@ def _watch_thread(
         taken_s, since_s = -1.0, time.monotonic()
         while watched.is_alive():
             time.sleep(silent_s / 10)
-            now_s = time.clock_gettime(clock)
+            try:
+                now_s = time.clock_gettime(clock)
+            except OSError:
+                # It has ended meanwhile, and its clock with it.
+                return
             if now_s > taken_s:
                 taken_s, since_s = now_s, time.monotonic()
             elif time.monotonic() - since_s > silent_s:

@@ -39,7 +39,7 @@ def test_recorder_that_is_gone_is_told_until_it_comes_back(line: Line) -> None:
     recorder = InProcessBus(line.bus)
     recorder.announce("recorder", "rec0")
     recorder.close()
-    _wait_until(lambda: "Recorder rec0 is gone with 1 episodes" in line.status().trouble)
+    _wait_until(lambda: "Recorder rec0 is gone and holds 1 episodes" in line.status().trouble)
     again = InProcessBus(line.bus)
     again.announce("recorder", "rec0")
     _wait_until(lambda: line.status().trouble == "")
