@@ -25,8 +25,8 @@ def recover(data: Path, /, *, workers: int = 1) -> None:
     with folder.locked():
         findings = recover_run(folder, every_byte=True)
     console = Console(stderr=True, highlight=False, soft_wrap=True)
-    for line in findings.lines or ["Nothing is lost or damaged."]:
-        console.print(line, markup=False)
+    if not findings.lines:
+        console.print("Nothing is lost or damaged.", markup=False)
     with progress_bar() as show:
         summary = record(spec, data, episodes=wanted, workers=workers, show=show)
     console.print(f"{data} holds {summary['episodes']} episodes, {summary['samples']} samples.", markup=False)

@@ -10,7 +10,10 @@ from tests.apps.fleet.toy_line import DRAW, FILM, in_process, make_folder
 
 
 def test_folder_that_lost_a_shard_is_said_to_and_recorded_on(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    caplog: pytest.LogCaptureFixture,
 ) -> None:
     folder = make_folder(tmp_path, (DRAW, FILM), wanted=2)
     assert in_process(folder, (DRAW, FILM)).finished
@@ -25,9 +28,8 @@ def test_folder_that_lost_a_shard_is_said_to_and_recorded_on(
     recover(tmp_path, workers=0)
     assert recorded == [0, 1]
     assert len(Dataset(tmp_path).episodes) == 2
-    error = capsys.readouterr().err
-    assert "2 durable episodes are in no sound shard" in error
-    assert "holds 2 episodes, 8 samples" in error
+    assert "2 durable episodes are in no sound shard" in caplog.text
+    assert "holds 2 episodes, 8 samples" in capsys.readouterr().err
 
 
 def test_folder_without_a_run_is_said_in_one_line(tmp_path: Path) -> None:
