@@ -230,6 +230,8 @@ def test_full_disk_cuts_the_shard_back_and_names_the_folder(make_recorder, coord
 
     crash(recorder)
     resumed = make_recorder()
+    assert resumed.settle()
+    assert [report.index for report in coordinator.lost] == [1]
     assert send(resumed, append_requests(1, attempt=2)) == ["ok", "committed"]
     resumed.close()
     assert [entry.episode.index for entry in Dataset([tmp_path]).episodes] == [0, 1]
