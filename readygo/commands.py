@@ -8,10 +8,16 @@ COMMANDS = {
     "scene inspect": Command(
         "readygo.apps.commands.scene:scene_inspect", "measure a scene bundle and draw it from above"
     ),
+    "scene report": Command(
+        "readygo.apps.commands.scene_report:scene_report", "write the health report of a scene, as a page"
+    ),
     "scene crop": Command("readygo.apps.commands.scene_edit:scene_crop", "keep a part of a scene"),
     "scene align": Command("readygo.apps.commands.scene_edit:scene_align", "level a scene's floor at height 0"),
     "scene scale": Command("readygo.apps.commands.scene_edit:scene_scale", "make a scene larger or smaller"),
     "scene clean": Command("readygo.apps.commands.scene_edit:scene_clean", "remove huge Gaussians, floaters and haze"),
+    "scene capture": Command(
+        "readygo.apps.commands.capture:scene_capture", "film a scene with a marker in it; poses are known"
+    ),
     "scene poses": Command(
         "readygo.apps.commands.reconstruct:scene_poses",
         "find metric camera poses of a video or photos; no Gaussians yet",
