@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from readygo.common.bus import Bus
 from readygo.common.errors import BusError, PeerError, RunError, reason
 from readygo.common.fleet.blobs import fetch_blob
+from readygo.common.fleet.shown import show_work
 from readygo.common.messages import (
     ClaimReply,
     ClaimRequest,
@@ -114,6 +115,7 @@ def pull(bus: Bus, worker: Worker, *, stop: threading.Event) -> None:
 def _work_on(bus: Bus, stage: Stage, worker: str, claim: ClaimReply, work: Work) -> None:
     assert claim.episode is not None
     begin_s = time.thread_time()
+    show_work(bus, stage, claim, begins=True)
     failed = ""
     outcome: StageResult | None = None
     try:
@@ -133,6 +135,7 @@ def _work_on(bus: Bus, stage: Stage, worker: str, claim: ClaimReply, work: Work)
         failed=failed,
         cpu_s=time.thread_time() - begin_s,
     )
+    show_work(bus, stage, claim, begins=False, rejected=request.rejected, failed=failed)
     verdict = bus.request(topics.complete(stage.name), request)
     if verdict.status is not VerdictStatus.OK:
         words = f"{verdict.status.value} {verdict.reason}".strip()
