@@ -22,6 +22,7 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUM
 
 USER_MISTAKE = 2
 INTERRUPTED = 128 + signal.SIGINT
+TERMINATED = 128 + signal.SIGTERM
 READER_GONE = 128 + signal.SIGPIPE
 HELP = ("-h", "--help")
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
@@ -53,7 +54,8 @@ def run_command(commands: Mapping[str, Command], argv: Sequence[str]) -> None:
     """Run the command that the arguments name.
 
     What the user can mend prints one line and exits with 2: a `ReadygoError`, an error of the operating system that
-    names a file, a full disk. Everything else is a bug and shows its traceback. Ctrl-C exits with 130.
+    names a file, a full disk. Everything else is a bug and shows its traceback. Ctrl-C exits with 130; SIGTERM ends a
+    command in the same way, with 143.
     """
     from readygo.common.errors import ReadygoError
 
@@ -64,6 +66,8 @@ def run_command(commands: Mapping[str, Command], argv: Sequence[str]) -> None:
         finally:
             if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
                 signal.signal(signal.SIGINT, signal.default_int_handler)
+        if signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
+            signal.signal(signal.SIGTERM, _terminate)
         call()
         sys.stdout.flush()
     except ReadygoError as error:
@@ -79,7 +83,17 @@ def run_command(commands: Mapping[str, Command], argv: Sequence[str]) -> None:
     except KeyboardInterrupt as stop:
         # A command that knows what it leaves behind raises it anew with its words.
         said = str(stop) or "what is recorded or saved stays, run the same command again to go on."
-        _stop(f"stopped; {said}", INTERRUPTED)
+        _stop(f"stopped; {said}", TERMINATED if _terminated() else INTERRUPTED)
+
+
+def _terminate(number: int, frame: object) -> None:
+    """End as at Ctrl-C, so that whatever the command has started ends with it; once begun, nothing disturbs that."""
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    raise KeyboardInterrupt
+
+
+def _terminated() -> bool:
+    return signal.getsignal(signal.SIGTERM) is signal.SIG_IGN
 
 
 def parse(commands: Mapping[str, Command], argv: Sequence[str]) -> Callable[[], object]:

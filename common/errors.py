@@ -41,8 +41,16 @@ class PeerError(BusError):
     """A peer that answered that it cannot do what it was asked; the message names the topic and the reason."""
 
 
+class MessageError(ReadygoError):
+    """Bytes that are no message, or not the one that was due."""
+
+
 class RunError(ReadygoError):
     """A run that cannot be started, resumed or finished."""
+
+
+class DiskError(RunError):
+    """A disk that takes nothing for now, because it is full or read-only: what is to be written can wait."""
 
 
 def reason(error: Exception) -> str:

@@ -1,5 +1,6 @@
 """Keeps the newest image of every renderer of a run as a file: python watch.py ENDPOINT RUN FOLDER."""
 
+import os
 import sys
 import time
 from pathlib import Path
@@ -16,7 +17,7 @@ def keep(preview: LivePreview) -> None:
     (Path(folder) / f"{preview.episode.episode_id}.{preview.format}").write_bytes(preview.image)
 
 
-bus = ZenohBus(endpoint, run)
+bus = ZenohBus(endpoint, run, os.environ.get("READYGO_TOKEN", ""))
 bus.subscribe(topics.PREVIEW.of(), keep)
 while True:
     time.sleep(1)

@@ -1,6 +1,7 @@
 """The same as watch.py without readygo: python watch_zenoh.py ENDPOINT RUN FOLDER."""
 
 import json
+import os
 import sys
 import time
 from pathlib import Path
@@ -22,6 +23,9 @@ def keep(sample: zenoh.Sample) -> None:
 config = zenoh.Config()
 config.insert_json5("mode", '"client"')
 config.insert_json5("connect/endpoints", json.dumps([endpoint]))
+if token := os.environ.get("READYGO_TOKEN"):
+    config.insert_json5("transport/auth/usrpwd/user", '"run"')
+    config.insert_json5("transport/auth/usrpwd/password", json.dumps(token))
 with zenoh.open(config) as session:
     subscriber = session.declare_subscriber(f"readygo/{run}/live/*/*/preview", keep)
     while True:

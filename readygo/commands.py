@@ -53,6 +53,9 @@ COMMANDS = {
     ),
     "generate": Command("readygo.apps.commands.generate:generate", "record episodes of an expert among walking people"),
     "validate": Command("readygo.apps.commands.data:validate", "read a dataset again and report every defect"),
+    "recover": Command(
+        "readygo.apps.commands.recover:recover", "save what is whole of a damaged dataset, and record the rest again"
+    ),
     "inspect": Command("readygo.apps.commands.data:inspect", "say what a dataset holds"),
     "coverage": Command(
         "readygo.apps.commands.coverage:coverage", "show what a dataset covers, and what it does not, on one page"

@@ -21,6 +21,7 @@ def shared_data() -> Path:
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--update-golden", action="store_true", help="rewrite tests/golden from what the code makes now")
+    parser.addoption("--fuzz", type=int, default=20_000, help="inputs that the message decoders are tried with")
 
 
 @pytest.fixture

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
+from readygo.apps.fleet.token import given_token
 from readygo.apps.run.folder import RunFolder
 from readygo.common.bus import Bus
 from readygo.common.bus.zenoh_bus import ZenohBus
@@ -67,6 +68,7 @@ def status_text(reply: StatusReply) -> str:
     counts = {"waiting": reply.waiting, "at work": reply.leased, "rejected": reply.rejected, "kept": reply.kept}
     lines += [f"  {name}: {_listed(count)}" for name, count in counts.items() if count]
     lines += [f"  policies offered: {reply.policies}"] if reply.policies else []
+    lines += [f"  waits: {reply.trouble}"] if reply.trouble else []
     lines += [f"  ended: {reply.failed}"] if reply.failed else []
     return "\n".join(lines)
 
@@ -82,12 +84,13 @@ def _send(command: Command, data: Path | None, connect: str, run: str) -> None:
 
 @contextmanager
 def _joined(data: Path | None, connect: str, run: str) -> Iterator[Bus]:
+    token = given_token()
     if data is not None:
         folder = RunFolder(data)
-        connect, run = folder.fleet_endpoint(), folder.load()[0].run
+        (connect, token), run = folder.fleet_endpoint(), folder.load()[0].run
     if not connect or not run:
         raise RunError("Name the run: its data folder, or --connect ENDPOINT --run RUN.")
-    bus = ZenohBus(connect, run)
+    bus = ZenohBus(connect, run, token)
     try:
         yield bus
     finally:

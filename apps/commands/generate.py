@@ -18,6 +18,7 @@ from readygo.apps.fleet.run import Show, record
 from readygo.apps.fleet.slurm import check_slurm
 from readygo.apps.run.again import prepare_again
 from readygo.apps.run.config import load_run_config, with_detail, with_disturbance, with_outputs
+from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.origin import avatars_of_policy, robot_of_policy
 from readygo.apps.run.policy import with_expert, with_policy
 from readygo.apps.run.scene_argument import open_scene
@@ -146,7 +147,8 @@ class Where:
 def _record(spec: RunSpec, out: Path, episodes: int, where: Where, *, json: bool) -> None:
     """Do a run, and say on the terminal how it goes and what it gave."""
     role, listen = spec.stages[-1].role, where.listen
-    join = f"More workers can join: readygo worker {role} --connect {listen} --run {spec.run}" if listen else ""
+    token = f"READYGO_TOKEN=$(tail -1 {RunFolder(out).state / 'endpoint'})"
+    join = f"More workers can join: {token} readygo worker {role} --connect {listen} --run {spec.run}" if listen else ""
     with progress_bar(first_words=join, quiet=json) as show:
         summary = record(
             spec, out, episodes=episodes, workers=where.workers, listen=listen, slurm=where.slurm, show=show
@@ -174,11 +176,12 @@ def progress_bar(*, first_words: str = "", quiet: bool = False) -> Iterator[Show
         MofNCompleteColumn(),
         TextColumn("{task.fields[rate]:.0f} samples/s, {task.fields[rejected]} rejected, ETA"),
         TimeRemainingColumn(),
+        TextColumn("{task.fields[trouble]}", markup=False),
     )
     begin_s = time.monotonic()
     samples_before: int | None = None
     with SteadyProgress(*columns, quiet=quiet) as progress:
-        task = progress.add_task("episodes", total=None, rate=0.0, rejected=0)
+        task = progress.add_task("episodes", total=None, rate=0.0, rejected=0, trouble="")
 
         def show(status: StatusReply) -> None:
             nonlocal samples_before
@@ -188,6 +191,7 @@ def progress_bar(*, first_words: str = "", quiet: bool = False) -> Iterator[Show
                     progress.console.print(first_words, markup=False, highlight=False, soft_wrap=True)
             rate = (status.samples - samples_before) / max(time.monotonic() - begin_s, 1e-3)
             rejected = sum(status.rejected.values())
-            progress.update(task, total=status.wanted, completed=status.committed, rate=rate, rejected=rejected)
+            fields = {"rate": rate, "rejected": rejected, "trouble": status.trouble}
+            progress.update(task, total=status.wanted, completed=status.committed, **fields)
 
         yield show

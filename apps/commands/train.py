@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from readygo.apps.commands.progress import SteadyProgress
+from readygo.apps.fleet.token import given_token
 from readygo.apps.run.evaluation import closed_loop
 from readygo.apps.run.origin import note_origin, origin_of_data
 from readygo.apps.run.training import default_recipe, make_config, run_training
@@ -132,7 +133,7 @@ def _train_live(config: TrainConfig, out: Path, live: str, run: str, data: tuple
     stop = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
-    bus = ZenohBus(live, run)
+    bus = ZenohBus(live, run, given_token())
     try:
         return train_beside({run: bus}, config, out, data=data, stop=stop)
     finally:

@@ -1,24 +1,34 @@
 """A fleet on this machine: one process per worker, supervised and restarted."""
 
+import logging
 import os
 import signal
 import subprocess
 import sys
 import time
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import readygo
 from readygo.apps.fleet.roles import COORDINATOR, RECORDER
+from readygo.apps.fleet.token import with_token
 from readygo.common.errors import RunError
+
+log = logging.getLogger(__name__)
 
 CANNOT_WORK = os.EX_CONFIG
 """Exit code of a worker that no new start would help: its settings, its data or its disk must be mended."""
-RESTARTS_MAX = 5
-"""A worker that dies more often than this ends the run."""
+RESTARTS_MAX = 10
+"""A worker that dies more often than this within `RESTARTS_S` ends the run."""
+RESTARTS_S = 3600.0
+FROZEN_S = 20.0
+"""A process that somebody has stopped (SIGSTOP) for so long is started anew [s]."""
 STOP_S = 15.0
-"""Time that workers have to finish what they hold [s]."""
+"""Time that recorders and coordinator have to finish what they hold [s]."""
+DROP_S = 5.0
+"""Time that workers have to end; what they hold is made again [s]."""
 
 
 @dataclass
@@ -31,13 +41,18 @@ class Member:
     arguments: tuple[str, ...] = ()
     """Further ones of its command line."""
     process: subprocess.Popen[bytes] | None = None
-    restarts: int = field(default=0)
+    restarts: int = 0
+    restarted_s: deque[float] = field(default_factory=deque)
+    """When it was started anew within the last `RESTARTS_S`."""
+    stopped_s: float | None = None
+    """Since when its process is stopped."""
 
 
 class Fleet:
     """Worker processes of one run."""
 
-    def __init__(self, *, connect: str, run: str, data: Path | Sequence[Path], logs: Path) -> None:
+    def __init__(self, *, connect: str, run: str, data: Path | Sequence[Path], logs: Path, token: str = "") -> None:
+        self._token = token
         self._data = [data] if isinstance(data, Path) else list(data)
         self._arguments = ["--connect", connect, "--run", run, "--data", *map(str, self._data), "--exit-with-parent"]
         self._logs = logs
@@ -70,25 +85,33 @@ class Fleet:
         """
         for member in self.members:
             code = member.process.poll() if member.process else 0
-            if code is None:
+            if code is None and not _is_frozen(member):
                 continue
-            if code == CANNOT_WORK or member.restarts >= RESTARTS_MAX:
+            if code == CANNOT_WORK or _restarts(member) >= RESTARTS_MAX:
                 raise RunError(f"Worker {member.name} ended with exit code {code}: {last_words(member.log)}")
+            if code is None and member.process:
+                log.warning("%s is stopped and does not go on: it is started anew", member.name)
+                member.process.kill()
+                member.process.wait()
             member.restarts += 1
+            member.restarted_s.append(time.monotonic())
             self._start(member)
 
     def stop(self) -> None:
         """End the fleet: workers first, then recorders, the coordinator last; no process is left behind."""
         last = (RECORDER, COORDINATOR)
-        for roles in ({member.role for member in self.members}.difference(last), *({role} for role in last)):
-            self._stop([member for member in self.members if member.role in roles])
+        self._stop([member for member in self.members if member.role not in last], DROP_S)
+        for role in last:
+            self._stop([member for member in self.members if member.role == role])
 
-    def _stop(self, members: list[Member]) -> None:
+    def _stop(self, members: list[Member], patience_s: float = STOP_S) -> None:
         """End workers side by side, by force if they take too long."""
         processes = [member.process for member in members if member.process]
         for process in processes:
             process.terminate()
-        deadline_s = time.monotonic() + STOP_S
+            # One that is stopped hears nothing.
+            process.send_signal(signal.SIGCONT)
+        deadline_s = time.monotonic() + patience_s
         for process in processes:
             try:
                 process.wait(timeout=max(0.1, deadline_s - time.monotonic()))
@@ -131,8 +154,34 @@ class Fleet:
                 stdout=log,
                 stderr=log,
                 cwd=Path(readygo.__file__).resolve().parents[1],
+                env=with_token(self._token),
                 start_new_session=True,
             )
+
+
+def _restarts(member: Member) -> int:
+    """How often a worker was started anew within the last `RESTARTS_S`."""
+    while member.restarted_s and time.monotonic() - member.restarted_s[0] > RESTARTS_S:
+        member.restarted_s.popleft()
+    return len(member.restarted_s)
+
+
+def _is_frozen(member: Member) -> bool:
+    """True if a worker's process has been stopped for `FROZEN_S`."""
+    if not member.process or not _is_stopped(member.process.pid):
+        member.stopped_s = None
+        return False
+    member.stopped_s = time.monotonic() if member.stopped_s is None else member.stopped_s
+    return time.monotonic() - member.stopped_s >= FROZEN_S
+
+
+def _is_stopped(pid: int) -> bool:
+    """True if a process is stopped, by SIGSTOP for example; nobody can tell where there is no /proc."""
+    try:
+        # The state follows the name in brackets, in which anything may be.
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] in ("T", "t")
+    except OSError:
+        return False
 
 
 def last_words(log: Path) -> str:

@@ -10,9 +10,11 @@ from typing import Any
 from readygo.apps.fleet.fleet import Fleet
 from readygo.apps.fleet.roles import COORDINATOR, RECORDER, places
 from readygo.apps.fleet.slurm import SlurmWorkers
+from readygo.apps.fleet.token import given_token, new_token
 from readygo.apps.fleet.worker import make_coordinator, make_recorder
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.identity import numeric_class
+from readygo.apps.run.recovery import check_recorded, recover
 from readygo.apps.run.stages import LINE, Entry, stage_works
 from readygo.apps.run.world import World
 from readygo.common.bus import Bus, InProcessBus
@@ -27,6 +29,7 @@ Show = Callable[[StatusReply], None]
 CHECK_S = 0.25
 """How often a fleet's processes are looked at, at least [s]."""
 COORDINATOR_ABSENT_S = 60.0
+EPISODES_MAX = 10_000_000
 
 
 def record(
@@ -58,20 +61,22 @@ def record(
     Raises:
         RunError: If the run cannot be done; what is recorded stays.
     """
-    if episodes < 1 or not 0 <= workers <= 256:
-        raise RunError(f"--episodes must be at least 1 and --workers 0..256, got {episodes} and {workers}.")
+    if not 1 <= episodes <= EPISODES_MAX or not 0 <= workers <= 256:
+        raise RunError(f"--episodes must be 1..{EPISODES_MAX} and --workers 0..256, got {episodes} and {workers}.")
     folder = RunFolder(out)
     folder.check(spec)
     begin_s = time.monotonic()
     with folder.locked():
+        recover(folder)
         recorded, samples_before = _recorded(folder, episodes)
         folder.save(spec, episodes)
         if workers == 0 or recorded == episodes:
             status = run_in_process(folder, show)
         else:
             status = run_fleet(folder, workers, listen or free_endpoint(), show, together=together, slurm=slurm)
-    if status.failed:
-        raise RunError(f"{status.failed} ({status.committed} of {status.wanted} episodes are recorded.)")
+        if status.failed:
+            raise RunError(f"{status.failed} ({status.committed} of {status.wanted} episodes are recorded.)")
+        check_recorded(folder)
     return _summary(out, status, samples_before, time.monotonic() - begin_s)
 
 
@@ -119,11 +124,12 @@ def run_fleet(
 ) -> StatusReply:
     """Do the run with a fleet over Zenoh; see `places` for `workers` and `together`, and `record` for `slurm`."""
     spec, _ = folder.load()
-    router = Router(endpoint)
-    fleet = Fleet(connect=endpoint, run=spec.run, data=folder.path.resolve(), logs=folder.logs)
-    bus = ZenohBus(endpoint, spec.run)
+    token = given_token() or new_token()
+    router = Router(endpoint, token)
+    fleet = Fleet(connect=endpoint, run=spec.run, data=folder.path.resolve(), logs=folder.logs, token=token)
+    bus = ZenohBus(endpoint, spec.run, token)
     try:
-        with folder.reachable(endpoint), contextlib.ExitStack() as jobs:
+        with folder.reachable(endpoint, token), contextlib.ExitStack() as jobs:
             recorders = World(spec).config.coordinator.recorders
             here = places(spec, recorders, workers, together=together)
             checks = [fleet.check]
@@ -132,7 +138,7 @@ def run_fleet(
             for role, name in here:
                 fleet.add(role, name)
             if slurm is not None:
-                array = SlurmWorkers(connect=endpoint, run=spec.run, logs=folder.logs, options=slurm)
+                array = SlurmWorkers(connect=endpoint, run=spec.run, logs=folder.logs, options=slurm, token=token)
                 jobs.enter_context(array).submit(workers)
                 checks.append(array.check)
             status = _supervise(checks, bus, show)

@@ -9,11 +9,13 @@ import shutil
 import subprocess
 import sys
 import time
+from collections.abc import Mapping
 from pathlib import Path
 
 import readygo
 from readygo.apps.fleet.fleet import RESTARTS_MAX, last_words
 from readygo.apps.fleet.roles import ALL
+from readygo.apps.fleet.token import with_token
 from readygo.common.errors import RunError
 
 CHECK_S = 5.0
@@ -24,7 +26,7 @@ ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
 class SlurmWorkers:
     """Workers of one run that do all its stages, as one job array; a context that cancels them at its end."""
 
-    def __init__(self, *, connect: str, run: str, logs: Path, options: str = "") -> None:
+    def __init__(self, *, connect: str, run: str, logs: Path, options: str = "", token: str = "") -> None:
         """Nothing is submitted yet.
 
         Args:
@@ -32,6 +34,7 @@ class SlurmWorkers:
             run: Name of the run.
             logs: Folder of the workers' logs, on a file system that the nodes share.
             options: Further options of sbatch, such as "--partition=short --time=2:00:00".
+            token: The run's token; it goes to the jobs in their environment, which sbatch passes on.
 
         Raises:
             RunError: If Slurm is not installed here, or `options` cannot be split.
@@ -43,6 +46,7 @@ class SlurmWorkers:
         except ValueError as error:
             raise RunError(f"--slurm {options!r} cannot be split into options: {error}.") from error
         self._connect, self._run, self._logs = connect, run, logs
+        self._environment = with_token(token)
         self._jobs: list[str] = []
         self._workers = 0
         self._checked_s = 0.0
@@ -64,7 +68,8 @@ class SlurmWorkers:
         arguments = ["--parsable", f"--array=0-{workers - 1}", "--requeue", "--open-mode=append", "--cpus-per-task=1"]
         arguments += [f"--job-name=readygo-{self._run}", f"--output={self._logs.resolve()}/slurm-%A_%a.log"]
         arguments += [f"--chdir={Path(readygo.__file__).resolve().parents[1]}"]
-        self._jobs.append(_slurm("sbatch", *arguments, *self._options, "--wrap", self._script()).partition(";")[0])
+        arguments += [*self._options, "--wrap", self._script()]
+        self._jobs.append(_slurm("sbatch", *arguments, environment=self._environment).partition(";")[0])
 
     def check(self) -> None:
         """Ask for workers anew if none is left, waiting or at work; call it only while the run is not over.
@@ -98,14 +103,16 @@ class SlurmWorkers:
         return last_words(logs[-1]) if logs else "they left no log."
 
 
-def _slurm(command: str, *arguments: str) -> str:
+def _slurm(command: str, *arguments: str, environment: Mapping[str, str] | None = None) -> str:
     """What a command of Slurm prints.
 
     Raises:
         RunError: If it fails.
     """
     try:
-        done = subprocess.run([command, *arguments], check=True, capture_output=True, text=True, timeout=60)
+        done = subprocess.run(
+            [command, *arguments], check=True, capture_output=True, text=True, timeout=60, env=environment
+        )
     except (OSError, subprocess.SubprocessError) as error:
         words = (getattr(error, "stderr", None) or str(error)).strip().splitlines()[-1:]
         raise RunError(f"Slurm: {' '.join(words) or 'no answer'}") from error

@@ -8,15 +8,20 @@ import signal
 import socket
 import sys
 import threading
+import time
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 from readygo.apps.fleet.fleet import CANNOT_WORK
 from readygo.apps.fleet.roles import ALL, COORDINATOR, RECORDER
+from readygo.apps.fleet.token import given_token
 from readygo.apps.fleet.trainer import TRAINER, train_beside
+from readygo.apps.run.aside import keep_scenario
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.identity import numeric_class
 from readygo.apps.run.policy import check_offer
+from readygo.apps.run.recovery import holds_episode
 from readygo.apps.run.stages import stage_works
 from readygo.apps.run.training import make_config
 from readygo.apps.run.world import World
@@ -34,6 +39,10 @@ SPEC_TIMEOUT_S = 30.0
 """Time that a worker waits for the coordinator to start [s]."""
 SETTLE_S = 0.5
 """How often the recorder repeats reports that the coordinator has not acknowledged [s]."""
+SILENT_S = 300.0
+"""A worker whose main thread takes no processor time for so long hangs, and is ended [s]."""
+LATE_S = 5.0
+"""Time that a worker has to end when its parent is gone, and with it the router [s]."""
 TICK_S = 0.2
 """How often the coordinator looks for leases that ran out, and says how far the run is [s]."""
 
@@ -53,6 +62,7 @@ def worker(
     """Work in a fleet until the run is over, or until SIGTERM.
 
     A worker that somebody must help first (settings, data, disk) exits with 78; started again it would do no better.
+    The run's token is in the environment, as READYGO_TOKEN.
 
     Args:
         role: coordinator, recorder, the role of a stage (human-planner, animator, robot-planner, renderer or driver),
@@ -69,6 +79,7 @@ def worker(
     if role != TRAINER:
         _keep_the_heap_small()
     stop = _stop_signal(exit_with_parent)
+    _watch_thread(threading.main_thread())
     name = name or f"{role}-{socket.gethostname()}-{os.getpid()}"
     try:
         if role == TRAINER:
@@ -83,7 +94,7 @@ def worker(
 
 
 def _join(role: str, name: str, connect: str, run: str, data: tuple[Path, ...], stop: threading.Event) -> None:
-    bus = ZenohBus(connect, run)
+    bus = ZenohBus(connect, run, given_token())
     try:
         if role == COORDINATOR:
             _coordinate(bus, _folder(role, data), stop)
@@ -100,7 +111,7 @@ def _train(
 ) -> None:
     if out is None:
         raise RunError("A trainer needs a folder for its policy: pass --out.")
-    buses: dict[str, Bus] = {run: ZenohBus(connect, run) for run in runs}
+    buses: dict[str, Bus] = {run: ZenohBus(connect, run, given_token()) for run in runs}
     try:
         train_beside(buses, make_config("best", config), out, data=data, stop=stop)
     finally:
@@ -133,6 +144,8 @@ def make_coordinator(folder: RunFolder) -> coordination.Coordinator:
         blobs=coordination.BlobStore(folder.blobs, files),
         config=config.coordinator,
         check_policy=partial(check_offer, config=config),
+        holds=lambda report: holds_episode(folder.path, report.recorder, report.shard, report.index),
+        set_aside=partial(keep_scenario, folder),
     )
 
 
@@ -146,6 +159,39 @@ def make_recorder(bus: Bus, name: str, folder: RunFolder, world: World) -> Recor
         config=world.config.recorder,
         stage=world.stage(),
     )
+
+
+def _end_hung() -> None:
+    sys.stderr.write(f"readygo: this worker hangs: it has done nothing for {SILENT_S:g} s.\n")
+    sys.stderr.flush()
+    os._exit(os.EX_SOFTWARE)
+
+
+def _watch_thread(
+    watched: threading.Thread, *, silent_s: float = SILENT_S, end: Callable[[], object] = _end_hung
+) -> None:
+    """End the process when a thread has taken no processor time for long: it hangs, however alive the others are.
+
+    Threads that wait for work ask for it now and then, which takes time enough.
+    """
+    clock = time.pthread_getcpuclockid(watched.ident or 0)
+
+    def watch() -> None:
+        taken_s, since_s = -1.0, time.monotonic()
+        while watched.is_alive():
+            time.sleep(silent_s / 10)
+            try:
+                now_s = time.clock_gettime(clock)
+            except OSError:
+                # It has ended meanwhile, and its clock with it.
+                return
+            if now_s > taken_s:
+                taken_s, since_s = now_s, time.monotonic()
+            elif time.monotonic() - since_s > silent_s:
+                end()
+                return
+
+    threading.Thread(target=watch, name="watch", daemon=True).start()
 
 
 def _coordinate(bus: Bus, folder: RunFolder, stop: threading.Event) -> None:
@@ -196,7 +242,7 @@ def _stop_signal(exit_with_parent: bool) -> threading.Event:
                 pass
             stop.set()
             # The parent is gone, and with it the router: nobody is left to finish work for.
-            late = threading.Timer(10.0, lambda: os._exit(1))
+            late = threading.Timer(LATE_S, lambda: os._exit(1))
             late.daemon = True
             late.start()
 

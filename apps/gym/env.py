@@ -42,7 +42,7 @@ class PointNavEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
     the `expert_command` for the next step.
     """
 
-    metadata: dict[str, Any] = {  # noqa: RUF012"render_modes": ["rgb_array"], "render_fps": 20}
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 20}  # noqa: RUF012
 
     def __init__(self, render_mode: str | None = None, **arguments: Any) -> None:
         self.render_mode = render_mode

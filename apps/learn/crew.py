@@ -9,10 +9,12 @@ from types import TracebackType
 
 from readygo.apps.fleet.fleet import Fleet
 from readygo.apps.fleet.roles import ALL, COORDINATOR, places
+from readygo.apps.fleet.token import new_token
 from readygo.apps.fleet.trainer import TRAINER
 from readygo.apps.learn.cores import Split, shared_out
 from readygo.apps.learn.plan import Place, Plan
 from readygo.apps.learn.training import Training, write_trainer_config
+from readygo.apps.run.recovery import recover
 from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
 from readygo.common.errors import BusError, RunError
 from readygo.common.messages import Command, ControlRequest, StatusReply, topics
@@ -34,7 +36,7 @@ class Crew:
         self.status: dict[str, StatusReply] = {}
         """Of each scene's run, as it was told last."""
         self._plan, self._split = plan, split
-        self._endpoint = free_endpoint()
+        self._endpoint, self._token = free_endpoint(), new_token()
         self._fleets: dict[str, Fleet] = {}
         self._buses: dict[str, ZenohBus] = {}
         self._collects, self._paced_s = True, 0.0
@@ -131,7 +133,7 @@ class Crew:
             self._start_trainer()
 
     def _start(self) -> None:
-        router = Router(self._endpoint)
+        router = Router(self._endpoint, self._token)
         self._open.callback(router.close)
         self._logs.mkdir(exist_ok=True)
         for place, count in zip(
@@ -143,6 +145,7 @@ class Crew:
             run=",".join(place.spec.run for place in self._plan.places),
             data=[place.folder.path.resolve() for place in self._plan.places],
             logs=self._logs,
+            token=self._token,
         )
         self._open.callback(self._trainer.stop)
         self._start_trainer()
@@ -150,14 +153,17 @@ class Crew:
     def _start_fleet(self, place: Place, collectors: int) -> None:
         folder, spec = place.folder, place.spec
         self._open.enter_context(folder.locked())
-        bus = ZenohBus(self._endpoint, spec.run)
+        recover(folder)
+        bus = ZenohBus(self._endpoint, spec.run, self._token)
         self._open.callback(bus.close)
         self._buses[place.name] = bus
         bus.subscribe(topics.PROGRESS, partial(self.status.__setitem__, place.name))
-        fleet = Fleet(connect=self._endpoint, run=spec.run, data=folder.path.resolve(), logs=folder.logs)
+        fleet = Fleet(
+            connect=self._endpoint, run=spec.run, data=folder.path.resolve(), logs=folder.logs, token=self._token
+        )
         self._fleets[place.name] = fleet
         self._open.callback(fleet.stop)
-        self._open.enter_context(folder.reachable(self._endpoint))
+        self._open.enter_context(folder.reachable(self._endpoint, self._token))
         for role, name in places(spec, self._plan.config.coordinator.recorders, collectors, together=True):
             fleet.add(role, name)
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import fcntl
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -39,9 +40,19 @@ class RunFolder:
         return self.state / "blobs"
 
     @property
+    def aside(self) -> Path:
+        """What is known of the episodes that were given up."""
+        return self.state / "aside"
+
+    @property
     def logs(self) -> Path:
         """Logs of the fleet's processes."""
         return self.state / "logs"
+
+    @property
+    def has_data(self) -> bool:
+        """False also for what a start leaves behind that failed: nothing of it binds the next one."""
+        return self.ledger.exists() or any(self.path.glob("shard-*.mcap*"))
 
     def check(self, spec: RunSpec) -> None:
         """See whether this run may use the folder; changes nothing.
@@ -51,7 +62,8 @@ class RunFolder:
         """
         spec_file = self.state / "spec.msgpack"
         if spec_file.exists():
-            self._compare(decode(RunSpec, spec_file.read_bytes()), spec)
+            if self.has_data:
+                self._compare(decode(RunSpec, spec_file.read_bytes()), spec)
         elif self.path.exists() and any(entry.name != STATE_FOLDER for entry in self.path.iterdir()):
             raise RunError(f"{self.path} holds files of something else; choose an empty or new folder with --out.")
 
@@ -75,24 +87,31 @@ class RunFolder:
             yield
 
     @contextmanager
-    def reachable(self, endpoint: str) -> Iterator[None]:
-        """Say where the run's fleet can be reached, for as long as the block runs."""
-        write_whole(self.state / "endpoint", endpoint, raises=RunError)
+    def reachable(self, endpoint: str, token: str) -> Iterator[None]:
+        """Say where the run's fleet can be reached, and with which token, for as long as the block runs.
+
+        Only the folder's owner can read it.
+        """
+        file = self.state / "endpoint"
+        file.unlink(missing_ok=True)
+        with os.fdopen(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as stream:
+            stream.write(f"{endpoint}\n{token}\n")
         try:
             yield
         finally:
             (self.state / "endpoint").unlink(missing_ok=True)
 
-    def fleet_endpoint(self) -> str:
-        """Where the fleet that is at work on the run can be reached.
+    def fleet_endpoint(self) -> tuple[str, str]:
+        """Where the fleet that is at work on the run can be reached, and its token.
 
         Raises:
             RunError: If none is.
         """
         try:
-            return (self.state / "endpoint").read_text()
+            endpoint, token, *_ = [*(self.state / "endpoint").read_text().splitlines(), "", ""]
         except OSError as error:
             raise RunError(f"No fleet is at work on {self.path}.") from error
+        return endpoint, token
 
     def save(self, spec: RunSpec, wanted: int) -> None:
         """Write what `load` reads.

@@ -41,6 +41,7 @@ EPISODES, SAMPLES, WINDOWS = 40, 300, 20_000
 def make_bus() -> InProcessBus:
     """A bus with a coordinator that grants everything."""
     bus = InProcessBus()
+    bus.serve(topics.EXPECT, lambda request: Verdict(status=VerdictStatus.OK))
     bus.serve(topics.GRANT, lambda request: Verdict(status=VerdictStatus.OK))
     bus.serve(topics.DONE, lambda request: Verdict(status=VerdictStatus.OK))
     bus.serve(topics.PENDING, lambda request: PendingReply(indices=()))

@@ -21,12 +21,14 @@ from typing import Annotated
 
 import tyro
 
+from readygo.apps.fleet.token import new_token, with_token
 from readygo.apps.run.folder import RunFolder
 from readygo.common.bus.zenoh_bus import ZenohBus, free_endpoint
 from readygo.common.messages import StatusReply, topics
 
 JOINS_S = 8.0
 """What a trainer is given to start and to subscribe."""
+TOKEN = new_token()
 POLL_S = 0.2
 
 
@@ -87,7 +89,7 @@ def _heard(endpoint: str, run: str, fleet: subprocess.Popen[bytes]) -> list[tupl
         if status.samples and (not heard or status.samples > heard[-1][1]):
             heard.append((time.monotonic(), status.samples))
 
-    bus = ZenohBus(endpoint, run)
+    bus = ZenohBus(endpoint, run, TOKEN)
     bus.subscribe(topics.PROGRESS, hear)
     fleet.wait()
     bus.close()
@@ -111,7 +113,8 @@ def _frozen_trainer(endpoint: str, run: str, data: Path, folder: Path) -> Iterat
 
 def _readygo(arguments: list[str], log: Path) -> subprocess.Popen[bytes]:
     with log.open("wb") as out:
-        return subprocess.Popen([sys.executable, "-m", "readygo", *arguments], stdout=out, stderr=out)
+        command = [sys.executable, "-m", "readygo", *arguments]
+        return subprocess.Popen(command, stdout=out, stderr=out, env=with_token(TOKEN))
 
 
 def _wait_for(state: Path, fleet: subprocess.Popen[bytes]) -> None:

@@ -10,6 +10,7 @@ import contextlib
 import json
 import logging
 import socket
+import tempfile
 import time
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -18,8 +19,8 @@ import zenoh
 
 from readygo.common.bus.inbox import Inbox, Mailbox
 from readygo.common.bus.teller import Teller
-from readygo.common.errors import BusError, PeerError, ReadygoError, reason
-from readygo.common.messages.codec import decode, encode
+from readygo.common.errors import BusError, MessageError, PeerError, ReadygoError, reason
+from readygo.common.messages.codec import MESSAGE_BYTES_MAX, decode, encode
 from readygo.common.messages.topics import Live, Stream, Topic, presence
 
 Request = TypeVar("Request")
@@ -35,8 +36,11 @@ server of another key. Each carries its topic's name therefore, and is sent agai
 _LEASE_MS = 2000
 
 
-def _config(mode: str, *, listen: str | None = None, connect: str | None = None) -> zenoh.Config:
-    settings = {
+_USER = "run"
+
+
+def _config(mode: str, token: str, *, listen: str | None = None, connect: str | None = None) -> zenoh.Config:
+    settings: dict[str, Any] = {
         "mode": mode,
         "scouting/multicast/enabled": False,
         "transport/shared_memory/enabled": False,
@@ -45,10 +49,13 @@ def _config(mode: str, *, listen: str | None = None, connect: str | None = None)
         # [us]; by default 1 ms. Without any wait a message of more than one such part never arrives.
         "transport/link/tx/queue/congestion_control/drop/wait_before_drop": 100,
         "transport/link/tx/queue/size/data_low": 16,
+        "transport/link/rx/max_message_size": MESSAGE_BYTES_MAX,
         "queries_default_timeout": 5000,
         "listen/endpoints": [listen] if listen else [],
         "connect/endpoints": [connect] if connect else [],
     }
+    if token:
+        settings |= {"transport/auth/usrpwd/user": _USER, "transport/auth/usrpwd/password": token}
     config = zenoh.Config()
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))
@@ -70,15 +77,26 @@ def _first_words(error: Exception) -> str:
 class Router:
     """A Zenoh router in this process; close it last."""
 
-    def __init__(self, endpoint: str) -> None:
+    def __init__(self, endpoint: str, token: str = "") -> None:
         """Listen on `endpoint`, such as "tcp/127.0.0.1:7447".
+
+        Args:
+            endpoint: Where to listen.
+            token: What all who connect must know, letters and digits; empty lets everybody in.
 
         Raises:
             BusError: If the endpoint cannot be opened, for example because the port is in use.
         """
         self.endpoint = endpoint
+        config = _config("router", token, listen=endpoint)
         try:
-            self._session = zenoh.open(_config("router", listen=endpoint))
+            # The router reads the file when it opens; nobody else may.
+            with tempfile.NamedTemporaryFile("w", suffix=".txt") as users:
+                if token:
+                    users.write(f"{_USER}:{token}\n")
+                    users.flush()
+                    config.insert_json5("transport/auth/usrpwd/dictionary_file", json.dumps(users.name))
+                self._session = zenoh.open(config)
         except zenoh.ZError as error:
             reason = "the port is in use" if "in use" in str(error) else _first_words(error)
             raise BusError(f"Cannot listen on {endpoint}: {reason}; choose another --listen endpoint.") from error
@@ -91,17 +109,23 @@ class Router:
 class ZenohBus:
     """One Zenoh session below `readygo/{run}/`; see `readygo.common.bus.Bus`."""
 
-    def __init__(self, connect: str, run: str) -> None:
+    def __init__(self, connect: str, run: str, token: str = "") -> None:
         """Open a client session to the router at `connect`.
 
+        Args:
+            connect: Where the router listens.
+            run: Name of the run.
+            token: What the router wants to hear of those who connect.
+
         Raises:
-            BusError: If no router answers there.
+            BusError: If no router answers there, or it wants another token.
         """
         self._prefix = f"readygo/{run}/"
         try:
-            self._session = zenoh.open(_config("client", connect=connect))
+            self._session = zenoh.open(_config("client", token, connect=connect))
         except zenoh.ZError as error:
-            raise BusError(f"No router answers at {connect}: {_first_words(error)}.") from error
+            hint = "" if token else ", or it wants the run's token"
+            raise BusError(f"No router answers at {connect}{hint}: {_first_words(error)}.") from error
         self._inbox = Inbox()
         self._declared: list[Any] = []
         self._publishers: dict[str, zenoh.Publisher] = {}
@@ -123,7 +147,7 @@ class ZenohBus:
             waiting_s = max(remaining_s, 0.01)
             for reply in self._session.get(key, payload=payload, attachment=topic.name.encode(), timeout=waiting_s):
                 if reply.ok is not None:
-                    return decode(topic.reply_type, reply.ok.payload.to_bytes())
+                    return _decoded(topic, reply.ok.payload.to_bytes())
                 text = reply.err.payload.to_bytes().decode(errors="replace") if reply.err else "no reason given"
                 # Zenoh itself answers a query that ran out of time with an error reply.
                 if text not in ("Timeout", _ASTRAY):
@@ -187,6 +211,13 @@ class ZenohBus:
             self._declared.pop().undeclare()
         self._inbox.close()
         self._session.close()  # type: ignore[no-untyped-call]
+
+
+def _decoded(topic: Topic[Request, Reply], payload: bytes) -> Reply:
+    try:
+        return decode(topic.reply_type, payload)
+    except MessageError as error:
+        raise PeerError(f"{topic.name}: {error}") from error
 
 
 def _answer(query: zenoh.Query, topic: Topic[Request, Reply], handler: Callable[[Request], Reply]) -> None:

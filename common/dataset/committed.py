@@ -6,6 +6,7 @@ Files are read, not mapped: a recorder may cut an open one.
 import os
 import struct
 from collections.abc import Collection, Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -54,6 +55,13 @@ def committed_episodes(folder: Path, known: Collection[EpisodeKey] = ()) -> Iter
             yield _episode(chunk)
 
 
+def episode_indices(shard: Path) -> Iterator[int]:
+    """Indices of the episodes that begin in a shard, finished or open, as far as it can be read; little is read."""
+    with suppress(OSError, DatasetError), shard.open("rb") as file:
+        for key, _, _, _ in _places(file):
+            yield key.index
+
+
 def _chunks(path: Path, seen: Collection[EpisodeKey]) -> Iterator[EpisodeChunk]:
     is_open = path.suffix == PART_SUFFIX
     try:
@@ -75,6 +83,14 @@ def _chunks(path: Path, seen: Collection[EpisodeKey]) -> Iterator[EpisodeChunk]:
 
 def _whole_chunks(file: BinaryIO, seen: Collection[EpisodeKey]) -> Iterator[EpisodeChunk]:
     """The chunks of a shard whose episodes are not among `seen`, up to its footer."""
+    for key, offset, body, length in _places(file):
+        if key not in seen:
+            file.seek(body)
+            yield _chunk(file.read(length), offset)
+
+
+def _places(file: BinaryIO) -> Iterator[tuple[EpisodeKey, int, int, int]]:
+    """The chunks of a shard up to its footer: episode, where record and body begin, and the body's length."""
     size = os.fstat(file.fileno()).st_size
     if file.read(len(MAGIC)) != MAGIC:
         raise DatasetError("it does not begin as an MCAP file")
@@ -87,9 +103,8 @@ def _whole_chunks(file: BinaryIO, seen: Collection[EpisodeKey]) -> Iterator[Epis
         body = offset + RECORD_HEADER.size
         if body + length > size:
             raise DatasetError(f"the record at byte {offset} is cut off")
-        if opcode == Opcode.CHUNK and _key(file.read(min(length, _START_MAX)), offset) not in seen:
-            file.seek(body)
-            yield _chunk(file.read(length), offset)
+        if opcode == Opcode.CHUNK:
+            yield _key(file.read(min(length, _START_MAX)), offset), offset, body, length
         file.seek(body + length)
 
 

@@ -23,6 +23,7 @@ from readygo.common.dataset.provenance import Provenance
 from readygo.common.dataset.records import chunk_span, iter_messages, iter_records
 from readygo.common.dataset.schemas import EXPERT, HUMANS, LABEL_CHANNELS, OPTIONAL_CHANNELS, OUTPUT_CHANNELS, Ending
 from readygo.common.errors import DatasetError
+from readygo.common.images.encoded import decode_pixels
 from readygo.common.images.files import decode_output
 from readygo.common.messages.episode import EpisodeKey
 from readygo.common.messages.plan import Driver, Outcome
@@ -488,9 +489,7 @@ def decode_image(data: bytes) -> npt.NDArray[np.uint8] | None:
     """An encoded image as sRGB, shape (H, W, 3); None if it cannot be decoded."""
     import cv2
 
-    if not data:
-        return None
-    bgr = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_COLOR)
+    bgr = decode_pixels(data, cv2.IMREAD_COLOR)
     if bgr is None:
         return None
     return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), dtype=np.uint8)

@@ -123,6 +123,11 @@ class ShardWriter:
             self.abandon()
 
     @property
+    def is_open(self) -> bool:
+        """False if nothing can be written any more."""
+        return self._descriptor is not None
+
+    @property
     def episode_count(self) -> int:
         """Number of durable episodes."""
         return len(self._chunk_indexes)

@@ -27,7 +27,8 @@ def append_episode(bus: Bus, claim: ClaimReply, header: EpisodeHeader, samples: 
     """Send an episode to its recorder in acknowledged batches, until it is durable or the attempt is stale.
 
     Raises:
-        RunError: If the recorder refuses the samples or stays away.
+        RunError: If the recorder refuses the samples.
+        BusError: If it stays away.
     """
     sent: list[Sample] = []
     acknowledged = 0
@@ -48,17 +49,18 @@ def append_episode(bus: Bus, claim: ClaimReply, header: EpisodeHeader, samples: 
 
 
 def _append(bus: Bus, recorder: str, request: AppendRequest) -> AppendReply:
-    """Send a batch until the recorder takes it or has done with the episode."""
+    """Send a batch until the recorder takes it or has done with the episode, however long its disk is full."""
     deadline_s = time.monotonic() + RECORDER_ABSENT_S
     while True:
         try:
             reply = bus.request(topics.append(recorder), request, timeout_s=20.0)
         except PeerError as error:
             raise RunError(f"Recorder {recorder} refused the samples: {error}") from error
-        except BusError as error:
-            reply = AppendReply(status=AppendStatus.RETRY, detail=str(error))
-        if reply.status is not AppendStatus.RETRY:
-            return reply
-        if time.monotonic() > deadline_s:
-            raise RunError(f"Recorder {recorder} did not take the samples: {reply.detail}")
+        except BusError:
+            if time.monotonic() > deadline_s:
+                raise
+        else:
+            if reply.status is not AppendStatus.RETRY:
+                return reply
+            deadline_s = time.monotonic() + RECORDER_ABSENT_S
         time.sleep(_RETRY_S)

@@ -1,17 +1,25 @@
 """A recorder's side of the commit: grants, and reports that are sent until they are acknowledged."""
 
+import contextlib
+import logging
 from collections import deque
 
 from readygo.common.bus import Bus
-from readygo.common.errors import BusError, RunError
+from readygo.common.errors import BusError, PeerError, RunError
 from readygo.common.messages import (
     DoneRequest,
+    EpisodeKey,
+    ExpectRequest,
     GrantRequest,
     LostRequest,
     PendingRequest,
+    TroubleRequest,
+    Verdict,
     VerdictStatus,
     topics,
 )
+
+log = logging.getLogger(__name__)
 
 
 class Grants:
@@ -22,6 +30,21 @@ class Grants:
         self._recorder = recorder
         self._timeout_s = timeout_s
         self._waiting: deque[DoneRequest | LostRequest] = deque()
+
+    def expects(self, episode: EpisodeKey, attempt: int) -> Verdict:
+        """Are samples of this attempt due here?
+
+        Raises:
+            BusError: If the coordinator does not answer.
+        """
+        request = ExpectRequest(recorder=self._recorder, episode=episode, attempt=attempt)
+        return self._bus.request(topics.EXPECT, request, timeout_s=self._timeout_s)
+
+    def trouble(self, reason: str) -> None:
+        """Say what keeps the recorder from recording, empty for nothing any more, if somebody hears it."""
+        with contextlib.suppress(BusError):
+            request = TroubleRequest(recorder=self._recorder, reason=reason)
+            self._bus.request(topics.TROUBLE, request, timeout_s=self._timeout_s)
 
     def ask(self, index: int, attempt: int) -> VerdictStatus:
         """May the recorder make this attempt durable?
@@ -64,7 +87,9 @@ class Grants:
             report = self._waiting[0]
             try:
                 held = self._send(report)
-            except BusError:
+            except BusError as error:
+                if isinstance(error, PeerError):
+                    log.warning("%s", error)
                 return False
             self._waiting.popleft()
             if not held:

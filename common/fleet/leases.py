@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 from readygo.common.bus import Bus
-from readygo.common.errors import BusError, RunError
+from readygo.common.errors import BusError, PeerError, RunError, reason
 from readygo.common.fleet.blobs import fetch_blob
 from readygo.common.fleet.shown import show_work
 from readygo.common.messages import (
@@ -25,8 +25,8 @@ from readygo.common.messages import (
 
 log = logging.getLogger(__name__)
 
-IDLE_S = 0.05
-"""Pause before asking again when nothing waits for the stage [s]."""
+IDLE_S = 1.0
+"""Pause before asking again when nothing waits for the stage, unless the coordinator says that something may [s]."""
 COORDINATOR_ABSENT_S = 60.0
 """A worker gives up when the coordinator has not answered for this long [s]."""
 
@@ -90,7 +90,11 @@ def pull(bus: Bus, worker: Worker, *, stop: threading.Event) -> None:
     works = {stage: _renewing(bus, stage, worker.name, work) for stage, work in worker.works.items()}
     worker = dataclasses.replace(worker, works=works)
     silent_since_s: float | None = None
+    wake = threading.Event()
+    bus.subscribe(topics.WAKE, lambda _: wake.set())
     while not stop.is_set():
+        # Before the claim: what comes while it is answered is not missed.
+        wake.clear()
         try:
             status = claim_any(bus, worker)
         except BusError as error:
@@ -105,7 +109,7 @@ def pull(bus: Bus, worker: Worker, *, stop: threading.Event) -> None:
         if status is ClaimStatus.DONE:
             return
         if status is ClaimStatus.WAIT:
-            stop.wait(IDLE_S)
+            wake.wait(IDLE_S)
 
 
 def _work_on(bus: Bus, stage: Stage, worker: str, claim: ClaimReply, work: Work) -> None:
@@ -116,11 +120,12 @@ def _work_on(bus: Bus, stage: Stage, worker: str, claim: ClaimReply, work: Work)
     outcome: StageResult | None = None
     try:
         outcome = work(claim, _inputs(bus, stage, claim))
-    except BusError:
-        raise
     except Exception as error:
+        if isinstance(error, BusError) and not isinstance(error, PeerError):
+            # Nobody answers: that says nothing of the episode.
+            raise
         log.exception("stage %s of %s failed", stage.name, claim.episode.episode_id)
-        failed = f"{type(error).__name__}: {error}"
+        failed = reason(error)
     request = CompleteRequest(
         worker=worker,
         index=claim.episode.index,
@@ -133,7 +138,8 @@ def _work_on(bus: Bus, stage: Stage, worker: str, claim: ClaimReply, work: Work)
     show_work(bus, stage, claim, begins=False, rejected=request.rejected, failed=failed)
     verdict = bus.request(topics.complete(stage.name), request)
     if verdict.status is not VerdictStatus.OK:
-        log.warning("%s: result of attempt %d is %s", claim.episode.episode_id, claim.attempt, verdict.status.value)
+        words = f"{verdict.status.value} {verdict.reason}".strip()
+        log.warning("%s: result of attempt %d is %s", claim.episode.episode_id, claim.attempt, words)
 
 
 def _inputs(bus: Bus, stage: Stage, claim: ClaimReply) -> Inputs:

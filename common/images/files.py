@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.images.encoded import decode_pixels
 from readygo.common.images.images import FIELDS, Images
 
 Singles = npt.NDArray[np.float32]
@@ -114,7 +115,7 @@ def decode_output(name: str, data: bytes | memoryview) -> npt.NDArray[Any] | Non
     import cv2
 
     form = _FORMATS[name]
-    pixels = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED) if len(data) else None
+    pixels = decode_pixels(data, cv2.IMREAD_UNCHANGED)
     if pixels is None or pixels.dtype != form.dtype or pixels.shape[2:] != ((3,) if form.channel_count == 3 else ()):
         return None
     return form.from_pixels(pixels[..., ::-1] if form.channel_count == 3 else pixels)

@@ -13,6 +13,7 @@ from readygo.common.messages.coordination import (
     CompleteRequest,
     ControlRequest,
     DoneRequest,
+    ExpectRequest,
     FileRef,
     GrantRequest,
     LostRequest,
@@ -24,8 +25,10 @@ from readygo.common.messages.coordination import (
     RunSpecRequest,
     StatusReply,
     StatusRequest,
+    TroubleRequest,
     Verdict,
     VerdictStatus,
+    Wake,
 )
 from readygo.common.messages.episode import EpisodeKey, HumanTrajectory, Scenario, Split
 from readygo.common.messages.learning import CommittedEpisode, OfferReply, OfferRequest, PolicyFile
@@ -73,6 +76,7 @@ __all__ = [
     "EpisodeHeader",
     "EpisodeKey",
     "EpisodeMotions",
+    "ExpectRequest",
     "FileRef",
     "GrantRequest",
     "HumanLabels",
@@ -106,8 +110,10 @@ __all__ = [
     "Stage",
     "StatusReply",
     "StatusRequest",
+    "TroubleRequest",
     "Verdict",
     "VerdictStatus",
+    "Wake",
     "decode",
     "encode",
     "sample_crc32",

@@ -6,6 +6,7 @@ attempt number until it completes or the lease runs out. Late work carries an ol
 
 import enum
 import hashlib
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -23,7 +24,7 @@ class ClaimStatus(enum.Enum):
     DONE = "done"
     """The run is over."""
     REFUSED = "refused"
-    """The worker is of another numeric class than the run."""
+    """The worker is of another numeric class than the run, or does not say of which."""
 
 
 class VerdictStatus(enum.Enum):
@@ -34,6 +35,10 @@ class VerdictStatus(enum.Enum):
     """Another attempt, or another recorder, has the episode."""
     DONE = "done"
     """The episode is durable already."""
+
+
+NAME_MAX = 200
+"""Characters in a worker's name at most."""
 
 
 class Command(enum.Enum):
@@ -108,6 +113,10 @@ class ClaimRequest:
     numeric_class: str = ""
     """What the bits of this worker's results depend on: backend, package versions, architecture."""
 
+    def __post_init__(self) -> None:
+        if not 0 < len(self.worker) <= NAME_MAX:
+            raise ValueError(f"a worker needs a name of at most {NAME_MAX} characters, got {self.worker[:NAME_MAX]!r}.")
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ClaimReply:
@@ -125,6 +134,11 @@ class ClaimReply:
     policy: PolicyRef | None = field(default=None, metadata=OMITTED_WHEN_DEFAULT)
     """The offered policy that drives this episode if its draw says so, for a stage that records; None where none was
     offered: the run's own drives then, see `RunSpec.policy`."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Wake:
+    """There may be work again: whoever waits may ask at once."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -147,8 +161,21 @@ class CompleteRequest:
     rejected: str = ""
     """Reason; `Stage.on_rejection` says what becomes of the episode."""
     failed: str = ""
-    """An error of the worker's; the episode is tried again a few times, then the run fails with this text."""
+    """An error of the worker's; the episode is begun anew a few times, then it is set aside with this text."""
     cpu_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.cpu_s < math.inf:
+            raise ValueError(f"cpu_s must be a time, got {self.cpu_s}.")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ExpectRequest:
+    """Samples of this attempt have come: is it leased, and is this recorder the one that takes it?"""
+
+    recorder: str
+    episode: EpisodeKey
+    attempt: int
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -184,6 +211,15 @@ class LostRequest:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class TroubleRequest:
+    """What keeps a recorder from recording, until it says that nothing does any more."""
+
+    recorder: str
+    reason: str
+    """Empty: it records again."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class PendingRequest:
     """Which grants does the coordinator believe this recorder holds?"""
 
@@ -199,9 +235,11 @@ class PendingReply:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Verdict:
-    """Answer to renew, complete, grant, done, lost and control."""
+    """Answer to renew, complete, expect, grant, done, lost, trouble and control."""
 
     status: VerdictStatus
+    reason: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
+    """Why it is not OK, where that is no matter of being late."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -233,6 +271,8 @@ class StatusReply:
     """Episodes that go on, or are durable, although a stage rejected them, by reason."""
     policies: int = field(default=0, metadata=OMITTED_WHEN_DEFAULT)
     """Policies that were offered to the run so far."""
+    trouble: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
+    """What the run waits for somebody to mend, such as a full disk; empty while it goes on."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

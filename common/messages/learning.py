@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import dataclass
+from typing import ClassVar
 
 from readygo.common.messages.samples import EpisodeHeader, Sample
 
@@ -39,6 +40,9 @@ class OfferReply:
 @dataclass(frozen=True, kw_only=True, slots=True)
 class CommittedEpisode:
     """An episode that is durable, with all that was recorded of it."""
+
+    ITEMS_MAX: ClassVar[int] = 1_000_000
+    """See `readygo.common.messages.codec.ITEMS_MAX`: a sample takes a dozen."""
 
     header: EpisodeHeader
     attempt: int

@@ -14,6 +14,7 @@ from readygo.common.messages.coordination import (
     CompleteRequest,
     ControlRequest,
     DoneRequest,
+    ExpectRequest,
     GrantRequest,
     LostRequest,
     PendingReply,
@@ -23,7 +24,9 @@ from readygo.common.messages.coordination import (
     RunSpecRequest,
     StatusReply,
     StatusRequest,
+    TroubleRequest,
     Verdict,
+    Wake,
 )
 from readygo.common.messages.learning import CommittedEpisode, OfferReply, OfferRequest
 from readygo.common.messages.live import LiveCommit, LiveLoss, LivePlan, LivePreview, LiveState, LiveWork
@@ -75,9 +78,11 @@ class Live(Generic[Message]):
 
 
 SPEC = Topic("coord/spec", RunSpecRequest, RunSpec)
+EXPECT = Topic("coord/rec/expect", ExpectRequest, Verdict)
 GRANT = Topic("coord/rec/grant", GrantRequest, Verdict)
 DONE = Topic("coord/rec/done", DoneRequest, Verdict)
 LOST = Topic("coord/rec/lost", LostRequest, Verdict)
+TROUBLE = Topic("coord/rec/trouble", TroubleRequest, Verdict)
 PENDING = Topic("coord/rec/pending", PendingRequest, PendingReply)
 BLOB = Topic("blob", BlobRequest, BlobReply)
 CONTROL = Topic("ctl", ControlRequest, Verdict)
@@ -90,6 +95,8 @@ ROBOT_PLAN = Topic("robot-plan", RobotPlanRequest, RobotPlanReply)
 
 PROGRESS = Stream("live/progress", StatusReply)
 """The coordinator's status, a few times a second."""
+WAKE = Stream("live/wake", Wake)
+"""When there may be work for somebody who was told to wait."""
 PREVIEW = Live("preview", LivePreview, every_s=0.2)
 STATE = Live("state", LiveState, every_s=0.2)
 PLAN = Live("plan", LivePlan)

@@ -5,6 +5,7 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
+from readygo.common.errors import DiskError
 from readygo.common.files import write_whole
 
 
@@ -20,8 +21,8 @@ class BlobStore:
         """Store a blob under its hash; a crash leaves no half-written blob."""
         sha256 = hashlib.sha256(data).hexdigest()
         path = self._folder / sha256
-        if not path.exists():
-            write_whole(path, data)
+        if self.get(sha256) != data:
+            write_whole(path, data, raises=DiskError)
         return sha256
 
     def get(self, sha256: str) -> bytes | None:

@@ -14,7 +14,11 @@ class CoordinatorConfig:
     plan_ahead: int = 64
     """Planning pauses while this many episodes are between planning and the shards."""
     failures_max: int = 3
-    """A worker's errors on one stage of one episode before the run fails."""
+    """Workers' errors on one episode before it is set aside."""
+    deaths_max: int = 8
+    """Workers that may end while they hold one and the same episode before it is set aside."""
+    aside_max: int = 3
+    """The run fails after this many episodes were set aside if fewer are recorded."""
     rejections_max: int = 200
     """The run fails after this many rejections if fewer than one index in 20 was accepted."""
     inline_bytes: int = 16_000
@@ -22,7 +26,8 @@ class CoordinatorConfig:
     blob_chunk_bytes: int = 1_000_000
 
     def __post_init__(self) -> None:
-        if self.lease_s <= 0 or min(self.plan_ahead, self.failures_max, self.rejections_max) < 1:
-            raise ValueError("lease_s, plan_ahead, failures_max and rejections_max must be positive.")
+        names = ("lease_s", "plan_ahead", "failures_max", "deaths_max", "aside_max", "rejections_max")
+        if wrong := [name for name in names if not getattr(self, name) > 0]:
+            raise ValueError(f"{wrong[0]} must be positive, got {getattr(self, wrong[0])}.")
         if not self.recorders or len(set(self.recorders)) != len(self.recorders):
             raise ValueError(f"recorders must be different names, at least one, got {list(self.recorders)}.")

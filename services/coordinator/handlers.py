@@ -1,9 +1,11 @@
 """Requests to the coordinator -> replies; the ledger holds all state that must survive."""
 
+import hashlib
+import logging
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
-from readygo.common.errors import ReadygoError, RunError
+from readygo.common.errors import DiskError, RunError
 from readygo.common.messages import (
     Blob,
     BlobReply,
@@ -16,6 +18,7 @@ from readygo.common.messages import (
     ControlRequest,
     DoneRequest,
     EpisodeKey,
+    ExpectRequest,
     FileRef,
     GrantRequest,
     LostRequest,
@@ -32,6 +35,7 @@ from readygo.common.messages import (
     Stage,
     StatusReply,
     StatusRequest,
+    TroubleRequest,
     Verdict,
     VerdictStatus,
 )
@@ -39,6 +43,12 @@ from readygo.services.coordinator.blobs import BlobStore
 from readygo.services.coordinator.config import CoordinatorConfig
 from readygo.services.coordinator.ledger import Lease, Ledger
 
+log = logging.getLogger(__name__)
+
+REASON_MAX = 2000
+"""Characters of a reason that are kept."""
+_LEDGER = "ledger"
+"""Whose trouble it is when the coordinator's own disk takes nothing."""
 CANCELLED = "The run was cancelled; run the same command again to go on."
 
 
@@ -54,6 +64,8 @@ class Coordinator:
         blobs: BlobStore,
         config: CoordinatorConfig | None = None,
         check_policy: Callable[[Sequence[PolicyFile]], None] = lambda files: None,
+        holds: Callable[[DoneRequest], bool] = lambda report: True,
+        set_aside: Callable[[int, str, Mapping[str, bytes]], str] = lambda index, reason, results: "",
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """Go on with a run where its ledger is; nobody holds a lease then.
@@ -65,6 +77,8 @@ class Coordinator:
             blobs: Results between the stages, and offered policies.
             config: Settings.
             check_policy: Raises ReadygoError at the files of a policy that cannot drive in the run.
+            holds: Tells whether an episode is where its recorder says that it is.
+            set_aside: Gets what was given up: index, reason and results by stage; answers with words on where it is.
             clock: Time that leases are measured by [s].
 
         Raises:
@@ -76,11 +90,17 @@ class Coordinator:
         self.blobs = blobs
         self.config = config or CoordinatorConfig()
         self.check_policy = check_policy
+        self.holds = holds
+        self.set_aside = set_aside
         self.clock = clock
         self.failed = ""
         self.paused = False
         self.cancelled = False
+        self.troubles: dict[str, str] = {}
+        """What somebody must mend before the run goes on, by whom it keeps from work."""
         self._check_recorders()
+        if made_by := spec.metadata.get("numeric_class"):
+            ledger.agree("numeric_class", made_by)
         ledger.requeue_all()
         ledger.drop_episodes(wanted)
         blobs.keep_only(ledger.results() | {file.sha256 for policy in ledger.policies() for file in policy.files})
@@ -95,6 +115,18 @@ class Coordinator:
     def over(self) -> bool:
         """True when no more work will be given out."""
         return bool(self.failed) or self.cancelled or self.finished
+
+    def recorder_of(self, index: int) -> str:
+        """The recorder that takes an episode."""
+        return self.config.recorders[index % len(self.config.recorders)]
+
+    def note_recorder(self, name: str, *, alive: bool) -> None:
+        """A recorder came, or is gone: what was granted to it waits for it, and so do its senders."""
+        granted = 0 if alive else len(self.ledger.granted(name))
+        gone = (
+            f"Recorder {name} is gone and holds {granted} episodes; `readygo worker recorder --name {name}` starts it."
+        )
+        _trouble(self, f"presence of {name}", "" if alive else gone)
 
     def _check_recorders(self) -> None:
         """Refuse to leave out a recorder that may hold episodes which the ledger has not heard of."""
@@ -117,12 +149,21 @@ def handle_claim(coordinator: Coordinator, stage: Stage, request: ClaimRequest) 
         return ClaimReply(status=ClaimStatus.REFUSED)
     if coordinator.paused or (stage == coordinator.spec.stages[0] and _planned_ahead(coordinator)):
         return ClaimReply(status=ClaimStatus.WAIT)
-    lease = coordinator.ledger.claim(stage, request.worker, coordinator.clock() + coordinator.config.lease_s)
-    return ClaimReply(status=ClaimStatus.WAIT) if lease is None else _lease_reply(coordinator, stage, lease)
+    deadline_s = coordinator.clock() + coordinator.config.lease_s
+    try:
+        while lease := coordinator.ledger.claim(stage, request.worker, deadline_s):
+            if (inputs := _inputs(coordinator, lease)) is not None:
+                return _lease_reply(coordinator, stage, lease, inputs)
+            coordinator.ledger.begin_anew(lease.index)
+    except DiskError as error:
+        coordinator.troubles[_LEDGER] = str(error)
+    return ClaimReply(status=ClaimStatus.WAIT)
 
 
 def handle_renew(coordinator: Coordinator, request: RenewRequest) -> Verdict:
     """Prolong a lease."""
+    if other := _held_by_another(coordinator, request):
+        return other
     deadline_s = coordinator.clock() + coordinator.config.lease_s
     return _verdict(coordinator.ledger.renew(request.index, request.attempt, deadline_s))
 
@@ -130,14 +171,17 @@ def handle_renew(coordinator: Coordinator, request: RenewRequest) -> Verdict:
 def handle_complete(coordinator: Coordinator, stage: Stage, request: CompleteRequest) -> Verdict:
     """Take a stage's result, a rejection or a failure."""
     ledger = coordinator.ledger
+    if other := _held_by_another(coordinator, request):
+        return other
     ledger.add(f"cpu_s/{stage.name}", request.cpu_s)
+    rejected = request.rejected[:REASON_MAX]
     if request.failed:
         failures = ledger.fail(stage, request.index, request.attempt)
         if failures is not None and failures >= coordinator.config.failures_max:
-            coordinator.failed = f"Stage {stage.name} of episode {request.index} failed: {request.failed}"
+            _set_aside(coordinator, request.index, f"stage {stage.name} failed: {request.failed[:REASON_MAX]}")
         return _verdict(failures is not None)
-    if request.rejected and stage.on_rejection is OnRejection.SKIP:
-        held = ledger.reject(stage, request.index, request.attempt, request.rejected)
+    if rejected and stage.on_rejection is OnRejection.SKIP:
+        held = ledger.reject(stage, request.index, request.attempt, rejected)
         if held:
             _after_rejection(coordinator)
         return _verdict(held)
@@ -145,16 +189,38 @@ def handle_complete(coordinator: Coordinator, stage: Stage, request: CompleteReq
         # The recorder's commit completes the stage; its worker only says what the work cost.
         return Verdict(status=VerdictStatus.OK)
     sha256 = coordinator.blobs.put(request.result)
-    return _verdict(ledger.advance(stage, request.index, request.attempt, sha256, reason=request.rejected))
+    return _verdict(ledger.advance(stage, request.index, request.attempt, sha256, reason=rejected))
+
+
+def handle_expect(coordinator: Coordinator, request: ExpectRequest) -> Verdict:
+    """Are samples of this attempt due at this recorder?"""
+    key, spec = request.episode, coordinator.spec
+    if (key.seed, key.split) != (spec.seed, spec.split):
+        reason = f"the run has {spec.split.value} episodes of seed {spec.seed}, not {key.episode_id}"
+        return Verdict(status=VerdictStatus.STALE, reason=reason)
+    if wrong := _of_another_recorder(coordinator, request.recorder, key.index):
+        return wrong
+    status = coordinator.ledger.expected(key.index, request.attempt)
+    late = status is VerdictStatus.STALE
+    reason = f"attempt {request.attempt} of {key.episode_id} is not leased to be recorded" if late else ""
+    return Verdict(status=status, reason=reason)
 
 
 def handle_grant(coordinator: Coordinator, request: GrantRequest) -> Verdict:
     """May the recorder make this attempt durable?"""
+    if wrong := _of_another_recorder(coordinator, request.recorder, request.index):
+        return wrong
     return Verdict(status=coordinator.ledger.grant(request.index, request.attempt, request.recorder))
 
 
 def handle_done(coordinator: Coordinator, request: DoneRequest) -> Verdict:
-    """An episode is durable; STALE if it is in another recorder's shard already."""
+    """An episode is durable; STALE if it is in another recorder's shard already.
+
+    Raises:
+        RunError: If it is not where the recorder says.
+    """
+    if not coordinator.holds(request):
+        raise RunError(f"Episode {request.index} is not in {request.shard} of recorder {request.recorder}.")
     hashes = coordinator.ledger.commit(
         request.index, request.recorder, request.shard, request.sample_count, request.policy
     )
@@ -165,9 +231,17 @@ def handle_done(coordinator: Coordinator, request: DoneRequest) -> Verdict:
 
 def handle_lost(coordinator: Coordinator, request: LostRequest) -> Verdict:
     """A granted episode did not become durable."""
-    coordinator.ledger.take_back(request.index, request.recorder)
-    if request.reason:
-        coordinator.failed = request.reason
+    held = coordinator.ledger.take_back(request.index, request.recorder)
+    if held and request.reason:
+        coordinator.failed = request.reason[:REASON_MAX]
+    return Verdict(status=VerdictStatus.OK)
+
+
+def handle_trouble(coordinator: Coordinator, request: TroubleRequest) -> Verdict:
+    """Something keeps a recorder from recording, or does no more."""
+    if request.recorder not in coordinator.config.recorders:
+        return Verdict(status=VerdictStatus.STALE, reason=f"the run has no recorder {request.recorder!r}")
+    _trouble(coordinator, request.recorder, request.reason[:REASON_MAX])
     return Verdict(status=VerdictStatus.OK)
 
 
@@ -229,15 +303,75 @@ def handle_status(coordinator: Coordinator, request: StatusRequest) -> StatusRep
         failed=coordinator.failed or (CANCELLED if coordinator.cancelled and not coordinator.finished else ""),
         kept=ledger.kept(),
         policies=len(ledger.policies()),
+        trouble=" ".join(coordinator.troubles.values()),
     )
 
 
-def requeue_lost(coordinator: Coordinator, *, worker: str | None = None) -> None:
-    """End the leases that ran out, or those of a worker that is gone."""
-    ledger = coordinator.ledger
-    ended = ledger.requeue_expired(coordinator.clock()) if worker is None else ledger.requeue_worker(worker)
-    if ended:
-        ledger.add("requeued", ended)
+def requeue_lost(coordinator: Coordinator, *, worker: str | None = None) -> bool:
+    """End the leases that ran out, or those of a worker that is gone; True if there were any.
+
+    A disk that takes nothing is no reason to end: it is told as trouble, and the leases are freed when it does again.
+    """
+    try:
+        ended = _requeue_expired(coordinator) if worker is None else _requeue_worker(coordinator, worker)
+        # Nothing but a write tells that the disk takes writes again.
+        if ended or _LEDGER in coordinator.troubles:
+            coordinator.ledger.add("requeued", ended)
+    except DiskError as error:
+        _trouble(coordinator, _LEDGER, str(error))
+        return False
+    _trouble(coordinator, _LEDGER, "")
+    return ended > 0
+
+
+def _requeue_expired(coordinator: Coordinator) -> int:
+    return coordinator.ledger.requeue_expired(coordinator.clock())
+
+
+def _requeue_worker(coordinator: Coordinator, worker: str) -> int:
+    ended = coordinator.ledger.requeue_worker(worker)
+    for index, deaths in ended:
+        if deaths >= coordinator.config.deaths_max:
+            _set_aside(coordinator, index, f"{deaths} workers ended while they held it")
+    return len(ended)
+
+
+def _set_aside(coordinator: Coordinator, index: int, reason: str) -> None:
+    """Give an episode up that fails again and again; a run in which most do ends with the reason."""
+    results = coordinator.ledger.set_aside(index, reason)
+    data = {stage: coordinator.blobs.get(sha256) or b"" for stage, sha256 in results.items()}
+    where = coordinator.set_aside(index, reason, data)
+    log.warning("episode %d is set aside: %s%s", index, reason, where)
+    aside, committed = coordinator.ledger.aside(), coordinator.ledger.committed()[0]
+    if aside >= coordinator.config.aside_max and aside > committed:
+        coordinator.failed = f"{aside} episodes were set aside, the last one is {index}: {reason}{where}"
+        return
+    coordinator.ledger.open_episodes(coordinator.wanted)
+
+
+def _trouble(coordinator: Coordinator, who: str, reason: str) -> None:
+    if reason:
+        coordinator.troubles[who] = reason
+    else:
+        coordinator.troubles.pop(who, None)
+
+
+def _held_by_another(coordinator: Coordinator, request: RenewRequest | CompleteRequest) -> Verdict | None:
+    """What is said to somebody who speaks for a lease that another worker holds."""
+    holder = coordinator.ledger.holder(request.index, request.attempt)
+    if holder in ("", request.worker):
+        return None
+    reason = f"attempt {request.attempt} of episode {request.index} is held by another worker"
+    return Verdict(status=VerdictStatus.STALE, reason=reason)
+
+
+def _of_another_recorder(coordinator: Coordinator, recorder: str, index: int) -> Verdict | None:
+    """What is said to a recorder that is not the one of an episode."""
+    if recorder == coordinator.recorder_of(index):
+        return None
+    return Verdict(
+        status=VerdictStatus.STALE, reason=f"episode {index} is for {coordinator.recorder_of(index)}, not {recorder}"
+    )
 
 
 def _verdict(held: bool) -> Verdict:
@@ -245,28 +379,34 @@ def _verdict(held: bool) -> Verdict:
 
 
 def _same_numeric_class(coordinator: Coordinator, numeric_class: str) -> bool:
-    return not numeric_class or coordinator.ledger.agree("numeric_class", numeric_class) == numeric_class
+    return bool(numeric_class) and coordinator.ledger.agree("numeric_class", numeric_class) == numeric_class
 
 
 def _planned_ahead(coordinator: Coordinator) -> bool:
     return coordinator.ledger.begun() >= coordinator.config.plan_ahead
 
 
-def _lease_reply(coordinator: Coordinator, stage: Stage, lease: Lease) -> ClaimReply:
-    recorders = coordinator.config.recorders
+def _inputs(coordinator: Coordinator, lease: Lease) -> tuple[Blob, ...] | None:
+    """What a stage needs, None if some of it is lost or damaged; what is fetched later is checked by who fetches."""
     inputs = []
     for sha256 in lease.inputs:
         data = coordinator.blobs.get(sha256)
-        if data is None:
-            raise ReadygoError(f"Result {sha256} of episode {lease.index} is gone from the run's folder.")
-        inputs.append(Blob(sha256=sha256, data=data if len(data) <= coordinator.config.inline_bytes else b""))
+        inline = data is not None and len(data) <= coordinator.config.inline_bytes
+        if data is None or (inline and hashlib.sha256(data).hexdigest() != sha256):
+            log.warning("result %s of episode %d is lost or damaged: it is begun anew", sha256, lease.index)
+            return None
+        inputs.append(Blob(sha256=sha256, data=data if inline else b""))
+    return tuple(inputs)
+
+
+def _lease_reply(coordinator: Coordinator, stage: Stage, lease: Lease, inputs: tuple[Blob, ...]) -> ClaimReply:
     return ClaimReply(
         status=ClaimStatus.LEASE,
         episode=EpisodeKey(seed=coordinator.spec.seed, split=coordinator.spec.split, index=lease.index),
         attempt=lease.attempt,
         ttl_s=coordinator.config.lease_s,
-        inputs=tuple(inputs),
-        recorder=recorders[lease.index % len(recorders)] if stage.records else "",
+        inputs=inputs,
+        recorder=coordinator.recorder_of(lease.index) if stage.records else "",
         policy=_leased_policy(coordinator, lease),
     )
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from readygo.common.errors import RunError
+from readygo.common.errors import DiskError, RunError
 from readygo.common.messages import FileRef, PolicyRef, Stage, VerdictStatus
 from readygo.common.messages.stages import EXPERT_LINE
 from readygo.services.coordinator.schema import open_database
@@ -45,6 +45,14 @@ class OfferedPolicy:
     """Durable samples when it was offered."""
     wall_ns: int
     """When it was offered, by the wall clock [ns]."""
+
+
+ASIDE = "set aside: "
+"""Begins the reason of an episode that was given up, unlike those that a stage rejected."""
+_FORGOTTEN = "rejected before the ledger was made anew"
+_REBUILT = "rebuilt"
+"""Key of the length that a run was to have when its ledger was made anew."""
+_DISK_CODES = (sqlite3.SQLITE_FULL, sqlite3.SQLITE_READONLY, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_CANTOPEN)
 
 
 def _files_of(policies: Sequence[OfferedPolicy]) -> set[str]:
@@ -114,7 +122,8 @@ class Ledger:
             AND idx <= (SELECT max(idx) FROM episode WHERE state IN ('granted', 'committed'))"""
         )
         assert row is not None
-        return int(row[0])
+        rebuilt = self._one("SELECT value FROM run WHERE key = ?", _REBUILT)
+        return min(int(row[0]), int(rebuilt[0])) if rebuilt else int(row[0])
 
     def claim(self, stage: Stage, worker: str, deadline_s: float) -> Lease | None:
         """Lease the waiting episode of smallest index at `stage`, if there is one.
@@ -155,7 +164,7 @@ class Ledger:
         following = self._stages[self._stages.index(stage) + 1]
         with self._transaction():
             held = self._held(
-                """UPDATE episode SET stage = ?, state = 'waiting', worker = '', failures = 0,
+                """UPDATE episode SET stage = ?, state = 'waiting', worker = '',
                 reason = CASE WHEN ? = '' THEN reason ELSE ? END
                 WHERE idx = ? AND attempt = ? AND state = 'leased' AND stage = ? RETURNING idx""",
                 following.name,
@@ -181,15 +190,65 @@ class Ledger:
         )
 
     def fail(self, stage: Stage, index: int, attempt: int) -> int | None:
-        """Put an episode back after a worker's error; returns its failures at this stage, None if not held."""
+        """Begin an episode anew after a worker's error; returns its failures so far, None if not held.
+
+        From the first stage: what earlier ones have made may be what the worker cannot read.
+        """
         row = self._one(
-            """UPDATE episode SET state = 'waiting', failures = failures + 1, worker = ''
+            """UPDATE episode SET state = 'waiting', failures = failures + 1, worker = '', stage = ?
             WHERE idx = ? AND attempt = ? AND state = 'leased' AND stage = ? RETURNING failures""",
+            self._stages[0].name,
             index,
             attempt,
             stage.name,
         )
         return None if row is None else int(row[0])
+
+    def begin_anew(self, index: int) -> None:
+        """Have an episode pass all stages again that waits or that a worker holds."""
+        self._run(
+            "UPDATE episode SET state = 'waiting', worker = '', stage = ? "
+            "WHERE idx = ? AND state IN ('waiting', 'leased')",
+            self._stages[0].name,
+            index,
+        )
+
+    def set_aside(self, index: int, reason: str) -> dict[str, str]:
+        """Give an episode up that waits; the next index takes its place.
+
+        Returns:
+            Hashes of the results that it came to, by stage.
+        """
+        with self._transaction():
+            results = dict(self._all("SELECT stage, sha256 FROM result WHERE idx = ?", index))
+            self._run(
+                "UPDATE episode SET state = 'rejected', reason = ? WHERE idx = ? AND state = 'waiting'",
+                ASIDE + reason,
+                index,
+            )
+            self._run("DELETE FROM result WHERE idx = ?", index)
+        return results
+
+    def aside(self) -> int:
+        """Episodes that were set aside."""
+        row = self._one("SELECT count(*) FROM episode WHERE state = 'rejected' AND reason LIKE ?", f"{ASIDE}%")
+        assert row is not None
+        return int(row[0])
+
+    def holder(self, index: int, attempt: int) -> str:
+        """The worker that holds an episode under this attempt; empty if none does."""
+        row = self._one("SELECT worker FROM episode WHERE idx = ? AND attempt = ? AND state = 'leased'", index, attempt)
+        return str(row[0]) if row else ""
+
+    def expected(self, index: int, attempt: int) -> VerdictStatus:
+        """OK if samples of this attempt may come, DONE if the episode is durable, else STALE."""
+        row = self._one("SELECT state, attempt, stage FROM episode WHERE idx = ?", index)
+        if row is None or row[0] == "rejected":
+            return VerdictStatus.STALE
+        if row[0] == "committed":
+            return VerdictStatus.DONE
+        held = row[0] in ("leased", "granted") and row[1:] == (attempt, self._stages[-1].name)
+        return VerdictStatus.OK if held else VerdictStatus.STALE
 
     def grant(self, index: int, attempt: int, recorder: str) -> VerdictStatus:
         """Let a recorder make an episode durable: OK, STALE or DONE."""
@@ -242,13 +301,64 @@ class Ledger:
             self._db.execute("DELETE FROM result WHERE idx = ?", (index,))
         return hashes
 
-    def take_back(self, index: int, recorder: str) -> None:
-        """Undo a grant whose episode did not become durable."""
-        self._run(
-            "UPDATE episode SET state = 'waiting', worker = '' WHERE idx = ? AND state = 'granted' AND recorder = ?",
+    def take_back(self, index: int, recorder: str) -> bool:
+        """Undo a grant whose episode did not become durable; False if the recorder does not hold one.
+
+        What is left of its results are those of an attempt that was recorded: without them it is begun anew.
+        """
+        return self._held(
+            """UPDATE episode SET state = 'waiting', worker = '',
+            stage = CASE WHEN EXISTS (SELECT 1 FROM result WHERE result.idx = episode.idx) THEN stage ELSE ? END
+            WHERE idx = ? AND state = 'granted' AND recorder = ? RETURNING idx""",
+            self._stages[0].name,
             index,
             recorder,
         )
+
+    def adopt(self, index: int, recorder: str, shard: str, samples: int, policy: str) -> None:
+        """Note an episode as durable that a shard holds, whatever is known of it."""
+        self._run("INSERT OR IGNORE INTO episode (idx, stage, state) VALUES (?, '', 'waiting')", index)
+        self.commit(index, recorder, shard, samples, policy)
+
+    def fill_gaps(self, last: int, wanted: int) -> None:
+        """Open the indices up to `last` that nothing is known of, in a ledger that was made anew.
+
+        Some of them were rejected, and will be again: the run is not longer than `wanted` for that.
+        """
+        with self._transaction():
+            self._db.executemany(
+                "INSERT OR IGNORE INTO episode (idx, stage, state) VALUES (?, ?, 'waiting')",
+                [(index, self._stages[0].name) for index in range(last + 1)],
+            )
+            if self.committed()[0] >= wanted:
+                # A run has no more open indices than episodes: all others were rejected.
+                self._run("UPDATE episode SET state = 'rejected', reason = ? WHERE state = 'waiting'", _FORGOTTEN)
+            self._run("INSERT OR REPLACE INTO run VALUES (?, ?)", _REBUILT, str(wanted))
+
+    def check(self) -> None:
+        """Raise RunError if the file is damaged."""
+        row = self._one("PRAGMA quick_check(1)")
+        if row != ("ok",):
+            raise RunError(f"The run's ledger {self._path} is damaged: {row and row[0]}.")
+
+    def shards(self) -> dict[str, dict[int, int]]:
+        """Samples of every durable episode by its index, by the shard that it is in."""
+        found: dict[str, dict[int, int]] = {}
+        for shard, index, samples in self._all("SELECT shard, idx, samples FROM episode WHERE state = 'committed'"):
+            found.setdefault(shard, {})[index] = samples
+        return found
+
+    def doubt(self, shard: str) -> None:
+        """Have the recorder of a shard say again which of its episodes are durable."""
+        self._run("UPDATE episode SET state = 'granted' WHERE state = 'committed' AND shard = ?", shard)
+
+    def miss(self, indices: Sequence[int]) -> None:
+        """Begin episodes anew that were durable and are no more."""
+        with self._transaction():
+            self._db.executemany(
+                "UPDATE episode SET state = 'waiting', worker = '', stage = ? WHERE idx = ? AND state = 'committed'",
+                [(self._stages[0].name, index) for index in indices],
+            )
 
     def granted(self, recorder: str) -> tuple[int, ...]:
         """Indices granted to a recorder and not yet reported durable."""
@@ -263,9 +373,13 @@ class Ledger:
         """End the leases whose time is over; returns how many."""
         return self._requeue("deadline_s < ?", now_s)
 
-    def requeue_worker(self, worker: str) -> int:
-        """End the leases of a worker that is gone; returns how many."""
-        return self._requeue("worker = ?", worker)
+    def requeue_worker(self, worker: str) -> list[tuple[int, int]]:
+        """End the leases of a worker that is gone; returns their indices, and how many workers each has outlived."""
+        return self._all(
+            """UPDATE episode SET state = 'waiting', worker = '', deaths = deaths + 1
+            WHERE state = 'leased' AND worker = ? RETURNING idx, deaths""",
+            worker,
+        )
 
     def requeue_all(self) -> None:
         """End every lease: a new fleet starts on an old ledger."""
@@ -410,7 +524,9 @@ class Ledger:
         try:
             yield
         except sqlite3.Error as error:
-            raise RunError(
+            # The lower byte of an extended code is the plain one.
+            full = getattr(error, "sqlite_errorcode", 0) & 0xFF in _DISK_CODES
+            raise (DiskError if full else RunError)(
                 f"The run's ledger {self._path} cannot be used: {error}; if the disk is full, free some space and run "
                 "the same command again, else record into a new folder."
             ) from error

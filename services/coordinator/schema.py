@@ -39,9 +39,11 @@ _ADDED = {
     "policy": "TEXT NOT NULL DEFAULT ''",
     "driven_by": "TEXT NOT NULL DEFAULT ''",
     "assigned": "TEXT",
+    "deaths": "INTEGER NOT NULL DEFAULT 0",
 }
 """Columns of `episode` that ledgers of earlier versions lack: the policy leased with the present attempt, the one that
-drove the durable attempt, and the one that shall drive whatever is the newest."""
+drove the durable attempt, the one that shall drive whatever is the newest, and how many workers ended while they held
+the episode."""
 
 
 def open_database(path: Path) -> sqlite3.Connection:

@@ -1,11 +1,15 @@
 """The coordinator on the bus."""
 
+from collections.abc import Callable
 from functools import partial
+from typing import TypeVar
 
 from readygo.common.bus import Bus
-from readygo.common.messages import StatusRequest, topics
+from readygo.common.messages import StatusRequest, Verdict, Wake, topics
 from readygo.services.coordinator import handlers
 from readygo.services.coordinator.handlers import Coordinator, requeue_lost
+
+Request = TypeVar("Request")
 
 
 def attach(bus: Bus, coordinator: Coordinator) -> None:
@@ -14,24 +18,40 @@ def attach(bus: Bus, coordinator: Coordinator) -> None:
     for stage in coordinator.spec.stages:
         bus.serve(topics.claim(stage.name), partial(handlers.handle_claim, coordinator, stage))
         bus.serve(topics.renew(stage.name), partial(handlers.handle_renew, coordinator))
-        bus.serve(topics.complete(stage.name), partial(handlers.handle_complete, coordinator, stage))
+        bus.serve(topics.complete(stage.name), _waking(bus, partial(handlers.handle_complete, coordinator, stage)))
+    bus.serve(topics.EXPECT, partial(handlers.handle_expect, coordinator))
     bus.serve(topics.GRANT, partial(handlers.handle_grant, coordinator))
-    bus.serve(topics.DONE, partial(handlers.handle_done, coordinator))
-    bus.serve(topics.LOST, partial(handlers.handle_lost, coordinator))
+    bus.serve(topics.DONE, _waking(bus, partial(handlers.handle_done, coordinator)))
+    bus.serve(topics.LOST, _waking(bus, partial(handlers.handle_lost, coordinator)))
+    bus.serve(topics.TROUBLE, partial(handlers.handle_trouble, coordinator))
     bus.serve(topics.PENDING, partial(handlers.handle_pending, coordinator))
     bus.serve(topics.BLOB, partial(handlers.handle_blob, coordinator))
     bus.serve(topics.OFFER, partial(handlers.handle_offer, coordinator))
-    bus.serve(topics.CONTROL, partial(handlers.handle_control, coordinator))
+    bus.serve(topics.CONTROL, _waking(bus, partial(handlers.handle_control, coordinator)))
     bus.serve(topics.STATUS, partial(handlers.handle_status, coordinator))
 
     def changed(role: str, name: str, alive: bool) -> None:
-        if not alive:
-            requeue_lost(coordinator, worker=name)
+        if name in coordinator.config.recorders:
+            coordinator.note_recorder(name, alive=alive)
+        elif not alive and requeue_lost(coordinator, worker=name):
+            bus.publish(topics.WAKE, Wake())
 
     bus.watch(changed)
 
 
+def _waking(bus: Bus, handler: Callable[[Request], Verdict]) -> Callable[[Request], Verdict]:
+    """A handler after which there may be work for those who wait."""
+
+    def handle(request: Request) -> Verdict:
+        verdict = handler(request)
+        bus.publish(topics.WAKE, Wake())
+        return verdict
+
+    return handle
+
+
 def tick(bus: Bus, coordinator: Coordinator) -> None:
     """Free the leases that ran out, and say how far the run is; call it a few times a second."""
-    requeue_lost(coordinator)
+    if requeue_lost(coordinator):
+        bus.publish(topics.WAKE, Wake())
     bus.publish(topics.PROGRESS, handlers.handle_status(coordinator, StatusRequest()))

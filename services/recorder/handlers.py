@@ -6,6 +6,7 @@ import logging
 import os
 import re
 import threading
+import time
 from contextlib import suppress
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from readygo.common.bus import Bus
 from readygo.common.dataset import EpisodeChunk, Provenance, ShardWriter, encode_episode, shard_name
 from readygo.common.dataset.provenance import provenance_to_strings
 from readygo.common.dataset.stage import Stage
-from readygo.common.errors import BusError, RunError
+from readygo.common.errors import BusError, DiskError, RunError
 from readygo.common.fleet.grants import Grants
 from readygo.common.messages import (
     AppendReply,
@@ -41,6 +42,11 @@ from readygo.services.recorder.salvage import (
 )
 
 _log = logging.getLogger(__name__)
+
+FULL_S = 1.0
+"""A disk that took nothing is tried again after this time [s]."""
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
+_READ_ONLY = (errno.EROFS, errno.EACCES, errno.EPERM)
 
 
 class Recorder:
@@ -87,6 +93,10 @@ class Recorder:
         self._run: tuple[int, Split] | None = None
         self._writer: ShardWriter | None = None
         self._reconciled = False
+        self._trouble = ""
+        """Why the disk takes nothing."""
+        self._tried_s = 0.0
+        """When it was tried last."""
         self._closed = False
         self._lock = threading.RLock()
         try:
@@ -100,27 +110,55 @@ class Recorder:
     def append(self, request: AppendRequest) -> AppendReply:
         """Take a batch of samples; the last one of an episode makes it durable.
 
+        A disk that is full or read-only is waited for: the sender is asked to try again.
+
         Raises:
             DatasetError: If the sender contradicts itself.
-            RunError: If the disk refuses, or the episode belongs to another run.
+            RunError: If the disk refuses otherwise, or the episode belongs to another run.
         """
         with self._lock:
             episode = request.header.episode
             if self._closed:
                 return AppendReply(status=AppendStatus.RETRY, detail=f"recorder {self.name} is closed")
-            self._check_run(episode)
             if episode.index in self._committed:
+                self._check_run(episode)
+                self._tell_again(self._committed[episode.index], request.attempt)
                 return self._finished(episode.index, AppendStatus.DUP)
+            if (unexpected := self._unexpected(request)) is not None:
+                return unexpected
+            self._check_run(episode)
             reply = self._buffers.add(request)
             return self._commit(episode.index) if reply.status is AppendStatus.OK and request.last else reply
+
+    def _tell_again(self, durable: Durable, attempt: int) -> None:
+        """Another attempt at a durable episode shows that the coordinator does not know of it (any more)."""
+        if attempt != durable.attempt:
+            self._grants.report(self._done_report(durable))
+            self._grants.flush()
+
+    def _unexpected(self, request: AppendRequest) -> AppendReply | None:
+        """The answer to an attempt that is new here unless the coordinator has leased it; None if samples may come."""
+        episode = request.header.episode
+        buffer = self._buffers.get(episode.index)
+        if buffer is not None and request.attempt <= buffer.attempt:
+            return None
+        try:
+            verdict = self._grants.expects(episode, request.attempt)
+        except BusError as error:
+            return AppendReply(status=AppendStatus.RETRY, detail=str(error))
+        if verdict.status is VerdictStatus.OK:
+            return None
+        status = AppendStatus.DUP if verdict.status is VerdictStatus.DONE else AppendStatus.STALE
+        return AppendReply(status=status, detail=verdict.reason)
 
     def settle(self) -> bool:
         """Send outstanding reports and, once after a start, clear up what the last process left.
 
-        Call it now and then: the coordinator may have been away when the run's last episode became durable.
+        Call it now and then: the coordinator may have been away when the run's last episode became durable, and a
+        disk that took nothing may take it now.
 
         Returns:
-            True if nothing is outstanding; False if the coordinator does not answer.
+            True if nothing is outstanding; False if the coordinator does not answer or the disk takes nothing.
 
         Raises:
             RunError: If the disk refuses.
@@ -128,12 +166,25 @@ class Recorder:
         with self._lock:
             if not self._grants.flush():
                 return False
-            if not self._reconciled:
-                try:
-                    self._reconcile()
-                except BusError:
-                    return False
+            if not self._reconciled and not self._cleared_up():
+                return False
             return self._grants.flush()
+
+    def _cleared_up(self) -> bool:
+        """Clear up what the last process, or a disk that took nothing, has left; False if that must be tried again."""
+        if self._trouble and time.monotonic() - self._tried_s < FULL_S:
+            return False
+        try:
+            self._reconcile()
+        except BusError:
+            return False
+        except DiskError as error:
+            self._disk_refuses(error)
+        if self._reconciled and self._trouble:
+            self._trouble = ""
+            _log.warning("%s can be written again", self._folder)
+            self._grants.trouble("")
+        return self._reconciled
 
     def close(self) -> None:
         """Finish the open shard; unfinished episodes are forgotten, their leases run out.
@@ -151,7 +202,11 @@ class Recorder:
     def _commit(self, index: int) -> AppendReply:
         """Make a complete episode durable."""
         if not self.settle():
-            return AppendReply(status=AppendStatus.RETRY, detail="the coordinator does not answer")
+            return AppendReply(status=AppendStatus.RETRY, detail=self._trouble or "the coordinator does not answer")
+        return self._record(index)
+
+    def _record(self, index: int) -> AppendReply:
+        """Ask for the grant of a complete episode, and write it."""
         buffer = self._buffers.get(index)
         if index in self._committed or buffer is None:
             return self._finished(index, AppendStatus.DUP)
@@ -164,9 +219,26 @@ class Recorder:
             return AppendReply(status=AppendStatus.RETRY, detail=str(error))
         if verdict is not VerdictStatus.OK:
             return self._finished(index, AppendStatus.DUP if verdict is VerdictStatus.DONE else AppendStatus.STALE)
-        self._write(chunk)
+        try:
+            self._write(chunk)
+        except DiskError as error:
+            self._disk_refuses(error)
+            return AppendReply(status=AppendStatus.RETRY, detail=str(error))
         self._publish(buffer)
         return self._finished(index, AppendStatus.COMMITTED)
+
+    def _disk_refuses(self, error: DiskError) -> None:
+        """Wait for the disk: grants are kept, and their episodes written when it takes them."""
+        if not self._trouble:
+            _log.warning("%s", error)
+        self._grants.trouble(str(error))
+        self._trouble, self._tried_s = str(error), time.monotonic()
+        self._reconciled = False
+        if self._writer is not None and not self._writer.is_open:
+            # It could not be cut back to whole episodes: it is cleared up as after a crash.
+            gone, self._writer = self._writer.path.name, None
+            self._committed = {index: durable for index, durable in self._committed.items() if durable.shard != gone}
+            self._open_shards = open_shards(self._folder, self.name)
 
     def _publish(self, buffer: EpisodeBuffer) -> None:
         """Give a durable episode to those who learn from it; whoever misses it finds it in the shard."""
@@ -213,6 +285,8 @@ class Recorder:
             self._next_start_ns = self._writer.next_start_ns
         except (OSError, RunError) as error:
             failure = error if isinstance(error, RunError) else self._disk_error(error)
+            if isinstance(failure, DiskError):
+                raise failure from error
             self._buffers.drop(chunk.episode.index)
             self._grants.report(LostRequest(recorder=self.name, index=chunk.episode.index, reason=str(failure)))
             self._grants.flush()
@@ -251,7 +325,7 @@ class Recorder:
             if index in self._committed:
                 self._grants.report(self._done_report(self._committed[index]))
             elif buffer is not None and buffer.complete:
-                self._commit(index)
+                self._record(index)
             else:
                 self._grants.report(LostRequest(recorder=self.name, index=index, reason=""))
 
@@ -306,8 +380,10 @@ class Recorder:
             )
 
     def _disk_error(self, error: OSError) -> RunError:
-        if error.errno in (errno.ENOSPC, errno.EDQUOT):
-            return RunError(f"No space left in {self._folder}; free some and run the same command again to go on.")
+        if error.errno in _NO_ROOM:
+            return DiskError(f"No space left in {self._folder}; free some, and recording goes on.")
+        if error.errno in _READ_ONLY:
+            return DiskError(f"{self._folder} cannot be written ({error.strerror}); mend it, and recording goes on.")
         return RunError(f"Writing to {self._folder} failed: {error.strerror or error}; mend it and run again to go on.")
 
 

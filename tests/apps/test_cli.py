@@ -2,9 +2,12 @@ import errno
 import functools
 import importlib
 import inspect
+import os
 import re
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import docstring_parser
@@ -127,6 +130,28 @@ def test_what_a_user_can_mend_is_one_line(
         run_command(FAIL, ["fail", how])
     assert stopped.value.code == code
     assert capsys.readouterr().err == f"readygo: {message}\n"
+
+
+def be_terminated() -> None:
+    """Get a SIGTERM, and end what was begun."""
+    try:
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(20.0)
+    finally:
+        # One that is impatient does not disturb the end.
+        os.kill(os.getpid(), signal.SIGTERM)
+        sys.stderr.write("ended in peace\n")
+
+
+def test_sigterm_ends_a_command_as_ctrl_c_does(capsys: pytest.CaptureFixture[str]) -> None:
+    before = signal.getsignal(signal.SIGTERM)
+    try:
+        with pytest.raises(SystemExit) as stopped:
+            run_command({"wait": Command(f"{__name__}:be_terminated", "waits")}, ["wait"])
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert stopped.value.code == 143
+    assert capsys.readouterr().err.startswith("ended in peace\nreadygo: stopped; ")
 
 
 def test_error_of_the_system_that_names_no_file_is_a_bug() -> None:

@@ -8,7 +8,7 @@ from readygo.apps.commands.control import cancel, pause, resume, status
 from readygo.apps.fleet.worker import make_coordinator
 from readygo.apps.run.folder import RunFolder
 from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
-from readygo.common.errors import RunError
+from readygo.common.errors import BusError, RunError
 from readygo.common.messages import PolicyRef
 from readygo.services.coordinator import Coordinator, attach
 from tests.common.messages.run_specs import SPEC
@@ -25,21 +25,27 @@ def folder(tmp_path: Path) -> RunFolder:
 @pytest.fixture
 def coordinator(folder: RunFolder) -> Iterator[Coordinator]:
     """The coordinator of a fleet that is at work on the folder."""
-    router = Router(free_endpoint())
-    bus = ZenohBus(router.endpoint, SPEC.run)
+    router = Router(free_endpoint(), "secret")
+    bus = ZenohBus(router.endpoint, SPEC.run, "secret")
     coordinator = make_coordinator(folder)
     attach(bus, coordinator)
-    with folder.reachable(router.endpoint):
+    with folder.reachable(router.endpoint, "secret"):
         yield coordinator
     bus.close()
     router.close()
     coordinator.ledger.close()
 
 
-def test_run_is_paused_and_resumed_and_cancelled(folder: RunFolder, coordinator: Coordinator) -> None:
+def test_run_is_paused_and_resumed_and_cancelled(
+    folder: RunFolder, coordinator: Coordinator, monkeypatch: pytest.MonkeyPatch
+) -> None:
     pause(folder.path)
     assert coordinator.paused
-    resume(connect=folder.fleet_endpoint(), run="run-test")
+    endpoint, token = folder.fleet_endpoint()
+    with pytest.raises(BusError, match="or it wants the run's token"):
+        resume(connect=endpoint, run="run-test")
+    monkeypatch.setenv("READYGO_TOKEN", token)
+    resume(connect=endpoint, run="run-test")
     assert (coordinator.paused, coordinator.cancelled) == (False, False)
     cancel(folder.path)
     assert coordinator.cancelled

@@ -1,3 +1,4 @@
+import os
 import signal
 import sys
 import time
@@ -6,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from readygo.apps.fleet.fleet import CANNOT_WORK, RESTARTS_MAX, Fleet, Member
+from readygo.apps.fleet.fleet import CANNOT_WORK, RESTARTS_MAX, RESTARTS_S, Fleet, Member
 from readygo.common.errors import RunError
 
 OBEYS = """
@@ -68,9 +69,9 @@ def test_worker_that_dies_again_and_again_ends_the_run_with_its_last_words(
     start: Callable[[str, str], ScriptedFleet],
 ) -> None:
     fleet = start("animator", "raise SystemExit('out of luck')")
-    for _ in range(RESTARTS_MAX):
-        _wait_for_end(fleet.members[0])
-        fleet.check()
+    fleet.members[0].restarted_s.extend([time.monotonic()] * (RESTARTS_MAX - 1))
+    _wait_for_end(fleet.members[0])
+    fleet.check()
     _wait_for_end(fleet.members[0])
     with pytest.raises(RunError, match=r"Worker w0 ended with exit code 1: out of luck"):
         fleet.check()
@@ -163,3 +164,51 @@ def test_member_has_arguments_of_its_own_and_a_fleet_all_its_data_folders(tmp_pa
     assert words[words.index("--out") + 1] == "policy"
     begin = words.index("--data")
     assert words[begin + 1 : begin + 3] == [str(tmp_path / "a"), str(tmp_path / "b")]
+
+
+def test_worker_that_died_often_long_ago_is_started_anew(start: Callable[[str, str], ScriptedFleet]) -> None:
+    fleet = start("animator", "raise SystemExit('once a week')")
+    fleet.members[0].restarted_s.extend([time.monotonic() - RESTARTS_S - 1.0] * 3 * RESTARTS_MAX)
+    _wait_for_end(fleet.members[0])
+    fleet.check()
+    assert fleet.members[0].restarts == 1
+
+
+def test_worker_that_somebody_stopped_is_started_anew(
+    start: Callable[[str, str], ScriptedFleet], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fleet = start("renderer", OBEYS)
+    frozen = fleet.members[0].process
+    assert frozen is not None
+    frozen.send_signal(signal.SIGSTOP)
+    os.waitid(os.P_PID, frozen.pid, os.WSTOPPED)
+    fleet.check()
+    assert frozen.poll() is None, "it may go on in a moment"
+    monkeypatch.setattr("readygo.apps.fleet.fleet.FROZEN_S", 0.0)
+    fleet.check()
+    assert frozen.poll() is not None
+    again = fleet.members[0].process
+    assert again is not None
+    assert again.pid != frozen.pid
+    assert again.poll() is None
+
+
+def test_stopped_worker_does_not_hold_up_the_end(start: Callable[[str, str], ScriptedFleet]) -> None:
+    fleet = start("renderer", OBEYS)
+    member = fleet.members[0]
+    while "up" not in member.log.read_text():
+        time.sleep(0.02)
+    assert member.process is not None
+    member.process.send_signal(signal.SIGSTOP)
+    fleet.stop()
+    assert member.process.returncode == 0
+
+
+def test_workers_know_the_token_and_nobody_sees_it_on_their_command_line(tmp_path: Path) -> None:
+    fleet = Fleet(connect="tcp/x:1", run="a", data=tmp_path, logs=tmp_path, token="secret")
+    fleet.command = lambda member: [sys.executable, "-c", "import os; print(os.environ['READYGO_TOKEN'])"]  # type: ignore[method-assign]
+    fleet.add("all", "w0")
+    _wait_for_end(fleet.members[0])
+    fleet.stop()
+    assert fleet.members[0].log.read_text() == "secret\n"
+    assert "secret" not in Fleet.command(fleet, fleet.members[0])

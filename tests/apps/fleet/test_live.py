@@ -14,6 +14,7 @@ from readygo.apps.fleet.roles import ALL, places
 from readygo.apps.fleet.worker import make_coordinator, make_recorder
 from readygo.apps.run.config import RunConfig
 from readygo.apps.run.folder import RunFolder
+from readygo.apps.run.identity import numeric_class
 from readygo.apps.run.policy import with_offers
 from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.run.spec import make_spec
@@ -86,7 +87,8 @@ def _in_process(folder: RunFolder) -> Iterator[tuple[Bus, Worker]]:
     world = World(coordinator.spec, bus)
     recorder = make_recorder(bus, "rec0", folder, world)
     attach_recorder(bus, recorder)
-    yield bus, Worker(name="w", numeric_class="", works=stage_works(world, bus))
+    made_by = numeric_class(world.config, world.spec.policy)
+    yield bus, Worker(name="w", numeric_class=made_by, works=stage_works(world, bus))
     recorder.close()
     coordinator.ledger.close()
     bus.close()

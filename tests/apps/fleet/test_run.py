@@ -5,9 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from readygo.apps.fleet.run import record, run_in_process
+from readygo.apps.fleet.run import record
 from readygo.apps.fleet.worker import make_coordinator, make_recorder
-from readygo.apps.run.config import RunConfig, resolved_sections
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.stages import LINE, Entry, stage_works
 from readygo.apps.run.world import World
@@ -16,24 +15,14 @@ from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
 from readygo.common.dataset import validate
 from readygo.common.dataset.casts import read_casts
 from readygo.common.errors import RunError
-from readygo.common.fleet import Inputs, StageResult, Work, Worker, append_episode, pull
-from readygo.common.messages import ClaimReply, OnRejection, RunSpec, Split, Stage, StatusReply, StatusRequest
+from readygo.common.fleet import Inputs, StageResult, Work, Worker, pull
+from readygo.common.messages import ClaimReply, OnRejection, Stage, StatusReply, StatusRequest
 from readygo.services import coordinator as coordination
-from readygo.services.coordinator import CoordinatorConfig, Ledger
 from readygo.services.coordinator.handlers import handle_status
 from readygo.services.recorder import attach as attach_recorder
-from tests.common.dataset.episodes import PROVENANCE, make_episode
+from tests.apps.fleet.toy_line import DRAW, FILM, entry, film, in_process, make_folder
 
 Run = Callable[[RunFolder, Sequence[Entry]], StatusReply]
-
-
-def _entry(stage: Stage, work: Work) -> Entry:
-    return Entry(stage=stage, work=lambda world, bus: work)
-
-
-def _draw(claim: ClaimReply, inputs: Inputs) -> StageResult:
-    assert claim.episode is not None
-    return StageResult(result=str(claim.episode.index).encode())
 
 
 def _judge(claim: ClaimReply, inputs: Inputs) -> StageResult:
@@ -42,54 +31,14 @@ def _judge(claim: ClaimReply, inputs: Inputs) -> StageResult:
     return StageResult(result=b"foul" if foul else b"fair", rejected="foul play" if foul else "")
 
 
-def _film(world: World, bus: Bus) -> Work:
-    def work(claim: ClaimReply, inputs: Inputs) -> None:
-        assert claim.episode is not None
-        header, samples = make_episode(claim.episode.index, 4)
-        verdict = inputs.get("judge", b"")
-        append_episode(bus, claim, dataclasses.replace(header, encounters=(verdict.decode(),)), iter(samples))
-
-    return work
-
-
-DRAW = _entry(Stage(name="draw", role="painter"), _draw)
-FILM = Entry(stage=Stage(name="film", role="camera", needs=("draw",), records=True), work=_film)
-
-
 def _judged(on_rejection: OnRejection) -> tuple[Entry, ...]:
     """The short line with one more stage."""
     judge = Stage(name="judge", role="referee", needs=("draw",), on_rejection=on_rejection)
     return (
         DRAW,
-        _entry(judge, _judge),
-        Entry(stage=dataclasses.replace(FILM.stage, needs=("draw", "judge")), work=_film),
+        entry(judge, _judge),
+        Entry(stage=dataclasses.replace(FILM.stage, needs=("draw", "judge")), work=film),
     )
-
-
-def _folder(path: Path, line: Sequence[Entry], *, wanted: int, **settings: object) -> RunFolder:
-    config = RunConfig(coordinator=CoordinatorConfig(**settings))
-    spec = RunSpec(
-        run="run-test",
-        scene_path="nowhere",
-        scene_hash="0",
-        scene_files=(),
-        avatars_path="",
-        avatar_hashes={},
-        seed=7,
-        split=Split.TRAIN,
-        static=False,
-        config=resolved_sections(config),
-        metadata={key: value for key, value in PROVENANCE.to_mapping().items() if key not in ("config", "seed")},
-        stages=tuple(entry.stage for entry in line),
-    )
-    folder = RunFolder(path)
-    with folder.locked():
-        folder.save(spec, wanted)
-    return folder
-
-
-def _in_process(folder: RunFolder, line: Sequence[Entry]) -> StatusReply:
-    return run_in_process(folder, lambda status: None, line)
 
 
 def _over_zenoh(folder: RunFolder, line: Sequence[Entry]) -> StatusReply:
@@ -101,9 +50,9 @@ def _over_zenoh(folder: RunFolder, line: Sequence[Entry]) -> StatusReply:
     recorder = make_recorder(buses[1], "rec0", folder, World(coordinator.spec))
     attach_recorder(buses[1], recorder)
     workers = []
-    for bus, entry in zip(buses[2:], line, strict=True):
-        works = stage_works(World(coordinator.spec, bus), bus, entry.stage.role, line)
-        worker = Worker(name=entry.stage.role, numeric_class="", works=works)
+    for bus, station in zip(buses[2:], line, strict=True):
+        works = stage_works(World(coordinator.spec, bus), bus, station.stage.role, line)
+        worker = Worker(name=station.stage.role, numeric_class="any", works=works)
         workers.append(threading.Thread(target=pull, args=(bus, worker), kwargs={"stop": threading.Event()}))
         workers[-1].start()
     for thread in workers:
@@ -115,7 +64,7 @@ def _over_zenoh(folder: RunFolder, line: Sequence[Entry]) -> StatusReply:
     return status
 
 
-@pytest.fixture(params=[_in_process, _over_zenoh], ids=["in process", "over zenoh"])
+@pytest.fixture(params=[in_process, _over_zenoh], ids=["in process", "over zenoh"])
 def run(request: pytest.FixtureRequest) -> Run:
     return request.param  # type: ignore[no-any-return]
 
@@ -129,7 +78,7 @@ def _recorded(folder: RunFolder) -> dict[int, tuple[str, ...]]:
 
 def test_new_stage_whose_rejection_skips_the_index(run: Run, tmp_path: Path) -> None:
     line = _judged(OnRejection.SKIP)
-    folder = _folder(tmp_path / "data", line, wanted=4)
+    folder = make_folder(tmp_path / "data", line, wanted=4)
     status = run(folder, line)
     assert (status.finished, status.rejected, status.kept) == (True, {"foul play": 2}, {})
     assert _recorded(folder) == dict.fromkeys((0, 2, 3, 5), ("fair",))
@@ -137,31 +86,31 @@ def test_new_stage_whose_rejection_skips_the_index(run: Run, tmp_path: Path) -> 
 
 def test_new_stage_whose_rejection_keeps_the_episode_with_its_outcome(run: Run, tmp_path: Path) -> None:
     line = _judged(OnRejection.KEEP)
-    folder = _folder(tmp_path / "data", line, wanted=4)
+    folder = make_folder(tmp_path / "data", line, wanted=4)
     status = run(folder, line)
     assert (status.finished, status.rejected, status.kept) == (True, {}, {"foul play": 1})
     assert _recorded(folder) == {0: ("fair",), 1: ("foul",), 2: ("fair",), 3: ("fair",)}
 
 
 def test_stage_that_records_may_reject_before_it_does(run: Run, tmp_path: Path) -> None:
-    def film(world: World, bus: Bus) -> Work:
-        clear = _film(world, bus)
+    def blurred(world: World, bus: Bus) -> Work:
+        clear = film(world, bus)
 
         def work(claim: ClaimReply, inputs: Inputs) -> StageResult | None:
             return StageResult(rejected="blurred view") if int(inputs["draw"]) % 2 else clear(claim, inputs)
 
         return work
 
-    line = (DRAW, dataclasses.replace(FILM, work=film))
-    folder = _folder(tmp_path / "data", line, wanted=3)
+    line = (DRAW, dataclasses.replace(FILM, work=blurred))
+    folder = make_folder(tmp_path / "data", line, wanted=3)
     status = run(folder, line)
     assert (status.finished, status.rejected) == (True, {"blurred view": 2})
     assert sorted(_recorded(folder)) == [0, 2, 4]
 
 
 def test_recorders_share_the_episodes(tmp_path: Path) -> None:
-    folder = _folder(tmp_path / "data", (DRAW, FILM), wanted=5, recorders=("rec0", "east"))
-    assert _in_process(folder, (DRAW, FILM)).finished
+    folder = make_folder(tmp_path / "data", (DRAW, FILM), wanted=5, recorders=("rec0", "east"))
+    assert in_process(folder, (DRAW, FILM)).finished
     assert sorted(path.name for path in folder.path.glob("*.mcap")) == [
         "shard-east-00000.mcap",
         "shard-rec0-00000.mcap",
@@ -171,22 +120,22 @@ def test_recorders_share_the_episodes(tmp_path: Path) -> None:
 
 def test_stage_that_this_version_does_not_know_is_named(tmp_path: Path) -> None:
     line = _judged(OnRejection.SKIP)
-    folder = _folder(tmp_path / "data", line, wanted=1)
+    folder = make_folder(tmp_path / "data", line, wanted=1)
     with pytest.raises(
         RunError, match="has a stage 'film' that this version does not know; known: human-plan, animate"
     ):
-        _in_process(folder, LINE)
+        in_process(folder, LINE)
 
 
 def test_run_that_is_finished_builds_no_works(tmp_path: Path) -> None:
-    folder = _folder(tmp_path / "data", (DRAW, FILM), wanted=1)
-    assert _in_process(folder, (DRAW, FILM)).finished
+    folder = make_folder(tmp_path / "data", (DRAW, FILM), wanted=1)
+    assert in_process(folder, (DRAW, FILM)).finished
     broken = dataclasses.replace(FILM, work=lambda world, bus: pytest.fail("the scene would be loaded"))
-    assert _in_process(folder, (DRAW, broken)).finished
+    assert in_process(folder, (DRAW, broken)).finished
 
 
 def test_second_process_changes_nothing_in_the_folder_of_a_running_one(tmp_path: Path) -> None:
-    folder = _folder(tmp_path, (DRAW, FILM), wanted=3)
+    folder = make_folder(tmp_path, (DRAW, FILM), wanted=3)
     spec, _ = folder.load()
     with folder.locked(), pytest.raises(RunError, match="Another process is generating"):
         record(spec, tmp_path, episodes=7, workers=0)
@@ -194,13 +143,9 @@ def test_second_process_changes_nothing_in_the_folder_of_a_running_one(tmp_path:
 
 
 def test_run_cannot_be_made_shorter_than_what_is_recorded(tmp_path: Path) -> None:
-    folder = _folder(tmp_path, (DRAW, FILM), wanted=5)
+    folder = make_folder(tmp_path, (DRAW, FILM), wanted=4)
+    assert in_process(folder, (DRAW, FILM)).finished
     spec, _ = folder.load()
-    ledger = Ledger(folder.ledger, spec.stages)
-    ledger.open_episodes(5)
-    ledger.commit(0, "rec0", "shard", 10)
-    ledger.commit(3, "rec0", "shard", 10)
-    ledger.close()
-    with pytest.raises(RunError, match=r"holds 2 episodes already.* at least 4 with --episodes"):
+    with pytest.raises(RunError, match=r"holds 4 episodes already.* at least 4 with --episodes"):
         record(spec, tmp_path, episodes=3, workers=0)
-    assert folder.load() == (spec, 5)
+    assert folder.load() == (spec, 4)

@@ -1,10 +1,11 @@
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from readygo.apps.fleet.fleet import CANNOT_WORK
-from readygo.apps.fleet.worker import worker
+from readygo.apps.fleet.worker import _watch_thread, worker
 from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
 from readygo.common.errors import BusError
 from readygo.common.messages import topics
@@ -43,3 +44,19 @@ def test_worker_that_somebody_must_help_ends_with_a_code_of_its_own(
 def test_worker_without_a_bus_may_try_again() -> None:
     with pytest.raises(BusError, match="No router answers"):
         worker("animator", connect=free_endpoint(), run="run-test")
+
+
+def test_thread_that_hangs_is_noticed_and_one_that_works_is_not() -> None:
+    over = threading.Event()
+    hanging = threading.Thread(target=over.wait)
+    working = threading.Thread(target=lambda: [sum(range(1000)) for _ in iter(over.is_set, True)])
+    noticed: dict[str, threading.Event] = {}
+    for name, thread, silent_s in (("hanging", hanging, 0.2), ("working", working, 30.0)):
+        thread.start()
+        noticed[name] = threading.Event()
+        _watch_thread(thread, silent_s=silent_s, end=noticed[name].set)
+    assert noticed["hanging"].wait(20.0)
+    assert not noticed["working"].is_set()
+    over.set()
+    for thread in (hanging, working):
+        thread.join()

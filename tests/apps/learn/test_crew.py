@@ -26,7 +26,7 @@ class StandInFleet:
 
     made: "list[StandInFleet]" = []  # noqa: RUF012
 
-    def __init__(self, *, connect: str, run: str, data: object, logs: Path) -> None:
+    def __init__(self, *, connect: str, run: str, data: object, logs: Path, token: str) -> None:
         self.run, self.members, self.checks, self.stopped, self.begun = run, [], 0, False, 0
         self.killed: list[str] = []
         self.made.append(self)
@@ -60,7 +60,7 @@ class StandInBus:
     commands: "list[Command]" = []  # noqa: RUF012
     deaf = False
 
-    def __init__(self, connect: str, run: str) -> None: ...
+    def __init__(self, connect: str, run: str, token: str) -> None: ...
 
     def subscribe(self, stream: object, handler: object) -> None: ...
 
@@ -78,7 +78,7 @@ def plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Plan:
     monkeypatch.setattr(StandInBus, "commands", [])
     monkeypatch.setattr(crew_module, "Fleet", StandInFleet)
     monkeypatch.setattr(crew_module, "ZenohBus", StandInBus)
-    monkeypatch.setattr(crew_module, "Router", lambda endpoint: SimpleNamespace(close=lambda: None))
+    monkeypatch.setattr(crew_module, "Router", lambda endpoint, token: SimpleNamespace(close=lambda: None))
     (tmp_path / "run").mkdir()
     settings, budget = learn_settings(None, None), Budget(minutes=1.0)
     plan = make_plan(("embedded",), tmp_path / "run", settings, LearnConfig(), budget, avatars=None, seed=0)

@@ -29,6 +29,7 @@ def test_folder_of_a_version_without_some_setting_can_be_gone_on_with(tmp_path: 
     del theirs.config["renderer"]["outputs"]
     with folder.locked():
         folder.save(theirs, 3)
+        folder.ledger.touch()
     folder.check(ours)
 
 
@@ -40,6 +41,7 @@ def test_folder_from_before_there_were_labels_is_refused_but_with_labels_off(tmp
     del old.config["renderer"]["labels"]
     with folder.locked():
         folder.save(old, 3)
+        folder.ledger.touch()
     folder.check(dataclasses.replace(SPEC, config=resolved_sections(without)))
     with pytest.raises(RunError, match=r"config \(renderer\) differ"):
         folder.check(dataclasses.replace(SPEC, config=resolved_sections(with_labels)))
@@ -51,6 +53,7 @@ def test_folder_from_before_the_camera_was_one_section_can_be_gone_on_with(tmp_p
     ours = dataclasses.replace(SPEC, config=resolved_sections(config))
     with folder.locked():
         folder.save(dataclasses.replace(SPEC, config=as_recorded_before(ours.config)), 3)
+        folder.ledger.touch()
     folder.check(ours)
     with pytest.raises(RunError, match=r"config \(robot, renderer\) differ"):
         folder.check(dataclasses.replace(SPEC, config=resolved_sections(RunConfig())))
@@ -77,6 +80,7 @@ def test_folder_with_other_outputs_is_refused(tmp_path: Path) -> None:
     )
     with folder.locked():
         folder.save(plain, 3)
+        folder.ledger.touch()
     folder.check(plain)
     with pytest.raises(RunError, match=r"config \(renderer\) differ"):
         folder.check(rich)
@@ -86,6 +90,7 @@ def test_folder_of_a_later_version_is_refused(tmp_path: Path) -> None:
     folder = RunFolder(tmp_path)
     with folder.locked():
         folder.save(dataclasses.replace(SPEC, config={"renderer": {"antigravity": True}}), 3)
+        folder.ledger.touch()
     with pytest.raises(RunError, match=r"config \(.*renderer.*\) differ"):
         folder.check(dataclasses.replace(SPEC, config=resolved_sections(RunConfig())))
 
@@ -96,6 +101,7 @@ def test_folder_of_a_run_with_other_stages_is_refused(tmp_path: Path) -> None:
     other = dataclasses.replace(SPEC, stages=(HUMAN_PLAN, ANIMATE, kept, RENDER))
     with folder.locked():
         folder.save(other, 3)
+        folder.ledger.touch()
     folder.check(other)
     with pytest.raises(RunError, match="holds data of another run: stages differ"):
         folder.check(SPEC)
@@ -103,7 +109,19 @@ def test_folder_of_a_run_with_other_stages_is_refused(tmp_path: Path) -> None:
 
 def test_endpoint_is_known_while_a_fleet_is_at_work(tmp_path: Path) -> None:
     folder = RunFolder(tmp_path)
-    with folder.locked(), folder.reachable("tcp/127.0.0.1:7447"):
-        assert folder.fleet_endpoint() == "tcp/127.0.0.1:7447"
+    with folder.locked(), folder.reachable("tcp/127.0.0.1:7447", "secret"):
+        assert folder.fleet_endpoint() == ("tcp/127.0.0.1:7447", "secret")
+        assert (folder.state / "endpoint").stat().st_mode & 0o077 == 0, "nobody else may read the token"
     with pytest.raises(RunError, match="No fleet is at work on"):
         folder.fleet_endpoint()
+
+
+def test_start_that_failed_binds_nobody(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path)
+    other = dataclasses.replace(SPEC, seed=SPEC.seed + 1)
+    with folder.locked():
+        folder.save(other, 3)
+    folder.check(SPEC)
+    folder.ledger.touch()
+    with pytest.raises(RunError, match="seed differ"):
+        folder.check(SPEC)

@@ -6,6 +6,7 @@ from readygo.common.bus.zenoh_bus import _ASTRAY, Router, ZenohBus, free_endpoin
 from readygo.common.errors import BusError
 from readygo.common.messages import PendingReply, PendingRequest, topics
 from readygo.common.messages.codec import encode
+from tests.common.messages.test_codec_fuzz import inputs
 
 REQUEST = PendingRequest(recorder="rec0")
 
@@ -59,5 +60,37 @@ def test_request_that_goes_astray_is_not_handled_and_sent_again() -> None:
     grant = dataclasses.replace(topics.PENDING, name=topics.GRANT.name)
     assert client.request(grant, REQUEST).indices == (4,)
     assert asked == [topics.GRANT.name] * 2
+    for bus in (client, server, router):
+        bus.close()
+
+
+def test_whoever_does_not_know_the_token_is_refused() -> None:
+    router = Router(free_endpoint(), "secret")
+    bus = ZenohBus(router.endpoint, "test", "secret")
+    bus.serve(topics.PENDING, lambda request: PendingReply(indices=(3,)))
+    for wrong in ("guess", ""):
+        with pytest.raises(BusError, match=f"No router answers at {router.endpoint}"):
+            ZenohBus(router.endpoint, "test", wrong)
+    friend = ZenohBus(router.endpoint, "test", "secret")
+    assert friend.request(topics.PENDING, REQUEST).indices == (3,)
+    for each in (friend, bus, router):
+        each.close()
+
+
+def test_server_outlives_whatever_is_sent_to_it() -> None:
+    router = Router(free_endpoint())
+    server, client = ZenohBus(router.endpoint, "test"), ZenohBus(router.endpoint, "test")
+    topics_of = {topic.request_type: topic for topic in (topics.PENDING, topics.GRANT, topics.append("r"))}
+    for topic in topics_of.values():
+        server.serve(topic, lambda request: PendingReply(indices=()))
+    sent = 0
+    for cls, payload in inputs(3000, seed=1):
+        if topic := topics_of.get(cls):
+            key = f"readygo/test/{topic.name}"
+            (reply,) = client._session.get(key, payload=payload, attachment=topic.name.encode(), timeout=20.0)
+            assert reply.ok or b"is no" in reply.err.payload.to_bytes()
+            sent += 1
+    assert sent > 100
+    assert client.request(topics.PENDING, REQUEST).indices == ()
     for bus in (client, server, router):
         bus.close()

@@ -9,6 +9,7 @@ from readygo.common.errors import BusError, RunError
 from readygo.common.fleet import Inputs, StageResult, Work, Worker, claim_any, leases, pull
 from readygo.common.messages import (
     Blob,
+    BlobReply,
     ClaimReply,
     ClaimRequest,
     ClaimStatus,
@@ -19,6 +20,9 @@ from readygo.common.messages import (
     Stage,
     Verdict,
     VerdictStatus,
+    Wake,
+    decode,
+    encode,
     topics,
 )
 from readygo.common.messages.stages import ANIMATE, HUMAN_PLAN
@@ -129,6 +133,46 @@ def test_failing_work_is_reported_with_its_words() -> None:
     completed: list[CompleteRequest] = []
     claim_any(_bus(iter([LEASE]), completed), _worker(fail))
     assert completed[0].failed == "ValueError: no floor"
+
+
+def test_idle_worker_asks_when_it_is_woken_and_hardly_ever_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(leases, "IDLE_S", 60.0)
+    asked = threading.Semaphore(0)
+    replies = iter([ClaimReply(status=ClaimStatus.WAIT), ClaimReply(status=ClaimStatus.DONE)])
+    bus = InProcessBus()
+
+    def claim(_: ClaimRequest) -> ClaimReply:
+        asked.release()
+        return next(replies)
+
+    bus.serve(topics.claim("animate"), claim)
+    worker = threading.Thread(target=pull, args=(bus, _worker(lambda *_: None)), kwargs={"stop": threading.Event()})
+    worker.start()
+    assert asked.acquire(timeout=20.0)
+    bus.publish(topics.WAKE, Wake())
+    worker.join(timeout=20.0)
+    assert not worker.is_alive()
+    bus.close()
+
+
+def test_unanswered_input_is_no_failure_of_the_episode_but_a_refused_one_is() -> None:
+    """What the coordinator does not answer says nothing of an episode; what cannot be had or read does."""
+    lease = dataclasses.replace(LEASE, inputs=(Blob(sha256="0"),))
+    completed: list[CompleteRequest] = []
+    bus = _bus(iter([lease, lease]), completed)
+    with pytest.raises(BusError, match="Nobody answered blob"):
+        claim_any(bus, _worker(lambda *_: StageResult()))
+    assert completed == []
+    bus.serve(topics.BLOB, lambda _: BlobReply(size=-1, data=b""))
+    claim_any(bus, _worker(lambda *_: StageResult()))
+    assert completed[0].failed == "Blob 0 is not known to the run."
+
+
+def test_input_that_cannot_be_decoded_is_a_failure_of_the_episode() -> None:
+    completed: list[CompleteRequest] = []
+    work = lambda claim, inputs: StageResult(result=encode(decode(ClaimReply, inputs["human-plan"])))  # noqa: E731
+    claim_any(_bus(iter([LEASE]), completed), _worker(work))
+    assert "is no ClaimReply" in completed[0].failed
 
 
 def test_lease_is_renewed_well_before_its_end_and_no_more_once_the_work_is_done() -> None:

@@ -1,98 +1,29 @@
 import dataclasses
 import hashlib
+import tracemalloc
 import typing
 
+import msgpack
 import numpy as np
 import pytest
 
-from readygo.common import messages
-from readygo.common.errors import BusError
+from readygo.common.errors import MessageError
 from readygo.common.messages import (
     AppendRequest,
     Blob,
     ClaimReply,
-    EpisodeHeader,
-    EpisodeKey,
+    ClaimRequest,
     EpisodeMotions,
     HumanLabels,
     HumanMotion,
-    HumanTrajectory,
     Motion,
-    Outcome,
-    RenderView,
+    RenewRequest,
     RobotPlanRequest,
-    RobotTrajectory,
-    Sample,
     Scenario,
-    Split,
     decode,
     encode,
 )
-
-KEY = EpisodeKey(seed=7, split=Split.VAL, index=3)
-
-
-def _example(hint: typing.Any) -> typing.Any:
-    """A value of a message field's type."""
-    origin = typing.get_origin(hint)
-    plain = {int: 3, float: 0.5, str: "text", bytes: b"\x00\xff", bool: True}
-    if hint in plain:
-        return plain[hint]
-    if dataclasses.is_dataclass(hint):
-        return _message(hint)
-    if origin is tuple:
-        count = len(typing.get_args(hint)) - (typing.get_args(hint)[-1] is Ellipsis)
-        return tuple(_example(typing.get_args(hint)[0]) for _ in range(count))
-    if origin is dict:
-        return {"key": _example(typing.get_args(hint)[1])}
-    if origin is not None and type(None) in typing.get_args(hint):
-        return _example(typing.get_args(hint)[0])
-    if hint is typing.Any:
-        return [1, "two"]
-    return next(iter(hint))
-
-
-def _message(cls: type) -> typing.Any:
-    arrays = {
-        Scenario: lambda: Scenario(
-            episode=KEY, start_xyyaw=np.arange(3.0), goal_xy_m=np.ones(2), humans=(_message(HumanTrajectory),)
-        ),
-        HumanTrajectory: lambda: HumanTrajectory(
-            avatar="ann", encounter="crossing", speed_mps=1.0, xy_m=np.arange(8.0).reshape(4, 2)
-        ),
-        Motion: lambda: Motion(root_m=np.ones((2, 3), np.float32), pose_axis_angle=np.zeros((2, 24, 3), np.float32)),
-        RobotTrajectory: lambda: RobotTrajectory(
-            outcome=Outcome.SUCCESS,
-            xyyaw=np.zeros((2, 3)),
-            actions=np.ones((2, 2)),
-            replanned=np.array([True, False]),
-            human_visible=np.array([False, True]),
-            human_distance_m=np.array([1.0, np.inf]),
-            time_to_collision_s=np.array([np.inf, 2.0]),
-            expert_cost=np.zeros(2),
-            replan_times_s=np.zeros(1),
-        ),
-        RenderView: lambda: RenderView(people="p", step=4, T_world_camera=np.eye(4)),
-        EpisodeHeader: lambda: _header(distortion_model="plumb_bob", distortion=(0.1, -0.2, 0.3, 0.4, 0.5)),
-        HumanLabels: lambda: HumanLabels(
-            joints_m=np.full((24, 3), 0.1, np.float32),
-            box=np.arange(7.0),
-            footprint_xy_m=np.ones((5, 2), np.float32),
-        ),
-        messages.Stage: lambda: messages.Stage(name="film", role="camera", records=True),
-        messages.RenderReply: lambda: messages.RenderReply(rgb=np.zeros((1, 2, 3, 3), np.uint8)),
-    }
-    if cls in arrays:
-        return arrays[cls]()
-    hints = typing.get_type_hints(cls)
-    return cls(**{field.name: _example(hints[field.name]) for field in dataclasses.fields(cls)})
-
-
-MESSAGES = [
-    getattr(messages, name)
-    for name in messages.__all__
-    if isinstance(getattr(messages, name), type) and dataclasses.is_dataclass(getattr(messages, name))
-]
+from tests.common.messages.examples import MESSAGES, header, message, sample
 
 
 def _plain(value: typing.Any) -> typing.Any:
@@ -105,44 +36,8 @@ def _plain(value: typing.Any) -> typing.Any:
 
 @pytest.mark.parametrize("cls", MESSAGES, ids=lambda cls: cls.__name__)
 def test_every_message_round_trips(cls: type) -> None:
-    message = _message(cls)
-    assert _plain(decode(cls, encode(message))) == _plain(message)
-
-
-def _header(**changes: typing.Any) -> EpisodeHeader:
-    header = EpisodeHeader(
-        episode=KEY,
-        sample_count=1,
-        goal_xy_m=(1.0, 2.0),
-        start_xyyaw=(0.0, 0.0, 0.0),
-        avatars=("ann",),
-        encounters=("crossing",),
-        image_format="jpeg",
-        height_px=144,
-        width_px=256,
-        K_px=(1.0,) * 9,
-    )
-    return dataclasses.replace(header, **changes)
-
-
-def _sample(**changes: typing.Any) -> Sample:
-    sample = Sample(
-        seq=0,
-        crc32=1,
-        time_ns=50_000_000,
-        image=b"jpeg",
-        action_v_mps=0.5,
-        action_w_radps=-0.25,
-        goal_xy_robot_m=(1.0, 2.0),
-        robot_xyzyaw=(0.0, 1.0, 2.0, 3.0),
-        humans_xyzyaw=((4.0, 5.0, 6.0, 7.0),),
-        human_distance_m=2.0,
-        time_to_collision_s=3.0,
-        human_visible=True,
-        expert_cost=4.0,
-        replanned=False,
-    )
-    return dataclasses.replace(sample, **changes)
+    one = message(cls)
+    assert _plain(decode(cls, encode(one))) == _plain(one)
 
 
 OLD_DIGEST = "d5622e95c6c006518bface14e4fb73ba1b0a132ecee91b14784b3e8e1dd2efc7"
@@ -154,13 +49,13 @@ NEW_DIGEST = "4421117732129706089e16af539a3501bf68b869fcc5d4025958f5b714d0a852"
 @pytest.mark.parametrize(
     ("header", "sample", "want"),
     [
-        (_header(), _sample(), OLD_DIGEST),
+        (header(), sample(), OLD_DIGEST),
         (
-            _header(distortion_model="kannala_brandt", distortion=(0.1, 0.2, 0.3, 0.4)),
-            _sample(outputs={"depth": b"png16", "mask": b"png8"}),
+            header(distortion_model="kannala_brandt", distortion=(0.1, 0.2, 0.3, 0.4)),
+            sample(outputs={"depth": b"png16", "mask": b"png8"}),
             NEW_DIGEST,
         ),
-        (_header(labels=True), _sample(labels=(_message(HumanLabels),)), LABELS_DIGEST),
+        (header(labels=True), sample(labels=(message(HumanLabels),)), LABELS_DIGEST),
     ],
     ids=["plain", "outputs", "labels"],
 )
@@ -171,7 +66,7 @@ def test_wire_format_of_an_append_does_not_change_silently(header, sample, want)
 
 
 def test_message_without_the_new_fields_takes_their_defaults() -> None:
-    request = AppendRequest(attempt=1, header=_header(), first_seq=0, samples=(_sample(),), last=True)
+    request = AppendRequest(attempt=1, header=header(), first_seq=0, samples=(sample(),), last=True)
     assert b"outputs" not in encode(request)
     assert b"distortion" not in encode(request)
     assert b"labels" not in encode(request)
@@ -184,13 +79,67 @@ def test_missing_new_field_takes_its_default() -> None:
 
 
 @pytest.mark.parametrize("payload", [b"", b"\xc1", b"\x93\x01\x02\x03", b"\x81\xa6status"])
-def test_damaged_payload_is_a_bus_error(payload: bytes) -> None:
-    with pytest.raises(BusError, match="is no ClaimReply"):
+def test_damaged_payload_is_refused_in_our_words(payload: bytes) -> None:
+    with pytest.raises(MessageError, match="is no ClaimReply"):
         decode(ClaimReply, payload)
 
 
 def test_nested_motions_survive_in_requests() -> None:
-    motions = EpisodeMotions(humans=(HumanMotion(avatar="ann", motion=_message(Motion)),))
-    request = RobotPlanRequest(scenario=_message(Scenario), motions=motions)
+    motions = EpisodeMotions(humans=(HumanMotion(avatar="ann", motion=message(Motion)),))
+    request = RobotPlanRequest(scenario=message(Scenario), motions=motions)
     back = decode(RobotPlanRequest, encode(request))
     np.testing.assert_array_equal(back.motions.humans[0].motion.root_m, np.ones((2, 3), np.float32))
+
+
+FEW_BYTES = {
+    "a dtype that kills": b"\x81\xa1x" + msgpack.packb(msgpack.ExtType(1, msgpack.packb(["m8[s/0]", [1]]) + bytes(8))),
+    "more numbers than bytes": b"\x81\xa1x" + msgpack.packb(msgpack.ExtType(1, b"\x92\xa3<f8\x91\xce\xff\xff\xff\xff")),
+    "no numbers, much shape": b"\x81\xa1x"
+    + msgpack.packb(msgpack.ExtType(1, b"\x92\xa3<f8\x93\x00\xce\xff\xff\xff\xff\xce\xff\xff\xff\xff")),
+    "five dimensions": b"\x81\xa1x" + msgpack.packb(msgpack.ExtType(1, b"\x92\xa3|u1\x95\1\1\1\1\1a")),
+    "a shape that is cut off": b"\x81\xa1x" + msgpack.packb(msgpack.ExtType(1, b"\x92\xa3<f8\x92\xcd\x00")),
+    "another extension": b"\x81\xa1x" + msgpack.packb(msgpack.ExtType(7, b"a")),
+    "a list for a text": msgpack.packb({"worker": ["w"]}),
+    "nothing for a text": msgpack.packb({"worker": None}),
+    "no text": msgpack.packb({}),
+    "a thousand lists deep": b"\x81\xa6worker" + b"\x91" * 1000 + b"\x90",
+    "two thousand lists deep": b"\x81\xa6worker" + b"\x91" * 2000 + b"\x90",
+    "a length without its bytes": b"\x81\xa6worker\xdb\xff\xff\xff\xff",
+    "no UTF-8": b"\x81\xa6worker\xa2\xff\xfe",
+}
+
+
+@pytest.mark.parametrize("payload", FEW_BYTES.values(), ids=FEW_BYTES)
+def test_hostile_bytes_are_refused_in_our_words(payload: bytes) -> None:
+    with pytest.raises(MessageError, match="is no ClaimRequest") as error:
+        decode(ClaimRequest, payload)
+    assert len(str(error.value)) < 400
+
+
+@pytest.mark.parametrize("value", [2**63, -(2**63) - 1, 1.0, "1", True, None, [1]])
+def test_whole_number_that_is_none_or_too_large_is_refused(value: object) -> None:
+    fields = {"worker": "w", "index": value, "attempt": 1}
+    with pytest.raises(MessageError, match="is no RenewRequest"):
+        decode(RenewRequest, msgpack.packb(fields) if value != -(2**63) - 1 else b"\x81\xa5index\xd3")
+
+
+def _lists(count: int, each: int) -> bytes:
+    return b"\xdd" + count.to_bytes(4, "big") + (b"\xdd" + each.to_bytes(4, "big") + b"\x90" * each) * count
+
+
+@pytest.mark.parametrize("lists", [_lists(1, 2_000_000), _lists(200, 10_000)])
+def test_many_empty_lists_cost_no_more_than_they_are_long(lists: bytes) -> None:
+    payload = b"\x81\xa6worker" + lists
+    tracemalloc.start()
+    try:
+        with pytest.raises(MessageError, match=r"max_array_len|more than 100000 lists"):
+            decode(ClaimRequest, payload)
+        assert tracemalloc.get_traced_memory()[1] < 20e6
+    finally:
+        tracemalloc.stop()
+
+
+def test_payload_larger_than_any_message_is_not_even_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("readygo.common.messages.codec.MESSAGE_BYTES_MAX", 10)
+    with pytest.raises(MessageError, match="larger than 10 bytes"):
+        decode(ClaimRequest, encode(ClaimRequest(worker="a long name")))

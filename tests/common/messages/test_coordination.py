@@ -2,7 +2,7 @@ import hashlib
 
 import pytest
 
-from readygo.common.errors import BusError
+from readygo.common.errors import MessageError
 from readygo.common.messages import (
     AppendReply,
     AppendStatus,
@@ -79,7 +79,7 @@ def test_wire_format_of_the_lease_protocol_does_not_change_silently() -> None:
 
 
 def test_status_of_a_later_version_is_no_message() -> None:
-    with pytest.raises(BusError, match="is no Verdict"):
+    with pytest.raises(MessageError, match="is no Verdict"):
         decode(Verdict, encode(Verdict(status=VerdictStatus.OK)).replace(b"ok", b"no"))
 
 

@@ -1,7 +1,7 @@
 """A run on a bus, driven by hand."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from readygo.common.bus import InProcessBus
@@ -36,19 +36,26 @@ class Line:
         wanted: int = 3,
         stages: tuple[Stage, ...] = EXPERT_LINE,
         policy: PolicyRef | None = None,
+        metadata: Mapping[str, str] | None = None,
         **settings: object,
     ) -> None:
         self.now_s = 0.0
         self.refused = ""
         """Why offered policies cannot drive; empty if they can."""
+        self.missing: set[int] = set()
+        """Episodes that no shard holds, whatever recorders say."""
+        self.aside: list[tuple[int, str, list[str]]] = []
+        """Index, reason and stages with results of the episodes that were given up."""
         self.bus = InProcessBus()
         self.coordinator = Coordinator(
-            spec=dataclasses.replace(SPEC, stages=stages, policy=policy),
+            spec=dataclasses.replace(SPEC, stages=stages, policy=policy, metadata=dict(metadata or {})),
             wanted=wanted,
             ledger=Ledger(folder / "ledger.sqlite", stages),
             blobs=BlobStore(folder / "blobs"),
             config=CoordinatorConfig(**settings),  # type: ignore[arg-type]
             check_policy=self._check_policy,
+            holds=lambda report: report.index not in self.missing,
+            set_aside=self._set_aside,
             clock=lambda: self.now_s,
         )
         attach(self.bus, self.coordinator)
@@ -57,19 +64,23 @@ class Line:
         if self.refused:
             raise PolicyError(self.refused)
 
+    def _set_aside(self, index: int, reason: str, results: Mapping[str, bytes]) -> str:
+        self.aside.append((index, reason, sorted(results)))
+        return ""
+
     def offer(self, **files: bytes) -> OfferReply:
         """Offer a policy of these files."""
         request = OfferRequest(files=tuple(PolicyFile(name=name, data=data) for name, data in files.items()))
         return self.bus.request(topics.OFFER, request)
 
-    def claim(self, stage: Stage, worker: str = "w", numeric_class: str = "") -> ClaimReply:
+    def claim(self, stage: Stage, worker: str = "w", numeric_class: str = "this") -> ClaimReply:
         request = ClaimRequest(worker=worker, numeric_class=numeric_class)
         return self.bus.request(topics.claim(stage.name), request)
 
     def complete(self, stage: Stage, claim: ClaimReply, **fields: object) -> VerdictStatus:
         assert claim.episode is not None
-        request = CompleteRequest(worker="w", index=claim.episode.index, attempt=claim.attempt, **fields)  # type: ignore[arg-type]
-        return self.bus.request(topics.complete(stage.name), request).status
+        values = {"worker": "w", "index": claim.episode.index, "attempt": claim.attempt, **fields}
+        return self.bus.request(topics.complete(stage.name), CompleteRequest(**values)).status  # type: ignore[arg-type]
 
     def plan(self, *, rejected: str = "") -> ClaimReply:
         """Pass the next episode through all stages before rendering."""
@@ -96,6 +107,10 @@ class Line:
             recorder="rec0", index=claim.episode.index, attempt=claim.attempt, shard="s", sample_count=10, policy=policy
         )
         return self.bus.request(topics.DONE, request).status
+
+    def record(self, claim: ClaimReply) -> None:
+        """Make an episode durable."""
+        assert (self.grant(claim), self.done(claim)) == (VerdictStatus.OK, VerdictStatus.OK)
 
     def status(self) -> StatusReply:
         return self.bus.request(topics.STATUS, StatusRequest())

@@ -3,7 +3,17 @@ import pytest
 from readygo.services.coordinator import CoordinatorConfig
 
 
-@pytest.mark.parametrize("wrong", [{"lease_s": 0.0}, {"plan_ahead": 0}, {"failures_max": 0}, {"rejections_max": -1}])
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"lease_s": 0.0},
+        {"plan_ahead": 0},
+        {"failures_max": 0},
+        {"deaths_max": 0},
+        {"aside_max": -1},
+        {"rejections_max": -1},
+    ],
+)
 def test_numbers_must_be_positive(wrong: dict[str, float]) -> None:
     with pytest.raises(ValueError, match=f"{next(iter(wrong))}.* must be positive"):
         CoordinatorConfig(**wrong)

@@ -1,22 +1,26 @@
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from readygo.common.errors import PeerError, RunError
+from readygo.common.errors import DiskError, PeerError, RunError
 from readygo.common.fleet import fetch_blob
 from readygo.common.messages import (
     ClaimStatus,
     Command,
     ControlRequest,
     DoneRequest,
+    ExpectRequest,
     FileRef,
+    GrantRequest,
     LostRequest,
     PendingRequest,
     PolicyRef,
     RenewRequest,
     Split,
     Stage,
+    TroubleRequest,
     VerdictStatus,
     topics,
 )
@@ -63,8 +67,8 @@ def test_expired_lease_is_given_to_another_and_late_work_is_stale(line: Line) ->
     requeue_lost(line.coordinator)
     fresh = line.claim(HUMAN_PLAN, "fast")
     assert fresh.episode == late.episode
-    assert line.complete(HUMAN_PLAN, late, result=b"late") is VerdictStatus.STALE
-    assert line.complete(HUMAN_PLAN, fresh, result=b"fresh") is VerdictStatus.OK
+    assert line.complete(HUMAN_PLAN, late, worker="slow", result=b"late") is VerdictStatus.STALE
+    assert line.complete(HUMAN_PLAN, fresh, worker="fast", result=b"fresh") is VerdictStatus.OK
     assert line.claim(ANIMATE).inputs[0].data == b"fresh"
     assert line.status().requeued == 1
 
@@ -86,7 +90,7 @@ def test_dead_workers_leases_are_free_at_once(line: Line) -> None:
     again = line.claim(HUMAN_PLAN, "alive")
     assert again.episode is not None
     assert (again.episode.index, again.attempt) == (0, 2)
-    assert line.complete(HUMAN_PLAN, alive, result=b"x") is VerdictStatus.OK
+    assert line.complete(HUMAN_PLAN, alive, worker="alive", result=b"x") is VerdictStatus.OK
 
 
 def test_grant_is_refused_to_an_attempt_that_lost_its_lease(line: Line) -> None:
@@ -132,14 +136,132 @@ def test_restart_keeps_progress_and_frees_leases(tmp_path: Path) -> None:
     assert second.complete(HUMAN_PLAN, late, result=b"late") is VerdictStatus.STALE
 
 
-def test_repeated_failure_fails_the_run_with_the_workers_words(line: Line) -> None:
-    for attempt in range(3):
-        assert line.status().failed == ""
-        claim = line.claim(HUMAN_PLAN)
-        assert claim.attempt == attempt + 1
-        line.complete(HUMAN_PLAN, claim, failed="ValueError: no floor")
-    assert "ValueError: no floor" in line.status().failed
+def _fail(line: Line, stage: Stage, times: int, words: str = "ValueError: no floor") -> None:
+    for _ in range(times):
+        line.complete(stage, line.claim(stage), failed=words)
+
+
+def test_failed_episode_begins_anew_and_is_set_aside_with_its_results_in_the_end(line: Line) -> None:
+    for _ in range(3):
+        line.plan()
+        claim = line.claim(RENDER)
+        assert claim.episode is not None
+        assert claim.episode.index == 0
+        line.complete(RENDER, claim, failed="MessageError: is no scenario")
+    assert line.aside == [
+        (0, "stage render failed: MessageError: is no scenario", ["animate", "human-plan", "robot-plan"])
+    ]
+    status = line.status()
+    assert status.rejected == {"set aside: stage render failed: MessageError: is no scenario": 1}
+    assert (status.failed, status.wanted) == ("", 3)
+    for _ in range(3):
+        line.plan()
+        line.record(line.claim(RENDER))
+    assert line.status().finished
+
+
+def test_run_in_which_most_episodes_fail_ends_with_the_workers_words(line: Line) -> None:
+    _fail(line, HUMAN_PLAN, 8)
+    assert line.status().failed == ""
+    _fail(line, HUMAN_PLAN, 1)
+    assert line.status().failed == (
+        "3 episodes were set aside, the last one is 2: stage human-plan failed: ValueError: no floor"
+    )
     assert line.claim(HUMAN_PLAN).status is ClaimStatus.DONE
+
+
+def test_episode_that_kills_its_workers_is_set_aside(tmp_path: Path) -> None:
+    line = Line(tmp_path, deaths_max=2)
+    for _ in range(2):
+        line.claim(HUMAN_PLAN, "doomed")
+        requeue_lost(line.coordinator, worker="doomed")
+    assert line.status().rejected == {"set aside: 2 workers ended while they held it": 1}
+
+
+@pytest.mark.parametrize("damage", [lambda path: path.unlink(), lambda path: path.write_bytes(b"garbage")])
+def test_result_that_is_lost_or_damaged_is_made_again(line: Line, damage: Callable[[Path], object]) -> None:
+    line.pass_on(HUMAN_PLAN)
+    (blob,) = line.coordinator.blobs._folder.iterdir()
+    damage(blob)
+    assert line.claim(ANIMATE).status is ClaimStatus.WAIT
+    line.pass_on(HUMAN_PLAN)
+    assert line.claim(ANIMATE).inputs[0].data == b"human-plan"
+
+
+def test_only_its_holder_can_speak_for_a_lease(line: Line) -> None:
+    claim = line.claim(HUMAN_PLAN, "holder")
+    renew = RenewRequest(worker="thief", index=0, attempt=claim.attempt)
+    verdict = line.bus.request(topics.renew("human-plan"), renew)
+    assert (verdict.status, verdict.reason) == (VerdictStatus.STALE, "attempt 1 of episode 0 is held by another worker")
+    for forged in ({"rejected": "forged"}, {"failed": "forged"}, {"result": b"forged"}):
+        assert line.complete(HUMAN_PLAN, claim, worker="thief", **forged) is VerdictStatus.STALE
+    assert line.complete(HUMAN_PLAN, claim, worker="holder", result=b"true") is VerdictStatus.OK
+    assert line.status().rejected == {}
+
+
+def test_episode_that_is_not_where_its_recorder_says_is_not_durable(line: Line) -> None:
+    line.plan()
+    claim = line.claim(RENDER)
+    line.grant(claim)
+    line.missing = {0}
+    with pytest.raises(PeerError, match="Episode 0 is not in s of recorder rec0"):
+        line.done(claim)
+    assert line.status().committed == 0
+    line.missing = set()
+    assert line.done(claim) is VerdictStatus.OK
+
+
+def test_samples_are_expected_of_leased_attempts_of_the_run_by_the_episodes_recorder(line: Line) -> None:
+    line.plan()
+    key = line.claim(RENDER).episode
+    assert key is not None
+
+    def expect(attempt: int = 4, recorder: str = "rec0", **changes: object) -> tuple[VerdictStatus, str]:
+        request = ExpectRequest(recorder=recorder, episode=dataclasses.replace(key, **changes), attempt=attempt)
+        verdict = line.bus.request(topics.EXPECT, request)
+        return verdict.status, verdict.reason
+
+    assert expect() == (VerdictStatus.OK, "")
+    assert expect(10**9) == (VerdictStatus.STALE, "attempt 1000000000 of train-5-000000 is not leased to be recorded")
+    assert expect(seed=999) == (VerdictStatus.STALE, "the run has train episodes of seed 5, not train-999-000000")
+    assert expect(recorder="mine") == (VerdictStatus.STALE, "episode 0 is for rec0, not mine")
+    assert expect(index=1)[0] is VerdictStatus.STALE
+    line.bus.request(topics.GRANT, GrantRequest(recorder="rec0", index=0, attempt=4))
+    assert expect() == (VerdictStatus.OK, "")
+    grant = GrantRequest(recorder="mine", index=0, attempt=4)
+    assert line.bus.request(topics.GRANT, grant).reason == "episode 0 is for rec0, not mine"
+
+
+def test_worker_that_does_not_say_its_numeric_class_or_is_not_of_the_runs_is_refused(tmp_path: Path) -> None:
+    line = Line(tmp_path, metadata={"numeric_class": "the run's"})
+    assert line.claim(HUMAN_PLAN, numeric_class="").status is ClaimStatus.REFUSED
+    assert line.claim(HUMAN_PLAN, numeric_class="forged").status is ClaimStatus.REFUSED
+    assert line.claim(HUMAN_PLAN, numeric_class="the run's").status is ClaimStatus.LEASE
+
+
+def test_recorders_trouble_is_told_until_it_is_over(line: Line) -> None:
+    for reason in ("No space left.", ""):
+        request = TroubleRequest(recorder="rec0", reason=reason)
+        assert line.bus.request(topics.TROUBLE, request).status is VerdictStatus.OK
+        assert line.status().trouble == reason
+    assert line.bus.request(topics.TROUBLE, TroubleRequest(recorder="x", reason="y")).status is VerdictStatus.STALE
+    assert line.status().trouble == ""
+
+
+def test_full_disk_of_the_ledger_is_waited_for(line: Line, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*arguments: object) -> None:
+        raise DiskError("The run's ledger cannot be used: disk full.")
+
+    ledger = line.coordinator.ledger
+    monkeypatch.setattr(ledger, "claim", full)
+    monkeypatch.setattr(ledger, "add", full)
+    assert line.claim(HUMAN_PLAN).status is ClaimStatus.WAIT
+    requeue_lost(line.coordinator)
+    assert "disk full" in line.status().trouble
+    monkeypatch.undo()
+    requeue_lost(line.coordinator)
+    assert line.status().trouble == ""
+    assert line.claim(HUMAN_PLAN).status is ClaimStatus.LEASE
 
 
 def test_scene_in_which_every_index_is_rejected_ends_the_run(tmp_path: Path) -> None:

@@ -82,18 +82,57 @@ def test_leases_end_by_time_and_grants_do_not(ledger: Ledger) -> None:
     assert not ledger.renew(other.index, other.attempt, 20.0)
 
 
-def test_failures_are_counted_per_stage(ledger: Ledger) -> None:
-    for failures in (1, 2):
-        lease = ledger.claim(HUMAN_PLAN, "w", 10.0)
-        assert lease is not None
-        assert ledger.fail(HUMAN_PLAN, lease.index, lease.attempt) == failures
+def test_failed_episode_begins_at_the_first_stage_and_its_failures_add_up(ledger: Ledger) -> None:
+    attempt = _render(ledger)
+    assert ledger.fail(RENDER, 0, attempt) == 1
+    assert ledger.fail(RENDER, 0, attempt) is None
     lease = ledger.claim(HUMAN_PLAN, "w", 10.0)
     assert lease is not None
-    assert ledger.advance(HUMAN_PLAN, lease.index, lease.attempt, "h")
+    assert lease.index == 0
+    assert ledger.advance(HUMAN_PLAN, 0, lease.attempt, "h")
     lease = ledger.claim(ANIMATE, "w", 10.0)
     assert lease is not None
-    assert ledger.fail(ANIMATE, lease.index, lease.attempt) == 1
-    assert ledger.fail(ANIMATE, lease.index, lease.attempt) is None
+    assert ledger.fail(ANIMATE, 0, lease.attempt) == 2
+
+
+def test_durable_episodes_of_a_lost_shard_begin_anew_and_those_of_a_damaged_one_are_asked_for(ledger: Ledger) -> None:
+    for index in range(3):
+        ledger.commit(index, "rec0", "lost" if index == 0 else "damaged", 10 + index)
+    assert ledger.shards() == {"lost": {0: 10}, "damaged": {1: 11, 2: 12}}
+    ledger.miss([0])
+    ledger.doubt("damaged")
+    assert ledger.granted("rec0") == (1, 2)
+    assert ledger.commit(1, "rec0", "saved", 11) is not None
+    assert ledger.take_back(2, "rec0")
+    assert ledger.waiting() == {"human-plan": 2}
+    assert ledger.shards() == {"saved": {1: 11}}
+
+
+@pytest.mark.parametrize(("wanted", "waiting"), [(4, {"human-plan": 2}), (2, {})])
+def test_ledger_made_anew_opens_what_is_unknown_unless_all_was_recorded(
+    tmp_path: Path, wanted: int, waiting: dict[str, int]
+) -> None:
+    ledger = Ledger(tmp_path / "new.sqlite")
+    for index in (1, 3):
+        ledger.adopt(index, "rec0", "s", 10, "")
+    ledger.fill_gaps(3, wanted)
+    assert ledger.waiting() == waiting
+    assert ledger.committed() == (2, 20)
+    assert ledger.wanted_min() == min(wanted, 4)
+    ledger.close()
+
+
+def test_damaged_ledger_is_found(tmp_path: Path) -> None:
+    path = tmp_path / "ledger.sqlite"
+    ledger = Ledger(path)
+    ledger.open_episodes(3000)
+    ledger.check()
+    ledger.close()
+    data = bytearray(path.read_bytes())
+    data[8192:20000] = bytes(20000 - 8192)
+    path.write_bytes(data)
+    with pytest.raises(RunError, match=r"ledger\.sqlite"):
+        Ledger(path).check()
 
 
 def test_counters_add_up_and_survive(tmp_path: Path) -> None:

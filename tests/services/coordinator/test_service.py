@@ -1,12 +1,13 @@
 import queue
 import time
+from collections.abc import Callable
 
 from readygo.common.bus import InProcessBus
 from readygo.common.messages import (
     StatusReply,
     topics,
 )
-from readygo.common.messages.stages import HUMAN_PLAN
+from readygo.common.messages.stages import HUMAN_PLAN, RENDER
 from readygo.services.coordinator import tick
 from tests.services.coordinator.line import Line
 
@@ -30,3 +31,23 @@ def test_tick_ends_old_leases_and_says_how_far_the_run_is(line: Line) -> None:
     tick(line.bus, line.coordinator)
     status = heard.get(timeout=5.0)
     assert (status.requeued, status.waiting) == (1, {"human-plan": 3})
+
+
+def test_recorder_that_is_gone_is_told_until_it_comes_back(line: Line) -> None:
+    line.plan()
+    line.grant(line.claim(RENDER))
+    recorder = InProcessBus(line.bus)
+    recorder.announce("recorder", "rec0")
+    recorder.close()
+    _wait_until(lambda: "Recorder rec0 is gone and holds 1 episodes" in line.status().trouble)
+    again = InProcessBus(line.bus)
+    again.announce("recorder", "rec0")
+    _wait_until(lambda: line.status().trouble == "")
+    again.close()
+
+
+def _wait_until(true: Callable[[], bool]) -> None:
+    deadline_s = time.monotonic() + 20.0
+    while not true():
+        assert time.monotonic() < deadline_s
+        time.sleep(0.01)

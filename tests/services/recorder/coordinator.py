@@ -4,10 +4,12 @@ from readygo.common.bus import Bus, InProcessBus
 from readygo.common.errors import BusError
 from readygo.common.messages import (
     DoneRequest,
+    ExpectRequest,
     GrantRequest,
     LostRequest,
     PendingReply,
     PendingRequest,
+    TroubleRequest,
     Verdict,
     VerdictStatus,
     topics,
@@ -24,6 +26,11 @@ class FakeCoordinator:
         self.granted: dict[int, int] = {}
         self.done: list[DoneRequest] = []
         self.lost: list[LostRequest] = []
+        self.unexpected: dict[int, VerdictStatus] = {}
+        """What is said to samples of an episode; OK if nothing is."""
+        self.troubles: list[str] = []
+        self.bus.serve(topics.EXPECT, self._expect)
+        self.bus.serve(topics.TROUBLE, self._trouble)
         self.bus.serve(topics.GRANT, self._grant)
         self.bus.serve(topics.DONE, self._done)
         self.bus.serve(topics.LOST, self._lost)
@@ -34,11 +41,20 @@ class FakeCoordinator:
         return [report.index for report in self.done]
 
     def go_away(self) -> None:
-        self.away = {"grant", "done", "lost", "pending"}
+        self.away = {"expect", "grant", "done", "lost", "pending"}
 
     def _answer(self, topic: str) -> None:
         if topic in self.away:
             raise BusError(f"Nobody answered {topic}.")
+
+    def _expect(self, request: ExpectRequest) -> Verdict:
+        self._answer("expect")
+        status = self.unexpected.get(request.episode.index, VerdictStatus.OK)
+        return Verdict(status=status, reason="nobody leased it" if status is VerdictStatus.STALE else "")
+
+    def _trouble(self, request: TroubleRequest) -> Verdict:
+        self.troubles.append(request.reason)
+        return Verdict(status=VerdictStatus.OK)
 
     def _grant(self, request: GrantRequest) -> Verdict:
         self._answer("grant")

@@ -10,7 +10,7 @@ from mcap.reader import make_reader
 from readygo.common.bus import InProcessBus
 from readygo.common.dataset import Dataset, Provenance, validate
 from readygo.common.dataset.stage import PAUSE_NS
-from readygo.common.errors import DatasetError, RunError
+from readygo.common.errors import DatasetError, DiskError, RunError
 from readygo.common.messages import (
     AppendReply,
     AppendRequest,
@@ -164,6 +164,7 @@ def test_attempt_that_lost_its_lease_is_stale(make_recorder, coordinator, tmp_pa
 
 def test_absent_coordinator_is_answered_with_retry(make_recorder, coordinator, tmp_path) -> None:
     coordinator.go_away()
+    coordinator.away.discard("expect")
     recorder = make_recorder()
     first, last = append_requests(0)
     assert send(recorder, [first, last, last]) == ["ok", "retry", "retry"]
@@ -214,21 +215,55 @@ def test_full_disk_cuts_the_shard_back_and_names_the_folder(make_recorder, coord
         return real_write(descriptor, data[: len(data) // 2])
 
     monkeypatch.setattr("readygo.common.dataset.writer.os.write", write_half)
-    with pytest.raises(RunError, match=f"No space left in {tmp_path}; free some"):
-        send(recorder, append_requests(1))
+    monkeypatch.setattr("readygo.services.recorder.handlers.FULL_S", 60.0)
+    assert send(recorder, append_requests(1)) == ["ok", "retry"]
     assert part.read_bytes() == good
-    assert [report.index for report in coordinator.lost] == [1]
-    assert "No space left" in coordinator.lost[0].reason
-    with pytest.raises(RunError, match="No space left"):
+    assert coordinator.lost == []
+    assert coordinator.troubles == [f"No space left in {tmp_path}; free some, and recording goes on."]
+    last = append_requests(1)[-1]
+    assert handle_append(recorder, last) == AppendReply(status=AppendStatus.RETRY, detail=coordinator.troubles[0])
+    assert len(coordinator.troubles) == 1, "it is not tried all the time"
+    with pytest.raises(DiskError, match="No space left"):
         recorder.close()
     assert part.read_bytes() == good
     monkeypatch.undo()
 
     crash(recorder)
     resumed = make_recorder()
+    assert resumed.settle()
+    assert [report.index for report in coordinator.lost] == [1]
     assert send(resumed, append_requests(1, attempt=2)) == ["ok", "committed"]
     resumed.close()
     assert [entry.episode.index for entry in Dataset([tmp_path]).episodes] == [0, 1]
+    assert validate(tmp_path).defects == ()
+
+
+@pytest.mark.parametrize("cut", [True, False], ids=["cut back", "not even cut back"])
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EROFS])
+def test_disk_that_takes_nothing_is_waited_for(make_recorder, coordinator, tmp_path, monkeypatch, code, cut) -> None:
+    monkeypatch.setattr("readygo.services.recorder.handlers.FULL_S", 0.0)
+    recorder = make_recorder()
+    send(recorder, append_requests(0))
+
+    def refuse(*arguments: object) -> None:
+        raise OSError(code, os.strerror(code))
+
+    monkeypatch.setattr("readygo.common.dataset.writer.os.write", refuse)
+    if not cut:
+        monkeypatch.setattr("readygo.common.dataset.writer.os.ftruncate", refuse)
+    assert send(recorder, append_requests(1)) == ["ok", "retry"]
+    assert not recorder.settle()
+    assert send(recorder, append_requests(2)) == ["ok", "retry"]
+    assert coordinator.lost == []
+    monkeypatch.undo()
+    monkeypatch.setattr("readygo.services.recorder.handlers.FULL_S", 0.0)
+    # Nobody sends the first one again: its worker has ended meanwhile.
+    assert recorder.settle()
+    assert coordinator.troubles[-1] == ""
+    assert handle_append(recorder, append_requests(2)[-1]).status.value in ("committed", "dup")
+    assert {*coordinator.done_indices} == {0, 1, 2}
+    recorder.close()
+    assert sorted(entry.episode.index for entry in Dataset([tmp_path]).episodes) == [0, 1, 2]
     assert validate(tmp_path).defects == ()
 
 
@@ -240,10 +275,10 @@ def test_full_disk_while_a_shard_is_finished_loses_nothing(make_recorder, tmp_pa
 
     monkeypatch.setattr("readygo.common.dataset.writer.os.replace", refuse)
     assert send(recorder, append_requests(0)) == ["ok", "committed"]
-    with pytest.raises(RunError, match="No space left"):
-        send(recorder, append_requests(1))
+    assert send(recorder, append_requests(1)) == ["ok", "retry"]
     monkeypatch.undo()
-    assert send(recorder, append_requests(1, attempt=2)) == ["ok", "committed"]
+    monkeypatch.setattr("readygo.services.recorder.handlers.FULL_S", 0.0)
+    assert recorder.settle()
     recorder.close()
     assert len(Dataset([tmp_path]).episodes) == 2
     assert validate(tmp_path).defects == ()
@@ -312,6 +347,20 @@ def test_episode_of_another_run_is_refused(make_recorder) -> None:
     other = append_requests(1, episode=EpisodeKey(seed=8, split=Split.TRAIN, index=1))
     with pytest.raises(RunError, match="holds train episodes of seed 7, got train-8-000001"):
         send(make_recorder(), other)
+
+
+def test_samples_of_an_attempt_that_nobody_leased_change_nothing(make_recorder, coordinator, tmp_path) -> None:
+    recorder = make_recorder()
+    coordinator.unexpected = {0: VerdictStatus.STALE}
+    forged = append_requests(0, attempt=10**9, episode=EpisodeKey(seed=999, split=Split.TRAIN, index=0))
+    reply = handle_append(recorder, forged[0])
+    assert (reply.status, reply.detail) == (AppendStatus.STALE, "nobody leased it")
+    coordinator.unexpected = {}
+    assert send(recorder, append_requests(0)) == ["ok", "committed"]
+    coordinator.unexpected = {1: VerdictStatus.DONE}
+    assert send(recorder, append_requests(1)) == ["dup", "dup"]
+    coordinator.go_away()
+    assert send(recorder, append_requests(2)) == ["retry", "retry"]
 
 
 def test_closed_recorder_asks_to_try_again(make_recorder) -> None:

@@ -17,5 +17,5 @@ def test_service_starts_without_a_coordinator(tmp_path) -> None:
     bus = InProcessBus()
     recorder = Recorder(tmp_path, "r0", bus, PROVENANCE, RecorderConfig(fsync=False))
     attach(bus, recorder)
-    assert bus.request(topics.append("r0"), append_requests(0)[0]).status.value == "ok"
+    assert bus.request(topics.append("r0"), append_requests(0)[0]).status.value == "retry"
     recorder.close()

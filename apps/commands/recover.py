@@ -1,0 +1,32 @@
+"""`readygo recover`: a data folder that has lost something, whole again."""
+
+from pathlib import Path
+
+from rich.console import Console
+
+from readygo.apps.commands.generate import progress_bar
+from readygo.apps.fleet.run import record
+from readygo.apps.run.folder import RunFolder
+from readygo.apps.run.recovery import recover as recover_run
+
+
+def recover(data: Path, /, *, workers: int = 1) -> None:
+    """Make a data folder whole again: read all of it, save what is whole, and record again what is not.
+
+    A lost or damaged ledger is made anew of the shards. `readygo generate` does the same when it goes on with a run,
+    but does not read shards again that have not changed since.
+
+    Args:
+        data: Data folder of a run.
+        workers: Renderer or driver processes, as for `readygo generate`; 0 does everything in this process.
+    """
+    folder = RunFolder(data)
+    spec, wanted = folder.load()
+    with folder.locked():
+        findings = recover_run(folder, every_byte=True)
+    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    if not findings.lines:
+        console.print("Nothing is lost or damaged.", markup=False)
+    with progress_bar() as show:
+        summary = record(spec, data, episodes=wanted, workers=workers, show=show)
+    console.print(f"{data} holds {summary['episodes']} episodes, {summary['samples']} samples.", markup=False)

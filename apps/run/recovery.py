@@ -1,0 +1,226 @@
+"""A run's ledger and its shards, brought in line again: whatever of the two was lost or damaged.
+
+Shards are what counts. A ledger that is gone is made anew of them; an episode that is in no sound shard any more is
+recorded again. A damaged shard becomes an open one, of which its recorder saves what is whole, as after a crash.
+"""
+
+import json
+import logging
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from readygo.apps.run.folder import RunFolder
+from readygo.common.dataset.committed import episode_indices
+from readygo.common.dataset.index import DATA_END_SIZE, ShardIndex, index_path, load_index, mapped, tail_offset
+from readygo.common.dataset.records import RECORD_HEADER
+from readygo.common.dataset.writer import PART_SUFFIX, shard_name
+from readygo.common.errors import DatasetError, RunError
+from readygo.common.files import write_whole
+from readygo.common.messages import RunSpec, Stage
+from readygo.services.coordinator import Ledger
+from readygo.services.recorder.salvage import next_number
+
+log = logging.getLogger(__name__)
+
+SHARDS = "shard-*.mcap"
+
+
+@dataclass(kw_only=True)
+class Findings:
+    """What was not as it was left."""
+
+    rebuilt: bool = False
+    """True if the ledger was made anew."""
+    damaged: dict[str, str] = field(default_factory=dict)
+    """Why, by the name of a shard that is damaged."""
+    lost: list[int] = field(default_factory=list)
+    """Episodes that were durable and are in no sound shard: they are recorded again, but for what is saved."""
+
+    @property
+    def lines(self) -> list[str]:
+        """All of it in words."""
+        lines = ["The run's ledger was lost or damaged: it is made anew of the shards."] if self.rebuilt else []
+        lines += [f"{name} is damaged ({why}): what is whole in it is saved." for name, why in self.damaged.items()]
+        if self.lost:
+            lines.append(
+                f"{len(self.lost)} durable episodes are in no sound shard: what cannot be saved is recorded again."
+            )
+        return lines
+
+
+def recover(folder: RunFolder, *, every_byte: bool = False) -> Findings:
+    """Bring a run's ledger and shards in line; call it with the folder's lock, before the run goes on.
+
+    Args:
+        folder: Of a run, with its spec.
+        every_byte: Also read shards again that were found sound before and have not changed since.
+
+    Raises:
+        RunError: If the folder cannot be written.
+    """
+    if not folder.has_data:
+        return Findings()
+    spec, wanted = folder.load()
+    findings = Findings()
+    sound = _sound_shards(folder, findings, every_byte=every_byte)
+    for name in findings.damaged:
+        _reopen(folder.path / name)
+    ledger = _open_ledger(folder, spec.stages, findings)
+    try:
+        lost = _give_back(ledger, folder, sound)
+        findings.lost = sorted(lost - _adopted(ledger, sound, spec))
+        if findings.rebuilt:
+            indices = [index for shard in folder.path.glob(f"{SHARDS}*") for index in _indices(shard)]
+            ledger.fill_gaps(max(indices, default=-1), wanted)
+    finally:
+        ledger.close()
+    for line in findings.lines:
+        log.warning("%s", line)
+    return findings
+
+
+def check_recorded(folder: RunFolder) -> None:
+    """See whether every episode that a run's ledger calls durable is in a shard that can be read.
+
+    Raises:
+        RunError: If one is not.
+    """
+    spec, _ = folder.load()
+    findings = Findings()
+    sound = _sound_shards(folder, findings)
+    ledger = Ledger(folder.ledger, spec.stages)
+    shards = ledger.shards()
+    ledger.close()
+    missing = sum(len(_missing(episodes, sound.get(name))) for name, episodes in shards.items())
+    if missing:
+        why = "; ".join(f"{name}: {why}" for name, why in findings.damaged.items()) or "their shards are gone"
+        raise RunError(
+            f"{missing} recorded episodes of {folder.path} cannot be read ({why}); run the same command again, or "
+            f"`readygo recover {folder.path}`, to record them anew."
+        )
+
+
+def holds_episode(folder: Path, recorder: str, shard: str, index: int) -> bool:
+    """True if a recorder's shard, or one that it has not finished, begins an episode of this index."""
+    name = Path(shard).name
+    open_shards = sorted(folder.glob(f"shard-{recorder}-*.mcap{PART_SUFFIX}"), reverse=True)
+    places = [folder / name, folder / (name + PART_SUFFIX), *open_shards]
+    return any(index in _indices(path) for path in dict.fromkeys(places))
+
+
+def _indices(shard: Path) -> list[int]:
+    """Indices of the episodes in a shard, finished or not; none of a file that is none."""
+    return list(episode_indices(shard)) if shard.is_file() and shard.suffix != ".index" else []
+
+
+def _sound_shards(folder: RunFolder, findings: Findings, *, every_byte: bool = False) -> dict[str, ShardIndex]:
+    """The finished shards that can be read, by name; the others go into the findings.
+
+    Those whose bytes were found to match their checksum once are not read again while size and time stay.
+    """
+    note = folder.state / "sound.json"
+    known = {} if every_byte else _read_note(note)
+    sound: dict[str, ShardIndex] = {}
+    stamps: dict[str, list[int]] = {}
+    for shard in sorted(folder.path.glob(SHARDS)):
+        stat = shard.stat()
+        stamp = [stat.st_size, stat.st_mtime_ns]
+        try:
+            if known.get(shard.name) != stamp:
+                _check_bytes(shard)
+            sound[shard.name] = load_index(shard)
+            stamps[shard.name] = stamp
+        except DatasetError as error:
+            findings.damaged[shard.name] = str(error).split(";")[0]
+    if stamps != known:
+        write_whole(note, json.dumps(stamps), raises=RunError)
+    return sound
+
+
+def _read_note(note: Path) -> dict[str, list[int]]:
+    try:
+        stamps = json.loads(note.read_text())
+    except (OSError, ValueError):
+        return {}
+    return stamps if isinstance(stamps, dict) else {}
+
+
+def _check_bytes(shard: Path) -> None:
+    """Raise DatasetError unless a finished shard's bytes match the checksum at their end."""
+    with mapped(shard) as view:
+        end = tail_offset(view, shard)
+        stored = int.from_bytes(view[end + RECORD_HEADER.size : end + DATA_END_SIZE], "little")
+        if zlib.crc32(view[:end]) != stored:
+            raise DatasetError(f"Shard {shard} does not match its CRC-32")
+
+
+def _reopen(shard: Path) -> None:
+    """Make a damaged shard an open one, of which its recorder saves the whole episodes when it starts."""
+    part = shard.with_name(shard.name + PART_SUFFIX)
+    if part.exists():
+        # Left by a crash: each of the two may hold what the other has not.
+        recorder = _recorder(shard.name)
+        part = shard.with_name(shard_name(recorder, next_number(shard.parent, recorder)) + PART_SUFFIX)
+    index_path(shard).unlink(missing_ok=True)
+    shard.rename(part)
+
+
+def _recorder(shard: str) -> str:
+    return shard.removeprefix("shard-").rsplit("-", 1)[0]
+
+
+def _open_ledger(folder: RunFolder, stages: tuple[Stage, ...], findings: Findings) -> Ledger:
+    """The run's ledger; a new one where it is damaged, or gone although there are shards."""
+    new = not folder.ledger.exists()
+    findings.rebuilt = new and any(folder.path.glob(f"{SHARDS}*"))
+    try:
+        ledger = Ledger(folder.ledger, stages)
+        ledger.check()
+    except RunError as error:
+        if new:
+            raise
+        log.warning("%s", error)
+        for suffix in ("", "-wal", "-shm"):
+            damaged = folder.ledger.with_name(folder.ledger.name + suffix)
+            if damaged.exists():
+                damaged.replace(damaged.with_name(f"damaged-{damaged.name}"))
+        findings.rebuilt = True
+        return Ledger(folder.ledger, stages)
+    return ledger
+
+
+def _adopted(ledger: Ledger, sound: Mapping[str, ShardIndex], spec: RunSpec) -> set[int]:
+    """Note the episodes of sound shards as durable that the ledger does not know of; returns all of sound shards."""
+    found: set[int] = set()
+    known = {index for episodes in ledger.shards().values() for index in episodes}
+    for name, shard in sound.items():
+        for row, episode in enumerate(shard.episodes):
+            key = shard.episode_key(row)
+            if (key.seed, key.split) != (spec.seed, spec.split):
+                continue
+            found.add(key.index)
+            if key.index not in known:
+                ledger.adopt(key.index, _recorder(name), name, int(episode["sample_count"]), shard.ending(row).policy)
+    return found
+
+
+def _give_back(ledger: Ledger, folder: RunFolder, sound: Mapping[str, ShardIndex]) -> set[int]:
+    """Have episodes recorded again that are in no sound shard; what open shards hold, their recorders tell."""
+    lost: set[int] = set()
+    for name, episodes in ledger.shards().items():
+        missing = _missing(episodes, sound.get(name))
+        if missing and (folder.path / (name + PART_SUFFIX)).exists():
+            ledger.doubt(name)
+            lost |= set(missing) - set(_indices(folder.path / (name + PART_SUFFIX)))
+        elif missing:
+            ledger.miss(missing)
+            lost |= set(missing)
+    return lost
+
+
+def _missing(episodes: Mapping[int, int], shard: ShardIndex | None) -> list[int]:
+    """Indices that a shard should have with so many samples, and has not."""
+    found = {} if shard is None else {int(row["index"]): int(row["sample_count"]) for row in shard.episodes}
+    return [index for index, samples in episodes.items() if found.get(index) != samples]

@@ -1,0 +1,23 @@
+from pathlib import Path
+
+from readygo.apps.run.aside import keep_scenario
+from readygo.apps.run.folder import RunFolder
+from readygo.common.messages import HumanPlanReply, Scenario, encode
+from tests.common.messages.examples import KEY, message
+
+
+def test_reason_and_scenario_of_an_episode_that_was_given_up_are_kept(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path)
+    reply = HumanPlanReply(episode=KEY, scenario=message(Scenario))
+    words = keep_scenario(folder, 3, "stage render failed", {"human-plan": encode(reply)})
+    place = folder.aside / "episode-000003.toml"
+    assert words == f" (its scenario: {place})"
+    assert place.with_suffix(".txt").read_text() == "stage render failed\n"
+    assert "start_m = [0.0, 1.0]" in place.read_text()
+
+
+def test_episode_without_a_scenario_that_can_be_read_keeps_its_reason(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path)
+    for results in ({}, {"human-plan": b"garbage"}, {"human-plan": encode(HumanPlanReply(episode=KEY))}):
+        assert keep_scenario(folder, 3, "it failed", results) == ""
+    assert [path.name for path in folder.aside.iterdir()] == ["episode-000003.txt"]

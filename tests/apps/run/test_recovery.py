@@ -1,0 +1,166 @@
+import shutil
+import sqlite3
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from readygo.apps.run.folder import RunFolder
+from readygo.apps.run.recovery import check_recorded, holds_episode, recover
+from readygo.common.dataset import Dataset, validate
+from readygo.common.dataset.index import load_index
+from readygo.common.errors import RunError
+from readygo.services.recorder import RecorderConfig
+from tests.apps.fleet.toy_line import DRAW, FILM, in_process, make_folder
+
+LINE = (DRAW, FILM)
+EPISODES = 6
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """A finished run of six episodes in three shards, and the hash of what it holds."""
+    folder = make_folder(
+        tmp_path_factory.mktemp("run"),
+        LINE,
+        wanted=EPISODES,
+        recorder=RecorderConfig(episodes_per_shard=2, fsync=False),
+    )
+    assert in_process(folder, LINE).finished
+    return folder.path, Dataset(folder.path).content_hash
+
+
+@pytest.fixture
+def folder(recorded: tuple[Path, str], tmp_path: Path) -> RunFolder:
+    return RunFolder(Path(shutil.copytree(recorded[0], tmp_path / "data")))
+
+
+def _shard(folder: RunFolder, number: int = 1) -> Path:
+    return folder.path / f"shard-rec0-{number:05d}.mcap"
+
+
+def _second_episode(shard: Path) -> int:
+    """A byte of an image of a shard's second episode."""
+    return int(load_index(shard).samples["image_offset"][5]) + 20
+
+
+def _flip_byte(shard: Path) -> None:
+    data = bytearray(shard.read_bytes())
+    data[_second_episode(shard)] ^= 1
+    shard.write_bytes(data)
+
+
+def _lose_ledger(folder: RunFolder) -> None:
+    for path in folder.state.glob("ledger*"):
+        path.unlink()
+
+
+def _damage_ledger(folder: RunFolder) -> None:
+    _lose_ledger(folder)
+    folder.ledger.write_bytes(b"no ledger at all " * 500)
+
+
+def _lose_shard(folder: RunFolder) -> None:
+    _shard(folder).unlink()
+
+
+def _damage_shard(folder: RunFolder) -> None:
+    _flip_byte(_shard(folder))
+
+
+def _cut_shard(folder: RunFolder) -> None:
+    shard = _shard(folder)
+    shard.write_bytes(shard.read_bytes()[: _second_episode(shard)])
+
+
+def _lose_ledger_and_damage_shard(folder: RunFolder) -> None:
+    _lose_ledger(folder)
+    _damage_shard(folder)
+
+
+def _lose_episode(folder: RunFolder) -> None:
+    """The shard is another one than the ledger says."""
+    shutil.copy(_shard(folder, 0), _shard(folder, 1))
+    _shard(folder).with_suffix(".index").unlink()
+    _shard(folder, 0).unlink()
+
+
+DAMAGES = {
+    _lose_ledger: 0,
+    _damage_ledger: 0,
+    _lose_shard: 2,
+    _damage_shard: 1,
+    _cut_shard: 1,
+    _lose_ledger_and_damage_shard: 1,
+    _lose_episode: 2,
+}
+"""What is done to a run, and how many episodes it must record again for it."""
+
+
+@pytest.mark.parametrize(("damage", "again"), DAMAGES.items(), ids=lambda value: getattr(value, "__name__", ""))
+def test_run_is_whole_again_whatever_was_lost(
+    recorded: tuple[Path, str], folder: RunFolder, damage: Callable[[RunFolder], None], again: int
+) -> None:
+    damage(folder)
+    findings = recover(folder)
+    assert findings.lines
+    filmed: list[int] = []
+    status = in_process(folder, LINE, filmed=filmed)
+    assert (status.finished, status.committed) == (True, EPISODES)
+    assert len(filmed) == again
+    assert validate(folder.path).ok
+    assert Dataset(folder.path).content_hash == recorded[1]
+    assert recover(folder).lines == []
+    check_recorded(folder)
+
+
+def test_sound_run_is_left_alone_and_its_shards_are_read_once(
+    folder: RunFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert recover(folder).lines == []
+    monkeypatch.setattr("readygo.apps.run.recovery._check_bytes", lambda shard: pytest.fail("it was read before"))
+    assert recover(folder).lines == []
+    with pytest.raises(pytest.fail.Exception):
+        recover(folder, every_byte=True)
+
+
+def test_run_without_data_has_nothing_to_recover(tmp_path: Path) -> None:
+    assert recover(RunFolder(tmp_path)).lines == []
+
+
+@pytest.mark.parametrize("damage", [_lose_shard, _damage_shard])
+def test_episode_that_cannot_be_read_is_said_at_the_end(folder: RunFolder, damage: Callable[[RunFolder], None]) -> None:
+    check_recorded(folder)
+    damage(folder)
+    with pytest.raises(RunError, match=r"2 recorded episodes of .* cannot be read .*`readygo recover"):
+        check_recorded(folder)
+
+
+def test_crash_is_recovered_from_as_ever(folder: RunFolder) -> None:
+    """A shard that was being written: its recorder tells what is in it."""
+    _shard(folder, 2).rename(_shard(folder, 2).with_suffix(".mcap.part"))
+    assert recover(folder).lines == []
+    filmed: list[int] = []
+    assert in_process(folder, LINE, filmed=filmed).finished
+    assert filmed == []
+    assert validate(folder.path).ok
+
+
+def test_episode_is_found_where_its_recorder_says_or_in_what_it_writes(folder: RunFolder) -> None:
+    name = _shard(folder).name
+    assert holds_episode(folder.path, "rec0", name, 2)
+    assert not holds_episode(folder.path, "rec0", name, 0)
+    assert not holds_episode(folder.path, "rec0", "../" * 9 + "etc/passwd", 2)
+    _shard(folder).rename(_shard(folder, 9).with_suffix(".mcap.part"))
+    assert holds_episode(folder.path, "rec0", name, 2)
+    assert not holds_episode(folder.path, "rec1", name, 2)
+
+
+def test_ledger_of_an_earlier_day_learns_what_was_recorded_since(folder: RunFolder) -> None:
+    with sqlite3.connect(folder.ledger) as ledger:
+        ledger.execute("UPDATE episode SET state = 'waiting', stage = 'draw' WHERE idx > 1")
+    ledger.close()
+    assert recover(folder).rebuilt is False
+    filmed: list[int] = []
+    assert in_process(folder, LINE, filmed=filmed).finished
+    assert filmed == []
