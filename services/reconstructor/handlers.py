@@ -79,7 +79,7 @@ def find_poses(source: Path, out: Path, config: ReconstructorConfig, say: Say) -
         source: A video, a folder of photos, or a folder with a COLMAP model and its images.
         out: State folder; what is finished there is not done again.
         config: How.
-        say: Hears one line per stage.
+        say: Hears when a stage begins.
 
     Raises:
         ReadygoError: If the source cannot be used, the map is bad, or the scale is not known.
