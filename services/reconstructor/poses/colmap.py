@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.camera.captured import CapturedViews
 from readygo.common.errors import ConfigError, SceneError
 from readygo.common.extras import install_command
 from readygo.services.reconstructor.config import PosesConfig
@@ -194,10 +195,7 @@ def read_map(model: Path) -> PosedImages:
     Raises:
         SceneError: If it cannot be read.
     """
-    try:
-        rec = pycolmap().Reconstruction(model)
-    except (ValueError, RuntimeError, OSError) as error:
-        raise SceneError(f"{model} cannot be read as a COLMAP model: {str(error).splitlines()[0]}.") from error
+    rec = _opened(model)
     images = sorted((rec.images[number] for number in rec.reg_image_ids()), key=lambda image: image.name)
     cameras = [image.camera for image in images]
     ids = sorted(rec.points3D)
@@ -220,6 +218,31 @@ def read_map(model: Path) -> PosedImages:
         points_rgb=np.array([point.color for point in points], dtype=np.uint8).reshape(-1, 3),
         seen=np.array(sorted(seen), dtype=np.int64).reshape(-1, 2),
         errors_px=np.array([max(point.error, 0.0) for point in points]),
+    )
+
+
+def _opened(model: Path) -> Any:
+    try:
+        return pycolmap().Reconstruction(model)
+    except (ValueError, RuntimeError, OSError) as error:
+        raise SceneError(f"{model} cannot be read as a COLMAP model: {str(error).splitlines()[0]}.") from error
+
+
+def is_pinhole(model: Path) -> bool:
+    """Whether all cameras of a model are without distortion."""
+    cameras = _opened(model).cameras.values()
+    return all(camera.model.name in ("PINHOLE", "SIMPLE_PINHOLE") for camera in cameras)
+
+
+def pinhole_views(model: Path) -> CapturedViews:
+    """The cameras of a model without distortion, in the order of their images' names."""
+    rec = _opened(model)
+    images = sorted((rec.images[number] for number in rec.reg_image_ids()), key=lambda image: image.name)
+    return CapturedViews(
+        images=tuple(image.name for image in images),
+        sizes_px=np.array([[image.camera.width, image.camera.height] for image in images]).reshape(-1, 2),
+        K_px=np.array([image.camera.calibration_matrix() for image in images]).reshape(-1, 3, 3),
+        T_world_camera=np.array([_pose(image) for image in images]).reshape(-1, 4, 4),
     )
 
 
