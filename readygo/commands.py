@@ -14,7 +14,10 @@ COMMANDS = {
     "scene clean": Command("readygo.apps.commands.scene_edit:scene_clean", "remove huge Gaussians, floaters and haze"),
     "scene poses": Command(
         "readygo.apps.commands.reconstruct:scene_poses",
-        "find metric camera poses of a video or photos; no Gaussians yet",
+        "find metric camera poses of a video or photos, without Gaussians",
+    ),
+    "reconstruct": Command(
+        "readygo.apps.commands.reconstruct:reconstruct_command", "make a scene bundle of a video or photos"
     ),
     "marker": Command("readygo.apps.commands.reconstruct:marker", "write a printable marker of true size, as PDF"),
     "avatar list": Command("readygo.apps.commands.avatar:avatar_list", "list the people that can walk through scenes"),

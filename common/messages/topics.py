@@ -26,6 +26,12 @@ from readygo.common.messages.coordination import (
     Verdict,
 )
 from readygo.common.messages.learning import CommittedEpisode, OfferReply, OfferRequest
+from readygo.common.messages.reconstruction import (
+    ReconstructionClaim,
+    ReconstructionJob,
+    ReconstructionProgress,
+    ReconstructionReport,
+)
 from readygo.common.messages.render import RenderReply, RenderRequest
 from readygo.common.messages.samples import AppendReply, AppendRequest
 from readygo.common.messages.stages import (
@@ -73,10 +79,16 @@ HUMAN_PLAN = Topic("human-plan", HumanPlanRequest, HumanPlanReply)
 ANIMATE = Topic("animate", AnimateRequest, AnimateReply)
 ROBOT_PLAN = Topic("robot-plan", RobotPlanRequest, RobotPlanReply)
 
+RECONSTRUCTION_CLAIM = Topic("reconstruct/claim", ReconstructionClaim, ReconstructionJob)
+RECONSTRUCTION_REPORT = Topic("reconstruct/report", ReconstructionReport, Verdict)
+
 PROGRESS = Stream("live/progress", StatusReply)
 """The coordinator's status, a few times a second."""
 COMMITTED = Stream("train/episodes", CommittedEpisode)
 """Every episode, as soon as it is durable."""
+
+RECONSTRUCTION = Stream("live/reconstruct", ReconstructionProgress)
+"""How far the reconstruction of a scene is: when a stage begins, and every second while Gaussians are trained."""
 
 
 def claim(stage: str) -> Topic[ClaimRequest, ClaimReply]:

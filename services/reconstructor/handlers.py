@@ -2,7 +2,8 @@
 
 import json
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -33,6 +34,7 @@ from readygo.services.reconstructor.stages import Say, Stages
 
 FRAMES, MARKERS, FEATURES, MATCHES, MAP, POSED = "frames", "markers", "features", "matches", "map", "posed"
 """Stages, and folders of the job."""
+POSE_STAGES = (FRAMES, MARKERS, FEATURES, MATCHES, MAP, POSED)
 DATABASE_FILE, PICTURE_FILE, REPORT_FILE = "database.db", "top.png", "poses.json"
 _TRIED_IMAGES = 40
 """Of so many images other dictionaries are looked for."""
@@ -84,15 +86,28 @@ def find_poses(source: Path, out: Path, config: ReconstructorConfig, say: Say) -
     Raises:
         ReadygoError: If the source cannot be used, the map is bad, or the scale is not known.
     """
+    with open_job(source, out, config, say) as (stages, given):
+        return find_poses_in(stages, given, config)
+
+
+@contextmanager
+def open_job(source: Path, folder: Path, config: ReconstructorConfig, say: Say) -> Iterator[tuple[Stages, Source]]:
+    """Begin a job in a state folder, or go on with it, after a look at what would stop it hours later.
+
+    Raises:
+        ReadygoError: If the source cannot be used, the scale is not told, or another command works in the folder.
+    """
     _check_scale_is_told(config)
     colmap.pycolmap()
     given = open_source(source)
-    stages = Stages(out, say)
+    stages = Stages(folder, say)
     with stages.alone():
-        return _run_stages(stages, given, out, config)
+        yield stages, given
 
 
-def _run_stages(stages: Stages, given: Source, out: Path, config: ReconstructorConfig) -> dict[str, Any]:
+def find_poses_in(stages: Stages, given: Source, config: ReconstructorConfig) -> dict[str, Any]:
+    """As `find_poses`, in a job that may go on after it."""
+    out = stages.folder
     poses, metric = section_to_mapping(config.poses), section_to_mapping(config.metric)
     settings = {"source": [str(given.path.resolve()), given.kind, given.identity], **section_to_mapping(config.frames)}
     frames = stages.run(FRAMES, settings, partial(make_frames, given, config))

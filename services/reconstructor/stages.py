@@ -15,8 +15,6 @@ from readygo.common.errors import RunError
 from readygo.common.files import unfinished_folder, write_whole
 
 STAGE_FILE, LOCK_FILE = "stage.json", ".lock"
-_BEGUN_FILE = "begun"
-"""In a folder that is kept when it is not finished: the key of its stage."""
 ROOM_MIN_BYTES = 256 << 20
 """A stage does not begin with less room on the disk."""
 
@@ -78,7 +76,7 @@ class Stages:
             name: Of the stage, and of its folder.
             settings: All that its result depends on, besides the stages before.
             make: Fills a folder and says what it found, as values that JSON holds.
-            keep: What `make` left when it was interrupted is there again when it goes on, with the same settings.
+            keep: The folder stays when `make` is interrupted; it knows itself what of it can be used.
 
         Returns:
             What was found, now or then.
@@ -102,12 +100,9 @@ class Stages:
             return self._made(folder, make)
 
     def _kept(self, path: Path, make: Make) -> dict[str, Any]:
-        """Make a folder that stays as it is if it is not finished; one of other settings goes."""
-        begun = path / _BEGUN_FILE
-        if not (begun.is_file() and begun.read_text() == self._key):
-            shutil.rmtree(path, ignore_errors=True)
-            path.mkdir(parents=True)
-            begun.write_text(self._key)
+        """Make a folder that stays as it is if it is not finished."""
+        path.mkdir(parents=True, exist_ok=True)
+        (path / STAGE_FILE).unlink(missing_ok=True)
         return self._made(path, make)
 
     def _made(self, folder: Path, make: Make) -> dict[str, Any]:

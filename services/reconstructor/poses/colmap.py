@@ -1,7 +1,9 @@
 """The only place that knows pycolmap: features, matches, maps, undistortion and files of COLMAP models."""
 
 import shutil
+import signal
 import tempfile
+import threading
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -31,10 +33,14 @@ def pycolmap() -> Any:
     Raises:
         ConfigError: If it is not installed.
     """
+    terminate = signal.getsignal(signal.SIGTERM)
     try:
         import pycolmap as package
     except ImportError as error:
         raise ConfigError(f"Poses need pycolmap; run: {install_command('reconstruct')}") from error
+    if threading.current_thread() is threading.main_thread():
+        # Its import takes SIGTERM for itself, to print a trace.
+        signal.signal(signal.SIGTERM, terminate)
     package.logging.minloglevel = package.logging.FATAL.value
     return package
 

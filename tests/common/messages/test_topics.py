@@ -30,7 +30,10 @@ def test_names_of_the_wire_do_not_change_silently() -> None:
         "ctl/status",
         "human-plan",
         "live/progress",
+        "live/reconstruct",
         "rec/*/append",
+        "reconstruct/claim",
+        "reconstruct/report",
         "render/*",
         "robot-plan",
         "train/episodes",
@@ -40,7 +43,7 @@ def test_names_of_the_wire_do_not_change_silently() -> None:
 
 @pytest.mark.parametrize("folder", ["common", "services", "apps", "benchmarks"])
 def test_no_topic_is_written_down_anywhere_else(folder: str) -> None:
-    literal = re.compile(r"""["'](coord/|ctl["'/]|rec/|render/|blob["']|alive/|live/|train/)""")
+    literal = re.compile(r"""["'](coord/|ctl["'/]|rec/|render/|blob["']|reconstruct/|alive/|live/|train/)""")
     found = [
         f"{path.relative_to(ROOT)}: {line.strip()}"
         for path in (ROOT / folder).rglob("*.py")
