@@ -12,6 +12,9 @@ COMMANDS = {
     "scene align": Command("readygo.apps.commands.scene_edit:scene_align", "level a scene's floor at height 0"),
     "scene scale": Command("readygo.apps.commands.scene_edit:scene_scale", "make a scene larger or smaller"),
     "scene clean": Command("readygo.apps.commands.scene_edit:scene_clean", "remove huge Gaussians, floaters and haze"),
+    "scene capture": Command(
+        "readygo.apps.commands.capture:scene_capture", "film a scene with a marker in it; poses are known"
+    ),
     "scene poses": Command(
         "readygo.apps.commands.reconstruct:scene_poses",
         "find metric camera poses of a video or photos, without Gaussians",

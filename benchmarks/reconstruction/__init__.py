@@ -1,0 +1,1 @@
+"""Reconstruction of simulated captures, beside the truth."""
