@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -26,16 +27,20 @@ from readygo.services.reconstructor.metric.markers import (
 )
 from readygo.services.reconstructor.metric.place import Placement, place_map
 from readygo.services.reconstructor.metric.scale import square_corners_m
+from readygo.services.reconstructor.posed import PosedImages
 from readygo.services.reconstructor.poses import colmap
+from readygo.services.reconstructor.poses.joining import placed_by_markers
 from readygo.services.reconstructor.poses.pairs import image_pairs
 from readygo.services.reconstructor.poses.tags import focal_of_tags, tag_features
-from readygo.services.reconstructor.poses.verdict import Verdict, judge, refusal
+from readygo.services.reconstructor.poses.verdict import ADVICE, DOUBTFUL_POINTS, Verdict, disagreement, judge, refusal
 from readygo.services.reconstructor.stages import Say, Stages
 
 FRAMES, MARKERS, FEATURES, MATCHES, MAP, POSED = "frames", "markers", "features", "matches", "map", "posed"
 """Stages, and folders of the job."""
 POSE_STAGES = (FRAMES, MARKERS, FEATURES, MATCHES, MAP, POSED)
 DATABASE_FILE, PICTURE_FILE, REPORT_FILE = "database.db", "top.png", "poses.json"
+REPEATS = 2
+"""So often a doubtful map is made again."""
 _TRIED_IMAGES = 40
 """Of so many images other dictionaries are looked for."""
 
@@ -121,9 +126,7 @@ def find_poses_in(stages: Stages, given: Source, config: ReconstructorConfig) ->
         stages.run(FEATURES, _some(poses, "features_max"), partial(make_features, folder, frames, sightings, config))
         compared = _some(poses, "overlap", "exhaustive_max", "seed")
         stages.run(MATCHES, compared, partial(make_matches, out, frames, sightings, given.kind, config))
-    made = stages.run(
-        MAP, {**poses, "tags": bool(sightings)}, partial(make_map, out, given, frames, bool(sightings), config)
-    )
+    made = stages.run(MAP, {**poses, "tags": bool(sightings)}, partial(make_map, out, given, frames, sightings, config))
     place = partial(make_posed, out, out / MAP / made["model"], Verdict(**made["verdict"]), sightings, config)
     report = stages.run(POSED, metric, place)
     return {"source": str(given.path), "kind": given.kind, "frames": frames, **report, "seconds": stages.seconds}
@@ -230,13 +233,19 @@ def _in_order(kind: str, count: int, config: ReconstructorConfig) -> bool:
 
 
 def make_map(
-    out: Path, source: Source, frames: Mapping[str, Any], with_tags: bool, config: ReconstructorConfig, folder: Path
+    out: Path,
+    source: Source,
+    frames: Mapping[str, Any],
+    sightings: list[MarkerSighting],
+    config: ReconstructorConfig,
+    folder: Path,
 ) -> Mapping[str, Any]:
     """Poses and points in units of their own, judged.
 
     Raises:
         SceneError: If the map must not be used; the message has advice.
     """
+    database = out / MATCHES / DATABASE_FILE
     if source.kind == "colmap":
         model = colmap.find_model(source.path)
         assert model is not None
@@ -245,18 +254,49 @@ def make_map(
         name = str(model.resolve())
     else:
         asked = len(frames["names"])
-        database = out / MATCHES / DATABASE_FILE
-        models = colmap.build_maps(database, out / FRAMES, folder, config.poses, count=asked, with_tags=with_tags)
+        models = colmap.build_maps(database, out / FRAMES, folder, config.poses, count=asked, with_tags=bool(sightings))
         if not models:
             nothing = replace(_NOTHING, images=asked)
             raise SceneError(str(refusal(nothing, registered_min=config.poses.registered_min)))
+        models = _joined(models, database, out / FRAMES, sightings, config)
         model, sizes, name = models[0], colmap.piece_sizes(models), models[0].name
     images = colmap.read_map(model)
     verdict = judge(images, asked=asked, components=sizes, sequential=_in_order(source.kind, asked, config))
     reason = refusal(verdict, registered_min=config.poses.registered_min)
+    if not reason and source.kind != "colmap" and not sightings and verdict.points_per_image < DOUBTFUL_POINTS:
+        reason = _contradiction(images, database, out / FRAMES, folder, config)
     if reason:
         raise SceneError(reason)
     return {"model": name, "verdict": {**asdict(verdict), "components": list(sizes)}}
+
+
+def _contradiction(
+    images: PosedImages, database: Path, photos: Path, folder: Path, config: ReconstructorConfig
+) -> str | None:
+    """Why a map must not be used that comes out differently with other seeds."""
+    for number in range(1, REPEATS + 1):
+        with TemporaryDirectory(dir=folder) as other:
+            again = replace(config.poses, seed=config.poses.seed + number)
+            models = colmap.build_maps(database, photos, Path(other), again, count=len(images.names))
+            reason = disagreement(images, colmap.read_map(models[0]) if models else None)
+        if reason:
+            return f"The images share too little to tell how they lie: {reason}. {ADVICE}"
+    return None
+
+
+def _joined(
+    models: list[Path], database: Path, images: Path, sightings: list[MarkerSighting], config: ReconstructorConfig
+) -> list[Path]:
+    """The models with that first which markers make of all pieces and of images without a pose, if there is more."""
+    pieces = [colmap.read_map(model) for model in models]
+    one_camera = len({tuple(size) for piece in pieces for size in piece.size_px.tolist()}) == 1
+    if not (sightings and one_camera):
+        return models
+    poses = placed_by_markers(pieces, sightings)
+    if len(poses) == len(pieces[0].names):
+        return models
+    joined = colmap.posed_model(database, images, models[0].parent / "joined", models[0], poses, config.poses)
+    return [joined, *models]
 
 
 _NOTHING = Verdict(

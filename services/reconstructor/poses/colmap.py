@@ -20,9 +20,12 @@ from readygo.services.reconstructor.posed import PosedImages
 from readygo.services.reconstructor.poses.tags import tag_matches
 
 Array = npt.NDArray[np.float64]
+Poses = Mapping[str, Array]
 TagFeatures = Mapping[str, tuple[npt.NDArray[np.int64], Array]]
 
 MODEL_FILES = ("cameras", "images", "points3D")
+_ADJUSTMENTS = 3
+"""Times that points are made of matches, and all is adjusted, where poses are known roughly."""
 _MANY_IMAGES = 30
 """So many images of one camera determine a lens of four parameters."""
 
@@ -181,6 +184,56 @@ def build_maps(
         found = colmap.incremental_mapping(database, images, folder, options)
     order = sorted(found, key=lambda number: (-found[number].num_reg_images(), number))
     return [folder / str(number) for number in order]
+
+
+def posed_model(database: Path, images: Path, folder: Path, like: Path, poses: Poses, config: PosesConfig) -> Path:
+    """Make a model of images whose poses are known roughly: points from all matches, then everything adjusted.
+
+    Args:
+        database: With features and matches.
+        images: Folder of the images.
+        folder: Where the model is written.
+        like: A model whose cameras are taken.
+        poses: T_world_camera by image.
+        config: How.
+
+    Returns:
+        `folder`.
+    """
+    colmap = pycolmap()
+    rec = _unposed(database)
+    for number, camera in colmap.Reconstruction(like).cameras.items():
+        rec.camera(number).params = camera.params
+    for image in list(rec.images.values()):
+        if image.name in poses:
+            T = np.linalg.inv(poses[image.name])
+            pose = colmap.Rigid3d(colmap.Rotation3d(T[:3, :3]), T[:3, 3])
+            image.frame.set_cam_from_world(image.camera_id, pose)
+            rec.register_frame(image.frame_id)
+    options = colmap.IncrementalPipelineOptions()
+    options.random_seed, options.num_threads = config.seed, config.threads or -1
+    options.triangulation.random_seed = options.mapper.random_seed = config.seed
+    options.triangulation.ignore_two_view_tracks = False
+    adjusting = colmap.BundleAdjustmentOptions()
+    adjusting.print_summary = False
+    adjusting.ceres.loss_function_type = colmap.LossFunctionType.SOFT_L1
+    adjusting.ceres.solver_options.num_threads = config.threads or -1
+    folder.mkdir()
+    for _ in range(_ADJUSTMENTS):
+        rec = colmap.triangulate_points(rec, database, images, folder, True, options)
+        colmap.bundle_adjustment(rec, adjusting)
+    rec.update_point_3d_errors()
+    rec.write(folder)
+    return folder
+
+
+def _unposed(database: Path) -> Any:
+    """All images of a database, without poses."""
+    colmap = pycolmap()
+    rec = colmap.Reconstruction()
+    with colmap.Database.open(database) as db:
+        rec.load(colmap.DatabaseCache.create(db, colmap.DatabaseCacheOptions()))
+    return rec
 
 
 def piece_sizes(models: Sequence[Path]) -> tuple[int, ...]:
