@@ -48,7 +48,7 @@ def pull_jobs(bus: Bus, name: str, stop: threading.Event) -> None:
             bus.request(topics.RECONSTRUCTION_REPORT, report)
 
 
-class _Stopped(Exception):
+class _StoppedError(Exception):
     """The worker shall end."""
 
 
@@ -58,7 +58,7 @@ def _do(bus: Bus, name: str, job: ReconstructionJob, stop: threading.Event) -> R
     what = Job(source=Path(job.source), out=Path(job.out), work=Path(job.work), license=job.license)
     try:
         report = reconstruct(what, config_of(job), speaker.say)
-    except _Stopped:
+    except _StoppedError:
         return None
     except PeerError:
         raise
@@ -77,7 +77,7 @@ class _Speaker:
     def say(self, progress: StageProgress) -> None:
         """Tell everybody who listens, with a picture that was not sent yet."""
         if self._stop.is_set():
-            raise _Stopped
+            raise _StoppedError
         picture = b""
         if progress.picture is not None and progress.picture != self._shown and progress.picture.is_file():
             self._shown, picture = progress.picture, progress.picture.read_bytes()
