@@ -8,6 +8,9 @@ COMMANDS = {
     "scene inspect": Command(
         "readygo.apps.commands.scene:scene_inspect", "measure a scene bundle and draw it from above"
     ),
+    "scene report": Command(
+        "readygo.apps.commands.scene_report:scene_report", "write the health report of a scene, as a page"
+    ),
     "scene crop": Command("readygo.apps.commands.scene_edit:scene_crop", "keep a part of a scene"),
     "scene align": Command("readygo.apps.commands.scene_edit:scene_align", "level a scene's floor at height 0"),
     "scene scale": Command("readygo.apps.commands.scene_edit:scene_scale", "make a scene larger or smaller"),

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from readygo.apps.capture.ground import Ground, closed_way, marker_place, sight_m, wrapped_rad
+from readygo.apps.capture.ground import Ground, closed_way, marker_place, wrapped_rad
+from readygo.apps.views.sightlines import sight_m
 from readygo.common.scenes import Scene
 
 Floats = npt.NDArray[np.float64]

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from readygo.apps.capture.ground import BODY_RADIUS_M, Ground, closed_way, marker_place, sight_m, walking_ground
+from readygo.apps.capture.ground import BODY_RADIUS_M, Ground, closed_way, marker_place, walking_ground
 from readygo.apps.run.scene_argument import open_scene
 from readygo.common.errors import SceneError
 from readygo.common.maps import GridFrame, clearance_m
@@ -61,11 +61,3 @@ def test_marker_lies_on_the_ground_where_one_can_film_it() -> None:
     begin, place = marker_place(ground, way)
     assert ground.holds(np.array([place])).all()
     assert 0.8 < math.dist(way[begin], place) < 1.6
-
-
-def test_sight_ends_where_something_stands() -> None:
-    opaque = np.zeros((100, 100), np.bool_)
-    opaque[:, 60] = True
-    seen_m = sight_m(opaque, FRAME, np.array([[1.0, 0.0]]), np.array([0.0, math.pi]), far_m=2.5)
-    assert seen_m[0, 0] == pytest.approx(1.0, abs=0.06)
-    assert seen_m[0, 1] == 2.5
