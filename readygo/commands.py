@@ -16,6 +16,9 @@ COMMANDS = {
         "readygo.apps.commands.reconstruct:scene_poses",
         "find metric camera poses of a video or photos; no Gaussians yet",
     ),
+    "scene train": Command(
+        "readygo.apps.commands.train_gaussians:scene_train", "train Gaussians on posed images (a COLMAP model)"
+    ),
     "marker": Command("readygo.apps.commands.reconstruct:marker", "write a printable marker of true size, as PDF"),
     "avatar list": Command("readygo.apps.commands.avatar:avatar_list", "list the people that can walk through scenes"),
     "avatar import": Command(
