@@ -25,6 +25,9 @@ COMMANDS = {
     "reconstruct": Command(
         "readygo.apps.commands.reconstruct:reconstruct_command", "make a scene bundle of a video or photos"
     ),
+    "scene train": Command(
+        "readygo.apps.commands.train_gaussians:scene_train", "train Gaussians on posed images (a COLMAP model)"
+    ),
     "marker": Command("readygo.apps.commands.reconstruct:marker", "write a printable marker of true size, as PDF"),
     "avatar list": Command("readygo.apps.commands.avatar:avatar_list", "list the people that can walk through scenes"),
     "avatar import": Command(

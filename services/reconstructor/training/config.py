@@ -1,6 +1,6 @@
 """Configuration of a training of Gaussians, and its presets."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Literal
 
 from readygo.common.config import Range, check_ranges
@@ -39,8 +39,10 @@ class DensityConfig:
     """Steps between two times that Gaussians are added and removed."""
     begin: Annotated[float, Range(low=0.0, high=1.0)] = 0.02
     end: Annotated[float, Range(low=0.0, high=1.0)] = 0.5
+    absolute: bool = True
+    """Look at the pixels' absolute gradients; else at their sum, which hides what pulls both ways."""
     gradient_min: Annotated[float, Range(low=0.0)] = 8e-4
-    """Mean absolute gradient of the projected mean from which on a Gaussian is cloned or split, for an image of 2x2
+    """Mean gradient of the projected mean from which on a Gaussian is cloned or split, for an image of 2x2
     units."""
     split_scale: Annotated[float, Range(above=0.0)] = 0.01
     """Gaussians larger than this are split, smaller ones cloned: in extents of the scene."""
@@ -56,6 +58,38 @@ class DensityConfig:
     """Size of the noise, in learning rates of the means; `mcmc` only."""
     regular: Annotated[float, Range(low=0.0)] = 0.01
     """Weights of the mean opacity and the mean scale in the loss; `mcmc` only."""
+
+    def __post_init__(self) -> None:
+        check_ranges(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class GeometryConfig:
+    """Losses that make Gaussians lie on surfaces (Chen et al., PGSR, 2024)."""
+
+    enabled: bool = False
+    begin: Annotated[float, Range(low=0.0, high=1.0)] = 0.23
+    """Share of the training after which normals and neighbours are compared; Gaussians are flattened from the start."""
+    flatten: Annotated[float, Range(low=0.0)] = 100.0
+    """Weight of the mean shortest standard deviation of the Gaussians that a view shows [1/m]."""
+    normal: Annotated[float, Range(low=0.0)] = 0.015
+    """Weight of how normals differ from those of the depths, within a view."""
+    consistent: Annotated[float, Range(low=0.0)] = 0.03
+    """Weight of how far pixels come back from a neighbour [1/px]."""
+    ncc: Annotated[float, Range(low=0.0)] = 0.15
+    """Weight of how much grey patches differ from a neighbour's."""
+    noise_px: Annotated[float, Range(above=0.0)] = 1.0
+    """Pixels that come back farther away do not count: something hides them."""
+    patches_max: Annotated[int, Range(low=1)] = 4096
+    neighbours: Annotated[int, Range(low=1)] = 8
+    angle_max_deg: Annotated[float, Range(above=0.0, high=180.0)] = 30.0
+    distance_min_m: Annotated[float, Range(low=0.0)] = 0.01
+    distance_max_m: Annotated[float, Range(above=0.0)] = 1.5
+    """Neighbours are between these distances from a view."""
+    trim_every: Annotated[float, Range(above=0.0)] = 0.1
+    """After each such share of the training, while Gaussians are added, those that few views show are removed."""
+    trim_views: Annotated[int, Range(low=0)] = 2
+    """Gaussians must be seen by so many."""
 
     def __post_init__(self) -> None:
         check_ranges(self)
@@ -87,9 +121,16 @@ class GaussiansConfig:
     seed: int = 0
     rates: RatesConfig = field(default_factory=RatesConfig)
     density: DensityConfig = field(default_factory=DensityConfig)
+    geometry: GeometryConfig = field(default_factory=GeometryConfig)
 
     def __post_init__(self) -> None:
         check_ranges(self)
+
+
+def weak_texture(settings: GaussiansConfig) -> GaussiansConfig:
+    """The same for places with bare walls: nothing is split for its absolute gradients, faint Gaussians go early."""
+    density = replace(settings.density, absolute=False, gradient_min=2e-4, opacity_min=0.05)
+    return replace(settings, density=density)
 
 
 def preset(name: Preset) -> GaussiansConfig:

@@ -69,7 +69,7 @@ def add_noise(gaussians: Gaussians, size_m: float, rng: np.random.Generator) -> 
         size_m: The learning rate of the means times the configured noise.
         rng: Draws 3 N numbers.
     """
-    strength = size_m / (1.0 + np.exp(_NOISE_SLOPE * (gaussians.opacities - _NOISE_OPACITY)))
+    strength = size_m / (1.0 + np.exp(np.minimum(_NOISE_SLOPE * (gaussians.opacities - _NOISE_OPACITY), 80.0)))
     noise = rng.standard_normal((len(gaussians), 3), dtype=np.float32)
     rows = np.flatnonzero(strength > 1e-6 * size_m)
     along = _axes(gaussians, rows)

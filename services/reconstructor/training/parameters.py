@@ -1,4 +1,4 @@
-"""The Gaussians that are trained, as arrays: their parameters, what the rasterizer is given, and the optimiser's state."""
+"""The Gaussians that are trained, as arrays: their parameters and the state of the optimiser."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -13,6 +13,7 @@ from readygo.common.kernels import compiled
 
 Planes = npt.NDArray[np.float32]
 """Channels, rows, columns."""
+Row = Plane = npt.NDArray[np.float32]
 TAPS = 11
 _SIGMA_PX, _C1, _C2 = 1.5, 0.01**2, 0.03**2
 _SUMS, _PARTS = 5, 3
@@ -63,7 +64,7 @@ def psnr_db(image: npt.NDArray[np.float32], photo: npt.NDArray[np.float32]) -> f
 
 
 @compiled(error_model="numpy", nogil=True)
-def _filter_row(padded: npt.NDArray[np.float32], w: npt.NDArray[np.float32], out: npt.NDArray[np.float32]) -> None:
+def _filter_row(padded: Row, w: Row, out: Plane) -> None:
     """Filter a row that has five zeros on either side."""
     w0, w1, w2, w3, w4, w5 = w[0], w[1], w[2], w[3], w[4], w[5]
     n = len(out)
@@ -79,9 +80,7 @@ def _filter_row(padded: npt.NDArray[np.float32], w: npt.NDArray[np.float32], out
 
 
 @compiled(error_model="numpy", nogil=True)
-def _filter_columns(
-    rows: npt.NDArray[np.float32], v: int, w: npt.NDArray[np.float32], out: npt.NDArray[np.float32]
-) -> None:
+def _filter_columns(rows: Plane, v: int, w: Row, out: Plane) -> None:
     """Row v of an image whose columns are filtered; `out` may have more columns on the right."""
     height, width = rows.shape
     out[:width] = 0.0
@@ -95,13 +94,13 @@ def _filter_columns(
 
 @compiled(error_model="numpy", nogil=True)
 def _ssim(
-    x: npt.NDArray[np.float32],
-    y: npt.NDArray[np.float32],
-    w: npt.NDArray[np.float32],
+    x: Plane,
+    y: Plane,
+    w: Row,
     padded: Planes,
     rows: Planes,
     parts: Planes,
-    out: npt.NDArray[np.float32],
+    out: Plane,
 ) -> float:
     """Sum of SSIM over the pixels of a channel; `out` gets its derivative by x."""
     height, width = x.shape
@@ -160,9 +159,7 @@ def _pixels(
 
 
 @compiled(error_model="numpy", nogil=True)
-def _add_l1(
-    x: npt.NDArray[np.float32], y: npt.NDArray[np.float32], ssim_weight: float, count: int, out: npt.NDArray[np.float32]
-) -> float:
+def _add_l1(x: Plane, y: Plane, ssim_weight: float, count: int, out: Plane) -> float:
     """Sum of absolute differences; `out` becomes the loss's derivative by x, from that of the sum of SSIM."""
     ssim, absolute = np.float32(-ssim_weight / count), np.float32((1.0 - ssim_weight) / count)
     total = 0.0

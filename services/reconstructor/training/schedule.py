@@ -58,3 +58,9 @@ class Schedule:
         every = max(1, round(density.reset_every * self.settings.steps))
         in_time = step + 1 + every <= self.settings.steps * min(1.0, density.end + density.reset_every)
         return density.method == "gradients" and (step + 1) % every == 0 and in_time
+
+    def trims(self, step: int) -> bool:
+        """Whether Gaussians that hardly any view shows are removed after this step."""
+        geometry, steps = self.settings.geometry, self.settings.steps
+        every = max(1, round(geometry.trim_every * steps))
+        return geometry.enabled and (step + 1) % every == 0 and step + 1 <= self.settings.density.end * steps

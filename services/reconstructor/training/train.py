@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +28,8 @@ from readygo.services.reconstructor.training.adam import Adam
 from readygo.services.reconstructor.training.checkpoint import CHECKPOINT_FILE, load_checkpoint, save_checkpoint
 from readygo.services.reconstructor.training.config import GaussiansConfig
 from readygo.services.reconstructor.training.density import Sightings, add_noise, changed_density, reset_opacities
-from readygo.services.reconstructor.training.drawing import ViewGradients, leaves_of, view_gradients
+from readygo.services.reconstructor.training.drawing import Geometry, ViewGradients, leaves_of, observed, view_gradients
+from readygo.services.reconstructor.training.neighbours import choose_neighbours
 from readygo.services.reconstructor.training.parameters import Gaussians, initial_gaussians
 from readygo.services.reconstructor.training.photos import PhotoStore, Posed, open_posed, split_views
 from readygo.services.reconstructor.training.schedule import Schedule
@@ -113,7 +115,9 @@ class _Training:
         self._step, self._loss, self._saved_step = 0, math.nan, 0
         self._psnr_db: float | None = None
         self._picture: Path | None = None
-        self._photos, self._fraction = None, 0
+        self._photos: PhotoStore | None = None
+        self._fraction = 0
+        self._neighbours = _neighbours_of(posed, self._train, settings)
         self._start()
 
     def _start(self) -> None:
@@ -172,10 +176,11 @@ class _Training:
         with self._clock("views"):
             leaves, degree = leaves_of(self._gaussians), schedule.sh_degree(step)
 
-            def one(number: int) -> ViewGradients:
-                return view_gradients(leaves, photos[number], self._exposures[number], degree, self._settings)
+            def one(slot: int) -> ViewGradients:
+                number, geometry = numbers[slot], self._geometry(photos, numbers[slot], slot)
+                return view_gradients(leaves, photos[number], self._exposures[number], degree, self._settings, geometry)
 
-            views = list(pool.map(one, numbers))
+            views = list(pool.map(one, range(len(numbers))))
         self._loss = float(np.mean([view.loss for view in views]))
         if not math.isfinite(self._loss):
             self._stop_at_nan(f"images {', '.join(self._posed.views.images[number] for number in numbers)}")
@@ -185,6 +190,18 @@ class _Training:
                 self._change_exposures(numbers, views)
         with self._clock("density"):
             self._change_density()
+            if schedule.trims(step):
+                self._trim(pool, photos)
+
+    def _geometry(self, photos: PhotoStore, number: int, slot: int) -> Geometry | None:
+        """What a view's surfaces are compared with in this step."""
+        config = self._settings.geometry
+        if not config.enabled or self._step < config.begin * self._settings.steps:
+            return None
+        rng = np.random.default_rng((self._settings.seed, self._step, 2, slot))
+        others = self._neighbours[number]
+        neighbour = photos[others[rng.integers(len(others))]] if others else None
+        return Geometry(neighbour=neighbour, rng=rng)
 
     def _photos_of(self, fraction: int) -> PhotoStore:
         if self._photos is None or fraction != self._fraction:
@@ -198,14 +215,14 @@ class _Training:
         places = np.full((len(views), count), -1, dtype=np.int32)
         for place, view in zip(places, views, strict=True):
             place[view.rows] = np.arange(len(view.rows), dtype=np.int32)
-            self._seen.add(view.rows, view.moved)
+            self._seen.add(view.moved_rows, view.moved)
         ends = [count * part // cores for part in range(cores + 1)]
         gradients, rates = [view.gradients for view in views], self._schedule.rates(self._step)
 
         def one(part: slice) -> None:
             self._adam.step(self._gaussians, gradients, places, rates, part)
 
-        list(pool.map(one, (slice(a, b) for a, b in zip(ends, ends[1:], strict=False))))
+        list(pool.map(one, (slice(a, b) for a, b in pairwise(ends))))
 
     def _change_exposures(self, numbers: list[int], views: list[ViewGradients]) -> None:
         """Adam without corrections; gains and offsets of all images have no common part, which colours could hold."""
@@ -228,6 +245,16 @@ class _Training:
             self._seen = Sightings.none(len(self._gaussians))
         if schedule.resets_opacities(step):
             reset_opacities(self._gaussians, density)
+
+    def _trim(self, pool: ThreadPoolExecutor, photos: PhotoStore) -> None:
+        """Remove the Gaussians that fewer than the configured number of training views show."""
+        leaves = leaves_of(self._gaussians)
+        views = np.zeros(len(self._gaussians), dtype=np.int64)
+        for rows in pool.map(lambda number: observed(leaves, photos[number]), self._train):
+            views[rows] += 1
+        keep = views >= self._settings.geometry.trim_views
+        self._gaussians = self._gaussians.select(keep)
+        self._seen = Sightings(self._seen.gradient[keep], self._seen.views[keep])
 
     def _check_finite(self) -> None:
         for name, value in self._gaussians.values.items():
@@ -310,6 +337,20 @@ class _Training:
         begin_s = time.monotonic()
         yield
         self._seconds[stage] = self._seconds.get(stage, 0.0) + time.monotonic() - begin_s
+
+
+def _neighbours_of(posed: Posed, train: tuple[int, ...], settings: GaussiansConfig) -> dict[int, tuple[int, ...]]:
+    """By the number of a training view, those of the training views that it is compared with."""
+    config = settings.geometry
+    if not config.enabled:
+        return {}
+    found = choose_neighbours(
+        posed.views.T_world_camera[list(train)],
+        angle_max_deg=config.angle_max_deg,
+        distance_m=(config.distance_min_m, config.distance_max_m),
+        count=config.neighbours,
+    )
+    return {number: tuple(train[k] for k in others) for number, others in zip(train, found, strict=True)}
 
 
 def batch_views(train: tuple[int, ...], step: int, batch: int, seed: int) -> list[int]:
