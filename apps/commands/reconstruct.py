@@ -3,6 +3,7 @@
 import json as json_module
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -10,6 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from readygo.apps.commands.progress import EVERY_S
+from readygo.apps.commands.scene_report import scene_report
 from readygo.apps.fleet.reconstruction import ask_worker
 from readygo.common.errors import ConfigError
 from readygo.common.files import write_whole
@@ -67,7 +69,7 @@ def scene_poses(
         lengths=length,
         scale=scale,
     )
-    report = find_poses(source, out, _config(metric, frames, mapper, threads, "draft"), Lines(POSE_STAGES).say)
+    report = find_poses(source, out, _config(metric, frames, mapper, threads), Lines(POSE_STAGES).say)
     if json:
         sys.stdout.write(json_module.dumps(report) + "\n")
         return
@@ -91,6 +93,7 @@ def reconstruct_command(
     length: tuple[str, ...] = (),
     scale: float = 0.0,
     preset: Preset = "draft",
+    steps: int | None = None,
     frames: int = 300,
     mapper: Literal["auto", "incremental", "global"] = "auto",
     threads: int = 0,
@@ -114,6 +117,7 @@ def reconstruct_command(
             ends in each image [px, m]; beside a marker it checks the marker.
         scale: Metres per unit of the map, where nothing else tells it.
         preset: draft takes minutes on two cores, standard and high are for longer.
+        steps: Steps of the training; those of the preset by default.
         frames: At most this many frames of a video are used.
         mapper: auto is incremental up to 200 images, global beyond.
         threads: Of the mapper; 0 takes all cores, 1 gives the same map each time.
@@ -131,7 +135,7 @@ def reconstruct_command(
         lengths=length,
         scale=scale,
     )
-    config = _config(metric, frames, mapper, threads, preset)
+    config = _config(metric, frames, mapper, threads, preset, steps)
     job = Job(source=source, out=out, work=work or out.with_name(f"{out.name}.work"), license=license)
     lines = Lines(STAGES)
     try:
@@ -143,6 +147,7 @@ def reconstruct_command(
         sys.stdout.write(json_module.dumps(report) + "\n")
         return
     _print_scene(source, job, report)
+    scene_report(str(out))
 
 
 def _metric(**settings: Any) -> MetricConfig:
@@ -157,14 +162,16 @@ def _config(
     frames: int,
     mapper: Literal["auto", "incremental", "global"],
     threads: int,
-    preset: Preset,
+    preset: Preset = "draft",
+    steps: int | None = None,
 ) -> ReconstructorConfig:
     try:
+        gaussians = settings_of(preset)
         return ReconstructorConfig(
             frames=FramesConfig(count_max=frames),
             poses=PosesConfig(mapper=mapper, threads=threads),
             metric=metric,
-            gaussians=settings_of(preset),
+            gaussians=gaussians if steps is None else replace(gaussians, steps=steps),
         )
     except ValueError as error:
         raise ConfigError(str(error)) from error

@@ -64,9 +64,10 @@ def reconstruct(job: Job, config: ReconstructorConfig, say: Say) -> dict[str, An
         )
         # Interrupted trainings go on: their own clock knows all of it.
         stages.seconds[GAUSSIANS] = round(sum(trained["seconds"].values()), 2)
-        found = stages.run(SCENE, {"license": job.license, "name": job.out.name}, partial(make_scene, job, report))
+        made = {**report, "training": trained}
+        found = stages.run(SCENE, {"license": job.license, "name": job.out.name}, partial(make_scene, job, made))
         scene = _published(job.work / SCENE / _BUNDLE, job.out)
-    return {**report, "training": trained, **found, "scene": str(job.out), "content_hash": scene.content_hash,
+    return {**made, **found, "scene": str(job.out), "content_hash": scene.content_hash,
             "seconds": stages.seconds}  # fmt: skip
 
 
@@ -112,8 +113,24 @@ def make_scene(job: Job, report: dict[str, Any], folder: Path) -> dict[str, Any]
         edits=(f"removed {removed}",),
     )
     views = colmap.pinhole_views(job.work / POSED / "sparse" / "0")
-    save_scene(cloud, None, folder / _BUNDLE, name=job.out.name, license=job.license, source=source, views=views)
+    save_scene(
+        cloud,
+        None,
+        folder / _BUNDLE,
+        name=job.out.name,
+        license=job.license,
+        source=source,
+        views=views,
+        reconstruction=_kept_in_scene(job, report),
+    )
     return {"removed": removed}
+
+
+def _kept_in_scene(job: Job, report: dict[str, Any]) -> dict[str, Any]:
+    """The report without what differs from one machine or time to another: the same work gives the same scene."""
+    training = {name: value for name, value in report["training"].items() if name != "seconds"}
+    kept = {name: report[name] for name in ("kind", "verdict", "scale", "up", "markers", "notes")}
+    return {**kept, "source": job.source.name, "training": training}
 
 
 def _published(bundle: Path, out: Path) -> Scene:

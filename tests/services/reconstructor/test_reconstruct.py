@@ -13,12 +13,14 @@ from readygo.services.reconstructor import reconstruct as module
 from readygo.services.reconstructor.config import MetricConfig, ReconstructorConfig
 from readygo.services.reconstructor.reconstruct import CLOUD_FILE, STAGES, Job, reconstruct
 from readygo.services.reconstructor.stages import Stages
-from tests.common.scenes.rooms import room
+from tests.common.scenes.small_room import small_room
 
 CONFIG = ReconstructorConfig(metric=MetricConfig(scale=1.0))
 VIEWS = CapturedViews(
     images=("a.jpg",), sizes_px=np.array([[64, 48]]), K_px=np.eye(3)[None], T_world_camera=np.eye(4)[None]
 )
+
+POSES = {"kind": "video", "verdict": {}, "scale": {"source": "marker 0"}, "up": "", "markers": [], "notes": []}
 
 
 @pytest.fixture
@@ -34,11 +36,11 @@ def trained(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     def train(folder: Path) -> dict[str, Any]:
         calls.append("train")
-        save_ply(room(), folder / CLOUD_FILE)
+        save_ply(small_room(), folder / CLOUD_FILE)
         return {"seconds": {"views": 3.0}, "gaussians": 5}
 
     monkeypatch.setattr(module, "open_job", open_job)
-    monkeypatch.setattr(module, "find_poses_in", lambda *_: {"kind": "video", "scale": {"source": "marker 0"}})
+    monkeypatch.setattr(module, "find_poses_in", lambda *_: dict(POSES))
     monkeypatch.setattr(module, "_training", lambda *_: train)
     monkeypatch.setattr(module.colmap, "pinhole_views", lambda _: VIEWS)
     return calls
@@ -54,6 +56,8 @@ def test_scene_is_made_once_and_where_it_is_wanted(tmp_path: Path, trained: list
     assert (scene.name, scene.license, len(scene.views or ())) == ("lobby", "CC0", 1)
     assert scene.metadata["source"]["scale_origin"] == "marker 0"
     assert set(first["seconds"]) <= set(STAGES)
+    assert scene.reconstruction is not None
+    assert scene.reconstruction["training"] == {"gaussians": 5}
 
 
 def test_what_is_there_already_is_not_touched(tmp_path: Path, trained: list[str]) -> None:

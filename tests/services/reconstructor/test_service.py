@@ -1,4 +1,5 @@
 import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,9 @@ from readygo.services.reconstructor.stages import Say, StageProgress
 JOB = Job(source=Path("v.mp4"), out=Path("lobby"), work=Path("lobby.work"))
 
 
-def worked(monkeypatch: pytest.MonkeyPatch, do: object, stop: threading.Event) -> tuple[Desk, list[ReconstructionProgress]]:
+def worked(
+    monkeypatch: pytest.MonkeyPatch, do: object, stop: threading.Event, messages: int = 0
+) -> tuple[Desk, list[ReconstructionProgress]]:
     monkeypatch.setattr(service, "reconstruct", do)
     here = InProcessBus()
     there = InProcessBus(here)
@@ -24,6 +27,9 @@ def worked(monkeypatch: pytest.MonkeyPatch, do: object, stop: threading.Event) -
     service.attach(here, desk)
     here.subscribe(topics.RECONSTRUCTION, heard.append)
     service.pull_jobs(there, "r0", stop)
+    end_s = time.monotonic() + 5.0
+    while len(heard) < messages and time.monotonic() < end_s:
+        time.sleep(0.01)
     there.close()
     here.close()
     return desk, heard
@@ -39,7 +45,7 @@ def test_worker_does_the_job_and_shows_each_picture_once(tmp_path: Path, monkeyp
             say(StageProgress(stage="gaussians", share=share, words="23 dB", picture=picture))
         return {"scene": job.out.name}
 
-    desk, heard = worked(monkeypatch, do, threading.Event())
+    desk, heard = worked(monkeypatch, do, threading.Event(), messages=3)
     assert desk.wait(0.0) == {"scene": "lobby"}
     assert [(each.stage, each.share, each.picture) for each in heard] == [
         (STAGES[0], 0.0, b""),
