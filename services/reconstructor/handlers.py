@@ -31,6 +31,7 @@ from readygo.services.reconstructor.posed import PosedImages
 from readygo.services.reconstructor.poses import colmap
 from readygo.services.reconstructor.poses.joining import placed_by_markers
 from readygo.services.reconstructor.poses.pairs import image_pairs
+from readygo.services.reconstructor.poses.squares import adjusted_by_squares
 from readygo.services.reconstructor.poses.tags import focal_of_tags, tag_features
 from readygo.services.reconstructor.poses.verdict import ADVICE, DOUBTFUL_POINTS, Verdict, disagreement, judge, refusal
 from readygo.services.reconstructor.stages import Say, Stages
@@ -287,16 +288,30 @@ def _contradiction(
 def _joined(
     models: list[Path], database: Path, images: Path, sightings: list[MarkerSighting], config: ReconstructorConfig
 ) -> list[Path]:
-    """The models with that first which markers make of all pieces and of images without a pose, if there is more."""
+    """The models with that first which markers make of all pieces and of images without a pose, if there is more.
+
+    Where images share little besides markers, these are made squares of one size.
+    """
     pieces = [colmap.read_map(model) for model in models]
     one_camera = len({tuple(size) for piece in pieces for size in piece.size_px.tolist()}) == 1
     if not (sightings and one_camera):
         return models
     poses = placed_by_markers(pieces, sightings)
-    if len(poses) == len(pieces[0].names):
+    if len(poses) > len(pieces[0].names):
+        folder = models[0].parent / "joined"
+        models = [colmap.posed_model(database, images, folder, models[0], poses, config.poses), *models]
+    whole = colmap.read_map(models[0])
+    if not _hangs_by_markers(whole, sightings):
         return models
-    joined = colmap.posed_model(database, images, models[0].parent / "joined", models[0], poses, config.poses)
-    return [joined, *models]
+    squared, focal = adjusted_by_squares(whole, dict(zip(whole.names, whole.T_world_camera, strict=True)), sightings)
+    folder = models[0].parent / "squared"
+    return [colmap.posed_model(database, images, folder, models[0], squared, config.poses, focal=focal), *models]
+
+
+def _hangs_by_markers(images: PosedImages, sightings: list[MarkerSighting]) -> bool:
+    """Whether every image shows a marker, and few points besides."""
+    per_image = np.bincount(images.seen[:, 0], minlength=len(images.names))
+    return set(images.names) <= {each.image for each in sightings} and float(np.median(per_image)) < DOUBTFUL_POINTS
 
 
 _NOTHING = Verdict(

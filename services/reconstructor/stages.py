@@ -52,7 +52,7 @@ class Stages:
 
     @contextmanager
     def alone(self) -> Iterator[None]:
-        """Keep other commands out of the folder, and remove what a killed one left half done.
+        """Keep other commands out of the folder, and remove what a killed one left; all of it if nothing is done.
 
         Raises:
             RunError: If another command works there.
@@ -67,7 +67,11 @@ class Stages:
                 ) from error
             for remains in self.folder.glob(".*-*/"):
                 shutil.rmtree(remains, ignore_errors=True)
-            yield
+            try:
+                yield
+            finally:
+                if [path.name for path in self.folder.iterdir()] == [LOCK_FILE]:
+                    shutil.rmtree(self.folder, ignore_errors=True)
 
     def run(self, name: str, settings: Mapping[str, Any], make: Make, *, keep: bool = False) -> dict[str, Any]:
         """Make a stage's folder unless it is there already.

@@ -186,8 +186,17 @@ def build_maps(
     return [folder / str(number) for number in order]
 
 
-def posed_model(database: Path, images: Path, folder: Path, like: Path, poses: Poses, config: PosesConfig) -> Path:
-    """Make a model of images whose poses are known roughly: points from all matches, then everything adjusted.
+def posed_model(
+    database: Path,
+    images: Path,
+    folder: Path,
+    like: Path,
+    poses: Poses,
+    config: PosesConfig,
+    *,
+    focal: float | None = None,
+) -> Path:
+    """Make a model of images whose poses are known: points from all matches.
 
     Args:
         database: With features and matches.
@@ -196,6 +205,7 @@ def posed_model(database: Path, images: Path, folder: Path, like: Path, poses: P
         like: A model whose cameras are taken.
         poses: T_world_camera by image.
         config: How.
+        focal: Factor of the focal length, with poses that stay as they are; None: both are rough and are adjusted.
 
     Returns:
         `folder`.
@@ -203,7 +213,7 @@ def posed_model(database: Path, images: Path, folder: Path, like: Path, poses: P
     colmap = pycolmap()
     rec = _unposed(database)
     for number, camera in colmap.Reconstruction(like).cameras.items():
-        rec.camera(number).params = camera.params
+        _take_lens(rec.camera(number), camera, focal or 1.0)
     for image in list(rec.images.values()):
         if image.name in poses:
             T = np.linalg.inv(poses[image.name])
@@ -219,12 +229,19 @@ def posed_model(database: Path, images: Path, folder: Path, like: Path, poses: P
     adjusting.ceres.loss_function_type = colmap.LossFunctionType.SOFT_L1
     adjusting.ceres.solver_options.num_threads = config.threads or -1
     folder.mkdir()
-    for _ in range(_ADJUSTMENTS):
+    for _ in range(_ADJUSTMENTS if focal is None else 1):
         rec = colmap.triangulate_points(rec, database, images, folder, True, options)
-        colmap.bundle_adjustment(rec, adjusting)
+        if focal is None:
+            colmap.bundle_adjustment(rec, adjusting)
     rec.update_point_3d_errors()
     rec.write(folder)
     return folder
+
+
+def _take_lens(camera: Any, other: Any, factor: float) -> None:
+    params = np.array(other.params)
+    params[list(other.focal_length_idxs())] *= factor
+    camera.params = params
 
 
 def _unposed(database: Path) -> Any:

@@ -1,4 +1,5 @@
 import threading
+import time
 from pathlib import Path
 from typing import Any
 
@@ -7,6 +8,7 @@ import pytest
 from readygo.apps.fleet.reconstruction import ask_worker
 from readygo.apps.fleet.worker import worker
 from readygo.common.bus.zenoh_bus import free_endpoint
+from readygo.common.errors import BusError
 from readygo.services.reconstructor import service
 from readygo.services.reconstructor.config import ReconstructorConfig
 from readygo.services.reconstructor.reconstruct import STAGES, Job
@@ -23,7 +25,12 @@ class Heard:
 
 def test_worker_that_joins_does_the_job(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def do(job: Job, config: ReconstructorConfig, say: Say) -> dict[str, Any]:
-        say(StageProgress(stage=STAGES[0]))
+        # The stream is lossy: who has only just joined may not be heard yet.
+        for _ in range(100):
+            say(StageProgress(stage=STAGES[0]))
+            if heard.stages:
+                break
+            time.sleep(0.05)
         return {"scene": str(job.out)}
 
     monkeypatch.setattr(service, "reconstruct", do)
@@ -36,15 +43,13 @@ def test_worker_that_joins_does_the_job(tmp_path: Path, monkeypatch: pytest.Monk
     _join(endpoint)
     asker.join(timeout=20.0)
     assert replies == [{"scene": str(tmp_path / "lobby")}]
-    assert heard.stages == [STAGES[0]]
+    assert set(heard.stages) == {STAGES[0]}
 
 
 def _join(endpoint: str) -> None:
     """As `readygo worker` is started again while no router answers."""
-    from readygo.common.errors import BusError
-
     for _ in range(100):
         try:
             return worker("reconstructor", connect=endpoint, run="reconstruct-lobby")
         except BusError:
-            threading.Event().wait(0.1)
+            time.sleep(0.1)
