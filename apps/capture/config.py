@@ -1,6 +1,6 @@
 """How a capture is simulated."""
 
-import dataclasses
+import math
 from dataclasses import dataclass
 
 from readygo.common.camera import CameraConfig
@@ -10,7 +10,6 @@ from readygo.services.reconstructor.metric.markers import DEFAULT_DICTIONARY
 FOV_DEG = 68.0
 """Of a telephone's main camera, along the longer side of its image."""
 EXPOSURE_S, READOUT_S = 0.010, 0.015
-_STILL = {"exposure_s": 0.0, "readout_s": 0.0}
 SECONDS_MIN, FRAMES_MAX = 2.0, 3000
 
 
@@ -61,34 +60,26 @@ def phone_camera(config: CaptureConfig) -> CameraConfig:
         ConfigError: If the image is too large or too small.
     """
     along, across = max(config.width_px, config.height_px), min(config.width_px, config.height_px)
-    focal_px = _focal_px(along)
-    shutter = {"exposure_s": EXPOSURE_S, "readout_s": READOUT_S} if config.sub_frames else _STILL
+    focal_px = 0.5 * along / math.tan(math.radians(FOV_DEG) / 2)
     try:
-        return dataclasses.replace(
-            CameraConfig(
-                width_px=config.width_px,
-                height_px=config.height_px,
-                fx_px=focal_px,
-                fy_px=focal_px,
-                # Nobody's lens is centred on the sensor.
-                cx_px=0.5 * config.width_px + 0.004 * along,
-                cy_px=0.5 * config.height_px - 0.003 * across,
-                distortion="brown_conrady",
-                k1=0.06,
-                k2=-0.09,
-                p1=0.0004,
-                p2=-0.0003,
-            ),
+        return CameraConfig(
+            width_px=config.width_px,
+            height_px=config.height_px,
+            fx_px=focal_px,
+            fy_px=focal_px,
+            # Nobody's lens is centred on the sensor.
+            cx_px=0.5 * config.width_px + 0.004 * along,
+            cy_px=0.5 * config.height_px - 0.003 * across,
+            distortion="brown_conrady",
+            k1=0.06,
+            k2=-0.09,
+            p1=0.0004,
+            p2=-0.0003,
             vignetting=0.15,
             shot_noise=0.008,
             read_noise=0.001,
-            **shutter,
+            exposure_s=EXPOSURE_S if config.sub_frames else 0.0,
+            readout_s=READOUT_S if config.sub_frames else 0.0,
         )
     except ValueError as error:
         raise ConfigError(str(error)) from error
-
-
-def _focal_px(side_px: int) -> float:
-    import math
-
-    return 0.5 * side_px / math.tan(math.radians(FOV_DEG) / 2)

@@ -23,7 +23,7 @@ from readygo.common.files import unfinished_folder
 from readygo.common.robot.kinematics import DT_S
 from readygo.common.scenes import Scene
 from readygo.services.reconstructor.frames.video import write_jpeg
-from readygo.services.reconstructor.marker_sheet import PAGES_M, Sheet, marker_sheet
+from readygo.services.reconstructor.marker_sheet import Sheet, marker_sheet
 from readygo.services.renderer.capture import Capture, Shot, pinhole_of
 from readygo.services.renderer.config import RendererConfig
 from readygo.services.renderer.drawing import Drawing, make_drawing
@@ -32,6 +32,7 @@ from readygo.services.renderer.sensor.motion import Moment
 from readygo.services.renderer.sensor.streams import SensorStream
 
 Rgb = npt.NDArray[np.uint8]
+_PAGES = ("A3", "A2")
 DRIFT_EV = 0.25
 """Automatic exposure wanders by so much [stops]."""
 
@@ -76,7 +77,7 @@ def plan_filming(scene: Scene, ground: Ground, config: CaptureConfig) -> Filming
     rng = np.random.Generator(np.random.Philox(config.seed))
     walk = plan_walk(scene, ground, config.seconds, rng)
     yaw_rad = float(rng.uniform(0.0, math.tau))
-    marker = None if sheet is None else lay_down(sheet, scene.maps.floor, walk.marker_xy_m, yaw_rad)
+    marker = None if sheet is None else lay_down(sheet, scene.maps.floor, ground.centres_m, walk.marker_xy_m, yaw_rad)
     times_s = (np.arange(config.frames) + 0.5) / config.fps
     drift_ev = Sway(rng).slow(times_s, DRIFT_EV, 13.0)
     return Filming(
@@ -90,11 +91,11 @@ def plan_filming(scene: Scene, ground: Ground, config: CaptureConfig) -> Filming
 
 
 def _sheet(config: CaptureConfig) -> Sheet:
-    """The sheet of `readygo marker`, on A3 or the next page that holds it."""
-    for page in ("A3", "A2"):
+    """The sheet of `readygo marker`, on the first page that holds it."""
+    for page in _PAGES[:-1]:
         with suppress(ConfigError):
             return marker_sheet(config.marker_dictionary, config.marker_id, config.marker_size_m, page)
-    return marker_sheet(config.marker_dictionary, config.marker_id, config.marker_size_m, max(PAGES_M, key=PAGES_M.get))
+    return marker_sheet(config.marker_dictionary, config.marker_id, config.marker_size_m, _PAGES[-1])
 
 
 def pictures(filming: Filming) -> Iterator[Rgb]:

@@ -101,8 +101,8 @@ def walking_ground(
 
 
 def _centres(frame: GridFrame, shape: tuple[int, int]) -> tuple[Floats, Floats]:
-    x_m = frame.origin_x_m + (np.arange(shape[1]) + 0.5) * frame.resolution_m
-    y_m = frame.origin_y_m + (np.arange(shape[0]) + 0.5) * frame.resolution_m
+    x_m: Floats = frame.origin_x_m + (np.arange(shape[1], dtype=np.float64) + 0.5) * frame.resolution_m
+    y_m: Floats = frame.origin_y_m + (np.arange(shape[0], dtype=np.float64) + 0.5) * frame.resolution_m
     return x_m[None, :], y_m[:, None]
 
 

@@ -26,7 +26,7 @@ THICKNESS_M = 0.003
 """The marker lies this far above the floor [m]."""
 _HIDES_FROM_M, _HIDES_ALL_M = 0.05, 0.09
 """A scene that rises so far above the sheet begins to hide it, and hides it: filmed floors are centimetres thick."""
-_FLOOR_RADIUS_M = 0.4
+_AROUND_M = 1.5
 _SAMPLES = 4
 """Rays through a pixel along each axis."""
 _NEAR_M = 0.05
@@ -80,20 +80,20 @@ def _table(sheet: Sheet) -> tuple[Floats, Floats, npt.NDArray[np.bool_]]:
     return columns, rows, black
 
 
-def lay_down(sheet: Sheet, floor: FloorMap, xy_m: tuple[float, float], yaw_rad: float) -> FloorMarker:
-    """A sheet on the plane of the floor around a place.
+def lay_down(sheet: Sheet, floor: FloorMap, ground_m: Floats, xy_m: tuple[float, float], yaw_rad: float) -> FloorMarker:
+    """A sheet on the floor at a place, as level as the ground around.
 
     Args:
         sheet: The printed page.
         floor: The local floor.
+        ground_m: Places to walk on, shape (N, 2): the slope of a filmed floor below the sheet alone is too noisy.
         xy_m: Where the marker's centre lies [m].
         yaw_rad: Where its right is, from the world's x axis to the left.
     """
-    side = np.linspace(-_FLOOR_RADIUS_M, _FLOOR_RADIUS_M, 9)
-    offset = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
-    offset = offset[np.hypot(*offset.T) <= _FLOOR_RADIUS_M]
-    z = floor.at_many(np.asarray(xy_m) + offset)
-    (slope_x, slope_y, height), *_ = np.linalg.lstsq(np.column_stack([offset, np.ones(len(offset))]), z, rcond=None)
+    near_m = ground_m[np.hypot(*(ground_m - xy_m).T) <= _AROUND_M]
+    plane = np.column_stack([near_m - xy_m, np.ones(len(near_m))])
+    (slope_x, slope_y, _), *_ = np.linalg.lstsq(plane, floor.at_many(near_m), rcond=None)
+    height = floor.at(*xy_m)
     up = np.array([-slope_x, -slope_y, 1.0])
     up /= np.sqrt(up @ up)
     right = np.array([np.cos(yaw_rad), np.sin(yaw_rad), 0.0])

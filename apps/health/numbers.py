@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from readygo.apps.views.places import spread_places
 from readygo.apps.views.sightlines import sight_m
-from readygo.apps.views.views import SceneViews
+from readygo.apps.views.views import SceneViews, warnings
 from readygo.common.camera.captured import CapturedViews
 from readygo.common.errors import SceneError
 from readygo.common.gaussians.defects import unwanted
@@ -57,7 +57,7 @@ def sightlines(scene: Scene, reachable: npt.NDArray[np.bool_]) -> Sightlines:
     """
     sight = scene.maps.sight
     places = spread_places(reachable, sight.frame, SIGHT_PLACES)
-    bearings = np.arange(BEARINGS) * (math.tau / BEARINGS)
+    bearings = np.arange(BEARINGS, dtype=np.float64) * np.float64(math.tau / BEARINGS)
     far_m = math.hypot(*sight.opaque.shape) * sight.frame.resolution_m
     opaque = sight.opaque_between(*WALL_HEIGHTS_M)
     seen_m = sight_m(opaque, sight.frame, places, bearings, far_m=far_m)
@@ -88,7 +88,7 @@ def health(scene: Scene, radius_m: float, lines: Sightlines, seen: SceneViews) -
     maps = scene.maps
     figures = scene_report(scene.cloud, scene.sky, maps.robot, maps.human, maps.floor, radius_m)
     made = scene.reconstruction or {}
-    masks = unwanted(scene.cloud)
+    masks, holes = unwanted(scene.cloud), _floor_holes(scene)
     return {
         "name": scene.name,
         "content_hash": scene.content_hash,
@@ -100,11 +100,11 @@ def health(scene: Scene, radius_m: float, lines: Sightlines, seen: SceneViews) -
         "unwanted": {
             kind: {"count": int(mask.sum()), "share": round(float(mask.mean()), 5)} for kind, mask in masks.items()
         },
-        "floor_holes": _floor_holes(scene),
+        "floor_holes": holes,
         "open_share": round(lines.open_share, 4),
         "filmed": _filmed(scene),
         "views": seen.to_mapping(),
-        "findings": _findings(scene),
+        "findings": [*_findings(scene), *_hole_lines(holes), *warnings(seen), *made.get("notes", [])],
         **figures,
     }
 
@@ -127,6 +127,11 @@ def _findings(scene: Scene) -> list[str]:
         return list(json.loads((scene.path / REPORT_FILE).read_text(encoding="utf-8")).get("findings", []))
     except (OSError, ValueError, AttributeError):
         return []
+
+
+def _hole_lines(holes: dict[str, Any]) -> list[str]:
+    count = "a hole" if holes["count"] == 1 else f"{holes['count']} holes"
+    return [f"its floor has {count}, {holes['total_m2']:.2f} m2 in all."] if holes["count"] else []
 
 
 def _held_out(made: dict[str, Any], views: CapturedViews | None) -> dict[str, Any] | None:

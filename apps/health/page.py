@@ -68,22 +68,9 @@ def _tiles(numbers: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _findings(numbers: Mapping[str, Any]) -> str:
-    sentences = [*numbers["findings"], *_more_findings(numbers)]
-    if not sentences:
+    if not numbers["findings"]:
         return "<p>Nothing looks wrong.</p>"
-    return table((Column("Look here", "wide"),), [[escape(sentence)] for sentence in sentences])
-
-
-def _more_findings(numbers: Mapping[str, Any]) -> list[str]:
-    holes, views = numbers["floor_holes"], numbers["views"]
-    found = list(numbers["scale"].get("notes") or [])
-    if holes["count"]:
-        found.append(f"its floor has {holes['count']} holes of {holes['total_m2']:.1f} m2 in all.")
-    if views["blurred_places"]:
-        found.append(f"{views['blurred_places']} of {len(views['places'])} places are in fog.")
-    if numbers["scale"].get("interval_percent") is None:
-        found.append("how exact its scale is is not known.")
-    return found
+    return table((Column("Look here", "wide"),), [[escape(sentence)] for sentence in numbers["findings"]])
 
 
 def _origin(numbers: Mapping[str, Any]) -> str:

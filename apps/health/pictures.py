@@ -97,7 +97,8 @@ def _sampled(view: TopView, values: npt.NDArray[np.float32], occupancy: Occupanc
     padded = np.pad(values, 1)
     j = np.clip(np.floor((x_m - frame.origin_x_m) / frame.resolution_m).astype(np.int64) + 1, 0, padded.shape[1] - 1)
     i = np.clip(np.floor((y_m - frame.origin_y_m) / frame.resolution_m).astype(np.int64) + 1, 0, padded.shape[0] - 1)
-    return padded[i[:, None], j[None, :]]
+    sampled: npt.NDArray[np.float32] = padded[i[:, None], j[None, :]]
+    return sampled
 
 
 def _line(

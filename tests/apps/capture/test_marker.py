@@ -19,7 +19,10 @@ SLOPE = 0.02
 def marker() -> FloorMarker:
     frame = GridFrame(origin_x_m=-2.0, origin_y_m=-2.0, resolution_m=0.1)
     height = np.broadcast_to(SLOPE * (np.arange(40) * 0.1 - 1.95), (40, 40)).astype(np.float32)
-    return lay_down(marker_sheet("4X4_50", 7, 0.2, "A3"), FloorMap(frame=frame, height_m=height), (0.3, 0.1), 0.7)
+    ground_m = np.random.default_rng(0).uniform(-1.8, 1.8, (400, 2))
+    return lay_down(
+        marker_sheet("4X4_50", 7, 0.2, "A3"), FloorMap(frame=frame, height_m=height), ground_m, (0.3, 0.1), 0.7
+    )
 
 
 def grey(depth_m: float = np.inf) -> tuple[np.ndarray, np.ndarray]:
