@@ -125,6 +125,8 @@ class GaussiansConfig:
 
     def __post_init__(self) -> None:
         check_ranges(self)
+        if self.hold_out == 1:
+            raise ValueError("hold_out must be 0 or at least 2, got 1: nothing would be left to train on.")
 
 
 def weak_texture(settings: GaussiansConfig) -> GaussiansConfig:

@@ -95,17 +95,21 @@ def _densified(
     wanted = np.sort(wanted[np.argsort(-gradient[wanted], kind="stable")[:room]])
     large = gaussians.scales_m[wanted].max(axis=1) > config.split_scale * extent_m
     split, clone = wanted[large], wanted[~large]
-    added = [{name: value[clone] for name, value in gaussians.values.items()}]
-    shrunk = {name: value[split] for name, value in gaussians.values.items()}
-    shrunk["log_scales"] = shrunk["log_scales"] - np.float32(np.log(_SPLIT_SHRINK))
-    axes = _axes(gaussians, split)
-    for _ in range(2):
-        offset = np.einsum("nij,nj->ni", axes, rng.standard_normal((len(split), 3), dtype=np.float32))
-        added.append({**shrunk, "means_m": shrunk["means_m"] + offset})
+    added = [_sampled(gaussians, rows, rng) for rows in (clone, split, split)]
+    for part in added[1:]:
+        part["log_scales"] -= np.float32(np.log(_SPLIT_SHRINK))
     keep = np.ones(len(gaussians), dtype=bool)
     keep[split] = False
     values = {name: np.concatenate([part[name] for part in added]) for name in gaussians.values}
     return gaussians.select(keep).joined(values)
+
+
+def _sampled(gaussians: Gaussians, rows: Rows, rng: np.random.Generator) -> dict[str, Array]:
+    """Copies, each at a place drawn from its Gaussian: copies in one place would stay together."""
+    values = {name: value[rows] for name, value in gaussians.values.items()}
+    noise = rng.standard_normal((len(rows), 3), dtype=np.float32)
+    values["means_m"] += np.einsum("nij,nj->ni", _axes(gaussians, rows), noise)
+    return values
 
 
 def _pruned(gaussians: Gaussians, config: DensityConfig, extent_m: float) -> Gaussians:

@@ -73,7 +73,10 @@ def open_posed(folder: Path, undistorted: Path) -> Posed:
         model, images = undistorted / "sparse" / "0", undistorted / "images"
     views, found = colmap.pinhole_views(model), colmap.read_map(model)
     _check(folder, images, views, found)
-    return Posed(views=views, folder=images, points_m=found.points, points_rgb=found.points_rgb)
+    posed = Posed(views=views, folder=images, points_m=found.points, points_rgb=found.points_rgb)
+    if posed.extent_m <= 0:
+        raise SceneError(f"All cameras of {folder} stand in one place; Gaussians need views from several.")
+    return posed
 
 
 def _check(folder: Path, images: Path, views: CapturedViews, found: PosedImages) -> None:

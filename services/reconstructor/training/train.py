@@ -242,6 +242,7 @@ class _Training:
         if schedule.changes_density(step):
             self._check_finite()
             self._gaussians = changed_density(self._gaussians, self._seen, density, self._posed.extent_m, rng)
+            self._check_some_left()
             self._seen = Sightings.none(len(self._gaussians))
         if schedule.resets_opacities(step):
             reset_opacities(self._gaussians, density)
@@ -254,7 +255,15 @@ class _Training:
             views[rows] += 1
         keep = views >= self._settings.geometry.trim_views
         self._gaussians = self._gaussians.select(keep)
+        self._check_some_left()
         self._seen = Sightings(self._seen.gradient[keep], self._seen.views[keep])
+
+    def _check_some_left(self) -> None:
+        if not len(self._gaussians):
+            raise RunError(
+                f"Step {self._step}: no Gaussian is left: all were faint, large for how far the cameras are apart "
+                f"({self._posed.extent_m:.3g} m), or seen by too few images; look at the poses, or at the settings."
+            )
 
     def _check_finite(self) -> None:
         for name, value in self._gaussians.values.items():

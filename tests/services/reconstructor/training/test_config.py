@@ -26,3 +26,5 @@ def test_bare_walls_are_not_split_for_absolute_gradients() -> None:
 def test_impossible_settings_are_refused() -> None:
     with pytest.raises(ValueError, match="steps must be at least 1"):
         GaussiansConfig(steps=0)
+    with pytest.raises(ValueError, match="nothing would be left"):
+        GaussiansConfig(hold_out=1)

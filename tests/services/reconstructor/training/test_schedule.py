@@ -22,7 +22,7 @@ def test_the_rate_of_means_falls_to_a_hundredth_of_an_extents_share() -> None:
     assert PLAN.means_rate_m(0) == pytest.approx(2.0 * 1.6e-4)
     assert PLAN.means_rate_m(1000) == pytest.approx(2.0 * 1.6e-6)
     rates = PLAN.rates(0)
-    np.testing.assert_allclose(rates["sh"][3:], rates["sh"][0] / 20)
+    np.testing.assert_allclose(rates["sh"][3:], rates["sh"][0] / 20, rtol=1e-6)
 
 
 def test_densities_change_between_their_times() -> None:

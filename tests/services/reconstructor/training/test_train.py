@@ -28,7 +28,7 @@ SETTINGS = GaussiansConfig(
     coarse_end=0.2,
     sh_degree=1,
     preview_every=25,
-    density=DensityConfig(every=10, count_max=200, begin=0.1, reset_every=1.0, gradient_min=1e-3),
+    density=DensityConfig(every=10, count_max=200, begin=0.1, reset_every=1.0, gradient_min=1e-3, scale_max=5.0),
 )
 MCMC = replace(SETTINGS, density=replace(SETTINGS.density, method="mcmc"))
 SURFACES = replace(SETTINGS, geometry=GeometryConfig(enabled=True, begin=0.5, flatten=1.0, trim_every=0.25))
@@ -47,7 +47,7 @@ def test_training_shows_held_out_images_better(write_posed: Write, tmp_path: Pat
     after = train_gaussians(posed, tmp_path / "after", settings, silent)
     assert after["psnr_db"] > before["psnr_db"] + 1.5
     assert [row["image"] for row in after["held_out"]] == ["0.png", "5.png"]
-    assert 80 <= len(read_gaussians(tmp_path / "after" / "gaussians.ply").cloud) <= 200
+    assert 80 <= len(read_gaussians(tmp_path / "after" / "gaussians.ply")) <= 200
     assert sorted(p.name for p in (tmp_path / "after" / "previews").iterdir()) == ["000025.png", "held_out"]
     assert not list((tmp_path / "after").glob("checkpoint*"))
 
@@ -101,6 +101,12 @@ def test_numbers_that_are_not_finite_stop_and_keep_the_last_state(
         train_gaussians(posed, tmp_path / "out", wild, silent)
     with np.load(tmp_path / "out" / "checkpoint.npz") as file:
         assert np.isfinite(file["value_means_m"]).all()
+
+
+def test_vanished_gaussians_stop_the_training(write_posed: Write, tmp_path: Path) -> None:
+    small = replace(SETTINGS, density=replace(SETTINGS.density, scale_max=1e-4))
+    with pytest.raises(RunError, match="no Gaussian is left"):
+        train_gaussians(write_posed(tmp_path / "posed"), tmp_path / "out", small, silent)
 
 
 def test_folders_without_a_model_are_refused(tmp_path: Path) -> None:
