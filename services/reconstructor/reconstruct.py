@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from readygo.common.config import section_to_mapping
-from readygo.common.errors import ConfigError, SceneError
+from readygo.common.errors import ConfigError, NoGroundError, SceneError
 from readygo.common.extras import install_command
 from readygo.common.files import unfinished_folder
 from readygo.common.gaussians.files import read_gaussians
@@ -113,16 +113,22 @@ def make_scene(job: Job, report: dict[str, Any], folder: Path) -> dict[str, Any]
         edits=(f"removed {removed}",),
     )
     views = colmap.pinhole_views(job.work / POSED / "sparse" / "0")
-    save_scene(
-        cloud,
-        None,
-        folder / _BUNDLE,
-        name=job.out.name,
-        license=job.license,
-        source=source,
-        views=views,
-        reconstruction=_kept_in_scene(job, report),
-    )
+    try:
+        save_scene(
+            cloud,
+            None,
+            folder / _BUNDLE,
+            name=job.out.name,
+            license=job.license,
+            source=source,
+            views=views,
+            reconstruction=_kept_in_scene(job, report),
+        )
+    except NoGroundError as error:
+        raise SceneError(
+            f"{error} What the Gaussians look like: {job.work / GAUSSIANS / 'previews'}; train longer (--steps, "
+            "--preset standard), and film the floor as well."
+        ) from error
     return {"removed": removed}
 
 

@@ -59,7 +59,8 @@ def adjusted_by_squares(
         R_marker, t_marker = _unpacked(all_poses[len(names) :])
         world = np.einsum("sij,cj->sci", R_marker[marker], square) + t_marker[marker][:, None]
         local = np.einsum("sij,scj->sci", R[image], world) + t[image][:, None]
-        return (lens.focal_px[0] * (np.exp(values[0]) * local[..., :2] / local[..., 2:] - rays)).ravel()
+        error_px = lens.focal_px[0] * (np.exp(values[0]) * local[..., :2] / local[..., 2:] - rays)
+        return np.asarray(error_px, dtype=np.float64).ravel()
 
     # The first image stays where it is.
     free = np.concatenate([start[:1], start[7:]])
