@@ -82,7 +82,7 @@ def evaluate(
     episodes, tasks or methods.
 
     Args:
-        scene: Scene bundle, or "embedded".
+        scene: Scene bundle, "embedded", or "embedded:SEED".
         policy: Folder of a trained policy; without one only the other methods drive.
         episodes: Episodes per task; 100, or as many as the scenario file has entries.
         tasks: "static" leaves the humans out, "dynamic" lets them walk.

@@ -5,6 +5,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -13,6 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemaini
 
 from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.fleet.run import Show, record
+from readygo.apps.fleet.slurm import check_slurm
 from readygo.apps.run.again import prepare_again
 from readygo.apps.run.config import load_run_config, with_detail, with_disturbance, with_outputs
 from readygo.apps.run.origin import avatars_of_policy, robot_of_policy
@@ -51,12 +53,14 @@ def generate(
     config: Path | None = None,
     sensor: SensorName | None = None,
     listen: str = "",
+    on: Literal["local", "slurm"] = "local",
+    slurm: str = "",
     json: bool = False,
 ) -> None:
     """Record episodes of an expert among walking people; run again to resume.
 
     Args:
-        scene: Scene bundle, or "embedded".
+        scene: Scene bundle, "embedded", or "embedded:SEED".
         out: Data folder; shards appear in it.
         episodes: Episodes to record; 100, or as many as the scenario file has entries.
         workers: Renderer processes, or driver processes with a policy, besides one process for each other role; 0 does
@@ -85,13 +89,21 @@ def generate(
             `config` say of that.
         listen: Endpoint of the fleet's router, such as tcp/127.0.0.1:7447, for workers that are started by hand; a
             free loopback port by default.
+        on: Where workers run: "slurm" submits `workers` jobs that do all stages, as one array, and requeues them when
+            they are preempted; `listen` must be an address that its nodes reach, on a network that you trust.
+        slurm: Options of sbatch, such as "--partition=short --time=2:00:00".
         json: Print the summary as JSON.
     """
+    if on == "slurm":
+        check_slurm(workers, listen)
+    elif slurm:
+        raise RunError("--slurm has options of sbatch: it goes with --on slurm.")
+    where = Where(workers=workers, listen=listen, slurm=slurm if on == "slurm" else None)
     if again is not None:
         if scene:
             raise RunError("--again has the scene of the run that it makes again: name one of the two.")
         spec, wanted = prepare_again(again, out)
-        _record(spec, out, wanted, workers, listen, json=json)
+        _record(spec, out, wanted, where, json=json)
         return
     if not scene:
         raise RunError('Name a scene: a bundle, or "embedded".')
@@ -116,15 +128,26 @@ def generate(
     elif disturb is not None or run_config.driver.disturbed:
         spec = with_expert(spec)
     wanted = episode_count(scenarios) if episodes is None else episodes
-    _record(spec, out, wanted, workers, listen, json=json)
+    _record(spec, out, wanted, where, json=json)
 
 
-def _record(spec: RunSpec, out: Path, episodes: int, workers: int, listen: str, *, json: bool) -> None:
+@dataclass(frozen=True, kw_only=True)
+class Where:
+    """Which workers a run has, and where."""
+
+    workers: int
+    listen: str
+    slurm: str | None
+
+
+def _record(spec: RunSpec, out: Path, episodes: int, where: Where, *, json: bool) -> None:
     """Do a run, and say on the terminal how it goes and what it gave."""
-    role = spec.stages[-1].role
+    role, listen = spec.stages[-1].role, where.listen
     join = f"More workers can join: readygo worker {role} --connect {listen} --run {spec.run}" if listen else ""
     with progress_bar(first_words=join, quiet=json) as show:
-        summary = record(spec, out, episodes=episodes, workers=workers, listen=listen, show=show)
+        summary = record(
+            spec, out, episodes=episodes, workers=where.workers, listen=listen, slurm=where.slurm, show=show
+        )
     clarity = run_clarity(spec, out)
     if json:
         sys.stdout.write(json_module.dumps({**summary, "clarity": clarity.to_mapping()}) + "\n")

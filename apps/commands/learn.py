@@ -42,7 +42,7 @@ def learn(
     sample what it would do. The policy that does best on the split val is kept and tried on the split test.
 
     Args:
-        scenes: Scene bundles, or "embedded"; one policy learns in all of them.
+        scenes: Scene bundles, "embedded" or "embedded:SEED"; one policy learns in all of them.
         out: Folder of the run, new or one to go on with: data, policy, curve.json, evaluation and report.html.
         minutes: Wall time of recording and learning, that of earlier commands included [min]; it ends sooner if the
             policy does not get better any more. The test comes after it.

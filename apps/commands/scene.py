@@ -112,7 +112,7 @@ def scene_inspect(
     places all over that area, map_views.png the same area in the colours of their sharpness: orange and brown is fog.
 
     Args:
-        scene: Scene bundle, or "embedded".
+        scene: Scene bundle, "embedded", or "embedded:SEED".
         out: Folder for the pictures; the bundle's inspect/ by default.
         radius: Radius of the robot's disc [m]; by default the one that the scene was imported for.
         robot: robot.toml, for the camera that looks around.

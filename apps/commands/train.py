@@ -58,7 +58,7 @@ def train(
         out: Folder of the policy: encoder.onnx, head.onnx, policy.toml, metrics.json, loss.png and the checkpoint.
         minutes: Processor time of each thread [min], 10 by default; counts that of earlier runs into the same folder.
         samples: Samples that the network is shown, instead of minutes; the result is then reproducible.
-        val: Data folders to validate on; by default a fifth of the episodes is held out.
+        val: Data folders to validate on; by default a tenth of the episodes is held out.
         val_scene: Scene ("embedded" or a bundle) whose closed-loop success rate chooses the checkpoint; its time is
             not counted. By default the last weights are taken.
         val_episodes: Episodes per such measurement, from the split val.

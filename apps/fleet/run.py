@@ -1,5 +1,6 @@
-"""Doing a run, in one process or with a fleet on this machine."""
+"""Doing a run, in one process or with a fleet: on this machine, or with workers on Slurm's."""
 
+import contextlib
 import queue
 import time
 from collections.abc import Callable, Sequence
@@ -7,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from readygo.apps.fleet.fleet import Fleet
-from readygo.apps.fleet.roles import places
+from readygo.apps.fleet.roles import COORDINATOR, RECORDER, places
+from readygo.apps.fleet.slurm import SlurmWorkers
 from readygo.apps.fleet.worker import make_coordinator, make_recorder
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.identity import numeric_class
@@ -36,6 +38,7 @@ def record(
     listen: str = "",
     show: Show = lambda status: None,
     together: bool = False,
+    slurm: str | None = None,
 ) -> dict[str, Any]:
     """Do a run, or the rest of it.
 
@@ -47,6 +50,7 @@ def record(
         listen: Endpoint of the fleet's router; empty takes a free loopback port.
         show: Hears how far the run is, now and then.
         together: True for workers that do all stages, see `places`.
+        slurm: Options of sbatch, for workers that are Slurm jobs and do all stages; None starts them here.
 
     Returns:
         What was done and what it cost, as plain values.
@@ -65,7 +69,7 @@ def record(
         if workers == 0 or recorded == episodes:
             status = run_in_process(folder, show)
         else:
-            status = run_fleet(folder, workers, listen or free_endpoint(), show, together=together)
+            status = run_fleet(folder, workers, listen or free_endpoint(), show, together=together, slurm=slurm)
     if status.failed:
         raise RunError(f"{status.failed} ({status.committed} of {status.wanted} episodes are recorded.)")
     return _summary(out, status, samples_before, time.monotonic() - begin_s)
@@ -110,18 +114,28 @@ def _work_until_over(bus: Bus, worker: Worker, show: Show) -> None:
         show(bus.request(topics.STATUS, StatusRequest()))
 
 
-def run_fleet(folder: RunFolder, workers: int, endpoint: str, show: Show, *, together: bool = False) -> StatusReply:
-    """Do the run with a local fleet over Zenoh; see `places` for `workers` and `together`."""
+def run_fleet(
+    folder: RunFolder, workers: int, endpoint: str, show: Show, *, together: bool = False, slurm: str | None = None
+) -> StatusReply:
+    """Do the run with a fleet over Zenoh; see `places` for `workers` and `together`, and `record` for `slurm`."""
     spec, _ = folder.load()
     router = Router(endpoint)
     fleet = Fleet(connect=endpoint, run=spec.run, data=folder.path.resolve(), logs=folder.logs)
     bus = ZenohBus(endpoint, spec.run)
     try:
-        with folder.reachable(endpoint):
+        with folder.reachable(endpoint), contextlib.ExitStack() as jobs:
             recorders = World(spec).config.coordinator.recorders
-            for role, name in places(spec, recorders, workers, together=together):
+            here = places(spec, recorders, workers, together=together)
+            checks = [fleet.check]
+            if slurm is not None:
+                here = [(role, name) for role, name in here if role in (COORDINATOR, RECORDER)]
+            for role, name in here:
                 fleet.add(role, name)
-            status = _supervise(fleet, bus, show)
+            if slurm is not None:
+                array = SlurmWorkers(connect=endpoint, run=spec.run, logs=folder.logs, options=slurm)
+                jobs.enter_context(array).submit(workers)
+                checks.append(array.check)
+            status = _supervise(checks, bus, show)
     finally:
         fleet.stop()
         bus.close()
@@ -131,8 +145,8 @@ def run_fleet(folder: RunFolder, workers: int, endpoint: str, show: Show, *, tog
     return status
 
 
-def _supervise(fleet: Fleet, bus: Bus, show: Show) -> StatusReply:
-    """Keep the fleet alive until the coordinator says that the run is over."""
+def _supervise(checks: Sequence[Callable[[], None]], bus: Bus, show: Show) -> StatusReply:
+    """Keep a fleet alive by `checks` until the coordinator says that the run is over."""
     heard: queue.SimpleQueue[StatusReply] = queue.SimpleQueue()
     bus.subscribe(topics.PROGRESS, heard.put)
     heard_s = time.monotonic()
@@ -147,7 +161,8 @@ def _supervise(fleet: Fleet, bus: Bus, show: Show) -> StatusReply:
             show(status)
             if status.finished or status.failed:
                 return status
-        fleet.check()
+        for check in checks:
+            check()
 
 
 def _recorded(folder: RunFolder, wanted: int) -> tuple[int, int]:

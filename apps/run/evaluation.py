@@ -209,7 +209,7 @@ def closed_loop(scene: str, *, episodes: int, seed: int, origin: DataOrigin | No
     """Measures the static and dynamic success rate of a policy on the split val of a scene; their mean counts.
 
     Args:
-        scene: Scene bundle, or "embedded".
+        scene: Scene bundle, "embedded", or "embedded:SEED".
         episodes: Episodes of a measurement, per task.
         seed: Of the episodes.
         origin: Of the policy's data: who walks, and how it is drawn; the defaults where it says nothing.

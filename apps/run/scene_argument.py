@@ -5,23 +5,33 @@ from pathlib import Path
 
 import numpy as np
 
+from readygo.common.errors import SceneError
 from readygo.common.files import cache_folder
 from readygo.common.maps import FloorMap, OccupancyMap, SightMap, load_ros_map, sight_of_occupancy
 from readygo.common.scenes import Scene, load_scene
 from readygo.services.planner import SceneMaps
 
+LARGEST_SEED = 2**31 - 1
+"""Of an embedded flat."""
+
 
 def open_scene(scene: str) -> Scene:
-    """The scene of a command-line argument; "embedded" is made once and kept in the user's cache.
+    """The scene of a command-line argument.
+
+    "embedded" and "embedded:SEED" are made once and kept in the user's cache.
 
     Raises:
         SceneError: If the argument names no scene bundle.
     """
-    if scene == "embedded":
-        from readygo.common.scenes.embedded import ensure_embedded_scene
+    name, colon, seed = scene.partition(":")
+    if name != "embedded":
+        return load_scene(Path(scene))
+    if colon and not (seed.isdecimal() and int(seed) <= LARGEST_SEED):
+        raise SceneError(f"{scene}: give a whole number up to {LARGEST_SEED} as the seed, as in embedded:1.")
+    from readygo.common.scenes.embedded import ensure_embedded_scene, scene_name
 
-        return ensure_embedded_scene(cache_folder("scenes") / "embedded")
-    return load_scene(Path(scene))
+    number = int(seed or 0)
+    return ensure_embedded_scene(cache_folder("scenes") / scene_name(number), number)
 
 
 class FlatMaps:

@@ -83,7 +83,7 @@ class Course:
         """Open the scene.
 
         Args:
-            scene: Scene bundle, or "embedded".
+            scene: Scene bundle, "embedded", or "embedded:SEED".
             avatars: Avatar file or folder of them; None takes the embedded ones.
             seed: Of the episodes.
             timed_margin_m: How far the expert stays away from humans [m]; None as in its recipe.
@@ -271,7 +271,7 @@ def summary(runs: Sequence[RobotTrajectory], limit_s: float) -> dict[str, Any]:
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("scene", help='scene bundle, or "embedded"')
+    parser.add_argument("scene", help='scene bundle, "embedded" or "embedded:SEED"')
     parser.add_argument("--avatars", type=Path)
     parser.add_argument("--output", choices=("regression", "bins", "weighed"), default="weighed")
     parser.add_argument("--caution", type=float, default=best_recipe().network.caution, help="while it learns")

@@ -44,7 +44,7 @@ def main(
     """Measure.
 
     Args:
-        scene: Scene bundle, or "embedded".
+        scene: Scene bundle, "embedded", or "embedded:SEED".
         avatars: People in every image, 2 m and more ahead of the camera.
         placement: Where people stand: on free ground in sight of the camera, or whatever stands there.
         avatar_folder: Folder of avatars; the embedded ones by default.

@@ -35,7 +35,7 @@ def main(
     """Measure.
 
     Args:
-        scene: Scene bundle, or "embedded".
+        scene: Scene bundle, "embedded", or "embedded:SEED".
         avatars: Avatar file or folder of them; the embedded ones by default.
         episodes: Episodes to record.
         workers: Renderers.

@@ -73,7 +73,8 @@ def _errors(run: TrainRun) -> dict[str, float | int]:
         return {}
     rows = spread_samples(part.table, FINAL_SAMPLES)
     predictions = predict(chosen_model(run), run.learner.objective, part, rows)
-    mean_action = run.training.table.targets.mean(axis=0, dtype=np.float64).astype(np.float32)
+    training = run.training.table
+    mean_action = training.targets[training.usable_samples].mean(axis=0, dtype=np.float64).astype(np.float32)
     return error_metrics(predictions, part.table, rows, mean_action)
 
 

@@ -20,7 +20,7 @@ def begin_slab(width: int, limit_bits: int, ws: Workspace) -> None:
 
 
 @released
-def sort_keys(ws: Workspace) -> bool:
+def sort_keys(ws: Workspace) -> Any:
     """See `readygo.common.rasterizer.cpu.blend`."""
     return tiles.sort_keys(ws)
 

@@ -18,25 +18,31 @@ LICENSE = "made by readygo's own code; free for every use"
 _FILE = "readygo embedded scene"
 
 
-def ensure_embedded_scene(folder: str | Path) -> Scene:
+def ensure_embedded_scene(folder: str | Path, seed: int = 0) -> Scene:
     """The bundle of the embedded scene in `folder`, made or made anew if it is not there or not up to date.
 
     Several processes may call this at once: each finds or makes a complete bundle.
 
     Args:
         folder: Where the bundle is kept.
+        seed: Which flat, as in `embedded_scene_cloud`.
 
     Raises:
         SceneError: If `folder` holds something else, or cannot be written.
     """
-    folder, recipe = Path(folder), recipe_hash()
+    folder, recipe = Path(folder), recipe_hash(seed)
     scene = _current(folder, recipe)
-    return scene if scene is not None else _make(folder, recipe)
+    return scene if scene is not None else _make(folder, recipe, seed)
 
 
-def recipe_hash() -> str:
-    """Hash of the code that makes the scene and its maps: equal recipes give equal bundles."""
-    digest = hashlib.sha256()
+def scene_name(seed: int) -> str:
+    """Name of a flat: "embedded", "embedded-1", ..."""
+    return NAME if seed == 0 else f"{NAME}-{seed}"
+
+
+def recipe_hash(seed: int = 0) -> str:
+    """Hash of a seed and of the code that makes scene and maps: equal recipes give equal bundles."""
+    digest = hashlib.sha256(f"{seed}\n".encode())
     for package in (Path(__file__).parent, Path(readygo.common.maps.__file__).parent):
         for path in sorted(package.glob("*.py")):
             digest.update(f"{package.name}/{path.name}\n".encode() + path.read_bytes())
@@ -61,14 +67,14 @@ def _current(folder: Path, recipe: str) -> Scene | None:
     return scene if source.get("sha256") == recipe else None
 
 
-def _make(folder: Path, recipe: str) -> Scene:
+def _make(folder: Path, recipe: str, seed: int) -> Scene:
     robot = RobotConfig()
     with unfinished_folder(folder, good=lambda: _current(folder, recipe), raises=SceneError) as made:
         fill_bundle(
             made,
-            embedded_scene_cloud(),
+            embedded_scene_cloud(seed),
             embedded_sky(),
-            name=NAME,
+            name=scene_name(seed),
             license=LICENSE,
             source=SceneSource(file=_FILE, sha256=recipe, scale_origin="made in metres"),
             robot=robot,

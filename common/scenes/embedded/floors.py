@@ -17,14 +17,15 @@ _WALNUT = (0.48, 0.33, 0.22)
 def build_floors(build: Surfaces) -> None:
     """The floors of all rooms."""
     for seed, room in enumerate(ROOMS):
+        floor = build.at(0, 0)
         if room.floor == "oak":
-            _planks(build, room, _OAK, seed)
+            _planks(floor, room, _OAK, seed)
         elif room.floor == "walnut":
-            _planks(build, room, _WALNUT, seed)
+            _planks(floor, room, _WALNUT, seed)
         elif room.floor == "tiles":
-            _tiles(build, room)
+            _tiles(floor, room)
         else:
-            _carpet(build, room)
+            _carpet(floor, room)
 
 
 def _planks(

@@ -12,6 +12,7 @@ from readygo.common.scenes.embedded.plan import CEILING_M, EAST_M, NORTH_M, OPEN
 from readygo.common.scenes.embedded.shell import build_shell
 from readygo.common.scenes.embedded.surfaces import OPACITY, Surfaces, SurfaceSamples
 from readygo.common.scenes.embedded.textures import Array, value_noise
+from readygo.common.scenes.embedded.variation import Variation
 
 _SKY_LIGHT = np.array([5.6, 6.3, 7.2])
 _LAMP_LIGHT = np.array([1.15, 1.02, 0.80])
@@ -25,17 +26,20 @@ def embedded_scene_cloud(seed: int = 0) -> GaussianCloud:
     World metres, z up, floor within 12 mm of z = 0, colours of SH degree 0. Takes a few seconds of CPU time.
 
     Args:
-        seed: Varies books, leaves, brick tones and small irregularities; the plan stays.
+        seed: Other flats than that of seed 0 are mirrored in one of four ways, with other colours, books, leaves and
+            bricks, and with more pieces of furniture in the way (`readygo.common.scenes.embedded.variation`).
     """
-    build = Surfaces(np.random.Generator(np.random.PCG64(seed)))
+    variation = Variation(seed=seed)
+    build = variation.surfaces()
     build_shell(build)
     build_floors(build)
     furnish(build)
+    variation.add_pieces(build)
     samples = build.samples()
     low = np.array([WEST_M - 0.25, SOUTH_M - 0.25, -0.05])
     high = np.array([EAST_M + 0.25, NORTH_M + 0.25, CEILING_M + 0.05])
     grid = voxelise(build.solid_points_m(), low, high)
-    return _cloud(samples, lit_colours(samples, grid, _lights()), settle=True)
+    return _cloud(samples, lit_colours(samples, grid, _lights(variation.mirror)), settle=True)
 
 
 def embedded_sky() -> GaussianCloud:
@@ -72,7 +76,7 @@ def _rounded(values: Array) -> npt.NDArray[np.float32]:
     return np.round(values + 1.3e-7, 5).astype(np.float32)
 
 
-def _lights() -> Lights:
+def _lights(mirror: Array) -> Lights:
     position, direction, power = [], [], []
     for opening in OPENINGS:
         wall = WALLS[opening.wall]
@@ -93,9 +97,10 @@ def _lights() -> Lights:
         direction.append(np.zeros(3))
         power.append(_LAMP_LIGHT)
     sun = _SUN_DIRECTION / np.sqrt(_SUN_DIRECTION @ _SUN_DIRECTION)
+    flip = np.array([*mirror, 1.0])
     return Lights(
-        position_m=np.array(position),
-        direction=np.array(direction),
+        position_m=np.array(position) * flip,
+        direction=np.array(direction) * flip,
         power=np.array(power),
         sun_direction=sun,
         sun_power=_SUN_LIGHT,

@@ -5,6 +5,7 @@ y = 0 for what stands against a wall. `Surfaces.at` places them.
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -59,13 +60,29 @@ class _Store:
 class Surfaces:
     """Collects samples, and the solids that cast shadows, in one placement."""
 
-    def __init__(self, rng: np.random.Generator, *, spacing_factor: float = 1.0) -> None:
-        """An empty collection; `spacing_factor` scales all sample spacings (larger is coarser)."""
+    def __init__(
+        self,
+        rng: np.random.Generator,
+        *,
+        spacing_factor: float = 1.0,
+        mirror: npt.ArrayLike = (1.0, 1.0),
+        tints: Iterator[Array] | None = None,
+    ) -> None:
+        """An empty collection.
+
+        Args:
+            rng: For what parts leave to chance.
+            spacing_factor: Scales all sample spacings (larger is coarser).
+            mirror: Signs of x and y, shape (2,).
+            tints: Matrices on colours, shape (3, 3): everything placed from here has the next one.
+        """
         self.rng = rng
         self._factor = spacing_factor
         self._store = _Store()
-        self._R = np.eye(3)
+        self._R = np.diag([*np.asarray(mirror), 1.0])
         self._t = np.zeros(3)
+        self._tints = tints
+        self._tint: Array | None = None
 
     def at(self, x_m: float, y_m: float, z_m: float = 0.0, *, yaw_deg: float = 0.0) -> "Surfaces":
         """The same collection with the origin moved to (x, y, z) and turned about z."""
@@ -74,6 +91,7 @@ class Surfaces:
         placed._store = self._store
         placed._R = self._R @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         placed._t = self._R @ np.array([x_m, y_m, z_m]) + self._t
+        placed._tint = next(self._tints) if self._tints is not None else self._tint
         return placed
 
     def samples(self) -> SurfaceSamples:
@@ -104,13 +122,16 @@ class Surfaces:
     ) -> None:
         """Add samples given in this placement's frame; `sigma_m` and `colour` broadcast to (N, 3)."""
         count = len(position_m)
+        rgb = np.asarray(colour, dtype=np.float64)
+        if self._tint is not None and not glows:
+            rgb = np.clip(rgb @ self._tint.T, 0.0, 1.0)
         self._store.parts.append(
             SurfaceSamples(
                 position_m=position_m @ self._R.T + self._t,
                 tangent=_unit(np.broadcast_to(tangent, (count, 3))) @ self._R.T,
                 normal=_unit(np.broadcast_to(normal, (count, 3))) @ self._R.T,
                 sigma_m=np.broadcast_to(np.asarray(sigma_m, dtype=np.float64), (count, 3)),
-                colour=np.broadcast_to(np.asarray(colour, dtype=np.float64), (count, 3)),
+                colour=np.broadcast_to(rgb, (count, 3)),
                 facing=np.full(count, facing),
                 glows=np.full(count, glows),
             )

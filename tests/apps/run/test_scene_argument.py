@@ -6,6 +6,7 @@ import pytest
 from readygo.apps.run.scene_argument import FlatMaps, open_maps, open_scene
 from readygo.common.errors import SceneError
 from readygo.common.maps import save_ros_map
+from readygo.common.scenes import embedded
 from tests.services.planner.worlds import rooms
 
 
@@ -32,3 +33,14 @@ def test_scene_that_is_none_is_refused(tmp_path: Path) -> None:
             open_maps(str(tmp_path / name))
     with pytest.raises(SceneError, match="does not exist"):
         open_scene(str(tmp_path / "nowhere"))
+
+
+def test_seed_of_an_embedded_flat_is_checked_before_anything_is_made(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[tuple[str, int]] = []
+    monkeypatch.setattr(embedded, "ensure_embedded_scene", lambda folder, seed: made.append((folder.name, seed)))
+    for name in ("embedded", "embedded:0", "embedded:12"):
+        open_scene(name)
+    assert made == [("embedded", 0), ("embedded", 0), ("embedded-12", 12)]
+    for name in ("embedded:", "embedded:-1", "embedded:1.5", "embedded:4294967296", "embedded:flat"):
+        with pytest.raises(SceneError, match="whole number"):
+            open_scene(name)

@@ -52,3 +52,16 @@ def test_mean_baseline_is_the_spread_of_held_out_actions_around_the_training_mea
     assert metrics["mean_baseline_rmse_v_mps"] == pytest.approx(expected[0], rel=1e-5)
     assert metrics["mean_baseline_rmse_w_radps"] == pytest.approx(expected[1], rel=1e-5)
     assert metrics["validation_episodes"] == len(held_out.episodes)
+
+
+def test_samples_without_a_target_are_no_part_of_the_mean(source, tmp_path):
+    run = TrainRun(build_parts(source, None, QUICK), source.robot, source.sensor, quick(samples=64), tmp_path, data={})
+    run.go(lambda _: None)
+    before = write_outcome(run)
+    table = run.training.table
+    table.targets[0], table.usable[0] = np.nan, False
+    vars(table).pop("usable_samples")
+    after = write_outcome(run)
+    for name in ("mean_baseline_rmse_v_mps", "ratio_w"):
+        assert np.isfinite(after[name])
+        assert after[name] == pytest.approx(before[name], rel=0.1)

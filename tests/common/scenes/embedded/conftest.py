@@ -13,7 +13,7 @@ def cloud() -> GaussianCloud:
 @pytest.fixture(scope="session")
 def made(cloud: GaussianCloud, tmp_path_factory: pytest.TempPathFactory) -> Scene:
     patch = pytest.MonkeyPatch()
-    patch.setattr(bundle, "embedded_scene_cloud", lambda: cloud)
+    patch.setattr(bundle, "embedded_scene_cloud", lambda seed: cloud)
     scene = ensure_embedded_scene(tmp_path_factory.mktemp("scenes") / "embedded")
     patch.undo()
     return scene

@@ -10,7 +10,7 @@ from readygo.common.scenes.embedded import bundle, ensure_embedded_scene
 
 
 def test_bundle_is_made_once_and_then_loaded(made: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bundle, "embedded_scene_cloud", lambda: pytest.fail("made again"))
+    monkeypatch.setattr(bundle, "embedded_scene_cloud", lambda seed: pytest.fail("made again"))
     again = ensure_embedded_scene(made.path)
     assert again.content_hash == made.content_hash
     assert again.name == "embedded"
@@ -21,8 +21,8 @@ def test_bundle_of_another_recipe_is_replaced(
     made: Scene, cloud: GaussianCloud, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shutil.copytree(made.path, tmp_path / "scene")
-    monkeypatch.setattr(bundle, "recipe_hash", lambda: "another")
-    monkeypatch.setattr(bundle, "embedded_scene_cloud", lambda: cloud)
+    monkeypatch.setattr(bundle, "recipe_hash", lambda seed: "another")
+    monkeypatch.setattr(bundle, "embedded_scene_cloud", lambda seed: cloud)
     scene = ensure_embedded_scene(tmp_path / "scene")
     assert scene.metadata["source"]["sha256"] == "another"
     assert load_scene(tmp_path / "scene").content_hash == made.content_hash
@@ -52,3 +52,8 @@ def test_recipe_is_the_code_of_scene_and_maps(tmp_path: Path, monkeypatch: pytes
     assert bundle.recipe_hash() == before
     (tmp_path / "embedded" / "plan.py").write_text("")
     assert bundle.recipe_hash() != before
+
+
+def test_flats_of_other_seeds_have_other_names_and_recipes() -> None:
+    assert [bundle.scene_name(seed) for seed in (0, 3)] == ["embedded", "embedded-3"]
+    assert len({bundle.recipe_hash(seed) for seed in (0, 1, 2)}) == 3

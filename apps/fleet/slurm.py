@@ -1,0 +1,127 @@
+"""Workers of a fleet as an array of Slurm jobs.
+
+Slurm starts, stops, requeues and multiplies them; the coordinator gives the work of one that ends to others. They need
+what every worker needs: this Python environment at the same path, and the scene and avatars, on a shared file system.
+"""
+
+import shlex
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import readygo
+from readygo.apps.fleet.fleet import RESTARTS_MAX, last_words
+from readygo.apps.fleet.roles import ALL
+from readygo.common.errors import RunError
+
+CHECK_S = 5.0
+"""How often Slurm is asked whether workers are left [s]."""
+ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+
+class SlurmWorkers:
+    """Workers of one run that do all its stages, as one job array; a context that cancels them at its end."""
+
+    def __init__(self, *, connect: str, run: str, logs: Path, options: str = "") -> None:
+        """Nothing is submitted yet.
+
+        Args:
+            connect: Endpoint of the fleet's router, as the nodes reach it.
+            run: Name of the run.
+            logs: Folder of the workers' logs, on a file system that the nodes share.
+            options: Further options of sbatch, such as "--partition=short --time=2:00:00".
+
+        Raises:
+            RunError: If Slurm is not installed here, or `options` cannot be split.
+        """
+        if shutil.which("sbatch") is None:
+            raise RunError("--on slurm needs sbatch, squeue and scancel on this machine; they are not on the PATH.")
+        try:
+            self._options = shlex.split(options)
+        except ValueError as error:
+            raise RunError(f"--slurm {options!r} cannot be split into options: {error}.") from error
+        self._connect, self._run, self._logs = connect, run, logs
+        self._jobs: list[str] = []
+        self._workers = 0
+        self._checked_s = 0.0
+
+    def __enter__(self) -> "SlurmWorkers":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.cancel()
+
+    def submit(self, workers: int) -> None:
+        """Ask for `workers` workers.
+
+        Raises:
+            RunError: If Slurm refuses, in its own words.
+        """
+        self._workers, self._checked_s = workers, time.monotonic()
+        self._logs.mkdir(parents=True, exist_ok=True)
+        arguments = ["--parsable", f"--array=0-{workers - 1}", "--requeue", "--open-mode=append", "--cpus-per-task=1"]
+        arguments += [f"--job-name=readygo-{self._run}", f"--output={self._logs.resolve()}/slurm-%A_%a.log"]
+        arguments += [f"--chdir={Path(readygo.__file__).resolve().parents[1]}"]
+        self._jobs.append(_slurm("sbatch", *arguments, *self._options, "--wrap", self._script()).partition(";")[0])
+
+    def check(self) -> None:
+        """Ask for workers anew if none is left, waiting or at work; call it only while the run is not over.
+
+        Raises:
+            RunError: If they end again and again, or Slurm does not answer.
+        """
+        if time.monotonic() - self._checked_s < CHECK_S:
+            return
+        self._checked_s = time.monotonic()
+        if _slurm("squeue", "--noheader", "--me", f"--name=readygo-{self._run}", "--format=%T"):
+            return
+        if len(self._jobs) > RESTARTS_MAX:
+            raise RunError(f"All workers of Slurm job {self._jobs[-1]} ended: {self._last_words()}")
+        self.submit(self._workers)
+
+    def cancel(self) -> None:
+        """End all of them; what they hold is done by others, or in the next run of the same command."""
+        if self._jobs:
+            subprocess.run(["scancel", *self._jobs], check=False, capture_output=True)
+
+    def _script(self) -> str:
+        """What a node runs: a worker whose name no other one ever has."""
+        name = "slurm-$SLURM_ARRAY_JOB_ID-$SLURM_ARRAY_TASK_ID-${SLURM_RESTART_COUNT:-0}"
+        command = [sys.executable, "-m", "readygo", "worker", ALL, "--connect", self._connect, "--run", self._run]
+        settings = " ".join(f"{variable}=1" for variable in ONE_THREAD)
+        return f"exec env {settings} {shlex.join(command)} --name {name}"
+
+    def _last_words(self) -> str:
+        logs = sorted(self._logs.glob(f"slurm-{self._jobs[-1]}_*.log"))
+        return last_words(logs[-1]) if logs else "they left no log."
+
+
+def _slurm(command: str, *arguments: str) -> str:
+    """What a command of Slurm prints.
+
+    Raises:
+        RunError: If it fails.
+    """
+    try:
+        done = subprocess.run([command, *arguments], check=True, capture_output=True, text=True, timeout=60)
+    except (OSError, subprocess.SubprocessError) as error:
+        words = (getattr(error, "stderr", None) or str(error)).strip().splitlines()[-1:]
+        raise RunError(f"Slurm: {' '.join(words) or 'no answer'}") from error
+    return done.stdout.strip()
+
+
+def check_slurm(workers: int, listen: str) -> None:
+    """Refuse what cannot work on Slurm before anything is submitted.
+
+    Raises:
+        RunError: Without workers, or without an endpoint that nodes can reach.
+    """
+    if workers < 1:
+        raise RunError("--on slurm needs --workers of at least 1.")
+    if not listen:
+        raise RunError(
+            "--on slurm needs --listen with an address of this machine that Slurm's nodes reach, "
+            "such as tcp/10.0.0.5:7447."
+        )

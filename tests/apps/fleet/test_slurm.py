@@ -1,0 +1,199 @@
+"""Workers as Slurm jobs: what is asked of Slurm, and a run on a real one."""
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from readygo.apps.commands.generate import generate
+from readygo.apps.fleet import slurm
+from readygo.apps.fleet.slurm import SlurmWorkers, check_slurm
+from readygo.common.bus.zenoh_bus import free_endpoint
+from readygo.common.dataset import Dataset, validate
+from readygo.common.errors import RunError
+from readygo.common.scenes.embedded import ensure_embedded_scene
+
+DAEMONS = ("munged", "slurmctld", "slurmd")
+NODE_CPUS = 8
+CONF = """
+ClusterName=test
+SlurmctldHost=localhost
+SlurmctldPort={controller}
+SlurmdPort={node}
+SlurmUser=root
+SlurmdUser=root
+AuthType=auth/munge
+AuthInfo=socket={folder}/munge/socket
+StateSaveLocation={folder}/state
+SlurmdSpoolDir={folder}/spool
+SlurmctldPidFile={folder}/slurmctld.pid
+SlurmdPidFile={folder}/slurmd.pid
+SlurmctldLogFile={folder}/slurmctld.log
+SlurmdLogFile={folder}/slurmd.log
+ProctrackType=proctrack/linuxproc
+TaskPlugin=task/none
+SelectType=select/cons_tres
+SelectTypeParameters=CR_CPU
+SchedulerParameters=batch_sched_delay=0,sched_interval=1
+ReturnToService=2
+KillWait=5
+MpiDefault=none
+SlurmdParameters=config_overrides
+NodeName=localhost CPUs={cpus} State=UNKNOWN
+PartitionName=debug Nodes=localhost Default=YES MaxTime=INFINITE State=UP
+"""
+
+
+@pytest.fixture
+def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Commands of Slurm that write down what they are asked; `squeue` finds what `tmp_path/queue` says."""
+    folder = tmp_path / "bin"
+    folder.mkdir()
+    for name, answer in (("sbatch", "echo '17;cluster'"), ("squeue", f"cat {tmp_path}/queue"), ("scancel", "true")):
+        script = folder / name
+        script.write_text(f'#!/bin/sh\nprintf "%s\\n" {name} "$@" >> {tmp_path}/asked\n{answer}\n')
+        script.chmod(0o755)
+    (tmp_path / "queue").write_text("RUNNING\n")
+    monkeypatch.setenv("PATH", f"{folder}{os.pathsep}{os.environ['PATH']}")
+    monkeypatch.setattr(slurm, "CHECK_S", 0.0)
+    return tmp_path / "asked"
+
+
+def _workers(asked: Path, options: str = "") -> SlurmWorkers:
+    return SlurmWorkers(connect="tcp/10.0.0.5:7447", run="run-7", logs=asked.parent / "logs", options=options)
+
+
+def test_array_is_asked_for_with_the_users_options(asked: Path) -> None:
+    _workers(asked, "--partition=short --time='2:00:00'").submit(3)
+    words = asked.read_text().splitlines()
+    assert words[0] == "sbatch"
+    assert {"--array=0-2", "--requeue", "--partition=short", "--time=2:00:00"} <= set(words)
+    script = words[words.index("--wrap") + 1]
+    assert "worker all --connect tcp/10.0.0.5:7447 --run run-7" in script
+    assert "$SLURM_ARRAY_TASK_ID-${SLURM_RESTART_COUNT:-0}" in script
+
+
+def test_workers_are_asked_for_anew_only_once_none_is_left(asked: Path) -> None:
+    workers = _workers(asked)
+    workers.submit(2)
+    workers.check()
+    assert asked.read_text().splitlines().count("sbatch") == 1
+    (asked.parent / "queue").write_text("")
+    workers.check()
+    assert asked.read_text().splitlines().count("sbatch") == 2
+
+
+def test_workers_that_end_again_and_again_end_the_run_with_their_last_words(asked: Path) -> None:
+    workers = _workers(asked)
+    workers.submit(1)
+    (asked.parent / "queue").write_text("")
+    (asked.parent / "logs" / "slurm-17_0.log").write_text("up\nreadygo: no such scene\n")
+    for _ in range(slurm.RESTARTS_MAX):
+        workers.check()
+    with pytest.raises(RunError, match="job 17 ended: readygo: no such scene"):
+        workers.check()
+
+
+def test_end_of_the_run_cancels_what_is_left(asked: Path) -> None:
+    with _workers(asked) as workers:
+        workers.submit(1)
+    assert asked.read_text().splitlines()[-2:] == ["scancel", "17"]
+
+
+def test_refusals_are_one_line(asked: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (asked.parent / "bin" / "sbatch").write_text("#!/bin/sh\necho 'sbatch: error: invalid partition' >&2\nexit 1\n")
+    with pytest.raises(RunError, match=r"^Slurm: sbatch: error: invalid partition$"):
+        _workers(asked).submit(1)
+    with pytest.raises(RunError, match="cannot be split"):
+        _workers(asked, "--comment='open")
+    with pytest.raises(RunError, match="--listen with an address"):
+        check_slurm(2, "")
+    with pytest.raises(RunError, match="at least 1"):
+        check_slurm(0, "tcp/10.0.0.5:7447")
+    monkeypatch.setenv("PATH", "")
+    with pytest.raises(RunError, match="needs sbatch"):
+        _workers(asked)
+
+
+def _port() -> str:
+    return free_endpoint().rpartition(":")[2]
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Slurm with one node on this machine."""
+    missing = [name for name in DAEMONS if shutil.which(name, path=f"{os.environ['PATH']}:/usr/sbin") is None]
+    if missing or os.geteuid() != 0:
+        pytest.skip(f"needs root and {', '.join(missing) or 'nothing else'}: apt-get install slurm-wlm munge")
+    folder = tmp_path_factory.mktemp("slurm")
+    for name in ("state", "spool", "munge"):
+        (folder / name).mkdir(mode=0o700)
+    key = folder / "munge" / "key"
+    key.write_bytes(os.urandom(1024))
+    key.chmod(0o600)
+    conf = folder / "slurm.conf"
+    conf.write_text(CONF.format(controller=_port(), node=_port(), folder=folder, cpus=NODE_CPUS))
+    environment = {**os.environ, "SLURM_CONF": str(conf), "PATH": f"{os.environ['PATH']}:/usr/sbin"}
+    files = {"socket": "socket", "pid-file": "pid", "log-file": "log", "seed-file": "seed", "key-file": "key"}
+    munged = ["munged", "--foreground", "--force", *(f"--{o}={folder}/munge/{f}" for o, f in files.items())]
+    commands = [munged, ["slurmctld", "-D"], ["slurmd", "-D", "-N", "localhost"]]
+    daemons = []
+    patch = pytest.MonkeyPatch()
+    patch.setenv("SLURM_CONF", str(conf))
+    try:
+        for command in commands:
+            quiet = subprocess.DEVNULL
+            daemons.append(subprocess.Popen(command, env=environment, stdout=quiet, stderr=quiet))
+            time.sleep(0.5)
+        _wait_until_idle()
+        yield
+    finally:
+        for daemon in reversed(daemons):
+            daemon.terminate()
+            daemon.wait(timeout=30)
+        patch.undo()
+
+
+def _wait_until_idle() -> None:
+    states = ""
+    for _ in range(120):
+        states = subprocess.run(["sinfo", "-h", "-o", "%T"], capture_output=True, text=True, check=False).stdout
+        if states.strip() == "idle":
+            return
+        time.sleep(0.5)
+    pytest.skip(f"Slurm does not start here: {states.strip() or 'no answer'}")
+
+
+def _running() -> list[str]:
+    found = subprocess.run(["squeue", "-h", "-t", "R", "-o", "%i"], capture_output=True, text=True, check=True)
+    return found.stdout.split()
+
+
+@pytest.mark.slow
+def test_preempted_and_cancelled_workers_leave_the_same_data(cluster: None, tmp_path: Path) -> None:
+    scene = ensure_embedded_scene(tmp_path / "embedded").path
+    config = tmp_path / "short.toml"
+    config.write_text("[episode]\ngoal_distance_max_m = 4.0\n")
+    out, log = tmp_path / "jobs", tmp_path / "log"
+    options = ["--episodes", "8", "--workers", "3", "--config", str(config), "--listen", free_endpoint(), "--json"]
+    command = [sys.executable, "-m", "readygo", "generate", str(scene), "--out", str(out), "--on", "slurm", *options]
+    with log.open("wb") as words, subprocess.Popen(command, stdout=words, stderr=words) as run:
+        while len(_running()) < 3 and run.poll() is None:
+            time.sleep(0.2)
+        first, second, *_ = _running()
+        subprocess.run(["scontrol", "requeue", first], check=True)
+        subprocess.run(["scancel", second], check=True)
+        assert run.wait(timeout=600) == 0, log.read_text()
+    assert validate(out).ok
+    for _ in range(100):
+        if not _running():
+            break
+        time.sleep(0.1)
+    assert _running() == []
+    generate(str(scene), out=tmp_path / "here", episodes=8, workers=0, config=config, json=True)
+    assert Dataset([out]).content_hash == Dataset([tmp_path / "here"]).content_hash
