@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.rasterizer.cpu.blend import begin_slab, fill_tiles, sort_keys
 from readygo.common.rasterizer.cpu.slabs import Slab, slabs_of
 from readygo.common.rasterizer.cpu.view import PinholeView
 from readygo.common.rasterizer.cpu.workspace import (
@@ -45,6 +44,7 @@ from readygo.common.rasterizer.differentiable.memory import (
 from readygo.common.rasterizer.differentiable.pool import ArrayPool
 from readygo.common.rasterizer.differentiable.project import list_drawn, project
 from readygo.common.rasterizer.differentiable.project_gradients import gather_sums, project_gradients
+from readygo.common.rasterizer.differentiable.released import begin_slab, fill_tiles, sort_keys
 
 LN_2 = 0.6931471805599453
 _FREE_FRAMES = 4

@@ -24,7 +24,7 @@ def save_checkpoint(folder: Path, identity: str, numbers: dict[str, Any], arrays
     """
     meta = json.dumps({"format": FORMAT, "identity": identity, **numbers})
     with unfinished(folder / CHECKPOINT_FILE, raises=RunError) as part, part.open("wb") as file:
-        np.savez(file, meta=np.array(meta), **arrays)
+        np.savez(file, allow_pickle=False, **{"meta": np.array(meta), **arrays})
 
 
 def load_checkpoint(folder: Path, identity: str) -> tuple[dict[str, Any], Arrays] | None:

@@ -145,7 +145,8 @@ def _grown(gaussians: Gaussians, config: DensityConfig, rng: np.random.Generator
 def _drawn(weights: Array, count: int, rng: np.random.Generator) -> Rows:
     """Numbers drawn in proportion to weights."""
     ends = np.cumsum(weights, dtype=np.float64)
-    return np.searchsorted(ends, rng.random(count) * ends[-1], side="right").clip(max=len(weights) - 1)
+    chosen: Rows = np.searchsorted(ends, rng.random(count) * ends[-1], side="right").clip(max=len(weights) - 1)
+    return chosen
 
 
 def _share(gaussians: Gaussians, chosen: Rows) -> None:

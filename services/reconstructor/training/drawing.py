@@ -132,7 +132,7 @@ def view_gradients(
         shape_loss, other_leaves = _shape_loss(leaves, rendered, photo, geometry, settings.geometry)
         losses, slopes = [*losses, shape_loss], [*slopes, torch.ones(())]
         loss += float(shape_loss.detach())
-    torch.autograd.backward(losses, slopes)
+    torch.autograd.backward(losses, slopes)  # type: ignore[no-untyped-call]
     rows, gradients = _parameter_gradients(leaves, photo, settings)
     if other_leaves is not None and geometry is not None and geometry.neighbour is not None:
         other = _parameter_gradients(other_leaves, geometry.neighbour, settings)
@@ -153,7 +153,7 @@ def observed(leaves: Leaves, photo: Photo) -> Rows:
     """The Gaussians that have weight in the view of a photo."""
     leaves = {name: leaf.detach().requires_grad_() for name, leaf in leaves.items() if name != "sh"}
     rendered = draw(leaves, photo, 0, gradients=True)
-    rendered.transmittance.backward(torch.zeros_like(rendered.transmittance))
+    rendered.transmittance.backward(torch.zeros_like(rendered.transmittance))  # type: ignore[no-untyped-call]
     assert rendered.visibility.weight is not None
     rows: Rows = rendered.visibility.index[rendered.visibility.weight > OBSERVED_WEIGHT].numpy()
     return rows

@@ -34,11 +34,11 @@ class Gaussians:
         return len(self.updates)
 
     @classmethod
-    def fresh(cls, values: dict[str, Array]) -> "Gaussians":
+    def fresh(cls, values: Mapping[str, npt.NDArray[np.floating[Any]]]) -> "Gaussians":
         """Gaussians that were never changed."""
-        values = {name: np.ascontiguousarray(values[name], dtype=np.float32) for name in PARAMETERS}
-        zeros = [{name: np.zeros_like(value) for name, value in values.items()} for _ in range(2)]
-        return cls(values, zeros[0], zeros[1], np.zeros(len(values["logits"]), dtype=np.float32))
+        singles = {name: np.ascontiguousarray(values[name], dtype=np.float32) for name in PARAMETERS}
+        zeros = [{name: np.zeros_like(value) for name, value in singles.items()} for _ in range(2)]
+        return cls(singles, zeros[0], zeros[1], np.zeros(len(singles["logits"]), dtype=np.float32))
 
     def select(self, index: Rows | npt.NDArray[np.bool_]) -> "Gaussians":
         """Some of them, with their state."""
@@ -65,7 +65,8 @@ class Gaussians:
     @property
     def opacities(self) -> Array:
         """Peak opacities, shape (N,)."""
-        return 1.0 / (1.0 + np.exp(-self.values["logits"][:, 0]))
+        opacities: Array = np.float32(1) / (np.float32(1) + np.exp(-self.values["logits"][:, 0]))
+        return opacities
 
     @property
     def scales_m(self) -> Array:

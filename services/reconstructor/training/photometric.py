@@ -5,6 +5,7 @@ and channels. Source: Wang et al., Image Quality Assessment: From Error Visibili
 """
 
 import math
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +14,8 @@ from readygo.common.kernels import compiled
 
 Planes = npt.NDArray[np.float32]
 """Channels, rows, columns."""
-Row = Plane = npt.NDArray[np.float32]
+Row = npt.NDArray[np.float32]
+Plane = npt.NDArray[np.float32]
 TAPS = 11
 _SIGMA_PX, _C1, _C2 = 1.5, 0.01**2, 0.03**2
 _SUMS, _PARTS = 5, 3
@@ -23,7 +25,8 @@ _SUMS, _PARTS = 5, 3
 def _window() -> npt.NDArray[np.float32]:
     offsets = np.arange(TAPS) - TAPS // 2
     weights = np.exp(-0.5 * (offsets / _SIGMA_PX) ** 2)
-    return (weights / weights.sum()).astype(np.float32)
+    window: Row = (weights / weights.sum()).astype(np.float32)
+    return window
 
 
 WINDOW = _window()
@@ -164,7 +167,7 @@ def _add_l1(x: Plane, y: Plane, ssim_weight: float, count: int, out: Plane) -> f
     ssim, absolute = np.float32(-ssim_weight / count), np.float32((1.0 - ssim_weight) / count)
     total = 0.0
     for v in range(x.shape[0]):
-        row = np.float32(0)
+        row: Any = np.float32(0)
         for u in range(x.shape[1]):
             d = x[v, u] - y[v, u]
             out[v, u] = ssim * out[v, u] + absolute * np.sign(d)
