@@ -5,10 +5,11 @@ from typing import Any, Protocol
 
 from readygo.common.bus.zenoh_bus import Router, ZenohBus
 from readygo.common.messages import ReconstructionProgress, topics
+from readygo.common.messages.reconstruction import RECONSTRUCTOR
 from readygo.services.reconstructor.config import ReconstructorConfig
 from readygo.services.reconstructor.desk import Desk
 from readygo.services.reconstructor.reconstruct import Job
-from readygo.services.reconstructor.service import ASK_S, RECONSTRUCTOR, attach
+from readygo.services.reconstructor.service import ASK_S, attach
 from readygo.services.reconstructor.stages import StageProgress
 
 _LEAVE_S = 2.0 * ASK_S

@@ -26,8 +26,8 @@ from readygo.common.dataset.provenance import Provenance
 from readygo.common.errors import BusError, ReadygoError, RunError
 from readygo.common.fleet import Worker, pull
 from readygo.common.messages import RunSpecRequest, topics
+from readygo.common.messages.reconstruction import RECONSTRUCTOR
 from readygo.services import coordinator as coordination
-from readygo.services.reconstructor.service import RECONSTRUCTOR, pull_jobs
 from readygo.services.recorder import Recorder
 from readygo.services.recorder import attach as attach_recorder
 
@@ -92,6 +92,9 @@ def _join(role: str, name: str, connect: str, run: str, data: tuple[Path, ...], 
         elif role == RECORDER:
             _record(bus, name, _folder(role, data), stop)
         elif role == RECONSTRUCTOR:
+            # It takes memory that no other worker needs.
+            from readygo.services.reconstructor.service import pull_jobs
+
             pull_jobs(bus, name, stop)
         else:
             _work(bus, role, name, stop)

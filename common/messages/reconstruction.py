@@ -2,6 +2,9 @@
 
 from dataclasses import dataclass
 
+RECONSTRUCTOR = "reconstructor"
+"""The role of its workers."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ReconstructionClaim:

@@ -13,11 +13,11 @@ from readygo.common.messages import (
     ReconstructionReport,
     topics,
 )
+from readygo.common.messages.reconstruction import RECONSTRUCTOR
 from readygo.services.reconstructor.desk import Desk, config_of
 from readygo.services.reconstructor.reconstruct import STAGES, Job, reconstruct
 from readygo.services.reconstructor.stages import StageProgress
 
-RECONSTRUCTOR = "reconstructor"
 ASK_S = 1.0
 """How often a worker without work asks for some [s]."""
 
