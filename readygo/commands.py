@@ -1,6 +1,24 @@
 """The commands of `readygo`, by name. The table stands above all layers: it may name what lies in any of them."""
 
+import sys
+from typing import Literal
+
 from readygo.apps.cli import Command
+
+
+def completion(shell: Literal["bash", "zsh", "fish"], /) -> None:
+    """Print a script that completes commands and options in a shell.
+
+    bash: `source <(readygo completion bash)`, in ~/.bashrc; zsh the same in ~/.zshrc; fish:
+    `readygo completion fish > ~/.config/fish/completions/readygo.fish`.
+
+    Args:
+        shell: The shell.
+    """
+    from readygo.apps.cli_reference import completion as script
+
+    sys.stdout.write(script(COMMANDS, shell))
+
 
 COMMANDS = {
     "demo": Command("readygo.apps.demo.demo:demo", "run the whole job on the embedded scene and write a report"),
@@ -45,6 +63,17 @@ COMMANDS = {
     "coverage": Command(
         "readygo.apps.commands.coverage:coverage", "show what a dataset covers, and what it does not, on one page"
     ),
+    "import rosbag2": Command(
+        "readygo.apps.commands.import_log:import_log", "make a data folder of a robot's log, a rosbag2 folder"
+    ),
+    "import mcap": Command(
+        "readygo.apps.commands.import_log:import_log", "make a data folder of a robot's log, an MCAP file"
+    ),
+    "play": Command("readygo.apps.commands.play:play", "write a recorded episode as a film"),
+    "card": Command(
+        "readygo.apps.commands.card:card", "write a README.md of a data folder: what it holds, in pictures"
+    ),
+    "export": Command("readygo.apps.commands.export:export", "write a dataset in the format of another program"),
     "learn": Command(
         "readygo.apps.commands.learn:learn", "record and learn side by side, until a policy drives well in a scene"
     ),
@@ -65,5 +94,7 @@ COMMANDS = {
     "bench plan": Command(
         "readygo.benchmarks.planning.plan:bench_plan", "measure success, times and smoothness of the robot experts"
     ),
+    "doctor": Command("readygo.apps.commands.doctor:doctor", "say what this machine has, lacks and can do"),
+    "completion": Command("readygo.commands:completion", "print a script that completes commands in a shell"),
     "warm": Command("readygo.apps.commands.warm:warm", "compile all kernels once"),
 }
