@@ -38,7 +38,13 @@ COMMANDS = {
     ),
     "scene poses": Command(
         "readygo.apps.commands.reconstruct:scene_poses",
-        "find metric camera poses of a video or photos; no Gaussians yet",
+        "find metric camera poses of a video or photos, without Gaussians",
+    ),
+    "reconstruct": Command(
+        "readygo.apps.commands.reconstruct:reconstruct_command", "make a scene bundle of a video or photos"
+    ),
+    "scene train": Command(
+        "readygo.apps.commands.train_gaussians:scene_train", "train Gaussians on posed images (a COLMAP model)"
     ),
     "marker": Command("readygo.apps.commands.reconstruct:marker", "write a printable marker of true size, as PDF"),
     "avatar list": Command("readygo.apps.commands.avatar:avatar_list", "list the people that can walk through scenes"),

@@ -1,19 +1,28 @@
-"""`readygo scene poses` and `readygo marker`: from a video or photos to metric poses."""
+"""`readygo reconstruct`, `readygo scene poses` and `readygo marker`: from a video or photos to a scene."""
 
 import json as json_module
 import sys
+import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
 from rich.console import Console
 from rich.table import Table
 
+from readygo.apps.commands.progress import EVERY_S
+from readygo.apps.commands.scene_report import scene_report
+from readygo.apps.fleet.reconstruction import ask_worker
 from readygo.common.errors import ConfigError
 from readygo.common.files import write_whole
 from readygo.services.reconstructor.config import FramesConfig, MetricConfig, PosesConfig, ReconstructorConfig
-from readygo.services.reconstructor.handlers import PICTURE_FILE, POSED, find_poses
+from readygo.services.reconstructor.handlers import PICTURE_FILE, POSE_STAGES, POSED, find_poses
 from readygo.services.reconstructor.marker_sheet import marker_pdf
 from readygo.services.reconstructor.metric.markers import DEFAULT_DICTIONARY
+from readygo.services.reconstructor.reconstruct import GAUSSIANS, STAGES, Job, reconstruct
+from readygo.services.reconstructor.stages import StageProgress
+from readygo.services.reconstructor.training.config import Preset
+from readygo.services.reconstructor.training.config import preset as settings_of
 
 
 def scene_poses(
@@ -52,23 +61,15 @@ def scene_poses(
         threads: 0 takes all cores; 1 gives the same map each time.
         json: Print the report as JSON.
     """
-    try:
-        config = ReconstructorConfig(
-            frames=FramesConfig(count_max=frames),
-            poses=PosesConfig(mapper=mapper, threads=threads),
-            metric=MetricConfig(
-                marker_size_m=marker_size_m,
-                marker_dictionary=marker_dictionary,
-                marker_ids=marker_id,
-                marker_on=marker_on,
-                lengths=length,
-                scale=scale,
-            ),
-        )
-    except ValueError as error:
-        raise ConfigError(str(error)) from error
-    notes = Console(stderr=True, highlight=False)
-    report = find_poses(source, out, config, lambda stage: notes.print(f"{stage} ...", markup=False))
+    metric = _metric(
+        marker_size_m=marker_size_m,
+        marker_dictionary=marker_dictionary,
+        marker_ids=marker_id,
+        marker_on=marker_on,
+        lengths=length,
+        scale=scale,
+    )
+    report = find_poses(source, out, _config(metric, frames, mapper, threads), Lines(POSE_STAGES).say)
     if json:
         sys.stdout.write(json_module.dumps(report) + "\n")
         return
@@ -77,7 +78,147 @@ def scene_poses(
         table.add_row(label, text)
     table.add_row("model and images", str(out / POSED))
     table.add_row("picture", str(out / POSED / PICTURE_FILE))
-    Console().print(table)
+    Console().print(table, markup=False)
+
+
+def reconstruct_command(
+    source: Path,
+    /,
+    *,
+    out: Path,
+    marker_size_m: float = 0.0,
+    marker_dictionary: str = DEFAULT_DICTIONARY,
+    marker_id: tuple[int, ...] = (),
+    marker_on: Literal["auto", "floor", "wall"] = "auto",
+    length: tuple[str, ...] = (),
+    scale: float = 0.0,
+    preset: Preset = "draft",
+    steps: int | None = None,
+    frames: int = 300,
+    mapper: Literal["auto", "incremental", "global"] = "auto",
+    threads: int = 0,
+    license: str = "",
+    work: Path | None = None,
+    listen: str = "",
+    json: bool = False,
+) -> None:
+    """Make a scene bundle of a video or of photos: metric poses, Gaussians, maps.
+
+    Stages that are finished are not done again, and a training that was interrupted goes on: run the same command.
+
+    Args:
+        source: A video, a folder of photos, or a folder with a COLMAP model and images/.
+        out: Scene bundle to make; must not exist.
+        marker_size_m: Side of the black square of the printed markers [m]; see `readygo marker`.
+        marker_dictionary: Dictionary of the markers, as OpenCV names it.
+        marker_id: Markers of that size; all that are found by default.
+        marker_on: What markers lie on; auto goes by how the camera was held.
+        length: Length between two points picked in two images, "a.jpg:u,v a.jpg:u,v b.jpg:u,v b.jpg:u,v = 2.35", both
+            ends in each image [px, m]; beside a marker it checks the marker.
+        scale: Metres per unit of the map, where nothing else tells it.
+        preset: draft takes minutes on two cores, standard and high are for longer.
+        steps: Steps of the training; those of the preset by default.
+        frames: At most this many frames of a video are used.
+        mapper: auto is incremental up to 200 images, global beyond.
+        threads: Of the mapper; 0 takes all cores, 1 gives the same map each time.
+        license: Terms of the scene; recorded with everything made from it.
+        work: State folder; OUT.work by default.
+        listen: Let a `readygo worker reconstructor` do it that joins at this endpoint, such as tcp/0.0.0.0:7447, on a
+            machine that sees the same paths.
+        json: Print the report as JSON.
+    """
+    metric = _metric(
+        marker_size_m=marker_size_m,
+        marker_dictionary=marker_dictionary,
+        marker_ids=marker_id,
+        marker_on=marker_on,
+        lengths=length,
+        scale=scale,
+    )
+    config = _config(metric, frames, mapper, threads, preset, steps)
+    job = Job(source=source, out=out, work=work or out.with_name(f"{out.name}.work"), license=license)
+    lines = Lines(STAGES)
+    try:
+        report = ask_worker(job, config, listen, lines) if listen else reconstruct(job, config, lines.say)
+    except KeyboardInterrupt:
+        words = f"finished stages stay in {job.work}, run the same command again to go on."
+        raise KeyboardInterrupt(words) from None
+    if json:
+        sys.stdout.write(json_module.dumps(report) + "\n")
+        return
+    _print_scene(source, job, report)
+    scene_report(str(out))
+
+
+def _metric(**settings: Any) -> MetricConfig:
+    try:
+        return MetricConfig(**settings)
+    except ValueError as error:
+        raise ConfigError(str(error)) from error
+
+
+def _config(
+    metric: MetricConfig,
+    frames: int,
+    mapper: Literal["auto", "incremental", "global"],
+    threads: int,
+    preset: Preset = "draft",
+    steps: int | None = None,
+) -> ReconstructorConfig:
+    try:
+        gaussians = settings_of(preset)
+        return ReconstructorConfig(
+            frames=FramesConfig(count_max=frames),
+            poses=PosesConfig(mapper=mapper, threads=threads),
+            metric=metric,
+            gaussians=gaussians if steps is None else replace(gaussians, steps=steps),
+        )
+    except ValueError as error:
+        raise ConfigError(str(error)) from error
+
+
+class Lines:
+    """A line when a stage begins, and one now and then while it goes on."""
+
+    def __init__(self, stages: tuple[str, ...]) -> None:
+        """Nothing is said yet.
+
+        Args:
+            stages: All that there are, in order.
+        """
+        self._stages, self._stage, self._said_s = stages, "", 0.0
+        self._notes = Console(stderr=True, highlight=False, soft_wrap=True)
+
+    def say(self, progress: StageProgress) -> None:
+        """Hear of progress."""
+        now_s = time.monotonic()
+        if progress.stage == self._stage and now_s - self._said_s < EVERY_S:
+            return
+        number = f"[{self._stages.index(progress.stage) + 1}/{len(self._stages)}]"
+        words = f" {100 * progress.share:.0f} %: {progress.words}" if progress.words else " ..."
+        self._notes.print(f"{number} {progress.stage}{words}", markup=False)
+        self._stage, self._said_s = progress.stage, now_s
+
+
+def _print_scene(source: Path, job: Job, report: dict[str, Any]) -> None:
+    training = report["training"]
+    quality = "no images held out"
+    if training["psnr_db"] is not None:
+        quality = f"PSNR {training['psnr_db']:.2f} dB, SSIM {training['ssim']:.3f} ({len(training['held_out'])} images)"
+    table = Table(title=f"{job.out.name}, made of {source.name}", show_header=False)
+    for label, text in _rows(report):
+        table.add_row(label, text)
+    table.add_row(
+        "Gaussians", f"{training['gaussians']:,} trained on {training['images']} images; left out: {report['removed']}"
+    )
+    table.add_row("held-out images", quality)
+    for stage, seconds in report["seconds"].items():
+        table.add_row(f"time of {stage}", f"{seconds:.0f} s")
+    table.add_row("time in all", f"{sum(report['seconds'].values()) / 60.0:.1f} min")
+    table.add_row("cameras from above", str(job.work / POSED / PICTURE_FILE))
+    table.add_row("held-out pictures", str(job.work / GAUSSIANS / "previews" / "held_out"))
+    table.add_row("scene", f"{job.out} (readygo scene inspect {job.out})")
+    Console().print(table, markup=False)
 
 
 def _rows(report: dict[str, Any]) -> list[tuple[str, str]]:

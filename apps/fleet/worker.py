@@ -31,6 +31,7 @@ from readygo.common.dataset.provenance import Provenance
 from readygo.common.errors import BusError, ReadygoError, RunError
 from readygo.common.fleet import Worker, pull
 from readygo.common.messages import RunSpecRequest, topics
+from readygo.common.messages.reconstruction import RECONSTRUCTOR
 from readygo.services import coordinator as coordination
 from readygo.services.recorder import Recorder
 from readygo.services.recorder import attach as attach_recorder
@@ -66,9 +67,10 @@ def worker(
 
     Args:
         role: coordinator, recorder, the role of a stage (human-planner, animator, robot-planner, renderer or driver),
-            all, which does every stage in one process, or trainer.
+            all, which does every stage in one process, trainer, or reconstructor.
         connect: Endpoint of the fleet's router, such as tcp/127.0.0.1:7447.
-        run: Name of the run, as `readygo generate --listen` prints it; for a trainer several, with commas between.
+        run: Name of the run, as `readygo generate --listen` or `readygo reconstruct --listen` prints it; for a trainer
+            several, with commas between.
         name: Name of this worker; must differ between workers of one role.
         data: Data folder of the run (coordinator and recorder; a trainer catches up from it, one for each run).
         out: Folder of the policy (trainer only).
@@ -100,6 +102,11 @@ def _join(role: str, name: str, connect: str, run: str, data: tuple[Path, ...], 
             _coordinate(bus, _folder(role, data), stop)
         elif role == RECORDER:
             _record(bus, name, _folder(role, data), stop)
+        elif role == RECONSTRUCTOR:
+            # It takes memory that no other worker needs.
+            from readygo.services.reconstructor.service import pull_jobs
+
+            pull_jobs(bus, name, stop)
         else:
             _work(bus, role, name, stop)
     finally:

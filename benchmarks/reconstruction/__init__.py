@@ -1,1 +1,1 @@
-"""Reconstruction of simulated captures, beside the truth."""
+"""Reconstruction: simulated captures beside the truth, and trainings of Gaussians."""

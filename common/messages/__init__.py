@@ -34,6 +34,12 @@ from readygo.common.messages.episode import EpisodeKey, HumanTrajectory, Scenari
 from readygo.common.messages.learning import CommittedEpisode, OfferReply, OfferRequest, PolicyFile
 from readygo.common.messages.motion import EpisodeMotions, HumanMotion, Motion
 from readygo.common.messages.plan import Driver, Outcome, RobotTrajectory
+from readygo.common.messages.reconstruction import (
+    ReconstructionClaim,
+    ReconstructionJob,
+    ReconstructionProgress,
+    ReconstructionReport,
+)
 from readygo.common.messages.render import Humans, RenderReply, RenderRequest, RenderView
 from readygo.common.messages.samples import (
     AppendReply,
@@ -95,6 +101,10 @@ __all__ = [
     "PendingRequest",
     "PolicyFile",
     "PolicyRef",
+    "ReconstructionClaim",
+    "ReconstructionJob",
+    "ReconstructionProgress",
+    "ReconstructionReport",
     "RenderReply",
     "RenderRequest",
     "RenderView",

@@ -30,6 +30,12 @@ from readygo.common.messages.coordination import (
 )
 from readygo.common.messages.learning import CommittedEpisode, OfferReply, OfferRequest
 from readygo.common.messages.live import LiveCommit, LiveLoss, LivePlan, LivePreview, LiveState, LiveWork
+from readygo.common.messages.reconstruction import (
+    ReconstructionClaim,
+    ReconstructionJob,
+    ReconstructionProgress,
+    ReconstructionReport,
+)
 from readygo.common.messages.render import RenderReply, RenderRequest
 from readygo.common.messages.samples import AppendReply, AppendRequest
 from readygo.common.messages.stages import (
@@ -93,6 +99,9 @@ HUMAN_PLAN = Topic("human-plan", HumanPlanRequest, HumanPlanReply)
 ANIMATE = Topic("animate", AnimateRequest, AnimateReply)
 ROBOT_PLAN = Topic("robot-plan", RobotPlanRequest, RobotPlanReply)
 
+RECONSTRUCTION_CLAIM = Topic("reconstruct/claim", ReconstructionClaim, ReconstructionJob)
+RECONSTRUCTION_REPORT = Topic("reconstruct/report", ReconstructionReport, Verdict)
+
 PROGRESS = Stream("live/progress", StatusReply)
 """The coordinator's status, a few times a second."""
 WAKE = Stream("live/wake", Wake)
@@ -105,6 +114,9 @@ COMMIT = Live("commit", LiveCommit)
 LOSS = Live("loss", LiveLoss)
 COMMITTED = Stream("train/episodes", CommittedEpisode)
 """Every episode, as soon as it is durable."""
+
+RECONSTRUCTION = Stream("live/reconstruct", ReconstructionProgress)
+"""How far the reconstruction of a scene is: when a stage begins, and every second while Gaussians are trained."""
 
 
 def claim(stage: str) -> Topic[ClaimRequest, ClaimReply]:

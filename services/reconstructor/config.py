@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 from readygo.common.config import Range, check_ranges
 from readygo.services.reconstructor.metric.markers import DEFAULT_DICTIONARY
+from readygo.services.reconstructor.training.config import GaussiansConfig
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,8 +70,9 @@ class MetricConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class ReconstructorConfig:
-    """How a video or photos become posed, metric images."""
+    """How a video or photos become posed, metric images, and these Gaussians."""
 
     frames: FramesConfig = field(default_factory=FramesConfig)
     poses: PosesConfig = field(default_factory=PosesConfig)
     metric: MetricConfig = field(default_factory=MetricConfig)
+    gaussians: GaussiansConfig = field(default_factory=GaussiansConfig)

@@ -2,10 +2,12 @@
 
 import json
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -25,15 +27,21 @@ from readygo.services.reconstructor.metric.markers import (
 )
 from readygo.services.reconstructor.metric.place import Placement, place_map
 from readygo.services.reconstructor.metric.scale import square_corners_m
+from readygo.services.reconstructor.posed import PosedImages
 from readygo.services.reconstructor.poses import colmap
+from readygo.services.reconstructor.poses.joining import placed_by_markers
 from readygo.services.reconstructor.poses.pairs import image_pairs
+from readygo.services.reconstructor.poses.squares import adjusted_by_squares
 from readygo.services.reconstructor.poses.tags import focal_of_tags, tag_features
-from readygo.services.reconstructor.poses.verdict import Verdict, judge, refusal
+from readygo.services.reconstructor.poses.verdict import ADVICE, DOUBTFUL_POINTS, Verdict, disagreement, judge, refusal
 from readygo.services.reconstructor.stages import Say, Stages
 
 FRAMES, MARKERS, FEATURES, MATCHES, MAP, POSED = "frames", "markers", "features", "matches", "map", "posed"
 """Stages, and folders of the job."""
+POSE_STAGES = (FRAMES, MARKERS, FEATURES, MATCHES, MAP, POSED)
 DATABASE_FILE, PICTURE_FILE, REPORT_FILE = "database.db", "top.png", "poses.json"
+REPEATS = 2
+"""So often a doubtful map is made again."""
 _TRIED_IMAGES = 40
 """Of so many images other dictionaries are looked for."""
 
@@ -79,20 +87,33 @@ def find_poses(source: Path, out: Path, config: ReconstructorConfig, say: Say) -
         source: A video, a folder of photos, or a folder with a COLMAP model and its images.
         out: State folder; what is finished there is not done again.
         config: How.
-        say: Hears one line per stage.
+        say: Hears when a stage begins.
 
     Raises:
         ReadygoError: If the source cannot be used, the map is bad, or the scale is not known.
     """
+    with open_job(source, out, config, say) as (stages, given):
+        return find_poses_in(stages, given, config)
+
+
+@contextmanager
+def open_job(source: Path, folder: Path, config: ReconstructorConfig, say: Say) -> Iterator[tuple[Stages, Source]]:
+    """Begin a job in a state folder, or go on with it, after a look at what would stop it hours later.
+
+    Raises:
+        ReadygoError: If the source cannot be used, the scale is not told, or another command works in the folder.
+    """
     _check_scale_is_told(config)
     colmap.pycolmap()
     given = open_source(source)
-    stages = Stages(out, say)
+    stages = Stages(folder, say)
     with stages.alone():
-        return _run_stages(stages, given, out, config)
+        yield stages, given
 
 
-def _run_stages(stages: Stages, given: Source, out: Path, config: ReconstructorConfig) -> dict[str, Any]:
+def find_poses_in(stages: Stages, given: Source, config: ReconstructorConfig) -> dict[str, Any]:
+    """As `find_poses`, in a job that may go on after it."""
+    out = stages.folder
     poses, metric = section_to_mapping(config.poses), section_to_mapping(config.metric)
     settings = {"source": [str(given.path.resolve()), given.kind, given.identity], **section_to_mapping(config.frames)}
     frames = stages.run(FRAMES, settings, partial(make_frames, given, config))
@@ -106,9 +127,7 @@ def _run_stages(stages: Stages, given: Source, out: Path, config: ReconstructorC
         stages.run(FEATURES, _some(poses, "features_max"), partial(make_features, folder, frames, sightings, config))
         compared = _some(poses, "overlap", "exhaustive_max", "seed")
         stages.run(MATCHES, compared, partial(make_matches, out, frames, sightings, given.kind, config))
-    made = stages.run(
-        MAP, {**poses, "tags": bool(sightings)}, partial(make_map, out, given, frames, bool(sightings), config)
-    )
+    made = stages.run(MAP, {**poses, "tags": bool(sightings)}, partial(make_map, out, given, frames, sightings, config))
     place = partial(make_posed, out, out / MAP / made["model"], Verdict(**made["verdict"]), sightings, config)
     report = stages.run(POSED, metric, place)
     return {"source": str(given.path), "kind": given.kind, "frames": frames, **report, "seconds": stages.seconds}
@@ -215,13 +234,19 @@ def _in_order(kind: str, count: int, config: ReconstructorConfig) -> bool:
 
 
 def make_map(
-    out: Path, source: Source, frames: Mapping[str, Any], with_tags: bool, config: ReconstructorConfig, folder: Path
+    out: Path,
+    source: Source,
+    frames: Mapping[str, Any],
+    sightings: list[MarkerSighting],
+    config: ReconstructorConfig,
+    folder: Path,
 ) -> Mapping[str, Any]:
     """Poses and points in units of their own, judged.
 
     Raises:
         SceneError: If the map must not be used; the message has advice.
     """
+    database = out / MATCHES / DATABASE_FILE
     if source.kind == "colmap":
         model = colmap.find_model(source.path)
         assert model is not None
@@ -230,18 +255,63 @@ def make_map(
         name = str(model.resolve())
     else:
         asked = len(frames["names"])
-        database = out / MATCHES / DATABASE_FILE
-        models = colmap.build_maps(database, out / FRAMES, folder, config.poses, count=asked, with_tags=with_tags)
+        models = colmap.build_maps(database, out / FRAMES, folder, config.poses, count=asked, with_tags=bool(sightings))
         if not models:
             nothing = replace(_NOTHING, images=asked)
             raise SceneError(str(refusal(nothing, registered_min=config.poses.registered_min)))
+        models = _joined(models, database, out / FRAMES, sightings, config)
         model, sizes, name = models[0], colmap.piece_sizes(models), models[0].name
     images = colmap.read_map(model)
     verdict = judge(images, asked=asked, components=sizes, sequential=_in_order(source.kind, asked, config))
     reason = refusal(verdict, registered_min=config.poses.registered_min)
+    if not reason and source.kind != "colmap" and not sightings and verdict.points_per_image < DOUBTFUL_POINTS:
+        reason = _contradiction(images, database, out / FRAMES, folder, config)
     if reason:
         raise SceneError(reason)
     return {"model": name, "verdict": {**asdict(verdict), "components": list(sizes)}}
+
+
+def _contradiction(
+    images: PosedImages, database: Path, photos: Path, folder: Path, config: ReconstructorConfig
+) -> str | None:
+    """Why a map must not be used that comes out differently with other seeds."""
+    for number in range(1, REPEATS + 1):
+        with TemporaryDirectory(dir=folder) as other:
+            again = replace(config.poses, seed=config.poses.seed + number)
+            models = colmap.build_maps(database, photos, Path(other), again, count=len(images.names))
+            reason = disagreement(images, colmap.read_map(models[0]) if models else None)
+        if reason:
+            return f"The images share too little to tell how they lie: {reason}. {ADVICE}"
+    return None
+
+
+def _joined(
+    models: list[Path], database: Path, images: Path, sightings: list[MarkerSighting], config: ReconstructorConfig
+) -> list[Path]:
+    """The models with that first which markers make of all pieces and of images without a pose, if there is more.
+
+    Where images share little besides markers, these are made squares of one size.
+    """
+    pieces = [colmap.read_map(model) for model in models]
+    one_camera = len({tuple(size) for piece in pieces for size in piece.size_px.tolist()}) == 1
+    if not (sightings and one_camera):
+        return models
+    poses = placed_by_markers(pieces, sightings)
+    if len(poses) > len(pieces[0].names):
+        folder = models[0].parent / "joined"
+        models = [colmap.posed_model(database, images, folder, models[0], poses, config.poses), *models]
+    whole = colmap.read_map(models[0])
+    if not _hangs_by_markers(whole, sightings):
+        return models
+    squared, focal = adjusted_by_squares(whole, dict(zip(whole.names, whole.T_world_camera, strict=True)), sightings)
+    folder = models[0].parent / "squared"
+    return [colmap.posed_model(database, images, folder, models[0], squared, config.poses, focal=focal), *models]
+
+
+def _hangs_by_markers(images: PosedImages, sightings: list[MarkerSighting]) -> bool:
+    """Whether every image shows a marker, and few points besides."""
+    per_image = np.bincount(images.seen[:, 0], minlength=len(images.names))
+    return set(images.names) <= {each.image for each in sightings} and float(np.median(per_image)) < DOUBTFUL_POINTS
 
 
 _NOTHING = Verdict(

@@ -7,15 +7,32 @@ import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from readygo.common.errors import RunError
-from readygo.common.files import unfinished_folder
+from readygo.common.files import unfinished_folder, write_whole
 
 STAGE_FILE, LOCK_FILE = "stage.json", ".lock"
+ROOM_MIN_BYTES = 256 << 20
+"""A stage does not begin with less room on the disk."""
 
-Say = Callable[[str], None]
+
+@dataclass(frozen=True, kw_only=True)
+class StageProgress:
+    """How far a job is."""
+
+    stage: str
+    share: float = 0.0
+    """Of the stage, 0 to 1."""
+    words: str = ""
+    picture: Path | None = None
+    """The latest picture of what is being made."""
+
+
+Say = Callable[[StageProgress], None]
+Make = Callable[[Path], Mapping[str, Any]]
 
 
 class Stages:
@@ -26,7 +43,7 @@ class Stages:
 
         Args:
             folder: State folder of the job.
-            say: Hears one line per stage.
+            say: Hears when a stage begins.
         """
         self.folder = folder
         self.seconds: dict[str, float] = {}
@@ -35,7 +52,7 @@ class Stages:
 
     @contextmanager
     def alone(self) -> Iterator[None]:
-        """Keep other commands out of the folder, and remove what a killed one left half done.
+        """Keep other commands out of the folder, and remove what a killed one left; all of it if nothing is done.
 
         Raises:
             RunError: If another command works there.
@@ -50,34 +67,62 @@ class Stages:
                 ) from error
             for remains in self.folder.glob(".*-*/"):
                 shutil.rmtree(remains, ignore_errors=True)
-            yield
+            try:
+                yield
+            finally:
+                if [path.name for path in self.folder.iterdir()] == [LOCK_FILE]:
+                    shutil.rmtree(self.folder, ignore_errors=True)
 
-    def run(self, name: str, settings: Mapping[str, Any], make: Callable[[Path], Mapping[str, Any]]) -> dict[str, Any]:
+    def run(self, name: str, settings: Mapping[str, Any], make: Make, *, keep: bool = False) -> dict[str, Any]:
         """Make a stage's folder unless it is there already.
 
         Args:
             name: Of the stage, and of its folder.
             settings: All that its result depends on, besides the stages before.
             make: Fills a folder and says what it found, as values that JSON holds.
+            keep: The folder stays when `make` is interrupted; it knows itself what of it can be used.
 
         Returns:
             What was found, now or then.
 
         Raises:
-            ReadygoError: If the stage cannot be finished; its folder is not there then.
+            ReadygoError: If the stage cannot be finished; its folder is not there then, or kept to go on.
         """
         self._key = hashlib.sha256((self._key + name + json.dumps(settings, sort_keys=True)).encode()).hexdigest()
         path = self.folder / name
         done = self._done(path)
         if done is None:
-            self._say(name)
-            begin_s = time.monotonic()
-            with unfinished_folder(path, good=lambda: self._done(path) is not None) as folder:
-                found = json.loads(json.dumps(make(folder)))
-                done = {"key": self._key, "seconds": round(time.monotonic() - begin_s, 2), "found": found}
-                (folder / STAGE_FILE).write_text(json.dumps(done, indent=2) + "\n")
+            self._say(StageProgress(stage=name))
+            self._check_room()
+            done = self._kept(path, make) if keep else self._whole(path, make)
         self.seconds[name] = float(done["seconds"])
         return dict(done["found"])
+
+    def _whole(self, path: Path, make: Make) -> dict[str, Any]:
+        """Make a folder that vanishes if it is not finished."""
+        with unfinished_folder(path, good=lambda: self._done(path) is not None) as folder:
+            return self._made(folder, make)
+
+    def _kept(self, path: Path, make: Make) -> dict[str, Any]:
+        """Make a folder that stays as it is if it is not finished."""
+        path.mkdir(parents=True, exist_ok=True)
+        (path / STAGE_FILE).unlink(missing_ok=True)
+        return self._made(path, make)
+
+    def _made(self, folder: Path, make: Make) -> dict[str, Any]:
+        begin_s = time.monotonic()
+        found = json.loads(json.dumps(make(folder)))
+        done = {"key": self._key, "seconds": round(time.monotonic() - begin_s, 2), "found": found}
+        write_whole(folder / STAGE_FILE, (json.dumps(done, indent=2) + "\n").encode())
+        return done
+
+    def _check_room(self) -> None:
+        free = shutil.disk_usage(self.folder).free
+        if free < ROOM_MIN_BYTES:
+            raise RunError(
+                f"{self.folder}: {free >> 20} MB are left on the disk, {ROOM_MIN_BYTES >> 20} MB are needed to go on. "
+                "Make room and run the same command again; what is finished stays."
+            )
 
     def _done(self, path: Path) -> dict[str, Any] | None:
         """What a finished stage found; None if it is not there, or was made from something else."""

@@ -89,7 +89,8 @@ def rasterize(
 
     Runs on one core; the result does not depend on the order of the Gaussians but for equal depths. It is fastest if
     neighbours in space are neighbours in memory, see `spatial_order`. Memory is used again as soon as images and
-    gradients of earlier calls are dropped. Not for several threads.
+    gradients of earlier calls are dropped. Several threads may do this side by side, each forward and backward on its
+    own; kernels release Python's lock.
 
     Args:
         means_m: Centres in the world [m], float32, shape (N, 3).

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from readygo.common.kernels import inlined, kernel
+from readygo.common.kernels import inlined
 from readygo.common.rasterizer.constants import ALPHA_MAX, LOG2_ALPHA_MIN, TRANSMITTANCE_MIN
 from readygo.common.rasterizer.cpu.blend import ROUNDING, log2_alpha
 from readygo.common.rasterizer.cpu.tiles import update_quads
@@ -20,6 +20,7 @@ from readygo.common.rasterizer.differentiable.memory import (
     Raster,
     Singles,
 )
+from readygo.common.rasterizer.differentiable.released import released
 from readygo.common.rasterizer.differentiable.simd_rows import load_block, load_first, store_block, store_first
 from readygo.common.simd.memory import load_f16, peek, prefetch, store_f16, touching
 from readygo.common.simd.types import (
@@ -47,7 +48,7 @@ def _alive_blocks(width: int, height: int, left: int, top: int) -> int:
     return row * (0x1111 & ((1 << (4 * blocks_y)) - 1))
 
 
-@kernel
+@released
 def begin_planes(width: int, height: int, ws: Workspace, raster: Raster) -> None:
     """Forget the last image: black, transparent, all blocks of pixels alive."""
     columns = (width + 15) >> 4
@@ -60,7 +61,7 @@ def begin_planes(width: int, height: int, ws: Workspace, raster: Raster) -> None
     update_quads(ws, columns)
 
 
-@kernel
+@released
 def gather_features(features: Singles, count: int, first: int, kept: Kept, ws: Workspace, raster: Raster) -> None:
     """Copy the features of the records from `first` on, `count` numbers each, and fill rows up with zeros."""
     stride, end = raster.feature_count, ws.counts[RECORDS] >> 4
@@ -164,7 +165,7 @@ def _copy_tile(raster: Raster, left: int, top: int, planes: int, store: bool) ->
                 store_f16(raster.state, place, load_block(raster.planes, p, raster.stride))
 
 
-@kernel
+@released
 def blend(width: int, ws: Workspace, raster: Raster) -> None:
     """Blend the slab's lists into the planes, nearest first, and note where each 4x4 block of pixels was finished.
 

@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from readygo.common.kernels import inlined, kernel
+from readygo.common.kernels import inlined
 from readygo.common.rasterizer.constants import ALPHA_MAX, LOG2_ALPHA_MIN, TRANSMITTANCE_MIN
 from readygo.common.rasterizer.cpu.blend import log2_alpha
 from readygo.common.rasterizer.cpu.workspace import NODE, RECORD, RECORDS, Workspace
@@ -18,6 +18,7 @@ from readygo.common.rasterizer.differentiable.memory import (
     Raster,
     Singles,
 )
+from readygo.common.rasterizer.differentiable.released import released
 from readygo.common.rasterizer.differentiable.simd_rows import (
     lane_sums_at,
     lane_sums_of_eleven,
@@ -72,7 +73,7 @@ def _store_tile(raster: Raster, replay: Singles, left: int, top: int) -> None:
         store_block(replay, size + pixel, raster.stride, load_f16(raster.state, place + 16))
 
 
-@kernel
+@released
 def begin_replay(ws: Workspace, raster: Raster, slopes: Singles, replay: Singles, out: Gradients) -> None:
     """Start with full transmittance, the whole image left behind, and no derivatives.
 
@@ -193,7 +194,7 @@ def _replay_entry(
         store_f16(out.records, place + k, load_f16(out.records, place + k) + lane_sums_at(out.sums, k * 16))
 
 
-@kernel
+@released
 def blend_gradients(
     width: int,
     ws: Workspace,

@@ -5,13 +5,14 @@ from typing import Any
 
 import numpy as np
 
-from readygo.common.kernels import inlined, kernel
+from readygo.common.kernels import inlined
 from readygo.common.rasterizer.constants import ALPHA_MIN, NEAR_M
 from readygo.common.rasterizer.cpu.optics import Optics, optics_of, rotation_rows
 from readygo.common.rasterizer.cpu.tiles import pack_box
 from readygo.common.rasterizer.cpu.view import PAD_PX, PinholeView
 from readygo.common.rasterizer.differentiable.ewa import to_camera
 from readygo.common.rasterizer.differentiable.memory import CHUNK, Chunks, Cloud, Singles
+from readygo.common.rasterizer.differentiable.released import released
 from readygo.common.rasterizer.differentiable.simd_rows import columns_of_three, load_first
 from readygo.common.simd.memory import load_f16, prefetch, store_f16
 from readygo.common.simd.types import f16, fma, lane_number, mask_bits, maximum, minimum, where
@@ -128,7 +129,7 @@ def _to_block(pixel: float, last: float) -> int:
     return int(min(max(pixel, 0.0), last)) >> 2
 
 
-@kernel
+@released
 def bound_chunks(view: PinholeView, cloud: Cloud, bounds: Singles, out: Chunks) -> int:
     """Write the chunks that may touch the image, and return their number.
 

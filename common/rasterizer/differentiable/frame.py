@@ -1,6 +1,7 @@
 """One view, forward and backward, on NumPy arrays."""
 
 import math
+import threading
 import weakref
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.rasterizer.cpu.blend import begin_slab, fill_tiles, sort_keys
 from readygo.common.rasterizer.cpu.slabs import Slab, slabs_of
 from readygo.common.rasterizer.cpu.view import PinholeView
 from readygo.common.rasterizer.cpu.workspace import (
@@ -44,14 +44,26 @@ from readygo.common.rasterizer.differentiable.memory import (
 from readygo.common.rasterizer.differentiable.pool import ArrayPool
 from readygo.common.rasterizer.differentiable.project import list_drawn, project
 from readygo.common.rasterizer.differentiable.project_gradients import gather_sums, project_gradients
+from readygo.common.rasterizer.differentiable.released import begin_slab, fill_tiles, sort_keys
 
 LN_2 = 0.6931471805599453
-_POOL = ArrayPool()
+_FREE_FRAMES = 4
+
+
+class _Memory(threading.local):
+    """What a thread uses again."""
+
+    def __init__(self) -> None:
+        self.pool = ArrayPool()
+        self.frames: list[Frame] = []
+
+
+_MEMORY = _Memory()
 
 
 def zeros(name: str, shape: tuple[int, ...]) -> Singles:
     """Zeros in memory that is used again when they are dropped."""
-    array: Singles = _POOL.take(name, math.prod(shape), np.float32)
+    array: Singles = _MEMORY.pool.take(name, math.prod(shape), np.float32)
     array.fill(0.0)
     return array.reshape(shape)
 
@@ -173,7 +185,7 @@ class Frame:
             state = aligned(16 * (STATE_ROWS + groups) * 16, np.float32)
             raster = raster._replace(feature_count=groups, state=state)
         size = (PLANES + groups) * raster.height * raster.stride
-        self._raster = raster._replace(planes=_POOL.take("planes", size, np.float32))
+        self._raster = raster._replace(planes=_MEMORY.pool.take("planes", size, np.float32))
 
     def _make_room(self, chunks: int) -> None:
         """Room for all Gaussians of the chunks, and 16 more for the writes that follow the last one."""
@@ -222,7 +234,7 @@ class Frame:
         record_size = -(-(absolute_row + 2 * absolute) // 16) * 16
         out = self._gradients(record_size, dense)
         raster = self._raster._replace(planes=planes.reshape(-1))
-        replay = _POOL.take("replay", 2 * raster.height * raster.stride, np.float32)
+        replay = _MEMORY.pool.take("replay", 2 * raster.height * raster.stride, np.float32)
         begin_replay(self._ws, raster, slopes.reshape(-1), replay, out)
         for lists in self._slabs[: self._slab_count]:
             blend_gradients(
@@ -246,25 +258,25 @@ class Frame:
         room, cloud = self._rows + 16, self._cloud
         features = 0 if self._features is None else self._features.shape[1]
         sh_size = (len(cloud.opacities) if dense else room) * cloud.sh_stride if cloud.sh_count else 0
-        sh = _POOL.take("sh", sh_size, np.float32)
+        sh = _MEMORY.pool.take("sh", sh_size, np.float32)
         if dense or 3 * cloud.sh_count < cloud.sh_stride:
             sh.fill(0.0)
         return Gradients(
-            records=_POOL.take("records", int(self._ws.counts[RECORDS]) * record_size, np.float32),
+            records=_MEMORY.pool.take("records", int(self._ws.counts[RECORDS]) * record_size, np.float32),
             record_size=record_size,
-            sums=_POOL.take("sums", record_size * 16, np.float32),
-            numbers=_POOL.take("numbers", room, np.int64),
-            means_m=_POOL.take("means_m", room * 3, np.float32),
-            quats_wxyz=_POOL.take("quats_wxyz", room * 4, np.float32),
-            scales_m=_POOL.take("scales_m", room * 3, np.float32),
-            opacities=_POOL.take("opacities", room, np.float32),
+            sums=_MEMORY.pool.take("sums", record_size * 16, np.float32),
+            numbers=_MEMORY.pool.take("numbers", room, np.int64),
+            means_m=_MEMORY.pool.take("means_m", room * 3, np.float32),
+            quats_wxyz=_MEMORY.pool.take("quats_wxyz", room * 4, np.float32),
+            scales_m=_MEMORY.pool.take("scales_m", room * 3, np.float32),
+            opacities=_MEMORY.pool.take("opacities", room, np.float32),
             sh=sh,
-            features=_POOL.take("features", room * features, np.float32),
+            features=_MEMORY.pool.take("features", room * features, np.float32),
             feature_size=features,
-            weights=_POOL.take("weights", room, np.float32),
-            means_px=_POOL.take("means_px", 2 * room, np.float32),
+            weights=_MEMORY.pool.take("weights", room, np.float32),
+            means_px=_MEMORY.pool.take("means_px", 2 * room, np.float32),
             stride=room,
-            pose=_POOL.take("pose", 12 * 16, np.float32),
+            pose=_MEMORY.pool.take("pose", 12 * 16, np.float32),
         )
 
     def _results(self, out: Gradients, m: int, absolute_row: int | None, dense: bool) -> FrameGradients:
@@ -333,18 +345,14 @@ def _first_chunks(chunks: Chunks, n: int) -> Chunks:
     return Chunks(number[:n], depth_m[:n], box[:n], blocks[:n], first_group[:n], group_count[:n])
 
 
-_FRAMES: list[Frame] = []
-_FREE_FRAMES = 4
-
-
 def free_frame(height_px: int, width_px: int) -> Frame:
-    """A frame that is not in use."""
-    free = [frame for frame in _FRAMES if not frame.in_use]
+    """A frame that this thread does not use."""
+    free = [frame for frame in _MEMORY.frames if not frame.in_use]
     for frame in free:
         if frame.size_px == (height_px, width_px):
             return frame
     if len(free) >= _FREE_FRAMES:
-        _FRAMES.remove(free[0])
+        _MEMORY.frames.remove(free[0])
     frame = Frame(height_px, width_px)
-    _FRAMES.append(frame)
+    _MEMORY.frames.append(frame)
     return frame

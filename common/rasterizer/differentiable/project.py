@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from readygo.common.kernels import inlined, kernel
+from readygo.common.kernels import inlined
 from readygo.common.rasterizer.constants import ALPHA_MIN, LOG2_E
 from readygo.common.rasterizer.cpu.optics import Optics, clamped, optics_of, rotation_rows
 from readygo.common.rasterizer.cpu.project import pixels_within
@@ -35,6 +35,7 @@ from readygo.common.rasterizer.differentiable.memory import (
     Kept,
     Singles,
 )
+from readygo.common.rasterizer.differentiable.released import released
 from readygo.common.rasterizer.differentiable.simd_rows import columns_of_four, load_first
 from readygo.common.simd.memory import (
     compress,
@@ -229,7 +230,7 @@ def _emit(drawn: int, first: int, counts: tuple[int, int], slab: Slab, ws: Works
     return keys, later
 
 
-@kernel
+@released
 def project(view: PinholeView, cloud: Cloud, chunks: Chunks, slab: Slab, keep: bool, kept: Kept, ws: Workspace) -> None:
     """Project the slab's chunks, and append the Gaussians that touch unfinished pixels.
 
@@ -277,7 +278,7 @@ def _lanes(bits: int) -> Any:
     return has_bit(i16(1) << lane_number(), bits)
 
 
-@kernel
+@released
 def list_drawn(chunks: Chunks, kept: Kept, index: Integers, radius_px: Singles) -> int:
     """Write numbers and radii of all Gaussians of the groups in the order of memory, and return their number."""
     n = 0

@@ -11,7 +11,7 @@ v, v dx, v dy, v dx^2, v dx dy, v dy^2 over its pixels:
 
 from typing import Any
 
-from readygo.common.kernels import inlined, kernel
+from readygo.common.kernels import inlined
 from readygo.common.rasterizer.cpu.optics import Optics, clamped, optics_of, rotation_rows
 from readygo.common.rasterizer.cpu.view import PinholeView
 from readygo.common.rasterizer.differentiable.colour import write_coefficient_gradients
@@ -37,6 +37,7 @@ from readygo.common.rasterizer.differentiable.memory import (
     Kept,
     Singles,
 )
+from readygo.common.rasterizer.differentiable.released import released
 from readygo.common.rasterizer.differentiable.simd_rows import load_first, rows_of_four, rows_of_three, store_first
 from readygo.common.simd.memory import compress, load_f16, load_i16, prefetch, store_f16, transpose_in_place
 from readygo.common.simd.types import (
@@ -290,7 +291,7 @@ def _group_gradients(
         _copy_features(group, row, weighty, out)
 
 
-@kernel
+@released
 def project_gradients(view: PinholeView, cloud: Cloud, chunks: Chunks, dense: bool, kept: Kept, out: Gradients) -> int:
     """Derivatives by all parameters of the Gaussians with weight, in the order of memory; the number of these.
 
@@ -324,7 +325,7 @@ def project_gradients(view: PinholeView, cloud: Cloud, chunks: Chunks, dense: bo
     return row
 
 
-@kernel
+@released
 def gather_sums(chunks: Chunks, kept: Kept, out: Gradients, begin: int, rows: Singles) -> None:
     """Copy numbers from `begin` on of the gradient records to `rows`, one row per Gaussian in the order of memory."""
     row = 0

@@ -1,7 +1,9 @@
 """The only place that knows pycolmap: features, matches, maps, undistortion and files of COLMAP models."""
 
 import shutil
+import signal
 import tempfile
+import threading
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -9,6 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.camera.captured import CapturedViews
 from readygo.common.errors import ConfigError, SceneError
 from readygo.common.extras import install_command
 from readygo.services.reconstructor.config import PosesConfig
@@ -17,9 +20,12 @@ from readygo.services.reconstructor.posed import PosedImages
 from readygo.services.reconstructor.poses.tags import tag_matches
 
 Array = npt.NDArray[np.float64]
+Poses = Mapping[str, Array]
 TagFeatures = Mapping[str, tuple[npt.NDArray[np.int64], Array]]
 
 MODEL_FILES = ("cameras", "images", "points3D")
+_ADJUSTMENTS = 3
+"""Times that points are made of matches, and all is adjusted, where poses are known roughly."""
 _MANY_IMAGES = 30
 """So many images of one camera determine a lens of four parameters."""
 
@@ -30,10 +36,14 @@ def pycolmap() -> Any:
     Raises:
         ConfigError: If it is not installed.
     """
+    terminate = signal.getsignal(signal.SIGTERM)
     try:
         import pycolmap as package
     except ImportError as error:
         raise ConfigError(f"Poses need pycolmap; run: {install_command('reconstruct')}") from error
+    if threading.current_thread() is threading.main_thread():
+        # Its import takes SIGTERM for itself, to print a trace.
+        signal.signal(signal.SIGTERM, terminate)
     package.logging.minloglevel = package.logging.FATAL.value
     return package
 
@@ -176,6 +186,73 @@ def build_maps(
     return [folder / str(number) for number in order]
 
 
+def posed_model(
+    database: Path,
+    images: Path,
+    folder: Path,
+    like: Path,
+    poses: Poses,
+    config: PosesConfig,
+    *,
+    focal: float | None = None,
+) -> Path:
+    """Make a model of images whose poses are known: points from all matches.
+
+    Args:
+        database: With features and matches.
+        images: Folder of the images.
+        folder: Where the model is written.
+        like: A model whose cameras are taken.
+        poses: T_world_camera by image.
+        config: How.
+        focal: Factor of the focal length, with poses that stay as they are; None: both are rough and are adjusted.
+
+    Returns:
+        `folder`.
+    """
+    colmap = pycolmap()
+    rec = _unposed(database)
+    for number, camera in colmap.Reconstruction(like).cameras.items():
+        _take_lens(rec.camera(number), camera, focal or 1.0)
+    for image in list(rec.images.values()):
+        if image.name in poses:
+            T = np.linalg.inv(poses[image.name])
+            pose = colmap.Rigid3d(colmap.Rotation3d(T[:3, :3]), T[:3, 3])
+            image.frame.set_cam_from_world(image.camera_id, pose)
+            rec.register_frame(image.frame_id)
+    options = colmap.IncrementalPipelineOptions()
+    options.random_seed, options.num_threads = config.seed, config.threads or -1
+    options.triangulation.random_seed = options.mapper.random_seed = config.seed
+    options.triangulation.ignore_two_view_tracks = False
+    adjusting = colmap.BundleAdjustmentOptions()
+    adjusting.print_summary = False
+    adjusting.ceres.loss_function_type = colmap.LossFunctionType.SOFT_L1
+    adjusting.ceres.solver_options.num_threads = config.threads or -1
+    folder.mkdir()
+    for _ in range(_ADJUSTMENTS if focal is None else 1):
+        rec = colmap.triangulate_points(rec, database, images, folder, True, options)
+        if focal is None:
+            colmap.bundle_adjustment(rec, adjusting)
+    rec.update_point_3d_errors()
+    rec.write(folder)
+    return folder
+
+
+def _take_lens(camera: Any, other: Any, factor: float) -> None:
+    params = np.array(other.params)
+    params[list(other.focal_length_idxs())] *= factor
+    camera.params = params
+
+
+def _unposed(database: Path) -> Any:
+    """All images of a database, without poses."""
+    colmap = pycolmap()
+    rec = colmap.Reconstruction()
+    with colmap.Database.open(database) as db:
+        rec.load(colmap.DatabaseCache.create(db, colmap.DatabaseCacheOptions()))
+    return rec
+
+
 def piece_sizes(models: Sequence[Path]) -> tuple[int, ...]:
     """Images with a pose in each model that none before it has."""
     colmap, sizes = pycolmap(), []
@@ -194,10 +271,7 @@ def read_map(model: Path) -> PosedImages:
     Raises:
         SceneError: If it cannot be read.
     """
-    try:
-        rec = pycolmap().Reconstruction(model)
-    except (ValueError, RuntimeError, OSError) as error:
-        raise SceneError(f"{model} cannot be read as a COLMAP model: {str(error).splitlines()[0]}.") from error
+    rec = _opened(model)
     images = sorted((rec.images[number] for number in rec.reg_image_ids()), key=lambda image: image.name)
     cameras = [image.camera for image in images]
     ids = sorted(rec.points3D)
@@ -220,6 +294,31 @@ def read_map(model: Path) -> PosedImages:
         points_rgb=np.array([point.color for point in points], dtype=np.uint8).reshape(-1, 3),
         seen=np.array(sorted(seen), dtype=np.int64).reshape(-1, 2),
         errors_px=np.array([max(point.error, 0.0) for point in points]),
+    )
+
+
+def _opened(model: Path) -> Any:
+    try:
+        return pycolmap().Reconstruction(model)
+    except (ValueError, RuntimeError, OSError) as error:
+        raise SceneError(f"{model} cannot be read as a COLMAP model: {str(error).splitlines()[0]}.") from error
+
+
+def is_pinhole(model: Path) -> bool:
+    """Whether all cameras of a model are without distortion."""
+    cameras = _opened(model).cameras.values()
+    return all(camera.model.name in ("PINHOLE", "SIMPLE_PINHOLE") for camera in cameras)
+
+
+def pinhole_views(model: Path) -> CapturedViews:
+    """The cameras of a model without distortion, in the order of their images' names."""
+    rec = _opened(model)
+    images = sorted((rec.images[number] for number in rec.reg_image_ids()), key=lambda image: image.name)
+    return CapturedViews(
+        images=tuple(image.name for image in images),
+        sizes_px=np.array([[image.camera.width, image.camera.height] for image in images]).reshape(-1, 2),
+        K_px=np.array([image.camera.calibration_matrix() for image in images]).reshape(-1, 3, 3),
+        T_world_camera=np.array([_pose(image) for image in images]).reshape(-1, 4, 4),
     )
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from readygo.services.reconstructor.metric.similarity import umeyama
 from readygo.services.reconstructor.posed import PosedImages
 
 _REPROJECTION_MAX_PX = 2.0
@@ -13,6 +14,11 @@ _POINTS_MIN = 30
 _SECOND_MAX = 0.2
 """A second piece with more of the images, as share, is a part of the place that is lost."""
 _LOOP_POINTS = 20
+DOUBTFUL_POINTS = 200
+"""A map whose images see fewer points in the median is made again, to see whether the same comes of it."""
+_SAME_SHARE, _SAME_PLACE, _SAME_FOCAL = 0.8, 0.05, 0.1
+"""Two maps of the same matches must have this share of the images in common, put their cameras at the same places, but
+for this share of the way across all, and find the same focal length, but for this share."""
 ADVICE = (
     "Film again: walk slowly and sideways to what you look at, keep two thirds of the picture from one image to the "
     "next, come back to where you began, with light and without blur."
@@ -101,6 +107,35 @@ def _links(images: PosedImages, views_of_point: npt.NDArray[np.int64]) -> tuple[
             for b in views[views >= a + max(far, 1)]:
                 shared[int(a), int(b)] = shared.get((int(a), int(b)), 0) + 1
     return int(crossing[:-1].min(initial=total)), sum(n >= _LOOP_POINTS for n in shared.values())
+
+
+def disagreement(first: PosedImages, second: PosedImages | None) -> str | None:
+    """How two maps of the same matches contradict each other, in words; None if they agree.
+
+    The mapper begins with another pair of images for another seed. What is seen well comes out the same; a map that
+    hangs by chance matches, or was bent to fit them, does not, however small its reprojection error is.
+
+    Args:
+        first: The map.
+        second: Made with another seed; None where nothing came of it.
+    """
+    names = [] if second is None else sorted(set(first.names) & set(second.names))
+    larger = max(len(first.names), 0 if second is None else len(second.names))
+    if second is None or len(names) < max(3.0, _SAME_SHARE * larger):
+        return f"made twice, the map has {len(first.names)} images, then {0 if second is None else len(second.names)}"
+    focal = float(second.focal_px[0] / first.focal_px[0])
+    if abs(np.log(focal)) > np.log1p(_SAME_FOCAL):
+        return f"made twice, the focal length is {first.focal_px[0]:.0f} px, then {second.focal_px[0]:.0f} px"
+    a, b = _places(first, names), _places(second, names)
+    off = np.linalg.norm(umeyama(b, a).apply(b) - a, axis=1) / np.linalg.norm(np.ptp(a, axis=0))
+    if off.max() > _SAME_PLACE:
+        return f"made twice, cameras are {100 * off.max():.0f} % of the whole way apart"
+    return None
+
+
+def _places(images: PosedImages, names: list[str]) -> npt.NDArray[np.float64]:
+    index = {name: number for number, name in enumerate(images.names)}
+    return images.T_world_camera[[index[name] for name in names], :3, 3]
 
 
 def refusal(verdict: Verdict, *, registered_min: float) -> str | None:

@@ -34,8 +34,11 @@ def test_names_of_the_wire_do_not_change_silently() -> None:
         "human-plan",
         *(f"live/*/*/{kind}" for kind in ("commit", "loss", "plan", "preview", "state", "work")),
         "live/progress",
+        "live/reconstruct",
         "live/wake",
         "rec/*/append",
+        "reconstruct/claim",
+        "reconstruct/report",
         "render/*",
         "robot-plan",
         "train/episodes",
@@ -45,7 +48,7 @@ def test_names_of_the_wire_do_not_change_silently() -> None:
 
 @pytest.mark.parametrize("folder", ["common", "services", "apps", "benchmarks"])
 def test_no_topic_is_written_down_anywhere_else(folder: str) -> None:
-    literal = re.compile(r"""["'](coord/|ctl["'/]|rec/|render/|blob["']|alive/|live/|train/)""")
+    literal = re.compile(r"""["'](coord/|ctl["'/]|rec/|render/|blob["']|reconstruct/|alive/|live/|train/)""")
     found = [
         f"{path.relative_to(ROOT)}: {line.strip()}"
         for path in (ROOT / folder).rglob("*.py")

@@ -7,6 +7,7 @@ import pytest
 from readygo.common.errors import ConfigError, SceneError
 from readygo.services.reconstructor.config import FramesConfig, MetricConfig, ReconstructorConfig
 from readygo.services.reconstructor.handlers import find_poses, make_markers, open_source
+from readygo.services.reconstructor.stages import StageProgress
 
 
 def photos(folder: Path, count: int) -> Path:
@@ -50,8 +51,12 @@ def test_photos_without_texture_end_with_advice_and_keep_what_is_done(tmp_path: 
     pytest.importorskip("pycolmap", reason="pycolmap is not installed")
     config = ReconstructorConfig(metric=MetricConfig(scale=1.0), frames=FramesConfig(side_max_px=320))
     said: list[str] = []
+
+    def hear(progress: StageProgress) -> None:
+        said.append(progress.stage)
+
     for _ in range(2):
         with pytest.raises(SceneError, match=r"0 of 3 images found a pose.*Film again"):
-            find_poses(photos(tmp_path / "p", 3) if not said else tmp_path / "p", tmp_path / "out", config, said.append)
+            find_poses(photos(tmp_path / "p", 3) if not said else tmp_path / "p", tmp_path / "out", config, hear)
     assert said == ["frames", "features", "matches", "map", "map"]
     assert not (tmp_path / "out" / "map").exists()

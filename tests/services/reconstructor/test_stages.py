@@ -35,6 +35,25 @@ def test_interrupted_stage_leaves_nothing(tmp_path: Path, error: type[BaseExcept
     assert not list(tmp_path.iterdir()) or {path.name for path in tmp_path.iterdir()} == {".lock"}
 
 
+def test_stage_that_goes_on_finds_what_it_left(tmp_path: Path) -> None:
+    def make(folder: Path) -> dict[str, bool]:
+        if not (folder / "half").exists():
+            (folder / "half").write_text("x")
+            raise KeyboardInterrupt
+        return {"went on": True}
+
+    with pytest.raises(KeyboardInterrupt):
+        Stages(tmp_path, lambda stage: None).run("a", {}, make, keep=True)
+    assert Stages(tmp_path, lambda stage: None).run("a", {}, make, keep=True) == {"went on": True}
+
+
+def test_stage_does_not_begin_on_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("readygo.services.reconstructor.stages.ROOM_MIN_BYTES", 1 << 62)
+    with pytest.raises(RunError, match=r"left on the disk.*run the same command again"):
+        Stages(tmp_path, lambda stage: None).run("a", {}, lambda folder: {})
+    assert not (tmp_path / "a").exists()
+
+
 def test_two_commands_in_one_folder_are_refused(tmp_path: Path) -> None:
     with Stages(tmp_path, lambda stage: None).alone(), pytest.raises(RunError, match="another command works"):  # noqa: SIM117
         with Stages(tmp_path, lambda stage: None).alone():

@@ -1,6 +1,6 @@
 from dataclasses import replace
 
-from readygo.services.reconstructor.poses.verdict import judge, refusal
+from readygo.services.reconstructor.poses.verdict import disagreement, judge, refusal
 from tests.services.reconstructor.synthetic import floor_points, mapped, ring, some_similarity
 
 IMAGES = mapped(ring(), floor_points(), some_similarity())
@@ -35,3 +35,22 @@ def test_bad_maps_are_refused_with_advice() -> None:
         assert reason is not None
         assert words in reason
         assert "Film again" in reason
+
+
+def test_map_that_comes_out_the_same_again_is_believed() -> None:
+    assert disagreement(IMAGES, IMAGES.moved(some_similarity())) is None
+    fewer = replace(IMAGES, names=IMAGES.names[:10], T_world_camera=IMAGES.T_world_camera[:10])
+    assert disagreement(IMAGES, fewer) is None
+
+
+def test_map_that_comes_out_otherwise_is_not() -> None:
+    bent = IMAGES.T_world_camera.copy()
+    bent[:4, :3, 3] += 0.5
+    half = replace(IMAGES, names=IMAGES.names[:6], T_world_camera=IMAGES.T_world_camera[:6])
+    for other, words in [
+        (None, "12 images, then 0"),
+        (half, "12 images, then 6"),
+        (replace(IMAGES, focal_px=0.7 * IMAGES.focal_px), "the focal length is 600 px, then 420 px"),
+        (replace(IMAGES, T_world_camera=bent), "of the whole way apart"),
+    ]:
+        assert words in (disagreement(IMAGES, other) or "")

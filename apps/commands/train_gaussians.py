@@ -1,0 +1,116 @@
+"""`readygo scene train`: from posed images to Gaussians."""
+
+import json as json_module
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Literal
+
+from rich.console import Console
+from rich.table import Table
+
+from readygo.common.errors import ConfigError, RunError
+from readygo.common.extras import install_command
+from readygo.services.reconstructor.training import config as configs
+from readygo.services.reconstructor.training.config import GaussiansConfig, Preset, weak_texture
+
+
+def scene_train(
+    posed: Path,
+    /,
+    *,
+    out: Path,
+    preset: Preset = "draft",
+    steps: int | None = None,
+    batch: int | None = None,
+    gaussians: int | None = None,
+    side_px: int | None = None,
+    hold_out: int | None = None,
+    method: Literal["gradients", "mcmc"] | None = None,
+    surfaces: bool | None = None,
+    neighbour_distance_m: float | None = None,
+    bare_walls: bool = False,
+    seed: int = 0,
+    json: bool = False,
+) -> None:
+    """Train Gaussians on posed images: OUT/gaussians.ply, and how well it shows images that it was not trained on.
+
+    The same command goes on where it was interrupted, to the same result. OUT/previews has held-out photos, what the
+    Gaussians show in their place, and the difference.
+
+    Args:
+        posed: Folder with images/ and a COLMAP model in sparse/0, as `readygo scene poses` leaves it in OUT/posed.
+        out: Folder of the training, new or one to go on with.
+        preset: draft takes minutes on two cores; standard and high are for longer.
+        steps: Steps of the optimiser.
+        batch: Views a step, drawn side by side on as many cores.
+        gaussians: At most so many.
+        side_px: Larger images are made smaller: longer side [px].
+        hold_out: Every so-manieth image is measured on, not trained on; 0: none.
+        method: gradients adds Gaussians where the image changes with them, mcmc keeps to the budget and moves them.
+        surfaces: Make Gaussians lie on surfaces, as PGSR does: better depths for somewhat worse images.
+        neighbour_distance_m: With surfaces, views are compared with others that are at most so far away [m].
+        bare_walls: Settings for rooms with hardly any texture.
+        seed: Of all that is random.
+        json: Print the report as JSON.
+    """
+    config = _config(
+        preset,
+        steps=steps,
+        batch=batch,
+        side_max_px=side_px,
+        hold_out=hold_out,
+        density={"count_max": gaussians, "method": method},
+        geometry={"enabled": surfaces, "distance_max_m": neighbour_distance_m},
+    )
+    config = replace(weak_texture(config) if bare_walls else config, seed=seed)
+    notes = Console(stderr=True, highlight=False)
+    report = _train(posed, out, config, notes)
+    if json:
+        sys.stdout.write(json_module.dumps(report) + "\n")
+        return
+    table = Table(title=f"Gaussians of {posed}", show_header=False)
+    for label, text in _rows(report):
+        table.add_row(label, text)
+    Console().print(table)
+
+
+def _config(name: Preset, **changes: Any) -> GaussiansConfig:
+    """A preset with what was asked for instead."""
+    config = configs.preset(name)
+    try:
+        for key in ("density", "geometry"):
+            part = {field: value for field, value in changes.pop(key).items() if value is not None}
+            config = replace(config, **{key: replace(getattr(config, key), **part)})
+        return replace(config, **{field: value for field, value in changes.items() if value is not None})
+    except ValueError as error:
+        raise ConfigError(str(error)) from error
+
+
+def _train(posed: Path, out: Path, config: GaussiansConfig, notes: Console) -> dict[str, Any]:
+    try:
+        from readygo.services.reconstructor.training.train import TrainingProgress, train_gaussians
+    except ImportError as error:
+        raise ConfigError(f"Gaussians need torch; run: {install_command('reconstruct')}") from error
+
+    with notes.status("reading images ...") as line:
+
+        def tell(at: TrainingProgress) -> None:
+            psnr = "" if at.psnr_db is None else f", held out {at.psnr_db:.2f} dB"
+            count = f"{at.gaussians:,} Gaussians"
+            line.update(f"step {at.step} of {at.steps}, {count}, loss {at.loss:.4f}{psnr}, {at.seconds:.0f} s")
+
+        try:
+            return train_gaussians(posed, out, config, tell)
+        except KeyboardInterrupt:
+            raise RunError(f"Interrupted; the same command goes on from the state in {out}.") from None
+
+
+def _rows(report: dict[str, Any]) -> list[tuple[str, str]]:
+    total_s = sum(report["seconds"].values())
+    rows = [("Gaussians", f"{report['gaussians']:,} of {report['images']} images")]
+    if report["psnr_db"] is not None:
+        rows.append(("held out", f"{report['psnr_db']:.2f} dB, SSIM {report['ssim']:.3f}"))
+        rows += [(row["image"], f"{row['psnr_db']:.2f} dB, SSIM {row['ssim']:.3f}") for row in report["held_out"]]
+    rows += [(name, f"{spent_s:.1f} s") for name, spent_s in report["seconds"].items()]
+    return [*rows, ("in all", f"{total_s:.1f} s")]

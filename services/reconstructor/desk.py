@@ -1,0 +1,83 @@
+"""Who does a job: hands it to one worker at a time, and to another one when that is gone. No bus."""
+
+import json
+import threading
+from dataclasses import replace
+from typing import Any
+
+from readygo.common.config import section_from_mapping, section_to_mapping
+from readygo.common.errors import RunError
+from readygo.common.messages import ReconstructionClaim, ReconstructionJob, ReconstructionReport, Verdict, VerdictStatus
+from readygo.services.reconstructor.config import ReconstructorConfig
+from readygo.services.reconstructor.reconstruct import Job
+
+
+class Desk:
+    """One job that workers ask for."""
+
+    def __init__(self, job: Job, config: ReconstructorConfig) -> None:
+        """Nobody has it yet.
+
+        Args:
+            job: Its paths are made absolute.
+            config: How it is done.
+        """
+        self._job = ReconstructionJob(
+            source=str(job.source.resolve()),
+            out=str(job.out.resolve()),
+            work=str(job.work.resolve()),
+            license=job.license,
+            config=json.dumps(section_to_mapping(config)),
+        )
+        self._attempt, self._worker = 0, ""
+        self._report: ReconstructionReport | None = None
+        self._ended, self._dismissed = threading.Event(), threading.Event()
+
+    def claim(self, request: ReconstructionClaim) -> ReconstructionJob:
+        """Give the job to a worker if nobody else has it. One that asks again has lost it."""
+        if self._ended.is_set():
+            self._dismissed.set()
+            return ReconstructionJob(over=True)
+        if self._worker not in ("", request.worker):
+            return ReconstructionJob()
+        self._attempt, self._worker = self._attempt + 1, request.worker
+        return replace(self._job, attempt=self._attempt)
+
+    def report(self, report: ReconstructionReport) -> Verdict:
+        """Take the result of the attempt that counts."""
+        if (report.worker, report.attempt) != (self._worker, self._attempt) or self._ended.is_set():
+            return Verdict(status=VerdictStatus.STALE)
+        self._report = report
+        self._ended.set()
+        return Verdict(status=VerdictStatus.OK)
+
+    def seen(self, worker: str, *, alive: bool) -> None:
+        """Give the job to somebody else when its worker is gone; finished stages stay."""
+        if worker == self._worker and not alive:
+            self._worker = ""
+
+    def wait(self, timeout_s: float) -> dict[str, Any] | None:
+        """The report of the job; None if it is not there after the time.
+
+        Raises:
+            RunError: If the worker could not do it.
+        """
+        if not self._ended.wait(timeout_s):
+            return None
+        assert self._report is not None
+        if self._report.failed:
+            raise RunError(self._report.failed)
+        return dict(json.loads(self._report.report))
+
+    def dismissed(self, timeout_s: float) -> None:
+        """Wait until a worker has heard that nothing more will come, or for so long."""
+        self._dismissed.wait(timeout_s)
+
+
+def config_of(job: ReconstructionJob) -> ReconstructorConfig:
+    """How a job is done.
+
+    Raises:
+        ConfigError: If the settings are those of another version.
+    """
+    return section_from_mapping(ReconstructorConfig, json.loads(job.config))

@@ -1,0 +1,157 @@
+"""From a video or photos to a scene bundle: poses, Gaussians, maps, in stages on disk, without a bus."""
+
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from readygo.common.config import section_to_mapping
+from readygo.common.errors import ConfigError, NoGroundError, SceneError
+from readygo.common.extras import install_command
+from readygo.common.files import unfinished_folder
+from readygo.common.gaussians.files import read_gaussians
+from readygo.common.scenes import Scene, SceneSource, load_scene, save_scene
+from readygo.common.scenes.edit import KINDS, cleaned
+from readygo.common.scenes.manifest import file_of
+from readygo.services.reconstructor.config import ReconstructorConfig
+from readygo.services.reconstructor.handlers import POSE_STAGES, POSED, find_poses_in, open_job
+from readygo.services.reconstructor.poses import colmap
+from readygo.services.reconstructor.stages import Say, StageProgress
+
+GAUSSIANS, SCENE = "gaussians", "scene"
+"""Stages after those of the poses."""
+STAGES = (*POSE_STAGES, GAUSSIANS, SCENE)
+CLOUD_FILE = "gaussians.ply"
+_BUNDLE = "bundle"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job:
+    """What is to be made of what."""
+
+    source: Path
+    """A video, a folder of photos, or a folder with a COLMAP model and its images."""
+    out: Path
+    """The scene bundle; must not exist, unless this job made it."""
+    work: Path
+    """State folder; what is finished there is not done again."""
+    license: str = ""
+
+
+def reconstruct(job: Job, config: ReconstructorConfig, say: Say) -> dict[str, Any]:
+    """Make a scene bundle.
+
+    Args:
+        job: What of what.
+        config: How.
+        say: Hears when a stage begins, and how far it is.
+
+    Returns:
+        The report: that of the poses, `training` (as of `train_gaussians`), `removed` (Gaussians, in words), `scene`
+        (folder), `content_hash` and `seconds` (by stage).
+
+    Raises:
+        ReadygoError: If it cannot be made; the message says why, and finished stages stay.
+    """
+    _check_out(job)
+    _check_torch()
+    with open_job(job.source, job.work, config, say) as (stages, source):
+        report = find_poses_in(stages, source, config)
+        trained = stages.run(
+            GAUSSIANS, section_to_mapping(config.gaussians), _training(job.work, config, say), keep=True
+        )
+        # Interrupted trainings go on: their own clock knows all of it.
+        stages.seconds[GAUSSIANS] = round(sum(trained["seconds"].values()), 2)
+        made = {**report, "training": trained}
+        found = stages.run(SCENE, {"license": job.license, "name": job.out.name}, partial(make_scene, job, made))
+        scene = _published(job.work / SCENE / _BUNDLE, job.out)
+    return {**made, **found, "scene": str(job.out), "content_hash": scene.content_hash,
+            "seconds": stages.seconds}  # fmt: skip
+
+
+def _check_out(job: Job) -> None:
+    """Before hours of work, not after them."""
+    if job.out.exists() and not (job.work / SCENE / _BUNDLE).is_dir():
+        raise SceneError(f"{job.out} exists already; choose another folder, or remove it.")
+
+
+def _check_torch() -> None:
+    try:
+        import torch  # noqa: F401
+    except ImportError as error:
+        raise ConfigError(f"Gaussians are trained with torch; run: {install_command('reconstruct')}") from error
+
+
+def _training(work: Path, config: ReconstructorConfig, say: Say) -> Callable[[Path], dict[str, Any]]:
+    """The stage that trains Gaussians in a folder."""
+    from readygo.services.reconstructor.training.train import TrainingProgress, train_gaussians
+
+    def tell(state: TrainingProgress) -> None:
+        quality = "" if state.psnr_db is None else f", {state.psnr_db:.1f} dB"
+        words = f"step {state.step} of {state.steps}, {state.gaussians:,} Gaussians{quality}"
+        say(StageProgress(stage=GAUSSIANS, share=state.step / state.steps, words=words, picture=state.picture))
+
+    return lambda folder: train_gaussians(work / POSED, folder, config.gaussians, tell)
+
+
+def make_scene(job: Job, report: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """The bundle with its maps and cameras; Gaussians that spoil it are left out and counted.
+
+    Raises:
+        SceneError: If nobody can move in the scene.
+    """
+    file = job.work / GAUSSIANS / CLOUD_FILE
+    cloud, removed = cleaned(read_gaussians(file), KINDS)
+    source = SceneSource(
+        file=job.source.name,
+        kind=f"reconstructed from {report['kind']}",
+        sha256=file_of(file.parent, file.name).sha256,
+        scale=1.0,
+        scale_origin=report["scale"]["source"],
+        edits=(f"removed {removed}",),
+    )
+    views = colmap.pinhole_views(job.work / POSED / "sparse" / "0")
+    try:
+        save_scene(
+            cloud,
+            None,
+            folder / _BUNDLE,
+            name=job.out.name,
+            license=job.license,
+            source=source,
+            views=views,
+            reconstruction=_kept_in_scene(job, report),
+        )
+    except NoGroundError as error:
+        raise SceneError(
+            f"{error} What the Gaussians look like: {job.work / GAUSSIANS / 'previews'}; train longer (--steps, "
+            "--preset standard), and film the floor as well."
+        ) from error
+    return {"removed": removed}
+
+
+def _kept_in_scene(job: Job, report: dict[str, Any]) -> dict[str, Any]:
+    """The report without what differs from one machine or time to another: the same work gives the same scene."""
+    training = {name: value for name, value in report["training"].items() if name != "seconds"}
+    kept = {name: report[name] for name in ("kind", "verdict", "scale", "up", "markers", "notes")}
+    return {**kept, "source": job.source.name, "training": training}
+
+
+def _published(bundle: Path, out: Path) -> Scene:
+    """Copy a finished bundle to where it is wanted.
+
+    Raises:
+        SceneError: If something else is there.
+    """
+    made = load_scene(bundle)
+    if not out.exists():
+        with unfinished_folder(out, raises=SceneError) as folder:
+            shutil.copytree(bundle, folder, dirs_exist_ok=True)
+    elif load_scene(out).content_hash != made.content_hash:
+        raise SceneError(
+            f"{out} holds a scene that was made from something else; remove it, and run the same command again: "
+            "nothing has to be computed anew."
+        )
+    return load_scene(out)

@@ -1,0 +1,1 @@
+"""Gaussians from a posed COLMAP model, trained on the CPU."""

@@ -1,0 +1,51 @@
+"""The state of a training on disk: arrays and numbers, nothing pickled."""
+
+import json
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.errors import RunError
+from readygo.common.files import unfinished
+
+FORMAT = "readygo-gaussians/1"
+CHECKPOINT_FILE = "checkpoint.npz"
+Arrays = dict[str, npt.NDArray[Any]]
+
+
+def save_checkpoint(folder: Path, identity: str, numbers: dict[str, Any], arrays: Arrays) -> None:
+    """Write the state in one piece.
+
+    Raises:
+        RunError: If it cannot be written; the one before is left then.
+    """
+    meta = json.dumps({"format": FORMAT, "identity": identity, **numbers})
+    with unfinished(folder / CHECKPOINT_FILE, raises=RunError) as part, part.open("wb") as file:
+        np.savez(file, allow_pickle=False, **{"meta": np.array(meta), **arrays})
+
+
+def load_checkpoint(folder: Path, identity: str) -> tuple[dict[str, Any], Arrays] | None:
+    """State to go on from; None where there is none.
+
+    Args:
+        folder: Of the training.
+        identity: Of settings and images, which must be the same as when it began.
+
+    Raises:
+        RunError: If the file is broken, or of another training.
+    """
+    path = folder / CHECKPOINT_FILE
+    if not path.is_file():
+        return None
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+        numbers = json.loads(str(arrays.pop("meta")))
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+        raise RunError(f"{path} cannot be read ({error}); delete it to begin anew.") from error
+    if numbers.get("format") != FORMAT or numbers.get("identity") != identity:
+        raise RunError(f"{path} is of a training with other settings or images; give another --out, or delete it.")
+    return numbers, arrays

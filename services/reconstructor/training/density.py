@@ -1,0 +1,179 @@
+"""Where Gaussians are added and removed: by absolute gradients, or within a budget by MCMC.
+
+Sources: Kerbl et al., 3D Gaussian Splatting, 2023 (clone, split, prune, reset); Ye et al., AbsGS, 2024 (absolute
+gradients); Kheradmand et al., 3D Gaussian Splatting as Markov Chain Monte Carlo, 2024 (relocation, noise).
+"""
+
+from dataclasses import dataclass
+from math import comb
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.rasterizer.differentiable.order import spatial_order
+from readygo.common.rasterizer.differentiable.reference import rotations
+from readygo.services.reconstructor.training.config import DensityConfig
+from readygo.services.reconstructor.training.parameters import Array, Gaussians, Rows
+
+_SPLIT_SHRINK = 1.6
+_COPIES_MAX = 16
+"""A Gaussian becomes at most so many at once."""
+_NOISE_SLOPE, _NOISE_OPACITY = 100.0, 0.005
+
+
+@dataclass(eq=False)
+class Sightings:
+    """What the views since the last change said of N Gaussians."""
+
+    gradient: Array
+    """Sum of the absolute gradients of their projected means, shape (N,)."""
+    views: Array
+    """In how many views they had weight, shape (N,)."""
+
+    @classmethod
+    def none(cls, count: int) -> "Sightings":
+        """Of Gaussians that no view has seen yet."""
+        return cls(np.zeros(count, dtype=np.float32), np.zeros(count, dtype=np.float32))
+
+    def add(self, rows: Rows, gradient: Array) -> None:
+        """What a view says: rows of the Gaussians with weight, and their gradients, shape (n,)."""
+        self.gradient[rows] += gradient
+        self.views[rows] += 1.0
+
+
+def changed_density(
+    gaussians: Gaussians, seen: Sightings, config: DensityConfig, extent_m: float, rng: np.random.Generator
+) -> Gaussians:
+    """Add and remove Gaussians by the configured method; the result is in spatial order."""
+    if config.method == "mcmc":
+        changed = _grown(_relocated(gaussians, config, rng), config, rng)
+    else:
+        changed = _pruned(_densified(gaussians, seen, config, extent_m, rng), config, extent_m)
+    return changed.select(spatial_order(changed.values["means_m"]))
+
+
+def reset_opacities(gaussians: Gaussians, config: DensityConfig) -> None:
+    """Make all Gaussians faint, so that those that nobody needs stay so and are removed."""
+    limit = 2.0 * config.opacity_min
+    logits = gaussians.values["logits"]
+    np.minimum(logits, np.float32(np.log(limit / (1.0 - limit))), out=logits)
+    gaussians.first["logits"][:] = 0.0
+    gaussians.second["logits"][:] = 0.0
+
+
+def add_noise(gaussians: Gaussians, size_m: float, rng: np.random.Generator) -> None:
+    """Move faint Gaussians at random, farther the larger they are.
+
+    Args:
+        gaussians: Changed in place.
+        size_m: The learning rate of the means times the configured noise.
+        rng: Draws 3 N numbers.
+    """
+    strength = size_m / (1.0 + np.exp(np.minimum(_NOISE_SLOPE * (gaussians.opacities - _NOISE_OPACITY), 80.0)))
+    noise = rng.standard_normal((len(gaussians), 3), dtype=np.float32)
+    rows = np.flatnonzero(strength > 1e-6 * size_m)
+    along = _axes(gaussians, rows)
+    covariance = along @ along.transpose(0, 2, 1)
+    gaussians.values["means_m"][rows] += np.einsum("nij,nj->ni", covariance, noise[rows] * strength[rows, None])
+
+
+def _axes(gaussians: Gaussians, rows: Rows) -> Array:
+    """Principal axes as columns, as long as the standard deviations [m], shape (n, 3, 3)."""
+    import torch
+
+    R: Array = rotations(torch.from_numpy(gaussians.values["quats_wxyz"][rows])).numpy()
+    return R * np.exp(gaussians.values["log_scales"][rows])[:, None, :]
+
+
+def _densified(
+    gaussians: Gaussians, seen: Sightings, config: DensityConfig, extent_m: float, rng: np.random.Generator
+) -> Gaussians:
+    """Clone small and split large ones whose projections want to be elsewhere; those with the most of it first."""
+    gradient = seen.gradient / np.maximum(seen.views, 1.0)
+    room = max(config.count_max - len(gaussians), 0)
+    wanted = np.flatnonzero(gradient >= config.gradient_min)
+    wanted = np.sort(wanted[np.argsort(-gradient[wanted], kind="stable")[:room]])
+    large = gaussians.scales_m[wanted].max(axis=1) > config.split_scale * extent_m
+    split, clone = wanted[large], wanted[~large]
+    added = [_sampled(gaussians, rows, rng) for rows in (clone, split, split)]
+    for part in added[1:]:
+        part["log_scales"] -= np.float32(np.log(_SPLIT_SHRINK))
+    keep = np.ones(len(gaussians), dtype=bool)
+    keep[split] = False
+    values = {name: np.concatenate([part[name] for part in added]) for name in gaussians.values}
+    return gaussians.select(keep).joined(values)
+
+
+def _sampled(gaussians: Gaussians, rows: Rows, rng: np.random.Generator) -> dict[str, Array]:
+    """Copies, each at a place drawn from its Gaussian: copies in one place would stay together."""
+    values = {name: value[rows] for name, value in gaussians.values.items()}
+    noise = rng.standard_normal((len(rows), 3), dtype=np.float32)
+    values["means_m"] += np.einsum("nij,nj->ni", _axes(gaussians, rows), noise)
+    return values
+
+
+def _pruned(gaussians: Gaussians, config: DensityConfig, extent_m: float) -> Gaussians:
+    small = gaussians.scales_m.max(axis=1) <= config.scale_max * extent_m
+    return gaussians.select(small & (gaussians.opacities >= config.opacity_min))
+
+
+def _relocated(gaussians: Gaussians, config: DensityConfig, rng: np.random.Generator) -> Gaussians:
+    """Move the faint ones to where others are, which share their opacity with them."""
+    opacities = gaussians.opacities
+    alive = opacities > config.opacity_min
+    dead = np.flatnonzero(~alive)
+    if not len(dead) or not alive.any():
+        return gaussians
+    chosen = _drawn(opacities * alive, len(dead), rng)
+    _share(gaussians, chosen)
+    for value in gaussians.values.values():
+        value[dead] = value[chosen]
+    gaussians.forget(dead)
+    return gaussians
+
+
+def _grown(gaussians: Gaussians, config: DensityConfig, rng: np.random.Generator) -> Gaussians:
+    """Add copies of some, drawn by opacity, which share their opacity with them."""
+    wanted = min(config.count_max, int(np.ceil(len(gaussians) * (1.0 + config.growth)))) - len(gaussians)
+    if wanted <= 0:
+        return gaussians
+    chosen = _drawn(gaussians.opacities, wanted, rng)
+    _share(gaussians, chosen)
+    return gaussians.joined({name: value[chosen] for name, value in gaussians.values.items()})
+
+
+def _drawn(weights: Array, count: int, rng: np.random.Generator) -> Rows:
+    """Numbers drawn in proportion to weights."""
+    ends = np.cumsum(weights, dtype=np.float64)
+    chosen: Rows = np.searchsorted(ends, rng.random(count) * ends[-1], side="right").clip(max=len(weights) - 1)
+    return chosen
+
+
+def _share(gaussians: Gaussians, chosen: Rows) -> None:
+    """Make the chosen ones fainter and smaller so that as many copies of them as were drawn look as each did alone."""
+    rows, drawn = np.unique(chosen, return_counts=True)
+    copies = np.minimum(drawn + 1, _COPIES_MAX)
+    opacity, shrink = shared_opacity(gaussians.opacities[rows].astype(np.float64), copies)
+    opacity = np.clip(opacity, 0.005, 1.0 - 1e-6)
+    gaussians.values["logits"][rows, 0] = np.log(opacity / (1.0 - opacity))
+    gaussians.values["log_scales"][rows] += np.log(shrink)[:, None].astype(np.float32)
+    gaussians.forget(rows)
+
+
+def shared_opacity(
+    opacity: npt.NDArray[np.float64], copies: npt.NDArray[np.int64]
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Opacity and factor of size of several Gaussians in one place that together look like one.
+
+    Args:
+        opacity: Of the one, shape (n,).
+        copies: How many there will be, shape (n,).
+
+    Source: Kheradmand et al., equation 9.
+    """
+    each = 1.0 - np.power(1.0 - np.minimum(opacity, 1.0 - 1e-9), 1.0 / copies)
+    total = np.zeros_like(each)
+    for i in range(1, int(copies.max(initial=1)) + 1):
+        terms = sum(comb(i - 1, k) * (-1) ** k * np.power(each, k + 1) / np.sqrt(k + 1) for k in range(i))
+        total += np.where(i <= copies, terms, 0.0)
+    return each, opacity / total

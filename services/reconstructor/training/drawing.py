@@ -1,0 +1,266 @@
+"""One view of the Gaussians in training: the loss and its gradients, or the picture alone."""
+
+import threading
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import torch
+
+from readygo.common.rasterizer.differentiable.autograd import Rendered, rasterize
+from readygo.services.reconstructor.training.config import GaussiansConfig, GeometryConfig
+from readygo.services.reconstructor.training.neighbours import Side, neighbour_losses
+from readygo.services.reconstructor.training.parameters import Array, Gaussians, Rows
+from readygo.services.reconstructor.training.photometric import Photometric
+from readygo.services.reconstructor.training.photos import Photo
+from readygo.services.reconstructor.training.planes import edge_weights, normal_loss, plane_features, rays_of
+
+Leaves = dict[str, torch.Tensor]
+Gradients = dict[str, Array]
+GREY = np.array([0.299, 0.587, 0.114], dtype=np.float32)
+OBSERVED_WEIGHT = 0.1
+"""A view shows a Gaussian that covers so many pixels [px]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Geometry:
+    """What a view's surfaces are compared with."""
+
+    neighbour: Photo | None
+    """None: there is none, only normals within the view count."""
+    rng: np.random.Generator
+    """Chooses patches."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ViewGradients:
+    """What one view wants."""
+
+    loss: float
+    rows: Rows
+    """The Gaussians with weight in the image or in its neighbour's, ascending, shape (n,)."""
+    gradients: dict[str, Array]
+    """Rows of the parameters' gradients, shape (n, K)."""
+    moved_rows: Rows
+    """The Gaussians with weight in the view itself, ascending, shape (m,)."""
+    moved: Array
+    """Gradients of the projected means of these, for an image of 2x2 units, shape (m,)."""
+    exposure: Array
+    """By the logarithms of the image's gains and by its offsets, shape (2, 3)."""
+
+
+class _Losses(threading.local):
+    """A loss and its memory for each thread."""
+
+    def __init__(self) -> None:
+        self._size, self._loss = (0, 0), Photometric(0, 0)
+
+    def of(self, size: tuple[int, int]) -> Photometric:
+        if size != self._size:
+            self._size, self._loss = size, Photometric(*size)
+        return self._loss
+
+
+_LOSSES = _Losses()
+
+
+def leaves_of(gaussians: Gaussians) -> Leaves:
+    """What the rasterizer is given; means, quaternions and colours share the memory of the parameters."""
+    arrays = {
+        "means_m": gaussians.values["means_m"],
+        "quats_wxyz": gaussians.values["quats_wxyz"],
+        "scales_m": gaussians.scales_m,
+        "opacities": gaussians.opacities,
+        "sh": gaussians.values["sh"].reshape(len(gaussians), -1, 3),
+    }
+    return {name: torch.from_numpy(array) for name, array in arrays.items()}
+
+
+def draw(leaves: Leaves, photo: Photo, sh_degree: int, *, gradients: bool = False) -> Rendered:
+    """Draw the view of a photo."""
+    return rasterize(
+        **leaves,
+        T_world_camera=torch.from_numpy(photo.T_world_camera),
+        K_px=photo.K_px,
+        height_px=photo.rgb.shape[1],
+        width_px=photo.rgb.shape[2],
+        sh_degree=sh_degree,
+        sparse_gradients=gradients,
+        absolute_gradients=gradients,
+    )
+
+
+def planes_of(rendered: Rendered) -> Array:
+    """The colours of an image, shape (3, H, W)."""
+    assert rendered.rgb is not None
+    planes: Array = rendered.rgb.detach().permute(2, 0, 1).contiguous().numpy()
+    return planes
+
+
+def view_gradients(
+    leaves: Leaves,
+    photo: Photo,
+    exposure: Array,
+    sh_degree: int,
+    settings: GaussiansConfig,
+    geometry: Geometry | None = None,
+) -> ViewGradients:
+    """Loss and gradients of one view, and of the neighbour that it is compared with.
+
+    Args:
+        leaves: See `leaves_of`.
+        photo: What the view looks like.
+        exposure: Logarithms of the image's gains, and offsets, shape (2, 3).
+        sh_degree: Higher degrees are left out.
+        settings: Weights of the losses.
+        geometry: What normals and depths are compared with, if they are.
+    """
+    leaves = {name: leaf.detach().requires_grad_() for name, leaf in leaves.items()}
+    if geometry is not None:
+        leaves["features"] = _planes(leaves, photo)
+    rendered = draw(leaves, photo, sh_degree, gradients=True)
+    planes = planes_of(rendered)
+    gains, offsets = np.exp(exposure[0])[:, None, None], exposure[1][:, None, None]
+    loss, _, slope = _LOSSES.of(planes.shape[1:])(planes * gains + offsets, photo.rgb, settings.ssim_weight)
+    # What is not finite is found by the loss, and named there.
+    with np.errstate(over="ignore", invalid="ignore"):
+        by_exposure = np.stack([(slope * planes * gains).sum(axis=(1, 2)), slope.sum(axis=(1, 2))])
+    assert rendered.rgb is not None
+    losses, slopes = [rendered.rgb], [torch.from_numpy(slope * gains).permute(1, 2, 0)]
+    other_leaves: Leaves | None = None
+    if geometry is not None:
+        shape_loss, other_leaves = _shape_loss(leaves, rendered, photo, geometry, settings.geometry)
+        losses, slopes = [*losses, shape_loss], [*slopes, torch.ones(())]
+        loss += float(shape_loss.detach())
+    torch.autograd.backward(losses, slopes)  # type: ignore[no-untyped-call]
+    rows, gradients = _parameter_gradients(leaves, photo, settings)
+    if other_leaves is not None and geometry is not None and geometry.neighbour is not None:
+        other = _parameter_gradients(other_leaves, geometry.neighbour, settings)
+        moved_rows, (rows, gradients) = rows, _merged((rows, gradients), other)
+    else:
+        moved_rows = rows
+    return ViewGradients(
+        loss=loss,
+        rows=rows,
+        gradients=gradients,
+        moved_rows=moved_rows,
+        moved=_moved(rendered, planes.shape, settings.density.absolute),
+        exposure=by_exposure,
+    )
+
+
+def observed(leaves: Leaves, photo: Photo) -> Rows:
+    """The Gaussians that have weight in the view of a photo."""
+    leaves = {name: leaf.detach().requires_grad_() for name, leaf in leaves.items() if name != "sh"}
+    rendered = draw(leaves, photo, 0, gradients=True)
+    rendered.transmittance.backward(torch.zeros_like(rendered.transmittance))  # type: ignore[no-untyped-call]
+    assert rendered.visibility.weight is not None
+    rows: Rows = rendered.visibility.index[rendered.visibility.weight > OBSERVED_WEIGHT].numpy()
+    return rows
+
+
+def _planes(leaves: Leaves, photo: Photo) -> torch.Tensor:
+    with torch.no_grad():
+        camera_m = torch.from_numpy(photo.T_world_camera[:3, 3].astype(np.float32))
+        features = plane_features(leaves["means_m"], leaves["quats_wxyz"], leaves["scales_m"], camera_m)
+    return features.requires_grad_()
+
+
+def _side(rendered: Rendered, photo: Photo) -> Side:
+    T = torch.from_numpy(photo.T_world_camera.astype(np.float32))
+    rays = rays_of(photo.K_px, photo.rgb.shape[1:]) @ T[:3, :3].T
+    grey = torch.from_numpy(np.tensordot(GREY, photo.rgb, 1))
+    assert rendered.features is not None
+    K = torch.from_numpy(photo.K_px.astype(np.float32))
+    return Side(planes=rendered.features, grey=grey, K_px=K, T_world_camera=T, rays_W=rays)
+
+
+def _shape_loss(
+    leaves: Leaves, rendered: Rendered, photo: Photo, geometry: Geometry, config: GeometryConfig
+) -> tuple[torch.Tensor, Leaves | None]:
+    """Normals within the view, and what its neighbour says; with the leaves that the neighbour was drawn from."""
+    side = _side(rendered, photo)
+    weights = torch.from_numpy(edge_weights(photo.rgb))
+    loss = config.normal * normal_loss(side.planes, rendered.alpha, side.rays_W, weights)
+    if geometry.neighbour is None:
+        return loss, None
+    other_leaves = {name: leaf.detach().requires_grad_() for name, leaf in leaves.items() if name != "sh"}
+    other_leaves["features"] = _planes(other_leaves, geometry.neighbour)
+    other = _side(draw(other_leaves, geometry.neighbour, 0, gradients=True), geometry.neighbour)
+    far_px, differs = neighbour_losses(
+        side, other, noise_px=config.noise_px, patches_max=config.patches_max, rng=geometry.rng
+    )
+    return loss + config.consistent * far_px + config.ncc * differs, other_leaves
+
+
+def _parameter_gradients(leaves: Leaves, photo: Photo, settings: GaussiansConfig) -> tuple[Rows, Gradients]:
+    """Gradients by what is stored: logarithms of scales, logits of opacities."""
+    sparse = {name: leaf.grad for name, leaf in leaves.items() if leaf.grad is not None}
+    if not sparse:
+        return np.empty(0, dtype=np.int64), {}
+    rows = sparse["means_m"]._indices()[0].numpy()
+    slopes = {name: gradient._values().numpy() for name, gradient in sparse.items()}
+    if "features" in slopes:
+        _add_plane_gradients(slopes, leaves, rows, photo)
+    scales, opacities = leaves["scales_m"].detach().numpy()[rows], leaves["opacities"].detach().numpy()[rows]
+    if "sh" in slopes:
+        _add_regular(slopes, scales, len(leaves["opacities"]), settings)
+    gradients = {
+        "means_m": slopes["means_m"],
+        "quats_wxyz": slopes["quats_wxyz"],
+        "log_scales": slopes["scales_m"] * scales,
+        "logits": (slopes["opacities"] * opacities * (1.0 - opacities))[:, None],
+    }
+    if "sh" in slopes:
+        gradients["sh"] = slopes["sh"].reshape(len(rows), 3 * slopes["sh"].shape[1])
+    return rows, gradients
+
+
+def _add_plane_gradients(slopes: Gradients, leaves: Leaves, rows: Rows, photo: Photo) -> None:
+    """What normals and distances of planes want of means and quaternions."""
+    index = torch.from_numpy(rows)
+    means, quats, scales = (leaves[name].detach()[index] for name in ("means_m", "quats_wxyz", "scales_m"))
+    camera_m = torch.from_numpy(photo.T_world_camera[:3, 3].astype(np.float32))
+    wanted = (means.requires_grad_(), quats.requires_grad_())
+    features = plane_features(*wanted, scales, camera_m)
+    by_means, by_quats = torch.autograd.grad(features, wanted, torch.from_numpy(slopes["features"]))
+    slopes["means_m"] = slopes["means_m"] + by_means.numpy()
+    slopes["quats_wxyz"] = slopes["quats_wxyz"] + by_quats.numpy()
+
+
+def _add_regular(slopes: Gradients, scales: Array, count: int, settings: GaussiansConfig) -> None:
+    """Losses of the Gaussians alone: faint and small ones for MCMC, flat ones for surfaces."""
+    if settings.density.method == "mcmc":
+        regular = np.float32(settings.density.regular / count)
+        slopes["opacities"], slopes["scales_m"] = slopes["opacities"] + regular, slopes["scales_m"] + regular / 3
+    if settings.geometry.enabled and len(scales):
+        flat = slopes["scales_m"].copy()
+        flat[np.arange(len(scales)), scales.argmin(axis=1)] += np.float32(settings.geometry.flatten / len(scales))
+        slopes["scales_m"] = flat
+
+
+def _merged(one: tuple[Rows, Gradients], other: tuple[Rows, Gradients]) -> tuple[Rows, Gradients]:
+    """Sums of rows of two views of the same Gaussians."""
+    rows = np.union1d(one[0], other[0])
+    total = {}
+    for name, values in one[1].items():
+        total[name] = np.zeros((len(rows), values.shape[1]), dtype=np.float32)
+        for part_rows, part in (one, other):
+            if name in part:
+                total[name][np.searchsorted(rows, part_rows)] += part[name]
+    return rows, total
+
+
+def _moved(rendered: Rendered, shape: tuple[int, ...], absolute: bool) -> Array:
+    seen = rendered.visibility
+    gradients = seen.absolute_gradient_px if absolute else seen.gradient_px
+    assert gradients is not None
+    assert seen.weight is not None
+    gradient = gradients[seen.weight > 0].numpy()
+    moved: Array = np.hypot(gradient[:, 0] * (0.5 * shape[2]), gradient[:, 1] * (0.5 * shape[1]))
+    return moved
+
+
+def quantised(planes: Array) -> npt.NDArray[np.uint8]:
+    """Colours (3, H, W) in 0..1 as a picture (H, W, 3)."""
+    return np.ascontiguousarray((np.clip(planes, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8).transpose(1, 2, 0))

@@ -1,0 +1,125 @@
+"""The Gaussians that are trained, as arrays: their parameters and the state of the optimiser."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from readygo.common.gaussians import GaussianCloud
+from readygo.common.gaussians.spherical_harmonics import SH_C0
+
+Array = npt.NDArray[np.float32]
+Rows = npt.NDArray[np.int64]
+PARAMETERS = ("means_m", "quats_wxyz", "log_scales", "logits", "sh")
+_NEIGHBOURS = 3
+
+
+@dataclass(eq=False)
+class Gaussians:
+    """N Gaussians in training."""
+
+    values: dict[str, Array]
+    """By the names of PARAMETERS: shapes (N, 3), (N, 4), (N, 3), (N, 1) and (N, 3 K)."""
+    first: dict[str, Array]
+    """Adam's means of the gradients."""
+    second: dict[str, Array]
+    """Adam's means of their squares."""
+    updates: Array
+    """How often each Gaussian was changed, shape (N,): Adam moves those alone that a step has seen."""
+
+    def __len__(self) -> int:
+        return len(self.updates)
+
+    @classmethod
+    def fresh(cls, values: Mapping[str, npt.NDArray[np.floating[Any]]]) -> "Gaussians":
+        """Gaussians that were never changed."""
+        singles = {name: np.ascontiguousarray(values[name], dtype=np.float32) for name in PARAMETERS}
+        zeros = [{name: np.zeros_like(value) for name, value in singles.items()} for _ in range(2)]
+        return cls(singles, zeros[0], zeros[1], np.zeros(len(singles["logits"]), dtype=np.float32))
+
+    def select(self, index: Rows | npt.NDArray[np.bool_]) -> "Gaussians":
+        """Some of them, with their state."""
+        parts = [
+            {name: np.ascontiguousarray(array[index]) for name, array in part.items()}
+            for part in (self.values, self.first, self.second)
+        ]
+        return Gaussians(parts[0], parts[1], parts[2], self.updates[index])
+
+    def joined(self, values: dict[str, Array]) -> "Gaussians":
+        """These, and then fresh ones."""
+        other = Gaussians.fresh(values)
+        pairs = ((self.values, other.values), (self.first, other.first), (self.second, other.second))
+        parts = [{name: np.concatenate([a[name], b[name]]) for name in PARAMETERS} for a, b in pairs]
+        return Gaussians(parts[0], parts[1], parts[2], np.concatenate([self.updates, other.updates]))
+
+    def forget(self, rows: Rows) -> None:
+        """Begin anew with the optimiser's state of some of them."""
+        for part in (self.first, self.second):
+            for array in part.values():
+                array[rows] = 0.0
+        self.updates[rows] = 0.0
+
+    @property
+    def opacities(self) -> Array:
+        """Peak opacities, shape (N,)."""
+        opacities: Array = np.float32(1) / (np.float32(1) + np.exp(-self.values["logits"][:, 0]))
+        return opacities
+
+    @property
+    def scales_m(self) -> Array:
+        """Standard deviations along the principal axes [m], shape (N, 3)."""
+        return np.exp(self.values["log_scales"])
+
+    def cloud(self) -> GaussianCloud:
+        """As a scene holds them."""
+        quats = self.values["quats_wxyz"]
+        return GaussianCloud(
+            means_m=self.values["means_m"],
+            quats_wxyz=quats / np.linalg.norm(quats, axis=1, keepdims=True),
+            scales_m=self.scales_m,
+            opacities=self.opacities,
+            sh=self.values["sh"].reshape(len(self), -1, 3),
+        )
+
+    def state(self) -> dict[str, Array]:
+        """All arrays by name, for a checkpoint."""
+        parts = {"value": self.values, "first": self.first, "second": self.second}
+        arrays = {f"{part}_{name}": arrays[name] for part, arrays in parts.items() for name in PARAMETERS}
+        return {**arrays, "updates": self.updates}
+
+    @classmethod
+    def from_state(cls, state: Mapping[str, Any]) -> "Gaussians":
+        """The inverse of `state`."""
+        parts = [{name: state[f"{part}_{name}"] for name in PARAMETERS} for part in ("value", "first", "second")]
+        return cls(parts[0], parts[1], parts[2], state["updates"])
+
+
+def initial_gaussians(
+    points_m: npt.NDArray[np.float64], rgb: npt.NDArray[np.uint8], sh_degree: int, opacity: float
+) -> Gaussians:
+    """A round Gaussian for each point, as large as its three neighbours are away (root mean square).
+
+    Args:
+        points_m: Shape (N, 3).
+        rgb: Colours of the points, shape (N, 3).
+        sh_degree: Of the spherical harmonics.
+        opacity: Of all.
+    """
+    count = len(points_m)
+    distances, _ = cKDTree(points_m).query(points_m, k=min(_NEIGHBOURS + 1, count))
+    apart_m = np.sqrt(np.mean(np.square(distances[:, 1:]), axis=1))
+    apart_m = np.clip(apart_m, 1e-7, np.quantile(apart_m, 0.99))
+    sh = np.zeros((count, 3 * (sh_degree + 1) ** 2))
+    sh[:, :3] = (rgb / 255.0 - 0.5) / SH_C0
+    return Gaussians.fresh(
+        {
+            "means_m": points_m,
+            "quats_wxyz": np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
+            "log_scales": np.repeat(np.log(apart_m)[:, None], 3, axis=1),
+            "logits": np.full((count, 1), np.log(opacity / (1.0 - opacity))),
+            "sh": sh,
+        }
+    )

@@ -1,0 +1,176 @@
+"""How much an image differs from a photo, (1 - w) L1 + w (1 - SSIM), with its derivative, and what is measured on it.
+
+SSIM: windows of 11x11 pixels, Gaussian with a standard deviation of 1.5, zeros beyond the border, the mean over pixels
+and channels. Source: Wang et al., Image Quality Assessment: From Error Visibility to Structural Similarity, 2004.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.kernels import compiled
+
+Planes = npt.NDArray[np.float32]
+"""Channels, rows, columns."""
+Row = npt.NDArray[np.float32]
+Plane = npt.NDArray[np.float32]
+TAPS = 11
+_SIGMA_PX, _C1, _C2 = 1.5, 0.01**2, 0.03**2
+_SUMS, _PARTS = 5, 3
+"""Filtered images of a channel: x, y, xx, yy, xy; and derivatives by the filtered x, xx and xy."""
+
+
+def _window() -> npt.NDArray[np.float32]:
+    offsets = np.arange(TAPS) - TAPS // 2
+    weights = np.exp(-0.5 * (offsets / _SIGMA_PX) ** 2)
+    window: Row = (weights / weights.sum()).astype(np.float32)
+    return window
+
+
+WINDOW = _window()
+
+
+class Photometric:
+    """The loss of images of one size, and its memory. One for each thread."""
+
+    def __init__(self, height_px: int, width_px: int) -> None:
+        self._rows = np.zeros((_SUMS, height_px, width_px), dtype=np.float32)
+        self._parts = np.empty((_PARTS, height_px, width_px), dtype=np.float32)
+        self._padded = np.zeros((_SUMS, width_px + TAPS - 1), dtype=np.float32)
+
+    def __call__(self, image: Planes, photo: Planes, ssim_weight: float) -> tuple[float, float, Planes]:
+        """The loss of an image.
+
+        Args:
+            image: In 0..1, shape (3, H, W).
+            photo: The same of the photo.
+            ssim_weight: The weight w.
+
+        Returns:
+            The loss, the SSIM, and the loss's derivative by the image.
+        """
+        slope = np.empty_like(image)
+        absolute, similarity = 0.0, 0.0
+        for x, y, out in zip(image, photo, slope, strict=True):
+            similarity += _ssim(x, y, WINDOW, self._padded, self._rows, self._parts, out)
+            absolute += _add_l1(x, y, ssim_weight, image.size, out)
+        ssim = similarity / image.size
+        return (1.0 - ssim_weight) * absolute / image.size + ssim_weight * (1.0 - ssim), ssim, slope
+
+
+def psnr_db(image: npt.NDArray[np.float32], photo: npt.NDArray[np.float32]) -> float:
+    """Peak signal-to-noise ratio of an image in 0..1 [dB]."""
+    error = float(np.mean(np.square(np.clip(image, 0.0, 1.0) - photo, dtype=np.float64)))
+    return -10.0 * math.log10(max(error, 1e-12))
+
+
+@compiled(error_model="numpy", nogil=True)
+def _filter_row(padded: Row, w: Row, out: Plane) -> None:
+    """Filter a row that has five zeros on either side."""
+    w0, w1, w2, w3, w4, w5 = w[0], w[1], w[2], w[3], w[4], w[5]
+    n = len(out)
+    for u in range(n):
+        out[u] = (
+            w0 * (padded[u] + padded[u + 10])
+            + w1 * (padded[u + 1] + padded[u + 9])
+            + w2 * (padded[u + 2] + padded[u + 8])
+            + w3 * (padded[u + 3] + padded[u + 7])
+            + w4 * (padded[u + 4] + padded[u + 6])
+            + w5 * padded[u + 5]
+        )
+
+
+@compiled(error_model="numpy", nogil=True)
+def _filter_columns(rows: Plane, v: int, w: Row, out: Plane) -> None:
+    """Row v of an image whose columns are filtered; `out` may have more columns on the right."""
+    height, width = rows.shape
+    out[:width] = 0.0
+    for tap in range(TAPS):
+        source = v + tap - TAPS // 2
+        if 0 <= source < height:
+            weight, row = w[tap], rows[source]
+            for u in range(width):
+                out[u] += weight * row[u]
+
+
+@compiled(error_model="numpy", nogil=True)
+def _ssim(
+    x: Plane,
+    y: Plane,
+    w: Row,
+    padded: Planes,
+    rows: Planes,
+    parts: Planes,
+    out: Plane,
+) -> float:
+    """Sum of SSIM over the pixels of a channel; `out` gets its derivative by x."""
+    height, width = x.shape
+    side = TAPS // 2
+    padded[:] = 0.0
+    for v in range(height):
+        for u in range(width):
+            a, b = x[v, u], y[v, u]
+            padded[0, side + u], padded[1, side + u] = a, b
+            padded[2, side + u], padded[3, side + u], padded[4, side + u] = a * a, b * b, a * b
+        for k in range(_SUMS):
+            _filter_row(padded[k], w, rows[k, v])
+    total = 0.0
+    for v in range(height):
+        for k in range(_SUMS):
+            _filter_columns(rows[k], v, w, padded[k])
+        total += _pixels(padded, parts[0, v], parts[1, v], parts[2, v])
+    padded[:] = 0.0
+    for v in range(height):
+        for k in range(_PARTS):
+            padded[k, side : side + width] = parts[k, v]
+            _filter_row(padded[k], w, rows[k, v])
+    for v in range(height):
+        for k in range(_PARTS):
+            _filter_columns(rows[k], v, w, padded[k])
+        for u in range(width):
+            out[v, u] = padded[0, u] + np.float32(2) * x[v, u] * padded[1, u] + y[v, u] * padded[2, u]
+    return total
+
+
+@compiled(error_model="numpy", nogil=True)
+def _pixels(
+    sums: Planes,
+    by_mean: npt.NDArray[np.float32],
+    by_square: npt.NDArray[np.float32],
+    by_product: npt.NDArray[np.float32],
+) -> float:
+    """Sum of SSIM over a row, and its derivatives by the filtered x, xx and xy."""
+    c1, c2, one, two = np.float32(_C1), np.float32(_C2), np.float32(1), np.float32(2)
+    x, y, xx, yy, xy = sums[0], sums[1], sums[2], sums[3], sums[4]
+    for u in range(len(by_mean)):
+        mean_x, mean_y = x[u], y[u]
+        a1 = two * mean_x * mean_y + c1
+        a2 = two * (xy[u] - mean_x * mean_y) + c2
+        b1 = one / (mean_x * mean_x + mean_y * mean_y + c1)
+        b2 = one / (xx[u] - mean_x * mean_x + yy[u] - mean_y * mean_y + c2)
+        s = a1 * a2 * b1 * b2
+        by_mean[u] = two * (mean_y * (a2 - a1) * b1 * b2 + s * mean_x * (b2 - b1))
+        by_square[u] = -s * b2
+        by_product[u] = two * a1 * b1 * b2
+        xx[u] = s
+    total = 0.0
+    for u in range(len(by_mean)):
+        total += xx[u]
+    return total
+
+
+@compiled(error_model="numpy", nogil=True)
+def _add_l1(x: Plane, y: Plane, ssim_weight: float, count: int, out: Plane) -> float:
+    """Sum of absolute differences; `out` becomes the loss's derivative by x, from that of the sum of SSIM."""
+    ssim, absolute = np.float32(-ssim_weight / count), np.float32((1.0 - ssim_weight) / count)
+    total = 0.0
+    for v in range(x.shape[0]):
+        row: Any = np.float32(0)
+        for u in range(x.shape[1]):
+            d = x[v, u] - y[v, u]
+            out[v, u] = ssim * out[v, u] + absolute * np.sign(d)
+            row += abs(d)
+        total += row
+    return total

@@ -1,0 +1,152 @@
+"""The photos of a posed COLMAP model: which there are, where they were taken from, and their pixels at some size."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.camera.captured import CapturedViews
+from readygo.common.errors import SceneError
+from readygo.services.reconstructor.config import PosesConfig
+from readygo.services.reconstructor.metric.similarity import Similarity
+from readygo.services.reconstructor.posed import PosedImages
+from readygo.services.reconstructor.poses import colmap
+
+KEPT_BYTES = 2 << 30
+"""Photos that need more than this are read from disk each time that they are used."""
+_POINTS_MIN, _VIEWS_MIN = 30, 3
+_EXTENT = 1.1
+"""The scene's extent is this times the largest distance of a camera from their mean."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Posed:
+    """A posed COLMAP model with pinhole cameras."""
+
+    views: CapturedViews
+    folder: Path
+    """Of the images."""
+    points_m: npt.NDArray[np.float64]
+    """Shape (P, 3)."""
+    points_rgb: npt.NDArray[np.uint8]
+    """Shape (P, 3)."""
+
+    @property
+    def extent_m(self) -> float:
+        """How far the cameras are spread [m]."""
+        places = self.views.T_world_camera[:, :3, 3]
+        return _EXTENT * float(np.linalg.norm(places - places.mean(axis=0), axis=1).max())
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Photo:
+    """A photo at the size that it is trained or measured at."""
+
+    number: int
+    """Of the view."""
+    rgb: npt.NDArray[np.float32]
+    """In 0..1, shape (3, H, W)."""
+    K_px: npt.NDArray[np.float64]
+    T_world_camera: npt.NDArray[np.float64]
+
+
+def open_posed(folder: Path, undistorted: Path) -> Posed:
+    """Read a posed model.
+
+    Args:
+        folder: With `images/` and `sparse/0/`, `sparse/` or the model's files.
+        undistorted: Where images of other than pinhole cameras are written undistorted.
+
+    Raises:
+        SceneError: If it cannot be used.
+    """
+    model, images = colmap.find_model(folder), folder / "images"
+    if model is None or not images.is_dir():
+        raise SceneError(f"{folder} needs images/ and a COLMAP model in sparse/0/; run `readygo scene poses` first.")
+    if not colmap.is_pinhole(model):
+        if colmap.find_model(undistorted) is None:
+            same = Similarity(scale=1.0, R=np.eye(3), t=np.zeros(3))
+            colmap.write_undistorted(model, images, undistorted, same, PosesConfig())
+        model, images = undistorted / "sparse" / "0", undistorted / "images"
+    views, found = colmap.pinhole_views(model), colmap.read_map(model)
+    _check(folder, images, views, found)
+    posed = Posed(views=views, folder=images, points_m=found.points, points_rgb=found.points_rgb)
+    if posed.extent_m <= 0:
+        raise SceneError(f"All cameras of {folder} stand in one place; Gaussians need views from several.")
+    return posed
+
+
+def _check(folder: Path, images: Path, views: CapturedViews, found: PosedImages) -> None:
+    if len(views) < _VIEWS_MIN or len(found.points) < _POINTS_MIN:
+        raise SceneError(
+            f"{folder} has {len(views)} images with poses and {len(found.points)} points; "
+            f"Gaussians need at least {_VIEWS_MIN} and {_POINTS_MIN}."
+        )
+    missing = [name for name in views.images if not (images / name).is_file()]
+    if missing:
+        raise SceneError(f"{images} lacks {len(missing)} images of the model, {missing[0]} among them.")
+
+
+class PhotoStore:
+    """Photos at one size, kept in memory where they fit."""
+
+    def __init__(self, posed: Posed, numbers: tuple[int, ...], side_max_px: int, fraction: int) -> None:
+        """Read the photos.
+
+        Args:
+            posed: The model.
+            numbers: Of the views that are wanted.
+            side_max_px: Larger ones are made smaller.
+            fraction: And then by this.
+
+        Raises:
+            SceneError: If one cannot be read, or has another shape than its camera.
+        """
+        self._posed, self._side_max_px, self._fraction = posed, side_max_px, fraction
+        self._numbers = numbers
+        sizes = [self._size(number) for number in numbers]
+        keeps = 3 * sum(width * height for width, height in sizes) <= KEPT_BYTES
+        self._kept = {number: self._read(number) for number in numbers} if keeps else {}
+
+    def __getitem__(self, number: int) -> Photo:
+        """The photo of a view."""
+        pixels = self._kept.get(number)
+        pixels = self._read(number) if pixels is None else pixels
+        views = self._posed.views
+        K = views.K_px[number].copy()
+        K[:2] *= (np.array(pixels.shape[1::-1]) / views.sizes_px[number])[:, None]
+        planes = np.empty((3, *pixels.shape[:2]), dtype=np.float32)
+        for channel in range(3):
+            np.multiply(pixels[:, :, channel], np.float32(1 / 255), out=planes[channel])
+        return Photo(number=number, rgb=planes, K_px=K, T_world_camera=views.T_world_camera[number])
+
+    def items(self) -> Iterator[tuple[str, Photo]]:
+        """Names of the images, and their photos."""
+        return ((self._posed.views.images[number], self[number]) for number in self._numbers)
+
+    def _size(self, number: int) -> tuple[int, int]:
+        width, height = (int(side) for side in self._posed.views.sizes_px[number])
+        scale = min(1.0, self._side_max_px / max(width, height)) / self._fraction
+        return max(16, round(width * scale)), max(16, round(height * scale))
+
+    def _read(self, number: int) -> npt.NDArray[np.uint8]:
+        """Shape (H, W, 3)."""
+        path = self._posed.folder / self._posed.views.images[number]
+        pixels = cv2.imread(str(path), cv2.IMREAD_COLOR)
+        if pixels is None:
+            raise SceneError(f"{path} cannot be read as an image.")
+        width, height = self._posed.views.sizes_px[number]
+        if abs(pixels.shape[1] * height - pixels.shape[0] * width) > 2 * max(width, height):
+            raise SceneError(f"{path} is {pixels.shape[1]}x{pixels.shape[0]} px, its camera {width}x{height} px.")
+        size = self._size(number)
+        small = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA) if size != pixels.shape[1::-1] else pixels
+        return np.ascontiguousarray(small[:, :, ::-1])
+
+
+def split_views(count: int, hold_out: int) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Numbers of the views to train on, and of those that are held out: every `hold_out`-th from the first on."""
+    held = tuple(range(0, count, hold_out)) if hold_out else ()
+    return tuple(number for number in range(count) if number not in held), held

@@ -1,0 +1,43 @@
+"""How well Gaussians show the photos that they were not trained on."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from readygo.common.drawing.files import write_png
+from readygo.services.reconstructor.training.drawing import draw, leaves_of, planes_of, quantised
+from readygo.services.reconstructor.training.parameters import Array, Gaussians
+from readygo.services.reconstructor.training.photometric import Photometric, psnr_db
+from readygo.services.reconstructor.training.photos import PhotoStore
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class HeldOut:
+    """A held-out photo, and what the Gaussians show in its place."""
+
+    image: str
+    psnr_db: float
+    ssim: float
+    photo: Array
+    """Shape (3, H, W)."""
+    rendered: Array
+    """Shape (3, H, W)."""
+
+
+def measure(gaussians: Gaussians, photos: PhotoStore | None, sh_degree: int) -> list[HeldOut]:
+    """Draw the held-out photos' views; without exposure, which nobody knows of them."""
+    leaves = leaves_of(gaussians)
+    scores = []
+    for name, photo in photos.items() if photos else ():
+        rendered = np.clip(planes_of(draw(leaves, photo, sh_degree)), 0.0, 1.0)
+        _, ssim, _ = Photometric(*rendered.shape[1:])(rendered, photo.rgb, 1.0)
+        psnr = psnr_db(rendered, photo.rgb)
+        scores.append(HeldOut(image=name, psnr_db=psnr, ssim=ssim, photo=photo.rgb, rendered=rendered))
+    return scores
+
+
+def write_picture(path: Path, score: HeldOut) -> None:
+    """The photo, what is shown in its place, and four times their difference, side by side."""
+    difference = 4.0 * np.abs(score.photo - score.rendered)
+    write_png(path, quantised(np.concatenate([score.photo, score.rendered, difference], axis=2)))

@@ -1,0 +1,387 @@
+"""Training of Gaussians from a posed COLMAP model."""
+
+import hashlib
+import json
+import math
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import torch
+
+from readygo.common.config import section_to_mapping
+from readygo.common.errors import RunError
+from readygo.common.files import write_whole
+from readygo.common.gaussians.ply import save_ply
+from readygo.services.reconstructor.stages import Stages
+from readygo.services.reconstructor.training.adam import Adam
+from readygo.services.reconstructor.training.checkpoint import CHECKPOINT_FILE, load_checkpoint, save_checkpoint
+from readygo.services.reconstructor.training.config import GaussiansConfig
+from readygo.services.reconstructor.training.density import Sightings, add_noise, changed_density, reset_opacities
+from readygo.services.reconstructor.training.drawing import Geometry, ViewGradients, leaves_of, observed, view_gradients
+from readygo.services.reconstructor.training.neighbours import choose_neighbours
+from readygo.services.reconstructor.training.parameters import Gaussians, initial_gaussians
+from readygo.services.reconstructor.training.photos import PhotoStore, Posed, open_posed, split_views
+from readygo.services.reconstructor.training.schedule import Schedule
+from readygo.services.reconstructor.training.score import HeldOut, measure, write_picture
+
+CLOUD_FILE, REPORT_FILE, PREVIEWS, UNDISTORTED = "gaussians.ply", "training.json", "previews", "undistorted"
+_SAVE_EVERY_S = 120.0
+_TELL_EVERY_S = 1.0
+_OPACITY = {"gradients": 0.1, "mcmc": 0.5}
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainingProgress:
+    """How far a training is."""
+
+    step: int
+    steps: int
+    gaussians: int
+    loss: float
+    psnr_db: float | None
+    """Of the held-out images, when they were last drawn."""
+    seconds: float
+    """Spent so far, those before an interruption included."""
+    picture: Path | None
+    """The latest held-out render beside its photo."""
+
+
+Tell = Callable[[TrainingProgress], None]
+
+
+def train_gaussians(posed_folder: Path, out_folder: Path, settings: GaussiansConfig, progress: Tell) -> dict[str, Any]:
+    """Train Gaussians; go on where an earlier call with the same arguments was interrupted, to the same result.
+
+    Args:
+        posed_folder: `images/` and `sparse/0/`, as `readygo scene poses` leaves them in `posed`; or any COLMAP model.
+        out_folder: Gets `gaussians.ply`, `training.json` (the report), `previews/` and, until it is done,
+            `checkpoint.npz`.
+        settings: How; see `preset`.
+        progress: Is told about every second how far it is.
+
+    Returns:
+        The report: `psnr_db` and `ssim` (means of the held-out images, None without any), `held_out` (by image),
+        `gaussians`, `images`, `seconds` (by stage), `settings`.
+
+    Raises:
+        ReadygoError: If the model or its images cannot be used, numbers stop being finite, or nothing can be written.
+        KeyboardInterrupt: At Ctrl-C, after the state is saved.
+    """
+    with Stages(out_folder, lambda _: None).alone():
+        posed = open_posed(posed_folder, out_folder / UNDISTORTED)
+        identity = _identity(posed, settings)
+        done = _finished(out_folder, identity)
+        return done if done is not None else _Training(posed, out_folder, settings, identity, progress).run()
+
+
+def _identity(posed: Posed, settings: GaussiansConfig) -> str:
+    digest = hashlib.sha256(json.dumps(section_to_mapping(settings), sort_keys=True).encode())
+    for number, name in enumerate(posed.views.images):
+        digest.update(f"{name} {(posed.folder / name).stat().st_size}".encode())
+        digest.update(posed.views.T_world_camera[number].tobytes() + posed.views.K_px[number].tobytes())
+    digest.update(posed.points_m.tobytes())
+    return digest.hexdigest()
+
+
+def _finished(folder: Path, identity: str) -> dict[str, Any] | None:
+    try:
+        report = json.loads((folder / REPORT_FILE).read_text())
+    except (OSError, ValueError):
+        return None
+    same = isinstance(report, dict) and report.get("identity") == identity and (folder / CLOUD_FILE).is_file()
+    return report if same else None
+
+
+class _Training:
+    """A training under way."""
+
+    def __init__(self, posed: Posed, folder: Path, settings: GaussiansConfig, identity: str, tell: Tell) -> None:
+        self._posed, self._folder, self._settings, self._identity, self._tell = posed, folder, settings, identity, tell
+        self._train, self._held = split_views(len(posed.views), settings.hold_out)
+        self._schedule = Schedule(settings, posed.extent_m)
+        self._adam = Adam(settings.steps, settings.batch)
+        self._seconds: dict[str, float] = {}
+        self._step, self._loss, self._saved_step = 0, math.nan, 0
+        self._psnr_db: float | None = None
+        self._picture: Path | None = None
+        self._photos: PhotoStore | None = None
+        self._fraction = 0
+        self._neighbours = _neighbours_of(posed, self._train, settings)
+        self._start()
+
+    def _start(self) -> None:
+        """Begin, or go on."""
+        found = load_checkpoint(self._folder, self._identity)
+        if found is None:
+            opacity = _OPACITY[self._settings.density.method]
+            self._gaussians = initial_gaussians(
+                self._posed.points_m, self._posed.points_rgb, self._settings.sh_degree, opacity
+            )
+            self._exposures = np.zeros((len(self._posed.views), 2, 3), dtype=np.float32)
+            self._exposure_moments = np.zeros((2, *self._exposures.shape), dtype=np.float32)
+            self._seen = Sightings.none(len(self._gaussians))
+            return
+        numbers, arrays = found
+        self._step = self._saved_step = int(numbers["step"])
+        self._seconds = dict(numbers["seconds"])
+        self._exposures, self._exposure_moments = arrays.pop("exposures"), arrays.pop("exposure_moments")
+        self._seen = Sightings(arrays.pop("seen_gradient"), arrays.pop("seen_views"))
+        self._gaussians = Gaussians.from_state(arrays)
+
+    def run(self) -> dict[str, Any]:
+        """Train to the end and write what came of it."""
+        threads = torch.get_num_threads()
+        torch.set_num_threads(1)
+        try:
+            cores = min(self._settings.batch, len(os.sched_getaffinity(0)))
+            with _interruption() as interrupted, ThreadPoolExecutor(cores) as pool:
+                self._steps(pool, cores, interrupted)
+        finally:
+            torch.set_num_threads(threads)
+        return self._finish()
+
+    def _steps(self, pool: ThreadPoolExecutor, cores: int, interrupted: Callable[[], bool]) -> None:
+        saved_s = told_s = time.monotonic()
+        while self._step < self._settings.steps:
+            self._one_step(pool, cores)
+            self._step += 1
+            if self._step % self._settings.preview_every == 0:
+                self._preview()
+            now_s = time.monotonic()
+            if interrupted() or now_s - saved_s > _SAVE_EVERY_S:
+                self._save()
+                saved_s = now_s
+            if interrupted():
+                raise KeyboardInterrupt
+            if now_s - told_s > _TELL_EVERY_S or self._step == self._settings.steps:
+                self._say()
+                told_s = now_s
+
+    def _one_step(self, pool: ThreadPoolExecutor, cores: int) -> None:
+        step, schedule = self._step, self._schedule
+        with self._clock("photos"):
+            photos = self._photos_of(schedule.fraction(step))
+        numbers = batch_views(self._train, step, self._settings.batch, self._settings.seed)
+        with self._clock("views"):
+            leaves, degree = leaves_of(self._gaussians), schedule.sh_degree(step)
+
+            def one(slot: int) -> ViewGradients:
+                number, geometry = numbers[slot], self._geometry(photos, numbers[slot], slot)
+                return view_gradients(leaves, photos[number], self._exposures[number], degree, self._settings, geometry)
+
+            views = list(pool.map(one, range(len(numbers))))
+        self._loss = float(np.mean([view.loss for view in views]))
+        if not math.isfinite(self._loss):
+            self._stop_at_nan(f"images {', '.join(self._posed.views.images[number] for number in numbers)}")
+        with self._clock("optimiser"):
+            self._change(pool, cores, views)
+            if self._settings.exposure:
+                self._change_exposures(numbers, views)
+        with self._clock("density"):
+            self._change_density()
+            if schedule.trims(step):
+                self._trim(pool, photos)
+
+    def _geometry(self, photos: PhotoStore, number: int, slot: int) -> Geometry | None:
+        """What a view's surfaces are compared with in this step."""
+        config = self._settings.geometry
+        if not config.enabled or self._step < config.begin * self._settings.steps:
+            return None
+        rng = np.random.default_rng((self._settings.seed, self._step, 2, slot))
+        others = self._neighbours[number]
+        neighbour = photos[others[rng.integers(len(others))]] if others else None
+        return Geometry(neighbour=neighbour, rng=rng)
+
+    def _photos_of(self, fraction: int) -> PhotoStore:
+        if self._photos is None or fraction != self._fraction:
+            self._photos = None
+            self._photos = PhotoStore(self._posed, self._train, self._settings.side_max_px, fraction)
+            self._fraction = fraction
+        return self._photos
+
+    def _change(self, pool: ThreadPoolExecutor, cores: int, views: list[ViewGradients]) -> None:
+        count = len(self._gaussians)
+        places = np.full((len(views), count), -1, dtype=np.int32)
+        for place, view in zip(places, views, strict=True):
+            place[view.rows] = np.arange(len(view.rows), dtype=np.int32)
+            self._seen.add(view.moved_rows, view.moved)
+        ends = [count * part // cores for part in range(cores + 1)]
+        gradients, rates = [view.gradients for view in views], self._schedule.rates(self._step)
+
+        def one(part: slice) -> None:
+            self._adam.step(self._gaussians, gradients, places, rates, part)
+
+        list(pool.map(one, (slice(a, b) for a, b in pairwise(ends))))
+
+    def _change_exposures(self, numbers: list[int], views: list[ViewGradients]) -> None:
+        """Adam without corrections; gains and offsets of all images have no common part, which colours could hold."""
+        first, second = self._exposure_moments
+        for number, view in zip(numbers, views, strict=True):
+            first[number] += 0.1 * (view.exposure - first[number])
+            second[number] += 0.001 * (np.square(view.exposure) - second[number])
+            step = first[number] / (np.sqrt(second[number]) + 1e-15)
+            self._exposures[number] -= np.float32(self._settings.rates.exposures) * step
+        self._exposures[list(self._train)] -= self._exposures[list(self._train)].mean(axis=0)
+
+    def _change_density(self) -> None:
+        density, schedule, step = self._settings.density, self._schedule, self._step
+        rng = np.random.default_rng((self._settings.seed, step))
+        if density.method == "mcmc":
+            add_noise(self._gaussians, schedule.means_rate_m(step) * density.noise, rng)
+        if schedule.changes_density(step):
+            self._check_finite()
+            self._gaussians = changed_density(self._gaussians, self._seen, density, self._posed.extent_m, rng)
+            self._check_some_left()
+            self._seen = Sightings.none(len(self._gaussians))
+        if schedule.resets_opacities(step):
+            reset_opacities(self._gaussians, density)
+
+    def _trim(self, pool: ThreadPoolExecutor, photos: PhotoStore) -> None:
+        """Remove the Gaussians that fewer than the configured number of training views show."""
+        leaves = leaves_of(self._gaussians)
+        views = np.zeros(len(self._gaussians), dtype=np.int64)
+        for rows in pool.map(lambda number: observed(leaves, photos[number]), self._train):
+            views[rows] += 1
+        keep = views >= self._settings.geometry.trim_views
+        self._gaussians = self._gaussians.select(keep)
+        self._check_some_left()
+        self._seen = Sightings(self._seen.gradient[keep], self._seen.views[keep])
+
+    def _check_some_left(self) -> None:
+        if not len(self._gaussians):
+            raise RunError(
+                f"Step {self._step}: no Gaussian is left: all were faint, large for how far the cameras are apart "
+                f"({self._posed.extent_m:.3g} m), or seen by too few images; look at the poses, or at the settings."
+            )
+
+    def _check_finite(self) -> None:
+        for name, value in self._gaussians.values.items():
+            if not np.isfinite(value).all():
+                self._stop_at_nan(name)
+
+    def _stop_at_nan(self, what: str) -> None:
+        kept = f"the state of step {self._saved_step} is kept" if self._saved_step else "nothing was saved yet"
+        raise RunError(
+            f"Step {self._step}: {what} gave a number that is not finite; {kept} in {self._folder}. "
+            f"Begin anew with smaller learning rates, or look at the images and poses."
+        )
+
+    def _preview(self) -> None:
+        with self._clock("measuring"):
+            scores = measure(self._gaussians, self._held_photos(8), self._settings.sh_degree)
+            if not scores:
+                return
+            self._psnr_db = float(np.mean([score.psnr_db for score in scores]))
+            self._picture = self._folder / PREVIEWS / f"{self._step:06d}.png"
+            write_picture(self._picture, scores[0])
+
+    def _held_photos(self, count_max: int) -> PhotoStore | None:
+        numbers = self._held[:count_max]
+        return PhotoStore(self._posed, numbers, self._settings.side_max_px, 1) if numbers else None
+
+    def _save(self) -> None:
+        with self._clock("checkpoints"):
+            self._check_finite()
+            arrays = {
+                **self._gaussians.state(),
+                "exposures": self._exposures,
+                "exposure_moments": self._exposure_moments,
+                "seen_gradient": self._seen.gradient,
+                "seen_views": self._seen.views,
+            }
+            save_checkpoint(self._folder, self._identity, {"step": self._step, "seconds": self._seconds}, arrays)
+            self._saved_step = self._step
+
+    def _finish(self) -> dict[str, Any]:
+        self._check_finite()
+        with self._clock("measuring"):
+            scores = measure(self._gaussians, self._held_photos(len(self._held)), self._settings.sh_degree)
+            for score in scores:
+                write_picture(self._folder / PREVIEWS / "held_out" / f"{Path(score.image).stem}.png", score)
+        save_ply(self._gaussians.cloud(), self._folder / CLOUD_FILE)
+        report = self._report(scores)
+        write_whole(self._folder / REPORT_FILE, json.dumps(report, indent=1) + "\n", raises=RunError)
+        (self._folder / CHECKPOINT_FILE).unlink(missing_ok=True)
+        return report
+
+    def _report(self, scores: list[HeldOut]) -> dict[str, Any]:
+        rows = [{"image": score.image, "psnr_db": score.psnr_db, "ssim": score.ssim} for score in scores]
+        return {
+            "psnr_db": float(np.mean([score.psnr_db for score in scores])) if scores else None,
+            "ssim": float(np.mean([score.ssim for score in scores])) if scores else None,
+            "held_out": rows,
+            "gaussians": len(self._gaussians),
+            "images": len(self._train),
+            "seconds": {name: round(spent_s, 2) for name, spent_s in self._seconds.items()},
+            "settings": section_to_mapping(self._settings),
+            "identity": self._identity,
+        }
+
+    def _say(self) -> None:
+        self._tell(
+            TrainingProgress(
+                step=self._step,
+                steps=self._settings.steps,
+                gaussians=len(self._gaussians),
+                loss=self._loss,
+                psnr_db=self._psnr_db,
+                seconds=sum(self._seconds.values()),
+                picture=self._picture,
+            )
+        )
+
+    @contextmanager
+    def _clock(self, stage: str) -> Iterator[None]:
+        begin_s = time.monotonic()
+        yield
+        self._seconds[stage] = self._seconds.get(stage, 0.0) + time.monotonic() - begin_s
+
+
+def _neighbours_of(posed: Posed, train: tuple[int, ...], settings: GaussiansConfig) -> dict[int, tuple[int, ...]]:
+    """By the number of a training view, those of the training views that it is compared with."""
+    config = settings.geometry
+    if not config.enabled:
+        return {}
+    found = choose_neighbours(
+        posed.views.T_world_camera[list(train)],
+        angle_max_deg=config.angle_max_deg,
+        distance_m=(config.distance_min_m, config.distance_max_m),
+        count=config.neighbours,
+    )
+    return {number: tuple(train[k] for k in others) for number, others in zip(train, found, strict=True)}
+
+
+def batch_views(train: tuple[int, ...], step: int, batch: int, seed: int) -> list[int]:
+    """The views of a step: all in random order, then all in another one, and so on."""
+    places = range(step * batch, (step + 1) * batch)
+    orders = {epoch: _order(len(train), seed, epoch) for epoch in {place // len(train) for place in places}}
+    return [train[orders[place // len(train)][place % len(train)]] for place in places]
+
+
+def _order(count: int, seed: int, epoch: int) -> npt.NDArray[np.int64]:
+    return np.random.default_rng((seed, epoch, 1)).permutation(count)
+
+
+@contextmanager
+def _interruption() -> Iterator[Callable[[], bool]]:
+    """Ctrl-C is heard at the end of a step, when the state is whole; where signals cannot be heard, never."""
+    heard = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield heard.is_set
+        return
+    before = signal.signal(signal.SIGINT, lambda *_: heard.set())
+    try:
+        yield heard.is_set
+    finally:
+        signal.signal(signal.SIGINT, before)

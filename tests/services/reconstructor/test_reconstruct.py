@@ -1,0 +1,69 @@
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from readygo.common.camera.captured import CapturedViews
+from readygo.common.errors import SceneError
+from readygo.common.gaussians import save_ply
+from readygo.services.reconstructor import reconstruct as module
+from readygo.services.reconstructor.config import MetricConfig, ReconstructorConfig
+from readygo.services.reconstructor.reconstruct import CLOUD_FILE, STAGES, Job, reconstruct
+from readygo.services.reconstructor.stages import Stages
+from tests.common.scenes.small_room import small_room
+
+CONFIG = ReconstructorConfig(metric=MetricConfig(scale=1.0))
+VIEWS = CapturedViews(
+    images=("a.jpg",), sizes_px=np.array([[64, 48]]), K_px=np.eye(3)[None], T_world_camera=np.eye(4)[None]
+)
+
+POSES = {"kind": "video", "verdict": {}, "scale": {"source": "marker 0"}, "up": "", "markers": [], "notes": []}
+
+
+@pytest.fixture
+def trained(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Poses and training that take no time; hears what is trained."""
+    pytest.importorskip("torch", reason="torch is not installed")
+    calls: list[str] = []
+
+    @contextmanager
+    def open_job(source: Path, folder: Path, *_: Any) -> Iterator[tuple[Stages, Path]]:
+        folder.mkdir(parents=True, exist_ok=True)
+        yield Stages(folder, lambda progress: None), source
+
+    def train(folder: Path) -> dict[str, Any]:
+        calls.append("train")
+        save_ply(small_room(), folder / CLOUD_FILE)
+        return {"seconds": {"views": 3.0}, "gaussians": 5}
+
+    monkeypatch.setattr(module, "open_job", open_job)
+    monkeypatch.setattr(module, "find_poses_in", lambda *_: dict(POSES))
+    monkeypatch.setattr(module, "_training", lambda *_: train)
+    monkeypatch.setattr(module.colmap, "pinhole_views", lambda _: VIEWS)
+    return calls
+
+
+def test_scene_is_made_once_and_where_it_is_wanted(tmp_path: Path, trained: list[str]) -> None:
+    job = Job(source=Path("walk.mp4"), out=tmp_path / "lobby", work=tmp_path / "lobby.work", license="CC0")
+    first = reconstruct(job, CONFIG, lambda progress: None)
+    again = reconstruct(job, CONFIG, lambda progress: None)
+    assert trained == ["train"]
+    assert first["content_hash"] == again["content_hash"]
+    scene = module.load_scene(job.out)
+    assert (scene.name, scene.license, len(scene.views or ())) == ("lobby", "CC0", 1)
+    assert scene.metadata["source"]["scale_origin"] == "marker 0"
+    assert set(first["seconds"]) <= set(STAGES)
+    assert scene.reconstruction is not None
+    assert scene.reconstruction["training"] == {"gaussians": 5}
+
+
+def test_what_is_there_already_is_not_touched(tmp_path: Path, trained: list[str]) -> None:
+    (tmp_path / "lobby").mkdir()
+    job = Job(source=Path("walk.mp4"), out=tmp_path / "lobby", work=tmp_path / "lobby.work")
+    with pytest.raises(SceneError, match="exists already"):
+        reconstruct(job, CONFIG, lambda progress: None)
+    assert not trained
+    assert not list(job.out.iterdir())

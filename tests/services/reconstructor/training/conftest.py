@@ -1,0 +1,64 @@
+"""A posed model of a small scene whose truth is known."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from readygo.common.drawing.files import write_png
+from readygo.services.reconstructor.training.drawing import draw, leaves_of, planes_of, quantised
+from readygo.services.reconstructor.training.parameters import Gaussians, initial_gaussians
+from readygo.services.reconstructor.training.photos import Photo
+
+SIZE_PX = (36, 48)
+FOCAL_PX = 45.0
+VIEWS = 6
+
+
+def true_gaussians() -> Gaussians:
+    """Coloured blobs on a wall 2 m away."""
+    rng = np.random.default_rng(3)
+    points = np.stack([rng.uniform(-1.3, 1.3, 150), rng.uniform(-1.0, 1.0, 150), rng.uniform(1.9, 2.1, 150)], axis=1)
+    gaussians = initial_gaussians(points, rng.integers(0, 256, (150, 3)).astype(np.uint8), 0, 0.8)
+    gaussians.values["log_scales"][:] = np.log(0.12)
+    return gaussians
+
+
+def camera(number: int) -> Photo:
+    """The camera of a view, without its photo."""
+    T = np.eye(4)
+    T[0, 3] = 0.12 * number - 0.3
+    K = np.array([[FOCAL_PX, 0, SIZE_PX[1] / 2], [0, FOCAL_PX, SIZE_PX[0] / 2], [0, 0, 1]])
+    return Photo(number=number, rgb=np.zeros((3, *SIZE_PX), np.float32), K_px=K, T_world_camera=T)
+
+
+@pytest.fixture(scope="session")
+def write_posed() -> Callable[[Path], Path]:
+    """Writes images/ and a COLMAP text model to a folder, which it gives back."""
+    pytest.importorskip("pycolmap", reason="pycolmap is not installed")
+    gaussians = true_gaussians()
+    leaves = leaves_of(gaussians)
+    pictures = [quantised(planes_of(draw(leaves, camera(number), 0))) for number in range(VIEWS)]
+
+    def write(folder: Path) -> Path:
+        model = folder / "sparse" / "0"
+        model.mkdir(parents=True)
+        lines = []
+        for number, picture in enumerate(pictures):
+            write_png(folder / "images" / f"{number}.png", picture)
+            lines += [f"{number + 1} 1 0 0 0 {-camera(number).T_world_camera[0, 3]} 0 0 1 {number}.png", ""]
+        (model / "images.txt").write_text("\n".join(lines) + "\n")
+        height, width = SIZE_PX
+        (model / "cameras.txt").write_text(
+            f"1 PINHOLE {width} {height} {FOCAL_PX} {FOCAL_PX} {width / 2} {height / 2}\n"
+        )
+        rows = zip(gaussians.values["means_m"], gaussians.values["sh"], strict=True)
+        points = [
+            f"{k + 1} {p[0]} {p[1]} {p[2]} {' '.join(str(int(c)) for c in np.clip(127 + 72 * sh, 0, 255))} 0.5"
+            for k, (p, sh) in enumerate(rows)
+        ]
+        (model / "points3D.txt").write_text("\n".join(points) + "\n")
+        return folder
+
+    return write

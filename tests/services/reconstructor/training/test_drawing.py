@@ -1,0 +1,111 @@
+"""Gradients of a view against differences of its loss."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from readygo.services.reconstructor.training.config import DensityConfig, GaussiansConfig, GeometryConfig
+from readygo.services.reconstructor.training.drawing import (
+    Geometry,
+    ViewGradients,
+    draw,
+    leaves_of,
+    observed,
+    planes_of,
+    quantised,
+    view_gradients,
+)
+from readygo.services.reconstructor.training.parameters import Gaussians
+from readygo.services.reconstructor.training.photometric import Photometric
+from readygo.services.reconstructor.training.photos import Photo
+from tests.services.reconstructor.training.conftest import SIZE_PX, camera, true_gaussians
+
+PLAIN = GaussiansConfig(density=DensityConfig(method="gradients"))
+SURFACES = replace(PLAIN, geometry=GeometryConfig(enabled=True, noise_px=3.0, flatten=0.0))
+
+
+def photo_of(number: int) -> Photo:
+    rng = np.random.default_rng(number)
+    return replace(camera(number), rgb=rng.random((3, *SIZE_PX), dtype=np.float32))
+
+
+def gradients(gaussians: Gaussians, settings: GaussiansConfig, exposure: np.ndarray | None = None) -> ViewGradients:
+    exposure = np.zeros((2, 3), np.float32) if exposure is None else exposure
+    geometry = Geometry(neighbour=photo_of(3), rng=np.random.default_rng(0)) if settings.geometry.enabled else None
+    return view_gradients(leaves_of(gaussians), photo_of(2), exposure, 0, settings, geometry)
+
+
+def test_gradients_are_those_through_exponential_and_sigmoid() -> None:
+    gaussians = true_gaussians()
+    gaussians.values["log_scales"] += np.random.default_rng(1).normal(0, 0.2, (150, 3)).astype(np.float32)
+    found, photo = gradients(gaussians, PLAIN), photo_of(2)
+    stored = {name: torch.tensor(value, requires_grad=True) for name, value in gaussians.values.items()}
+    leaves = {
+        "means_m": stored["means_m"],
+        "quats_wxyz": stored["quats_wxyz"],
+        "scales_m": torch.exp(stored["log_scales"]),
+        "opacities": torch.sigmoid(stored["logits"])[:, 0],
+        "sh": stored["sh"].reshape(150, -1, 3),
+    }
+    rendered = draw(leaves, photo, 0)
+    loss, _, slope = Photometric(*SIZE_PX)(planes_of(rendered), photo.rgb, PLAIN.ssim_weight)
+    assert rendered.rgb is not None
+    rendered.rgb.backward(torch.from_numpy(slope).permute(1, 2, 0))
+    assert found.loss == pytest.approx(loss)
+    for name, tensor in stored.items():
+        assert tensor.grad is not None
+        whole = np.zeros(tensor.shape, dtype=np.float32)
+        whole[found.rows] = found.gradients[name]
+        np.testing.assert_allclose(whole, tensor.grad.numpy(), atol=1e-6 * float(tensor.grad.abs().max()))
+
+
+def test_gradients_by_exposure_are_slopes_of_the_loss() -> None:
+    gaussians = true_gaussians()
+    exposure = np.array([[0.1, -0.1, 0.0], [0.02, 0.0, -0.02]], dtype=np.float32)
+    found = gradients(gaussians, PLAIN, exposure)
+    for place in np.ndindex(2, 3):
+        step = np.zeros((2, 3), np.float32)
+        step[place] = 1e-2
+        difference = (
+            gradients(gaussians, PLAIN, exposure + step).loss - gradients(gaussians, PLAIN, exposure - step).loss
+        )
+        assert difference / 2e-2 == pytest.approx(found.exposure[place], rel=0.05, abs=2e-4)
+
+
+def test_surfaces_change_shapes_of_what_the_neighbour_shows_and_no_colours() -> None:
+    gaussians = true_gaussians()
+    gaussians.values["log_scales"][:, 2] -= 2.0
+    plain, shaped = gradients(gaussians, PLAIN), gradients(gaussians, SURFACES)
+    assert shaped.loss > plain.loss
+    assert set(plain.rows) <= set(shaped.rows)
+    place = np.searchsorted(shaped.rows, plain.rows)
+    np.testing.assert_allclose(shaped.gradients["sh"][place], plain.gradients["sh"], atol=1e-9)
+    assert np.abs(shaped.gradients["quats_wxyz"][place] - plain.gradients["quats_wxyz"]).max() > 1e-6
+
+
+def test_flattening_pulls_the_shortest_axis_alone() -> None:
+    gaussians = true_gaussians()
+    gaussians.values["log_scales"][:, 1] -= 1.0
+    flat = replace(PLAIN, geometry=GeometryConfig(enabled=True, flatten=10.0))
+    difference = (
+        view_gradients(leaves_of(gaussians), photo_of(2), np.zeros((2, 3), np.float32), 0, flat).gradients["log_scales"]
+        - gradients(gaussians, PLAIN).gradients["log_scales"]
+    )
+    assert (difference[:, 1] > 0).all()
+    np.testing.assert_allclose(difference[:, [0, 2]], 0.0, atol=1e-9)
+
+
+def test_gaussians_behind_the_camera_are_not_observed() -> None:
+    gaussians = true_gaussians()
+    gaussians.values["means_m"][7] = [0.0, 0.0, -2.0]
+    rows = observed(leaves_of(gaussians), camera(2))
+    assert 7 not in rows
+    assert len(rows) > 75
+
+
+def test_pictures_are_rounded_and_clipped() -> None:
+    planes = np.array([-0.5, 0.5, 2.0], dtype=np.float32).reshape(3, 1, 1)
+    np.testing.assert_array_equal(quantised(planes)[0, 0], [0, 128, 255])
+    assert planes_of(draw(leaves_of(true_gaussians()), camera(0), 0)).shape == (3, *SIZE_PX)

@@ -1,0 +1,40 @@
+"""Gaussians in training as arrays."""
+
+import numpy as np
+import pytest
+
+from readygo.services.reconstructor.training.parameters import Gaussians, initial_gaussians
+
+POINTS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [5, 5, 5]])
+
+
+def test_points_become_gaussians_as_large_as_their_neighbours_are_away() -> None:
+    rgb = np.array([[255, 0, 128]] * 5, dtype=np.uint8)
+    gaussians = initial_gaussians(POINTS, rgb, 2, 0.1)
+    cloud = gaussians.cloud()
+    np.testing.assert_allclose(cloud.scales_m[0], 1.0, rtol=1e-6)
+    np.testing.assert_allclose(cloud.scales_m[1], np.sqrt(5 / 3), rtol=1e-6)
+    np.testing.assert_allclose(cloud.opacities, 0.1, rtol=1e-6)
+    np.testing.assert_allclose(0.5 + 0.28209479 * cloud.sh[0, 0], [1.0, 0.0, 128 / 255], atol=1e-6)
+    assert cloud.sh.shape == (5, 9, 3)
+
+
+def test_state_of_the_optimiser_follows_selected_gaussians_and_fresh_ones_have_none() -> None:
+    gaussians = initial_gaussians(POINTS, np.zeros((5, 3), np.uint8), 0, 0.1)
+    gaussians.first["logits"][:, 0] = np.arange(5)
+    gaussians.updates[:] = np.arange(5)
+    chosen = gaussians.select(np.array([3, 1]))
+    both = chosen.joined(chosen.values)
+    np.testing.assert_array_equal(both.updates, [3, 1, 0, 0])
+    np.testing.assert_array_equal(both.first["logits"][:, 0], [3, 1, 0, 0])
+    both.forget(np.array([0]))
+    np.testing.assert_array_equal(both.updates, [0, 1, 0, 0])
+
+
+def test_state_comes_back_whole() -> None:
+    gaussians = initial_gaussians(POINTS, np.zeros((5, 3), np.uint8), 1, 0.1)
+    again = Gaussians.from_state(gaussians.state())
+    for name, array in gaussians.state().items():
+        np.testing.assert_array_equal(again.state()[name], array)
+    assert len(again) == 5
+    assert gaussians.scales_m[0, 0] == pytest.approx(1.0)

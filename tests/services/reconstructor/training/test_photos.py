@@ -1,0 +1,69 @@
+"""Photos of a posed model."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from readygo.common.drawing.files import write_png
+from readygo.common.errors import SceneError
+from readygo.services.reconstructor.training import photos
+from readygo.services.reconstructor.training.photos import PhotoStore, open_posed, split_views
+from tests.services.reconstructor.training.conftest import FOCAL_PX, SIZE_PX, VIEWS
+
+Write = Callable[[Path], Path]
+
+
+def test_model_is_read_with_its_cameras_and_points(write_posed: Write, tmp_path: Path) -> None:
+    posed = open_posed(write_posed(tmp_path / "posed"), tmp_path / "undistorted")
+    assert posed.views.images == tuple(f"{number}.png" for number in range(VIEWS))
+    assert posed.points_m.shape == (150, 3)
+    assert posed.extent_m == pytest.approx(1.1 * 0.3)
+    np.testing.assert_allclose(posed.views.T_world_camera[1, :3, 3], [-0.18, 0, 0], atol=1e-9)
+    assert not (tmp_path / "undistorted").exists()
+
+
+def test_smaller_photos_have_smaller_cameras(write_posed: Write, tmp_path: Path) -> None:
+    posed = open_posed(write_posed(tmp_path / "posed"), tmp_path / "undistorted")
+    whole, half = (PhotoStore(posed, (2,), 1000, fraction)[2] for fraction in (1, 2))
+    assert whole.rgb.shape == (3, *SIZE_PX)
+    assert half.rgb.shape == (3, SIZE_PX[0] // 2, SIZE_PX[1] // 2)
+    np.testing.assert_allclose(half.K_px[:2] * 2, whole.K_px[:2])
+    assert whole.K_px[0, 0] == FOCAL_PX
+    assert abs(half.rgb.mean() - whole.rgb.mean()) < 0.01
+
+
+def test_photos_that_do_not_fit_into_memory_are_read_again(
+    write_posed: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    posed = open_posed(write_posed(tmp_path / "posed"), tmp_path / "undistorted")
+    kept = PhotoStore(posed, (0, 1), 1000, 1)
+    monkeypatch.setattr(photos, "KEPT_BYTES", 10)
+    read = PhotoStore(posed, (0, 1), 1000, 1)
+    np.testing.assert_array_equal(kept[1].rgb, read[1].rgb)
+
+
+def test_broken_and_wrong_images_are_named(write_posed: Write, tmp_path: Path) -> None:
+    folder = write_posed(tmp_path / "posed")
+    (folder / "images" / "1.png").write_bytes(b"no image")
+    write_png(folder / "images" / "2.png", np.zeros((36, 36, 3), np.uint8))
+    posed = open_posed(folder, tmp_path / "undistorted")
+    with pytest.raises(SceneError, match=r"1.png cannot be read"):
+        PhotoStore(posed, (1,), 1000, 1)
+    with pytest.raises(SceneError, match="36x36 px, its camera 48x36 px"):
+        PhotoStore(posed, (2,), 1000, 1)
+
+
+def test_lens_distortion_is_taken_out_first(write_posed: Write, tmp_path: Path) -> None:
+    folder = write_posed(tmp_path / "posed")
+    cameras = folder / "sparse" / "0" / "cameras.txt"
+    cameras.write_text("1 SIMPLE_RADIAL 48 36 45 24 18 0.05\n")
+    posed = open_posed(folder, tmp_path / "undistorted")
+    assert posed.folder == tmp_path / "undistorted" / "images"
+    assert len(posed.views) == VIEWS
+
+
+def test_every_nth_view_is_held_out() -> None:
+    assert split_views(5, 2) == ((1, 3), (0, 2, 4))
+    assert split_views(3, 0) == ((0, 1, 2), ())

@@ -1,0 +1,31 @@
+"""Scores of held-out photos."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from readygo.services.reconstructor.training.drawing import draw, leaves_of, planes_of
+from readygo.services.reconstructor.training.photos import PhotoStore, open_posed
+from readygo.services.reconstructor.training.score import measure, write_picture
+from tests.services.reconstructor.training.conftest import SIZE_PX, camera, true_gaussians
+
+
+def test_the_truth_scores_best_and_is_pictured_beside_its_photo(
+    write_posed: Callable[[Path], Path], tmp_path: Path
+) -> None:
+    posed = open_posed(write_posed(tmp_path / "posed"), tmp_path / "undistorted")
+    gaussians, photos = true_gaussians(), PhotoStore(posed, (1, 4), 1000, 1)
+    right = measure(gaussians, photos, 0)
+    assert [score.image for score in right] == ["1.png", "4.png"]
+    # Eight bits round away what is left.
+    assert all(score.psnr_db > 50 and score.ssim > 0.999 for score in right)
+    gaussians.values["means_m"] += 0.1
+    assert measure(gaussians, photos, 0)[0].psnr_db < 30
+    write_picture(tmp_path / "picture.png", right[0])
+    picture = cv2.imread(str(tmp_path / "picture.png"))
+    assert picture.shape == (SIZE_PX[0], 3 * SIZE_PX[1], 3)
+    assert picture[:, -SIZE_PX[1] :].max() < 16
+    np.testing.assert_allclose(planes_of(draw(leaves_of(true_gaussians()), camera(1), 0)), right[0].rendered, atol=1e-6)
+    assert measure(gaussians, None, 0) == []

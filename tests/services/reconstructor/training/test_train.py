@@ -1,0 +1,129 @@
+"""Trainings of a small scene, whole and interrupted."""
+
+import json
+import os
+import signal
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from readygo.common.errors import RunError, SceneError
+from readygo.common.gaussians.files import read_gaussians
+from readygo.services.reconstructor.training import train
+from readygo.services.reconstructor.training.config import (
+    DensityConfig,
+    GaussiansConfig,
+    GeometryConfig,
+    RatesConfig,
+)
+from readygo.services.reconstructor.training.train import TrainingProgress, batch_views, train_gaussians
+
+SETTINGS = GaussiansConfig(
+    steps=40,
+    hold_out=5,
+    coarse=2,
+    coarse_end=0.2,
+    sh_degree=1,
+    preview_every=25,
+    density=DensityConfig(every=10, count_max=200, begin=0.1, reset_every=1.0, gradient_min=1e-3, scale_max=5.0),
+)
+MCMC = replace(SETTINGS, density=replace(SETTINGS.density, method="mcmc"))
+SURFACES = replace(SETTINGS, geometry=GeometryConfig(enabled=True, begin=0.5, flatten=1.0, trim_every=0.25))
+
+Write = Callable[[Path], Path]
+
+
+def silent(_: TrainingProgress) -> None:
+    """Hears nothing."""
+
+
+@pytest.mark.parametrize("settings", [SETTINGS, MCMC, SURFACES], ids=["gradients", "mcmc", "surfaces"])
+def test_training_shows_held_out_images_better(write_posed: Write, tmp_path: Path, settings: GaussiansConfig) -> None:
+    posed = write_posed(tmp_path / "posed")
+    before = train_gaussians(posed, tmp_path / "before", replace(settings, steps=1), silent)
+    after = train_gaussians(posed, tmp_path / "after", settings, silent)
+    assert after["psnr_db"] > before["psnr_db"] + 1.5
+    assert [row["image"] for row in after["held_out"]] == ["0.png", "5.png"]
+    assert 80 <= len(read_gaussians(tmp_path / "after" / "gaussians.ply")) <= 200
+    assert sorted(p.name for p in (tmp_path / "after" / "previews").iterdir()) == ["000025.png", "held_out"]
+    assert not list((tmp_path / "after").glob("checkpoint*"))
+
+
+def test_interrupted_training_comes_to_the_same_result(
+    write_posed: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    posed = write_posed(tmp_path / "posed")
+    train_gaussians(posed, tmp_path / "whole", MCMC, silent)
+    monkeypatch.setattr(train, "_TELL_EVERY_S", 0.0)
+
+    def interrupt(at: TrainingProgress) -> None:
+        if at.step == 23:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    with pytest.raises(KeyboardInterrupt):
+        train_gaussians(posed, tmp_path / "parts", MCMC, interrupt)
+    assert not (tmp_path / "parts" / "gaussians.ply").exists()
+    heard: list[int] = []
+    train_gaussians(posed, tmp_path / "parts", MCMC, lambda at: heard.append(at.step))
+    assert heard[0] == 25
+    files = [(tmp_path / name / "gaussians.ply").read_bytes() for name in ("whole", "parts")]
+    assert files[0] == files[1]
+
+
+def test_finished_training_is_not_done_again(write_posed: Write, tmp_path: Path) -> None:
+    posed, settings = write_posed(tmp_path / "posed"), replace(SETTINGS, steps=2)
+    first = train_gaussians(posed, tmp_path / "out", settings, silent)
+    again = train_gaussians(posed, tmp_path / "out", settings, lambda _: pytest.fail("trained again"))
+    assert json.loads(json.dumps(first)) == again
+
+
+def test_other_settings_are_refused_where_a_training_is_under_way(
+    write_posed: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    posed = write_posed(tmp_path / "posed")
+    monkeypatch.setattr(train, "_TELL_EVERY_S", 0.0)
+    with pytest.raises(KeyboardInterrupt):
+        train_gaussians(posed, tmp_path / "out", SETTINGS, lambda _: os.kill(os.getpid(), signal.SIGINT))
+    with pytest.raises(RunError, match="other settings"):
+        train_gaussians(posed, tmp_path / "out", replace(SETTINGS, seed=1), silent)
+
+
+def test_numbers_that_are_not_finite_stop_and_keep_the_last_state(
+    write_posed: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    posed = write_posed(tmp_path / "posed")
+    monkeypatch.setattr(train, "_SAVE_EVERY_S", 0.0)
+    wild = replace(SETTINGS, rates=RatesConfig(colours=1e38))
+    with pytest.raises(RunError, match=r"Step \d+: .* not finite; the state of step \d+ is kept"):
+        train_gaussians(posed, tmp_path / "out", wild, silent)
+    with np.load(tmp_path / "out" / "checkpoint.npz") as file:
+        assert np.isfinite(file["value_means_m"]).all()
+
+
+def test_vanished_gaussians_stop_the_training(write_posed: Write, tmp_path: Path) -> None:
+    small = replace(SETTINGS, density=replace(SETTINGS.density, scale_max=1e-4))
+    with pytest.raises(RunError, match="no Gaussian is left"):
+        train_gaussians(write_posed(tmp_path / "posed"), tmp_path / "out", small, silent)
+
+
+def test_folders_without_a_model_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "images").mkdir()
+    with pytest.raises(SceneError, match="sparse/0"):
+        train_gaussians(tmp_path, tmp_path / "out", SETTINGS, silent)
+
+
+def test_missing_images_are_refused(write_posed: Write, tmp_path: Path) -> None:
+    posed = write_posed(tmp_path / "posed")
+    (posed / "images" / "3.png").unlink()
+    with pytest.raises(SceneError, match=r"lacks 1 images of the model, 3.png"):
+        train_gaussians(posed, tmp_path / "out", SETTINGS, silent)
+
+
+def test_every_view_comes_once_an_epoch() -> None:
+    train_views = (1, 2, 3, 5, 7)
+    drawn = [number for step in range(5) for number in batch_views(train_views, step, 2, 0)]
+    assert sorted(drawn[:5]) == sorted(drawn[5:]) == list(train_views)
+    assert drawn[:5] != drawn[5:]
