@@ -81,7 +81,7 @@ def parse(commands: Mapping[str, Command], argv: Sequence[str]) -> Callable[[], 
     for count in (2, 1):
         name = " ".join(argv[:count])
         if name in commands:
-            return _bound(_function(commands[name].path), prog=f"readygo {name}", argv=argv[count:])
+            return _bound(function_of(commands[name]), prog=f"readygo {name}", argv=argv[count:])
     if list(argv) == ["--version"]:
         return functools.partial(_print, f"readygo {_version()}")
     words = [word for word in argv if word not in HELP]
@@ -109,8 +109,9 @@ def _print(text: str) -> None:
     sys.stdout.write(f"{text}\n")
 
 
-def _function(path: str) -> Callable[..., object]:
-    module, name = path.split(":")
+def function_of(command: Command) -> Callable[..., object]:
+    """The function of a command; its module is imported."""
+    module, name = command.path.split(":")
     function: Callable[..., object] = getattr(importlib.import_module(module), name)
     return function
 
@@ -138,7 +139,7 @@ def _with_value_name(hint: Any, parameter: inspect.Parameter) -> Any:
     import tyro
 
     positional = parameter.kind is inspect.Parameter.POSITIONAL_ONLY
-    name = _value_name(hint, parameter.name if positional else parameter.name.rsplit("_", 1)[-1], positional)
+    name = value_name(hint, parameter.name if positional else parameter.name.rsplit("_", 1)[-1], positional)
     if name is None:
         return hint
     optional = positional and parameter.default is not inspect.Parameter.empty
@@ -149,19 +150,19 @@ def _with_value_name(hint: Any, parameter: inspect.Parameter) -> Any:
     return Annotated[hint, tyro.conf.arg(metavar=metavar, help_behavior_hint="" if unsaid else None)]
 
 
-def _value_name(hint: Any, name: str, positional: bool) -> str | None:
+def value_name(hint: Any, name: str, positional: bool) -> str | None:
     """What a value is called; None leaves it to tyro."""
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if origin in (types.UnionType, typing.Union):
         kinds = [kind for kind in arguments if kind is not type(None)]
-        return _value_name(kinds[0], name, positional) if len(kinds) == 1 else None
+        return value_name(kinds[0], name, positional) if len(kinds) == 1 else None
     if origin is Literal:
         return f"{{{','.join(map(str, arguments))}}}"
     if origin is tuple and arguments[1:] == (...,):
-        item = _value_name(arguments[0], name, positional)
+        item = value_name(arguments[0], name, positional)
         return item and f"{item} [{item} ...]"
     if origin is tuple:
-        items = [_value_name(argument, name, positional) for argument in arguments]
+        items = [value_name(argument, name, positional) for argument in arguments]
         return " ".join(item for item in items if item) if all(items) else None
     if hint is str or (positional and hint is Path):
         return name.upper()

@@ -6,14 +6,17 @@ import sys
 from pathlib import Path
 from typing import Literal
 
+Extra = Literal["policy", "train", "gpu", "reconstruct", "export", "robot-logs"]
+"""Names of the extras, as in pyproject.toml."""
+
 ROOT = Path(__file__).resolve().parents[1]
 
 
-def install_command(extra: Literal["policy", "train", "gpu", "reconstruct"]) -> str:
+def install_command(extra: Extra) -> str:
     """The command that adds an extra's packages to this environment; no package index knows readygo.
 
     Args:
-        extra: Name of the extra, as in pyproject.toml.
+        extra: Name of the extra.
 
     Returns:
         A line for the shell.

@@ -1,6 +1,24 @@
 """The commands of `readygo`, by name. The table stands above all layers: it may name what lies in any of them."""
 
+import sys
+from typing import Literal
+
 from readygo.apps.cli import Command
+
+
+def completion(shell: Literal["bash", "zsh", "fish"], /) -> None:
+    """Print a script that completes commands and options in a shell.
+
+    bash: `source <(readygo completion bash)`, in ~/.bashrc; zsh the same in ~/.zshrc; fish:
+    `readygo completion fish > ~/.config/fish/completions/readygo.fish`.
+
+    Args:
+        shell: The shell.
+    """
+    from readygo.apps.cli_reference import completion as script
+
+    sys.stdout.write(script(COMMANDS, shell))
+
 
 COMMANDS = {
     "demo": Command("readygo.apps.demo.demo:demo", "run the whole job on the embedded scene and write a report"),
@@ -8,10 +26,16 @@ COMMANDS = {
     "scene inspect": Command(
         "readygo.apps.commands.scene:scene_inspect", "measure a scene bundle and draw it from above"
     ),
+    "scene report": Command(
+        "readygo.apps.commands.scene_report:scene_report", "write the health report of a scene, as a page"
+    ),
     "scene crop": Command("readygo.apps.commands.scene_edit:scene_crop", "keep a part of a scene"),
     "scene align": Command("readygo.apps.commands.scene_edit:scene_align", "level a scene's floor at height 0"),
     "scene scale": Command("readygo.apps.commands.scene_edit:scene_scale", "make a scene larger or smaller"),
     "scene clean": Command("readygo.apps.commands.scene_edit:scene_clean", "remove huge Gaussians, floaters and haze"),
+    "scene capture": Command(
+        "readygo.apps.commands.capture:scene_capture", "film a scene with a marker in it; poses are known"
+    ),
     "scene poses": Command(
         "readygo.apps.commands.reconstruct:scene_poses",
         "find metric camera poses of a video or photos; no Gaussians yet",
@@ -36,6 +60,17 @@ COMMANDS = {
     "coverage": Command(
         "readygo.apps.commands.coverage:coverage", "show what a dataset covers, and what it does not, on one page"
     ),
+    "import rosbag2": Command(
+        "readygo.apps.commands.import_log:import_log", "make a data folder of a robot's log, a rosbag2 folder"
+    ),
+    "import mcap": Command(
+        "readygo.apps.commands.import_log:import_log", "make a data folder of a robot's log, an MCAP file"
+    ),
+    "play": Command("readygo.apps.commands.play:play", "write a recorded episode as a film"),
+    "card": Command(
+        "readygo.apps.commands.card:card", "write a README.md of a data folder: what it holds, in pictures"
+    ),
+    "export": Command("readygo.apps.commands.export:export", "write a dataset in the format of another program"),
     "learn": Command(
         "readygo.apps.commands.learn:learn", "record and learn side by side, until a policy drives well in a scene"
     ),
@@ -56,5 +91,7 @@ COMMANDS = {
     "bench plan": Command(
         "readygo.benchmarks.planning.plan:bench_plan", "measure success, times and smoothness of the robot experts"
     ),
+    "doctor": Command("readygo.apps.commands.doctor:doctor", "say what this machine has, lacks and can do"),
+    "completion": Command("readygo.commands:completion", "print a script that completes commands in a shell"),
     "warm": Command("readygo.apps.commands.warm:warm", "compile all kernels once"),
 }

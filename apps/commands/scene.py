@@ -41,6 +41,7 @@ def scene_import(
     crop: tuple[float, float, float, float] | None = None,
     crop_z: tuple[float, float] | None = None,
     close_coarse: bool = False,
+    keep_unfilmed: bool = False,
     mirror: bool = False,
     drop_bad: bool = False,
     json: bool = False,
@@ -67,6 +68,7 @@ def scene_import(
         crop: x0 y0 x1 y1 of what is kept [m], after turning, scaling and moving.
         crop_z: z0 z1 of what is kept [m].
         close_coarse: Keep everybody off ground that nobody filmed: where huge Gaussians stand for it.
+        keep_unfilmed: Let the robot go where it would see what nobody filmed; only where the source has cameras.
         mirror: The file is mirrored (writing in it reads backwards); mirror it back.
         drop_bad: Leave out Gaussians that cannot be drawn (numbers that are not finite; beyond 10 km) and huge ones,
             larger than a fifth of the scene, and say how many.
@@ -87,6 +89,7 @@ def scene_import(
             resolution_m=resolution,
             crop=crop_box(crop, crop_z),
             close_coarse=close_coarse,
+            close_unfilmed=not keep_unfilmed,
             mirror=mirror,
             drop_bad=drop_bad,
         )

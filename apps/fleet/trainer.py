@@ -13,6 +13,7 @@ from readygo.common.bus import Bus
 from readygo.common.dataset import committed_episodes
 from readygo.common.errors import RunError
 from readygo.common.messages import CommittedEpisode, EpisodeKey, RunSpec, RunSpecRequest, topics
+from readygo.common.messages.live import LiveLoss
 from readygo.services.trainer import TrainConfig
 
 TRAINER = "trainer"
@@ -49,8 +50,12 @@ def train_beside(
         replies = [bus.request(topics.OFFER, request, timeout_s=OFFER_TIMEOUT_S) for bus in buses.values()]
         return replies[0]
 
+    def show(loss: LiveLoss) -> None:
+        for bus in buses.values():
+            bus.tell(topics.LOSS, lambda: loss)
+
     with training_threads(config):
-        trainer = LiveTrainer(robot, sensor, config, out, offer=offer, catch_up=reader.new_episodes)
+        trainer = LiveTrainer(robot, sensor, config, out, offer=offer, catch_up=reader.new_episodes, show=show)
         for run, bus in buses.items():
             bus.subscribe(topics.COMMITTED, partial(trainer.hear, run))
             bus.announce(TRAINER, TRAINER)

@@ -26,6 +26,8 @@ from readygo.services.renderer.sensor.recipes import SENSOR_RECIPES, SensorName
 
 _NOT_OF_RUNS = ("learn",)
 """Sections of a configuration file that are no run's: `readygo learn` reads its own."""
+RENDERED_BEFORE = {"human_light": False, "feet_on_floor": False, "contact_shadow": False}
+"""How people were drawn by runs that do not say it."""
 _RETIRED = {"episode": ("human_height_m",)}
 """Settings of earlier versions, by section."""
 
@@ -190,11 +192,11 @@ def resolved_sections(config: RunConfig) -> dict[str, Any]:
 def sections_of_today(sections: Mapping[str, Any]) -> dict[str, Any]:
     """A run's recorded sections as they would be recorded today.
 
-    The camera is one section, settings that nothing reads any more are gone, and people are unlit in runs from before
-    there was light.
+    The camera is one section, settings that nothing reads any more are gone, and people are drawn as they were before
+    there was light, and before feet stood on floors.
     """
     today = {
         name: {key: value for key, value in section.items() if key not in _RETIRED.get(name, ())}
         for name, section in with_whole_camera(sections).items()
     }
-    return {**today, "renderer": {"human_light": False, **today.get("renderer", {})}}
+    return {**today, "renderer": {**RENDERED_BEFORE, **today.get("renderer", {})}}

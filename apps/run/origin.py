@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from readygo.apps.run.config import RunConfig, merged
+from readygo.apps.run.config import RENDERED_BEFORE, RunConfig, merged
 from readygo.apps.run.folder import RunFolder
 from readygo.common.avatars import load_avatars
 from readygo.common.avatars.file import avatar_hash
@@ -20,7 +20,7 @@ from readygo.services.renderer import RendererConfig
 
 KEY = "data"
 """Of `PolicySpec.training`."""
-_RENDERED = ("detail", "contact_shadow", "human_light", "sub_frames")
+_RENDERED = ("detail", "contact_shadow", "feet_on_floor", "human_light", "sub_frames")
 """Settings of the renderer that change what a robot sees; the sensor is the policy's own to say."""
 _HUMANS = ("episode", "human_planner")
 """Sections that a recipe of humans takes the place of."""
@@ -110,8 +110,7 @@ def settings_of_policy(spec: PolicySpec, *, humans: bool = True) -> RunConfig:
     if origin is None:
         return robot_of_policy(spec)
     sections = {name: keys for name, keys in origin.settings.items() if humans or name not in _HUMANS}
-    # Data from before there was light say nothing of it.
-    sections["renderer"] = {"human_light": False, **sections.get("renderer", {})}
+    sections["renderer"] = {**RENDERED_BEFORE, **sections.get("renderer", {})}
     try:
         return merged(robot_of_policy(spec), sections)
     except ConfigError as error:

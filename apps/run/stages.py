@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from readygo.apps.run.world import World
 from readygo.common.bus import Bus
 from readygo.common.errors import RunError
-from readygo.common.fleet import Inputs, StageResult, Work, append_episode
+from readygo.common.fleet import Inputs, StageResult, Work, append_episode, show_plan
 from readygo.common.messages import (
     AnimateReply,
     AnimateRequest,
@@ -100,6 +100,8 @@ def _plan_robot(world: World, bus: Bus) -> Work:
     def work(claim: ClaimReply, inputs: Inputs) -> StageResult:
         request = RobotPlanRequest(scenario=_scenario(inputs), motions=_motions(inputs))
         reply = handle_robot_plan(planner, request)
+        if reply.trajectory is not None:
+            show_plan(bus, request.scenario, reply.trajectory)
         return StageResult(result=encode(reply), rejected=reply.rejected)
 
     return work

@@ -31,12 +31,14 @@ from readygo.services.renderer.sensor.recipes import sensor_phone_like
 from readygo.services.renderer.sensor.streams import SensorStream
 
 LIGHT = "human light"
+FEET = "feet on floor"
 SHADOW = "contact shadow"
 PHONE = "sensor_phone_like, 4 sub-frames"
 SHADED_PHONE = "sensor_phone_like, contact shadow"
 OPTICS: Mapping[str, Mapping[str, Any]] = {
     "off": {},
     LIGHT: {},
+    FEET: {},
     SHADOW: {},
     "exposure, vignetting, noise": {"exposure_ev": 0.2, "vignetting": 0.2, "shot_noise": 0.02, "read_noise": 0.002},
     "Brown-Conrady lens": {"distortion": "brown_conrady", "k1": -0.04},
@@ -103,7 +105,8 @@ def main(
 
 
 def _renderer(name: str, scene: Scene, people: Mapping[str, Avatar], camera: CameraConfig) -> Renderer:
-    config = RendererConfig(contact_shadow=name in (SHADOW, SHADED_PHONE), human_light=name == LIGHT)
+    shadow = name in (SHADOW, SHADED_PHONE)
+    config = RendererConfig(contact_shadow=shadow, feet_on_floor=shadow or name == FEET, human_light=name == LIGHT)
     camera = replace(camera, **OPTICS[name])
     if name in (PHONE, SHADED_PHONE):
         camera, config = sensor_phone_like(camera, config)

@@ -1,1 +1,1 @@
-"""Benchmarks of what the reconstructor does."""
+"""Reconstruction: of simulated captures beside the truth, and the training of Gaussians."""

@@ -6,8 +6,9 @@ from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from readygo.common.bus.inbox import Inbox, Mailbox
+from readygo.common.bus.teller import Teller
 from readygo.common.errors import BusError, PeerError, ReadygoError, reason
-from readygo.common.messages.topics import Stream, Topic
+from readygo.common.messages.topics import Live, Stream, Topic, matches
 
 Request = TypeVar("Request")
 Reply = TypeVar("Reply")
@@ -33,6 +34,7 @@ class InProcessBus:
         """Take part in a new run, or in that of another bus of this process."""
         self._room: _Room = _Room() if beside is None else beside._room
         self._inbox = Inbox()
+        self._teller = Teller(self)
         self._leave: list[Callable[[], object]] = []
 
     def serve(self, topic: Topic[Request, Reply], handler: Callable[[Request], Reply]) -> None:
@@ -58,8 +60,16 @@ class InProcessBus:
     def publish(self, stream: Stream[Message], message: Message) -> None:
         """Give `message` to those who hear `stream`; see `Bus.publish`."""
         for name, mailbox in tuple(self._room.mailboxes):
-            if name == stream.name:
+            if matches(name, stream.name):
                 mailbox.put(message)
+
+    def heard(self, stream: Stream[Message]) -> bool:
+        """True if somebody listens to `stream`."""
+        return any(matches(name, stream.name) for name, _ in tuple(self._room.mailboxes))
+
+    def tell(self, live: Live[Message], make: Callable[[], Message]) -> None:
+        """Show what is under way; see `Bus.tell`."""
+        self._teller.tell(live, make)
 
     def subscribe(self, stream: Stream[Message], handler: Callable[[Message], None]) -> None:
         """Hear `stream`; see `Bus.subscribe`."""
@@ -67,6 +77,7 @@ class InProcessBus:
 
     def announce(self, role: str, name: str) -> None:
         """Say that a worker is alive; see `Bus.announce`."""
+        self._teller.me = role, name
         self._room.present.append((role, name))
         self._tell(role, name, True)
         self._leave.append(lambda: self._depart(role, name))

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Protocol, TypeVar
 
-from readygo.common.messages.topics import Stream, Topic
+from readygo.common.messages.topics import Live, Stream, Topic
 
 Request = TypeVar("Request")
 Reply = TypeVar("Reply")
@@ -38,8 +38,18 @@ class Bus(Protocol):
         """
         ...
 
+    def tell(self, live: Live[Message], make: Callable[[], Message]) -> None:
+        """Publish on this participant's own stream of a kind what `make` gives.
+
+        Nothing is made before `announce` has said who this is, while nobody listens, or before `Live.every_s` is over.
+        """
+        ...
+
     def subscribe(self, stream: Stream[Message], handler: Callable[[Message], None]) -> None:
-        """Hear `stream`; of what the handler has not come to yet, the newest `INBOX_MAX` messages wait."""
+        """Hear `stream`, in whose name "*" stands for any one part.
+
+        Of what the handler has not come to yet, the newest `INBOX_MAX` messages wait.
+        """
         ...
 
     def announce(self, role: str, name: str) -> None:

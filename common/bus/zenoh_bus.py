@@ -17,9 +17,10 @@ from typing import Any, TypeVar
 import zenoh
 
 from readygo.common.bus.inbox import Inbox, Mailbox
+from readygo.common.bus.teller import Teller
 from readygo.common.errors import BusError, PeerError, ReadygoError, reason
 from readygo.common.messages.codec import decode, encode
-from readygo.common.messages.topics import Stream, Topic, presence
+from readygo.common.messages.topics import Live, Stream, Topic, presence
 
 Request = TypeVar("Request")
 Reply = TypeVar("Reply")
@@ -104,6 +105,7 @@ class ZenohBus:
         self._inbox = Inbox()
         self._declared: list[Any] = []
         self._publishers: dict[str, zenoh.Publisher] = {}
+        self._teller = Teller(self)
 
     def serve(self, topic: Topic[Request, Reply], handler: Callable[[Request], Reply]) -> None:
         """Answer requests on `topic` with `handler`."""
@@ -131,6 +133,18 @@ class ZenohBus:
 
     def publish(self, stream: Stream[Message], message: Message) -> None:
         """Give `message` to those who hear `stream`; see `Bus.publish`. Without any it is not even encoded."""
+        if self.heard(stream):
+            self._publisher(stream).put(encode(message))
+
+    def heard(self, stream: Stream[Message]) -> bool:
+        """True if somebody listens to `stream`."""
+        return bool(self._publisher(stream).matching_status.matching)  # type: ignore[attr-defined]
+
+    def tell(self, live: Live[Message], make: Callable[[], Message]) -> None:
+        """Show what is under way; see `Bus.tell`."""
+        self._teller.tell(live, make)
+
+    def _publisher(self, stream: Stream[Message]) -> zenoh.Publisher:
         publisher = self._publishers.get(stream.name)
         if publisher is None:
             publisher = self._publishers[stream.name] = self._session.declare_publisher(
@@ -139,8 +153,7 @@ class ZenohBus:
                 priority=zenoh.Priority.DATA_LOW,
             )
             self._declared.append(publisher)
-        if publisher.matching_status.matching:  # type: ignore[attr-defined]
-            publisher.put(encode(message))
+        return publisher
 
     def subscribe(self, stream: Stream[Message], handler: Callable[[Message], None]) -> None:
         """Hear `stream`; see `Bus.subscribe`."""
@@ -153,6 +166,7 @@ class ZenohBus:
 
     def announce(self, role: str, name: str) -> None:
         """Say that a worker is alive; see `Bus.announce`."""
+        self._teller.me = role, name
         self._declared.append(self._session.liveliness().declare_token(self._prefix + presence(role, name)))
 
     def watch(self, changed: Callable[[str, str, bool], None]) -> None:

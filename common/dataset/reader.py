@@ -217,6 +217,11 @@ class Dataset:
             ) from error
         return self._spread(known, np.nan)
 
+    @property
+    def image_sizes(self) -> npt.NDArray[np.uint32]:
+        """Size of each sample's encoded image [bytes], shape (S,); 0 where it has none."""
+        return np.asarray(self._rows["image_length"])
+
     @cached_property
     def goals_xy_m(self) -> npt.NDArray[np.float32]:
         """Goal in the robot's frame at each sample [m], shape (S, 2)."""
@@ -368,6 +373,18 @@ class Dataset:
         """
         of_shard = [_humans_of_shard(shard) for shard in self.shards]
         return tuple(poses for shard, row in self._order for poses in of_shard[shard][row])
+
+    def humans_of(self, number: int) -> tuple[npt.NDArray[np.float64], ...]:
+        """Every human at each sample of an episode, see `humans_xyzyaw`; only the episode's shard is read.
+
+        Args:
+            number: Row in `episodes`.
+
+        Raises:
+            DatasetError: If the shard is damaged.
+        """
+        shard, row = self._order[number]
+        return tuple(_humans_of_shard(self.shards[shard])[row])
 
     def calibration(self, index: int) -> Calibration:
         """The camera that made the images of a sample.

@@ -6,6 +6,7 @@ from itertools import islice
 
 from readygo.common.bus import Bus
 from readygo.common.errors import BusError, PeerError, RunError
+from readygo.common.fleet.shown import show_newest
 from readygo.common.messages import (
     AppendReply,
     AppendRequest,
@@ -33,6 +34,7 @@ def append_episode(bus: Bus, claim: ClaimReply, header: EpisodeHeader, samples: 
     while acknowledged < header.sample_count:
         while len(sent) < min(acknowledged + BATCH, header.sample_count):
             sent.extend(islice(samples, acknowledged + BATCH - len(sent)))
+        show_newest(bus, header, sent)
         batch = tuple(sent[acknowledged : acknowledged + BATCH])
         last = acknowledged + len(batch) == header.sample_count
         request = AppendRequest(attempt=claim.attempt, header=header, first_seq=acknowledged, samples=batch, last=last)

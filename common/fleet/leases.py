@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from readygo.common.bus import Bus
 from readygo.common.errors import BusError, RunError
 from readygo.common.fleet.blobs import fetch_blob
+from readygo.common.fleet.shown import show_work
 from readygo.common.messages import (
     ClaimReply,
     ClaimRequest,
@@ -110,6 +111,7 @@ def pull(bus: Bus, worker: Worker, *, stop: threading.Event) -> None:
 def _work_on(bus: Bus, stage: Stage, worker: str, claim: ClaimReply, work: Work) -> None:
     assert claim.episode is not None
     begin_s = time.thread_time()
+    show_work(bus, stage, claim, begins=True)
     failed = ""
     outcome: StageResult | None = None
     try:
@@ -128,6 +130,7 @@ def _work_on(bus: Bus, stage: Stage, worker: str, claim: ClaimReply, work: Work)
         failed=failed,
         cpu_s=time.thread_time() - begin_s,
     )
+    show_work(bus, stage, claim, begins=False, rejected=request.rejected, failed=failed)
     verdict = bus.request(topics.complete(stage.name), request)
     if verdict.status is not VerdictStatus.OK:
         log.warning("%s: result of attempt %d is %s", claim.episode.episode_id, claim.attempt, verdict.status.value)

@@ -1,7 +1,7 @@
 """The local floor of a scene: uneven, tilted, partly hidden."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +26,10 @@ HALF_ABSORBED = 0.5 * math.log(2.0)
 """Coverage (1-sigma area times opacity, which is half of a Gaussian's optical depth) that halves the light."""
 GAP_MAX_M = 0.25
 """Gaps in the support up to twice this wide, and up to four cells, are closed [m]."""
+WALKED_M, STRIDE_M = 0.25, 1.0
+"""Whoever films stands on floor: so far around each camera, and on the way to the next one if it is not farther [m]."""
+WALKED_HEIGHTS_M = (0.4, 2.2)
+"""Cameras that are held, or stand on a robot, are this high above the floor [m]."""
 MARGIN_M = 0.5
 """The maps reach this far beyond the floor [m]."""
 CELLS_MAX = 16_000_000
@@ -79,6 +83,32 @@ def estimate_floor(cloud: GaussianCloud, cell_m: float) -> FloorEstimate:
     floor = FloorMap(frame=frame, height_m=height.astype(np.float32))
     relief = np.maximum(height, _gentle(np.where(known, prior + offset, height), cell_m))
     return FloorEstimate(floor=floor, supported=_closed(known, cell_m), relief_m=relief)
+
+
+def walked(estimate: FloorEstimate, cameras_m: npt.NDArray[np.float64]) -> FloorEstimate:
+    """An estimate whose floor is complete where somebody walked who filmed: cameras seldom see what is below them.
+
+    Args:
+        estimate: Of the scene.
+        cameras_m: Centres of cameras in the order in which they filmed, shape (N, 3) [m].
+    """
+    from scipy import ndimage
+
+    frame = estimate.floor.frame
+    height_m = cameras_m[:, 2] - estimate.floor.at_many(cameras_m[:, :2])
+    held = cameras_m[(height_m >= WALKED_HEIGHTS_M[0]) & (height_m <= WALKED_HEIGHTS_M[1]), :2]
+    share = np.arange(0.0, 1.0, frame.resolution_m / STRIDE_M)[:, None, None]
+    near = np.hypot(*(held[1:] - held[:-1]).T) <= STRIDE_M
+    between = (held[:-1] + share * (held[1:] - held[:-1]))[:, near].reshape(-1, 2)
+    cells = np.floor((np.concatenate([held, between]) - (frame.origin_x_m, frame.origin_y_m)) / frame.resolution_m)
+    j, i = cells.astype(np.int64).T
+    inside = (i >= 0) & (j >= 0) & (i < estimate.supported.shape[0]) & (j < estimate.supported.shape[1])
+    way = np.ones(estimate.supported.shape, np.bool_)
+    way[i[inside], j[inside]] = False
+    if way.all():
+        return estimate
+    trodden = ndimage.distance_transform_edt(way) * frame.resolution_m <= WALKED_M
+    return replace(estimate, supported=estimate.supported | trodden)
 
 
 def _arrays(samples: SurfaceSamples) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:

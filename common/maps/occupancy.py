@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.maps.coarse_ground import coarse_ground
-from readygo.common.maps.floor import FloorEstimate, estimate_floor
+from readygo.common.maps.floor import FloorEstimate, estimate_floor, walked
 from readygo.common.maps.grid import FloorMap, GridFrame, OccupancyMap
 from readygo.common.maps.voxels import opacity_sums
 
@@ -50,6 +50,8 @@ class MapConfig:
     """Steeper floor (rise over run) is blocked."""
     close_coarse: bool = False
     """True blocks ground that nobody filmed: where huge Gaussians stand for it."""
+    close_unfilmed: bool = True
+    """True keeps the robot where it sees what was filmed; only of scenes whose cameras are known."""
 
     def __post_init__(self) -> None:
         if not 0.01 <= self.resolution_m <= 1.0:
@@ -80,17 +82,20 @@ class ScenePlan:
     """Usual size of the Gaussians that the ground consists of [m]."""
 
 
-def plan_scene(cloud: GaussianCloud, config: MapConfig) -> ScenePlan:
+def plan_scene(cloud: GaussianCloud, config: MapConfig, cameras_m: npt.NDArray[np.float64] | None = None) -> ScenePlan:
     """Floor and occupancy maps of a scene.
 
     Args:
         cloud: Gaussians, metres, z up; no sky.
         config: Cells, thresholds and heights.
+        cameras_m: Centres of the cameras that it was filmed with, in their order, shape (N, 3) [m]: floor is below.
 
     Raises:
         NoGroundError: If no floor is found.
     """
     estimate = estimate_floor(cloud, FLOOR_CELLS * config.resolution_m)
+    if cameras_m is not None:
+        estimate = walked(estimate, cameras_m)
     frame = replace(estimate.floor.frame, resolution_m=config.resolution_m)
     shape = tuple(FLOOR_CELLS * n for n in estimate.supported.shape)
     above = _above_floor(cloud, estimate.floor)

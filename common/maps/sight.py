@@ -49,6 +49,13 @@ class SightMap:
         place = (frame.origin_x_m, frame.origin_y_m, frame.resolution_m, self.layer_m)
         return bool(_sees_human(self.opaque, place, (x_m, y_m, camera_m), human_m))
 
+    def opaque_between(self, low_m: float, high_m: float) -> npt.NDArray[np.bool_]:
+        """Cells with something opaque between two heights above the floor [m], shape (H, W)."""
+        first, last = (math.floor((height_m - BOTTOM_M) / self.layer_m) for height_m in (low_m, high_m))
+        bits = np.uint32(sum(1 << bit for bit in range(max(first, 0), min(last, BITS - 1) + 1)))
+        cells: npt.NDArray[np.bool_] = (self.opaque & bits) != 0
+        return cells
+
 
 def sight_of_occupancy(occupancy: OccupancyMap) -> SightMap:
     """Sight over a 2-D map without heights: occupied cells hide everything."""
@@ -89,13 +96,20 @@ def sight_of_cloud(
 
 
 @compiled
-def _is_clear(
+def is_clear(
     opaque: UInt32Array,
     place: tuple[float, float, float, float],
     eye: tuple[float, float, float],
     target: tuple[float, float, float],
 ) -> bool:
-    """True if no opaque layer lies on a segment; checked every half cell."""
+    """True if no opaque layer lies on a segment; checked every half cell.
+
+    Args:
+        opaque: See `SightMap`.
+        place: Origin x, y, resolution and height of a layer [m].
+        eye: x, y in the world, height above the floor [m].
+        target: The other end, likewise.
+    """
     ox, oy, resolution, layer = place
     dx, dy, dz = target[0] - eye[0], target[1] - eye[1], target[2] - eye[2]
     steps = int(math.sqrt(dx * dx + dy * dy) / (0.5 * resolution)) + 1
@@ -122,6 +136,6 @@ def _sees_human(
     for offset in TARGET_OFFSETS_M:
         x, y = human[0] - dy / distance * offset, human[1] + dx / distance * offset
         for height in TARGET_HEIGHTS_M:
-            if _is_clear(opaque, place, eye, (x, y, height)):
+            if is_clear(opaque, place, eye, (x, y, height)):
                 return True
     return False

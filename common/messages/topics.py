@@ -26,6 +26,7 @@ from readygo.common.messages.coordination import (
     Verdict,
 )
 from readygo.common.messages.learning import CommittedEpisode, OfferReply, OfferRequest
+from readygo.common.messages.live import LiveCommit, LiveLoss, LivePlan, LivePreview, LiveState, LiveWork
 from readygo.common.messages.render import RenderReply, RenderRequest
 from readygo.common.messages.samples import AppendReply, AppendRequest
 from readygo.common.messages.stages import (
@@ -59,6 +60,20 @@ class Stream(Generic[Message]):
     message_type: type[Message]
 
 
+@dataclass(frozen=True, slots=True)
+class Live(Generic[Message]):
+    """What every participant of one kind may show, each on a stream of its own."""
+
+    kind: str
+    message_type: type[Message]
+    every_s: float = 0.0
+    """Time between two messages of one participant, at least [s]."""
+
+    def of(self, role: str = "*", name: str = "*") -> Stream[Message]:
+        """The stream of a participant; "*" stands for all, to subscribe."""
+        return Stream(f"live/{role}/{name}/{self.kind}", self.message_type)
+
+
 SPEC = Topic("coord/spec", RunSpecRequest, RunSpec)
 GRANT = Topic("coord/rec/grant", GrantRequest, Verdict)
 DONE = Topic("coord/rec/done", DoneRequest, Verdict)
@@ -75,6 +90,12 @@ ROBOT_PLAN = Topic("robot-plan", RobotPlanRequest, RobotPlanReply)
 
 PROGRESS = Stream("live/progress", StatusReply)
 """The coordinator's status, a few times a second."""
+PREVIEW = Live("preview", LivePreview, every_s=0.2)
+STATE = Live("state", LiveState, every_s=0.2)
+PLAN = Live("plan", LivePlan)
+WORK = Live("work", LiveWork)
+COMMIT = Live("commit", LiveCommit)
+LOSS = Live("loss", LiveLoss)
 COMMITTED = Stream("train/episodes", CommittedEpisode)
 """Every episode, as soon as it is durable."""
 
@@ -107,3 +128,9 @@ def render(renderer: str) -> Topic[RenderRequest, RenderReply]:
 def presence(role: str, name: str) -> str:
     """The liveliness token of a worker; "*" stands for any role or name."""
     return f"alive/{role}/{name}"
+
+
+def matches(pattern: str, name: str) -> bool:
+    """True if a stream's name fits a pattern in which "*" stands for one part between slashes."""
+    parts, names = pattern.split("/"), name.split("/")
+    return len(parts) == len(names) and all(part in ("*", named) for part, named in zip(parts, names, strict=True))

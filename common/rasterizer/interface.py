@@ -11,7 +11,9 @@ import numpy.typing as npt
 from readygo.common.errors import AvatarError
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.images.images import Images, require_outputs
+from readygo.common.rasterizer.constants import FEET_M
 
+Singles = npt.NDArray[np.float32]
 Backend = Literal["cpu", "reference", "triton", "gsplat"]
 """What can stand behind the interface; `readygo.common.rasterizer.backends` makes them."""
 GPU_BACKENDS = ("triton", "gsplat")
@@ -32,6 +34,10 @@ class PosedHuman:
     light: npt.NDArray[np.float64] | None = None
     """Light that falls on them, as in `readygo.common.lighting.irradiance.irradiance_matrix`, shape (3, 4, 4); None
     draws them in the avatar's own colours."""
+    ground_m: float = 0.0
+    """World z of the ground below them [m]; matters where `lead_m` is not 0."""
+    lead_m: float = 0.0
+    """Feet on the ground are drawn before what is less than this behind them [m]; see `constants`."""
 
     def equals(self, other: "PosedHuman") -> bool:
         """True if both are the same human in the same pose.
@@ -101,6 +107,23 @@ class Rasterizer(Protocol):
             ReadygoError: If the backend does not make one of these images.
         """
         ...
+
+
+def lead_terms(human: PosedHuman, R_CW: npt.NDArray[np.float64], p_WC: npt.NDArray[np.float64]) -> Singles:
+    """By how much a human's Gaussians are sorted as nearer [m]: max(0, min(a x + b y + c z + d, e)) of camera axes.
+
+    Args:
+        human: The human.
+        R_CW: Maps directions from the world to the camera, shape (3, 3).
+        p_WC: The camera in the world [m], shape (3,).
+
+    Returns:
+        a, b, c, d, e, shape (5,).
+    """
+    slope = human.lead_m / FEET_M
+    a, b, c = (-slope * float(R_CW[k, 2]) for k in range(3))
+    d = human.lead_m - slope * (float(p_WC[2]) - human.ground_m)
+    return np.array([a, b, c, d, human.lead_m], dtype=np.float32)
 
 
 def render_each(rasterizer: Rasterizer, wanted: Iterable[tuple[View, tuple[str, ...]]]) -> Iterator[Images]:

@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.avatars import Avatar, pose_avatar
-from readygo.common.avatars.shading import outward_normals
 from readygo.common.frames import matrix_from_quat
 from readygo.common.gaussians import GaussianCloud, concatenate, sh_basis
 from readygo.common.gaussians.spherical_harmonics import SH_C0
@@ -24,9 +23,8 @@ from readygo.common.rasterizer.constants import (
     NEAR_M,
     TRANSMITTANCE_MIN,
 )
-from readygo.common.rasterizer.interface import PinholeCamera, PosedHuman, View, checked_outputs
-from readygo.common.rasterizer.packed.avatar import dense_weights
-from readygo.common.rasterizer.packed.scene import covariances, flatness, shortest_axes
+from readygo.common.rasterizer.interface import PinholeCamera, PosedHuman, View, checked_outputs, lead_terms
+from readygo.common.rasterizer.packed.avatar import avatar_normals
 
 Floats = npt.NDArray[np.float64]
 
@@ -102,6 +100,9 @@ class ReferenceRasterizer:
         numbers = [0] * len(self._clouds) + list(range(1, len(humans) + 1)) + [0] * len(extra)
         # The mask of more humans than bytes can tell apart is refused; their colours are not.
         instances = np.repeat(np.array(numbers).astype(np.uint8), [len(cloud) for cloud in clouds])
+        leads = [np.zeros(len(cloud)) for cloud in clouds]
+        for place, human in enumerate(view.humans, len(self._clouds)):
+            leads[place] = _leads_m(clouds[place], human, view.T_world_camera)
         camera = self._camera
         return rasterize_reference(
             concatenate(clouds),
@@ -110,7 +111,16 @@ class ReferenceRasterizer:
             camera.height_px,
             camera.width_px,
             instances=instances,
+            leads_m=np.concatenate(leads),
         )
+
+
+def _leads_m(posed: GaussianCloud, human: PosedHuman, T_world_camera: Floats) -> Floats:
+    """By how much a human's Gaussians are sorted as nearer [m], shape (N,)."""
+    R_CW, p_WC = T_world_camera[:3, :3].T, T_world_camera[:3, 3]
+    a, b, c, d, most = lead_terms(human, R_CW, p_WC).astype(np.float64)
+    leads: Floats = np.clip((posed.means_m - p_WC) @ R_CW.T @ np.array([a, b, c]) + d, 0.0, most)
+    return leads
 
 
 def posed_and_lit(avatar: Avatar, human: PosedHuman) -> GaussianCloud:
@@ -118,12 +128,8 @@ def posed_and_lit(avatar: Avatar, human: PosedHuman) -> GaussianCloud:
     posed = pose_avatar(avatar, human.root_m, human.pose_axis_angle)
     if human.light is None:
         return posed
-    axes = shortest_axes(avatar.cloud)
-    flat = flatness(covariances(avatar.cloud), axes)
-    means, weights = avatar.cloud.means_m.astype(np.float64), dense_weights(avatar)
-    normals = outward_normals(means, axes, flat, weights, avatar.joints_canonical_m)
     R_canonical, R_posed = matrix_from_quat(avatar.cloud.quats_wxyz), matrix_from_quat(posed.quats_wxyz)
-    turned = np.einsum("nij,nkj,nk->ni", R_posed, R_canonical, normals)
+    turned = np.einsum("nij,nkj,nk->ni", R_posed, R_canonical, avatar_normals(avatar))
     gain = np.sqrt(np.clip(irradiance(human.light, turned), LIGHT_MIN, LIGHT_MAX))[:, None]
     # Colour is 0.5 and the harmonics: what the gain makes of the 0.5 goes to the first of them.
     sh = gain * posed.sh
@@ -139,6 +145,7 @@ def rasterize_reference(
     width_px: int,
     *,
     instances: npt.ArrayLike | None = None,
+    leads_m: npt.ArrayLike | None = None,
 ) -> ReferenceImages:
     """Draw Gaussians; the rules are in `readygo.common.rasterizer.constants`.
 
@@ -149,13 +156,15 @@ def rasterize_reference(
         height_px: Image height.
         width_px: Image width.
         instances: What the mask shows of each Gaussian, 0 to 255, shape (N,); 0 by default.
+        leads_m: By how much each Gaussian is sorted as nearer [m], shape (N,); 0 by default.
 
     Returns:
         The images.
     """
     K = np.asarray(K_px, dtype=np.float64)
     instance = np.zeros(len(cloud), dtype=np.uint8) if instances is None else np.asarray(instances, dtype=np.uint8)
-    splats = _project(cloud, instance, np.asarray(T_world_camera, dtype=np.float64), K, height_px, width_px)
+    leads = np.zeros(len(cloud)) if leads_m is None else np.asarray(leads_m, dtype=np.float64)
+    splats = _project(cloud, instance, leads, np.asarray(T_world_camera, dtype=np.float64), K, height_px, width_px)
     transmittance = np.ones((height_px, width_px))
     rgb = np.zeros((height_px, width_px, 3))
     depth, normal = np.zeros((height_px, width_px)), np.zeros((height_px, width_px, 3))
@@ -193,6 +202,7 @@ def rasterize_reference(
 def _project(
     cloud: GaussianCloud,
     instance: npt.NDArray[np.uint8],
+    leads_m: Floats,
     T_world_camera: Floats,
     K: Floats,
     height_px: int,
@@ -202,7 +212,7 @@ def _project(
     p_WQ = cloud.means_m.astype(np.float64)
     p_CQ = (p_WQ - T_world_camera[:3, 3]) @ R_CW.T
     index = np.flatnonzero((p_CQ[:, 2] > NEAR_M) & (cloud.opacities >= ALPHA_MIN))
-    index = index[np.argsort(p_CQ[index, 2], kind="stable")]
+    index = index[np.argsort(p_CQ[index, 2] - leads_m[index], kind="stable")]
     p_CQ, p_WQ = p_CQ[index], p_WQ[index]
     x, y, z = p_CQ.T
     fx, fy, cx, cy = K[0, 0], K[1, 1], K[0, 2], K[1, 2]

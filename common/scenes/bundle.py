@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,16 +18,27 @@ from readygo.common.files import unfinished_folder
 from readygo.common.gaussians import GaussianCloud, R_from_up, save_ply, transform_cloud
 from readygo.common.gaussians.defects import HUGE, excessive, refusal, unusable, unwanted, without
 from readygo.common.gaussians.files import GaussianSource, read_source, with_unit_rotations
-from readygo.common.maps import MapConfig, ScenePlan, largest_free_area, plan_scene, save_ros_map
+from readygo.common.maps import (
+    MapConfig,
+    OccupancyMap,
+    ScenePlan,
+    largest_free_area,
+    plan_scene,
+    save_ros_map,
+    sight_of_cloud,
+)
 from readygo.common.robot import RobotConfig
 from readygo.common.scenes.edit import Box, cropped, mirrored
+from readygo.common.scenes.filmed import FILMED_MIN, filmed_share
 from readygo.common.scenes.findings import findings
 from readygo.common.scenes.manifest import FORMAT, MANIFEST, combined_hash, file_of, grid_digest, toml_text
 from readygo.common.scenes.report import scene_report
 from readygo.common.scenes.scene import (
     CLOUD_FILE,
+    FILMED_FILE,
     FLOOR_FILE,
     HUMAN_MAP_FILE,
+    RECONSTRUCTION_FILE,
     REPORT_FILE,
     ROBOT_MAP_FILE,
     SKY_FILE,
@@ -83,6 +95,7 @@ def import_scene(
     close_coarse: bool = False,
     mirror: bool = False,
     drop_bad: bool = False,
+    close_unfilmed: bool = True,
 ) -> Scene:
     """Make a scene bundle of a Gaussian file, or of a training's output folder.
 
@@ -105,6 +118,7 @@ def import_scene(
         mirror: Take the mirror image of the file.
         drop_bad: Leave out Gaussians that cannot be drawn (`readygo.common.gaussians.defects`) instead of refusing the
             file, and those that are huge; their number is kept in `SceneSource.dropped_gaussians`.
+        close_unfilmed: Keep the robot where it sees what was filmed, where the source has cameras.
 
     Returns:
         The scene.
@@ -118,7 +132,9 @@ def import_scene(
     if not (math.isfinite(scale) and scale > 0) or not all(map(math.isfinite, translate_m)):
         raise SceneError(f"The scale must be positive and the translation finite, got {scale} and {translate_m}.")
     config = dataclasses.replace(
-        _map_config(robot, resolution_m, opacity_threshold, human_height_m), close_coarse=close_coarse
+        _map_config(robot, resolution_m, opacity_threshold, human_height_m),
+        close_coarse=close_coarse,
+        close_unfilmed=close_unfilmed,
     )
     held = read_source(source)
     up = _resolved_up(up, held)
@@ -195,6 +211,7 @@ def save_scene(
     robot: RobotConfig | None = None,
     map_config: MapConfig | None = None,
     views: CapturedViews | None = None,
+    reconstruction: Mapping[str, Any] | None = None,
 ) -> Scene:
     """Make a scene bundle of Gaussians: maps, report, hashes.
 
@@ -209,7 +226,8 @@ def save_scene(
         source: Where it comes from.
         robot: Footprint and height for the robot map.
         map_config: How the maps are made; with the robot's height by default.
-        views: The cameras that it was filmed with, in the same frame.
+        views: The cameras that it was filmed with, in the same frame, in their order.
+        reconstruction: The report of its reconstruction, as plain values.
 
     Raises:
         SceneError: If `out` exists, or the scene has no floor or no free area.
@@ -227,6 +245,7 @@ def save_scene(
             robot=robot,
             map_config=map_config or MapConfig(robot_height_m=robot.height_m),
             views=views,
+            reconstruction=reconstruction,
         )
     return load_scene(out)
 
@@ -242,6 +261,7 @@ def fill_bundle(
     robot: RobotConfig,
     map_config: MapConfig,
     views: CapturedViews | None = None,
+    reconstruction: Mapping[str, Any] | None = None,
 ) -> None:
     """Write everything that a bundle consists of into an empty folder; arguments as of `save_scene`.
 
@@ -249,15 +269,23 @@ def fill_bundle(
         SceneError: If the scene has no floor or no free area.
         OSError: If the folder cannot be written.
     """
-    plan = plan_scene(cloud, map_config)
+    plan = plan_scene(cloud, map_config, None if views is None else views.T_world_camera[:, :3, 3])
     _refuse_without_free_area(plan, robot)
     save_ply(cloud, folder / CLOUD_FILE)
     if sky is not None:
         save_ply(sky, folder / SKY_FILE)
     if views is not None:
         (folder / VIEWS_FILE).write_text(views_text(views), encoding="utf-8")
+    if reconstruction is not None:
+        (folder / RECONSTRUCTION_FILE).write_text(json.dumps(reconstruction, indent=1) + "\n", encoding="utf-8")
     (folder / "maps").mkdir()
-    save_ros_map(plan.robot, folder / ROBOT_MAP_FILE, unknown=plan.unknown)
+    unfilmed = np.zeros_like(plan.unknown)
+    if views is not None and len(views):
+        share = _filmed(cloud, plan, views, map_config)
+        np.save(folder / FILMED_FILE, share)
+        if map_config.close_unfilmed:
+            plan, unfilmed = _without_unfilmed(plan, share, robot)
+    save_ros_map(plan.robot, folder / ROBOT_MAP_FILE, unknown=plan.unknown | unfilmed)
     save_ros_map(plan.human, folder / HUMAN_MAP_FILE, unknown=plan.unknown)
     np.save(folder / FLOOR_FILE, plan.floor.height_m)
     report = scene_report(cloud, sky, plan.robot, plan.human, plan.floor, robot.planning_radius_m)
@@ -265,6 +293,27 @@ def fill_bundle(
     (folder / REPORT_FILE).write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
     manifest = _manifest(folder, plan, name, license, source, robot, map_config)
     (folder / MANIFEST).write_text(toml_text(manifest), encoding="utf-8")
+
+
+def _filmed(cloud: GaussianCloud, plan: ScenePlan, views: CapturedViews, config: MapConfig) -> npt.NDArray[np.float32]:
+    shape = (plan.robot.occupied.shape[0], plan.robot.occupied.shape[1])
+    sight = sight_of_cloud(cloud, plan.floor, plan.robot.frame, shape, config)
+    return filmed_share(views, sight, plan.floor, ~plan.robot.occupied)
+
+
+def _without_unfilmed(
+    plan: ScenePlan, share: npt.NDArray[np.float32], robot: RobotConfig
+) -> tuple[ScenePlan, npt.NDArray[np.bool_]]:
+    """The plan that keeps the robot where it sees what was filmed, and the cells that it loses.
+
+    Where too little would be left, cameras say nothing of the place, and it is left as it is.
+    """
+    unfilmed: npt.NDArray[np.bool_] = (share < FILMED_MIN) & ~plan.robot.occupied
+    kept = OccupancyMap(frame=plan.robot.frame, occupied=plan.robot.occupied | unfilmed)
+    _, area_m2 = largest_free_area(kept, robot.planning_radius_m)
+    if area_m2 < FREE_AREA_MIN_M2:
+        return plan, np.zeros_like(unfilmed)
+    return dataclasses.replace(plan, robot=kept), unfilmed
 
 
 def _manifest(

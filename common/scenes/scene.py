@@ -1,6 +1,7 @@
 """A scene bundle on disk, read piece by piece when it is needed."""
 
 import dataclasses
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -8,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from readygo.common.camera.captured import CapturedViews, load_views
 from readygo.common.errors import SceneError
@@ -22,6 +24,8 @@ HUMAN_MAP_FILE = "maps/human.yaml"
 FLOOR_FILE = "maps/floor_height_m.npy"
 REPORT_FILE = "report.json"
 VIEWS_FILE = "cameras.json"
+FILMED_FILE = "maps/filmed_share.npy"
+RECONSTRUCTION_FILE = "reconstruction.json"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,6 +58,18 @@ class SceneMaps:
             return FloorMap(frame=self.floor_frame, height_m=height_m)
         except (OSError, ValueError) as error:
             raise SceneError(f"Floor map {path} cannot be read: {error}; import the scene again.") from error
+
+    @cached_property
+    def filmed_share(self) -> npt.NDArray[np.float32] | None:
+        """How much of what is seen from each cell of the robot's map was filmed, 0 to 1, shape (H, W); see `filmed`.
+
+        None where no cameras are known.
+        """
+        path = self.folder / FILMED_FILE
+        try:
+            return np.asarray(np.load(path, allow_pickle=False), dtype=np.float32) if path.is_file() else None
+        except (OSError, ValueError) as error:
+            raise SceneError(f"{path} cannot be read: {error}; import the scene again.") from error
 
     @cached_property
     def sight(self) -> SightMap:
@@ -96,6 +112,17 @@ class Scene:
     def views(self) -> CapturedViews | None:
         """The cameras that it was filmed with, metres, z up; None where they are not known."""
         return load_views(self.path / VIEWS_FILE) if VIEWS_FILE in self.metadata["files"] else None
+
+    @cached_property
+    def reconstruction(self) -> dict[str, Any] | None:
+        """The report of its reconstruction (scale, verdict on its poses, training); None if it came as Gaussians."""
+        if RECONSTRUCTION_FILE not in self.metadata["files"]:
+            return None
+        path = self.path / RECONSTRUCTION_FILE
+        try:
+            return dict(json.loads(path.read_text(encoding="utf-8")))
+        except (OSError, ValueError, TypeError) as error:
+            raise SceneError(f"{path} cannot be read: {error}; import the scene again.") from error
 
     @cached_property
     def maps(self) -> SceneMaps:

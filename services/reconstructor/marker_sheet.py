@@ -1,4 +1,6 @@
-"""A printable sheet with one marker at true size, as PDF."""
+"""A printable sheet with one marker at true size, and its PDF."""
+
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -31,8 +33,20 @@ def marker_cells(dictionary: str, marker: int) -> npt.NDArray[np.bool_]:
     return np.asarray(cv2.aruco.generateImageMarker(book, marker, side)) < 128
 
 
-def marker_pdf(dictionary: str, marker: int, size_m: float, page: str) -> bytes:
-    """A page with the marker, cut out by rectangles, so that it is as large as it says.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sheet:
+    """A printed page: white, with black rectangles."""
+
+    width_m: float
+    height_m: float
+    black_m: npt.NDArray[np.float64]
+    """Rectangles: x, y of the lower left corner from that of the page, width, height [m], shape (N, 4)."""
+    corners_m: npt.NDArray[np.float64]
+    """The marker's corners on the page: upper left, upper right, lower right, lower left, shape (4, 2) [m]."""
+
+
+def marker_sheet(dictionary: str, marker: int, size_m: float, page: str) -> Sheet:
+    """Where on a page what is black.
 
     Args:
         dictionary: As OpenCV names it.
@@ -51,30 +65,40 @@ def marker_pdf(dictionary: str, marker: int, size_m: float, page: str) -> bytes:
         fits_m = min(width_m, height_m - _TEXT_M) / (1.0 + 2.0 / len(cells))
         raise ConfigError(f"On {page} a marker of this dictionary is 0.01 to {fits_m:.3f} m wide, got {size_m:g} m.")
     left_m, bottom_m = (width_m - size_m) / 2.0, (height_m + _TEXT_M - size_m) / 2.0
-    lines = ["0 g"]
+    black = []
     for row, column in np.argwhere(cells):
         # Cells overlap a little: printers show the seams.
-        x_m, y_m = left_m + column * cell_m, bottom_m + (len(cells) - 1 - row) * cell_m
         right = 1.02 if column + 1 < len(cells) and cells[row, column + 1] else 1.0
-        lines.append(f"{_pt(x_m)} {_pt(y_m)} {_pt(right * cell_m)} {_pt(cell_m)} re f")
-    lines += _ruler((width_m - _RULER_M) / 2.0, 0.020)
+        black.append((left_m + column * cell_m, bottom_m + (len(cells) - 1 - row) * cell_m, right * cell_m, cell_m))
+    black += _ruler((width_m - _RULER_M) / 2.0, 0.020)
+    right_m, top_m = left_m + size_m, bottom_m + size_m
+    corners_m = np.array([(left_m, top_m), (right_m, top_m), (right_m, bottom_m), (left_m, bottom_m)])
+    return Sheet(width_m=width_m, height_m=height_m, black_m=np.array(black), corners_m=corners_m)
+
+
+def marker_pdf(dictionary: str, marker: int, size_m: float, page: str) -> bytes:
+    """The page of `marker_sheet` as PDF, cut out by rectangles, so that it is as large as it says.
+
+    Raises:
+        ConfigError: See there.
+    """
+    sheet = marker_sheet(dictionary, marker, size_m, page)
+    lines = ["0 g", *(f"{' '.join(_pt(value) for value in rectangle)} re f" for rectangle in sheet.black_m.tolist())]
     words = (
         f"readygo marker {marker} of {dictionary}: black square {1000 * size_m:g} mm wide. Print at 100 %, measure it."
     )
-    lines += ["BT", "/F 8 Tf", f"{_pt((width_m - _RULER_M) / 2.0)} {_pt(0.012)} Td", f"({words}) Tj", "ET"]
-    return _document(width_m, height_m, "\n".join(lines))
+    lines += ["BT", "/F 8 Tf", f"{_pt((sheet.width_m - _RULER_M) / 2.0)} {_pt(0.012)} Td", f"({words}) Tj", "ET"]
+    return _document(sheet.width_m, sheet.height_m, "\n".join(lines))
 
 
 def _pt(length_m: float) -> str:
     return f"{length_m * _POINTS_PER_M:.4f}"
 
 
-def _ruler(x_m: float, y_m: float) -> list[str]:
+def _ruler(x_m: float, y_m: float) -> list[tuple[float, float, float, float]]:
     """A line of 100 mm with marks each 10 mm, to see whether the printer kept the size."""
-    marks = [(x_m + 0.01 * number, y_m) for number in range(11)]
-    return [f"{_pt(x_m)} {_pt(y_m)} {_pt(_RULER_M)} {_pt(0.0003)} re f"] + [
-        f"{_pt(x - 0.00015)} {_pt(y)} {_pt(0.0003)} {_pt(0.003)} re f" for x, y in marks
-    ]
+    marks = [(x_m + 0.01 * number - 0.00015, y_m, 0.0003, 0.003) for number in range(11)]
+    return [(x_m, y_m, _RULER_M, 0.0003), *marks]
 
 
 def _document(width_m: float, height_m: float, content: str) -> bytes:

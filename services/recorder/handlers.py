@@ -27,6 +27,7 @@ from readygo.common.messages import (
     VerdictStatus,
     topics,
 )
+from readygo.common.messages.live import LiveCommit
 from readygo.services.recorder.buffers import EpisodeBuffer, EpisodeBuffers
 from readygo.services.recorder.config import RecorderConfig
 from readygo.services.recorder.salvage import (
@@ -172,9 +173,22 @@ class Recorder:
         message = CommittedEpisode(header=buffer.header, attempt=buffer.attempt, samples=tuple(buffer.samples))
         try:
             self._bus.publish(topics.COMMITTED, message)
+            self._bus.tell(topics.COMMIT, lambda: self._shown(buffer))
         except Exception:
             # Recording must not depend on who listens.
             _log.exception("%s was not published", buffer.header.episode.episode_id)
+
+    def _shown(self, buffer: EpisodeBuffer) -> LiveCommit:
+        header = buffer.header
+        return LiveCommit(
+            episode=header.episode,
+            attempt=buffer.attempt,
+            outcome=header.outcome,
+            driver=header.driver,
+            policy=header.policy,
+            sample_count=header.sample_count,
+            shard=self._committed[header.episode.index].shard,
+        )
 
     def _finished(self, index: int, status: AppendStatus) -> AppendReply:
         self._buffers.drop(index)

@@ -25,10 +25,12 @@ class RendererConfig:
     detail: Literal["exact", "lod"] = "exact"
     """"lod" draws far things and people with fewer Gaussians, about twice as fast; backend cpu only."""
     contact_shadow: bool = False
-    """True puts soft shadows under people's feet."""
+    """True puts soft shadows under people's feet; `triton` and `gsplat` draw none."""
+    feet_on_floor: bool = True
+    """True draws feet before the relief of the floor that they stand on, False in the order of their depths alone, as
+    `triton` and `gsplat` do in any case."""
     human_light: bool = True
-    """True lights people as the scene does where they walk; False draws them in their avatars' own colours. The GPU
-    backends want False."""
+    """True lights people as the scene does where they walk; False draws them in their avatars' own colours."""
     sensor: SensorConfig = field(default_factory=SensorConfig)
     """What varies of the robot's camera from episode to episode; nothing by default."""
     sub_frames: int = 8
@@ -42,11 +44,6 @@ class RendererConfig:
             raise ValueError(f'detail must be "exact" or "lod", got {self.detail!r}.')
         if self.detail == "lod" and self.backend != "cpu":
             raise ValueError(f'detail "lod" is drawn by the backend cpu only, got {self.backend!r}.')
-        for name in ("contact_shadow", "human_light"):
-            if getattr(self, name) and self.backend in GPU_BACKENDS:
-                raise ValueError(
-                    f"{name} is drawn by the backends cpu and reference only, got {self.backend!r}; set {name} = false."
-                )
         if self.image_format not in ("jpeg", "png"):
             raise ValueError(f'image_format must be "jpeg" or "png", got {self.image_format!r}.')
         if not 1 <= self.jpeg_quality <= 100:
@@ -60,3 +57,7 @@ class RendererConfig:
             raise ValueError(f"outputs must hold rgb, got {', '.join(self.outputs) or 'none'}; add it.")
         # One order, so that the same images are the same run.
         object.__setattr__(self, "outputs", tuple(name for name in OUTPUTS if name in self.outputs))
+
+    def draws(self, name: Literal["contact_shadow", "feet_on_floor"]) -> bool:
+        """Whether a setting is on, and the backend draws it."""
+        return bool(getattr(self, name)) and self.backend not in GPU_BACKENDS

@@ -7,25 +7,19 @@ lies on. Where a foot stands in that way, the shadow stays behind the foot.
 """
 
 import math
-from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.avatars import Avatar
-from readygo.common.avatars.kinematics import fill_globals
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.gaussians.spherical_harmonics import SH_C0
 from readygo.common.kernels import compiled
 from readygo.common.maps import FloorMap
 from readygo.common.maps.grid import bilinear
-from readygo.common.rasterizer.interface import PosedHuman
 
 Floats = npt.NDArray[np.float64]
 Singles = npt.NDArray[np.float32]
 
-FEET = ((7, 10), (8, 11))
-"""SMPL joints of each foot: ankle and ball."""
 FADE_M = 0.25
 """A sole this high above the floor casts no shadow any more."""
 LIFT_M = 0.004
@@ -38,28 +32,25 @@ NEAREST_M = 0.4
 """Shadows nearer to the camera are left out: there is no room to pull them."""
 SPREAD = 0.3
 """Growth of a shadow with the height of the sole."""
-_HEEL_M, _TIP_M, _HALF_WIDTH_M = 0.07, 0.09, 0.035
-"""How far a foot reaches behind its ankle, before its ball, and to its sides."""
+_HALF_WIDTH_M = 0.035
+"""How far a foot reaches to its sides."""
 _ROWS = ((-0.09, 0.05, 0.09), (-0.045, 0.032, 0.22), (0.0, 0.032, 0.22), (0.045, 0.032, 0.22), (0.09, 0.05, 0.09))
 """Rows of Gaussians along a foot: place to its left [m], standard deviation [m], opacity on the ground."""
 _ALONG = 7
 _STEPS = round(PULL_M / PULL_BESIDE_M)
-_UPRIGHT = np.array([1, 0, 0, 0], dtype=np.float32)
 _DARK_SH = np.float32(-0.5 / SH_C0)
 """SH of black."""
 
 
-def shadow_cloud(
-    avatars: Mapping[str, Avatar], humans: Sequence[PosedHuman], floor: FloorMap, p_WC: Floats
-) -> GaussianCloud | None:
-    """The shadows of humans as a camera at `p_WC` [m] is to draw them; None if nobody casts one."""
-    if not humans:
-        return None
-    feet = np.empty((2 * len(humans), 2, 3))
-    for number, human in enumerate(humans):
-        avatar = avatars[human.avatar]
-        root, pose = human.root_m.astype(np.float64), human.pose_axis_angle.astype(np.float64)
-        _fill_feet(root, pose, avatar.joints_tpose_m, avatar.joints_canonical_m, feet[2 * number : 2 * number + 2])
+def shadow_cloud(feet: Floats, floor: FloorMap, p_WC: Floats) -> GaussianCloud | None:
+    """The shadows of feet as a camera is to draw them; None if there are none.
+
+    Args:
+        feet: Of `feet_of`, shape (H, 2, 2, 3).
+        floor: Height of the floor.
+        p_WC: The camera in the world [m], shape (3,).
+    """
+    feet = feet.reshape(-1, 2, 3)
     room = len(feet) * _ALONG * len(_ROWS)
     means, scales = np.empty((room, 3), dtype=np.float32), np.empty((room, 3), dtype=np.float32)
     opacities, frame = np.empty(room, dtype=np.float32), floor.frame
@@ -67,29 +58,15 @@ def shadow_cloud(
     count = _fill_shadows(feet, *grid, p_WC, means, scales, opacities)
     if count == 0:
         return None
+    upright, dark = np.zeros((count, 4), dtype=np.float32), np.full((count, 1, 3), _DARK_SH)
+    upright[:, 0] = 1.0
     return GaussianCloud(
         means_m=means[:count],
-        quats_wxyz=np.broadcast_to(_UPRIGHT, (count, 4)),
+        quats_wxyz=upright,
         scales_m=scales[:count],
         opacities=opacities[:count],
-        sh=np.broadcast_to(_DARK_SH, (count, 1, 3)),
+        sh=dark,
     )
-
-
-@compiled
-def _fill_feet(root: Floats, pose: Floats, joints_tpose: Singles, joints_canonical: Singles, feet: Floats) -> None:
-    """Write heel and tip of both feet: x, y and the height of the sole there [m], shape (2, 2, 3)."""
-    positions, rotations = np.empty((24, 3)), np.empty((24, 3, 3))
-    fill_globals(root, pose, joints_tpose, rotations, positions)
-    for foot in range(2):
-        ankle, ball = FEET[foot]
-        ax, ay, bx, by = positions[ankle, 0], positions[ankle, 1], positions[ball, 0], positions[ball, 1]
-        length = max(math.sqrt((bx - ax) * (bx - ax) + (by - ay) * (by - ay)), 1e-3)
-        ux, uy = (bx - ax) / length, (by - ay) / length
-        feet[foot, 0, 0], feet[foot, 0, 1] = ax - _HEEL_M * ux, ay - _HEEL_M * uy
-        feet[foot, 1, 0], feet[foot, 1, 1] = bx + _TIP_M * ux, by + _TIP_M * uy
-        feet[foot, 0, 2] = positions[ankle, 2] - float(joints_canonical[ankle, 1])
-        feet[foot, 1, 2] = positions[ball, 2] - float(joints_canonical[ball, 1])
 
 
 @compiled

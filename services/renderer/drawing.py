@@ -1,7 +1,7 @@
 """What the renderer draws: the clouds of a scene bundle, humans at a step of their motions, their shadows."""
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -10,8 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.avatars import Avatar
-from readygo.common.gaussians import GaussianCloud, load_gaussians
+from readygo.common.gaussians import load_gaussians
 from readygo.common.lighting.probes import LightProbes, load_or_make_probes, make_probes
+from readygo.common.maps import FloorMap, OccupancyMap
 from readygo.common.messages import HumanMotion
 from readygo.common.rasterizer.backends import StaticCloud, make_rasterizer, packed_cloud
 from readygo.common.rasterizer.interface import PinholeCamera, PosedHuman, Rasterizer, View
@@ -19,11 +20,10 @@ from readygo.common.scenes import Scene
 from readygo.common.scenes.scene import CLOUD_FILE, SKY_FILE
 from readygo.services.renderer.config import RendererConfig
 from readygo.services.renderer.contact_shadow import shadow_cloud
+from readygo.services.renderer.feet import feet_of, stands_of
 from readygo.services.renderer.sensor.motion import posed
 
 Pose = npt.NDArray[np.float64]
-Shadows = Callable[[Sequence[PosedHuman], Pose], GaussianCloud | None]
-"""Makes the shadows of humans for a camera centre [m], shape (3,)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,21 +31,31 @@ class Drawing:
     """A scene that can be drawn."""
 
     rasterizer: Rasterizer
-    shadows: Shadows | None = None
-    """None leaves humans without shadows."""
+    skeletons: Mapping[str, Avatar]
+    """The avatars without their Gaussians."""
+    floor: FloorMap
+    obstacles: OccupancyMap | None = None
+    """Feet are drawn before the floor, but not before these; None draws them as their depths say."""
+    shadows: bool = False
+    """False leaves humans without shadows."""
     probes: LightProbes | None = None
     """The light that humans walk in; None draws them in their avatars' own colours."""
 
     def view(self, T_world_camera: Pose, humans: Sequence[HumanMotion], step: float) -> View:
         """The scene with `humans` at simulation step `step`, which need not be whole."""
-        there = tuple(self._lit(human) for human in posed(humans, step))
-        shadows = None if self.shadows is None else self.shadows(there, T_world_camera[:3, 3])
-        return View(T_world_camera=T_world_camera, humans=there, shadows=shadows)
+        there = posed(humans, step)
+        feet = feet_of(self.skeletons, there)
+        shadows = shadow_cloud(feet, self.floor, T_world_camera[:3, 3]) if self.shadows else None
+        if self.obstacles is None:
+            stands: list[list[float]] = [[0.0, 0.0]] * len(there)
+        else:
+            stands = stands_of(feet, self.floor, self.obstacles, T_world_camera).tolist()
+        here = [self._placed(human, *stand) for human, stand in zip(there, stands, strict=True)]
+        return View(T_world_camera=T_world_camera, humans=tuple(here), shadows=shadows)
 
-    def _lit(self, human: PosedHuman) -> PosedHuman:
-        if self.probes is None:
-            return human
-        return dataclasses.replace(human, light=self.probes.at(float(human.root_m[0]), float(human.root_m[1])))
+    def _placed(self, human: PosedHuman, ground_m: float, lead_m: float) -> PosedHuman:
+        light = None if self.probes is None else self.probes.at(float(human.root_m[0]), float(human.root_m[1]))
+        return dataclasses.replace(human, light=light, ground_m=ground_m, lead_m=lead_m)
 
 
 def make_drawing(scene: Scene, avatars: Mapping[str, Avatar], camera: PinholeCamera, config: RendererConfig) -> Drawing:
@@ -69,10 +79,12 @@ def make_drawing(scene: Scene, avatars: Mapping[str, Avatar], camera: PinholeCam
         outputs=config.outputs,
         detail=config.detail,
     )
-    skeletons = {name: avatar.skeleton() for name, avatar in avatars.items()}
     return Drawing(
         rasterizer=rasterizer,
-        shadows=partial(_shadows, skeletons, scene) if config.contact_shadow else None,
+        skeletons={name: avatar.skeleton() for name, avatar in avatars.items()},
+        floor=scene.maps.floor,
+        obstacles=scene.maps.robot if config.draws("feet_on_floor") else None,
+        shadows=config.draws("contact_shadow"),
         probes=scene_probes(scene) if config.human_light else None,
     )
 
@@ -99,9 +111,3 @@ def static_clouds(scene: Scene) -> list[StaticCloud]:
 def pack_folder(scene: Scene) -> Path:
     """Where the bundle keeps its packs, which can be made again."""
     return scene.path / "cache"
-
-
-def _shadows(
-    skeletons: Mapping[str, Avatar], scene: Scene, humans: Sequence[PosedHuman], p_WC: Pose
-) -> GaussianCloud | None:
-    return shadow_cloud(skeletons, humans, scene.maps.floor, p_WC)

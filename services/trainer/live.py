@@ -6,7 +6,7 @@ import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from readygo.common.camera import SensorConfig
 from readygo.common.errors import BusError, PeerError, PolicyError
 from readygo.common.files import write_whole
 from readygo.common.messages import CommittedEpisode, OfferReply, OfferRequest, PolicyFile
+from readygo.common.messages.live import LiveLoss
 from readygo.common.messages.plan import Driver, Outcome
 from readygo.common.policy.artifact import ENCODER_FILE, HEAD_FILE, SPEC_FILE
 from readygo.common.robot import RobotConfig
@@ -41,6 +42,7 @@ PROGRESS_EVERY_S = 5.0
 WAIT_S = 0.2
 
 Offer = Callable[[OfferRequest], OfferReply]
+Show = Callable[[LiveLoss], None]
 CatchUp = Callable[[], Iterable[tuple[str, CommittedEpisode]]]
 """Episodes that are durable and were not given before, each with the name of its run."""
 
@@ -59,6 +61,7 @@ class LiveTrainer:
         *,
         offer: Offer,
         catch_up: CatchUp = tuple,
+        show: Show = lambda loss: None,
     ) -> None:
         """Begin, or go on from the checkpoint in `out`; episodes come from `hear` and `catch_up`.
 
@@ -69,6 +72,7 @@ class LiveTrainer:
             out: Folder of the run.
             offer: Gives a policy to the fleet.
             catch_up: Reads what was not heard; asked at first, and then every `LiveConfig.catch_up_every_s`.
+            show: Hears every new entry of the history.
 
         Raises:
             PolicyError: If `out` belongs to a run with other settings.
@@ -76,6 +80,7 @@ class LiveTrainer:
         self._config, self._offer, self._catch_up = config, offer, catch_up
         self._parts = Part(robot, config, 1 - HELD_OUT_SHARE), Part(robot, config, HELD_OUT_SHARE)
         self._run = TrainRun(self._parts, robot, sensor, config, out, data={"source": "live"})
+        self._show, self._shown = show, len(self._run.history)
         self._size_px = robot.camera.height_px, robot.camera.width_px
         self._heard: deque[tuple[str, CommittedEpisode]] = deque(maxlen=WAITING_MAX)
         self._seen: set[str] = set()
@@ -191,6 +196,21 @@ class LiveTrainer:
             "history": run.history,
         }
         write_whole(run.out / PROGRESS_FILE, json.dumps(mapping, indent=2) + "\n", raises=PolicyError)
+
+        self._show_new(run.history)
+
+    def _show_new(self, history: Sequence[Mapping[str, float]]) -> None:
+        """Show what has come to the history since the last time."""
+        for entry in history[self._shown :]:
+            loss = LiveLoss(
+                steps=int(entry["step"]),
+                samples=int(entry["samples"]),
+                train_loss=entry["train_loss"],
+                validation_loss=entry["validation_loss"],
+                success_rate=entry.get("success_rate"),
+            )
+            self._show(loss)
+        self._shown = len(history)
 
     def _asked(self, file: str) -> bool:
         return (self._run.out / file).exists()

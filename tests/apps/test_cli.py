@@ -59,7 +59,7 @@ def test_help_lists_the_commands_of_a_group(
     [
         (["fly"], "unknown command 'fly'; see `readygo --help`."),
         (["scene", "paint", "x"], "unknown command 'scene paint'; see `readygo scene --help`."),
-        (["import"], "unknown command 'import'; see `readygo --help`."),
+        (["record"], "unknown command 'record'; see `readygo --help`."),
     ],
 )
 def test_unknown_command_is_one_line(argv: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:

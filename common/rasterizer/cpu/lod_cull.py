@@ -7,7 +7,14 @@ import numpy.typing as npt
 
 from readygo.common.kernels import inlined, kernel
 from readygo.common.rasterizer.constants import NEAR_M
-from readygo.common.rasterizer.cpu.view import PinholeView, VisibleChunks, add_if_visible, camera_box, posed_box
+from readygo.common.rasterizer.cpu.view import (
+    PinholeView,
+    VisibleChunks,
+    add_human_chunk,
+    add_if_visible,
+    camera_box,
+    posed_box,
+)
 
 Floats = npt.NDArray[np.float64]
 Singles = npt.NDArray[np.float32]
@@ -59,6 +66,7 @@ def cull_tree(
 @kernel
 def cull_human_tree(
     view: PinholeView,
+    lead: Singles,
     A_CS: Singles,
     box_start: Integers,
     box_joint: Integers,
@@ -73,7 +81,7 @@ def cull_human_tree(
     n, i = 0, 0
     while i < len(reach_m):
         posed_box(A_CS, box_start[i], box_start[i + 1], box_joint, centre_m, half_m, low, high)
-        end = add_if_visible(view, low, high, reach_m[i], i, n, out)
+        end = add_human_chunk(view, low, high, reach_m[i], lead, i, n, out)
         if end > n and not _is_fine(view, cut, i, low[2]):
             i += 1
             continue

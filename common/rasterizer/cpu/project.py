@@ -142,6 +142,14 @@ def _image_block(optics: Optics, geometry: Singles, g: int, x: Any, y: Any, z: A
 
 
 @inlined
+def _lead_block(lead: Singles, x: Any, y: Any, z: Any, ws: Workspace) -> None:
+    """Have a block's Gaussians sorted as if those near the ground were nearer; their depths stay as they are."""
+    nearer = fma(x, lead[0], fma(y, lead[1], fma(z, lead[2], lead[3])))
+    nearer = minimum(maximum(nearer, 0.0), lead[4])
+    store_i16(ws.scratch_bits, 48, bit_pattern(maximum(z - nearer, NEAR_M)) - NEAR_BITS)
+
+
+@inlined
 def _colour_block(cloud: Gaussians, block: int, x: Any, y: Any, z: Any, R_CW: Float64s, ws: Workspace) -> None:
     """Write the colours of a block to the scratch memory; (x, y, z) are camera coordinates of the means."""
     if cloud.sh_count == 1:
@@ -299,6 +307,7 @@ def project_human(
     cloud: Gaussians,
     skin: Skin,
     lit: Lit,
+    lead: Singles,
     A_CS: Singles,
     chunks: VisibleChunks,
     slab: Slab,
@@ -311,6 +320,7 @@ def project_human(
         cloud: Gaussians in canonical coordinates.
         skin: Joints and weights of its blocks.
         lit: The light on it.
+        lead: Of `lead_terms`, shape (5,).
         A_CS: Transforms of the joints from canonical to camera coordinates, shape (24, 3, 4).
         chunks: Chunks that may be seen.
         slab: Depths that are drawn now.
@@ -348,6 +358,8 @@ def project_human(
             seen = _image_block(optics, cloud.geometry, g, x, y, z, R, ws)
             if seen:
                 _colour_block(cloud, block, x, y, z, view.R_CW, ws)
+                if lead[4] > 0.0:
+                    _lead_block(lead, x, y, z, ws)
                 if lit.terms.size > 0:
                     _light_block(lit, block, R, ws)
                 normal_block(cloud.normal, block, x, y, z, R, ws)

@@ -28,11 +28,12 @@ from readygo.common.rasterizer.cpu.workspace import (
     make_workspace,
     with_room,
 )
-from readygo.common.rasterizer.interface import PosedHuman, View, checked_outputs
+from readygo.common.rasterizer.interface import PosedHuman, View, checked_outputs, lead_terms
 from readygo.common.rasterizer.lod.avatar import AvatarTree
 from readygo.common.rasterizer.lod.tree import ChunkTree
 from readygo.common.rasterizer.packed.avatar import PackedAvatar, pack_avatar, packed_shading
-from readygo.common.rasterizer.packed.scene import CHUNK, PackedScene, pack_sorted
+from readygo.common.rasterizer.packed.few import pack_few
+from readygo.common.rasterizer.packed.scene import CHUNK, PackedScene
 
 _RGB_ONLY = Sums()
 Shading = Callable[[], npt.NDArray[np.int16]]
@@ -113,16 +114,17 @@ class _Human(_Layer):
         if human.light is not None:
             turned(human.light, R, self._light)
             self._lit = Lit(self._shading(), self._light.reshape(-1))
+        self._lead = lead_terms(human, R, view.p_WC)
 
     def cull(self, view: PinholeView) -> VisibleChunks:
-        boxes = (view, self._A_CS, *self._joint_boxes, self._boxes[2])
+        boxes = (view, self._lead, self._A_CS, *self._joint_boxes, self._boxes[2])
         count = (
             cull_human(*boxes, self._chunks) if self._cut is None else cull_human_tree(*boxes, self._cut, self._chunks)
         )
         return self._first(count)
 
     def project(self, view: PinholeView, chunks: VisibleChunks, slab: Slab, ws: Workspace) -> None:
-        project_human(view, self.gaussians, self.skin, self._lit, self._A_CS, chunks, slab, ws)
+        project_human(view, self.gaussians, self.skin, self._lit, self._lead, self._A_CS, chunks, slab, ws)
 
 
 class CpuRasterizer:
@@ -214,7 +216,7 @@ class CpuRasterizer:
         write_images(others, images, self._ws, sums, instances)
 
     def _with_shadows(self, view: View) -> list[_Layer]:
-        return self._layers if view.shadows is None else [*self._layers, _Layer(pack_sorted(view.shadows))]
+        return self._layers if view.shadows is None else [*self._layers, _Layer(pack_few(view.shadows))]
 
     @cached_property
     def _depths(self) -> Depths:

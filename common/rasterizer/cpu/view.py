@@ -160,9 +160,24 @@ def posed_box(
             low[k], high[k] = min(low[k], float(middle - half)), max(high[k], float(middle + half))
 
 
+@inlined
+def add_human_chunk(
+    view: PinholeView, low: Floats, high: Floats, reach: float, lead: Singles, i: int, n: int, out: VisibleChunks
+) -> int:
+    """As `add_if_visible`, of a chunk that is sorted as nearer by up to what `lead_terms` say within its box."""
+    end: int = add_if_visible(view, low, high, reach, i, n, out)
+    if end > n and lead[4] > 0.0:
+        most = float(lead[3])
+        for k in range(3):
+            most += max(lead[k] * low[k], lead[k] * high[k])
+        out.depth_m[n] -= min(max(most + SLACK_M, 0.0), float(lead[4]))
+    return end
+
+
 @kernel
 def cull_human(
     view: PinholeView,
+    lead: Singles,
     A_CS: Singles,
     box_start: Integers,
     box_joint: Integers,
@@ -178,6 +193,7 @@ def cull_human(
 
     Args:
         view: Camera.
+        lead: Of `lead_terms`, shape (5,).
         A_CS: Transforms of the joints from canonical to camera coordinates, shape (24, 3, 4).
         box_start: First box of each chunk, shape (C + 1,).
         box_joint: Joint of each box, shape (B,).
@@ -190,5 +206,5 @@ def cull_human(
     n = 0
     for i in range(len(reach_m)):
         posed_box(A_CS, box_start[i], box_start[i + 1], box_joint, centre_m, half_m, low, high)
-        n = add_if_visible(view, low, high, reach_m[i], i, n, out)
+        n = add_human_chunk(view, low, high, reach_m[i], lead, i, n, out)
     return n

@@ -9,6 +9,10 @@ from torch import Tensor
 
 from readygo.common.rasterizer.interface import View
 
+OWN_COLOURS = np.zeros((3, 4, 4))
+OWN_COLOURS[:, 3, 3] = 1.0
+"""Light of 1 from everywhere, as in `readygo.common.lighting.irradiance.irradiance_matrix`."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Batch:
@@ -22,6 +26,9 @@ class Batch:
     """Pelvises in the z-up world [m], float64, shape (B, P, 3)."""
     pose_axis_angle: Tensor
     """Joint rotations [rad] as in `Motion`, float64, shape (B, P, 24, 3)."""
+    light: Tensor
+    """Light that falls on each human, as in `PosedHuman`; 1 from everywhere where they have their own colours, float64,
+    shape (B, P, 3, 4, 4)."""
 
     def part(self, first: int, end: int) -> "Batch":
         """Some of the cameras."""
@@ -30,6 +37,7 @@ class Batch:
             avatar=self.avatar[first:end],
             root_m=self.root_m[first:end],
             pose_axis_angle=self.pose_axis_angle[first:end],
+            light=self.light[first:end],
         )
 
 
@@ -45,6 +53,7 @@ def make_batch(views: Sequence[View], numbers: Mapping[str, int], device: torch.
     T = np.array([view.T_world_camera for view in views], dtype=np.float64).reshape(-1, 4, 4)
     avatar = np.full((len(views), most), -1, dtype=np.int32)
     root, pose = np.zeros((len(views), most, 3)), np.zeros((len(views), most, 24, 3))
+    light = np.tile(OWN_COLOURS, (len(views), most, 1, 1, 1))
     everyone = [human for view in views for human in view.humans]
     if everyone:
         camera = np.repeat(np.arange(len(views)), [len(view.humans) for view in views])
@@ -52,9 +61,11 @@ def make_batch(views: Sequence[View], numbers: Mapping[str, int], device: torch.
         avatar[camera, place] = [numbers[human.avatar] for human in everyone]
         root[camera, place] = np.array([human.root_m for human in everyone])
         pose[camera, place] = np.array([human.pose_axis_angle for human in everyone])
+        light[camera, place] = [OWN_COLOURS if human.light is None else human.light for human in everyone]
     return Batch(
         T_world_camera=torch.from_numpy(T).to(device),
         avatar=torch.from_numpy(avatar).to(device),
         root_m=torch.from_numpy(root).to(device),
         pose_axis_angle=torch.from_numpy(pose).to(device),
+        light=torch.from_numpy(light).to(device),
     )

@@ -1,5 +1,6 @@
 """Gaussian clouds in chunks of 256 neighbours, laid out for a GPU: one row of 256 numbers per quantity."""
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ from readygo.common.avatars import Avatar
 from readygo.common.frames import matrix_from_quat
 from readygo.common.gaussians import GaussianCloud, rgb_of_sh
 from readygo.common.rasterizer.constants import ALPHA_MIN
+from readygo.common.rasterizer.packed.avatar import avatar_normals
 from readygo.common.rasterizer.packed.scene import (
     CHUNK,
     chunk_boxes,
@@ -60,6 +62,8 @@ class ChunkedAvatar:
     """Joints that move each Gaussian, shape (C, 4, 256)."""
     weight: Singles
     """Their weights, shape (C, 4, 256)."""
+    shading: Singles
+    """Normals that light falls on, shape (C, 3, 256)."""
     box_joint: npt.NDArray[np.int32]
     """Joint that carries each box of a chunk, -1: no box, shape (C, J)."""
     box_centre_m: Singles
@@ -91,13 +95,15 @@ def chunk_avatar(avatar: Avatar) -> ChunkedAvatar:
         np.where(avatar.lbs_weight != 0, np.int64(1) << avatar.lbs_index.astype(np.int64), 0), axis=1
     )
     order = index[np.lexsort((morton_codes(avatar.cloud.means_m[index]), joints[index]))]
-    cloud = _chunks(avatar.cloud.select(order), centred=False)
     joint, weight = avatar.lbs_index[order], avatar.lbs_weight[order]
+    worn = dataclasses.replace(avatar, cloud=avatar.cloud.select(order), lbs_index=joint, lbs_weight=weight)
+    cloud = _chunks(worn.cloud, centred=False)
     box_joint, centre, half = _joint_boxes(avatar.cloud.means_m[order].astype(np.float64), joint, weight)
     return ChunkedAvatar(
         cloud=cloud,
         joint=_rows(joint).astype(np.uint8),
         weight=_rows(weight).astype(np.float32),
+        shading=_rows(avatar_normals(worn)).astype(np.float32),
         box_joint=box_joint,
         box_centre_m=centre.astype(np.float32),
         box_half_m=rounded_up(half),

@@ -51,6 +51,8 @@ class DeviceClouds:
     """See `ChunkedAvatar.joint`, shape (D, 4, 256)."""
     weights: Tensor
     """See `ChunkedAvatar.weight`, shape (D, 4, 256)."""
+    shading: Tensor
+    """See `ChunkedAvatar.shading`, shape (D, 3, 256)."""
     box_joints: Tensor
     """See `ChunkedAvatar.box_joint`, shape (D, box_count)."""
     box_centres: Tensor
@@ -94,6 +96,7 @@ def upload(scenes: Sequence[GaussianCloud], avatars: Sequence[Avatar], device: t
         chunk_counts=on_device(counts),
         joints=joined([human.joint for human in humans], (4, CHUNK), np.uint8),
         weights=joined([human.weight for human in humans], (4, CHUNK), np.float32),
+        shading=joined([human.shading for human in humans], (3, CHUNK), np.float32),
         box_joints=joined([_widened(p.box_joint, boxes, -1) for p in humans], (boxes,), np.int32),
         box_centres=joined([_widened(p.box_centre_m, boxes, 0) for p in humans], (boxes, 3), np.float32),
         box_halves=joined([_widened(p.box_half_m, boxes, 0) for p in humans], (boxes, 3), np.float32),

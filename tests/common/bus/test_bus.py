@@ -1,5 +1,6 @@
 """What every bus keeps to: one suite, over Zenoh and within one process."""
 
+import queue
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -11,12 +12,13 @@ from readygo.common.bus.inbox import INBOX_MAX
 from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
 from readygo.common.errors import BusError, PeerError, RunError
 from readygo.common.messages import BlobReply, PendingReply, PendingRequest
-from readygo.common.messages.topics import Stream, Topic
+from readygo.common.messages.topics import Live, Stream, Topic
 
 Join = Callable[[], Bus]
 QUESTION = Topic("question", PendingRequest, PendingReply)
 OTHER = Topic("other", PendingRequest, PendingReply)
 NEWS = Stream("live/news", BlobReply)
+FLASH = Live("flash", BlobReply)
 REQUEST = PendingRequest(recorder="rec0")
 REPLY = PendingReply(indices=(4,))
 
@@ -250,3 +252,21 @@ def test_handler_that_takes_too_long_is_silence(server: Bus, client: Bus) -> Non
     server.serve(QUESTION, lambda _: time.sleep(0.6) or REPLY)  # type: ignore[func-returns-value]
     with pytest.raises(BusError, match=r"Nobody answered readygo/.*/question within 0\.3 s"):
         client.request(QUESTION, REQUEST, timeout_s=0.3)
+
+
+def test_stars_stand_for_one_part_of_a_streams_name(server: Bus, client: Bus) -> None:
+    heard: queue.SimpleQueue[BlobReply] = queue.SimpleQueue()
+    client.subscribe(FLASH.of(), heard.put)
+    server.announce("renderer", "r0")
+    news = BlobReply(size=3, data=b"abc")
+    deadline_s = time.monotonic() + 10
+    while heard.empty() and time.monotonic() < deadline_s:
+        server.tell(FLASH, lambda: news)
+        time.sleep(0.02)
+    assert heard.get(timeout=1) == news
+
+
+def test_nobody_hears_what_nobody_subscribed_to(server: Bus, client: Bus) -> None:
+    client.subscribe(NEWS, lambda news: None)
+    server.announce("renderer", "r0")
+    server.tell(FLASH, lambda: pytest.fail("made for nobody"))

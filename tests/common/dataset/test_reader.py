@@ -364,6 +364,16 @@ def test_humans_are_known_without_labels_in_the_order_of_the_samples(tmp_path) -
     for got, want in zip(dataset.humans_xyzyaw, wanted, strict=True):
         np.testing.assert_allclose(got, np.reshape(want, (-1, 4)), atol=1e-12)
     assert any(len(poses) for poses in dataset.humans_xyzyaw)
+    for number, entry in enumerate(dataset.episodes):
+        rows = slice(entry.first_sample, entry.first_sample + entry.sample_count)
+        for alone, among_all in zip(dataset.humans_of(number), dataset.humans_xyzyaw[rows], strict=True):
+            np.testing.assert_array_equal(alone, among_all)
+
+
+def test_sizes_are_those_of_the_images(tmp_path) -> None:
+    write_shard(tmp_path, [0])
+    dataset = Dataset([tmp_path])
+    assert dataset.image_sizes.tolist() == [len(dataset.image(index)) for index in range(len(dataset))]
 
 
 def test_labels_that_some_shards_lack_are_refused(tmp_path) -> None:

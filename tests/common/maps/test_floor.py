@@ -6,6 +6,7 @@ import pytest
 from readygo.common.errors import SceneError
 from readygo.common.gaussians import concatenate, load_gaussians
 from readygo.common.maps import estimate_floor
+from readygo.common.maps.floor import walked
 from tests.common.maps.room import box, room, sheet
 
 
@@ -88,3 +89,18 @@ def test_floor_of_a_real_flat_is_where_its_dense_floor_gaussians_are(shared_data
     errors = np.array([np.median(above[lying][upright][n]) for n in near if len(n) >= 10])
     assert len(errors) > 300
     assert (np.abs(errors) < 0.03).mean() > 0.85
+
+
+def test_floor_is_complete_where_somebody_walked_who_filmed():
+    estimate = estimate_floor(room(), 0.1)
+    row, column = estimate.floor.frame.cell(3.0, 2.5)
+    hidden = np.array(estimate.supported)
+    hidden[row - 8 : row + 8, column - 8 : column + 8] = False
+    estimate = dataclasses.replace(estimate, supported=hidden)
+    way = np.array([[2.5, 2.5, 1.5], [3.3, 2.5, 1.5]])
+    complete = walked(estimate, way)
+    assert complete.supported[row, column - 4 : column + 3].all()
+    assert not complete.supported[row + 5, column]
+    assert np.array_equal(walked(estimate, way + np.array([0.0, 0.0, 3.0])).supported, hidden), "filmed from above"
+    far = np.array([[2.2, 2.5, 1.5], [3.8, 2.5, 1.5]])
+    assert not walked(estimate, far).supported[row, column], "too far apart to be a step"

@@ -4,11 +4,12 @@ from pathlib import Path
 import pytest
 
 from readygo.common.messages import topics
-from readygo.common.messages.topics import Stream, Topic
+from readygo.common.messages.topics import Live, Stream, Topic, matches
 
 ROOT = Path(__file__).resolve().parents[3]
 TOPICS = [
     *(value for value in vars(topics).values() if isinstance(value, (Topic, Stream))),
+    *(value.of() for value in vars(topics).values() if isinstance(value, Live)),
     *(make("*") for make in (topics.claim, topics.renew, topics.complete, topics.append, topics.render)),
 ]
 
@@ -29,6 +30,7 @@ def test_names_of_the_wire_do_not_change_silently() -> None:
         "ctl",
         "ctl/status",
         "human-plan",
+        *(f"live/*/*/{kind}" for kind in ("commit", "loss", "plan", "preview", "state", "work")),
         "live/progress",
         "rec/*/append",
         "render/*",
@@ -55,3 +57,10 @@ def test_every_topic_stands_in_the_architecture() -> None:
     for topic in TOPICS:
         last_word = topic.name.rsplit("/", 1)[-1]
         assert (topic.name.split("/*")[0] if last_word == "*" else last_word) in rows, topic.name
+
+
+def test_star_stands_for_one_part() -> None:
+    assert matches("live/*/*/state", "live/renderer/r0/state")
+    assert matches("live/progress", "live/progress")
+    assert not matches("live/*/*/state", "live/renderer/r0/work")
+    assert not matches("live/*", "live/renderer/r0")

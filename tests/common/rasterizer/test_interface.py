@@ -10,6 +10,7 @@ from readygo.common.avatars import Avatar
 from readygo.common.errors import AvatarError, ReadygoError
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.images.images import Images
+from readygo.common.lighting.irradiance import irradiance_matrix
 from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
 from readygo.common.rasterizer.interface import PosedHuman, Rasterizer, View, render_each
 from readygo.common.rasterizer.packed.scene import pack_cloud
@@ -97,6 +98,38 @@ def test_images_are_those_of_the_reference(make: Make, cloud: GaussianCloud, ada
     expected = _make_reference(cloud, ada).render(VIEWS, OTHERS)
     assert np.abs(images.rgb.astype(int) - expected.rgb).mean() < 0.1
     assert np.abs(images.alpha - expected.alpha).mean() < 1e-3
+    assert np.isclose(images.depth_m, expected.depth_m, rtol=1e-3).mean() > 0.99
+
+
+def test_humans_are_lit_as_in_the_reference(make: Make, cloud: GaussianCloud, ada: Avatar) -> None:
+    warm, cold = (irradiance_matrix(np.random.default_rng(seed).normal(2.0, 1.0, size=(9, 3))) for seed in (0, 1))
+    lit = (view(-4.0, (replace(human(), light=warm), human(1.0, seed=2))), view(-4.0, (replace(human(), light=cold),)))
+    images, expected = make(cloud, ada).render(lit), _make_reference(cloud, ada).render(lit)
+    assert np.abs(images.rgb.astype(int) - expected.rgb).mean() < 0.1
+    unlit = make(cloud, ada).render([view(-4.0, (human(), human(1.0, seed=2)))])
+    assert np.abs(images.rgb[0].astype(int) - unlit.rgb[0]).max() > 20
+
+
+def test_feet_with_a_lead_are_before_what_is_nearer_or_refused(make: Make, ada: Avatar) -> None:
+    pane = GaussianCloud(
+        means_m=np.array([[-0.6, 0.0, 0.2]], dtype=np.float32),
+        quats_wxyz=np.array([[1, 0, 0, 0]], dtype=np.float32),
+        scales_m=np.array([[0.01, 2.0, 2.0]], dtype=np.float32),
+        opacities=np.array([0.99], dtype=np.float32),
+        sh=np.ones((1, 1, 3), dtype=np.float32),
+    )
+    rasterizer, upright = make(pane, ada), replace(human(), pose_axis_angle=np.zeros((24, 3)))
+    before = replace(upright, lead_m=1.0, ground_m=0.5)
+    if rasterizer.views_at_once > 1:
+        with pytest.raises(ReadygoError, match="as their depths say"):
+            rasterizer.render([view(-4.0, (before,))])
+        return
+    behind, images = (rasterizer.render([view(-4.0, (one,))], ("depth",))[0] for one in (upright, before))
+    rows, _ = np.nonzero(np.abs(images.rgb.astype(int) - behind.rgb).max(axis=2) > 8)
+    assert len(rows)
+    assert rows.min() > CAMERA.height_px / 2
+    expected = _make_reference(pane, ada).render([view(-4.0, (before,))], ("depth",))[0]
+    assert np.abs(images.rgb.astype(int) - expected.rgb).mean() < 0.1
     assert np.isclose(images.depth_m, expected.depth_m, rtol=1e-3).mean() > 0.99
 
 

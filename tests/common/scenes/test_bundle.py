@@ -9,10 +9,11 @@ from readygo.common.gaussians import R_from_up, concatenate, save_ply, transform
 from readygo.common.maps import MapConfig
 from readygo.common.robot import RobotConfig
 from readygo.common.scenes import import_scene, save_scene
+from readygo.common.scenes.filmed import FILMED_MIN
 from readygo.common.scenes.scene import verify_scene
 from tests.common.gaussians.other_formats import camera_row
 from tests.common.maps.room import box, room, sheet
-from tests.common.scenes.small_room import small_room
+from tests.common.scenes.small_room import cameras, small_room
 
 
 def test_bundle_holds_gaussians_maps_report_and_nothing_else(scene):
@@ -186,3 +187,28 @@ def test_scene_without_cameras_has_no_views_and_no_up_of_them(scene, tmp_path):
     save_ply(small_room(), tmp_path / "a.ply")
     with pytest.raises(SceneError, match="without cameras"):
         import_scene(tmp_path / "a.ply", tmp_path / "out", up="cameras")
+
+
+def test_robot_stays_where_it_sees_what_was_filmed(tmp_path):
+    views = cameras()
+    plain = save_scene(small_room(), None, tmp_path / "plain")
+    filmed = save_scene(small_room(), None, tmp_path / "filmed", views=views)
+    elsewhere = save_scene(small_room(), None, tmp_path / "elsewhere", views=views.moved(np.eye(3), (40.0, 0.0, 0.0)))
+    open_config = MapConfig(close_unfilmed=False)
+    kept = save_scene(small_room(), None, tmp_path / "kept", views=views, map_config=open_config)
+    verify_scene(filmed)
+    assert plain.maps.filmed_share is None
+    share = filmed.maps.filmed_share
+    assert share is not None
+    free = ~plain.maps.robot.occupied
+    np.testing.assert_array_equal(~filmed.maps.robot.occupied, free & (share >= FILMED_MIN))
+    np.testing.assert_array_equal(filmed.maps.human.occupied, plain.maps.human.occupied)
+    np.testing.assert_array_equal(kept.maps.robot.occupied, plain.maps.robot.occupied)
+    np.testing.assert_array_equal(elsewhere.maps.robot.occupied, plain.maps.robot.occupied)
+    assert kept.content_hash == plain.content_hash
+
+
+def test_report_of_a_reconstruction_stays_with_the_scene(scene, tmp_path):
+    made = save_scene(small_room(), None, tmp_path / "made", reconstruction={"scale": {"interval_percent": 0.2}})
+    assert made.reconstruction == {"scale": {"interval_percent": 0.2}}
+    assert scene.reconstruction is None

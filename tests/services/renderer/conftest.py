@@ -46,7 +46,7 @@ def _scene(path: Path, *, sky: bool) -> Scene:
     rows, columns = np.mgrid[0:24, 0:24]
     floor = FloorMap(frame=frame, height_m=(0.02 * columns - 0.01 * rows).astype(np.float32))
     human = OccupancyMap(frame=frame, occupied=np.zeros((24, 24), dtype=np.bool_))
-    scene.__dict__["maps"] = SimpleNamespace(floor=floor, human=human)
+    scene.__dict__["maps"] = SimpleNamespace(floor=floor, human=human, robot=human)
     return scene
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from readygo.common.camera import CameraConfig, SensorConfig
 from readygo.common.images.images import OUTPUTS, Images
+from readygo.common.maps import FloorMap, GridFrame
 from readygo.common.messages import (
     EpisodeKey,
     EpisodeMotions,
@@ -66,7 +67,8 @@ class PosterWorld:
 
 def capture(camera: CameraConfig, bright, sub_frames: int = 8, views_at_once: int = 1) -> Capture:
     pinhole, sensor = pinhole_of(SensorConfig(), camera), SensorConfig()
-    drawing = Drawing(rasterizer=PosterWorld(pinhole, bright, views_at_once))
+    flat = FloorMap(frame=GridFrame(origin_x_m=0.0, origin_y_m=0.0, resolution_m=1.0), height_m=np.zeros((2, 2), "f4"))
+    drawing = Drawing(rasterizer=PosterWorld(pinhole, bright, views_at_once), skeletons={}, floor=flat)
     return Capture(drawing=drawing, pinhole=pinhole, sensor=sensor, camera=camera, sub_frames=sub_frames)
 
 
@@ -366,10 +368,10 @@ def test_depth_and_mask_come_through_the_lens(renderer: Renderer, human: HumanMo
 
 
 def test_shadows_leave_depth_and_mask_alone(renderer: Renderer, human: HumanMotion) -> None:
-    config = RendererConfig(contact_shadow=True)
-    shadowed = Renderer(renderer.scene, wearers(), renderer.robot, config).drawing
+    plain = Renderer(renderer.scene, wearers(), renderer.robot, RendererConfig(contact_shadow=False)).drawing
+    shadowed = renderer.drawing
     pose = renderer.robot.camera.T_world_camera(0, 0, 0, 0.0)
-    one, two = (drawn(d, pose, (human,), 0, ("rgb", "depth", "mask")) for d in (shadowed, renderer.drawing))
+    one, two = (drawn(d, pose, (human,), 0, ("rgb", "depth", "mask")) for d in (shadowed, plain))
     assert np.array_equal(one.depth_m, two.depth_m)
     assert np.array_equal(one.mask, two.mask)
     assert np.array_equal(one.rgb, drawn(shadowed, pose, (human,), 0).rgb)

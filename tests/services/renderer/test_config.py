@@ -1,5 +1,6 @@
 import pytest
 
+from readygo.common.rasterizer.interface import GPU_BACKENDS
 from readygo.services.renderer import RendererConfig
 
 
@@ -21,8 +22,6 @@ def test_outputs_without_rgb_or_with_unknown_names_are_refused(outputs) -> None:
         {"backend": "cuda"},
         {"detail": "low"},
         {"detail": "lod", "backend": "reference"},
-        {"contact_shadow": True, "backend": "triton"},
-        {"human_light": True, "backend": "gsplat"},
         {"image_format": "gif"},
         {"jpeg_quality": 0},
         {"jpeg_quality": 101},
@@ -40,5 +39,12 @@ def test_settings_at_their_limits_are_taken() -> None:
         config = RendererConfig(jpeg_quality=quality, sub_frames=frames)
         assert (config.jpeg_quality, config.sub_frames) == (quality, frames)
     assert RendererConfig(contact_shadow=True, backend="reference").contact_shadow
-    assert not RendererConfig(human_light=False, backend="triton").human_light
     assert RendererConfig(detail="lod").detail == "lod"
+
+
+@pytest.mark.parametrize("name", ["contact_shadow", "feet_on_floor"])
+def test_what_not_every_backend_draws_is_left_out_there(name: str) -> None:
+    on = {name: True}
+    assert all(RendererConfig(backend=backend, **on).draws(name) for backend in ("cpu", "reference"))
+    assert not any(RendererConfig(backend=backend, **on).draws(name) for backend in GPU_BACKENDS)
+    assert not RendererConfig(**{name: False}).draws(name)

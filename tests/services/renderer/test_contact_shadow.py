@@ -11,6 +11,7 @@ from readygo.common.robot import CameraConfig, RobotConfig
 from readygo.common.scenes import Scene
 from readygo.services.renderer import Renderer, RendererConfig
 from readygo.services.renderer.contact_shadow import FADE_M, shadow_cloud
+from readygo.services.renderer.feet import feet_of
 from readygo.services.renderer.sensor.motion import posed
 from tests.services.renderer.pictures import drawn
 
@@ -37,7 +38,7 @@ def floor_scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
     frame = GridFrame(origin_x_m=-5.0, origin_y_m=-5.0, resolution_m=1.0)
     floor = FloorMap(frame=frame, height_m=np.full((15, 10), FLOOR_M, dtype=np.float32))
     human = OccupancyMap(frame=frame, occupied=np.zeros((15, 10), dtype=np.bool_))
-    scene.__dict__["maps"] = SimpleNamespace(floor=floor, human=human)
+    scene.__dict__["maps"] = SimpleNamespace(floor=floor, human=human, robot=human)
     return scene
 
 
@@ -82,7 +83,7 @@ def test_shadow_is_gone_without_humans_and_fades_with_height(floor_scene: Scene,
     floor, p_WC = floor_scene.maps.floor, pose[:3, 3]
 
     def shade(lifted_m: float) -> float:
-        cloud = shadow_cloud({avatar.name: avatar}, posed([standing(avatar, lifted_m)], 0), floor, p_WC)
+        cloud = shadow_cloud(feet_of({avatar.name: avatar}, posed([standing(avatar, lifted_m)], 0)), floor, p_WC)
         return 0.0 if cloud is None else float(cloud.opacities.sum())
 
     assert shade(0.0) > 2 * shade(0.06) > 0.0
@@ -92,7 +93,8 @@ def test_shadow_is_gone_without_humans_and_fades_with_height(floor_scene: Scene,
 def test_shadows_lie_on_the_floor_along_the_rays_to_the_feet(floor_scene: Scene, avatars: dict[str, Avatar]) -> None:
     avatar = next(iter(avatars.values()))
     p_WC = np.array([0.0, 0.2, FLOOR_M + 0.5])
-    cloud = shadow_cloud({avatar.name: avatar}, posed([standing(avatar)], 0), floor_scene.maps.floor, p_WC)
+    feet = feet_of({avatar.name: avatar}, posed([standing(avatar)], 0))
+    cloud = shadow_cloud(feet, floor_scene.maps.floor, p_WC)
     assert cloud is not None
     rays = cloud.means_m.astype(np.float64) - p_WC
     on_floor = p_WC + rays * ((FLOOR_M - p_WC[2]) / rays[:, 2:])

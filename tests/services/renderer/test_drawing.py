@@ -27,7 +27,6 @@ def test_view_shows_the_humans_of_its_step(renderer: Renderer, human: HumanMotio
     (there,) = view.humans
     assert there.avatar == human.avatar
     assert there.root_m[1] == pytest.approx(-0.15)
-    assert view.shadows is None
     assert np.array_equal(view.T_world_camera, POSE)
 
 
@@ -35,6 +34,18 @@ def test_shadows_are_those_of_the_view(scene: Scene, avatars: dict[str, Avatar],
     drawing = make_drawing(scene, avatars, CAMERA, RendererConfig(contact_shadow=True))
     assert isinstance(drawing.view(POSE, (human,), 0).shadows, GaussianCloud)
     assert drawing.view(POSE, (), 0).shadows is None
+    off = make_drawing(scene, avatars, CAMERA, RendererConfig(contact_shadow=False))
+    assert off.view(POSE, (human,), 0).shadows is None
+
+
+def test_feet_have_a_lead_on_the_ground_below_them_unless_switched_off(
+    scene: Scene, avatars: dict[str, Avatar], human: HumanMotion
+) -> None:
+    on, off = (make_drawing(scene, avatars, CAMERA, RendererConfig(feet_on_floor=feet)) for feet in (True, False))
+    (there,) = on.view(POSE, (human,), 0).humans
+    assert there.ground_m == pytest.approx(scene.maps.floor.at(*there.root_m[:2].tolist()), abs=0.01)
+    assert 0.0 < there.lead_m < 0.5
+    assert off.view(POSE, (human,), 0).humans[0].lead_m == 0.0
 
 
 def test_humans_are_lit_where_they_are_and_not_at_all_when_switched_off(

@@ -57,7 +57,8 @@ def progress(folder):
 
 
 def test_what_is_heard_is_learned_and_offered(make_trainer, fleet, tmp_path):
-    trainer = make_trainer()
+    shown = []
+    trainer = make_trainer(show=shown.append)
     for index in range(6):
         trainer.hear("run", episode(index))
     trainer.train(threading.Event())
@@ -71,6 +72,10 @@ def test_what_is_heard_is_learned_and_offered(make_trainer, fleet, tmp_path):
     for entry in told["offers"]:
         load_policy(tmp_path / entry["folder"])
     load_policy(tmp_path)
+    history = progress(tmp_path)["history"]
+    assert [(loss.steps, loss.validation_loss) for loss in shown] == [
+        (entry["step"], entry["validation_loss"]) for entry in history
+    ]
 
 
 def test_episodes_that_were_missed_are_read_and_none_is_learned_twice(make_trainer, tmp_path):

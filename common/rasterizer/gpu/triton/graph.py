@@ -50,6 +50,7 @@ class GraphedPass:
             avatar=batch.avatar.clone(),
             root_m=batch.root_m.clone(),
             pose_axis_angle=batch.pose_axis_angle.clone(),
+            light=batch.light.clone(),
         )
         graph = torch.cuda.CUDAGraph()
         with torch.cuda.graph(graph):
@@ -62,3 +63,4 @@ def _copy(source: Batch, target: Batch) -> None:
     target.avatar.copy_(source.avatar)
     target.root_m.copy_(source.root_m)
     target.pose_axis_angle.copy_(source.pose_axis_angle)
+    target.light.copy_(source.light)

@@ -12,6 +12,7 @@ from torch.nn import functional
 from readygo.common.avatars.torch_posing import joint_transforms
 from readygo.common.rasterizer.gpu.batch import Batch
 from readygo.common.rasterizer.gpu.device_clouds import DeviceClouds
+from readygo.common.rasterizer.gpu.light import TERMS, turned_terms
 from readygo.common.rasterizer.gpu.triton.blend import COLOUR_PLANES, DEPTH_PLANES, NORMAL_PLANES, blend
 from readygo.common.rasterizer.gpu.triton.buffers import Buffers, make_buffers
 from readygo.common.rasterizer.gpu.triton.cull import cull_humans, cull_scene, list_pairs, select_chunks
@@ -38,6 +39,8 @@ class _Seen:
     """Avatars, shape (B * P,)."""
     transforms: Tensor
     """Joints from canonical to camera coordinates, shape (B * P, 24, 12)."""
+    lights: Tensor
+    """Terms of the light on each human in the camera's frame, shape (B * P, 3, 10)."""
     offsets: Tensor
     nears: Tensor
     fars: Tensor
@@ -194,6 +197,7 @@ class TritonPipeline:
             views=views.float(),
             humans=humans,
             transforms=A_CS,
+            lights=_camera_lights(batch, R_CW),
             offsets=offsets,
             nears=nears,
             fars=fars,
@@ -234,8 +238,9 @@ class TritonPipeline:
         clouds = self._clouds
         human_count = max(len(seen.humans) // len(seen.nears), 1)
         project[(self._programs,)](
-            buffers.pairs, pair_total, buffers.pair_capacity, seen.humans, seen.transforms, clouds.first_chunks,
-            clouds.joints, clouds.weights, seen.views, seen.offsets, clouds.geometry, clouds.colours,
+            buffers.pairs, pair_total, buffers.pair_capacity, seen.humans, seen.transforms, seen.lights,
+            clouds.first_chunks, clouds.joints, clouds.weights, clouds.shading, seen.views, seen.offsets,
+            clouds.geometry, clouds.colours,
             clouds.sh, clouds.sh_rows, clouds.normals, seen.edges, self._alive_sums(alive),
             buffers.records, buffers.record_normals, buffers.rects, buffers.depths, buffers.owners,
             slab, clouds.scene_chunks, max(clouds.human_chunks, 1), human_count, seen.instances, *self._lens,
@@ -317,6 +322,13 @@ def _camera_transforms(clouds: DeviceClouds, batch: Batch, R_CW: Tensor, p_WC: T
     ).reshape(cameras, human_count, 24, 3, 4)
     A_WS[..., 3] -= p_WC[:, None, None]
     return (R_CW[:, None, None] @ A_WS).float().reshape(cameras * human_count, 24, 12).contiguous()
+
+
+def _camera_lights(batch: Batch, R_CW: Tensor) -> Tensor:
+    """Terms of the light on humans in their camera's frame, float32, shape (B * P, 3, 10); of nobody, one row."""
+    if batch.light.numel() == 0:
+        return torch.zeros((1, 3, TERMS), device=R_CW.device)
+    return turned_terms(batch.light, R_CW[:, None]).float().reshape(-1, 3, TERMS).contiguous()
 
 
 def _blocks(count: int) -> int:

@@ -22,13 +22,14 @@ _UNSEEN = tl.constexpr(UNSEEN)
 _NEAR_M = tl.constexpr(constants.NEAR_M)
 _FOV_MARGIN = tl.constexpr(constants.FOV_MARGIN)
 _DILATION_PX2 = tl.constexpr(constants.DILATION_PX2)
+_LIGHT_MIN, _LIGHT_MAX = tl.constexpr(constants.LIGHT_MIN), tl.constexpr(constants.LIGHT_MAX)
 _LOG2_E = tl.constexpr(constants.LOG2_E)
 _CHUNK = tl.constexpr(256)
 
 
 @triton.jit(do_not_specialize=["capacity", "slab", *CLOUD_SIZES])
 def project(
-    pairs, pair_total, capacity, humans, transforms, first_chunks, joints, weights,
+    pairs, pair_total, capacity, humans, transforms, lights, first_chunks, joints, weights, shading,
     views, offsets, geometry, colours, sh, sh_rows, normals, edges, alive_sums,
     records, record_normals, rects, depths, owners,
     slab, scene_chunks, human_chunks, human_count, instance_count, fx, fy, cx, cy, width, height,
@@ -43,9 +44,11 @@ def project(
         capacity: Room for pairs.
         humans: See `cull_humans`; so are the next two.
         transforms: See `humans`.
+        lights: Terms of the light on humans in their camera's frame, shape (B * P, 3, 10).
         first_chunks: See `humans`.
         joints: Joints that move each Gaussian of the avatars, uint8, shape (C_avatars, 4, 256).
         weights: Their weights, shape (C_avatars, 4, 256).
+        shading: Normals of the avatars that light falls on, shape (C_avatars, 3, 256).
         views: R_CW row by row and p_WC of each camera, float32, shape (B, 12).
         offsets: Centres of the scenes' chunks in the camera frame [m], shape (B, I, 3).
         geometry: Chunks of scenes, then of avatars, shape (C, 11, 256).
@@ -91,6 +94,8 @@ def project(
         slot = (lane + pair * _CHUNK).to(tl.int64)
         human = (instance - scene_chunks) // human_chunks
         chunk = instance
+        red_gain = tl.full((_CHUNK,), 1.0, tl.float32)
+        green_gain, blue_gain = red_gain, red_gain
         if instance < scene_chunks:
             x, y, z, R0, R1, R2, R3, R4, R5, R6, R7, R8 = _scene_means(
                 geometry + chunk.to(tl.int64) * (11 * _CHUNK) + lane, view, offsets + place.to(tl.int64) * 3
@@ -104,10 +109,16 @@ def project(
                 geometry + chunk.to(tl.int64) * (11 * _CHUNK) + lane,
                 transforms + wearer.to(tl.int64) * 288, joints + skin, weights + skin,
             )  # fmt: skip
+            n = shading + own.to(tl.int64) * (3 * _CHUNK) + lane
+            nx, ny, nz = tl.load(n), tl.load(n + _CHUNK), tl.load(n + 2 * _CHUNK)
+            lx, ly, lz = R0 * nx + R1 * ny + R2 * nz, R3 * nx + R4 * ny + R5 * nz, R6 * nx + R7 * ny + R8 * nz
+            light = lights + wearer.to(tl.int64) * 30
+            red_gain = _gain(light, lx, ly, lz)
+            green_gain, blue_gain = _gain(light + 10, lx, ly, lz), _gain(light + 20, lx, ly, lz)
         tl.store(owners + pair, tl.where(instance < scene_chunks, 0, human + 1))
         _splat(
             chunk, lane, slot, geometry + chunk.to(tl.int64) * (11 * _CHUNK) + lane, view, sums, first_m, limit_m,
-            x, y, z, R0, R1, R2, R3, R4, R5, R6, R7, R8,
+            x, y, z, R0, R1, R2, R3, R4, R5, R6, R7, R8, red_gain, green_gain, blue_gain,
             colours, sh, sh_rows, normals, records, record_normals, rects, depths,
             fx, fy, cx, cy, width, height, SH_COUNT, NORMALS, TILE_W, TILE_H, COLUMNS,
         )  # fmt: skip
@@ -182,7 +193,7 @@ def nearest_rotation(m0, m1, m2, m3, m4, m5, m6, m7, m8):
 @triton.jit
 def _splat(
     chunk, lane, slot, g, view, sums, first_m, limit_m, x, y, z, R0, R1, R2, R3, R4, R5, R6, R7, R8,
-    colours, sh, sh_rows, normals, records, record_normals, rects, depths,
+    red_gain, green_gain, blue_gain, colours, sh, sh_rows, normals, records, record_normals, rects, depths,
     fx, fy, cx, cy, width, height,
     SH_COUNT: tl.constexpr, NORMALS: tl.constexpr,
     TILE_W: tl.constexpr, TILE_H: tl.constexpr, COLUMNS: tl.constexpr,
@@ -226,8 +237,8 @@ def _splat(
         opacity = tl.load(g + 9 * _CHUNK)
         row = records + slot * _RECORD
         _store_four(row, seen, mean_x, mean_y, scale * syy * -0.5, scale * sxy)
-        _store_four(row + 4, seen, scale * sxx * -0.5, opacity, red, green)
-        _store_four(row + 8, seen, blue, z, z, z)
+        _store_four(row + 4, seen, scale * sxx * -0.5, opacity, red * red_gain, green * green_gain)
+        _store_four(row + 8, seen, blue * blue_gain, z, z, z)
         tl.store(depths + slot, z, mask=seen)
         if NORMALS:
             n = normals + chunk.to(tl.int64) * (3 * _CHUNK) + lane
@@ -235,6 +246,16 @@ def _splat(
             cx_, cy_, cz_ = R0 * nx + R1 * ny + R2 * nz, R3 * nx + R4 * ny + R5 * nz, R6 * nx + R7 * ny + R8 * nz
             sign = tl.where(x * cx_ + y * cy_ + z * cz_ > 0.0, -1.0, 1.0)
             _store_four(record_normals + slot * 4, seen, sign * cx_, sign * cy_, sign * cz_, sign)
+
+
+@triton.jit
+def _gain(light, x, y, z):
+    """What light makes of one channel along unit normals; `light` points to the ten terms of the channel."""
+    along_x = tl.load(light + 1) + x * tl.load(light + 4) + y * tl.load(light + 7) + z * tl.load(light + 8)
+    along_y = tl.load(light + 2) + y * tl.load(light + 5) + z * tl.load(light + 9)
+    along_z = tl.load(light + 3) + z * tl.load(light + 6)
+    value = tl.load(light) + x * along_x + y * along_y + z * along_z
+    return tl.sqrt(tl.minimum(tl.maximum(value, _LIGHT_MIN), _LIGHT_MAX))
 
 
 @triton.jit

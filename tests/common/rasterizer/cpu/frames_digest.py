@@ -65,7 +65,8 @@ def view(k: int) -> tuple[npt.NDArray[np.float64], list[PosedHuman]]:
     T = np.array([[s, 0.0, c, -2.0 * c], [-c, 0.0, s, -2.0 * s], [0.0, -1.0, 0.0, 0.1 * k], [0.0, 0.0, 0.0, 1.0]])
     pose = 0.3 * np.sin(np.arange(72.0) * (k + 1)).reshape(24, 3)
     light = np.eye(4) * np.array([0.4, 0.9, 1.6])[:, None, None] + 0.1 * k if k % 3 else None
-    return T, [PosedHuman(avatar="0", root_m=np.zeros(3), pose_axis_angle=pose, light=light)] * (1 + k % 2)
+    stand = {"light": light, "ground_m": -0.3, "lead_m": 0.4 * (k % 2)}
+    return T, [PosedHuman(avatar="0", root_m=np.zeros(3), pose_axis_angle=pose, **stand)] * (1 + k % 2)
 
 
 def frames(scenes: list[PackedScene], numbers: Iterable[int]) -> list[npt.NDArray[np.float32]]:

@@ -30,7 +30,7 @@ def drawn(z_m: float, coarseness: float, *, x_m: float = 0.0, human: bool = Fals
     A_CS[5, :, 3] = (x_m, 0.0, z_m)
     centre_m -= (x_m, 0.0, z_m)
     boxes = np.arange(8), np.full(7, 5), centre_m.astype(np.float32), half_sizes(), reach_m
-    count = cull_human_tree(view, A_CS, *boxes, cut, out)
+    count = cull_human_tree(view, np.zeros(5, dtype=np.float32), A_CS, *boxes, cut, out)
     return out.number[:count].tolist()
 
 

@@ -21,6 +21,7 @@ def test_humans_outside_of_the_view_change_nothing(make_cloud, camera, avatar: A
 K_PX = np.array([[50.0, 0.0, 48.0], [0.0, 50.0, 32.0], [0.0, 0.0, 1.0]])
 VIEW = make_view(np.eye(4), K_PX, 64, 96)
 """Looks along z."""
+NO_LEAD = np.zeros(5, dtype=np.float32)
 
 
 def room_for(count: int) -> VisibleChunks:
@@ -62,8 +63,19 @@ def test_joints_carry_the_boxes_of_a_human() -> None:
     joints, reach_m = np.array([4, 3, 4]), np.full(2, 0.1, np.float32)
     centre_m, half_m = np.zeros((3, 3), np.float32), np.full((3, 3), 0.2, np.float32)
     out = room_for(2)
-    count = cull_human(VIEW, A_CS, np.array([0, 2, 3]), joints, centre_m, half_m, reach_m, out)
+    count = cull_human(VIEW, NO_LEAD, A_CS, np.array([0, 2, 3]), joints, centre_m, half_m, reach_m, out)
     # A mean of the first chunk may be anywhere between its two joints, one of the second at the second joint only.
     assert out.number[:count].tolist() == [0]
     assert out.depth_m[0] == pytest.approx(2.8, abs=1e-4)
     assert unpack_box(out.box[0])[1] == 95 // 4
+
+
+def test_chunks_near_the_ground_are_listed_as_nearer_by_the_largest_lead_within_their_box() -> None:
+    A_CS = np.tile(np.eye(3, 4, dtype=np.float32), (24, 1, 1))
+    A_CS[:, 2, 3] = 5.0
+    centre_m = np.array([[0, -1, 0], [0, 0.6, 0], [0, 1.2, 0]], np.float32)
+    boxes = np.arange(4), np.full(3, 7), centre_m, np.full((3, 3), 0.1, np.float32), np.full(3, 0.1, np.float32)
+    # 0.4 m at y = 1, nothing above y = 0.6.
+    lead, out = np.array([0.0, 1.0, 0.0, -0.6, 0.4], dtype=np.float32), room_for(3)
+    assert cull_human(VIEW, lead, A_CS, *boxes, out) == 3
+    assert out.depth_m == pytest.approx([4.9, 4.8, 4.5], abs=1e-4)

@@ -85,6 +85,7 @@ def main() -> None:
         avatar=torch.zeros((1, 1), dtype=torch.int32),
         root_m=torch.zeros((1, 1, 3), dtype=torch.float64),
         pose_axis_angle=torch.zeros((1, 1, 24, 3), dtype=torch.float64),
+        light=torch.ones((1, 1, 3, 4, 4), dtype=torch.float64),
     )
     pipeline = triton_pipeline.TritonPipeline(upload([cloud], avatars, device), K, 144, 256, TritonSettings(), device)
     for depth, normals, planes in ((False, False, 4), (True, True, 10)):

@@ -16,12 +16,13 @@ CORNERS_PX = np.array([[120.3, 80.7], [201.2, 90.1], [195.6, 170.4], [115.8, 160
 
 
 def drawn(dictionary: str = "4X4_50", marker: int = 7) -> np.ndarray:
-    """A marker on white whose corners are at CORNERS_PX, pixel centres at +0.5."""
+    """A photo of a marker on white whose corners are at CORNERS_PX, pixel centres at +0.5."""
     square = cv2.aruco.generateImageMarker(open_dictionary(dictionary), marker, 600)
     begin = np.array([[0, 0], [600, 0], [600, 600], [0, 600]], dtype=np.float32) - 0.5
     big = cv2.getPerspectiveTransform(begin, (8 * CORNERS_PX - 0.5).astype(np.float32))
     image = cv2.warpPerspective(square, big, (8 * 320, 8 * 240), borderValue=255, flags=cv2.INTER_LINEAR)
-    return cv2.resize(image, (320, 240), interpolation=cv2.INTER_AREA)
+    light = cv2.resize(image.astype(np.float32) / 255, (320, 240), interpolation=cv2.INTER_AREA)
+    return np.rint(255 * light ** (1 / 2.2)).astype(np.uint8)
 
 
 def test_corners_of_a_drawn_marker_are_found_without_an_offset() -> None:

@@ -1,0 +1,85 @@
+"""How a capture is simulated."""
+
+import math
+from dataclasses import dataclass
+
+from readygo.common.camera import CameraConfig
+from readygo.common.errors import ConfigError
+from readygo.services.reconstructor.metric.markers import DEFAULT_DICTIONARY
+
+FOV_DEG = 68.0
+"""Of a telephone's main camera, along the longer side of its image."""
+EXPOSURE_S, READOUT_S = 0.010, 0.015
+SECONDS_MIN, FRAMES_MAX = 2.0, 3000
+
+
+@dataclass(frozen=True, kw_only=True)
+class CaptureConfig:
+    """One capture."""
+
+    seconds: float = 30.0
+    """How long the walk takes."""
+    fps: int = 3
+    """Frames per second of the video, or photos per second."""
+    width_px: int = 640
+    height_px: int = 480
+    marker_size_m: float = 0.2
+    """Printed side of the black square [m]; 0 lays down no marker."""
+    marker_dictionary: str = DEFAULT_DICTIONARY
+    marker_id: int = 0
+    sub_frames: int = 0
+    """Images that a frame is made of, for motion blur and rolling shutter; 0 leaves both out."""
+    photos: bool = False
+    """Sharp photos in place of a video."""
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if not self.seconds >= SECONDS_MIN:
+            raise ConfigError(f"A walk takes {SECONDS_MIN:g} s at least, got {self.seconds:g}.")
+        if not 1 <= self.fps <= 60:
+            raise ConfigError(f"A video has 1 to 60 frames a second, got {self.fps}.")
+        if self.frames > FRAMES_MAX:
+            raise ConfigError(f"{self.frames} frames are more than {FRAMES_MAX}; take fewer seconds or a lower --fps.")
+        if not self.marker_size_m >= 0.0:
+            raise ConfigError(f"The marker's size must be positive, got {self.marker_size_m:g} m; 0 lays down none.")
+        if self.sub_frames and not 2 <= self.sub_frames <= 64:
+            raise ConfigError(f"A frame is made of 2 to 64 sub-frames, or 0 for none, got {self.sub_frames}.")
+        if self.width_px % 2 or self.height_px % 2:
+            raise ConfigError(f"Images of videos have even sides, got {self.width_px}x{self.height_px}.")
+
+    @property
+    def frames(self) -> int:
+        """How many pictures are taken."""
+        return round(self.seconds * self.fps)
+
+
+def phone_camera(config: CaptureConfig) -> CameraConfig:
+    """The telephone: its lens, what its sensor adds, and its shutter if there is one.
+
+    Raises:
+        ConfigError: If the image is too large or too small.
+    """
+    along, across = max(config.width_px, config.height_px), min(config.width_px, config.height_px)
+    focal_px = 0.5 * along / math.tan(math.radians(FOV_DEG) / 2)
+    try:
+        return CameraConfig(
+            width_px=config.width_px,
+            height_px=config.height_px,
+            fx_px=focal_px,
+            fy_px=focal_px,
+            # Nobody's lens is centred on the sensor.
+            cx_px=0.5 * config.width_px + 0.004 * along,
+            cy_px=0.5 * config.height_px - 0.003 * across,
+            distortion="brown_conrady",
+            k1=0.06,
+            k2=-0.09,
+            p1=0.0004,
+            p2=-0.0003,
+            vignetting=0.15,
+            shot_noise=0.008,
+            read_noise=0.001,
+            exposure_s=EXPOSURE_S if config.sub_frames else 0.0,
+            readout_s=READOUT_S if config.sub_frames else 0.0,
+        )
+    except ValueError as error:
+        raise ConfigError(str(error)) from error

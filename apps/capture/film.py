@@ -1,0 +1,237 @@
+"""Filming a walk: what the telephone records of a scene with a marker on its floor, and the truth about it."""
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.apps.capture.config import CaptureConfig, phone_camera
+from readygo.apps.capture.ground import Ground, walking_ground
+from readygo.apps.capture.marker import FloorMarker, MarkedRasterizer, lay_down
+from readygo.apps.capture.truth import truth_path, write_truth
+from readygo.apps.capture.walk import Sway, Walk, plan_walk
+from readygo.common.camera import CameraConfig, SensorConfig
+from readygo.common.drawing.film import CODECS, write_film
+from readygo.common.errors import ConfigError, SceneError
+from readygo.common.files import unfinished_folder
+from readygo.common.robot.kinematics import DT_S
+from readygo.common.scenes import Scene
+from readygo.services.reconstructor.frames.video import write_jpeg
+from readygo.services.reconstructor.marker_sheet import Sheet, marker_sheet
+from readygo.services.renderer.capture import Capture, Shot, pinhole_of
+from readygo.services.renderer.config import RendererConfig
+from readygo.services.renderer.drawing import Drawing, make_drawing
+from readygo.services.renderer.sensor.light import exposure_gain
+from readygo.services.renderer.sensor.motion import Moment
+from readygo.services.renderer.sensor.streams import SensorStream
+
+Rgb = npt.NDArray[np.uint8]
+_PAGES = ("A3", "A2")
+DRIFT_EV = 0.25
+"""Automatic exposure wanders by so much [stops]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Filming:
+    """A capture that is planned."""
+
+    scene: Scene
+    config: CaptureConfig
+    camera: CameraConfig
+    walk: Walk
+    marker: FloorMarker | None
+    exposures_ev: npt.NDArray[np.float64]
+    """Of each frame [stops], shape (N,)."""
+
+    @property
+    def times_s(self) -> npt.NDArray[np.float64]:
+        """When each frame is taken, shape (N,): the end of its last row's exposure."""
+        return (np.arange(self.config.frames) + 0.5) / self.config.fps
+
+    @property
+    def notes(self) -> list[str]:
+        """What a user should know of it."""
+        walk = self.walk
+        if walk.way_m >= walk.loop_m:
+            return []
+        return [
+            f"the walk of {walk.way_m:.1f} m does not close its loop of {walk.loop_m:.1f} m; "
+            f"--seconds {math.ceil(walk.loop_m * 2.2):d} does, or a smaller --radius."
+        ]
+
+
+def plan_filming(scene: Scene, ground: Ground, config: CaptureConfig) -> Filming:
+    """Plan walk, marker and exposure of a capture.
+
+    Raises:
+        ConfigError: If the marker fits no sheet, or the lens cannot be drawn.
+        SceneError: If the ground is too narrow.
+    """
+    sheet = _sheet(config) if config.marker_size_m else None
+    rng = np.random.Generator(np.random.Philox(config.seed))
+    walk = plan_walk(scene, ground, config.seconds, rng)
+    yaw_rad = float(rng.uniform(0.0, math.tau))
+    marker = None if sheet is None else lay_down(sheet, scene.maps.floor, ground.centres_m, walk.marker_xy_m, yaw_rad)
+    times_s = (np.arange(config.frames) + 0.5) / config.fps
+    drift_ev = Sway(rng).slow(times_s, DRIFT_EV, 13.0)
+    return Filming(
+        scene=scene,
+        config=config,
+        camera=phone_camera(config),
+        walk=walk,
+        marker=marker,
+        exposures_ev=np.zeros_like(drift_ev) if config.photos else drift_ev,
+    )
+
+
+def _sheet(config: CaptureConfig) -> Sheet:
+    """The sheet of `readygo marker`, on the first page that holds it."""
+    for page in _PAGES[:-1]:
+        with suppress(ConfigError):
+            return marker_sheet(config.marker_dictionary, config.marker_id, config.marker_size_m, page)
+    return marker_sheet(config.marker_dictionary, config.marker_id, config.marker_size_m, _PAGES[-1])
+
+
+def pictures(filming: Filming) -> Iterator[Rgb]:
+    """What the telephone records, sRGB, shape (H, W, 3) each; the same for the same plan."""
+    capture = _capture(filming)
+    plain = capture.camera_of(SensorStream.of_humans(f"capture {filming.config.seed}"))
+    for number, exposure_ev in enumerate(filming.exposures_ev.tolist()):
+        config = dataclasses.replace(filming.camera, exposure_ev=exposure_ev)
+        camera = dataclasses.replace(plain, config=config, gain=exposure_gain(config))
+        shot = Shot(camera=camera, moment_at=_moments(filming, number), step=number)
+        (images,) = capture.take([shot])
+        yield images.rgb
+
+
+def _capture(filming: Filming) -> Capture:
+    pinhole = pinhole_of(SensorConfig(), filming.camera)
+    config = RendererConfig(human_light=False, outputs=("rgb", "median_depth"))
+    drawing = make_drawing(filming.scene, {}, pinhole, config)
+    if filming.marker is not None:
+        drawing = Drawing(rasterizer=MarkedRasterizer(drawing.rasterizer, pinhole, filming.marker))
+    return Capture(
+        drawing=drawing,
+        pinhole=pinhole,
+        sensor=SensorConfig(),
+        camera=filming.camera,
+        sub_frames=filming.config.sub_frames or 2,
+    )
+
+
+def _moments(filming: Filming, number: int) -> Callable[[float], Moment]:
+    """The moments around a frame; the shutter counts in steps of the simulation."""
+    time_s = float(filming.times_s[number])
+
+    def moment_at(step: float) -> Moment:
+        pose = filming.walk.pose_at(time_s + (step - number) * DT_S)
+        return Moment(T_world_camera=pose, humans=(), step=step)
+
+    return moment_at
+
+
+def film(filming: Filming, out: Path, heard: Callable[[int], None]) -> Path:
+    """Write the video, or the folder of photos, and the truth beside it.
+
+    Args:
+        filming: What is filmed.
+        out: The video, .mp4 or .webm, or the folder.
+        heard: Hears how many frames are done.
+
+    Returns:
+        The truth file.
+
+    Raises:
+        ReadygoError: If something cannot be written.
+    """
+    names = [f"{number:04d}.jpg" for number in range(filming.config.frames)]
+    if filming.config.photos:
+        with unfinished_folder(out, raises=SceneError) as folder:
+            for number, (name, rgb) in enumerate(zip(names, pictures(filming), strict=True), start=1):
+                write_jpeg(folder / name, np.ascontiguousarray(rgb[:, :, ::-1]))
+                heard(number)
+    else:
+        write_film(out, _counted(pictures(filming), heard), fps=filming.config.fps)
+    path = truth_path(out)
+    write_truth(path, _truth(filming, names if filming.config.photos else list(range(filming.config.frames))))
+    return path
+
+
+def check_out(out: Path, config: CaptureConfig) -> None:
+    """Refuse names that nothing can be written under, before the work.
+
+    Raises:
+        ReadygoError: If it is so.
+    """
+    if config.photos and (out.exists() or out.suffix):
+        raise SceneError(f"{out} must be the name of a new folder for --photos.")
+    if not config.photos and out.suffix.lower() not in CODECS:
+        raise SceneError(f"{out} must end in {' or '.join(CODECS)} to be a film; --photos writes a folder of JPEGs.")
+
+
+def _counted(frames: Iterator[Rgb], heard: Callable[[int], None]) -> Iterator[Rgb]:
+    for number, rgb in enumerate(frames, start=1):
+        yield rgb
+        heard(number)
+
+
+def _truth(filming: Filming, images: list[Any]) -> dict[str, Any]:
+    camera, config, marker = filming.camera, filming.config, filming.marker
+    middle_s = 0.5 * (camera.exposure_s + camera.readout_s)
+    return {
+        "scene": {"name": filming.scene.name, "path": str(filming.scene.path), "hash": filming.scene.content_hash},
+        "seed": config.seed,
+        "fps": config.fps,
+        "seconds": config.seconds,
+        "width_px": camera.width_px,
+        "height_px": camera.height_px,
+        "camera": {
+            "model": "OPENCV",
+            **{name.removesuffix("_px"): getattr(camera, name) for name in ("fx_px", "fy_px", "cx_px", "cy_px")},
+            **{name: getattr(camera, name) for name in ("k1", "k2", "p1", "p2")},
+        },
+        "metres_per_unit": 1.0,
+        "frames": [
+            {
+                "image": image,
+                "time_s": round(time_s - middle_s, 6),
+                "exposure_ev": round(exposure_ev, 4),
+                "T_world_camera": filming.walk.pose_at(time_s - middle_s).tolist(),
+            }
+            for image, time_s, exposure_ev in zip(
+                images, filming.times_s.tolist(), filming.exposures_ev.tolist(), strict=True
+            )
+        ],
+        "marker": None
+        if marker is None
+        else {
+            "id": config.marker_id,
+            "dictionary": config.marker_dictionary,
+            "size_m": config.marker_size_m,
+            "corners_m": marker.corners_m.tolist(),
+        },
+    }
+
+
+def ground_of(
+    scene: Scene, crop: tuple[float, float, float, float] | None, start: tuple[float, float] | None, radius_m: float
+) -> Ground:
+    """See `walking_ground`; refuses places that contradict each other.
+
+    Raises:
+        ConfigError: If they do, or a number makes no sense.
+        SceneError: If nobody can walk there.
+    """
+    if crop is not None and start is not None:
+        raise ConfigError("Give either --crop, or --start and --radius.")
+    if crop is not None and not (crop[0] < crop[2] and crop[1] < crop[3]):
+        raise ConfigError(f"--crop is X0 Y0 X1 Y1 with X0 < X1 and Y0 < Y1, got {' '.join(map(str, crop))}.")
+    if not radius_m > 0.0:
+        raise ConfigError(f"--radius must be positive, got {radius_m:g}.")
+    return walking_ground(scene, crop=crop, start=start, radius_m=radius_m)

@@ -1,0 +1,218 @@
+"""Where somebody walks who films a place: the ground, a closed way over it, and where the marker lies."""
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.errors import SceneError
+from readygo.common.maps import GridFrame, clearance_m, free_components
+from readygo.common.scenes import Scene
+
+Floats = npt.NDArray[np.float64]
+Cells = npt.NDArray[np.bool_]
+
+BODY_RADIUS_M = 0.25
+AREA_MIN_M2 = 2.0
+INSET_M = 0.25
+"""The way keeps this far from where a body cannot be, where there is room."""
+DOOR_M = 1.3
+"""Narrower gaps are doors: a circle around a place holds its room only."""
+LOOP_MIN_M = 3.0
+_STEP_M = 0.02
+_SMOOTHING_M = (0.35, 0.2, 0.1)
+MARKER_DISTANCE_M = 1.3
+"""The marker lies about this far from where the walk begins [m]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Ground:
+    """Connected cells of a scene that somebody can stand on."""
+
+    cells: Cells
+    """Shape (H, W)."""
+    frame: GridFrame
+
+    @property
+    def area_m2(self) -> float:
+        """How much there is."""
+        return float(self.cells.sum()) * self.frame.resolution_m**2
+
+    def holds(self, xy_m: Floats) -> Cells:
+        """Which points lie on it, shape (N, 2) -> (N,)."""
+        corner = (self.frame.origin_x_m, self.frame.origin_y_m)
+        column, row = np.floor((xy_m - corner) / self.frame.resolution_m).astype(np.int64).T
+        inside = (row >= 0) & (column >= 0) & (row < self.cells.shape[0]) & (column < self.cells.shape[1])
+        held: Cells = inside & self.cells[np.where(inside, row, 0), np.where(inside, column, 0)]
+        return held
+
+    @property
+    def centres_m(self) -> Floats:
+        """Centres of its cells, shape (N, 2)."""
+        corner = np.array([self.frame.origin_x_m, self.frame.origin_y_m])
+        centres: Floats = corner + (np.argwhere(self.cells)[:, ::-1] + 0.5) * self.frame.resolution_m
+        return centres
+
+
+def walking_ground(
+    scene: Scene,
+    *,
+    crop: tuple[float, float, float, float] | None = None,
+    start: tuple[float, float] | None = None,
+    radius_m: float = 3.0,
+) -> Ground:
+    """The ground that is filmed: what hangs together in a rectangle or a circle.
+
+    Args:
+        scene: Scene bundle.
+        crop: x0 y0 x1 y1 [m]; in place of start and radius.
+        start: Middle of the circle [m]; the roomiest place of the scene by default.
+        radius_m: Of the circle; doors are not passed, unless there is no room without.
+
+    Raises:
+        SceneError: If nobody can walk there.
+    """
+    human = scene.maps.human
+    clearance = clearance_m(human).astype(np.float64)
+    x_m, y_m = _centres(human.frame, (human.occupied.shape[0], human.occupied.shape[1]))
+    row, column = np.unravel_index(int(np.argmax(clearance)), clearance.shape)
+    middle = start or human.frame.centre_m(int(row), int(column))
+    if crop is not None:
+        where = (x_m >= crop[0]) & (x_m <= crop[2]) & (y_m >= crop[1]) & (y_m <= crop[3])
+        words = f"in the rectangle {' '.join(f'{value:g}' for value in crop)}"
+    else:
+        where = (x_m - middle[0]) ** 2 + (y_m - middle[1]) ** 2 <= radius_m**2
+        words = f"within {radius_m:g} m of ({middle[0]:.1f}, {middle[1]:.1f})"
+    standing = where & (clearance > BODY_RADIUS_M)
+    if crop is not None:
+        cells = free_components(standing)[0] == 1
+    else:
+        squared = (x_m - middle[0]) ** 2 + (y_m - middle[1]) ** 2
+        cells = _room(standing, where & (clearance > 0.5 * DOOR_M), squared, human.frame.resolution_m)
+    ground = Ground(cells=cells, frame=human.frame)
+    if ground.area_m2 < AREA_MIN_M2:
+        raise SceneError(
+            f"There are {ground.area_m2:.1f} m2 of connected ground to walk on {words}, {AREA_MIN_M2:g} m2 are needed; "
+            "choose another place: --start X Y, --radius or --crop X0 Y0 X1 Y1 (`readygo scene inspect` draws a map)."
+        )
+    return ground
+
+
+def _centres(frame: GridFrame, shape: tuple[int, int]) -> tuple[Floats, Floats]:
+    x_m: Floats = frame.origin_x_m + (np.arange(shape[1], dtype=np.float64) + 0.5) * frame.resolution_m
+    y_m: Floats = frame.origin_y_m + (np.arange(shape[0], dtype=np.float64) + 0.5) * frame.resolution_m
+    return x_m[None, :], y_m[:, None]
+
+
+def _room(standing: Cells, wide: Cells, squared_m2: Floats, cell_m: float) -> Cells:
+    """The ground around a place, without what lies behind doors; with that, where it is too little.
+
+    Args:
+        standing: Where somebody can stand.
+        wide: Where it is wider than a door.
+        squared_m2: Squared distances from the place.
+        cell_m: Edge of a cell.
+    """
+    from scipy import ndimage
+
+    core = _part_near(wide, squared_m2)
+    if core.any():
+        reach_m = 0.5 * DOOR_M - BODY_RADIUS_M + cell_m
+        around = ndimage.distance_transform_edt(~core) * cell_m <= reach_m
+        room = _part_near(standing & around, squared_m2)
+        if room.sum() * cell_m * cell_m >= AREA_MIN_M2:
+            return room
+    return _part_near(standing, squared_m2)
+
+
+def _part_near(cells: Cells, squared_m2: Floats) -> Cells:
+    """The connected cells that come nearest to a place."""
+    labels, _ = free_components(cells)
+    if not labels.any():
+        return cells
+    nearest = int(np.argmin(np.where(labels > 0, squared_m2, np.inf)))
+    part: Cells = labels == labels.reshape(-1)[nearest]
+    return part
+
+
+def closed_way(ground: Ground) -> Floats:
+    """A closed, smooth way around the ground near its border, counterclockwise, a point each 2 cm, shape (N, 2) [m].
+
+    Raises:
+        SceneError: If the ground is too narrow to walk around.
+    """
+    from scipy import ndimage
+
+    depth_m = ndimage.distance_transform_edt(np.pad(ground.cells, 1))[1:-1, 1:-1] * ground.frame.resolution_m
+    for inset_m in (INSET_M, 0.5 * INSET_M, 0.0):
+        labels, _ = free_components(depth_m > inset_m)
+        outline = _outline(labels == 1, ground.frame)
+        if len(outline) and _length_m(outline) >= LOOP_MIN_M:
+            return _smoothed(outline, ground)
+    raise SceneError(f"The ground of {ground.area_m2:.1f} m2 is too narrow to walk around; choose a larger part.")
+
+
+def _outline(cells: Cells, frame: GridFrame) -> Floats:
+    outlines, _ = cv2.findContours(cells.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    if not outlines:
+        return np.empty((0, 2))
+    longest = max(outlines, key=len).reshape(-1, 2).astype(np.float64)
+    points: Floats = np.array([frame.origin_x_m, frame.origin_y_m]) + (longest + 0.5) * frame.resolution_m
+    x, y = points.T
+    clockwise = float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) < 0.0
+    return points[::-1] if clockwise else points
+
+
+def _length_m(points: Floats) -> float:
+    return float(np.hypot(*(np.roll(points, -1, axis=0) - points).T).sum())
+
+
+def _smoothed(outline: Floats, ground: Ground) -> Floats:
+    """As smooth as the ground allows."""
+    from scipy.ndimage import gaussian_filter1d
+
+    even = _evenly(outline)
+    for sigma_m in _SMOOTHING_M:
+        way = gaussian_filter1d(even, sigma_m / _STEP_M, axis=0, mode="wrap")
+        if ground.holds(way).mean() > 0.97:
+            break
+    return _evenly(way)
+
+
+def _evenly(points: Floats) -> Floats:
+    closed = np.concatenate([points, points[:1]])
+    at_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(closed, axis=0).T))])
+    wanted = np.linspace(0.0, at_m[-1], max(8, round(at_m[-1] / _STEP_M)), endpoint=False)
+    return np.stack([np.interp(wanted, at_m, closed[:, k]) for k in (0, 1)], axis=1)
+
+
+def marker_place(ground: Ground, way: Floats) -> tuple[int, tuple[float, float]]:
+    """Where on the way the walk begins, as a place in it, and where beside it the marker lies [m].
+
+    The marker lies on the roomiest ground, where it is seen from most of the way; the walk begins where the way is as
+    far from it as one stands to film it.
+    """
+    from scipy import ndimage
+
+    depth_m = ndimage.distance_transform_edt(np.pad(ground.cells, 1))[1:-1, 1:-1] * ground.frame.resolution_m
+    spots, room_m = ground.centres_m, depth_m[ground.cells]
+    nearest_m = np.sqrt(_squared_to_way(spots, way))
+    spot = spots[int(np.argmax(np.minimum(room_m, 0.6) - np.abs(nearest_m - MARKER_DISTANCE_M)))]
+    away_m = np.hypot(*(way - spot).T)
+    begin = int(np.argmin(np.abs(away_m - MARKER_DISTANCE_M)))
+    return begin, (float(spot[0]), float(spot[1]))
+
+
+def _squared_to_way(spots: Floats, way: Floats) -> Floats:
+    from scipy.spatial import cKDTree
+
+    distance, _ = cKDTree(way).query(spots)
+    return np.asarray(distance, dtype=np.float64) ** 2
+
+
+def wrapped_rad(angle: Floats) -> Floats:
+    """Angles in -pi..pi."""
+    turned: Floats = (angle + math.pi) % math.tau - math.pi
+    return turned

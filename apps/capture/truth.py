@@ -1,0 +1,74 @@
+"""What is true of a simulated capture: NAME.truth.json beside the video or the folder of photos.
+
+format             "readygo capture truth 1"
+scene              name, path and content_hash of the scene that was filmed
+seed, fps, seconds how it was filmed
+width_px, height_px
+camera             model "OPENCV", fx, fy, cx, cy [px], pixel centres at +0.5, and k1, k2, p1, p2 of Brown-Conrady
+metres_per_unit    1: all lengths are metres of the scene's own frame, z up
+frames             image (its number in the video, from 0, or the name of the photo), time_s, exposure_ev and
+                   T_world_camera (4x4, OpenCV axes; with a shutter, of the middle row's middle)
+marker             null, or id, dictionary, size_m and corners_m (4x3): upper left, upper right, lower right,
+                   lower left as printed, in the world
+"""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.errors import SceneError
+from readygo.common.files import write_whole
+
+FORMAT = "readygo capture truth 1"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Truth:
+    """A truth file."""
+
+    content: dict[str, Any]
+    """All of it, as above."""
+
+    @property
+    def poses(self) -> dict[str, npt.NDArray[np.float64]]:
+        """`T_world_camera`, shape (4, 4), by the names that `readygo scene poses` gives to images."""
+        return {_image_name(row["image"]): np.array(row["T_world_camera"]) for row in self.content["frames"]}
+
+    @property
+    def marker_corners_m(self) -> npt.NDArray[np.float64] | None:
+        """Shape (4, 3)."""
+        marker = self.content["marker"]
+        return None if marker is None else np.array(marker["corners_m"])
+
+
+def _image_name(image: int | str) -> str:
+    return f"{image:06d}.jpg" if isinstance(image, int) else f"{Path(image).stem}.jpg"
+
+
+def truth_path(capture: Path) -> Path:
+    """Where the truth of a video or a folder of photos is."""
+    return capture.with_name(f"{capture.stem}.truth.json")
+
+
+def write_truth(path: Path, content: dict[str, Any]) -> None:
+    """Write a truth file; the format is added."""
+    write_whole(path, json.dumps({"format": FORMAT, **content}, indent=1) + "\n", raises=SceneError)
+
+
+def read_truth(path: Path) -> Truth:
+    """Read a truth file.
+
+    Raises:
+        SceneError: If it is none.
+    """
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise SceneError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}.") from error
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        raise SceneError(f"{path} is no truth of a capture; `readygo scene capture` writes one beside its video.")
+    return Truth(content=content)

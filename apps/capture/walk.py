@@ -1,0 +1,217 @@
+"""How somebody walks who films a place with a telephone: along a way, bobbing, looking around.
+
+A walk is a function of time. It begins and ends with a look at the marker, and passes every place as often as time
+allows; where it comes again it looks elsewhere, so that what a lap leaves out another one shows.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.apps.capture.ground import Ground, closed_way, marker_place, wrapped_rad
+from readygo.apps.views.sightlines import sight_m
+from readygo.common.scenes import Scene
+
+Floats = npt.NDArray[np.float64]
+
+HEIGHTS_M = (1.4, 1.6)
+SPEED_MPS, SPEED_MAX_MPS = 0.5, 1.0
+OVERLAP_M = 1.5
+"""The last lap goes on beyond where the first one began."""
+STEPS_HZ = 1.8
+LOOK_S = 4.0
+"""The walk begins with so long a look at the marker."""
+_TABLE_HZ = 20.0
+_PITCH_RAD = math.radians(-14.0)
+_LAP_YAWS_RAD = (math.radians(55.0), math.radians(-5.0), math.radians(100.0), math.radians(-35.0))
+"""Where each lap looks, from its way to the left, where the middle of the place is."""
+_LOOK_AROUND_RAD = math.radians(30.0)
+_SIGHT_MIN_M = 1.8
+_BEARINGS_RAD = np.radians(np.arange(-180.0, 180.0, 10.0))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Walk:
+    """Poses of a hand-held camera over time."""
+
+    seconds: float
+    way_m: float
+    """How far it goes."""
+    loop_m: float
+    """Length of the closed way; one that is longer than the walk is not closed."""
+    marker_xy_m: tuple[float, float]
+    knots: Floats
+    """x, y, z [m], yaw, pitch (up), roll [rad] at `_TABLE_HZ`, shape (T, 6); angles are unwrapped."""
+
+    def pose_at(self, time_s: float) -> Floats:
+        """`T_world_camera` at a time, OpenCV axes, shape (4, 4); before and after the walk the camera rests."""
+        at = min(max(time_s * _TABLE_HZ, 0.0), len(self.knots) - 1.0)
+        values = _cubic(self.knots, at)
+        return camera_pose(values[:3], *(float(angle) for angle in values[3:]))
+
+
+def camera_pose(place_m: Floats, yaw_rad: float, pitch_rad: float, roll_rad: float) -> Floats:
+    """Pose of a camera, OpenCV axes, shape (4, 4).
+
+    Args:
+        place_m: Its centre, shape (3,).
+        yaw_rad: Where it looks, from the world's x axis to the left.
+        pitch_rad: Positive looks up.
+        roll_rad: Positive turns it clockwise about where it looks.
+    """
+    c, s, cp, sp = math.cos(yaw_rad), math.sin(yaw_rad), math.cos(pitch_rad), math.sin(pitch_rad)
+    forward, level_right = np.array([c * cp, s * cp, sp]), np.array([s, -c, 0.0])
+    level_down = np.cross(forward, level_right)
+    cr, sr = math.cos(roll_rad), math.sin(roll_rad)
+    T = np.eye(4)
+    T[:3, 0], T[:3, 1] = cr * level_right + sr * level_down, cr * level_down - sr * level_right
+    T[:3, 2], T[:3, 3] = forward, place_m
+    return T
+
+
+def plan_walk(scene: Scene, ground: Ground, seconds: float, rng: np.random.Generator) -> Walk:
+    """A walk over a ground.
+
+    Args:
+        scene: Gives the floor, and what hides what.
+        ground: Where to walk.
+        seconds: How long.
+        rng: Draws how hand and body move.
+
+    Raises:
+        SceneError: If the ground is too narrow.
+    """
+    way = closed_way(ground)
+    begin, marker_xy_m = marker_place(ground, way)
+    loop_m = float(np.hypot(*(np.roll(way, -1, axis=0) - way).T).sum())
+    laps = max(1, round((SPEED_MPS * seconds - OVERLAP_M) / loop_m))
+    way_m = min(laps * loop_m + OVERLAP_M, SPEED_MAX_MPS * seconds)
+    time_s = np.arange(math.ceil(seconds * _TABLE_HZ) + 1) / _TABLE_HZ
+    gone_m = _gone(time_s, way_m, rng)
+    xy_m, heading_rad = _along(np.roll(way, -begin, axis=0), gone_m)
+    sway = Sway(rng)
+    yaw_rad, pitch_rad = _gaze(scene, xy_m, heading_rad, gone_m / loop_m, time_s, sway)
+    z_m = scene.maps.floor.at_many(xy_m) + 0.5 * sum(HEIGHTS_M) + sway.slow(time_s, 0.07, 9.0)
+    yaw_rad, pitch_rad = _towards_marker(scene, (xy_m, z_m), (yaw_rad, pitch_rad), time_s, gone_m / loop_m, marker_xy_m)
+    knots = np.column_stack([xy_m, _smooth(z_m, 0.3), yaw_rad, pitch_rad, sway.slow(time_s, math.radians(1.5), 3.0)])
+    return Walk(
+        seconds=seconds,
+        way_m=way_m,
+        loop_m=loop_m,
+        marker_xy_m=marker_xy_m,
+        knots=knots + _bobbing(time_s, heading_rad, sway),
+    )
+
+
+class Sway:
+    """Smooth random movements: sums of waves of random phases."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self._rng = rng
+
+    def slow(self, time_s: Floats, amplitude: float, period_s: float) -> Floats:
+        """A movement within +-`amplitude`, about once in `period_s`."""
+        out = np.zeros_like(time_s)
+        for share, factor in ((0.5, 1.0), (0.3, 0.62), (0.2, 0.41)):
+            phase = self._rng.uniform(0.0, math.tau)
+            out += share * np.sin(math.tau * time_s / (period_s * factor) + phase)
+        return amplitude * out
+
+
+def _gone(time_s: Floats, way_m: float, rng: np.random.Generator) -> Floats:
+    """How far the walk has come at times [m]: slow at the beginning, where the marker is filmed, and never even."""
+    pace = 1.0 + Sway(rng).slow(time_s, 0.35, 6.0)
+    pace *= 1.0 - 0.7 * _window(time_s, 0.0, LOOK_S)
+    gone = np.concatenate([[0.0], np.cumsum(0.5 * (pace[1:] + pace[:-1]))])
+    return np.asarray(way_m * gone / gone[-1], dtype=np.float64)
+
+
+def _window(time_s: Floats, begin_s: float, end_s: float, edge_s: float = 1.0) -> Floats:
+    """1 between two times, 0 far from them."""
+    rise = np.clip((time_s - begin_s) / edge_s + 1.0, 0.0, 1.0)
+    fall = np.clip((end_s - time_s) / edge_s, 0.0, 1.0)
+    both = np.minimum(rise, fall)
+    return np.asarray(both * both * (3.0 - 2.0 * both), dtype=np.float64)
+
+
+def _along(way: Floats, gone_m: Floats) -> tuple[Floats, Floats]:
+    """Places after ways [m], shape (T, 2), and where the closed way leads there [rad], unwrapped."""
+    step_m = float(np.hypot(*(np.roll(way, -1, axis=0) - way).T).mean())
+    at = gone_m / step_m
+    index = np.arange(len(way) + 1)
+    closed = np.concatenate([way, way[:1]])
+    xy_m = np.stack([np.interp(at % len(way), index, closed[:, k]) for k in (0, 1)], axis=1)
+    chord = np.roll(way, -10, axis=0) - np.roll(way, 10, axis=0)
+    heading = np.arctan2(chord[:, 1], chord[:, 0])[np.floor(at).astype(np.int64) % len(way)]
+    return xy_m, np.unwrap(heading)
+
+
+def _gaze(
+    scene: Scene, xy_m: Floats, heading_rad: Floats, laps: Floats, time_s: Floats, sway: Sway
+) -> tuple[Floats, Floats]:
+    """Where the camera looks: to a side that changes from lap to lap, a little around, and not at a wall close by."""
+    lap_yaw = np.array(_LAP_YAWS_RAD)[np.floor(laps).astype(np.int64) % len(_LAP_YAWS_RAD)]
+    wanted = heading_rad + _smooth(lap_yaw, 1.0) + sway.slow(time_s, _LOOK_AROUND_RAD, 8.0)
+    seen_m = sight_m(scene.maps.sight.opaque_between(1.1, HEIGHTS_M[1]), scene.maps.human.frame, xy_m, _BEARINGS_RAD)
+    # What an image shows lies up to 30 deg beside its middle.
+    open_m = np.minimum.reduce([np.roll(seen_m, shift, axis=1) for shift in (-2, -1, 0, 1, 2)]) * 0.5 + seen_m * 0.5
+    off = wrapped_rad(_BEARINGS_RAD[None, :] - wanted[:, None])
+    cost = (off / math.radians(50.0)) ** 2 + (np.maximum(0.0, _SIGHT_MIN_M - open_m) / 0.4) ** 2
+    chosen = wanted + off[np.arange(len(off)), np.argmin(cost, axis=1)]
+    pitch = _PITCH_RAD + sway.slow(time_s, math.radians(8.0), 7.0)
+    return _smooth(np.unwrap(chosen), 0.7), pitch
+
+
+def _towards_marker(
+    scene: Scene,
+    place: tuple[Floats, Floats],
+    gaze: tuple[Floats, Floats],
+    time_s: Floats,
+    laps: Floats,
+    marker_xy_m: tuple[float, float],
+) -> tuple[Floats, Floats]:
+    """The gaze, drawn to the marker at the beginning, and whenever a lap passes it."""
+    (xy_m, z_m), (yaw, pitch) = place, gaze
+    off_m = np.array(marker_xy_m) - xy_m
+    away_m = np.hypot(*off_m.T)
+    passing = np.exp(-(((away_m - 1.3) / 0.5) ** 2)) * (laps > 0.8) * (away_m > 0.7)
+    weight = np.maximum(_window(time_s, 0.0, LOOK_S), 0.9 * _smooth(passing, 0.5))
+    bearing = np.arctan2(off_m[:, 1], off_m[:, 0])
+    fall = np.arctan2(scene.maps.floor.at(*marker_xy_m) - z_m, np.maximum(away_m, 0.3))
+    yaw = yaw + weight * wrapped_rad(bearing - yaw)
+    # A little above the marker, so that it is not all that there is to see.
+    pitch = pitch + weight * (fall + math.radians(8.0) - pitch)
+    return _smooth(np.unwrap(yaw), 0.3), _smooth(pitch, 0.3)
+
+
+def _bobbing(time_s: Floats, heading_rad: Floats, sway: Sway) -> Floats:
+    """What steps and hands add to x, y, z [m], yaw, pitch and roll [rad], shape (T, 6)."""
+    step = math.tau * STEPS_HZ * time_s
+    side_m = 0.015 * np.sin(0.5 * step) + sway.slow(time_s, 0.02, 2.5)
+    return np.column_stack(
+        [
+            -np.sin(heading_rad) * side_m,
+            np.cos(heading_rad) * side_m,
+            0.012 * np.sin(step) + sway.slow(time_s, 0.01, 1.7),
+            sway.slow(time_s, math.radians(1.2), 1.1),
+            sway.slow(time_s, math.radians(0.8), 0.9) + math.radians(0.3) * np.sin(step),
+            math.radians(0.8) * np.sin(0.5 * step),
+        ]
+    )
+
+
+def _smooth(values: Floats, sigma_s: float) -> Floats:
+    from scipy.ndimage import gaussian_filter1d
+
+    return np.asarray(gaussian_filter1d(values, sigma_s * _TABLE_HZ, mode="nearest"), dtype=np.float64)
+
+
+def _cubic(knots: Floats, at: float) -> Floats:
+    """Catmull-Rom between knots."""
+    k = min(int(at), len(knots) - 2)
+    t = at - k
+    a, b, c, d = (knots[min(max(k + shift, 0), len(knots) - 1)] for shift in (-1, 0, 1, 2))
+    value: Floats = b + 0.5 * t * (c - a + t * (2 * a - 5 * b + 4 * c - d + t * (3 * (b - c) + d - a)))
+    return value

@@ -1,0 +1,38 @@
+"""`readygo card`: a data folder describes itself."""
+
+from pathlib import Path
+
+from rich.console import Console
+
+from readygo.apps.coverage.card import CARD_FILE, FRAMES_FILE, VISITS_FILE, card_text
+from readygo.apps.coverage.numbers import casts_of, measure
+from readygo.apps.coverage.page import heat_map
+from readygo.apps.coverage.report import gather
+from readygo.apps.coverage.summary import dataset_summary
+from readygo.apps.views.recorded import thumbnails
+from readygo.common.dataset import Dataset
+from readygo.common.drawing.files import jpeg_bytes, write_png
+from readygo.common.files import write_whole
+
+
+def card(data: Path, /, *, out: Path | None = None) -> None:
+    """Write a README.md of a data folder: counts, balance, pictures, licenses, how it was made.
+
+    Args:
+        data: Data folder.
+        out: Folder to write it to; the data folder itself by default.
+
+    Raises:
+        DatasetError: If there is no readable dataset.
+        ReadygoError: If the card cannot be written.
+    """
+    dataset = Dataset([data])
+    folder, name = out or data, data.resolve().name
+    casts = casts_of(dataset)
+    measured = measure(dataset, casts)
+    facts = gather(data, dataset, casts, measured, "")
+    text = card_text(name, dataset, dataset_summary(dataset, data), measured)
+    write_whole(folder / FRAMES_FILE, jpeg_bytes(thumbnails(dataset, name)))
+    write_png(folder / VISITS_FILE, heat_map(measured.visits, facts.occupancy))
+    write_whole(folder / CARD_FILE, text)
+    Console(highlight=False, soft_wrap=True).print(f"Read {folder / CARD_FILE}.", markup=False)

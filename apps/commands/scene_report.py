@@ -1,0 +1,66 @@
+"""`readygo scene report`: the health of a scene on one page."""
+
+import json as json_module
+import sys
+from pathlib import Path
+
+from rich.console import Console
+
+from readygo.apps.health.numbers import health, reachable_ground, sightlines
+from readygo.apps.health.page import CLARITY, FILMED, HELD_OUT, SIGHT, VIEWS, health_page
+from readygo.apps.health.pictures import filmed_map, held_out_map, sightlines_map
+from readygo.apps.pictures.scene_maps import scene_pictures
+from readygo.apps.run.scene_argument import open_scene
+from readygo.apps.views.pictures import clarity_map, views_sheet
+from readygo.apps.views.views import scene_views
+from readygo.common.errors import SceneError
+from readygo.common.files import write_whole
+from readygo.common.robot import RobotConfig, load_robot
+
+PAGE_FILE, NUMBERS_FILE = "report.html", "report.json"
+
+
+def scene_report(
+    scene: str,
+    /,
+    *,
+    out: Path | None = None,
+    radius: float | None = None,
+    robot: Path | None = None,
+    json: bool = False,
+) -> None:
+    """Write a scene's health report: scale, registration, held-out images, floaters, holes, coverage, from above.
+
+    Args:
+        scene: Scene bundle, or "embedded".
+        out: Folder for report.html and report.json; the bundle's inspect/ by default.
+        radius: Radius of the robot's disc [m]; by default the one that the scene was imported for.
+        robot: robot.toml, for the camera that looks around.
+        json: Print the numbers as JSON.
+    """
+    bundle = open_scene(scene)
+    radius_m = float(bundle.metadata["maps"]["planning_radius_m"]) if radius is None else radius
+    if not radius_m > 0:
+        raise SceneError(f"--radius must be positive, got {radius_m}.")
+    lines = sightlines(bundle, reachable_ground(bundle, radius_m))
+    seen = scene_views(bundle, RobotConfig() if robot is None else load_robot(robot), radius_m=radius_m)
+    numbers = health(bundle, radius_m, lines, seen)
+    occupancy = bundle.maps.robot
+    pictures = {
+        **scene_pictures(bundle, radius_m),
+        VIEWS: views_sheet(seen, bundle.name),
+        CLARITY: clarity_map(seen, occupancy, radius_m),
+        SIGHT: sightlines_map(lines, occupancy),
+    }
+    if bundle.maps.filmed_share is not None:
+        pictures[FILMED] = filmed_map(bundle.maps.filmed_share, occupancy)
+    placed = held_out_map(numbers["held_out"]["images"], occupancy) if numbers["held_out"] else None
+    if placed is not None:
+        pictures[HELD_OUT] = placed
+    folder = bundle.path / "inspect" if out is None else out
+    write_whole(folder / NUMBERS_FILE, json_module.dumps(numbers, indent=2) + "\n", raises=SceneError)
+    write_whole(folder / PAGE_FILE, health_page(numbers, pictures), raises=SceneError)
+    if json:
+        sys.stdout.write(json_module.dumps(numbers) + "\n")
+    else:
+        Console(highlight=False, soft_wrap=True).print(f"Open {folder / PAGE_FILE}.", markup=False)

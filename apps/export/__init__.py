@@ -1,0 +1,1 @@
+"""Recorded data in the formats of other programs: how they are written, and how an export goes on after a stop."""

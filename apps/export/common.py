@@ -1,0 +1,42 @@
+"""What several formats have in common: the task in words, JSON files, names of images."""
+
+import json
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from readygo.apps.export.source import ExportedEpisode
+from readygo.common.errors import DatasetError
+from readygo.common.files import write_whole
+
+TASK = "Drive to the goal without touching anything or anybody."
+"""The task of every episode, for formats that name it."""
+_JPEG = b"\xff\xd8"
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Write plain values.
+
+    Raises:
+        DatasetError: If the file cannot be written.
+    """
+    write_whole(path, json.dumps(value, indent=2) + "\n", raises=DatasetError)
+
+
+def write_json_lines(path: Path, rows: Iterable[Mapping[str, Any]]) -> None:
+    """Write plain values, one a line.
+
+    Raises:
+        DatasetError: If the file cannot be written.
+    """
+    write_whole(path, "".join(f"{json.dumps(row)}\n" for row in rows), raises=DatasetError)
+
+
+def suffix(image: bytes) -> str:
+    """Ending of the name of an encoded image."""
+    return "jpg" if image.startswith(_JPEG) else "png"
+
+
+def described(episode: ExportedEpisode, **more: Any) -> dict[str, Any]:
+    """What is said of an episode in a list of all."""
+    return {"episode": episode.number, "name": episode.name, "rows": len(episode), **episode.facts, **more}

@@ -1,0 +1,199 @@
+"""What is exported: the episodes of a dataset, their rows at a rate, and how they are spread over files."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.dataset import Dataset, EpisodeEntry
+from readygo.common.errors import ConfigError
+from readygo.common.messages import Split
+from readygo.common.robot.kinematics import DT_S, RATE_HZ
+
+SPLITS = tuple(Split)
+"""In the order in which episodes are exported."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ExportedEpisode:
+    """One episode as rows; each has an image."""
+
+    number: int
+    """Number of the episode in what is exported."""
+    first_row: int
+    """Number of its first row in what is exported."""
+    entry: EpisodeEntry
+    dataset: Dataset
+    samples: npt.NDArray[np.int64]
+    """Sample of each row, shape (T,)."""
+
+    def __len__(self) -> int:
+        return len(self.samples)
+
+    @property
+    def name(self) -> str:
+        """Name of the episode, its own even where several runs use the same keys."""
+        return f"{self.number:06d}-{self.entry.episode.episode_id}"
+
+    @property
+    def facts(self) -> dict[str, str | int]:
+        """What is the same at all rows."""
+        entry = self.entry
+        return {
+            "episode_id": entry.episode.episode_id,
+            "split": entry.episode.split.value,
+            "seed": entry.episode.seed,
+            "outcome": entry.outcome.value,
+            "driver": entry.driver.value,
+            "policy": entry.policy,
+            "sha256": entry.sha256,
+        }
+
+    def images(self, output: str = "rgb") -> Iterator[bytes]:
+        """The encoded images of an output, row by row."""
+        return (self.dataset.output(int(sample), output) for sample in self.samples)
+
+    @cached_property
+    def columns(self) -> dict[str, npt.NDArray[Any]]:
+        """The numbers of all rows by name, shape (T,) or (T, n); docs/export.md says what they are."""
+        dataset, truth = self.dataset, self.dataset.truth[self.samples]
+        actions = self._mean_actions()
+        before = np.vstack([np.zeros((1, 2), np.float32), actions[:-1]])
+        return {
+            "time_s": (dataset.time_ns[self.samples] / 1e9).astype(np.float32),
+            "action": actions,
+            "goal_xy_m": dataset.goals_xy_m[self.samples],
+            "velocity": before,
+            "pose": dataset.poses[self.samples].astype(np.float32),
+            "human_distance_m": truth["human_distance_m"],
+            "time_to_collision_s": truth["time_to_collision_s"],
+            "human_visible": truth["human_visible"],
+            "replanned": truth["replanned"],
+            "is_last": np.arange(len(self)) == len(self) - 1,
+        }
+
+    def _mean_actions(self) -> npt.NDArray[np.float32]:
+        """The mean command from each row to the next one, shape (T, 2)."""
+        first, end = self.entry.first_sample, self.entry.first_sample + self.entry.sample_count
+        starts = self.samples - first
+        counts = np.diff(np.append(starts, end - first))
+        sums = np.add.reduceat(self.dataset.actions[first:end].astype(np.float64), starts, axis=0)
+        return (sums / counts[:, None]).astype(np.float32)
+
+
+@dataclass(frozen=True)
+class Part:
+    """Episodes that are written together: the unit in which an export stops and goes on."""
+
+    number: int
+    """Among all parts."""
+    split: Split
+    number_in_split: int
+    episodes: range
+    """Numbers of its episodes."""
+
+
+class Source:
+    """The episodes of some data folders in the order of an export: training, validation, test."""
+
+    def __init__(self, folders: Sequence[Path], rate_hz: int | None = None) -> None:
+        """Open the folders.
+
+        Args:
+            folders: Data folders.
+            rate_hz: Rows per second; as many as there are images by default.
+
+        Raises:
+            DatasetError: If there is no readable dataset.
+            ConfigError: If not every row would have an image.
+        """
+        self.folders = tuple(folders)
+        self.dataset = Dataset(self.folders)
+        self.stride = _stride(self.dataset, rate_hz)
+        entries = self.dataset.episodes
+        self._entries = sorted(entries, key=lambda entry: (SPLITS.index(entry.episode.split), entry.first_sample))
+        lengths = [len(_samples(entry, self.stride)) for entry in self._entries]
+        self._first_rows = np.concatenate([[0], np.cumsum(lengths)])
+
+    @property
+    def rate_hz(self) -> int:
+        """Rows per second."""
+        return RATE_HZ // self.stride
+
+    @property
+    def dt_s(self) -> float:
+        """Time from row to row [s]."""
+        return self.stride * DT_S
+
+    @property
+    def row_count(self) -> int:
+        """Rows of all episodes."""
+        return int(self._first_rows[-1])
+
+    @property
+    def episode_count(self) -> int:
+        """Number of episodes."""
+        return len(self._entries)
+
+    def episode(self, number: int) -> ExportedEpisode:
+        """An episode by its number."""
+        entry = self._entries[number]
+        return ExportedEpisode(
+            number=number,
+            first_row=int(self._first_rows[number]),
+            entry=entry,
+            dataset=self.dataset,
+            samples=_samples(entry, self.stride),
+        )
+
+    def of_split(self, split: Split) -> range:
+        """The numbers of a split's episodes."""
+        numbers = [number for number, entry in enumerate(self._entries) if entry.episode.split is split]
+        return range(numbers[0], numbers[-1] + 1) if numbers else range(0)
+
+    def parts(self, size_bytes: int) -> list[Part]:
+        """Consecutive episodes of one split, together of about `size_bytes` of images or one episode at least."""
+        parts: list[Part] = []
+        for split in SPLITS:
+            begins = self._begins(self.of_split(split), size_bytes)
+            for position, (begin, end) in enumerate(pairwise(begins)):
+                parts.append(Part(len(parts), split, position, range(begin, end)))
+        return parts
+
+    def _begins(self, numbers: range, size_bytes: int) -> list[int]:
+        """First numbers of the parts of a split, and the end of the last one."""
+        begins, size = [], float("inf")
+        for number in numbers:
+            more = self._size_bytes(number)
+            if size + more > size_bytes:
+                begins.append(number)
+                size = 0
+            size += more
+        return [*begins, numbers.stop] if begins else []
+
+    def _size_bytes(self, number: int) -> int:
+        return int(self.dataset.image_sizes[_samples(self._entries[number], self.stride)].sum())
+
+
+def _samples(entry: EpisodeEntry, stride: int) -> npt.NDArray[np.int64]:
+    return np.arange(entry.first_sample, entry.first_sample + entry.sample_count, stride, dtype=np.int64)
+
+
+def _stride(dataset: Dataset, rate_hz: int | None) -> int:
+    """Samples from row to row, so that every row has an image."""
+    fitting = [stride for stride in range(1, RATE_HZ + 1) if RATE_HZ % stride == 0 and _all_pictured(dataset, stride)]
+    rates = [RATE_HZ // stride for stride in fitting]
+    if rate_hz is not None and rate_hz not in rates:
+        raise ConfigError(f"--rate-hz {rate_hz} does not fit these images; possible are {', '.join(map(str, rates))}.")
+    if not fitting:
+        raise ConfigError("The images of these episodes are at no common rate; export the folders one by one.")
+    return fitting[0] if rate_hz is None else RATE_HZ // rate_hz
+
+
+def _all_pictured(dataset: Dataset, stride: int) -> bool:
+    return all(bool(dataset.pictured[_samples(entry, stride)].all()) for entry in dataset.episodes)

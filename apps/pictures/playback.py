@@ -1,0 +1,79 @@
+"""A recorded episode as a film, from what was recorded of it alone: poses, commands, images, humans."""
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.apps.pictures.episode_film import EpisodeFilm
+from readygo.apps.pictures.recorded import latest_pictured, rows_of
+from readygo.apps.run.folder import RunFolder
+from readygo.common.dataset import Dataset
+from readygo.common.drawing.plan_view import map_window
+from readygo.common.errors import ReadygoError
+from readygo.common.maps import GridFrame, OccupancyMap
+from readygo.common.robot import RobotConfig
+from readygo.common.scenes import load_scene
+from readygo.common.scenes.top_view import TopView, top_view
+
+MARGIN_M = 2.0
+PIXEL_M = 0.02
+_MAP_CELL_M = 0.25
+
+
+def recorded_film(dataset: Dataset, number: int) -> EpisodeFilm:
+    """An episode as a film.
+
+    Args:
+        dataset: Recorded episodes.
+        number: Row in `dataset.episodes`.
+    """
+    entry = dataset.episodes[number]
+    rows = rows_of(entry)
+    poses = dataset.poses[rows][:, [0, 1, 3]]
+    robot = dataset.robot or RobotConfig()
+    return EpisodeFilm(
+        title=entry.episode.episode_id,
+        camera=(dataset.decode(sample) for sample in latest_pictured(dataset, rows)),
+        xyyaw=poses,
+        actions=dataset.actions[rows].astype(np.float64),
+        goal_xy_m=_goal(poses[0], dataset.goals_xy_m[rows.start]),
+        humans_xy_m=_ways(dataset.humans_of(number)),
+        human_visible=dataset.truth["human_visible"][rows],
+        replanned=dataset.truth["replanned"][rows],
+        outcome=entry.outcome.value.replace("_", " "),
+        robot_radius_m=robot.radius_m,
+        v_max_mps=robot.v_max_mps,
+        w_max_radps=robot.w_max_radps,
+    )
+
+
+def background(dataset: Dataset, number: int, data: Path) -> TopView:
+    """The scene of an episode from above if it is on this machine, else empty ground around its ways."""
+    try:
+        spec, _ = RunFolder(data).load()
+        return top_view(load_scene(Path(spec.scene_path)))
+    except ReadygoError:
+        return _empty_ground(dataset, number)
+
+
+def _empty_ground(dataset: Dataset, number: int) -> TopView:
+    film = recorded_film(dataset, number)
+    places = np.vstack([film.xyyaw[:, :2], film.goal_xy_m[None], *film.humans_xy_m])
+    low_m, high_m = places.min(axis=0) - MARGIN_M, places.max(axis=0) + MARGIN_M
+    rows, columns = np.ceil((high_m - low_m)[::-1] / _MAP_CELL_M).astype(int) + 1
+    frame = GridFrame(origin_x_m=float(low_m[0]), origin_y_m=float(low_m[1]), resolution_m=_MAP_CELL_M)
+    free = OccupancyMap(frame=frame, occupied=np.zeros((rows, columns), np.bool_))
+    return map_window(free, low_m, high_m, pixel_m=PIXEL_M)
+
+
+def _goal(pose: npt.NDArray[np.float64], goal_xy_robot_m: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
+    """A goal in the world, shape (2,), from one in the frame of a robot at x, y, yaw."""
+    (forward, left), (x, y, yaw) = goal_xy_robot_m.tolist(), pose.tolist()
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    return np.array([x + cos * forward - sin * left, y + sin * forward + cos * left])
+
+
+def _ways(humans: tuple[npt.NDArray[np.float64], ...]) -> tuple[npt.NDArray[np.float64], ...]:
+    """The way of each human, shape (T, 2), from everybody at each sample."""
+    return tuple(np.array([row[human, :2] for row in humans]) for human in range(len(humans[0])))

@@ -1,0 +1,132 @@
+"""A log's drives: where it is cut into episodes, and how odometry becomes samples at 20 Hz."""
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.apps.robot_logs.reader import Odometry
+from readygo.common.frames import goal_in_robot_frame
+from readygo.common.robot import RobotConfig, limit_command, step_unicycle
+from readygo.common.robot.kinematics import DT_S, STEP_NS
+
+GAP_NS = 500_000_000
+"""Images or poses that are further apart end an episode."""
+STILL_MPS, STILL_RADPS, STILL_S = 0.03, 0.05, 2.0
+"""A robot that is slower than this for this long ends an episode: it is at its goal."""
+GAIN_X, GAIN_Y, GAIN_YAW = 2.0, 4.0, 3.0
+"""Of the way back to the odometry [1/s, 1/m^2, 1/s]."""
+SHORTEST_S, SHORTEST_M = 2.0, 1.0
+"""Shorter episodes are left out."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Drive:
+    """One episode's motion as a unicycle makes it: each pose follows from the one before and its command."""
+
+    start_ns: int
+    """Time of the first sample in the log."""
+    xyyaw: npt.NDArray[np.float64]
+    """Pose at each sample: x, y [m], yaw [rad], shape (T, 3)."""
+    actions: npt.NDArray[np.float64]
+    """Command over the next 0.05 s: v [m/s], w [rad/s], shape (T, 2)."""
+    drift_m: float
+    """Largest distance from the odometry."""
+
+    @property
+    def times_ns(self) -> npt.NDArray[np.int64]:
+        """Time of each sample in the log, shape (T,)."""
+        return self.start_ns + STEP_NS * np.arange(len(self.xyyaw), dtype=np.int64)
+
+
+def spans(odometry: Odometry, image_times_ns: npt.NDArray[np.int64], episode_s: float) -> list[tuple[int, int]]:
+    """First and last times of the episodes of a log [ns].
+
+    Args:
+        odometry: Where the robot was.
+        image_times_ns: When images were taken, shape (N,).
+        episode_s: Longest episode [s].
+    """
+    if len(image_times_ns) == 0:
+        return []
+    first = max(int(odometry.time_ns[0]), int(image_times_ns[0]))
+    last = min(int(odometry.time_ns[-1]), int(image_times_ns[-1]))
+    times_ns = np.arange(first, last + 1, STEP_NS)
+    usable = _fresh(times_ns, odometry.time_ns) & _fresh(times_ns, image_times_ns) & ~_still(odometry, times_ns)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], usable, [False]]).astype(np.int8)))
+    longest = round(episode_s / DT_S)
+    found = []
+    for begin, end in edges.reshape(-1, 2).tolist():
+        for part in range(begin, end, longest):
+            found.append((int(times_ns[part]), int(times_ns[min(part + longest, end) - 1])))
+    return [span for span in found if _is_long_enough(odometry, *span)]
+
+
+def drive_of(odometry: Odometry, span: tuple[int, int], robot: RobotConfig) -> Drive:
+    """The motion of an episode: at every step the command that leads to where the robot was next.
+
+    A robot that slips, or outruns `robot`'s limits, leaves its odometry; `drift_m` says how far.
+    """
+    times_ns = np.arange(span[0], span[1] + 1, STEP_NS)
+    measured = _at(odometry, times_ns)
+    pose: tuple[float, float, float] = tuple(measured[0].tolist())
+    before: tuple[float, float] | None = None
+    poses, actions = [], []
+    for here, following in pairwise(measured):
+        wished = _follow(pose, here, following)
+        before = limit_command(*wished, *(before or wished), robot)
+        poses.append(pose)
+        actions.append(before)
+        pose = step_unicycle(*pose, *before)
+    xyyaw = np.array(poses)
+    drift_m = np.linalg.norm(xyyaw[:, :2] - measured[:-1, :2], axis=1).max()
+    return Drive(start_ns=span[0], xyyaw=xyyaw, actions=np.array(actions), drift_m=float(drift_m))
+
+
+def _follow(
+    pose: tuple[float, float, float], here: npt.NDArray[np.float64], following: npt.NDArray[np.float64]
+) -> tuple[float, float]:
+    """The command that goes with the odometry and leads back to it: v [m/s], w [rad/s].
+
+    Source: Kanayama et al., "A stable tracking control method for an autonomous mobile robot", ICRA 1990, equation 7.
+    """
+    turn_rad = float(following[2] - here[2])
+    heading = float(here[2]) + turn_rad / 2
+    v = float((following[:2] - here[:2]) @ (math.cos(heading), math.sin(heading))) / DT_S
+    ahead_m, left_m = goal_in_robot_frame(*pose, (float(here[0]), float(here[1])))
+    off_rad = float(here[2]) - pose[2]
+    return v * math.cos(off_rad) + GAIN_X * ahead_m, turn_rad / DT_S + v * GAIN_Y * left_m + GAIN_YAW * off_rad
+
+
+def _at(odometry: Odometry, times_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
+    """Poses at times, between the measured ones, shape (T, 3)."""
+    columns = [np.interp(times_ns, odometry.time_ns, column) for column in odometry.xyyaw.T]
+    return np.stack(columns, axis=1)
+
+
+def _fresh(times_ns: npt.NDArray[np.int64], known_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
+    """Where the newest message is young, and the next one not far."""
+    place = np.searchsorted(known_ns, times_ns, side="right") - 1
+    following = known_ns[np.minimum(place + 1, len(known_ns) - 1)]
+    return (place >= 0) & (times_ns - known_ns[place] <= GAP_NS) & (following - known_ns[place] <= GAP_NS)
+
+
+def _still(odometry: Odometry, times_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
+    """Where the robot stands, and has or will for long."""
+    poses = _at(odometry, times_ns)
+    speed = np.linalg.norm(np.gradient(poses[:, :2], DT_S, axis=0), axis=1) if len(poses) > 1 else np.zeros(len(poses))
+    turning = np.abs(np.gradient(poses[:, 2], DT_S)) if len(poses) > 1 else np.zeros(len(poses))
+    slow = (speed < STILL_MPS) & (turning < STILL_RADPS)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], slow, [False]]).astype(np.int8))).reshape(-1, 2)
+    still = np.zeros(len(times_ns), np.bool_)
+    for begin, end in edges.tolist():
+        still[begin:end] = (end - begin) * DT_S >= STILL_S
+    return still
+
+
+def _is_long_enough(odometry: Odometry, first_ns: int, last_ns: int) -> bool:
+    places = _at(odometry, np.arange(first_ns, last_ns + 1, STEP_NS))[:, :2]
+    way_m = np.linalg.norm(np.diff(places, axis=0), axis=1).sum()
+    return (last_ns - first_ns) / 1e9 >= SHORTEST_S and bool(way_m >= SHORTEST_M)

@@ -1,0 +1,161 @@
+"""What a ROS 2 log holds of a drive: rosbag2 folders and MCAP files, read by rosbags (extra `robot-logs`).
+
+Times are those of the recording, one clock for all topics.
+"""
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.errors import ConfigError, DatasetError
+from readygo.common.extras import install_command
+
+IMAGE_TYPES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+ODOMETRY_TYPE, INFO_TYPE = "nav_msgs/msg/Odometry", "sensor_msgs/msg/CameraInfo"
+JPEG_QUALITY = 95
+"""Of raw images; compressed ones stay as they are."""
+_TO_BGR = {
+    "rgb8": cv2.COLOR_RGB2BGR,
+    "mono8": cv2.COLOR_GRAY2BGR,
+    "rgba8": cv2.COLOR_RGBA2BGR,
+    "bgra8": cv2.COLOR_BGRA2BGR,
+}
+_CHANNELS = {"rgb8": 3, "bgr8": 3, "mono8": 1, "rgba8": 4, "bgra8": 4}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Odometry:
+    """Where the robot was."""
+
+    time_ns: npt.NDArray[np.int64]
+    """Rising, shape (T,)."""
+    xyyaw: npt.NDArray[np.float64]
+    """x, y [m], yaw [rad, not wrapped], shape (T, 3)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogCamera:
+    """The camera as CameraInfo has it, pixel centres at integers."""
+
+    height_px: int
+    width_px: int
+    K_px: tuple[float, ...]
+    model: str
+    distortion: tuple[float, ...]
+
+
+class RobotLog:
+    """A log that is open; `opened` opens one."""
+
+    def __init__(self, reader: Any, path: Path) -> None:
+        self._reader, self._path = reader, path
+
+    def odometry(self, topic: str) -> Odometry:
+        """All poses; those whose time does not rise are left out.
+
+        Raises:
+            DatasetError: If there are fewer than two, or one is not finite.
+        """
+        times: list[int] = []
+        poses: list[tuple[float, float, float]] = []
+        for time_ns, message in self._messages(topic, (ODOMETRY_TYPE,)):
+            if not times or time_ns > times[-1]:
+                times.append(time_ns)
+                place, turn = message.pose.pose.position, message.pose.pose.orientation
+                yaw_rad = math.atan2(2 * (turn.w * turn.z + turn.x * turn.y), 1 - 2 * (turn.y**2 + turn.z**2))
+                poses.append((place.x, place.y, yaw_rad))
+        xyyaw = np.array(poses, dtype=np.float64).reshape(-1, 3)
+        if len(xyyaw) < 2 or not np.isfinite(xyyaw).all():
+            raise DatasetError(f"{topic} of {self._path} has {len(xyyaw)} poses, or some that are not finite.")
+        xyyaw[:, 2] = np.unwrap(xyyaw[:, 2])
+        return Odometry(time_ns=np.array(times, dtype=np.int64), xyyaw=xyyaw)
+
+    def camera(self, topic: str) -> LogCamera:
+        """The first CameraInfo.
+
+        Raises:
+            DatasetError: If there is none.
+        """
+        for _, info in self._messages(topic, (INFO_TYPE,)):
+            return LogCamera(
+                height_px=int(info.height),
+                width_px=int(info.width),
+                K_px=tuple(float(value) for value in info.k),
+                model=str(info.distortion_model),
+                distortion=tuple(float(value) for value in info.d),
+            )
+        raise DatasetError(f"{topic} of {self._path} has no message.")
+
+    def image_times_ns(self, topic: str) -> npt.NDArray[np.int64]:
+        """When images were recorded, shape (N,); no image is read."""
+        connections = self._connections(topic, IMAGE_TYPES)
+        return np.array([time_ns for _, time_ns, _ in self._reader.messages(connections)], dtype=np.int64)
+
+    def images(self, topic: str, first_ns: int, last_ns: int) -> Iterator[tuple[int, bytes]]:
+        """Times and encoded images within a time.
+
+        Raises:
+            DatasetError: If an image has an encoding that is not known.
+        """
+        connections = self._connections(topic, IMAGE_TYPES)
+        for connection, time_ns, raw in self._reader.messages(connections, start=first_ns, stop=last_ns + 1):
+            yield time_ns, _encoded(self._reader.deserialize(raw, connection.msgtype), topic)
+
+    def _messages(self, topic: str, types: tuple[str, ...]) -> Iterator[tuple[int, Any]]:
+        for connection, time_ns, raw in self._reader.messages(self._connections(topic, types)):
+            yield time_ns, self._reader.deserialize(raw, connection.msgtype)
+
+    def _connections(self, topic: str, types: tuple[str, ...]) -> list[Any]:
+        there = {each.topic: each.msgtype for each in self._reader.connections}
+        found = [each for each in self._reader.connections if each.topic == topic and each.msgtype in types]
+        if not found:
+            fitting = [f"{name} ({kind})" for name, kind in there.items() if kind in types]
+            raise ConfigError(
+                f"{self._path} has no {topic} of {' or '.join(types)}; fitting topics: {', '.join(fitting) or 'none'}."
+            )
+        return found
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[RobotLog]:
+    """Open a log.
+
+    Args:
+        path: A rosbag2 folder, or an MCAP file.
+
+    Raises:
+        ConfigError: If rosbags is not installed.
+        DatasetError: If this is no log, or it is damaged.
+    """
+    try:
+        from rosbags.highlevel import AnyReader, AnyReaderError
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError as error:
+        raise ConfigError(f"Logs are read with rosbags: {install_command('robot-logs')}") from error
+    if not path.exists():
+        raise DatasetError(f"Log {path} does not exist.")
+    try:
+        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
+            yield RobotLog(reader, path)
+    except AnyReaderError as error:
+        raise DatasetError(f"{path} cannot be read as a ROS 2 log: {error}") from error
+
+
+def _encoded(message: Any, topic: str) -> bytes:
+    """The JPEG or PNG of an image message."""
+    if not hasattr(message, "encoding"):
+        return bytes(message.data)
+    channels = _CHANNELS.get(message.encoding)
+    if channels is None:
+        raise DatasetError(f"{topic} has images of encoding {message.encoding!r}; known: {', '.join(_CHANNELS)}.")
+    rows = np.frombuffer(message.data, np.uint8).reshape(message.height, message.step)
+    pixels = rows[:, : message.width * channels].reshape(message.height, message.width, channels)
+    bgr = pixels if message.encoding == "bgr8" else cv2.cvtColor(pixels, _TO_BGR[message.encoding])
+    return bytes(cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1].tobytes())

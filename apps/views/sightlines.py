@@ -1,0 +1,35 @@
+"""How far one sees in a scene, on its map."""
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.maps import GridFrame
+
+Cells = npt.NDArray[np.bool_]
+Floats = npt.NDArray[np.float64]
+
+
+def sight_m(opaque: Cells, frame: GridFrame, xy_m: Floats, bearings_rad: Floats, *, far_m: float = 4.0) -> Floats:
+    """How far one sees from places along bearings [m].
+
+    Args:
+        opaque: Cells that hide what is behind, shape (H, W).
+        frame: Where they lie.
+        xy_m: Places, shape (N, 2).
+        bearings_rad: Shape (B,).
+        far_m: No farther than this.
+
+    Returns:
+        Shape (N, B).
+    """
+    steps_m = np.arange(0.1, far_m, frame.resolution_m)
+    way = np.stack([np.cos(bearings_rad), np.sin(bearings_rad)], axis=1)[:, None] * steps_m[:, None]
+    corner = np.array([frame.origin_x_m, frame.origin_y_m])
+    rows, columns = opaque.shape
+    out = np.empty((len(xy_m), len(bearings_rad)))
+    for number, place in enumerate(xy_m):
+        cell = np.floor((place + way - corner) / frame.resolution_m).astype(np.int64)
+        j, i = np.clip(cell[..., 0], 0, columns - 1), np.clip(cell[..., 1], 0, rows - 1)
+        hit = opaque[i, j]
+        out[number] = np.where(hit.any(axis=1), steps_m[np.argmax(hit, axis=1)], far_m)
+    return out

@@ -1,0 +1,119 @@
+"""What a run shows while it goes on; docs/live.md is the page for those who watch.
+
+All of it is lossy, none of it is recorded, and nobody makes any of it while nobody listens.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.messages.checks import check_array
+from readygo.common.messages.episode import EpisodeKey
+from readygo.common.messages.plan import Driver, Outcome
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LivePreview:
+    """The newest image of an episode that is being made."""
+
+    episode: EpisodeKey
+    time_ns: int
+    """Simulated time since the episode began [ns]."""
+    format: str
+    """"jpeg" or "png"."""
+    image: bytes
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LiveState:
+    """Where everybody is in an episode that is being made."""
+
+    episode: EpisodeKey
+    time_ns: int
+    """Simulated time since the episode began [ns]."""
+    sample: int
+    sample_count: int
+    driver: Driver
+    goal_xy_m: tuple[float, float]
+    """In the world [m]."""
+    robot_xyzyaw: tuple[float, float, float, float]
+    """On the floor: x, y, z [m], yaw [rad]."""
+    v_mps: float
+    w_radps: float
+    humans_xyzyaw: tuple[tuple[float, float, float, float], ...]
+    """On the floor: x, y, z [m], yaw [rad]."""
+    human_visible: bool
+    human_distance_m: float
+    """Infinite without humans."""
+    time_to_collision_s: float
+    replanned: bool
+    horizontal_fov_rad: float
+    """Of the robot's camera."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class LivePlan:
+    """What the expert planned for an episode."""
+
+    episode: EpisodeKey
+    outcome: Outcome
+    goal_xy_m: tuple[float, float]
+    robot_xyyaw: npt.NDArray[np.float32]
+    """Way of the robot, five poses a second: x, y [m], yaw [rad], shape (T, 3)."""
+    replanned: npt.NDArray[np.bool_]
+    """True where it planned anew since the pose before, shape (T,)."""
+    humans_xy_m: tuple[npt.NDArray[np.float32], ...]
+    """Ways of the humans, five points a second, shape (T_h, 2) each; they stand at the last one."""
+
+    def __post_init__(self) -> None:
+        check_array("robot_xyyaw", self.robot_xyyaw, np.float32, (None, 3))
+        check_array("replanned", self.replanned, np.bool_, (len(self.robot_xyyaw),))
+        for way in self.humans_xy_m:
+            check_array("humans_xy_m", way, np.float32, (None, 2))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LiveWork:
+    """What a worker does, said when it begins or ends it."""
+
+    stage: str
+    episode: EpisodeKey
+    attempt: int
+    begins: bool
+    cpu_s: float
+    """CPU time of its process so far [s]."""
+    memory_bytes: int
+    """Memory of its process, at most so far."""
+    rejected: str = ""
+    """Why the stage rejected the episode."""
+    failed: str = ""
+    """The worker's error."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LiveCommit:
+    """An episode that is durable now; its samples are on `train/episodes`."""
+
+    episode: EpisodeKey
+    attempt: int
+    outcome: Outcome
+    driver: Driver
+    policy: str
+    """See `EpisodeHeader.policy`."""
+    sample_count: int
+    shard: str
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LiveLoss:
+    """How far a trainer is, as the last entry of its history has it."""
+
+    steps: int
+    samples: int
+    """Samples learned from so far."""
+    train_loss: float
+    validation_loss: float
+    """On episodes that are held out."""
+    success_rate: float | None = None
+    """In closed loop, where it was measured."""

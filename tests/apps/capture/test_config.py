@@ -1,0 +1,38 @@
+import numpy as np
+import pytest
+
+from readygo.apps.capture.config import CaptureConfig, phone_camera
+from readygo.common.camera.lens import make_lens
+from readygo.common.errors import ConfigError
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"seconds": 1.0}, "2 s at least"),
+        ({"fps": 0}, "1 to 60 frames"),
+        ({"seconds": 600.0, "fps": 30}, "18000 frames are more than 3000"),
+        ({"marker_size_m": -0.1}, "marker's size"),
+        ({"sub_frames": 1}, "2 to 64 sub-frames"),
+        ({"width_px": 641}, "even sides"),
+    ],
+)
+def test_what_makes_no_film_is_refused(values: dict[str, object], words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        CaptureConfig(**values)
+
+
+def test_images_that_are_too_large_are_refused() -> None:
+    with pytest.raises(ConfigError, match=r"image size must be 8\.\.4095 px"):
+        phone_camera(CaptureConfig(width_px=8000))
+
+
+def test_telephone_bends_lines_a_little_and_has_a_shutter_only_if_asked() -> None:
+    still, moving = phone_camera(CaptureConfig()), phone_camera(CaptureConfig(sub_frames=4))
+    lens = make_lens(still)
+    corner = lens.rays(np.array([[640.0, 480.0]]))[0]
+    straight = (np.array([640.0, 480.0]) - still.K_px[:2, 2]) / still.K_px[0, 0]
+    assert 0.001 < np.abs(corner / straight - 1.0).max() < 0.05
+    assert still.exposure_s == still.readout_s == 0.0
+    assert moving.exposure_s > 0.0
+    assert moving.readout_s > 0.0

@@ -1,0 +1,47 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from readygo.apps.export.source import Source
+from readygo.common.errors import ConfigError
+from readygo.common.messages import Split
+
+
+def test_training_comes_first_and_every_row_has_a_number(source: Source) -> None:
+    assert [len(source.episode(number)) for number in range(source.episode_count)] == [21, 10, 6]
+    assert [source.episode(number).first_row for number in range(3)] == [0, 21, 31]
+    assert (source.row_count, source.rate_hz, source.dt_s) == (37, 20, 0.05)
+    assert source.of_split(Split.VAL) == range(2, 3)
+    assert source.of_split(Split.TEST) == range(0)
+
+
+def test_parts_hold_one_split_each_and_about_as_much_as_asked(source: Source) -> None:
+    def spread(size_bytes: int) -> list[tuple[str, int, range]]:
+        return [(part.split.value, part.number_in_split, part.episodes) for part in source.parts(size_bytes)]
+
+    assert spread(10**9) == [("train", 0, range(0, 2)), ("val", 0, range(2, 3))]
+    assert spread(1) == [("train", 0, range(0, 1)), ("train", 1, range(1, 2)), ("val", 0, range(2, 3))]
+
+
+def test_at_a_lower_rate_a_rows_action_is_the_mean_until_the_next(data: Path) -> None:
+    source = Source([data], 5)
+    episode = source.episode(0)
+    actions = source.dataset.actions[episode.entry.first_sample :][:21]
+    assert len(episode) == 6
+    np.testing.assert_allclose(episode.columns["action"][1], actions[4:8].mean(axis=0), rtol=1e-6)
+    np.testing.assert_allclose(episode.columns["action"][-1], actions[20], rtol=1e-6)
+    np.testing.assert_array_equal(episode.columns["velocity"][2], episode.columns["action"][1])
+    assert episode.columns["velocity"][0].tolist() == [0.0, 0.0]
+    assert episode.columns["is_last"].tolist() == [False] * 5 + [True]
+
+
+def test_images_are_the_recorded_bytes(source: Source) -> None:
+    episode = source.episode(2)
+    assert list(episode.images()) == [source.dataset.image(int(sample)) for sample in episode.samples]
+
+
+@pytest.mark.parametrize("rate_hz", [3, 40, 0])
+def test_rate_without_an_image_at_every_row_is_refused(data: Path, rate_hz: int) -> None:
+    with pytest.raises(ConfigError, match="possible are 20, 10, 5, 4, 2, 1"):
+        Source([data], rate_hz)

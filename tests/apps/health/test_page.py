@@ -1,0 +1,70 @@
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from readygo.apps.health.page import CLARITY, FILMED, HELD_OUT, SIGHT, TOP, VIEWS, health_page
+from tests.apps.health.scenes import MADE
+from tests.apps.pages.browser import CHROMIUM, NO_CHROMIUM, assert_readable, browser
+
+PICTURES = {name: np.full((600, 2000, 3), 90, np.uint8) for name in (TOP, VIEWS, CLARITY, SIGHT, FILMED, HELD_OUT)}
+
+
+def numbers(**changes: Any) -> dict[str, Any]:
+    held_out = {**MADE["training"], "images": MADE["training"]["held_out"]}
+    return {
+        "name": "<lobby>",
+        "content_hash": "ab" * 32,
+        "license": "",
+        "scale": MADE["scale"],
+        "registered": MADE["verdict"],
+        "cameras": 38,
+        "held_out": held_out,
+        "filmed": {"share_median": 0.8, "filmed_m2": 12.0, "share_min": 0.5, "closed": True},
+        "unwanted": {"floaters": {"count": 12, "share": 0.01}},
+        "floor_holes": {"count": 2, "total_m2": 0.5, "largest_m2": 0.3},
+        "floor": {"low_m": -0.01, "high_m": 0.02, "tilt_deg": 0.7, "roughness_m": 0.012},
+        "open_share": 0.12,
+        "opacity_below_0p1_share": 0.2,
+        "gaussians": 150_000,
+        "robot": {"reachable_m2": 14.0},
+        "views": {"coverage_median": 0.9},
+        "findings": ["its floor <leans>."],
+        **changes,
+    }
+
+
+def test_page_tells_where_the_scale_comes_from_and_how_exact_it_is() -> None:
+    html = health_page(numbers(), PICTURES)
+    assert "Health of &lt;lobby&gt;" in html
+    assert "+-0.22 %" in html
+    assert "marker 0 of 0.2 m" in html
+    assert "38 of 40" in html
+    assert "25.5 dB" in html
+    assert "its floor &lt;leans&gt;." in html
+    assert "12 mm" in html
+
+
+def test_what_is_not_known_is_left_out() -> None:
+    plain = {"metres_per_unit": 1.0, "source": "as in the file", "interval_percent": None}
+    html = health_page(numbers(scale=plain, registered=None, held_out=None, filmed=None, findings=[]), {})
+    assert "Held-out" not in html
+    assert "What was filmed" not in html
+    assert "Nothing looks wrong" in html
+    assert "unknown" in html
+
+
+def test_ground_that_is_not_closed_is_said() -> None:
+    filmed = {"share_median": 0.8, "filmed_m2": 12.0, "share_min": 0.5, "closed": False}
+    assert "nothing is closed" in health_page(numbers(filmed=filmed), PICTURES)
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason=NO_CHROMIUM)
+def test_page_reads_well_on_telephones(tmp_path: Path) -> None:
+    (tmp_path / "page.html").write_text(health_page(numbers(), PICTURES))
+    with browser(tmp_path / "profile") as chromium:
+        for width_px in (400, 1280):
+            chromium.open(tmp_path / "page.html", width_px)
+            assert_readable(chromium, width_px)
+    assert chromium.complaints == []
