@@ -131,5 +131,5 @@ def _version(package: str) -> str:
 
 def _optional_files() -> Iterator[Finding]:
     """Files that licenses keep out of readygo: the commands that take them name them."""
-    yield Finding("SMPL model", None, "optional; `readygo avatar import --smpl-model FILE` takes one")
+    yield Finding("SMPL model", None, "optional; `readygo avatar import --smpl FILE` takes one")
     yield Finding("PriorMDM", None, "optional; [animator] of a run's settings names code and checkpoint")
