@@ -27,7 +27,7 @@ def scene_train(
     side_px: int | None = None,
     hold_out: int | None = None,
     method: Literal["gradients", "mcmc"] | None = None,
-    surfaces: bool | None = None,
+    surfaces: bool = False,
     neighbour_distance_m: float | None = None,
     bare_walls: bool = False,
     seed: int = 0,
@@ -61,7 +61,7 @@ def scene_train(
         side_max_px=side_px,
         hold_out=hold_out,
         density={"count_max": gaussians, "method": method},
-        geometry={"enabled": surfaces, "distance_max_m": neighbour_distance_m},
+        geometry={"enabled": surfaces or None, "distance_max_m": neighbour_distance_m},
     )
     config = replace(weak_texture(config) if bare_walls else config, seed=seed)
     notes = Console(stderr=True, highlight=False)
