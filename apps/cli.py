@@ -207,7 +207,7 @@ def _with_bare_values(hints: Mapping[str, Any], argv: Sequence[str]) -> list[str
         if isinstance(said, Bare)
     }
     words = []
-    for word, after in zip(argv, [*argv[1:], "--"], strict=True):
+    for word, after in zip(argv, [*argv, "--"][1:], strict=True):
         words.append(f"{word}={bare[word]}" if word in bare and after.startswith("-") else word)
     return words
 

@@ -74,6 +74,9 @@ def test_file_travels_with_the_run_and_is_part_of_what_the_run_is(exported: Path
     folder = RunFolder(tmp_path / "out")
     with folder.locked():
         folder.save(spec, 5)
+    folder.check(spec_of())
+    # Data bind the folder to their run.
+    folder.ledger.touch()
     folder.check(spec)
     with pytest.raises(RunError, match="scenarios differ"):
         folder.check(spec_of())
