@@ -45,6 +45,12 @@ class PosesConfig:
     def __post_init__(self) -> None:
         check_ranges(self)
 
+    def mapper_of(self, count: int) -> Literal["incremental", "global"]:
+        """The mapper for so many images."""
+        if self.mapper == "auto":
+            return "incremental" if count <= self.incremental_max else "global"
+        return self.mapper
+
 
 @dataclass(frozen=True, kw_only=True)
 class MetricConfig:

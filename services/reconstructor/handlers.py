@@ -15,7 +15,7 @@ import numpy as np
 from readygo.common.config import section_to_mapping
 from readygo.common.drawing.files import write_png
 from readygo.common.errors import ConfigError, SceneError
-from readygo.services.reconstructor.config import ReconstructorConfig
+from readygo.services.reconstructor.config import PosesConfig, ReconstructorConfig
 from readygo.services.reconstructor.drawing import draw_map
 from readygo.services.reconstructor.frames.photos import photo_files, prepare_photos
 from readygo.services.reconstructor.frames.video import extract_frames
@@ -247,6 +247,7 @@ def make_map(
         SceneError: If the map must not be used; the message has advice.
     """
     database = out / MATCHES / DATABASE_FILE
+    few_matches = False
     if source.kind == "colmap":
         model = colmap.find_model(source.path)
         assert model is not None
@@ -255,30 +256,48 @@ def make_map(
         name = str(model.resolve())
     else:
         asked = len(frames["names"])
-        models = colmap.build_maps(database, out / FRAMES, folder, config.poses, count=asked, with_tags=bool(sightings))
+        models, few_matches = _maps(database, out / FRAMES, folder, config.poses, count=asked, tags=bool(sightings))
         if not models:
             nothing = replace(_NOTHING, images=asked)
             raise SceneError(str(refusal(nothing, registered_min=config.poses.registered_min)))
         models = _joined(models, database, out / FRAMES, sightings, config)
-        model, sizes, name = models[0], colmap.piece_sizes(models), models[0].name
+        model, sizes, name = models[0], colmap.piece_sizes(models), str(models[0].relative_to(folder))
     images = colmap.read_map(model)
     verdict = judge(images, asked=asked, components=sizes, sequential=_in_order(source.kind, asked, config))
     reason = refusal(verdict, registered_min=config.poses.registered_min)
-    if not reason and source.kind != "colmap" and not sightings and verdict.points_per_image < DOUBTFUL_POINTS:
-        reason = _contradiction(images, database, out / FRAMES, folder, config)
+    doubtful = few_matches or verdict.points_per_image < DOUBTFUL_POINTS
+    if not reason and source.kind != "colmap" and not sightings and doubtful:
+        reason = _contradiction(images, database, out / FRAMES, folder, config.poses, few_matches=few_matches)
     if reason:
         raise SceneError(reason)
     return {"model": name, "verdict": {**asdict(verdict), "components": list(sizes)}}
 
 
+def _maps(
+    database: Path, photos: Path, folder: Path, config: PosesConfig, *, count: int, tags: bool
+) -> tuple[list[Path], bool]:
+    """The maps, the largest first, and whether they are a second attempt.
+
+    Where too few images have a pose, a second attempt takes those with fewer matches too. These can be chance, so what
+    comes of it must come out the same with other seeds.
+    """
+    models = colmap.build_maps(database, photos, folder, config, count=count, few_matches=tags)
+    enough = sum(colmap.piece_sizes(models[:1])) >= config.registered_min * count
+    if enough or tags or config.mapper_of(count) == "global":
+        return models, False
+    again = folder / "few_matches"
+    again.mkdir()
+    return colmap.build_maps(database, photos, again, config, count=count, few_matches=True) or models, True
+
+
 def _contradiction(
-    images: PosedImages, database: Path, photos: Path, folder: Path, config: ReconstructorConfig
+    images: PosedImages, database: Path, photos: Path, folder: Path, config: PosesConfig, *, few_matches: bool
 ) -> str | None:
     """Why a map must not be used that comes out differently with other seeds."""
     for number in range(1, REPEATS + 1):
         with TemporaryDirectory(dir=folder) as other:
-            again = replace(config.poses, seed=config.poses.seed + number)
-            models = colmap.build_maps(database, photos, Path(other), again, count=len(images.names))
+            again, count = replace(config, seed=config.seed + number), len(images.names)
+            models = colmap.build_maps(database, photos, Path(other), again, count=count, few_matches=few_matches)
             reason = disagreement(images, colmap.read_map(models[0]) if models else None)
         if reason:
             return f"The images share too little to tell how they lie: {reason}. {ADVICE}"

@@ -148,7 +148,7 @@ def _append_keypoints(db: Any, image_id: int, pixels: Array) -> tuple[int, Array
 
 
 def build_maps(
-    database: Path, images: Path, folder: Path, config: PosesConfig, *, count: int, with_tags: bool = False
+    database: Path, images: Path, folder: Path, config: PosesConfig, *, count: int, few_matches: bool = False
 ) -> list[Path]:
     """Find poses and points.
 
@@ -158,17 +158,15 @@ def build_maps(
         folder: Where the models are written, a folder each.
         config: How.
         count: Images there are.
-        with_tags: Whether points of markers are among the features.
+        few_matches: Whether an image that is held by one marker, or by as little, has a pose too; the global mapper
+            does not heed it.
 
     Returns:
         The models, that with the most images first.
     """
     colmap = pycolmap()
     colmap.set_random_seed(config.seed)
-    kind = config.mapper
-    if kind == "auto":
-        kind = "incremental" if count <= config.incremental_max else "global"
-    if kind == "global":
+    if config.mapper_of(count) == "global":
         options = colmap.GlobalPipelineOptions()
         options.random_seed, options.num_threads = config.seed, config.threads or -1
         found = colmap.global_mapping(database, images, folder, options)
@@ -178,8 +176,8 @@ def build_maps(
         options.triangulation.random_seed = options.mapper.random_seed = config.seed
         # Small pieces are made too, so that the verdict can count them.
         options.min_model_size = 2
-        if with_tags:
-            # An image with little texture is held by one marker; without markers so few matches are chance.
+        if few_matches:
+            # The points of one marker are 16. So few matches of texture can be chance.
             options.mapper.init_min_num_inliers, options.mapper.abs_pose_min_num_inliers = 60, 14
         found = colmap.incremental_mapping(database, images, folder, options)
     order = sorted(found, key=lambda number: (-found[number].num_reg_images(), number))

@@ -1,5 +1,8 @@
 """Cameras that walk around a marker on a floor, with what they see of points, exactly or with noise."""
 
+from pathlib import Path
+
+import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -98,3 +101,34 @@ def some_similarity() -> Similarity:
 def marker_at(xyz_m: tuple[float, float, float] = (0.0, 0.0, 0.0), size_m: float = 0.2) -> Array:
     """Corners of a marker that lies flat [m]."""
     return square_corners_m(size_m) + np.array(xyz_m)
+
+
+def synthetic_database(folder: Path, *, matches_of_last: int = 80) -> None:
+    """A database of features that match exactly, the map that they come from, and five images without content.
+
+    Args:
+        folder: Where `database.db`, `sparse/` and `images/` are written.
+        matches_of_last: Of the last image with each other one, of the same points; others have 80.
+    """
+    import pycolmap
+
+    options = pycolmap.SyntheticDatasetOptions()
+    options.num_rigs, options.num_cameras_per_rig, options.num_frames_per_rig, options.num_points3D = 1, 1, 5, 80
+    options.camera_width, options.camera_height, options.camera_params = 160, 120, [150.0, 80.0, 60.0, 0.02]
+    pycolmap.set_random_seed(0)
+    with pycolmap.Database.open(folder / "database.db") as db:
+        rec = pycolmap.synthesize_dataset(options, db)
+        *others, last = sorted(rec.images)
+        for other in others:
+            geometry = db.read_two_view_geometry(other, last)
+            rows = geometry.inlier_matches
+            geometry.inlier_matches = rows[rows[:, 1].argsort()[:matches_of_last]]
+            db.delete_two_view_geometry(other, last)
+            db.write_two_view_geometry(other, last, geometry)
+    (folder / "sparse").mkdir()
+    rec.write(folder / "sparse")
+    for image in rec.images.values():
+        path = folder / "images" / image.name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        cv2.imwrite(str(path.with_suffix(".png")), np.full((120, 160, 3), 90, np.uint8))
+        path.with_suffix(".png").rename(path)

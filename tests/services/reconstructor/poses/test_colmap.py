@@ -1,35 +1,17 @@
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
 from readygo.services.reconstructor.config import PosesConfig
 from readygo.services.reconstructor.poses.colmap import build_maps, find_model, read_map, write_undistorted
-from tests.services.reconstructor.synthetic import some_similarity
+from tests.services.reconstructor.synthetic import some_similarity, synthetic_database
 
 pycolmap = pytest.importorskip("pycolmap", reason="pycolmap is not installed")
 
 
-def synthetic(folder: Path) -> None:
-    """A database of features that match exactly, the map that they come from, and images without content."""
-    options = pycolmap.SyntheticDatasetOptions()
-    options.num_rigs, options.num_cameras_per_rig, options.num_frames_per_rig, options.num_points3D = 1, 1, 5, 80
-    options.camera_width, options.camera_height, options.camera_params = 160, 120, [150.0, 80.0, 60.0, 0.02]
-    pycolmap.set_random_seed(0)
-    with pycolmap.Database.open(folder / "database.db") as db:
-        rec = pycolmap.synthesize_dataset(options, db)
-    (folder / "sparse").mkdir()
-    rec.write(folder / "sparse")
-    for image in rec.images.values():
-        path = folder / "images" / image.name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        cv2.imwrite(str(path.with_suffix(".png")), np.full((120, 160, 3), 90, np.uint8))
-        path.with_suffix(".png").rename(path)
-
-
 def test_map_is_read_moved_and_undistorted(tmp_path: Path) -> None:
-    synthetic(tmp_path)
+    synthetic_database(tmp_path)
     model = find_model(tmp_path)
     assert model == tmp_path / "sparse"
     images = read_map(model)
@@ -48,6 +30,6 @@ def test_map_is_read_moved_and_undistorted(tmp_path: Path) -> None:
 
 
 def test_map_is_found_from_matches(tmp_path: Path) -> None:
-    synthetic(tmp_path)
+    synthetic_database(tmp_path)
     models = build_maps(tmp_path / "database.db", tmp_path / "images", tmp_path, PosesConfig(threads=1), count=5)
     assert len(read_map(models[0]).names) == 5
