@@ -40,14 +40,26 @@ def write_film(path: Path, frames: Iterable[Picture], *, fps: int = RATE_HZ) -> 
     pictures = iter(frames)
     first = next(pictures)
     with unfinished(path) as part:
-        writer = _writer(part, codecs, (first.shape[1], first.shape[0]), fps)
+        writer, count = _writer(part, codecs, (first.shape[1], first.shape[0]), fps), 0
         try:
             for picture in itertools.chain([first], pictures):
                 writer.write(np.ascontiguousarray(picture[:, :, ::-1]))
+                count += 1
         finally:
             writer.release()
-        if not part.exists() or part.stat().st_size == 0:
-            raise ReadygoError(f"OpenCV {cv2.__version__} cannot write {path}; {_INSTALL}.")
+        # OpenCV says nothing of what it could not write.
+        held = _pictures_in(part)
+        if held < count:
+            raise ReadygoError(f"{path} cannot be written: {held} of {count} pictures are in it. Is the disk full?")
+
+
+def _pictures_in(path: Path) -> int:
+    """How many pictures of a film can be played."""
+    capture, count = cv2.VideoCapture(str(path)), 0
+    while capture.grab():
+        count += 1
+    capture.release()
+    return count
 
 
 def _writer(path: Path, codecs: Iterable[str], size: tuple[int, int], fps: int) -> Any:

@@ -1,5 +1,6 @@
 """Films are written whole, at the simulation's pace, or not at all."""
 
+import os
 from pathlib import Path
 
 import cv2
@@ -47,3 +48,26 @@ def test_folder_that_cannot_be_made_is_reported(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(ReadygoError, match="cannot be written"):
         write_film(tmp_path / "file" / "film.mp4", [np.zeros((48, 64, 3), np.uint8)])
+
+
+def test_film_that_is_cut_short_is_no_film(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Full:
+        """Writes to a disk that is full after a while."""
+
+        def __init__(self, path: str, *arguments: object) -> None:
+            self.path, self.writer = Path(path), whole(path, *arguments)
+
+        def __getattr__(self, name: str) -> object:
+            return getattr(self.writer, name)
+
+        def release(self) -> None:
+            self.writer.release()
+            os.truncate(self.path, self.path.stat().st_size // 2)
+
+    whole = cv2.VideoWriter
+    monkeypatch.setattr(cv2, "VideoWriter", Full)
+    Full.fourcc = staticmethod(whole.fourcc)
+    noise = np.random.default_rng(0).integers(0, 255, (20, 48, 64, 3), np.uint8)
+    with pytest.raises(ReadygoError, match=r"of 20 pictures are in it\. Is the disk full"):
+        write_film(tmp_path / "film.webm", list(noise))
+    assert list(tmp_path.iterdir()) == []
