@@ -62,20 +62,22 @@ class Gate(NamedTuple):
         return bool(self.low <= self.value <= self.high)
 
 
-def bench_motion(*, avatar: str = "", style: float = 1.0, mocap: Path = MOCAP, json: bool = False) -> None:
+def bench_motion(*, avatar: str = "", style: float = 1.0, mocap: Path | None = None, json: bool = False) -> None:
     """Measure how human the gait is, on straight, curved, interrupted and turning paths.
 
     Args:
         avatar: An embedded avatar's name, or an avatar file; empty is the first embedded one.
         style: How much people differ, 0 to 1.
-        mocap: Folder of CMU's 02.asf, 02_01.amc, 02_02.amc and 02_03.amc.
+        mocap: Folder of CMU's 02.asf, 02_01.amc, 02_02.amc and 02_03.amc; by default shared/data/motion/cmu beside the
+            project, if it is there.
         json: Print one JSON object instead of a table.
     """
     body = _avatar(avatar)
     gates = [*path_gates(body, style), *steady_gates(body), *run_gates(body, style), *feature_gates(body)]
-    gates += mocap_gates(body, mocap) if mocap.is_dir() else []
+    folder = mocap or MOCAP
+    gates += mocap_gates(body, folder) if folder.is_dir() else []
     gates.append(Gate("ms_per_10s", cost_ms(body), 0.0, 60.0))
-    mocap_note = "present" if mocap.is_dir() else "absent"
+    mocap_note = "present" if folder.is_dir() else "absent"
     if json:
         rows = [{**gate._asdict(), "held": gate.held} for gate in gates]
         result: dict[str, Any] = {"avatar": body.name, "mocap": mocap_note, "gates": rows}
