@@ -19,6 +19,7 @@ from readygo.common.robot.kinematics import RATE_HZ
 CODECS = {".webm": ("VP80",), ".mp4": ("avc1", "vp09")}
 """What browsers play, by the ending of the file, the first that can be written. OpenCV's own builds lack H.264 (avc1);
 VP9 then takes five times as long as VP8 in a .webm, and as many bytes."""
+_LOG_ERRORS = cv2.utils.logging.LOG_LEVEL_ERROR
 _INSTALL = "install opencv-python-headless from PyPI"
 
 
@@ -41,14 +42,17 @@ def write_film(path: Path, frames: Iterable[Picture], *, fps: int = RATE_HZ) -> 
     first = next(pictures)
     with unfinished(path) as part:
         writer, count = _writer(part, codecs, (first.shape[1], first.shape[0]), fps), 0
+        # What it cannot write raises nothing and is logged for every picture: it is seen below.
+        level = cv2.utils.logging.setLogLevel(_LOG_ERRORS)
         try:
             for picture in itertools.chain([first], pictures):
                 writer.write(np.ascontiguousarray(picture[:, :, ::-1]))
                 count += 1
         finally:
             writer.release()
-        # OpenCV says nothing of what it could not write.
-        held = _pictures_in(part)
+            cv2.utils.logging.setLogLevel(level)
+        with _quiet_libraries():
+            held = _pictures_in(part)
         if held < count:
             raise ReadygoError(f"{path} cannot be written: {held} of {count} pictures are in it. Is the disk full?")
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-gymnasium = pytest.importorskip("gymnasium")
+gymnasium = pytest.importorskip("gymnasium", reason="gymnasium (extra gym) is not installed")
 
 
 @pytest.mark.filterwarnings("ignore:.*For Box action spaces.*")

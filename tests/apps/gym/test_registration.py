@@ -1,6 +1,6 @@
 import pytest
 
-gymnasium = pytest.importorskip("gymnasium")
+gymnasium = pytest.importorskip("gymnasium", reason="gymnasium (extra gym) is not installed")
 
 
 def test_registered_once_however_often_it_is_asked_for():

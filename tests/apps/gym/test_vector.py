@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-gymnasium = pytest.importorskip("gymnasium")
+gymnasium = pytest.importorskip("gymnasium", reason="gymnasium (extra gym) is not installed")
 
 
 def test_robots_drive_side_by_side_and_begin_again_when_they_have_ended():

@@ -2,8 +2,9 @@ import math
 
 import pytest
 
-torch = pytest.importorskip("torch")
-attention = pytest.importorskip("readygo.services.evaluator.networks.attention")
+torch = pytest.importorskip("torch", reason="torch is not installed")
+
+from readygo.services.evaluator.networks import attention  # noqa: E402
 
 
 def test_places_are_encoded_as_sines_and_cosines():

@@ -8,8 +8,9 @@ import pytest
 
 from readygo.common.errors import PolicyError
 
-torch = pytest.importorskip("torch")
-checkpoint = pytest.importorskip("readygo.services.evaluator.networks.checkpoint")
+torch = pytest.importorskip("torch", reason="torch is not installed")
+
+from readygo.services.evaluator.networks import checkpoint  # noqa: E402
 
 
 class Small(torch.nn.Module):

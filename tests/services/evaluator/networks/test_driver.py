@@ -7,7 +7,7 @@ from readygo.services.evaluator.networks.driver import NetworkDriver, steer
 from tests.services.evaluator.baselines.driving import drive
 from tests.services.evaluator.conftest import ROBOT
 
-torch = pytest.importorskip("torch")
+torch = pytest.importorskip("torch", reason="torch is not installed")
 
 
 def test_controller_reaches_the_waypoint_in_a_quarter_second():

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
-torch = pytest.importorskip("torch")
-models = pytest.importorskip("readygo.services.evaluator.networks.models")
+torch = pytest.importorskip("torch", reason="torch is not installed")
+
+from readygo.services.evaluator.networks import models  # noqa: E402
 
 KEYS = Path(__file__).resolve().parents[4] / ".." / "shared" / "facts" / "nav_state_keys.json"
 COUNTS = {"gnm": 8_663_797, "vint": 29_662_397, "nomad": 19_049_675}
@@ -26,7 +27,7 @@ def test_parameters_are_as_many_as_published(networks, name):
 @pytest.mark.parametrize("name", COUNTS)
 def test_names_and_shapes_are_those_of_the_published_weights(networks, name):
     if not KEYS.is_file():
-        pytest.skip("the list of names and shapes is not here")
+        pytest.skip("the published names and shapes (../shared/facts/nav_state_keys.json) are not on this machine")
     published = json.loads(KEYS.read_text())[name]
     assert {key: list(tensor.shape) for key, tensor in networks[name].state_dict().items()} == published
 

@@ -1,7 +1,8 @@
 import pytest
 
-torch = pytest.importorskip("torch")
-unet = pytest.importorskip("readygo.services.evaluator.networks.unet")
+torch = pytest.importorskip("torch", reason="torch is not installed")
+
+from readygo.services.evaluator.networks import unet  # noqa: E402
 
 
 def test_schedule_is_the_published_one():
