@@ -13,7 +13,8 @@ from typing import Any
 
 from readygo.apps.capture.compare import pose_errors
 from readygo.apps.capture.truth import read_truth
-from readygo.common.errors import ReadygoError, SceneError
+from readygo.benchmarks.reconstruction.rows import print_row
+from readygo.common.errors import SceneError
 from readygo.services.reconstructor.handlers import POSED, REPORT_FILE
 from readygo.services.reconstructor.poses import colmap
 
@@ -41,17 +42,7 @@ def main() -> int:
     parser.add_argument("job", type=Path, help="folder of `readygo scene poses`")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     arguments = parser.parse_args()
-    try:
-        row = measured(arguments.truth, arguments.job)
-    except ReadygoError as error:
-        sys.stderr.write(f"Error: {error}\n")
-        return 2
-    if arguments.json:
-        print(json.dumps(row))
-        return 0
-    for name, value in row.items():
-        print(f"{name:>18}  {value}")
-    return 0
+    return print_row(lambda: measured(arguments.truth, arguments.job), as_json=arguments.json)
 
 
 if __name__ == "__main__":

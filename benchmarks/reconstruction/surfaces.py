@@ -10,7 +10,6 @@ within the part that was filmed, as the found scene's own map has it.
 """
 
 import argparse
-import json
 import sys
 from pathlib import Path
 from typing import Any
@@ -20,8 +19,9 @@ import numpy.typing as npt
 from scipy import ndimage
 
 from readygo.apps.capture.truth import Truth, read_truth
+from readygo.benchmarks.reconstruction.rows import print_row
 from readygo.common.camera import CameraConfig
-from readygo.common.errors import ReadygoError, SceneError
+from readygo.common.errors import SceneError
 from readygo.common.maps.distance import clearance_m
 from readygo.common.maps.occupancy import OccupancyMap
 from readygo.common.rasterizer.interface import View
@@ -131,19 +131,13 @@ def main() -> int:
     parser.add_argument("--every", type=int, default=3, help="compare each n-th camera")
     parser.add_argument("--json", action="store_true", help="print one JSON object")
     arguments = parser.parse_args()
-    try:
+
+    def measure() -> dict[str, Any]:
         truth = read_truth(arguments.truth)
         filmed = load_scene(arguments.filmed or Path(truth.content["scene"]["path"]))
-        row = measured(truth, filmed, load_scene(arguments.scene), arguments.every)
-    except ReadygoError as error:
-        sys.stderr.write(f"Error: {error}\n")
-        return 2
-    if arguments.json:
-        print(json.dumps(row))
-        return 0
-    for name, value in row.items():
-        print(f"{name:>18}  {value}")
-    return 0
+        return measured(truth, filmed, load_scene(arguments.scene), arguments.every)
+
+    return print_row(measure, as_json=arguments.json)
 
 
 if __name__ == "__main__":
