@@ -21,7 +21,7 @@ from readygo.apps.run.aside import keep_scenario
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.identity import numeric_class
 from readygo.apps.run.policy import check_offer
-from readygo.apps.run.recovery import holds_episode
+from readygo.apps.run.recovery import Witness
 from readygo.apps.run.stages import stage_works
 from readygo.apps.run.training import make_config
 from readygo.apps.run.world import World
@@ -144,6 +144,7 @@ def make_coordinator(folder: RunFolder) -> coordination.Coordinator:
     files = {file.sha256: scene / file.path for file in spec.scene_files}
     if spec.policy is not None:
         files |= {file.sha256: Path(spec.policy.path) / file.path for file in spec.policy.files}
+    witness = Witness(folder.path)
     return coordination.Coordinator(
         spec=spec,
         wanted=wanted,
@@ -151,7 +152,7 @@ def make_coordinator(folder: RunFolder) -> coordination.Coordinator:
         blobs=coordination.BlobStore(folder.blobs, files),
         config=config.coordinator,
         check_policy=partial(check_offer, config=config),
-        holds=lambda report: holds_episode(folder.path, report.recorder, report.shard, report.index),
+        holds=lambda report: witness.holds_episode(report.recorder, report.shard, report.index),
         set_aside=partial(keep_scenario, folder),
     )
 

@@ -102,17 +102,38 @@ def check_recorded(folder: RunFolder) -> None:
         )
 
 
-def holds_episode(folder: Path, recorder: str, shard: str, index: int) -> bool:
-    """True if a recorder's shard, or one that it has not finished, begins an episode of this index."""
-    name = Path(shard).name
-    open_shards = sorted(folder.glob(f"shard-{recorder}-*.mcap{PART_SUFFIX}"), reverse=True)
-    places = [folder / name, folder / (name + PART_SUFFIX), *open_shards]
-    return any(index in _indices(path) for path in dict.fromkeys(places))
+class Witness:
+    """Tells whether an episode is in a recorder's shards; what was read of a shard once is not read again."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._read: dict[str, tuple[int, set[int]]] = {}
+
+    def holds_episode(self, recorder: str, shard: str, index: int) -> bool:
+        """True if a recorder's shard, or one that it has not finished, begins an episode of this index."""
+        name = Path(shard).name
+        open_shards = sorted(self._folder.glob(f"shard-{recorder}-*.mcap{PART_SUFFIX}"), reverse=True)
+        places = [self._folder / name, self._folder / (name + PART_SUFFIX), *open_shards]
+        return any(index in self._indices(path) for path in dict.fromkeys(places))
+
+    def _indices(self, shard: Path) -> set[int]:
+        if not shard.is_file():
+            return set()
+        name = shard.name.removesuffix(PART_SUFFIX)
+        end, found = self._read.get(name, (0, set()))
+        if shard.stat().st_size < end:
+            # Another file than the one that was read.
+            end, found = 0, set()
+        for index, after in episode_indices(shard, end):
+            end = after
+            found.add(index)
+        self._read[name] = end, found
+        return found
 
 
 def _indices(shard: Path) -> list[int]:
     """Indices of the episodes in a shard, finished or not; none of a file that is none."""
-    return list(episode_indices(shard)) if shard.is_file() and shard.suffix != ".index" else []
+    return [index for index, _ in episode_indices(shard)] if shard.is_file() and shard.suffix != ".index" else []
 
 
 def _sound_shards(folder: RunFolder, findings: Findings, *, every_byte: bool = False) -> dict[str, ShardIndex]:

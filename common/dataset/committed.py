@@ -55,11 +55,19 @@ def committed_episodes(folder: Path, known: Collection[EpisodeKey] = ()) -> Iter
             yield _episode(chunk)
 
 
-def episode_indices(shard: Path) -> Iterator[int]:
-    """Indices of the episodes that begin in a shard, finished or open, as far as it can be read; little is read."""
+def episode_indices(shard: Path, begin: int = 0) -> Iterator[tuple[int, int]]:
+    """Indices of the episodes that begin in a shard, finished or open, as far as it can be read; little is read.
+
+    Args:
+        shard: Its file.
+        begin: Byte to begin at: an end that was told before; 0 is the file's beginning.
+
+    Yields:
+        The index of an episode, and the byte where its chunk ends.
+    """
     with suppress(OSError, DatasetError), shard.open("rb") as file:
-        for key, _, _, _ in _places(file):
-            yield key.index
+        for key, _, body, length in _places(file, begin):
+            yield key.index, body + length
 
 
 def _chunks(path: Path, seen: Collection[EpisodeKey]) -> Iterator[EpisodeChunk]:
@@ -89,10 +97,12 @@ def _whole_chunks(file: BinaryIO, seen: Collection[EpisodeKey]) -> Iterator[Epis
             yield _chunk(file.read(length), offset)
 
 
-def _places(file: BinaryIO) -> Iterator[tuple[EpisodeKey, int, int, int]]:
-    """The chunks of a shard up to its footer: episode, where record and body begin, and the body's length."""
+def _places(file: BinaryIO, begin: int = 0) -> Iterator[tuple[EpisodeKey, int, int, int]]:
+    """The chunks of a shard from a record on to its footer: episode, where record and body begin, the body's length."""
     size = os.fstat(file.fileno()).st_size
-    if file.read(len(MAGIC)) != MAGIC:
+    if begin:
+        file.seek(begin)
+    elif file.read(len(MAGIC)) != MAGIC:
         raise DatasetError("it does not begin as an MCAP file")
     opcode = 0
     while opcode != Opcode.FOOTER:

@@ -1,13 +1,15 @@
 import shutil
 import sqlite3
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
+from readygo.apps.run import recovery
 from readygo.apps.run.folder import RunFolder
-from readygo.apps.run.recovery import check_recorded, holds_episode, recover
+from readygo.apps.run.recovery import Witness, check_recorded, recover
 from readygo.common.dataset import Dataset, validate
+from readygo.common.dataset.committed import episode_indices
 from readygo.common.dataset.index import load_index
 from readygo.common.errors import RunError
 from readygo.services.recorder import RecorderConfig
@@ -147,13 +149,35 @@ def test_crash_is_recovered_from_as_ever(folder: RunFolder) -> None:
 
 
 def test_episode_is_found_where_its_recorder_says_or_in_what_it_writes(folder: RunFolder) -> None:
-    name = _shard(folder).name
-    assert holds_episode(folder.path, "rec0", name, 2)
-    assert not holds_episode(folder.path, "rec0", name, 0)
-    assert not holds_episode(folder.path, "rec0", "../" * 9 + "etc/passwd", 2)
+    name, witness = _shard(folder).name, Witness(folder.path)
+    assert witness.holds_episode("rec0", name, 2)
+    assert not witness.holds_episode("rec0", name, 0)
+    assert not witness.holds_episode("rec0", "../" * 9 + "etc/passwd", 2)
     _shard(folder).rename(_shard(folder, 9).with_suffix(".mcap.part"))
-    assert holds_episode(folder.path, "rec0", name, 2)
-    assert not holds_episode(folder.path, "rec1", name, 2)
+    assert witness.holds_episode("rec0", name, 2)
+    assert not witness.holds_episode("rec1", name, 2)
+
+
+def test_shard_that_grows_is_read_on_from_where_it_ended(folder: RunFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    shard = _shard(folder)
+    whole, (_, end), *rest = shard.read_bytes(), *episode_indices(shard)
+    assert rest
+    begins: list[int] = []
+
+    def read(path: Path, begin: int = 0) -> Iterator[tuple[int, int]]:
+        begins.append(begin)
+        return episode_indices(path, begin)
+
+    monkeypatch.setattr(recovery, "episode_indices", read)
+    witness, last = Witness(folder.path), rest[-1][0]
+    shard.write_bytes(whole[:end])
+    assert not witness.holds_episode("rec0", shard.name, last)
+    shard.write_bytes(whole)
+    assert witness.holds_episode("rec0", shard.name, last)
+    assert begins == [0, end]
+    shard.write_bytes(whole[: end // 2])
+    assert not witness.holds_episode("rec0", shard.name, last)
+    assert begins[2:] == [0]
 
 
 def test_ledger_of_an_earlier_day_learns_what_was_recorded_since(folder: RunFolder) -> None:
