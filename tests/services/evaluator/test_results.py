@@ -1,5 +1,6 @@
 """The folder of an evaluation: what survives, who may go on."""
 
+import contextlib
 import json
 import os
 import resource
@@ -123,20 +124,25 @@ def test_folder_of_something_else_or_in_use_or_broken_is_refused(tmp_path):
         pass
 
 
-@pytest.fixture
+@contextlib.contextmanager
 def small_disk():
-    """No file may grow beyond 12 kB."""
+    """No file may grow beyond 12 kB: not a fixture, for pytest's own report may be such a file."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_FSIZE, (12_000, before[1]))
-    yield
-    resource.setrlimit(resource.RLIMIT_FSIZE, before)
-    signal.signal(signal.SIGXFSZ, handler)
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, handler)
 
 
-def test_full_disk_ends_in_a_line_and_what_was_kept_stays(make_evaluator, tmp_path, small_disk):
+def test_full_disk_ends_in_a_line_and_what_was_kept_stays(make_evaluator, tmp_path):
     with open_results(tmp_path, SETTINGS) as results:
-        with pytest.raises(RunError, match=r"cannot be written: .*; \d episodes are kept, the same command goes on"):
+        with (
+            small_disk(),
+            pytest.raises(RunError, match=r"cannot be written: .*; \d episodes are kept, the same command goes on"),
+        ):
             handle_evaluate(make_evaluator(lockstep=1), REQUEST, results=results)
         kept = set(results.records)
     assert 0 < len(kept) < 6
