@@ -16,6 +16,8 @@ from readygo.apps.cli import Bare, Group
 from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.fleet.run import Show, record
 from readygo.apps.fleet.slurm import check_slurm
+from readygo.apps.observe.logs import LogFormat
+from readygo.apps.observe.settings import Observing
 from readygo.apps.run.again import prepare_again
 from readygo.apps.run.config import load_run_config, with_detail, with_disturbance, with_outputs
 from readygo.apps.run.folder import RunFolder
@@ -31,7 +33,7 @@ from readygo.common.robot import load_robot
 from readygo.services.planner.humans.mixes import MixName
 from readygo.services.renderer.sensor.recipes import SensorName
 
-HUMANS, DRIVING, IMAGES, RUNNING = (Group(name) for name in ("humans", "driving", "images", "running"))
+HUMANS, DRIVING, IMAGES, RUNNING, OBSERVING = map(Group, ("humans", "driving", "images", "running", "observing"))
 
 
 def generate(
@@ -60,6 +62,9 @@ def generate(
     on: Annotated[Literal["local", "slurm"], RUNNING] = "local",
     slurm: Annotated[str, RUNNING] = "",
     json: Annotated[bool, RUNNING] = False,
+    metrics: Annotated[str, OBSERVING] = "",
+    log_format: Annotated[LogFormat, OBSERVING] = "text",
+    traces: Annotated[str, OBSERVING] = "",
 ) -> None:
     """Record episodes of an expert among walking people; run again to resume.
 
@@ -97,12 +102,18 @@ def generate(
             they are preempted; `listen` must be an address that its nodes reach, on a network that you trust.
         slurm: Options of sbatch, such as "--partition=short --time=2:00:00".
         json: Print the summary as JSON.
+        metrics: HOST:PORT where Prometheus finds this process, and HOST where it finds the others, each at a port of
+            its own; .readygo/targets in the data folder has all of them.
+        log_format: "json" has the processes log one JSON object a line, with run, worker, stage, episode and attempt.
+        traces: Where OpenTelemetry's spans of every episode go: an OTLP endpoint such as http://collector:4318, or a
+            folder.
     """
     if on == "slurm":
         check_slurm(workers, listen)
     elif slurm:
         raise RunError("--slurm has options of sbatch: it goes with --on slurm.")
-    where = Where(workers=workers, listen=listen, slurm=slurm if on == "slurm" else None)
+    observing = Observing(metrics=metrics, log_format=log_format, traces=traces)
+    where = Where(workers=workers, listen=listen, slurm=slurm if on == "slurm" else None, observing=observing)
     if again is not None:
         if scene:
             raise RunError("--again has the scene of the run that it makes again: name one of the two.")
@@ -142,6 +153,7 @@ class Where:
     workers: int
     listen: str
     slurm: str | None
+    observing: Observing
 
 
 def _record(spec: RunSpec, out: Path, episodes: int, where: Where, *, json: bool) -> None:
@@ -151,7 +163,14 @@ def _record(spec: RunSpec, out: Path, episodes: int, where: Where, *, json: bool
     join = f"More workers can join: {token} readygo worker {role} --connect {listen} --run {spec.run}" if listen else ""
     with progress_bar(first_words=join, quiet=json) as show:
         summary = record(
-            spec, out, episodes=episodes, workers=where.workers, listen=listen, slurm=where.slurm, show=show
+            spec,
+            out,
+            episodes=episodes,
+            workers=where.workers,
+            listen=listen,
+            slurm=where.slurm,
+            show=show,
+            observing=where.observing,
         )
     clarity = run_clarity(spec, out)
     if json:

@@ -14,6 +14,8 @@ from pathlib import Path
 import readygo
 from readygo.apps.fleet.roles import COORDINATOR, RECORDER
 from readygo.apps.fleet.token import with_token
+from readygo.apps.observe.logs import message_of
+from readygo.apps.observe.settings import NOTHING, Observing
 from readygo.common.errors import RunError
 
 log = logging.getLogger(__name__)
@@ -51,10 +53,20 @@ class Member:
 class Fleet:
     """Worker processes of one run."""
 
-    def __init__(self, *, connect: str, run: str, data: Path | Sequence[Path], logs: Path, token: str = "") -> None:
+    def __init__(
+        self,
+        *,
+        connect: str,
+        run: str,
+        data: Path | Sequence[Path],
+        logs: Path,
+        token: str = "",
+        observing: Observing = NOTHING,
+    ) -> None:
         self._token = token
         self._data = [data] if isinstance(data, Path) else list(data)
         self._arguments = ["--connect", connect, "--run", run, "--data", *map(str, self._data), "--exit-with-parent"]
+        self._arguments += observing.of_member()
         self._logs = logs
         self.members: list[Member] = []
 
@@ -185,6 +197,6 @@ def _is_stopped(pid: int) -> bool:
 
 
 def last_words(log: Path) -> str:
-    """The last line of a worker's log."""
+    """What the last line of a worker's log says."""
     lines = log.read_text(errors="replace").strip().splitlines() if log.exists() else []
-    return lines[-1] if lines else "it left no log."
+    return message_of(lines[-1]) if lines else "it left no log."

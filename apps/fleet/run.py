@@ -12,6 +12,8 @@ from readygo.apps.fleet.roles import COORDINATOR, RECORDER, places
 from readygo.apps.fleet.slurm import SlurmWorkers
 from readygo.apps.fleet.token import given_token, new_token
 from readygo.apps.fleet.worker import make_coordinator, make_recorder
+from readygo.apps.observe.observer import Observer
+from readygo.apps.observe.settings import NOTHING, Observing
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.identity import numeric_class
 from readygo.apps.run.recovery import check_recorded, recover
@@ -25,6 +27,7 @@ from readygo.common.messages import ClaimStatus, RunSpec, StatusReply, StatusReq
 from readygo.services import coordinator as coordination
 from readygo.services.recorder import attach as attach_recorder
 
+LAUNCHER = "launcher"
 Show = Callable[[StatusReply], None]
 CHECK_S = 0.25
 """How often a fleet's processes are looked at, at least [s]."""
@@ -42,6 +45,7 @@ def record(
     show: Show = lambda status: None,
     together: bool = False,
     slurm: str | None = None,
+    observing: Observing = NOTHING,
 ) -> dict[str, Any]:
     """Do a run, or the rest of it.
 
@@ -54,6 +58,7 @@ def record(
         show: Hears how far the run is, now and then.
         together: True for workers that do all stages, see `places`.
         slurm: Options of sbatch, for workers that are Slurm jobs and do all stages; None starts them here.
+        observing: What its processes show of themselves; this one is the launcher.
 
     Returns:
         What was done and what it cost, as plain values.
@@ -71,25 +76,39 @@ def record(
         recorded, samples_before = _recorded(folder, episodes)
         folder.save(spec, episodes)
         if workers == 0 or recorded == episodes:
-            status = run_in_process(folder, show)
+            status = run_in_process(folder, show, observing=observing)
         else:
-            status = run_fleet(folder, workers, listen or free_endpoint(), show, together=together, slurm=slurm)
+            endpoint = listen or free_endpoint()
+            status = run_fleet(folder, workers, endpoint, show, together=together, slurm=slurm, observing=observing)
         if status.failed:
             raise RunError(f"{status.failed} ({status.committed} of {status.wanted} episodes are recorded.)")
         check_recorded(folder)
     return _summary(out, status, samples_before, time.monotonic() - begin_s)
 
 
-def run_in_process(folder: RunFolder, show: Show, line: Sequence[Entry] = LINE) -> StatusReply:
+def run_in_process(
+    folder: RunFolder, show: Show, line: Sequence[Entry] = LINE, observing: Observing = NOTHING
+) -> StatusReply:
     """Do all stages in this process, through the same handlers.
 
     Args:
         folder: Data folder that holds the run's spec.
         show: Hears how far the run is.
         line: What builds the works of the run's stages.
+        observing: What this process shows of itself.
     """
-    bus = InProcessBus()
+    with _observer(folder, observing) as observer:
+        return _run_in_process(folder, show, line, observer)
+
+
+def _observer(folder: RunFolder, observing: Observing) -> Observer:
+    return Observer(observing, run=folder.load()[0].run, role=LAUNCHER, name=LAUNCHER, state=folder.state)
+
+
+def _run_in_process(folder: RunFolder, show: Show, line: Sequence[Entry], observer: Observer) -> StatusReply:
+    bus = observer.bus(InProcessBus())
     coordinator = make_coordinator(folder)
+    observer.coordinator(coordinator)
     coordination.attach(bus, coordinator)
     world = World(coordinator.spec, bus)
     recorders = [make_recorder(bus, name, folder, world) for name in coordinator.config.recorders]
@@ -97,7 +116,7 @@ def run_in_process(folder: RunFolder, show: Show, line: Sequence[Entry] = LINE) 
         attach_recorder(bus, recorder)
     try:
         if not coordinator.over:
-            works = stage_works(world, bus, line=line)
+            works = observer.works(stage_works(world, bus, line=line))
             _work_until_over(
                 bus,
                 Worker(name="in-process", numeric_class=numeric_class(world.config, world.spec.policy), works=works),
@@ -120,16 +139,30 @@ def _work_until_over(bus: Bus, worker: Worker, show: Show) -> None:
 
 
 def run_fleet(
-    folder: RunFolder, workers: int, endpoint: str, show: Show, *, together: bool = False, slurm: str | None = None
+    folder: RunFolder,
+    workers: int,
+    endpoint: str,
+    show: Show,
+    *,
+    together: bool = False,
+    slurm: str | None = None,
+    observing: Observing = NOTHING,
 ) -> StatusReply:
     """Do the run with a fleet over Zenoh; see `places` for `workers` and `together`, and `record` for `slurm`."""
     spec, _ = folder.load()
     token = given_token() or new_token()
     router = Router(endpoint, token)
-    fleet = Fleet(connect=endpoint, run=spec.run, data=folder.path.resolve(), logs=folder.logs, token=token)
+    fleet = Fleet(
+        connect=endpoint, run=spec.run, data=folder.path.resolve(), logs=folder.logs, token=token, observing=observing
+    )
     bus = ZenohBus(endpoint, spec.run, token)
     try:
-        with folder.reachable(endpoint, token), contextlib.ExitStack() as jobs:
+        with (
+            folder.reachable(endpoint, token),
+            _observer(folder, observing) as observer,
+            contextlib.ExitStack() as jobs,
+        ):
+            observer.launcher(fleet.members)
             recorders = World(spec).config.coordinator.recorders
             here = places(spec, recorders, workers, together=together)
             checks = [fleet.check]

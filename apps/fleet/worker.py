@@ -12,11 +12,17 @@ import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Annotated
 
+from readygo.apps.cli import USER_MISTAKE, Group
 from readygo.apps.fleet.fleet import CANNOT_WORK
 from readygo.apps.fleet.roles import ALL, COORDINATOR, RECORDER
 from readygo.apps.fleet.token import given_token
 from readygo.apps.fleet.trainer import TRAINER, train_beside
+from readygo.apps.observe.health import showing_health
+from readygo.apps.observe.logs import LogFormat, begin_logging
+from readygo.apps.observe.observer import Observer
+from readygo.apps.observe.settings import Observing
 from readygo.apps.run.aside import keep_scenario
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.identity import numeric_class
@@ -36,6 +42,9 @@ from readygo.services import coordinator as coordination
 from readygo.services.recorder import Recorder
 from readygo.services.recorder import attach as attach_recorder
 
+log = logging.getLogger(__name__)
+
+OBSERVING = Group("observing")
 SPEC_TIMEOUT_S = 30.0
 """Time that a worker waits for the coordinator to start [s]."""
 SETTLE_S = 0.5
@@ -59,6 +68,9 @@ def worker(
     out: Path | None = None,
     config: Path | None = None,
     exit_with_parent: bool = False,
+    metrics: Annotated[str, OBSERVING] = "",
+    log_format: Annotated[LogFormat, OBSERVING] = "text",
+    traces: Annotated[str, OBSERVING] = "",
 ) -> None:
     """Work in a fleet until the run is over, or until SIGTERM.
 
@@ -76,41 +88,63 @@ def worker(
         out: Folder of the policy (trainer only).
         config: TOML file with fields of `TrainConfig` that shall be others than the recipe's (trainer only).
         exit_with_parent: Exit as soon as standard input is closed.
+        metrics: HOST:PORT where Prometheus finds this process; port 0 takes a free one, which the log names, and a file
+            in .readygo/targets of the run's data folder.
+        log_format: "json" writes one JSON object a line, with run, worker, stage, episode and attempt.
+        traces: Where OpenTelemetry's spans go: an OTLP endpoint such as http://collector:4318, or a folder.
     """
-    logging.basicConfig(level=logging.INFO, stream=sys.stderr, format="%(asctime)s %(name)s %(levelname)s %(message)s")
     if role != TRAINER:
         _keep_the_heap_small()
     stop = _stop_signal(exit_with_parent)
     _watch_thread(threading.main_thread())
     name = name or f"{role}-{socket.gethostname()}-{os.getpid()}"
+    begin_logging(log_format, run=run, role=role, worker=name)
     try:
-        if role == TRAINER:
-            _train(connect, run.split(","), data, out, config, stop)
-        else:
-            _join(role, name, connect, run, data, stop)
-    except BusError:
-        raise
+        observing = Observing(metrics=metrics, log_format=log_format, traces=traces)
+        state = RunFolder(data[0]).state if data else None
+        with Observer(observing, run=run, role=role, name=name, state=state) as observer:
+            if role == TRAINER:
+                _train(connect, run.split(","), data, out, config, stop)
+            else:
+                _join(role, name, connect, run, data, stop, observer)
+    except BusError as error:
+        if log_format == "text":
+            raise
+        log.critical("%s", error)
+        raise SystemExit(USER_MISTAKE) from error
     except ReadygoError as error:
-        sys.stderr.write(f"readygo: {error}\n")
+        if log_format == "text":
+            sys.stderr.write(f"readygo: {error}\n")
+        else:
+            log.critical("%s", error)
         raise SystemExit(CANNOT_WORK) from error
 
 
-def _join(role: str, name: str, connect: str, run: str, data: tuple[Path, ...], stop: threading.Event) -> None:
-    bus = ZenohBus(connect, run, given_token())
+def _join(
+    role: str, name: str, connect: str, run: str, data: tuple[Path, ...], stop: threading.Event, observer: Observer
+) -> None:
+    bus = observer.bus(ZenohBus(connect, run, given_token()))
+    folder = data[0] if data and role in (COORDINATOR, RECORDER) else None
     try:
-        if role == COORDINATOR:
-            _coordinate(bus, _folder(role, data), stop)
-        elif role == RECORDER:
-            _record(bus, name, _folder(role, data), stop)
-        elif role == RECONSTRUCTOR:
-            # It takes memory that no other worker needs.
-            from readygo.services.reconstructor.service import pull_jobs
-
-            pull_jobs(bus, name, stop)
-        else:
-            _work(bus, role, name, stop)
+        with showing_health(bus, data=folder, metrics=observer.metrics_at):
+            _do(role, name, bus, data, stop, observer)
     finally:
         bus.close()
+
+
+def _do(role: str, name: str, bus: Bus, data: tuple[Path, ...], stop: threading.Event, observer: Observer) -> None:
+    """Do what a role does, until it is over."""
+    if role == COORDINATOR:
+        _coordinate(bus, _folder(role, data), stop, observer)
+    elif role == RECORDER:
+        _record(bus, name, _folder(role, data), stop, observer)
+    elif role == RECONSTRUCTOR:
+        # It takes memory that no other worker needs.
+        from readygo.services.reconstructor.service import pull_jobs
+
+        pull_jobs(bus, name, stop)
+    else:
+        _work(bus, role, name, stop, observer)
 
 
 def _train(
@@ -202,16 +236,18 @@ def _watch_thread(
     threading.Thread(target=watch, name="watch", daemon=True).start()
 
 
-def _coordinate(bus: Bus, folder: RunFolder, stop: threading.Event) -> None:
+def _coordinate(bus: Bus, folder: RunFolder, stop: threading.Event, observer: Observer) -> None:
     coordinator = make_coordinator(folder)
+    observer.coordinator(coordinator)
     coordination.attach(bus, coordinator)
     bus.announce(COORDINATOR, COORDINATOR)
     while not stop.wait(TICK_S):
         coordination.tick(bus, coordinator)
 
 
-def _record(bus: Bus, name: str, folder: RunFolder, stop: threading.Event) -> None:
+def _record(bus: Bus, name: str, folder: RunFolder, stop: threading.Event, observer: Observer) -> None:
     recorder = make_recorder(bus, name, folder, _world(bus))
+    observer.recorder(recorder)
     attach_recorder(bus, recorder)
     bus.announce(RECORDER, name)
     while not stop.wait(SETTLE_S):
@@ -219,9 +255,9 @@ def _record(bus: Bus, name: str, folder: RunFolder, stop: threading.Event) -> No
     recorder.close()
 
 
-def _work(bus: Bus, role: str, name: str, stop: threading.Event) -> None:
+def _work(bus: Bus, role: str, name: str, stop: threading.Event, observer: Observer) -> None:
     world = _world(bus)
-    works = stage_works(world, bus, "" if role == ALL else role)
+    works = observer.works(stage_works(world, bus, "" if role == ALL else role))
     world.forget_avatars()
     bus.announce(role, name)
     pull(bus, Worker(name=name, numeric_class=numeric_class(world.config, world.spec.policy), works=works), stop=stop)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from readygo.common.bus import Bus
 from readygo.common.errors import BusError, PeerError, RunError, reason
+from readygo.common.fleet.at_work import working
 from readygo.common.fleet.blobs import fetch_blob
 from readygo.common.fleet.shown import show_work
 from readygo.common.messages import (
@@ -74,7 +75,9 @@ def claim_any(bus: Bus, worker: Worker) -> ClaimStatus:
                 "them), or record into a new folder."
             )
         if claim.status is ClaimStatus.LEASE:
-            _work_on(bus, stage, worker.name, claim, work)
+            assert claim.episode is not None
+            with working(stage=stage.name, episode=claim.episode.episode_id, attempt=claim.attempt):
+                _work_on(bus, stage, worker.name, claim, work)
         if claim.status is not ClaimStatus.WAIT:
             return claim.status
     return ClaimStatus.WAIT

@@ -28,8 +28,9 @@ from readygo.common.messages.coordination import (
     Verdict,
     Wake,
 )
+from readygo.common.messages.fleet import FleetReply, FleetRequest
 from readygo.common.messages.learning import CommittedEpisode, OfferReply, OfferRequest
-from readygo.common.messages.live import LiveCommit, LiveLoss, LivePlan, LivePreview, LiveState, LiveWork
+from readygo.common.messages.live import LiveCommit, LiveHealth, LiveLoss, LivePlan, LivePreview, LiveState, LiveWork
 from readygo.common.messages.reconstruction import (
     ReconstructionClaim,
     ReconstructionJob,
@@ -93,6 +94,7 @@ PENDING = Topic("coord/rec/pending", PendingRequest, PendingReply)
 BLOB = Topic("blob", BlobRequest, BlobReply)
 CONTROL = Topic("ctl", ControlRequest, Verdict)
 STATUS = Topic("ctl/status", StatusRequest, StatusReply)
+FLEET = Topic("ctl/fleet", FleetRequest, FleetReply)
 OFFER = Topic("coord/policy", OfferRequest, OfferReply)
 
 HUMAN_PLAN = Topic("human-plan", HumanPlanRequest, HumanPlanReply)
@@ -111,6 +113,7 @@ STATE = Live("state", LiveState, every_s=0.2)
 PLAN = Live("plan", LivePlan)
 WORK = Live("work", LiveWork)
 COMMIT = Live("commit", LiveCommit)
+HEALTH = Live("health", LiveHealth)
 LOSS = Live("loss", LiveLoss)
 COMMITTED = Stream("train/episodes", CommittedEpisode)
 """Every episode, as soon as it is durable."""

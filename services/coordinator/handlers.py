@@ -39,9 +39,11 @@ from readygo.common.messages import (
     Verdict,
     VerdictStatus,
 )
+from readygo.common.messages.fleet import FleetReply, FleetRequest
 from readygo.services.coordinator.blobs import BlobStore
 from readygo.services.coordinator.config import CoordinatorConfig
 from readygo.services.coordinator.ledger import Lease, Ledger
+from readygo.services.coordinator.roster import Roster
 
 log = logging.getLogger(__name__)
 
@@ -93,6 +95,7 @@ class Coordinator:
         self.holds = holds
         self.set_aside = set_aside
         self.clock = clock
+        self.roster = Roster(clock)
         self.failed = ""
         self.paused = False
         self.cancelled = False
@@ -304,6 +307,15 @@ def handle_status(coordinator: Coordinator, request: StatusRequest) -> StatusRep
         kept=ledger.kept(),
         policies=len(ledger.policies()),
         trouble=" ".join(coordinator.troubles.values()),
+    )
+
+
+def handle_fleet(coordinator: Coordinator, request: FleetRequest | None = None) -> FleetReply:
+    """Who works on the run."""
+    return FleetReply(
+        workers=coordinator.roster.workers(coordinator.ledger.leases()),
+        done_per_minute=coordinator.roster.done_per_minute(),
+        paused=coordinator.paused,
     )
 
 

@@ -72,7 +72,7 @@ class Ledger:
         Raises:
             RunError: If it is no ledger or cannot be written; so do all other methods.
         """
-        self._path = path
+        self.path = path
         self._stages = tuple(stages)
         self._lock = threading.RLock()
         with self._worded():
@@ -339,7 +339,7 @@ class Ledger:
         """Raise RunError if the file is damaged."""
         row = self._one("PRAGMA quick_check(1)")
         if row != ("ok",):
-            raise RunError(f"The run's ledger {self._path} is damaged: {row and row[0]}.")
+            raise RunError(f"The run's ledger {self.path} is damaged: {row and row[0]}.")
 
     def shards(self) -> dict[str, dict[int, int]]:
         """Samples of every durable episode by its index, by the shard that it is in."""
@@ -404,6 +404,10 @@ class Ledger:
         )
         assert row is not None
         return int(row[0])
+
+    def leases(self) -> list[tuple[str, str, int, int]]:
+        """Worker, stage, index and attempt of every lease."""
+        return self._all("SELECT worker, stage, idx, attempt FROM episode WHERE state = 'leased' ORDER BY idx")
 
     def leased(self) -> dict[str, int]:
         """Episodes that a worker holds, by stage."""
@@ -527,7 +531,7 @@ class Ledger:
             # The lower byte of an extended code is the plain one.
             full = getattr(error, "sqlite_errorcode", 0) & 0xFF in _DISK_CODES
             raise (DiskError if full else RunError)(
-                f"The run's ledger {self._path} cannot be used: {error}; if the disk is full, free some space and run "
+                f"The run's ledger {self.path} cannot be used: {error}; if the disk is full, free some space and run "
                 "the same command again, else record into a new folder."
             ) from error
 

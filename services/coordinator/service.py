@@ -5,7 +5,18 @@ from functools import partial
 from typing import TypeVar
 
 from readygo.common.bus import Bus
-from readygo.common.messages import StatusRequest, Verdict, Wake, topics
+from readygo.common.messages import (
+    ClaimReply,
+    ClaimRequest,
+    CompleteRequest,
+    RenewRequest,
+    Stage,
+    StatusRequest,
+    Verdict,
+    VerdictStatus,
+    Wake,
+    topics,
+)
 from readygo.services.coordinator import handlers
 from readygo.services.coordinator.handlers import Coordinator, requeue_lost
 
@@ -16,9 +27,9 @@ def attach(bus: Bus, coordinator: Coordinator) -> None:
     """Serve the run on `bus`, and free the leases of workers that leave."""
     bus.serve(topics.SPEC, partial(handlers.handle_spec, coordinator))
     for stage in coordinator.spec.stages:
-        bus.serve(topics.claim(stage.name), partial(handlers.handle_claim, coordinator, stage))
-        bus.serve(topics.renew(stage.name), partial(handlers.handle_renew, coordinator))
-        bus.serve(topics.complete(stage.name), _waking(bus, partial(handlers.handle_complete, coordinator, stage)))
+        bus.serve(topics.claim(stage.name), partial(_claimed, coordinator, stage))
+        bus.serve(topics.renew(stage.name), partial(_renewed, coordinator))
+        bus.serve(topics.complete(stage.name), _waking(bus, partial(_completed, coordinator, stage)))
     bus.serve(topics.EXPECT, partial(handlers.handle_expect, coordinator))
     bus.serve(topics.GRANT, partial(handlers.handle_grant, coordinator))
     bus.serve(topics.DONE, _waking(bus, partial(handlers.handle_done, coordinator)))
@@ -29,14 +40,37 @@ def attach(bus: Bus, coordinator: Coordinator) -> None:
     bus.serve(topics.OFFER, partial(handlers.handle_offer, coordinator))
     bus.serve(topics.CONTROL, _waking(bus, partial(handlers.handle_control, coordinator)))
     bus.serve(topics.STATUS, partial(handlers.handle_status, coordinator))
+    bus.serve(topics.FLEET, partial(handlers.handle_fleet, coordinator))
 
     def changed(role: str, name: str, alive: bool) -> None:
+        coordinator.roster.note_presence(role, name, alive=alive)
         if name in coordinator.config.recorders:
             coordinator.note_recorder(name, alive=alive)
         elif not alive and requeue_lost(coordinator, worker=name):
             bus.publish(topics.WAKE, Wake())
 
     bus.watch(changed)
+
+
+def _claimed(coordinator: Coordinator, stage: Stage, request: ClaimRequest) -> ClaimReply:
+    reply = handlers.handle_claim(coordinator, stage, request)
+    coordinator.roster.note_heard(request.worker)
+    if reply.episode is not None:
+        coordinator.roster.note_lease(reply.episode.index, reply.attempt)
+    return reply
+
+
+def _renewed(coordinator: Coordinator, request: RenewRequest) -> Verdict:
+    coordinator.roster.note_heard(request.worker)
+    return handlers.handle_renew(coordinator, request)
+
+
+def _completed(coordinator: Coordinator, stage: Stage, request: CompleteRequest) -> Verdict:
+    verdict = handlers.handle_complete(coordinator, stage, request)
+    coordinator.roster.note_heard(request.worker)
+    if verdict.status is VerdictStatus.OK:
+        coordinator.roster.note_done(request.worker, stage.name, request.index, failed=bool(request.failed))
+    return verdict
 
 
 def _waking(bus: Bus, handler: Callable[[Request], Verdict]) -> Callable[[Request], Verdict]:
