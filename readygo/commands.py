@@ -82,7 +82,7 @@ COMMANDS = {
     ),
     "train": Command("readygo.apps.commands.train:train", "learn a policy from recorded episodes"),
     "evaluate": Command("readygo.apps.commands.evaluate:evaluate", "measure success rates in closed loop"),
-    "status": Command("readygo.apps.commands.control:status", "say how far a fleet's run is"),
+    "status": Command("readygo.apps.commands.status:status", "say how far a fleet's run is, and who works on it"),
     "pause": Command("readygo.apps.commands.control:pause", "let a fleet give out no more work for now"),
     "resume": Command("readygo.apps.commands.control:resume", "let a paused fleet go on"),
     "cancel": Command("readygo.apps.commands.control:cancel", "end a fleet's run; what is recorded stays"),

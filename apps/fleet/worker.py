@@ -126,7 +126,7 @@ def _join(
     bus = observer.bus(ZenohBus(connect, run, given_token()))
     folder = data[0] if data and role in (COORDINATOR, RECORDER) else None
     try:
-        with showing_health(bus, data=folder, metrics=observer.metrics_at):
+        with showing_health(bus, role, name, data=folder, metrics=observer.metrics_at):
             _do(role, name, bus, data, stop, observer)
     finally:
         bus.close()

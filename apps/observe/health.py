@@ -18,17 +18,19 @@ EVERY_S = 1.0
 
 
 @contextmanager
-def showing_health(bus: Bus, *, data: Path | None = None, metrics: str = "") -> Iterator[None]:
+def showing_health(bus: Bus, role: str, name: str, *, data: Path | None = None, metrics: str = "") -> Iterator[None]:
     """Show it for as long as the block runs.
 
     Args:
         bus: On which the process is announced.
+        role: As what.
+        name: Under which name.
         data: Folder of its data.
         metrics: Where it shows its metrics.
     """
     over = threading.Event()
     thread = threading.Thread(
-        target=_show, args=(bus, over, lambda: _health(data, metrics)), name="health", daemon=True
+        target=_show, args=(bus, over, lambda: _health(role, name, data, metrics)), name="health", daemon=True
     )
     thread.start()
     try:
@@ -43,11 +45,14 @@ def _show(bus: Bus, over: threading.Event, health: Callable[[], LiveHealth]) -> 
         bus.tell(topics.HEALTH, health)
 
 
-def _health(data: Path | None, metrics: str) -> LiveHealth:
+def _health(role: str, name: str, data: Path | None, metrics: str) -> LiveHealth:
     free, size = disk_space(data) if data else (0, 0)
     return LiveHealth(
+        role=role,
+        name=name,
         host=socket.gethostname(),
         pid=os.getpid(),
+        uptime_s=time.monotonic(),
         cpu_s=time.process_time(),
         memory_bytes=private_bytes(),
         disk_free_bytes=free,

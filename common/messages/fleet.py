@@ -40,6 +40,8 @@ class WorkerState:
 class FleetReply:
     """The fleet as the coordinator sees it."""
 
+    stages: tuple[str, ...]
+    """The run's stages in their order."""
     workers: tuple[WorkerState, ...]
     """By role and name."""
     done_per_minute: dict[str, float]

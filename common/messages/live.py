@@ -95,8 +95,12 @@ class LiveWork:
 class LiveHealth:
     """What a process takes of its machine, about once a second."""
 
+    role: str
+    name: str
     host: str
     pid: int
+    uptime_s: float
+    """Time of its machine, from any beginning [s]."""
     cpu_s: float
     """CPU time of the process so far [s]."""
     memory_bytes: int

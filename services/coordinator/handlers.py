@@ -313,6 +313,7 @@ def handle_status(coordinator: Coordinator, request: StatusRequest) -> StatusRep
 def handle_fleet(coordinator: Coordinator, request: FleetRequest | None = None) -> FleetReply:
     """Who works on the run."""
     return FleetReply(
+        stages=tuple(stage.name for stage in coordinator.spec.stages),
         workers=coordinator.roster.workers(coordinator.ledger.leases()),
         done_per_minute=coordinator.roster.done_per_minute(),
         paused=coordinator.paused,
