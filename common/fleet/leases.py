@@ -94,7 +94,8 @@ def pull(bus: Bus, worker: Worker, *, stop: threading.Event) -> None:
     worker = dataclasses.replace(worker, works=works)
     silent_since_s: float | None = None
     wake = threading.Event()
-    bus.subscribe(topics.WAKE, lambda _: wake.set())
+    names = {stage.name for stage in works}
+    bus.subscribe(topics.WAKE, lambda woken: wake.set() if not woken.stages or names & {*woken.stages} else None)
     while not stop.is_set():
         # Before the claim: what comes while it is answered is not missed.
         wake.clear()

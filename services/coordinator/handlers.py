@@ -96,6 +96,9 @@ class Coordinator:
         self.set_aside = set_aside
         self.clock = clock
         self.roster = Roster(clock)
+        self.told: object = None
+        """What of note was said last of how far the run is."""
+        self.told_s = 0.0
         self.failed = ""
         self.paused = False
         self.cancelled = False

@@ -434,7 +434,7 @@ class Ledger:
 
     def committed(self) -> tuple[int, int]:
         """Durable episodes, and the samples in them."""
-        row = self._one("SELECT count(*), coalesce(sum(samples), 0) FROM episode WHERE state = 'committed'")
+        row = self._one("SELECT episodes, samples FROM durable")
         assert row is not None
         return int(row[0]), int(row[1])
 

@@ -9,6 +9,8 @@ from readygo.common.messages import (
     ClaimReply,
     ClaimRequest,
     CompleteRequest,
+    DoneRequest,
+    OnRejection,
     RenewRequest,
     Stage,
     StatusRequest,
@@ -22,6 +24,9 @@ from readygo.services.coordinator.handlers import Coordinator, requeue_lost
 
 Request = TypeVar("Request")
 
+TELL_S = 1.0
+"""How far the run is, is said at least so often [s]."""
+
 
 def attach(bus: Bus, coordinator: Coordinator) -> None:
     """Serve the run on `bus`, and free the leases of workers that leave."""
@@ -29,10 +34,10 @@ def attach(bus: Bus, coordinator: Coordinator) -> None:
     for stage in coordinator.spec.stages:
         bus.serve(topics.claim(stage.name), partial(_claimed, coordinator, stage))
         bus.serve(topics.renew(stage.name), partial(_renewed, coordinator))
-        bus.serve(topics.complete(stage.name), _waking(bus, partial(_completed, coordinator, stage)))
+        bus.serve(topics.complete(stage.name), partial(_completed, bus, coordinator, stage))
     bus.serve(topics.EXPECT, partial(handlers.handle_expect, coordinator))
     bus.serve(topics.GRANT, partial(handlers.handle_grant, coordinator))
-    bus.serve(topics.DONE, _waking(bus, partial(handlers.handle_done, coordinator)))
+    bus.serve(topics.DONE, partial(_done, bus, coordinator))
     bus.serve(topics.LOST, _waking(bus, partial(handlers.handle_lost, coordinator)))
     bus.serve(topics.TROUBLE, partial(handlers.handle_trouble, coordinator))
     bus.serve(topics.PENDING, partial(handlers.handle_pending, coordinator))
@@ -65,12 +70,30 @@ def _renewed(coordinator: Coordinator, request: RenewRequest) -> Verdict:
     return handlers.handle_renew(coordinator, request)
 
 
-def _completed(coordinator: Coordinator, stage: Stage, request: CompleteRequest) -> Verdict:
+def _completed(bus: Bus, coordinator: Coordinator, stage: Stage, request: CompleteRequest) -> Verdict:
     verdict = handlers.handle_complete(coordinator, stage, request)
     coordinator.roster.note_heard(request.worker)
     if verdict.status is VerdictStatus.OK:
         coordinator.roster.note_done(request.worker, stage.name, request.index, failed=bool(request.failed))
+        skipped = request.rejected and stage.on_rejection is OnRejection.SKIP
+        line = coordinator.spec.stages
+        if request.failed or skipped:
+            _wake(bus, coordinator, line[0])
+        elif not stage.records:
+            _wake(bus, coordinator, line[line.index(stage) + 1])
     return verdict
+
+
+def _done(bus: Bus, coordinator: Coordinator, request: DoneRequest) -> Verdict:
+    verdict = handlers.handle_done(coordinator, request)
+    # One episode less is under way: the next one may be planned.
+    _wake(bus, coordinator, coordinator.spec.stages[0])
+    return verdict
+
+
+def _wake(bus: Bus, coordinator: Coordinator, stage: Stage) -> None:
+    """Say that something may wait for a stage, or that nothing will any more for any."""
+    bus.publish(topics.WAKE, Wake() if coordinator.over else Wake(stages=(stage.name,)))
 
 
 def _waking(bus: Bus, handler: Callable[[Request], Verdict]) -> Callable[[Request], Verdict]:
@@ -85,7 +108,14 @@ def _waking(bus: Bus, handler: Callable[[Request], Verdict]) -> Callable[[Reques
 
 
 def tick(bus: Bus, coordinator: Coordinator) -> None:
-    """Free the leases that ran out, and say how far the run is; call it a few times a second."""
+    """Free the leases that ran out, and say how far the run is; call it a few times a second.
+
+    It is said when something of note has changed, else once a second: to count what waits takes time in long runs.
+    """
     if requeue_lost(coordinator):
         bus.publish(topics.WAKE, Wake())
-    bus.publish(topics.PROGRESS, handlers.handle_status(coordinator, StatusRequest()))
+    of_note = coordinator.ledger.committed()[0], coordinator.over, coordinator.paused, tuple(coordinator.troubles)
+    now_s = coordinator.clock()
+    if of_note != coordinator.told or now_s - coordinator.told_s >= TELL_S:
+        coordinator.told, coordinator.told_s = of_note, now_s
+        bus.publish(topics.PROGRESS, handlers.handle_status(coordinator, StatusRequest()))

@@ -3,10 +3,7 @@ import time
 from collections.abc import Callable
 
 from readygo.common.bus import InProcessBus
-from readygo.common.messages import (
-    StatusReply,
-    topics,
-)
+from readygo.common.messages import Command, ControlRequest, StatusReply, Wake, topics
 from readygo.common.messages.stages import HUMAN_PLAN, RENDER
 from readygo.services.coordinator import tick
 from tests.services.coordinator.line import Line
@@ -31,6 +28,25 @@ def test_tick_ends_old_leases_and_says_how_far_the_run_is(line: Line) -> None:
     tick(line.bus, line.coordinator)
     status = heard.get(timeout=5.0)
     assert (status.requeued, status.waiting) == (1, {"human-plan": 3})
+
+
+def test_who_waits_is_woken_for_its_stage_and_everybody_at_the_end(line: Line) -> None:
+    heard: queue.SimpleQueue[Wake] = queue.SimpleQueue()
+    line.bus.subscribe(topics.WAKE, heard.put)
+    line.complete(HUMAN_PLAN, line.claim(HUMAN_PLAN))
+    assert heard.get(timeout=5.0).stages == ("animate",)
+    line.bus.request(topics.CONTROL, ControlRequest(command=Command.CANCEL))
+    assert heard.get(timeout=5.0).stages == ()
+
+
+def test_what_has_not_changed_is_said_once_a_second(line: Line) -> None:
+    heard: queue.SimpleQueue[StatusReply] = queue.SimpleQueue()
+    line.bus.subscribe(topics.PROGRESS, heard.put)
+    for now_s in (100.0, 100.5, 101.1):
+        line.now_s = now_s
+        tick(line.bus, line.coordinator)
+    line.bus.close()
+    assert heard.qsize() == 2
 
 
 def test_recorder_that_is_gone_is_told_until_it_comes_back(line: Line) -> None:
