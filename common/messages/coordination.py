@@ -134,6 +134,8 @@ class ClaimReply:
     policy: PolicyRef | None = field(default=None, metadata=OMITTED_WHEN_DEFAULT)
     """The offered policy that drives this episode if its draw says so, for a stage that records; None where none was
     offered: the run's own drives then, see `RunSpec.policy`."""
+    lease: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
+    """Proves that one holds the lease: nobody else hears of it."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -148,6 +150,8 @@ class RenewRequest:
     worker: str
     index: int
     attempt: int
+    lease: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
+    """`ClaimReply.lease`."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -163,6 +167,8 @@ class CompleteRequest:
     failed: str = ""
     """An error of the worker's; the episode is begun anew a few times, then it is set aside with this text."""
     cpu_s: float = 0.0
+    lease: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
+    """`ClaimReply.lease`."""
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.cpu_s < math.inf:
@@ -176,6 +182,8 @@ class ExpectRequest:
     recorder: str
     episode: EpisodeKey
     attempt: int
+    lease: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
+    """What their sender gave as `AppendRequest.lease`."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -310,6 +318,9 @@ class RunSpec:
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RunSpecRequest:
     """What is this run?"""
+
+    role: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
+    """As what the asker will join it, empty for somebody who only looks."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
