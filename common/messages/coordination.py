@@ -7,6 +7,7 @@ attempt number until it completes or the lease runs out. Late work carries an ol
 import enum
 import hashlib
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -83,6 +84,12 @@ class FileRef:
     size: int
 
 
+def files_digest(files: Iterable[FileRef]) -> str:
+    """SHA-256 over the names and hashes of files, in any order."""
+    lines = sorted(f"{file.path} {file.sha256}" for file in files)
+    return hashlib.sha256("\n".join(lines).encode()).hexdigest()
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PolicyRef:
     """A policy that drives in a run; the one of a run that learns is empty at first: others are offered to it."""
@@ -101,8 +108,7 @@ class PolicyRef:
     @property
     def sha256(self) -> str:
         """SHA-256 over the names and hashes of the files, in any order."""
-        lines = sorted(f"{file.path} {file.sha256}" for file in self.files)
-        return hashlib.sha256("\n".join(lines).encode()).hexdigest()
+        return files_digest(self.files)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -310,6 +316,8 @@ class RunSpec:
     """The assembly line that every episode passes, in order; the last stage records."""
     policy: PolicyRef | None = field(default=None, metadata=OMITTED_WHEN_DEFAULT)
     """None where the expert alone drives."""
+    avatar_files: tuple[FileRef, ...] = field(default=(), metadata=OMITTED_WHEN_DEFAULT)
+    """The files at `avatars_path`; none where the avatars are the embedded ones."""
 
     def __post_init__(self) -> None:
         check_stages(self.stages)

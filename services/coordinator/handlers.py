@@ -98,7 +98,7 @@ class Coordinator:
         self.secret = secrets.token_bytes(32)
         """What leases are proved by; they end with the process."""
         self.failed = ""
-        self.paused = False
+        self.paused = ledger.note("paused") == "yes"
         self.cancelled = False
         self.troubles: dict[str, str] = {}
         """What somebody must mend before the run goes on, by whom it keeps from work."""
@@ -286,6 +286,7 @@ def handle_offer(coordinator: Coordinator, request: OfferRequest) -> OfferReply:
 def handle_control(coordinator: Coordinator, request: ControlRequest) -> Verdict:
     """Pause, resume or cancel the run."""
     coordinator.paused = request.command is Command.PAUSE
+    coordinator.ledger.note("paused", "yes" if coordinator.paused else "no")
     coordinator.cancelled = coordinator.cancelled or request.command is Command.CANCEL
     return Verdict(status=VerdictStatus.OK)
 
