@@ -18,7 +18,14 @@ LISTEN_S = 1.5
 
 
 def status(
-    data: Path | None = None, /, *, connect: str = "", run: str = "", watch: bool = False, json: bool = False
+    data: Path | None = None,
+    /,
+    *,
+    connect: str = "",
+    run: str = "",
+    certs: Path | None = None,
+    watch: bool = False,
+    json: bool = False,
 ) -> None:
     """Say how far a run is: the queue of every stage, rates, time left, workers with what they hold, disks.
 
@@ -26,10 +33,11 @@ def status(
         data: Data folder that a fleet of this machine is recording into.
         connect: Endpoint of the fleet's router, in place of the folder.
         run: Name of the run there, as `readygo generate --listen` prints it.
+        certs: Folder with a certificate of a monitor or an operator, for a tls/ endpoint.
         watch: Go on until the run is over, or Ctrl-C.
         json: Print all numbers as JSON.
     """
-    with joined(data, connect, run) as bus:
+    with joined(data, connect, run, certs) as bus:
         look = Look(bus)
         if json:
             observed = look.now()

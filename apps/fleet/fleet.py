@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import readygo
-from readygo.apps.fleet.roles import COORDINATOR, RECORDER
 from readygo.apps.fleet.token import with_token
 from readygo.apps.observe.logs import message_of
 from readygo.apps.observe.settings import NOTHING, Observing
+from readygo.common.bus.identity import COORDINATOR, RECORDER
 from readygo.common.errors import RunError
 
 log = logging.getLogger(__name__)
@@ -62,11 +62,13 @@ class Fleet:
         logs: Path,
         token: str = "",
         observing: Observing = NOTHING,
+        certs: Path | None = None,
     ) -> None:
         self._token = token
         self._data = [data] if isinstance(data, Path) else list(data)
         self._arguments = ["--connect", connect, "--run", run, "--data", *map(str, self._data), "--exit-with-parent"]
         self._arguments += observing.of_member()
+        self._arguments += ["--certs", str(certs.resolve())] if certs else []
         self._logs = logs
         self.members: list[Member] = []
 

@@ -2,8 +2,12 @@
 
 from dataclasses import dataclass
 
+from readygo.apps.cli import Group
 from readygo.apps.observe.logs import LogFormat
 from readygo.common.errors import ConfigError
+
+OBSERVING = Group("observing")
+"""Heading of its options."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -29,6 +29,7 @@ from readygo.common.messages.coordination import (
     Verdict,
     VerdictStatus,
     Wake,
+    files_digest,
 )
 from readygo.common.messages.episode import EpisodeKey, HumanTrajectory, Scenario, Split
 from readygo.common.messages.learning import CommittedEpisode, OfferReply, OfferRequest, PolicyFile
@@ -126,6 +127,7 @@ __all__ = [
     "Wake",
     "decode",
     "encode",
+    "files_digest",
     "sample_crc32",
     "topics",
 ]
