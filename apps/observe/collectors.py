@@ -70,7 +70,7 @@ def of_launcher(members: Sequence[Restarted]) -> Gauges:
 
     def rows() -> Rows:
         for member in members:
-            yield "readygo_worker_restarts_total", "Times it was started anew", {"worker": member.name}, member.restarts
+            yield "readygo_worker_restarts_total", "Times it was started anew", {"member": member.name}, member.restarts
 
     return rows
 

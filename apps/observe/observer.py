@@ -57,7 +57,7 @@ class Observer:
             self._ends.append(end)
             log.info("metrics at http://%s/metrics", self.metrics_at)
             if state is not None:
-                self._announce(state / TARGETS / f"{name}.json", {"run": run, "role": role, "worker": name})
+                self._announce(state / TARGETS / f"{name}.json", {"run": run, "service": role, "worker": name})
 
     def __enter__(self) -> "Observer":
         return self

@@ -42,7 +42,7 @@ def run(data: Path, observing: Observing) -> Shown:
     def look(status: StatusReply) -> None:
         for target in (folder.state / "targets").glob("*.json"):
             (entry,) = json.loads(target.read_text())
-            assert entry["labels"] == {"run": "run-test", "role": "launcher", "worker": "launcher"}
+            assert entry["labels"] == {"run": "run-test", "service": "launcher", "worker": "launcher"}
             pages.append(urllib.request.urlopen(f"http://{entry['targets'][0]}/metrics").read().decode())
 
     assert run_in_process(folder, look, LINE, observing).finished
