@@ -51,6 +51,8 @@ log = logging.getLogger(__name__)
 
 REASON_MAX = 2000
 """Characters of a reason that are kept."""
+_RESULTS = "results"
+"""Whose trouble it is when the disk does not take what stages have made."""
 _LEDGER = "ledger"
 """Whose trouble it is when the coordinator's own disk takes nothing."""
 CANCELLED = "The run was cancelled; run the same command again to go on."
@@ -198,8 +200,23 @@ def handle_complete(coordinator: Coordinator, stage: Stage, request: CompleteReq
     if stage.records:
         # The recorder's commit completes the stage; its worker only says what the work cost.
         return Verdict(status=VerdictStatus.OK)
-    sha256 = coordinator.blobs.put(request.result)
+    sha256 = _kept(coordinator, request.result)
     return _verdict(ledger.advance(stage, request.index, request.attempt, sha256, reason=rejected))
+
+
+def _kept(coordinator: Coordinator, result: bytes) -> str:
+    """Keep a result, under its hash; a disk that does not take it is told: its stage would be done in vain for ever.
+
+    Raises:
+        DiskError: If the disk does not take it.
+    """
+    try:
+        sha256 = coordinator.blobs.put(result)
+    except DiskError as error:
+        _trouble(coordinator, _RESULTS, str(error))
+        raise
+    _trouble(coordinator, _RESULTS, "")
+    return sha256
 
 
 def handle_expect(coordinator: Coordinator, request: ExpectRequest) -> Verdict:
@@ -328,6 +345,18 @@ def handle_fleet(coordinator: Coordinator, request: FleetRequest | None = None) 
         done_per_minute=coordinator.roster.done_per_minute(),
         paused=coordinator.paused,
     )
+
+
+def note_absent(coordinator: Coordinator) -> None:
+    """Tell of stages that episodes wait for, and that nobody who is there does; call it now and then."""
+    for stage in coordinator.spec.stages:
+        waiting = coordinator.ledger.waiting_at(stage)
+        absent_s = coordinator.roster.absent_s(stage.name, stage.role, needed=waiting > 0)
+        words = (
+            f"{waiting} episodes wait for stage {stage.name}, and no {stage.role} is there; "
+            f"`readygo worker {stage.role}` starts one."
+        )
+        _trouble(coordinator, f"absence of {stage.name}", words if absent_s > coordinator.config.absent_s else "")
 
 
 def requeue_lost(coordinator: Coordinator, *, worker: str | None = None) -> bool:

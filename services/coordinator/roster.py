@@ -4,6 +4,7 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable
 
+from readygo.common.bus.identity import ALL
 from readygo.common.messages.fleet import HeldLease, WorkerState
 
 RECENT_S = 60.0
@@ -21,6 +22,7 @@ class Roster:
         self._present: dict[str, str] = {}
         self._heard_s: dict[str, float] = {}
         self._leased_s: dict[int, tuple[int, float]] = {}
+        self._absent_s: dict[str, float] = {}
         self._done: Counter[str] = Counter()
         self._failed: Counter[str] = Counter()
         self._recent: deque[tuple[float, str]] = deque()
@@ -32,6 +34,14 @@ class Roster:
         else:
             self._present.pop(name, None)
             self._heard_s.pop(name, None)
+
+    def absent_s(self, stage: str, role: str, *, needed: bool) -> float:
+        """For how long a stage that is needed has had nobody who does it [s]; asked for now and then."""
+        there = any(other in (role, ALL) for other in tuple(self._present.values()))
+        if there or not needed:
+            self._absent_s.pop(stage, None)
+            return 0.0
+        return self._clock() - self._absent_s.setdefault(stage, self._clock())
 
     def note_heard(self, worker: str) -> None:
         """A worker said something; names of nobody who is there are not kept."""

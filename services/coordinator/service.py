@@ -118,8 +118,9 @@ def tick(bus: Bus, coordinator: Coordinator) -> None:
     """
     if requeue_lost(coordinator):
         bus.publish(topics.WAKE, Wake())
-    of_note = coordinator.ledger.committed()[0], coordinator.over, coordinator.paused, tuple(coordinator.troubles)
     now_s = coordinator.clock()
+    of_note = coordinator.ledger.committed()[0], coordinator.over, coordinator.paused, tuple(coordinator.troubles)
     if of_note != coordinator.told or now_s - coordinator.told_s >= TELL_S:
         coordinator.told, coordinator.told_s = of_note, now_s
+        handlers.note_absent(coordinator)
         bus.publish(topics.PROGRESS, handlers.handle_status(coordinator, StatusRequest()))

@@ -93,9 +93,8 @@ def _check_certificates(documents: list[Document]) -> None:
         doc["spec"]["secretName"]: doc["spec"]["commonName"] for doc in documents if doc["kind"] == "Certificate"
     }
     for spec in _pods(documents):
-        (secret,) = [
-            source["secret"] for v in spec["volumes"] if "projected" in v for source in v["projected"]["sources"]
-        ]
+        (sources,) = [volume["projected"]["sources"] for volume in spec["volumes"] if "projected" in volume]
+        secret = sources[0]["secret"]
         name = common_names[secret["name"]]
         assert [item["path"] for item in secret["items"]] == [f"{name}.pem", f"{name}.key", "ca.pem"]
 
@@ -118,9 +117,8 @@ def test_chart(tmp_path: Path) -> None:
     documents = _helm(tmp_path)
     _check(documents)
     (scaled,) = [doc for doc in documents if doc["kind"] == "ScaledObject"]
-    (target,) = [doc for doc in documents if doc["metadata"]["name"] == scaled["spec"]["scaleTargetRef"]["name"]][-1:]
-    assert target["kind"] in ("Deployment", "ScaledObject")
-    renderer = next(doc for doc in documents if doc["kind"] == "Deployment" and "renderer" in doc["metadata"]["name"])
+    name = scaled["spec"]["scaleTargetRef"]["name"]
+    (renderer,) = [doc for doc in documents if (doc["kind"], doc["metadata"]["name"]) == ("Deployment", name)]
     assert "replicas" not in renderer["spec"]
 
 
@@ -134,7 +132,7 @@ def test_compose_file() -> None:
     compose = yaml.safe_load((DEPLOY / "compose.yaml").read_text())
     for name, service in compose["services"].items():
         _check_command(service["command"])
-        assert service["read_only"] and service["cap_drop"] == ["ALL"], name
+        assert (service["read_only"], service["cap_drop"]) == (True, ["ALL"]), name
         volumes = {volume.split(":")[0] for volume in service["volumes"]}
         assert volumes <= compose["volumes"].keys()
     targets = re.findall(r"^FROM .* AS (\w+)$", (DEPLOY / "docker" / "Dockerfile").read_text(), re.MULTILINE)

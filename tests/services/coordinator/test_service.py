@@ -67,3 +67,18 @@ def _wait_until(true: Callable[[], bool]) -> None:
     while not true():
         assert time.monotonic() < deadline_s
         time.sleep(0.01)
+
+
+def test_stage_that_nobody_does_is_told_until_somebody_comes(line: Line) -> None:
+    for line.now_s in (1.0, 30.0, 62.0):
+        tick(line.bus, line.coordinator)
+    said = "3 episodes wait for stage human-plan, and no human-planner is there; `readygo worker human-planner` starts"
+    assert said in line.status().trouble
+    InProcessBus(line.bus).announce("all", "all0")
+
+    def nobody_misses_anybody() -> bool:
+        line.now_s += 2.0
+        tick(line.bus, line.coordinator)
+        return line.status().trouble == ""
+
+    _wait_until(nobody_misses_anybody)
