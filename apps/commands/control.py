@@ -75,6 +75,7 @@ def status_text(reply: StatusReply) -> str:
     counts = {"waiting": reply.waiting, "at work": reply.leased, "rejected": reply.rejected, "kept": reply.kept}
     lines += [f"  {name}: {_listed(count)}" for name, count in counts.items() if count]
     lines += [f"  policies offered: {reply.policies}"] if reply.policies else []
+    lines += ["  paused: `readygo resume` lets it go on"] if reply.paused else []
     lines += [f"  waits: {reply.trouble}"] if reply.trouble else []
     lines += [f"  ended: {reply.failed}"] if reply.failed else []
     return "\n".join(lines)

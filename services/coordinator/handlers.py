@@ -311,6 +311,7 @@ def handle_status(coordinator: Coordinator, request: StatusRequest) -> StatusRep
         kept=ledger.kept(),
         policies=len(ledger.policies()),
         trouble=" ".join(coordinator.troubles.values()),
+        paused=coordinator.paused,
     )
 
 

@@ -145,7 +145,8 @@ def test_who_shows_no_certificate_or_an_expired_one_is_refused(
         ZenohBus(endpoint, "test", identity=identity(tmp_path, "operator"))
     time.sleep(0.2)
     said = capfd.readouterr().out
-    assert "peer sent no certificates" in said or "UnknownCA" in said or said == "" or "certificate" in said
+    for words in ("peer sent no certificates", "certificate expired", "UnknownIssuer"):
+        assert words in said
 
 
 def test_refusal_is_empty_for_the_coordinator_and_where_all_may_ask() -> None:

@@ -580,3 +580,11 @@ def test_run_of_the_expert_or_of_one_policy_takes_no_others(line: Line, tmp_path
     own = PolicyRef(path="p", files=(FileRef(path="head", sha256="a", size=1),), mix=0.5)
     with pytest.raises(PeerError, match="takes no policies: the policy that it began with drives"):
         Line(tmp_path / "other", stages=DRIVE_LINE, policy=own).offer(head=b"1")
+
+
+def test_paused_run_stays_paused_when_its_coordinator_is_started_again(tmp_path: Path) -> None:
+    for command, paused in ((Command.PAUSE, True), (Command.RESUME, False)):
+        Line(tmp_path).bus.request(topics.CONTROL, ControlRequest(command=command))
+        again = Line(tmp_path)
+        assert again.status().paused == paused
+        assert (again.claim(HUMAN_PLAN).status is ClaimStatus.WAIT) == paused
