@@ -21,6 +21,7 @@ from pathlib import Path
 
 import tyro
 
+import readygo
 from readygo.apps.run.folder import RunFolder
 from readygo.common.dataset import Dataset
 from readygo.common.files import cache_root
@@ -56,29 +57,40 @@ class Host:
     def start(self, *arguments: str) -> "subprocess.Popen[bytes]":
         """Run readygo there; its output goes to a log in the host's folder."""
         environment = {**os.environ, "HOME": str(self.root), "XDG_CACHE_HOME": str(self.root / "cache")}
-        environment["PYTHONPATH"] = os.pathsep.join([os.getcwd(), environment.get("PYTHONPATH", "")])
+        checkout = str(Path(readygo.__file__).resolve().parents[1])
+        environment["PYTHONPATH"] = os.pathsep.join([checkout, environment.get("PYTHONPATH", "")])
         command = ["ip", "netns", "exec", self.name, sys.executable, "-m", "readygo", *arguments]
         with (self.root / f"{'-'.join(arguments[:2]).replace('/', '_')}.log").open("ab") as log:
             return subprocess.Popen(command, cwd=self.root, env=environment, stdout=log, stderr=log)
 
 
-def main(scene: str = "embedded", /, *, episodes: int = 6, cut_s: float = 10.0, timeout_s: float = 900.0) -> None:
+def main(
+    scene: str = "embedded",
+    /,
+    *,
+    episodes: int = 6,
+    static: bool = False,
+    cut_s: float = 10.0,
+    timeout_s: float = 900.0,
+) -> None:
     """Run it, and exit with 1 if the datasets differ.
 
     Args:
         scene: Scene bundle, "embedded" or "embedded:SEED".
         episodes: Episodes to record.
+        static: Leave the humans out.
         cut_s: How long the second host is cut off [s].
         timeout_s: Time for all of it [s].
     """
     deadline_s = time.monotonic() + timeout_s
     with tempfile.TemporaryDirectory() as name, _hosts(Path(name)) as hosts:
         alone = Path(name) / "alone"
-        _readygo("generate", scene, "--out", str(alone), "--episodes", str(episodes), "--workers", "0")
+        what = [scene, "--episodes", str(episodes), *(["--static"] if static else [])]
+        _readygo("generate", *what, "--out", str(alone), "--workers", "0")
         expected = Dataset([alone]).content_hash
         _issue(Path(name) / "authority", hosts)
         data, shards = hosts[0].root / "data", hosts[2].root / "shards"
-        with _fleet(hosts, scene, episodes, data, shards) as coordinator:
+        with _fleet(hosts, what, data, shards) as coordinator:
             ledger = RunFolder(data).ledger
             _wait(lambda: ledger.exists() and _committed(ledger) > 0, coordinator, deadline_s)
             print(f"{_committed(ledger)} episodes are durable: host 2 is cut off for {cut_s:g} s")
@@ -95,12 +107,10 @@ def main(scene: str = "embedded", /, *, episodes: int = 6, cut_s: float = 10.0, 
 
 
 @contextlib.contextmanager
-def _fleet(
-    hosts: Sequence[Host], scene: str, episodes: int, data: Path, shards: Path
-) -> "Iterator[subprocess.Popen[bytes]]":
+def _fleet(hosts: Sequence[Host], what: Sequence[str], data: Path, shards: Path) -> "Iterator[subprocess.Popen[bytes]]":
     first, second, third = hosts
     endpoint = f"tls/{first.address}:{PORT}"
-    lead = ["generate", scene, "--out", str(data), "--episodes", str(episodes), "--on", "hosts"]
+    lead = ["generate", *what, "--out", str(data), "--on", "hosts"]
     processes = [first.start(*lead, "--listen", f"tls/0.0.0.0:{PORT}", "--certs", str(first.certs))]
     try:
         _wait(lambda: (data / ".readygo" / "endpoint").exists(), processes[0], time.monotonic() + 120.0)
