@@ -90,6 +90,8 @@ class Pilot:
         """The same in words."""
         self.waiting_for = "images and odometry"
         """What keeps the robot from driving; empty while it drives."""
+        self.straight_m = 0.0
+        """Straight way from the start to the circle around the goal [m]."""
         self.driven_m = 0.0
         """Length of the way, by the odometry [m]."""
         self.moving_mps = 0.0
@@ -149,6 +151,7 @@ class Pilot:
             return wanted
         if self.started_ns is None:
             self.started_ns, self._sent_ns = now_ns, now_ns
+            self.straight_m = max(self.goal_distance_m - self._config.goal_radius_m, 0.0)
         passed_s = min((now_ns - self._sent_ns) / 1e9, _LIMIT_STEP_S)
         v, w = limit_command(
             self._wanted.v_mps, self._wanted.w_radps, self._sent.v_mps, self._sent.w_radps, self._robot, passed_s

@@ -71,7 +71,7 @@ def run_trial(robot: Robot, pilot: Pilot, *, rate_hz: float, say: Say) -> Measur
     """
     measures, period_s = Measures(), 1.0 / rate_hz
     began_s = next_s = told_s = time.monotonic()
-    told = ""
+    told: str | None = None
     try:
         while pilot.ending is None:
             _step(robot, pilot, measures, next_s)
@@ -130,6 +130,7 @@ def ended(pilot: Pilot, measures: Measures) -> dict[str, Any]:
         "reason": pilot.reason,
         "duration_s": round(measures.duration_s, 3),
         "driven_m": round(pilot.driven_m, 3),
+        "straight_m": round(pilot.straight_m, 3),
         "goal_distance_m": round(pilot.goal_distance_m, 3) if pilot.goal else None,
         "speed_at_end_mps": round(pilot.moving_mps, 3),
         "measures": measures.summary(),

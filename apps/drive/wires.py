@@ -6,7 +6,7 @@ from typing import Literal, Protocol
 from readygo.apps.drive import ros_keys
 from readygo.apps.drive.messages import Codec
 from readygo.apps.drive.plain_codec import PlainCodec
-from readygo.apps.drive.ros_codec import COMPRESSED_TYPE, IMAGE_TYPE, STAMPED_TWIST_TYPE, RosCodec
+from readygo.apps.drive.ros_codec import COMPRESSED_TYPE, IMAGE_TYPE, STAMPED_TWIST_TYPE, TWIST_TYPE, RosCodec
 from readygo.apps.drive.ros_keys import Endpoint
 from readygo.common.bus.foreign import ForeignSession
 
@@ -149,7 +149,7 @@ class TopicWire:
         """See `Wire.type_of`."""
         if default == IMAGE_TYPE and key.endswith(COMPRESSED_SUFFIX):
             return COMPRESSED_TYPE
-        return default
+        return STAMPED_TWIST_TYPE if self._stamped and default == TWIST_TYPE else default
 
     def address(self, session: ForeignSession, topic: str, type_names: tuple[str, ...], kind: str) -> Address:
         """See `Wire.address`."""
