@@ -98,7 +98,9 @@ def drive(
     if (goal is None) == (not goal_topic):
         raise ConfigError("Say where to go: either --goal X Y or --goal-topic TOPIC.")
     info = "" if calibration else camera_info or f"{image.removesuffix('/compressed').rpartition('/')[0]}/camera_info"
-    topics = Topics(image=image, odometry=odom, command=cmd_vel, camera_info=info, goal=goal_topic, outcome=outcome_topic)
+    topics = Topics(
+        image=image, odometry=odom, command=cmd_vel, camera_info=info, goal=goal_topic, outcome=outcome_topic
+    )
     signal.signal(signal.SIGHUP, _hang_up)
     spoken = make_wire(wire, domain=domain, prefix=prefix, stamped=stamped, node="readygo_drive")
     own = camera_from_file(loaded.spec.robot.camera, calibration) if calibration else None

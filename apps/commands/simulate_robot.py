@@ -10,8 +10,9 @@ import numpy as np
 from rich.console import Console
 
 from readygo.apps.cli import Group
+from readygo.apps.drive.calibration import info_of
 from readygo.apps.drive.robot import Topics
-from readygo.apps.drive.simulated import Manners, SimulatedRobot, camera_info
+from readygo.apps.drive.simulated import Manners, SimulatedRobot
 from readygo.apps.drive.wires import WireName, make_wire
 from readygo.apps.run.config import RunConfig
 from readygo.apps.run.evaluation import (
@@ -23,15 +24,11 @@ from readygo.apps.run.evaluation import (
 from readygo.apps.run.origin import avatars_of_policy
 from readygo.common.bus.foreign import ForeignSession
 from readygo.common.bus.zenoh_bus import Router
-from readygo.common.camera import CameraConfig
 from readygo.common.errors import ConfigError
 from readygo.common.messages import Outcome, Split
 from readygo.common.policy import load_spec
 from readygo.common.robot import load_robot
 from readygo.services.evaluator import Task
-
-_LENSES = {"none": "plumb_bob", "brown_conrady": "plumb_bob", "fisheye": "equidistant"}
-"""Our lens models as ROS names them."""
 
 
 def simulate_robot(
@@ -109,7 +106,7 @@ def simulate_robot(
     eyes.look([evaluator.simulation(drawn[0])])
     with closing(Router(listen)), closing(ForeignSession(listen)) as session:
         spoken = make_wire(wire, domain=domain, prefix="", stamped=False, node="readygo_robot")
-        info = _camera_info(settings.robot.camera)
+        info = info_of(settings.robot.camera)
         machine = SimulatedRobot(session, spoken, topics, info, lambda one: eyes.look([one])[0], manners, rng)
         console.print(f"a robot waits at {listen}", markup=False)
         for task in request.tasks:
@@ -140,8 +137,3 @@ def _without_latency(settings: RunConfig) -> RunConfig:
     """The way to the policy makes images late here, not the camera."""
     camera = replace(settings.robot.camera, latency_s=0.0)
     return replace(settings, robot=replace(settings.robot, camera=camera))
-
-
-def _camera_info(camera: CameraConfig):  # type: ignore[no-untyped-def]
-    d = tuple(getattr(camera, name) for name in camera.coefficient_names)
-    return camera_info(camera.K_px, (camera.height_px, camera.width_px), _LENSES[camera.distortion], d)

@@ -50,8 +50,8 @@ class Rectifier:
         # Pixel centres are at integers in OpenCV.
         u, v = (np.where(inside, uv[..., axis] - 0.5, -9.0).astype(np.float32) for axis in (0, 1))
         self._maps = cv2.convertMaps(u, v, cv2.CV_16SC2)
-        self.identity = self._size == self._policy_size[::-1] and count == 1 and bool(
-            np.abs(uv - _centres(policy, 1)).max() < 0.01
+        self.identity = (
+            self._size == self._policy_size[::-1] and count == 1 and bool(np.abs(uv - _centres(policy, 1)).max() < 0.01)
         )
         """True if images pass as they are."""
 
@@ -100,6 +100,19 @@ def camera_from_info(mount: CameraConfig, info: LogCamera) -> CameraConfig:
             "(ROS: camera_calibration), and pass the file with --calibration."
         )
     return camera_of(mount, info)
+
+
+def info_of(camera: CameraConfig) -> LogCamera:
+    """A camera as a CameraInfo has it."""
+    K = camera.K_px
+    K[:2, 2] -= 0.5
+    return LogCamera(
+        height_px=camera.height_px,
+        width_px=camera.width_px,
+        K_px=tuple(K.reshape(-1).tolist()),
+        model="equidistant" if camera.distortion == "fisheye" else "plumb_bob",
+        distortion=tuple(getattr(camera, name) for name in camera.coefficient_names),
+    )
 
 
 def camera_from_file(mount: CameraConfig, path: Path) -> CameraConfig:
@@ -169,4 +182,3 @@ def _places(robot: CameraConfig, policy: CameraConfig, count: int) -> npt.NDArra
     shown = ahead & (np.hypot(*plane.T) <= lens.radius_max)
     uv = np.where(shown[:, None], lens.pixels(plane), np.nan)
     return uv.reshape(centres.shape)
-

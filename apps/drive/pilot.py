@@ -1,4 +1,4 @@
-"""A policy at a robot's wheel: what comes in, what goes out, and when it must stand. No network, no clock of its own."""
+"""A policy at a robot's wheel: what comes in, what goes out, when it must stand. No network, no clock of its own."""
 
 import enum
 import math
@@ -13,6 +13,7 @@ from readygo.common.frames import goal_in_robot_frame, wrap_angle
 from readygo.common.messages import Outcome
 from readygo.common.policy import Policy
 from readygo.common.robot import RobotConfig, limit_command
+from readygo.common.robot.kinematics import DT_S
 
 STALE_S = 0.3
 """A robot whose newest image or odometry is older stands [s]."""
@@ -20,8 +21,6 @@ GIVE_UP_S = 10.0
 """A trial whose images or odometry are missing for so long is over [s]."""
 LEAP_M = 0.5
 """Odometry that leaps further between two messages, beyond what the robot can drive, has been set [m]."""
-_LIMIT_STEP_S = 0.1
-"""Longest time for which a command may change at once [s]."""
 
 
 class Ending(enum.Enum):
@@ -66,7 +65,7 @@ class DriveConfig:
 
 
 class Pilot:
-    """Drives one trial. Its methods are called from one thread; `now_ns` and `arrived_ns` are of one clock that rises."""
+    """Drives one trial. Its methods are called from one thread; "now" and "arrived" are of one clock that rises."""
 
     def __init__(self, policy: Policy, rectify: Rectifier, config: DriveConfig, goal: Goal) -> None:
         spec = policy.spec
@@ -150,9 +149,9 @@ class Pilot:
             self._sent, self._sent_ns = wanted, now_ns
             return wanted
         if self.started_ns is None:
-            self.started_ns, self._sent_ns = now_ns, now_ns
+            self.started_ns = now_ns
             self.straight_m = max(self.goal_distance_m - self._config.goal_radius_m, 0.0)
-        passed_s = min((now_ns - self._sent_ns) / 1e9, _LIMIT_STEP_S)
+        passed_s = min((now_ns - self._sent_ns) / 1e9, DT_S)
         v, w = limit_command(
             self._wanted.v_mps, self._wanted.w_radps, self._sent.v_mps, self._sent.w_radps, self._robot, passed_s
         )
@@ -246,4 +245,3 @@ def limited(robot: RobotConfig, config: DriveConfig) -> RobotConfig:
         if not 0 < asked <= most:
             raise ValueError(f"{name} must be above 0 and at most {most:g}, what the policy learned, got {asked:g}.")
     return replace(robot, v_max_mps=config.v_max_mps, w_max_radps=config.w_max_radps)
-

@@ -26,6 +26,8 @@ ODOMETRY_MAX = 256
 """Odometry messages that wait for the pilot at most."""
 DEADMAN_S = 0.3
 """A robot that nobody has commanded for so long is told to stand [s]."""
+FOUND_S = 2.0
+"""A base that does not listen within this time is not there [s]."""
 LAST_ZEROS, ZERO_EVERY_S = 3, 0.03
 """How often a robot that is left is told to stand: any one may get lost."""
 Listen = Callable[[str, str, Any, int], None]
@@ -90,7 +92,7 @@ class Robot:
 
     def found(self) -> str:
         """Empty if somebody waits for commands; else what is there, in words."""
-        if self._commands is None or self._commands.heard(timeout_s=2.0):
+        if self._commands is None or self._commands.heard(FOUND_S):
             return ""
         return f"Nobody listens to {self._topics.command}{self._listeners()}."
 
@@ -182,7 +184,14 @@ class TopicPublisher:
     """Publishes on one of a robot's topics."""
 
     def __init__(
-        self, session: ForeignSession, wire: Wire, topic: str, types: tuple[str, ...], number: int, *, block: bool = False
+        self,
+        session: ForeignSession,
+        wire: Wire,
+        topic: str,
+        types: tuple[str, ...],
+        number: int,
+        *,
+        block: bool = False,
     ) -> None:
         """Announce it.
 

@@ -101,9 +101,7 @@ class RosCodec:
         return self._types[TWIST_TYPE](linear=linear, angular=angular)
 
     def _stamped_twist(self, command: Command, stamp_ns: int) -> Any:
-        return self._types[STAMPED_TWIST_TYPE](
-            header=self._header(stamp_ns, "base_link"), twist=self._twist(command)
-        )
+        return self._types[STAMPED_TWIST_TYPE](header=self._header(stamp_ns, "base_link"), twist=self._twist(command))
 
     def _odometry(self, odometry: Odometry, stamp_ns: int) -> Any:
         pose = self._pose(odometry.x_m, odometry.y_m, odometry.yaw_rad)

@@ -90,9 +90,7 @@ def endpoints(tokens: Iterable[str]) -> list[Endpoint]:
         parts = token.split("/")
         if len(parts) == 13 and parts[5] in (PUBLISHER, SUBSCRIBER):
             topic = parts[9].replace("%", "/")
-            found.append(
-                Endpoint(kind=parts[5], topic=topic, type_name=_ros_name(parts[10]), type_hash=parts[11])
-            )
+            found.append(Endpoint(kind=parts[5], topic=topic, type_name=_ros_name(parts[10]), type_hash=parts[11]))
     return found
 
 

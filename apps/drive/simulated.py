@@ -57,7 +57,9 @@ class Manners:
     def __post_init__(self) -> None:
         steps = RATE_HZ / self.camera_hz if self.camera_hz > 0 else 0.0
         if steps < 1 or steps != round(steps):
-            raise ValueError(f"the camera's rate must be {RATE_HZ} Hz divided by a whole number, got {self.camera_hz:g}.")
+            raise ValueError(
+                f"the camera's rate must be {RATE_HZ} Hz divided by a whole number, got {self.camera_hz:g}."
+            )
         if self.latency_s < 0 or self.jitter_s < 0 or not 0 <= self.drop_share < 1:
             raise ValueError("latency and jitter must not be negative, and the share of lost images 0..1.")
 
@@ -98,7 +100,7 @@ class SimulatedRobot:
         self._listen(session, wire, topics.command)
 
     def drive(self, simulation: EpisodeSimulation) -> Outcome:
-        """Wait for somebody who drives, do what is told until the episode ends, say how, and wait until they have gone."""
+        """Wait for somebody who drives, do as told until the episode ends, say how, and wait until they have gone."""
         self._during(simulation, lambda: self._commanded() != Command(), move=False)
         self._during(simulation, lambda: simulation.outcome is not None, move=True)
         outcome = simulation.outcome
@@ -183,19 +185,3 @@ class SimulatedRobot:
                     self._command, self._heard_s = command, time.monotonic()
 
         session.hear(wire.heard_key(topic), on_command)
-
-
-def camera_info(camera_K_px: npt.NDArray[np.float64], size_px: tuple[int, int], lens: str, d: tuple[float, ...]) -> LogCamera:
-    """A camera as a CameraInfo has it.
-
-    Args:
-        camera_K_px: Intrinsics, pixel centres at +0.5, shape (3, 3).
-        size_px: Height and width.
-        lens: Name of the lens model in ROS.
-        d: Its coefficients.
-    """
-    K = camera_K_px.copy()
-    K[:2, 2] -= 0.5
-    return LogCamera(
-        height_px=size_px[0], width_px=size_px[1], K_px=tuple(K.reshape(-1).tolist()), model=lens, distortion=d
-    )

@@ -76,9 +76,7 @@ def _of_record(path: Path, found: Mapping[str, Any], index: int, ending: Ending)
         category=_category(ending, float(found["speed_at_end_mps"])),
         reason="" if ending in OUTCOMES.values() else str(found["reason"]),
     )
-    return Trial(
-        path=path, record=record, time_limit_s=float(found["time_limit_s"]), measures=dict(found["measures"])
-    )
+    return Trial(path=path, record=record, time_limit_s=float(found["time_limit_s"]), measures=dict(found["measures"]))
 
 
 def _category(ending: Ending, speed_mps: float) -> Category | None:

@@ -72,7 +72,7 @@ class RosLogWriter:
     def close(self) -> None:
         """Finish the log."""
         if not self._file.closed:
-            self._writer.finish()
+            self._writer.finish()  # type: ignore[no-untyped-call]
             self._file.close()
             self._part.rename(self.path)
 

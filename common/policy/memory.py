@@ -1,4 +1,4 @@
-"""What a policy remembers of an episode: one definition for simulated robots, which step, and real ones, which do not."""
+"""What a policy remembers of an episode: one definition for simulated robots, which step, and for real ones."""
 
 from bisect import bisect_right
 from typing import Any

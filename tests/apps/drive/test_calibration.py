@@ -8,6 +8,7 @@ from readygo.apps.drive.calibration import (
     Rectifier,
     camera_from_file,
     camera_from_info,
+    info_of,
     mount_differences,
 )
 from readygo.apps.robot_logs.reader import LogCamera
@@ -106,6 +107,12 @@ def test_a_camera_that_nobody_calibrated_is_refused():
     info = LogCamera(height_px=480, width_px=640, K_px=(0.0,) * 9, model="", distortion=())
     with pytest.raises(ConfigError, match="is not calibrated"):
         camera_from_info(POLICY, info)
+
+
+def test_a_camera_goes_through_its_camera_info_unchanged():
+    back = camera_from_info(WIDE, info_of(WIDE))
+    assert np.allclose(back.K_px, WIDE.K_px)
+    assert (back.distortion, back.k1) == ("brown_conrady", -0.05)
 
 
 def test_opencv_agrees_about_the_lens():

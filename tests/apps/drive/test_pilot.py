@@ -1,20 +1,55 @@
 import math
 
+import numpy as np
 import pytest
 
-from readygo.apps.drive.messages import Command
-from readygo.apps.drive.pilot import DriveConfig, Ending, limited
+from readygo.apps.drive.calibration import Rectifier
+from readygo.apps.drive.messages import Command, Goal, Odometry, Picture
+from readygo.apps.drive.pilot import DriveConfig, Ending, Pilot, limited
+from readygo.common.frames import goal_in_robot_frame
 from readygo.common.messages import Outcome
-from readygo.common.robot import RobotConfig
+from readygo.common.policy import load_policy
+from readygo.common.robot import RobotConfig, limit_command, step_unicycle
+from readygo.common.robot.kinematics import STEP_NS
+from tests.apps.drive.conftest import CAMERA, T0, odometry
+from tests.common.policy.artifacts import write_policy
+
+
+def test_robot_is_driven_as_in_an_evaluation_step_by_step(tmp_path):
+    policy, robot = load_policy(write_policy(tmp_path)), RobotConfig()
+    goal, now_ns = (5.0, 1.0), 10**9
+    config = DriveConfig(v_max_mps=1.0, w_max_radps=1.2, goal_in_start_frame=False)
+    pilot = Pilot(policy, Rectifier(CAMERA, CAMERA), config, Goal(x_m=goal[0], y_m=goal[1]))
+    memory, pose, moving, driven, expected = policy.start(), (0.0, 0.0, 0.0), (0.0, 0.0), [], []
+    for step in range(60):
+        image = np.random.default_rng(step).integers(0, 256, (8, 10, 3), dtype=np.uint8)
+        pilot.hear(
+            Odometry(
+                stamp_ns=T0 + now_ns,
+                **dict(zip(("x_m", "y_m", "yaw_rad"), pose, strict=True)),
+                v_mps=moving[0],
+                w_radps=moving[1],
+            ),
+            now_ns,
+        )
+        pilot.look(Picture(stamp_ns=T0 + now_ns, decode=lambda image=image: image[..., ::-1]), now_ns)
+        command = pilot.command(now_ns)
+        there = np.array([goal_in_robot_frame(*pose, goal)], np.float32)
+        v, w = policy.step([memory], image[None], np.array([moving], np.float32), there)[0].tolist()
+        moving = limit_command(v, w, *moving, robot)
+        driven.append((command.v_mps, command.w_radps))
+        expected.append(moving)
+        pose, now_ns = step_unicycle(*pose, *moving), now_ns + STEP_NS
+    assert np.abs(np.array(expected)).max(axis=0).min() > 0
+    assert np.allclose(driven, expected, atol=1e-5)
 
 
 def test_robot_stands_until_it_has_images_and_odometry_and_then_speeds_up_within_its_limits(make_ride):
     ride = make_ride()
     assert ride.step(images=False) == Command()
     assert ride.pilot.waiting_for == "no images"
-    assert ride.step(images=True) == Command()
-    assert ride.pilot.started_ns is not None
     second, third = ride.step(), ride.step()
+    assert ride.pilot.started_ns is not None
     assert (second.v_mps, second.w_radps) == pytest.approx((0.05, 0.15))
     assert (third.v_mps, third.w_radps) == pytest.approx((0.10, 0.30))
     assert (ride.steps(40).v_mps, ride.commands[-1].w_radps) == pytest.approx((1.0, 0.5))
@@ -51,15 +86,9 @@ def test_late_images_make_the_robot_stand_though_many_come(make_ride):
     ride = make_ride()
     ride.steps(20)
     for _ in range(10):
-        ride.pilot.hear(odometry_at(ride), ride.now_ns)
+        ride.pilot.hear(odometry(T0 + ride.now_ns), ride.now_ns)
         ride.step(moves=False, shift_ns=-600_000_000)
     assert ride.commands[-1] == Command()
-
-
-def odometry_at(ride):
-    from tests.apps.drive.conftest import T0, odometry
-
-    return odometry(T0 + ride.now_ns)
 
 
 def test_goal_is_where_the_robot_looked_at_the_start_and_is_reached_within_its_radius(make_ride):

@@ -7,7 +7,7 @@ from readygo.apps.robot_logs.reader import INFO_TYPE, ODOMETRY_TYPE, LogCamera
 
 pytest.importorskip("rosbags", reason="rosbags (extra robot-logs) is not installed")
 STAMP_NS = 1_700_000_000_123_456_789
-TWIST = "00010000" "000000000000e03f" + 4 * "0000000000000000" + "000000000000d0bf"
+TWIST = "00010000000000000000e03f" + 4 * "0000000000000000" + "000000000000d0bf"
 """CDR, little-endian: linear.x 0.5, angular.z -0.25."""
 
 

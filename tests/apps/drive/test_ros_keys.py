@@ -6,9 +6,7 @@ from readygo.apps.drive.ros_keys import Endpoint
 HASH = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
 SESSION = "aac3178e146ba6f1fc6e6a4085e77f21"
 LISTENER = Endpoint(kind="MS", topic="/chatter", type_name="std_msgs/msg/String", type_hash=HASH)
-LISTENER_TOKEN = (
-    f"@ros2_lv/2/{SESSION}/0/10/MS/%/%/listener/%chatter/std_msgs::msg::dds_::String_/{HASH}/::,10:,:,:,,"
-)
+LISTENER_TOKEN = f"@ros2_lv/2/{SESSION}/0/10/MS/%/%/listener/%chatter/std_msgs::msg::dds_::String_/{HASH}/::,10:,:,:,,"
 
 
 def test_topics_have_the_published_keys():
@@ -33,7 +31,7 @@ def test_endpoints_are_read_from_tokens_and_what_is_none_is_left_out():
 
 def test_attachment_has_the_published_layout():
     sent = ros_keys.attachment(3, 1_700_000_000_123_456_789, bytes(range(16)))
-    expected = "0300000000000000" "15cd853dfe9c9717" "10" "000102030405060708090a0b0c0d0e0f"
+    expected = "030000000000000015cd853dfe9c971710000102030405060708090a0b0c0d0e0f"
     assert sent.hex() == expected
     assert len(sent) == 33
 

@@ -7,7 +7,7 @@ from contextlib import closing
 import numpy as np
 import pytest
 
-from readygo.apps.drive.calibration import Rectifier, camera_from_info
+from readygo.apps.drive.calibration import Rectifier, camera_from_info, info_of
 from readygo.apps.drive.pilot import DriveConfig, Ending, Pilot
 from readygo.apps.drive.plain_codec import PlainCodec
 from readygo.apps.drive.robot import Topics, connected
@@ -15,7 +15,6 @@ from readygo.apps.drive.ros_codec import RosCodec
 from readygo.apps.drive.simulated import Manners, SimulatedRobot
 from readygo.apps.drive.trial import run_trial
 from readygo.apps.drive.wires import RosWire, TopicWire
-from readygo.apps.robot_logs.reader import LogCamera
 from readygo.common.bus.foreign import ForeignSession
 from readygo.common.bus.zenoh_bus import Router, free_endpoint
 from readygo.common.episode import EpisodeConfig, EpisodeSimulation
@@ -31,9 +30,7 @@ TOPICS = Topics(
     goal="/goal_pose",
     outcome="/outcome",
 )
-INFO = LogCamera(
-    height_px=8, width_px=10, K_px=tuple((CAMERA.K_px - [[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]]).ravel()), model="", distortion=()
-)
+INFO = info_of(CAMERA)
 
 
 class StraightPolicy(FakePolicy):
@@ -44,14 +41,18 @@ class StraightPolicy(FakePolicy):
 
 
 def simulation():
-    open_ground = OccupancyMap(frame=GridFrame(origin_x_m=-4.0, origin_y_m=-4.0, resolution_m=0.1), occupied=np.zeros((80, 160), np.bool_))
+    open_ground = OccupancyMap(
+        frame=GridFrame(origin_x_m=-4.0, origin_y_m=-4.0, resolution_m=0.1), occupied=np.zeros((80, 160), np.bool_)
+    )
     scenario = Scenario(
         episode=EpisodeKey(seed=0, split=Split.TEST, index=0),
         start_xyyaw=np.array([0.0, 0.0, 0.0]),
         goal_xy_m=np.array([2.0, 0.0]),
         humans=(),
     )
-    return EpisodeSimulation(scenario, EpisodeMotions(humans=()), open_ground, StraightPolicy().spec.robot, EpisodeConfig())
+    return EpisodeSimulation(
+        scenario, EpisodeMotions(humans=()), open_ground, StraightPolicy().spec.robot, EpisodeConfig()
+    )
 
 
 @pytest.mark.parametrize("kind", ["ros2", "bridge", "plain"])
