@@ -41,9 +41,7 @@ class _Timer:
         self.console.print(f"[bold]{time.monotonic() - self.begin_s:5.0f} s[/bold]  {text}")
 
 
-def demo(
-    *, out: Path = Path("demo"), minutes: float = 4.5, episodes: int = 10, reconstruct: bool = False
-) -> None:
+def demo(*, out: Path = Path("demo"), minutes: float = 4.5, episodes: int = 10, reconstruct: bool = False) -> None:
     """Learn a policy in the embedded scene, try it, and write a report and a film.
 
     Args:
@@ -67,7 +65,10 @@ def demo(
 def _reconstruct(out: Path, timer: _Timer) -> None:
     from readygo.apps.demo.reconstruct import MARKER_SIZE_M, ROOM, VIDEO, reconstruct_room
 
-    report = reconstruct_room(out, SCENE, timer.say)
+    try:
+        report = reconstruct_room(out, SCENE, timer.say)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt("a demo begins anew when it is run again.") from None
     timer.say("done")
     sys.stdout.write(
         f"Open {report} and {out / VIDEO}; the scene is {out / ROOM}.\n"

@@ -222,9 +222,7 @@ class Frame:
         blend(view.width, ws, lists.on(self._raster))
         self._slab_count += 1
 
-    def derive(
-        self, planes: Singles, slopes: Singles, *, absolute: bool, dense: bool
-    ) -> FrameGradients:
+    def derive(self, planes: Singles, slopes: Singles, *, absolute: bool, dense: bool) -> FrameGradients:
         """Derivatives of a loss by all parameters.
 
         Args:

@@ -23,8 +23,8 @@ GROUP = GROUP_ROWS * 16
 TRANSMITTANCE, RED, DEPTH, PLANES = 0, 1, 4, 5
 """Planes of an image: transmittance, red, green, blue, depth times weight, and then the features."""
 MOMENTS, WEIGHT, CHANNELS, FEATURES = (0, 1, 4, 2, 5, 8), 12, (3, 7, 11, 15), 16
-"""Places in a gradient record: six moments, the sum of weights, red, green, blue and depth, and where the features begin,
-behind which are the absolute derivatives by the projected mean, where they are asked for. The order is that in which
+"""Places in a gradient record: six moments, the sum of weights, red, green, blue and depth, and where features begin.
+Behind these are the absolute derivatives by the projected mean, if asked for. The order is that in which
 `blend_gradients` gets them; the other places below `FEATURES` hold nothing of use."""
 FEATURE_GROUP = 4
 """Features are handled in groups of this many; the last group is filled up with zeros."""

@@ -39,7 +39,7 @@ from readygo.common.rasterizer.differentiable.memory import (
     Singles,
 )
 from readygo.common.rasterizer.differentiable.released import released
-from readygo.common.rasterizer.differentiable.simd_rows import load_first, rows_of_four, rows_of_three, store_first
+from readygo.common.rasterizer.differentiable.simd_rows import rows_of_four, rows_of_three, store_first
 from readygo.common.simd.memory import compress, load_f16, load_i16, prefetch, store_f16, transpose_in_place
 from readygo.common.simd.types import (
     bit_pattern,

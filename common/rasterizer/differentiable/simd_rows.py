@@ -210,7 +210,8 @@ sums_over_rows = _sums(
     _over_rows, "Of four 4x4 blocks (see `load_block`) the sums over their rows: four numbers for each block in turn."
 )
 sums_over_columns = _sums(
-    _over_columns, "Of four 4x4 blocks the sums over their columns: a row for each row, its numbers those of the blocks."
+    _over_columns,
+    "Of four 4x4 blocks the sums over their columns: a row for each row, and in it a number for each block.",
 )
 
 

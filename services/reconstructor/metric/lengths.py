@@ -71,7 +71,9 @@ def in_used_images(known: KnownLength, used: Mapping[str, tuple[str, float]]) ->
     """
     absent = [name for name in known.images if name not in used]
     if absent:
-        raise ConfigError(f"--length names {absent[0]}, which is no image here; there are {', '.join(list(used)[:3])}, ...")
+        raise ConfigError(
+            f"--length names {absent[0]}, which is no image here; there are {', '.join(list(used)[:3])}, ..."
+        )
     first, second = (
         tuple((used[name][0], u * used[name][1], v * used[name][1]) for name, u, v in picks) for picks in known.ends
     )
