@@ -30,6 +30,7 @@ from readygo.services.reconstructor.metric.place import Placement, place_map
 from readygo.services.reconstructor.metric.scale import square_corners_m
 from readygo.services.reconstructor.posed import PosedImages
 from readygo.services.reconstructor.poses import colmap
+from readygo.services.reconstructor.poses.apart import apart
 from readygo.services.reconstructor.poses.joining import placed_by_markers
 from readygo.services.reconstructor.poses.pairs import image_pairs
 from readygo.services.reconstructor.poses.squares import adjusted_by_squares
@@ -215,7 +216,7 @@ def make_features(
     """The database of features; the focal length is EXIF's, else that which makes markers square."""
     focal_px = float(frames.get("focal_px") or 0.0) or _focal_of_tags(frames, sightings)
     database, names, size_px = folder / DATABASE_FILE, list(frames["names"]), frames["size_px"]
-    colmap.extract_features(database, images, names, config.poses, focal_px=focal_px, size_px=size_px)
+    apart(colmap.extract_features, database, images, names, config.poses, focal_px=focal_px, size_px=size_px)
     return {"focal_px": focal_px}
 
 
@@ -232,7 +233,7 @@ def make_matches(
     database = folder / DATABASE_FILE
     shutil.copyfile(out / FEATURES / DATABASE_FILE, database)
     pairs = image_pairs(len(names), sequential=_in_order(kind, len(names), config), overlap=config.poses.overlap)
-    colmap.match_features(database, [(names[a], names[b]) for a, b in pairs], config.poses)
+    apart(colmap.match_features, database, [(names[a], names[b]) for a, b in pairs], config.poses)
     if sightings:
         colmap.add_tag_matches(database, tag_features(sightings), config.poses)
     return {"pairs": len(pairs)}
@@ -376,7 +377,7 @@ def make_posed(
     place, _ = _images(frames, out / FRAMES)
     images = colmap.read_map(model)
     placed = place_map(images, sightings, lengths, config.metric)
-    colmap.write_undistorted(model, place, folder, placed.world_from_map, config.poses)
+    apart(colmap.write_undistorted, model, place, folder, placed.world_from_map, config.poses)
     metric = images.moved(placed.world_from_map)
     corners_m = [placed.world_from_map.apply(marker.corners) for marker in placed.markers]
     write_png(
