@@ -50,6 +50,9 @@ class DensityConfig:
     """Fainter ones are removed or moved."""
     scale_max: Annotated[float, Range(above=0.0)] = 0.1
     """Larger ones are removed, in extents of the scene; `gradients` only."""
+    stretch_max: Annotated[float, Range(low=1.0)] = 5.0
+    """A Gaussian's longest axis is at most this many times its middle one: longer ones look right from the cameras
+    alone, and are needles from elsewhere."""
     reset_every: Annotated[float, Range(above=0.0)] = 0.2
     """Opacities are made small so often; `gradients` only."""
     growth: Annotated[float, Range(low=0.0)] = 0.05
