@@ -39,7 +39,13 @@ def findings(
     """
     found = survey(cloud)
     held = None if views is None or not len(views) else views.mean_up
-    return [*_frame(found.clear_up if held is None else found.up_near(held), report["floor"]["tilt_deg"]), *_storeys(found), *_gaussians(cloud), *_ground(plan), *_room_to_move(report)]
+    return [
+        *_frame(found.clear_up if held is None else found.up_near(held), report["floor"]["tilt_deg"]),
+        *_storeys(found),
+        *_gaussians(cloud),
+        *_ground(plan),
+        *_room_to_move(report),
+    ]
 
 
 def marks(plan: ScenePlan) -> dict[str, npt.NDArray[np.bool_]]:

@@ -18,9 +18,7 @@ def _held_upright():
     """Four cameras that look along the horizon."""
     T = np.tile(np.eye(4), (4, 1, 1))
     for pose, angle in zip(T, np.arange(4) * np.pi / 2, strict=True):
-        pose[:3, :3] = np.array(
-            [[-np.sin(angle), 0, np.cos(angle)], [np.cos(angle), 0, np.sin(angle)], [0, -1, 0]]
-        )
+        pose[:3, :3] = np.array([[-np.sin(angle), 0, np.cos(angle)], [np.cos(angle), 0, np.sin(angle)], [0, -1, 0]])
         pose[:3, 3] = 2.0, 2.0, 1.2
     return CapturedViews(
         T_world_camera=T,
