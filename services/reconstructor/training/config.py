@@ -140,10 +140,17 @@ def weak_texture(settings: GaussiansConfig) -> GaussiansConfig:
 
 def preset(name: Preset) -> GaussiansConfig:
     """The settings of a name: `draft` takes minutes on two cores, `standard` and `high` are for longer."""
+    surfaces = GeometryConfig(enabled=True)
     if name == "draft":
         return GaussiansConfig(
-            steps=3000, side_max_px=640, density=DensityConfig(method="mcmc", count_max=150_000, growth=0.1)
+            steps=3000,
+            side_max_px=320,
+            coarse=2,
+            density=DensityConfig(method="mcmc", count_max=150_000, growth=0.1),
+            geometry=replace(surfaces, patches_max=1024),
         )
     if name == "standard":
-        return GaussiansConfig(steps=7000, density=DensityConfig(count_max=500_000))
-    return GaussiansConfig(steps=30_000, side_max_px=1600, density=DensityConfig(count_max=2_000_000))
+        return GaussiansConfig(steps=7000, density=DensityConfig(count_max=500_000), geometry=surfaces)
+    return GaussiansConfig(
+        steps=30_000, side_max_px=1600, density=DensityConfig(count_max=2_000_000), geometry=surfaces
+    )
