@@ -15,6 +15,7 @@ from readygo.apps.evaluation.choice import check_wanted, watched_method
 from readygo.apps.evaluation.replay import Replays
 from readygo.apps.evaluation.report import REPORT_FILE
 from readygo.apps.evaluation.watch import plan_command, write_films, write_pages
+from readygo.apps.fleet.evaluation import EvaluationFleet, by_fleet, fleet_spec, make_plan
 from readygo.apps.run.config import RunConfig
 from readygo.apps.run.evaluation import (
     CameraName,
@@ -50,6 +51,7 @@ from readygo.services.renderer.sensor.recipes import SensorName
 
 TaskName = Literal["static", "dynamic", "reactive"]
 Show = Callable[[EpisodeRecord], None]
+Say = Callable[[str], None]
 
 
 def evaluate(
@@ -74,6 +76,8 @@ def evaluate(
     control_hz: float = 20.0,
     lockstep: int = 8,
     checkpoints: Path = CHECKPOINTS,
+    workers: int = 0,
+    listen: str = "",
     json: bool = False,
 ) -> None:
     """Drive a policy, the expert and a straight line through the same episodes, and count successes.
@@ -108,9 +112,16 @@ def evaluate(
         control_hz: How often the policy decides [Hz]; its command is held in between, its memory sees every image.
         lockstep: Episodes that run side by side.
         checkpoints: Folder with gnm_large.pth, vint.pth, nomad.pth and the policy vid2sim, where these drive.
+        workers: Processes that drive, one per core; 0 drives in this process. Records are the same.
+        listen: Endpoint of the workers' router, such as tcp/127.0.0.1:7447, for workers that are started by hand
+            (`readygo worker evaluator`); a free loopback port by default.
         json: Print the summary as JSON.
     """
     check_wanted(video)
+    if (workers or listen) and out is None:
+        raise RunError("--workers keep their records in a folder: say which with --out.")
+    if listen and not workers:
+        raise RunError("--listen is for workers: say with --workers how many are started here, at least 1.")
     if video and out is None:
         raise RunError("--video writes films into a folder: say which with --out.")
     count = episode_count(scenarios) if episodes is None else episodes
@@ -133,7 +144,7 @@ def evaluate(
     identity = evaluation_settings(world, request, policy=sha256, camera=camera)
     total = len(request.tasks) * len(request.methods) * request.episodes
     with open_results(out, identity) if out else nullcontext() as results, _kept(results, request, total):
-        renderer = world.renderer() if needs_renderer(drivers) else None
+        renderer = world.renderer() if needs_renderer(drivers) and not workers else None
         evaluator = make_evaluator(
             world,
             renderer=renderer,
@@ -142,8 +153,22 @@ def evaluate(
             camera=camera,
             methods=named_methods(world, drivers, checkpoints),
         )
-        with _progress(Console(stderr=True), total, quiet=json) as show:
-            reply = handle_evaluate(evaluator, request, report=show, results=results)
+        with _progress(Console(stderr=True), total, quiet=json) as (show, say):
+            elsewhere = None
+            if workers and results is not None:
+                drives = "policy" in drivers
+                fleet = EvaluationFleet(
+                    spec=fleet_spec(world, policy if drives else None),
+                    plan=make_plan(request, camera=camera, lockstep=lockstep, checkpoints=checkpoints),
+                    request=request,
+                    results=results,
+                    workers=workers,
+                    listen=listen,
+                    report=show,
+                    say=say,
+                )
+                elsewhere = by_fleet(fleet)
+            reply = handle_evaluate(evaluator, request, report=show, results=results, elsewhere=elsewhere)
         summary = summarize(reply, request, evaluator) | _settings_said(run_config, identity)
         if results is not None:
             results.finish(summary)
@@ -223,7 +248,7 @@ def _kept(results: Results | None, request: EvaluateRequest, total: int) -> Iter
 
 
 @contextmanager
-def _progress(console: Console, total: int, *, quiet: bool) -> Iterator[Show]:
+def _progress(console: Console, total: int, *, quiet: bool) -> Iterator[tuple[Show, Say]]:
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -241,4 +266,7 @@ def _progress(console: Console, total: int, *, quiet: bool) -> Iterator[Show]:
             rate = f"{record.task.value} {record.method}: SR {100 * sum(of_group) / len(of_group):.0f} %, ETA"
             progress.update(task, advance=1, rate=rate)
 
-        yield show
+        def say(line: str) -> None:
+            progress.console.print(line, markup=False, highlight=False, soft_wrap=True)
+
+        yield show, say
