@@ -25,8 +25,10 @@ from readygo.apps.run.evaluation import (
     make_evaluator,
     make_evaluator_config,
     make_request,
+    settings_of_today,
     summarize,
 )
+from readygo.apps.run.method_files import method_hashes
 from readygo.apps.run.methods import CHECKPOINTS, named_methods, needs_renderer
 from readygo.apps.run.origin import avatars_of_policy
 from readygo.apps.run.policy import policy_sha256
@@ -141,9 +143,11 @@ def evaluate(
     bodies = avatars_of_policy(loaded.spec) if loaded and avatars is None else avatars
     world = evaluation_world(scene, run_config, avatars=bodies, seed=seed, scenarios=scenarios)
     sha256 = policy_sha256(policy) if policy and out else ""
-    identity = evaluation_settings(world, request, policy=sha256, camera=camera)
+    hashes = method_hashes(drivers, checkpoints) if out else {}
+    identity = evaluation_settings(world, request, policy=sha256, camera=camera, methods=hashes)
     total = len(request.tasks) * len(request.methods) * request.episodes
-    with open_results(out, identity) if out else nullcontext() as results, _kept(results, request, total):
+    folder = open_results(out, identity, today=settings_of_today) if out else nullcontext()
+    with folder as results, _kept(results, request, total):
         renderer = world.renderer() if needs_renderer(drivers) and not workers else None
         evaluator = make_evaluator(
             world,
@@ -159,7 +163,9 @@ def evaluate(
                 drives = "policy" in drivers
                 fleet = EvaluationFleet(
                     spec=fleet_spec(world, policy if drives else None),
-                    plan=make_plan(request, camera=camera, lockstep=lockstep, checkpoints=checkpoints),
+                    plan=make_plan(
+                        request, camera=camera, lockstep=lockstep, checkpoints=checkpoints, method_hashes=hashes
+                    ),
                     request=request,
                     results=results,
                     workers=workers,

@@ -13,7 +13,6 @@ from readygo.apps.fleet.fleet import Fleet
 from readygo.apps.fleet.token import given_token, new_token
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.identity import numeric_class, run_name
-from readygo.apps.run.method_files import method_hashes
 from readygo.apps.run.policy import POLICY_FILES, file_ref
 from readygo.apps.run.world import World
 from readygo.common.bus import Bus
@@ -75,8 +74,10 @@ def fleet_spec(world: World, policy: Path | None) -> RunSpec:
     return dataclasses.replace(spec, run=run_name(spec))
 
 
-def make_plan(request: EvaluateRequest, *, camera: str, lockstep: int, checkpoints: Path) -> EvaluationPlan:
-    """What workers are told of an evaluation."""
+def make_plan(
+    request: EvaluateRequest, *, camera: str, lockstep: int, checkpoints: Path, method_hashes: dict[str, str]
+) -> EvaluationPlan:
+    """What workers are told of an evaluation; see `EvaluationPlan`."""
     return EvaluationPlan(
         tasks=tuple(task.value for task in request.tasks),
         methods=request.methods,
@@ -84,7 +85,7 @@ def make_plan(request: EvaluateRequest, *, camera: str, lockstep: int, checkpoin
         camera=camera,
         lockstep=lockstep,
         checkpoints=str(checkpoints.resolve()),
-        method_hashes=method_hashes(request.methods, checkpoints),
+        method_hashes=method_hashes,
     )
 
 
