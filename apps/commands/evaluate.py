@@ -30,7 +30,7 @@ from readygo.apps.run.evaluation import (
 )
 from readygo.apps.run.method_files import method_hashes
 from readygo.apps.run.methods import CHECKPOINTS, named_methods, needs_renderer
-from readygo.apps.run.origin import avatars_of_policy
+from readygo.apps.run.origin import avatars_of_policy, check_unseen, unseen_avatars
 from readygo.apps.run.policy import policy_sha256
 from readygo.apps.run.spec import episode_count
 from readygo.common.config import section_to_mapping
@@ -69,6 +69,7 @@ def evaluate(
     out: Path | None = None,
     video: tuple[str, ...] = (),
     avatars: Path | None = None,
+    unseen: tuple[Literal["avatars", "scenes"], ...] = (),
     robot: Path | None = None,
     config: Path | None = None,
     sensor: SensorName | None = None,
@@ -100,7 +101,10 @@ def evaluate(
         out: Folder for episodes.jsonl, trajectories.jsonl, summary.json, films, and pages with the failures.
         video: Films to write into `out`, of the policy: "worst", "failures" or indices of episodes, such as worst 17;
             they can be asked for later, episodes are not driven again for them.
-        avatars: Avatar file or folder of them; those of the policy's data by default, else the embedded ones.
+        avatars: Avatar file or folder of them; those of the policy's data by default, else the embedded ones. With
+            ":train" or ":test" behind it, also behind "embedded", the part that is for that.
+        unseen: What must be new to the policy, and is refused if it is not: "avatars" has those of the part for tests
+            where its data have the part for training, six or more there and two or more here; "scenes".
         robot: robot.toml; by default the one in `config`, else the policy's robot.
         config: TOML file with sections of settings, as given to `readygo generate`; what it does not name is as in the
             policy's data.
@@ -140,8 +144,14 @@ def evaluate(
         sensor=sensor,
         humans=people,
     )
-    bodies = avatars_of_policy(loaded.spec) if loaded and avatars is None else avatars
+    bodies = avatars
+    if loaded and avatars is None:
+        bodies = unseen_avatars(loaded.spec) if "avatars" in unseen else avatars_of_policy(loaded.spec)
     world = evaluation_world(scene, run_config, avatars=bodies, seed=seed, scenarios=scenarios)
+    if loaded:
+        check_unseen(loaded.spec, world.spec, unseen)
+    elif unseen:
+        raise RunError("--unseen is about a policy's data: name the policy.")
     sha256 = policy_sha256(policy) if policy and out else ""
     hashes = method_hashes(drivers, checkpoints) if out else {}
     identity = evaluation_settings(world, request, policy=sha256, camera=camera, methods=hashes)

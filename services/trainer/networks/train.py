@@ -225,8 +225,7 @@ def _settings(config: NetworkTrainConfig) -> dict[str, Any]:
 def _measure(
     dataset: Dataset, names: set[str], held_out: set[str], config: NetworkTrainConfig, run: Run
 ) -> dict[str, float]:
-    """How far the place that is steered at is from where the expert went, in held-out episodes; and how far it is if
-    the mean is named always.
+    """How far from where the expert went the network steers in held-out episodes, and how far off the mean place is.
 
     Nothing where there are fewer than two such episodes.
     """

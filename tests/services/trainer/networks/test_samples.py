@@ -43,9 +43,8 @@ def test_places_are_in_the_frame_of_the_robot_and_in_its_unit() -> None:
     np.testing.assert_allclose(places[0], places[1], atol=1e-6)
     np.testing.assert_allclose(places[0, :, 0] * 0.25, np.sin(0.1 * np.arange(1, 6)), atol=1e-6)
     assert (places[0, :, 1] > 0).all(), "a left turn ends on the left"
-    np.testing.assert_allclose(
-        places[0, :, 2:], np.stack([np.cos(a := 0.1 * np.arange(1, 6)), np.sin(a)], 1), atol=1e-6
-    )
+    angles = 0.1 * np.arange(1, 6)
+    np.testing.assert_allclose(places[0, :, 2:], np.stack([np.cos(angles), np.sin(angles)], 1), atol=1e-6)
 
 
 def test_at_the_end_the_robot_stays() -> None:

@@ -1,5 +1,7 @@
 """Training of a network: weights as the evaluator reads them, and runs that continue."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -35,11 +37,7 @@ class Data:
 
     content_hash = "ab"
 
-    class _Entry:
-        def __init__(self, name: str) -> None:
-            self.episode = type("Key", (), {"episode_id": name})
-
-    episodes = tuple(_Entry(f"episode {number}") for number in range(20))
+    episodes = tuple(SimpleNamespace(episode=SimpleNamespace(episode_id=f"episode {n}")) for n in range(20))
 
     def decode(self, row: int) -> np.ndarray:
         return np.full((6, 8, 3), 10 * (row // 30), np.uint8)
