@@ -5,7 +5,7 @@
 Each arm is recorded and trained alike, by the commands of `readygo`, which go on where they were stopped:
 
 - photoreal: data among six avatars as they are
-- mesh: the same episodes, people as simple assets of a game engine ([renderer] human_look = "mesh"), as Vid2Sim has them
+- mesh: the same episodes, people as simple assets of a game engine ([renderer] human_look = "mesh"), as in Vid2Sim
 - static: data without people
 
 All of them are tried in the same episodes of the split test, among photoreal people of whom no data have one
