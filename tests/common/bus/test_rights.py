@@ -90,7 +90,7 @@ def test_handlers_refuse_a_wrong_role_in_one_line_and_log_it(join: Join, caplog:
         PeerError, match="a certificate of 'monitor' does not allow that; it takes one of renderer, all"
     ):
         join("monitor").request(topics.claim("render"), ClaimRequest(worker="w"))
-    with pytest.raises(PeerError, match="a certificate of 'monitor' is none of a renderer"):
+    with pytest.raises(PeerError, match="a certificate of 'monitor' does not allow to join as renderer"):
         join("monitor").request(topics.SPEC, RunSpecRequest(role="renderer"))
     with pytest.raises(PeerError, match=r"a certificate of 'recorder\.rec1' does not speak for another recorder"):
         join("recorder.rec1").request(topics.PENDING, PendingRequest(recorder="rec0"))
