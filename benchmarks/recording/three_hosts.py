@@ -21,9 +21,9 @@ from pathlib import Path
 
 import tyro
 
-import readygo
 from readygo.apps.run.folder import RunFolder
 from readygo.common.dataset import Dataset
+from readygo.common.extras import ROOT
 from readygo.common.files import cache_root
 from readygo.services.coordinator import Ledger
 
@@ -57,8 +57,7 @@ class Host:
     def start(self, *arguments: str) -> "subprocess.Popen[bytes]":
         """Run readygo there; its output goes to a log in the host's folder."""
         environment = {**os.environ, "HOME": str(self.root), "XDG_CACHE_HOME": str(self.root / "cache")}
-        checkout = str(Path(readygo.__file__).resolve().parents[1])
-        environment["PYTHONPATH"] = os.pathsep.join([checkout, environment.get("PYTHONPATH", "")])
+        environment["PYTHONPATH"] = os.pathsep.join([str(ROOT), environment.get("PYTHONPATH", "")])
         command = ["ip", "netns", "exec", self.name, sys.executable, "-m", "readygo", *arguments]
         with (self.root / f"{'-'.join(arguments[:2]).replace('/', '_')}.log").open("ab") as log:
             return subprocess.Popen(command, cwd=self.root, env=environment, stdout=log, stderr=log)
@@ -90,7 +89,7 @@ def main(
         expected = Dataset([alone]).content_hash
         _issue(Path(name) / "authority", hosts)
         data, shards = hosts[0].root / "data", hosts[2].root / "shards"
-        with _fleet(hosts, what, data, shards) as coordinator:
+        with _fleet(hosts, what, data, shards, deadline_s) as coordinator:
             ledger = RunFolder(data).ledger
             _wait(lambda: ledger.exists() and _committed(ledger) > 0, coordinator, deadline_s)
             print(f"{_committed(ledger)} episodes are durable: host 2 is cut off for {cut_s:g} s")
@@ -113,7 +112,7 @@ def _fleet(hosts: Sequence[Host], what: Sequence[str], data: Path, shards: Path)
     lead = ["generate", *what, "--out", str(data), "--on", "hosts"]
     processes = [first.start(*lead, "--listen", f"tls/0.0.0.0:{PORT}", "--certs", str(first.certs))]
     try:
-        _wait(lambda: (data / ".readygo" / "endpoint").exists(), processes[0], time.monotonic() + 120.0)
+        _wait(lambda: (data / ".readygo" / "endpoint").exists(), processes[0], deadline_s)
         run = RunFolder(data).load()[0].run
         for host, role in ((third, "recorder"), (second, "all"), (third, "all")):
             own = ["--name", "rec0", "--data", str(shards)] if role == "recorder" else []
@@ -121,7 +120,7 @@ def _fleet(hosts: Sequence[Host], what: Sequence[str], data: Path, shards: Path)
             processes.append(host.start("worker", role, "--connect", endpoint, "--run", run, *certs, *own))
         yield processes[0]
         for process in processes:
-            process.wait(timeout=60)
+            process.wait(timeout=max(1.0, deadline_s - time.monotonic()))
     finally:
         for process in processes:
             process.kill()

@@ -53,11 +53,7 @@ def test_machine_that_would_make_other_samples_is_refused() -> None:
 
     ours = {"readygo_version": importlib.metadata.version("readygo"), "numeric_class": numeric_class(config)}
     check_same_make(made(**ours), config)
-    with pytest.raises(
-        RunError, match=r"The run is of readygo 0\.0\.9, this is .*: use the same version"
-    ):
+    with pytest.raises(RunError, match=r"The run is of readygo 0\.0\.9, this is .*: use the same version"):
         check_same_make(made(**{**ours, "readygo_version": "0.0.9"}), config)
-    with pytest.raises(
-        RunError, match="samples are of the numeric class 'abacus', this machine's would be of"
-    ):
+    with pytest.raises(RunError, match="samples are of the numeric class 'abacus', this machine's would be of"):
         check_same_make(made(**{**ours, "numeric_class": "abacus"}), config)
