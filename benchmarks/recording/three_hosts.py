@@ -106,7 +106,9 @@ def main(
 
 
 @contextlib.contextmanager
-def _fleet(hosts: Sequence[Host], what: Sequence[str], data: Path, shards: Path) -> "Iterator[subprocess.Popen[bytes]]":
+def _fleet(
+    hosts: Sequence[Host], what: Sequence[str], data: Path, shards: Path, deadline_s: float
+) -> "Iterator[subprocess.Popen[bytes]]":
     first, second, third = hosts
     endpoint = f"tls/{first.address}:{PORT}"
     lead = ["generate", *what, "--out", str(data), "--on", "hosts"]
