@@ -40,6 +40,8 @@ def certs_issue(
         host: Names and addresses under which a coordinator is reached, besides localhost.
         days: How long they are valid.
     """
+    if not names:
+        raise CertificateError("Name the roles: `readygo certs issue coordinator recorder.rec0 all operator ...`.")
     for name in names:
         hosts = ("localhost", "127.0.0.1", "::1", *host) if name == "coordinator" else host
         _certificates().issue(authority, out or authority, name, hosts=tuple(dict.fromkeys(hosts)), days=days)

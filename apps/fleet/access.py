@@ -1,5 +1,9 @@
 """How a process gets to a run's router: with the run's token on this machine, with a certificate across networks."""
 
+import contextlib
+import os
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 from readygo.apps.fleet.token import given_token
@@ -65,6 +69,19 @@ def identity_for(endpoint: str, role: str, *, name: str = "", certs: Path | None
     except ImportError as error:
         raise CertificateError(f"Certificates need cryptography; run: {install_command('tls')}") from error
     return load_identity(certs, f"{role}.{name}" if role == RECORDER else role)
+
+
+@contextlib.contextmanager
+def refusals_on_stderr() -> Iterator[None]:
+    """Have Zenoh say on standard error whom a router refused: what a command prints goes to standard output."""
+    sys.stdout.flush()
+    output = os.dup(1)
+    os.dup2(2, 1)
+    try:
+        yield
+    finally:
+        os.dup2(output, 1)
+        os.close(output)
 
 
 def reached_here(listen: str) -> str:

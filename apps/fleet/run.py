@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from readygo.apps.fleet.access import join, open_router, reached_here
+from readygo.apps.fleet.access import join, open_router, reached_here, refusals_on_stderr
 from readygo.apps.fleet.fleet import Fleet
 from readygo.apps.fleet.roles import places
 from readygo.apps.fleet.slurm import SlurmWorkers
@@ -192,6 +192,8 @@ def run_fleet(
             contextlib.ExitStack() as jobs,
         ):
             observer.launcher(fleet.members)
+            if certs:
+                jobs.enter_context(refusals_on_stderr())
             members = places(spec, recorders, workers, together=together)
             checks = [fleet.check]
             if slurm is not None:

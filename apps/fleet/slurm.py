@@ -1,7 +1,7 @@
 """Workers of a fleet as an array of Slurm jobs.
 
 Slurm starts, stops, requeues and multiplies them; the coordinator gives the work of one that ends to others. They need
-what every worker needs: this Python environment at the same path, and the scene and avatars, on a shared file system.
+what every worker needs: this Python environment at the same path. What they lack of scene and avatars, they fetch.
 """
 
 import shlex

@@ -79,7 +79,7 @@ def _summary(observed: Observed) -> Text:
     text = Text(f"{status.committed} of {status.wanted} episodes, {status.samples} samples")
     if left is not None and not status.finished:
         text.append(f", about {duration(left)} left")
-    if observed.fleet.paused:
+    if status.paused:
         text.append("; paused, `readygo resume` goes on", "yellow")
     for words, counts in (("rejected", status.rejected), ("kept", status.kept)):
         for reason, count in list(counts.items())[:REASONS_MAX]:

@@ -46,7 +46,7 @@ class World:
         """The scene of the spec: at its path if it is there, else fetched from the run.
 
         Raises:
-            RunError: If the scene at hand is another one than the run's.
+            RunError: If the scene at hand is another one than the run's, or what was fetched does not match its hash.
         """
         path = Path(self.spec.scene_path)
         if self._bus is not None and not _is_scene(path, self.spec.scene_hash):

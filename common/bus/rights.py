@@ -106,5 +106,5 @@ def refusal(asker: str, roles: Iterable[str], request: object) -> str:
         return f"a certificate of {asker!r} does not speak for another recorder"
     claimed = getattr(request, "role", "")
     if claimed and role_of(claimed) != role:
-        return f"a certificate of {asker!r} is none of a {claimed}"
+        return f"a certificate of {asker!r} does not allow to join as {claimed}"
     return ""

@@ -68,7 +68,7 @@ def fetch_file(bus: Bus, file: FileRef, path: Path) -> None:
                 # What an earlier download left may be what is wrong.
                 log.warning("%s arrived damaged: it is fetched anew", file.path)
                 part.unlink()
-        if not path.exists():
+        if not is_whole(path, file):
             raise RunError(f"File {file.path} of the run does not match its hash: it has changed where the run began.")
 
 
@@ -91,9 +91,7 @@ def _download(bus: Bus, file: FileRef, part: Path) -> None:
         while (offset := stream.seek(0, 2)) < file.size:
             reply = _chunk(bus, file, offset)
             if reply.size != file.size or not reply.data:
-                raise RunError(
-                    f"File {file.path} of the run is not there any more, or has changed, where the run began."
-                )
+                raise RunError(f"File {file.path} of the run is gone, or has changed, where the run began.")
             stream.write(reply.data)
             stream.flush()
 

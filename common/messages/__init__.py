@@ -32,6 +32,14 @@ from readygo.common.messages.coordination import (
     files_digest,
 )
 from readygo.common.messages.episode import EpisodeKey, HumanTrajectory, Scenario, Split
+from readygo.common.messages.evaluation import (
+    Drive,
+    DrivesReply,
+    DrivesRequest,
+    EvaluationPlan,
+    EvaluationPlanRequest,
+    KeepRequest,
+)
 from readygo.common.messages.learning import CommittedEpisode, OfferReply, OfferRequest, PolicyFile
 from readygo.common.messages.motion import EpisodeMotions, HumanMotion, Motion
 from readygo.common.messages.plan import Driver, Outcome, RobotTrajectory
@@ -79,10 +87,15 @@ __all__ = [
     "CompleteRequest",
     "ControlRequest",
     "DoneRequest",
+    "Drive",
     "Driver",
+    "DrivesReply",
+    "DrivesRequest",
     "EpisodeHeader",
     "EpisodeKey",
     "EpisodeMotions",
+    "EvaluationPlan",
+    "EvaluationPlanRequest",
     "ExpectRequest",
     "FileRef",
     "GrantRequest",
@@ -92,6 +105,7 @@ __all__ = [
     "HumanPlanRequest",
     "HumanTrajectory",
     "Humans",
+    "KeepRequest",
     "LostRequest",
     "Motion",
     "OfferReply",

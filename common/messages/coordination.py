@@ -290,6 +290,8 @@ class StatusReply:
     """Policies that were offered to the run so far."""
     trouble: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
     """What the run waits for somebody to mend, such as a full disk; empty while it goes on."""
+    paused: bool = field(default=False, metadata=OMITTED_WHEN_DEFAULT)
+    """True while no work is given out, by an operator's wish."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -46,4 +46,3 @@ class FleetReply:
     """By role and name."""
     done_per_minute: dict[str, float]
     """Episodes that passed a stage in the last minute, by stage."""
-    paused: bool

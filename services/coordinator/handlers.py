@@ -334,6 +334,7 @@ def handle_status(coordinator: Coordinator, request: StatusRequest) -> StatusRep
         kept=ledger.kept(),
         policies=len(ledger.policies()),
         trouble=" ".join(coordinator.troubles.values()),
+        paused=coordinator.paused,
     )
 
 
@@ -343,7 +344,6 @@ def handle_fleet(coordinator: Coordinator, request: FleetRequest | None = None) 
         stages=tuple(stage.name for stage in coordinator.spec.stages),
         workers=coordinator.roster.workers(coordinator.ledger.leases()),
         done_per_minute=coordinator.roster.done_per_minute(),
-        paused=coordinator.paused,
     )
 
 

@@ -19,6 +19,7 @@ STATUS = StatusReply(
     requeued=1,
     cpu_s={"render": 12.5},
     finished=False,
+    paused=True,
     trouble="No space left in /data.",
 )
 
@@ -55,7 +56,6 @@ FLEET = FleetReply(
         worker("renderer", "renderer1", 14.0, lease(12)),
     ),
     done_per_minute={"render": 12.0},
-    paused=True,
 )
 
 

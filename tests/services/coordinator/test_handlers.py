@@ -596,3 +596,11 @@ def test_result_that_the_disk_does_not_take_is_told_until_it_does(line: Line, mo
     monkeypatch.setattr(line.coordinator.blobs, "put", put)
     line.complete(HUMAN_PLAN, line.claim(HUMAN_PLAN), result=b"plan")
     assert line.status().trouble == ""
+
+
+def test_paused_run_stays_paused_when_its_coordinator_is_started_again(tmp_path: Path) -> None:
+    for command, paused in ((Command.PAUSE, True), (Command.RESUME, False)):
+        Line(tmp_path).bus.request(topics.CONTROL, ControlRequest(command=command))
+        again = Line(tmp_path)
+        assert again.status().paused == paused
+        assert (again.claim(HUMAN_PLAN).status is ClaimStatus.WAIT) == paused
