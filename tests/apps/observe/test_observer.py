@@ -1,21 +1,17 @@
 """A toy run in one process, with everything shown that can be shown."""
 
 import json
-import logging
 import re
 import urllib.request
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
 from readygo.apps.fleet.run import run_in_process
-from readygo.apps.observe.logs import begin_logging
 from readygo.apps.observe.settings import Observing
 from readygo.apps.run.stages import Entry
 from readygo.common.dataset import Dataset
-from readygo.common.fleet.at_work import working
 from readygo.common.messages import StatusReply
 from tests.apps.fleet.toy_line import DRAW, FILM, make_folder
 
@@ -107,29 +103,3 @@ def test_trace_of_an_episode_has_its_stages_and_what_they_asked(shown: Shown) ->
         "episode",
     ]
     assert len({span["trace"] for span in shown.spans}) == 3
-
-
-@pytest.fixture
-def logging_as_before() -> Iterator[None]:
-    root = logging.getLogger()
-    before = root.handlers[:], root.level
-    yield
-    logging.captureWarnings(False)
-    root.handlers, root.level = before
-
-
-@pytest.mark.usefixtures("logging_as_before")
-def test_log_lines_name_the_episode(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    begin_logging("json", run="run-test", role="all", worker="all0")
-    with working(stage="draw", episode="train-7-000003", attempt=2):
-        logging.getLogger("elsewhere").warning("by the %s", "way")
-    line = json.loads(capsys.readouterr().err)
-    assert {key: line[key] for key in ("level", "message", "run", "worker", "stage", "episode", "attempt")} == {
-        "level": "warning",
-        "message": "by the way",
-        "run": "run-test",
-        "worker": "all0",
-        "stage": "draw",
-        "episode": "train-7-000003",
-        "attempt": 2,
-    }
