@@ -55,7 +55,7 @@ def test_help_lists_the_commands_of_a_group(
     argv: list[str], names: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     run_command(COMMANDS, argv)
-    assert re.findall(r"^  (\w+(?: \w+)?)  ", capsys.readouterr().out, re.MULTILINE) == names
+    assert re.findall(r"^  ([\w-]+(?: \w+)?)  ", capsys.readouterr().out, re.MULTILINE) == names
 
 
 @pytest.mark.parametrize(
