@@ -97,7 +97,7 @@ def test_value_names_say_scene_and_data(capsys: pytest.CaptureFixture[str]) -> N
         with pytest.raises(SystemExit):
             parse(COMMANDS, [command, "--help"])
         shown += capsys.readouterr().out
-    for text in ("] [SCENE]\n", "] SCENE [POLICY]\n", "] DATA [DATA ...]\n", "--out PATH ", "--val-scene SCENE "):
+    for text in ("] [SCENE]\n", "] [SCENE] [POLICY]\n", "] DATA [DATA ...]\n", "--out PATH ", "--val-scene SCENE "):
         assert text in shown
     assert "--split {train,val,test}" in shown
     assert "--people {paper,varied,crowd}" in shown

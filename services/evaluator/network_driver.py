@@ -16,6 +16,7 @@ import numpy.typing as npt
 from readygo.common.episode import EpisodeSimulation, Purpose, episode_rng
 from readygo.common.errors import PolicyError
 from readygo.common.extras import install_command
+from readygo.common.networks import LOOK_HZ
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import RATE_HZ
 from readygo.services.evaluator.baselines.goal_field import arrival_yaw_rad
@@ -23,14 +24,8 @@ from readygo.services.evaluator.drivers import DriverFailure
 from readygo.services.evaluator.eyes import Eyes
 from readygo.services.evaluator.handlers import Evaluator
 
-LOOK_HZ = 4
-"""How often the networks look and decide."""
 WAYPOINT = 2
 """Which of the places is steered at."""
-MEAN, STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
-"""Of ImageNet's images."""
-ASPECT = 4 / 3
-"""Of the images that the networks learned from; wider ones lose their sides."""
 
 
 @dataclass
@@ -62,7 +57,7 @@ class NetworkDriver:
             PolicyError: If torch or the file is missing, or the file cannot be used.
         """
         try:
-            from readygo.services.evaluator.networks.checkpoint import load_network
+            from readygo.common.networks.checkpoint import load_network
         except ImportError as error:
             raise PolicyError(f"The method {name} needs torch; run: {install_command('train')}") from error
         return cls(load_network(name, path), evaluator.eyes(), evaluator.robot)
@@ -100,15 +95,9 @@ class NetworkDriver:
 
     def _prepared(self, image: npt.NDArray[np.uint8]) -> Any:
         """An image as the networks know them, shape (3, h, w)."""
-        import torch
+        from readygo.common.networks.images import normalised, small_image
 
-        height, width = image.shape[:2]
-        kept = min(width, round(height * ASPECT))
-        left = (width - kept) // 2
-        pixels = torch.from_numpy(image[:, left : left + kept].astype(np.float32)).permute(2, 0, 1)[None] / 255
-        size = (self._network.height_px, self._network.width_px)
-        small = torch.nn.functional.interpolate(pixels, size, mode="bicubic", antialias=True).clamp(0, 1)[0]
-        return (small - torch.tensor(MEAN)[:, None, None]) / torch.tensor(STD)[:, None, None]
+        return normalised(small_image(image, self._network.width_px, self._network.height_px))
 
 
 def steer(waypoint: Sequence[float], robot: RobotConfig) -> tuple[float, float]:

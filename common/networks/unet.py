@@ -123,6 +123,11 @@ class Ddpm:
         self.betas = torch.tensor([min(1 - after / before, 0.999) for before, after in itertools.pairwise(level)])
         self.kept = torch.cumprod(1 - self.betas, dim=0)
 
+    def noised(self, clean: torch.Tensor, noise: torch.Tensor, step: torch.Tensor) -> torch.Tensor:
+        """Clean samples (B, ...) with so much of `noise` in them as there is at steps (B,)."""
+        kept = self.kept[step].reshape(-1, *[1] * (clean.dim() - 1))
+        return kept.sqrt() * clean + (1 - kept).sqrt() * noise
+
     def back(self, sample: torch.Tensor, noise: torch.Tensor, step: int, generator: torch.Generator) -> torch.Tensor:
         """The sample one step before, given the noise that is predicted in it."""
         kept, before = self.kept[step], self.kept[step - 1] if step else torch.tensor(1.0)

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from readygo.services.evaluator.networks.driver import NetworkDriver, steer
+from readygo.services.evaluator.network_driver import NetworkDriver, steer
 from tests.services.evaluator.baselines.driving import drive
 from tests.services.evaluator.conftest import ROBOT
 

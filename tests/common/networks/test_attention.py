@@ -4,7 +4,7 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="torch is not installed")
 
-from readygo.services.evaluator.networks import attention  # noqa: E402
+from readygo.common.networks import attention  # noqa: E402
 
 
 def test_places_are_encoded_as_sines_and_cosines():

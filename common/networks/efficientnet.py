@@ -22,6 +22,8 @@ _BLOCKS = (
     (1, 3, 1, 6, 192, 320),
 )
 """Repeats, kernel, stride of the first one, expansion, channels in and out."""
+DROPOUT = 0.2
+"""Of the pooled features, in training."""
 Norm = Callable[[int], nn.Module]
 
 
@@ -56,7 +58,8 @@ class EfficientNet(nn.Module):
         x = functional.silu(self._bn0(self._conv_stem(x)))
         for block in self._blocks:
             x = block(x)
-        return functional.silu(self._bn1(self._conv_head(x))).mean(dim=(2, 3))
+        pooled = functional.silu(self._bn1(self._conv_head(x))).mean(dim=(2, 3))
+        return functional.dropout(pooled, DROPOUT, self.training)
 
 
 class MobileBlock(nn.Module):

@@ -2,7 +2,7 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="torch is not installed")
 
-from readygo.services.evaluator.networks import unet  # noqa: E402
+from readygo.common.networks import unet  # noqa: E402
 
 
 def test_schedule_is_the_published_one():

@@ -10,7 +10,7 @@ from readygo.common.errors import PolicyError
 
 torch = pytest.importorskip("torch", reason="torch is not installed")
 
-from readygo.services.evaluator.networks import checkpoint  # noqa: E402
+from readygo.common.networks import checkpoint  # noqa: E402
 
 
 class Small(torch.nn.Module):

@@ -7,9 +7,9 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="torch is not installed")
 
-from readygo.services.evaluator.networks import models  # noqa: E402
+from readygo.common.networks import models  # noqa: E402
 
-KEYS = Path(__file__).resolve().parents[4] / ".." / "shared" / "facts" / "nav_state_keys.json"
+KEYS = Path(__file__).resolve().parents[3] / ".." / "shared" / "facts" / "nav_state_keys.json"
 COUNTS = {"gnm": 8_663_797, "vint": 29_662_397, "nomad": 19_049_675}
 
 

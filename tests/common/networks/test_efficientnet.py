@@ -2,7 +2,7 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="torch is not installed")
 
-from readygo.services.evaluator.networks import efficientnet  # noqa: E402
+from readygo.common.networks import efficientnet  # noqa: E402
 
 
 def test_padding_is_that_of_even_sizes_whatever_comes_in():

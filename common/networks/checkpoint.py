@@ -4,6 +4,7 @@ Some of these files hold whole pickled modules of packages that are not installe
 an inert record, and only names are let pass that such modules have; the tensors are then picked out of the records.
 """
 
+import io
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,8 +12,9 @@ from typing import Any
 import torch
 from torch import nn
 
-from readygo.common.errors import PolicyError
-from readygo.services.evaluator.networks.models import NETWORKS
+from readygo.common.errors import DiskError, PolicyError
+from readygo.common.files import write_whole
+from readygo.common.networks.models import NETWORKS
 
 HARMLESS = (
     "vint_train.",
@@ -54,7 +56,10 @@ def load_network(name: str, path: Path) -> nn.Module:
         PolicyError: If the file is missing, is damaged, names what no such file has use for, or holds other weights.
     """
     if not path.is_file():
-        raise PolicyError(f"The method {name} needs its weights: put {path.name} of {HOME} at {path}.")
+        raise PolicyError(
+            f"The method {name} needs its weights: put {path.name} of {HOME} at {path}, "
+            f"or train it: readygo train DATA --recipe {name} --out {path.parent}."
+        )
     state = {key.removeprefix("module."): value for key, value in _state(_read(path), path).items()}
     network = NETWORKS[name]()
     expected = network.state_dict()
@@ -65,6 +70,17 @@ def load_network(name: str, path: Path) -> nn.Module:
             raise PolicyError(f"{path} holds no {name}: {key} is {shapes[0]} there, and should be {shapes[1]}.")
     network.load_state_dict(state)
     return network.eval()
+
+
+def save_network(network: nn.Module, path: Path) -> None:
+    """Write a network's weights as `load_network` reads them: a state dictionary, with the published names.
+
+    Raises:
+        DiskError: If they cannot be written; what was there before stays.
+    """
+    stream = io.BytesIO()
+    torch.save(network.state_dict(), stream)
+    write_whole(path, stream.getvalue(), raises=DiskError)
 
 
 def _read(path: Path) -> Any:

@@ -7,10 +7,10 @@ import torch
 from torch import nn
 from torch.nn import functional
 
-from readygo.services.evaluator.networks.attention import PositionalEncoding, attention, attention_layer
-from readygo.services.evaluator.networks.efficientnet import CHANNELS, EfficientNet, batch_norm, group_norm
-from readygo.services.evaluator.networks.mobilenet import mobilenet_features
-from readygo.services.evaluator.networks.unet import ConditionalUnet, Ddpm
+from readygo.common.networks.attention import PositionalEncoding, attention, attention_layer
+from readygo.common.networks.efficientnet import CHANNELS, EfficientNet, batch_norm, group_norm
+from readygo.common.networks.mobilenet import mobilenet_features
+from readygo.common.networks.unet import ConditionalUnet, Ddpm
 
 WAYPOINTS = 5
 """Of GNM and ViNT."""
@@ -50,13 +50,17 @@ class Gnm(nn.Module):
         self.dist_predictor = nn.Sequential(nn.Linear(32, 1))
         self.action_predictor = nn.Sequential(nn.Linear(32, 4 * WAYPOINTS))
 
-    def waypoints(self, images: torch.Tensor, goal: torch.Tensor, generator: torch.Generator) -> torch.Tensor:
-        """See `NavigationNetwork.waypoints`."""
+    def predict(self, images: torch.Tensor, goal: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Distances to the goal, in looks (B,), and places (B, 5, 4), see `NavigationNetwork.waypoints`."""
         stacked = images.flatten(1, 2)
         seen = self.compress_observation(self.obs_mobilenet(stacked).mean(dim=(2, 3)))
         wanted = self.goal_mobilenet(torch.cat([stacked, goal], dim=1)).mean(dim=(2, 3))
         features = self.linear_layers(torch.cat([seen, self.compress_goal(wanted)], dim=1))
-        return _summed(self.action_predictor(features))
+        return self.dist_predictor(features)[:, 0], _summed(self.action_predictor(features))
+
+    def waypoints(self, images: torch.Tensor, goal: torch.Tensor, generator: torch.Generator) -> torch.Tensor:
+        """See `NavigationNetwork.waypoints`."""
+        return self.predict(images, goal)[1]
 
 
 class Decoder(nn.Module):
@@ -92,9 +96,14 @@ class Vint(nn.Module):
         self.dist_predictor = nn.Sequential(nn.Linear(32, 1))
         self.action_predictor = nn.Sequential(nn.Linear(32, 4 * WAYPOINTS))
 
+    def predict(self, images: torch.Tensor, goal: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """See `Gnm.predict`."""
+        features = self.decoder(_tokens(self, images, goal))
+        return self.dist_predictor(features)[:, 0], _summed(self.action_predictor(features))
+
     def waypoints(self, images: torch.Tensor, goal: torch.Tensor, generator: torch.Generator) -> torch.Tensor:
         """See `NavigationNetwork.waypoints`."""
-        return _summed(self.action_predictor(self.decoder(_tokens(self, images, goal))))
+        return self.predict(images, goal)[1]
 
 
 class VisionEncoder(nn.Module):
@@ -109,18 +118,33 @@ class VisionEncoder(nn.Module):
         self.sa_layer = attention_layer(256, 1024)
         self.sa_encoder = attention(self.sa_layer)
 
-    def forward(self, images: torch.Tensor, goal: torch.Tensor) -> torch.Tensor:
-        """(B, frames, 3, H, W), (B, 3, H, W) -> (B, 256)."""
-        tokens: torch.Tensor = self.sa_encoder(self.positional_encoding(_tokens(self, images, goal)))
-        return tokens.mean(dim=1)
+    def forward(self, images: torch.Tensor, goal: torch.Tensor, hidden: torch.Tensor | None = None) -> torch.Tensor:
+        """(B, frames, 3, H, W), (B, 3, H, W) -> (B, 256).
+
+        Where `hidden`, booleans of shape (B,), is true, the goal is not looked at: nothing attends to its token, and
+        the mean is that of the others.
+        """
+        tokens: torch.Tensor = self.positional_encoding(_tokens(self, images, goal))
+        if hidden is None:
+            hidden = torch.zeros(len(images), dtype=torch.bool, device=images.device)
+        last = torch.arange(tokens.shape[1], device=images.device) == tokens.shape[1] - 1
+        padding = hidden[:, None] & last
+        encoded = self.sa_encoder(tokens, src_key_padding_mask=padding)
+        seen: torch.Tensor = (encoded * ~padding[..., None]).sum(dim=1) / (~padding).sum(dim=1, keepdim=True)
+        return seen
 
 
 class Distance(nn.Module):
-    """NoMaD's distance to the goal, which nothing here asks for."""
+    """NoMaD's distance to the goal; who drives does not ask for it."""
 
     def __init__(self) -> None:
         super().__init__()
         self.network = nn.Sequential(nn.Linear(256, 64), nn.ReLU(), nn.Linear(64, 16), nn.ReLU(), nn.Linear(16, 1))
+
+    def forward(self, condition: torch.Tensor) -> torch.Tensor:
+        """What is encoded, (B, 256), to looks until the goal, (B,)."""
+        distance: torch.Tensor = self.network(condition)
+        return distance[:, 0]
 
 
 class Nomad(nn.Module):
@@ -141,8 +165,20 @@ class Nomad(nn.Module):
         for step in reversed(range(len(ddpm.betas))):
             noise = self.noise_pred_net(sample, torch.full((len(images),), step), condition)
             sample = ddpm.back(sample, noise, step, generator)
-        low, high = torch.tensor(NOMAD_LOW), torch.tensor(NOMAD_HIGH)
-        return ((sample + 1) / 2 * (high - low) + low).cumsum(dim=1)
+        return places_of_steps(sample)
+
+
+def places_of_steps(steps: torch.Tensor) -> torch.Tensor:
+    """NoMaD's steps, in -1..1, to places ahead, shape (B, T, 2)."""
+    low, high = torch.tensor(NOMAD_LOW), torch.tensor(NOMAD_HIGH)
+    return ((steps + 1) / 2 * (high - low) + low).cumsum(dim=1)
+
+
+def steps_of_places(places: torch.Tensor) -> torch.Tensor:
+    """The inverse of `places_of_steps`."""
+    low, high = torch.tensor(NOMAD_LOW), torch.tensor(NOMAD_HIGH)
+    first = torch.zeros_like(places[:, :1])
+    return (torch.diff(places, dim=1, prepend=first) - low) / (high - low) * 2 - 1
 
 
 def _tokens(encoder: Vint | VisionEncoder, images: torch.Tensor, goal: torch.Tensor) -> torch.Tensor:

@@ -2,7 +2,7 @@ import pytest
 
 torch = pytest.importorskip("torch", reason="torch is not installed")
 
-from readygo.services.evaluator.networks import mobilenet  # noqa: E402
+from readygo.common.networks import mobilenet  # noqa: E402
 
 
 def test_features_are_a_thirty_second_of_the_image():
