@@ -60,7 +60,7 @@ def test_trial_is_driven_logged_and_told(policy, standing_robot, tmp_path, capsy
     drive(policy, goal=(5.0, 0.0), time_limit=0.6, wire="bridge", connect=endpoint, log=path, task="dynamic")
     out = capsys.readouterr().out
     assert "out of time after 0." in out
-    assert "inference" in out and "image to command" in out
+    assert "Hz possible), commands" in out
     assert told[-1] == Command()
     record = read_record(path, RECORD)
     assert (record["ending"], record["task"], record["policy"]) == ("late", "dynamic", "policy")
