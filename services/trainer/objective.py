@@ -64,8 +64,8 @@ class Objective:
     def __init__(self, robot: RobotConfig, config: TrainConfig, timing: Timing, dtype: torch.dtype) -> None:
         self._robot, self._timing, self._dtype = robot, timing, dtype
         # In a mirror such a camera would be on the robot's other side, or have another lens.
-        lopsided = {} if is_symmetric(robot.camera) else {"mirror": 0.0}
-        self._config = replace(config.sampling, **lopsided)
+        sampling = config.sampling
+        self._config = sampling if is_symmetric(robot.camera) else replace(sampling, mirror=0.0)
         self._motion = MotionInput(config.network.motion)
         self._warp = FrameWarp(robot.camera, pooling_of(robot.camera, config.network.pooled_height_px))
 
