@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from readygo.common.errors import ReadygoError, RunError
+from readygo.common.errors import RunError
 from readygo.common.files import unfinished_folder, write_whole
 
 STAGE_FILE, BEGUN_FILE, LOCK_FILE = "stage.json", "begun", ".lock"
@@ -143,7 +143,7 @@ class Stages:
 
     def _made(self, folder: Path, make: Make) -> dict[str, Any]:
         begin_s = time.monotonic()
-        with _worded(folder):
+        with _worded(self.folder):
             found = json.loads(json.dumps(make(folder)))
         done = {"key": self._key, "seconds": round(time.monotonic() - begin_s, 2), "found": found}
         write_whole(folder / STAGE_FILE, (json.dumps(done, indent=2) + "\n").encode())
@@ -168,22 +168,20 @@ class Stages:
 
 @contextmanager
 def _worded(folder: Path) -> Iterator[None]:
-    """Say what ran out while a stage's folder was filled: libraries of C++ tell it in words of their own, or in none.
+    """Say what ran out in a job's folder while a stage was made: libraries of C++ tell it in words of their own, or in none.
 
     Raises:
         RunError: If memory or the disk ran out.
     """
     try:
         yield
-    except ReadygoError:
-        raise
     except Exception as error:
         words = str(error)
+        if getattr(error, "errno", None) in _DISK_ERRORS or shutil.disk_usage(folder).free < _FULL_BYTES:
+            raise RunError(f"The disk of {folder} is full ({words}). Make room and {_AGAIN}") from error
         if isinstance(error, MemoryError) or any(each in words.lower() for each in _MEMORY_WORDS):
             raise RunError(
                 "Memory ran out: close other programs, or take fewer images (--frames) or a smaller --preset, and "
                 f"{_AGAIN}"
             ) from error
-        if getattr(error, "errno", None) in _DISK_ERRORS or shutil.disk_usage(folder).free < _FULL_BYTES:
-            raise RunError(f"The disk of {folder.parent} is full ({words}). Make room and {_AGAIN}") from error
         raise
