@@ -168,7 +168,7 @@ class Stages:
 
 @contextmanager
 def _worded(folder: Path) -> Iterator[None]:
-    """Say what ran out in a job's folder while a stage was made: libraries of C++ tell it in words of their own, or in none.
+    """Say what ran out in a job's folder while a stage was made: libraries of C++ have words of their own, or none.
 
     Raises:
         RunError: If memory or the disk ran out.
