@@ -10,6 +10,7 @@ from typing import Any, Literal
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
+from readygo.apps.commands.evaluate_logs import evaluate_logs
 from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.evaluation.choice import check_wanted, watched_method
 from readygo.apps.evaluation.replay import Replays
@@ -57,10 +58,11 @@ Say = Callable[[str], None]
 
 
 def evaluate(
-    scene: str,
+    scene: str = "",
     policy: Path | None = None,
     /,
     *,
+    from_logs: Path | None = None,
     episodes: int | None = None,
     tasks: tuple[TaskName, ...] = ("static", "dynamic"),
     methods: tuple[str, ...] = ("policy", "expert", "straight-line"),
@@ -91,6 +93,8 @@ def evaluate(
     Args:
         scene: Scene bundle, "embedded", or "embedded:SEED".
         policy: Folder of a trained policy; without one only the other methods drive.
+        from_logs: In place of a scene: folder with the logs of `readygo drive --log`, for the table of a real robot's
+            trials; `labels.toml` there says what no log knows.
         episodes: Episodes per task; 100, or as many as the scenario file has entries.
         tasks: "static" leaves the humans out, "dynamic" lets them walk, "reactive" lets the same ones make way for
             whoever drives.
@@ -123,6 +127,11 @@ def evaluate(
             (`readygo worker evaluator`); a free loopback port by default.
         json: Print the summary as JSON.
     """
+    if from_logs is not None:
+        evaluate_logs(from_logs, out, json=json)
+        return
+    if not scene:
+        raise RunError("Say where: readygo evaluate SCENE POLICY, or --from-logs FOLDER for trials of a real robot.")
     check_wanted(video)
     if (workers or listen) and out is None:
         raise RunError("--workers keep their records in a folder: say which with --out.")
