@@ -16,6 +16,7 @@ from readygo.apps.run.origin import avatars_of_policy
 from readygo.apps.run.scene_argument import open_maps
 from readygo.apps.run.take import Take, Takes, policy_steer
 from readygo.common.avatars import Avatar
+from readygo.common.avatars.cast import load_cast
 from readygo.common.camera.lens import check_sensor
 from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.drawing.files import Picture, write_png
