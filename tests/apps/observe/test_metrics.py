@@ -21,7 +21,7 @@ def test_port_in_use_is_said_in_one_line() -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
-        with pytest.raises(ConfigError, match="--metrics cannot listen on 127.0.0.1"):
+        with pytest.raises(ConfigError, match=r"--metrics cannot listen on 127\.0\.0\.1"):
             Metrics().serve(f"127.0.0.1:{taken.getsockname()[1]}")
 
 
