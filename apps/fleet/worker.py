@@ -9,7 +9,7 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -89,7 +89,7 @@ def worker(
     name = name or f"{role}-{socket.gethostname()}-{os.getpid()}"
     try:
         if role == TRAINER:
-            buses = {each: join(connect, each, role, certs=certs) for each in run.split(",")}
+            buses: dict[str, Bus] = {each: join(connect, each, role, certs=certs) for each in run.split(",")}
             _train(buses, data, out, config, stop)
         else:
             bus = join(connect, run, role, name=name, certs=certs)
@@ -122,7 +122,7 @@ def _take_part(bus: Bus, role: str, name: str, data: tuple[Path, ...], stop: thr
 
 
 def _train(
-    buses: Mapping[str, Bus], data: tuple[Path, ...], out: Path | None, config: Path | None, stop: threading.Event
+    buses: dict[str, Bus], data: tuple[Path, ...], out: Path | None, config: Path | None, stop: threading.Event
 ) -> None:
     try:
         if out is None:
