@@ -97,6 +97,10 @@ COMMANDS = {
     "bench plan": Command(
         "readygo.benchmarks.planning.plan:bench_plan", "measure success, times and smoothness of the robot experts"
     ),
+    "bench chaos": Command(
+        "readygo.benchmarks.fleet.chaos:bench_chaos",
+        "record a run among random faults, and compare it with one in peace",
+    ),
     "doctor": Command("readygo.apps.commands.doctor:doctor", "say what this machine has, lacks and can do"),
     "completion": Command("readygo.commands:completion", "print a script that completes commands in a shell"),
     "warm": Command("readygo.apps.commands.warm:warm", "compile all kernels once"),
