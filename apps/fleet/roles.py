@@ -4,6 +4,7 @@ from readygo.common.messages import RunSpec
 
 COORDINATOR = "coordinator"
 RECORDER = "recorder"
+TRAINER = "trainer"
 ALL = "all"
 """A worker that does every stage of the line, the later ones first."""
 

@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from readygo.apps.fleet.roles import TRAINER
 from readygo.apps.run.origin import note_origin, origin_of_runs
 from readygo.apps.run.training import torch_needed
 from readygo.apps.run.world import World
@@ -16,7 +17,6 @@ from readygo.common.messages import CommittedEpisode, EpisodeKey, RunSpec, RunSp
 from readygo.common.messages.live import LiveLoss
 from readygo.services.trainer import TrainConfig
 
-TRAINER = "trainer"
 SPEC_TIMEOUT_S = 30.0
 """Time that a trainer waits for the coordinator to start [s]."""
 OFFER_TIMEOUT_S = 10.0

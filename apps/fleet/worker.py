@@ -12,19 +12,17 @@ import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from readygo.apps.fleet.fleet import CANNOT_WORK
-from readygo.apps.fleet.roles import ALL, COORDINATOR, RECORDER
+from readygo.apps.fleet.roles import ALL, COORDINATOR, RECORDER, TRAINER
 from readygo.apps.fleet.token import given_token
-from readygo.apps.fleet.trainer import TRAINER, train_beside
 from readygo.apps.run.aside import keep_scenario
+from readygo.apps.run.config import config_of
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.identity import numeric_class
 from readygo.apps.run.policy import check_offer
 from readygo.apps.run.recovery import Witness
-from readygo.apps.run.stages import stage_works
-from readygo.apps.run.training import make_config
-from readygo.apps.run.world import World
 from readygo.common.bus import Bus
 from readygo.common.bus.zenoh_bus import ZenohBus
 from readygo.common.dataset.provenance import Provenance
@@ -35,6 +33,10 @@ from readygo.common.messages.reconstruction import RECONSTRUCTOR
 from readygo.services import coordinator as coordination
 from readygo.services.recorder import Recorder
 from readygo.services.recorder import attach as attach_recorder
+
+if TYPE_CHECKING:
+    # Scenes, avatars and what works with them take a second to load, which coordinator and recorder do without.
+    from readygo.apps.run.world import World
 
 SPEC_TIMEOUT_S = 30.0
 """Time that a worker waits for the coordinator to start [s]."""
@@ -116,6 +118,9 @@ def _join(role: str, name: str, connect: str, run: str, data: tuple[Path, ...], 
 def _train(
     connect: str, runs: list[str], data: tuple[Path, ...], out: Path | None, config: Path | None, stop: threading.Event
 ) -> None:
+    from readygo.apps.fleet.trainer import train_beside
+    from readygo.apps.run.training import make_config
+
     if out is None:
         raise RunError("A trainer needs a folder for its policy: pass --out.")
     buses: dict[str, Bus] = {run: ZenohBus(connect, run, given_token()) for run in runs}
@@ -139,7 +144,7 @@ def _keep_the_heap_small() -> None:
 def make_coordinator(folder: RunFolder) -> coordination.Coordinator:
     """The coordinator of the run in a data folder."""
     spec, wanted = folder.load()
-    config = World(spec).config
+    config = config_of(spec)
     scene = Path(spec.scene_path)
     files = {file.sha256: scene / file.path for file in spec.scene_files}
     if spec.policy is not None:
@@ -157,7 +162,7 @@ def make_coordinator(folder: RunFolder) -> coordination.Coordinator:
     )
 
 
-def make_recorder(bus: Bus, name: str, folder: RunFolder, world: World) -> Recorder:
+def make_recorder(bus: Bus, name: str, folder: RunFolder, world: "World") -> Recorder:
     """A recorder of a run, into the run's data folder."""
     return Recorder(
         folder=folder.path,
@@ -220,6 +225,8 @@ def _record(bus: Bus, name: str, folder: RunFolder, stop: threading.Event) -> No
 
 
 def _work(bus: Bus, role: str, name: str, stop: threading.Event) -> None:
+    from readygo.apps.run.stages import stage_works
+
     world = _world(bus)
     works = stage_works(world, bus, "" if role == ALL else role)
     world.forget_avatars()
@@ -227,7 +234,9 @@ def _work(bus: Bus, role: str, name: str, stop: threading.Event) -> None:
     pull(bus, Worker(name=name, numeric_class=numeric_class(world.config, world.spec.policy), works=works), stop=stop)
 
 
-def _world(bus: Bus) -> World:
+def _world(bus: Bus) -> "World":
+    from readygo.apps.run.world import World
+
     return World(bus.request(topics.SPEC, RunSpecRequest(), timeout_s=SPEC_TIMEOUT_S), bus)
 
 

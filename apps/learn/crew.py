@@ -8,9 +8,8 @@ from pathlib import Path
 from types import TracebackType
 
 from readygo.apps.fleet.fleet import Fleet
-from readygo.apps.fleet.roles import ALL, COORDINATOR, places
+from readygo.apps.fleet.roles import ALL, COORDINATOR, TRAINER, places
 from readygo.apps.fleet.token import new_token
-from readygo.apps.fleet.trainer import TRAINER
 from readygo.apps.learn.cores import Split, shared_out
 from readygo.apps.learn.plan import Place, Plan
 from readygo.apps.learn.training import Training, write_trainer_config

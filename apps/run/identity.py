@@ -15,7 +15,7 @@ from readygo.common.errors import PolicyError
 from readygo.common.extras import install_command
 from readygo.common.messages import PolicyRef, RunSpec, encode
 from readygo.common.messages.stages import EXPERT_LINE
-from readygo.common.rasterizer.interface import GPU_BACKENDS
+from readygo.common.rasterizer.backend_names import GPU_BACKENDS
 from readygo.services.planner.humans.scenario_file import text_hash
 
 _NUMERIC_PACKAGES = ("numpy", "numba", "llvmlite", "scipy", "opencv-python-headless")

@@ -7,12 +7,11 @@ from collections.abc import Iterable
 from functools import cached_property
 from pathlib import Path
 
-from readygo.apps.run.config import RunConfig, sections_of_today
+from readygo.apps.run.config import config_of
 from readygo.apps.run.policy import file_ref
 from readygo.common.avatars import Avatar, load_avatars
 from readygo.common.avatars.file import avatar_hash
 from readygo.common.bus import Bus
-from readygo.common.config import section_from_mapping
 from readygo.common.dataset.provenance import Provenance
 from readygo.common.dataset.stage import Stage
 from readygo.common.errors import RunError, SceneError
@@ -37,7 +36,7 @@ class World:
 
     def __init__(self, spec: RunSpec, bus: Bus | None = None) -> None:
         self.spec = spec
-        self.config = section_from_mapping(RunConfig, sections_of_today(spec.config))
+        self.config = config_of(spec)
         self._bus = bus
         self._policies: dict[PolicyRef, Policy] = {}
 

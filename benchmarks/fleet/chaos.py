@@ -7,6 +7,7 @@ depends on what is there at that moment. The run is started again whenever it en
 import contextlib
 import ctypes
 import json as json_module
+import shutil
 import sys
 import tempfile
 import time
@@ -25,6 +26,8 @@ from readygo.common.dataset.index import load_index
 from readygo.common.errors import ConfigError, DatasetError
 
 POLL_S = 0.1
+PATIENCE_S = 30.0
+"""Time that a fault waits for something that it can hit, such as a worker while the fleet starts [s]."""
 ORPHAN_S = 10.0
 """Time that processes have to end after their run [s]."""
 SETTINGS = """
@@ -111,6 +114,8 @@ def bench_chaos(
         traces = disturb(site, planned, place / "faults.log")
         outcome = compare([place / "alone"], site.places())
         outcome.orphans = _orphans(site)
+        if folder and disk and not outcome.ok:
+            shutil.copytree(place / "data", place / "found")
         result = report(traces, outcome, site)
         result |= {"alone_s": round(alone_s, 1), "wall_s": round(time.monotonic() - begin_s, 1), "small_disk": disk}
     sys.stdout.write((json_module.dumps(result) if json else _text(result)) + "\n")
@@ -148,32 +153,31 @@ def disturb(site: Site, faults: list[Fault], log: Path) -> list[tuple[Fault, Tra
         RunError: If the run does not end when nothing disturbs it any more.
     """
     traces: list[tuple[Fault, Trace]] = []
-    undos: list[tuple[float, Trace]] = []
-    waiting = list(faults)
-    due_s = 0.0
+    lasting: list[tuple[float, Trace]] = []
+    waiting, since_s = list(faults), time.monotonic()
     site.start()
     try:
         with log.open("w") as lines:
-            while waiting or undos:
-                now_s = time.monotonic()
-                for _, trace in [undo for undo in undos if undo[0] <= now_s]:
-                    assert trace.undo is not None
-                    trace.undo()
-                undos = [undo for undo in undos if undo[0] > now_s]
-                over = site.keep_up()
-                if waiting and (over or site.durable() >= waiting[0].after):
-                    due_s = due_s or now_s + waiting[0].delay_s
-                    if over or now_s >= due_s:
-                        fault, due_s = waiting.pop(0), 0.0
-                        trace = bring_about(site, fault)
-                        traces.append((fault, trace))
-                        lines.write(f"{now_s:.1f} {site.durable()} {fault.kind.name} {trace.words}\n")
-                        lines.flush()
-                        if trace.undo:
-                            undos.append((now_s + fault.duration_s, trace))
-                if over:
-                    site.start()
+            while waiting or lasting:
                 time.sleep(POLL_S)
+                lasting = _ended(lasting)
+                if over := site.keep_up():
+                    site.start()
+                if not waiting or not (over or site.durable() >= waiting[0].after):
+                    since_s = time.monotonic()
+                    continue
+                fault, waited_s = waiting[0], time.monotonic() - since_s
+                if waited_s < fault.delay_s:
+                    continue
+                trace = bring_about(site, fault)
+                if trace.later and waited_s < PATIENCE_S:
+                    continue
+                waiting.pop(0)
+                since_s = time.monotonic()
+                traces.append((fault, trace))
+                lines.write(f"{since_s:.1f} {site.durable()} {fault.kind.name} {trace.words}\n")
+                lines.flush()
+                lasting += [(since_s + fault.duration_s, trace)] if trace.undo else []
         run_to_end(site, patience_s=1800.0)
         # Once more: what was damaged after the last look is mended.
         site.start()
@@ -182,6 +186,15 @@ def disturb(site: Site, faults: list[Fault], log: Path) -> list[tuple[Fault, Tra
         if sys.exc_info()[0]:
             site.stop()
     return traces
+
+
+def _ended(lasting: list[tuple[float, Trace]]) -> list[tuple[float, Trace]]:
+    """End the faults whose time is over; returns the others."""
+    now_s = time.monotonic()
+    for end_s, trace in lasting:
+        if end_s <= now_s and trace.undo:
+            trace.undo()
+    return [(end_s, trace) for end_s, trace in lasting if end_s > now_s]
 
 
 def compare(alone: list[Path], disturbed: list[Path]) -> Outcome:

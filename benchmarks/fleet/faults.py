@@ -76,6 +76,8 @@ class Trace:
     words: str
     skipped: bool = False
     """True if there was nothing that it could have hit, or no means to bring it about."""
+    later: bool = False
+    """True if there may be something to hit soon."""
     undo: Callable[[], None] | None = None
     """Ends it, for a fault that lasts."""
 
@@ -105,7 +107,11 @@ def bring_about(site: Site, fault: Fault) -> Trace:
     try:
         return ACTIONS[fault.kind](site, fault)
     except (ProcessLookupError, FileNotFoundError) as error:
-        return Trace(words=f"gone meanwhile: {error}", skipped=True)
+        return _nothing(f"gone meanwhile: {error}")
+
+
+def _nothing(words: str) -> Trace:
+    return Trace(words=words, skipped=True, later=True)
 
 
 def _workers(site: Site) -> list[tuple[str, int]]:
@@ -116,7 +122,7 @@ def _kill(site: Site, fault: Fault) -> Trace:
     workers = _workers(site)
     count = 2 if fault.kind is Kind.KILL_TWO else 1
     if len(workers) < count:
-        return Trace(words="no worker is there", skipped=True)
+        return _nothing("no worker is there")
     first = int(fault.pick * len(workers))
     chosen = [workers[(first + step) % len(workers)] for step in range(count)]
     for _, pid in chosen:
@@ -129,7 +135,7 @@ def _freeze(site: Site, fault: Fault) -> Trace:
     if fault.kind is Kind.FREEZE_ROUTER:
         workers = [(LAUNCHER, pid) for name, pid in site.processes().items() if name == LAUNCHER]
     if not workers:
-        return Trace(words="no process is there", skipped=True)
+        return _nothing("no process is there")
     name, pid = workers[int(fault.pick * len(workers))]
     os.kill(pid, signal.SIGSTOP)
 
@@ -153,7 +159,7 @@ def _damage(path: Path, fault: Fault) -> Trace:
     """Change a byte of a file, in whose length nothing changes."""
     size = path.stat().st_size
     if not size:
-        return Trace(words=f"{path.name} is empty", skipped=True)
+        return _nothing(f"{path.name} is empty")
     offset = int((fault.pick * 7919 % 1.0) * size)
     with path.open("r+b") as file:
         file.seek(offset)
@@ -169,13 +175,13 @@ def _chosen(paths: list[Path], fault: Fault) -> Path | None:
 
 def _damage_blob(site: Site, fault: Fault) -> Trace:
     path = _chosen(sorted(site.folder.blobs.glob("[0-9a-f]*")), fault)
-    return _damage(path, fault) if path else Trace(words="no result is there", skipped=True)
+    return _damage(path, fault) if path else _nothing("no result is there")
 
 
 def _damage_shard(site: Site, fault: Fault) -> Trace:
     path = _chosen(site.shards(), fault)
     if path is None:
-        return Trace(words="no shard is there", skipped=True)
+        return _nothing("no shard is there")
     if fault.kind is Kind.DAMAGE_SHARD:
         return _damage(path, fault)
     if fault.kind is Kind.LOSE_SHARD:
@@ -191,17 +197,26 @@ def _fill_disk(site: Site, fault: Fault) -> Trace:
     if not os.path.ismount(folder):
         return Trace(words="the data folder is on no small disk of its own", skipped=True)
     ballast = folder / ".readygo" / "ballast"
-    with ballast.open("wb") as file:
-        free = os.statvfs(folder)
-        os.posix_fallocate(file.fileno(), 0, free.f_bavail * free.f_frsize)
+    with contextlib.suppress(OSError), ballast.open("wb") as file:
+        _take_all(file.fileno())
     return Trace(words=f"{fault.duration_s:.1f} s", undo=lambda: ballast.unlink(missing_ok=True))
+
+
+def _take_all(descriptor: int) -> None:
+    """Give a file all room that its disk has left, while others take some as well."""
+    end = 0
+    for block in (2**26, 2**20, 2**12):
+        with contextlib.suppress(OSError):
+            while True:
+                os.posix_fallocate(descriptor, end, block)
+                end += block
 
 
 def _lie(site: Site, fault: Fault) -> Trace:
     try:
         bus = site.join()
     except ReadygoError as error:
-        return Trace(words=str(error), skipped=True)
+        return _nothing(str(error))
     try:
         return Trace(words=send_lies(bus, site.folder.load()[0], random.Random(fault.pick)))
     finally:
