@@ -14,6 +14,7 @@ from readygo.apps.fleet.token import given_token, new_token
 from readygo.apps.fleet.worker import make_coordinator, make_recorder
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.identity import numeric_class
+from readygo.apps.run.recorders import prepare_folders
 from readygo.apps.run.recovery import check_recorded, recover
 from readygo.apps.run.stages import LINE, Entry, stage_works
 from readygo.apps.run.world import World
@@ -68,6 +69,7 @@ def record(
     begin_s = time.monotonic()
     with folder.locked():
         recover(folder)
+        prepare_folders(folder, spec)
         recorded, samples_before = _recorded(folder, episodes)
         folder.save(spec, episodes)
         if workers == 0 or recorded == episodes:
@@ -92,7 +94,7 @@ def run_in_process(folder: RunFolder, show: Show, line: Sequence[Entry] = LINE) 
     coordinator = make_coordinator(folder)
     coordination.attach(bus, coordinator)
     world = World(coordinator.spec, bus)
-    recorders = [make_recorder(bus, name, folder, world) for name in coordinator.config.recorders]
+    recorders = [make_recorder(bus, name, folder, world) for name in coordinator.recorders]
     for recorder in recorders:
         attach_recorder(bus, recorder)
     try:
@@ -130,8 +132,7 @@ def run_fleet(
     bus = ZenohBus(endpoint, spec.run, token)
     try:
         with folder.reachable(endpoint, token), contextlib.ExitStack() as jobs:
-            recorders = World(spec).config.coordinator.recorders
-            here = places(spec, recorders, workers, together=together)
+            here = places(spec, _recorders(folder, spec), workers, together=together)
             checks = [fleet.check]
             if slurm is not None:
                 here = [(role, name) for role, name in here if role in (COORDINATOR, RECORDER)]
@@ -149,6 +150,14 @@ def run_fleet(
     if status.finished:
         fleet.check_recorders()
     return status
+
+
+def _recorders(folder: RunFolder, spec: RunSpec) -> tuple[str, ...]:
+    """The run's recorders, without those that were given up."""
+    ledger = coordination.Ledger(folder.ledger, spec.stages)
+    retired = ledger.retired()
+    ledger.close()
+    return tuple(name for name in World(spec).config.coordinator.recorders if name not in retired)
 
 
 def _supervise(checks: Sequence[Callable[[], None]], bus: Bus, show: Show) -> StatusReply:

@@ -149,7 +149,7 @@ def make_coordinator(folder: RunFolder) -> coordination.Coordinator:
     files = {file.sha256: scene / file.path for file in spec.scene_files}
     if spec.policy is not None:
         files |= {file.sha256: Path(spec.policy.path) / file.path for file in spec.policy.files}
-    witness = Witness(folder.path)
+    witness = Witness(folder)
     return coordination.Coordinator(
         spec=spec,
         wanted=wanted,
@@ -165,7 +165,7 @@ def make_coordinator(folder: RunFolder) -> coordination.Coordinator:
 def make_recorder(bus: Bus, name: str, folder: RunFolder, world: "World") -> Recorder:
     """A recorder of a run, into the run's data folder."""
     return Recorder(
-        folder=folder.path,
+        folder=folder.place_of(name),
         name=name,
         bus=bus,
         provenance=Provenance.of_run(world.spec),
@@ -208,11 +208,12 @@ def _watch_thread(
 
 
 def _coordinate(bus: Bus, folder: RunFolder, stop: threading.Event) -> None:
-    coordinator = make_coordinator(folder)
-    coordination.attach(bus, coordinator)
-    bus.announce(COORDINATOR, COORDINATOR)
-    while not stop.wait(TICK_S):
-        coordination.tick(bus, coordinator)
+    with folder.coordinated(patience_s=2 * LATE_S):
+        coordinator = make_coordinator(folder)
+        coordination.attach(bus, coordinator)
+        bus.announce(COORDINATOR, COORDINATOR)
+        while not stop.wait(TICK_S):
+            coordination.tick(bus, coordinator)
 
 
 def _record(bus: Bus, name: str, folder: RunFolder, stop: threading.Event) -> None:

@@ -21,12 +21,12 @@ from readygo.apps.run.folder import RunFolder
 from readygo.benchmarks.fleet.faults import Fault, Trace, bring_about, schedule
 from readygo.benchmarks.fleet.site import Site, run_to_end
 from readygo.benchmarks.rasterizer.render import machine
-from readygo.common.dataset import validate
+from readygo.common.dataset import Report, validate
 from readygo.common.dataset.index import load_index
 from readygo.common.errors import ConfigError, DatasetError
 
 POLL_S = 0.1
-PATIENCE_S = 30.0
+PATIENCE_S = 180.0
 """Time that a fault waits for something that it can hit, such as a worker while the fleet starts [s]."""
 ORPHAN_S = 10.0
 """Time that processes have to end after their run [s]."""
@@ -44,7 +44,7 @@ episodes_per_shard = 8
 
 [coordinator]
 lease_s = 5.0
-recorders = ["rec0", "rec1"]
+recorders = ["rec0", "rec1", "rec2"]
 """
 """Small images, so that processes and their protocol are most of the work; small shards, so that there are many."""
 
@@ -103,16 +103,16 @@ def bench_chaos(
     with contextlib.ExitStack() as stack:
         place = folder or Path(stack.enter_context(tempfile.TemporaryDirectory()))
         place.mkdir(parents=True, exist_ok=True)
-        (place / "settings.toml").write_text(SETTINGS)
+        own = "".join(f"{name} = {json_module.dumps(str(place / name))}\n" for name in ("rec1", "rec2"))
         command = ["generate", scene, "--episodes", str(episodes), "--workers", str(workers), "--seed", str(seed)]
-        command += ["--config", str(place / "settings.toml")]
-        alone_s = _undisturbed(command, place)
+        alone_s = _undisturbed([*command, "--config", _settings(place / "alone.toml", SETTINGS)], place)
+        command += ["--config", _settings(place / "settings.toml", f"{SETTINGS}\n[coordinator.folders]\n{own}")]
         disk = stack.enter_context(small_disk(place / "data", disk_mib))
         planned = schedule(episodes, faults, seed, longest_s=longest_s)
         begin_s = time.monotonic()
         site = Site([*command, "--out", str(place / "data")], RunFolder(place / "data"), place / "chaos.log")
         traces = disturb(site, planned, place / "faults.log")
-        outcome = compare([place / "alone"], site.places())
+        outcome = compare([place / "alone"], site.places(), validate(place / "data"))
         outcome.orphans = _orphans(site)
         if folder and disk and not outcome.ok:
             shutil.copytree(place / "data", place / "found")
@@ -121,6 +121,11 @@ def bench_chaos(
     sys.stdout.write((json_module.dumps(result) if json else _text(result)) + "\n")
     if not outcome.ok or site.hung:
         raise DatasetError("The disturbed run is not what it should be.")
+
+
+def _settings(path: Path, text: str) -> str:
+    path.write_text(text)
+    return str(path)
 
 
 def _undisturbed(command: list[str], place: Path) -> float:
@@ -197,15 +202,15 @@ def _ended(lasting: list[tuple[float, Trace]]) -> list[tuple[float, Trace]]:
     return [(end_s, trace) for end_s, trace in lasting if end_s > now_s]
 
 
-def compare(alone: list[Path], disturbed: list[Path]) -> Outcome:
-    """What of a disturbed run is not as in the same run left alone."""
+def compare(alone: list[Path], disturbed: list[Path], checked: Report) -> Outcome:
+    """What of a disturbed run is not as in the same run left alone, by their folders and what `validate` says."""
     expected = {index: hashes[0] for index, hashes in _episodes(alone).items()}
     found = _episodes(disturbed)
     return Outcome(
         episodes=sum(map(len, found.values())),
         missing=sorted(set(expected) - set(found)),
         double=sorted(index for index, hashes in found.items() if len(hashes) > 1),
-        torn=[str(defect) for folder in disturbed for defect in _defects(folder)],
+        torn=[*map(str, checked.defects), *(path.name for folder in disturbed for path in _unfinished(folder))],
         wrong=sorted(index for index, hashes in found.items() if set(hashes) != {expected.get(index)}),
     )
 
@@ -219,11 +224,8 @@ def _episodes(folders: list[Path]) -> dict[int, list[str]]:
     return found
 
 
-def _defects(folder: Path) -> list[str]:
-    open_files = [path.name for pattern in ("*.part", "*.salvage") for path in folder.glob(pattern)]
-    if not any(folder.glob("shard-*.mcap")):
-        return open_files
-    return [*open_files, *map(str, validate(folder).defects)]
+def _unfinished(folder: Path) -> list[Path]:
+    return [path for pattern in ("*.part", "*.salvage") for path in folder.glob(pattern)]
 
 
 def _orphans(site: Site) -> int:

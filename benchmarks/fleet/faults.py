@@ -5,14 +5,18 @@ import enum
 import math
 import os
 import random
+import shutil
 import signal
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from readygo.apps.run.recorders import requeue
 from readygo.benchmarks.fleet.hostile import send_lies
 from readygo.benchmarks.fleet.site import LAUNCHER, Site
-from readygo.common.errors import ReadygoError
+from readygo.common.dataset.places import own_folders
+from readygo.common.errors import ReadygoError, RunError
 
 SHORTEST_S = 0.3
 """Of freezes and full disks."""
@@ -32,6 +36,7 @@ class Kind(enum.Enum):
     CUT_SHARD = "a shard is cut off"
     LOSE_SHARD = "a shard is removed"
     LOSE_LEDGER = "the ledger is removed, and the launcher started again"
+    LOSE_DISK = "a recorder's own disk is lost, and it is given up"
     FULL_DISK = "the disk is full for a while"
     HOSTILE = "hostile messages"
 
@@ -47,7 +52,8 @@ WEIGHTS = {
     Kind.DAMAGE_SHARD: 8,
     Kind.CUT_SHARD: 4,
     Kind.LOSE_SHARD: 4,
-    Kind.LOSE_LEDGER: 4,
+    Kind.LOSE_LEDGER: 3,
+    Kind.LOSE_DISK: 1,
     Kind.FULL_DISK: 10,
     Kind.HOSTILE: 14,
 }
@@ -155,6 +161,30 @@ def _end_launcher(site: Site, fault: Fault) -> Trace:
     return Trace(words=number.name)
 
 
+def _lose_disk(site: Site, fault: Fault) -> Trace:
+    own = own_folders(site.folder.path)
+    if not own:
+        return Trace(words="no recorder has a disk of its own any more", skipped=True)
+    name, place = sorted(own.items())[0]
+    site.end(signal.SIGKILL)
+    shutil.rmtree(place)
+    while not _given_up(site, name):
+        time.sleep(0.2)
+    return Trace(words=name)
+
+
+def _given_up(site: Site, recorder: str) -> bool:
+    """Give a recorder up as soon as the command that began the run lets go of the folder."""
+    try:
+        with site.folder.locked():
+            requeue(site.folder, recorder)
+    except RunError as error:
+        if "Another process" not in str(error):
+            raise
+        return False
+    return True
+
+
 def _damage(path: Path, fault: Fault) -> Trace:
     """Change a byte of a file, in whose length nothing changes."""
     size = path.stat().st_size
@@ -235,6 +265,7 @@ ACTIONS: Mapping[Kind, Callable[[Site, Fault], Trace]] = {
     Kind.CUT_SHARD: _damage_shard,
     Kind.LOSE_SHARD: _damage_shard,
     Kind.LOSE_LEDGER: _end_launcher,
+    Kind.LOSE_DISK: _lose_disk,
     Kind.FULL_DISK: _fill_disk,
     Kind.HOSTILE: _lie,
 }

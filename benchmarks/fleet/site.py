@@ -15,6 +15,7 @@ from readygo.apps.run.folder import RunFolder
 from readygo.benchmarks.recording.memory import workers_below
 from readygo.common.bus.zenoh_bus import ZenohBus
 from readygo.common.dataset.committed import episode_indices
+from readygo.common.dataset.places import own_folders
 from readygo.common.errors import RunError
 
 LAUNCHER = "launcher"
@@ -115,7 +116,7 @@ class Site:
 
     def places(self) -> list[Path]:
         """Folders with shards of the run."""
-        return [self.folder.path]
+        return [place for place in [self.folder.path, *own_folders(self.folder.path).values()] if place.is_dir()]
 
     def durable(self) -> int:
         """Episodes in the shards, double ones counted twice; what was read of a shard once is not read again."""

@@ -13,7 +13,7 @@ def test_name_is_loaded_from_its_module_when_it_is_first_used(monkeypatch: pytes
     monkeypatch.setattr("readygo.common.RunError", None, raising=False)
     assert load("RunError") is RunError
     assert sys.modules["readygo.common"].RunError is RunError
-    with pytest.raises(AttributeError, match="module 'readygo.common' has no attribute 'other'"):
+    with pytest.raises(AttributeError, match=r"module 'readygo.common' has no attribute 'other'"):
         load("other")
 
 
