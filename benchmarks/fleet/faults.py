@@ -57,7 +57,7 @@ WEIGHTS = {
     Kind.FULL_DISK: 10,
     Kind.HOSTILE: 14,
 }
-"""Of 200 faults, how many are of a kind."""
+"""How much more often than others a kind comes up."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,12 +89,10 @@ class Trace:
 
 
 def schedule(episodes: int, faults: int, seed: int, *, longest_s: float) -> list[Fault]:
-    """Faults in the order of time, spread over a run of so many episodes, every kind in its share."""
+    """Faults in the order of time, spread over a run of so many episodes: each kind once, then by their weights."""
     rng = random.Random(seed)
-    total = sum(WEIGHTS.values())
-    kinds = [kind for kind, weight in WEIGHTS.items() for _ in range(max(1, round(weight * faults / total)))]
+    kinds = [*WEIGHTS, *rng.choices(list(WEIGHTS), list(WEIGHTS.values()), k=faults)][:faults]
     rng.shuffle(kinds)
-    kinds = (kinds + rng.choices(list(WEIGHTS), list(WEIGHTS.values()), k=faults))[:faults]
     after = sorted(rng.randrange(episodes) for _ in kinds)
     return [
         Fault(
