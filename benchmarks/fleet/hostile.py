@@ -1,5 +1,6 @@
 """Messages of somebody who has a run's token and means ill, or is of another version: none may cost an episode.
 
+Until the first claim a run is of no numeric class, and takes the first that is named: whoever may join may name it.
 Commands are left out (`ctl`: whoever may join may cancel), and so are words in the name of a worker or recorder about
 what it really holds: only certificates tell them from the true ones.
 """

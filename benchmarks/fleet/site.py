@@ -20,7 +20,7 @@ from readygo.common.errors import RunError
 
 LAUNCHER = "launcher"
 """The process that the user starts: it holds the router and the fleet."""
-HUNG_S = 240.0
+HUNG_S = 900.0
 """A run of which nothing becomes durable for so long hangs [s]."""
 
 
