@@ -14,7 +14,7 @@ from readygo.common.extras import install_command
 LIST = "shards.json"
 """Names what is in the store, with size and SHA-256; written last, so that what it names is whole there."""
 BLOCK_BYTES = 2**22
-Told = Callable[[str, str], None]
+Told = Callable[[str, str], object]
 """Hears the name of a file and what was done about it."""
 
 

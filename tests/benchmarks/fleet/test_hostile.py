@@ -1,3 +1,4 @@
+import dataclasses
 import random
 from pathlib import Path
 
@@ -25,7 +26,8 @@ def test_no_lie_is_believed_and_nothing_changes(tmp_path: Path) -> None:
         words = send_lies(buses[2], coordinator.spec, random.Random(seed))
         assert "BELIEVED" not in words
         assert "0 unanswered" in words
-    assert buses[2].request(topics.STATUS, StatusRequest()) == before
+    after = buses[2].request(topics.STATUS, StatusRequest())
+    assert dataclasses.replace(after, cpu_s={}) == before
     recorder.close()
     assert list(folder.path.glob("shard-*")) == []
     for closable in (*reversed(buses), coordinator.ledger, router):
