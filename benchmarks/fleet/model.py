@@ -36,11 +36,11 @@ class Times:
     samples: int = 222
     """Samples of an episode."""
     plan_stages: int = 3
-    claim_s: float = 0.0002
-    complete_s: float = 0.0003
+    claim_s: float = 0.0004
+    complete_s: float = 0.0008
     record_s: float = 0.0001
     """Each of expect, grant and done."""
-    append_sample_s: float = 0.00025
+    append_sample_s: float = 0.00028
     """The recorder's work for a sample."""
 
 
