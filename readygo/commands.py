@@ -88,6 +88,11 @@ COMMANDS = {
     ),
     "train": Command("readygo.apps.commands.train:train", "learn a policy from recorded episodes"),
     "evaluate": Command("readygo.apps.commands.evaluate:evaluate", "measure success rates in closed loop"),
+    "drive": Command("readygo.apps.commands.drive:drive", "drive a robot to a goal by what its camera shows"),
+    "simulate-robot": Command(
+        "readygo.apps.commands.simulate_robot:simulate_robot",
+        "be a robot in a scene: send its images and odometry, and do as it is told",
+    ),
     "status": Command("readygo.apps.commands.control:status", "say how far a fleet's run is"),
     "pause": Command("readygo.apps.commands.control:pause", "let a fleet give out no more work for now"),
     "resume": Command("readygo.apps.commands.control:resume", "let a paused fleet go on"),

@@ -71,7 +71,8 @@ def generate(
             everything in this process.
         split: Random streams to draw the episodes from; train, val and test never share an episode.
         seed: Seed of the run.
-        avatars: Avatar file or folder of them; those of the policy's data by default, else the embedded ones.
+        avatars: Avatar file or folder of them; those of the policy's data by default, else the embedded ones. With
+            ":train" or ":test" behind it, also behind "embedded", the part that is for that.
         static: Leave the humans out.
         people: Recipe of how many people come and how they meet the robot, in place of what `config` says of it;
             "paper" by default.

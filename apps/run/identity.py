@@ -19,13 +19,13 @@ from readygo.common.rasterizer.backend_names import GPU_BACKENDS
 from readygo.services.planner.humans.scenario_file import text_hash
 
 _NUMERIC_PACKAGES = ("numpy", "numba", "llvmlite", "scipy", "opencv-python-headless")
-_NO_IDENTITY = ("recorder", "coordinator")
+NO_IDENTITY = ("recorder", "coordinator")
 """Sections of settings that change no sample."""
 
 
 def identity(spec: RunSpec) -> dict[str, Any]:
     """What must be equal for two runs to give the same samples, as plain values."""
-    config = {name: section for name, section in spec.config.items() if name not in _NO_IDENTITY}
+    config = {name: section for name, section in spec.config.items() if name not in NO_IDENTITY}
     stages = b"" if spec.stages == EXPERT_LINE else b"".join(map(encode, spec.stages))
     return {
         "scene": spec.scene_hash,

@@ -7,6 +7,7 @@ from readygo.apps.run.config import RunConfig, resolved_sections
 from readygo.apps.run.identity import run_metadata, run_name
 from readygo.apps.run.world import World
 from readygo.common.avatars import load_avatars
+from readygo.common.avatars.cast import split_cast
 from readygo.common.avatars.file import avatar_hash
 from readygo.common.camera.lens import check_sensor
 from readygo.common.dataset.provenance import AvatarOrigin, ScenarioOrigin, SceneOrigin
@@ -44,6 +45,7 @@ def make_spec(
     check_sensor(config.renderer.sensor, config.robot.camera)
     config = _with_weights_named(config)
     humans = {} if static else load_avatars(avatars)
+    avatars, _ = split_cast(avatars)
     script = read_text(scenarios) if scenarios else ""
     spec = RunSpec(
         run="",

@@ -31,6 +31,14 @@ from readygo.common.messages.coordination import (
     Wake,
 )
 from readygo.common.messages.episode import EpisodeKey, HumanTrajectory, Scenario, Split
+from readygo.common.messages.evaluation import (
+    Drive,
+    DrivesReply,
+    DrivesRequest,
+    EvaluationPlan,
+    EvaluationPlanRequest,
+    KeepRequest,
+)
 from readygo.common.messages.learning import CommittedEpisode, OfferReply, OfferRequest, PolicyFile
 from readygo.common.messages.motion import EpisodeMotions, HumanMotion, Motion
 from readygo.common.messages.plan import Driver, Outcome, RobotTrajectory
@@ -78,10 +86,15 @@ __all__ = [
     "CompleteRequest",
     "ControlRequest",
     "DoneRequest",
+    "Drive",
     "Driver",
+    "DrivesReply",
+    "DrivesRequest",
     "EpisodeHeader",
     "EpisodeKey",
     "EpisodeMotions",
+    "EvaluationPlan",
+    "EvaluationPlanRequest",
     "ExpectRequest",
     "FileRef",
     "GrantRequest",
@@ -91,6 +104,7 @@ __all__ = [
     "HumanPlanRequest",
     "HumanTrajectory",
     "Humans",
+    "KeepRequest",
     "LostRequest",
     "Motion",
     "OfferReply",
