@@ -6,6 +6,7 @@ recorded again. A damaged shard becomes an open one, of which its recorder saves
 
 import json
 import logging
+import re
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -110,8 +111,13 @@ class Witness:
         self._read: dict[str, tuple[int, set[int]]] = {}
 
     def holds_episode(self, recorder: str, shard: str, index: int) -> bool:
-        """True if a recorder's shard, or one that it has not finished, begins an episode of this index."""
-        name, folder = Path(shard).name, self._folder.place_of(recorder)
+        """True if a recorder's shard, or one that it has not finished, begins an episode of this index.
+
+        False for a name that none of its shards can have: whoever may report might report anything.
+        """
+        if not re.fullmatch(rf"shard-{re.escape(recorder)}-\d{{5,}}\.mcap", shard):
+            return False
+        name, folder = shard, self._folder.place_of(recorder)
         open_shards = sorted(folder.glob(f"shard-{recorder}-*.mcap{PART_SUFFIX}"), reverse=True)
         places = [folder / name, folder / (name + PART_SUFFIX), *open_shards]
         return any(index in self._indices(path) for path in dict.fromkeys(places))

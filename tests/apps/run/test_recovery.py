@@ -155,6 +155,7 @@ def test_episode_is_found_where_its_recorder_says_or_in_what_it_writes(folder: R
     assert not witness.holds_episode("rec0", "../" * 9 + "etc/passwd", 2)
     _shard(folder).rename(_shard(folder, 9).with_suffix(".mcap.part"))
     assert witness.holds_episode("rec0", name, 2)
+    assert not witness.holds_episode("rec0", "../" * 9 + "etc/passwd", 2)
     assert not witness.holds_episode("rec1", name, 2)
 
 
