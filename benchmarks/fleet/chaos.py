@@ -175,7 +175,8 @@ def disturb(site: Site, faults: list[Fault], log: Path) -> list[tuple[Fault, Tra
                 if waited_s < fault.delay_s:
                     continue
                 trace = bring_about(site, fault)
-                if trace.later and waited_s < PATIENCE_S:
+                # Nothing comes any more that it could hit if the run is over.
+                if trace.later and waited_s < PATIENCE_S and not over:
                     continue
                 waiting.pop(0)
                 since_s = time.monotonic()
