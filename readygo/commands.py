@@ -97,6 +97,11 @@ COMMANDS = {
     "pause": Command("readygo.apps.commands.control:pause", "let a fleet give out no more work for now"),
     "resume": Command("readygo.apps.commands.control:resume", "let a paused fleet go on"),
     "cancel": Command("readygo.apps.commands.control:cancel", "end a fleet's run; what is recorded stays"),
+    "coordinator": Command(
+        "readygo.apps.commands.coordinator:coordinator", "lead a run whose workers are on other machines"
+    ),
+    "certs init": Command("readygo.apps.commands.certs:certs_init", "make the authority of a fleet's certificates"),
+    "certs issue": Command("readygo.apps.commands.certs:certs_issue", "issue certificates, whose roles are rights"),
     "worker": Command("readygo.apps.fleet.worker:worker", "join a fleet as one worker"),
     "bench render": Command(
         "readygo.benchmarks.rasterizer.render:bench_render",

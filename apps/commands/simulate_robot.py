@@ -1,18 +1,23 @@
 """`readygo simulate-robot`: a robot to try policies with."""
 
 from collections import Counter
-from contextlib import closing
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
+import numpy.typing as npt
 from rich.console import Console
 
 from readygo.apps.cli import Group
-from readygo.apps.drive.calibration import info_of
+from readygo.apps.drive.calibration import Rectifier, info_of
+from readygo.apps.drive.messages import Goal
+from readygo.apps.drive.pilot import DriveConfig, Pilot
+from readygo.apps.drive.rehearsal import rehearsed
 from readygo.apps.drive.robot import Topics
-from readygo.apps.drive.simulated import Manners, SimulatedRobot
+from readygo.apps.drive.simulated import Look, Manners, SimulatedRobot
 from readygo.apps.drive.wires import WireName, make_wire
 from readygo.apps.run.config import RunConfig
 from readygo.apps.run.evaluation import (
@@ -24,11 +29,12 @@ from readygo.apps.run.evaluation import (
 from readygo.apps.run.origin import avatars_of_policy
 from readygo.common.bus.foreign import ForeignSession
 from readygo.common.bus.zenoh_bus import Router
+from readygo.common.episode import EpisodeSimulation
 from readygo.common.errors import ConfigError
 from readygo.common.messages import Outcome, Split
-from readygo.common.policy import load_spec
+from readygo.common.policy import load_policy, load_spec
 from readygo.common.robot import load_robot
-from readygo.services.evaluator import Task
+from readygo.services.evaluator import Evaluator, MatchedEpisode
 
 
 def simulate_robot(
@@ -48,6 +54,7 @@ def simulate_robot(
     drop_share: Annotated[float, Group("manners")] = 0.02,
     camera_hz: Annotated[float, Group("manners")] = 20.0,
     compressed: Annotated[bool, Group("manners")] = False,
+    rehearse: bool = False,
     image: Annotated[str, Group("topics")] = "/camera/image_raw",
     odom: Annotated[str, Group("topics")] = "/odom",
     cmd_vel: Annotated[str, Group("topics")] = "/cmd_vel",
@@ -75,6 +82,7 @@ def simulate_robot(
         drop_share: Share of images that are lost.
         camera_hz: Images per second: 20, 10, 5, 4, 2 or 1.
         compressed: Send JPEG.
+        rehearse: Let the policy drive here, as `readygo drive` would, in simulated time and without a network.
         image: Topic of the images.
         odom: Topic of the Odometry.
         cmd_vel: Topic of the commands.
@@ -94,7 +102,79 @@ def simulate_robot(
     request = make_request(episodes, tasks, ("policy",), Split(split), seed)
     drawn, _ = evaluator.source().draw(seed=seed, split=request.split, count=episodes, tasks=request.tasks)
     eyes, rng = evaluator.eyes(), np.random.default_rng(seed)
-    topics = Topics(
+    eyes.look([evaluator.simulation(drawn[0])])
+
+    def look(simulation: EpisodeSimulation) -> npt.NDArray[np.uint8]:
+        seen: npt.NDArray[np.uint8] = eyes.look([simulation])[0]
+        return seen
+
+    with ExitStack() as stack:
+        if rehearse:
+            run = _rehearsal(policy, settings, look, manners, rng)
+        else:
+            topics = _topics(image, odom, cmd_vel)
+            stack.enter_context(closing(Router(listen)))
+            session = stack.enter_context(closing(ForeignSession(listen)))
+            spoken = make_wire(wire, domain=domain, prefix="", stamped=False, node="readygo_robot")
+            machine = SimulatedRobot(session, spoken, topics, info_of(settings.robot.camera), look, manners, rng)
+            console.print(f"a robot waits at {listen}", markup=False)
+            run = machine.drive
+        found = {
+            task: _drive_all(run, evaluator, [e for e in drawn if e.task is task], console) for task in request.tasks
+        }
+    for task, outcomes in found.items():
+        console.print(f"{task.value}: {outcomes[Outcome.SUCCESS]} of {outcomes.total()} succeed")
+    if not rehearse and machine.behind:
+        console.print(f"this machine was too slow for real time {machine.behind} times")
+
+
+def _drive_all(
+    run: Callable[[EpisodeSimulation], Outcome],
+    evaluator: Evaluator,
+    episodes: Sequence[MatchedEpisode],
+    console: Console,
+) -> Counter[Outcome]:
+    """Outcomes of a task's episodes, each said as it ends."""
+    outcomes: Counter[Outcome] = Counter()
+    for episode in episodes:
+        simulation = evaluator.simulation(episode)
+        outcome = run(simulation)
+        outcomes[outcome] += 1
+        name = episode.scenario.episode.episode_id
+        console.print(f"{episode.task.value} {name}: {outcome.value} after {simulation.time_s:.2f} s", markup=False)
+    return outcomes
+
+
+def _rehearsal(
+    folder: Path | None, settings: RunConfig, look: Look, manners: Manners, rng: np.random.Generator
+) -> Callable[[EpisodeSimulation], Outcome]:
+    """Drives episodes by a policy in simulated time.
+
+    Raises:
+        ConfigError: If there is no policy.
+    """
+    if folder is None:
+        raise ConfigError("A rehearsal needs a policy: readygo simulate-robot SCENE POLICY --rehearse.")
+    policy = load_policy(folder)
+    rectify = Rectifier(settings.robot.camera, policy.spec.robot.camera)
+    config = DriveConfig(
+        v_max_mps=settings.robot.v_max_mps,
+        w_max_radps=settings.robot.w_max_radps,
+        goal_radius_m=settings.episode.success_radius_m,
+        time_limit_s=settings.episode.time_limit_s,
+        goal_in_start_frame=False,
+    )
+
+    def run(simulation: EpisodeSimulation) -> Outcome:
+        goal_x, goal_y = simulation.scenario.goal_xy_m.tolist()
+        pilot = Pilot(policy, rectify, config, Goal(x_m=goal_x, y_m=goal_y))
+        return rehearsed(pilot, simulation, look, manners, rng)
+
+    return run
+
+
+def _topics(image: str, odom: str, cmd_vel: str) -> Topics:
+    return Topics(
         image=image,
         odometry=odom,
         command=cmd_vel,
@@ -102,26 +182,6 @@ def simulate_robot(
         goal="/goal_pose",
         outcome="/outcome",
     )
-    found: dict[Task, Counter[Outcome]] = {task: Counter() for task in request.tasks}
-    eyes.look([evaluator.simulation(drawn[0])])
-    with closing(Router(listen)), closing(ForeignSession(listen)) as session:
-        spoken = make_wire(wire, domain=domain, prefix="", stamped=False, node="readygo_robot")
-        info = info_of(settings.robot.camera)
-        machine = SimulatedRobot(session, spoken, topics, info, lambda one: eyes.look([one])[0], manners, rng)
-        console.print(f"a robot waits at {listen}", markup=False)
-        for task in request.tasks:
-            for episode in drawn:
-                if episode.task is not task:
-                    continue
-                simulation = evaluator.simulation(episode)
-                outcome = machine.drive(simulation)
-                found[task][outcome] += 1
-                name = episode.scenario.episode.episode_id
-                console.print(f"{task.value} {name}: {outcome.value} after {simulation.time_s:.2f} s", markup=False)
-    for task, outcomes in found.items():
-        console.print(f"{task.value}: {outcomes[Outcome.SUCCESS]} of {outcomes.total()} succeed")
-    if machine.behind:
-        console.print(f"this machine was too slow for real time {machine.behind} times")
 
 
 def _manners(latency_s: float, jitter_s: float, drop_share: float, camera_hz: float, compressed: bool) -> Manners:

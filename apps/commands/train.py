@@ -14,7 +14,6 @@ from rich.console import Console
 from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from readygo.apps.commands.progress import SteadyProgress
-from readygo.apps.fleet.token import given_token
 from readygo.apps.run.evaluation import closed_loop
 from readygo.apps.run.methods import NETWORKS
 from readygo.apps.run.origin import note_origin, origin_of_data
@@ -25,6 +24,7 @@ from readygo.apps.run.training import (
     run_network_training,
     run_training,
 )
+from readygo.common.bus.identity import TRAINER
 from readygo.common.dataset import Dataset
 from readygo.common.errors import ConfigError
 from readygo.services.trainer import TrainConfig
@@ -57,6 +57,7 @@ def train(
     cache_mb: int | None = None,
     live: str = "",
     run: str = "",
+    certs: Path | None = None,
     json: bool = False,
 ) -> None:
     """Learn a policy from recorded episodes; run again to continue, with more minutes or samples to go further.
@@ -87,6 +88,7 @@ def train(
             them, and what is learned is offered to it. The data folders are those to catch up from, also while they are
             recorded; the fleet's own is the first.
         run: Name of the fleet's run, as `readygo generate --listen` prints it.
+        certs: Folder with a trainer's certificate, for a tls/ endpoint.
         json: Print the metrics as JSON.
     """
     settings = {
@@ -108,7 +110,7 @@ def train(
         _train_network(recipe, data, out, {k: v for k, v in settings.items() if k not in unused}, as_json=json)
         return
     if live:
-        metrics = _train_live(make_config(recipe or "best", config, **settings), out, live, run, data)
+        metrics = _train_live(make_config(recipe or "best", config, **settings), out, live, run, data, certs)
     else:
         dataset = _open(data)
         chosen = make_config(recipe or _default_recipe(dataset, console, quiet=json), config, **settings)
@@ -138,17 +140,19 @@ def _default_recipe(dataset: Dataset, console: Console, *, quiet: bool) -> str:
     return recipe
 
 
-def _train_live(config: TrainConfig, out: Path, live: str, run: str, data: tuple[Path, ...]) -> dict[str, Any]:
+def _train_live(
+    config: TrainConfig, out: Path, live: str, run: str, data: tuple[Path, ...], certs: Path | None
+) -> dict[str, Any]:
     """Train beside a fleet until the budget is spent, Ctrl-C or SIGTERM."""
     if not run:
         raise ConfigError("--live needs the name of the fleet's run: pass --run.")
+    from readygo.apps.fleet.access import join
     from readygo.apps.fleet.trainer import train_beside
-    from readygo.common.bus.zenoh_bus import ZenohBus
 
     stop = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
-    bus = ZenohBus(live, run, given_token())
+    bus = join(live, run, TRAINER, certs=certs)
     try:
         return train_beside({run: bus}, config, out, data=data, stop=stop)
     finally:

@@ -55,13 +55,13 @@ def _fields(type_name: str, value: Any) -> dict[str, Any]:
         return {name: getattr(value, name) for name in names}
     if type_name == OUTCOME_TYPE:
         return {"outcome": value}
-    names = {
+    numbers: dict[str, tuple[str, ...]] = {
         ODOMETRY_TYPE: ("x_m", "y_m", "yaw_rad", "v_mps", "w_radps"),
         GOAL_TYPE: ("x_m", "y_m"),
         TWIST_TYPE: ("v_mps", "w_radps"),
         STAMPED_TWIST_TYPE: ("v_mps", "w_radps"),
-    }[type_name]
-    return {name: float(getattr(value, name)) for name in names}
+    }
+    return {name: float(getattr(value, name)) for name in numbers[type_name]}
 
 
 def _value(type_name: str, fields: Mapping[str, Any]) -> Value:

@@ -35,7 +35,7 @@ class RosCodec:
             raise ConfigError(f"ROS messages need rosbags: {install_command('robot-logs')}") from error
         self._store: Any = get_typestore(Stores.ROS2_HUMBLE)
         self._types: Any = self._store.types
-        self._writers = {
+        self._writers: dict[str, Any] = {
             IMAGE_TYPE: self._image,
             COMPRESSED_TYPE: self._compressed,
             ODOMETRY_TYPE: self._odometry,

@@ -63,6 +63,26 @@ class Manners:
         if self.latency_s < 0 or self.jitter_s < 0 or not 0 <= self.drop_share < 1:
             raise ValueError("latency and jitter must not be negative, and the share of lost images 0..1.")
 
+    def sends(self, step: int, rng: np.random.Generator) -> bool:
+        """True if an image is taken at a step and is not lost."""
+        return step % round(RATE_HZ / self.camera_hz) == 0 and rng.random() >= self.drop_share
+
+    def late_s(self, rng: np.random.Generator) -> float:
+        """How long an image is on its way [s]."""
+        return max(self.latency_s + self.jitter_s * float(rng.standard_normal()), 0.0)
+
+
+def odometry_of(simulation: EpisodeSimulation, stamp_ns: int) -> Odometry:
+    """Where the robot of an episode is now."""
+    return Odometry(
+        stamp_ns=stamp_ns,
+        x_m=simulation.x_m,
+        y_m=simulation.y_m,
+        yaw_rad=simulation.yaw_rad,
+        v_mps=simulation.v_mps,
+        w_radps=simulation.w_radps,
+    )
+
 
 class SimulatedRobot:
     """Drives through one episode after the other as it is told."""
@@ -126,26 +146,17 @@ class SimulatedRobot:
     def _show(self, simulation: EpisodeSimulation, step: int) -> None:
         """Say where the robot is, and take an image if it is time for one."""
         stamp_ns, now_s = time.time_ns(), time.monotonic()
-        odometry = Odometry(
-            stamp_ns=stamp_ns,
-            x_m=simulation.x_m,
-            y_m=simulation.y_m,
-            yaw_rad=simulation.yaw_rad,
-            v_mps=simulation.v_mps,
-            w_radps=simulation.w_radps,
-        )
-        self._put(ODOMETRY_TYPE, odometry, stamp_ns)
+        self._put(ODOMETRY_TYPE, odometry_of(simulation, stamp_ns), stamp_ns)
         if now_s - self._constant_s > CONSTANT_EVERY_S:
             self._constant_s = now_s
             goal_x, goal_y = simulation.scenario.goal_xy_m.tolist()
             self._put(GOAL_TYPE, Goal(x_m=goal_x, y_m=goal_y), stamp_ns)
             self._put(INFO_TYPE, self._camera, stamp_ns)
-        manners = self._manners
-        if step % round(RATE_HZ / manners.camera_hz) or self._rng.random() < manners.drop_share:
+        if not self._manners.sends(step, self._rng):
             return
         bgr = np.ascontiguousarray(self._look(simulation)[..., ::-1])
         payload = self._publishers[self._image_type].write(bgr, stamp_ns)
-        late_s = max(manners.latency_s + manners.jitter_s * float(self._rng.standard_normal()), 0.0)
+        late_s = self._manners.late_s(self._rng)
         # Nothing overtakes on its way.
         self._last_due_s = max(now_s + late_s, self._last_due_s)
         self._taken += 1

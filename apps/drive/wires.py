@@ -27,7 +27,10 @@ class Address:
 class Wire(Protocol):
     """Names of topics and bytes of messages."""
 
-    codec: Codec
+    @property
+    def codec(self) -> Codec:
+        """Of the messages."""
+        ...
 
     def heard_key(self, topic: str) -> str:
         """The expression to subscribe to."""

@@ -6,11 +6,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from readygo.apps.fleet.roles import TRAINER
 from readygo.apps.run.origin import note_origin, origin_of_runs
 from readygo.apps.run.training import torch_needed
 from readygo.apps.run.world import World
 from readygo.common.bus import Bus
+from readygo.common.bus.identity import TRAINER
 from readygo.common.dataset import committed_episodes
 from readygo.common.errors import RunError
 from readygo.common.messages import CommittedEpisode, EpisodeKey, RunSpec, RunSpecRequest, topics

@@ -11,7 +11,7 @@ from typing import Any
 
 from readygo.apps.run.config import RunConfig
 from readygo.common.dataset.provenance import AvatarOrigin, Provenance, ScenarioOrigin, SceneOrigin
-from readygo.common.errors import PolicyError
+from readygo.common.errors import PolicyError, RunError
 from readygo.common.extras import install_command
 from readygo.common.messages import PolicyRef, RunSpec, encode
 from readygo.common.messages.stages import EXPERT_LINE
@@ -73,6 +73,32 @@ def numeric_class(config: RunConfig, policy: PolicyRef | None = None) -> str:
     return " ".join([backend, *devices, architecture, *versions])
 
 
+def check_same_make(spec: RunSpec, config: RunConfig) -> None:
+    """See whether this installation makes the run's samples, before anything is fetched or claimed.
+
+    Raises:
+        RunError: If it is another version of readygo, or of another numeric class.
+    """
+    check_version(spec)
+    theirs, mine = Provenance.of_run(spec).numeric_class, numeric_class(config, spec.policy)
+    if theirs not in ("", mine):
+        raise RunError(
+            f"The run's samples are of the numeric class {theirs!r}, this machine's would be of {mine!r}; "
+            "install the versions that the run began with, or record into a new folder."
+        )
+
+
+def check_version(spec: RunSpec) -> None:
+    """See whether a run is of this version of readygo.
+
+    Raises:
+        RunError: If it is of another one.
+    """
+    theirs, ours = Provenance.of_run(spec).readygo_version, importlib.metadata.version("readygo")
+    if theirs not in ("", ours):
+        raise RunError(f"The run is of readygo {theirs}, this is {ours}: use the same version on all machines.")
+
+
 def _onnxruntime_class() -> str:
     """Version of onnxruntime, and the instructions that it chooses its kernels by."""
     from llvmlite.binding import get_host_cpu_features
@@ -107,3 +133,15 @@ def _commit() -> str:
         return ""
     done = subprocess.run(["git", "rev-parse", "HEAD"], cwd=root, capture_output=True, text=True, check=False)
     return done.stdout.strip()
+
+
+def files_of(spec: RunSpec) -> dict[str, Path]:
+    """What workers on other machines may lack of a run, by hash, on the machine that began it."""
+    scene = Path(spec.scene_path)
+    files = {file.sha256: scene / file.path for file in spec.scene_files}
+    if spec.avatar_files:
+        place = Path(spec.avatars_path)
+        files |= {file.sha256: place if place.is_file() else place / file.path for file in spec.avatar_files}
+    if spec.policy is not None:
+        files |= {file.sha256: Path(spec.policy.path) / file.path for file in spec.policy.files}
+    return files

@@ -92,7 +92,9 @@ def time_coordinator(folder: Path, episodes: int) -> dict[str, list[float]]:
 def _complete(coordinator: Coordinator, stage: Stage, lease: ClaimReply, number: int, ask: Callable[..., Any]) -> None:
     assert lease.episode is not None
     result = number.to_bytes(8, "little") * (RESULT_BYTES[stage.name] // 8)
-    request = CompleteRequest(worker="w", index=lease.episode.index, attempt=lease.attempt, result=result)
+    request = CompleteRequest(
+        worker="w", index=lease.episode.index, attempt=lease.attempt, result=result, lease=lease.lease
+    )
     ask("complete", Verdict, lambda asked: handlers.handle_complete(coordinator, stage, asked), request)
 
 
@@ -102,12 +104,15 @@ def _record(coordinator: Coordinator, lease: ClaimReply, ask: Callable[..., Any]
     recorder, index, attempt, stage = lease.recorder, lease.episode.index, lease.attempt, coordinator.spec.stages[-1]
     done = DoneRequest(recorder=recorder, index=index, attempt=attempt, shard="shard-rec0-00000.mcap", sample_count=222)
     for handler, request in (
-        (handlers.handle_expect, ExpectRequest(recorder=recorder, episode=lease.episode, attempt=attempt)),
+        (
+            handlers.handle_expect,
+            ExpectRequest(recorder=recorder, episode=lease.episode, attempt=attempt, lease=lease.lease),
+        ),
         (handlers.handle_grant, GrantRequest(recorder=recorder, index=index, attempt=attempt)),
         (handlers.handle_done, done),
     ):
         ask("record", Verdict, lambda asked, handler=handler: handler(coordinator, asked), request)
-    request = CompleteRequest(worker="w", index=index, attempt=attempt)
+    request = CompleteRequest(worker="w", index=index, attempt=attempt, lease=lease.lease)
     ask("complete", Verdict, lambda asked: handlers.handle_complete(coordinator, stage, asked), request)
 
 

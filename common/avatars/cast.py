@@ -5,6 +5,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TypeVar
 
+from readygo.common.avatars.avatar import Avatar
+from readygo.common.avatars.file import load_avatars
 from readygo.common.errors import AvatarError
 
 TRAIN, TEST = "train", "test"
@@ -30,6 +32,16 @@ def split_cast(path: Path | None) -> tuple[Path | None, str]:
     if cast not in (TRAIN, TEST):
         return path, ""
     return None if place == EMBEDDED else Path(place), cast
+
+
+def load_cast(path: Path | None) -> dict[str, Avatar]:
+    """The avatars of a place or of a cast of it, by name; see `split_cast`.
+
+    Raises:
+        AvatarError: If there is none, one cannot be read, or they are too few to be split.
+    """
+    place, cast = split_cast(path)
+    return members(load_avatars(place), cast)
 
 
 def with_cast(place: Path | None, cast: str) -> Path:

@@ -12,7 +12,6 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.avatars.avatar import SMPL_PARENTS, Avatar
-from readygo.common.avatars.cast import members, split_cast
 from readygo.common.errors import AvatarError
 from readygo.common.files import unfinished
 from readygo.common.gaussians import GaussianCloud
@@ -124,20 +123,18 @@ def load_avatars(path: Path | None = None) -> dict[str, Avatar]:
     """Avatars by name, in the order of their names.
 
     Args:
-        path: A folder of `.npz` files or one file; None stands for the embedded avatars. With `:train` or `:test`
-            behind it, those of that cast alone, see `readygo.common.avatars.cast`.
+        path: A folder of `.npz` files or one file; None stands for the embedded avatars.
 
     Raises:
-        AvatarError: If there is none, one cannot be read, two have the same name, or they are too few for a cast.
+        AvatarError: If there is none, one cannot be read, or two have the same name.
     """
     avatars: dict[str, Avatar] = {}
-    place, cast = split_cast(path)
-    for file in avatar_paths(place):
+    for file in avatar_paths(path):
         avatar = load_avatar(file)
         if avatar.name in avatars:
             raise AvatarError(f"Avatar file {file} has the name {avatar.name!r} of another file; rename one.")
         avatars[avatar.name] = avatar
-    return members(dict(sorted(avatars.items())), cast)
+    return dict(sorted(avatars.items()))
 
 
 def avatar_hash(avatar: Avatar) -> str:

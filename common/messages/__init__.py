@@ -29,6 +29,7 @@ from readygo.common.messages.coordination import (
     Verdict,
     VerdictStatus,
     Wake,
+    files_digest,
 )
 from readygo.common.messages.episode import EpisodeKey, HumanTrajectory, Scenario, Split
 from readygo.common.messages.evaluation import (
@@ -140,6 +141,7 @@ __all__ = [
     "Wake",
     "decode",
     "encode",
+    "files_digest",
     "sample_crc32",
     "topics",
 ]

@@ -54,7 +54,12 @@ class PolicyMemory:
         return [self._seen[row] for row in window_at(self._seen_ns, self._spacing_ns, self._count)]
 
     def move(self, time_ns: int, pose: Pose) -> None:
-        """Remember where the robot was: x, y [m], yaw [rad, not wrapped] in any frame that stands still."""
+        """Remember where the robot was.
+
+        Args:
+            time_ns: When [ns].
+            pose: x, y [m], yaw [rad, not wrapped] in any frame that stands still.
+        """
         self._poses_ns.append(time_ns)
         self._poses.append(pose)
         # The oldest frame that may be asked for was taken a span and a latency ago, and a pause longer.

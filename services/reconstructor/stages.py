@@ -13,15 +13,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from readygo.common.errors import ReadygoError, RunError
+from readygo.common.errors import RunError
 from readygo.common.files import unfinished_folder, write_whole
 
 STAGE_FILE, BEGUN_FILE, LOCK_FILE = "stage.json", "begun", ".lock"
 ROOM_MIN_BYTES = 256 << 20
 """A stage does not begin with less room on the disk."""
+_FULL_BYTES = 4 << 20
+"""Who fails with less room fails for it."""
 _AGAIN = "run the same command again; what is finished stays."
 _MEMORY_WORDS = ("bad_alloc", "can't allocate memory", "cannot allocate memory", "insufficient memory", "out of memory")
-_DISK_WORDS = ("disk i/o error", "database or disk is full", "no space left", "file too large")
 _DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 
 
@@ -121,8 +122,7 @@ class Stages:
         if done is None:
             self._say(StageProgress(stage=name))
             self._check_room()
-            with _worded(name, self.folder):
-                done = self._kept(path, make) if keep else self._whole(path, make)
+            done = self._kept(path, make) if keep else self._whole(path, make)
         self.seconds[name] = float(done["seconds"])
         return dict(done["found"])
 
@@ -143,7 +143,8 @@ class Stages:
 
     def _made(self, folder: Path, make: Make) -> dict[str, Any]:
         begin_s = time.monotonic()
-        found = json.loads(json.dumps(make(folder)))
+        with _worded(self.folder):
+            found = json.loads(json.dumps(make(folder)))
         done = {"key": self._key, "seconds": round(time.monotonic() - begin_s, 2), "found": found}
         write_whole(folder / STAGE_FILE, (json.dumps(done, indent=2) + "\n").encode())
         return done
@@ -166,32 +167,21 @@ class Stages:
 
 
 @contextmanager
-def _worded(stage: str, folder: Path) -> Iterator[None]:
-    """Say what ran out while a stage was made: libraries of C++ tell it in words of their own.
+def _worded(folder: Path) -> Iterator[None]:
+    """Say what ran out in a job's folder while a stage was made: libraries of C++ have words of their own, or none.
 
     Raises:
         RunError: If memory or the disk ran out.
     """
     try:
         yield
-    except ReadygoError:
-        raise
-    except MemoryError as error:
-        raise _out_of_memory(stage) from error
     except Exception as error:
-        words = str(error).lower()
-        if any(each in words for each in _MEMORY_WORDS):
-            raise _out_of_memory(stage) from error
-        if getattr(error, "errno", None) in _DISK_ERRORS or any(each in words for each in _DISK_WORDS):
+        words = str(error)
+        if getattr(error, "errno", None) in _DISK_ERRORS or shutil.disk_usage(folder).free < _FULL_BYTES:
+            raise RunError(f"The disk of {folder} is full ({words}). Make room and {_AGAIN}") from error
+        if isinstance(error, MemoryError) or any(each in words.lower() for each in _MEMORY_WORDS):
             raise RunError(
-                f"The stage {stage} could not be written to {folder}: {str(error).splitlines()[0]}. Make room and "
+                "Memory ran out: close other programs, or take fewer images (--frames) or a smaller --preset, and "
                 f"{_AGAIN}"
             ) from error
         raise
-
-
-def _out_of_memory(stage: str) -> RunError:
-    return RunError(
-        f"Memory ran out in the stage {stage}: close other programs, or take fewer images (--frames) or a smaller "
-        f"--preset, and {_AGAIN}"
-    )

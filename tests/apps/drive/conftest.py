@@ -1,11 +1,12 @@
-import math
-
 import numpy as np
 import pytest
 
 from readygo.apps.drive.calibration import Rectifier
 from readygo.apps.drive.messages import Goal, Odometry, Picture
 from readygo.apps.drive.pilot import DriveConfig, Pilot
+from readygo.common.episode import EpisodeConfig, EpisodeSimulation
+from readygo.common.maps import GridFrame, OccupancyMap
+from readygo.common.messages import EpisodeKey, EpisodeMotions, Scenario, Split
 from readygo.common.policy import PolicyMemory, PolicySpec
 from readygo.common.robot import CameraConfig, RobotConfig
 from readygo.common.robot.kinematics import STEP_NS
@@ -79,5 +80,14 @@ def fake_policy():
     return FakePolicy
 
 
-def close(command, v_mps, w_radps):
-    return math.isclose(command.v_mps, v_mps, abs_tol=1e-6) and math.isclose(command.w_radps, w_radps, abs_tol=1e-6)
+def open_ground():
+    """An episode without obstacles or people: 2 m straight ahead."""
+    frame = GridFrame(origin_x_m=-4.0, origin_y_m=-4.0, resolution_m=0.1)
+    scenario = Scenario(
+        episode=EpisodeKey(seed=0, split=Split.TEST, index=0),
+        start_xyyaw=np.array([0.0, 0.0, 0.0]),
+        goal_xy_m=np.array([2.0, 0.0]),
+        humans=(),
+    )
+    free = OccupancyMap(frame=frame, occupied=np.zeros((80, 160), np.bool_))
+    return EpisodeSimulation(scenario, EpisodeMotions(humans=()), free, RobotConfig(camera=CAMERA), EpisodeConfig())

@@ -17,10 +17,8 @@ from readygo.apps.drive.trial import run_trial
 from readygo.apps.drive.wires import RosWire, TopicWire
 from readygo.common.bus.foreign import ForeignSession
 from readygo.common.bus.zenoh_bus import Router, free_endpoint
-from readygo.common.episode import EpisodeConfig, EpisodeSimulation
-from readygo.common.maps import GridFrame, OccupancyMap
-from readygo.common.messages import EpisodeKey, EpisodeMotions, Outcome, Scenario, Split
-from tests.apps.drive.conftest import CAMERA, FakePolicy
+from readygo.common.messages import Outcome
+from tests.apps.drive.conftest import CAMERA, FakePolicy, open_ground
 
 TOPICS = Topics(
     image="/camera/image_raw",
@@ -40,21 +38,6 @@ class StraightPolicy(FakePolicy):
         super().__init__((1.0, 0.0))
 
 
-def simulation():
-    open_ground = OccupancyMap(
-        frame=GridFrame(origin_x_m=-4.0, origin_y_m=-4.0, resolution_m=0.1), occupied=np.zeros((80, 160), np.bool_)
-    )
-    scenario = Scenario(
-        episode=EpisodeKey(seed=0, split=Split.TEST, index=0),
-        start_xyyaw=np.array([0.0, 0.0, 0.0]),
-        goal_xy_m=np.array([2.0, 0.0]),
-        humans=(),
-    )
-    return EpisodeSimulation(
-        scenario, EpisodeMotions(humans=()), open_ground, StraightPolicy().spec.robot, EpisodeConfig()
-    )
-
-
 @pytest.mark.parametrize("kind", ["ros2", "bridge", "plain"])
 def test_policy_drives_a_robot_to_its_goal_over_every_wire(kind):
     pytest.importorskip("rosbags", reason="rosbags (extra robot-logs) is not installed")
@@ -64,7 +47,7 @@ def test_policy_drives_a_robot_to_its_goal_over_every_wire(kind):
         "plain": lambda node: TopicWire(PlainCodec(), "robot1"),
     }[kind]
     endpoint, outcomes = free_endpoint(), []
-    run = simulation()
+    run = open_ground()
     with closing(Router(endpoint)), closing(ForeignSession(endpoint)) as session:
         manners = Manners(latency_s=0.02, jitter_s=0.005, drop_share=0.1, compressed=kind == "bridge")
         topics = TOPICS

@@ -3,12 +3,12 @@ from pathlib import Path
 import pytest
 
 from readygo.common.avatars import load_avatars
-from readygo.common.avatars.cast import members, split_cast, with_cast
+from readygo.common.avatars.cast import load_cast, members, split_cast, with_cast
 from readygo.common.errors import AvatarError
 
 
 def test_embedded_avatars_are_six_to_train_with_and_two_to_test_with() -> None:
-    train, test = (set(load_avatars(with_cast(None, cast))) for cast in ("train", "test"))
+    train, test = (set(load_cast(with_cast(None, cast))) for cast in ("train", "test"))
     assert (len(train), len(test)) == (6, 2)
     assert train | test == set(load_avatars())
 

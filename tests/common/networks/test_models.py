@@ -45,3 +45,19 @@ def test_steps_are_summed_and_headings_have_unit_length():
     summed = models._summed(actions)
     assert summed[0, :, 0].tolist() == [1.0, 2.0, 3.0, 4.0, 5.0]
     assert summed[0, :, 2:].norm(dim=-1).tolist() == pytest.approx([1.0] * 5)
+
+
+def test_hidden_goal_changes_nothing_for_nomad():
+    encoder = models.VisionEncoder(4).eval()
+    images, goals = torch.rand(1, 4, 3, 96, 96), torch.rand(2, 3, 96, 96)
+    with torch.inference_mode():
+        seen, hidden = ([encoder(images, goal[None], torch.tensor([mask])) for goal in goals] for mask in (False, True))
+    assert not torch.allclose(*seen)
+    assert torch.allclose(*hidden)
+
+
+def test_steps_of_nomad_lead_to_its_places():
+    places = torch.tensor([[[1.0, 0.5], [2.5, 0.0], [3.0, -1.0]]])
+    steps = models.steps_of_places(places)
+    assert torch.allclose(models.places_of_steps(steps), places, atol=1e-6)
+    assert float(steps.abs().max()) <= 1.0
