@@ -131,7 +131,7 @@ def _train(
     try:
         if out is None:
             raise RunError("A trainer needs a folder for its policy: pass --out.")
-        train_beside(buses, make_config("best", config), out, data=data, stop=stop)
+        train_beside(dict(buses), make_config("best", config), out, data=data, stop=stop)
     finally:
         for bus in buses.values():
             bus.close()
