@@ -114,8 +114,9 @@ class RunFolder:
             patience_s: Time that another one has to end, whose parent may be gone a moment ago [s].
 
         Raises:
-            RunError: If another one stays.
+            RunError: If another one stays, or the folder is none of a run.
         """
+        self.load()
         descriptor = hold(self.state / "coordinator.lock", patience_s=patience_s)
         if descriptor is None:
             raise RunError(f"Another coordinator is at work on {self.path}; stop it first.")
