@@ -15,6 +15,7 @@ from mcap.opcode import Opcode
 from readygo.common.dataset import schemas
 from readygo.common.dataset.chunk import EpisodeChunk, parse, read_chunk
 from readygo.common.dataset.labels import boxes_of, footprints_of, joints_of
+from readygo.common.dataset.places import shard_folders
 from readygo.common.dataset.poses import pose_xyzyaw
 from readygo.common.dataset.records import (
     CHUNK_FIELDS,
@@ -49,7 +50,9 @@ def committed_episodes(folder: Path, known: Collection[EpisodeKey] = ()) -> Iter
         DatasetError: If a finished shard is damaged or cut off; it names the file. Open shards end where they end.
     """
     seen = set(known)
-    for path in [*sorted(folder.glob("shard-*.mcap")), *sorted(folder.glob(f"shard-*.mcap{PART_SUFFIX}"))]:
+    places = shard_folders(folder)
+    patterns = ("shard-*.mcap", f"shard-*.mcap{PART_SUFFIX}")
+    for path in [path for pattern in patterns for place in places for path in sorted(place.glob(pattern))]:
         for chunk in _chunks(path, seen):
             seen.add(chunk.episode)
             yield _episode(chunk)
