@@ -82,6 +82,9 @@ COMMANDS = {
     ),
     "train": Command("readygo.apps.commands.train:train", "learn a policy from recorded episodes"),
     "evaluate": Command("readygo.apps.commands.evaluate:evaluate", "measure success rates in closed loop"),
+    "monitor": Command(
+        "readygo.apps.commands.monitor:monitor", "show a run on a page: scene, robots, humans, images, numbers"
+    ),
     "status": Command("readygo.apps.commands.control:status", "say how far a fleet's run is"),
     "pause": Command("readygo.apps.commands.control:pause", "let a fleet give out no more work for now"),
     "resume": Command("readygo.apps.commands.control:resume", "let a paused fleet go on"),
