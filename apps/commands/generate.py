@@ -4,7 +4,7 @@ import json as json_module
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -16,6 +16,7 @@ from readygo.apps.cli import Bare, Group
 from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.fleet.run import Show, record
 from readygo.apps.fleet.slurm import check_slurm
+from readygo.apps.monitor.beside import watched
 from readygo.apps.run.again import prepare_again
 from readygo.apps.run.config import load_run_config, with_detail, with_disturbance, with_outputs
 from readygo.apps.run.folder import RunFolder
@@ -59,6 +60,7 @@ def generate(
     listen: Annotated[str, RUNNING] = "",
     on: Annotated[Literal["local", "slurm"], RUNNING] = "local",
     slurm: Annotated[str, RUNNING] = "",
+    watch: Annotated[bool, RUNNING] = False,
     json: Annotated[bool, RUNNING] = False,
 ) -> None:
     """Record episodes of an expert among walking people; run again to resume.
@@ -96,13 +98,16 @@ def generate(
         on: Where workers run: "slurm" submits `workers` jobs that do all stages, as one array, and requeues them when
             they are preempted; `listen` must be an address that its nodes reach, on a network that you trust.
         slurm: Options of sbatch, such as "--partition=short --time=2:00:00".
+        watch: Show the run on a page while it goes on, as `readygo monitor` does.
         json: Print the summary as JSON.
     """
     if on == "slurm":
         check_slurm(workers, listen)
     elif slurm:
         raise RunError("--slurm has options of sbatch: it goes with --on slurm.")
-    where = Where(workers=workers, listen=listen, slurm=slurm if on == "slurm" else None)
+    if watch and workers == 0:
+        raise RunError("--watch needs a fleet to hear: give --workers 1 or more.")
+    where = Where(workers=workers, listen=listen, slurm=slurm if on == "slurm" else None, watch=watch)
     if again is not None:
         if scene:
             raise RunError("--again has the scene of the run that it makes again: name one of the two.")
@@ -142,6 +147,7 @@ class Where:
     workers: int
     listen: str
     slurm: str | None
+    watch: bool = False
 
 
 def _record(spec: RunSpec, out: Path, episodes: int, where: Where, *, json: bool) -> None:
@@ -149,7 +155,8 @@ def _record(spec: RunSpec, out: Path, episodes: int, where: Where, *, json: bool
     role, listen = spec.stages[-1].role, where.listen
     token = f"READYGO_TOKEN=$(tail -1 {RunFolder(out).state / 'endpoint'})"
     join = f"More workers can join: {token} readygo worker {role} --connect {listen} --run {spec.run}" if listen else ""
-    with progress_bar(first_words=join, quiet=json) as show:
+    page = watched(out, (RunFolder(out).state / "endpoint").exists) if where.watch else nullcontext()
+    with page, progress_bar(first_words=join, quiet=json) as show:
         summary = record(
             spec, out, episodes=episodes, workers=where.workers, listen=listen, slurm=where.slurm, show=show
         )

@@ -61,7 +61,7 @@ def show(subjects: list[Subject], *, host: str, port: int, browser: bool = False
         url = f"http://{_named(host)}:{screen.port}/" + (f"?token={token}" if token else "")
         Console(stderr=True, highlight=False, soft_wrap=True).print(f"Watch it at {url} (Ctrl-C ends this page alone)")
         sys.stderr.flush()
-        if browser:
+        if browser and _has_desktop():
             webbrowser.open(url)
         threading.Event().wait()
     except KeyboardInterrupt as stop:
@@ -77,6 +77,11 @@ def _is_loopback(host: str) -> bool:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
         return host == "localhost"
+
+
+def _has_desktop() -> bool:
+    """False where a browser would open in the terminal, if at all."""
+    return sys.platform == "darwin" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 def _named(host: str) -> str:

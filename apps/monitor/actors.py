@@ -22,8 +22,8 @@ ACCENTS: tuple[Rgb, ...] = ((41, 161, 255), (255, 174, 52), (120, 220, 120), (21
 REPLAN: Rgb = (255, 214, 64)
 SIGHT_M = 3.0
 """How far the field of view is drawn."""
-LIFT_M = 0.03
-"""Above the floor, so that the floor does not hide it."""
+LIFT_M = 0.1
+"""Above the floor, whose Gaussians would hide what lies on it."""
 TRAIL_STEP_M = 0.05
 HUMANS_MAX = 8
 Way = npt.NDArray[np.float64]
@@ -81,10 +81,10 @@ class Actor:
         self._planned = of
         self._trail.clear()
         self._drop("trail")
-        self._line("way", way, self._accent, 0.022, 0.55)
+        self._line("way", way, self._accent, 0.035, 0.75)
         for number in range(HUMANS_MAX):
             shown = humans[number] if number < len(humans) else np.zeros((0, 3))
-            self._line(f"way{number}", shown, HUMANS[number % len(HUMANS)], 0.016, 0.6)
+            self._line(f"way{number}", shown, HUMANS[number % len(HUMANS)], 0.022, 0.8)
         self._mark(replans)
 
     def picture(self, rgb: npt.NDArray[np.uint8] | None) -> None:
@@ -135,7 +135,7 @@ class Actor:
         """Draw the field of view; it fades with distance."""
         self._fov_rad = fov_rad
         angle_rad = min(fov_rad, math.radians(179.0))
-        for number, (begin, end, opacity) in enumerate(((0.3, 0.45, 0.34), (0.45, 0.75, 0.22), (0.75, 1.0, 0.12))):
+        for number, (begin, end, opacity) in enumerate(((0.15, 0.45, 0.5), (0.45, 0.75, 0.34), (0.75, 1.0, 0.2))):
             ring = shapes.moved(shapes.fan(angle_rad, end * SIGHT_M, begin * SIGHT_M), 0.0, 0.0, LIFT_M)
             self._nodes[f"fan{number}"] = self._mesh(
                 f"robot/fan{number}", ring, self._accent, opacity, cast_shadow=False
@@ -194,10 +194,10 @@ class Actor:
 
     def _line(self, name: str, way: Way, colour: Rgb, thickness_m: float, strength: float) -> None:
         """A way as a line; a weak one is darker."""
-        if len(way) < 2:
+        points = shapes.segments(way, LIFT_M + 0.02) if len(way) else way
+        if not len(points):
             self._drop(name)
             return
-        points = shapes.segments(way, LIFT_M + 0.01)
         if name in self._nodes:
             self._nodes[name].points = points
             return

@@ -1,8 +1,8 @@
 """The door of the page: lets in who may see it, and hands everything else to the viewer behind it.
 
-The viewer asks nobody who they are. A page on this machine's own address is for this machine: pages of other sites that
-a browser has open must not read it (a foreign Origin), nor by a name of theirs that points here (a foreign Host). On any
-other address a token is asked for, once by the link and from then on by a cookie.
+The viewer asks nobody who they are. A page on this machine's own address is for this machine: pages of other sites
+that a browser has open must not read it (a foreign Origin), nor by a name of theirs that points here (a foreign Host).
+On any other address a token is asked for, once by the link and from then on by a cookie.
 """
 
 import asyncio

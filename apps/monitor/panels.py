@@ -262,7 +262,8 @@ def workers(watch: Watch) -> str:
     rows = [_worker(seen, now_s) for seen in sorted(watch.workers.values(), key=lambda seen: (seen.role, seen.name))]
     if not rows:
         return html('<p class="soft">Nobody is at work.</p>')
-    head = '<tr><th></th><th>worker</th><th>does</th><th class="n">done</th><th class="n">CPU</th><th class="n">MB</th></tr>'
+    numbers = "".join(f'<th class="n">{name}</th>' for name in ("done", "CPU", "MB"))
+    head = f"<tr><th></th><th>worker</th><th>does</th>{numbers}</tr>"
     troubles = [
         f'<p class="note">{escape(seen.name)}: {escape(seen.trouble)}</p>'
         for seen in watch.workers.values()

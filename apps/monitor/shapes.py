@@ -6,6 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 SIDES = 28
+APART_M = 0.04
+"""Least distance from point to point of a line."""
 _PAWN = (
     (0.0, 0.0),
     (0.19, 0.0),
@@ -116,6 +118,15 @@ def moved(mesh: Mesh, x_m: float, y_m: float, z_m: float) -> Mesh:
 
 
 def segments(points_m: npt.NDArray[np.float64], lift_m: float = 0.0) -> npt.NDArray[np.float32]:
-    """A way of N points as N - 1 segments, lifted off the floor, shape (N - 1, 2, 3)."""
-    raised = points_m + np.array([0.0, 0.0, lift_m])
+    """A way of N points as segments of some length, lifted off the floor, shape (S, 2, 3) with S < N."""
+    raised = _apart(points_m) + np.array([0.0, 0.0, lift_m])
     return np.stack([raised[:-1], raised[1:]], axis=1).astype(np.float32)
+
+
+def _apart(points_m: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """The points of a way that are not where the one before is: viewers cannot draw a line without a direction."""
+    kept = [0]
+    for row in range(1, len(points_m)):
+        if np.linalg.norm(points_m[row] - points_m[kept[-1]]) > APART_M:
+            kept.append(row)
+    return points_m[kept]
