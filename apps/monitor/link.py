@@ -11,7 +11,7 @@ from readygo.common.bus.zenoh_bus import ZenohBus
 from readygo.common.errors import BusError, PeerError, ReadygoError
 from readygo.common.messages import RunSpec, RunSpecRequest, topics
 
-SILENT_S = 6.0
+SILENT_S = 15.0
 """A coordinator that says nothing for so long has ended, or another one has its place [s]."""
 RETRY_S = 2.0
 SPEC_TIMEOUT_S = 5.0
@@ -107,6 +107,7 @@ class Link:
 
     def _leave(self) -> None:
         if self._bus is not None:
+            self._watch.leave()
             self._bus.close()
             self._bus = None
 

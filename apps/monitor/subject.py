@@ -22,6 +22,7 @@ from readygo.common.bus.zenoh_bus import ZenohBus
 from readygo.common.dataset.index import load_index
 from readygo.common.dataset.provenance import Provenance
 from readygo.common.dataset.reader import find_shards
+from readygo.common.dataset.scene_map import MapMessages, map_messages
 from readygo.common.errors import ReadygoError, RunError
 from readygo.common.messages import EpisodeKey
 from readygo.common.robot import RobotConfig
@@ -57,6 +58,8 @@ class Subject:
         self.link = Link(self.watch, find) if find else None
         self.house: DollsHouse | None = None
         """Its scene, once it is read."""
+        self.maps: MapMessages | None = None
+        """Its map, then as well."""
         self.note = ""
         """Why there is no scene."""
         if data is not None and (RunFolder(data).state / "spec.msgpack").exists():
@@ -71,17 +74,20 @@ class Subject:
         """Join the run, and read its scene in the background."""
         if self.link is not None:
             self.link.start()
-        threading.Thread(target=self._read_scene, name="scene", daemon=True).start()
+        threading.Thread(target=self.read_scene, name="scene", daemon=True).start()
 
     def close(self) -> None:
         """Leave the run."""
         if self.link is not None:
             self.link.close()
 
-    def _read_scene(self) -> None:
+    def read_scene(self) -> None:
+        """Read the scene, if it is known and here, or can be fetched."""
         try:
             scene = self._found_scene()
-            self.house = dolls_house(scene) if scene is not None else None
+            if scene is not None:
+                self.maps = map_messages(scene.maps.robot, scene.maps.floor)
+                self.house = dolls_house(scene)
         except ReadygoError as error:
             self.note = f"The scene is not shown: {error}"
 

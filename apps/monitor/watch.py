@@ -114,15 +114,22 @@ class Watch:
         self.evaluations: deque[LiveEvaluation] = deque(maxlen=10 * COMMITS_MAX)
         self._recent: deque[bool] = deque(maxlen=RECENT)
         self._heard: set[tuple[str, str]] = set()
+        self._bus: Bus | None = None
 
     def join(self, bus: Bus) -> None:
         """Hear all that a run shows."""
         with self.lock:
+            self._bus = bus
             self._heard.clear()
             for seen in self.workers.values():
                 seen.alive = False
         bus.subscribe(topics.PROGRESS, self._on_progress)
         bus.watch(partial(self._on_presence, bus))
+
+    def leave(self) -> None:
+        """Hear nobody new on the bus, which is about to be closed."""
+        with self.lock:
+            self._bus = None
 
     def under_way(self) -> list[Moving]:
         """The episodes of which something was heard lately, by worker."""
@@ -159,7 +166,7 @@ class Watch:
             seen.alive = alive
             if not alive:
                 seen.stage, seen.episode = "", None
-            new = alive and (role, name) not in self._heard and len(self._heard) < WORKERS_MAX
+            new = self._bus is bus and alive and (role, name) not in self._heard and len(self._heard) < WORKERS_MAX
             if new:
                 self._heard.add((role, name))
         if new:
