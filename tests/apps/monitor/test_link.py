@@ -49,9 +49,7 @@ def test_wrong_host_wrong_run_and_another_version_say_so(router: Router, monkeyp
     bus.close()
 
 
-def test_a_run_is_joined_lost_and_joined_again(
-    router: Router, spec: RunSpec, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_run_is_joined_lost_and_joined_again(router: Router, spec: RunSpec, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(linking, "RETRY_S", 0.1)
     monkeypatch.setattr(linking, "SILENT_S", 1.0)
     monkeypatch.setattr(linking, "SPEC_TIMEOUT_S", 1.0)
