@@ -71,7 +71,7 @@ def monitor(
                 _feed(opened, subjects[0], foxglove, rerun)
             else:
                 _serve(opened, subjects, host, port, browser=open)
-            threading.Event().wait()
+            _wait()
         except KeyboardInterrupt as stop:
             raise KeyboardInterrupt("the run is as it was.") from stop
 
@@ -97,6 +97,10 @@ def _serve(opened: contextlib.ExitStack, subjects: list[Subject], host: str, por
     _say(f"Watch it at {url} (Ctrl-C ends this page alone)")
     if browser and _has_desktop():
         webbrowser.open(url)
+
+
+def _wait() -> None:
+    threading.Event().wait()
 
 
 def _say(text: str) -> None:

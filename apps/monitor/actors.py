@@ -26,6 +26,7 @@ LIFT_M = 0.1
 """Above the floor, whose Gaussians would hide what lies on it."""
 TRAIL_STEP_M = 0.05
 HUMANS_MAX = 8
+_ON_ROBOT = ("body", "label", "view", "fan0", "fan1", "fan2")
 Way = npt.NDArray[np.float64]
 
 
@@ -95,7 +96,11 @@ class Actor:
     def hide(self) -> None:
         """Take everything away."""
         for name in list(self._nodes):
-            self._drop(name)
+            if name in _ON_ROBOT:
+                # They go with it.
+                del self._nodes[name]
+            else:
+                self._drop(name)
         while self._humans:
             self._humans.pop().remove()
         self._fov_rad, self._planned = 0.0, None

@@ -19,12 +19,10 @@ def test_it_must_be_said_what_to_watch(tmp_path: Path) -> None:
 
 
 def test_page_ends_at_ctrl_c_and_says_that_nothing_changed(data: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
-    pytest.importorskip("viser", reason="viser is not installed: readygo[monitor]")
-
-    def stop(_: object) -> None:
+    def stop() -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("readygo.apps.commands.monitor.threading.Event.wait", stop)
+    monkeypatch.setattr("readygo.apps.commands.monitor._wait", stop)
     monkeypatch.setattr("readygo.apps.commands.monitor.Screen", lambda *_, **__: _Screen())
     with pytest.raises(KeyboardInterrupt, match="as it was"):
         monitor(data, port=0)

@@ -30,7 +30,7 @@ def test_recorded_episode_plays_is_scrubbed_and_looked_through(data: Path) -> No
     page.update(0.0)
     inputs, nodes = client.gui.inputs, client.scene.nodes
     assert not nodes["/scene/roof"].visible, "one looks in from above"
-    assert list(inputs["Episode"].options)[0] == LIVE
+    assert next(iter(inputs["Episode"].options)) == LIVE
     inputs["Episode"].choose(list(inputs["Episode"].options)[1])
     page.update(0.1)
     before = nodes["/robots/0/robot"].position

@@ -39,6 +39,6 @@ def test_damaged_shard_is_named(data: Path) -> None:
     whole = bytearray(shard.read_bytes())
     whole[len(whole) // 2] ^= 255
     shard.write_bytes(whole)
+    recorded = Recorded(data)
     with pytest.raises(DatasetError, match=r"shard-.*cannot be read"):
-        for index in range(3):
-            Recorded(data).track(EpisodeKey(seed=7, split=Split.TRAIN, index=index))
+        [recorded.track(key) for key in recorded.episodes()]
