@@ -51,8 +51,10 @@ def test_page_is_served_and_ends(data: Path) -> None:
 
 
 def test_page_moves_fits_a_telephone_and_survives_the_fleet(
-    live: tuple[Screen, Subject, InProcessBus], browser: Any
+    live: tuple[Screen, Subject, InProcessBus], browser: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    # However slow the browser is, the episode stays under way.
+    monkeypatch.setattr("readygo.apps.monitor.watch.FRESH_S", 1e9)
     screen, subject, run = live
     wrong: list[str] = []
     page = browser.new_page(viewport={"width": 390, "height": 700})
