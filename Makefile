@@ -34,8 +34,11 @@ bench: $(RUNTIME)  ## Measure rendering, motion, planning and data on this machi
 golden: $(DEV)  ## Rewrite the golden files of the tests
 	$(BIN)/pytest --update-golden
 
-docs: $(DEV)  ## Write docs/reference/index.html, the reference of the public names
-	$(BIN)/pdoc readygo --docformat google --output-directory docs/reference
+docs: $(DEV)  ## Write site/index.html: guides, commands, messages and the reference of the public names; links are checked
+	$(INSTALL) -e ".[docs]"
+	$(BIN)/mkdocs build --quiet
+	$(BIN)/pdoc readygo --docformat google --output-directory site/reference
+	$(BIN)/python tests/site_links.py site
 
 setup: $(DEV)
 

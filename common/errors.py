@@ -37,6 +37,10 @@ class BusError(ReadygoError):
     """A peer that does not answer, or an endpoint that cannot be opened."""
 
 
+class CertificateError(ReadygoError):
+    """A certificate that is missing, cannot be used, or does not allow what is asked."""
+
+
 class PeerError(BusError):
     """A peer that answered that it cannot do what it was asked; the message names the topic and the reason."""
 

@@ -85,10 +85,20 @@ COMMANDS = {
     "monitor": Command(
         "readygo.apps.commands.monitor:monitor", "show a run on a page: scene, robots, humans, images, numbers"
     ),
+    "drive": Command("readygo.apps.commands.drive:drive", "drive a robot to a goal by what its camera shows"),
+    "simulate-robot": Command(
+        "readygo.apps.commands.simulate_robot:simulate_robot",
+        "be a robot in a scene: send its images and odometry, and do as it is told",
+    ),
     "status": Command("readygo.apps.commands.control:status", "say how far a fleet's run is"),
     "pause": Command("readygo.apps.commands.control:pause", "let a fleet give out no more work for now"),
     "resume": Command("readygo.apps.commands.control:resume", "let a paused fleet go on"),
     "cancel": Command("readygo.apps.commands.control:cancel", "end a fleet's run; what is recorded stays"),
+    "coordinator": Command(
+        "readygo.apps.commands.coordinator:coordinator", "lead a run whose workers are on other machines"
+    ),
+    "certs init": Command("readygo.apps.commands.certs:certs_init", "make the authority of a fleet's certificates"),
+    "certs issue": Command("readygo.apps.commands.certs:certs_issue", "issue certificates, whose roles are rights"),
     "worker": Command("readygo.apps.fleet.worker:worker", "join a fleet as one worker"),
     "bench render": Command(
         "readygo.benchmarks.rasterizer.render:bench_render",

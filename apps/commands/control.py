@@ -6,60 +6,67 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
+from readygo.apps.fleet.access import join
 from readygo.apps.fleet.token import given_token
 from readygo.apps.run.folder import RunFolder
 from readygo.common.bus import Bus
-from readygo.common.bus.zenoh_bus import ZenohBus
+from readygo.common.bus.identity import MONITOR, OPERATOR
 from readygo.common.config import section_to_mapping
 from readygo.common.errors import RunError
 from readygo.common.messages import Command, ControlRequest, StatusReply, StatusRequest, topics
 
 
-def status(data: Path | None = None, /, *, connect: str = "", run: str = "", json: bool = False) -> None:
+def status(
+    data: Path | None = None, /, *, connect: str = "", run: str = "", certs: Path | None = None, json: bool = False
+) -> None:
     """Say how far a run is.
 
     Args:
         data: Data folder that a fleet of this machine is recording into.
         connect: Endpoint of the fleet's router, in place of the folder.
         run: Name of the run there, as `readygo generate --listen` prints it.
+        certs: Folder with a certificate of a monitor or an operator, for a tls/ endpoint.
         json: Print all numbers as JSON.
     """
-    with _joined(data, connect, run) as bus:
+    with _joined(data, connect, run, certs) as bus:
         reply = bus.request(topics.STATUS, StatusRequest())
     sys.stdout.write((json_module.dumps(section_to_mapping(reply)) if json else status_text(reply)) + "\n")
 
 
-def pause(data: Path | None = None, /, *, connect: str = "", run: str = "") -> None:
+def pause(data: Path | None = None, /, *, connect: str = "", run: str = "", certs: Path | None = None) -> None:
     """Give out no more work until `readygo resume`; what is under way is finished.
 
     Args:
         data: Data folder that a fleet of this machine is recording into.
         connect: Endpoint of the fleet's router, in place of the folder.
         run: Name of the run there, as `readygo generate --listen` prints it.
+        certs: Folder with a certificate of an operator, for a tls/ endpoint.
     """
-    _send(Command.PAUSE, data, connect, run)
+    _send(Command.PAUSE, data, connect, run, certs)
 
 
-def resume(data: Path | None = None, /, *, connect: str = "", run: str = "") -> None:
+def resume(data: Path | None = None, /, *, connect: str = "", run: str = "", certs: Path | None = None) -> None:
     """Give out work again after `readygo pause`.
 
     Args:
         data: Data folder that a fleet of this machine is recording into.
         connect: Endpoint of the fleet's router, in place of the folder.
         run: Name of the run there, as `readygo generate --listen` prints it.
+        certs: Folder with a certificate of an operator, for a tls/ endpoint.
     """
-    _send(Command.RESUME, data, connect, run)
+    _send(Command.RESUME, data, connect, run, certs)
 
 
-def cancel(data: Path | None = None, /, *, connect: str = "", run: str = "") -> None:
+def cancel(data: Path | None = None, /, *, connect: str = "", run: str = "", certs: Path | None = None) -> None:
     """End a run; what is recorded stays, and `readygo generate` goes on with it.
 
     Args:
         data: Data folder that a fleet of this machine is recording into.
         connect: Endpoint of the fleet's router, in place of the folder.
         run: Name of the run there, as `readygo generate --listen` prints it.
+        certs: Folder with a certificate of an operator, for a tls/ endpoint.
     """
-    _send(Command.CANCEL, data, connect, run)
+    _send(Command.CANCEL, data, connect, run, certs)
 
 
 def status_text(reply: StatusReply) -> str:
@@ -68,6 +75,7 @@ def status_text(reply: StatusReply) -> str:
     counts = {"waiting": reply.waiting, "at work": reply.leased, "rejected": reply.rejected, "kept": reply.kept}
     lines += [f"  {name}: {_listed(count)}" for name, count in counts.items() if count]
     lines += [f"  policies offered: {reply.policies}"] if reply.policies else []
+    lines += ["  paused: `readygo resume` lets it go on"] if reply.paused else []
     lines += [f"  waits: {reply.trouble}"] if reply.trouble else []
     lines += [f"  ended: {reply.failed}"] if reply.failed else []
     return "\n".join(lines)
@@ -77,21 +85,27 @@ def _listed(counts: Mapping[str, int]) -> str:
     return ", ".join(f"{count} {name}" for name, count in counts.items())
 
 
-def _send(command: Command, data: Path | None, connect: str, run: str) -> None:
-    with _joined(data, connect, run) as bus:
+def _send(command: Command, data: Path | None, connect: str, run: str, certs: Path | None) -> None:
+    with _joined(data, connect, run, certs) as bus:
         bus.request(topics.CONTROL, ControlRequest(command=command))
 
 
 @contextmanager
-def _joined(data: Path | None, connect: str, run: str) -> Iterator[Bus]:
+def _joined(data: Path | None, connect: str, run: str, certs: Path | None) -> Iterator[Bus]:
     token = given_token()
     if data is not None:
         folder = RunFolder(data)
         (connect, token), run = folder.fleet_endpoint(), folder.load()[0].run
     if not connect or not run:
         raise RunError("Name the run: its data folder, or --connect ENDPOINT --run RUN.")
-    bus = ZenohBus(connect, run, token)
+    bus = join(connect, run, _shown(certs), certs=certs, token=token)
     try:
         yield bus
     finally:
         bus.close()
+
+
+def _shown(certs: Path | None) -> str:
+    """The certificate of a folder that somebody who looks at a run shows: an operator's, or else a monitor's."""
+    monitors = certs is not None and not (certs / f"{OPERATOR}.pem").exists() and (certs / f"{MONITOR}.pem").exists()
+    return MONITOR if monitors else OPERATOR

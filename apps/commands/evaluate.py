@@ -10,11 +10,13 @@ from typing import Any, Literal
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
+from readygo.apps.commands.evaluate_logs import evaluate_logs
 from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.evaluation.choice import check_wanted, watched_method
 from readygo.apps.evaluation.replay import Replays
 from readygo.apps.evaluation.report import REPORT_FILE
 from readygo.apps.evaluation.watch import plan_command, write_films, write_pages
+from readygo.apps.fleet.evaluation import EvaluationFleet, by_fleet, fleet_spec, make_plan
 from readygo.apps.run.config import RunConfig
 from readygo.apps.run.evaluation import (
     CameraName,
@@ -24,10 +26,12 @@ from readygo.apps.run.evaluation import (
     make_evaluator,
     make_evaluator_config,
     make_request,
+    settings_of_today,
     summarize,
 )
+from readygo.apps.run.method_files import method_hashes
 from readygo.apps.run.methods import CHECKPOINTS, named_methods, needs_renderer
-from readygo.apps.run.origin import avatars_of_policy
+from readygo.apps.run.origin import avatars_of_policy, check_unseen, unseen_avatars
 from readygo.apps.run.policy import policy_sha256
 from readygo.apps.run.spec import episode_count
 from readygo.common.config import section_to_mapping
@@ -50,13 +54,15 @@ from readygo.services.renderer.sensor.recipes import SensorName
 
 TaskName = Literal["static", "dynamic", "reactive"]
 Show = Callable[[EpisodeRecord], None]
+Say = Callable[[str], None]
 
 
 def evaluate(
-    scene: str,
+    scene: str = "",
     policy: Path | None = None,
     /,
     *,
+    from_logs: Path | None = None,
     episodes: int | None = None,
     tasks: tuple[TaskName, ...] = ("static", "dynamic"),
     methods: tuple[str, ...] = ("policy", "expert", "straight-line"),
@@ -65,6 +71,7 @@ def evaluate(
     out: Path | None = None,
     video: tuple[str, ...] = (),
     avatars: Path | None = None,
+    unseen: tuple[Literal["avatars", "scenes"], ...] = (),
     robot: Path | None = None,
     config: Path | None = None,
     sensor: SensorName | None = None,
@@ -74,6 +81,8 @@ def evaluate(
     control_hz: float = 20.0,
     lockstep: int = 8,
     checkpoints: Path = CHECKPOINTS,
+    workers: int = 0,
+    listen: str = "",
     json: bool = False,
 ) -> None:
     """Drive a policy, the expert and a straight line through the same episodes, and count successes.
@@ -84,6 +93,8 @@ def evaluate(
     Args:
         scene: Scene bundle, "embedded", or "embedded:SEED".
         policy: Folder of a trained policy; without one only the other methods drive.
+        from_logs: In place of a scene: folder with the logs of `readygo drive --log`, for the table of a real robot's
+            trials; `labels.toml` there says what no log knows.
         episodes: Episodes per task; 100, or as many as the scenario file has entries.
         tasks: "static" leaves the humans out, "dynamic" lets them walk, "reactive" lets the same ones make way for
             whoever drives.
@@ -94,7 +105,10 @@ def evaluate(
         out: Folder for episodes.jsonl, trajectories.jsonl, summary.json, films, and pages with the failures.
         video: Films to write into `out`, of the policy: "worst", "failures" or indices of episodes, such as worst 17;
             they can be asked for later, episodes are not driven again for them.
-        avatars: Avatar file or folder of them; those of the policy's data by default, else the embedded ones.
+        avatars: Avatar file or folder of them; those of the policy's data by default, else the embedded ones. With
+            ":train" or ":test" behind it, also behind "embedded", the part that is for that.
+        unseen: What must be new to the policy, and is refused if it is not: "avatars" has those of the part for tests
+            where its data have the part for training, six or more there and two or more here; "scenes".
         robot: robot.toml; by default the one in `config`, else the policy's robot.
         config: TOML file with sections of settings, as given to `readygo generate`; what it does not name is as in the
             policy's data.
@@ -108,9 +122,21 @@ def evaluate(
         control_hz: How often the policy decides [Hz]; its command is held in between, its memory sees every image.
         lockstep: Episodes that run side by side.
         checkpoints: Folder with gnm_large.pth, vint.pth, nomad.pth and the policy vid2sim, where these drive.
+        workers: Processes that drive, one per core; 0 drives in this process. Records are the same.
+        listen: Endpoint of the workers' router, such as tcp/127.0.0.1:7447, for workers that are started by hand
+            (`readygo worker evaluator`); a free loopback port by default.
         json: Print the summary as JSON.
     """
+    if from_logs is not None:
+        evaluate_logs(from_logs, out, json=json)
+        return
+    if not scene:
+        raise RunError("Say where: readygo evaluate SCENE POLICY, or --from-logs FOLDER for trials of a real robot.")
     check_wanted(video)
+    if (workers or listen) and out is None:
+        raise RunError("--workers keep their records in a folder: say which with --out.")
+    if listen and not workers:
+        raise RunError("--listen is for workers: say with --workers how many are started here, at least 1.")
     if video and out is None:
         raise RunError("--video writes films into a folder: say which with --out.")
     count = episode_count(scenarios) if episodes is None else episodes
@@ -127,13 +153,21 @@ def evaluate(
         sensor=sensor,
         humans=people,
     )
-    bodies = avatars_of_policy(loaded.spec) if loaded and avatars is None else avatars
+    bodies = avatars
+    if loaded and avatars is None:
+        bodies = unseen_avatars(loaded.spec) if "avatars" in unseen else avatars_of_policy(loaded.spec)
     world = evaluation_world(scene, run_config, avatars=bodies, seed=seed, scenarios=scenarios)
+    if loaded:
+        check_unseen(loaded.spec, world.spec, unseen)
+    elif unseen:
+        raise RunError("--unseen is about a policy's data: name the policy.")
     sha256 = policy_sha256(policy) if policy and out else ""
-    identity = evaluation_settings(world, request, policy=sha256, camera=camera)
+    hashes = method_hashes(drivers, checkpoints) if out else {}
+    identity = evaluation_settings(world, request, policy=sha256, camera=camera, methods=hashes)
     total = len(request.tasks) * len(request.methods) * request.episodes
-    with open_results(out, identity) if out else nullcontext() as results, _kept(results, request, total):
-        renderer = world.renderer() if needs_renderer(drivers) else None
+    folder = open_results(out, identity, today=settings_of_today) if out else nullcontext()
+    with folder as results, _kept(results, request, total):
+        renderer = world.renderer() if needs_renderer(drivers) and not workers else None
         evaluator = make_evaluator(
             world,
             renderer=renderer,
@@ -142,8 +176,24 @@ def evaluate(
             camera=camera,
             methods=named_methods(world, drivers, checkpoints),
         )
-        with _progress(Console(stderr=True), total, quiet=json) as show:
-            reply = handle_evaluate(evaluator, request, report=show, results=results)
+        with _progress(Console(stderr=True), total, quiet=json) as (show, say):
+            elsewhere = None
+            if workers and results is not None:
+                drives = "policy" in drivers
+                fleet = EvaluationFleet(
+                    spec=fleet_spec(world, policy if drives else None),
+                    plan=make_plan(
+                        request, camera=camera, lockstep=lockstep, checkpoints=checkpoints, method_hashes=hashes
+                    ),
+                    request=request,
+                    results=results,
+                    workers=workers,
+                    listen=listen,
+                    report=show,
+                    say=say,
+                )
+                elsewhere = by_fleet(fleet)
+            reply = handle_evaluate(evaluator, request, report=show, results=results, elsewhere=elsewhere)
         summary = summarize(reply, request, evaluator) | _settings_said(run_config, identity)
         if results is not None:
             results.finish(summary)
@@ -223,7 +273,7 @@ def _kept(results: Results | None, request: EvaluateRequest, total: int) -> Iter
 
 
 @contextmanager
-def _progress(console: Console, total: int, *, quiet: bool) -> Iterator[Show]:
+def _progress(console: Console, total: int, *, quiet: bool) -> Iterator[tuple[Show, Say]]:
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -241,4 +291,7 @@ def _progress(console: Console, total: int, *, quiet: bool) -> Iterator[Show]:
             rate = f"{record.task.value} {record.method}: SR {100 * sum(of_group) / len(of_group):.0f} %, ETA"
             progress.update(task, advance=1, rate=rate)
 
-        yield show
+        def say(line: str) -> None:
+            progress.console.print(line, markup=False, highlight=False, soft_wrap=True)
+
+        yield show, say

@@ -13,8 +13,9 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
 from readygo.apps.cli import Bare, Group
+from readygo.apps.commands.coordinator import coordinator
 from readygo.apps.commands.progress import SteadyProgress
-from readygo.apps.fleet.run import Show, record
+from readygo.apps.fleet.run import Show, begin, record
 from readygo.apps.fleet.slurm import check_slurm
 from readygo.apps.monitor.beside import watched
 from readygo.apps.run.again import prepare_again
@@ -58,7 +59,8 @@ def generate(
     config: Path | None = None,
     sensor: Annotated[SensorName | None, IMAGES] = None,
     listen: Annotated[str, RUNNING] = "",
-    on: Annotated[Literal["local", "slurm"], RUNNING] = "local",
+    certs: Annotated[Path | None, RUNNING] = None,
+    on: Annotated[Literal["local", "slurm", "hosts"], RUNNING] = "local",
     slurm: Annotated[str, RUNNING] = "",
     watch: Annotated[bool, RUNNING] = False,
     json: Annotated[bool, RUNNING] = False,
@@ -73,7 +75,8 @@ def generate(
             everything in this process.
         split: Random streams to draw the episodes from; train, val and test never share an episode.
         seed: Seed of the run.
-        avatars: Avatar file or folder of them; those of the policy's data by default, else the embedded ones.
+        avatars: Avatar file or folder of them; those of the policy's data by default, else the embedded ones. With
+            ":train" or ":test" behind it, also behind "embedded", the part that is for that.
         static: Leave the humans out.
         people: Recipe of how many people come and how they meet the robot, in place of what `config` says of it;
             "paper" by default.
@@ -95,8 +98,11 @@ def generate(
             `config` say of that.
         listen: Endpoint of the fleet's router, such as tcp/127.0.0.1:7447, for workers that are started by hand; a
             free loopback port by default.
+        certs: Folder of certificates (`readygo certs`), for a tls/ endpoint.
         on: Where workers run: "slurm" submits `workers` jobs that do all stages, as one array, and requeues them when
-            they are preempted; `listen` must be an address that its nodes reach, on a network that you trust.
+            they are preempted; `listen` must be an address that its nodes reach, tls/ or on a network that you trust.
+            "hosts" starts none, and no recorder: they are started on other machines with `readygo worker`, and
+            `readygo coordinator` goes on if this command ends.
         slurm: Options of sbatch, such as "--partition=short --time=2:00:00".
         watch: Show the run on a page while it goes on, as `readygo monitor` does.
         json: Print the summary as JSON.
@@ -105,9 +111,18 @@ def generate(
         check_slurm(workers, listen)
     elif slurm:
         raise RunError("--slurm has options of sbatch: it goes with --on slurm.")
-    if watch and workers == 0:
+    elif on == "hosts" and not listen:
+        raise RunError("--on hosts needs --listen with an address that they reach, such as tls/10.0.0.5:7447.")
+    if watch and workers == 0 and on != "hosts":
         raise RunError("--watch needs a fleet to hear: give --workers 1 or more.")
-    where = Where(workers=workers, listen=listen, slurm=slurm if on == "slurm" else None, watch=watch)
+    where = Where(
+        workers=workers,
+        listen=listen,
+        slurm=slurm if on == "slurm" else None,
+        certs=certs,
+        hosts=on == "hosts",
+        watch=watch,
+    )
     if again is not None:
         if scene:
             raise RunError("--again has the scene of the run that it makes again: name one of the two.")
@@ -147,18 +162,32 @@ class Where:
     workers: int
     listen: str
     slurm: str | None
+    certs: Path | None
+    hosts: bool
+    """True for workers and recorders on other machines alone."""
     watch: bool = False
 
 
 def _record(spec: RunSpec, out: Path, episodes: int, where: Where, *, json: bool) -> None:
     """Do a run, and say on the terminal how it goes and what it gave."""
-    role, listen = spec.stages[-1].role, where.listen
-    token = f"READYGO_TOKEN=$(tail -1 {RunFolder(out).state / 'endpoint'})"
-    join = f"More workers can join: {token} readygo worker {role} --connect {listen} --run {spec.run}" if listen else ""
+    join = _how_to_join(spec, out, where) if where.listen else ""
     page = watched(out, (RunFolder(out).state / "endpoint").exists) if where.watch else nullcontext()
+    if where.hosts:
+        begin(spec, out, episodes)
+        sys.stderr.write(f"{join}\n")
+        with page:
+            coordinator(out, listen=where.listen, certs=where.certs)
+        return
     with page, progress_bar(first_words=join, quiet=json) as show:
         summary = record(
-            spec, out, episodes=episodes, workers=where.workers, listen=listen, slurm=where.slurm, show=show
+            spec,
+            out,
+            episodes=episodes,
+            workers=where.workers,
+            listen=where.listen,
+            slurm=where.slurm,
+            certs=where.certs,
+            show=show,
         )
     clarity = run_clarity(spec, out)
     if json:
@@ -172,6 +201,12 @@ def _record(spec: RunSpec, out: Path, episodes: int, where: Where, *, json: bool
         console.print(f"Warning: {text}", markup=False)
     console.print(f"Next: readygo validate {out} && readygo train {out} --out policy", markup=False)
     console.print(f"What it covers: readygo coverage {out} --out coverage", markup=False)
+
+
+def _how_to_join(spec: RunSpec, out: Path, where: Where) -> str:
+    proof = f"READYGO_TOKEN=$(tail -1 {RunFolder(out).state / 'endpoint'}) "
+    command = f"readygo worker {spec.stages[-1].role} --connect {where.listen} --run {spec.run}"
+    return f"More workers can join: {f'{command} --certs CERTS' if where.certs else proof + command}"
 
 
 @contextmanager

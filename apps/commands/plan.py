@@ -15,7 +15,8 @@ from readygo.apps.run.evaluation import evaluation_config
 from readygo.apps.run.origin import avatars_of_policy
 from readygo.apps.run.scene_argument import open_maps
 from readygo.apps.run.take import Take, Takes, policy_steer
-from readygo.common.avatars import Avatar, load_avatars
+from readygo.common.avatars import Avatar
+from readygo.common.avatars.cast import load_cast
 from readygo.common.camera.lens import check_sensor
 from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.drawing.files import Picture, write_png
@@ -103,7 +104,7 @@ def plan(
     if driving and not (avatars or static):
         avatars = avatars_of_policy(driving.spec)
     maps, bundle = open_maps(scene)
-    humans = {} if static else load_avatars(avatars)
+    humans = {} if static else load_cast(avatars)
     takes = Takes(maps, humans, run_config, load_scenarios(scenarios) if scenarios else None)
     renderer = _renderer(bundle, humans, run_config) if camera and bundle else None
     steer = policy_steer(driving, renderer) if driving and renderer else None

@@ -142,7 +142,7 @@ def scene_inspect(
     maps = bundle.maps
     report = scene_report(bundle.cloud, bundle.sky, maps.robot, maps.human, maps.floor, radius_m)
     plan = plan_of(bundle)
-    report["findings"] = findings(bundle.cloud, plan, report)
+    report["findings"] = findings(bundle.cloud, plan, report, bundle.views)
     folder = bundle.path / "inspect" if out is None else out
     folder.mkdir(parents=True, exist_ok=True)
     seen = scene_views(bundle, RobotConfig() if robot is None else load_robot(robot), radius_m=radius_m)

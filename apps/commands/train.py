@@ -14,10 +14,17 @@ from rich.console import Console
 from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from readygo.apps.commands.progress import SteadyProgress
-from readygo.apps.fleet.token import given_token
 from readygo.apps.run.evaluation import closed_loop
+from readygo.apps.run.methods import NETWORKS
 from readygo.apps.run.origin import note_origin, origin_of_data
-from readygo.apps.run.training import default_recipe, make_config, run_training
+from readygo.apps.run.training import (
+    default_recipe,
+    make_config,
+    make_network_config,
+    run_network_training,
+    run_training,
+)
+from readygo.common.bus.identity import TRAINER
 from readygo.common.dataset import Dataset
 from readygo.common.errors import ConfigError
 from readygo.services.trainer import TrainConfig
@@ -39,7 +46,7 @@ def train(
     val: tuple[Path, ...] = (),
     val_scene: str = "",
     val_episodes: int = 30,
-    recipe: Literal["best", "fast", "paper"] | None = None,
+    recipe: Literal["best", "fast", "paper", "gnm", "vint", "nomad"] | None = None,
     config: Path | None = None,
     learning_rate: float | None = None,
     batch_size: int | None = None,
@@ -50,6 +57,7 @@ def train(
     cache_mb: int | None = None,
     live: str = "",
     run: str = "",
+    certs: Path | None = None,
     json: bool = False,
 ) -> None:
     """Learn a policy from recorded episodes; run again to continue, with more minutes or samples to go further.
@@ -65,7 +73,9 @@ def train(
         val_episodes: Episodes per such measurement, from the split val.
         recipe: "best" learns most from data in which the expert was asked at every state, and is the default for
             them; "fast" is the paper's network made for minutes on a CPU, the default for others; "paper" trains that
-            network as the paper does, with Adam at a constant 1e-4.
+            network as the paper does, with Adam at a constant 1e-4. "gnm", "vint" and "nomad" train these published
+            networks with their own losses, on what the expert drove: `out` is then a folder for `readygo evaluate
+            --checkpoints`, and weights of theirs that lie there are what training begins with.
         config: TOML file with fields of the recipe's `TrainConfig` that shall be others.
         learning_rate: Learning rate instead of the recipe's.
         batch_size: Samples per step; the recipe's by default.
@@ -78,6 +88,7 @@ def train(
             them, and what is learned is offered to it. The data folders are those to catch up from, also while they are
             recorded; the fleet's own is the first.
         run: Name of the fleet's run, as `readygo generate --listen` prints it.
+        certs: Folder with a trainer's certificate, for a tls/ endpoint.
         json: Print the metrics as JSON.
     """
     settings = {
@@ -92,8 +103,14 @@ def train(
         "learning_rate": learning_rate,
     }
     console = Console(stderr=True)
+    if recipe in NETWORKS:
+        if live or run or val or val_scene or config:
+            raise ConfigError(f"--recipe {recipe} takes no --val, --val-scene, --config, --live and --run.")
+        unused = ("memory_mb", "device")
+        _train_network(recipe, data, out, {k: v for k, v in settings.items() if k not in unused}, as_json=json)
+        return
     if live:
-        metrics = _train_live(make_config(recipe or "best", config, **settings), out, live, run, data)
+        metrics = _train_live(make_config(recipe or "best", config, **settings), out, live, run, data, certs)
     else:
         dataset = _open(data)
         chosen = make_config(recipe or _default_recipe(dataset, console, quiet=json), config, **settings)
@@ -123,21 +140,43 @@ def _default_recipe(dataset: Dataset, console: Console, *, quiet: bool) -> str:
     return recipe
 
 
-def _train_live(config: TrainConfig, out: Path, live: str, run: str, data: tuple[Path, ...]) -> dict[str, Any]:
+def _train_live(
+    config: TrainConfig, out: Path, live: str, run: str, data: tuple[Path, ...], certs: Path | None
+) -> dict[str, Any]:
     """Train beside a fleet until the budget is spent, Ctrl-C or SIGTERM."""
     if not run:
         raise ConfigError("--live needs the name of the fleet's run: pass --run.")
+    from readygo.apps.fleet.access import join
     from readygo.apps.fleet.trainer import train_beside
-    from readygo.common.bus.zenoh_bus import ZenohBus
 
     stop = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: stop.set())
-    bus = ZenohBus(live, run, given_token())
+    bus = join(live, run, TRAINER, certs=certs)
     try:
         return train_beside({run: bus}, config, out, data=data, stop=stop)
     finally:
         bus.close()
+
+
+def _train_network(name: str, data: tuple[Path, ...], out: Path, settings: dict[str, Any], *, as_json: bool) -> None:
+    """Train a published network, and say how well it names where the expert went."""
+    dataset, config = _open(data), make_network_config(name, settings)
+    with _progress(Console(stderr=True), quiet=as_json) as show:
+        metrics = run_network_training(dataset, config, out, show)
+    if as_json:
+        sys.stdout.write(json_module.dumps(metrics) + "\n")
+        return
+    console = Console(highlight=False, soft_wrap=True)
+    console.print(
+        f"{metrics['parameters']} parameters, {metrics['samples_seen']} samples in {metrics['elapsed_s']:.0f} s."
+    )
+    if "waypoint_error_m" in metrics:
+        console.print(
+            f"Held out ({metrics['held_out_episodes']} episodes): {metrics['waypoint_error_m']:.3f} m from where the "
+            f"expert went to where it steers; {metrics['waypoint_error_of_mean_m']:.3f} m to the mean."
+        )
+    console.print(f"Next: readygo evaluate SCENE --methods {name} --checkpoints {out}", markup=False)
 
 
 @contextmanager

@@ -27,7 +27,7 @@ def scene_train(
     side_px: int | None = None,
     hold_out: int | None = None,
     method: Literal["gradients", "mcmc"] | None = None,
-    surfaces: bool = False,
+    plain: bool = False,
     neighbour_distance_m: float | None = None,
     bare_walls: bool = False,
     seed: int = 0,
@@ -48,8 +48,8 @@ def scene_train(
         side_px: Larger images are made smaller: longer side [px].
         hold_out: Every so-manieth image is measured on, not trained on; 0: none.
         method: gradients adds Gaussians where the image changes with them, mcmc keeps to the budget and moves them.
-        surfaces: Make Gaussians lie on surfaces, as PGSR does: better depths for somewhat worse images.
-        neighbour_distance_m: With surfaces, views are compared with others that are at most so far away [m].
+        plain: Leave out what makes Gaussians lie on surfaces (PGSR): faster, better images, worse depths and maps.
+        neighbour_distance_m: Unless plain, views are compared with others that are at most so far away [m].
         bare_walls: Settings for rooms with hardly any texture.
         seed: Of all that is random.
         json: Print the report as JSON.
@@ -61,7 +61,7 @@ def scene_train(
         side_max_px=side_px,
         hold_out=hold_out,
         density={"count_max": gaussians, "method": method},
-        geometry={"enabled": surfaces or None, "distance_max_m": neighbour_distance_m},
+        geometry={"enabled": False if plain else None, "distance_max_m": neighbour_distance_m},
     )
     config = replace(weak_texture(config) if bare_walls else config, seed=seed)
     notes = Console(stderr=True, highlight=False)

@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import readygo
-from readygo.apps.fleet.roles import COORDINATOR, RECORDER
 from readygo.apps.fleet.token import with_token
+from readygo.common.bus.identity import COORDINATOR, RECORDER
 from readygo.common.errors import RunError
 
 log = logging.getLogger(__name__)
@@ -51,10 +51,20 @@ class Member:
 class Fleet:
     """Worker processes of one run."""
 
-    def __init__(self, *, connect: str, run: str, data: Path | Sequence[Path], logs: Path, token: str = "") -> None:
+    def __init__(
+        self,
+        *,
+        connect: str,
+        run: str,
+        data: Path | Sequence[Path],
+        logs: Path,
+        token: str = "",
+        certs: Path | None = None,
+    ) -> None:
         self._token = token
         self._data = [data] if isinstance(data, Path) else list(data)
         self._arguments = ["--connect", connect, "--run", run, "--data", *map(str, self._data), "--exit-with-parent"]
+        self._arguments += ["--certs", str(certs.resolve())] if certs else []
         self._logs = logs
         self.members: list[Member] = []
 

@@ -1,11 +1,7 @@
 """Who makes up a fleet: the roles of a run's stages or one for all of them, and the two that every run has."""
 
+from readygo.common.bus.identity import ALL, COORDINATOR, RECORDER
 from readygo.common.messages import RunSpec
-
-COORDINATOR = "coordinator"
-RECORDER = "recorder"
-ALL = "all"
-"""A worker that does every stage of the line, the later ones first."""
 
 
 def places(spec: RunSpec, recorders: tuple[str, ...], workers: int, *, together: bool = False) -> list[tuple[str, str]]:

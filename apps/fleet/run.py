@@ -7,8 +7,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from readygo.apps.fleet.access import join, open_router, reached_here, refusals_on_stderr
 from readygo.apps.fleet.fleet import Fleet
-from readygo.apps.fleet.roles import COORDINATOR, RECORDER, places
+from readygo.apps.fleet.roles import places
 from readygo.apps.fleet.slurm import SlurmWorkers
 from readygo.apps.fleet.token import given_token, new_token
 from readygo.apps.fleet.worker import make_coordinator, make_recorder
@@ -18,7 +19,8 @@ from readygo.apps.run.recovery import check_recorded, recover
 from readygo.apps.run.stages import LINE, Entry, stage_works
 from readygo.apps.run.world import World
 from readygo.common.bus import Bus, InProcessBus
-from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
+from readygo.common.bus.identity import COORDINATOR, RECORDER
+from readygo.common.bus.zenoh_bus import free_endpoint
 from readygo.common.errors import BusError, RunError
 from readygo.common.fleet import Worker, claim_any
 from readygo.common.messages import ClaimStatus, RunSpec, StatusReply, StatusRequest, topics
@@ -42,6 +44,7 @@ def record(
     show: Show = lambda status: None,
     together: bool = False,
     slurm: str | None = None,
+    certs: Path | None = None,
 ) -> dict[str, Any]:
     """Do a run, or the rest of it.
 
@@ -54,6 +57,7 @@ def record(
         show: Hears how far the run is, now and then.
         together: True for workers that do all stages, see `places`.
         slurm: Options of sbatch, for workers that are Slurm jobs and do all stages; None starts them here.
+        certs: Folder of certificates, for an endpoint tls/...
 
     Returns:
         What was done and what it cost, as plain values.
@@ -69,15 +73,29 @@ def record(
     with folder.locked():
         recover(folder)
         recorded, samples_before = _recorded(folder, episodes)
-        folder.save(spec, episodes)
+        _save(folder, spec, episodes)
         if workers == 0 or recorded == episodes:
             status = run_in_process(folder, show)
         else:
-            status = run_fleet(folder, workers, listen or free_endpoint(), show, together=together, slurm=slurm)
+            endpoint = listen or free_endpoint()
+            status = run_fleet(folder, workers, endpoint, show, together=together, slurm=slurm, certs=certs)
         if status.failed:
             raise RunError(f"{status.failed} ({status.committed} of {status.wanted} episodes are recorded.)")
         check_recorded(folder)
     return _summary(out, status, samples_before, time.monotonic() - begin_s)
+
+
+def begin(spec: RunSpec, out: Path, episodes: int) -> None:
+    """Prepare a data folder for `lead`: a new run, or the rest of one.
+
+    Raises:
+        RunError: If the folder cannot hold the run.
+    """
+    folder = RunFolder(out)
+    folder.check(spec)
+    with folder.locked():
+        _recorded(folder, episodes)
+        _save(folder, spec, episodes)
 
 
 def run_in_process(folder: RunFolder, show: Show, line: Sequence[Entry] = LINE) -> StatusReply:
@@ -120,25 +138,37 @@ def _work_until_over(bus: Bus, worker: Worker, show: Show) -> None:
 
 
 def run_fleet(
-    folder: RunFolder, workers: int, endpoint: str, show: Show, *, together: bool = False, slurm: str | None = None
+    folder: RunFolder,
+    workers: int,
+    endpoint: str,
+    show: Show,
+    *,
+    together: bool = False,
+    slurm: str | None = None,
+    certs: Path | None = None,
 ) -> StatusReply:
-    """Do the run with a fleet over Zenoh; see `places` for `workers` and `together`, and `record` for `slurm`."""
+    """Do the run with a fleet over Zenoh; see `places` for `workers` and `together`, and `record` for the others."""
     spec, _ = folder.load()
-    token = given_token() or new_token()
-    router = Router(endpoint, token)
-    fleet = Fleet(connect=endpoint, run=spec.run, data=folder.path.resolve(), logs=folder.logs, token=token)
-    bus = ZenohBus(endpoint, spec.run, token)
+    token = "" if certs else given_token() or new_token()
+    recorders = World(spec).config.coordinator.recorders
+    router = open_router(spec, recorders, endpoint, certs=certs, token=token)
+    here, data = reached_here(endpoint), folder.path.resolve()
+    fleet = Fleet(connect=here, run=spec.run, data=data, logs=folder.logs, token=token, certs=certs)
+    bus = join(here, spec.run, COORDINATOR, certs=certs, token=token)
     try:
-        with folder.reachable(endpoint, token), contextlib.ExitStack() as jobs:
-            recorders = World(spec).config.coordinator.recorders
-            here = places(spec, recorders, workers, together=together)
+        with folder.reachable(here, token), contextlib.ExitStack() as jobs:
+            if certs:
+                jobs.enter_context(refusals_on_stderr())
+            members = places(spec, recorders, workers, together=together)
             checks = [fleet.check]
             if slurm is not None:
-                here = [(role, name) for role, name in here if role in (COORDINATOR, RECORDER)]
-            for role, name in here:
+                members = [(role, name) for role, name in members if role in (COORDINATOR, RECORDER)]
+            for role, name in members:
                 fleet.add(role, name)
             if slurm is not None:
-                array = SlurmWorkers(connect=endpoint, run=spec.run, logs=folder.logs, options=slurm, token=token)
+                array = SlurmWorkers(
+                    connect=endpoint, run=spec.run, logs=folder.logs, options=slurm, token=token, certs=certs
+                )
                 jobs.enter_context(array).submit(workers)
                 checks.append(array.check)
             status = _supervise(checks, bus, show)
@@ -169,6 +199,15 @@ def _supervise(checks: Sequence[Callable[[], None]], bus: Bus, show: Show) -> St
                 return status
         for check in checks:
             check()
+
+
+def _save(folder: RunFolder, spec: RunSpec, episodes: int) -> None:
+    """Have the run go on as it is wanted now: whoever asks for it does not want it paused."""
+    folder.save(spec, episodes)
+    if folder.ledger.exists():
+        ledger = coordination.Ledger(folder.ledger)
+        ledger.note("paused", "no")
+        ledger.close()
 
 
 def _recorded(folder: RunFolder, wanted: int) -> tuple[int, int]:

@@ -1,7 +1,7 @@
 """Workers of a fleet as an array of Slurm jobs.
 
 Slurm starts, stops, requeues and multiplies them; the coordinator gives the work of one that ends to others. They need
-what every worker needs: this Python environment at the same path, and the scene and avatars, on a shared file system.
+what every worker needs: this Python environment at the same path. What they lack of scene and avatars, they fetch.
 """
 
 import shlex
@@ -14,8 +14,8 @@ from pathlib import Path
 
 import readygo
 from readygo.apps.fleet.fleet import RESTARTS_MAX, last_words
-from readygo.apps.fleet.roles import ALL
 from readygo.apps.fleet.token import with_token
+from readygo.common.bus.identity import ALL
 from readygo.common.errors import RunError
 
 CHECK_S = 5.0
@@ -26,7 +26,9 @@ ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
 class SlurmWorkers:
     """Workers of one run that do all its stages, as one job array; a context that cancels them at its end."""
 
-    def __init__(self, *, connect: str, run: str, logs: Path, options: str = "", token: str = "") -> None:
+    def __init__(
+        self, *, connect: str, run: str, logs: Path, options: str = "", token: str = "", certs: Path | None = None
+    ) -> None:
         """Nothing is submitted yet.
 
         Args:
@@ -35,6 +37,7 @@ class SlurmWorkers:
             logs: Folder of the workers' logs, on a file system that the nodes share.
             options: Further options of sbatch, such as "--partition=short --time=2:00:00".
             token: The run's token; it goes to the jobs in their environment, which sbatch passes on.
+            certs: Folder of certificates, at the same path on the nodes.
 
         Raises:
             RunError: If Slurm is not installed here, or `options` cannot be split.
@@ -46,6 +49,7 @@ class SlurmWorkers:
         except ValueError as error:
             raise RunError(f"--slurm {options!r} cannot be split into options: {error}.") from error
         self._connect, self._run, self._logs = connect, run, logs
+        self._shown = ["--certs", str(certs.resolve())] if certs else []
         self._environment = with_token(token)
         self._jobs: list[str] = []
         self._workers = 0
@@ -95,6 +99,7 @@ class SlurmWorkers:
         """What a node runs: a worker whose name no other one ever has."""
         name = "slurm-$SLURM_ARRAY_JOB_ID-$SLURM_ARRAY_TASK_ID-${SLURM_RESTART_COUNT:-0}"
         command = [sys.executable, "-m", "readygo", "worker", ALL, "--connect", self._connect, "--run", self._run]
+        command += self._shown
         settings = " ".join(f"{variable}=1" for variable in ONE_THREAD)
         return f"exec env {settings} {shlex.join(command)} --name {name}"
 

@@ -10,13 +10,13 @@ from readygo.apps.run.origin import note_origin, origin_of_runs
 from readygo.apps.run.training import torch_needed
 from readygo.apps.run.world import World
 from readygo.common.bus import Bus
+from readygo.common.bus.identity import TRAINER
 from readygo.common.dataset import committed_episodes
 from readygo.common.errors import RunError
 from readygo.common.messages import CommittedEpisode, EpisodeKey, RunSpec, RunSpecRequest, topics
 from readygo.common.messages.live import LiveLoss
 from readygo.services.trainer import TrainConfig
 
-TRAINER = "trainer"
 SPEC_TIMEOUT_S = 30.0
 """Time that a trainer waits for the coordinator to start [s]."""
 OFFER_TIMEOUT_S = 10.0

@@ -9,24 +9,24 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
+from readygo.apps.fleet.access import join
 from readygo.apps.fleet.fleet import CANNOT_WORK
-from readygo.apps.fleet.roles import ALL, COORDINATOR, RECORDER
-from readygo.apps.fleet.token import given_token
-from readygo.apps.fleet.trainer import TRAINER, train_beside
+from readygo.apps.fleet.trainer import train_beside
 from readygo.apps.run.aside import keep_scenario
 from readygo.apps.run.folder import RunFolder
-from readygo.apps.run.identity import numeric_class
+from readygo.apps.run.identity import check_same_make, numeric_class
 from readygo.apps.run.policy import check_offer
 from readygo.apps.run.recovery import Witness
 from readygo.apps.run.stages import stage_works
 from readygo.apps.run.training import make_config
-from readygo.apps.run.world import World
+from readygo.apps.run.warm import warm_once
+from readygo.apps.run.world import World, files_of
 from readygo.common.bus import Bus
-from readygo.common.bus.zenoh_bus import ZenohBus
+from readygo.common.bus.identity import ALL, COORDINATOR, RECORDER, TRAINER
 from readygo.common.dataset.provenance import Provenance
 from readygo.common.errors import BusError, ReadygoError, RunError
 from readygo.common.fleet import Worker, pull
@@ -58,23 +58,27 @@ def worker(
     data: tuple[Path, ...] = (),
     out: Path | None = None,
     config: Path | None = None,
+    certs: Path | None = None,
     exit_with_parent: bool = False,
 ) -> None:
-    """Work in a fleet until the run is over, or until SIGTERM.
+    """Work in a fleet until the run is over, or until SIGTERM: what is under way then is finished.
+
+    What the machine lacks of the run (scene, avatars, policy) is fetched, checked and kept for all workers of it.
 
     A worker that somebody must help first (settings, data, disk) exits with 78; started again it would do no better.
-    The run's token is in the environment, as READYGO_TOKEN.
+    Without certificates, the run's token must be in the environment, as READYGO_TOKEN.
 
     Args:
         role: coordinator, recorder, the role of a stage (human-planner, animator, robot-planner, renderer or driver),
             all, which does every stage in one process, trainer, or reconstructor.
-        connect: Endpoint of the fleet's router, such as tcp/127.0.0.1:7447.
+        connect: Endpoint of the fleet's router, such as tcp/127.0.0.1:7447 or tls/lab1:7447.
         run: Name of the run, as `readygo generate --listen` or `readygo reconstruct --listen` prints it; for a trainer
             several, with commas between.
         name: Name of this worker; must differ between workers of one role.
         data: Data folder of the run (coordinator and recorder; a trainer catches up from it, one for each run).
         out: Folder of the policy (trainer only).
         config: TOML file with fields of `TrainConfig` that shall be others than the recipe's (trainer only).
+        certs: Folder of certificates, of which the role's is shown to a tls/ endpoint.
         exit_with_parent: Exit as soon as standard input is closed.
     """
     logging.basicConfig(level=logging.INFO, stream=sys.stderr, format="%(asctime)s %(name)s %(levelname)s %(message)s")
@@ -85,9 +89,11 @@ def worker(
     name = name or f"{role}-{socket.gethostname()}-{os.getpid()}"
     try:
         if role == TRAINER:
-            _train(connect, run.split(","), data, out, config, stop)
+            buses = {each: join(connect, each, role, certs=certs) for each in run.split(",")}
+            _train(buses, data, out, config, stop)
         else:
-            _join(role, name, connect, run, data, stop)
+            bus = join(connect, run, role, name=name, certs=certs)
+            _take_part(bus, role, name, data, stop, alone=not exit_with_parent)
     except BusError:
         raise
     except ReadygoError as error:
@@ -95,12 +101,14 @@ def worker(
         raise SystemExit(CANNOT_WORK) from error
 
 
-def _join(role: str, name: str, connect: str, run: str, data: tuple[Path, ...], stop: threading.Event) -> None:
-    bus = ZenohBus(connect, run, given_token())
+def _take_part(bus: Bus, role: str, name: str, data: tuple[Path, ...], stop: threading.Event, *, alone: bool) -> None:
+    """Do a role's work; `alone` where nobody on this machine looks after the process."""
     try:
         if role == COORDINATOR:
             _coordinate(bus, _folder(role, data), stop)
         elif role == RECORDER:
+            if alone:
+                bus.subscribe(topics.PROGRESS, lambda status: stop.set() if status.finished or status.failed else None)
             _record(bus, name, _folder(role, data), stop)
         elif role == RECONSTRUCTOR:
             # It takes memory that no other worker needs.
@@ -108,18 +116,17 @@ def _join(role: str, name: str, connect: str, run: str, data: tuple[Path, ...], 
 
             pull_jobs(bus, name, stop)
         else:
-            _work(bus, role, name, stop)
+            _work(bus, role, name, stop, alone=alone)
     finally:
         bus.close()
 
 
 def _train(
-    connect: str, runs: list[str], data: tuple[Path, ...], out: Path | None, config: Path | None, stop: threading.Event
+    buses: Mapping[str, Bus], data: tuple[Path, ...], out: Path | None, config: Path | None, stop: threading.Event
 ) -> None:
-    if out is None:
-        raise RunError("A trainer needs a folder for its policy: pass --out.")
-    buses: dict[str, Bus] = {run: ZenohBus(connect, run, given_token()) for run in runs}
     try:
+        if out is None:
+            raise RunError("A trainer needs a folder for its policy: pass --out.")
         train_beside(buses, make_config("best", config), out, data=data, stop=stop)
     finally:
         for bus in buses.values():
@@ -136,23 +143,24 @@ def _keep_the_heap_small() -> None:
         ctypes.CDLL(None).mallopt(-3, 1 << 18)
 
 
-def make_coordinator(folder: RunFolder) -> coordination.Coordinator:
-    """The coordinator of the run in a data folder."""
+def make_coordinator(folder: RunFolder, *, recorded_here: bool = True) -> coordination.Coordinator:
+    """The coordinator of the run in a data folder.
+
+    Args:
+        folder: Of the run.
+        recorded_here: False where recorders have disks of their own, which nobody else can look into.
+    """
     spec, wanted = folder.load()
     config = World(spec).config
-    scene = Path(spec.scene_path)
-    files = {file.sha256: scene / file.path for file in spec.scene_files}
-    if spec.policy is not None:
-        files |= {file.sha256: Path(spec.policy.path) / file.path for file in spec.policy.files}
     witness = Witness(folder.path)
     return coordination.Coordinator(
         spec=spec,
         wanted=wanted,
         ledger=coordination.Ledger(folder.ledger, spec.stages),
-        blobs=coordination.BlobStore(folder.blobs, files),
+        blobs=coordination.BlobStore(folder.blobs, files_of(spec)),
         config=config.coordinator,
         check_policy=partial(check_offer, config=config),
-        holds=lambda report: witness.holds_episode(report.recorder, report.shard, report.index),
+        holds=lambda report: not recorded_here or witness.holds_episode(report.recorder, report.shard, report.index),
         set_aside=partial(keep_scenario, folder),
     )
 
@@ -211,7 +219,7 @@ def _coordinate(bus: Bus, folder: RunFolder, stop: threading.Event) -> None:
 
 
 def _record(bus: Bus, name: str, folder: RunFolder, stop: threading.Event) -> None:
-    recorder = make_recorder(bus, name, folder, _world(bus))
+    recorder = make_recorder(bus, name, folder, _world(bus, RECORDER))
     attach_recorder(bus, recorder)
     bus.announce(RECORDER, name)
     while not stop.wait(SETTLE_S):
@@ -219,16 +227,19 @@ def _record(bus: Bus, name: str, folder: RunFolder, stop: threading.Event) -> No
     recorder.close()
 
 
-def _work(bus: Bus, role: str, name: str, stop: threading.Event) -> None:
-    world = _world(bus)
+def _work(bus: Bus, role: str, name: str, stop: threading.Event, *, alone: bool) -> None:
+    world = _world(bus, role)
+    if alone:
+        check_same_make(world.spec, world.config)
+        warm_once()
     works = stage_works(world, bus, "" if role == ALL else role)
     world.forget_avatars()
     bus.announce(role, name)
     pull(bus, Worker(name=name, numeric_class=numeric_class(world.config, world.spec.policy), works=works), stop=stop)
 
 
-def _world(bus: Bus) -> World:
-    return World(bus.request(topics.SPEC, RunSpecRequest(), timeout_s=SPEC_TIMEOUT_S), bus)
+def _world(bus: Bus, role: str) -> World:
+    return World(bus.request(topics.SPEC, RunSpecRequest(role=role), timeout_s=SPEC_TIMEOUT_S), bus)
 
 
 def _folder(role: str, data: tuple[Path, ...]) -> RunFolder:

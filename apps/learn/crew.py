@@ -8,13 +8,13 @@ from pathlib import Path
 from types import TracebackType
 
 from readygo.apps.fleet.fleet import Fleet
-from readygo.apps.fleet.roles import ALL, COORDINATOR, places
+from readygo.apps.fleet.roles import places
 from readygo.apps.fleet.token import new_token
-from readygo.apps.fleet.trainer import TRAINER
 from readygo.apps.learn.cores import Split, shared_out
 from readygo.apps.learn.plan import Place, Plan
 from readygo.apps.learn.training import Training, write_trainer_config
 from readygo.apps.run.recovery import recover
+from readygo.common.bus.identity import ALL, COORDINATOR, TRAINER
 from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
 from readygo.common.errors import BusError, RunError
 from readygo.common.messages import Command, ControlRequest, StatusReply, topics

@@ -13,7 +13,13 @@ from readygo.apps.evaluation.watch import plan_command, write_pages
 from readygo.apps.learn.choice import Measurement
 from readygo.apps.learn.plan import Plan
 from readygo.apps.run.config import RunConfig
-from readygo.apps.run.evaluation import evaluation_settings, evaluation_world, make_evaluator, summarize
+from readygo.apps.run.evaluation import (
+    evaluation_settings,
+    evaluation_world,
+    make_evaluator,
+    settings_of_today,
+    summarize,
+)
 from readygo.apps.run.origin import origin_of_runs, settings_of_policy, with_origin
 from readygo.apps.run.policy import policy_sha256
 from readygo.apps.run.world import World
@@ -114,9 +120,9 @@ class Measuring:
             driven = dataclasses.replace(self._evaluators[row], policy=policy)
             settings = evaluation_settings(self._worlds[row], request, policy=sha256, camera="policy")
             folder_of_place = out / place.name
-            if not is_of(folder_of_place, settings):
+            if not is_of(folder_of_place, settings, today=settings_of_today):
                 shutil.rmtree(folder_of_place, ignore_errors=True)
-            with open_results(folder_of_place, settings) as results:
+            with open_results(folder_of_place, settings, today=settings_of_today) as results:
                 replies[place.name] = handle_evaluate(driven, request, report=report, results=results)
                 results.finish(summarize(replies[place.name], request, driven))
                 replays = Replays(

@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from readygo.apps.robot_logs.pixels import bgr_of
 from readygo.common.errors import ConfigError, DatasetError
 from readygo.common.extras import install_command
 
@@ -21,13 +22,6 @@ IMAGE_TYPES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 ODOMETRY_TYPE, INFO_TYPE = "nav_msgs/msg/Odometry", "sensor_msgs/msg/CameraInfo"
 JPEG_QUALITY = 95
 """Of raw images; compressed ones stay as they are."""
-_TO_BGR = {
-    "rgb8": cv2.COLOR_RGB2BGR,
-    "mono8": cv2.COLOR_GRAY2BGR,
-    "rgba8": cv2.COLOR_RGBA2BGR,
-    "bgra8": cv2.COLOR_BGRA2BGR,
-}
-_CHANNELS = {"rgb8": 3, "bgr8": 3, "mono8": 1, "rgba8": 4, "bgra8": 4}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -49,6 +43,17 @@ class LogCamera:
     K_px: tuple[float, ...]
     model: str
     distortion: tuple[float, ...]
+
+    @classmethod
+    def of(cls, info: Any) -> "LogCamera":
+        """The camera of a CameraInfo."""
+        return cls(
+            height_px=int(info.height),
+            width_px=int(info.width),
+            K_px=tuple(float(value) for value in info.k),
+            model=str(info.distortion_model),
+            distortion=tuple(float(value) for value in info.d),
+        )
 
 
 class RobotLog:
@@ -84,13 +89,7 @@ class RobotLog:
             DatasetError: If there is none.
         """
         for _, info in self._messages(topic, (INFO_TYPE,)):
-            return LogCamera(
-                height_px=int(info.height),
-                width_px=int(info.width),
-                K_px=tuple(float(value) for value in info.k),
-                model=str(info.distortion_model),
-                distortion=tuple(float(value) for value in info.d),
-            )
+            return LogCamera.of(info)
         raise DatasetError(f"{topic} of {self._path} has no message.")
 
     def image_times_ns(self, topic: str) -> npt.NDArray[np.int64]:
@@ -152,10 +151,14 @@ def _encoded(message: Any, topic: str) -> bytes:
     """The JPEG or PNG of an image message."""
     if not hasattr(message, "encoding"):
         return bytes(message.data)
-    channels = _CHANNELS.get(message.encoding)
-    if channels is None:
-        raise DatasetError(f"{topic} has images of encoding {message.encoding!r}; known: {', '.join(_CHANNELS)}.")
-    rows = np.frombuffer(message.data, np.uint8).reshape(message.height, message.step)
-    pixels = rows[:, : message.width * channels].reshape(message.height, message.width, channels)
-    bgr = pixels if message.encoding == "bgr8" else cv2.cvtColor(pixels, _TO_BGR[message.encoding])
+    try:
+        bgr = bgr_of(
+            message.data,
+            encoding=message.encoding,
+            height_px=message.height,
+            width_px=message.width,
+            row_bytes=message.step,
+        )
+    except ValueError as error:
+        raise DatasetError(f"{topic} has {error}.") from error
     return bytes(cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1].tobytes())

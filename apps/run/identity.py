@@ -11,7 +11,7 @@ from typing import Any
 
 from readygo.apps.run.config import RunConfig
 from readygo.common.dataset.provenance import AvatarOrigin, Provenance, ScenarioOrigin, SceneOrigin
-from readygo.common.errors import PolicyError
+from readygo.common.errors import PolicyError, RunError
 from readygo.common.extras import install_command
 from readygo.common.messages import PolicyRef, RunSpec, encode
 from readygo.common.messages.stages import EXPERT_LINE
@@ -19,13 +19,13 @@ from readygo.common.rasterizer.interface import GPU_BACKENDS
 from readygo.services.planner.humans.scenario_file import text_hash
 
 _NUMERIC_PACKAGES = ("numpy", "numba", "llvmlite", "scipy", "opencv-python-headless")
-_NO_IDENTITY = ("recorder", "coordinator")
+NO_IDENTITY = ("recorder", "coordinator")
 """Sections of settings that change no sample."""
 
 
 def identity(spec: RunSpec) -> dict[str, Any]:
     """What must be equal for two runs to give the same samples, as plain values."""
-    config = {name: section for name, section in spec.config.items() if name not in _NO_IDENTITY}
+    config = {name: section for name, section in spec.config.items() if name not in NO_IDENTITY}
     stages = b"" if spec.stages == EXPERT_LINE else b"".join(map(encode, spec.stages))
     return {
         "scene": spec.scene_hash,
@@ -71,6 +71,32 @@ def numeric_class(config: RunConfig, policy: PolicyRef | None = None) -> str:
     if policy is not None:
         versions.append(_onnxruntime_class())
     return " ".join([backend, *devices, architecture, *versions])
+
+
+def check_same_make(spec: RunSpec, config: RunConfig) -> None:
+    """See whether this installation makes the run's samples, before anything is fetched or claimed.
+
+    Raises:
+        RunError: If it is another version of readygo, or of another numeric class.
+    """
+    check_version(spec)
+    theirs, mine = Provenance.of_run(spec).numeric_class, numeric_class(config, spec.policy)
+    if theirs not in ("", mine):
+        raise RunError(
+            f"The run's samples are of the numeric class {theirs!r}, this machine's would be of {mine!r}; "
+            "install the versions that the run began with, or record into a new folder."
+        )
+
+
+def check_version(spec: RunSpec) -> None:
+    """See whether a run is of this version of readygo.
+
+    Raises:
+        RunError: If it is of another one.
+    """
+    theirs, ours = Provenance.of_run(spec).readygo_version, importlib.metadata.version("readygo")
+    if theirs not in ("", ours):
+        raise RunError(f"The run is of readygo {theirs}, this is {ours}: use the same version on all machines.")
 
 
 def _onnxruntime_class() -> str:

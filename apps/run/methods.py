@@ -93,7 +93,7 @@ def _mesh_policy(evaluator: Evaluator, folder: Path) -> Driver[Any]:
 
 def _network(name: str, path: Path) -> MakeDriver:
     def make(evaluator: Evaluator) -> Driver[Any]:
-        from readygo.services.evaluator.networks.driver import NetworkDriver
+        from readygo.services.evaluator.network_driver import NetworkDriver
 
         return NetworkDriver.load(name, path, evaluator)
 

@@ -1,7 +1,7 @@
 """What a policy's data were made of: its policy.toml says so in `[training.data]`, and evaluations take it up."""
 
 import dataclasses
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -9,6 +9,7 @@ from typing import Any
 from readygo.apps.run.config import RENDERED_BEFORE, RunConfig, merged
 from readygo.apps.run.folder import RunFolder
 from readygo.common.avatars import load_avatars
+from readygo.common.avatars.cast import TEST, TEST_MIN, TRAIN, TRAIN_MIN, members, split_cast, with_cast
 from readygo.common.avatars.file import avatar_hash
 from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.dataset import Dataset
@@ -43,13 +44,13 @@ class DataOrigin:
 
 
 def origin_of_runs(specs: Iterable[RunSpec]) -> DataOrigin:
-    """The origin of what some runs record; avatars and settings are the first one's."""
+    """The origin of what some runs record; settings and the place of the avatars are the first one's."""
     runs = list(specs)
     return _origin([Provenance.of_run(spec) for spec in runs], runs[0].avatars_path)
 
 
 def origin_of_data(folders: Iterable[Path]) -> DataOrigin:
-    """The origin of recorded data; avatars and settings are those of the first folder.
+    """The origin of recorded data; settings and the place of the avatars are those of the first folder.
 
     Raises:
         DatasetError: If the data cannot be read.
@@ -120,6 +121,8 @@ def settings_of_policy(spec: PolicySpec, *, humans: bool = True) -> RunConfig:
 def avatars_of_policy(spec: PolicySpec) -> Path | None:
     """Where the avatars of a policy's data are, unchanged; None for the embedded ones, also where it names none.
 
+    Where they are a cast of those that are there, the cast is named: see `readygo.common.avatars.cast`.
+
     Raises:
         PolicyError: If they have moved or changed.
     """
@@ -130,6 +133,9 @@ def avatars_of_policy(spec: PolicySpec) -> Path | None:
     if place is not None and not place.exists():
         raise PolicyError(f"The avatars of the policy's data are not at {place} any more; name them with --avatars.")
     found = {name: avatar_hash(avatar) for name, avatar in load_avatars(place).items()}
+    for cast in (TRAIN, TEST) if len(origin.avatars) < len(found) else ():
+        if members(found, cast) == origin.avatars:
+            return with_cast(place, cast)
     different = sorted(name for name in {*found, *origin.avatars} if found.get(name) != origin.avatars.get(name))
     if different:
         raise PolicyError(
@@ -137,6 +143,45 @@ def avatars_of_policy(spec: PolicySpec) -> Path | None:
             f"({different[0]!r} differs); name them with --avatars."
         )
     return place
+
+
+def unseen_avatars(spec: PolicySpec) -> Path | None:
+    """The cast of tests where a policy's data have that of training, else what `avatars_of_policy` answers."""
+    place, cast = split_cast(avatars_of_policy(spec))
+    return with_cast(place, TEST) if cast == TRAIN else place
+
+
+def check_unseen(spec: PolicySpec, run: RunSpec, unseen: Collection[str]) -> None:
+    """See whether a policy is tried among what its data do not have.
+
+    Args:
+        spec: What the policy says of itself.
+        run: Where it is tried.
+        unseen: Of "avatars" and "scenes", what must be new to it.
+
+    Raises:
+        PolicyError: If something is not, it cannot be told, or there are too few avatars for it to say anything.
+    """
+    if not unseen:
+        return
+    origin = origin_of_policy(spec)
+    if origin is None:
+        raise PolicyError("--unseen: the policy does not say what its data were made of; train it anew.")
+    if "scenes" in unseen and run.scene_hash in origin.scenes:
+        raise PolicyError(f"--unseen scenes: the policy learned in this scene ({origin.scenes[run.scene_hash]}).")
+    if "avatars" not in unseen:
+        return
+    known = sorted(name for name, sha256 in run.avatar_hashes.items() if sha256 in origin.avatars.values())
+    if known:
+        raise PolicyError(
+            f"--unseen avatars: {known[0]!r} walked in the policy's data; record with --avatars embedded:train (or "
+            "FOLDER:train), and name others here with --avatars."
+        )
+    if 0 < len(origin.avatars) < TRAIN_MIN or len(run.avatar_hashes) < TEST_MIN:
+        raise PolicyError(
+            f"--unseen avatars needs {TRAIN_MIN} or more avatars in the policy's data and {TEST_MIN} or more here; "
+            f"there are {len(origin.avatars)} and {len(run.avatar_hashes)}."
+        )
 
 
 def _origin(runs: list[Provenance], avatars_path: str) -> DataOrigin:
@@ -149,7 +194,7 @@ def _origin(runs: list[Provenance], avatars_path: str) -> DataOrigin:
     return DataOrigin(
         scenes={run.scene.hash: run.scene.name for run in runs},
         avatars_path=avatars_path,
-        avatars={name: avatar.hash for name, avatar in runs[0].avatars.items()},
+        avatars={name: avatar.hash for run in runs for name, avatar in run.avatars.items()},
         settings={
             name: {key: value for key, value in keys.items() if key not in _OF_DATA_ONLY.get(name, ())}
             for name, keys in sections.items()

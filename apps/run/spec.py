@@ -5,9 +5,10 @@ from pathlib import Path
 
 from readygo.apps.run.config import RunConfig, resolved_sections
 from readygo.apps.run.identity import run_metadata, run_name
+from readygo.apps.run.policy import file_ref
 from readygo.apps.run.world import World
-from readygo.common.avatars import load_avatars
-from readygo.common.avatars.file import avatar_hash
+from readygo.common.avatars.cast import load_cast, split_cast
+from readygo.common.avatars.file import avatar_hash, avatar_paths
 from readygo.common.camera.lens import check_sensor
 from readygo.common.dataset.provenance import AvatarOrigin, ScenarioOrigin, SceneOrigin
 from readygo.common.errors import ConfigError, RunError
@@ -43,7 +44,8 @@ def make_spec(
         raise RunError(f"--seed must be 0..2^63-1, got {seed}.")
     check_sensor(config.renderer.sensor, config.robot.camera)
     config = _with_weights_named(config)
-    humans = {} if static else load_avatars(avatars)
+    humans = {} if static else load_cast(avatars)
+    avatars, _ = split_cast(avatars)
     script = read_text(scenarios) if scenarios else ""
     spec = RunSpec(
         run="",
@@ -51,6 +53,7 @@ def make_spec(
         scene_hash=scene.content_hash,
         scene_files=tuple(FileRef(path=f.path, sha256=f.sha256, size=f.size) for f in scene.files),
         avatars_path=str(avatars.resolve()) if avatars else "",
+        avatar_files=tuple(file_ref(path.parent, path.name) for path in avatar_paths(avatars)) if avatars else (),
         avatar_hashes={name: avatar_hash(avatar) for name, avatar in humans.items()},
         seed=seed,
         split=split,

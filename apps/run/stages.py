@@ -26,7 +26,7 @@ from readygo.common.messages import (
     decode,
     encode,
 )
-from readygo.common.messages.stages import ANIMATE, DRIVE, HUMAN_PLAN, RENDER, ROBOT_PLAN
+from readygo.common.messages.stages import ANIMATE, DRIVE, EVALUATE, HUMAN_PLAN, RENDER, ROBOT_PLAN
 from readygo.common.rasterizer.warm import warm as warm_rasterizer
 from readygo.services.animator import handle_animate
 from readygo.services.driver import Disturbance, PolicyDriver, RiskMap, disturbs, drive, driver_of
@@ -167,6 +167,13 @@ def _drive(world: World, bus: Bus) -> Work:
     return work
 
 
+def _evaluate(world: World, bus: Bus) -> Work:
+    # Workers of other stages do without the evaluator.
+    from readygo.apps.run.evaluating import evaluation_work
+
+    return evaluation_work(world, bus)
+
+
 def _scenario(inputs: Inputs) -> Scenario:
     scenario = decode(HumanPlanReply, inputs[HUMAN_PLAN.name]).scenario
     assert scenario is not None
@@ -185,5 +192,6 @@ LINE: Sequence[Entry] = (
     Entry(stage=ROBOT_PLAN, work=_plan_robot),
     Entry(stage=RENDER, work=_render),
     Entry(stage=DRIVE, work=_drive),
+    Entry(stage=EVALUATE, work=_evaluate),
 )
 """The stages that there are, of all lines."""

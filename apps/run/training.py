@@ -2,16 +2,18 @@
 
 import os
 import tomllib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from readygo.apps.run.methods import NETWORKS
 from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.dataset import Dataset
 from readygo.common.errors import ConfigError, PolicyError
 from readygo.common.extras import install_command
 from readygo.services.trainer import RECIPES, TrainConfig, with_overrides
+from readygo.services.trainer.networks.config import NetworkTrainConfig
 
 if TYPE_CHECKING:
     from readygo.services.trainer.run import Evaluate, TrainProgress
@@ -76,6 +78,36 @@ def run_training(
     if together:
         leave_ranks()
     return metrics
+
+
+def make_network_config(name: str, settings: Mapping[str, Any]) -> NetworkTrainConfig:
+    """The settings of training a published network.
+
+    Args:
+        name: One of `NETWORKS`.
+        settings: Fields of `NetworkTrainConfig`; those that are None stay as published.
+
+    Raises:
+        ConfigError: If one makes no sense.
+    """
+    try:
+        return NetworkTrainConfig(network=name, **{k: v for k, v in settings.items() if v is not None})
+    except ValueError as error:
+        raise ConfigError(str(error)) from error
+
+
+def run_network_training(
+    dataset: Dataset, config: NetworkTrainConfig, out: Path, show: "Callable[[TrainProgress], None]"
+) -> dict[str, Any]:
+    """Train a published network into the file of a folder that evaluations look for.
+
+    Raises:
+        PolicyError: If torch is not installed, or what lies in the folder is of another run.
+        DatasetError: If the data cannot be used.
+    """
+    with torch_needed():
+        from readygo.services.trainer.networks.train import train_network
+    return train_network(dataset, config, out / NETWORKS[config.network], show)
 
 
 @contextmanager

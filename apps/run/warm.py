@@ -1,13 +1,30 @@
 """Every kernel of the stages, compiled before it is needed."""
 
+import fcntl
+import importlib.metadata
+import platform
+
 from readygo.apps.run.config import RunConfig
 from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.run.spec import make_spec
 from readygo.apps.run.world import World
+from readygo.common.files import cache_folder
 from readygo.common.messages import AnimateRequest, EpisodeKey, HumanPlanRequest, RobotPlanRequest, Split
 from readygo.common.rasterizer.warm import warm as warm_rasterizer
 from readygo.services.animator import handle_animate
 from readygo.services.planner import handle_human_plan, handle_robot_plan
+
+
+def warm_once() -> None:
+    """Compile all kernels if this version has not done so on this machine; processes that come meanwhile wait."""
+    folder = cache_folder("warm")
+    numba, ours = importlib.metadata.version("numba"), importlib.metadata.version("readygo")
+    done = folder / f"readygo-{ours}-numba-{numba}-{platform.machine()}-{platform.node()}"
+    with (folder / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not done.exists():
+            warm_all()
+            done.touch()
 
 
 def warm_all() -> None:

@@ -3,24 +3,24 @@
 import dataclasses
 import os
 import shutil
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 from pathlib import Path
 
 from readygo.apps.run.config import RunConfig, sections_of_today
 from readygo.apps.run.policy import file_ref
 from readygo.common.avatars import Avatar, load_avatars
-from readygo.common.avatars.file import avatar_hash
+from readygo.common.avatars.file import avatar_hash, avatar_paths
 from readygo.common.bus import Bus
 from readygo.common.config import section_from_mapping
 from readygo.common.dataset.provenance import Provenance
 from readygo.common.dataset.stage import Stage
 from readygo.common.errors import RunError, SceneError
-from readygo.common.files import cache_folder, write_whole
-from readygo.common.fleet import fetch_blob
-from readygo.common.messages import FileRef, PolicyRef, RunSpec
+from readygo.common.files import cache_folder
+from readygo.common.fleet.blobs import fetch_file, is_whole
+from readygo.common.messages import FileRef, PolicyRef, RunSpec, files_digest
 from readygo.common.policy import Policy, load_policy
-from readygo.common.scenes import Scene, load_scene, verify_scene
+from readygo.common.scenes import Scene, load_scene
 from readygo.services.animator import Animator
 from readygo.services.planner import HumanPlanner, RobotPlanner
 from readygo.services.planner.humans.scenario_file import ScenarioFile, parse_scenarios
@@ -46,27 +46,27 @@ class World:
         """The scene of the spec: at its path if it is there, else fetched from the run.
 
         Raises:
-            RunError: If the scene at hand is another one than the run's.
+            RunError: If the scene at hand is another one than the run's, or what was fetched does not match its hash.
         """
         path = Path(self.spec.scene_path)
-        scene = load_scene(path) if path.is_dir() or self._bus is None else _fetched_scene(self._bus, self.spec)
+        if self._bus is not None and not _is_scene(path, self.spec.scene_hash):
+            # What lies there on another machine may be another scene.
+            path = _fetched(self._bus, self.spec.scene_files, "scenes", self.spec.scene_hash)
+        scene = load_scene(path)
         if scene.content_hash != self.spec.scene_hash:
             raise RunError(f"Scene {scene.path} has changed since the run began; import it under another name.")
         return scene
 
     @cached_property
     def avatars(self) -> dict[str, Avatar]:
-        """The avatars of the run, by name.
+        """The avatars of the run, by name: at their path if they are there, else fetched from the run.
 
         Raises:
-            RunError: If they are not on this machine, or others than the run's.
+            RunError: If they are not to be had, or others than the run's.
         """
-        place = Path(self.spec.avatars_path) if self.spec.avatars_path else None
-        if place is not None and not place.exists():
-            raise RunError(
-                f"The run's avatars are not on this machine: copy them to {place}. A scene travels to the workers, "
-                "avatars do not."
-            )
+        place, files = Path(self.spec.avatars_path) if self.spec.avatars_path else None, self.spec.avatar_files
+        if self._bus is not None and place is not None and files and not _are_whole(files, _avatar_files(place)):
+            place = _fetched(self._bus, files, "avatars", files_digest(files))
         avatars = load_avatars(place)
         missing = sorted(set(self.spec.avatar_hashes) - set(avatars))
         if missing:
@@ -136,9 +136,9 @@ class World:
 
     def _load_policy(self, ref: PolicyRef) -> Policy:
         folder = Path(ref.path)
-        if not (ref.path and folder.is_dir()) and self._bus is not None:
-            folder = cache_folder("policies") / ref.sha256
-            _fetch_files(self._bus, ref.files, folder)
+        here = ref.path and _are_whole(ref.files, {file.path: folder / file.path for file in ref.files})
+        if not here and self._bus is not None:
+            folder = _fetched(self._bus, ref.files, "policies", ref.sha256)
             _keep_latest(folder)
         policy = load_policy(folder)
         if tuple(file_ref(folder, file.path) for file in ref.files) != ref.files:
@@ -171,24 +171,42 @@ def _used_s(folder: Path) -> float:
         return 0.0
 
 
-def _fetched_scene(bus: Bus, spec: RunSpec) -> Scene:
-    """The run's scene in this machine's cache, read once from end to end: it must be what its hashes say."""
-    folder = cache_folder("scenes") / spec.scene_hash
-    _fetch_files(bus, spec.scene_files, folder)
+def _is_scene(path: Path, content_hash: str) -> bool:
+    """True if a scene bundle of this content lies there."""
     try:
-        scene = load_scene(folder)
-        verify_scene(scene)
-    except SceneError as error:
-        remedy = f"remove {folder} to fetch it anew"
-        raise RunError(f"The scene that came from the run cannot be used; {remedy}. {error}") from error
-    return scene
+        return load_scene(path).content_hash == content_hash
+    except SceneError:
+        return False
 
 
-def _fetch_files(bus: Bus, files: Iterable[FileRef], folder: Path) -> None:
-    """Fetch what a folder of this machine's cache lacks."""
+def _avatar_files(place: Path) -> dict[str, Path]:
+    """The avatar files at a path, by name; none where nothing is."""
+    return {path.name: path for path in avatar_paths(place)} if place.exists() else {}
+
+
+def _are_whole(files: Iterable[FileRef], paths: Mapping[str, Path]) -> bool:
+    """True if each file is what its hash says at its path."""
+    return all(file.path in paths and is_whole(paths[file.path], file) for file in files)
+
+
+def _fetched(bus: Bus, files: Iterable[FileRef], kind: str, name: str) -> Path:
+    """A folder of this machine's cache that has the files, each of them checked by its hash."""
+    folder = cache_folder(kind) / name
     for file in files:
         path = folder / file.path
         if folder.resolve() not in path.resolve().parents:
             raise RunError(f"The run names a file outside of its bundle: {file.path!r}.")
-        if not path.exists() or path.stat().st_size != file.size:
-            write_whole(path, fetch_blob(bus, file.sha256))
+        fetch_file(bus, file, path)
+    return folder
+
+
+def files_of(spec: RunSpec) -> dict[str, Path]:
+    """What workers on other machines may lack of a run, by hash, on the machine that began it."""
+    scene = Path(spec.scene_path)
+    files = {file.sha256: scene / file.path for file in spec.scene_files}
+    if spec.avatar_files:
+        place = Path(spec.avatars_path)
+        files |= {file.sha256: place if place.is_file() else place / file.path for file in spec.avatar_files}
+    if spec.policy is not None:
+        files |= {file.sha256: Path(spec.policy.path) / file.path for file in spec.policy.files}
+    return files

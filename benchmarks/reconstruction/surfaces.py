@@ -4,9 +4,11 @@ readygo scene capture SCENE --walk --out out/walk.mp4
 readygo reconstruct out/walk.mp4 --marker-size-m 0.2 --out out/lobby
 python -m readygo.benchmarks.reconstruction.surfaces out/walk.truth.json out/lobby [--json]
 
-Both scenes are drawn from the cameras of the capture, each from its own pose of them, and the distances of the median
-Gaussians are compared where the filmed scene shows level floor or upright wall. Areas are what a robot of 0.3 m reaches
-within the part that was filmed, as the found scene's own map has it.
+Both scenes are drawn from the cameras of the capture, each from its own pose of them, and depths are compared where the
+filmed scene shows level floor or upright wall. The filmed scene, of small Gaussians, has the depth of its median ones.
+The found one has that of its Gaussians' planes, which is where the maps have them; "centre" is the depth of the centres
+of its median Gaussians: of large flat ones on the floor, these are far from where a ray meets them. Areas are what a
+robot of 0.3 m reaches within the part that was filmed, as the found scene's own map has it.
 """
 
 import argparse
@@ -22,6 +24,7 @@ from readygo.apps.capture.truth import Truth, read_truth
 from readygo.benchmarks.reconstruction.rows import print_row
 from readygo.common.camera import CameraConfig
 from readygo.common.errors import SceneError
+from readygo.common.gaussians import GaussianCloud
 from readygo.common.maps.distance import clearance_m
 from readygo.common.maps.occupancy import OccupancyMap
 from readygo.common.rasterizer.interface import View
@@ -64,7 +67,7 @@ def measured(truth: Truth, filmed: Scene, found: Scene, every: int) -> dict[str,
 
 def depth_errors(filmed: Scene, found: Scene, pairs: list[tuple[Floats, Floats]]) -> dict[str, Floats]:
     """Absolute differences of depths [m] at pixels of floor and of walls, over all pairs of poses."""
-    off: dict[str, list[Floats]] = {"floor": [], "wall": []}
+    off: dict[str, list[Floats]] = {name: [] for name in ("floor", "wall", "floor_centre", "wall_centre")}
     camera = CameraConfig(height_px=HEIGHT_PX, width_px=WIDTH_PX, horizontal_fov_deg=HFOV_DEG)
     config = RendererConfig(human_light=False, feet_on_floor=False, outputs=OUTPUTS)
     drawings = [make_drawing(scene, {}, pinhole_of(config.sensor, camera), config) for scene in (filmed, found)]
@@ -77,11 +80,33 @@ def depth_errors(filmed: Scene, found: Scene, pairs: list[tuple[Floats, Floats]]
         assert true.median_depth_m is not None
         assert ours.median_depth_m is not None
         upward = true.normal @ there[0][2, :3]
-        known = np.isfinite(true.median_depth_m) & np.isfinite(ours.median_depth_m) & (true.median_depth_m < FAR_M)
-        difference = np.abs(np.where(known, true.median_depth_m, 0.0) - np.where(known, ours.median_depth_m, 0.0))
-        off["floor"].append(difference[known & (upward > LEVEL)].astype(np.float64))
-        off["wall"].append(difference[known & (np.abs(upward) < UPRIGHT)].astype(np.float64))
+        near = true.median_depth_m < FAR_M
+        surfaces = {"floor": near & (upward > LEVEL), "wall": near & (np.abs(upward) < UPRIGHT)}
+        for kind, depth_m in (("", plane_depths(found.cloud, there[1], camera)), ("_centre", ours.median_depth_m)):
+            for name, shown in surfaces.items():
+                both = shown & np.isfinite(depth_m)
+                off[name + kind].append(np.abs(depth_m[both] - true.median_depth_m[both]).astype(np.float64))
     return {name: np.concatenate(parts) for name, parts in off.items()}
+
+
+def plane_depths(cloud: GaussianCloud, T_world_camera: Floats, camera: CameraConfig) -> npt.NDArray[np.float32]:
+    """Depths of a cloud's planes as the training of surfaces has them [m], inf where there are none, shape (H, W)."""
+    import torch
+
+    from readygo.common.rasterizer.differentiable.autograd import rasterize
+    from readygo.services.reconstructor.training.planes import plane_depth, plane_features, rays_of
+
+    arrays = (cloud.means_m, cloud.quats_wxyz, cloud.scales_m, cloud.opacities)
+    means, quats, scales, opacities = (torch.from_numpy(np.ascontiguousarray(array)) for array in arrays)
+    T = torch.from_numpy(T_world_camera.astype(np.float32))
+    size = (camera.height_px, camera.width_px)
+    drawn = rasterize(
+        means, quats, scales, opacities, features=plane_features(means, quats, scales, T[:3, 3]),
+        T_world_camera=T, K_px=camera.K_px, height_px=size[0], width_px=size[1],
+    )  # fmt: skip
+    assert drawn.features is not None
+    depth_m, known = plane_depth(drawn.features, rays_of(camera.K_px, size) @ T[:3, :3].T)
+    return torch.where(known, depth_m, torch.inf).numpy()
 
 
 def rigid(pairs: list[tuple[Floats, Floats]]) -> Similarity:

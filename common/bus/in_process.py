@@ -1,7 +1,7 @@
 """The bus within one process: no bytes, requests are calls."""
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
@@ -37,7 +37,9 @@ class InProcessBus:
         self._teller = Teller(self)
         self._leave: list[Callable[[], object]] = []
 
-    def serve(self, topic: Topic[Request, Reply], handler: Callable[[Request], Reply]) -> None:
+    def serve(
+        self, topic: Topic[Request, Reply], handler: Callable[[Request], Reply], *, by: Collection[str] = ()
+    ) -> None:
         """Answer requests on `topic` with `handler`, on the asker's thread."""
         self._room.handlers[topic.name] = handler
         self._leave.append(lambda: self._room.handlers.pop(topic.name, None))

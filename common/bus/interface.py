@@ -1,6 +1,6 @@
 """The bus as services see it, the same over Zenoh and within one process."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Protocol, TypeVar
 
 from readygo.common.messages.topics import Live, Stream, Topic
@@ -18,8 +18,17 @@ class Bus(Protocol):
     `request` returns, so that a run in one process takes the same steps every time.
     """
 
-    def serve(self, topic: Topic[Request, Reply], handler: Callable[[Request], Reply]) -> None:
-        """Answer requests on `topic` with `handler`."""
+    def serve(
+        self, topic: Topic[Request, Reply], handler: Callable[[Request], Reply], *, by: Collection[str] = ()
+    ) -> None:
+        """Answer requests on `topic` with `handler`.
+
+        Args:
+            topic: What is asked.
+            handler: Answers.
+            by: Roles whose certificates allow to ask, nobody named stands for all; where no certificates are used,
+                whoever is in the run may.
+        """
         ...
 
     def request(self, topic: Topic[Request, Reply], request: Request, *, timeout_s: float = 5.0) -> Reply:
@@ -53,7 +62,11 @@ class Bus(Protocol):
         ...
 
     def announce(self, role: str, name: str) -> None:
-        """Say that worker `name` of `role` is alive, until the bus is closed or the process dies."""
+        """Say that worker `name` of `role` is alive, until the bus is closed or the process dies.
+
+        Raises:
+            BusError: If another process has the name.
+        """
         ...
 
     def watch(self, changed: Callable[[str, str, bool], None]) -> None:

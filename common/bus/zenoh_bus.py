@@ -12,14 +12,16 @@ import logging
 import socket
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping
 from typing import Any, TypeVar
 
 import zenoh
 
+from readygo.common.bus.identity import ANYBODY, Identity
 from readygo.common.bus.inbox import Inbox, Mailbox
+from readygo.common.bus.rights import refusal
 from readygo.common.bus.teller import Teller
-from readygo.common.errors import BusError, MessageError, PeerError, ReadygoError, reason
+from readygo.common.errors import BusError, CertificateError, MessageError, PeerError, ReadygoError, reason
 from readygo.common.messages.codec import MESSAGE_BYTES_MAX, decode, encode
 from readygo.common.messages.topics import Live, Stream, Topic, presence
 
@@ -34,12 +36,18 @@ _ASTRAY = "astray"
 """Answer to a request for another topic: while links break under load and come back, Zenoh has handed requests to a
 server of another key. Each carries its topic's name therefore, and is sent again."""
 _LEASE_MS = 2000
+_GONE_S = 2 * _LEASE_MS / 1000
+"""After so long the token of a process whose host is gone is gone as well [s]."""
 
 
 _USER = "run"
+_LOGGED = "zenoh_link_tls=warn"
+"""What Zenoh says on standard output of a router: whose certificates were refused, and why."""
 
 
-def _config(mode: str, token: str, *, listen: str | None = None, connect: str | None = None) -> zenoh.Config:
+def _config(
+    mode: str, token: str, identity: Identity | None, *, listen: str | None = None, connect: str | None = None
+) -> zenoh.Config:
     settings: dict[str, Any] = {
         "mode": mode,
         "scouting/multicast/enabled": False,
@@ -56,10 +64,27 @@ def _config(mode: str, token: str, *, listen: str | None = None, connect: str | 
     }
     if token:
         settings |= {"transport/auth/usrpwd/user": _USER, "transport/auth/usrpwd/password": token}
+    if identity:
+        settings |= _tls_settings(identity)
     config = zenoh.Config()
     for key, value in settings.items():
         config.insert_json5(key, json.dumps(value))
     return config
+
+
+def _tls_settings(identity: Identity) -> dict[str, Any]:
+    """Both sides show a certificate of the fleet's authority; a link ends when one of the two expires."""
+    certificate, key = str(identity.certificate), str(identity.key)
+    settings = {
+        "root_ca_certificate": str(identity.authority),
+        "enable_mtls": True,
+        "close_link_on_expiration": True,
+        "listen_certificate": certificate,
+        "listen_private_key": key,
+        "connect_certificate": certificate,
+        "connect_private_key": key,
+    }
+    return {f"transport/link/tls/{name}": value for name, value in settings.items()}
 
 
 def free_endpoint() -> str:
@@ -77,18 +102,30 @@ def _first_words(error: Exception) -> str:
 class Router:
     """A Zenoh router in this process; close it last."""
 
-    def __init__(self, endpoint: str, token: str = "") -> None:
+    def __init__(
+        self,
+        endpoint: str,
+        token: str = "",
+        identity: Identity | None = None,
+        access: Mapping[str, Any] | None = None,
+    ) -> None:
         """Listen on `endpoint`, such as "tcp/127.0.0.1:7447".
 
         Args:
             endpoint: Where to listen.
             token: What all who connect must know, letters and digits; empty lets everybody in.
+            identity: The certificate that is shown to those who connect by TLS; they must show one as well.
+            access: Who may do what then, see `access_control`.
 
         Raises:
             BusError: If the endpoint cannot be opened, for example because the port is in use.
         """
         self.endpoint = endpoint
-        config = _config("router", token, listen=endpoint)
+        config = _config("router", token, identity, listen=endpoint)
+        if identity:
+            zenoh.init_log_from_env_or(_LOGGED)
+        if access:
+            config.insert_json5("access_control", json.dumps(access))
         try:
             # The router reads the file when it opens; nobody else may.
             with tempfile.NamedTemporaryFile("w", suffix=".txt") as users:
@@ -109,39 +146,52 @@ class Router:
 class ZenohBus:
     """One Zenoh session below `readygo/{run}/`; see `readygo.common.bus.Bus`."""
 
-    def __init__(self, connect: str, run: str, token: str = "") -> None:
+    def __init__(self, connect: str, run: str, token: str = "", identity: Identity | None = None) -> None:
         """Open a client session to the router at `connect`.
 
         Args:
             connect: Where the router listens.
             run: Name of the run.
             token: What the router wants to hear of those who connect.
+            identity: The certificate that is shown to a router that is reached by TLS.
 
         Raises:
-            BusError: If no router answers there, or it wants another token.
+            BusError: If no router answers there, or it wants another token or certificate.
         """
         self._prefix = f"readygo/{run}/"
+        self._certified = identity is not None
+        self._asker = identity.name if identity else ANYBODY
         try:
-            self._session = zenoh.open(_config("client", token, connect=connect))
+            self._session = zenoh.open(_config("client", token, identity, connect=connect))
         except zenoh.ZError as error:
             hint = "" if token else ", or it wants the run's token"
+            if identity:
+                hint = f", or it refuses the certificate {identity.certificate} or shows one for another host"
             raise BusError(f"No router answers at {connect}{hint}: {_first_words(error)}.") from error
         self._inbox = Inbox()
         self._declared: list[Any] = []
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._teller = Teller(self)
 
-    def serve(self, topic: Topic[Request, Reply], handler: Callable[[Request], Reply]) -> None:
-        """Answer requests on `topic` with `handler`."""
+    def serve(
+        self, topic: Topic[Request, Reply], handler: Callable[[Request], Reply], *, by: Collection[str] = ()
+    ) -> None:
+        """Answer requests on `topic` with `handler`; see `Bus.serve`."""
+
+        def allowed(asker: str, request: Request) -> Reply:
+            if self._certified and (why := refusal(asker, by, request)):
+                raise CertificateError(f"refused: {why}.")
+            return handler(request)
 
         def on_query(query: zenoh.Query) -> None:
-            self._inbox.put(lambda: _answer(query, topic, handler))
+            self._inbox.put(lambda: _answer(query, topic, allowed))
 
-        self._declared.append(self._session.declare_queryable(self._prefix + topic.name, on_query, complete=True))
+        key = f"{self._prefix}by/*/{topic.name}"
+        self._declared.append(self._session.declare_queryable(key, on_query, complete=True))
 
     def request(self, topic: Topic[Request, Reply], request: Request, *, timeout_s: float = 5.0) -> Reply:
         """Ask `topic`; see `Bus.request`. Waits for a server that is still starting, up to the timeout."""
-        key, payload = self._prefix + topic.name, encode(request)
+        key, payload = f"{self._prefix}by/{self._asker}/{topic.name}", encode(request)
         deadline_s = time.monotonic() + timeout_s
         while (remaining_s := deadline_s - time.monotonic()) > 0:
             waiting_s = max(remaining_s, 0.01)
@@ -189,7 +239,12 @@ class ZenohBus:
         )
 
     def announce(self, role: str, name: str) -> None:
-        """Say that a worker is alive; see `Bus.announce`."""
+        """Say that a worker is alive; see `Bus.announce`. One that has just died may still seem to be there."""
+        key, deadline_s = self._prefix + presence(role, name), time.monotonic() + _GONE_S
+        while any(reply.ok for reply in self._session.liveliness().get(key, timeout=_GONE_S)):
+            if time.monotonic() > deadline_s:
+                raise BusError(f"Another {role} of the run is called {name!r}: choose another --name.")
+            time.sleep(_RETRY_S)
         self._teller.me = role, name
         self._declared.append(self._session.liveliness().declare_token(self._prefix + presence(role, name)))
 
@@ -220,12 +275,13 @@ def _decoded(topic: Topic[Request, Reply], payload: bytes) -> Reply:
         raise PeerError(f"{topic.name}: {error}") from error
 
 
-def _answer(query: zenoh.Query, topic: Topic[Request, Reply], handler: Callable[[Request], Reply]) -> None:
+def _answer(query: zenoh.Query, topic: Topic[Request, Reply], handler: Callable[[str, Request], Reply]) -> None:
     try:
         meant = query.attachment.to_bytes().decode() if query.attachment else ""
         if meant != topic.name:
             raise BusError(_ASTRAY)
-        reply = encode(handler(decode(topic.request_type, query.payload.to_bytes() if query.payload else b"")))
+        asker = str(query.key_expr).split("/")[3]
+        reply = encode(handler(asker, decode(topic.request_type, query.payload.to_bytes() if query.payload else b"")))
         query.reply(query.key_expr, reply)
     except Exception as error:
         # The asker gets the reason: a handler never swallows.

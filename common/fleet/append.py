@@ -38,7 +38,14 @@ def append_episode(bus: Bus, claim: ClaimReply, header: EpisodeHeader, samples: 
         show_newest(bus, header, sent)
         batch = tuple(sent[acknowledged : acknowledged + BATCH])
         last = acknowledged + len(batch) == header.sample_count
-        request = AppendRequest(attempt=claim.attempt, header=header, first_seq=acknowledged, samples=batch, last=last)
+        request = AppendRequest(
+            attempt=claim.attempt,
+            header=header,
+            first_seq=acknowledged,
+            samples=batch,
+            last=last,
+            lease=claim.lease,
+        )
         reply = _append(bus, claim.recorder, request)
         if reply.status is AppendStatus.GAP:
             acknowledged = reply.expected_seq

@@ -31,13 +31,13 @@ class Grants:
         self._timeout_s = timeout_s
         self._waiting: deque[DoneRequest | LostRequest] = deque()
 
-    def expects(self, episode: EpisodeKey, attempt: int) -> Verdict:
-        """Are samples of this attempt due here?
+    def expects(self, episode: EpisodeKey, attempt: int, lease: str = "") -> Verdict:
+        """Are samples of this attempt due here, from the holder of this lease?
 
         Raises:
             BusError: If the coordinator does not answer.
         """
-        request = ExpectRequest(recorder=self._recorder, episode=episode, attempt=attempt)
+        request = ExpectRequest(recorder=self._recorder, episode=episode, attempt=attempt, lease=lease)
         return self._bus.request(topics.EXPECT, request, timeout_s=self._timeout_s)
 
     def trouble(self, reason: str) -> None:

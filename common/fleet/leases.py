@@ -134,6 +134,7 @@ def _work_on(bus: Bus, stage: Stage, worker: str, claim: ClaimReply, work: Work)
         rejected=outcome.rejected if outcome else "",
         failed=failed,
         cpu_s=time.thread_time() - begin_s,
+        lease=claim.lease,
     )
     show_work(bus, stage, claim, begins=False, rejected=request.rejected, failed=failed)
     verdict = bus.request(topics.complete(stage.name), request)
@@ -159,7 +160,7 @@ def _renewing(bus: Bus, stage: Stage, worker: str, work: Work) -> Work:
 def _renewed(bus: Bus, stage: Stage, worker: str, claim: ClaimReply) -> Iterator[None]:
     """Renew a lease every third of its time for as long as the block runs."""
     assert claim.episode is not None
-    request = RenewRequest(worker=worker, index=claim.episode.index, attempt=claim.attempt)
+    request = RenewRequest(worker=worker, index=claim.episode.index, attempt=claim.attempt, lease=claim.lease)
     over = threading.Event()
 
     def renew() -> None:

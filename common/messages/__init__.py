@@ -29,8 +29,17 @@ from readygo.common.messages.coordination import (
     Verdict,
     VerdictStatus,
     Wake,
+    files_digest,
 )
 from readygo.common.messages.episode import EpisodeKey, HumanTrajectory, Scenario, Split
+from readygo.common.messages.evaluation import (
+    Drive,
+    DrivesReply,
+    DrivesRequest,
+    EvaluationPlan,
+    EvaluationPlanRequest,
+    KeepRequest,
+)
 from readygo.common.messages.learning import CommittedEpisode, OfferReply, OfferRequest, PolicyFile
 from readygo.common.messages.motion import EpisodeMotions, HumanMotion, Motion
 from readygo.common.messages.plan import Driver, Outcome, RobotTrajectory
@@ -78,10 +87,15 @@ __all__ = [
     "CompleteRequest",
     "ControlRequest",
     "DoneRequest",
+    "Drive",
     "Driver",
+    "DrivesReply",
+    "DrivesRequest",
     "EpisodeHeader",
     "EpisodeKey",
     "EpisodeMotions",
+    "EvaluationPlan",
+    "EvaluationPlanRequest",
     "ExpectRequest",
     "FileRef",
     "GrantRequest",
@@ -91,6 +105,7 @@ __all__ = [
     "HumanPlanRequest",
     "HumanTrajectory",
     "Humans",
+    "KeepRequest",
     "LostRequest",
     "Motion",
     "OfferReply",
@@ -126,6 +141,7 @@ __all__ = [
     "Wake",
     "decode",
     "encode",
+    "files_digest",
     "sample_crc32",
     "topics",
 ]

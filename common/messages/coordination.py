@@ -7,6 +7,7 @@ attempt number until it completes or the lease runs out. Late work carries an ol
 import enum
 import hashlib
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -83,6 +84,12 @@ class FileRef:
     size: int
 
 
+def files_digest(files: Iterable[FileRef]) -> str:
+    """SHA-256 over the names and hashes of files, in any order."""
+    lines = sorted(f"{file.path} {file.sha256}" for file in files)
+    return hashlib.sha256("\n".join(lines).encode()).hexdigest()
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PolicyRef:
     """A policy that drives in a run; the one of a run that learns is empty at first: others are offered to it."""
@@ -101,8 +108,7 @@ class PolicyRef:
     @property
     def sha256(self) -> str:
         """SHA-256 over the names and hashes of the files, in any order."""
-        lines = sorted(f"{file.path} {file.sha256}" for file in self.files)
-        return hashlib.sha256("\n".join(lines).encode()).hexdigest()
+        return files_digest(self.files)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -134,6 +140,8 @@ class ClaimReply:
     policy: PolicyRef | None = field(default=None, metadata=OMITTED_WHEN_DEFAULT)
     """The offered policy that drives this episode if its draw says so, for a stage that records; None where none was
     offered: the run's own drives then, see `RunSpec.policy`."""
+    lease: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
+    """Proves that one holds the lease: nobody else hears of it."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -148,6 +156,8 @@ class RenewRequest:
     worker: str
     index: int
     attempt: int
+    lease: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
+    """`ClaimReply.lease`."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -163,6 +173,8 @@ class CompleteRequest:
     failed: str = ""
     """An error of the worker's; the episode is begun anew a few times, then it is set aside with this text."""
     cpu_s: float = 0.0
+    lease: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
+    """`ClaimReply.lease`."""
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.cpu_s < math.inf:
@@ -176,6 +188,8 @@ class ExpectRequest:
     recorder: str
     episode: EpisodeKey
     attempt: int
+    lease: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
+    """What their sender gave as `AppendRequest.lease`."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -273,6 +287,8 @@ class StatusReply:
     """Policies that were offered to the run so far."""
     trouble: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
     """What the run waits for somebody to mend, such as a full disk; empty while it goes on."""
+    paused: bool = field(default=False, metadata=OMITTED_WHEN_DEFAULT)
+    """True while no work is given out, by an operator's wish."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -302,6 +318,8 @@ class RunSpec:
     """The assembly line that every episode passes, in order; the last stage records."""
     policy: PolicyRef | None = field(default=None, metadata=OMITTED_WHEN_DEFAULT)
     """None where the expert alone drives."""
+    avatar_files: tuple[FileRef, ...] = field(default=(), metadata=OMITTED_WHEN_DEFAULT)
+    """The files at `avatars_path`; none where the avatars are the embedded ones."""
 
     def __post_init__(self) -> None:
         check_stages(self.stages)
@@ -310,6 +328,9 @@ class RunSpec:
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RunSpecRequest:
     """What is this run?"""
+
+    role: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
+    """As what the asker will join it, empty for somebody who only looks."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

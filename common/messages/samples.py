@@ -151,6 +151,8 @@ class AppendRequest:
     first_seq: int
     samples: tuple[Sample, ...]
     last: bool
+    lease: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
+    """`ClaimReply.lease` of the sender."""
 
 
 class AppendStatus(enum.Enum):

@@ -46,6 +46,9 @@ EXPERT_LINE = (HUMAN_PLAN, ANIMATE, ROBOT_PLAN, RENDER)
 DRIVE = Stage(name="drive", role="driver", needs=(HUMAN_PLAN.name, ANIMATE.name), records=True)
 DRIVE_LINE = (HUMAN_PLAN, ANIMATE, DRIVE)
 """A policy or the expert among humans, whatever the outcome; the expert says at every state what it would do."""
+EVALUATE = Stage(name="evaluate", role="evaluator", records=True)
+EVALUATE_LINE = (EVALUATE,)
+"""Every method through one episode; who keeps the records stands in a recorder's place."""
 
 
 def check_stages(stages: Sequence[Stage]) -> None:

@@ -28,6 +28,13 @@ from readygo.common.messages.coordination import (
     Verdict,
     Wake,
 )
+from readygo.common.messages.evaluation import (
+    DrivesReply,
+    DrivesRequest,
+    EvaluationPlan,
+    EvaluationPlanRequest,
+    KeepRequest,
+)
 from readygo.common.messages.learning import CommittedEpisode, OfferReply, OfferRequest
 from readygo.common.messages.live import (
     LiveCommit,
@@ -106,6 +113,10 @@ OFFER = Topic("coord/policy", OfferRequest, OfferReply)
 HUMAN_PLAN = Topic("human-plan", HumanPlanRequest, HumanPlanReply)
 ANIMATE = Topic("animate", AnimateRequest, AnimateReply)
 ROBOT_PLAN = Topic("robot-plan", RobotPlanRequest, RobotPlanReply)
+
+EVALUATION_PLAN = Topic("evaluate/plan", EvaluationPlanRequest, EvaluationPlan)
+EVALUATION_DRIVES = Topic("evaluate/drives", DrivesRequest, DrivesReply)
+EVALUATION_KEEP = Topic("evaluate/keep", KeepRequest, Verdict)
 
 RECONSTRUCTION_CLAIM = Topic("reconstruct/claim", ReconstructionClaim, ReconstructionJob)
 RECONSTRUCTION_REPORT = Topic("reconstruct/report", ReconstructionReport, Verdict)

@@ -1,6 +1,5 @@
 """Run an exported policy with onnxruntime: one thread, the same numbers whatever the batch."""
 
-from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -21,71 +20,13 @@ from readygo.common.policy.artifact import (
     PolicySpec,
     load_spec,
 )
-from readygo.common.policy.motion import motion_features, own_motion
-from readygo.common.policy.windows import FRAME_COUNT, window_rows
-from readygo.common.robot import RobotConfig, step_unicycle
-from readygo.common.robot.kinematics import whole_steps
+from readygo.common.policy.memory import PolicyMemory
+from readygo.common.policy.motion import motion_features
+from readygo.common.robot import RobotConfig
+from readygo.common.robot.kinematics import STEP_NS, whole_steps
 
 LIMITS = ("v_max_mps", "w_max_radps", "a_max_mps2", "alpha_max_radps2")
 """Of `RobotConfig`: what a policy's commands are within."""
-
-
-class PolicyMemory:
-    """What a policy remembers of one episode: frames or latents of the last spacings, and how the robot moved.
-
-    Args:
-        spacing_steps: Simulation steps between the frames that it sees.
-        latency_steps: Steps from when a frame was taken until the policy has it.
-        frame_count: Frames that it sees together.
-    """
-
-    def __init__(self, spacing_steps: int, latency_steps: int = 0, frame_count: int = FRAME_COUNT) -> None:
-        span = (frame_count - 1) * spacing_steps
-        self._spacing, self._latency, self._count = spacing_steps, latency_steps, frame_count
-        self._seen: deque[npt.NDArray[Any]] = deque(maxlen=span + 1)
-        self._poses: deque[tuple[float, float, float]] = deque(maxlen=span + latency_steps + 1)
-
-    def push(self, seen: npt.NDArray[Any]) -> list[npt.NDArray[Any]]:
-        """Remember what came of the present step's frame, and return what the policy sees together.
-
-        Args:
-            seen: The frame, or its latent.
-
-        Returns:
-            What was pushed ..., two spacings ago, one spacing ago and now; the episode's first one stands for those
-            before.
-        """
-        self._seen.append(seen)
-        rows = window_rows(len(self._seen) - 1, 0, self._spacing, self._count)
-        return [self._seen[row] for row in rows]
-
-    def hold(self, command: npt.NDArray[np.float32]) -> None:
-        """Remember a step without a new frame: what was seen last is seen still; not at the first step.
-
-        Args:
-            command: v [m/s], w [rad/s] executed over the last step, shape (2,).
-        """
-        self._seen.append(self._seen[-1])
-        self.move(command)
-
-    def move(self, command: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-        """Remember how the robot moved over the last step; call it once a step.
-
-        Args:
-            command: v [m/s], w [rad/s] executed over it, shape (2,); of no meaning at the first step.
-
-        Returns:
-            The features of `MotionInput.POSES`, shape (3 (frame_count - 1) + 2,).
-        """
-        pose = (0.0, 0.0, 0.0)
-        if self._poses:
-            v_mps, w_radps = command.tolist()
-            pose = step_unicycle(*self._poses[-1], v_mps, w_radps)
-        self._poses.append(pose)
-        rows = window_rows(len(self._poses) - 1 - self._latency, 0, self._spacing, self._count)[:-1]
-        older = np.array([[self._poses[row] for row in rows]]).reshape(1, -1, 3)
-        features: npt.NDArray[np.float32] = own_motion(older, np.array([pose]), command[None])[0]
-        return features
 
 
 class Policy:
@@ -105,8 +46,8 @@ class Policy:
 
     def start(self) -> PolicyMemory:
         """Memory for a new episode."""
-        late = whole_steps(self.spec.robot.camera.latency_s)
-        return PolicyMemory(self.spec.frame_spacing_steps, late, self.spec.inputs.frame_count)
+        late_ns = whole_steps(self.spec.robot.camera.latency_s) * STEP_NS
+        return PolicyMemory(self.spec.frame_spacing_steps * STEP_NS, late_ns, self.spec.inputs.frame_count)
 
     def encode(self, images: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
         """Latents of RGB images, shape (B, L).
@@ -175,13 +116,48 @@ class Policy:
         Raises:
             PolicyError: If the images do not have the size that the policy was trained for.
         """
-        poses = [memory.move(command) for memory, command in zip(memories, previous_actions, strict=True)]
-        motion = motion_features(self.spec.inputs.motion, np.stack(poses))
+        for memory, command in zip(memories, previous_actions, strict=True):
+            memory.advance(command)
+        self.see(memories, images)
+        return self.decide(memories, previous_actions, goals_xy_m)
+
+    def see(
+        self, memories: Sequence[PolicyMemory], images: npt.NDArray[np.uint8], times_ns: Sequence[int | None] = ()
+    ) -> None:
+        """Have each robot remember an image.
+
+        Args:
+            memories: What `start` returned, B of them.
+            images: What the robots see, sRGB, shape (B, H, W, 3).
+            times_ns: When the images were taken [ns]; see `PolicyMemory.see`.
+
+        Raises:
+            PolicyError: If the images do not have the size that the policy was trained for.
+        """
+        seen: npt.NDArray[Any] = images if self.spec.inputs.fusion is Fusion.EARLY else self.encode(images)
+        for memory, one, time_ns in zip(memories, seen, times_ns or [None] * len(memories), strict=True):
+            memory.see(one, time_ns)
+
+    def decide(
+        self,
+        memories: Sequence[PolicyMemory],
+        commands: npt.NDArray[np.float32],
+        goals_xy_m: npt.NDArray[np.float32],
+    ) -> npt.NDArray[np.float32]:
+        """Commands v [m/s], w [rad/s] within the robot's limits, by what is remembered, shape (B, 2).
+
+        Args:
+            memories: Each with an image and a pose.
+            commands: Executed last: v [m/s], w [rad/s], shape (B, 2).
+            goals_xy_m: Goals in the robots' frames (x forward, y left) [m], shape (B, 2).
+        """
+        own = [memory.own_motion(command) for memory, command in zip(memories, commands, strict=True)]
+        motion = motion_features(self.spec.inputs.motion, np.stack(own))
         if self.spec.inputs.fusion is Fusion.EARLY:
-            windows = [memory.push(image) for memory, image in zip(memories, images, strict=True)]
-            return self.act(self.encode(np.stack([np.concatenate(w, axis=2) for w in windows])), motion, goals_xy_m)
-        windows = [memory.push(latent) for memory, latent in zip(memories, self.encode(images), strict=True)]
-        return self.act(np.stack([np.concatenate(window) for window in windows]), motion, goals_xy_m)
+            latents = self.encode(np.stack([np.concatenate(memory.window(), axis=2) for memory in memories]))
+        else:
+            latents = np.stack([np.concatenate(memory.window()) for memory in memories])
+        return self.act(latents, motion, goals_xy_m)
 
 
 def load_policy(folder: str | Path, *, robot: RobotConfig | None = None) -> Policy:

@@ -1,5 +1,8 @@
 """Which steps of an episode a policy sees together: the one definition for training, driving and reading data."""
 
+from bisect import bisect_left
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
@@ -25,6 +28,27 @@ def window_rows(
     """
     back = spacing_steps * np.arange(frame_count - 1, -1, -1)
     rows: npt.NDArray[np.int64] = np.maximum(np.asarray(newest)[..., None] - back, np.asarray(first)[..., None])
+    return rows
+
+
+def window_at(times_ns: Sequence[int], spacing_ns: int, frame_count: int = FRAME_COUNT) -> list[int]:
+    """`window_rows` of images that come at any time, the newest of which is the last: the nearest to each spacing.
+
+    Args:
+        times_ns: When the images were taken [ns], rising, one or more.
+        spacing_ns: Time between the images of a window [ns].
+        frame_count: Images of a window.
+
+    Returns:
+        `frame_count` rows, oldest first; of two that are as near the older one.
+    """
+    rows = []
+    for back in range(frame_count - 1, -1, -1):
+        wanted_ns = times_ns[-1] - back * spacing_ns
+        row = bisect_left(times_ns, wanted_ns)
+        if row > 0 and wanted_ns - times_ns[row - 1] <= times_ns[row] - wanted_ns:
+            row -= 1
+        rows.append(row)
     return rows
 
 

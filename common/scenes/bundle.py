@@ -290,7 +290,7 @@ def fill_bundle(
     save_ros_map(plan.human, folder / HUMAN_MAP_FILE, unknown=plan.unknown)
     np.save(folder / FLOOR_FILE, plan.floor.height_m)
     report = scene_report(cloud, sky, plan.robot, plan.human, plan.floor, robot.planning_radius_m)
-    report["findings"] = findings(cloud, plan, report)
+    report["findings"] = findings(cloud, plan, report, views)
     (folder / REPORT_FILE).write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
     manifest = _manifest(folder, plan, name, license, source, robot, map_config)
     (folder / MANIFEST).write_text(toml_text(manifest), encoding="utf-8")

@@ -6,12 +6,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.camera.captured import CapturedViews
 from readygo.common.episode.config import EpisodeConfig
 from readygo.common.gaussians import GaussianCloud
 from readygo.common.gaussians.defects import FLOATERS, HAZE, HUGE, counted, unwanted
 from readygo.common.maps import ScenePlan
 from readygo.common.maps.coarse_ground import BLURRED_M
-from readygo.common.scenes.survey import ROOM_HEIGHT_M, ROOM_HEIGHTS_M, Survey, survey
+from readygo.common.scenes.survey import ROOM_HEIGHT_M, ROOM_HEIGHTS_M, Survey, UpCandidate, survey
 
 SHARES_WORTH_NAMING = {HUGE: 0.0, FLOATERS: 0.01, HAZE: 0.05}
 """Fewer of them, as a share of all Gaussians, are in every scene."""
@@ -25,16 +26,26 @@ STOREY_M = 1.8
 """A level this high above the floor is another one [m]."""
 
 
-def findings(cloud: GaussianCloud, plan: ScenePlan, report: dict[str, Any]) -> list[str]:
+def findings(
+    cloud: GaussianCloud, plan: ScenePlan, report: dict[str, Any], views: CapturedViews | None = None
+) -> list[str]:
     """Sentences on what looks wrong in a scene.
 
     Args:
         cloud: Gaussians, metres, z up.
         plan: Its maps.
         report: Its figures, as of `scene_report`.
+        views: The cameras that it was filmed with: they know better than Gaussians which way is up.
     """
     found = survey(cloud)
-    return [*_frame(found), *_storeys(found), *_gaussians(cloud), *_ground(plan), *_room_to_move(report)]
+    held = None if views is None or not len(views) else views.mean_up
+    return [
+        *_frame(found.clear_up if held is None else found.up_near(held), report["floor"]["tilt_deg"]),
+        *_storeys(found),
+        *_gaussians(cloud),
+        *_ground(plan),
+        *_room_to_move(report),
+    ]
 
 
 def marks(plan: ScenePlan) -> dict[str, npt.NDArray[np.bool_]]:
@@ -56,15 +67,15 @@ def goals_line(farthest_m: float, goal_distance_min_m: float, radius_m: float) -
     )
 
 
-def _frame(found: Survey) -> list[str]:
-    clear = found.clear_up
+def _frame(clear: UpCandidate | None, floor_tilt_deg: float) -> list[str]:
+    """What is wrong with up and scale; a floor is tilted where its Gaussians and the heights of its map say so."""
     if clear is None:
         return []
     if clear.up[2] < 0.7:
         side = "upside down" if clear.up[2] < -0.7 else "on its side"
         return [f"the scene looks {side}: its floor says that {clear.name} is up; import it with --up=auto."]
     sentences = []
-    tilt = math.degrees(math.acos(min(1.0, float(clear.up[2]))))
+    tilt = min(math.degrees(math.acos(min(1.0, float(clear.up[2])))), floor_tilt_deg)
     if tilt > TILT_DEG:
         sentences.append(f"its floor is tilted by {tilt:.0f} deg; `readygo scene align` levels it.")
     if clear.ceiling is not None and not ROOM_HEIGHTS_M[0] <= clear.ceiling <= ROOM_HEIGHTS_M[1]:

@@ -119,6 +119,11 @@ class Survey:
         second = self.ups[1].score if len(self.ups) > 1 else 0.0
         return self.ups[0] if self.ups[0].score >= CLEAR_RATIO * second else None
 
+    def up_near(self, held: Floats) -> UpCandidate | None:
+        """The best candidate near the mean up of cameras, shape (3,), or None: level as cameras were held by hand."""
+        near = (up for up in self.ups if up.up @ held > math.cos(math.radians(HELD_DEG)) and up.score >= SCORE_MIN)
+        return next(near, None)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Flat:
@@ -162,8 +167,8 @@ def resolve_up(up: str, load: Callable[[], GaussianCloud], held: Floats | None =
         return up
     found = survey(load())
     if held is not None:
-        near = [c for c in found.ups if c.up @ held > math.cos(math.radians(HELD_DEG)) and c.score >= SCORE_MIN]
-        return near[0].name if near else up_name(held)
+        near = found.up_near(held)
+        return up_name(held) if near is None else near.name
     if found.clear_up is None:
         names = ", ".join(candidate.name for candidate in found.ups[:3]) or "none"
         raise NoGroundError(f"No direction of the scene is clearly up (candidates: {names}).")

@@ -2,8 +2,8 @@
 
 from readygo.services.coordinator.blobs import BlobStore
 from readygo.services.coordinator.config import CoordinatorConfig
-from readygo.services.coordinator.handlers import Coordinator, requeue_lost
+from readygo.services.coordinator.handlers import Coordinator, handle_status, requeue_lost
 from readygo.services.coordinator.ledger import Ledger
 from readygo.services.coordinator.service import attach, tick
 
-__all__ = ["BlobStore", "Coordinator", "CoordinatorConfig", "Ledger", "attach", "requeue_lost", "tick"]
+__all__ = ["BlobStore", "Coordinator", "CoordinatorConfig", "Ledger", "attach", "handle_status", "requeue_lost", "tick"]

@@ -1,7 +1,9 @@
 """Requests to the coordinator -> replies; the ledger holds all state that must survive."""
 
 import hashlib
+import hmac
 import logging
+import secrets
 import time
 from collections.abc import Callable, Mapping, Sequence
 
@@ -93,8 +95,10 @@ class Coordinator:
         self.holds = holds
         self.set_aside = set_aside
         self.clock = clock
+        self.secret = secrets.token_bytes(32)
+        """What leases are proved by; they end with the process."""
         self.failed = ""
-        self.paused = False
+        self.paused = ledger.note("paused") == "yes"
         self.cancelled = False
         self.troubles: dict[str, str] = {}
         """What somebody must mend before the run goes on, by whom it keeps from work."""
@@ -201,6 +205,8 @@ def handle_expect(coordinator: Coordinator, request: ExpectRequest) -> Verdict:
     if wrong := _of_another_recorder(coordinator, request.recorder, key.index):
         return wrong
     status = coordinator.ledger.expected(key.index, request.attempt)
+    if status is VerdictStatus.OK and not _proves_lease(coordinator, request.lease, key.index, request.attempt):
+        return _not_the_holder(key.index, request.attempt)
     late = status is VerdictStatus.STALE
     reason = f"attempt {request.attempt} of {key.episode_id} is not leased to be recorded" if late else ""
     return Verdict(status=status, reason=reason)
@@ -280,6 +286,7 @@ def handle_offer(coordinator: Coordinator, request: OfferRequest) -> OfferReply:
 def handle_control(coordinator: Coordinator, request: ControlRequest) -> Verdict:
     """Pause, resume or cancel the run."""
     coordinator.paused = request.command is Command.PAUSE
+    coordinator.ledger.note("paused", "yes" if coordinator.paused else "no")
     coordinator.cancelled = coordinator.cancelled or request.command is Command.CANCEL
     return Verdict(status=VerdictStatus.OK)
 
@@ -304,6 +311,7 @@ def handle_status(coordinator: Coordinator, request: StatusRequest) -> StatusRep
         kept=ledger.kept(),
         policies=len(ledger.policies()),
         trouble=" ".join(coordinator.troubles.values()),
+        paused=coordinator.paused,
     )
 
 
@@ -359,10 +367,25 @@ def _trouble(coordinator: Coordinator, who: str, reason: str) -> None:
 def _held_by_another(coordinator: Coordinator, request: RenewRequest | CompleteRequest) -> Verdict | None:
     """What is said to somebody who speaks for a lease that another worker holds."""
     holder = coordinator.ledger.holder(request.index, request.attempt)
-    if holder in ("", request.worker):
+    if not holder:
         return None
-    reason = f"attempt {request.attempt} of episode {request.index} is held by another worker"
+    proved = _proves_lease(coordinator, request.lease, request.index, request.attempt)
+    return None if proved and holder == request.worker else _not_the_holder(request.index, request.attempt)
+
+
+def _not_the_holder(index: int, attempt: int) -> Verdict:
+    log.warning("attempt %d of episode %d: refused to somebody who does not hold its lease", attempt, index)
+    reason = f"attempt {attempt} of episode {index} is held by another worker"
     return Verdict(status=VerdictStatus.STALE, reason=reason)
+
+
+def _lease_proof(coordinator: Coordinator, index: int, attempt: int) -> str:
+    """What the holder of a lease alone is told."""
+    return hmac.new(coordinator.secret, f"{index} {attempt}".encode(), hashlib.sha256).hexdigest()
+
+
+def _proves_lease(coordinator: Coordinator, proof: str, index: int, attempt: int) -> bool:
+    return hmac.compare_digest(proof.encode(), _lease_proof(coordinator, index, attempt).encode())
 
 
 def _of_another_recorder(coordinator: Coordinator, recorder: str, index: int) -> Verdict | None:
@@ -408,6 +431,7 @@ def _lease_reply(coordinator: Coordinator, stage: Stage, lease: Lease, inputs: t
         inputs=inputs,
         recorder=coordinator.recorder_of(lease.index) if stage.records else "",
         policy=_leased_policy(coordinator, lease),
+        lease=_lease_proof(coordinator, lease.index, lease.attempt),
     )
 
 

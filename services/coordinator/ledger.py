@@ -89,6 +89,13 @@ class Ledger:
             (agreed,) = self._db.execute("SELECT value FROM run WHERE key = ?", (key,)).fetchone()
         return str(agreed)
 
+    def note(self, key: str, value: str | None = None) -> str:
+        """What is noted of the run under a key, empty if nothing is; a value replaces it."""
+        if value is not None:
+            self._run("INSERT OR REPLACE INTO run VALUES (?, ?)", key, value)
+        row = self._one("SELECT value FROM run WHERE key = ?", key)
+        return str(row[0]) if row else ""
+
     def open_episodes(self, wanted: int) -> int:
         """Open indices until `wanted` of them are not rejected; returns how many were opened."""
         with self._transaction():

@@ -1,6 +1,6 @@
 """One evaluation: request -> reply."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -12,7 +12,7 @@ from readygo.common.episode.metrics import TaskSummary
 from readygo.common.episode.simulation import EpisodeSimulation
 from readygo.common.errors import PolicyError, RunError
 from readygo.common.maps import FloorMap, OccupancyMap, SightMap, sight_of_occupancy
-from readygo.common.messages import Split, topics
+from readygo.common.messages import RobotTrajectory, Split, topics
 from readygo.common.policy import Policy, check_policy_camera
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import RATE_HZ
@@ -20,13 +20,15 @@ from readygo.services.evaluator.config import EvaluatorConfig
 from readygo.services.evaluator.drivers import EXPERT, POLICY, STRAIGHT_LINE, Driver, PolicyDriver, StraightLineDriver
 from readygo.services.evaluator.episodes import EpisodeSource, MatchedEpisode, Task
 from readygo.services.evaluator.eyes import Eyes
-from readygo.services.evaluator.records import EpisodeRecord, make_record, summarize_records
+from readygo.services.evaluator.records import EpisodeRecord, RecordKey, make_record, summarize_records
 from readygo.services.evaluator.results import Results
 from readygo.services.evaluator.rollout import Simulate, roll_out
 
 Report = Callable[[EpisodeRecord], None]
 MakeDriver = Callable[["Evaluator"], Driver[Any]]
 """Makes whoever drives by one method."""
+Elsewhere = Callable[[Sequence[int]], None]
+"""Has the episodes of some indices driven by others."""
 
 VIEW_RANGE_M = 10.0
 """Farther humans do not count as seen [m]."""
@@ -147,7 +149,12 @@ class Evaluator:
 
 
 def handle_evaluate(
-    evaluator: Evaluator, request: EvaluateRequest, *, report: Report | None = None, results: Results | None = None
+    evaluator: Evaluator,
+    request: EvaluateRequest,
+    *,
+    report: Report | None = None,
+    results: Results | None = None,
+    elsewhere: Elsewhere | None = None,
 ) -> EvaluateReply:
     """Drive every method through the same episodes.
 
@@ -156,6 +163,7 @@ def handle_evaluate(
         request: What to drive.
         report: Told about every episode that ends, and of those that had ended before.
         results: Keeps every episode as it ends; those that it has are not driven again.
+        elsewhere: Drives what is missing into `results`, in place of this process.
 
     Raises:
         RunError: If an episode cannot be kept, or there is no such method.
@@ -163,47 +171,76 @@ def handle_evaluate(
         SceneError: If the scene yields no episodes.
         BusError: If a service does not answer.
     """
+    report = report or (lambda _: None)
     # What is wrong with a method is said before anybody drives.
     drivers = {method: evaluator.driver(method, request.hold_steps) for method in request.methods}
     episodes, skipped = evaluator.source().draw(
         seed=request.seed, split=request.split, count=request.episodes, tasks=request.tasks
     )
-    records: list[EpisodeRecord] = []
-    for task in request.tasks:
-        of_task = [episode for episode in episodes if episode.task is task]
-        for method, driver in drivers.items():
-            records += _drive_all(evaluator, method, driver, of_task, report or (lambda _: None), results)
+    # By task, then by method, whoever drove when.
+    places = [
+        (episode, (task, method, episode.scenario.episode))
+        for task in request.tasks
+        for method in request.methods
+        for episode in episodes
+        if episode.task is task
+    ]
+    kept = {} if results is None else results.records
+    records = {key: kept[key] for _, key in places if key in kept}
+    for record in records.values():
+        report(record)
+    missing = [place for place in places if place[1] not in records]
+    if elsewhere is not None and results is not None:
+        if missing:
+            elsewhere(sorted({episode.scenario.episode.index for episode, _ in missing}))
+        records = results.records
+    else:
+        for record in _drive_here(evaluator, drivers, missing, results):
+            records[record.key] = record
+            report(record)
+    found = tuple(records[key] for _, key in places)
     return EvaluateReply(
-        records=tuple(records),
-        summaries=summarize_records(records, time_limit_s=evaluator.episode_config.time_limit_s),
+        records=found,
+        summaries=summarize_records(found, time_limit_s=evaluator.episode_config.time_limit_s),
         skipped=skipped,
         episodes=tuple(episodes),
     )
 
 
-def _drive_all(
-    evaluator: Evaluator,
-    method: str,
-    driver: Driver[Any],
-    episodes: Sequence[MatchedEpisode],
-    report: Report,
-    results: Results | None,
-) -> list[EpisodeRecord]:
-    """Records of one method, in the order of `episodes`."""
-    kept = {} if results is None else results.records
-    keys = [(episode.task, method, episode.scenario.episode) for episode in episodes]
-    records = {key: kept[key] for key in keys if key in kept}
-    for record in records.values():
-        report(record)
-    missing = [episode for episode, key in zip(episodes, keys, strict=True) if key not in records]
+def drive(
+    evaluator: Evaluator, method: str, driver: Driver[Any], episodes: Sequence[MatchedEpisode]
+) -> Iterator[tuple[EpisodeRecord, RobotTrajectory]]:
+    """Drive one method through episodes, side by side where it looks.
+
+    Args:
+        evaluator: Where.
+        method: Its name.
+        driver: Whoever drives, from `Evaluator.driver`.
+        episodes: Through which.
+
+    Yields:
+        How it did, and what the robot did, in the order in which episodes end.
+    """
     lockstep, sees = evaluator.config.lockstep if driver.looks else 1, _sees(evaluator)
-    for run in roll_out(missing, driver, evaluator.simulation, lockstep=lockstep):
-        record = make_record(missing[run.row], method, run, sees)
-        if results is not None:
-            results.keep(record, run.simulation.trajectory())
-        records[record.key] = record
-        report(record)
-    return [records[key] for key in keys]
+    for run in roll_out(episodes, driver, evaluator.simulation, lockstep=lockstep):
+        yield make_record(episodes[run.row], method, run, sees), run.simulation.trajectory()
+
+
+def _drive_here(
+    evaluator: Evaluator,
+    drivers: Mapping[str, Driver[Any]],
+    missing: Sequence[tuple[MatchedEpisode, RecordKey]],
+    results: Results | None,
+) -> Iterator[EpisodeRecord]:
+    """Records of what is missing, as they are kept."""
+    groups: dict[tuple[Task, str], list[MatchedEpisode]] = {}
+    for episode, (task, method, _) in missing:
+        groups.setdefault((task, method), []).append(episode)
+    for (_, method), episodes in groups.items():
+        for record, trajectory in drive(evaluator, method, drivers[method], episodes):
+            if results is not None:
+                results.keep(record, trajectory)
+            yield record
 
 
 def _sees(evaluator: Evaluator) -> Sees:

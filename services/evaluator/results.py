@@ -3,7 +3,7 @@
 import fcntl
 import json
 import os
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -23,7 +23,12 @@ SUMMARY_FILE = "summary.json"
 DIFFERENCES_SHOWN = 3
 _POSE_DIGITS = 5
 
+METHODS = "methods"
+"""Key of the settings that has a hash by method, of methods that are files; it grows with the methods that drive."""
+
 Float64Array = npt.NDArray[np.float64]
+Today = Callable[[Mapping[str, Any]], Mapping[str, Any]]
+"""Adds to the settings of an older folder what it is too old to say."""
 
 
 class Results:
@@ -86,12 +91,14 @@ class Results:
 
 
 @contextmanager
-def open_results(folder: Path, settings: Mapping[str, Any]) -> Iterator[Results]:
+def open_results(folder: Path, settings: Mapping[str, Any], *, today: Today = lambda kept: kept) -> Iterator[Results]:
     """Begin an evaluation in a folder, or go on with the one that is there.
 
     Args:
         folder: Made if it is missing.
-        settings: All that records depend on besides their key, as plain values; written when the folder is new.
+        settings: All that records depend on besides their key, as plain values; written when the folder is new. Below
+            `METHODS` only the methods count that the folder names as well; it names the others from now on.
+        today: Makes settings of an older version those of this one.
 
     Raises:
         RunError: If the folder has results of other settings or of unknown ones, another process is at work in it, or
@@ -100,7 +107,7 @@ def open_results(folder: Path, settings: Mapping[str, Any]) -> Iterator[Results]
     with ExitStack() as files:
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            _check_settings(folder, settings)
+            _check_settings(folder, settings, today)
             records, trajectories = (
                 files.enter_context((folder / name).open("a+b", buffering=0))
                 for name in (RECORDS_FILE, TRAJECTORIES_FILE)
@@ -112,15 +119,15 @@ def open_results(folder: Path, settings: Mapping[str, Any]) -> Iterator[Results]
         yield results
 
 
-def is_of(folder: Path, settings: Mapping[str, Any]) -> bool:
+def is_of(folder: Path, settings: Mapping[str, Any], *, today: Today = lambda kept: kept) -> bool:
     """True if `open_results` would go on in a folder."""
     try:
-        return not _differences(_read_settings(folder), settings)
+        return not _differences(today(_read_settings(folder)), settings)
     except (OSError, ValueError):
         return False
 
 
-def _check_settings(folder: Path, settings: Mapping[str, Any]) -> None:
+def _check_settings(folder: Path, settings: Mapping[str, Any], today: Today) -> None:
     """Compare with what the folder was begun with, or say what it is begun with."""
     try:
         kept = _read_settings(folder)
@@ -131,13 +138,17 @@ def _check_settings(folder: Path, settings: Mapping[str, Any]) -> None:
         return
     except ValueError as error:
         raise RunError(f"{folder / SETTINGS_FILE} cannot be read: {error}; choose another --out.") from error
-    different = _differences(kept, settings)
+    different = _differences(today(kept), settings)
     if different:
         more = f" and {len(different) - DIFFERENCES_SHOWN} more" if len(different) > DIFFERENCES_SHOWN else ""
         raise RunError(
             f"{folder} has results of other settings: {', '.join(different[:DIFFERENCES_SHOWN])}{more}. Choose another "
             "--out, or those settings to go on."
         )
+    methods = kept.get(METHODS, {})
+    if new := {name: sha256 for name, sha256 in settings.get(METHODS, {}).items() if name not in methods}:
+        whole = json.dumps({**kept, METHODS: {**methods, **new}}, indent=2)
+        write_whole(folder / SETTINGS_FILE, whole + "\n", raises=RunError)
 
 
 def _read_settings(folder: Path) -> dict[str, Any]:
@@ -146,12 +157,19 @@ def _read_settings(folder: Path) -> dict[str, Any]:
 
 
 def _differences(kept: Mapping[str, Any], asked: Mapping[str, Any]) -> list[str]:
-    theirs, ours = _flat(kept), _flat(json.loads(json.dumps(asked)))
+    theirs, ours = _flat(_of_common_methods(kept, asked)), _flat(_of_common_methods(asked, kept))
     return [
         f"{name} {_short(theirs.get(name))} (now: {_short(ours.get(name))})"
         for name in {**theirs, **ours}
         if theirs.get(name) != ours.get(name)
     ]
+
+
+def _of_common_methods(settings: Mapping[str, Any], others: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings as JSON has them, with the methods alone that both name."""
+    plain: dict[str, Any] = json.loads(json.dumps(settings))
+    methods, named = plain.pop(METHODS, {}), others.get(METHODS, {})
+    return plain | {METHODS: {name: sha256 for name, sha256 in methods.items() if name in named}}
 
 
 def _flat(mapping: Mapping[str, Any], where: str = "") -> dict[str, Any]:

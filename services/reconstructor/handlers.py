@@ -15,10 +15,11 @@ import numpy as np
 from readygo.common.config import section_to_mapping
 from readygo.common.drawing.files import write_png
 from readygo.common.errors import ConfigError, SceneError
-from readygo.services.reconstructor.config import PosesConfig, ReconstructorConfig
+from readygo.services.reconstructor.config import MetricConfig, PosesConfig, ReconstructorConfig
 from readygo.services.reconstructor.drawing import draw_map
 from readygo.services.reconstructor.frames.photos import photo_files, prepare_photos
 from readygo.services.reconstructor.frames.video import extract_frames
+from readygo.services.reconstructor.metric.lengths import KnownLength, in_used_images, parse_length
 from readygo.services.reconstructor.metric.markers import (
     MarkerSighting,
     open_dictionary,
@@ -29,12 +30,13 @@ from readygo.services.reconstructor.metric.place import Placement, place_map
 from readygo.services.reconstructor.metric.scale import square_corners_m
 from readygo.services.reconstructor.posed import PosedImages
 from readygo.services.reconstructor.poses import colmap
+from readygo.services.reconstructor.poses.apart import apart
 from readygo.services.reconstructor.poses.joining import placed_by_markers
 from readygo.services.reconstructor.poses.pairs import image_pairs
 from readygo.services.reconstructor.poses.squares import adjusted_by_squares
 from readygo.services.reconstructor.poses.tags import focal_of_tags, tag_features
 from readygo.services.reconstructor.poses.verdict import ADVICE, DOUBTFUL_POINTS, Verdict, disagreement, judge, refusal
-from readygo.services.reconstructor.stages import Say, Stages
+from readygo.services.reconstructor.stages import Say, Stages, code_digest
 
 FRAMES, MARKERS, FEATURES, MATCHES, MAP, POSED = "frames", "markers", "features", "matches", "map", "posed"
 """Stages, and folders of the job."""
@@ -116,7 +118,9 @@ def find_poses_in(stages: Stages, given: Source, config: ReconstructorConfig) ->
     out = stages.folder
     poses, metric = section_to_mapping(config.poses), section_to_mapping(config.metric)
     settings = {"source": [str(given.path.resolve()), given.kind, given.identity], **section_to_mapping(config.frames)}
-    frames = stages.run(FRAMES, settings, partial(make_frames, given, config))
+    code = code_digest(".", "frames", "metric", "poses")
+    frames = stages.run(FRAMES, settings, partial(make_frames, given, config), code=code)
+    lengths = known_lengths(frames, config.metric)
     folder = out / FRAMES
     seen: list[dict[str, Any]] = []
     if config.metric.marker_size_m:
@@ -128,7 +132,7 @@ def find_poses_in(stages: Stages, given: Source, config: ReconstructorConfig) ->
         compared = _some(poses, "overlap", "exhaustive_max", "seed")
         stages.run(MATCHES, compared, partial(make_matches, out, frames, sightings, given.kind, config))
     made = stages.run(MAP, {**poses, "tags": bool(sightings)}, partial(make_map, out, given, frames, sightings, config))
-    place = partial(make_posed, out, out / MAP / made["model"], Verdict(**made["verdict"]), sightings, config)
+    place = partial(make_posed, out, out / MAP / made["model"], Verdict(**made["verdict"]), sightings, lengths, config)
     report = stages.run(POSED, metric, place)
     return {"source": str(given.path), "kind": given.kind, "frames": frames, **report, "seconds": stages.seconds}
 
@@ -146,6 +150,8 @@ def _check_scale_is_told(config: ReconstructorConfig) -> None:
             "--length between two points, or --scale."
         )
     open_dictionary(metric.marker_dictionary)
+    for text in metric.lengths:
+        parse_length(text)
 
 
 def make_frames(source: Source, config: ReconstructorConfig, folder: Path) -> Mapping[str, Any]:
@@ -174,6 +180,17 @@ def _images(frames: Mapping[str, Any], folder: Path) -> tuple[Path, list[str]]:
     return place, sorted(p.relative_to(place).as_posix() for p in place.rglob("*") if p.is_file())
 
 
+def known_lengths(frames: Mapping[str, Any], config: MetricConfig) -> list[KnownLength]:
+    """The lengths that were told, in pixels of the images that are used.
+
+    Raises:
+        ConfigError: If one names an image that there is not.
+    """
+    used = {name: (name, 1.0) for name in _images(frames, Path())[1]}
+    used |= {name: (str(kept), float(share)) for name, (kept, share) in frames.get("photos", {}).items()}
+    return [in_used_images(parse_length(text), used) for text in config.lengths]
+
+
 def make_markers(
     images: Path, frames: Mapping[str, Any], config: ReconstructorConfig, folder: Path
 ) -> Mapping[str, Any]:
@@ -199,7 +216,7 @@ def make_features(
     """The database of features; the focal length is EXIF's, else that which makes markers square."""
     focal_px = float(frames.get("focal_px") or 0.0) or _focal_of_tags(frames, sightings)
     database, names, size_px = folder / DATABASE_FILE, list(frames["names"]), frames["size_px"]
-    colmap.extract_features(database, images, names, config.poses, focal_px=focal_px, size_px=size_px)
+    apart(colmap.extract_features, database, images, names, config.poses, focal_px=focal_px, size_px=size_px)
     return {"focal_px": focal_px}
 
 
@@ -216,7 +233,7 @@ def make_matches(
     database = folder / DATABASE_FILE
     shutil.copyfile(out / FEATURES / DATABASE_FILE, database)
     pairs = image_pairs(len(names), sequential=_in_order(kind, len(names), config), overlap=config.poses.overlap)
-    colmap.match_features(database, [(names[a], names[b]) for a, b in pairs], config.poses)
+    apart(colmap.match_features, database, [(names[a], names[b]) for a, b in pairs], config.poses)
     if sightings:
         colmap.add_tag_matches(database, tag_features(sightings), config.poses)
     return {"pairs": len(pairs)}
@@ -347,14 +364,20 @@ _NOTHING = Verdict(
 
 
 def make_posed(
-    out: Path, model: Path, verdict: Verdict, sightings: list[MarkerSighting], config: ReconstructorConfig, folder: Path
+    out: Path,
+    model: Path,
+    verdict: Verdict,
+    sightings: list[MarkerSighting],
+    lengths: list[KnownLength],
+    config: ReconstructorConfig,
+    folder: Path,
 ) -> Mapping[str, Any]:
     """Undistorted images and the metric model, a picture from above, and the report."""
     frames = json.loads((out / FRAMES / "stage.json").read_text())["found"]
     place, _ = _images(frames, out / FRAMES)
     images = colmap.read_map(model)
-    placed = place_map(images, sightings, config.metric)
-    colmap.write_undistorted(model, place, folder, placed.world_from_map, config.poses)
+    placed = place_map(images, sightings, lengths, config.metric)
+    apart(colmap.write_undistorted, model, place, folder, placed.world_from_map, config.poses)
     metric = images.moved(placed.world_from_map)
     corners_m = [placed.world_from_map.apply(marker.corners) for marker in placed.markers]
     write_png(

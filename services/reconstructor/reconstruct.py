@@ -18,7 +18,7 @@ from readygo.common.scenes.manifest import file_of
 from readygo.services.reconstructor.config import ReconstructorConfig
 from readygo.services.reconstructor.handlers import POSE_STAGES, POSED, find_poses_in, open_job
 from readygo.services.reconstructor.poses import colmap
-from readygo.services.reconstructor.stages import Say, StageProgress
+from readygo.services.reconstructor.stages import Say, StageProgress, code_digest
 
 GAUSSIANS, SCENE = "gaussians", "scene"
 """Stages after those of the poses."""
@@ -60,7 +60,11 @@ def reconstruct(job: Job, config: ReconstructorConfig, say: Say) -> dict[str, An
     with open_job(job.source, job.work, config, say) as (stages, source):
         report = find_poses_in(stages, source, config)
         trained = stages.run(
-            GAUSSIANS, section_to_mapping(config.gaussians), _training(job.work, config, say), keep=True
+            GAUSSIANS,
+            section_to_mapping(config.gaussians),
+            _training(job.work, config, say),
+            code=code_digest("training"),
+            keep=True,
         )
         # Interrupted trainings go on: their own clock knows all of it.
         stages.seconds[GAUSSIANS] = round(sum(trained["seconds"].values()), 2)

@@ -1,6 +1,8 @@
 """Stages of a job on disk: each makes a folder that is there whole or not at all, and is not made twice."""
 
+import errno
 import fcntl
+import functools
 import hashlib
 import json
 import shutil
@@ -14,9 +16,14 @@ from typing import Any
 from readygo.common.errors import RunError
 from readygo.common.files import unfinished_folder, write_whole
 
-STAGE_FILE, LOCK_FILE = "stage.json", ".lock"
+STAGE_FILE, BEGUN_FILE, LOCK_FILE = "stage.json", "begun", ".lock"
 ROOM_MIN_BYTES = 256 << 20
 """A stage does not begin with less room on the disk."""
+_FULL_BYTES = 4 << 20
+"""Who fails with less room fails for it."""
+_AGAIN = "run the same command again; what is finished stays."
+_MEMORY_WORDS = ("bad_alloc", "can't allocate memory", "cannot allocate memory", "insufficient memory", "out of memory")
+_DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,12 +38,29 @@ class StageProgress:
     """The latest picture of what is being made."""
 
 
+@functools.cache
+def code_digest(*parts: str) -> str:
+    """Hash of the reconstructor's own code, so that what older code made is not mixed with what newer code makes.
+
+    Args:
+        parts: Folders of the service, as "poses"; "." are the files beside them.
+    """
+    here, digest = Path(__file__).parent, hashlib.sha256()
+    for part in parts:
+        for path in sorted((here / part).glob("*.py")):
+            digest.update(path.name.encode() + path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
 Say = Callable[[StageProgress], None]
 Make = Callable[[Path], Mapping[str, Any]]
 
 
 class Stages:
-    """The stages of one job, in order; a stage is made again when its settings or a stage before it changed."""
+    """The stages of one job, in order.
+
+    A stage is made again when its settings, its code, or a stage before it changed.
+    """
 
     def __init__(self, folder: Path, say: Say) -> None:
         """Begin a job, or go on with it.
@@ -73,14 +97,17 @@ class Stages:
                 if [path.name for path in self.folder.iterdir()] == [LOCK_FILE]:
                     shutil.rmtree(self.folder, ignore_errors=True)
 
-    def run(self, name: str, settings: Mapping[str, Any], make: Make, *, keep: bool = False) -> dict[str, Any]:
+    def run(
+        self, name: str, settings: Mapping[str, Any], make: Make, *, code: str = "", keep: bool = False
+    ) -> dict[str, Any]:
         """Make a stage's folder unless it is there already.
 
         Args:
             name: Of the stage, and of its folder.
             settings: All that its result depends on, besides the stages before.
             make: Fills a folder and says what it found, as values that JSON holds.
-            keep: The folder stays when `make` is interrupted; it knows itself what of it can be used.
+            code: What makes it, as of `code_digest`.
+            keep: The folder stays when `make` is interrupted, for the next call with the same settings to go on from.
 
         Returns:
             What was found, now or then.
@@ -88,7 +115,8 @@ class Stages:
         Raises:
             ReadygoError: If the stage cannot be finished; its folder is not there then, or kept to go on.
         """
-        self._key = hashlib.sha256((self._key + name + json.dumps(settings, sort_keys=True)).encode()).hexdigest()
+        text = self._key + name + code + json.dumps(settings, sort_keys=True)
+        self._key = hashlib.sha256(text.encode()).hexdigest()
         path = self.folder / name
         done = self._done(path)
         if done is None:
@@ -104,14 +132,19 @@ class Stages:
             return self._made(folder, make)
 
     def _kept(self, path: Path, make: Make) -> dict[str, Any]:
-        """Make a folder that stays as it is if it is not finished."""
+        """Make a folder that stays as it is if it is not finished; one that was begun otherwise goes."""
+        begun = path / BEGUN_FILE
+        if path.is_dir() and (not begun.is_file() or begun.read_text() != self._key):
+            shutil.rmtree(path)
         path.mkdir(parents=True, exist_ok=True)
+        write_whole(begun, self._key)
         (path / STAGE_FILE).unlink(missing_ok=True)
         return self._made(path, make)
 
     def _made(self, folder: Path, make: Make) -> dict[str, Any]:
         begin_s = time.monotonic()
-        found = json.loads(json.dumps(make(folder)))
+        with _worded(self.folder):
+            found = json.loads(json.dumps(make(folder)))
         done = {"key": self._key, "seconds": round(time.monotonic() - begin_s, 2), "found": found}
         write_whole(folder / STAGE_FILE, (json.dumps(done, indent=2) + "\n").encode())
         return done
@@ -121,7 +154,7 @@ class Stages:
         if free < ROOM_MIN_BYTES:
             raise RunError(
                 f"{self.folder}: {free >> 20} MB are left on the disk, {ROOM_MIN_BYTES >> 20} MB are needed to go on. "
-                "Make room and run the same command again; what is finished stays."
+                f"Make room and {_AGAIN}"
             )
 
     def _done(self, path: Path) -> dict[str, Any] | None:
@@ -131,3 +164,24 @@ class Stages:
         except (OSError, ValueError):
             return None
         return done if isinstance(done, dict) and done.get("key") == self._key else None
+
+
+@contextmanager
+def _worded(folder: Path) -> Iterator[None]:
+    """Say what ran out in a job's folder while a stage was made: libraries of C++ have words of their own, or none.
+
+    Raises:
+        RunError: If memory or the disk ran out.
+    """
+    try:
+        yield
+    except Exception as error:
+        words = str(error)
+        if getattr(error, "errno", None) in _DISK_ERRORS or shutil.disk_usage(folder).free < _FULL_BYTES:
+            raise RunError(f"The disk of {folder} is full ({words}). Make room and {_AGAIN}") from error
+        if isinstance(error, MemoryError) or any(each in words.lower() for each in _MEMORY_WORDS):
+            raise RunError(
+                "Memory ran out: close other programs, or take fewer images (--frames) or a smaller --preset, and "
+                f"{_AGAIN}"
+            ) from error
+        raise

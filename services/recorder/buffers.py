@@ -16,6 +16,8 @@ class EpisodeBuffer:
 
     attempt: int
     header: EpisodeHeader
+    lease: str
+    """What its sender has proved to hold."""
     samples: list[Sample] = field(default_factory=list)
     size_bytes: int = 0
     damaged_count: int = 0
@@ -54,7 +56,7 @@ class EpisodeBuffers:
         if buffer is not None and request.attempt < buffer.attempt:
             return AppendReply(status=AppendStatus.STALE, detail=f"attempt {buffer.attempt} is being recorded")
         if buffer is None or request.attempt > buffer.attempt:
-            buffer = self._buffers[index] = EpisodeBuffer(request.attempt, request.header)
+            buffer = self._buffers[index] = EpisodeBuffer(request.attempt, request.header, request.lease)
         self._buffers.move_to_end(index)
         if request.header != buffer.header:
             raise DatasetError(f"{_name(request)} came with two different headers under attempt {request.attempt}.")

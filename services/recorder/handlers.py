@@ -140,10 +140,10 @@ class Recorder:
         """The answer to an attempt that is new here unless the coordinator has leased it; None if samples may come."""
         episode = request.header.episode
         buffer = self._buffers.get(episode.index)
-        if buffer is not None and request.attempt <= buffer.attempt:
+        if buffer is not None and (request.attempt < buffer.attempt or request.lease == buffer.lease):
             return None
         try:
-            verdict = self._grants.expects(episode, request.attempt)
+            verdict = self._grants.expects(episode, request.attempt, request.lease)
         except BusError as error:
             return AppendReply(status=AppendStatus.RETRY, detail=str(error))
         if verdict.status is VerdictStatus.OK:

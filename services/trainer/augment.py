@@ -53,6 +53,12 @@ def draw_views(turnable: npt.NDArray[np.bool_], config: SamplingConfig, rng: np.
     )
 
 
+def is_symmetric(camera: CameraConfig) -> bool:
+    """True if a robot in a mirror has this very camera: mounted in the middle, image and lens alike both ways."""
+    centred = camera.cx_px is None or camera.cx_px == camera.width_px / 2
+    return centred and camera.mount_y_m == 0.0 and camera.p2 == 0.0
+
+
 def plain_view() -> View:
     """What the camera saw, for a single episode or all of them."""
     zeros = np.zeros(1)

@@ -74,7 +74,8 @@ class SamplingConfig:
     hindsight: Share = 0.5
     """Share of the samples that the expert drove whose goal is a place that the robot reached later."""
     mirror: Share = 0.5
-    """Probability that an episode's samples are mirrored left to right in a batch, with goals and turns."""
+    """Probability that an episode's samples are mirrored left to right in a batch, with goals and turns; never
+    where the camera is not its own mirror image (mounted to a side, off-centre, `p2`)."""
     risks_weight: NotNegative = 4.0
     """Weight of what commands risk in the loss ("weighed" only)."""
     humans_weight: NotNegative = 0.0

@@ -1,6 +1,6 @@
 """What the network is shown of a batch, and how far its answers are off."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from readygo.services.trainer.augment import (
     corrupt_previous,
     draw_views,
     hindsight_goals,
+    is_symmetric,
     lit,
     mirrored_motion,
     plain_view,
@@ -61,7 +62,10 @@ class Objective:
     """Turns samples into what the network is shown, and its answers into a loss."""
 
     def __init__(self, robot: RobotConfig, config: TrainConfig, timing: Timing, dtype: torch.dtype) -> None:
-        self._robot, self._config, self._timing, self._dtype = robot, config.sampling, timing, dtype
+        self._robot, self._timing, self._dtype = robot, timing, dtype
+        # In a mirror such a camera would be on the robot's other side, or have another lens.
+        sampling = config.sampling
+        self._config = sampling if is_symmetric(robot.camera) else replace(sampling, mirror=0.0)
         self._motion = MotionInput(config.network.motion)
         self._warp = FrameWarp(robot.camera, pooling_of(robot.camera, config.network.pooled_height_px))
 

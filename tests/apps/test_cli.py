@@ -55,7 +55,7 @@ def test_help_lists_the_commands_of_a_group(
     argv: list[str], names: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     run_command(COMMANDS, argv)
-    assert re.findall(r"^  (\w+(?: \w+)?)  ", capsys.readouterr().out, re.MULTILINE) == names
+    assert re.findall(r"^  ([\w-]+(?: \w+)?)  ", capsys.readouterr().out, re.MULTILINE) == names
 
 
 @pytest.mark.parametrize(
@@ -97,7 +97,7 @@ def test_value_names_say_scene_and_data(capsys: pytest.CaptureFixture[str]) -> N
         with pytest.raises(SystemExit):
             parse(COMMANDS, [command, "--help"])
         shown += capsys.readouterr().out
-    for text in ("] [SCENE]\n", "] SCENE [POLICY]\n", "] DATA [DATA ...]\n", "--out PATH ", "--val-scene SCENE "):
+    for text in ("] [SCENE]\n", "] [SCENE] [POLICY]\n", "] DATA [DATA ...]\n", "--out PATH ", "--val-scene SCENE "):
         assert text in shown
     assert "--split {train,val,test}" in shown
     assert "--people {paper,varied,crowd}" in shown

@@ -15,8 +15,9 @@ nearest first: chunks and Gaussians behind finished pixels are skipped, the othe
 
 for any number of channels c: colour, depth, 1 (whose sum is one minus the transmittance) and features.
 
-Backward. The lists are replayed in the same order (`blend_gradients`). With g = dL / dC of a pixel and the suffix
-S_i = g . C - sum_{j <= i} w_j (c_j . g), what Gaussian i does to the loss is
+Backward. The lists are replayed in the same order (`blend_gradients`), block of 4x4 pixels by block, and only those of
+their entries that the forward pass noted as having changed a pixel of the block. With g = dL / dC of a pixel and the
+suffix S_i = g . C - sum_{j <= i} w_j (c_j . g), what Gaussian i does to the loss is
 
     dL / dc_i = sum over pixels of w_i g,    v_i = dL / d ln(alpha_i) = w_i (c_i . g) - S_i alpha_i / (1 - alpha_i),
 

@@ -243,7 +243,6 @@ class _Rasterize(torch.autograd.Function):
         out = frame.derive(
             whole.numpy(),
             padded,
-            with_depth=depth is not None,
             absolute=settings.absolute_gradients,
             dense=dense,
         )

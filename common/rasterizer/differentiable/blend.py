@@ -22,7 +22,7 @@ from readygo.common.rasterizer.differentiable.memory import (
 )
 from readygo.common.rasterizer.differentiable.released import released
 from readygo.common.rasterizer.differentiable.simd_rows import load_block, load_first, store_block, store_first
-from readygo.common.simd.memory import load_f16, peek, prefetch, store_f16, touching
+from readygo.common.simd.memory import load_f16, peek, poke, prefetch, store_f16, touching
 from readygo.common.simd.types import (
     bit_pattern,
     float_bits,
@@ -35,9 +35,6 @@ from readygo.common.simd.types import (
     to_float,
     where,
 )
-
-NEVER = 1 << 30
-"""Nodes of a block that is not finished in a slab."""
 
 
 @inlined
@@ -92,22 +89,29 @@ def exp2(t: Any) -> Any:
 
 
 @inlined
-def _blend_block(ws: Workspace, raster: Raster, place: int, entry: int, touched: int, x: Any, y: Any) -> bool:
-    """Blend those of a node's entries whose bit is set into a 4x4 block of pixels; True if a pixel is not finished."""
+def _blend_block(ws: Workspace, raster: Raster, place: int, entry: int, touched: int, x: Any, y: Any) -> Any:
+    """Blend those of a node's entries whose bit is set into a 4x4 block of pixels.
+
+    Returns:
+        Bits of the entries that changed a pixel, and whether a pixel is not finished.
+    """
     state, records, weights = raster.state, ws.records, raster.weights
     transmittance, depth = load_f16(state, place), load_f16(state, place + 16 * DEPTH)
     red, green, blue = load_f16(state, place + 16), load_f16(state, place + 32), load_f16(state, place + 48)
     keep_weights = raster.feature_count > 0
-    kept = 0
+    kept, drawing = 0, 0
     while touched:
+        bit = touched & -touched
         r = np.int64(peek(ws.entry_record, entry + lowest_bit(touched))) * RECORD
-        touched &= touched - 1
+        touched ^= bit
         dx, dy = x - peek(records, r), y - peek(records, r + 1)
         t = log2_alpha(dx, dy, peek(records, r + 2), peek(records, r + 3), peek(records, r + 4), peek(records, r + 5))
-        alpha = where(t >= LOG2_ALPHA_MIN, minimum(exp2(t), ALPHA_MAX), 0.0)
         # Finished pixels stay as they are, even if their block goes on: a difference of `TRANSMITTANCE_MIN` behind an
         # alpha of 0.99 would be a hundred times larger in the gradient.
-        weight = where(transmittance >= TRANSMITTANCE_MIN, alpha * transmittance, 0.0)
+        drawn = (t >= LOG2_ALPHA_MIN) & (transmittance >= TRANSMITTANCE_MIN)
+        weight = where(drawn, minimum(exp2(t), ALPHA_MAX) * transmittance, 0.0)
+        is_drawn = mask_bits(drawn) != 0
+        drawing |= bit if is_drawn else 0
         red, green, blue, depth = (
             fma(weight, peek(records, r + 6), red),
             fma(weight, peek(records, r + 7), green),
@@ -117,13 +121,13 @@ def _blend_block(ws: Workspace, raster: Raster, place: int, entry: int, touched:
         transmittance = transmittance - weight
         if keep_weights:
             store_f16(weights, kept, weight)
-            kept += 16
+            kept += 16 if is_drawn else 0
     store_f16(state, place, transmittance)
     store_f16(state, place + 16, red)
     store_f16(state, place + 32, green)
     store_f16(state, place + 48, blue)
     store_f16(state, place + 16 * DEPTH, depth)
-    return bool(mask_bits(transmittance >= TRANSMITTANCE_MIN) != 0)
+    return drawing, mask_bits(transmittance >= TRANSMITTANCE_MIN) != 0
 
 
 @inlined
@@ -167,7 +171,7 @@ def _copy_tile(raster: Raster, left: int, top: int, planes: int, store: bool) ->
 
 @released
 def blend(width: int, ws: Workspace, raster: Raster) -> None:
-    """Blend the slab's lists into the planes, nearest first, and note where each 4x4 block of pixels was finished.
+    """Blend the slab's lists into the planes, nearest first, and note which entries changed which 4x4 blocks of pixels.
 
     A block is left alone once all of its pixels are finished, a tile once all of its blocks are; both are asked after
     every node.
@@ -177,8 +181,7 @@ def blend(width: int, ws: Workspace, raster: Raster) -> None:
     for tile in range(len(ws.quad_alive)):
         alive = ws.tile_alive[tile]
         last_place = ws.tile_place[tile]
-        for block in range(16):
-            raster.block_end[tile * 16 + block] = NEVER if (alive >> block) & 1 else 0
+        raster.tile_nodes[tile] = 0
         if last_place == tile * NODE or alive == 0:
             continue
         left, top = (tile % columns) * 16, (tile // columns) * 16
@@ -194,6 +197,8 @@ def blend(width: int, ws: Workspace, raster: Raster) -> None:
                 node = ws.node_next[node]
                 _prefetch_node(ws, raster, node, NODE if node != last else last_place & (NODE - 1))
             drawn += 1
+            for block in range(16):
+                poke(raster.node_blocks, (entry >> 2) + block, 0)
             waiting = alive
             while waiting:
                 block = lowest_bit(waiting)
@@ -203,13 +208,14 @@ def blend(width: int, ws: Workspace, raster: Raster) -> None:
                     continue
                 x, y = lane_x + (left + raster.block_x[block]), lane_y + (top + raster.block_y[block])
                 place = block * planes * 16
-                unfinished = _blend_block(ws, raster, place, entry, touched, x, y)
+                drawing, unfinished = _blend_block(ws, raster, place, entry, touched, x, y)
+                poke(raster.node_blocks, (entry >> 2) + block, drawing)
                 if raster.feature_count:
-                    _blend_features(ws, raster, place, entry, touched)
+                    _blend_features(ws, raster, place, entry, drawing)
                 if not unfinished:
                     alive &= ~(1 << block)
-                    raster.block_end[tile * 16 + block] = drawn
         ws.tile_alive[tile] = alive
+        raster.tile_nodes[tile] = drawn
         _copy_tile(raster, left, top, planes, True)
 
 

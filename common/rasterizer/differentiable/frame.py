@@ -23,13 +23,13 @@ from readygo.common.rasterizer.cpu.workspace import (
     with_room,
 )
 from readygo.common.rasterizer.differentiable.blend import begin_planes, blend, gather_features
-from readygo.common.rasterizer.differentiable.blend_gradients import STATE_ROWS, Options, begin_replay, blend_gradients
+from readygo.common.rasterizer.differentiable.blend_gradients import STATE_ROWS, begin_replay, blend_gradients
 from readygo.common.rasterizer.differentiable.cull import bound_chunks
 from readygo.common.rasterizer.differentiable.memory import (
     CHUNK,
     FEATURE_GROUP,
+    FEATURES,
     GROUP,
-    LATER_ROWS,
     PLANES,
     STAGED_LANES,
     STAGED_ROWS,
@@ -133,7 +133,8 @@ class Frame:
             stride=-(-width_px // TILE) * TILE,
             features=np.empty(0, dtype=np.float32),
             feature_count=0,
-            block_end=np.zeros(16 * tile_count(height_px, width_px), dtype=np.int32),
+            tile_nodes=np.zeros(tile_count(height_px, width_px), dtype=np.int32),
+            node_blocks=np.empty(0, dtype=np.int64),
             weights=aligned(64 * 16, np.float32),
             state=aligned(16 * STATE_ROWS * 16, np.float32),
             block_x=np.tile(np.arange(0, 16, 4, dtype=np.float32), 4),
@@ -166,7 +167,11 @@ class Frame:
         self._slab_count = 0
         for slab in slabs_of(self._chunks.depth_m):
             self._draw_slab(slab, keep)
-        index, radius_px = np.empty(self._ws.counts[RECORDS], np.int64), np.empty(self._ws.counts[RECORDS], np.float32)
+        count = int(self._ws.counts[RECORDS])
+        index, radius_px = (
+            _MEMORY.pool.take("index", count, np.int64),
+            _MEMORY.pool.take("radius_px", count, np.float32),
+        )
         self._rows = list_drawn(self._chunks, self._kept, index, radius_px)
         token = np.zeros(1, dtype=np.float32)
         self._token = weakref.ref(token)
@@ -214,23 +219,20 @@ class Frame:
         counts = self._ws.counts
         ws = lists.with_room(lists.of(self._ws), int(4 * counts[KEYS] + counts[LARGE_ENTRIES]))
         fill_tiles(view.width, in_sorted, ws)
-        blend(view.width, ws, self._raster._replace(block_end=lists.block_end))
+        blend(view.width, ws, lists.on(self._raster))
         self._slab_count += 1
 
-    def derive(
-        self, planes: Singles, slopes: Singles, *, with_depth: bool, absolute: bool, dense: bool
-    ) -> FrameGradients:
+    def derive(self, planes: Singles, slopes: Singles, *, absolute: bool, dense: bool) -> FrameGradients:
         """Derivatives of a loss by all parameters.
 
         Args:
             planes: What `draw` gave.
             slopes: Derivatives of the loss by the planes, in memory that `padded` gave.
-            with_depth: False if the derivatives by the depth plane are all zero.
             absolute: Also sum up the pixels' absolute derivatives by the projected means.
             dense: Give SH coefficients' derivatives for all Gaussians.
         """
         feature_count = self._raster.feature_count
-        absolute_row = LATER_ROWS + max(feature_count - FEATURE_GROUP, 0)
+        absolute_row = FEATURES + feature_count
         record_size = -(-(absolute_row + 2 * absolute) // 16) * 16
         out = self._gradients(record_size, dense)
         raster = self._raster._replace(planes=planes.reshape(-1))
@@ -240,10 +242,10 @@ class Frame:
             blend_gradients(
                 self._view.width,
                 lists.of(self._ws),
-                raster._replace(block_end=lists.block_end),
+                lists.on(raster),
                 slopes.reshape(-1),
                 replay,
-                Options(with_depth, absolute, absolute_row),
+                absolute,
                 out,
             )
         rows = project_gradients(self._view, self._cloud, self._chunks, dense, self._kept, out)
@@ -264,7 +266,8 @@ class Frame:
         return Gradients(
             records=_MEMORY.pool.take("records", int(self._ws.counts[RECORDS]) * record_size, np.float32),
             record_size=record_size,
-            sums=_MEMORY.pool.take("sums", record_size * 16, np.float32),
+            touched=_MEMORY.pool.take("touched", int(self._ws.counts[RECORDS]) // 16 + 2, np.uint8),
+            sums=_MEMORY.pool.take("sums", 16 * 16, np.float32),
             numbers=_MEMORY.pool.take("numbers", room, np.int64),
             means_m=_MEMORY.pool.take("means_m", room * 3, np.float32),
             quats_wxyz=_MEMORY.pool.take("quats_wxyz", room * 4, np.float32),
@@ -315,7 +318,8 @@ class _SlabLists:
         self._node_next = aligned(0, np.int64)
         self._entry_record = aligned(0, np.int32)
         self._entry_blocks = aligned(0, np.uint16)
-        self.block_end = np.zeros_like(raster.block_end)
+        self._tile_nodes = np.zeros_like(raster.tile_nodes)
+        self._node_blocks = np.empty(0, dtype=np.int64)
 
     def of(self, ws: Workspace) -> Workspace:
         """The workspace with these lists."""
@@ -330,7 +334,13 @@ class _SlabLists:
         """The workspace with these lists, large enough."""
         ws = with_room(ws, entries=entries)
         self._node_next, self._entry_record, self._entry_blocks = ws.node_next, ws.entry_record, ws.entry_blocks
+        if len(self._node_blocks) < 16 * len(ws.node_next):
+            self._node_blocks = aligned(16 * len(ws.node_next), np.int64)
         return ws
+
+    def on(self, raster: Raster) -> Raster:
+        """The raster with what is noted of these lists."""
+        return raster._replace(tile_nodes=self._tile_nodes, node_blocks=self._node_blocks)
 
 
 def _chunk_arrays(count: int) -> Chunks:

@@ -22,11 +22,10 @@ GROUP = GROUP_ROWS * 16
 """Numbers per group."""
 TRANSMITTANCE, RED, DEPTH, PLANES = 0, 1, 4, 5
 """Planes of an image: transmittance, red, green, blue, depth times weight, and then the features."""
-WEIGHT, CHANNELS = 6, 7
-"""Places in a gradient record: six moments, the sum of weights, then red, green, blue, depth and the features."""
-GRADIENT_ROWS = 11
-"""Numbers of a gradient record without features; the first group of these follows, the others are at LATER_ROWS."""
-LATER_ROWS = 16
+MOMENTS, WEIGHT, CHANNELS, FEATURES = (0, 1, 4, 2, 5, 8), 12, (3, 7, 11, 15), 16
+"""Places in a gradient record: six moments, the sum of weights, red, green, blue and depth, and where features begin.
+Behind these are the absolute derivatives by the projected mean, if asked for. The order is that in which
+`blend_gradients` gets them; the other places below `FEATURES` hold nothing of use."""
 FEATURE_GROUP = 4
 """Features are handled in groups of this many; the last group is filled up with zeros."""
 
@@ -92,8 +91,10 @@ class Raster(NamedTuple):
     """Features of the records, shape (records * feature_count,)."""
     feature_count: int
     """Features per record, a multiple of `FEATURE_GROUP`."""
-    block_end: npt.NDArray[np.int32]
-    """Nodes of the slab's lists that were drawn into each 4x4 block until it was finished, shape (T * 16,)."""
+    tile_nodes: npt.NDArray[np.int32]
+    """Nodes of each tile's list that were drawn until the tile was finished, shape (T,)."""
+    node_blocks: Integers
+    """Which of a drawn node's entries changed a pixel (bits), for each 4x4 block of the tile, shape (E / 64 * 16,)."""
     weights: Singles
     """Weights of one list of entries in one block, shape (64 * 16,)."""
     state: Singles
@@ -111,11 +112,13 @@ class Gradients(NamedTuple):
     """
 
     records: Singles
-    """Gradient records, see `GRADIENT_ROWS`, shape (records * record_size,)."""
+    """Gradient records, see `MOMENTS`, shape (records * record_size,)."""
     record_size: int
     """Numbers per gradient record, a multiple of 16."""
+    touched: npt.NDArray[np.uint8]
+    """1 for groups of which a record was replayed; gradient records of the others hold nothing, shape (G,)."""
     sums: Singles
-    """A gradient record in 16 parts each, shape (record_size * 16,)."""
+    """The first 16 numbers of 16 gradient records, one row each, shape (16 * 16,)."""
     numbers: Integers
     """Which Gaussians have weight, ascending."""
     means_m: Singles

@@ -261,12 +261,12 @@ def project(view: PinholeView, cloud: Cloud, chunks: Chunks, slab: Slab, keep: b
                 drawn = _image_group(optics, R, group, kept, ws)
                 if slab.cull:
                     drawn = _unhidden(drawn, optics.columns, ws)
-                radius = group * GROUP + 16 * RADIUS
-                store_f16(kept.groups, radius, where(_lanes(drawn), load_f16(kept.groups, radius), 0.0))
                 if drawn:
+                    radius = group * GROUP + 16 * RADIUS
+                    store_f16(kept.groups, radius, where(_lanes(drawn), load_f16(kept.groups, radius), 0.0))
                     colour_group(cloud, group, drawn, keep, kept, ws)
                     counts = _emit(drawn, 16 * group, counts, slab, ws)
-                group += 1
+                    group += 1
         chunks.group_count[i] = group - chunks.first_group[i]
     ws.counts[RECORDS] = 16 * group
     ws.counts[KEYS], ws.counts[LATER] = counts

@@ -11,6 +11,8 @@ v, v dx, v dy, v dx^2, v dx dy, v dy^2 over its pixels:
 
 from typing import Any
 
+import numpy as np
+
 from readygo.common.kernels import inlined
 from readygo.common.rasterizer.cpu.optics import Optics, clamped, optics_of, rotation_rows
 from readygo.common.rasterizer.cpu.view import PinholeView
@@ -25,10 +27,9 @@ from readygo.common.rasterizer.differentiable.ewa import (
 from readygo.common.rasterizer.differentiable.memory import (
     CHANNELS,
     COLOURED,
-    FEATURE_GROUP,
-    GRADIENT_ROWS,
+    FEATURES,
     GROUP,
-    LATER_ROWS,
+    MOMENTS,
     NUMBER,
     WEIGHT,
     Chunks,
@@ -38,7 +39,7 @@ from readygo.common.rasterizer.differentiable.memory import (
     Singles,
 )
 from readygo.common.rasterizer.differentiable.released import released
-from readygo.common.rasterizer.differentiable.simd_rows import load_first, rows_of_four, rows_of_three, store_first
+from readygo.common.rasterizer.differentiable.simd_rows import rows_of_four, rows_of_three, store_first
 from readygo.common.simd.memory import compress, load_f16, load_i16, prefetch, store_f16, transpose_in_place
 from readygo.common.simd.types import (
     bit_pattern,
@@ -60,6 +61,11 @@ from readygo.common.simd.types import (
 @inlined
 def _row(kept: Kept, group: int, row: int) -> Any:
     return load_f16(kept.groups, group * GROUP + 16 * row)
+
+
+@inlined
+def _moment(out: Gradients, number: int) -> Any:
+    return load_f16(out.sums, MOMENTS[number] * 16)
 
 
 @inlined
@@ -109,11 +115,8 @@ def _copy_features(group: int, row: int, weighty: int, out: Gradients) -> None:
         weighty &= weighty - 1
         source, target = (16 * group + lane) * out.record_size, row * size
         row += 1
-        head = load_first(out.records, source + GRADIENT_ROWS, FEATURE_GROUP)
-        store_first(out.features, target, min(size, FEATURE_GROUP), head)
-        for k in range(FEATURE_GROUP, size, 16):
-            tail = load_f16(out.records, source + LATER_ROWS + k - FEATURE_GROUP)
-            store_first(out.features, target + k, size - k, tail)
+        for k in range(0, size, 16):
+            store_first(out.features, target + k, size - k, load_f16(out.records, source + FEATURES + k))
 
 
 @inlined
@@ -171,8 +174,8 @@ def _shape_gradients(
     sxx, sxy, syy, det = image_covariance(a, b)
     scale = 1.0 / det
     kxx, kxy, kyy = syy * scale, fnma(sxy, scale, f16(0.0)), sxx * scale
-    m0, m1, m2 = load_f16(out.sums, 0), load_f16(out.sums, 16), load_f16(out.sums, 32)
-    m3, m4, m5 = load_f16(out.sums, 48), load_f16(out.sums, 64), load_f16(out.sums, 80)
+    m0, m1, m2 = _moment(out, 0), _moment(out, 1), _moment(out, 2)
+    m3, m4, m5 = _moment(out, 3), _moment(out, 4), _moment(out, 5)
     store_f16(out.opacities, row, _packed(lanes, m0 / _row(kept, group, 10)))
     gx, gy = fma(kxx, m1, kxy * m2), fma(kxy, m1, kyy * m2)
     store_f16(out.means_px, first, where(lanes, gx, 0.0))
@@ -221,7 +224,7 @@ def _shape_gradients(
     inside_u, inside_v = (u > optics.u_low) & (u < optics.u_high), (v > optics.v_low) & (v < optics.v_high)
     g_u = fma(gx, optics.fx, where(inside_u, 0.0 - g_uc, 0.0))
     g_v = fma(gy, optics.fy, where(inside_v, 0.0 - g_vc, 0.0))
-    g_depth = load_f16(out.sums, (CHANNELS + 3) * 16)
+    g_depth = load_f16(out.sums, CHANNELS[3] * 16)
     g_z = fnma(fma(g_u, u, fma(g_v, v, g_zoom)), inverse_z, g_depth)
     t0, t1, t2 = fma(uc, e0, vc * e3), fma(uc, e1, vc * e4), fma(uc, e2, vc * e5)
     zero = f16(0.0)
@@ -236,9 +239,9 @@ def _colour_gradients(cloud: Cloud, group: int, row: int, weighty: int, dense: b
         return zero, zero, zero
     coloured = load_i16(kept.groups, group * GROUP + 16 * COLOURED)
     g = (
-        where(has_bit(coloured, 1), load_f16(out.sums, CHANNELS * 16), 0.0),
-        where(has_bit(coloured, 2), load_f16(out.sums, (CHANNELS + 1) * 16), 0.0),
-        where(has_bit(coloured, 4), load_f16(out.sums, (CHANNELS + 2) * 16), 0.0),
+        where(has_bit(coloured, 1), load_f16(out.sums, CHANNELS[0] * 16), 0.0),
+        where(has_bit(coloured, 2), load_f16(out.sums, CHANNELS[1] * 16), 0.0),
+        where(has_bit(coloured, 4), load_f16(out.sums, CHANNELS[2] * 16), 0.0),
     )
     d = (_row(kept, group, 0), _row(kept, group, 1), _row(kept, group, 2))
     inverse = 1.0 / sqrt(fma(d[0], d[0], fma(d[1], d[1], d[2] * d[2])))
@@ -310,15 +313,17 @@ def project_gradients(view: PinholeView, cloud: Cloud, chunks: Chunks, dense: bo
     for i in range(len(chunks.number)):
         for group in range(chunks.first_group[i], chunks.first_group[i] + chunks.group_count[i]):
             count: int = kept.lanes[group]
-            _ask_for(group + 2, kept, out)
-            _gradient_rows(group, out)
-            weight = load_f16(out.sums, WEIGHT * 16)
-            lanes = (weight > 0.0) & (lane_number() < count)
-            store_f16(out.weights, first, weight)
-            if mask_bits(lanes):
+            if out.touched[group + 2]:
+                _ask_for(group + 2, kept, out)
+            if out.touched[group]:
+                _gradient_rows(group, out)
+                weight = load_f16(out.sums, WEIGHT * 16)
+                lanes = (weight > 0.0) & (lane_number() < count)
+                store_f16(out.weights, first, weight)
                 _group_gradients(optics, R, cloud, group, first, row, lanes, dense, kept, out)
                 row += count_bits(mask_bits(lanes))
             else:
+                store_f16(out.weights, first, f16(0.0))
                 store_f16(out.means_px, first, f16(0.0))
                 store_f16(out.means_px, out.stride + first, f16(0.0))
             first += count
@@ -334,5 +339,5 @@ def gather_sums(chunks: Chunks, kept: Kept, out: Gradients, begin: int, rows: Si
             for lane in range(kept.lanes[group]):
                 place = (16 * group + lane) * out.record_size + begin
                 for k in range(rows.shape[1]):
-                    rows[row, k] = out.records[place + k]
+                    rows[row, k] = out.records[place + k] if out.touched[group] else np.float32(0.0)
                 row += 1

@@ -176,17 +176,58 @@ columns_of_four = _tuple_of(_four, 4, _rows_to_columns_of_four, "64 numbers in r
 rows_of_four = _tuple_of(_four, 4, _columns_to_rows_of_four, "The inverse of `columns_of_four`.")
 
 
-def _merged(builder: Any, values: list[Any], near: list[int], far: list[int]) -> list[Any]:
-    """Sums of two shuffles of each pair of vectors; None stands for zeros."""
-    zero = ir.Constant(f32_vector, None)
-    out: list[Any] = []
-    for a, b in zip(values[::2], values[1::2], strict=True):
-        if a is None and b is None:
-            out.append(None)
-            continue
-        pair = (zero if a is None else a, zero if b is None else b)
-        out.append(builder.fadd(shuffled(builder, *pair, near), shuffled(builder, *pair, far)))
-    return out
+def _halved(builder: Any, a: Any, b: Any, near: list[int], far: list[int]) -> Any:
+    """Sum of two shuffles of a pair of vectors."""
+    return builder.fadd(shuffled(builder, a, b, near), shuffled(builder, a, b, far))
+
+
+def _quarters(*picks: int) -> list[int]:
+    """Four whole 128-bit quarters of two vectors in a row."""
+    return [4 * quarter + lane for quarter in picks for lane in range(4)]
+
+
+def _over_rows(builder: Any, a: Any, b: Any, c: Any, d: Any) -> Any:
+    ab = _halved(builder, a, b, _quarters(0, 1, 6, 7), _quarters(2, 3, 4, 5))
+    cd = _halved(builder, c, d, _quarters(0, 1, 6, 7), _quarters(2, 3, 4, 5))
+    return _halved(builder, ab, cd, _quarters(0, 2, 4, 6), _quarters(1, 3, 5, 7))
+
+
+def _over_columns(builder: Any, a: Any, b: Any, c: Any, d: Any) -> Any:
+    low, high = per_quarter(0, 16, 1, 17), per_quarter(2, 18, 3, 19)
+    ab, cd = (_halved(builder, *pair, low, high) for pair in ((a, b), (c, d)))
+    return _halved(builder, ab, cd, per_quarter(0, 1, 16, 17), per_quarter(2, 3, 18, 19))
+
+
+def _sums(emit_sums: Callable[..., Any], doc: str) -> Any:
+    def function(typing_context: Any, a: Any, b: Any, c: Any, d: Any) -> Any:
+        return F16(a, b, c, d), lambda context, builder, sig, args: emit_sums(builder, *args)
+
+    function.__doc__ = doc
+    return _intrinsic(function)
+
+
+sums_over_rows = _sums(
+    _over_rows, "Of four 4x4 blocks (see `load_block`) the sums over their rows: four numbers for each block in turn."
+)
+sums_over_columns = _sums(
+    _over_columns,
+    "Of four 4x4 blocks the sums over their columns: a row for each row, and in it a number for each block.",
+)
+
+
+@_intrinsic
+def add_block_sums(typing_context: Any, array: Any, index: Any, a: Any, b: Any, c: Any, d: Any) -> Any:
+    """Add the sums of the lanes of four F16 to the four float32 elements at `index`."""
+
+    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        pointer = pointer_to(context, builder, sig, args, _quarter)
+        sums = _halves(builder, _halves(builder, _over_columns(builder, *args[2:]), 16), 8)
+        old = builder.load(pointer)
+        old.align = 4
+        builder.store(builder.fadd(old, sums), pointer).align = 4
+        return context.get_dummy_value()
+
+    return types.void(array, index, F16, F16, F16, F16), emit
 
 
 def _halves(builder: Any, value: Any, lanes: int) -> Any:
@@ -198,54 +239,3 @@ def _halves(builder: Any, value: Any, lanes: int) -> Any:
         for first in (0, lanes // 2)
     )
     return builder.fadd(low, high)
-
-
-def _lane_sums(builder: Any, values: list[Any]) -> Any:
-    """Two steps within the four 128-bit quarters, where shuffles are cheap, then the sum of the quarters."""
-    pairs = _merged(builder, values, per_quarter(0, 16, 1, 17), per_quarter(2, 18, 3, 19))
-    fours = _merged(builder, pairs, per_quarter(0, 1, 16, 17), per_quarter(2, 3, 18, 19))
-    zero = ir.Constant(_quarter, None)
-    parts = [zero if four is None else _halves(builder, _halves(builder, four, 16), 8) for four in fours]
-    eight = ir.Constant(ir.VectorType(_i32, 8), list(range(8)))
-    low, high = (builder.shuffle_vector(parts[k], parts[k + 1], eight) for k in (0, 2))
-    return builder.shuffle_vector(low, high, ir.Constant(i32_vector, list(range(LANES))))
-
-
-@_intrinsic
-def lane_sums_of_eleven(typing_context: Any, values: Any) -> Any:
-    """F16 whose lane n is the sum over the lanes of the n-th F16 of a tuple of 11; the other lanes are 0."""
-
-    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return _lane_sums(builder, [*_members(builder, args[0], 11), *[None] * 5])
-
-    return F16(_tuple(F16, 11)), emit
-
-
-@_intrinsic
-def lane_sums_of_fifteen(typing_context: Any, values: Any, more: Any) -> Any:
-    """The same for a tuple of 11 and a tuple of 4."""
-
-    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        return _lane_sums(builder, [*_members(builder, args[0], 11), *_members(builder, args[1], 4), None])
-
-    return F16(_tuple(F16, 11), _four), emit
-
-
-def _members(builder: Any, value: Any, count: int) -> list[Any]:
-    return [builder.extract_value(value, k) for k in range(count)]
-
-
-@_intrinsic
-def lane_sums_at(typing_context: Any, array: Any, index: Any) -> Any:
-    """F16 whose lane n is the sum of the n-th of 16 vectors that lie one after the other at `index`."""
-
-    def emit(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        first = pointer_to(context, builder, sig, args, f32_vector)
-        rows = []
-        for k in range(LANES):
-            row = builder.load(builder.gep(first, [ir.Constant(_i32, k)]))
-            row.align = 4
-            rows.append(row)
-        return _lane_sums(builder, rows)
-
-    return F16(array, index), emit

@@ -26,13 +26,15 @@ def prepare_photos(source: Path, folder: Path, config: FramesConfig) -> dict[str
     Photos of different sizes come from different cameras: each size has a folder of its own.
 
     Returns:
-        What was found: photos, kept, size, unreadable files, and the focal length [px] if EXIF tells one of all.
+        What was found: photos, kept, size, unreadable files, the focal length [px] if EXIF tells one of all, and of
+        each photo the image that is used, with its width as share of the photo's.
 
     Raises:
         SceneError: If there are too few.
     """
     files = photo_files(source)
     kept, unreadable, focals_px = [], [], set()
+    shares: dict[str, float] = {}
     for path in files:
         # imread turns images as EXIF says.
         bgr = cv2.imread(str(path))
@@ -42,6 +44,7 @@ def prepare_photos(source: Path, folder: Path, config: FramesConfig) -> dict[str
         small = shrunk(np.asarray(bgr, dtype=np.uint8), config.side_max_px)
         height, width = small.shape[:2]
         kept.append((path.stem, small.shape[:2]))
+        shares[path.name] = width / bgr.shape[1]
         focal_35mm = read_exif(path).get("focal_35mm")
         focals_px.add(round(focal_of_35mm(focal_35mm, width, height), 2) if focal_35mm else 0.0)
         write_jpeg(folder / f"{width}x{height}" / f"{path.stem}.jpg", small)
@@ -54,8 +57,10 @@ def prepare_photos(source: Path, folder: Path, config: FramesConfig) -> dict[str
         _flatten(folder)
     focal_px = focals_px.pop() if len(focals_px) == 1 else 0.0
     size_px = [list(size[::-1]) for size in sizes]
+    names = [stem if len(sizes) == 1 else f"{size[1]}x{size[0]}/{stem}" for stem, size in kept]
+    photos = {path: (f"{name}.jpg", share) for name, (path, share) in zip(names, shares.items(), strict=True)}
     return {"frames": len(files), "kept": len(kept), "size_px": size_px[0] if len(sizes) == 1 else size_px,
-            "unreadable": unreadable, "focal_px": focal_px}  # fmt: skip
+            "unreadable": unreadable, "focal_px": focal_px, "photos": photos}  # fmt: skip
 
 
 def _flatten(folder: Path) -> None:

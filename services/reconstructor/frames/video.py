@@ -1,5 +1,6 @@
 """Frames of videos."""
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,9 @@ FRAMES_MIN = 10
 _WAY_MIN = 0.3
 """A picture that moved less in all, as share of its width, was not filmed walking."""
 JPEG_QUALITY = 97
+
+# FFmpeg writes what it thinks of a broken file to stderr itself, beside our line.
+os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 
 Bgr = npt.NDArray[np.uint8]
 

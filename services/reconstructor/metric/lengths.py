@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +24,11 @@ class KnownLength:
     ends: tuple[tuple[tuple[str, float, float], ...], tuple[tuple[str, float, float], ...]]
     """Picks of the one end and of the other: image, u and v [px], from the image's upper left corner."""
     length_m: float
+
+    @property
+    def images(self) -> list[str]:
+        """Where it was picked."""
+        return [name for name, _, _ in self.ends[0]]
 
 
 def parse_length(text: str) -> KnownLength:
@@ -51,6 +57,27 @@ def _parse_pick(word: str) -> tuple[str, float, float]:
     if match is None:
         raise ValueError(f"{word!r} is no pick")
     return match[1], float(match[2]), float(match[3])
+
+
+def in_used_images(known: KnownLength, used: Mapping[str, tuple[str, float]]) -> KnownLength:
+    """The length with picks in the images that are used, which may be smaller than those that were picked in.
+
+    Args:
+        known: As it was told.
+        used: By the name of an image that may be told: its name now, and how much smaller it is.
+
+    Raises:
+        ConfigError: If there is no such image.
+    """
+    absent = [name for name in known.images if name not in used]
+    if absent:
+        raise ConfigError(
+            f"--length names {absent[0]}, which is no image here; there are {', '.join(list(used)[:3])}, ..."
+        )
+    first, second = (
+        tuple((used[name][0], u * used[name][1], v * used[name][1]) for name, u, v in picks) for picks in known.ends
+    )
+    return KnownLength(ends=(first, second), length_m=known.length_m)
 
 
 def measured_length(images: PosedImages, known: KnownLength) -> tuple[float, float]:

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from readygo.common.errors import ConfigError, SceneError
 from readygo.services.reconstructor.config import MetricConfig
-from readygo.services.reconstructor.metric.lengths import KnownLength, measured_length, parse_length
+from readygo.services.reconstructor.metric.lengths import KnownLength, measured_length
 from readygo.services.reconstructor.metric.markers import MarkerSighting
 from readygo.services.reconstructor.metric.scale import (
     TWO_SIDED_95,
@@ -47,15 +47,22 @@ class Placement:
     warnings: tuple[str, ...]
 
 
-def place_map(images: PosedImages, sightings: Sequence[MarkerSighting], config: MetricConfig) -> Placement:
+def place_map(
+    images: PosedImages, sightings: Sequence[MarkerSighting], lengths: Sequence[KnownLength], config: MetricConfig
+) -> Placement:
     """Find scale, up and floor of a map.
+
+    Args:
+        images: The map.
+        sightings: Of markers.
+        lengths: What `config.lengths` says, in pixels of these images.
+        config: What makes the map metric.
 
     Raises:
         ConfigError: If nothing tells the scale.
         SceneError: If what tells it cannot be measured, or contradicts itself.
     """
     measures, warnings = _measured_markers(images, sightings, config)
-    lengths = [parse_length(text) for text in config.lengths]
     scale, more = _scale(images, measures, lengths, config)
     floor, marker, others = _floor(images, measures, config)
     origin = images.T_world_camera[0, :3, 3] if marker is None else marker.corners.mean(axis=0)
@@ -89,7 +96,7 @@ def _measured_markers(
 
 
 def _scale(
-    images: PosedImages, measures: list[MarkerMeasure], lengths: list[KnownLength], config: MetricConfig
+    images: PosedImages, measures: list[MarkerMeasure], lengths: Sequence[KnownLength], config: MetricConfig
 ) -> tuple[Scale, list[str]]:
     """The scale, and what else there is to say of it."""
     if measures:
@@ -108,7 +115,7 @@ def _scale(
     )
 
 
-def _length_checks(images: PosedImages, lengths: list[KnownLength], scale: Scale) -> list[str]:
+def _length_checks(images: PosedImages, lengths: Sequence[KnownLength], scale: Scale) -> list[str]:
     """What a second length says; one that does not fit is an error.
 
     Raises:

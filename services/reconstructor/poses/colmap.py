@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.camera.captured import CapturedViews
-from readygo.common.errors import ConfigError, SceneError
+from readygo.common.errors import ConfigError, RunError, SceneError
 from readygo.common.extras import install_command
 from readygo.services.reconstructor.config import PosesConfig
 from readygo.services.reconstructor.metric.similarity import Similarity
@@ -335,6 +335,9 @@ def write_undistorted(model: Path, images: Path, folder: Path, b_from_a: Similar
         folder: Where to write.
         b_from_a: From the model's frame to the new one.
         config: How many threads.
+
+    Raises:
+        RunError: If images could not be written.
     """
     colmap = pycolmap()
     rec = colmap.Reconstruction(model)
@@ -342,6 +345,11 @@ def write_undistorted(model: Path, images: Path, folder: Path, b_from_a: Similar
     with tempfile.TemporaryDirectory() as moved:
         rec.write(moved)
         colmap.undistort_images(folder, moved, images, jpeg_quality=97, num_threads=config.threads or -1)
+    # COLMAP goes on after an image that it could not write.
+    written = [folder / "images" / rec.images[number].name for number in rec.reg_image_ids()]
+    lost = [path.name for path in written if not path.is_file() or path.stat().st_size == 0]
+    if lost:
+        raise RunError(f"{len(lost)} undistorted images could not be written, {lost[0]} among them; is the disk full?")
     sparse = folder / "sparse"
     inner = folder / "0"
     sparse.rename(inner)

@@ -50,6 +50,9 @@ class DensityConfig:
     """Fainter ones are removed or moved."""
     scale_max: Annotated[float, Range(above=0.0)] = 0.1
     """Larger ones are removed, in extents of the scene; `gradients` only."""
+    stretch_max: Annotated[float, Range(low=1.0)] = 5.0
+    """A Gaussian's longest axis is at most this many times its middle one: longer ones look right from the cameras
+    alone, and are needles from elsewhere."""
     reset_every: Annotated[float, Range(above=0.0)] = 0.2
     """Opacities are made small so often; `gradients` only."""
     growth: Annotated[float, Range(low=0.0)] = 0.05
@@ -137,10 +140,17 @@ def weak_texture(settings: GaussiansConfig) -> GaussiansConfig:
 
 def preset(name: Preset) -> GaussiansConfig:
     """The settings of a name: `draft` takes minutes on two cores, `standard` and `high` are for longer."""
+    surfaces = GeometryConfig(enabled=True)
     if name == "draft":
         return GaussiansConfig(
-            steps=3000, side_max_px=640, density=DensityConfig(method="mcmc", count_max=150_000, growth=0.1)
+            steps=3000,
+            side_max_px=320,
+            coarse=2,
+            density=DensityConfig(method="mcmc", count_max=150_000, growth=0.1),
+            geometry=replace(surfaces, patches_max=1024),
         )
     if name == "standard":
-        return GaussiansConfig(steps=7000, density=DensityConfig(count_max=500_000))
-    return GaussiansConfig(steps=30_000, side_max_px=1600, density=DensityConfig(count_max=2_000_000))
+        return GaussiansConfig(steps=7000, density=DensityConfig(count_max=500_000), geometry=surfaces)
+    return GaussiansConfig(
+        steps=30_000, side_max_px=1600, density=DensityConfig(count_max=2_000_000), geometry=surfaces
+    )

@@ -61,6 +61,15 @@ def reset_opacities(gaussians: Gaussians, config: DensityConfig) -> None:
     gaussians.second["logits"][:] = 0.0
 
 
+def limit_stretch(gaussians: Gaussians, ratio_max: float) -> None:
+    """Shorten the longest axis of Gaussians that are longer than their middle one times a ratio."""
+    log_scales = gaussians.values["log_scales"]
+    a, b, c = log_scales.T
+    shorter, longer = np.minimum(a, b), np.maximum(a, b)
+    middle = np.maximum(shorter, np.minimum(longer, c))
+    np.minimum(log_scales, (middle + np.float32(np.log(ratio_max)))[:, None], out=log_scales)
+
+
 def add_noise(gaussians: Gaussians, size_m: float, rng: np.random.Generator) -> None:
     """Move faint Gaussians at random, farther the larger they are.
 

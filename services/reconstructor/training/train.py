@@ -27,7 +27,13 @@ from readygo.services.reconstructor.stages import Stages
 from readygo.services.reconstructor.training.adam import Adam
 from readygo.services.reconstructor.training.checkpoint import CHECKPOINT_FILE, load_checkpoint, save_checkpoint
 from readygo.services.reconstructor.training.config import GaussiansConfig
-from readygo.services.reconstructor.training.density import Sightings, add_noise, changed_density, reset_opacities
+from readygo.services.reconstructor.training.density import (
+    Sightings,
+    add_noise,
+    changed_density,
+    limit_stretch,
+    reset_opacities,
+)
 from readygo.services.reconstructor.training.drawing import Geometry, ViewGradients, leaves_of, observed, view_gradients
 from readygo.services.reconstructor.training.neighbours import choose_neighbours
 from readygo.services.reconstructor.training.parameters import Gaussians, initial_gaussians
@@ -223,6 +229,7 @@ class _Training:
             self._adam.step(self._gaussians, gradients, places, rates, part)
 
         list(pool.map(one, (slice(a, b) for a, b in pairwise(ends))))
+        limit_stretch(self._gaussians, self._settings.density.stretch_max)
 
     def _change_exposures(self, numbers: list[int], views: list[ViewGradients]) -> None:
         """Adam without corrections; gains and offsets of all images have no common part, which colours could hold."""

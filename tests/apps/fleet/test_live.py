@@ -10,7 +10,7 @@ import pytest
 
 from readygo.apps.commands.generate import generate
 from readygo.apps.fleet.fleet import Fleet
-from readygo.apps.fleet.roles import ALL, places
+from readygo.apps.fleet.roles import places
 from readygo.apps.fleet.worker import make_coordinator, make_recorder
 from readygo.apps.run.config import RunConfig
 from readygo.apps.run.folder import RunFolder
@@ -21,6 +21,7 @@ from readygo.apps.run.spec import make_spec
 from readygo.apps.run.stages import stage_works
 from readygo.apps.run.world import World
 from readygo.common.bus import Bus, InProcessBus
+from readygo.common.bus.identity import ALL
 from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
 from readygo.common.dataset import Dataset, committed_episodes, validate
 from readygo.common.episode import EpisodeConfig

@@ -1,7 +1,11 @@
 import dataclasses
+import importlib.metadata
+
+import pytest
 
 from readygo.apps.run.config import RunConfig, resolved_sections
-from readygo.apps.run.identity import identity, run_name
+from readygo.apps.run.identity import check_same_make, identity, numeric_class, run_name
+from readygo.common.errors import RunError
 from readygo.common.messages import OnRejection, RunSpec
 from readygo.common.messages.stages import EXPERT_LINE
 from readygo.services.coordinator import CoordinatorConfig
@@ -39,3 +43,17 @@ def test_seed_settings_and_stages_are_part_of_a_runs_identity() -> None:
 
 def test_what_is_recorded_beside_the_samples_is_not() -> None:
     assert run_name(dataclasses.replace(SPEC, scene_path="elsewhere", metadata={"commit": "1"})) == run_name(SPEC)
+
+
+def test_machine_that_would_make_other_samples_is_refused() -> None:
+    config = RunConfig()
+
+    def made(**metadata: str) -> RunSpec:
+        return dataclasses.replace(_with(config), metadata={**SPEC.metadata, **metadata})
+
+    ours = {"readygo_version": importlib.metadata.version("readygo"), "numeric_class": numeric_class(config)}
+    check_same_make(made(**ours), config)
+    with pytest.raises(RunError, match=r"The run is of readygo 0\.0\.9, this is .*: use the same version"):
+        check_same_make(made(**{**ours, "readygo_version": "0.0.9"}), config)
+    with pytest.raises(RunError, match="samples are of the numeric class 'abacus', this machine's would be of"):
+        check_same_make(made(**{**ours, "numeric_class": "abacus"}), config)

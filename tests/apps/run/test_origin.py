@@ -8,11 +8,13 @@ from readygo.apps.run.config import RunConfig, load_run_config, with_detail
 from readygo.apps.run.origin import (
     DataOrigin,
     avatars_of_policy,
+    check_unseen,
     note_origin,
     origin_of_policy,
     origin_of_runs,
     robot_of_policy,
     settings_of_policy,
+    unseen_avatars,
     with_origin,
 )
 from readygo.apps.run.scene_argument import open_scene
@@ -112,3 +114,35 @@ def test_what_is_not_understood_is_one_line() -> None:
     odd = with_origin(SPEC, DataOrigin(settings={"human_planner": {"moods": 3}}))
     with pytest.raises(PolicyError, match=r"settings of the policy's data .*human_planner\.moods"):
         settings_of_policy(odd)
+
+
+@pytest.fixture(scope="module")
+def casts() -> dict[str, RunSpec]:
+    """Runs among the people to train with and among those to test with."""
+    return {cast: run_of(RunConfig(), Path(f"embedded:{cast}")) for cast in ("train", "test")}
+
+
+def test_cast_of_tests_is_tried_where_the_data_have_that_of_training(casts: dict[str, RunSpec]) -> None:
+    policy = with_origin(SPEC, origin_of_runs([casts["train"]]))
+    assert avatars_of_policy(policy) == Path("embedded:train")
+    assert unseen_avatars(policy) == Path("embedded:test")
+    check_unseen(policy, casts["test"], ["avatars"])
+    check_unseen(policy, casts["train"], [])
+    everybody = with_origin(SPEC, origin_of_runs([run_of(RunConfig(), None)]))
+    assert unseen_avatars(everybody) is None
+
+
+def test_what_a_policy_has_seen_is_refused_as_unseen(casts: dict[str, RunSpec], avatars: Path) -> None:
+    policy = with_origin(SPEC, origin_of_runs([casts["train"]]))
+    with pytest.raises(PolicyError, match="walked in the policy's data"):
+        check_unseen(policy, casts["train"], ["avatars"])
+    with pytest.raises(PolicyError, match="learned in this scene"):
+        check_unseen(policy, casts["test"], ["scenes"])
+    with pytest.raises(PolicyError, match="does not say what its data were made of"):
+        check_unseen(SPEC, casts["test"], ["scenes"])
+    mixed = with_origin(SPEC, origin_of_runs([run_of(RunConfig(), None, static=True), casts["test"]]))
+    with pytest.raises(PolicyError, match="walked in the policy's data"):
+        check_unseen(mixed, casts["test"], ["avatars"])
+    few = with_origin(SPEC, origin_of_runs([casts["test"]]))
+    with pytest.raises(PolicyError, match="needs 6 or more avatars"):
+        check_unseen(few, casts["train"], ["avatars"])

@@ -1,3 +1,5 @@
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -31,3 +33,12 @@ def test_first_episode_that_can_walk_is_driven_and_no_other(monkeypatch: pytest.
     warm.warm_all()
     assert planned == [0, 1, 2]
     assert driven == ["kernels", ("expert", "scenario 3")]
+
+
+def test_kernels_are_compiled_once_however_many_workers_start(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    compiled: list[int] = []
+    monkeypatch.setattr(warm, "warm_all", lambda: compiled.append(1))
+    with ThreadPoolExecutor(4) as workers:
+        list(workers.map(lambda _: warm.warm_once(), range(4)))
+    assert compiled == [1]

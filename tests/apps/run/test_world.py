@@ -1,4 +1,5 @@
 import dataclasses
+import shutil
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -10,8 +11,9 @@ from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.run.spec import make_spec
 from readygo.apps.run.world import World
+from readygo.common.avatars.file import avatar_paths
 from readygo.common.bus import InProcessBus
-from readygo.common.errors import RunError
+from readygo.common.errors import AvatarError, RunError
 from readygo.common.messages import FileRef, RunSpec, Split
 from readygo.services.coordinator import attach
 
@@ -23,6 +25,10 @@ def spec() -> RunSpec:
 
 @pytest.fixture
 def bus(spec: RunSpec, tmp_path: Path) -> InProcessBus:
+    return _served(spec, tmp_path)
+
+
+def _served(spec: RunSpec, tmp_path: Path) -> InProcessBus:
     folder = RunFolder(tmp_path / "data")
     with folder.locked():
         folder.save(spec, 1)
@@ -46,13 +52,22 @@ def test_workers_of_a_machine_without_the_scene_fetch_it_from_the_run(bus: InPro
         assert scene.maps.robot.occupied.any()
 
 
-def test_fetched_scene_that_is_not_what_its_hashes_say_is_refused(bus: InProcessBus, elsewhere: RunSpec) -> None:
+def test_file_of_the_cache_that_is_damaged_is_fetched_anew(bus: InProcessBus, elsewhere: RunSpec) -> None:
     cloud = World(elsewhere, bus).scene.path / "scene.ply"
-    data = bytearray(cloud.read_bytes())
-    data[-1] ^= 1
-    cloud.write_bytes(data)
-    with pytest.raises(RunError, match=r"came from the run cannot be used; remove .* scene\.ply has changed"):
-        _ = World(elsewhere, bus).scene
+    data = cloud.read_bytes()
+    cloud.write_bytes(data[:-1] + bytes([data[-1] ^ 1]))
+    assert World(elsewhere, bus).scene.path == cloud.parent
+    assert cloud.read_bytes() == data
+
+
+def test_another_scene_at_the_path_of_the_runs_is_not_taken_for_it(
+    bus: InProcessBus, elsewhere: RunSpec, tmp_path: Path
+) -> None:
+    other = open_scene("embedded:7").path
+    spec = dataclasses.replace(elsewhere, scene_path=str(other))
+    assert World(spec, bus).scene.content_hash == elsewhere.scene_hash
+    with pytest.raises(RunError, match="has changed since the run began"):
+        _ = World(spec).scene
 
 
 def test_map_is_shown_where_the_scene_is(bus: InProcessBus, spec: RunSpec, elsewhere: RunSpec) -> None:
@@ -71,11 +86,24 @@ def test_scene_file_outside_of_the_bundle_is_refused(bus: InProcessBus, elsewher
 
 def test_scene_file_that_the_run_does_not_have_is_an_error(bus: InProcessBus, elsewhere: RunSpec) -> None:
     missing = FileRef(path="scene.ply", sha256="0" * 64, size=1)
-    with pytest.raises(RunError, match="is not known to the run"):
+    with pytest.raises(RunError, match=r"scene\.ply of the run is gone, or has changed, where the run began"):
         _ = World(dataclasses.replace(elsewhere, scene_files=(missing,)), bus).scene
 
 
-def test_avatars_that_are_not_on_a_workers_machine_are_named(elsewhere: RunSpec, tmp_path: Path) -> None:
-    world = World(dataclasses.replace(elsewhere, avatars_path=str(tmp_path / "people")))
-    with pytest.raises(RunError, match=f"avatars are not on this machine: copy them to {tmp_path / 'people'}"):
-        _ = world.avatars
+def test_avatars_are_fetched_like_the_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    people = tmp_path / "people"
+    people.mkdir()
+    for file in avatar_paths(None)[:2]:
+        shutil.copy(file, people)
+    spec = make_spec(open_scene("embedded"), people, RunConfig(), seed=0, split=Split.TRAIN, static=False)
+    bus = _served(spec, tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    elsewhere = dataclasses.replace(spec, avatars_path=str(tmp_path / "not-here"))
+    assert sorted(World(elsewhere, bus).avatars) == sorted(spec.avatar_hashes)
+    first = sorted(people.iterdir())[0]
+    first.write_bytes(first.read_bytes()[:-1] + b"x")
+    shutil.rmtree(tmp_path / "cache")
+    with pytest.raises(RunError, match=f"File {first.name} of the run does not match its hash"):
+        _ = World(elsewhere, bus).avatars
+    with pytest.raises(AvatarError, match="does not exist"):
+        _ = World(elsewhere).avatars

@@ -5,7 +5,9 @@ import pytest
 
 from readygo.apps.capture.truth import Truth
 from readygo.benchmarks.reconstruction import surfaces
+from readygo.common.camera import CameraConfig
 from readygo.common.errors import SceneError
+from readygo.common.gaussians import GaussianCloud
 from readygo.common.maps import OccupancyMap
 from readygo.common.maps.grid import GridFrame
 from readygo.services.reconstructor.metric.similarity import Similarity
@@ -60,3 +62,19 @@ def test_scene_of_another_capture_is_refused() -> None:
     truth = Truth(content={"frames": [], "marker": None})
     with pytest.raises(SceneError, match="no cameras of this capture"):
         surfaces.measured(truth, scene(room(0, 0)), scene(room(0, 0)), 3)
+
+
+def test_plane_of_large_gaussians_is_where_rays_meet_it() -> None:
+    rng = np.random.default_rng(0)
+    count = 60
+    floor = GaussianCloud(
+        means_m=np.column_stack([rng.uniform(-3, 3, (count, 2)), np.zeros(count)]).astype(np.float32),
+        quats_wxyz=np.tile(np.float32([1, 0, 0, 0]), (count, 1)),
+        scales_m=np.tile(np.float32([0.6, 0.6, 1e-3]), (count, 1)),
+        opacities=np.full(count, 0.9, dtype=np.float32),
+        sh=np.zeros((count, 1, 3), dtype=np.float32),
+    )
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = np.diag([1.0, -1.0, -1.0]), (0.0, 0.0, 1.5)
+    depth_m = surfaces.plane_depths(floor, T, CameraConfig(height_px=32, width_px=32, horizontal_fov_deg=60.0))
+    np.testing.assert_allclose(depth_m, 1.5, atol=1e-3)

@@ -1,11 +1,14 @@
 import hashlib
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
 
 from readygo.common.bus import InProcessBus
-from readygo.common.errors import RunError
-from readygo.common.fleet import fetch_blob
-from readygo.common.messages import BlobReply, BlobRequest, topics
+from readygo.common.errors import BusError, RunError
+from readygo.common.fleet import blobs, fetch_blob
+from readygo.common.fleet.blobs import fetch_file
+from readygo.common.messages import BlobReply, BlobRequest, FileRef, topics
 
 DATA = bytes(range(100))
 SHA256 = hashlib.sha256(DATA).hexdigest()
@@ -39,3 +42,70 @@ def test_unknown_blob_is_an_error() -> None:
 def test_damaged_blob_is_an_error() -> None:
     with pytest.raises(RunError, match="arrived damaged"):
         fetch_blob(_bus(DATA[:-1] + b"\0"), SHA256)
+
+
+FILE = FileRef(path="scene.ply", sha256=SHA256, size=len(DATA))
+
+
+class Server:
+    """Serves the file in chunks, and counts what it was asked."""
+
+    def __init__(self, data: bytes = DATA) -> None:
+        self.data = data
+        self.offsets: list[int] = []
+        self.away: set[int] = set()
+        """Requests that nobody answers, by their number."""
+        self.bus = InProcessBus()
+        self.bus.serve(topics.BLOB, self._serve)
+
+    def _serve(self, request: BlobRequest) -> BlobReply:
+        self.offsets.append(request.offset)
+        return BlobReply(size=len(self.data), data=self.data[request.offset : request.offset + 30])
+
+    def request(self, *args: object, **kwargs: object) -> object:
+        if len(self.offsets) in self.away:
+            self.away.remove(len(self.offsets))
+            raise BusError("Nobody answered.")
+        return self.bus.request(*args, **kwargs)  # type: ignore[arg-type]
+
+
+def test_file_is_downloaded_once_however_many_ask_at_once(tmp_path: Path) -> None:
+    server, path = Server(), tmp_path / "cache" / "scene.ply"
+    with ThreadPoolExecutor(6) as workers:
+        list(workers.map(lambda _: fetch_file(server.bus, FILE, path), range(6)))
+    assert path.read_bytes() == DATA
+    assert server.offsets == [0, 30, 60, 90]
+    assert [entry.name for entry in path.parent.iterdir() if entry.suffix == ".part"] == []
+
+
+def test_download_that_was_cut_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    server, path = Server(), tmp_path / "scene.ply"
+    monkeypatch.setattr(blobs, "_RETRY_S", 0.0)
+    server.away = {2}
+    fetch_file(server, FILE, path)  # type: ignore[arg-type]
+    assert (path.read_bytes(), server.offsets) == (DATA, [0, 30, 60, 90])
+
+    path.unlink()
+    monkeypatch.setattr(blobs, "ABSENT_S", 0.0)
+    server.away = {6}
+    with pytest.raises(BusError, match="Nobody answered"):
+        fetch_file(server, FILE, path)  # type: ignore[arg-type]
+    assert not path.exists()
+    del server.offsets[:]
+    fetch_file(server.bus, FILE, path)
+    assert (path.read_bytes(), server.offsets) == (DATA, [60, 90])
+
+
+def test_file_that_does_not_match_its_hash_is_refused_and_what_was_begun_wrong_is_fetched_anew(tmp_path: Path) -> None:
+    path = tmp_path / "scene.ply"
+    with pytest.raises(RunError, match=r"scene\.ply of the run does not match its hash"):
+        fetch_file(Server(DATA[:-1] + b"x").bus, FILE, path)
+    with pytest.raises(RunError, match=r"scene\.ply of the run is gone, or has changed"):
+        fetch_file(Server(DATA + b"x").bus, FILE, path)
+    assert not path.exists()
+    path.with_name(".scene.ply.part").write_bytes(b"y" * 50)
+    fetch_file(Server().bus, FILE, path)
+    assert path.read_bytes() == DATA
+    path.write_bytes(b"z" * len(DATA))
+    fetch_file(Server().bus, FILE, path)
+    assert path.read_bytes() == DATA

@@ -10,14 +10,12 @@ from onnx import TensorProto, numpy_helper
 from readygo.common.camera import SensorConfig
 from readygo.common.errors import PolicyError
 from readygo.common.policy import (
-    PolicyMemory,
     PolicySpec,
     check_policy_camera,
     check_policy_limits,
     load_policy,
     save_spec,
 )
-from readygo.common.policy.motion import odometry, own_motion
 from readygo.common.robot import CameraConfig, RobotConfig
 from tests.common.policy.artifacts import CAMERA, ROBOT, linear_graph, write_policy
 
@@ -36,48 +34,6 @@ def test_result_does_not_depend_on_the_batch(folder):
     together = policy.encode(seen)
     alone = np.concatenate([policy.encode(image[None]) for image in seen])
     assert np.array_equal(together, alone)
-
-
-def test_memory_sees_now_and_one_and_two_spacings_ago():
-    memory = PolicyMemory(10)
-    for step in range(31):
-        window = memory.push(np.full(20, step, np.float32))
-    assert [latent[0] for latent in window] == [10, 20, 30]
-
-
-def test_memory_repeats_the_first_frame_at_the_start():
-    memory = PolicyMemory(10)
-    windows = [[int(latent[0]) for latent in memory.push(np.full(20, step))] for step in range(13)]
-    assert windows[0] == [0, 0, 0]
-    assert windows[9] == [0, 0, 9]
-    assert windows[12] == [0, 2, 12]
-
-
-def test_step_without_a_frame_keeps_what_was_seen_and_counts_on():
-    memory, command = PolicyMemory(10), np.array([0.5, 0.1], np.float32)
-    other = PolicyMemory(10)
-    for step in range(31):
-        expected = other.move(command)
-        if step % 5:
-            memory.hold(command)
-        else:
-            features = memory.move(command)
-            window = memory.push(np.full(20, step, np.float32))
-    assert [latent[0] for latent in window] == [10, 20, 30]
-    assert np.array_equal(features, expected)
-
-
-@pytest.mark.parametrize("latency", [0, 3])
-def test_memory_knows_where_the_older_frames_were_taken(latency):
-    rng = np.random.default_rng(0)
-    commands = rng.uniform((0, -1), (1, 1), (40, 2)).astype(np.float32)
-    poses, memory = odometry(commands), PolicyMemory(6, latency)
-    for step in range(40):
-        features = memory.move(commands[step - 1] if step else np.zeros(2, np.float32))
-        rows = [max(step - latency - back, 0) for back in (12, 6)]
-        previous = commands[step - 1] if step else np.zeros(2, np.float32)
-        expected = own_motion(poses[None, rows], poses[step][None], previous[None])[0]
-        assert np.allclose(features, expected, atol=1e-6)
 
 
 def test_step_equals_encode_and_act_of_each_episode(folder):

@@ -1,6 +1,8 @@
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from readygo.common.policy.windows import spacing_steps_of, window_rows
+from readygo.common.policy.windows import spacing_steps_of, window_at, window_rows
 
 
 def test_window_is_oldest_first_and_repeats_the_first_row() -> None:
@@ -18,3 +20,14 @@ def test_spacing_counts_steps() -> None:
 def test_spacing_that_is_no_multiple_of_the_step_is_refused(spacing_s: float) -> None:
     with pytest.raises(ValueError, match=r"multiple of 0\.05 s"):
         spacing_steps_of(spacing_s)
+
+
+@given(st.integers(0, 60), st.integers(1, 12), st.integers(1, 5))
+def test_images_at_every_step_are_chosen_as_rows_are(newest: int, spacing: int, count: int) -> None:
+    times_ns = [50 * row for row in range(newest + 1)]
+    assert window_at(times_ns, 50 * spacing, count) == window_rows(newest, 0, spacing, count).tolist()
+
+
+def test_image_that_is_nearest_in_time_is_chosen_and_the_older_of_two() -> None:
+    assert window_at([0, 400, 480, 1000], 500, 3) == [0, 2, 3]
+    assert window_at([0, 400, 600, 1000], 500, 2) == [1, 3]

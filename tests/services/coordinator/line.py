@@ -79,7 +79,8 @@ class Line:
 
     def complete(self, stage: Stage, claim: ClaimReply, **fields: object) -> VerdictStatus:
         assert claim.episode is not None
-        values = {"worker": "w", "index": claim.episode.index, "attempt": claim.attempt, **fields}
+        proof = {"attempt": claim.attempt, "lease": claim.lease}
+        values = {"worker": "w", "index": claim.episode.index, **proof, **fields}
         return self.bus.request(topics.complete(stage.name), CompleteRequest(**values)).status  # type: ignore[arg-type]
 
     def plan(self, *, rejected: str = "") -> ClaimReply:

@@ -76,7 +76,7 @@ def test_expired_lease_is_given_to_another_and_late_work_is_stale(line: Line) ->
 def test_renewed_lease_does_not_expire(line: Line) -> None:
     claim = line.claim(HUMAN_PLAN)
     line.now_s = 14.0
-    renew = RenewRequest(worker="w", index=0, attempt=claim.attempt)
+    renew = RenewRequest(worker="w", index=0, attempt=claim.attempt, lease=claim.lease)
     assert line.bus.request(topics.renew("human-plan"), renew).status is VerdictStatus.OK
     line.now_s = 20.0
     requeue_lost(line.coordinator)
@@ -195,6 +195,8 @@ def test_only_its_holder_can_speak_for_a_lease(line: Line) -> None:
     assert (verdict.status, verdict.reason) == (VerdictStatus.STALE, "attempt 1 of episode 0 is held by another worker")
     for forged in ({"rejected": "forged"}, {"failed": "forged"}, {"result": b"forged"}):
         assert line.complete(HUMAN_PLAN, claim, worker="thief", **forged) is VerdictStatus.STALE
+        # Names are no secret, what proves a lease is.
+        assert line.complete(HUMAN_PLAN, claim, worker="holder", lease="", **forged) is VerdictStatus.STALE
     assert line.complete(HUMAN_PLAN, claim, worker="holder", result=b"true") is VerdictStatus.OK
     assert line.status().rejected == {}
 
@@ -213,11 +215,15 @@ def test_episode_that_is_not_where_its_recorder_says_is_not_durable(line: Line) 
 
 def test_samples_are_expected_of_leased_attempts_of_the_run_by_the_episodes_recorder(line: Line) -> None:
     line.plan()
-    key = line.claim(RENDER).episode
+    claim = line.claim(RENDER)
+    key = claim.episode
     assert key is not None
 
-    def expect(attempt: int = 4, recorder: str = "rec0", **changes: object) -> tuple[VerdictStatus, str]:
-        request = ExpectRequest(recorder=recorder, episode=dataclasses.replace(key, **changes), attempt=attempt)
+    def expect(
+        attempt: int = 4, recorder: str = "rec0", lease: str = claim.lease, **changes: object
+    ) -> tuple[VerdictStatus, str]:
+        episode = dataclasses.replace(key, **changes)
+        request = ExpectRequest(recorder=recorder, episode=episode, attempt=attempt, lease=lease)
         verdict = line.bus.request(topics.EXPECT, request)
         return verdict.status, verdict.reason
 
@@ -226,6 +232,7 @@ def test_samples_are_expected_of_leased_attempts_of_the_run_by_the_episodes_reco
     assert expect(seed=999) == (VerdictStatus.STALE, "the run has train episodes of seed 5, not train-999-000000")
     assert expect(recorder="mine") == (VerdictStatus.STALE, "episode 0 is for rec0, not mine")
     assert expect(index=1)[0] is VerdictStatus.STALE
+    assert expect(lease="guessed") == (VerdictStatus.STALE, "attempt 4 of episode 0 is held by another worker")
     line.bus.request(topics.GRANT, GrantRequest(recorder="rec0", index=0, attempt=4))
     assert expect() == (VerdictStatus.OK, "")
     grant = GrantRequest(recorder="mine", index=0, attempt=4)
@@ -573,3 +580,11 @@ def test_run_of_the_expert_or_of_one_policy_takes_no_others(line: Line, tmp_path
     own = PolicyRef(path="p", files=(FileRef(path="head", sha256="a", size=1),), mix=0.5)
     with pytest.raises(PeerError, match="takes no policies: the policy that it began with drives"):
         Line(tmp_path / "other", stages=DRIVE_LINE, policy=own).offer(head=b"1")
+
+
+def test_paused_run_stays_paused_when_its_coordinator_is_started_again(tmp_path: Path) -> None:
+    for command, paused in ((Command.PAUSE, True), (Command.RESUME, False)):
+        Line(tmp_path).bus.request(topics.CONTROL, ControlRequest(command=command))
+        again = Line(tmp_path)
+        assert again.status().paused == paused
+        assert (again.claim(HUMAN_PLAN).status is ClaimStatus.WAIT) == paused

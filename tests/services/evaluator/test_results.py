@@ -108,6 +108,31 @@ def test_other_settings_are_refused_in_a_line_that_names_them(tmp_path):
     assert "\n" not in str(caught.value)
 
 
+def test_methods_that_are_files_stay_what_they_were_and_others_join(tmp_path):
+    hashes = {"a.py:A": "11", "gnm": "22"}
+    with open_results(tmp_path, SETTINGS):
+        pass
+    for names in (["a.py:A"], ["gnm"], []):
+        with open_results(tmp_path, {**SETTINGS, "methods": {name: hashes[name] for name in names}}):
+            pass
+    assert json.loads((tmp_path / "settings.json").read_text())["methods"] == hashes
+    edited = {**SETTINGS, "methods": {"a.py:A": "33", "b.py:B": "44"}}
+    assert not is_of(tmp_path, edited)
+    with pytest.raises(RunError, match=r"methods\.a\.py:A 11 \(now: 33\)"), open_results(tmp_path, edited):
+        pass
+    assert json.loads((tmp_path / "settings.json").read_text())["methods"] == hashes
+
+
+def test_settings_that_an_older_folder_cannot_say_are_added(tmp_path):
+    with open_results(tmp_path, SETTINGS):
+        pass
+    new = {**SETTINGS, "look": "photoreal"}
+    assert not is_of(tmp_path, new)
+    assert is_of(tmp_path, new, today=lambda kept: {"look": "photoreal", **kept})
+    with open_results(tmp_path, new, today=lambda kept: {"look": "photoreal", **kept}):
+        pass
+
+
 def test_folder_of_something_else_or_in_use_or_broken_is_refused(tmp_path):
     (tmp_path / "old").mkdir()
     (tmp_path / "old" / "episodes.jsonl").write_text("")

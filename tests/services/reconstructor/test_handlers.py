@@ -43,6 +43,23 @@ def test_work_without_a_scale_does_not_begin(tmp_path: Path) -> None:
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize(
+    ("length", "words", "stages"),
+    [
+        ("a.jpg:1,2 a.jpg:3 = 1", "is no pick", []),
+        ("0.jpg:1,2 0.jpg:3,4 9.jpg:1,2 9.jpg:3,4 = 1", r"9\.jpg, which is no image here", ["frames"]),
+    ],
+)
+def test_lengths_that_cannot_be_are_refused_before_the_poses(
+    tmp_path: Path, length: str, words: str, stages: list[str]
+) -> None:
+    pytest.importorskip("pycolmap", reason="pycolmap is not installed")
+    config, said = ReconstructorConfig(metric=MetricConfig(lengths=(length,))), list[str]()
+    with pytest.raises(ConfigError, match=words):
+        find_poses(photos(tmp_path / "p", 3), tmp_path / "out", config, lambda progress: said.append(progress.stage))
+    assert said == stages
+
+
 def test_images_without_markers_are_refused(tmp_path: Path) -> None:
     config = ReconstructorConfig(metric=MetricConfig(marker_size_m=0.2))
     frames = {"names": ["0.jpg", "1.jpg"]}

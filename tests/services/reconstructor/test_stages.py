@@ -1,9 +1,10 @@
+import errno
 from pathlib import Path
 
 import pytest
 
-from readygo.common.errors import RunError
-from readygo.services.reconstructor.stages import Stages
+from readygo.common.errors import ReadygoError, RunError
+from readygo.services.reconstructor.stages import Stages, code_digest
 
 
 def test_finished_stages_are_not_done_again_until_something_before_them_changes(tmp_path: Path) -> None:
@@ -22,6 +23,20 @@ def test_finished_stages_are_not_done_again_until_something_before_them_changes(
     assert both(0.1) == [1, 2]
     assert both(0.2) == [3, 4]
     assert (tmp_path / "b" / "file").read_text() == "content"
+
+
+def test_what_other_code_made_is_made_again(tmp_path: Path) -> None:
+    def run(code: str) -> list[str]:
+        said: list[str] = []
+        stages = Stages(tmp_path, lambda progress: said.append(progress.stage))
+        stages.run("a", {}, lambda folder: {}, code=code)
+        stages.run("b", {}, lambda folder: {})
+        return said
+
+    assert run("old") == ["a", "b"]
+    assert run("old") == []
+    assert run("new") == ["a", "b"]
+    assert code_digest("frames") != code_digest("poses")
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, OSError, ValueError])
@@ -45,6 +60,46 @@ def test_stage_that_goes_on_finds_what_it_left(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         Stages(tmp_path, lambda stage: None).run("a", {}, make, keep=True)
     assert Stages(tmp_path, lambda stage: None).run("a", {}, make, keep=True) == {"went on": True}
+
+
+def test_stage_that_was_begun_with_other_settings_begins_anew(tmp_path: Path) -> None:
+    def stop(folder: Path) -> dict[str, bool]:
+        (folder / "half").write_text("x")
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        Stages(tmp_path, lambda stage: None).run("a", {"step": 1}, stop, keep=True)
+    found = Stages(tmp_path, lambda stage: None).run(
+        "a", {"step": 2}, lambda folder: {"half": (folder / "half").exists()}, keep=True
+    )
+    assert found == {"half": False}
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (MemoryError(), r"Memory ran out:.*run the same command again"),
+        (RuntimeError("[enforce fail] DefaultCPUAllocator: can't allocate memory"), "Memory ran out"),
+        (OSError(errno.ENOSPC, "No space left on device"), r"disk .* is full.*Make room and run the same"),
+    ],
+)
+def test_what_runs_out_in_a_stage_is_told_in_one_line(tmp_path: Path, error: Exception, words: str) -> None:
+    def make(folder: Path) -> dict[str, int]:
+        (folder / "half").write_text("x")
+        raise error
+
+    with pytest.raises(ReadygoError, match=words):
+        Stages(tmp_path, lambda stage: None).run("a", {}, make)
+    assert not (tmp_path / "a").exists()
+
+
+def test_whatever_fails_on_a_full_disk_fails_for_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def make(folder: Path) -> dict[str, int]:
+        raise RuntimeError("No registered database factory succeeded.")
+
+    monkeypatch.setattr("readygo.services.reconstructor.stages._FULL_BYTES", 1 << 62)
+    with pytest.raises(RunError, match=r"is full \(No registered database"):
+        Stages(tmp_path, lambda stage: None).run("a", {}, make)
 
 
 def test_stage_does_not_begin_on_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,6 +15,7 @@ from readygo.services.trainer.augment import (
     draw_light,
     draw_views,
     hindsight_goals,
+    is_symmetric,
     lit,
     mirrored_motion,
     plain_view,
@@ -151,6 +152,15 @@ def test_views_are_as_wide_as_asked_for_and_turn_only_who_may_be_turned():
     assert np.abs(view.yaws_rad).max() <= 0.25
     assert (view.shifts_px.min(), view.shifts_px.max()) == (-3, 3)
     assert 0.22 < view.mirrored.mean() < 0.28
+
+
+def test_camera_that_is_not_its_own_mirror_image_is_known():
+    assert is_symmetric(CameraConfig(mount_pitch_deg=10.0, mount_x_m=0.2))
+    assert not is_symmetric(CameraConfig(mount_y_m=0.1))
+    assert not is_symmetric(CameraConfig(distortion="brown_conrady", p2=0.001))
+    focal = {"fx_px": 100.0, "fy_px": 100.0, "cy_px": 72.0, "horizontal_fov_deg": None}
+    assert is_symmetric(CameraConfig(cx_px=128.0, **focal))
+    assert not is_symmetric(CameraConfig(cx_px=120.0, **focal))
 
 
 def test_robot_turned_left_sees_its_goal_on_the_right_and_turns_back():

@@ -29,3 +29,11 @@ def test_weights_sum_up_to_the_images_alpha(case: Callable) -> None:
     rendered.rgb.sum().backward()
     assert math.isclose(float(rendered.visibility.weight.sum()), float(rendered.alpha.detach().sum()), rel_tol=1e-4)
     assert (rendered.visibility.radius_px[rendered.visibility.weight > 0] > 0).all()
+
+
+def test_gradients_are_the_same_bytes_again(case: Callable, loss: Callable) -> None:
+    drawn = []
+    for _ in range(2):
+        loss(rasterize(**(small := case(900, features=5)).parameters, **small.camera)).backward()
+        drawn.append(small.gradients())
+    assert all(torch.equal(drawn[0][name], drawn[1][name]) for name in drawn[0])

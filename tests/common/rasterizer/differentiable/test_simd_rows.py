@@ -66,20 +66,15 @@ def test_blocks_are_four_pixels_of_four_rows() -> None:
 
 @njit
 def _sums(source, out):
-    v = (
-        load_f16(source, 0), load_f16(source, 16), load_f16(source, 32), load_f16(source, 48), load_f16(source, 64),
-        load_f16(source, 80), load_f16(source, 96), load_f16(source, 112), load_f16(source, 128),
-        load_f16(source, 144), load_f16(source, 160),
-    )  # fmt: skip
-    more = load_f16(source, 176), load_f16(source, 192), load_f16(source, 208), load_f16(source, 224)
-    store_f16(out, 0, rows.lane_sums_of_eleven(v))
-    store_f16(out, 16, rows.lane_sums_of_fifteen(v, more))
-    store_f16(out, 32, rows.lane_sums_at(source, 0))
+    a, b, c, d = load_f16(source, 0), load_f16(source, 16), load_f16(source, 32), load_f16(source, 48)
+    store_f16(out, 0, rows.sums_over_rows(a, b, c, d))
+    store_f16(out, 16, rows.sums_over_columns(a, b, c, d))
+    rows.add_block_sums(out, 33, a, b, c, d)
 
 
-def test_each_lane_is_the_sum_of_one_vector() -> None:
-    out, sums = np.empty(48, np.float32), NUMBERS.reshape(16, 16).sum(axis=1)
+def test_sums_of_blocks_are_those_of_their_rows_columns_and_pixels() -> None:
+    out, blocks = np.ones(40, np.float32), NUMBERS[:64].reshape(4, 4, 4)
     _sums(NUMBERS, out)
-    assert np.array_equal(out[:16], np.where(np.arange(16) < 11, sums, 0.0))
-    assert np.array_equal(out[16:32], np.where(np.arange(16) < 15, sums, 0.0))
-    assert np.array_equal(out[32:], sums)
+    assert np.array_equal(out[:16].reshape(4, 4), blocks.sum(axis=1))
+    assert np.array_equal(out[16:32].reshape(4, 4), blocks.sum(axis=2).T)
+    assert np.array_equal(out[32:], [1.0, *(1.0 + blocks.sum(axis=(1, 2))), 1.0, 1.0, 1.0])

@@ -25,6 +25,7 @@ def test_photos_are_turned_and_made_smaller_and_their_focal_length_is_known(tmp_
     assert cv2.imread(str(tmp_path / "out" / "0.jpg")).shape == (320, 240, 3)
     assert (found["kept"], found["size_px"], found["unreadable"]) == (3, [240, 320], ["broken.png"])
     assert abs(found["focal_px"] - 26 / 43.2666 * 400) < 0.1
+    assert found["photos"] == {f"{number}.jpg": (f"{number}.jpg", 0.5) for number in range(3)}
 
 
 def test_each_size_is_a_camera_of_its_own(tmp_path: Path) -> None:
@@ -33,6 +34,7 @@ def test_each_size_is_a_camera_of_its_own(tmp_path: Path) -> None:
     found = prepare_photos(tmp_path, tmp_path / "out", FramesConfig())
     assert found["size_px"] == [[480, 640], [640, 480]] or found["size_px"] == [[640, 480], [480, 640]]
     assert (tmp_path / "out" / "480x640" / "2.jpg").is_file()
+    assert found["photos"]["2.jpg"] == ("480x640/2.jpg", 1.0)
 
 
 def test_too_few_photos_are_refused(tmp_path: Path) -> None:

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from readygo.common.errors import ConfigError, SceneError
-from readygo.services.reconstructor.metric.lengths import measured_length, parse_length
+from readygo.services.reconstructor.metric.lengths import in_used_images, measured_length, parse_length
 from tests.services.reconstructor.synthetic import floor_points, mapped, projected, ring, some_similarity
 
 POSES = ring()
@@ -42,3 +42,11 @@ def test_picks_of_different_points_are_refused() -> None:
 def test_image_without_a_pose_is_named() -> None:
     with pytest.raises(SceneError, match=r"x\.jpg, which has no pose"):
         measured_length(IMAGES, parse_length("x.jpg:1,2 x.jpg:3,4 000001.jpg:1,2 000001.jpg:3,4 = 1"))
+
+
+def test_picks_in_large_photos_are_those_in_the_smaller_ones_that_are_used() -> None:
+    told = parse_length("a.png:100,40 a.png:20,60 b.JPG:8,4 b.JPG:2,6 = 1")
+    used = in_used_images(told, {"a.png": ("a.jpg", 0.25), "b.JPG": ("b.jpg", 0.5), "a.jpg": ("a.jpg", 1.0)})
+    assert used.ends == ((("a.jpg", 25.0, 10.0), ("b.jpg", 4.0, 2.0)), (("a.jpg", 5.0, 15.0), ("b.jpg", 1.0, 3.0)))
+    with pytest.raises(ConfigError, match=r"a\.png, which is no image here; there are c\.jpg"):
+        in_used_images(told, {"c.jpg": ("c.jpg", 1.0)})

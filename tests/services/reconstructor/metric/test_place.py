@@ -3,6 +3,7 @@ import pytest
 
 from readygo.common.errors import ConfigError, SceneError
 from readygo.services.reconstructor.config import MetricConfig
+from readygo.services.reconstructor.metric.lengths import parse_length
 from readygo.services.reconstructor.metric.place import place_map
 from tests.services.reconstructor.metric.test_lengths import ENDS, picked
 from tests.services.reconstructor.synthetic import floor_points, mapped, marker_at, ring, sighted, some_similarity
@@ -13,14 +14,14 @@ SEEN = sighted(POSES, marker_at(), 0, 0.05)
 
 
 def test_floor_marker_makes_the_map_metric_with_z_up_from_the_floor() -> None:
-    placed = place_map(IMAGES, SEEN, MetricConfig(marker_size_m=0.2))
+    placed = place_map(IMAGES, SEEN, [], MetricConfig(marker_size_m=0.2))
     world = IMAGES.moved(placed.world_from_map)
     np.testing.assert_allclose(world.T_world_camera[:, :3, 3], POSES[:, :3, 3], atol=0.01)
     assert placed.floor.source == "marker 0 on the floor"
 
 
 def test_scale_alone_takes_up_from_the_floors_points() -> None:
-    placed = place_map(IMAGES, [], MetricConfig(scale=1.0 / some_similarity().scale))
+    placed = place_map(IMAGES, [], [], MetricConfig(scale=1.0 / some_similarity().scale))
     world = IMAGES.moved(placed.world_from_map)
     np.testing.assert_allclose(world.T_world_camera[:, 2, 3], 1.4, atol=0.02)
     assert np.isnan(placed.scale.sigma)
@@ -28,35 +29,35 @@ def test_scale_alone_takes_up_from_the_floors_points() -> None:
 
 def test_wall_marker_gives_scale_but_not_up() -> None:
     upright = marker_at()[:, [0, 2, 1]] * [1, 1, 1] + [0, 0, 0.5]
-    placed = place_map(IMAGES, sighted(POSES, upright, 0, 0.05), MetricConfig(marker_size_m=0.2))
+    placed = place_map(IMAGES, sighted(POSES, upright, 0, 0.05), [], MetricConfig(marker_size_m=0.2))
     assert placed.floor.source == "floor plane of the points"
     np.testing.assert_allclose(placed.scale.metres_per_unit * some_similarity().scale, 1.0, rtol=5e-3)
 
 
 def test_length_gives_the_scale_and_beside_a_marker_checks_it() -> None:
-    length_m = float(np.linalg.norm(ENDS[1] - ENDS[0]))
-    alone = place_map(IMAGES, [], MetricConfig(lengths=(picked((0, 4, 8), length_m),)))
+    known = parse_length(picked((0, 4, 8), float(np.linalg.norm(ENDS[1] - ENDS[0]))))
+    alone = place_map(IMAGES, [], [known], MetricConfig())
     np.testing.assert_allclose(alone.scale.metres_per_unit * some_similarity().scale, 1.0, rtol=1e-5)
-    both = place_map(IMAGES, SEEN, MetricConfig(marker_size_m=0.2, lengths=(picked((0, 4, 8), length_m),)))
+    both = place_map(IMAGES, SEEN, [known], MetricConfig(marker_size_m=0.2))
     assert any(note.startswith("check: the length of") for note in both.warnings)
 
 
 def test_marker_of_the_wrong_size_is_found_by_a_second_length() -> None:
-    length_m = float(np.linalg.norm(ENDS[1] - ENDS[0]))
+    known = parse_length(picked((0, 4, 8), float(np.linalg.norm(ENDS[1] - ENDS[0]))))
     with pytest.raises(SceneError, match=r"contradict each other.*printed size"):
-        place_map(IMAGES, SEEN, MetricConfig(marker_size_m=0.15, lengths=(picked((0, 4, 8), length_m),)))
+        place_map(IMAGES, SEEN, [known], MetricConfig(marker_size_m=0.15))
 
 
 def test_cameras_at_a_strange_height_make_the_size_doubtful() -> None:
-    placed = place_map(IMAGES, SEEN, MetricConfig(marker_size_m=0.02))
+    placed = place_map(IMAGES, SEEN, [], MetricConfig(marker_size_m=0.02))
     assert any("check the marker's size" in note for note in placed.warnings)
 
 
 def test_marker_that_is_asked_for_and_not_there_is_named() -> None:
     with pytest.raises(SceneError, match=r"Marker 7 .* is in no image; found: 0"):
-        place_map(IMAGES, SEEN, MetricConfig(marker_size_m=0.2, marker_ids=(7,)))
+        place_map(IMAGES, SEEN, [], MetricConfig(marker_size_m=0.2, marker_ids=(7,)))
 
 
 def test_no_scale_is_refused() -> None:
     with pytest.raises(ConfigError, match="Nothing tells the scale"):
-        place_map(IMAGES, [], MetricConfig())
+        place_map(IMAGES, [], [], MetricConfig())

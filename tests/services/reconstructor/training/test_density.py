@@ -8,6 +8,7 @@ from readygo.services.reconstructor.training.density import (
     Sightings,
     add_noise,
     changed_density,
+    limit_stretch,
     reset_opacities,
     shared_opacity,
 )
@@ -99,3 +100,12 @@ def test_noise_moves_faint_ones_alone() -> None:
     add_noise(gaussians, 100.0, np.random.default_rng(0))
     assert np.abs(gaussians.values["means_m"] - before)[0].max() > 1e-4
     np.testing.assert_array_equal(gaussians.values["means_m"][1], before[1])
+
+
+def test_needles_are_shortened_to_a_ratio_of_their_middle_axis() -> None:
+    gaussians = some_gaussians(3)
+    gaussians.values["log_scales"][:] = np.log([[0.01, 0.5, 0.02], [0.2, 0.001, 0.1], [0.03, 0.03, 0.03]])
+    limit_stretch(gaussians, 4.0)
+    assert gaussians.scales_m == pytest.approx(
+        np.array([[0.01, 0.08, 0.02], [0.2, 0.001, 0.1], [0.03, 0.03, 0.03]]), rel=1e-5
+    )

@@ -1,0 +1,243 @@
+"""`readygo drive`: a policy drives a robot."""
+
+import signal
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar
+
+from rich.console import Console
+
+from readygo.apps.cli import Group
+from readygo.apps.drive.calibration import Rectifier, camera_from_file, camera_from_info, mount_differences
+from readygo.apps.drive.messages import Goal
+from readygo.apps.drive.pilot import DriveConfig, Ending, Pilot, limited
+from readygo.apps.drive.robot import Robot, Topics, connected
+from readygo.apps.drive.trial import PATIENCE_S, ended, run_trial
+from readygo.apps.drive.trial_log import TrialLog
+from readygo.apps.drive.wires import WireName, make_wire
+from readygo.apps.run.origin import settings_of_policy
+from readygo.apps.run.policy import policy_sha256
+from readygo.common.camera import CameraConfig
+from readygo.common.errors import BusError, ConfigError, RunError
+from readygo.common.policy import Policy, load_policy
+from readygo.common.robot.kinematics import DT_S, RATE_HZ, whole_steps
+
+Value = TypeVar("Value")
+TaskLabel = Literal["static", "dynamic", "reactive"]
+_LATE_S = 0.05
+"""Images that are older or younger than the policy's by more are told [s]."""
+
+
+def drive(
+    policy: Path,
+    /,
+    *,
+    goal: tuple[float, float] | None = None,
+    goal_frame: Literal["start", "odom"] = "start",
+    goal_topic: str = "",
+    goal_radius: float | None = None,
+    time_limit: float | None = None,
+    v_max: float | None = None,
+    w_max: float | None = None,
+    rate_hz: float = RATE_HZ,
+    dry_run: bool = False,
+    image: Annotated[str, Group("robot")] = "/camera/image_raw",
+    odom: Annotated[str, Group("robot")] = "/odom",
+    cmd_vel: Annotated[str, Group("robot")] = "/cmd_vel",
+    camera_info: Annotated[str, Group("robot")] = "",
+    calibration: Annotated[Path | None, Group("robot")] = None,
+    wire: Annotated[WireName, Group("robot")] = "ros2",
+    connect: Annotated[str, Group("robot")] = "tcp/127.0.0.1:7447",
+    domain: Annotated[int, Group("robot")] = 0,
+    prefix: Annotated[str, Group("robot")] = "",
+    stamped: Annotated[bool, Group("robot")] = False,
+    log: Annotated[Path | None, Group("trial")] = None,
+    task: Annotated[TaskLabel, Group("trial")] = "static",
+    outcome_topic: Annotated[str, Group("trial")] = "",
+) -> None:
+    """Drive a robot to a goal by what its camera shows; no ROS is needed on this machine.
+
+    The robot stands while images or odometry are older than 0.3 s, and when the trial ends: at the goal, out of time,
+    at Ctrl-C, or when a clock, the odometry or the policy cannot be trusted. Keep its own emergency stop at hand.
+
+    Args:
+        policy: Folder of a trained policy.
+        goal: Where to go: ahead and left of the robot as it stands at the start [m], see `goal_frame`.
+        goal_frame: "odom" takes `goal` in the frame of the odometry.
+        goal_topic: Topic of a PoseStamped in the frame of the odometry, such as /goal_pose, in place of `goal`.
+        goal_radius: So near the goal the robot has arrived [m]; as in the policy's training by default.
+        time_limit: Longest trial [s]; as in the policy's training by default.
+        v_max: Largest speed [m/s], at most the policy's.
+        w_max: Largest yaw rate [rad/s], at most the policy's.
+        rate_hz: How often commands are sent at least [Hz]; each image leads to one at once besides.
+        dry_run: Command nothing; say what would be commanded.
+        image: Topic of the images, Image or CompressedImage.
+        odom: Topic of the Odometry.
+        cmd_vel: Topic of the commands, Twist, or TwistStamped where the robot listens to that.
+        camera_info: Topic of the CameraInfo; beside the images by default.
+        calibration: File of the camera in place of a CameraInfo: robot.toml, or .yaml of ROS's camera_calibration.
+        wire: "ros2" is rmw_zenoh, "bridge" zenoh-bridge-ros2dds, "plain" MessagePack without ROS (docs/robots.md).
+        connect: Where the robot's Zenoh router listens.
+        domain: ROS_DOMAIN_ID of the robot.
+        prefix: What keys begin with, behind a bridge with a namespace.
+        stamped: Send TwistStamped behind a bridge.
+        log: MCAP file to record the trial in.
+        task: What the trial counts as in `readygo evaluate --from-logs`.
+        outcome_topic: Topic of a String that ends the trial: success, timeout, static_collision or human_collision.
+
+    Raises:
+        ReadygoError: If policy, robot or calibration cannot be used.
+    """
+    loaded, console = load_policy(policy), Console(highlight=False, soft_wrap=True)
+    in_start_frame = goal_frame == "start" and not goal_topic
+    config = _config(loaded, in_start_frame, goal_radius, time_limit, v_max, w_max)
+    if rate_hz < RATE_HZ:
+        raise ConfigError(f"--rate-hz must be at least {RATE_HZ}, got {rate_hz:g}.")
+    if (goal is None) == (not goal_topic):
+        raise ConfigError("Say where to go: either --goal X Y or --goal-topic TOPIC.")
+    info = "" if calibration else camera_info or f"{image.removesuffix('/compressed').rpartition('/')[0]}/camera_info"
+    topics = Topics(
+        image=image, odometry=odom, command=cmd_vel, camera_info=info, goal=goal_topic, outcome=outcome_topic
+    )
+    signal.signal(signal.SIGHUP, _hang_up)
+    spoken = make_wire(wire, domain=domain, prefix=prefix, stamped=stamped, node="readygo_drive")
+    own = camera_from_file(loaded.spec.robot.camera, calibration) if calibration else None
+    robot = connected(connect, spoken, topics, dry=dry_run)
+    try:
+        rectify = _rectifier(loaded, own or _camera_of(loaded, robot), console)
+        where = Goal(x_m=goal[0], y_m=goal[1]) if goal else _goal_of(robot)
+        pilot = Pilot(loaded, rectify, config, where)
+        record = {
+            "policy": policy.resolve().name,
+            "policy_sha256": policy_sha256(policy),
+            "task": task,
+            "time_limit_s": config.time_limit_s,
+        }
+        _drive(robot, pilot, rate_hz, log, record, console, loaded.spec.robot.camera.latency_s)
+    finally:
+        with _undisturbed():
+            robot.close()
+
+
+def _drive(
+    robot: Robot,
+    pilot: Pilot,
+    rate_hz: float,
+    path: Path | None,
+    record: dict[str, Any],
+    console: Console,
+    latency_s: float,
+) -> None:
+    log = TrialLog(path) if path else None
+    if log is not None:
+        robot.listen = log.put
+    try:
+        measures = run_trial(robot, pilot, rate_hz=rate_hz, say=lambda words: console.print(words, markup=False))
+    except BusError:
+        if log is not None:
+            log.abandon()
+        raise
+    end = ended(pilot, measures)
+    if log is not None:
+        log.close({**record, **end})
+    _tell(console, end, latency_s)
+    if pilot.ending is Ending.STOPPED:
+        raise KeyboardInterrupt(f"the robot stands{f'; the trial is in {path}' if path else ''}.")
+    if pilot.ending not in (Ending.GOAL, Ending.LATE, Ending.STATIC_COLLISION, Ending.HUMAN_COLLISION):
+        raise RunError(f"The robot was stopped: {pilot.reason}.")
+
+
+def _config(
+    policy: Policy,
+    in_start_frame: bool,
+    goal_radius_m: float | None,
+    time_limit_s: float | None,
+    v_max_mps: float | None,
+    w_max_radps: float | None,
+) -> DriveConfig:
+    """The settings of a trial: those of the policy's training where none are given.
+
+    Raises:
+        ConfigError: If the limits are not the policy's.
+    """
+    spec = policy.spec
+    episode = settings_of_policy(spec).episode
+    config = DriveConfig(
+        v_max_mps=spec.robot.v_max_mps if v_max_mps is None else v_max_mps,
+        w_max_radps=spec.robot.w_max_radps if w_max_radps is None else w_max_radps,
+        goal_radius_m=episode.success_radius_m if goal_radius_m is None else goal_radius_m,
+        time_limit_s=episode.time_limit_s if time_limit_s is None else time_limit_s,
+        goal_in_start_frame=in_start_frame,
+    )
+    try:
+        limited(spec.robot, config)
+    except ValueError as error:
+        raise ConfigError(str(error)) from error
+    if not (config.goal_radius_m > 0 and config.time_limit_s > 0):
+        raise ConfigError("--goal-radius and --time-limit must be positive.")
+    return config
+
+
+def _rectifier(policy: Policy, own: CameraConfig, console: Console) -> Rectifier:
+    rectify, trained = Rectifier(own, policy.spec.robot.camera), policy.spec.robot.camera
+    if rectify.unseen > 0.005:
+        console.print(f"{100 * rectify.unseen:.1f} % of the policy's image is black: the robot's camera is narrower.")
+    for words in mount_differences(own, trained):
+        console.print(f"The camera is mounted elsewhere than the policy's: {words}.")
+    return rectify
+
+
+def _camera_of(policy: Policy, robot: Robot) -> CameraConfig:
+    return camera_from_info(policy.spec.robot.camera, _awaited(robot, lambda: robot.camera, "CameraInfo"))
+
+
+def _goal_of(robot: Robot) -> Goal:
+    return _awaited(robot, lambda: robot.goal, "goal")
+
+
+def _awaited(robot: Robot, ask: Callable[[], Value | None], name: str) -> Value:
+    until_s = time.monotonic() + PATIENCE_S
+    while (value := ask()) is None:
+        if robot.broken:
+            raise BusError(f"The robot sends what cannot be used: {robot.broken}.")
+        if time.monotonic() > until_s:
+            why = robot.absent() or "pass --calibration FILE, or the topic with --camera-info"
+            raise BusError(f"The robot cannot be driven: no {name} after {PATIENCE_S:g} s; {why}.")
+        time.sleep(0.02)
+    return value
+
+
+def _tell(console: Console, end: Mapping[str, Any], latency_s: float) -> None:
+    """Say how a trial went."""
+    console.print(f"{end['reason']} after {end['duration_s']:.1f} s and {end['driven_m']:.1f} m", markup=False)
+    measures = end["measures"]
+    if not measures:
+        return
+    console.print(
+        "inference {inference_hz:.1f} Hz ({inference_hz_possible:.0f} Hz possible), commands {command_hz:.1f} Hz, "
+        "image to command {latency_median_ms:.1f} ms, p99 {latency_p99_ms:.1f} ms".format(**measures)
+    )
+    age_s = measures["frame_age_median_s"]
+    if abs(age_s - latency_s) > _LATE_S:
+        console.print(
+            f"images are {1e3 * age_s:.0f} ms old when they come, the policy learned with {1e3 * latency_s:.0f} ms: "
+            f"train one with latency_s = {DT_S * whole_steps(age_s):g} in [camera] of robot.toml",
+            markup=False,
+        )
+
+
+def _hang_up(number: int, frame: object) -> None:
+    """End as at Ctrl-C where the terminal goes away."""
+    raise KeyboardInterrupt
+
+
+@contextmanager
+def _undisturbed() -> Iterator[None]:
+    """Let no second Ctrl-C come between a robot and its last command."""
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)

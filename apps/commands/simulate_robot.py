@@ -1,0 +1,199 @@
+"""`readygo simulate-robot`: a robot to try policies with."""
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, closing
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+import numpy.typing as npt
+from rich.console import Console
+
+from readygo.apps.cli import Group
+from readygo.apps.drive.calibration import Rectifier, info_of
+from readygo.apps.drive.messages import Goal
+from readygo.apps.drive.pilot import DriveConfig, Pilot
+from readygo.apps.drive.rehearsal import rehearsed
+from readygo.apps.drive.robot import Topics
+from readygo.apps.drive.simulated import Look, Manners, SimulatedRobot
+from readygo.apps.drive.wires import WireName, make_wire
+from readygo.apps.run.config import RunConfig
+from readygo.apps.run.evaluation import (
+    evaluation_config,
+    evaluation_world,
+    make_evaluator,
+    make_request,
+)
+from readygo.apps.run.origin import avatars_of_policy
+from readygo.common.bus.foreign import ForeignSession
+from readygo.common.bus.zenoh_bus import Router
+from readygo.common.episode import EpisodeSimulation
+from readygo.common.errors import ConfigError
+from readygo.common.messages import Outcome, Split
+from readygo.common.policy import load_policy, load_spec
+from readygo.common.robot import load_robot
+from readygo.services.evaluator import Evaluator, MatchedEpisode
+
+
+def simulate_robot(
+    scene: str,
+    policy: Path | None = None,
+    /,
+    *,
+    episodes: int = 1,
+    tasks: tuple[Literal["static", "dynamic", "reactive"], ...] = ("static",),
+    split: Literal["train", "val", "test"] = "test",
+    seed: int = 0,
+    robot: Path | None = None,
+    config: Path | None = None,
+    avatars: Path | None = None,
+    latency_s: Annotated[float, Group("manners")] = 0.05,
+    jitter_s: Annotated[float, Group("manners")] = 0.01,
+    drop_share: Annotated[float, Group("manners")] = 0.02,
+    camera_hz: Annotated[float, Group("manners")] = 20.0,
+    compressed: Annotated[bool, Group("manners")] = False,
+    rehearse: bool = False,
+    image: Annotated[str, Group("topics")] = "/camera/image_raw",
+    odom: Annotated[str, Group("topics")] = "/odom",
+    cmd_vel: Annotated[str, Group("topics")] = "/cmd_vel",
+    wire: Annotated[WireName, Group("topics")] = "ros2",
+    listen: Annotated[str, Group("topics")] = "tcp/127.0.0.1:7447",
+    domain: Annotated[int, Group("topics")] = 0,
+) -> None:
+    """Be a robot in a scene: send its images and odometry, and do as it is told, in real time.
+
+    The episodes are those of `readygo evaluate SCENE POLICY`. One begins with the first command of `readygo drive
+    POLICY --goal-topic /goal_pose --outcome-topic /outcome`, and the next one when nobody commands any more.
+
+    Args:
+        scene: Scene bundle, "embedded", or "embedded:SEED".
+        policy: Folder of a trained policy: the robot, people and settings of its data.
+        episodes: Episodes per task.
+        tasks: What they ask for, as in `readygo evaluate`.
+        split: Random streams to draw the episodes from.
+        seed: Seed of the episodes.
+        robot: robot.toml; its camera may be another one than the policy's.
+        config: TOML file with sections of settings.
+        avatars: Avatar file or folder of them; those of the policy's data by default, else the embedded ones.
+        latency_s: From when an image is taken until it is sent [s].
+        jitter_s: Standard deviation of that [s].
+        drop_share: Share of images that are lost.
+        camera_hz: Images per second: 20, 10, 5, 4, 2 or 1.
+        compressed: Send JPEG.
+        rehearse: Let the policy drive here, as `readygo drive` would, in simulated time and without a network.
+        image: Topic of the images.
+        odom: Topic of the Odometry.
+        cmd_vel: Topic of the commands.
+        wire: As in `readygo drive`.
+        listen: Where to open a Zenoh router.
+        domain: ROS_DOMAIN_ID.
+    """
+    console = Console(highlight=False, soft_wrap=True)
+    manners = _manners(latency_s, jitter_s, drop_share, camera_hz, compressed)
+    spec = load_spec(policy) if policy else None
+    own = load_robot(robot) if robot else None
+    settings = evaluation_config(spec, "robot" if own else "policy", config=config, robot=own, sensor=None, humans=None)
+    settings = _without_latency(settings)
+    people = avatars_of_policy(spec) if spec and avatars is None else avatars
+    world = evaluation_world(scene, settings, avatars=people, seed=seed)
+    evaluator = make_evaluator(world, renderer=world.renderer(), methods={})
+    request = make_request(episodes, tasks, ("policy",), Split(split), seed)
+    drawn, _ = evaluator.source().draw(seed=seed, split=request.split, count=episodes, tasks=request.tasks)
+    eyes, rng = evaluator.eyes(), np.random.default_rng(seed)
+    eyes.look([evaluator.simulation(drawn[0])])
+
+    def look(simulation: EpisodeSimulation) -> npt.NDArray[np.uint8]:
+        seen: npt.NDArray[np.uint8] = eyes.look([simulation])[0]
+        return seen
+
+    with ExitStack() as stack:
+        if rehearse:
+            run = _rehearsal(policy, settings, look, manners, rng)
+        else:
+            topics = _topics(image, odom, cmd_vel)
+            stack.enter_context(closing(Router(listen)))
+            session = stack.enter_context(closing(ForeignSession(listen)))
+            spoken = make_wire(wire, domain=domain, prefix="", stamped=False, node="readygo_robot")
+            machine = SimulatedRobot(session, spoken, topics, info_of(settings.robot.camera), look, manners, rng)
+            console.print(f"a robot waits at {listen}", markup=False)
+            run = machine.drive
+        found = {
+            task: _drive_all(run, evaluator, [e for e in drawn if e.task is task], console) for task in request.tasks
+        }
+    for task, outcomes in found.items():
+        console.print(f"{task.value}: {outcomes[Outcome.SUCCESS]} of {outcomes.total()} succeed")
+    if not rehearse and machine.behind:
+        console.print(f"this machine was too slow for real time {machine.behind} times")
+
+
+def _drive_all(
+    run: Callable[[EpisodeSimulation], Outcome],
+    evaluator: Evaluator,
+    episodes: Sequence[MatchedEpisode],
+    console: Console,
+) -> Counter[Outcome]:
+    """Outcomes of a task's episodes, each said as it ends."""
+    outcomes: Counter[Outcome] = Counter()
+    for episode in episodes:
+        simulation = evaluator.simulation(episode)
+        outcome = run(simulation)
+        outcomes[outcome] += 1
+        name = episode.scenario.episode.episode_id
+        console.print(f"{episode.task.value} {name}: {outcome.value} after {simulation.time_s:.2f} s", markup=False)
+    return outcomes
+
+
+def _rehearsal(
+    folder: Path | None, settings: RunConfig, look: Look, manners: Manners, rng: np.random.Generator
+) -> Callable[[EpisodeSimulation], Outcome]:
+    """Drives episodes by a policy in simulated time.
+
+    Raises:
+        ConfigError: If there is no policy.
+    """
+    if folder is None:
+        raise ConfigError("A rehearsal needs a policy: readygo simulate-robot SCENE POLICY --rehearse.")
+    policy = load_policy(folder)
+    rectify = Rectifier(settings.robot.camera, policy.spec.robot.camera)
+    config = DriveConfig(
+        v_max_mps=settings.robot.v_max_mps,
+        w_max_radps=settings.robot.w_max_radps,
+        goal_radius_m=settings.episode.success_radius_m,
+        time_limit_s=settings.episode.time_limit_s,
+        goal_in_start_frame=False,
+    )
+
+    def run(simulation: EpisodeSimulation) -> Outcome:
+        goal_x, goal_y = simulation.scenario.goal_xy_m.tolist()
+        pilot = Pilot(policy, rectify, config, Goal(x_m=goal_x, y_m=goal_y))
+        return rehearsed(pilot, simulation, look, manners, rng)
+
+    return run
+
+
+def _topics(image: str, odom: str, cmd_vel: str) -> Topics:
+    return Topics(
+        image=image,
+        odometry=odom,
+        command=cmd_vel,
+        camera_info=f"{image.removesuffix('/compressed').rpartition('/')[0]}/camera_info",
+        goal="/goal_pose",
+        outcome="/outcome",
+    )
+
+
+def _manners(latency_s: float, jitter_s: float, drop_share: float, camera_hz: float, compressed: bool) -> Manners:
+    try:
+        return Manners(
+            latency_s=latency_s, jitter_s=jitter_s, drop_share=drop_share, camera_hz=camera_hz, compressed=compressed
+        )
+    except ValueError as error:
+        raise ConfigError(str(error)) from error
+
+
+def _without_latency(settings: RunConfig) -> RunConfig:
+    """The way to the policy makes images late here, not the camera."""
+    camera = replace(settings.robot.camera, latency_s=0.0)
+    return replace(settings, robot=replace(settings.robot, camera=camera))

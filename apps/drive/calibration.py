@@ -1,0 +1,184 @@
+"""The robot's camera brought to the policy's: another lens, size, field of view or pitch."""
+
+import math
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from readygo.apps.robot_logs.convert import camera_of
+from readygo.apps.robot_logs.reader import LogCamera
+from readygo.common.camera import CameraConfig
+from readygo.common.camera.lens import make_lens
+from readygo.common.errors import ConfigError
+from readygo.common.robot import load_robot
+
+UNSEEN_MAX = 0.1
+"""A policy whose images would lack a larger share has another camera."""
+MOUNT_MAX_M = 0.05
+"""Cameras that are mounted further apart see other images, whatever is done to them."""
+_SAMPLES_MAX = 6
+"""Samples of the robot's image along each side of a pixel of the policy's, at most."""
+
+
+class Rectifier:
+    """Makes of the robot's images what the policy's camera would have shown from the same place."""
+
+    def __init__(self, robot: CameraConfig, policy: CameraConfig) -> None:
+        """Find which pixels of the robot's image each pixel of the policy's sees.
+
+        Args:
+            robot: The robot's camera.
+            policy: The camera that the policy was trained with.
+
+        Raises:
+            ConfigError: If the robot's image does not hold enough of what the policy's shows.
+        """
+        self._size = (robot.height_px, robot.width_px)
+        self._policy_size = (policy.width_px, policy.height_px)
+        count = min(max(math.ceil(float(robot.K_px[0, 0] / policy.K_px[0, 0])), 1), _SAMPLES_MAX)
+        uv = _places(robot, policy, count)
+        inside = (uv >= 0.0).all(axis=2) & (uv[..., 0] <= robot.width_px) & (uv[..., 1] <= robot.height_px)
+        self.unseen = float(1.0 - inside.mean())
+        """Share of the policy's image that the robot's camera does not show; it is black."""
+        if self.unseen > UNSEEN_MAX:
+            raise ConfigError(
+                f"The robot's camera does not show {100 * self.unseen:.0f} % of what the policy's shows (at most "
+                f"{100 * UNSEEN_MAX:.0f} %): mount a wider lens, or train a policy with this camera in robot.toml."
+            )
+        # Pixel centres are at integers in OpenCV.
+        u, v = (np.where(inside, uv[..., axis] - 0.5, -9.0).astype(np.float32) for axis in (0, 1))
+        self._maps = cv2.convertMaps(u, v, cv2.CV_16SC2)
+        self.identity = (
+            self._size == self._policy_size[::-1] and count == 1 and bool(np.abs(uv - _centres(policy, 1)).max() < 0.01)
+        )
+        """True if images pass as they are."""
+
+    def __call__(self, bgr: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
+        """An image of the policy's camera.
+
+        Args:
+            bgr: The robot's image: blue, green, red, shape (H, W, 3).
+
+        Returns:
+            sRGB, shape (H, W, 3) of the policy's camera.
+
+        Raises:
+            ValueError: If the image has another size than the robot's camera.
+        """
+        if bgr.shape[:2] != self._size:
+            raise ValueError(
+                f"images of {bgr.shape[0]}x{bgr.shape[1]} px, and its calibration is of {self._size[0]}x{self._size[1]}"
+            )
+        if not self.identity:
+            first, second = self._maps
+            large = cv2.remap(bgr, first, second, cv2.INTER_LINEAR)
+            bgr = cv2.resize(large, self._policy_size, interpolation=cv2.INTER_AREA).astype(np.uint8)
+        return np.ascontiguousarray(bgr[..., ::-1])
+
+
+def mount_differences(robot: CameraConfig, policy: CameraConfig) -> list[str]:
+    """What no picture can be mended for: how far the two cameras are mounted apart, in words."""
+    names = ("mount_x_m", "mount_y_m", "mount_height_m")
+    return [
+        f"{name} {getattr(policy, name):g} (the robot's: {getattr(robot, name):g})"
+        for name in names
+        if abs(getattr(policy, name) - getattr(robot, name)) > MOUNT_MAX_M
+    ]
+
+
+def camera_from_info(mount: CameraConfig, info: LogCamera) -> CameraConfig:
+    """The camera of a CameraInfo, mounted as another one is.
+
+    Raises:
+        ConfigError: If the lens is not known, or it is not calibrated.
+    """
+    if not (len(info.K_px) == 9 and info.K_px[0] > 0 and info.K_px[4] > 0):
+        raise ConfigError(
+            "The robot's CameraInfo holds no intrinsics: its camera is not calibrated. Calibrate it "
+            "(ROS: camera_calibration), and pass the file with --calibration."
+        )
+    return camera_of(mount, info)
+
+
+def info_of(camera: CameraConfig) -> LogCamera:
+    """A camera as a CameraInfo has it."""
+    K = camera.K_px
+    K[:2, 2] -= 0.5
+    return LogCamera(
+        height_px=camera.height_px,
+        width_px=camera.width_px,
+        K_px=tuple(K.reshape(-1).tolist()),
+        model="equidistant" if camera.distortion == "fisheye" else "plumb_bob",
+        distortion=tuple(getattr(camera, name) for name in camera.coefficient_names),
+    )
+
+
+def camera_from_file(mount: CameraConfig, path: Path) -> CameraConfig:
+    """The camera of a file: `robot.toml`, or what ROS's camera_calibration writes (.yaml).
+
+    Raises:
+        ConfigError: If the file cannot be read, or holds no camera.
+    """
+    if path.suffix == ".toml":
+        return load_robot(path, camera=mount).camera
+    storage = _opened(path)
+    try:
+        info = LogCamera(
+            height_px=int(storage.getNode("image_height").real()),
+            width_px=int(storage.getNode("image_width").real()),
+            K_px=_data(storage, "camera_matrix"),
+            model=storage.getNode("distortion_model").string(),
+            distortion=_data(storage, "distortion_coefficients"),
+        )
+    finally:
+        storage.release()
+    if len(info.K_px) != 9 or not info.height_px or not info.width_px:
+        raise ConfigError(
+            f"Calibration {path} lacks image_width, image_height or camera_matrix: pass what ROS's camera_calibration "
+            "wrote, or a robot.toml with a section [camera]."
+        )
+    return camera_from_info(mount, info)
+
+
+def _opened(path: Path) -> cv2.FileStorage:
+    try:
+        text = path.read_text()
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"Calibration {path} cannot be read: {getattr(error, 'strerror', None) or error}.") from error
+    # OpenCV's reader wants a heading, and knows what ROS writes below it.
+    head = "" if text.startswith("%YAML") else "%YAML:1.0\n---\n"
+    try:
+        return cv2.FileStorage(head + text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
+    except (cv2.error, SystemError) as error:  # OpenCV's reader raises either
+        raise ConfigError(f"Calibration {path} is no YAML file that can be read.") from error
+
+
+def _data(storage: cv2.FileStorage, name: str) -> tuple[float, ...]:
+    data = storage.getNode(name).getNode("data") if not storage.getNode(name).empty() else None
+    return tuple(data.at(index).real() for index in range(data.size())) if data is not None else ()
+
+
+def _centres(camera: CameraConfig, count: int) -> npt.NDArray[np.float64]:
+    """Pixels of an image that is `count` times as fine along each side [px], shape (count H, count W, 2)."""
+    u = (np.arange(camera.width_px * count) + 0.5) / count
+    v = (np.arange(camera.height_px * count) + 0.5) / count
+    return np.stack(np.meshgrid(u, v), axis=2)
+
+
+def _places(robot: CameraConfig, policy: CameraConfig, count: int) -> npt.NDArray[np.float64]:
+    """Where the robot's image shows what the pixels of a finer image of the policy's see [px]; NaN where nowhere."""
+    centres = _centres(policy, count)
+    xy = make_lens(policy).rays(centres.reshape(-1, 2))
+    rays = np.concatenate([xy, np.ones((len(xy), 1))], axis=1)
+    down_rad = math.radians(policy.mount_pitch_deg - robot.mount_pitch_deg)
+    c, s = math.cos(down_rad), math.sin(down_rad)
+    # Camera axes are x right, y down, z ahead: a camera that looks further down sees its z axis at larger y.
+    turned = rays @ np.array([[1.0, 0.0, 0.0], [0.0, c, s], [0.0, -s, c]]).T
+    ahead = turned[:, 2] > 1e-6
+    plane = turned[:, :2] / np.where(ahead, turned[:, 2], 1.0)[:, None]
+    lens = make_lens(robot)
+    shown = ahead & (np.hypot(*plane.T) <= lens.radius_max)
+    uv = np.where(shown[:, None], lens.pixels(plane), np.nan)
+    return uv.reshape(centres.shape)

@@ -1,0 +1,75 @@
+"""What passes between a policy and a robot, whatever the robot's messages are."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.apps.robot_logs.reader import LogCamera
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Picture:
+    """An image of the robot's camera."""
+
+    stamp_ns: int
+    """When it was taken, by the robot's clock [ns]; 0 if the robot does not say."""
+    decode: Callable[[], npt.NDArray[np.uint8]] = field(repr=False)
+    """Its pixels, blue, green, red, shape (H, W, 3); ValueError if they cannot be read."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Odometry:
+    """Where the robot is."""
+
+    stamp_ns: int
+    """By the robot's clock [ns]; 0 if the robot does not say."""
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    v_mps: float
+    w_radps: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Command:
+    """What the robot shall do."""
+
+    v_mps: float = 0.0
+    w_radps: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Goal:
+    """Where the robot shall go, in the frame of its odometry [m]."""
+
+    x_m: float
+    y_m: float
+
+
+Value = Picture | Odometry | Command | Goal | LogCamera | str
+"""A message; a string is an outcome."""
+
+
+class Codec(Protocol):
+    """A robot's messages, to and from bytes; types are named as in ROS."""
+
+    def read(self, type_name: str, payload: bytes) -> Value:
+        """The message in some bytes.
+
+        Raises:
+            ValueError: If they hold none of that type.
+        """
+        ...
+
+    def write(self, type_name: str, value: Any, stamp_ns: int) -> bytes:
+        """The bytes of a message.
+
+        Args:
+            type_name: One of `ros_codec`'s types.
+            value: A `Value`; in place of a picture its pixels, blue, green, red, shape (H, W, 3).
+            stamp_ns: Time of the message [ns].
+        """
+        ...

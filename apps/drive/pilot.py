@@ -1,0 +1,247 @@
+"""A policy at a robot's wheel: what comes in, what goes out, when it must stand. No network, no clock of its own."""
+
+import enum
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from readygo.apps.drive.calibration import Rectifier
+from readygo.apps.drive.clock import RobotClock
+from readygo.apps.drive.messages import Command, Goal, Odometry, Picture
+from readygo.common.frames import goal_in_robot_frame, wrap_angle
+from readygo.common.messages import Outcome
+from readygo.common.policy import Policy
+from readygo.common.robot import RobotConfig, limit_command
+from readygo.common.robot.kinematics import DT_S
+
+STALE_S = 0.3
+"""A robot whose newest image or odometry is older stands [s]."""
+GIVE_UP_S = 10.0
+"""A trial whose images or odometry are missing for so long is over [s]."""
+LEAP_M = 0.5
+"""Odometry that leaps further between two messages, beyond what the robot can drive, has been set [m]."""
+
+
+class Ending(enum.Enum):
+    """Why a trial is over."""
+
+    GOAL = "at the goal"
+    LATE = "out of time"
+    STATIC_COLLISION = "hit a thing"
+    HUMAN_COLLISION = "hit a human"
+    STOPPED = "stopped by hand"
+    STALE = "images or odometry stayed away"
+    BROKEN_IMAGES = "images could not be used"
+    CLOCK = "the clock jumped"
+    LEAP = "the odometry leapt"
+    NOT_FINITE = "a number was not finite"
+    FAILED = "the drive failed"
+
+    @property
+    def outcome(self) -> Outcome:
+        """What it counts as."""
+        return {
+            Ending.GOAL: Outcome.SUCCESS,
+            Ending.STATIC_COLLISION: Outcome.STATIC_COLLISION,
+            Ending.HUMAN_COLLISION: Outcome.HUMAN_COLLISION,
+        }.get(self, Outcome.TIMEOUT)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriveConfig:
+    """How a trial is driven."""
+
+    v_max_mps: float
+    """Largest speed [m/s]."""
+    w_max_radps: float
+    """Largest yaw rate, either way [rad/s]."""
+    goal_radius_m: float = 1.0
+    """So near the goal the robot has arrived [m]."""
+    time_limit_s: float = 50.0
+    """A trial that takes longer has failed [s]."""
+    goal_in_start_frame: bool = True
+    """The goal is given as the robot stands at the start (x forward, y left), not in the odometry's frame."""
+
+
+class Pilot:
+    """Drives one trial. Its methods are called from one thread; "now" and "arrived" are of one clock that rises."""
+
+    def __init__(self, policy: Policy, rectify: Rectifier, config: DriveConfig, goal: Goal) -> None:
+        spec = policy.spec
+        self._policy, self._rectify, self._config = policy, rectify, config
+        self._robot: RobotConfig = limited(spec.robot, config)
+        self._clock, self._memory = RobotClock(), policy.start()
+        self._given_goal, self.goal = goal, None if config.goal_in_start_frame else goal
+        """`goal` is in the odometry's frame, once that is known."""
+        self._pose: Odometry | None = None
+        self._yaw_rad = 0.0
+        self._picture_ns: int | None = None
+        self._arrived_ns = {"images": 0, "odometry": 0}
+        self._wanted, self._sent = Command(), Command()
+        self._sent_ns = 0
+        self._stale_since_ns: int | None = None
+        self.started_ns: int | None = None
+        """When it first had all that it needs."""
+        self.ending: Ending | None = None
+        """Why the trial is over; None while it runs."""
+        self.reason = ""
+        """The same in words."""
+        self.waiting_for = "images and odometry"
+        """What keeps the robot from driving; empty while it drives."""
+        self.straight_m = 0.0
+        """Straight way from the start to the circle around the goal [m]."""
+        self.driven_m = 0.0
+        """Length of the way, by the odometry [m]."""
+        self.moving_mps = 0.0
+        """Speed by the newest odometry [m/s]."""
+        self.frame_age_s = 0.0
+        """Age of the newest image when it came [s]."""
+
+    def end(self, ending: Ending, reason: str = "") -> None:
+        """End the trial; the first reason counts."""
+        if self.ending is None:
+            self.ending, self.reason = ending, reason or ending.value
+
+    def hear(self, odometry: Odometry, arrived_ns: int) -> None:
+        """Note where the robot is."""
+        values = (odometry.x_m, odometry.y_m, odometry.yaw_rad, odometry.v_mps, odometry.w_radps)
+        if not all(map(math.isfinite, values)):
+            self.end(Ending.NOT_FINITE, "the odometry has numbers that are not finite")
+            return
+        stamp_ns, self._arrived_ns["odometry"] = odometry.stamp_ns or arrived_ns, arrived_ns
+        self._jumped(self._clock.hear("odometry", stamp_ns, arrived_ns))
+        before = self._pose
+        if before is not None:
+            if stamp_ns <= before.stamp_ns:
+                return
+            self._check_leap(before, odometry, (stamp_ns - before.stamp_ns) / 1e9)
+            self._yaw_rad += float(wrap_angle(odometry.yaw_rad - before.yaw_rad))
+        else:
+            self._yaw_rad = odometry.yaw_rad
+        self._pose = replace(odometry, stamp_ns=stamp_ns)
+        self.moving_mps = odometry.v_mps
+        self._memory.move(stamp_ns, (odometry.x_m, odometry.y_m, self._yaw_rad))
+
+    def look(self, picture: Picture, arrived_ns: int) -> None:
+        """See an image, and decide anew if all is well."""
+        stamp_ns, self._arrived_ns["images"] = picture.stamp_ns or arrived_ns, arrived_ns
+        self._jumped(self._clock.hear("images", stamp_ns, arrived_ns))
+        if self._picture_ns is not None and stamp_ns <= self._picture_ns:
+            return
+        try:
+            rgb = self._rectify(picture.decode())
+        except ValueError as error:
+            self.end(Ending.BROKEN_IMAGES, f"the robot sends {error}")
+            return
+        self._picture_ns = stamp_ns
+        self.frame_age_s = self._clock.age_s(stamp_ns, arrived_ns)
+        if self._pose is None:
+            return
+        self._policy.see([self._memory], rgb[None], [stamp_ns])
+        self._decide()
+
+    def command(self, now_ns: int) -> Command:
+        """What the robot shall do now: the latest decision within its limits, or standing still."""
+        self._watch(now_ns)
+        if self.ending is not None or self.waiting_for:
+            wanted = self._wanted = Command()
+            self._sent, self._sent_ns = wanted, now_ns
+            return wanted
+        if self.started_ns is None:
+            self.started_ns = now_ns
+            self.straight_m = max(self.goal_distance_m - self._config.goal_radius_m, 0.0)
+        passed_s = min((now_ns - self._sent_ns) / 1e9, DT_S)
+        v, w = limit_command(
+            self._wanted.v_mps, self._wanted.w_radps, self._sent.v_mps, self._sent.w_radps, self._robot, passed_s
+        )
+        self._sent, self._sent_ns = Command(v_mps=v, w_radps=w), now_ns
+        return self._sent
+
+    @property
+    def words(self) -> str:
+        """What it does, in a line."""
+        if self.waiting_for:
+            return f"standing: {self.waiting_for}"
+        sent = self._sent
+        return f"goal {self.goal_distance_m:.1f} m, v {sent.v_mps:.2f} m/s, w {sent.w_radps:+.2f} rad/s"
+
+    @property
+    def goal_distance_m(self) -> float:
+        """Straight distance to the goal [m]; infinite before the odometry is known."""
+        if self._pose is None or self.goal is None:
+            return math.inf
+        return math.hypot(self.goal.x_m - self._pose.x_m, self.goal.y_m - self._pose.y_m)
+
+    def _decide(self) -> None:
+        pose, goal = self._pose, self._goal()
+        if pose is None or goal is None:
+            return
+        there = goal_in_robot_frame(pose.x_m, pose.y_m, self._yaw_rad, (goal.x_m, goal.y_m))
+        moving = np.array([[pose.v_mps, pose.w_radps]], np.float32)
+        v, w = self._policy.decide([self._memory], moving, np.array([there], np.float32))[0].tolist()
+        if not (math.isfinite(v) and math.isfinite(w)):
+            self.end(Ending.NOT_FINITE, f"the policy commanded ({v:g}, {w:g})")
+            return
+        self._wanted = Command(v_mps=v, w_radps=w)
+
+    def _goal(self) -> Goal | None:
+        if self.goal is None and self._pose is not None:
+            x, y, c, s = self._given_goal.x_m, self._given_goal.y_m, math.cos(self._yaw_rad), math.sin(self._yaw_rad)
+            self.goal = Goal(x_m=self._pose.x_m + c * x - s * y, y_m=self._pose.y_m + s * x + c * y)
+        return self.goal
+
+    def _watch(self, now_ns: int) -> None:
+        """End the trial, or have the robot wait, if it must not drive now."""
+        if self.started_ns is not None and now_ns - self.started_ns >= self._config.time_limit_s * 1e9:
+            self.end(Ending.LATE)
+        self.waiting_for = self._missing(now_ns)
+        if self.waiting_for:
+            since_ns = self._stale_since_ns = self._stale_since_ns or now_ns
+            if self.started_ns is not None and now_ns - since_ns > GIVE_UP_S * 1e9:
+                self.end(Ending.STALE, f"{self.waiting_for} for {GIVE_UP_S:g} s")
+            return
+        self._stale_since_ns = None
+        if self.goal_distance_m <= self._config.goal_radius_m:
+            self.end(Ending.GOAL)
+
+    def _missing(self, now_ns: int) -> str:
+        """What is not there, or too old; empty if all is."""
+        if self._pose is None or self._picture_ns is None:
+            absent = [name for name, there in (("images", self._picture_ns), ("odometry", self._pose)) if there is None]
+            return f"no {' and no '.join(absent)}"
+        ages = {
+            "images": self._clock.age_s(self._picture_ns, now_ns),
+            "odometry": self._clock.age_s(self._pose.stamp_ns, now_ns),
+        }
+        worst = max(ages, key=lambda name: ages[name])
+        if ages[worst] <= STALE_S:
+            return ""
+        if (now_ns - self._arrived_ns[worst]) / 1e9 > STALE_S:
+            return f"no new {worst}"
+        return f"{worst} are too old when they come, or the clocks of images and odometry differ"
+
+    def _jumped(self, how: str) -> None:
+        if how and self.started_ns is not None:
+            self.end(Ending.CLOCK, how)
+
+    def _check_leap(self, before: Odometry, now: Odometry, passed_s: float) -> None:
+        way_m = math.hypot(now.x_m - before.x_m, now.y_m - before.y_m)
+        if self.started_ns is None:
+            return
+        if way_m > LEAP_M + 2 * self._robot.v_max_mps * passed_s:
+            self.end(Ending.LEAP, f"the odometry leapt by {way_m:.1f} m")
+        self.driven_m += way_m
+
+
+def limited(robot: RobotConfig, config: DriveConfig) -> RobotConfig:
+    """A robot with the limits of a trial.
+
+    Raises:
+        ValueError: If they are not positive, or above the robot's.
+    """
+    for name in ("v_max_mps", "w_max_radps"):
+        asked, most = getattr(config, name), getattr(robot, name)
+        if not 0 < asked <= most:
+            raise ValueError(f"{name} must be above 0 and at most {most:g}, what the policy learned, got {asked:g}.")
+    return replace(robot, v_max_mps=config.v_max_mps, w_max_radps=config.w_max_radps)

@@ -1,0 +1,99 @@
+"""Messages for robots without ROS: MessagePack maps, described in docs/robots.md."""
+
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+import cv2
+import msgpack
+import numpy as np
+import numpy.typing as npt
+
+from readygo.apps.drive.messages import Command, Goal, Odometry, Picture, Value
+from readygo.apps.drive.ros_codec import (
+    COMPRESSED_TYPE,
+    GOAL_TYPE,
+    IMAGE_TYPE,
+    OUTCOME_TYPE,
+    STAMPED_TWIST_TYPE,
+    TWIST_TYPE,
+)
+from readygo.apps.robot_logs.pixels import bgr_of
+from readygo.apps.robot_logs.reader import INFO_TYPE, JPEG_QUALITY, ODOMETRY_TYPE, LogCamera
+from readygo.common.images.encoded import decode_pixels
+
+_ENCODED = ("jpeg", "png")
+
+
+class PlainCodec:
+    """See `Codec`."""
+
+    def read(self, type_name: str, payload: bytes) -> Value:
+        """See `Codec.read`."""
+        try:
+            fields = msgpack.unpackb(payload)
+            return _value(type_name, fields)
+        except (KeyError, TypeError, ValueError, msgpack.UnpackException) as error:
+            raise ValueError(f"{len(payload)} bytes are no message of {type_name}: {error!r}") from error
+
+    def write(self, type_name: str, value: Any, stamp_ns: int) -> bytes:
+        """See `Codec.write`."""
+        fields = {"stamp_ns": stamp_ns, **_fields(type_name, value)}
+        packed: bytes = msgpack.packb(fields)
+        return packed
+
+
+def _fields(type_name: str, value: Any) -> dict[str, Any]:
+    if type_name == IMAGE_TYPE:
+        height, width = value.shape[:2]
+        return {"encoding": "bgr8", "height_px": height, "width_px": width, "data": value.tobytes()}
+    if type_name == COMPRESSED_TYPE:
+        data = cv2.imencode(".jpg", value, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1].tobytes()
+        return {"encoding": "jpeg", "height_px": value.shape[0], "width_px": value.shape[1], "data": data}
+    if type_name == INFO_TYPE:
+        names = ("height_px", "width_px", "model", "K_px", "distortion")
+        return {name: getattr(value, name) for name in names}
+    if type_name == OUTCOME_TYPE:
+        return {"outcome": value}
+    numbers: dict[str, tuple[str, ...]] = {
+        ODOMETRY_TYPE: ("x_m", "y_m", "yaw_rad", "v_mps", "w_radps"),
+        GOAL_TYPE: ("x_m", "y_m"),
+        TWIST_TYPE: ("v_mps", "w_radps"),
+        STAMPED_TWIST_TYPE: ("v_mps", "w_radps"),
+    }
+    return {name: float(getattr(value, name)) for name in numbers[type_name]}
+
+
+def _value(type_name: str, fields: Mapping[str, Any]) -> Value:
+    if type_name in (IMAGE_TYPE, COMPRESSED_TYPE):
+        return Picture(stamp_ns=int(fields.get("stamp_ns", 0)), decode=partial(_pixels, fields))
+    if type_name == INFO_TYPE:
+        return LogCamera(
+            height_px=int(fields["height_px"]),
+            width_px=int(fields["width_px"]),
+            K_px=tuple(float(value) for value in fields["K_px"]),
+            model=str(fields["model"]),
+            distortion=tuple(float(value) for value in fields["distortion"]),
+        )
+    if type_name == OUTCOME_TYPE:
+        return str(fields["outcome"])
+    if type_name == GOAL_TYPE:
+        return Goal(x_m=float(fields["x_m"]), y_m=float(fields["y_m"]))
+    if type_name in (TWIST_TYPE, STAMPED_TWIST_TYPE):
+        return Command(v_mps=float(fields["v_mps"]), w_radps=float(fields["w_radps"]))
+    names = ("x_m", "y_m", "yaw_rad", "v_mps", "w_radps")
+    return Odometry(stamp_ns=int(fields.get("stamp_ns", 0)), **{name: float(fields[name]) for name in names})
+
+
+def _pixels(fields: Mapping[str, Any]) -> npt.NDArray[np.uint8]:
+    encoding, data = str(fields["encoding"]), fields["data"]
+    height, width = int(fields["height_px"]), int(fields["width_px"])
+    if encoding not in _ENCODED:
+        row_bytes = len(data) // max(height, 1)
+        return bgr_of(
+            np.frombuffer(data, np.uint8), encoding=encoding, height_px=height, width_px=width, row_bytes=row_bytes
+        )
+    pixels = decode_pixels(data, cv2.IMREAD_COLOR)
+    if pixels is None:
+        raise ValueError(f"images that are no {encoding}")
+    return pixels

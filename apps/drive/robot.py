@@ -1,0 +1,272 @@
+"""A robot on the network: its newest image and odometry, and the commands that it is sent."""
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from readygo.apps.drive.messages import Command, Goal, Odometry, Picture
+from readygo.apps.drive.ros_codec import (
+    COMPRESSED_TYPE,
+    GOAL_TYPE,
+    IMAGE_TYPE,
+    OUTCOME_TYPE,
+    STAMPED_TWIST_TYPE,
+    TWIST_TYPE,
+)
+from readygo.apps.drive.ros_keys import PUBLISHER, SUBSCRIBER
+from readygo.apps.drive.wires import Address, RosWire, Wire
+from readygo.apps.robot_logs.reader import INFO_TYPE, ODOMETRY_TYPE, LogCamera
+from readygo.common.bus.foreign import ForeignPublisher, ForeignSession
+from readygo.common.errors import BusError
+
+ODOMETRY_MAX = 256
+"""Odometry messages that wait for the pilot at most."""
+DEADMAN_S = 0.3
+"""A robot that nobody has commanded for so long is told to stand [s]."""
+FOUND_S = 2.0
+"""A base that does not listen within this time is not there [s]."""
+LAST_ZEROS, ZERO_EVERY_S = 3, 0.03
+"""How often a robot that is left is told to stand: any one may get lost."""
+Listen = Callable[[str, str, Any, int], None]
+"""Hears every message: topic, type, what it says, when it came or went [ns since 1970]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Topics:
+    """Where a robot's messages are; empty names are not used."""
+
+    image: str
+    odometry: str
+    command: str
+    camera_info: str = ""
+    goal: str = ""
+    outcome: str = ""
+
+    def heard(self) -> list[tuple[str, tuple[str, ...]]]:
+        """Topics that are heard, each with the types that it may have."""
+        wanted = [
+            (self.image, (IMAGE_TYPE, COMPRESSED_TYPE)),
+            (self.odometry, (ODOMETRY_TYPE,)),
+            (self.camera_info, (INFO_TYPE,)),
+            (self.goal, (GOAL_TYPE,)),
+            (self.outcome, (OUTCOME_TYPE,)),
+        ]
+        return [(topic, types) for topic, types in wanted if topic]
+
+
+class Robot:
+    """What a robot has said last; close it when done: it is told to stand then."""
+
+    def __init__(self, session: ForeignSession, wire: Wire, topics: Topics, *, dry: bool = False) -> None:
+        """Listen, and prepare to command.
+
+        Args:
+            session: On the robot's network.
+            wire: How it speaks.
+            topics: Where.
+            dry: True to command nothing.
+        """
+        self._session, self._wire, self._topics, self._dry = session, wire, topics, dry
+        self._changed = threading.Condition()
+        self._picture: tuple[Picture, int] | None = None
+        self._odometry: deque[tuple[Odometry, int]] = deque(maxlen=ODOMETRY_MAX)
+        self.camera: LogCamera | None = None
+        """The newest CameraInfo."""
+        self.goal: Goal | None = None
+        """The newest goal."""
+        self.outcome = ""
+        """The newest outcome that somebody has told."""
+        self.broken = ""
+        """Why the newest message of a wrong kind could not be used."""
+        self.listen: Listen = lambda topic, type_name, value, time_ns: None
+        for number, (topic, types) in enumerate(topics.heard(), start=1):
+            self._hear(topic, types, number)
+        self._commands: _Commands | None = None
+        if not dry:
+            number = len(topics.heard()) + 1
+            types = (TWIST_TYPE, STAMPED_TWIST_TYPE)
+            self._commands = _Commands(TopicPublisher(session, wire, topics.command, types, number))
+
+    def found(self) -> str:
+        """Empty if somebody waits for commands; else what is there, in words."""
+        if self._commands is None or self._commands.heard(FOUND_S):
+            return ""
+        return f"Nobody listens to {self._topics.command}{self._listeners()}."
+
+    def next_picture(self, until_s: float) -> tuple[Picture, int] | None:
+        """The newest image that was not taken yet, and when it came [ns]; waits for one until a time.
+
+        Args:
+            until_s: By `time.monotonic`.
+        """
+        with self._changed:
+            while self._picture is None and (left_s := until_s - time.monotonic()) > 0:
+                self._changed.wait(left_s)
+            picture, self._picture = self._picture, None
+            return picture
+
+    def odometry(self) -> list[tuple[Odometry, int]]:
+        """What has come since the last call, and when [ns]."""
+        with self._changed:
+            found = list(self._odometry)
+            self._odometry.clear()
+            return found
+
+    def send(self, command: Command) -> None:
+        """Command the robot."""
+        if self._commands is not None:
+            self._commands.send(command)
+        self.listen(self._topics.command, TWIST_TYPE, command, time.time_ns())
+
+    def close(self) -> None:
+        """Tell the robot to stand, and leave."""
+        if self._commands is not None:
+            self._commands.close()
+        self._session.close()
+
+    def absent(self) -> str:
+        """What the robot does not send, and what is there in its place."""
+        there = self._wire.topics(self._session, PUBLISHER)
+        named = {each.topic for each in there}
+        words = []
+        for topic, types in self._topics.heard():
+            fitting = sorted({each.topic for each in there if each.type_name in types})
+            if "/" + topic.strip("/") not in named and there:
+                words.append(f"nobody publishes {topic} (topics of that kind: {', '.join(fitting) or 'none'})")
+        if not there and isinstance(self._wire, RosWire):
+            return "no ROS 2 node is there: start it with RMW_IMPLEMENTATION=rmw_zenoh_cpp, or choose another --domain"
+        return "; ".join(words)
+
+    def _listeners(self) -> str:
+        there = self._wire.topics(self._session, SUBSCRIBER)
+        fitting = sorted({each.topic for each in there if each.type_name in (TWIST_TYPE, STAMPED_TWIST_TYPE)})
+        return f"; topics on which robots hear velocities: {', '.join(fitting)}" if fitting else ""
+
+    def _hear(self, topic: str, types: tuple[str, ...], number: int) -> None:
+        address = self._wire.address(self._session, topic, types, SUBSCRIBER)
+        self._wire.announce(self._session, topic, address, SUBSCRIBER, number)
+
+        def on_message(key: str, payload: bytes, attachment: bytes) -> None:
+            arrived_ns, wall_ns = time.monotonic_ns(), time.time_ns()
+            type_name = self._wire.type_of(key, types[0])
+            if type_name not in types:
+                self.broken = f"{topic} carries {type_name}; it must be {' or '.join(types)}"
+                return
+            try:
+                value = self._wire.codec.read(type_name, payload)
+            except ValueError as error:
+                self.broken = f"{topic}: {error}"
+                return
+            self._keep(value, arrived_ns)
+            self.listen(topic, type_name, value, wall_ns)
+
+        self._session.hear(self._wire.heard_key(topic), on_message)
+
+    def _keep(self, value: Any, arrived_ns: int) -> None:
+        with self._changed:
+            if isinstance(value, Picture):
+                self._picture = value, arrived_ns
+                self._changed.notify()
+            elif isinstance(value, Odometry):
+                self._odometry.append((value, arrived_ns))
+            elif isinstance(value, LogCamera):
+                self.camera = value
+            elif isinstance(value, Goal):
+                self.goal = value
+            elif isinstance(value, str):
+                self.outcome = value
+
+
+class TopicPublisher:
+    """Publishes on one of a robot's topics."""
+
+    def __init__(
+        self,
+        session: ForeignSession,
+        wire: Wire,
+        topic: str,
+        types: tuple[str, ...],
+        number: int,
+        *,
+        block: bool = False,
+    ) -> None:
+        """Announce it.
+
+        Args:
+            session: On the robot's network.
+            wire: How the robot speaks.
+            topic: Name of the topic.
+            types: See `Wire.address`.
+            number: Of the topic within this program, from 1 on.
+            block: See `ForeignSession.publisher`.
+        """
+        self._wire = wire
+        address: Address = wire.address(session, topic, types, PUBLISHER)
+        self._type_name = address.type_name
+        self._publisher: ForeignPublisher = session.publisher(address.key, block=block)
+        self._token = wire.announce(session, topic, address, PUBLISHER, number)
+        self._number = 0
+
+    def heard(self, timeout_s: float) -> bool:
+        """True if somebody listens, or comes within a time."""
+        return self._publisher.heard(timeout_s)
+
+    def write(self, value: Any, stamp_ns: int) -> bytes:
+        """The bytes of a message; see `Codec.write`."""
+        return self._wire.codec.write(self._type_name, value, stamp_ns)
+
+    def put(self, payload: bytes) -> None:
+        """Publish what `write` made."""
+        self._number += 1
+        self._publisher.put(payload, self._wire.attachment(self._number, time.time_ns(), self._token))
+
+
+class _Commands:
+    """Publishes commands, and zeros where the program that should command hangs."""
+
+    def __init__(self, publisher: TopicPublisher) -> None:
+        self._publisher = publisher
+        self._lock = threading.Lock()
+        self._sent_s = time.monotonic()
+        self._over = threading.Event()
+        threading.Thread(target=self._stand_by, name="deadman", daemon=True).start()
+
+    def heard(self, timeout_s: float) -> bool:
+        """True if somebody listens, or comes within a time."""
+        return self._publisher.heard(timeout_s)
+
+    def send(self, command: Command) -> None:
+        """Publish a command."""
+        with self._lock:
+            if not self._over.is_set():
+                self._sent_s = time.monotonic()
+                self._publisher.put(self._publisher.write(command, time.time_ns()))
+
+    def close(self) -> None:
+        """Have the robot stand, whatever was sent before."""
+        for _ in range(LAST_ZEROS):
+            self.send(Command())
+            time.sleep(ZERO_EVERY_S)
+        self._over.set()
+
+    def _stand_by(self) -> None:
+        while not self._over.wait(DEADMAN_S / 3):
+            if time.monotonic() - self._sent_s > DEADMAN_S:
+                self.send(Command())
+
+
+def connected(connect: str, wire: Wire, topics: Topics, *, dry: bool) -> Robot:
+    """A robot behind a router.
+
+    Raises:
+        BusError: If there is no router, or nobody waits for commands.
+    """
+    robot = Robot(ForeignSession(connect), wire, topics, dry=dry)
+    nobody = robot.found()
+    if nobody:
+        robot.close()
+        raise BusError(f"{nobody} Start the robot's base, or name its topic with --cmd-vel.")
+    return robot

@@ -1,0 +1,181 @@
+"""Messages of ROS 2 as CDR, by rosbags (extra `robot-logs`); no ROS is needed."""
+
+import math
+from functools import partial
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from readygo.apps.drive.messages import Command, Goal, Odometry, Picture, Value
+from readygo.apps.robot_logs.pixels import bgr_of
+from readygo.apps.robot_logs.reader import IMAGE_TYPES, INFO_TYPE, JPEG_QUALITY, ODOMETRY_TYPE, LogCamera
+from readygo.common.errors import ConfigError
+from readygo.common.extras import install_command
+from readygo.common.images.encoded import decode_pixels
+
+IMAGE_TYPE, COMPRESSED_TYPE = IMAGE_TYPES
+TWIST_TYPE, STAMPED_TWIST_TYPE = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
+GOAL_TYPE, OUTCOME_TYPE = "geometry_msgs/msg/PoseStamped", "std_msgs/msg/String"
+
+
+class RosCodec:
+    """See `Codec`."""
+
+    def __init__(self) -> None:
+        """Load the types.
+
+        Raises:
+            ConfigError: If rosbags is not installed.
+        """
+        try:
+            from rosbags.typesys import Stores, get_typestore
+        except ImportError as error:
+            raise ConfigError(f"ROS messages need rosbags: {install_command('robot-logs')}") from error
+        self._store: Any = get_typestore(Stores.ROS2_HUMBLE)
+        self._types: Any = self._store.types
+        self._writers: dict[str, Any] = {
+            IMAGE_TYPE: self._image,
+            COMPRESSED_TYPE: self._compressed,
+            ODOMETRY_TYPE: self._odometry,
+            INFO_TYPE: self._camera_info,
+            TWIST_TYPE: lambda command, _: self._twist(command),
+            STAMPED_TWIST_TYPE: self._stamped_twist,
+            GOAL_TYPE: self._goal,
+            OUTCOME_TYPE: lambda outcome, _: self._types[OUTCOME_TYPE](data=outcome),
+        }
+
+    def type_hash(self, type_name: str) -> str:
+        """The RIHS01 hash of a type."""
+        return str(self._store.hash_rihs01(type_name))
+
+    def definition(self, type_name: str) -> str:
+        """The text of a type's .msg file and of those that it refers to."""
+        return str(self._store.generate_msgdef(type_name, ros_version=2)[0])
+
+    def read(self, type_name: str, payload: bytes) -> Value:
+        """See `Codec.read`."""
+        if type_name not in self._writers:
+            raise ValueError(f"messages of type {type_name} are not known")
+        try:
+            message = self._store.deserialize_cdr(payload, type_name)
+        except Exception as error:  # rosbags raises whatever its generated code trips over
+            raise ValueError(f"{len(payload)} bytes are no {type_name}") from error
+        return _value(type_name, message)
+
+    def write(self, type_name: str, value: Any, stamp_ns: int) -> bytes:
+        """See `Codec.write`."""
+        message = self._writers[type_name](value, stamp_ns)
+        return bytes(self._store.serialize_cdr(message, type_name))
+
+    def _header(self, stamp_ns: int, frame: str) -> Any:
+        stamp = self._types["builtin_interfaces/msg/Time"](sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9)
+        return self._types["std_msgs/msg/Header"](stamp=stamp, frame_id=frame)
+
+    def _image(self, bgr: npt.NDArray[np.uint8], stamp_ns: int) -> Any:
+        return self._types[IMAGE_TYPE](
+            header=self._header(stamp_ns, "camera"),
+            height=bgr.shape[0],
+            width=bgr.shape[1],
+            encoding="bgr8",
+            is_bigendian=0,
+            step=3 * bgr.shape[1],
+            data=bgr.reshape(-1),
+        )
+
+    def _compressed(self, bgr: npt.NDArray[np.uint8], stamp_ns: int) -> Any:
+        data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1].reshape(-1)
+        return self._types[COMPRESSED_TYPE](header=self._header(stamp_ns, "camera"), format="jpeg", data=data)
+
+    def _pose(self, x_m: float, y_m: float, yaw_rad: float) -> Any:
+        point = self._types["geometry_msgs/msg/Point"](x=x_m, y=y_m, z=0.0)
+        turn = self._types["geometry_msgs/msg/Quaternion"](
+            x=0.0, y=0.0, z=math.sin(yaw_rad / 2), w=math.cos(yaw_rad / 2)
+        )
+        return self._types["geometry_msgs/msg/Pose"](position=point, orientation=turn)
+
+    def _twist(self, command: Command | Odometry) -> Any:
+        vector = self._types["geometry_msgs/msg/Vector3"]
+        linear, angular = vector(x=command.v_mps, y=0.0, z=0.0), vector(x=0.0, y=0.0, z=command.w_radps)
+        return self._types[TWIST_TYPE](linear=linear, angular=angular)
+
+    def _stamped_twist(self, command: Command, stamp_ns: int) -> Any:
+        return self._types[STAMPED_TWIST_TYPE](header=self._header(stamp_ns, "base_link"), twist=self._twist(command))
+
+    def _odometry(self, odometry: Odometry, stamp_ns: int) -> Any:
+        pose = self._pose(odometry.x_m, odometry.y_m, odometry.yaw_rad)
+        return self._types[ODOMETRY_TYPE](
+            header=self._header(stamp_ns, "odom"),
+            child_frame_id="base_link",
+            pose=self._types["geometry_msgs/msg/PoseWithCovariance"](pose=pose, covariance=np.zeros(36)),
+            twist=self._types["geometry_msgs/msg/TwistWithCovariance"](
+                twist=self._twist(odometry), covariance=np.zeros(36)
+            ),
+        )
+
+    def _goal(self, goal: Goal, stamp_ns: int) -> Any:
+        pose = self._pose(goal.x_m, goal.y_m, 0.0)
+        return self._types[GOAL_TYPE](header=self._header(stamp_ns, "odom"), pose=pose)
+
+    def _camera_info(self, camera: LogCamera, stamp_ns: int) -> Any:
+        K = np.array(camera.K_px, np.float64)
+        return self._types[INFO_TYPE](
+            header=self._header(stamp_ns, "camera"),
+            height=camera.height_px,
+            width=camera.width_px,
+            distortion_model=camera.model,
+            d=np.array(camera.distortion, np.float64),
+            k=K,
+            r=np.eye(3).reshape(-1),
+            p=np.concatenate([K.reshape(3, 3), np.zeros((3, 1))], axis=1).reshape(-1),
+            binning_x=0,
+            binning_y=0,
+            roi=self._types["sensor_msgs/msg/RegionOfInterest"](
+                x_offset=0, y_offset=0, height=0, width=0, do_rectify=False
+            ),
+        )
+
+
+def _value(type_name: str, message: Any) -> Value:
+    if type_name == OUTCOME_TYPE:
+        return str(message.data)
+    if type_name == TWIST_TYPE:
+        return Command(v_mps=message.linear.x, w_radps=message.angular.z)
+    if type_name == STAMPED_TWIST_TYPE:
+        return Command(v_mps=message.twist.linear.x, w_radps=message.twist.angular.z)
+    if type_name == GOAL_TYPE:
+        return Goal(x_m=message.pose.position.x, y_m=message.pose.position.y)
+    if type_name == INFO_TYPE:
+        return LogCamera.of(message)
+    stamp_ns = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+    if type_name == ODOMETRY_TYPE:
+        return _odometry_of(message, stamp_ns)
+    return Picture(stamp_ns=stamp_ns, decode=partial(_pixels, type_name, message))
+
+
+def _odometry_of(message: Any, stamp_ns: int) -> Odometry:
+    place, turn = message.pose.pose.position, message.pose.pose.orientation
+    return Odometry(
+        stamp_ns=stamp_ns,
+        x_m=place.x,
+        y_m=place.y,
+        yaw_rad=math.atan2(2 * (turn.w * turn.z + turn.x * turn.y), 1 - 2 * (turn.y**2 + turn.z**2)),
+        v_mps=message.twist.twist.linear.x,
+        w_radps=message.twist.twist.angular.z,
+    )
+
+
+def _pixels(type_name: str, message: Any) -> npt.NDArray[np.uint8]:
+    if type_name == IMAGE_TYPE:
+        return bgr_of(
+            message.data,
+            encoding=message.encoding,
+            height_px=message.height,
+            width_px=message.width,
+            row_bytes=message.step,
+        )
+    pixels = decode_pixels(message.data.tobytes(), cv2.IMREAD_COLOR)
+    if pixels is None:
+        raise ValueError(f"compressed images that are no JPEG or PNG (format {message.format!r})")
+    return pixels

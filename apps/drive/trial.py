@@ -1,0 +1,137 @@
+"""One trial: the loop between robot and pilot, and what it measures."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from readygo.apps.drive.messages import Command
+from readygo.apps.drive.pilot import Ending, Pilot
+from readygo.apps.drive.robot import Robot
+from readygo.common.errors import BusError
+
+PATIENCE_S = 10.0
+"""A robot that does not send all that is needed within this time is not there [s]."""
+SAY_EVERY_S = 2.0
+OUTCOMES = {
+    "success": Ending.GOAL,
+    "timeout": Ending.LATE,
+    "static_collision": Ending.STATIC_COLLISION,
+    "human_collision": Ending.HUMAN_COLLISION,
+}
+"""What somebody may say of a trial, by a topic or in labels.toml."""
+Say = Callable[[str], None]
+
+
+@dataclass
+class Measures:
+    """What a trial's loop took."""
+
+    latencies_ms: list[float] = field(default_factory=list)
+    """From when an image came until the command that it led to was sent [ms]."""
+    thinking_ms: list[float] = field(default_factory=list)
+    """Of that, what bringing the image to the policy's camera and the policy took [ms]."""
+    frame_ages_s: list[float] = field(default_factory=list)
+    """Ages of images when they came [s]."""
+    sent: int = 0
+    """Commands that were sent."""
+    duration_s: float = 0.0
+    """Of the drive [s]."""
+
+    def summary(self) -> dict[str, float]:
+        """Plain values: rates [Hz], latencies [ms], the age of images when they came [s]; empty without a drive."""
+        if not self.latencies_ms or self.duration_s <= 0:
+            return {}
+        return {
+            "inference_hz": round(len(self.latencies_ms) / self.duration_s, 2),
+            "inference_hz_possible": round(1e3 / float(np.mean(self.thinking_ms)), 1),
+            "command_hz": round(self.sent / self.duration_s, 2),
+            "latency_median_ms": round(float(np.median(self.latencies_ms)), 2),
+            "latency_p99_ms": round(float(np.percentile(self.latencies_ms, 99)), 2),
+            "latency_max_ms": round(max(self.latencies_ms), 2),
+            "frame_age_median_s": round(float(np.median(self.frame_ages_s)), 3),
+        }
+
+
+def run_trial(robot: Robot, pilot: Pilot, *, rate_hz: float, say: Say) -> Measures:
+    """Drive until the trial is over; whatever ends it, the robot is told to stand.
+
+    A command goes out as soon as an image has led to it, and `rate_hz` times a second besides.
+
+    Args:
+        robot: Whom to drive.
+        pilot: Who drives.
+        rate_hz: How often commands are sent at least [Hz].
+        say: Hears why the robot waits, and that it goes on.
+
+    Raises:
+        BusError: If the robot does not send what is needed.
+    """
+    measures, period_s = Measures(), 1.0 / rate_hz
+    began_s = next_s = told_s = time.monotonic()
+    told: str | None = None
+    try:
+        while pilot.ending is None:
+            _step(robot, pilot, measures, next_s)
+            now_s = time.monotonic()
+            if now_s >= next_s:
+                next_s = max(next_s + period_s, now_s)
+            if pilot.waiting_for != told or now_s - told_s > SAY_EVERY_S:
+                told, told_s = pilot.waiting_for, now_s
+                say(pilot.words)
+            if pilot.started_ns is None and now_s - began_s > PATIENCE_S:
+                raise BusError(_not_there(robot, pilot))
+    except KeyboardInterrupt:
+        pilot.end(Ending.STOPPED)
+    except BaseException as error:
+        pilot.end(Ending.FAILED, str(error))
+        raise
+    finally:
+        robot.send(Command())
+        if pilot.started_ns is not None:
+            measures.duration_s = (time.monotonic_ns() - pilot.started_ns) / 1e9
+    return measures
+
+
+def _step(robot: Robot, pilot: Pilot, measures: Measures, until_s: float) -> None:
+    """Wait for an image or until a time, then command."""
+    newest = robot.next_picture(until_s)
+    begin_ns = time.monotonic_ns()
+    for odometry, arrived_ns in robot.odometry():
+        pilot.hear(odometry, arrived_ns)
+    if newest is not None:
+        pilot.look(*newest)
+        measures.thinking_ms.append((time.monotonic_ns() - begin_ns) / 1e6)
+        measures.frame_ages_s.append(pilot.frame_age_s)
+    if robot.broken:
+        pilot.end(Ending.BROKEN_IMAGES, f"the robot sends what cannot be used: {robot.broken}")
+    if robot.outcome in OUTCOMES:
+        pilot.end(OUTCOMES[robot.outcome])
+    robot.send(pilot.command(time.monotonic_ns()))
+    if pilot.started_ns is None:
+        return
+    measures.sent += 1
+    if newest is not None:
+        measures.latencies_ms.append((time.monotonic_ns() - newest[1]) / 1e6)
+
+
+def _not_there(robot: Robot, pilot: Pilot) -> str:
+    why = robot.absent()
+    return f"The robot cannot be driven: {pilot.waiting_for} after {PATIENCE_S:g} s{f'; {why}' if why else ''}."
+
+
+def ended(pilot: Pilot, measures: Measures) -> dict[str, Any]:
+    """What is recorded of a trial's end, as plain values."""
+    ending = pilot.ending or Ending.FAILED
+    return {
+        "ending": ending.name.lower(),
+        "reason": pilot.reason,
+        "duration_s": round(measures.duration_s, 3),
+        "driven_m": round(pilot.driven_m, 3),
+        "straight_m": round(pilot.straight_m, 3),
+        "goal_distance_m": round(pilot.goal_distance_m, 3) if pilot.goal else None,
+        "speed_at_end_mps": round(pilot.moving_mps, 3),
+        "measures": measures.summary(),
+    }

@@ -1,0 +1,89 @@
+"""How a process gets to a run's router: with the run's token on this machine, with a certificate across networks."""
+
+import contextlib
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from readygo.apps.fleet.token import given_token
+from readygo.common.bus.identity import COORDINATOR, RECORDER, Identity
+from readygo.common.bus.rights import access_control
+from readygo.common.bus.zenoh_bus import Router, ZenohBus
+from readygo.common.errors import CertificateError
+from readygo.common.extras import install_command
+from readygo.common.messages import RunSpec
+
+TLS = "tls/"
+
+
+def join(
+    connect: str, run: str, role: str, *, name: str = "", certs: Path | None = None, token: str | None = None
+) -> ZenohBus:
+    """Join a run.
+
+    Args:
+        connect: Endpoint of its router, tls/HOST:PORT with certificates, tcp/HOST:PORT without.
+        run: Its name.
+        role: As what: with certificates, whose right it is.
+        name: A recorder's; its certificate names it.
+        certs: Folder of certificates.
+        token: The run's token where there are none; the one of this process's environment by default.
+
+    Raises:
+        CertificateError: If endpoint and certificates do not go together, or the certificate cannot be used.
+        BusError: If no router answers, or it refuses.
+    """
+    identity = identity_for(connect, role, name=name, certs=certs)
+    if identity:
+        return ZenohBus(connect, run, identity=identity)
+    return ZenohBus(connect, run, given_token() if token is None else token)
+
+
+def open_router(spec: RunSpec, recorders: tuple[str, ...], listen: str, *, certs: Path | None, token: str) -> Router:
+    """The router of a run; with certificates it gives everybody the rights of their role, else to who has the token.
+
+    Raises:
+        CertificateError: As `join`.
+        BusError: If the endpoint cannot be opened.
+    """
+    identity = identity_for(listen, COORDINATOR, certs=certs)
+    if identity is None:
+        return Router(listen, token)
+    return Router(listen, identity=identity, access=access_control({stage.role for stage in spec.stages}, recorders))
+
+
+def identity_for(endpoint: str, role: str, *, name: str = "", certs: Path | None = None) -> Identity | None:
+    """The certificate to show at an endpoint; None where none is used.
+
+    Raises:
+        CertificateError: As `join`.
+    """
+    if endpoint.startswith(TLS) != (certs is not None):
+        wrong = "needs certificates: pass --certs" if certs is None else "has no use for certificates: name it tls/..."
+        raise CertificateError(f"Endpoint {endpoint} {wrong}.")
+    if certs is None:
+        return None
+    try:
+        from readygo.common.certificates import load_identity
+    except ImportError as error:
+        raise CertificateError(f"Certificates need cryptography; run: {install_command('tls')}") from error
+    return load_identity(certs, f"{role}.{name}" if role == RECORDER else role)
+
+
+@contextlib.contextmanager
+def refusals_on_stderr() -> Iterator[None]:
+    """Have Zenoh say on standard error whom a router refused: what a command prints goes to standard output."""
+    sys.stdout.flush()
+    output = os.dup(1)
+    os.dup2(2, 1)
+    try:
+        yield
+    finally:
+        os.dup2(output, 1)
+        os.close(output)
+
+
+def reached_here(listen: str) -> str:
+    """The endpoint under which this machine itself reaches a router that listens on all of its addresses."""
+    return listen.replace("/0.0.0.0:", "/127.0.0.1:").replace("/[::]:", "/[::1]:")

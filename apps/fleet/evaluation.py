@@ -1,0 +1,209 @@
+"""An evaluation that a fleet drives: workers lease episodes, this process keeps their records."""
+
+import contextlib
+import dataclasses
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from readygo.apps.fleet.fleet import Fleet
+from readygo.apps.fleet.token import given_token, new_token
+from readygo.apps.run.folder import RunFolder
+from readygo.apps.run.identity import numeric_class, run_name
+from readygo.apps.run.policy import POLICY_FILES, file_ref
+from readygo.apps.run.world import World
+from readygo.common.bus import Bus
+from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
+from readygo.common.errors import RunError
+from readygo.common.fleet.grants import Grants
+from readygo.common.messages import EvaluationPlan, PolicyRef, RunSpec
+from readygo.common.messages.stages import EVALUATE, EVALUATE_LINE
+from readygo.services import coordinator as coordination
+from readygo.services.evaluator import EvaluateRequest, Results
+from readygo.services.evaluator.handlers import Elsewhere, Report
+from readygo.services.evaluator.keeper import Keeper
+from readygo.services.evaluator.service import attach as attach_keeper
+
+WORKERS_MAX = 256
+KEEPER = "keeper"
+"""Name of this process to the coordinator."""
+TICK_S = 0.1
+"""How often commits are passed on and workers are looked at [s]."""
+GRANT_TIMEOUT_S = 10.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvaluationFleet:
+    """What a fleet drives, and with how many workers."""
+
+    spec: RunSpec
+    """Of the place; see `fleet_spec`."""
+    plan: EvaluationPlan
+    request: EvaluateRequest
+    results: Results
+    """Where records go."""
+    workers: int
+    """Processes on this machine."""
+    listen: str = ""
+    """Endpoint of the router, for further workers; empty takes a free loopback port."""
+    report: Report = lambda _: None
+    say: Callable[[str], None] = lambda _: None
+    """Hears how others join, where an endpoint is given."""
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.workers <= WORKERS_MAX:
+            raise RunError(f"--workers must be 0..{WORKERS_MAX}, got {self.workers}.")
+
+
+def fleet_spec(world: World, policy: Path | None) -> RunSpec:
+    """The run that an evaluation is to its workers.
+
+    Args:
+        world: The place.
+        policy: Folder of the policy, if one drives.
+    """
+    ref = None
+    if policy is not None:
+        files = tuple(file_ref(policy, name) for name in POLICY_FILES)
+        ref = PolicyRef(path=str(policy.resolve()), files=files, mix=1.0)
+    metadata = {**world.spec.metadata, "numeric_class": numeric_class(world.config, ref)}
+    spec = dataclasses.replace(world.spec, stages=EVALUATE_LINE, policy=ref, metadata=metadata)
+    return dataclasses.replace(spec, run=run_name(spec))
+
+
+def make_plan(
+    request: EvaluateRequest, *, camera: str, lockstep: int, checkpoints: Path, method_hashes: dict[str, str]
+) -> EvaluationPlan:
+    """What workers are told of an evaluation; see `EvaluationPlan`."""
+    return EvaluationPlan(
+        tasks=tuple(task.value for task in request.tasks),
+        methods=request.methods,
+        control_hz=request.control_hz,
+        camera=camera,
+        lockstep=lockstep,
+        checkpoints=str(checkpoints.resolve()),
+        method_hashes=method_hashes,
+    )
+
+
+def by_fleet(fleet: EvaluationFleet) -> Elsewhere:
+    """Has the episodes of some indices driven by a fleet over Zenoh.
+
+    The returned function raises RunError if they cannot be driven; what was kept stays.
+    """
+    return partial(_drive_by_fleet, fleet)
+
+
+def _drive_by_fleet(fleet: EvaluationFleet, indices: Sequence[int]) -> None:
+    folder = RunFolder(fleet.results.folder)
+    if folder.has_data:
+        raise RunError(f"{folder.path} holds recorded data; choose another --out.")
+    token, endpoint = given_token() or new_token(), fleet.listen or free_endpoint()
+    with contextlib.ExitStack() as open_things, folder.locked():
+        scratch = Path(open_things.enter_context(tempfile.TemporaryDirectory()))
+        router = Router(endpoint, token)
+        open_things.callback(router.close)
+        # A handler that asks must not be on the thread that answers: keeper and coordinator have a bus each.
+        buses = [ZenohBus(endpoint, fleet.spec.run, token) for _ in range(2)]
+        for bus in buses:
+            open_things.callback(bus.close)
+        folder.save(fleet.spec, len(indices))
+        open_things.enter_context(folder.reachable(endpoint, token))
+        served = open_things.enter_context(serving(fleet, indices, scratch, *buses))
+        run = fleet.spec.run
+        processes = Fleet(connect=endpoint, run=run, data=folder.path.resolve(), logs=folder.logs, token=token)
+        open_things.callback(processes.stop)
+        for number in range(min(fleet.workers, len(indices))):
+            processes.add(EVALUATE.role, f"{EVALUATE.role}{number}")
+        if fleet.listen:
+            fleet.say(_join(folder, fleet))
+        while not served.tick():
+            processes.check()
+            time.sleep(TICK_S)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Serving:
+    """The two that answer workers."""
+
+    coordinator: coordination.Coordinator
+    keeper: Keeper
+    bus: Bus
+
+    def tick(self) -> bool:
+        """Pass commits on and free leases that ran out, a few times a second; True when all is driven.
+
+        Raises:
+            RunError: If it cannot be, or was cancelled; what is kept stays.
+        """
+        self.keeper.grants.flush()
+        coordination.tick(self.bus, self.coordinator)
+        if self.coordinator.over and not self.coordinator.finished:
+            raise RunError(
+                f"{self.coordinator.failed or 'Cancelled.'} What was driven is kept: the same command goes on."
+            )
+        return self.coordinator.finished
+
+
+@contextlib.contextmanager
+def serving(
+    fleet: EvaluationFleet, indices: Sequence[int], scratch: Path, coordinator_bus: Bus, keeper_bus: Bus
+) -> Iterator[Serving]:
+    """Answer the workers of an evaluation.
+
+    Args:
+        fleet: What is driven.
+        indices: Episodes of which something is missing.
+        scratch: Empty folder: what is done is said by the records, the ledger is for those who are at work.
+        coordinator_bus: Where leases are given.
+        keeper_bus: Where records are taken; within one process it may be the same.
+    """
+    spec = fleet.spec
+    ledger = coordination.Ledger(scratch / "ledger.sqlite", spec.stages)
+    ledger.assign(dict.fromkeys(indices, ""))
+    config = dataclasses.replace(World(spec).config.coordinator, recorders=(KEEPER,))
+    coordinator = coordination.Coordinator(
+        spec=spec,
+        wanted=len(indices),
+        ledger=ledger,
+        blobs=coordination.BlobStore(scratch / "blobs", _files(spec)),
+        config=config,
+        set_aside=lambda index, reason, results: _give_up(coordinator, index, reason),
+    )
+    keeper = Keeper(
+        plan=fleet.plan,
+        request=fleet.request,
+        results=fleet.results,
+        grants=Grants(keeper_bus, KEEPER, GRANT_TIMEOUT_S),
+        recorder=KEEPER,
+        report=fleet.report,
+    )
+    coordination.attach(coordinator_bus, coordinator)
+    attach_keeper(keeper_bus, keeper)
+    try:
+        yield Serving(coordinator=coordinator, keeper=keeper, bus=coordinator_bus)
+    finally:
+        ledger.close()
+
+
+def _files(spec: RunSpec) -> dict[str, Path]:
+    """What workers on other machines fetch: where it is, by its hash."""
+    files = {file.sha256: Path(spec.scene_path) / file.path for file in spec.scene_files}
+    if spec.policy is not None:
+        files |= {file.sha256: Path(spec.policy.path) / file.path for file in spec.policy.files}
+    return files
+
+
+def _give_up(coordinator: coordination.Coordinator, index: int, reason: str) -> str:
+    """End the evaluation: another episode in this one's place would be another evaluation."""
+    coordinator.failed = f"Episode {index} cannot be driven: {reason}."
+    return ""
+
+
+def _join(folder: RunFolder, fleet: EvaluationFleet) -> str:
+    token = f"READYGO_TOKEN=$(tail -1 {folder.state / 'endpoint'})"
+    worker = f"readygo worker {EVALUATE.role} --connect {fleet.listen} --run {fleet.spec.run}"
+    return f"More workers can join: {token} {worker}"

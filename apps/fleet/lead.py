@@ -1,0 +1,76 @@
+"""The coordinator of a run whose workers and recorders are on other machines: router, ledger and blobs."""
+
+import logging
+import threading
+import time
+from pathlib import Path
+
+from readygo.apps.fleet.access import join, open_router, reached_here
+from readygo.apps.fleet.token import given_token, new_token
+from readygo.apps.fleet.worker import TICK_S, make_coordinator
+from readygo.apps.run.folder import RunFolder
+from readygo.apps.run.identity import check_version
+from readygo.common.bus import Bus
+from readygo.common.bus.identity import COORDINATOR
+from readygo.common.errors import RunError
+from readygo.common.messages import StatusReply, StatusRequest
+from readygo.services import coordinator as coordination
+
+log = logging.getLogger(__name__)
+
+FAREWELL_S = 30.0
+"""Time that workers and recorders have to hear that the run is over, and to finish their shards [s]."""
+
+
+def lead(folder: RunFolder, listen: str, *, certs: Path | None = None) -> StatusReply:
+    """Coordinate the run in a data folder until it is over and everybody has left.
+
+    Args:
+        folder: Of the run; of its shards only those lie in it whose recorders are told to write there.
+        listen: Endpoint of the router.
+        certs: Folder of certificates, for a tls/ endpoint.
+
+    Raises:
+        RunError: If another process works on the folder, the run is of another version, or it cannot be finished.
+        CertificateError: If the certificates cannot be used.
+        BusError: If the endpoint cannot be opened.
+    """
+    spec, _ = folder.load()
+    check_version(spec)
+    token = "" if certs else given_token() or new_token()
+    with folder.locked():
+        coordinator = make_coordinator(folder, recorded_here=False)
+        router = open_router(spec, coordinator.config.recorders, listen, certs=certs, token=token)
+        try:
+            bus = join(reached_here(listen), spec.run, COORDINATOR, certs=certs, token=token)
+            try:
+                with folder.reachable(reached_here(listen), token):
+                    return _until_over(bus, coordinator)
+            finally:
+                bus.close()
+        finally:
+            router.close()
+            coordinator.ledger.close()
+
+
+def _until_over(bus: Bus, coordinator: coordination.Coordinator) -> StatusReply:
+    present: set[tuple[str, str]] = set()
+
+    def changed(role: str, name: str, alive: bool) -> None:
+        log.info("%s %s %s", role, name, "has joined" if alive else "has left")
+        (present.add if alive else present.discard)((role, name))
+
+    coordination.attach(bus, coordinator)
+    bus.announce(COORDINATOR, COORDINATOR)
+    bus.watch(changed)
+    over_s = 0.0
+    clock = threading.Event()
+    while not over_s or (len(present) > 1 and time.monotonic() - over_s < FAREWELL_S):
+        clock.wait(TICK_S)
+        coordination.tick(bus, coordinator)
+        if coordinator.over and not over_s:
+            over_s = time.monotonic()
+    status = coordination.handle_status(coordinator, StatusRequest())
+    if status.failed:
+        raise RunError(f"{status.failed} ({status.committed} of {status.wanted} episodes are recorded.)")
+    return status

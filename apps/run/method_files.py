@@ -1,0 +1,68 @@
+"""Methods of an evaluation that are files: an evaluation goes on with the same ones, wherever they drive."""
+
+import hashlib
+import importlib.util
+from collections.abc import Sequence
+from pathlib import Path
+
+from readygo.apps.run.methods import NETWORKS, VID2SIM
+from readygo.apps.run.policy import policy_sha256
+from readygo.common.errors import RunError
+
+
+def method_hashes(methods: Sequence[str], checkpoints: Path) -> dict[str, str]:
+    """SHA-256 of the weights of networks, of the policy vid2sim, and of the files of a user's methods.
+
+    A file that is missing, which whoever makes the method says, has none.
+
+    Args:
+        methods: Names of methods.
+        checkpoints: Folder of what was trained elsewhere.
+    """
+    hashes = {method: _hash(method, checkpoints) for method in methods}
+    return {method: sha256 for method, sha256 in hashes.items() if sha256}
+
+
+def check_method_files(expected: dict[str, str], methods: Sequence[str], checkpoints: Path) -> None:
+    """See whether methods are here what they are where their evaluation began.
+
+    Raises:
+        RunError: If one of them is missing or another one.
+    """
+    here = method_hashes(methods, checkpoints)
+    for method, sha256 in expected.items():
+        if here.get(method) != sha256:
+            words = "is another one here" if method in here else "is not on this machine"
+            raise RunError(
+                f"The method {method} {words} than where the evaluation began; a scene and a policy travel to the "
+                f"workers, methods do not: copy it, networks and vid2sim to {checkpoints}."
+            )
+
+
+def _hash(method: str, checkpoints: Path) -> str:
+    try:
+        if method == VID2SIM:
+            return policy_sha256(checkpoints / VID2SIM)
+        path = checkpoints / NETWORKS[method] if method in NETWORKS else _source(method)
+        return _file_hash(path) if path else ""
+    except OSError:
+        return ""
+
+
+def _source(method: str) -> Path | None:
+    """The file of a user's method."""
+    place, colon, _ = method.rpartition(":")
+    if not colon:
+        return None
+    if place.endswith(".py"):
+        return Path(place)
+    try:
+        spec = importlib.util.find_spec(place)
+    except (ImportError, ValueError):
+        return None
+    return Path(spec.origin) if spec and spec.origin else None
+
+
+def _file_hash(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,0 +1,146 @@
+"""What photoreal people and people who move are worth in training: policies of equal budget, tried among unseen people.
+
+    python -m readygo.benchmarks.policy.realism SCENE --out FOLDER [--episodes 200] [--samples 400000] [--test 100]
+
+Each arm is recorded and trained alike, by the commands of `readygo`, which go on where they were stopped:
+
+- photoreal: data among six avatars as they are
+- mesh: the same episodes, people as simple assets of a game engine ([renderer] human_look = "mesh"), as in Vid2Sim
+- static: data without people
+
+All of them are tried in the same episodes of the split test, among photoreal people of whom no data have one
+(`--unseen avatars`), beside the expert. Prints one line of JSON for every arm and task, then one for every comparison
+with "photoreal": rates and means with 95 % intervals, McNemar's p. `--json FILE` writes all of it.
+"""
+
+import argparse
+import dataclasses
+import json
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from readygo.benchmarks.rasterizer.render import machine
+from readygo.common.episode import EpisodeConfig
+from readygo.common.files import write_whole
+from readygo.services.evaluator import EXPERT, POLICY, EpisodeRecord
+from readygo.services.evaluator.records import record_of_mapping
+from readygo.services.evaluator.results import RECORDS_FILE
+from readygo.services.evaluator.scores import compare_all, comparison_mapping, score_mapping, scores_of
+
+ARMS: Mapping[str, tuple[str, ...]] = {
+    "photoreal": ("--avatars", "{avatars}:train"),
+    "mesh": ("--avatars", "{avatars}:train"),
+    "static": ("--static",),
+}
+"""What `readygo generate` is told, by arm."""
+TASKS = ("static", "dynamic")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job:
+    """What is compared, and at what budget."""
+
+    scene: str
+    out: Path
+    avatars: str
+    """Folder of avatars, or "embedded"."""
+    episodes: int
+    """To learn from, per arm."""
+    samples: int
+    """That each policy is shown."""
+    test: int
+    """Episodes per task."""
+    test_scenes: Sequence[str]
+    """Where policies are tried."""
+    workers: int
+    seed: int
+
+
+def prepare(job: Job) -> None:
+    """Write the settings of the arms: a small camera, people as photographs or as assets."""
+    for look in ("photoreal", "mesh"):
+        text = f'[robot.camera]\nheight_px = 72\nwidth_px = 128\n\n[renderer]\nhuman_look = "{look}"\ndetail = "lod"\n'
+        write_whole(job.out / f"{look}.toml", text)
+
+
+def make_policy(job: Job, arm: str) -> None:
+    """Record an arm's data and train its policy."""
+    config = job.out / ("mesh.toml" if arm == "mesh" else "photoreal.toml")
+    people = [argument.format(avatars=job.avatars) for argument in ARMS[arm]]
+    data, policy = job.out / f"{arm}-data", job.out / f"{arm}-policy"
+    numbers = ["--episodes", job.episodes, "--seed", job.seed, "--workers", job.workers]
+    _readygo("generate", job.scene, "--out", data, "--config", config, "--disturb", *numbers, *people)
+    _readygo("train", data, "--out", policy, "--samples", job.samples, "--seed", job.seed, "--recipe", "best")
+
+
+def evaluate(job: Job, arm: str, scene: str) -> list[EpisodeRecord]:
+    """An arm's policy among photoreal people that it never saw; the records carry the arm's name."""
+    out = job.out / f"{arm}-in-{Path(scene).name.replace(':', '-')}"
+    methods = (POLICY, EXPERT) if arm == "photoreal" else (POLICY,)
+    _readygo(
+        *("evaluate", scene, job.out / f"{arm}-policy", "--out", out, "--episodes", job.test, "--tasks", *TASKS),
+        *("--methods", *methods, "--config", job.out / "photoreal.toml", "--seed", job.seed, "--workers", job.workers),
+        *("--avatars", f"{job.avatars}:test", "--unseen", "avatars"),
+    )
+    lines = (out / RECORDS_FILE).read_text().splitlines()
+    records = [record_of_mapping(json.loads(line)) for line in lines]
+    named = [dataclasses.replace(r, method=arm) if r.method == POLICY else r for r in records]
+    return sorted(named, key=lambda record: (TASKS.index(record.task.value), record.method, record.episode.index))
+
+
+def tables(records: Sequence[EpisodeRecord]) -> dict[str, Any]:
+    """Scores of the arms, and each beside "photoreal"."""
+    limit_s = EpisodeConfig().time_limit_s
+    compared = compare_all(records, "photoreal", time_limit_s=limit_s)
+    return {
+        "measures": score_mapping(scores_of(records, time_limit_s=limit_s)),
+        "comparisons": [comparison_mapping(comparison) for comparison in compared],
+    }
+
+
+def _readygo(*arguments: object) -> None:
+    subprocess.run([sys.executable, "-m", "readygo", *map(str, arguments)], check=True, stdout=sys.stderr)
+
+
+def _print_table(scene: str, found: Mapping[str, Any]) -> None:
+    for task, methods in found["measures"].items():
+        for method, scores in methods.items():
+            print(json.dumps({"scene": scene, "task": task, "method": method, **scores}))
+    for comparison in found["comparisons"]:
+        print(json.dumps({"scene": scene, **comparison}))
+
+
+def main() -> None:
+    """See the module."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scene")
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--avatars", default="embedded")
+    parser.add_argument("--episodes", type=int, default=200)
+    parser.add_argument("--samples", type=int, default=400_000)
+    parser.add_argument("--test", type=int, default=100)
+    parser.add_argument("--test-scenes", nargs="*", default=[])
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--json", type=Path)
+    arguments = vars(parser.parse_args())
+    file = arguments.pop("json")
+    job = Job(**arguments)
+    prepare(job)
+    for arm in ARMS:
+        make_policy(job, arm)
+    found = {}
+    for scene in (job.scene, *job.test_scenes):
+        found[scene] = tables([record for arm in ARMS for record in evaluate(job, arm, scene)])
+        _print_table(scene, found[scene])
+    if file is not None:
+        budget = {name: getattr(job, name) for name in ("episodes", "samples", "test", "seed")}
+        write_whole(file, json.dumps({"machine": machine(), **budget, "scenes": found}, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,63 @@
+"""An evaluation that many workers drive: what it is, what is missing of an episode, and how a method did there."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from readygo.common.messages.plan import RobotTrajectory
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class EvaluationPlanRequest:
+    """What is driven here, and how?"""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class EvaluationPlan:
+    """What all episodes of an evaluation have in common, beside its `RunSpec`."""
+
+    tasks: tuple[str, ...]
+    methods: tuple[str, ...]
+    control_hz: float
+    """How often the policy decides [Hz]."""
+    camera: str
+    """Through whose camera the policy looks: "policy" or "robot"."""
+    lockstep: int
+    """Episodes that run side by side, for their views to share a request."""
+    checkpoints: str
+    """Folder of what was trained elsewhere."""
+    method_hashes: dict[str, str]
+    """SHA-256 by method, of those that are files: they must be the same ones wherever they drive."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class DrivesRequest:
+    """What is missing of an episode that is leased under this attempt?"""
+
+    index: int
+    attempt: int
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Drive:
+    """One method in one task."""
+
+    task: str
+    method: str
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class DrivesReply:
+    """What is missing; an episode of which nothing is counts as done."""
+
+    drives: tuple[Drive, ...]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, eq=False)
+class KeepRequest:
+    """How a method did: kept once, whoever says it and however often."""
+
+    index: int
+    attempt: int
+    record: dict[str, Any]
+    """A line of `episodes.jsonl`, as plain values."""
+    trajectory: RobotTrajectory

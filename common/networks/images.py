@@ -1,0 +1,40 @@
+"""Camera images as the published networks know them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+import torch
+
+MEAN, STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
+"""Of ImageNet's images."""
+ASPECT = 4 / 3
+"""Of the images that the networks learned from; wider ones lose their sides."""
+
+
+def small_image(image: npt.NDArray[np.uint8], width_px: int, height_px: int) -> torch.Tensor:
+    """The middle of an image at a network's size.
+
+    Args:
+        image: sRGB image, shape (H, W, 3).
+        width_px: Of the result.
+        height_px: Of the result.
+
+    Returns:
+        Values 0..1, shape (3, height, width).
+    """
+    height, width = image.shape[:2]
+    kept = min(width, round(height * ASPECT))
+    left = (width - kept) // 2
+    pixels = torch.from_numpy(image[:, left : left + kept].astype(np.float32)).permute(2, 0, 1)[None] / 255
+    size = (height_px, width_px)
+    return torch.nn.functional.interpolate(pixels, size, mode="bicubic", antialias=True).clamp(0, 1)[0]
+
+
+def normalised(images: torch.Tensor) -> torch.Tensor:
+    """Images of values 0..1, shape (..., 3, H, W), as the networks take them."""
+    return (images - _channels(MEAN)) / _channels(STD)
+
+
+def _channels(values: Sequence[float]) -> torch.Tensor:
+    return torch.tensor(values)[:, None, None]

@@ -1,0 +1,114 @@
+"""What a policy remembers of an episode: one definition for simulated robots, which step, and for real ones."""
+
+from bisect import bisect_right
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.policy.motion import own_motion
+from readygo.common.policy.windows import FRAME_COUNT, window_at
+from readygo.common.robot import step_unicycle
+from readygo.common.robot.kinematics import STEP_NS
+
+Pose = tuple[float, float, float]
+
+
+class PolicyMemory:
+    """Frames or latents of the last spacings, and where the robot was, each with its time.
+
+    A simulation calls `advance` and `see` once a step. A robot says by `move` where its odometry has it, and by `see`
+    when a frame was taken, as they come. The times are of one clock, and rise.
+
+    Args:
+        spacing_ns: Time between the frames that it sees [ns].
+        latency_ns: Time from when a frame is taken until a simulated robot has it [ns].
+        frame_count: Frames that it sees together.
+    """
+
+    def __init__(self, spacing_ns: int, latency_ns: int = 0, frame_count: int = FRAME_COUNT) -> None:
+        self._spacing_ns, self._latency_ns, self._count = spacing_ns, latency_ns, frame_count
+        self._seen_ns: list[int] = []
+        self._seen: list[npt.NDArray[Any]] = []
+        self._poses_ns: list[int] = []
+        self._poses: list[Pose] = []
+
+    def see(self, seen: npt.NDArray[Any], time_ns: int | None = None) -> None:
+        """Remember what came of a frame.
+
+        Args:
+            seen: The frame, or its latent.
+            time_ns: When it was taken [ns]; by default the latency before the robot's last pose.
+        """
+        self._seen_ns.append(self._poses_ns[-1] - self._latency_ns if time_ns is None else time_ns)
+        self._seen.append(seen)
+        # One that is older than all that can be asked for stays: it is the nearest one after a pause.
+        stale = max(bisect_right(self._seen_ns, self._seen_ns[-1] - self._span_ns) - 1, 0)
+        del self._seen_ns[:stale], self._seen[:stale]
+
+    def window(self) -> list[npt.NDArray[Any]]:
+        """What the policy sees together, oldest first: the newest, and what is nearest to each spacing before it.
+
+        An episode's first one stands for those before.
+        """
+        return [self._seen[row] for row in window_at(self._seen_ns, self._spacing_ns, self._count)]
+
+    def move(self, time_ns: int, pose: Pose) -> None:
+        """Remember where the robot was.
+
+        Args:
+            time_ns: When [ns].
+            pose: x, y [m], yaw [rad, not wrapped] in any frame that stands still.
+        """
+        self._poses_ns.append(time_ns)
+        self._poses.append(pose)
+        # The oldest frame that may be asked for was taken a span and a latency ago, and a pause longer.
+        oldest_ns = min(self._seen_ns[0] if self._seen_ns else time_ns, time_ns - self._latency_ns)
+        stale = max(bisect_right(self._poses_ns, oldest_ns) - 1, 0)
+        del self._poses_ns[:stale], self._poses[:stale]
+
+    def advance(self, command: npt.NDArray[np.float32]) -> None:
+        """Remember that a simulated robot made a step; the first call is the episode's begin.
+
+        Args:
+            command: v [m/s], w [rad/s] executed over it, shape (2,); of no meaning at the first call.
+        """
+        if not self._poses:
+            self.move(0, (0.0, 0.0, 0.0))
+            return
+        v_mps, w_radps = command.tolist()
+        self.move(self._poses_ns[-1] + STEP_NS, step_unicycle(*self._poses[-1], v_mps, w_radps))
+
+    def hold(self, command: npt.NDArray[np.float32]) -> None:
+        """A step without a new frame: what was seen last is seen still; not at the first step.
+
+        Args:
+            command: v [m/s], w [rad/s] executed over the last step, shape (2,).
+        """
+        self.advance(command)
+        self.see(self._seen[-1])
+
+    def own_motion(self, command: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        """The features of `MotionInput.POSES`, shape (3 (frame_count - 1) + 2,).
+
+        Args:
+            command: v [m/s], w [rad/s] executed last, shape (2,).
+        """
+        rows = window_at(self._seen_ns, self._spacing_ns, self._count)[:-1]
+        older = np.array([[self._pose_at(self._seen_ns[row]) for row in rows]]).reshape(1, -1, 3)
+        features: npt.NDArray[np.float32] = own_motion(older, np.array([self._poses[-1]]), command[None])[0]
+        return features
+
+    @property
+    def _span_ns(self) -> int:
+        return (self._count - 1) * self._spacing_ns
+
+    def _pose_at(self, time_ns: int) -> Pose:
+        """Where the robot was at a time, between the poses that are known."""
+        after = bisect_right(self._poses_ns, time_ns)
+        if after == 0 or after == len(self._poses) or self._poses_ns[after - 1] == time_ns:
+            return self._poses[max(after - 1, 0)]
+        before_ns, after_ns = self._poses_ns[after - 1], self._poses_ns[after]
+        share = (time_ns - before_ns) / (after_ns - before_ns)
+        x, y, yaw = (a + share * (b - a) for a, b in zip(self._poses[after - 1], self._poses[after], strict=True))
+        return x, y, yaw

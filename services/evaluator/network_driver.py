@@ -1,0 +1,122 @@
+"""Drives by a published network: four times a second it looks, and steers at one of the places that it names.
+
+The goal is an image of what the robot would see there, with nobody about. Success is judged by the distance, as for
+everybody else: the networks' own notion of having arrived is not asked for.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.episode import EpisodeSimulation, Purpose, episode_rng
+from readygo.common.errors import PolicyError
+from readygo.common.extras import install_command
+from readygo.common.networks import LOOK_HZ
+from readygo.common.robot import RobotConfig
+from readygo.common.robot.kinematics import RATE_HZ
+from readygo.services.evaluator.baselines.goal_field import arrival_yaw_rad
+from readygo.services.evaluator.drivers import DriverFailure
+from readygo.services.evaluator.eyes import Eyes
+from readygo.services.evaluator.handlers import Evaluator
+
+WAYPOINT = 2
+"""Which of the places is steered at."""
+
+
+@dataclass
+class Ride:
+    """What is remembered of one episode."""
+
+    goal: Any
+    """The goal's image, a tensor of shape (3, h, w)."""
+    generator: Any
+    """Where NoMaD's samples come from."""
+    frames: list[Any] = field(default_factory=list)
+    """The latest images, oldest first."""
+    command: tuple[float, float] = (0.0, 0.0)
+
+
+class NetworkDriver:
+    """Drives by GNM, ViNT or NoMaD."""
+
+    looks = True
+
+    def __init__(self, network: Any, eyes: Eyes, robot: RobotConfig) -> None:
+        self._network, self._eyes, self._robot = network, eyes, robot
+
+    @classmethod
+    def load(cls, name: str, path: Path, evaluator: Evaluator) -> "NetworkDriver":
+        """A network with the weights of a file.
+
+        Raises:
+            PolicyError: If torch or the file is missing, or the file cannot be used.
+        """
+        try:
+            from readygo.common.networks.checkpoint import load_network
+        except ImportError as error:
+            raise PolicyError(f"The method {name} needs torch; run: {install_command('train')}") from error
+        return cls(load_network(name, path), evaluator.eyes(), evaluator.robot)
+
+    def start(self, simulation: EpisodeSimulation) -> Ride:
+        """Look at the goal from where the robot would arrive."""
+        import torch
+
+        goal_x, goal_y = simulation.scenario.goal_xy_m.tolist()
+        start_x, start_y, _ = simulation.scenario.start_xyyaw.tolist()
+        yaw = arrival_yaw_rad(simulation.robot_map, self._robot.planning_radius_m, (start_x, start_y), (goal_x, goal_y))
+        image = self._eyes.look_from([(goal_x, goal_y, yaw)], simulation.scenario.episode)[0]
+        seed = int(episode_rng(simulation.scenario.episode, Purpose.DRIVER).integers(2**31))
+        return Ride(goal=self._prepared(image), generator=torch.Generator().manual_seed(seed))
+
+    def commands(self, running: Sequence[tuple[EpisodeSimulation, Ride]]) -> list[tuple[float, float] | DriverFailure]:
+        """See `Driver.commands`."""
+        due = [(simulation, ride) for simulation, ride in running if simulation.step % (RATE_HZ // LOOK_HZ) == 0]
+        if due:
+            images = self._eyes.look([simulation for simulation, _ in due])
+            for (_, ride), image in zip(due, images, strict=True):
+                self._decide(ride, image)
+        return [ride.command for _, ride in running]
+
+    def _decide(self, ride: Ride, image: npt.NDArray[np.uint8]) -> None:
+        import torch
+
+        frame, count = self._prepared(image), self._network.frames
+        ride.frames = [*(ride.frames or [frame] * (count - 1)), frame][-count:]
+        with torch.inference_mode():
+            places = self._network.waypoints(torch.stack(ride.frames)[None], ride.goal[None], ride.generator)
+        waypoint = places[0, WAYPOINT].tolist()
+        unit_m = self._robot.v_max_mps / LOOK_HZ
+        ride.command = steer((waypoint[0] * unit_m, waypoint[1] * unit_m, *waypoint[2:]), self._robot)
+
+    def _prepared(self, image: npt.NDArray[np.uint8]) -> Any:
+        """An image as the networks know them, shape (3, h, w)."""
+        from readygo.common.networks.images import normalised, small_image
+
+        return normalised(small_image(image, self._network.width_px, self._network.height_px))
+
+
+def steer(waypoint: Sequence[float], robot: RobotConfig) -> tuple[float, float]:
+    """The command that leads to a waypoint within the time between two looks, as the networks' own controller has it.
+
+    Args:
+        waypoint: x forward and y left [m], and, by choice, the cosine and sine of the heading there.
+        robot: Limits.
+
+    Returns:
+        v [m/s] and w [rad/s]. A place behind the robot is steered at as its mirror image in front.
+
+    Source: the networks' published deployment (PD controller).
+    """
+    dx, dy = waypoint[:2]
+    if abs(dx) < 1e-8 and abs(dy) < 1e-8 and len(waypoint) == 4:
+        v, w = 0.0, math.atan2(waypoint[3], waypoint[2]) * LOOK_HZ
+    elif abs(dx) < 1e-8:
+        v, w = 0.0, math.copysign(math.pi / 2, dy) * LOOK_HZ
+    else:
+        v, w = dx * LOOK_HZ, math.atan(dy / dx) * LOOK_HZ
+    return min(max(v, 0.0), robot.v_max_mps), min(max(w, -robot.w_max_radps), robot.w_max_radps)

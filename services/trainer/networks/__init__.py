@@ -1,0 +1,1 @@
+"""Training of the published networks GNM, ViNT and NoMaD on recorded episodes, as their authors train them."""

@@ -1,0 +1,28 @@
+from pathlib import Path
+
+import pytest
+
+from readygo.apps.commands.coordinator import coordinator
+from readygo.common.bus.zenoh_bus import free_endpoint
+from readygo.common.errors import CertificateError, RunError
+from readygo.services.coordinator import Ledger
+from tests.apps.fleet.toy_line import DRAW, FILM, make_folder
+
+
+def test_run_that_is_done_is_over_at_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = make_folder(tmp_path / "data", [DRAW, FILM], wanted=1)
+    ledger = Ledger(folder.ledger, folder.load()[0].stages)
+    ledger.adopt(0, "rec0", "shard-rec0-00000.mcap", 4, "")
+    ledger.close()
+    coordinator(folder.path, listen=free_endpoint())
+    said = "1 episodes, 4 samples, in the shards of their recorders."
+    assert capsys.readouterr().err.splitlines()[-1] == said
+    assert not (folder.state / "endpoint").exists()
+
+
+def test_what_cannot_be_led_is_said_in_one_line(tmp_path: Path) -> None:
+    with pytest.raises(RunError, match="is no data folder of a run"):
+        coordinator(tmp_path / "nothing", listen=free_endpoint())
+    folder = make_folder(tmp_path / "data", [DRAW, FILM], wanted=1)
+    with pytest.raises(CertificateError, match="needs certificates: pass --certs"):
+        coordinator(folder.path, listen="tls/127.0.0.1:7447")

@@ -1,0 +1,125 @@
+import dataclasses
+
+import cv2
+import numpy as np
+import pytest
+
+from readygo.apps.drive.calibration import (
+    Rectifier,
+    camera_from_file,
+    camera_from_info,
+    info_of,
+    mount_differences,
+)
+from readygo.apps.robot_logs.reader import LogCamera
+from readygo.common.camera import CameraConfig
+from readygo.common.camera.lens import make_lens
+from readygo.common.errors import ConfigError
+
+POLICY = CameraConfig(height_px=72, width_px=128, horizontal_fov_deg=90.0)
+WIDE = CameraConfig(height_px=480, width_px=640, horizontal_fov_deg=100.0, distortion="brown_conrady", k1=-0.05)
+YAML = """image_width: 640
+image_height: 480
+camera_name: front
+camera_matrix:
+  rows: 3
+  cols: 3
+  data: [300.0, 0.0, 319.5, 0.0, 301.0, 239.5, 0.0, 0.0, 1.0]
+distortion_model: plumb_bob
+distortion_coefficients:
+  rows: 1
+  cols: 5
+  data: [-0.05, 0.01, 0.001, 0.002, 0.0]
+"""
+
+
+def seen_by(camera, pitch_deg=0.0):
+    """What a camera shows of a world whose colours are smooth functions of the direction."""
+    v, u = np.mgrid[0 : camera.height_px, 0 : camera.width_px] + 0.5
+    xy = make_lens(camera).rays(np.stack([u.ravel(), v.ravel()], axis=1))
+    down = np.arctan(xy[:, 1]) + np.radians(pitch_deg)
+    colours = np.stack([128 + 100 * np.sin(2 * xy[:, 0]), 128 + 100 * np.sin(3 * down), 128 + 0 * down], axis=1)
+    return np.nan_to_num(colours).reshape(camera.height_px, camera.width_px, 3).astype(np.uint8)
+
+
+def test_another_lens_and_size_give_what_the_policys_camera_would_have_shown():
+    found = Rectifier(WIDE, POLICY)(seen_by(WIDE))
+    expected = seen_by(POLICY)[..., ::-1]
+    assert found.shape == (72, 128, 3)
+    assert np.abs(found.astype(int) - expected).max() <= 3
+
+
+def test_a_camera_that_looks_down_is_turned_back_up():
+    # Along the middle column the angle below the horizon is that of the pixel and the camera's pitch.
+    down = dataclasses.replace(WIDE, mount_pitch_deg=5.0)
+    found = Rectifier(down, POLICY)(seen_by(down, pitch_deg=5.0))
+    assert np.abs(found[:, 64].astype(int) - seen_by(POLICY)[:, 64, ::-1]).max() <= 4
+
+
+def test_the_policys_own_camera_passes_untouched():
+    rectifier, image = Rectifier(POLICY, POLICY), seen_by(POLICY)
+    assert rectifier.identity
+    assert np.array_equal(rectifier(image), image[..., ::-1])
+
+
+def test_a_camera_that_sees_too_little_is_refused_and_a_little_less_is_black():
+    narrow = CameraConfig(height_px=480, width_px=640, horizontal_fov_deg=60.0)
+    with pytest.raises(ConfigError, match=r"does not show \d+ % of what the policy's shows \(at most 10 %\)"):
+        Rectifier(narrow, POLICY)
+    almost = CameraConfig(height_px=480, width_px=640, horizontal_fov_deg=87.0)
+    rectifier = Rectifier(almost, POLICY)
+    assert 0.0 < rectifier.unseen < 0.1
+    assert not rectifier(np.full((480, 640, 3), 200, np.uint8))[:, 0].any()
+
+
+def test_images_of_another_size_than_the_calibrations_are_said():
+    with pytest.raises(ValueError, match="240x320 px, and its calibration is of 480x640"):
+        Rectifier(WIDE, POLICY)(np.zeros((240, 320, 3), np.uint8))
+
+
+def test_mounts_that_differ_are_named():
+    assert mount_differences(WIDE, POLICY) == []
+    high = dataclasses.replace(WIDE, mount_height_m=1.0)
+    assert mount_differences(high, POLICY) == ["mount_height_m 0.5 (the robot's: 1)"]
+
+
+def test_files_of_ros_and_of_readygo_are_read(tmp_path):
+    (tmp_path / "front.yaml").write_text(YAML)
+    camera = camera_from_file(POLICY, tmp_path / "front.yaml")
+    assert (camera.width_px, camera.fx_px, camera.cx_px, camera.k1, camera.p2) == (640, 300.0, 320.0, -0.05, 0.002)
+    (tmp_path / "robot.toml").write_text("[camera]\nheight_px = 100\nwidth_px = 200\nmount_pitch_deg = 3.0\n")
+    assert camera_from_file(POLICY, tmp_path / "robot.toml").mount_pitch_deg == 3.0
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [("a: 1\n", "lacks image_width"), ("[", "is no YAML"), (YAML.replace("plumb_bob", "odd"), "lens model 'odd'")],
+)
+def test_files_without_a_camera_are_refused(tmp_path, text, words):
+    (tmp_path / "x.yaml").write_text(text)
+    with pytest.raises(ConfigError, match=words):
+        camera_from_file(POLICY, tmp_path / "x.yaml")
+    with pytest.raises(ConfigError, match="cannot be read: No such file"):
+        camera_from_file(POLICY, tmp_path / "none.yaml")
+
+
+def test_a_camera_that_nobody_calibrated_is_refused():
+    info = LogCamera(height_px=480, width_px=640, K_px=(0.0,) * 9, model="", distortion=())
+    with pytest.raises(ConfigError, match="is not calibrated"):
+        camera_from_info(POLICY, info)
+
+
+def test_a_camera_goes_through_its_camera_info_unchanged():
+    back = camera_from_info(WIDE, info_of(WIDE))
+    assert np.allclose(back.K_px, WIDE.K_px)
+    assert (back.distortion, back.k1) == ("brown_conrady", -0.05)
+
+
+def test_opencv_agrees_about_the_lens():
+    K = WIDE.K_px - np.array([[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]])
+    target = POLICY.K_px - np.array([[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]])
+    image = seen_by(WIDE)
+    distortion = np.array([WIDE.k1, 0, 0, 0, 0])
+    maps = cv2.initUndistortRectifyMap(K, distortion, np.eye(3), target, (128, 72), cv2.CV_32FC1)
+    expected = cv2.remap(image, *maps, cv2.INTER_LINEAR)[..., ::-1]
+    assert np.abs(Rectifier(WIDE, POLICY)(image).astype(int) - expected).max() <= 4

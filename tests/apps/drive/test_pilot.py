@@ -1,0 +1,170 @@
+import math
+
+import numpy as np
+import pytest
+
+from readygo.apps.drive.calibration import Rectifier
+from readygo.apps.drive.messages import Command, Goal, Odometry, Picture
+from readygo.apps.drive.pilot import DriveConfig, Ending, Pilot, limited
+from readygo.common.frames import goal_in_robot_frame
+from readygo.common.messages import Outcome
+from readygo.common.policy import load_policy
+from readygo.common.robot import RobotConfig, limit_command, step_unicycle
+from readygo.common.robot.kinematics import STEP_NS
+from tests.apps.drive.conftest import CAMERA, T0, odometry
+from tests.common.policy.artifacts import write_policy
+
+
+def test_robot_is_driven_as_in_an_evaluation_step_by_step(tmp_path):
+    policy, robot = load_policy(write_policy(tmp_path)), RobotConfig()
+    goal, now_ns = (5.0, 1.0), 10**9
+    config = DriveConfig(v_max_mps=1.0, w_max_radps=1.2, goal_in_start_frame=False)
+    pilot = Pilot(policy, Rectifier(CAMERA, CAMERA), config, Goal(x_m=goal[0], y_m=goal[1]))
+    memory, pose, moving, driven, expected = policy.start(), (0.0, 0.0, 0.0), (0.0, 0.0), [], []
+    for step in range(60):
+        image = np.random.default_rng(step).integers(0, 256, (8, 10, 3), dtype=np.uint8)
+        pilot.hear(
+            Odometry(
+                stamp_ns=T0 + now_ns,
+                **dict(zip(("x_m", "y_m", "yaw_rad"), pose, strict=True)),
+                v_mps=moving[0],
+                w_radps=moving[1],
+            ),
+            now_ns,
+        )
+        pilot.look(Picture(stamp_ns=T0 + now_ns, decode=lambda image=image: image[..., ::-1]), now_ns)
+        command = pilot.command(now_ns)
+        there = np.array([goal_in_robot_frame(*pose, goal)], np.float32)
+        v, w = policy.step([memory], image[None], np.array([moving], np.float32), there)[0].tolist()
+        moving = limit_command(v, w, *moving, robot)
+        driven.append((command.v_mps, command.w_radps))
+        expected.append(moving)
+        pose, now_ns = step_unicycle(*pose, *moving), now_ns + STEP_NS
+    assert np.abs(np.array(expected)).max(axis=0).min() > 0
+    assert np.allclose(driven, expected, atol=1e-5)
+
+
+def test_robot_stands_until_it_has_images_and_odometry_and_then_speeds_up_within_its_limits(make_ride):
+    ride = make_ride()
+    assert ride.step(images=False) == Command()
+    assert ride.pilot.waiting_for == "no images"
+    second, third = ride.step(), ride.step()
+    assert ride.pilot.started_ns is not None
+    assert (second.v_mps, second.w_radps) == pytest.approx((0.05, 0.15))
+    assert (third.v_mps, third.w_radps) == pytest.approx((0.10, 0.30))
+    assert (ride.steps(40).v_mps, ride.commands[-1].w_radps) == pytest.approx((1.0, 0.5))
+
+
+def test_lower_limits_hold_and_higher_ones_are_refused(make_ride):
+    last = make_ride(v_max_mps=0.3, w_max_radps=0.2).steps(40)
+    assert (last.v_mps, last.w_radps) == pytest.approx((0.3, 0.2))
+    with pytest.raises(ValueError, match="v_max_mps must be above 0 and at most 1, what the policy learned, got 2"):
+        limited(RobotConfig(), DriveConfig(v_max_mps=2.0, w_max_radps=1.0))
+
+
+@pytest.mark.parametrize(("missing", "words"), [("images", "no new images"), ("moves", "no new odometry")])
+def test_robot_stands_while_something_is_older_than_a_third_of_a_second_and_goes_on_after(make_ride, missing, words):
+    ride = make_ride()
+    ride.steps(20)
+    assert ride.steps(6, **{missing: False}).v_mps > 0
+    assert ride.step(**{missing: False}) == Command()
+    assert ride.pilot.waiting_for == words
+    assert ride.steps(3).v_mps == pytest.approx(0.15)
+    assert ride.pilot.ending is None
+
+
+def test_trial_is_over_when_nothing_comes_for_long(make_ride):
+    ride = make_ride()
+    ride.steps(20)
+    ride.steps(220, images=False)
+    assert ride.pilot.ending is Ending.STALE
+    assert ride.pilot.reason == "no new images for 10 s"
+    assert ride.commands[-1] == Command()
+
+
+def test_late_images_make_the_robot_stand_though_many_come(make_ride):
+    ride = make_ride()
+    ride.steps(20)
+    for _ in range(10):
+        ride.pilot.hear(odometry(T0 + ride.now_ns), ride.now_ns)
+        ride.step(moves=False, shift_ns=-600_000_000)
+    assert ride.commands[-1] == Command()
+
+
+def test_goal_is_where_the_robot_looked_at_the_start_and_is_reached_within_its_radius(make_ride):
+    ride = make_ride(goal=(3.0, 0.5))
+    ride.step(x_m=10.0, y_m=0.0, yaw_rad=math.pi / 2)
+    assert (ride.pilot.goal.x_m, ride.pilot.goal.y_m) == pytest.approx((9.5, 3.0))
+    assert ride.policy.goals[0] == pytest.approx((3.0, 0.5))
+    for k in range(60):
+        ride.step(x_m=10.0, y_m=0.05 * k, yaw_rad=math.pi / 2)
+        if ride.pilot.ending:
+            break
+    assert ride.pilot.ending is Ending.GOAL
+    assert ride.pilot.goal_distance_m <= 1.0
+    assert ride.commands[-1] == Command()
+    assert ride.pilot.driven_m == pytest.approx(2.15, abs=0.1)
+
+
+def test_goal_of_the_odometrys_frame_stays_where_it_is(make_ride):
+    ride = make_ride(goal=(3.0, 1.0), goal_in_start_frame=False)
+    ride.step(x_m=1.0, yaw_rad=math.pi / 2)
+    assert ride.policy.goals[0] == pytest.approx((1.0, -2.0))
+
+
+def test_time_runs_out(make_ride):
+    ride = make_ride(time_limit_s=2.0)
+    ride.steps(42)
+    assert ride.pilot.ending is Ending.LATE
+    assert ride.pilot.ending.outcome is Outcome.TIMEOUT
+
+
+@pytest.mark.parametrize("answer", [(math.nan, 0.0), (0.5, math.inf)])
+def test_policy_that_answers_no_number_stops_the_robot(make_ride, fake_policy, answer):
+    ride = make_ride(fake_policy(answer))
+    assert ride.steps(3) == Command()
+    assert ride.pilot.ending is Ending.NOT_FINITE
+
+
+def test_odometry_that_is_no_number_or_leaps_stops_the_robot(make_ride):
+    ride = make_ride()
+    ride.steps(5)
+    assert ride.step(x_m=math.nan) == Command()
+    assert ride.pilot.ending is Ending.NOT_FINITE
+    ride = make_ride()
+    ride.steps(5)
+    assert ride.step(x_m=4.0) == Command()
+    assert ride.pilot.reason == "the odometry leapt by 4.0 m"
+
+
+@pytest.mark.parametrize(("shift_s", "words"), [(-30, "went back by 29"), (30, "jumped ahead by 30.0 s")])
+def test_clock_that_is_set_stops_the_robot(make_ride, shift_s, words):
+    ride = make_ride()
+    ride.steps(5)
+    assert ride.step(shift_ns=shift_s * 10**9) == Command()
+    assert ride.pilot.ending is Ending.CLOCK
+    assert words in ride.pilot.reason
+
+
+def test_images_of_another_size_stop_the_robot(make_ride):
+    ride = make_ride()
+    ride.steps(5)
+    assert ride.step(image_size=(16, 20)) == Command()
+    assert ride.pilot.reason == "the robot sends images of 16x20 px, and its calibration is of 8x10"
+
+
+@pytest.mark.parametrize("every", [1, 2, 4])
+def test_slower_cameras_lead_to_fewer_decisions_and_no_fewer_commands(make_ride, every):
+    ride = make_ride()
+    for k in range(41):
+        ride.step(images=k % every == 0)
+    assert len(ride.policy.seen_ns) == 40 // every + 1
+    assert ride.commands[-1].v_mps == pytest.approx(1.0)
+
+
+def test_heading_is_followed_around_the_circle(make_ride):
+    ride = make_ride()
+    for k in range(80):
+        ride.step(yaw_rad=math.atan2(math.sin(0.1 * k), math.cos(0.1 * k)))
+    turned = 7.9 % (2 * math.pi)
+    assert ride.policy.goals[-1] == pytest.approx((5 * math.cos(turned), -5 * math.sin(turned)), abs=1e-4)

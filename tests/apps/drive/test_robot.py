@@ -1,0 +1,73 @@
+import time
+from contextlib import closing
+
+import pytest
+
+from readygo.apps.drive.messages import Command
+from readygo.apps.drive.robot import DEADMAN_S, Topics, connected
+from readygo.apps.drive.ros_codec import IMAGE_TYPE, TWIST_TYPE
+from readygo.apps.drive.wires import RosWire
+from readygo.common.bus.foreign import ForeignSession
+from readygo.common.bus.zenoh_bus import Router, free_endpoint
+from readygo.common.errors import BusError
+from tests.apps.drive.conftest import T0, odometry
+
+pytest.importorskip("rosbags", reason="rosbags (extra robot-logs) is not installed")
+TOPICS = Topics(image="/camera/image_raw", odometry="/odom", command="/cmd_vel")
+
+
+@pytest.fixture
+def network():
+    endpoint = free_endpoint()
+    with closing(Router(endpoint)), closing(ForeignSession(endpoint)) as session:
+        yield endpoint, session
+
+
+def waited(ask, seconds=5.0):
+    until_s = time.monotonic() + seconds
+    while not ask() and time.monotonic() < until_s:
+        time.sleep(0.01)
+    return ask()
+
+
+def test_robot_is_told_to_stand_when_nobody_commands_it_and_when_it_is_left(network):
+    endpoint, session = network
+    wire, told = RosWire(0, "drive"), []
+    session.hear(
+        "0/cmd_vel/**", lambda key, payload, attachment: told.append((wire.codec.read(TWIST_TYPE, payload), attachment))
+    )
+    robot = connected(endpoint, wire, TOPICS, dry=False)
+    robot.send(Command(v_mps=0.5))
+    assert waited(lambda: len(told) > 0)
+    assert told[-1][0] == Command(v_mps=0.5)
+    assert len(told[-1][1]) == 33
+    assert waited(lambda: told[-1][0] == Command(), DEADMAN_S + 3.0)
+    robot.send(Command(v_mps=0.5))
+    robot.close()
+    assert waited(lambda: told[-1][0] == Command())
+
+
+def test_messages_of_another_type_and_bytes_that_are_none_are_said(network):
+    endpoint, session = network
+    wire = RosWire(0, "drive")
+    robot = connected(endpoint, wire, TOPICS, dry=True)
+    sender = session.publisher("0/odom/nav_msgs::msg::dds_::Odometry_/x")
+    assert sender.heard(3.0)
+    sender.put(wire.codec.write("nav_msgs/msg/Odometry", odometry(T0, x_m=1.5), T0))
+    found = []
+    assert waited(lambda: found or found.extend(robot.odometry()) or found)
+    assert found[0][0].x_m == 1.5
+    sender.put(b"123")
+    assert waited(lambda: robot.broken)
+    assert robot.broken == "/odom: 3 bytes are no nav_msgs/msg/Odometry"
+    session.publisher("0/camera/image_raw/sensor_msgs::msg::dds_::PointCloud2_/x").put(b"")
+    assert waited(lambda: "PointCloud2" in robot.broken)
+    assert IMAGE_TYPE in robot.broken
+    assert "no ROS 2 node is there" in robot.absent()
+    robot.close()
+
+
+def test_nobody_there_is_said(network, monkeypatch):
+    monkeypatch.setattr("readygo.apps.drive.robot.FOUND_S", 0.1)
+    with pytest.raises(BusError, match=r"Nobody listens to /cmd_vel\. Start the robot's base"):
+        connected(network[0], RosWire(0, "drive"), TOPICS, dry=False)

@@ -1,0 +1,80 @@
+"""A simulated robot and a pilot on a network of their own, in real time."""
+
+import threading
+import time
+from contextlib import closing
+
+import numpy as np
+import pytest
+
+from readygo.apps.drive.calibration import Rectifier, camera_from_info, info_of
+from readygo.apps.drive.pilot import DriveConfig, Ending, Pilot
+from readygo.apps.drive.plain_codec import PlainCodec
+from readygo.apps.drive.robot import Topics, connected
+from readygo.apps.drive.ros_codec import RosCodec
+from readygo.apps.drive.simulated import Manners, SimulatedRobot
+from readygo.apps.drive.trial import run_trial
+from readygo.apps.drive.wires import RosWire, TopicWire
+from readygo.common.bus.foreign import ForeignSession
+from readygo.common.bus.zenoh_bus import Router, free_endpoint
+from readygo.common.messages import Outcome
+from tests.apps.drive.conftest import CAMERA, FakePolicy, open_ground
+
+TOPICS = Topics(
+    image="/camera/image_raw",
+    odometry="/odom",
+    command="/cmd_vel",
+    camera_info="/camera/camera_info",
+    goal="/goal_pose",
+    outcome="/outcome",
+)
+INFO = info_of(CAMERA)
+
+
+class StraightPolicy(FakePolicy):
+    """Drives straight ahead."""
+
+    def __init__(self):
+        super().__init__((1.0, 0.0))
+
+
+@pytest.mark.parametrize("kind", ["ros2", "bridge", "plain"])
+def test_policy_drives_a_robot_to_its_goal_over_every_wire(kind):
+    pytest.importorskip("rosbags", reason="rosbags (extra robot-logs) is not installed")
+    make = {
+        "ros2": lambda node: RosWire(7, node),
+        "bridge": lambda node: TopicWire(RosCodec(), stamped=True),
+        "plain": lambda node: TopicWire(PlainCodec(), "robot1"),
+    }[kind]
+    endpoint, outcomes = free_endpoint(), []
+    run = open_ground()
+    with closing(Router(endpoint)), closing(ForeignSession(endpoint)) as session:
+        manners = Manners(latency_s=0.02, jitter_s=0.005, drop_share=0.1, compressed=kind == "bridge")
+        topics = TOPICS
+        if kind == "bridge":
+            topics = Topics(**{**vars(TOPICS), "image": "/camera/image_raw/compressed"})
+        look = lambda _: np.zeros((8, 10, 3), np.uint8)  # noqa: E731
+        robot = SimulatedRobot(session, make("robot"), topics, INFO, look, manners, np.random.default_rng(0))
+        thread = threading.Thread(target=lambda: outcomes.append(robot.drive(run)), daemon=True)
+        thread.start()
+        link = connected(endpoint, make("drive"), topics, dry=False)
+        until_s = time.monotonic() + 10.0
+        while link.camera is None or link.goal is None:
+            assert time.monotonic() < until_s
+            time.sleep(0.01)
+        rectify = Rectifier(camera_from_info(CAMERA, link.camera), CAMERA)
+        config = DriveConfig(v_max_mps=1.0, w_max_radps=1.2, goal_in_start_frame=False, time_limit_s=15.0)
+        pilot = Pilot(StraightPolicy(), rectify, config, link.goal)
+        run_trial(link, pilot, rate_hz=20, say=lambda words: None)
+        link.close()
+        thread.join(10.0)
+    assert outcomes == [Outcome.SUCCESS]
+    assert pilot.ending is Ending.GOAL
+    assert run.v_mps <= 1.0
+    assert pilot.driven_m == pytest.approx(1.0, abs=0.3)
+
+
+@pytest.mark.parametrize("wrong", [{"camera_hz": 30.0}, {"latency_s": -1.0}, {"drop_share": 1.0}])
+def test_manners_that_no_robot_has_are_refused(wrong):
+    with pytest.raises(ValueError, match="must"):
+        Manners(**wrong)

@@ -1,0 +1,176 @@
+"""A run whose workers and recorder share no files with its coordinator, over mTLS, one of them cut off for a while."""
+
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("cryptography", reason="needs the extra tls")
+
+from readygo.apps.fleet.access import join
+from readygo.apps.fleet.lead import lead
+from readygo.apps.fleet.worker import make_recorder
+from readygo.apps.run.folder import RunFolder
+from readygo.apps.run.stages import stage_works
+from readygo.apps.run.world import World
+from readygo.common.bus.zenoh_bus import free_endpoint
+from readygo.common.certificates import issue, make_authority
+from readygo.common.dataset import Dataset
+from readygo.common.errors import BusError, RunError
+from readygo.common.fleet import Worker, pull
+from readygo.common.messages import ClaimReply, Command, ControlRequest, RunSpecRequest, topics
+from readygo.services.recorder import attach as attach_recorder
+from tests.apps.fleet.toy_line import DRAW, FILM, draw, entry, in_process, make_folder
+
+EPISODES = 12
+RUN = "run-test"
+
+
+class Cable:
+    """A way to a router that can be pulled out: what is sent then goes nowhere, until it is put in again."""
+
+    def __init__(self, endpoint: str) -> None:
+        host, port = endpoint.removeprefix("tls/").rsplit(":", 1)
+        self._router = host, int(port)
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.endpoint = f"tls/127.0.0.1:{self._listener.getsockname()[1]}"
+        self.whole = threading.Event()
+        self.whole.set()
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def _accept(self) -> None:
+        while True:
+            try:
+                near, _ = self._listener.accept()
+                self.whole.wait()
+                far = socket.create_connection(self._router)
+            except OSError:
+                return
+            for ends in ((near, far), (far, near)):
+                threading.Thread(target=self._carry, args=ends, daemon=True).start()
+
+    def _carry(self, source: socket.socket, sink: socket.socket) -> None:
+        try:
+            while data := source.recv(65536):
+                self.whole.wait()
+                sink.sendall(data)
+        except OSError:
+            pass
+        sink.close()
+
+    def close(self) -> None:
+        self.whole.set()
+        self._listener.close()
+
+
+@pytest.fixture
+def certs(tmp_path: Path) -> Path:
+    folder = tmp_path / "certs"
+    make_authority(folder)
+    for name in ("coordinator", "all", "recorder.rec0", "operator"):
+        issue(folder, folder, name, hosts=("127.0.0.1",))
+    return folder
+
+
+@pytest.fixture
+def pool() -> Iterator[ThreadPoolExecutor]:
+    with ThreadPoolExecutor(8) as pool:
+        yield pool
+
+
+def _wait_for(happened: Callable[[], object], limit_s: float = 60.0) -> None:
+    deadline_s = time.monotonic() + limit_s
+    while not happened():
+        assert time.monotonic() < deadline_s, "it did not happen in time"
+        time.sleep(0.02)
+
+
+def _record(endpoint: str, certs: Path, shards: Path) -> None:
+    """A recorder that knows nothing but the bus and its own disk."""
+    bus = join(endpoint, RUN, "recorder", name="rec0", certs=certs)
+    world = World(bus.request(topics.SPEC, RunSpecRequest(role="recorder"), timeout_s=20.0), bus)
+    recorder = make_recorder(bus, "rec0", RunFolder(shards), world)
+    attach_recorder(bus, recorder)
+    bus.announce("recorder", "rec0")
+    over = threading.Event()
+    bus.subscribe(topics.PROGRESS, lambda status: over.set() if status.finished or status.failed else None)
+    while not over.wait(0.1):
+        recorder.settle()
+    recorder.close()
+    bus.close()
+
+
+def _work(endpoint: str, certs: Path, name: str, done: list[str], pause_s: float) -> None:
+    bus = join(endpoint, RUN, "all", certs=certs)
+    world = World(bus.request(topics.SPEC, RunSpecRequest(role="all"), timeout_s=20.0), bus)
+
+    def slow_draw(claim: ClaimReply, inputs):  # type: ignore[no-untyped-def]
+        time.sleep(pause_s)
+        done.append(name)
+        return draw(claim, inputs)
+
+    works = stage_works(world, bus, line=(entry(DRAW.stage, slow_draw), FILM))
+    bus.announce("all", name)
+    pull(bus, Worker(name=name, numeric_class="this", works=works), stop=threading.Event())
+    bus.close()
+
+
+def test_host_that_is_cut_off_and_healed_changes_nothing_of_the_dataset(
+    tmp_path: Path, certs: Path, pool: ThreadPoolExecutor
+) -> None:
+    folder = make_folder(tmp_path / "coordinator", [DRAW, FILM], wanted=EPISODES, lease_s=2.0)
+    listen = free_endpoint().replace("tcp/", "tls/")
+    led = pool.submit(lead, folder, listen, certs=certs)
+    _wait_for((folder.state / "endpoint").exists)
+    cable = Cable(listen)
+    done: list[str] = []
+    recorded = pool.submit(_record, listen, certs, tmp_path / "recorder")
+    workers = [
+        pool.submit(_work, listen, certs, "near", done, 0.2),
+        pool.submit(_work, cable.endpoint, certs, "far", done, 0.05),
+    ]
+    _wait_for(lambda: "far" in done)
+    cable.whole.clear()
+    cut = done.count("far")
+    time.sleep(3.0)
+    assert done.count("far") <= cut + 1
+    cable.whole.set()
+    status = led.result(timeout=60)
+    for future in (recorded, *workers):
+        future.result(timeout=60)
+    cable.close()
+    assert (status.finished, status.committed) == (True, EPISODES)
+    # Nothing was recorded where the coordinator is, everything where the recorder is.
+    assert not list(folder.path.glob("*.mcap*"))
+    alone = make_folder(tmp_path / "alone", [DRAW, FILM], wanted=EPISODES)
+    in_process(alone, [DRAW, FILM])
+    assert Dataset([tmp_path / "recorder"]).content_hash == Dataset([alone.path]).content_hash
+
+
+def test_only_one_coordinator_leads_a_run(tmp_path: Path, certs: Path) -> None:
+    folder = make_folder(tmp_path / "data", [DRAW, FILM], wanted=2)
+    listen = free_endpoint().replace("tcp/", "tls/")
+    with folder.locked(), pytest.raises(RunError, match=f"Another process is generating into {folder.path}"):
+        lead(folder, listen, certs=certs)
+
+
+def test_name_that_is_taken_is_refused(tmp_path: Path, certs: Path, pool: ThreadPoolExecutor) -> None:
+    folder = make_folder(tmp_path / "data", [DRAW, FILM], wanted=2)
+    listen = free_endpoint().replace("tcp/", "tls/")
+    led = pool.submit(lead, folder, listen, certs=certs)
+    _wait_for((folder.state / "endpoint").exists)
+    first, second = (join(listen, RUN, "all", certs=certs) for _ in range(2))
+    first.announce("all", "w")
+    with pytest.raises(BusError, match=r"Another all of the run is called 'w': choose another --name\."):
+        second.announce("all", "w")
+    for bus in (first, second):
+        bus.close()
+    operator = join(listen, RUN, "operator", certs=certs)
+    operator.request(topics.CONTROL, ControlRequest(command=Command.CANCEL))
+    operator.close()
+    with pytest.raises(RunError, match="cancelled"):
+        led.result(timeout=60)

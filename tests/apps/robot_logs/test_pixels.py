@@ -1,0 +1,35 @@
+import cv2
+import numpy as np
+import pytest
+
+from readygo.apps.robot_logs.pixels import ENCODINGS, bgr_of
+
+RED = {"bgr8": (0, 0, 255), "rgb8": (255, 0, 0), "rgba8": (255, 0, 0, 9), "bgra8": (0, 0, 255, 9)}
+
+
+@pytest.mark.parametrize("encoding", RED)
+def test_red_is_red_in_every_order_of_colours(encoding):
+    pixels = np.tile(np.array(RED[encoding], np.uint8), (4, 6, 1))
+    found = bgr_of(pixels, encoding=encoding, height_px=4, width_px=6, row_bytes=pixels.shape[2] * 6)
+    assert (found == (0, 0, 255)).all()
+
+
+@pytest.mark.parametrize(("encoding", "conversion"), [("yuyv", "YUY2"), ("yuv422", "UYVY")])
+def test_cameras_that_send_luma_and_chroma_are_read(encoding, conversion):
+    bgr = np.full((4, 6, 3), (20, 60, 200), np.uint8)
+    sent = cv2.cvtColor(bgr, getattr(cv2, f"COLOR_BGR2YUV_{conversion}"))
+    found = bgr_of(sent, encoding=encoding, height_px=4, width_px=6, row_bytes=12)
+    assert np.abs(found.astype(int) - bgr).max() < 6
+
+
+def test_all_encodings_give_three_channels_and_rows_may_be_padded():
+    for encoding in ENCODINGS:
+        found = bgr_of(np.zeros(8 * 40, np.uint8), encoding=encoding, height_px=8, width_px=8, row_bytes=40)
+        assert found.shape == (8, 8, 3)
+
+
+def test_unknown_encoding_and_wrong_sizes_are_said():
+    with pytest.raises(ValueError, match="16UC1"):
+        bgr_of(np.zeros(32, np.uint8), encoding="16UC1", height_px=4, width_px=4, row_bytes=8)
+    with pytest.raises(ValueError, match="4x4 px rgb8 in 12 bytes"):
+        bgr_of(np.zeros(12, np.uint8), encoding="rgb8", height_px=4, width_px=4, row_bytes=12)
