@@ -88,6 +88,9 @@ COMMANDS = {
     ),
     "train": Command("readygo.apps.commands.train:train", "learn a policy from recorded episodes"),
     "evaluate": Command("readygo.apps.commands.evaluate:evaluate", "measure success rates in closed loop"),
+    "monitor": Command(
+        "readygo.apps.commands.monitor:monitor", "show a run on a page: scene, robots, humans, images, numbers"
+    ),
     "drive": Command("readygo.apps.commands.drive:drive", "drive a robot to a goal by what its camera shows"),
     "simulate-robot": Command(
         "readygo.apps.commands.simulate_robot:simulate_robot",
