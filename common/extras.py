@@ -6,7 +6,21 @@ import sys
 from pathlib import Path
 from typing import Literal
 
-Extra = Literal["policy", "train", "gpu", "reconstruct", "export", "robot-logs", "tls", "metrics", "otel"]
+Extra = Literal[
+    "policy",
+    "train",
+    "gpu",
+    "reconstruct",
+    "export",
+    "robot-logs",
+    "store",
+    "tls",
+    "monitor",
+    "foxglove",
+    "rerun",
+    "metrics",
+    "otel",
+]
 """Names of the extras, as in pyproject.toml."""
 
 ROOT = Path(__file__).resolve().parents[1]

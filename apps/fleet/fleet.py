@@ -16,6 +16,7 @@ from readygo.apps.fleet.token import with_token
 from readygo.apps.observe.logs import message_of
 from readygo.apps.observe.settings import NOTHING, Observing
 from readygo.common.bus.identity import COORDINATOR, RECORDER
+from readygo.common.dataset.places import shard_folders
 from readygo.common.errors import RunError
 
 log = logging.getLogger(__name__)
@@ -143,7 +144,9 @@ class Fleet:
         Raises:
             RunError: If one of them could not finish its shard.
         """
-        unfinished = any(part for folder in self._data for part in folder.glob("shard-*.mcap.part"))
+        unfinished = any(
+            part for data in self._data for place in shard_folders(data) for part in place.glob("shard-*.mcap.part")
+        )
         for member in self.members:
             code = member.process.returncode if member.process else 0
             fine = code == 0 or (code == -signal.SIGTERM and not unfinished)

@@ -17,6 +17,7 @@ from readygo.apps.observe.observer import Observer
 from readygo.apps.observe.settings import NOTHING, Observing
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.identity import numeric_class
+from readygo.apps.run.recorders import prepare_folders
 from readygo.apps.run.recovery import check_recorded, recover
 from readygo.apps.run.stages import LINE, Entry, stage_works
 from readygo.apps.run.world import World
@@ -77,6 +78,7 @@ def record(
     begin_s = time.monotonic()
     with folder.locked():
         recover(folder)
+        prepare_folders(folder, spec)
         recorded, samples_before = _recorded(folder, episodes)
         _save(folder, spec, episodes)
         if workers == 0 or recorded == episodes:
@@ -137,7 +139,7 @@ def _run_in_process(folder: RunFolder, show: Show, line: Sequence[Entry], observ
     observer.coordinator(coordinator)
     coordination.attach(bus, coordinator)
     world = World(coordinator.spec, bus)
-    recorders = [make_recorder(bus, name, folder, world) for name in coordinator.config.recorders]
+    recorders = [make_recorder(bus, name, folder, world) for name in coordinator.recorders]
     for recorder in recorders:
         attach_recorder(bus, recorder)
     try:
@@ -178,7 +180,7 @@ def run_fleet(
     """Do the run with a fleet over Zenoh; see `places` for `workers` and `together`, and `record` for the others."""
     spec, _ = folder.load()
     token = "" if certs else given_token() or new_token()
-    recorders = World(spec).config.coordinator.recorders
+    recorders = _recorders(folder, spec)
     router = open_router(spec, recorders, endpoint, certs=certs, token=token)
     here, data = reached_here(endpoint), folder.path.resolve()
     fleet = Fleet(
@@ -214,6 +216,14 @@ def run_fleet(
     if status.finished:
         fleet.check_recorders()
     return status
+
+
+def _recorders(folder: RunFolder, spec: RunSpec) -> tuple[str, ...]:
+    """The run's recorders, without those that were given up."""
+    ledger = coordination.Ledger(folder.ledger, spec.stages)
+    retired = ledger.retired()
+    ledger.close()
+    return tuple(name for name in World(spec).config.coordinator.recorders if name not in retired)
 
 
 def _supervise(checks: Sequence[Callable[[], None]], bus: Bus, show: Show) -> StatusReply:

@@ -37,7 +37,16 @@ from readygo.common.messages.evaluation import (
 )
 from readygo.common.messages.fleet import FleetReply, FleetRequest
 from readygo.common.messages.learning import CommittedEpisode, OfferReply, OfferRequest
-from readygo.common.messages.live import LiveCommit, LiveHealth, LiveLoss, LivePlan, LivePreview, LiveState, LiveWork
+from readygo.common.messages.live import (
+    LiveCommit,
+    LiveEvaluation,
+    LiveHealth,
+    LiveLoss,
+    LivePlan,
+    LivePreview,
+    LiveState,
+    LiveWork,
+)
 from readygo.common.messages.reconstruction import (
     ReconstructionClaim,
     ReconstructionJob,
@@ -126,6 +135,7 @@ WORK = Live("work", LiveWork)
 COMMIT = Live("commit", LiveCommit)
 HEALTH = Live("health", LiveHealth)
 LOSS = Live("loss", LiveLoss)
+EVALUATION = Live("evaluation", LiveEvaluation)
 COMMITTED = Stream("train/episodes", CommittedEpisode)
 """Every episode, as soon as it is durable."""
 

@@ -53,7 +53,7 @@ def attach(bus: Bus, coordinator: Coordinator) -> None:
 
     def changed(role: str, name: str, alive: bool) -> None:
         coordinator.roster.note_presence(role, name, alive=alive)
-        if name in coordinator.config.recorders:
+        if name in coordinator.recorders:
             coordinator.note_recorder(name, alive=alive)
         elif not alive and requeue_lost(coordinator, worker=name):
             bus.publish(topics.WAKE, Wake())
