@@ -4,7 +4,7 @@ import json as json_module
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -17,6 +17,7 @@ from readygo.apps.commands.coordinator import coordinator
 from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.fleet.run import Show, begin, record
 from readygo.apps.fleet.slurm import check_slurm
+from readygo.apps.monitor.beside import watched
 from readygo.apps.run.again import prepare_again
 from readygo.apps.run.config import load_run_config, with_detail, with_disturbance, with_outputs
 from readygo.apps.run.folder import RunFolder
@@ -61,6 +62,7 @@ def generate(
     certs: Annotated[Path | None, RUNNING] = None,
     on: Annotated[Literal["local", "slurm", "hosts"], RUNNING] = "local",
     slurm: Annotated[str, RUNNING] = "",
+    watch: Annotated[bool, RUNNING] = False,
     json: Annotated[bool, RUNNING] = False,
 ) -> None:
     """Record episodes of an expert among walking people; run again to resume.
@@ -102,6 +104,7 @@ def generate(
             "hosts" starts none, and no recorder: they are started on other machines with `readygo worker`, and
             `readygo coordinator` goes on if this command ends.
         slurm: Options of sbatch, such as "--partition=short --time=2:00:00".
+        watch: Show the run on a page while it goes on, as `readygo monitor` does.
         json: Print the summary as JSON.
     """
     if on == "slurm":
@@ -110,12 +113,15 @@ def generate(
         raise RunError("--slurm has options of sbatch: it goes with --on slurm.")
     elif on == "hosts" and not listen:
         raise RunError("--on hosts needs --listen with an address that they reach, such as tls/10.0.0.5:7447.")
+    if watch and workers == 0 and on != "hosts":
+        raise RunError("--watch needs a fleet to hear: give --workers 1 or more.")
     where = Where(
         workers=workers,
         listen=listen,
         slurm=slurm if on == "slurm" else None,
         certs=certs,
         hosts=on == "hosts",
+        watch=watch,
     )
     if again is not None:
         if scene:
@@ -159,17 +165,20 @@ class Where:
     certs: Path | None
     hosts: bool
     """True for workers and recorders on other machines alone."""
+    watch: bool = False
 
 
 def _record(spec: RunSpec, out: Path, episodes: int, where: Where, *, json: bool) -> None:
     """Do a run, and say on the terminal how it goes and what it gave."""
     join = _how_to_join(spec, out, where) if where.listen else ""
+    page = watched(out, (RunFolder(out).state / "endpoint").exists) if where.watch else nullcontext()
     if where.hosts:
         begin(spec, out, episodes)
         sys.stderr.write(f"{join}\n")
-        coordinator(out, listen=where.listen, certs=where.certs)
+        with page:
+            coordinator(out, listen=where.listen, certs=where.certs)
         return
-    with progress_bar(first_words=join, quiet=json) as show:
+    with page, progress_bar(first_words=join, quiet=json) as show:
         summary = record(
             spec,
             out,

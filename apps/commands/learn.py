@@ -3,7 +3,8 @@
 import json as json_module
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
+from functools import partial
 from pathlib import Path
 
 from rich.console import Console
@@ -12,9 +13,10 @@ from rich.progress import BarColumn, TaskProgressColumn, TextColumn
 from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.learn.config import load_learn_config
 from readygo.apps.learn.learn import learn_policy, report_content
-from readygo.apps.learn.plan import Budget, learn_settings, make_plan
+from readygo.apps.learn.plan import Budget, Plan, learn_settings, make_plan
 from readygo.apps.learn.report import write_report
 from readygo.apps.learn.supervise import Now
+from readygo.apps.monitor.beside import watched
 from readygo.common.errors import RunError
 from readygo.services.evaluator import EpisodeRecord, summary_table
 
@@ -34,6 +36,7 @@ def learn(
     avatars: Path | None = None,
     robot: Path | None = None,
     config: Path | None = None,
+    watch: bool = False,
     json: bool = False,
 ) -> None:
     """Record and learn side by side until a policy drives well; run again to go on.
@@ -54,6 +57,7 @@ def learn(
         robot: robot.toml; without one, or without a camera in it, the camera has 72x128 pixels.
         config: TOML file with sections of settings, as given to `readygo generate`, and [learn]: `mix`, the share of
             the episodes that policies drive, `reuse`, how often each sample is learned from, and others.
+        watch: Show the run on a page while it goes on, as `readygo monitor` does.
         json: Print the result as JSON.
     """
     if episodes < 0:
@@ -67,7 +71,8 @@ def learn(
         avatars=avatars,
         seed=seed,
     )
-    with live_line(6 * episodes * len(scenes), quiet=json) as (show, tested):
+    page = watched(out, partial(_has_begun, plan)) if watch else nullcontext()
+    with page, live_line(6 * episodes * len(scenes), quiet=json) as (show, tested):
         learned = learn_policy(plan, episodes=episodes, show=show, tested=tested)
     report = out / "report.html"
     named = {"avatars": avatars, "robot": robot, "config": config, "seed": seed or None}
@@ -80,6 +85,10 @@ def learn(
         console.print(name, markup=False)
         console.print(summary_table(reply.summaries))
     console.print(f"The policy: {plan.policy}. How it learned and what it fails in: {report}", markup=False)
+
+
+def _has_begun(plan: Plan) -> bool:
+    return all((place.folder.state / "endpoint").exists() for place in plan.places)
 
 
 @contextmanager

@@ -18,7 +18,10 @@ from readygo.common.bus.identity import ALL, COORDINATOR, TRAINER
 from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
 from readygo.common.errors import BusError, RunError
 from readygo.common.messages import Command, ControlRequest, StatusReply, topics
+from readygo.services.evaluator import EpisodeRecord, shown_record
 
+EVALUATOR = "evaluator"
+"""Role and name of the supervisor, which measures policies, in its runs."""
 FROZEN_S = 120.0
 """A trainer that says nothing for so long is started anew [s]."""
 CONTROL_S = 2.0
@@ -98,6 +101,10 @@ class Crew:
             self._start_trainer()
         self._trainer.check()
 
+    def show(self, name: str, policy: str, record: EpisodeRecord) -> None:
+        """Show an episode of a measurement in a scene's run."""
+        self._buses[name].tell(topics.EVALUATION, lambda: shown_record(record, policy))
+
     def pace(self, wanted: bool) -> None:
         """Let the collectors work, or have them wait.
 
@@ -157,6 +164,7 @@ class Crew:
         bus = ZenohBus(self._endpoint, spec.run, self._token)
         self._open.callback(bus.close)
         self._buses[place.name] = bus
+        bus.announce(EVALUATOR, EVALUATOR)
         bus.subscribe(topics.PROGRESS, partial(self.status.__setitem__, place.name))
         fleet = Fleet(
             connect=self._endpoint, run=spec.run, data=folder.path.resolve(), logs=folder.logs, token=self._token

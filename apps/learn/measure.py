@@ -5,7 +5,7 @@ import shutil
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 from readygo.apps.evaluation.replay import Replays
@@ -63,7 +63,7 @@ class Measuring:
         episodes: int,
         fraction: float,
         *,
-        check: Callable[[], None] = lambda: None,
+        report: Callable[[str, EpisodeRecord], None] = lambda name, record: None,
     ) -> Measured:
         """Success rates on the split val: of static and dynamic episodes, over all scenes.
 
@@ -72,7 +72,7 @@ class Measuring:
             sha256: What the run calls it.
             episodes: Per task, shared out among the scenes.
             fraction: Share of the budget that is spent.
-            check: Called after each episode; what it raises ends the measurement.
+            report: Told of each episode, after the name of its scene; what it raises ends the measurement.
 
         Raises:
             PolicyError: If the policy cannot be used.
@@ -82,8 +82,8 @@ class Measuring:
         request = EvaluateRequest(methods=(POLICY,), episodes=each, seed=self._plan.seed, split=Split.VAL)
         evaluators, begin_s = self._evaluators, time.monotonic()
         replies = [
-            handle_evaluate(dataclasses.replace(evaluator, policy=policy), request, report=lambda _: check())
-            for evaluator in evaluators
+            handle_evaluate(dataclasses.replace(evaluator, policy=policy), request, report=partial(report, place.name))
+            for place, evaluator in zip(self._plan.places, evaluators, strict=True)
         ]
         records = [record for reply in replies for record in reply.records]
         measurement = Measurement(

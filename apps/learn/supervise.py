@@ -21,6 +21,7 @@ from readygo.common.config import section_to_mapping
 from readygo.common.errors import RunError
 from readygo.common.files import unfinished_folder, write_whole
 from readygo.common.policy.artifact import SPEC_FILE
+from readygo.services.evaluator import EpisodeRecord
 
 TICK_S = 0.5
 SAVE_S = 5.0
@@ -164,9 +165,15 @@ class Supervisor:
             return
         seconds = self._plan.learn.val_share * (fraction - latest) / max(fraction, 1e-9) * self._spent_s
         episodes = episodes_to_measure(seconds, self._episode_s, self._plan.learn.val_episodes_max)
-        background.start(
-            lambda check: self._measuring.val(offered.folder, offered.sha256, episodes, fraction, check=check)
-        )
+
+        def measure(check: Callable[[], None]) -> Measured:
+            def report(name: str, record: EpisodeRecord) -> None:
+                check()
+                crew.show(name, offered.sha256, record)
+
+            return self._measuring.val(offered.folder, offered.sha256, episodes, fraction, report=report)
+
+        background.start(measure)
 
     def _keep_if_best(self, measured: Measured) -> None:
         """Keep a policy beside the candidates, which come and go, if it is the best so far."""

@@ -5,7 +5,7 @@ Files are read, not mapped: a recorder may cut an open one.
 
 import os
 import struct
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -15,6 +15,7 @@ from mcap.opcode import Opcode
 from readygo.common.dataset import schemas
 from readygo.common.dataset.chunk import EpisodeChunk, parse, read_chunk
 from readygo.common.dataset.labels import boxes_of, footprints_of, joints_of
+from readygo.common.dataset.places import shard_folders
 from readygo.common.dataset.poses import pose_xyzyaw
 from readygo.common.dataset.records import (
     CHUNK_FIELDS,
@@ -49,10 +50,39 @@ def committed_episodes(folder: Path, known: Collection[EpisodeKey] = ()) -> Iter
         DatasetError: If a finished shard is damaged or cut off; it names the file. Open shards end where they end.
     """
     seen = set(known)
-    for path in [*sorted(folder.glob("shard-*.mcap")), *sorted(folder.glob(f"shard-*.mcap{PART_SUFFIX}"))]:
-        for chunk in _chunks(path, seen):
+    for path in _shards(folder):
+        for chunk in _chunks(path, lambda key: key not in seen):
             seen.add(chunk.episode)
             yield _episode(chunk)
+
+
+def committed_episode(folder: Path, wanted: EpisodeKey) -> CommittedEpisode | None:
+    """A durable episode of a data folder, also of one that is being recorded; None where it is not there.
+
+    Args:
+        folder: The data folder of one run.
+        wanted: Which episode.
+
+    Raises:
+        DatasetError: See `committed_episodes`.
+    """
+    chunks = (chunk for path in _shards(folder) for chunk in _chunks(path, lambda key: key == wanted))
+    return next(map(_episode, chunks), None)
+
+
+def _shards(folder: Path) -> list[Path]:
+    """Finished ones, then open ones."""
+    patterns = ("shard-*.mcap", f"shard-*.mcap{PART_SUFFIX}")
+    places = shard_folders(folder)
+    return [path for pattern in patterns for place in places for path in sorted(place.glob(pattern))]
+
+
+def episode_keys(shard: Path) -> list[EpisodeKey]:
+    """The episodes of a shard, finished or open, as far as it can be read; little is read."""
+    keys: list[EpisodeKey] = []
+    with suppress(OSError, DatasetError), shard.open("rb") as file:
+        keys.extend(key for key, *_ in _places(file))
+    return keys
 
 
 def episode_indices(shard: Path, begin: int = 0) -> Iterator[tuple[int, int]]:
@@ -70,7 +100,7 @@ def episode_indices(shard: Path, begin: int = 0) -> Iterator[tuple[int, int]]:
             yield key.index, body + length
 
 
-def _chunks(path: Path, seen: Collection[EpisodeKey]) -> Iterator[EpisodeChunk]:
+def _chunks(path: Path, wanted: Callable[[EpisodeKey], bool]) -> Iterator[EpisodeChunk]:
     is_open = path.suffix == PART_SUFFIX
     try:
         file = path.open("rb")
@@ -82,17 +112,17 @@ def _chunks(path: Path, seen: Collection[EpisodeKey]) -> Iterator[EpisodeChunk]:
         file, is_open = path.open("rb"), False
     with file:
         try:
-            yield from _whole_chunks(file, seen)
+            yield from _whole_chunks(file, wanted)
         except DatasetError as error:
             if not is_open:
                 hint = f"see `readygo validate {path.parent}`"
                 raise DatasetError(f"Shard {path} cannot be read: {error}; {hint}.") from error
 
 
-def _whole_chunks(file: BinaryIO, seen: Collection[EpisodeKey]) -> Iterator[EpisodeChunk]:
-    """The chunks of a shard whose episodes are not among `seen`, up to its footer."""
+def _whole_chunks(file: BinaryIO, wanted: Callable[[EpisodeKey], bool]) -> Iterator[EpisodeChunk]:
+    """The chunks of a shard whose episodes are `wanted`, up to its footer."""
     for key, offset, body, length in _places(file):
-        if key not in seen:
+        if wanted(key):
             file.seek(body)
             yield _chunk(file.read(length), offset)
 

@@ -117,3 +117,19 @@ class LiveLoss:
     """On episodes that are held out."""
     success_rate: float | None = None
     """In closed loop, where it was measured."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LiveEvaluation:
+    """How an episode of an evaluation ended."""
+
+    episode: EpisodeKey
+    task: str
+    """"static" or "dynamic": without humans or among them."""
+    method: str
+    """Who drove: "policy", or the name of a baseline."""
+    policy: str
+    """SHA-256 over the files of the policy that is measured; empty for a baseline."""
+    outcome: Outcome
+    duration_s: float
+    """Simulated time until the episode ended [s]."""

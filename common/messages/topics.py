@@ -36,7 +36,15 @@ from readygo.common.messages.evaluation import (
     KeepRequest,
 )
 from readygo.common.messages.learning import CommittedEpisode, OfferReply, OfferRequest
-from readygo.common.messages.live import LiveCommit, LiveLoss, LivePlan, LivePreview, LiveState, LiveWork
+from readygo.common.messages.live import (
+    LiveCommit,
+    LiveEvaluation,
+    LiveLoss,
+    LivePlan,
+    LivePreview,
+    LiveState,
+    LiveWork,
+)
 from readygo.common.messages.reconstruction import (
     ReconstructionClaim,
     ReconstructionJob,
@@ -123,6 +131,7 @@ PLAN = Live("plan", LivePlan)
 WORK = Live("work", LiveWork)
 COMMIT = Live("commit", LiveCommit)
 LOSS = Live("loss", LiveLoss)
+EVALUATION = Live("evaluation", LiveEvaluation)
 COMMITTED = Stream("train/episodes", CommittedEpisode)
 """Every episode, as soon as it is durable."""
 

@@ -15,6 +15,7 @@ from readygo.common.episode import Conduct
 from readygo.common.episode.conduct import Sees, conduct_of
 from readygo.common.episode.metrics import EpisodeResult, TaskSummary, summarize
 from readygo.common.messages import EpisodeKey, Outcome, Split
+from readygo.common.messages.live import LiveEvaluation
 from readygo.services.evaluator.categories import Category, category_of
 from readygo.services.evaluator.drivers import short_name
 from readygo.services.evaluator.episodes import MatchedEpisode, Task
@@ -62,6 +63,23 @@ class EpisodeRecord:
             **({"category": self.category.name.lower()} if self.category else {}),
             **({"reason": self.reason} if self.reason else {}),
         }
+
+
+def shown_record(record: EpisodeRecord, policy: str = "") -> LiveEvaluation:
+    """A record as watchers hear of it.
+
+    Args:
+        record: How an episode ended.
+        policy: SHA-256 over the files of the policy that was measured; empty for a baseline.
+    """
+    return LiveEvaluation(
+        episode=record.episode,
+        task=record.task.value,
+        method=record.method,
+        policy=policy,
+        outcome=record.result.outcome,
+        duration_s=record.result.duration_s,
+    )
 
 
 def record_of_mapping(mapping: Mapping[str, Any]) -> EpisodeRecord:

@@ -25,11 +25,15 @@ def test_measurement_is_of_both_tasks_and_can_be_ended(tiny: Plan) -> None:
     assert (measured.measurement.policy, measured.measurement.episodes, measured.folder) == ("ab", 2, tiny.policy)
     assert measured.episode_s > 0
 
-    def check() -> None:
+    told: list[tuple[str, Task]] = []
+
+    def report(name: str, record: EpisodeRecord) -> None:
+        told.append((name, record.task))
         raise StopError
 
     with pytest.raises(StopError):
-        measuring.val(tiny.policy, "ab", 2, 0.5, check=check)
+        measuring.val(tiny.policy, "ab", 2, 0.5, report=report)
+    assert [name for name, _ in told] == ["embedded"]
 
 
 def test_test_episodes_are_driven_by_all_and_written_down(tiny: Plan, tmp_path) -> None:

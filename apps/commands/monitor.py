@@ -1,0 +1,124 @@
+"""`readygo monitor`: a run to look at, while it goes on or afterwards."""
+
+import contextlib
+import ipaddress
+import os
+import secrets
+import sys
+import threading
+import webbrowser
+from pathlib import Path
+from typing import Annotated
+
+from rich.console import Console
+
+from readygo.apps.cli import Bare
+from readygo.apps.fleet.token import given_token
+from readygo.apps.monitor.feed import Feed
+from readygo.apps.monitor.foxglove_sink import FoxgloveSink
+from readygo.apps.monitor.rerun_sink import RerunSink
+from readygo.apps.monitor.screen import Screen
+from readygo.apps.monitor.subject import Subject, subject_at, subjects_of
+from readygo.common.errors import RunError
+
+PAGE_TOKEN_VARIABLE = "READYGO_MONITOR_TOKEN"
+"""The token that the page asks for on other addresses than the loopback one; a new one without it."""
+
+
+def monitor(
+    data: Path | None = None,
+    /,
+    *,
+    connect: str = "",
+    run: str = "",
+    scene: str = "",
+    host: str = "127.0.0.1",
+    port: int = 8080,
+    open: bool = False,
+    foxglove: Annotated[int | None, Bare("8765")] = None,
+    rerun: Annotated[str | None, Bare("spawn")] = None,
+) -> None:
+    """Show a run on a page: scene, robots and humans as they move, images, numbers, workers; it only looks.
+
+    Nothing of the run changes, and the page may come and go. A finished data folder is shown as well.
+
+    Args:
+        data: Data folder, live or recorded, or the folder of `readygo learn`.
+        connect: Endpoint of a fleet's router, in place of the folder; its token comes in READYGO_TOKEN.
+        run: Name of the run there, as `readygo generate --listen` prints it.
+        scene: Scene bundle or "embedded", where it is not where the run says.
+        host: Address to show the page on; others than this machine's own one ask for the token in the link.
+        port: Its port; 0 takes a free one.
+        open: Open the page in this machine's browser.
+        foxglove: Port of this machine on which Foxglove finds the run, 8765 if no number follows, in place of the
+            page: the channels of a shard, live.
+        rerun: Show it in Rerun, in place of the page: a viewer that is started if nothing follows, the address of one
+            such as rerun+http://127.0.0.1:9876/proxy, or a file, .rrd.
+    """
+    if (data is None) == (not connect):
+        raise RunError("Name what to watch: a folder, or --connect ENDPOINT --run RUN.")
+    if connect and not run:
+        raise RunError(
+            "--connect needs the name of the run as well: --run RUN, as `readygo generate --listen` prints it."
+        )
+    subjects = subjects_of(data, scene) if data is not None else [subject_at(connect, run, given_token(), scene)]
+    with contextlib.ExitStack() as opened:
+        for subject in subjects:
+            opened.callback(subject.close)
+            subject.start()
+        try:
+            if foxglove is not None or rerun is not None:
+                _feed(opened, subjects[0], foxglove, rerun)
+            else:
+                _serve(opened, subjects, host, port, browser=open)
+            _wait()
+        except KeyboardInterrupt as stop:
+            raise KeyboardInterrupt("the run is as it was.") from stop
+
+
+def _feed(opened: contextlib.ExitStack, subject: Subject, foxglove: int | None, rerun: str | None) -> None:
+    """Show a run in other viewers."""
+    subject.read_scene()
+    if foxglove is not None:
+        server = FoxgloveSink(subject.robot, subject.maps, foxglove)
+        opened.callback(Feed(subject, server).close)
+        _say(f"Foxglove: Open connection, Foxglove WebSocket, ws://127.0.0.1:{server.port} (Ctrl-C ends it)")
+    if rerun is not None:
+        opened.callback(Feed(subject, RerunSink(subject.robot, subject.house, rerun)).close)
+        _say("Rerun shows it (Ctrl-C ends it)")
+
+
+def _serve(opened: contextlib.ExitStack, subjects: list[Subject], host: str, port: int, *, browser: bool) -> None:
+    """Serve the page."""
+    token = "" if _is_loopback(host) else os.environ.get(PAGE_TOKEN_VARIABLE) or secrets.token_urlsafe(16)
+    screen = Screen(subjects, host=host, port=port, token=token)
+    opened.callback(screen.close)
+    url = f"http://{_named(host)}:{screen.port}/" + (f"?token={token}" if token else "")
+    _say(f"Watch it at {url} (Ctrl-C ends this page alone)")
+    if browser and _has_desktop():
+        webbrowser.open(url)
+
+
+def _wait() -> None:
+    threading.Event().wait()
+
+
+def _say(text: str) -> None:
+    Console(stderr=True, highlight=False, soft_wrap=True).print(text, markup=False)
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def _has_desktop() -> bool:
+    """False where a browser would open in the terminal, if at all."""
+    return sys.platform == "darwin" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def _named(host: str) -> str:
+    """The address as a link has it."""
+    return f"[{host}]" if ":" in host else host

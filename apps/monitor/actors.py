@@ -1,0 +1,226 @@
+"""An episode in a browser's scene: the robot, what its camera sees, the humans, ways, goal and replans."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.apps.monitor import shapes
+from readygo.apps.monitor.shapes import Mesh
+from readygo.common.camera.config import CameraConfig
+from readygo.common.drawing.plan_view import GOAL, HUMANS
+from readygo.common.frames import quat_from_matrix
+from readygo.common.messages.live import LiveState
+from readygo.common.robot import RobotConfig
+
+Rgb = tuple[int, int, int]
+BODY: Rgb = (240, 243, 247)
+ACCENTS: tuple[Rgb, ...] = ((41, 161, 255), (255, 174, 52), (120, 220, 120), (214, 120, 255))
+"""One per worker, in turn."""
+REPLAN: Rgb = (255, 214, 64)
+SIGHT_M = 3.0
+"""How far the field of view is drawn."""
+LIFT_M = 0.1
+"""Above the floor, whose Gaussians would hide what lies on it."""
+TRAIL_STEP_M = 0.05
+HUMANS_MAX = 8
+_ON_ROBOT = ("body", "label", "view", "fan0", "fan1", "fan2")
+Way = npt.NDArray[np.float64]
+
+
+class Actor:
+    """One episode's nodes below a name; they move by `show`."""
+
+    def __init__(self, scene: Any, name: str, robot: RobotConfig, accent: Rgb) -> None:
+        """Nothing is shown yet.
+
+        Args:
+            scene: A viser scene.
+            name: Where its nodes are, such as "/robots/0".
+            robot: Size and camera.
+            accent: Colour of what belongs to this robot.
+        """
+        self._scene, self._name, self._robot, self._accent = scene, name, robot, accent
+        self._nodes: dict[str, Any] = {}
+        self._humans: list[Any] = []
+        self._fov_rad = 0.0
+        self._trail: list[tuple[float, float, float]] = []
+        self._planned: object = None
+        self.eyes = False
+        """True hides the body: somebody looks out of it."""
+
+    def show(self, state: LiveState, label: str, *, trail: bool = True) -> None:
+        """Move everybody to where they are."""
+        x, y, z, yaw = state.robot_xyzyaw
+        base = self._node("robot", self._make_robot)
+        base.position, base.wxyz = (x, y, z), _yaw_wxyz(yaw)
+        if abs(state.horizontal_fov_rad - self._fov_rad) > 1e-3:
+            self._see(state.horizontal_fov_rad)
+        self._nodes["body"].visible = not self.eyes
+        tag = self._nodes["label"]
+        if tag.text != label:
+            tag.text = label
+        tag.visible = not self.eyes
+        self._aim(state)
+        self._place_humans(state)
+        if trail:
+            self._leave_trail((x, y, z))
+
+    def plan(self, way: Way, replans: Way, humans: tuple[Way, ...] = (), *, of: object) -> None:
+        """Draw where everybody goes.
+
+        Args:
+            way: The robot's way [m], shape (N, 3).
+            replans: Where it was planned anew [m], shape (R, 3).
+            humans: Ways of the humans, shape (N, 3) each.
+            of: What the ways are of; they are drawn again only if it is something else than before.
+        """
+        if self._planned == of:
+            return
+        self._planned = of
+        self._trail.clear()
+        self._drop("trail")
+        self._line("way", way, self._accent, 0.035, 0.75)
+        for number in range(HUMANS_MAX):
+            shown = humans[number] if number < len(humans) else np.zeros((0, 3))
+            self._line(f"way{number}", shown, HUMANS[number % len(HUMANS)], 0.022, 0.8)
+        self._mark(replans)
+
+    def picture(self, rgb: npt.NDArray[np.uint8] | None) -> None:
+        """Hang the newest image in front of the camera."""
+        if "view" in self._nodes and rgb is not None:
+            self._nodes["view"].image = rgb
+
+    def hide(self) -> None:
+        """Take everything away."""
+        for name in list(self._nodes):
+            if name in _ON_ROBOT:
+                # They go with it.
+                del self._nodes[name]
+            else:
+                self._drop(name)
+        while self._humans:
+            self._humans.pop().remove()
+        self._fov_rad, self._planned = 0.0, None
+        self._trail.clear()
+
+    def _node(self, name: str, make: Callable[[], Any]) -> Any:
+        if name not in self._nodes:
+            self._nodes[name] = make()
+        return self._nodes[name]
+
+    def _drop(self, name: str) -> None:
+        if name in self._nodes:
+            self._nodes.pop(name).remove()
+
+    def _mesh(self, path: str, mesh: Mesh, colour: Rgb, opacity: float | None = None, **more: Any) -> Any:
+        return self._scene.add_mesh_simple(
+            f"{self._name}/{path}", mesh.vertices_m, mesh.faces, color=colour, opacity=opacity, side="double", **more
+        )
+
+    def _make_robot(self) -> Any:
+        robot = self._robot
+        base = self._scene.add_frame(f"{self._name}/robot", show_axes=False)
+        self._nodes["body"] = self._scene.add_frame(f"{self._name}/robot/body", show_axes=False)
+        self._mesh("robot/body/drum", shapes.robot(robot.radius_m, robot.height_m), BODY)
+        height_m = robot.height_m
+        self._mesh("robot/body/band", shapes.band(robot.radius_m, 0.62 * height_m, 0.72 * height_m), self._accent)
+        nose = shapes.moved(shapes.gem(0.05), robot.radius_m, 0.0, robot.camera.mount_height_m - 0.06)
+        self._mesh("robot/body/nose", nose, (30, 34, 40))
+        glow = shapes.disc(robot.radius_m + 0.10, robot.radius_m + 0.05)
+        self._mesh("robot/glow", shapes.moved(glow, 0.0, 0.0, LIFT_M), self._accent, 0.9, cast_shadow=False)
+        self._nodes["label"] = self._scene.add_label(
+            f"{self._name}/robot/label", "", position=(0.0, 0.0, height_m + 0.45), anchor="bottom-center"
+        )
+        return base
+
+    def _see(self, fov_rad: float) -> None:
+        """Draw the field of view; it fades with distance."""
+        self._fov_rad = fov_rad
+        angle_rad = min(fov_rad, math.radians(179.0))
+        for number, (begin, end, opacity) in enumerate(((0.15, 0.45, 0.5), (0.45, 0.75, 0.34), (0.75, 1.0, 0.2))):
+            ring = shapes.moved(shapes.fan(angle_rad, end * SIGHT_M, begin * SIGHT_M), 0.0, 0.0, LIFT_M)
+            self._nodes[f"fan{number}"] = self._mesh(
+                f"robot/fan{number}", ring, self._accent, opacity, cast_shadow=False
+            )
+        camera = self._robot.camera
+        aspect = camera.width_px / camera.height_px
+        T_robot_camera = camera.T_world_camera(0.0, 0.0, 0.0, 0.0)
+        self._nodes["view"] = self._scene.add_camera_frustum(
+            f"{self._name}/robot/body/view",
+            fov=2 * math.atan(math.tan(angle_rad / 2) / aspect),
+            aspect=aspect,
+            scale=0.22,
+            color=self._accent,
+            thickness=0.006,
+            wxyz=quat_from_matrix(T_robot_camera[:3, :3]),
+            position=T_robot_camera[:3, 3],
+            cast_shadow=False,
+        )
+
+    def _aim(self, state: LiveState) -> None:
+        """Put up the goal."""
+        goal = self._node("goal", self._make_goal)
+        goal.position = (*state.goal_xy_m, state.robot_xyzyaw[2] + LIFT_M)
+
+    def _make_goal(self) -> Any:
+        goal = self._scene.add_frame(f"{self._name}/goal", show_axes=False)
+        parts = [shapes.disc(0.34, 0.27), shapes.disc(0.18, 0.12), shapes.pin(0.8)]
+        self._mesh("goal/mark", shapes.joined(parts), GOAL, 0.95)
+        return goal
+
+    def _place_humans(self, state: LiveState) -> None:
+        humans = state.humans_xyzyaw[:HUMANS_MAX]
+        while len(self._humans) > len(humans):
+            self._humans.pop().remove()
+        while len(self._humans) < len(humans):
+            self._humans.append(self._make_human(len(self._humans)))
+        for node, (x, y, z, yaw) in zip(self._humans, humans, strict=True):
+            node.position, node.wxyz = (x, y, z), _yaw_wxyz(yaw)
+
+    def _make_human(self, number: int) -> Any:
+        colour = HUMANS[number % len(HUMANS)]
+        path = f"human{number}"
+        base = self._scene.add_frame(f"{self._name}/{path}", show_axes=False)
+        self._mesh(f"{path}/body", shapes.human(), colour)
+        ahead = shapes.moved(shapes.fan(0.9, 0.52, 0.34), 0.0, 0.0, LIFT_M)
+        self._mesh(f"{path}/ahead", ahead, colour, 0.85, cast_shadow=False)
+        return base
+
+    def _leave_trail(self, place: tuple[float, float, float]) -> None:
+        if self._trail and math.dist(self._trail[-1], place) > 1.5:
+            self._trail.clear()
+        if not self._trail or math.dist(self._trail[-1], place) > TRAIL_STEP_M:
+            self._trail.append(place)
+            del self._trail[:-400]
+            self._line("trail", np.array(self._trail), self._accent, 0.05, 1.0)
+
+    def _line(self, name: str, way: Way, colour: Rgb, thickness_m: float, strength: float) -> None:
+        """A way as a line; a weak one is darker."""
+        points = shapes.segments(way, LIFT_M + 0.02) if len(way) else way
+        if not len(points):
+            self._drop(name)
+            return
+        if name in self._nodes:
+            self._nodes[name].points = points
+            return
+        shade = tuple(round(strength * value) for value in colour)
+        self._nodes[name] = self._scene.add_line_segments(f"{self._name}/{name}", points, shade, thickness=thickness_m)
+
+    def _mark(self, places: Way) -> None:
+        self._drop("replans")
+        if len(places):
+            gems = [shapes.moved(shapes.gem(0.035), *place) for place in (places + np.array([0.0, 0.0, 0.1])).tolist()]
+            self._nodes["replans"] = self._mesh("replans", shapes.joined(gems), REPLAN)
+
+
+def eye_of(camera: CameraConfig, state: LiveState) -> npt.NDArray[np.float64]:
+    """The robot's camera in the world, T_world_camera, shape (4, 4)."""
+    x, y, z, yaw = state.robot_xyzyaw
+    return camera.T_world_camera(x, y, yaw, z)
+
+
+def _yaw_wxyz(yaw_rad: float) -> tuple[float, float, float, float]:
+    return math.cos(yaw_rad / 2), 0.0, 0.0, math.sin(yaw_rad / 2)

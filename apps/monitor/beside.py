@@ -1,0 +1,58 @@
+"""The page of a run that is about to begin: a process of its own, which ends with the run's command."""
+
+import contextlib
+import importlib.util
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from readygo.common.errors import RunError
+from readygo.common.extras import install_command
+
+POLL_S = 0.5
+END_S = 5.0
+
+
+def check_viewer() -> None:
+    """Raise RunError unless there is what draws the page."""
+    if importlib.util.find_spec("viser") is None:
+        raise RunError(f"--watch needs viser; install it with: {install_command('monitor')}")
+
+
+@contextlib.contextmanager
+def watched(folder: Path, begun: Callable[[], bool]) -> Iterator[None]:
+    """Show a run on a page for as long as the block runs; the page never holds the run up.
+
+    Args:
+        folder: Data folder, or that of a run that learns.
+        begun: True once the folder can be watched.
+
+    Raises:
+        RunError: If viser is not installed.
+    """
+    check_viewer()
+    over = threading.Event()
+    thread = threading.Thread(target=_show, args=(folder, begun, over), daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join(2 * END_S)
+
+
+def _show(folder: Path, begun: Callable[[], bool], over: threading.Event) -> None:
+    while not begun():
+        if over.wait(POLL_S):
+            return
+    command = [sys.executable, "-m", "readygo", "monitor", str(folder), "--port", "0", "--open"]
+    process = subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True)
+    over.wait()
+    process.terminate()
+    try:
+        process.wait(END_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()

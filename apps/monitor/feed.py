@@ -1,0 +1,149 @@
+"""One episode after the other for viewers that show one at a time: those under way, else the recorded ones."""
+
+import dataclasses
+import logging
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import cycle
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.apps.monitor.subject import Subject
+from readygo.apps.monitor.track import Track, on_floor
+from readygo.common.errors import ReadygoError
+from readygo.common.messages import EpisodeKey
+from readygo.common.messages.live import LiveState
+from readygo.common.robot.kinematics import DT_S
+
+POLL_S = 0.1
+AGAIN_S = 2.0
+"""How often is shown anew what stays where it is: who has come meanwhile has not seen it [s]."""
+WAIT_S = 3.0
+"""A run is given so long to show an episode before recorded ones are shown [s]."""
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Moment:
+    """An episode at one time."""
+
+    state: LiveState
+    image: bytes = b""
+    """The image that is new since the moment before; empty if none is."""
+    image_format: str = "jpeg"
+    way: npt.NDArray[np.float64] = dataclasses.field(default_factory=lambda: np.zeros((0, 4)))
+    """The robot's whole way as far as it is known: x, y, z [m], yaw [rad], shape (N, 4)."""
+
+
+class Sink(Protocol):
+    """A viewer."""
+
+    def begin(self, moment: Moment, stamp_ns: int) -> None:
+        """Show what stays where it is over an episode; called again now and then."""
+        ...
+
+    def show(self, moment: Moment, stamp_ns: int) -> None:
+        """Show a moment; `stamp_ns` is the wall clock."""
+        ...
+
+    def close(self) -> None:
+        """End."""
+        ...
+
+
+class Feed:
+    """Shows a run in a viewer, on a thread of its own."""
+
+    def __init__(self, subject: Subject, sink: Sink) -> None:
+        self._subject, self._sink = subject, sink
+        self._stop = threading.Event()
+        self._shown: EpisodeKey | None = None
+        self._begun_s = 0.0
+        self._thread = threading.Thread(target=self._run, name="feed", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Show no more."""
+        self._stop.set()
+        self._thread.join()
+        self._sink.close()
+
+    def _run(self) -> None:
+        try:
+            for moment in self._moments():
+                now_s = time.monotonic()
+                stamp_ns = time.time_ns()
+                if moment.state.episode != self._shown or now_s - self._begun_s > AGAIN_S:
+                    self._shown, self._begun_s = moment.state.episode, now_s
+                    self._sink.begin(moment, stamp_ns)
+                self._sink.show(moment, stamp_ns)
+                if self._stop.is_set():
+                    return
+        except Exception:
+            log.exception("the viewer gets no more")
+
+    def _moments(self) -> Iterator[Moment]:
+        while not self._stop.is_set():
+            yield from self._live()
+            yield from self._recorded()
+            self._stop.wait(POLL_S)
+
+    def _live(self) -> Iterator[Moment]:
+        """Moments of the episodes under way: each as long as there is news of it; ends where there are none."""
+        quiet_s, followed, told_ns = 0.0, None, (-1, -1)
+        while quiet_s < WAIT_S and not self._stop.is_set():
+            with self._subject.watch.lock:
+                moving = self._subject.watch.under_way()
+                episode = next((m for m in moving if m.episode == followed), moving[0] if moving else None)
+                newest = episode.states[-1][1] if episode else None
+                preview = episode.previews[-1] if episode and episode.previews else (-1, b"")
+            if newest is not None and episode is not None:
+                if episode.episode != followed:
+                    followed, told_ns = episode.episode, (-1, -1)
+                if newest.time_ns != told_ns[0]:
+                    image = preview[1] if preview[0] != told_ns[1] else b""
+                    told_ns, quiet_s = (newest.time_ns, preview[0]), 0.0
+                    plan, z_m = episode.plan, newest.robot_xyzyaw[2]
+                    way = _poses(plan.robot_xyyaw, z_m) if plan else np.array([newest.robot_xyzyaw])
+                    yield Moment(state=newest, image=image, image_format=episode.image_format, way=way)
+            self._stop.wait(POLL_S)
+            quiet_s += POLL_S
+
+    def _recorded(self) -> Iterator[Moment]:
+        """Moments of recorded episodes, at their pace, until one is under way."""
+        recorded = self._subject.recorded
+        for episode in cycle(recorded.episodes() if recorded else ()):
+            try:
+                track = self._subject.track(episode)
+            except ReadygoError as error:
+                log.warning("%s", error)
+                return
+            if track is None:
+                return
+            for moment in _replayed(track):
+                yield moment
+                if self._stop.wait(2 * DT_S):
+                    return
+            with self._subject.watch.lock:
+                if self._subject.watch.under_way():
+                    return
+
+
+def _replayed(track: Track) -> Iterator[Moment]:
+    """Every second moment of an episode."""
+    way = np.array([state.robot_xyzyaw for state in track.states])
+    image = b""
+    for state in track.states[::2]:
+        newest = track.image_at(state.time_ns / 1e9)
+        new = newest if newest is not image else b""
+        image = newest
+        yield Moment(state=state, image=new, image_format=track.image_format, way=way)
+
+
+def _poses(xyyaw: npt.NDArray[np.float32], height_m: float) -> npt.NDArray[np.float64]:
+    return np.column_stack([on_floor(xyyaw[:, :2], height_m), xyyaw[:, 2]])

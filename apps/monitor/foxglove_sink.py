@@ -1,0 +1,138 @@
+"""Foxglove, live: the channels, frames and markers of the shards over its WebSocket protocol.
+
+The only place that imports the foxglove SDK.
+"""
+
+from typing import Any
+
+from readygo.apps.monitor.feed import Moment
+from readygo.common.dataset import markers, schemas
+from readygo.common.dataset.canonical import HALF_PX, with_pixels_moved
+from readygo.common.dataset.scene_map import MapMessages
+from readygo.common.dataset.schemas import Channel
+from readygo.common.errors import RunError
+from readygo.common.extras import install_command
+from readygo.common.frames import goal_in_robot_frame
+from readygo.common.messages.live import LiveState
+from readygo.common.messages.samples import EpisodeHeader, Sample
+from readygo.common.robot import RobotConfig
+
+MAP_EVERY = 5
+"""The map is large: it comes with every so many of the other surroundings."""
+
+
+class FoxgloveSink:
+    """A server that Foxglove connects to: Open connection, Foxglove WebSocket."""
+
+    def __init__(self, robot: RobotConfig, maps: MapMessages | None, port: int) -> None:
+        """Listen.
+
+        Args:
+            robot: Size and camera.
+            maps: The map of the scene; None without one.
+            port: On the loopback address, as the protocol asks nobody who they are; 0 takes a free one.
+
+        Raises:
+            RunError: If the SDK is not installed, or nobody can listen there.
+        """
+        try:
+            import foxglove
+        except ImportError as error:
+            command = install_command("foxglove")
+            raise RunError(f"--foxglove needs foxglove-sdk; install it with: {command}") from error
+        self._foxglove, self._robot, self._maps = foxglove, robot, maps
+        self.context = foxglove.Context()
+        """What is shown goes through this; a test records it."""
+        self._camera = markers.camera_transform(robot.camera, None)
+        self._channels: dict[int, Any] = {}
+        self._begun = 0
+        try:
+            self._server = foxglove.start_server(name="readygo", host="127.0.0.1", port=port, context=self.context)
+        except (OSError, RuntimeError, ValueError) as error:
+            raise RunError(f"Cannot serve Foxglove at port {port}: {error}; choose another one.") from error
+        self.port: int = self._server.port
+        """Where it listens."""
+
+    def begin(self, moment: Moment, stamp_ns: int) -> None:
+        """See `Sink.begin`."""
+        header, stamp = _header(moment, self._robot), schemas.timestamp(stamp_ns)
+        goal_xy_m = moment.state.goal_xy_m
+        calibration = with_pixels_moved(schemas.calibration_message(header, stamp_ns), -HALF_PX)
+        self._log(schemas.EPISODE_START, schemas.start_message(header), stamp_ns)
+        self._log(schemas.ROS_CALIBRATION, calibration, stamp_ns)
+        shown = (
+            (schemas.MARKERS, markers.markers(moment.way, goal_xy_m, self._robot, stamp)),
+            (schemas.PATH, markers.path_cloud(moment.way, goal_xy_m, stamp)),
+            (schemas.ROBOT_OUTLINE, markers.robot_outline(self._robot, stamp)),
+        )
+        for channel, message in shown:
+            self._log(channel, schemas.serialized(message), stamp_ns)
+        if self._maps is not None and self._begun % MAP_EVERY == 0:
+            for channel, message in zip((schemas.MAP, schemas.MAP_POINTS), self._maps, strict=True):
+                message.timestamp.CopyFrom(stamp)
+                self._log(channel, schemas.serialized(message), stamp_ns)
+        self._begun += 1
+
+    def show(self, moment: Moment, stamp_ns: int) -> None:
+        """See `Sink.show`."""
+        header, stamp = _header(moment, self._robot), schemas.timestamp(stamp_ns)
+        state = moment.state
+        for channel, payload in schemas.sample_messages(_sample(state, moment.image), header, stamp_ns):
+            self._log(channel, payload, stamp_ns)
+        self._camera.timestamp.CopyFrom(stamp)
+        base = markers.robot_transform(schemas.pose_of(*state.robot_xyzyaw), stamp)
+        self._log(schemas.TRANSFORMS, schemas.serialized(markers.transforms([base, self._camera])), stamp_ns)
+        humans = [schemas.pose_of(*pose) for pose in state.humans_xyzyaw]
+        self._log(schemas.BODIES, schemas.serialized(markers.bodies(humans, stamp)), stamp_ns)
+
+    def close(self) -> None:
+        """See `Sink.close`."""
+        self._server.stop()
+
+    def _log(self, channel: Channel, payload: bytes, stamp_ns: int) -> None:
+        if channel.number not in self._channels:
+            name = channel.message.DESCRIPTOR.full_name
+            schema = self._foxglove.Schema(name=name, encoding="protobuf", data=schemas.descriptor_set(channel.message))
+            self._channels[channel.number] = self._foxglove.Channel(
+                channel.topic, schema=schema, message_encoding="protobuf", context=self.context
+            )
+        self._channels[channel.number].log(payload, log_time=stamp_ns)
+
+
+def _header(moment: Moment, robot: RobotConfig) -> EpisodeHeader:
+    """What is constant over an episode, as far as its states say."""
+    state, camera = moment.state, robot.camera
+    x_m, y_m, _, yaw_rad = moment.way[0].tolist()
+    return EpisodeHeader(
+        episode=state.episode,
+        sample_count=state.sample_count,
+        goal_xy_m=state.goal_xy_m,
+        start_xyyaw=(x_m, y_m, yaw_rad),
+        avatars=(),
+        encounters=(),
+        image_format=moment.image_format,
+        height_px=camera.height_px,
+        width_px=camera.width_px,
+        K_px=tuple(camera.K_px.ravel().tolist()),
+        driver=state.driver,
+    )
+
+
+def _sample(state: LiveState, image: bytes) -> Sample:
+    x_m, y_m, _, yaw_rad = state.robot_xyzyaw
+    return Sample(
+        seq=state.sample,
+        crc32=0,
+        time_ns=state.time_ns,
+        image=image,
+        action_v_mps=state.v_mps,
+        action_w_radps=state.w_radps,
+        goal_xy_robot_m=goal_in_robot_frame(x_m, y_m, yaw_rad, state.goal_xy_m),
+        robot_xyzyaw=state.robot_xyzyaw,
+        humans_xyzyaw=state.humans_xyzyaw,
+        human_distance_m=state.human_distance_m,
+        time_to_collision_s=state.time_to_collision_s,
+        human_visible=state.human_visible,
+        expert_cost=0.0,
+        replanned=state.replanned,
+    )

@@ -1,0 +1,173 @@
+"""The door of the page: lets in who may see it, and hands everything else to the viewer behind it.
+
+The viewer asks nobody who they are. A page on this machine's own address is for this machine: pages of other sites
+that a browser has open must not read it (a foreign Origin), nor by a name of theirs that points here (a foreign Host).
+On any other address a token is asked for, once by the link and from then on by a cookie.
+"""
+
+import asyncio
+import hmac
+import threading
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+from urllib.parse import parse_qsl, urlencode, urlsplit
+
+from readygo.common.errors import RunError
+
+HEAD_MAX = 32_768
+"""Bytes of a request's head."""
+HEAD_TIMEOUT_S = 10.0
+PIECE = 65_536
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
+
+
+class Request(NamedTuple):
+    """The head of a request."""
+
+    target: str
+    """Path and query."""
+    headers: Mapping[str, str]
+    """By names in small letters."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What the gate itself says."""
+
+    status: str
+    text: str = ""
+    location: str = ""
+    cookie: str = ""
+
+    def encoded(self) -> bytes:
+        """The response."""
+        body = self.text.encode()
+        lines = [f"HTTP/1.1 {self.status}", "Content-Type: text/plain; charset=utf-8", f"Content-Length: {len(body)}"]
+        lines += [f"Location: {self.location}"] if self.location else []
+        lines += [f"Set-Cookie: {self.cookie}"] if self.cookie else []
+        return "\r\n".join([*lines, "Connection: close", "", ""]).encode() + body
+
+
+def parse_head(head: bytes) -> Request | None:
+    """The head of an HTTP request; None if it is none."""
+    first, *lines = head.decode("latin-1").split("\r\n")
+    parts = first.split(" ")
+    if len(parts) != 3 or not parts[2].startswith("HTTP/1."):
+        return None
+    pairs = (line.partition(":") for line in lines if line)
+    return Request(parts[1], {name.strip().lower(): value.strip() for name, _, value in pairs})
+
+
+def judge(request: Request, token: str, cookie_name: str) -> Answer | None:
+    """What the gate answers; None lets the request in.
+
+    Args:
+        request: Its head.
+        token: What who asks must know; empty lets in everybody who asks for this machine by its own name.
+        cookie_name: Of the cookie that carries the token.
+    """
+    host, origin = request.headers.get("host", ""), request.headers.get("origin")
+    if origin is not None and urlsplit(origin).netloc != host:
+        return Answer("403 Forbidden", "This page is not for other sites.\n")
+    if not token:
+        known = urlsplit(f"//{host}").hostname in LOOPBACK
+        return None if known else Answer("403 Forbidden", "Ask for this page as localhost.\n")
+    cookies = dict(part.strip().partition("=")[::2] for part in request.headers.get("cookie", "").split(";"))
+    if hmac.compare_digest(cookies.get(cookie_name, "").encode(), token.encode()):
+        return None
+    url = urlsplit(request.target)
+    query = parse_qsl(url.query)
+    if any(name == "token" and hmac.compare_digest(value.encode(), token.encode()) for name, value in query):
+        rest = urlencode([(name, value) for name, value in query if name != "token"])
+        path = "/" + url.path.lstrip("/")
+        cookie = f"{cookie_name}={token}; HttpOnly; SameSite=Strict; Path=/"
+        return Answer("303 See Other", location=path + (f"?{rest}" if rest else ""), cookie=cookie)
+    return Answer("401 Unauthorized", "Open the link with its token that `readygo monitor` printed.\n")
+
+
+class Gate:
+    """Listens where the page shall be, on a thread of its own."""
+
+    def __init__(self, host: str, port: int, *, behind: int, token: str = "") -> None:
+        """Listen.
+
+        Args:
+            host: Address of this machine.
+            port: There; 0 takes a free one.
+            behind: Port of the viewer, on the loopback address.
+            token: See `judge`.
+
+        Raises:
+            RunError: If nobody can listen there.
+        """
+        self._behind, self._token = behind, token
+        self._loop = asyncio.new_event_loop()
+        self._tasks: set[asyncio.Task[None]] = set()
+        try:
+            self._server = self._loop.run_until_complete(
+                asyncio.start_server(self._welcome, host, port, limit=HEAD_MAX)
+            )
+        except (OSError, OverflowError) as error:
+            self._loop.close()
+            what = getattr(error, "strerror", None) or error
+            raise RunError(
+                f"Cannot show the page at {host}:{port}: {what}; choose another --host or --port."
+            ) from error
+        self.port: int = self._server.sockets[0].getsockname()[1]
+        """Where it listens."""
+        self._cookie_name = f"readygo-monitor-{self.port}"
+        self._thread = threading.Thread(target=self._loop.run_forever, name="gate", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Let nobody in any more, and end what is under way."""
+        asyncio.run_coroutine_threadsafe(self._end(), self._loop).result()
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+        self._loop.close()
+
+    async def _end(self) -> None:
+        self._server.close()
+        for task in tuple(self._tasks):
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    async def _welcome(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        task = asyncio.current_task()
+        assert task is not None
+        self._tasks.add(task)
+        try:
+            await self._serve(reader, writer)
+        except (OSError, asyncio.IncompleteReadError, asyncio.LimitOverrunError, TimeoutError):
+            # A browser that goes away is nobody's mistake.
+            pass
+        finally:
+            self._tasks.discard(task)
+            writer.close()
+
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        head = await asyncio.wait_for(reader.readuntil(b"\r\n\r\n"), HEAD_TIMEOUT_S)
+        request = parse_head(head)
+        answer = judge(request, self._token, self._cookie_name) if request else Answer("400 Bad Request")
+        if answer is not None:
+            writer.write(answer.encoded())
+            await writer.drain()
+            return
+        inner_reader, inner_writer = await asyncio.open_connection("127.0.0.1", self._behind)
+        inner_writer.write(head)
+        ways = [asyncio.ensure_future(_pass_on(*way)) for way in ((reader, inner_writer), (inner_reader, writer))]
+        try:
+            # Where one side has ended, there is nobody to hear the other one.
+            await asyncio.wait(ways, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for way in ways:
+                way.cancel()
+            await asyncio.gather(*ways, return_exceptions=True)
+            inner_writer.close()
+
+
+async def _pass_on(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    while data := await reader.read(PIECE):
+        writer.write(data)
+        await writer.drain()

@@ -1,0 +1,64 @@
+"""Numbers over time in bounded memory."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+POINTS_MAX = 600
+
+
+class History:
+    """Rows of numbers over time; when there are too many, every other one goes and they come half as often."""
+
+    def __init__(self, apart: float = 0.0, points_max: int = POINTS_MAX) -> None:
+        """Nothing is known yet.
+
+        Args:
+            apart: Least distance of two rows on the axis of x.
+            points_max: Rows that are kept.
+        """
+        self._apart, self._points_max = apart, points_max
+        self._x: list[float] = []
+        self._rows: list[tuple[float, ...]] = []
+
+    def __len__(self) -> int:
+        return len(self._x)
+
+    def add(self, x: float, row: Sequence[float]) -> None:
+        """Take a row, unless it comes too soon after the one before or further back."""
+        if self._x and x - self._x[-1] < max(self._apart, 1e-12):
+            return
+        self._x.append(x)
+        self._rows.append(tuple(row))
+        if len(self._x) > self._points_max:
+            span = self._x[-1] - self._x[0]
+            del self._x[1:-1:2], self._rows[1:-1:2]
+            self._apart = max(self._apart, span / self._points_max * 2)
+
+    def clear(self) -> None:
+        """Forget all rows."""
+        self._x.clear()
+        self._rows.clear()
+
+    def curve(self, column: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """One column over x, shape (N,) each."""
+        return np.array(self._x), np.array([row[column] for row in self._rows])
+
+    def rate(self, column: int, window: float) -> float:
+        """How fast a column that only rises has risen over the last `window`, per unit of x; nan if not known."""
+        if len(self._x) < 2:
+            return math.nan
+        begin = self._x[-1] - window
+        first = next(row for row, x in enumerate(self._x) if x >= begin)
+        first = max(0, min(first, len(self._x) - 2))
+        return (self._rows[-1][column] - self._rows[first][column]) / (self._x[-1] - self._x[first])
+
+    def rates(self, column: int, window: float) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+        """How fast a column that only rises rose, over the `window` before each row, shape (N,) each."""
+        x, y = self.curve(column)
+        first = np.minimum(np.searchsorted(x, x - window), np.maximum(np.arange(len(x)) - 1, 0))
+        span = x - x[first]
+        rates = np.divide(y - y[first], span, out=np.full(len(x), np.nan), where=span > 0)
+        return x, rates

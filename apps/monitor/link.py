@@ -1,0 +1,131 @@
+"""The way to a fleet: joined, lost and joined again."""
+
+import threading
+import time
+from collections.abc import Callable
+from typing import NamedTuple
+
+from readygo.apps.monitor.watch import Watch
+from readygo.apps.run.folder import RunFolder
+from readygo.common.bus.zenoh_bus import ZenohBus
+from readygo.common.errors import BusError, PeerError, ReadygoError
+from readygo.common.messages import RunSpec, RunSpecRequest, topics
+
+SILENT_S = 15.0
+"""A coordinator that says nothing for so long has ended, or another one has its place [s]."""
+RETRY_S = 2.0
+SPEC_TIMEOUT_S = 5.0
+
+
+class Address(NamedTuple):
+    """Where a run can be heard."""
+
+    endpoint: str
+    run: str
+    token: str
+
+
+def address_of(folder: RunFolder) -> Address:
+    """Where the fleet that is at work on a folder is.
+
+    Raises:
+        RunError: If none is.
+    """
+    endpoint, token = folder.fleet_endpoint()
+    return Address(endpoint, folder.load()[0].run, token)
+
+
+class Link:
+    """Keeps a watch in touch with its run, on a thread of its own."""
+
+    def __init__(self, watch: Watch, find: Callable[[], Address]) -> None:
+        """Not joined yet.
+
+        Args:
+            watch: Hears the run.
+            find: Says where it is now; raises RunError while no fleet is at work.
+        """
+        self._watch, self._find = watch, find
+        self._bus: ZenohBus | None = None
+        self._address: Address | None = None
+        self._joined_s = 0.0
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._keep, name="link", daemon=True)
+
+    def join(self) -> RunSpec:
+        """Join the run now.
+
+        Raises:
+            BusError: If nobody answers, the token is wrong, or whoever answers is of another version.
+            RunError: If no fleet is at work.
+        """
+        address = self._find()
+        bus = ZenohBus(address.endpoint, address.run, address.token)
+        try:
+            spec = _spec(bus, address)
+        except BaseException:
+            bus.close()
+            raise
+        self._bus, self._address, self._joined_s = bus, address, time.monotonic()
+        with self._watch.lock:
+            self._watch.spec, self._watch.connection = spec, ""
+        self._watch.join(bus)
+        return spec
+
+    def start(self) -> None:
+        """Join, and join again whenever the run was lost, until `close`."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Leave the run."""
+        self._stop.set()
+        if self._thread.ident is not None:
+            self._thread.join()
+        self._leave()
+
+    def _keep(self) -> None:
+        while not self._stop.is_set():
+            if self._bus is not None and self._is_lost():
+                self._leave()
+            if self._bus is None:
+                try:
+                    self.join()
+                except ReadygoError as error:
+                    with self._watch.lock:
+                        self._watch.connection = str(error)
+            self._stop.wait(RETRY_S)
+
+    def _is_lost(self) -> bool:
+        status = self._watch.status
+        quiet_s = time.monotonic() - max(self._watch.heard_s, self._joined_s)
+        if quiet_s < SILENT_S:
+            return False
+        over = bool(status and status.finished)
+        with self._watch.lock:
+            self._watch.connection = "the run is over" if over else f"nothing was heard for {quiet_s:.0f} s"
+        return True
+
+    def _leave(self) -> None:
+        if self._bus is not None:
+            self._watch.leave()
+            self._bus.close()
+            self._bus = None
+
+
+def _spec(bus: ZenohBus, address: Address) -> RunSpec:
+    """The run's spec.
+
+    Raises:
+        BusError: With what may be wrong.
+    """
+    try:
+        return bus.request(topics.SPEC, RunSpecRequest(), timeout_s=SPEC_TIMEOUT_S)
+    except PeerError as error:
+        raise BusError(
+            f"The fleet at {address.endpoint} is of another version of readygo than this monitor: {error}"
+        ) from error
+    except BusError as error:
+        raise BusError(
+            f"A router answers at {address.endpoint}, but no run {address.run!r} is there: take the name that "
+            "`readygo generate --listen` prints."
+        ) from error

@@ -1,0 +1,62 @@
+"""The durable episodes of a data folder, also of one that is being written; only read."""
+
+import threading
+from collections import OrderedDict
+from pathlib import Path
+
+from readygo.apps.monitor.track import Track, track_of
+from readygo.common.dataset.committed import committed_episode, episode_keys
+from readygo.common.dataset.index import index_path, read_index
+from readygo.common.messages import EpisodeKey, Outcome
+
+TRACKS_MAX = 4
+"""Episodes that are kept in memory, with images some 2 MB each."""
+
+
+class Recorded:
+    """Lists and reads episodes; everything may be called from any thread."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._listing, self._reading = threading.Lock(), threading.Lock()
+        self._shards: dict[str, dict[EpisodeKey, Outcome | None]] = {}
+        """Of finished shards, which do not change any more."""
+        self._tracks: OrderedDict[EpisodeKey, Track] = OrderedDict()
+
+    def episodes(self) -> dict[EpisodeKey, Outcome | None]:
+        """Every durable episode, in order, and how it ended where that is known without reading it."""
+        with self._listing:
+            found = dict(entry for part in self.folder.glob("shard-*.mcap.part") for entry in _listed(part).items())
+            for shard in self.folder.glob("shard-*.mcap"):
+                if shard.name not in self._shards:
+                    self._shards[shard.name] = _listed(shard)
+                found.update(self._shards[shard.name])
+        return dict(sorted(found.items(), key=lambda entry: _rank(entry[0])))
+
+    def track(self, episode: EpisodeKey) -> Track | None:
+        """An episode to look at; None where it is not there.
+
+        Raises:
+            DatasetError: If its shard is damaged.
+        """
+        with self._reading:
+            if episode not in self._tracks:
+                committed = committed_episode(self.folder, episode)
+                if committed is None or not committed.samples:
+                    return None
+                self._tracks[episode] = track_of(committed)
+                while len(self._tracks) > TRACKS_MAX:
+                    self._tracks.popitem(last=False)
+            self._tracks.move_to_end(episode)
+            return self._tracks[episode]
+
+
+def _listed(shard: Path) -> dict[EpisodeKey, Outcome | None]:
+    index = read_index(index_path(shard)) if shard.suffix == ".mcap" else None
+    if index is None:
+        return dict.fromkeys(episode_keys(shard))
+    return {index.episode_key(row): index.ending(row).outcome for row in range(len(index.episodes))}
+
+
+def _rank(key: EpisodeKey) -> tuple[int, str, int]:
+    return key.seed, key.split.value, key.index

@@ -1,0 +1,107 @@
+"""Rerun, live: robot, camera, humans, ways and numbers as its own archetypes; the only place that imports its SDK."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from readygo.apps.monitor.feed import Moment
+from readygo.apps.monitor.splats import DollsHouse
+from readygo.common.dataset.markers import BODY_HEIGHT_M, BODY_RADIUS_M
+from readygo.common.drawing.plan_view import GOAL, HUMANS, ROBOT
+from readygo.common.errors import RunError
+from readygo.common.extras import install_command
+from readygo.common.frames import quat_from_matrix
+from readygo.common.robot import RobotConfig
+
+SPAWN = "spawn"
+"""Start a viewer on this machine."""
+POINT_M = 0.015
+
+
+class RerunSink:
+    """A recording that a viewer shows while it grows, or a file."""
+
+    def __init__(self, robot: RobotConfig, house: DollsHouse | None, where: str) -> None:
+        """Begin.
+
+        Args:
+            robot: Size and camera.
+            house: The scene; None without one.
+            where: `SPAWN`, the viewer's address such as rerun+http://127.0.0.1:9876/proxy, or a file, .rrd.
+
+        Raises:
+            RunError: If the SDK is not installed, or there is no such viewer.
+        """
+        try:
+            import rerun
+        except ImportError as error:
+            raise RunError(f"--rerun needs rerun-sdk; install it with: {install_command('rerun')}") from error
+        self._rr, self._robot = rerun, robot
+        self._stream: Any = rerun.RecordingStream("readygo")
+        try:
+            if where == SPAWN:
+                self._stream.spawn()
+            elif where.endswith(".rrd"):
+                self._stream.save(where)
+            else:
+                self._stream.connect_grpc(where)
+        except (OSError, RuntimeError, ValueError) as error:
+            raise RunError(f"--rerun {where}: {error}") from error
+        self._stream.log("world", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        if house is not None:
+            colours = np.round(255 * house.open.rgb).astype(np.uint8)
+            points = rerun.Points3D(house.open.centers_m, colors=colours, radii=POINT_M)
+            self._stream.log("world/scene", points, static=True)
+        self._mount()
+
+    def begin(self, moment: Moment, stamp_ns: int) -> None:
+        """See `Sink.begin`."""
+        rr = self._rr
+        self._stream.set_time("time", timestamp=np.datetime64(stamp_ns, "ns"))
+        self._stream.log("episode", rr.TextLog(moment.state.episode.episode_id))
+        self._stream.log("world/way", rr.LineStrips3D([moment.way[:, :3]], colors=[ROBOT], radii=0.02))
+        goal = (*moment.state.goal_xy_m, moment.state.robot_xyzyaw[2])
+        self._stream.log("world/goal", rr.Points3D([goal], colors=[GOAL], radii=0.15))
+
+    def show(self, moment: Moment, stamp_ns: int) -> None:
+        """See `Sink.show`."""
+        rr, state, stream = self._rr, moment.state, self._stream
+        x, y, z, yaw = state.robot_xyzyaw
+        stream.set_time("time", timestamp=np.datetime64(stamp_ns, "ns"))
+        turn = rr.Quaternion(xyzw=[0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)])
+        stream.log("world/robot", rr.Transform3D(translation=[x, y, z], quaternion=turn))
+        colours = [HUMANS[k % len(HUMANS)] for k in range(len(state.humans_xyzyaw))]
+        bodies = rr.Capsules3D(
+            lengths=[BODY_HEIGHT_M - 2 * BODY_RADIUS_M] * len(colours),
+            radii=[BODY_RADIUS_M] * len(colours),
+            translations=[(x, y, z + BODY_RADIUS_M) for x, y, z, _ in state.humans_xyzyaw],
+            colors=colours,
+        )
+        stream.log("world/humans", bodies)
+        if moment.image:
+            media = f"image/{moment.image_format}"
+            stream.log("world/robot/camera", rr.EncodedImage(contents=moment.image, media_type=media))
+        numbers = {"speed_mps": state.v_mps, "turn_radps": state.w_radps, "human_distance_m": state.human_distance_m}
+        for name, value in numbers.items():
+            if math.isfinite(value):
+                stream.log(f"numbers/{name}", rr.Scalars(value))
+
+    def close(self) -> None:
+        """See `Sink.close`."""
+        self._stream.flush()
+        self._stream.disconnect()
+
+    def _mount(self) -> None:
+        """The robot's body and camera in its own frame."""
+        rr, robot, camera = self._rr, self._robot, self._robot.camera
+        T_robot_camera = camera.T_world_camera(0.0, 0.0, 0.0, 0.0)
+        w, x, y, z = quat_from_matrix(T_robot_camera[:3, :3]).tolist()
+        place = rr.Transform3D(translation=T_robot_camera[:3, 3], quaternion=rr.Quaternion(xyzw=[x, y, z, w]))
+        lens = rr.Pinhole(image_from_camera=camera.K_px, resolution=[camera.width_px, camera.height_px])
+        body = rr.Cylinders3D(
+            lengths=[robot.height_m], radii=[robot.radius_m], centers=[(0.0, 0.0, robot.height_m / 2)], colors=[ROBOT]
+        )
+        self._stream.log("world/robot/body", body, static=True)
+        self._stream.log("world/robot/camera", place, static=True)
+        self._stream.log("world/robot/camera", lens, static=True)

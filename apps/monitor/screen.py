@@ -1,0 +1,119 @@
+"""The page's server: a viser server on this machine, behind a gate; the only place that imports viser."""
+
+import contextlib
+import io
+import logging
+import threading
+import time
+import warnings
+from typing import Any
+
+from readygo.apps.monitor.gate import Gate
+from readygo.apps.monitor.page import Page
+from readygo.apps.monitor.subject import Subject
+from readygo.common.errors import RunError
+from readygo.common.extras import install_command
+
+FRAME_S = 0.1
+"""Time from picture to picture."""
+PAGES_MAX = 16
+"""Browsers that are served at the same time."""
+
+log = logging.getLogger(__name__)
+
+
+class Screen:
+    """Serves pages until it is closed."""
+
+    def __init__(self, subjects: list[Subject], *, host: str, port: int, token: str = "") -> None:
+        """Listen.
+
+        Args:
+            subjects: What can be looked at; one at least.
+            host: Address of this machine.
+            port: There; 0 takes a free one.
+            token: See `readygo.apps.monitor.gate.judge`.
+
+        Raises:
+            RunError: If viser is not installed, or nobody can listen there.
+        """
+        self._subjects = subjects
+        self._pages: dict[int, Page] = {}
+        self._lock = threading.Lock()
+        self._stop = threading.Event()
+        self._server = _viser_server()
+        try:
+            self._gate = Gate(host, port, behind=self._server.get_port(), token=token)
+        except RunError:
+            _quietly(self._server.stop)
+            raise
+        self.port: int = self._gate.port
+        """Where it listens."""
+        self._server.on_client_connect(self._open)
+        self._server.on_client_disconnect(self._drop)
+        self._thread = threading.Thread(target=self._draw, name="screen", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Serve no more."""
+        self._stop.set()
+        self._thread.join()
+        self._gate.close()
+        _quietly(self._server.stop)
+
+    def _open(self, client: Any) -> None:
+        with self._lock:
+            full = len(self._pages) >= PAGES_MAX
+        if full:
+            client.gui.add_markdown(f"{PAGES_MAX} browsers look at this already; close one of them and load again.")
+            return
+        page = Page(client, self._subjects)
+        with self._lock:
+            # It may have gone while its page was made.
+            if client.client_id in self._server.get_clients():
+                self._pages[client.client_id] = page
+
+    def _drop(self, client: Any) -> None:
+        with self._lock:
+            self._pages.pop(client.client_id, None)
+
+    def _draw(self) -> None:
+        while not self._stop.wait(FRAME_S):
+            with self._lock:
+                pages = list(self._pages.items())
+            for number, page in pages:
+                try:
+                    page.update(time.monotonic())
+                except Exception:
+                    log.exception("page %d ends", number)
+                    with self._lock:
+                        self._pages.pop(number, None)
+
+
+def _viser_server() -> Any:
+    """A viser server on the loopback address, which never gives its pages to a relay on the internet."""
+    try:
+        import viser
+    except ImportError as error:
+        raise RunError(f"`readygo monitor` needs viser; install it with: {install_command('monitor')}") from error
+
+    # A browser may go at any time, also while its page is made.
+    warnings.filterwarnings("ignore", message="Queued a .* on a closed connection")
+
+    class Server(viser.ViserServer):
+        def request_share_url(self, verbose: bool = True) -> str | None:
+            return None
+
+    server: Any = _quietly(lambda: Server(host="127.0.0.1", port=0, verbose=False))
+    server.gui.configure_theme(
+        dark_mode=True, show_logo=False, show_share_button=False, control_width="large", brand_color=(41, 161, 255)
+    )
+    server.gui.set_panel_label("readygo monitor")
+    server.scene.set_up_direction("+z")
+    return server
+
+
+def _quietly(call: Any) -> Any:
+    """Call something that prints what nobody here wants to read."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        return call()

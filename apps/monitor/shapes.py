@@ -1,0 +1,132 @@
+"""Meshes of what moves: bodies of revolution, fans and marks, metres, standing on z = 0, looking along x."""
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+SIDES = 28
+APART_M = 0.04
+"""Least distance from point to point of a line."""
+_PAWN = (
+    (0.0, 0.0),
+    (0.19, 0.0),
+    (0.215, 0.03),
+    (0.20, 0.10),
+    (0.17, 0.55),
+    (0.19, 1.02),
+    (0.185, 1.24),
+    (0.14, 1.36),
+    (0.055, 1.42),
+    (0.055, 1.45),
+    (0.095, 1.50),
+    (0.118, 1.58),
+    (0.110, 1.66),
+    (0.07, 1.72),
+    (0.0, 1.74),
+)
+"""Radius and height of somebody without a face."""
+
+
+class Mesh(NamedTuple):
+    """A triangle mesh."""
+
+    vertices_m: npt.NDArray[np.float32]
+    """Shape (V, 3)."""
+    faces: npt.NDArray[np.uint32]
+    """Shape (F, 3)."""
+
+
+def lathe(profile: npt.ArrayLike, sides: int = SIDES) -> Mesh:
+    """A body of revolution around z.
+
+    Args:
+        profile: Radius and height [m] from the bottom to the top, shape (P, 2).
+        sides: Corners of each ring.
+    """
+    rings = np.asarray(profile, dtype=np.float32)
+    angles = np.arange(sides, dtype=np.float32) * (2 * np.pi / sides)
+    circle = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    xy = rings[:, None, :1] * circle[None]
+    z = np.broadcast_to(rings[:, None, 1:], (len(rings), sides, 1))
+    vertices = np.concatenate([xy, z], axis=2).reshape(-1, 3)
+    i, j = (grid.reshape(-1) for grid in np.meshgrid(np.arange(len(rings) - 1), np.arange(sides), indexing="ij"))
+    a, b = i * sides + j, i * sides + (j + 1) % sides
+    c, d = a + sides, b + sides
+    faces = np.concatenate([np.stack([a, b, d], axis=1), np.stack([a, d, c], axis=1)])
+    return Mesh(vertices.astype(np.float32), faces.astype(np.uint32))
+
+
+def human() -> Mesh:
+    """Somebody, 1.74 m tall."""
+    return lathe(_PAWN)
+
+
+def robot(radius_m: float, height_m: float) -> Mesh:
+    """A robot's body: a rounded drum."""
+    edge = min(0.25 * radius_m, 0.25 * height_m)
+    turn = np.linspace(0.0, np.pi / 2, 6)
+    bottom = [(radius_m - 0.04, 0.03), (radius_m, 0.03 + edge)]
+    top = [(radius_m - edge * (1 - np.cos(t)), height_m - edge * (1 - np.sin(t))) for t in turn]
+    return lathe([(0.0, 0.03), *bottom, *top, (0.0, height_m)])
+
+
+def band(radius_m: float, low_m: float, high_m: float) -> Mesh:
+    """A ring around a body."""
+    return lathe([(radius_m, low_m), (radius_m + 0.012, low_m), (radius_m + 0.012, high_m), (radius_m, high_m)])
+
+
+def disc(radius_m: float, inner_m: float = 0.0) -> Mesh:
+    """A flat ring, or a disc without a hole."""
+    return lathe([(inner_m, 0.0), (radius_m, 0.0)], sides=48)
+
+
+def fan(angle_rad: float, reach_m: float, begin_m: float = 0.0) -> Mesh:
+    """The ground that a camera sees: a flat sector around x."""
+    angles = np.linspace(-angle_rad / 2, angle_rad / 2, 25)
+    circle = np.stack([np.cos(angles), np.sin(angles), np.zeros(len(angles))], axis=1)
+    vertices = np.concatenate([begin_m * circle, reach_m * circle])
+    a = np.arange(len(angles) - 1)
+    b = a + len(angles)
+    faces = np.concatenate([np.stack([a, b, b + 1], axis=1), np.stack([a, b + 1, a + 1], axis=1)])
+    return Mesh(vertices.astype(np.float32), faces.astype(np.uint32))
+
+
+def gem(radius_m: float) -> Mesh:
+    """A mark: two pyramids, one upside down."""
+    return lathe([(0.0, 0.0), (radius_m, 1.3 * radius_m), (0.0, 2.6 * radius_m)], sides=4)
+
+
+def pin(height_m: float) -> Mesh:
+    """A goal's post: thin, with a ball on top."""
+    ball = 0.09
+    turn = np.linspace(-np.pi / 2 + 0.15, np.pi / 2, 9)
+    head = [(ball * np.cos(t), height_m + ball * np.sin(t)) for t in turn]
+    return lathe([(0.0, 0.0), (0.014, 0.0), (0.014, height_m - ball), *head], sides=16)
+
+
+def joined(meshes: list[Mesh]) -> Mesh:
+    """Several meshes as one."""
+    begins = np.cumsum([0, *(len(mesh.vertices_m) for mesh in meshes[:-1])])
+    faces = [mesh.faces + np.uint32(begin) for mesh, begin in zip(meshes, begins, strict=True)]
+    return Mesh(np.concatenate([mesh.vertices_m for mesh in meshes]), np.concatenate(faces))
+
+
+def moved(mesh: Mesh, x_m: float, y_m: float, z_m: float) -> Mesh:
+    """A mesh at another place."""
+    return Mesh(mesh.vertices_m + np.array([x_m, y_m, z_m], np.float32), mesh.faces)
+
+
+def segments(points_m: npt.NDArray[np.float64], lift_m: float = 0.0) -> npt.NDArray[np.float32]:
+    """A way of N points as segments of some length, lifted off the floor, shape (S, 2, 3) with S < N."""
+    raised = _apart(points_m) + np.array([0.0, 0.0, lift_m])
+    return np.stack([raised[:-1], raised[1:]], axis=1).astype(np.float32)
+
+
+def _apart(points_m: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """The points of a way that are not where the one before is: viewers cannot draw a line without a direction."""
+    kept = [0]
+    for row in range(1, len(points_m)):
+        if np.linalg.norm(points_m[row] - points_m[kept[-1]]) > APART_M:
+            kept.append(row)
+    return points_m[kept]

@@ -1,0 +1,190 @@
+"""What a page can show: a run, with its streams, its recorded episodes, its scene, and how its policy learns."""
+
+import threading
+from collections.abc import Callable
+from functools import cached_property, partial
+from pathlib import Path
+
+import numpy as np
+
+from readygo.apps.learn.curve import load_curve
+from readygo.apps.learn.training import read_history
+from readygo.apps.monitor.link import Address, Link, address_of
+from readygo.apps.monitor.recorded import Recorded
+from readygo.apps.monitor.splats import DollsHouse, dolls_house
+from readygo.apps.monitor.track import Track
+from readygo.apps.monitor.watch import Watch
+from readygo.apps.pages.charts import Curve
+from readygo.apps.run.folder import RunFolder
+from readygo.apps.run.scene_argument import open_scene
+from readygo.apps.run.world import World
+from readygo.common.bus.zenoh_bus import ZenohBus
+from readygo.common.dataset.index import load_index
+from readygo.common.dataset.provenance import Provenance
+from readygo.common.dataset.reader import find_shards
+from readygo.common.dataset.scene_map import MapMessages, map_messages
+from readygo.common.errors import ReadygoError, RunError
+from readygo.common.messages import EpisodeKey
+from readygo.common.robot import RobotConfig
+from readygo.common.scenes import Scene
+
+LEARN_FILE, CURVE_FILE, POLICY_FOLDER, DATA_FOLDER = "learn.json", "curve.json", "policy", "data"
+
+
+class Subject:
+    """One run, live or recorded; it is only looked at."""
+
+    def __init__(
+        self,
+        name: str,
+        *,
+        find: Callable[[], Address] | None = None,
+        data: Path | None = None,
+        learned: Path | None = None,
+        scene: str = "",
+    ) -> None:
+        """Nothing is joined or read yet.
+
+        Args:
+            name: What the page calls it.
+            find: Says where its fleet is; None where there will not be one.
+            data: Its data folder, if that is on this machine.
+            learned: Folder of the run that learns and that it belongs to.
+            scene: Its scene, where the run does not say or is not to be believed.
+        """
+        self.name, self._find, self._scene, self._learned = name, find, scene, learned
+        self.watch = Watch()
+        self.recorded = Recorded(data) if data is not None else None
+        self.link = Link(self.watch, find) if find else None
+        self.house: DollsHouse | None = None
+        """Its scene, once it is read."""
+        self.maps: MapMessages | None = None
+        """Its map, then as well."""
+        self.note = ""
+        """Why there is no scene."""
+        if data is not None and (RunFolder(data).state / "spec.msgpack").exists():
+            self.watch.spec = RunFolder(data).load()[0]
+
+    @cached_property
+    def robot(self) -> RobotConfig:
+        """The run's robot."""
+        return self._provenance.robot or RobotConfig()
+
+    def start(self) -> None:
+        """Join the run, and read its scene in the background."""
+        if self.link is not None:
+            self.link.start()
+        threading.Thread(target=self.read_scene, name="scene", daemon=True).start()
+
+    def close(self) -> None:
+        """Leave the run."""
+        if self.link is not None:
+            self.link.close()
+
+    def read_scene(self) -> None:
+        """Read the scene, if it is known and here, or can be fetched."""
+        try:
+            scene = self._found_scene()
+            if scene is not None:
+                self.maps = map_messages(scene.maps.robot, scene.maps.floor)
+                self.house = dolls_house(scene)
+        except ReadygoError as error:
+            self.note = f"The scene is not shown: {error}"
+
+    @property
+    def _provenance(self) -> Provenance:
+        if self.watch.spec is not None:
+            return Provenance.of_run(self.watch.spec)
+        if self.recorded is None:
+            return Provenance()
+        return load_index(find_shards(self.recorded.folder)[0]).provenance
+
+    def _found_scene(self) -> Scene | None:
+        if self._scene:
+            return open_scene(self._scene)
+        spec = self.watch.spec
+        if spec is None:
+            return None
+        if Path(spec.scene_path).is_dir() or self._find is None:
+            return World(spec).scene
+        address = self._find()
+        bus = ZenohBus(address.endpoint, address.run, address.token)
+        try:
+            return World(spec, bus).scene
+        finally:
+            bus.close()
+
+    def track(self, episode: EpisodeKey) -> Track | None:
+        """An episode to scrub through: as it was recorded, else as far as it was heard."""
+        if self.recorded is not None and (track := self.recorded.track(episode)) is not None:
+            return track
+        with self.watch.lock:
+            moving = self.watch.moving.get(episode)
+            return moving.track() if moving else None
+
+    def losses(self) -> list[Curve]:
+        """Training and validation loss over the samples learned from."""
+        if self._learned is not None and (history := read_history(self._learned / POLICY_FOLDER)):
+            x = np.array([entry["samples"] for entry in history], dtype=np.float64)
+            pairs = (("training", "train_loss"), ("validation", "validation_loss"))
+            return [Curve(name=name, x=x, y=np.array([entry[key] for entry in history])) for name, key in pairs]
+        with self.watch.lock:
+            if not len(self.watch.losses):
+                return []
+            columns = [self.watch.losses.curve(column) for column in (0, 1)]
+        return [Curve(name=name, x=x, y=y) for name, (x, y) in zip(("training", "validation"), columns, strict=True)]
+
+    def success(self) -> list[Curve]:
+        """Success rates over minutes: of the latest episodes that policies drove, and as measured."""
+        if self._learned is not None:
+            points = load_curve(self._learned / CURVE_FILE)
+            driven = [(point.minutes, point.driven) for point in points if point.driven is not None]
+            measured = [(point.minutes, point.measurement) for point in points if point.measurement is not None]
+            curves = [("driving", driven)]
+            curves += [(name, [(x, getattr(m, name)) for x, m in measured]) for name in ("static", "dynamic")]
+            return [_curve(name, rows) for name, rows in curves if rows]
+        with self.watch.lock:
+            x, y = self.watch.driven.curve(0) if len(self.watch.driven) else (np.zeros(0), np.zeros(0))
+        return [Curve(name="driving", x=x, y=y)] if len(x) else []
+
+
+def _curve(name: str, rows: list[tuple[float, float]]) -> Curve:
+    x, y = np.array(rows, dtype=np.float64).T
+    return Curve(name=name, x=x, y=y)
+
+
+def subjects_of(data: Path, scene: str = "") -> list[Subject]:
+    """What a folder has to show: one run, or those of a run that learns.
+
+    Raises:
+        RunError: If there is no such folder, or nothing in it.
+    """
+    if not data.is_dir():
+        raise RunError(
+            f"{data} does not exist; name a data folder, a folder of `readygo learn`, or --connect ENDPOINT."
+        )
+    if (data / LEARN_FILE).exists():
+        places = sorted(folder for folder in (data / DATA_FOLDER).iterdir() if folder.is_dir())
+        return [_of_folder(folder, folder.name, learned=data, scene=scene) for folder in places]
+    return [_of_folder(data, data.resolve().name, learned=None, scene=scene)]
+
+
+def _of_folder(folder: Path, name: str, *, learned: Path | None, scene: str) -> Subject:
+    run = RunFolder(folder)
+    if (run.state / "spec.msgpack").exists():
+        run.load()
+        return Subject(name, find=partial(address_of, run), data=folder, learned=learned, scene=scene)
+    find_shards(folder)
+    return Subject(name, data=folder, learned=learned, scene=scene)
+
+
+def subject_at(endpoint: str, run: str, token: str, scene: str = "") -> Subject:
+    """A run on the network, joined.
+
+    Raises:
+        BusError: If it cannot be joined; the message says why.
+    """
+    subject = Subject(run, find=lambda: Address(endpoint, run, token), scene=scene)
+    assert subject.link is not None
+    subject.link.join()
+    return subject

@@ -1,0 +1,115 @@
+"""Episodes as something to look at: where everybody is at every moment, and what the camera saw."""
+
+import bisect
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from readygo.common.fleet.shown import state_of
+from readygo.common.frames import wrap_angle
+from readygo.common.messages import CommittedEpisode, EpisodeKey, Outcome
+from readygo.common.messages.live import LivePlan, LiveState
+
+NS_PER_S = 1_000_000_000
+Pose = tuple[float, float, float, float]
+"""On the floor: x, y, z [m], yaw [rad]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Track:
+    """What is known of an episode, in order of time."""
+
+    episode: EpisodeKey
+    states: Sequence[LiveState]
+    """At least one."""
+    images: Sequence[tuple[int, bytes]] = ()
+    """Simulated times [ns] and encoded images."""
+    image_format: str = "jpeg"
+    outcome: Outcome | None = None
+    """None while it is being made."""
+    policy: str = ""
+    """SHA-256 over the files of the policy that drove; empty for the expert."""
+    replans: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 3)))
+    """Where the expert planned anew [m], shape (R, 3)."""
+
+    @property
+    def duration_s(self) -> float:
+        """Time of the last state [s]."""
+        return self.states[-1].time_ns / NS_PER_S
+
+    def at(self, time_s: float) -> LiveState:
+        """Where everybody is at a time, between the moments that are known."""
+        times_ns = [state.time_ns for state in self.states]
+        after = bisect.bisect_left(times_ns, time_s * NS_PER_S)
+        if after == 0:
+            return self.states[0]
+        if after == len(self.states):
+            return self.states[-1]
+        before_ns, after_ns = times_ns[after - 1], times_ns[after]
+        share = (time_s * NS_PER_S - before_ns) / max(after_ns - before_ns, 1)
+        return between(self.states[after - 1], self.states[after], share)
+
+    def image_at(self, time_s: float) -> bytes:
+        """The newest image at a time; empty if there is none yet."""
+        row = bisect.bisect_right([time_ns for time_ns, _ in self.images], time_s * NS_PER_S + 1)
+        return self.images[max(0, row - 1)][1] if self.images else b""
+
+    @property
+    def way(self) -> npt.NDArray[np.float64]:
+        """The robot's way [m], shape (N, 3)."""
+        return np.array([state.robot_xyzyaw[:3] for state in self.states])
+
+
+def between(before: LiveState, after: LiveState, share: float) -> LiveState:
+    """The state at a share of the time from one to the next one."""
+    if share <= 0.0 or len(before.humans_xyzyaw) != len(after.humans_xyzyaw):
+        return before
+    if share >= 1.0:
+        return after
+    pairs = zip(before.humans_xyzyaw, after.humans_xyzyaw, strict=True)
+    return dataclasses.replace(
+        before,
+        time_ns=round(before.time_ns + share * (after.time_ns - before.time_ns)),
+        robot_xyzyaw=_between(before.robot_xyzyaw, after.robot_xyzyaw, share),
+        humans_xyzyaw=tuple(_between(a, b, share) for a, b in pairs),
+    )
+
+
+def _between(a: Pose, b: Pose, share: float) -> Pose:
+    x, y, z = (start + share * (end - start) for start, end in zip(a[:3], b[:3], strict=True))
+    return x, y, z, a[3] + share * float(wrap_angle(b[3] - a[3]))
+
+
+def track_of(committed: CommittedEpisode) -> Track:
+    """A recorded episode."""
+    header = committed.header
+    states = [state_of(header, sample) for sample in committed.samples]
+    replans = [state.robot_xyzyaw[:3] for state in states if state.replanned]
+    return Track(
+        episode=header.episode,
+        states=states,
+        images=[(sample.time_ns, sample.image) for sample in committed.samples if sample.image],
+        image_format=header.image_format,
+        outcome=header.outcome,
+        policy=header.policy,
+        replans=np.array(replans).reshape(-1, 3),
+    )
+
+
+def on_floor(xy_m: npt.NDArray[np.float32], height_m: float) -> npt.NDArray[np.float64]:
+    """Points of the ground [m] at a height, shape (N, 2) -> (N, 3)."""
+    return np.column_stack([xy_m, np.full(len(xy_m), height_m)]).astype(np.float64)
+
+
+def replans_of(plan: LivePlan, height_m: float) -> npt.NDArray[np.float64]:
+    """Where a plan was made anew [m], on a floor of this height, shape (R, 3)."""
+    return on_floor(plan.robot_xyyaw[plan.replanned, :2], height_m)
+
+
+def time_text(time_s: float) -> str:
+    """A time of an episode for people to read."""
+    return f"{time_s:.1f} s" if math.isfinite(time_s) else "never"

@@ -1,0 +1,47 @@
+import sys
+from pathlib import Path
+
+import pytest
+
+from readygo.apps.monitor import beside
+from readygo.common.errors import RunError
+
+
+def test_missing_viewer_is_said_before_the_run_begins(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(beside.importlib.util, "find_spec", lambda _: None)
+    with pytest.raises(RunError, match="--watch needs viser"), beside.watched(Path("x"), lambda: True):
+        pass
+
+
+def test_page_begins_with_the_run_and_ends_with_its_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    begun: list[list[str]] = []
+    ended: list[str] = []
+
+    class Process:
+        def __init__(self, command: list[str], **_: object) -> None:
+            begun.append(command)
+
+        def terminate(self) -> None:
+            ended.append("terminate")
+
+        def wait(self, _: float) -> None:
+            ended.append("wait")
+
+    monkeypatch.setattr(beside, "check_viewer", lambda: None)
+    monkeypatch.setattr(beside, "POLL_S", 0.01)
+    monkeypatch.setattr(beside.subprocess, "Popen", Process)
+    ready: list[bool] = []
+    with beside.watched(Path("out"), lambda: bool(ready)):
+        assert not begun
+        ready.append(True)
+        while not begun:
+            pass
+    assert begun[0][:5] == [sys.executable, "-m", "readygo", "monitor", "out"]
+    assert ended == ["terminate", "wait"]
+
+
+def test_run_that_never_begins_has_no_page(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(beside, "check_viewer", lambda: None)
+    monkeypatch.setattr(beside.subprocess, "Popen", lambda *_, **__: pytest.fail("there is nothing to show"))
+    with beside.watched(Path("out"), lambda: False):
+        pass

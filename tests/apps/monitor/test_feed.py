@@ -1,0 +1,51 @@
+import queue
+from pathlib import Path
+
+from readygo.apps.monitor.feed import Feed, Moment
+from readygo.apps.monitor.subject import Subject
+from readygo.common.messages import topics
+from tests.apps.monitor.test_watch import renderer, states
+from tests.apps.monitor.watched import watched
+
+
+class Viewer:
+    """Remembers what it is shown."""
+
+    def __init__(self) -> None:
+        self.begun: queue.SimpleQueue[Moment] = queue.SimpleQueue()
+        self.shown: queue.SimpleQueue[Moment] = queue.SimpleQueue()
+        self.closed = False
+
+    def begin(self, moment: Moment, stamp_ns: int) -> None:
+        self.begun.put(moment)
+
+    def show(self, moment: Moment, stamp_ns: int) -> None:
+        self.shown.put(moment)
+
+    def close(self) -> None:
+        self.closed = True
+
+
+def test_episode_under_way_comes_first(data: Path) -> None:
+    run, watch = watched()
+    subject = Subject("run", data=data)
+    subject.watch = watch
+    worker = renderer(run, watch)
+    worker.tell(topics.STATE, states(5)[2])
+    viewer = Viewer()
+    feed = Feed(subject, viewer)
+    assert viewer.begun.get(timeout=20).state.episode.index == 5
+    assert viewer.shown.get(timeout=20).state.sample == 2
+    feed.close()
+    assert viewer.closed
+
+
+def test_recorded_episodes_are_shown_where_none_is_under_way(data: Path, monkeypatch) -> None:
+    monkeypatch.setattr("readygo.apps.monitor.feed.WAIT_S", 0.0)
+    viewer = Viewer()
+    feed = Feed(Subject("data", data=data), viewer)
+    first, second = viewer.shown.get(timeout=20), viewer.shown.get(timeout=20)
+    feed.close()
+    assert (first.state.sample, second.state.sample) == (0, 2)
+    assert first.image
+    assert len(first.way) == 20

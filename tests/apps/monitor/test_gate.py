@@ -1,0 +1,89 @@
+import http.client
+import http.server
+import socket
+import threading
+from collections.abc import Iterator
+
+import pytest
+
+from readygo.apps.monitor.gate import Gate, Request, judge, parse_head
+from readygo.common.errors import RunError
+
+COOKIE = "readygo-monitor-1"
+
+
+class Viewer(http.server.BaseHTTPRequestHandler):
+    def do_GET(self) -> None:
+        self.send_response(200)
+        self.end_headers()
+        self.wfile.write(b"page")
+
+    def log_message(self, *_: object) -> None:
+        pass
+
+
+@pytest.fixture
+def behind() -> Iterator[int]:
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Viewer)
+    thread = threading.Thread(target=server.serve_forever)
+    thread.start()
+    yield server.server_port
+    server.shutdown()
+    thread.join()
+    server.server_close()
+
+
+def get(port: int, path: str = "/", **headers: str) -> tuple[int, dict[str, str], bytes]:
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=20)
+    connection.request("GET", path, headers=headers)
+    reply = connection.getresponse()
+    found = reply.status, dict(reply.getheaders()), reply.read()
+    connection.close()
+    return found
+
+
+def test_this_machine_is_let_in_by_its_own_name_alone() -> None:
+    def answer(**headers: str) -> str:
+        said = judge(Request("/", headers), "", COOKIE)
+        return said.status if said else ""
+
+    assert answer(host="localhost:80") == ""
+    assert answer(host="[::1]:80") == ""
+    assert answer(host="127.0.0.1:80", origin="http://127.0.0.1:80") == ""
+    assert answer(host="127.0.0.1:80", origin="http://evil.example").startswith("403")
+    assert answer(host="evil.example").startswith("403")
+    assert answer().startswith("403")
+
+
+def test_head_that_is_none_is_refused() -> None:
+    assert parse_head(b"hello\r\n\r\n") is None
+    request = parse_head(b"GET /a?b=c HTTP/1.1\r\nHost: x\r\n\r\n")
+    assert request == ("/a?b=c", {"host": "x"})
+
+
+def test_token_comes_once_by_the_link_and_then_by_a_cookie(behind: int) -> None:
+    gate = Gate("127.0.0.1", 0, behind=behind, token="secret")
+    status, _, body = get(gate.port)
+    assert (status, b"token" in body) == (401, True)
+    assert get(gate.port, "/?token=wrong")[0] == 401
+    status, headers, _ = get(gate.port, "//evil.example/?token=secret&a=b")
+    assert (status, headers["Location"]) == (303, "/?a=b"), "it never leads to another host"
+    cookie = headers["Set-Cookie"]
+    assert "HttpOnly" in cookie
+    status, _, body = get(gate.port, Cookie=cookie.split(";")[0])
+    assert (status, body) == (200, b"page")
+    gate.close()
+
+
+def test_a_browser_that_goes_away_disturbs_nobody(behind: int) -> None:
+    gate = Gate("127.0.0.1", 0, behind=behind)
+    for _ in range(3):
+        with socket.create_connection(("127.0.0.1", gate.port)) as browser:
+            browser.sendall(b"GET / HT")
+    assert get(gate.port)[::2] == (200, b"page")
+    gate.close()
+
+
+def test_port_in_use_says_so(behind: int) -> None:
+    with pytest.raises(RunError, match="choose another --host or --port"):
+        Gate("127.0.0.1", behind, behind=behind)

@@ -1,0 +1,88 @@
+"""The page as browsers get it; the last tests open it in a real one."""
+
+import shutil
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from readygo.apps.monitor.screen import Screen
+from readygo.apps.monitor.subject import Subject
+from readygo.common.bus import InProcessBus
+from readygo.common.messages import topics
+from tests.apps.monitor.test_page import house
+from tests.apps.monitor.test_watch import renderer, states
+from tests.apps.monitor.watched import status, tell_status, wait_for, watched
+
+pytest.importorskip("viser", reason="viser is not installed: readygo[monitor]")
+CHROMIUM = shutil.which("chromium")
+SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+
+
+@pytest.fixture
+def live() -> Iterator[tuple[Screen, Subject, InProcessBus]]:
+    run, watch = watched()
+    subject = Subject("flat")
+    subject.watch, subject.house = watch, house()
+    screen = Screen([subject], host="127.0.0.1", port=0)
+    yield screen, subject, run
+    screen.close()
+
+
+@pytest.fixture
+def browser() -> Iterator[Any]:
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    if CHROMIUM is None:
+        pytest.skip("chromium is not installed")
+    with playwright.sync_playwright() as library:
+        chromium = library.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE)
+        yield chromium
+        chromium.close()
+
+
+def test_page_is_served_and_ends(data: Path) -> None:
+    screen = Screen([Subject("data", data=data)], host="127.0.0.1", port=0)
+    assert screen.port > 0
+    screen.close()
+    assert not [thread for thread in threading.enumerate() if thread.name in ("gate", "screen")]
+
+
+def test_page_moves_fits_a_telephone_and_survives_the_fleet(
+    live: tuple[Screen, Subject, InProcessBus], browser: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # However slow the browser is, the episode stays under way.
+    monkeypatch.setattr("readygo.apps.monitor.watch.FRESH_S", 1e9)
+    screen, subject, run = live
+    wrong: list[str] = []
+    page = browser.new_page(viewport={"width": 390, "height": 700})
+    page.set_default_timeout(120_000)
+    page.on("console", lambda said: wrong.append(said.text) if said.type == "error" else None)
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    worker = renderer(run, subject.watch)
+    tell_status(run, status())
+    worker.tell(topics.STATE, states()[0])
+    page.goto(f"http://127.0.0.1:{screen.port}/")
+    page.get_by_text("flat", exact=True).first.wait_for(state="attached")
+    page.get_by_text("of 10 episodes").first.wait_for(state="attached")
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    wait_for(lambda: screen._pages, 60.0)
+    (shown,) = screen._pages.values()
+    worker.tell(topics.STATE, states()[0])
+    wait_for(lambda: "render0" in shown._cast, 60.0)
+    before = np.array(shown._cast["render0"]._nodes["robot"].position)
+    worker.tell(topics.STATE, states()[3])
+    wait_for(lambda: np.any(shown._cast["render0"]._nodes["robot"].position != before), 60.0)
+    worker.bus.close()
+    with subject.watch.lock:
+        subject.watch.connection = "No fleet is at work."
+    page.get_by_text("waiting for the fleet").first.wait_for(state="attached")
+    with subject.watch.lock:
+        subject.watch.connection = ""
+    tell_status(run, status(committed=9))
+    page.get_by_text("live", exact=True).first.wait_for(state="attached")
+    assert not wrong, wrong
+    page.close()
+    wait_for(lambda: not screen._pages, 60.0)

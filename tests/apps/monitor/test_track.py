@@ -1,0 +1,47 @@
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from readygo.apps.monitor.track import between, on_floor, time_text, track_of
+from readygo.common.fleet.shown import state_of
+from readygo.common.messages import CommittedEpisode
+from tests.common.dataset.episodes import make_episode
+
+
+def recorded(index: int = 0, count: int = 12) -> CommittedEpisode:
+    header, samples = make_episode(index, count)
+    return CommittedEpisode(header=header, attempt=1, samples=samples)
+
+
+def test_track_has_every_sample_and_its_image() -> None:
+    committed = recorded()
+    track = track_of(committed)
+    assert track.duration_s == committed.samples[-1].time_ns / 1e9
+    assert track.at(0.0).robot_xyzyaw == committed.samples[0].robot_xyzyaw
+    assert track.at(1e9).sample == 11
+    assert track.image_at(0.0) == committed.samples[0].image
+    assert track.image_at(committed.samples[5].time_ns / 1e9) == committed.samples[5].image
+    assert len(track.replans) == sum(sample.replanned for sample in committed.samples)
+    assert track.way.shape == (12, 3)
+
+
+def test_between_two_moments_everybody_is_on_the_way() -> None:
+    header, samples = make_episode(0, 2)
+    a, b = (state_of(header, sample) for sample in samples)
+    a = dataclasses.replace(a, robot_xyzyaw=(0.0, 0.0, 0.0, math.pi - 0.1), humans_xyzyaw=((0.0, 0.0, 0.0, 0.0),))
+    b = dataclasses.replace(b, robot_xyzyaw=(1.0, 0.0, 0.0, 0.1 - math.pi), humans_xyzyaw=((2.0, 0.0, 0.0, 0.0),))
+    x, _, _, yaw = between(a, b, 0.5).robot_xyzyaw
+    assert x == 0.5
+    assert math.cos(yaw) == pytest.approx(-1.0), "the short way round"
+    assert between(a, b, 0.5).humans_xyzyaw[0][0] == 1.0
+    assert between(a, b, -1.0) is a
+    assert between(a, b, 2.0) is b
+    assert between(a, dataclasses.replace(b, humans_xyzyaw=()), 0.5) is a
+
+
+def test_texts_and_floors() -> None:
+    assert time_text(math.inf) == "never"
+    assert time_text(1.25) == "1.2 s"
+    assert on_floor(np.zeros((3, 2), np.float32), 0.5)[:, 2].tolist() == [0.5] * 3

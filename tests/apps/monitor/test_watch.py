@@ -1,0 +1,119 @@
+import dataclasses
+
+from readygo.apps.monitor import watch as watching
+from readygo.apps.monitor.watch import Watch
+from readygo.common.bus import InProcessBus
+from readygo.common.fleet.shown import state_of
+from readygo.common.messages import Driver, EpisodeKey, Outcome, Split, topics
+from readygo.common.messages.live import LiveCommit, LiveEvaluation, LiveLoss, LivePreview, LiveState, LiveWork
+from tests.apps.monitor.watched import Worker, status, tell_status, wait_for, watched
+from tests.common.dataset.episodes import make_episode
+
+
+def states(index: int = 0, count: int = 4) -> list[LiveState]:
+    header, samples = make_episode(index, count)
+    return [state_of(header, sample) for sample in samples]
+
+
+def commit(index: int, outcome: Outcome = Outcome.SUCCESS, driver: Driver = Driver.POLICY) -> LiveCommit:
+    key = EpisodeKey(seed=0, split=Split.TRAIN, index=index)
+    return LiveCommit(
+        episode=key, attempt=1, outcome=outcome, driver=driver, policy="ab", sample_count=4, shard="shard-rec0-00000"
+    )
+
+
+def renderer(run: InProcessBus, watch: Watch, name: str = "render0") -> Worker:
+    worker = Worker(run, "renderer", name)
+    wait_for(lambda: ("renderer", name) in watch._heard)
+    wait_for(lambda: worker.bus.heard(topics.EVALUATION.of("renderer", name)))
+    return worker
+
+
+def test_nothing_is_told_where_nobody_watches() -> None:
+    worker = Worker(InProcessBus(), "renderer", "r")
+    made: list[int] = []
+    worker.bus.tell(topics.STATE, lambda: made.append(1))
+    assert not made
+
+
+def test_episode_under_way_is_known_by_its_worker() -> None:
+    run, watch = watched()
+    worker = renderer(run, watch)
+    for state in states():
+        worker.tell(topics.STATE, state)
+    key = states()[0].episode
+    worker.tell(topics.PREVIEW, LivePreview(episode=key, time_ns=0, format="jpeg", image=b"jpeg"))
+    wait_for(lambda: watch.workers["renderer", "render0"].preview)
+    (moving,) = watch.under_way()
+    assert (moving.worker, len(moving.states)) == ("render0", 4)
+    track = moving.track()
+    assert track is not None
+    assert (track.outcome, track.image_at(0.0)) == (None, b"jpeg")
+    worker.tell(topics.COMMIT, dataclasses.replace(commit(0), episode=key))
+    wait_for(lambda: moving.commit)
+    assert watch.under_way() == []
+    assert watch.moving[key].track().outcome is Outcome.SUCCESS  # type: ignore[union-attr]
+    worker.tell(topics.STATE, states()[0])
+    wait_for(lambda: moving.commit is None)
+    assert len(moving.states) == 1, "another attempt begins anew"
+
+
+def test_old_episodes_give_way() -> None:
+    run, watch = watched()
+    worker = renderer(run, watch)
+    for index in range(watching.EPISODES_MAX + 3):
+        worker.tell(topics.STATE, states(index, 1)[0])
+        wait_for(lambda index=index: any(key.index == index for key in watch.moving))
+    assert len(watch.moving) == watching.EPISODES_MAX
+    assert min(key.index for key in watch.moving) == 3
+
+
+def test_workers_come_work_fail_and_go() -> None:
+    run, watch = watched()
+    worker = renderer(run, watch)
+    key = states()[0].episode
+    work = LiveWork(stage="render", episode=key, attempt=1, begins=True, cpu_s=2.0, memory_bytes=10**8)
+    worker.tell(topics.WORK, work)
+    seen = watch.workers["renderer", "render0"]
+    wait_for(lambda: seen.stage == "render")
+    worker.tell(topics.WORK, dataclasses.replace(work, begins=False, failed="no memory"))
+    wait_for(lambda: seen.done == 1)
+    assert (seen.stage, seen.trouble, seen.alive) == ("", "no memory", True)
+    worker.bus.close()
+    wait_for(lambda: not seen.alive)
+
+
+def test_numbers_over_time_and_a_run_that_begins_anew() -> None:
+    run, watch = watched()
+    tell_status(run, status())
+    wait_for(lambda: len(watch.progress) == 1)
+    watch.begun_s -= 100.0
+    tell_status(run, status(samples=900))
+    wait_for(lambda: len(watch.progress) == 2)
+    assert 0 < watch.samples_hz < 10
+    tell_status(run, status(samples=0))
+    wait_for(lambda: len(watch.progress) == 1)
+
+
+def test_success_losses_and_evaluations_are_kept() -> None:
+    run, watch = watched()
+    worker = renderer(run, watch)
+    worker.tell(topics.COMMIT, commit(0))
+    worker.tell(topics.COMMIT, commit(1, Outcome.TIMEOUT))
+    worker.tell(topics.COMMIT, commit(2, Outcome.TIMEOUT, Driver.EXPERT))
+    worker.tell(topics.LOSS, LiveLoss(steps=1, samples=50, train_loss=2.0, validation_loss=3.0))
+    evaluation = LiveEvaluation(
+        episode=commit(0).episode, task="static", method="policy", policy="ab", outcome=Outcome.SUCCESS, duration_s=4.0
+    )
+    worker.tell(topics.EVALUATION, evaluation)
+    wait_for(lambda: len(watch.evaluations) == 1 and len(watch.commits) == 3)
+    assert watch.driven.curve(0)[1].tolist() == [1.0, 0.5], "the expert's own do not count"
+    assert watch.losses.curve(1)[1].tolist() == [3.0]
+
+
+def test_who_left_hears_of_nobody_new() -> None:
+    run, watch = watched()
+    watch.leave()
+    Worker(run, "renderer", "late")
+    wait_for(lambda: ("renderer", "late") in watch.workers)
+    assert not watch._heard

@@ -1,0 +1,57 @@
+"""A run on a bus within this process, and a watch that hears it."""
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+from readygo.apps.monitor.watch import Watch
+from readygo.common.bus import InProcessBus
+from readygo.common.messages import StatusReply, topics
+
+
+class Worker:
+    """A participant that tells."""
+
+    def __init__(self, run: InProcessBus, role: str, name: str) -> None:
+        self.bus = InProcessBus(run)
+        self.bus.announce(role, name)
+
+    def tell(self, live: Any, message: Any) -> None:
+        self.bus._teller._told_s.clear()
+        self.bus.tell(live, lambda: message)
+
+
+def watched() -> tuple[InProcessBus, Watch]:
+    """A run and who watches it."""
+    run = InProcessBus()
+    watch = Watch()
+    watch.join(InProcessBus(run))
+    return run, watch
+
+
+def status(**changes: Any) -> StatusReply:
+    values: dict[str, Any] = {
+        "wanted": 10,
+        "committed": 2,
+        "samples": 400,
+        "waiting": {"render": 3},
+        "leased": {"render": 1},
+        "rejected": {"no_path": 1},
+        "requeued": 0,
+        "cpu_s": {"render": 5.0},
+        "finished": False,
+    }
+    return StatusReply(**{**values, **changes})
+
+
+def tell_status(run: InProcessBus, reply: StatusReply) -> None:
+    run.publish(topics.PROGRESS, reply)
+
+
+def wait_for(seen: Callable[[], object], timeout_s: float = 20.0) -> None:
+    """Wait until something is true."""
+    deadline_s = time.monotonic() + timeout_s
+    while not seen():
+        assert time.monotonic() < deadline_s, "it never came"
+        threading.Event().wait(0.01)
