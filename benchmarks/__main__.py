@@ -11,6 +11,7 @@ COMMANDS = (
     ["-m", "readygo", "bench", "motion"],
     ["-m", "readygo.benchmarks.motion.smpl_fit"],
     ["-m", "readygo.benchmarks.recording.dataset"],
+    ["-m", "readygo.benchmarks.fleet.rates"],
     ["-m", "readygo.benchmarks.policy.policy", "cost"],
     ["-m", "readygo", "bench", "plan", "--episodes", "50"],
 )

@@ -6,7 +6,9 @@ import sys
 from pathlib import Path
 from typing import Literal
 
-Extra = Literal["policy", "train", "gpu", "reconstruct", "export", "robot-logs", "tls", "monitor", "foxglove", "rerun"]
+Extra = Literal[
+    "policy", "train", "gpu", "reconstruct", "export", "robot-logs", "store", "tls", "monitor", "foxglove", "rerun"
+]
 """Names of the extras, as in pyproject.toml."""
 
 ROOT = Path(__file__).resolve().parents[1]

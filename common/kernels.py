@@ -25,6 +25,8 @@ from readygo.common.files import cache_root, make_cache_folder
 _THIS = Path(__file__).absolute()
 _PACKAGE = _THIS.parents[1]
 _IMPORT = re.compile(rb"^(?:from|import) readygo\.?([.\w]*)(?: import (\([^)]*\)|.*))?", re.MULTILINE)
+_LAZY_IMPORT = re.compile(_IMPORT.pattern.replace(b"^", rb"^[ \t]*", 1), re.MULTILINE)
+"""Packages name below `if TYPE_CHECKING` what they load when it is used: whoever imports them may use it."""
 _STATES_KEPT = 4
 """States of a module whose machine code is kept, those used last."""
 _njit: Any = numba.njit
@@ -90,12 +92,14 @@ def _source(path: Path) -> tuple[bytes, tuple[Path, ...]]:
     """Digest of a file as it is when it is imported, and the files that it imports itself."""
     text = path.read_bytes()
     # The cache folder and its errors are no part of any kernel.
-    files = () if path == _THIS else tuple(_imported_files(text))
+    files = (
+        () if path == _THIS else tuple(_imported_files(text, _LAZY_IMPORT if path.name == "__init__.py" else _IMPORT))
+    )
     return hashlib.sha256(text).digest(), files
 
 
-def _imported_files(text: bytes) -> Iterator[Path]:
-    for module, names in _IMPORT.findall(text):
+def _imported_files(text: bytes, imports: re.Pattern[bytes]) -> Iterator[Path]:
+    for module, names in imports.findall(text):
         place = _PACKAGE.joinpath(*module.decode().split(".")) if module else _PACKAGE
         candidates = [place.with_suffix(".py")]
         if (place / "__init__.py").is_file():

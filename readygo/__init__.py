@@ -12,6 +12,8 @@ Robot: x forward, y left. Camera: OpenCV's axes. `T_world_camera` maps camera co
 
 from typing import TYPE_CHECKING
 
+from readygo.common.lazy import lazy_names
+
 if TYPE_CHECKING:
     from readygo.common.avatars import Avatar as Avatar
     from readygo.common.avatars import load_avatar as load_avatar
@@ -91,19 +93,11 @@ _NAMES = {
     ),
 }
 """The public names, by the module that each is loaded from."""
-_HOME = {name: module for module, names in _NAMES.items() for name in names}
 # A type checker knows the names from the imports above, and thereby those that do not exist.
 if not TYPE_CHECKING:
-    __all__ = ["__version__", *_HOME]
+    __all__ = ["__version__", *(name for names in _NAMES.values() for name in names)]
 
-    def __getattr__(name: str) -> object:
-        import importlib
-
-        if name not in _HOME:
-            raise AttributeError(f"module 'readygo' has no attribute {name!r}")
-        value = getattr(importlib.import_module(_HOME[name]), name)
-        globals()[name] = value
-        return value
+    __getattr__ = lazy_names(__name__, _NAMES)
 
     def __dir__() -> list[str]:
         return sorted({*globals(), *__all__})

@@ -62,6 +62,9 @@ COMMANDS = {
     "recover": Command(
         "readygo.apps.commands.recover:recover", "save what is whole of a damaged dataset, and record the rest again"
     ),
+    "requeue": Command(
+        "readygo.apps.commands.requeue:requeue", "record again what was on a recorder's disk that is gone"
+    ),
     "inspect": Command("readygo.apps.commands.data:inspect", "say what a dataset holds"),
     "coverage": Command(
         "readygo.apps.commands.coverage:coverage", "show what a dataset covers, and what it does not, on one page"
@@ -77,6 +80,9 @@ COMMANDS = {
         "readygo.apps.commands.card:card", "write a README.md of a data folder: what it holds, in pictures"
     ),
     "export": Command("readygo.apps.commands.export:export", "write a dataset in the format of another program"),
+    "store": Command(
+        "readygo.apps.commands.store:store", "copy finished shards to an object store, and read them back"
+    ),
     "learn": Command(
         "readygo.apps.commands.learn:learn", "record and learn side by side, until a policy drives well in a scene"
     ),
@@ -109,6 +115,10 @@ COMMANDS = {
     ),
     "bench plan": Command(
         "readygo.benchmarks.planning.plan:bench_plan", "measure success, times and smoothness of the robot experts"
+    ),
+    "bench chaos": Command(
+        "readygo.benchmarks.fleet.chaos:bench_chaos",
+        "record a run among random faults, and compare it with one in peace",
     ),
     "doctor": Command("readygo.apps.commands.doctor:doctor", "say what this machine has, lacks and can do"),
     "completion": Command("readygo.commands:completion", "print a script that completes commands in a shell"),

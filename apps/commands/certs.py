@@ -2,6 +2,7 @@
 
 import sys
 from pathlib import Path
+from types import ModuleType
 
 from readygo.common.errors import CertificateError
 from readygo.common.extras import install_command
@@ -48,7 +49,7 @@ def certs_issue(
     sys.stderr.write(f"{', '.join(names)}: in {out or authority}, valid for {days:g} days.\n")
 
 
-def _certificates():  # type: ignore[no-untyped-def]
+def _certificates() -> ModuleType:
     try:
         from readygo.common import certificates
     except ImportError as error:

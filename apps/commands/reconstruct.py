@@ -94,6 +94,7 @@ def reconstruct_command(
     scale: float = 0.0,
     preset: Preset = "draft",
     steps: int | None = None,
+    plain: bool = False,
     frames: int = 300,
     mapper: Literal["auto", "incremental", "global"] = "auto",
     threads: int = 0,
@@ -118,6 +119,7 @@ def reconstruct_command(
         scale: Metres per unit of the map, where nothing else tells it.
         preset: draft takes minutes on two cores, standard and high are for longer.
         steps: Steps of the training; those of the preset by default.
+        plain: Leave out what makes Gaussians lie on surfaces: faster, better images, worse depths and maps.
         frames: At most this many frames of a video are used.
         mapper: auto is incremental up to 200 images, global beyond.
         threads: Of the mapper; 0 takes all cores, 1 gives the same map each time.
@@ -136,6 +138,10 @@ def reconstruct_command(
         scale=scale,
     )
     config = _config(metric, frames, mapper, threads, preset, steps)
+    if plain:
+        gaussians = config.gaussians
+        gaussians = replace(gaussians, geometry=replace(gaussians.geometry, enabled=False))
+        config = replace(config, gaussians=gaussians)
     job = Job(source=source, out=out, work=work or out.with_name(f"{out.name}.work"), license=license)
     lines = Lines(STAGES)
     try:

@@ -36,9 +36,9 @@ def reconstruct_room(out: Path, scene: str, say: Callable[[str], None]) -> Path:
     video, room = out / VIDEO, out / ROOM
     say(f"filming the living room with a marker of {MARKER_SIZE_M:g} m on its floor")
     scene_capture(scene, out=video, walk=True, marker_size_m=MARKER_SIZE_M, start=LIVING_ROOM_M, radius=RADIUS_M)
-    say(f"readygo reconstruct {video} --marker-size-m {MARKER_SIZE_M:g} --preset draft --steps {STEPS} --out {room}")
+    say(f"readygo reconstruct {video} --marker-size-m {MARKER_SIZE_M:g} --steps {STEPS} --plain --out {room}")
     reconstruct_command(
-        video, out=room, work=out / WORK, marker_size_m=MARKER_SIZE_M, preset="draft", steps=STEPS, license="CC0-1.0"
+        video, out=room, work=out / WORK, marker_size_m=MARKER_SIZE_M, steps=STEPS, plain=True, license="CC0-1.0"
     )
     views = load_scene(room).views
     assert views is not None

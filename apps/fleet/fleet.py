@@ -14,6 +14,7 @@ from pathlib import Path
 import readygo
 from readygo.apps.fleet.token import with_token
 from readygo.common.bus.identity import COORDINATOR, RECORDER
+from readygo.common.dataset.places import shard_folders
 from readygo.common.errors import RunError
 
 log = logging.getLogger(__name__)
@@ -139,7 +140,9 @@ class Fleet:
         Raises:
             RunError: If one of them could not finish its shard.
         """
-        unfinished = any(part for folder in self._data for part in folder.glob("shard-*.mcap.part"))
+        unfinished = any(
+            part for data in self._data for place in shard_folders(data) for part in place.glob("shard-*.mcap.part")
+        )
         for member in self.members:
             code = member.process.returncode if member.process else 0
             fine = code == 0 or (code == -signal.SIGTERM and not unfinished)

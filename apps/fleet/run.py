@@ -15,6 +15,7 @@ from readygo.apps.fleet.token import given_token, new_token
 from readygo.apps.fleet.worker import make_coordinator, make_recorder
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.identity import numeric_class
+from readygo.apps.run.recorders import prepare_folders
 from readygo.apps.run.recovery import check_recorded, recover
 from readygo.apps.run.stages import LINE, Entry, stage_works
 from readygo.apps.run.world import World
@@ -72,6 +73,7 @@ def record(
     begin_s = time.monotonic()
     with folder.locked():
         recover(folder)
+        prepare_folders(folder, spec)
         recorded, samples_before = _recorded(folder, episodes)
         _save(folder, spec, episodes)
         if workers == 0 or recorded == episodes:
@@ -110,7 +112,7 @@ def run_in_process(folder: RunFolder, show: Show, line: Sequence[Entry] = LINE) 
     coordinator = make_coordinator(folder)
     coordination.attach(bus, coordinator)
     world = World(coordinator.spec, bus)
-    recorders = [make_recorder(bus, name, folder, world) for name in coordinator.config.recorders]
+    recorders = [make_recorder(bus, name, folder, world) for name in coordinator.recorders]
     for recorder in recorders:
         attach_recorder(bus, recorder)
     try:
@@ -150,7 +152,7 @@ def run_fleet(
     """Do the run with a fleet over Zenoh; see `places` for `workers` and `together`, and `record` for the others."""
     spec, _ = folder.load()
     token = "" if certs else given_token() or new_token()
-    recorders = World(spec).config.coordinator.recorders
+    recorders = _recorders(folder, spec)
     router = open_router(spec, recorders, endpoint, certs=certs, token=token)
     here, data = reached_here(endpoint), folder.path.resolve()
     fleet = Fleet(connect=here, run=spec.run, data=data, logs=folder.logs, token=token, certs=certs)
@@ -179,6 +181,14 @@ def run_fleet(
     if status.finished:
         fleet.check_recorders()
     return status
+
+
+def _recorders(folder: RunFolder, spec: RunSpec) -> tuple[str, ...]:
+    """The run's recorders, without those that were given up."""
+    ledger = coordination.Ledger(folder.ledger, spec.stages)
+    retired = ledger.retired()
+    ledger.close()
+    return tuple(name for name in World(spec).config.coordinator.recorders if name not in retired)
 
 
 def _supervise(checks: Sequence[Callable[[], None]], bus: Bus, show: Show) -> StatusReply:

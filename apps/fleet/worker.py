@@ -9,22 +9,19 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from readygo.apps.fleet.access import join
 from readygo.apps.fleet.fleet import CANNOT_WORK
-from readygo.apps.fleet.trainer import train_beside
 from readygo.apps.run.aside import keep_scenario
+from readygo.apps.run.config import config_of
 from readygo.apps.run.folder import RunFolder
-from readygo.apps.run.identity import check_same_make, numeric_class
+from readygo.apps.run.identity import check_same_make, files_of, numeric_class
 from readygo.apps.run.policy import check_offer
 from readygo.apps.run.recovery import Witness
-from readygo.apps.run.stages import stage_works
-from readygo.apps.run.training import make_config
-from readygo.apps.run.warm import warm_once
-from readygo.apps.run.world import World, files_of
 from readygo.common.bus import Bus
 from readygo.common.bus.identity import ALL, COORDINATOR, RECORDER, TRAINER
 from readygo.common.dataset.provenance import Provenance
@@ -35,6 +32,10 @@ from readygo.common.messages.reconstruction import RECONSTRUCTOR
 from readygo.services import coordinator as coordination
 from readygo.services.recorder import Recorder
 from readygo.services.recorder import attach as attach_recorder
+
+if TYPE_CHECKING:
+    # Scenes, avatars and what works with them take a second to load, which coordinator and recorder do without.
+    from readygo.apps.run.world import World
 
 SPEC_TIMEOUT_S = 30.0
 """Time that a worker waits for the coordinator to start [s]."""
@@ -89,7 +90,7 @@ def worker(
     name = name or f"{role}-{socket.gethostname()}-{os.getpid()}"
     try:
         if role == TRAINER:
-            buses = {each: join(connect, each, role, certs=certs) for each in run.split(",")}
+            buses: dict[str, Bus] = {each: join(connect, each, role, certs=certs) for each in run.split(",")}
             _train(buses, data, out, config, stop)
         else:
             bus = join(connect, run, role, name=name, certs=certs)
@@ -122,12 +123,15 @@ def _take_part(bus: Bus, role: str, name: str, data: tuple[Path, ...], stop: thr
 
 
 def _train(
-    buses: Mapping[str, Bus], data: tuple[Path, ...], out: Path | None, config: Path | None, stop: threading.Event
+    buses: dict[str, Bus], data: tuple[Path, ...], out: Path | None, config: Path | None, stop: threading.Event
 ) -> None:
+    from readygo.apps.fleet.trainer import train_beside
+    from readygo.apps.run.training import make_config
+
     try:
         if out is None:
             raise RunError("A trainer needs a folder for its policy: pass --out.")
-        train_beside(buses, make_config("best", config), out, data=data, stop=stop)
+        train_beside(dict(buses), make_config("best", config), out, data=data, stop=stop)
     finally:
         for bus in buses.values():
             bus.close()
@@ -151,8 +155,8 @@ def make_coordinator(folder: RunFolder, *, recorded_here: bool = True) -> coordi
         recorded_here: False where recorders have disks of their own, which nobody else can look into.
     """
     spec, wanted = folder.load()
-    config = World(spec).config
-    witness = Witness(folder.path)
+    config = config_of(spec)
+    witness = Witness(folder)
     return coordination.Coordinator(
         spec=spec,
         wanted=wanted,
@@ -165,10 +169,10 @@ def make_coordinator(folder: RunFolder, *, recorded_here: bool = True) -> coordi
     )
 
 
-def make_recorder(bus: Bus, name: str, folder: RunFolder, world: World) -> Recorder:
+def make_recorder(bus: Bus, name: str, folder: RunFolder, world: "World") -> Recorder:
     """A recorder of a run, into the run's data folder."""
     return Recorder(
-        folder=folder.path,
+        folder=folder.place_of(name),
         name=name,
         bus=bus,
         provenance=Provenance.of_run(world.spec),
@@ -211,11 +215,12 @@ def _watch_thread(
 
 
 def _coordinate(bus: Bus, folder: RunFolder, stop: threading.Event) -> None:
-    coordinator = make_coordinator(folder)
-    coordination.attach(bus, coordinator)
-    bus.announce(COORDINATOR, COORDINATOR)
-    while not stop.wait(TICK_S):
-        coordination.tick(bus, coordinator)
+    with folder.coordinated(patience_s=2 * LATE_S):
+        coordinator = make_coordinator(folder)
+        coordination.attach(bus, coordinator)
+        bus.announce(COORDINATOR, COORDINATOR)
+        while not stop.wait(TICK_S):
+            coordination.tick(bus, coordinator)
 
 
 def _record(bus: Bus, name: str, folder: RunFolder, stop: threading.Event) -> None:
@@ -228,6 +233,9 @@ def _record(bus: Bus, name: str, folder: RunFolder, stop: threading.Event) -> No
 
 
 def _work(bus: Bus, role: str, name: str, stop: threading.Event, *, alone: bool) -> None:
+    from readygo.apps.run.stages import stage_works
+    from readygo.apps.run.warm import warm_once
+
     world = _world(bus, role)
     if alone:
         check_same_make(world.spec, world.config)
@@ -238,7 +246,9 @@ def _work(bus: Bus, role: str, name: str, stop: threading.Event, *, alone: bool)
     pull(bus, Worker(name=name, numeric_class=numeric_class(world.config, world.spec.policy), works=works), stop=stop)
 
 
-def _world(bus: Bus, role: str) -> World:
+def _world(bus: Bus, role: str) -> "World":
+    from readygo.apps.run.world import World
+
     return World(bus.request(topics.SPEC, RunSpecRequest(role=role), timeout_s=SPEC_TIMEOUT_S), bus)
 
 

@@ -12,6 +12,7 @@ from readygo.common.camera.recorded import with_whole_camera
 from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.episode import EpisodeConfig
 from readygo.common.errors import ConfigError
+from readygo.common.messages import RunSpec
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import whole_steps
 from readygo.services.animator.config import AnimatorConfig
@@ -182,6 +183,11 @@ def with_disturbance(config: RunConfig, share: float) -> RunConfig:
     except ValueError as error:
         raise ConfigError(f"--disturb is the share of the expert's episodes: {error}") from error
     return dataclasses.replace(config, driver=driver)
+
+
+def config_of(spec: RunSpec) -> RunConfig:
+    """The settings of a run."""
+    return section_from_mapping(RunConfig, sections_of_today(spec.config))
 
 
 def resolved_sections(config: RunConfig) -> dict[str, Any]:

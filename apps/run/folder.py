@@ -11,8 +11,11 @@ from pathlib import Path
 from readygo.apps.run.config import RunConfig, resolved_sections, sections_of_today
 from readygo.apps.run.identity import identity
 from readygo.common.config import section_from_mapping
+from readygo.common.dataset.places import own_folders, shard_folders
+from readygo.common.dataset.writer import recorder_of_shard
 from readygo.common.errors import ConfigError, RunError
 from readygo.common.files import write_whole
+from readygo.common.locks import hold
 from readygo.common.messages import RunSpec, decode, encode
 
 STATE_FOLDER = ".readygo"
@@ -50,9 +53,26 @@ class RunFolder:
         return self.state / "logs"
 
     @property
+    def places(self) -> list[Path]:
+        """Folders of the run's shards: this one, and those of recorders that have a disk of their own.
+
+        Raises:
+            DatasetError: If the disk of one is not there.
+        """
+        return shard_folders(self.path)
+
+    def place_of(self, recorder: str) -> Path:
+        """The folder that a recorder records into."""
+        return own_folders(self.path).get(recorder, self.path)
+
+    def shard(self, name: str) -> Path:
+        """Where a shard of this name is, or should be."""
+        return self.place_of(recorder_of_shard(name)) / name
+
+    @property
     def has_data(self) -> bool:
         """False also for what a start leaves behind that failed: nothing of it binds the next one."""
-        return self.ledger.exists() or any(self.path.glob("shard-*.mcap*"))
+        return self.ledger.exists() or any(self.path.glob("shard-*.mcap*")) or bool(own_folders(self.path))
 
     def check(self, spec: RunSpec) -> None:
         """See whether this run may use the folder; changes nothing.
@@ -85,6 +105,25 @@ class RunFolder:
             except OSError as error:
                 raise RunError(f"Another process is generating into {self.path}; wait for it or stop it.") from error
             yield
+
+    @contextmanager
+    def coordinated(self, *, patience_s: float) -> Iterator[None]:
+        """Be the one coordinator of the run for as long as the block runs.
+
+        Args:
+            patience_s: Time that another one has to end, whose parent may be gone a moment ago [s].
+
+        Raises:
+            RunError: If another one stays, or the folder is none of a run.
+        """
+        self.load()
+        descriptor = hold(self.state / "coordinator.lock", patience_s=patience_s)
+        if descriptor is None:
+            raise RunError(f"Another coordinator is at work on {self.path}; stop it first.")
+        try:
+            yield
+        finally:
+            os.close(descriptor)
 
     @contextmanager
     def reachable(self, endpoint: str, token: str) -> Iterator[None]:

@@ -15,7 +15,7 @@ from readygo.common.errors import PolicyError, RunError
 from readygo.common.extras import install_command
 from readygo.common.messages import PolicyRef, RunSpec, encode
 from readygo.common.messages.stages import EXPERT_LINE
-from readygo.common.rasterizer.interface import GPU_BACKENDS
+from readygo.common.rasterizer.backend_names import GPU_BACKENDS
 from readygo.services.planner.humans.scenario_file import text_hash
 
 _NUMERIC_PACKAGES = ("numpy", "numba", "llvmlite", "scipy", "opencv-python-headless")
@@ -133,3 +133,15 @@ def _commit() -> str:
         return ""
     done = subprocess.run(["git", "rev-parse", "HEAD"], cwd=root, capture_output=True, text=True, check=False)
     return done.stdout.strip()
+
+
+def files_of(spec: RunSpec) -> dict[str, Path]:
+    """What workers on other machines may lack of a run, by hash, on the machine that began it."""
+    scene = Path(spec.scene_path)
+    files = {file.sha256: scene / file.path for file in spec.scene_files}
+    if spec.avatar_files:
+        place = Path(spec.avatars_path)
+        files |= {file.sha256: place if place.is_file() else place / file.path for file in spec.avatar_files}
+    if spec.policy is not None:
+        files |= {file.sha256: Path(spec.policy.path) / file.path for file in spec.policy.files}
+    return files

@@ -6,6 +6,7 @@ recorded again. A damaged shard becomes an open one, of which its recorder saves
 
 import json
 import logging
+import re
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -15,7 +16,7 @@ from readygo.apps.run.folder import RunFolder
 from readygo.common.dataset.committed import episode_indices
 from readygo.common.dataset.index import DATA_END_SIZE, ShardIndex, index_path, load_index, mapped, tail_offset
 from readygo.common.dataset.records import RECORD_HEADER
-from readygo.common.dataset.writer import PART_SUFFIX, shard_name
+from readygo.common.dataset.writer import PART_SUFFIX, recorder_of_shard, shard_name
 from readygo.common.errors import DatasetError, RunError
 from readygo.common.files import write_whole
 from readygo.common.messages import RunSpec, Stage
@@ -66,13 +67,13 @@ def recover(folder: RunFolder, *, every_byte: bool = False) -> Findings:
     findings = Findings()
     sound = _sound_shards(folder, findings, every_byte=every_byte)
     for name in findings.damaged:
-        _reopen(folder.path / name)
+        _reopen(folder.shard(name))
     ledger = _open_ledger(folder, spec.stages, findings)
     try:
         lost = _give_back(ledger, folder, sound)
         findings.lost = sorted(lost - _adopted(ledger, sound, spec))
         if findings.rebuilt:
-            indices = [index for shard in folder.path.glob(f"{SHARDS}*") for index in _indices(shard)]
+            indices = [index for shard in _shards(folder, f"{SHARDS}*") for index in _indices(shard)]
             ledger.fill_gaps(max(indices, default=-1), wanted)
     finally:
         ledger.close()
@@ -105,15 +106,20 @@ def check_recorded(folder: RunFolder) -> None:
 class Witness:
     """Tells whether an episode is in a recorder's shards; what was read of a shard once is not read again."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: RunFolder) -> None:
         self._folder = folder
         self._read: dict[str, tuple[int, set[int]]] = {}
 
     def holds_episode(self, recorder: str, shard: str, index: int) -> bool:
-        """True if a recorder's shard, or one that it has not finished, begins an episode of this index."""
-        name = Path(shard).name
-        open_shards = sorted(self._folder.glob(f"shard-{recorder}-*.mcap{PART_SUFFIX}"), reverse=True)
-        places = [self._folder / name, self._folder / (name + PART_SUFFIX), *open_shards]
+        """True if a recorder's shard, or one that it has not finished, begins an episode of this index.
+
+        False for a name that none of its shards can have: whoever may report might report anything.
+        """
+        if not re.fullmatch(rf"shard-{re.escape(recorder)}-\d{{5,}}\.mcap", shard):
+            return False
+        name, folder = shard, self._folder.place_of(recorder)
+        open_shards = sorted(folder.glob(f"shard-{recorder}-*.mcap{PART_SUFFIX}"), reverse=True)
+        places = [folder / name, folder / (name + PART_SUFFIX), *open_shards]
         return any(index in self._indices(path) for path in dict.fromkeys(places))
 
     def _indices(self, shard: Path) -> set[int]:
@@ -131,6 +137,10 @@ class Witness:
         return found
 
 
+def _shards(folder: RunFolder, pattern: str) -> list[Path]:
+    return sorted(shard for place in folder.places for shard in place.glob(pattern))
+
+
 def _indices(shard: Path) -> list[int]:
     """Indices of the episodes in a shard, finished or not; none of a file that is none."""
     return [index for index, _ in episode_indices(shard)] if shard.is_file() and shard.suffix != ".index" else []
@@ -145,7 +155,7 @@ def _sound_shards(folder: RunFolder, findings: Findings, *, every_byte: bool = F
     known = {} if every_byte else _read_note(note)
     sound: dict[str, ShardIndex] = {}
     stamps: dict[str, list[int]] = {}
-    for shard in sorted(folder.path.glob(SHARDS)):
+    for shard in _shards(folder, SHARDS):
         stat = shard.stat()
         stamp = [stat.st_size, stat.st_mtime_ns]
         try:
@@ -182,20 +192,16 @@ def _reopen(shard: Path) -> None:
     part = shard.with_name(shard.name + PART_SUFFIX)
     if part.exists():
         # Left by a crash: each of the two may hold what the other has not.
-        recorder = _recorder(shard.name)
+        recorder = recorder_of_shard(shard.name)
         part = shard.with_name(shard_name(recorder, next_number(shard.parent, recorder)) + PART_SUFFIX)
     index_path(shard).unlink(missing_ok=True)
     shard.rename(part)
 
 
-def _recorder(shard: str) -> str:
-    return shard.removeprefix("shard-").rsplit("-", 1)[0]
-
-
 def _open_ledger(folder: RunFolder, stages: tuple[Stage, ...], findings: Findings) -> Ledger:
     """The run's ledger; a new one where it is damaged, or gone although there are shards."""
     new = not folder.ledger.exists()
-    findings.rebuilt = new and any(folder.path.glob(f"{SHARDS}*"))
+    findings.rebuilt = new and bool(_shards(folder, f"{SHARDS}*"))
     try:
         ledger = Ledger(folder.ledger, stages)
         ledger.check()
@@ -223,7 +229,9 @@ def _adopted(ledger: Ledger, sound: Mapping[str, ShardIndex], spec: RunSpec) -> 
                 continue
             found.add(key.index)
             if key.index not in known:
-                ledger.adopt(key.index, _recorder(name), name, int(episode["sample_count"]), shard.ending(row).policy)
+                ledger.adopt(
+                    key.index, recorder_of_shard(name), name, int(episode["sample_count"]), shard.ending(row).policy
+                )
     return found
 
 
@@ -232,9 +240,10 @@ def _give_back(ledger: Ledger, folder: RunFolder, sound: Mapping[str, ShardIndex
     lost: set[int] = set()
     for name, episodes in ledger.shards().items():
         missing = _missing(episodes, sound.get(name))
-        if missing and (folder.path / (name + PART_SUFFIX)).exists():
+        part = folder.shard(name + PART_SUFFIX)
+        if missing and part.exists():
             ledger.doubt(name)
-            lost |= set(missing) - set(_indices(folder.path / (name + PART_SUFFIX)))
+            lost |= set(missing) - set(_indices(part))
         elif missing:
             ledger.miss(missing)
             lost |= set(missing)

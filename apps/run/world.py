@@ -7,12 +7,11 @@ from collections.abc import Iterable, Mapping
 from functools import cached_property
 from pathlib import Path
 
-from readygo.apps.run.config import RunConfig, sections_of_today
+from readygo.apps.run.config import config_of
 from readygo.apps.run.policy import file_ref
 from readygo.common.avatars import Avatar, load_avatars
 from readygo.common.avatars.file import avatar_hash, avatar_paths
 from readygo.common.bus import Bus
-from readygo.common.config import section_from_mapping
 from readygo.common.dataset.provenance import Provenance
 from readygo.common.dataset.stage import Stage
 from readygo.common.errors import RunError, SceneError
@@ -37,7 +36,7 @@ class World:
 
     def __init__(self, spec: RunSpec, bus: Bus | None = None) -> None:
         self.spec = spec
-        self.config = section_from_mapping(RunConfig, sections_of_today(spec.config))
+        self.config = config_of(spec)
         self._bus = bus
         self._policies: dict[PolicyRef, Policy] = {}
 
@@ -198,15 +197,3 @@ def _fetched(bus: Bus, files: Iterable[FileRef], kind: str, name: str) -> Path:
             raise RunError(f"The run names a file outside of its bundle: {file.path!r}.")
         fetch_file(bus, file, path)
     return folder
-
-
-def files_of(spec: RunSpec) -> dict[str, Path]:
-    """What workers on other machines may lack of a run, by hash, on the machine that began it."""
-    scene = Path(spec.scene_path)
-    files = {file.sha256: scene / file.path for file in spec.scene_files}
-    if spec.avatar_files:
-        place = Path(spec.avatars_path)
-        files |= {file.sha256: place if place.is_file() else place / file.path for file in spec.avatar_files}
-    if spec.policy is not None:
-        files |= {file.sha256: Path(spec.policy.path) / file.path for file in spec.policy.files}
-    return files

@@ -60,7 +60,6 @@ def settings(*, steps: int, gaussians: int, batch: int, side_px: int, hold_out: 
         steps=steps,
         batch=batch,
         side_max_px=side_px,
-        coarse=4,
         hold_out=hold_out,
         density=replace(draft.density, count_max=gaussians),
         geometry=replace(draft.geometry, enabled=False),

@@ -62,7 +62,7 @@ def _watched(run: subprocess.Popen[bytes]) -> dict[str, Reading]:
     """The last reading of each worker while a process runs, with the most private memory of all its readings."""
     readings: dict[str, Reading] = {}
     while run.poll() is None:
-        for pid, name in _workers_below(run.pid):
+        for pid, name in workers_below(run.pid):
             reading = _reading(pid)
             if reading is not None:
                 most_mb = max(reading["private_mb"], readings.get(name, {}).get("most_mb", 0.0))
@@ -71,7 +71,7 @@ def _watched(run: subprocess.Popen[bytes]) -> dict[str, Reading]:
     return readings
 
 
-def _workers_below(parent: int) -> list[tuple[int, str]]:
+def workers_below(parent: int) -> list[tuple[int, str]]:
     """Process numbers and names of the workers that a process has started."""
     found = []
     for folder in Path("/proc").glob("[0-9]*"):

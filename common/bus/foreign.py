@@ -27,7 +27,7 @@ class ForeignSession:
             BusError: If no router answers there.
         """
         try:
-            self._session = zenoh.open(_config("client", "", connect=connect))
+            self._session = zenoh.open(_config("client", "", None, connect=connect))
         except zenoh.ZError as error:
             raise BusError(f"No Zenoh router answers at {connect}: {_first_words(error)}.") from error
         self._declared: list[Any] = []

@@ -46,7 +46,7 @@ _LOGGED = "zenoh_link_tls=warn"
 
 
 def _config(
-    mode: str, token: str, identity: Identity | None, *, listen: str | None = None, connect: str | None = None
+    mode: str, token: str, identity: Identity | None = None, *, listen: str | None = None, connect: str | None = None
 ) -> zenoh.Config:
     settings: dict[str, Any] = {
         "mode": mode,

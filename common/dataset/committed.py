@@ -15,6 +15,7 @@ from mcap.opcode import Opcode
 from readygo.common.dataset import schemas
 from readygo.common.dataset.chunk import EpisodeChunk, parse, read_chunk
 from readygo.common.dataset.labels import boxes_of, footprints_of, joints_of
+from readygo.common.dataset.places import shard_folders
 from readygo.common.dataset.poses import pose_xyzyaw
 from readygo.common.dataset.records import (
     CHUNK_FIELDS,
@@ -71,7 +72,9 @@ def committed_episode(folder: Path, wanted: EpisodeKey) -> CommittedEpisode | No
 
 def _shards(folder: Path) -> list[Path]:
     """Finished ones, then open ones."""
-    return [*sorted(folder.glob("shard-*.mcap")), *sorted(folder.glob(f"shard-*.mcap{PART_SUFFIX}"))]
+    patterns = ("shard-*.mcap", f"shard-*.mcap{PART_SUFFIX}")
+    places = shard_folders(folder)
+    return [path for pattern in patterns for place in places for path in sorted(place.glob(pattern))]
 
 
 def episode_keys(shard: Path) -> list[EpisodeKey]:

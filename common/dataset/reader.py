@@ -18,6 +18,7 @@ from readygo.common.config import section_differences
 from readygo.common.dataset.chunk import parse
 from readygo.common.dataset.index import ShardIndex, load_index, mapped
 from readygo.common.dataset.labels import boxes_of, footprints_of, joints_of
+from readygo.common.dataset.places import shard_folders
 from readygo.common.dataset.poses import pose_xyzyaw
 from readygo.common.dataset.provenance import Provenance
 from readygo.common.dataset.records import chunk_span, iter_messages, iter_records
@@ -95,14 +96,15 @@ class Dataset:
                 image sizes or robots differ.
         """
         places = [folders] if isinstance(folders, str | Path) else folders
-        self.shards: tuple[Path, ...] = tuple(shard for folder in places for shard in find_shards(folder))
+        found = [(number, shard) for number, folder in enumerate(places) for shard in find_shards(folder)]
+        self.shards: tuple[Path, ...] = tuple(shard for _, shard in found)
         """The files."""
         indexes = [load_index(shard) for shard in self.shards]
         _check_alike(self.shards, indexes)
         self.provenance: Provenance = indexes[0].provenance
         """What the first shard says about its run; robot and image size are the same in all."""
         self.height_px, self.width_px = (int(indexes[0].episodes[0][name]) for name in ("height_px", "width_px"))
-        order = _episode_order(self.shards, indexes)
+        order = _episode_order([number for number, _ in found], indexes)
         self.episodes: tuple[EpisodeEntry, ...] = _entries(self.shards, indexes, order)
         """Every episode, in the order of the samples."""
         _check_unique(self.episodes)
@@ -477,7 +479,7 @@ def find_shards(folder: str | Path) -> list[Path]:
     folder = Path(folder)
     if not folder.is_dir():
         raise DatasetError(f"Data folder {folder} does not exist; record one with `readygo generate`.")
-    shards = sorted(folder.glob("shard-*.mcap"))
+    shards = [shard for place in shard_folders(folder) for shard in sorted(place.glob("shard-*.mcap"))]
     if not shards:
         open_count = len(list(folder.glob("shard-*.mcap.part")))
         hint = f"{open_count} are still being written" if open_count else "record some with `readygo generate`"
@@ -495,13 +497,12 @@ def decode_image(data: bytes) -> npt.NDArray[np.uint8] | None:
     return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), dtype=np.uint8)
 
 
-def _episode_order(shards: Sequence[Path], indexes: Sequence[ShardIndex]) -> list[tuple[int, int]]:
-    """(shard, row) of every episode in the dataset's order."""
-    folders = list(dict.fromkeys(shard.parent for shard in shards))
+def _episode_order(folders: Sequence[int], indexes: Sequence[ShardIndex]) -> list[tuple[int, int]]:
+    """(shard, row) of every episode in the dataset's order; `folders` has the number of each shard's data folder."""
 
     def rank(place: tuple[int, int]) -> tuple[Any, ...]:
         episode = indexes[place[0]].episodes[place[1]]
-        return folders.index(shards[place[0]].parent), episode["seed"], episode["split"], episode["index"]
+        return folders[place[0]], episode["seed"], episode["split"], episode["index"]
 
     places = [(shard, row) for shard, index in enumerate(indexes) for row in range(len(index.episodes))]
     return sorted(places, key=rank)

@@ -20,6 +20,7 @@ from readygo.common.dataset.index import (
     read_provenance,
     tail_offset,
 )
+from readygo.common.dataset.places import shard_folders
 from readygo.common.dataset.reader import find_shards
 from readygo.common.dataset.records import RECORD_HEADER, ChunkSpan, chunk_span, is_intact, iter_records
 from readygo.common.dataset.schemas import OPTIONAL_CHANNELS
@@ -117,7 +118,7 @@ class _FolderCheck:
 
     def report(self, shard_count: int) -> Report:
         """All that was found."""
-        parts = len(list(self._folder.glob("shard-*.mcap.part")))
+        parts = sum(len(list(place.glob("shard-*.mcap.part"))) for place in shard_folders(self._folder))
         if parts:
             self._notes.append(f"{parts} shards are open (.part): still written, or left by a crash.")
         return Report(

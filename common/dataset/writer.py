@@ -47,6 +47,11 @@ def shard_name(recorder: str, number: int) -> str:
     return f"shard-{recorder}-{number:05d}.mcap"
 
 
+def recorder_of_shard(name: str) -> str:
+    """The recorder of a shard, finished or not, by its file name."""
+    return name.removeprefix("shard-").rsplit("-", 1)[0]
+
+
 def sync_folder(folder: Path) -> None:
     """Make the folder's entries durable."""
     descriptor = os.open(folder, os.O_RDONLY)

@@ -40,11 +40,17 @@ class Grants:
         request = ExpectRequest(recorder=self._recorder, episode=episode, attempt=attempt, lease=lease)
         return self._bus.request(topics.EXPECT, request, timeout_s=self._timeout_s)
 
-    def trouble(self, reason: str) -> None:
-        """Say what keeps the recorder from recording, empty for nothing any more, if somebody hears it."""
+    def trouble(self, reason: str) -> bool:
+        """Say what keeps the recorder from recording, empty for nothing any more, if somebody hears it.
+
+        Returns:
+            True if other recorders record now what this one has not.
+        """
         with contextlib.suppress(BusError):
             request = TroubleRequest(recorder=self._recorder, reason=reason)
-            self._bus.request(topics.TROUBLE, request, timeout_s=self._timeout_s)
+            verdict = self._bus.request(topics.TROUBLE, request, timeout_s=self._timeout_s)
+            return verdict.status is VerdictStatus.DONE
+        return False
 
     def ask(self, index: int, attempt: int) -> VerdictStatus:
         """May the recorder make this attempt durable?

@@ -9,9 +9,10 @@ from typing import get_args
 from readygo.common.avatars import Avatar
 from readygo.common.avatars.file import avatar_hash
 from readygo.common.gaussians import GaussianCloud
+from readygo.common.rasterizer.backend_names import Backend
 from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
 from readygo.common.rasterizer.gpu.availability import require_kernels
-from readygo.common.rasterizer.interface import Backend, PinholeCamera, Rasterizer
+from readygo.common.rasterizer.interface import PinholeCamera, Rasterizer
 from readygo.common.rasterizer.lod.avatar import AvatarTree
 from readygo.common.rasterizer.lod.files import load_or_build_avatar_tree, load_or_build_tree, load_or_pack_avatar
 from readygo.common.rasterizer.lod.tree import ChunkTree

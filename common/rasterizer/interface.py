@@ -3,7 +3,7 @@
 import itertools
 from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -14,9 +14,6 @@ from readygo.common.images.images import Images, require_outputs
 from readygo.common.rasterizer.constants import FEET_M
 
 Singles = npt.NDArray[np.float32]
-Backend = Literal["cpu", "reference", "triton", "gsplat"]
-"""What can stand behind the interface; `readygo.common.rasterizer.backends` makes them."""
-GPU_BACKENDS = ("triton", "gsplat")
 MAX_HUMANS = 255
 """Humans that a mask of bytes can tell apart."""
 

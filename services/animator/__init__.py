@@ -1,20 +1,36 @@
 """The animator: how humans move along their trajectories."""
 
-from readygo.services.animator.config import AnimatorConfig
-from readygo.services.animator.gait.human import GaitSkeleton, skeleton_of
-from readygo.services.animator.gait.quality import MotionQuality, measure
-from readygo.services.animator.gait.walk import walk
-from readygo.services.animator.handlers import Animator, handle_animate
-from readygo.services.animator.service import attach
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "Animator",
-    "AnimatorConfig",
-    "GaitSkeleton",
-    "MotionQuality",
-    "attach",
-    "handle_animate",
-    "measure",
-    "skeleton_of",
-    "walk",
-]
+from readygo.common.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from readygo.services.animator.config import AnimatorConfig as AnimatorConfig
+    from readygo.services.animator.gait.human import GaitSkeleton as GaitSkeleton
+    from readygo.services.animator.gait.human import skeleton_of as skeleton_of
+    from readygo.services.animator.gait.quality import MotionQuality as MotionQuality
+    from readygo.services.animator.gait.quality import measure as measure
+    from readygo.services.animator.gait.walk import walk as walk
+    from readygo.services.animator.handlers import Animator as Animator
+    from readygo.services.animator.handlers import handle_animate as handle_animate
+    from readygo.services.animator.service import attach as attach
+else:
+    _NAMES = {
+        ".config": ("AnimatorConfig",),
+        ".gait.human": (
+            "GaitSkeleton",
+            "skeleton_of",
+        ),
+        ".gait.quality": (
+            "MotionQuality",
+            "measure",
+        ),
+        ".gait.walk": ("walk",),
+        ".handlers": (
+            "Animator",
+            "handle_animate",
+        ),
+        ".service": ("attach",),
+    }
+    __all__ = [name for names in _NAMES.values() for name in names]
+    __getattr__ = lazy_names(__name__, _NAMES)

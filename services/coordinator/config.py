@@ -1,6 +1,6 @@
 """Settings of the coordinator."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -9,6 +9,8 @@ class CoordinatorConfig:
 
     recorders: tuple[str, ...] = ("rec0",)
     """Names of the recorders that share the run's episodes; each has a process and shards of its own."""
+    folders: dict[str, str] = field(default_factory=dict)
+    """Folders of recorders that have a disk of their own, by their names; the others record into the data folder."""
     lease_s: float = 15.0
     """A lease ends this long after its claim or latest renewal [s]."""
     plan_ahead: int = 64
@@ -31,3 +33,9 @@ class CoordinatorConfig:
             raise ValueError(f"{wrong[0]} must be positive, got {getattr(self, wrong[0])}.")
         if not self.recorders or len(set(self.recorders)) != len(self.recorders):
             raise ValueError(f"recorders must be different names, at least one, got {list(self.recorders)}.")
+        if not isinstance(self.folders, dict) or not all(isinstance(place, str) for place in self.folders.values()):
+            raise ValueError(f"folders must be a table of folders by recorder, got {self.folders!r}.")
+        if unknown := sorted(set(self.folders) - set(self.recorders)):
+            raise ValueError(f"folders names {unknown[0]!r}, which is none of the recorders {list(self.recorders)}.")
+        if len(set(self.folders.values())) < len(self.folders):
+            raise ValueError(f"folders must differ from recorder to recorder, got {list(self.folders.values())}.")

@@ -5,6 +5,7 @@ import hmac
 import logging
 import secrets
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 
 from readygo.common.errors import DiskError, RunError
@@ -102,6 +103,10 @@ class Coordinator:
         self.cancelled = False
         self.troubles: dict[str, str] = {}
         """What somebody must mend before the run goes on, by whom it keeps from work."""
+        self.recorders = tuple(name for name in self.config.recorders if name not in ledger.retired())
+        """Those that were not given up."""
+        self.given: Counter[str] = Counter()
+        """Leases that each of them got since the process began."""
         self._check_recorders()
         if made_by := spec.metadata.get("numeric_class"):
             ledger.agree("numeric_class", made_by)
@@ -120,9 +125,25 @@ class Coordinator:
         """True when no more work will be given out."""
         return bool(self.failed) or self.cancelled or self.finished
 
-    def recorder_of(self, index: int) -> str:
-        """The recorder that takes an episode."""
-        return self.config.recorders[index % len(self.config.recorders)]
+    def choose_recorder(self) -> str:
+        """The recorder for the next episode: of those that can record, the one with the fewest on their way to it.
+
+        Of equal ones it is the one that got the fewest so far.
+        """
+        loads = self.ledger.loads()
+        return min(self._able() or self.recorders, key=lambda name: (loads.get(name, 0), self.given[name]))
+
+    def _able(self) -> list[str]:
+        """Recorders that nothing is known of that would keep them from recording."""
+        return [name for name in self.recorders if not {name, _presence(name)} & set(self.troubles)]
+
+    def others_take_over(self, recorder: str) -> bool:
+        """Have other recorders record what one cannot; False if there is none that can."""
+        if set(self._able()) <= {recorder}:
+            return False
+        if taken := self.ledger.take_from(recorder):
+            log.warning("%d episodes that %s cannot record go to others", taken, recorder)
+        return True
 
     def note_recorder(self, name: str, *, alive: bool) -> None:
         """A recorder came, or is gone: what was granted to it waits for it, and so do its senders."""
@@ -130,10 +151,15 @@ class Coordinator:
         gone = (
             f"Recorder {name} is gone and holds {granted} episodes; `readygo worker recorder --name {name}` starts it."
         )
-        _trouble(self, f"presence of {name}", "" if alive else gone)
+        _trouble(self, _presence(name), "" if alive else gone)
 
     def _check_recorders(self) -> None:
         """Refuse to leave out a recorder that may hold episodes which the ledger has not heard of."""
+        if not self.recorders:
+            raise RunError(
+                f"All recorders of this run were given up ({', '.join(self.config.recorders)}): name another one in "
+                "[coordinator] recorders."
+            )
         if missing := sorted(self.ledger.granted_recorders() - set(self.config.recorders)):
             raise RunError(
                 f"Recorder {missing[0]!r} was given episodes of this run; name it in [coordinator] recorders again."
@@ -155,9 +181,11 @@ def handle_claim(coordinator: Coordinator, stage: Stage, request: ClaimRequest) 
         return ClaimReply(status=ClaimStatus.WAIT)
     deadline_s = coordinator.clock() + coordinator.config.lease_s
     try:
-        while lease := coordinator.ledger.claim(stage, request.worker, deadline_s):
+        recorder = coordinator.choose_recorder() if stage.records else ""
+        while lease := coordinator.ledger.claim(stage, request.worker, deadline_s, recorder):
             if (inputs := _inputs(coordinator, lease)) is not None:
-                return _lease_reply(coordinator, stage, lease, inputs)
+                coordinator.given[recorder] += 1
+                return _lease_reply(coordinator, recorder, lease, inputs)
             coordinator.ledger.begin_anew(lease.index)
     except DiskError as error:
         coordinator.troubles[_LEDGER] = str(error)
@@ -244,11 +272,12 @@ def handle_lost(coordinator: Coordinator, request: LostRequest) -> Verdict:
 
 
 def handle_trouble(coordinator: Coordinator, request: TroubleRequest) -> Verdict:
-    """Something keeps a recorder from recording, or does no more."""
-    if request.recorder not in coordinator.config.recorders:
-        return Verdict(status=VerdictStatus.STALE, reason=f"the run has no recorder {request.recorder!r}")
+    """Something keeps a recorder from recording, or does no more; DONE if others record now what it has not."""
+    if unknown := _unknown_recorder(coordinator, request.recorder):
+        return unknown
     _trouble(coordinator, request.recorder, request.reason[:REASON_MAX])
-    return Verdict(status=VerdictStatus.OK)
+    taken = bool(request.reason) and coordinator.others_take_over(request.recorder)
+    return Verdict(status=VerdictStatus.DONE if taken else VerdictStatus.OK)
 
 
 def handle_pending(coordinator: Coordinator, request: PendingRequest) -> PendingReply:
@@ -390,11 +419,24 @@ def _proves_lease(coordinator: Coordinator, proof: str, index: int, attempt: int
 
 def _of_another_recorder(coordinator: Coordinator, recorder: str, index: int) -> Verdict | None:
     """What is said to a recorder that is not the one of an episode."""
-    if recorder == coordinator.recorder_of(index):
+    chosen = coordinator.ledger.recorder_of(index)
+    if unknown := _unknown_recorder(coordinator, recorder):
+        return unknown
+    if chosen in ("", recorder):
         return None
-    return Verdict(
-        status=VerdictStatus.STALE, reason=f"episode {index} is for {coordinator.recorder_of(index)}, not {recorder}"
-    )
+    return Verdict(status=VerdictStatus.STALE, reason=f"episode {index} is for {chosen}, not {recorder}")
+
+
+def _unknown_recorder(coordinator: Coordinator, recorder: str) -> Verdict | None:
+    """What is said to a recorder that the run has not, or has no more."""
+    if recorder in coordinator.recorders:
+        return None
+    return Verdict(status=VerdictStatus.STALE, reason=f"the run has no recorder {recorder!r}")
+
+
+def _presence(recorder: str) -> str:
+    """Whose trouble it is when a recorder is gone."""
+    return f"presence of {recorder}"
 
 
 def _verdict(held: bool) -> Verdict:
@@ -422,14 +464,14 @@ def _inputs(coordinator: Coordinator, lease: Lease) -> tuple[Blob, ...] | None:
     return tuple(inputs)
 
 
-def _lease_reply(coordinator: Coordinator, stage: Stage, lease: Lease, inputs: tuple[Blob, ...]) -> ClaimReply:
+def _lease_reply(coordinator: Coordinator, recorder: str, lease: Lease, inputs: tuple[Blob, ...]) -> ClaimReply:
     return ClaimReply(
         status=ClaimStatus.LEASE,
         episode=EpisodeKey(seed=coordinator.spec.seed, split=coordinator.spec.split, index=lease.index),
         attempt=lease.attempt,
         ttl_s=coordinator.config.lease_s,
         inputs=inputs,
-        recorder=coordinator.recorder_of(lease.index) if stage.records else "",
+        recorder=recorder,
         policy=_leased_policy(coordinator, lease),
         lease=_lease_proof(coordinator, lease.index, lease.attempt),
     )

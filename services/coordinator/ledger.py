@@ -52,6 +52,8 @@ ASIDE = "set aside: "
 _FORGOTTEN = "rejected before the ledger was made anew"
 _REBUILT = "rebuilt"
 """Key of the length that a run was to have when its ledger was made anew."""
+_RETIRED = "retired/"
+"""Begins the key of a recorder that was given up."""
 _DISK_CODES = (sqlite3.SQLITE_FULL, sqlite3.SQLITE_READONLY, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_CANTOPEN)
 
 
@@ -132,20 +134,21 @@ class Ledger:
         rebuilt = self._one("SELECT value FROM run WHERE key = ?", _REBUILT)
         return min(int(row[0]), int(rebuilt[0])) if rebuilt else int(row[0])
 
-    def claim(self, stage: Stage, worker: str, deadline_s: float) -> Lease | None:
-        """Lease the waiting episode of smallest index at `stage`, if there is one.
+    def claim(self, stage: Stage, worker: str, deadline_s: float, recorder: str = "") -> Lease | None:
+        """Lease the waiting episode of smallest index at `stage`, if there is one, to be given to a recorder.
 
         With the stage that records comes the policy that is assigned to the episode, else the newest one.
         """
         with self._lock:
             row = self._one(
-                """UPDATE episode SET state = 'leased', attempt = attempt + 1, worker = ?, deadline_s = ?,
+                """UPDATE episode SET state = 'leased', attempt = attempt + 1, worker = ?, deadline_s = ?, recorder = ?,
                 policy = CASE WHEN ? THEN
                     coalesce(assigned, (SELECT sha256 FROM policy ORDER BY version DESC LIMIT 1), '') ELSE '' END
                 WHERE idx = (SELECT idx FROM episode WHERE state = 'waiting' AND stage = ? ORDER BY idx LIMIT 1)
                 RETURNING idx, attempt, policy""",
                 worker,
                 deadline_s,
+                recorder,
                 stage.records,
                 stage.name,
             )
@@ -241,6 +244,48 @@ class Ledger:
         row = self._one("SELECT count(*) FROM episode WHERE state = 'rejected' AND reason LIKE ?", f"{ASIDE}%")
         assert row is not None
         return int(row[0])
+
+    def recorder_of(self, index: int) -> str:
+        """The recorder that an episode was last leased, granted or committed to; empty if it was to none."""
+        row = self._one("SELECT recorder FROM episode WHERE idx = ?", index)
+        return str(row[0]) if row else ""
+
+    def loads(self) -> dict[str, int]:
+        """Episodes that are on their way to a recorder, by its name."""
+        return dict(
+            self._all(
+                """SELECT recorder, count(*) FROM episode WHERE state IN ('leased', 'granted') AND stage = ?
+                GROUP BY recorder""",
+                self._stages[-1].name,
+            )
+        )
+
+    def take_from(self, recorder: str) -> int:
+        """Have others record what is on its way to a recorder and not durable; returns how many episodes that are."""
+        rows = self._all(
+            """UPDATE episode SET state = 'waiting', worker = ''
+            WHERE state IN ('leased', 'granted') AND recorder = ? AND stage = ? RETURNING idx""",
+            recorder,
+            self._stages[-1].name,
+        )
+        return len(rows)
+
+    def retire(self, recorder: str) -> int:
+        """Give a recorder up with all that it has: its episodes are made again; returns how many those are."""
+        with self._transaction():
+            rows = self._all(
+                """UPDATE episode SET state = 'waiting', worker = '', stage = ?
+                WHERE state IN ('leased', 'granted', 'committed') AND recorder = ? RETURNING idx""",
+                self._stages[0].name,
+                recorder,
+            )
+            self._run("INSERT OR REPLACE INTO run VALUES (?, '')", _RETIRED + recorder)
+        return len(rows)
+
+    def retired(self) -> set[str]:
+        """The recorders that were given up."""
+        rows = self._all("SELECT key FROM run WHERE key LIKE ?", f"{_RETIRED}%")
+        return {key.removeprefix(_RETIRED) for (key,) in rows}
 
     def holder(self, index: int, attempt: int) -> str:
         """The worker that holds an episode under this attempt; empty if none does."""

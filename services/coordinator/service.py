@@ -36,7 +36,7 @@ def attach(bus: Bus, coordinator: Coordinator) -> None:
     bus.serve(topics.STATUS, partial(handlers.handle_status, coordinator))
 
     def changed(role: str, name: str, alive: bool) -> None:
-        if name in coordinator.config.recorders:
+        if name in coordinator.recorders:
             coordinator.note_recorder(name, alive=alive)
         elif not alive and requeue_lost(coordinator, worker=name):
             bus.publish(topics.WAKE, Wake())

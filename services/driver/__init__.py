@@ -1,32 +1,42 @@
 """The driver: lets a policy or the expert drive, and asks the expert at every state what it would do."""
 
-from readygo.services.driver.config import DriverConfig
-from readygo.services.driver.disturbance import Disturbance, disturbs
-from readygo.services.driver.handlers import (
-    AHEAD_STEPS,
-    Advice,
-    Camera,
-    Drive,
-    Expert,
-    PolicyDriver,
-    Weigher,
-    drive,
-    driver_of,
-)
-from readygo.services.driver.risks import RiskMap
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "AHEAD_STEPS",
-    "Advice",
-    "Camera",
-    "Disturbance",
-    "Drive",
-    "DriverConfig",
-    "Expert",
-    "PolicyDriver",
-    "RiskMap",
-    "Weigher",
-    "disturbs",
-    "drive",
-    "driver_of",
-]
+from readygo.common.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from readygo.services.driver.config import DriverConfig as DriverConfig
+    from readygo.services.driver.disturbance import Disturbance as Disturbance
+    from readygo.services.driver.disturbance import disturbs as disturbs
+    from readygo.services.driver.handlers import AHEAD_STEPS as AHEAD_STEPS
+    from readygo.services.driver.handlers import Advice as Advice
+    from readygo.services.driver.handlers import Camera as Camera
+    from readygo.services.driver.handlers import Drive as Drive
+    from readygo.services.driver.handlers import Expert as Expert
+    from readygo.services.driver.handlers import PolicyDriver as PolicyDriver
+    from readygo.services.driver.handlers import Weigher as Weigher
+    from readygo.services.driver.handlers import drive as drive
+    from readygo.services.driver.handlers import driver_of as driver_of
+    from readygo.services.driver.risks import RiskMap as RiskMap
+else:
+    _NAMES = {
+        ".config": ("DriverConfig",),
+        ".disturbance": (
+            "Disturbance",
+            "disturbs",
+        ),
+        ".handlers": (
+            "AHEAD_STEPS",
+            "Advice",
+            "Camera",
+            "Drive",
+            "Expert",
+            "PolicyDriver",
+            "Weigher",
+            "drive",
+            "driver_of",
+        ),
+        ".risks": ("RiskMap",),
+    }
+    __all__ = [name for names in _NAMES.values() for name in names]
+    __getattr__ = lazy_names(__name__, _NAMES)

@@ -43,6 +43,10 @@ class EpisodeBuffers:
         """Forget an episode."""
         self._buffers.pop(index, None)
 
+    def clear(self) -> None:
+        """Forget all episodes: others record them."""
+        self._buffers.clear()
+
     def add(self, request: AppendRequest) -> AppendReply:
         """Take a batch: OK, STALE or GAP.
 

@@ -1,7 +1,6 @@
 """Samples in, durable episodes out: exactly once, whatever dies meanwhile."""
 
 import errno
-import fcntl
 import logging
 import os
 import re
@@ -16,6 +15,7 @@ from readygo.common.dataset.provenance import provenance_to_strings
 from readygo.common.dataset.stage import Stage
 from readygo.common.errors import BusError, DiskError, RunError
 from readygo.common.fleet.grants import Grants
+from readygo.common.locks import hold
 from readygo.common.messages import (
     AppendReply,
     AppendRequest,
@@ -43,8 +43,12 @@ from readygo.services.recorder.salvage import (
 
 _log = logging.getLogger(__name__)
 
+LEAVING_S = 10.0
+"""Time that another process of the name has to end, whose parent may be gone a moment ago [s]."""
 FULL_S = 1.0
 """A disk that took nothing is tried again after this time [s]."""
+ROOM_BYTES = 2**20
+"""It takes something again when it takes so much."""
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
 _READ_ONLY = (errno.EROFS, errno.EACCES, errno.EPERM)
 
@@ -175,6 +179,8 @@ class Recorder:
         if self._trouble and time.monotonic() - self._tried_s < FULL_S:
             return False
         try:
+            if self._trouble:
+                self._try_disk()
             self._reconcile()
         except BusError:
             return False
@@ -231,7 +237,8 @@ class Recorder:
         """Wait for the disk: grants are kept, and their episodes written when it takes them."""
         if not self._trouble:
             _log.warning("%s", error)
-        self._grants.trouble(str(error))
+        if self._grants.trouble(str(error)):
+            self._buffers.clear()
         self._trouble, self._tried_s = str(error), time.monotonic()
         self._reconciled = False
         if self._writer is not None and not self._writer.is_open:
@@ -329,6 +336,17 @@ class Recorder:
             else:
                 self._grants.report(LostRequest(recorder=self.name, index=index, reason=""))
 
+    def _try_disk(self) -> None:
+        """Raise DiskError if the disk still takes nothing: there may be no episode left to find that out with."""
+        probe = self._folder / f".room-{self.name}"
+        try:
+            probe.write_bytes(bytes(ROOM_BYTES))
+        except OSError as error:
+            raise self._disk_error(error) from error
+        finally:
+            with suppress(OSError):
+                probe.unlink(missing_ok=True)
+
     def _salvage(self, shard: OpenShard) -> None:
         """Publish an open shard without the episodes that are elsewhere by now."""
         target = self._folder / shard.path.stem
@@ -397,13 +415,8 @@ def _lock_path(folder: Path, name: str) -> Path:
 
 
 def _lock(folder: Path, name: str) -> int:
-    """Hold the recorder's name in this folder; the operating system lets go of it when the process dies."""
-    descriptor = os.open(_lock_path(folder, name), os.O_RDWR | os.O_CREAT, 0o644)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:
-        os.close(descriptor)
-        raise RunError(
-            f"Recorder {name} is recording into {folder} already; stop it, or choose another name."
-        ) from error
+    """Hold the recorder's name in this folder."""
+    descriptor = hold(_lock_path(folder, name), patience_s=LEAVING_S)
+    if descriptor is None:
+        raise RunError(f"Recorder {name} is recording into {folder} already; stop it, or choose another name.")
     return descriptor

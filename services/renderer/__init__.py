@@ -1,29 +1,40 @@
 """The renderer: images of a scene with people in it."""
 
-from readygo.services.renderer.config import RendererConfig
-from readygo.services.renderer.handlers import (
-    NO_PICTURE,
-    Renderer,
-    described_samples,
-    episode_header,
-    episode_samples,
-    handle_render,
-)
-from readygo.services.renderer.live import LiveCamera
-from readygo.services.renderer.looks import Look, look_around, unclear
-from readygo.services.renderer.service import attach
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "NO_PICTURE",
-    "LiveCamera",
-    "Look",
-    "Renderer",
-    "RendererConfig",
-    "attach",
-    "described_samples",
-    "episode_header",
-    "episode_samples",
-    "handle_render",
-    "look_around",
-    "unclear",
-]
+from readygo.common.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from readygo.services.renderer.config import RendererConfig as RendererConfig
+    from readygo.services.renderer.handlers import NO_PICTURE as NO_PICTURE
+    from readygo.services.renderer.handlers import Renderer as Renderer
+    from readygo.services.renderer.handlers import described_samples as described_samples
+    from readygo.services.renderer.handlers import episode_header as episode_header
+    from readygo.services.renderer.handlers import episode_samples as episode_samples
+    from readygo.services.renderer.handlers import handle_render as handle_render
+    from readygo.services.renderer.live import LiveCamera as LiveCamera
+    from readygo.services.renderer.looks import Look as Look
+    from readygo.services.renderer.looks import look_around as look_around
+    from readygo.services.renderer.looks import unclear as unclear
+    from readygo.services.renderer.service import attach as attach
+else:
+    _NAMES = {
+        ".config": ("RendererConfig",),
+        ".handlers": (
+            "NO_PICTURE",
+            "Renderer",
+            "described_samples",
+            "episode_header",
+            "episode_samples",
+            "handle_render",
+        ),
+        ".live": ("LiveCamera",),
+        ".looks": (
+            "Look",
+            "look_around",
+            "unclear",
+        ),
+        ".service": ("attach",),
+    }
+    __all__ = [name for names in _NAMES.values() for name in names]
+    __getattr__ = lazy_names(__name__, _NAMES)

@@ -5,7 +5,7 @@ from typing import Literal, get_args
 
 from readygo.common.camera import SensorConfig
 from readygo.common.images.images import OUTPUTS
-from readygo.common.rasterizer.interface import GPU_BACKENDS, Backend
+from readygo.common.rasterizer.backend_names import GPU_BACKENDS, Backend
 
 
 @dataclass(frozen=True, kw_only=True)

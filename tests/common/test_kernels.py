@@ -133,3 +133,10 @@ def test_cache_folder_that_cannot_be_made_names_the_variable(tmp_path: Path, mon
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
     with pytest.raises(files.ReadygoError, match=r"Not a directory.*set XDG_CACHE_HOME"):
         files.cache_folder("scenes")
+
+
+def test_what_a_package_loads_lazily_is_imported_by_whoever_imports_the_package() -> None:
+    root = Path(kernels.__file__).parents[1]
+    found = kernels._with_imports(root / "services" / "driver" / "risks.py")
+    assert root / "common" / "episode" / "__init__.py" in found
+    assert root / "common" / "episode" / "collision.py" in found

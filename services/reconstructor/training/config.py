@@ -50,7 +50,7 @@ class DensityConfig:
     """Fainter ones are removed or moved."""
     scale_max: Annotated[float, Range(above=0.0)] = 0.1
     """Larger ones are removed, in extents of the scene; `gradients` only."""
-    stretch_max: Annotated[float, Range(low=1.0)] = 5.0
+    stretch_max: Annotated[float, Range(low=1.0)] = 20.0
     """A Gaussian's longest axis is at most this many times its middle one: longer ones look right from the cameras
     alone, and are needles from elsewhere."""
     reset_every: Annotated[float, Range(above=0.0)] = 0.2
@@ -144,10 +144,9 @@ def preset(name: Preset) -> GaussiansConfig:
     if name == "draft":
         return GaussiansConfig(
             steps=3000,
-            side_max_px=320,
-            coarse=2,
+            side_max_px=640,
             density=DensityConfig(method="mcmc", count_max=150_000, growth=0.1),
-            geometry=replace(surfaces, patches_max=1024),
+            geometry=surfaces,
         )
     if name == "standard":
         return GaussiansConfig(steps=7000, density=DensityConfig(count_max=500_000), geometry=surfaces)

@@ -132,7 +132,7 @@ class _Learner:
         if not math.isfinite(value):
             raise PolicyError(f"The loss is {value} after {run.samples} samples; try a smaller --learning-rate.")
         run.optimizer.zero_grad()
-        loss.backward()
+        loss.backward()  # type: ignore[no-untyped-call]
         run.optimizer.step()
         run.steps, run.samples = run.steps + 1, run.samples + config.batch_size
         if run.averaged is not None:

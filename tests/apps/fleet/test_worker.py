@@ -25,6 +25,9 @@ def endpoint() -> Iterator[str]:
 @pytest.fixture(autouse=True)
 def _signals_stay(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("readygo.apps.fleet.worker.signal.signal", lambda *_: None)
+    # Kernels are not what these tests are about, and nor is who made the run.
+    for name in ("warm_once", "check_same_make"):
+        monkeypatch.setattr(f"readygo.apps.fleet.worker.{name}", lambda *_: None)
 
 
 def test_worker_that_somebody_must_help_ends_with_a_code_of_its_own(

@@ -125,3 +125,19 @@ def test_start_that_failed_binds_nobody(tmp_path: Path) -> None:
     folder.ledger.touch()
     with pytest.raises(RunError, match="seed differ"):
         folder.check(SPEC)
+
+
+def test_run_has_one_coordinator(tmp_path: Path) -> None:
+    folder = RunFolder(tmp_path)
+    with pytest.raises(RunError, match="is no data folder of a run"), folder.coordinated(patience_s=0.0):
+        pass
+    with folder.locked():
+        folder.save(SPEC, 3)
+    with (
+        folder.coordinated(patience_s=0.0),
+        pytest.raises(RunError, match="Another coordinator is at work on"),
+        folder.coordinated(patience_s=0.2),
+    ):
+        pass
+    with folder.coordinated(patience_s=0.0):
+        pass

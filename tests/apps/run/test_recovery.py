@@ -149,12 +149,13 @@ def test_crash_is_recovered_from_as_ever(folder: RunFolder) -> None:
 
 
 def test_episode_is_found_where_its_recorder_says_or_in_what_it_writes(folder: RunFolder) -> None:
-    name, witness = _shard(folder).name, Witness(folder.path)
+    name, witness = _shard(folder).name, Witness(folder)
     assert witness.holds_episode("rec0", name, 2)
     assert not witness.holds_episode("rec0", name, 0)
     assert not witness.holds_episode("rec0", "../" * 9 + "etc/passwd", 2)
     _shard(folder).rename(_shard(folder, 9).with_suffix(".mcap.part"))
     assert witness.holds_episode("rec0", name, 2)
+    assert not witness.holds_episode("rec0", "../" * 9 + "etc/passwd", 2)
     assert not witness.holds_episode("rec1", name, 2)
 
 
@@ -169,7 +170,7 @@ def test_shard_that_grows_is_read_on_from_where_it_ended(folder: RunFolder, monk
         return episode_indices(path, begin)
 
     monkeypatch.setattr(recovery, "episode_indices", read)
-    witness, last = Witness(folder.path), rest[-1][0]
+    witness, last = Witness(folder), rest[-1][0]
     shard.write_bytes(whole[:end])
     assert not witness.holds_episode("rec0", shard.name, last)
     shard.write_bytes(whole)

@@ -20,8 +20,8 @@ def worker():
 
 
 def test_workers_are_found_by_their_parent_and_named(worker) -> None:
-    assert (worker.pid, "r7") in memory._workers_below(os.getpid())
-    assert memory._workers_below(worker.pid) == []
+    assert (worker.pid, "r7") in memory.workers_below(os.getpid())
+    assert memory.workers_below(worker.pid) == []
 
 
 def test_memory_is_read_in_megabytes_until_the_process_ends() -> None:
@@ -34,7 +34,7 @@ def test_most_is_kept_of_all_readings(monkeypatch) -> None:
     polls = iter([None, None, None, 0])
     sizes = iter([10.0, 30.0, 20.0])
     monkeypatch.setattr(memory, "PERIOD_S", 0.0)
-    monkeypatch.setattr(memory, "_workers_below", lambda pid: [(1, "r0")])
+    monkeypatch.setattr(memory, "workers_below", lambda pid: [(1, "r0")])
     monkeypatch.setattr(memory, "_reading", lambda pid: {"private_mb": next(sizes), "resident_mb": 40.0})
     run = type("Run", (), {"pid": 1, "poll": lambda self: next(polls)})()
     assert memory._watched(run) == {"r0": {"private_mb": 20.0, "resident_mb": 40.0, "most_mb": 30.0}}

@@ -230,13 +230,13 @@ def test_samples_are_expected_of_leased_attempts_of_the_run_by_the_episodes_reco
     assert expect() == (VerdictStatus.OK, "")
     assert expect(10**9) == (VerdictStatus.STALE, "attempt 1000000000 of train-5-000000 is not leased to be recorded")
     assert expect(seed=999) == (VerdictStatus.STALE, "the run has train episodes of seed 5, not train-999-000000")
-    assert expect(recorder="mine") == (VerdictStatus.STALE, "episode 0 is for rec0, not mine")
+    assert expect(recorder="mine") == (VerdictStatus.STALE, "the run has no recorder 'mine'")
     assert expect(index=1)[0] is VerdictStatus.STALE
     assert expect(lease="guessed") == (VerdictStatus.STALE, "attempt 4 of episode 0 is held by another worker")
     line.bus.request(topics.GRANT, GrantRequest(recorder="rec0", index=0, attempt=4))
     assert expect() == (VerdictStatus.OK, "")
     grant = GrantRequest(recorder="mine", index=0, attempt=4)
-    assert line.bus.request(topics.GRANT, grant).reason == "episode 0 is for rec0, not mine"
+    assert line.bus.request(topics.GRANT, grant).reason == "the run has no recorder 'mine'"
 
 
 def test_worker_that_does_not_say_its_numeric_class_or_is_not_of_the_runs_is_refused(tmp_path: Path) -> None:
@@ -580,6 +580,61 @@ def test_run_of_the_expert_or_of_one_policy_takes_no_others(line: Line, tmp_path
     own = PolicyRef(path="p", files=(FileRef(path="head", sha256="a", size=1),), mix=0.5)
     with pytest.raises(PeerError, match="takes no policies: the policy that it began with drives"):
         Line(tmp_path / "other", stages=DRIVE_LINE, policy=own).offer(head=b"1")
+
+
+def _two_recorders(folder: Path) -> Line:
+    """A run with four episodes that wait for their images."""
+    line = Line(folder, wanted=4, recorders=("rec0", "east"))
+    for _ in range(4):
+        line.plan()
+    return line
+
+
+def test_recorder_with_the_fewest_episodes_on_their_way_gets_the_next(tmp_path: Path) -> None:
+    line = _two_recorders(tmp_path)
+    first = line.claim(RENDER)
+    assert [first.recorder, line.claim(RENDER).recorder] == ["rec0", "east"]
+    line.record(first)
+    assert [line.claim(RENDER).recorder, line.claim(RENDER).recorder] == ["rec0", "east"]
+
+
+def test_recorder_that_is_gone_or_has_trouble_gets_nothing_new_while_there_is_another(tmp_path: Path) -> None:
+    line = _two_recorders(tmp_path)
+    line.coordinator.note_recorder("east", alive=False)
+    assert [line.claim(RENDER).recorder for _ in range(2)] == ["rec0", "rec0"]
+    line.bus.request(topics.TROUBLE, TroubleRequest(recorder="rec0", reason="full"))
+    assert line.claim(RENDER).recorder in ("rec0", "east"), "all have trouble: whoever is over it first records"
+    line.coordinator.note_recorder("east", alive=True)
+    assert line.claim(RENDER).recorder == "east"
+
+
+def test_what_a_full_disk_does_not_take_another_recorder_gets(tmp_path: Path) -> None:
+    line = _two_recorders(tmp_path)
+    late, other = line.claim(RENDER), line.claim(RENDER)
+    assert line.grant(late) is VerdictStatus.OK
+    report = TroubleRequest(recorder="rec0", reason="full")
+    assert line.bus.request(topics.TROUBLE, report).status is VerdictStatus.DONE
+    assert line.grant(late) is VerdictStatus.STALE
+    again = line.claim(RENDER)
+    assert (again.episode, again.recorder) == (late.episode, "east")
+    assert again.inputs == late.inputs
+    report = TroubleRequest(recorder="east", reason="full as well")
+    assert line.bus.request(topics.TROUBLE, report).status is VerdictStatus.OK, "nobody is left to take them"
+    assert line.status().leased == {"render": 2}
+    assert other.recorder == "east"
+
+
+def test_recorder_that_was_given_up_is_no_recorder_any_more(tmp_path: Path) -> None:
+    line = _two_recorders(tmp_path)
+    line.record(line.claim(RENDER))
+    assert line.coordinator.ledger.retire("rec0") == 1
+    line.coordinator.ledger.close()
+    line = Line(tmp_path, wanted=4, recorders=("rec0", "east"))
+    assert (line.status().committed, line.status().waiting) == (0, {"human-plan": 1, "render": 3})
+    assert {line.claim(RENDER).recorder for _ in range(3)} == {"east"}
+    assert line.bus.request(topics.PENDING, PendingRequest(recorder="rec0")).indices == ()
+    with pytest.raises(RunError, match=r"All recorders of this run were given up \(rec0\)"):
+        Line(tmp_path, recorders=("rec0",))
 
 
 def test_paused_run_stays_paused_when_its_coordinator_is_started_again(tmp_path: Path) -> None:

@@ -29,6 +29,7 @@ class FakeCoordinator:
         self.unexpected: dict[int, VerdictStatus] = {}
         """What is said to samples of an episode; OK if nothing is."""
         self.troubles: list[str] = []
+        self.others_take_over = False
         self.bus.serve(topics.EXPECT, self._expect)
         self.bus.serve(topics.TROUBLE, self._trouble)
         self.bus.serve(topics.GRANT, self._grant)
@@ -54,7 +55,7 @@ class FakeCoordinator:
 
     def _trouble(self, request: TroubleRequest) -> Verdict:
         self.troubles.append(request.reason)
-        return Verdict(status=VerdictStatus.OK)
+        return Verdict(status=VerdictStatus.DONE if self.others_take_over else VerdictStatus.OK)
 
     def _grant(self, request: GrantRequest) -> Verdict:
         self._answer("grant")

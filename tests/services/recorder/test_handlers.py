@@ -320,7 +320,8 @@ def test_an_episode_larger_than_the_bound_is_still_recorded(make_recorder) -> No
     assert send(recorder, append_requests(0, 20)) == ["ok", "ok", "committed"]
 
 
-def test_second_recorder_of_a_name_is_refused(make_recorder, tmp_path) -> None:
+def test_second_recorder_of_a_name_is_refused_unless_the_first_one_leaves(make_recorder, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr("readygo.services.recorder.handlers.LEAVING_S", 0.2)
     recorder = make_recorder()
     with pytest.raises(RunError, match=r"r0 is recording into .* already"):
         make_recorder()
@@ -411,3 +412,29 @@ def test_episodes_with_other_outputs_go_into_a_shard_of_their_own(make_recorder,
     recorder.close()
     assert validate(tmp_path).defects == ()
     assert [entry.shard.name[-6] for entry in Dataset([tmp_path]).episodes] == ["0", "1", "1"]
+
+
+def test_episodes_that_others_record_meanwhile_are_dropped_and_the_disk_is_tried_again(
+    make_recorder, coordinator, tmp_path, monkeypatch
+) -> None:
+    monkeypatch.setattr("readygo.services.recorder.handlers.FULL_S", 0.0)
+    recorder = make_recorder()
+    coordinator.others_take_over = True
+
+    def refuse(*arguments: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("readygo.common.dataset.writer.os.write", refuse)
+    monkeypatch.setattr("pathlib.Path.write_bytes", refuse)
+    assert send(recorder, append_requests(0)) == ["ok", "retry"]
+    coordinator.granted.clear()
+    assert not recorder.settle(), "nothing waits for the disk any more, but it is still full"
+    coordinator.unexpected[0] = VerdictStatus.STALE
+    assert handle_append(recorder, append_requests(0)[-1]).status is AppendStatus.STALE
+    monkeypatch.undo()
+    monkeypatch.setattr("readygo.services.recorder.handlers.FULL_S", 0.0)
+    assert recorder.settle()
+    assert coordinator.troubles[-1] == ""
+    assert coordinator.lost == []
+    assert list(tmp_path.glob(".room*")) == []
+    recorder.close()

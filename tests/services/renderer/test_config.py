@@ -1,6 +1,6 @@
 import pytest
 
-from readygo.common.rasterizer.interface import GPU_BACKENDS
+from readygo.common.rasterizer.backend_names import GPU_BACKENDS
 from readygo.services.renderer import RendererConfig
 
 

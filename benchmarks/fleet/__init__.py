@@ -1,0 +1,1 @@
+"""What a fleet survives, how fast it recovers, and what it can carry."""

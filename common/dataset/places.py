@@ -1,0 +1,56 @@
+"""Where the shards of a data folder are: in it, and in the folders of recorders that have a disk of their own."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+from readygo.common.errors import DatasetError, ReadygoError
+from readygo.common.files import write_whole
+
+NOTE = "recorders.json"
+"""Names the folders of recorders that do not record into the data folder itself."""
+MARK = ".readygo-recorder"
+"""Lies in each of them: without it the disk is another one, or not mounted."""
+
+
+def own_folders(folder: Path) -> dict[str, Path]:
+    """The folders that recorders of a data folder have for themselves, by recorder.
+
+    Raises:
+        DatasetError: If the note of them cannot be read.
+    """
+    note = folder / NOTE
+    if not note.exists():
+        return {}
+    try:
+        return {str(name): Path(place) for name, place in json.loads(note.read_text()).items()}
+    except (OSError, ValueError, AttributeError, TypeError) as error:
+        raise DatasetError(f"{note}, which says where recorders have their shards, cannot be read: {error}.") from error
+
+
+def note_folders(folder: Path, folders: Mapping[str, Path], *, raises: type[ReadygoError] = ReadygoError) -> None:
+    """Write what `own_folders` reads."""
+    plain = {name: str(place) for name, place in folders.items()}
+    if plain or (folder / NOTE).exists():
+        write_whole(folder / NOTE, json.dumps(plain, indent=1) + "\n", raises=raises)
+
+
+def is_there(place: Path) -> bool:
+    """True if a recorder's own folder can be read, and is not the place where its disk should be mounted."""
+    return (place / MARK).is_file()
+
+
+def shard_folders(folder: Path) -> list[Path]:
+    """All folders with shards of a data folder, the folder itself first.
+
+    Raises:
+        DatasetError: If one is not there; the message says what to do.
+    """
+    own = own_folders(folder)
+    for name, place in own.items():
+        if not is_there(place):
+            raise DatasetError(
+                f"The folder of recorder {name}, {place}, is not there: mount its disk, or have its episodes recorded "
+                f"again: `readygo requeue {folder} --recorder {name}`."
+            )
+    return [folder, *own.values()]

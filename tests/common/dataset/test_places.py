@@ -1,0 +1,31 @@
+from pathlib import Path
+
+import pytest
+
+from readygo.common.dataset.places import MARK, NOTE, note_folders, own_folders, shard_folders
+from readygo.common.errors import DatasetError
+
+
+def test_folder_without_a_note_holds_all_shards(tmp_path: Path) -> None:
+    note_folders(tmp_path, {})
+    assert shard_folders(tmp_path) == [tmp_path]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_folders_of_recorders_follow(tmp_path: Path) -> None:
+    disk = tmp_path / "disk"
+    note_folders(tmp_path, {"east": disk})
+    with pytest.raises(DatasetError, match=r"The folder of recorder east, .*disk, is not there"):
+        shard_folders(tmp_path)
+    disk.mkdir()
+    (disk / MARK).touch()
+    assert shard_folders(tmp_path) == [tmp_path, disk]
+    note_folders(tmp_path, {})
+    assert own_folders(tmp_path) == {}
+
+
+@pytest.mark.parametrize("text", ["[1]", "{", '{"a": 1}'])
+def test_note_that_is_none_is_named(text: str, tmp_path: Path) -> None:
+    (tmp_path / NOTE).write_text(text)
+    with pytest.raises(DatasetError, match=r"recorders\.json, which says where .* cannot be read"):
+        shard_folders(tmp_path)
