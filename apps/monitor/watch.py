@@ -181,6 +181,7 @@ class Watch:
 
     def _hear(self, bus: Bus, role: str, name: str) -> None:
         """Hear a worker: each on streams of its own, so that it is known whose message came."""
+
         def hear(live: topics.Live[Message], handler: Callable[[tuple[str, str], Message], None]) -> None:
             bus.subscribe(live.of(role, name), partial(handler, (role, name)))
 
