@@ -25,6 +25,8 @@ EXTRAS: dict[Extra, tuple[str, str]] = {
     "reconstruct": ("pycolmap", "scene poses"),
     "export": ("pyarrow", "export to LeRobot and Parquet"),
     "robot-logs": ("rosbags", "import of robot logs"),
+    "metrics": ("prometheus_client", "--metrics"),
+    "otel": ("opentelemetry", "--traces"),
 }
 """For each extra a package that tells whether it is there, and what it is for."""
 FREE_MIN_GB = 2.0

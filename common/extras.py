@@ -7,7 +7,19 @@ from pathlib import Path
 from typing import Literal
 
 Extra = Literal[
-    "policy", "train", "gpu", "reconstruct", "export", "robot-logs", "store", "tls", "monitor", "foxglove", "rerun"
+    "policy",
+    "train",
+    "gpu",
+    "reconstruct",
+    "export",
+    "robot-logs",
+    "store",
+    "tls",
+    "monitor",
+    "foxglove",
+    "rerun",
+    "metrics",
+    "otel",
 ]
 """Names of the extras, as in pyproject.toml."""
 

@@ -98,6 +98,15 @@ def write_whole(path: str | Path, data: bytes | str, *, raises: type[ReadygoErro
         part.write_bytes(data.encode() if isinstance(data, str) else data)
 
 
+def disk_space(path: Path) -> tuple[int, int]:
+    """Room on the disk of a path for whom it is not reserved, and the disk's size [bytes]; zeros if it is gone."""
+    try:
+        usage = shutil.disk_usage(path)
+    except OSError:
+        return 0, 0
+    return usage.free, usage.total
+
+
 def cache_root() -> Path:
     """Readygo's part of the user's cache, `$XDG_CACHE_HOME/readygo` or `~/.cache/readygo`; it need not be there."""
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "readygo"

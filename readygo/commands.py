@@ -96,7 +96,7 @@ COMMANDS = {
         "readygo.apps.commands.simulate_robot:simulate_robot",
         "be a robot in a scene: send its images and odometry, and do as it is told",
     ),
-    "status": Command("readygo.apps.commands.control:status", "say how far a fleet's run is"),
+    "status": Command("readygo.apps.commands.status:status", "say how far a fleet's run is, and who works on it"),
     "pause": Command("readygo.apps.commands.control:pause", "let a fleet give out no more work for now"),
     "resume": Command("readygo.apps.commands.control:resume", "let a paused fleet go on"),
     "cancel": Command("readygo.apps.commands.control:cancel", "end a fleet's run; what is recorded stays"),

@@ -1,8 +1,6 @@
-"""`readygo status`, `pause`, `resume` and `cancel`: a run that a fleet is at work on."""
+"""`readygo pause`, `resume` and `cancel`: a run that a fleet is at work on."""
 
-import json as json_module
-import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -11,26 +9,8 @@ from readygo.apps.fleet.token import given_token
 from readygo.apps.run.folder import RunFolder
 from readygo.common.bus import Bus
 from readygo.common.bus.identity import MONITOR, OPERATOR
-from readygo.common.config import section_to_mapping
 from readygo.common.errors import RunError
-from readygo.common.messages import Command, ControlRequest, StatusReply, StatusRequest, topics
-
-
-def status(
-    data: Path | None = None, /, *, connect: str = "", run: str = "", certs: Path | None = None, json: bool = False
-) -> None:
-    """Say how far a run is.
-
-    Args:
-        data: Data folder that a fleet of this machine is recording into.
-        connect: Endpoint of the fleet's router, in place of the folder.
-        run: Name of the run there, as `readygo generate --listen` prints it.
-        certs: Folder with a certificate of a monitor or an operator, for a tls/ endpoint.
-        json: Print all numbers as JSON.
-    """
-    with _joined(data, connect, run, certs) as bus:
-        reply = bus.request(topics.STATUS, StatusRequest())
-    sys.stdout.write((json_module.dumps(section_to_mapping(reply)) if json else status_text(reply)) + "\n")
+from readygo.common.messages import Command, ControlRequest, topics
 
 
 def pause(data: Path | None = None, /, *, connect: str = "", run: str = "", certs: Path | None = None) -> None:
@@ -69,29 +49,19 @@ def cancel(data: Path | None = None, /, *, connect: str = "", run: str = "", cer
     _send(Command.CANCEL, data, connect, run, certs)
 
 
-def status_text(reply: StatusReply) -> str:
-    """How far a run is, in a few lines."""
-    lines = [f"{reply.committed} of {reply.wanted} episodes, {reply.samples} samples"]
-    counts = {"waiting": reply.waiting, "at work": reply.leased, "rejected": reply.rejected, "kept": reply.kept}
-    lines += [f"  {name}: {_listed(count)}" for name, count in counts.items() if count]
-    lines += [f"  policies offered: {reply.policies}"] if reply.policies else []
-    lines += ["  paused: `readygo resume` lets it go on"] if reply.paused else []
-    lines += [f"  waits: {reply.trouble}"] if reply.trouble else []
-    lines += [f"  ended: {reply.failed}"] if reply.failed else []
-    return "\n".join(lines)
-
-
-def _listed(counts: Mapping[str, int]) -> str:
-    return ", ".join(f"{count} {name}" for name, count in counts.items())
-
-
 def _send(command: Command, data: Path | None, connect: str, run: str, certs: Path | None) -> None:
-    with _joined(data, connect, run, certs) as bus:
+    with joined(data, connect, run, certs) as bus:
         bus.request(topics.CONTROL, ControlRequest(command=command))
 
 
 @contextmanager
-def _joined(data: Path | None, connect: str, run: str, certs: Path | None) -> Iterator[Bus]:
+def joined(data: Path | None, connect: str, run: str, certs: Path | None) -> Iterator[Bus]:
+    """The bus of a run that is named by its data folder, or by endpoint and name.
+
+    Raises:
+        RunError: If it is not named, or no fleet is at work on it.
+        BusError: If nobody answers there.
+    """
     token = given_token()
     if data is not None:
         folder = RunFolder(data)

@@ -13,11 +13,13 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
 from readygo.apps.cli import Bare, Group
-from readygo.apps.commands.coordinator import coordinator
+from readygo.apps.commands.coordinator import lead_run
 from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.fleet.run import Show, begin, record
 from readygo.apps.fleet.slurm import check_slurm
 from readygo.apps.monitor.beside import watched
+from readygo.apps.observe.logs import LogFormat
+from readygo.apps.observe.settings import NOTHING, OBSERVING, Observing
 from readygo.apps.run.again import prepare_again
 from readygo.apps.run.config import load_run_config, with_detail, with_disturbance, with_outputs
 from readygo.apps.run.folder import RunFolder
@@ -64,6 +66,9 @@ def generate(
     slurm: Annotated[str, RUNNING] = "",
     watch: Annotated[bool, RUNNING] = False,
     json: Annotated[bool, RUNNING] = False,
+    metrics: Annotated[str, OBSERVING] = "",
+    log_format: Annotated[LogFormat, OBSERVING] = "text",
+    traces: Annotated[str, OBSERVING] = "",
 ) -> None:
     """Record episodes of an expert among walking people; run again to resume.
 
@@ -106,6 +111,11 @@ def generate(
         slurm: Options of sbatch, such as "--partition=short --time=2:00:00".
         watch: Show the run on a page while it goes on, as `readygo monitor` does.
         json: Print the summary as JSON.
+        metrics: HOST:PORT where Prometheus finds this process, and HOST where it finds the others, each at a port of
+            its own; .readygo/targets in the data folder has all of them.
+        log_format: "json" has the processes log one JSON object a line, with run, worker, stage, episode and attempt.
+        traces: Where OpenTelemetry's spans of every episode go: an OTLP endpoint such as http://collector:4318, or a
+            folder.
     """
     if on == "slurm":
         check_slurm(workers, listen)
@@ -122,6 +132,7 @@ def generate(
         certs=certs,
         hosts=on == "hosts",
         watch=watch,
+        observing=Observing(metrics=metrics, log_format=log_format, traces=traces),
     )
     if again is not None:
         if scene:
@@ -166,6 +177,7 @@ class Where:
     hosts: bool
     """True for workers and recorders on other machines alone."""
     watch: bool = False
+    observing: Observing = NOTHING
 
 
 def _record(spec: RunSpec, out: Path, episodes: int, where: Where, *, json: bool) -> None:
@@ -176,7 +188,7 @@ def _record(spec: RunSpec, out: Path, episodes: int, where: Where, *, json: bool
         begin(spec, out, episodes)
         sys.stderr.write(f"{join}\n")
         with page:
-            coordinator(out, listen=where.listen, certs=where.certs)
+            lead_run(out, where.listen, where.certs, where.observing)
         return
     with page, progress_bar(first_words=join, quiet=json) as show:
         summary = record(
@@ -188,6 +200,7 @@ def _record(spec: RunSpec, out: Path, episodes: int, where: Where, *, json: bool
             slurm=where.slurm,
             certs=where.certs,
             show=show,
+            observing=where.observing,
         )
     clarity = run_clarity(spec, out)
     if json:

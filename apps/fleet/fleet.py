@@ -13,6 +13,8 @@ from pathlib import Path
 
 import readygo
 from readygo.apps.fleet.token import with_token
+from readygo.apps.observe.logs import message_of
+from readygo.apps.observe.settings import NOTHING, Observing
 from readygo.common.bus.identity import COORDINATOR, RECORDER
 from readygo.common.dataset.places import shard_folders
 from readygo.common.errors import RunError
@@ -60,11 +62,13 @@ class Fleet:
         data: Path | Sequence[Path],
         logs: Path,
         token: str = "",
+        observing: Observing = NOTHING,
         certs: Path | None = None,
     ) -> None:
         self._token = token
         self._data = [data] if isinstance(data, Path) else list(data)
         self._arguments = ["--connect", connect, "--run", run, "--data", *map(str, self._data), "--exit-with-parent"]
+        self._arguments += observing.of_member()
         self._arguments += ["--certs", str(certs.resolve())] if certs else []
         self._logs = logs
         self.members: list[Member] = []
@@ -198,6 +202,6 @@ def _is_stopped(pid: int) -> bool:
 
 
 def last_words(log: Path) -> str:
-    """The last line of a worker's log."""
+    """What the last line of a worker's log says."""
     lines = log.read_text(errors="replace").strip().splitlines() if log.exists() else []
-    return lines[-1] if lines else "it left no log."
+    return message_of(lines[-1]) if lines else "it left no log."

@@ -8,6 +8,9 @@ from pathlib import Path
 from readygo.apps.fleet.access import join, open_router, reached_here
 from readygo.apps.fleet.token import given_token, new_token
 from readygo.apps.fleet.worker import TICK_S, make_coordinator
+from readygo.apps.observe.health import showing_health
+from readygo.apps.observe.observer import Observer
+from readygo.apps.observe.settings import NOTHING
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.identity import check_version
 from readygo.common.bus import Bus
@@ -22,13 +25,14 @@ FAREWELL_S = 30.0
 """Time that workers and recorders have to hear that the run is over, and to finish their shards [s]."""
 
 
-def lead(folder: RunFolder, listen: str, *, certs: Path | None = None) -> StatusReply:
+def lead(folder: RunFolder, listen: str, *, certs: Path | None = None, observer: Observer | None = None) -> StatusReply:
     """Coordinate the run in a data folder until it is over and everybody has left.
 
     Args:
         folder: Of the run; of its shards only those lie in it whose recorders are told to write there.
         listen: Endpoint of the router.
         certs: Folder of certificates, for a tls/ endpoint.
+        observer: What this process shows of itself.
 
     Raises:
         RunError: If another process works on the folder, the run is of another version, or it cannot be finished.
@@ -38,13 +42,16 @@ def lead(folder: RunFolder, listen: str, *, certs: Path | None = None) -> Status
     spec, _ = folder.load()
     check_version(spec)
     token = "" if certs else given_token() or new_token()
+    watched = observer or Observer(NOTHING, run=spec.run, role=COORDINATOR, name=COORDINATOR)
     with folder.locked():
         coordinator = make_coordinator(folder, recorded_here=False)
+        watched.coordinator(coordinator)
         router = open_router(spec, coordinator.config.recorders, listen, certs=certs, token=token)
         try:
-            bus = join(reached_here(listen), spec.run, COORDINATOR, certs=certs, token=token)
+            bus = watched.bus(join(reached_here(listen), spec.run, COORDINATOR, certs=certs, token=token))
             try:
-                with folder.reachable(reached_here(listen), token):
+                health = showing_health(bus, COORDINATOR, COORDINATOR, data=folder.path, metrics=watched.metrics_at)
+                with folder.reachable(reached_here(listen), token), health:
                     return _until_over(bus, coordinator)
             finally:
                 bus.close()

@@ -13,6 +13,8 @@ from readygo.apps.fleet.roles import places
 from readygo.apps.fleet.slurm import SlurmWorkers
 from readygo.apps.fleet.token import given_token, new_token
 from readygo.apps.fleet.worker import make_coordinator, make_recorder
+from readygo.apps.observe.observer import Observer
+from readygo.apps.observe.settings import NOTHING, Observing
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.identity import numeric_class
 from readygo.apps.run.recorders import prepare_folders
@@ -28,6 +30,7 @@ from readygo.common.messages import ClaimStatus, RunSpec, StatusReply, StatusReq
 from readygo.services import coordinator as coordination
 from readygo.services.recorder import attach as attach_recorder
 
+LAUNCHER = "launcher"
 Show = Callable[[StatusReply], None]
 CHECK_S = 0.25
 """How often a fleet's processes are looked at, at least [s]."""
@@ -45,6 +48,7 @@ def record(
     show: Show = lambda status: None,
     together: bool = False,
     slurm: str | None = None,
+    observing: Observing = NOTHING,
     certs: Path | None = None,
 ) -> dict[str, Any]:
     """Do a run, or the rest of it.
@@ -58,6 +62,7 @@ def record(
         show: Hears how far the run is, now and then.
         together: True for workers that do all stages, see `places`.
         slurm: Options of sbatch, for workers that are Slurm jobs and do all stages; None starts them here.
+        observing: What its processes show of themselves; this one is the launcher.
         certs: Folder of certificates, for an endpoint tls/...
 
     Returns:
@@ -77,10 +82,19 @@ def record(
         recorded, samples_before = _recorded(folder, episodes)
         _save(folder, spec, episodes)
         if workers == 0 or recorded == episodes:
-            status = run_in_process(folder, show)
+            status = run_in_process(folder, show, observing=observing)
         else:
             endpoint = listen or free_endpoint()
-            status = run_fleet(folder, workers, endpoint, show, together=together, slurm=slurm, certs=certs)
+            status = run_fleet(
+                folder,
+                workers,
+                endpoint,
+                show,
+                together=together,
+                slurm=slurm,
+                certs=certs,
+                observing=observing,
+            )
         if status.failed:
             raise RunError(f"{status.failed} ({status.committed} of {status.wanted} episodes are recorded.)")
         check_recorded(folder)
@@ -100,16 +114,29 @@ def begin(spec: RunSpec, out: Path, episodes: int) -> None:
         _save(folder, spec, episodes)
 
 
-def run_in_process(folder: RunFolder, show: Show, line: Sequence[Entry] = LINE) -> StatusReply:
+def run_in_process(
+    folder: RunFolder, show: Show, line: Sequence[Entry] = LINE, observing: Observing = NOTHING
+) -> StatusReply:
     """Do all stages in this process, through the same handlers.
 
     Args:
         folder: Data folder that holds the run's spec.
         show: Hears how far the run is.
         line: What builds the works of the run's stages.
+        observing: What this process shows of itself.
     """
-    bus = InProcessBus()
+    with _observer(folder, observing) as observer:
+        return _run_in_process(folder, show, line, observer)
+
+
+def _observer(folder: RunFolder, observing: Observing) -> Observer:
+    return Observer(observing, run=folder.load()[0].run, role=LAUNCHER, name=LAUNCHER, state=folder.state)
+
+
+def _run_in_process(folder: RunFolder, show: Show, line: Sequence[Entry], observer: Observer) -> StatusReply:
+    bus = observer.bus(InProcessBus())
     coordinator = make_coordinator(folder)
+    observer.coordinator(coordinator)
     coordination.attach(bus, coordinator)
     world = World(coordinator.spec, bus)
     recorders = [make_recorder(bus, name, folder, world) for name in coordinator.recorders]
@@ -117,7 +144,7 @@ def run_in_process(folder: RunFolder, show: Show, line: Sequence[Entry] = LINE) 
         attach_recorder(bus, recorder)
     try:
         if not coordinator.over:
-            works = stage_works(world, bus, line=line)
+            works = observer.works(stage_works(world, bus, line=line))
             _work_until_over(
                 bus,
                 Worker(name="in-process", numeric_class=numeric_class(world.config, world.spec.policy), works=works),
@@ -147,6 +174,7 @@ def run_fleet(
     *,
     together: bool = False,
     slurm: str | None = None,
+    observing: Observing = NOTHING,
     certs: Path | None = None,
 ) -> StatusReply:
     """Do the run with a fleet over Zenoh; see `places` for `workers` and `together`, and `record` for the others."""
@@ -155,10 +183,17 @@ def run_fleet(
     recorders = _recorders(folder, spec)
     router = open_router(spec, recorders, endpoint, certs=certs, token=token)
     here, data = reached_here(endpoint), folder.path.resolve()
-    fleet = Fleet(connect=here, run=spec.run, data=data, logs=folder.logs, token=token, certs=certs)
+    fleet = Fleet(
+        connect=here, run=spec.run, data=data, logs=folder.logs, token=token, certs=certs, observing=observing
+    )
     bus = join(here, spec.run, COORDINATOR, certs=certs, token=token)
     try:
-        with folder.reachable(here, token), contextlib.ExitStack() as jobs:
+        with (
+            folder.reachable(here, token),
+            _observer(folder, observing) as observer,
+            contextlib.ExitStack() as jobs,
+        ):
+            observer.launcher(fleet.members)
             if certs:
                 jobs.enter_context(refusals_on_stderr())
             members = places(spec, recorders, workers, together=together)

@@ -12,10 +12,15 @@ import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
+from readygo.apps.cli import USER_MISTAKE
 from readygo.apps.fleet.access import join
 from readygo.apps.fleet.fleet import CANNOT_WORK
+from readygo.apps.observe.health import showing_health
+from readygo.apps.observe.logs import LogFormat, begin_logging
+from readygo.apps.observe.observer import Observer
+from readygo.apps.observe.settings import OBSERVING, Observing
 from readygo.apps.run.aside import keep_scenario
 from readygo.apps.run.config import config_of
 from readygo.apps.run.folder import RunFolder
@@ -36,6 +41,8 @@ from readygo.services.recorder import attach as attach_recorder
 if TYPE_CHECKING:
     # Scenes, avatars and what works with them take a second to load, which coordinator and recorder do without.
     from readygo.apps.run.world import World
+
+log = logging.getLogger(__name__)
 
 SPEC_TIMEOUT_S = 30.0
 """Time that a worker waits for the coordinator to start [s]."""
@@ -61,6 +68,9 @@ def worker(
     config: Path | None = None,
     certs: Path | None = None,
     exit_with_parent: bool = False,
+    metrics: Annotated[str, OBSERVING] = "",
+    log_format: Annotated[LogFormat, OBSERVING] = "text",
+    traces: Annotated[str, OBSERVING] = "",
 ) -> None:
     """Work in a fleet until the run is over, or until SIGTERM: what is under way then is finished.
 
@@ -81,45 +91,82 @@ def worker(
         config: TOML file with fields of `TrainConfig` that shall be others than the recipe's (trainer only).
         certs: Folder of certificates, of which the role's is shown to a tls/ endpoint.
         exit_with_parent: Exit as soon as standard input is closed.
+        metrics: HOST:PORT where Prometheus finds this process; port 0 takes a free one, which the log names, and a file
+            in .readygo/targets of the run's data folder.
+        log_format: "json" writes one JSON object a line, with run, worker, stage, episode and attempt.
+        traces: Where OpenTelemetry's spans go: an OTLP endpoint such as http://collector:4318, or a folder.
     """
-    logging.basicConfig(level=logging.INFO, stream=sys.stderr, format="%(asctime)s %(name)s %(levelname)s %(message)s")
     if role != TRAINER:
         _keep_the_heap_small()
     stop = _stop_signal(exit_with_parent)
     _watch_thread(threading.main_thread())
     name = name or f"{role}-{socket.gethostname()}-{os.getpid()}"
+    begin_logging(log_format, run=run, role=role, worker=name)
     try:
-        if role == TRAINER:
-            buses: dict[str, Bus] = {each: join(connect, each, role, certs=certs) for each in run.split(",")}
-            _train(buses, data, out, config, stop)
-        else:
-            bus = join(connect, run, role, name=name, certs=certs)
-            _take_part(bus, role, name, data, stop, alone=not exit_with_parent)
-    except BusError:
-        raise
+        observing = Observing(metrics=metrics, log_format=log_format, traces=traces)
+        state = RunFolder(data[0]).state if data else None
+        with Observer(observing, run=run, role=role, name=name, state=state) as observer:
+            if role == TRAINER:
+                buses: dict[str, Bus] = {each: join(connect, each, role, certs=certs) for each in run.split(",")}
+                _train(buses, data, out, config, stop)
+            else:
+                bus = observer.bus(join(connect, run, role, name=name, certs=certs))
+                _take_part(bus, role, name, data, stop, observer, alone=not exit_with_parent)
+    except BusError as error:
+        if log_format == "text":
+            raise
+        log.critical("%s", error)
+        raise SystemExit(USER_MISTAKE) from error
     except ReadygoError as error:
-        sys.stderr.write(f"readygo: {error}\n")
+        if log_format == "text":
+            sys.stderr.write(f"readygo: {error}\n")
+        else:
+            log.critical("%s", error)
         raise SystemExit(CANNOT_WORK) from error
 
 
-def _take_part(bus: Bus, role: str, name: str, data: tuple[Path, ...], stop: threading.Event, *, alone: bool) -> None:
+def _take_part(
+    bus: Bus,
+    role: str,
+    name: str,
+    data: tuple[Path, ...],
+    stop: threading.Event,
+    observer: Observer,
+    *,
+    alone: bool,
+) -> None:
     """Do a role's work; `alone` where nobody on this machine looks after the process."""
+    disk = data[0] if data and role in (COORDINATOR, RECORDER) else None
     try:
-        if role == COORDINATOR:
-            _coordinate(bus, _folder(role, data), stop)
-        elif role == RECORDER:
-            if alone:
-                bus.subscribe(topics.PROGRESS, lambda status: stop.set() if status.finished or status.failed else None)
-            _record(bus, name, _folder(role, data), stop)
-        elif role == RECONSTRUCTOR:
-            # It takes memory that no other worker needs.
-            from readygo.services.reconstructor.service import pull_jobs
-
-            pull_jobs(bus, name, stop)
-        else:
-            _work(bus, role, name, stop, alone=alone)
+        with showing_health(bus, role, name, data=disk, metrics=observer.metrics_at):
+            _do(bus, role, name, data, stop, observer, alone=alone)
     finally:
         bus.close()
+
+
+def _do(
+    bus: Bus,
+    role: str,
+    name: str,
+    data: tuple[Path, ...],
+    stop: threading.Event,
+    observer: Observer,
+    *,
+    alone: bool,
+) -> None:
+    if role == COORDINATOR:
+        _coordinate(bus, _folder(role, data), stop, observer)
+    elif role == RECORDER:
+        if alone:
+            bus.subscribe(topics.PROGRESS, lambda status: stop.set() if status.finished or status.failed else None)
+        _record(bus, name, _folder(role, data), stop, observer)
+    elif role == RECONSTRUCTOR:
+        # It takes memory that no other worker needs.
+        from readygo.services.reconstructor.service import pull_jobs
+
+        pull_jobs(bus, name, stop)
+    else:
+        _work(bus, role, name, stop, observer, alone=alone)
 
 
 def _train(
@@ -214,17 +261,19 @@ def _watch_thread(
     threading.Thread(target=watch, name="watch", daemon=True).start()
 
 
-def _coordinate(bus: Bus, folder: RunFolder, stop: threading.Event) -> None:
+def _coordinate(bus: Bus, folder: RunFolder, stop: threading.Event, observer: Observer) -> None:
     with folder.coordinated(patience_s=2 * LATE_S):
         coordinator = make_coordinator(folder)
+        observer.coordinator(coordinator)
         coordination.attach(bus, coordinator)
         bus.announce(COORDINATOR, COORDINATOR)
         while not stop.wait(TICK_S):
             coordination.tick(bus, coordinator)
 
 
-def _record(bus: Bus, name: str, folder: RunFolder, stop: threading.Event) -> None:
+def _record(bus: Bus, name: str, folder: RunFolder, stop: threading.Event, observer: Observer) -> None:
     recorder = make_recorder(bus, name, folder, _world(bus, RECORDER))
+    observer.recorder(recorder)
     attach_recorder(bus, recorder)
     bus.announce(RECORDER, name)
     while not stop.wait(SETTLE_S):
@@ -232,7 +281,7 @@ def _record(bus: Bus, name: str, folder: RunFolder, stop: threading.Event) -> No
     recorder.close()
 
 
-def _work(bus: Bus, role: str, name: str, stop: threading.Event, *, alone: bool) -> None:
+def _work(bus: Bus, role: str, name: str, stop: threading.Event, observer: Observer, *, alone: bool) -> None:
     from readygo.apps.run.stages import stage_works
     from readygo.apps.run.warm import warm_once
 
@@ -240,7 +289,7 @@ def _work(bus: Bus, role: str, name: str, stop: threading.Event, *, alone: bool)
     if alone:
         check_same_make(world.spec, world.config)
         warm_once()
-    works = stage_works(world, bus, "" if role == ALL else role)
+    works = observer.works(stage_works(world, bus, "" if role == ALL else role))
     world.forget_avatars()
     bus.announce(role, name)
     pull(bus, Worker(name=name, numeric_class=numeric_class(world.config, world.spec.policy), works=works), stop=stop)

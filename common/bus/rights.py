@@ -11,7 +11,7 @@ from typing import Any
 
 from readygo.common.bus.identity import ALL, COORDINATOR, MONITOR, OPERATOR, RECORDER, TRAINER, role_of
 
-_OPEN = ("ctl", "ctl/status", "coord/spec", "coord/*/claim")
+_OPEN = ("ctl", "ctl/status", "ctl/fleet", "coord/spec", "coord/*/claim")
 _WORKERS_ASK = ("coord/*/renew", "coord/*/complete", "blob", "rec/*/append")
 _RECORDERS_ASK = ("coord/rec/*", "blob")
 _EVERYTHING = (

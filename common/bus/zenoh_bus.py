@@ -17,6 +17,7 @@ from typing import Any, TypeVar
 
 import zenoh
 
+from readygo.common.bus.envelope import opened, seal
 from readygo.common.bus.identity import ANYBODY, Identity
 from readygo.common.bus.inbox import Inbox, Mailbox
 from readygo.common.bus.rights import refusal
@@ -195,7 +196,7 @@ class ZenohBus:
         deadline_s = time.monotonic() + timeout_s
         while (remaining_s := deadline_s - time.monotonic()) > 0:
             waiting_s = max(remaining_s, 0.01)
-            for reply in self._session.get(key, payload=payload, attachment=topic.name.encode(), timeout=waiting_s):
+            for reply in self._session.get(key, payload=payload, attachment=seal(topic.name), timeout=waiting_s):
                 if reply.ok is not None:
                     return _decoded(topic, reply.ok.payload.to_bytes())
                 text = reply.err.payload.to_bytes().decode(errors="replace") if reply.err else "no reason given"
@@ -277,11 +278,12 @@ def _decoded(topic: Topic[Request, Reply], payload: bytes) -> Reply:
 
 def _answer(query: zenoh.Query, topic: Topic[Request, Reply], handler: Callable[[str, Request], Reply]) -> None:
     try:
-        meant = query.attachment.to_bytes().decode() if query.attachment else ""
-        if meant != topic.name:
-            raise BusError(_ASTRAY)
-        asker = str(query.key_expr).split("/")[3]
-        reply = encode(handler(asker, decode(topic.request_type, query.payload.to_bytes() if query.payload else b"")))
+        with opened(query.attachment.to_bytes() if query.attachment else b"") as meant:
+            if meant != topic.name:
+                raise BusError(_ASTRAY)
+            asker = str(query.key_expr).split("/")[3]
+            request = decode(topic.request_type, query.payload.to_bytes() if query.payload else b"")
+            reply = encode(handler(asker, request))
         query.reply(query.key_expr, reply)
     except Exception as error:
         # The asker gets the reason: a handler never swallows.

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from readygo.common.bus import Bus
 from readygo.common.errors import BusError, PeerError, RunError, reason
+from readygo.common.fleet.at_work import working
 from readygo.common.fleet.blobs import fetch_blob
 from readygo.common.fleet.shown import show_work
 from readygo.common.messages import (
@@ -74,7 +75,9 @@ def claim_any(bus: Bus, worker: Worker) -> ClaimStatus:
                 "them), or record into a new folder."
             )
         if claim.status is ClaimStatus.LEASE:
-            _work_on(bus, stage, worker.name, claim, work)
+            assert claim.episode is not None
+            with working(stage=stage.name, episode=claim.episode.episode_id, attempt=claim.attempt):
+                _work_on(bus, stage, worker.name, claim, work)
         if claim.status is not ClaimStatus.WAIT:
             return claim.status
     return ClaimStatus.WAIT
@@ -91,7 +94,8 @@ def pull(bus: Bus, worker: Worker, *, stop: threading.Event) -> None:
     worker = dataclasses.replace(worker, works=works)
     silent_since_s: float | None = None
     wake = threading.Event()
-    bus.subscribe(topics.WAKE, lambda _: wake.set())
+    names = {stage.name for stage in works}
+    bus.subscribe(topics.WAKE, lambda woken: wake.set() if not woken.stages or names & {*woken.stages} else None)
     while not stop.is_set():
         # Before the claim: what comes while it is answered is not missed.
         wake.clear()

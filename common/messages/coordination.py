@@ -148,6 +148,9 @@ class ClaimReply:
 class Wake:
     """There may be work again: whoever waits may ask at once."""
 
+    stages: tuple[str, ...] = field(default=(), metadata=OMITTED_WHEN_DEFAULT)
+    """For whom; empty is for all."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RenewRequest:

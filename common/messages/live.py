@@ -92,6 +92,27 @@ class LiveWork:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class LiveHealth:
+    """What a process takes of its machine, about once a second."""
+
+    role: str
+    name: str
+    host: str
+    pid: int
+    uptime_s: float
+    """Time of its machine, from any beginning [s]."""
+    cpu_s: float
+    """CPU time of the process so far [s]."""
+    memory_bytes: int
+    """What it alone holds."""
+    disk_free_bytes: int
+    """Room on the disk of its data; 0 without any."""
+    disk_size_bytes: int
+    metrics: str
+    """Where it shows its metrics, HOST:PORT; empty if nowhere."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class LiveCommit:
     """An episode that is durable now; its samples are on `train/episodes`."""
 

@@ -35,10 +35,12 @@ from readygo.common.messages.evaluation import (
     EvaluationPlanRequest,
     KeepRequest,
 )
+from readygo.common.messages.fleet import FleetReply, FleetRequest
 from readygo.common.messages.learning import CommittedEpisode, OfferReply, OfferRequest
 from readygo.common.messages.live import (
     LiveCommit,
     LiveEvaluation,
+    LiveHealth,
     LiveLoss,
     LivePlan,
     LivePreview,
@@ -108,6 +110,7 @@ PENDING = Topic("coord/rec/pending", PendingRequest, PendingReply)
 BLOB = Topic("blob", BlobRequest, BlobReply)
 CONTROL = Topic("ctl", ControlRequest, Verdict)
 STATUS = Topic("ctl/status", StatusRequest, StatusReply)
+FLEET = Topic("ctl/fleet", FleetRequest, FleetReply)
 OFFER = Topic("coord/policy", OfferRequest, OfferReply)
 
 HUMAN_PLAN = Topic("human-plan", HumanPlanRequest, HumanPlanReply)
@@ -130,6 +133,7 @@ STATE = Live("state", LiveState, every_s=0.2)
 PLAN = Live("plan", LivePlan)
 WORK = Live("work", LiveWork)
 COMMIT = Live("commit", LiveCommit)
+HEALTH = Live("health", LiveHealth)
 LOSS = Live("loss", LiveLoss)
 EVALUATION = Live("evaluation", LiveEvaluation)
 COMMITTED = Stream("train/episodes", CommittedEpisode)

@@ -23,12 +23,14 @@ class CoordinatorConfig:
     """The run fails after this many episodes were set aside if fewer are recorded."""
     rejections_max: int = 200
     """The run fails after this many rejections if fewer than one index in 20 was accepted."""
+    absent_s: float = 60.0
+    """Status says that nobody is there for a stage after this long [s]."""
     inline_bytes: int = 16_000
     """Results up to this size travel in the claim's reply; larger ones are fetched as blobs."""
     blob_chunk_bytes: int = 1_000_000
 
     def __post_init__(self) -> None:
-        names = ("lease_s", "plan_ahead", "failures_max", "deaths_max", "aside_max", "rejections_max")
+        names = ("lease_s", "plan_ahead", "failures_max", "deaths_max", "aside_max", "rejections_max", "absent_s")
         if wrong := [name for name in names if not getattr(self, name) > 0]:
             raise ValueError(f"{wrong[0]} must be positive, got {getattr(self, wrong[0])}.")
         if not self.recorders or len(set(self.recorders)) != len(self.recorders):

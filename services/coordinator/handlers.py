@@ -42,14 +42,18 @@ from readygo.common.messages import (
     Verdict,
     VerdictStatus,
 )
+from readygo.common.messages.fleet import FleetReply, FleetRequest
 from readygo.services.coordinator.blobs import BlobStore
 from readygo.services.coordinator.config import CoordinatorConfig
 from readygo.services.coordinator.ledger import Lease, Ledger
+from readygo.services.coordinator.roster import Roster
 
 log = logging.getLogger(__name__)
 
 REASON_MAX = 2000
 """Characters of a reason that are kept."""
+_RESULTS = "results"
+"""Whose trouble it is when the disk does not take what stages have made."""
 _LEDGER = "ledger"
 """Whose trouble it is when the coordinator's own disk takes nothing."""
 CANCELLED = "The run was cancelled; run the same command again to go on."
@@ -96,6 +100,10 @@ class Coordinator:
         self.holds = holds
         self.set_aside = set_aside
         self.clock = clock
+        self.roster = Roster(clock)
+        self.told: object = None
+        """What of note was said last of how far the run is."""
+        self.told_s = 0.0
         self.secret = secrets.token_bytes(32)
         """What leases are proved by; they end with the process."""
         self.failed = ""
@@ -220,8 +228,23 @@ def handle_complete(coordinator: Coordinator, stage: Stage, request: CompleteReq
     if stage.records:
         # The recorder's commit completes the stage; its worker only says what the work cost.
         return Verdict(status=VerdictStatus.OK)
-    sha256 = coordinator.blobs.put(request.result)
+    sha256 = _kept(coordinator, request.result)
     return _verdict(ledger.advance(stage, request.index, request.attempt, sha256, reason=rejected))
+
+
+def _kept(coordinator: Coordinator, result: bytes) -> str:
+    """Keep a result, under its hash; a disk that does not take it is told: its stage would be done in vain for ever.
+
+    Raises:
+        DiskError: If the disk does not take it.
+    """
+    try:
+        sha256 = coordinator.blobs.put(result)
+    except DiskError as error:
+        _trouble(coordinator, _RESULTS, str(error))
+        raise
+    _trouble(coordinator, _RESULTS, "")
+    return sha256
 
 
 def handle_expect(coordinator: Coordinator, request: ExpectRequest) -> Verdict:
@@ -342,6 +365,27 @@ def handle_status(coordinator: Coordinator, request: StatusRequest) -> StatusRep
         trouble=" ".join(coordinator.troubles.values()),
         paused=coordinator.paused,
     )
+
+
+def handle_fleet(coordinator: Coordinator, request: FleetRequest | None = None) -> FleetReply:
+    """Who works on the run."""
+    return FleetReply(
+        stages=tuple(stage.name for stage in coordinator.spec.stages),
+        workers=coordinator.roster.workers(coordinator.ledger.leases()),
+        done_per_minute=coordinator.roster.done_per_minute(),
+    )
+
+
+def note_absent(coordinator: Coordinator) -> None:
+    """Tell of stages that episodes wait for, and that nobody who is there does; call it now and then."""
+    for stage in coordinator.spec.stages:
+        waiting = coordinator.ledger.waiting_at(stage)
+        absent_s = coordinator.roster.absent_s(stage.name, stage.role, needed=waiting > 0)
+        words = (
+            f"{waiting} episodes wait for stage {stage.name}, and no {stage.role} is there; "
+            f"`readygo worker {stage.role}` starts one."
+        )
+        _trouble(coordinator, f"absence of {stage.name}", words if absent_s > coordinator.config.absent_s else "")
 
 
 def requeue_lost(coordinator: Coordinator, *, worker: str | None = None) -> bool:

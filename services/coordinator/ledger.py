@@ -74,7 +74,7 @@ class Ledger:
         Raises:
             RunError: If it is no ledger or cannot be written; so do all other methods.
         """
-        self._path = path
+        self.path = path
         self._stages = tuple(stages)
         self._lock = threading.RLock()
         with self._worded():
@@ -391,7 +391,7 @@ class Ledger:
         """Raise RunError if the file is damaged."""
         row = self._one("PRAGMA quick_check(1)")
         if row != ("ok",):
-            raise RunError(f"The run's ledger {self._path} is damaged: {row and row[0]}.")
+            raise RunError(f"The run's ledger {self.path} is damaged: {row and row[0]}.")
 
     def shards(self) -> dict[str, dict[int, int]]:
         """Samples of every durable episode by its index, by the shard that it is in."""
@@ -457,6 +457,10 @@ class Ledger:
         assert row is not None
         return int(row[0])
 
+    def leases(self) -> list[tuple[str, str, int, int]]:
+        """Worker, stage, index and attempt of every lease."""
+        return self._all("SELECT worker, stage, idx, attempt FROM episode WHERE state = 'leased' ORDER BY idx")
+
     def leased(self) -> dict[str, int]:
         """Episodes that a worker holds, by stage."""
         return dict(self._all("SELECT stage, count(*) FROM episode WHERE state = 'leased' GROUP BY stage"))
@@ -482,7 +486,7 @@ class Ledger:
 
     def committed(self) -> tuple[int, int]:
         """Durable episodes, and the samples in them."""
-        row = self._one("SELECT count(*), coalesce(sum(samples), 0) FROM episode WHERE state = 'committed'")
+        row = self._one("SELECT episodes, samples FROM durable")
         assert row is not None
         return int(row[0]), int(row[1])
 
@@ -579,7 +583,7 @@ class Ledger:
             # The lower byte of an extended code is the plain one.
             full = getattr(error, "sqlite_errorcode", 0) & 0xFF in _DISK_CODES
             raise (DiskError if full else RunError)(
-                f"The run's ledger {self._path} cannot be used: {error}; if the disk is full, free some space and run "
+                f"The run's ledger {self.path} cannot be used: {error}; if the disk is full, free some space and run "
                 "the same command again, else record into a new folder."
             ) from error
 

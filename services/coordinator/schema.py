@@ -35,6 +35,24 @@ CREATE TABLE IF NOT EXISTS policy (
     wall_ns INTEGER NOT NULL
 );
 """
+_DURABLE = """
+CREATE TABLE IF NOT EXISTS durable (one INTEGER PRIMARY KEY, episodes INTEGER NOT NULL, samples INTEGER NOT NULL);
+INSERT OR IGNORE INTO durable
+    SELECT 1, count(*), coalesce(sum(samples), 0) FROM episode WHERE state = 'committed';
+CREATE TRIGGER IF NOT EXISTS durable_changed AFTER UPDATE OF state, samples ON episode
+WHEN old.state = 'committed' OR new.state = 'committed' BEGIN
+    UPDATE durable SET
+        episodes = episodes + (new.state = 'committed') - (old.state = 'committed'),
+        samples = samples + new.samples * (new.state = 'committed') - old.samples * (old.state = 'committed');
+END;
+CREATE TRIGGER IF NOT EXISTS durable_added AFTER INSERT ON episode WHEN new.state = 'committed' BEGIN
+    UPDATE durable SET episodes = episodes + 1, samples = samples + new.samples;
+END;
+CREATE TRIGGER IF NOT EXISTS durable_forgotten AFTER DELETE ON episode WHEN old.state = 'committed' BEGIN
+    UPDATE durable SET episodes = episodes - 1, samples = samples - old.samples;
+END;
+"""
+"""How many episodes are durable, kept by the database itself: every claim asks, and to count them takes ever longer."""
 _ADDED = {
     "policy": "TEXT NOT NULL DEFAULT ''",
     "driven_by": "TEXT NOT NULL DEFAULT ''",
@@ -60,4 +78,5 @@ def open_database(path: Path) -> sqlite3.Connection:
     present = {row[1] for row in database.execute("PRAGMA table_info(episode)")}
     for column in _ADDED.keys() - present:
         database.execute(f"ALTER TABLE episode ADD COLUMN {column} {_ADDED[column]}")
+    database.executescript(_DURABLE)
     return database

@@ -6,11 +6,27 @@ from typing import TypeVar
 
 from readygo.common.bus import Bus
 from readygo.common.bus.identity import ALL, OPERATOR, RECORDER, TRAINER
-from readygo.common.messages import StatusRequest, Verdict, Wake, topics
+from readygo.common.messages import (
+    ClaimReply,
+    ClaimRequest,
+    CompleteRequest,
+    DoneRequest,
+    OnRejection,
+    RenewRequest,
+    Stage,
+    StatusRequest,
+    Verdict,
+    VerdictStatus,
+    Wake,
+    topics,
+)
 from readygo.services.coordinator import handlers
 from readygo.services.coordinator.handlers import Coordinator, requeue_lost
 
 Request = TypeVar("Request")
+
+TELL_S = 1.0
+"""How far the run is, is said at least so often [s]."""
 
 
 def attach(bus: Bus, coordinator: Coordinator) -> None:
@@ -18,14 +34,13 @@ def attach(bus: Bus, coordinator: Coordinator) -> None:
     bus.serve(topics.SPEC, partial(handlers.handle_spec, coordinator))
     for stage in coordinator.spec.stages:
         by = (stage.role, ALL)
-        complete = _waking(bus, partial(handlers.handle_complete, coordinator, stage))
-        bus.serve(topics.claim(stage.name), partial(handlers.handle_claim, coordinator, stage), by=by)
-        bus.serve(topics.renew(stage.name), partial(handlers.handle_renew, coordinator), by=by)
-        bus.serve(topics.complete(stage.name), complete, by=by)
+        bus.serve(topics.claim(stage.name), partial(_claimed, coordinator, stage), by=by)
+        bus.serve(topics.renew(stage.name), partial(_renewed, coordinator), by=by)
+        bus.serve(topics.complete(stage.name), partial(_completed, bus, coordinator, stage), by=by)
     recorder = (RECORDER,)
     bus.serve(topics.EXPECT, partial(handlers.handle_expect, coordinator), by=recorder)
     bus.serve(topics.GRANT, partial(handlers.handle_grant, coordinator), by=recorder)
-    bus.serve(topics.DONE, _waking(bus, partial(handlers.handle_done, coordinator)), by=recorder)
+    bus.serve(topics.DONE, partial(_done, bus, coordinator), by=recorder)
     bus.serve(topics.LOST, _waking(bus, partial(handlers.handle_lost, coordinator)), by=recorder)
     bus.serve(topics.TROUBLE, partial(handlers.handle_trouble, coordinator), by=recorder)
     bus.serve(topics.PENDING, partial(handlers.handle_pending, coordinator), by=recorder)
@@ -34,14 +49,55 @@ def attach(bus: Bus, coordinator: Coordinator) -> None:
     bus.serve(topics.OFFER, partial(handlers.handle_offer, coordinator), by=(TRAINER,))
     bus.serve(topics.CONTROL, _waking(bus, partial(handlers.handle_control, coordinator)), by=(OPERATOR,))
     bus.serve(topics.STATUS, partial(handlers.handle_status, coordinator))
+    bus.serve(topics.FLEET, partial(handlers.handle_fleet, coordinator))
 
     def changed(role: str, name: str, alive: bool) -> None:
+        coordinator.roster.note_presence(role, name, alive=alive)
         if name in coordinator.recorders:
             coordinator.note_recorder(name, alive=alive)
         elif not alive and requeue_lost(coordinator, worker=name):
             bus.publish(topics.WAKE, Wake())
 
     bus.watch(changed)
+
+
+def _claimed(coordinator: Coordinator, stage: Stage, request: ClaimRequest) -> ClaimReply:
+    reply = handlers.handle_claim(coordinator, stage, request)
+    coordinator.roster.note_heard(request.worker)
+    if reply.episode is not None:
+        coordinator.roster.note_lease(reply.episode.index, reply.attempt)
+    return reply
+
+
+def _renewed(coordinator: Coordinator, request: RenewRequest) -> Verdict:
+    coordinator.roster.note_heard(request.worker)
+    return handlers.handle_renew(coordinator, request)
+
+
+def _completed(bus: Bus, coordinator: Coordinator, stage: Stage, request: CompleteRequest) -> Verdict:
+    verdict = handlers.handle_complete(coordinator, stage, request)
+    coordinator.roster.note_heard(request.worker)
+    if verdict.status is VerdictStatus.OK:
+        coordinator.roster.note_done(request.worker, stage.name, request.index, failed=bool(request.failed))
+        skipped = request.rejected and stage.on_rejection is OnRejection.SKIP
+        line = coordinator.spec.stages
+        if request.failed or skipped:
+            _wake(bus, coordinator, line[0])
+        elif not stage.records:
+            _wake(bus, coordinator, line[line.index(stage) + 1])
+    return verdict
+
+
+def _done(bus: Bus, coordinator: Coordinator, request: DoneRequest) -> Verdict:
+    verdict = handlers.handle_done(coordinator, request)
+    # One episode less is under way: the next one may be planned.
+    _wake(bus, coordinator, coordinator.spec.stages[0])
+    return verdict
+
+
+def _wake(bus: Bus, coordinator: Coordinator, stage: Stage) -> None:
+    """Say that something may wait for a stage, or that nothing will any more for any."""
+    bus.publish(topics.WAKE, Wake() if coordinator.over else Wake(stages=(stage.name,)))
 
 
 def _waking(bus: Bus, handler: Callable[[Request], Verdict]) -> Callable[[Request], Verdict]:
@@ -56,7 +112,15 @@ def _waking(bus: Bus, handler: Callable[[Request], Verdict]) -> Callable[[Reques
 
 
 def tick(bus: Bus, coordinator: Coordinator) -> None:
-    """Free the leases that ran out, and say how far the run is; call it a few times a second."""
+    """Free the leases that ran out, and say how far the run is; call it a few times a second.
+
+    It is said when something of note has changed, else once a second: to count what waits takes time in long runs.
+    """
     if requeue_lost(coordinator):
         bus.publish(topics.WAKE, Wake())
-    bus.publish(topics.PROGRESS, handlers.handle_status(coordinator, StatusRequest()))
+    now_s = coordinator.clock()
+    of_note = coordinator.ledger.committed()[0], coordinator.over, coordinator.paused, tuple(coordinator.troubles)
+    if of_note != coordinator.told or now_s - coordinator.told_s >= TELL_S:
+        coordinator.told, coordinator.told_s = of_note, now_s
+        handlers.note_absent(coordinator)
+        bus.publish(topics.PROGRESS, handlers.handle_status(coordinator, StatusRequest()))

@@ -35,6 +35,16 @@ class EpisodeBuffers:
         self._limit_bytes = limit_bytes
         self._buffers: OrderedDict[int, EpisodeBuffer] = OrderedDict()
 
+    @property
+    def count(self) -> int:
+        """Episodes that are coming in."""
+        return len(self._buffers)
+
+    @property
+    def size_bytes(self) -> int:
+        """Their images so far."""
+        return sum(buffer.size_bytes for buffer in tuple(self._buffers.values()))
+
     def get(self, index: int) -> EpisodeBuffer | None:
         """The buffer of an episode."""
         return self._buffers.get(index)
@@ -72,7 +82,7 @@ class EpisodeBuffers:
 
     def _evict(self, current: int) -> None:
         """Drop the longest untouched buffers, never the current one: its sender would never finish."""
-        while sum(buffer.size_bytes for buffer in self._buffers.values()) > self._limit_bytes:
+        while self.size_bytes > self._limit_bytes:
             oldest = next(iter(self._buffers))
             if oldest == current:
                 return

@@ -7,6 +7,7 @@ import re
 import threading
 import time
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 from readygo.common.bus import Bus
@@ -51,6 +52,20 @@ ROOM_BYTES = 2**20
 """It takes something again when it takes so much."""
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
 _READ_ONLY = (errno.EROFS, errno.EACCES, errno.EPERM)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecorderState:
+    """How a recorder is."""
+
+    episodes: int
+    """Durable ones in its shards."""
+    buffered_episodes: int
+    """Those that are coming in."""
+    buffered_bytes: int
+    """Their images so far."""
+    trouble: str
+    """Why the disk takes nothing; empty while it does."""
 
 
 class Recorder:
@@ -133,6 +148,20 @@ class Recorder:
             self._check_run(episode)
             reply = self._buffers.add(request)
             return self._commit(episode.index) if reply.status is AppendStatus.OK and request.last else reply
+
+    @property
+    def folder(self) -> Path:
+        """Where its shards are."""
+        return self._folder
+
+    def state(self) -> RecorderState:
+        """How it is now; never waits for a disk."""
+        return RecorderState(
+            episodes=len(self._committed),
+            buffered_episodes=self._buffers.count,
+            buffered_bytes=self._buffers.size_bytes,
+            trouble=self._trouble,
+        )
 
     def _tell_again(self, durable: Durable, attempt: int) -> None:
         """Another attempt at a durable episode shows that the coordinator does not know of it (any more)."""

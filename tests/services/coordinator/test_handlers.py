@@ -582,6 +582,22 @@ def test_run_of_the_expert_or_of_one_policy_takes_no_others(line: Line, tmp_path
         Line(tmp_path / "other", stages=DRIVE_LINE, policy=own).offer(head=b"1")
 
 
+def test_result_that_the_disk_does_not_take_is_told_until_it_does(line: Line, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ever again a stage would be done in vain otherwise, and nobody would know why."""
+    put = line.coordinator.blobs.put
+
+    def full(data: bytes) -> str:
+        raise DiskError("No space left.")
+
+    monkeypatch.setattr(line.coordinator.blobs, "put", full)
+    with pytest.raises(PeerError, match="No space left"):
+        line.complete(HUMAN_PLAN, line.claim(HUMAN_PLAN), result=b"plan")
+    assert "No space left." in line.status().trouble
+    monkeypatch.setattr(line.coordinator.blobs, "put", put)
+    line.complete(HUMAN_PLAN, line.claim(HUMAN_PLAN), result=b"plan")
+    assert line.status().trouble == ""
+
+
 def _two_recorders(folder: Path) -> Line:
     """A run with four episodes that wait for their images."""
     line = Line(folder, wanted=4, recorders=("rec0", "east"))

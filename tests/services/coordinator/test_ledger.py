@@ -99,6 +99,7 @@ def test_durable_episodes_of_a_lost_shard_begin_anew_and_those_of_a_damaged_one_
     for index in range(3):
         ledger.commit(index, "rec0", "lost" if index == 0 else "damaged", 10 + index)
     assert ledger.shards() == {"lost": {0: 10}, "damaged": {1: 11, 2: 12}}
+    assert ledger.committed() == (3, 33)
     ledger.miss([0])
     ledger.doubt("damaged")
     assert ledger.granted("rec0") == (1, 2)
@@ -106,6 +107,7 @@ def test_durable_episodes_of_a_lost_shard_begin_anew_and_those_of_a_damaged_one_
     assert ledger.take_back(2, "rec0")
     assert ledger.waiting() == {"human-plan": 2}
     assert ledger.shards() == {"saved": {1: 11}}
+    assert ledger.committed() == (1, 11)
 
 
 @pytest.mark.parametrize(("wanted", "waiting"), [(4, {"human-plan": 2}), (2, {})])

@@ -3,10 +3,7 @@ import time
 from collections.abc import Callable
 
 from readygo.common.bus import InProcessBus
-from readygo.common.messages import (
-    StatusReply,
-    topics,
-)
+from readygo.common.messages import Command, ControlRequest, StatusReply, Wake, topics
 from readygo.common.messages.stages import HUMAN_PLAN, RENDER
 from readygo.services.coordinator import tick
 from tests.services.coordinator.line import Line
@@ -33,6 +30,26 @@ def test_tick_ends_old_leases_and_says_how_far_the_run_is(line: Line) -> None:
     assert (status.requeued, status.waiting) == (1, {"human-plan": 3})
 
 
+def test_who_waits_is_woken_for_its_stage_and_everybody_at_the_end(line: Line) -> None:
+    heard: queue.SimpleQueue[Wake] = queue.SimpleQueue()
+    line.bus.subscribe(topics.WAKE, heard.put)
+    line.complete(HUMAN_PLAN, line.claim(HUMAN_PLAN))
+    assert heard.get(timeout=5.0).stages == ("animate",)
+    line.bus.request(topics.CONTROL, ControlRequest(command=Command.CANCEL))
+    assert heard.get(timeout=5.0).stages == ()
+
+
+def test_what_has_not_changed_is_said_once_a_second(line: Line) -> None:
+    heard: queue.SimpleQueue[StatusReply] = queue.SimpleQueue()
+    line.bus.subscribe(topics.PROGRESS, heard.put)
+    for now_s in (100.0, 100.5, 101.1):
+        line.now_s = now_s
+        tick(line.bus, line.coordinator)
+    for _ in range(2):
+        heard.get(timeout=5.0)
+    assert heard.empty()
+
+
 def test_recorder_that_is_gone_is_told_until_it_comes_back(line: Line) -> None:
     line.plan()
     line.grant(line.claim(RENDER))
@@ -51,3 +68,18 @@ def _wait_until(true: Callable[[], bool]) -> None:
     while not true():
         assert time.monotonic() < deadline_s
         time.sleep(0.01)
+
+
+def test_stage_that_nobody_does_is_told_until_somebody_comes(line: Line) -> None:
+    for line.now_s in (1.0, 30.0, 62.0):
+        tick(line.bus, line.coordinator)
+    said = "3 episodes wait for stage human-plan, and no human-planner is there; `readygo worker human-planner` starts"
+    assert said in line.status().trouble
+    InProcessBus(line.bus).announce("all", "all0")
+
+    def nobody_misses_anybody() -> bool:
+        line.now_s += 2.0
+        tick(line.bus, line.coordinator)
+        return line.status().trouble == ""
+
+    _wait_until(nobody_misses_anybody)

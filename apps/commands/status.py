@@ -1,0 +1,64 @@
+"""`readygo status`: how far a run is, and who works on it."""
+
+import json as json_module
+import sys
+import time
+from pathlib import Path
+
+from rich.console import Console
+from rich.live import Live
+
+from readygo.apps.commands.control import joined
+from readygo.apps.observe.status import Look, Observed, status_table
+from readygo.common.config import section_to_mapping
+
+REFRESH_S = 1.0
+LISTEN_S = 1.5
+"""Time in which every process says once what it takes of its machine [s]."""
+
+
+def status(
+    data: Path | None = None,
+    /,
+    *,
+    connect: str = "",
+    run: str = "",
+    certs: Path | None = None,
+    watch: bool = False,
+    json: bool = False,
+) -> None:
+    """Say how far a run is: the queue of every stage, rates, time left, workers with what they hold, disks.
+
+    Args:
+        data: Data folder that a fleet of this machine is recording into.
+        connect: Endpoint of the fleet's router, in place of the folder.
+        run: Name of the run there, as `readygo generate --listen` prints it.
+        certs: Folder with a certificate of a monitor or an operator, for a tls/ endpoint.
+        watch: Go on until the run is over, or Ctrl-C.
+        json: Print all numbers as JSON.
+    """
+    with joined(data, connect, run, certs) as bus:
+        look = Look(bus)
+        if json:
+            observed = look.now()
+            plain = {**section_to_mapping(observed.status), "fleet": section_to_mapping(observed.fleet)}
+            sys.stdout.write(json_module.dumps(plain) + "\n")
+            return
+        time.sleep(LISTEN_S)
+        console = Console(highlight=False)
+        if not watch:
+            console.print(status_table(look.now()))
+            return
+        _watch(look, console)
+
+
+def _watch(look: Look, console: Console) -> None:
+    def over(observed: Observed) -> bool:
+        return observed.status.finished or bool(observed.status.failed)
+
+    observed = look.now()
+    with Live(status_table(observed), console=console, auto_refresh=False, screen=False) as live:
+        while not over(observed):
+            time.sleep(REFRESH_S)
+            observed = look.now()
+            live.update(status_table(observed), refresh=True)

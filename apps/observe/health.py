@@ -1,0 +1,61 @@
+"""What a process takes of its machine, shown once a second while somebody listens."""
+
+import os
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from readygo.apps.observe.metrics import private_bytes
+from readygo.common.bus import Bus
+from readygo.common.files import disk_space
+from readygo.common.messages import topics
+from readygo.common.messages.live import LiveHealth
+
+EVERY_S = 1.0
+
+
+@contextmanager
+def showing_health(bus: Bus, role: str, name: str, *, data: Path | None = None, metrics: str = "") -> Iterator[None]:
+    """Show it for as long as the block runs.
+
+    Args:
+        bus: On which the process is announced.
+        role: As what.
+        name: Under which name.
+        data: Folder of its data.
+        metrics: Where it shows its metrics.
+    """
+    over = threading.Event()
+    thread = threading.Thread(
+        target=_show, args=(bus, over, lambda: _health(role, name, data, metrics)), name="health", daemon=True
+    )
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+
+
+def _show(bus: Bus, over: threading.Event, health: Callable[[], LiveHealth]) -> None:
+    while not over.wait(EVERY_S):
+        bus.tell(topics.HEALTH, health)
+
+
+def _health(role: str, name: str, data: Path | None, metrics: str) -> LiveHealth:
+    free, size = disk_space(data) if data else (0, 0)
+    return LiveHealth(
+        role=role,
+        name=name,
+        host=socket.gethostname(),
+        pid=os.getpid(),
+        uptime_s=time.monotonic(),
+        cpu_s=time.process_time(),
+        memory_bytes=private_bytes(),
+        disk_free_bytes=free,
+        disk_size_bytes=size,
+        metrics=metrics,
+    )

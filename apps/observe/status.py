@@ -1,0 +1,152 @@
+"""A run at a glance: stages, workers, disks, as tables for a terminal."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from readygo.common.bus import Bus
+from readygo.common.messages import StatusReply, StatusRequest, topics
+from readygo.common.messages.fleet import FleetReply, FleetRequest, WorkerState
+from readygo.common.messages.live import LiveHealth
+
+SILENT_S = 10.0
+"""Whoever holds a lease renews it more often, every five seconds by default [s]."""
+DISK_LOW = 0.05
+"""A disk with less room than this share is nearly full."""
+REASONS_MAX = 10
+Who = tuple[str, str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Observed:
+    """What is known of a run."""
+
+    status: StatusReply
+    fleet: FleetReply
+    healths: Mapping[Who, LiveHealth] = field(default_factory=dict)
+    """The newest, by role and name."""
+    cpu: Mapping[Who, float] = field(default_factory=dict)
+    """Cores in use between the newest two."""
+
+
+class Look:
+    """Hears of a run's processes, and asks its coordinator."""
+
+    def __init__(self, bus: Bus) -> None:
+        self._bus = bus
+        self._healths: dict[Who, LiveHealth] = {}
+        self._cpu: dict[Who, float] = {}
+        bus.subscribe(topics.HEALTH.of(), self._hear)
+
+    def now(self) -> Observed:
+        """What is known now.
+
+        Raises:
+            BusError: If the coordinator does not answer.
+        """
+        return Observed(
+            status=self._bus.request(topics.STATUS, StatusRequest()),
+            fleet=self._bus.request(topics.FLEET, FleetRequest()),
+            healths=dict(self._healths),
+            cpu=dict(self._cpu),
+        )
+
+    def _hear(self, health: LiveHealth) -> None:
+        who = health.role, health.name
+        before = self._healths.get(who)
+        if before is not None and before.pid == health.pid and health.uptime_s > before.uptime_s:
+            self._cpu[who] = (health.cpu_s - before.cpu_s) / (health.uptime_s - before.uptime_s)
+        self._healths[who] = health
+
+
+def status_table(observed: Observed) -> RenderableType:
+    """Some words on the run, a table of its stages and one of its processes."""
+    return Group(_summary(observed), _stages(observed), _workers(observed))
+
+
+def left_s(observed: Observed) -> float | None:
+    """Time until the run is over at the rate of the last minute [s]; None if nothing was recorded in it."""
+    status = observed.status
+    per_minute = observed.fleet.done_per_minute.get(observed.fleet.stages[-1], 0.0)
+    return 60.0 * (status.wanted - status.committed) / per_minute if per_minute else None
+
+
+def _summary(observed: Observed) -> Text:
+    status, left = observed.status, left_s(observed)
+    text = Text(f"{status.committed} of {status.wanted} episodes, {status.samples} samples")
+    if left is not None and not status.finished:
+        text.append(f", about {duration(left)} left")
+    if status.paused:
+        text.append("; paused, `readygo resume` goes on", "yellow")
+    for words, counts in (("rejected", status.rejected), ("kept", status.kept)):
+        for reason, count in list(counts.items())[:REASONS_MAX]:
+            text.append(f"\n  {words} {count}: {reason}")
+    text.append(f"\n  leases that ended without a result: {status.requeued}" if status.requeued else "")
+    text.append(f"\n  policies offered: {status.policies}" if status.policies else "")
+    text.append(f"\n  waits: {status.trouble}" if status.trouble else "", "yellow")
+    text.append(f"\n  ended: {status.failed}" if status.failed else "", "red")
+    return text
+
+
+def _stages(observed: Observed) -> Table:
+    status, fleet = observed.status, observed.fleet
+    table = _table("stage", "waiting", "at work", "a minute", "CPU [s]")
+    for stage in fleet.stages:
+        table.add_row(
+            stage,
+            str(status.waiting.get(stage, 0)),
+            str(status.leased.get(stage, 0)),
+            f"{fleet.done_per_minute.get(stage, 0.0):.1f}",
+            f"{status.cpu_s.get(stage, 0.0):.1f}",
+        )
+    return table
+
+
+def _workers(observed: Observed) -> Table:
+    table = _table("worker", "does", "done", "failed", "cores", "memory", "disk free", "metrics")
+    for worker in observed.fleet.workers:
+        who = worker.role, worker.name
+        health, cores = observed.healths.get(who), observed.cpu.get(who)
+        table.add_row(
+            worker.name,
+            _does(worker),
+            str(worker.done or ""),
+            Text(str(worker.failed or ""), "yellow"),
+            "" if cores is None else f"{cores:.2f}",
+            f"{health.memory_bytes / 1e6:.0f} MB" if health else "",
+            _disk(health) if health and health.disk_size_bytes else "",
+            health.metrics if health else "",
+        )
+    return table
+
+
+def _does(worker: WorkerState) -> Text:
+    """What a process does, and whether something is wrong with it."""
+    held = ", ".join(f"{lease.stage} {lease.index} for {duration(lease.held_s)}" for lease in worker.holds)
+    if not worker.role:
+        return Text(f"gone, holds {held}", "red")
+    if worker.holds and worker.silent_s > SILENT_S:
+        return Text(f"silent for {duration(worker.silent_s)}, holds {held}", "red")
+    return Text(held)
+
+
+def _disk(health: LiveHealth) -> Text:
+    low = health.disk_free_bytes < DISK_LOW * health.disk_size_bytes
+    return Text(f"{health.disk_free_bytes / 1e9:.1f} GB", "red" if low else "")
+
+
+def _table(*columns: str) -> Table:
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for column in columns:
+        table.add_column(column, justify="left" if column in ("stage", "worker", "does", "metrics") else "right")
+    return table
+
+
+def duration(seconds: float) -> str:
+    """A time in the unit that fits."""
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 7200 else f"{seconds / 3600:.1f} h"

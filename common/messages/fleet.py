@@ -1,0 +1,48 @@
+"""Who works on a run, and at what; for whoever watches over it."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FleetRequest:
+    """Who works on the run?"""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class HeldLease:
+    """What a worker holds."""
+
+    stage: str
+    index: int
+    """Number of the episode."""
+    attempt: int
+    held_s: float
+    """Time since the lease began, or since the coordinator did [s]."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class WorkerState:
+    """A process of the fleet, as the coordinator sees it."""
+
+    role: str
+    """Empty if it holds a lease, but is not there (any more)."""
+    name: str
+    silent_s: float
+    """Time since it asked, renewed or reported anything [s]; recorders, which claim nothing, are never heard."""
+    done: int
+    """Stages of episodes that it completed since the coordinator started."""
+    failed: int
+    """Those that failed."""
+    holds: tuple[HeldLease, ...]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FleetReply:
+    """The fleet as the coordinator sees it."""
+
+    stages: tuple[str, ...]
+    """The run's stages in their order."""
+    workers: tuple[WorkerState, ...]
+    """By role and name."""
+    done_per_minute: dict[str, float]
+    """Episodes that passed a stage in the last minute, by stage."""

@@ -1,0 +1,40 @@
+import json
+import logging
+from collections.abc import Iterator
+
+import pytest
+
+from readygo.apps.observe.logs import begin_logging, message_of
+from readygo.common.fleet.at_work import working
+
+
+@pytest.fixture
+def logging_as_before() -> Iterator[None]:
+    root = logging.getLogger()
+    before = root.handlers[:], root.level
+    yield
+    logging.captureWarnings(False)
+    root.handlers, root.level = before
+
+
+@pytest.mark.usefixtures("logging_as_before")
+def test_log_lines_name_the_episode(capsys: pytest.CaptureFixture[str]) -> None:
+    begin_logging("json", run="run-test", role="all", worker="all0")
+    with working(stage="draw", episode="train-7-000003", attempt=2):
+        logging.getLogger("elsewhere").warning("by the %s", "way")
+    line = json.loads(capsys.readouterr().err)
+    assert {key: line[key] for key in ("level", "message", "run", "worker", "stage", "episode", "attempt")} == {
+        "level": "warning",
+        "message": "by the way",
+        "run": "run-test",
+        "worker": "all0",
+        "stage": "draw",
+        "episode": "train-7-000003",
+        "attempt": 2,
+    }
+
+
+def test_last_words_are_read_of_both_formats() -> None:
+    assert message_of('{"level": "critical", "message": "the disk is full"}') == "the disk is full"
+    assert message_of("readygo: the disk is full") == "readygo: the disk is full"
+    assert message_of('["no log"]') == '["no log"]'

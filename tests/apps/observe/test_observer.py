@@ -1,0 +1,105 @@
+"""A toy run in one process, with everything shown that can be shown."""
+
+import json
+import re
+import urllib.request
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from readygo.apps.fleet.run import run_in_process
+from readygo.apps.observe.settings import Observing
+from readygo.apps.run.stages import Entry
+from readygo.common.dataset import Dataset
+from readygo.common.messages import StatusReply
+from tests.apps.fleet.toy_line import DRAW, FILM, make_folder
+
+pytest.importorskip("prometheus_client")
+pytest.importorskip("opentelemetry.sdk")
+LINE: tuple[Entry, ...] = (DRAW, FILM)
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What a run has shown."""
+
+    page: str
+    """Metrics, when all episodes but the last were done."""
+    spans: list[dict[str, object]]
+    content_hash: str
+    targets_after: list[Path]
+
+
+def run(data: Path, observing: Observing) -> Shown:
+    folder = make_folder(data, LINE, wanted=3)
+    pages: list[str] = []
+
+    def look(status: StatusReply) -> None:
+        for target in (folder.state / "targets").glob("*.json"):
+            (entry,) = json.loads(target.read_text())
+            assert entry["labels"] == {"run": "run-test", "service": "launcher", "worker": "launcher"}
+            pages.append(urllib.request.urlopen(f"http://{entry['targets'][0]}/metrics").read().decode())
+
+    assert run_in_process(folder, look, LINE, observing).finished
+    spans = [json.loads(line) for file in data.parent.glob("traces/*.jsonl") for line in file.read_text().splitlines()]
+    after = list((folder.state / "targets").glob("*.json"))
+    return Shown(pages[-1] if pages else "", spans, Dataset([data]).content_hash, after)
+
+
+@pytest.fixture(scope="module")
+def shown(tmp_path_factory: pytest.TempPathFactory) -> Shown:
+    folder = tmp_path_factory.mktemp("observed")
+    return run(folder / "data", Observing(metrics="127.0.0.1:0", traces=str(folder / "traces")))
+
+
+def test_samples_are_the_same_whoever_looks(shown: Shown, tmp_path: Path) -> None:
+    assert run(tmp_path / "data", Observing()).content_hash == shown.content_hash
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "readygo_episodes_wanted 3.0",
+        'readygo_episodes_waiting{stage="film"} 0.0',
+        'readygo_stage_seconds_count{outcome="done",stage="draw"} 3.0',
+        'readygo_request_seconds_count{topic="coord/film/claim"}',
+        'readygo_handle_seconds_count{topic="coord/rec/grant"} 3.0',
+        "readygo_episode_seconds_count 3.0",
+        'readygo_workers{role="painter"} 0.0',
+        "readygo_run_trouble 0.0",
+    ],
+)
+def test_page_shows(shown: Shown, line: str) -> None:
+    assert re.search(rf"^{re.escape(line)}", shown.page, re.MULTILINE)
+
+
+def test_disk_and_memory_are_on_the_page(shown: Shown) -> None:
+    for name in ("readygo_disk_free_bytes", "readygo_memory_private_bytes", "process_cpu_seconds_total"):
+        (value,) = re.findall(rf"^{name} (\S+)$", shown.page, re.MULTILINE)
+        assert float(value) > 0
+
+
+def test_targets_are_there_while_the_run_is(shown: Shown) -> None:
+    assert shown.targets_after == []
+
+
+def test_trace_of_an_episode_has_its_stages_and_what_they_asked(shown: Shown) -> None:
+    (root,) = [span for span in shown.spans if span["name"] == "episode" and "000002" in str(span["attributes"])]
+    of_episode = [span for span in shown.spans if span["trace"] == root["trace"]]
+    below = {span["name"] for span in of_episode if span["parent"] == root["span"]}
+    assert {"draw", "film", "request coord/draw/complete"} <= below
+    by_number = {span["span"]: span for span in of_episode}
+    (grant,) = [span for span in of_episode if span["name"] == "coord/rec/grant"]
+    way = [grant]
+    while way[-1]["parent"]:
+        way.append(by_number[way[-1]["parent"]])
+    assert [span["name"] for span in way] == [
+        "coord/rec/grant",
+        "request coord/rec/grant",
+        "rec/rec0/append",
+        "request rec/rec0/append",
+        "film",
+        "episode",
+    ]
+    assert len({span["trace"] for span in shown.spans}) == 3
