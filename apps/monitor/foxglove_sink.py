@@ -8,6 +8,7 @@ from typing import Any
 from readygo.apps.monitor.feed import Moment
 from readygo.common.dataset import markers, schemas
 from readygo.common.dataset.canonical import HALF_PX, with_pixels_moved
+from readygo.common.dataset.poses import pose_of
 from readygo.common.dataset.scene_map import MapMessages
 from readygo.common.dataset.schemas import Channel
 from readygo.common.errors import RunError
@@ -80,9 +81,9 @@ class FoxgloveSink:
         for channel, payload in schemas.sample_messages(_sample(state, moment.image), header, stamp_ns):
             self._log(channel, payload, stamp_ns)
         self._camera.timestamp.CopyFrom(stamp)
-        base = markers.robot_transform(schemas.pose_of(*state.robot_xyzyaw), stamp)
+        base = markers.robot_transform(pose_of(*state.robot_xyzyaw), stamp)
         self._log(schemas.TRANSFORMS, schemas.serialized(markers.transforms([base, self._camera])), stamp_ns)
-        humans = [schemas.pose_of(*pose) for pose in state.humans_xyzyaw]
+        humans = [pose_of(*pose) for pose in state.humans_xyzyaw]
         self._log(schemas.BODIES, schemas.serialized(markers.bodies(humans, stamp)), stamp_ns)
 
     def close(self) -> None:

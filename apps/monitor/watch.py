@@ -6,6 +6,7 @@ from collections import OrderedDict, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
+from typing import TypeVar
 
 from readygo.apps.monitor.history import History
 from readygo.apps.monitor.track import Track, replans_of
@@ -35,6 +36,7 @@ FRESH_S = 4.0
 RATE_WINDOW_S = 30.0
 """Samples/s are those of the last so many seconds: samples come by whole episodes [s]."""
 
+Message = TypeVar("Message")
 Clock = Callable[[], float]
 
 
@@ -179,16 +181,17 @@ class Watch:
 
     def _hear(self, bus: Bus, role: str, name: str) -> None:
         """Hear a worker: each on streams of its own, so that it is known whose message came."""
-        for live, handler in (
-            (topics.WORK, self._on_work),
-            (topics.STATE, self._on_state),
-            (topics.PREVIEW, self._on_preview),
-            (topics.PLAN, self._on_plan),
-            (topics.COMMIT, self._on_commit),
-            (topics.LOSS, self._on_loss),
-            (topics.EVALUATION, self._on_evaluation),
-        ):
+
+        def hear(live: topics.Live[Message], handler: Callable[[tuple[str, str], Message], None]) -> None:
             bus.subscribe(live.of(role, name), partial(handler, (role, name)))
+
+        hear(topics.WORK, self._on_work)
+        hear(topics.STATE, self._on_state)
+        hear(topics.PREVIEW, self._on_preview)
+        hear(topics.PLAN, self._on_plan)
+        hear(topics.COMMIT, self._on_commit)
+        hear(topics.LOSS, self._on_loss)
+        hear(topics.EVALUATION, self._on_evaluation)
 
     def _episode(self, episode: EpisodeKey) -> Moving:
         moving = self.moving.get(episode)

@@ -133,7 +133,7 @@ def avatars_of_policy(spec: PolicySpec) -> Path | None:
     if place is not None and not place.exists():
         raise PolicyError(f"The avatars of the policy's data are not at {place} any more; name them with --avatars.")
     found = {name: avatar_hash(avatar) for name, avatar in load_avatars(place).items()}
-    for cast in (TRAIN, TEST) if len(origin.avatars) < len(found) else ():
+    for cast in (TRAIN, TEST) if len(found) >= TRAIN_MIN + TEST_MIN else ():
         if members(found, cast) == origin.avatars:
             return with_cast(place, cast)
     different = sorted(name for name in {*found, *origin.avatars} if found.get(name) != origin.avatars.get(name))

@@ -1,5 +1,6 @@
 """A run whose workers and recorder share no files with its coordinator, over mTLS, one of them cut off for a while."""
 
+import contextlib
 import socket
 import threading
 import time
@@ -60,7 +61,11 @@ class Cable:
                 sink.sendall(data)
         except OSError:
             pass
-        sink.close()
+        for end in (source, sink):
+            with contextlib.suppress(OSError):
+                # Whoever reads from it goes on, and closes it as well.
+                end.shutdown(socket.SHUT_RDWR)
+            end.close()
 
     def close(self) -> None:
         self.whole.set()
@@ -130,7 +135,8 @@ def test_host_that_is_cut_off_and_healed_changes_nothing_of_the_dataset(
     done: list[str] = []
     recorded = pool.submit(_record, listen, certs, tmp_path / "recorder")
     workers = [
-        pool.submit(_work, listen, certs, "near", done, 0.2),
+        # Slow, so that work is left when the other one is back.
+        pool.submit(_work, listen, certs, "near", done, 1.0),
         pool.submit(_work, cable.endpoint, certs, "far", done, 0.05),
     ]
     _wait_for(lambda: "far" in done)

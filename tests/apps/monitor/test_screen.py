@@ -18,6 +18,8 @@ from tests.apps.monitor.test_watch import renderer, states
 from tests.apps.monitor.watched import status, tell_status, wait_for, watched
 
 pytest.importorskip("viser", reason="viser is not installed: readygo[monitor]")
+OF_VISER = "computeBoundingSphere"
+"""viser 1.1.1 says this of any Gaussians, alone on a page as well."""
 CHROMIUM = shutil.which("chromium")
 SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 
@@ -83,6 +85,6 @@ def test_page_moves_fits_a_telephone_and_survives_the_fleet(
         subject.watch.connection = ""
     tell_status(run, status(committed=9))
     page.get_by_text("live", exact=True).first.wait_for(state="attached")
-    assert not wrong, wrong
+    assert not [text for text in wrong if OF_VISER not in text]
     page.close()
     wait_for(lambda: not screen._pages, 60.0)
