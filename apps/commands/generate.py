@@ -103,7 +103,7 @@ def generate(
             `config` say of that.
         listen: Endpoint of the fleet's router, such as tcp/127.0.0.1:7447, for workers that are started by hand; a
             free loopback port by default.
-        certs: Folder of certificates (`readygo certs`), for a tls/ endpoint.
+        certs: Folder of certificates (`readygo certs issue`), for a tls/ endpoint.
         on: Where workers run: "slurm" submits `workers` jobs that do all stages, as one array, and requeues them when
             they are preempted; `listen` must be an address that its nodes reach, tls/ or on a network that you trust.
             "hosts" starts none, and no recorder: they are started on other machines with `readygo worker`, and
