@@ -2,7 +2,6 @@
 
 import errno
 import os
-import secrets
 import shutil
 import tempfile
 from collections.abc import Callable, Iterator
@@ -90,24 +89,13 @@ def _take_away(path: Path, old: Path) -> None:
 
 
 def write_whole(path: str | Path, data: bytes | str, *, raises: type[ReadygoError] = ReadygoError) -> None:
-    """Write bytes, or text as UTF-8, as `unfinished` does.
+    """Write bytes, or text as UTF-8; see `unfinished`.
 
     Raises:
         ReadygoError: If the file cannot be written.
     """
-    path = Path(path)
-    # A file beside it instead of one in a folder of its own, as `unfinished` makes it: a fifth of the system's time.
-    part = path.with_name(f".{path.stem}-{secrets.token_hex(4)}{path.suffix}")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            part.write_bytes(data.encode() if isinstance(data, str) else data)
-            part.replace(path)
-        except BaseException:
-            part.unlink(missing_ok=True)
-            raise
-    except OSError as error:
-        raise raises(f"{path} cannot be written: {error.strerror or error}.") from error
+    with unfinished(path, raises=raises) as part:
+        part.write_bytes(data.encode() if isinstance(data, str) else data)
 
 
 def disk_space(path: Path) -> tuple[int, int]:
