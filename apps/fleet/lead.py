@@ -7,12 +7,14 @@ from pathlib import Path
 
 from readygo.apps.fleet.access import join, open_router, reached_here
 from readygo.apps.fleet.token import given_token, new_token
-from readygo.apps.fleet.worker import TICK_S, make_coordinator
+from readygo.apps.fleet.worker import LATE_S, TICK_S, make_coordinator
 from readygo.apps.observe.health import showing_health
 from readygo.apps.observe.observer import Observer
 from readygo.apps.observe.settings import NOTHING
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.identity import check_version
+from readygo.apps.run.recorders import prepare_folders
+from readygo.apps.run.recovery import recover
 from readygo.common.bus import Bus
 from readygo.common.bus.identity import COORDINATOR
 from readygo.common.errors import RunError
@@ -35,7 +37,8 @@ def lead(folder: RunFolder, listen: str, *, certs: Path | None = None, observer:
         observer: What this process shows of itself.
 
     Raises:
-        RunError: If another process works on the folder, the run is of another version, or it cannot be finished.
+        RunError: If another process works on the folder, the run is of another version, its ledger is lost, or it
+            cannot be finished.
         CertificateError: If the certificates cannot be used.
         BusError: If the endpoint cannot be opened.
     """
@@ -43,10 +46,12 @@ def lead(folder: RunFolder, listen: str, *, certs: Path | None = None, observer:
     check_version(spec)
     token = "" if certs else given_token() or new_token()
     watched = observer or Observer(NOTHING, run=spec.run, role=COORDINATOR, name=COORDINATOR)
-    with folder.locked():
+    with folder.locked(), folder.coordinated(patience_s=2 * LATE_S):
+        recover(folder, recorded_here=False)
+        prepare_folders(folder, spec)
         coordinator = make_coordinator(folder, recorded_here=False)
         watched.coordinator(coordinator)
-        router = open_router(spec, coordinator.config.recorders, listen, certs=certs, token=token)
+        router = open_router(spec, coordinator.recorders, listen, certs=certs, token=token)
         try:
             bus = watched.bus(join(reached_here(listen), spec.run, COORDINATOR, certs=certs, token=token))
             try:

@@ -51,16 +51,20 @@ class Findings:
         return lines
 
 
-def recover(folder: RunFolder, *, every_byte: bool = False) -> Findings:
+def recover(folder: RunFolder, *, every_byte: bool = False, recorded_here: bool = True) -> Findings:
     """Bring a run's ledger and shards in line; call it with the folder's lock, before the run goes on.
 
     Args:
         folder: Of a run, with its spec.
         every_byte: Also read shards again that were found sound before and have not changed since.
+        recorded_here: False where recorders have disks on other machines: what the ledger says of those that have no
+            shard here is taken for true, and no ledger is made anew without their shards.
 
     Raises:
-        RunError: If the folder cannot be written.
+        RunError: If the folder cannot be written, or a ledger is lost that cannot be made anew.
     """
+    if not recorded_here and not folder.ledger.exists() and folder.blobs.exists():
+        raise _not_made_anew(folder, f"The run's ledger {folder.ledger} is gone.")
     if not folder.has_data:
         return Findings()
     spec, wanted = folder.load()
@@ -68,9 +72,9 @@ def recover(folder: RunFolder, *, every_byte: bool = False) -> Findings:
     sound = _sound_shards(folder, findings, every_byte=every_byte)
     for name in findings.damaged:
         _reopen(folder.shard(name))
-    ledger = _open_ledger(folder, spec.stages, findings)
+    ledger = _open_ledger(folder, spec.stages, findings, recorded_here=recorded_here)
     try:
-        lost = _give_back(ledger, folder, sound)
+        lost = _give_back(ledger, folder, sound, recorded_here=recorded_here)
         findings.lost = sorted(lost - _adopted(ledger, sound, spec))
         if findings.rebuilt:
             indices = [index for shard in _shards(folder, f"{SHARDS}*") for index in _indices(shard)]
@@ -198,7 +202,14 @@ def _reopen(shard: Path) -> None:
     shard.rename(part)
 
 
-def _open_ledger(folder: RunFolder, stages: tuple[Stage, ...], findings: Findings) -> Ledger:
+def _not_made_anew(folder: RunFolder, why: str) -> RunError:
+    return RunError(
+        f"{why} Its recorders are on other machines: gather their shards in {folder.path}, and run "
+        f"`readygo recover {folder.path}`, which makes it anew of them."
+    )
+
+
+def _open_ledger(folder: RunFolder, stages: tuple[Stage, ...], findings: Findings, *, recorded_here: bool) -> Ledger:
     """The run's ledger; a new one where it is damaged, or gone although there are shards."""
     new = not folder.ledger.exists()
     findings.rebuilt = new and bool(_shards(folder, f"{SHARDS}*"))
@@ -208,6 +219,8 @@ def _open_ledger(folder: RunFolder, stages: tuple[Stage, ...], findings: Finding
     except RunError as error:
         if new:
             raise
+        if not recorded_here:
+            raise _not_made_anew(folder, str(error)) from error
         log.warning("%s", error)
         for suffix in ("", "-wal", "-shm"):
             damaged = folder.ledger.with_name(folder.ledger.name + suffix)
@@ -235,10 +248,12 @@ def _adopted(ledger: Ledger, sound: Mapping[str, ShardIndex], spec: RunSpec) -> 
     return found
 
 
-def _give_back(ledger: Ledger, folder: RunFolder, sound: Mapping[str, ShardIndex]) -> set[int]:
+def _give_back(ledger: Ledger, folder: RunFolder, sound: Mapping[str, ShardIndex], *, recorded_here: bool) -> set[int]:
     """Have episodes recorded again that are in no sound shard; what open shards hold, their recorders tell."""
     lost: set[int] = set()
     for name, episodes in ledger.shards().items():
+        if not recorded_here and not any(folder.shard(name).parent.glob(f"shard-{recorder_of_shard(name)}-*")):
+            continue
         missing = _missing(episodes, sound.get(name))
         part = folder.shard(name + PART_SUFFIX)
         if missing and part.exists():

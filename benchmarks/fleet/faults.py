@@ -16,7 +16,8 @@ from readygo.apps.run.recorders import requeue
 from readygo.benchmarks.fleet.hostile import send_lies
 from readygo.benchmarks.fleet.site import LAUNCHER, Site
 from readygo.common.dataset.places import own_folders
-from readygo.common.errors import ReadygoError, RunError
+from readygo.common.errors import BusError, ReadygoError, RunError
+from readygo.common.messages import StatusRequest, topics
 
 SHORTEST_S = 0.3
 """Of freezes and full disks."""
@@ -248,7 +249,10 @@ def _lie(site: Site, fault: Fault) -> Trace:
     except ReadygoError as error:
         return _nothing(str(error))
     try:
+        bus.request(topics.STATUS, StatusRequest(), timeout_s=1.0)
         return Trace(words=send_lies(bus, site.folder.load()[0], random.Random(fault.pick)))
+    except BusError as error:
+        return _nothing(str(error))
     finally:
         bus.close()
 

@@ -38,6 +38,8 @@ _LIST_HEAD, _UNSIGNED_HEAD = 0x90, 0x80
 _UNSIGNED_BYTES = {0xCC: 1, 0xCD: 2, 0xCE: 4}
 """Size of an unsigned number by the byte before it."""
 _INT_MIN, _INT_MAX = -(2**63), 2**63 - 1
+_PLAIN = frozenset({int, str, bytes, float, bool, types.NoneType, np.ndarray})
+"""Types that are packed as they are: most of what a message holds."""
 _NEVER_OMITTED = object()
 OMITTED_WHEN_DEFAULT = {"omitted_when_default": True}
 """Metadata of a field that was added to a message: while it has its default the bytes are those of before."""
@@ -98,6 +100,8 @@ def _unpacked(payload: bytes, items_max: int) -> Any:
 
 
 def _plain(value: Any) -> Any:
+    if type(value) in _PLAIN:
+        return value
     if dataclasses.is_dataclass(value):
         items = ((name, getattr(value, name), default) for name, default in _fields(value.__class__))
         return {name: _plain(item) for name, item, default in items if default is _NEVER_OMITTED or item != default}

@@ -1,12 +1,12 @@
 """Content-addressed results on disk."""
 
+import contextlib
 import hashlib
 import os
 from collections.abc import Mapping
 from pathlib import Path
 
 from readygo.common.errors import DiskError
-from readygo.common.files import write_whole
 
 
 class BlobStore:
@@ -18,12 +18,28 @@ class BlobStore:
         folder.mkdir(parents=True, exist_ok=True)
 
     def put(self, data: bytes) -> str:
-        """Store a blob under its hash; a crash leaves no half-written blob."""
+        """Store a blob under its hash; a crash leaves no half-written blob.
+
+        Raises:
+            DiskError: If the disk does not take it.
+        """
         sha256 = hashlib.sha256(data).hexdigest()
         path = self._folder / sha256
         if self.get(sha256) != data:
-            write_whole(path, data, raises=DiskError)
+            self._write(path, data)
         return sha256
+
+    def _write(self, path: Path, data: bytes) -> None:
+        # Without the folder that `write_whole` makes for each file, which takes as long as the writing: nobody else
+        # writes here, and what a crash leaves behind goes with the next start.
+        part = path.with_name(f".{path.name}")
+        try:
+            part.write_bytes(data)
+            part.replace(path)
+        except OSError as error:
+            with contextlib.suppress(OSError):
+                part.unlink(missing_ok=True)
+            raise DiskError(f"{path} cannot be written: {error.strerror or error}.") from error
 
     def get(self, sha256: str) -> bytes | None:
         """A whole blob, or None."""

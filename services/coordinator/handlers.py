@@ -101,6 +101,8 @@ class Coordinator:
         self.set_aside = set_aside
         self.clock = clock
         self.roster = Roster(clock)
+        self.numeric_class = spec.metadata.get("numeric_class", "")
+        """What all of the run is made with; agreed on with the first claim."""
         self.told: object = None
         """What of note was said last of how far the run is."""
         self.told_s = 0.0
@@ -116,8 +118,8 @@ class Coordinator:
         self.given: Counter[str] = Counter()
         """Leases that each of them got since the process began."""
         self._check_recorders()
-        if made_by := spec.metadata.get("numeric_class"):
-            ledger.agree("numeric_class", made_by)
+        if self.numeric_class:
+            self.numeric_class = ledger.agree("numeric_class", self.numeric_class)
         ledger.requeue_all()
         ledger.drop_episodes(wanted)
         blobs.keep_only(ledger.results() | {file.sha256 for policy in ledger.policies() for file in policy.files})
@@ -210,6 +212,11 @@ def handle_renew(coordinator: Coordinator, request: RenewRequest) -> Verdict:
 
 def handle_complete(coordinator: Coordinator, stage: Stage, request: CompleteRequest) -> Verdict:
     """Take a stage's result, a rejection or a failure."""
+    with coordinator.ledger.together():
+        return _completed(coordinator, stage, request)
+
+
+def _completed(coordinator: Coordinator, stage: Stage, request: CompleteRequest) -> Verdict:
     ledger = coordinator.ledger
     if other := _held_by_another(coordinator, request):
         return other
@@ -488,7 +495,9 @@ def _verdict(held: bool) -> Verdict:
 
 
 def _same_numeric_class(coordinator: Coordinator, numeric_class: str) -> bool:
-    return bool(numeric_class) and coordinator.ledger.agree("numeric_class", numeric_class) == numeric_class
+    if numeric_class and not coordinator.numeric_class:
+        coordinator.numeric_class = coordinator.ledger.agree("numeric_class", numeric_class)
+    return bool(numeric_class) and coordinator.numeric_class == numeric_class
 
 
 def _planned_ahead(coordinator: Coordinator) -> bool:
@@ -499,9 +508,9 @@ def _inputs(coordinator: Coordinator, lease: Lease) -> tuple[Blob, ...] | None:
     """What a stage needs, None if some of it is lost or damaged; what is fetched later is checked by who fetches."""
     inputs = []
     for sha256 in lease.inputs:
-        data = coordinator.blobs.get(sha256)
-        inline = data is not None and len(data) <= coordinator.config.inline_bytes
-        if data is None or (inline and hashlib.sha256(data).hexdigest() != sha256):
+        size, data = coordinator.blobs.read(sha256, 0, coordinator.config.inline_bytes)
+        inline = 0 <= size <= coordinator.config.inline_bytes
+        if size < 0 or (inline and hashlib.sha256(data).hexdigest() != sha256):
             log.warning("result %s of episode %d is lost or damaged: it is begun anew", sha256, lease.index)
             return None
         inputs.append(Blob(sha256=sha256, data=data if inline else b""))

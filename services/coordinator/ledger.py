@@ -86,7 +86,7 @@ class Ledger:
 
     def agree(self, key: str, value: str) -> str:
         """The run's value for `key`, which is the first one that was proposed."""
-        with self._transaction():
+        with self.together():
             self._db.execute("INSERT OR IGNORE INTO run VALUES (?, ?)", (key, value))
             (agreed,) = self._db.execute("SELECT value FROM run WHERE key = ?", (key,)).fetchone()
         return str(agreed)
@@ -100,7 +100,7 @@ class Ledger:
 
     def open_episodes(self, wanted: int) -> int:
         """Open indices until `wanted` of them are not rejected; returns how many were opened."""
-        with self._transaction():
+        with self.together():
             total, following = self._db.execute("SELECT count(*), coalesce(max(idx) + 1, 0) FROM episode").fetchone()
             (rejected,) = self._db.execute("SELECT count(*) FROM episode WHERE state = 'rejected'").fetchone()
             missing: int = max(0, wanted - (total - rejected))
@@ -115,7 +115,7 @@ class Ledger:
 
         Nothing is forgotten where an index behind them is durable, see `wanted_min`.
         """
-        with self._transaction():
+        with self.together():
             if wanted >= self.wanted_min():
                 self._db.execute(
                     """DELETE FROM episode WHERE idx > (SELECT idx FROM episode WHERE state != 'rejected'
@@ -172,7 +172,7 @@ class Ledger:
         A `reason` says that the stage rejected the episode, which is kept nevertheless.
         """
         following = self._stages[self._stages.index(stage) + 1]
-        with self._transaction():
+        with self.together():
             held = self._held(
                 """UPDATE episode SET stage = ?, state = 'waiting', worker = '',
                 reason = CASE WHEN ? = '' THEN reason ELSE ? END
@@ -229,7 +229,7 @@ class Ledger:
         Returns:
             Hashes of the results that it came to, by stage.
         """
-        with self._transaction():
+        with self.together():
             results = dict(self._all("SELECT stage, sha256 FROM result WHERE idx = ?", index))
             self._run(
                 "UPDATE episode SET state = 'rejected', reason = ? WHERE idx = ? AND state = 'waiting'",
@@ -272,7 +272,7 @@ class Ledger:
 
     def retire(self, recorder: str) -> int:
         """Give a recorder up with all that it has: its episodes are made again; returns how many those are."""
-        with self._transaction():
+        with self.together():
             rows = self._all(
                 """UPDATE episode SET state = 'waiting', worker = '', stage = ?
                 WHERE state IN ('leased', 'granted', 'committed') AND recorder = ? RETURNING idx""",
@@ -331,7 +331,7 @@ class Ledger:
         Returns:
             Hashes of results that nobody needs any more; None if another recorder has made the episode durable.
         """
-        with self._transaction():
+        with self.together():
             held = self._held(
                 """UPDATE episode SET state = 'committed', stage = ?, recorder = ?, shard = ?, samples = ?,
                 driven_by = ?, worker = ''
@@ -377,7 +377,7 @@ class Ledger:
 
         Some of them were rejected, and will be again: the run is not longer than `wanted` for that.
         """
-        with self._transaction():
+        with self.together():
             self._db.executemany(
                 "INSERT OR IGNORE INTO episode (idx, stage, state) VALUES (?, ?, 'waiting')",
                 [(index, self._stages[0].name) for index in range(last + 1)],
@@ -406,7 +406,7 @@ class Ledger:
 
     def miss(self, indices: Sequence[int]) -> None:
         """Begin episodes anew that were durable and are no more."""
-        with self._transaction():
+        with self.together():
             self._db.executemany(
                 "UPDATE episode SET state = 'waiting', worker = '', stage = ? WHERE idx = ? AND state = 'committed'",
                 [(self._stages[0].name, index) for index in indices],
@@ -497,7 +497,7 @@ class Ledger:
     def offer(self, policy: PolicyRef, wall_ns: int) -> OfferedPolicy:
         """Note that a policy was offered; files that are known already stay what they are, and as old."""
         files = json.dumps([[file.path, file.sha256, file.size] for file in policy.files])
-        with self._transaction():
+        with self.together():
             self._db.execute(
                 """INSERT OR IGNORE INTO policy (sha256, files, samples, wall_ns)
                 VALUES (?, ?, (SELECT coalesce(sum(samples), 0) FROM episode WHERE state = 'committed'), ?)""",
@@ -545,7 +545,7 @@ class Ledger:
 
         Indices that are open already stay as they are.
         """
-        with self._transaction():
+        with self.together():
             self._db.executemany(
                 "INSERT OR IGNORE INTO episode (idx, stage, state, assigned) VALUES (?, ?, 'waiting', ?)",
                 [(index, self._stages[0].name, sha256) for index, sha256 in policies.items()],
@@ -570,10 +570,15 @@ class Ledger:
         return len(self._all(statement, *values))
 
     @contextmanager
-    def _transaction(self) -> Iterator[None]:
-        with self._lock, self._worded(), self._db:
-            self._db.execute("BEGIN IMMEDIATE")
-            yield
+    def together(self) -> Iterator[None]:
+        """Do what the block does in one transaction, all of it or nothing: each costs more than what it writes."""
+        with self._lock:
+            if self._db.in_transaction:
+                yield
+                return
+            with self._worded(), self._db:
+                self._db.execute("BEGIN IMMEDIATE")
+                yield
 
     @contextmanager
     def _worded(self) -> Iterator[None]:

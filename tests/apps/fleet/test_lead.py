@@ -12,18 +12,20 @@ import pytest
 
 pytest.importorskip("cryptography", reason="needs the extra tls")
 
+from readygo.apps.fleet import lead as leading
 from readygo.apps.fleet.access import join
 from readygo.apps.fleet.lead import lead
 from readygo.apps.fleet.worker import make_recorder
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.stages import stage_works
 from readygo.apps.run.world import World
-from readygo.common.bus.zenoh_bus import free_endpoint
+from readygo.common.bus.zenoh_bus import Router, free_endpoint
 from readygo.common.certificates import issue, make_authority
 from readygo.common.dataset import Dataset
 from readygo.common.errors import BusError, RunError
 from readygo.common.fleet import Worker, pull
-from readygo.common.messages import ClaimReply, Command, ControlRequest, RunSpecRequest, topics
+from readygo.common.messages import ClaimReply, Command, ControlRequest, RunSpec, RunSpecRequest, topics
+from readygo.services.coordinator import Ledger
 from readygo.services.recorder import attach as attach_recorder
 from tests.apps.fleet.toy_line import DRAW, FILM, draw, entry, in_process, make_folder
 
@@ -162,6 +164,47 @@ def test_only_one_coordinator_leads_a_run(tmp_path: Path, certs: Path) -> None:
     listen = free_endpoint().replace("tcp/", "tls/")
     with folder.locked(), pytest.raises(RunError, match=f"Another process is generating into {folder.path}"):
         lead(folder, listen, certs=certs)
+
+
+def test_coordinator_of_a_fleet_that_is_still_at_work_is_waited_for_and_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = make_folder(tmp_path / "data", [DRAW, FILM], wanted=2)
+    monkeypatch.setattr(leading, "LATE_S", 0.05)
+    with (
+        folder.coordinated(patience_s=0.0),
+        pytest.raises(RunError, match=f"Another coordinator is at work on {folder.path}"),
+    ):
+        lead(folder, free_endpoint())
+
+
+def test_leader_prepares_disks_and_leaves_out_recorders_that_were_given_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = {name: str(tmp_path / name) for name in ("rec0", "rec1")}
+    folder = make_folder(tmp_path / "data", [DRAW, FILM], wanted=2, recorders=tuple(own), folders=own)
+    ledger = Ledger(folder.ledger, folder.load()[0].stages)
+    ledger.retire("rec1")
+    ledger.close()
+    opened: list[tuple[str, ...]] = []
+
+    def open_none(spec: RunSpec, recorders: tuple[str, ...], listen: str, **how: object) -> Router:
+        opened.append(recorders)
+        raise BusError("no router")
+
+    monkeypatch.setattr(leading, "open_router", open_none)
+    with pytest.raises(BusError, match="no router"):
+        lead(folder, free_endpoint())
+    assert opened == [("rec0",)]
+    assert folder.place_of("rec0") == tmp_path / "rec0"
+    assert not (tmp_path / "rec1").exists()
+
+
+def test_leader_refuses_a_run_whose_ledger_is_lost(tmp_path: Path) -> None:
+    folder = make_folder(tmp_path / "data", [DRAW, FILM], wanted=2)
+    folder.blobs.mkdir()
+    with pytest.raises(RunError, match=r"ledger\.sqlite is gone"):
+        lead(folder, free_endpoint())
 
 
 def test_name_that_is_taken_is_refused(tmp_path: Path, certs: Path, pool: ThreadPoolExecutor) -> None:

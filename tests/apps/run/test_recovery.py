@@ -189,3 +189,26 @@ def test_ledger_of_an_earlier_day_learns_what_was_recorded_since(folder: RunFold
     filmed: list[int] = []
     assert in_process(folder, LINE, filmed=filmed).finished
     assert filmed == []
+
+
+def test_shards_that_are_on_other_machines_are_not_missed(folder: RunFolder) -> None:
+    for shard in folder.path.glob("shard-*"):
+        shard.unlink()
+    assert recover(folder, recorded_here=False) == recovery.Findings()
+    assert len(recover(folder).lost) == EPISODES
+
+
+def test_shards_of_a_recorder_here_are_brought_in_line_wherever_the_others_are(folder: RunFolder) -> None:
+    _lose_shard(folder)
+    assert recover(folder, recorded_here=False).lost == [2, 3]
+
+
+@pytest.mark.parametrize("damage", [_lose_ledger, _damage_ledger])
+def test_ledger_is_not_made_anew_without_the_shards_of_other_machines(
+    damage: Callable[[RunFolder], None], folder: RunFolder
+) -> None:
+    damage(folder)
+    with pytest.raises(RunError, match=r"gather their shards in .*, and run `readygo recover"):
+        recover(folder, recorded_here=False)
+    assert recover(folder).rebuilt
+    assert recover(folder, recorded_here=False) == recovery.Findings()

@@ -1,8 +1,10 @@
+import errno
 import hashlib
 from pathlib import Path
 
 import pytest
 
+from readygo.common.errors import DiskError
 from readygo.services.coordinator import BlobStore
 
 DATA = bytes(range(100))
@@ -53,3 +55,22 @@ def test_only_what_is_needed_stays(store: BlobStore) -> None:
     store.drop(SHA256)
     store.drop(SHA256)
     assert store.get(SHA256) is None
+
+
+def test_blob_that_the_disk_does_not_take_is_said_and_leaves_nothing(
+    store: BlobStore, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(path: Path, target: Path) -> Path:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "replace", full)
+    with pytest.raises(DiskError, match=f"{SHA256} cannot be written: No space left on device"):
+        store.put(DATA)
+    assert list((tmp_path / "blobs").iterdir()) == []
+
+
+def test_what_a_crash_left_half_written_goes_with_the_next_start(store: BlobStore, tmp_path: Path) -> None:
+    (tmp_path / "blobs" / f".{SHA256}").write_bytes(DATA[:10])
+    assert store.get(SHA256) is None
+    store.keep_only({store.put(DATA)})
+    assert [path.name for path in (tmp_path / "blobs").iterdir()] == [SHA256]

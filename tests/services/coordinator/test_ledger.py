@@ -213,3 +213,20 @@ def test_assigned_policy_goes_before_the_newest(tmp_path: Path) -> None:
     leases = [ledger.claim(film, "w", 10.0) for _ in range(3)]
     assert [(lease.index, lease.policy) for lease in leases if lease] == [(0, old.sha256), (3, ""), (4, new.sha256)]
     ledger.close()
+
+
+def test_what_is_done_together_is_done_whole_or_not_at_all(ledger: Ledger) -> None:
+    def fail_in_the_middle() -> None:
+        with ledger.together():
+            ledger.add("first", 1.0)
+            with ledger.together():
+                ledger.note("second", "yes")
+            raise KeyError
+
+    with pytest.raises(KeyError):
+        fail_in_the_middle()
+    assert (ledger.counters(), ledger.note("second")) == ({}, "")
+    with ledger.together():
+        ledger.add("first", 1.0)
+        ledger.note("second", "yes")
+    assert (ledger.counters(), ledger.note("second")) == ({"first": 1.0}, "yes")
