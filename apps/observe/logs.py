@@ -54,7 +54,7 @@ def begin_logging(log_format: LogFormat, *, run: str, role: str, worker: str) ->
         threading.excepthook = lambda args: _log_uncaught(args.exc_type, args.exc_value, args.exc_traceback)
     else:
         handler.setFormatter(logging.Formatter(_TEXT))
-    logging.basicConfig(level=logging.INFO, handlers=[handler], force=True)
+    logging.basicConfig(level=logging.INFO, handlers=[handler])
 
 
 def message_of(line: str) -> str:

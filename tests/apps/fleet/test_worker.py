@@ -26,8 +26,8 @@ def endpoint() -> Iterator[str]:
 def _signals_stay(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("readygo.apps.fleet.worker.signal.signal", lambda *_: None)
     # Kernels are not what these tests are about, and nor is who made the run.
-    for name in ("warm_once", "check_same_make"):
-        monkeypatch.setattr(f"readygo.apps.fleet.worker.{name}", lambda *_: None)
+    monkeypatch.setattr("readygo.apps.run.warm.warm_once", lambda *_: None)
+    monkeypatch.setattr("readygo.apps.fleet.worker.check_same_make", lambda *_: None)
 
 
 def test_worker_that_somebody_must_help_ends_with_a_code_of_its_own(

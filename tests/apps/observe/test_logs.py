@@ -1,5 +1,7 @@
 import json
 import logging
+import sys
+import threading
 from collections.abc import Iterator
 
 import pytest
@@ -11,14 +13,17 @@ from readygo.common.fleet.at_work import working
 @pytest.fixture
 def logging_as_before() -> Iterator[None]:
     root = logging.getLogger()
-    before = root.handlers[:], root.level
+    before, hooks = (root.handlers[:], root.level), (sys.excepthook, threading.excepthook)
     yield
     logging.captureWarnings(False)
     root.handlers, root.level = before
+    sys.excepthook, threading.excepthook = hooks
 
 
 @pytest.mark.usefixtures("logging_as_before")
 def test_log_lines_name_the_episode(capsys: pytest.CaptureFixture[str]) -> None:
+    # Those of pytest itself.
+    logging.getLogger().handlers = []
     begin_logging("json", run="run-test", role="all", worker="all0")
     with working(stage="draw", episode="train-7-000003", attempt=2):
         logging.getLogger("elsewhere").warning("by the %s", "way")
