@@ -36,7 +36,7 @@ CSS = """
 @keyframes rgp { 50% { opacity: 0.25; } }
 .rg .track { height: 7px; border-radius: 4px; background: #2a2f36; overflow: hidden; display: flex; }
 .rg .track i { display: block; height: 100%; }
-.rg .tiles { display: grid; grid-template-columns: repeat(4, 1fr); gap: 6px; margin: 8px 0 2px; }
+.rg .tiles { display: grid; grid-template-columns: repeat(auto-fit, minmax(84px, 1fr)); gap: 6px; margin: 8px 0 2px; }
 .rg .tiles div { background: #22262c; border-radius: 8px; padding: 5px 8px; color: #94a0ad; font-size: 11px; }
 .rg .tiles b { display: block; color: #fff; font-size: 17px; line-height: 1.2; font-variant-numeric: tabular-nums; }
 .rg h4 { margin: 12px 0 4px; font-size: 12px; color: #b9c3ce; font-weight: 600; }
