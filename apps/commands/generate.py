@@ -183,7 +183,7 @@ class Where:
 def _record(spec: RunSpec, out: Path, episodes: int, where: Where, *, json: bool) -> None:
     """Do a run, and say on the terminal how it goes and what it gave."""
     join = _how_to_join(spec, out, where) if where.listen else ""
-    page = watched(out, (RunFolder(out).state / "endpoint").exists) if where.watch else nullcontext()
+    page = watched(out, (RunFolder(out).state / "endpoint").exists, where.certs) if where.watch else nullcontext()
     if where.hosts:
         begin(spec, out, episodes)
         sys.stderr.write(f"{join}\n")
