@@ -4,7 +4,9 @@ import multiprocessing
 import os
 import signal
 from collections.abc import Callable
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
@@ -26,9 +28,9 @@ def apart(function: Callable[..., T], *args: Any, **kwargs: Any) -> T:
         said.touch()
         ours, theirs = context.Pipe(duplex=False)
         process = context.Process(target=_call, args=(theirs, str(said), function, args, kwargs), daemon=True)
-        process.start()
-        theirs.close()
         try:
+            _start(process)
+            theirs.close()
             error, value = ours.recv()
         except EOFError:
             process.join()
@@ -38,18 +40,27 @@ def apart(function: Callable[..., T], *args: Any, **kwargs: Any) -> T:
                 f"the disk runs out: {words}. Make room and run the same command again; finished stages stay."
             ) from None
         finally:
-            if process.is_alive():
+            if process.pid is not None:
                 process.kill()
-            process.join()
+                process.join()
     if error is not None:
         raise error
     result: T = value
     return result
 
 
+def _start(process: SpawnProcess) -> None:
+    """Start a process that Ctrl-C does not reach: whoever asked hears of it, and ends that process."""
+    # Started later, the tracker would let signals through again.
+    resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        process.start()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _call(answer: Connection, said: str, function: Callable[..., Any], args: Any, kwargs: Any) -> None:
-    # Whoever asked hears of Ctrl-C, and ends this process.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.dup2(os.open(said, os.O_WRONLY | os.O_APPEND), 2)
     try:
         value = function(*args, **kwargs)

@@ -1,4 +1,6 @@
 import os
+import signal
+import time
 from pathlib import Path
 
 import pytest
@@ -25,3 +27,21 @@ def test_what_a_call_returns_and_raises_is_passed_on() -> None:
 def test_process_that_is_ended_is_an_error_with_its_first_words() -> None:
     with pytest.raises(RunError, match=r"_die ended the process .*SIGABRT.*: disk I/O error\. Make room"):
         apart(_die, "disk I/O error\n@ 0x7fd5373e8a48\n")
+
+
+def _blocked() -> bool:
+    return signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, set())
+
+
+def _interrupt_both() -> None:
+    os.kill(os.getppid(), signal.SIGINT)
+    os.kill(os.getpid(), signal.SIGINT)
+    time.sleep(60)
+
+
+def test_ctrl_c_is_heard_by_who_asked_alone(capfd: pytest.CaptureFixture[str]) -> None:
+    assert apart(_blocked)
+    assert not _blocked()
+    with pytest.raises(KeyboardInterrupt):
+        apart(_interrupt_both)
+    assert capfd.readouterr().err == ""
