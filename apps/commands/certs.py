@@ -1,4 +1,4 @@
-"""`readygo certs`: the certificates of a fleet that spans networks."""
+"""`readygo certs issue`: the certificates of a fleet that spans networks."""
 
 import sys
 from pathlib import Path

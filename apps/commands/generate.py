@@ -103,7 +103,7 @@ def generate(
             `config` say of that.
         listen: Endpoint of the fleet's router, such as tcp/127.0.0.1:7447, for workers that are started by hand; a
             free loopback port by default.
-        certs: Folder of certificates (`readygo certs`), for a tls/ endpoint.
+        certs: Folder of certificates (`readygo certs issue`), for a tls/ endpoint.
         on: Where workers run: "slurm" submits `workers` jobs that do all stages, as one array, and requeues them when
             they are preempted; `listen` must be an address that its nodes reach, tls/ or on a network that you trust.
             "hosts" starts none, and no recorder: they are started on other machines with `readygo worker`, and
@@ -183,7 +183,7 @@ class Where:
 def _record(spec: RunSpec, out: Path, episodes: int, where: Where, *, json: bool) -> None:
     """Do a run, and say on the terminal how it goes and what it gave."""
     join = _how_to_join(spec, out, where) if where.listen else ""
-    page = watched(out, (RunFolder(out).state / "endpoint").exists) if where.watch else nullcontext()
+    page = watched(out, (RunFolder(out).state / "endpoint").exists, where.certs) if where.watch else nullcontext()
     if where.hosts:
         begin(spec, out, episodes)
         sys.stderr.write(f"{join}\n")

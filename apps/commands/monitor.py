@@ -16,6 +16,7 @@ from readygo.apps.cli import Bare
 from readygo.apps.fleet.token import given_token
 from readygo.apps.monitor.feed import Feed
 from readygo.apps.monitor.foxglove_sink import FoxgloveSink
+from readygo.apps.monitor.link import Address
 from readygo.apps.monitor.rerun_sink import RerunSink
 from readygo.apps.monitor.screen import Screen
 from readygo.apps.monitor.subject import Subject, subject_at, subjects_of
@@ -31,6 +32,7 @@ def monitor(
     *,
     connect: str = "",
     run: str = "",
+    certs: Path | None = None,
     scene: str = "",
     host: str = "127.0.0.1",
     port: int = 8080,
@@ -46,6 +48,7 @@ def monitor(
         data: Data folder, live or recorded, or the folder of `readygo learn`.
         connect: Endpoint of a fleet's router, in place of the folder; its token comes in READYGO_TOKEN.
         run: Name of the run there, as `readygo generate --listen` prints it.
+        certs: Folder with a certificate of a monitor, for a tls/ endpoint.
         scene: Scene bundle or "embedded", where it is not where the run says.
         host: Address to show the page on; others than this machine's own one ask for the token in the link.
         port: Its port; 0 takes a free one.
@@ -61,7 +64,10 @@ def monitor(
         raise RunError(
             "--connect needs the name of the run as well: --run RUN, as `readygo generate --listen` prints it."
         )
-    subjects = subjects_of(data, scene) if data is not None else [subject_at(connect, run, given_token(), scene)]
+    if data is not None:
+        subjects = subjects_of(data, scene, certs)
+    else:
+        subjects = [subject_at(Address(connect, run, given_token(), certs), scene)]
     with contextlib.ExitStack() as opened:
         for subject in subjects:
             opened.callback(subject.close)

@@ -22,19 +22,20 @@ def check_viewer() -> None:
 
 
 @contextlib.contextmanager
-def watched(folder: Path, begun: Callable[[], bool]) -> Iterator[None]:
+def watched(folder: Path, begun: Callable[[], bool], certs: Path | None = None) -> Iterator[None]:
     """Show a run on a page for as long as the block runs; the page never holds the run up.
 
     Args:
         folder: Data folder, or that of a run that learns.
         begun: True once the folder can be watched.
+        certs: Folder with a certificate of a monitor, for a run that speaks TLS.
 
     Raises:
         RunError: If viser is not installed.
     """
     check_viewer()
     over = threading.Event()
-    thread = threading.Thread(target=_show, args=(folder, begun, over), daemon=True)
+    thread = threading.Thread(target=_show, args=(_command(folder, certs), begun, over), daemon=True)
     thread.start()
     try:
         yield
@@ -43,11 +44,15 @@ def watched(folder: Path, begun: Callable[[], bool]) -> Iterator[None]:
         thread.join(2 * END_S)
 
 
-def _show(folder: Path, begun: Callable[[], bool], over: threading.Event) -> None:
+def _command(folder: Path, certs: Path | None) -> list[str]:
+    command = [sys.executable, "-m", "readygo", "monitor", str(folder), "--port", "0", "--open"]
+    return [*command, "--certs", str(certs)] if certs else command
+
+
+def _show(command: list[str], begun: Callable[[], bool], over: threading.Event) -> None:
     while not begun():
         if over.wait(POLL_S):
             return
-    command = [sys.executable, "-m", "readygo", "monitor", str(folder), "--port", "0", "--open"]
     process = subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True)
     over.wait()
     process.terminate()

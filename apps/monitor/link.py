@@ -3,10 +3,13 @@
 import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import NamedTuple
 
+from readygo.apps.fleet.access import TLS, join
 from readygo.apps.monitor.watch import Watch
 from readygo.apps.run.folder import RunFolder
+from readygo.common.bus.identity import MONITOR
 from readygo.common.bus.zenoh_bus import ZenohBus
 from readygo.common.errors import BusError, PeerError, ReadygoError
 from readygo.common.messages import RunSpec, RunSpecRequest, topics
@@ -23,16 +26,26 @@ class Address(NamedTuple):
     endpoint: str
     run: str
     token: str
+    certs: Path | None = None
+    """Folder with a certificate of a monitor, for a tls/ endpoint."""
+
+    def bus(self) -> ZenohBus:
+        """Join the run to look at it; see `readygo.apps.fleet.access.join` for the errors."""
+        return join(self.endpoint, self.run, MONITOR, certs=self.certs, token=self.token)
 
 
-def address_of(folder: RunFolder) -> Address:
+def address_of(folder: RunFolder, certs: Path | None = None) -> Address:
     """Where the fleet that is at work on a folder is.
+
+    Args:
+        folder: Of the run.
+        certs: Folder of certificates, in case that it speaks TLS.
 
     Raises:
         RunError: If none is.
     """
     endpoint, token = folder.fleet_endpoint()
-    return Address(endpoint, folder.load()[0].run, token)
+    return Address(endpoint, folder.load()[0].run, token, certs if endpoint.startswith(TLS) else None)
 
 
 class Link:
@@ -57,10 +70,11 @@ class Link:
 
         Raises:
             BusError: If nobody answers, the token is wrong, or whoever answers is of another version.
+            CertificateError: If there is no certificate that can be used.
             RunError: If no fleet is at work.
         """
         address = self._find()
-        bus = ZenohBus(address.endpoint, address.run, address.token)
+        bus = address.bus()
         try:
             spec = _spec(bus, address)
         except BaseException:

@@ -290,15 +290,18 @@ class Page:
             return
         # Narrow windows need more distance for the same width.
         far_m = house.radius_m * (1.45 if camera.aspect > 1.0 else 1.25 / max(camera.aspect, 0.4))
-        camera.position = house.center_m + far_m * np.array([-0.35, -0.62, 0.95])
-        camera.look_at = house.center_m
+        # There the panel covers the lower part: the scene goes to the upper one.
+        nearer_m = 0.0 if camera.aspect > 1.0 else 0.4 * far_m
+        aim = house.center_m + nearer_m * np.array([-0.35, -0.62, 0.0])
+        camera.position = aim + far_m * np.array([-0.35, -0.62, 0.95])
+        camera.look_at = aim
 
     def _tell(self, now_s: float, states: dict[str, LiveState]) -> None:
         """Make the texts and charts anew that are due."""
         subject, watch = self._subject, self._subject.watch
         if self._is_due("panels", now_s, PANELS_S):
             with watch.lock:
-                _put(self._head, panels.header(subject.name, watch, self._count))
+                _put(self._head, panels.header(subject.name, watch, self._count, subject.note))
                 _put(self._cameras, panels.cameras(watch.workers.values()))
                 _put(self._workers, panels.workers(watch))
             self._tell_moment(states)

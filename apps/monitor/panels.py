@@ -36,7 +36,7 @@ CSS = """
 @keyframes rgp { 50% { opacity: 0.25; } }
 .rg .track { height: 7px; border-radius: 4px; background: #2a2f36; overflow: hidden; display: flex; }
 .rg .track i { display: block; height: 100%; }
-.rg .tiles { display: grid; grid-template-columns: repeat(4, 1fr); gap: 6px; margin: 8px 0 2px; }
+.rg .tiles { display: grid; grid-template-columns: repeat(auto-fit, minmax(84px, 1fr)); gap: 6px; margin: 8px 0 2px; }
 .rg .tiles div { background: #22262c; border-radius: 8px; padding: 5px 8px; color: #94a0ad; font-size: 11px; }
 .rg .tiles b { display: block; color: #fff; font-size: 17px; line-height: 1.2; font-variant-numeric: tabular-nums; }
 .rg h4 { margin: 12px 0 4px; font-size: 12px; color: #b9c3ce; font-weight: 600; }
@@ -66,13 +66,14 @@ def html(*parts: str) -> str:
     return f'{CSS}<div class="rg">{"".join(parts)}</div>'
 
 
-def header(name: str, watch: Watch, recorded: int) -> str:
+def header(name: str, watch: Watch, recorded: int, note: str = "") -> str:
     """Which run it is, how it is, and its most telling numbers.
 
     Args:
         name: Of the run or its folder.
         watch: What is known of it.
         recorded: Durable episodes in its folder; 0 where it is not on this machine.
+        note: What else is to be said of it.
     """
     status = watch.status
     kind, words = _health(watch, recorded)
@@ -81,7 +82,7 @@ def header(name: str, watch: Watch, recorded: int) -> str:
         f'<span class="badge {kind}"><i></i>{escape(words)}</span></div>'
     )
     if status is None:
-        return html(head, _tiles([(f"{recorded:,}", "episodes")]) if recorded else _why(watch))
+        return html(head, _tiles([(f"{recorded:,}", "episodes")]) if recorded else _why(watch), _soft(note))
     share = 100 * status.committed / max(status.wanted, 1)
     rate = watch.samples_hz
     tiles = [
@@ -92,7 +93,7 @@ def header(name: str, watch: Watch, recorded: int) -> str:
     ]
     bar = f'<div class="track"><i style="width:{share:.1f}%;background:#29a1ff"></i></div>'
     trouble = "".join(f'<p class="note">{escape(text)}</p>' for text in (status.trouble, status.failed) if text)
-    return html(head, bar, _tiles(tiles), trouble, _why(watch) if kind == "lost" else "")
+    return html(head, bar, _tiles(tiles), trouble, _why(watch) if kind == "lost" else "", _soft(note))
 
 
 def _health(watch: Watch, recorded: int) -> tuple[str, str]:
@@ -107,7 +108,11 @@ def _health(watch: Watch, recorded: int) -> tuple[str, str]:
 
 
 def _why(watch: Watch) -> str:
-    return f'<p class="soft">{escape(watch.connection)}</p>' if watch.connection else ""
+    return _soft(watch.connection)
+
+
+def _soft(text: str) -> str:
+    return f'<p class="soft">{escape(text)}</p>' if text else ""
 
 
 def _tiles(tiles: Iterable[tuple[str, str]]) -> str:

@@ -8,24 +8,33 @@ import numpy.typing as npt
 SIDES = 28
 APART_M = 0.04
 """Least distance from point to point of a line."""
-_PAWN = (
-    (0.0, 0.0),
-    (0.19, 0.0),
-    (0.215, 0.03),
-    (0.20, 0.10),
-    (0.17, 0.55),
-    (0.19, 1.02),
-    (0.185, 1.24),
-    (0.14, 1.36),
-    (0.055, 1.42),
-    (0.055, 1.45),
-    (0.095, 1.50),
-    (0.118, 1.58),
-    (0.110, 1.66),
-    (0.07, 1.72),
-    (0.0, 1.74),
+_TRUNK = (
+    (0.0, 0.82),
+    (0.13, 0.84),
+    (0.155, 0.94),
+    (0.125, 1.10),
+    (0.16, 1.30),
+    (0.17, 1.39),
+    (0.11, 1.45),
+    (0.0, 1.47),
 )
-"""Radius and height of somebody without a face."""
+"""Radius and height of hips, waist and shoulders; wider than deep."""
+_LIMBS = (
+    ((0.0, 0.0, 1.44), (0.0, 0.0, 1.52), 0.052, 0.050),
+    ((0.010, 0.0, 1.60), (0.015, 0.0, 1.645), 0.088, 0.098),
+    ((0.10, 0.0, 1.60), (0.115, 0.0, 1.59), 0.022, 0.018),
+    ((0.01, 0.09, 0.88), (0.13, 0.10, 0.48), 0.088, 0.062),
+    ((0.13, 0.10, 0.48), (0.13, 0.10, 0.08), 0.062, 0.045),
+    ((0.10, 0.10, 0.05), (0.28, 0.11, 0.05), 0.048, 0.038),
+    ((-0.01, -0.09, 0.88), (-0.08, -0.10, 0.48), 0.088, 0.062),
+    ((-0.08, -0.10, 0.48), (-0.22, -0.10, 0.12), 0.062, 0.045),
+    ((-0.23, -0.10, 0.09), (-0.07, -0.11, 0.05), 0.048, 0.038),
+    ((0.0, 0.21, 1.37), (-0.07, 0.25, 1.09), 0.055, 0.044),
+    ((-0.07, 0.25, 1.09), (0.08, 0.24, 0.86), 0.044, 0.034),
+    ((0.0, -0.21, 1.37), (0.05, -0.25, 1.09), 0.055, 0.044),
+    ((0.05, -0.25, 1.09), (0.24, -0.22, 0.93), 0.044, 0.034),
+)
+"""Begin and end [m], with the radii there: neck, head, nose, legs and arms of somebody in mid-stride."""
 
 
 class Mesh(NamedTuple):
@@ -57,9 +66,26 @@ def lathe(profile: npt.ArrayLike, sides: int = SIDES) -> Mesh:
     return Mesh(vertices.astype(np.float32), faces.astype(np.uint32))
 
 
+def capsule(begin_m: npt.ArrayLike, end_m: npt.ArrayLike, begin_radius_m: float, end_radius_m: float) -> Mesh:
+    """A round limb from one point to another, shape (3,) each."""
+    begin, end = np.asarray(begin_m, float), np.asarray(end_m, float)
+    length_m = float(np.linalg.norm(end - begin))
+    turn = np.linspace(0.0, np.pi / 2, 5)
+    low = [(begin_radius_m * np.sin(t), -begin_radius_m * np.cos(t)) for t in turn]
+    high = [(end_radius_m * np.cos(t), length_m + end_radius_m * np.sin(t)) for t in turn]
+    mesh = lathe([*low, *high], sides=14)
+    along = (end - begin) / length_m
+    across = np.cross(along, [0.0, 1.0, 0.0] if abs(along[1]) < 0.9 else [1.0, 0.0, 0.0])
+    across /= np.linalg.norm(across)
+    axes = np.stack([across, np.cross(along, across), along])
+    return Mesh((mesh.vertices_m @ axes + begin).astype(np.float32), mesh.faces)
+
+
 def human() -> Mesh:
-    """Somebody, 1.74 m tall."""
-    return lathe(_PAWN)
+    """Somebody who walks, 1.74 m tall; face and feet show where to."""
+    trunk = lathe(_TRUNK, sides=20)
+    deep = Mesh(trunk.vertices_m * np.array([0.72, 1.15, 1.0], np.float32), trunk.faces)
+    return joined([deep, *(capsule(*limb) for limb in _LIMBS)])
 
 
 def robot(radius_m: float, height_m: float) -> Mesh:

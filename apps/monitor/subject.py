@@ -18,7 +18,6 @@ from readygo.apps.pages.charts import Curve
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.run.world import World
-from readygo.common.bus.zenoh_bus import ZenohBus
 from readygo.common.dataset.index import load_index
 from readygo.common.dataset.provenance import Provenance
 from readygo.common.dataset.reader import find_shards
@@ -85,7 +84,9 @@ class Subject:
         """Read the scene, if it is known and here, or can be fetched."""
         try:
             scene = self._found_scene()
-            if scene is not None:
+            if scene is None:
+                self.note = "The run does not say its scene: name it with --scene."
+            else:
                 self.maps = map_messages(scene.maps.robot, scene.maps.floor)
                 self.house = dolls_house(scene)
         except ReadygoError as error:
@@ -107,8 +108,7 @@ class Subject:
             return None
         if Path(spec.scene_path).is_dir() or self._find is None:
             return World(spec).scene
-        address = self._find()
-        bus = ZenohBus(address.endpoint, address.run, address.token)
+        bus = self._find().bus()
         try:
             return World(spec, bus).scene
         finally:
@@ -153,7 +153,7 @@ def _curve(name: str, rows: list[tuple[float, float]]) -> Curve:
     return Curve(name=name, x=x, y=y)
 
 
-def subjects_of(data: Path, scene: str = "") -> list[Subject]:
+def subjects_of(data: Path, scene: str = "", certs: Path | None = None) -> list[Subject]:
     """What a folder has to show: one run, or those of a run that learns.
 
     Raises:
@@ -165,26 +165,29 @@ def subjects_of(data: Path, scene: str = "") -> list[Subject]:
         )
     if (data / LEARN_FILE).exists():
         places = sorted(folder for folder in (data / DATA_FOLDER).iterdir() if folder.is_dir())
-        return [_of_folder(folder, folder.name, learned=data, scene=scene) for folder in places]
-    return [_of_folder(data, data.resolve().name, learned=None, scene=scene)]
+        return [
+            _of_folder(folder, folder.name, partial(Subject, learned=data, scene=scene), certs) for folder in places
+        ]
+    return [_of_folder(data, data.resolve().name, partial(Subject, scene=scene), certs)]
 
 
-def _of_folder(folder: Path, name: str, *, learned: Path | None, scene: str) -> Subject:
+def _of_folder(folder: Path, name: str, make: Callable[..., Subject], certs: Path | None) -> Subject:
     run = RunFolder(folder)
     if (run.state / "spec.msgpack").exists():
         run.load()
-        return Subject(name, find=partial(address_of, run), data=folder, learned=learned, scene=scene)
+        return make(name, find=partial(address_of, run, certs), data=folder)
     find_shards(folder)
-    return Subject(name, data=folder, learned=learned, scene=scene)
+    return make(name, data=folder)
 
 
-def subject_at(endpoint: str, run: str, token: str, scene: str = "") -> Subject:
+def subject_at(address: Address, scene: str = "") -> Subject:
     """A run on the network, joined.
 
     Raises:
         BusError: If it cannot be joined; the message says why.
+        CertificateError: If there is no certificate that can be used.
     """
-    subject = Subject(run, find=lambda: Address(endpoint, run, token), scene=scene)
+    subject = Subject(address.run, find=lambda: address, scene=scene)
     assert subject.link is not None
     subject.link.join()
     return subject

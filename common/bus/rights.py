@@ -40,7 +40,7 @@ def access_control(workers: Iterable[str], recorders: Iterable[str]) -> dict[str
     """
     rules: dict[str, list[dict[str, Any]]] = {COORDINATOR: [_rule(_EVERYTHING, "**")]}
     for role in (MONITOR, OPERATOR):
-        rules[role] = [_rule(_LOOK, "live/**", "train/**"), _rule(_SEE_WHO_IS_THERE, "alive/**"), _asks(role)]
+        rules[role] = [_rule(_LOOK, "live/**", "train/**"), _rule(_SEE_WHO_IS_THERE, "alive/**"), _asks(role, "blob")]
     for role in (*workers, ALL):
         rules[role] = [_asks(role, *_WORKERS_ASK), *_takes_part(role, "*", "live/wake")]
     rules[TRAINER] = [_asks(TRAINER, "coord/policy"), *_takes_part(TRAINER, "*", "train/*")]

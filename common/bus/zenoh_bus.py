@@ -13,6 +13,7 @@ import socket
 import tempfile
 import time
 from collections.abc import Callable, Collection, Mapping
+from functools import partial
 from typing import Any, TypeVar
 
 import zenoh
@@ -172,6 +173,7 @@ class ZenohBus:
         self._inbox = Inbox()
         self._declared: list[Any] = []
         self._publishers: dict[str, zenoh.Publisher] = {}
+        self._not_understood: set[str] = set()
         self._teller = Teller(self)
 
     def serve(
@@ -232,12 +234,22 @@ class ZenohBus:
 
     def subscribe(self, stream: Stream[Message], handler: Callable[[Message], None]) -> None:
         """Hear `stream`; see `Bus.subscribe`."""
-        mailbox: Mailbox[bytes] = Mailbox(self._inbox, lambda payload: handler(decode(stream.message_type, payload)))
+        mailbox: Mailbox[bytes] = Mailbox(self._inbox, partial(self._hear, stream, handler))
         self._declared.append(
             self._session.declare_subscriber(
                 self._prefix + stream.name, lambda sample: mailbox.put(sample.payload.to_bytes())
             )
         )
+
+    def _hear(self, stream: Stream[Message], handler: Callable[[Message], None], payload: bytes) -> None:
+        try:
+            message = decode(stream.message_type, payload)
+        except MessageError as error:
+            if stream.name not in self._not_understood:
+                self._not_understood.add(stream.name)
+                log.warning("%s: what does not fit is left out; another version of readygo? %s", stream.name, error)
+            return
+        handler(message)
 
     def announce(self, role: str, name: str) -> None:
         """Say that a worker is alive; see `Bus.announce`. One that has just died may still seem to be there."""

@@ -1,6 +1,7 @@
 """MCAP files of ROS 2 messages, as `ros2 bag` and Foxglove read them, with a record of what they are about."""
 
 import json
+import struct
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
@@ -97,6 +98,6 @@ def read_record(path: Path, name: str) -> dict[str, Any]:
             for record in make_reader(file).iter_metadata():
                 if record.name == name:
                     return {key: json.loads(value) for key, value in record.metadata.items()}
-    except (OSError, McapError, ValueError) as error:
+    except (OSError, McapError, ValueError, struct.error) as error:
         raise DatasetError(f"{path} cannot be read: {getattr(error, 'strerror', None) or error}.") from error
     raise DatasetError(f"{path} has no record {name!r}: no `readygo drive --log` wrote it.")

@@ -5,7 +5,7 @@ from functools import partial
 from typing import TypeVar
 
 from readygo.common.bus import Bus
-from readygo.common.bus.identity import ALL, OPERATOR, RECORDER, TRAINER
+from readygo.common.bus.identity import ALL, MONITOR, OPERATOR, RECORDER, TRAINER
 from readygo.common.messages import (
     ClaimReply,
     ClaimRequest,
@@ -44,8 +44,8 @@ def attach(bus: Bus, coordinator: Coordinator) -> None:
     bus.serve(topics.LOST, _waking(bus, partial(handlers.handle_lost, coordinator)), by=recorder)
     bus.serve(topics.TROUBLE, partial(handlers.handle_trouble, coordinator), by=recorder)
     bus.serve(topics.PENDING, partial(handlers.handle_pending, coordinator), by=recorder)
-    workers = (*{stage.role for stage in coordinator.spec.stages}, ALL, RECORDER)
-    bus.serve(topics.BLOB, partial(handlers.handle_blob, coordinator), by=workers)
+    fetching = (*{stage.role for stage in coordinator.spec.stages}, ALL, RECORDER, MONITOR, OPERATOR)
+    bus.serve(topics.BLOB, partial(handlers.handle_blob, coordinator), by=fetching)
     bus.serve(topics.OFFER, partial(handlers.handle_offer, coordinator), by=(TRAINER,))
     bus.serve(topics.CONTROL, _waking(bus, partial(handlers.handle_control, coordinator)), by=(OPERATOR,))
     bus.serve(topics.STATUS, partial(handlers.handle_status, coordinator))

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from readygo.common.errors import RunError
+from readygo.common.errors import ReadygoError, RunError
 from readygo.common.files import unfinished_folder, write_whole
 
 STAGE_FILE, BEGUN_FILE, LOCK_FILE = "stage.json", "begun", ".lock"
@@ -178,7 +178,9 @@ def _worded(folder: Path) -> Iterator[None]:
     except Exception as error:
         words = str(error)
         if getattr(error, "errno", None) in _DISK_ERRORS or shutil.disk_usage(folder).free < _FULL_BYTES:
-            raise RunError(f"The disk of {folder} is full ({words}). Make room and {_AGAIN}") from error
+            # Our own errors give advice already.
+            why = "" if isinstance(error, ReadygoError) else f" ({words})"
+            raise RunError(f"The disk of {folder} is full{why}. Make room and {_AGAIN}") from error
         if isinstance(error, MemoryError) or any(each in words.lower() for each in _MEMORY_WORDS):
             raise RunError(
                 "Memory ran out: close other programs, or take fewer images (--frames) or a smaller --preset, and "

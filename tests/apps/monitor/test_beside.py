@@ -31,12 +31,13 @@ def test_page_begins_with_the_run_and_ends_with_its_command(monkeypatch: pytest.
     monkeypatch.setattr(beside, "POLL_S", 0.01)
     monkeypatch.setattr(beside.subprocess, "Popen", Process)
     ready: list[bool] = []
-    with beside.watched(Path("out"), lambda: bool(ready)):
+    with beside.watched(Path("out"), lambda: bool(ready), Path("certs")):
         assert not begun
         ready.append(True)
         while not begun:
             pass
     assert begun[0][:5] == [sys.executable, "-m", "readygo", "monitor", "out"]
+    assert begun[0][-2:] == ["--certs", "certs"]
     assert ended == ["terminate", "wait"]
 
 

@@ -7,9 +7,10 @@ from readygo.apps.monitor.link import Address, Link, address_of
 from readygo.apps.monitor.watch import Watch
 from readygo.apps.run.folder import RunFolder
 from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
-from readygo.common.errors import BusError, RunError
+from readygo.common.errors import BusError, CertificateError, RunError
 from readygo.common.messages import RunSpec, topics
 from tests.apps.monitor.watched import status, wait_for
+from tests.common.bus.certified import certificates, certified_router
 
 TOKEN = "ab12"
 
@@ -81,4 +82,16 @@ def test_folder_says_where_its_fleet_is(tmp_path: Path, spec: RunSpec) -> None:
     with pytest.raises(RunError, match="No fleet is at work"):
         address_of(folder)
     with folder.reachable("tcp/127.0.0.1:7447", TOKEN):
-        assert address_of(folder) == ("tcp/127.0.0.1:7447", spec.run, TOKEN)
+        assert address_of(folder) == ("tcp/127.0.0.1:7447", spec.run, TOKEN, None)
+
+
+def test_run_that_wants_certificates_is_joined_as_monitor(tmp_path: Path, spec: RunSpec) -> None:
+    pytest.importorskip("cryptography", reason="needs the extra tls")
+    certificates(tmp_path, "coordinator", "monitor")
+    with certified_router(tmp_path) as (endpoint, join):
+        join("coordinator").serve(topics.SPEC, lambda _: spec)
+        link = Link(Watch(), lambda: Address(endpoint, "test", "", tmp_path))
+        assert link.join().seed == spec.seed
+        link.close()
+        with pytest.raises(CertificateError, match="--certs"):
+            Link(Watch(), lambda: Address(endpoint, "test", "")).join()

@@ -23,7 +23,7 @@ def test_what_others_say_is_text(spec) -> None:
         LiveEvaluation(episode=key, task=EVIL, method=EVIL, policy="", outcome=Outcome.SUCCESS, duration_s=1.0)
     )
     shown = [
-        panels.header(EVIL, watch, 0),
+        panels.header(EVIL, watch, 0, EVIL),
         panels.stages(watch.status, spec),
         panels.workers(watch),
         panels.cameras(watch.workers.values()),

@@ -4,6 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from readygo.apps.monitor.link import Address
 from readygo.apps.monitor.subject import Subject, subject_at, subjects_of
 from readygo.apps.run.folder import RunFolder
 from readygo.common.bus.zenoh_bus import free_endpoint
@@ -26,7 +27,7 @@ def test_what_is_no_data_says_so(tmp_path: Path) -> None:
     with pytest.raises(DatasetError, match="no finished shards"):
         subjects_of(tmp_path)
     with pytest.raises(BusError, match="No router answers"):
-        subject_at(free_endpoint(), "run-a", "")
+        subject_at(Address(free_endpoint(), "run-a", ""))
 
 
 def test_scene_that_is_gone_is_noted_and_the_rest_is_shown(data: Path, spec) -> None:
@@ -66,6 +67,8 @@ def test_a_run_that_learns_shows_its_curves(data: Path, tmp_path: Path, spec) ->
 
 def test_a_run_that_is_only_heard_shows_what_was_heard() -> None:
     subject = Subject("run")
+    subject.read_scene()
+    assert "--scene" in subject.note, "nobody says where it is"
     assert subject.losses() == []
     assert subject.success() == []
     subject.watch.losses.add(10, (1.0, 2.0))

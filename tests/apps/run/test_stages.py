@@ -8,7 +8,7 @@ from readygo.common.bus import InProcessBus
 from readygo.common.errors import RunError
 from readygo.common.fleet import StageResult
 from readygo.common.messages import Stage
-from readygo.common.messages.stages import DRIVE_LINE, EXPERT_LINE
+from readygo.common.messages.stages import DRIVE_LINE, EVALUATE, EXPERT_LINE
 from tests.common.messages.run_specs import SPEC
 
 STAGES = (
@@ -48,5 +48,5 @@ def test_run_may_leave_stages_out() -> None:
 
 def test_table_knows_every_stage_of_the_lines_once() -> None:
     stages = [entry.stage for entry in LINE]
-    assert set(stages) == {*EXPERT_LINE, *DRIVE_LINE}
+    assert set(stages) == {*EXPERT_LINE, *DRIVE_LINE, EVALUATE}
     assert len(set(stages)) == len(stages)

@@ -4,8 +4,9 @@ import pytest
 
 from readygo.common.bus.zenoh_bus import _ASTRAY, Router, ZenohBus, free_endpoint
 from readygo.common.errors import BusError
-from readygo.common.messages import PendingReply, PendingRequest, topics
+from readygo.common.messages import PendingReply, PendingRequest, StatusReply, topics
 from readygo.common.messages.codec import encode
+from tests.apps.monitor.watched import status, wait_for
 from tests.common.messages.test_codec_fuzz import inputs
 
 REQUEST = PendingRequest(recorder="rec0")
@@ -93,4 +94,20 @@ def test_server_outlives_whatever_is_sent_to_it() -> None:
     assert sent > 100
     assert client.request(topics.PENDING, REQUEST).indices == ()
     for bus in (client, server, router):
+        bus.close()
+
+
+def test_message_of_another_version_is_one_line_and_no_obstacle(caplog: pytest.LogCaptureFixture) -> None:
+    router = Router(free_endpoint())
+    speaker, hearer = ZenohBus(router.endpoint, "test"), ZenohBus(router.endpoint, "test")
+    heard: list[StatusReply] = []
+    hearer.subscribe(topics.PROGRESS, heard.append)
+    wait_for(lambda: speaker.heard(topics.PROGRESS))
+    for _ in range(3):
+        speaker._publisher(topics.PROGRESS).put(b"\x81\xa3new\x01")
+    wait_for(lambda: speaker.publish(topics.PROGRESS, status()) or heard)
+    (record,) = caplog.records
+    assert "another version of readygo" in record.getMessage()
+    assert record.exc_info is None
+    for bus in (hearer, speaker, router):
         bus.close()

@@ -93,12 +93,21 @@ def test_what_runs_out_in_a_stage_is_told_in_one_line(tmp_path: Path, error: Exc
     assert not (tmp_path / "a").exists()
 
 
-def test_whatever_fails_on_a_full_disk_fails_for_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (RuntimeError("No registered database factory"), r"is full \(No registered database factory\)\. Make room"),
+        (RunError("It died. Make room."), r"is full\. Make room"),
+    ],
+)
+def test_whatever_fails_on_a_full_disk_fails_for_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception, words: str
+) -> None:
     def make(folder: Path) -> dict[str, int]:
-        raise RuntimeError("No registered database factory succeeded.")
+        raise error
 
     monkeypatch.setattr("readygo.services.reconstructor.stages._FULL_BYTES", 1 << 62)
-    with pytest.raises(RunError, match=r"is full \(No registered database"):
+    with pytest.raises(RunError, match=words):
         Stages(tmp_path, lambda stage: None).run("a", {}, make)
 
 
