@@ -12,9 +12,11 @@ pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="re
 @pytest.fixture
 def worker():
     """A process that looks like a worker of this one."""
-    code = "import sys; sys.stdin.read()"
+    code = "import sys; print(flush=True); sys.stdin.read()"
     command = [sys.executable, "-c", code, "worker", "renderer", "--name", "r7"]
-    with subprocess.Popen(command, stdin=subprocess.PIPE) as process:
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        # Its command line can be read for sure once it runs.
+        process.stdout.readline()
         yield process
         process.stdin.close()
 
