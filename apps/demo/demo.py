@@ -41,14 +41,13 @@ class _Timer:
         self.console.print(f"[bold]{time.monotonic() - self.begin_s:5.0f} s[/bold]  {text}")
 
 
-def demo(*, out: Path = Path("demo"), minutes: float = 4.5, episodes: int = 10, reconstruct: bool = False) -> None:
+def demo(*, out: Path = Path("demo"), minutes: float = 4.5, episodes: int = 10) -> None:
     """Learn a policy in the embedded scene, try it, and write a report and a film.
 
     Args:
         out: Folder for report.html, episode.webm and what they are made from; an earlier demo in it is replaced.
         minutes: Time of recording and learning [min].
         episodes: Matched test episodes per task.
-        reconstruct: Instead, film the living room and make a scene of the film, as of one of your own.
 
     Raises:
         RunError: If `out` holds files of something else.
@@ -56,28 +55,6 @@ def demo(*, out: Path = Path("demo"), minutes: float = 4.5, episodes: int = 10, 
     console = Console(stderr=True, highlight=False, soft_wrap=True)
     timer = _Timer(console=console, begin_s=time.monotonic())
     _clear(out)
-    if reconstruct:
-        _reconstruct(out, timer)
-    else:
-        _learn(out, minutes, episodes, timer)
-
-
-def _reconstruct(out: Path, timer: _Timer) -> None:
-    from readygo.apps.demo.reconstruct import MARKER_SIZE_M, ROOM, VIDEO, reconstruct_room
-
-    try:
-        report = reconstruct_room(out, SCENE, timer.say)
-    except KeyboardInterrupt:
-        raise KeyboardInterrupt("a demo begins anew when it is run again.") from None
-    timer.say("done")
-    sys.stdout.write(
-        f"Open {report} and {out / VIDEO}; the scene is {out / ROOM}.\n"
-        f"Next, your own place: readygo marker --size-m {MARKER_SIZE_M:g} --out marker.pdf, film it with the marker on "
-        f"the floor, and readygo reconstruct walk.mp4 --marker-size-m {MARKER_SIZE_M:g} --out scenes/place\n"
-    )
-
-
-def _learn(out: Path, minutes: float, episodes: int, timer: _Timer) -> None:
     timer.say("compiling kernels (once per machine) and building the embedded scene")
     warm_all()
     budget = Budget(minutes=minutes)
@@ -91,7 +68,7 @@ def _learn(out: Path, minutes: float, episodes: int, timer: _Timer) -> None:
         raise DatasetError(f"{data} has defects, the first: {report.defects[0]}")
     timer.say(f"{report.sample_count} samples are recorded and sound; drawing the report")
     _write_pictures(out, learned)
-    timer.console.print(summary_table(learned.replies[plan.places[0].name].summaries))
+    console.print(summary_table(learned.replies[plan.places[0].name].summaries))
     timer.say("done")
     sys.stdout.write(
         f"Open {out / 'report.html'} and {out / 'episode.webm'}.\n"
@@ -107,8 +84,7 @@ def _clear(out: Path) -> None:
         raise RunError(f"{out} holds files of something else; choose an empty or new folder with --out.")
     out.mkdir(parents=True, exist_ok=True)
     marker.touch()
-    for made in ("run", "room", "room.work"):
-        shutil.rmtree(out / made, ignore_errors=True)
+    shutil.rmtree(out / "run", ignore_errors=True)
 
 
 def _write_pictures(out: Path, learned: Learned) -> None:
