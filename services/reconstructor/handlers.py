@@ -335,13 +335,14 @@ def _joined(
     poses = placed_by_markers(pieces, sightings)
     if len(poses) > len(pieces[0].names):
         folder = models[0].parent / "joined"
-        models = [colmap.posed_model(database, images, folder, models[0], poses, config.poses), *models]
+        models = [apart(colmap.posed_model, database, images, folder, models[0], poses, config.poses), *models]
     whole = colmap.read_map(models[0])
     if not _hangs_by_markers(whole, sightings):
         return models
     squared, focal = adjusted_by_squares(whole, dict(zip(whole.names, whole.T_world_camera, strict=True)), sightings)
     folder = models[0].parent / "squared"
-    return [colmap.posed_model(database, images, folder, models[0], squared, config.poses, focal=focal), *models]
+    made = apart(colmap.posed_model, database, images, folder, models[0], squared, config.poses, focal=focal)
+    return [made, *models]
 
 
 def _hangs_by_markers(images: PosedImages, sightings: list[MarkerSighting]) -> bool:
