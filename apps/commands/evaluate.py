@@ -133,12 +133,7 @@ def evaluate(
     if not scene:
         raise RunError("Say where: readygo evaluate SCENE POLICY, or --from-logs FOLDER for trials of a real robot.")
     check_wanted(video)
-    if (workers or listen) and out is None:
-        raise RunError("--workers keep their records in a folder: say which with --out.")
-    if listen and not workers:
-        raise RunError("--listen is for workers: say with --workers how many are started here, at least 1.")
-    if video and out is None:
-        raise RunError("--video writes films into a folder: say which with --out.")
+    _check_folder(out, workers, listen, video)
     count = episode_count(scenarios) if episodes is None else episodes
     drivers = methods if policy else _without_policy(methods)
     request = make_request(count, tasks, drivers, Split(split), seed, control_hz=control_hz)
@@ -179,9 +174,8 @@ def evaluate(
         with _progress(Console(stderr=True), total, quiet=json) as (show, say):
             elsewhere = None
             if workers and results is not None:
-                drives = "policy" in drivers
                 fleet = EvaluationFleet(
-                    spec=fleet_spec(world, policy if drives else None),
+                    spec=fleet_spec(world, policy if "policy" in drivers else None),
                     plan=make_plan(
                         request, camera=camera, lockstep=lockstep, checkpoints=checkpoints, method_hashes=hashes
                     ),
@@ -216,6 +210,16 @@ def evaluate(
                 command_of=plan_command(scene, request, options) if camera == "policy" else None,
             )
     _print(summary, reply, out, json=json)
+
+
+def _check_folder(out: Path | None, workers: int, listen: str, video: Sequence[str]) -> None:
+    """Refuse what needs a folder without one, and a router that nobody was asked to reach."""
+    if (workers or listen) and out is None:
+        raise RunError("--workers keep their records in a folder: say which with --out.")
+    if listen and not workers:
+        raise RunError("--listen is for workers: say with --workers how many are started here, at least 1.")
+    if video and out is None:
+        raise RunError("--video writes films into a folder: say which with --out.")
 
 
 def _settings_said(config: RunConfig, identity: Mapping[str, Any]) -> dict[str, Any]:

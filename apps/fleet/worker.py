@@ -139,34 +139,23 @@ def _take_part(
     disk = data[0] if data and role in (COORDINATOR, RECORDER) else None
     try:
         with showing_health(bus, role, name, data=disk, metrics=observer.metrics_at):
-            _do(bus, role, name, data, stop, observer, alone=alone)
+            if role == COORDINATOR:
+                _coordinate(bus, _folder(role, data), stop, observer)
+            elif role == RECORDER:
+                if alone:
+                    bus.subscribe(
+                        topics.PROGRESS, lambda status: stop.set() if status.finished or status.failed else None
+                    )
+                _record(bus, name, _folder(role, data), stop, observer)
+            elif role == RECONSTRUCTOR:
+                # It takes memory that no other worker needs.
+                from readygo.services.reconstructor.service import pull_jobs
+
+                pull_jobs(bus, name, stop)
+            else:
+                _work(bus, role, name, stop, observer, alone=alone)
     finally:
         bus.close()
-
-
-def _do(
-    bus: Bus,
-    role: str,
-    name: str,
-    data: tuple[Path, ...],
-    stop: threading.Event,
-    observer: Observer,
-    *,
-    alone: bool,
-) -> None:
-    if role == COORDINATOR:
-        _coordinate(bus, _folder(role, data), stop, observer)
-    elif role == RECORDER:
-        if alone:
-            bus.subscribe(topics.PROGRESS, lambda status: stop.set() if status.finished or status.failed else None)
-        _record(bus, name, _folder(role, data), stop, observer)
-    elif role == RECONSTRUCTOR:
-        # It takes memory that no other worker needs.
-        from readygo.services.reconstructor.service import pull_jobs
-
-        pull_jobs(bus, name, stop)
-    else:
-        _work(bus, role, name, stop, observer, alone=alone)
 
 
 def _train(

@@ -2,15 +2,15 @@
 
 import os
 import socket
-import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from readygo.apps.observe.metrics import private_bytes
 from readygo.common.bus import Bus
 from readygo.common.files import disk_space
+from readygo.common.fleet.repeat import repeating
 from readygo.common.messages import topics
 from readygo.common.messages.live import LiveHealth
 
@@ -28,21 +28,10 @@ def showing_health(bus: Bus, role: str, name: str, *, data: Path | None = None, 
         data: Folder of its data.
         metrics: Where it shows its metrics.
     """
-    over = threading.Event()
-    thread = threading.Thread(
-        target=_show, args=(bus, over, lambda: _health(role, name, data, metrics)), name="health", daemon=True
-    )
-    thread.start()
-    try:
+    with repeating(
+        lambda: bus.tell(topics.HEALTH, lambda: _health(role, name, data, metrics)), every_s=EVERY_S, name="health"
+    ):
         yield
-    finally:
-        over.set()
-        thread.join()
-
-
-def _show(bus: Bus, over: threading.Event, health: Callable[[], LiveHealth]) -> None:
-    while not over.wait(EVERY_S):
-        bus.tell(topics.HEALTH, health)
 
 
 def _health(role: str, name: str, data: Path | None, metrics: str) -> LiveHealth:

@@ -12,6 +12,7 @@ from readygo.common.bus import Bus
 from readygo.common.errors import BusError, PeerError, RunError, reason
 from readygo.common.fleet.at_work import working
 from readygo.common.fleet.blobs import fetch_blob
+from readygo.common.fleet.repeat import repeating
 from readygo.common.fleet.shown import show_work
 from readygo.common.messages import (
     ClaimReply,
@@ -165,19 +166,12 @@ def _renewed(bus: Bus, stage: Stage, worker: str, claim: ClaimReply) -> Iterator
     """Renew a lease every third of its time for as long as the block runs."""
     assert claim.episode is not None
     request = RenewRequest(worker=worker, index=claim.episode.index, attempt=claim.attempt, lease=claim.lease)
-    over = threading.Event()
 
     def renew() -> None:
-        while not over.wait(claim.ttl_s / 3):
-            try:
-                bus.request(topics.renew(stage.name), request)
-            except BusError as error:
-                log.warning("%s", error)
+        try:
+            bus.request(topics.renew(stage.name), request)
+        except BusError as error:
+            log.warning("%s", error)
 
-    thread = threading.Thread(target=renew, name="renew", daemon=True)
-    thread.start()
-    try:
+    with repeating(renew, every_s=claim.ttl_s / 3, name="renew"):
         yield
-    finally:
-        over.set()
-        thread.join()

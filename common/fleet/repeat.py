@@ -1,0 +1,29 @@
+"""Something done again and again beside the work."""
+
+import contextlib
+import threading
+from collections.abc import Callable, Iterator
+
+
+@contextlib.contextmanager
+def repeating(act: Callable[[], object], *, every_s: float, name: str) -> Iterator[None]:
+    """Do something on a thread of its own for as long as the block runs; first after one interval.
+
+    Args:
+        act: What; it raises nothing.
+        every_s: Interval [s].
+        name: Of the thread.
+    """
+    over = threading.Event()
+
+    def repeat() -> None:
+        while not over.wait(every_s):
+            act()
+
+    thread = threading.Thread(target=repeat, name=name, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
