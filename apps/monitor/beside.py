@@ -12,7 +12,6 @@ from readygo.common.errors import RunError
 from readygo.common.extras import install_command
 
 POLL_S = 0.5
-END_S = 5.0
 
 
 def check_viewer() -> None:
@@ -41,7 +40,7 @@ def watched(folder: Path, begun: Callable[[], bool], certs: Path | None = None) 
         yield
     finally:
         over.set()
-        thread.join(2 * END_S)
+        thread.join()
 
 
 def _command(folder: Path, certs: Path | None) -> list[str]:
@@ -55,9 +54,6 @@ def _show(command: list[str], begun: Callable[[], bool], over: threading.Event) 
             return
     process = subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True)
     over.wait()
-    process.terminate()
-    try:
-        process.wait(END_S)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
+    # It only reads, and at SIGTERM it would write into the terminal of the run.
+    process.kill()
+    process.wait()

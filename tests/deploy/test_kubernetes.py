@@ -16,8 +16,8 @@ import pytest
 from readygo.apps.cli import function_of
 from readygo.commands import COMMANDS
 
-yaml = pytest.importorskip("yaml")
-kubernetes_validate = pytest.importorskip("kubernetes_validate")
+yaml = pytest.importorskip("yaml", reason="PyYAML is not installed")
+kubernetes_validate = pytest.importorskip("kubernetes_validate", reason="kubernetes-validate is not installed")
 DEPLOY = Path(__file__).resolve().parents[2] / "deploy"
 CHART = DEPLOY / "helm" / "readygo"
 VERSION = "1.31"

@@ -22,8 +22,8 @@ from readygo.services.recorder import Recorder
 from tests.apps.fleet.toy_line import DRAW, FILM, make_folder
 from tests.common.dataset.episodes import PROVENANCE
 
-yaml = pytest.importorskip("yaml")
-client = pytest.importorskip("prometheus_client")
+yaml = pytest.importorskip("yaml", reason="PyYAML is not installed")
+client = pytest.importorskip("prometheus_client", reason="prometheus-client (the extra `metrics`) is not installed")
 MONITORING = Path(__file__).resolve().parents[2] / "deploy" / "monitoring"
 OF_TARGETS = {"run", "service", "worker"}
 """Labels that come with a target, see `Observer`."""

@@ -21,10 +21,10 @@ def test_page_begins_with_the_run_and_ends_with_its_command(monkeypatch: pytest.
         def __init__(self, command: list[str], **_: object) -> None:
             begun.append(command)
 
-        def terminate(self) -> None:
-            ended.append("terminate")
+        def kill(self) -> None:
+            ended.append("kill")
 
-        def wait(self, _: float) -> None:
+        def wait(self) -> None:
             ended.append("wait")
 
     monkeypatch.setattr(beside, "check_viewer", lambda: None)
@@ -38,7 +38,7 @@ def test_page_begins_with_the_run_and_ends_with_its_command(monkeypatch: pytest.
             pass
     assert begun[0][:5] == [sys.executable, "-m", "readygo", "monitor", "out"]
     assert begun[0][-2:] == ["--certs", "certs"]
-    assert ended == ["terminate", "wait"]
+    assert ended == ["kill", "wait"]
 
 
 def test_run_that_never_begins_has_no_page(monkeypatch: pytest.MonkeyPatch) -> None:

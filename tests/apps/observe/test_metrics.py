@@ -5,7 +5,7 @@ import pytest
 from readygo.apps.observe.metrics import Metrics, private_bytes
 from readygo.common.errors import BusError, ConfigError
 
-client = pytest.importorskip("prometheus_client")
+client = pytest.importorskip("prometheus_client", reason="prometheus-client (the extra `metrics`) is not installed")
 
 
 def test_request_that_failed_is_measured_and_counted() -> None:

@@ -15,8 +15,8 @@ from readygo.common.dataset import Dataset
 from readygo.common.messages import StatusReply
 from tests.apps.fleet.toy_line import DRAW, FILM, make_folder
 
-pytest.importorskip("prometheus_client")
-pytest.importorskip("opentelemetry.sdk")
+pytest.importorskip("prometheus_client", reason="prometheus-client (the extra `metrics`) is not installed")
+pytest.importorskip("opentelemetry.sdk", reason="opentelemetry-sdk (the extra `otel`) is not installed")
 LINE: tuple[Entry, ...] = (DRAW, FILM)
 
 

@@ -5,7 +5,7 @@ import pytest
 from readygo.apps.observe.traces import Traces, trace_numbers
 from readygo.common.errors import ConfigError
 
-pytest.importorskip("opentelemetry.sdk")
+pytest.importorskip("opentelemetry.sdk", reason="opentelemetry-sdk (the extra `otel`) is not installed")
 
 
 def test_numbers_are_those_of_run_and_episode() -> None:
