@@ -254,12 +254,18 @@ class ZenohBus:
     def announce(self, role: str, name: str) -> None:
         """Say that a worker is alive; see `Bus.announce`. One that has just died may still seem to be there."""
         key, deadline_s = self._prefix + presence(role, name), time.monotonic() + _GONE_S
-        while any(reply.ok for reply in self._session.liveliness().get(key, timeout=_GONE_S)):
+        while self._present(key):
             if time.monotonic() > deadline_s:
                 raise BusError(f"Another {role} of the run is called {name!r}: choose another --name.")
             time.sleep(_RETRY_S)
         self._teller.me = role, name
-        self._declared.append(self._session.liveliness().declare_token(self._prefix + presence(role, name)))
+        self._declared.append(self._session.liveliness().declare_token(key))
+        # Once this question is answered, the router knows the token: whoever asks from now on sees it.
+        self._present(key)
+
+    def _present(self, key: str) -> bool:
+        replies = list(self._session.liveliness().get(key, timeout=_GONE_S))
+        return any(reply.ok for reply in replies)
 
     def watch(self, changed: Callable[[str, str, bool], None]) -> None:
         """Hear of workers; see `Bus.watch`."""

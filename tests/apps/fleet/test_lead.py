@@ -212,14 +212,19 @@ def test_name_that_is_taken_is_refused(tmp_path: Path, certs: Path, pool: Thread
     listen = free_endpoint().replace("tcp/", "tls/")
     led = pool.submit(lead, folder, listen, certs=certs)
     _wait_for((folder.state / "endpoint").exists)
-    first, second = (join(listen, RUN, "all", certs=certs) for _ in range(2))
-    first.announce("all", "w")
-    with pytest.raises(BusError, match=r"Another all of the run is called 'w': choose another --name\."):
-        second.announce("all", "w")
-    for bus in (first, second):
-        bus.close()
+    with contextlib.ExitStack() as left:
+        left.callback(_cancel, listen, certs)
+        first, second = (join(listen, RUN, "all", certs=certs) for _ in range(2))
+        for bus in (first, second):
+            left.callback(bus.close)
+        first.announce("all", "w")
+        with pytest.raises(BusError, match=r"Another all of the run is called 'w': choose another --name\."):
+            second.announce("all", "w")
+    with pytest.raises(RunError, match="cancelled"):
+        led.result(timeout=60)
+
+
+def _cancel(listen: str, certs: Path) -> None:
     operator = join(listen, RUN, "operator", certs=certs)
     operator.request(topics.CONTROL, ControlRequest(command=Command.CANCEL))
     operator.close()
-    with pytest.raises(RunError, match="cancelled"):
-        led.result(timeout=60)
