@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from readygo.common.gaussians import GaussianCloud, concatenate
+from readygo.common.gaussians.defects import told_apart, without
 from readygo.common.gaussians.floaters import floating
 from tests.common.maps.room import box, room
 
@@ -53,3 +54,38 @@ def test_bush_of_large_leaves_is_none() -> None:
     leaves = dust(4000, size_m=0.05, low=(1, 1, 0.1), high=(2, 2, 1.2))
     leaves = dataclasses.replace(leaves, opacities=np.full(4000, 0.9, np.float32))
     assert found(furnished(), leaves)[1] < 0.05
+
+
+def dome(count: int, *, radius_m: float, size_m: float) -> GaussianCloud:
+    """Blobs on the upper half of a sphere around the room."""
+    rays = np.random.default_rng(1).normal(size=(count, 3))
+    rays[:, 2] = np.abs(rays[:, 2])
+    far = dust(count, size_m=size_m, low=(0, 0, 0), high=(1, 1, 1))
+    means = np.array([2, 1.5, 1]) + radius_m * rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    return dataclasses.replace(far, means_m=means.astype(np.float32), opacities=np.full(count, 0.9, np.float32))
+
+
+def test_sky_of_few_large_gaussians_is_background_and_small_ones_there_float() -> None:
+    scene, sky = furnished(), dome(60, radius_m=20.0, size_m=2.0)
+    masks = told_apart(concatenate([scene, sky]))
+    assert masks["background"][len(scene) :].mean() > 0.8
+    assert not masks["background"][: len(scene)].any()
+    masks = told_apart(concatenate([scene, dome(60, radius_m=20.0, size_m=0.05)]))
+    assert not masks["background"].any()
+    assert masks["floaters"][len(scene) :].all()
+
+
+def draft() -> GaussianCloud:
+    """A room as few steps leave it: large faint pieces of surface, and many small ones that hang before the walls."""
+    rng = np.random.default_rng(0)
+    walls = furnished().select(rng.permutation(len(furnished()))[:900])
+    walls = dataclasses.replace(walls, scales_m=(walls.scales_m * (8, 8, 1)).astype(np.float32))
+    return concatenate([walls, dust(600, size_m=0.15, low=(0, 0, 0), high=(4, 3, 2.5))])
+
+
+def test_what_is_left_of_a_cleaned_scene_has_hardly_any_floaters() -> None:
+    for scene in (draft(), concatenate([draft(), dome(60, radius_m=20.0, size_m=2.0)])):
+        first = told_apart(scene)
+        kept, _ = without(scene, {kind: first[kind] for kind in ("huge", "floaters", "haze")})
+        assert told_apart(kept)["floaters"].mean() < 0.01
+        assert first["floaters"].mean() < 0.05
