@@ -215,7 +215,8 @@ def _print_scene(source: Path, job: Job, report: dict[str, Any]) -> None:
     for label, text in _rows(report):
         table.add_row(label, text)
     made = f"{training['gaussians']:,} trained on {training['images']} images"
-    table.add_row("Gaussians", f"{made}; left out: {report['removed']}; kept as sky: {report['sky']:,}")
+    left = f"unseen: {training['unseen']:,}, {report['removed']}"
+    table.add_row("Gaussians", f"{made}; left out: {left}; kept as sky: {report['sky']:,}")
     table.add_row("held-out images", quality)
     for stage, seconds in report["seconds"].items():
         table.add_row(f"time of {stage}", f"{seconds:.0f} s")
