@@ -24,7 +24,7 @@ from readygo.common.certificates import issue, make_authority
 from readygo.common.dataset import Dataset
 from readygo.common.errors import BusError, RunError
 from readygo.common.fleet import Worker, pull
-from readygo.common.messages import ClaimReply, Command, ControlRequest, RunSpec, RunSpecRequest, topics
+from readygo.common.messages import ClaimReply, Command, ControlRequest, RunSpecRequest, topics
 from readygo.services.coordinator import Ledger
 from readygo.services.recorder import attach as attach_recorder
 from tests.apps.fleet.toy_line import DRAW, FILM, draw, entry, in_process, make_folder
@@ -122,7 +122,7 @@ def _work(endpoint: str, certs: Path, name: str, done: list[str], pause_s: float
 
     works = stage_works(world, bus, line=(entry(DRAW.stage, slow_draw), FILM))
     bus.announce("all", name)
-    pull(bus, Worker(name=name, numeric_class="this", works=works), stop=threading.Event())
+    pull(bus, Worker(name=name, numeric_class="this", works=works), leave=lambda: False)
     bus.close()
 
 
@@ -188,7 +188,7 @@ def test_leader_prepares_disks_and_leaves_out_recorders_that_were_given_up(
     ledger.close()
     opened: list[tuple[str, ...]] = []
 
-    def open_none(spec: RunSpec, recorders: tuple[str, ...], listen: str, **how: object) -> Router:
+    def open_none(recorders: tuple[str, ...], listen: str, **how: object) -> Router:
         opened.append(recorders)
         raise BusError("no router")
 
