@@ -89,7 +89,7 @@ def pool() -> Iterator[ThreadPoolExecutor]:
         yield pool
 
 
-def _wait_for(happened: Callable[[], object], limit_s: float = 60.0) -> None:
+def wait_for(happened: Callable[[], object], limit_s: float = 60.0) -> None:
     deadline_s = time.monotonic() + limit_s
     while not happened():
         assert time.monotonic() < deadline_s, "it did not happen in time"
@@ -132,7 +132,7 @@ def test_host_that_is_cut_off_and_healed_changes_nothing_of_the_dataset(
     folder = make_folder(tmp_path / "coordinator", [DRAW, FILM], wanted=EPISODES, lease_s=2.0)
     listen = free_endpoint().replace("tcp/", "tls/")
     led = pool.submit(lead, folder, listen, certs=certs)
-    _wait_for((folder.state / "endpoint").exists)
+    wait_for((folder.state / "endpoint").exists)
     cable = Cable(listen)
     done: list[str] = []
     recorded = pool.submit(_record, listen, certs, tmp_path / "recorder")
@@ -141,7 +141,7 @@ def test_host_that_is_cut_off_and_healed_changes_nothing_of_the_dataset(
         pool.submit(_work, listen, certs, "near", done, 1.0),
         pool.submit(_work, cable.endpoint, certs, "far", done, 0.05),
     ]
-    _wait_for(lambda: "far" in done)
+    wait_for(lambda: "far" in done)
     cable.whole.clear()
     cut = done.count("far")
     time.sleep(3.0)
@@ -211,7 +211,7 @@ def test_name_that_is_taken_is_refused(tmp_path: Path, certs: Path, pool: Thread
     folder = make_folder(tmp_path / "data", [DRAW, FILM], wanted=2)
     listen = free_endpoint().replace("tcp/", "tls/")
     led = pool.submit(lead, folder, listen, certs=certs)
-    _wait_for((folder.state / "endpoint").exists)
+    wait_for((folder.state / "endpoint").exists)
     with contextlib.ExitStack() as left:
         left.callback(_cancel, listen, certs)
         first, second = (join(listen, RUN, "all", certs=certs) for _ in range(2))

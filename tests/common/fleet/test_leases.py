@@ -145,7 +145,7 @@ def test_idle_worker_asks_when_it_is_woken_and_hardly_ever_else(monkeypatch: pyt
         return next(replies)
 
     bus.serve(topics.claim("animate"), claim)
-    worker = threading.Thread(target=pull, args=(bus, _worker(lambda *_: None)), kwargs={"stop": threading.Event()})
+    worker = threading.Thread(target=pull, args=(bus, _worker(lambda *_: None)), kwargs={"leave": lambda: False})
     worker.start()
     assert asked.acquire(timeout=20.0)
     bus.publish(topics.WAKE, Wake(stages=("render",)))
