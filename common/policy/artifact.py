@@ -1,7 +1,8 @@
 """The policy artifact: a folder with `policy.toml`, `encoder.onnx`, `head.onnx` and `metrics.json`.
 
 encoder.onnx: `image` uint8 (B, H, W, C) RGB -> `latent` float32 (B, L). With late fusion it sees one frame, C = 3; with
-early fusion all of them stacked along the channels, oldest first, C = 3 `frame_count`.
+early fusion all of them stacked along the channels, oldest first, C = 3 `frame_count`. Beside it, where the policy
+takes it, `depth` uint8 (B, H, W, C / 3), see `readygo.common.policy.sight`.
 head.onnx: `features` float32 (B, F) -> `action` float32 (B, 2), v [m/s] and w [rad/s] within the robot's limits.
 The features are the latents (late fusion: of ..., t - 2 spacings, t - 1 spacing and t), then what the policy knows of
 its own motion (`MotionInput`), then the goal in the robot's frame (dx, dy) [m]. Every normalisation lies inside of the
@@ -20,6 +21,7 @@ from readygo.common.camera import SensorConfig
 from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.errors import ConfigError, PolicyError
 from readygo.common.files import write_whole
+from readygo.common.policy.sight import RGB, channels_of, check_images
 from readygo.common.policy.windows import FRAME_COUNT, spacing_steps_of
 from readygo.common.robot import RobotConfig
 
@@ -70,16 +72,24 @@ class PolicyInputs:
     motion: MotionInput = MotionInput.POSES
     frame_count: int = FRAME_COUNT
     """Frames that it sees together, one frame spacing apart."""
+    images: tuple[str, ...] = (RGB,)
+    """What each frame is of, in this order: see `readygo.common.policy.sight`."""
 
     def __post_init__(self) -> None:
+        check_images(self.images)
         for name in ("latent_count", "frame_count"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}.")
 
     @property
+    def frames_together(self) -> int:
+        """Frames that the encoder sees at once."""
+        return self.frame_count if self.fusion is Fusion.EARLY else 1
+
+    @property
     def image_channels(self) -> int:
-        """Channels of the encoder's image."""
-        return 3 * self.frame_count if self.fusion is Fusion.EARLY else 3
+        """Channels of all images that the encoder sees at once."""
+        return channels_of(self.images) * self.frames_together
 
     @property
     def latents_width(self) -> int:
@@ -129,6 +139,7 @@ def save_spec(spec: PolicySpec, folder: Path) -> None:
             "latent_count": spec.inputs.latent_count,
             "motion": spec.inputs.motion.value,
             "frame_count": spec.inputs.frame_count,
+            **({"images": spec.inputs.images} if spec.inputs.images != (RGB,) else {}),
         },
         "robot": section_to_mapping(spec.robot),
         "sensor": section_to_mapping(spec.sensor),
@@ -176,6 +187,7 @@ def _inputs(mapping: Mapping[str, Any]) -> PolicyInputs:
         motion=MotionInput(mapping["motion"]),
         # Policies of before it was theirs to say see three.
         frame_count=int(mapping.get("frame_count", FRAME_COUNT)),
+        images=tuple(mapping.get("images", (RGB,))),
     )
 
 

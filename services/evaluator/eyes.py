@@ -13,6 +13,7 @@ from readygo.common.errors import BusError
 from readygo.common.maps import FloorMap
 from readygo.common.messages import EpisodeKey, EpisodeMotions, Humans, RenderReply, RenderRequest, RenderView, encode
 from readygo.common.messages.topics import Topic
+from readygo.common.policy.sight import DEPTH, RGB, camera_sight
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import whole_steps
 
@@ -31,10 +32,12 @@ class Eyes:
         robot: RobotConfig,
         floor: FloorMap,
         timeout_s: float,
+        sees: tuple[str, ...] = (RGB,),
     ) -> None:
         self._bus, self._topic, self._timeout_s = bus, topic, timeout_s
         self._camera, self._floor = robot.camera, floor
         self._latency_steps = whole_steps(robot.camera.latency_s)
+        self._sees = sees
         self._sent: set[str] = set()
         self._keys: WeakKeyDictionary[EpisodeSimulation, str] = WeakKeyDictionary()
 
@@ -45,7 +48,8 @@ class Eyes:
             simulations: Episodes, at any step.
 
         Returns:
-            sRGB images, shape (B, H, W, 3).
+            sRGB images, shape (B, H, W, 3); with further images where the eyes see them
+            (`readygo.common.policy.sight`), shape (B, H, W, C).
 
         Raises:
             BusError: If the renderer does not answer, or not with one image per view.
@@ -53,7 +57,16 @@ class Eyes:
         people = [simulation.motions_so_far() for simulation in simulations]
         keys = [self._key(simulation, motions) for simulation, motions in zip(simulations, people, strict=True)]
         views = tuple(self._view(simulation, key) for simulation, key in zip(simulations, keys, strict=True))
-        return self._images(views, {key: motions for key, motions in zip(keys, people, strict=True) if key})
+        reply = self._reply(views, {key: motions for key, motions in zip(keys, people, strict=True) if key})
+        if self._sees == (RGB,):
+            return reply.rgb
+        depths_m = reply.outputs[DEPTH]
+        return np.stack(
+            [
+                camera_sight(rgb, depth_m, self._sees, self._camera, simulation.scenario.episode.episode_id, view.step)
+                for rgb, depth_m, view, simulation in zip(reply.rgb, depths_m, views, simulations, strict=True)
+            ]
+        )
 
     def look_from(self, xyyaw: Sequence[tuple[float, float, float]], episode: EpisodeKey) -> npt.NDArray[np.uint8]:
         """What a robot that stands somewhere sees with nobody there, as with an image of a goal.
@@ -68,9 +81,9 @@ class Eyes:
         Raises:
             BusError: See `look`.
         """
-        return self._images(tuple(self._still_view(pose, episode) for pose in xyyaw), {})
+        return self._reply(tuple(self._still_view(pose, episode) for pose in xyyaw), {}).rgb
 
-    def _images(self, views: tuple[RenderView, ...], known: dict[str, EpisodeMotions]) -> npt.NDArray[np.uint8]:
+    def _reply(self, views: tuple[RenderView, ...], known: dict[str, EpisodeMotions]) -> RenderReply:
         reply = self._ask(views, {key: motions for key, motions in known.items() if key not in self._sent})
         if reply.unknown_people:
             # A renderer keeps a few hundred keys only, and may have been replaced by another one.
@@ -79,7 +92,7 @@ class Eyes:
         if len(reply.rgb) != len(views):
             raise BusError(f"{self._topic.name!r} answered {len(reply.rgb)} images to {len(views)} views.")
         self._sent.update(known)
-        return reply.rgb
+        return reply
 
     def _key(self, simulation: EpisodeSimulation, motions: EpisodeMotions) -> str:
         """The name of an episode's people; motions that grow are other people at every step."""
@@ -91,7 +104,9 @@ class Eyes:
 
     def _ask(self, views: tuple[RenderView, ...], people: dict[str, EpisodeMotions]) -> RenderReply:
         request = RenderRequest(
-            views=views, people=tuple(Humans(key=key, humans=motions.humans) for key, motions in people.items())
+            views=views,
+            people=tuple(Humans(key=key, humans=motions.humans) for key, motions in people.items()),
+            outputs=tuple(name for name in self._sees if name != RGB),
         )
         return self._bus.request(self._topic, request, timeout_s=self._timeout_s)
 
