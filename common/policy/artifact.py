@@ -1,5 +1,7 @@
 """The policy artifact: a folder with `policy.toml`, `encoder.onnx`, `head.onnx` and `metrics.json`.
 
+Policies of any other shape are one graph with inputs of their own, see `readygo.common.policy.graph`.
+
 encoder.onnx: `image` uint8 (B, H, W, C) RGB -> `latent` float32 (B, L). With late fusion it sees one frame, C = 3; with
 early fusion all of them stacked along the channels, oldest first, C = 3 `frame_count`. Beside it, where the policy
 takes it, `depth` uint8 (B, H, W, C / 3), see `readygo.common.policy.sight`.
@@ -21,11 +23,14 @@ from readygo.common.camera import SensorConfig
 from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.errors import ConfigError, PolicyError
 from readygo.common.files import write_whole
+from readygo.common.policy.graph import GRAPH_FILE, Given, GraphSpec
 from readygo.common.policy.sight import RGB, channels_of, check_images
 from readygo.common.policy.windows import FRAME_COUNT, spacing_steps_of
 from readygo.common.robot import RobotConfig
 
 POLICY_FORMAT = "readygo-policy/2"
+GRAPH_FORMAT = "readygo-policy/3"
+"""Of policies of one graph, see `readygo.common.policy.graph`."""
 FIRST_FORMAT = "readygo-policy/1"
 """Of policies that name no inputs: theirs are `FIRST_INPUTS`."""
 GOAL_SCALE_M = 10.0
@@ -117,11 +122,23 @@ class PolicySpec:
     """Time between the frames [s]; a multiple of the step of 0.05 s."""
     inputs: PolicyInputs = field(default_factory=PolicyInputs)
     """What its graphs take."""
+    graph: GraphSpec | None = None
+    """Its graph, where it has one in place of encoder and head; `inputs` then says its frames and images alone."""
     training: Mapping[str, Any] = field(default_factory=dict)
     """Where it comes from: data hashes, seed, versions."""
 
     def __post_init__(self) -> None:
         spacing_steps_of(self.frame_spacing_s)
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """Names of all that the policy is loaded from."""
+        return (GRAPH_FILE, SPEC_FILE) if self.graph else (ENCODER_FILE, HEAD_FILE, SPEC_FILE)
+
+    @property
+    def wants_goal_image(self) -> bool:
+        """True if it is given an image of the goal."""
+        return self.graph is not None and Given.GOAL_IMAGE in self.graph.inputs.values()
 
     @property
     def frame_spacing_steps(self) -> int:
@@ -132,7 +149,7 @@ class PolicySpec:
 def save_spec(spec: PolicySpec, folder: Path) -> None:
     """Write `policy.toml` in one piece."""
     mapping = {
-        "format": POLICY_FORMAT,
+        "format": GRAPH_FORMAT if spec.graph else POLICY_FORMAT,
         "frame_spacing_s": spec.frame_spacing_s,
         "inputs": {
             "fusion": spec.inputs.fusion.value,
@@ -141,6 +158,7 @@ def save_spec(spec: PolicySpec, folder: Path) -> None:
             "frame_count": spec.inputs.frame_count,
             **({"images": spec.inputs.images} if spec.inputs.images != (RGB,) else {}),
         },
+        **({"graph": spec.graph.to_mapping()} if spec.graph else {}),
         "robot": section_to_mapping(spec.robot),
         "sensor": section_to_mapping(spec.sensor),
         "training": dict(spec.training),
@@ -163,7 +181,7 @@ def load_spec(folder: Path) -> PolicySpec:
         ) from error
     except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise PolicyError(f"{path} is no TOML file: {error}; export the policy again.") from error
-    if mapping.get("format") not in (FIRST_FORMAT, POLICY_FORMAT):
+    if mapping.get("format") not in (FIRST_FORMAT, POLICY_FORMAT, GRAPH_FORMAT):
         raise PolicyError(f"{path} has format {mapping.get('format')!r}, this version reads {POLICY_FORMAT!r}.")
     try:
         robot = section_from_mapping(RobotConfig, mapping["robot"], where="robot.")
@@ -173,11 +191,22 @@ def load_spec(folder: Path) -> PolicySpec:
             robot=robot,
             sensor=sensor,
             frame_spacing_s=float(mapping["frame_spacing_s"]),
-            inputs=FIRST_INPUTS if mapping["format"] == FIRST_FORMAT else _inputs(mapping["inputs"]),
+            **_graphs(mapping),
             training=mapping.get("training", {}),
         )
     except (ConfigError, KeyError, TypeError, ValueError) as error:
         raise PolicyError(f"{path} cannot be used: {error}; export the policy again.") from error
+
+
+def _graphs(mapping: Mapping[str, Any]) -> dict[str, Any]:
+    """What the graphs of a policy are given."""
+    if mapping["format"] == FIRST_FORMAT:
+        return {"inputs": FIRST_INPUTS}
+    if mapping["format"] == POLICY_FORMAT:
+        return {"inputs": _inputs(mapping["inputs"])}
+    graph = GraphSpec.from_mapping(mapping["graph"])
+    frame_count = int(mapping.get("inputs", {}).get("frame_count", 1))
+    return {"graph": graph, "inputs": PolicyInputs(frame_count=frame_count, images=graph.images)}
 
 
 def _inputs(mapping: Mapping[str, Any]) -> PolicyInputs:

@@ -20,6 +20,7 @@ from readygo.common.policy.artifact import (
     PolicySpec,
     load_spec,
 )
+from readygo.common.policy.graph import GRAPH_FILE
 from readygo.common.policy.memory import PolicyMemory
 from readygo.common.policy.motion import motion_features
 from readygo.common.policy.sight import DEPTH, GRAPH_INPUTS, channels_by_image, channels_of
@@ -64,21 +65,25 @@ class Policy:
         Raises:
             PolicyError: If the images do not have the size that the policy was trained for.
         """
-        inputs, camera = self.spec.inputs, self.spec.robot.camera
+        inputs = self.spec.inputs
         if images.ndim == 4 and images.shape[3] != inputs.image_channels:
             raise PolicyError(
                 f"The policy sees {', '.join(inputs.images)}: {inputs.image_channels} channels, got {images.shape[3]}."
             )
         check_array("images", images, np.uint8, (None, None, None, None))
+        self._check_size(images)
+        latents = np.empty((len(images), inputs.latent_count), np.float32)
+        for row in range(len(images)):
+            latents[row] = self._encoder.run(None, self._fed(images[row : row + 1]))[0][0]
+        return latents
+
+    def _check_size(self, images: npt.NDArray[np.uint8]) -> None:
+        camera = self.spec.robot.camera
         if images.shape[1:3] != (camera.height_px, camera.width_px):
             raise PolicyError(
                 f"The policy sees images of {camera.height_px}x{camera.width_px} px, got "
                 f"{images.shape[1]}x{images.shape[2]}; use the robot.toml that it was trained with."
             )
-        latents = np.empty((len(images), inputs.latent_count), np.float32)
-        for row in range(len(images)):
-            latents[row] = self._encoder.run(None, self._fed(images[row : row + 1]))[0][0]
-        return latents
 
     def _fed(self, images: npt.NDArray[np.uint8]) -> dict[str, npt.NDArray[np.uint8]]:
         """Images by the names of the encoder's inputs."""
@@ -187,9 +192,17 @@ def load_policy(folder: str | Path, *, robot: RobotConfig | None = None) -> Poli
     spec = load_spec(folder)
     if robot is not None:
         check_policy_camera(spec, robot)
-    policy = Policy(spec, _open_session(folder / ENCODER_FILE), _open_session(folder / HEAD_FILE))
+    policy = _made(spec, folder)
     _check_graphs(policy, folder)
     return policy
+
+
+def _made(spec: PolicySpec, folder: Path) -> Policy:
+    if spec.graph is None:
+        return Policy(spec, _open_session(folder / ENCODER_FILE), _open_session(folder / HEAD_FILE))
+    from readygo.common.policy.graph_policy import GraphPolicy
+
+    return GraphPolicy(spec, _open_session(folder / GRAPH_FILE))
 
 
 def check_policy_camera(spec: PolicySpec, robot: RobotConfig, sensor: SensorConfig | None = None) -> None:
@@ -254,8 +267,10 @@ def _open_session(path: Path) -> Any:
 def _check_graphs(policy: Policy, folder: Path) -> None:
     camera, zeros = policy.spec.robot.camera, np.zeros((1, 2), np.float32)
     shape = (1, camera.height_px, camera.width_px, channels_of(policy.spec.inputs.images))
+    memory = policy.start()
+    memory.kept.goal_image = np.zeros((*shape[1:3], 3), np.uint8)
     try:
-        policy.step([policy.start()], np.zeros(shape, np.uint8), zeros, zeros)
+        policy.step([memory], np.zeros(shape, np.uint8), zeros, zeros)
     except PolicyError:
         raise
     except Exception as error:  # as above: a graph of other inputs or shapes

@@ -8,12 +8,13 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.bus import Bus
+from readygo.common.camera.depth import depth_bytes, depth_rng, measured_depth
 from readygo.common.episode.simulation import EpisodeSimulation
 from readygo.common.errors import BusError
 from readygo.common.maps import FloorMap
 from readygo.common.messages import EpisodeKey, EpisodeMotions, Humans, RenderReply, RenderRequest, RenderView, encode
 from readygo.common.messages.topics import Topic
-from readygo.common.policy.sight import DEPTH, RGB, camera_sight
+from readygo.common.policy.sight import DEPTH, RGB, side_by_side
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import whole_steps
 
@@ -42,14 +43,23 @@ class Eyes:
         self._keys: WeakKeyDictionary[EpisodeSimulation, str] = WeakKeyDictionary()
 
     def look(self, simulations: Sequence[EpisodeSimulation]) -> npt.NDArray[np.uint8]:
+        """What policies see, from `measured`: sRGB, shape (B, H, W, 3), or with depths, shape (B, H, W, C)."""
+        rgb, depths_m = self.measured(simulations)
+        if depths_m is None:
+            return rgb
+        return side_by_side({RGB: rgb, DEPTH: depth_bytes(np.stack(depths_m), self._camera)}, self._sees)
+
+    def measured(
+        self, simulations: Sequence[EpisodeSimulation]
+    ) -> tuple[npt.NDArray[np.uint8], list[npt.NDArray[np.float32]] | None]:
         """What each robot sees now: the image of the camera's latency ago, the first one until there is one so old.
 
         Args:
             simulations: Episodes, at any step.
 
         Returns:
-            sRGB images, shape (B, H, W, 3); with further images where the eyes see them
-            (`readygo.common.policy.sight`), shape (B, H, W, C).
+            sRGB images, shape (B, H, W, 3), and depths [m], inf where nothing is measured, B of shape (H, W); None
+            where the eyes see none.
 
         Raises:
             BusError: If the renderer does not answer, or not with one image per view.
@@ -58,15 +68,17 @@ class Eyes:
         keys = [self._key(simulation, motions) for simulation, motions in zip(simulations, people, strict=True)]
         views = tuple(self._view(simulation, key) for simulation, key in zip(simulations, keys, strict=True))
         reply = self._reply(views, {key: motions for key, motions in zip(keys, people, strict=True) if key})
-        if self._sees == (RGB,):
-            return reply.rgb
-        depths_m = reply.outputs[DEPTH]
-        return np.stack(
-            [
-                camera_sight(rgb, depth_m, self._sees, self._camera, simulation.scenario.episode.episode_id, view.step)
-                for rgb, depth_m, view, simulation in zip(reply.rgb, depths_m, views, simulations, strict=True)
-            ]
-        )
+        return reply.rgb, self._measured(reply, views)
+
+    def _measured(self, reply: RenderReply, views: Sequence[RenderView]) -> list[npt.NDArray[np.float32]] | None:
+        """Depths as the robots' cameras measure them [m], shapes (H, W); None where nobody wants them."""
+        if DEPTH not in self._sees:
+            return None
+        return [
+            measured_depth(depth_m, self._camera, depth_rng(view.episode.episode_id, view.step))
+            for depth_m, view in zip(reply.outputs[DEPTH], views, strict=True)
+            if view.episode is not None
+        ]
 
     def look_from(self, xyyaw: Sequence[tuple[float, float, float]], episode: EpisodeKey) -> npt.NDArray[np.uint8]:
         """What a robot that stands somewhere sees with nobody there, as with an image of a goal.
