@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from readygo.common.avatars import Avatar
+from readygo.common.camera.depth import depth_bytes, in_range
 from readygo.common.episode import EpisodeConfig, EpisodeSimulation
 from readygo.common.errors import AvatarError
 from readygo.common.maps import GridFrame, OccupancyMap
-from readygo.common.camera.depth import depth_bytes, in_range
 from readygo.common.messages import EpisodeMotions, HumanMotion, Humans, RenderRequest, RenderView
 from readygo.services.renderer import LiveCamera, Renderer, RendererConfig, episode_samples, handle_render
 from readygo.services.renderer.sensor.recipes import SENSOR_RECIPES
