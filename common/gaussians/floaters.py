@@ -79,7 +79,7 @@ def far_shell(cloud: GaussianCloud, among: Mask, low: Floats, high: Floats) -> M
         Mask, shape (N,).
     """
     outside_m = np.linalg.norm(np.maximum(low - cloud.means_m, 0) + np.maximum(cloud.means_m - high, 0), axis=1)
-    shell = among & (outside_m > cloud.scales_m.max(axis=1, initial=0.0))
+    shell: Mask = among & (outside_m > cloud.scales_m.max(axis=1, initial=0.0))
     far = cloud.select(shell)
     rays = far.means_m.astype(np.float64) - 0.5 * (low + high)
     distance = np.maximum(np.linalg.norm(rays, axis=1), 1e-9)
