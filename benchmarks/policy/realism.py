@@ -2,8 +2,8 @@
 
     python -m readygo.benchmarks.policy.realism SCENE --out FOLDER [--episodes 200] [--samples 400000] [--test 100]
 
-Each arm is recorded and trained alike, by the commands of `readygo`. The same command goes on where it was stopped; in a
-folder of another scene, other people or another budget it ends in a line:
+Each arm is recorded and trained alike, by the commands of `readygo`. The same command goes on where it was stopped; in
+a folder of another scene, other people or another budget it ends in a line:
 
 - photoreal: data among six avatars as they are
 - mesh: the same episodes, people as simple assets of a game engine ([renderer] human_look = "mesh"), as in Vid2Sim
@@ -137,8 +137,9 @@ def compare(job: Job) -> dict[str, Any]:
         make_policy(job, arm)
     found = {}
     for scene in (job.scene, *job.test_scenes):
-        found[scene] = tables([record for arm in ARMS for record in evaluate(job, arm, scene)])
-        _print_table(scene, found[scene])
+        name = Path(scene).name
+        found[name] = tables([record for arm in ARMS for record in evaluate(job, arm, scene)])
+        _print_table(name, found[name])
     return found
 
 
@@ -167,7 +168,7 @@ def main() -> None:
         sys.exit(error.returncode)
     if file is not None:
         budget = {name: getattr(job, name) for name in ("episodes", "samples", "test", "seed")}
-        command = f"python -m readygo.benchmarks.policy.realism {job.scene}"
+        command = f"python -m readygo.benchmarks.policy.realism {Path(job.scene).name}"
         kept = {"machine": machine(), "command": command, **budget, "scenes": found}
         write_whole(file, json.dumps(kept, indent=1) + "\n")
 
