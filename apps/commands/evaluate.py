@@ -10,6 +10,7 @@ from typing import Any, Literal
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
+from readygo.apps.commands.evaluate_logs import evaluate_logs
 from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.evaluation.choice import check_wanted, watched_method
 from readygo.apps.evaluation.replay import Replays
@@ -127,9 +128,6 @@ def evaluate(
         json: Print the summary as JSON.
     """
     if from_logs is not None:
-        # What drives a robot takes a second to load, which evaluations in scenes need not wait for.
-        from readygo.apps.commands.evaluate_logs import evaluate_logs
-
         evaluate_logs(from_logs, out, json=json)
         return
     if not scene:
