@@ -14,7 +14,7 @@ from readygo.apps.fleet.fleet import Fleet
 from readygo.apps.fleet.token import given_token, new_token
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.identity import files_of, numeric_class, run_name
-from readygo.apps.run.policy import POLICY_FILES, file_ref
+from readygo.apps.run.policy import policy_refs
 from readygo.apps.run.world import World
 from readygo.common.bus import Bus
 from readygo.common.bus.identity import COORDINATOR
@@ -71,7 +71,7 @@ def fleet_spec(world: World, policy: Path | None) -> RunSpec:
     """
     ref = None
     if policy is not None:
-        files = tuple(file_ref(policy, name) for name in POLICY_FILES)
+        files = policy_refs(policy)
         ref = PolicyRef(path=str(policy.resolve()), files=files, mix=1.0)
     metadata = {**world.spec.metadata, "numeric_class": numeric_class(world.config, ref)}
     spec = dataclasses.replace(world.spec, stages=EVALUATE_LINE, policy=ref, metadata=metadata)

@@ -27,7 +27,7 @@ CHOICES_MAX = 300
 PANELS_S, CHARTS_S, EPISODES_S = 0.5, 2.0, 4.0
 """How often parts of the page are made anew [s]."""
 MARKS = {None: "", Outcome.SUCCESS: " ✓", Outcome.TIMEOUT: " ⏱"}
-FOLLOW_BACK_M, FOLLOW_UP_M = 2.6, 2.0
+FOLLOW_BACK_M, FOLLOW_UP_M = 1.9, 3.2
 SMOOTH_S = 0.5
 """Time in which a follow camera comes round [s]."""
 
@@ -288,11 +288,12 @@ class Page:
         house, camera = self._house, self._client.camera
         if house is None:
             return
-        # Narrow windows need more distance for the same width.
-        far_m = house.radius_m * (1.45 if camera.aspect > 1.0 else 1.25 / max(camera.aspect, 0.4))
-        # There the panel covers the lower part: the scene goes to the upper one.
-        nearer_m = 0.0 if camera.aspect > 1.0 else 0.4 * far_m
-        aim = house.center_m + nearer_m * np.array([-0.35, -0.62, 0.0])
+        # Narrow windows need more distance for the same width. The panel covers their lower part, and the right of wide
+        # ones: the scene goes to the other.
+        wide = camera.aspect > 1.0
+        far_m = house.radius_m * (1.45 if wide else 1.25 / max(camera.aspect, 0.4))
+        aside = 0.42 * np.array([0.62, -0.35, 0.0] if wide else [-0.35, -0.62, 0.0])
+        aim = house.center_m + far_m * aside
         camera.position = aim + far_m * np.array([-0.35, -0.62, 0.95])
         camera.look_at = aim
 
