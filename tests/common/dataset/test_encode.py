@@ -68,7 +68,8 @@ def test_it_says_of_itself_what_a_reader_finds(kind: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"time_ns": -(10**12)}, {"time_ns": 2**64}, {"robot_xyzyaw": (10**400, 0.0, 0.0, 0.0)}, {"expert_cost": 10**400}]
+    "wrong",
+    [{"time_ns": -(10**12)}, {"time_ns": 2**64}, {"robot_xyzyaw": (10**400, 0.0, 0.0, 0.0)}, {"expert_cost": 10**400}],
 )
 def test_numbers_that_no_shard_can_hold_are_refused(wrong: dict[str, Any]) -> None:
     header, samples = episode()
