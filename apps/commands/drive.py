@@ -7,6 +7,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
+import cv2
+import numpy as np
+import numpy.typing as npt
 from rich.console import Console
 
 from readygo.apps.cli import Group
@@ -21,7 +24,9 @@ from readygo.apps.run.origin import settings_of_policy
 from readygo.apps.run.policy import policy_sha256
 from readygo.common.camera import CameraConfig
 from readygo.common.errors import BusError, ConfigError, RunError
+from readygo.common.images.encoded import decode_pixels
 from readygo.common.policy import Policy, load_policy
+from readygo.common.policy.sight import DEPTH
 from readygo.common.robot.kinematics import DT_S, RATE_HZ, whole_steps
 
 Value = TypeVar("Value")
@@ -37,6 +42,7 @@ def drive(
     goal: tuple[float, float] | None = None,
     goal_frame: Literal["start", "odom"] = "start",
     goal_topic: str = "",
+    goal_image: Path | None = None,
     goal_radius: float | None = None,
     time_limit: float | None = None,
     v_max: float | None = None,
@@ -44,6 +50,7 @@ def drive(
     rate_hz: float = RATE_HZ,
     dry_run: bool = False,
     image: Annotated[str, Group("robot")] = "/camera/image_raw",
+    depth: Annotated[str, Group("robot")] = "",
     odom: Annotated[str, Group("robot")] = "/odom",
     cmd_vel: Annotated[str, Group("robot")] = "/cmd_vel",
     camera_info: Annotated[str, Group("robot")] = "",
@@ -67,6 +74,8 @@ def drive(
         goal: Where to go: ahead and left of the robot as it stands at the start [m], see `goal_frame`.
         goal_frame: "odom" takes `goal` in the frame of the odometry.
         goal_topic: Topic of a PoseStamped in the frame of the odometry, such as /goal_pose, in place of `goal`.
+        goal_image: Image file of what the robot's camera shows at the goal, for a policy that wants it; the goal itself
+            still says when the robot has arrived.
         goal_radius: So near the goal the robot has arrived [m]; as in the policy's training by default.
         time_limit: Longest trial [s]; as in the policy's training by default.
         v_max: Largest speed [m/s], at most the policy's.
@@ -74,6 +83,8 @@ def drive(
         rate_hz: How often commands are sent at least [Hz]; each image leads to one at once besides.
         dry_run: Command nothing; say what would be commanded.
         image: Topic of the images, Image or CompressedImage.
+        depth: Topic of the depths that a policy sees, Image of millimetres (16UC1) or metres (32FC1), aligned to the
+            images.
         odom: Topic of the Odometry.
         cmd_vel: Topic of the commands, Twist, or TwistStamped where the robot listens to that.
         camera_info: Topic of the CameraInfo; beside the images by default.
@@ -97,9 +108,22 @@ def drive(
         raise ConfigError(f"--rate-hz must be at least {RATE_HZ}, got {rate_hz:g}.")
     if (goal is None) == (not goal_topic):
         raise ConfigError("Say where to go: either --goal X Y or --goal-topic TOPIC.")
+    if (DEPTH in loaded.spec.inputs.images) != bool(depth):
+        raise ConfigError(
+            "The policy sees no depths: leave --depth out."
+            if depth
+            else "The policy sees depths: name their topic with --depth, such as /camera/depth/image_raw."
+        )
+    shown = _goal_image(loaded, goal_image)
     info = "" if calibration else camera_info or f"{image.removesuffix('/compressed').rpartition('/')[0]}/camera_info"
     topics = Topics(
-        image=image, odometry=odom, command=cmd_vel, camera_info=info, goal=goal_topic, outcome=outcome_topic
+        image=image,
+        odometry=odom,
+        command=cmd_vel,
+        camera_info=info,
+        goal=goal_topic,
+        outcome=outcome_topic,
+        depth=depth,
     )
     signal.signal(signal.SIGHUP, _hang_up)
     spoken = make_wire(wire, domain=domain, prefix=prefix, stamped=stamped, node="readygo_drive")
@@ -108,7 +132,7 @@ def drive(
     try:
         rectify = _rectifier(loaded, own or _camera_of(loaded, robot), console)
         where = Goal(x_m=goal[0], y_m=goal[1]) if goal else _goal_of(robot)
-        pilot = Pilot(loaded, rectify, config, where)
+        pilot = _pilot(loaded, rectify, config, where, shown)
         record = {
             "policy": policy.resolve().name,
             "policy_sha256": policy_sha256(policy),
@@ -178,6 +202,38 @@ def _config(
     if not (config.goal_radius_m > 0 and config.time_limit_s > 0):
         raise ConfigError("--goal-radius and --time-limit must be positive.")
     return config
+
+
+def _goal_image(policy: Policy, path: Path | None) -> npt.NDArray[np.uint8] | None:
+    """The pixels of the goal's image, blue, green, red; None where the policy wants none.
+
+    Raises:
+        ConfigError: If it is missing, not wanted, or no image.
+    """
+    if policy.spec.wants_goal_image != (path is not None):
+        raise ConfigError(
+            "The policy wants no image of the goal: leave --goal-image out."
+            if path
+            else "The policy wants to see the goal: pass --goal-image FILE, as the robot's camera shows it there."
+        )
+    if path is None:
+        return None
+    try:
+        pixels = decode_pixels(path.read_bytes(), cv2.IMREAD_COLOR)
+    except OSError as error:
+        raise ConfigError(f"--goal-image {path} cannot be read: {error.strerror}.") from error
+    if pixels is None:
+        raise ConfigError(f"--goal-image {path} is no JPEG or PNG image.")
+    return pixels
+
+
+def _pilot(
+    policy: Policy, rectify: Rectifier, config: DriveConfig, goal: Goal, goal_image: npt.NDArray[np.uint8] | None
+) -> Pilot:
+    try:
+        return Pilot(policy, rectify, config, goal, goal_image)
+    except ValueError as error:
+        raise ConfigError(f"--goal-image has {error}.") from error
 
 
 def _rectifier(policy: Policy, own: CameraConfig, console: Console) -> Rectifier:

@@ -33,8 +33,11 @@ from readygo.common.episode import EpisodeSimulation
 from readygo.common.errors import ConfigError
 from readygo.common.messages import Outcome, Split
 from readygo.common.policy import load_policy, load_spec
+from readygo.common.policy.sight import DEPTH, RGB
 from readygo.common.robot import load_robot
 from readygo.services.evaluator import Evaluator, MatchedEpisode
+from readygo.services.evaluator.eyes import Eyes
+from readygo.services.evaluator.goal_image import goal_image
 
 
 def simulate_robot(
@@ -56,6 +59,7 @@ def simulate_robot(
     compressed: Annotated[bool, Group("manners")] = False,
     rehearse: bool = False,
     image: Annotated[str, Group("topics")] = "/camera/image_raw",
+    depth: Annotated[str, Group("topics")] = "",
     odom: Annotated[str, Group("topics")] = "/odom",
     cmd_vel: Annotated[str, Group("topics")] = "/cmd_vel",
     wire: Annotated[WireName, Group("topics")] = "ros2",
@@ -84,6 +88,8 @@ def simulate_robot(
         compressed: Send JPEG.
         rehearse: Let the policy drive here, as `readygo drive` would, in simulated time and without a network.
         image: Topic of the images.
+        depth: Topic of depths beside the images (16UC1), such as /camera/depth; a robot without a depth camera by
+            default.
         odom: Topic of the Odometry.
         cmd_vel: Topic of the commands.
         wire: As in `readygo drive`.
@@ -101,18 +107,19 @@ def simulate_robot(
     evaluator = make_evaluator(world, renderer=world.renderer(), methods={})
     request = make_request(episodes, tasks, ("policy",), Split(split), seed)
     drawn, _ = evaluator.source().draw(seed=seed, split=request.split, count=episodes, tasks=request.tasks)
-    eyes, rng = evaluator.eyes(), np.random.default_rng(seed)
+    sees = (RGB, DEPTH) if depth or (spec is not None and DEPTH in spec.inputs.images) else (RGB,)
+    eyes, rng = evaluator.eyes(sees), np.random.default_rng(seed)
     eyes.look([evaluator.simulation(drawn[0])])
 
-    def look(simulation: EpisodeSimulation) -> npt.NDArray[np.uint8]:
-        seen: npt.NDArray[np.uint8] = eyes.look([simulation])[0]
-        return seen
+    def look(simulation: EpisodeSimulation) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.float32] | None]:
+        rgb, depths_m = eyes.measured([simulation])
+        return rgb[0], depths_m[0] if depths_m else None
 
     with ExitStack() as stack:
         if rehearse:
-            run = _rehearsal(policy, settings, look, manners, rng)
+            run = _rehearsal(policy, settings, look, manners, rng, eyes)
         else:
-            topics = _topics(image, odom, cmd_vel)
+            topics = replace(_topics(image, odom, cmd_vel), depth=depth)
             stack.enter_context(closing(Router(listen)))
             session = stack.enter_context(closing(ForeignSession(listen)))
             spoken = make_wire(wire, domain=domain, prefix="", stamped=False, node="readygo_robot")
@@ -146,7 +153,7 @@ def _drive_all(
 
 
 def _rehearsal(
-    folder: Path | None, settings: RunConfig, look: Look, manners: Manners, rng: np.random.Generator
+    folder: Path | None, settings: RunConfig, look: Look, manners: Manners, rng: np.random.Generator, eyes: Eyes
 ) -> Callable[[EpisodeSimulation], Outcome]:
     """Drives episodes by a policy in simulated time.
 
@@ -167,7 +174,10 @@ def _rehearsal(
 
     def run(simulation: EpisodeSimulation) -> Outcome:
         goal_x, goal_y = simulation.scenario.goal_xy_m.tolist()
-        pilot = Pilot(policy, rectify, config, Goal(x_m=goal_x, y_m=goal_y))
+        shown = None
+        if policy.spec.wants_goal_image:
+            shown = np.ascontiguousarray(goal_image(eyes, simulation, settings.robot.planning_radius_m)[..., ::-1])
+        pilot = Pilot(policy, rectify, config, Goal(x_m=goal_x, y_m=goal_y), shown)
         return rehearsed(pilot, simulation, look, manners, rng)
 
     return run

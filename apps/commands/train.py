@@ -48,6 +48,7 @@ def train(
     val_episodes: int = 30,
     recipe: Literal["best", "fast", "paper", "gnm", "vint", "nomad"] | None = None,
     config: Path | None = None,
+    inputs: str = "",
     learning_rate: float | None = None,
     batch_size: int | None = None,
     seed: int | None = None,
@@ -77,6 +78,7 @@ def train(
             networks with their own losses, on what the expert drove: `out` is then a folder for `readygo evaluate
             --checkpoints`, and weights of theirs that lie there are what training begins with.
         config: TOML file with fields of the recipe's `TrainConfig` that shall be others.
+        inputs: Images that the policy sees, separated by commas: rgb, and depth where the data have it; rgb by default.
         learning_rate: Learning rate instead of the recipe's.
         batch_size: Samples per step; the recipe's by default.
         seed: Seed of weights, order and augmentation; 0 by default.
@@ -101,12 +103,13 @@ def train(
         "memory_mb": memory_mb,
         "cache_mb": cache_mb,
         "learning_rate": learning_rate,
+        "images": tuple(name.strip() for name in inputs.split(",")) if inputs else None,
     }
     console = Console(stderr=True)
     if recipe in NETWORKS:
-        if live or run or val or val_scene or config:
-            raise ConfigError(f"--recipe {recipe} takes no --val, --val-scene, --config, --live and --run.")
-        unused = ("memory_mb", "device")
+        if live or run or val or val_scene or config or inputs:
+            raise ConfigError(f"--recipe {recipe} takes no --val, --val-scene, --config, --live, --run and --inputs.")
+        unused = ("memory_mb", "device", "images")
         _train_network(recipe, data, out, {k: v for k, v in settings.items() if k not in unused}, as_json=json)
         return
     if live:

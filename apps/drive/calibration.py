@@ -38,8 +38,8 @@ class Rectifier:
         self._size = (robot.height_px, robot.width_px)
         self._policy_size = (policy.width_px, policy.height_px)
         count = min(max(math.ceil(float(robot.K_px[0, 0] / policy.K_px[0, 0])), 1), _SAMPLES_MAX)
-        uv = _places(robot, policy, count)
-        inside = (uv >= 0.0).all(axis=2) & (uv[..., 0] <= robot.width_px) & (uv[..., 1] <= robot.height_px)
+        uv, _ = _places(robot, policy, count)
+        inside = inside_of(uv, robot)
         self.unseen = float(1.0 - inside.mean())
         """Share of the policy's image that the robot's camera does not show; it is black."""
         if self.unseen > UNSEEN_MAX:
@@ -54,6 +54,9 @@ class Rectifier:
             self._size == self._policy_size[::-1] and count == 1 and bool(np.abs(uv - _centres(policy, 1)).max() < 0.01)
         )
         """True if images pass as they are."""
+        nearest, ahead = _places(robot, policy, 1)
+        u, v = np.where(inside_of(nearest, robot), np.floor(nearest.transpose(2, 0, 1)), -9.0).astype(np.float32)
+        self._nearest, self._ahead = (u, v), ahead.astype(np.float32)
 
     def __call__(self, bgr: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
         """An image of the policy's camera.
@@ -65,8 +68,10 @@ class Rectifier:
             sRGB, shape (H, W, 3) of the policy's camera.
 
         Raises:
-            ValueError: If the image has another size than the robot's camera.
+            ValueError: If the image has another size than the robot's camera, or is of depths.
         """
+        if bgr.ndim != 3:
+            raise ValueError("depths where colours are due: name the topic of the camera's colours with --image")
         if bgr.shape[:2] != self._size:
             raise ValueError(
                 f"images of {bgr.shape[0]}x{bgr.shape[1]} px, and its calibration is of {self._size[0]}x{self._size[1]}"
@@ -76,6 +81,40 @@ class Rectifier:
             large = cv2.remap(bgr, first, second, cv2.INTER_LINEAR)
             bgr = cv2.resize(large, self._policy_size, interpolation=cv2.INTER_AREA).astype(np.uint8)
         return np.ascontiguousarray(bgr[..., ::-1])
+
+    def depth(self, depth_m: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        """Depths that the policy's camera would have measured.
+
+        Args:
+            depth_m: The robot's, aligned to its images: depths along the optical axis [m], inf where nothing is
+                measured, shape (H, W).
+
+        Returns:
+            Depths along the optical axis of the policy's camera [m], inf where nothing is measured, shape (H, W).
+
+        Raises:
+            ValueError: If they have another size than the robot's images, or are colours.
+        """
+        if depth_m.ndim != 2:
+            raise ValueError("colours where depths are due: name the topic of the depths with --depth")
+        if depth_m.shape != self._size:
+            raise ValueError(
+                f"depths of {depth_m.shape[0]}x{depth_m.shape[1]} px, and images of {self._size[0]}x{self._size[1]}: "
+                "have its driver align them to the colours"
+            )
+        if self.identity:
+            return depth_m
+        nowhere = float("inf")
+        found = cv2.remap(
+            depth_m, *self._nearest, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT, borderValue=nowhere
+        )
+        return np.asarray(found / self._ahead, np.float32)
+
+
+def inside_of(uv: npt.NDArray[np.float64], camera: CameraConfig) -> npt.NDArray[np.bool_]:
+    """True for places of a camera's image [px], shape (..., 2)."""
+    inside = (uv >= 0.0).all(axis=-1) & (uv[..., 0] <= camera.width_px) & (uv[..., 1] <= camera.height_px)
+    return np.asarray(inside, np.bool_)
 
 
 def mount_differences(robot: CameraConfig, policy: CameraConfig) -> list[str]:
@@ -167,8 +206,13 @@ def _centres(camera: CameraConfig, count: int) -> npt.NDArray[np.float64]:
     return np.stack(np.meshgrid(u, v), axis=2)
 
 
-def _places(robot: CameraConfig, policy: CameraConfig, count: int) -> npt.NDArray[np.float64]:
-    """Where the robot's image shows what the pixels of a finer image of the policy's see [px]; NaN where nowhere."""
+def _places(
+    robot: CameraConfig, policy: CameraConfig, count: int
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """Where the robot's image shows what the pixels of a finer image of the policy's see [px]; NaN where nowhere.
+
+    Beside it how deep the robot's camera sees what is 1 m deep in the policy's [m].
+    """
     centres = _centres(policy, count)
     xy = make_lens(policy).rays(centres.reshape(-1, 2))
     rays = np.concatenate([xy, np.ones((len(xy), 1))], axis=1)
@@ -181,4 +225,4 @@ def _places(robot: CameraConfig, policy: CameraConfig, count: int) -> npt.NDArra
     lens = make_lens(robot)
     shown = ahead & (np.hypot(*plane.T) <= lens.radius_max)
     uv = np.where(shown[:, None], lens.pixels(plane), np.nan)
-    return uv.reshape(centres.shape)
+    return uv.reshape(centres.shape), np.where(ahead, turned[:, 2], 1.0).reshape(centres.shape[:2])

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-import numpy as np
 import numpy.typing as npt
 
 from readygo.apps.robot_logs.reader import LogCamera
@@ -16,8 +15,9 @@ class Picture:
 
     stamp_ns: int
     """When it was taken, by the robot's clock [ns]; 0 if the robot does not say."""
-    decode: Callable[[], npt.NDArray[np.uint8]] = field(repr=False)
-    """Its pixels, blue, green, red, shape (H, W, 3); ValueError if they cannot be read."""
+    decode: Callable[[], npt.NDArray[Any]] = field(repr=False)
+    """Its pixels, blue, green, red, uint8, shape (H, W, 3); of a depth camera depths [m], inf where nothing was
+    measured, float32, shape (H, W); ValueError if they cannot be read."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,7 +69,7 @@ class Codec(Protocol):
 
         Args:
             type_name: One of `ros_codec`'s types.
-            value: A `Value`; in place of a picture its pixels, blue, green, red, shape (H, W, 3).
+            value: A `Value`; in place of a picture its pixels, see `Picture.decode`.
             stamp_ns: Time of the message [ns].
         """
         ...

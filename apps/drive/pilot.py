@@ -2,21 +2,29 @@
 
 import enum
 import math
+from collections import deque
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from readygo.apps.drive.calibration import Rectifier
 from readygo.apps.drive.clock import RobotClock
 from readygo.apps.drive.messages import Command, Goal, Odometry, Picture
+from readygo.common.camera.depth import depth_bytes, in_range
 from readygo.common.frames import goal_in_robot_frame, wrap_angle
 from readygo.common.messages import Outcome
 from readygo.common.policy import Policy
+from readygo.common.policy.sight import DEPTH, RGB, side_by_side
 from readygo.common.robot import RobotConfig, limit_command
 from readygo.common.robot.kinematics import DT_S
 
 STALE_S = 0.3
 """A robot whose newest image or odometry is older stands [s]."""
+TOGETHER_S = 0.03
+"""An image and depths that are further apart do not show the same moment [s]."""
+DEPTHS_MAX = 8
+"""Depth images that wait for the image of their time at most."""
 GIVE_UP_S = 10.0
 """A trial whose images or odometry are missing for so long is over [s]."""
 LEAP_M = 0.5
@@ -67,17 +75,43 @@ class DriveConfig:
 class Pilot:
     """Drives one trial. Its methods are called from one thread; "now" and "arrived" are of one clock that rises."""
 
-    def __init__(self, policy: Policy, rectify: Rectifier, config: DriveConfig, goal: Goal) -> None:
+    def __init__(
+        self,
+        policy: Policy,
+        rectify: Rectifier,
+        config: DriveConfig,
+        goal: Goal,
+        goal_image: npt.NDArray[np.uint8] | None = None,
+    ) -> None:
+        """Begin a trial.
+
+        Args:
+            policy: Who drives.
+            rectify: Brings the robot's images to the policy's camera.
+            config: How it is driven.
+            goal: Where to.
+            goal_image: What the robot's camera shows there, where the policy wants to know: blue, green, red, shape
+                (H, W, 3).
+
+        Raises:
+            ValueError: If that image has another size than the robot's camera.
+        """
         spec = policy.spec
         self._policy, self._rectify, self._config = policy, rectify, config
         self._robot: RobotConfig = limited(spec.robot, config)
         self._clock, self._memory = RobotClock(), policy.start()
+        if goal_image is not None:
+            self._memory.kept.goal_image = rectify(goal_image)
         self._given_goal, self.goal = goal, None if config.goal_in_start_frame else goal
         """`goal` is in the odometry's frame, once that is known."""
         self._pose: Odometry | None = None
         self._yaw_rad = 0.0
+        self._sees_depth = DEPTH in spec.inputs.images
+        self._depths: deque[Picture] = deque(maxlen=DEPTHS_MAX)
+        self._waiting: tuple[Picture, int] | None = None
         self._picture_ns: int | None = None
-        self._arrived_ns = {"images": 0, "odometry": 0}
+        self._depth_ns: int | None = None
+        self._arrived_ns = {"images": 0, "odometry": 0, "depths": 0}
         self._wanted, self._sent = Command(), Command()
         self._sent_ns = 0
         self._stale_since_ns: int | None = None
@@ -97,6 +131,10 @@ class Pilot:
         """Speed by the newest odometry [m/s]."""
         self.frame_age_s = 0.0
         """Age of the newest image when it came [s]."""
+        self.seen = 0
+        """Images that it has seen; where the policy sees depths, those that came with theirs."""
+        self.seen_arrived_ns = 0
+        """When the newest of them came [ns]."""
 
     def end(self, ending: Ending, reason: str = "") -> None:
         """End the trial; the first reason counts."""
@@ -129,17 +167,50 @@ class Pilot:
         self._jumped(self._clock.hear("images", stamp_ns, arrived_ns))
         if self._picture_ns is not None and stamp_ns <= self._picture_ns:
             return
+        self._waiting = replace(picture, stamp_ns=stamp_ns), arrived_ns
+        self._see()
+
+    def look_at_depth(self, picture: Picture, arrived_ns: int) -> None:
+        """See depths; with an image of the same time they are what the policy sees."""
+        stamp_ns, self._arrived_ns["depths"] = picture.stamp_ns or arrived_ns, arrived_ns
+        self._jumped(self._clock.hear("depths", stamp_ns, arrived_ns))
+        if self._depth_ns is not None and stamp_ns <= self._depth_ns:
+            return
+        self._depth_ns = stamp_ns
+        self._depths.append(replace(picture, stamp_ns=stamp_ns))
+        self._see()
+
+    def _see(self) -> None:
+        """See the newest image, and decide, once all that belongs to it is there."""
+        if self._waiting is None:
+            return
+        (picture, arrived_ns), depth = self._waiting, self._depth_beside(self._waiting[0].stamp_ns)
+        if self._sees_depth and depth is None:
+            return
+        self._waiting = None
         try:
-            rgb = self._rectify(picture.decode())
+            sight = self._rectify(picture.decode())
+            if depth is not None:
+                camera, depth_m = self._policy.spec.robot.camera, self._rectify.depth(depth.decode())
+                seen = {RGB: sight, DEPTH: depth_bytes(in_range(depth_m, camera), camera)}
+                sight = side_by_side(seen, self._policy.spec.inputs.images)
         except ValueError as error:
             self.end(Ending.BROKEN_IMAGES, f"the robot sends {error}")
             return
-        self._picture_ns = stamp_ns
-        self.frame_age_s = self._clock.age_s(stamp_ns, arrived_ns)
+        self._picture_ns = picture.stamp_ns
+        self.frame_age_s = self._clock.age_s(picture.stamp_ns, arrived_ns)
+        self.seen, self.seen_arrived_ns = self.seen + 1, arrived_ns
         if self._pose is None:
             return
-        self._policy.see([self._memory], rgb[None], [stamp_ns])
+        self._policy.see([self._memory], sight[None], [picture.stamp_ns])
         self._decide()
+
+    def _depth_beside(self, stamp_ns: int) -> Picture | None:
+        """The depths that were measured when an image was taken; None while they are not there."""
+        nearest = min(self._depths, key=lambda depth: abs(depth.stamp_ns - stamp_ns), default=None)
+        if nearest is None or abs(nearest.stamp_ns - stamp_ns) > TOGETHER_S * 1e9:
+            return None
+        return nearest
 
     def command(self, now_ns: int) -> Command:
         """What the robot shall do now: the latest decision within its limits, or standing still."""
@@ -207,6 +278,8 @@ class Pilot:
 
     def _missing(self, now_ns: int) -> str:
         """What is not there, or too old; empty if all is."""
+        if self._sees_depth and self._depth_ns is None:
+            return "no depths"
         if self._pose is None or self._picture_ns is None:
             absent = [name for name, there in (("images", self._picture_ns), ("odometry", self._pose)) if there is None]
             return f"no {' and no '.join(absent)}"
@@ -214,6 +287,8 @@ class Pilot:
             "images": self._clock.age_s(self._picture_ns, now_ns),
             "odometry": self._clock.age_s(self._pose.stamp_ns, now_ns),
         }
+        if self._depth_ns is not None and self._sees_depth:
+            ages["depths"] = self._clock.age_s(self._depth_ns, now_ns)
         worst = max(ages, key=lambda name: ages[name])
         if ages[worst] <= STALE_S:
             return ""

@@ -18,7 +18,7 @@ from readygo.apps.drive.ros_codec import (
     STAMPED_TWIST_TYPE,
     TWIST_TYPE,
 )
-from readygo.apps.robot_logs.pixels import bgr_of
+from readygo.apps.robot_logs.pixels import millimetres, pixels_of
 from readygo.apps.robot_logs.reader import INFO_TYPE, JPEG_QUALITY, ODOMETRY_TYPE, LogCamera
 from readygo.common.images.encoded import decode_pixels
 
@@ -46,7 +46,9 @@ class PlainCodec:
 def _fields(type_name: str, value: Any) -> dict[str, Any]:
     if type_name == IMAGE_TYPE:
         height, width = value.shape[:2]
-        return {"encoding": "bgr8", "height_px": height, "width_px": width, "data": value.tobytes()}
+        encoding = "bgr8" if value.ndim == 3 else "16UC1"
+        stored = value if value.ndim == 3 else millimetres(value).astype("<u2")
+        return {"encoding": encoding, "height_px": height, "width_px": width, "data": stored.tobytes()}
     if type_name == COMPRESSED_TYPE:
         data = cv2.imencode(".jpg", value, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1].tobytes()
         return {"encoding": "jpeg", "height_px": value.shape[0], "width_px": value.shape[1], "data": data}
@@ -85,12 +87,12 @@ def _value(type_name: str, fields: Mapping[str, Any]) -> Value:
     return Odometry(stamp_ns=int(fields.get("stamp_ns", 0)), **{name: float(fields[name]) for name in names})
 
 
-def _pixels(fields: Mapping[str, Any]) -> npt.NDArray[np.uint8]:
+def _pixels(fields: Mapping[str, Any]) -> npt.NDArray[Any]:
     encoding, data = str(fields["encoding"]), fields["data"]
     height, width = int(fields["height_px"]), int(fields["width_px"])
     if encoding not in _ENCODED:
         row_bytes = len(data) // max(height, 1)
-        return bgr_of(
+        return pixels_of(
             np.frombuffer(data, np.uint8), encoding=encoding, height_px=height, width_px=width, row_bytes=row_bytes
         )
     pixels = decode_pixels(data, cv2.IMREAD_COLOR)

@@ -30,17 +30,21 @@ def rehearsed(
         manners: How late and how unreliably its images come.
         rng: Of that.
     """
-    on_their_way: list[tuple[int, int, Picture]] = []
+    on_their_way: list[tuple[int, int, Picture, Picture | None]] = []
     now_ns, newest_ns, step = _BEGIN_NS, 0, 0
     while simulation.outcome is None:
         pilot.hear(odometry_of(simulation, now_ns), now_ns)
         if manners.sends(step, rng):
-            picture = Picture(stamp_ns=now_ns, decode=partial(_bgr, look(simulation)))
+            rgb, depth_m = look(simulation)
+            picture = Picture(stamp_ns=now_ns, decode=partial(_bgr, rgb))
+            depth = None if depth_m is None else Picture(stamp_ns=now_ns, decode=partial(_same, depth_m))
             newest_ns = max(now_ns + round(manners.late_s(rng) * 1e9), newest_ns)
-            heapq.heappush(on_their_way, (newest_ns, step, picture))
+            heapq.heappush(on_their_way, (newest_ns, step, picture, depth))
         end_ns = now_ns + STEP_NS
         while on_their_way and on_their_way[0][0] < end_ns:
-            arrived_ns, _, picture = heapq.heappop(on_their_way)
+            arrived_ns, _, picture, depth = heapq.heappop(on_their_way)
+            if depth is not None:
+                pilot.look_at_depth(depth, arrived_ns)
             pilot.look(picture, arrived_ns)
             pilot.command(arrived_ns)
         command = pilot.command(end_ns - 1)
@@ -49,6 +53,10 @@ def rehearsed(
             simulation.advance(command.v_mps, command.w_radps)
         now_ns, step = end_ns, step + 1
     return simulation.outcome
+
+
+def _same(depth_m: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    return depth_m
 
 
 def _bgr(rgb: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:

@@ -22,6 +22,8 @@ from readygo.apps.robot_logs.reader import INFO_TYPE, ODOMETRY_TYPE, LogCamera
 from readygo.common.bus.foreign import ForeignPublisher, ForeignSession
 from readygo.common.errors import BusError
 
+DEPTHS_MAX = 8
+"""Depth images that wait for the pilot at most."""
 ODOMETRY_MAX = 256
 """Odometry messages that wait for the pilot at most."""
 DEADMAN_S = 0.3
@@ -44,6 +46,7 @@ class Topics:
     camera_info: str = ""
     goal: str = ""
     outcome: str = ""
+    depth: str = ""
 
     def heard(self) -> list[tuple[str, tuple[str, ...]]]:
         """Topics that are heard, each with the types that it may have."""
@@ -53,6 +56,7 @@ class Topics:
             (self.camera_info, (INFO_TYPE,)),
             (self.goal, (GOAL_TYPE,)),
             (self.outcome, (OUTCOME_TYPE,)),
+            (self.depth, (IMAGE_TYPE,)),
         ]
         return [(topic, types) for topic, types in wanted if topic]
 
@@ -72,6 +76,7 @@ class Robot:
         self._session, self._wire, self._topics, self._dry = session, wire, topics, dry
         self._changed = threading.Condition()
         self._picture: tuple[Picture, int] | None = None
+        self._depths: deque[tuple[Picture, int]] = deque(maxlen=DEPTHS_MAX)
         self._odometry: deque[tuple[Odometry, int]] = deque(maxlen=ODOMETRY_MAX)
         self.camera: LogCamera | None = None
         """The newest CameraInfo."""
@@ -97,16 +102,23 @@ class Robot:
         return f"Nobody listens to {self._topics.command}{self._listeners()}."
 
     def next_picture(self, until_s: float) -> tuple[Picture, int] | None:
-        """The newest image that was not taken yet, and when it came [ns]; waits for one until a time.
+        """The newest image that was not taken yet, and when it came [ns]; waits for it, or for depths, until a time.
 
         Args:
             until_s: By `time.monotonic`.
         """
         with self._changed:
-            while self._picture is None and (left_s := until_s - time.monotonic()) > 0:
+            while self._picture is None and not self._depths and (left_s := until_s - time.monotonic()) > 0:
                 self._changed.wait(left_s)
             picture, self._picture = self._picture, None
             return picture
+
+    def depths(self) -> list[tuple[Picture, int]]:
+        """Depth images that have come since the last call, and when [ns]."""
+        with self._changed:
+            found = list(self._depths)
+            self._depths.clear()
+            return found
 
     def odometry(self) -> list[tuple[Odometry, int]]:
         """What has come since the last call, and when [ns]."""
@@ -160,14 +172,17 @@ class Robot:
             except ValueError as error:
                 self.broken = f"{topic}: {error}"
                 return
-            self._keep(value, arrived_ns)
+            self._keep(topic, value, arrived_ns)
             self.listen(topic, type_name, value, wall_ns)
 
         self._session.hear(self._wire.heard_key(topic), on_message)
 
-    def _keep(self, value: Any, arrived_ns: int) -> None:
+    def _keep(self, topic: str, value: Any, arrived_ns: int) -> None:
         with self._changed:
-            if isinstance(value, Picture):
+            if isinstance(value, Picture) and topic == self._topics.depth:
+                self._depths.append((value, arrived_ns))
+                self._changed.notify()
+            elif isinstance(value, Picture):
                 self._picture = value, arrived_ns
                 self._changed.notify()
             elif isinstance(value, Odometry):

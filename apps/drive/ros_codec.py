@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.apps.drive.messages import Command, Goal, Odometry, Picture, Value
-from readygo.apps.robot_logs.pixels import bgr_of
+from readygo.apps.robot_logs.pixels import millimetres, pixels_of
 from readygo.apps.robot_logs.reader import IMAGE_TYPES, INFO_TYPE, JPEG_QUALITY, ODOMETRY_TYPE, LogCamera
 from readygo.common.errors import ConfigError
 from readygo.common.extras import install_command
@@ -73,15 +73,18 @@ class RosCodec:
         stamp = self._types["builtin_interfaces/msg/Time"](sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9)
         return self._types["std_msgs/msg/Header"](stamp=stamp, frame_id=frame)
 
-    def _image(self, bgr: npt.NDArray[np.uint8], stamp_ns: int) -> Any:
+    def _image(self, pixels: npt.NDArray[Any], stamp_ns: int) -> Any:
+        encoding = "bgr8" if pixels.ndim == 3 else "16UC1"
+        stored = pixels if pixels.ndim == 3 else millimetres(pixels).astype("<u2")
+        data = np.frombuffer(stored.tobytes(), np.uint8)
         return self._types[IMAGE_TYPE](
             header=self._header(stamp_ns, "camera"),
-            height=bgr.shape[0],
-            width=bgr.shape[1],
-            encoding="bgr8",
+            height=pixels.shape[0],
+            width=pixels.shape[1],
+            encoding=encoding,
             is_bigendian=0,
-            step=3 * bgr.shape[1],
-            data=bgr.reshape(-1),
+            step=len(data) // pixels.shape[0],
+            data=data,
         )
 
     def _compressed(self, bgr: npt.NDArray[np.uint8], stamp_ns: int) -> Any:
@@ -166,14 +169,15 @@ def _odometry_of(message: Any, stamp_ns: int) -> Odometry:
     )
 
 
-def _pixels(type_name: str, message: Any) -> npt.NDArray[np.uint8]:
+def _pixels(type_name: str, message: Any) -> npt.NDArray[Any]:
     if type_name == IMAGE_TYPE:
-        return bgr_of(
+        return pixels_of(
             message.data,
             encoding=message.encoding,
             height_px=message.height,
             width_px=message.width,
             row_bytes=message.step,
+            big_endian=bool(message.is_bigendian),
         )
     pixels = decode_pixels(message.data.tobytes(), cv2.IMREAD_COLOR)
     if pixels is None:

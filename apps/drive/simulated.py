@@ -35,8 +35,9 @@ CONSTANT_EVERY_S = 0.5
 """How often goal and camera are sent [s]."""
 LEFT_S = 1.0
 """Who has sent no command for so long has gone [s]."""
-Look = Callable[[EpisodeSimulation], npt.NDArray[np.uint8]]
-"""What the robot sees now: sRGB, shape (H, W, 3)."""
+Look = Callable[[EpisodeSimulation], tuple[npt.NDArray[np.uint8], npt.NDArray[np.float32] | None]]
+"""What the robot sees now: sRGB, shape (H, W, 3), and depths [m], inf where nothing is measured, shape (H, W); None for
+a robot without a depth camera."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,6 +107,10 @@ class SimulatedRobot:
             (topics.goal, GOAL_TYPE),
             (topics.outcome, OUTCOME_TYPE),
         ]
+        self._depth_publisher: TopicPublisher | None = None
+        if topics.depth:
+            number = len(kinds) + 2
+            self._depth_publisher = TopicPublisher(session, wire, topics.depth, (IMAGE_TYPE,), number, block=True)
         self._publishers = {
             kind: TopicPublisher(session, wire, topic, (kind,), number, block=True)
             for number, (topic, kind) in enumerate(kinds, start=1)
@@ -113,7 +118,7 @@ class SimulatedRobot:
         self._image_type = image_type
         self._lock = threading.Lock()
         self._command, self._heard_s = Command(), 0.0
-        self._due: list[tuple[float, int, bytes]] = []
+        self._due: list[tuple[float, int, bytes, bytes]] = []
         self._taken, self._last_due_s, self._constant_s = 0, 0.0, 0.0
         self.behind = 0
         """How often the steps were so late that they were counted anew."""
@@ -154,13 +159,17 @@ class SimulatedRobot:
             self._put(INFO_TYPE, self._camera, stamp_ns)
         if not self._manners.sends(step, self._rng):
             return
-        bgr = np.ascontiguousarray(self._look(simulation)[..., ::-1])
+        rgb, depth_m = self._look(simulation)
+        bgr = np.ascontiguousarray(rgb[..., ::-1])
+        depths = b""
+        if self._depth_publisher is not None and depth_m is not None:
+            depths = self._depth_publisher.write(depth_m, stamp_ns)
         payload = self._publishers[self._image_type].write(bgr, stamp_ns)
         late_s = self._manners.late_s(self._rng)
         # Nothing overtakes on its way.
         self._last_due_s = max(now_s + late_s, self._last_due_s)
         self._taken += 1
-        heapq.heappush(self._due, (self._last_due_s, self._taken, payload))
+        heapq.heappush(self._due, (self._last_due_s, self._taken, payload, depths))
 
     def _send_until(self, until_s: float) -> None:
         """Send images as they become due, until a time."""
@@ -169,7 +178,10 @@ class SimulatedRobot:
             time.sleep(max(min(due_s, until_s) - time.monotonic(), 0.0))
             if not self._due or due_s > until_s:
                 return
-            self._publishers[self._image_type].put(heapq.heappop(self._due)[2])
+            _, _, payload, depths = heapq.heappop(self._due)
+            if self._depth_publisher is not None and depths:
+                self._depth_publisher.put(depths)
+            self._publishers[self._image_type].put(payload)
 
     def _put(self, kind: str, value: object, stamp_ns: int) -> None:
         publisher = self._publishers[kind]

@@ -101,8 +101,13 @@ def _step(robot: Robot, pilot: Pilot, measures: Measures, until_s: float) -> Non
     begin_ns = time.monotonic_ns()
     for odometry, arrived_ns in robot.odometry():
         pilot.hear(odometry, arrived_ns)
+    seen = pilot.seen
+    for depth in robot.depths():
+        pilot.look_at_depth(*depth)
     if newest is not None:
         pilot.look(*newest)
+    saw = pilot.seen > seen
+    if saw:
         measures.thinking_ms.append((time.monotonic_ns() - begin_ns) / 1e6)
         measures.frame_ages_s.append(pilot.frame_age_s)
     if robot.broken:
@@ -113,8 +118,8 @@ def _step(robot: Robot, pilot: Pilot, measures: Measures, until_s: float) -> Non
     if pilot.started_ns is None:
         return
     measures.sent += 1
-    if newest is not None:
-        measures.latencies_ms.append((time.monotonic_ns() - newest[1]) / 1e6)
+    if saw:
+        measures.latencies_ms.append((time.monotonic_ns() - pilot.seen_arrived_ns) / 1e6)
 
 
 def _not_there(robot: Robot, pilot: Pilot) -> str:

@@ -79,7 +79,7 @@ class TrialLog:
         stamp_ns = getattr(value, "stamp_ns", 0) or time_ns
         if isinstance(value, Picture):
             value = value.decode()
-        if type_name == IMAGE_TYPE:
+        if type_name == IMAGE_TYPE and value.ndim == 3:
             topic, type_name = topic.removesuffix(COMPRESSED_SUFFIX) + COMPRESSED_SUFFIX, COMPRESSED_TYPE
         payload = self._codec.write(type_name, value, stamp_ns)
         self._writer.add_topic(topic, type_name, self._codec.definition(type_name))

@@ -28,6 +28,58 @@ ENCODINGS = tuple(_BGR)
 """Encodings of raw images that can be read."""
 
 
+DEPTHS: dict[str, tuple[type[np.generic], float]] = {"16UC1": (np.uint16, 1000.0), "32FC1": (np.float32, 1.0)}
+"""Encodings of depth images: type of a pixel, and units in a metre (REP 118)."""
+
+
+def depth_of(
+    data: npt.ArrayLike, *, encoding: str, height_px: int, width_px: int, row_bytes: int, big_endian: bool = False
+) -> npt.NDArray[np.float32]:
+    """Depths of a raw image.
+
+    Args:
+        data: Its bytes, row by row.
+        encoding: One of `DEPTHS`.
+        height_px: Rows.
+        width_px: Pixels of a row.
+        row_bytes: Bytes of a row.
+        big_endian: Whether the first byte of a number is its largest.
+
+    Returns:
+        Depths [m], inf where nothing was measured, shape (H, W).
+
+    Raises:
+        ValueError: If it is no depth image, or the sizes do not fit the data.
+    """
+    if encoding not in DEPTHS:
+        raise ValueError(f"depths of encoding {encoding!r}; known: {', '.join(DEPTHS)}")
+    kind, per_metre = DEPTHS[encoding]
+    dtype = np.dtype(kind).newbyteorder(">" if big_endian else "<")
+    flat = np.asarray(data, dtype=np.uint8).reshape(-1)
+    if row_bytes < width_px * dtype.itemsize or len(flat) != height_px * row_bytes or flat.size == 0:
+        raise ValueError(f"depths of {height_px}x{width_px} px {encoding} in {len(flat)} bytes of {row_bytes} a row")
+    rows = np.ascontiguousarray(flat.reshape(height_px, row_bytes)[:, : width_px * dtype.itemsize])
+    depth_m = rows.view(dtype).astype(np.float32) / np.float32(per_metre)
+    return np.where(depth_m > 0, depth_m, np.float32(np.inf))
+
+
+def pixels_of(
+    data: npt.ArrayLike, *, encoding: str, height_px: int, width_px: int, row_bytes: int, big_endian: bool = False
+) -> npt.NDArray[Any]:
+    """`depth_of` or `bgr_of`, by the encoding."""
+    size = {"height_px": height_px, "width_px": width_px, "row_bytes": row_bytes}
+    if encoding in DEPTHS:
+        return depth_of(data, encoding=encoding, big_endian=big_endian, **size)
+    return bgr_of(data, encoding=encoding, **size)
+
+
+def millimetres(depth_m: npt.NDArray[np.float32]) -> npt.NDArray[np.uint16]:
+    """Depths [m] as 16UC1 has them: 0 where nothing was measured."""
+    with np.errstate(invalid="ignore"):
+        rounded = np.rint(depth_m * np.float32(1000.0))
+    return np.where((rounded > 0) & (rounded < 2**16), rounded, 0).astype(np.uint16)
+
+
 def bgr_of(data: npt.ArrayLike, *, encoding: str, height_px: int, width_px: int, row_bytes: int) -> npt.NDArray[Any]:
     """Pixels of a raw image.
 

@@ -88,7 +88,7 @@ def _mesh_policy(evaluator: Evaluator, folder: Path) -> Driver[Any]:
         )
     policy = load_policy(folder)
     check_policy_limits(policy.spec, evaluator.robot)
-    return PolicyDriver(policy, evaluator.eyes())
+    return PolicyDriver(policy, evaluator.eyes(policy.spec.inputs.images))
 
 
 def _network(name: str, path: Path) -> MakeDriver:

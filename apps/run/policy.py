@@ -14,11 +14,11 @@ from readygo.common.dataset.provenance import PolicyOrigin
 from readygo.common.errors import PolicyError
 from readygo.common.messages import FileRef, PolicyFile, PolicyRef, RunSpec
 from readygo.common.messages.stages import DRIVE_LINE
-from readygo.common.policy import check_policy_camera, load_policy
+from readygo.common.policy import check_policy_camera, load_policy, load_spec
 from readygo.common.policy.artifact import ENCODER_FILE, HEAD_FILE, SPEC_FILE
 
 POLICY_FILES = (ENCODER_FILE, HEAD_FILE, SPEC_FILE)
-"""All that a policy is loaded from."""
+"""All that a policy is loaded from that was trained here."""
 
 
 def with_policy(spec: RunSpec, config: RunConfig, folder: Path, mix: float) -> RunSpec:
@@ -35,7 +35,7 @@ def with_policy(spec: RunSpec, config: RunConfig, folder: Path, mix: float) -> R
     """
     check_policy(folder, config)
     try:
-        files = tuple(file_ref(folder, name) for name in POLICY_FILES)
+        files = policy_refs(folder)
         policy = PolicyRef(path=str(folder.resolve()), files=files, mix=mix)
     except ValueError as error:
         raise PolicyError(f"--{error}") from error
@@ -91,6 +91,8 @@ def check_policy(folder: Path, config: RunConfig) -> None:
         PolicyError: If it cannot be used, or was trained with another camera, sensor or robot.
     """
     trained = load_policy(folder).spec
+    if trained.wants_goal_image:
+        raise PolicyError("The policy wants images of its goals: it can be evaluated and driven, not recorded with.")
     check_policy_camera(trained, config.robot, config.renderer.sensor)
     for name, ours, theirs in section_differences(trained.robot, config.robot):
         raise PolicyError(f"The policy was trained for another robot: {name} {ours} (the run's: {theirs}).")
@@ -98,7 +100,12 @@ def check_policy(folder: Path, config: RunConfig) -> None:
 
 def policy_sha256(folder: Path) -> str:
     """What runs call the policy in a folder."""
-    return PolicyRef(path="", files=tuple(file_ref(folder, name) for name in POLICY_FILES), mix=0.0).sha256
+    return PolicyRef(path="", files=policy_refs(folder), mix=0.0).sha256
+
+
+def policy_refs(folder: Path) -> tuple[FileRef, ...]:
+    """All that the policy in a folder is loaded from, as workers fetch it."""
+    return tuple(file_ref(folder, name) for name in load_spec(folder).files)
 
 
 def file_ref(folder: Path, name: str) -> FileRef:

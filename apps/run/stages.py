@@ -27,6 +27,7 @@ from readygo.common.messages import (
     encode,
 )
 from readygo.common.messages.stages import ANIMATE, DRIVE, EVALUATE, HUMAN_PLAN, RENDER, ROBOT_PLAN
+from readygo.common.policy.sight import RGB
 from readygo.common.rasterizer.warm import warm as warm_rasterizer
 from readygo.services.animator import handle_animate
 from readygo.services.driver import Disturbance, PolicyDriver, RiskMap, disturbs, drive, driver_of
@@ -139,12 +140,14 @@ def _drive(world: World, bus: Bus) -> Work:
         episode, ref = scenario.episode, claim.policy or own
         driver = driver_of(episode, ref.mix if ref else 0.0)
         simulation = planner.simulation(scenario, motions)
-        camera = LiveCamera(renderer, simulation)
         policy = disturbance = None
+        sees: tuple[str, ...] = (RGB,)
         if ref and driver is Driver.POLICY:
-            policy = PolicyDriver(world.policy(ref), config.robot.camera.latency_s)
+            loaded = world.policy(ref)
+            policy, sees = PolicyDriver(loaded, config.robot.camera.latency_s), loaded.spec.inputs.images
         elif disturbs(episode, config.driver.disturbed):
             disturbance = Disturbance(episode, config.driver, config.robot)
+        camera = LiveCamera(renderer, simulation, sees)
         expert, every = planner.expert(scenario, motions), config.driver.image_every
         driven = drive(simulation, expert, camera, weigher, policy, disturbance, image_every=every)
         if reason := unclear(renderer, driven.trajectory.xyyaw, config.episode):

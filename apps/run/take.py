@@ -105,7 +105,7 @@ def policy_steer(policy: Policy, renderer: Renderer) -> Steer:
 
     def steer(simulation: EpisodeSimulation) -> tuple[float, float]:
         if not cameras:
-            cameras.append(LiveCamera(renderer, simulation))
+            cameras.append(LiveCamera(renderer, simulation, policy.spec.inputs.images))
         return driver.command(simulation, cameras[0].take())
 
     return steer

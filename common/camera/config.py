@@ -40,6 +40,10 @@ _LIMITS: Mapping[str, tuple[float, float]] = {
     "mount_height_m": (0.0, 10.0),
     "mount_pitch_deg": (-89.0, 89.0),
     "latency_s": (0.0, 1.0),
+    "depth_min_m": (0.0, 10.0),
+    "depth_max_m": (0.1, 65.0),
+    "depth_noise": (0.0, 0.1),
+    "depth_lost": (0.0, 0.9),
 }
 _FOCAL_NAMES = ("fx_px", "fy_px", "cx_px", "cy_px")
 COEFFICIENT_NAMES = ("k1", "k2", "k3", "k4", "p1", "p2")
@@ -121,10 +125,23 @@ class CameraConfig:
     the image of so long before, and in closed loop a policy sees that one. Recorded images stay those of their own
     time, and the expert, which sees no images, has no latency."""
 
+    depth_min_m: float = 0.0
+    """Nearest depth that is measured, for policies that see depths [m]. What the next three say holds for them alone:
+    recorded depths are the true ones."""
+    depth_max_m: float = 10.0
+    """Farthest depth that is measured [m]."""
+    depth_noise: float = 0.0
+    """Standard deviation of a depth of 1 m [m]; it grows with the square of the distance. Stereo and structured light
+    have 0.001 to 0.005."""
+    depth_lost: float = 0.0
+    """Share of the pixels at which nothing is measured, besides those out of range."""
+
     def __post_init__(self) -> None:
         if not (8 <= self.height_px <= 4095 and 8 <= self.width_px <= 4095):
             raise ValueError(f"image size must be 8..4095 px, got {self.height_px}x{self.width_px}.")
         self._settle_intrinsics()
+        if not self.depth_min_m < self.depth_max_m:
+            raise ValueError(f"depth_min_m {self.depth_min_m:g} must be below depth_max_m {self.depth_max_m:g}.")
         for name in (*_LIMITS, *COEFFICIENT_NAMES):
             check_camera_value(name, getattr(self, name))
         if self.distortion not in LENS_COEFFICIENTS:

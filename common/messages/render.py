@@ -1,6 +1,7 @@
 """Render requests: images of a scene with humans in it."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -48,6 +49,8 @@ class RenderRequest:
     views: tuple[RenderView, ...]
     people: tuple[Humans, ...] = ()
     """Humans that the renderer has not seen yet; it keeps the latest few hundred keys."""
+    outputs: tuple[str, ...] = field(default=(), metadata=OMITTED_WHEN_DEFAULT)
+    """Images besides rgb, of `readygo.common.images.images.OUTPUTS`."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -58,6 +61,9 @@ class RenderReply:
     """sRGB images, shape (B, H, W, 3)."""
     unknown_people: tuple[str, ...] = ()
     """Keys that the renderer does not hold (any more): send them along and ask again; `rgb` is then empty."""
+    outputs: dict[str, npt.NDArray[Any]] = field(default_factory=dict, metadata=OMITTED_WHEN_DEFAULT)
+    """The images besides rgb that were asked for, as in `readygo.common.images.images.Images`, shapes (B, H, W, ...)
+    each."""
 
     def __post_init__(self) -> None:
         check_array("rgb", self.rgb, np.uint8, (None, None, None, 3))

@@ -1,7 +1,10 @@
 """The policy artifact: a folder with `policy.toml`, `encoder.onnx`, `head.onnx` and `metrics.json`.
 
+Policies of any other shape are one graph with inputs of their own, see `readygo.common.policy.graph`.
+
 encoder.onnx: `image` uint8 (B, H, W, C) RGB -> `latent` float32 (B, L). With late fusion it sees one frame, C = 3; with
-early fusion all of them stacked along the channels, oldest first, C = 3 `frame_count`.
+early fusion all of them stacked along the channels, oldest first, C = 3 `frame_count`. Beside it, where the policy
+takes it, `depth` uint8 (B, H, W, C / 3), see `readygo.common.policy.sight`.
 head.onnx: `features` float32 (B, F) -> `action` float32 (B, 2), v [m/s] and w [rad/s] within the robot's limits.
 The features are the latents (late fusion: of ..., t - 2 spacings, t - 1 spacing and t), then what the policy knows of
 its own motion (`MotionInput`), then the goal in the robot's frame (dx, dy) [m]. Every normalisation lies inside of the
@@ -20,10 +23,14 @@ from readygo.common.camera import SensorConfig
 from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.errors import ConfigError, PolicyError
 from readygo.common.files import write_whole
+from readygo.common.policy.graph import GRAPH_FILE, Given, GraphSpec
+from readygo.common.policy.sight import RGB, channels_of, check_images
 from readygo.common.policy.windows import FRAME_COUNT, spacing_steps_of
 from readygo.common.robot import RobotConfig
 
 POLICY_FORMAT = "readygo-policy/2"
+GRAPH_FORMAT = "readygo-policy/3"
+"""Of policies of one graph, see `readygo.common.policy.graph`."""
 FIRST_FORMAT = "readygo-policy/1"
 """Of policies that name no inputs: theirs are `FIRST_INPUTS`."""
 GOAL_SCALE_M = 10.0
@@ -70,16 +77,24 @@ class PolicyInputs:
     motion: MotionInput = MotionInput.POSES
     frame_count: int = FRAME_COUNT
     """Frames that it sees together, one frame spacing apart."""
+    images: tuple[str, ...] = (RGB,)
+    """What each frame is of, in this order: see `readygo.common.policy.sight`."""
 
     def __post_init__(self) -> None:
+        check_images(self.images)
         for name in ("latent_count", "frame_count"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}.")
 
     @property
+    def frames_together(self) -> int:
+        """Frames that the encoder sees at once."""
+        return self.frame_count if self.fusion is Fusion.EARLY else 1
+
+    @property
     def image_channels(self) -> int:
-        """Channels of the encoder's image."""
-        return 3 * self.frame_count if self.fusion is Fusion.EARLY else 3
+        """Channels of all images that the encoder sees at once."""
+        return channels_of(self.images) * self.frames_together
 
     @property
     def latents_width(self) -> int:
@@ -107,11 +122,23 @@ class PolicySpec:
     """Time between the frames [s]; a multiple of the step of 0.05 s."""
     inputs: PolicyInputs = field(default_factory=PolicyInputs)
     """What its graphs take."""
+    graph: GraphSpec | None = None
+    """Its graph, where it has one in place of encoder and head; `inputs` then says its frames and images alone."""
     training: Mapping[str, Any] = field(default_factory=dict)
     """Where it comes from: data hashes, seed, versions."""
 
     def __post_init__(self) -> None:
         spacing_steps_of(self.frame_spacing_s)
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """Names of all that the policy is loaded from."""
+        return (GRAPH_FILE, SPEC_FILE) if self.graph else (ENCODER_FILE, HEAD_FILE, SPEC_FILE)
+
+    @property
+    def wants_goal_image(self) -> bool:
+        """True if it is given an image of the goal."""
+        return self.graph is not None and Given.GOAL_IMAGE in self.graph.inputs.values()
 
     @property
     def frame_spacing_steps(self) -> int:
@@ -122,14 +149,16 @@ class PolicySpec:
 def save_spec(spec: PolicySpec, folder: Path) -> None:
     """Write `policy.toml` in one piece."""
     mapping = {
-        "format": POLICY_FORMAT,
+        "format": GRAPH_FORMAT if spec.graph else POLICY_FORMAT,
         "frame_spacing_s": spec.frame_spacing_s,
         "inputs": {
             "fusion": spec.inputs.fusion.value,
             "latent_count": spec.inputs.latent_count,
             "motion": spec.inputs.motion.value,
             "frame_count": spec.inputs.frame_count,
+            **({"images": spec.inputs.images} if spec.inputs.images != (RGB,) else {}),
         },
+        **({"graph": spec.graph.to_mapping()} if spec.graph else {}),
         "robot": section_to_mapping(spec.robot),
         "sensor": section_to_mapping(spec.sensor),
         "training": dict(spec.training),
@@ -152,7 +181,7 @@ def load_spec(folder: Path) -> PolicySpec:
         ) from error
     except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise PolicyError(f"{path} is no TOML file: {error}; export the policy again.") from error
-    if mapping.get("format") not in (FIRST_FORMAT, POLICY_FORMAT):
+    if mapping.get("format") not in (FIRST_FORMAT, POLICY_FORMAT, GRAPH_FORMAT):
         raise PolicyError(f"{path} has format {mapping.get('format')!r}, this version reads {POLICY_FORMAT!r}.")
     try:
         robot = section_from_mapping(RobotConfig, mapping["robot"], where="robot.")
@@ -162,11 +191,22 @@ def load_spec(folder: Path) -> PolicySpec:
             robot=robot,
             sensor=sensor,
             frame_spacing_s=float(mapping["frame_spacing_s"]),
-            inputs=FIRST_INPUTS if mapping["format"] == FIRST_FORMAT else _inputs(mapping["inputs"]),
+            **_graphs(mapping),
             training=mapping.get("training", {}),
         )
     except (ConfigError, KeyError, TypeError, ValueError) as error:
         raise PolicyError(f"{path} cannot be used: {error}; export the policy again.") from error
+
+
+def _graphs(mapping: Mapping[str, Any]) -> dict[str, Any]:
+    """What the graphs of a policy are given."""
+    if mapping["format"] == FIRST_FORMAT:
+        return {"inputs": FIRST_INPUTS}
+    if mapping["format"] == POLICY_FORMAT:
+        return {"inputs": _inputs(mapping["inputs"])}
+    graph = GraphSpec.from_mapping(mapping["graph"])
+    frame_count = int(mapping.get("inputs", {}).get("frame_count", 1))
+    return {"graph": graph, "inputs": PolicyInputs(frame_count=frame_count, images=graph.images)}
 
 
 def _inputs(mapping: Mapping[str, Any]) -> PolicyInputs:
@@ -176,6 +216,7 @@ def _inputs(mapping: Mapping[str, Any]) -> PolicyInputs:
         motion=MotionInput(mapping["motion"]),
         # Policies of before it was theirs to say see three.
         frame_count=int(mapping.get("frame_count", FRAME_COUNT)),
+        images=tuple(mapping.get("images", (RGB,))),
     )
 
 

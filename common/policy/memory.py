@@ -1,6 +1,7 @@
 """What a policy remembers of an episode: one definition for simulated robots, which step, and for real ones."""
 
 from bisect import bisect_right
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,20 @@ from readygo.common.robot import step_unicycle
 from readygo.common.robot.kinematics import STEP_NS
 
 Pose = tuple[float, float, float]
+
+
+@dataclass
+class Kept:
+    """What a policy of one graph keeps between its decisions."""
+
+    state: dict[str, npt.NDArray[Any]] = field(default_factory=dict)
+    """Its state, by the names of its graph's inputs; empty at the start."""
+    decision: npt.NDArray[np.float32] | None = None
+    """The latest command: v [m/s], w [rad/s], shape (2,)."""
+    due_ns: int = 0
+    """When it decides anew [ns]."""
+    goal_image: npt.NDArray[np.uint8] | None = None
+    """What the robot would see at the goal, sRGB, shape (H, W, 3), where somebody has told."""
 
 
 class PolicyMemory:
@@ -32,6 +47,7 @@ class PolicyMemory:
         self._seen: list[npt.NDArray[Any]] = []
         self._poses_ns: list[int] = []
         self._poses: list[Pose] = []
+        self.kept = Kept()
 
     def see(self, seen: npt.NDArray[Any], time_ns: int | None = None) -> None:
         """Remember what came of a frame.
@@ -45,6 +61,11 @@ class PolicyMemory:
         # One that is older than all that can be asked for stays: it is the nearest one after a pause.
         stale = max(bisect_right(self._seen_ns, self._seen_ns[-1] - self._span_ns) - 1, 0)
         del self._seen_ns[:stale], self._seen[:stale]
+
+    @property
+    def seen_ns(self) -> int:
+        """When the newest frame was taken [ns]."""
+        return self._seen_ns[-1]
 
     def window(self) -> list[npt.NDArray[Any]]:
         """What the policy sees together, oldest first: the newest, and what is nearest to each spacing before it.

@@ -20,8 +20,10 @@ from readygo.common.policy.artifact import (
     PolicySpec,
     load_spec,
 )
+from readygo.common.policy.graph import GRAPH_FILE
 from readygo.common.policy.memory import PolicyMemory
 from readygo.common.policy.motion import motion_features
+from readygo.common.policy.sight import DEPTH, GRAPH_INPUTS, channels_by_image, channels_of
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import STEP_NS, whole_steps
 
@@ -42,6 +44,7 @@ class Policy:
         self.spec = spec
         """What it was trained for."""
         self._encoder = encoder
+        self._channels = channels_by_image(spec.inputs.images, spec.inputs.frames_together)
         self._head = head
 
     def start(self) -> PolicyMemory:
@@ -56,23 +59,37 @@ class Policy:
         depend on which other episodes run beside it.
 
         Args:
-            images: What the encoder takes, sRGB, shape (B, H, W, 3); all frames stacked with early fusion,
-                shape (B, H, W, 9).
+            images: What the encoder takes, `PolicyInputs.images` side by side, shape (B, H, W, C); all frames stacked
+                with early fusion.
 
         Raises:
             PolicyError: If the images do not have the size that the policy was trained for.
         """
-        inputs, camera = self.spec.inputs, self.spec.robot.camera
-        check_array("images", images, np.uint8, (None, None, None, inputs.image_channels))
+        inputs = self.spec.inputs
+        if images.ndim == 4 and images.shape[3] != inputs.image_channels:
+            raise PolicyError(
+                f"The policy sees {', '.join(inputs.images)}: {inputs.image_channels} channels, got {images.shape[3]}."
+            )
+        check_array("images", images, np.uint8, (None, None, None, None))
+        self._check_size(images)
+        latents = np.empty((len(images), inputs.latent_count), np.float32)
+        for row in range(len(images)):
+            latents[row] = self._encoder.run(None, self._fed(images[row : row + 1]))[0][0]
+        return latents
+
+    def _check_size(self, images: npt.NDArray[np.uint8]) -> None:
+        camera = self.spec.robot.camera
         if images.shape[1:3] != (camera.height_px, camera.width_px):
             raise PolicyError(
                 f"The policy sees images of {camera.height_px}x{camera.width_px} px, got "
                 f"{images.shape[1]}x{images.shape[2]}; use the robot.toml that it was trained with."
             )
-        latents = np.empty((len(images), inputs.latent_count), np.float32)
-        for row, image in enumerate(images):
-            latents[row] = self._encoder.run(None, {"image": image[None]})[0][0]
-        return latents
+
+    def _fed(self, images: npt.NDArray[np.uint8]) -> dict[str, npt.NDArray[np.uint8]]:
+        """Images by the names of the encoder's inputs."""
+        if len(self._channels) == 1:
+            return {"image": images}
+        return {GRAPH_INPUTS[name]: images[..., where] for name, where in self._channels.items()}
 
     def act(
         self,
@@ -90,7 +107,9 @@ class Policy:
         Returns:
             Commands v [m/s], w [rad/s] within the robot's limits, shape (B, 2).
         """
-        features = np.concatenate([latents, motion, goals_xy_m], axis=1).astype(np.float32)
+        return self._answer(np.concatenate([latents, motion, goals_xy_m], axis=1).astype(np.float32))
+
+    def _answer(self, features: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
         check_array("features", features, np.float32, (None, self.spec.inputs.feature_count))
         rows = [self._head.run(None, {"features": row[None]})[0] for row in features]
         return np.concatenate(rows) if rows else np.empty((0, 2), np.float32)
@@ -106,7 +125,7 @@ class Policy:
 
         Args:
             memories: What `start` returned, one per episode.
-            images: What the robots see, sRGB, shape (B, H, W, 3).
+            images: What the robots see, as `PolicyInputs.images` names it, shape (B, H, W, C).
             previous_actions: Commands executed over the last step: v [m/s], w [rad/s], shape (B, 2).
             goals_xy_m: Goals in the robots' frames (x forward, y left) [m], shape (B, 2).
 
@@ -128,7 +147,7 @@ class Policy:
 
         Args:
             memories: What `start` returned, B of them.
-            images: What the robots see, sRGB, shape (B, H, W, 3).
+            images: What the robots see, as `PolicyInputs.images` names it, shape (B, H, W, C).
             times_ns: When the images were taken [ns]; see `PolicyMemory.see`.
 
         Raises:
@@ -151,13 +170,26 @@ class Policy:
             commands: Executed last: v [m/s], w [rad/s], shape (B, 2).
             goals_xy_m: Goals in the robots' frames (x forward, y left) [m], shape (B, 2).
         """
+        return self._answer(self.features(memories, commands, goals_xy_m))
+
+    def features(
+        self,
+        memories: Sequence[PolicyMemory],
+        commands: npt.NDArray[np.float32],
+        goals_xy_m: npt.NDArray[np.float32],
+    ) -> npt.NDArray[np.float32]:
+        """What the head is given to `decide`: latents, own motion and goal in SI units, shape (B, `feature_count`).
+
+        Arguments as for `decide`.
+        """
         own = [memory.own_motion(command) for memory, command in zip(memories, commands, strict=True)]
         motion = motion_features(self.spec.inputs.motion, np.stack(own))
         if self.spec.inputs.fusion is Fusion.EARLY:
             latents = self.encode(np.stack([np.concatenate(memory.window(), axis=2) for memory in memories]))
         else:
             latents = np.stack([np.concatenate(memory.window()) for memory in memories])
-        return self.act(latents, motion, goals_xy_m)
+        features: npt.NDArray[np.float32] = np.concatenate([latents, motion, goals_xy_m], axis=1).astype(np.float32)
+        return features
 
 
 def load_policy(folder: str | Path, *, robot: RobotConfig | None = None) -> Policy:
@@ -175,9 +207,17 @@ def load_policy(folder: str | Path, *, robot: RobotConfig | None = None) -> Poli
     spec = load_spec(folder)
     if robot is not None:
         check_policy_camera(spec, robot)
-    policy = Policy(spec, _open_session(folder / ENCODER_FILE), _open_session(folder / HEAD_FILE))
+    policy = _made(spec, folder)
     _check_graphs(policy, folder)
     return policy
+
+
+def _made(spec: PolicySpec, folder: Path) -> Policy:
+    if spec.graph is None:
+        return Policy(spec, _open_session(folder / ENCODER_FILE), _open_session(folder / HEAD_FILE))
+    from readygo.common.policy.graph_policy import GraphPolicy
+
+    return GraphPolicy(spec, _open_session(folder / GRAPH_FILE))
 
 
 def check_policy_camera(spec: PolicySpec, robot: RobotConfig, sensor: SensorConfig | None = None) -> None:
@@ -189,6 +229,8 @@ def check_policy_camera(spec: PolicySpec, robot: RobotConfig, sensor: SensorConf
         sensor: What shall vary of it; None leaves that out.
     """
     found = [("", *row) for row in section_differences(spec.robot.camera, robot.camera)]
+    if DEPTH not in spec.inputs.images:
+        found = [row for row in found if not row[1].startswith("depth_")]
     if sensor is not None:
         found += [("sensor.", *row) for row in section_differences(spec.sensor, sensor)]
     if found:
@@ -239,8 +281,11 @@ def _open_session(path: Path) -> Any:
 
 def _check_graphs(policy: Policy, folder: Path) -> None:
     camera, zeros = policy.spec.robot.camera, np.zeros((1, 2), np.float32)
+    shape = (1, camera.height_px, camera.width_px, channels_of(policy.spec.inputs.images))
+    memory = policy.start()
+    memory.kept.goal_image = np.zeros((*shape[1:3], 3), np.uint8)
     try:
-        policy.step([policy.start()], np.zeros((1, camera.height_px, camera.width_px, 3), np.uint8), zeros, zeros)
+        policy.step([memory], np.zeros(shape, np.uint8), zeros, zeros)
     except PolicyError:
         raise
     except Exception as error:  # as above: a graph of other inputs or shapes

@@ -11,6 +11,7 @@ from readygo.common.episode.straight_line import straight_line_command
 from readygo.common.policy import Policy, PolicyMemory
 from readygo.common.robot import RobotConfig
 from readygo.services.evaluator.eyes import Eyes
+from readygo.services.evaluator.goal_image import goal_image
 
 POLICY, EXPERT, STRAIGHT_LINE = "policy", "expert", "straight-line"
 """Names of methods: the policy at hand; the planner that recorded its data and knows the map; a blind one."""
@@ -72,8 +73,12 @@ class PolicyDriver:
         self._policy, self._eyes, self._hold_steps = policy, eyes, hold_steps
 
     def start(self, simulation: EpisodeSimulation) -> Ride:
-        """An empty memory."""
-        return Ride(self._policy.start())
+        """An empty memory, with an image of the goal where the policy wants one."""
+        ride = Ride(self._policy.start())
+        if self._policy.spec.wants_goal_image:
+            radius_m = self._policy.spec.robot.planning_radius_m
+            ride.memory.kept.goal_image = goal_image(self._eyes, simulation, radius_m)
+        return ride
 
     def commands(self, running: Sequence[tuple[EpisodeSimulation, Ride]]) -> list[tuple[float, float] | DriverFailure]:
         """See `Driver.commands`."""

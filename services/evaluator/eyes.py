@@ -8,11 +8,13 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.bus import Bus
+from readygo.common.camera.depth import depth_bytes, depth_rng, measured_depth
 from readygo.common.episode.simulation import EpisodeSimulation
 from readygo.common.errors import BusError
 from readygo.common.maps import FloorMap
 from readygo.common.messages import EpisodeKey, EpisodeMotions, Humans, RenderReply, RenderRequest, RenderView, encode
 from readygo.common.messages.topics import Topic
+from readygo.common.policy.sight import DEPTH, RGB, side_by_side
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import whole_steps
 
@@ -31,21 +33,33 @@ class Eyes:
         robot: RobotConfig,
         floor: FloorMap,
         timeout_s: float,
+        sees: tuple[str, ...] = (RGB,),
     ) -> None:
         self._bus, self._topic, self._timeout_s = bus, topic, timeout_s
         self._camera, self._floor = robot.camera, floor
         self._latency_steps = whole_steps(robot.camera.latency_s)
+        self._sees = sees
         self._sent: set[str] = set()
         self._keys: WeakKeyDictionary[EpisodeSimulation, str] = WeakKeyDictionary()
 
     def look(self, simulations: Sequence[EpisodeSimulation]) -> npt.NDArray[np.uint8]:
+        """What policies see, from `measured`: sRGB, shape (B, H, W, 3), or with depths, shape (B, H, W, C)."""
+        rgb, depths_m = self.measured(simulations)
+        if depths_m is None:
+            return rgb
+        return side_by_side({RGB: rgb, DEPTH: depth_bytes(np.stack(depths_m), self._camera)}, self._sees)
+
+    def measured(
+        self, simulations: Sequence[EpisodeSimulation]
+    ) -> tuple[npt.NDArray[np.uint8], list[npt.NDArray[np.float32]] | None]:
         """What each robot sees now: the image of the camera's latency ago, the first one until there is one so old.
 
         Args:
             simulations: Episodes, at any step.
 
         Returns:
-            sRGB images, shape (B, H, W, 3).
+            sRGB images, shape (B, H, W, 3), and depths [m], inf where nothing is measured, B of shape (H, W); None
+            where the eyes see none.
 
         Raises:
             BusError: If the renderer does not answer, or not with one image per view.
@@ -53,7 +67,18 @@ class Eyes:
         people = [simulation.motions_so_far() for simulation in simulations]
         keys = [self._key(simulation, motions) for simulation, motions in zip(simulations, people, strict=True)]
         views = tuple(self._view(simulation, key) for simulation, key in zip(simulations, keys, strict=True))
-        return self._images(views, {key: motions for key, motions in zip(keys, people, strict=True) if key})
+        reply = self._reply(views, {key: motions for key, motions in zip(keys, people, strict=True) if key})
+        return reply.rgb, self._measured(reply, views)
+
+    def _measured(self, reply: RenderReply, views: Sequence[RenderView]) -> list[npt.NDArray[np.float32]] | None:
+        """Depths as the robots' cameras measure them [m], shapes (H, W); None where nobody wants them."""
+        if DEPTH not in self._sees:
+            return None
+        return [
+            measured_depth(depth_m, self._camera, depth_rng(view.episode.episode_id, view.step))
+            for depth_m, view in zip(reply.outputs[DEPTH], views, strict=True)
+            if view.episode is not None
+        ]
 
     def look_from(self, xyyaw: Sequence[tuple[float, float, float]], episode: EpisodeKey) -> npt.NDArray[np.uint8]:
         """What a robot that stands somewhere sees with nobody there, as with an image of a goal.
@@ -68,9 +93,9 @@ class Eyes:
         Raises:
             BusError: See `look`.
         """
-        return self._images(tuple(self._still_view(pose, episode) for pose in xyyaw), {})
+        return self._reply(tuple(self._still_view(pose, episode) for pose in xyyaw), {}).rgb
 
-    def _images(self, views: tuple[RenderView, ...], known: dict[str, EpisodeMotions]) -> npt.NDArray[np.uint8]:
+    def _reply(self, views: tuple[RenderView, ...], known: dict[str, EpisodeMotions]) -> RenderReply:
         reply = self._ask(views, {key: motions for key, motions in known.items() if key not in self._sent})
         if reply.unknown_people:
             # A renderer keeps a few hundred keys only, and may have been replaced by another one.
@@ -79,7 +104,7 @@ class Eyes:
         if len(reply.rgb) != len(views):
             raise BusError(f"{self._topic.name!r} answered {len(reply.rgb)} images to {len(views)} views.")
         self._sent.update(known)
-        return reply.rgb
+        return reply
 
     def _key(self, simulation: EpisodeSimulation, motions: EpisodeMotions) -> str:
         """The name of an episode's people; motions that grow are other people at every step."""
@@ -91,7 +116,9 @@ class Eyes:
 
     def _ask(self, views: tuple[RenderView, ...], people: dict[str, EpisodeMotions]) -> RenderReply:
         request = RenderRequest(
-            views=views, people=tuple(Humans(key=key, humans=motions.humans) for key, motions in people.items())
+            views=views,
+            people=tuple(Humans(key=key, humans=motions.humans) for key, motions in people.items()),
+            outputs=tuple(name for name in self._sees if name != RGB),
         )
         return self._bus.request(self._topic, request, timeout_s=self._timeout_s)
 

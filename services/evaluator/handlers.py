@@ -14,6 +14,7 @@ from readygo.common.errors import PolicyError, RunError
 from readygo.common.maps import FloorMap, OccupancyMap, SightMap, sight_of_occupancy
 from readygo.common.messages import RobotTrajectory, Split, topics
 from readygo.common.policy import Policy, check_policy_camera
+from readygo.common.policy.sight import RGB
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import RATE_HZ
 from readygo.services.evaluator.config import EvaluatorConfig
@@ -115,8 +116,12 @@ class Evaluator:
             return self.simulate(episode)
         return EpisodeSimulation(episode.scenario, episode.motions, self.robot_map, self.robot, self.episode_config)
 
-    def eyes(self) -> Eyes:
-        """What a driver sees."""
+    def eyes(self, sees: tuple[str, ...] = (RGB,)) -> Eyes:
+        """What a driver sees.
+
+        Args:
+            sees: Images, see `readygo.common.policy.sight`.
+        """
         return Eyes(
             self.bus,
             topics.render(self.config.renderer),
@@ -139,7 +144,7 @@ class Evaluator:
         if method == POLICY:
             if self.policy is None:
                 raise PolicyError("No policy is given; give its folder, or leave the method `policy` out.")
-            return PolicyDriver(self.policy, self.eyes(), hold_steps)
+            return PolicyDriver(self.policy, self.eyes(self.policy.spec.inputs.images), hold_steps)
         if method == STRAIGHT_LINE:
             return StraightLineDriver(self.robot)
         if method not in self.drivers:

@@ -19,9 +19,9 @@ from readygo.common.extras import install_command
 from readygo.common.networks import LOOK_HZ
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import RATE_HZ
-from readygo.services.evaluator.baselines.goal_field import arrival_yaw_rad
 from readygo.services.evaluator.drivers import DriverFailure
 from readygo.services.evaluator.eyes import Eyes
+from readygo.services.evaluator.goal_image import goal_image
 from readygo.services.evaluator.handlers import Evaluator
 
 WAYPOINT = 2
@@ -66,10 +66,7 @@ class NetworkDriver:
         """Look at the goal from where the robot would arrive."""
         import torch
 
-        goal_x, goal_y = simulation.scenario.goal_xy_m.tolist()
-        start_x, start_y, _ = simulation.scenario.start_xyyaw.tolist()
-        yaw = arrival_yaw_rad(simulation.robot_map, self._robot.planning_radius_m, (start_x, start_y), (goal_x, goal_y))
-        image = self._eyes.look_from([(goal_x, goal_y, yaw)], simulation.scenario.episode)[0]
+        image = goal_image(self._eyes, simulation, self._robot.planning_radius_m)
         seed = int(episode_rng(simulation.scenario.episode, Purpose.DRIVER).integers(2**31))
         return Ride(goal=self._prepared(image), generator=torch.Generator().manual_seed(seed))
 

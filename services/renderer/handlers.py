@@ -3,7 +3,7 @@
 import math
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +11,7 @@ import numpy.typing as npt
 from readygo.common.avatars import Avatar, LabelModel, human_labels
 from readygo.common.errors import AvatarError
 from readygo.common.frames import goal_in_robot_frame
-from readygo.common.images.images import Images
+from readygo.common.images.images import FIELDS, Images
 from readygo.common.messages import (
     Driver,
     EpisodeHeader,
@@ -111,14 +111,18 @@ def handle_render(renderer: Renderer, request: RenderRequest) -> RenderReply:
     known = {view.people: renderer.recall(view.people) for view in request.views}
     camera = renderer.robot.camera
     rgb = np.empty((0, camera.height_px, camera.width_px, 3), dtype=np.uint8)
+    further: dict[str, list[npt.NDArray[Any]]] = {name: [] for name in request.outputs}
     unknown = tuple(key for key, humans in known.items() if humans is None)
     if not unknown and request.views:
         shots = (_shot(renderer, view, known[view.people] or ()) for view in request.views)
         rgb = np.empty((len(request.views), camera.height_px, camera.width_px, 3), dtype=np.uint8)
-        for number, images in enumerate(renderer.capture.take(shots)):
+        for number, images in enumerate(renderer.capture.take(shots, ("rgb", *request.outputs))):
             rgb[number] = images.rgb
+            for name, found in further.items():
+                found.append(getattr(images, FIELDS[name]))
     renderer.forget_old()
-    return RenderReply(rgb=rgb, unknown_people=unknown)
+    outputs = {name: np.stack(found) for name, found in further.items() if found}
+    return RenderReply(rgb=rgb, unknown_people=unknown, outputs=outputs)
 
 
 def _shot(renderer: Renderer, view: RenderView, humans: tuple[HumanMotion, ...]) -> Shot:

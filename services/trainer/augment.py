@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
@@ -17,6 +16,8 @@ from readygo.services.trainer.samples import Indices, SampleTable
 NEAR_M = 1.0
 """Goals are reached at this distance [m]."""
 
+COLOURS = 3
+"""Channels that are colours; those behind them are depths."""
 Array = npt.NDArray[np.float32]
 Image = npt.NDArray[np.uint8]
 
@@ -110,7 +111,7 @@ class FrameWarp:
         """Frames as a view has them, but for its light; the frames themselves where nothing changes.
 
         Args:
-            frames: Frames, shape (F, H, W, 3).
+            frames: Frames, colours before depths, shape (F, H, W, C).
             groups: Row of each frame's episode in the view, shape (F,).
             view: How they are shown.
         """
@@ -128,14 +129,20 @@ class FrameWarp:
             else:
                 maps = self._turned_maps(yaw_rad)
                 for row in rows:
-                    turned: Any = cv2.remap(frames[row], *maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-                    _move(turned, shift_px, mirrored, out=shown[row])
+                    _move(_remapped(frames[row], maps), shift_px, mirrored, out=shown[row])
         return shown
 
     def _warp(self, frames: Image, shown: Image, rows: list[int], H: npt.NDArray[np.float64]) -> None:
-        flags, border = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, cv2.BORDER_REPLICATE
         for row in rows:
-            cv2.warpPerspective(frames[row], H, self._size, dst=shown[row], flags=flags, borderMode=border)
+            for part, how in _parts(frames.shape[3]):
+                # OpenCV writes into whole arrays alone.
+                whole = part == slice(0, frames.shape[3])
+                source = frames[row] if whole else np.ascontiguousarray(frames[row][..., part])
+                target = shown[row] if whole else np.empty_like(source)
+                flags = how | cv2.WARP_INVERSE_MAP
+                cv2.warpPerspective(source, H, self._size, dst=target, flags=flags, borderMode=cv2.BORDER_REPLICATE)
+                if not whole:
+                    shown[row][..., part] = target
 
     def _rotation(self, yaw_rad: float) -> npt.NDArray[np.float64]:
         """From the turned camera's axes to those before, shape (3, 3)."""
@@ -162,6 +169,22 @@ class FrameWarp:
         return columns, rows
 
 
+def _parts(channels: int) -> list[tuple[slice, int]]:
+    """Colours, then depths, and how what lies between pixels is found: between two depths there is none."""
+    if channels == COLOURS:
+        return [(slice(0, COLOURS), cv2.INTER_LINEAR)]
+    return [(slice(0, COLOURS), cv2.INTER_LINEAR), (slice(COLOURS, channels), cv2.INTER_NEAREST)]
+
+
+def _remapped(frame: Image, maps: tuple[Array, Array]) -> Image:
+    """A frame whose pixels come from elsewhere in it."""
+    turned = [
+        cv2.remap(np.ascontiguousarray(frame[..., part]), *maps, how, borderMode=cv2.BORDER_REPLICATE)
+        for part, how in _parts(frame.shape[2])
+    ]
+    return np.concatenate([np.asarray(one, np.uint8).reshape(*one.shape[:2], -1) for one in turned], axis=2)
+
+
 def _moved_from(shift_px: Indices, mirrored: bool, size: tuple[int, int]) -> npt.NDArray[np.float64]:
     """From shifted and mirrored pixels to those before, shape (3, 3)."""
     mirror = np.array([[-1.0, 0.0, size[0] - 1], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]) if mirrored else np.eye(3)
@@ -184,17 +207,26 @@ def lit(frames: Image, groups: Indices, light: npt.NDArray[np.generic]) -> npt.N
     """What the network is given for frames.
 
     Args:
-        frames: Frames, shape (F, H, W, 3).
+        frames: Frames, shape (F, H, W, C).
         groups: Row of each frame's episode in `light`, shape (F,).
-        light: Tables from bytes, of float32 or of 16 bits that stand for bfloat16, shape (G, 256, 3).
+        light: Tables from bytes, of float32 or of 16 bits that stand for bfloat16, shape (G, 256, C).
 
     Returns:
-        Of the type of `light`, shape (F, H, W, 3).
+        Of the type of `light`, shape (F, H, W, C).
     """
     shown = np.empty(frames.shape, light.dtype)
     for row, group in enumerate(groups.tolist()):
         cv2.LUT(frames[row], light[group][None], dst=shown[row])
     return shown
+
+
+def with_depths(light: Array, channels: int) -> Array:
+    """Tables of colours, and for each further channel one that changes nothing, shape (G, 256, channels)."""
+    further = channels - light.shape[2]
+    if further == 0:
+        return light
+    plain = np.broadcast_to(draw_light(1, 0.0, np.random.default_rng(0))[..., :1], (len(light), 256, further))
+    return np.concatenate([light, plain], axis=2)
 
 
 def turn_world(xy_m: Array, yaws_rad: npt.NDArray[np.float64]) -> Array:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 from readygo.common.config import Range, check_ranges
+from readygo.common.policy.sight import RGB, check_images
 from readygo.common.policy.windows import FRAME_COUNT, spacing_steps_of
 
 Share = Annotated[float, Range(low=0.0, high=1.0)]
@@ -22,6 +23,8 @@ class NetworkConfig:
     stacked."""
     frame_count: Annotated[int, Range(low=1, high=32)] = FRAME_COUNT
     """Frames that it sees together, `frame_spacing_s` apart."""
+    images: tuple[str, ...] = (RGB,)
+    """What each frame is of, see `readygo.common.policy.sight`: rgb, and depth where the data have it."""
     latent_count: Count = 20
     """Numbers that the encoder answers."""
     motion: Literal["poses", "command"] = "command"
@@ -41,6 +44,7 @@ class NetworkConfig:
 
     def __post_init__(self) -> None:
         check_ranges(self)
+        check_images(self.images)
         if len(self.widths) != 5 or min(self.widths) < 1:
             raise ValueError(f"widths must be five channel counts, got {self.widths}.")
 

@@ -1,14 +1,15 @@
 """Episodes as training holds them: encoded images and numbers."""
 
 import itertools
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from readygo.common.camera import SensorConfig
+from readygo.common.errors import DatasetError
 from readygo.common.messages import CommittedEpisode, EpisodeKey, Sample
 from readygo.common.messages.plan import Driver, Outcome
 from readygo.common.robot import RobotConfig
@@ -46,6 +47,8 @@ class Episode:
     """True if there were no humans."""
     policy: str = ""
     """SHA-256 of the policy that drove; empty for the expert."""
+    outputs: Mapping[str, tuple[bytes, ...]] = field(default_factory=dict)
+    """Files of further images by name (`readygo.common.images.files`), T of each; empty where there is none."""
 
     @property
     def sample_count(self) -> int:
@@ -61,7 +64,10 @@ class Episode:
     def size_bytes(self) -> int:
         """Memory that it takes, roughly."""
         numbers = (self.actions, self.goals_xy_m, self.xyyaw, self.expert, self.risks, self.humans)
-        return sum(map(len, self.images)) + sum(array.nbytes for array in numbers if array is not None)
+        files = (self.images, *self.outputs.values())
+        return sum(len(file) for name in files for file in name) + sum(
+            array.nbytes for array in numbers if array is not None
+        )
 
 
 class EpisodeRange(Protocol):
@@ -175,21 +181,26 @@ class SampleSource(Protocol):
         """Encoded image of one sample, empty where none was taken."""
         ...
 
+    def output(self, index: int, name: str) -> bytes:
+        """File of another image of one sample."""
+        ...
+
     @property
     def humans_xyzyaw(self) -> Sequence[npt.NDArray[np.float64]]:
         """Every human at each sample: x, y, z [m], yaw [rad], shapes (H, 4)."""
         ...
 
 
-def read_episodes(source: SampleSource, *, with_humans: bool = False) -> Iterator[Episode]:
+def read_episodes(source: SampleSource, *, with_humans: bool = False, outputs: Sequence[str] = ()) -> Iterator[Episode]:
     """The episodes of recorded shards, in their order.
 
     Args:
         source: The shards.
         with_humans: Read where the humans were as well, which takes a while.
+        outputs: Names of further images to read.
 
     Raises:
-        DatasetError: If a shard is damaged.
+        DatasetError: If a shard is damaged, or has no such images.
     """
     commands = None
     if source.has_expert:
@@ -204,9 +215,10 @@ def read_episodes(source: SampleSource, *, with_humans: bool = False) -> Iterato
         if with_humans:
             places = [poses[:, :2] for poses in source.humans_xyzyaw[part]]
             humans = nearest_humans(xyyaw[part], places, visible[part])
+        images = tuple(source.image(row) for row in rows)
         yield Episode(
             name=entry.sha256,
-            images=tuple(source.image(row) for row in rows),
+            images=images,
             actions=source.actions[part],
             goals_xy_m=source.goals_xy_m[part],
             xyyaw=xyyaw[part],
@@ -217,11 +229,19 @@ def read_episodes(source: SampleSource, *, with_humans: bool = False) -> Iterato
             outcome=entry.outcome,
             static=not bool(np.isfinite(distances_m[part]).any()),
             policy=entry.policy,
+            outputs={
+                name: tuple(source.output(row, name) if image else b"" for row, image in zip(rows, images, strict=True))
+                for name in outputs
+            },
         )
 
 
-def committed_episode(message: CommittedEpisode) -> Episode:
-    """An episode as the recorder announces it."""
+def committed_episode(message: CommittedEpisode, outputs: Sequence[str] = ()) -> Episode:
+    """An episode as the recorder announces it, with further images of some names.
+
+    Raises:
+        DatasetError: If it has no such images.
+    """
     header, samples = message.header, message.samples
     xyyaw = np.array([(s.robot_xyzyaw[0], s.robot_xyzyaw[1], s.robot_xyzyaw[3]) for s in samples], np.float64)
     return Episode(
@@ -237,7 +257,16 @@ def committed_episode(message: CommittedEpisode) -> Episode:
         outcome=header.outcome,
         static=not header.avatars,
         policy=header.policy,
+        outputs={name: tuple(_output(sample, name) for sample in samples) for name in outputs},
     )
+
+
+def _output(sample: Sample, name: str) -> bytes:
+    if sample.image and name not in sample.outputs:
+        raise DatasetError(
+            f"The samples have no {name!r} images, which the policy shall see; record them: --outputs rgb,{name}."
+        )
+    return sample.outputs.get(name, b"")
 
 
 def nearest_humans(

@@ -26,6 +26,7 @@ from readygo.common.policy.artifact import (
     PolicySpec,
     save_spec,
 )
+from readygo.common.policy.sight import DEPTH, GRAPH_INPUTS, channels_by_image
 from readygo.common.robot import RobotConfig
 from readygo.services.trainer.model import Bins, PolicyNet, ResidualBlock, motion_units
 
@@ -82,10 +83,12 @@ class GraphBuilder:
         names = [self.constant(_array(linear.weight)), self.constant(_array(linear.bias))]
         return self.node("Gemm", [x, *names], transB=1)
 
-    def model(self, result: str, inputs: onnx.ValueInfoProto, outputs: onnx.ValueInfoProto) -> onnx.ModelProto:
+    def model(
+        self, result: str, inputs: Sequence[onnx.ValueInfoProto], outputs: onnx.ValueInfoProto
+    ) -> onnx.ModelProto:
         """The checked model whose output is `result`."""
         self.nodes.append(helper.make_node("Identity", [result], [outputs.name]))
-        graph = helper.make_graph(self.nodes, "readygo-policy", [inputs], [outputs], self.constants)
+        graph = helper.make_graph(self.nodes, "readygo-policy", list(inputs), [outputs], self.constants)
         model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", OPSET)], producer_name="readygo")
         model.ir_version = IR_VERSION
         onnx.checker.check_model(model, full_check=True)
@@ -106,14 +109,11 @@ def fold_norm(conv: nn.Conv2d, norm: nn.BatchNorm2d | None) -> tuple[Array, Arra
 
 
 def encoder_graph(model: PolicyNet, robot: RobotConfig) -> onnx.ModelProto:
-    """`image` uint8 (B, H, W, C) -> `latent` float32 (B, L)."""
-    graph, encoder, pooling = GraphBuilder(), model.encoder, model.pooling
-    x = graph.node("Cast", ["image"], to=TensorProto.FLOAT)
-    x = graph.node("Transpose", [x], perm=[0, 3, 1, 2])
-    if pooling > 1:
-        # Means of bytes, halves rounded up: what `pool` gives.
-        x = graph.node("AveragePool", [x], kernel_shape=[pooling] * 2, strides=[pooling] * 2)
-        x = graph.node("Floor", [graph.node("Add", [x, graph.scalar(0.5)])])
+    """`image` uint8 (B, H, W, C), and further images by name -> `latent` float32 (B, L)."""
+    graph, encoder = GraphBuilder(), model.encoder
+    channels = channels_by_image(model.inputs.images, model.inputs.frames_together)
+    pooled = [_append_pooling(graph, name, model.pooling) for name in channels]
+    x = graph.node("Concat", pooled, axis=1) if len(pooled) > 1 else pooled[0]
     x = graph.node("Mul", [x, graph.scalar(1 / 127.5)])
     x = graph.node("Sub", [x, graph.scalar(1.0)])
     x = graph.node("Relu", [graph.conv(x, encoder.stem, encoder.stem_norm)])
@@ -122,14 +122,30 @@ def encoder_graph(model: PolicyNet, robot: RobotConfig) -> onnx.ModelProto:
         x = _append_block(graph, x, block)
     x = graph.node("Relu", [graph.conv(x, encoder.neck, None)])
     x = graph.linear(graph.node("Flatten", [x], axis=1), encoder.latent)
-    shape: list[str | int | None] = [
-        "batch",
-        robot.camera.height_px,
-        robot.camera.width_px,
-        model.inputs.image_channels,
+    size_px: tuple[str, int, int] = ("batch", robot.camera.height_px, robot.camera.width_px)
+    images = [
+        helper.make_tensor_value_info(GRAPH_INPUTS[name], TensorProto.UINT8, [*size_px, len(of)])
+        for name, of in channels.items()
     ]
-    image = helper.make_tensor_value_info("image", TensorProto.UINT8, shape)
-    return graph.model(x, image, _float_value("latent", model.inputs.latent_count))
+    return graph.model(x, images, _float_value("latent", model.inputs.latent_count))
+
+
+def _append_pooling(graph: GraphBuilder, name: str, pooling: int) -> str:
+    """An image as the network's numbers of bytes, channels first, and as small as it takes it."""
+    x = graph.node("Cast", [GRAPH_INPUTS[name]], to=TensorProto.FLOAT)
+    x = graph.node("Transpose", [x], perm=[0, 3, 1, 2])
+    if pooling == 1:
+        return x
+    if name == DEPTH:
+        # What `thinned` gives.
+        begin, end, steps = (
+            graph.constant(np.array([value] * 2, np.int64)) for value in (pooling // 2, np.iinfo(np.int64).max, pooling)
+        )
+        axes = graph.constant(np.array([2, 3], np.int64))
+        return graph.node("Slice", [x, begin, end, axes, steps])
+    # Means of bytes, halves rounded up: what `pool` gives.
+    x = graph.node("AveragePool", [x], kernel_shape=[pooling] * 2, strides=[pooling] * 2)
+    return graph.node("Floor", [graph.node("Add", [x, graph.scalar(0.5)])])
 
 
 def _append_block(graph: GraphBuilder, x: str, block: ResidualBlock) -> str:
@@ -159,7 +175,7 @@ def head_graph(model: PolicyNet, robot: RobotConfig) -> onnx.ModelProto:
     x = graph.node("Min", [x, graph.constant(np.array([1.0, 1.0], np.float32))])
     x = graph.node("Max", [x, graph.constant(np.array([0.0, -1.0], np.float32))])
     x = graph.node("Mul", [x, graph.constant(np.array([robot.v_max_mps, robot.w_max_radps], np.float32))])
-    return graph.model(x, _float_value("features", inputs.feature_count), _float_value("action", 2))
+    return graph.model(x, [_float_value("features", inputs.feature_count)], _float_value("action", 2))
 
 
 def _append_mode(graph: GraphBuilder, logits: str, bins: Bins) -> str:

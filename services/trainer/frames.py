@@ -5,8 +5,11 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.camera import CameraConfig
+from readygo.common.camera.depth import depth_bytes, depth_rng, measured_depth
 from readygo.common.dataset.reader import decode_image
 from readygo.common.errors import DatasetError
+from readygo.common.images.files import decode_output
+from readygo.common.policy.sight import DEPTH, RGB, channels_of, side_by_side
 from readygo.services.trainer.reservoir import Reservoir
 from readygo.services.trainer.samples import Indices, SampleTable
 
@@ -19,17 +22,25 @@ class FrameCache:
     A frame that does not fit is decoded at each use.
     """
 
-    def __init__(self, reservoir: Reservoir, camera: CameraConfig, *, pooling: int, limit_bytes: int) -> None:
-        self._reservoir, self._pooling = reservoir, pooling
+    def __init__(
+        self,
+        reservoir: Reservoir,
+        camera: CameraConfig,
+        *,
+        pooling: int,
+        limit_bytes: int,
+        images: tuple[str, ...] = (RGB,),
+    ) -> None:
+        self._reservoir, self._camera, self._pooling, self._images = reservoir, camera, pooling, images
         self._size = (camera.height_px, camera.width_px, 3)
-        self.shape = (camera.height_px // pooling, camera.width_px // pooling, 3)
+        self.shape = (camera.height_px // pooling, camera.width_px // pooling, channels_of(images))
         """Of a frame as the network takes it."""
         self._kept: dict[str, dict[int, Image]] = {}
         self._room = limit_bytes // int(np.prod(self.shape))
         self._version = reservoir.version
 
     def get(self, table: SampleTable, indices: Indices) -> Image:
-        """Frames of the samples `indices`, RGB, shape (F, H, W, 3).
+        """Frames of the samples `indices`, the images that were asked for side by side, shape (F, H, W, C).
 
         Raises:
             DatasetError: If a frame is damaged, or does not have the size of the robot's camera.
@@ -53,10 +64,20 @@ class FrameCache:
                 "train on data of one robot.toml."
             )
         frame = pool(frame, self._pooling)
+        if DEPTH in self._images:
+            frame = side_by_side({RGB: frame, DEPTH: self._depth(name, step)}, self._images)
         if self._room > 0:
             self._room -= 1
             kept[step] = frame
         return frame
+
+    def _depth(self, name: str, step: int) -> Image:
+        """What the camera measured of a frame's depths, in bytes, shape (H, W)."""
+        depth_m = decode_output(DEPTH, self._reservoir.episodes[name].outputs[DEPTH][step])
+        if depth_m is None or depth_m.shape != self._size[:2]:
+            raise DatasetError(f"Sample {step} of episode {name} has no depth image of {self._size[:2]} px.")
+        measured_m = measured_depth(depth_m, self._camera, depth_rng(name, step))
+        return thinned(depth_bytes(measured_m, self._camera), self._pooling)
 
     def _forget_dropped(self) -> None:
         if self._version == self._reservoir.version:
@@ -73,6 +94,11 @@ def pooling_of(camera: CameraConfig, pooled_height_px: int) -> int:
     height, width = camera.height_px, camera.width_px
     factors = range(1, max(1, height // pooled_height_px) + 1)
     return max(factor for factor in factors if height % factor == 0 and width % factor == 0)
+
+
+def thinned(depth: Image, factor: int) -> Image:
+    """The pixel in the middle of every square of `factor` pixels: a mean of depths is where nothing is."""
+    return depth[factor // 2 :: factor, factor // 2 :: factor]
 
 
 def pool(frame: Image, factor: int) -> Image:

@@ -21,7 +21,7 @@ from readygo.common.robot import RobotConfig
 from readygo.services.trainer.config import TrainConfig
 from readygo.services.trainer.episodes import Episode, committed_episode
 from readygo.services.trainer.outcome import export_chosen, write_outcome
-from readygo.services.trainer.parts import HELD_OUT_SHARE, Part
+from readygo.services.trainer.parts import HELD_OUT_SHARE, Part, outputs_of
 from readygo.services.trainer.run import TrainRun
 from readygo.services.trainer.samples import name_rank
 
@@ -142,7 +142,7 @@ class LiveTrainer:
             if (message.header.height_px, message.header.width_px) != self._size_px:
                 _log.warning("Episode %s has images of another size and is left out.", name)
                 continue
-            self._keep(dataclasses.replace(committed_episode(message), name=name))
+            self._keep(dataclasses.replace(committed_episode(message, outputs_of(self._config)), name=name))
 
     def _keep(self, episode: Episode) -> None:
         held_out = name_rank(episode.name) < self._config.validation_fraction

@@ -15,6 +15,7 @@ import torch
 from torch import Tensor, nn
 
 from readygo.common.policy.artifact import GOAL_SCALE_M, Fusion, MotionInput, PolicyInputs
+from readygo.common.policy.sight import channels_by_image
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.command_grid import SPEED_SHARES, TURN_SHARES
 from readygo.services.trainer.config import NetworkConfig
@@ -127,7 +128,11 @@ class PolicyNet(nn.Module):
             latent_count=config.latent_count,
             motion=MotionInput(config.motion),
             frame_count=config.frame_count,
+            images=config.images,
         )
+        by_image = channels_by_image(self.inputs.images, self.inputs.frames_together)
+        self._by_image = [channel for channels in by_image.values() for channel in channels]
+        """As an encoder's graph has them: the rgb of all frames, then their depths."""
         self.pooling = pooling_of(robot.camera, config.pooled_height_px)
         size_px = robot.camera.height_px // self.pooling, robot.camera.width_px // self.pooling
         self.encoder = Encoder(size_px, self.inputs.image_channels, config.widths, config.latent_count)
@@ -159,7 +164,7 @@ class PolicyNet(nn.Module):
         """Latents of windows that share frames.
 
         Args:
-            images: Distinct frames in [-1, 1], shape (F, 3, H, W).
+            images: Distinct frames in [-1, 1], shape (F, C, H, W).
             window: Rows of `images` that each sample sees, oldest first, shape (B, `frame_count`).
 
         Returns:
@@ -167,6 +172,8 @@ class PolicyNet(nn.Module):
         """
         if self.inputs.fusion is Fusion.EARLY:
             stacked = torch.cat([images[window[:, k]] for k in range(self.inputs.frame_count)], dim=1)
+            if len(self.inputs.images) > 1:
+                stacked = stacked[:, self._by_image]
             latents: Tensor = self.encoder(stacked.contiguous(memory_format=torch.channels_last))
             return latents
         latents = self.encoder(images)[window.reshape(-1)]

@@ -24,6 +24,7 @@ from readygo.services.trainer.augment import (
     plain_view,
     turn_motion,
     turn_world,
+    with_depths,
 )
 from readygo.services.trainer.config import TrainConfig
 from readygo.services.trainer.frames import FrameCache, pooling_of
@@ -39,7 +40,7 @@ class Shown:
     """A batch as the network takes it."""
 
     images: Tensor
-    """Distinct frames, shape (F, 3, H, W), channels_last."""
+    """Distinct frames, shape (F, C, H, W), channels_last."""
     window: Tensor
     """Rows of `images` that each sample sees, shape (B, 3)."""
     motion: Tensor
@@ -147,13 +148,13 @@ class Objective:
         return corrupt_previous(motion[:, -2:], noise, rng.random(len(motion)) < config.previous_dropout)
 
     def _images(self, frames: npt.NDArray[np.uint8], groups: Indices, view: View) -> Tensor:
-        shown = self._warp.show(frames, groups, view)
+        shown, light = self._warp.show(frames, groups, view), with_depths(view.light, frames.shape[3])
         if self._dtype is torch.bfloat16:
             # OpenCV knows no bfloat16: its bits travel as 16-bit numbers.
-            light = torch.from_numpy(view.light).to(torch.bfloat16).view(torch.int16).numpy()
-            images = torch.from_numpy(lit(shown, groups, light)).view(torch.bfloat16)
+            bits = torch.from_numpy(light).to(torch.bfloat16).view(torch.int16).numpy()
+            images = torch.from_numpy(lit(shown, groups, bits)).view(torch.bfloat16)
         else:
-            images = torch.from_numpy(lit(shown, groups, view.light))
+            images = torch.from_numpy(lit(shown, groups, light))
         return images.permute(0, 3, 1, 2)
 
     def _shown(self, images: Tensor, batch: Batch, **numbers: npt.NDArray[Any]) -> Shown:

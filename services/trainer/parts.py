@@ -1,8 +1,10 @@
 """The episodes that training learns from and those that it holds out."""
 
 from collections.abc import Iterable
+from typing import Any
 
 from readygo.common.errors import DatasetError
+from readygo.common.policy.sight import RGB
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import whole_steps
 from readygo.services.trainer.config import TrainConfig
@@ -32,6 +34,7 @@ class Part:
             robot.camera,
             pooling=pooling_of(robot.camera, config.network.pooled_height_px),
             limit_bytes=int(share * config.cache_mb * 1e6),
+            images=config.network.images,
         )
         self._timing = timing_of(robot, config)
         self._tables: dict[str, SampleTable] = {}
@@ -82,20 +85,26 @@ def build_parts(source: SampleSource, validation: SampleSource | None, config: T
     Raises:
         DatasetError: If there are too few episodes, or the robots of the sources differ.
     """
-    robot, with_humans = robot_of_source(source), config.sampling.humans_weight > 0
+    robot = robot_of_source(source)
+    wanted: dict[str, Any] = {"with_humans": config.sampling.humans_weight > 0, "outputs": outputs_of(config)}
     if validation is not None and robot_of_source(validation) != robot:
         raise DatasetError("Training and validation data were recorded with different robots; use one robot.toml.")
     training, held_out = Part(robot, config, 1 - HELD_OUT_SHARE), Part(robot, config, HELD_OUT_SHARE)
     if validation is not None:
         if not source.episodes or not validation.episodes:
             raise DatasetError("Training and validation data need at least one episode each.")
-        _fill(training, read_episodes(source, with_humans=with_humans))
-        _fill(held_out, read_episodes(validation, with_humans=with_humans))
+        _fill(training, read_episodes(source, **wanted))
+        _fill(held_out, read_episodes(validation, **wanted))
         return training, held_out
     names = held_out_names([entry.sha256 for entry in source.episodes], config.validation_fraction)
-    for episode in read_episodes(source, with_humans=with_humans):
+    for episode in read_episodes(source, **wanted):
         (held_out if episode.name in names else training).reservoir.add(episode)
     return training, held_out
+
+
+def outputs_of(config: TrainConfig) -> tuple[str, ...]:
+    """The images besides rgb that are learned from."""
+    return tuple(name for name in config.network.images if name != RGB)
 
 
 def _fill(part: Part, episodes: Iterable[Episode]) -> None:

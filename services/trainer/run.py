@@ -285,4 +285,6 @@ def _flat(mapping: dict[str, Any]) -> dict[str, Any]:
     flat: dict[str, Any] = {}
     for name, value in mapping.items():
         flat |= value if isinstance(value, dict) else {name: value}
-    return {name: value for name, value in flat.items() if name not in BUDGET_FIELDS}
+    # Checkpoints of before there was a choice do not name it.
+    plain = {"images": ["rgb"]}
+    return {name: value for name, value in flat.items() if name not in BUDGET_FIELDS and plain.get(name) != value}

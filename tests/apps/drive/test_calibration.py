@@ -123,3 +123,28 @@ def test_opencv_agrees_about_the_lens():
     maps = cv2.initUndistortRectifyMap(K, distortion, np.eye(3), target, (128, 72), cv2.CV_32FC1)
     expected = cv2.remap(image, *maps, cv2.INTER_LINEAR)[..., ::-1]
     assert np.abs(Rectifier(WIDE, POLICY)(image).astype(int) - expected).max() <= 4
+
+
+def test_depths_follow_the_policys_camera_to_where_it_looks():
+    robot = dataclasses.replace(WIDE, mount_pitch_deg=20.0)
+    policy = dataclasses.replace(POLICY, horizontal_fov_deg=40.0, mount_pitch_deg=10.0)
+    rectify = Rectifier(robot, policy)
+    # A wall that stands 3 m before the policy's camera, at right angles to its axis.
+    v, u = np.mgrid[0 : robot.height_px, 0 : robot.width_px] + 0.5
+    xy = make_lens(robot).rays(np.stack([u.ravel(), v.ravel()], axis=1))
+    turn_rad = np.radians(10.0)
+    along = np.cos(turn_rad) - np.sin(turn_rad) * xy[:, 1]
+    wall_m = (3.0 / along).reshape(480, 640).astype(np.float32)
+    assert np.abs(rectify.depth(wall_m) - 3.0).max() < 0.03
+
+
+def test_depths_and_colours_in_each_others_place_and_depths_of_another_size_are_refused():
+    rectify = Rectifier(POLICY, POLICY)
+    depth_m = np.ones((72, 128), np.float32)
+    assert rectify.depth(depth_m) is depth_m
+    with pytest.raises(ValueError, match="depths where colours are due"):
+        rectify(depth_m)
+    with pytest.raises(ValueError, match="colours where depths are due"):
+        rectify.depth(np.zeros((72, 128, 3), np.uint8))
+    with pytest.raises(ValueError, match=r"depths of 36x64 px, and images of 72x128: have its driver align"):
+        rectify.depth(depth_m[::2, ::2])

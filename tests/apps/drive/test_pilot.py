@@ -1,3 +1,4 @@
+import dataclasses
 import math
 
 import numpy as np
@@ -9,9 +10,10 @@ from readygo.apps.drive.pilot import DriveConfig, Ending, Pilot, limited
 from readygo.common.frames import goal_in_robot_frame
 from readygo.common.messages import Outcome
 from readygo.common.policy import load_policy
+from readygo.common.policy.artifact import PolicyInputs
 from readygo.common.robot import RobotConfig, limit_command, step_unicycle
 from readygo.common.robot.kinematics import STEP_NS
-from tests.apps.drive.conftest import CAMERA, T0, odometry
+from tests.apps.drive.conftest import CAMERA, T0, odometry, picture
 from tests.common.policy.artifacts import write_policy
 
 
@@ -168,3 +170,46 @@ def test_heading_is_followed_around_the_circle(make_ride):
         ride.step(yaw_rad=math.atan2(math.sin(0.1 * k), math.cos(0.1 * k)))
     turned = 7.9 % (2 * math.pi)
     assert ride.policy.goals[-1] == pytest.approx((5 * math.cos(turned), -5 * math.sin(turned)), abs=1e-4)
+
+
+class DepthRide:
+    """A pilot whose policy sees depths, and a robot that sends them beside its images."""
+
+    def __init__(self, fake_policy):
+        self.policy, self.sights = fake_policy((1.0, 0.0)), []
+        spec = self.policy.spec
+        self.policy.spec = dataclasses.replace(spec, inputs=PolicyInputs(images=("rgb", "depth")))
+        see = self.policy.see
+        self.policy.see = lambda memories, images, times: (self.sights.append(images[0]), see(memories, images, times))
+        config = DriveConfig(v_max_mps=1.0, w_max_radps=1.2)
+        camera = spec.robot.camera
+        self.pilot = Pilot(self.policy, Rectifier(camera, camera), config, Goal(x_m=5.0, y_m=0.0))
+
+    def tell(self, now_ns, *, image=True, depth_m=5.0, depth_late_ns=0):
+        stamp_ns = T0 + now_ns
+        self.pilot.hear(odometry(stamp_ns), now_ns)
+        if image:
+            self.pilot.look(picture(stamp_ns), now_ns)
+        if depth_m is not None:
+            depths = np.full((8, 10), depth_m, np.float32)
+            self.pilot.look_at_depth(Picture(stamp_ns=stamp_ns, decode=lambda: depths), now_ns + depth_late_ns)
+        return self.pilot.command(now_ns + depth_late_ns)
+
+
+def test_policy_sees_depths_of_the_images_time_whichever_comes_first(fake_policy):
+    ride = DepthRide(fake_policy)
+    assert ride.tell(0, depth_m=None).v_mps == 0.0
+    assert ride.pilot.waiting_for == "no depths"
+    for step in range(1, 4):
+        ride.tell(step * STEP_NS, depth_m=5.0 if step < 3 else np.inf)
+    assert ride.pilot.seen == 3
+    assert [sight[0, 0].tolist() for sight in ride.sights] == [[0, 0, 0, level] for level in (128, 128, 0)]
+    assert ride.pilot.command(4 * STEP_NS).v_mps > 0
+
+
+def test_robot_whose_depths_stay_away_stands(fake_policy):
+    ride = DepthRide(fake_policy)
+    for step in range(20):
+        command = ride.tell(step * STEP_NS, depth_m=5.0 if step < 5 else None)
+    assert command.v_mps == 0.0
+    assert "depths" in ride.pilot.waiting_for or "images" in ride.pilot.waiting_for

@@ -17,7 +17,7 @@ def run(policy=None, **manners):
 
     def look(one):
         asked.append(one.step)
-        return np.zeros((8, 10, 3), np.uint8)
+        return np.zeros((8, 10, 3), np.uint8), None
 
     plain = {"latency_s": 0.0, "jitter_s": 0.0, "drop_share": 0.0}
     outcome = rehearsed(pilot, simulation, look, Manners(**{**plain, **manners}), np.random.default_rng(0))

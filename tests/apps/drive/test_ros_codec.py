@@ -68,3 +68,11 @@ def test_bytes_of_another_type_are_refused(codec):
         codec.read(ODOMETRY_TYPE, b"12345")
     with pytest.raises(ValueError, match=r"type sensor_msgs/msg/Imu are not known"):
         codec.read("sensor_msgs/msg/Imu", b"")
+
+
+def test_depths_go_as_millimetres_and_come_back_in_metres(codec):
+    depth_m = np.array([[0.5, np.inf, 70.0], [1.2344, 3.0, 0.0]], np.float32)
+    found = codec.read(types.IMAGE_TYPE, codec.write(types.IMAGE_TYPE, depth_m, STAMP_NS))
+    assert found.stamp_ns == STAMP_NS
+    expected = np.array([[0.5, np.inf, np.inf], [1.234, 3.0, np.inf]], np.float32)
+    assert np.array_equal(found.decode(), expected)

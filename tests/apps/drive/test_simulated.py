@@ -53,7 +53,7 @@ def test_policy_drives_a_robot_to_its_goal_over_every_wire(kind):
         topics = TOPICS
         if kind == "bridge":
             topics = Topics(**{**vars(TOPICS), "image": "/camera/image_raw/compressed"})
-        look = lambda _: np.zeros((8, 10, 3), np.uint8)  # noqa: E731
+        look = lambda _: (np.zeros((8, 10, 3), np.uint8), None)  # noqa: E731
         robot = SimulatedRobot(session, make("robot"), topics, INFO, look, manners, np.random.default_rng(0))
         thread = threading.Thread(target=lambda: outcomes.append(robot.drive(run)), daemon=True)
         thread.start()

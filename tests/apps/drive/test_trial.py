@@ -22,6 +22,9 @@ class FakeRobot:
         self.after(self)
         return (picture(time.time_ns()), time.monotonic_ns()) if self.sends else None
 
+    def depths(self):
+        return []
+
     def odometry(self):
         return [(odometry(time.time_ns()), time.monotonic_ns())] if self.sends else []
 

@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from readygo.apps.robot_logs.pixels import ENCODINGS, bgr_of
+from readygo.apps.robot_logs.pixels import ENCODINGS, bgr_of, depth_of, millimetres, pixels_of
 
 RED = {"bgr8": (0, 0, 255), "rgb8": (255, 0, 0), "rgba8": (255, 0, 0, 9), "bgra8": (0, 0, 255, 9)}
 
@@ -33,3 +33,23 @@ def test_unknown_encoding_and_wrong_sizes_are_said():
         bgr_of(np.zeros(32, np.uint8), encoding="16UC1", height_px=4, width_px=4, row_bytes=8)
     with pytest.raises(ValueError, match="4x4 px rgb8 in 12 bytes"):
         bgr_of(np.zeros(12, np.uint8), encoding="rgb8", height_px=4, width_px=4, row_bytes=12)
+
+
+def test_depths_are_read_in_millimetres_and_in_metres():
+    millimetre = np.array([[1500, 0], [65535, 1]], ">u2")
+    size = {"height_px": 2, "width_px": 2}
+    found = pixels_of(
+        np.frombuffer(millimetre.tobytes(), np.uint8), encoding="16UC1", row_bytes=4, big_endian=True, **size
+    )
+    assert np.array_equal(found, np.array([[1.5, np.inf], [65.535, 0.001]], np.float32))
+    metres = np.array([[1.5, np.nan, 9.0], [np.inf, 0.0, 9.0]], np.float32)
+    found = pixels_of(np.frombuffer(metres.tobytes(), np.uint8), encoding="32FC1", row_bytes=12, **size)
+    assert np.array_equal(found, np.array([[1.5, np.inf], [np.inf, np.inf]], np.float32))
+
+
+def test_depths_that_are_none_are_said():
+    with pytest.raises(ValueError, match="depths of 4x4 px 16UC1 in 16 bytes of 4 a row"):
+        depth_of(np.zeros(16, np.uint8), encoding="16UC1", height_px=4, width_px=4, row_bytes=4)
+    with pytest.raises(ValueError, match="depths of encoding 'bgr8'; known: 16UC1, 32FC1"):
+        depth_of(np.zeros(48, np.uint8), encoding="bgr8", height_px=4, width_px=4, row_bytes=12)
+    assert millimetres(np.array([np.nan, -1.0, 66.0, 2.0], np.float32)).tolist() == [0, 0, 0, 2000]

@@ -3,6 +3,8 @@ import pytest
 
 from readygo.common.episode import EpisodeConfig, EpisodeSimulation
 from readygo.common.messages import EpisodeKey, EpisodeMotions, Scenario, Split
+from readygo.common.policy import PolicyMemory, PolicySpec
+from readygo.common.policy.graph import Given, GraphSpec
 from readygo.common.robot import RobotConfig
 from readygo.services.evaluator.drivers import PolicyDriver
 
@@ -11,6 +13,7 @@ class RecordingPolicy:
     """A policy that notes what it is given."""
 
     def __init__(self):
+        self.spec = PolicySpec(robot=RobotConfig())
         self.given = []
         self.started = 0
 
@@ -98,3 +101,18 @@ def test_command_is_held_between_decisions_while_the_policy_sees_every_image(sim
     assert [v for v, _ in commands] == pytest.approx([0.0] * 5 + [0.5] * 5 + [1.0] * 2)
     assert [images[0, 0, 0, 0] for images, _ in policy.given] == list(range(12))
     assert policy.given[7][1][0, 0] == pytest.approx(0.05 * 2), "it is told what was executed, not what it decided"
+
+
+def test_policy_that_wants_to_see_the_goal_is_shown_it_as_one_arrives_there(simulation):
+    class LooksAhead(Eyes):
+        def look_from(self, poses, episode):
+            self.pose = poses[0]
+            return np.full((1, 2, 2, 3), 7, np.uint8)
+
+    policy, eyes, episode = RecordingPolicy(), LooksAhead(), simulation()
+    graph = GraphSpec(inputs={"image": Given.RGB, "there": Given.GOAL_IMAGE})
+    policy.spec = PolicySpec(robot=RobotConfig(), graph=graph)
+    policy.start = lambda: PolicyMemory(10**8)
+    ride = PolicyDriver(policy, eyes).start(episode)
+    assert ride.memory.kept.goal_image.tolist() == np.full((2, 2, 3), 7).tolist()
+    assert eyes.pose == (2.0, 5.0, pytest.approx(np.pi / 2, abs=0.05))

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from readygo.common.avatars import Avatar
+from readygo.common.camera.depth import depth_bytes, in_range
 from readygo.common.episode import EpisodeConfig, EpisodeSimulation
 from readygo.common.errors import AvatarError
 from readygo.common.maps import GridFrame, OccupancyMap
-from readygo.common.messages import EpisodeMotions, HumanMotion
-from readygo.services.renderer import LiveCamera, Renderer, RendererConfig, episode_samples
+from readygo.common.messages import EpisodeMotions, HumanMotion, Humans, RenderRequest, RenderView
+from readygo.services.renderer import LiveCamera, Renderer, RendererConfig, episode_samples, handle_render
 from readygo.services.renderer.sensor.recipes import SENSOR_RECIPES
 from tests.services.renderer.wearers import ROBOT
 
@@ -48,3 +49,20 @@ def test_unknown_avatar_is_refused_before_anybody_drives(renderer: Renderer, epi
     stranger = EpisodeMotions(humans=(dataclasses.replace(human, avatar="stranger"),))
     with pytest.raises(AvatarError, match="'stranger' is not loaded"):
         LiveCamera(renderer, _simulation((scenario, stranger, trajectory), ROBOT))
+
+
+def test_who_sees_depths_is_shown_them_and_they_are_those_that_views_have(renderer: Renderer, episode) -> None:
+    simulation = _simulation(episode, ROBOT)
+    live = LiveCamera(renderer, simulation, ("rgb", "depth"))
+    sight = live.take()
+    camera, pose = ROBOT.camera, simulation.path_xyyaw(0, 0)[0].tolist()
+    floor_m = renderer.scene.maps.floor.at(*pose[:2])
+    view = RenderView(people="", step=0, T_world_camera=camera.T_world_camera(*pose, floor_m))
+    people = Humans(key="people", humans=episode[1].humans)
+    request = RenderRequest(views=(dataclasses.replace(view, people="people"),), people=(people,), outputs=("depth",))
+    reply = handle_render(renderer, request)
+    depth_m = reply.outputs["depth"][0]
+    assert np.array_equal(sight[..., :3], reply.rgb[0])
+    assert np.array_equal(sight[..., 3], depth_bytes(in_range(depth_m, camera), camera))
+    assert len(np.unique(sight[..., 3])) > 5
+    assert live.pictures[0].outputs == {}

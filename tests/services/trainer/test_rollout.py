@@ -4,11 +4,15 @@ import dataclasses
 
 import cv2
 import numpy as np
+import onnx
 import pytest
 import torch
 from torch import nn
 
+from readygo.common.images.files import decode_output, encode_output
+from readygo.common.images.images import Images
 from readygo.common.policy import PolicySpec, load_policy
+from readygo.common.policy.sight import camera_sight
 from readygo.common.robot import CameraConfig, RobotConfig
 from readygo.services.trainer import TrainConfig, with_overrides
 from readygo.services.trainer.episodes import Episode
@@ -20,7 +24,7 @@ from readygo.services.trainer.parts import Part, timing_of
 STEPS = 40
 
 
-def recorded(robot):
+def recorded(robot, images=("rgb",)):
     """An episode of random pictures and commands, kept without loss."""
     rng = np.random.default_rng(1)
     camera, walk = robot.camera, np.cumsum(rng.normal(0, 0.1, (STEPS, 2)), axis=0)
@@ -33,7 +37,15 @@ def recorded(robot):
         goals_xy_m=rng.uniform(-12, 12, (STEPS, 2)).astype(np.float32),
         xyyaw=np.zeros((STEPS, 3)),
     )
-    return pictures, episode
+    if "depth" not in images:
+        return pictures, episode
+    depths_m = rng.uniform(0.0, 14.0, pictures.shape[:3]).round(3).astype(np.float32)
+    files = tuple(encode_output(Images(rgb=pictures[0], depth_m=depth_m), "depth") for depth_m in depths_m)
+    seen = [
+        camera_sight(rgb, decode_output("depth", file), images, camera, "e", step)
+        for step, (rgb, file) in enumerate(zip(pictures, files, strict=True))
+    ]
+    return np.stack(seen), dataclasses.replace(episode, outputs={"depth": files})
 
 
 def network(robot, config):
@@ -52,18 +64,25 @@ def network(robot, config):
 @pytest.mark.parametrize(("fusion", "frame_count"), [("late", 3), ("late", 5), ("early", 3), ("early", 2)])
 @pytest.mark.parametrize("motion", ["poses", "command"])
 def test_exported_policy_drives_as_the_network_that_was_trained(tmp_path, output, fusion, frame_count, motion):
-    camera = CameraConfig(height_px=48, width_px=64, latency_s=0.1)
+    check_same_drive(tmp_path, ("rgb",), output=output, fusion=fusion, frame_count=frame_count, motion=motion)
+
+
+@pytest.mark.parametrize(("fusion", "pooled_height_px"), [("late", 24), ("early", 24), ("early", 0)])
+def test_policy_that_sees_depths_drives_as_the_network_that_was_trained(tmp_path, fusion, pooled_height_px):
+    check_same_drive(tmp_path, ("rgb", "depth"), fusion=fusion, pooled_height_px=pooled_height_px)
+    encoder = onnx.load(tmp_path / "encoder.onnx")
+    assert [item.name for item in encoder.graph.input] == ["image", "depth"]
+
+
+def check_same_drive(folder, images, **settings):
+    noise = {"depth_noise": 0.003, "depth_lost": 0.1} if "depth" in images else {}
+    camera = CameraConfig(height_px=48, width_px=64, latency_s=0.1, **noise)
     robot = RobotConfig(v_max_mps=0.8, w_max_radps=0.9, camera=camera)
     config = with_overrides(
         TrainConfig(cache_mb=1),
-        output=output,
-        fusion=fusion,
-        frame_count=frame_count,
-        motion=motion,
-        pooled_height_px=24,
-        frame_spacing_s=0.25,
+        **{"pooled_height_px": 24, "frame_spacing_s": 0.25, "images": images, **settings},
     )
-    pictures, episode = recorded(robot)
+    pictures, episode = recorded(robot, images)
     part = Part(robot, config, 1.0)
     part.reservoir.add(episode)
     model = network(robot, config)
@@ -71,8 +90,8 @@ def test_exported_policy_drives_as_the_network_that_was_trained(tmp_path, output
     with torch.inference_mode():
         shown = objective.plain(part.table, part.frames, np.arange(STEPS))
         expected = model.clip(model.decide(objective.answers(model, shown)[0])).numpy()
-    export_policy(model, PolicySpec(robot=robot, frame_spacing_s=0.25), tmp_path)
-    policy = load_policy(tmp_path)
+    export_policy(model, PolicySpec(robot=robot, frame_spacing_s=0.25), folder)
+    policy = load_policy(folder)
     memory, driven = policy.start(), []
     for step in range(STEPS):
         late = pictures[max(step - 2, 0)][None]
