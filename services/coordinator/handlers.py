@@ -465,7 +465,7 @@ def _not_the_holder(index: int, attempt: int) -> Verdict:
 
 def _lease_proof(coordinator: Coordinator, index: int, attempt: int) -> str:
     """What the holder of a lease alone is told."""
-    return hmac.new(coordinator.secret, f"{index} {attempt}".encode(), hashlib.sha256).hexdigest()
+    return hmac.digest(coordinator.secret, f"{index} {attempt}".encode(), "sha256").hex()
 
 
 def _proves_lease(coordinator: Coordinator, proof: str, index: int, attempt: int) -> bool:
