@@ -57,6 +57,7 @@ COMMANDS = {
     "plan": Command(
         "readygo.apps.commands.plan:plan", "plan one episode again and explain it in numbers, a picture or a film"
     ),
+    "router": Command("readygo.apps.commands.router:router", "let several runs share one fleet"),
     "generate": Command("readygo.apps.commands.generate:generate", "record episodes of an expert among walking people"),
     "validate": Command("readygo.apps.commands.data:validate", "read a dataset again and report every defect"),
     "recover": Command(

@@ -35,7 +35,7 @@ def certs_issue(
 
     Args:
         names: Roles: coordinator, recorder.NAME, those of the run's stages (human-planner, animator, robot-planner,
-            renderer, driver), all, trainer, operator (may pause and cancel), monitor (only looks).
+            renderer, driver, evaluator), all, trainer, operator (may pause and cancel), monitor (only looks).
         authority: Folder of the authority.
         out: Folder that gets NAME.pem, NAME.key and ca.pem, for a host to have; the authority's own by default.
         host: Names and addresses under which a coordinator is reached, besides localhost.

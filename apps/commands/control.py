@@ -5,11 +5,12 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from readygo.apps.fleet.access import join
+from readygo.apps.fleet.runs import none_such, runs_at
 from readygo.apps.fleet.token import given_token
 from readygo.apps.run.folder import RunFolder
 from readygo.common.bus import Bus
 from readygo.common.bus.identity import MONITOR, OPERATOR
-from readygo.common.errors import RunError
+from readygo.common.errors import BusError, PeerError, RunError
 from readygo.common.messages import Command, ControlRequest, topics
 
 
@@ -68,14 +69,19 @@ def joined(data: Path | None, connect: str, run: str, certs: Path | None) -> Ite
         (connect, token), run = folder.fleet_endpoint(), folder.load()[0].run
     if not connect or not run:
         raise RunError("Name the run: its data folder, or --connect ENDPOINT --run RUN.")
-    bus = join(connect, run, _shown(certs), certs=certs, token=token)
+    bus = join(connect, run, shown_role(certs), certs=certs, token=token)
     try:
         yield bus
+    except PeerError:
+        raise
+    except BusError as error:
+        there = runs_at(connect, shown_role(certs), certs=certs, token=token)
+        raise BusError(none_such(run, connect, there)) from error
     finally:
         bus.close()
 
 
-def _shown(certs: Path | None) -> str:
+def shown_role(certs: Path | None) -> str:
     """The certificate of a folder that somebody who looks at a run shows: an operator's, or else a monitor's."""
     monitors = certs is not None and not (certs / f"{OPERATOR}.pem").exists() and (certs / f"{MONITOR}.pem").exists()
     return MONITOR if monitors else OPERATOR

@@ -8,15 +8,19 @@ from readygo.apps.fleet.lead import lead
 from readygo.apps.observe.logs import LogFormat, begin_logging
 from readygo.apps.observe.observer import Observer
 from readygo.apps.observe.settings import OBSERVING, Observing
+from readygo.apps.run.config import with_priority
 from readygo.apps.run.folder import RunFolder
 from readygo.common.bus.identity import COORDINATOR
+from readygo.common.errors import RunError
 
 
 def coordinator(
     data: Path,
     /,
     *,
-    listen: str,
+    listen: str = "",
+    connect: str = "",
+    priority: int | None = None,
     certs: Path | None = None,
     metrics: Annotated[str, OBSERVING] = "",
     log_format: Annotated[LogFormat, OBSERVING] = "text",
@@ -25,24 +29,41 @@ def coordinator(
     """Lead the run in a data folder: router, ledger and blobs, until it is over; started again, it goes on.
 
     Workers and recorders join it from any machine with `readygo worker`; a recorder writes its shards where it runs.
-    `readygo generate ... --on hosts` begins such a run.
+    `readygo generate ... --on hosts` begins such a run. Several runs share a router, and the fleet there, by `connect`.
 
     Args:
         data: Data folder of the run.
-        listen: Endpoint of the router, tls/HOST:PORT with certificates; 0.0.0.0 stands for all addresses.
+        listen: Endpoint of the run's own router, tls/HOST:PORT with certificates; 0.0.0.0 stands for all addresses.
+        connect: In place of `listen`: a router that is there already (`readygo router`), for several runs of one fleet.
+        priority: Workers of several runs do those with a higher one first, -1000..1000; as before, or 0.
         certs: Folder with the coordinator's certificate, for a tls/ endpoint.
         metrics: HOST:PORT where Prometheus finds this process; port 0 takes a free one, which the log names.
         log_format: "json" writes one JSON object a line.
         traces: Where OpenTelemetry's spans go: an OTLP endpoint such as http://collector:4318, or a folder.
     """
-    lead_run(data, listen, certs, Observing(metrics=metrics, log_format=log_format, traces=traces))
-
-
-def lead_run(data: Path, listen: str, certs: Path | None, observing: Observing) -> None:
-    """Lead a run, and say what came of it; see `coordinator`."""
+    check_endpoints(listen, connect)
     folder = RunFolder(data)
+    if priority is not None:
+        with folder.locked():
+            spec, wanted = folder.load()
+            folder.save(with_priority(spec, priority), wanted)
+    observing = Observing(metrics=metrics, log_format=log_format, traces=traces)
+    lead_run(folder, listen or connect, joins=bool(connect), certs=certs, observing=observing)
+
+
+def check_endpoints(listen: str, connect: str) -> None:
+    """Raise RunError unless exactly one of the two is given."""
+    if bool(listen) == bool(connect):
+        raise RunError(
+            "Name one of --listen, for a router of the run's own, such as tls/10.0.0.5:7447, and --connect, for one "
+            "that is there already."
+        )
+
+
+def lead_run(folder: RunFolder, endpoint: str, *, joins: bool, certs: Path | None, observing: Observing) -> None:
+    """Lead a run, and say what came of it; see `lead`."""
     run = folder.load()[0].run
     begin_logging(observing.log_format, run=run, role=COORDINATOR, worker=COORDINATOR)
     with Observer(observing, run=run, role=COORDINATOR, name=COORDINATOR, state=folder.state) as observer:
-        status = lead(folder, listen, certs=certs, observer=observer)
+        status = lead(folder, endpoint, joins=joins, certs=certs, observer=observer)
     sys.stderr.write(f"{status.committed} episodes, {status.samples} samples, in the shards of their recorders.\n")

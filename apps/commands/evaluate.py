@@ -83,6 +83,7 @@ def evaluate(
     checkpoints: Path = CHECKPOINTS,
     workers: int = 0,
     listen: str = "",
+    certs: Path | None = None,
     json: bool = False,
 ) -> None:
     """Drive a policy, the expert and a straight line through the same episodes, and count successes.
@@ -124,7 +125,8 @@ def evaluate(
         checkpoints: Folder with gnm_large.pth, vint.pth, nomad.pth and the policy vid2sim, where these drive.
         workers: Processes that drive, one per core; 0 drives in this process. Records are the same.
         listen: Endpoint of the workers' router, such as tcp/127.0.0.1:7447, for workers that are started by hand
-            (`readygo worker evaluator`); a free loopback port by default.
+            or on other machines (`readygo worker evaluator`); a free loopback port by default.
+        certs: Folder of certificates of coordinator and evaluator (`readygo certs issue`), for a tls/ endpoint.
         json: Print the summary as JSON.
     """
     if from_logs is not None:
@@ -183,6 +185,7 @@ def evaluate(
                     results=results,
                     workers=workers,
                     listen=listen,
+                    certs=certs,
                     report=show,
                     say=say,
                 )

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
 from readygo.apps.cli import Bare, Group
-from readygo.apps.commands.coordinator import lead_run
+from readygo.apps.commands.coordinator import check_endpoints, lead_run
 from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.fleet.run import Show, begin, record
 from readygo.apps.fleet.slurm import check_slurm
@@ -21,7 +21,7 @@ from readygo.apps.monitor.beside import watched
 from readygo.apps.observe.logs import LogFormat
 from readygo.apps.observe.settings import NOTHING, OBSERVING, Observing
 from readygo.apps.run.again import prepare_again
-from readygo.apps.run.config import load_run_config, with_detail, with_disturbance, with_outputs
+from readygo.apps.run.config import load_run_config, with_detail, with_disturbance, with_outputs, with_priority
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.origin import avatars_of_policy, robot_of_policy
 from readygo.apps.run.policy import with_expert, with_policy
@@ -61,6 +61,8 @@ def generate(
     config: Path | None = None,
     sensor: Annotated[SensorName | None, IMAGES] = None,
     listen: Annotated[str, RUNNING] = "",
+    connect: Annotated[str, RUNNING] = "",
+    priority: Annotated[int | None, RUNNING] = None,
     certs: Annotated[Path | None, RUNNING] = None,
     on: Annotated[Literal["local", "slurm", "hosts"], RUNNING] = "local",
     slurm: Annotated[str, RUNNING] = "",
@@ -103,6 +105,9 @@ def generate(
             `config` say of that.
         listen: Endpoint of the fleet's router, such as tcp/127.0.0.1:7447, for workers that are started by hand; a
             free loopback port by default.
+        connect: With `on` "hosts" and in place of `listen`: a router that is there already (`readygo router`), where
+            several runs share one fleet.
+        priority: Workers of several runs do those with a higher one first, -1000..1000; as in `config`, or 0.
         certs: Folder of certificates (`readygo certs issue`), for a tls/ endpoint.
         on: Where workers run: "slurm" submits `workers` jobs that do all stages, as one array, and requeues them when
             they are preempted; `listen` must be an address that its nodes reach, tls/ or on a network that you trust.
@@ -121,13 +126,17 @@ def generate(
         check_slurm(workers, listen)
     elif slurm:
         raise RunError("--slurm has options of sbatch: it goes with --on slurm.")
-    elif on == "hosts" and not listen:
-        raise RunError("--on hosts needs --listen with an address that they reach, such as tls/10.0.0.5:7447.")
+    elif on == "hosts":
+        check_endpoints(listen, connect)
+    if connect and on != "hosts":
+        raise RunError("--connect is for a run whose workers and recorders are on other machines: add --on hosts.")
     if watch and workers == 0 and on != "hosts":
         raise RunError("--watch needs a fleet to hear: give --workers 1 or more.")
     where = Where(
         workers=workers,
-        listen=listen,
+        endpoint=listen or connect,
+        joins=bool(connect),
+        priority=priority,
         slurm=slurm if on == "slurm" else None,
         certs=certs,
         hosts=on == "hosts",
@@ -171,7 +180,11 @@ class Where:
     """Which workers a run has, and where."""
 
     workers: int
-    listen: str
+    endpoint: str
+    """Of the router; empty for a free loopback port."""
+    joins: bool
+    """True where the router is there already."""
+    priority: int | None
     slurm: str | None
     certs: Path | None
     hosts: bool
@@ -182,13 +195,15 @@ class Where:
 
 def _record(spec: RunSpec, out: Path, episodes: int, where: Where, *, json: bool) -> None:
     """Do a run, and say on the terminal how it goes and what it gave."""
-    join = _how_to_join(spec, out, where) if where.listen else ""
+    if where.priority is not None:
+        spec = with_priority(spec, where.priority)
+    join = _how_to_join(spec, out, where) if where.endpoint else ""
     page = watched(out, (RunFolder(out).state / "endpoint").exists, where.certs) if where.watch else nullcontext()
     if where.hosts:
         begin(spec, out, episodes)
         sys.stderr.write(f"{join}\n")
         with page:
-            lead_run(out, where.listen, where.certs, where.observing)
+            lead_run(RunFolder(out), where.endpoint, joins=where.joins, certs=where.certs, observing=where.observing)
         return
     with page, progress_bar(first_words=join, quiet=json) as show:
         summary = record(
@@ -196,7 +211,7 @@ def _record(spec: RunSpec, out: Path, episodes: int, where: Where, *, json: bool
             out,
             episodes=episodes,
             workers=where.workers,
-            listen=where.listen,
+            listen=where.endpoint,
             slurm=where.slurm,
             certs=where.certs,
             show=show,
@@ -218,7 +233,7 @@ def _record(spec: RunSpec, out: Path, episodes: int, where: Where, *, json: bool
 
 def _how_to_join(spec: RunSpec, out: Path, where: Where) -> str:
     proof = f"READYGO_TOKEN=$(tail -1 {RunFolder(out).state / 'endpoint'}) "
-    command = f"readygo worker {spec.stages[-1].role} --connect {where.listen} --run {spec.run}"
+    command = f"readygo worker {spec.stages[-1].role} --connect {where.endpoint} --run {spec.run}"
     return f"More workers can join: {f'{command} --certs CERTS' if where.certs else proof + command}"
 
 

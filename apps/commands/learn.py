@@ -6,17 +6,21 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from functools import partial
 from pathlib import Path
+from typing import Literal
 
 from rich.console import Console
 from rich.progress import BarColumn, TaskProgressColumn, TextColumn
 
 from readygo.apps.commands.progress import SteadyProgress
+from readygo.apps.fleet.access import identity_for
 from readygo.apps.learn.config import load_learn_config
+from readygo.apps.learn.crew import Reach
 from readygo.apps.learn.learn import learn_policy, report_content
 from readygo.apps.learn.plan import Budget, Plan, learn_settings, make_plan
 from readygo.apps.learn.report import write_report
 from readygo.apps.learn.supervise import Now
 from readygo.apps.monitor.beside import watched
+from readygo.common.bus.identity import COORDINATOR
 from readygo.common.errors import RunError
 from readygo.services.evaluator import EpisodeRecord, summary_table
 
@@ -36,6 +40,9 @@ def learn(
     avatars: Path | None = None,
     robot: Path | None = None,
     config: Path | None = None,
+    on: Literal["local", "hosts"] = "local",
+    listen: str = "",
+    certs: Path | None = None,
     watch: bool = False,
     json: bool = False,
 ) -> None:
@@ -57,11 +64,20 @@ def learn(
         robot: robot.toml; without one, or without a camera in it, the camera has 72x128 pixels.
         config: TOML file with sections of settings, as given to `readygo generate`, and [learn]: `mix`, the share of
             the episodes that policies drive, `reuse`, how often each sample is learned from, and others.
+        on: Where episodes are driven: "local" shares this machine's cores between driving and learning, "hosts" leaves
+            them to learning, and all drivers are `readygo worker all` on other machines.
+        listen: Endpoint of the fleet's router, for workers of other machines, such as tls/10.0.0.5:7447.
+        certs: Folder of certificates of coordinator, recorder.rec0, trainer and all, for a tls/ endpoint.
         watch: Show the run on a page while it goes on, as `readygo monitor` does.
         json: Print the result as JSON.
     """
     if episodes < 0:
         raise RunError(f"--episodes must be at least 0, got {episodes}.")
+    if on == "hosts" and not listen:
+        raise RunError("--on hosts needs --listen with an address that they reach, such as tls/10.0.0.5:7447.")
+    if listen or certs:
+        # Before anything is prepared.
+        identity_for(listen, COORDINATOR, certs=certs)
     plan = make_plan(
         scenes,
         out,
@@ -71,9 +87,12 @@ def learn(
         avatars=avatars,
         seed=seed,
     )
-    page = watched(out, partial(_has_begun, plan)) if watch else nullcontext()
+    if listen:
+        sys.stderr.write(f"{_how_to_join(plan, listen, certs)}\n")
+    reach = Reach(listen=listen, certs=certs, hosts=on == "hosts")
+    page = watched(out, partial(_has_begun, plan), certs) if watch else nullcontext()
     with page, live_line(6 * episodes * len(scenes), quiet=json) as (show, tested):
-        learned = learn_policy(plan, episodes=episodes, show=show, tested=tested)
+        learned = learn_policy(plan, episodes=episodes, show=show, tested=tested, reach=reach)
     report = out / "report.html"
     named = {"avatars": avatars, "robot": robot, "config": config, "seed": seed or None}
     write_report(report, report_content(learned, scenes, **named))
@@ -85,6 +104,11 @@ def learn(
         console.print(name, markup=False)
         console.print(summary_table(reply.summaries))
     console.print(f"The policy: {plan.policy}. How it learned and what it fails in: {report}", markup=False)
+
+
+def _how_to_join(plan: Plan, listen: str, certs: Path | None) -> str:
+    proof = "" if certs else f"READYGO_TOKEN=$(tail -1 {plan.places[0].folder.state / 'endpoint'}) "
+    return f"More workers can join: {proof}readygo worker all --connect {listen}{' --certs CERTS' if certs else ''}"
 
 
 def _has_begun(plan: Plan) -> bool:

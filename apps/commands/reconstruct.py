@@ -214,9 +214,9 @@ def _print_scene(source: Path, job: Job, report: dict[str, Any]) -> None:
     table = Table(title=f"{job.out.name}, made of {source.name}", show_header=False)
     for label, text in _rows(report):
         table.add_row(label, text)
-    table.add_row(
-        "Gaussians", f"{training['gaussians']:,} trained on {training['images']} images; left out: {report['removed']}"
-    )
+    made = f"{training['gaussians']:,} trained on {training['images']} images"
+    left = f"unseen: {training['unseen']:,}, {report['removed']}"
+    table.add_row("Gaussians", f"{made}; left out: {left}; kept as sky: {report['sky']:,}")
     table.add_row("held-out images", quality)
     for stage, seconds in report["seconds"].items():
         table.add_row(f"time of {stage}", f"{seconds:.0f} s")

@@ -8,8 +8,10 @@ from pathlib import Path
 from rich.console import Console
 from rich.live import Live
 
-from readygo.apps.commands.control import joined
-from readygo.apps.observe.status import Look, Observed, status_table
+from readygo.apps.commands.control import joined, shown_role
+from readygo.apps.fleet.access import join
+from readygo.apps.fleet.runs import ANY_RUN, HEAR_S, Runs
+from readygo.apps.observe.status import Look, Observed, runs_table, status_table
 from readygo.common.config import section_to_mapping
 
 REFRESH_S = 1.0
@@ -29,14 +31,19 @@ def status(
 ) -> None:
     """Say how far a run is: the queue of every stage, rates, time left, workers with what they hold, disks.
 
+    With `connect` alone it lists the runs of a router, the most urgent first.
+
     Args:
         data: Data folder that a fleet of this machine is recording into.
         connect: Endpoint of the fleet's router, in place of the folder.
-        run: Name of the run there, as `readygo generate --listen` prints it.
+        run: Name of the run there, as `readygo generate --listen` prints it; without it all are listed.
         certs: Folder with a certificate of a monitor or an operator, for a tls/ endpoint.
         watch: Go on until the run is over, or Ctrl-C.
         json: Print all numbers as JSON.
     """
+    if data is None and connect and not run:
+        _list(connect, certs, watch=watch, json=json)
+        return
     with joined(data, connect, run, certs) as bus:
         look = Look(bus)
         if json:
@@ -62,3 +69,23 @@ def _watch(look: Look, console: Console) -> None:
             time.sleep(REFRESH_S)
             observed = look.now()
             live.update(status_table(observed), refresh=True)
+
+
+def _list(connect: str, certs: Path | None, *, watch: bool, json: bool) -> None:
+    """List the runs of a router."""
+    bus = join(connect, ANY_RUN, shown_role(certs), certs=certs)
+    try:
+        runs = Runs(bus)
+        time.sleep(HEAR_S)
+        if json:
+            plain = [section_to_mapping(status) for status in runs.statuses()]
+            sys.stdout.write(json_module.dumps(plain) + "\n")
+        elif watch:
+            with Live(runs_table(runs.statuses()), auto_refresh=False) as live:
+                while True:
+                    time.sleep(REFRESH_S)
+                    live.update(runs_table(runs.statuses()), refresh=True)
+        else:
+            Console(highlight=False).print(runs_table(runs.statuses()))
+    finally:
+        bus.close()

@@ -3,7 +3,7 @@
 import contextlib
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from readygo.apps.fleet.token import given_token
@@ -12,7 +12,7 @@ from readygo.common.bus.rights import access_control
 from readygo.common.bus.zenoh_bus import Router, ZenohBus
 from readygo.common.errors import CertificateError
 from readygo.common.extras import install_command
-from readygo.common.messages import RunSpec
+from readygo.common.messages.stages import STAGES
 
 TLS = "tls/"
 
@@ -40,8 +40,14 @@ def join(
     return ZenohBus(connect, run, given_token() if token is None else token)
 
 
-def open_router(spec: RunSpec, recorders: tuple[str, ...], listen: str, *, certs: Path | None, token: str) -> Router:
-    """The router of a run; with certificates it gives everybody the rights of their role, else to who has the token.
+def open_router(recorders: Iterable[str], listen: str, *, certs: Path | None, token: str) -> Router:
+    """A router for runs; with certificates it gives everybody the rights of their role, else to who has the token.
+
+    Args:
+        recorders: Names of the runs' recorders.
+        listen: Where.
+        certs: Folder with the coordinator's certificate.
+        token: What all who join must know where there are none.
 
     Raises:
         CertificateError: As `join`.
@@ -50,7 +56,7 @@ def open_router(spec: RunSpec, recorders: tuple[str, ...], listen: str, *, certs
     identity = identity_for(listen, COORDINATOR, certs=certs)
     if identity is None:
         return Router(listen, token)
-    return Router(listen, identity=identity, access=access_control({stage.role for stage in spec.stages}, recorders))
+    return Router(listen, identity=identity, access=access_control({stage.role for stage in STAGES}, recorders))
 
 
 def identity_for(endpoint: str, role: str, *, name: str = "", certs: Path | None = None) -> Identity | None:

@@ -9,14 +9,16 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from readygo.apps.fleet.access import join, open_router, reached_here, refusals_on_stderr
 from readygo.apps.fleet.fleet import Fleet
 from readygo.apps.fleet.token import given_token, new_token
 from readygo.apps.run.folder import RunFolder
-from readygo.apps.run.identity import numeric_class, run_name
+from readygo.apps.run.identity import files_of, numeric_class, run_name
 from readygo.apps.run.policy import policy_refs
 from readygo.apps.run.world import World
 from readygo.common.bus import Bus
-from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
+from readygo.common.bus.identity import COORDINATOR
+from readygo.common.bus.zenoh_bus import free_endpoint
 from readygo.common.errors import RunError
 from readygo.common.fleet.grants import Grants
 from readygo.common.messages import EvaluationPlan, PolicyRef, RunSpec
@@ -49,6 +51,8 @@ class EvaluationFleet:
     """Processes on this machine."""
     listen: str = ""
     """Endpoint of the router, for further workers; empty takes a free loopback port."""
+    certs: Path | None = None
+    """Folder of certificates, for an endpoint tls/..."""
     report: Report = lambda _: None
     say: Callable[[str], None] = lambda _: None
     """Hears how others join, where an endpoint is given."""
@@ -101,25 +105,28 @@ def _drive_by_fleet(fleet: EvaluationFleet, indices: Sequence[int]) -> None:
     folder = RunFolder(fleet.results.folder)
     if folder.has_data:
         raise RunError(f"{folder.path} holds recorded data; choose another --out.")
-    token, endpoint = given_token() or new_token(), fleet.listen or free_endpoint()
+    run, certs, endpoint = fleet.spec.run, fleet.certs, fleet.listen or free_endpoint()
+    token, here = "" if certs else given_token() or new_token(), reached_here(endpoint)
     with contextlib.ExitStack() as open_things, folder.locked():
         scratch = Path(open_things.enter_context(tempfile.TemporaryDirectory()))
-        router = Router(endpoint, token)
+        if certs:
+            open_things.enter_context(refusals_on_stderr())
+        router = open_router((KEEPER,), endpoint, certs=certs, token=token)
         open_things.callback(router.close)
         # A handler that asks must not be on the thread that answers: keeper and coordinator have a bus each.
-        buses = [ZenohBus(endpoint, fleet.spec.run, token) for _ in range(2)]
+        buses = [join(here, run, COORDINATOR, certs=certs, token=token) for _ in range(2)]
         for bus in buses:
             open_things.callback(bus.close)
         folder.save(fleet.spec, len(indices))
-        open_things.enter_context(folder.reachable(endpoint, token))
+        open_things.enter_context(folder.reachable(here, token))
         served = open_things.enter_context(serving(fleet, indices, scratch, *buses))
-        run = fleet.spec.run
-        processes = Fleet(connect=endpoint, run=run, data=folder.path.resolve(), logs=folder.logs, token=token)
+        data = folder.path.resolve()
+        processes = Fleet(connect=here, run=run, data=data, logs=folder.logs, token=token, certs=certs)
         open_things.callback(processes.stop)
         for number in range(min(fleet.workers, len(indices))):
             processes.add(EVALUATE.role, f"{EVALUATE.role}{number}")
         if fleet.listen:
-            fleet.say(_join(folder, fleet))
+            fleet.say(_how_to_join(folder, fleet))
         while not served.tick():
             processes.check()
             time.sleep(TICK_S)
@@ -169,7 +176,7 @@ def serving(
         spec=spec,
         wanted=len(indices),
         ledger=ledger,
-        blobs=coordination.BlobStore(scratch / "blobs", _files(spec)),
+        blobs=coordination.BlobStore(scratch / "blobs", files_of(spec)),
         config=config,
         set_aside=lambda index, reason, results: _give_up(coordinator, index, reason),
     )
@@ -189,21 +196,13 @@ def serving(
         ledger.close()
 
 
-def _files(spec: RunSpec) -> dict[str, Path]:
-    """What workers on other machines fetch: where it is, by its hash."""
-    files = {file.sha256: Path(spec.scene_path) / file.path for file in spec.scene_files}
-    if spec.policy is not None:
-        files |= {file.sha256: Path(spec.policy.path) / file.path for file in spec.policy.files}
-    return files
-
-
 def _give_up(coordinator: coordination.Coordinator, index: int, reason: str) -> str:
     """End the evaluation: another episode in this one's place would be another evaluation."""
     coordinator.failed = f"Episode {index} cannot be driven: {reason}."
     return ""
 
 
-def _join(folder: RunFolder, fleet: EvaluationFleet) -> str:
-    token = f"READYGO_TOKEN=$(tail -1 {folder.state / 'endpoint'})"
-    worker = f"readygo worker {EVALUATE.role} --connect {fleet.listen} --run {fleet.spec.run}"
-    return f"More workers can join: {token} {worker}"
+def _how_to_join(folder: RunFolder, fleet: EvaluationFleet) -> str:
+    command = f"readygo worker {EVALUATE.role} --connect {fleet.listen} --run {fleet.spec.run}"
+    proof = f"READYGO_TOKEN=$(tail -1 {folder.state / 'endpoint'}) "
+    return f"More workers can join: {f'{command} --certs CERTS' if fleet.certs else proof + command}"

@@ -1,5 +1,6 @@
 """The coordinator of a run whose workers and recorders are on other machines: router, ledger and blobs."""
 
+import contextlib
 import logging
 import threading
 import time
@@ -17,7 +18,7 @@ from readygo.apps.run.recorders import prepare_folders
 from readygo.apps.run.recovery import recover
 from readygo.common.bus import Bus
 from readygo.common.bus.identity import COORDINATOR
-from readygo.common.errors import RunError
+from readygo.common.errors import BusError, RunError
 from readygo.common.messages import StatusReply, StatusRequest
 from readygo.services import coordinator as coordination
 
@@ -27,42 +28,61 @@ FAREWELL_S = 30.0
 """Time that workers and recorders have to hear that the run is over, and to finish their shards [s]."""
 
 
-def lead(folder: RunFolder, listen: str, *, certs: Path | None = None, observer: Observer | None = None) -> StatusReply:
+def lead(
+    folder: RunFolder,
+    endpoint: str,
+    *,
+    joins: bool = False,
+    certs: Path | None = None,
+    observer: Observer | None = None,
+) -> StatusReply:
     """Coordinate the run in a data folder until it is over and everybody has left.
 
     Args:
         folder: Of the run; of its shards only those lie in it whose recorders are told to write there.
-        listen: Endpoint of the router.
+        endpoint: Of the run's router.
+        joins: True where the router is there already, for this run among others; False opens it.
         certs: Folder of certificates, for a tls/ endpoint.
         observer: What this process shows of itself.
 
     Raises:
-        RunError: If another process works on the folder, the run is of another version, its ledger is lost, or it
-            cannot be finished.
+        RunError: If another process works on the folder, the run is of another version, its ledger is lost, somebody
+            leads it already, or it cannot be finished.
         CertificateError: If the certificates cannot be used.
-        BusError: If the endpoint cannot be opened.
+        BusError: If the endpoint cannot be opened, or no router answers there.
     """
     spec, _ = folder.load()
     check_version(spec)
-    token = "" if certs else given_token() or new_token()
+    token = "" if certs else given_token() or ("" if joins else new_token())
+    here = endpoint if joins else reached_here(endpoint)
     watched = observer or Observer(NOTHING, run=spec.run, role=COORDINATOR, name=COORDINATOR)
     with folder.locked(), folder.coordinated(patience_s=2 * LATE_S):
         recover(folder, recorded_here=False)
         prepare_folders(folder, spec)
         coordinator = make_coordinator(folder, recorded_here=False)
         watched.coordinator(coordinator)
-        router = open_router(spec, coordinator.recorders, listen, certs=certs, token=token)
-        try:
-            bus = watched.bus(join(reached_here(listen), spec.run, COORDINATOR, certs=certs, token=token))
-            try:
-                health = showing_health(bus, COORDINATOR, COORDINATOR, data=folder.path, metrics=watched.metrics_at)
-                with folder.reachable(reached_here(listen), token), health:
-                    return _until_over(bus, coordinator)
-            finally:
-                bus.close()
-        finally:
-            router.close()
-            coordinator.ledger.close()
+        with contextlib.ExitStack() as opened:
+            opened.callback(coordinator.ledger.close)
+            if not joins:
+                opened.callback(open_router(coordinator.recorders, endpoint, certs=certs, token=token).close)
+            bus = watched.bus(join(here, spec.run, COORDINATOR, certs=certs, token=token))
+            opened.callback(bus.close)
+            _take_the_lead(bus, spec.run, here)
+            opened.enter_context(folder.reachable(here, token))
+            health = showing_health(bus, COORDINATOR, COORDINATOR, data=folder.path, metrics=watched.metrics_at)
+            opened.enter_context(health)
+            return _until_over(bus, coordinator)
+
+
+def _take_the_lead(bus: Bus, run: str, endpoint: str) -> None:
+    """Say that the run is led, before anything is answered: two that lead one run would give its episodes out twice."""
+    try:
+        bus.announce(COORDINATOR, COORDINATOR)
+    except BusError as error:
+        raise RunError(
+            f"Run {run} is led already at {endpoint}: stop that coordinator, or, for a second run of the same scene "
+            "and settings, choose another --seed."
+        ) from error
 
 
 def _until_over(bus: Bus, coordinator: coordination.Coordinator) -> StatusReply:
@@ -73,7 +93,6 @@ def _until_over(bus: Bus, coordinator: coordination.Coordinator) -> StatusReply:
         (present.add if alive else present.discard)((role, name))
 
     coordination.attach(bus, coordinator)
-    bus.announce(COORDINATOR, COORDINATOR)
     bus.watch(changed)
     over_s = 0.0
     clock = threading.Event()

@@ -181,7 +181,7 @@ def run_fleet(
     spec, _ = folder.load()
     token = "" if certs else given_token() or new_token()
     recorders = _recorders(folder, spec)
-    router = open_router(spec, recorders, endpoint, certs=certs, token=token)
+    router = open_router(recorders, endpoint, certs=certs, token=token)
     here, data = reached_here(endpoint), folder.path.resolve()
     fleet = Fleet(
         connect=here, run=spec.run, data=data, logs=folder.logs, token=token, certs=certs, observing=observing

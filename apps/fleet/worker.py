@@ -2,6 +2,7 @@
 
 import contextlib
 import ctypes
+import dataclasses
 import logging
 import os
 import signal
@@ -10,6 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -17,6 +19,8 @@ from typing import TYPE_CHECKING, Annotated
 from readygo.apps.cli import USER_MISTAKE
 from readygo.apps.fleet.access import join
 from readygo.apps.fleet.fleet import CANNOT_WORK
+from readygo.apps.fleet.runs import ANY_RUN, Runs
+from readygo.apps.fleet.several import record_for, work_for
 from readygo.apps.observe.health import showing_health
 from readygo.apps.observe.logs import LogFormat, begin_logging
 from readygo.apps.observe.observer import Observer
@@ -29,6 +33,7 @@ from readygo.apps.run.policy import check_offer
 from readygo.apps.run.recovery import Witness
 from readygo.common.bus import Bus
 from readygo.common.bus.identity import ALL, COORDINATOR, RECORDER, TRAINER
+from readygo.common.bus.zenoh_bus import ZenohBus
 from readygo.common.dataset.provenance import Provenance
 from readygo.common.errors import BusError, ReadygoError, RunError
 from readygo.common.fleet import Worker, pull
@@ -44,6 +49,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
+_OF_ONE_RUN = (COORDINATOR, TRAINER, RECONSTRUCTOR)
 SPEC_TIMEOUT_S = 30.0
 """Time that a worker waits for the coordinator to start [s]."""
 SETTLE_S = 0.5
@@ -61,7 +67,7 @@ def worker(
     /,
     *,
     connect: str,
-    run: str,
+    run: str = "",
     name: str = "",
     data: tuple[Path, ...] = (),
     out: Path | None = None,
@@ -76,6 +82,8 @@ def worker(
 
     What the machine lacks of the run (scene, avatars, policy) is fetched, checked and kept for all workers of it.
 
+    Without `run`, or with several, it works for one run after the other: the one of the highest priority that has work.
+
     A worker that somebody must help first (settings, data, disk) exits with 78; started again it would do no better.
     Without certificates, the run's token must be in the environment, as READYGO_TOKEN.
 
@@ -83,10 +91,11 @@ def worker(
         role: coordinator, recorder, the role of a stage (human-planner, animator, robot-planner, renderer or driver),
             all, which does every stage in one process, trainer, or reconstructor.
         connect: Endpoint of the fleet's router, such as tcp/127.0.0.1:7447 or tls/lab1:7447.
-        run: Name of the run, as `readygo generate --listen` or `readygo reconstruct --listen` prints it; for a trainer
-            several, with commas between.
+        run: Name of the run, as `readygo generate --listen` or `readygo reconstruct --listen` prints it, or several
+            with commas between; by default a recorder or a stage's worker serves all that the router has and will have.
         name: Name of this worker; must differ between workers of one role.
-        data: Data folder of the run (coordinator and recorder; a trainer catches up from it, one for each run).
+        data: Data folder of the run (coordinator and recorder; a trainer catches up from it, one for each run). A
+            recorder of several runs has a folder for each in it.
         out: Folder of the policy (trainer only).
         config: TOML file with fields of `TrainConfig` that shall be others than the recipe's (trainer only).
         certs: Folder of certificates, of which the role's is shown to a tls/ endpoint.
@@ -103,15 +112,25 @@ def worker(
     name = name or f"{role}-{socket.gethostname()}-{os.getpid()}"
     begin_logging(log_format, run=run, role=role, worker=name)
     try:
+        several = role not in _OF_ONE_RUN and (not run or "," in run)
+        if not run and not several:
+            raise RunError(f"A {role} needs the name of its run: pass --run.")
         observing = Observing(metrics=metrics, log_format=log_format, traces=traces)
-        state = RunFolder(data[0]).state if data else None
+        state = RunFolder(data[0]).state if data and not several else None
         with Observer(observing, run=run, role=role, name=name, state=state) as observer:
             if role == TRAINER:
                 buses: dict[str, Bus] = {each: join(connect, each, role, certs=certs) for each in run.split(",")}
                 _train(buses, data, out, config, stop)
+            elif role == RECONSTRUCTOR:
+                _reconstruct(join(connect, run, role, certs=certs), name, stop, observer)
             else:
-                bus = observer.bus(join(connect, run, role, name=name, certs=certs))
-                _take_part(bus, role, name, data, stop, observer, alone=not exit_with_parent)
+                part = _Part(
+                    role, name, data, observer, partial(join, connect, role=role, name=name, certs=certs), stop
+                )
+                if several:
+                    _serve_runs(part, [each for each in run.split(",") if each])
+                else:
+                    _take_part(part, run, stop.is_set, alone=not exit_with_parent)
     except BusError as error:
         if log_format == "text":
             raise
@@ -125,35 +144,68 @@ def worker(
         raise SystemExit(CANNOT_WORK) from error
 
 
-def _take_part(
-    bus: Bus,
-    role: str,
-    name: str,
-    data: tuple[Path, ...],
-    stop: threading.Event,
-    observer: Observer,
-    *,
-    alone: bool,
-) -> None:
-    """Do a role's work; `alone` where nobody on this machine looks after the process."""
-    disk = data[0] if data and role in (COORDINATOR, RECORDER) else None
-    try:
-        with showing_health(bus, role, name, data=disk, metrics=observer.metrics_at):
-            if role == COORDINATOR:
-                _coordinate(bus, _folder(role, data), stop, observer)
-            elif role == RECORDER:
-                if alone:
-                    bus.subscribe(
-                        topics.PROGRESS, lambda status: stop.set() if status.finished or status.failed else None
-                    )
-                _record(bus, name, _folder(role, data), stop, observer)
-            elif role == RECONSTRUCTOR:
-                # It takes memory that no other worker needs.
-                from readygo.services.reconstructor.service import pull_jobs
+@dataclass(frozen=True)
+class _Part:
+    """What a process does in a run."""
 
-                pull_jobs(bus, name, stop)
-            else:
-                _work(bus, role, name, stop, observer, alone=alone)
+    role: str
+    name: str
+    data: tuple[Path, ...]
+    observer: Observer
+    join: Callable[[str], ZenohBus]
+    """Joins a run."""
+    stop: threading.Event
+    """Ends it."""
+
+
+def _serve_runs(part: _Part, named: list[str]) -> None:
+    """Take part in several runs, or in all that there are."""
+    folder = _folder(part.role, part.data).path if part.role == RECORDER else None
+    if folder is None:
+        # Before any of them waits for it.
+        from readygo.apps.run.warm import warm_once
+
+        warm_once()
+    bus = part.join(ANY_RUN)
+    try:
+        runs = Runs(bus, role=part.role, me=part.name, named=named)
+
+        def take_part(run: str, leave: Callable[[], bool]) -> bool:
+            own = dataclasses.replace(part, data=(folder / run,)) if folder else part
+            return _take_part(own, run, leave, alone=True)
+
+        serve = record_for if folder else work_for
+        serve(runs, take_part, part.stop)
+    finally:
+        bus.close()
+
+
+def _take_part(part: _Part, run: str, leave: Callable[[], bool], *, alone: bool) -> bool:
+    """Do a role's work in a run until `leave`, or until the run is over: then it returns True.
+
+    `alone` is where nobody on this machine looks after the process.
+    """
+    role, observer = part.role, part.observer
+    disk = part.data[0] if part.data and role in (COORDINATOR, RECORDER) else None
+    bus = observer.bus(part.join(run))
+    try:
+        with showing_health(bus, role, part.name, data=disk, metrics=observer.metrics_at):
+            if role == COORDINATOR:
+                return _coordinate(bus, _folder(role, part.data), part.stop, observer)
+            if role == RECORDER:
+                return _record(bus, part.name, _folder(role, part.data), part.stop, observer, alone=alone)
+            return _work(bus, role, part.name, leave, observer, alone=alone)
+    finally:
+        bus.close()
+
+
+def _reconstruct(bus: Bus, name: str, stop: threading.Event, observer: Observer) -> None:
+    # It takes memory that no other worker needs.
+    from readygo.services.reconstructor.service import pull_jobs
+
+    try:
+        with showing_health(bus, RECONSTRUCTOR, name, metrics=observer.metrics_at):
+            pull_jobs(observer.bus(bus), name, stop)
     finally:
         bus.close()
 
@@ -250,7 +302,7 @@ def _watch_thread(
     threading.Thread(target=watch, name="watch", daemon=True).start()
 
 
-def _coordinate(bus: Bus, folder: RunFolder, stop: threading.Event, observer: Observer) -> None:
+def _coordinate(bus: Bus, folder: RunFolder, stop: threading.Event, observer: Observer) -> bool:
     with folder.coordinated(patience_s=2 * LATE_S):
         coordinator = make_coordinator(folder)
         observer.coordinator(coordinator)
@@ -258,19 +310,24 @@ def _coordinate(bus: Bus, folder: RunFolder, stop: threading.Event, observer: Ob
         bus.announce(COORDINATOR, COORDINATOR)
         while not stop.wait(TICK_S):
             coordination.tick(bus, coordinator)
+        return coordinator.over
 
 
-def _record(bus: Bus, name: str, folder: RunFolder, stop: threading.Event, observer: Observer) -> None:
+def _record(bus: Bus, name: str, folder: RunFolder, stop: threading.Event, observer: Observer, *, alone: bool) -> bool:
+    over = threading.Event()
+    if alone:
+        bus.subscribe(topics.PROGRESS, lambda status: over.set() if status.finished or status.failed else None)
     recorder = make_recorder(bus, name, folder, _world(bus, RECORDER))
     observer.recorder(recorder)
     attach_recorder(bus, recorder)
     bus.announce(RECORDER, name)
-    while not stop.wait(SETTLE_S):
+    while not (over.is_set() or stop.wait(SETTLE_S)):
         recorder.settle()
     recorder.close()
+    return over.is_set()
 
 
-def _work(bus: Bus, role: str, name: str, stop: threading.Event, observer: Observer, *, alone: bool) -> None:
+def _work(bus: Bus, role: str, name: str, leave: Callable[[], bool], observer: Observer, *, alone: bool) -> bool:
     from readygo.apps.run.stages import stage_works
     from readygo.apps.run.warm import warm_once
 
@@ -281,7 +338,8 @@ def _work(bus: Bus, role: str, name: str, stop: threading.Event, observer: Obser
     works = observer.works(stage_works(world, bus, "" if role == ALL else role))
     world.forget_avatars()
     bus.announce(role, name)
-    pull(bus, Worker(name=name, numeric_class=numeric_class(world.config, world.spec.policy), works=works), stop=stop)
+    numeric = numeric_class(world.config, world.spec.policy)
+    return pull(bus, Worker(name=name, numeric_class=numeric, works=works), leave=leave)
 
 
 def _world(bus: Bus, role: str) -> "World":

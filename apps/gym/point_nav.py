@@ -13,10 +13,12 @@ import numpy.typing as npt
 
 from readygo.apps.run.config import RunConfig, load_run_config
 from readygo.apps.run.evaluation import evaluation_world, make_evaluator
+from readygo.apps.run.origin import avatars_of_policy, settings_of_policy
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.conduct import PERSONAL_SPACE_M
 from readygo.common.errors import ConfigError, SceneError
 from readygo.common.messages import EpisodeKey, Outcome, Split
+from readygo.common.policy import PolicySpec, load_spec
 from readygo.common.robot import RobotConfig
 from readygo.services.evaluator import Task
 from readygo.services.evaluator.baselines.goal_field import GoalField
@@ -62,6 +64,7 @@ class PointNav:
         avatars: str | Path | None = None,
         split: str = "train",
         config: str | Path | None = None,
+        policy: str | Path | None = None,
         image_px: tuple[int, int] = (72, 128),
         expert: bool = False,
         reward: Reward | None = None,
@@ -75,7 +78,9 @@ class PointNav:
             avatars: Avatar file or folder of them; the embedded ones by default.
             split: "train", "val" or "test": which random streams.
             config: TOML file with sections of settings, as for `readygo generate`.
-            image_px: Height and width of the image where no `config` says them [px].
+            policy: Folder of a policy whose robot, camera, sensor and settings are taken where `config` has none, and
+                its avatars where `avatars` names none.
+            image_px: Height and width of the image where neither `config` nor `policy` says them [px].
             expert: True asks the expert at every step what it would do.
             reward: What steps earn.
 
@@ -84,10 +89,11 @@ class PointNav:
         """
         try:
             self._split = Split(split)
-            settings = _settings(None if config is None else Path(config), humans, image_px)
+            spec = None if policy is None else load_spec(Path(policy))
+            settings = _settings(None if config is None else Path(config), spec, humans, image_px)
         except ValueError as error:
             raise ConfigError(str(error)) from error
-        place = None if avatars is None else Path(avatars)
+        place = Path(avatars) if avatars is not None else avatars_of_policy(spec) if spec is not None else None
         self._world = evaluation_world(scene, settings, avatars=place, seed=0)
         self._evaluator = make_evaluator(self._world, renderer=self._world.renderer())
         self._source, self._eyes = self._evaluator.source(), self._evaluator.eyes()
@@ -176,12 +182,12 @@ class PointNav:
         return Ride(key, simulation, ways, ways.distance_m(simulation.x_m, simulation.y_m), expert)
 
 
-def _settings(path: Path | None, humans: int, image_px: tuple[int, int]) -> RunConfig:
-    settings = load_run_config(path)
+def _settings(path: Path | None, policy: PolicySpec | None, humans: int, image_px: tuple[int, int]) -> RunConfig:
+    settings = load_run_config(path, base=None if policy is None else settings_of_policy(policy))
     count = max(humans, 1)
     episode = dataclasses.replace(settings.episode, human_count_min=count, human_count_max=count)
     robot = settings.robot
-    if path is None:
+    if path is None and policy is None:
         camera = dataclasses.replace(robot.camera, height_px=image_px[0], width_px=image_px[1])
         robot = dataclasses.replace(robot, camera=camera)
     return dataclasses.replace(settings, episode=episode, robot=robot)

@@ -12,6 +12,7 @@ from gymnasium.vector.utils import batch_space
 
 from readygo.apps.gym.env import Observation, action_space, observation_space
 from readygo.apps.gym.point_nav import PointNav, Ride
+from readygo.common.errors import ConfigError
 
 Float64Array = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
@@ -20,7 +21,8 @@ Bools = npt.NDArray[np.bool_]
 class PointNavVectorEnv(VectorEnv[Observation, npt.NDArray[np.float32], npt.NDArray[Any]]):
     """`num_envs` robots in one scene, each in an episode of its own. Arguments as for `PointNav`.
 
-    A robot whose episode has ended begins the next one in the step after that, which ignores its action.
+    A robot whose episode has ended begins the next one in the step after that, which ignores its action; with
+    `autoreset_mode=AutoresetMode.SAME_STEP` at once, and `info` has what it saw last in `final_obs`, and `final_info`.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012
@@ -29,8 +31,18 @@ class PointNavVectorEnv(VectorEnv[Observation, npt.NDArray[np.float32], npt.NDAr
         "autoreset_mode": AutoresetMode.NEXT_STEP,
     }
 
-    def __init__(self, num_envs: int = 1, render_mode: str | None = None, **arguments: Any) -> None:
+    def __init__(
+        self,
+        num_envs: int = 1,
+        render_mode: str | None = None,
+        autoreset_mode: AutoresetMode = AutoresetMode.NEXT_STEP,
+        **arguments: Any,
+    ) -> None:
+        if autoreset_mode is AutoresetMode.DISABLED:
+            raise ConfigError("Robots begin again by themselves: autoreset_mode is NEXT_STEP or SAME_STEP.")
         self.num_envs, self.render_mode = num_envs, render_mode
+        self._same_step = autoreset_mode is AutoresetMode.SAME_STEP
+        self.metadata = {**self.metadata, "autoreset_mode": autoreset_mode}
         self._task = PointNav(**arguments)
         self.single_observation_space = observation_space(self._task.robot)
         self.single_action_space = action_space(self._task.robot)
@@ -66,11 +78,21 @@ class PointNavVectorEnv(VectorEnv[Observation, npt.NDArray[np.float32], npt.NDAr
                 self._rides[k] = self._begin(k)
             else:
                 rewards[k], terminated[k], truncated[k] = self._task.advance(self._rides[k], action)
-        return self._observe(), rewards, terminated, truncated, self._infos()
+        final = self._begin_again(terminated | truncated) if self._same_step else {}
+        return self._observe(), rewards, terminated, truncated, self._infos() | final
 
     def render(self) -> tuple[npt.NDArray[np.uint8], ...] | None:  # type: ignore[override]
         """What the robots saw last."""
         return tuple(self._seen) if self.render_mode == "rgb_array" and self._seen is not None else None
+
+    def _begin_again(self, ended: Bools) -> dict[str, Any]:
+        """Next episodes in place of those that have ended, and what was last of these, as Gymnasium has it."""
+        infos: dict[str, Any] = {}
+        for k in np.flatnonzero(ended).tolist():
+            last = {name: array[0] for name, array in self._task.observe([self._rides[k]]).items()}
+            infos = self._add_info(infos, {"final_obs": last, "final_info": self._task.info(self._rides[k])}, k)
+            self._rides[k] = self._begin(k)
+        return infos
 
     def _begin(self, k: int) -> Ride:
         return self._task.begin(self._seeds[k], self._indices[k])

@@ -35,7 +35,9 @@ def split_cores(cores: int, *, scenes: int, collect_hz: float, train_hz: float, 
 
 
 def shared_out(collectors: int, scenes: int) -> list[int]:
-    """Collectors of each scene: as even as it goes, one at least."""
+    """Collectors of each scene: as even as it goes, one at least, or none at all."""
+    if not collectors:
+        return [0] * scenes
     return [max(1, collectors // scenes + (number < collectors % scenes)) for number in range(scenes)]
 
 

@@ -3,19 +3,21 @@
 import contextlib
 import time
 from collections import Counter
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from types import TracebackType
 
+from readygo.apps.fleet.access import join, open_router, reached_here, refusals_on_stderr
 from readygo.apps.fleet.fleet import Fleet
-from readygo.apps.fleet.roles import places
-from readygo.apps.fleet.token import new_token
+from readygo.apps.fleet.roles import places as places_of
+from readygo.apps.fleet.token import given_token, new_token
 from readygo.apps.learn.cores import Split, shared_out
 from readygo.apps.learn.plan import Place, Plan
 from readygo.apps.learn.training import Training, write_trainer_config
 from readygo.apps.run.recovery import recover
 from readygo.common.bus.identity import ALL, COORDINATOR, TRAINER
-from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
+from readygo.common.bus.zenoh_bus import ZenohBus, free_endpoint
 from readygo.common.errors import BusError, RunError
 from readygo.common.messages import Command, ControlRequest, StatusReply, topics
 from readygo.services.evaluator import EpisodeRecord, shown_record
@@ -28,18 +30,36 @@ CONTROL_S = 2.0
 """Longest wait for a coordinator to take a command [s]."""
 PACE_S = 5.0
 """Time after which a coordinator is told again whether to collect [s]."""
+LEAVE_S = 2.0
+"""Time that workers of other machines have to hear that the run is over [s]."""
 DEAF_MAX = 6
 """Commands in a row that a coordinator may leave unanswered before it is started anew."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reach:
+    """Who may take part in a run that learns, besides the processes of this machine."""
+
+    listen: str = ""
+    """Endpoint of the router; empty takes a free loopback port."""
+    certs: Path | None = None
+    """Folder of certificates, for an endpoint tls/..."""
+    hosts: bool = False
+    """True where all collectors are on other machines: the cores of this one are the trainer's."""
+
+
+ALONE = Reach()
 
 
 class Crew:
     """Starts, watches and ends the processes; none is left when its block is."""
 
-    def __init__(self, plan: Plan, split: Split) -> None:
+    def __init__(self, plan: Plan, split: Split, reach: Reach = ALONE) -> None:
         self.status: dict[str, StatusReply] = {}
         """Of each scene's run, as it was told last."""
         self._plan, self._split = plan, split
-        self._endpoint, self._token = free_endpoint(), new_token()
+        self._reach, self._endpoint = reach, reach.listen or free_endpoint()
+        self._token = "" if reach.certs else given_token() or new_token()
         self._fleets: dict[str, Fleet] = {}
         self._buses: dict[str, ZenohBus] = {}
         self._collects, self._paced_s = True, 0.0
@@ -57,6 +77,7 @@ class Crew:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
+        self._dismiss()
         self._open.close()
         if error is None:
             for fleet in self._fleets.values():
@@ -140,20 +161,17 @@ class Crew:
             self._start_trainer()
 
     def _start(self) -> None:
-        router = Router(self._endpoint, self._token)
+        if self._reach.certs:
+            self._open.enter_context(refusals_on_stderr())
+        recorders = self._plan.config.coordinator.recorders
+        router = open_router(recorders, self._endpoint, certs=self._reach.certs, token=self._token)
         self._open.callback(router.close)
         self._logs.mkdir(exist_ok=True)
-        for place, count in zip(
-            self._plan.places, shared_out(self._split.collectors, len(self._plan.places)), strict=True
-        ):
+        places = self._plan.places
+        for place, count in zip(places, shared_out(self._split.collectors, len(places)), strict=True):
             self._start_fleet(place, count)
-        self._trainer = Fleet(
-            connect=self._endpoint,
-            run=",".join(place.spec.run for place in self._plan.places),
-            data=[place.folder.path.resolve() for place in self._plan.places],
-            logs=self._logs,
-            token=self._token,
-        )
+        data = [place.folder.path.resolve() for place in places]
+        self._trainer = self._fleet(",".join(place.spec.run for place in places), data, self._logs)
         self._open.callback(self._trainer.stop)
         self._start_trainer()
 
@@ -161,19 +179,30 @@ class Crew:
         folder, spec = place.folder, place.spec
         self._open.enter_context(folder.locked())
         recover(folder)
-        bus = ZenohBus(self._endpoint, spec.run, self._token)
+        here = reached_here(self._endpoint)
+        bus = join(here, spec.run, COORDINATOR, certs=self._reach.certs, token=self._token)
         self._open.callback(bus.close)
         self._buses[place.name] = bus
         bus.announce(EVALUATOR, EVALUATOR)
         bus.subscribe(topics.PROGRESS, partial(self.status.__setitem__, place.name))
-        fleet = Fleet(
-            connect=self._endpoint, run=spec.run, data=folder.path.resolve(), logs=folder.logs, token=self._token
-        )
+        fleet = self._fleet(spec.run, [folder.path.resolve()], folder.logs)
         self._fleets[place.name] = fleet
         self._open.callback(fleet.stop)
-        self._open.enter_context(folder.reachable(self._endpoint, self._token))
-        for role, name in places(spec, self._plan.config.coordinator.recorders, collectors, together=True):
+        self._open.enter_context(folder.reachable(here, self._token))
+        for role, name in places_of(spec, self._plan.config.coordinator.recorders, collectors, together=True):
             fleet.add(role, name)
+
+    def _fleet(self, run: str, data: list[Path], logs: Path) -> Fleet:
+        here, certs = reached_here(self._endpoint), self._reach.certs
+        return Fleet(connect=here, run=run, data=data, logs=logs, token=self._token, certs=certs)
+
+    def _dismiss(self) -> None:
+        """Tell workers of other machines that nothing more will come; those of this one are ended."""
+        for name in self._buses if self._reach.listen else ():
+            with contextlib.suppress(BusError):
+                self._buses[name].request(topics.CONTROL, ControlRequest(command=Command.CANCEL), timeout_s=CONTROL_S)
+        if self._reach.listen:
+            time.sleep(LEAVE_S)
 
     def _collect(self, fleet: Fleet, wanted: int) -> None:
         names = [member.name for member in fleet.members if member.role == ALL]

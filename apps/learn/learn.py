@@ -7,6 +7,7 @@ from typing import Any
 
 from readygo.apps.fleet.worker import make_coordinator
 from readygo.apps.learn.choice import Measurement
+from readygo.apps.learn.crew import ALONE, Reach
 from readygo.apps.learn.curve import CurvePoint
 from readygo.apps.learn.gather import TEST_FOLDER, gather
 from readygo.apps.learn.measure import Measuring
@@ -59,6 +60,7 @@ def learn_policy(
     episodes: int,
     show: Callable[[Now], None] = lambda now: None,
     tested: Callable[[EpisodeRecord], None] = lambda record: None,
+    reach: Reach = ALONE,
 ) -> Learned:
     """Learn, or go on learning; then drive the test episodes.
 
@@ -67,13 +69,14 @@ def learn_policy(
         episodes: Test episodes per task and scene; 0 drives none.
         show: Hears how far it is, twice a second.
         tested: Hears of every test episode.
+        reach: Who may take part besides this machine's processes.
 
     Raises:
         ReadygoError: If it cannot go on; what is recorded and learned stays.
     """
     with locked(plan):
         measuring = Measuring(plan)
-        supervisor = Supervisor(plan, measuring, show)
+        supervisor = Supervisor(plan, measuring, show, reach)
         chosen = supervisor.learn()
         replies = measuring.test(plan.policy, episodes, plan.out / TEST_FOLDER, tested) if episodes else {}
     return Learned(plan=plan, points=supervisor.points, chosen=chosen, replies=replies, minutes=supervisor.minutes)

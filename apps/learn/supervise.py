@@ -10,7 +10,7 @@ from pathlib import Path
 from readygo.apps.learn.background import Background
 from readygo.apps.learn.choice import Measurement, best_of, episodes_to_measure, has_stopped_rising
 from readygo.apps.learn.cores import Split, cores_here, is_ahead, split_cores
-from readygo.apps.learn.crew import Crew
+from readygo.apps.learn.crew import ALONE, Crew, Reach
 from readygo.apps.learn.curve import CurvePoint, load_curve, measurements_of, save_curve
 from readygo.apps.learn.measure import Measured, Measuring
 from readygo.apps.learn.plan import Plan, read_state, write_state
@@ -61,13 +61,13 @@ class Now:
 class Supervisor:
     """One run that learns; what it knows is on disk, so that it goes on after whatever ended it."""
 
-    def __init__(self, plan: Plan, measuring: Measuring, show: Callable[[Now], None]) -> None:
+    def __init__(self, plan: Plan, measuring: Measuring, show: Callable[[Now], None], reach: Reach = ALONE) -> None:
         """Go on where the run's folder is.
 
         Raises:
             RunError: If its files are broken.
         """
-        self._plan, self._measuring, self._show = plan, measuring, show
+        self._plan, self._measuring, self._show, self._reach = plan, measuring, show, reach
         state = read_state(plan)
         self._spent_s = float(state.get("spent_s", 0.0))
         self._over = state.get("over") == section_to_mapping(plan.budget)
@@ -98,7 +98,7 @@ class Supervisor:
             self._prepare()
             background: Background[Measured] = Background()
             try:
-                with Crew(plan, self._split or self._first_split()) as crew, background:
+                with Crew(plan, self._first_split(), self._reach) as crew, background:
                     self._supervise(crew, background)
             finally:
                 self._save()
@@ -124,6 +124,10 @@ class Supervisor:
 
     def _first_split(self) -> Split:
         cores = cores_here()
+        if self._reach.hosts:
+            return Split(0, cores)
+        if self._split:
+            return self._split
         return split_cores(cores, scenes=len(self._plan.places), collect_hz=1.0, train_hz=1.0, reuse=1.0)
 
     def _supervise(self, crew: Crew, background: "Background[Measured]") -> None:
@@ -200,7 +204,7 @@ class Supervisor:
 
     def _split_again(self, crew: Crew, training: Training) -> None:
         """Split the cores by what both sides were measured to do, once."""
-        if self._split is not None or 60 * training.minutes < SPLIT_S or not crew.collect_hz:
+        if self._reach.hosts or self._split is not None or 60 * training.minutes < SPLIT_S or not crew.collect_hz:
             return
         threads = crew.running.trainer_threads
         self._split = split_cores(

@@ -6,9 +6,8 @@ The only place that imports the foxglove SDK.
 from typing import Any
 
 from readygo.apps.monitor.feed import Moment
-from readygo.common.dataset import markers, schemas
+from readygo.common.dataset import markers, packed, schemas
 from readygo.common.dataset.canonical import HALF_PX, with_pixels_moved
-from readygo.common.dataset.poses import pose_of
 from readygo.common.dataset.scene_map import MapMessages
 from readygo.common.dataset.schemas import Channel
 from readygo.common.errors import RunError
@@ -44,7 +43,7 @@ class FoxgloveSink:
         self._foxglove, self._robot, self._maps = foxglove, robot, maps
         self.context = foxglove.Context()
         """What is shown goes through this; a test records it."""
-        self._camera = markers.camera_transform(robot.camera, None)
+        self._camera = markers.camera_frame(robot.camera)
         self._channels: dict[int, Any] = {}
         self._begun = 0
         try:
@@ -76,15 +75,12 @@ class FoxgloveSink:
 
     def show(self, moment: Moment, stamp_ns: int) -> None:
         """See `Sink.show`."""
-        header, stamp = _header(moment, self._robot), schemas.timestamp(stamp_ns)
-        state = moment.state
-        for channel, payload in schemas.sample_messages(_sample(state, moment.image), header, stamp_ns):
-            self._log(channel, payload, stamp_ns)
-        self._camera.timestamp.CopyFrom(stamp)
-        base = markers.robot_transform(pose_of(*state.robot_xyzyaw), stamp)
-        self._log(schemas.TRANSFORMS, schemas.serialized(markers.transforms([base, self._camera])), stamp_ns)
-        humans = [pose_of(*pose) for pose in state.humans_xyzyaw]
-        self._log(schemas.BODIES, schemas.serialized(markers.bodies(humans, stamp)), stamp_ns)
+        state, stamp = moment.state, packed.stamp(stamp_ns)
+        contents = packed.contents(_sample(state, moment.image), _header(moment, self._robot))
+        contents.append(markers.frames(*packed.pose(state.robot_xyzyaw), self._camera))
+        contents.append(markers.bodies(human[:3] for human in state.humans_xyzyaw))
+        for content in contents:
+            self._log(content.channel, b"".join(content.at(stamp)), stamp_ns)
 
     def close(self) -> None:
         """See `Sink.close`."""

@@ -1,6 +1,6 @@
 """A run at a glance: stages, workers, disks, as tables for a terminal."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from rich.console import Group, RenderableType
@@ -65,6 +65,29 @@ class Look:
 def status_table(observed: Observed) -> RenderableType:
     """Some words on the run, a table of its stages and one of its processes."""
     return Group(_summary(observed), _stages(observed), _workers(observed))
+
+
+def runs_table(runs: Sequence[StatusReply]) -> RenderableType:
+    """A line for each run of a router."""
+    if not runs:
+        return Text("No run is led there.")
+    table = _table("run", "priority", "episodes", "samples", "at work", "does")
+    for status in runs:
+        episodes = f"{status.committed} of {status.wanted}"
+        counts = (str(status.samples), str(sum(status.leased.values())))
+        table.add_row(status.run, str(status.priority), episodes, *counts, _state(status))
+    return table
+
+
+def _state(status: StatusReply) -> Text:
+    """What a run does, in few words."""
+    if status.failed:
+        return Text(f"ended: {status.failed}", "red")
+    if status.finished:
+        return Text("is over")
+    if status.paused:
+        return Text("paused", "yellow")
+    return Text(f"waits: {status.trouble}", "yellow") if status.trouble else Text("goes on")
 
 
 def left_s(observed: Observed) -> float | None:
@@ -141,7 +164,7 @@ def _disk(health: LiveHealth) -> Text:
 def _table(*columns: str) -> Table:
     table = Table(box=None, pad_edge=False, header_style="bold")
     for column in columns:
-        table.add_column(column, justify="left" if column in ("stage", "worker", "does", "metrics") else "right")
+        table.add_column(column, justify="left" if column in ("stage", "worker", "run", "does", "metrics") else "right")
     return table
 
 

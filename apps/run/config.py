@@ -185,6 +185,20 @@ def with_disturbance(config: RunConfig, share: float) -> RunConfig:
     return dataclasses.replace(config, driver=driver)
 
 
+def with_priority(spec: RunSpec, priority: int) -> RunSpec:
+    """The run with another priority; nothing else of its settings is touched.
+
+    Raises:
+        ConfigError: If `priority` is none.
+    """
+    try:
+        dataclasses.replace(config_of(spec).coordinator, priority=priority)
+    except ValueError as error:
+        raise ConfigError(f"--{error}") from error
+    section = {**spec.config.get("coordinator", {}), "priority": priority}
+    return dataclasses.replace(spec, config={**spec.config, "coordinator": section})
+
+
 def config_of(spec: RunSpec) -> RunConfig:
     """The settings of a run."""
     return section_from_mapping(RunConfig, sections_of_today(spec.config))

@@ -10,9 +10,11 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from readygo.common.bus.identity import ALL, COORDINATOR, MONITOR, OPERATOR, RECORDER, TRAINER, role_of
+from readygo.common.messages.stages import EVALUATE
 
 _OPEN = ("ctl", "ctl/status", "ctl/fleet", "coord/spec", "coord/*/claim")
 _WORKERS_ASK = ("coord/*/renew", "coord/*/complete", "blob", "rec/*/append")
+_EVALUATORS_ASK = ("evaluate/*",)
 _RECORDERS_ASK = ("coord/rec/*", "blob")
 _EVERYTHING = (
     "put",
@@ -42,7 +44,8 @@ def access_control(workers: Iterable[str], recorders: Iterable[str]) -> dict[str
     for role in (MONITOR, OPERATOR):
         rules[role] = [_rule(_LOOK, "live/**", "train/**"), _rule(_SEE_WHO_IS_THERE, "alive/**"), _asks(role, "blob")]
     for role in (*workers, ALL):
-        rules[role] = [_asks(role, *_WORKERS_ASK), *_takes_part(role, "*", "live/wake")]
+        asked = (*_WORKERS_ASK, *(_EVALUATORS_ASK if role in (EVALUATE.role, ALL) else ()))
+        rules[role] = [_asks(role, *asked), *_takes_part(role, "*", "live/wake", "live/progress")]
     rules[TRAINER] = [_asks(TRAINER, "coord/policy"), *_takes_part(TRAINER, "*", "train/*")]
     for name in recorders:
         common_name = f"{RECORDER}.{name}"

@@ -6,7 +6,6 @@ attempt. A shard's writer stages it for viewers (`stage`): it moves the episode 
 adds what viewers need. Both can be read, and the SHA-256 is that of the canonical form.
 """
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -17,18 +16,15 @@ from google.protobuf.message import DecodeError
 
 from readygo.common.dataset import schemas
 from readygo.common.dataset.canonical import (
-    EPISODE_SLOT_NS,
     HALF_PX,
     canonical_parts,
     canonical_sha256,
     is_canonical,
-    record_head,
 )
 from readygo.common.dataset.poses import pose_xyzyaw
 from readygo.common.dataset.records import Message, field_span, iter_messages
 from readygo.common.errors import DatasetError
 from readygo.common.messages.episode import EpisodeKey
-from readygo.common.messages.samples import EpisodeHeader, Sample
 
 SAMPLE_DTYPE = np.dtype(
     [
@@ -90,75 +86,6 @@ class EpisodeChunk:
 _NUMBERS = (schemas.ACTION, schemas.GOAL, schemas.TRUTH)
 
 
-class _ChunkParts:
-    """Message records in a row, hashed as they come."""
-
-    def __init__(self) -> None:
-        self.parts: list[bytes] = []
-        self.hash = hashlib.sha256()
-
-    def add(self, channel: schemas.Channel, sequence: int, log_time_ns: int, payload: bytes) -> None:
-        head = record_head(channel.number, sequence, (log_time_ns, log_time_ns), len(payload))
-        self.parts += (head, payload)
-        self.hash.update(head)
-        self.hash.update(payload)
-
-
-def encode_episode(header: EpisodeHeader, attempt: int, samples: Sequence[Sample]) -> EpisodeChunk:
-    """Encode an episode as one chunk in canonical form.
-
-    Args:
-        header: What is constant over the episode.
-        attempt: The lease's number; only EpisodeCommit carries it.
-        samples: All samples of the episode in order.
-
-    Raises:
-        DatasetError: If samples are missing, or do not all have the same outputs and their labels.
-    """
-    name = header.episode.episode_id
-    if not samples or [sample.seq for sample in samples] != list(range(header.sample_count)):
-        raise DatasetError(f"Episode {name} has {header.sample_count} samples, got {len(samples)} to record.")
-    for sample in samples:
-        _check_alike(sample, samples[0], header)
-    base_ns = header.episode.index * EPISODE_SLOT_NS
-    chunk = _ChunkParts()
-    chunk.add(schemas.EPISODE_START, 0, base_ns, schemas.start_message(header))
-    chunk.add(schemas.CALIBRATION, 0, base_ns, schemas.calibration_message(header, base_ns))
-    for sample in samples:
-        time_ns = base_ns + sample.time_ns
-        for channel, payload in schemas.sample_messages(sample, header, time_ns):
-            chunk.add(channel, sample.seq, time_ns, payload)
-    sha256 = chunk.hash.hexdigest()
-    commit = schemas.commit_message(header.episode, attempt, len(samples), sha256)
-    chunk.add(schemas.EPISODE_COMMIT, 0, base_ns + samples[-1].time_ns, commit)
-    return read_chunk(b"".join(chunk.parts), sha256=sha256)
-
-
-def _check_alike(sample: Sample, first: Sample, header: EpisodeHeader) -> None:
-    """Raise DatasetError unless a sample has all that its header and the episode's first sample have, and no more."""
-    name, taken = header.episode.episode_id, sample.seq % header.image_every == 0
-    if bool(sample.image) != taken:
-        raise DatasetError(
-            f"Episode {name} has images at every {header.image_every}. sample, but sample {sample.seq} has "
-            f"{'none' if taken else 'one'}."
-        )
-    if sample.outputs.keys() != (first.outputs.keys() if taken else set()):
-        raise DatasetError(
-            f"Episode {name} has the outputs {sorted(first.outputs)} at sample 0, but "
-            f"{sorted(sample.outputs)} at sample {sample.seq}."
-        )
-    if len(sample.labels) != (len(sample.humans_xyzyaw) if header.labels else 0):
-        raise DatasetError(
-            f"Episode {name} has {len(sample.labels)} labels for {len(sample.humans_xyzyaw)} humans at sample "
-            f"{sample.seq}; its header says {'all' if header.labels else 'none'} are labelled."
-        )
-    if len(sample.expert_commands) != (len(first.expert_commands) if taken else 0):
-        raise DatasetError(
-            f"Episode {name} has {len(first.expert_commands)} commands of the expert at sample 0, but "
-            f"{len(sample.expert_commands)} at sample {sample.seq}."
-        )
-
-
 def read_chunk(data: bytes | memoryview, *, sha256: str = "") -> EpisodeChunk:
     """The episode in a chunk's records.
 
@@ -182,8 +109,6 @@ def read_chunk(data: bytes | memoryview, *, sha256: str = "") -> EpisodeChunk:
         raise DatasetError(f"episode {start.episode_id} goes on after its commit")
     if commit.sha256 != (sha256 or canonical_sha256(view, messages, start.index)):
         raise DatasetError(f"episode {start.episode_id} does not match the SHA-256 of its commit")
-    if len(calibration.K) != 9 or len(calibration.D) > 8:
-        raise DatasetError(f"episode {start.episode_id} has a calibration of another layout")
     base_ns = by_channel[schemas.EPISODE_START.number][0].log_time_ns
     outputs = {name: c for name, c in schemas.OPTIONAL_CHANNELS.items() if c.number in by_channel}
     commands = _first_commands(view, by_channel)
@@ -192,19 +117,12 @@ def read_chunk(data: bytes | memoryview, *, sha256: str = "") -> EpisodeChunk:
     if not len(rows) == commit.sample_count == start.sample_count:
         raise DatasetError(f"episode {start.episode_id} has {len(rows)} samples, its commit says {commit.sample_count}")
     return EpisodeChunk(
-        episode=schemas.episode_key(start),
         attempt=commit.attempt,
         sha256=commit.sha256,
         data=data,
         start_time_ns=base_ns,
         end_time_ns=commit_message.log_time_ns,
-        height_px=calibration.height,
-        width_px=calibration.width,
-        start_xyyaw=(start.start_x_m, start.start_y_m, start.start_yaw_rad),
-        goal_xy_m=(start.goal_x_m, start.goal_y_m),
-        K_px=intrinsics_px(calibration, calibration_channel),
-        distortion_model=calibration.distortion_model,
-        distortion=tuple(calibration.D),
+        **constants(start, calibration, calibration_channel),
         message_offsets={
             number: [(message.log_time_ns, message.offset) for message in messages]
             for number, messages in by_channel.items()
@@ -217,6 +135,26 @@ def read_chunk(data: bytes | memoryview, *, sha256: str = "") -> EpisodeChunk:
             name: _places(view, by_channel[channel.number], channel, len(rows)) for name, channel in outputs.items()
         },
     )
+
+
+def constants(start: Any, calibration: Any, channel: schemas.Channel) -> dict[str, Any]:
+    """The fields of an `EpisodeChunk` that an episode's start and its calibration on `channel` tell.
+
+    Raises:
+        DatasetError: If the calibration has another layout.
+    """
+    if len(calibration.K) != 9 or len(calibration.D) > 8:
+        raise DatasetError(f"episode {start.episode_id} has a calibration of another layout")
+    return {
+        "episode": schemas.episode_key(start),
+        "height_px": calibration.height,
+        "width_px": calibration.width,
+        "start_xyyaw": (start.start_x_m, start.start_y_m, start.start_yaw_rad),
+        "goal_xy_m": (start.goal_x_m, start.goal_y_m),
+        "K_px": intrinsics_px(calibration, channel),
+        "distortion_model": calibration.distortion_model,
+        "distortion": tuple(calibration.D),
+    }
 
 
 def messages_of(view: memoryview) -> list[Message]:

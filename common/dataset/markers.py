@@ -3,6 +3,7 @@
 Foxglove shows all of it. Rerun shows frames and point clouds, no scenes and no grids.
 """
 
+import functools
 import math
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -12,7 +13,6 @@ import numpy.typing as npt
 from foxglove_schemas_protobuf.Color_pb2 import Color
 from foxglove_schemas_protobuf.CylinderPrimitive_pb2 import CylinderPrimitive
 from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
-from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.LinePrimitive_pb2 import LinePrimitive
 from foxglove_schemas_protobuf.Point3_pb2 import Point3
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
@@ -25,6 +25,7 @@ from google.protobuf.duration_pb2 import Duration
 
 from readygo.common.camera.config import CameraConfig
 from readygo.common.dataset import labels, schemas
+from readygo.common.dataset.packed import Content, Timed, field, vector
 from readygo.common.dataset.poses import pose_of
 from readygo.common.frames import quat_from_matrix
 from readygo.common.robot.config import RobotConfig
@@ -48,34 +49,31 @@ DISC_HEIGHT_M = 0.02
 Poses = npt.NDArray[np.float64]
 
 
-def robot_transform(pose: Any, stamp: Any) -> Any:
-    """The frame of the robot in the world, of its pose on the floor."""
-    return FrameTransform(
-        timestamp=stamp,
-        parent_frame_id=schemas.WORLD_FRAME,
-        child_frame_id=schemas.ROBOT_FRAME,
-        translation=pose.position,
-        rotation=pose.orientation,
-    )
-
-
-def camera_transform(camera: CameraConfig, stamp: Any) -> Any:
-    """The frame of the camera on the robot, OpenCV axes."""
+def camera_frame(camera: CameraConfig) -> bytes:
+    """The frame of the camera on the robot, OpenCV axes: a FrameTransform without its time."""
     T_robot_camera = camera.T_world_camera(0.0, 0.0, 0.0, 0.0)
     w, x, y, z = quat_from_matrix(T_robot_camera[:3, :3]).tolist()
     x_m, y_m, z_m = T_robot_camera[:3, 3].tolist()
-    return FrameTransform(
-        timestamp=stamp,
-        parent_frame_id=schemas.ROBOT_FRAME,
-        child_frame_id=schemas.CAMERA_FRAME,
-        translation=Vector3(x=x_m, y=y_m, z=z_m),
-        rotation=Quaternion(x=x, y=y, z=z, w=w),
+    return schemas.serialized(
+        FrameTransform(
+            parent_frame_id=schemas.ROBOT_FRAME,
+            child_frame_id=schemas.CAMERA_FRAME,
+            translation=Vector3(x=x_m, y=y_m, z=z_m),
+            rotation=Quaternion(x=x, y=y, z=z, w=w),
+        )
     )
 
 
-def transforms(parts: Iterable[Any]) -> Any:
-    """The message on /tf."""
-    return FrameTransforms(transforms=parts)
+def frames(position: bytes, orientation: bytes, camera: bytes | None) -> Content:
+    """The message on /tf: the robot's frame in the world, and its camera's.
+
+    Args:
+        position: Of the robot on the floor, a foxglove.Vector3.
+        orientation: Of the robot, a foxglove.Quaternion.
+        camera: See `camera_frame`; None leaves it out.
+    """
+    robot = _ROBOT_IN_WORLD + field(4, position) + field(5, orientation)
+    return Content(schemas.TRANSFORMS, Timed.IN_TRANSFORMS, (robot,) if camera is None else (robot, camera))
 
 
 def markers(poses_xyzyaw: Poses, goal_xy_m: Sequence[float], robot: RobotConfig | None, stamp: Any) -> Any:
@@ -103,22 +101,17 @@ def markers(poses_xyzyaw: Poses, goal_xy_m: Sequence[float], robot: RobotConfig 
     return SceneUpdate(entities=entities)
 
 
-def bodies(poses: Iterable[Any], stamp: Any) -> Any:
-    """The message on /humans/bodies: everybody as a cylinder; viewers drop it when no later sample moves it."""
-    color, lifetime = _color(BODY_RGB, 0.6), Duration(nanos=labels.LIFETIME_NS)
-    return SceneUpdate(
-        entities=[
-            _entity(
-                str(number),
-                stamp,
-                lifetime=lifetime,
-                cylinders=[
-                    _cylinder((pose.position.x, pose.position.y, pose.position.z), BODY_RADIUS_M, BODY_HEIGHT_M, color)
-                ],
-            )
-            for number, pose in enumerate(poses)
-        ]
-    )
+def bodies(feet_m: Iterable[tuple[float, float, float]]) -> Content:
+    """The message on /humans/bodies: everybody as a cylinder; viewers drop it when no later sample moves it.
+
+    Args:
+        feet_m: Where everybody stands: x, y, z [m].
+    """
+    parts = []
+    for number, (x_m, y_m, z_m) in enumerate(feet_m):
+        pose = field(1, vector(x_m, y_m, z_m + 0.5 * BODY_HEIGHT_M)) + _UPRIGHT
+        parts.append(_body_entity(number) + field(10, field(1, pose) + _BODY))
+    return Content(schemas.BODIES, Timed.IN_ENTITIES, tuple(parts))
 
 
 def path_cloud(poses_xyzyaw: Poses, goal_xy_m: Sequence[float], stamp: Any) -> Any:
@@ -163,9 +156,6 @@ def cloud(points: npt.NDArray[np.void], stamp: Any, frame_id: str = schemas.WORL
     )
 
 
-_NO_POSE = pose_of(0.0, 0.0, 0.0, 0.0)
-
-
 def _post(foot_m: Poses) -> Poses:
     heights_m = np.arange(0.0, POST_HEIGHT_M, POINT_SPACING_M)
     points_m: Poses = foot_m + heights_m[:, None] * np.array([0.0, 0.0, 1.0])
@@ -186,3 +176,24 @@ def _cylinder(foot_m: Sequence[float], radius_m: float, height_m: float, color: 
 def _color(rgb: Rgb, alpha: float = 1.0) -> Any:
     red, green, blue = (value / 255 for value in rgb)
     return Color(r=red, g=green, b=blue, a=alpha)
+
+
+@functools.lru_cache(maxsize=256)
+def _body_entity(number: int) -> bytes:
+    return schemas.serialized(_entity(str(number), None, lifetime=Duration(nanos=labels.LIFETIME_NS)))
+
+
+_NO_POSE = pose_of(0.0, 0.0, 0.0, 0.0)
+_ROBOT_IN_WORLD = schemas.serialized(
+    FrameTransform(parent_frame_id=schemas.WORLD_FRAME, child_frame_id=schemas.ROBOT_FRAME)
+)
+_UPRIGHT = schemas.serialized(Pose(orientation=_NO_POSE.orientation))
+_BODY = schemas.serialized(
+    CylinderPrimitive(
+        size=Vector3(x=2.0 * BODY_RADIUS_M, y=2.0 * BODY_RADIUS_M, z=BODY_HEIGHT_M),
+        bottom_scale=1.0,
+        top_scale=1.0,
+        color=_color(BODY_RGB, 0.6),
+    )
+)
+"""A human's cylinder without its pose."""

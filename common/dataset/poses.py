@@ -17,4 +17,13 @@ def pose_of(x_m: float, y_m: float, z_m: float, yaw_rad: float) -> Any:
 def pose_xyzyaw(pose: Any) -> tuple[float, float, float, float]:
     """x, y, z [m] and yaw [rad] in [-pi, pi] of a foxglove.Pose that turns about z only."""
     position, q = pose.position, pose.orientation
-    return position.x, position.y, position.z, math.remainder(2.0 * math.atan2(q.z, q.w), math.tau)
+    return position.x, position.y, position.z, _yaw_rad(q.z, q.w)
+
+
+def stored_yaw_rad(yaw_rad: float) -> float:
+    """The yaw [rad] in [-pi, pi] that comes back from the quaternion of one."""
+    return _yaw_rad(math.sin(0.5 * yaw_rad), math.cos(0.5 * yaw_rad))
+
+
+def _yaw_rad(z: float, w: float) -> float:
+    return math.remainder(2.0 * math.atan2(z, w), math.tau)

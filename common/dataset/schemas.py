@@ -1,4 +1,4 @@
-"""The channels of a shard: topics, schemas, and the messages of a sample.
+"""The channels of a shard: topics, schemas, and the messages that an episode has once.
 
 Channel numbers are part of the bytes that an episode's SHA-256 covers: no channel ever gets another one. Those of
 `CHANNELS` are in every shard, those of `OPTIONAL_CHANNELS` in the shards whose samples have these outputs:
@@ -21,15 +21,12 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.timestamp_pb2 import Timestamp
 
-from readygo.common.dataset import labels
-from readygo.common.dataset.poses import pose_of
 from readygo.common.errors import DatasetError
-from readygo.common.images.files import FILE_FORMAT
 from readygo.common.messages.episode import EpisodeKey, Split
 from readygo.common.messages.plan import Driver, Outcome
 from readygo.common.messages.proto.driving_pb2 import ExpertCommands
 from readygo.common.messages.proto.readygo_pb2 import Action, EpisodeCommit, EpisodeStart, Goal, StepTruth
-from readygo.common.messages.samples import EpisodeHeader, Sample
+from readygo.common.messages.samples import EpisodeHeader
 
 NS_PER_S = 1_000_000_000
 WORLD_FRAME = "world"
@@ -207,44 +204,6 @@ def calibration_message(header: EpisodeHeader, stamp_ns: int) -> bytes:
             P=[*k[0:3], 0.0, *k[3:6], 0.0, *k[6:9], 0.0],
         )
     )
-
-
-def sample_messages(sample: Sample, header: EpisodeHeader, stamp_ns: int) -> Iterable[tuple[Channel, bytes]]:
-    """The messages of one sample, in the order of `SAMPLE_CHANNELS` and `OPTIONAL_CHANNELS`."""
-    stamp = timestamp(stamp_ns)
-    image = CompressedImage(timestamp=stamp, frame_id=CAMERA_FRAME, data=sample.image, format=header.image_format)
-    humans = PosesInFrame(timestamp=stamp, frame_id=WORLD_FRAME, poses=[pose_of(*row) for row in sample.humans_xyzyaw])
-    truth = StepTruth(
-        human_distance_m=sample.human_distance_m,
-        time_to_collision_s=sample.time_to_collision_s,
-        human_visible=sample.human_visible,
-        expert_cost=sample.expert_cost,
-        replanned=sample.replanned,
-    )
-    messages = (
-        image,
-        PoseInFrame(timestamp=stamp, frame_id=WORLD_FRAME, pose=pose_of(*sample.robot_xyzyaw)),
-        humans,
-        Action(v_mps=sample.action_v_mps, w_radps=sample.action_w_radps),
-        Goal(x_m=sample.goal_xy_robot_m[0], y_m=sample.goal_xy_robot_m[1]),
-        truth,
-    )
-    channels = output_channels(sample.outputs, OUTPUT_CHANNELS)
-    outputs = [
-        CompressedImage(timestamp=stamp, frame_id=CAMERA_FRAME, data=sample.outputs[name], format=FILE_FORMAT)
-        for name in channels
-    ]
-    if header.labels:
-        channels |= LABEL_CHANNELS
-        outputs += labels.messages(sample.labels, stamp, WORLD_FRAME, floor_m=sample.robot_xyzyaw[2])
-    if sample.expert_commands:
-        channels |= EXPERT_CHANNELS
-        v_mps, w_radps = zip(*sample.expert_commands, strict=True)
-        ending = {"outcome": header.outcome.value, "driver": header.driver.value, "policy": header.policy}
-        every = header.image_every if header.image_every > 1 else 0
-        outputs.append(ExpertCommands(v_mps=v_mps, w_radps=w_radps, risks=sample.risks, image_every=every, **ending))
-    written = zip((*SAMPLE_CHANNELS, *channels.values()), map(serialized, (*messages, *outputs)), strict=True)
-    return written if sample.image else (pair for pair in written if pair[0] is not IMAGE)
 
 
 def stamped_parts(message: Any) -> list[Any]:

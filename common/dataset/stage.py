@@ -1,13 +1,14 @@
 """Episodes staged for viewers: at their place in a shard's time, among frames, markers and the scene's map."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from readygo.common.dataset import markers, schemas
+from readygo.common.dataset import markers, packed, schemas
 from readygo.common.dataset.canonical import HALF_PX, moved, record_head, with_pixels_moved
 from readygo.common.dataset.chunk import EpisodeChunk, messages_of, parse, read_chunk
+from readygo.common.dataset.packed import Content
 from readygo.common.dataset.records import Message
 from readygo.common.dataset.scene_map import MapMessages, map_messages
 from readygo.common.dataset.schemas import Channel
@@ -44,55 +45,63 @@ class Stage:
         parts: list[bytes | memoryview] = []
         for message in messages_of(view):
             time_ns = message.log_time_ns - chunk.start_time_ns + start_ns
-            for channel, payload in self._messages(view, message, chunk, start_ns, with_map):
-                number = message.channel if channel is None else channel.number
+            for number, payload in self._messages(view, message, chunk, start_ns, with_map):
                 parts += (record_head(number, message.sequence, (time_ns, time_ns), len(payload)), payload)
         return read_chunk(b"".join(parts), sha256=chunk.sha256)
+
+    def surroundings(
+        self, poses_xyzyaw: markers.Poses, goal_xy_m: Sequence[float], start_ns: int, *, with_map: bool
+    ) -> list[tuple[Channel, bytes]]:
+        """The messages with what stays where it is over an episode.
+
+        Args:
+            poses_xyzyaw: The robot at every sample: x, y, z [m], yaw [rad], shape (S, 4).
+            goal_xy_m: The goal [m].
+            start_ns: When the episode begins in the shard.
+            with_map: See `staged`.
+        """
+        stamp = schemas.timestamp(start_ns)
+        found = [
+            (schemas.MARKERS, markers.markers(poses_xyzyaw, goal_xy_m, self.robot, stamp)),
+            (schemas.PATH, markers.path_cloud(poses_xyzyaw, goal_xy_m, stamp)),
+        ]
+        if self.robot is not None:
+            found.append((schemas.ROBOT_OUTLINE, markers.robot_outline(self.robot, stamp)))
+        if with_map and self._map is not None:
+            for content in self._map:
+                content.timestamp.CopyFrom(stamp)
+            found += zip((schemas.MAP, schemas.MAP_POINTS), self._map, strict=True)
+        return [(channel, schemas.serialized(content)) for channel, content in found]
+
+    def frames(self, position: bytes, orientation: bytes) -> Content:
+        """The message that goes with a robot's pose; see `markers.frames`."""
+        return markers.frames(position, orientation, self._camera)
 
     @cached_property
     def _map(self) -> MapMessages | None:
         return None if self.maps is None else map_messages(self.maps.robot, self.maps.floor)
 
     @cached_property
-    def _camera(self) -> Any | None:
-        return None if self.robot is None else markers.camera_transform(self.robot.camera, None)
+    def _camera(self) -> bytes | None:
+        return None if self.robot is None else markers.camera_frame(self.robot.camera)
 
     def _messages(
         self, view: memoryview, message: Message, chunk: EpisodeChunk, start_ns: int, with_map: bool
-    ) -> Iterator[tuple[Channel | None, bytes | memoryview]]:
-        """A message at its time in the shard, its channel unchanged if it is None, and what goes with it."""
+    ) -> Iterator[tuple[int, bytes | memoryview]]:
+        """A message at its time in the shard, and what goes with it, each after its channel's number."""
         payload = moved(view, message, start_ns - chunk.start_time_ns)
         if message.channel == schemas.CALIBRATION.number:
-            yield schemas.ROS_CALIBRATION, with_pixels_moved(payload, -HALF_PX)
-            for channel, content in self._surroundings(chunk, schemas.timestamp(start_ns), with_map):
-                yield channel, schemas.serialized(content)
+            yield schemas.ROS_CALIBRATION.number, with_pixels_moved(payload, -HALF_PX)
+            around = self.surroundings(chunk.samples["pose"], chunk.goal_xy_m, start_ns, with_map=with_map)
+            yield from ((channel.number, content) for channel, content in around)
             return
-        yield None, payload
+        yield message.channel, payload
+        stamp = packed.stamp(message.log_time_ns - chunk.start_time_ns + start_ns)
         if message.channel == schemas.ROBOT_POSE.number:
-            yield (
-                schemas.TRANSFORMS,
-                schemas.serialized(self._transforms(parse(schemas.ROBOT_POSE, memoryview(payload)))),
-            )
+            pose = parse(schemas.ROBOT_POSE, memoryview(payload)).pose
+            frames = self.frames(schemas.serialized(pose.position), schemas.serialized(pose.orientation))
+            yield schemas.TRANSFORMS.number, b"".join(frames.at(stamp))
         if message.channel == schemas.HUMANS.number and "boxes" not in chunk.outputs:
-            humans = parse(schemas.HUMANS, memoryview(payload))
-            yield schemas.BODIES, schemas.serialized(markers.bodies(humans.poses, humans.timestamp))
-
-    def _surroundings(self, chunk: EpisodeChunk, stamp: Any, with_map: bool) -> Iterator[tuple[Channel, Any]]:
-        """What stays where it is over an episode."""
-        poses, goal_xy_m = chunk.samples["pose"], chunk.goal_xy_m
-        yield schemas.MARKERS, markers.markers(poses, goal_xy_m, self.robot, stamp)
-        yield schemas.PATH, markers.path_cloud(poses, goal_xy_m, stamp)
-        if self.robot is not None:
-            yield schemas.ROBOT_OUTLINE, markers.robot_outline(self.robot, stamp)
-        if with_map and self._map is not None:
-            for channel, content in zip((schemas.MAP, schemas.MAP_POINTS), self._map, strict=True):
-                content.timestamp.CopyFrom(stamp)
-                yield channel, content
-
-    def _transforms(self, pose: Any) -> Any:
-        """The frames of robot and camera of a PoseInFrame."""
-        frames = [markers.robot_transform(pose.pose, pose.timestamp)]
-        if self._camera is not None:
-            self._camera.timestamp.CopyFrom(pose.timestamp)
-            frames.append(self._camera)
-        return markers.transforms(frames)
+            poses = parse(schemas.HUMANS, memoryview(payload)).poses
+            bodies = markers.bodies((pose.position.x, pose.position.y, pose.position.z) for pose in poses)
+            yield schemas.BODIES.number, b"".join(bodies.at(stamp))

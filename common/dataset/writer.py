@@ -8,6 +8,7 @@ the one before it, in the order in which they were appended.
 
 import errno
 import os
+import struct
 import zlib
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -15,6 +16,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+import numpy as np
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
@@ -23,7 +25,6 @@ from mcap.records import (
     DataEnd,
     Footer,
     Header,
-    MessageIndex,
     Metadata,
     MetadataIndex,
     Schema,
@@ -137,8 +138,12 @@ class ShardWriter:
         """Number of durable episodes."""
         return len(self._chunk_indexes)
 
-    def append(self, chunk: EpisodeChunk) -> None:
+    def append(self, chunk: EpisodeChunk, *, placed: bool = False) -> None:
         """Write an episode and make it durable.
+
+        Args:
+            chunk: The episode.
+            placed: True if it was encoded for its place here: at `next_start_ns`, on the shard's stage.
 
         Raises:
             OSError: If it could not be made durable; the file then ends after the episode before.
@@ -149,7 +154,7 @@ class ShardWriter:
                 f"Episode {chunk.episode.episode_id} has the outputs {list(chunk.outputs)}, its shard "
                 f"{list(self.outputs)}; begin a new shard."
             )
-        if self._stage is not None:
+        if self._stage is not None and not placed:
             chunk = self._stage.staged(canonical(chunk), self.next_start_ns, with_map=not self._chunk_indexes)
         parts, index = _chunk_record(chunk, self._offset)
         self._write(*parts)
@@ -262,6 +267,8 @@ class ShardWriter:
         )
 
 
+_MESSAGE_INDEX = struct.Struct("<BQHI")
+"""Opcode, length, channel, size of the entries: log time [ns] and offset of every message."""
 _CHUNK_HEADER_SIZE = RECORD_HEADER.size + CHUNK_FIELDS.size + 4 + 8
 
 
@@ -311,7 +318,7 @@ def _chunk_record(chunk: EpisodeChunk, offset: int) -> tuple[tuple[bytes | memor
     indexes: list[bytes] = []
     for number, records in chunk.message_offsets.items():
         index_offsets[number] = position
-        indexes.append(_record_bytes(MessageIndex(channel_id=number, records=records)))
+        indexes.append(_message_index(number, records))
         position += len(indexes[-1])
     index = ChunkIndex(
         chunk_length=len(header) + size,
@@ -325,6 +332,12 @@ def _chunk_record(chunk: EpisodeChunk, offset: int) -> tuple[tuple[bytes | memor
         uncompressed_size=size,
     )
     return (header, chunk.data, b"".join(indexes)), index
+
+
+def _message_index(number: int, records: Sequence[tuple[int, int]]) -> bytes:
+    """The record of a channel's message index."""
+    entries = np.array(records, dtype="<u8").tobytes()
+    return _MESSAGE_INDEX.pack(Opcode.MESSAGE_INDEX, 6 + len(entries), number, len(entries)) + entries
 
 
 def _record_bytes(record: Any) -> bytes:

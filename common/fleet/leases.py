@@ -31,6 +31,7 @@ IDLE_S = 1.0
 """Pause before asking again when nothing waits for the stage, unless the coordinator says that something may [s]."""
 COORDINATOR_ABSENT_S = 60.0
 """A worker gives up when the coordinator has not answered for this long [s]."""
+_RETRY_S = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,8 +85,11 @@ def claim_any(bus: Bus, worker: Worker) -> ClaimStatus:
     return ClaimStatus.WAIT
 
 
-def pull(bus: Bus, worker: Worker, *, stop: threading.Event) -> None:
-    """Work on episodes until the run is over or `stop` is set; leases are renewed meanwhile.
+def pull(bus: Bus, worker: Worker, *, leave: Callable[[], bool]) -> bool:
+    """Work on episodes until the run is over, or `leave` says so between two of them; leases are renewed meanwhile.
+
+    Returns:
+        True if the run is over.
 
     Raises:
         BusError: If the coordinator stays away.
@@ -97,7 +101,7 @@ def pull(bus: Bus, worker: Worker, *, stop: threading.Event) -> None:
     wake = threading.Event()
     names = {stage.name for stage in works}
     bus.subscribe(topics.WAKE, lambda woken: wake.set() if not woken.stages or names & {*woken.stages} else None)
-    while not stop.is_set():
+    while not leave():
         # Before the claim: what comes while it is answered is not missed.
         wake.clear()
         try:
@@ -108,13 +112,14 @@ def pull(bus: Bus, worker: Worker, *, stop: threading.Event) -> None:
             if time.monotonic() - silent_since_s > COORDINATOR_ABSENT_S:
                 raise
             log.warning("%s; trying again", error)
-            stop.wait(0.5)
+            time.sleep(_RETRY_S)
             continue
         silent_since_s = None
         if status is ClaimStatus.DONE:
-            return
+            return True
         if status is ClaimStatus.WAIT:
             wake.wait(IDLE_S)
+    return False
 
 
 def _work_on(bus: Bus, stage: Stage, worker: str, claim: ClaimReply, work: Work) -> None:

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from readygo.common.errors import SceneError
 from readygo.common.gaussians.cloud import GaussianCloud
-from readygo.common.gaussians.floaters import floating
+from readygo.common.gaussians.floaters import far_shell, floating
 
 LENGTH_MAX_M = 1e4
 """Coordinates and scales of a scene stay within it [m]: a Gaussian much farther away would cost its neighbours in the
@@ -19,7 +19,7 @@ HUGE_RATIO = 0.2
 """A Gaussian whose standard deviation is a larger part of the scene's width stands for nothing in it."""
 HAZE_OPACITY, HAZE_RATIO = 0.1, 3.0
 """Fainter Gaussians that are this many times as large as usual veil what is behind them."""
-HUGE, FLOATERS, HAZE = "huge", "floaters", "haze"
+HUGE, FLOATERS, HAZE, BACKGROUND = "huge", "floaters", "haze", "background"
 
 Masks = dict[str, npt.NDArray[np.bool_]]
 
@@ -56,8 +56,14 @@ def unwanted(cloud: GaussianCloud) -> Masks:
     """Gaussians that can be drawn but spoil a scene, in any unit of length; as `unusable`, but each has one kind.
 
     "huge": larger than a fifth of the scene. "floaters": groups of a few that touch nothing else, or lie far outside,
-    and clouds of them in or around a scene. "haze": faint and several times as large as usual.
+    and clouds of them in or around a scene. "haze": faint and several times as large as usual. What is `background`
+    is none of these.
     """
+    return {kind: mask for kind, mask in told_apart(cloud).items() if kind != BACKGROUND}
+
+
+def told_apart(cloud: GaussianCloud) -> Masks:
+    """The kinds of `unwanted`, and "background": what looks like them, but is sky and far surroundings."""
     low, high = np.quantile(cloud.means_m.astype(np.float64), [0.01, 0.99], axis=0)
     width = max(float((high - low).max()), 1e-9)
     reach = cloud.scales_m.max(axis=1)
@@ -66,7 +72,8 @@ def unwanted(cloud: GaussianCloud) -> Masks:
     floaters = np.zeros(len(cloud), np.bool_)
     solid = ~huge & ~haze
     floaters[solid] = floating(cloud.select(solid), low, high)
-    return {HUGE: huge, FLOATERS: floaters, HAZE: haze}
+    shell = far_shell(cloud, huge | floaters | haze, low, high)
+    return {HUGE: huge & ~shell, FLOATERS: floaters & ~shell, HAZE: haze & ~shell, BACKGROUND: shell}
 
 
 def counted(masks: Masks) -> str:

@@ -13,9 +13,10 @@ CELLS_ACROSS, CELL_SIZES = 100, 2.0
 consists of."""
 GROUP_MAX = 50
 """A group of at most so many Gaussians without a neighbour floats."""
-SPARSE_RATIO, SPARSE_CELLS_MIN = 0.05, 0.6
+SPARSE_RATIO, SPARSE_CELLS_MIN, SPARSE_AREA_MAX = 0.05, 0.6, 0.02
 """Cells with a smaller part of what full ones hold are sparse: in sound scenes up to 42 % of the cells that hold
-anything, at the rims of things; where more are, a thin cloud of floaters surrounds the scene."""
+anything, at the rims of things; where more are, and have hardly any of all surface, a thin cloud of floaters surrounds
+the scene. Of scenes of few large Gaussians, as drafts are, such cells have 3 to 6 % of the surface."""
 CLOUD_CELLS_ACROSS = 400
 """Dense clouds are looked for in cells as large as those Gaussians, and at least this part of the scene's width."""
 CLOUD_CELLS = ((1, 1.0), (2, 0.25), (4, 0.25))
@@ -25,11 +26,17 @@ THIN = 0.5
 """The Gaussians of a thin cell cover less than this part of one of its faces; surfaces cover about all of it."""
 WINDOW, FILLED = 9, 0.4
 """A cloud fills this part of the cells around, so many a side, with thin ones; surfaces with their rims do not."""
+WINDOW_SHARE_MAX = 0.4
+"""Where those cells around are a larger part of the scene's width, they hold rooms with all that is in them, and tell
+nothing: so it is in scenes of few large Gaussians."""
 FILLED_SHARE = 0.03
 """In sound scenes at most 1 % of the occupied cells lie in such a cloud, with 100,000 floaters in a flat over 4 %."""
 FLOATER_LEVELS, LIMITS = 2.0, (0.3, 0.6)
 """Cells of a cloud that cover up to so many times what its usual ones do are floaters, within these limits."""
 SAMPLES_PER_AXIS_MAX = 8
+SHELL_TURNS, SHELL_RINGS, SHELL_MIN = 24, 12, 0.1
+"""Parts of the sphere that directions are counted in, all of one solid angle; and the share of it that sky covers with
+its 1 sigma ellipses at least. Floaters around a scene have a hundredth of that."""
 
 Floats = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -50,11 +57,38 @@ def floating(cloud: GaussianCloud, low: Floats, high: Floats) -> Mask:
         return np.zeros(0, np.bool_)
     width = max(float((high - low).max()), 1e-9)
     usual = _usual_size(cloud)
+    cloudy = np.zeros(len(cloud), np.bool_)
     for times, area_max in CLOUD_CELLS:
-        cloudy = _clouded(cloud, low, high, times * max(width / CLOUD_CELLS_ACROSS, usual), area_max)
-        if cloudy.any():
+        cell = times * max(width / CLOUD_CELLS_ACROSS, usual)
+        if cloudy.any() or WINDOW * cell > WINDOW_SHARE_MAX * width:
             break
+        cloudy = _clouded(cloud, low, high, cell, area_max)
     return cloudy | _apart(cloud, low, high, max(width / CELLS_ACROSS, CELL_SIZES * usual), sparse=not cloudy.any())
+
+
+def far_shell(cloud: GaussianCloud, among: Mask, low: Floats, high: Floats) -> Mask:
+    """The Gaussians outside of a scene that fill the direction that they are seen in from its middle: sky, mountains.
+
+    Args:
+        cloud: Gaussians.
+        among: Which of them are judged, shape (N,).
+        low: Low corner of the scene without its outliers, shape (3,).
+        high: Its high corner, shape (3,).
+
+    Returns:
+        Mask, shape (N,).
+    """
+    outside_m = np.linalg.norm(np.maximum(low - cloud.means_m, 0) + np.maximum(cloud.means_m - high, 0), axis=1)
+    shell: Mask = among & (outside_m > cloud.scales_m.max(axis=1, initial=0.0))
+    far = cloud.select(shell)
+    rays = far.means_m.astype(np.float64) - 0.5 * (low + high)
+    distance = np.maximum(np.linalg.norm(rays, axis=1), 1e-9)
+    turn = np.floor((np.arctan2(rays[:, 1], rays[:, 0]) / (2 * np.pi) + 0.5) * SHELL_TURNS).astype(np.int64)
+    ring = np.floor((rays[:, 2] / distance + 1) / 2 * SHELL_RINGS).clip(0, SHELL_RINGS - 1).astype(np.int64)
+    part = turn % SHELL_TURNS * SHELL_RINGS + ring
+    held = np.bincount(part, _areas(far) / distance**2, SHELL_TURNS * SHELL_RINGS)
+    shell[shell] = (held >= SHELL_MIN * 4 * np.pi / (SHELL_TURNS * SHELL_RINGS))[part]
+    return shell
 
 
 def _apart(cloud: GaussianCloud, low: Floats, high: Floats, cell: float, *, sparse: bool) -> Mask:
@@ -70,8 +104,10 @@ def _apart(cloud: GaussianCloud, low: Floats, high: Floats, cell: float, *, spar
     groups, count = ndimage.label(counts > 0, np.ones((3, 3, 3), np.bool_))
     sizes = np.bincount(groups.reshape(-1), counts.reshape(-1), count + 1)
     alone = sizes[groups] <= min(GROUP_MAX, 0.5 * len(cloud))
+    areas = np.bincount(cells, _areas(cloud)[inside], counts.size).reshape(shape)
     few = counts < SPARSE_RATIO * np.quantile(counts.reshape(-1)[cells], 0.9)
-    if sparse and few[counts > 0].mean() > SPARSE_CELLS_MIN:
+    thin = areas[few].sum() < SPARSE_AREA_MAX * areas.sum()
+    if sparse and thin and few[counts > 0].mean() > SPARSE_CELLS_MIN:
         alone |= few
     floats = ~inside
     floats[inside] = alone.reshape(-1)[cells]

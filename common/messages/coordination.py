@@ -292,6 +292,10 @@ class StatusReply:
     """What the run waits for somebody to mend, such as a full disk; empty while it goes on."""
     paused: bool = field(default=False, metadata=OMITTED_WHEN_DEFAULT)
     """True while no work is given out, by an operator's wish."""
+    run: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
+    """Name of the run on the bus: who hears of all runs of a router knows them by it."""
+    priority: int = field(default=0, metadata=OMITTED_WHEN_DEFAULT)
+    """Workers of several runs do those with a higher one first."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

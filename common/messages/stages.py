@@ -49,6 +49,8 @@ DRIVE_LINE = (HUMAN_PLAN, ANIMATE, DRIVE)
 EVALUATE = Stage(name="evaluate", role="evaluator", records=True)
 EVALUATE_LINE = (EVALUATE,)
 """Every method through one episode; who keeps the records stands in a recorder's place."""
+STAGES = (*EXPERT_LINE, DRIVE, EVALUATE)
+"""All that there are."""
 
 
 def check_stages(stages: Sequence[Stage]) -> None:

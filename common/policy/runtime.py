@@ -105,7 +105,9 @@ class Policy:
         Returns:
             Commands v [m/s], w [rad/s] within the robot's limits, shape (B, 2).
         """
-        features = np.concatenate([latents, motion, goals_xy_m], axis=1).astype(np.float32)
+        return self._answer(np.concatenate([latents, motion, goals_xy_m], axis=1).astype(np.float32))
+
+    def _answer(self, features: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
         check_array("features", features, np.float32, (None, self.spec.inputs.feature_count))
         rows = [self._head.run(None, {"features": row[None]})[0] for row in features]
         return np.concatenate(rows) if rows else np.empty((0, 2), np.float32)
@@ -166,13 +168,26 @@ class Policy:
             commands: Executed last: v [m/s], w [rad/s], shape (B, 2).
             goals_xy_m: Goals in the robots' frames (x forward, y left) [m], shape (B, 2).
         """
+        return self._answer(self.features(memories, commands, goals_xy_m))
+
+    def features(
+        self,
+        memories: Sequence[PolicyMemory],
+        commands: npt.NDArray[np.float32],
+        goals_xy_m: npt.NDArray[np.float32],
+    ) -> npt.NDArray[np.float32]:
+        """What the head is given to `decide`: latents, own motion and goal in SI units, shape (B, `feature_count`).
+
+        Arguments as for `decide`.
+        """
         own = [memory.own_motion(command) for memory, command in zip(memories, commands, strict=True)]
         motion = motion_features(self.spec.inputs.motion, np.stack(own))
         if self.spec.inputs.fusion is Fusion.EARLY:
             latents = self.encode(np.stack([np.concatenate(memory.window(), axis=2) for memory in memories]))
         else:
             latents = np.stack([np.concatenate(memory.window()) for memory in memories])
-        return self.act(latents, motion, goals_xy_m)
+        features: npt.NDArray[np.float32] = np.concatenate([latents, motion, goals_xy_m], axis=1).astype(np.float32)
+        return features
 
 
 def load_policy(folder: str | Path, *, robot: RobotConfig | None = None) -> Policy:

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass, field
 
+PRIORITY_MAX = 1000
+
 
 @dataclass(frozen=True, kw_only=True)
 class CoordinatorConfig:
@@ -11,6 +13,8 @@ class CoordinatorConfig:
     """Names of the recorders that share the run's episodes; each has a process and shards of its own."""
     folders: dict[str, str] = field(default_factory=dict)
     """Folders of recorders that have a disk of their own, by their names; the others record into the data folder."""
+    priority: int = 0
+    """Workers of several runs do those with a higher one first."""
     lease_s: float = 15.0
     """A lease ends this long after its claim or latest renewal [s]."""
     plan_ahead: int = 64
@@ -33,6 +37,8 @@ class CoordinatorConfig:
         names = ("lease_s", "plan_ahead", "failures_max", "deaths_max", "aside_max", "rejections_max", "absent_s")
         if wrong := [name for name in names if not getattr(self, name) > 0]:
             raise ValueError(f"{wrong[0]} must be positive, got {getattr(self, wrong[0])}.")
+        if not -PRIORITY_MAX <= self.priority <= PRIORITY_MAX:
+            raise ValueError(f"priority must be {-PRIORITY_MAX}..{PRIORITY_MAX}, got {self.priority}.")
         if not self.recorders or len(set(self.recorders)) != len(self.recorders):
             raise ValueError(f"recorders must be different names, at least one, got {list(self.recorders)}.")
         if not isinstance(self.folders, dict) or not all(isinstance(place, str) for place in self.folders.values()):

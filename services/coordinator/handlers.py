@@ -371,6 +371,8 @@ def handle_status(coordinator: Coordinator, request: StatusRequest) -> StatusRep
         policies=len(ledger.policies()),
         trouble=" ".join(coordinator.troubles.values()),
         paused=coordinator.paused,
+        run=coordinator.spec.run,
+        priority=coordinator.config.priority,
     )
 
 

@@ -11,9 +11,9 @@ from readygo.common.config import section_to_mapping
 from readygo.common.errors import ConfigError, NoGroundError, SceneError
 from readygo.common.extras import install_command
 from readygo.common.files import unfinished_folder
+from readygo.common.gaussians.defects import BACKGROUND, counted, told_apart, without
 from readygo.common.gaussians.files import read_gaussians
 from readygo.common.scenes import Scene, SceneSource, load_scene, save_scene
-from readygo.common.scenes.edit import KINDS, cleaned
 from readygo.common.scenes.manifest import file_of
 from readygo.services.reconstructor.config import ReconstructorConfig
 from readygo.services.reconstructor.handlers import POSE_STAGES, POSED, find_poses_in, open_job
@@ -49,8 +49,8 @@ def reconstruct(job: Job, config: ReconstructorConfig, say: Say) -> dict[str, An
         say: Hears when a stage begins, and how far it is.
 
     Returns:
-        The report: that of the poses, `training` (as of `train_gaussians`), `removed` (Gaussians, in words), `scene`
-        (folder), `content_hash` and `seconds` (by stage).
+        The report: that of the poses, `training` (as of `train_gaussians`), `removed` (Gaussians, in words), `sky`
+        (number of those that are far surroundings), `scene` (folder), `content_hash` and `seconds` (by stage).
 
     Raises:
         ReadygoError: If it cannot be made; the message says why, and finished stages stay.
@@ -101,26 +101,30 @@ def _training(work: Path, config: ReconstructorConfig, say: Say) -> Callable[[Pa
 
 
 def make_scene(job: Job, report: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """The bundle with its maps and cameras; Gaussians that spoil it are left out and counted.
+    """The bundle with its maps and cameras; Gaussians that spoil it are left out and counted, far ones are its sky.
 
     Raises:
         SceneError: If nobody can move in the scene.
     """
     file = job.work / GAUSSIANS / CLOUD_FILE
-    cloud, removed = cleaned(read_gaussians(file), KINDS)
+    trained = read_gaussians(file)
+    masks = told_apart(trained)
+    sky, rest = (trained.select(part) for part in (masks[BACKGROUND], ~masks[BACKGROUND]))
+    removed = {kind: mask[~masks[BACKGROUND]] for kind, mask in masks.items() if kind != BACKGROUND}
+    cloud, _ = without(rest, removed)
     source = SceneSource(
         file=job.source.name,
         kind=f"reconstructed from {report['kind']}",
         sha256=file_of(file.parent, file.name).sha256,
         scale=1.0,
         scale_origin=report["scale"]["source"],
-        edits=(f"removed {removed}",),
+        edits=(f"removed {counted(removed)}",),
     )
     views = colmap.pinhole_views(job.work / POSED / "sparse" / "0")
     try:
         save_scene(
             cloud,
-            None,
+            sky if len(sky) else None,
             folder / _BUNDLE,
             name=job.out.name,
             license=job.license,
@@ -133,7 +137,7 @@ def make_scene(job: Job, report: dict[str, Any], folder: Path) -> dict[str, Any]
             f"{error} What the Gaussians look like: {job.work / GAUSSIANS / 'previews'}; train longer (--steps, "
             "--preset standard), and film the floor as well."
         ) from error
-    return {"removed": removed}
+    return {"removed": counted(removed), "sky": len(sky)}
 
 
 def _kept_in_scene(job: Job, report: dict[str, Any]) -> dict[str, Any]:

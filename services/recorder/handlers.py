@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from readygo.common.bus import Bus
-from readygo.common.dataset import EpisodeChunk, Provenance, ShardWriter, encode_episode, shard_name
+from readygo.common.dataset import EpisodeChunk, Place, Provenance, ShardWriter, encode_episode, shard_name
+from readygo.common.dataset.encode import outputs_of
 from readygo.common.dataset.provenance import provenance_to_strings
 from readygo.common.dataset.stage import Stage
 from readygo.common.errors import BusError, DiskError, RunError
@@ -245,7 +246,7 @@ class Recorder:
         buffer = self._buffers.get(index)
         if index in self._committed or buffer is None:
             return self._finished(index, AppendStatus.DUP)
-        chunk = encode_episode(buffer.header, buffer.attempt, buffer.samples)
+        chunk = self._encoded(buffer)
         try:
             verdict = self._grants.ask(index, buffer.attempt)
         except BusError as error:
@@ -261,6 +262,14 @@ class Recorder:
             return AppendReply(status=AppendStatus.RETRY, detail=str(error))
         self._publish(buffer)
         return self._finished(index, AppendStatus.COMMITTED)
+
+    def _encoded(self, buffer: EpisodeBuffer) -> EpisodeChunk:
+        """A complete episode as the next one of the shard that it will be in."""
+        outputs = outputs_of(buffer.header, buffer.samples[0])
+        place = Place(
+            stage=self._stage, start_ns=self._next_start_ns, with_map=self._writer is None or self._must_end(outputs)
+        )
+        return encode_episode(buffer.header, buffer.attempt, buffer.samples, place)
 
     def _disk_refuses(self, error: DiskError) -> None:
         """Wait for the disk: grants are kept, and their episodes written when it takes them."""
@@ -305,7 +314,7 @@ class Recorder:
     def _write(self, chunk: EpisodeChunk) -> None:
         """Write a granted episode and report it, done or lost."""
         try:
-            if self._shard_is_full() or (self._writer is not None and self._writer.outputs != tuple(chunk.outputs)):
+            if self._must_end(tuple(chunk.outputs)):
                 self._close_shard()
             if self._writer is None:
                 path = self._folder / shard_name(self.name, next_number(self._folder, self.name))
@@ -317,7 +326,7 @@ class Recorder:
                     start_ns=self._next_start_ns,
                     fsync=self._config.fsync,
                 )
-            self._writer.append(chunk)
+            self._writer.append(chunk, placed=True)
             self._next_start_ns = self._writer.next_start_ns
         except (OSError, RunError) as error:
             failure = error if isinstance(error, RunError) else self._disk_error(error)
@@ -338,6 +347,10 @@ class Recorder:
 
     def _shard_is_full(self) -> bool:
         return self._writer is not None and self._writer.episode_count >= self._config.episodes_per_shard
+
+    def _must_end(self, outputs: tuple[str, ...]) -> bool:
+        """True if the open shard takes no episode with these outputs."""
+        return self._shard_is_full() or (self._writer is not None and self._writer.outputs != outputs)
 
     def _done_report(self, durable: Durable) -> DoneRequest:
         return DoneRequest(

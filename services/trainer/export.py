@@ -122,7 +122,7 @@ def encoder_graph(model: PolicyNet, robot: RobotConfig) -> onnx.ModelProto:
         x = _append_block(graph, x, block)
     x = graph.node("Relu", [graph.conv(x, encoder.neck, None)])
     x = graph.linear(graph.node("Flatten", [x], axis=1), encoder.latent)
-    size_px = ["batch", robot.camera.height_px, robot.camera.width_px]
+    size_px: tuple[str, int, int] = ("batch", robot.camera.height_px, robot.camera.width_px)
     images = [
         helper.make_tensor_value_info(GRAPH_INPUTS[name], TensorProto.UINT8, [*size_px, len(of)])
         for name, of in channels.items()

@@ -78,7 +78,8 @@ def train_gaussians(posed_folder: Path, out_folder: Path, settings: GaussiansCon
 
     Returns:
         The report: `psnr_db` and `ssim` (means of the held-out images, None without any), `held_out` (by image),
-        `gaussians`, `images`, `seconds` (by stage), `settings`.
+        `gaussians`, `unseen` (how many were left out in the end as no training image shows them), `images`, `seconds`
+        (by stage), `settings`.
 
     Raises:
         ReadygoError: If the model or its images cannot be used, numbers stop being finite, or nothing can be written.
@@ -119,6 +120,7 @@ class _Training:
         self._adam = Adam(settings.steps, settings.batch)
         self._seconds: dict[str, float] = {}
         self._step, self._loss, self._saved_step = 0, math.nan, 0
+        self._unseen = 0
         self._psnr_db: float | None = None
         self._picture: Path | None = None
         self._photos: PhotoStore | None = None
@@ -153,6 +155,8 @@ class _Training:
             cores = min(self._settings.batch, len(os.sched_getaffinity(0)))
             with _interruption() as interrupted, ThreadPoolExecutor(cores) as pool:
                 self._steps(pool, cores, interrupted)
+                with self._clock("density"):
+                    self._unseen = self._trim(pool, self._photos_of(1), 1)
         finally:
             torch.set_num_threads(threads)
         return self._finish()
@@ -197,7 +201,7 @@ class _Training:
         with self._clock("density"):
             self._change_density()
             if schedule.trims(step):
-                self._trim(pool, photos)
+                self._trim(pool, photos, self._settings.geometry.trim_views)
 
     def _geometry(self, photos: PhotoStore, number: int, slot: int) -> Geometry | None:
         """What a view's surfaces are compared with in this step."""
@@ -254,16 +258,17 @@ class _Training:
         if schedule.resets_opacities(step):
             reset_opacities(self._gaussians, density)
 
-    def _trim(self, pool: ThreadPoolExecutor, photos: PhotoStore) -> None:
-        """Remove the Gaussians that fewer than the configured number of training views show."""
+    def _trim(self, pool: ThreadPoolExecutor, photos: PhotoStore, views_min: int) -> int:
+        """Remove the Gaussians that fewer training views show; how many they were."""
         leaves = leaves_of(self._gaussians)
         views = np.zeros(len(self._gaussians), dtype=np.int64)
         for rows in pool.map(lambda number: observed(leaves, photos[number]), self._train):
             views[rows] += 1
-        keep = views >= self._settings.geometry.trim_views
+        keep = views >= views_min
         self._gaussians = self._gaussians.select(keep)
         self._check_some_left()
         self._seen = Sightings(self._seen.gradient[keep], self._seen.views[keep])
+        return int((~keep).sum())
 
     def _check_some_left(self) -> None:
         if not len(self._gaussians):
@@ -329,6 +334,7 @@ class _Training:
             "ssim": float(np.mean([score.ssim for score in scores])) if scores else None,
             "held_out": rows,
             "gaussians": len(self._gaussians),
+            "unseen": self._unseen,
             "images": len(self._train),
             "seconds": {name: round(spent_s, 2) for name, spent_s in self._seconds.items()},
             "settings": section_to_mapping(self._settings),

@@ -37,7 +37,7 @@ def test_router_of_a_run_is_opened_and_joined_with_certificates_or_the_token(tmp
         issue(tmp_path, tmp_path, name, hosts=("127.0.0.1",))
     for kind, certs in (("tls/", tmp_path), ("tcp/", None)):
         endpoint = free_endpoint().replace("tcp/", kind)
-        router = open_router(SPEC, ("rec0",), endpoint, certs=certs, token="secret")
+        router = open_router(("rec0",), endpoint, certs=certs, token="secret")
         coordinator, renderer = (
             join(endpoint, "test", role, certs=certs, token="secret") for role in ("coordinator", "renderer")
         )

@@ -24,7 +24,7 @@ from readygo.common.certificates import issue, make_authority
 from readygo.common.dataset import Dataset
 from readygo.common.errors import BusError, RunError
 from readygo.common.fleet import Worker, pull
-from readygo.common.messages import ClaimReply, Command, ControlRequest, RunSpec, RunSpecRequest, topics
+from readygo.common.messages import ClaimReply, Command, ControlRequest, RunSpecRequest, topics
 from readygo.services.coordinator import Ledger
 from readygo.services.recorder import attach as attach_recorder
 from tests.apps.fleet.toy_line import DRAW, FILM, draw, entry, in_process, make_folder
@@ -89,7 +89,7 @@ def pool() -> Iterator[ThreadPoolExecutor]:
         yield pool
 
 
-def _wait_for(happened: Callable[[], object], limit_s: float = 60.0) -> None:
+def wait_for(happened: Callable[[], object], limit_s: float = 60.0) -> None:
     deadline_s = time.monotonic() + limit_s
     while not happened():
         assert time.monotonic() < deadline_s, "it did not happen in time"
@@ -122,7 +122,7 @@ def _work(endpoint: str, certs: Path, name: str, done: list[str], pause_s: float
 
     works = stage_works(world, bus, line=(entry(DRAW.stage, slow_draw), FILM))
     bus.announce("all", name)
-    pull(bus, Worker(name=name, numeric_class="this", works=works), stop=threading.Event())
+    pull(bus, Worker(name=name, numeric_class="this", works=works), leave=lambda: False)
     bus.close()
 
 
@@ -132,7 +132,7 @@ def test_host_that_is_cut_off_and_healed_changes_nothing_of_the_dataset(
     folder = make_folder(tmp_path / "coordinator", [DRAW, FILM], wanted=EPISODES, lease_s=2.0)
     listen = free_endpoint().replace("tcp/", "tls/")
     led = pool.submit(lead, folder, listen, certs=certs)
-    _wait_for((folder.state / "endpoint").exists)
+    wait_for((folder.state / "endpoint").exists)
     cable = Cable(listen)
     done: list[str] = []
     recorded = pool.submit(_record, listen, certs, tmp_path / "recorder")
@@ -141,7 +141,7 @@ def test_host_that_is_cut_off_and_healed_changes_nothing_of_the_dataset(
         pool.submit(_work, listen, certs, "near", done, 1.0),
         pool.submit(_work, cable.endpoint, certs, "far", done, 0.05),
     ]
-    _wait_for(lambda: "far" in done)
+    wait_for(lambda: "far" in done)
     cable.whole.clear()
     cut = done.count("far")
     time.sleep(3.0)
@@ -188,7 +188,7 @@ def test_leader_prepares_disks_and_leaves_out_recorders_that_were_given_up(
     ledger.close()
     opened: list[tuple[str, ...]] = []
 
-    def open_none(spec: RunSpec, recorders: tuple[str, ...], listen: str, **how: object) -> Router:
+    def open_none(recorders: tuple[str, ...], listen: str, **how: object) -> Router:
         opened.append(recorders)
         raise BusError("no router")
 
@@ -211,7 +211,7 @@ def test_name_that_is_taken_is_refused(tmp_path: Path, certs: Path, pool: Thread
     folder = make_folder(tmp_path / "data", [DRAW, FILM], wanted=2)
     listen = free_endpoint().replace("tcp/", "tls/")
     led = pool.submit(lead, folder, listen, certs=certs)
-    _wait_for((folder.state / "endpoint").exists)
+    wait_for((folder.state / "endpoint").exists)
     with contextlib.ExitStack() as left:
         left.callback(_cancel, listen, certs)
         first, second = (join(listen, RUN, "all", certs=certs) for _ in range(2))

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from readygo.apps.gym.point_nav import PointNav, Reward
-from readygo.common.errors import ConfigError
+from readygo.common.errors import ConfigError, PolicyError
+from readygo.common.policy import PolicySpec, save_spec
+from readygo.common.robot import CameraConfig, RobotConfig
 
 
 @pytest.fixture(scope="module")
@@ -53,3 +55,12 @@ def test_arguments_without_sense_are_refused():
     for wrong in ({"humans": 20}, {"split": "mine"}, {"image_px": (0, 4)}):
         with pytest.raises(ConfigError):
             PointNav(**wrong)
+
+
+def test_robot_and_settings_of_a_policy_are_taken(tmp_path):
+    robot = RobotConfig(v_max_mps=0.7, camera=CameraConfig(height_px=24, width_px=32))
+    save_spec(PolicySpec(robot=robot), tmp_path)
+    task = PointNav(humans=1, policy=tmp_path)
+    assert task.robot == robot
+    with pytest.raises(PolicyError):
+        PointNav(policy=tmp_path / "nowhere")

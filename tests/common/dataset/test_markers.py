@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 
 from readygo.common.camera import CameraConfig
 from readygo.common.dataset import markers, schemas
-from readygo.common.dataset.poses import pose_of
+from readygo.common.dataset.packed import stamp
 from readygo.common.frames import matrix_from_quat
 from readygo.common.robot import RobotConfig
 
@@ -21,7 +22,7 @@ def points_of(cloud) -> np.ndarray:
 @pytest.mark.parametrize("pitch_deg", [0.0, 20.0])
 def test_camera_frame_is_where_the_robot_carries_it(pitch_deg) -> None:
     camera = CameraConfig(mount_x_m=0.1, mount_y_m=-0.05, mount_height_m=0.8, mount_pitch_deg=pitch_deg)
-    frame = markers.camera_transform(camera, STAMP)
+    frame = FrameTransform.FromString(markers.camera_frame(camera))
     q, p = frame.rotation, frame.translation
     T_robot_camera = camera.T_world_camera(0.0, 0.0, 0.0, 0.0)
     np.testing.assert_allclose(matrix_from_quat([q.w, q.x, q.y, q.z]), T_robot_camera[:3, :3], atol=1e-12)
@@ -48,7 +49,8 @@ def test_outline_has_the_robots_size_in_its_own_frame() -> None:
 
 
 def test_bodies_stand_on_their_poses() -> None:
-    update = markers.bodies([pose_of(1.0, 2.0, 0.5, 0.3), pose_of(3.0, 4.0, 0.0, 0.0)], STAMP)
+    content = markers.bodies([(1.0, 2.0, 0.5), (3.0, 4.0, 0.0)])
+    update = content.channel.message.FromString(b"".join(content.at(stamp(1_500_000_000))))
     assert [entity.id for entity in update.entities] == ["0", "1"]
     cylinder = update.entities[0].cylinders[0]
     assert cylinder.pose.position.z - 0.5 * cylinder.size.z == pytest.approx(0.5)

@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from mcap.reader import NonSeekingReader, make_reader
 
 from readygo.common.dataset import Dataset, validate
 from readygo.common.dataset import schemas as s
-from readygo.common.dataset.markers import robot_transform
+from readygo.common.dataset.packed import Content
 from readygo.common.dataset.stage import PAUSE_NS, Stage
 from readygo.common.frames import matrix_from_quat
 from readygo.common.robot.kinematics import STEP_NS
@@ -131,12 +132,15 @@ def test_without_robot_and_maps_there_are_frames_and_ways_only(tmp_path) -> None
 
 
 def test_a_frame_that_is_not_at_the_pose_is_a_defect(tmp_path, monkeypatch) -> None:
-    def misplaced(pose: Any, stamp: Any) -> Any:
-        frame = robot_transform(pose, stamp)
-        frame.translation.x += 0.01 if stamp.ToNanoseconds() in (4 * STEP_NS, 6 * STEP_NS) else 0.0
-        return frame
+    def misplaced(self: Stage, position: bytes, orientation: bytes) -> Content:
+        seqs.append(len(seqs))
+        moved = Vector3.FromString(position)
+        moved.x += 0.01 if seqs[-1] in (4, 6) else 0.0
+        return frames(self, moved.SerializeToString(), orientation)
 
-    monkeypatch.setattr("readygo.common.dataset.markers.robot_transform", misplaced)
+    seqs: list[int] = []
+    frames = Stage.frames
+    monkeypatch.setattr(Stage, "frames", misplaced)
     write_shard(tmp_path, [1], stage=STAGE)
     (defect,) = validate(tmp_path).defects
     assert defect.kind == "frame"

@@ -80,20 +80,19 @@ def test_long_work_does_not_count_as_the_coordinators_absence(clock: Clock) -> N
         clock.now_s += 10 * leases.COORDINATOR_ABSENT_S
         return StageResult(result=b"x")
 
-    pull(_bus(claims, completed), _worker(work), stop=threading.Event())
+    pull(_bus(claims, completed), _worker(work), leave=lambda: False)
     assert [request.result for request in completed] == [b"x", b"x"]
 
 
-def test_coordinator_that_stays_away_ends_the_worker(clock: Clock) -> None:
+def test_coordinator_that_stays_away_ends_the_worker(clock: Clock, monkeypatch: pytest.MonkeyPatch) -> None:
     def away() -> Iterator[BusError]:
         while True:
             clock.now_s += 25.0
             yield BusError("Nobody answered")
 
-    stop = threading.Event()
-    stop.wait = lambda timeout=None: False  # type: ignore[method-assign]
+    monkeypatch.setattr(leases.time, "sleep", lambda _: None)
     with pytest.raises(BusError, match="Nobody answered"):
-        pull(_bus(away(), []), _worker(lambda *_: None), stop=stop)
+        pull(_bus(away(), []), _worker(lambda *_: None), leave=lambda: False)
     assert clock.now_s == 100.0
 
 
@@ -146,7 +145,7 @@ def test_idle_worker_asks_when_it_is_woken_and_hardly_ever_else(monkeypatch: pyt
         return next(replies)
 
     bus.serve(topics.claim("animate"), claim)
-    worker = threading.Thread(target=pull, args=(bus, _worker(lambda *_: None)), kwargs={"stop": threading.Event()})
+    worker = threading.Thread(target=pull, args=(bus, _worker(lambda *_: None)), kwargs={"leave": lambda: False})
     worker.start()
     assert asked.acquire(timeout=20.0)
     bus.publish(topics.WAKE, Wake(stages=("render",)))
@@ -193,6 +192,6 @@ def test_lease_is_renewed_well_before_its_end_and_no_more_once_the_work_is_done(
         return StageResult()
 
     bus.serve(topics.renew("animate"), renew)
-    pull(bus, _worker(work), stop=threading.Event())
+    pull(bus, _worker(work), leave=lambda: False)
     assert [(r.worker, r.index, r.attempt) for r in renewals] == [("w", EPISODE.index, 7)]
     assert not [thread for thread in threading.enumerate() if thread.name == "renew"]

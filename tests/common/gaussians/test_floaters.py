@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from readygo.common.gaussians import GaussianCloud, concatenate
+from readygo.common.gaussians.defects import told_apart, unwanted, without
 from readygo.common.gaussians.floaters import floating
 from tests.common.maps.room import box, room
 
@@ -53,3 +54,32 @@ def test_bush_of_large_leaves_is_none() -> None:
     leaves = dust(4000, size_m=0.05, low=(1, 1, 0.1), high=(2, 2, 1.2))
     leaves = dataclasses.replace(leaves, opacities=np.full(4000, 0.9, np.float32))
     assert found(furnished(), leaves)[1] < 0.05
+
+
+def dome(count: int, *, radius_m: float, size_m: float) -> GaussianCloud:
+    """Blobs on the upper half of a sphere around the room."""
+    rays = np.random.default_rng(1).normal(size=(count, 3))
+    rays[:, 2] = np.abs(rays[:, 2])
+    far = dust(count, size_m=size_m, low=(0, 0, 0), high=(1, 1, 1))
+    means = np.array([2, 1.5, 1]) + radius_m * rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    return dataclasses.replace(far, means_m=means.astype(np.float32), opacities=np.full(count, 0.9, np.float32))
+
+
+def test_sky_of_few_large_gaussians_is_background_and_small_ones_there_float() -> None:
+    scene, sky = furnished(), dome(60, radius_m=20.0, size_m=2.0)
+    masks = told_apart(concatenate([scene, sky]))
+    assert masks["background"][len(scene) :].mean() > 0.8
+    assert not masks["background"][: len(scene)].any()
+    masks = told_apart(concatenate([scene, dome(60, radius_m=20.0, size_m=0.05)]))
+    assert not masks["background"].any()
+    assert masks["floaters"][len(scene) :].all()
+
+
+def test_coarse_room_around_a_detailed_corner_is_kept_and_cleaned_only_once() -> None:
+    coarse = dust(600, size_m=0.6, low=(-6, -5, 0), high=(10, 8, 0.05))
+    coarse = dataclasses.replace(coarse, opacities=np.full(600, 0.8, np.float32))
+    assert found(furnished(), coarse)[1] < 0.1
+    scene = concatenate([furnished(), coarse, dome(60, radius_m=30.0, size_m=2.0)])
+    kept, _ = without(scene, unwanted(scene))
+    assert len(kept) > 0.97 * len(scene)
+    assert unwanted(kept)["floaters"].mean() < 0.01

@@ -1,5 +1,6 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,7 @@ import pytest
 
 from readygo.common.camera.captured import CapturedViews
 from readygo.common.errors import SceneError
-from readygo.common.gaussians import save_ply
+from readygo.common.gaussians import concatenate, save_ply
 from readygo.services.reconstructor import reconstruct as module
 from readygo.services.reconstructor.config import MetricConfig, ReconstructorConfig
 from readygo.services.reconstructor.reconstruct import CLOUD_FILE, STAGES, Job, reconstruct
@@ -58,6 +59,24 @@ def test_scene_is_made_once_and_where_it_is_wanted(tmp_path: Path, trained: list
     assert set(first["seconds"]) <= set(STAGES)
     assert scene.reconstruction is not None
     assert scene.reconstruction["training"] == {"gaussians": 5}
+
+
+def test_far_shell_is_the_sky_of_the_scene_and_counted_apart(
+    tmp_path: Path, trained: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    room = small_room()
+    turns = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    far = room.select(np.arange(12))
+    means = np.column_stack([40 * np.cos(turns), 40 * np.sin(turns), np.full(12, 15.0)]).astype(np.float32)
+    sky = replace(far, means_m=means, scales_m=np.full((12, 3), 8.0, np.float32), opacities=np.ones(12, np.float32))
+    monkeypatch.setattr(module, "read_gaussians", lambda _: concatenate([room, sky]))
+    job = Job(source=Path("walk.mp4"), out=tmp_path / "lobby", work=tmp_path / "lobby.work")
+    report = reconstruct(job, CONFIG, lambda progress: None)
+    scene = module.load_scene(job.out)
+    assert report["sky"] == 12
+    assert scene.sky is not None
+    assert len(scene.sky) == 12
+    assert len(scene.cloud) == len(room)
 
 
 def test_what_is_there_already_is_not_touched(tmp_path: Path, trained: list[str]) -> None:

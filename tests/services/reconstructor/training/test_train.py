@@ -73,6 +73,17 @@ def test_interrupted_training_comes_to_the_same_result(
     assert files[0] == files[1]
 
 
+def test_what_no_training_image_shows_is_left_out_in_the_end(write_posed: Write, tmp_path: Path) -> None:
+    posed = write_posed(tmp_path / "posed")
+    points = posed / "sparse" / "0" / "points3D.txt"
+    behind = [f"{900 + k} {0.1 * k} 0 -{3 + 0.1 * k} 9 9 9 0.5" for k in range(7)]
+    points.write_text(points.read_text() + "\n".join(behind) + "\n")
+    report = train_gaussians(posed, tmp_path / "out", replace(SETTINGS, steps=2), silent)
+    cloud = read_gaussians(tmp_path / "out" / "gaussians.ply")
+    assert (report["unseen"], len(cloud)) == (7, 150)
+    assert (cloud.means_m[:, 2] > 0).all()
+
+
 def test_finished_training_is_not_done_again(write_posed: Write, tmp_path: Path) -> None:
     posed, settings = write_posed(tmp_path / "posed"), replace(SETTINGS, steps=2)
     first = train_gaussians(posed, tmp_path / "out", settings, silent)

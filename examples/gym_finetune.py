@@ -1,0 +1,248 @@
+"""Fine-tune a policy by reinforcement learning, and see on the same episodes whether that helped.
+
+    pip install -e ".[rl]" -c constraints.txt
+    python examples/gym_finetune.py out/lobby-run/policy --scene out/lobby --minutes 10 --out out/finetuned
+    readygo evaluate out/lobby out/finetuned
+
+The policy is one that imitates the expert, of `readygo learn` or `readygo train`. PPO of stable-baselines3 goes on from
+its weights in `ReadyGo/PointNav-v0`: the image encoder stays, the three layers behind it are trained. Around what the
+policy decides, commands are drawn at random; a critic, which knows no more than the policy, learns alone at first.
+"""
+
+import argparse
+import dataclasses
+import math
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from gymnasium import make_vec, spaces
+from gymnasium.vector import AutoresetMode
+from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.vec_env import VecEnv
+from torch import nn
+
+from readygo import ReadygoError, load_policy
+from readygo.apps.gym.registration import ENVIRONMENT, register
+from readygo.apps.run.evaluation import evaluation_world, make_evaluator, make_request
+from readygo.apps.run.origin import avatars_of_policy, settings_of_policy
+from readygo.common.episode import EpisodeConfig
+from readygo.common.messages import Split
+from readygo.common.policy.artifact import GOAL_SCALE_M
+from readygo.services.evaluator import handle_evaluate
+from readygo.services.evaluator.records import EpisodeRecord
+from readygo.services.evaluator.scores import compare_all, scores_of
+from readygo.services.trainer.finetune import load_head, save_head
+from readygo.services.trainer.model import PolicyNet
+
+NOISE = 0.1
+"""Standard deviation of commands at first, in shares of the robot's limits."""
+LIMIT_S = EpisodeConfig().time_limit_s
+CRITIC_WIDTHS = [128, 128]
+CRITIC_ROLLOUTS = 3
+"""Rollouts from which the critic alone learns."""
+
+
+class Rides(VecEnv):
+    """Robots of `PointNavVectorEnv` for stable-baselines3; what a robot observes is what the policy's head is given."""
+
+    def __init__(self, folder: Path, count: int, **arguments: Any) -> None:
+        register()
+        self._envs = make_vec(
+            ENVIRONMENT,
+            num_envs=count,
+            vectorization_mode="vector_entry_point",
+            autoreset_mode=AutoresetMode.SAME_STEP,
+            policy=folder,
+            **arguments,
+        )
+        self._policy = policy = load_policy(folder)
+        robot = policy.spec.robot
+        self._limits = np.array([robot.v_max_mps, robot.w_max_radps], np.float32)
+        self._memories = [policy.start() for _ in range(count)]
+        features = spaces.Box(-np.inf, np.inf, (policy.spec.inputs.feature_count,), np.float32)
+        shares = spaces.Box(np.float32([0.0, -1.0]), np.float32([1.0, 1.0]))
+        self.outcomes: list[bool] = []
+        """Of every episode that ended, whether it succeeded."""
+        super().__init__(count, features, shares)
+
+    def reset(self) -> np.ndarray:
+        """Begin an episode of every robot."""
+        observation, _ = self._envs.reset(seed=self._seeds[0])
+        self._memories = [self._policy.start() for _ in self._memories]
+        return self._features(self._memories, observation)
+
+    def step_async(self, actions: np.ndarray) -> None:
+        """Take commands, as shares of the robot's limits, shape (B, 2)."""
+        self._actions = actions * self._limits
+
+    def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
+        """Drive for 0.05 s."""
+        observation, rewards, terminated, truncated, infos = self._envs.step(self._actions)
+        ended, told = terminated | truncated, [{} for _ in self._memories]
+        for k in np.flatnonzero(ended).tolist():
+            last = {name: array[None] for name, array in infos["final_obs"][k].items()}
+            told[k]["terminal_observation"] = self._features([self._memories[k]], last)[0]
+            told[k]["TimeLimit.truncated"] = bool(truncated[k])
+            self.outcomes.append(bool(infos["final_info"]["success"][k]))
+            self._memories[k] = self._policy.start()
+        return self._features(self._memories, observation), rewards, ended, told
+
+    def _features(self, memories: Sequence[Any], observation: dict[str, np.ndarray]) -> np.ndarray:
+        for memory, command in zip(memories, observation["velocity"], strict=True):
+            memory.advance(command)
+        self._policy.see(memories, observation["rgb"])
+        return self._policy.features(memories, observation["velocity"], observation["goal"])
+
+    def close(self) -> None:
+        """Let go of the scene."""
+        self._envs.close()
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """An attribute of the environments, once for each robot."""
+        return [getattr(self._envs, attr_name)] * len(self._memories)
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Nothing of one robot alone can be set."""
+        raise NotImplementedError
+
+    def env_method(self, method_name: str, *args: Any, indices: Any = None, **arguments: Any) -> list[Any]:
+        """Robots have no methods of their own."""
+        raise NotImplementedError
+
+    def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
+        """No wrapper stands around one robot alone."""
+        return [False] * len(self._memories)
+
+
+class ActorAndCritic(nn.Module):
+    """In place of stable-baselines3's networks: the policy's own head, and a critic of the same numbers."""
+
+    latent_dim_pi = 2
+
+    def __init__(self, net: PolicyNet, critic: nn.Module, latent_dim_vf: int) -> None:
+        super().__init__()
+        self.head, self._net, self.critic, self.latent_dim_vf = net.head, [net], critic, latent_dim_vf
+
+    def forward(self, features: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """What actor and critic say of features (B, F)."""
+        return self.forward_actor(features), self.forward_critic(features)
+
+    def forward_actor(self, features: torch.Tensor) -> torch.Tensor:
+        """Commands as shares of the robot's limits, shape (B, 2)."""
+        net = self._net[0]
+        return net.decide(net.act(*self._parts(features)))
+
+    def forward_critic(self, features: torch.Tensor) -> torch.Tensor:
+        """Shape (B, `latent_dim_vf`)."""
+        latents, motion, goal = self._parts(features)
+        return self.critic(torch.cat([latents, motion, goal / GOAL_SCALE_M], dim=1))
+
+    def _parts(self, features: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        net = self._net[0]
+        width = net.inputs.latents_width
+        return features[:, :width], net.normalise_motion(features[:, width:-2]), features[:, -2:]
+
+
+class Watch(BaseCallback):
+    """Has the critic learn alone at first, ends by time, and says how it goes."""
+
+    def __init__(self, head: nn.Module, rides: Rides, minutes: float) -> None:
+        super().__init__()
+        self._head, self._rides, self._rollouts = head, rides, 0
+        self._begin_s, self._end_s = time.monotonic(), time.monotonic() + 60.0 * minutes
+
+    def _on_rollout_end(self) -> None:
+        self._rollouts += 1
+        self._head.requires_grad_(self._rollouts > CRITIC_ROLLOUTS)
+        recent = self._rides.outcomes[-50:]
+        minutes = (time.monotonic() - self._begin_s) / 60.0
+        rate = f"{np.mean(recent):4.0%} of the last {len(recent)}" if recent else "none has ended"
+        say(f"{minutes:5.1f} min  {self.num_timesteps:7d} steps  {len(self._rides.outcomes):4d} episodes, {rate}")
+
+    def _on_step(self) -> bool:
+        return time.monotonic() < self._end_s
+
+
+def fine_tune(folder: Path, rides: Rides, minutes: float, *, rollout_steps: int = 256) -> tuple[PolicyNet, int]:
+    """Train a policy's head, and say over how many steps."""
+    net = load_head(folder)
+    ppo = PPO(
+        "MlpPolicy",
+        rides,
+        learning_rate=1e-4,
+        n_steps=rollout_steps,
+        batch_size=min(512, rollout_steps * rides.num_envs),
+        n_epochs=4,
+        gamma=0.995,
+        clip_range=0.1,
+        target_kl=0.02,
+        seed=0,
+        device="cpu",
+        policy_kwargs={"net_arch": {"pi": [2], "vf": CRITIC_WIDTHS}, "log_std_init": math.log(NOISE)},
+    )
+    made = ppo.policy
+    made.mlp_extractor = ActorAndCritic(net, made.mlp_extractor.value_net, CRITIC_WIDTHS[-1])
+    made.action_net = nn.Identity()
+    made.optimizer = torch.optim.Adam(made.parameters(), lr=ppo.learning_rate, eps=1e-5)
+    ppo.learn(2**31, callback=Watch(net.head, rides, minutes))
+    return net, ppo.num_timesteps
+
+
+def drive(folder: Path, scene: str, episodes: int, name: str) -> list[EpisodeRecord]:
+    """How a policy does in the test episodes, under a name of its own."""
+    policy = load_policy(folder)
+    world = evaluation_world(scene, settings_of_policy(policy.spec), avatars=avatars_of_policy(policy.spec), seed=0)
+    evaluator = make_evaluator(world, renderer=world.renderer(), policy=policy)
+    request = make_request(episodes, ("static", "dynamic"), ("policy",), Split.TEST, 0)
+    return [dataclasses.replace(record, method=name) for record in handle_evaluate(evaluator, request).records]
+
+
+def say_success(before: Sequence[EpisodeRecord], after: Sequence[EpisodeRecord]) -> None:
+    """Success rates with their 95 % intervals, and McNemar's test of the difference."""
+    records = [*before, *after]
+    for (task, name), scores in scores_of(records, time_limit_s=LIMIT_S).items():
+        rate = scores["success"]
+        say(f"{task.value:8s} {name:7s} success {rate.mean:4.0%} ({rate.low:.0%} to {rate.high:.0%}) of {rate.count}")
+    for found in compare_all(records, "before", time_limit_s=LIMIT_S):
+        say(
+            f"{found.task.value:8s} only after {found.only_method}, only before {found.only_reference}: "
+            f"p = {found.mcnemar_p:.2f}"
+        )
+
+
+def say(line: str) -> None:
+    """One line, at once."""
+    sys.stdout.write(line + "\n")
+    sys.stdout.flush()
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """See the module."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("policy", nargs="?", type=Path, default=Path("out/policy"))
+    parser.add_argument("--scene", default="embedded")
+    parser.add_argument("--minutes", type=float, default=10.0, help="of training, by the clock")
+    parser.add_argument("--episodes", type=int, default=50, help="per task, before and after")
+    parser.add_argument("--robots", type=int, default=8, help="that drive side by side")
+    parser.add_argument("--humans", type=int, default=2)
+    parser.add_argument("--rollout-steps", type=int, default=256, help="of each robot between two updates")
+    parser.add_argument("--out", type=Path, default=Path("out/finetuned"))
+    asked = parser.parse_args(arguments)
+    try:
+        before = drive(asked.policy, asked.scene, asked.episodes, "before")
+        rides = Rides(asked.policy, asked.robots, scene=asked.scene, humans=asked.humans)
+        net, steps = fine_tune(asked.policy, rides, asked.minutes, rollout_steps=asked.rollout_steps)
+        save_head(net, asked.policy, asked.out, {"by": "PPO", "steps": steps, "humans": asked.humans})
+        say_success(before, drive(asked.out, asked.scene, asked.episodes, "after"))
+    except ReadygoError as error:
+        sys.exit(str(error))
+
+
+if __name__ == "__main__":
+    main()
