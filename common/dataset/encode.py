@@ -53,7 +53,7 @@ def encode_episode(
         _check_alike(sample, samples[0], header)
     try:
         return _Encoder(header, samples, place).encoded(attempt)
-    except (struct.error, ValueError, OverflowError, TypeError) as error:
+    except (struct.error, ValueError, OverflowError, TypeError, LookupError) as error:
         raise DatasetError(f"Episode {name} cannot be recorded: {error}.") from error
 
 

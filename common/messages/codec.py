@@ -102,9 +102,12 @@ def _unpacked(payload: bytes, items_max: int) -> Any:
 def _plain(value: Any) -> Any:
     if type(value) in _PLAIN:
         return value
-    if dataclasses.is_dataclass(value):
-        items = ((name, getattr(value, name), default) for name, default in _fields(value.__class__))
-        return {name: _plain(item) for name, item, default in items if default is _NEVER_OMITTED or item != default}
+    if (fields := _fields(value.__class__)) is not None:
+        return {
+            name: item if type(item) in _PLAIN else _plain(item)
+            for name, item, default in [(name, getattr(value, name), default) for name, default in fields]
+            if default is _NEVER_OMITTED or item != default
+        }
     if isinstance(value, enum.Enum):
         return value.value
     if isinstance(value, (tuple, list)):
@@ -150,8 +153,10 @@ def _shape(data: bytes) -> tuple[list[int], int]:
 
 
 @functools.cache
-def _fields(cls: type) -> tuple[tuple[str, Any], ...]:
-    """Names of a message's fields, and the value with which a field is left out."""
+def _fields(cls: type) -> tuple[tuple[str, Any], ...] | None:
+    """Names of a message's fields, and the value with which a field is left out; None of any other class."""
+    if not dataclasses.is_dataclass(cls):
+        return None
     return tuple((field.name, _omitted(field)) for field in dataclasses.fields(cls))
 
 

@@ -18,28 +18,22 @@ class BlobStore:
         folder.mkdir(parents=True, exist_ok=True)
 
     def put(self, data: bytes) -> str:
-        """Store a blob under its hash; a crash leaves no half-written blob.
+        """Store a blob under its hash.
 
         Raises:
             DiskError: If the disk does not take it.
         """
         sha256 = hashlib.sha256(data).hexdigest()
-        path = self._folder / sha256
-        if self.get(sha256) != data:
-            self._write(path, data)
-        return sha256
-
-    def _write(self, path: Path, data: bytes) -> None:
-        # Without the folder that `write_whole` makes for each file, which takes as long as the writing: nobody else
-        # writes here, and what a crash leaves behind goes with the next start.
-        part = path.with_name(f".{path.name}")
+        path = self._path(sha256)
         try:
-            part.write_bytes(data)
-            part.replace(path)
+            try:
+                _write(path, data, os.O_EXCL)
+            except FileExistsError:
+                if self.get(sha256) != data:
+                    _write(path, data, os.O_TRUNC)
         except OSError as error:
-            with contextlib.suppress(OSError):
-                part.unlink(missing_ok=True)
             raise DiskError(f"{path} cannot be written: {error.strerror or error}.") from error
+        return sha256
 
     def get(self, sha256: str) -> bytes | None:
         """A whole blob, or None."""
@@ -48,21 +42,48 @@ class BlobStore:
 
     def read(self, sha256: str, offset: int, count: int) -> tuple[int, bytes]:
         """The blob's size (-1 if unknown) and `count` bytes from `offset` (-1 for all that follow)."""
-        path = self._files.get(sha256, self._folder / Path(sha256).name)
         try:
-            with path.open("rb") as file:
-                size = os.fstat(file.fileno()).st_size
-                file.seek(offset)
-                return size, file.read(count)
+            descriptor = os.open(self._files.get(sha256) or self._path(sha256), os.O_RDONLY)
         except FileNotFoundError:
             return -1, b""
+        try:
+            size = os.fstat(descriptor).st_size
+            return size, _read(descriptor, offset, size if count < 0 else min(count, size - offset))
+        finally:
+            os.close(descriptor)
 
     def drop(self, sha256: str) -> None:
         """Forget a blob that nobody needs any more."""
-        (self._folder / sha256).unlink(missing_ok=True)
+        with contextlib.suppress(FileNotFoundError):
+            os.unlink(self._path(sha256))
 
     def keep_only(self, needed: set[str]) -> None:
         """Forget what an earlier crash left behind."""
         for path in self._folder.iterdir():
             if path.name not in needed:
                 path.unlink(missing_ok=True)
+
+    def _path(self, sha256: str) -> str:
+        return os.path.join(self._folder, os.path.basename(sha256))
+
+
+def _write(path: str, data: bytes, how: int) -> None:
+    """Write a file under its name at once: what a crash leaves of it is named by nobody, and has another hash."""
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | how, 0o644)
+    try:
+        view = memoryview(data)
+        while view:
+            view = view[os.write(descriptor, view) :]
+    except OSError:
+        os.unlink(path)
+        raise
+    finally:
+        os.close(descriptor)
+
+
+def _read(descriptor: int, offset: int, count: int) -> bytes:
+    """So many bytes of a file from `offset`, or those that there are."""
+    data = os.pread(descriptor, max(count, 0), offset)
+    while 0 < len(data) < count and (more := os.pread(descriptor, count - len(data), offset + len(data))):
+        data += more
+    return data

@@ -52,6 +52,8 @@ log = logging.getLogger(__name__)
 
 REASON_MAX = 2000
 """Characters of a reason that are kept."""
+AHEAD_PER_PROCESS = 2
+"""Episodes that may be between planning and the shards for each process that is there, at least."""
 _RESULTS = "results"
 """Whose trouble it is when the disk does not take what stages have made."""
 _LEDGER = "ledger"
@@ -463,7 +465,7 @@ def _not_the_holder(index: int, attempt: int) -> Verdict:
 
 def _lease_proof(coordinator: Coordinator, index: int, attempt: int) -> str:
     """What the holder of a lease alone is told."""
-    return hmac.new(coordinator.secret, f"{index} {attempt}".encode(), hashlib.sha256).hexdigest()
+    return hmac.digest(coordinator.secret, f"{index} {attempt}".encode(), "sha256").hex()
 
 
 def _proves_lease(coordinator: Coordinator, proof: str, index: int, attempt: int) -> bool:
@@ -503,7 +505,8 @@ def _same_numeric_class(coordinator: Coordinator, numeric_class: str) -> bool:
 
 
 def _planned_ahead(coordinator: Coordinator) -> bool:
-    return coordinator.ledger.begun() >= coordinator.config.plan_ahead
+    ahead = max(coordinator.config.plan_ahead, AHEAD_PER_PROCESS * coordinator.roster.size)
+    return coordinator.ledger.begun() >= ahead
 
 
 def _inputs(coordinator: Coordinator, lease: Lease) -> tuple[Blob, ...] | None:

@@ -77,8 +77,10 @@ class Ledger:
         self.path = path
         self._stages = tuple(stages)
         self._lock = threading.RLock()
-        with self._worded():
+        try:
             self._db = open_database(path)
+        except sqlite3.Error as error:
+            raise self._worded(error) from error
 
     def close(self) -> None:
         """Close the file."""
@@ -576,21 +578,20 @@ class Ledger:
             if self._db.in_transaction:
                 yield
                 return
-            with self._worded(), self._db:
-                self._db.execute("BEGIN IMMEDIATE")
-                yield
+            try:
+                with self._db:
+                    self._db.execute("BEGIN IMMEDIATE")
+                    yield
+            except sqlite3.Error as error:
+                raise self._worded(error) from error
 
-    @contextmanager
-    def _worded(self) -> Iterator[None]:
-        try:
-            yield
-        except sqlite3.Error as error:
-            # The lower byte of an extended code is the plain one.
-            full = getattr(error, "sqlite_errorcode", 0) & 0xFF in _DISK_CODES
-            raise (DiskError if full else RunError)(
-                f"The run's ledger {self.path} cannot be used: {error}; if the disk is full, free some space and run "
-                "the same command again, else record into a new folder."
-            ) from error
+    def _worded(self, error: sqlite3.Error) -> RunError:
+        # The lower byte of an extended code is the plain one.
+        full = getattr(error, "sqlite_errorcode", 0) & 0xFF in _DISK_CODES
+        return (DiskError if full else RunError)(
+            f"The run's ledger {self.path} cannot be used: {error}; if the disk is full, free some space and run "
+            "the same command again, else record into a new folder."
+        )
 
     def _held(self, statement: str, *values: object) -> bool:
         return self._one(statement, *values) is not None
@@ -600,8 +601,11 @@ class Ledger:
         return rows[0] if rows else None
 
     def _all(self, statement: str, *values: object) -> list[tuple[Any, ...]]:
-        with self._lock, self._worded():
-            return self._db.execute(statement, values).fetchall()
+        with self._lock:
+            try:
+                return self._db.execute(statement, values).fetchall()
+            except sqlite3.Error as error:
+                raise self._worded(error) from error
 
     def _run(self, statement: str, *values: object) -> None:
         self._all(statement, *values)
