@@ -155,18 +155,18 @@ class Watch(BaseCallback):
     def __init__(self, head: nn.Module, rides: Rides, minutes: float) -> None:
         super().__init__()
         self._head, self._rides, self._rollouts = head, rides, 0
-        self._begin_s, self._end_s = time.monotonic(), time.monotonic() + 60.0 * minutes
+        self._begin_s, self._end_s = time.process_time(), time.process_time() + 60.0 * minutes
 
     def _on_rollout_end(self) -> None:
         self._rollouts += 1
         self._head.requires_grad_(self._rollouts > CRITIC_ROLLOUTS)
         recent = self._rides.outcomes[-50:]
-        minutes = (time.monotonic() - self._begin_s) / 60.0
+        minutes = (time.process_time() - self._begin_s) / 60.0
         rate = f"{np.mean(recent):4.0%} of the last {len(recent)}" if recent else "none has ended"
         say(f"{minutes:5.1f} min  {self.num_timesteps:7d} steps  {len(self._rides.outcomes):4d} episodes, {rate}")
 
     def _on_step(self) -> bool:
-        return time.monotonic() < self._end_s
+        return time.process_time() < self._end_s
 
 
 def fine_tune(folder: Path, rides: Rides, minutes: float, *, rollout_steps: int = 256) -> tuple[PolicyNet, int]:
@@ -227,7 +227,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("policy", nargs="?", type=Path, default=Path("out/policy"))
     parser.add_argument("--scene", default="embedded")
-    parser.add_argument("--minutes", type=float, default=10.0, help="of training, by the clock")
+    parser.add_argument("--minutes", type=float, default=10.0, help="of training, in processor time")
     parser.add_argument("--episodes", type=int, default=50, help="per task, before and after")
     parser.add_argument("--robots", type=int, default=8, help="that drive side by side")
     parser.add_argument("--humans", type=int, default=2)

@@ -99,8 +99,8 @@ def evaluate(
         episodes: Episodes per task; 100, or as many as the scenario file has entries.
         tasks: "static" leaves the humans out, "dynamic" lets them walk, "reactive" lets the same ones make way for
             whoever drives.
-        methods: Who drives: policy, expert, expert-paper, straight-line, social-force, gaussnav, vid2sim, gnm, vint,
-            nomad, or your own class as my_package:MyDriver or folder/file.py:MyDriver.
+        methods: Who drives: policy, expert, expert-paper, straight-line, social-force, gaussnav, splat-nav, vid2sim,
+            gnm, vint, nomad, or your own class as my_package:MyDriver or folder/file.py:MyDriver.
         split: Random streams to draw the episodes from.
         seed: Seed of the episodes.
         out: Folder for episodes.jsonl, trajectories.jsonl, summary.json, films, and pages with the failures.

@@ -9,17 +9,20 @@ from readygo.apps.run.custom_method import custom_method
 from readygo.apps.run.world import World
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.errors import PolicyError
+from readygo.common.maps.ros_map import load_unknown_cells
 from readygo.common.policy import check_policy_limits, load_policy
+from readygo.common.scenes.scene import ROBOT_MAP_FILE
 from readygo.services.evaluator import EXPERT, STRAIGHT_LINE, Driver, DriverFailure, Evaluator, MakeDriver
 from readygo.services.evaluator.baselines.discrete import DiscretePlannerDriver
 from readygo.services.evaluator.baselines.social_force import SocialForceDriver
+from readygo.services.evaluator.baselines.splat_nav import SplatMap, SplatNavDriver
 from readygo.services.evaluator.drivers import PolicyDriver
 from readygo.services.planner import Expert, RobotPlanner
 from readygo.services.planner.expert.config import expert_recipe
 
 CHECKPOINTS = Path("checkpoints")
 VID2SIM = "vid2sim"
-BLIND = (EXPERT, "expert-paper", STRAIGHT_LINE, "social-force", "gaussnav")
+BLIND = (EXPERT, "expert-paper", STRAIGHT_LINE, "social-force", "gaussnav", "splat-nav")
 """Methods that need no images."""
 NETWORKS = {"gnm": "gnm_large.pth", "vint": "vint.pth", "nomad": "nomad.pth"}
 """Published networks, and what their authors call the file of weights."""
@@ -63,6 +66,7 @@ def named_methods(world: World, methods: Sequence[str] = (), checkpoints: Path =
         "expert-paper": lambda _: ExpertDriver(_paper_planner(world)),
         "social-force": lambda evaluator: SocialForceDriver(evaluator.robot),
         "gaussnav": lambda evaluator: DiscretePlannerDriver(evaluator.robot),
+        "splat-nav": lambda evaluator: SplatNavDriver(evaluator.robot, _splat_map(world)),
         VID2SIM: lambda evaluator: _mesh_policy(evaluator, checkpoints / VID2SIM),
         **{name: _network(name, checkpoints / file) for name, file in NETWORKS.items()},
     }
@@ -71,6 +75,14 @@ def named_methods(world: World, methods: Sequence[str] = (), checkpoints: Path =
 
 def _custom(name: str) -> MakeDriver:
     return lambda evaluator: custom_method(name, evaluator)
+
+
+def _splat_map(world: World) -> SplatMap:
+    maps, config = world.scene.maps, world.scene.maps.config
+    unknown = load_unknown_cells(maps.folder / ROBOT_MAP_FILE)
+    return SplatMap(
+        world.scene.cloud, maps.floor, maps.robot.frame, unknown, world.config.robot, config.ground_clearance_m
+    )
 
 
 def _paper_planner(world: World) -> RobotPlanner:

@@ -8,6 +8,7 @@ of the requests by `rates` (processor time, Zenoh not included), those of the st
 
 import heapq
 import json
+import math
 import random
 from dataclasses import dataclass
 from typing import Annotated
@@ -79,8 +80,16 @@ def episode_steps(times: Times) -> list[Step]:
     return [*steps, (COORDINATOR, 2 * times.record_s, False), (COORDINATOR, times.complete_s, False)]
 
 
-def predict(times: Times, workers: int, recorders: int = 1, *, seed: int = 0) -> Prediction:
-    """Let a fleet work for some episodes per worker, of which the first are not counted."""
+def predict(times: Times, workers: int, recorders: int = 1, *, cores: float = math.inf, seed: int = 0) -> Prediction:
+    """Let a fleet work for some episodes per worker, of which the first are not counted.
+
+    Args:
+        times: Mean times.
+        workers: Size of the fleet.
+        recorders: Recorders.
+        cores: Cores that the workers share, where they have none of their own each.
+        seed: Of what varies.
+    """
     steps, rng = episode_steps(times), random.Random(seed)
     ideal_s = times.plan_s + times.samples * times.sample_s
     rounds = max(2, min(8, EVENTS_MAX // (workers * len(steps))))
@@ -90,11 +99,15 @@ def predict(times: Times, workers: int, recorders: int = 1, *, seed: int = 0) ->
     ends_s: list[float] = []
     events = [(rng.uniform(0.0, ideal_s), worker, 0) for worker in range(workers)]
     heapq.heapify(events)
+    at_work: set[int] = set()
     while events:
         now_s, worker, number = heapq.heappop(events)
         station, service_s, is_claim = steps[number % len(steps)]
+        at_work.discard(worker)
         if station is WORK:
-            then_s = now_s + service_s * rng.uniform(1.0 - SPREAD, 1.0 + SPREAD)
+            at_work.add(worker)
+            slower = max(1.0, len(at_work) / cores)
+            then_s = now_s + slower * service_s * rng.uniform(1.0 - SPREAD, 1.0 + SPREAD)
         else:
             station = worker % recorders if station == _RECORDER else station
             then_s = free_s[station] = max(now_s, free_s[station]) + service_s

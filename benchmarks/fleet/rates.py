@@ -57,7 +57,7 @@ def main(*, episodes: int = 2000, json_output: Annotated[bool, tyro.conf.arg(nam
 
 def time_coordinator(folder: Path, episodes: int) -> dict[str, list[float]]:
     """Take episodes through the line, a stage after the other; processor time of every call, by what it asks [s]."""
-    spec = _spec()
+    spec = synthetic_spec()
     coordinator = Coordinator(
         spec=spec,
         wanted=episodes,
@@ -149,10 +149,11 @@ def recorder_rates(folder: Path) -> dict[str, float]:
     }
 
 
-def _spec() -> RunSpec:
+def synthetic_spec() -> RunSpec:
+    """A run of no scene."""
     return RunSpec(
         run="rates",
-        scene_path="",
+        scene_path="nowhere",
         scene_hash="",
         scene_files=(),
         avatars_path="",

@@ -2,7 +2,8 @@
 
     python -m readygo.benchmarks.policy.realism SCENE --out FOLDER [--episodes 200] [--samples 400000] [--test 100]
 
-Each arm is recorded and trained alike, by the commands of `readygo`, which go on where they were stopped:
+Each arm is recorded and trained alike, by the commands of `readygo`. The same command goes on where it was stopped; in
+a folder of another scene, other people or another budget it ends in a line:
 
 - photoreal: data among six avatars as they are
 - mesh: the same episodes, people as simple assets of a game engine ([renderer] human_look = "mesh"), as in Vid2Sim
@@ -25,7 +26,9 @@ from typing import Any
 
 from readygo.benchmarks.rasterizer.render import machine
 from readygo.common.episode import EpisodeConfig
+from readygo.common.errors import ReadygoError, RunError
 from readygo.common.files import write_whole
+from readygo.common.policy.artifact import METRICS_FILE
 from readygo.services.evaluator import EXPERT, POLICY, EpisodeRecord
 from readygo.services.evaluator.records import record_of_mapping
 from readygo.services.evaluator.results import RECORDS_FILE
@@ -38,6 +41,7 @@ ARMS: Mapping[str, tuple[str, ...]] = {
 }
 """What `readygo generate` is told, by arm."""
 TASKS = ("static", "dynamic")
+JOB_FILE = "comparison.json"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,17 +65,29 @@ class Job:
 
 
 def prepare(job: Job) -> None:
-    """Write the settings of the arms: a small camera, people as photographs or as assets."""
+    """Write what is compared, and the settings of the arms: a small camera, people as photographs or as assets.
+
+    Raises:
+        RunError: If the folder is that of another comparison.
+    """
+    path = job.out / JOB_FILE
+    found = {name: str(getattr(job, name)) for name in ("scene", "avatars", "episodes", "samples", "seed")}
+    before = json.loads(path.read_text()) if path.is_file() else found
+    if changed := [f"{name} {before.get(name)}" for name in found if before.get(name) != found[name]]:
+        raise RunError(f"{job.out} was begun with {', '.join(changed)}; give another --out.")
+    write_whole(path, json.dumps(found, indent=1) + "\n")
     for look in ("photoreal", "mesh"):
         text = f'[robot.camera]\nheight_px = 72\nwidth_px = 128\n\n[renderer]\nhuman_look = "{look}"\ndetail = "lod"\n'
         write_whole(job.out / f"{look}.toml", text)
 
 
 def make_policy(job: Job, arm: str) -> None:
-    """Record an arm's data and train its policy."""
+    """Record an arm's data and train its policy, unless that is done."""
     config = job.out / ("mesh.toml" if arm == "mesh" else "photoreal.toml")
     people = [argument.format(avatars=job.avatars) for argument in ARMS[arm]]
     data, policy = job.out / f"{arm}-data", job.out / f"{arm}-policy"
+    if (policy / METRICS_FILE).is_file():
+        return
     numbers = ["--episodes", job.episodes, "--seed", job.seed, "--workers", job.workers]
     _readygo("generate", job.scene, "--out", data, "--config", config, "--disturb", *numbers, *people)
     _readygo("train", data, "--out", policy, "--samples", job.samples, "--seed", job.seed, "--recipe", "best")
@@ -114,6 +130,19 @@ def _print_table(scene: str, found: Mapping[str, Any]) -> None:
         print(json.dumps({"scene": scene, **comparison}))
 
 
+def compare(job: Job) -> dict[str, Any]:
+    """Do all of it; the tables by scene."""
+    prepare(job)
+    for arm in ARMS:
+        make_policy(job, arm)
+    found = {}
+    for scene in (job.scene, *job.test_scenes):
+        name = Path(scene).name
+        found[name] = tables([record for arm in ARMS for record in evaluate(job, arm, scene)])
+        _print_table(name, found[name])
+    return found
+
+
 def main() -> None:
     """See the module."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -130,16 +159,18 @@ def main() -> None:
     arguments = vars(parser.parse_args())
     file = arguments.pop("json")
     job = Job(**arguments)
-    prepare(job)
-    for arm in ARMS:
-        make_policy(job, arm)
-    found = {}
-    for scene in (job.scene, *job.test_scenes):
-        found[scene] = tables([record for arm in ARMS for record in evaluate(job, arm, scene)])
-        _print_table(scene, found[scene])
+    try:
+        found = compare(job)
+    except ReadygoError as error:
+        sys.exit(str(error))
+    except subprocess.CalledProcessError as error:
+        # The command has said why.
+        sys.exit(error.returncode)
     if file is not None:
         budget = {name: getattr(job, name) for name in ("episodes", "samples", "test", "seed")}
-        write_whole(file, json.dumps({"machine": machine(), **budget, "scenes": found}, indent=1) + "\n")
+        command = f"python -m readygo.benchmarks.policy.realism {Path(job.scene).name}"
+        kept = {"machine": machine(), "command": command, **budget, "scenes": found}
+        write_whole(file, json.dumps(kept, indent=1) + "\n")
 
 
 if __name__ == "__main__":

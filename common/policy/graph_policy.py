@@ -46,7 +46,7 @@ class GraphPolicy(Policy):
         self, memories: Sequence[PolicyMemory], images: npt.NDArray[np.uint8], times_ns: Sequence[int | None] = ()
     ) -> None:
         """See `Policy.see`."""
-        self._check_size(images)
+        self._check_images(images, 1)
         for memory, one, time_ns in zip(memories, images, times_ns or [None] * len(memories), strict=True):
             memory.see(one, time_ns)
 

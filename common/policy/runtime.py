@@ -66,19 +66,17 @@ class Policy:
             PolicyError: If the images do not have the size that the policy was trained for.
         """
         inputs = self.spec.inputs
-        if images.ndim == 4 and images.shape[3] != inputs.image_channels:
-            raise PolicyError(
-                f"The policy sees {', '.join(inputs.images)}: {inputs.image_channels} channels, got {images.shape[3]}."
-            )
-        check_array("images", images, np.uint8, (None, None, None, None))
-        self._check_size(images)
+        self._check_images(images, inputs.frames_together)
         latents = np.empty((len(images), inputs.latent_count), np.float32)
         for row in range(len(images)):
             latents[row] = self._encoder.run(None, self._fed(images[row : row + 1]))[0][0]
         return latents
 
-    def _check_size(self, images: npt.NDArray[np.uint8]) -> None:
-        camera = self.spec.robot.camera
+    def _check_images(self, images: npt.NDArray[np.uint8], frame_count: int) -> None:
+        names, camera = self.spec.inputs.images, self.spec.robot.camera
+        check_array("images", images, np.uint8, (None, None, None, None))
+        if images.shape[3] != (channels := channels_of(names) * frame_count):
+            raise PolicyError(f"The policy sees {', '.join(names)}: {channels} channels, got {images.shape[3]}.")
         if images.shape[1:3] != (camera.height_px, camera.width_px):
             raise PolicyError(
                 f"The policy sees images of {camera.height_px}x{camera.width_px} px, got "

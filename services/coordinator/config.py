@@ -18,7 +18,7 @@ class CoordinatorConfig:
     lease_s: float = 15.0
     """A lease ends this long after its claim or latest renewal [s]."""
     plan_ahead: int = 64
-    """Planning pauses while this many episodes are between planning and the shards."""
+    """Planning pauses while this many episodes are between planning and the shards, or two for each process there."""
     failures_max: int = 3
     """Workers' errors on one episode before it is set aside."""
     deaths_max: int = 8

@@ -52,6 +52,8 @@ log = logging.getLogger(__name__)
 
 REASON_MAX = 2000
 """Characters of a reason that are kept."""
+AHEAD_PER_PROCESS = 2
+"""Episodes that may be between planning and the shards for each process that is there, at least."""
 _RESULTS = "results"
 """Whose trouble it is when the disk does not take what stages have made."""
 _LEDGER = "ledger"
@@ -503,7 +505,8 @@ def _same_numeric_class(coordinator: Coordinator, numeric_class: str) -> bool:
 
 
 def _planned_ahead(coordinator: Coordinator) -> bool:
-    return coordinator.ledger.begun() >= coordinator.config.plan_ahead
+    ahead = max(coordinator.config.plan_ahead, AHEAD_PER_PROCESS * coordinator.roster.size)
+    return coordinator.ledger.begun() >= ahead
 
 
 def _inputs(coordinator: Coordinator, lease: Lease) -> tuple[Blob, ...] | None:

@@ -35,6 +35,11 @@ class Roster:
             self._present.pop(name, None)
             self._heard_s.pop(name, None)
 
+    @property
+    def size(self) -> int:
+        """Processes that are there."""
+        return len(self._present)
+
     def absent_s(self, stage: str, role: str, *, needed: bool) -> float:
         """For how long a stage that is needed has had nobody who does it [s]; asked for now and then."""
         there = any(other in (role, ALL) for other in tuple(self._present.values()))

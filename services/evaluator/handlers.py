@@ -128,6 +128,7 @@ class Evaluator:
             robot=self.robot,
             floor=self.floor,
             timeout_s=self.config.request_timeout_s,
+            sees=sees,
         )
 
     def driver(self, method: str, hold_steps: int = 1) -> Driver[Any]:

@@ -73,6 +73,8 @@ class Results:
 
         Episodes without a trajectory are left out.
         """
+        if not keys:
+            return {}
         wanted = {_key_names(key): key for key in keys}
         found = {}
         for mapping in _whole_lines(self._trajectories, self.folder / TRAJECTORIES_FILE):
@@ -194,16 +196,16 @@ def _lock(file: BinaryIO, folder: Path) -> None:
 def _whole_lines(file: BinaryIO, path: Path) -> Iterator[dict[str, Any]]:
     """The mappings of a file's lines; what a crash left of a line at its end is cut off."""
     file.seek(0)
-    end = 0
-    for number, line in enumerate(iter(file.readline, b""), start=1):
-        if not line.endswith(b"\n"):
-            file.truncate(end)
-            return
-        end += len(line)
+    # At once: without a buffer, lines are read byte by byte.
+    kept = file.read()
+    whole, _, rest = kept.rpartition(b"\n")
+    for number, line in enumerate(whole.split(b"\n") if whole else [], start=1):
         try:
             yield json.loads(line)
         except ValueError as error:
             raise RunError(f"{path} is broken in line {number}: {error}; choose another --out.") from error
+    if rest:
+        file.truncate(len(kept) - len(rest))
 
 
 def _append(file: BinaryIO, mapping: Mapping[str, Any]) -> None:

@@ -143,7 +143,7 @@ class Stages:
 
     def _made(self, folder: Path, make: Make) -> dict[str, Any]:
         begin_s = time.monotonic()
-        with _worded(self.folder):
+        with worded(self.folder):
             found = json.loads(json.dumps(make(folder)))
         done = {"key": self._key, "seconds": round(time.monotonic() - begin_s, 2), "found": found}
         write_whole(folder / STAGE_FILE, (json.dumps(done, indent=2) + "\n").encode())
@@ -167,7 +167,7 @@ class Stages:
 
 
 @contextmanager
-def _worded(folder: Path) -> Iterator[None]:
+def worded(folder: Path) -> Iterator[None]:
     """Say what ran out in a job's folder while a stage was made: libraries of C++ have words of their own, or none.
 
     Raises:
@@ -177,7 +177,7 @@ def _worded(folder: Path) -> Iterator[None]:
         yield
     except Exception as error:
         words = str(error)
-        if getattr(error, "errno", None) in _DISK_ERRORS or shutil.disk_usage(folder).free < _FULL_BYTES:
+        if _errno(error) in _DISK_ERRORS or shutil.disk_usage(folder).free < _FULL_BYTES:
             # Our own errors give advice already.
             why = "" if isinstance(error, ReadygoError) else f" ({words})"
             raise RunError(f"The disk of {folder} is full{why}. Make room and {_AGAIN}") from error
@@ -187,3 +187,9 @@ def _worded(folder: Path) -> Iterator[None]:
                 f"{_AGAIN}"
             ) from error
         raise
+
+
+def _errno(error: BaseException) -> int | None:
+    """The system's number of an error, or of what our own error was made of."""
+    cause = error.__cause__ if isinstance(error, ReadygoError) and error.__cause__ else error
+    return getattr(cause, "errno", None)

@@ -90,6 +90,13 @@ def _check(folder: Path, images: Path, views: CapturedViews, found: PosedImages)
         raise SceneError(f"{images} lacks {len(missing)} images of the model, {missing[0]} among them.")
 
 
+def size_px(posed: Posed, number: int, side_max_px: int, fraction: int) -> tuple[int, int]:
+    """Width and height that a photo is made smaller to: its longer side at most so long, and then divided."""
+    width, height = (int(side) for side in posed.views.sizes_px[number])
+    scale = min(1.0, side_max_px / max(width, height)) / fraction
+    return max(16, round(width * scale)), max(16, round(height * scale))
+
+
 class PhotoStore:
     """Photos at one size, kept in memory where they fit."""
 
@@ -107,7 +114,7 @@ class PhotoStore:
         """
         self._posed, self._side_max_px, self._fraction = posed, side_max_px, fraction
         self._numbers = numbers
-        sizes = [self._size(number) for number in numbers]
+        sizes = [size_px(posed, number, side_max_px, fraction) for number in numbers]
         keeps = 3 * sum(width * height for width, height in sizes) <= KEPT_BYTES
         self._kept = {number: self._read(number) for number in numbers} if keeps else {}
 
@@ -127,11 +134,6 @@ class PhotoStore:
         """Names of the images, and their photos."""
         return ((self._posed.views.images[number], self[number]) for number in self._numbers)
 
-    def _size(self, number: int) -> tuple[int, int]:
-        width, height = (int(side) for side in self._posed.views.sizes_px[number])
-        scale = min(1.0, self._side_max_px / max(width, height)) / self._fraction
-        return max(16, round(width * scale)), max(16, round(height * scale))
-
     def _read(self, number: int) -> npt.NDArray[np.uint8]:
         """Shape (H, W, 3)."""
         path = self._posed.folder / self._posed.views.images[number]
@@ -141,7 +143,7 @@ class PhotoStore:
         width, height = self._posed.views.sizes_px[number]
         if abs(pixels.shape[1] * height - pixels.shape[0] * width) > 2 * max(width, height):
             raise SceneError(f"{path} is {pixels.shape[1]}x{pixels.shape[0]} px, its camera {width}x{height} px.")
-        size = self._size(number)
+        size = size_px(self._posed, number, self._side_max_px, self._fraction)
         small = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA) if size != pixels.shape[1::-1] else pixels
         return np.ascontiguousarray(small[:, :, ::-1])
 

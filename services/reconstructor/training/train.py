@@ -23,7 +23,7 @@ from readygo.common.config import section_to_mapping
 from readygo.common.errors import RunError
 from readygo.common.files import write_whole
 from readygo.common.gaussians.ply import save_ply
-from readygo.services.reconstructor.stages import Stages
+from readygo.services.reconstructor.stages import Stages, worded
 from readygo.services.reconstructor.training.adam import Adam
 from readygo.services.reconstructor.training.checkpoint import CHECKPOINT_FILE, load_checkpoint, save_checkpoint
 from readygo.services.reconstructor.training.config import GaussiansConfig
@@ -35,6 +35,7 @@ from readygo.services.reconstructor.training.density import (
     reset_opacities,
 )
 from readygo.services.reconstructor.training.drawing import Geometry, ViewGradients, leaves_of, observed, view_gradients
+from readygo.services.reconstructor.training.memory import check_memory
 from readygo.services.reconstructor.training.neighbours import choose_neighbours
 from readygo.services.reconstructor.training.parameters import Gaussians, initial_gaussians
 from readygo.services.reconstructor.training.photos import PhotoStore, Posed, open_posed, split_views
@@ -82,14 +83,19 @@ def train_gaussians(posed_folder: Path, out_folder: Path, settings: GaussiansCon
         (by stage), `settings`.
 
     Raises:
-        ReadygoError: If the model or its images cannot be used, numbers stop being finite, or nothing can be written.
+        ReadygoError: If the model or its images cannot be used, numbers stop being finite, memory or the disk do not
+            suffice.
         KeyboardInterrupt: At Ctrl-C, after the state is saved.
     """
     with Stages(out_folder, lambda _: None).alone():
         posed = open_posed(posed_folder, out_folder / UNDISTORTED)
         identity = _identity(posed, settings)
         done = _finished(out_folder, identity)
-        return done if done is not None else _Training(posed, out_folder, settings, identity, progress).run()
+        if done is not None:
+            return done
+        check_memory(posed, settings)
+        with worded(out_folder):
+            return _Training(posed, out_folder, settings, identity, progress).run()
 
 
 def _identity(posed: Posed, settings: GaussiansConfig) -> str:

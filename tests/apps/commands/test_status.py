@@ -1,3 +1,4 @@
+import dataclasses
 import json
 
 import pytest
@@ -5,8 +6,14 @@ import pytest
 from readygo.apps.commands import status as module
 from readygo.apps.commands.control import cancel
 from readygo.apps.commands.status import status
+from readygo.apps.fleet import runs
+from readygo.apps.fleet.token import TOKEN_VARIABLE
 from readygo.apps.run.folder import RunFolder
-from readygo.services.coordinator import Coordinator
+from readygo.common.bus.zenoh_bus import ZenohBus
+from readygo.common.errors import BusError
+from readygo.common.fleet.repeat import repeating
+from readygo.common.messages import StatusRequest, topics
+from readygo.services.coordinator import Coordinator, handle_status
 from tests.apps.commands.run_at_work import coordinator, folder
 
 __all__ = ["coordinator", "folder"]
@@ -43,3 +50,37 @@ def test_table_that_is_watched_ends_with_the_run(
     cancel(folder.path)
     status(folder.path, watch=True)
     assert "ended: The run was cancelled" in capsys.readouterr().out
+
+
+def test_runs_of_a_router_are_listed_the_most_urgent_first(
+    folder: RunFolder, coordinator: Coordinator, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    endpoint, token = folder.fleet_endpoint()
+    monkeypatch.setenv(TOKEN_VARIABLE, token)
+    other = handle_status(coordinator, StatusRequest())
+    told = [dataclasses.replace(other, run="later", paused=True), dataclasses.replace(other, run="first", priority=2)]
+    bus = ZenohBus(endpoint, "any", token)
+    try:
+        with repeating(lambda: [bus.publish(topics.PROGRESS, each) for each in told], every_s=0.05, name="runs"):
+            status(connect=endpoint)
+            table = [line.split() for line in capsys.readouterr().out.splitlines()[1:]]
+            status(connect=endpoint, json=True)
+            listed = json.loads(capsys.readouterr().out)
+    finally:
+        bus.close()
+    assert table == [
+        ["first", "2", "0", "of", "3", "0", "0", "goes", "on"],
+        ["later", "0", "0", "of", "3", "0", "0", "paused"],
+    ]
+    assert [(each["run"], each["priority"]) for each in listed] == [("first", 2), ("later", 0)]
+
+
+def test_run_that_nobody_leads_is_told_with_those_that_there_are(
+    folder: RunFolder, coordinator: Coordinator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    endpoint, token = folder.fleet_endpoint()
+    monkeypatch.setenv(TOKEN_VARIABLE, token)
+    monkeypatch.setattr(runs, "HEAR_S", 0.1)
+    for ask in (status, cancel):
+        with pytest.raises(BusError, match=rf"^Nobody leads run other at {endpoint} \(there"):
+            ask(connect=endpoint, run="other")

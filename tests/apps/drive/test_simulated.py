@@ -1,5 +1,6 @@
 """A simulated robot and a pilot on a network of their own, in real time."""
 
+import dataclasses
 import threading
 import time
 from contextlib import closing
@@ -18,6 +19,7 @@ from readygo.apps.drive.wires import RosWire, TopicWire
 from readygo.common.bus.foreign import ForeignSession
 from readygo.common.bus.zenoh_bus import Router, free_endpoint
 from readygo.common.messages import Outcome
+from readygo.common.policy.artifact import PolicyInputs
 from tests.apps.drive.conftest import CAMERA, FakePolicy, open_ground
 
 TOPICS = Topics(
@@ -36,10 +38,15 @@ class StraightPolicy(FakePolicy):
 
     def __init__(self):
         super().__init__((1.0, 0.0))
+        self.sights = []
+
+    def see(self, memories, images, times_ns):
+        self.sights.append(images[0])
+        super().see(memories, images, times_ns)
 
 
-@pytest.mark.parametrize("kind", ["ros2", "bridge", "plain"])
-def test_policy_drives_a_robot_to_its_goal_over_every_wire(kind):
+@pytest.mark.parametrize(("kind", "depth"), [("ros2", "/camera/depth"), ("bridge", ""), ("plain", "")])
+def test_policy_drives_a_robot_to_its_goal_over_every_wire(kind, depth):
     pytest.importorskip("rosbags", reason="rosbags (extra robot-logs) is not installed")
     make = {
         "ros2": lambda node: RosWire(7, node),
@@ -50,10 +57,11 @@ def test_policy_drives_a_robot_to_its_goal_over_every_wire(kind):
     run = open_ground()
     with closing(Router(endpoint)), closing(ForeignSession(endpoint)) as session:
         manners = Manners(latency_s=0.02, jitter_s=0.005, drop_share=0.1, compressed=kind == "bridge")
-        topics = TOPICS
+        topics = dataclasses.replace(TOPICS, depth=depth)
         if kind == "bridge":
-            topics = Topics(**{**vars(TOPICS), "image": "/camera/image_raw/compressed"})
-        look = lambda _: (np.zeros((8, 10, 3), np.uint8), None)  # noqa: E731
+            topics = dataclasses.replace(TOPICS, image="/camera/image_raw/compressed")
+        depth_m = np.full((8, 10), 5.0, np.float32)
+        look = lambda _: (np.zeros((8, 10, 3), np.uint8), depth_m)  # noqa: E731
         robot = SimulatedRobot(session, make("robot"), topics, INFO, look, manners, np.random.default_rng(0))
         thread = threading.Thread(target=lambda: outcomes.append(robot.drive(run)), daemon=True)
         thread.start()
@@ -64,13 +72,17 @@ def test_policy_drives_a_robot_to_its_goal_over_every_wire(kind):
             time.sleep(0.01)
         rectify = Rectifier(camera_from_info(CAMERA, link.camera), CAMERA)
         config = DriveConfig(v_max_mps=1.0, w_max_radps=1.2, goal_in_start_frame=False, time_limit_s=15.0)
-        pilot = Pilot(StraightPolicy(), rectify, config, link.goal)
+        policy = StraightPolicy()
+        if depth:
+            policy.spec = dataclasses.replace(policy.spec, inputs=PolicyInputs(images=("rgb", "depth")))
+        pilot = Pilot(policy, rectify, config, link.goal)
         run_trial(link, pilot, rate_hz=20, say=lambda words: None)
         link.close()
         thread.join(10.0)
     assert outcomes == [Outcome.SUCCESS]
     assert pilot.ending is Ending.GOAL
     assert run.v_mps <= 1.0
+    assert policy.sights[-1][0, 0].tolist() == [0, 0, 0, *([128] if depth else [])]
     assert pilot.driven_m == pytest.approx(1.0, abs=0.3)
 
 

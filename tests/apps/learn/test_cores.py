@@ -35,6 +35,7 @@ def test_every_scene_has_a_collector_however_few_cores_there_are() -> None:
     assert shared_out(3, 3) == [1, 1, 1]
     assert shared_out(7, 3) == [3, 2, 2]
     assert shared_out(1, 2) == [1, 1]
+    assert shared_out(0, 2) == [0, 0]
 
 
 def test_collecting_waits_for_training_and_never_at_first() -> None:

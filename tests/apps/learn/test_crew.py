@@ -11,7 +11,7 @@ import pytest
 from readygo.apps.learn import crew as crew_module
 from readygo.apps.learn.config import LearnConfig
 from readygo.apps.learn.cores import Split
-from readygo.apps.learn.crew import DEAF_MAX, FROZEN_S, PACE_S, Crew
+from readygo.apps.learn.crew import DEAF_MAX, FROZEN_S, PACE_S, Crew, Reach
 from readygo.apps.learn.plan import Budget, Plan, learn_settings, make_plan
 from readygo.apps.learn.training import Training
 from readygo.apps.run.folder import RunFolder
@@ -26,7 +26,8 @@ class StandInFleet:
 
     made: "list[StandInFleet]" = []  # noqa: RUF012
 
-    def __init__(self, *, connect: str, run: str, data: object, logs: Path, token: str) -> None:
+    def __init__(self, *, connect: str, run: str, data: object, logs: Path, token: str, certs: Path | None) -> None:
+        self.shown = connect, certs
         self.run, self.members, self.checks, self.stopped, self.begun = run, [], 0, False, 0
         self.killed: list[str] = []
         self.made.append(self)
@@ -60,7 +61,7 @@ class StandInBus:
     commands: "list[Command]" = []  # noqa: RUF012
     deaf = False
 
-    def __init__(self, connect: str, run: str, token: str) -> None: ...
+    def __init__(self, connect: str, run: str, role: str, *, certs: Path | None, token: str) -> None: ...
 
     def announce(self, role: str, name: str) -> None: ...
 
@@ -79,8 +80,9 @@ def plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Plan:
     monkeypatch.setattr(StandInFleet, "made", [])
     monkeypatch.setattr(StandInBus, "commands", [])
     monkeypatch.setattr(crew_module, "Fleet", StandInFleet)
-    monkeypatch.setattr(crew_module, "ZenohBus", StandInBus)
-    monkeypatch.setattr(crew_module, "Router", lambda endpoint, token: SimpleNamespace(close=lambda: None))
+    monkeypatch.setattr(crew_module, "join", StandInBus)
+    monkeypatch.setattr(crew_module, "LEAVE_S", 0.0)
+    monkeypatch.setattr(crew_module, "open_router", lambda *given, **named: SimpleNamespace(close=lambda: None))
     (tmp_path / "run").mkdir()
     settings, budget = learn_settings(None, None), Budget(minutes=1.0)
     plan = make_plan(("embedded",), tmp_path / "run", settings, LearnConfig(), budget, avatars=None, seed=0)
@@ -105,6 +107,13 @@ def test_every_scene_has_a_fleet_and_all_have_one_trainer(plan: Plan) -> None:
         assert trainer.run == ",".join(place.spec.run for place in plan.places)
         assert "threads = 2" in (plan.out / "trainer.toml").read_text()
     assert all(fleet.stopped for fleet in StandInFleet.made)
+
+
+def test_workers_of_other_hosts_collect_and_are_told_when_it_is_over(plan: Plan, tmp_path: Path) -> None:
+    with Crew(plan, Split(0, 2), Reach(listen="tls/0.0.0.0:7447", certs=tmp_path, hosts=True)):
+        assert [fleet.names("all") for fleet in StandInFleet.made] == [[], [], []]
+        assert {fleet.shown for fleet in StandInFleet.made} == {("tls/127.0.0.1:7447", tmp_path)}
+    assert StandInBus.commands == [Command.CANCEL, Command.CANCEL]
 
 
 def test_numbers_are_those_of_all_scenes_and_of_samples_with_images(plan: Plan) -> None:

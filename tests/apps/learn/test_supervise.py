@@ -49,7 +49,7 @@ class StandInCrew:
     learns = True
     dies_after = 10**9
 
-    def __init__(self, plan: Plan, split: Split) -> None:
+    def __init__(self, plan: Plan, split: Split, reach: object) -> None:
         self.plan, self.running, self.splits = plan, split, []
         self.recorded = self.policies = self.ticks = self.fell = 0
         self.collect_hz, self.status = 100.0, {}

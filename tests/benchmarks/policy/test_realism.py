@@ -8,6 +8,7 @@ import pytest
 
 from readygo.benchmarks.policy import realism
 from readygo.common.episode.metrics import EpisodeResult
+from readygo.common.errors import RunError
 from readygo.common.messages import EpisodeKey, Outcome, Split
 from readygo.services.evaluator import EpisodeRecord, Task
 
@@ -55,6 +56,21 @@ def test_arms_differ_in_nothing_but_who_is_there(job, monkeypatch) -> None:
     assert ["embedded:train" in line for line in said if line[0] == "generate"] == [True, True, False]
     trained = [line[line.index("--samples") :] for line in said if line[0] == "train"]
     assert trained[0] == trained[1] == trained[2]
+
+
+def test_what_is_done_is_not_done_again_and_a_folder_of_another_budget_is_refused(job, monkeypatch) -> None:
+    said = []
+    monkeypatch.setattr(realism, "_readygo", lambda *arguments: said.append(arguments[0]))
+    realism.prepare(job)
+    (job.out / "mesh-policy").mkdir()
+    (job.out / "mesh-policy" / "metrics.json").write_text("{}")
+    realism.make_policy(job, "mesh")
+    assert said == []
+    realism.prepare(job)
+    realism.make_policy(job, "photoreal")
+    assert said == ["generate", "train"]
+    with pytest.raises(RunError, match="begun with samples 100"):
+        realism.prepare(dataclasses.replace(job, samples=200))
 
 
 def test_arms_are_compared_on_their_common_episodes() -> None:

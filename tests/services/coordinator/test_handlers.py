@@ -326,6 +326,15 @@ def test_planning_waits_while_enough_is_planned(tmp_path: Path) -> None:
     assert line.claim(HUMAN_PLAN).status is ClaimStatus.LEASE
 
 
+def test_more_is_planned_for_more_workers(tmp_path: Path) -> None:
+    line = Line(tmp_path, wanted=5, plan_ahead=1)
+    for name in ("a", "b"):
+        line.coordinator.roster.note_presence("all", name, alive=True)
+    for _ in range(4):
+        line.plan()
+    assert line.claim(HUMAN_PLAN).status is ClaimStatus.WAIT
+
+
 def test_worker_of_another_numeric_class_is_refused(line: Line) -> None:
     assert line.claim(HUMAN_PLAN, numeric_class="numpy-1").status is ClaimStatus.LEASE
     assert line.claim(HUMAN_PLAN, numeric_class="numpy-2").status is ClaimStatus.REFUSED

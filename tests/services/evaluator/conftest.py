@@ -87,7 +87,8 @@ class FakeServices:
         rgb = np.zeros((count, camera.height_px, camera.width_px, 3), np.uint8)
         for image, view in zip(rgb, request.views, strict=False):
             image[:] = round(20 * view.T_world_camera[0, 3])
-        return RenderReply(rgb=rgb, unknown_people=tuple(sorted(unknown)))
+        outputs = {name: np.full(rgb.shape[:3], 2.0, np.float32) for name in request.outputs if count}
+        return RenderReply(rgb=rgb, unknown_people=tuple(sorted(unknown)), outputs=outputs)
 
 
 class GoalSeeker:

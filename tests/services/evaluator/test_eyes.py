@@ -1,9 +1,12 @@
 import dataclasses
 import itertools
 import math
+from typing import ClassVar
 
+import numpy as np
 import pytest
 
+from readygo.common.policy.artifact import PolicyInputs
 from readygo.services.evaluator import (
     POLICY,
     EvaluateRequest,
@@ -63,3 +66,22 @@ def test_humans_that_the_renderer_forgot_are_sent_again(make_evaluator, services
     services.render_requests.clear()
     services.forget_once = True
     assert handle_evaluate(make_evaluator(), request).records == expected.records
+
+
+def test_policy_that_sees_depths_is_shown_what_its_camera_measures_of_them(make_evaluator, services):
+    class SeesDepths(GoalSeeker):
+        levels: ClassVar[list] = []
+
+        def step(self, memories, images, previous, goals):
+            self.levels.append(images[0, ..., 3])
+            return super().step(memories, images, previous, goals)
+
+    robot = dataclasses.replace(ROBOT, camera=dataclasses.replace(ROBOT.camera, depth_max_m=8.0, depth_lost=0.5))
+    policy = SeesDepths(robot)
+    policy.spec = dataclasses.replace(policy.spec, inputs=PolicyInputs(images=("rgb", "depth")))
+    request = EvaluateRequest(tasks=(Task.STATIC,), methods=(POLICY,), episodes=1)
+    handle_evaluate(make_evaluator(robot=robot, policy=policy), request)
+    assert {asked.outputs for asked in services.render_requests} == {("depth",)}
+    assert set(np.unique(policy.levels)) <= {0, 191, 192}
+    assert len(np.unique(policy.levels)) == 2
+    assert not np.array_equal(policy.levels[0], policy.levels[1])

@@ -5,7 +5,10 @@ import numpy as np
 import pytest
 
 from readygo.common.camera import CameraConfig
+from readygo.common.camera.depth import depth_bytes, depth_rng, measured_depth
 from readygo.common.errors import DatasetError
+from readygo.common.images.files import decode_output, encode_output
+from readygo.common.images.images import Images
 from readygo.services.trainer import frames as frames_module
 from readygo.services.trainer.frames import FrameCache, pool, pooling_of
 from readygo.services.trainer.reservoir import Reservoir
@@ -104,3 +107,27 @@ def test_pooled_frames_are_what_the_cache_gives():
     assert np.array_equal(
         cache.get(table, np.array([3]))[0], cv2.resize(seen[3], (16, 8), interpolation=cv2.INTER_AREA)
     )
+
+
+def test_depths_come_beside_the_colours_as_the_robots_camera_measures_them():
+    camera = dataclasses.replace(CAMERA, depth_max_m=4.0, depth_lost=0.2)
+    seen, depth_m = pictures(), np.linspace(0.5, 8.0, 16 * 32, dtype=np.float32).reshape(16, 32).round(3)
+    file = encode_output(Images(rgb=seen[0], depth_m=depth_m), "depth")
+    reservoir = Reservoir(10**9)
+    episode = episode_of("a", tuple(png(picture) for picture in seen))
+    reservoir.add(dataclasses.replace(episode, outputs={"depth": (file,) * 10}))
+    cache = FrameCache(reservoir, camera, pooling=2, limit_bytes=0, images=("rgb", "depth"))
+    found = cache.get(table_of(reservoir), np.array([3]))[0]
+    measured_m = measured_depth(decode_output("depth", file), camera, depth_rng("a", 3))
+    assert np.array_equal(found[..., :3], pool(seen[3], 2))
+    assert np.array_equal(found[..., 3], depth_bytes(measured_m, camera)[1::2, 1::2])
+    assert 0.15 < (found[:4, :, 3] == 0).mean() < 0.35
+
+
+def test_damaged_depths_are_refused_by_name():
+    reservoir = Reservoir(10**9)
+    episode = episode_of("a", tuple(png(picture) for picture in pictures()))
+    reservoir.add(dataclasses.replace(episode, outputs={"depth": (b"no image",) * 10}))
+    cache = FrameCache(reservoir, CAMERA, pooling=1, limit_bytes=0, images=("rgb", "depth"))
+    with pytest.raises(DatasetError, match="Sample 0 of episode a has no depth image"):
+        cache.get(table_of(reservoir), np.array([0]))

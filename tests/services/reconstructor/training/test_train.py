@@ -2,6 +2,7 @@
 
 import json
 import os
+import resource
 import signal
 from collections.abc import Callable
 from dataclasses import replace
@@ -71,6 +72,29 @@ def test_interrupted_training_comes_to_the_same_result(
     assert heard[0] == 25
     files = [(tmp_path / name / "gaussians.ply").read_bytes() for name in ("whole", "parts")]
     assert files[0] == files[1]
+
+
+def test_full_disk_is_one_line_and_the_training_goes_on_when_there_is_room(
+    write_posed: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    posed, settings = write_posed(tmp_path / "posed"), replace(SETTINGS, steps=4)
+    monkeypatch.setattr(train, "_SAVE_EVERY_S", 0.0)
+    monkeypatch.setattr(train, "_TELL_EVERY_S", 0.0)
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    began: list[int] = []
+
+    def fill(at: TrainingProgress) -> None:
+        began.append(at.step)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, before[1]))
+
+    try:
+        with pytest.raises(RunError, match=r"^The disk of .*out is full.*Make room and run the same command again"):
+            train_gaussians(posed, tmp_path / "out", settings, fill)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [".lock", "checkpoint.npz"]
+    train_gaussians(posed, tmp_path / "out", settings, lambda at: began.append(at.step))
+    assert began == [1, 2, 3, 4]
 
 
 def test_what_no_training_image_shows_is_left_out_in_the_end(write_posed: Write, tmp_path: Path) -> None:

@@ -1,0 +1,127 @@
+"""Writes docs/tables.md: success rates of robots, from the runs that `results/` keeps. No number is typed by hand.
+
+    python -m readygo.benchmarks.tables
+
+Shown are files with the `scores` of a run that learned, those of `policy/realism.py`, and what an evaluation left as
+`summary.json`, where they are kept with `machine` and `command`.
+"""
+
+import json
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+RESULTS, PAGE = ROOT / "benchmarks" / "results", ROOT / "docs" / "tables.md"
+INTRODUCTION = """# Tables
+
+Success rates and collisions are percentages of the episodes, with 95 % intervals in brackets; ART is the mean time in
+seconds, for which a failure counts the time limit; SPL is success weighted by the length of the way. All methods of a
+table drove the same episodes. The task *static* is without people, *dynamic* among them. This page is written by
+`python -m readygo.benchmarks.tables` from the files that it names; what was not measured is not in it.
+"""
+COLUMNS = {
+    "SR %": ("success", 100.0),
+    "ART s": ("art_s", 1.0),
+    "SPL": ("spl", 1.0),
+    "hit a thing %": ("static_collision", 100.0),
+    "hit a human %": ("human_collision", 100.0),
+}
+"""Titles, and the measure with the factor for the unit that is shown."""
+OF_SCORES = {"static_collision": "static_collision_rate", "human_collision": "human_collision_rate"}
+"""What the scores of a run that learned call a measure, where they call it something else."""
+
+Measures = Mapping[str, Mapping[str, Mapping[str, Mapping[str, Any]]]]
+"""Task -> method -> measure -> mean, and where it has an interval low and high, and count."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """One table of the page."""
+
+    title: str
+    measures: Measures
+    comparisons: Sequence[Mapping[str, Any]] = ()
+
+
+def tables_of(kept: Mapping[str, Any]) -> list[Table]:
+    """The tables of one file of results; none where it holds something else."""
+    title = str(kept.get("command", ""))
+    if "scores" in kept and "points" in kept:
+        return [Table(title=title, measures=_measures_of_scores(kept["scores"]))]
+    if "measures" in kept:
+        return [Table(title=title, measures=kept["measures"], comparisons=kept.get("comparisons", ()))]
+    return [
+        Table(title=f"{title or 'realism'} in {scene}", measures=found["measures"], comparisons=found["comparisons"])
+        for scene, found in kept.get("scenes", {}).items()
+        if "measures" in found
+    ]
+
+
+def page(results: Path) -> str:
+    """The whole page.
+
+    Args:
+        results: Folder of kept runs.
+    """
+    lines = [INTRODUCTION]
+    for path in sorted(results.glob("*.json")):
+        kept = json.loads(path.read_text())
+        for table in tables_of(kept) if isinstance(kept, dict) else []:
+            lines += [*_section(table, path.name, kept), ""]
+    return "\n".join(lines)
+
+
+def _section(table: Table, name: str, kept: Mapping[str, Any]) -> Iterator[str]:
+    machine = ", ".join(f"{key} {value}" for key, value in kept.get("machine", {}).items())
+    yield f"## `{table.title}`\n"
+    if note := kept.get("note"):
+        yield f"{note}\n"
+    yield f"From `benchmarks/results/{name}` ({machine}).\n"
+    yield f"| task | method | {' | '.join(COLUMNS)} | episodes |"
+    yield "|---" * (len(COLUMNS) + 3) + "|"
+    for task, methods in table.measures.items():
+        for method, measures in methods.items():
+            cells = [_cell(measures.get(measure), factor) for measure, factor in COLUMNS.values()]
+            yield f"| {task} | {method} | {' | '.join(cells)} | {measures['success']['count']} |"
+    for found in table.comparisons:
+        yield (
+            f"\n{found['task'].capitalize()}, *{found['method']}* beside *{found['reference']}*: "
+            f"{found['only_method']} episodes are solved by the first alone and {found['only_reference']} by the second"
+            f" alone of {found['episodes']} (McNemar p = {found['mcnemar_p']:.2g})."
+        )
+
+
+def _cell(score: Mapping[str, Any] | None, factor: float) -> str:
+    if score is None or score["mean"] is None:
+        return ""
+    digits = 0 if factor == 100.0 else 2
+    mean, low, high = (f"{score[key] * factor:.{digits}f}" if key in score else "" for key in ("mean", "low", "high"))
+    return f"{mean} ({low} to {high})" if low else mean
+
+
+def _measures_of_scores(scores: Mapping[str, Any]) -> Measures:
+    """The scores of a run that learned, by the names that evaluations have today."""
+    return {
+        task: {method: _measures_of_method(found) for method, found in methods.items()}
+        for task, methods in scores.items()
+    }
+
+
+def _measures_of_method(found: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    success = {"mean": found["success_rate"], "low": found["success_rate_low"], "high": found["success_rate_high"]}
+    names = [measure for measure, _ in COLUMNS.values() if measure != "success"]
+    others = {name: {"mean": found[OF_SCORES.get(name, name)]} for name in names}
+    return {"success": {**success, "count": found["episode_count"]}, **others}
+
+
+def main() -> None:
+    """Write the page."""
+    PAGE.write_text(page(RESULTS))
+    sys.stdout.write(f"{PAGE.relative_to(ROOT)}\n")
+
+
+if __name__ == "__main__":
+    main()

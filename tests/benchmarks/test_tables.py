@@ -1,0 +1,62 @@
+import json
+
+import pytest
+
+from readygo.benchmarks.tables import PAGE, RESULTS, page, tables_of
+
+
+def score(mean, low, high, count=20):
+    return {"mean": mean, "low": low, "high": high, "count": count}
+
+
+MEASURES = {"dynamic": {"mesh": {"success": score(0.456, 0.2, 0.7), "art_s": score(12.3456, 10.0, 15.0)}}}
+COMPARISON = {
+    "task": "dynamic",
+    "method": "mesh",
+    "reference": "photoreal",
+    "episodes": 20,
+    "only_method": 2,
+    "only_reference": 7,
+    "mcnemar_p": 0.1796875,
+}
+
+
+def test_page_in_docs_is_what_the_results_say(request: pytest.FixtureRequest) -> None:
+    text = page(RESULTS)
+    if request.config.getoption("--update-golden"):
+        PAGE.write_text(text)
+    assert PAGE.read_text() == text, "docs/tables.md is old: run `python -m readygo.benchmarks.tables`"
+
+
+def test_rates_are_per_cent_with_their_intervals(tmp_path):
+    kept = {"machine": {"cores": 2}, "command": "readygo evaluate x", "measures": MEASURES, "comparisons": [COMPARISON]}
+    (tmp_path / "a.json").write_text(json.dumps(kept))
+    (tmp_path / "b.json").write_text("[1]")
+    (tmp_path / "c.json").write_text(json.dumps({"machine": {}, "rows": []}))
+    text = page(tmp_path)
+    assert "| dynamic | mesh | 46 (20 to 70) | 12.35 (10.00 to 15.00) |  |  |  | 20 |" in text
+    assert "2 episodes are solved by the first alone and 7 by the second alone of 20 (McNemar p = 0.18)" in text
+    assert "`benchmarks/results/a.json` (cores 2)" in text
+    assert text.count("\n## ") == 1
+
+
+def test_every_scene_of_a_comparison_has_a_table_and_what_is_no_rate_has_none():
+    scenes = {scene: {"measures": MEASURES, "comparisons": []} for scene in ("embedded", "embedded:1")}
+    assert [table.title for table in tables_of({"scenes": scenes})] == ["realism in embedded", "realism in embedded:1"]
+    assert tables_of({"scenes": {"x": {"psnr": 3}}}) == tables_of({"scores": 3}) == []
+
+
+def test_scores_of_runs_that_learned_are_read():
+    scores = {
+        "success_rate": 0.92,
+        "success_rate_low": 0.85,
+        "success_rate_high": 0.96,
+        "episode_count": 100,
+        "art_s": 9.5,
+        "spl": 0.87,
+        "static_collision_rate": 0.07,
+        "human_collision_rate": 0.0,
+    }
+    (table,) = tables_of({"command": "c", "scores": {"static": {"policy": scores}}, "points": []})
+    assert table.measures["static"]["policy"]["success"] == score(0.92, 0.85, 0.96, 100)
+    assert table.measures["static"]["policy"]["static_collision"] == {"mean": 0.07}
