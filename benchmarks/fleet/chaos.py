@@ -44,7 +44,7 @@ episodes_per_shard = 8
 
 [coordinator]
 lease_s = 5.0
-recorders = ["rec0", "rec1"]
+recorders = ["rec0", "rec1", "rec2"]
 """
 """Small images, so that processes and their protocol are most of the work; small shards, so that there are many."""
 
@@ -103,7 +103,7 @@ def bench_chaos(
     with contextlib.ExitStack() as stack:
         place = folder or Path(stack.enter_context(tempfile.TemporaryDirectory()))
         place.mkdir(parents=True, exist_ok=True)
-        own = f"rec1 = {json_module.dumps(str(place / 'rec1'))}\n"
+        own = "".join(f"{name} = {json_module.dumps(str(place / name))}\n" for name in ("rec1", "rec2"))
         command = ["generate", scene, "--episodes", str(episodes), "--seed", str(seed)]
         # In one process: the bytes are the same, and no fleet has to start.
         alone = [*command, "--workers", "0", "--config", _settings(place / "alone.toml", SETTINGS)]

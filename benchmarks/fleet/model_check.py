@@ -130,7 +130,7 @@ def _row(workers: str, cores: float | None, measured_hz: float, predicted_hz: fl
 def real_run(folder: Path, workers: int, episodes: int) -> Measured:
     """Record small images of the embedded scene by processes that do all stages."""
     folder.mkdir()
-    (folder / "settings.toml").write_text(SETTINGS.replace('["rec0", "rec1"]', '["rec0"]'))
+    (folder / "settings.toml").write_text(SETTINGS.replace('["rec0", "rec1", "rec2"]', '["rec0"]'))
     config = load_run_config(folder / "settings.toml")
     spec = make_spec(open_scene("embedded"), None, config, seed=0, split=Split.TRAIN, static=False)
     told: list[Told] = []
