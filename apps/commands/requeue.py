@@ -20,7 +20,8 @@ def requeue(data: Path, /, *, recorder: str) -> None:
     folder.load()
     with folder.locked():
         count = requeue_recorder(folder, recorder)
+    command = "coordinator" if folder.elsewhere.exists() else "recover"
     sys.stdout.write(
         f"Recorder {recorder} is given up: its {count} episodes are recorded again by the command that began the run, "
-        f"or by `readygo recover {data}`.\n"
+        f"or by `readygo {command} {data}`.\n"
     )

@@ -71,6 +71,7 @@ def lead(
             opened.enter_context(folder.reachable(here, token))
             health = showing_health(bus, COORDINATOR, COORDINATOR, data=folder.path, metrics=watched.metrics_at)
             opened.enter_context(health)
+            folder.elsewhere.touch()
             return _until_over(bus, coordinator)
 
 

@@ -43,6 +43,11 @@ class RunFolder:
         return self.state / "blobs"
 
     @property
+    def elsewhere(self) -> Path:
+        """A file that is there once recorders on other machines have been asked to record the run."""
+        return self.state / "elsewhere"
+
+    @property
     def aside(self) -> Path:
         """What is known of the episodes that were given up."""
         return self.state / "aside"

@@ -61,12 +61,18 @@ def recover(folder: RunFolder, *, every_byte: bool = False, recorded_here: bool 
             shard here is taken for true, and no ledger is made anew without their shards.
 
     Raises:
-        RunError: If the folder cannot be written, or a ledger is lost that cannot be made anew.
+        RunError: If the folder cannot be written, a ledger is lost that cannot be made anew, or `recorded_here` is not
+            true of the folder.
     """
     if not recorded_here and not folder.ledger.exists() and folder.blobs.exists():
         raise _not_made_anew(folder, f"The run's ledger {folder.ledger} is gone.")
     if not folder.has_data:
         return Findings()
+    if recorded_here and folder.elsewhere.exists():
+        raise RunError(
+            f"Shards of {folder.path} are on other machines: `readygo coordinator {folder.path}` goes on with the run, "
+            "after `readygo requeue` if one of its recorders has lost its disk."
+        )
     spec, wanted = folder.load()
     findings = Findings()
     sound = _sound_shards(folder, findings, every_byte=every_byte)

@@ -17,6 +17,7 @@ from readygo.apps.fleet.access import join
 from readygo.apps.fleet.lead import lead
 from readygo.apps.fleet.worker import make_recorder
 from readygo.apps.run.folder import RunFolder
+from readygo.apps.run.recovery import recover
 from readygo.apps.run.stages import stage_works
 from readygo.apps.run.world import World
 from readygo.common.bus.zenoh_bus import Router, free_endpoint
@@ -157,6 +158,9 @@ def test_host_that_is_cut_off_and_healed_changes_nothing_of_the_dataset(
     alone = make_folder(tmp_path / "alone", [DRAW, FILM], wanted=EPISODES)
     in_process(alone, [DRAW, FILM])
     assert Dataset([tmp_path / "recorder"]).content_hash == Dataset([alone.path]).content_hash
+    # Nothing of it is lost, though no shard is here.
+    with pytest.raises(RunError, match=r"are on other machines: `readygo coordinator "):
+        recover(folder)
 
 
 def test_only_one_coordinator_leads_a_run(tmp_path: Path, certs: Path) -> None:
