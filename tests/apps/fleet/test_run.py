@@ -53,7 +53,7 @@ def _over_zenoh(folder: RunFolder, line: Sequence[Entry]) -> StatusReply:
     for bus, station in zip(buses[2:], line, strict=True):
         works = stage_works(World(coordinator.spec, bus), bus, station.stage.role, line)
         worker = Worker(name=station.stage.role, numeric_class="any", works=works)
-        workers.append(threading.Thread(target=pull, args=(bus, worker), kwargs={"stop": threading.Event()}))
+        workers.append(threading.Thread(target=pull, args=(bus, worker), kwargs={"leave": lambda: False}))
         workers[-1].start()
     for thread in workers:
         thread.join(timeout=30.0)
