@@ -8,6 +8,7 @@ from pathlib import Path
 from readygo.apps.run.methods import NETWORKS, VID2SIM
 from readygo.apps.run.policy import policy_sha256
 from readygo.common.errors import RunError
+from readygo.common.policy.artifact import SPEC_FILE
 
 
 def method_hashes(methods: Sequence[str], checkpoints: Path) -> dict[str, str]:
@@ -42,7 +43,8 @@ def check_method_files(expected: dict[str, str], methods: Sequence[str], checkpo
 def _hash(method: str, checkpoints: Path) -> str:
     try:
         if method == VID2SIM:
-            return policy_sha256(checkpoints / VID2SIM)
+            folder = checkpoints / VID2SIM
+            return policy_sha256(folder) if (folder / SPEC_FILE).is_file() else ""
         path = checkpoints / NETWORKS[method] if method in NETWORKS else _source(method)
         return _file_hash(path) if path else ""
     except OSError:
