@@ -48,6 +48,7 @@ class PolicyMemory:
         self._poses_ns: list[int] = []
         self._poses: list[Pose] = []
         self.kept = Kept()
+        """What a policy of one graph carries from a decision to the next."""
 
     def see(self, seen: npt.NDArray[Any], time_ns: int | None = None) -> None:
         """Remember what came of a frame.

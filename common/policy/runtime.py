@@ -178,7 +178,10 @@ class Policy:
     ) -> npt.NDArray[np.float32]:
         """What the head is given to `decide`: latents, own motion and goal in SI units, shape (B, `feature_count`).
 
-        Arguments as for `decide`.
+        Args:
+            memories: As for `decide`.
+            commands: As for `decide`, shape (B, 2).
+            goals_xy_m: As for `decide`, shape (B, 2).
         """
         own = [memory.own_motion(command) for memory, command in zip(memories, commands, strict=True)]
         motion = motion_features(self.spec.inputs.motion, np.stack(own))
