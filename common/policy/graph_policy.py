@@ -42,13 +42,9 @@ class GraphPolicy(Policy):
         self._ports = _ports(self._graph, session)
         self._frame_channels = channels_by_image(spec.inputs.images)
 
-    def see(
-        self, memories: Sequence[PolicyMemory], images: npt.NDArray[np.uint8], times_ns: Sequence[int | None] = ()
-    ) -> None:
-        """See `Policy.see`."""
+    def _kept_of(self, images: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
         self._check_images(images, 1)
-        for memory, one, time_ns in zip(memories, images, times_ns or [None] * len(memories), strict=True):
-            memory.see(one, time_ns)
+        return images
 
     def decide(
         self,

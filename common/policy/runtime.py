@@ -151,9 +151,13 @@ class Policy:
         Raises:
             PolicyError: If the images do not have the size that the policy was trained for.
         """
-        seen: npt.NDArray[Any] = images if self.spec.inputs.fusion is Fusion.EARLY else self.encode(images)
+        seen = self._kept_of(images)
         for memory, one, time_ns in zip(memories, seen, times_ns or [None] * len(memories), strict=True):
             memory.see(one, time_ns)
+
+    def _kept_of(self, images: npt.NDArray[np.uint8]) -> npt.NDArray[Any]:
+        """What is remembered of images."""
+        return images if self.spec.inputs.fusion is Fusion.EARLY else self.encode(images)
 
     def decide(
         self,
