@@ -17,8 +17,8 @@ export NUMBA_NUM_THREADS := 1
 demo: $(RUNTIME)  ## Run the whole job on the embedded scene; writes demo/report.html and demo/episode.webm
 	$(BIN)/readygo demo
 
-test: $(DEV)  ## Run all tests; those that fail are run once more, by themselves
-	$(BIN)/pytest --cache-clear || $(BIN)/pytest --last-failed --last-failed-no-failures none
+test: $(DEV)  ## Run all tests
+	$(BIN)/pytest
 
 check: $(DEV)  ## Style, types, import rules, and a test for every module
 	$(BIN)/ruff format --check .
