@@ -18,7 +18,7 @@ demo: $(RUNTIME)  ## Run the whole job on the embedded scene; writes demo/report
 	$(BIN)/readygo demo
 
 test: $(DEV)  ## Run all tests
-	$(BIN)/pytest
+	$(BIN)/pytest -n 2 --dist loadfile
 
 check: $(DEV)  ## Style, types, import rules, and a test for every module
 	$(BIN)/ruff format --check .

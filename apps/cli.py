@@ -41,6 +41,10 @@ class Group(NamedTuple):
     name: str
 
 
+class Repeated(NamedTuple):
+    """Beside an option's type, a tuple: each value comes after the option's name again."""
+
+
 class Command(NamedTuple):
     """One command of the command line."""
 
@@ -217,7 +221,12 @@ def _with_value_name(hint: Any, parameter: inspect.Parameter) -> Any:
     import tyro
 
     positional = parameter.kind is inspect.Parameter.POSITIONAL_ONLY
-    name = value_name(hint, parameter.name if positional else parameter.name.rsplit("_", 1)[-1], positional)
+    repeated = Repeated() in getattr(hint, "__metadata__", ())
+    of = typing.get_args(typing.get_args(hint)[0])[0] if repeated else hint
+    name = value_name(of, parameter.name if positional else parameter.name.rsplit("_", 1)[-1], positional)
+    if repeated:
+        append: Any = tyro.conf.UseAppendAction
+        hint = append[hint]
     if name is None:
         return hint
     optional = positional and parameter.default is not inspect.Parameter.empty

@@ -1,4 +1,4 @@
-"""Writes docs/tables.md: success rates of robots, from the runs that `results/` keeps. No number is typed by hand.
+"""Writes docs/tables.md, and the table of README.md: success rates of robots, from the runs that `results/` keeps.
 
     python -m readygo.benchmarks.tables
 
@@ -14,12 +14,16 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
-RESULTS, PAGE = ROOT / "benchmarks" / "results", ROOT / "docs" / "tables.md"
+RESULTS, PAGE, README = ROOT / "benchmarks" / "results", ROOT / "docs" / "tables.md", ROOT / "README.md"
+IN_README = {"the flat": "2026-11-23_table_embedded.json", "a flat of another seed": "2026-11-23_table_embedded1.json"}
+"""Results that README.md shows, by what their columns are called there."""
+BEGIN, END = "<!-- written by benchmarks.tables -->\n\n", "\n<!-- end -->\n"
 INTRODUCTION = """# Tables
 
 Success rates and collisions are percentages of the episodes, with 95 % intervals in brackets; ART is the mean time in
 seconds, for which a failure counts the time limit; SPL is success weighted by the length of the way. All methods of a
-table drove the same episodes. The task *static* is without people, *dynamic* among them. This page is written by
+table drove the same episodes: *beside X: +a -b, p* says that a method solves a of them which X does not, and X solves b
+which it does not, with McNemar's p. The task *static* is without people, *dynamic* among them. This page is written by
 `python -m readygo.benchmarks.tables` from the files that it names; what was not measured is not in it.
 """
 COLUMNS = {
@@ -80,18 +84,22 @@ def _section(table: Table, name: str, kept: Mapping[str, Any]) -> Iterator[str]:
     if note := kept.get("note"):
         yield f"{note}\n"
     yield f"From `benchmarks/results/{name}` ({machine}).\n"
-    yield f"| task | method | {' | '.join(COLUMNS)} | episodes |"
-    yield "|---" * (len(COLUMNS) + 3) + "|"
+    references = list(dict.fromkeys(found["reference"] for found in table.comparisons))
+    titles = ["task", "method", *COLUMNS, "episodes", *(f"beside {name}" for name in references)]
+    yield f"| {' | '.join(titles)} |"
+    yield "|---" * len(titles) + "|"
+    beside = {(found["task"], found["method"], found["reference"]): found for found in table.comparisons}
     for task, methods in table.measures.items():
         for method, measures in methods.items():
             cells = [_cell(measures.get(measure), factor) for measure, factor in COLUMNS.values()]
-            yield f"| {task} | {method} | {' | '.join(cells)} | {measures['success']['count']} |"
-    for found in table.comparisons:
-        yield (
-            f"\n{found['task'].capitalize()}, *{found['method']}* beside *{found['reference']}*: "
-            f"{found['only_method']} episodes are solved by the first alone and {found['only_reference']} by the second"
-            f" alone of {found['episodes']} (McNemar p = {found['mcnemar_p']:.2g})."
-        )
+            compared = [_beside(beside.get((task, method, reference))) for reference in references]
+            yield f"| {' | '.join([task, method, *cells, str(measures['success']['count']), *compared])} |"
+
+
+def _beside(found: Mapping[str, Any] | None) -> str:
+    if found is None:
+        return ""
+    return f"+{found['only_method']} -{found['only_reference']}, p {found['mcnemar_p']:.2g}"
 
 
 def _cell(score: Mapping[str, Any] | None, factor: float) -> str:
@@ -117,10 +125,28 @@ def _measures_of_method(found: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     return {"success": {**success, "count": found["episode_count"]}, **others}
 
 
+def readme(text: str, results: Path) -> str:
+    """The text of README.md with its table written anew.
+
+    Args:
+        text: As it stands.
+        results: Folder of kept runs.
+    """
+    found = {title: json.loads((results / name).read_text())["measures"] for title, name in IN_README.items()}
+    columns = {f"{task}, {title}": methods for title, tasks in found.items() for task, methods in tasks.items()}
+    lines = [f"| SR % | {' | '.join(columns)} |", "|---" * (len(columns) + 1) + "|"]
+    for method in next(iter(columns.values())):
+        cells = [_cell(methods[method]["success"], 100.0) for methods in columns.values()]
+        lines.append(f"| `{method}` | {' | '.join(cells)} |")
+    before, _, rest = text.partition(BEGIN)
+    return before + BEGIN + "".join(f"{line}\n" for line in lines) + END + rest.partition(END)[2]
+
+
 def main() -> None:
-    """Write the page."""
+    """Write page and README.md."""
     PAGE.write_text(page(RESULTS))
-    sys.stdout.write(f"{PAGE.relative_to(ROOT)}\n")
+    README.write_text(readme(README.read_text(), RESULTS))
+    sys.stdout.write(f"{PAGE.relative_to(ROOT)}\n{README.relative_to(ROOT)}\n")
 
 
 if __name__ == "__main__":

@@ -65,7 +65,7 @@ def section_from_mapping(cls: type[Section], mapping: Mapping[str, Any], *, wher
     """A dataclass `cls` from a mapping; missing keys take their defaults.
 
     Args:
-        cls: A dataclass whose fields are plain values, tuples of them, or dataclasses.
+        cls: A dataclass whose fields are plain values, dataclasses, or tuples or mappings of them.
         mapping: Keys are field names.
         where: Path of the section, for error messages.
 
@@ -110,6 +110,13 @@ def _convert(hint: Any, value: Any, where: str) -> Any:
             raise ConfigError(f"{where} must be an array, got {value!r}.")
         item_hint = typing.get_args(hint)[0]
         return tuple(_convert(item_hint, item, where) for item in value)
+    if hint is Any:
+        return value
+    if origin is Mapping:
+        if not isinstance(value, Mapping):
+            raise ConfigError(f"{where} must be a table, got {value!r}.")
+        item_hint = typing.get_args(hint)[1]
+        return {key: _convert(item_hint, item, f"{where}.{key}") for key, item in value.items()}
     if origin is typing.Literal:
         if value not in typing.get_args(hint):
             raise ConfigError(f"{where} must be one of {list(typing.get_args(hint))}, got {value!r}.")

@@ -1,5 +1,6 @@
 """Fixtures shared by all tests."""
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -7,8 +8,12 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from readygo.common.files import cache_root
+
 GOLDEN = Path(__file__).resolve().parent / "golden"
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
+# Machine code is kept in one place, also by tests that move the cache and by the processes that they start.
+os.environ.setdefault("NUMBA_CACHE_DIR", str(cache_root() / "kernels"))
 
 
 @pytest.fixture(scope="session")

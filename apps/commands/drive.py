@@ -12,9 +12,10 @@ import numpy as np
 import numpy.typing as npt
 from rich.console import Console
 
-from readygo.apps.cli import Group
+from readygo.apps.cli import Group, Repeated
 from readygo.apps.drive.calibration import Rectifier, camera_from_file, camera_from_info, mount_differences
 from readygo.apps.drive.messages import Goal
+from readygo.apps.drive.named_topics import check_topics, image_topics, info_topics
 from readygo.apps.drive.pilot import DriveConfig, Ending, Pilot, limited
 from readygo.apps.drive.robot import Robot, Topics, connected
 from readygo.apps.drive.trial import PATIENCE_S, ended, run_trial
@@ -25,14 +26,17 @@ from readygo.apps.run.policy import policy_sha256
 from readygo.common.camera import CameraConfig
 from readygo.common.errors import BusError, ConfigError, RunError
 from readygo.common.images.encoded import decode_pixels
+from readygo.common.images.names import RGB, cameras_of
 from readygo.common.policy import Policy, load_policy
-from readygo.common.policy.sight import DEPTH
-from readygo.common.robot.kinematics import DT_S, RATE_HZ, whole_steps
+from readygo.common.policy.sight import camera_on
+from readygo.common.robot import RobotConfig, load_robot
 
 Value = TypeVar("Value")
 TaskLabel = Literal["static", "dynamic", "reactive"]
 _LATE_S = 0.05
 """Images that are older or younger than the policy's by more are told [s]."""
+SENT_HZ = 20
+"""Commands go out so often at least, and hold a watchdog of the robot off [Hz]."""
 
 
 def drive(
@@ -47,19 +51,20 @@ def drive(
     time_limit: float | None = None,
     v_max: float | None = None,
     w_max: float | None = None,
-    rate_hz: float = RATE_HZ,
+    rate_hz: float | None = None,
+    robot: Path | None = None,
     dry_run: bool = False,
-    image: Annotated[str, Group("robot")] = "/camera/image_raw",
-    depth: Annotated[str, Group("robot")] = "",
-    odom: Annotated[str, Group("robot")] = "/odom",
-    cmd_vel: Annotated[str, Group("robot")] = "/cmd_vel",
-    camera_info: Annotated[str, Group("robot")] = "",
-    calibration: Annotated[Path | None, Group("robot")] = None,
-    wire: Annotated[WireName, Group("robot")] = "ros2",
-    connect: Annotated[str, Group("robot")] = "tcp/127.0.0.1:7447",
-    domain: Annotated[int, Group("robot")] = 0,
-    prefix: Annotated[str, Group("robot")] = "",
-    stamped: Annotated[bool, Group("robot")] = False,
+    image: Annotated[tuple[str, ...], Group("connection"), Repeated()] = (),
+    depth: Annotated[tuple[str, ...], Group("connection"), Repeated()] = (),
+    odom: Annotated[str, Group("connection")] = "/odom",
+    cmd_vel: Annotated[str, Group("connection")] = "/cmd_vel",
+    camera_info: Annotated[str, Group("connection")] = "",
+    calibration: Annotated[Path | None, Group("connection")] = None,
+    wire: Annotated[WireName, Group("connection")] = "ros2",
+    connect: Annotated[str, Group("connection")] = "tcp/127.0.0.1:7447",
+    domain: Annotated[int, Group("connection")] = 0,
+    prefix: Annotated[str, Group("connection")] = "",
+    stamped: Annotated[bool, Group("connection")] = False,
     log: Annotated[Path | None, Group("trial")] = None,
     task: Annotated[TaskLabel, Group("trial")] = "static",
     outcome_topic: Annotated[str, Group("trial")] = "",
@@ -80,14 +85,17 @@ def drive(
         time_limit: Longest trial [s]; as in the policy's training by default.
         v_max: Largest speed [m/s], at most the policy's.
         w_max: Largest yaw rate [rad/s], at most the policy's.
-        rate_hz: How often commands are sent at least [Hz]; each image leads to one at once besides.
+        rate_hz: How often commands are sent at least [Hz], by default as often as the policy's robot is commanded, at
+            least 20; each image leads to one at once besides.
+        robot: robot.toml of this robot, for a policy that knows several (docs/learn.md).
         dry_run: Command nothing; say what would be commanded.
-        image: Topic of the images, Image or CompressedImage.
-        depth: Topic of the depths that a policy sees, Image of millimetres (16UC1) or metres (32FC1), aligned to the
-            images.
+        image: Topic of the images, Image or CompressedImage, /camera/image_raw by default; of further cameras that the
+            policy sees with --image NAME=/topic, once for each.
+        depth: Topic of the depths that a policy sees, Image of millimetres (16UC1) or metres (32FC1), or
+            CompressedImage of compressedDepth, aligned to the images; of further cameras NAME=/topic.
         odom: Topic of the Odometry.
         cmd_vel: Topic of the commands, Twist, or TwistStamped where the robot listens to that.
-        camera_info: Topic of the CameraInfo; beside the images by default.
+        camera_info: Topic of the CameraInfo of the first camera; beside the images by default, as of all others.
         calibration: File of the camera in place of a CameraInfo: robot.toml, or .yaml of ROS's camera_calibration.
         wire: "ros2" is rmw_zenoh, "bridge" zenoh-bridge-ros2dds, "plain" MessagePack without ROS (docs/robots.md).
         connect: Where the robot's Zenoh router listens.
@@ -101,37 +109,39 @@ def drive(
     Raises:
         ReadygoError: If policy, robot or calibration cannot be used.
     """
-    loaded, console = load_policy(policy), Console(highlight=False, soft_wrap=True)
+    loaded, console = _loaded(policy, robot), Console(highlight=False, soft_wrap=True)
     in_start_frame = goal_frame == "start" and not goal_topic
     config = _config(loaded, in_start_frame, goal_radius, time_limit, v_max, w_max)
-    if rate_hz < RATE_HZ:
-        raise ConfigError(f"--rate-hz must be at least {RATE_HZ}, got {rate_hz:g}.")
+    least_hz = max(SENT_HZ, loaded.spec.robot.control_hz)
+    if rate_hz is not None and rate_hz < least_hz:
+        raise ConfigError(f"--rate-hz must be at least {least_hz}, got {rate_hz:g}.")
     if (goal is None) == (not goal_topic):
         raise ConfigError("Say where to go: either --goal X Y or --goal-topic TOPIC.")
-    if (DEPTH in loaded.spec.inputs.images) != bool(depth):
-        raise ConfigError(
-            "The policy sees no depths: leave --depth out."
-            if depth
-            else "The policy sees depths: name their topic with --depth, such as /camera/depth/image_raw."
-        )
+    named = image_topics(image, depth, loaded.spec.robot)
+    check_topics(named, loaded.spec.inputs.images, loaded.spec.robot)
     shown = _goal_image(loaded, goal_image)
-    info = "" if calibration else camera_info or f"{image.removesuffix('/compressed').rpartition('/')[0]}/camera_info"
+    infos = {} if calibration else {**info_topics(named), **({"": camera_info} if camera_info else {})}
     topics = Topics(
-        image=image,
+        image=named.pop(RGB),
         odometry=odom,
         command=cmd_vel,
-        camera_info=info,
+        camera_info=infos.pop("", ""),
         goal=goal_topic,
         outcome=outcome_topic,
-        depth=depth,
+        beside=named,
+        infos=infos,
     )
     signal.signal(signal.SIGHUP, _hang_up)
     spoken = make_wire(wire, domain=domain, prefix=prefix, stamped=stamped, node="readygo_drive")
-    own = camera_from_file(loaded.spec.robot.camera, calibration) if calibration else None
-    robot = connected(connect, spoken, topics, dry=dry_run)
+    cameras = {name: camera_on(loaded.spec.robot, name) for name in cameras_of(loaded.spec.inputs.images)}
+    own = {name: camera_from_file(camera, calibration, name) for name, camera in cameras.items()} if calibration else {}
+    machine = connected(connect, spoken, topics, dry=dry_run)
     try:
-        rectify = _rectifier(loaded, own or _camera_of(loaded, robot), console)
-        where = Goal(x_m=goal[0], y_m=goal[1]) if goal else _goal_of(robot)
+        rectify = {
+            name: _rectifier(camera, own[name] if own else _camera_of(camera, machine, name), console)
+            for name, camera in cameras.items()
+        }
+        where = Goal(x_m=goal[0], y_m=goal[1]) if goal else _goal_of(machine)
         pilot = _pilot(loaded, rectify, config, where, shown)
         record = {
             "policy": policy.resolve().name,
@@ -139,10 +149,25 @@ def drive(
             "task": task,
             "time_limit_s": config.time_limit_s,
         }
-        _drive(robot, pilot, rate_hz, log, record, console, loaded.spec.robot.camera.latency_s)
+        _drive(machine, pilot, rate_hz or least_hz, log, record, console, loaded.spec.robot)
     finally:
         with _undisturbed():
-            robot.close()
+            machine.close()
+
+
+def _loaded(folder: Path, robot: Path | None) -> Policy:
+    """The policy for the robot that is driven.
+
+    Raises:
+        ConfigError: If it knows several robots and none is named.
+        PolicyError: If it cannot be used, or does not know this robot.
+    """
+    policy = load_policy(folder)
+    if robot is not None:
+        policy = policy.for_robot(load_robot(robot, cameras_of=policy.spec.robot))
+    if policy.spec.robot.ranges.varies:
+        raise ConfigError("The policy knows several robots: say which one it drives with --robot robot.toml.")
+    return policy
 
 
 def _drive(
@@ -152,7 +177,7 @@ def _drive(
     path: Path | None,
     record: dict[str, Any],
     console: Console,
-    latency_s: float,
+    learned: RobotConfig,
 ) -> None:
     log = TrialLog(path) if path else None
     if log is not None:
@@ -166,7 +191,7 @@ def _drive(
     end = ended(pilot, measures)
     if log is not None:
         log.close({**record, **end})
-    _tell(console, end, latency_s)
+    _tell(console, end, learned)
     if pilot.ending is Ending.STOPPED:
         raise KeyboardInterrupt(f"the robot stands{f'; the trial is in {path}' if path else ''}.")
     if pilot.ending not in (Ending.GOAL, Ending.LATE, Ending.STATIC_COLLISION, Ending.HUMAN_COLLISION):
@@ -228,7 +253,11 @@ def _goal_image(policy: Policy, path: Path | None) -> npt.NDArray[np.uint8] | No
 
 
 def _pilot(
-    policy: Policy, rectify: Rectifier, config: DriveConfig, goal: Goal, goal_image: npt.NDArray[np.uint8] | None
+    policy: Policy,
+    rectify: Mapping[str, Rectifier],
+    config: DriveConfig,
+    goal: Goal,
+    goal_image: npt.NDArray[np.uint8] | None,
 ) -> Pilot:
     try:
         return Pilot(policy, rectify, config, goal, goal_image)
@@ -236,8 +265,8 @@ def _pilot(
         raise ConfigError(f"--goal-image has {error}.") from error
 
 
-def _rectifier(policy: Policy, own: CameraConfig, console: Console) -> Rectifier:
-    rectify, trained = Rectifier(own, policy.spec.robot.camera), policy.spec.robot.camera
+def _rectifier(trained: CameraConfig, own: CameraConfig, console: Console) -> Rectifier:
+    rectify = Rectifier(own, trained)
     if rectify.unseen > 0.005:
         console.print(f"{100 * rectify.unseen:.1f} % of the policy's image is black: the robot's camera is narrower.")
     for words in mount_differences(own, trained):
@@ -245,8 +274,9 @@ def _rectifier(policy: Policy, own: CameraConfig, console: Console) -> Rectifier
     return rectify
 
 
-def _camera_of(policy: Policy, robot: Robot) -> CameraConfig:
-    return camera_from_info(policy.spec.robot.camera, _awaited(robot, lambda: robot.camera, "CameraInfo"))
+def _camera_of(trained: CameraConfig, robot: Robot, name: str) -> CameraConfig:
+    what = f"CameraInfo of {name}" if name else "CameraInfo"
+    return camera_from_info(trained, _awaited(robot, lambda: robot.cameras.get(name), what))
 
 
 def _goal_of(robot: Robot) -> Goal:
@@ -265,7 +295,7 @@ def _awaited(robot: Robot, ask: Callable[[], Value | None], name: str) -> Value:
     return value
 
 
-def _tell(console: Console, end: Mapping[str, Any], latency_s: float) -> None:
+def _tell(console: Console, end: Mapping[str, Any], learned: RobotConfig) -> None:
     """Say how a trial went."""
     console.print(f"{end['reason']} after {end['duration_s']:.1f} s and {end['driven_m']:.1f} m", markup=False)
     measures = end["measures"]
@@ -275,11 +305,11 @@ def _tell(console: Console, end: Mapping[str, Any], latency_s: float) -> None:
         "inference {inference_hz:.1f} Hz ({inference_hz_possible:.0f} Hz possible), commands {command_hz:.1f} Hz, "
         "image to command {latency_median_ms:.1f} ms, p99 {latency_p99_ms:.1f} ms".format(**measures)
     )
-    age_s = measures["frame_age_median_s"]
+    age_s, latency_s, clock = measures["frame_age_median_s"], learned.camera.latency_s, learned.clock
     if abs(age_s - latency_s) > _LATE_S:
         console.print(
             f"images are {1e3 * age_s:.0f} ms old when they come, the policy learned with {1e3 * latency_s:.0f} ms: "
-            f"train one with latency_s = {DT_S * whole_steps(age_s):g} in [camera] of robot.toml",
+            f"train one with latency_s = {clock.dt_s * clock.steps(age_s):g} in [camera] of robot.toml",
             markup=False,
         )
 

@@ -78,7 +78,7 @@ def evaluate(
     camera: CameraName = "policy",
     people: MixName | None = None,
     scenarios: Path | None = None,
-    control_hz: float = 20.0,
+    control_hz: float | None = None,
     lockstep: int = 8,
     checkpoints: Path = CHECKPOINTS,
     workers: int = 0,
@@ -120,7 +120,8 @@ def evaluate(
         people: Recipe of how many people come and how they meet the robot, in place of what `config` says of it; as in
             the policy's data by default, else "paper".
         scenarios: TOML file with starts, goals and people to play instead of drawing them, one entry after the other.
-        control_hz: How often the policy decides [Hz]; its command is held in between, its memory sees every image.
+        control_hz: How often the policy decides [Hz], by default as often as the robot is commanded; its command is
+            held in between, its memory sees every image.
         lockstep: Episodes that run side by side.
         checkpoints: Folder with gnm_large.pth, vint.pth, nomad.pth and the policy vid2sim, where these drive.
         workers: Processes that drive, one per core; 0 drives in this process. Records are the same.
@@ -141,12 +142,12 @@ def evaluate(
     request = make_request(count, tasks, drivers, Split(split), seed, control_hz=control_hz)
     settings = make_evaluator_config(lockstep)
     loaded = load_policy(policy) if policy else None
-    trained_camera = loaded.spec.robot.camera if loaded and camera == "policy" else None
+    trained = loaded.spec.robot if loaded and camera == "policy" else None
     run_config = evaluation_config(
         loaded.spec if loaded else None,
         camera,
         config=config,
-        robot=load_robot(robot, camera=trained_camera) if robot else None,
+        robot=load_robot(robot, cameras_of=trained) if robot else None,
         sensor=sensor,
         humans=people,
     )

@@ -31,7 +31,7 @@ def export(
         data: Data folders.
         to: lerobot (v3.0), gnm (GNM, ViNT, NoMaD), rlds (TFRecord), huggingface-parquet, webdataset (tar) or npz.
         out: Folder to write, new or of the same export.
-        rate_hz: Rows per second, a divisor of 20; gnm has 4 by default, the others a row for every image.
+        rate_hz: Rows per second, a divisor of the data's; gnm has 4 by default, the others a row for every image.
         workers: Processes that write side by side.
 
     Raises:

@@ -13,10 +13,9 @@ from rich.progress import BarColumn, TaskProgressColumn, TextColumn
 
 from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.fleet.access import identity_for
-from readygo.apps.learn.config import load_learn_config
 from readygo.apps.learn.crew import Reach
 from readygo.apps.learn.learn import learn_policy, report_content
-from readygo.apps.learn.plan import Budget, Plan, learn_settings, make_plan
+from readygo.apps.learn.plan import Budget, Plan, learn_configs, make_plan
 from readygo.apps.learn.report import write_report
 from readygo.apps.learn.supervise import Now
 from readygo.apps.monitor.beside import watched
@@ -40,6 +39,8 @@ def learn(
     avatars: Path | None = None,
     robot: Path | None = None,
     config: Path | None = None,
+    inputs: str = "",
+    cameras: str = "",
     on: Literal["local", "hosts"] = "local",
     listen: str = "",
     certs: Path | None = None,
@@ -64,6 +65,9 @@ def learn(
         robot: robot.toml; without one, or without a camera in it, the camera has 72x128 pixels.
         config: TOML file with sections of settings, as given to `readygo generate`, and [learn]: `mix`, the share of
             the episodes that policies drive, `reuse`, how often each sample is learned from, and others.
+        inputs: Images that the policy sees and that are recorded, separated by commas: rgb, and depth; rgb by default.
+        cameras: Cameras of the robot that it sees with, by their names in robot.toml, the first one among them; that
+            one alone by default.
         on: Where episodes are driven: "local" shares this machine's cores between driving and learning, "hosts" leaves
             them to learning, and all drivers are `readygo worker all` on other machines.
         listen: Endpoint of the fleet's router, for workers of other machines, such as tls/10.0.0.5:7447.
@@ -81,8 +85,7 @@ def learn(
     plan = make_plan(
         scenes,
         out,
-        learn_settings(config, robot),
-        load_learn_config(config),
+        *learn_configs(config, robot, inputs, cameras),
         Budget(minutes=minutes, samples=samples),
         avatars=avatars,
         seed=seed,

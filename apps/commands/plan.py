@@ -10,14 +10,13 @@ from typing import Literal
 from rich.console import Console
 from rich.table import Table
 
-from readygo.apps.run.config import RunConfig
+from readygo.apps.run.config import RunConfig, check_cameras
 from readygo.apps.run.evaluation import evaluation_config
 from readygo.apps.run.origin import avatars_of_policy
 from readygo.apps.run.scene_argument import open_maps
 from readygo.apps.run.take import Take, Takes, policy_steer
 from readygo.common.avatars import Avatar
 from readygo.common.avatars.cast import load_cast
-from readygo.common.camera.lens import check_sensor
 from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.drawing.files import Picture, write_png
 from readygo.common.drawing.film import CODECS
@@ -95,7 +94,7 @@ def plan(
         driving.spec if driving else None,
         "policy",
         config=config,
-        robot=load_robot(robot, camera=driving.spec.robot.camera if driving else None) if robot else None,
+        robot=load_robot(robot, cameras_of=driving.spec.robot if driving else None) if robot else None,
         sensor=sensor,
         humans=people,
     )
@@ -109,11 +108,11 @@ def plan(
     renderer = _renderer(bundle, humans, run_config) if camera and bundle else None
     steer = policy_steer(driving, renderer) if driving and renderer else None
     take = takes.take(EpisodeKey(seed=seed, split=Split(split), index=index), static=static, steer=steer)
-    look = _look(take, renderer)
+    look, planner = _look(take, renderer), takes.robot_planner.of(take.scenario.episode)
     if picture is not None:
-        write_png(picture, _picture(take, takes.robot_planner, look))
+        write_png(picture, _picture(take, planner, look))
     if video is not None:
-        _write_video(video, take, takes.robot_planner, look)
+        _write_video(video, take, planner, look)
     if export is not None:
         save_scenarios(export, [take.scenario])
     numbers = _numbers(take, run_config.expert.mode)
@@ -149,7 +148,7 @@ def _renderer(scene: Scene, avatars: dict[str, Avatar], config: RunConfig) -> Re
     Raises:
         ConfigError: If the robot's camera cannot have the sensor's lens.
     """
-    check_sensor(config.renderer.sensor, config.robot.camera)
+    check_cameras(config)
     only_rgb = dataclasses.replace(config.renderer, outputs=("rgb",))
     return Renderer(scene=scene, avatars=avatars, robot=config.robot, config=only_rgb)
 

@@ -21,7 +21,7 @@ from readygo.services.reconstructor.marker_sheet import marker_pdf
 from readygo.services.reconstructor.metric.markers import DEFAULT_DICTIONARY
 from readygo.services.reconstructor.reconstruct import GAUSSIANS, STAGES, Job, reconstruct
 from readygo.services.reconstructor.stages import StageProgress
-from readygo.services.reconstructor.training.config import Preset
+from readygo.services.reconstructor.training.config import GaussiansConfig, Preset
 from readygo.services.reconstructor.training.config import preset as settings_of
 
 
@@ -69,7 +69,9 @@ def scene_poses(
         lengths=length,
         scale=scale,
     )
-    report = find_poses(source, out, _config(metric, frames, mapper, threads), Lines(POSE_STAGES).say)
+    report = find_poses(
+        source, out, _config(metric, frames, mapper, threads, GaussiansConfig()), Lines(POSE_STAGES).say
+    )
     if json:
         sys.stdout.write(json_module.dumps(report) + "\n")
         return
@@ -94,6 +96,7 @@ def reconstruct_command(
     scale: float = 0.0,
     preset: Preset = "draft",
     steps: int | None = None,
+    side_px: int | None = None,
     plain: bool = False,
     frames: int = 300,
     mapper: Literal["auto", "incremental", "global"] = "auto",
@@ -119,6 +122,7 @@ def reconstruct_command(
         scale: Metres per unit of the map, where nothing else tells it.
         preset: draft takes minutes on two cores, standard and high are for longer.
         steps: Steps of the training; those of the preset by default.
+        side_px: Larger images are made smaller for the training: longer side [px]; that of the preset by default.
         plain: Leave out what makes Gaussians lie on surfaces: faster, better images, worse depths and maps.
         frames: At most this many frames of a video are used.
         mapper: auto is incremental up to 200 images, global beyond.
@@ -137,11 +141,7 @@ def reconstruct_command(
         lengths=length,
         scale=scale,
     )
-    config = _config(metric, frames, mapper, threads, preset, steps)
-    if plain:
-        gaussians = config.gaussians
-        gaussians = replace(gaussians, geometry=replace(gaussians.geometry, enabled=False))
-        config = replace(config, gaussians=gaussians)
+    config = _config(metric, frames, mapper, threads, _gaussians(preset, steps, side_px, plain))
     job = Job(source=source, out=out, work=work or out.with_name(f"{out.name}.work"), license=license)
     lines = Lines(STAGES)
     try:
@@ -163,21 +163,30 @@ def _metric(**settings: Any) -> MetricConfig:
         raise ConfigError(str(error)) from error
 
 
+def _gaussians(preset: Preset, steps: int | None, side_px: int | None, plain: bool) -> GaussiansConfig:
+    """A preset with what was asked for instead."""
+    settings = settings_of(preset)
+    changes: dict[str, Any] = {"steps": steps, "side_max_px": side_px}
+    try:
+        settings = replace(settings, **{name: value for name, value in changes.items() if value is not None})
+    except ValueError as error:
+        raise ConfigError(str(error)) from error
+    return replace(settings, geometry=replace(settings.geometry, enabled=False)) if plain else settings
+
+
 def _config(
     metric: MetricConfig,
     frames: int,
     mapper: Literal["auto", "incremental", "global"],
     threads: int,
-    preset: Preset = "draft",
-    steps: int | None = None,
+    gaussians: GaussiansConfig,
 ) -> ReconstructorConfig:
     try:
-        gaussians = settings_of(preset)
         return ReconstructorConfig(
             frames=FramesConfig(count_max=frames),
             poses=PosesConfig(mapper=mapper, threads=threads),
             metric=metric,
-            gaussians=gaussians if steps is None else replace(gaussians, steps=steps),
+            gaussians=gaussians,
         )
     except ValueError as error:
         raise ConfigError(str(error)) from error

@@ -1,19 +1,20 @@
 """`readygo simulate-robot`: a robot to try policies with."""
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 from rich.console import Console
 
-from readygo.apps.cli import Group
+from readygo.apps.cli import Group, Repeated
 from readygo.apps.drive.calibration import Rectifier, info_of
 from readygo.apps.drive.messages import Goal
+from readygo.apps.drive.named_topics import image_topics, info_topics
 from readygo.apps.drive.pilot import DriveConfig, Pilot
 from readygo.apps.drive.rehearsal import rehearsed
 from readygo.apps.drive.robot import Topics
@@ -31,9 +32,10 @@ from readygo.common.bus.foreign import ForeignSession
 from readygo.common.bus.zenoh_bus import Router
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.errors import ConfigError
+from readygo.common.images.names import RGB, cameras_of
 from readygo.common.messages import Outcome, Split
 from readygo.common.policy import load_policy, load_spec
-from readygo.common.policy.sight import DEPTH, RGB
+from readygo.common.policy.sight import camera_on
 from readygo.common.robot import load_robot
 from readygo.services.evaluator import Evaluator, MatchedEpisode
 from readygo.services.evaluator.eyes import Eyes
@@ -55,11 +57,11 @@ def simulate_robot(
     latency_s: Annotated[float, Group("manners")] = 0.05,
     jitter_s: Annotated[float, Group("manners")] = 0.01,
     drop_share: Annotated[float, Group("manners")] = 0.02,
-    camera_hz: Annotated[float, Group("manners")] = 20.0,
+    camera_hz: Annotated[float | None, Group("manners")] = None,
     compressed: Annotated[bool, Group("manners")] = False,
     rehearse: bool = False,
-    image: Annotated[str, Group("topics")] = "/camera/image_raw",
-    depth: Annotated[str, Group("topics")] = "",
+    image: Annotated[tuple[str, ...], Group("topics"), Repeated()] = (),
+    depth: Annotated[tuple[str, ...], Group("topics"), Repeated()] = (),
     odom: Annotated[str, Group("topics")] = "/odom",
     cmd_vel: Annotated[str, Group("topics")] = "/cmd_vel",
     wire: Annotated[WireName, Group("topics")] = "ros2",
@@ -84,12 +86,12 @@ def simulate_robot(
         latency_s: From when an image is taken until it is sent [s].
         jitter_s: Standard deviation of that [s].
         drop_share: Share of images that are lost.
-        camera_hz: Images per second: 20, 10, 5, 4, 2 or 1.
-        compressed: Send JPEG.
+        camera_hz: Images per second: those of the robot's camera, divided by a whole number; all of them by default.
+        compressed: Send JPEG, and depths as compressedDepth.
         rehearse: Let the policy drive here, as `readygo drive` would, in simulated time and without a network.
-        image: Topic of the images.
-        depth: Topic of depths beside the images (16UC1), such as /camera/depth; a robot without a depth camera by
-            default.
+        image: Topic of the images, /camera/image_raw by default; of further cameras --image NAME=/topic, once for each.
+        depth: Topic of depths beside the images (16UC1), such as /camera/depth, of further cameras NAME=/topic; a robot
+            without a depth camera by default.
         odom: Topic of the Odometry.
         cmd_vel: Topic of the commands.
         wire: As in `readygo drive`.
@@ -101,29 +103,33 @@ def simulate_robot(
     spec = load_spec(policy) if policy else None
     own = load_robot(robot) if robot else None
     settings = evaluation_config(spec, "robot" if own else "policy", config=config, robot=own, sensor=None, humans=None)
+    if settings.robot.ranges.varies:
+        raise ConfigError("A simulated robot is one robot: name it with --robot robot.toml, without [ranges].")
     settings = _without_latency(settings)
+    manners.image_every(settings.robot.clock)
     people = avatars_of_policy(spec) if spec and avatars is None else avatars
     world = evaluation_world(scene, settings, avatars=people, seed=seed)
     evaluator = make_evaluator(world, renderer=world.renderer(), methods={})
     request = make_request(episodes, tasks, ("policy",), Split(split), seed)
     drawn, _ = evaluator.source().draw(seed=seed, split=request.split, count=episodes, tasks=request.tasks)
-    sees = (RGB, DEPTH) if depth or (spec is not None and DEPTH in spec.inputs.images) else (RGB,)
+    named = image_topics(image, depth, settings.robot)
+    sees = spec.inputs.images if rehearse and spec is not None else tuple(named)
     eyes, rng = evaluator.eyes(sees), np.random.default_rng(seed)
     eyes.look([evaluator.simulation(drawn[0])])
 
-    def look(simulation: EpisodeSimulation) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.float32] | None]:
-        rgb, depths_m = eyes.measured([simulation])
-        return rgb[0], depths_m[0] if depths_m else None
+    def look(simulation: EpisodeSimulation) -> dict[str, npt.NDArray[Any]]:
+        return {name: images[0] for name, images in eyes.measured([simulation]).items()}
 
     with ExitStack() as stack:
         if rehearse:
             run = _rehearsal(policy, settings, look, manners, rng, eyes)
         else:
-            topics = replace(_topics(image, odom, cmd_vel), depth=depth)
+            infos = {name: info_of(camera_on(settings.robot, name)) for name in cameras_of(named)}
+            topics = _topics(named, odom, cmd_vel)
             stack.enter_context(closing(Router(listen)))
             session = stack.enter_context(closing(ForeignSession(listen)))
             spoken = make_wire(wire, domain=domain, prefix="", stamped=False, node="readygo_robot")
-            machine = SimulatedRobot(session, spoken, topics, info_of(settings.robot.camera), look, manners, rng)
+            machine = SimulatedRobot(session, spoken, topics, infos, look, manners, rng)
             console.print(f"a robot waits at {listen}", markup=False)
             run = machine.drive
         found = {
@@ -163,7 +169,12 @@ def _rehearsal(
     if folder is None:
         raise ConfigError("A rehearsal needs a policy: readygo simulate-robot SCENE POLICY --rehearse.")
     policy = load_policy(folder)
-    rectify = Rectifier(settings.robot.camera, policy.spec.robot.camera)
+    if policy.spec.robot.ranges.varies:
+        policy = policy.for_robot(settings.robot)
+    rectify = {
+        name: Rectifier(camera_on(settings.robot, name), camera_on(policy.spec.robot, name))
+        for name in cameras_of(policy.spec.inputs.images)
+    }
     config = DriveConfig(
         v_max_mps=settings.robot.v_max_mps,
         w_max_radps=settings.robot.w_max_radps,
@@ -176,25 +187,30 @@ def _rehearsal(
         goal_x, goal_y = simulation.scenario.goal_xy_m.tolist()
         shown = None
         if policy.spec.wants_goal_image:
-            shown = np.ascontiguousarray(goal_image(eyes, simulation, settings.robot.planning_radius_m)[..., ::-1])
+            shown = np.ascontiguousarray(goal_image(eyes, simulation)[..., ::-1])
         pilot = Pilot(policy, rectify, config, Goal(x_m=goal_x, y_m=goal_y), shown)
         return rehearsed(pilot, simulation, look, manners, rng)
 
     return run
 
 
-def _topics(image: str, odom: str, cmd_vel: str) -> Topics:
+def _topics(named: Mapping[str, str], odom: str, cmd_vel: str) -> Topics:
+    infos = info_topics(named)
     return Topics(
-        image=image,
+        image=named[RGB],
         odometry=odom,
         command=cmd_vel,
-        camera_info=f"{image.removesuffix('/compressed').rpartition('/')[0]}/camera_info",
+        camera_info=infos.pop(""),
         goal="/goal_pose",
         outcome="/outcome",
+        beside={name: topic for name, topic in named.items() if name != RGB},
+        infos=infos,
     )
 
 
-def _manners(latency_s: float, jitter_s: float, drop_share: float, camera_hz: float, compressed: bool) -> Manners:
+def _manners(
+    latency_s: float, jitter_s: float, drop_share: float, camera_hz: float | None, compressed: bool
+) -> Manners:
     try:
         return Manners(
             latency_s=latency_s, jitter_s=jitter_s, drop_share=drop_share, camera_hz=camera_hz, compressed=compressed
@@ -205,5 +221,6 @@ def _manners(latency_s: float, jitter_s: float, drop_share: float, camera_hz: fl
 
 def _without_latency(settings: RunConfig) -> RunConfig:
     """The way to the policy makes images late here, not the camera."""
-    camera = replace(settings.robot.camera, latency_s=0.0)
-    return replace(settings, robot=replace(settings.robot, camera=camera))
+    robot = settings.robot
+    further = {name: replace(camera, latency_s=0.0) for name, camera in robot.cameras.items()}
+    return replace(settings, robot=replace(robot, camera=replace(robot.camera, latency_s=0.0), cameras=further))

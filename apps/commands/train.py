@@ -17,6 +17,7 @@ from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.run.evaluation import closed_loop
 from readygo.apps.run.methods import NETWORKS
 from readygo.apps.run.origin import note_origin, origin_of_data
+from readygo.apps.run.sight import chosen_images
 from readygo.apps.run.training import (
     default_recipe,
     make_config,
@@ -27,6 +28,7 @@ from readygo.apps.run.training import (
 from readygo.common.bus.identity import TRAINER
 from readygo.common.dataset import Dataset
 from readygo.common.errors import ConfigError
+from readygo.common.robot import RobotConfig
 from readygo.services.trainer import TrainConfig
 
 if TYPE_CHECKING:
@@ -49,6 +51,8 @@ def train(
     recipe: Literal["best", "fast", "paper", "gnm", "vint", "nomad"] | None = None,
     config: Path | None = None,
     inputs: str = "",
+    cameras: str = "",
+    goal: Literal["point", "image", "both"] | None = None,
     learning_rate: float | None = None,
     batch_size: int | None = None,
     seed: int | None = None,
@@ -79,6 +83,10 @@ def train(
             --checkpoints`, and weights of theirs that lie there are what training begins with.
         config: TOML file with fields of the recipe's `TrainConfig` that shall be others.
         inputs: Images that the policy sees, separated by commas: rgb, and depth where the data have it; rgb by default.
+        cameras: Cameras of the robot that it sees with, by their names in robot.toml, separated by commas, the first
+            one among them; that one alone by default.
+        goal: What the policy is told of its goal: where it is, "point", the default, what the robot would see there,
+            "image", which the data must have (goal_image under [renderer]), or both.
         learning_rate: Learning rate instead of the recipe's.
         batch_size: Samples per step; the recipe's by default.
         seed: Seed of weights, order and augmentation; 0 by default.
@@ -103,20 +111,30 @@ def train(
         "memory_mb": memory_mb,
         "cache_mb": cache_mb,
         "learning_rate": learning_rate,
-        "images": tuple(name.strip() for name in inputs.split(",")) if inputs else None,
+        "goal": goal,
     }
     console = Console(stderr=True)
     if recipe in NETWORKS:
-        if live or run or val or val_scene or config or inputs:
-            raise ConfigError(f"--recipe {recipe} takes no --val, --val-scene, --config, --live, --run and --inputs.")
-        unused = ("memory_mb", "device", "images")
+        if live or run or val or val_scene or config or inputs or cameras or goal:
+            raise ConfigError(
+                f"--recipe {recipe} takes no --val, --val-scene, --config, --live, --run, --inputs, --cameras "
+                "and --goal."
+            )
+        unused = ("memory_mb", "device", "goal")
         _train_network(recipe, data, out, {k: v for k, v in settings.items() if k not in unused}, as_json=json)
         return
     if live:
-        metrics = _train_live(make_config(recipe or "best", config, **settings), out, live, run, data, certs)
+        if goal not in (None, "point"):
+            raise ConfigError("--live takes no --goal image: a fleet records with policies that are told where it is.")
+        if cameras:
+            raise ConfigError('--live takes no --cameras: say [network] images = ["rgb", "left.rgb"] in --config.')
+        images = chosen_images(inputs, "", RobotConfig()) if inputs else None
+        chosen = make_config(recipe or "best", config, images=images, **settings)
+        metrics = _train_live(chosen, out, live, run, data, certs)
     else:
         dataset = _open(data)
-        chosen = make_config(recipe or _default_recipe(dataset, console, quiet=json), config, **settings)
+        images = chosen_images(inputs, cameras, dataset.robot or RobotConfig()) if inputs or cameras else None
+        chosen = make_config(recipe or _default_recipe(dataset, console, quiet=json), config, images=images, **settings)
         origin = origin_of_data(data)
         if len(origin.scenes) > 1 and not json:
             console.print(f"Data of {len(origin.scenes)} scenes: {', '.join(origin.scenes.values())}.", markup=False)

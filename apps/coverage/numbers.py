@@ -11,8 +11,7 @@ import numpy.typing as npt
 from readygo.common.dataset import Dataset
 from readygo.common.dataset.casts import Cast, read_casts
 from readygo.common.maps import GridFrame, OccupancyMap, clearance_m, free_components
-from readygo.common.robot import RobotConfig
-from readygo.common.robot.kinematics import DT_S, RATE_HZ
+from readygo.common.robot import Clock, RobotConfig
 
 Array = npt.NDArray[np.float64]
 Counts = npt.NDArray[np.int64]
@@ -108,11 +107,13 @@ class Coverage:
     """Kind of encounter -> episodes with it, humans in it."""
     avatars: Mapping[str, int]
     """Avatar -> episodes."""
+    clock: Clock
+    """Of the samples."""
 
     @property
     def hours(self) -> float:
         """Recorded time [h]."""
-        return self.samples / RATE_HZ / 3600
+        return self.samples / self.clock.rate_hz / 3600
 
 
 def casts_of(dataset: Dataset) -> list[Cast]:
@@ -141,19 +142,20 @@ def measure(dataset: Dataset, casts: Sequence[Cast]) -> Coverage:
     return Coverage(
         episodes=len(counts),
         samples=len(dataset),
-        distance_m=math.fsum(np.abs(actions[:, 0]).tolist()) * DT_S,
+        distance_m=math.fsum(np.abs(actions[:, 0]).tolist()) * dataset.clock.dt_s,
         visits=_visits(dataset.poses[:, :2], dataset.episode_of_sample),
         headings=_headings(dataset.poses[:, 3]),
         actions=_joint_counts(actions, v_edges, w_edges),
         v_edges_mps=v_edges,
         w_edges_radps=w_edges,
-        duration_s=Histogram.of(counts * DT_S, np.arange(0.0, 51.0, 2.5)),
+        duration_s=Histogram.of(counts * dataset.clock.dt_s, np.arange(0.0, 51.0, 2.5)),
         closest_m=Histogram.of(_least(truth["human_distance_m"], starts), np.arange(0.0, 5.01, 0.25)),
         collision_s=Histogram.of(_least(truth["time_to_collision_s"], starts), np.arange(0.0, 5.01, 0.25)),
         visible_share=Histogram.of(visible, np.append(np.arange(10) / 10, 1.0 + 1e-9)),
         visible_total=float(truth["human_visible"].mean()),
         encounters=count_encounters(casts),
         avatars=_sorted_counts([name for cast in casts for name in dict.fromkeys(cast.avatars)]),
+        clock=dataset.clock,
     )
 
 

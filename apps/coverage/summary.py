@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 from readygo.common.dataset import Dataset, recorded_clarity
-from readygo.common.robot.kinematics import RATE_HZ
 
 
 def dataset_summary(dataset: Dataset, data: Path) -> dict[str, Any]:
@@ -26,7 +25,7 @@ def dataset_summary(dataset: Dataset, data: Path) -> dict[str, Any]:
         "episodes": len(dataset.episodes),
         "splits": sorted({entry.episode.split.value for entry in dataset.episodes}),
         "samples": len(dataset),
-        "hours": round(len(dataset) / RATE_HZ / 3600, 4),
+        "hours": round(len(dataset) / dataset.clock.rate_hz / 3600, 4),
         "shards": len(dataset.shards),
         "samples_per_shard_min": min(samples_per_shard.values()),
         "samples_per_shard_max": max(samples_per_shard.values()),

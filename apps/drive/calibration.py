@@ -12,7 +12,7 @@ from readygo.apps.robot_logs.reader import LogCamera
 from readygo.common.camera import CameraConfig
 from readygo.common.camera.lens import make_lens
 from readygo.common.errors import ConfigError
-from readygo.common.robot import load_robot
+from readygo.common.robot import RobotConfig, load_robot
 
 UNSEEN_MAX = 0.1
 """A policy whose images would lack a larger share has another camera."""
@@ -154,14 +154,24 @@ def info_of(camera: CameraConfig) -> LogCamera:
     )
 
 
-def camera_from_file(mount: CameraConfig, path: Path) -> CameraConfig:
+def camera_from_file(mount: CameraConfig, path: Path, name: str = "") -> CameraConfig:
     """The camera of a file: `robot.toml`, or what ROS's camera_calibration writes (.yaml).
 
+    Args:
+        mount: Where the camera is if the file does not say.
+        path: The file.
+        name: Of the camera; the first one is called "".
+
     Raises:
-        ConfigError: If the file cannot be read, or holds no camera.
+        ConfigError: If the file cannot be read, or holds no such camera.
     """
     if path.suffix == ".toml":
-        return load_robot(path, camera=mount).camera
+        robot = load_robot(path, cameras_of=RobotConfig(camera=mount))
+        if name and name not in robot.cameras:
+            raise ConfigError(f"--calibration {path} has no camera {name!r}; it has {', '.join(robot.all_cameras)}.")
+        return robot.cameras[name] if name else robot.camera
+    if name:
+        raise ConfigError(f"--calibration {path} is of one camera: for several give a robot.toml, or leave it out.")
     storage = _opened(path)
     try:
         info = LogCamera(

@@ -3,6 +3,7 @@
 import enum
 import math
 from collections import deque
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,24 +12,28 @@ import numpy.typing as npt
 from readygo.apps.drive.calibration import Rectifier
 from readygo.apps.drive.clock import RobotClock
 from readygo.apps.drive.messages import Command, Goal, Odometry, Picture
-from readygo.common.camera.depth import depth_bytes, in_range
+from readygo.common.camera.depth import in_range
 from readygo.common.frames import goal_in_robot_frame, wrap_angle
+from readygo.common.images.names import RGB, camera_of, kind_of
 from readygo.common.messages import Outcome
 from readygo.common.policy import Policy
-from readygo.common.policy.sight import DEPTH, RGB, side_by_side
+from readygo.common.policy.sight import camera_on, in_bytes, side_by_side
 from readygo.common.robot import RobotConfig, limit_command
-from readygo.common.robot.kinematics import DT_S
 
 STALE_S = 0.3
 """A robot whose newest image or odometry is older stands [s]."""
 TOGETHER_S = 0.03
-"""An image and depths that are further apart do not show the same moment [s]."""
-DEPTHS_MAX = 8
-"""Depth images that wait for the image of their time at most."""
+"""Images that are further apart do not show the same moment [s]."""
+BESIDE_MAX = 8
+"""Images of each kind that wait for the first camera's image of their time at most."""
 GIVE_UP_S = 10.0
 """A trial whose images or odometry are missing for so long is over [s]."""
 LEAP_M = 0.5
 """Odometry that leaps further between two messages, beyond what the robot can drive, has been set [m]."""
+
+
+_PERIOD_SLACK = 0.8
+"""Share of the time between two commands after which the next one may come."""
 
 
 class Ending(enum.Enum):
@@ -78,7 +83,7 @@ class Pilot:
     def __init__(
         self,
         policy: Policy,
-        rectify: Rectifier,
+        rectify: Mapping[str, Rectifier],
         config: DriveConfig,
         goal: Goal,
         goal_image: npt.NDArray[np.uint8] | None = None,
@@ -87,7 +92,7 @@ class Pilot:
 
         Args:
             policy: Who drives.
-            rectify: Brings the robot's images to the policy's camera.
+            rectify: Brings the robot's images to the policy's cameras, by their names; the first one is called "".
             config: How it is driven.
             goal: Where to.
             goal_image: What the robot's camera shows there, where the policy wants to know: blue, green, red, shape
@@ -101,19 +106,18 @@ class Pilot:
         self._robot: RobotConfig = limited(spec.robot, config)
         self._clock, self._memory = RobotClock(), policy.start()
         if goal_image is not None:
-            self._memory.kept.goal_image = rectify(goal_image)
+            self._memory.kept.goal_image = rectify[""](goal_image)
         self._given_goal, self.goal = goal, None if config.goal_in_start_frame else goal
         """`goal` is in the odometry's frame, once that is known."""
         self._pose: Odometry | None = None
         self._yaw_rad = 0.0
-        self._sees_depth = DEPTH in spec.inputs.images
-        self._depths: deque[Picture] = deque(maxlen=DEPTHS_MAX)
+        self._beside = {name: deque[Picture](maxlen=BESIDE_MAX) for name in spec.inputs.images if name != RGB}
         self._waiting: tuple[Picture, int] | None = None
         self._picture_ns: int | None = None
-        self._depth_ns: int | None = None
-        self._arrived_ns = {"images": 0, "odometry": 0, "depths": 0}
+        self._beside_ns: dict[str, int] = {}
+        self._arrived_ns: dict[str, int] = {}
         self._wanted, self._sent = Command(), Command()
-        self._sent_ns = 0
+        self._sent_ns = self._decided_ns = 0
         self._stale_since_ns: int | None = None
         self.started_ns: int | None = None
         """When it first had all that it needs."""
@@ -132,7 +136,7 @@ class Pilot:
         self.frame_age_s = 0.0
         """Age of the newest image when it came [s]."""
         self.seen = 0
-        """Images that it has seen; where the policy sees depths, those that came with theirs."""
+        """Images that it has seen; where the policy sees others beside them, those that came with theirs."""
         self.seen_arrived_ns = 0
         """When the newest of them came [ns]."""
 
@@ -170,30 +174,29 @@ class Pilot:
         self._waiting = replace(picture, stamp_ns=stamp_ns), arrived_ns
         self._see()
 
-    def look_at_depth(self, picture: Picture, arrived_ns: int) -> None:
-        """See depths; with an image of the same time they are what the policy sees."""
-        stamp_ns, self._arrived_ns["depths"] = picture.stamp_ns or arrived_ns, arrived_ns
-        self._jumped(self._clock.hear("depths", stamp_ns, arrived_ns))
-        if self._depth_ns is not None and stamp_ns <= self._depth_ns:
+    def look_beside(self, name: str, picture: Picture, arrived_ns: int) -> None:
+        """See depths, or what another camera shows; with the first one's image of that time the policy sees them."""
+        words = words_of(name)
+        stamp_ns, self._arrived_ns[words] = picture.stamp_ns or arrived_ns, arrived_ns
+        self._jumped(self._clock.hear(words, stamp_ns, arrived_ns))
+        if name not in self._beside or stamp_ns <= self._beside_ns.get(name, stamp_ns - 1):
             return
-        self._depth_ns = stamp_ns
-        self._depths.append(replace(picture, stamp_ns=stamp_ns))
+        self._beside_ns[name] = stamp_ns
+        self._beside[name].append(replace(picture, stamp_ns=stamp_ns))
         self._see()
 
     def _see(self) -> None:
         """See the newest image, and decide, once all that belongs to it is there."""
         if self._waiting is None:
             return
-        (picture, arrived_ns), depth = self._waiting, self._depth_beside(self._waiting[0].stamp_ns)
-        if self._sees_depth and depth is None:
+        picture, arrived_ns = self._waiting
+        together = {name: _nearest(waiting, picture.stamp_ns) for name, waiting in self._beside.items()}
+        if None in together.values():
             return
         self._waiting = None
         try:
-            sight = self._rectify(picture.decode())
-            if depth is not None:
-                camera, depth_m = self._policy.spec.robot.camera, self._rectify.depth(depth.decode())
-                seen = {RGB: sight, DEPTH: depth_bytes(in_range(depth_m, camera), camera)}
-                sight = side_by_side(seen, self._policy.spec.inputs.images)
+            seen = {name: self._brought(name, one) for name, one in {RGB: picture, **together}.items() if one}
+            sight = side_by_side(seen, self._policy.spec.inputs.images)
         except ValueError as error:
             self.end(Ending.BROKEN_IMAGES, f"the robot sends {error}")
             return
@@ -203,14 +206,22 @@ class Pilot:
         if self._pose is None:
             return
         self._policy.see([self._memory], sight[None], [picture.stamp_ns])
-        self._decide()
+        # A robot that is commanded less often than it sees holds its command.
+        faster = self._robot.control_hz < self._robot.camera_hz
+        if not faster or arrived_ns - self._decided_ns > (_PERIOD_SLACK / self._robot.control_hz) * 1e9:
+            self._decide(arrived_ns)
 
-    def _depth_beside(self, stamp_ns: int) -> Picture | None:
-        """The depths that were measured when an image was taken; None while they are not there."""
-        nearest = min(self._depths, key=lambda depth: abs(depth.stamp_ns - stamp_ns), default=None)
-        if nearest is None or abs(nearest.stamp_ns - stamp_ns) > TOGETHER_S * 1e9:
-            return None
-        return nearest
+    def _brought(self, name: str, picture: Picture) -> npt.NDArray[np.uint8]:
+        """An image as the policy takes it: what its camera would have shown, or measured.
+
+        Raises:
+            ValueError: If it cannot be read, or is of another size or kind.
+        """
+        rectify, pixels = self._rectify[camera_of(name)], picture.decode()
+        if kind_of(name) == RGB:
+            return rectify(pixels)
+        robot = self._policy.spec.robot
+        return in_bytes(in_range(rectify.depth(pixels), camera_on(robot, camera_of(name))), name, robot)
 
     def command(self, now_ns: int) -> Command:
         """What the robot shall do now: the latest decision within its limits, or standing still."""
@@ -222,7 +233,8 @@ class Pilot:
         if self.started_ns is None:
             self.started_ns = now_ns
             self.straight_m = max(self.goal_distance_m - self._config.goal_radius_m, 0.0)
-        passed_s = min((now_ns - self._sent_ns) / 1e9, DT_S)
+        self._decide_between(now_ns)
+        passed_s = min((now_ns - self._sent_ns) / 1e9, self._robot.clock.dt_s)
         v, w = limit_command(
             self._wanted.v_mps, self._wanted.w_radps, self._sent.v_mps, self._sent.w_radps, self._robot, passed_s
         )
@@ -244,10 +256,18 @@ class Pilot:
             return math.inf
         return math.hypot(self.goal.x_m - self._pose.x_m, self.goal.y_m - self._pose.y_m)
 
-    def _decide(self) -> None:
+    def _decide_between(self, now_ns: int) -> None:
+        """Decide anew by the newest odometry where the robot is commanded more often than it sees."""
+        if self._robot.control_hz <= self._robot.camera_hz or self._decided_ns == 0:
+            return
+        if now_ns - self._decided_ns > (_PERIOD_SLACK / self._robot.control_hz) * 1e9:
+            self._decide(now_ns)
+
+    def _decide(self, now_ns: int) -> None:
         pose, goal = self._pose, self._goal()
         if pose is None or goal is None:
             return
+        self._decided_ns = now_ns
         there = goal_in_robot_frame(pose.x_m, pose.y_m, self._yaw_rad, (goal.x_m, goal.y_m))
         moving = np.array([[pose.v_mps, pose.w_radps]], np.float32)
         v, w = self._policy.decide([self._memory], moving, np.array([there], np.float32))[0].tolist()
@@ -278,8 +298,8 @@ class Pilot:
 
     def _missing(self, now_ns: int) -> str:
         """What is not there, or too old; empty if all is."""
-        if self._sees_depth and self._depth_ns is None:
-            return "no depths"
+        if unseen := [words_of(name) for name in self._beside if name not in self._beside_ns]:
+            return f"no {' and no '.join(unseen)}"
         if self._pose is None or self._picture_ns is None:
             absent = [name for name, there in (("images", self._picture_ns), ("odometry", self._pose)) if there is None]
             return f"no {' and no '.join(absent)}"
@@ -287,8 +307,7 @@ class Pilot:
             "images": self._clock.age_s(self._picture_ns, now_ns),
             "odometry": self._clock.age_s(self._pose.stamp_ns, now_ns),
         }
-        if self._depth_ns is not None and self._sees_depth:
-            ages["depths"] = self._clock.age_s(self._depth_ns, now_ns)
+        ages |= {words_of(name): self._clock.age_s(stamp_ns, now_ns) for name, stamp_ns in self._beside_ns.items()}
         worst = max(ages, key=lambda name: ages[name])
         if ages[worst] <= STALE_S:
             return ""
@@ -309,6 +328,18 @@ class Pilot:
         self.driven_m += way_m
 
 
+def words_of(name: str) -> str:
+    """What an image besides the first camera's is called."""
+    what, camera = "images" if kind_of(name) == RGB else "depths", camera_of(name)
+    return f"{what} of {camera}" if camera else what
+
+
+def _nearest(waiting: Iterable[Picture], stamp_ns: int) -> Picture | None:
+    """The image that was taken at a time; None while it is not there."""
+    nearest = min(waiting, key=lambda picture: abs(picture.stamp_ns - stamp_ns), default=None)
+    return None if nearest is None or abs(nearest.stamp_ns - stamp_ns) > TOGETHER_S * 1e9 else nearest
+
+
 def limited(robot: RobotConfig, config: DriveConfig) -> RobotConfig:
     """A robot with the limits of a trial.
 
@@ -319,4 +350,5 @@ def limited(robot: RobotConfig, config: DriveConfig) -> RobotConfig:
         asked, most = getattr(config, name), getattr(robot, name)
         if not 0 < asked <= most:
             raise ValueError(f"{name} must be above 0 and at most {most:g}, what the policy learned, got {asked:g}.")
-    return replace(robot, v_max_mps=config.v_max_mps, w_max_radps=config.w_max_radps)
+    backwards = max(robot.v_min_mps, -config.v_max_mps)
+    return replace(robot, v_max_mps=config.v_max_mps, v_min_mps=backwards, w_max_radps=config.w_max_radps)

@@ -18,7 +18,13 @@ from readygo.apps.drive.ros_codec import (
     STAMPED_TWIST_TYPE,
     TWIST_TYPE,
 )
-from readygo.apps.robot_logs.pixels import millimetres, pixels_of
+from readygo.apps.robot_logs.pixels import (
+    compressed_depth,
+    compressed_depth_of,
+    is_compressed_depth,
+    millimetres,
+    pixels_of,
+)
 from readygo.apps.robot_logs.reader import INFO_TYPE, JPEG_QUALITY, ODOMETRY_TYPE, LogCamera
 from readygo.common.images.encoded import decode_pixels
 
@@ -49,6 +55,9 @@ def _fields(type_name: str, value: Any) -> dict[str, Any]:
         encoding = "bgr8" if value.ndim == 3 else "16UC1"
         stored = value if value.ndim == 3 else millimetres(value).astype("<u2")
         return {"encoding": encoding, "height_px": height, "width_px": width, "data": stored.tobytes()}
+    if type_name == COMPRESSED_TYPE and value.ndim == 2:
+        data, encoding = compressed_depth(value)
+        return {"encoding": encoding, "height_px": value.shape[0], "width_px": value.shape[1], "data": data}
     if type_name == COMPRESSED_TYPE:
         data = cv2.imencode(".jpg", value, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1].tobytes()
         return {"encoding": "jpeg", "height_px": value.shape[0], "width_px": value.shape[1], "data": data}
@@ -89,6 +98,8 @@ def _value(type_name: str, fields: Mapping[str, Any]) -> Value:
 
 def _pixels(fields: Mapping[str, Any]) -> npt.NDArray[Any]:
     encoding, data = str(fields["encoding"]), fields["data"]
+    if is_compressed_depth(encoding):
+        return compressed_depth_of(data, encoding)
     height, width = int(fields["height_px"]), int(fields["width_px"])
     if encoding not in _ENCODED:
         row_bytes = len(data) // max(height, 1)

@@ -3,8 +3,8 @@
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 from readygo.apps.drive.messages import Command, Goal, Odometry, Picture
@@ -22,8 +22,8 @@ from readygo.apps.robot_logs.reader import INFO_TYPE, ODOMETRY_TYPE, LogCamera
 from readygo.common.bus.foreign import ForeignPublisher, ForeignSession
 from readygo.common.errors import BusError
 
-DEPTHS_MAX = 8
-"""Depth images that wait for the pilot at most."""
+BESIDE_MAX = 8
+"""Images besides those of the first camera that wait for the pilot at most, of each kind."""
 ODOMETRY_MAX = 256
 """Odometry messages that wait for the pilot at most."""
 DEADMAN_S = 0.3
@@ -46,7 +46,10 @@ class Topics:
     camera_info: str = ""
     goal: str = ""
     outcome: str = ""
-    depth: str = ""
+    beside: Mapping[str, str] = field(default_factory=dict)
+    """Of the images besides the first camera's, by their names (`readygo.common.images.names`)."""
+    infos: Mapping[str, str] = field(default_factory=dict)
+    """Of the CameraInfo of the cameras besides the first one, by name."""
 
     def heard(self) -> list[tuple[str, tuple[str, ...]]]:
         """Topics that are heard, each with the types that it may have."""
@@ -56,7 +59,8 @@ class Topics:
             (self.camera_info, (INFO_TYPE,)),
             (self.goal, (GOAL_TYPE,)),
             (self.outcome, (OUTCOME_TYPE,)),
-            (self.depth, (IMAGE_TYPE,)),
+            *((topic, (IMAGE_TYPE, COMPRESSED_TYPE)) for topic in self.beside.values()),
+            *((topic, (INFO_TYPE,)) for topic in self.infos.values()),
         ]
         return [(topic, types) for topic, types in wanted if topic]
 
@@ -76,10 +80,12 @@ class Robot:
         self._session, self._wire, self._topics, self._dry = session, wire, topics, dry
         self._changed = threading.Condition()
         self._picture: tuple[Picture, int] | None = None
-        self._depths: deque[tuple[Picture, int]] = deque(maxlen=DEPTHS_MAX)
+        self._named = {topic: name for name, topic in topics.beside.items()}
+        self._beside: deque[tuple[str, Picture, int]] = deque(maxlen=BESIDE_MAX * max(len(self._named), 1))
         self._odometry: deque[tuple[Odometry, int]] = deque(maxlen=ODOMETRY_MAX)
-        self.camera: LogCamera | None = None
-        """The newest CameraInfo."""
+        self._cameras = {topic: camera for camera, topic in topics.infos.items()}
+        self.cameras: dict[str, LogCamera] = {}
+        """The newest CameraInfo of each camera by name; the first one is called ""."""
         self.goal: Goal | None = None
         """The newest goal."""
         self.outcome = ""
@@ -102,22 +108,22 @@ class Robot:
         return f"Nobody listens to {self._topics.command}{self._listeners()}."
 
     def next_picture(self, until_s: float) -> tuple[Picture, int] | None:
-        """The newest image that was not taken yet, and when it came [ns]; waits for it, or for depths, until a time.
+        """The newest image that was not taken yet, and when it came [ns]; waits for it, or for others, until a time.
 
         Args:
             until_s: By `time.monotonic`.
         """
         with self._changed:
-            while self._picture is None and not self._depths and (left_s := until_s - time.monotonic()) > 0:
+            while self._picture is None and not self._beside and (left_s := until_s - time.monotonic()) > 0:
                 self._changed.wait(left_s)
             picture, self._picture = self._picture, None
             return picture
 
-    def depths(self) -> list[tuple[Picture, int]]:
-        """Depth images that have come since the last call, and when [ns]."""
+    def beside(self) -> list[tuple[str, Picture, int]]:
+        """Images besides those of the first camera that have come since the last call: name, image, and when [ns]."""
         with self._changed:
-            found = list(self._depths)
-            self._depths.clear()
+            found = list(self._beside)
+            self._beside.clear()
             return found
 
     def odometry(self) -> list[tuple[Odometry, int]]:
@@ -179,8 +185,8 @@ class Robot:
 
     def _keep(self, topic: str, value: Any, arrived_ns: int) -> None:
         with self._changed:
-            if isinstance(value, Picture) and topic == self._topics.depth:
-                self._depths.append((value, arrived_ns))
+            if isinstance(value, Picture) and topic in self._named:
+                self._beside.append((self._named[topic], value, arrived_ns))
                 self._changed.notify()
             elif isinstance(value, Picture):
                 self._picture = value, arrived_ns
@@ -188,7 +194,7 @@ class Robot:
             elif isinstance(value, Odometry):
                 self._odometry.append((value, arrived_ns))
             elif isinstance(value, LogCamera):
-                self.camera = value
+                self.cameras[self._cameras.get(topic, "")] = value
             elif isinstance(value, Goal):
                 self.goal = value
             elif isinstance(value, str):

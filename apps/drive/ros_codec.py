@@ -9,7 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.apps.drive.messages import Command, Goal, Odometry, Picture, Value
-from readygo.apps.robot_logs.pixels import millimetres, pixels_of
+from readygo.apps.robot_logs.pixels import (
+    compressed_depth,
+    compressed_depth_of,
+    is_compressed_depth,
+    millimetres,
+    pixels_of,
+)
 from readygo.apps.robot_logs.reader import IMAGE_TYPES, INFO_TYPE, JPEG_QUALITY, ODOMETRY_TYPE, LogCamera
 from readygo.common.errors import ConfigError
 from readygo.common.extras import install_command
@@ -87,9 +93,14 @@ class RosCodec:
             data=data,
         )
 
-    def _compressed(self, bgr: npt.NDArray[np.uint8], stamp_ns: int) -> Any:
-        data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1].reshape(-1)
-        return self._types[COMPRESSED_TYPE](header=self._header(stamp_ns, "camera"), format="jpeg", data=data)
+    def _compressed(self, pixels: npt.NDArray[Any], stamp_ns: int) -> Any:
+        if pixels.ndim == 3:
+            file = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1].tobytes()
+            image_format = "jpeg"
+        else:
+            file, image_format = compressed_depth(pixels)
+        data = np.frombuffer(file, np.uint8)
+        return self._types[COMPRESSED_TYPE](header=self._header(stamp_ns, "camera"), format=image_format, data=data)
 
     def _pose(self, x_m: float, y_m: float, yaw_rad: float) -> Any:
         point = self._types["geometry_msgs/msg/Point"](x=x_m, y=y_m, z=0.0)
@@ -179,6 +190,8 @@ def _pixels(type_name: str, message: Any) -> npt.NDArray[Any]:
             row_bytes=message.step,
             big_endian=bool(message.is_bigendian),
         )
+    if is_compressed_depth(message.format):
+        return compressed_depth_of(message.data.tobytes(), message.format)
     pixels = decode_pixels(message.data.tobytes(), cv2.IMREAD_COLOR)
     if pixels is None:
         raise ValueError(f"compressed images that are no JPEG or PNG (format {message.format!r})")

@@ -3,8 +3,9 @@
 import heapq
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -24,8 +25,10 @@ from readygo.apps.drive.wires import Wire
 from readygo.apps.robot_logs.reader import INFO_TYPE, ODOMETRY_TYPE, LogCamera
 from readygo.common.bus.foreign import ForeignSession
 from readygo.common.episode import EpisodeSimulation
+from readygo.common.images.names import RGB
 from readygo.common.messages import Outcome
-from readygo.common.robot.kinematics import DT_S, RATE_HZ
+from readygo.common.robot import Clock
+from readygo.services.driver import DriverConfig
 
 COMMAND_STALE_S = 0.5
 """A robot that hears nothing for so long stands, as bases of real robots do [s]."""
@@ -35,9 +38,9 @@ CONSTANT_EVERY_S = 0.5
 """How often goal and camera are sent [s]."""
 LEFT_S = 1.0
 """Who has sent no command for so long has gone [s]."""
-Look = Callable[[EpisodeSimulation], tuple[npt.NDArray[np.uint8], npt.NDArray[np.float32] | None]]
-"""What the robot sees now: sRGB, shape (H, W, 3), and depths [m], inf where nothing is measured, shape (H, W); None for
-a robot without a depth camera."""
+Look = Callable[[EpisodeSimulation], dict[str, npt.NDArray[Any]]]
+"""What the robot sees now, by the names of the images (`readygo.common.images.names`): sRGB, shape (H, W, 3), and
+depths [m], inf where nothing is measured, shape (H, W)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,23 +53,26 @@ class Manners:
     """Standard deviation of that [s]."""
     drop_share: float = 0.02
     """Share of images that are lost."""
-    camera_hz: float = RATE_HZ
-    """Images per second: 20 divided by a whole number."""
+    camera_hz: float | None = None
+    """Images per second: those of the robot's camera, divided by a whole number; None takes all of them."""
     compressed: bool = False
     """Send JPEG in place of raw images."""
 
     def __post_init__(self) -> None:
-        steps = RATE_HZ / self.camera_hz if self.camera_hz > 0 else 0.0
-        if steps < 1 or steps != round(steps):
-            raise ValueError(
-                f"the camera's rate must be {RATE_HZ} Hz divided by a whole number, got {self.camera_hz:g}."
-            )
         if self.latency_s < 0 or self.jitter_s < 0 or not 0 <= self.drop_share < 1:
             raise ValueError("latency and jitter must not be negative, and the share of lost images 0..1.")
 
-    def sends(self, step: int, rng: np.random.Generator) -> bool:
+    def image_every(self, clock: Clock) -> int:
+        """Steps from image to image.
+
+        Raises:
+            ConfigError: If the rate is none of the camera's divided by a whole number.
+        """
+        return DriverConfig(camera_hz=self.camera_hz).image_every(clock)
+
+    def sends(self, step: int, image_every: int, rng: np.random.Generator) -> bool:
         """True if an image is taken at a step and is not lost."""
-        return step % round(RATE_HZ / self.camera_hz) == 0 and rng.random() >= self.drop_share
+        return step % image_every == 0 and rng.random() >= self.drop_share
 
     def late_s(self, rng: np.random.Generator) -> float:
         """How long an image is on its way [s]."""
@@ -85,6 +91,11 @@ def odometry_of(simulation: EpisodeSimulation, stamp_ns: int) -> Odometry:
     )
 
 
+def sent(image: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """An image as messages have it: blue, green, red; depths as they are."""
+    return np.ascontiguousarray(image[..., ::-1]) if image.ndim == 3 else image
+
+
 class SimulatedRobot:
     """Drives through one episode after the other as it is told."""
 
@@ -93,12 +104,23 @@ class SimulatedRobot:
         session: ForeignSession,
         wire: Wire,
         topics: Topics,
-        camera: LogCamera,
+        cameras: Mapping[str, LogCamera],
         look: Look,
         manners: Manners,
         rng: np.random.Generator,
     ) -> None:
-        self._look, self._manners, self._rng, self._camera = look, manners, rng, camera
+        """Be on a network.
+
+        Args:
+            session: Of the network.
+            wire: How it speaks.
+            topics: Where.
+            cameras: What it says of its cameras, by their names; the first one is called "".
+            look: What they show; it has what `topics` names.
+            manners: How it speaks.
+            rng: Of that.
+        """
+        self._look, self._manners, self._rng, self._cameras = look, manners, rng, cameras
         image_type = COMPRESSED_TYPE if manners.compressed else IMAGE_TYPE
         kinds = [
             (topics.image, image_type),
@@ -107,18 +129,24 @@ class SimulatedRobot:
             (topics.goal, GOAL_TYPE),
             (topics.outcome, OUTCOME_TYPE),
         ]
-        self._depth_publisher: TopicPublisher | None = None
-        if topics.depth:
-            number = len(kinds) + 2
-            self._depth_publisher = TopicPublisher(session, wire, topics.depth, (IMAGE_TYPE,), number, block=True)
         self._publishers = {
             kind: TopicPublisher(session, wire, topic, (kind,), number, block=True)
             for number, (topic, kind) in enumerate(kinds, start=1)
         }
-        self._image_type = image_type
+        # What it hears has a number of its own behind these.
+        further = enumerate(topics.beside.items(), start=len(kinds) + 2)
+        self._images = {RGB: self._publishers[image_type]} | {
+            name: TopicPublisher(session, wire, topic, (image_type,), number, block=True)
+            for number, (name, topic) in further
+        }
+        infos = enumerate(topics.infos.items(), start=len(kinds) + 2 + len(topics.beside))
+        self._infos = {"": self._publishers[INFO_TYPE]} | {
+            camera: TopicPublisher(session, wire, topic, (INFO_TYPE,), number, block=True)
+            for number, (camera, topic) in infos
+        }
         self._lock = threading.Lock()
         self._command, self._heard_s = Command(), 0.0
-        self._due: list[tuple[float, int, bytes, bytes]] = []
+        self._due: list[tuple[float, int, dict[str, bytes]]] = []
         self._taken, self._last_due_s, self._constant_s = 0, 0.0, 0.0
         self.behind = 0
         """How often the steps were so late that they were counted anew."""
@@ -139,7 +167,7 @@ class SimulatedRobot:
         step = 0
         while not over():
             self._show(simulation, step)
-            step, next_s = step + 1, next_s + DT_S
+            step, next_s = step + 1, next_s + simulation.clock.dt_s
             if time.monotonic() - next_s > BEHIND_S:
                 self.behind, next_s = self.behind + 1, time.monotonic()
             self._send_until(next_s)
@@ -156,20 +184,17 @@ class SimulatedRobot:
             self._constant_s = now_s
             goal_x, goal_y = simulation.scenario.goal_xy_m.tolist()
             self._put(GOAL_TYPE, Goal(x_m=goal_x, y_m=goal_y), stamp_ns)
-            self._put(INFO_TYPE, self._camera, stamp_ns)
-        if not self._manners.sends(step, self._rng):
+            for camera, publisher in self._infos.items():
+                publisher.put(publisher.write(self._cameras[camera], stamp_ns))
+        if not self._manners.sends(step, self._manners.image_every(simulation.clock), self._rng):
             return
-        rgb, depth_m = self._look(simulation)
-        bgr = np.ascontiguousarray(rgb[..., ::-1])
-        depths = b""
-        if self._depth_publisher is not None and depth_m is not None:
-            depths = self._depth_publisher.write(depth_m, stamp_ns)
-        payload = self._publishers[self._image_type].write(bgr, stamp_ns)
+        images = self._look(simulation)
+        payloads = {name: of.write(sent(images[name]), stamp_ns) for name, of in self._images.items()}
         late_s = self._manners.late_s(self._rng)
         # Nothing overtakes on its way.
         self._last_due_s = max(now_s + late_s, self._last_due_s)
         self._taken += 1
-        heapq.heappush(self._due, (self._last_due_s, self._taken, payload, depths))
+        heapq.heappush(self._due, (self._last_due_s, self._taken, payloads))
 
     def _send_until(self, until_s: float) -> None:
         """Send images as they become due, until a time."""
@@ -178,10 +203,9 @@ class SimulatedRobot:
             time.sleep(max(min(due_s, until_s) - time.monotonic(), 0.0))
             if not self._due or due_s > until_s:
                 return
-            _, _, payload, depths = heapq.heappop(self._due)
-            if self._depth_publisher is not None and depths:
-                self._depth_publisher.put(depths)
-            self._publishers[self._image_type].put(payload)
+            _, _, payloads = heapq.heappop(self._due)
+            for name in reversed(payloads):
+                self._images[name].put(payloads[name])
 
     def _put(self, kind: str, value: object, stamp_ns: int) -> None:
         publisher = self._publishers[kind]

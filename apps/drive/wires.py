@@ -12,7 +12,7 @@ from readygo.common.bus.foreign import ForeignSession
 
 WireName = Literal["ros2", "bridge", "plain"]
 """rmw_zenoh, zenoh-bridge-ros2dds, or MessagePack on keys that are the topics' names."""
-COMPRESSED_SUFFIX = "/compressed"
+COMPRESSED_SUFFIX, COMPRESSED_DEPTH_SUFFIX = "/compressed", "/compressedDepth"
 """Topics of compressed images end like this, where keys do not say what they carry."""
 
 
@@ -150,7 +150,7 @@ class TopicWire:
 
     def type_of(self, key: str, default: str) -> str:
         """See `Wire.type_of`."""
-        if default == IMAGE_TYPE and key.endswith(COMPRESSED_SUFFIX):
+        if default == IMAGE_TYPE and key.endswith((COMPRESSED_SUFFIX, COMPRESSED_DEPTH_SUFFIX)):
             return COMPRESSED_TYPE
         return STAMPED_TWIST_TYPE if self._stamped and default == TWIST_TYPE else default
 

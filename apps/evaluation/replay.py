@@ -17,7 +17,6 @@ from readygo.common.drawing.film import write_film
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.errors import RunError
 from readygo.common.messages import EpisodeKey, EpisodeMotions, Outcome, RobotTrajectory
-from readygo.common.robot.kinematics import DT_S, RATE_HZ
 from readygo.services.evaluator import EXPERT, EpisodeRecord, MatchedEpisode, RecordKey, Results, Simulate, Task
 from readygo.services.planner.explain.journal import run_beside_expert, run_with_journal
 from readygo.services.planner.explain.picture import draw_ways, episode_view
@@ -94,8 +93,9 @@ class Replays:
 
     def draw(self, record: EpisodeRecord, trajectory: RobotTrajectory) -> Picture:
         """Who went where, on the map."""
-        episode, planner = self.episode(record), self.world.robot_planner
+        episode = self.episode(record)
         scenario, motions = episode.scenario, episode.motions
+        planner = self.world.robot_planner.of(scenario.episode)
         view = episode_view(planner.maps.robot, scenario, trajectory, motions=motions, size_px=MAP_PX)
         picture = view.rgb.copy()
         draw_ways(picture, view, scenario, trajectory, motions, planner.robot, planner.episode_config)
@@ -106,10 +106,7 @@ class Replays:
         """What the robot saw: before the collision, or all the time."""
         episode = self.episode(record)
         look = robot_view(self._renderer, episode.scenario, episode.motions, trajectory)
-        return [
-            StripImage(time_s=step * DT_S, rgb=look(step))
-            for step in strip_steps(trajectory.outcome, len(trajectory.xyyaw))
-        ]
+        return [StripImage(time_s=step * trajectory.dt_s, rgb=look(step)) for step in strip_steps(trajectory)]
 
     def film(self, path: Path, record: EpisodeRecord) -> None:
         """Write a film of an episode: what the robot saw beside the map.
@@ -119,8 +116,9 @@ class Replays:
             ReadygoError: If the film cannot be written.
         """
         self.trajectory(record)
-        episode, planner = self.episode(record), self.world.robot_planner
+        episode = self.episode(record)
         scenario, motions = episode.scenario, episode.motions
+        planner = self.world.robot_planner.of(scenario.episode)
         if record.method == EXPERT and record.key not in self._walked:
             run = run_with_journal(planner, scenario, motions)
         else:
@@ -139,19 +137,22 @@ class Replays:
         if simulation.step >= len(actions):
             raise _another_way(record)
         v_mps, w_radps = actions[simulation.step].tolist()
+        # Kept is what it executed at every step, not what it was commanded at some.
+        simulation.hold(v_mps, w_radps)
         return v_mps, w_radps
 
     def _checked(self, record: EpisodeRecord, trajectory: RobotTrajectory) -> RobotTrajectory:
-        same_end = abs(trajectory.duration_s - record.result.duration_s) < DT_S / 2
+        same_end = abs(trajectory.duration_s - record.result.duration_s) < trajectory.dt_s / 2
         if trajectory.outcome is not record.result.outcome or not same_end:
             raise _another_way(record)
         return trajectory
 
 
-def strip_steps(outcome: Outcome, step_count: int) -> list[int]:
+def strip_steps(trajectory: RobotTrajectory) -> list[int]:
     """The steps that a strip shows: the last seconds of a collision, all of another episode."""
-    if outcome in (Outcome.HUMAN_COLLISION, Outcome.STATIC_COLLISION):
-        steps = [step_count - 1 - round(before_s * RATE_HZ) for before_s in BEFORE_END_S]
+    step_count = len(trajectory.xyyaw)
+    if trajectory.outcome in (Outcome.HUMAN_COLLISION, Outcome.STATIC_COLLISION):
+        steps = [step_count - 1 - round(before_s * trajectory.rate_hz) for before_s in BEFORE_END_S]
     else:
         steps = np.linspace(0, step_count - 1, len(BEFORE_END_S)).round().astype(int).tolist()
     return sorted({max(step, 0) for step in steps})

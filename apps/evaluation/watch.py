@@ -19,7 +19,6 @@ from readygo.apps.evaluation.tables import comparisons_html, failures_html, late
 from readygo.apps.run.evaluation import references
 from readygo.common.files import write_whole
 from readygo.common.messages import RobotTrajectory
-from readygo.common.robot.kinematics import RATE_HZ
 from readygo.services.evaluator import EXPERT, POLICY, EpisodeRecord, EvaluateReply, EvaluateRequest, Task, short_name
 from readygo.services.evaluator.scores import compare_all, failure_counts, scores_of
 
@@ -122,7 +121,7 @@ def plan_command(scene: str, request: EvaluateRequest, options: Mapping[str, obj
     Returns:
         None if they would be driven otherwise.
     """
-    if request.control_hz != RATE_HZ or watched_method(request.methods) not in (POLICY, EXPERT):
+    if request.control_hz is not None or watched_method(request.methods) not in (POLICY, EXPERT):
         return None
     named = [word for name, value in options.items() if value is not None for word in (f"--{name}", str(value))]
 

@@ -13,7 +13,6 @@ import numpy.typing as npt
 from readygo.common.dataset import Dataset, EpisodeEntry
 from readygo.common.errors import ConfigError
 from readygo.common.messages import Split
-from readygo.common.robot.kinematics import DT_S, RATE_HZ
 
 SPLITS = tuple(Split)
 """In the order in which episodes are exported."""
@@ -123,12 +122,12 @@ class Source:
     @property
     def rate_hz(self) -> int:
         """Rows per second."""
-        return RATE_HZ // self.stride
+        return self.dataset.clock.rate_hz // self.stride
 
     @property
     def dt_s(self) -> float:
         """Time from row to row [s]."""
-        return self.stride * DT_S
+        return self.stride * self.dataset.clock.dt_s
 
     @property
     def row_count(self) -> int:
@@ -186,13 +185,14 @@ def _samples(entry: EpisodeEntry, stride: int) -> npt.NDArray[np.int64]:
 
 def _stride(dataset: Dataset, rate_hz: int | None) -> int:
     """Samples from row to row, so that every row has an image."""
-    fitting = [stride for stride in range(1, RATE_HZ + 1) if RATE_HZ % stride == 0 and _all_pictured(dataset, stride)]
-    rates = [RATE_HZ // stride for stride in fitting]
+    all_hz = dataset.clock.rate_hz
+    fitting = [stride for stride in range(1, all_hz + 1) if all_hz % stride == 0 and _all_pictured(dataset, stride)]
+    rates = [all_hz // stride for stride in fitting]
     if rate_hz is not None and rate_hz not in rates:
         raise ConfigError(f"--rate-hz {rate_hz} does not fit these images; possible are {', '.join(map(str, rates))}.")
     if not fitting:
         raise ConfigError("The images of these episodes are at no common rate; export the folders one by one.")
-    return fitting[0] if rate_hz is None else RATE_HZ // rate_hz
+    return fitting[0] if rate_hz is None else all_hz // rate_hz
 
 
 def _all_pictured(dataset: Dataset, stride: int) -> bool:

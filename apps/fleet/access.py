@@ -1,8 +1,11 @@
 """How a process gets to a run's router: with the run's token on this machine, with a certificate across networks."""
 
 import contextlib
+import logging
 import os
 import sys
+import threading
+import time
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
@@ -10,11 +13,16 @@ from readygo.apps.fleet.token import given_token
 from readygo.common.bus.identity import COORDINATOR, RECORDER, Identity
 from readygo.common.bus.rights import access_control
 from readygo.common.bus.zenoh_bus import Router, ZenohBus
-from readygo.common.errors import CertificateError
+from readygo.common.errors import BusError, CertificateError
 from readygo.common.extras import install_command
 from readygo.common.messages.stages import STAGES
 
+log = logging.getLogger(__name__)
+
 TLS = "tls/"
+ROUTER_ABSENT_S = 30.0
+"""Time that a worker waits for a router that is not up yet, or for a token that it does not refuse any more [s]."""
+_RETRY_S = 0.2
 
 
 def join(
@@ -38,6 +46,24 @@ def join(
     if identity:
         return ZenohBus(connect, run, identity=identity)
     return ZenohBus(connect, run, given_token() if token is None else token)
+
+
+def join_in_time(
+    connect: str, run: str, role: str, stop: threading.Event, *, name: str = "", certs: Path | None = None
+) -> ZenohBus:
+    """Join a run as `join` does, and wait for a router that is not up yet, for `ROUTER_ABSENT_S` or until `stop`."""
+    deadline_s = time.monotonic() + ROUTER_ABSENT_S
+    told = False
+    while True:
+        try:
+            return join(connect, run, role, name=name, certs=certs)
+        except BusError as error:
+            if time.monotonic() > deadline_s or stop.is_set():
+                raise
+            if not told:
+                log.warning("%s Trying again for %g s.", error, ROUTER_ABSENT_S)
+            told = True
+            stop.wait(_RETRY_S)
 
 
 def open_router(recorders: Iterable[str], listen: str, *, certs: Path | None, token: str) -> Router:

@@ -187,6 +187,7 @@ def serving(
         grants=Grants(keeper_bus, KEEPER, GRANT_TIMEOUT_S),
         recorder=KEEPER,
         report=fleet.report,
+        clock=World(spec).config.robot.clock,
     )
     coordination.attach(coordinator_bus, coordinator)
     attach_keeper(keeper_bus, keeper)

@@ -4,14 +4,13 @@ import logging
 import os
 import signal
 import subprocess
-import sys
 import time
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import readygo
+from readygo.apps.fleet.fork_server import Forked, ForkServer
 from readygo.apps.fleet.token import with_token
 from readygo.apps.observe.logs import message_of
 from readygo.apps.observe.settings import NOTHING, Observing
@@ -43,7 +42,7 @@ class Member:
     log: Path
     arguments: tuple[str, ...] = ()
     """Further ones of its command line."""
-    process: subprocess.Popen[bytes] | None = None
+    process: Forked | None = None
     restarts: int = 0
     restarted_s: deque[float] = field(default_factory=deque)
     """When it was started anew within the last `RESTARTS_S`."""
@@ -64,13 +63,27 @@ class Fleet:
         token: str = "",
         observing: Observing = NOTHING,
         certs: Path | None = None,
+        forks: ForkServer | None = None,
     ) -> None:
-        self._token = token
+        """Start nothing yet.
+
+        Args:
+            connect: Endpoint of the run's router.
+            run: Name of the run, or several with commas between.
+            data: Its data folder, or one for each run.
+            logs: Folder that its processes write their logs to.
+            token: The run's token.
+            observing: What its processes show of themselves.
+            certs: Folder of certificates, for an endpoint tls/...
+            forks: Where its processes come from; a server of its own by default, which ends with the fleet.
+        """
         self._data = [data] if isinstance(data, Path) else list(data)
         self._arguments = ["--connect", connect, "--run", run, "--data", *map(str, self._data), "--exit-with-parent"]
         self._arguments += observing.of_member()
         self._arguments += ["--certs", str(certs.resolve())] if certs else []
         self._logs = logs
+        self._forks = forks or ForkServer(with_token(token), logs / "fork-server.log")
+        self._owns_forks = forks is None
         self.members: list[Member] = []
 
     def add(self, role: str, name: str, *arguments: str) -> None:
@@ -118,6 +131,8 @@ class Fleet:
         self._stop([member for member in self.members if member.role not in last], DROP_S)
         for role in last:
             self._stop([member for member in self.members if member.role == role])
+        if self._owns_forks:
+            self._forks.close()
 
     def _stop(self, members: list[Member], patience_s: float = STOP_S) -> None:
         """End workers side by side, by force if they take too long."""
@@ -133,8 +148,7 @@ class Fleet:
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
-            if process.stdin:
-                process.stdin.close()
+            process.stdin.close()
 
     def check_recorders(self) -> None:
         """Look at how the recorders ended, after `stop`.
@@ -157,23 +171,14 @@ class Fleet:
                 )
 
     def command(self, member: Member) -> list[str]:
-        """The command line that fills a place."""
-        own = ["--name", member.name, *member.arguments]
-        return [sys.executable, "-m", "readygo", "worker", member.role, *own, *self._arguments]
+        """The command line that fills a place, after `readygo`."""
+        return ["worker", member.role, "--name", member.name, *member.arguments, *self._arguments]
 
     def _start(self, member: Member) -> None:
-        if member.process and member.process.stdin:
+        if member.process:
             member.process.stdin.close()
         with member.log.open("ab") as log:
-            member.process = subprocess.Popen(
-                self.command(member),
-                stdin=subprocess.PIPE,
-                stdout=log,
-                stderr=log,
-                cwd=Path(readygo.__file__).resolve().parents[1],
-                env=with_token(self._token),
-                start_new_session=True,
-            )
+            member.process = self._forks.start(self.command(member), log.fileno())
 
 
 def _restarts(member: Member) -> int:

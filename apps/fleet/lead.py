@@ -57,6 +57,8 @@ def lead(
     here = endpoint if joins else reached_here(endpoint)
     watched = observer or Observer(NOTHING, run=spec.run, role=COORDINATOR, name=COORDINATOR)
     with folder.locked(), folder.coordinated(patience_s=2 * LATE_S):
+        if folder.load()[0].run != spec.run:
+            raise RunError(f"Another run was begun in {folder.path} at the same time; choose another --out.")
         recover(folder, recorded_here=False)
         prepare_folders(folder, spec)
         coordinator = make_coordinator(folder, recorded_here=False)

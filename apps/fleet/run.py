@@ -77,6 +77,8 @@ def record(
     folder.check(spec)
     begin_s = time.monotonic()
     with folder.locked():
+        # Another run may have been begun in it since.
+        folder.check(spec)
         recover(folder)
         prepare_folders(folder, spec)
         recorded, samples_before = _recorded(folder, episodes)
@@ -110,6 +112,7 @@ def begin(spec: RunSpec, out: Path, episodes: int) -> None:
     folder = RunFolder(out)
     folder.check(spec)
     with folder.locked():
+        folder.check(spec)
         _recorded(folder, episodes)
         _save(folder, spec, episodes)
 

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from readygo.apps.cli import USER_MISTAKE
-from readygo.apps.fleet.access import join
+from readygo.apps.fleet.access import join_in_time
 from readygo.apps.fleet.fleet import CANNOT_WORK
 from readygo.apps.fleet.runs import ANY_RUN, Runs
 from readygo.apps.fleet.several import record_for, work_for
@@ -112,6 +112,7 @@ def worker(
     name = name or f"{role}-{socket.gethostname()}-{os.getpid()}"
     begin_logging(log_format, run=run, role=role, worker=name)
     try:
+        joined = partial(join_in_time, connect, role=role, stop=stop, certs=certs)
         several = role not in _OF_ONE_RUN and (not run or "," in run)
         if not run and not several:
             raise RunError(f"A {role} needs the name of its run: pass --run.")
@@ -119,14 +120,12 @@ def worker(
         state = RunFolder(data[0]).state if data and not several else None
         with Observer(observing, run=run, role=role, name=name, state=state) as observer:
             if role == TRAINER:
-                buses: dict[str, Bus] = {each: join(connect, each, role, certs=certs) for each in run.split(",")}
+                buses: dict[str, Bus] = {each: joined(each) for each in run.split(",")}
                 _train(buses, data, out, config, stop)
             elif role == RECONSTRUCTOR:
-                _reconstruct(join(connect, run, role, certs=certs), name, stop, observer)
+                _reconstruct(joined(run), name, stop, observer)
             else:
-                part = _Part(
-                    role, name, data, observer, partial(join, connect, role=role, name=name, certs=certs), stop
-                )
+                part = _Part(role, name, data, observer, partial(joined, name=name), stop)
                 if several:
                     _serve_runs(part, [each for each in run.split(",") if each])
                 else:

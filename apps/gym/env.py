@@ -19,12 +19,11 @@ Observation = dict[str, npt.NDArray[Any]]
 def observation_space(robot: RobotConfig) -> spaces.Space[Any]:
     """Image, goal in the robot's frame [m], and velocities [m/s, rad/s]."""
     height, width = robot.camera.height_px, robot.camera.width_px
-    fastest = np.array([robot.v_max_mps, robot.w_max_radps], np.float32)
     return spaces.Dict(
         {
             "rgb": spaces.Box(0, 255, (height, width, 3), np.uint8),
             "goal": spaces.Box(-FARTHEST_M, FARTHEST_M, (2,), np.float32),
-            "velocity": spaces.Box(np.array([0.0, -fastest[1]], np.float32), fastest, dtype=np.float32),
+            "velocity": action_space(robot),
         }
     )
 
@@ -32,11 +31,11 @@ def observation_space(robot: RobotConfig) -> spaces.Space[Any]:
 def action_space(robot: RobotConfig) -> spaces.Space[Any]:
     """Commands v [m/s] and w [rad/s]."""
     fastest = np.array([robot.v_max_mps, robot.w_max_radps], np.float32)
-    return spaces.Box(np.array([0.0, -fastest[1]], np.float32), fastest, dtype=np.float32)
+    return spaces.Box(np.array([robot.v_min_mps, -robot.w_max_radps], np.float32), fastest, dtype=np.float32)
 
 
 class PointNavEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
-    """Drive to a goal among people; 20 steps are a second. Arguments as for `PointNav`.
+    """Drive to a goal among people; `PointNav.robot.clock` says how long a step is. Arguments as for `PointNav`.
 
     `info` has the costs `cost_collision` and `cost_intrusion` (1 in a step with them, else 0), and with `expert=True`
     the `expert_command` for the next step.
@@ -65,7 +64,7 @@ class PointNavEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         return self._observation(), self._task.info(self._ride)
 
     def step(self, action: npt.NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Drive for 0.05 s."""
+        """Drive for a step of the robot's clock."""
         if self._ride is None:
             raise gymnasium.error.ResetNeeded("call reset() before step().")
         reward, terminated, truncated = self._task.advance(self._ride, action)

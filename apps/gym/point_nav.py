@@ -144,7 +144,7 @@ class PointNav:
         left_m = ride.ways.distance_m(simulation.x_m, simulation.y_m)
         gained_m = ride.left_m - left_m if math.isfinite(left_m) and math.isfinite(ride.left_m) else 0.0
         ride.left_m = left_m
-        earned = reward.per_metre * gained_m + reward.per_second * 0.05
+        earned = reward.per_metre * gained_m + reward.per_second * simulation.clock.dt_s
         earned += reward.success if outcome is Outcome.SUCCESS else reward.collision if _collided(outcome) else 0.0
         return earned, outcome is not None and outcome is not Outcome.TIMEOUT, outcome is Outcome.TIMEOUT
 
@@ -187,6 +187,8 @@ def _settings(path: Path | None, policy: PolicySpec | None, humans: int, image_p
     count = max(humans, 1)
     episode = dataclasses.replace(settings.episode, human_count_min=count, human_count_max=count)
     robot = settings.robot
+    if robot.ranges.varies:
+        raise ConfigError("Actions of an environment are those of one robot: leave [ranges] of the robot out.")
     if path is None and policy is None:
         camera = dataclasses.replace(robot.camera, height_px=image_px[0], width_px=image_px[1])
         robot = dataclasses.replace(robot, camera=camera)

@@ -7,6 +7,8 @@ from typing import Annotated
 from readygo.apps.run.config import read_sections
 from readygo.common.config import Range, check_ranges, section_from_mapping
 from readygo.common.errors import ConfigError
+from readygo.common.images.names import RGB
+from readygo.common.policy.sight import check_images
 
 Share = Annotated[float, Range(low=0.0, high=1.0)]
 
@@ -27,9 +29,12 @@ class LearnConfig:
     """Most episodes per task of one measurement."""
     patience: Share = 0.5
     """It ends when the success rate has not risen for this share of the budget."""
+    images: tuple[str, ...] = (RGB,)
+    """What the policy sees, see `readygo.common.policy.sight`; these are recorded."""
 
     def __post_init__(self) -> None:
         check_ranges(self)
+        check_images(self.images)
 
 
 def load_learn_config(path: Path | None) -> LearnConfig:

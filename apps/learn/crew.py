@@ -10,8 +10,9 @@ from types import TracebackType
 
 from readygo.apps.fleet.access import join, open_router, reached_here, refusals_on_stderr
 from readygo.apps.fleet.fleet import Fleet
+from readygo.apps.fleet.fork_server import ForkServer
 from readygo.apps.fleet.roles import places as places_of
-from readygo.apps.fleet.token import given_token, new_token
+from readygo.apps.fleet.token import given_token, new_token, with_token
 from readygo.apps.learn.cores import Split, shared_out
 from readygo.apps.learn.plan import Place, Plan
 from readygo.apps.learn.training import Training, write_trainer_config
@@ -67,6 +68,7 @@ class Crew:
         """Commands in a row that each scene's coordinator has not answered."""
         self._open = contextlib.ExitStack()
         self._logs = plan.out / "logs"
+        self._forks = ForkServer(with_token(self._token), self._logs / "fork-server.log")
 
     def __enter__(self) -> "Crew":
         try:
@@ -86,7 +88,9 @@ class Crew:
     @property
     def recorded(self) -> int:
         """Samples with images in the shards of all scenes."""
-        return sum(status.samples for status in self.status.values()) // self._plan.config.driver.image_every
+        return sum(status.samples for status in self.status.values()) // self._plan.config.driver.image_every(
+            self._plan.config.robot.clock
+        )
 
     @property
     def policies(self) -> int:
@@ -167,6 +171,7 @@ class Crew:
         router = open_router(recorders, self._endpoint, certs=self._reach.certs, token=self._token)
         self._open.callback(router.close)
         self._logs.mkdir(exist_ok=True)
+        self._open.callback(self._forks.close)
         places = self._plan.places
         for place, count in zip(places, shared_out(self._split.collectors, len(places)), strict=True):
             self._start_fleet(place, count)
@@ -194,7 +199,7 @@ class Crew:
 
     def _fleet(self, run: str, data: list[Path], logs: Path) -> Fleet:
         here, certs = reached_here(self._endpoint), self._reach.certs
-        return Fleet(connect=here, run=run, data=data, logs=logs, token=self._token, certs=certs)
+        return Fleet(connect=here, run=run, data=data, logs=logs, certs=certs, forks=self._forks)
 
     def _dismiss(self) -> None:
         """Tell workers of other machines that nothing more will come; those of this one are ended."""

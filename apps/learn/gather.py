@@ -21,7 +21,6 @@ from readygo.apps.pictures.recorded import RecordedEpisodes, latest_pictured, ro
 from readygo.apps.run.world import World
 from readygo.common.dataset import Dataset, EpisodeEntry
 from readygo.common.messages import Driver, Outcome
-from readygo.common.robot.kinematics import DT_S
 from readygo.common.scenes.top_view import TopView, top_view
 from readygo.services.evaluator import EvaluateReply
 
@@ -188,7 +187,9 @@ def _strip(recorded: RecordedEpisodes, entry: EpisodeEntry) -> tuple[StripImage,
     steps = sorted({max(0, first + offset) for offset in STRIP_STEPS})
     dataset = recorded.dataset
     pictured = latest_pictured(dataset, rows_of(entry))
-    return tuple(StripImage(rgb=dataset.decode(int(pictured[step])), time_s=step * DT_S) for step in steps)
+    return tuple(
+        StripImage(rgb=dataset.decode(int(pictured[step])), time_s=step * dataset.clock.dt_s) for step in steps
+    )
 
 
 def _scores(replies: Mapping[str, EvaluateReply]) -> list[Score]:

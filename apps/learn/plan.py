@@ -10,23 +10,26 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from readygo.apps.learn.config import LearnConfig
+from readygo.apps.learn.config import LearnConfig, load_learn_config
 from readygo.apps.run.config import RunConfig, load_run_config
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.policy import with_offers
 from readygo.apps.run.scene_argument import open_scene
+from readygo.apps.run.sight import chosen_images
 from readygo.apps.run.spec import make_spec
 from readygo.apps.run.world import World
 from readygo.common.camera import CameraConfig
-from readygo.common.errors import RunError, SceneError
+from readygo.common.errors import ConfigError, RunError, SceneError
 from readygo.common.files import write_whole
+from readygo.common.images.names import kind_of
 from readygo.common.messages import EpisodeKey, HumanPlanRequest, RunSpec, Split
+from readygo.common.policy.sight import check_cameras
 from readygo.common.robot import RobotConfig, load_robot
-from readygo.common.robot.kinematics import RATE_HZ, whole_steps
 from readygo.services.driver import DriverConfig
 from readygo.services.planner import handle_human_plan
 from readygo.services.planner.humans.config import HumanPlannerConfig
 from readygo.services.renderer import RendererConfig
+from readygo.services.trainer.config import SamplingConfig
 
 FORMAT = "readygo-learn/1"
 SMALL_CAMERA = CameraConfig(height_px=72, width_px=128)
@@ -35,8 +38,8 @@ ABSENT = 0.3
 """Share of the episodes without humans."""
 DISTURBED = 0.5
 """Share of the expert's episodes in which it is disturbed."""
-IMAGE_EVERY = 5
-"""Steps from picture to picture, at most: neighbouring pictures teach much the same, and drawing is what takes time."""
+IMAGE_EVERY_S = 0.25
+"""Time from picture to picture, at most: neighbouring pictures teach much the same, and drawing is what takes time."""
 DRAWS = 40
 """Scenarios that are tried before a scene is said to have no room."""
 
@@ -104,15 +107,49 @@ def learn_settings(config: Path | None, robot: Path | None) -> RunConfig:
     Raises:
         ConfigError: If a file cannot be read or holds an unknown key or a wrong value.
     """
-    own = load_robot(robot, camera=SMALL_CAMERA) if robot else None
-    late = whole_steps(own.camera.latency_s) if own else 0
+    usual = RobotConfig(camera=SMALL_CAMERA)
+    own = load_robot(robot, cameras_of=usual) if robot else None
     base = RunConfig(
-        robot=RobotConfig(camera=SMALL_CAMERA),
+        robot=usual,
         human_planner=HumanPlannerConfig(absent=ABSENT),
-        driver=DriverConfig(disturbed=DISTURBED, camera_hz=RATE_HZ / math.gcd(IMAGE_EVERY, late)),
+        driver=DriverConfig(disturbed=DISTURBED, camera_hz=_pictures_hz(own or RobotConfig())),
         renderer=RendererConfig(detail="lod", labels=False),
     )
     return load_run_config(config, own, base=base)
+
+
+def learn_configs(config: Path | None, robot: Path | None, inputs: str, cameras: str) -> tuple[RunConfig, LearnConfig]:
+    """The settings of the runs and of learning, with all that the policy is to see among what is recorded.
+
+    Args:
+        config: TOML file with sections of settings.
+        robot: The robot's file.
+        inputs: See `chosen_images`; as the section `[learn]` says if it is empty, as is the next.
+        cameras: See there.
+
+    Raises:
+        ConfigError: If a file cannot be read or holds an unknown key or a wrong value, or there is no such image.
+    """
+    runs, learn = learn_settings(config, robot), load_learn_config(config)
+    if inputs or cameras:
+        learn = dataclasses.replace(learn, images=chosen_images(inputs, cameras, runs.robot))
+    try:
+        check_cameras(learn.images, runs.robot)
+    except ValueError as error:
+        raise ConfigError(f"learn.images: {error}") from error
+    outputs = tuple(dict.fromkeys((*runs.renderer.outputs, *map(kind_of, learn.images))))
+    return dataclasses.replace(runs, renderer=dataclasses.replace(runs.renderer, outputs=outputs)), learn
+
+
+def _pictures_hz(robot: RobotConfig) -> float:
+    """As few pictures a second as the camera's images, the frames that a policy sees together and latency allow."""
+    clock, camera_hz = robot.clock, robot.camera_hz
+    late_steps, spacing = clock.steps(robot.camera.latency_s), round(SamplingConfig().frame_spacing_s * camera_hz)
+    if late_steps % clock.image_every:
+        return camera_hz
+    most = max(1, math.floor(IMAGE_EVERY_S * camera_hz))
+    count = max(count for count in range(1, most + 1) if spacing % count == 0)
+    return camera_hz / math.gcd(count, late_steps // clock.image_every)
 
 
 def make_plan(

@@ -105,6 +105,8 @@ def write_trainer_config(plan: Plan, threads: int) -> Path:
         f"threads = {threads}",
         "[live]",
         f"offer_every_s = {max(OFFER_MIN_S, 60 * budget.minutes / OFFERS)!r}",
+        "[network]",
+        f"images = {json.dumps(plan.learn.images)}",
     ]
     path = plan.out / "trainer.toml"
     write_whole(path, "\n".join(lines) + "\n", raises=RunError)

@@ -43,7 +43,7 @@ class FoxgloveSink:
         self._foxglove, self._robot, self._maps = foxglove, robot, maps
         self.context = foxglove.Context()
         """What is shown goes through this; a test records it."""
-        self._camera = markers.camera_frame(robot.camera)
+        self._cameras = markers.camera_frames(robot)
         self._channels: dict[int, Any] = {}
         self._begun = 0
         try:
@@ -77,7 +77,7 @@ class FoxgloveSink:
         """See `Sink.show`."""
         state, stamp = moment.state, packed.stamp(stamp_ns)
         contents = packed.contents(_sample(state, moment.image), _header(moment, self._robot))
-        contents.append(markers.frames(*packed.pose(state.robot_xyzyaw), self._camera))
+        contents.append(markers.frames(*packed.pose(state.robot_xyzyaw), self._cameras))
         contents.append(markers.bodies(human[:3] for human in state.humans_xyzyaw))
         for content in contents:
             self._log(content.channel, b"".join(content.at(stamp)), stamp_ns)

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from readygo.common.drawing import plan_view
 from readygo.common.drawing.files import Picture
 from readygo.common.drawing.plan_view import GOAL, HUMANS, INK, ROBOT, Rgb
-from readygo.common.robot.kinematics import DT_S
+from readygo.common.robot.kinematics import RATE_HZ
 from readygo.common.scenes.top_view import TopView
 
 CAMERA_HEIGHT_PX = 432
@@ -54,6 +54,8 @@ class EpisodeFilm:
     robot_radius_m: float = 0.25
     human_radius_m: float = 0.25
     success_radius_m: float = 1.0
+    rate_hz: int = RATE_HZ
+    """Rows per second."""
     v_max_mps: float = 1.0
     w_max_radps: float = 1.2
 
@@ -144,11 +146,11 @@ def _dashboard(picture: Picture, film: EpisodeFilm, row: int, *, top: int) -> No
     distance = float(np.hypot(*(film.goal_xy_m - film.xyyaw[row, :2])))
     left, middle = _MARGIN_PX + 4, picture.shape[1] * 3 // 10
     plan_view.put_text(picture, film.title, (left, top + 18), size=0.5)
-    plan_view.put_text(picture, f"t {row * DT_S:5.1f} s    goal {distance:4.1f} m", (left, top + 42), size=0.5)
+    plan_view.put_text(picture, f"t {row / film.rate_hz:5.1f} s    goal {distance:4.1f} m", (left, top + 42), size=0.5)
     length = picture.shape[1] // 5
     _bar(picture, (middle, top + 6), f"v {v:5.2f} m/s", v / film.v_max_mps, length=length, signed=False)
     _bar(picture, (middle, top + 30), f"w {w:5.2f} rad/s", -w / film.w_max_radps, length=length, signed=True)
-    if film.outcome and (len(film.xyyaw) - row) * DT_S <= 1.0:
+    if film.outcome and (len(film.xyyaw) - row) / film.rate_hz <= 1.0:
         colour = GOAL if film.outcome == "success" else HUMANS[0]
         plan_view.put_text(picture, film.outcome, (middle + length + 170, top + 32), size=0.7, colour=colour)
 

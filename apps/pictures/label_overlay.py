@@ -59,7 +59,8 @@ def labelled_image(dataset: Dataset, index: int) -> Picture:
         raise DatasetError("The metadata names no robot: where its camera is, is unknown.")
     calibration = dataset.calibration(index)
     x_m, y_m, z_m, yaw_rad = dataset.poses[index].tolist()
-    T_world_camera = dataset.robot.camera.T_world_camera(x_m, y_m, yaw_rad, z_m)
+    robot = dataset.robot.with_values(dataset.episodes[dataset.episode_of_sample[index]].drawn)
+    T_world_camera = robot.camera.T_world_camera(x_m, y_m, yaw_rad, z_m)
     scale = WIDTH_PX / calibration.width_px
     size = (WIDTH_PX, round(calibration.height_px * scale))
     picture = np.asarray(cv2.resize(dataset.decode(index), size, interpolation=cv2.INTER_CUBIC), dtype=np.uint8)

@@ -7,7 +7,6 @@ from readygo.apps.pictures.episode_film import EpisodeFilm, film_frames
 from readygo.common.drawing.files import Picture
 from readygo.common.drawing.plan_view import draw_scale_bar
 from readygo.common.messages import EpisodeMotions, RobotTrajectory, Scenario
-from readygo.common.robot.kinematics import RATE_HZ
 from readygo.common.scenes.top_view import TopView
 from readygo.services.planner import RobotPlanner
 from readygo.services.planner.explain.journal import DrivenRun
@@ -17,8 +16,8 @@ from readygo.services.renderer import Renderer
 from readygo.services.renderer.handlers import episode_shots
 
 PIXELS_PER_M = 80
-GIVEN_UP_STEPS = RATE_HZ
-"""A plan that was given up stays in the film for this long."""
+GIVEN_UP_S = 1.0
+"""A plan that was given up stays in the film for this long [s]."""
 
 
 def run_film(planner: RobotPlanner, run: DrivenRun, look: Look | None = None) -> Iterator[Picture]:
@@ -45,6 +44,7 @@ def run_film(planner: RobotPlanner, run: DrivenRun, look: Look | None = None) ->
         robot_radius_m=planner.robot.radius_m,
         human_radius_m=planner.episode_config.human_radius_m,
         success_radius_m=planner.episode_config.success_radius_m,
+        rate_hz=planner.robot.clock.rate_hz,
         v_max_mps=planner.robot.v_max_mps,
         w_max_radps=planner.robot.w_max_radps,
     )
@@ -53,7 +53,7 @@ def run_film(planner: RobotPlanner, run: DrivenRun, look: Look | None = None) ->
 
 def _underlay(planner: RobotPlanner, run: DrivenRun, picture: Picture, view: TopView, step: int) -> None:
     draw_knowledge(picture, view, planner, run, step)
-    draw_superseded(picture, view, run, range(step - GIVEN_UP_STEPS, step + 1))
+    draw_superseded(picture, view, run, range(step - planner.robot.clock.steps(GIVEN_UP_S), step + 1))
     draw_scale_bar(picture, view)
 
 

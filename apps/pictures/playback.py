@@ -43,6 +43,7 @@ def recorded_film(dataset: Dataset, number: int) -> EpisodeFilm:
         replanned=dataset.truth["replanned"][rows],
         outcome=entry.outcome.value.replace("_", " "),
         robot_radius_m=robot.radius_m,
+        rate_hz=robot.clock.rate_hz,
         v_max_mps=robot.v_max_mps,
         w_max_radps=robot.w_max_radps,
     )

@@ -13,7 +13,6 @@ from readygo.common.drawing.film import write_film
 from readygo.common.drawing.plan_view import DrawnEpisode
 from readygo.common.frames import wrap_angle
 from readygo.common.messages import AnimateRequest, HumanPlanRequest, Scenario
-from readygo.common.robot.kinematics import RATE_HZ
 from readygo.common.scenes.top_view import TopView
 from readygo.services.animator import handle_animate
 from readygo.services.planner import handle_human_plan
@@ -77,11 +76,12 @@ class RecordedEpisodes:
             human_visible=dataset.truth["human_visible"][rows],
             replanned=dataset.truth["replanned"][rows],
             outcome=entry.outcome.value.replace("_", " "),
+            rate_hz=dataset.clock.rate_hz,
         )
 
     def write_film(self, path: Path, entry: EpisodeEntry, view: TopView) -> None:
         """Write an episode as a small film for pages, at its pace or faster; its pictures say the time."""
-        step = max(RATE_HZ // PAGE_HZ, math.ceil(entry.sample_count / PAGE_PICTURES_MAX))
+        step = max(self.dataset.clock.rate_hz // PAGE_HZ, math.ceil(entry.sample_count / PAGE_PICTURES_MAX))
         frames = film_frames(self.film(entry), view, camera_height_px=PAGE_HEIGHT_PX, step=step)
         write_film(path, frames, fps=PAGE_HZ)
 

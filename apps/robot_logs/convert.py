@@ -18,7 +18,6 @@ from readygo.common.files import unfinished_folder
 from readygo.common.frames import goal_in_robot_frame
 from readygo.common.messages import EpisodeHeader, EpisodeKey, Sample, Split, sample_crc32
 from readygo.common.robot import CameraConfig, RobotConfig
-from readygo.common.robot.kinematics import STEP_NS
 
 DRIFT_MAX_M = 0.3
 """A drive that leaves its odometry further is not this robot's."""
@@ -147,7 +146,8 @@ def _write(
         for index, drive in enumerate(drives):
             images = list(_images_at(log, topic, drive))
             header = _header(index, drive, robot.camera, images[0])
-            samples = [_sample(drive, header, seq, image) for seq, image in enumerate(images)]
+            every = drive.clock.image_every
+            samples = [_sample(drive, header, seq, b"" if seq % every else image) for seq, image in enumerate(images)]
             writer.append(encode_episode(header, 1, samples))
             progress(index + 1, len(drives))
 
@@ -179,6 +179,7 @@ def _header(index: int, drive: Drive, camera: CameraConfig, image: bytes) -> Epi
         start_xyyaw=(x, y, yaw),
         avatars=(),
         encounters=(),
+        image_every=drive.clock.image_every,
         image_format="jpeg" if image.startswith(b"\xff\xd8") else "png",
         height_px=camera.height_px,
         width_px=camera.width_px,
@@ -194,7 +195,7 @@ def _sample(drive: Drive, header: EpisodeHeader, seq: int, image: bytes) -> Samp
     return Sample(
         seq=seq,
         crc32=sample_crc32(image, {}),
-        time_ns=seq * STEP_NS,
+        time_ns=drive.clock.time_ns(seq),
         image=image,
         action_v_mps=v,
         action_w_radps=w,

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from readygo.apps.robot_logs.reader import Odometry
 from readygo.common.frames import goal_in_robot_frame
-from readygo.common.robot import RobotConfig, limit_command, step_unicycle
+from readygo.common.robot import Clock, RobotConfig, limit_command, step_unicycle
 from readygo.common.robot.kinematics import DT_S, STEP_NS
 
 GAP_NS = 500_000_000
@@ -31,14 +31,16 @@ class Drive:
     xyyaw: npt.NDArray[np.float64]
     """Pose at each sample: x, y [m], yaw [rad], shape (T, 3)."""
     actions: npt.NDArray[np.float64]
-    """Command over the next 0.05 s: v [m/s], w [rad/s], shape (T, 2)."""
+    """Command over the next step: v [m/s], w [rad/s], shape (T, 2)."""
+    clock: Clock
+    """Of the samples."""
     drift_m: float
     """Largest distance from the odometry."""
 
     @property
     def times_ns(self) -> npt.NDArray[np.int64]:
         """Time of each sample in the log, shape (T,)."""
-        return self.start_ns + STEP_NS * np.arange(len(self.xyyaw), dtype=np.int64)
+        return _ticks(self.start_ns, self.clock, len(self.xyyaw))
 
 
 def spans(odometry: Odometry, image_times_ns: npt.NDArray[np.int64], episode_s: float) -> list[tuple[int, int]]:
@@ -69,24 +71,29 @@ def drive_of(odometry: Odometry, span: tuple[int, int], robot: RobotConfig) -> D
 
     A robot that slips, or outruns `robot`'s limits, leaves its odometry; `drift_m` says how far.
     """
-    times_ns = np.arange(span[0], span[1] + 1, STEP_NS)
+    clock = robot.clock
+    count = 1 + (span[1] - span[0]) * clock.rate_hz // 1_000_000_000
+    times_ns = _ticks(span[0], clock, count)
     measured = _at(odometry, times_ns)
     pose: tuple[float, float, float] = tuple(measured[0].tolist())
     before: tuple[float, float] | None = None
     poses, actions = [], []
     for here, following in pairwise(measured):
-        wished = _follow(pose, here, following)
-        before = limit_command(*wished, *(before or wished), robot)
+        wished = _follow(pose, here, following, clock.dt_s)
+        before = limit_command(*wished, *(before or wished), robot, clock.dt_s)
         poses.append(pose)
         actions.append(before)
-        pose = step_unicycle(*pose, *before)
+        pose = step_unicycle(*pose, *before, clock.dt_s)
     xyyaw = np.array(poses)
     drift_m = np.linalg.norm(xyyaw[:, :2] - measured[:-1, :2], axis=1).max()
-    return Drive(start_ns=span[0], xyyaw=xyyaw, actions=np.array(actions), drift_m=float(drift_m))
+    return Drive(start_ns=span[0], xyyaw=xyyaw, actions=np.array(actions), clock=clock, drift_m=float(drift_m))
 
 
 def _follow(
-    pose: tuple[float, float, float], here: npt.NDArray[np.float64], following: npt.NDArray[np.float64]
+    pose: tuple[float, float, float],
+    here: npt.NDArray[np.float64],
+    following: npt.NDArray[np.float64],
+    dt_s: float,
 ) -> tuple[float, float]:
     """The command that goes with the odometry and leads back to it: v [m/s], w [rad/s].
 
@@ -94,10 +101,14 @@ def _follow(
     """
     turn_rad = float(following[2] - here[2])
     heading = float(here[2]) + turn_rad / 2
-    v = float((following[:2] - here[:2]) @ (math.cos(heading), math.sin(heading))) / DT_S
+    v = float((following[:2] - here[:2]) @ (math.cos(heading), math.sin(heading))) / dt_s
     ahead_m, left_m = goal_in_robot_frame(*pose, (float(here[0]), float(here[1])))
     off_rad = float(here[2]) - pose[2]
-    return v * math.cos(off_rad) + GAIN_X * ahead_m, turn_rad / DT_S + v * GAIN_Y * left_m + GAIN_YAW * off_rad
+    return v * math.cos(off_rad) + GAIN_X * ahead_m, turn_rad / dt_s + v * GAIN_Y * left_m + GAIN_YAW * off_rad
+
+
+def _ticks(first_ns: int, clock: Clock, count: int) -> npt.NDArray[np.int64]:
+    return first_ns + np.array([clock.time_ns(step) for step in range(count)], np.int64)
 
 
 def _at(odometry: Odometry, times_ns: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:

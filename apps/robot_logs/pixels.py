@@ -1,10 +1,13 @@
 """Images as cameras of ROS robots send them."""
 
+import struct
 from typing import Any
 
 import cv2
 import numpy as np
 import numpy.typing as npt
+
+from readygo.common.images.encoded import decode_pixels
 
 _BGR: dict[str, tuple[int, int | None]] = {
     "bgr8": (3, None),
@@ -30,6 +33,8 @@ ENCODINGS = tuple(_BGR)
 
 DEPTHS: dict[str, tuple[type[np.generic], float]] = {"16UC1": (np.uint16, 1000.0), "32FC1": (np.float32, 1.0)}
 """Encodings of depth images: type of a pixel, and units in a metre (REP 118)."""
+_DEPTH_HEADER = struct.Struct("<iff")
+"""Of compressed depths: kind of compression, then the two numbers by which inverse depths were quantised."""
 
 
 def depth_of(
@@ -71,6 +76,51 @@ def pixels_of(
     if encoding in DEPTHS:
         return depth_of(data, encoding=encoding, big_endian=big_endian, **size)
     return bgr_of(data, encoding=encoding, **size)
+
+
+def compressed_depth_of(data: bytes, image_format: str) -> npt.NDArray[np.float32]:
+    """Depths of a compressed image of ROS's compressedDepth, see `compressed_depth`.
+
+    Args:
+        data: A header of 12 bytes, and a PNG.
+        image_format: What the message says of it, such as "16UC1; compressedDepth png".
+
+    Returns:
+        Depths [m], inf where nothing was measured, shape (H, W).
+
+    Raises:
+        ValueError: If it is none, or compressed in another way than as a PNG.
+
+    Source: ros-perception/image_transport_plugins, compressed_depth_image_transport (codec.cpp).
+    """
+    encoding, _, how = image_format.partition(";")
+    if encoding.strip() not in DEPTHS or not is_compressed_depth(image_format) or "rvl" in how:
+        raise ValueError(f"compressed depths of format {image_format!r}; known: 16UC1 or 32FC1; compressedDepth png")
+    pixels = decode_pixels(data[_DEPTH_HEADER.size :], cv2.IMREAD_UNCHANGED)
+    if pixels is None or pixels.dtype != np.uint16 or pixels.ndim != 2:
+        raise ValueError(f"compressed depths that are no PNG of 16 bits (format {image_format!r})")
+    stored, nothing = pixels.astype(np.float32), np.float32(np.inf)
+    if encoding.strip() == "16UC1":
+        return np.where(pixels > 0, stored / np.float32(1000.0), nothing)
+    _, factor, offset = _DEPTH_HEADER.unpack_from(data)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        depth_m = np.float32(factor) / (stored - np.float32(offset))
+    return np.where((pixels > 0) & (depth_m > 0), depth_m, nothing).astype(np.float32)
+
+
+def is_compressed_depth(image_format: str) -> bool:
+    """True if the format of a compressed image says that it is of depths."""
+    return "compressedDepth" in image_format
+
+
+def compressed_depth(depth_m: npt.NDArray[np.float32]) -> tuple[bytes, str]:
+    """Depths [m] as ROS's compressedDepth has those of 16UC1, and the format that says so.
+
+    Its header says how inverse depths were quantised; those of 16UC1 are plain millimetres.
+    """
+    done, png = cv2.imencode(".png", millimetres(depth_m))
+    assert done
+    return _DEPTH_HEADER.pack(0, 0.0, 0.0) + png.tobytes(), "16UC1; compressedDepth png"
 
 
 def millimetres(depth_m: npt.NDArray[np.float32]) -> npt.NDArray[np.uint16]:

@@ -14,7 +14,8 @@ from readygo.common.episode import EpisodeConfig
 from readygo.common.errors import ConfigError
 from readygo.common.messages import RunSpec
 from readygo.common.robot import RobotConfig
-from readygo.common.robot.kinematics import whole_steps
+from readygo.common.robot.clock import LOWEST_HZ
+from readygo.common.robot.config import with_first_camera
 from readygo.services.animator.config import AnimatorConfig
 from readygo.services.coordinator.config import CoordinatorConfig
 from readygo.services.driver.config import DriverConfig
@@ -48,8 +49,9 @@ class RunConfig:
     coordinator: CoordinatorConfig = field(default_factory=CoordinatorConfig)
 
     def __post_init__(self) -> None:
-        late, every = whole_steps(self.robot.camera.latency_s), self.driver.image_every
-        if late % every:
+        clock = self.robot.clock
+        every = self.driver.image_every(clock)
+        if every > clock.image_every and clock.steps(self.robot.camera.latency_s) % every:
             raise ConfigError(
                 f"[driver] camera_hz {self.driver.camera_hz:g}: the camera's latency of "
                 f"{self.robot.camera.latency_s:g} s must be a multiple of the time between pictures."
@@ -82,19 +84,31 @@ def load_run_config(
     if robot is not None:
         config = dataclasses.replace(config, robot=robot)
     if sensor is not None:
-        camera, renderer = SENSOR_RECIPES[sensor](config.robot.camera, config.renderer)
-        config = dataclasses.replace(config, robot=dataclasses.replace(config.robot, camera=camera), renderer=renderer)
+        config = _with_sensor(config, sensor)
     if people is not None:
         episode, planner = MIXES[people](config.episode, config.human_planner)
         config = dataclasses.replace(config, episode=episode, human_planner=planner)
     return config
 
 
+def _with_sensor(config: RunConfig, name: SensorName) -> RunConfig:
+    """The configuration with the optics of a recipe in all cameras, and what varies of them."""
+    recipe, robot = SENSOR_RECIPES[name], config.robot
+    camera, renderer = recipe(robot.camera, config.renderer)
+    cameras = {each: recipe(further, config.renderer)[0] for each, further in robot.cameras.items()}
+    return dataclasses.replace(
+        config, robot=dataclasses.replace(robot, camera=camera, cameras=cameras), renderer=renderer
+    )
+
+
 def _read_config(path: Path, base: RunConfig) -> RunConfig:
-    """The sections of a TOML file over those of `base`; a robot that the file names has only its camera from there."""
+    """The sections of a TOML file over those of `base`; a robot that the file names has only its cameras from there."""
     sections = {name: keys for name, keys in read_sections(path).items() if name not in _NOT_OF_RUNS}
-    if "robot" in sections:
-        base = dataclasses.replace(base, robot=RobotConfig(camera=base.robot.camera))
+    if isinstance(sections.get("robot"), Mapping):
+        sections["robot"] = with_first_camera(sections["robot"])
+        own = {"camera", "cameras"} & set(sections["robot"])
+        robot = RobotConfig(camera=base.robot.camera) if own else RobotConfig().with_cameras_of(base.robot)
+        base = dataclasses.replace(base, robot=robot)
     try:
         _refuse_moved_keys(sections)
         return merged(base, sections)
@@ -140,6 +154,15 @@ def _refuse_moved_keys(sections: dict[str, Any]) -> None:
                 f"renderer.sensor.{name} has moved to the camera: write {name} = {value!r} in [robot.camera], or in "
                 "[camera] of robot.toml; [renderer.sensor] holds what varies, as [lowest, highest]."
             )
+
+
+def check_cameras(config: RunConfig) -> None:
+    """Raise ConfigError if a camera of the robot cannot have what the sensor's ranges give it."""
+    # Numba takes a second to load, which those who only read settings need not wait for.
+    from readygo.common.camera.lens import check_sensor
+
+    for camera in config.robot.all_cameras.values():
+        check_sensor(config.renderer.sensor, camera)
 
 
 def with_outputs(config: RunConfig, names: str) -> RunConfig:
@@ -212,11 +235,14 @@ def resolved_sections(config: RunConfig) -> dict[str, Any]:
 def sections_of_today(sections: Mapping[str, Any]) -> dict[str, Any]:
     """A run's recorded sections as they would be recorded today.
 
-    The camera is one section, settings that nothing reads any more are gone, and people are drawn as they were before
-    there was light, and before feet stood on floors.
+    The camera is one section, settings that nothing reads any more are gone, people are drawn as they were before there
+    was light, and before feet stood on floors, and a driver that took all images of the only rate that there was does.
     """
     today = {
         name: {key: value for key, value in section.items() if key not in _RETIRED.get(name, ())}
         for name, section in with_whole_camera(sections).items()
     }
+    driver = today.get("driver", {})
+    if driver.get("camera_hz") == LOWEST_HZ and "camera_hz" not in today.get("robot", {}):
+        today["driver"] = {**driver, "camera_hz": None}
     return {**today, "renderer": {**RENDERED_BEFORE, **today.get("renderer", {})}}

@@ -82,7 +82,9 @@ def _make_drivers(world: World, plan: EvaluationPlan) -> _Drivers:
         camera="robot" if plan.camera == "robot" else "policy",
         methods=named_methods(world, plan.methods, checkpoints),
     )
-    drivers = {method: evaluator.driver(method, request.hold_steps) for method in plan.methods}
+    drivers = {
+        method: evaluator.driver(method, request.hold_steps(world.config.robot.clock)) for method in plan.methods
+    }
     return _Drivers(evaluator=evaluator, by_method=drivers)
 
 

@@ -21,7 +21,6 @@ from readygo.common.errors import ConfigError, RunError
 from readygo.common.messages import Split
 from readygo.common.policy import Policy, PolicySpec, check_policy_camera, check_policy_limits, load_policy
 from readygo.common.robot import RobotConfig
-from readygo.common.robot.kinematics import RATE_HZ
 from readygo.services.animator.service import attach as attach_animator
 from readygo.services.evaluator import (
     EXPERT,
@@ -99,7 +98,7 @@ def make_request(
     split: Split,
     seed: int,
     *,
-    control_hz: float = RATE_HZ,
+    control_hz: float | None = None,
 ) -> EvaluateRequest:
     """The request of command-line arguments.
 
@@ -209,7 +208,7 @@ def evaluation_settings(
         **identity(world.spec),
         "seed": request.seed,
         "split": request.split.value,
-        "control_hz": request.control_hz,
+        "control_hz": request.control_hz or world.config.robot.control_hz,
         "policy": policy,
         "camera": camera,
         METHODS: dict(methods or {}),
@@ -235,7 +234,7 @@ def summarize(reply: EvaluateReply, request: EvaluateRequest, evaluator: Evaluat
         "episodes": request.episodes,
         "seed": request.seed,
         "split": request.split.value,
-        "control_hz": request.control_hz,
+        "control_hz": request.control_hz or evaluator.robot.control_hz,
         "skipped": reply.skipped,
         "robot": section_to_mapping(evaluator.robot),
         "episode": section_to_mapping(evaluator.episode_config),

@@ -4,6 +4,9 @@ from collections.abc import Callable
 
 from readygo.apps.run.world import World
 from readygo.common.episode import EpisodeSimulation
+from readygo.common.episode.resample import at_rate
+from readygo.common.episode.robot import robot_of_episode
+from readygo.common.robot.kinematics import RATE_HZ
 from readygo.services.animator.retime import RetimedWalk
 from readygo.services.evaluator import MatchedEpisode, Task
 from readygo.services.planner import HumanPlanner
@@ -24,20 +27,21 @@ def live_simulations(world: World, planner: HumanPlanner) -> Callable[[MatchedEp
 
     def simulate(episode: MatchedEpisode) -> EpisodeSimulation:
         scenario = episode.scenario
+        robot = robot_of_episode(config.robot, scenario.episode)
         reacts = episode.task is Task.REACTIVE or config.human_planner.reactive
         if not (reacts and scenario.humans):
-            return EpisodeSimulation(scenario, episode.motions, maps.robot, config.robot, config.episode)
+            return EpisodeSimulation(scenario, episode.motions, maps.robot, robot, config.episode)
         humans = ReactiveHumans(
             [human.xy_m for human in scenario.humans],
             planner.reacts(scenario),
             planner.human_map,
-            config.robot.radius_m + config.episode.human_radius_m,
+            robot.radius_m + config.episode.human_radius_m,
             config.episode,
             config.human_planner,
         )
-        figures = [RetimedWalk(human.motion, maps.floor) for human in episode.motions.humans]
+        figures = [RetimedWalk(at_rate(human.motion, RATE_HZ), maps.floor) for human in episode.motions.humans]
         return ReactiveSimulation(
-            scenario, humans, maps.robot, config.robot, config.episode, animated=(episode.motions, figures)
+            scenario, humans, maps.robot, robot, config.episode, animated=(episode.motions, figures)
         )
 
     return simulate

@@ -64,9 +64,9 @@ def named_methods(world: World, methods: Sequence[str] = (), checkpoints: Path =
     known: dict[str, MakeDriver] = {
         EXPERT: lambda _: ExpertDriver(world.robot_planner),
         "expert-paper": lambda _: ExpertDriver(_paper_planner(world)),
-        "social-force": lambda evaluator: SocialForceDriver(evaluator.robot),
-        "gaussnav": lambda evaluator: DiscretePlannerDriver(evaluator.robot),
-        "splat-nav": lambda evaluator: SplatNavDriver(evaluator.robot, _splat_map(world)),
+        "social-force": lambda _: SocialForceDriver(),
+        "gaussnav": lambda _: DiscretePlannerDriver(),
+        "splat-nav": lambda _: SplatNavDriver(_splat_map(world)),
         VID2SIM: lambda evaluator: _mesh_policy(evaluator, checkpoints / VID2SIM),
         **{name: _network(name, checkpoints / file) for name, file in NETWORKS.items()},
     }
@@ -81,7 +81,7 @@ def _splat_map(world: World) -> SplatMap:
     maps, config = world.scene.maps, world.scene.maps.config
     unknown = load_unknown_cells(maps.folder / ROBOT_MAP_FILE)
     return SplatMap(
-        world.scene.cloud, maps.floor, maps.robot.frame, unknown, world.config.robot, config.ground_clearance_m
+        world.scene.cloud, maps.floor, maps.robot.frame, unknown, world.config.robot.widest, config.ground_clearance_m
     )
 
 

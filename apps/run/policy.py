@@ -16,6 +16,7 @@ from readygo.common.messages import FileRef, PolicyFile, PolicyRef, RunSpec
 from readygo.common.messages.stages import DRIVE_LINE
 from readygo.common.policy import check_policy_camera, load_policy, load_spec
 from readygo.common.policy.artifact import ENCODER_FILE, HEAD_FILE, SPEC_FILE
+from readygo.common.policy.robots import RANGED, known_as
 
 POLICY_FILES = (ENCODER_FILE, HEAD_FILE, SPEC_FILE)
 """All that a policy is loaded from that was trained here."""
@@ -94,7 +95,8 @@ def check_policy(folder: Path, config: RunConfig) -> None:
     if trained.wants_goal_image:
         raise PolicyError("The policy wants images of its goals: it can be evaluated and driven, not recorded with.")
     check_policy_camera(trained, config.robot, config.renderer.sensor)
-    for name, ours, theirs in section_differences(trained.robot, config.robot):
+    known = known_as(trained.robot, config.robot, RANGED)
+    for name, ours, theirs in section_differences(known, config.robot):
         raise PolicyError(f"The policy was trained for another robot: {name} {ours} (the run's: {theirs}).")
 
 

@@ -3,13 +3,12 @@
 import dataclasses
 from pathlib import Path
 
-from readygo.apps.run.config import RunConfig, resolved_sections
+from readygo.apps.run.config import RunConfig, check_cameras, resolved_sections
 from readygo.apps.run.identity import run_metadata, run_name
 from readygo.apps.run.policy import file_ref
 from readygo.apps.run.world import World
 from readygo.common.avatars.cast import load_cast, split_cast
 from readygo.common.avatars.file import avatar_hash, avatar_paths
-from readygo.common.camera.lens import check_sensor
 from readygo.common.dataset.provenance import AvatarOrigin, ScenarioOrigin, SceneOrigin
 from readygo.common.errors import ConfigError, RunError
 from readygo.common.maps import clearance_m, farthest_m, free_components
@@ -42,7 +41,7 @@ def make_spec(
     """
     if not 0 <= seed < 2**63:
         raise RunError(f"--seed must be 0..2^63-1, got {seed}.")
-    check_sensor(config.renderer.sensor, config.robot.camera)
+    check_cameras(config)
     config = _with_weights_named(config)
     humans = {} if static else load_cast(avatars)
     avatars, _ = split_cast(avatars)
@@ -90,7 +89,7 @@ def _with_weights_named(config: RunConfig) -> RunConfig:
 
 
 def _refuse_without_room(scene: Scene, config: RunConfig) -> None:
-    robot_map, radius_m = scene.maps.robot, config.robot.planning_radius_m
+    robot_map, radius_m = scene.maps.robot, config.robot.widest.planning_radius_m
     labels, _ = free_components(clearance_m(robot_map) > radius_m + config.expert.cell_margin_m)
     reach_m = farthest_m(labels, robot_map.frame.resolution_m)
     if line := goals_line(reach_m, config.episode.goal_distance_min_m, radius_m):

@@ -4,13 +4,15 @@ A new stage is one entry of `LINE` and the function that builds its work.
 """
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from readygo.apps.run.world import World
 from readygo.common.bus import Bus
+from readygo.common.episode.robot import robot_of_episode
 from readygo.common.errors import RunError
 from readygo.common.fleet import Inputs, StageResult, Work, append_episode, show_plan
+from readygo.common.images.names import RGB
 from readygo.common.messages import (
     AnimateReply,
     AnimateRequest,
@@ -21,13 +23,13 @@ from readygo.common.messages import (
     HumanPlanRequest,
     RobotPlanReply,
     RobotPlanRequest,
+    Sample,
     Scenario,
     Stage,
     decode,
     encode,
 )
 from readygo.common.messages.stages import ANIMATE, DRIVE, EVALUATE, HUMAN_PLAN, RENDER, ROBOT_PLAN
-from readygo.common.policy.sight import RGB
 from readygo.common.rasterizer.warm import warm as warm_rasterizer
 from readygo.services.animator import handle_animate
 from readygo.services.driver import Disturbance, PolicyDriver, RiskMap, disturbs, drive, driver_of
@@ -35,10 +37,13 @@ from readygo.services.planner import handle_human_plan, handle_robot_plan
 from readygo.services.renderer import (
     NO_PICTURE,
     LiveCamera,
+    Renderer,
     described_samples,
     episode_header,
     episode_samples,
+    goal_picture,
     unclear,
+    with_goal_image,
 )
 
 
@@ -120,7 +125,8 @@ def _render(world: World, bus: Bus) -> Work:
         if reason := unclear(renderer, trajectory.xyyaw, world.config.episode):
             return StageResult(rejected=reason)
         header = episode_header(renderer, scenario, trajectory)
-        append_episode(bus, claim, header, episode_samples(renderer, scenario, motions, trajectory))
+        samples = episode_samples(renderer, scenario, motions, trajectory)
+        append_episode(bus, claim, header, _with_goal(world, renderer, scenario, samples))
         return None
 
     return work
@@ -129,6 +135,7 @@ def _render(world: World, bus: Bus) -> Work:
 def _drive(world: World, bus: Bus) -> Work:
     warm_rasterizer()
     renderer, planner, config = world.renderer(), world.robot_planner, world.config
+    every = config.driver.image_every(config.robot.clock)
     weigher = RiskMap(planner.maps.robot)
     own = world.spec.policy if world.spec.policy and world.spec.policy.files else None
     if own:
@@ -144,11 +151,11 @@ def _drive(world: World, bus: Bus) -> Work:
         sees: tuple[str, ...] = (RGB,)
         if ref and driver is Driver.POLICY:
             loaded = world.policy(ref)
-            policy, sees = PolicyDriver(loaded, config.robot.camera.latency_s), loaded.spec.inputs.images
+            policy, sees = PolicyDriver(loaded, simulation.robot, every), loaded.spec.inputs.images
         elif disturbs(episode, config.driver.disturbed):
-            disturbance = Disturbance(episode, config.driver, config.robot)
+            disturbance = Disturbance(episode, config.driver, simulation.robot)
         camera = LiveCamera(renderer, simulation, sees)
-        expert, every = planner.expert(scenario, motions), config.driver.image_every
+        expert = planner.expert(scenario, motions)
         driven = drive(simulation, expert, camera, weigher, policy, disturbance, image_every=every)
         if reason := unclear(renderer, driven.trajectory.xyyaw, config.episode):
             return StageResult(rejected=reason)
@@ -164,10 +171,24 @@ def _drive(world: World, bus: Bus) -> Work:
             dataclasses.replace(sample, expert_commands=commands, risks=risks)
             for sample, commands, risks in zip(seen, driven.expert_commands, driven.risks, strict=True)
         )
-        append_episode(bus, claim, header, samples)
+        append_episode(bus, claim, header, _with_goal(world, renderer, scenario, samples))
         return None
 
     return work
+
+
+def _with_goal(world: World, renderer: Renderer, scenario: Scenario, samples: Iterator[Sample]) -> Iterator[Sample]:
+    """Samples with an image of the goal, where that is recorded."""
+    if not world.config.renderer.goal_image:
+        return samples
+    # Workers that record no goals do without the evaluator.
+    from readygo.services.evaluator.baselines.goal_field import arrival_yaw_rad
+
+    goal_x, goal_y = scenario.goal_xy_m.tolist()
+    start_x, start_y, _ = scenario.start_xyyaw.tolist()
+    maps, radius_m = world.scene.maps, robot_of_episode(world.config.robot, scenario.episode).planning_radius_m
+    yaw_rad = arrival_yaw_rad(maps.robot, radius_m, (start_x, start_y), (goal_x, goal_y))
+    return with_goal_image(samples, goal_picture(renderer, scenario.episode, (goal_x, goal_y, yaw_rad)))
 
 
 def _evaluate(world: World, bus: Bus) -> Work:

@@ -100,12 +100,15 @@ def policy_steer(policy: Policy, renderer: Renderer) -> Steer:
         policy: Who drives.
         renderer: Of the scene, with the policy's camera.
     """
-    driver = PolicyDriver(policy, renderer.robot.camera.latency_s)
-    cameras: list[LiveCamera] = []
+    clock = renderer.robot.clock
+    begun: list[tuple[PolicyDriver, LiveCamera]] = []
 
     def steer(simulation: EpisodeSimulation) -> tuple[float, float]:
-        if not cameras:
-            cameras.append(LiveCamera(renderer, simulation, policy.spec.inputs.images))
-        return driver.command(simulation, cameras[0].take())
+        if not begun:
+            camera = LiveCamera(renderer, simulation, policy.spec.inputs.images)
+            begun.append((PolicyDriver(policy, simulation.robot, clock.image_every), camera))
+        driver, camera = begun[0]
+        picture = camera.take() if simulation.step % clock.image_every == 0 else None
+        return driver.command(simulation, picture)
 
     return steer

@@ -30,6 +30,14 @@ POLICIES_MAX = 2
 POLICIES_CACHED = 8
 """Fetched policies that are kept on this machine, for all its runs."""
 
+_SHARED: dict[str, Avatar] = {}
+"""The embedded avatars, where processes are forked that share them."""
+
+
+def share_embedded_avatars() -> None:
+    """Load the embedded avatars once for all processes that will be forked from this one."""
+    _SHARED.update(load_avatars())
+
 
 class World:
     """Scene, avatars and configuration of a run, loaded when they are first needed."""
@@ -66,7 +74,7 @@ class World:
         place, files = Path(self.spec.avatars_path) if self.spec.avatars_path else None, self.spec.avatar_files
         if self._bus is not None and place is not None and files and not _are_whole(files, _avatar_files(place)):
             place = _fetched(self._bus, files, "avatars", files_digest(files))
-        avatars = load_avatars(place)
+        avatars = load_avatars(place) if place or not _SHARED else _SHARED
         missing = sorted(set(self.spec.avatar_hashes) - set(avatars))
         if missing:
             raise RunError(
@@ -115,8 +123,9 @@ class World:
 
     def animator(self) -> Animator:
         """The animator."""
-        maps = self.scene.maps
-        return Animator(self.avatars, maps.floor, self.config.animator, obstacles=maps.human)
+        maps, config = self.scene.maps, self.config
+        rate_hz = config.robot.clock.rate_hz
+        return Animator(self.avatars, maps.floor, config.animator, obstacles=maps.human, rate_hz=rate_hz)
 
     def policy(self, ref: PolicyRef) -> Policy:
         """A policy that drives in the run: at its path if it is there, else fetched from the run.

@@ -166,9 +166,11 @@ def _lose_disk(site: Site, fault: Fault) -> Trace:
         return Trace(words="no recorder has a disk of its own any more", skipped=True)
     name, place = sorted(own.items())[0]
     site.end(signal.SIGKILL)
-    shutil.rmtree(place)
+    # The recorder writes on for a moment, as onto a disk that is pulled out.
+    lost = place.rename(place.with_name(f"{place.name}-lost"))
     while not _given_up(site, name):
         time.sleep(0.2)
+    shutil.rmtree(lost, ignore_errors=True)
     return Trace(words=name)
 
 

@@ -5,6 +5,7 @@ what else the machine does: the fastest and the median of the repeats are given,
 ready its processor time, which does not.
 """
 
+import contextlib
 import json
 import os
 import signal
@@ -37,6 +38,8 @@ ASKED_S = {
 """What a quiet machine of two cores shall keep [s]."""
 POLL_S = 0.01
 PATIENCE_S = 180.0
+LEASELESS_S = 5.0
+"""A worker that is gone or stopped for so long, and nothing is requeued, held no lease [s]."""
 EPISODES = 100_000
 """More than will be recorded: the run is stopped when all is measured."""
 
@@ -160,7 +163,9 @@ def _killed(site: Site, watch: Watch, name: str) -> dict[str, float]:
     role = name.rstrip("0123456789")
     if role not in (COORDINATOR, "rec"):
         rows |= _requeued(watch, before, begin_s)
-    ready_s = watch.until(lambda: watch.came_s.get(name, 0.0) > begin_s)
+    watch.until(lambda: watch.came_s.get(name, 0.0) > begin_s)
+    # It may have come while the end of a lease was waited for.
+    ready_s = watch.came_s[name]
     successor = site.processes().get(name)
     if successor:
         rows[f"ready: {role}"] = ready_s - _started_s(successor)
@@ -176,7 +181,7 @@ def _killed(site: Site, watch: Watch, name: str) -> dict[str, float]:
 
 def _requeued(watch: Watch, before: int, begin_s: float) -> dict[str, float]:
     """When the lease of a worker that was killed ended; nothing if it held none."""
-    while time.monotonic() - begin_s < 5.0:
+    while time.monotonic() - begin_s < LEASELESS_S:
         if before >= 0 and watch.requeued()[0] > before:
             return {"worker kill -> lease free": time.monotonic() - begin_s}
         time.sleep(POLL_S)
@@ -185,15 +190,26 @@ def _requeued(watch: Watch, before: int, begin_s: float) -> dict[str, float]:
 
 def _silent(site: Site, watch: Watch) -> float:
     """Stop a renderer that holds a lease, as if its host were unplugged: when its lease ends."""
+    deadline_s = time.monotonic() + PATIENCE_S
+    while time.monotonic() < deadline_s:
+        if row := _stopped(site, watch):
+            return row
+        # It held none; the next one may.
+    raise TimeoutError(f"No renderer that holds a lease was met in {PATIENCE_S:g} s.")
+
+
+def _stopped(site: Site, watch: Watch) -> float | None:
     pid = next(pid for name, pid in site.processes().items() if name.startswith("renderer"))
     before, begin_s = watch.requeued()[0], time.monotonic()
     os.kill(pid, signal.SIGSTOP)
     try:
-        while watch.requeued()[0] <= before and time.monotonic() - begin_s < PATIENCE_S:
+        while watch.requeued()[0] <= before and time.monotonic() - begin_s < LEASELESS_S:
             time.sleep(POLL_S)
-        return time.monotonic() - begin_s
+        held_s = time.monotonic() - begin_s
+        return held_s if held_s < LEASELESS_S else None
     finally:
-        os.kill(pid, signal.SIGCONT)
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGCONT)
 
 
 def _started_s(pid: int) -> float:

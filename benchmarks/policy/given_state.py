@@ -51,7 +51,7 @@ from readygo.common.messages import (
 )
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.command_grid import COMMAND_COUNT, SPEED_SHARES, TURN_SHARES
-from readygo.common.robot.kinematics import DT_S, whole_steps
+from readygo.common.robot.kinematics import DT_S
 from readygo.services.animator import handle_animate
 from readygo.services.driver import Drive, RiskMap, drive
 from readygo.services.planner import Expert, handle_human_plan
@@ -68,7 +68,7 @@ EVERY = 2
 """Steps of 0.05 s between samples of an episode."""
 STATIC_SHARE, EXPERT_SHARE = 0.3, 0.1
 """Of the episodes to learn from: without humans, and driven by the expert after the first round."""
-AHEAD_STEPS = whole_steps(best_recipe().sampling.ahead_s)
+AHEAD_STEPS = RobotConfig().clock.steps(best_recipe().sampling.ahead_s)
 """How far ahead the command is that a state teaches, as in the recipe `best`."""
 WIDTHS, BATCH, RATE, EMA_DECAY, RISKS_WEIGHT = (512, 256), 512, 1e-3, 0.995, 4.0
 
@@ -160,7 +160,7 @@ class Learner:
         torch.manual_seed(seed)
         self.weighed, self.caution = output == "weighed", caution
         config = NetworkConfig(output=output, v_bins=len(SPEED_SHARES), w_bins=len(TURN_SHARES))
-        self.bins = bins_of(config)
+        self.bins = bins_of(config, robot)
         answers = COMMAND_COUNT * (3 if self.weighed else 1) if self.bins else 2
         widths = (RAYS + 7 + HUMANS * HUMAN_WIDTH, *WIDTHS)
         layers = [layer for pair in itertools.pairwise(widths) for layer in (nn.Linear(*pair), nn.ReLU())]

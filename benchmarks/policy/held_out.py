@@ -48,7 +48,7 @@ def errors(source: SampleSource, policies: Sequence[Path], config: TrainConfig) 
         learner.restore(state)
         predictions = predict(learner.average, learner.objective, part, rows)
         metrics = error_metrics(predictions, part.table, rows, np.zeros(2, np.float32))
-        loss = validation_loss(predictions, part.table.targets[rows], learner.average.limits.cpu().numpy())
+        loss = validation_loss(predictions, part.table.targets[rows], part.table.limits(rows))
         kept = {name: metrics[name] for name in ("rmse_v_mps", "rmse_w_radps", "validation_samples")}
         found.append({"policy": str(folder), "samples_seen": state["counters"][1], "loss": loss} | kept)
     return found

@@ -73,7 +73,10 @@ def measure(world: World, policy: Policy, episodes: int) -> dict[str, Any]:
         if scenario is None or motions is None:
             continue
         simulation, expert = planner.simulation(scenario, motions), planner.expert(scenario, motions)
-        camera, driver = LiveCamera(renderer, simulation), PolicyDriver(policy, planner.robot.camera.latency_s)
+        camera, driver = (
+            LiveCamera(renderer, simulation),
+            PolicyDriver(policy, simulation.robot, simulation.clock.image_every),
+        )
         for part, thing, method in (
             ("picture", camera, "take"),
             ("expert", expert, "act"),

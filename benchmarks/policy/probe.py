@@ -131,8 +131,7 @@ def scores_of(run: TrainRun) -> dict[str, Any]:
     likely, obstacle, human = answers.split(COMMAND_COUNT, dim=1)
     truth, known = table.risks[rows], run.training.table.risks
     known = known[known[:, 0] != UNKNOWN_RISK]
-    limits = run.learner.average.limits.cpu()
-    expert = run.learner.average.bins.weights(torch.from_numpy(table.targets[rows]) / limits)
+    expert = run.learner.average.bins.weights(torch.from_numpy(table.targets[rows] / table.limits(rows)))
     return {
         "cross_entropy": float(torch.nn.functional.cross_entropy(likely, expert)),
         "human_risk": risk_scores(human.numpy(), truth == HUMAN, (known == HUMAN).mean(axis=0)),

@@ -179,9 +179,9 @@ def drive(rooms: Rooms, task: Task, command, *, time_limit_s: float = 50.0):
     pose, previous, records = task.pose, (0.0, 0.0), []
     for _ in range(round(time_limit_s / DT_S)):
         image, goal = rooms.image(*pose), goal_in_robot_frame(*pose, task.goal)
-        action = limit_command(*command(image, goal, previous, pose), *previous, rooms.robot)
+        action = limit_command(*command(image, goal, previous, pose), *previous, rooms.robot, DT_S)
         records.append((image, goal, action, (pose[0], pose[1], 0.0, pose[2])))
-        pose, previous = step_unicycle(*pose, *action), action
+        pose, previous = step_unicycle(*pose, *action, DT_S), action
         if rooms.clearance_m(pose[0], pose[1]) < rooms.robot.radius_m:
             return "static_collision", records
         if math.hypot(*goal_in_robot_frame(*pose, task.goal)) < EpisodeConfig().success_radius_m:
@@ -200,6 +200,7 @@ class ToyEpisode:
     driver: Driver = Driver.EXPERT
     outcome: Outcome = Outcome.SUCCESS
     policy: str = ""
+    drawn: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass

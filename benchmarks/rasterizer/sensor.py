@@ -117,7 +117,7 @@ def _timeline(setting: Setting, place: Place) -> Timeline:
     """A robot that turns at a place, and people who walk on from where they stand at its middle step."""
     rows = [(place.x_m, place.y_m, place.yaw_rad)]
     for _ in range(STEPS):
-        rows.append(step_unicycle(*rows[-1], 0.3, 0.8))
+        rows.append(step_unicycle(*rows[-1], 0.3, 0.8, RobotConfig().clock.dt_s))
     views = [setting.view(place, step).humans for step in range(STEPS)]
     humans = tuple(
         HumanMotion(

@@ -71,19 +71,22 @@ def _watched(run: subprocess.Popen[bytes]) -> dict[str, Reading]:
     return readings
 
 
-def workers_below(parent: int) -> list[tuple[int, str]]:
-    """Process numbers and names of the workers that a process has started."""
-    found = []
+def workers_below(ancestor: int) -> list[tuple[int, str]]:
+    """Process numbers and names of the workers that a process has started, itself or by its fork server."""
+    parents: dict[int, int] = {}
+    workers = []
     for folder in Path("/proc").glob("[0-9]*"):
         try:
             words = (folder / "cmdline").read_bytes().decode(errors="replace").split("\0")
             fields = (folder / "stat").read_text().rpartition(")")[2].split()
         except OSError:
             continue
-        if int(fields[1]) == parent and "worker" in words:
+        pid = int(folder.name)
+        parents[pid] = int(fields[1])
+        if "worker" in words:
             role = words[words.index("worker") + 1]
-            found.append((int(folder.name), words[words.index("--name") + 1] if "--name" in words else role))
-    return found
+            workers.append((pid, words[words.index("--name") + 1] if "--name" in words else role))
+    return [(pid, name) for pid, name in workers if ancestor in (parents[pid], parents.get(parents[pid]))]
 
 
 def _reading(pid: int) -> Reading | None:

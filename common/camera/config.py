@@ -1,4 +1,4 @@
-"""`[camera]` of `robot.toml`: all that is constant of the robot's camera.
+"""A camera of `robot.toml`: all that is constant of it.
 
 Legend: s = what the lens' radial polynomial is taken of: tan of the angle to the optical axis (Brown-Conrady, pinhole)
 or the angle itself (fisheye).
@@ -38,6 +38,7 @@ _LIMITS: Mapping[str, tuple[float, float]] = {
     "mount_x_m": (-5.0, 5.0),
     "mount_y_m": (-5.0, 5.0),
     "mount_height_m": (0.0, 10.0),
+    "mount_yaw_deg": (-180.0, 180.0),
     "mount_pitch_deg": (-89.0, 89.0),
     "latency_s": (0.0, 1.0),
     "depth_min_m": (0.0, 10.0),
@@ -59,7 +60,7 @@ def check_camera_value(name: str, value: float) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class CameraConfig:
-    """A camera that is fixed to the robot and looks along its x axis; by default a level, ideal pinhole camera.
+    """A camera that is fixed to the robot; by default a level, ideal pinhole camera that looks along its x axis.
 
     What varies from episode to episode is drawn in place of these values, see `SensorConfig`. Light is linear: a value
     of 1 is white.
@@ -101,6 +102,8 @@ class CameraConfig:
     """To the left of the robot's centre [m]."""
     mount_height_m: float = 0.5
     """Above the local floor at the robot's centre [m]."""
+    mount_yaw_deg: float = 0.0
+    """Where it looks: positive is to the left, 180 to the rear."""
     mount_pitch_deg: float = 0.0
     """Positive looks down."""
     exposure_ev: float = 0.0
@@ -214,6 +217,16 @@ class CameraConfig:
         c, s = math.cos(yaw_rad), math.sin(yaw_rad)
         return x_m + c * self.mount_x_m - s * self.mount_y_m, y_m + s * self.mount_x_m + c * self.mount_y_m
 
+    def eye(self, x_m: float, y_m: float, yaw_rad: float) -> tuple[float, float, float]:
+        """Where a robot's camera is, seen from above, and where it looks: x [m], y [m], yaw [rad].
+
+        Args:
+            x_m: The robot's centre in the world [m].
+            y_m: The robot's centre in the world [m].
+            yaw_rad: The robot's heading [rad].
+        """
+        return *self.place_m(x_m, y_m, yaw_rad), yaw_rad + math.radians(self.mount_yaw_deg)
+
     def T_world_camera(self, x_m: float, y_m: float, yaw_rad: float, floor_m: float) -> npt.NDArray[np.float64]:
         """Pose of the camera of a robot on the floor, OpenCV axes, shape (4, 4).
 
@@ -223,7 +236,8 @@ class CameraConfig:
             yaw_rad: Its heading from the world's x axis to the left [rad].
             floor_m: Height of the floor below it [m].
         """
-        c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+        looks_rad = yaw_rad + math.radians(self.mount_yaw_deg)
+        c, s = math.cos(looks_rad), math.sin(looks_rad)
         pitch_rad = math.radians(self.mount_pitch_deg)
         level, down = math.cos(pitch_rad), math.sin(pitch_rad)
         T = np.eye(4)

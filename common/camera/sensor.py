@@ -1,20 +1,17 @@
 """`[renderer.sensor]`: what varies of the camera from episode to episode."""
 
 import dataclasses
-import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from readygo.common.camera.config import CameraConfig, check_camera_value
-
-Range = tuple[float, ...]
-"""(lowest, highest), or () for the camera's own value."""
+from readygo.common.ranges import Range, Ranges
 
 
 @dataclass(frozen=True, kw_only=True)
-class SensorConfig:
+class SensorConfig(Ranges):
     """Values of the camera that are drawn anew for every episode in place of its own: (lowest, highest), uniformly.
 
     () keeps the camera's own value. The names are those of `CameraConfig`.
@@ -36,20 +33,7 @@ class SensorConfig:
     readout_s: Range = ()
 
     def __post_init__(self) -> None:
-        for name, ends in self.items():
-            if len(ends) not in (0, 2) or any(not math.isfinite(end) for end in ends) or list(ends) != sorted(ends):
-                raise ValueError(f"{name} must be [lowest, highest], got {list(ends)}.")
-            for end in ends:
-                check_camera_value(name, end)
-
-    def items(self) -> list[tuple[str, Range]]:
-        """Names and ranges, in the order in which they are drawn."""
-        return [(entry.name, getattr(self, entry.name)) for entry in dataclasses.fields(self)]
-
-    @property
-    def varies(self) -> bool:
-        """True if there is a range."""
-        return any(ends for _, ends in self.items())
+        self.check(check_camera_value)
 
     def middle(self, camera: CameraConfig) -> CameraConfig:
         """The camera with every value that has a range in the middle of it."""
@@ -57,15 +41,8 @@ class SensorConfig:
         return dataclasses.replace(camera, **values)
 
     def drawn(self, camera: CameraConfig, rng: np.random.Generator) -> CameraConfig:
-        """One episode's camera: every value with a range replaced by one from it.
-
-        One number is drawn per name, whether it has a range or not, so that a range more changes no other value.
-        """
-        values: dict[str, Any] = {}
-        for name, ends in self.items():
-            share = rng.random()
-            if ends:
-                values[name] = ends[0] + (ends[1] - ends[0]) * share
+        """One episode's camera: every value with a range replaced by one from it."""
+        values: dict[str, Any] = dict(self.drawn_values(rng))
         return dataclasses.replace(camera, **values)
 
     def extremes(self, camera: CameraConfig) -> list[CameraConfig]:

@@ -19,7 +19,7 @@ class View:
     """The borders of a camera's image, behind its lens, as seen from the camera's place on the ground."""
 
     left_rad: float
-    """Bearing of the left border at the camera's own height, from the robot's x axis to the left [rad]."""
+    """Bearing of the left border at the camera's own height, from the camera's heading to the left [rad]."""
     right_rad: float
     """The same of the right border, to the right [rad]."""
     rise: float
@@ -59,7 +59,7 @@ def in_view(
     """True if some part of a human at (x, y) lies in a camera's view and range.
 
     Args:
-        eye: Camera's x [m], y [m] and the robot's yaw [rad].
+        eye: Camera's x [m], y [m] and yaw [rad], see `CameraConfig.eye`.
         x_m: Centre of the disc [m].
         y_m: Centre of the disc [m].
         view: What the camera shows.
@@ -86,8 +86,8 @@ def _bearing_rad(camera: CameraConfig, border_px: npt.NDArray[np.float64]) -> fl
 
 
 def _levelled(camera: CameraConfig, uv_px: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Rays of pixels in the robot's axes, x ahead, y left, z up, shape (N, 2) -> (N, 3)."""
+    """Rays of pixels with x along the camera's heading, y left, z up, shape (N, 2) -> (N, 3)."""
     x, y = make_lens(camera).rays(uv_px).T
-    R_robot_camera = camera.T_world_camera(0.0, 0.0, 0.0, 0.0)[:3, :3]
+    R_robot_camera = camera.T_world_camera(0.0, 0.0, -math.radians(camera.mount_yaw_deg), 0.0)[:3, :3]
     rays: npt.NDArray[np.float64] = np.stack([x, y, np.ones_like(x)], axis=1) @ R_robot_camera.T
     return rays

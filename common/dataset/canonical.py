@@ -23,7 +23,13 @@ EPISODE_SLOT_NS = 100 * schemas.NS_PER_S
 HALF_PX = 0.5
 _BY_NUMBER = {
     channel.number: channel
-    for channel in (*schemas.CHANNELS, *schemas.OPTIONAL_CHANNELS.values(), schemas.ROS_CALIBRATION)
+    for channels in (
+        schemas.CHANNELS,
+        schemas.OPTIONAL_CHANNELS.values(),
+        (schemas.ROS_CALIBRATION,),
+        *((camera.calibration, *camera.images.values()) for camera in schemas.NAMELESS_CAMERAS),
+    )
+    for channel in channels
 }
 _STAMPED = {
     number for number, channel in _BY_NUMBER.items() if channel.message.DESCRIPTOR.full_name.startswith("foxglove.")

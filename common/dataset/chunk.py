@@ -25,6 +25,7 @@ from readygo.common.dataset.poses import pose_xyzyaw
 from readygo.common.dataset.records import Message, field_span, iter_messages
 from readygo.common.errors import DatasetError
 from readygo.common.messages.episode import EpisodeKey
+from readygo.common.messages.samples import FurtherCamera
 
 SAMPLE_DTYPE = np.dtype(
     [
@@ -73,6 +74,10 @@ class EpisodeChunk:
     """Known where there are the expert's commands; without them an episode is a success of the expert."""
     image_every: int = 1
     """See `EpisodeHeader.image_every`."""
+    cameras: tuple[FurtherCamera, ...] = ()
+    """The cameras besides the first one; intrinsics with pixel centres at +0.5."""
+    drawn: dict[str, float] = field(default_factory=dict)
+    """See `EpisodeHeader.drawn`."""
     outputs: dict[str, npt.NDArray[np.void]] = field(default_factory=dict)
     """By output besides rgb (images, labels, the expert's commands): rows of `OUTPUT_DTYPE`, one per sample; `offset`
     counts from the beginning of `data`."""
@@ -110,9 +115,12 @@ def read_chunk(data: bytes | memoryview, *, sha256: str = "") -> EpisodeChunk:
     if commit.sha256 != (sha256 or canonical_sha256(view, messages, start.index)):
         raise DatasetError(f"episode {start.episode_id} does not match the SHA-256 of its commit")
     base_ns = by_channel[schemas.EPISODE_START.number][0].log_time_ns
-    outputs = {name: c for name, c in schemas.OPTIONAL_CHANNELS.items() if c.number in by_channel}
+    cameras = _cameras(view, by_channel)
+    known = schemas.optional_channels(camera.name for camera in cameras)
+    outputs = {name: c for name, c in known.items() if c.number in by_channel}
     commands = _first_commands(view, by_channel)
-    every = schemas.image_every(commands) if commands is not None else 1
+    taken = [message.sequence for message in by_channel[schemas.IMAGE.number]]
+    every = schemas.image_every(commands, taken, len(by_channel[schemas.ROBOT_POSE.number]))
     rows = _sample_rows(view, by_channel, tuple(outputs.values()), base_ns, every)
     if not len(rows) == commit.sample_count == start.sample_count:
         raise DatasetError(f"episode {start.episode_id} has {len(rows)} samples, its commit says {commit.sample_count}")
@@ -131,6 +139,8 @@ def read_chunk(data: bytes | memoryview, *, sha256: str = "") -> EpisodeChunk:
         samples=rows,
         ending=schemas.ending_of(commands) if commands is not None else schemas.Ending(),
         image_every=every,
+        cameras=cameras,
+        drawn=_drawn(view, by_channel),
         outputs={
             name: _places(view, by_channel[channel.number], channel, len(rows)) for name, channel in outputs.items()
         },
@@ -199,7 +209,8 @@ def parse(channel: schemas.Channel, payload: memoryview) -> Any:
 def _messages_by_channel(messages: Sequence[Message]) -> dict[int, list[Message]]:
     """The messages of each channel; channels besides `CHANNELS` that the episode has not are left out."""
     others = (*schemas.OPTIONAL_CHANNELS.values(), schemas.ROS_CALIBRATION, *schemas.VIEW_CHANNELS)
-    known = {channel.number for channel in others}
+    known = {channel.number for channel in others} | schemas.IMAGE_NUMBERS
+    known |= {camera.calibration.number for camera in schemas.NAMELESS_CAMERAS}
     by_channel: dict[int, list[Message]] = {channel.number: [] for channel in schemas.CHANNELS}
     for message in messages:
         if message.channel not in by_channel and message.channel not in known:
@@ -215,11 +226,48 @@ def _only(view: memoryview, by_channel: dict[int, list[Message]], channel: schem
     return parse(channel, view[messages[0].body : messages[0].end])
 
 
+def _cameras(view: memoryview, by_channel: dict[int, list[Message]]) -> tuple[FurtherCamera, ...]:
+    """The cameras besides the first one: their calibrations name them."""
+    found = []
+    for of in schemas.NAMELESS_CAMERAS:
+        if of.calibration.number not in by_channel:
+            break
+        message = _only(view, by_channel, of.calibration)
+        found.append(further_camera(message))
+    return tuple(found)
+
+
+def further_camera(calibration: Any) -> FurtherCamera:
+    """The camera besides the first one that a calibration of its channel tells of.
+
+    Raises:
+        DatasetError: If it has another layout.
+    """
+    try:
+        return FurtherCamera(
+            name=schemas.camera_of_frame(calibration.frame_id),
+            height_px=calibration.height,
+            width_px=calibration.width,
+            K_px=intrinsics_px(calibration, schemas.ROS_CALIBRATION),
+            distortion_model=calibration.distortion_model,
+            distortion=tuple(calibration.D),
+        )
+    except (ValueError, IndexError) as error:
+        raise DatasetError(f"the calibration of {calibration.frame_id} has another layout") from error
+
+
 def _first_commands(view: memoryview, by_channel: dict[int, list[Message]]) -> Any:
     """The first message of the expert, which tells how the episode ended as all of them do; None without an expert."""
     channel = schemas.EXPERT_CHANNELS[schemas.EXPERT]
     found = by_channel.get(channel.number)
     return parse(channel, view[found[0].body : found[0].end]) if found else None
+
+
+def _drawn(view: memoryview, by_channel: dict[int, list[Message]]) -> dict[str, float]:
+    """What the robot drew from its ranges; nothing where it has none."""
+    channel = schemas.DRAWN_CHANNELS[schemas.DRAWN]
+    found = by_channel.get(channel.number)
+    return schemas.drawn_of(parse(channel, view[found[0].body : found[0].end])) if found else {}
 
 
 def _sample_rows(
@@ -277,7 +325,7 @@ def _places(
     """Where each sample's message is; nowhere, with no length, for samples that have none."""
     places = np.zeros(sample_count, dtype=OUTPUT_DTYPE)
     for message in messages:
-        if channel in schemas.OUTPUT_CHANNELS.values():
+        if channel.number in schemas.IMAGE_NUMBERS:
             places[message.sequence] = _image_place(view, message)
         else:
             places[message.sequence] = (message.body, message.end - message.body)

@@ -171,7 +171,8 @@ def _chunk(data: bytes, offset: int) -> EpisodeChunk:
 
 
 def _episode(chunk: EpisodeChunk) -> CommittedEpisode:
-    channels = {channel.number: channel for channel in (*schemas.CHANNELS, *schemas.OPTIONAL_CHANNELS.values())}
+    optional = schemas.optional_channels(camera.name for camera in chunk.cameras)
+    channels = {channel.number: channel for channel in (*schemas.CHANNELS, *optional.values())}
     messages: Messages = {number: {} for number in channels}
     view = memoryview(chunk.data)
     for message in iter_messages(view, 0, len(view)):
@@ -205,6 +206,8 @@ def _header(chunk: EpisodeChunk, messages: Messages) -> EpisodeHeader:
         driver=chunk.ending.driver,
         policy=chunk.ending.policy,
         image_every=chunk.image_every,
+        cameras=chunk.cameras,
+        drawn=chunk.drawn,
     )
 
 
@@ -214,8 +217,8 @@ def _sample(chunk: EpisodeChunk, messages: Messages, seq: int) -> Sample:
     image = taken.data if taken is not None else b""
     outputs = {
         name: messages[channel.number][seq].data
-        for name, channel in schemas.OUTPUT_CHANNELS.items()
-        if seq in messages[channel.number]
+        for name, channel in schemas.optional_channels(camera.name for camera in chunk.cameras).items()
+        if channel.number in schemas.IMAGE_NUMBERS and seq in messages[channel.number]
     }
     asked = messages[schemas.EXPERT_CHANNELS[schemas.EXPERT].number].get(seq)
     return Sample(

@@ -17,6 +17,7 @@ from readygo.common.dataset.poses import stored_yaw_rad
 from readygo.common.dataset.records import MESSAGE_HEADER
 from readygo.common.dataset.stage import Stage
 from readygo.common.errors import DatasetError
+from readygo.common.images.names import GOAL_IMAGE
 from readygo.common.messages.samples import EpisodeHeader, Sample
 
 
@@ -62,7 +63,13 @@ def outputs_of(header: EpisodeHeader, sample: Sample) -> tuple[str, ...]:
     there = {*sample.outputs, *(schemas.LABEL_CHANNELS if header.labels else ())}
     if sample.expert_commands:
         there.add(schemas.EXPERT)
-    return tuple(name for name in schemas.OPTIONAL_CHANNELS if name in there)
+    if header.drawn:
+        there.add(schemas.DRAWN)
+    return tuple(name for name in _optional_channels(header) if name in there)
+
+
+def _optional_channels(header: EpisodeHeader) -> dict[str, schemas.Channel]:
+    return schemas.optional_channels(camera.name for camera in header.cameras)
 
 
 class _Records:
@@ -123,7 +130,7 @@ class _Encoder:
     def __init__(self, header: EpisodeHeader, samples: Sequence[Sample], place: Place | None) -> None:
         base_ns = header.episode.index * EPISODE_SLOT_NS
         self._header, self._samples = header, samples
-        self._stage = place.stage if place else None
+        self._stage = place.stage.of(header.drawn) if place else None
         self._records = _Records(base_ns, place.start_ns if place else base_ns)
         self._rows = _rows(samples)
         self._places: dict[int, npt.NDArray[np.void]] = {}
@@ -142,11 +149,13 @@ class _Encoder:
         records.write(channel.number, 0, (calibration,))
         started = schemas.EPISODE_START.message.FromString(start)
         described = constants(started, channel.message.FromString(calibration), channel)
-        if place:
+        if place and self._stage:
             poses, goal_xy_m = self._rows["pose"], header.goal_xy_m
-            for beside, payload in place.stage.surroundings(poses, goal_xy_m, place.start_ns, with_map=place.with_map):
+            for beside, payload in self._stage.surroundings(poses, goal_xy_m, place.start_ns, with_map=place.with_map):
                 records.write(beside.number, 0, (payload,))
-        return described
+        for content in packed.calibrations(header):
+            records.add(content, 0)
+        return {**described, "cameras": header.cameras}
 
     def encoded(self, attempt: int) -> EpisodeChunk:
         """The whole chunk."""
@@ -170,10 +179,11 @@ class _Encoder:
             message_offsets={number: offsets for number, offsets in records.offsets.items() if offsets},
             samples=self._rows,
             ending=schemas.Ending(header.outcome, header.driver, header.policy) if asked else schemas.Ending(),
-            image_every=header.image_every if asked else 1,
+            image_every=header.image_every,
+            drawn=header.drawn,
             outputs={
                 name: self._places[channel.number]
-                for name, channel in schemas.OPTIONAL_CHANNELS.items()
+                for name, channel in _optional_channels(header).items()
                 if channel.number in self._places
             },
         )
@@ -202,7 +212,7 @@ class _Encoder:
         if places is None:
             places = self._places[content.channel.number] = np.zeros(len(self._samples), dtype=OUTPUT_DTYPE)
         end = self._records.size
-        if content.timed is Timed.FIRST and content.channel.number in _IMAGES:
+        if content.channel.number in schemas.IMAGE_NUMBERS:
             head, image, _ = content.parts
             offset = body + len(self._records.stamp) + len(head) if image else end
             places[sequence] = (offset, len(image))
@@ -210,8 +220,7 @@ class _Encoder:
             places[sequence] = (body, end - body)
 
 
-_IMAGES = frozenset(channel.number for channel in (schemas.IMAGE, *schemas.OUTPUT_CHANNELS.values()))
-_PLACED = _IMAGES | frozenset(channel.number for channel in schemas.OPTIONAL_CHANNELS.values())
+_PLACED = schemas.IMAGE_NUMBERS | frozenset(channel.number for channel in schemas.OPTIONAL_CHANNELS.values())
 
 
 def _rows(samples: Sequence[Sample]) -> npt.NDArray[np.void]:
@@ -243,10 +252,16 @@ def _check_alike(sample: Sample, first: Sample, header: EpisodeHeader) -> None:
             f"Episode {name} has images at every {header.image_every}. sample, but sample {sample.seq} has "
             f"{'none' if taken else 'one'}."
         )
-    if sample.outputs.keys() != (first.outputs.keys() if taken else set()):
+    wanted = first.outputs.keys() if sample.seq == 0 else first.outputs.keys() - {GOAL_IMAGE}
+    if sample.outputs.keys() != (wanted if taken else set()):
         raise DatasetError(
             f"Episode {name} has the outputs {sorted(first.outputs)} at sample 0, but "
             f"{sorted(sample.outputs)} at sample {sample.seq}."
+        )
+    if sample.seq == 0 and set(schemas.further_cameras(sample.outputs)) != {camera.name for camera in header.cameras}:
+        raise DatasetError(
+            f"Episode {name} has images of the further cameras {sorted(schemas.further_cameras(sample.outputs))}, its "
+            f"header names {sorted(camera.name for camera in header.cameras)}."
         )
     if len(sample.labels) != (len(sample.humans_xyzyaw) if header.labels else 0):
         raise DatasetError(

@@ -1,7 +1,7 @@
 """What must hold in one recorded episode."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,9 +15,10 @@ from readygo.common.dataset.records import ChunkSpan, Message, iter_messages
 from readygo.common.errors import DatasetError
 from readygo.common.frames import goal_in_robot_frame
 from readygo.common.images.files import FILE_FORMAT, decode_output
+from readygo.common.images.names import GOAL_IMAGE, RGB, camera_of, kind_of
 from readygo.common.messages.episode import EpisodeKey
-from readygo.common.robot.config import RobotConfig
-from readygo.common.robot.kinematics import DT_S, RATE_HZ, STEP_NS, limit_command, step_unicycle
+from readygo.common.robot import Clock, RobotConfig
+from readygo.common.robot.kinematics import limit_command, step_unicycle
 
 LIMIT_TOLERANCE = 1e-6
 """Slack on speeds [m/s, rad/s]: limits are applied in float64."""
@@ -58,6 +59,7 @@ class EpisodeChecks:
         self._view = view
         self._span = span
         self._robot = limits.robot
+        self._clock = limits.robot.clock if limits.robot is not None else Clock()
         self._outputs = schemas.output_channels(outputs)
         self._sample_channels = (*schemas.SAMPLE_CHANNELS, *self._outputs.values())
         self._calibration = schemas.CALIBRATION
@@ -79,16 +81,23 @@ class EpisodeChecks:
             self.episode = schemas.episode_key(start)
             self._name = f"episode {self.episode.episode_id}"
             self.sample_count = len(self._messages(schemas.ROBOT_POSE))
+            taken = [message.sequence for message in self._messages(schemas.IMAGE)]
             expert = self._outputs.get(schemas.EXPERT)
-            if expert is not None and self._messages(expert):
-                self._image_every = schemas.image_every(self._parsed(expert, 0))
+            asked = self._parsed(expert, 0) if expert is not None and self._messages(expert) else None
+            self._image_every = schemas.image_every(asked, taken, self.sample_count)
+            if self._image_every % self._clock.image_every:
+                yield "time", f"{self._name}: it has more images than the robot's camera takes"
+            drawn = self._outputs.get(schemas.DRAWN)
+            if self._robot is not None and drawn is not None and self._messages(drawn):
+                self._robot = self._robot.with_values(schemas.drawn_of(self._parsed(drawn, 0)))
             yield from self._hash(start, commit)
             broken = list(self._sequence(start, commit))
             yield from broken
             yield from self._times()
             if not broken:
                 yield from self._content(start, calibration)
-                yield from self._output_images(start, calibration)
+                sizes = {"": (calibration.height, calibration.width), **self._further_sizes()}
+                yield from self._output_images(start, sizes)
                 yield from self._labels()
                 yield from self._expert_commands()
                 yield from self._frames()
@@ -147,10 +156,13 @@ class EpisodeChecks:
             wrong = [
                 message.sequence
                 for message in self._messages(channel)
-                if not message.publish_time_ns == message.log_time_ns == base_ns + message.sequence * STEP_NS
+                if not message.publish_time_ns == message.log_time_ns == base_ns + self._clock.time_ns(message.sequence)
             ]
             if wrong:
-                yield "time", f"{self._name}: {channel.topic} is not at {RATE_HZ} Hz at samples {_some(wrong)}"
+                yield (
+                    "time",
+                    f"{self._name}: {channel.topic} is not at {self._clock.rate_hz} Hz at samples {_some(wrong)}",
+                )
         for channel in (schemas.IMAGE, schemas.ROBOT_POSE, schemas.HUMANS, *self._outputs.values()):
             wrong = [
                 message.sequence
@@ -167,7 +179,11 @@ class EpisodeChecks:
         if not _near_pose(first, steps[0].pose):
             yield "motion", f"{self._name}: sample 0 is not at the episode's start pose"
         checks: list[tuple[str, str, Callable[[int], bool]]] = [
-            ("motion", "the pose does not follow from the pose and the action before", _follows(steps)),
+            (
+                "motion",
+                "the pose does not follow from the pose and the action before",
+                _follows(steps, self._clock.dt_s),
+            ),
             ("goal", "the relative goal contradicts the pose and the goal", _points_at(steps, goal_xy_m)),
             ("image", "the image is damaged or has another size or format", self._pictures(steps, start, calibration)),
         ]
@@ -179,19 +195,31 @@ class EpisodeChecks:
             if wrong:
                 yield kind, f"{self._name}: {text} at samples {_some(wrong)}"
 
-    def _output_images(self, start: Any, calibration: Any) -> Iterator[Finding]:
-        """Images besides rgb must be whole, and masks must name humans of the episode."""
-        shape = (calibration.height, calibration.width)
+    def _further_sizes(self) -> dict[str, tuple[int, int]]:
+        """Height and width of the images of the cameras besides the first one, by name."""
+        sizes = {}
+        for camera in schemas.camera_channels(schemas.further_cameras(self._outputs)):
+            if len(self._messages(camera.calibration)) != 1:
+                count = len(self._messages(camera.calibration))
+                raise DatasetError(f"there are {count} messages on {camera.calibration.topic}, not 1")
+            message = self._parsed(camera.calibration, 0)
+            sizes[camera.name] = message.height, message.width
+        return sizes
+
+    def _output_images(self, start: Any, sizes: Mapping[str, tuple[int, int]]) -> Iterator[Finding]:
+        """Images besides the first rgb must be whole, and masks must name humans of the episode."""
         for name, channel in self._outputs.items():
-            if name not in schemas.OUTPUT_CHANNELS:
+            if channel.number not in schemas.IMAGE_NUMBERS:
                 continue
+            kind, shape = RGB if name == GOAL_IMAGE else kind_of(name), sizes[camera_of(name)]
+            image_format = start.image_format if kind == RGB else FILE_FORMAT
             bad, strangers = [], []
             for position, seq in enumerate(self._samples_with(channel)):
                 message = self._parsed(channel, position)
-                image = decode_output(name, message.data)
-                if image is None or image.shape[:2] != shape or message.format != FILE_FORMAT:
+                image = decode_image(message.data) if kind == RGB else decode_output(kind, message.data)
+                if image is None or image.shape[:2] != shape or message.format != image_format:
                     bad.append(seq)
-                elif name == "mask" and image.max() > len(start.avatars):
+                elif kind == "mask" and image.max() > len(start.avatars):
                     strangers.append(seq)
             if bad:
                 text = f"the {name} image is damaged or has another size or format at samples {_some(bad)}"
@@ -222,7 +250,7 @@ class EpisodeChecks:
             commands = self._parsed(channel, position)
             action = self._parsed(schemas.ACTION, seq - 1) if seq else None
             before = (action.v_mps, action.w_radps) if action is not None else (0.0, 0.0)
-            if (schemas.ending_of(commands), schemas.image_every(commands)) != (ending, self._image_every):
+            if (schemas.ending_of(commands), commands.image_every or 1) != (ending, self._image_every):
                 yield "sequence", f"{self._name}: sample {seq} tells of another end or camera than sample 0"
             if not _can_execute(commands, count, before, self._robot):
                 wrong.append(seq)
@@ -270,12 +298,13 @@ class EpisodeChecks:
         return holds
 
 
-def _follows(steps: Sequence[_Step]) -> Callable[[int], bool]:
+def _follows(steps: Sequence[_Step], dt_s: float) -> Callable[[int], bool]:
     def holds(seq: int) -> bool:
         if seq == 0:
             return True
         before = steps[seq - 1]
-        x_m, y_m, yaw_rad = step_unicycle(before.pose[0], before.pose[1], before.pose[3], before.v_mps, before.w_radps)
+        x, y, _, yaw = before.pose
+        x_m, y_m, yaw_rad = step_unicycle(x, y, yaw, before.v_mps, before.w_radps, dt_s)
         return _near_pose((x_m, y_m, 0.0, yaw_rad), steps[seq].pose)
 
     return holds
@@ -293,7 +322,7 @@ def _points_at(steps: Sequence[_Step], goal_xy_m: tuple[float, float]) -> Callab
 def _within_limits(steps: Sequence[_Step], robot: RobotConfig) -> Callable[[int], bool]:
     def holds(seq: int) -> bool:
         step = steps[seq]
-        v_fits = -LIMIT_TOLERANCE <= step.v_mps <= robot.v_max_mps + LIMIT_TOLERANCE
+        v_fits = robot.v_min_mps - LIMIT_TOLERANCE <= step.v_mps <= robot.v_max_mps + LIMIT_TOLERANCE
         return v_fits and abs(step.w_radps) <= robot.w_max_radps + LIMIT_TOLERANCE
 
     return holds
@@ -303,9 +332,9 @@ def _smooth(steps: Sequence[_Step], robot: RobotConfig) -> Callable[[int], bool]
     def holds(seq: int) -> bool:
         if seq == 0:
             return True
-        before, step = steps[seq - 1], steps[seq]
-        v_fits = abs(step.v_mps - before.v_mps) <= robot.a_max_mps2 * DT_S + LIMIT_TOLERANCE
-        return v_fits and abs(step.w_radps - before.w_radps) <= robot.alpha_max_radps2 * DT_S + LIMIT_TOLERANCE
+        before, step, dt_s = steps[seq - 1], steps[seq], robot.clock.dt_s
+        v_fits = abs(step.v_mps - before.v_mps) <= robot.a_max_mps2 * dt_s + LIMIT_TOLERANCE
+        return v_fits and abs(step.w_radps - before.w_radps) <= robot.alpha_max_radps2 * dt_s + LIMIT_TOLERANCE
 
     return holds
 
@@ -315,7 +344,7 @@ def _can_execute(commands: Any, count: int, before: tuple[float, float], robot: 
     if not len(commands.v_mps) == len(commands.w_radps) == count > 0:
         return False
     for v, w in zip(commands.v_mps, commands.w_radps, strict=True):
-        reached = limit_command(v, w, *before, robot) if robot is not None else (v, w)
+        reached = limit_command(v, w, *before, robot, robot.clock.dt_s) if robot is not None else (v, w)
         if not math.isfinite(v + w) or math.dist((v, w), reached) > LIMIT_TOLERANCE:
             return False
         before = v, w

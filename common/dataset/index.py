@@ -12,7 +12,7 @@ import json
 import mmap
 import os
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence, Sized
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Metadata
 
@@ -31,6 +32,7 @@ from readygo.common.dataset.schemas import Ending
 from readygo.common.errors import DatasetError
 from readygo.common.messages.episode import EpisodeKey, Split
 from readygo.common.messages.plan import Driver, Outcome
+from readygo.common.messages.samples import FurtherCamera
 
 INDEX_FORMAT = "readygo-index/1"
 EPISODE_DTYPE = np.dtype(
@@ -52,11 +54,23 @@ EPISODE_DTYPE = np.dtype(
     ]
 )
 """One episode; `first_sample` is its first row among the shard's samples, `sha256` is hexadecimal."""
+CAMERA_DTYPE = np.dtype(
+    [
+        ("name", "S16"),
+        ("height_px", "<u4"),
+        ("width_px", "<u4"),
+        ("K_px", "<f8", (9,)),
+        ("distortion_model", "S24"),
+        ("distortion", "<f8", (8,)),
+    ]
+)
+"""A camera besides the first one, in one episode."""
 ENDING_DTYPE = np.dtype([("outcome", "S24"), ("driver", "S16"), ("policy", "S64")])
 """An `Ending`."""
 FOOTER_SIZE = RECORD_HEADER.size + 8 + 8 + 4 + len(MAGIC)
 DATA_END_SIZE = RECORD_HEADER.size + 4
 _OUTPUT_PREFIX = "output_"
+_CAMERAS = "cameras"
 _ENDINGS = "endings"
 """Left out where all are usual, as they were before there were others."""
 
@@ -75,6 +89,10 @@ class ShardIndex:
     """SHA-256 of the shard from its end-of-data record on."""
     endings: npt.NDArray[np.void]
     """Rows of `ENDING_DTYPE`, one per episode."""
+    cameras: npt.NDArray[np.void]
+    """The cameras besides the first one, rows of `CAMERA_DTYPE`, shape (E, N)."""
+    drawn: tuple[dict[str, float], ...] = ()
+    """`EpisodeHeader.drawn` of each episode; empty where no robot has ranges."""
     outputs: dict[str, npt.NDArray[np.void]] = field(default_factory=dict)
     """By output besides rgb (images, labels, the expert's commands): rows of `OUTPUT_DTYPE`, one per sample; `offset`
     counts from the beginning of the file."""
@@ -94,11 +112,12 @@ class ShardIndex:
     def equals(self, other: "ShardIndex") -> bool:
         """True if both describe the same shard in the same way."""
         return (
-            (self.provenance, self.size_bytes, self.tail_sha256)
-            == (other.provenance, other.size_bytes, other.tail_sha256)
+            (self.provenance, self.size_bytes, self.tail_sha256, self.drawn)
+            == (other.provenance, other.size_bytes, other.tail_sha256, other.drawn)
             and self.episodes.tobytes() == other.episodes.tobytes()
             and self.samples.tobytes() == other.samples.tobytes()
             and self.endings.tobytes() == other.endings.tobytes()
+            and self.cameras.tobytes() == other.cameras.tobytes()
             and {name: rows.tobytes() for name, rows in self.outputs.items()}
             == {name: rows.tobytes() for name, rows in other.outputs.items()}
         )
@@ -111,6 +130,8 @@ class IndexRows:
         self._episodes: list[tuple[Any, ...]] = []
         self._samples: list[npt.NDArray[np.void]] = []
         self._endings: list[tuple[bytes, ...]] = []
+        self._cameras: list[list[tuple[Any, ...]]] = []
+        self._drawn: list[dict[str, float]] = []
         self._outputs: list[dict[str, npt.NDArray[np.void]]] = []
         self._sample_count = 0
 
@@ -127,6 +148,8 @@ class IndexRows:
             raise DatasetError(f"episode {key.episode_id} has the outputs {list(outputs)}, others have {list(first)}")
         self._outputs.append(outputs)
         self._endings.append(_ending_row(chunk.ending))
+        self._cameras.append([_camera_row(camera) for camera in chunk.cameras])
+        self._drawn.append(chunk.drawn)
         self._episodes.append(
             (
                 key.seed,
@@ -141,7 +164,7 @@ class IndexRows:
                 chunk.goal_xy_m,
                 chunk.K_px,
                 chunk.distortion_model.encode(),
-                (*chunk.distortion, *[0.0] * (8 - len(chunk.distortion))),
+                _eight(chunk.distortion),
                 chunk.sha256.encode(),
             )
         )
@@ -158,6 +181,8 @@ class IndexRows:
             size_bytes=size_bytes,
             tail_sha256=hashlib.sha256(tail).hexdigest(),
             endings=np.array(self._endings, dtype=ENDING_DTYPE),
+            cameras=np.array(self._cameras, dtype=CAMERA_DTYPE) if any(self._cameras) else _no_cameras(self._episodes),
+            drawn=tuple(self._drawn) if any(self._drawn) else (),
             outputs={
                 name: np.concatenate([outputs[name] for outputs in self._outputs])
                 for name in (self._outputs[0] if self._outputs else ())
@@ -225,7 +250,7 @@ def read_provenance(view: memoryview, record: Record) -> Provenance | None:
     """
     try:
         metadata = Metadata.read(ReadDataStream(io.BytesIO(view[record.body : record.end])))
-    except (UnicodeDecodeError, EOFError) as error:
+    except (UnicodeDecodeError, EOFError, McapError) as error:
         raise DatasetError(f"the metadata at byte {record.offset} cannot be read") from error
     return provenance_from_strings(metadata.metadata) if metadata.name == RECORD_NAME else None
 
@@ -241,12 +266,15 @@ def write_index(index: ShardIndex, path: Path, *, fsync: bool = False) -> None:
         "metadata": index.provenance.to_mapping(),
         "size_bytes": index.size_bytes,
         "tail_sha256": index.tail_sha256,
+        **({"drawn": index.drawn} if index.drawn else {}),
     }
     buffer = io.BytesIO()
     header_bytes = np.frombuffer(json.dumps(header, sort_keys=True).encode(), dtype=np.uint8)
     optional: dict[str, Any] = {f"{_OUTPUT_PREFIX}{name}": rows for name, rows in index.outputs.items()}
     if (index.endings != _usual_endings(len(index.episodes))).any():
         optional[_ENDINGS] = index.endings
+    if index.cameras.size:
+        optional[_CAMERAS] = index.cameras
     np.savez(buffer, header=header_bytes, episodes=index.episodes, samples=index.samples, **optional)
     part = path.with_name(f"{path.name}.{os.getpid()}.part")
     try:
@@ -270,9 +298,12 @@ def read_index(path: Path) -> ShardIndex | None:
             names = [name for name in arrays.files if name.startswith(_OUTPUT_PREFIX)]
             outputs = {name.removeprefix(_OUTPUT_PREFIX): arrays[name] for name in names}
             endings = arrays[_ENDINGS] if _ENDINGS in arrays.files else _usual_endings(len(episodes))
+            cameras = arrays[_CAMERAS] if _CAMERAS in arrays.files else _no_cameras(episodes)
         if header["format"] != INDEX_FORMAT or (episodes.dtype, samples.dtype) != (EPISODE_DTYPE, SAMPLE_DTYPE):
             return None
         if (endings.dtype, endings.shape) != (ENDING_DTYPE, episodes.shape):
+            return None
+        if (cameras.dtype, cameras.shape[:-1]) != (CAMERA_DTYPE, episodes.shape):
             return None
         if any((rows.dtype, rows.shape) != (OUTPUT_DTYPE, samples.shape) for rows in outputs.values()):
             return None
@@ -283,10 +314,25 @@ def read_index(path: Path) -> ShardIndex | None:
             size_bytes=header["size_bytes"],
             tail_sha256=header["tail_sha256"],
             endings=endings,
+            cameras=cameras,
+            drawn=tuple(header.get("drawn", ())),
             outputs=outputs,
         )
     except (OSError, EOFError, ValueError, KeyError, TypeError, AttributeError, DatasetError, zipfile.BadZipFile):
         return None
+
+
+def _camera_row(camera: FurtherCamera) -> tuple[Any, ...]:
+    name, model = camera.name.encode(), camera.distortion_model.encode()
+    return name, camera.height_px, camera.width_px, camera.K_px, model, _eight(camera.distortion)
+
+
+def _eight(coefficients: Sequence[float]) -> tuple[float, ...]:
+    return (*coefficients, *[0.0] * (8 - len(coefficients)))
+
+
+def _no_cameras(episodes: Sized) -> npt.NDArray[np.void]:
+    return np.zeros((len(episodes), 0), dtype=CAMERA_DTYPE)
 
 
 def _usual_endings(count: int) -> npt.NDArray[np.void]:

@@ -49,31 +49,41 @@ DISC_HEIGHT_M = 0.02
 Poses = npt.NDArray[np.float64]
 
 
-def camera_frame(camera: CameraConfig) -> bytes:
-    """The frame of the camera on the robot, OpenCV axes: a FrameTransform without its time."""
+def camera_frames(robot: RobotConfig) -> tuple[bytes, ...]:
+    """The frames of a robot's cameras, see `camera_frame`."""
+    return (camera_frame(robot.camera), *(camera_frame(camera, name) for name, camera in robot.cameras.items()))
+
+
+def camera_frame(camera: CameraConfig, name: str = "") -> bytes:
+    """The frame of a camera on the robot, OpenCV axes: a FrameTransform without its time.
+
+    Args:
+        camera: Where it is.
+        name: Its name; the first one is called "".
+    """
     T_robot_camera = camera.T_world_camera(0.0, 0.0, 0.0, 0.0)
     w, x, y, z = quat_from_matrix(T_robot_camera[:3, :3]).tolist()
     x_m, y_m, z_m = T_robot_camera[:3, 3].tolist()
     return schemas.serialized(
         FrameTransform(
             parent_frame_id=schemas.ROBOT_FRAME,
-            child_frame_id=schemas.CAMERA_FRAME,
+            child_frame_id=schemas.camera_frame(name),
             translation=Vector3(x=x_m, y=y_m, z=z_m),
             rotation=Quaternion(x=x, y=y, z=z, w=w),
         )
     )
 
 
-def frames(position: bytes, orientation: bytes, camera: bytes | None) -> Content:
-    """The message on /tf: the robot's frame in the world, and its camera's.
+def frames(position: bytes, orientation: bytes, cameras: Sequence[bytes]) -> Content:
+    """The message on /tf: the robot's frame in the world, and its cameras'.
 
     Args:
         position: Of the robot on the floor, a foxglove.Vector3.
         orientation: Of the robot, a foxglove.Quaternion.
-        camera: See `camera_frame`; None leaves it out.
+        cameras: See `camera_frames`.
     """
     robot = _ROBOT_IN_WORLD + field(4, position) + field(5, orientation)
-    return Content(schemas.TRANSFORMS, Timed.IN_TRANSFORMS, (robot,) if camera is None else (robot, camera))
+    return Content(schemas.TRANSFORMS, Timed.IN_TRANSFORMS, (robot, *cameras))
 
 
 def markers(poses_xyzyaw: Poses, goal_xy_m: Sequence[float], robot: RobotConfig | None, stamp: Any) -> Any:

@@ -16,9 +16,12 @@ from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
 from readygo.common.dataset import labels, schemas
+from readygo.common.dataset.canonical import HALF_PX, with_pixels_moved
 from readygo.common.images.files import FILE_FORMAT
+from readygo.common.images.names import GOAL_IMAGE, RGB, camera_of, kind_of
 from readygo.common.messages.proto.driving_pb2 import ExpertCommands
 from readygo.common.messages.proto.readygo_pb2 import StepTruth
+from readygo.common.messages.proto.robot_pb2 import DrawnRobot
 from readygo.common.messages.samples import EpisodeHeader, Sample
 
 _TAGGED_DOUBLE = struct.Struct("<Bd")
@@ -100,7 +103,7 @@ def vector(x: float, y: float, z: float) -> bytes:
 
 
 def contents(sample: Sample, header: EpisodeHeader) -> list[Content]:
-    """The messages of a sample, in the order of `SAMPLE_CHANNELS` and `OPTIONAL_CHANNELS`."""
+    """The messages of a sample, in the order of `SAMPLE_CHANNELS` and `optional_channels`."""
     found = [_image(schemas.IMAGE, sample.image, header.image_format)] if sample.image else []
     found += [
         Content(schemas.ROBOT_POSE, Timed.FIRST, (_IN_WORLD + _pose(sample.robot_xyzyaw),)),
@@ -113,24 +116,56 @@ def contents(sample: Sample, header: EpisodeHeader) -> list[Content]:
         Content(schemas.GOAL, Timed.NOWHERE, (doubles(*sample.goal_xy_robot_m),)),
         Content(schemas.TRUTH, Timed.NOWHERE, (_truth(sample),)),
     ]
-    if sample.outputs:
-        channels = schemas.output_channels(sample.outputs, schemas.OUTPUT_CHANNELS)
-        found += [_image(channel, sample.outputs[name], FILE_FORMAT) for name, channel in channels.items()]
+    images = _images(sample, header) if sample.outputs else []
+    found += [image for image in images if image.channel.number < _AFTER_OUTPUTS]
     if header.labels:
         found += _labels(sample)
     if sample.expert_commands:
         found.append(_commands(sample, header))
+    after = [image for image in images if image.channel.number > _AFTER_OUTPUTS]
+    if header.drawn and sample.seq == 0:
+        drawn = schemas.serialized(DrawnRobot(**header.drawn))
+        after.append(Content(schemas.DRAWN_CHANNELS[schemas.DRAWN], Timed.NOWHERE, (drawn,)))
+    return found + sorted(after, key=lambda content: content.channel.number)
+
+
+def calibrations(header: EpisodeHeader) -> list[Content]:
+    """The messages with the calibrations of the cameras besides the first one."""
+    channels = schemas.camera_channels(camera.name for camera in header.cameras)
+    found = (
+        (of.calibration, schemas.calibration_message(camera, None, of.frame))
+        for of, camera in zip(channels, header.cameras, strict=True)
+    )
+    return [Content(channel, Timed.FIRST, (with_pixels_moved(message, -HALF_PX),)) for channel, message in found]
+
+
+def _images(sample: Sample, header: EpisodeHeader) -> list[Content]:
+    """All images but the first camera's rgb, in the order of their channels."""
+    known = _known_images(tuple(camera.name for camera in header.cameras))
+    found = []
+    for name, channel in schemas.output_channels(sample.outputs, known).items():
+        photo = name == GOAL_IMAGE or kind_of(name) == RGB
+        found.append(
+            _image(channel, sample.outputs[name], header.image_format if photo else FILE_FORMAT, camera_of(name))
+        )
     return found
 
 
-def _image(channel: schemas.Channel, image: bytes, image_format: str) -> Content:
-    head = _BYTES[2 << 3 | _LENGTH] + varint(len(image)) if image else b""
-    return Content(channel, Timed.FIRST, (head, image, _image_end(image_format)))
-
-
 @functools.lru_cache(maxsize=16)
-def _image_end(image_format: str) -> bytes:
-    return schemas.serialized(CompressedImage(frame_id=schemas.CAMERA_FRAME, format=image_format))
+def _known_images(cameras: tuple[str, ...]) -> dict[str, schemas.Channel]:
+    found = schemas.optional_channels(cameras)
+    return {name: channel for name, channel in found.items() if channel.number in schemas.IMAGE_NUMBERS}
+
+
+def _image(channel: schemas.Channel, image: bytes, image_format: str, camera: str = "") -> Content:
+    head = _BYTES[2 << 3 | _LENGTH] + varint(len(image)) if image else b""
+    return Content(channel, Timed.FIRST, (head, image, _image_end(image_format, camera)))
+
+
+@functools.lru_cache(maxsize=32)
+def _image_end(image_format: str, camera: str) -> bytes:
+    frame = schemas.camera_frame(camera)
+    return schemas.serialized(CompressedImage(frame_id=frame, format=image_format))
 
 
 def pose(upright: Upright) -> tuple[bytes, bytes]:
@@ -194,6 +229,7 @@ def _commands(sample: Sample, header: EpisodeHeader) -> Content:
     return Content(schemas.EXPERT_CHANNELS[schemas.EXPERT], Timed.NOWHERE, (schemas.serialized(message),))
 
 
+_AFTER_OUTPUTS = next(iter(schemas.LABEL_CHANNELS.values())).number
 _DOUBLE_TAGS = tuple(range(9, 48, 8))
 _BYTES = tuple(bytes((value,)) for value in range(0x100))
 _IN_WORLD = schemas.serialized(PoseInFrame(frame_id=schemas.WORLD_FRAME))

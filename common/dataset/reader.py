@@ -3,8 +3,8 @@
 import hashlib
 import mmap
 from collections import OrderedDict
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -22,16 +22,25 @@ from readygo.common.dataset.places import shard_folders
 from readygo.common.dataset.poses import pose_xyzyaw
 from readygo.common.dataset.provenance import Provenance
 from readygo.common.dataset.records import chunk_span, iter_messages, iter_records
-from readygo.common.dataset.schemas import EXPERT, HUMANS, LABEL_CHANNELS, OPTIONAL_CHANNELS, OUTPUT_CHANNELS, Ending
+from readygo.common.dataset.schemas import (
+    EXPERT,
+    HUMANS,
+    LABEL_CHANNELS,
+    OPTIONAL_CHANNELS,
+    Ending,
+    further_cameras,
+    is_image,
+)
 from readygo.common.errors import DatasetError
 from readygo.common.images.encoded import decode_pixels
 from readygo.common.images.files import decode_output
+from readygo.common.images.names import GOAL_IMAGE, RGB, camera_of, kind_of
 from readygo.common.messages.episode import EpisodeKey
 from readygo.common.messages.plan import Driver, Outcome
 from readygo.common.messages.samples import DISTORTION_MODELS
-from readygo.common.policy.windows import spacing_steps_of, window_rows
-from readygo.common.robot import RobotConfig
-from readygo.common.robot.command_grid import COMMAND_COUNT, UNKNOWN_RISK
+from readygo.common.policy.windows import window_rows
+from readygo.common.robot import Clock, RobotConfig
+from readygo.common.robot.command_grid import UNKNOWN_RISK, command_grid
 
 _CALIBRATION = ("height_px", "width_px", "K_px", "distortion_model", "distortion")
 OPEN_SHARDS_MAX = 128
@@ -63,7 +72,7 @@ class EpisodeEntry:
     first_sample: int
     """The episode's first row in the dataset's arrays."""
     sample_count: int
-    """Rows of the episode, 20 a second."""
+    """Rows of the episode, `Dataset.clock.rate_hz` a second."""
     attempt: int
     """How often the episode was begun until it was recorded."""
     shard: Path
@@ -76,6 +85,8 @@ class EpisodeEntry:
     """Who drove."""
     policy: str = ""
     """SHA-256 over the files of the policy that drove; empty for the expert."""
+    drawn: Mapping[str, float] = field(default_factory=dict, hash=False)
+    """What its robot drew from the ranges of `Dataset.robot`: see `RobotConfig.with_values`."""
 
 
 class Dataset:
@@ -114,8 +125,10 @@ class Dataset:
         self._shard_of_sample = np.repeat(np.array([shard for shard, _ in order], dtype=np.int32), counts)
         self._rows = rows
         common = _common_outputs(indexes)
-        self.outputs: tuple[str, ...] = ("rgb", *(name for name in common if name in OUTPUT_CHANNELS))
-        """Names of the images that every sample has."""
+        self.outputs: tuple[str, ...] = (RGB, *filter(is_image, common))
+        """Names of the images that every sample has, see `readygo.common.images.names`."""
+        self.has_goal_images: bool = GOAL_IMAGE in common
+        """True if every episode has an image of its goal."""
         self.labels: tuple[str, ...] = tuple(name for name in common if name in LABEL_CHANNELS)
         """Names of the labels of people that every sample has: "joints", "boxes" and "footprints", or none."""
         self.has_expert: bool = EXPERT in common
@@ -124,6 +137,10 @@ class Dataset:
             name: np.concatenate([_episode_rows(indexes[shard], row, name) for shard, row in order]) for name in common
         }
         self._calibrations = np.array([indexes[shard].episodes[row] for shard, row in order])[list(_CALIBRATION)]
+        self._cameras = {
+            camera: np.array([indexes[shard].cameras[row, place] for shard, row in order])
+            for place, camera in enumerate(further_cameras(self.outputs))
+        }
         self.episode_of_sample: npt.NDArray[np.int32] = np.repeat(np.arange(len(counts), dtype=np.int32), counts)
         """Row in `episodes` of each sample, shape (S,)."""
         self._first_sample = np.repeat(np.cumsum(counts) - counts, counts)
@@ -156,7 +173,7 @@ class Dataset:
 
     @property
     def expert_ahead(self) -> npt.NDArray[np.float32]:
-        """What it would have gone on with, every 0.05 s: v [m/s], w [rad/s], shape (S, K, 2); NaN like them.
+        """What it would have gone on with, at every further step: v [m/s], w [rad/s], shape (S, K, 2); NaN like them.
 
         Raises:
             DatasetError: If nobody asked it.
@@ -177,13 +194,18 @@ class Dataset:
                 f"The samples of {self.shards[0].parent} have no risks of commands; record with this version and "
                 "`readygo generate --policy` or --disturb."
             )
-        known = np.frombuffer(b"".join(self._risk_rows), np.uint8).reshape(-1, COMMAND_COUNT)
+        known = np.frombuffer(b"".join(self._risk_rows), np.uint8).reshape(-1, self._command_count)
         return self._spread(known, UNKNOWN_RISK)
 
     @cached_property
     def has_risks(self) -> bool:
         """True if every sample with an image says what each command would have led to."""
-        return self.has_expert and all(len(row) == COMMAND_COUNT for row in self._risk_rows)
+        return self.has_expert and all(len(row) == self._command_count for row in self._risk_rows)
+
+    @cached_property
+    def _command_count(self) -> int:
+        """Commands of the robot's grid."""
+        return len(command_grid(self.robot))
 
     @cached_property
     def _risk_rows(self) -> list[bytes]:
@@ -250,8 +272,16 @@ class Dataset:
 
     @cached_property
     def robot(self) -> RobotConfig | None:
-        """The robot that the samples were recorded with, None if the shards do not say."""
+        """The robot that the samples were recorded with, None if the shards do not say.
+
+        If it has ranges, each episode has one of its robots: `robot.with_values(episode.drawn)`.
+        """
         return self.provenance.robot
+
+    @cached_property
+    def clock(self) -> Clock:
+        """The steps of the samples, and at which of them there are commands and images."""
+        return self.robot.clock if self.robot is not None else Clock()
 
     @cached_property
     def sensor(self) -> SensorConfig:
@@ -319,18 +349,38 @@ class Dataset:
 
         Returns:
             Depths [m] float32 with inf where there is nothing or beyond 65.535 m, alpha float32, mask uint8, all of
-            shape (H, W); normals float32 in the camera's frame, 0 where there is nothing, shape (H, W, 3); "rgb" as
-            `decode`.
+            shape (H, W); normals float32 in the camera's frame, 0 where there is nothing, shape (H, W, 3); rgb as
+            `decode`. Cameras besides the first one may have images of other sizes.
 
         Raises:
             DatasetError: If not all samples have this output, or the image is damaged or of another size.
         """
-        if name == "rgb":
+        if name == RGB:
             return self.decode(index)
-        image = decode_output(name, self.output(index, name))
-        if image is None or image.shape[:2] != (self.height_px, self.width_px):
+        data, kind, of = self.output(index, name), kind_of(name), self.calibration(index, camera_of(name))
+        image: npt.NDArray[Any] | None = decode_image(data) if kind == RGB else decode_output(kind, data)
+        if image is None or image.shape[:2] != (of.height_px, of.width_px):
             raise DatasetError(f"The {name} image of sample {index} in {self._shard_of(index)} is damaged.")
         return image
+
+    def goal_image(self, number: int) -> bytes:
+        """The encoded image of what the first camera shows at the goal of an episode.
+
+        Args:
+            number: Row in `episodes`.
+
+        Raises:
+            DatasetError: If not all episodes have one.
+        """
+        if not self.has_goal_images:
+            raise DatasetError(
+                f"The episodes of {self.shards[0].parent} have no images of their goals; record them with goal_image = "
+                "true under [renderer]."
+            )
+        first = self.episodes[number].first_sample
+        row = self._output_rows[GOAL_IMAGE][first]
+        offset = int(row["offset"])
+        return self._map(int(self._shard_of_sample[first]))[offset : offset + int(row["length"])]
 
     def joints_m(self, index: int) -> npt.NDArray[np.float32]:
         """Joints of SMPL of everybody in the world at a sample [m], the pelvis first, shape (H, 24, 3).
@@ -389,13 +439,20 @@ class Dataset:
         shard, row = self._order[number]
         return tuple(_humans_of_shard(self.shards[shard])[row])
 
-    def calibration(self, index: int) -> Calibration:
-        """The camera that made the images of a sample.
+    def calibration(self, index: int, camera: str = "") -> Calibration:
+        """A camera that made images of a sample.
 
         Args:
             index: Number of the sample.
+            camera: Name of a camera besides the first one.
+
+        Raises:
+            DatasetError: If there is no such camera.
         """
-        row = self._calibrations[self.episode_of_sample[index]]
+        if camera and camera not in self._cameras:
+            known = ", ".join(self._cameras) or "none"
+            raise DatasetError(f"The samples have no camera {camera!r}; besides the first they have {known}.")
+        row = (self._cameras[camera] if camera else self._calibrations)[self.episode_of_sample[index]]
         model = row["distortion_model"].decode()
         return Calibration(
             height_px=int(row["height_px"]),
@@ -410,16 +467,17 @@ class Dataset:
 
         Args:
             samples: The newest sample of each window, shape (N,); all samples by default.
-            spacing_s: Time between images [s], a multiple of 0.05 s.
+            spacing_s: Time between images [s], a multiple of the time between those of the camera.
 
         Returns:
             Sample numbers, the oldest first, shape (N, 3).
 
         Raises:
-            ValueError: If the spacing is no multiple of the step.
+            ValueError: If the spacing is none.
         """
         newest = np.arange(len(self)) if samples is None else np.asarray(samples, dtype=np.int64)
-        return window_rows(newest, self._first_sample[newest], spacing_steps_of(spacing_s))
+        steps, every = self.clock.spacing_steps(spacing_s), self.clock.image_every
+        return window_rows(newest, self._first_sample[newest], steps, image_every=every)
 
     def close(self) -> None:
         """Close the shards; images can still be read, they are opened again."""
@@ -526,6 +584,7 @@ def _entries(
             outcome=ending.outcome,
             driver=ending.driver,
             policy=_policy_of(ending, indexes[shard].provenance),
+            drawn=indexes[shard].drawn[row] if indexes[shard].drawn else {},
         )
         entries.append(entry)
         first_sample += entry.sample_count

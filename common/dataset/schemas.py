@@ -2,11 +2,13 @@
 
 Channel numbers are part of the bytes that an episode's SHA-256 covers: no channel ever gets another one. Those of
 `CHANNELS` are in every shard, those of `OPTIONAL_CHANNELS` in the shards whose samples have these outputs:
-further images, the labels of people, and the expert's commands. Those of `VIEW_CHANNELS` are for viewers, which need
-frames, the map and markers to show an episode in 3-D; no sample is read from them and no hash covers them.
+further images, the labels of people, the expert's commands, images of the goals, and what a robot of ranges drew. Those
+of `CameraChannels` are in the shards of robots with several cameras. Those of `VIEW_CHANNELS` are for viewers, which
+need frames, the map and markers to show an episode in 3-D; no sample is read from them and no hash covers them.
 """
 
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -22,11 +24,15 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.timestamp_pb2 import Timestamp
 
 from readygo.common.errors import DatasetError
+from readygo.common.images.images import OUTPUTS
+from readygo.common.images.names import GOAL_IMAGE, RGB, camera_of, cameras_of, image_name
 from readygo.common.messages.episode import EpisodeKey, Split
 from readygo.common.messages.plan import Driver, Outcome
 from readygo.common.messages.proto.driving_pb2 import ExpertCommands
 from readygo.common.messages.proto.readygo_pb2 import Action, EpisodeCommit, EpisodeStart, Goal, StepTruth
-from readygo.common.messages.samples import EpisodeHeader
+from readygo.common.messages.proto.robot_pb2 import DrawnRobot
+from readygo.common.messages.samples import EpisodeHeader, FurtherCamera
+from readygo.common.robot.config import CAMERAS_MAX
 
 NS_PER_S = 1_000_000_000
 WORLD_FRAME = "world"
@@ -72,7 +78,18 @@ LABEL_CHANNELS: Mapping[str, Channel] = {
 EXPERT = "expert"
 EXPERT_CHANNELS: Mapping[str, Channel] = {EXPERT: Channel(18, "/robot/expert_commands", ExpertCommands)}
 """Channel of what the expert would do at the robot's states."""
-OPTIONAL_CHANNELS: Mapping[str, Channel] = {**OUTPUT_CHANNELS, **LABEL_CHANNELS, **EXPERT_CHANNELS}
+GOAL_IMAGE_CHANNELS: Mapping[str, Channel] = {GOAL_IMAGE: Channel(27, "/episode/goal_image", CompressedImage)}
+"""Channel of what the first camera shows at the goal: one message, at an episode's first sample."""
+DRAWN = "drawn"
+DRAWN_CHANNELS: Mapping[str, Channel] = {DRAWN: Channel(28, "/robot/drawn", DrawnRobot)}
+"""Channel of what the robot drew from its ranges: one message, at an episode's first sample."""
+OPTIONAL_CHANNELS: Mapping[str, Channel] = {
+    **OUTPUT_CHANNELS,
+    **LABEL_CHANNELS,
+    **EXPERT_CHANNELS,
+    **GOAL_IMAGE_CHANNELS,
+    **DRAWN_CHANNELS,
+}
 """In the order of their messages, which follow those of `SAMPLE_CHANNELS`."""
 ROS_CALIBRATION = Channel(19, "/camera/calibration", CameraCalibration)
 """The calibration as ROS and OpenCV have it, pixel centres at integers; in `CALIBRATION` they are at +0.5."""
@@ -87,23 +104,114 @@ VIEW_CHANNELS = (TRANSFORMS, MARKERS, PATH, ROBOT_OUTLINE, BODIES, MAP, MAP_POIN
 """What viewers need besides samples; point clouds repeat what Rerun does not show of a scene or a grid."""
 
 
-_WITH_IMAGES = {channel.number for channel in (IMAGE, *OUTPUT_CHANNELS.values(), *EXPERT_CHANNELS.values())}
+class CameraChannels:
+    """The channels of a camera besides the first one; they follow all others among a sample's messages."""
+
+    def __init__(self, place: int, name: str) -> None:
+        """Name them.
+
+        Args:
+            place: The camera's place among the further ones, from 0.
+            name: Its name.
+        """
+        first = 64 + 16 * place
+        self.name = name
+        self.calibration = Channel(first, f"/camera/{name}/calibration", CameraCalibration)
+        """As on `ROS_CALIBRATION`, in every form of an episode."""
+        self.images: Mapping[str, Channel] = {
+            image_name(name, kind): Channel(
+                first + 1 + number, f"/camera/{name}/{'image' if kind == RGB else kind}", CompressedImage
+            )
+            for number, kind in enumerate(OUTPUTS)
+        }
+        """By the names of the images."""
+
+    @property
+    def frame(self) -> str:
+        """The camera's frame."""
+        return camera_frame(self.name)
+
+
+def camera_frame(camera: str) -> str:
+    """The frame of a camera; the first one is called ""."""
+    return f"{CAMERA_FRAME}_{camera}" if camera else CAMERA_FRAME
+
+
+def camera_of_frame(frame: str) -> str:
+    """The camera of a frame, see `camera_frame`."""
+    return frame.removeprefix(CAMERA_FRAME).removeprefix("_")
+
+
+def camera_channels(names: Iterable[str]) -> list[CameraChannels]:
+    """The channels of cameras besides the first one, by their names in their order."""
+    return [CameraChannels(place, name) for place, name in enumerate(names)]
+
+
+NAMELESS_CAMERAS = tuple(camera_channels(str(place) for place in range(CAMERAS_MAX)))
+"""All that there can be, for what goes by the numbers of channels alone."""
+IMAGE_NUMBERS = frozenset(
+    channel.number
+    for channels in (
+        (IMAGE,),
+        OUTPUT_CHANNELS.values(),
+        GOAL_IMAGE_CHANNELS.values(),
+        *(camera.images.values() for camera in NAMELESS_CAMERAS),
+    )
+    for channel in channels
+)
+"""Numbers of the channels that carry encoded images."""
+_WITH_IMAGES = IMAGE_NUMBERS | {channel.number for channel in EXPERT_CHANNELS.values()}
+
+
+def optional_channels(cameras: Iterable[str]) -> dict[str, Channel]:
+    """All channels that there may be besides `CHANNELS`, by output, on a robot with some further cameras."""
+    found = dict(OPTIONAL_CHANNELS)
+    for camera in camera_channels(cameras):
+        found |= camera.images
+    return found
+
+
+def output_of(number: int, topic: str) -> str | None:
+    """The output that a channel of a shard has; None if it has none."""
+    name = topic.removeprefix("/camera/").partition("/")[0]
+    for camera in camera_channels([name] * CAMERAS_MAX):
+        for output, channel in camera.images.items():
+            if (channel.number, channel.topic) == (number, topic):
+                return output
+    return next((name for name, channel in OPTIONAL_CHANNELS.items() if channel.number == number), None)
+
+
+def is_image(output: str) -> bool:
+    """True if an output is an image of each sample, not labels, commands or an image of the goal."""
+    return output in OUTPUT_CHANNELS or bool(camera_of(output))
 
 
 def samples_with(channel: Channel, sample_count: int, image_every: int) -> range:
     """The samples of an episode that have a message on a channel of samples: all, or those at which images were taken.
 
+    An image of the goal, and what a robot drew, are at the first one alone.
+
     Args:
-        channel: One of `SAMPLE_CHANNELS` or `OPTIONAL_CHANNELS`.
+        channel: One of `SAMPLE_CHANNELS` or of `optional_channels`.
         sample_count: Samples of the episode.
         image_every: See `EpisodeHeader.image_every`.
     """
+    if channel in (*GOAL_IMAGE_CHANNELS.values(), *DRAWN_CHANNELS.values()):
+        return range(min(sample_count, 1))
     return range(0, sample_count, image_every if channel.number in _WITH_IMAGES else 1)
 
 
-def image_every(commands: Any) -> int:
-    """`EpisodeHeader.image_every` of an ExpertCommands message; where there is none, images are at all samples."""
-    return int(commands.image_every) or 1
+def image_every(commands: Any, numbers: Sequence[int], sample_count: int) -> int:
+    """`EpisodeHeader.image_every` of an episode.
+
+    Args:
+        commands: One of its ExpertCommands messages, which say it; None where there are none.
+        numbers: Of its samples with images.
+        sample_count: Of its samples.
+    """
+    if commands is not None:
+        return int(commands.image_every) or 1
+    return math.gcd(*numbers) or max(sample_count, 1)
 
 
 class Ending(NamedTuple):
@@ -126,7 +234,9 @@ def schema_numbers(channels: Iterable[Channel]) -> dict[Any, int]:
 
 def channels_with(outputs: Iterable[str]) -> tuple[Channel, ...]:
     """All channels of a shard whose samples have `outputs`."""
-    return (*CHANNELS, *output_channels(outputs).values())
+    outputs = tuple(outputs)
+    calibrations = (camera.calibration for camera in camera_channels(further_cameras(outputs)))
+    return (*CHANNELS, *output_channels(outputs).values(), *calibrations)
 
 
 def staged_channels(outputs: Iterable[str]) -> tuple[Channel, ...]:
@@ -135,12 +245,23 @@ def staged_channels(outputs: Iterable[str]) -> tuple[Channel, ...]:
     return (*content, ROS_CALIBRATION, *VIEW_CHANNELS)
 
 
-def output_channels(outputs: Iterable[str], known: Mapping[str, Channel] = OPTIONAL_CHANNELS) -> dict[str, Channel]:
+def further_cameras(outputs: Iterable[str]) -> tuple[str, ...]:
+    """The cameras besides the first one whose images are among some outputs, in the order of these."""
+    return tuple(camera for camera in cameras_of(outputs) if camera)
+
+
+def output_channels(outputs: Iterable[str], known: Mapping[str, Channel] | None = None) -> dict[str, Channel]:
     """The channels of some of the `known` outputs, in their order in a shard.
+
+    Args:
+        outputs: Their names, those of cameras in the order of these.
+        known: By default all that there are on a robot with the cameras of `outputs`.
 
     Raises:
         DatasetError: If there is no channel for an output.
     """
+    outputs = tuple(outputs)
+    known = optional_channels(further_cameras(outputs)) if known is None else known
     names = set(outputs)
     unknown = sorted(names - set(known))
     if unknown:
@@ -188,17 +309,25 @@ def start_message(header: EpisodeHeader) -> bytes:
     )
 
 
-def calibration_message(header: EpisodeHeader, stamp_ns: int) -> bytes:
-    """The CameraCalibration of an episode."""
-    k = list(header.K_px)
+def calibration_message(
+    camera: EpisodeHeader | FurtherCamera, stamp_ns: int | None, frame: str = CAMERA_FRAME
+) -> bytes:
+    """The CameraCalibration of an episode.
+
+    Args:
+        camera: What is constant of it; a header tells of the first one.
+        stamp_ns: Time of the message [ns]; None leaves it out.
+        frame: The camera's frame.
+    """
+    k = list(camera.K_px)
     return serialized(
         CameraCalibration(
-            timestamp=timestamp(stamp_ns),
-            frame_id=CAMERA_FRAME,
-            width=header.width_px,
-            height=header.height_px,
-            distortion_model=header.distortion_model,
-            D=header.distortion,
+            timestamp=None if stamp_ns is None else timestamp(stamp_ns),
+            frame_id=frame,
+            width=camera.width_px,
+            height=camera.height_px,
+            distortion_model=camera.distortion_model,
+            D=camera.distortion,
             K=k,
             R=[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
             P=[*k[0:3], 0.0, *k[3:6], 0.0, *k[6:9], 0.0],
@@ -253,6 +382,11 @@ def ending_of(commands: Any) -> Ending:
         return Ending(Outcome(commands.outcome), Driver(commands.driver), commands.policy)
     except ValueError as error:
         raise DatasetError(f"the end of an episode cannot be read: {error}") from error
+
+
+def drawn_of(robot: Any) -> dict[str, float]:
+    """`EpisodeHeader.drawn` of a DrawnRobot message."""
+    return {field.name: value for field, value in robot.ListFields()}
 
 
 def timestamp(stamp_ns: int) -> Any:

@@ -1,7 +1,7 @@
 """Episodes staged for viewers: at their place in a shard's time, among frames, markers and the scene's map."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -26,9 +26,13 @@ class Stage:
     """What viewers show around the samples of a run."""
 
     robot: RobotConfig | None = None
-    """Gives the camera its place, and the robot its size; None leaves both out."""
+    """Gives the cameras their places, and the robot its size; None leaves both out."""
     maps: "SceneMaps | None" = None
     """Of the scene; None leaves the map out. They are read with the first episode."""
+
+    def of(self, drawn: Mapping[str, float]) -> "Stage":
+        """The stage of an episode, whose robot is one of the robot's ranges; see `EpisodeHeader.drawn`."""
+        return replace(self, robot=self.robot.with_values(drawn)) if self.robot and drawn else self
 
     def staged(self, chunk: EpisodeChunk, start_ns: int, *, with_map: bool) -> EpisodeChunk:
         """An episode as a shard holds it.
@@ -41,11 +45,11 @@ class Stage:
         Raises:
             SceneError: If the map cannot be read.
         """
-        view = memoryview(chunk.data)
+        view, stage = memoryview(chunk.data), self.of(chunk.drawn)
         parts: list[bytes | memoryview] = []
         for message in messages_of(view):
             time_ns = message.log_time_ns - chunk.start_time_ns + start_ns
-            for number, payload in self._messages(view, message, chunk, start_ns, with_map):
+            for number, payload in stage._messages(view, message, chunk, start_ns, with_map):
                 parts += (record_head(number, message.sequence, (time_ns, time_ns), len(payload)), payload)
         return read_chunk(b"".join(parts), sha256=chunk.sha256)
 
@@ -75,15 +79,15 @@ class Stage:
 
     def frames(self, position: bytes, orientation: bytes) -> Content:
         """The message that goes with a robot's pose; see `markers.frames`."""
-        return markers.frames(position, orientation, self._camera)
+        return markers.frames(position, orientation, self._cameras)
 
     @cached_property
     def _map(self) -> MapMessages | None:
         return None if self.maps is None else map_messages(self.maps.robot, self.maps.floor)
 
     @cached_property
-    def _camera(self) -> bytes | None:
-        return None if self.robot is None else markers.camera_frame(self.robot.camera)
+    def _cameras(self) -> tuple[bytes, ...]:
+        return () if self.robot is None else markers.camera_frames(self.robot)
 
     def _messages(
         self, view: memoryview, message: Message, chunk: EpisodeChunk, start_ns: int, with_map: bool

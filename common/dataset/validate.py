@@ -1,5 +1,6 @@
 """Re-reads everything in a data folder and says what does not hold."""
 
+import struct
 import zlib
 from collections import Counter
 from collections.abc import Callable
@@ -23,9 +24,12 @@ from readygo.common.dataset.index import (
 from readygo.common.dataset.places import shard_folders
 from readygo.common.dataset.reader import find_shards
 from readygo.common.dataset.records import RECORD_HEADER, ChunkSpan, chunk_span, is_intact, iter_records
-from readygo.common.dataset.schemas import OPTIONAL_CHANNELS
+from readygo.common.dataset.schemas import output_of
 from readygo.common.errors import ReadygoError
 from readygo.common.messages.episode import EpisodeKey
+
+_CHANNEL = struct.Struct("<HHI")
+"""What a channel's record begins with: its number, that of its schema, and the length of its topic."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -144,8 +148,10 @@ class _FolderCheck:
                     limits = Limits(provenance.robot)
                     self._metadata(shard, limits)
             if record.opcode == Opcode.CHANNEL:
-                number = int.from_bytes(view[record.body : record.body + 2], "little")
-                outputs += [name for name, channel in OPTIONAL_CHANNELS.items() if channel.number == number]
+                number, _, size = _CHANNEL.unpack_from(view, record.body)
+                begin = record.body + _CHANNEL.size
+                output = output_of(number, bytes(view[begin : min(begin + size, record.end)]).decode(errors="replace"))
+                outputs += [output] if output else []
             if record.opcode != Opcode.CHUNK:
                 continue
             span = chunk_span(view, record)

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.robot.kinematics import DT_S
-
 PERSONAL_SPACE_M = 0.5
 """Free space between robot and human below which the robot intrudes [m].
 Source: Francis et al., Principles and guidelines for evaluating social robot navigation algorithms, 2023."""
@@ -67,6 +65,7 @@ def conduct_of(
     actions: Float64Array,
     human_xy_m: Float64Array,
     *,
+    dt_s: float,
     contact_m: float,
     sees: Sees,
 ) -> Conduct:
@@ -76,6 +75,7 @@ def conduct_of(
         poses: Robot's x [m], y [m], yaw [rad] at all steps and at the end, shape (T + 1, 3).
         actions: Executed commands v [m/s], w [rad/s], shape (T, 2).
         human_xy_m: Where the humans were at the same times [m], shape (T + 1, N, 2).
+        dt_s: Time between two steps [s].
         contact_m: Distance of the centres at which robot and human touch [m].
         sees: Whether the camera shows a human; only asked about humans that were touched.
     """
@@ -83,21 +83,21 @@ def conduct_of(
     nearest_m = gap_m.min(axis=1) if gap_m.shape[1] else np.full(len(poses), math.inf)
     touched = nearest_m[-1] < 0
     return Conduct(
-        intrusion_s=float(np.count_nonzero(nearest_m[1:] < PERSONAL_SPACE_M) * DT_S),
+        intrusion_s=float(np.count_nonzero(nearest_m[1:] < PERSONAL_SPACE_M) * dt_s),
         near_misses=sum(_spells(gap_m[:, k]) for k in range(gap_m.shape[1])),
-        jerk_mps3=_root_mean_square(np.diff(actions[:, 0], n=2) / DT_S**2),
-        turn_acceleration_radps2=float(np.mean(np.abs(np.diff(actions[:, 1])))) / DT_S if len(actions) > 1 else 0.0,
-        contact=_contact(poses, actions, human_xy_m[:, int(gap_m[-1].argmin())], sees) if touched else None,
+        jerk_mps3=_root_mean_square(np.diff(actions[:, 0], n=2) / dt_s**2),
+        turn_acceleration_radps2=float(np.mean(np.abs(np.diff(actions[:, 1])))) / dt_s if len(actions) > 1 else 0.0,
+        contact=_contact(poses, actions, human_xy_m[:, int(gap_m[-1].argmin())], dt_s, sees) if touched else None,
     )
 
 
-def _contact(poses: Float64Array, actions: Float64Array, human_m: Float64Array, sees: Sees) -> Contact:
+def _contact(poses: Float64Array, actions: Float64Array, human_m: Float64Array, dt_s: float, sees: Sees) -> Contact:
     seen = [
         sees((x, y, yaw), (human_x, human_y))
         for (x, y, yaw), (human_x, human_y) in zip(poses.tolist(), human_m.tolist(), strict=True)
     ]
     return Contact(
-        robot_mps=float(actions[-1, 0]) if len(actions) else 0.0, in_view=seen[-1], seen_s=sum(seen[:-1]) * DT_S
+        robot_mps=float(actions[-1, 0]) if len(actions) else 0.0, in_view=seen[-1], seen_s=sum(seen[:-1]) * dt_s
     )
 
 

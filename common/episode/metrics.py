@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 from readygo.common.episode.conduct import Conduct
 from readygo.common.messages.plan import Outcome, RobotTrajectory
-from readygo.common.robot.kinematics import DT_S
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,7 +26,7 @@ class EpisodeResult:
         return cls(
             outcome=trajectory.outcome,
             duration_s=trajectory.duration_s,
-            path_length_m=math.fsum(abs(v) * DT_S for v in trajectory.actions[:, 0].tolist()),
+            path_length_m=math.fsum(abs(v) * trajectory.dt_s for v in trajectory.actions[:, 0].tolist()),
             shortest_m=shortest_m,
         )
 

@@ -14,13 +14,12 @@ from readygo.common.messages.episode import Scenario
 from readygo.common.messages.motion import EpisodeMotions
 from readygo.common.messages.plan import Outcome, RobotTrajectory
 from readygo.common.robot import RobotConfig, limit_command, step_unicycle
-from readygo.common.robot.kinematics import DT_S, RATE_HZ, STEP_NS
 
 Float64Array = npt.NDArray[np.float64]
 
 
 class EpisodeSimulation:
-    """The closed loop at 20 Hz that the expert is recorded in and policies are judged in.
+    """The closed loop that the expert is recorded in and policies are judged in, by the steps of the robot's clock.
 
     The episode starts at rest. Humans are where the roots of their motions are, whatever the robot does.
     """
@@ -47,6 +46,7 @@ class EpisodeSimulation:
         self.motions = motions
         self.robot_map = robot_map
         self.robot = robot
+        self.clock = robot.clock
         self.config = episode_config
         self.outcome: Outcome | None = None
         """How the episode ended; None while it runs."""
@@ -54,12 +54,13 @@ class EpisodeSimulation:
         """Number of steps done."""
         self.x_m, self.y_m, self.yaw_rad = (float(value) for value in scenario.start_xyyaw)
         self.v_mps = self.w_radps = 0.0
+        self._wanted = (0.0, 0.0)
         if meets_obstacle(robot_map, self.x_m, self.y_m, robot.radius_m):
             raise SceneError(
                 f"{scenario.episode.episode_id} starts in an obstacle at ({self.x_m:.2f}, {self.y_m:.2f}); "
                 "plan it on the same map."
             )
-        self._step_limit = round(episode_config.time_limit_s * RATE_HZ)
+        self._step_limit = self.clock.steps(episode_config.time_limit_s)
         self.contact_m = robot.radius_m + episode_config.human_radius_m
         """Distance of the centres at which robot and human touch [m]."""
         self._walked_m = _side_by_side([human.motion.root_m[:, :2].astype(np.float64) for human in motions.humans])
@@ -68,12 +69,12 @@ class EpisodeSimulation:
     @property
     def time_s(self) -> float:
         """Simulated time since the episode began [s]."""
-        return self.step / RATE_HZ
+        return self.step / self.clock.rate_hz
 
     @property
     def time_ns(self) -> int:
         """Simulated time since the episode began [ns]."""
-        return self.step * STEP_NS
+        return self.clock.time_ns(self.step)
 
     @property
     def goal_xy_robot_m(self) -> tuple[float, float]:
@@ -106,8 +107,14 @@ class EpisodeSimulation:
         here: Float64Array = self._walked_m[min(step, len(self._walked_m) - 1)]
         return here
 
+    def hold(self, v_mps: float, w_radps: float) -> None:
+        """Have the robot follow a command until the next one, also where none is due: what it once executed, say."""
+        self._wanted = v_mps, w_radps
+
     def advance(self, v_mps: float, w_radps: float) -> Outcome | None:
         """Command the robot for one step, within its limits.
+
+        A robot that is not commanded at every step holds what it was commanded last.
 
         Returns:
             How the episode ended with this step, or None.
@@ -119,9 +126,11 @@ class EpisodeSimulation:
             raise ValueError(f"{self.scenario.episode.episode_id} has ended ({self.outcome.value}).")
         if not (math.isfinite(v_mps) and math.isfinite(w_radps)):
             raise ValueError(f"a command must be finite, got ({v_mps}, {w_radps}).")
-        v, w = limit_command(v_mps, w_radps, self.v_mps, self.w_radps, self.robot)
+        if self.clock.commands(self.step):
+            self.hold(v_mps, w_radps)
+        v, w = limit_command(*self._wanted, self.v_mps, self.w_radps, self.robot, self.clock.dt_s)
         self._rows[self.step] = (self.x_m, self.y_m, self.yaw_rad, v, w)
-        self.x_m, self.y_m, self.yaw_rad = step_unicycle(self.x_m, self.y_m, self.yaw_rad, v, w)
+        self.x_m, self.y_m, self.yaw_rad = step_unicycle(self.x_m, self.y_m, self.yaw_rad, v, w, self.clock.dt_s)
         self.v_mps, self.w_radps = v, w
         self.step += 1
         self.outcome = self._judge()
@@ -161,6 +170,7 @@ class EpisodeSimulation:
             time_to_collision_s=collision_s,
             expert_cost=np.asarray(zeros if expert_cost is None else expert_cost, dtype=np.float64),
             replan_times_s=np.asarray(replan_times_s, dtype=np.float64),
+            rate_hz=self.clock.rate_hz,
         )
 
     def _judge(self) -> Outcome | None:
@@ -175,13 +185,14 @@ class EpisodeSimulation:
     def _proximity(self, rows: Float64Array) -> tuple[Float64Array, Float64Array]:
         """Distance to the nearest human [m] and time to collision [s] of each row."""
         distance_m, collision_s = np.full(len(rows), np.inf), np.full(len(rows), np.inf)
+        dt_s = self.clock.dt_s
         walked_m = np.array([self.human_xy_at(step) for step in range(len(rows) + 1)])
         for human in range(walked_m.shape[1]):
             here, there = walked_m[:-1, human].tolist(), walked_m[1:, human].tolist()
             for k, (x, y, yaw, v, _) in enumerate(rows.tolist()):
                 dx, dy = here[k][0] - x, here[k][1] - y
-                vx = (there[k][0] - here[k][0]) / DT_S - v * math.cos(yaw)
-                vy = (there[k][1] - here[k][1]) / DT_S - v * math.sin(yaw)
+                vx = (there[k][0] - here[k][0]) / dt_s - v * math.cos(yaw)
+                vy = (there[k][1] - here[k][1]) / dt_s - v * math.sin(yaw)
                 distance_m[k] = min(distance_m[k], math.sqrt(dx * dx + dy * dy))
                 collision_s[k] = min(collision_s[k], time_to_contact_s(dx, dy, vx, vy, self.contact_m))
         return distance_m, collision_s

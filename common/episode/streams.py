@@ -20,6 +20,7 @@ class Purpose(enum.IntEnum):
     DRIVER = 5
     DISTURBANCE = 6
     ABSENCE = 7
+    ROBOT = 8
 
 
 def episode_rng(episode: EpisodeKey, purpose: Purpose) -> np.random.Generator:

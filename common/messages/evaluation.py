@@ -17,8 +17,8 @@ class EvaluationPlan:
 
     tasks: tuple[str, ...]
     methods: tuple[str, ...]
-    control_hz: float
-    """How often the policy decides [Hz]."""
+    control_hz: float | None
+    """How often the policy decides [Hz]; None: as often as the robot is commanded."""
     camera: str
     """Through whose camera the policy looks: "policy" or "robot"."""
     lockstep: int

@@ -1,13 +1,14 @@
 """What a robot did in an episode, and how it ended."""
 
 import enum
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
 from readygo.common.messages.checks import check_array
-from readygo.common.robot.kinematics import DT_S
+from readygo.common.messages.codec import OMITTED_WHEN_DEFAULT
+from readygo.common.robot.kinematics import RATE_HZ
 
 
 class Outcome(enum.Enum):
@@ -28,7 +29,7 @@ class Driver(enum.Enum):
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class RobotTrajectory:
-    """A robot's closed-loop run: T samples at 20 Hz, from the start to the end of the episode."""
+    """A robot's closed-loop run: T samples at `rate_hz`, from the start to the end of the episode."""
 
     outcome: Outcome
     xyyaw: npt.NDArray[np.float64]
@@ -47,6 +48,8 @@ class RobotTrajectory:
     """Cost of the plan in force, shape (T,)."""
     replan_times_s: npt.NDArray[np.float64]
     """CPU time of each replan [s], shape (R,); not part of the recorded samples."""
+    rate_hz: int = field(default=RATE_HZ, metadata=OMITTED_WHEN_DEFAULT)
+    """Samples per second: the steps of the robot's clock."""
 
     def __post_init__(self) -> None:
         count = len(self.xyyaw)
@@ -58,6 +61,11 @@ class RobotTrajectory:
             check_array(name, getattr(self, name), np.float64, (count,))
 
     @property
+    def dt_s(self) -> float:
+        """Time between two samples [s]."""
+        return 1.0 / self.rate_hz
+
+    @property
     def duration_s(self) -> float:
         """Simulated time until the episode ended [s]."""
-        return len(self.xyyaw) * DT_S
+        return len(self.xyyaw) * self.dt_s

@@ -19,9 +19,9 @@ class RenderView:
     people: str
     """Key of the humans to draw, as given in `RenderRequest.people` now or earlier; empty draws none."""
     step: int
-    """Simulation step (20 Hz) whose motion rows are drawn."""
+    """Simulation step whose motion rows are drawn."""
     T_world_camera: npt.NDArray[np.float64]
-    """Camera pose, OpenCV axes, shape (4, 4)."""
+    """Pose of the robot's first camera, OpenCV axes, shape (4, 4)."""
     episode: EpisodeKey | None = field(default=None, metadata=OMITTED_WHEN_DEFAULT)
     """The episode whose camera looks: what its sensor draws. None: the key of the humans stands for it."""
     path_xyyaw: tuple[tuple[float, float, float], ...] = field(default=(), metadata=OMITTED_WHEN_DEFAULT)
@@ -44,13 +44,13 @@ class Humans:
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class RenderRequest:
-    """A batch of views of the loaded scene with the robot's camera."""
+    """A batch of views of the loaded scene with the robot's cameras."""
 
     views: tuple[RenderView, ...]
     people: tuple[Humans, ...] = ()
     """Humans that the renderer has not seen yet; it keeps the latest few hundred keys."""
     outputs: tuple[str, ...] = field(default=(), metadata=OMITTED_WHEN_DEFAULT)
-    """Images besides rgb, of `readygo.common.images.images.OUTPUTS`."""
+    """Images besides rgb, see `readygo.common.images.names`."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)

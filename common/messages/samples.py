@@ -2,7 +2,7 @@
 
 import enum
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -42,7 +42,7 @@ class HumanLabels:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Sample:
-    """One 20 Hz sample: what the robot saw, did and wanted, and the truth around it."""
+    """One sample, at a step of the robot's clock: what the robot saw, did and wanted, and the truth around it."""
 
     seq: int
     """Number of the sample in its episode, from 0."""
@@ -66,13 +66,13 @@ class Sample:
     expert_cost: float
     replanned: bool
     outputs: dict[str, bytes] = field(default_factory=dict, hash=False, metadata=OMITTED_WHEN_DEFAULT)
-    """Further images of the same view by their names in `readygo.common.images.images.OUTPUTS`, encoded as
-    `readygo.common.images.files` says."""
+    """Further images of the same time by their names (`readygo.common.images.names`): of the first camera and of the
+    others, encoded as `readygo.common.images.files` says, and rgb as `image` is."""
     labels: tuple[HumanLabels, ...] = field(default=(), hash=False, metadata=OMITTED_WHEN_DEFAULT)
     """Labels of the humans in the order of `humans_xyzyaw`; none unless `EpisodeHeader.labels` says so."""
     expert_commands: tuple[tuple[float, float], ...] = field(default=(), metadata=OMITTED_WHEN_DEFAULT)
     """What the expert would have the robot execute from here on, whoever drives: v [m/s], w [rad/s] over the next
-    0.05 s and over every further 0.05 s; none where nobody asked it."""
+    step and over every further one; none where nobody asked it."""
     risks: bytes = field(default=b"", metadata=OMITTED_WHEN_DEFAULT)
     """What would become of the robot under each command of `readygo.common.robot.command_grid`: 0 nothing, 1 a
     collision with an obstacle, 2 one with a human; empty where nobody looked."""
@@ -94,6 +94,33 @@ def sample_crc32(image: bytes, outputs: Mapping[str, bytes]) -> int:
     for name in sorted(outputs):
         crc32 = zlib.crc32(outputs[name], zlib.crc32(name.encode(), crc32))
     return crc32
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FurtherCamera:
+    """What is constant over an episode of a camera besides the first one."""
+
+    name: str
+    height_px: int
+    width_px: int
+    K_px: tuple[float, ...]
+    """Intrinsics [px], row-major, 9 numbers."""
+    distortion_model: str = field(default="", metadata=OMITTED_WHEN_DEFAULT)
+    """One of `DISTORTION_MODELS`."""
+    distortion: tuple[float, ...] = field(default=(), metadata=OMITTED_WHEN_DEFAULT)
+    """Coefficients of the distortion model."""
+
+    def __post_init__(self) -> None:
+        check_distortion(self.distortion_model, self.distortion)
+
+
+def check_distortion(model: str, coefficients: Sequence[float]) -> None:
+    """Raise ValueError unless a distortion model is known and has so many coefficients."""
+    known = DISTORTION_MODELS.get(model)
+    if known is None:
+        raise ValueError(f"distortion_model must be one of {sorted(DISTORTION_MODELS)}, got {model!r}.")
+    if len(coefficients) != known:
+        raise ValueError(f"distortion model {model!r} has {known} coefficients, got {len(coefficients)}.")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -127,19 +154,15 @@ class EpisodeHeader:
     drove, or the policy that the run began with."""
     image_every: int = field(default=1, metadata=OMITTED_WHEN_DEFAULT)
     """Samples from image to image: images, and what the expert would do, are there at samples 0, n, 2 n ... alone."""
+    cameras: tuple[FurtherCamera, ...] = field(default=(), metadata=OMITTED_WHEN_DEFAULT)
+    """The cameras besides the first one, in the order of their channels."""
+    drawn: dict[str, float] = field(default_factory=dict, hash=False, metadata=OMITTED_WHEN_DEFAULT)
+    """What the episode's robot drew from its ranges, by the names of `RobotRanges`."""
 
     def __post_init__(self) -> None:
         if self.image_every < 1:
             raise ValueError(f"image_every must be 1 or more, got {self.image_every}.")
-        known = DISTORTION_MODELS.get(self.distortion_model)
-        if known is None:
-            raise ValueError(
-                f"distortion_model must be one of {sorted(DISTORTION_MODELS)}, got {self.distortion_model!r}."
-            )
-        if len(self.distortion) != known:
-            raise ValueError(
-                f"distortion model {self.distortion_model!r} has {known} coefficients, got {len(self.distortion)}."
-            )
+        check_distortion(self.distortion_model, self.distortion)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

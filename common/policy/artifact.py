@@ -4,13 +4,19 @@ Policies of any other shape are one graph with inputs of their own, see `readygo
 
 encoder.onnx: `image` uint8 (B, H, W, C) RGB -> `latent` float32 (B, L). With late fusion it sees one frame, C = 3; with
 early fusion all of them stacked along the channels, oldest first, C = 3 `frame_count`. Beside it, where the policy
-takes it, `depth` uint8 (B, H, W, C / 3), see `readygo.common.policy.sight`.
+takes it, `depth` uint8 (B, H, W, C / 3), and of further cameras `image_left`, `depth_left`, see
+`readygo.common.policy.sight`.
 head.onnx: `features` float32 (B, F) -> `action` float32 (B, 2), v [m/s] and w [rad/s] within the robot's limits.
 The features are the latents (late fusion: of ..., t - 2 spacings, t - 1 spacing and t), then what the policy knows of
 its own motion (`MotionInput`), then the goal in the robot's frame (dx, dy) [m]. Every normalisation lies inside of the
 two graphs.
+
+The head of a policy for several robots has a second input, `robot` float32 (B, 6): what
+`readygo.common.policy.traits.TRAITS` names of the robot, in SI units. Its commands are within that robot's limits.
+`[robot.ranges]` of `policy.toml` says which robots it knows.
 """
 
+import dataclasses
 import enum
 import re
 import tomllib
@@ -23,12 +29,15 @@ from readygo.common.camera import SensorConfig
 from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.errors import ConfigError, PolicyError
 from readygo.common.files import write_whole
+from readygo.common.images.names import RGB
 from readygo.common.policy.graph import GRAPH_FILE, Given, GraphSpec
-from readygo.common.policy.sight import RGB, channels_of, check_images
-from readygo.common.policy.windows import FRAME_COUNT, spacing_steps_of
+from readygo.common.policy.sight import channels_of, check_cameras, check_images
+from readygo.common.policy.windows import FRAME_COUNT
 from readygo.common.robot import RobotConfig
 
 POLICY_FORMAT = "readygo-policy/2"
+ROBOTS_FORMAT = "readygo-policy/4"
+"""Of policies for several robots: as the second format, but the head is told which robot it drives."""
 GRAPH_FORMAT = "readygo-policy/3"
 """Of policies of one graph, see `readygo.common.policy.graph`."""
 FIRST_FORMAT = "readygo-policy/1"
@@ -48,6 +57,16 @@ class Fusion(enum.Enum):
     """The encoder sees one frame; the latents of all are put side by side."""
     EARLY = "early"
     """The encoder sees all frames stacked: one latent."""
+
+
+class Goal(enum.Enum):
+    """What a policy is told of its goal."""
+
+    POINT = "point"
+    """Where it is in the robot's frame."""
+    IMAGE = "image"
+    """What the robot would see there."""
+    BOTH = "both"
 
 
 class MotionInput(enum.Enum):
@@ -79,6 +98,10 @@ class PolicyInputs:
     """Frames that it sees together, one frame spacing apart."""
     images: tuple[str, ...] = (RGB,)
     """What each frame is of, in this order: see `readygo.common.policy.sight`."""
+    goal: Goal = Goal.POINT
+    """What it is told of the goal; images of goals are for policies of one graph."""
+    robot: bool = False
+    """True if the head is told which robot it drives."""
 
     def __post_init__(self) -> None:
         check_images(self.images)
@@ -98,13 +121,14 @@ class PolicyInputs:
 
     @property
     def latents_width(self) -> int:
-        """Latents that the head takes."""
-        return self.latent_count * (1 if self.fusion is Fusion.EARLY else self.frame_count)
+        """Latents that the head takes: of the frames, and after them of the goal's image."""
+        frames = 1 if self.fusion is Fusion.EARLY else self.frame_count
+        return self.latent_count * (frames + (self.goal is not Goal.POINT))
 
     @property
     def feature_count(self) -> int:
         """Numbers that the head takes: latents, own motion, goal."""
-        return self.latents_width + self.motion.width(self.frame_count) + 2
+        return self.latents_width + self.motion.width(self.frame_count) + (0 if self.goal is Goal.IMAGE else 2)
 
 
 FIRST_INPUTS = PolicyInputs(motion=MotionInput.BARE_COMMAND)
@@ -119,7 +143,7 @@ class PolicySpec:
     sensor: SensorConfig = field(default_factory=SensorConfig)
     """What varied of that camera from episode to episode."""
     frame_spacing_s: float = 0.5
-    """Time between the frames [s]; a multiple of the step of 0.05 s."""
+    """Time between the frames [s]; a multiple of the time between two images of the robot's camera."""
     inputs: PolicyInputs = field(default_factory=PolicyInputs)
     """What its graphs take."""
     graph: GraphSpec | None = None
@@ -128,7 +152,8 @@ class PolicySpec:
     """Where it comes from: data hashes, seed, versions."""
 
     def __post_init__(self) -> None:
-        spacing_steps_of(self.frame_spacing_s)
+        self.robot.clock.spacing_steps(self.frame_spacing_s)
+        check_cameras(self.inputs.images, self.robot)
 
     @property
     def files(self) -> tuple[str, ...]:
@@ -143,13 +168,13 @@ class PolicySpec:
     @property
     def frame_spacing_steps(self) -> int:
         """Simulation steps between the frames."""
-        return spacing_steps_of(self.frame_spacing_s)
+        return self.robot.clock.spacing_steps(self.frame_spacing_s)
 
 
 def save_spec(spec: PolicySpec, folder: Path) -> None:
     """Write `policy.toml` in one piece."""
     mapping = {
-        "format": GRAPH_FORMAT if spec.graph else POLICY_FORMAT,
+        "format": GRAPH_FORMAT if spec.graph else ROBOTS_FORMAT if spec.inputs.robot else POLICY_FORMAT,
         "frame_spacing_s": spec.frame_spacing_s,
         "inputs": {
             "fusion": spec.inputs.fusion.value,
@@ -181,7 +206,7 @@ def load_spec(folder: Path) -> PolicySpec:
         ) from error
     except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise PolicyError(f"{path} is no TOML file: {error}; export the policy again.") from error
-    if mapping.get("format") not in (FIRST_FORMAT, POLICY_FORMAT, GRAPH_FORMAT):
+    if mapping.get("format") not in (FIRST_FORMAT, POLICY_FORMAT, GRAPH_FORMAT, ROBOTS_FORMAT):
         raise PolicyError(f"{path} has format {mapping.get('format')!r}, this version reads {POLICY_FORMAT!r}.")
     try:
         robot = section_from_mapping(RobotConfig, mapping["robot"], where="robot.")
@@ -202,8 +227,9 @@ def _graphs(mapping: Mapping[str, Any]) -> dict[str, Any]:
     """What the graphs of a policy are given."""
     if mapping["format"] == FIRST_FORMAT:
         return {"inputs": FIRST_INPUTS}
-    if mapping["format"] == POLICY_FORMAT:
-        return {"inputs": _inputs(mapping["inputs"])}
+    if mapping["format"] in (POLICY_FORMAT, ROBOTS_FORMAT):
+        robot = mapping["format"] == ROBOTS_FORMAT
+        return {"inputs": dataclasses.replace(_inputs(mapping["inputs"]), robot=robot)}
     graph = GraphSpec.from_mapping(mapping["graph"])
     frame_count = int(mapping.get("inputs", {}).get("frame_count", 1))
     return {"graph": graph, "inputs": PolicyInputs(frame_count=frame_count, images=graph.images)}

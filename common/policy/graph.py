@@ -21,6 +21,7 @@
 | `goal_image` | as `rgb` with one frame: what the robot would see at the goal |
 | `motion` | float32 (1, 3 (F - 1) + 2): own motion, see `MotionInput.POSES` |
 | `command` | float32 (1, 2): v [m/s], w [rad/s] executed last |
+| `robot` | float32 (1, 6): which robot it drives, of those in `[robot.ranges]`; `readygo.common.policy.traits.TRAITS` |
 
 The graph's output `action` is float32 (1, 2), v [m/s] and w [rad/s]; what exceeds the robot's limits is cut off. Types and
 shapes of states are the graph's; dimensions that it leaves open are 1.
@@ -48,6 +49,7 @@ class Given(enum.Enum):
     GOAL_IMAGE = "goal_image"
     MOTION = "motion"
     COMMAND = "command"
+    ROBOT = "robot"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,6 +12,7 @@ from readygo.common.policy.graph import Given, GraphSpec, Port
 from readygo.common.policy.memory import PolicyMemory
 from readygo.common.policy.runtime import Policy
 from readygo.common.policy.sight import channels_by_image
+from readygo.common.policy.traits import LIMITS_AT
 
 _TYPES: Mapping[str, type[np.generic]] = {
     "tensor(uint8)": np.uint8,
@@ -73,10 +74,10 @@ class GraphPolicy(Policy):
         fed |= {name: kept.state.get(name, self._ports[name].zeros()) for name in self._graph.state}
         action, *after = self._session.run([self._graph.action, *self._graph.state.values()], fed)
         kept.state = dict(zip(self._graph.state, after, strict=True))
-        kept.decision = self._limited(action)
         period_ns = round(1e9 / self._graph.rate_hz)
         # Its rhythm is kept where images come nearly in time, and begins anew after a pause.
-        late = now_ns - kept.due_ns >= period_ns
+        late = kept.decision is None or now_ns - kept.due_ns >= period_ns
+        kept.decision = self._limited(action, memory.traits[LIMITS_AT:])
         kept.due_ns = (now_ns if late else kept.due_ns) + period_ns
         return kept.decision
 
@@ -98,15 +99,15 @@ class GraphPolicy(Policy):
                     "--goal-image FILE."
                 )
             return port.images(memory.kept.goal_image[None])
-        numbers = {Given.GOAL: goal_xy_m, Given.COMMAND: command}.get(given)
+        numbers = {Given.GOAL: goal_xy_m, Given.COMMAND: command, Given.ROBOT: memory.traits}.get(given)
         return np.asarray(memory.own_motion(command) if numbers is None else numbers, port.dtype)[None]
 
-    def _limited(self, action: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
+    def _limited(self, action: npt.NDArray[Any], limits: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
         if action.size != 2:
             raise PolicyError(f"The policy's {self._graph.action} must be v and w, got {action.size} numbers.")
-        robot, (v, w) = self.spec.robot, action.reshape(2).tolist()
-        w_max = robot.w_max_radps
-        return np.array([np.clip(v, 0.0, robot.v_max_mps), np.clip(w, -w_max, w_max)], np.float32)
+        (v, w), (v_max, w_max) = action.reshape(2).tolist(), limits.tolist()
+        slowest = self.spec.robot.v_min_mps / self.spec.robot.v_max_mps
+        return np.array([np.clip(v, slowest * v_max, v_max), np.clip(w, -w_max, w_max)], np.float32)
 
 
 def _ports(graph: GraphSpec, session: Any) -> dict[str, Port]:

@@ -9,8 +9,7 @@ import numpy.typing as npt
 
 from readygo.common.policy.motion import own_motion
 from readygo.common.policy.windows import FRAME_COUNT, window_at
-from readygo.common.robot import step_unicycle
-from readygo.common.robot.kinematics import STEP_NS
+from readygo.common.robot import Clock, step_unicycle
 
 Pose = tuple[float, float, float]
 
@@ -32,21 +31,27 @@ class Kept:
 class PolicyMemory:
     """Frames or latents of the last spacings, and where the robot was, each with its time.
 
-    A simulation calls `advance` and `see` once a step. A robot says by `move` where its odometry has it, and by `see`
-    when a frame was taken, as they come. The times are of one clock, and rise.
+    A simulation calls `advance` once a step, and `see` when a frame comes. A robot says by `move` where its odometry
+    has it, and by `see` when a frame was taken, as they come. The times are of one clock, and rise.
 
     Args:
         spacing_ns: Time between the frames that it sees [ns].
         latency_ns: Time from when a frame is taken until a simulated robot has it [ns].
         frame_count: Frames that it sees together.
+        clock: Steps of a simulated robot; those of one that names no rates by default.
     """
 
-    def __init__(self, spacing_ns: int, latency_ns: int = 0, frame_count: int = FRAME_COUNT) -> None:
+    def __init__(
+        self, spacing_ns: int, latency_ns: int = 0, frame_count: int = FRAME_COUNT, clock: Clock | None = None
+    ) -> None:
         self._spacing_ns, self._latency_ns, self._count = spacing_ns, latency_ns, frame_count
+        self._clock, self._steps = clock or Clock(), 0
         self._seen_ns: list[int] = []
         self._seen: list[npt.NDArray[Any]] = []
         self._poses_ns: list[int] = []
         self._poses: list[Pose] = []
+        self.traits = np.zeros(0, np.float32)
+        """What a policy for several robots is told of the one that it drives, shape (TRAIT_COUNT,)."""
         self.kept = Kept()
         """What a policy of one graph carries from a decision to the next."""
 
@@ -99,16 +104,9 @@ class PolicyMemory:
             self.move(0, (0.0, 0.0, 0.0))
             return
         v_mps, w_radps = command.tolist()
-        self.move(self._poses_ns[-1] + STEP_NS, step_unicycle(*self._poses[-1], v_mps, w_radps))
-
-    def hold(self, command: npt.NDArray[np.float32]) -> None:
-        """A step without a new frame: what was seen last is seen still; not at the first step.
-
-        Args:
-            command: v [m/s], w [rad/s] executed over the last step, shape (2,).
-        """
-        self.advance(command)
-        self.see(self._seen[-1])
+        self._steps += 1
+        pose = step_unicycle(*self._poses[-1], v_mps, w_radps, self._clock.dt_s)
+        self.move(self._clock.time_ns(self._steps), pose)
 
     def own_motion(self, command: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
         """The features of `MotionInput.POSES`, shape (3 (frame_count - 1) + 2,).

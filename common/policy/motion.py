@@ -10,11 +10,12 @@ from readygo.common.robot import step_unicycle
 Array = npt.NDArray[np.float64]
 
 
-def odometry(commands: npt.NDArray[np.float32]) -> Array:
+def odometry(commands: npt.NDArray[np.float32], dt_s: float) -> Array:
     """Where a robot is at every step of an episode, by the commands that it executed.
 
     Args:
         commands: v [m/s], w [rad/s] executed after each step, shape (T, 2).
+        dt_s: Length of a step [s].
 
     Returns:
         x, y [m], yaw [rad] (not wrapped) at each step in the robot's frame at the first one, shape (T, 3).
@@ -22,7 +23,7 @@ def odometry(commands: npt.NDArray[np.float32]) -> Array:
     pose = (0.0, 0.0, 0.0)
     poses = [pose]
     for v_mps, w_radps in commands[:-1].tolist():
-        pose = step_unicycle(*pose, v_mps, w_radps)
+        pose = step_unicycle(*pose, v_mps, w_radps, dt_s)
         poses.append(pose)
     return np.array(poses[: len(commands)], np.float64).reshape(-1, 3)
 

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Observation:
-    """One step of 0.05 s, seen from the robot."""
+    """One step of an episode, seen from the robot."""
 
     rgb: npt.NDArray[np.uint8]
     """The camera's image, sRGB, shape (H, W, 3)."""

@@ -1,5 +1,7 @@
 """Run an exported policy with onnxruntime: one thread, the same numbers whatever the batch."""
 
+import copy
+import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +13,7 @@ from readygo.common.camera import SensorConfig
 from readygo.common.config import section_differences
 from readygo.common.errors import PolicyError
 from readygo.common.extras import install_command
+from readygo.common.images.names import DEPTH, cameras_of, kinds_of
 from readygo.common.messages.checks import check_array
 from readygo.common.policy.artifact import (
     ENCODER_FILE,
@@ -23,12 +26,14 @@ from readygo.common.policy.artifact import (
 from readygo.common.policy.graph import GRAPH_FILE
 from readygo.common.policy.memory import PolicyMemory
 from readygo.common.policy.motion import motion_features
-from readygo.common.policy.sight import DEPTH, GRAPH_INPUTS, channels_by_image, channels_of
+from readygo.common.policy.robots import OF_BODY, RANGED, known_as
+from readygo.common.policy.sight import camera_on, channels_by_image, channels_of, graph_input
+from readygo.common.policy.traits import traits_of
 from readygo.common.robot import RobotConfig
-from readygo.common.robot.kinematics import STEP_NS, whole_steps
+from readygo.common.robot.ranges import OF_CAMERA
 
-LIMITS = ("v_max_mps", "w_max_radps", "a_max_mps2", "alpha_max_radps2")
-"""Of `RobotConfig`: what a policy's commands are within."""
+LIMITS = ("v_max_mps", "v_min_mps", "w_max_radps", "a_max_mps2", "alpha_max_radps2", "control_hz", "camera_hz")
+"""Of `RobotConfig`: what a policy's commands are within, and how often they and its images come."""
 
 
 class Policy:
@@ -47,10 +52,34 @@ class Policy:
         self._channels = channels_by_image(spec.inputs.images, spec.inputs.frames_together)
         self._head = head
 
-    def start(self) -> PolicyMemory:
-        """Memory for a new episode."""
-        late_ns = whole_steps(self.spec.robot.camera.latency_s) * STEP_NS
-        return PolicyMemory(self.spec.frame_spacing_steps * STEP_NS, late_ns, self.spec.inputs.frame_count)
+    def for_robot(self, robot: RobotConfig) -> "Policy":
+        """The policy as it drives one of the robots that it knows; itself if it knows one alone.
+
+        Args:
+            robot: What it shall drive.
+
+        Raises:
+            PolicyError: If the robot is outside of its ranges, or has other limits.
+        """
+        check_policy_limits(self.spec, robot)
+        if not self.spec.robot.ranges.varies:
+            return self
+        bound = copy.copy(self)
+        bound.spec = dataclasses.replace(self.spec, robot=known_as(self.spec.robot, robot, RANGED))
+        return bound
+
+    def start(self, robot: RobotConfig | None = None) -> PolicyMemory:
+        """Memory for a new episode.
+
+        Args:
+            robot: What is driven, for a policy that knows several robots; its own robot by default.
+        """
+        clock = self.spec.robot.clock
+        late_ns = clock.time_ns(clock.steps(self.spec.robot.camera.latency_s))
+        spacing_ns = clock.time_ns(self.spec.frame_spacing_steps)
+        memory = PolicyMemory(spacing_ns, late_ns, self.spec.inputs.frame_count, clock)
+        memory.traits = traits_of(robot or self.spec.robot).astype(np.float32)
+        return memory
 
     def encode(self, images: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
         """Latents of RGB images, shape (B, L).
@@ -87,13 +116,14 @@ class Policy:
         """Images by the names of the encoder's inputs."""
         if len(self._channels) == 1:
             return {"image": images}
-        return {GRAPH_INPUTS[name]: images[..., where] for name, where in self._channels.items()}
+        return {graph_input(name): images[..., where] for name, where in self._channels.items()}
 
     def act(
         self,
         latents: npt.NDArray[np.float32],
         motion: npt.NDArray[np.float32],
         goals_xy_m: npt.NDArray[np.float32],
+        traits: npt.NDArray[np.float32] | None = None,
     ) -> npt.NDArray[np.float32]:
         """Actions of several episodes.
 
@@ -101,15 +131,22 @@ class Policy:
             latents: One row per episode, with late fusion those of all frames, shape (B, `latents_width`).
             motion: Features of own motion, see `MotionInput`, shape (B, M).
             goals_xy_m: Goals in the robots' frames (x forward, y left) [m], shape (B, 2).
+            traits: Of the robots, for a policy that knows several, shape (B, TRAIT_COUNT); its own robot's by default.
 
         Returns:
             Commands v [m/s], w [rad/s] within the robot's limits, shape (B, 2).
         """
-        return self._answer(np.concatenate([latents, motion, goals_xy_m], axis=1).astype(np.float32))
+        features = np.concatenate([latents, motion, goals_xy_m], axis=1).astype(np.float32)
+        return self._answer(features, [self.start().traits] * len(features) if traits is None else list(traits))
 
-    def _answer(self, features: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    def _answer(
+        self, features: npt.NDArray[np.float32], traits: Sequence[npt.NDArray[np.float32]]
+    ) -> npt.NDArray[np.float32]:
         check_array("features", features, np.float32, (None, self.spec.inputs.feature_count))
-        rows = [self._head.run(None, {"features": row[None]})[0] for row in features]
+        fed = [{"features": row[None]} for row in features]
+        if self.spec.inputs.robot:
+            fed = [given | {"robot": told[None]} for given, told in zip(fed, traits, strict=True)]
+        rows = [self._head.run(None, given)[0] for given in fed]
         return np.concatenate(rows) if rows else np.empty((0, 2), np.float32)
 
     def step(
@@ -172,7 +209,7 @@ class Policy:
             commands: Executed last: v [m/s], w [rad/s], shape (B, 2).
             goals_xy_m: Goals in the robots' frames (x forward, y left) [m], shape (B, 2).
         """
-        return self._answer(self.features(memories, commands, goals_xy_m))
+        return self._answer(self.features(memories, commands, goals_xy_m), [memory.traits for memory in memories])
 
     def features(
         self,
@@ -202,7 +239,8 @@ def load_policy(folder: str | Path, *, robot: RobotConfig | None = None) -> Poli
 
     Args:
         folder: The folder that training wrote.
-        robot: The robot that it shall drive; None skips the comparison.
+        robot: The robot that it shall drive, one of those that it knows if it knows several; None skips the
+            comparison.
 
     Raises:
         PolicyError: If a file is missing or broken, the format is another version's, the camera differs from
@@ -214,7 +252,7 @@ def load_policy(folder: str | Path, *, robot: RobotConfig | None = None) -> Poli
         check_policy_camera(spec, robot)
     policy = _made(spec, folder)
     _check_graphs(policy, folder)
-    return policy
+    return policy.for_robot(robot) if robot is not None and spec.robot.ranges.varies else policy
 
 
 def _made(spec: PolicySpec, folder: Path) -> Policy:
@@ -226,16 +264,24 @@ def _made(spec: PolicySpec, folder: Path) -> Policy:
 
 
 def check_policy_camera(spec: PolicySpec, robot: RobotConfig, sensor: SensorConfig | None = None) -> None:
-    """Raise PolicyError unless the robot has the camera that the policy was trained with.
+    """Raise PolicyError unless the robot has the cameras that the policy was trained with, or one of its ranges.
 
     Args:
         spec: Of the policy.
-        robot: Whose camera shall look.
-        sensor: What shall vary of it; None leaves that out.
+        robot: Whose cameras shall look.
+        sensor: What shall vary of them; None leaves that out.
     """
-    found = [("", *row) for row in section_differences(spec.robot.camera, robot.camera)]
-    if DEPTH not in spec.inputs.images:
-        found = [row for row in found if not row[1].startswith("depth_")]
+    known = known_as(spec.robot, robot, OF_CAMERA)
+    found: list[tuple[str, str, Any, Any]] = []
+    for name in cameras_of(spec.inputs.images):
+        if name and name not in robot.cameras:
+            raise PolicyError(
+                f"The policy sees with the camera {name!r}, which the robot has not; it has "
+                f"{', '.join(robot.all_cameras)}. Leave the robot's cameras out, or name this one in robot.toml."
+            )
+        differences = section_differences(camera_on(known, name), camera_on(robot, name))
+        seen = DEPTH in kinds_of(name, spec.inputs.images)
+        found += [(f"{name}." if name else "", *row) for row in differences if seen or not row[0].startswith("depth_")]
     if sensor is not None:
         found += [("sensor.", *row) for row in section_differences(spec.sensor, sensor)]
     if found:
@@ -249,16 +295,17 @@ def check_policy_camera(spec: PolicySpec, robot: RobotConfig, sensor: SensorConf
 
 
 def check_policy_limits(spec: PolicySpec, robot: RobotConfig) -> None:
-    """Raise PolicyError unless the robot has the limits that the policy's commands were learned for."""
+    """Raise PolicyError unless the robot has the limits and rates that the policy's commands were learned for."""
+    known = known_as(spec.robot, robot, OF_BODY)
     found = [
-        f"{name} {getattr(spec.robot, name):g} (the robot's: {getattr(robot, name):g})"
+        f"{name} {getattr(known, name):g} (the robot's: {getattr(robot, name):g})"
         for name in LIMITS
-        if getattr(spec.robot, name) != getattr(robot, name)
+        if getattr(known, name) != getattr(robot, name)
     ]
     if found:
         raise PolicyError(
-            f"The policy was trained for a robot of other limits: {', '.join(found)}; leave them out, the policy "
-            "says its own."
+            f"The policy was trained for a robot of other limits or rates: {', '.join(found)}; leave them out, the "
+            "policy says its own."
         )
 
 

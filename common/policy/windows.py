@@ -6,14 +6,16 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.robot.kinematics import DT_S, RATE_HZ
-
 FRAME_COUNT = 3
 """Images that a policy sees together, where it does not say."""
 
 
 def window_rows(
-    newest: npt.ArrayLike, first: npt.ArrayLike, spacing_steps: int, frame_count: int = FRAME_COUNT
+    newest: npt.ArrayLike,
+    first: npt.ArrayLike,
+    spacing_steps: int,
+    frame_count: int = FRAME_COUNT,
+    image_every: int = 1,
 ) -> npt.NDArray[np.int64]:
     """The rows of a window, oldest first; an episode's first row stands in for what was before it.
 
@@ -22,12 +24,14 @@ def window_rows(
         first: First row of each window's episode, shape (...).
         spacing_steps: Steps between the images.
         frame_count: Images of a window.
+        image_every: Steps from one image to the next: where `newest` has none, the one before it is the newest.
 
     Returns:
         Shape (..., frame_count).
     """
     back = spacing_steps * np.arange(frame_count - 1, -1, -1)
-    rows: npt.NDArray[np.int64] = np.maximum(np.asarray(newest)[..., None] - back, np.asarray(first)[..., None])
+    since = np.maximum(np.asarray(newest) - np.asarray(first), 0) // image_every * image_every
+    rows: npt.NDArray[np.int64] = np.maximum(since[..., None] - back, 0) + np.asarray(first)[..., None]
     return rows
 
 
@@ -50,15 +54,3 @@ def window_at(times_ns: Sequence[int], spacing_ns: int, frame_count: int = FRAME
             row -= 1
         rows.append(row)
     return rows
-
-
-def spacing_steps_of(spacing_s: float, *, name: str = "frame_spacing_s") -> int:
-    """Steps between images that are `spacing_s` [s] apart.
-
-    Raises:
-        ValueError: If that is not a positive multiple of the step.
-    """
-    steps = spacing_s * RATE_HZ
-    if steps < 1 or abs(steps - round(steps)) > 1e-6:
-        raise ValueError(f"{name} must be a multiple of {DT_S} s, got {spacing_s}.")
-    return round(steps)

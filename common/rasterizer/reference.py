@@ -107,7 +107,7 @@ class ReferenceRasterizer:
         return rasterize_reference(
             concatenate(clouds),
             view.T_world_camera,
-            camera.K_px,
+            camera.K_px if view.K_px is None else view.K_px,
             camera.height_px,
             camera.width_px,
             instances=instances,

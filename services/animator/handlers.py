@@ -8,10 +8,12 @@ import numpy.typing as npt
 
 from readygo.common.avatars import Avatar
 from readygo.common.episode import Purpose, episode_rng
+from readygo.common.episode.resample import at_rate
 from readygo.common.errors import AvatarError, ConfigError, MotionError
 from readygo.common.extras import install_command
 from readygo.common.maps.grid import FloorMap, OccupancyMap
 from readygo.common.messages import AnimateReply, AnimateRequest, EpisodeMotions, HumanMotion, Motion
+from readygo.common.robot.kinematics import RATE_HZ
 from readygo.services.animator.config import AnimatorConfig
 from readygo.services.animator.gait.human import GaitSkeleton, skeleton_of
 from readygo.services.animator.gait.path import check_trajectory
@@ -30,6 +32,7 @@ class Animator:
         floor: FloorMap,
         config: AnimatorConfig,
         obstacles: OccupancyMap | None = None,
+        rate_hz: int = RATE_HZ,
     ) -> None:
         """Measure the avatars' skeletons.
 
@@ -38,6 +41,7 @@ class Animator:
             floor: Height of the scene's floor.
             config: How to move.
             obstacles: What blocks people; trajectories that lead through it are refused. None: not checked.
+            rate_hz: Rows of the motions per second: the steps of the robot's clock.
 
         Raises:
             AvatarError: If an avatar has measures that no standing person has.
@@ -45,7 +49,7 @@ class Animator:
         """
         self.floor = floor
         self.obstacles = obstacles
-        self.config = config
+        self.config, self.rate_hz = config, rate_hz
         self.skeletons = {name: skeleton_of(avatar) for name, avatar in avatars.items()}
         self.move = _motion_source(config)
 
@@ -113,5 +117,5 @@ def handle_animate(animator: Animator, request: AnimateRequest) -> AnimateReply:
             motion = animator.move(skeleton, human.xy_m, animator.floor, human_rng)
         except MotionError as error:
             return AnimateReply(episode=scenario.episode, rejected=f"motion: {error}")
-        motions.append(HumanMotion(avatar=human.avatar, motion=motion))
+        motions.append(HumanMotion(avatar=human.avatar, motion=at_rate(motion, animator.rate_hz)))
     return AnimateReply(episode=scenario.episode, motions=EpisodeMotions(humans=tuple(motions)))

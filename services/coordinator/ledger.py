@@ -115,10 +115,11 @@ class Ledger:
     def drop_episodes(self, wanted: int) -> None:
         """Forget the indices behind the `wanted` smallest ones that are not rejected: the run was to be longer.
 
-        Nothing is forgotten where an index behind them is durable, see `wanted_min`.
+        Nothing is forgotten where an index behind them is durable. In a ledger that was made anew many may be: what was
+        rejected before them is not known yet.
         """
         with self.together():
-            if wanted >= self.wanted_min():
+            if wanted >= self._indices_to_last_durable():
                 self._db.execute(
                     """DELETE FROM episode WHERE idx > (SELECT idx FROM episode WHERE state != 'rejected'
                     ORDER BY idx LIMIT 1 OFFSET ?)""",
@@ -128,13 +129,17 @@ class Ledger:
 
     def wanted_min(self) -> int:
         """Length of the shortest run that holds all durable episodes."""
+        count = self._indices_to_last_durable()
+        rebuilt = self._one("SELECT value FROM run WHERE key = ?", _REBUILT)
+        return min(count, int(rebuilt[0])) if rebuilt else count
+
+    def _indices_to_last_durable(self) -> int:
         row = self._one(
             """SELECT count(*) FROM episode WHERE state != 'rejected'
             AND idx <= (SELECT max(idx) FROM episode WHERE state IN ('granted', 'committed'))"""
         )
         assert row is not None
-        rebuilt = self._one("SELECT value FROM run WHERE key = ?", _REBUILT)
-        return min(int(row[0]), int(rebuilt[0])) if rebuilt else int(row[0])
+        return int(row[0])
 
     def claim(self, stage: Stage, worker: str, deadline_s: float, recorder: str = "") -> Lease | None:
         """Lease the waiting episode of smallest index at `stage`, if there is one, to be given to a recorder.

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from readygo.services.driver.config import DriverConfig as DriverConfig
     from readygo.services.driver.disturbance import Disturbance as Disturbance
     from readygo.services.driver.disturbance import disturbs as disturbs
-    from readygo.services.driver.handlers import AHEAD_STEPS as AHEAD_STEPS
+    from readygo.services.driver.handlers import AHEAD_S as AHEAD_S
     from readygo.services.driver.handlers import Advice as Advice
     from readygo.services.driver.handlers import Camera as Camera
     from readygo.services.driver.handlers import Drive as Drive
@@ -26,7 +26,7 @@ else:
             "disturbs",
         ),
         ".handlers": (
-            "AHEAD_STEPS",
+            "AHEAD_S",
             "Advice",
             "Camera",
             "Drive",

@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass
 
-from readygo.common.robot.kinematics import DT_S, RATE_HZ
+from readygo.common.errors import ConfigError
+from readygo.common.robot import Clock
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -12,9 +13,10 @@ class DriverConfig:
     A disturbed expert gives data of states that it would never come to by itself.
     """
 
-    camera_hz: float = 20.0
+    camera_hz: float | None = None
     """How often a picture is taken, the expert is asked what to do and a policy decides [Hz]; in between its command is
-    held. What is not drawn leaves time for other places. 20 Hz divided by a whole number."""
+    held. What is not drawn leaves time for other places. The rate of the robot's camera divided by a whole number;
+    None takes every image of it."""
     disturbed: float = 0.0
     """Share of the expert's episodes in which it is disturbed, 0..1."""
     push: float = 0.5
@@ -25,17 +27,23 @@ class DriverConfig:
     late_max_s: float = 0.3
     """The robot does now what the expert planned for now this long ago at most; drawn per episode [s]."""
 
-    @property
-    def image_every(self) -> int:
-        """Steps from picture to picture."""
-        return round(RATE_HZ / self.camera_hz)
+    def image_every(self, clock: Clock) -> int:
+        """Steps of a robot's clock from picture to picture.
+
+        Raises:
+            ConfigError: If that is no whole number of its camera's images.
+        """
+        if self.camera_hz is None:
+            return clock.image_every
+        own_hz = clock.rate_hz / clock.image_every
+        if not (0.0 < self.camera_hz <= own_hz and (own_hz / self.camera_hz).is_integer()):
+            raise ConfigError(f"camera_hz must be {own_hz:g} Hz divided by a whole number, got {self.camera_hz:g}.")
+        return clock.image_every * round(own_hz / self.camera_hz)
 
     def __post_init__(self) -> None:
-        if not (0.0 < self.camera_hz <= RATE_HZ and (RATE_HZ / self.camera_hz).is_integer()):
-            raise ValueError(f"camera_hz must be {RATE_HZ} Hz divided by a whole number, got {self.camera_hz:g}.")
         if not 0.0 <= self.disturbed <= 1.0:
             raise ValueError(f"disturbed must be 0..1, got {self.disturbed}.")
-        if not (0.0 <= self.push <= 10.0 and DT_S <= self.push_time_s <= 60.0):
+        if not (0.0 <= self.push <= 10.0 and 0.05 <= self.push_time_s <= 60.0):
             raise ValueError(f"push must be 0..10 and push_time_s 0.05..60, got {self.push} and {self.push_time_s}.")
         if not 0.0 <= self.late_max_s <= 1.0:
             raise ValueError(f"late_max_s must be 0..1, got {self.late_max_s}.")

@@ -8,7 +8,6 @@ import numpy as np
 from readygo.common.episode.streams import Purpose, episode_rng
 from readygo.common.messages import EpisodeKey
 from readygo.common.robot import RobotConfig
-from readygo.common.robot.kinematics import DT_S, whole_steps
 from readygo.services.driver.config import DriverConfig
 
 
@@ -26,20 +25,23 @@ class Disturbance:
         self._rng = _rng(episode)
         # The draw of `disturbs`.
         self._rng.random()
-        self._late_steps = int(self._rng.integers(0, whole_steps(config.late_max_s) + 1))
-        self._keep = math.exp(-DT_S / config.push_time_s)
+        clock = robot.clock
+        self._late_steps = int(self._rng.integers(0, clock.steps(config.late_max_s) + 1))
+        self._keep = math.exp(-clock.dt_s / config.push_time_s)
         self._noise = config.push * math.sqrt(1.0 - self._keep * self._keep)
-        self._change = robot.a_max_mps2 * DT_S, robot.alpha_max_radps2 * DT_S
+        self._change = robot.a_max_mps2 * clock.dt_s, robot.alpha_max_radps2 * clock.dt_s
         self._push = (0.0, 0.0)
 
-    def command(self, would: Sequence[Sequence[tuple[float, float]]]) -> tuple[float, float]:
+    def command(self, would: Sequence[Sequence[tuple[float, float]]], held_steps: int = 1) -> tuple[float, float]:
         """What reaches the robot: v [m/s], w [rad/s] for the next step, pushes included.
 
         Args:
-            would: At every step so far, what the expert wanted from there on: v [m/s], w [rad/s] over every 0.05 s.
+            would: At every step so far, what the expert wanted from there on: v [m/s], w [rad/s] over every step.
+            held_steps: Steps during which the robot holds a command.
         """
         late = min(self._late_steps, len(would) - 1)
-        v, w = would[-1 - late][late]
+        planned = would[-1 - late]
+        v, w = planned[min(late + held_steps, len(planned)) - 1]
         push_v, push_w = (self._keep * push + self._noise * self._rng.standard_normal() for push in self._push)
         self._push = push_v, push_w
         return v + push_v * self._change[0], w + push_w * self._change[1]

@@ -15,14 +15,13 @@ from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.streams import Purpose, episode_rng
 from readygo.common.messages import Driver, EpisodeKey, RobotTrajectory
 from readygo.common.policy import Policy
-from readygo.common.robot import limit_command
-from readygo.common.robot.kinematics import whole_steps
+from readygo.common.robot import RobotConfig, limit_command
 from readygo.services.driver.disturbance import Disturbance
 
-AHEAD_STEPS = 20
-"""Commands of the expert that are recorded beyond the one of now: 1 s."""
+AHEAD_S = 1.0
+"""How far ahead the expert's commands are recorded beyond the one of now [s]."""
 Commands = tuple[tuple[float, float], ...]
-"""v [m/s], w [rad/s] over the next 0.05 s and over every further 0.05 s."""
+"""v [m/s], w [rad/s] over the next step and over every further one."""
 
 
 class Advice(Protocol):
@@ -85,29 +84,47 @@ class Camera(Protocol):
 class PolicyDriver:
     """A policy in one episode: it sees every picture as late as the robot's camera is."""
 
-    def __init__(self, policy: Policy, latency_s: float) -> None:
+    def __init__(self, policy: Policy, robot: RobotConfig, image_every: int) -> None:
         """Begin an episode.
 
         Args:
             policy: Who drives.
-            latency_s: Time from a picture until the policy has it [s], a multiple of the time between pictures.
+            robot: What is driven: whose camera is so late, and which is commanded so often.
+            image_every: Steps from picture to picture. Where these are more than the camera's, the policy decides only
+                when it has a new one.
         """
-        self._policy, self._memory = policy, policy.start()
+        self._policy, self._memory, self._clock = policy, policy.start(robot), robot.clock
         self._command = (0.0, 0.0)
-        self._pictures: deque[npt.NDArray[np.uint8]] = deque(maxlen=whole_steps(latency_s) + 1)
+        self._late_steps = self._clock.steps(robot.camera.latency_s)
+        self._image_every, self._thinned = image_every, image_every > self._clock.image_every
+        self._pictures: deque[tuple[int, npt.NDArray[np.uint8]]] = deque()
 
     def command(self, simulation: EpisodeSimulation, picture: npt.NDArray[np.uint8] | None) -> tuple[float, float]:
-        """Command v [m/s], w [rad/s] for the next step, after the picture of the present one; without one the last."""
+        """Command v [m/s], w [rad/s] for the next step.
+
+        Args:
+            simulation: The robot's state.
+            picture: Of the present step, if one was taken; there is one at the first.
+        """
         previous = np.array([(simulation.v_mps, simulation.w_radps)], dtype=np.float32)
-        if picture is None:
-            self._pictures.append(self._pictures[-1])
-            self._memory.hold(previous[0])
-            return self._command
-        self._pictures.append(picture)
-        goal = np.array([simulation.goal_xy_robot_m], dtype=np.float32)
-        v, w = self._policy.step([self._memory], self._pictures[0][None], previous, goal)[0].tolist()
-        self._command = v, w
+        self._memory.advance(previous[0])
+        if picture is not None:
+            self._pictures.append((simulation.step, picture))
+        looked = self._look(simulation.step)
+        if looked or (not self._thinned and self._clock.commands(simulation.step)):
+            goal = np.array([simulation.goal_xy_robot_m], dtype=np.float32)
+            v, w = self._policy.decide([self._memory], previous, goal)[0].tolist()
+            self._command = v, w
         return self._command
+
+    def _look(self, step: int) -> bool:
+        """See the picture that comes at a step, the first one until there is another; False where none comes."""
+        if step > 0 and (step - self._late_steps) % self._image_every:
+            return False
+        while len(self._pictures) > 1 and self._pictures[1][0] <= step - self._late_steps:
+            self._pictures.popleft()
+        self._policy.see([self._memory], self._pictures[0][1][None])
+        return True
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -116,8 +133,8 @@ class Drive:
 
     trajectory: RobotTrajectory
     expert_commands: tuple[Commands, ...]
-    """What the expert would have had the robot execute from each step on; 1 + AHEAD_STEPS commands each, none where
-    no picture was taken."""
+    """What the expert would have had the robot execute from each step on; `AHEAD_S` from the second on, none
+    where no picture was taken."""
     risks: tuple[bytes, ...]
     """What would have become of the robot under each command of the grid at each step; empty without a picture."""
 
@@ -163,9 +180,9 @@ def drive(
         if policy is not None:
             v, w = policy.command(simulation, picture)
         elif disturbance is not None:
-            v, w = disturbance.command(would)
+            v, w = disturbance.command(would, simulation.clock.held_for(simulation.step))
         else:
-            v, w = would[-1][0]
+            v, w = would[-1][simulation.clock.held_for(simulation.step) - 1]
         simulation.advance(v, w)
     trajectory = simulation.trajectory(
         human_visible=log.visible,
@@ -210,9 +227,9 @@ def executable(commands: npt.NDArray[np.float64], simulation: EpisodeSimulation)
         simulation: The robot's state.
     """
     v, w = simulation.v_mps, simulation.w_radps
-    executed = []
-    for step in range(1 + AHEAD_STEPS):
+    executed, clock = [], simulation.clock
+    for step in range(1 + clock.steps(AHEAD_S)):
         wanted_v, wanted_w = commands[min(step, len(commands) - 1)].tolist()
-        v, w = limit_command(wanted_v, wanted_w, v, w, simulation.robot)
+        v, w = limit_command(wanted_v, wanted_w, v, w, simulation.robot, clock.dt_s)
         executed.append((v, w))
     return tuple(executed)

@@ -20,8 +20,7 @@ from readygo.common.episode.collision import disc_meets_cells
 from readygo.common.kernels import compiled
 from readygo.common.maps import OccupancyMap
 from readygo.common.maps.distance import clearance_m
-from readygo.common.robot.command_grid import COMMAND_COUNT, HUMAN, OBSTACLE, command_grid
-from readygo.common.robot.kinematics import DT_S
+from readygo.common.robot.command_grid import HUMAN, OBSTACLE, command_grid
 
 HOLD_S = 1.0
 """How long a command is obeyed [s]."""
@@ -31,8 +30,8 @@ OBSTACLE_MARGIN_M = 0.02
 """Added to the robot's radius towards obstacles [m]."""
 HUMAN_MARGIN_M = 0.10
 """Added to the distance at which robot and human meet [m]."""
-_STRIDE = 2
-"""Simulation steps per step of a rollout."""
+_STEP_S = 0.1
+"""Length of a step of a rollout, as near as simulation steps come to it [s]."""
 
 Float64Array = npt.NDArray[np.float64]
 
@@ -49,7 +48,6 @@ class RiskMap:
         frame = robot_map.frame
         self._occupied, self._clearance = robot_map.occupied, clearance_m(robot_map)
         self._frame = (frame.origin_x_m, frame.origin_y_m, frame.resolution_m)
-        self._grid = command_grid()
 
     def risks(self, simulation: EpisodeSimulation) -> bytes:
         """Risks of all commands at the simulation's present state.
@@ -58,14 +56,17 @@ class RiskMap:
             `OBSTACLE`, `HUMAN` or 0 for every command of `command_grid`, one byte each.
         """
         robot = simulation.robot
-        count = round(HORIZON_S / (DT_S * _STRIDE))
-        steps = range(simulation.step + _STRIDE, simulation.step + _STRIDE * (count + 1), _STRIDE)
+        stride = max(simulation.clock.steps(_STEP_S), 1)
+        dt_s = simulation.clock.dt_s * stride
+        count = round(HORIZON_S / dt_s)
+        steps = range(simulation.step + stride, simulation.step + stride * (count + 1), stride)
         humans_m = np.stack([simulation.human_xy_at(step) for step in steps])
         state = (simulation.x_m, simulation.y_m, simulation.yaw_rad, simulation.v_mps, simulation.w_radps)
-        limits = (robot.v_max_mps, robot.w_max_radps, robot.a_max_mps2, robot.alpha_max_radps2)
+        limits = (robot.v_max_mps, robot.w_max_radps, robot.a_max_mps2, robot.alpha_max_radps2, robot.v_min_mps, dt_s)
+        grid = command_grid(robot)
         radii = (robot.radius_m, robot.radius_m + simulation.config.human_radius_m + HUMAN_MARGIN_M)
-        out = np.zeros(COMMAND_COUNT, dtype=np.uint8)
-        _roll_out(self._grid, state, limits, radii, self._occupied, self._clearance, self._frame, humans_m, out)
+        out = np.zeros(len(grid), dtype=np.uint8)
+        _roll_out(grid, state, limits, radii, self._occupied, self._clearance, self._frame, humans_m, out)
         return out.tobytes()
 
 
@@ -73,7 +74,7 @@ class RiskMap:
 def _roll_out(
     grid: Float64Array,
     start: tuple[float, float, float, float, float],
-    limits: tuple[float, float, float, float],
+    limits: tuple[float, float, float, float, float, float],
     radii: tuple[float, float],
     occupied: npt.NDArray[np.bool_],
     clearance: npt.NDArray[np.float32],
@@ -82,14 +83,13 @@ def _roll_out(
     out: npt.NDArray[np.uint8],
 ) -> None:
     """Fill `out` with the risks of all commands; humans at each step of the rollout, shape (T, N, 2)."""
-    v_max, w_max, a_max, alpha_max = limits
-    dt = DT_S * _STRIDE
+    v_max, w_max, a_max, alpha_max, v_min, dt = limits
     for number in range(len(grid)):
         x, y, yaw, v, w = start
         risk = 0
         for k in range(len(humans)):
             held = k * dt < HOLD_S - 1e-9
-            wanted_v = grid[number, 0] * v_max if held else 0.0
+            wanted_v = max(grid[number, 0] * v_max, v_min) if held else 0.0
             wanted_w = grid[number, 1] * w_max if held else 0.0
             v += min(max(wanted_v - v, -a_max * dt), a_max * dt)
             w += min(max(wanted_w - w, -alpha_max * dt), alpha_max * dt)

@@ -4,7 +4,6 @@ import enum
 
 from readygo.common.episode import Contact, EpisodeSimulation
 from readygo.common.messages import Outcome
-from readygo.common.robot.kinematics import RATE_HZ
 
 NEAR_HUMAN_M = 2.0
 """A thing that is hit while a human is this near may have been hit to make way [m]."""
@@ -48,6 +47,6 @@ def category_of(simulation: EpisodeSimulation, contact: Contact | None, failure:
 
 
 def _stuck(simulation: EpisodeSimulation) -> bool:
-    first = max(simulation.step - round(STUCK_S * RATE_HZ), 0)
+    first = max(simulation.step - simulation.clock.steps(STUCK_S), 0)
     places = simulation.path_xyyaw(first, simulation.step)[:, :2]
     return bool((abs(places - places[-1]).max(axis=0) < STUCK_M).all())

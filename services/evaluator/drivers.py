@@ -9,7 +9,6 @@ import numpy as np
 from readygo.common.episode.simulation import EpisodeSimulation
 from readygo.common.episode.straight_line import straight_line_command
 from readygo.common.policy import Policy, PolicyMemory
-from readygo.common.robot import RobotConfig
 from readygo.services.evaluator.eyes import Eyes
 from readygo.services.evaluator.goal_image import goal_image
 
@@ -58,7 +57,7 @@ class Ride:
 
 
 class PolicyDriver:
-    """Drives by what the policy sees through a renderer: at every step, however seldom it decides."""
+    """Drives by what the policy sees through a renderer, every image of it, however seldom it decides."""
 
     looks = True
 
@@ -74,19 +73,22 @@ class PolicyDriver:
 
     def start(self, simulation: EpisodeSimulation) -> Ride:
         """An empty memory, with an image of the goal where the policy wants one."""
-        ride = Ride(self._policy.start())
+        ride = Ride(self._policy.start(simulation.robot))
         if self._policy.spec.wants_goal_image:
-            radius_m = self._policy.spec.robot.planning_radius_m
-            ride.memory.kept.goal_image = goal_image(self._eyes, simulation, radius_m)
+            ride.memory.kept.goal_image = goal_image(self._eyes, simulation)
         return ride
 
     def commands(self, running: Sequence[tuple[EpisodeSimulation, Ride]]) -> list[tuple[float, float] | DriverFailure]:
         """See `Driver.commands`."""
         simulations, rides = zip(*running, strict=True)
-        images = self._eyes.look(simulations)
         previous = np.array([(s.v_mps, s.w_radps) for s in simulations], dtype=np.float32)
+        for ride, command in zip(rides, previous, strict=True):
+            ride.memory.advance(command)
+        looking = [(simulation, ride.memory) for simulation, ride in running if self._eyes.opens(simulation)]
+        if looking:
+            self._policy.see([memory for _, memory in looking], self._eyes.look([at for at, _ in looking]))
         goals = np.array([s.goal_xy_robot_m for s in simulations], dtype=np.float32)
-        actions = self._policy.step([ride.memory for ride in rides], images, previous, goals)
+        actions = self._policy.decide([ride.memory for ride in rides], previous, goals)
         for simulation, ride, (v, w) in zip(simulations, rides, actions.tolist(), strict=True):
             if simulation.step % self._hold_steps == 0:
                 ride.command = (v, w)
@@ -98,12 +100,9 @@ class StraightLineDriver:
 
     looks = False
 
-    def __init__(self, robot: RobotConfig) -> None:
-        self._robot = robot
-
     def start(self, simulation: EpisodeSimulation) -> None:
         """Nothing to remember."""
 
     def commands(self, running: Sequence[tuple[EpisodeSimulation, None]]) -> list[tuple[float, float] | DriverFailure]:
         """See `Driver.commands`."""
-        return [straight_line_command(simulation.goal_xy_robot_m, self._robot) for simulation, _ in running]
+        return [straight_line_command(simulation.goal_xy_robot_m, simulation.robot) for simulation, _ in running]

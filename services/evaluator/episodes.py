@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from readygo.common.bus import Bus
 from readygo.common.episode import EpisodeConfig
 from readygo.common.episode.grid_search import shortest_way_m
+from readygo.common.episode.robot import robot_of_episode
 from readygo.common.errors import SceneError
 from readygo.common.maps import OccupancyMap
 from readygo.common.messages import (
@@ -110,7 +111,7 @@ class EpisodeSource:
         goal_x, goal_y = scenario.goal_xy_m.tolist()
         return shortest_way_m(
             self._robot_map,
-            self._robot.radius_m,
+            robot_of_episode(self._robot, scenario.episode).radius_m,
             (start_x, start_y),
             (goal_x, goal_y),
             goal_radius_m=self._episode_config.success_radius_m,

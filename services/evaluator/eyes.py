@@ -1,25 +1,26 @@
 """What robots see: batches of views from a renderer."""
 
 import hashlib
+import math
 from collections.abc import Sequence
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
 
 from readygo.common.bus import Bus
-from readygo.common.camera.depth import depth_bytes, depth_rng, measured_depth
 from readygo.common.episode.simulation import EpisodeSimulation
 from readygo.common.errors import BusError
+from readygo.common.images.names import RGB, kind_of
 from readygo.common.maps import FloorMap
-from readygo.common.messages import EpisodeKey, EpisodeMotions, Humans, RenderReply, RenderRequest, RenderView, encode
+from readygo.common.messages import EpisodeMotions, Humans, RenderReply, RenderRequest, RenderView, encode
 from readygo.common.messages.topics import Topic
-from readygo.common.policy.sight import DEPTH, RGB, side_by_side
+from readygo.common.policy.sight import as_measured, in_bytes, side_by_side
 from readygo.common.robot import RobotConfig
-from readygo.common.robot.kinematics import whole_steps
 
-SHUTTER_STEPS = 2
-"""Longest time from a frame's first light to its own time: 0.05 s of exposure and as much of readout."""
+SHUTTER_S = 0.1
+"""Longest time from a frame's first light to its own time: 0.05 s of exposure and as much of readout [s]."""
 
 
 class Eyes:
@@ -36,30 +37,30 @@ class Eyes:
         sees: tuple[str, ...] = (RGB,),
     ) -> None:
         self._bus, self._topic, self._timeout_s = bus, topic, timeout_s
-        self._camera, self._floor = robot.camera, floor
-        self._latency_steps = whole_steps(robot.camera.latency_s)
+        self._robot, self._floor, self._clock = robot, floor, robot.clock
+        self._latency_steps = self._clock.steps(robot.camera.latency_s)
         self._sees = sees
         self._sent: set[str] = set()
         self._keys: WeakKeyDictionary[EpisodeSimulation, str] = WeakKeyDictionary()
 
-    def look(self, simulations: Sequence[EpisodeSimulation]) -> npt.NDArray[np.uint8]:
-        """What policies see, from `measured`: sRGB, shape (B, H, W, 3), or with depths, shape (B, H, W, C)."""
-        rgb, depths_m = self.measured(simulations)
-        if depths_m is None:
-            return rgb
-        return side_by_side({RGB: rgb, DEPTH: depth_bytes(np.stack(depths_m), self._camera)}, self._sees)
+    def opens(self, simulation: EpisodeSimulation) -> bool:
+        """True if a new image comes at the episode's present step."""
+        return self._clock.sees(simulation.step, self._latency_steps)
 
-    def measured(
-        self, simulations: Sequence[EpisodeSimulation]
-    ) -> tuple[npt.NDArray[np.uint8], list[npt.NDArray[np.float32]] | None]:
-        """What each robot sees now: the image of the camera's latency ago, the first one until there is one so old.
+    def look(self, simulations: Sequence[EpisodeSimulation]) -> npt.NDArray[np.uint8]:
+        """What policies see, from `measured`, as `PolicyInputs.images` names it, shape (B, H, W, C)."""
+        images = self.measured(simulations)
+        return side_by_side({name: in_bytes(image, name, self._robot) for name, image in images.items()}, self._sees)
+
+    def measured(self, simulations: Sequence[EpisodeSimulation]) -> dict[str, npt.NDArray[Any]]:
+        """What each robot sees now: the images of the cameras' latency ago, the first ones until there are some so old.
 
         Args:
             simulations: Episodes, at any step.
 
         Returns:
-            sRGB images, shape (B, H, W, 3), and depths [m], inf where nothing is measured, B of shape (H, W); None
-            where the eyes see none.
+            By name what the eyes see: sRGB images, shape (B, H, W, 3), and depths [m], inf where nothing is measured,
+            shape (B, H, W).
 
         Raises:
             BusError: If the renderer does not answer, or not with one image per view.
@@ -68,24 +69,27 @@ class Eyes:
         keys = [self._key(simulation, motions) for simulation, motions in zip(simulations, people, strict=True)]
         views = tuple(self._view(simulation, key) for simulation, key in zip(simulations, keys, strict=True))
         reply = self._reply(views, {key: motions for key, motions in zip(keys, people, strict=True) if key})
-        return reply.rgb, self._measured(reply, views)
+        names = [simulation.scenario.episode.episode_id for simulation in simulations]
+        return {
+            name: drawn
+            if kind_of(name) == RGB
+            else np.stack(
+                [
+                    as_measured(image, name, self._robot, episode, view.step)
+                    for image, episode, view in zip(drawn, names, views, strict=True)
+                ]
+            )
+            for name, drawn in {RGB: reply.rgb, **reply.outputs}.items()
+        }
 
-    def _measured(self, reply: RenderReply, views: Sequence[RenderView]) -> list[npt.NDArray[np.float32]] | None:
-        """Depths as the robots' cameras measure them [m], shapes (H, W); None where nobody wants them."""
-        if DEPTH not in self._sees:
-            return None
-        return [
-            measured_depth(depth_m, self._camera, depth_rng(view.episode.episode_id, view.step))
-            for depth_m, view in zip(reply.outputs[DEPTH], views, strict=True)
-            if view.episode is not None
-        ]
-
-    def look_from(self, xyyaw: Sequence[tuple[float, float, float]], episode: EpisodeKey) -> npt.NDArray[np.uint8]:
+    def look_from(
+        self, xyyaw: Sequence[tuple[float, float, float]], simulation: EpisodeSimulation
+    ) -> npt.NDArray[np.uint8]:
         """What a robot that stands somewhere sees with nobody there, as with an image of a goal.
 
         Args:
             xyyaw: Poses: x [m], y [m], yaw [rad], B of them.
-            episode: Whose camera looks.
+            simulation: The episode whose robot's camera looks.
 
         Returns:
             sRGB images, shape (B, H, W, 3).
@@ -93,7 +97,7 @@ class Eyes:
         Raises:
             BusError: See `look`.
         """
-        return self._reply(tuple(self._still_view(pose, episode) for pose in xyyaw), {}).rgb
+        return self._reply(tuple(self._still_view(pose, simulation) for pose in xyyaw), {}).rgb
 
     def _reply(self, views: tuple[RenderView, ...], known: dict[str, EpisodeMotions]) -> RenderReply:
         reply = self._ask(views, {key: motions for key, motions in known.items() if key not in self._sent})
@@ -123,20 +127,20 @@ class Eyes:
         return self._bus.request(self._topic, request, timeout_s=self._timeout_s)
 
     def _view(self, simulation: EpisodeSimulation, people: str) -> RenderView:
-        step = max(simulation.step - self._latency_steps, 0)
-        path = simulation.path_xyyaw(max(step - SHUTTER_STEPS, 0), step).tolist()
+        step = self._clock.image_step(simulation.step, self._latency_steps)
+        path = simulation.path_xyyaw(max(step - math.ceil(SHUTTER_S * self._clock.rate_hz), 0), step).tolist()
         x_m, y_m, yaw_rad = path[-1]
         return RenderView(
             people=people,
             step=step,
-            T_world_camera=self._camera.T_world_camera(x_m, y_m, yaw_rad, self._floor.at(x_m, y_m)),
+            T_world_camera=simulation.robot.camera.T_world_camera(x_m, y_m, yaw_rad, self._floor.at(x_m, y_m)),
             episode=simulation.scenario.episode,
             path_xyyaw=tuple((x, y, yaw) for x, y, yaw in path),
         )
 
-    def _still_view(self, pose: tuple[float, float, float], episode: EpisodeKey) -> RenderView:
-        x_m, y_m, yaw_rad = pose
-        T_world_camera = self._camera.T_world_camera(x_m, y_m, yaw_rad, self._floor.at(x_m, y_m))
+    def _still_view(self, pose: tuple[float, float, float], simulation: EpisodeSimulation) -> RenderView:
+        (x_m, y_m, yaw_rad), episode = pose, simulation.scenario.episode
+        T_world_camera = simulation.robot.camera.T_world_camera(x_m, y_m, yaw_rad, self._floor.at(x_m, y_m))
         return RenderView(people="", step=0, T_world_camera=T_world_camera, episode=episode)
 
 

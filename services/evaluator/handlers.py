@@ -5,18 +5,18 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from readygo.common.bus import Bus
-from readygo.common.camera.view import in_view, view_of
+from readygo.common.camera.view import View, in_view, view_of
 from readygo.common.episode import EpisodeConfig
 from readygo.common.episode.conduct import Sees
 from readygo.common.episode.metrics import TaskSummary
+from readygo.common.episode.robot import robot_of_episode
 from readygo.common.episode.simulation import EpisodeSimulation
 from readygo.common.errors import PolicyError, RunError
+from readygo.common.images.names import RGB
 from readygo.common.maps import FloorMap, OccupancyMap, SightMap, sight_of_occupancy
 from readygo.common.messages import RobotTrajectory, Split, topics
 from readygo.common.policy import Policy, check_policy_camera
-from readygo.common.policy.sight import RGB
-from readygo.common.robot import RobotConfig
-from readygo.common.robot.kinematics import RATE_HZ
+from readygo.common.robot import Clock, RobotConfig
 from readygo.services.evaluator.config import EvaluatorConfig
 from readygo.services.evaluator.drivers import EXPERT, POLICY, STRAIGHT_LINE, Driver, PolicyDriver, StraightLineDriver
 from readygo.services.evaluator.episodes import EpisodeSource, MatchedEpisode, Task
@@ -45,22 +45,30 @@ class EvaluateRequest:
     """Episodes per task."""
     seed: int = 0
     split: Split = Split.TEST
-    control_hz: float = RATE_HZ
-    """How often the policy decides [Hz]; its command is held in between. A step is 0.05 s: 20, 10, 5, 4, 2 or 1 Hz."""
+    control_hz: float | None = None
+    """How often the policy decides [Hz]; its command is held in between. None: as often as the robot is commanded."""
 
     def __post_init__(self) -> None:
         if not self.tasks or not self.methods or self.episodes < 1 or self.seed < 0:
             raise ValueError("an evaluation needs a task, a method, one or more episodes and a seed >= 0.")
         if len(set(self.tasks)) < len(self.tasks) or len(set(self.methods)) < len(self.methods):
             raise ValueError("tasks and methods must not repeat.")
-        steps = RATE_HZ / self.control_hz if self.control_hz > 0 else 0.0
-        if steps < 1 or steps != round(steps):
-            raise ValueError(f"control_hz must be {RATE_HZ} Hz divided by a whole number, got {self.control_hz:g}.")
 
-    @property
-    def hold_steps(self) -> int:
-        """Steps from one decision of the policy to the next."""
-        return round(RATE_HZ / self.control_hz)
+    def hold_steps(self, clock: Clock) -> int:
+        """Steps from one decision of the policy to the next.
+
+        Raises:
+            RunError: If the rate is not the robot's divided by a whole number.
+        """
+        own_hz = clock.rate_hz / clock.control_every
+        held = (
+            own_hz / self.control_hz
+            if self.control_hz is not None and self.control_hz > 0
+            else float(self.control_hz is None)
+        )
+        if not (held >= 1 and held == round(held)):
+            raise RunError(f"control_hz must be {own_hz:g} Hz divided by a whole number, got {self.control_hz:g}.")
+        return clock.control_every * round(held)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -82,6 +90,7 @@ class Evaluator:
     bus: Bus
     """Serves "human-plan", "animate" and a renderer."""
     robot: RobotConfig
+    """Each episode has one of its ranges, if it has any."""
     robot_map: OccupancyMap
     floor: FloorMap
     episode_config: EpisodeConfig = field(default_factory=EpisodeConfig)
@@ -114,7 +123,8 @@ class Evaluator:
         """An episode at its start."""
         if self.simulate is not None:
             return self.simulate(episode)
-        return EpisodeSimulation(episode.scenario, episode.motions, self.robot_map, self.robot, self.episode_config)
+        robot = robot_of_episode(self.robot, episode.scenario.episode)
+        return EpisodeSimulation(episode.scenario, episode.motions, self.robot_map, robot, self.episode_config)
 
     def eyes(self, sees: tuple[str, ...] = (RGB,)) -> Eyes:
         """What a driver sees.
@@ -147,7 +157,7 @@ class Evaluator:
                 raise PolicyError("No policy is given; give its folder, or leave the method `policy` out.")
             return PolicyDriver(self.policy, self.eyes(self.policy.spec.inputs.images), hold_steps)
         if method == STRAIGHT_LINE:
-            return StraightLineDriver(self.robot)
+            return StraightLineDriver()
         if method not in self.drivers:
             known = ", ".join((POLICY, STRAIGHT_LINE, *self.drivers))
             raise RunError(f"There is no method {method!r}; there are {known}, and yours as my_package:MyDriver.")
@@ -179,7 +189,8 @@ def handle_evaluate(
     """
     report = report or (lambda _: None)
     # What is wrong with a method is said before anybody drives.
-    drivers = {method: evaluator.driver(method, request.hold_steps) for method in request.methods}
+    hold_steps = request.hold_steps(evaluator.robot.clock)
+    drivers = {method: evaluator.driver(method, hold_steps) for method in request.methods}
     episodes, skipped = evaluator.source().draw(
         seed=request.seed, split=request.split, count=request.episodes, tasks=request.tasks
     )
@@ -227,8 +238,9 @@ def drive(
     Yields:
         How it did, and what the robot did, in the order in which episodes end.
     """
-    lockstep, sees = evaluator.config.lockstep if driver.looks else 1, _sees(evaluator)
+    lockstep = evaluator.config.lockstep if driver.looks else 1
     for run in roll_out(episodes, driver, evaluator.simulation, lockstep=lockstep):
+        sees = _sees(evaluator, run.simulation.robot)
         yield make_record(episodes[run.row], method, run, sees), run.simulation.trajectory()
 
 
@@ -249,16 +261,14 @@ def _drive_here(
             yield record
 
 
-def _sees(evaluator: Evaluator) -> Sees:
-    """Whether the robot's camera shows a human, whatever the robot's driver looks at."""
-    camera, view = evaluator.robot.camera, view_of(evaluator.robot.camera)
+def _sees(evaluator: Evaluator, robot: RobotConfig) -> Sees:
+    """Whether a camera of the robot shows a human, whatever the robot's driver looks at."""
+    eyes = [(camera, view_of(camera)) for camera in robot.all_cameras.values()]
     find_sight = evaluator.find_sight or (lambda: sight_of_occupancy(evaluator.robot_map))
 
-    def sees(pose: tuple[float, float, float], human_m: tuple[float, float]) -> bool:
-        eye_x, eye_y = camera.place_m(*pose)
+    def shows(eye: tuple[float, float, float], view: View, human_m: tuple[float, float]) -> bool:
         # An arm at the border of the image is not enough: the middle of the body counts.
-        if not in_view((eye_x, eye_y, pose[2]), *human_m, view, VIEW_RANGE_M, 0.0):
-            return False
-        return find_sight().sees(eye_x, eye_y, view.height_m, human_m)
+        inside = in_view(eye, *human_m, view, VIEW_RANGE_M, 0.0)
+        return inside and find_sight().sees(eye[0], eye[1], view.height_m, human_m)
 
-    return sees
+    return lambda pose, human_m: any(shows(camera.eye(*pose), view, human_m) for camera, view in eyes)

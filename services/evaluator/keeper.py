@@ -19,7 +19,7 @@ from readygo.common.messages import (
     Verdict,
     VerdictStatus,
 )
-from readygo.common.robot.kinematics import RATE_HZ
+from readygo.common.robot import Clock
 from readygo.services.evaluator.handlers import EvaluateRequest, Report
 from readygo.services.evaluator.records import EpisodeRecord, RecordKey, record_of_mapping
 from readygo.services.evaluator.results import RECORDS_FILE, Results
@@ -37,6 +37,7 @@ class Keeper:
         grants: Grants,
         recorder: str,
         report: Report,
+        clock: Clock,
     ) -> None:
         """Keep the records of some episodes.
 
@@ -47,9 +48,10 @@ class Keeper:
             grants: The commit.
             recorder: The name that the keeper has to the coordinator.
             report: Told about every episode that ends.
+            clock: The robot's.
         """
         self.plan, self.request, self.results = plan, request, results
-        self.grants, self.recorder, self.report = grants, recorder, report
+        self.grants, self.recorder, self.report, self.clock = grants, recorder, report, clock
 
     def missing(self, index: int) -> list[RecordKey]:
         """What of an episode is not on disk."""
@@ -59,7 +61,7 @@ class Keeper:
         """Say that an episode is on disk as a whole; `Grants.flush` sends it."""
         if self.grants.ask(index, attempt) is VerdictStatus.OK:
             records = [self.results.records[key] for key in self._keys(index)]
-            steps = sum(round(record.result.duration_s * RATE_HZ) for record in records)
+            steps = sum(self.clock.steps(record.result.duration_s) for record in records)
             self.grants.report(
                 DoneRequest(
                     recorder=self.recorder, index=index, attempt=attempt, shard=RECORDS_FILE, sample_count=steps

@@ -18,7 +18,6 @@ from readygo.common.errors import PolicyError
 from readygo.common.extras import install_command
 from readygo.common.networks import LOOK_HZ
 from readygo.common.robot import RobotConfig
-from readygo.common.robot.kinematics import RATE_HZ
 from readygo.services.evaluator.drivers import DriverFailure
 from readygo.services.evaluator.eyes import Eyes
 from readygo.services.evaluator.goal_image import goal_image
@@ -46,8 +45,8 @@ class NetworkDriver:
 
     looks = True
 
-    def __init__(self, network: Any, eyes: Eyes, robot: RobotConfig) -> None:
-        self._network, self._eyes, self._robot = network, eyes, robot
+    def __init__(self, network: Any, eyes: Eyes) -> None:
+        self._network, self._eyes = network, eyes
 
     @classmethod
     def load(cls, name: str, path: Path, evaluator: Evaluator) -> "NetworkDriver":
@@ -60,26 +59,26 @@ class NetworkDriver:
             from readygo.common.networks.checkpoint import load_network
         except ImportError as error:
             raise PolicyError(f"The method {name} needs torch; run: {install_command('train')}") from error
-        return cls(load_network(name, path), evaluator.eyes(), evaluator.robot)
+        return cls(load_network(name, path), evaluator.eyes())
 
     def start(self, simulation: EpisodeSimulation) -> Ride:
         """Look at the goal from where the robot would arrive."""
         import torch
 
-        image = goal_image(self._eyes, simulation, self._robot.planning_radius_m)
+        image = goal_image(self._eyes, simulation)
         seed = int(episode_rng(simulation.scenario.episode, Purpose.DRIVER).integers(2**31))
         return Ride(goal=self._prepared(image), generator=torch.Generator().manual_seed(seed))
 
     def commands(self, running: Sequence[tuple[EpisodeSimulation, Ride]]) -> list[tuple[float, float] | DriverFailure]:
         """See `Driver.commands`."""
-        due = [(simulation, ride) for simulation, ride in running if simulation.step % (RATE_HZ // LOOK_HZ) == 0]
+        due = [(at, ride) for at, ride in running if at.step % at.clock.nearest_images(1.0 / LOOK_HZ) == 0]
         if due:
             images = self._eyes.look([simulation for simulation, _ in due])
-            for (_, ride), image in zip(due, images, strict=True):
-                self._decide(ride, image)
+            for (simulation, ride), image in zip(due, images, strict=True):
+                self._decide(ride, image, simulation.robot)
         return [ride.command for _, ride in running]
 
-    def _decide(self, ride: Ride, image: npt.NDArray[np.uint8]) -> None:
+    def _decide(self, ride: Ride, image: npt.NDArray[np.uint8], robot: RobotConfig) -> None:
         import torch
 
         frame, count = self._prepared(image), self._network.frames
@@ -87,8 +86,8 @@ class NetworkDriver:
         with torch.inference_mode():
             places = self._network.waypoints(torch.stack(ride.frames)[None], ride.goal[None], ride.generator)
         waypoint = places[0, WAYPOINT].tolist()
-        unit_m = self._robot.v_max_mps / LOOK_HZ
-        ride.command = steer((waypoint[0] * unit_m, waypoint[1] * unit_m, *waypoint[2:]), self._robot)
+        unit_m = robot.v_max_mps / LOOK_HZ
+        ride.command = steer((waypoint[0] * unit_m, waypoint[1] * unit_m, *waypoint[2:]), robot)
 
     def _prepared(self, image: npt.NDArray[np.uint8]) -> Any:
         """An image as the networks know them, shape (3, h, w)."""

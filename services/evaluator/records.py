@@ -116,6 +116,7 @@ def make_record(episode: MatchedEpisode, method: str, run: Run, sees: Sees) -> E
         simulation.path_xyyaw(0, simulation.step),
         trajectory.actions,
         np.array([simulation.human_xy_at(step) for step in range(simulation.step + 1)]),
+        dt_s=simulation.clock.dt_s,
         contact_m=simulation.contact_m,
         sees=sees,
     )

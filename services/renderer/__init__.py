@@ -12,8 +12,10 @@ if TYPE_CHECKING:
     from readygo.services.renderer.handlers import episode_header as episode_header
     from readygo.services.renderer.handlers import episode_samples as episode_samples
     from readygo.services.renderer.handlers import handle_render as handle_render
+    from readygo.services.renderer.handlers import with_goal_image as with_goal_image
     from readygo.services.renderer.live import LiveCamera as LiveCamera
     from readygo.services.renderer.looks import Look as Look
+    from readygo.services.renderer.looks import goal_picture as goal_picture
     from readygo.services.renderer.looks import look_around as look_around
     from readygo.services.renderer.looks import unclear as unclear
     from readygo.services.renderer.service import attach as attach
@@ -27,10 +29,12 @@ else:
             "episode_header",
             "episode_samples",
             "handle_render",
+            "with_goal_image",
         ),
         ".live": ("LiveCamera",),
         ".looks": (
             "Look",
+            "goal_picture",
             "look_around",
             "unclear",
         ),

@@ -18,6 +18,7 @@ from readygo.common.camera import CameraConfig, SensorConfig
 from readygo.common.camera.lens import Lens, make_lens
 from readygo.common.images.images import Images
 from readygo.common.rasterizer.interface import View, render_each
+from readygo.common.robot.kinematics import DT_S
 from readygo.services.renderer.drawing import Drawing
 from readygo.services.renderer.sensor.faces import R_FACE_CAMERA, Faces, Remap, make_remap, plan_faces
 from readygo.services.renderer.sensor.light import LightSum, exposure_gain
@@ -27,9 +28,11 @@ from readygo.services.renderer.sensor.streams import SensorStream
 
 MomentAt = Callable[[float], Moment]
 """The moment at a simulation step, which need not be whole."""
+Floats = npt.NDArray[np.float64]
+Wanted = tuple[Moment, Floats, Floats | None, tuple[str, ...]]
+"""A moment, the pose and, where they differ, the intrinsics that it is drawn with, and the images that are made."""
 Exposure = tuple[Moment, npt.NDArray[np.int64], npt.NDArray[np.bool_]]
 """A moment, its share in each row of the image, and the rows whose middle it is."""
-Floats = npt.NDArray[np.float64]
 EPISODE_CAMERAS_KEPT = 16
 """Remaps take 3 MB each for an image of 144x256."""
 
@@ -45,6 +48,8 @@ class EpisodeCamera:
     shutter: Shutter
     gain: npt.NDArray[np.float64]
     stream: SensorStream
+    K_px: Floats | None = None
+    """Intrinsics [px] where they are not those of the pinhole camera that the rasterizer draws, shape (3, 3)."""
 
     @cached_property
     def distortion_model(self) -> str:
@@ -73,6 +78,11 @@ class Pinhole:
     height_px: int
     width_px: int
 
+    def draws_like(self, other: "Pinhole") -> bool:
+        """True if the same images are drawn for both."""
+        size, other_size = (self.height_px, self.width_px), (other.height_px, other.width_px)
+        return size == other_size and np.array_equal(self.K_px, other.K_px)
+
 
 def pinhole_of(sensor: SensorConfig, camera: CameraConfig) -> Pinhole:
     """The pinhole camera that holds what a camera shows with every lens of a sensor's ranges.
@@ -97,12 +107,22 @@ class Capture:
     camera: CameraConfig
     sub_frames: int
     """Images that a frame is made of where the shutter takes time."""
+    dt_s: float = DT_S
+    """Length of a step [s]."""
+    name: str = ""
+    """The camera's; empty for the robot's first one."""
     _cameras: OrderedDict[SensorStream, EpisodeCamera] = field(default_factory=OrderedDict)
 
-    def camera_of(self, stream: SensorStream) -> EpisodeCamera:
-        """The camera of the episode that a stream belongs to."""
+    def camera_of(self, stream: SensorStream, camera: CameraConfig | None = None) -> EpisodeCamera:
+        """The camera of the episode that a stream belongs to.
+
+        Args:
+            stream: Of the episode.
+            camera: Its robot's, where robots differ: with another mount or field of view.
+        """
+        stream = stream.of_camera(self.name)
         if stream not in self._cameras:
-            self._cameras[stream] = self._drawn(stream)
+            self._cameras[stream] = self._drawn(stream, camera or self.camera)
             while len(self._cameras) > EPISODE_CAMERAS_KEPT:
                 self._cameras.popitem(last=False)
         self._cameras.move_to_end(stream)
@@ -119,12 +139,12 @@ class Capture:
             outputs: Names out of `readygo.common.images.images.OUTPUTS`.
         """
         if self.camera.ideal and not self.sensor.varies:
-            moments = (shot.moment_at(float(shot.step)) for shot in shots)
-            yield from self._images((moment, moment.T_world_camera, outputs) for moment in moments)
+            moments = ((shot.moment_at(float(shot.step)), shot.camera.K_px) for shot in shots)
+            yield from self._images((moment, moment.T_world_camera, K_px, outputs) for moment, K_px in moments)
             return
         planned, ahead = tee((shot, _exposures(shot.camera.shutter, shot.moment_at, shot.step)) for shot in shots)
         drawn = self._images(
-            (moment, pose, outputs if rows.any() else ("rgb",))
+            (moment, pose, shot.camera.K_px, outputs if rows.any() else ("rgb",))
             for shot, exposures in ahead
             for moment, _, rows in exposures
             for pose in _face_poses(moment.T_world_camera, shot.camera.remap)
@@ -132,12 +152,12 @@ class Capture:
         for shot, exposures in planned:
             yield self._developed(shot, exposures, drawn)
 
-    def _images(self, wanted: Iterable[tuple[Moment, Floats, tuple[str, ...]]]) -> Iterator[Images]:
-        views = ((self._view(moment, pose), outputs) for moment, pose, outputs in wanted)
+    def _images(self, wanted: Iterable[Wanted]) -> Iterator[Images]:
+        views = ((self._view(moment, pose, K_px), outputs) for moment, pose, K_px, outputs in wanted)
         return render_each(self.drawing.rasterizer, views)
 
-    def _view(self, moment: Moment, T_world_camera: Floats) -> View:
-        return self.drawing.view(T_world_camera, moment.humans, moment.step)
+    def _view(self, moment: Moment, T_world_camera: Floats, K_px: Floats | None) -> View:
+        return self.drawing.view(T_world_camera, moment.humans, moment.step, K_px)
 
     def _developed(self, shot: Shot, exposures: Sequence[Exposure], drawn: Iterator[Images]) -> Images:
         """One frame of the images of its exposures' faces, which come next."""
@@ -153,16 +173,17 @@ class Capture:
         rgb = light.developed(camera.config, camera.gain, camera.stream.of_frame(shot.step))
         return dataclasses.replace(out, rgb=rgb)
 
-    def _drawn(self, stream: SensorStream) -> EpisodeCamera:
-        config = self.sensor.drawn(self.camera, stream.of_draws())
+    def _drawn(self, stream: SensorStream, camera: CameraConfig) -> EpisodeCamera:
+        config = self.sensor.drawn(camera, stream.of_draws())
         lens = make_lens(config)
         return EpisodeCamera(
             config=config,
             lens=lens,
             remap=self._remap(lens),
-            shutter=make_shutter(config, self.sub_frames),
+            shutter=make_shutter(config, self.sub_frames, self.dt_s),
             gain=exposure_gain(config),
             stream=stream,
+            K_px=None if camera.horizontal_fov_deg == self.camera.horizontal_fov_deg else camera.K_px,
         )
 
     def _remap(self, lens: Lens) -> Remap | None:

@@ -20,6 +20,9 @@ class RendererConfig:
     jpeg_quality: int = 90
     outputs: tuple[str, ...] = ("rgb",)
     """Images that are recorded, of `readygo.common.images.images.OUTPUTS`; "rgb" is always among them."""
+    goal_image: bool = False
+    """Record once per episode what the first camera shows at the goal, where the shortest way arrives, with nobody
+    about."""
     labels: bool = True
     """Record joints, box and footprint of every human with each sample."""
     detail: Literal["exact", "lod"] = "exact"

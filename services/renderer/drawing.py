@@ -44,8 +44,8 @@ class Drawing:
     light: Light | None = None
     """The light that humans walk in; None draws them in their avatars' own colours."""
 
-    def view(self, T_world_camera: Pose, humans: Sequence[HumanMotion], step: float) -> View:
-        """The scene with `humans` at simulation step `step`, which need not be whole."""
+    def view(self, T_world_camera: Pose, humans: Sequence[HumanMotion], step: float, K_px: Pose | None = None) -> View:
+        """The scene with `humans` at simulation step `step`, which need not be whole; see `View.K_px`."""
         there = posed(humans, step)
         feet = feet_of(self.skeletons, there)
         shadows = shadow_cloud(feet, self.floor, T_world_camera[:3, 3]) if self.shadows else None
@@ -54,7 +54,7 @@ class Drawing:
         else:
             stands = stands_of(feet, self.floor, self.obstacles, T_world_camera).tolist()
         here = [self._placed(human, *stand) for human, stand in zip(there, stands, strict=True)]
-        return View(T_world_camera=T_world_camera, humans=tuple(here), shadows=shadows)
+        return View(T_world_camera=T_world_camera, humans=tuple(here), shadows=shadows, K_px=K_px)
 
     def _placed(self, human: PosedHuman, ground_m: float, lead_m: float) -> PosedHuman:
         light = None if self.light is None else self.light(float(human.root_m[0]), float(human.root_m[1]))

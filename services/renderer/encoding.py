@@ -6,6 +6,7 @@ import numpy.typing as npt
 from readygo.common.errors import RunError
 from readygo.common.images.files import encode_output
 from readygo.common.images.images import Images
+from readygo.common.images.names import RGB, image_name
 from readygo.services.renderer.config import RendererConfig
 
 
@@ -22,13 +23,19 @@ def encode_image(rgb: npt.NDArray[np.uint8], config: RendererConfig) -> bytes:
     return bytes(encoded)
 
 
-def encode_outputs(images: Images, config: RendererConfig) -> dict[str, bytes]:
+def encode_outputs(images: Images, config: RendererConfig, camera: str = "") -> dict[str, bytes]:
     """The images of a view besides rgb that the config asks for, by name, as `readygo.common.images.files` says.
+
+    Args:
+        images: The view's.
+        config: Which are recorded.
+        camera: Whose view it is; of cameras besides the first one the rgb is among them.
 
     Raises:
         RunError: If the view lacks one of them.
     """
     try:
-        return {name: encode_output(images, name) for name in config.outputs if name != "rgb"}
+        files = {image_name(camera, name): encode_output(images, name) for name in config.outputs if name != RGB}
     except ValueError as error:
         raise RunError(f"The {config.backend} backend cannot do that: {error}") from error
+    return {image_name(camera, RGB): encode_image(images.rgb, config), **files} if camera else files

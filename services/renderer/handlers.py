@@ -1,5 +1,6 @@
 """Render requests, and the samples of whole episodes."""
 
+import dataclasses
 import math
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -9,13 +10,17 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.avatars import Avatar, LabelModel, human_labels
-from readygo.common.errors import AvatarError
+from readygo.common.episode.robot import drawn_of_episode, robot_of_episode
+from readygo.common.errors import AvatarError, RunError
 from readygo.common.frames import goal_in_robot_frame
 from readygo.common.images.images import FIELDS, Images
+from readygo.common.images.names import GOAL_IMAGE, RGB, camera_of, cameras_of, images_of, kind_of, kinds_of
 from readygo.common.messages import (
     Driver,
     EpisodeHeader,
+    EpisodeKey,
     EpisodeMotions,
+    FurtherCamera,
     HumanLabels,
     HumanMotion,
     Humans,
@@ -27,8 +32,8 @@ from readygo.common.messages import (
     Scenario,
     sample_crc32,
 )
+from readygo.common.policy.sight import camera_on
 from readygo.common.robot import RobotConfig
-from readygo.common.robot.kinematics import STEP_NS
 from readygo.common.scenes import Scene
 from readygo.services.renderer.capture import Capture, EpisodeCamera, MomentAt, Shot, pinhole_of
 from readygo.services.renderer.config import RendererConfig
@@ -47,12 +52,13 @@ class Renderer:
     Args:
         scene: The scene bundle.
         avatars: Avatars by name.
-        robot: Whose camera looks.
+        robot: Whose cameras look.
         config: Settings.
     """
 
     def __init__(self, scene: Scene, avatars: Mapping[str, Avatar], robot: RobotConfig, config: RendererConfig) -> None:
         self.scene, self.robot, self.config = scene, robot, config
+        pinholes = {name: pinhole_of(config.sensor, camera) for name, camera in robot.cameras.items()}
         pinhole = pinhole_of(config.sensor, robot.camera)
         self.drawing = make_drawing(scene, avatars, pinhole, config)
         # Gaussians stay with the drawing, which maps them from the scene's cache if it can.
@@ -64,8 +70,27 @@ class Renderer:
             sensor=config.sensor,
             camera=robot.camera,
             sub_frames=config.sub_frames,
+            dt_s=robot.clock.dt_s,
         )
+        """Takes the pictures of the first camera."""
+        self.further = {
+            name: dataclasses.replace(
+                self.capture,
+                drawing=self.drawing if found.draws_like(pinhole) else make_drawing(scene, avatars, found, config),
+                pinhole=found,
+                camera=robot.cameras[name],
+                name=name,
+                _cameras=OrderedDict(),
+            )
+            for name, found in pinholes.items()
+        }
+        """Take those of the others, by name."""
         self._people: OrderedDict[str, tuple[HumanMotion, ...]] = OrderedDict()
+
+    @property
+    def captures(self) -> dict[str, Capture]:
+        """What takes the pictures of each camera; the first one is called ""."""
+        return {"": self.capture, **self.further}
 
     def remember(self, people: Humans) -> None:
         """Keep people for later requests.
@@ -105,6 +130,7 @@ def handle_render(renderer: Renderer, request: RenderRequest) -> RenderReply:
 
     Raises:
         AvatarError: If a human wears an avatar that is not loaded.
+        RunError: If the robot has no such camera.
     """
     for people in request.people:
         renderer.remember(people)
@@ -114,32 +140,80 @@ def handle_render(renderer: Renderer, request: RenderRequest) -> RenderReply:
     further: dict[str, list[npt.NDArray[Any]]] = {name: [] for name in request.outputs}
     unknown = tuple(key for key, humans in known.items() if humans is None)
     if not unknown and request.views:
-        shots = (_shot(renderer, view, known[view.people] or ()) for view in request.views)
         rgb = np.empty((len(request.views), camera.height_px, camera.width_px, 3), dtype=np.uint8)
-        for number, images in enumerate(renderer.capture.take(shots, ("rgb", *request.outputs))):
-            rgb[number] = images.rgb
+
+        def shots_of(capture: Capture) -> Iterator[Shot]:
+            return (_shot(renderer, capture, view, known[view.people] or ()) for view in request.views)
+
+        for number, views in enumerate(robot_views(renderer, shots_of, (RGB, *request.outputs))):
+            rgb[number] = views[""].rgb
             for name, found in further.items():
-                found.append(getattr(images, FIELDS[name]))
+                found.append(view_image(views, name))
     renderer.forget_old()
     outputs = {name: np.stack(found) for name, found in further.items() if found}
     return RenderReply(rgb=rgb, unknown_people=unknown, outputs=outputs)
 
 
-def _shot(renderer: Renderer, view: RenderView, humans: tuple[HumanMotion, ...]) -> Shot:
-    episode = SensorStream.of_humans(view.people) if view.episode is None else SensorStream.of_episode(view.episode)
-    camera = renderer.capture.camera_of(episode)
-    return Shot(camera=camera, moment_at=_moments(renderer, view, humans), step=view.step)
+def robot_views(
+    renderer: Renderer, shots_of: Callable[[Capture], Iterable[Shot]], names: Sequence[str]
+) -> Iterator[dict[str, Images]]:
+    """What the robot's cameras show, one time after the other.
+
+    Args:
+        renderer: Scene and cameras.
+        shots_of: The shots of a camera at all times.
+        names: The images that are wanted, see `readygo.common.images.names`.
+
+    Yields:
+        The images of each camera, by its name; the first one is called "".
+
+    Raises:
+        RunError: If the robot has no such camera.
+    """
+    captures, cameras = renderer.captures, cameras_of(names)
+    if unknown := [camera for camera in cameras if camera not in captures]:
+        raise RunError(f"The robot has no camera {unknown[0]!r}; it has {', '.join(renderer.robot.all_cameras)}.")
+    taken = (captures[camera].take(shots_of(captures[camera]), kinds_of(camera, names)) for camera in cameras)
+    for views in zip(*taken, strict=True):
+        yield dict(zip(cameras, views, strict=True))
 
 
-def _moments(renderer: Renderer, view: RenderView, humans: tuple[HumanMotion, ...]) -> MomentAt:
+def view_image(views: Mapping[str, Images], name: str) -> npt.NDArray[Any]:
+    """One of the images that cameras show, by its name."""
+    image: npt.NDArray[Any] = getattr(views[camera_of(name)], FIELDS[kind_of(name)])
+    return image
+
+
+def recorded_images(renderer: Renderer) -> tuple[str, ...]:
+    """Names of the images that are recorded, of all cameras."""
+    return images_of(tuple(renderer.captures), renderer.config.outputs)
+
+
+def _shot(renderer: Renderer, capture: Capture, view: RenderView, humans: tuple[HumanMotion, ...]) -> Shot:
+    if view.episode is None:
+        camera = capture.camera_of(SensorStream.of_humans(view.people))
+    else:
+        camera = episode_camera(renderer, capture, view.episode)
+    return Shot(camera=camera, moment_at=_moments(renderer, capture.name, view, humans, camera), step=view.step)
+
+
+def _moments(
+    renderer: Renderer, name: str, view: RenderView, humans: tuple[HumanMotion, ...], camera: EpisodeCamera
+) -> MomentAt:
     if not view.path_xyyaw:
-        moment = Moment(T_world_camera=view.T_world_camera, humans=humans, step=view.step)
+        T_world_camera = view.T_world_camera
+        if name:
+            T_robot_first, T_robot_camera = (
+                one.T_world_camera(0.0, 0.0, 0.0, 0.0) for one in (renderer.robot.camera, camera.config)
+            )
+            T_world_camera = T_world_camera @ np.linalg.inv(T_robot_first) @ T_robot_camera
+        moment = Moment(T_world_camera=T_world_camera, humans=humans, step=view.step)
         return lambda _: moment
     timeline = Timeline(
         xyyaw=np.array(view.path_xyyaw),
         humans=humans,
         floor=renderer.scene.maps.floor,
-        camera=renderer.robot.camera,
+        camera=camera.config,
         first_step=view.step + 1 - len(view.path_xyyaw),
     )
     return timeline.at
@@ -149,8 +223,7 @@ def episode_header(
     renderer: Renderer, scenario: Scenario, trajectory: RobotTrajectory, driver: Driver = Driver.EXPERT
 ) -> EpisodeHeader:
     """What is constant over an episode's samples."""
-    camera = episode_camera(renderer, scenario)
-    lens = camera.lens
+    first, *further = (_described(renderer, capture, scenario) for capture in renderer.captures.values())
     x_m, y_m, yaw_rad = (float(value) for value in scenario.start_xyyaw)
     return EpisodeHeader(
         episode=scenario.episode,
@@ -160,37 +233,59 @@ def episode_header(
         avatars=tuple(human.avatar for human in scenario.humans),
         encounters=tuple(human.encounter for human in scenario.humans),
         image_format=renderer.config.image_format,
-        height_px=lens.height_px,
-        width_px=lens.width_px,
-        K_px=tuple(float(value) for value in lens.K_px.ravel()),
-        distortion_model=camera.distortion_model,
-        distortion=lens.coefficients,
+        height_px=first.height_px,
+        width_px=first.width_px,
+        K_px=first.K_px,
+        distortion_model=first.distortion_model,
+        distortion=first.distortion,
         labels=renderer.config.labels,
         outcome=trajectory.outcome,
         driver=driver,
+        image_every=renderer.robot.clock.image_every,
+        drawn=drawn_of_episode(renderer.robot, scenario.episode),
+        cameras=tuple(further),
     )
 
 
-def episode_camera(renderer: Renderer, scenario: Scenario) -> EpisodeCamera:
-    """The camera of an episode, with what its sensor drew."""
-    return renderer.capture.camera_of(SensorStream.of_episode(scenario.episode))
+def _described(renderer: Renderer, capture: Capture, scenario: Scenario) -> FurtherCamera:
+    """What is constant of a camera over an episode."""
+    camera = episode_camera(renderer, capture, scenario.episode)
+    return FurtherCamera(
+        name=capture.name,
+        height_px=camera.lens.height_px,
+        width_px=camera.lens.width_px,
+        K_px=tuple(float(value) for value in camera.lens.K_px.ravel()),
+        distortion_model=camera.distortion_model,
+        distortion=camera.lens.coefficients,
+    )
+
+
+def episode_camera(renderer: Renderer, capture: Capture, episode: EpisodeKey) -> EpisodeCamera:
+    """A camera of an episode's robot, with what its sensor drew."""
+    camera = camera_on(robot_of_episode(renderer.robot, episode), capture.name)
+    return capture.camera_of(SensorStream.of_episode(episode), camera)
 
 
 def episode_shots(
-    renderer: Renderer, scenario: Scenario, motions: EpisodeMotions, trajectory: RobotTrajectory
+    renderer: Renderer,
+    scenario: Scenario,
+    motions: EpisodeMotions,
+    trajectory: RobotTrajectory,
+    capture: Capture | None = None,
 ) -> Callable[[int], Shot]:
-    """The shot of each step of an episode: what its camera stands before.
+    """The shot of each step of an episode: what its camera stands before, the first one unless another is given.
 
     Raises:
         AvatarError: If a human wears an avatar that is not loaded.
     """
     renderer.check_avatars(motions.humans)
-    camera = episode_camera(renderer, scenario)
+    capture = capture or renderer.capture
+    camera = episode_camera(renderer, capture, scenario.episode)
     timeline = Timeline(
         xyyaw=trajectory.xyyaw,
         humans=motions.humans,
         floor=renderer.scene.maps.floor,
-        camera=renderer.robot.camera,
+        camera=camera.config,
     )
     return lambda step: Shot(camera=camera, moment_at=timeline.at, step=step)
 
@@ -198,7 +293,7 @@ def episode_shots(
 def episode_samples(
     renderer: Renderer, scenario: Scenario, motions: EpisodeMotions, trajectory: RobotTrajectory
 ) -> Iterator[Sample]:
-    """Draw and describe every row of a trajectory, one sample each.
+    """Describe every row of a trajectory, one sample each, and draw those at which the camera takes an image.
 
     Args:
         renderer: Scene, avatars and camera.
@@ -209,17 +304,23 @@ def episode_samples(
     Raises:
         AvatarError: If a human wears an avatar that is not loaded.
     """
-    shot_at = episode_shots(renderer, scenario, motions, trajectory)
-    drawn = renderer.capture.take(map(shot_at, range(len(trajectory.xyyaw))), renderer.config.outputs)
-    pictures = (encode_picture(images, renderer.config) for images in drawn)
+    count, every = len(trajectory.xyyaw), renderer.robot.clock.image_every
+
+    def shots_of(capture: Capture) -> Iterator[Shot]:
+        return map(episode_shots(renderer, scenario, motions, trajectory, capture), range(0, count, every))
+
+    drawn = robot_views(renderer, shots_of, recorded_images(renderer))
+    pictures = (
+        encode_picture(next(drawn), renderer.config) if step % every == 0 else NO_PICTURE for step in range(count)
+    )
     yield from described_samples(renderer, scenario, motions, trajectory, pictures)
 
 
 class Picture(NamedTuple):
-    """What is recorded of one view."""
+    """What is recorded at one time."""
 
     image: bytes
-    """The encoded rgb."""
+    """The first camera's encoded rgb."""
     outputs: dict[str, bytes]
     """The further images by name."""
 
@@ -228,9 +329,12 @@ NO_PICTURE = Picture(image=b"", outputs={})
 """Where none was taken."""
 
 
-def encode_picture(images: Images, config: RendererConfig) -> Picture:
-    """The files of a view's images."""
-    return Picture(encode_image(images.rgb, config), encode_outputs(images, config))
+def encode_picture(views: Mapping[str, Images], config: RendererConfig) -> Picture:
+    """The files of what the cameras show."""
+    outputs: dict[str, bytes] = {}
+    for camera, images in views.items():
+        outputs |= encode_outputs(images, config, camera)
+    return Picture(encode_image(views[""].rgb, config), outputs)
 
 
 def described_samples(
@@ -259,7 +363,7 @@ def _sample(
     return Sample(
         seq=step,
         crc32=sample_crc32(picture.image, picture.outputs),
-        time_ns=step * STEP_NS,
+        time_ns=renderer.robot.clock.time_ns(step),
         image=picture.image,
         action_v_mps=float(trajectory.actions[step, 0]),
         action_w_radps=float(trajectory.actions[step, 1]),
@@ -274,6 +378,16 @@ def _sample(
         outputs=picture.outputs,
         labels=_labels(renderer, motions, step, humans),
     )
+
+
+def with_goal_image(samples: Iterable[Sample], file: bytes) -> Iterator[Sample]:
+    """Samples of which the first one has an encoded image of the goal beside its others."""
+    for sample in samples:
+        if sample.seq == 0:
+            outputs = {**sample.outputs, GOAL_IMAGE: file}
+            yield dataclasses.replace(sample, outputs=outputs, crc32=sample_crc32(sample.image, outputs))
+        else:
+            yield sample
 
 
 def _labels(

@@ -6,10 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.camera import CameraConfig
 from readygo.common.episode import EpisodeConfig
 from readygo.common.images.clarity import CLARITY_OUTPUTS, coverage, sharpness
+from readygo.common.messages import EpisodeKey
 from readygo.services.renderer.capture import MomentAt, Shot
-from readygo.services.renderer.handlers import Renderer
+from readygo.services.renderer.encoding import encode_image
+from readygo.services.renderer.handlers import Renderer, episode_camera
 from readygo.services.renderer.sensor.motion import Moment
 from readygo.services.renderer.sensor.streams import SensorStream
 
@@ -41,7 +44,7 @@ def look_around(renderer: Renderer, xyyaw: npt.NDArray[np.float64]) -> Iterator[
         RunError: If the renderer's backend makes no depths.
     """
     camera = renderer.capture.camera_of(SensorStream.of_humans(""))
-    shots = (Shot(camera=camera, moment_at=_still(renderer, pose), step=0) for pose in xyyaw)
+    shots = (Shot(camera=camera, moment_at=_still(renderer, camera.config, pose), step=0) for pose in xyyaw)
     for pose, images in zip(xyyaw, renderer.capture.take(shots, CLARITY_OUTPUTS), strict=True):
         x_m, y_m, yaw_rad = (float(value) for value in pose)
         yield Look(
@@ -49,11 +52,25 @@ def look_around(renderer: Renderer, xyyaw: npt.NDArray[np.float64]) -> Iterator[
         )
 
 
-def _still(renderer: Renderer, pose: npt.NDArray[np.float64]) -> MomentAt:
+def _still(renderer: Renderer, camera: CameraConfig, pose: npt.NDArray[np.float64]) -> MomentAt:
     x_m, y_m, yaw_rad = (float(value) for value in pose)
-    T_world_camera = renderer.robot.camera.T_world_camera(x_m, y_m, yaw_rad, renderer.scene.maps.floor.at(x_m, y_m))
+    T_world_camera = camera.T_world_camera(x_m, y_m, yaw_rad, renderer.scene.maps.floor.at(x_m, y_m))
     moment = Moment(T_world_camera=T_world_camera, humans=(), step=0)
     return lambda _: moment
+
+
+def goal_picture(renderer: Renderer, episode: EpisodeKey, xyyaw: tuple[float, float, float]) -> bytes:
+    """What the first camera of an episode shows at its goal with nobody there, encoded as its images are.
+
+    Args:
+        renderer: Scene and camera.
+        episode: Whose camera looks.
+        xyyaw: How the robot stands at the goal: x, y [m], yaw [rad].
+    """
+    camera = episode_camera(renderer, renderer.capture, episode)
+    shot = Shot(camera=camera, moment_at=_still(renderer, camera.config, np.array(xyyaw)), step=0)
+    (images,) = renderer.capture.take((shot,))
+    return encode_image(images.rgb, renderer.config)
 
 
 def unclear(renderer: Renderer, xyyaw: npt.NDArray[np.float64], config: EpisodeConfig) -> str:

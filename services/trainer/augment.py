@@ -1,7 +1,10 @@
 """Random changes to training samples, alike for all samples of one episode in a batch."""
 
+import dataclasses
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -10,6 +13,9 @@ import numpy.typing as npt
 from readygo.common.camera import CameraConfig
 from readygo.common.camera.lens import make_lens
 from readygo.common.frames import goals_in_robot_frames
+from readygo.common.images.names import RGB, cameras_of, kind_of, kinds_of
+from readygo.common.policy.sight import camera_on, channels_of
+from readygo.common.robot import RobotConfig
 from readygo.services.trainer.config import SamplingConfig
 from readygo.services.trainer.samples import Indices, SampleTable
 
@@ -54,10 +60,32 @@ def draw_views(turnable: npt.NDArray[np.bool_], config: SamplingConfig, rng: np.
     )
 
 
-def is_symmetric(camera: CameraConfig) -> bool:
-    """True if a robot in a mirror has this very camera: mounted in the middle, image and lens alike both ways."""
-    centred = camera.cx_px is None or camera.cx_px == camera.width_px / 2
-    return centred and camera.mount_y_m == 0.0 and camera.p2 == 0.0
+def in_mirror(camera: CameraConfig) -> CameraConfig:
+    """The camera of a robot in a mirror, on its other side."""
+    return dataclasses.replace(
+        camera,
+        cx_px=None if camera.cx_px is None else camera.width_px - camera.cx_px,
+        p2=-camera.p2,
+        mount_y_m=-camera.mount_y_m,
+        mount_yaw_deg=camera.mount_yaw_deg if abs(camera.mount_yaw_deg) == 180.0 else -camera.mount_yaw_deg,
+    )
+
+
+def mirror_twins(robot: RobotConfig, cameras: Sequence[str]) -> dict[str, str] | None:
+    """Which camera shows in a mirror what each one shows: itself, or that of the other side; None if there is none.
+
+    Args:
+        robot: Whose cameras they are.
+        cameras: Names of those that are looked through; the first one is called "".
+    """
+    twins = {}
+    for camera in cameras:
+        wanted = in_mirror(camera_on(robot, camera))
+        found = [other for other in (camera, *cameras) if camera_on(robot, other) == wanted]
+        if not found:
+            return None
+        twins[camera] = found[0]
+    return twins
 
 
 def plain_view() -> View:
@@ -90,12 +118,46 @@ def draw_light(count: int, strength: float, rng: np.random.Generator) -> Array:
     return tables
 
 
+class RobotWarp:
+    """Shows the images of all cameras as `FrameWarp` shows those of one."""
+
+    def __init__(self, robot: RobotConfig, images: Sequence[str], pooling: int = 1) -> None:
+        """See `FrameWarp`.
+
+        Args:
+            robot: Whose cameras took the images.
+            images: Names of those that a frame has side by side.
+            pooling: See `FrameWarp`.
+        """
+        cameras, first = cameras_of(images), 0
+        self._twins = mirror_twins(robot, cameras) or {}
+        self._warps = {camera: FrameWarp(camera_on(robot, camera), pooling) for camera in cameras}
+        self._parts: dict[str, slice] = {}
+        for camera in cameras:
+            count = channels_of(kinds_of(camera, images))
+            self._parts[camera] = slice(first, first + count)
+            first += count
+
+    def show(self, frames: Sequence[Image], view: View, group: int, out: Sequence[Image]) -> None:
+        """See `FrameWarp.show`; mirrored, a camera shows what its twin on the other side did."""
+        if len(self._parts) == 1:
+            self._warps[""].show(frames, view, group, out)
+            return
+        for camera, part in self._parts.items():
+            source = self._twins.get(camera, camera) if view.mirrored[group] else camera
+            seen = [np.ascontiguousarray(frame[..., self._parts[source]]) for frame in frames]
+            shown = [np.empty_like(frame) for frame in seen]
+            self._warps[source].show(seen, view, group, shown)
+            for frame, image in zip(out, shown, strict=True):
+                frame[..., part] = image
+
+
 class FrameWarp:
     """Shows frames as a robot's camera would have, had the robot been turned on the spot; shifted and mirrored.
 
     A rotation moves pixels the same way at every depth, so that the images are exact but for what was out of view: the
-    edge is repeated there. A camera that is not above the robot's centre also moves a little, which is left out. What
-    varies of a lens between episodes is left out as well: all frames have the lens of `robot.toml`.
+    edge is repeated there. A camera that is not above the robot's centre also moves a little, which is left out. What a
+    sensor varies of a lens between episodes is left out as well.
     """
 
     def __init__(self, camera: CameraConfig, pooling: int = 1) -> None:
@@ -103,46 +165,46 @@ class FrameWarp:
         self._R_robot_camera = camera.T_world_camera(0.0, 0.0, 0.0, 0.0)[:3, :3]
         self._size = camera.width_px // pooling, camera.height_px // pooling
         self._pooling = pooling
-        columns, rows = np.meshgrid(np.arange(self._size[0]) + 0.5, np.arange(self._size[1]) + 0.5)
-        xy = self._lens.rays(pooling * np.stack([columns.ravel(), rows.ravel()], axis=1))
-        self._rays = np.concatenate([xy, np.ones((len(xy), 1))], axis=1)
 
-    def show(self, frames: Image, groups: Indices, view: View) -> Image:
-        """Frames as a view has them, but for its light; the frames themselves where nothing changes.
+    @cached_property
+    def _rays(self) -> npt.NDArray[np.float64]:
+        """What each pixel sees through the lens, shape (H W, 3)."""
+        columns, rows = np.meshgrid(np.arange(self._size[0]) + 0.5, np.arange(self._size[1]) + 0.5)
+        xy = self._lens.rays(self._pooling * np.stack([columns.ravel(), rows.ravel()], axis=1))
+        return np.concatenate([xy, np.ones((len(xy), 1))], axis=1)
+
+    def show(self, frames: Sequence[Image], view: View, group: int, out: Sequence[Image]) -> None:
+        """Frames of one episode as a view has them, but for its light.
 
         Args:
-            frames: Frames, colours before depths, shape (F, H, W, C).
-            groups: Row of each frame's episode in the view, shape (F,).
+            frames: Frames, colours before depths, each shape (H, W, C).
             view: How they are shown.
+            group: Row of the episode in the view.
+            out: As many, each shape (H, W, C).
         """
-        if not (view.yaws_rad.any() or view.shifts_px.any() or view.mirrored.any()):
-            return frames
-        shown = np.empty_like(frames)
-        for group in np.unique(groups).tolist():
-            rows = np.flatnonzero(groups == group).tolist()
-            yaw_rad, shift_px, mirrored = view.yaws_rad[group], view.shifts_px[group], bool(view.mirrored[group])
-            if yaw_rad == 0:
-                for row in rows:
-                    _move(frames[row], shift_px, mirrored, out=shown[row])
-            elif self._lens.distortion == "none":
-                self._warp(frames, shown, rows, self._homography(yaw_rad) @ _moved_from(shift_px, mirrored, self._size))
-            else:
-                maps = self._turned_maps(yaw_rad)
-                for row in rows:
-                    _move(_remapped(frames[row], maps), shift_px, mirrored, out=shown[row])
-        return shown
+        yaw_rad, shift_px, mirrored = view.yaws_rad[group], view.shifts_px[group], bool(view.mirrored[group])
+        if yaw_rad == 0:
+            for frame, shown in zip(frames, out, strict=True):
+                _move(frame, shift_px, mirrored, out=shown)
+        elif self._lens.distortion == "none":
+            H = self._homography(yaw_rad) @ _moved_from(shift_px, mirrored, self._size)
+            for frame, shown in zip(frames, out, strict=True):
+                self._warp(frame, shown, H)
+        else:
+            maps = self._turned_maps(yaw_rad)
+            for frame, shown in zip(frames, out, strict=True):
+                _move(_remapped(frame, maps), shift_px, mirrored, out=shown)
 
-    def _warp(self, frames: Image, shown: Image, rows: list[int], H: npt.NDArray[np.float64]) -> None:
-        for row in rows:
-            for part, how in _parts(frames.shape[3]):
-                # OpenCV writes into whole arrays alone.
-                whole = part == slice(0, frames.shape[3])
-                source = frames[row] if whole else np.ascontiguousarray(frames[row][..., part])
-                target = shown[row] if whole else np.empty_like(source)
-                flags = how | cv2.WARP_INVERSE_MAP
-                cv2.warpPerspective(source, H, self._size, dst=target, flags=flags, borderMode=cv2.BORDER_REPLICATE)
-                if not whole:
-                    shown[row][..., part] = target
+    def _warp(self, frame: Image, shown: Image, H: npt.NDArray[np.float64]) -> None:
+        for part, how in _parts(frame.shape[2]):
+            # OpenCV writes into whole arrays alone.
+            whole = part == slice(0, frame.shape[2])
+            source = frame if whole else np.ascontiguousarray(frame[..., part])
+            target = shown if whole else np.empty_like(source)
+            flags = how | cv2.WARP_INVERSE_MAP
+            cv2.warpPerspective(source, H, self._size, dst=target, flags=flags, borderMode=cv2.BORDER_REPLICATE)
+            if not whole:
+                shown[..., part] = target
 
     def _rotation(self, yaw_rad: float) -> npt.NDArray[np.float64]:
         """From the turned camera's axes to those before, shape (3, 3)."""
@@ -167,6 +229,24 @@ class FrameWarp:
         pixels = self._lens.pixels(xy) / self._pooling - 0.5
         columns, rows = pixels.astype(np.float32).T.reshape(2, self._size[1], self._size[0])
         return columns, rows
+
+
+def show_frames(frames: Image, groups: Indices, view: View, warps: Mapping[int, RobotWarp]) -> Image:
+    """Frames as a view has them, but for its light; the frames themselves where nothing changes.
+
+    Args:
+        frames: Frames, colours before depths, shape (F, H, W, C).
+        groups: Row of each frame's episode in the view, shape (F,).
+        view: How they are shown.
+        warps: Of each episode's robot, by its row in the view.
+    """
+    if not (view.yaws_rad.any() or view.shifts_px.any() or view.mirrored.any()):
+        return frames
+    shown = np.empty_like(frames)
+    for group in np.unique(groups).tolist():
+        rows = np.flatnonzero(groups == group).tolist()
+        warps[group].show([frames[row] for row in rows], view, group, [shown[row] for row in rows])
+    return shown
 
 
 def _parts(channels: int) -> list[tuple[slice, int]]:
@@ -220,13 +300,12 @@ def lit(frames: Image, groups: Indices, light: npt.NDArray[np.generic]) -> npt.N
     return shown
 
 
-def with_depths(light: Array, channels: int) -> Array:
-    """Tables of colours, and for each further channel one that changes nothing, shape (G, 256, channels)."""
-    further = channels - light.shape[2]
-    if further == 0:
+def light_on(light: Array, images: Sequence[str]) -> Array:
+    """Tables of the channels of some images: of colours the light's, of depths what changes nothing, (G, 256, C)."""
+    if len(images) == 1:
         return light
-    plain = np.broadcast_to(draw_light(1, 0.0, np.random.default_rng(0))[..., :1], (len(light), 256, further))
-    return np.concatenate([light, plain], axis=2)
+    plain = np.broadcast_to(draw_light(1, 0.0, np.random.default_rng(0))[..., :1], (len(light), 256, 1))
+    return np.concatenate([light if kind_of(name) == RGB else plain for name in images], axis=2)
 
 
 def turn_world(xy_m: Array, yaws_rad: npt.NDArray[np.float64]) -> Array:
@@ -251,7 +330,10 @@ def mirrored_motion(width: int) -> Array:
 
 
 def correct_for_turn(
-    commands: Array, yaws_rad: npt.NDArray[np.float64], gain_per_s: float, w_max_radps: float
+    commands: Array,
+    yaws_rad: npt.NDArray[np.float64],
+    gain_per_s: float,
+    w_max_radps: npt.NDArray[np.float64] | float,
 ) -> Array:
     """Commands of robots that were turned to the left by `yaws_rad`: they turn back.
 
@@ -259,7 +341,7 @@ def correct_for_turn(
         commands: v [m/s], w [rad/s], shape (B, 2).
         yaws_rad: Turn of each robot [rad], shape (B,).
         gain_per_s: Turn rate per yaw error that brings the robot back [1/s].
-        w_max_radps: Limit of the corrected turn rate [rad/s].
+        w_max_radps: Limit of the corrected turn rate [rad/s], shape (B,) or one for all.
 
     Source: Bojarski et al., End to end learning for self-driving cars, 2016 (rotated views with corrected steering).
     """
@@ -270,7 +352,24 @@ def correct_for_turn(
     return corrected
 
 
-def hindsight_goals(table: SampleTable, samples: Indices, share: float, rng: np.random.Generator) -> Array:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Goals:
+    """Goals of a batch."""
+
+    xy_m: Array
+    """In the robot's frame [m], shape (B, 2)."""
+    seen_from: Indices
+    """The sample whose frame shows what is seen there; -1 - e for the image of the goal of episode e, shape (B,)."""
+
+
+def own_goals(table: SampleTable, samples: Indices) -> Goals:
+    """The goals of the episodes."""
+    return Goals(xy_m=table.goals_xy_m[samples], seen_from=-1 - table.episode[samples])
+
+
+def hindsight_goals(
+    table: SampleTable, samples: Indices, share: float, rng: np.random.Generator, *, seen: bool = False
+) -> Goals:
     """Goals of samples, some of them replaced by a place that the robot reached later in the same episode.
 
     What the expert did was right for every place that it came to undisturbed, so that one episode teaches many goals.
@@ -281,19 +380,19 @@ def hindsight_goals(table: SampleTable, samples: Indices, share: float, rng: np.
         samples: Sample indices, shape (B,).
         share: Probability that a sample's goal is replaced.
         rng: Random generator.
-
-    Returns:
-        Goals in the robot's frame [m], shape (B, 2).
+        seen: Take only places at which an image was taken.
 
     Source: Andrychowicz et al., Hindsight experience replay, 2017; Ghosh et al., Learning to reach goals via iterated
     supervised learning, 2019.
     """
     later = samples + np.ceil(rng.random(len(samples)) * (table.driven_last[samples] - samples)).astype(np.int64)
+    later = table.pictured_at[later] if seen else later
     reached = goals_in_robot_frames(table.xyyaw[samples], table.xyyaw[later, :2]).astype(np.float32)
     dx, dy = (table.xyyaw[later, :2] - table.xyyaw[samples, :2]).T
     replaced = (rng.random(len(samples)) < share) & (dx * dx + dy * dy > NEAR_M**2)
-    goals: Array = np.where(replaced[:, None], reached, table.goals_xy_m[samples])
-    return goals
+    own = own_goals(table, samples)
+    xy_m: Array = np.where(replaced[:, None], reached, own.xy_m)
+    return Goals(xy_m=xy_m, seen_from=np.where(replaced, later, own.seen_from))
 
 
 def corrupt_previous(commands: Array, noise: Array, withheld: npt.NDArray[np.bool_]) -> Array:

@@ -5,8 +5,9 @@ from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 from readygo.common.config import Range, check_ranges
-from readygo.common.policy.sight import RGB, check_images
-from readygo.common.policy.windows import FRAME_COUNT, spacing_steps_of
+from readygo.common.images.names import RGB
+from readygo.common.policy.sight import check_images
+from readygo.common.policy.windows import FRAME_COUNT
 
 Share = Annotated[float, Range(low=0.0, high=1.0)]
 Positive = Annotated[float, Range(above=0.0)]
@@ -24,7 +25,11 @@ class NetworkConfig:
     frame_count: Annotated[int, Range(low=1, high=32)] = FRAME_COUNT
     """Frames that it sees together, `frame_spacing_s` apart."""
     images: tuple[str, ...] = (RGB,)
-    """What each frame is of, see `readygo.common.policy.sight`: rgb, and depth where the data have it."""
+    """What each frame is of, see `readygo.common.policy.sight`: rgb, depth where the data have it, and images of
+    further cameras."""
+    goal: Literal["point", "image", "both"] = "point"
+    """What it is told of the goal: where it is, what the robot would see there, by the encoder of the frames, or both.
+    The exported policy is one graph where it sees the goal."""
     latent_count: Count = 20
     """Numbers that the encoder answers."""
     motion: Literal["poses", "command"] = "command"
@@ -45,6 +50,11 @@ class NetworkConfig:
     def __post_init__(self) -> None:
         check_ranges(self)
         check_images(self.images)
+        if self.goal != "point" and (self.images != (RGB,) or self.fusion != "late"):
+            raise ValueError(
+                f'goal "{self.goal}" goes with the rgb of one camera and fusion "late", got '
+                f'{", ".join(self.images)} and "{self.fusion}".'
+            )
         if len(self.widths) != 5 or min(self.widths) < 1:
             raise ValueError(f"widths must be five channel counts, got {self.widths}.")
 
@@ -57,10 +67,10 @@ class SamplingConfig:
     """Samples per step."""
     chain_length: Count = 8
     """Samples of one episode in a batch, one frame spacing apart, so that they share encoded frames."""
-    frame_spacing_s: float = 0.5
-    """Time between the frames that the policy sees [s]."""
+    frame_spacing_s: Positive = 0.5
+    """Time between the frames that the policy sees [s], a multiple of that between two images of the camera."""
     ahead_s: NotNegative = 0.0
-    """How far ahead of its frame the command is that a sample teaches [s]; a multiple of 0.05 s."""
+    """How far ahead of its frame the command is that a sample teaches [s], to the nearest step."""
     previous_dropout: Share = 0.5
     """Probability that a training sample does not see the previous action (`motion` "command" only)."""
     previous_noise: NotNegative = 0.1
@@ -87,9 +97,6 @@ class SamplingConfig:
 
     def __post_init__(self) -> None:
         check_ranges(self)
-        spacing_steps_of(self.frame_spacing_s)
-        if self.ahead_s > 0:
-            spacing_steps_of(self.ahead_s, name="ahead_s")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,10 +10,11 @@ import numpy.typing as npt
 
 from readygo.common.camera import SensorConfig
 from readygo.common.errors import DatasetError
+from readygo.common.images.names import GOAL_IMAGE
 from readygo.common.messages import CommittedEpisode, EpisodeKey, Sample
 from readygo.common.messages.plan import Driver, Outcome
 from readygo.common.robot import RobotConfig
-from readygo.common.robot.command_grid import COMMAND_COUNT, UNKNOWN_RISK
+from readygo.common.robot.command_grid import UNKNOWN_RISK
 
 Array = npt.NDArray[np.float32]
 
@@ -48,7 +49,10 @@ class Episode:
     policy: str = ""
     """SHA-256 of the policy that drove; empty for the expert."""
     outputs: Mapping[str, tuple[bytes, ...]] = field(default_factory=dict)
-    """Files of further images by name (`readygo.common.images.files`), T of each; empty where there is none."""
+    """Files of further images by name (`readygo.common.images.names`), T of each; empty where there is none. An image
+    of the goal is at the first sample."""
+    drawn: Mapping[str, float] = field(default_factory=dict)
+    """What its robot drew from the robot's ranges, see `EpisodeHeader.drawn`."""
 
     @property
     def sample_count(self) -> int:
@@ -106,6 +110,11 @@ class EpisodeRange(Protocol):
     @property
     def policy(self) -> str:
         """SHA-256 of the policy that drove; empty for the expert."""
+        ...
+
+    @property
+    def drawn(self) -> Mapping[str, float]:
+        """What its robot drew from the robot's ranges."""
         ...
 
 
@@ -185,6 +194,10 @@ class SampleSource(Protocol):
         """File of another image of one sample."""
         ...
 
+    def goal_image(self, number: int) -> bytes:
+        """File of the image of an episode's goal."""
+        ...
+
     @property
     def humans_xyzyaw(self) -> Sequence[npt.NDArray[np.float64]]:
         """Every human at each sample: x, y, z [m], yaw [rad], shapes (H, 4)."""
@@ -208,7 +221,7 @@ def read_episodes(source: SampleSource, *, with_humans: bool = False, outputs: S
     risks = source.risks if source.has_risks else None
     distances_m, xyyaw = source.truth["human_distance_m"], source.poses[:, [0, 1, 3]]
     visible = source.truth["human_visible"]
-    for entry in source.episodes:
+    for number, entry in enumerate(source.episodes):
         rows = range(entry.first_sample, entry.first_sample + entry.sample_count)
         part = slice(rows.start, rows.stop)
         humans = None
@@ -230,9 +243,12 @@ def read_episodes(source: SampleSource, *, with_humans: bool = False, outputs: S
             static=not bool(np.isfinite(distances_m[part]).any()),
             policy=entry.policy,
             outputs={
-                name: tuple(source.output(row, name) if image else b"" for row, image in zip(rows, images, strict=True))
+                name: (source.goal_image(number), *[b""] * (len(rows) - 1))
+                if name == GOAL_IMAGE
+                else tuple(source.output(row, name) if image else b"" for row, image in zip(rows, images, strict=True))
                 for name in outputs
             },
+            drawn=entry.drawn,
         )
 
 
@@ -258,13 +274,16 @@ def committed_episode(message: CommittedEpisode, outputs: Sequence[str] = ()) ->
         static=not header.avatars,
         policy=header.policy,
         outputs={name: tuple(_output(sample, name) for sample in samples) for name in outputs},
+        drawn=header.drawn,
     )
 
 
 def _output(sample: Sample, name: str) -> bytes:
-    if sample.image and name not in sample.outputs:
+    wanted = sample.seq == 0 if name == GOAL_IMAGE else sample.image
+    if wanted and name not in sample.outputs:
         raise DatasetError(
-            f"The samples have no {name!r} images, which the policy shall see; record them: --outputs rgb,{name}."
+            f"The samples have no {name!r} images, which the policy shall see; record them, see "
+            "`readygo generate --outputs` and goal_image under [renderer]."
         )
     return sample.outputs.get(name, b"")
 
@@ -301,9 +320,10 @@ def _expert(samples: Sequence[Sample]) -> Array | None:
 
 def _risks(samples: Sequence[Sample]) -> npt.NDArray[np.uint8] | None:
     asked = [row for row, sample in enumerate(samples) if sample.image]
-    if any(len(samples[row].risks) != COMMAND_COUNT for row in asked):
+    count = len(samples[asked[0]].risks)
+    if count == 0 or any(len(samples[row].risks) != count for row in asked):
         return None
-    risks = np.full((len(samples), COMMAND_COUNT), UNKNOWN_RISK, np.uint8)
+    risks = np.full((len(samples), count), UNKNOWN_RISK, np.uint8)
     risks[asked] = [np.frombuffer(samples[row].risks, np.uint8) for row in asked]
     return risks
 

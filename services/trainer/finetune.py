@@ -32,6 +32,8 @@ def load_head(folder: Path) -> PolicyNet:
         PolicyError: If it cannot be read, or does not say what network it is.
     """
     spec = load_spec(folder)
+    if spec.inputs.robot:
+        raise PolicyError(f"{folder} holds a policy for several robots, whose head cannot be trained on alone.")
     try:
         config = section_from_mapping(NetworkConfig, spec.training["config"]["network"])
     except (ConfigError, KeyError, TypeError) as error:

@@ -5,15 +5,18 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.camera import CameraConfig
-from readygo.common.camera.depth import depth_bytes, depth_rng, measured_depth
 from readygo.common.dataset.reader import decode_image
 from readygo.common.errors import DatasetError
 from readygo.common.images.files import decode_output
-from readygo.common.policy.sight import DEPTH, RGB, channels_of, side_by_side
+from readygo.common.images.names import GOAL_IMAGE, RGB, kind_of
+from readygo.common.policy.sight import as_measured, channels_of, in_bytes, side_by_side
+from readygo.common.robot import RobotConfig
 from readygo.services.trainer.reservoir import Reservoir
 from readygo.services.trainer.samples import Indices, SampleTable
 
 Image = npt.NDArray[np.uint8]
+_AT_GOAL = -1
+"""In place of a step: the episode's goal."""
 
 
 class FrameCache:
@@ -25,13 +28,14 @@ class FrameCache:
     def __init__(
         self,
         reservoir: Reservoir,
-        camera: CameraConfig,
+        robot: RobotConfig,
         *,
         pooling: int,
         limit_bytes: int,
         images: tuple[str, ...] = (RGB,),
     ) -> None:
-        self._reservoir, self._camera, self._pooling, self._images = reservoir, camera, pooling, images
+        camera = robot.camera
+        self._reservoir, self._robot, self._pooling, self._images = reservoir, robot, pooling, images
         self._size = (camera.height_px, camera.width_px, 3)
         self.shape = (camera.height_px // pooling, camera.width_px // pooling, channels_of(images))
         """Of a frame as the network takes it."""
@@ -42,12 +46,17 @@ class FrameCache:
     def get(self, table: SampleTable, indices: Indices) -> Image:
         """Frames of the samples `indices`, the images that were asked for side by side, shape (F, H, W, C).
 
+        Index -1 - e is the image of the goal of the table's episode e.
+
         Raises:
             DatasetError: If a frame is damaged, or does not have the size of the robot's camera.
         """
         self._forget_dropped()
         frames = np.empty((len(indices), *self.shape), np.uint8)
-        places = zip(table.episode[indices].tolist(), (indices - table.first[indices]).tolist(), strict=True)
+        goals = indices < 0
+        episodes = np.where(goals, -1 - indices, table.episode[indices])
+        steps = np.where(goals, _AT_GOAL, indices - table.first[indices])
+        places = zip(episodes.tolist(), steps.tolist(), strict=True)
         for row, (episode, step) in enumerate(places):
             frames[row] = self._frame(table.names[episode], step)
         return frames
@@ -56,28 +65,31 @@ class FrameCache:
         kept = self._kept.setdefault(name, {})
         if step in kept:
             return kept[step]
-        frame = decode_image(self._reservoir.episodes[name].images[step])
-        if frame is None or frame.shape != self._size:
-            found = "no image" if frame is None else f"an image of shape {frame.shape}"
-            raise DatasetError(
-                f"Sample {step} of episode {name} has {found}, the robot's camera gives {self._size}; "
-                "train on data of one robot.toml."
-            )
-        frame = pool(frame, self._pooling)
-        if DEPTH in self._images:
-            frame = side_by_side({RGB: frame, DEPTH: self._depth(name, step)}, self._images)
+        frame = side_by_side({image: self._image(name, step, image) for image in self._images}, self._images)
         if self._room > 0:
             self._room -= 1
             kept[step] = frame
         return frame
 
-    def _depth(self, name: str, step: int) -> Image:
-        """What the camera measured of a frame's depths, in bytes, shape (H, W)."""
-        depth_m = decode_output(DEPTH, self._reservoir.episodes[name].outputs[DEPTH][step])
-        if depth_m is None or depth_m.shape != self._size[:2]:
-            raise DatasetError(f"Sample {step} of episode {name} has no depth image of {self._size[:2]} px.")
-        measured_m = measured_depth(depth_m, self._camera, depth_rng(name, step))
-        return thinned(depth_bytes(measured_m, self._camera), self._pooling)
+    def _image(self, name: str, step: int, image: str) -> Image:
+        """One of the images of a frame, pooled: rgb, shape (H, W, 3), or what is measured of depths, shape (H, W)."""
+        episode, kind = self._reservoir.episodes[name], kind_of(image)
+        if step == _AT_GOAL:
+            file = episode.outputs[GOAL_IMAGE][0]
+        else:
+            file = episode.images[step] if image == RGB else episode.outputs[image][step]
+        drawn = decode_image(file) if kind == RGB else decode_output(kind, file)
+        size = self._size if kind == RGB else self._size[:2]
+        if drawn is None or drawn.shape != size:
+            found = "no" if drawn is None else f"of shape {drawn.shape} the"
+            raise DatasetError(
+                f"Sample {step} of episode {name} has {found} {image} image, the robot's camera gives {size}; "
+                "train on data of one robot.toml."
+            )
+        if kind == RGB:
+            return pool(drawn, self._pooling)
+        measured_m = as_measured(drawn, image, self._robot, name, step)
+        return thinned(in_bytes(measured_m, image, self._robot), self._pooling)
 
     def _forget_dropped(self) -> None:
         if self._version == self._reservoir.version:

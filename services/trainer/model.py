@@ -11,13 +11,16 @@ shortcuts (their option A).
 import itertools
 from collections.abc import Sequence
 
+import numpy as np
+import numpy.typing as npt
 import torch
 from torch import Tensor, nn
 
-from readygo.common.policy.artifact import GOAL_SCALE_M, Fusion, MotionInput, PolicyInputs
+from readygo.common.policy.artifact import GOAL_SCALE_M, Fusion, Goal, MotionInput, PolicyInputs
 from readygo.common.policy.sight import channels_by_image
+from readygo.common.policy.traits import LIMITS_AT, TRAIT_COUNT, trait_units
 from readygo.common.robot import RobotConfig
-from readygo.common.robot.command_grid import SPEED_SHARES, TURN_SHARES
+from readygo.common.robot.command_grid import SPEED_SHARES, TURN_SHARES, backward_rows
 from readygo.services.trainer.config import NetworkConfig
 from readygo.services.trainer.frames import pooling_of
 
@@ -85,10 +88,17 @@ class Head(nn.Module):
 
 
 class Bins:
-    """A grid over (v / v_max, w / w_max), on [0, 1] x [-1, 1]; a bin's number is `v_row * w_bins + w_row`."""
+    """A grid over (v / v_max, w / w_max), on [0, 1] x [-1, 1]; a bin's number is `v_row * w_bins + w_row`.
 
-    def __init__(self, v_bins: int, w_bins: int) -> None:
-        v, w = torch.linspace(0.0, 1.0, v_bins), torch.linspace(-1.0, 1.0, w_bins)
+    Args:
+        v_bins: Speeds from rest to full speed.
+        w_bins: Yaw rates.
+        backward: Speeds backwards, as far apart.
+    """
+
+    def __init__(self, v_bins: int, w_bins: int, backward: int = 0) -> None:
+        lowest = -float(backward) / (v_bins - 1)
+        v, w = torch.linspace(lowest, 1.0, v_bins + backward), torch.linspace(-1.0, 1.0, w_bins)
         self.steps = torch.tensor([v[1] - v[0], w[1] - w[0]])
         """Distance of bins along v and w, shape (2,)."""
         self.centres = torch.cartesian_prod(v, w)
@@ -118,6 +128,9 @@ class PolicyNet(nn.Module):
     """Encoder and head, with the robot's limits as units of the actions."""
 
     limits: Tensor
+    commands: Tensor
+    trait_factor: Tensor
+    trait_offset: Tensor
     motion_scale: Tensor
     motion_offset: Tensor
 
@@ -129,6 +142,8 @@ class PolicyNet(nn.Module):
             motion=MotionInput(config.motion),
             frame_count=config.frame_count,
             images=config.images,
+            goal=Goal(config.goal),
+            robot=robot.ranges.varies,
         )
         by_image = channels_by_image(self.inputs.images, self.inputs.frames_together)
         self._by_image = [channel for channels in by_image.values() for channel in channels]
@@ -136,19 +151,27 @@ class PolicyNet(nn.Module):
         self.pooling = pooling_of(robot.camera, config.pooled_height_px)
         size_px = robot.camera.height_px // self.pooling, robot.camera.width_px // self.pooling
         self.encoder = Encoder(size_px, self.inputs.image_channels, config.widths, config.latent_count)
-        self.bins = bins_of(config)
+        self.bins = bins_of(config, robot)
+        self.slowest = robot.v_min_mps / robot.v_max_mps
+        """Largest speed backwards, as a share of the largest one."""
         self.caution = config.caution if config.output == "weighed" else None
         """None if commands are not weighed by what they risk."""
         answers = len(self.bins.centres) * (3 if self.caution is not None else 1) if self.bins else 2
-        self.head = Head(self.inputs.feature_count, answers)
+        self.head = Head(self.inputs.feature_count + (TRAIT_COUNT if self.inputs.robot else 0), answers)
         self.humans = humans_head(self.inputs.latents_width) if reads_humans else None
         """Of training alone."""
         self.register_buffer("limits", torch.tensor([robot.v_max_mps, robot.w_max_radps]), persistent=False)
+        commands = torch.from_numpy(command_columns(self.inputs)).float()
+        self.register_buffer("commands", commands, persistent=False)
         scale, offset = motion_units(self.inputs, robot)
         self.register_buffer("motion_scale", torch.tensor(scale), persistent=False)
         self.register_buffer("motion_offset", torch.tensor(offset), persistent=False)
+        for name, units in zip(("trait_factor", "trait_offset"), trait_units(robot), strict=True):
+            self.register_buffer(name, torch.from_numpy(units).float(), persistent=False)
 
-    def forward(self, images: Tensor, window: Tensor, motion: Tensor, goal_xy_m: Tensor) -> tuple[Tensor, Tensor]:
+    def forward(
+        self, images: Tensor, window: Tensor, motion: Tensor, goal_xy_m: Tensor, traits: Tensor | None = None
+    ) -> tuple[Tensor, Tensor]:
         """`encode_windows`, in whatever type is set by autocast, then `act` in float32.
 
         Returns:
@@ -157,7 +180,7 @@ class PolicyNet(nn.Module):
         latents = self.encode_windows(images, window)
         with torch.autocast(images.device.type, enabled=False):
             latents = latents.float()
-            answers = self.act(latents, self.normalise_motion(motion), goal_xy_m)
+            answers = self.act(latents, self.normalise_motion(motion, traits), goal_xy_m, traits)
             return answers, latents[:, :0] if self.humans is None else self.humans(latents)
 
     def encode_windows(self, images: Tensor, window: Tensor) -> Tensor:
@@ -165,7 +188,8 @@ class PolicyNet(nn.Module):
 
         Args:
             images: Distinct frames in [-1, 1], shape (F, C, H, W).
-            window: Rows of `images` that each sample sees, oldest first, shape (B, `frame_count`).
+            window: Rows of `images` that each sample sees, oldest first, and at last what shows its goal where the
+                network sees that, shape (B, `frame_count`) or one more.
 
         Returns:
             Shape (B, `latents_width`).
@@ -179,16 +203,23 @@ class PolicyNet(nn.Module):
         latents = self.encoder(images)[window.reshape(-1)]
         return latents.reshape(len(window), self.inputs.latents_width)
 
-    def act(self, latents: Tensor, motion: Tensor, goal_xy_m: Tensor) -> Tensor:
+    def act(self, latents: Tensor, motion: Tensor, goal_xy_m: Tensor, traits: Tensor | None = None) -> Tensor:
         """What the head answers, for `decide` and for the loss.
 
         Args:
             latents: From `encode_windows`, shape (B, `latents_width`).
             motion: Own motion from `normalise_motion`, shape (B, M).
             goal_xy_m: Goals in the robot's frame [m], shape (B, 2).
+            traits: Of the robots, where the network is told them (`readygo.common.policy.traits`), shape
+                (B, TRAIT_COUNT).
         """
-        goal = (goal_xy_m / GOAL_SCALE_M).clamp(-1.0, 1.0)
-        answers: Tensor = self.head(torch.cat([latents, motion, goal], dim=1))
+        features = [latents, motion]
+        if self.inputs.goal is not Goal.IMAGE:
+            features.append((goal_xy_m / GOAL_SCALE_M).clamp(-1.0, 1.0))
+        if self.inputs.robot:
+            assert traits is not None
+            features.append(traits * self.trait_factor + self.trait_offset)
+        answers: Tensor = self.head(torch.cat(features, dim=1))
         return answers
 
     def decide(self, answers: Tensor) -> Tensor:
@@ -197,23 +228,32 @@ class PolicyNet(nn.Module):
             return answers
         return self.bins.mode(answers if self.caution is None else weigh(answers, self.caution))
 
-    def normalise_motion(self, motion: Tensor) -> Tensor:
-        """Features of own motion in SI units -> numbers around [-1, 1]."""
+    def normalise_motion(self, motion: Tensor, traits: Tensor | None = None) -> Tensor:
+        """Features of own motion in SI units -> numbers around [-1, 1]; traits as for `act`."""
+        if self.inputs.robot:
+            motion = motion * ((self.limits / self._limits_of(traits)) @ self.commands + 1 - self.commands.sum(dim=0))
         return motion * self.motion_scale + self.motion_offset
 
-    def clip(self, normalised_actions: Tensor) -> Tensor:
-        """Normalised actions -> (v [m/s] in [0, v_max], w [rad/s] in +-w_max), as the exported head answers them."""
+    def clip(self, normalised_actions: Tensor, traits: Tensor | None = None) -> Tensor:
+        """Normalised actions -> v [m/s] in [v_min, v_max], w [rad/s] in +-w_max, as the exported head answers them."""
         v, w = normalised_actions.unbind(1)
-        return torch.stack([v.clamp(0.0, 1.0), w.clamp(-1.0, 1.0)], dim=1) * self.limits
+        return torch.stack([v.clamp(self.slowest, 1.0), w.clamp(-1.0, 1.0)], dim=1) * self._limits_of(traits)
+
+    def _limits_of(self, traits: Tensor | None) -> Tensor:
+        """What commands are in units of, shape (2,) or (B, 2)."""
+        if not self.inputs.robot:
+            return self.limits
+        assert traits is not None
+        return traits[:, LIMITS_AT:]
 
 
-def bins_of(config: NetworkConfig) -> Bins | None:
-    """The grid of a network's actions, if it has one."""
+def bins_of(config: NetworkConfig, robot: RobotConfig) -> Bins | None:
+    """The grid of a network's actions, if it has one: of "weighed" ones that of `command_grid`."""
     if config.output == "regression":
         return None
-    return (
-        Bins(len(SPEED_SHARES), len(TURN_SHARES)) if config.output == "weighed" else Bins(config.v_bins, config.w_bins)
-    )
+    weighed = config.output == "weighed"
+    v_bins, w_bins = (len(SPEED_SHARES), len(TURN_SHARES)) if weighed else (config.v_bins, config.w_bins)
+    return Bins(v_bins, w_bins, backward_rows(robot, v_bins))
 
 
 def weigh(answers: Tensor, caution: float) -> Tensor:
@@ -233,6 +273,13 @@ def weigh(answers: Tensor, caution: float) -> Tensor:
 def humans_head(latents_width: int) -> nn.Sequential:
     """Latents -> the nearest visible human: logit of presence, bearing [rad], logarithm of the distance [m]."""
     return nn.Sequential(nn.Linear(latents_width, HUMANS_WIDTH), nn.ReLU(), nn.Linear(HUMANS_WIDTH, 3))
+
+
+def command_columns(inputs: PolicyInputs) -> npt.NDArray[np.float64]:
+    """Where v and w executed last stand among the features of own motion: 1 there, else 0, shape (2, M)."""
+    width = inputs.motion.width(inputs.frame_count)
+    first = width - 2 if inputs.motion is MotionInput.POSES else 0
+    return np.eye(2, width, first)
 
 
 def motion_units(inputs: PolicyInputs, robot: RobotConfig) -> tuple[list[float], list[float]]:

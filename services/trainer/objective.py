@@ -1,6 +1,7 @@
 """What the network is shown of a batch, and how far its answers are off."""
 
 from dataclasses import dataclass, replace
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -8,30 +9,36 @@ import numpy.typing as npt
 import torch
 from torch import Tensor, nn
 
+from readygo.common.images.names import cameras_of
 from readygo.common.policy.artifact import MotionInput
+from readygo.common.policy.traits import LIMITS_AT
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.command_grid import HUMAN, OBSTACLE, UNKNOWN_RISK, mirrored
 from readygo.services.trainer.augment import (
-    FrameWarp,
+    Goals,
+    RobotWarp,
     View,
     correct_for_turn,
     corrupt_previous,
     draw_views,
     hindsight_goals,
-    is_symmetric,
+    light_on,
     lit,
+    mirror_twins,
     mirrored_motion,
+    own_goals,
     plain_view,
+    show_frames,
     turn_motion,
     turn_world,
-    with_depths,
 )
 from readygo.services.trainer.config import TrainConfig
 from readygo.services.trainer.frames import FrameCache, pooling_of
 from readygo.services.trainer.model import Bins
 from readygo.services.trainer.samples import Array, Batch, Indices, SampleTable, Timing, make_batch
 
-MIRRORED_COMMANDS = mirrored()
+WARPS_KEPT = 256
+"""Cameras of episodes that are kept."""
 LEFT_RIGHT = np.array([1.0, -1.0], np.float32)
 
 
@@ -42,11 +49,13 @@ class Shown:
     images: Tensor
     """Distinct frames, shape (F, C, H, W), channels_last."""
     window: Tensor
-    """Rows of `images` that each sample sees, shape (B, 3)."""
+    """Rows of `images` that each sample sees, its frames and then its goal, shape (B, 3) or (B, 4)."""
     motion: Tensor
     """Features of own motion in SI units, shape (B, M)."""
     goals_xy_m: Tensor
     """Shape (B, 2)."""
+    traits: Tensor
+    """See `SampleTable.traits`, shape (B, TRAIT_COUNT)."""
     targets: Tensor
     """(v / v_max, w / w_max), shape (B, 2)."""
     risks: Tensor
@@ -63,12 +72,16 @@ class Objective:
     """Turns samples into what the network is shown, and its answers into a loss."""
 
     def __init__(self, robot: RobotConfig, config: TrainConfig, timing: Timing, dtype: torch.dtype) -> None:
-        self._robot, self._timing, self._dtype = robot, timing, dtype
-        # In a mirror such a camera would be on the robot's other side, or have another lens.
-        sampling = config.sampling
-        self._config = sampling if is_symmetric(robot.camera) else replace(sampling, mirror=0.0)
+        self._timing, self._dtype = timing, dtype
+        self._sees, sampling = config.network.images, config.sampling
+        # In a mirror other cameras would be on the robot's other side, or have another lens.
+        mirrors = mirror_twins(robot, cameras_of(self._sees)) is not None
+        self._config = sampling if mirrors else replace(sampling, mirror=0.0)
+        self._mirrored_commands = mirrored(robot)
         self._motion = MotionInput(config.network.motion)
-        self._warp = FrameWarp(robot.camera, pooling_of(robot.camera, config.network.pooled_height_px))
+        pooling = pooling_of(robot.camera, config.network.pooled_height_px)
+        self._warp_of = lru_cache(WARPS_KEPT)(partial(RobotWarp, images=self._sees, pooling=pooling))
+        self._sees_goal = config.network.goal != "point"
 
     def training(self, table: SampleTable, frames: FrameCache, samples: Indices, rng: np.random.Generator) -> Shown:
         """Samples with random changes."""
@@ -77,23 +90,33 @@ class Objective:
         turnable = ~table.by_policy[firsts] | self._config.yaw_on_policy
         view, rows = draw_views(turnable, self._config, rng), groups[batch.window[:, -1]]
         yaws_rad, mirrored = view.yaws_rad[rows], view.mirrored[rows][:, None]
-        goals = turn_world(hindsight_goals(table, samples, self._config.hindsight, rng), yaws_rad)
-        motion = self._training_motion(turn_motion(table.motion[samples], yaws_rad), rng)
+        traits = table.traits[table.episode[samples]]
+        chosen = hindsight_goals(table, samples, self._config.hindsight, rng, seen=self._sees_goal)
+        goals = turn_world(chosen.xy_m, yaws_rad)
+        motion = self._training_motion(turn_motion(table.motion[samples], yaws_rad), traits[:, LIMITS_AT:], rng)
         targets = correct_for_turn(
-            table.targets[samples], yaws_rad, self._config.yaw_gain_per_s, self._robot.w_max_radps
+            table.targets[samples], yaws_rad, self._config.yaw_gain_per_s, traits[:, LIMITS_AT + 1]
         )
         poses = self._motion is MotionInput.POSES
         signs = mirrored_motion(motion.shape[1]) if poses else np.array([1, -1, 1], np.float32)
         # What a command leads to is told for the robot as it stood.
         risks = np.where(yaws_rad[:, None] != 0, UNKNOWN_RISK, table.risks[samples])
         humans = table.humans[samples] - np.stack([0 * yaws_rad, yaws_rad, 0 * yaws_rad], axis=1)
+        images = self._images(table, frames, batch.frames, groups, view)
+        if self._sees_goal:
+            places, batch = with_goal_frames(batch, chosen)
+            # Where the robot was turned to says nothing of what is seen at the goal.
+            still = replace(view, yaws_rad=np.zeros_like(view.yaws_rad))
+            there = self._images(table, frames, places, rows[first_of(chosen)], still)
+            images = torch.cat([images, there])
         return self._shown(
-            self._images(frames.get(table, batch.frames), groups, view),
+            images,
             batch,
+            traits,
             motion=np.where(mirrored, motion * signs, motion),
             goals=np.where(mirrored, goals * LEFT_RIGHT, goals),
             targets=np.where(mirrored, targets * LEFT_RIGHT, targets),
-            risks=np.where(mirrored, risks[:, MIRRORED_COMMANDS], risks),
+            risks=np.where(mirrored, risks[:, self._mirrored_commands], risks),
             humans=np.where(mirrored, humans * np.array([1, -1, 1]), humans).astype(np.float32),
         )
 
@@ -104,11 +127,18 @@ class Objective:
         if self._motion is MotionInput.COMMAND:
             motion = corrupt_previous(motion[:, -2:], np.zeros(2, np.float32), np.full(len(samples), withheld))
         groups = np.zeros(len(batch.frames), np.int64)
+        goals = own_goals(table, samples)
+        images = self._images(table, frames, batch.frames, groups, plain_view())
+        if self._sees_goal:
+            places, batch = with_goal_frames(batch, goals)
+            there = self._images(table, frames, places, np.zeros(len(places), np.int64), plain_view())
+            images = torch.cat([images, there])
         return self._shown(
-            self._images(frames.get(table, batch.frames), groups, plain_view()),
+            images,
             batch,
+            table.traits[table.episode[samples]],
             motion=motion,
-            goals=table.goals_xy_m[samples],
+            goals=goals.xy_m,
             targets=table.targets[samples],
             risks=table.risks[samples],
             humans=table.humans[samples],
@@ -117,7 +147,9 @@ class Objective:
     def answers(self, network: nn.Module, shown: Shown) -> tuple[Tensor, Tensor]:
         """What `PolicyNet.forward` answers to a batch, computed in the type that was chosen."""
         with torch.autocast(shown.images.device.type, torch.bfloat16, enabled=self._dtype is torch.bfloat16):
-            answers: tuple[Tensor, Tensor] = network(shown.images, shown.window, shown.motion, shown.goals_xy_m)
+            answers: tuple[Tensor, Tensor] = network(
+                shown.images, shown.window, shown.motion, shown.goals_xy_m, shown.traits
+            )
         return answers
 
     def loss(self, network: nn.Module, bins: Bins | None, shown: Shown) -> Tensor:
@@ -140,15 +172,29 @@ class Objective:
             loss = loss + self._config.humans_weight * humans_loss(humans, shown.humans)
         return loss
 
-    def _training_motion(self, motion: Array, rng: np.random.Generator) -> Array:
+    def _training_motion(self, motion: Array, limits: npt.NDArray[np.float64], rng: np.random.Generator) -> Array:
         if self._motion is MotionInput.POSES:
             return motion
-        config, limits = self._config, (self._robot.v_max_mps, self._robot.w_max_radps)
+        config = self._config
         noise = (config.previous_noise * rng.normal(0.0, limits, (len(motion), 2))).astype(np.float32)
         return corrupt_previous(motion[:, -2:], noise, rng.random(len(motion)) < config.previous_dropout)
 
-    def _images(self, frames: npt.NDArray[np.uint8], groups: Indices, view: View) -> Tensor:
-        shown, light = self._warp.show(frames, groups, view), with_depths(view.light, frames.shape[3])
+    def _images(self, table: SampleTable, cache: FrameCache, places: Indices, groups: Indices, view: View) -> Tensor:
+        """Frames of some samples and images of goals, each episode's as its row of the view has it.
+
+        Args:
+            table: The samples.
+            cache: Their frames.
+            places: Samples, or -1 - e for the image of the goal of episode e, shape (F,).
+            groups: Row of each one's episode in the view, shape (F,).
+            view: How episodes are shown.
+        """
+        episodes = np.where(places < 0, -1 - places, table.episode[np.maximum(places, 0)])
+        warps = {
+            group: self._warp_of(table.robots[row])
+            for group, row in zip(groups.tolist(), episodes.tolist(), strict=True)
+        }
+        shown, light = show_frames(cache.get(table, places), groups, view, warps), light_on(view.light, self._sees)
         if self._dtype is torch.bfloat16:
             # OpenCV knows no bfloat16: its bits travel as 16-bit numbers.
             bits = torch.from_numpy(light).to(torch.bfloat16).view(torch.int16).numpy()
@@ -157,17 +203,32 @@ class Objective:
             images = torch.from_numpy(lit(shown, groups, light))
         return images.permute(0, 3, 1, 2)
 
-    def _shown(self, images: Tensor, batch: Batch, **numbers: npt.NDArray[Any]) -> Shown:
-        limits = np.array([self._robot.v_max_mps, self._robot.w_max_radps], np.float32)
+    def _shown(
+        self, images: Tensor, batch: Batch, traits: npt.NDArray[np.float64], **numbers: npt.NDArray[Any]
+    ) -> Shown:
+        told = traits.astype(np.float32)
         return Shown(
             images=images,
             window=torch.from_numpy(batch.window),
             motion=torch.from_numpy(numbers["motion"]),
             goals_xy_m=torch.from_numpy(numbers["goals"]),
-            targets=torch.from_numpy(numbers["targets"] / limits),
+            traits=torch.from_numpy(told),
+            targets=torch.from_numpy(numbers["targets"] / told[:, LIMITS_AT:]),
             risks=torch.from_numpy(numbers["risks"].astype(np.uint8)),
             humans=torch.from_numpy(numbers["humans"]),
         )
+
+
+def with_goal_frames(batch: Batch, goals: Goals) -> tuple[Indices, Batch]:
+    """The distinct frames that show goals, and a batch whose windows end with them, behind its own frames."""
+    places, rows = np.unique(goals.seen_from, return_inverse=True)
+    window = np.concatenate([batch.window, len(batch.frames) + rows.reshape(-1, 1)], axis=1)
+    return places, replace(batch, window=window)
+
+
+def first_of(goals: Goals) -> Indices:
+    """A sample of the batch for each of the distinct places, in ascending order, that goals are seen from."""
+    return np.asarray(np.unique(goals.seen_from, return_index=True)[1], np.int64)
 
 
 def risks_loss(logits: Tensor, risks: Tensor) -> Tensor:

@@ -3,10 +3,10 @@
 from collections.abc import Iterable
 from typing import Any
 
-from readygo.common.errors import DatasetError
-from readygo.common.policy.sight import RGB
+from readygo.common.errors import ConfigError, DatasetError
+from readygo.common.images.names import GOAL_IMAGE, RGB
 from readygo.common.robot import RobotConfig
-from readygo.common.robot.kinematics import whole_steps
+from readygo.common.robot.command_grid import command_grid
 from readygo.services.trainer.config import TrainConfig
 from readygo.services.trainer.episodes import Episode, SampleSource, read_episodes
 from readygo.services.trainer.frames import FrameCache, pooling_of
@@ -24,19 +24,19 @@ class Part:
         """Without episodes so far.
 
         Args:
-            robot: Whose camera took the images.
+            robot: Whose cameras took the images.
             config: How much memory there is, and which steps belong together.
             share: The part's share of the memory.
         """
         self.reservoir = Reservoir(int(share * config.memory_mb * 1e6), config.seed)
         self.frames = FrameCache(
             self.reservoir,
-            robot.camera,
+            robot,
             pooling=pooling_of(robot.camera, config.network.pooled_height_px),
             limit_bytes=int(share * config.cache_mb * 1e6),
             images=config.network.images,
         )
-        self._timing = timing_of(robot, config)
+        self._robot, self._timing = robot, timing_of(robot, config)
         self._tables: dict[str, SampleTable] = {}
         self._joined: tuple[int, SampleTable] | None = None
 
@@ -51,7 +51,7 @@ class Part:
         if self._joined is None or self._joined[0] != self.reservoir.version:
             known = self._tables
             self._tables = {
-                name: known[name] if name in known else episode_table(episode, self._timing)
+                name: known[name] if name in known else episode_table(episode, self._robot, self._timing)
                 for name, episode in episodes.items()
             }
             self._joined = self.reservoir.version, join_tables(list(self._tables.values()))
@@ -59,12 +59,23 @@ class Part:
 
 
 def timing_of(robot: RobotConfig, config: TrainConfig) -> Timing:
-    """Which steps belong together."""
+    """Which steps belong together.
+
+    Raises:
+        ConfigError: If the robot's camera takes no images that are as far apart as the frames shall be.
+    """
+    clock = robot.clock
+    try:
+        spacing_steps = clock.spacing_steps(config.sampling.frame_spacing_s)
+    except ValueError as error:
+        raise ConfigError(f"The robot's camera takes {robot.camera_hz} images a second: {error}") from error
     return Timing(
-        spacing_steps=whole_steps(config.sampling.frame_spacing_s),
+        clock=clock,
+        command_count=len(command_grid(robot)),
+        spacing_steps=spacing_steps,
         frame_count=config.network.frame_count,
-        latency_steps=whole_steps(robot.camera.latency_s),
-        ahead_steps=whole_steps(config.sampling.ahead_s),
+        latency_steps=clock.steps(robot.camera.latency_s),
+        ahead_steps=clock.steps(config.sampling.ahead_s),
     )
 
 
@@ -104,7 +115,8 @@ def build_parts(source: SampleSource, validation: SampleSource | None, config: T
 
 def outputs_of(config: TrainConfig) -> tuple[str, ...]:
     """The images besides rgb that are learned from."""
-    return tuple(name for name in config.network.images if name != RGB)
+    goal = () if config.network.goal == "point" else (GOAL_IMAGE,)
+    return (*(name for name in config.network.images if name != RGB), *goal)
 
 
 def _fill(part: Part, episodes: Iterable[Episode]) -> None:

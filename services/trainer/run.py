@@ -161,7 +161,7 @@ class TrainRun:
         table = self.held_out.table
         rows = spread_samples(table, self.config.validation_samples)
         predictions = predict(self.learner.average, self.learner.objective, self.held_out, rows)
-        return validation_loss(predictions, table.targets[rows], self.learner.average.limits.cpu().numpy())
+        return validation_loss(predictions, table.targets[rows], table.limits(rows))
 
     def chosen_weights(self) -> dict[str, Any]:
         """The weights of the highest measured success rate; the averaged ones of now if none was measured."""

@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 
 import numpy as np
@@ -11,7 +11,9 @@ import numpy.typing as npt
 from readygo.common.errors import DatasetError
 from readygo.common.messages.plan import Driver
 from readygo.common.policy.motion import odometry, own_motion
+from readygo.common.policy.traits import LIMITS_AT, traits_of
 from readygo.common.policy.windows import FRAME_COUNT, window_rows
+from readygo.common.robot import Clock, RobotConfig
 from readygo.common.robot.command_grid import COMMAND_COUNT, UNKNOWN_RISK
 from readygo.services.trainer.episodes import Episode
 
@@ -35,6 +37,10 @@ class Timing:
     """Steps between the latest frame of a window and its sample."""
     ahead_steps: int = 0
     """Steps from a sample to the command that it teaches."""
+    clock: Clock = field(default_factory=Clock)
+    """The robot's."""
+    command_count: int = COMMAND_COUNT
+    """Commands of the robot's grid, which data tell the risks of."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,6 +49,8 @@ class SampleTable:
 
     names: tuple[str, ...]
     """Names of the episodes."""
+    robots: tuple[RobotConfig, ...]
+    """The robots of the episodes."""
     episode: Indices
     """Row in `names` of each sample's episode, shape (S,)."""
     first: Indices
@@ -52,10 +60,12 @@ class SampleTable:
     driven_last: Indices
     """Last sample up to which the expert has driven undisturbed from this one on; the sample itself where it has not,
     shape (S,)."""
+    pictured_at: Indices
+    """The sample at which the latest image was taken, shape (S,)."""
     by_policy: npt.NDArray[np.bool_]
     """True where a policy drove, shape (S,)."""
     usable: npt.NDArray[np.bool_]
-    """True where all frames of the window were taken and there is a target, shape (S,)."""
+    """True where all frames of the window were taken, the robot is commanded and there is a target, shape (S,)."""
     targets: Array
     """Commands that the samples teach: v [m/s], w [rad/s], shape (S, 2)."""
     motion: Array
@@ -71,6 +81,15 @@ class SampleTable:
 
     def __len__(self) -> int:
         return len(self.first)
+
+    @cached_property
+    def traits(self) -> npt.NDArray[np.float64]:
+        """What a policy for several robots is told of each episode's, shape (E, TRAIT_COUNT)."""
+        return np.array([traits_of(robot) for robot in self.robots])
+
+    def limits(self, samples: Indices) -> Array:
+        """Largest v [m/s] and w [rad/s] of the robots of some samples, shape (B, 2)."""
+        return self.traits[self.episode[samples], LIMITS_AT:].astype(np.float32)
 
     @cached_property
     def usable_samples(self) -> Indices:
@@ -100,27 +119,38 @@ class Batch:
     """Rows of `frames` that each sample sees, oldest first, shape (B, `frame_count`)."""
 
 
-def episode_table(episode: Episode, timing: Timing) -> SampleTable:
-    """The table of one episode."""
+def episode_table(episode: Episode, robot: RobotConfig, timing: Timing) -> SampleTable:
+    """The table of one episode.
+
+    Args:
+        episode: The episode.
+        robot: That of the run; the episode has one of its ranges, if it has any.
+        timing: Which steps belong together.
+    """
     count = episode.sample_count
     steps, zeros = np.arange(count), np.zeros(count, np.int64)
-    poses = odometry(episode.actions)
-    rows = window_rows(steps - timing.latency_steps, zeros, timing.spacing_steps, timing.frame_count)
-    targets = _targets(episode, timing.ahead_steps)
+    clock = timing.clock
+    poses = odometry(episode.actions, clock.dt_s)
+    rows = _window_rows(steps, zeros, timing)
+    # A command is held: what it leads to is what is executed at the end of that.
+    targets = _targets(episode, timing.ahead_steps + clock.control_every - 1)
+    seen = episode.pictured[rows].all(axis=1) & np.isfinite(targets).all(axis=1)
     previous = np.concatenate([np.zeros((1, 2), np.float32), episode.actions[:-1]])
     return SampleTable(
         names=(episode.name,),
+        robots=(robot.with_values(episode.drawn),),
         episode=zeros,
         first=zeros,
         last=np.full(count, count - 1),
         driven_last=_driven_last(episode),
+        pictured_at=np.maximum.accumulate(np.where(episode.pictured, steps, 0)),
         by_policy=np.full(count, episode.driver is Driver.POLICY),
-        usable=np.logical_and(episode.pictured[rows].all(axis=1), np.isfinite(targets).all(axis=1)),
+        usable=seen & (steps % clock.control_every == 0),
         targets=targets,
         motion=own_motion(poses[rows[:, :-1]], poses, previous),
         goals_xy_m=episode.goals_xy_m,
         xyyaw=episode.xyyaw,
-        risks=np.full((count, COMMAND_COUNT), UNKNOWN_RISK, np.uint8) if episode.risks is None else episode.risks,
+        risks=_risks(episode, timing.command_count),
         humans=np.full((count, 3), np.nan, np.float32) if episode.humans is None else episode.humans,
     )
 
@@ -138,12 +168,32 @@ def join_tables(tables: Sequence[SampleTable]) -> SampleTable:
     columns = {
         item.name: np.concatenate([getattr(table, item.name) for table in tables])
         for item in fields(SampleTable)
-        if item.name != "names"
+        if item.name not in ("names", "robots")
     }
-    for name in ("first", "last", "driven_last"):
+    for name in ("first", "last", "driven_last", "pictured_at"):
         columns[name] = columns[name] + begins
     columns["episode"] = np.repeat(np.arange(len(tables)), counts)
-    return SampleTable(names=tuple(name for table in tables for name in table.names), **columns)
+    return SampleTable(
+        names=tuple(name for table in tables for name in table.names),
+        robots=tuple(robot for table in tables for robot in table.robots),
+        **columns,
+    )
+
+
+def _window_rows(samples: Indices, first: Indices, timing: Timing) -> Indices:
+    newest, every = samples - timing.latency_steps, timing.clock.image_every
+    return window_rows(newest, first, timing.spacing_steps, timing.frame_count, every)
+
+
+def _risks(episode: Episode, command_count: int) -> npt.NDArray[np.uint8]:
+    if episode.risks is None:
+        return np.full((episode.sample_count, command_count), UNKNOWN_RISK, np.uint8)
+    if episode.risks.shape[1] != command_count:
+        raise DatasetError(
+            f"Episode {episode.name} tells the risks of {episode.risks.shape[1]} commands, the robot's grid has "
+            f"{command_count}; record it anew with this robot."
+        )
+    return episode.risks
 
 
 def _targets(episode: Episode, ahead_steps: int) -> Array:
@@ -189,7 +239,7 @@ def make_batch(samples: Indices, first: Indices, timing: Timing) -> Batch:
         first: First sample of each sample's episode for the whole table, shape (S,).
         timing: Which steps belong together.
     """
-    seen = window_rows(samples - timing.latency_steps, first[samples], timing.spacing_steps, timing.frame_count)
+    seen = _window_rows(samples, first[samples], timing)
     frames, window = np.unique(seen, return_inverse=True)
     return Batch(samples=samples, frames=frames, window=window.reshape(seen.shape))
 

@@ -40,12 +40,12 @@ def _answers(model: PolicyNet, objective: Objective, part: Part, samples: Indice
         for begin in range(0, len(samples), VALIDATION_BATCH):
             batch = samples[begin : begin + VALIDATION_BATCH]
             shown = objective.plain(table, part.frames, batch, withheld=withheld).to(device)
-            answers.append(model.clip(model.decide(objective.answers(model, shown)[0])).cpu().numpy())
+            answers.append(model.clip(model.decide(objective.answers(model, shown)[0]), shown.traits).cpu().numpy())
     return np.concatenate(answers)
 
 
 def validation_loss(predictions: Predictions, targets: Array, limits: Array) -> float:
-    """Mean squared error in units of the limits, the previous action withheld.
+    """Mean squared error in units of the robots' limits, shape (B, 2), the previous action withheld.
 
     Given the previous action, a policy that copies it has the smallest error on recorded data; what images and goal
     teach shows without it.

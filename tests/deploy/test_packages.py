@@ -36,7 +36,10 @@ from pathlib import Path
 from readygo.apps.fleet.fleet import Fleet
 fleet = Fleet(connect="tcp/127.0.0.1:1", run="run", data=Path("data").resolve(), logs=Path("."))
 fleet.add("renderer", "renderer0")
-print(fleet.members[0].process.wait(60))
+log, deadline_s = Path("renderer0.log"), time.monotonic() + 60
+while not (log.exists() and "\\n" in log.read_text()) and time.monotonic() < deadline_s:
+    time.sleep(0.1)
+print(log.read_text())
 fleet.stop()
 """
 
@@ -146,10 +149,7 @@ def test_processes_of_a_fleet_are_those_of_the_wheel(wheel: Path, environment: P
     for top in TOPS:
         (project / top / "__init__.py").write_text("raise RuntimeError('a package of theirs is imported')\n")
     said = _run(environment / "bin" / "python", "-c", FLEET, cwd=project).stdout
-    words = (project / "renderer0.log").read_text()
-    assert said == "2\n", words
-    assert words.startswith("readygo: "), words
-    assert words.count("\n") == 1, words
+    assert "No router answers at tcp/127.0.0.1:1" in said.splitlines()[0]
 
 
 @pytest.mark.slow

@@ -13,6 +13,7 @@ from readygo.common.camera.lens import make_lens
 from readygo.common.dataset import Dataset, validate
 from readygo.common.episode import EpisodeConfig
 from readygo.common.messages import Split
+from readygo.common.policy import PolicySpec, check_policy_camera, check_policy_limits
 from readygo.common.robot import load_robot
 from readygo.services.planner.humans.scenario_file import load_scenarios
 
@@ -37,7 +38,10 @@ def test_robot_drives_and_sees(path: Path, tmp_path: Path) -> None:
     data = recorded(dataclasses.replace(RunConfig(robot=robot), episode=SHORT), tmp_path / "data", episodes=1)
     assert data.robot == robot
     assert (data.height_px, data.width_px) == (robot.camera.height_px, robot.camera.width_px)
-    assert data.actions[:, 0].max() <= robot.v_max_mps + 1e-6
+    driven = robot.with_values(data.episodes[0].drawn)
+    assert not driven.ranges.varies
+    assert data.actions[:, 0].max() <= driven.v_max_mps + 1e-6
+    assert data.calibration(0).K_px == pytest.approx(driven.camera.K_px)
 
 
 def test_robots_are_what_their_names_say() -> None:
@@ -46,6 +50,9 @@ def test_robots_are_what_their_names_say() -> None:
     assert small.camera.distortion == "fisheye"
     make_lens(small.camera)
     assert wide.v_max_mps / wide.w_max_radps >= 1.0
+    several, one = (load_robot(EXAMPLES / "robots" / f"{name}.toml") for name in ("several", "one_of_several"))
+    check_policy_camera(PolicySpec(robot=several), one)
+    check_policy_limits(PolicySpec(robot=several), one)
 
 
 def test_run_is_recorded_with_its_settings(tmp_path: Path) -> None:

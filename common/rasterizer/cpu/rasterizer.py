@@ -228,7 +228,7 @@ class CpuRasterizer:
 
     def _draw(self, shown: View, scene: Sequence[_Layer], sums: Sums = _RGB_ONLY) -> None:
         pose = np.asarray(shown.T_world_camera, dtype=np.float64)
-        view = make_view(pose, self._K_px, self._height, self._width)
+        view = make_view(pose, self._K_px if shown.K_px is None else shown.K_px, self._height, self._width)
         layers = [*scene, *self._pose(shown.humans, view)]
         for layer in layers:
             layer.want_normals(sums.normals is not None)

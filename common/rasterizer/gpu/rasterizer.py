@@ -80,7 +80,7 @@ class GpuRasterizer:
         """The images of views; see `Rasterizer.render`.
 
         Raises:
-            ReadygoError: As there, or if a view has shadows or its humans have a lead.
+            ReadygoError: As there, or if a view has shadows or intrinsics, or its humans a lead.
         """
         wanted = checked_outputs(views, outputs, self._numbers)
         if not views:
@@ -106,6 +106,8 @@ class GpuRasterizer:
     def _draw(self, views: Sequence[View], wanted: frozenset[str] = frozenset()) -> DeviceImages:
         if any(view.shadows is not None for view in views):
             raise ReadygoError("The GPU backends draw no shadows; use the cpu backend.")
+        if any(view.K_px is not None for view in views):
+            raise ReadygoError("The GPU backends draw one field of view; use the cpu backend.")
         if any(human.lead_m for view in views for human in view.humans):
             raise ReadygoError("The GPU backends draw feet as their depths say; use the cpu backend.")
         batch = make_batch(views, self._numbers, self._device)

@@ -10,8 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from readygo.common.episode import EpisodeSimulation
-from readygo.common.robot import RobotConfig
-from readygo.common.robot.kinematics import DT_S
 from readygo.services.evaluator.baselines.goal_field import GoalField
 from readygo.services.evaluator.drivers import DriverFailure
 
@@ -44,13 +42,10 @@ class DiscretePlannerDriver:
 
     looks = False
 
-    def __init__(self, robot: RobotConfig) -> None:
-        self._robot = robot
-
     def start(self, simulation: EpisodeSimulation) -> Plan:
         """The ways to the episode's goal."""
         goal_x, goal_y = simulation.scenario.goal_xy_m.tolist()
-        field = GoalField(simulation.robot_map, self._robot.planning_radius_m, (goal_x, goal_y))
+        field = GoalField(simulation.robot_map, simulation.robot.planning_radius_m, (goal_x, goal_y))
         return Plan(field, Action())
 
     def commands(self, running: Sequence[tuple[EpisodeSimulation, Plan]]) -> list[tuple[float, float] | DriverFailure]:
@@ -58,20 +53,21 @@ class DiscretePlannerDriver:
         return [self._command(simulation, plan) for simulation, plan in running]
 
     def _command(self, simulation: EpisodeSimulation, plan: Plan) -> tuple[float, float]:
-        action, robot = plan.action, self._robot
-        action.forward_m -= simulation.v_mps * DT_S if simulation.step else 0.0
-        action.turn_rad -= simulation.w_radps * DT_S if simulation.step else 0.0
-        v = _braking(action.forward_m, robot.a_max_mps2, robot.v_max_mps)
-        w = _braking(action.turn_rad, robot.alpha_max_radps2, robot.w_max_radps)
-        if action.forward_m > 0 and action.forward_m <= _brakes_in(simulation.v_mps, robot.a_max_mps2):
+        action, robot, clock = plan.action, simulation.robot, simulation.clock
+        held_s = clock.dt_s * clock.control_every
+        action.forward_m -= simulation.v_mps * clock.dt_s if simulation.step else 0.0
+        action.turn_rad -= simulation.w_radps * clock.dt_s if simulation.step else 0.0
+        v = _braking(action.forward_m, robot.a_max_mps2, robot.v_max_mps, held_s)
+        w = _braking(action.turn_rad, robot.alpha_max_radps2, robot.w_max_radps, held_s)
+        if action.forward_m > 0 and action.forward_m <= _brakes_in(simulation.v_mps, robot.a_max_mps2, held_s):
             # Who goes on in the same direction need not stop.
             action.forward_m += self._next_action(simulation, plan.field).forward_m
-            v = _braking(action.forward_m, robot.a_max_mps2, robot.v_max_mps)
+            v = _braking(action.forward_m, robot.a_max_mps2, robot.v_max_mps, held_s)
         stands = abs(simulation.v_mps) < HALT_MPS and abs(simulation.w_radps) < HALT_RADPS
         if abs(v) < HALT_MPS and abs(w) < HALT_RADPS and stands:
             plan.action = self._next_action(simulation, plan.field)
-            v = _braking(plan.action.forward_m, robot.a_max_mps2, robot.v_max_mps)
-            w = _braking(plan.action.turn_rad, robot.alpha_max_radps2, robot.w_max_radps)
+            v = _braking(plan.action.forward_m, robot.a_max_mps2, robot.v_max_mps, held_s)
+            w = _braking(plan.action.turn_rad, robot.alpha_max_radps2, robot.w_max_radps, held_s)
         return max(v, 0.0), w
 
     def _next_action(self, simulation: EpisodeSimulation, field: GoalField) -> Action:
@@ -83,12 +79,12 @@ class DiscretePlannerDriver:
         return Action(forward_m=FORWARD_M)
 
 
-def _braking(left: float, slowing: float, largest: float) -> float:
-    """The fastest velocity from which what is left can still be braked in, in steps of `DT_S`."""
-    speed = math.sqrt((0.5 * slowing * DT_S) ** 2 + 2 * slowing * abs(left)) - 0.5 * slowing * DT_S
-    return math.copysign(min(speed, largest, abs(left) / DT_S), left)
+def _braking(left: float, slowing: float, largest: float, held_s: float) -> float:
+    """The fastest velocity from which what is left can still be braked in, in steps of `held_s`."""
+    speed = math.sqrt((0.5 * slowing * held_s) ** 2 + 2 * slowing * abs(left)) - 0.5 * slowing * held_s
+    return math.copysign(min(speed, largest, abs(left) / held_s), left)
 
 
-def _brakes_in(speed: float, slowing: float) -> float:
+def _brakes_in(speed: float, slowing: float, held_s: float) -> float:
     """Way until a robot stands, if it begins to brake in the next step [m]."""
-    return speed * speed / (2 * slowing) + 2 * speed * DT_S
+    return speed * speed / (2 * slowing) + 2 * speed * held_s

@@ -12,8 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from readygo.common.episode import EpisodeSimulation
-from readygo.common.robot import RobotConfig
-from readygo.common.robot.kinematics import DT_S
 from readygo.services.evaluator.baselines.goal_field import GoalField
 from readygo.services.evaluator.drivers import DriverFailure
 
@@ -45,13 +43,10 @@ class SocialForceDriver:
 
     looks = False
 
-    def __init__(self, robot: RobotConfig) -> None:
-        self._robot = robot
-
     def start(self, simulation: EpisodeSimulation) -> Walk:
         """The ways to the episode's goal."""
         goal_x, goal_y = simulation.scenario.goal_xy_m.tolist()
-        field = GoalField(simulation.robot_map, self._robot.planning_radius_m, (goal_x, goal_y))
+        field = GoalField(simulation.robot_map, simulation.robot.planning_radius_m, (goal_x, goal_y))
         return Walk(field, simulation.human_xy_m.copy())
 
     def commands(self, running: Sequence[tuple[EpisodeSimulation, Walk]]) -> list[tuple[float, float] | DriverFailure]:
@@ -60,13 +55,13 @@ class SocialForceDriver:
 
     def _command(self, simulation: EpisodeSimulation, walk: Walk) -> tuple[float, float]:
         humans = simulation.human_xy_m
-        velocities = (humans - walk.humans_before_m) / DT_S
+        velocities = (humans - walk.humans_before_m) / simulation.clock.dt_s
         walk.humans_before_m = humans.copy()
         vx, vy = self._wanted_velocity(simulation, walk.field, humans, velocities)
         speed, heading = math.hypot(vx, vy), math.atan2(vy, vx)
         off = (heading - simulation.yaw_rad + math.pi) % (2 * math.pi) - math.pi
-        w = min(max(HEADING_GAIN_PER_S * off, -self._robot.w_max_radps), self._robot.w_max_radps)
-        return max(0.0, math.cos(off)) * min(speed, self._robot.v_max_mps), w if speed > 0.05 else 0.0
+        w = min(max(HEADING_GAIN_PER_S * off, -simulation.robot.w_max_radps), simulation.robot.w_max_radps)
+        return max(0.0, math.cos(off)) * min(speed, simulation.robot.v_max_mps), w if speed > 0.05 else 0.0
 
     def _wanted_velocity(
         self, simulation: EpisodeSimulation, field: GoalField, humans: np.ndarray, velocities: np.ndarray
@@ -74,7 +69,7 @@ class SocialForceDriver:
         x, y = simulation.x_m, simulation.y_m
         to_x, to_y = field.ahead(x, y, LOOKAHEAD_M)
         ahead_m = max(math.hypot(to_x - x, to_y - y), 1e-6)
-        wish = (self._robot.v_max_mps * (to_x - x) / ahead_m, self._robot.v_max_mps * (to_y - y) / ahead_m)
+        wish = (simulation.robot.v_max_mps * (to_x - x) / ahead_m, simulation.robot.v_max_mps * (to_y - y) / ahead_m)
         fx, fy = _wall_push(simulation, field)
         for (human_x, human_y), velocity in zip(humans.tolist(), velocities.tolist(), strict=True):
             px, py = _human_push((x - human_x, y - human_y), velocity, wish, simulation.contact_m)

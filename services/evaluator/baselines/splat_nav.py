@@ -146,8 +146,8 @@ class SplatNavDriver:
 
     looks = False
 
-    def __init__(self, robot: RobotConfig, splats: SplatMap) -> None:
-        self._robot, self._splats = robot, splats
+    def __init__(self, splats: SplatMap) -> None:
+        self._splats = splats
 
     def start(self, simulation: EpisodeSimulation) -> Way:
         """The way to the episode's goal."""
@@ -161,7 +161,7 @@ class SplatNavDriver:
     def _command(self, simulation: EpisodeSimulation, way: Way) -> tuple[float, float] | DriverFailure:
         if way.path_m is None:
             return DriverFailure("there is no safe way through the Gaussians")
-        here, robot = np.array([simulation.x_m, simulation.y_m]), self._robot
+        here, robot = np.array([simulation.x_m, simulation.y_m]), simulation.robot
         ahead = way.path_m[way.reached :]
         way.reached += int(np.hypot(*(ahead[: round(1.0 / POINT_M)] - here).T).argmin())
         distances = np.hypot(*(way.path_m[way.reached :] - here).T)

@@ -164,6 +164,10 @@ class ExpertConfig(Perception, Prediction, MapCosts, PoseSearch, Replanning, Tim
     """"paper": humans are static ground in the map; "spacetime": the search knows when they are where."""
     primitive_s: Annotated[float, Range(low=0.1, high=5.0)] = 0.5
     """Duration of a primitive [s]; three speeds by left, straight, right are the paper's."""
+    reverse_cost: NotNegative = 1.0
+    """What a metre backwards costs more than one forwards, for a robot that reverses: it does not see where it goes."""
+    gear_cost_m: NotNegative = 0.3
+    """Cost of beginning to drive the other way, backwards or forwards [m]."""
     goal_tolerance_m: Positive = 0.25
     """A plan ends this near to the goal [m]."""
 

@@ -172,7 +172,7 @@ def _path_cost(
         if i < 0 or j < 0 or i >= factor.shape[0] or j >= factor.shape[1] or factor[i, j] == 0:
             return np.inf
         dx, dy = path[k, 0] - path[k - 1, 0], path[k, 1] - path[k - 1, 1]
-        slowness = v_max / max(path[k, 3], 0.1 * v_max)
+        slowness = v_max / max(abs(path[k, 3]), 0.1 * v_max)
         total += math.sqrt(dx * dx + dy * dy) * slowness * factor[i, j] / FREE
     return total
 

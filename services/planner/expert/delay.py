@@ -12,15 +12,14 @@ import numpy.typing as npt
 
 from readygo.common.episode.grid_search import UNITS_PER_CELL, UNREACHED
 from readygo.common.kernels import compiled
-from readygo.common.robot.kinematics import DT_S
 from readygo.services.planner.expert.records import CostGrid, HumansAhead
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
 
 _CONTACT_COST = 100.0
-LAYER_STEPS = 5
-"""Simulation steps between two layers: in 0.25 s a robot of 1 m/s drives one cell of 0.25 m."""
+LAYER_S = 0.25
+"""Time between two layers, as near as steps come to it: in 0.25 s a robot of 1 m/s drives one cell of 0.25 m."""
 
 
 class Delays(NamedTuple):
@@ -35,7 +34,9 @@ class Delays(NamedTuple):
     static_m: Float64Array
     """Memory for the ways to the goal without humans, shape (N, N)."""
     values_m: Float64Array
-    """Metres at full speed, shape (L, N, N); layer l is the time of l * LAYER_STEPS steps."""
+    """Metres at full speed, shape (L, N, N); layer l is the time of l * `layer_steps` steps."""
+    layer_steps: int
+    """Steps between two layers."""
 
 
 @compiled
@@ -61,7 +62,7 @@ def nearness_cost(squared: float, hard: float, width: float, weight: float) -> f
 @compiled
 def delay_at(delays: Delays, centre: tuple[float, float, float], x: float, y: float, layer: int) -> float:
     """The delay of a robot at a place [m] in a layer; the grid is around a pose."""
-    cell, _, _, _, values = delays
+    cell, _, _, _, values, _ = delays
     half = values.shape[1] // 2
     a, b = half + math.floor((y - centre[1]) / cell + 0.5), half + math.floor((x - centre[0]) / cell + 0.5)
     # Cells that a robot cannot reach by then are not filled.
@@ -80,11 +81,11 @@ def fill_delays(grid: CostGrid, centre: tuple[float, float, float], humans: Huma
         humans: Who is in the way.
         out: Its values are filled.
     """
-    cell, speed, arrived, static, delays = out
+    cell, speed, arrived, static, delays, layer_steps = out
     layers, n, _ = delays.shape
     half = n // 2
     _fill_static(grid, cell, centre, static)
-    layer_s = LAYER_STEPS * DT_S
+    layer_s = layer_steps * humans.step_s
     for a in range(n):
         for b in range(n):
             delays[layers - 1, a, b] = 0.0 if static[a, b] < np.inf else np.inf
@@ -94,7 +95,7 @@ def fill_delays(grid: CostGrid, centre: tuple[float, float, float], humans: Huma
         low, high = half - reach, half + reach + 1
         near[low:high, low:high] = 0.0
         if layer > 0:
-            _add_nearness(humans, layer * LAYER_STEPS - 1, cell, centre, (low, high), near)
+            _add_nearness(humans, layer * layer_steps - 1, cell, centre, (low, high), near)
         for a in range(low, high):
             here, there, sums = static[a, low:high], delays[layer, a, low:high], near[a, low:high]
             best[:] = np.inf
@@ -150,7 +151,7 @@ def _add_nearness(
     near: Float64Array,
 ) -> None:
     """Add what humans cost per second to the coarse cells of a span of rows and columns."""
-    expected, chances, hard, widths, weight = humans
+    expected, chances, hard, widths, weight, _ = humans
     half = len(near) // 2
     row = min(step, expected.shape[1] - 1)
     for m in range(len(expected)):

@@ -4,8 +4,10 @@ from collections.abc import Callable, Mapping
 
 from readygo.common.avatars import Avatar, FootprintModel
 from readygo.common.episode import EpisodeConfig, EpisodeSimulation
+from readygo.common.episode.robot import robot_of_episode
 from readygo.common.errors import AvatarError
 from readygo.common.messages import (
+    EpisodeKey,
     EpisodeMotions,
     Outcome,
     RobotPlanReply,
@@ -44,7 +46,8 @@ class RobotPlanner:
             episode_config: Task and judging.
             config: How the expert drives.
         """
-        self.maps, self.robot, self.episode_config = maps, robot, episode_config
+        self.maps, self.robot, self.episode_config, self.config = maps, robot, episode_config, config
+        self._latest: RobotPlanner | None = None
         sight = maps.sight if config.needs_line_of_sight else None
         self.ground = SceneGround(maps.robot, maps.human, sight, robot, episode_config, config)
         self._search = expert_search(self.ground)
@@ -64,12 +67,24 @@ class RobotPlanner:
             self._footprints[name] = FootprintModel.from_avatar(self._avatars[name])
         return self._avatars[name], self._footprints[name]
 
+    def of(self, episode: EpisodeKey) -> "RobotPlanner":
+        """The planner for the robot of an episode: this one, unless that differs from episode to episode."""
+        robot = robot_of_episode(self.robot, episode)
+        if robot is self.robot:
+            return self
+        if self._latest is None or self._latest.robot != robot:
+            self._latest = RobotPlanner(self.maps, self._avatars, robot, self.episode_config, self.config)
+        return self._latest
+
     def expert(self, scenario: Scenario, motions: EpisodeMotions) -> Expert:
-        """An expert for one episode.
+        """An expert for one episode, and its robot.
 
         Raises:
             AvatarError: If it looks at bodies and a human's avatar is not loaded.
         """
+        return self.of(scenario.episode)._expert(scenario, motions)
+
+    def _expert(self, scenario: Scenario, motions: EpisodeMotions) -> Expert:
         if isinstance(self._search, HybridAStar):
             bodies = [HumanBody(human, *self.body(human.avatar)) for human in motions.humans]
             return PaperExpert(self.ground, self._search, scenario, bodies)
@@ -77,7 +92,8 @@ class RobotPlanner:
 
     def simulation(self, scenario: Scenario, motions: EpisodeMotions) -> EpisodeSimulation:
         """The closed loop of one episode, at its start."""
-        return EpisodeSimulation(scenario, motions, self.maps.robot, self.robot, self.episode_config)
+        robot = robot_of_episode(self.robot, scenario.episode)
+        return EpisodeSimulation(scenario, motions, self.maps.robot, robot, self.episode_config)
 
 
 def expert_search(ground: SceneGround) -> HybridAStar | SpaceTimeSearch:

@@ -46,11 +46,15 @@ class Primitives(NamedTuple):
 
 
 def make_primitives(robot: RobotConfig, config: ExpertConfig) -> Primitives:
-    """Three speeds by left, straight and right, each for `config.primitive_s`, or longer where turns are wide."""
+    """Three speeds by left, straight and right, each for `config.primitive_s`, or longer where turns are wide.
+
+    A robot that reverses has two speeds backwards besides.
+    """
     v_max, w_max = robot.v_max_mps, robot.w_max_radps
     duration_s = max(config.primitive_s, _TURN_MIN_RAD / w_max)
-    commands = [(v_max * k / 3, w_max * side) for k in (3, 2, 1) for side in (0, -1, 1)]
-    counts = [math.ceil(v * duration_s / _SAMPLE_M - 1e-9) for v, _ in commands]
+    speeds = [v_max * k / 3 for k in (3, 2, 1)] + [robot.v_min_mps * k / 2 for k in (2, 1) if robot.reverses]
+    commands = [(v, w_max * side) for v in speeds for side in (0, -1, 1)]
+    counts = [math.ceil(abs(v) * duration_s / _SAMPLE_M - 1e-9) for v, _ in commands]
     offsets = np.zeros((len(commands), max(counts), 3))
     costs = []
     for p, (v, w) in enumerate(commands):
@@ -58,9 +62,10 @@ def make_primitives(robot: RobotConfig, config: ExpertConfig) -> Primitives:
             t = duration_s * (k + 1) / counts[p]
             arc = (v * t, 0.0) if w == 0 else (v / w * math.sin(w * t), v / w * (1 - math.cos(w * t)))
             offsets[p, k] = (*arc, w * t)
-        turning = config.steering_cost * abs(w) / w_max * v
-        slowness = config.slow_cost * (1 - v / v_max) * v_max
-        costs.append((v + turning + slowness) * duration_s)
+        turning = config.steering_cost * abs(w) / w_max * abs(v)
+        slowness = config.slow_cost * (1 - abs(v) / v_max) * v_max
+        backwards = config.reverse_cost * max(-v, 0.0)
+        costs.append((abs(v) + turning + slowness + backwards) * duration_s)
     return Primitives(
         offsets=offsets,
         sample_counts=np.array(counts),
@@ -77,6 +82,8 @@ class Rules(NamedTuple):
     expansions_max: int
     turn_cost_m: float
     """Cost of turning in place by one radian, at the start [m]."""
+    gear_cost_m: float
+    """Cost of beginning to drive the other way [m]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -86,7 +93,7 @@ class Plan:
     xyyaw: Float64Array
     """Poses about every 5 cm, the start included: x [m], y [m] in the world, yaw [rad], shape (N, 3)."""
     speed_mps: Float64Array
-    """Speed of the primitive that leads to each pose, shape (N,)."""
+    """Speed of the primitive that leads to each pose, negative backwards, shape (N,)."""
     cost: float
     expansion_count: int
 
@@ -134,7 +141,13 @@ class HybridAStar:
             Goal(float(goal_xy_m[0]) - ox, float(goal_xy_m[1]) - oy, config.goal_tolerance_m),
             primitives,
             _ROOT_COUNT if turn_first else 1,
-            Rules(config.heuristic_weight, config.heading_count, config.expansions_max, config.turn_cost_m),
+            Rules(
+                config.heuristic_weight,
+                config.heading_count,
+                config.expansions_max,
+                config.turn_cost_m,
+                config.gear_cost_m,
+            ),
             memory,
         )
         if last < 0:
@@ -186,8 +199,8 @@ def _search(
     Places count from the corner of the grid; the search begins with `root_count` headings.
     """
     factor, heuristic, resolution = grid
-    offsets, sample_counts, costs, _ = primitives
-    weight, heading_count, expansions_max, turn_cost = rules
+    offsets, sample_counts, costs, speeds = primitives
+    weight, heading_count, expansions_max, turn_cost, gear_cost = rules
     nodes, links, heap_cost, heap_node, table_key, table_node, table_stamp, stamp = memory
     width = factor.shape[1]
     metres = weight * resolution / UNITS_PER_CELL
@@ -225,6 +238,8 @@ def _search(
                 continue
             new_yaw = (yaw + end[2]) % (2 * math.pi)
             new_cost = cost + costs[p] * mean_factor
+            if links[node, 0] >= 0 and speeds[p] * speeds[links[node, 1]] < 0:
+                new_cost += gear_cost
             key = (i * width + j) * heading_count + int(new_yaw * per_rad) % heading_count
             slot = slot_of(key, stamp, table_key, table_stamp)
             if table_stamp[slot] == stamp and nodes[table_node[slot], 3] <= new_cost:

@@ -11,7 +11,6 @@ from readygo.common.avatars import footprint_xy
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.grid_search import UNREACHED
 from readygo.common.messages import Scenario
-from readygo.common.robot.kinematics import RATE_HZ
 from readygo.services.planner.expert.cost_factors import (
     open_around,
     paint_capsule,
@@ -25,7 +24,7 @@ from readygo.services.planner.expert.hybrid_astar import HybridAStar, Plan
 from readygo.services.planner.expert.interface import Decision, HumanBody, expected_array
 from readygo.services.planner.expert.perception import HumanTracks, PerceivedHuman
 from readygo.services.planner.expert.records import state_of
-from readygo.services.planner.expert.rollouts import AHEAD_STEPS
+from readygo.services.planner.expert.rollouts import AHEAD_S
 from readygo.services.planner.expert.tracking import PathTracker
 
 Float64Array = npt.NDArray[np.float64]
@@ -67,8 +66,10 @@ class PaperExpert:
         start = (float(scenario.start_xyyaw[0]), float(scenario.start_xyyaw[1]))
         self._goal_m = (float(self._goal[0]), float(self._goal[1]))
         self._local = ground.around(start, self._goal_m)
+        self._clock = ground.robot.clock
+        self._ahead_steps = self._clock.steps(AHEAD_S)
         paths_m = [body.human.motion.root_m[:, :2].astype(np.float64) for body in bodies]
-        self._tracks = HumanTracks(ground, self._local, paths_m, AHEAD_STEPS)
+        self._tracks = HumanTracks(ground, self._local, paths_m, self._ahead_steps)
         self._tracker = PathTracker(self._local, ground.robot, ground.contact_m, config)
         self._plan: Plan | None = None
         self._planned_at_step = _NEVER
@@ -100,8 +101,8 @@ class PaperExpert:
             started_s = time.thread_time()
             self._replan(simulation, near)
             self.replan_times_s.append(time.thread_time() - started_s)
-        expected_m = expected_array(humans, AHEAD_STEPS)
-        v, w = self._drive(simulation, expected_m)
+        expected_m = expected_array(humans, self._ahead_steps)
+        v, w = self._held(simulation, self._drive(simulation, expected_m))
         return Decision(
             v_mps=v,
             w_radps=w,
@@ -140,7 +141,7 @@ class PaperExpert:
 
     def _is_due(self, step: int, near: list[PerceivedHuman]) -> bool:
         config = self._config
-        elapsed_s = (step - self._planned_at_step) / RATE_HZ
+        elapsed_s = (step - self._planned_at_step) / self._clock.rate_hz
         if elapsed_s < config.replan_interval_min_s - 1e-9:
             return False
         if self._plan is None or elapsed_s >= config.replan_period_s - 1e-9:
@@ -189,7 +190,7 @@ class PaperExpert:
         if heuristic[i, j] >= UNREACHED:
             return None
         self._latest_factor = factor
-        standing = simulation.v_mps < _STANDING_MPS
+        standing = abs(simulation.v_mps) < _STANDING_MPS
         return self._search_memory.search(factor, heuristic, local.frame, pose, self._goal, turn_first=standing)
 
     def _paint(
@@ -220,6 +221,15 @@ class PaperExpert:
             return np.array([[human.x_m, human.y_m]])
         body = self._bodies[human.index]
         return footprint_xy(body.footprint, body.avatar, body.human.motion, step)
+
+    def _held(self, simulation: EpisodeSimulation, command: tuple[float, float]) -> tuple[float, float]:
+        """A command for one step as one that is held for longer: it changes as fast."""
+        steps = self._clock.held_for(simulation.step)
+        if steps == 1:
+            return command
+        now = simulation.v_mps, simulation.w_radps
+        v, w = (before + steps * (wanted - before) for before, wanted in zip(now, command, strict=True))
+        return v, w
 
     def _drive(self, simulation: EpisodeSimulation, expected_m: Float64Array) -> tuple[float, float]:
         state = state_of(simulation)

@@ -1,4 +1,4 @@
-"""What the expert may know about humans: those in its camera's view, and how they have moved there."""
+"""What the expert may know about humans: those in its cameras' view, and how they have moved there."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -8,11 +8,10 @@ from functools import cached_property, partial
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.camera.view import in_view, view_of
+from readygo.common.camera.view import View, in_view, view_of
 from readygo.common.maps import GridFrame
-from readygo.common.robot.kinematics import DT_S
 from readygo.services.planner.expert.ground import EpisodeGround, SceneGround
-from readygo.services.planner.expert.prediction import WINDOW_STEPS, follow_route, predict_walk
+from readygo.services.planner.expert.prediction import follow_route, predict_walk, window_steps
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
@@ -82,13 +81,14 @@ class HumanTracks:
         config, robot = ground.config, ground.robot
         self._ground, self.local, self._config, self._count = ground, local, config, count
         self._paths_m = paths_m
-        self._camera, self._view = robot.camera, view_of(robot.camera)
-        self._memory_steps = 0 if config.oracle else round(config.memory_s / DT_S)
-        self._standing_steps = 0 if config.oracle else round(config.standing_memory_s / DT_S)
+        self._eyes = [(camera, view_of(camera)) for camera in robot.all_cameras.values()]
+        self._dt_s = dt_s = robot.clock.dt_s
+        self._memory_steps = 0 if config.oracle else round(config.memory_s / dt_s)
+        self._standing_steps = 0 if config.oracle else round(config.standing_memory_s / dt_s)
         self._curved = config.mode != "paper"
-        straight_steps = round(config.velocity_window_s / DT_S)
-        self._view_count = 1 + (2 * WINDOW_STEPS if self._curved else straight_steps)
-        self._window = WINDOW_STEPS if self._curved else straight_steps
+        straight_steps = round(config.velocity_window_s / dt_s)
+        self._view_count = 1 + (2 * window_steps(dt_s) if self._curved else straight_steps)
+        self._window = window_steps(dt_s) if self._curved else straight_steps
         self._tracks: dict[int, _Track] = {}
         self._before_xy_m = np.empty((0, 2))
         self._observed_step = -1
@@ -122,12 +122,15 @@ class HumanTracks:
         return perceived
 
     def _is_visible(self, pose: Pose, x_m: float, y_m: float) -> bool:
-        eye = (*self._camera.place_m(*pose), pose[2])
-        if not in_view(eye, x_m, y_m, self._view, self._config.range_m, self._ground.human_radius_m):
+        return any(self._shows(camera.eye(*pose), view, x_m, y_m) for camera, view in self._eyes)
+
+    def _shows(self, eye: Pose, view: View, x_m: float, y_m: float) -> bool:
+        """True if a camera shows what is at a place."""
+        if not in_view(eye, x_m, y_m, view, self._config.range_m, self._ground.human_radius_m):
             return False
         if not self._config.needs_line_of_sight:
             return True
-        return self._ground.sight.sees(eye[0], eye[1], self._view.height_m, (x_m, y_m))
+        return self._ground.sight.sees(eye[0], eye[1], view.height_m, (x_m, y_m))
 
     def _forgets(self, track: _Track, step: int, pose: Pose) -> bool:
         """True if a human was perceived too long ago, or stood at a place that is seen to be empty."""
@@ -159,16 +162,16 @@ class HumanTracks:
         if self._curved:
             return self._walks(np.array(rows), count, ways, frame)
         vx, vy = self._velocity(rows)
-        t = np.arange(1, count + 1) * DT_S
+        t = np.arange(1, count + 1) * self._dt_s
         return np.stack([rows[-1][0] + t * vx, rows[-1][1] + t * vy], axis=1)[None], np.ones(1)
 
     def _walks(self, views_m: Float64Array, count: int, ways: tuple[Int32Array, ...], frame: GridFrame) -> Walks:
         """On along the present way, or along the robot's: the more a route explains, the likelier it is."""
         ground = self._ground
-        walks = [predict_walk(views_m, ground.human_clearance, ground.human_frame, count)]
+        walks = [predict_walk(views_m, ground.human_clearance, ground.human_frame, count, self._dt_s)]
         weights = [1.0]
         for to_place in ways:
-            route, explained = follow_route(views_m, to_place, frame, count)
+            route, explained = follow_route(views_m, to_place, frame, count, self._dt_s)
             weight = self._config.route_weight * min(max((explained - 0.5) / 0.4, 0.0), 1.0)
             if weight > 0.05:
                 walks.append(route)
@@ -189,7 +192,7 @@ class HumanTracks:
         if elapsed > 0:
             first = min(elapsed, track.walks[0].shape[1] - 1)
             (x, y), (x1, y1) = track.walks[0][0, first - 1 : first + 1].tolist()
-            vx, vy = (x1 - x) / DT_S, (y1 - y) / DT_S
+            vx, vy = (x1 - x) / self._dt_s, (y1 - y) / self._dt_s
         return PerceivedHuman(
             index=index,
             x_m=x,
@@ -197,14 +200,14 @@ class HumanTracks:
             vx_mps=vx,
             vy_mps=vy,
             seen=seen,
-            age_s=elapsed * DT_S,
+            age_s=elapsed * self._dt_s,
             find_walks=partial(track.walks_after, elapsed, self._count),
         )
 
     def _velocity(self, rows: list[tuple[float, float]]) -> tuple[float, float]:
         recent = rows[-self._window - 1 :]
         (x0, y0), (x1, y1) = recent[0], recent[-1]
-        elapsed_s = max(len(recent) - 1, 1) * DT_S
+        elapsed_s = max(len(recent) - 1, 1) * self._dt_s
         return (x1 - x0) / elapsed_s, (y1 - y0) / elapsed_s
 
 

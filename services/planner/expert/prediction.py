@@ -17,20 +17,27 @@ from readygo.common.robot.kinematics import DT_S
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
 
-WINDOW_STEPS = 4
-"""A velocity is estimated over this many steps, a turn over twice as many."""
-_TURN_DECAY = 1.0 - 1.0 / 20.0
-"""What is left of the turn rate after a step: it fades over one second."""
+WINDOW_S = 0.2
+"""A velocity is estimated over this time, a turn over twice as long [s]."""
+_TURN_FADES_S = 1.0
+"""How long a turn takes to fade [s]."""
 _KEEP_OFF_M = 0.4
 _LOOK_M = 0.8
 _DEFLECTION_RAD = math.radians(10.0)
 _DEFLECTION_COUNT = 10
 _TURN_STEP_MAX_RAD = 0.15
+"""In `DT_S`."""
 _WALKING_MPS = 0.2
 _ROUTE_LOOK_M = 0.5
 _ROUTE_TURNS = 6
 _ROUTE_TURN_RAD = math.radians(15.0)
 _ROUTE_STEP_MAX_RAD = 0.12
+"""In `DT_S`."""
+
+
+def window_steps(dt_s: float) -> int:
+    """Steps of a length that a velocity is estimated over."""
+    return max(1, round(WINDOW_S / dt_s))
 
 
 @compiled
@@ -63,11 +70,12 @@ def _predict(
     clearance: Float64Array,
     place: tuple[float, float, float],
     dt: float,
+    window_max: int,
     out: Float64Array,
 ) -> None:
     last = len(views) - 1
     x, y = views[last, 0], views[last, 1]
-    window = min(WINDOW_STEPS, last)
+    window = min(window_max, last)
     stride, heading, turn = 0.0, 0.0, 0.0
     if window > 0:
         dx, dy = x - views[last - window, 0], y - views[last - window, 1]
@@ -79,32 +87,37 @@ def _predict(
             turn /= window
             heading += 0.5 * turn * window
     walks = stride > _WALKING_MPS * dt
+    turn_max = _TURN_STEP_MAX_RAD * (dt / DT_S)
     for k in range(len(out)):
         if walks:
             heading += turn
-            turn *= _TURN_DECAY
+            turn *= 1.0 - dt / _TURN_FADES_S
             side = _deflection(clearance, place, x, y, heading)
-            heading += min(max(side, -_TURN_STEP_MAX_RAD), _TURN_STEP_MAX_RAD)
+            heading += min(max(side, -turn_max), turn_max)
             x += stride * math.cos(heading)
             y += stride * math.sin(heading)
         out[k, 0], out[k, 1] = x, y
 
 
-def predict_walk(views_m: Float64Array, clearance: Float64Array, frame: GridFrame, count: int) -> Float64Array:
+def predict_walk(
+    views_m: Float64Array, clearance: Float64Array, frame: GridFrame, count: int, dt_s: float = DT_S
+) -> Float64Array:
     """Positions after 1 .. `count` steps.
 
     Args:
         views_m: The latest consecutive positions [m], oldest first, shape (N, 2) with N >= 1. With fewer than
-            2 * WINDOW_STEPS + 1 of them no turn is known, with one alone the human is taken to stand.
+            2 * `window_steps` + 1 of them no turn is known, with one alone the human is taken to stand.
         clearance: Distance to what blocks humans [m], shape (H, W).
         frame: Where its cells lie.
         count: Number of steps.
+        dt_s: Length of a step [s].
 
     Returns:
         Positions [m], shape (count, 2).
     """
     out = np.empty((count, 2))
-    _predict(views_m, clearance, (frame.origin_x_m, frame.origin_y_m, frame.resolution_m), DT_S, out)
+    place = (frame.origin_x_m, frame.origin_y_m, frame.resolution_m)
+    _predict(views_m, clearance, place, dt_s, window_steps(dt_s), out)
     return out
 
 
@@ -122,6 +135,7 @@ def _follow(
     y: float,
     heading: float,
     stride: float,
+    turn_max: float,
     field: Int32Array,
     place: tuple[float, float, float],
     out: Float64Array,
@@ -133,14 +147,14 @@ def _follow(
             left = _field_at(field, place, x + _ROUTE_LOOK_M * math.cos(towards), y + _ROUTE_LOOK_M * math.sin(towards))
             if left < best:
                 best, wanted = left, towards
-        heading += min(max(wanted - heading, -_ROUTE_STEP_MAX_RAD), _ROUTE_STEP_MAX_RAD)
+        heading += min(max(wanted - heading, -turn_max), turn_max)
         x += stride * math.cos(heading)
         y += stride * math.sin(heading)
         out[k, 0], out[k, 1] = x, y
 
 
 def follow_route(
-    views_m: Float64Array, to_place: Int32Array, frame: GridFrame, count: int
+    views_m: Float64Array, to_place: Int32Array, frame: GridFrame, count: int, dt_s: float = DT_S
 ) -> tuple[Float64Array, float]:
     """Positions after 1 .. `count` steps of somebody who walks to a place, and how much it looks like that.
 
@@ -149,19 +163,21 @@ def follow_route(
         to_place: Way of humans to the place, UNITS_PER_CELL a cell, shape (H, W).
         frame: Where its cells lie.
         count: Number of steps.
+        dt_s: Length of a step [s].
 
     Returns:
         Positions [m], shape (count, 2), and what the latest views came nearer, as a share of what they walked.
     """
-    out = np.empty((count, 2))
-    back = min(2 * WINDOW_STEPS, len(views_m) - 1)
+    out, window = np.empty((count, 2)), window_steps(dt_s)
+    back = min(2 * window, len(views_m) - 1)
     (x0, y0), (x, y) = views_m[-1 - back].tolist(), views_m[-1].tolist()
     walked_m = math.hypot(x - x0, y - y0)
     place = (frame.origin_x_m, frame.origin_y_m, frame.resolution_m)
     before, now = _field_at(to_place, place, x0, y0), _field_at(to_place, place, x, y)
-    if walked_m < _WALKING_MPS * DT_S * max(back, 1) or before >= UNREACHED or now >= UNREACHED:
+    if walked_m < _WALKING_MPS * dt_s * max(back, 1) or before >= UNREACHED or now >= UNREACHED:
         out[:] = views_m[-1]
         return out, 0.0
-    x1, y1 = views_m[-1 - min(WINDOW_STEPS, back)].tolist()
-    _follow(x, y, math.atan2(y - y1, x - x1), walked_m / back, to_place, place, out)
+    x1, y1 = views_m[-1 - min(window, back)].tolist()
+    heading, turn_max = math.atan2(y - y1, x - x1), _ROUTE_STEP_MAX_RAD * (dt_s / DT_S)
+    _follow(x, y, heading, walked_m / back, turn_max, to_place, place, out)
     return out, (before - now) * frame.resolution_m / UNITS_PER_CELL / walked_m

@@ -8,7 +8,6 @@ import numpy.typing as npt
 from readygo.common.episode.collision import disc_meets_cells
 from readygo.common.episode.grid_search import FREE
 from readygo.common.kernels import compiled
-from readygo.common.robot.kinematics import DT_S
 from readygo.services.planner.expert.delay import nearness_cost
 from readygo.services.planner.expert.records import HumansAhead, Obstacles
 
@@ -51,7 +50,7 @@ def find_near(
         near: Filled with indices of humans for each check, shape (N, M).
         near_counts: Filled with how many these are, shape (N,).
     """
-    expected, _, contact, widths, _ = humans
+    expected, _, contact, widths, _, _ = humans
     for n in range(len(reaches)):
         row = min(step + (n + 1) * CHECK_STEPS - 1, expected.shape[1] - 1)
         count = 0
@@ -109,7 +108,7 @@ def human_cost(
     near_counts: Int32Array,
 ) -> float:
     """What humans add to the cost of a primitive that starts at a step; see `find_near`."""
-    expected, chances, contact, widths, weight = humans
+    expected, chances, contact, widths, weight, step_s = humans
     extra = 0.0
     for n in range(len(near_counts)):
         if near_counts[n] == 0:
@@ -122,5 +121,5 @@ def human_cost(
             m = near[n, index]
             dx, dy = expected[m, row, 0] - px, expected[m, row, 1] - py
             squared = dx * dx + dy * dy
-            extra += chances[m] * nearness_cost(squared, contact, widths[m, row], weight) * CHECK_STEPS * DT_S
+            extra += chances[m] * nearness_cost(squared, contact, widths[m, row], weight) * CHECK_STEPS * step_s
     return extra

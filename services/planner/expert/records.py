@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.robot import RobotConfig
+from readygo.common.robot.kinematics import DT_S
 
 Float64Array = npt.NDArray[np.float64]
 Int32Array = npt.NDArray[np.int32]
@@ -36,11 +37,22 @@ class Limits(NamedTuple):
     w_max_radps: float
     a_max_mps2: float
     alpha_max_radps2: float
+    v_min_mps: float = 0.0
+    """Largest speed backwards, negative."""
+    step_s: float = DT_S
+    """Length of a step of its clock [s]."""
 
 
 def robot_limits(robot: RobotConfig) -> Limits:
     """The limits of a robot."""
-    return Limits(robot.v_max_mps, robot.w_max_radps, robot.a_max_mps2, robot.alpha_max_radps2)
+    return Limits(
+        robot.v_max_mps,
+        robot.w_max_radps,
+        robot.a_max_mps2,
+        robot.alpha_max_radps2,
+        robot.v_min_mps,
+        robot.clock.dt_s,
+    )
 
 
 class Obstacles(NamedTuple):
@@ -82,6 +94,8 @@ class HumansAhead(NamedTuple):
     """Free space beyond it that costs nothing [m], shape (M, T)."""
     weight: float
     """Cost per second just outside of contact, in metres at full speed; falls off to zero over the width."""
+    step_s: float = DT_S
+    """Length of a step [s]."""
 
     def seen_from(self, x_m: float, y_m: float) -> "HumansAhead":
         """The same with an origin of its own."""

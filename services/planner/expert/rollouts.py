@@ -13,7 +13,6 @@ import numpy.typing as npt
 from readygo.common.episode.collision import disc_meets_cells
 from readygo.common.episode.grid_search import UNITS_PER_CELL, UNREACHED
 from readygo.common.kernels import compiled
-from readygo.common.robot.kinematics import DT_S
 from readygo.services.planner.expert.records import Limits, Obstacles, State, Surroundings
 
 Float64Array = npt.NDArray[np.float64]
@@ -23,8 +22,14 @@ FREE_RUN = 1 << 20
 """Steps of a run that meets no obstacle."""
 
 _TURN_FIRST_RAD = 1.2
-AHEAD_STEPS = 40
-"""How far ahead runs look where humans are, and predictions must reach."""
+AHEAD_S = 2.0
+"""How far ahead runs look where humans are, and predictions must reach [s]."""
+_SPARE_S = 0.45
+"""Time that runs have beyond the robot's coming to rest [s]."""
+_CREEP_MPS = 0.15
+"""Speed at which a path is left for a stretch that leads the other way [m/s]."""
+_ARRIVED_M = 0.08
+"""So near its end has the robot done such a stretch [m]."""
 
 
 @compiled
@@ -32,14 +37,23 @@ def slow_ahead(path: Float64Array, deceleration_mps2: float) -> None:
     """Lower the speeds (fourth column) of a path so that slower stretches ahead are reached in time."""
     for k in range(len(path) - 2, -1, -1):
         gap = math.sqrt((path[k + 1, 0] - path[k, 0]) ** 2 + (path[k + 1, 1] - path[k, 1]) ** 2)
-        path[k, 3] = min(path[k, 3], math.sqrt(path[k + 1, 3] ** 2 + 2 * deceleration_mps2 * gap))
+        after = _CREEP_MPS if path[k, 3] * path[k + 1, 3] < 0 else path[k + 1, 3]
+        most = math.sqrt(after**2 + 2 * deceleration_mps2 * gap)
+        path[k, 3] = max(min(path[k, 3], most), -most)
 
 
 @compiled
 def nearest_ahead(path: Float64Array, progress: int, x: float, y: float) -> int:
-    """Index of the path's point nearest to (x, y), from `progress` on and not far ahead."""
+    """Index of the path's point nearest to (x, y), from `progress` on and not far ahead.
+
+    A stretch that leads the other way is begun where the one before it ends.
+    """
     best, found = np.inf, progress
     for k in range(progress, min(progress + 16, len(path))):
+        if k > 0 and path[k, 3] * path[k - 1, 3] < 0 and k > progress:
+            if (path[k - 1, 0] - x) ** 2 + (path[k - 1, 1] - y) ** 2 > _ARRIVED_M * _ARRIVED_M:
+                break
+            best = np.inf
         squared = (path[k, 0] - x) ** 2 + (path[k, 1] - y) ** 2
         if squared < best:
             best, found = squared, k
@@ -54,10 +68,10 @@ def _clip(value: float, low: float, high: float) -> float:
 @compiled
 def limited(v: float, w: float, state: State, limits: Limits) -> tuple[float, float]:
     """The command that the robot executes when (v, w) is asked for."""
-    v_max, w_max, a_max, alpha_max = limits
+    v_max, w_max, a_max, alpha_max, v_min, dt = limits
     return (
-        _clip(_clip(v, 0.0, v_max), state[3] - a_max * DT_S, state[3] + a_max * DT_S),
-        _clip(_clip(w, -w_max, w_max), state[4] - alpha_max * DT_S, state[4] + alpha_max * DT_S),
+        _clip(_clip(v, v_min, v_max), state[3] - a_max * dt, state[3] + a_max * dt),
+        _clip(_clip(w, -w_max, w_max), state[4] - alpha_max * dt, state[4] + alpha_max * dt),
     )
 
 
@@ -69,32 +83,36 @@ def _pursue(
     x, y, yaw, _, _ = state
     w_max = limits[1]
     target = len(path) - 1
+    gear = -1.0 if path[progress, 3] < 0 else 1.0
     for k in range(progress, len(path)):
+        if gear * path[k, 3] < 0:
+            target = k - 1
+            break
         if (path[k, 0] - x) ** 2 + (path[k, 1] - y) ** 2 >= lookahead * lookahead:
             target = k
             break
     c, s = math.cos(yaw), math.sin(yaw)
     dx, dy = path[target, 0] - x, path[target, 1] - y
     ahead, left = c * dx + s * dy, c * dy - s * dx
-    bearing = math.atan2(left, ahead)
+    bearing = math.atan2(gear * left, gear * ahead)
     curvature = 2 * left / max(ahead * ahead + left * left, 0.04)
     wanted = scale * path[progress, 3]
     if abs(bearing) > _TURN_FIRST_RAD:
         wanted = 0.0
     elif abs(curvature) > 1e-6:
-        wanted = min(wanted, 0.95 * w_max / abs(curvature))
+        wanted = gear * min(abs(wanted), 0.95 * w_max / abs(curvature))
     v, _ = limited(wanted, 0.0, state, limits)
     # At rest the robot turns towards the path; while it drives, it steers along the arc to the target.
-    turning = 2.0 * bearing if wanted < 0.05 else v * curvature
+    turning = 2.0 * bearing if abs(wanted) < 0.05 else v * curvature
     return limited(wanted, turning, state, limits)
 
 
 @compiled
-def _step(state: State, v: float, w: float) -> State:
-    """The state after one step; the chord replaces the arc, which differs by less than 0.1 mm."""
+def _step(state: State, v: float, w: float, dt: float) -> State:
+    """The state after one step of `dt`; the chord replaces the arc, which differs by less than 0.1 mm."""
     x, y, yaw, _, _ = state
-    middle = yaw + 0.5 * w * DT_S
-    return State(x + v * DT_S * math.cos(middle), y + v * DT_S * math.sin(middle), yaw + w * DT_S, v, w)
+    middle = yaw + 0.5 * w * dt
+    return State(x + v * dt * math.cos(middle), y + v * dt * math.sin(middle), yaw + w * dt, v, w)
 
 
 @compiled
@@ -109,21 +127,26 @@ def meets(state: State, obstacles: Obstacles, radius: float) -> bool:
 
 
 @compiled
-def _gap(state: State, around: Surroundings, k: int) -> float:
+def _gap(state: State, around: Surroundings, k: int, dt: float) -> float:
     """Free space to the nearest human k + 1 steps ahead, less the doubt about where they are [m]."""
     _, _, humans, contact, doubt = around
     gap = np.inf
     row = min(k, humans.shape[1] - 1)
     for m in range(humans.shape[0]):
         dx, dy = humans[m, row, 0] - state[0], humans[m, row, 1] - state[1]
-        gap = min(gap, math.sqrt(dx * dx + dy * dy) - contact - doubt * (k + 1) * DT_S)
+        gap = min(gap, math.sqrt(dx * dx + dy * dy) - contact - doubt * (k + 1) * dt)
     return gap
 
 
 @compiled
 def _stop_steps(speed: float, limits: Limits) -> int:
     """Steps within which the robot could come to rest, and some to spare."""
-    return int(speed / (limits[2] * DT_S)) + 9
+    return int(speed / (limits.a_max_mps2 * limits.step_s)) + int(_SPARE_S / limits.step_s + 0.5)
+
+
+@compiled
+def _ahead_steps(limits: Limits) -> int:
+    return int(AHEAD_S / limits.step_s + 0.5)
 
 
 @compiled
@@ -138,17 +161,17 @@ def try_pursuit(
 ) -> tuple[int, float, float, float]:
     """Follow a path; returns steps until the disc meets an obstacle, smallest gap to a human, first command."""
     first_v, first_w, gap = 0.0, 0.0, np.inf
-    stop_steps = _stop_steps(state[3], limits)
-    steps = max(stop_steps, AHEAD_STEPS) if len(around.humans_m) > 0 else stop_steps
+    stop_steps = _stop_steps(abs(state[3]), limits)
+    steps = max(stop_steps, _ahead_steps(limits)) if len(around.humans_m) > 0 else stop_steps
     for k in range(steps):
         progress = nearest_ahead(path, progress, state[0], state[1])
         v, w = _pursue(path, progress, state, lookahead, scale, limits)
         if k == 0:
             first_v, first_w = v, w
-        state = _step(state, v, w)
+        state = _step(state, v, w, limits.step_s)
         if k < stop_steps and meets(state, around.obstacles, around.radius_m):
             return k, gap, first_v, first_w
-        gap = min(gap, _gap(state, around, k))
+        gap = min(gap, _gap(state, around, k, limits.step_s))
     return FREE_RUN, gap, first_v, first_w
 
 
@@ -159,13 +182,13 @@ def try_arc(
     """Keep asking for (v, w); returns steps until an obstacle, smallest gap, smallest distance to the goal [m]."""
     gap, goal_units = np.inf, UNREACHED
     _, _, ox, oy, resolution = around.obstacles
-    stop_steps = _stop_steps(max(state[3], v), limits)
-    for k in range(max(stop_steps, AHEAD_STEPS)):
+    stop_steps = _stop_steps(max(abs(state[3]), abs(v)), limits)
+    for k in range(max(stop_steps, _ahead_steps(limits))):
         command = limited(v, w, state, limits)
-        state = _step(state, command[0], command[1])
+        state = _step(state, command[0], command[1], limits.step_s)
         if k < stop_steps and meets(state, around.obstacles, around.radius_m):
             return k, gap, np.inf
-        gap = min(gap, _gap(state, around, k))
+        gap = min(gap, _gap(state, around, k, limits.step_s))
         i, j = math.floor((state[1] - oy) / resolution), math.floor((state[0] - ox) / resolution)
         if 0 <= i < to_goal.shape[0] and 0 <= j < to_goal.shape[1]:
             goal_units = min(goal_units, to_goal[i, j])
@@ -212,8 +235,8 @@ def choose_evasion(
     Gaps from `wide` [m] on are all the same.
     """
     best, found, best_v, best_w = -np.inf, False, 0.0, 0.0
-    for a in range(5):
-        v = limits[0] * a / 4
+    for a in range(-2 if limits.v_min_mps < 0 else 0, 5):
+        v = limits[0] * a / 4 if a >= 0 else -limits.v_min_mps * a / 2
         for b in range(-4, 5):
             w = limits[1] * b / 4
             steps, gap, to_go = try_arc(v, w, state, limits, around, to_goal)

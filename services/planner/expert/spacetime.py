@@ -9,13 +9,12 @@ import numpy.typing as npt
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.episode.grid_search import FREE
 from readygo.common.messages import EpisodeMotions, Scenario
-from readygo.common.robot.kinematics import DT_S, RATE_HZ
 from readygo.services.planner.expert.cost_factors import open_around, paint_capsule, paint_slope
 from readygo.services.planner.expert.ground import EpisodeGround, SceneGround
 from readygo.services.planner.expert.interface import Decision, expected_array
 from readygo.services.planner.expert.perception import HumanTracks, PerceivedHuman, stands
 from readygo.services.planner.expert.records import HumansAhead, State, Surroundings, robot_limits, state_of
-from readygo.services.planner.expert.rollouts import AHEAD_STEPS, choose_evasion
+from readygo.services.planner.expert.rollouts import AHEAD_S, choose_evasion
 from readygo.services.planner.expert.spacetime_search import SpaceTimeSearch, TimedPlan
 
 Float64Array = npt.NDArray[np.float64]
@@ -46,7 +45,8 @@ class SpaceTimeExpert:
         self._goal_m = (float(scenario.goal_xy_m[0]), float(scenario.goal_xy_m[1]))
         self._local = ground.around((float(scenario.start_xyyaw[0]), float(scenario.start_xyyaw[1])), self._goal_m)
         horizon_s = config.oracle_prediction_s if config.oracle else config.timed_prediction_s
-        self._horizon = round(horizon_s * RATE_HZ)
+        self._clock = ground.robot.clock
+        self._horizon = self._clock.steps(horizon_s)
         paths_m = [human.motion.root_m[:, :2].astype(np.float64) for human in motions.humans]
         self._tracks = HumanTracks(ground, self._local, paths_m, self._horizon)
         self._contact_m = ground.contact_m + config.hard_margin_m
@@ -98,8 +98,10 @@ class SpaceTimeExpert:
             return True
         if _is_off(state, self._plan.rows[elapsed]):
             return True
+        if not self._clock.commands(step):
+            return False
         period_s = self._config.timed_replan_s if humans else self._config.timed_idle_replan_s
-        return elapsed >= len(self._plan.rows) - 1 or elapsed * DT_S >= period_s - 1e-9
+        return elapsed >= len(self._plan.rows) - 1 or elapsed * self._clock.dt_s >= period_s - 1e-9
 
     def _replan(self, step: int, state: State, humans: list[PerceivedHuman]) -> None:
         self._planned_at_step = step
@@ -153,6 +155,7 @@ class SpaceTimeExpert:
             contact_m=self._contact_m,
             widths_m=np.array(widths).reshape(-1, self._horizon),
             weight=self._config.nearness_cost,
+            step_s=self._clock.dt_s,
         )
 
     def _widths(self, human: PerceivedHuman) -> Float64Array:
@@ -161,19 +164,21 @@ class SpaceTimeExpert:
         if stands(human.vx_mps, human.vy_mps):
             return np.full(self._horizon, _STANDING_WIDTH_M)
         growth = 0.0 if config.oracle else config.doubt_growth_mps
-        ahead_s = np.arange(1, self._horizon + 1) * DT_S + human.age_s
+        ahead_s = np.arange(1, self._horizon + 1) * self._clock.dt_s + human.age_s
         widths: Float64Array = config.timed_margin_m + np.minimum(growth * ahead_s, config.doubt_max_m)
         return widths
 
     def _drive(self, step: int, state: State, humans: list[PerceivedHuman]) -> tuple[float, float]:
         if self._plan is not None:
-            row = self._plan.rows[min(step - self._planned_at_step + 1, len(self._plan.rows) - 1)]
+            # A command is held: it is the one that the plan has at the end of that.
+            ahead = step - self._planned_at_step + self._clock.held_for(step)
+            row = self._plan.rows[min(ahead, len(self._plan.rows) - 1)]
             return float(row[3]), float(row[4])
         if humans:
             around = Surroundings(
                 obstacles=self._local.obstacles,
                 radius_m=self._ground.robot.radius_m + self._config.tracking_margin_m,
-                humans_m=expected_array(humans, AHEAD_STEPS),
+                humans_m=expected_array(humans, self._clock.steps(AHEAD_S)),
                 contact_m=self._ground.contact_m,
                 doubt_mps=0.0,
             )

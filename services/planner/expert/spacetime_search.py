@@ -15,9 +15,8 @@ import numpy.typing as npt
 from readygo.common.episode.grid_search import UNITS_PER_CELL, UNREACHED
 from readygo.common.kernels import compiled
 from readygo.common.robot import RobotConfig
-from readygo.common.robot.kinematics import DT_S
 from readygo.services.planner.expert.config import PRIMITIVES_MAX, ExpertConfig
-from readygo.services.planner.expert.delay import LAYER_STEPS, Delays, delay_at, fill_delays
+from readygo.services.planner.expert.delay import LAYER_S, Delays, delay_at, fill_delays
 from readygo.services.planner.expert.primitive_cost import check_reaches, find_near, human_cost, wall_cost
 from readygo.services.planner.expert.records import CostGrid, Goal, HumansAhead, Obstacles, State
 from readygo.services.planner.expert.search_memory import Memory, SearchMemory, pop, push, slot_of
@@ -55,6 +54,8 @@ class Rules(NamedTuple):
     """What turning in place by one radian is expected to cost [m]."""
     driven_turn_rad: float
     """By how much a heading may be away from the way at no cost [rad]."""
+    reverse_cost: float
+    """What a metre backwards costs more than one forwards; infinite for a robot that does not reverse."""
     turn_level_count: int
     heading_count: int
     expansions_max: int
@@ -82,6 +83,7 @@ class SpaceTimeSearch:
             # What a turn in place costs by its time; the way to the goal knows nothing of headings.
             turn_cost_m=0.5 * robot.v_max_mps / robot.w_max_radps,
             driven_turn_rad=min(_DRIVEN_TURN_RAD, _DRIVEN_TURN_S * robot.w_max_radps),
+            reverse_cost=config.reverse_cost if robot.reverses else math.inf,
             turn_level_count=self._primitives.turn_level_count,
             # A primitive that turns by less than a heading would be hidden by the straight one, which is cheaper.
             heading_count=max(
@@ -90,13 +92,15 @@ class SpaceTimeSearch:
             expansions_max=config.timed_expansions_max,
             depth_max=round(horizon_s / config.primitive_s),
         )
-        layers = self._rules.depth_max * self._primitives.steps // LAYER_STEPS + 1
+        layer_steps = robot.clock.steps(LAYER_S)
+        layers = self._rules.depth_max * self._primitives.steps // layer_steps + 1
         self._delays = Delays(
-            cell_m=robot.v_max_mps * LAYER_STEPS * DT_S,
+            cell_m=robot.v_max_mps * layer_steps * robot.clock.dt_s,
             speed_mps=robot.v_max_mps,
             arrived_m=goal_tolerance_m,
             static_m=np.empty((2 * layers + 3, 2 * layers + 3)),
             values_m=np.zeros((layers, 2 * layers + 3, 2 * layers + 3)),
+            layer_steps=layer_steps,
         )
         self.expansion_count = 0
         """Expansions of the latest search."""
@@ -214,7 +218,7 @@ def _search(
     factor, heuristic, resolution = grid
     rows, costs, lengths, ends, first = primitives
     nodes, links, heap_cost, heap_node, table_key, table_node, table_stamp, stamp = memory
-    radius, weight, turn_cost, driven_turn, turn_levels, heading_count, expansions_max, depth_max = rules
+    radius, weight, turn_cost, driven_turn, reverse_cost, turn_levels, heading_count, expansions_max, depth_max = rules
     humans, delays = traffic
     expected = humans.expected_m
     steps = rows.shape[1]
@@ -262,7 +266,7 @@ def _search(
                 continue
             delay = 0.0
             if len(expected) > 0:
-                delay = delay_at(delays, start, xx, yy, (depth + 1) * steps // LAYER_STEPS)
+                delay = delay_at(delays, start, xx, yy, (depth + 1) * steps // delays.layer_steps)
                 if delay == np.inf:
                     continue
             extra = wall_cost(factor, obstacles, radius, (x, y), (c, s), rows[q], lengths[q])
@@ -272,7 +276,12 @@ def _search(
             new_cost += extra
             if known and nodes[table_node[slot], 3] <= new_cost:
                 continue
-            left = heuristic[i, j] * metres + turn_cost * _turn_left(heuristic, i, j, new_yaw, driven_turn) + delay
+            way = heuristic[i, j] * metres
+            turn = turn_cost * _turn_left(heuristic, i, j, new_yaw, driven_turn)
+            if reverse_cost < np.inf:
+                backwards = turn_cost * _turn_left(heuristic, i, j, new_yaw + math.pi, driven_turn)
+                turn = min(turn, backwards + reverse_cost * way)
+            left = way + turn + delay
             if count >= len(nodes):
                 return best, expansions
             nodes[count, 0], nodes[count, 1], nodes[count, 2], nodes[count, 3] = xx, yy, new_yaw, new_cost

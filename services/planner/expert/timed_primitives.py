@@ -13,8 +13,8 @@ import numpy.typing as npt
 
 from readygo.common.kernels import compiled
 from readygo.common.robot import RobotConfig
-from readygo.common.robot.kinematics import DT_S, RATE_HZ
 from readygo.services.planner.expert.config import ExpertConfig
+from readygo.services.planner.expert.primitive_cost import CHECK_STEPS
 from readygo.services.planner.expert.records import Limits, State, robot_limits
 from readygo.services.planner.expert.rollouts import limited
 
@@ -47,6 +47,10 @@ class Rules(NamedTuple):
     """Cost of full turning for a second, as a share of full speed."""
     swerve_cost: float
     """Cost of changing the turn rate by its maximum, as a share of full speed."""
+    reverse_cost: float
+    """What a metre backwards costs more than one forwards."""
+    gear_cost_m: float
+    """Cost of beginning to drive the other way [m]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,16 +79,20 @@ class TimedPrimitives:
 
 def make_timed_primitives(robot: RobotConfig, config: ExpertConfig) -> TimedPrimitives:
     """Tabulate the primitives of a robot."""
-    steps = round(config.primitive_s * RATE_HZ)
-    duration_s = steps * DT_S
+    steps = _steps(robot, config.primitive_s)
+    duration_s = steps * robot.clock.dt_s
     v_count = math.ceil(robot.v_max_mps / (robot.a_max_mps2 * duration_s) - 1e-9)
+    back_count = math.ceil(-robot.v_min_mps / (robot.a_max_mps2 * duration_s) - 1e-9)
+    backwards = [robot.v_min_mps * k / back_count for k in range(back_count, 0, -1)]
     w_count = max(2, math.ceil(robot.w_max_radps / (robot.alpha_max_radps2 * duration_s) - 1e-9))
     rules = Rules(
-        v_levels=np.array([robot.v_max_mps * k / v_count for k in range(v_count + 1)]),
+        v_levels=np.array([*backwards, *(robot.v_max_mps * k / v_count for k in range(v_count + 1))]),
         w_levels=np.array([robot.w_max_radps * k / w_count for k in range(-w_count, w_count + 1)]),
         limits=robot_limits(robot),
         steering_cost=config.timed_steering_cost,
         swerve_cost=config.swerve_cost,
+        reverse_cost=config.reverse_cost,
+        gear_cost_m=config.gear_cost_m,
     )
     turn_levels = len(rules.w_levels)
     groups = len(rules.v_levels) * turn_levels
@@ -103,42 +111,56 @@ def make_timed_primitives(robot: RobotConfig, config: ExpertConfig) -> TimedPrim
     return TimedPrimitives(table=table, rules=rules)
 
 
+def _steps(robot: RobotConfig, primitive_s: float) -> int:
+    """Steps of a primitive: whole commands and whole checks."""
+    block = math.lcm(CHECK_STEPS, robot.clock.control_every)
+    return block * max(1, round(primitive_s * robot.clock.rate_hz / block))
+
+
 @compiled
-def _drive(v: float, w: float, v_end: float, w_end: float, limits: Limits, rows: Float64Array) -> tuple[float, float]:
-    """Fill the rows of one primitive by exact arcs; returns its length [m] and its turning [rad]."""
-    x, y, yaw, length, turned = 0.0, 0.0, 0.0, 0.0, 0.0
+def _drive(
+    v: float, w: float, v_end: float, w_end: float, limits: Limits, rows: Float64Array
+) -> tuple[float, float, float]:
+    """Fill the rows of one primitive by exact arcs; returns length and way backwards [m], and turning [rad]."""
+    x, y, yaw, length, back, turned = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    dt = limits.step_s
     for k in range(len(rows)):
         v, w = limited(v_end, w_end, State(x, y, yaw, v, w), limits)
-        after = yaw + w * DT_S
+        after = yaw + w * dt
         if abs(w) < 1e-9:
-            x += v * DT_S * math.cos(yaw)
-            y += v * DT_S * math.sin(yaw)
+            x += v * dt * math.cos(yaw)
+            y += v * dt * math.sin(yaw)
         else:
             x += v / w * (math.sin(after) - math.sin(yaw))
             y -= v / w * (math.cos(after) - math.cos(yaw))
         yaw = after
-        length += v * DT_S
-        turned += abs(w) * DT_S
+        length += abs(v) * dt
+        back += max(-v, 0.0) * dt
+        turned += abs(w) * dt
         rows[k, 0], rows[k, 1], rows[k, 2], rows[k, 3], rows[k, 4] = x, y, yaw, v, w
-    return length, turned
+    return length, back, turned
 
 
 @compiled
 def _fill_group(v: float, w: float, rules: Rules, begin: int, table: PrimitiveTable) -> int:
     """Tabulate what leads from a command to all levels within reach, from index `begin` on; returns its number."""
-    v_levels, w_levels, limits, steering_cost, swerve_cost = rules
+    v_levels, w_levels, limits, steering_cost, swerve_cost, reverse_cost, gear_cost = rules
     rows, costs, lengths, ends, _ = table
-    v_max, w_max, a_max, alpha_max = limits
-    duration = rows.shape[1] * DT_S
+    v_max, w_max, a_max, alpha_max, _, step_s = limits
+    duration = rows.shape[1] * step_s
     count = 0
     for a in range(len(v_levels)):
         for b in range(len(w_levels)):
             if abs(v_levels[a] - v) > a_max * duration + 1e-6 or abs(w_levels[b] - w) > alpha_max * duration + 1e-6:
                 continue
             q = begin + count
-            lengths[q], turned = _drive(v, w, v_levels[a], w_levels[b], limits, rows[q])
+            lengths[q], back, turned = _drive(v, w, v_levels[a], w_levels[b], limits, rows[q])
             costs[q] = 0.5 * (lengths[q] + duration * v_max)
             costs[q] += v_max * (steering_cost * turned + swerve_cost * abs(w_levels[b] - w)) / w_max
+            if v_levels[a] < 0.0 or v < 0.0:
+                costs[q] += reverse_cost * back
+                if (v_levels[a] < 0.0) != (v < 0.0) and v_levels[a] != 0.0:
+                    costs[q] += gear_cost
             ends[q] = a * len(w_levels) + b
             count += 1
     return count

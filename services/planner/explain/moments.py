@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from readygo.common.messages import Outcome
-from readygo.common.robot.kinematics import DT_S, RATE_HZ
 from readygo.services.planner.explain.journal import DrivenRun
 
 MOMENTS_MAX = 3
@@ -22,17 +21,12 @@ class Moment:
     step: int
     why: str
 
-    @property
-    def time_s(self) -> float:
-        """Simulated time since the episode began [s]."""
-        return self.step * DT_S
-
 
 def pick_moments(run: DrivenRun) -> tuple[Moment, ...]:
     """At most three moments, in order of time; the more telling one wins where two are close."""
     picked: list[Moment] = []
     for moment in _candidates(run):
-        near = any(abs(moment.step - other.step) < APART_S * RATE_HZ for other in picked)
+        near = any(abs(moment.step - other.step) < APART_S * run.trajectory.rate_hz for other in picked)
         if not near and len(picked) < MOMENTS_MAX:
             picked.append(moment)
     return tuple(sorted(picked, key=lambda moment: moment.step))
@@ -49,7 +43,7 @@ def _candidates(run: DrivenRun) -> list[Moment]:
         step = int(np.argmin(run.gap_m(closest[0][1])))
         moments.append(Moment(step=step, why=f"closest to person {closest[0][1] + 1}"))
         given_up = run.journal.given_up if run.explained else ()
-        changed = [k for k in given_up if k < step - APART_S * RATE_HZ and run.journal.perceived[k]]
+        changed = [k for k in given_up if k < step - APART_S * run.trajectory.rate_hz and run.journal.perceived[k]]
         moments += [Moment(step=k, why="takes another way") for k in changed[-1:]]
     for _, k in closest:
         seen = np.flatnonzero(run.journal.seen(k))

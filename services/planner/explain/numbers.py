@@ -8,7 +8,6 @@ import numpy.typing as npt
 
 from readygo.common.episode.metrics import EpisodeResult
 from readygo.common.messages import Scenario
-from readygo.common.robot.kinematics import DT_S
 from readygo.services.planner.explain.journal import DrivenRun
 
 Numbers = dict[str, Any]
@@ -37,11 +36,11 @@ def run_numbers(run: DrivenRun) -> Numbers:
 
 def _met(run: DrivenRun, human: int) -> Numbers:
     gap_m = run.gap_m(human)
-    closest = int(np.argmin(gap_m))
+    closest, dt_s = int(np.argmin(gap_m)), run.trajectory.dt_s
     return {
         "closest_m": round(float(gap_m[closest]), 3),
-        "closest_s": round(closest * DT_S, 2),
-        "visible_s": [[round(a * DT_S, 2), round(b * DT_S, 2)] for a, b in spans(run.journal.seen(human))],
+        "closest_s": round(closest * run.trajectory.dt_s, 2),
+        "visible_s": [[round(a * dt_s, 2), round(b * dt_s, 2)] for a, b in spans(run.journal.seen(human))],
     }
 
 

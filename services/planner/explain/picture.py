@@ -23,6 +23,7 @@ from readygo.common.episode import EpisodeConfig
 from readygo.common.maps import OccupancyMap
 from readygo.common.messages import EpisodeMotions, RobotTrajectory, Scenario
 from readygo.common.robot import RobotConfig
+from readygo.common.robot.kinematics import RATE_HZ
 from readygo.common.scenes.top_view import TopView
 from readygo.services.planner.expert.handlers import RobotPlanner
 from readygo.services.planner.explain.journal import DrivenRun
@@ -183,18 +184,18 @@ def draw_ways(
     episode: EpisodeConfig,
 ) -> None:
     """Goal, humans and robot with their ways on a view from `episode_view`, all as they are when the run ends."""
-    end = None if trajectory is None else len(trajectory.xyyaw) - 1
+    end, rate_hz = (None, RATE_HZ) if trajectory is None else (len(trajectory.xyyaw) - 1, trajectory.rate_hz)
     plan_view.draw_ring(picture, view, scenario.goal_xy_m, episode.success_radius_m, GOAL)
     plan_view.draw_goal(picture, view, scenario.goal_xy_m, radius_m=0.12)
     for k, way in enumerate(_ways(scenario, motions)):
-        draw_way(picture, view, way, human_colour(k), end=end)
+        draw_way(picture, view, way, human_colour(k), end=end, rate_hz=rate_hz)
         place = way[0 if end is None else min(end, len(way) - 1)]
         plan_view.draw_disc(picture, view, place, episode.human_radius_m, human_colour(k))
         plan_view.draw_arrow_head(picture, view, way, human_colour(k))
     if trajectory is None:
         plan_view.draw_robot(picture, view, scenario.start_xyyaw, robot.radius_m)
         return
-    draw_way(picture, view, trajectory.xyyaw[:, :2], ROBOT, end=end)
+    draw_way(picture, view, trajectory.xyyaw[:, :2], ROBOT, end=end, rate_hz=rate_hz)
     plan_view.draw_ring(picture, view, scenario.start_xyyaw[:2], robot.radius_m, ROBOT)
     plan_view.draw_disc(picture, view, trajectory.xyyaw[-1, :2], robot.radius_m, OUTCOMES[trajectory.outcome])
 
@@ -229,7 +230,7 @@ def _moment_panel(planner: RobotPlanner, run: DrivenRun, moment: Moment, number:
     bar = np.full((24, MOMENT_PX, 3), 255, np.uint8)
     cv2.circle(bar, (10, 12), 9, INK, cv2.FILLED, cv2.LINE_AA)
     plan_view.put_text(bar, str(number), (6, 17), colour=WHITE)
-    plan_view.put_text(bar, f"{moment.time_s:.2f} s  {moment.why}", (26, 17))
+    plan_view.put_text(bar, f"{moment.step * run.trajectory.dt_s:.2f} s  {moment.why}", (26, 17))
     return np.concatenate([bar, *([] if look is None else [_scaled(look(moment.step), MOMENT_PX)]), picture])
 
 

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.camera.view import view_of
+from readygo.common.camera.view import View, view_of
 from readygo.common.drawing import plan_view
 from readygo.common.drawing.files import Picture
 from readygo.common.drawing.plan_view import GOAL, HUMANS, INK, ROBOT, WHITE, Rgb
@@ -38,13 +38,15 @@ def human_colour(human: int) -> Rgb:
     return HUMANS[human % len(HUMANS)]
 
 
-def draw_way(picture: Picture, view: TopView, xy_m: Float64Array, colour: Rgb, *, end: int | None) -> None:
+def draw_way(
+    picture: Picture, view: TopView, xy_m: Float64Array, colour: Rgb, *, end: int | None, rate_hz: int = RATE_HZ
+) -> None:
     """A way: thin as a whole, thick with a dot at every second up to step `end`."""
     plan_view.draw_path(picture, view, xy_m, colour, width_px=1)
     if end is None:
         return
     plan_view.draw_path(picture, view, xy_m[: end + 1], colour, width_px=3)
-    for point in xy_m[: end + 1 : RATE_HZ]:
+    for point in xy_m[: end + 1 : rate_hz]:
         u, v = (round(float(value)) for value in view.world_to_pixel(point) - 0.5)
         cv2.circle(picture, (u, v), 4, colour, cv2.FILLED, cv2.LINE_AA)
 
@@ -83,28 +85,33 @@ def draw_knowledge(picture: Picture, view: TopView, planner: RobotPlanner, run: 
     _draw_sight(picture, view, planner, run.trajectory.xyyaw[step])
     radius_m = planner.episode_config.human_radius_m
     for who in run.journal.perceived[step]:
-        ahead_m = np.concatenate([[(who.x_m, who.y_m)], who.ahead_m[: round(EXPECTED_S * RATE_HZ)]])
+        ahead_m = np.concatenate([[(who.x_m, who.y_m)], who.ahead_m[: planner.robot.clock.steps(EXPECTED_S)]])
         share = EXPECTED_SHARE if who.seen else EXPECTED_SHARE / 2
         plan_view.fill_band(picture, view, ahead_m, radius_m, human_colour(who.index), share=share)
     plan_view.draw_path(picture, view, run.journal.paths_m[step], ROBOT if run.explained else ADVICE, width_px=1)
 
 
 def _draw_sight(picture: Picture, view: TopView, planner: RobotPlanner, pose: Float64Array) -> None:
-    """Where the expert sees humans, and the outline of its field of view and of what it feels nearby."""
-    ground, camera = planner.ground, planner.robot.camera
-    shown, range_m = view_of(camera), ground.config.range_m
-    (x, y), yaw_rad = camera.place_m(*pose.tolist()), float(pose[2])
+    """Where the expert sees humans, and the outline of its fields of view and of what it feels nearby."""
+    ground = planner.ground
+    for camera in planner.robot.all_cameras.values():
+        _draw_field(picture, view, planner, np.array(camera.eye(*pose.tolist())), view_of(camera))
+    if ground.config.near_field_m > 0:
+        plan_view.draw_ring(picture, view, pose[:2], ground.config.near_field_m, SIGHT)
+
+
+def _draw_field(picture: Picture, view: TopView, planner: RobotPlanner, eye: Float64Array, shown: View) -> None:
+    """One camera's part of it."""
+    ground, range_m = planner.ground, planner.ground.config.range_m
 
     def sees(to_x: float, to_y: float) -> bool:
-        return ground.sight.sees(x, y, shown.height_m, (to_x, to_y))
+        return ground.sight.sees(float(eye[0]), float(eye[1]), shown.height_m, (to_x, to_y))
 
-    eye, borders_rad = np.array([x, y, yaw_rad]), (-shown.right_rad, shown.left_rad)
+    borders_rad = (-shown.right_rad, shown.left_rad)
     seen = wedge_m(eye, borders_rad, range_m, sees=sees if ground.config.needs_line_of_sight else None)
     plan_view.fill_area(picture, view, seen, SIGHT, share=SIGHT_SHARE)
     whole = wedge_m(eye, borders_rad, range_m)
     plan_view.draw_path(picture, view, np.concatenate([whole, whole[:1]]), SIGHT, width_px=1)
-    if ground.config.near_field_m > 0:
-        plan_view.draw_ring(picture, view, pose[:2], ground.config.near_field_m, SIGHT)
 
 
 def draw_closest(picture: Picture, view: TopView, run: DrivenRun) -> None:

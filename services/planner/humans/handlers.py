@@ -4,8 +4,9 @@ import itertools
 from collections.abc import Callable, Sequence
 
 from readygo.common.episode import EpisodeConfig, Purpose, episode_rng
+from readygo.common.episode.robot import robot_of_episode
 from readygo.common.errors import ConfigError
-from readygo.common.messages import EpisodeMotions, HumanPlanReply, HumanPlanRequest, Scenario
+from readygo.common.messages import EpisodeKey, EpisodeMotions, HumanPlanReply, HumanPlanRequest, Scenario
 from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import RATE_HZ
 from readygo.services.planner.expert.interface import Expert, decisions
@@ -58,6 +59,7 @@ class HumanPlanner:
         self.maps, self.robot, self.episode_config, self.config = maps, robot, episode_config, config
         self.avatar_names = sorted(avatar_names)
         self.make_expert = make_expert
+        self._scenarios, self._cell_margin_m = scenarios, cell_margin_m
         self.human_map = without_slopes(maps.human, maps.floor, config.slope_max)
         self.sampler = ScenarioSampler(
             maps.robot,
@@ -73,6 +75,22 @@ class HumanPlanner:
             places = ScriptMaps(robot_map=maps.robot, human_map=maps.human, paths=self.sampler.site.paths)
             self.script = Script(scenarios, places, robot, episode_config, config, self.avatar_names)
 
+    def of(self, episode: EpisodeKey) -> "HumanPlanner":
+        """The planner for the robot of an episode: this one, unless that differs from episode to episode."""
+        robot = robot_of_episode(self.robot, episode)
+        if robot is self.robot:
+            return self
+        return HumanPlanner(
+            self.maps,
+            self.avatar_names,
+            robot,
+            self.episode_config,
+            self.config,
+            cell_margin_m=self._cell_margin_m,
+            scenarios=self._scenarios,
+            make_expert=self.make_expert,
+        )
+
     def reacts(self, scenario: Scenario) -> list[bool]:
         """Who of a scenario's humans yields; the others keep to their trajectories, as a file of scenarios may say."""
         if self.script is None:
@@ -82,6 +100,7 @@ class HumanPlanner:
 
 def handle_human_plan(planner: HumanPlanner, request: HumanPlanRequest) -> HumanPlanReply:
     """Draw the scenario of an episode, or play the file's; what cannot take place is rejected with a short reason."""
+    planner = planner.of(request.episode)
     rng = episode_rng(request.episode, Purpose.SCENARIO)
     static = request.static or bool(episode_rng(request.episode, Purpose.ABSENCE).random() < planner.config.absent)
     try:

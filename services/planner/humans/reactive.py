@@ -16,6 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.episode import EpisodeConfig, EpisodeSimulation
+from readygo.common.episode.resample import place_between
+from readygo.common.frames.turning import turn_between
 from readygo.common.maps import OccupancyMap
 from readygo.common.messages import EpisodeMotions, HumanMotion, Motion, Outcome, Scenario
 from readygo.common.robot import RobotConfig
@@ -152,13 +154,19 @@ class ReactiveSimulation(EpisodeSimulation):
                 without, for those who look at places alone.
         """
         self._walkers = humans
-        self._moving = stand_ins(scenario, round(episode_config.time_limit_s * RATE_HZ) + 1)
+        clock = robot.clock
+        self._moving = stand_ins(scenario, clock.steps(episode_config.time_limit_s) + 1, clock.rate_hz)
         self._figures: Sequence[Figure] = ()
         if animated is not None:
             first, self._figures = animated
             for human, start in zip(self._moving.humans, first.humans, strict=True):
                 human.motion.root_m[0, 2] = start.motion.root_m[0, 2]
                 human.motion.pose_axis_angle[:] = start.motion.pose_axis_angle[0]
+        self._looks = [
+            [(human.motion.root_m[0].astype(np.float64), human.motion.pose_axis_angle[0].astype(np.float64))]
+            for human in self._moving.humans
+        ]
+        """Of each human, root and pose at all of its own steps so far."""
         super().__init__(scenario, self._moving, robot_map, robot, episode_config)
 
     def motions_so_far(self) -> EpisodeMotions:
@@ -168,7 +176,11 @@ class ReactiveSimulation(EpisodeSimulation):
             humans=tuple(
                 HumanMotion(
                     avatar=human.avatar,
-                    motion=Motion(root_m=human.motion.root_m[rows], pose_axis_angle=human.motion.pose_axis_angle[rows]),
+                    motion=Motion(
+                        root_m=human.motion.root_m[rows],
+                        pose_axis_angle=human.motion.pose_axis_angle[rows],
+                        rate_hz=human.motion.rate_hz,
+                    ),
                 )
                 for human in self._moving.humans
             )
@@ -176,32 +188,61 @@ class ReactiveSimulation(EpisodeSimulation):
 
     def human_xy_at(self, step: int) -> Float64Array:
         """Where the humans are at a step [m], shape (N, 2); in the future, where they were drawn to be."""
-        walked = self._walkers.xy_m
-        return walked[step] if step < len(walked) else super().human_xy_at(step)
+        row, share = place_between(step, self.clock.rate_hz, RATE_HZ)
+        walked = self._walkers.xy_m[row : row + 1 + math.ceil(share)]
+        return _between(walked, share) if len(walked) > math.ceil(share) else super().human_xy_at(step)
 
     def advance(self, v_mps: float, w_radps: float) -> Outcome | None:
         """See `EpisodeSimulation.advance`; humans see where the robot is before it moves."""
         vx, vy = self.v_mps * math.cos(self.yaw_rad), self.v_mps * math.sin(self.yaw_rad)
-        self._walkers.advance((self.x_m, self.y_m, vx, vy))
-        before, now = self._walkers.xy_m[-2:]
+        row, share = place_between(self.step + 1, self.clock.rate_hz, RATE_HZ)
+        while len(self._walkers.xy_m) <= row + math.ceil(share):
+            self._walk((self.x_m, self.y_m, vx, vy))
+        now = self.human_xy_at(self.step + 1)
         for k, human in enumerate(self._moving.humans):
-            motion, row = human.motion, self.step + 1
-            motion.root_m[row, :2] = now[k]
+            human.motion.root_m[self.step + 1, :2] = now[k]
             if self._figures:
-                velocity_mps = (now[k] - before[k]) / DT_S
-                motion.root_m[row], motion.pose_axis_angle[row] = self._figures[k].advance(now[k], velocity_mps)
+                self._dress(human.motion, self._looks[k][row : row + 2], share)
         return super().advance(v_mps, w_radps)
 
+    def _walk(self, robot: tuple[float, float, float, float]) -> None:
+        """The humans' next step, which is not the robot's where it has another clock."""
+        self._walkers.advance(robot)
+        before, now = self._walkers.xy_m[-2:]
+        for k, figure in enumerate(self._figures):
+            self._looks[k].append(figure.advance(now[k], (now[k] - before[k]) / DT_S))
 
-def stand_ins(scenario: Scenario, count: int) -> EpisodeMotions:
-    """Motions of humans whose arms hang, along the drawn trajectories; the simulation moves them as it goes."""
+    def _dress(self, motion: Motion, looks: Sequence[tuple[Float64Array, Float64Array]], share: float) -> None:
+        """Fill the row of the robot's next step with what a figure looks like between two steps of its own."""
+        root_m, pose = looks[0]
+        motion.root_m[self.step + 1], motion.pose_axis_angle[self.step + 1] = root_m, pose
+        if share > 0:
+            motion.root_m[self.step + 1] = _between([root_m for root_m, _ in looks], share)
+            first, last = (pose.astype(np.float32) for _, pose in looks)
+            turn_between(first, last, share, motion.pose_axis_angle[self.step + 1])
+
+
+def stand_ins(scenario: Scenario, count: int, rate_hz: int) -> EpisodeMotions:
+    """Motions of humans whose arms hang, along the drawn trajectories; the simulation moves them as it goes.
+
+    Args:
+        scenario: Where they mean to go.
+        count: Rows of the motions.
+        rate_hz: Rows per second.
+    """
     humans = []
     for human in scenario.humans:
         root, pose = np.zeros((count, 3), np.float32), np.zeros((count, 24, 3), np.float32)
-        root[:, :2], root[:, 2] = first_rows(human.xy_m, count), 0.9
+        drawn_m = first_rows(human.xy_m, count * RATE_HZ // rate_hz + 2)
+        for step in range(count):
+            row, share = place_between(step, rate_hz, RATE_HZ)
+            root[step, :2] = _between(drawn_m[row : row + 2], share)
+        root[:, 2] = 0.9
         # The shoulders: SMPL's figure without rotations holds its arms out.
         pose[:, 16, 2], pose[:, 17, 2] = -1.3, 1.3
-        humans.append(HumanMotion(avatar=human.avatar, motion=Motion(root_m=root, pose_axis_angle=pose)))
+        humans.append(
+            HumanMotion(avatar=human.avatar, motion=Motion(root_m=root, pose_axis_angle=pose, rate_hz=rate_hz))
+        )
     return EpisodeMotions(humans=tuple(humans))
 
 
@@ -220,6 +261,12 @@ def walked_scenario(scenario: Scenario, humans: ReactiveHumans) -> Scenario:
 def _first_velocity(rows: Float64Array) -> Float64Array:
     velocity: Float64Array = (rows[1] - rows[0]) / DT_S if len(rows) > 1 else np.zeros(2)
     return velocity
+
+
+def _between(rows: Sequence[Float64Array] | Float64Array, share: float) -> Float64Array:
+    """What is a share of the way from the first of two rows to the second; the first itself at 0."""
+    between: Float64Array = rows[0] if share == 0 else rows[0] + share * (rows[1] - rows[0])
+    return between
 
 
 def _unit(vector: Float64Array) -> Float64Array:

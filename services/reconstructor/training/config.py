@@ -116,6 +116,8 @@ class GaussiansConfig:
     sh_degree: Annotated[int, Range(low=0, high=3)] = 3
     sh_every: Annotated[float, Range(above=0.0)] = 0.1
     """Another degree of spherical harmonics begins after each such share of the training."""
+    between: bool = True
+    """Gaussians begin between the map's points as well, where images agree on a surface."""
     exposure: bool = True
     """Every training image has gains and offsets of its own (photos of one automatic exposure differ)."""
     ssim_weight: Annotated[float, Range(low=0.0, high=1.0)] = 0.2
@@ -145,7 +147,7 @@ def preset(name: Preset) -> GaussiansConfig:
         return GaussiansConfig(
             steps=3000,
             side_max_px=640,
-            density=DensityConfig(method="mcmc", count_max=150_000, growth=0.1),
+            density=DensityConfig(method="mcmc", count_max=150_000, growth=0.03),
             geometry=surfaces,
         )
     if name == "standard":

@@ -52,6 +52,13 @@ def changed_density(
     return changed.select(spatial_order(changed.values["means_m"]))
 
 
+def make_faint(gaussians: Gaussians, rows: npt.NDArray[np.bool_], config: DensityConfig) -> None:
+    """Make some so faint that the next change moves them, or removes them where no budget is kept."""
+    limit = 0.5 * config.opacity_min
+    gaussians.values["logits"][rows] = np.float32(np.log(limit / (1.0 - limit)))
+    gaussians.forget(np.flatnonzero(rows))
+
+
 def reset_opacities(gaussians: Gaussians, config: DensityConfig) -> None:
     """Make all Gaussians faint, so that those that nobody needs stay so and are removed."""
     limit = 2.0 * config.opacity_min

@@ -18,8 +18,8 @@ from readygo.services.reconstructor.training.planes import edge_weights, normal_
 Leaves = dict[str, torch.Tensor]
 Gradients = dict[str, Array]
 GREY = np.array([0.299, 0.587, 0.114], dtype=np.float32)
-OBSERVED_WEIGHT = 0.1
-"""A view shows a Gaussian that covers so many pixels [px]."""
+OBSERVED_PX = 0.1
+"""A view shows a Gaussian that covers so much of a whole image [px]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -149,13 +149,13 @@ def view_gradients(
     )
 
 
-def observed(leaves: Leaves, photo: Photo) -> Rows:
-    """The Gaussians that have weight in the view of a photo."""
+def observed(leaves: Leaves, photo: Photo, pixels_min: float = OBSERVED_PX) -> Rows:
+    """The Gaussians that cover more than so many pixels of a photo."""
     leaves = {name: leaf.detach().requires_grad_() for name, leaf in leaves.items() if name != "sh"}
     rendered = draw(leaves, photo, 0, gradients=True)
     rendered.transmittance.backward(torch.zeros_like(rendered.transmittance))  # type: ignore[no-untyped-call]
     assert rendered.visibility.weight is not None
-    rows: Rows = rendered.visibility.index[rendered.visibility.weight > OBSERVED_WEIGHT].numpy()
+    rows: Rows = rendered.visibility.index[rendered.visibility.weight > pixels_min].numpy()
     return rows
 
 

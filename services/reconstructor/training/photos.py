@@ -33,6 +33,8 @@ class Posed:
     """Shape (P, 3)."""
     points_rgb: npt.NDArray[np.uint8]
     """Shape (P, 3)."""
+    seen: npt.NDArray[np.int64]
+    """Which view shows which point: rows of numbers of view and point, shape (M, 2)."""
 
     @property
     def extent_m(self) -> float:
@@ -73,7 +75,7 @@ def open_posed(folder: Path, undistorted: Path) -> Posed:
         model, images = undistorted / "sparse" / "0", undistorted / "images"
     views, found = colmap.pinhole_views(model), colmap.read_map(model)
     _check(folder, images, views, found)
-    posed = Posed(views=views, folder=images, points_m=found.points, points_rgb=found.points_rgb)
+    posed = Posed(views=views, folder=images, points_m=found.points, points_rgb=found.points_rgb, seen=found.seen)
     if posed.extent_m <= 0:
         raise SceneError(f"All cameras of {folder} stand in one place; Gaussians need views from several.")
     return posed

@@ -25,6 +25,7 @@ from readygo.common.files import write_whole
 from readygo.common.gaussians.ply import save_ply
 from readygo.services.reconstructor.stages import Stages, worded
 from readygo.services.reconstructor.training.adam import Adam
+from readygo.services.reconstructor.training.between import points_between
 from readygo.services.reconstructor.training.checkpoint import CHECKPOINT_FILE, load_checkpoint, save_checkpoint
 from readygo.services.reconstructor.training.config import GaussiansConfig
 from readygo.services.reconstructor.training.density import (
@@ -32,9 +33,17 @@ from readygo.services.reconstructor.training.density import (
     add_noise,
     changed_density,
     limit_stretch,
+    make_faint,
     reset_opacities,
 )
-from readygo.services.reconstructor.training.drawing import Geometry, ViewGradients, leaves_of, observed, view_gradients
+from readygo.services.reconstructor.training.drawing import (
+    OBSERVED_PX,
+    Geometry,
+    ViewGradients,
+    leaves_of,
+    observed,
+    view_gradients,
+)
 from readygo.services.reconstructor.training.memory import check_memory
 from readygo.services.reconstructor.training.neighbours import choose_neighbours
 from readygo.services.reconstructor.training.parameters import Gaussians, initial_gaussians
@@ -138,10 +147,9 @@ class _Training:
         """Begin, or go on."""
         found = load_checkpoint(self._folder, self._identity)
         if found is None:
+            points_m, points_rgb = self._points()
             opacity = _OPACITY[self._settings.density.method]
-            self._gaussians = initial_gaussians(
-                self._posed.points_m, self._posed.points_rgb, self._settings.sh_degree, opacity
-            )
+            self._gaussians = initial_gaussians(points_m, points_rgb, self._settings.sh_degree, opacity)
             self._exposures = np.zeros((len(self._posed.views), 2, 3), dtype=np.float32)
             self._exposure_moments = np.zeros((2, *self._exposures.shape), dtype=np.float32)
             self._seen = Sightings.none(len(self._gaussians))
@@ -153,6 +161,14 @@ class _Training:
         self._seen = Sightings(arrays.pop("seen_gradient"), arrays.pop("seen_views"))
         self._gaussians = Gaussians.from_state(arrays)
 
+    def _points(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.uint8]]:
+        """Where Gaussians begin, and their colours."""
+        posed, room = self._posed, self._settings.density.count_max - len(self._posed.points_m)
+        if not self._settings.between or room <= 0:
+            return posed.points_m, posed.points_rgb
+        more_m, more_rgb = points_between(posed, self._train, room)
+        return np.concatenate([posed.points_m, more_m]), np.concatenate([posed.points_rgb, more_rgb])
+
     def run(self) -> dict[str, Any]:
         """Train to the end and write what came of it."""
         threads = torch.get_num_threads()
@@ -162,7 +178,9 @@ class _Training:
             with _interruption() as interrupted, ThreadPoolExecutor(cores) as pool:
                 self._steps(pool, cores, interrupted)
                 with self._clock("density"):
-                    self._unseen = self._trim(pool, self._photos_of(1), 1)
+                    unseen = self._hidden(pool, self._photos_of(1), 1)
+                    self._gaussians, self._unseen = self._gaussians.select(~unseen), int(unseen.sum())
+                    self._check_some_left()
         finally:
             torch.set_num_threads(threads)
         return self._finish()
@@ -205,9 +223,10 @@ class _Training:
             if self._settings.exposure:
                 self._change_exposures(numbers, views)
         with self._clock("density"):
-            self._change_density()
             if schedule.trims(step):
-                self._trim(pool, photos, self._settings.geometry.trim_views)
+                hidden = self._hidden(pool, photos, self._settings.geometry.trim_views)
+                make_faint(self._gaussians, hidden, self._settings.density)
+            self._change_density()
 
     def _geometry(self, photos: PhotoStore, number: int, slot: int) -> Geometry | None:
         """What a view's surfaces are compared with in this step."""
@@ -264,17 +283,14 @@ class _Training:
         if schedule.resets_opacities(step):
             reset_opacities(self._gaussians, density)
 
-    def _trim(self, pool: ThreadPoolExecutor, photos: PhotoStore, views_min: int) -> int:
-        """Remove the Gaussians that fewer training views show; how many they were."""
-        leaves = leaves_of(self._gaussians)
-        views = np.zeros(len(self._gaussians), dtype=np.int64)
-        for rows in pool.map(lambda number: observed(leaves, photos[number]), self._train):
+    def _hidden(self, pool: ThreadPoolExecutor, photos: PhotoStore, views_min: int) -> npt.NDArray[np.bool_]:
+        """Which Gaussians fewer training views show, shape (N,)."""
+        leaves, views = leaves_of(self._gaussians), np.zeros(len(self._gaussians), dtype=np.int64)
+        # What is small on a reduced image may be what a whole one needs.
+        pixels_min = OBSERVED_PX / self._fraction**2
+        for rows in pool.map(lambda number: observed(leaves, photos[number], pixels_min), self._train):
             views[rows] += 1
-        keep = views >= views_min
-        self._gaussians = self._gaussians.select(keep)
-        self._check_some_left()
-        self._seen = Sightings(self._seen.gradient[keep], self._seen.views[keep])
-        return int((~keep).sum())
+        return views < views_min
 
     def _check_some_left(self) -> None:
         if not len(self._gaussians):

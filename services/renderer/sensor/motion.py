@@ -8,13 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.common.camera import CameraConfig
-from readygo.common.kernels import compiled
+from readygo.common.frames.turning import turn_between
 from readygo.common.maps import FloorMap
 from readygo.common.messages import HumanMotion
 from readygo.common.rasterizer.interface import PosedHuman
 
 Floats = npt.NDArray[np.float64]
-Singles = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -68,7 +67,7 @@ def _posed(human: HumanMotion, step: float) -> PosedHuman:
         return PosedHuman(avatar=human.avatar, root_m=root_m[row], pose_axis_angle=pose[row])
     between = root_m[row] + np.float32(share) * (root_m[row + 1] - root_m[row])
     turned = np.empty((24, 3), dtype=np.float32)
-    _turn(pose[row], pose[row + 1], share, turned)
+    turn_between(pose[row], pose[row + 1], share, turned)
     return PosedHuman(avatar=human.avatar, root_m=between, pose_axis_angle=turned)
 
 
@@ -96,37 +95,3 @@ def arc(first: Floats, last: Floats, share: float) -> tuple[float, float, float]
     dx, dy = length * (x1 - x0), length * (y1 - y0)
     c, s = math.cos(turn), math.sin(turn)
     return x0 + c * dx - s * dy, y0 + s * dx + c * dy, yaw0 + 2.0 * part
-
-
-@compiled(error_model="numpy")
-def _turn(first: Singles, last: Singles, share: float, out: Singles) -> None:
-    """Interpolate rotations given as axis-angle vectors along the shorter way (slerp)."""
-    p, q, r = np.empty(4), np.empty(4), np.empty(4)
-    for j in range(len(first)):
-        _quaternion(first[j], p)
-        _quaternion(last[j], q)
-        dot = p[0] * q[0] + p[1] * q[1] + p[2] * q[2] + p[3] * q[3]
-        sign = -1.0 if dot < 0.0 else 1.0
-        dot = min(dot * sign, 1.0)
-        angle = math.acos(dot)
-        if angle < 1e-6:
-            a, b = 1.0 - share, share * sign
-        else:
-            a, b = math.sin((1.0 - share) * angle) / math.sin(angle), sign * math.sin(share * angle) / math.sin(angle)
-        for k in range(4):
-            r[k] = a * p[k] + b * q[k]
-        length = math.sqrt(r[1] * r[1] + r[2] * r[2] + r[3] * r[3])
-        if r[0] < 0.0:
-            length, r[0] = -length, -r[0]
-        scale = 2.0 * math.atan2(abs(length), r[0]) / length if abs(length) > 1e-12 else 2.0
-        for k in range(3):
-            out[j, k] = scale * r[k + 1]
-
-
-@compiled(error_model="numpy")
-def _quaternion(rotation: Singles, q: Floats) -> None:
-    """Write the unit quaternion, w first, of an axis-angle vector."""
-    x, y, z = float(rotation[0]), float(rotation[1]), float(rotation[2])
-    angle = math.sqrt(x * x + y * y + z * z)
-    scale = math.sin(0.5 * angle) / angle if angle > 1e-12 else 0.5
-    q[0], q[1], q[2], q[3] = math.cos(0.5 * angle), scale * x, scale * y, scale * z

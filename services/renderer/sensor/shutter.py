@@ -23,8 +23,8 @@ class Shutter:
     """The image nearest to the middle of each row's exposure, shape (H,)."""
 
 
-def make_shutter(camera: CameraConfig, sub_frames: int) -> Shutter:
-    """The shutter of a camera, its frames made of `sub_frames` images.
+def make_shutter(camera: CameraConfig, sub_frames: int, dt_s: float = DT_S) -> Shutter:
+    """The shutter of a camera, its frames made of `sub_frames` images, where a simulated step lasts `dt_s` [s].
 
     The last row's exposure ends at the frame's own time, so that no pixel knows what the robot does afterwards: that is
     the action to be learned. The time from the first row's start to there is split into equal parts, each of them
@@ -39,7 +39,7 @@ def make_shutter(camera: CameraConfig, sub_frames: int) -> Shutter:
     shares = [_row_shares(begin_s / part_s, camera.exposure_s / part_s, sub_frames) for begin_s in begins]
     middles = [min(int((begin_s + 0.5 * camera.exposure_s) / part_s), sub_frames - 1) for begin_s in begins]
     return Shutter(
-        steps=tuple(((index + 0.5) * part_s - span_s) / DT_S for index in range(sub_frames)),
+        steps=tuple(((index + 0.5) * part_s - span_s) / dt_s for index in range(sub_frames)),
         weight=np.array(shares, dtype=np.int64).T.copy(),
         middle=np.array(middles, dtype=np.int64),
     )

@@ -28,6 +28,10 @@ class SensorStream:
         digest = hashlib.sha256(people.encode()).digest()
         return cls((int.from_bytes(digest[:8], "little"), int.from_bytes(digest[8:16], "little")))
 
+    def of_camera(self, name: str) -> "SensorStream":
+        """The stream of a camera on the same robot; the first one, called "", has the episode's own."""
+        return SensorStream.of_humans(f"{name} {self.key}") if name else self
+
     def of_draws(self) -> np.random.Generator:
         """For the values that hold over the episode."""
         return self._at(0)

@@ -11,11 +11,9 @@ from readygo.common.errors import DatasetError
 from readygo.common.messages import Driver
 from readygo.common.networks import LOOK_HZ
 from readygo.common.networks.images import normalised, small_image
-from readygo.common.robot.kinematics import RATE_HZ
 from readygo.services.trainer.networks.config import GOAL_LOOKS_MAX
 
 Indices = npt.NDArray[np.int64]
-LOOK_STEPS = RATE_HZ // LOOK_HZ
 LOOKS_MIN = 4
 """Shorter trajectories teach nothing."""
 
@@ -68,10 +66,14 @@ def looks_of(dataset: Dataset, names: set[str]) -> Looks:
     """
     if dataset.robot is None:
         raise DatasetError("These data do not say what robot drove; record them anew.")
+    if dataset.robot.ranges.varies:
+        raise DatasetError("These data are of several robots, which the published networks are not told apart.")
+    clock = dataset.robot.clock
+    steps = clock.nearest_images(1 / LOOK_HZ)
     trajectories = []
     for entry in dataset.episodes:
         if entry.episode.episode_id in names and entry.driver is Driver.EXPERT:
-            rows = np.arange(entry.first_sample, entry.first_sample + entry.sample_count, LOOK_STEPS)
+            rows = np.arange(entry.first_sample, entry.first_sample + entry.sample_count, steps)
             if len(rows) >= LOOKS_MIN and dataset.pictured[rows].all():
                 trajectories.append(rows)
     if len(trajectories) < 2:
@@ -87,7 +89,7 @@ def looks_of(dataset: Dataset, names: set[str]) -> Looks:
         first=np.repeat(begins, counts),
         last=np.repeat(begins + counts - 1, counts),
         xyyaw=dataset.poses[rows][:, [0, 1, 3]],
-        unit_m=dataset.robot.v_max_mps / LOOK_HZ,
+        unit_m=dataset.robot.v_max_mps * steps / clock.rate_hz,
     )
 
 

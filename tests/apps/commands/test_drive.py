@@ -101,6 +101,20 @@ def test_what_makes_no_trial_is_said(policy, options, error, words):
         drive(policy, **options)
 
 
+def test_policy_for_several_robots_wants_to_know_which_one_it_drives(policy, tmp_path):
+    text = (policy / "policy.toml").read_text()
+    (policy / "policy.toml").write_text(text.replace("v_max_mps = []", "v_max_mps = [0.5, 1.2]"))
+    with pytest.raises(ConfigError, match="knows several robots: say which one it drives with --robot"):
+        drive(policy, goal=(1.0, 0.0))
+    robot = tmp_path / "robot.toml"
+    robot.write_text("v_max_mps = 1.5\n")
+    with pytest.raises(PolicyError, match=r"other ranges: v_max_mps 1\.5 \(the policy's: 0\.5 to 1\.2\)"):
+        drive(policy, goal=(1.0, 0.0), robot=robot)
+    robot.write_text("v_max_mps = 0.8\n")
+    with pytest.raises(ConfigError, match=r"at most 0\.8, what the policy learned, got 1"):
+        drive(policy, goal=(1.0, 0.0), robot=robot, v_max=1.0)
+
+
 def test_what_is_no_policy_is_said(tmp_path):
     with pytest.raises(PolicyError, match=r"holds no policy\.toml"):
         drive(tmp_path, goal=(1.0, 0.0))

@@ -3,6 +3,7 @@
 import json
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,12 +22,14 @@ class StandIn:
     def __init__(self, spec: PolicySpec) -> None:
         self.spec = spec
 
-    def start(self) -> None:
-        return None
+    def start(self, robot: RobotConfig) -> SimpleNamespace:
+        return SimpleNamespace(advance=lambda command: None)
 
-    def step(self, memories, images, previous, goals) -> np.ndarray:
+    def see(self, memories, images) -> None:
         self.seen = images
-        return np.zeros((len(images), 2), np.float32)
+
+    def decide(self, memories, previous, goals) -> np.ndarray:
+        return np.zeros((len(memories), 2), np.float32)
 
 
 @pytest.fixture

@@ -22,6 +22,7 @@ class FakeData:
     def __init__(self, *, actions=None, xy_m=None):
         count = len(actions if actions is not None else xy_m)
         self.robot = RobotConfig()
+        self.clock = self.robot.clock
         self.actions = np.float32(np.zeros((count, 2)) if actions is None else actions)
         self.poses = np.zeros((count, 4))
         if xy_m is not None:

@@ -51,7 +51,7 @@ class Ride:
     def __init__(self, policy=None, *, goal=(5.0, 0.0), **settings):
         self.policy = policy or FakePolicy()
         config = DriveConfig(**{"v_max_mps": 1.0, "w_max_radps": 1.2, **settings})
-        self.pilot = Pilot(self.policy, Rectifier(CAMERA, CAMERA), config, Goal(x_m=goal[0], y_m=goal[1]))
+        self.pilot = Pilot(self.policy, {"": Rectifier(CAMERA, CAMERA)}, config, Goal(x_m=goal[0], y_m=goal[1]))
         self.now_ns, self.commands = 0, []
 
     def step(self, *, images=True, moves=True, shift_ns=0, image_size=(8, 10), **pose):

@@ -21,7 +21,7 @@ def test_robot_is_driven_as_in_an_evaluation_step_by_step(tmp_path):
     policy, robot = load_policy(write_policy(tmp_path)), RobotConfig()
     goal, now_ns = (5.0, 1.0), 10**9
     config = DriveConfig(v_max_mps=1.0, w_max_radps=1.2, goal_in_start_frame=False)
-    pilot = Pilot(policy, Rectifier(CAMERA, CAMERA), config, Goal(x_m=goal[0], y_m=goal[1]))
+    pilot = Pilot(policy, {"": Rectifier(CAMERA, CAMERA)}, config, Goal(x_m=goal[0], y_m=goal[1]))
     memory, pose, moving, driven, expected = policy.start(), (0.0, 0.0, 0.0), (0.0, 0.0), [], []
     for step in range(60):
         image = np.random.default_rng(step).integers(0, 256, (8, 10, 3), dtype=np.uint8)
@@ -38,10 +38,10 @@ def test_robot_is_driven_as_in_an_evaluation_step_by_step(tmp_path):
         command = pilot.command(now_ns)
         there = np.array([goal_in_robot_frame(*pose, goal)], np.float32)
         v, w = policy.step([memory], image[None], np.array([moving], np.float32), there)[0].tolist()
-        moving = limit_command(v, w, *moving, robot)
+        moving = limit_command(v, w, *moving, robot, 0.05)
         driven.append((command.v_mps, command.w_radps))
         expected.append(moving)
-        pose, now_ns = step_unicycle(*pose, *moving), now_ns + STEP_NS
+        pose, now_ns = step_unicycle(*pose, *moving, 0.05), now_ns + STEP_NS
     assert np.abs(np.array(expected)).max(axis=0).min() > 0
     assert np.allclose(driven, expected, atol=1e-5)
 
@@ -183,7 +183,7 @@ class DepthRide:
         self.policy.see = lambda memories, images, times: (self.sights.append(images[0]), see(memories, images, times))
         config = DriveConfig(v_max_mps=1.0, w_max_radps=1.2)
         camera = spec.robot.camera
-        self.pilot = Pilot(self.policy, Rectifier(camera, camera), config, Goal(x_m=5.0, y_m=0.0))
+        self.pilot = Pilot(self.policy, {"": Rectifier(camera, camera)}, config, Goal(x_m=5.0, y_m=0.0))
 
     def tell(self, now_ns, *, image=True, depth_m=5.0, depth_late_ns=0):
         stamp_ns = T0 + now_ns
@@ -192,7 +192,7 @@ class DepthRide:
             self.pilot.look(picture(stamp_ns), now_ns)
         if depth_m is not None:
             depths = np.full((8, 10), depth_m, np.float32)
-            self.pilot.look_at_depth(Picture(stamp_ns=stamp_ns, decode=lambda: depths), now_ns + depth_late_ns)
+            self.pilot.look_beside("depth", Picture(stamp_ns=stamp_ns, decode=lambda: depths), now_ns + depth_late_ns)
         return self.pilot.command(now_ns + depth_late_ns)
 
 

@@ -12,12 +12,12 @@ from tests.apps.drive.conftest import CAMERA, FakePolicy, open_ground
 def run(policy=None, **manners):
     policy = policy or FakePolicy((1.0, 0.0))
     config = DriveConfig(v_max_mps=1.0, w_max_radps=1.2, goal_in_start_frame=False)
-    pilot = Pilot(policy, Rectifier(CAMERA, CAMERA), config, Goal(x_m=2.0, y_m=0.0))
+    pilot = Pilot(policy, {"": Rectifier(CAMERA, CAMERA)}, config, Goal(x_m=2.0, y_m=0.0))
     simulation, asked = open_ground(), []
 
     def look(one):
         asked.append(one.step)
-        return np.zeros((8, 10, 3), np.uint8), None
+        return {"rgb": np.zeros((8, 10, 3), np.uint8)}
 
     plain = {"latency_s": 0.0, "jitter_s": 0.0, "drop_share": 0.0}
     outcome = rehearsed(pilot, simulation, look, Manners(**{**plain, **manners}), np.random.default_rng(0))

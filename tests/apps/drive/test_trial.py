@@ -22,7 +22,7 @@ class FakeRobot:
         self.after(self)
         return (picture(time.time_ns()), time.monotonic_ns()) if self.sends else None
 
-    def depths(self):
+    def beside(self):
         return []
 
     def odometry(self):

@@ -1,4 +1,5 @@
 import dataclasses
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -52,7 +53,11 @@ def test_episode_that_goes_another_way_is_refused(evaluated):
 
 
 def test_strip_of_a_collision_shows_its_last_seconds_and_another_all_of_it():
-    assert strip_steps(Outcome.HUMAN_COLLISION, 200) == [119, 139, 159, 179, 189, 199]
-    assert strip_steps(Outcome.STATIC_COLLISION, 15) == [0, 4, 14]
-    assert strip_steps(Outcome.TIMEOUT, 1000)[::5] == [0, 999]
-    assert len(strip_steps(Outcome.TIMEOUT, 1000)) == len(BEFORE_END_S)
+    def steps(outcome, count, rate_hz=20):
+        return strip_steps(SimpleNamespace(outcome=outcome, xyyaw=range(count), rate_hz=rate_hz))
+
+    assert steps(Outcome.HUMAN_COLLISION, 200) == [119, 139, 159, 179, 189, 199]
+    assert steps(Outcome.HUMAN_COLLISION, 200, rate_hz=30)[0] == 79
+    assert steps(Outcome.STATIC_COLLISION, 15) == [0, 4, 14]
+    assert steps(Outcome.TIMEOUT, 1000)[::5] == [0, 999]
+    assert len(steps(Outcome.TIMEOUT, 1000)) == len(BEFORE_END_S)

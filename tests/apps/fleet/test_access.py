@@ -1,12 +1,21 @@
 import os
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
 pytest.importorskip("cryptography", reason="needs the extra tls")
 
-from readygo.apps.fleet.access import identity_for, join, open_router, reached_here, refusals_on_stderr
-from readygo.common.bus.zenoh_bus import free_endpoint
+from readygo.apps.fleet.access import (
+    identity_for,
+    join,
+    join_in_time,
+    open_router,
+    reached_here,
+    refusals_on_stderr,
+)
+from readygo.common.bus.zenoh_bus import Router, free_endpoint
 from readygo.common.certificates import issue, make_authority
 from readygo.common.errors import BusError, CertificateError, PeerError
 from readygo.common.messages import RunSpecRequest, topics
@@ -51,6 +60,26 @@ def test_router_of_a_run_is_opened_and_joined_with_certificates_or_the_token(tmp
                 join(endpoint, "test", "renderer", token="guessed")
         for each in (renderer, coordinator, router):
             each.close()
+
+
+def test_router_that_is_not_up_yet_is_waited_for_with_one_line(caplog: pytest.LogCaptureFixture) -> None:
+    endpoint, told = free_endpoint(), threading.Event()
+    caplog.handler.addFilter(lambda record: told.set() or True)
+    with ThreadPoolExecutor() as pool:
+        joining = pool.submit(join_in_time, endpoint, "test", "renderer", threading.Event())
+        assert told.wait(60)
+        router = Router(endpoint)
+        joining.result(60).close()
+        router.close()
+    (line,) = caplog.records
+    assert line.message.startswith(f"No router answers at {endpoint}, or it wants the run's token: ")
+
+
+def test_worker_that_is_told_to_end_waits_for_no_router() -> None:
+    stop = threading.Event()
+    stop.set()
+    with pytest.raises(BusError, match="No router answers"):
+        join_in_time(free_endpoint(), "test", "renderer", stop)
 
 
 def test_machine_reaches_its_own_router_by_loopback() -> None:

@@ -1,5 +1,6 @@
 import os
 import signal
+import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -22,11 +23,13 @@ class ScriptedFleet(Fleet):
     """A fleet whose workers run a line of Python."""
 
     def __init__(self, folder: Path, script: str) -> None:
-        super().__init__(connect="", run="", data=folder, logs=folder)
+        super().__init__(connect="", run="", data=folder, logs=folder, forks=self)
         self.script = script
 
-    def command(self, member: Member) -> list[str]:
-        return [sys.executable, "-c", self.script]
+    def start(self, words: list[str], output: int) -> subprocess.Popen[bytes]:
+        """In place of a fork server's."""
+        command = [sys.executable, "-c", self.script]
+        return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=output, stderr=output)
 
 
 @pytest.fixture
@@ -204,11 +207,7 @@ def test_stopped_worker_does_not_hold_up_the_end(start: Callable[[str, str], Scr
     assert member.process.returncode == 0
 
 
-def test_workers_know_the_token_and_nobody_sees_it_on_their_command_line(tmp_path: Path) -> None:
+def test_processes_are_told_the_token_and_nobody_sees_it_on_their_command_line(tmp_path: Path) -> None:
     fleet = Fleet(connect="tcp/x:1", run="a", data=tmp_path, logs=tmp_path, token="secret")
-    fleet.command = lambda member: [sys.executable, "-c", "import os; print(os.environ['READYGO_TOKEN'])"]  # type: ignore[method-assign]
-    fleet.add("all", "w0")
-    _wait_for_end(fleet.members[0])
-    fleet.stop()
-    assert fleet.members[0].log.read_text() == "secret\n"
-    assert "secret" not in Fleet.command(fleet, fleet.members[0])
+    assert fleet._forks._environment["READYGO_TOKEN"] == "secret"
+    assert "secret" not in fleet.command(Member(role="all", name="w0", log=tmp_path / "log"))

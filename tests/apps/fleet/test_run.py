@@ -1,11 +1,12 @@
 import dataclasses
 import threading
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 import pytest
 
-from readygo.apps.fleet.run import record
+from readygo.apps.fleet.run import begin, record
 from readygo.apps.fleet.worker import make_coordinator, make_recorder
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.stages import LINE, Entry, stage_works
@@ -16,7 +17,7 @@ from readygo.common.dataset import validate
 from readygo.common.dataset.casts import read_casts
 from readygo.common.errors import RunError
 from readygo.common.fleet import Inputs, StageResult, Work, Worker, pull
-from readygo.common.messages import ClaimReply, OnRejection, Stage, StatusReply, StatusRequest
+from readygo.common.messages import ClaimReply, OnRejection, RunSpec, Stage, StatusReply, StatusRequest
 from readygo.services import coordinator as coordination
 from readygo.services.coordinator.handlers import handle_status
 from readygo.services.recorder import attach as attach_recorder
@@ -139,6 +140,27 @@ def test_second_process_changes_nothing_in_the_folder_of_a_running_one(tmp_path:
     spec, _ = folder.load()
     with folder.locked(), pytest.raises(RunError, match="Another process is generating"):
         record(spec, tmp_path, episodes=7, workers=0)
+    assert folder.load() == (spec, 3)
+
+
+@pytest.mark.parametrize("start", [partial(record, episodes=3, workers=0), partial(begin, episodes=3)])
+def test_of_two_runs_that_begin_in_a_folder_at_once_the_later_one_is_refused(
+    start: Callable[[RunSpec, Path], object], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spec, _ = make_folder(tmp_path / "first", (DRAW, FILM), wanted=3).load()
+    folder = RunFolder(tmp_path / "second")
+    check = RunFolder.check
+
+    def check_and_be_late(own: RunFolder, wanted: RunSpec) -> None:
+        check(own, wanted)
+        if not folder.has_data:
+            with folder.locked():
+                folder.save(spec, 3)
+                folder.ledger.touch()
+
+    monkeypatch.setattr(RunFolder, "check", check_and_be_late)
+    with pytest.raises(RunError, match="holds data of another run: seed differ"):
+        start(dataclasses.replace(spec, seed=spec.seed + 1), folder.path)
     assert folder.load() == (spec, 3)
 
 

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from readygo.apps.fleet import access
 from readygo.apps.fleet.fleet import CANNOT_WORK
 from readygo.apps.fleet.worker import _watch_thread, worker
 from readygo.common.bus.zenoh_bus import Router, ZenohBus, free_endpoint
@@ -44,7 +45,8 @@ def test_worker_that_somebody_must_help_ends_with_a_code_of_its_own(
         assert capsys.readouterr().err.splitlines()[-1].startswith(f"readygo: {words}")
 
 
-def test_worker_without_a_bus_may_try_again() -> None:
+def test_worker_without_a_bus_may_try_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(access, "ROUTER_ABSENT_S", 0.0)
     with pytest.raises(BusError, match="No router answers"):
         worker("animator", connect=free_endpoint(), run="run-test")
 

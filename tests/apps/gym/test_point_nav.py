@@ -64,3 +64,9 @@ def test_robot_and_settings_of_a_policy_are_taken(tmp_path):
     assert task.robot == robot
     with pytest.raises(PolicyError):
         PointNav(policy=tmp_path / "nowhere")
+
+
+def test_robot_of_ranges_is_refused(tmp_path):
+    (tmp_path / "run.toml").write_text("[robot.ranges]\nv_max_mps = [0.5, 1.0]\n")
+    with pytest.raises(ConfigError, match="those of one robot: leave"):
+        PointNav(config=tmp_path / "run.toml")

@@ -26,7 +26,7 @@ class StandInFleet:
 
     made: "list[StandInFleet]" = []  # noqa: RUF012
 
-    def __init__(self, *, connect: str, run: str, data: object, logs: Path, token: str, certs: Path | None) -> None:
+    def __init__(self, *, connect: str, run: str, data: object, logs: Path, certs: Path | None, forks: object) -> None:
         self.shown = connect, certs
         self.run, self.members, self.checks, self.stopped, self.begun = run, [], 0, False, 0
         self.killed: list[str] = []

@@ -1,8 +1,18 @@
+import struct
+
 import cv2
 import numpy as np
 import pytest
 
-from readygo.apps.robot_logs.pixels import ENCODINGS, bgr_of, depth_of, millimetres, pixels_of
+from readygo.apps.robot_logs.pixels import (
+    ENCODINGS,
+    bgr_of,
+    compressed_depth,
+    compressed_depth_of,
+    depth_of,
+    millimetres,
+    pixels_of,
+)
 
 RED = {"bgr8": (0, 0, 255), "rgb8": (255, 0, 0), "rgba8": (255, 0, 0, 9), "bgra8": (0, 0, 255, 9)}
 
@@ -53,3 +63,34 @@ def test_depths_that_are_none_are_said():
     with pytest.raises(ValueError, match="depths of encoding 'bgr8'; known: 16UC1, 32FC1"):
         depth_of(np.zeros(48, np.uint8), encoding="bgr8", height_px=4, width_px=4, row_bytes=12)
     assert millimetres(np.array([np.nan, -1.0, 66.0, 2.0], np.float32)).tolist() == [0, 0, 0, 2000]
+
+
+def test_compressed_depths_come_back_as_they_were_to_the_millimetre():
+    depth_m = np.array([[0.5, 1.2346], [np.inf, 60.0]], np.float32)
+    data, image_format = compressed_depth(depth_m)
+    assert (len(data[:12]), data[12:20]) == (12, b"\x89PNG\r\n\x1a\n")
+    assert np.allclose(compressed_depth_of(data, image_format), [[0.5, 1.235], [np.inf, 60.0]])
+
+
+def test_quantised_inverse_depths_are_read_as_ros_writes_them():
+    # depth_max 10 m, depth_quantization 100: factor 100 * 101, offset 1 - factor / 10.
+    factor, depth_m = 100.0 * 101.0, np.array([[1.0, 2.5, 8.0]])
+    offset = 1.0 - factor / 10.0
+    stored = np.round(factor / depth_m + offset).astype(np.uint16)
+    stored[0, 2] = 0
+    data = struct.pack("<iff", 0, factor, offset) + cv2.imencode(".png", stored)[1].tobytes()
+    found = compressed_depth_of(data, "32FC1; compressedDepth png")
+    assert np.allclose(found, [[1.0, 2.5, np.inf]], atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("data", "image_format", "words"),
+    [
+        (b"\0" * 12 + b"x", "16UC1; compressedDepth png", "no PNG of 16 bits"),
+        (b"\0" * 40, "16UC1; compressedDepth rvl", "known: 16UC1 or 32FC1; compressedDepth png"),
+        (b"", "8UC1; compressedDepth png", "compressed depths of format '8UC1"),
+    ],
+)
+def test_compressed_depths_that_are_none_are_said(data, image_format, words):
+    with pytest.raises(ValueError, match=words):
+        compressed_depth_of(data, image_format)

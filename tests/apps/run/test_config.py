@@ -12,7 +12,7 @@ from readygo.common.camera import CameraConfig, SensorConfig
 from readygo.common.config import section_from_mapping
 from readygo.common.errors import ConfigError
 from readygo.common.policy import PolicySpec
-from readygo.common.robot import RobotConfig
+from readygo.common.robot import Clock, RobotConfig
 from tests.common.messages.run_specs import SPEC
 
 
@@ -87,7 +87,7 @@ def test_setting_that_must_be_an_array_is_refused_by_name() -> None:
 
 def test_camera_whose_latency_falls_between_pictures_is_refused(tmp_path: Path) -> None:
     text = "[robot.camera]\nlatency_s = 0.1\n[driver]\ncamera_hz = "
-    assert load_run_config(run_config(tmp_path, text + "10\n")).driver.image_every == 2
+    assert load_run_config(run_config(tmp_path, text + "10\n")).driver.image_every(Clock()) == 2
     with pytest.raises(ConfigError, match=r"camera_hz 4: the camera's latency of 0\.1 s must be a multiple"):
         load_run_config(run_config(tmp_path, text + "4\n"))
     with pytest.raises(ConfigError, match="camera_hz must be 20 Hz divided by a whole number, got 6"):

@@ -54,7 +54,7 @@ def test_small_disk_is_small_or_absent(tmp_path: Path) -> None:
 @linux
 @pytest.mark.slow
 def test_run_among_faults_is_the_run_left_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    bench_chaos(episodes=4, faults=14, workers=1, longest_s=2.0, folder=tmp_path, json=True)
+    bench_chaos(episodes=4, faults=14, workers=2, longest_s=1.0, folder=tmp_path, json=True)
     result = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert result["ok"]
     assert result["faults"] >= 10, result["skipped"]

@@ -1,7 +1,9 @@
 import os
+import subprocess
 import sys
 import threading
 import time
+from types import SimpleNamespace
 
 import pytest
 
@@ -25,6 +27,27 @@ def test_watch_hears_who_comes_and_gives_up_in_time(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(recovery, "PATIENCE_S", 0.05)
     with pytest.raises(TimeoutError):
         watch.until(lambda: watch.committed_s > 0.0)
+
+
+def test_successor_is_ready_when_it_came_however_long_the_end_of_a_lease_was_waited_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(recovery, "LEASELESS_S", 2.0)
+    with subprocess.Popen(["sleep", "60"]) as first, subprocess.Popen(["sleep", "60"]) as second:
+        try:
+            bus = InProcessBus()
+            watch = recovery.Watch(bus)
+            there = iter([first.pid, second.pid])
+            site = SimpleNamespace(processes=lambda: {"animator0": next(there)})
+            threading.Timer(0.1, lambda: bus.announce("animator", "animator0")).start()
+            threading.Timer(2.5, lambda: watch._committed(None)).start()
+            begin_s = time.monotonic()
+            rows = recovery._killed(site, watch, "animator0")
+            assert time.monotonic() - begin_s > 2.0
+            assert rows["ready: animator"] < 2.0 + begin_s - recovery._started_s(second.pid)
+        finally:
+            first.kill()
+            second.kill()
 
 
 def test_rows_stand_beside_what_is_asked() -> None:

@@ -26,6 +26,10 @@ def test_workers_are_found_by_their_parent_and_named(worker) -> None:
     assert memory.workers_below(worker.pid) == []
 
 
+def test_workers_of_a_fork_server_are_found_as_well(worker) -> None:
+    assert (worker.pid, "r7") in memory.workers_below(os.getppid())
+
+
 def test_memory_is_read_in_megabytes_until_the_process_ends() -> None:
     reading = memory._reading(os.getpid())
     assert 5 < reading["private_mb"] <= reading["resident_mb"] < 10_000

@@ -185,6 +185,8 @@ def test_slow_subscriber_costs_the_publisher_nothing_and_hears_the_newest(server
     for number in range(301, 301 + 3 * INBOX_MAX):
         server.publish(NEWS, news(number))
         time.sleep(0.005)
+    # Nothing is to be on its way any more that would come once there is room again.
+    time.sleep(1.0)
     gate.set()
     wait_for(lambda: len(numbers) > 1)
     time.sleep(0.1)

@@ -16,7 +16,16 @@ from readygo.common.dataset.schemas import LABEL_CHANNELS
 from readygo.common.dataset.stage import Stage
 from readygo.common.images.files import encode_output
 from readygo.common.images.images import Images
-from readygo.common.messages import AppendRequest, EpisodeHeader, EpisodeKey, HumanLabels, Sample, Split, sample_crc32
+from readygo.common.messages import (
+    AppendRequest,
+    EpisodeHeader,
+    EpisodeKey,
+    FurtherCamera,
+    HumanLabels,
+    Sample,
+    Split,
+    sample_crc32,
+)
 from readygo.common.robot import CameraConfig, RobotConfig, limit_command, step_unicycle
 from readygo.common.robot.kinematics import STEP_NS
 
@@ -65,6 +74,30 @@ def make_images(number: int, height_px: int = 24, width_px: int = 32) -> Images:
     )
 
 
+LEFT = CameraConfig(height_px=16, width_px=20, mount_yaw_deg=90.0)
+"""A camera that looks to the left."""
+
+
+def with_left_camera(header: EpisodeHeader, samples: Sequence[Sample]) -> tuple[EpisodeHeader, tuple[Sample, ...]]:
+    """An episode with images of `LEFT`, colours and depths, beside those of the first camera."""
+    size = LEFT.height_px, LEFT.width_px
+    camera = FurtherCamera(name="left", height_px=size[0], width_px=size[1], K_px=tuple(LEFT.K_px.ravel().tolist()))
+    seen = []
+    for sample in samples:
+        number = image_number(header.episode.index, sample.seq)
+        images = {"left.rgb": jpeg(number, *size), "left.depth": encode_output(make_images(number, *size), "depth")}
+        outputs = {**sample.outputs, **images}
+        seen.append(dataclasses.replace(sample, outputs=outputs, crc32=sample_crc32(sample.image, outputs)))
+    return dataclasses.replace(header, cameras=(camera,)), tuple(seen)
+
+
+def with_goal_image(header: EpisodeHeader, samples: Sequence[Sample]) -> tuple[EpisodeHeader, tuple[Sample, ...]]:
+    """An episode with an image of its goal."""
+    outputs = {**samples[0].outputs, "goal_image": jpeg(5)}
+    first = dataclasses.replace(samples[0], outputs=outputs, crc32=sample_crc32(samples[0].image, outputs))
+    return header, (first, *samples[1:])
+
+
 def image_number(index: int, seq: int) -> int:
     """Number of the images of a sample."""
     return 1000 * index + seq
@@ -102,7 +135,7 @@ def make_samples(header: EpisodeHeader, names: Sequence[str] = ()) -> tuple[Samp
     v_mps = w_radps = 0.0
     samples = []
     for seq in range(header.sample_count):
-        v_mps, w_radps = limit_command(0.8, math.sin(0.3 * seq), v_mps, w_radps, ROBOT)
+        v_mps, w_radps = limit_command(0.8, math.sin(0.3 * seq), v_mps, w_radps, ROBOT, 0.05)
         dx, dy = header.goal_xy_m[0] - x_m, header.goal_xy_m[1] - y_m
         c, s = math.cos(yaw_rad), math.sin(yaw_rad)
         number = image_number(header.episode.index, seq)
@@ -128,7 +161,7 @@ def make_samples(header: EpisodeHeader, names: Sequence[str] = ()) -> tuple[Samp
             labels=(make_labels(seq),) if header.labels else (),
         )
         samples.append(sample)
-        x_m, y_m, yaw_rad = step_unicycle(x_m, y_m, yaw_rad, v_mps, w_radps)
+        x_m, y_m, yaw_rad = step_unicycle(x_m, y_m, yaw_rad, v_mps, w_radps, 0.05)
     return tuple(samples)
 
 

@@ -10,7 +10,7 @@ from readygo.common.errors import DatasetError
 from readygo.common.messages import CommittedEpisode, Driver, EpisodeKey, Outcome, Split, decode, encode
 from tests.common.dataset.episodes import PROVENANCE, make_episode, write_shard
 
-NAMES = ("depth", "mask", "joints", "boxes", "footprints", "expert")
+NAMES = ("depth", "mask", "joints", "boxes", "footprints", "expert", "drawn")
 
 
 def _key(index: int) -> EpisodeKey:
@@ -30,6 +30,7 @@ def _whole_episode() -> CommittedEpisode:
         outcome=Outcome.HUMAN_COLLISION,
         driver=Driver.POLICY,
         policy="ab" * 32,
+        drawn={"mount_height_m": 0.3, "v_max_mps": 0.9},
         distortion_model="plumb_bob",
         distortion=(0.1, -0.2, 0.3, 0.4, 0.5),
     )

@@ -11,7 +11,7 @@ from readygo.common.dataset.encode import outputs_of
 from readygo.common.dataset.stage import Stage
 from readygo.common.errors import DatasetError
 from readygo.common.messages import Driver
-from tests.common.dataset.episodes import ROBOT, make_episode
+from tests.common.dataset.episodes import ROBOT, make_episode, with_goal_image, with_left_camera
 from tests.common.dataset.maps import make_maps
 
 STAGE = Stage(robot=ROBOT, maps=make_maps())
@@ -45,6 +45,9 @@ EPISODES = {
     "outputs": episode(outputs=("depth", "mask")),
     "labels": episode(labels=True),
     "expert": with_expert(*episode(outputs=("depth",))),
+    "drawn": episode(drawn={"radius_m": 0.4, "mount_height_m": 0.3}),
+    "cameras": with_left_camera(*episode(outputs=("depth",), labels=True)),
+    "goal": with_goal_image(*with_left_camera(*episode())),
 }
 
 
@@ -82,3 +85,16 @@ def test_a_calibration_of_another_layout_is_refused() -> None:
     header, samples = episode()
     with pytest.raises(DatasetError, match="calibration of another layout"):
         encode_episode(dataclasses.replace(header, K_px=tuple(np.zeros(4).tolist())), 1, samples)
+
+
+def test_images_of_a_camera_that_the_header_does_not_name_are_refused() -> None:
+    header, samples = EPISODES["cameras"]
+    with pytest.raises(DatasetError, match="further cameras \\['left'\\], its header names \\[\\]"):
+        encode_episode(dataclasses.replace(header, cameras=()), 2, samples)
+
+
+def test_image_of_the_goal_stands_at_the_first_sample_alone() -> None:
+    header, samples = EPISODES["goal"]
+    places = encode_episode(header, 2, samples).outputs["goal_image"]
+    assert places["length"][0] > 0
+    assert not places["length"][1:].any()

@@ -3,6 +3,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from readygo.common.dataset import Dataset, ShardWriter, encode_episode, shard_name
 from readygo.common.dataset.index import (
     EPISODE_DTYPE,
     IndexRows,
@@ -45,6 +46,25 @@ def test_index_finds_every_image_and_episode(shard) -> None:
         depth = index.outputs["depth"][row]
         offset = int(depth["offset"])
         assert data[offset : offset + int(depth["length"])] == sample.outputs["depth"]
+
+
+def test_index_tells_what_each_robot_drew(tmp_path) -> None:
+    chunks = [encode_episode(*_with_robot(number, 0.2 + 0.1 * number)) for number in (1, 2)]
+    path = tmp_path / shard_name("r0", 0)
+    with ShardWriter(path, PROVENANCE, outputs=("drawn",), fsync=False) as writer:
+        for chunk in chunks:
+            writer.append(chunk)
+    kept = read_index(index_path(path))
+    index_path(path).unlink()
+    for index in (kept, load_index(path)):
+        assert index.drawn == ({"mount_height_m": pytest.approx(0.3)}, {"mount_height_m": 0.4})
+    drawn = [entry.drawn for entry in Dataset(tmp_path).episodes]
+    assert drawn == list(kept.drawn)
+
+
+def _with_robot(number, height_m):
+    header, samples = make_episode(number, drawn={"mount_height_m": height_m})
+    return header, 1, samples
 
 
 def test_missing_index_is_made_again_as_it_was(shard) -> None:

@@ -1,15 +1,20 @@
 import dataclasses
 
+import numpy as np
 import pytest
 
-from readygo.common.dataset import Provenance, ShardWriter, encode_episode, schemas, validate
+from readygo.common.dataset import Dataset, Provenance, ShardWriter, encode_episode, schemas, validate
+from readygo.common.dataset.committed import committed_episodes
 from readygo.common.dataset.index import index_path, load_index, write_index
 from readygo.common.errors import DatasetError
 from tests.common.dataset.defects import kinds, texts
 from tests.common.dataset.episodes import (
+    LEFT,
     PROVENANCE,
     make_episode,
     provenance_with_robot,
+    with_goal_image,
+    with_left_camera,
     write_shard,
 )
 from tests.common.dataset.forge import chunks_of, rewrite
@@ -176,3 +181,36 @@ def test_index_with_another_place_of_an_output_is_found(rich_shard) -> None:
     del index.outputs["mask"]
     write_index(index, index_path(rich_shard))
     assert kinds(rich_shard.parent) == {"index"}
+
+
+def test_shard_of_a_robot_with_two_cameras_is_sound_and_read_by_their_names(tmp_path) -> None:
+    episodes = [with_goal_image(*with_left_camera(*make_episode(index, 6))) for index in (1, 2)]
+    write_chunks(tmp_path, [encode_episode(header, 1, samples) for header, samples in episodes])
+    assert validate(tmp_path).ok
+    data = Dataset(tmp_path)
+    assert data.outputs == ("rgb", "left.rgb", "left.depth")
+    assert data.output(3, "left.rgb") == episodes[0][1][3].outputs["left.rgb"]
+    assert data.decode_output(3, "left.depth").shape == (LEFT.height_px, LEFT.width_px)
+    assert np.array_equal(data.calibration(0, "left").K_px, LEFT.K_px)
+    assert data.goal_image(1) == episodes[1][1][0].outputs["goal_image"]
+    with pytest.raises(DatasetError, match="no camera 'rear'; besides the first they have left"):
+        data.calibration(0, "rear")
+    committed = list(committed_episodes(tmp_path))
+    assert [episode.header.cameras for episode in committed] == [header.cameras for header, _ in episodes]
+    assert [sample.outputs for sample in committed[0].samples] == [sample.outputs for sample in episodes[0][1]]
+
+
+def test_damaged_image_of_a_further_camera_is_found(tmp_path) -> None:
+    header, samples = with_left_camera(*make_episode(1, 6))
+    outputs = {**samples[2].outputs, "left.rgb": samples[2].image}
+    broken = dataclasses.replace(samples[2], outputs=outputs)
+    write_chunks(tmp_path, [encode_episode(header, 1, [*samples[:2], broken, *samples[3:]])])
+    assert [(defect.kind, defect.text.split(": ")[1]) for defect in validate(tmp_path).defects] == [
+        ("image", "the left.rgb image is damaged or has another size or format at samples 2")
+    ]
+
+
+def write_chunks(folder, chunks) -> None:
+    with ShardWriter(folder / "shard-rec0-00000.mcap", PROVENANCE, outputs=chunks[0].outputs, fsync=False) as writer:
+        for chunk in chunks:
+            writer.append(chunk)

@@ -29,7 +29,7 @@ def motion_along(xy_m):
 def simulate(hall):
     """Makes a simulation from start, goal and human tracks."""
 
-    def make(start=(0.0, 0.0, 0.0), goal=(6.0, 0.0), tracks=(), **config):
+    def make(start=(0.0, 0.0, 0.0), goal=(6.0, 0.0), tracks=(), robot=None, **config):
         tracks = [np.asarray(track, np.float64) for track in tracks]
         scenario = Scenario(
             episode=EpisodeKey(seed=0, split=Split.TEST, index=0),
@@ -40,6 +40,6 @@ def simulate(hall):
             ),
         )
         motions = EpisodeMotions(humans=tuple(HumanMotion(avatar="a", motion=motion_along(t)) for t in tracks))
-        return EpisodeSimulation(scenario, motions, hall, RobotConfig(), EpisodeConfig(**config))
+        return EpisodeSimulation(scenario, motions, hall, robot or RobotConfig(), EpisodeConfig(**config))
 
     return make

@@ -14,7 +14,7 @@ def measured(robot_x, human_x, v=None, sees=lambda pose, human: True):
     actions[:, 0] = np.diff(robot_x) / 0.05 if v is None else v
     humans = np.zeros((len(robot_x), 1, 2))
     humans[:, 0, 0] = human_x
-    return conduct_of(poses, actions, humans, contact_m=CONTACT_M, sees=sees)
+    return conduct_of(poses, actions, humans, dt_s=0.05, contact_m=CONTACT_M, sees=sees)
 
 
 def test_time_in_personal_space_and_near_misses_are_counted():
@@ -47,6 +47,8 @@ def test_smooth_driving_has_no_jerk_and_jerky_driving_has():
 
 
 def test_run_without_humans_or_steps_is_measured():
-    nobody = conduct_of(np.zeros((3, 3)), np.zeros((2, 2)), np.zeros((3, 0, 2)), contact_m=0.5, sees=lambda *_: True)
+    nobody = conduct_of(
+        np.zeros((3, 3)), np.zeros((2, 2)), np.zeros((3, 0, 2)), dt_s=0.05, contact_m=0.5, sees=lambda *_: True
+    )
     assert (nobody.intrusion_s, nobody.near_misses, nobody.contact) == (0.0, 0, None)
     assert measured(np.zeros(1), 2.0).turn_acceleration_radps2 == 0.0

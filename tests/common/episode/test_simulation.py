@@ -33,6 +33,19 @@ def test_recorded_actions_are_the_executed_commands_and_lead_from_pose_to_pose(s
     assert np.allclose(np.hypot(*np.diff(run.xyyaw[:, :2], axis=0).T), 0.05 * v[:-1], atol=1e-4)
 
 
+def test_executed_commands_lead_the_same_way_again_also_between_two_commands(simulate):
+    robot = RobotConfig(control_hz=10, camera_hz=10)
+    simulation, rng = simulate(robot=robot), np.random.default_rng(0)
+    while simulation.outcome is None:
+        simulation.advance(*rng.uniform((-2, -4), (3, 4)))
+    first, again = simulation.trajectory(), simulate(robot=robot)
+    for v, w in first.actions.tolist():
+        again.hold(v, w)
+        again.advance(v, w)
+    assert np.array_equal(again.trajectory().actions, first.actions)
+    assert again.outcome is first.outcome
+
+
 def test_success_within_the_radius_of_the_goal(simulate):
     run = _drive(simulate(goal=(5.0, 0.0)))
     assert run.outcome is Outcome.SUCCESS

@@ -9,6 +9,7 @@ from readygo.common import messages
 from readygo.common.messages import (
     EpisodeHeader,
     EpisodeKey,
+    FurtherCamera,
     HumanLabels,
     HumanTrajectory,
     Motion,
@@ -66,6 +67,14 @@ def message(cls: type) -> typing.Any:
         ),
         RenderView: lambda: RenderView(people="p", step=4, T_world_camera=np.eye(4)),
         EpisodeHeader: lambda: header(distortion_model="plumb_bob", distortion=(0.1, -0.2, 0.3, 0.4, 0.5)),
+        FurtherCamera: lambda: FurtherCamera(
+            name="left",
+            height_px=24,
+            width_px=32,
+            K_px=(30.0, 0.0, 16.0, 0.0, 30.0, 12.0, 0.0, 0.0, 1.0),
+            distortion_model="kannala_brandt",
+            distortion=(0.1, -0.2, 0.3, 0.4),
+        ),
         HumanLabels: lambda: HumanLabels(
             joints_m=np.full((24, 3), 0.1, np.float32),
             box=np.arange(7.0),

@@ -1,5 +1,7 @@
 """A small recurrent graph: it counts its decisions, and drives by what it is given."""
 
+import dataclasses
+
 import numpy as np
 import onnx
 import pytest
@@ -9,6 +11,7 @@ from readygo.common.errors import PolicyError
 from readygo.common.policy import PolicySpec, load_policy, load_spec, save_spec
 from readygo.common.policy.artifact import PolicyInputs
 from readygo.common.policy.graph import Given, GraphSpec
+from readygo.common.robot import RobotRanges
 from tests.common.policy.artifacts import ROBOT
 
 NO_COMMAND, AHEAD = np.zeros((1, 2), np.float32), np.array([[3.0, 0.5]], np.float32)
@@ -131,3 +134,27 @@ def test_graph_of_another_image_size_is_refused(tmp_path):
     (folder / "policy.toml").write_text((folder / "policy.toml").read_text().replace("width_px = 10", "width_px = 12"))
     with pytest.raises(PolicyError, match=r"do not fit its policy\.toml"):
         load_policy(folder)
+
+
+def test_graph_is_told_which_robot_it_drives_and_held_to_its_limits(tmp_path):
+    """It commands twice its robot's limits."""
+    value = helper.make_tensor_value_info
+    nodes = [
+        helper.make_node("Gather", ["robot", "limits"], ["most"], axis=1),
+        helper.make_node("Mul", ["most", "two"], ["twice"]),
+        helper.make_node("ReduceMean", ["pixels"], ["light"], axes=[1, 2, 3], keepdims=0),
+        helper.make_node("Add", ["twice", "light"], ["action"]),
+    ]
+    stored = [numpy_helper.from_array(np.array([4, 5]), "limits"), numpy_helper.from_array(np.float32([2.0]), "two")]
+    inputs = [value("pixels", TensorProto.FLOAT, [1, 3, 8, 10]), value("robot", TensorProto.FLOAT, [1, 6])]
+    made = helper.make_graph(nodes, "told", inputs, [value("action", TensorProto.FLOAT, [1, 2])], stored)
+    model = helper.make_model(made, opset_imports=[helper.make_opsetid("", 17)])
+    model.ir_version = 8
+    (tmp_path / "policy.onnx").write_bytes(model.SerializeToString())
+    graph = GraphSpec(inputs={"pixels": Given.RGB, "robot": Given.ROBOT})
+    robot = dataclasses.replace(ROBOT, ranges=RobotRanges(v_max_mps=(0.4, 1.0), w_max_radps=(0.5, 2.0)))
+    save_spec(PolicySpec(robot=robot, inputs=PolicyInputs(frame_count=1), graph=graph), tmp_path)
+    policy = load_policy(tmp_path)
+    memory = policy.start(robot.with_values({"v_max_mps": 0.7, "w_max_radps": 1.5}))
+    action = policy.step([memory], np.zeros((1, 8, 10, 3), np.uint8), NO_COMMAND, AHEAD)
+    assert action[0].tolist() == pytest.approx([0.7, 1.5])

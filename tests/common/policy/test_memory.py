@@ -3,6 +3,7 @@ import pytest
 
 from readygo.common.policy import PolicyMemory
 from readygo.common.policy.motion import odometry, own_motion
+from readygo.common.robot import RobotConfig
 from readygo.common.robot.kinematics import STEP_NS
 
 STILL = np.zeros(2, np.float32)
@@ -49,20 +50,29 @@ def test_step_without_a_frame_keeps_what_was_seen_and_counts_on():
     for step in range(31):
         other.advance(command)
         other.see(STILL)
-        if step % 5:
-            memory.hold(command)
-        else:
-            memory.advance(command)
+        memory.advance(command)
+        if step % 5 == 0:
             memory.see(np.full(20, step))
     assert [latent[0] for latent in memory.window()] == [10, 20, 30]
     assert np.array_equal(memory.own_motion(command), other.own_motion(command))
+
+
+def test_steps_are_those_of_the_robots_clock():
+    clock = RobotConfig(control_hz=30, camera_hz=10).clock
+    memory = PolicyMemory(500_000_000, clock=clock)
+    for step in range(46):
+        memory.advance(np.array([0.6, 0.0], np.float32))
+        if step % 3 == 0:
+            memory.see(np.full(20, step))
+    assert [latent[0] for latent in memory.window()] == [15, 30, 45]
+    assert np.allclose(memory.own_motion(STILL)[[0, 3]], [-0.6, -0.3], atol=1e-6)
 
 
 @pytest.mark.parametrize("latency", [0, 3])
 def test_memory_knows_where_the_older_frames_were_taken(latency):
     rng = np.random.default_rng(0)
     commands = rng.uniform((0, -1), (1, 1), (40, 2)).astype(np.float32)
-    poses, memory = odometry(commands), PolicyMemory(6 * STEP_NS, latency * STEP_NS)
+    poses, memory = odometry(commands, 0.05), PolicyMemory(6 * STEP_NS, latency * STEP_NS)
     for step in range(40):
         previous = commands[step - 1] if step else STILL
         memory.advance(previous)

@@ -11,9 +11,9 @@ def test_odometry_of_a_quarter_turn() -> None:
     count = 41
     commands = np.tile(np.array([[1.0, math.pi / 4]], np.float32), (count, 1))
     radius = 4 / math.pi
-    assert odometry(commands)[-1] == pytest.approx([radius, radius, math.pi / 2], abs=1e-5)
-    assert odometry(commands)[0].tolist() == [0, 0, 0]
-    assert odometry(commands[:1]).shape == (1, 3)
+    assert odometry(commands, 0.05)[-1] == pytest.approx([radius, radius, math.pi / 2], abs=1e-5)
+    assert odometry(commands, 0.05)[0].tolist() == [0, 0, 0]
+    assert odometry(commands[:1], 0.05).shape == (1, 3)
 
 
 def test_older_frames_lie_behind_a_robot_that_drove_on() -> None:

@@ -1,8 +1,7 @@
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from readygo.common.policy.windows import spacing_steps_of, window_at, window_rows
+from readygo.common.policy.windows import window_at, window_rows
 
 
 def test_window_is_oldest_first_and_repeats_the_first_row() -> None:
@@ -12,14 +11,9 @@ def test_window_is_oldest_first_and_repeats_the_first_row() -> None:
     assert window_rows(31, 0, 10, 1).tolist() == [31]
 
 
-def test_spacing_counts_steps() -> None:
-    assert [spacing_steps_of(spacing_s) for spacing_s in (0.05, 0.3, 0.5)] == [1, 6, 10]
-
-
-@pytest.mark.parametrize("spacing_s", [0.0, 0.02, 0.07, -0.5])
-def test_spacing_that_is_no_multiple_of_the_step_is_refused(spacing_s: float) -> None:
-    with pytest.raises(ValueError, match=r"multiple of 0\.05 s"):
-        spacing_steps_of(spacing_s)
+def test_rows_between_two_images_see_the_older_one() -> None:
+    assert window_rows([29, 30, 31, 32], 0, 15, 2, image_every=3).tolist() == [[12, 27], [15, 30], [15, 30], [15, 30]]
+    assert window_rows(34, 2, 15, 3, image_every=3).tolist() == [2, 17, 32]
 
 
 @given(st.integers(0, 60), st.integers(1, 12), st.integers(1, 5))

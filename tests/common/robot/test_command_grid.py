@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from readygo.common.robot.command_grid import COMMAND_COUNT, command_grid, mirrored
+from readygo.common.robot import RobotConfig
+from readygo.common.robot.command_grid import COMMAND_COUNT, command_grid, mirrored, speed_shares
 
 
 def test_grid_holds_every_pair_of_speed_and_turn_once():
@@ -17,3 +18,12 @@ def test_grid_holds_every_pair_of_speed_and_turn_once():
 def test_mirror_image_turns_the_other_way_at_the_same_speed():
     grid = command_grid()
     np.testing.assert_array_equal(grid[mirrored()], grid * [1, -1])
+
+
+def test_grid_of_a_robot_that_reverses_has_further_speeds_as_far_apart() -> None:
+    robot = RobotConfig(v_max_mps=0.8, v_min_mps=-0.3)
+    assert speed_shares(robot) == (-0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0)
+    grid = command_grid(robot)
+    assert grid.shape == (63, 2)
+    np.testing.assert_array_equal(grid[18:], command_grid())
+    np.testing.assert_array_equal(grid[mirrored(robot)], grid * [1, -1])

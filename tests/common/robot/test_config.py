@@ -2,6 +2,7 @@ from pathlib import Path
 
 import pytest
 
+from readygo.common.config import section_from_mapping, section_to_mapping
 from readygo.common.errors import ConfigError
 from readygo.common.robot import CameraConfig, RobotConfig, load_robot
 
@@ -32,6 +33,13 @@ def test_robot_file_holds_the_whole_camera(tmp_path: Path) -> None:
         ("= 3", "cannot be read"),
         ("[camera]\nlens = 'wide'", "Unknown key 'camera.lens'"),
         ("[camera]\ndistortion = 'brown_conrady'\nk1 = -0.4", "folds the image"),
+        ("[cameras.rear]\n[cameras.left]\ndistortion = 'brown_conrady'\nk1 = -0.4", "folds the image"),
+        ("[camera]\n[cameras.front]", "two cameras are called 'front'"),
+        ("[cameras.front]\n[cameras.front]", "cannot be read"),
+        ("[cameras.front]\n[cameras.'Left side']", "a-z, 0-9 and _, a letter first, got 'Left side'"),
+        ("[cameras.front]\n[cameras.left]\nlatency_s = 0.1", "'left' has latency_s 0.1, 'front' 0"),
+        ("[cameras.front]\n" + "".join(f"[cameras.c{k}]\n" for k in range(8)), "up to 8 cameras, got 9"),
+        ("cameras = 3", "cameras must be a table"),
     ],
 )
 def test_wrong_robot_file_is_refused_with_a_reason(tmp_path: Path, text: str, words: str) -> None:
@@ -46,9 +54,21 @@ def test_camera_of_a_file_without_one_is_the_given_camera(tmp_path: Path) -> Non
     path, given = tmp_path / "robot.toml", CameraConfig(mount_height_m=0.9)
     path.write_text("v_max_mps = 0.5\n")
     assert load_robot(path).camera == CameraConfig()
-    assert load_robot(path, camera=given) == RobotConfig(v_max_mps=0.5, camera=given)
+    other = RobotConfig(camera=given, cameras={"rear": given})
+    assert load_robot(path, cameras_of=other) == RobotConfig(v_max_mps=0.5, camera=given, cameras={"rear": given})
     path.write_text("[camera]\nmount_height_m = 0.7\n")
-    assert load_robot(path, camera=given).camera == CameraConfig(mount_height_m=0.7)
+    assert load_robot(path, cameras_of=other) == RobotConfig(camera=CameraConfig(mount_height_m=0.7))
+
+
+def test_first_of_several_cameras_is_the_one_that_others_stand_beside(tmp_path: Path) -> None:
+    path, rear = tmp_path / "robot.toml", CameraConfig(mount_yaw_deg=180.0)
+    path.write_text("[cameras.ahead]\n[cameras.rear]\nmount_yaw_deg = 180.0\n")
+    robot = load_robot(path)
+    assert robot == RobotConfig(camera_name="ahead", cameras={"rear": rear})
+    assert robot.all_cameras == {"ahead": CameraConfig(), "rear": rear}
+    path.write_text("[camera]\n[cameras.rear]\nmount_yaw_deg = 180.0\n")
+    assert load_robot(path) == RobotConfig(cameras={"rear": rear})
+    assert section_from_mapping(RobotConfig, section_to_mapping(robot)) == robot
 
 
 def test_missing_robot_file_is_a_config_error(tmp_path: Path) -> None:

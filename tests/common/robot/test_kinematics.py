@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from readygo.common.robot import RobotConfig, limit_command, step_unicycle
-from readygo.common.robot.kinematics import DT_S, RATE_HZ, STEP_NS, whole_steps
+from readygo.common.robot.kinematics import DT_S, RATE_HZ, STEP_NS
 
 
 @given(st.floats(-1, 1), st.floats(-1.2, 1.2), st.floats(-3, 3))
@@ -18,13 +18,15 @@ def test_arc_equals_many_small_straight_steps(v: float, w: float, yaw: float) ->
         y += v * 0.05 / steps * math.sin(heading)
         heading += w * 0.05 / steps / 2
     # Near 1e-9 rad/s the ends of an arc of 10^9 m cancel.
-    assert step_unicycle(0.0, 0.0, yaw, v, w) == pytest.approx((x, y, heading), abs=1e-8 if abs(w) > 1e-7 else 5e-7)
+    assert step_unicycle(0.0, 0.0, yaw, v, w, 0.05) == pytest.approx(
+        (x, y, heading), abs=1e-8 if abs(w) > 1e-7 else 5e-7
+    )
 
 
 @given(st.floats(-9, 9), st.floats(-9, 9), st.floats(0, 1), st.floats(-1.2, 1.2))
 def test_executed_command_keeps_all_limits(v: float, w: float, v0: float, w0: float) -> None:
     robot = RobotConfig()
-    v1, w1 = limit_command(v, w, v0, w0, robot)
+    v1, w1 = limit_command(v, w, v0, w0, robot, 0.05)
     assert -1e-12 <= v1 <= robot.v_max_mps
     assert abs(w1) <= robot.w_max_radps
     assert abs(v1 - v0) <= robot.a_max_mps2 * 0.05 + 1e-12
@@ -32,10 +34,16 @@ def test_executed_command_keeps_all_limits(v: float, w: float, v0: float, w0: fl
 
 
 def test_command_within_reach_is_executed_as_it_is() -> None:
-    assert limit_command(0.53, -0.1, 0.5, 0.0, RobotConfig()) == (0.53, -0.1)
+    assert limit_command(0.53, -0.1, 0.5, 0.0, RobotConfig(), 0.05) == (0.53, -0.1)
 
 
-def test_time_becomes_the_nearest_number_of_steps() -> None:
-    assert [whole_steps(time_s) for time_s in (0.0, 0.024, 0.026, 1.0, 49.99)] == [0, 0, 1, 20, 1000]
+def test_robot_that_reverses_is_held_to_its_speed_backwards() -> None:
+    robot = RobotConfig(v_min_mps=-0.3)
+    assert limit_command(-1.0, 0.0, 0.0, 0.0, robot, 0.05) == (-0.05, 0.0)
+    assert limit_command(-1.0, 0.0, -0.28, 0.0, robot, 0.05) == (-0.3, 0.0)
+    assert limit_command(-1.0, 0.0, 0.0, 0.0, RobotConfig(), 0.05) == (0.0, 0.0)
+
+
+def test_rates_of_those_who_name_none_agree() -> None:
     assert STEP_NS * RATE_HZ == 10**9
     assert DT_S * RATE_HZ == 1.0

@@ -110,7 +110,7 @@ def test_durable_episodes_of_a_lost_shard_begin_anew_and_those_of_a_damaged_one_
     assert ledger.committed() == (1, 11)
 
 
-@pytest.mark.parametrize(("wanted", "waiting"), [(4, {"human-plan": 2}), (2, {})])
+@pytest.mark.parametrize(("wanted", "waiting"), [(4, {"human-plan": 2}), (3, {"human-plan": 2}), (2, {})])
 def test_ledger_made_anew_opens_what_is_unknown_unless_all_was_recorded(
     tmp_path: Path, wanted: int, waiting: dict[str, int]
 ) -> None:
@@ -121,6 +121,8 @@ def test_ledger_made_anew_opens_what_is_unknown_unless_all_was_recorded(
     assert ledger.waiting() == waiting
     assert ledger.committed() == (2, 20)
     assert ledger.wanted_min() == min(wanted, 4)
+    ledger.drop_episodes(wanted)
+    assert ledger.committed() == (2, 20), "whatever was rejected before them, these are durable"
     ledger.close()
 
 

@@ -7,10 +7,14 @@ import pytest
 from readygo.common.episode import EpisodeConfig, EpisodeSimulation
 from readygo.common.maps import GridFrame, OccupancyMap
 from readygo.common.messages import Driver, EpisodeKey, EpisodeMotions, Outcome, Scenario, Split
-from readygo.common.robot import RobotConfig
-from readygo.services.driver import AHEAD_STEPS, Disturbance, DriverConfig, PolicyDriver, drive, driver_of
+from readygo.common.robot import CameraConfig, RobotConfig
+from readygo.services.driver import Disturbance, DriverConfig, PolicyDriver, drive, driver_of
 
 START_X_M = 2.0
+
+
+def late(latency_s: float) -> RobotConfig:
+    return RobotConfig(camera=CameraConfig(latency_s=latency_s))
 
 
 class _Expert:
@@ -32,13 +36,13 @@ class _Expert:
 
 
 class _Memory:
-    """Notes what was executed while nothing was seen."""
+    """Notes what was executed."""
 
     def __init__(self) -> None:
-        self.held: list[tuple[float, float]] = []
+        self.told: list[tuple[float, float]] = []
 
-    def hold(self, command: np.ndarray) -> None:
-        self.held.append(tuple(command.tolist()))
+    def advance(self, command: np.ndarray) -> None:
+        self.told.append(tuple(command.tolist()))
 
 
 class _Camera:
@@ -67,11 +71,14 @@ class _Policy:
         self.given: list[tuple[int, tuple[float, float]]] = []
         self.memory = _Memory()
 
-    def start(self) -> _Memory:
+    def start(self, robot: RobotConfig) -> _Memory:
         return self.memory
 
-    def step(self, memories: list[_Memory], images: np.ndarray, previous: np.ndarray, goals: np.ndarray) -> np.ndarray:
-        self.given.append((int(images[0, 0, 0, 0]), tuple(previous[0].tolist())))
+    def see(self, memories: list[_Memory], images: np.ndarray) -> None:
+        self.seen = int(images[0, 0, 0, 0])
+
+    def decide(self, memories: list[_Memory], previous: np.ndarray, goals: np.ndarray) -> np.ndarray:
+        self.given.append((self.seen, tuple(previous[0].tolist())))
         return np.array([[0.0, 9.0]], np.float32)
 
 
@@ -114,7 +121,7 @@ def test_what_the_expert_goes_on_with_is_within_the_robots_reach(
     simulation = make_simulation()
     robot = simulation.robot
     first = np.array(drive(simulation, _Expert(), _Camera(simulation), _Weigher()).expert_commands[0])
-    assert first.shape == (1 + AHEAD_STEPS, 2)
+    assert first.shape == (1 + 20, 2)
     changes = np.abs(np.diff(np.vstack([[0.0, 0.0], first]), axis=0))
     assert changes[:, 0].max() <= robot.a_max_mps2 * 0.05 + 1e-9
     assert changes[:, 1].max() <= robot.alpha_max_radps2 * 0.05 + 1e-9
@@ -132,7 +139,7 @@ def test_collision_is_kept_with_the_advice_before_it(make_simulation: Callable[.
 
 def test_policy_drives_and_the_expert_is_asked_all_the_same(make_simulation: Callable[..., EpisodeSimulation]) -> None:
     simulation, expert, policy = make_simulation(time_limit_s=1.0), _Expert(), _Policy()
-    driven = drive(simulation, expert, _Camera(simulation), _Weigher(), PolicyDriver(policy, latency_s=0.1))
+    driven = drive(simulation, expert, _Camera(simulation), _Weigher(), PolicyDriver(policy, late(0.1), 1))
     assert driven.trajectory.outcome is Outcome.TIMEOUT
     assert expert.asked_at == list(range(20))
     assert not driven.trajectory.actions[:, 0].any()
@@ -149,14 +156,14 @@ def test_policy_holds_its_command_between_pictures_and_the_expert_watches(
 ) -> None:
     simulation, expert, policy = make_simulation(time_limit_s=1.0), _Expert(), _Policy()
     camera = _Camera(simulation)
-    driver = PolicyDriver(policy, latency_s=0.25)
+    driver = PolicyDriver(policy, late(0.25), 5)
     driven = drive(simulation, expert, camera, _Weigher(), driver, image_every=5)
     taken = [0, 5, 10, 15]
     assert camera.taken == expert.asked_at == taken
     assert expert.watched_at == [step for step in range(20) if step % 5]
     assert [picture for picture, _ in policy.given] == [0, 0, 5, 10]
     executed = [tuple(np.float32(row).tolist()) for row in driven.trajectory.actions]
-    assert policy.memory.held == [executed[step - 1] for step in range(20) if step % 5]
+    assert policy.memory.told[1:] == executed[:-1]
     assert [step for step in range(20) if driven.expert_commands[step]] == taken
     assert [step for step in range(20) if driven.risks[step]] == taken
     assert driven.trajectory.human_visible.tolist() == [step % 5 > 0 for step in range(20)]

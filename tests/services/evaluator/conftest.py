@@ -91,18 +91,27 @@ class FakeServices:
         return RenderReply(rgb=rgb, unknown_people=tuple(sorted(unknown)), outputs=outputs)
 
 
+class Brightness(list):
+    """What a policy remembers: how bright its images were."""
+
+    def advance(self, command):
+        """A step has no brightness."""
+
+
 class GoalSeeker:
     """Stands in for a policy: drives at the goal, a little slower the brighter the image is."""
 
     def __init__(self, robot=ROBOT):
         self.spec = PolicySpec(robot=robot)
 
-    def start(self):
-        return []
+    def start(self, robot):
+        return Brightness()
 
-    def step(self, memories, images, previous, goals):
+    def see(self, memories, images):
         for memory, image in zip(memories, images, strict=True):
             memory.append(int(image[0, 0, 0]))
+
+    def decide(self, memories, previous, goals):
         speeds = [1.0 - memory[-1] / 1000 - len(memory) / 10000 for memory in memories]
         return np.array([(v, math.atan2(g[1], g[0])) for v, g in zip(speeds, goals, strict=True)], np.float32)
 
@@ -129,7 +138,7 @@ def make_evaluator(services):
             episode_config=EpisodeConfig(),
             config=EvaluatorConfig(**settings),
             policy=policy if policy is not None else GoalSeeker(),
-            drivers={EXPERT: lambda evaluator: StraightLineDriver(evaluator.robot)},
+            drivers={EXPERT: lambda _: StraightLineDriver()},
         )
 
     return make

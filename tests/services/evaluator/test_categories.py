@@ -5,6 +5,7 @@ import pytest
 
 from readygo.common.episode import Contact
 from readygo.common.messages import Outcome
+from readygo.common.robot import RobotConfig
 from readygo.services.evaluator.categories import Category, category_of
 
 
@@ -16,6 +17,7 @@ def ended(outcome, humans=(), path=((0.0, 0.0),)):
         x_m=0.0,
         y_m=0.0,
         step=len(path) - 1,
+        clock=RobotConfig().clock,
         human_xy_m=np.array(humans, float).reshape(-1, 2),
         path_xyyaw=lambda first, last: places[first : last + 1],
     )

@@ -16,18 +16,36 @@ class RecordingPolicy:
         self.spec = PolicySpec(robot=RobotConfig())
         self.given = []
         self.started = 0
+        self.images = None
 
-    def start(self):
+    def start(self, robot):
         self.started += 1
-        return f"memory {self.started}"
+        return Memory(self.started)
 
-    def step(self, memories, images, previous, goals):
-        self.given.append((list(memories), images.copy(), previous.copy(), goals.copy()))
+    def see(self, memories, images):
+        self.images = images.copy()
+
+    def decide(self, memories, previous, goals):
+        names = [f"memory {memory.number}" for memory in memories]
+        self.given.append((names, self.images, previous.copy(), goals.copy()))
         return np.array([[0.5, 0.25]] * len(memories), np.float32)
+
+
+class Memory:
+    """Knows its number."""
+
+    def __init__(self, number):
+        self.number = number
+
+    def advance(self, command):
+        self.command = command
 
 
 class Eyes:
     """Images whose value is the step of the episode."""
+
+    def opens(self, simulation):
+        return simulation.clock.sees(simulation.step, 0)
 
     def look(self, simulations):
         return np.array([np.full((2, 2, 3), simulation.step, np.uint8) for simulation in simulations])
@@ -37,7 +55,7 @@ class Eyes:
 def simulation(make_evaluator):
     evaluator = make_evaluator()
 
-    def make(index=0, y_m=2.0):
+    def make(index=0, y_m=2.0, robot=None):
         scenario = Scenario(
             episode=EpisodeKey(seed=0, split=Split.TEST, index=index),
             start_xyyaw=np.array([2.0, y_m, np.pi / 2]),
@@ -45,7 +63,7 @@ def simulation(make_evaluator):
             humans=(),
         )
         motions = EpisodeMotions(humans=())
-        return EpisodeSimulation(scenario, motions, evaluator.robot_map, RobotConfig(), EpisodeConfig())
+        return EpisodeSimulation(scenario, motions, evaluator.robot_map, robot or RobotConfig(), EpisodeConfig())
 
     return make
 
@@ -89,8 +107,8 @@ def test_episode_that_starts_again_has_forgotten(simulation):
 
 def test_command_is_held_between_decisions_while_the_policy_sees_every_image(simulation):
     policy = RecordingPolicy()
-    policy.step = lambda memories, images, previous, goals: (
-        policy.given.append((images, previous)) or np.array([[0.1 * images[0, 0, 0, 0], 0.0]], np.float32)
+    policy.decide = lambda memories, previous, goals: (
+        policy.given.append((policy.images, previous)) or np.array([[0.1 * policy.images[0, 0, 0, 0], 0.0]], np.float32)
     )
     driver, episode = PolicyDriver(policy, Eyes(), hold_steps=5), simulation()
     ride = driver.start(episode)
@@ -103,6 +121,16 @@ def test_command_is_held_between_decisions_while_the_policy_sees_every_image(sim
     assert policy.given[7][1][0, 0] == pytest.approx(0.05 * 2), "it is told what was executed, not what it decided"
 
 
+def test_policy_decides_between_the_images_of_a_slower_camera(simulation):
+    policy, robot = RecordingPolicy(), RobotConfig(control_hz=30, camera_hz=10)
+    driver, episode = PolicyDriver(policy, Eyes()), simulation(robot=robot)
+    ride = driver.start(episode)
+    for _ in range(7):
+        episode.advance(*driver.commands([(episode, ride)])[0])
+    assert [images[0, 0, 0, 0] for _, images, _, _ in policy.given] == [0, 0, 0, 3, 3, 3, 6]
+    assert episode.time_ns == 233_333_333
+
+
 def test_policy_that_wants_to_see_the_goal_is_shown_it_as_one_arrives_there(simulation):
     class LooksAhead(Eyes):
         def look_from(self, poses, episode):
@@ -112,7 +140,7 @@ def test_policy_that_wants_to_see_the_goal_is_shown_it_as_one_arrives_there(simu
     policy, eyes, episode = RecordingPolicy(), LooksAhead(), simulation()
     graph = GraphSpec(inputs={"image": Given.RGB, "there": Given.GOAL_IMAGE})
     policy.spec = PolicySpec(robot=RobotConfig(), graph=graph)
-    policy.start = lambda: PolicyMemory(10**8)
+    policy.start = lambda robot: PolicyMemory(10**8)
     ride = PolicyDriver(policy, eyes).start(episode)
     assert ride.memory.kept.goal_image.tolist() == np.full((2, 2, 3), 7).tolist()
     assert eyes.pose == (2.0, 5.0, pytest.approx(np.pi / 2, abs=0.05))

@@ -3,7 +3,6 @@ import pytest
 
 from readygo.services.evaluator.goal_image import goal_image
 from tests.services.evaluator.baselines.driving import drive
-from tests.services.evaluator.conftest import ROBOT
 
 
 class Eyes:
@@ -21,7 +20,7 @@ class Still:
         self._eyes = eyes
 
     def start(self, simulation):
-        self.image = goal_image(self._eyes, simulation, ROBOT.planning_radius_m)
+        self.image = goal_image(self._eyes, simulation)
 
     def commands(self, running):
         return [(0.0, 0.0) for _ in running]

@@ -5,7 +5,7 @@ import pytest
 
 from readygo.common.errors import PolicyError, RunError
 from readygo.common.messages import Outcome, Split, topics
-from readygo.common.robot import RobotConfig
+from readygo.common.robot import Clock, RobotConfig
 from readygo.services.evaluator import (
     EXPERT,
     POLICY,
@@ -18,7 +18,7 @@ from readygo.services.evaluator import (
     handle_evaluate,
 )
 from readygo.services.evaluator.drivers import StraightLineDriver
-from tests.services.evaluator.conftest import ROBOT, FakeServices
+from tests.services.evaluator.conftest import FakeServices
 
 
 def pick(reply, task, method):
@@ -36,7 +36,7 @@ def test_every_method_drives_the_same_episodes(make_evaluator):
 
 def test_episode_in_which_a_driver_fails_is_over_and_the_others_go_on(make_evaluator):
     def fails(_):
-        driver = StraightLineDriver(ROBOT)
+        driver = StraightLineDriver()
         ask = driver.commands
         driver.commands = lambda running: [
             DriverFailure("it is tired") if simulation.scenario.episode.index == 2 and simulation.step == 7 else command
@@ -127,12 +127,15 @@ def test_policy_that_decides_seldom_drives_otherwise_and_the_others_as_before(ma
 
 @pytest.mark.parametrize("control_hz", [0.0, -4.0, 40.0, 3.0, 15.0, float("nan")])
 def test_control_rate_that_is_no_whole_number_of_steps_is_refused(control_hz):
-    with pytest.raises(ValueError, match="control_hz must be 20 Hz divided by a whole number"):
-        EvaluateRequest(control_hz=control_hz)
+    with pytest.raises(RunError, match="control_hz must be 20 Hz divided by a whole number"):
+        EvaluateRequest(control_hz=control_hz).hold_steps(Clock())
 
 
 def test_control_rates_are_whole_steps():
-    assert [EvaluateRequest(control_hz=rate).hold_steps for rate in (20, 10, 5, 4, 2.5, 1)] == [1, 2, 4, 5, 8, 20]
+    rates = (None, 20, 10, 5, 4, 2.5, 1)
+    assert [EvaluateRequest(control_hz=rate).hold_steps(Clock()) for rate in rates] == [1, 1, 2, 4, 5, 8, 20]
+    often = RobotConfig(control_hz=30, camera_hz=20).clock
+    assert [EvaluateRequest(control_hz=rate).hold_steps(often) for rate in (None, 30, 10)] == [2, 2, 6]
 
 
 def test_human_collision_is_judged_by_who_moved_and_what_the_camera_showed(make_evaluator, services):

@@ -18,6 +18,7 @@ from readygo.common.messages import (
     VerdictStatus,
     topics,
 )
+from readygo.common.robot import Clock
 from readygo.services.evaluator import POLICY, STRAIGHT_LINE, EvaluateRequest, Task, handle_evaluate, open_results
 from readygo.services.evaluator.episodes import as_task
 from readygo.services.evaluator.handlers import drive
@@ -71,6 +72,7 @@ def keeper(commits, tmp_path):
             grants=Grants(commits.bus, "keeper", 5.0),
             recorder="keeper",
             report=lambda _: None,
+            clock=Clock(),
         )
 
 

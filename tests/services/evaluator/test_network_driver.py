@@ -47,7 +47,7 @@ class Eyes:
 
 def test_network_looks_four_times_a_second_at_the_latest_images_and_the_goal():
     network, eyes = Ahead(), Eyes()
-    simulation, _ = drive(NetworkDriver(network, eyes, ROBOT), (1.0, 1.0, 0.0), (4.0, 1.0))
+    simulation, _ = drive(NetworkDriver(network, eyes), (1.0, 1.0, 0.0), (4.0, 1.0))
     steps = [(torch.round(frames * 0.229 * 255 + 0.485 * 255)).int().tolist() for frames, _ in network.seen]
     assert steps[:4] == [[0, 0, 0], [0, 0, 5], [0, 5, 10], [5, 10, 15]]
     assert eyes.goal_pose == (4.0, 1.0, pytest.approx(0.0, abs=0.05))

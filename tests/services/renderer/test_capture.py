@@ -325,7 +325,7 @@ def test_blurred_image_is_the_mean_light_along_the_robots_arc(renderer: Renderer
     scenario, _, trajectory = episode
     rows = [(0.0, 0.0, 0.0)]
     for _ in range(6):
-        rows.append(step_unicycle(*rows[-1], 0.5, 1.0))
+        rows.append(step_unicycle(*rows[-1], 0.5, 1.0, 0.05))
     arcs = replace(trajectory, xyyaw=np.array(rows))
     blurring = with_optics(renderer, RendererConfig(image_format="png", sub_frames=4), exposure_s=0.04)
     sample = list(episode_samples(blurring, scenario, EpisodeMotions(humans=()), arcs))[4]

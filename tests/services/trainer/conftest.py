@@ -27,6 +27,7 @@ class FakeEpisode:
     driver: Driver = Driver.EXPERT
     outcome: Outcome = Outcome.SUCCESS
     policy: str = ""
+    drawn: dict = field(default_factory=dict)
 
 
 @dataclass

@@ -7,18 +7,22 @@ import pytest
 from readygo.common.camera import CameraConfig
 from readygo.common.camera.lens import make_lens
 from readygo.common.policy.motion import own_motion
+from readygo.common.robot import RobotConfig
 from readygo.services.trainer.augment import (
-    FrameWarp,
+    RobotWarp,
     View,
     correct_for_turn,
     corrupt_previous,
     draw_light,
     draw_views,
     hindsight_goals,
-    is_symmetric,
+    in_mirror,
+    light_on,
     lit,
+    mirror_twins,
     mirrored_motion,
     plain_view,
+    show_frames,
     turn_motion,
     turn_world,
 )
@@ -39,7 +43,12 @@ def view_of(yaws_rad=(0.0,), shift_px=(0, 0), mirrored=False):
 
 
 def turn(camera, frames, yaws_rad, pooling=1):
-    return FrameWarp(camera, pooling).show(frames, np.arange(len(frames)), view_of(yaws_rad))
+    warps = dict.fromkeys(range(len(frames)), warp_of(camera, pooling))
+    return show_frames(frames, np.arange(len(frames)), view_of(yaws_rad), warps)
+
+
+def warp_of(camera, pooling=1):
+    return RobotWarp(RobotConfig(camera=camera), ("rgb",), pooling)
 
 
 SMALL = CameraConfig(height_px=48, width_px=96)
@@ -101,23 +110,23 @@ def test_pooled_frame_turns_as_the_camera_does(lens):
 @pytest.mark.parametrize("lens", ["pinhole", "fisheye"])
 def test_turned_frame_is_shifted_and_mirrored_as_a_plain_one(lens):
     camera = dataclasses.replace(SMALL, **LENSES[lens])
-    frames, groups, warp = panorama(camera, 0.3)[None], np.zeros(1, np.int64), FrameWarp(camera)
-    turned = warp.show(frames, groups, view_of([0.1]))
-    expected = warp.show(turned, groups, view_of([0.0], (2, -3), mirrored=True))
-    both = warp.show(frames, groups, view_of([0.1], (2, -3), mirrored=True))
+    frames, groups, warp = panorama(camera, 0.3)[None], np.zeros(1, np.int64), {0: warp_of(camera)}
+    turned = show_frames(frames, groups, view_of([0.1]), warp)
+    expected = show_frames(turned, groups, view_of([0.0], (2, -3), mirrored=True), warp)
+    both = show_frames(frames, groups, view_of([0.1], (2, -3), mirrored=True), warp)
     assert np.abs(both.astype(int) - expected)[0, 8:-8, 12:-12].max() <= 3
 
 
 def test_plain_view_changes_nothing():
     frames = panorama(SMALL, 0.3)[None]
-    assert FrameWarp(SMALL).show(frames, np.zeros(1, np.int64), plain_view()) is frames
+    assert show_frames(frames, np.zeros(1, np.int64), plain_view(), {0: warp_of(SMALL)}) is frames
 
 
 @pytest.mark.parametrize("mirrored", [False, True])
 @pytest.mark.parametrize("shift_px", [(0, 0), (2, 3), (-2, 1), (1, -3), (-1, -1)])
 def test_shift_moves_the_image_repeats_its_edge_and_is_mirrored_then(shift_px, mirrored):
     frame = np.random.default_rng(0).integers(0, 256, (48, 96, 3), np.uint8)
-    shown = FrameWarp(SMALL).show(frame[None], np.zeros(1, np.int64), view_of([0.0], shift_px, mirrored))[0]
+    shown = show_frames(frame[None], np.zeros(1, np.int64), view_of([0.0], shift_px, mirrored), {0: warp_of(SMALL)})[0]
     rows = np.clip(np.arange(48) - shift_px[0], 0, 47)
     columns = np.clip(np.arange(96) - shift_px[1], 0, 95)
     expected = frame[rows][:, columns]
@@ -155,12 +164,48 @@ def test_views_are_as_wide_as_asked_for_and_turn_only_who_may_be_turned():
 
 
 def test_camera_that_is_not_its_own_mirror_image_is_known():
+    def is_symmetric(camera):
+        return in_mirror(camera) == camera
+
     assert is_symmetric(CameraConfig(mount_pitch_deg=10.0, mount_x_m=0.2))
+    assert is_symmetric(CameraConfig(mount_yaw_deg=180.0))
     assert not is_symmetric(CameraConfig(mount_y_m=0.1))
+    assert not is_symmetric(CameraConfig(mount_yaw_deg=30.0))
     assert not is_symmetric(CameraConfig(distortion="brown_conrady", p2=0.001))
     focal = {"fx_px": 100.0, "fy_px": 100.0, "cy_px": 72.0, "horizontal_fov_deg": None}
     assert is_symmetric(CameraConfig(cx_px=128.0, **focal))
     assert not is_symmetric(CameraConfig(cx_px=120.0, **focal))
+
+
+def three_cameras():
+    sides = {
+        name: dataclasses.replace(SMALL, mount_y_m=0.1 * side, mount_yaw_deg=60.0 * side)
+        for name, side in (("left", 1), ("right", -1))
+    }
+    return RobotConfig(camera=SMALL, cameras=sides)
+
+
+def test_cameras_of_both_sides_are_twins_and_one_alone_has_none():
+    assert mirror_twins(three_cameras(), ("", "left", "right")) == {"": "", "left": "right", "right": "left"}
+    assert mirror_twins(three_cameras(), ("", "left")) is None
+
+
+def test_mirrored_robot_sees_to_its_left_what_it_saw_to_its_right():
+    images = ("rgb", "left.rgb", "right.rgb")
+    warp = RobotWarp(three_cameras(), images)
+    frames = np.random.default_rng(0).integers(0, 256, (2, SMALL.height_px, SMALL.width_px, 9), np.uint8)
+    view = dataclasses.replace(view_of([0.0, 0.0]), mirrored=np.array([False, True]))
+    shown = show_frames(frames, np.arange(2), view, {0: warp, 1: warp})
+    assert np.array_equal(shown[0], frames[0])
+    assert np.array_equal(shown[1, ..., 3:6], frames[1, :, ::-1, 6:9])
+    assert np.array_equal(shown[1, ..., :3], frames[1, :, ::-1, :3])
+
+
+def test_light_falls_on_colours_of_all_cameras_alone():
+    light = draw_light(2, 0.3, np.random.default_rng(0))
+    tables = light_on(light, ("rgb", "depth", "left.rgb"))
+    assert np.array_equal(tables[..., 4:], light)
+    assert np.allclose(tables[..., 3], np.arange(256) / 127.5 - 1)
 
 
 def test_robot_turned_left_sees_its_goal_on_the_right_and_turns_back():
@@ -200,13 +245,13 @@ def straight_drives(**fields):
     tables = []
     for k in range(3):
         xyyaw = np.stack([np.arange(40) * 0.19, np.full(40, 100.0 * k), np.full(40, np.pi / 2)], axis=1)
-        tables.append(episode_table(make_one(f"e{k}", xyyaw=xyyaw, **fields), Timing(spacing_steps=10)))
+        tables.append(episode_table(make_one(f"e{k}", xyyaw=xyyaw, **fields), RobotConfig(), Timing(spacing_steps=10)))
     return join_tables(tables)
 
 
 def test_hindsight_goal_is_a_place_that_the_robot_reached_later_in_its_episode():
     table, samples = straight_drives(), np.arange(120)
-    goals = hindsight_goals(table, samples, 1.0, np.random.default_rng(0))
+    goals = hindsight_goals(table, samples, 1.0, np.random.default_rng(0)).xy_m
     replaced = np.any(goals != table.goals_xy_m, axis=1)
     # Whatever comes later is to the right.
     np.testing.assert_allclose(goals[replaced, 0], 0.0, atol=1e-5)
@@ -222,10 +267,12 @@ def test_hindsight_goals_end_where_the_expert_was_disturbed():
     expert = np.repeat(calm.actions[:, None], 2, axis=1)
     expert[20, 0] += 0.3
     xyyaw = np.stack([np.arange(40) * 0.19, np.zeros(40), np.full(40, np.pi / 2)], axis=1)
-    table = episode_table(dataclasses.replace(calm, xyyaw=xyyaw, expert=expert), Timing(spacing_steps=10))
+    table = episode_table(
+        dataclasses.replace(calm, xyyaw=xyyaw, expert=expert), RobotConfig(), Timing(spacing_steps=10)
+    )
     samples = np.arange(40)
     for seed in range(20):
-        goals = hindsight_goals(table, samples, 1.0, np.random.default_rng(seed))
+        goals = hindsight_goals(table, samples, 1.0, np.random.default_rng(seed)).xy_m
         replaced = np.any(goals != table.goals_xy_m, axis=1)
         reached = np.round(-goals[:, 1] / 0.19) + samples
         assert not replaced[20]
@@ -234,5 +281,5 @@ def test_hindsight_goals_end_where_the_expert_was_disturbed():
 
 def test_hindsight_share_zero_keeps_every_goal():
     table = straight_drives()
-    goals = hindsight_goals(table, np.arange(60), 0.0, np.random.default_rng(0))
+    goals = hindsight_goals(table, np.arange(60), 0.0, np.random.default_rng(0)).xy_m
     np.testing.assert_array_equal(goals, table.goals_xy_m[:60])

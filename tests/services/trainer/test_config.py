@@ -11,7 +11,7 @@ from readygo.services.trainer import RECIPES, TrainConfig, best_recipe, with_ove
         {"batch_size": 0},
         {"ema_decay": 1.0},
         {"learning_rate": 0.0},
-        {"ahead_s": 0.03},
+        {"ahead_s": -0.1},
         {"frame_spacing_s": 0.0},
         {"widths": (8, 8)},
     ],

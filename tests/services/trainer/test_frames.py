@@ -9,6 +9,7 @@ from readygo.common.camera.depth import depth_bytes, depth_rng, measured_depth
 from readygo.common.errors import DatasetError
 from readygo.common.images.files import decode_output, encode_output
 from readygo.common.images.images import Images
+from readygo.common.robot import RobotConfig
 from readygo.services.trainer import frames as frames_module
 from readygo.services.trainer.frames import FrameCache, pool, pooling_of
 from readygo.services.trainer.reservoir import Reservoir
@@ -37,7 +38,7 @@ def make_cache(frames, *, room, pooling=1):
     for name, seen in frames.items():
         reservoir.add(episode_of(name, tuple(png(picture) for picture in seen)))
     size = FRAME_BYTES // pooling**2
-    cache = FrameCache(reservoir, CAMERA, pooling=pooling, limit_bytes=int(room * size))
+    cache = FrameCache(reservoir, RobotConfig(camera=CAMERA), pooling=pooling, limit_bytes=int(room * size))
     return reservoir, cache, table_of(reservoir)
 
 
@@ -46,7 +47,9 @@ def episode_of(name, images):
 
 
 def table_of(reservoir):
-    return join_tables([episode_table(episode, Timing(spacing_steps=2)) for episode in reservoir.episodes.values()])
+    return join_tables(
+        [episode_table(episode, RobotConfig(), Timing(spacing_steps=2)) for episode in reservoir.episodes.values()]
+    )
 
 
 def test_frames_come_in_the_order_asked_for():
@@ -78,11 +81,11 @@ def test_frames_of_an_episode_that_went_make_room(decodings):
 def test_image_of_another_size_or_damaged_is_refused_by_name():
     for images, message in (
         ((png(pictures(size=(16, 24))[0]),), r"\(16, 24, 3\).*\(16, 32, 3\)"),
-        ((b"x",), "no image"),
+        ((b"x",), "no rgb image"),
     ):
         reservoir = Reservoir(10**6)
         reservoir.add(episode_of("abc", images))
-        cache = FrameCache(reservoir, CAMERA, pooling=1, limit_bytes=0)
+        cache = FrameCache(reservoir, RobotConfig(camera=CAMERA), pooling=1, limit_bytes=0)
         with pytest.raises(DatasetError, match=rf"Sample 0 of episode abc has .*{message}"):
             cache.get(table_of(reservoir), np.array([0]))
 
@@ -116,7 +119,7 @@ def test_depths_come_beside_the_colours_as_the_robots_camera_measures_them():
     reservoir = Reservoir(10**9)
     episode = episode_of("a", tuple(png(picture) for picture in seen))
     reservoir.add(dataclasses.replace(episode, outputs={"depth": (file,) * 10}))
-    cache = FrameCache(reservoir, camera, pooling=2, limit_bytes=0, images=("rgb", "depth"))
+    cache = FrameCache(reservoir, RobotConfig(camera=camera), pooling=2, limit_bytes=0, images=("rgb", "depth"))
     found = cache.get(table_of(reservoir), np.array([3]))[0]
     measured_m = measured_depth(decode_output("depth", file), camera, depth_rng("a", 3))
     assert np.array_equal(found[..., :3], pool(seen[3], 2))
@@ -128,6 +131,17 @@ def test_damaged_depths_are_refused_by_name():
     reservoir = Reservoir(10**9)
     episode = episode_of("a", tuple(png(picture) for picture in pictures()))
     reservoir.add(dataclasses.replace(episode, outputs={"depth": (b"no image",) * 10}))
-    cache = FrameCache(reservoir, CAMERA, pooling=1, limit_bytes=0, images=("rgb", "depth"))
+    cache = FrameCache(reservoir, RobotConfig(camera=CAMERA), pooling=1, limit_bytes=0, images=("rgb", "depth"))
     with pytest.raises(DatasetError, match="Sample 0 of episode a has no depth image"):
         cache.get(table_of(reservoir), np.array([0]))
+
+
+def test_images_of_further_cameras_come_beside_those_of_the_first():
+    seen, left = pictures(), pictures()[::-1]
+    reservoir = Reservoir(10**9)
+    episode = episode_of("a", tuple(png(picture) for picture in seen))
+    reservoir.add(dataclasses.replace(episode, outputs={"left.rgb": tuple(png(picture) for picture in left)}))
+    robot = RobotConfig(camera=CAMERA, cameras={"left": CAMERA})
+    cache = FrameCache(reservoir, robot, pooling=2, limit_bytes=0, images=("rgb", "left.rgb"))
+    found = cache.get(table_of(reservoir), np.array([3]))[0]
+    assert np.array_equal(found, np.concatenate([pool(seen[3], 2), pool(left[3], 2)], axis=2))

@@ -1,3 +1,4 @@
+import dataclasses
 import math
 
 import numpy as np
@@ -7,9 +8,11 @@ import torch
 from readygo.common.robot.command_grid import HUMAN, OBSTACLE, UNKNOWN_RISK
 from readygo.common.robot.command_grid import mirrored as mirrored_commands
 from readygo.services.trainer import with_overrides
+from readygo.services.trainer.augment import own_goals
+from readygo.services.trainer.episodes import read_episodes
 from readygo.services.trainer.model import Bins, PolicyNet
 from readygo.services.trainer.objective import Objective, humans_loss, risks_loss
-from readygo.services.trainer.parts import build_parts, timing_of
+from readygo.services.trainer.parts import Part, build_parts, timing_of
 from tests.services.trainer.conftest import QUICK, quick
 
 LEFT = torch.tensor([1.0, -1.0])
@@ -106,3 +109,19 @@ def test_humans_count_where_there_are_any_and_the_data_say_so():
     wrong[0, 1] = 1.0
     assert humans_loss(wrong, truth) > 0.2
     assert humans_loss(right, torch.full((3, 3), math.nan)) == 0
+
+
+@pytest.mark.parametrize("hindsight", [0.0, 1.0])
+def test_each_sample_sees_the_picture_of_its_episodes_goal_or_in_hindsight_a_later_frame(source, hindsight):
+    config = quick(**{**STILL, "goal": "both", "hindsight": hindsight})
+    part = Part(source.robot, config, 1.0)
+    for number, episode in enumerate(read_episodes(source)):
+        goal = {"goal_image": (episode.images[number], *[b""] * (episode.sample_count - 1))}
+        part.reservoir.add(dataclasses.replace(episode, outputs=goal))
+    objective = Objective(source.robot, config, timing_of(source.robot, config), torch.float32)
+    shown = objective.training(part.table, part.frames, SAMPLES, np.random.default_rng(0))
+    seen = shown.images[shown.window[:, -1]].permute(0, 2, 3, 1).numpy()
+    pictures = part.frames.get(part.table, own_goals(part.table, SAMPLES).seen_from) / 127.5 - 1
+    same = np.isclose(seen, pictures, atol=1e-5).all(axis=(1, 2, 3))
+    assert shown.window.shape == (len(SAMPLES), 4)
+    assert same.all() if hindsight == 0.0 else same.mean() < 0.8

@@ -6,6 +6,7 @@ import pytest
 from readygo.common.errors import DatasetError
 from readygo.common.messages.plan import Driver
 from readygo.common.policy.motion import odometry
+from readygo.common.robot import RobotConfig
 from readygo.services.trainer.samples import (
     Timing,
     draw_samples,
@@ -23,7 +24,7 @@ TIMING = Timing(spacing_steps=10)
 
 @pytest.fixture
 def table():
-    return join_tables([episode_table(make_one(f"e{k}", samples=60), TIMING) for k in range(6)])
+    return join_tables([episode_table(make_one(f"e{k}", samples=60), RobotConfig(), TIMING) for k in range(6)])
 
 
 def test_window_is_two_spacings_ago_one_ago_and_now(table):
@@ -55,7 +56,9 @@ def sparse(episode, every):
 
 
 def test_only_samples_whose_window_was_taken_are_drawn():
-    table = join_tables([episode_table(sparse(make_one(f"e{k}", samples=62), 5), TIMING) for k in range(2)])
+    table = join_tables(
+        [episode_table(sparse(make_one(f"e{k}", samples=62), 5), RobotConfig(), TIMING) for k in range(2)]
+    )
     assert np.array_equal(table.usable_samples, [*range(0, 62, 5), *range(62, 124, 5)])
     rng = np.random.default_rng(0)
     drawn = draw_samples(table, batch_size=500, chain_length=3, spacing_steps=10, rng=rng)
@@ -65,7 +68,9 @@ def test_only_samples_whose_window_was_taken_are_drawn():
 
 
 def test_pictures_that_no_window_meets_are_refused_with_the_setting():
-    table = join_tables([episode_table(sparse(make_one(samples=62), 4), Timing(spacing_steps=10, latency_steps=1))])
+    table = join_tables(
+        [episode_table(sparse(make_one(samples=62), 4), RobotConfig(), Timing(spacing_steps=10, latency_steps=1))]
+    )
     with pytest.raises(DatasetError, match="camera_hz that divides"):
         _ = table.usable_samples
 
@@ -80,10 +85,10 @@ def test_joined_tables_count_through(table):
 
 def test_own_motion_is_that_of_the_executed_commands():
     episode = make_one(samples=60)
-    table = episode_table(episode, TIMING)
+    table = episode_table(episode, RobotConfig(), TIMING)
     assert np.all(table.motion[0] == 0)
     assert np.array_equal(table.motion[1:, 6:], episode.actions[:-1])
-    poses = odometry(episode.actions)
+    poses = odometry(episode.actions, 0.05)
     assert table.motion[30, 5] == pytest.approx(poses[20, 2] - poses[30, 2], abs=1e-5)
     assert table.motion[30, 2] == pytest.approx(poses[10, 2] - poses[30, 2], abs=1e-5)
 
@@ -91,12 +96,12 @@ def test_own_motion_is_that_of_the_executed_commands():
 def test_targets_are_the_expert_s_commands_ahead():
     expert = np.arange(40 * 5 * 2, dtype=np.float32).reshape(40, 5, 2)
     timing = Timing(spacing_steps=10, ahead_steps=3)
-    assert np.array_equal(episode_table(make_one(expert=expert), timing).targets, expert[:, 3])
+    assert np.array_equal(episode_table(make_one(expert=expert), RobotConfig(), timing).targets, expert[:, 3])
 
 
 def test_without_an_expert_targets_are_what_was_executed_then():
     episode = make_one()
-    targets = episode_table(episode, Timing(spacing_steps=10, ahead_steps=3)).targets
+    targets = episode_table(episode, RobotConfig(), Timing(spacing_steps=10, ahead_steps=3)).targets
     assert np.array_equal(targets[:-3], episode.actions[3:])
     assert np.array_equal(targets[-3:], episode.actions[[-1, -1, -1]])
 
@@ -105,9 +110,9 @@ def test_expert_has_driven_up_to_where_it_was_disturbed():
     episode = make_one(samples=8)
     expert = np.repeat(episode.actions[:, None], 2, axis=1)
     expert[[3, 5], 0] += 0.2
-    table = episode_table(make_one(samples=8, expert=expert), TIMING)
+    table = episode_table(make_one(samples=8, expert=expert), RobotConfig(), TIMING)
     assert table.driven_last.tolist() == [3, 3, 3, 3, 5, 5, 7, 7]
-    driven = episode_table(make_one(samples=8, expert=expert, driver=Driver.POLICY), TIMING)
+    driven = episode_table(make_one(samples=8, expert=expert, driver=Driver.POLICY), RobotConfig(), TIMING)
     assert driven.driven_last.tolist() == list(range(8))
     assert driven.by_policy.all()
 
@@ -131,7 +136,7 @@ def test_every_sample_is_drawn_about_as_often(table):
 
 
 def test_chains_share_most_frames():
-    table = join_tables([episode_table(make_one(f"e{k}", samples=400), TIMING) for k in range(4)])
+    table = join_tables([episode_table(make_one(f"e{k}", samples=400), RobotConfig(), TIMING) for k in range(4)])
     samples = draw_samples(table, batch_size=128, chain_length=16, spacing_steps=10, rng=np.random.default_rng(0))
     assert len(make_batch(samples, table.first, TIMING).frames) < 1.35 * 128
 

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 import torch
 
+from readygo.common.robot import RobotConfig
 from readygo.services.trainer import validation
 from readygo.services.trainer.model import PolicyNet
 from readygo.services.trainer.objective import Objective
@@ -13,7 +14,7 @@ from tests.services.trainer.conftest import make_one, quick
 
 def test_errors_stand_beside_those_of_mean_and_copy():
     episode = make_one()
-    table, samples = episode_table(episode, Timing(spacing_steps=10)), np.array([5, 10, 20])
+    table, samples = episode_table(episode, RobotConfig(), Timing(spacing_steps=10)), np.array([5, 10, 20])
     actions, previous = episode.actions[samples], episode.actions[samples - 1]
     predictions = Predictions(given=actions + np.float32(0.1), withheld=actions + np.float32(0.4))
     metrics = error_metrics(predictions, table, samples, np.zeros(2, np.float32))

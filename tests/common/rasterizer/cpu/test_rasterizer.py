@@ -7,6 +7,7 @@ import pytest
 from readygo.common.avatars import Avatar
 from readygo.common.gaussians import GaussianCloud, concatenate
 from readygo.common.rasterizer.cpu.rasterizer import CpuRasterizer
+from readygo.common.rasterizer.interface import View
 from readygo.common.rasterizer.packed.scene import load_packed, pack_cloud, save_packed
 from readygo.common.rasterizer.reference import posed_and_lit, rasterize_reference
 from tests.common.rasterizer.drawing import assert_like_reference, float_rgb_of, human, numbered, posed, psnr_db, rgb_of
@@ -43,6 +44,19 @@ def test_far_sky_is_drawn_behind_everything(make_cloud, camera) -> None:
     T, K = camera(0.0, 0.0, 0.0, 96, 64)
     image = float_rgb_of(CpuRasterizer([pack_cloud(scene), pack_cloud(sky)], {}, K, 64, 96), T)
     assert_like_reference(image, rasterize_reference(concatenate([scene, sky]), T, K, 64, 96).rgb)
+
+
+def test_view_with_intrinsics_of_its_own_is_what_a_camera_of_these_draws(make_cloud, camera) -> None:
+    cloud, wide = pack_cloud(make_cloud(900)), np.diag([0.6, 0.6, 1.0])
+    T, K = camera(-5.0, 0.0, 0.0, 96, 64)
+    K_wide = K.copy()
+    K_wide[:2, :2] = (K @ wide)[:2, :2]
+    rasterizer = CpuRasterizer(cloud, {}, K, 64, 96)
+    views = [View(T_world_camera=T), View(T_world_camera=T, K_px=K_wide)]
+    plain, other = rasterizer.render(views).rgb
+    expected = CpuRasterizer(cloud, {}, K_wide, 64, 96).render(views[:1]).rgb[0]
+    assert np.array_equal(other, expected)
+    assert not np.array_equal(other, plain)
 
 
 def test_two_layers_are_blended_as_one_cloud(make_cloud, camera) -> None:

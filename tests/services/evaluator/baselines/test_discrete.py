@@ -4,7 +4,6 @@ import pytest
 from readygo.common.messages import Outcome
 from readygo.services.evaluator.baselines.discrete import FORWARD_M, TURN_RAD, DiscretePlannerDriver
 from tests.services.evaluator.baselines.driving import drive
-from tests.services.evaluator.conftest import ROBOT
 
 
 def stops(path):
@@ -14,12 +13,12 @@ def stops(path):
 
 
 def test_goal_behind_a_wall_is_reached():
-    simulation, _ = drive(DiscretePlannerDriver(ROBOT), (1.0, 1.0, 0.0), (10.0, 1.0))
+    simulation, _ = drive(DiscretePlannerDriver(), (1.0, 1.0, 0.0), (10.0, 1.0))
     assert simulation.outcome is Outcome.SUCCESS
 
 
 def test_robot_goes_quarter_metres_or_turns_by_thirty_degrees_and_stands_between():
-    _, path = drive(DiscretePlannerDriver(ROBOT), (1.0, 4.0, 0.6), (6.0, 5.0))
+    _, path = drive(DiscretePlannerDriver(), (1.0, 4.0, 0.6), (6.0, 5.0))
     places = stops(path)
     moved, turned = np.hypot(*np.diff(places[:, :2], axis=0).T), np.abs(np.diff(places[:, 2]))
     assert len(moved) >= 3

@@ -55,7 +55,7 @@ def test_balls_hold_the_body():
 
 
 def test_goal_behind_a_wall_is_reached_without_meeting_it(in_hall):
-    simulation, path = drive(SplatNavDriver(ROBOT, in_hall), (1.0, 1.0, 0.0), (10.0, 1.0))
+    simulation, path = drive(SplatNavDriver(in_hall), (1.0, 1.0, 0.0), (10.0, 1.0))
     assert simulation.outcome is Outcome.SUCCESS
     assert path[:, 1].max() > 3.2
 
@@ -102,4 +102,4 @@ def test_without_a_way_the_episode_ends_with_the_reason():
     parted = splat_map(cloud(splats([(3.0, 3.0, 0.3)])), unknown=unknown)
     assert parted.path_m((1.0, 1.0), (5.0, 1.0)) is not None
     way = Way(parted.path_m((1.0, 1.0), (10.0, 1.0)))
-    assert "no safe way" in SplatNavDriver(ROBOT, parted).commands([(None, way)])[0].reason
+    assert "no safe way" in SplatNavDriver(parted).commands([(None, way)])[0].reason

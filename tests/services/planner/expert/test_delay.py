@@ -5,10 +5,11 @@ import pytest
 
 from readygo.common.episode.grid_search import FREE, UNITS_PER_CELL
 from readygo.common.robot.kinematics import DT_S
-from readygo.services.planner.expert.delay import LAYER_STEPS, Delays, delay_at, fill_delays, nearness_cost
+from readygo.services.planner.expert.delay import LAYER_S, Delays, delay_at, fill_delays, nearness_cost
 from readygo.services.planner.expert.records import CostGrid, HumansAhead
 
 RESOLUTION_M, LAYERS, STEPS = 0.05, 9, 40
+LAYER_STEPS = round(LAYER_S / DT_S)
 CENTRE = (4.0, 4.0, 0.0)
 NOBODY = HumansAhead(np.empty((0, STEPS, 2)), np.empty(0), 0.5, np.empty((0, STEPS)), 30.0)
 
@@ -24,7 +25,7 @@ def grid(blocked=False):
 
 def filled(humans, cost_grid=None, arrived_m=0.5):
     size = 2 * LAYERS + 3
-    delays = Delays(0.25, 1.0, arrived_m, np.empty((size, size)), np.zeros((LAYERS, size, size)))
+    delays = Delays(0.25, 1.0, arrived_m, np.empty((size, size)), np.zeros((LAYERS, size, size)), LAYER_STEPS)
     fill_delays(cost_grid or grid(), CENTRE, humans, delays)
     return delays
 

@@ -1,9 +1,11 @@
+import dataclasses
 import math
 
 import numpy as np
 import pytest
 
 from readygo.common.episode import EpisodeConfig, meets_obstacle
+from readygo.common.episode.robot import robot_of_episode
 from readygo.common.errors import AvatarError
 from readygo.common.maps import OccupancyMap
 from readygo.common.messages import (
@@ -16,7 +18,7 @@ from readygo.common.messages import (
     Scenario,
     encode,
 )
-from readygo.common.robot import RobotConfig
+from readygo.common.robot import RobotConfig, RobotRanges
 from readygo.services.planner import ExpertConfig, RobotPlanner, handle_human_plan, handle_robot_plan
 from readygo.services.planner.expert.handlers import drive
 from tests.services.planner.worlds import FRAME, animate, key, make_robot_planner, maps_of
@@ -92,6 +94,22 @@ def test_standing_human_on_the_way_is_driven_around(robot_planner):
     assert run.outcome is Outcome.SUCCESS
     assert run.human_visible.any()
     assert run.human_distance_m.min() > 0.55
+
+
+def test_robot_of_ranges_is_another_in_every_episode_and_drives_within_its_limits():
+    ranges = RobotRanges(v_max_mps=(0.4, 0.9), radius_m=(0.15, 0.35))
+    robot = RobotConfig(ranges=ranges)
+    planner = RobotPlanner(maps_of(), {}, robot, EpisodeConfig(), ExpertConfig())
+    task = _scenario((-2.0, 6.0, 0.0), (2.0, 6.0))
+    for index in (0, 1):
+        scenario = dataclasses.replace(task, episode=key(index))
+        drawn = robot_of_episode(robot, scenario.episode)
+        simulation = planner.simulation(scenario, animate(scenario))
+        assert simulation.robot == planner.of(scenario.episode).robot == drawn
+        run = drive(planner, scenario, animate(scenario))
+        assert run.outcome is Outcome.SUCCESS
+        assert 0.9 * drawn.v_max_mps < run.actions[:, 0].max() <= drawn.v_max_mps + 1e-9
+    assert planner.of(key(0)).ground.contact_m != planner.of(key(1)).ground.contact_m
 
 
 def test_human_ahead_triggers_replans_more_often_than_the_period(robot_planner):

@@ -1,6 +1,7 @@
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from readygo.common.robot import RobotConfig
 from readygo.services.planner.expert.records import HumansAhead, robot_limits, state_of
@@ -9,10 +10,11 @@ from readygo.services.planner.expert.records import HumansAhead, robot_limits, s
 def test_state_and_limits_are_read_by_name():
     simulation = SimpleNamespace(x_m=1.0, y_m=2.0, yaw_rad=3.0, v_mps=4.0, w_radps=5.0)
     assert state_of(simulation)._asdict() == vars(simulation)
-    robot = RobotConfig(v_max_mps=0.8, w_max_radps=1.1, a_max_mps2=0.6, alpha_max_radps2=2.5)
+    robot = RobotConfig(v_max_mps=0.8, v_min_mps=-0.3, w_max_radps=1.1, a_max_mps2=0.6, control_hz=30, camera_hz=10)
     limits = robot_limits(robot)._asdict()
+    assert limits.pop("step_s") == pytest.approx(1 / 30)
     assert limits == {name: getattr(robot, name) for name in limits}
-    assert len(set(limits.values())) == 4
+    assert len(set(limits.values())) == 5
 
 
 def test_humans_seen_from_another_origin_move_and_nothing_else_changes():

@@ -46,4 +46,3 @@ def test_failure_is_always_shown_last():
 def test_moments_are_at_least_half_a_second_apart():
     seen = {k: (0.0, 5.3) for k in range(35, 60)}
     assert words(make_run(NEAR, journal=journal(seen=seen))) == [(0, "start"), (39, "closest to person 1")]
-    assert Moment(step=30, why="").time_s == 1.5

@@ -61,6 +61,15 @@ def test_way_is_thick_up_to_its_end_and_thin_beyond():
     assert drawn[:, before].sum() > drawn[:, beyond].sum() > 0
 
 
+def test_way_has_a_dot_at_every_second_of_the_robots_clock():
+    view, picture = blank(make_run())
+    half = picture.copy()
+    draw_way(picture, view, WAY, ROBOT, end=STEPS - 1)
+    draw_way(half, view, WAY, ROBOT, end=STEPS - 1, rate_hz=40)
+    dotted, seldom = ((drawn != view.rgb).any(axis=2).sum() for drawn in (picture, half))
+    assert dotted > seldom
+
+
 def test_plan_is_superseded_at_the_step_that_replaced_it_only():
     paths = [(WAY if k < 25 else WAY + np.array([0.0, 0.6]))[k:] for k in range(STEPS)]
     run = make_run(journal=make_journal(paths, searches=(0, 25)))

@@ -1,5 +1,7 @@
 """Adding and removing Gaussians."""
 
+from typing import Literal
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from readygo.services.reconstructor.training.density import (
     add_noise,
     changed_density,
     limit_stretch,
+    make_faint,
     reset_opacities,
     shared_opacity,
 )
@@ -81,6 +84,18 @@ def test_mcmc_moves_the_dead_to_the_living_and_grows_to_the_budget() -> None:
     assert len(changed) == 105
     assert changed.opacities.min() > 0.005
     assert not (changed.values["means_m"][:, None] == dead[None]).all(axis=2).any()
+
+
+@pytest.mark.parametrize(("method", "count"), [("mcmc", 4), ("gradients", 2)])
+def test_what_is_made_faint_is_moved_within_a_budget_and_else_removed(
+    method: Literal["mcmc", "gradients"], count: int
+) -> None:
+    config, gaussians = DensityConfig(method=method, growth=0.0), some_gaussians(4)
+    places = gaussians.values["means_m"][1:3].copy()
+    make_faint(gaussians, np.array([False, True, True, False]), config)
+    changed = changed_density(gaussians, Sightings.none(4), config, 1.0, np.random.default_rng(0))
+    assert len(changed) == count
+    assert not (changed.values["means_m"][:, None] == places[None]).all(axis=2).any()
 
 
 @pytest.mark.parametrize("copies", [1, 2, 5])

@@ -103,6 +103,7 @@ def test_gaussians_behind_the_camera_are_not_observed() -> None:
     rows = observed(leaves_of(gaussians), camera(2))
     assert 7 not in rows
     assert len(rows) > 75
+    assert 0 < len(observed(leaves_of(gaussians), camera(2), 20.0)) < len(rows)
 
 
 def test_pictures_are_rounded_and_clipped() -> None:

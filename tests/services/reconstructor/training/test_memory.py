@@ -21,7 +21,13 @@ def posed(count: int = 71) -> Posed:
         K_px=np.tile(np.eye(3), (count, 1, 1)),
         T_world_camera=np.tile(np.eye(4), (count, 1, 1)),
     )
-    return Posed(views=views, folder=Path(), points_m=np.zeros((1, 3)), points_rgb=np.zeros((1, 3), np.uint8))
+    return Posed(
+        views=views,
+        folder=Path(),
+        points_m=np.zeros((1, 3)),
+        points_rgb=np.zeros((1, 3), np.uint8),
+        seen=np.empty((0, 2), np.int64),
+    )
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from readygo.services.renderer.sensor.motion import Timeline, arc, posed
 @given(st.floats(-3, 3), st.floats(-0.99, 0.99), st.floats(-1.5, 1.5), st.floats(0, 1), st.floats(-3.0, 3.0))
 def test_robot_drives_the_unicycles_arc_between_rows(x: float, v: float, w: float, share: float, yaw: float) -> None:
     first = np.array([x, 0.4, yaw])
-    last = np.array(step_unicycle(*first, v, w))
+    last = np.array(step_unicycle(*first, v, w, 0.05))
     expected = step_unicycle(*first, v, w, 0.05 * share)
     # The ends of arcs of many kilometres cancel.
     assert arc(first, last, share) == pytest.approx(expected, abs=1e-9 if abs(w) > 1e-6 else 1e-6)

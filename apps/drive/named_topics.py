@@ -1,0 +1,70 @@
+"""Topics of a robot's images as arguments name them: /topic of its first camera, NAME=/topic of another one."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from readygo.common.errors import ConfigError
+from readygo.common.images.names import DEPTH, RGB, camera_of, cameras_of, image_name, kind_of
+from readygo.common.robot import RobotConfig
+
+DEFAULT_IMAGE = "/camera/image_raw"
+_OPTIONS: Mapping[str, str] = {RGB: "--image", DEPTH: "--depth"}
+
+
+def image_topics(image: Sequence[str], depth: Sequence[str], robot: RobotConfig) -> dict[str, str]:
+    """Topics by the names of the images on them (`readygo.common.images.names`), the first camera's rgb first.
+
+    Args:
+        image: What is said of colours; the first camera's topic is `DEFAULT_IMAGE` where nothing is.
+        depth: What is said of depths.
+        robot: Whose cameras they are.
+
+    Raises:
+        ConfigError: If there is no such camera, or two are given for one image or one for two.
+    """
+    topics = {RGB: DEFAULT_IMAGE}
+    given: set[str] = set()
+    for kind, entries in ((RGB, image), (DEPTH, depth)):
+        for entry in entries:
+            camera, _, topic = entry.rpartition("=")
+            if camera and camera not in robot.all_cameras:
+                raise ConfigError(
+                    f"{_OPTIONS[kind]} {entry}: there is no camera {camera!r}; there are "
+                    f"{', '.join(robot.all_cameras)}."
+                )
+            name = image_name("" if camera == robot.camera_name else camera, kind)
+            if name in given:
+                raise ConfigError(f"{_OPTIONS[kind]} names two topics of one camera: {topics[name]} and {topic}.")
+            given.add(name)
+            topics[name] = topic
+    if len(set(topics.values())) < len(topics):
+        raise ConfigError(f"Each image has a topic of its own, got {', '.join(topics.values())}.")
+    return topics
+
+
+def check_topics(topics: Mapping[str, str], wanted: Iterable[str], robot: RobotConfig) -> None:
+    """Raise ConfigError unless topics are given of the images that a policy sees, and of no others."""
+    wanted = tuple(wanted)
+    for name in wanted:
+        if name not in topics:
+            raise ConfigError(
+                f"The policy sees {_words(name, robot)}: name the topic with {_OPTIONS[kind_of(name)]} "
+                f"{f'{camera_of(name)}=' if camera_of(name) else ''}/{camera_of(name) or 'camera'}/"
+                f"{'image_raw' if kind_of(name) == RGB else 'depth/image_raw'}."
+            )
+    for name in topics:
+        if name not in wanted:
+            raise ConfigError(f"The policy does not see {_words(name, robot)}: leave {topics[name]} out.")
+
+
+def info_topics(topics: Mapping[str, str]) -> dict[str, str]:
+    """Topics of the CameraInfo of each camera by name, beside its images."""
+    return {camera: _beside(topics[image_name(camera, RGB)]) for camera in cameras_of(topics)}
+
+
+def _beside(image: str) -> str:
+    return f"{image.removesuffix('/compressed').rpartition('/')[0]}/camera_info"
+
+
+def _words(name: str, robot: RobotConfig) -> str:
+    what = "images" if kind_of(name) == RGB else "depths"
+    return f"{what} of the camera {camera_of(name) or robot.camera_name!r}" if robot.cameras else what

@@ -1,0 +1,275 @@
+"""A process that has loaded what a fleet's workers need, and becomes one of them by fork whenever it is asked to.
+
+Loading it takes a second of processor time and 70 MB, which each worker would otherwise spend anew and hold alone.
+A fork copies no thread but the one that asks for it: here nothing starts a thread or opens a session before it.
+"""
+
+import contextlib
+import ctypes
+import gc
+import json
+import os
+import select
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import readygo
+from readygo.apps.cli import Command, run_command
+from readygo.common.errors import RunError
+
+WORKER = Command("readygo.apps.fleet.worker:worker", "join a fleet as one worker")
+PATIENCE_S = 120.0
+"""Time that the server has to load all and to answer, on a machine that has much else to do [s]."""
+REPORT_S = 30.0
+"""Time that the server has to tell with which code a process ended [s]."""
+REQUEST_BYTES_MAX = 1 << 16
+_ROOM = 2000
+"""Characters that a worker's command line may have in lists of processes."""
+_ARG_START = 45
+"""Where /proc/PID/stat says where a command line begins in memory, counted from the state on."""
+
+
+class Forked:
+    """A process that a fork server became; in what it offers, like `subprocess.Popen`."""
+
+    def __init__(self, pid: int, pidfd: int, report: socket.socket, parent_end: int) -> None:
+        self.pid = pid
+        self.returncode: int | None = None
+        self.stdin = open(parent_end, "wb", buffering=0)  # noqa: SIM115
+        """The only end of its standard input that can be written to: closed, the process knows that nobody is left."""
+        self._pidfd = pidfd
+        self._report = report
+
+    def __del__(self) -> None:
+        os.close(self._pidfd)
+        self._report.close()
+
+    def poll(self) -> int | None:
+        """Its exit code, None while it runs."""
+        return self._ended(0.0)
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Wait for its end; returns its exit code.
+
+        Raises:
+            subprocess.TimeoutExpired: If it runs on.
+        """
+        code = self._ended(timeout)
+        if code is None:
+            raise subprocess.TimeoutExpired(str(self.pid), timeout or 0.0)
+        return code
+
+    def send_signal(self, number: int) -> None:
+        """Send it a signal; nothing once it has ended."""
+        with contextlib.suppress(ProcessLookupError):
+            signal.pidfd_send_signal(self._pidfd, number)
+
+    def terminate(self) -> None:
+        """Tell it to end."""
+        self.send_signal(signal.SIGTERM)
+
+    def kill(self) -> None:
+        """End it by force."""
+        self.send_signal(signal.SIGKILL)
+
+    def _ended(self, timeout_s: float | None) -> int | None:
+        if self.returncode is None and _readable(self._pidfd, timeout_s):
+            self._report.settimeout(REPORT_S)
+            try:
+                said = self._report.recv(64)
+            except OSError:
+                said = b""
+            # A server that has died itself, or is stopped, does not tell what its processes ended with.
+            self.returncode = int(said or -signal.SIGKILL)
+        return self.returncode
+
+
+class ForkServer:
+    """The process that all workers of a fleet are forked from; it is started when it is needed, and anew if it dies."""
+
+    def __init__(self, environment: Mapping[str, str], log: Path) -> None:
+        """Start nothing yet.
+
+        Args:
+            environment: Of its processes.
+            log: Where it says what went wrong with itself.
+        """
+        self._environment = dict(environment)
+        self._log = log
+        self._process: subprocess.Popen[bytes] | None = None
+        self._control: socket.socket | None = None
+
+    def start(self, words: Sequence[str], output: int) -> Forked:
+        """Start a worker.
+
+        Args:
+            words: Its command line after `readygo`.
+            output: Descriptor of the file that it writes to.
+
+        Raises:
+            RunError: If that cannot be done.
+        """
+        for _ in range(2):
+            if forked := self._ask(words, output):
+                return forked
+            self.close()
+        raise RunError(f"No worker can be started; {self._log} says why.")
+
+    def close(self) -> None:
+        """End the server; what it was forked to goes on."""
+        if self._control is not None:
+            self._control.close()
+            self._control = None
+        if self._process is not None:
+            self._process.kill()
+            self._process.wait()
+            self._process = None
+
+    def load(self) -> None:
+        """Start the server if it is not there: it loads what it needs meanwhile."""
+        if self._control is not None:
+            return
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._control = ours
+        with theirs, self._log.open("ab") as log:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "readygo.apps.fleet.fork_server", " " * _ROOM],
+                stdin=theirs.fileno(),
+                stdout=log,
+                stderr=log,
+                cwd=Path(readygo.__file__).resolve().parents[1],
+                env=self._environment,
+                start_new_session=True,
+            )
+
+    def _ask(self, words: Sequence[str], output: int) -> Forked | None:
+        """A new process; None if the server is dead or deaf."""
+        self.load()
+        assert self._control is not None
+        report, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        child_end, parent_end = os.pipe()
+        said, descriptors = b"", list[int]()
+        try:
+            with theirs:
+                request = json.dumps(list(words)).encode()
+                socket.send_fds(self._control, [request], [theirs.fileno(), child_end, output])
+            report.settimeout(PATIENCE_S)
+            said, descriptors, _, _ = socket.recv_fds(report, 64, 1)
+        except OSError:
+            pass
+        finally:
+            os.close(child_end)
+        if not said:
+            os.close(parent_end)
+            report.close()
+            return None
+        return Forked(int(said), descriptors[0], report, parent_end)
+
+
+def _readable(descriptor: int, timeout_s: float | None) -> bool:
+    waiting = select.poll()
+    waiting.register(descriptor, select.POLLIN)
+    return bool(waiting.poll(None if timeout_s is None else timeout_s * 1000.0))
+
+
+def main() -> None:
+    """Load what workers need, then become whatever is asked for; ends when the launcher is gone."""
+    _load()
+    words = _serve(socket.socket(fileno=os.dup(0)))
+    if words is not None:
+        sys.argv = ["readygo", *words]
+        run_command({"worker": WORKER}, words)
+
+
+def _load() -> None:
+    """What workers import, the embedded avatars, and what numba prepares before it loads any function."""
+    import cv2  # noqa: F401
+    import tyro  # noqa: F401
+    from numba.core.registry import cpu_target
+
+    import readygo.apps.fleet.worker
+    import readygo.apps.run.stages
+    import readygo.apps.run.warm  # noqa: F401
+    from readygo.apps.run.world import share_embedded_avatars
+
+    share_embedded_avatars()
+    cpu_target.target_context.refresh()
+    gc.collect()
+    # What is there now is never looked at again, by which its pages would be copied.
+    gc.freeze()
+
+
+def _serve(control: socket.socket) -> list[str] | None:
+    """Fork whenever it is asked for, and report how processes end.
+
+    Returns:
+        In a process that was forked its command line; None in the server, when nobody can ask any more.
+    """
+    children: dict[int, tuple[int, socket.socket]] = {}
+    waiting = select.poll()
+    waiting.register(control, select.POLLIN)
+    while True:
+        for descriptor, _ in waiting.poll():
+            if descriptor in children:
+                waiting.unregister(descriptor)
+                _report_end(descriptor, *children.pop(descriptor))
+                continue
+            request, descriptors, _, _ = socket.recv_fds(control, REQUEST_BYTES_MAX, 3)
+            if not request:
+                return None
+            words: list[str] = json.loads(request)
+            report = socket.socket(fileno=descriptors[0])
+            pid = os.fork()
+            if not pid:
+                _leave([control, report, *(each for _, each in children.values())], list(children))
+                _become(words, *descriptors[1:])
+                return words
+            pidfd = os.pidfd_open(pid)
+            children[pidfd] = pid, report
+            waiting.register(pidfd, select.POLLIN)
+            with contextlib.suppress(OSError):
+                socket.send_fds(report, [str(pid).encode()], [pidfd])
+            for taken in descriptors[1:]:
+                os.close(taken)
+
+
+def _report_end(pidfd: int, pid: int, report: socket.socket) -> None:
+    code = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+    with report, contextlib.suppress(OSError):
+        report.send(str(code).encode())
+    os.close(pidfd)
+
+
+def _leave(sockets: Sequence[socket.socket], descriptors: Sequence[int]) -> None:
+    """Let go of what is the server's."""
+    for each in sockets:
+        each.close()
+    for descriptor in descriptors:
+        os.close(descriptor)
+
+
+def _become(words: Sequence[str], standard_input: int, output: int) -> None:
+    """A session and streams of its own, and its own command line in lists of processes."""
+    os.setsid()
+    for descriptor, number in ((standard_input, 0), (output, 1), (output, 2)):
+        os.dup2(descriptor, number)
+    os.close(standard_input)
+    os.close(output)
+    _show_command(["readygo", *words])
+
+
+def _show_command(words: Sequence[str]) -> None:
+    """Have lists of processes show a command line, cut off where there is no room for it."""
+    fields = Path("/proc/self/stat").read_text().rpartition(")")[2].split()
+    begin, end = (int(field) for field in fields[_ARG_START : _ARG_START + 2])
+    line = "\0".join(words).encode()[: end - begin - 1]
+    ctypes.memset(begin, 0, end - begin)
+    ctypes.memmove(begin, line, len(line))
+
+
+if __name__ == "__main__":
+    main()

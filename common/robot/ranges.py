@@ -1,0 +1,25 @@
+"""`[ranges]` of `robot.toml`: what differs between the robots that one policy drives."""
+
+from dataclasses import dataclass
+
+from readygo.common.ranges import Range, Ranges
+
+OF_CAMERA = ("mount_height_m", "horizontal_fov_deg", "mount_pitch_deg")
+"""Ranges of the robot's camera; the others are of the robot itself."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotRanges(Ranges):
+    """Values that are drawn anew for every episode in place of the robot's own: (lowest, highest), uniformly.
+
+    () keeps the robot's own value. The names are those of `RobotConfig` and `CameraConfig`.
+    """
+
+    mount_height_m: Range = ()
+    horizontal_fov_deg: Range = ()
+    mount_pitch_deg: Range = ()
+    radius_m: Range = ()
+    """The planning radius stays as much larger as the robot's own is."""
+    v_max_mps: Range = ()
+    """The largest speed backwards stays the same share of it."""
+    w_max_radps: Range = ()

@@ -1,0 +1,105 @@
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from readygo.apps.fleet.fleet import CANNOT_WORK
+from readygo.apps.fleet.fork_server import Forked, ForkServer
+
+NOWHERE = ("--connect", "tcp/127.0.0.1:1")
+NAMELESS = ("worker", "trainer", *NOWHERE)
+"""A worker that ends at once: nothing names its run."""
+WAITING = ("worker", "all", *NOWHERE, "--run", "r", "--exit-with-parent")
+"""A worker that waits for its router."""
+LIMIT_S = 120.0
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForkServer]:
+    server = ForkServer({**os.environ, "READYGO_TOKEN": "secret"}, tmp_path_factory.mktemp("server") / "log")
+    yield server
+    server.close()
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    return tmp_path / "log"
+
+
+@pytest.fixture
+def waiting(server: ForkServer, log: Path) -> Iterator[Forked]:
+    process = _start(server, log, WAITING)
+    yield process
+    process.kill()
+    process.wait(LIMIT_S)
+    process.stdin.close()
+
+
+def _start(server: ForkServer, log: Path, words: tuple[str, ...]) -> Forked:
+    with log.open("ab") as output:
+        return server.start(words, output.fileno())
+
+
+def _exit_code(server: ForkServer, log: Path) -> int:
+    process = _start(server, log, NAMELESS)
+    with process.stdin:
+        process.wait(LIMIT_S)
+    process.terminate()
+    assert process.poll() == process.returncode
+    return process.returncode
+
+
+def _until_it_listens(log: Path) -> None:
+    """Its signals and its standard input are heard before it looks for a router, which it says."""
+    deadline_s = time.monotonic() + LIMIT_S
+    while not log.read_text():
+        assert time.monotonic() < deadline_s
+        time.sleep(0.02)
+
+
+def test_worker_says_what_it_has_to_say_and_its_exit_code_is_known(server: ForkServer, log: Path) -> None:
+    assert _exit_code(server, log) == CANNOT_WORK
+    assert log.read_text() == "readygo: A trainer needs the name of its run: pass --run.\n"
+
+
+def test_worker_is_listed_by_its_own_command_and_knows_the_token(waiting: Forked, log: Path) -> None:
+    _until_it_listens(log)
+    listed = Path(f"/proc/{waiting.pid}/cmdline").read_bytes().rstrip(b"\0").decode().split("\0")
+    assert listed == ["readygo", *WAITING]
+    assert b"READYGO_TOKEN=secret" in Path(f"/proc/{waiting.pid}/environ").read_bytes().split(b"\0")
+    assert os.getsid(waiting.pid) == waiting.pid
+
+
+def test_server_has_no_thread_that_a_fork_would_leave_behind(server: ForkServer, waiting: Forked) -> None:
+    assert server._process is not None
+    assert len(os.listdir(f"/proc/{server._process.pid}/task")) == 1
+
+
+def test_worker_that_is_killed_ended_by_that(waiting: Forked) -> None:
+    assert waiting.poll() is None
+    with pytest.raises(subprocess.TimeoutExpired):
+        waiting.wait(0.01)
+    waiting.kill()
+    assert waiting.wait(LIMIT_S) == -signal.SIGKILL
+
+
+def test_worker_ends_when_nobody_holds_its_standard_input(waiting: Forked, log: Path) -> None:
+    _until_it_listens(log)
+    waiting.stdin.close()
+    assert waiting.wait(LIMIT_S) is not None
+
+
+def test_server_that_died_is_started_anew_and_takes_no_worker_with_it(
+    server: ForkServer, waiting: Forked, log: Path
+) -> None:
+    assert server._process is not None
+    server._process.kill()
+    server._process.wait()
+    assert waiting.poll() is None
+    assert _exit_code(server, log) == CANNOT_WORK
+    waiting.kill()
+    assert waiting.wait(LIMIT_S) == -signal.SIGKILL

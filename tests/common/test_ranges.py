@@ -1,0 +1,29 @@
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from readygo.common.ranges import Range, Ranges
+
+
+@dataclass(frozen=True, kw_only=True)
+class Weather(Ranges):
+    wind: Range = ()
+    rain: Range = ()
+
+
+def test_values_are_of_their_ranges_and_one_range_changes_no_other_value() -> None:
+    both = Weather(wind=(1.0, 3.0), rain=(-1.0, 0.0))
+    drawn = [both.drawn_values(np.random.default_rng(seed)) for seed in range(20)]
+    assert all(1.0 <= value["wind"] <= 3.0 and -1.0 <= value["rain"] <= 0.0 for value in drawn)
+    assert len({value["rain"] for value in drawn}) == 20
+    alone = [Weather(rain=(-1.0, 0.0)).drawn_values(np.random.default_rng(seed)) for seed in range(20)]
+    assert alone == [{"rain": value["rain"]} for value in drawn]
+    assert both.varies
+    assert not Weather().varies
+
+
+@pytest.mark.parametrize("ends", [(1.0,), (2.0, 1.0), (0.0, float("inf"))])
+def test_what_is_no_range_is_refused(ends: tuple[float, ...]) -> None:
+    with pytest.raises(ValueError, match=r"rain must be \[lowest, highest\]"):
+        Weather(rain=ends).check(lambda name, value: None)
