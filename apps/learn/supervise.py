@@ -234,6 +234,8 @@ class Supervisor:
             measurement=measurement,
         )
         self.points.append(point)
+        # The time first: a run that goes on after a kill is never earlier than its curve.
+        self._save()
         save_curve(self._plan.curve_file, self.points)
 
     def _tell(self, crew: Crew, training: Training, fraction: float) -> None:
