@@ -17,7 +17,7 @@ from readygo.common.dataset.committed import episode_indices
 from readygo.common.dataset.index import DATA_END_SIZE, ShardIndex, index_path, load_index, mapped, tail_offset
 from readygo.common.dataset.records import RECORD_HEADER
 from readygo.common.dataset.writer import PART_SUFFIX, recorder_of_shard, shard_name
-from readygo.common.errors import DatasetError, RunError
+from readygo.common.errors import DatasetError, DiskError, RunError
 from readygo.common.files import write_whole
 from readygo.common.messages import RunSpec, Stage
 from readygo.services.coordinator import Ledger
@@ -216,12 +216,17 @@ def _not_made_anew(folder: RunFolder, why: str) -> RunError:
 
 
 def _open_ledger(folder: RunFolder, stages: tuple[Stage, ...], findings: Findings, *, recorded_here: bool) -> Ledger:
-    """The run's ledger; a new one where it is damaged, or gone although there are shards."""
+    """The run's ledger; a new one where it is damaged, or gone although there are shards.
+
+    One that was being made anew when its process ended is gone on with. A full disk is no damage.
+    """
     new = not folder.ledger.exists()
-    findings.rebuilt = new and bool(_shards(folder, f"{SHARDS}*"))
+    damaged = False
     try:
         ledger = Ledger(folder.ledger, stages)
         ledger.check()
+    except DiskError:
+        raise
     except RunError as error:
         if new:
             raise
@@ -229,11 +234,13 @@ def _open_ledger(folder: RunFolder, stages: tuple[Stage, ...], findings: Finding
             raise _not_made_anew(folder, str(error)) from error
         log.warning("%s", error)
         for suffix in ("", "-wal", "-shm"):
-            damaged = folder.ledger.with_name(folder.ledger.name + suffix)
-            if damaged.exists():
-                damaged.replace(damaged.with_name(f"damaged-{damaged.name}"))
-        findings.rebuilt = True
-        return Ledger(folder.ledger, stages)
+            file = folder.ledger.with_name(folder.ledger.name + suffix)
+            if file.exists():
+                file.replace(file.with_name(f"damaged-{file.name}"))
+        ledger, damaged = Ledger(folder.ledger, stages), True
+    findings.rebuilt = damaged or (ledger.unfinished and bool(_shards(folder, f"{SHARDS}*")))
+    if findings.rebuilt:
+        ledger.begin_rebuild()
     return ledger
 
 

@@ -50,11 +50,18 @@ class OfferedPolicy:
 ASIDE = "set aside: "
 """Begins the reason of an episode that was given up, unlike those that a stage rejected."""
 _FORGOTTEN = "rejected before the ledger was made anew"
+_REBUILDING = "rebuilding"
 _REBUILT = "rebuilt"
 """Key of the length that a run was to have when its ledger was made anew."""
 _RETIRED = "retired/"
 """Begins the key of a recorder that was given up."""
-_DISK_CODES = (sqlite3.SQLITE_FULL, sqlite3.SQLITE_READONLY, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_CANTOPEN)
+_DISK_CODES = (
+    sqlite3.SQLITE_FULL,
+    sqlite3.SQLITE_READONLY,
+    sqlite3.SQLITE_IOERR,
+    sqlite3.SQLITE_CANTOPEN,
+    sqlite3.SQLITE_BUSY,
+)
 
 
 def _files_of(policies: Sequence[OfferedPolicy]) -> set[str]:
@@ -379,8 +386,18 @@ class Ledger:
         self._run("INSERT OR IGNORE INTO episode (idx, stage, state) VALUES (?, '', 'waiting')", index)
         self.commit(index, recorder, shard, samples, policy)
 
+    def begin_rebuild(self) -> None:
+        """Note that the ledger is being made anew, until `fill_gaps`: a kill in between leaves it `unfinished`."""
+        self._run("INSERT OR REPLACE INTO run VALUES (?, '')", _REBUILDING)
+
+    @property
+    def unfinished(self) -> bool:
+        """True if it knows of no episode, or not of all that its shards hold: it was being made anew."""
+        known = self._one("SELECT 1 FROM episode LIMIT 1")
+        return known is None or self._held("SELECT 1 FROM run WHERE key = ?", _REBUILDING)
+
     def fill_gaps(self, last: int, wanted: int) -> None:
-        """Open the indices up to `last` that nothing is known of, in a ledger that was made anew.
+        """Open the indices up to `last` that nothing is known of, and so end making a ledger anew.
 
         Some of them were rejected, and will be again: the run is not longer than `wanted` for that.
         """
@@ -393,6 +410,7 @@ class Ledger:
                 # A run has no more open indices than episodes: all others were rejected.
                 self._run("UPDATE episode SET state = 'rejected', reason = ? WHERE state = 'waiting'", _FORGOTTEN)
             self._run("INSERT OR REPLACE INTO run VALUES (?, ?)", _REBUILT, str(wanted))
+            self._run("DELETE FROM run WHERE key = ?", _REBUILDING)
 
     def check(self) -> None:
         """Raise RunError if the file is damaged."""
@@ -592,8 +610,8 @@ class Ledger:
 
     def _worded(self, error: sqlite3.Error) -> RunError:
         # The lower byte of an extended code is the plain one.
-        full = getattr(error, "sqlite_errorcode", 0) & 0xFF in _DISK_CODES
-        return (DiskError if full else RunError)(
+        later = getattr(error, "sqlite_errorcode", 0) & 0xFF in _DISK_CODES
+        return (DiskError if later else RunError)(
             f"The run's ledger {self.path} cannot be used: {error}; if the disk is full, free some space and run "
             "the same command again, else record into a new folder."
         )

@@ -2,6 +2,7 @@ import shutil
 import sqlite3
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
@@ -11,7 +12,8 @@ from readygo.apps.run.recovery import Witness, check_recorded, recover
 from readygo.common.dataset import Dataset, validate
 from readygo.common.dataset.committed import episode_indices
 from readygo.common.dataset.index import load_index
-from readygo.common.errors import RunError
+from readygo.common.errors import DiskError, RunError
+from readygo.services.coordinator import Ledger
 from readygo.services.recorder import RecorderConfig
 from tests.apps.fleet.toy_line import DRAW, FILM, in_process, make_folder
 
@@ -212,3 +214,41 @@ def test_ledger_is_not_made_anew_without_the_shards_of_other_machines(
         recover(folder, recorded_here=False)
     assert recover(folder).rebuilt
     assert recover(folder, recorded_here=False) == recovery.Findings()
+
+
+def _start_on_a_full_disk(folder: RunFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lose the ledger, and have a start get no further than to make an empty one."""
+    _lose_ledger(folder)
+    Ledger(folder.ledger, LINE).close()
+
+
+def _end_while_it_is_made_anew(folder: RunFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    _lose_ledger(folder)
+    with monkeypatch.context() as context:
+        context.setattr(Ledger, "fill_gaps", Mock(side_effect=KeyboardInterrupt))
+        with pytest.raises(KeyboardInterrupt):
+            recover(folder)
+
+
+@pytest.mark.parametrize("interrupted", [_start_on_a_full_disk, _end_while_it_is_made_anew])
+def test_ledger_that_is_half_made_anew_is_made_to_its_end(
+    interrupted: Callable[[RunFolder, pytest.MonkeyPatch], None],
+    folder: RunFolder,
+    recorded: tuple[Path, str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    _lose_shard(folder)
+    interrupted(folder, monkeypatch)
+    assert recover(folder).rebuilt
+    assert in_process(folder, LINE).finished
+    assert Dataset(folder.path).content_hash == recorded[1]
+    assert recover(folder) == recovery.Findings()
+
+
+def test_ledger_that_cannot_be_used_for_now_is_not_damaged(folder: RunFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as context:
+        context.setattr(Ledger, "check", Mock(side_effect=DiskError("The disk is full.")))
+        with pytest.raises(DiskError, match="full"):
+            recover(folder)
+    assert recover(folder) == recovery.Findings()
+    assert not list(folder.state.glob("damaged-*"))
