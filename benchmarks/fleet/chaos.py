@@ -254,6 +254,7 @@ def report(traces: list[tuple[Fault, Trace]], outcome: Outcome, site: Site) -> d
         "skipped": dict(skipped),
         "believed": believed,
         "hung": site.hung,
+        "set_aside": {path.stem: path.read_text().strip() for path in sorted(site.folder.aside.glob("*.txt"))},
         "started_again": dict(Counter(site.reruns)),
     }
 
@@ -267,6 +268,7 @@ def _text(result: dict[str, Any]) -> str:
     lines += [f"  {count:4} skipped: {kind}" for kind, count in result["skipped"].items()]
     lines += [f"  {count:4} started again: {words}" for words, count in result["started_again"].items()]
     lines += [f"  believed: {words}" for words in result["believed"]]
+    lines += [f"  set aside: {episode}: {why}" for episode, why in result["set_aside"].items()]
     wrong = ("missing", "double", "torn", "wrong")
     lines.append(
         ", ".join(f"{name} {len(result[name])}" for name in wrong)

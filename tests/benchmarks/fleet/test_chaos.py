@@ -57,5 +57,6 @@ def test_run_among_faults_is_the_run_left_alone(tmp_path: Path, capsys: pytest.C
     bench_chaos(episodes=4, faults=14, workers=2, longest_s=1.0, folder=tmp_path, json=True)
     result = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert result["ok"]
+    assert result["set_aside"] == {}
     assert result["faults"] >= 10, result["skipped"]
     assert result["believed"] == []
