@@ -1,6 +1,7 @@
 """What photoreal people and people who move are worth in training: policies of equal budget, tried among unseen people.
 
     python -m readygo.benchmarks.policy.realism SCENE --out FOLDER [--episodes 200] [--samples 400000] [--test 100]
+        [--methods straight-line gnm]
 
 Each arm is recorded and trained alike, by the commands of `readygo`. The same command goes on where it was stopped; in
 a folder of another scene, other people or another budget it ends in a line:
@@ -10,7 +11,8 @@ a folder of another scene, other people or another budget it ends in a line:
 - static: data without people
 
 All of them are tried in the same episodes of the split test, among photoreal people of whom no data have one
-(`--unseen avatars`), beside the expert. Prints one line of JSON for every arm and task, then one for every comparison
+(`--unseen avatars`), beside the expert and what else `--methods` names: gnm, vint and nomad are trained on the data of
+photoreal, `--network-samples` of them. Prints one line of JSON for every arm and task, then one for every comparison
 with "photoreal": rates and means with 95 % intervals, McNemar's p. `--json FILE` writes all of it.
 """
 
@@ -24,6 +26,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from readygo.apps.run.methods import CHECKPOINTS, NETWORKS
 from readygo.benchmarks.rasterizer.render import machine
 from readygo.common.episode import EpisodeConfig
 from readygo.common.errors import ReadygoError, RunError
@@ -60,6 +63,10 @@ class Job:
     """Episodes per task."""
     test_scenes: Sequence[str]
     """Where policies are tried."""
+    methods: Sequence[str]
+    """That also drive, by what `readygo evaluate` calls them."""
+    network_samples: int
+    """That each published network is shown."""
     workers: int
     seed: int
 
@@ -93,14 +100,22 @@ def make_policy(job: Job, arm: str) -> None:
     _readygo("train", data, "--out", policy, "--samples", job.samples, "--seed", job.seed, "--recipe", "best")
 
 
+def train_networks(job: Job) -> None:
+    """Train the published networks that are asked for on the data of the arm photoreal, unless that is done."""
+    for network in (name for name in job.methods if name in NETWORKS):
+        if not (job.out / CHECKPOINTS / NETWORKS[network]).is_file():
+            budget = ("--samples", job.network_samples, "--seed", job.seed)
+            _readygo("train", job.out / "photoreal-data", "--recipe", network, "--out", job.out / CHECKPOINTS, *budget)
+
+
 def evaluate(job: Job, arm: str, scene: str) -> list[EpisodeRecord]:
     """An arm's policy among photoreal people that it never saw; the records carry the arm's name."""
     out = job.out / f"{arm}-in-{Path(scene).name.replace(':', '-')}"
-    methods = (POLICY, EXPERT) if arm == "photoreal" else (POLICY,)
+    methods = (POLICY, EXPERT, *job.methods) if arm == "photoreal" else (POLICY,)
     _readygo(
         *("evaluate", scene, job.out / f"{arm}-policy", "--out", out, "--episodes", job.test, "--tasks", *TASKS),
         *("--methods", *methods, "--config", job.out / "photoreal.toml", "--seed", job.seed, "--workers", job.workers),
-        *("--avatars", f"{job.avatars}:test", "--unseen", "avatars"),
+        *("--avatars", f"{job.avatars}:test", "--unseen", "avatars", "--checkpoints", job.out / CHECKPOINTS),
     )
     lines = (out / RECORDS_FILE).read_text().splitlines()
     records = [record_of_mapping(json.loads(line)) for line in lines]
@@ -135,6 +150,7 @@ def compare(job: Job) -> dict[str, Any]:
     prepare(job)
     for arm in ARMS:
         make_policy(job, arm)
+    train_networks(job)
     found = {}
     for scene in (job.scene, *job.test_scenes):
         name = Path(scene).name
@@ -153,6 +169,8 @@ def main() -> None:
     parser.add_argument("--samples", type=int, default=400_000)
     parser.add_argument("--test", type=int, default=100)
     parser.add_argument("--test-scenes", nargs="*", default=[])
+    parser.add_argument("--methods", nargs="*", default=[])
+    parser.add_argument("--network-samples", type=int, default=40_000)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--json", type=Path)
@@ -167,7 +185,7 @@ def main() -> None:
         # The command has said why.
         sys.exit(error.returncode)
     if file is not None:
-        budget = {name: getattr(job, name) for name in ("episodes", "samples", "test", "seed")}
+        budget = {name: getattr(job, name) for name in ("episodes", "samples", "network_samples", "test", "seed")}
         command = f"python -m readygo.benchmarks.policy.realism {Path(job.scene).name}"
         kept = {"machine": machine(), "command": command, **budget, "scenes": found}
         write_whole(file, json.dumps(kept, indent=1) + "\n")

@@ -1,8 +1,8 @@
 """A discrete planner on the map, as GaussNav has one: forward 0.25 m or turn by 30 degrees, along the shortest way.
 
-It knows the map, and of humans nothing: a privileged baseline of the static task.
-Source: Lei et al., GaussNav: Gaussian splatting for visual navigation, 2024: actions of Habitat, short-term goals of a
-shortest-way field on a grid.
+It knows the map, and of humans nothing: a privileged baseline of the static task. Robots of Habitat slide along what
+they touch; here that ends an episode, so that a step forward is only taken where there is room for it.
+Source: Lei et al., GaussNav: Gaussian splatting for visual navigation, 2024: actions of Habitat, ways on a grid.
 """
 
 import math
@@ -15,8 +15,12 @@ from readygo.services.evaluator.drivers import DriverFailure
 
 FORWARD_M = 0.25
 TURN_RAD = math.radians(30.0)
-LOOKAHEAD_M = 0.75
-"""Distance of the short-term goal [m]."""
+TURNS = round(math.pi / TURN_RAD)
+"""Turns to look back."""
+TURN_COST_M = 0.03
+"""Way that is gone rather than turn once more [m]."""
+LOOK_STEPS = 2
+"""Steps forward that are thought of in advance."""
 HALT_MPS, HALT_RADPS = 0.02, 0.02
 """A robot this slow stands: the next action may begin."""
 
@@ -61,7 +65,7 @@ class DiscretePlannerDriver:
         w = _braking(action.turn_rad, robot.alpha_max_radps2, robot.w_max_radps, held_s)
         if action.forward_m > 0 and action.forward_m <= _brakes_in(simulation.v_mps, robot.a_max_mps2, held_s):
             # Who goes on in the same direction need not stop.
-            action.forward_m += self._next_action(simulation, plan.field).forward_m
+            action.forward_m += self._next_action(simulation, plan.field, action.forward_m).forward_m
             v = _braking(action.forward_m, robot.a_max_mps2, robot.v_max_mps, held_s)
         stands = abs(simulation.v_mps) < HALT_MPS and abs(simulation.w_radps) < HALT_RADPS
         if abs(v) < HALT_MPS and abs(w) < HALT_RADPS and stands:
@@ -70,13 +74,29 @@ class DiscretePlannerDriver:
             w = _braking(plan.action.turn_rad, robot.alpha_max_radps2, robot.w_max_radps, held_s)
         return max(v, 0.0), w
 
-    def _next_action(self, simulation: EpisodeSimulation, field: GoalField) -> Action:
-        to_x, to_y = field.ahead(simulation.x_m, simulation.y_m, LOOKAHEAD_M)
-        bearing = math.atan2(to_y - simulation.y_m, to_x - simulation.x_m) - simulation.yaw_rad
-        bearing = (bearing + math.pi) % (2 * math.pi) - math.pi
-        if abs(bearing) > TURN_RAD / 2:
-            return Action(turn_rad=math.copysign(TURN_RAD, bearing))
-        return Action(forward_m=FORWARD_M)
+    def _next_action(self, simulation: EpisodeSimulation, field: GoalField, left_m: float = 0.0) -> Action:
+        """The action after one that still goes `left_m` forward."""
+        yaw = simulation.yaw_rad
+        x, y = simulation.x_m + left_m * math.cos(yaw), simulation.y_m + left_m * math.sin(yaw)
+        turns, _ = _best_turns(field, x, y, yaw, LOOK_STEPS)
+        return Action(turn_rad=math.copysign(TURN_RAD, turns)) if turns else Action(forward_m=FORWARD_M)
+
+
+def _best_turns(field: GoalField, x_m: float, y_m: float, yaw_rad: float, steps: int) -> tuple[int, float]:
+    """Turns before the next step forward, to the left above 0, and how long the way to the goal is then [m]."""
+    best = (0, math.inf)
+    for turns in sorted(range(-TURNS + 1, TURNS + 1), key=abs):
+        yaw = yaw_rad + turns * TURN_RAD
+        to_x, to_y = x_m + FORWARD_M * math.cos(yaw), y_m + FORWARD_M * math.sin(yaw)
+        if not field.is_free((x_m, y_m), (to_x, to_y)):
+            continue
+        rest_m = field.distance_m(to_x, to_y)
+        if steps > 1 and rest_m > FORWARD_M:
+            rest_m = _best_turns(field, to_x, to_y, yaw, steps - 1)[1]
+        way_m = FORWARD_M + rest_m + TURN_COST_M * abs(turns)
+        if way_m < best[1] - 1e-9:
+            best = (turns, way_m)
+    return best
 
 
 def _braking(left: float, slowing: float, largest: float, held_s: float) -> float:

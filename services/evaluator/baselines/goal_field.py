@@ -54,6 +54,13 @@ class GoalField:
             return self._goal_xy_m
         return self._frame.centre_m(*best)
 
+    def is_free(self, from_xy_m: tuple[float, float], to_xy_m: tuple[float, float]) -> bool:
+        """Is there room on the straight line between two points? What leads out of where there is none, is."""
+        a, b = self._cell(from_xy_m), self._cell(to_xy_m)
+        if self._factor[a] != FREE:
+            return bool(self._factor[b] == FREE)
+        return self._straight(a, b)
+
     def _straight(self, a: tuple[int, int], b: tuple[int, int]) -> bool:
         return bool(line_is_free(self._factor, a[0] + 0.5, a[1] + 0.5, b[0] + 0.5, b[1] + 0.5, FREE))
 

@@ -23,6 +23,8 @@ def job(tmp_path: Path) -> realism.Job:
         samples=100,
         test=2,
         test_scenes=(),
+        methods=("straight-line", "gnm"),
+        network_samples=50,
         workers=1,
         seed=0,
     )
@@ -73,6 +75,21 @@ def test_what_is_done_is_not_done_again_and_a_folder_of_another_budget_is_refuse
         realism.prepare(dataclasses.replace(job, samples=200))
 
 
+def test_networks_that_are_asked_for_learn_from_the_photoreal_arm_once(job, monkeypatch) -> None:
+    said = []
+
+    def run(*arguments: object) -> None:
+        said.append(" ".join(map(str, arguments)))
+        (job.out / "checkpoints").mkdir()
+        (job.out / "checkpoints" / "gnm_large.pth").touch()
+
+    monkeypatch.setattr(realism, "_readygo", run)
+    realism.train_networks(job)
+    realism.train_networks(job)
+    assert [line.split(" --out")[0] for line in said] == [f"train {job.out / 'photoreal-data'} --recipe gnm"]
+    assert said[0].endswith("--samples 50 --seed 0")
+
+
 def test_arms_are_compared_on_their_common_episodes() -> None:
     won, lost = Outcome.SUCCESS, Outcome.HUMAN_COLLISION
     found = realism.tables([*records("photoreal", [won, won, lost]), *records("mesh", [lost, won, lost])])
@@ -86,6 +103,7 @@ def test_records_carry_the_name_of_their_arm(job, monkeypatch) -> None:
         words = [str(word) for word in arguments]
         assert words[words.index("--avatars") + 1] == "embedded:test"
         assert words[words.index("--unseen") + 1] == "avatars"
+        assert words[words.index("--methods") + 1 :][:4] == ["policy", "expert", "straight-line", "gnm"]
         out = Path(words[words.index("--out") + 1])
         out.mkdir()
         policy = records("policy", [Outcome.SUCCESS])[0]

@@ -7,7 +7,7 @@ from readygo.common.messages import EpisodeKey, EpisodeMotions, HumanMotion, Hum
 from tests.services.evaluator.conftest import ROBOT, hall
 
 
-def drive(driver, start, goal, tracks=()):
+def drive(driver, start, goal, tracks=(), occupancy=None):
     """The episode at its end, and the robot's poses, shape (T + 1, 3)."""
     scenario = Scenario(
         episode=EpisodeKey(seed=0, split=Split.TEST, index=0),
@@ -16,7 +16,7 @@ def drive(driver, start, goal, tracks=()):
         humans=tuple(HumanTrajectory(avatar="a", encounter="crossing", speed_mps=1.0, xy_m=t) for t in tracks),
     )
     motions = EpisodeMotions(humans=tuple(HumanMotion(avatar="a", motion=_upright(track)) for track in tracks))
-    simulation = EpisodeSimulation(scenario, motions, hall(), ROBOT, EpisodeConfig())
+    simulation = EpisodeSimulation(scenario, motions, occupancy or hall(), ROBOT, EpisodeConfig())
     memory = driver.start(simulation)
     while simulation.outcome is None:
         simulation.advance(*driver.commands([(simulation, memory)])[0])
