@@ -29,7 +29,7 @@ class GoalField:
             goal_xy_m: Where to.
         """
         self._frame = occupancy.frame
-        self.clearance_m = clearance_m(occupancy)
+        self.clearance_m: npt.NDArray[np.float32] = clearance_m(occupancy)
         self._factor = np.where(self.clearance_m > radius_m, np.uint8(FREE), np.uint8(0))
         goal = self._cell(goal_xy_m)
         self._factor[goal] = FREE
@@ -53,6 +53,10 @@ class GoalField:
         if self._units[best] == 0 or best == start:
             return self._goal_xy_m
         return self._frame.centre_m(*best)
+
+    def clearances_m(self, xy_m: npt.NDArray[np.float64]) -> npt.NDArray[np.float32]:
+        """Distances from points (N, 2) to what is nearest [m], shape (N,)."""
+        return np.array([self.clearance_m[self._cell((x, y))] for x, y in xy_m.tolist()], np.float32)
 
     def is_free(self, from_xy_m: tuple[float, float], to_xy_m: tuple[float, float]) -> bool:
         """Is there room on the straight line between two points? What leads out of where there is none, is."""

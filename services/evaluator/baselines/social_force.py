@@ -25,6 +25,10 @@ WALL_MPS2, WALL_M = 1.5, 0.15
 """Strength and reach of the push of a wall."""
 BEHIND = 0.3
 """Share of its push that a human behind has."""
+BRAKING = 0.7
+"""Share of the largest deceleration that is counted on before walls."""
+TOUCH_M = 0.03
+"""Distance to walls that is kept [m]."""
 LOOKAHEAD_M = 1.0
 HEADING_GAIN_PER_S = 2.5
 
@@ -61,7 +65,8 @@ class SocialForceDriver:
         speed, heading = math.hypot(vx, vy), math.atan2(vy, vx)
         off = (heading - simulation.yaw_rad + math.pi) % (2 * math.pi) - math.pi
         w = min(max(HEADING_GAIN_PER_S * off, -simulation.robot.w_max_radps), simulation.robot.w_max_radps)
-        return max(0.0, math.cos(off)) * min(speed, simulation.robot.v_max_mps), w if speed > 0.05 else 0.0
+        v = max(0.0, math.cos(off)) * min(speed, simulation.robot.v_max_mps, _safe_speed(simulation, walk.field))
+        return v, w if speed > 0.05 else 0.0
 
     def _wanted_velocity(
         self, simulation: EpisodeSimulation, field: GoalField, humans: np.ndarray, velocities: np.ndarray
@@ -96,6 +101,17 @@ def _human_push(
     facing = BEHIND + (1 - BEHIND) * (1 + cosine) / 2
     push = HUMAN_MPS2 * facing * math.exp(-max(gap_m, 0.0) / HUMAN_M - time_s / DECAY_S)
     return push * nearest[0] / max(distance, 1e-6), push * nearest[1] / max(distance, 1e-6)
+
+
+def _safe_speed(simulation: EpisodeSimulation, field: GoalField) -> float:
+    """The speed from which the robot can stop before it touches what is ahead [m/s], whatever pushes it there."""
+    robot, x, y, yaw = simulation.robot, simulation.x_m, simulation.y_m, simulation.yaw_rad
+    stop_m = robot.v_max_mps**2 / (2 * BRAKING * robot.a_max_mps2) + TOUCH_M
+    steps = np.arange(TOUCH_M, stop_m + TOUCH_M, TOUCH_M)
+    clearances = field.clearances_m(np.column_stack([x + steps * math.cos(yaw), y + steps * math.sin(yaw)]))
+    blocked = np.flatnonzero(clearances <= robot.radius_m + TOUCH_M)
+    free_m = float(steps[blocked[0]]) - 2 * TOUCH_M if blocked.size else math.inf
+    return math.sqrt(2 * BRAKING * robot.a_max_mps2 * max(free_m, 0.0))
 
 
 def _wall_push(simulation: EpisodeSimulation, field: GoalField) -> tuple[float, float]:

@@ -23,3 +23,10 @@ def test_somebody_who_comes_from_the_side_is_kept_away_from():
     assert simulation.outcome is Outcome.SUCCESS
     gaps = np.hypot(*(path[:, :2] - crossing[np.minimum(np.arange(len(path)), 119)]).T)
     assert gaps.min() > 0.5
+
+
+def test_who_is_pushed_to_the_wall_does_not_touch_it():
+    for speed_mps in (0.6, 1.0, 1.4):
+        coming = np.stack([7.0 - speed_mps * np.arange(1000) * 0.05, np.full(1000, 1.0)], axis=1)
+        simulation, _ = drive(SocialForceDriver(), (1.0, 0.7, 0.0), (7.5, 0.7), [coming])
+        assert simulation.outcome is Outcome.SUCCESS
