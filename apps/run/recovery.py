@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from readygo.apps.run.folder import RunFolder
+from readygo.apps.run.recorders import keep_retired
 from readygo.common.dataset.committed import episode_indices
 from readygo.common.dataset.index import DATA_END_SIZE, ShardIndex, index_path, load_index, mapped, tail_offset
 from readygo.common.dataset.records import RECORD_HEADER
@@ -93,6 +94,7 @@ def recover(folder: RunFolder, *, every_byte: bool = False, recorded_here: bool 
     named = _by_name(folder, sound)
     ledger = _open_ledger(folder, spec.stages, findings, recorded_here=recorded_here)
     try:
+        keep_retired(folder, ledger)
         lost = _give_back(ledger, folder, named, recorded_here=recorded_here)
         findings.lost = sorted(lost - _adopted(ledger, named, spec))
         if findings.rebuilt:
