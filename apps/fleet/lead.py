@@ -8,7 +8,7 @@ from pathlib import Path
 
 from readygo.apps.fleet.access import join, open_router, reached_here
 from readygo.apps.fleet.token import given_token, new_token
-from readygo.apps.fleet.worker import LATE_S, TICK_S, make_coordinator
+from readygo.apps.fleet.worker import LATE_S, TICK_S, make_coordinator, take_the_lead
 from readygo.apps.observe.health import showing_health
 from readygo.apps.observe.observer import Observer
 from readygo.apps.observe.settings import NOTHING
@@ -18,7 +18,7 @@ from readygo.apps.run.recorders import prepare_folders
 from readygo.apps.run.recovery import recover
 from readygo.common.bus import Bus
 from readygo.common.bus.identity import COORDINATOR
-from readygo.common.errors import BusError, RunError
+from readygo.common.errors import RunError
 from readygo.common.messages import StatusReply, StatusRequest
 from readygo.services import coordinator as coordination
 
@@ -46,10 +46,10 @@ def lead(
         observer: What this process shows of itself.
 
     Raises:
-        RunError: If another process works on the folder, the run is of another version, its ledger is lost, somebody
-            leads it already, or it cannot be finished.
+        RunError: If another process works on the folder, the run is of another version, its ledger is lost, or it
+            cannot be finished.
         CertificateError: If the certificates cannot be used.
-        BusError: If the endpoint cannot be opened, or no router answers there.
+        BusError: If the endpoint cannot be opened, no router answers there, or somebody leads the run there already.
     """
     spec, _ = folder.load()
     check_version(spec)
@@ -69,23 +69,12 @@ def lead(
                 opened.callback(open_router(coordinator.recorders, endpoint, certs=certs, token=token).close)
             bus = watched.bus(join(here, spec.run, COORDINATOR, certs=certs, token=token))
             opened.callback(bus.close)
-            _take_the_lead(bus, spec.run, here)
+            take_the_lead(bus, spec.run)
             opened.enter_context(folder.reachable(here, token))
             health = showing_health(bus, COORDINATOR, COORDINATOR, data=folder.path, metrics=watched.metrics_at)
             opened.enter_context(health)
             folder.elsewhere.touch()
             return _until_over(bus, coordinator)
-
-
-def _take_the_lead(bus: Bus, run: str, endpoint: str) -> None:
-    """Say that the run is led, before anything is answered: two that lead one run would give its episodes out twice."""
-    try:
-        bus.announce(COORDINATOR, COORDINATOR)
-    except BusError as error:
-        raise RunError(
-            f"Run {run} is led already at {endpoint}: stop that coordinator, or, for a second run of the same scene "
-            "and settings, choose another --seed."
-        ) from error
 
 
 def _until_over(bus: Bus, coordinator: coordination.Coordinator) -> StatusReply:

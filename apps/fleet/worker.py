@@ -256,6 +256,21 @@ def make_coordinator(folder: RunFolder, *, recorded_here: bool = True) -> coordi
     )
 
 
+def take_the_lead(bus: Bus, run: str) -> None:
+    """Say that a run is led, before anything is answered: two that lead one run would give its episodes out twice.
+
+    Raises:
+        BusError: If another process leads it, in whatever folder.
+    """
+    try:
+        bus.announce(COORDINATOR, COORDINATOR)
+    except BusError as error:
+        raise BusError(
+            f"Run {run} is led already by another coordinator at this router, maybe in a copy of its folder: stop that "
+            "one, or, for a second run of the same scene and settings, choose another --seed."
+        ) from error
+
+
 def make_recorder(bus: Bus, name: str, folder: RunFolder, world: "World") -> Recorder:
     """A recorder of a run, into the run's data folder."""
     return Recorder(
@@ -305,8 +320,8 @@ def _coordinate(bus: Bus, folder: RunFolder, stop: threading.Event, observer: Ob
     with folder.coordinated(patience_s=2 * LATE_S):
         coordinator = make_coordinator(folder)
         observer.coordinator(coordinator)
+        take_the_lead(bus, coordinator.spec.run)
         coordination.attach(bus, coordinator)
-        bus.announce(COORDINATOR, COORDINATOR)
         while not stop.wait(TICK_S):
             coordination.tick(bus, coordinator)
         return coordinator.over

@@ -21,6 +21,7 @@ from readygo.common.bus.identity import ALL, COORDINATOR, TRAINER
 from readygo.common.bus.zenoh_bus import ZenohBus, free_endpoint
 from readygo.common.errors import BusError, RunError
 from readygo.common.messages import Command, ControlRequest, StatusReply, topics
+from readygo.common.messages.stages import STAGES
 from readygo.services.evaluator import EpisodeRecord, shown_record
 
 EVALUATOR = "evaluator"
@@ -31,8 +32,13 @@ CONTROL_S = 2.0
 """Longest wait for a coordinator to take a command [s]."""
 PACE_S = 5.0
 """Time after which a coordinator is told again whether to collect [s]."""
-LEAVE_S = 2.0
-"""Time that workers of other machines have to hear that the run is over [s]."""
+FAREWELL_S = 30.0
+"""Time that workers of other machines have to finish their episodes when the run is over, and to leave [s]."""
+LOOK_S = 0.1
+"""How often it is looked whether they have left [s]."""
+COLLECTORS = frozenset({ALL, *(stage.role for stage in STAGES)})
+STOP_S = 2.0
+"""The same when it is stopped [s]."""
 DEAF_MAX = 6
 """Commands in a row that a coordinator may leave unanswered before it is started anew."""
 
@@ -63,6 +69,8 @@ class Crew:
         self._token = "" if reach.certs else given_token() or new_token()
         self._fleets: dict[str, Fleet] = {}
         self._buses: dict[str, ZenohBus] = {}
+        self._collectors: set[tuple[str, str]] = set()
+        """Scene and name of those that are there."""
         self._collects, self._paced_s = True, 0.0
         self._deaf: Counter[str] = Counter()
         """Commands in a row that each scene's coordinator has not answered."""
@@ -79,7 +87,7 @@ class Crew:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
-        self._dismiss()
+        self._dismiss(FAREWELL_S if error is None else STOP_S)
         self._open.close()
         if error is None:
             for fleet in self._fleets.values():
@@ -190,6 +198,7 @@ class Crew:
         self._buses[place.name] = bus
         bus.announce(EVALUATOR, EVALUATOR)
         bus.subscribe(topics.PROGRESS, partial(self.status.__setitem__, place.name))
+        bus.watch(partial(self._note_presence, place.name))
         fleet = self._fleet(spec.run, [folder.path.resolve()], folder.logs)
         self._fleets[place.name] = fleet
         self._open.callback(fleet.stop)
@@ -201,13 +210,25 @@ class Crew:
         here, certs = reached_here(self._endpoint), self._reach.certs
         return Fleet(connect=here, run=run, data=data, logs=logs, certs=certs, forks=self._forks)
 
-    def _dismiss(self) -> None:
-        """Tell workers of other machines that nothing more will come; those of this one are ended."""
-        for name in self._buses if self._reach.listen else ():
+    def _dismiss(self, patience_s: float) -> None:
+        """Tell workers of other machines that nothing more will come, and let them leave."""
+        if not self._reach.listen:
+            return
+        for name in self._buses:
             with contextlib.suppress(BusError):
                 self._buses[name].request(topics.CONTROL, ControlRequest(command=Command.CANCEL), timeout_s=CONTROL_S)
-        if self._reach.listen:
-            time.sleep(LEAVE_S)
+        deadline_s = time.monotonic() + patience_s
+        while self._guests() and time.monotonic() < deadline_s:
+            time.sleep(LOOK_S)
+
+    def _guests(self) -> set[tuple[str, str]]:
+        """Scene and name of the collectors that are there and of other machines."""
+        own = {(place, member.name) for place, fleet in self._fleets.items() for member in fleet.members}
+        return self._collectors - own
+
+    def _note_presence(self, place: str, role: str, name: str, alive: bool) -> None:
+        if role in COLLECTORS:
+            (self._collectors.add if alive else self._collectors.discard)((place, name))
 
     def _collect(self, fleet: Fleet, wanted: int) -> None:
         names = [member.name for member in fleet.members if member.role == ALL]

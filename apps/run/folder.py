@@ -48,6 +48,11 @@ class RunFolder:
         return self.state / "elsewhere"
 
     @property
+    def retired(self) -> Path:
+        """A file that names the recorders that were given up, one a line, should the ledger be lost."""
+        return self.state / "retired"
+
+    @property
     def aside(self) -> Path:
         """What is known of the episodes that were given up."""
         return self.state / "aside"
@@ -77,7 +82,8 @@ class RunFolder:
     @property
     def has_data(self) -> bool:
         """False also for what a start leaves behind that failed: nothing of it binds the next one."""
-        return self.ledger.exists() or any(self.path.glob("shard-*.mcap*")) or bool(own_folders(self.path))
+        noted = self.ledger.exists() or self.retired.exists()
+        return noted or any(self.path.glob("shard-*.mcap*")) or bool(own_folders(self.path))
 
     def check(self, spec: RunSpec) -> None:
         """See whether this run may use the folder; changes nothing.

@@ -52,11 +52,40 @@ def requeue(folder: RunFolder, recorder: str) -> int:
     spec, _ = folder.load()
     ledger = Ledger(folder.ledger, spec.stages)
     try:
+        _note_retired(folder, _noted(folder) | ledger.retired() | {recorder})
         count = ledger.retire(recorder)
     finally:
         ledger.close()
     note_folders(folder.path, {name: place for name, place in known.items() if name != recorder}, raises=RunError)
     return count
+
+
+def keep_retired(folder: RunFolder, ledger: Ledger) -> None:
+    """Have a ledger that was made anew, or is of an earlier day, know the recorders that were given up.
+
+    Raises:
+        RunError: If the folder cannot be read or written.
+    """
+    noted, known = _noted(folder), ledger.retired()
+    for recorder in sorted(noted - known):
+        ledger.retire(recorder)
+    if known - noted:
+        _note_retired(folder, noted | known)
+
+
+def _noted(folder: RunFolder) -> set[str]:
+    try:
+        return set(folder.retired.read_text().split())
+    except FileNotFoundError:
+        return set()
+    except (OSError, ValueError) as error:
+        raise RunError(
+            f"{folder.retired}, which names recorders that were given up, cannot be read: {error}."
+        ) from error
+
+
+def _note_retired(folder: RunFolder, recorders: set[str]) -> None:
+    write_whole(folder.retired, "".join(f"{name}\n" for name in sorted(recorders)), raises=RunError)
 
 
 def _retired(folder: RunFolder, spec: RunSpec) -> set[str]:

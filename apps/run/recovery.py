@@ -1,27 +1,29 @@
 """A run's ledger and its shards, brought in line again: whatever of the two was lost or damaged.
 
 Shards are what counts. A ledger that is gone is made anew of them; an episode that is in no sound shard any more is
-recorded again. A damaged shard becomes an open one, of which its recorder saves what is whole, as after a crash.
+recorded again. A damaged shard becomes an open one, of which its recorder saves what is whole, as after a crash. Of an
+episode that lies in several shards the first one by name keeps its copy, the others are written again without theirs.
 """
 
 import json
 import logging
 import re
 import zlib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from readygo.apps.run.folder import RunFolder
+from readygo.apps.run.recorders import keep_retired
 from readygo.common.dataset.committed import episode_indices
 from readygo.common.dataset.index import DATA_END_SIZE, ShardIndex, index_path, load_index, mapped, tail_offset
 from readygo.common.dataset.records import RECORD_HEADER
 from readygo.common.dataset.writer import PART_SUFFIX, recorder_of_shard, shard_name
 from readygo.common.errors import DatasetError, DiskError, RunError
 from readygo.common.files import write_whole
-from readygo.common.messages import RunSpec, Stage
+from readygo.common.messages import EpisodeKey, RunSpec, Stage
 from readygo.services.coordinator import Ledger
-from readygo.services.recorder.salvage import next_number
+from readygo.services.recorder.salvage import drop_episodes, next_number
 
 log = logging.getLogger(__name__)
 
@@ -34,8 +36,10 @@ class Findings:
 
     rebuilt: bool = False
     """True if the ledger was made anew."""
-    damaged: dict[str, str] = field(default_factory=dict)
-    """Why, by the name of a shard that is damaged."""
+    damaged: dict[Path, str] = field(default_factory=dict)
+    """Why, by the shard that is damaged."""
+    doubles: dict[Path, int] = field(default_factory=dict)
+    """How many episodes another shard keeps, by the shard that had them as well."""
     lost: list[int] = field(default_factory=list)
     """Episodes that were durable and are in no sound shard: they are recorded again, but for what is saved."""
 
@@ -43,7 +47,13 @@ class Findings:
     def lines(self) -> list[str]:
         """All of it in words."""
         lines = ["The run's ledger was lost or damaged: it is made anew of the shards."] if self.rebuilt else []
-        lines += [f"{name} is damaged ({why}): what is whole in it is saved." for name, why in self.damaged.items()]
+        lines += [
+            f"{shard.name} is damaged ({why}): what is whole in it is saved." for shard, why in self.damaged.items()
+        ]
+        lines += [
+            f"{shard.name} had {count} episodes that are in other shards as well: they are dropped from it."
+            for shard, count in self.doubles.items()
+        ]
         if self.lost:
             lines.append(
                 f"{len(self.lost)} durable episodes are in no sound shard: what cannot be saved is recorded again."
@@ -58,7 +68,8 @@ def recover(folder: RunFolder, *, every_byte: bool = False, recorded_here: bool 
         folder: Of a run, with its spec.
         every_byte: Also read shards again that were found sound before and have not changed since.
         recorded_here: False where recorders have disks on other machines: what the ledger says of those that have no
-            shard here is taken for true, and no ledger is made anew without their shards.
+            shard here is taken for true, no ledger is made anew without their shards, and episodes that are there
+            twice stay so: a recorder may be at work on them.
 
     Raises:
         RunError: If the folder cannot be written, a ledger is lost that cannot be made anew, or `recorded_here` is not
@@ -76,12 +87,16 @@ def recover(folder: RunFolder, *, every_byte: bool = False, recorded_here: bool 
     spec, wanted = folder.load()
     findings = Findings()
     sound = _sound_shards(folder, findings, every_byte=every_byte)
-    for name in findings.damaged:
-        _reopen(folder.shard(name))
+    for shard in findings.damaged:
+        _reopen(shard)
+    if recorded_here:
+        _settle_doubles(folder, sound, spec, findings)
+    named = _by_name(folder, sound)
     ledger = _open_ledger(folder, spec.stages, findings, recorded_here=recorded_here)
     try:
-        lost = _give_back(ledger, folder, sound, recorded_here=recorded_here)
-        findings.lost = sorted(lost - _adopted(ledger, sound, spec))
+        keep_retired(folder, ledger)
+        lost = _give_back(ledger, folder, named, recorded_here=recorded_here)
+        findings.lost = sorted(lost - _adopted(ledger, named, spec))
         if findings.rebuilt:
             indices = [index for shard in _shards(folder, f"{SHARDS}*") for index in _indices(shard)]
             ledger.fill_gaps(max(indices, default=-1), wanted)
@@ -100,13 +115,13 @@ def check_recorded(folder: RunFolder) -> None:
     """
     spec, _ = folder.load()
     findings = Findings()
-    sound = _sound_shards(folder, findings)
+    sound = _by_name(folder, _sound_shards(folder, findings))
     ledger = Ledger(folder.ledger, spec.stages)
     shards = ledger.shards()
     ledger.close()
     missing = sum(len(_missing(episodes, sound.get(name))) for name, episodes in shards.items())
     if missing:
-        why = "; ".join(f"{name}: {why}" for name, why in findings.damaged.items()) or "their shards are gone"
+        why = "; ".join(f"{shard.name}: {why}" for shard, why in findings.damaged.items()) or "their shards are gone"
         raise RunError(
             f"{missing} recorded episodes of {folder.path} cannot be read ({why}); run the same command again, or "
             f"`readygo recover {folder.path}`, to record them anew."
@@ -156,14 +171,14 @@ def _indices(shard: Path) -> list[int]:
     return [index for index, _ in episode_indices(shard)] if shard.is_file() and shard.suffix != ".index" else []
 
 
-def _sound_shards(folder: RunFolder, findings: Findings, *, every_byte: bool = False) -> dict[str, ShardIndex]:
-    """The finished shards that can be read, by name; the others go into the findings.
+def _sound_shards(folder: RunFolder, findings: Findings, *, every_byte: bool = False) -> dict[Path, ShardIndex]:
+    """The finished shards that can be read; the others go into the findings.
 
     Those whose bytes were found to match their checksum once are not read again while size and time stay.
     """
     note = folder.state / "sound.json"
     known = {} if every_byte else _read_note(note)
-    sound: dict[str, ShardIndex] = {}
+    sound: dict[Path, ShardIndex] = {}
     stamps: dict[str, list[int]] = {}
     for shard in _shards(folder, SHARDS):
         stat = shard.stat()
@@ -171,13 +186,19 @@ def _sound_shards(folder: RunFolder, findings: Findings, *, every_byte: bool = F
         try:
             if known.get(shard.name) != stamp:
                 _check_bytes(shard)
-            sound[shard.name] = load_index(shard)
+            sound[shard] = load_index(shard)
             stamps[shard.name] = stamp
         except DatasetError as error:
-            findings.damaged[shard.name] = str(error).split(";")[0]
+            findings.damaged[shard] = str(error).split(";")[0]
     if stamps != known:
         write_whole(note, json.dumps(stamps), raises=RunError)
     return sound
+
+
+def _by_name(folder: RunFolder, sound: Mapping[Path, ShardIndex]) -> dict[str, ShardIndex]:
+    """Shards by name; of two that share one it is that of the shard which lies where its recorder writes."""
+    placed_last = sorted(sound, key=lambda shard: _is_placed(folder, shard))
+    return {shard.name: sound[shard] for shard in placed_last}
 
 
 def _read_note(note: Path) -> dict[str, list[int]]:
@@ -206,6 +227,41 @@ def _reopen(shard: Path) -> None:
         part = shard.with_name(shard_name(recorder, next_number(shard.parent, recorder)) + PART_SUFFIX)
     index_path(shard).unlink(missing_ok=True)
     shard.rename(part)
+
+
+def _settle_doubles(folder: RunFolder, sound: dict[Path, ShardIndex], spec: RunSpec, findings: Findings) -> None:
+    """Leave one copy of every episode; `sound` is then what is left of the shards."""
+    seen: set[EpisodeKey] = set()
+    for shard in sorted(sound, key=lambda shard: (not _is_placed(folder, shard), shard.name)):
+        double: set[int] = set()
+        for row in range(len(sound[shard].episodes)):
+            key = sound[shard].episode_key(row)
+            if key in seen:
+                double.add(row)
+            seen.add(key)
+        if double:
+            findings.doubles[shard] = len(double)
+            del sound[shard]
+            if _without(shard, double, spec):
+                sound[shard] = load_index(shard)
+
+
+def _is_placed(folder: RunFolder, shard: Path) -> bool:
+    """False for a shard that lies where its recorder does not write."""
+    return shard == folder.shard(shard.name)
+
+
+def _without(shard: Path, rows: Collection[int], spec: RunSpec) -> bool:
+    """Leave episodes of a shard out; False if none is left."""
+    # Only here: it brings what all stages need.
+    from readygo.apps.run.world import World
+
+    try:
+        return drop_episodes(shard, rows, World(spec).stage())
+    except OSError as error:
+        raise RunError(
+            f"{shard} cannot be written without what other shards hold as well: {error.strerror or error}."
+        ) from error
 
 
 def _not_made_anew(folder: RunFolder, why: str) -> RunError:
@@ -239,6 +295,9 @@ def _open_ledger(folder: RunFolder, stages: tuple[Stage, ...], findings: Finding
                 file.replace(file.with_name(f"damaged-{file.name}"))
         ledger, damaged = Ledger(folder.ledger, stages), True
     findings.rebuilt = damaged or (ledger.unfinished and bool(_shards(folder, f"{SHARDS}*")))
+    if findings.rebuilt and not recorded_here:
+        ledger.close()
+        raise _not_made_anew(folder, f"The run's ledger {folder.ledger} was lost and is half made anew.")
     if findings.rebuilt:
         ledger.begin_rebuild()
     return ledger

@@ -9,9 +9,11 @@ stall the link when they are slow.
 import contextlib
 import json
 import logging
+import random
 import socket
 import tempfile
 import time
+import uuid
 from collections.abc import Callable, Collection, Mapping
 from functools import partial
 from typing import Any, TypeVar
@@ -253,19 +255,31 @@ class ZenohBus:
 
     def announce(self, role: str, name: str) -> None:
         """Say that a worker is alive; see `Bus.announce`. One that has just died may still seem to be there."""
-        key, deadline_s = self._prefix + presence(role, name), time.monotonic() + _GONE_S
-        while self._present(key):
-            if time.monotonic() > deadline_s:
-                raise BusError(f"Another {role} of the run is called {name!r}: choose another --name.")
-            time.sleep(_RETRY_S)
+        key = self._prefix + presence(role, name)
+        self._claim(key, f"Another {role} of the run is called {name!r}: choose another --name.")
         self._teller.me = role, name
         self._declared.append(self._session.liveliness().declare_token(key))
         # Once this question is answered, the router knows the token: whoever asks from now on sees it.
-        self._present(key)
+        self._tokens(key)
 
-    def _present(self, key: str) -> bool:
-        replies = list(self._session.liveliness().get(key, timeout=_GONE_S))
-        return any(reply.ok for reply in replies)
+    def _claim(self, key: str, taken: str) -> None:
+        """Be the only one below `key`: who sees another one's token beside its own takes it back, and tries again."""
+        own, deadline_s = f"{key}/{uuid.uuid4().hex}", time.monotonic() + _GONE_S
+        while True:
+            if not self._tokens(f"{key}/**"):
+                token = self._session.liveliness().declare_token(own)
+                if self._tokens(f"{key}/**") <= {own}:
+                    self._declared.append(token)
+                    return
+                token.undeclare()  # type: ignore[no-untyped-call]
+            if time.monotonic() > deadline_s:
+                raise BusError(taken)
+            time.sleep(random.uniform(1.0, 3.0) * _RETRY_S)
+
+    def _tokens(self, keys: str) -> set[str]:
+        """Keys of the liveliness tokens that the router knows."""
+        replies = self._session.liveliness().get(keys, timeout=_GONE_S)
+        return {str(reply.ok.key_expr) for reply in replies if reply.ok}
 
     def watch(self, changed: Callable[[str, str, bool], None]) -> None:
         """Hear of workers; see `Bus.watch`."""

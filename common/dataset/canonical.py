@@ -34,6 +34,7 @@ _BY_NUMBER = {
 _STAMPED = {
     number for number, channel in _BY_NUMBER.items() if channel.message.DESCRIPTOR.full_name.startswith("foxglove.")
 }
+_MESSAGE, _packed_head = int(Opcode.MESSAGE), MESSAGE_HEADER.pack
 _VIEW_NUMBERS = {channel.number for channel in schemas.VIEW_CHANNELS}
 
 
@@ -76,16 +77,16 @@ def canonical_parts(view: memoryview, messages: Sequence[Message], index: int) -
             number = message.channel
             if number == schemas.ROS_CALIBRATION.number:
                 number, payload = schemas.CALIBRATION.number, with_pixels_moved(payload, HALF_PX)
-            times_ns = message.log_time_ns + shift_ns, message.publish_time_ns + shift_ns
-            yield record_head(number, message.sequence, times_ns, len(payload))
+            log_ns, publish_ns = message.log_time_ns + shift_ns, message.publish_time_ns + shift_ns
+            yield record_head(number, message.sequence, log_ns, publish_ns, len(payload))
             yield payload
     except (DecodeError, struct.error, ValueError, OverflowError) as error:
         raise DatasetError(f"a message of an episode cannot be read: {error}") from error
 
 
-def record_head(number: int, sequence: int, times_ns: tuple[int, int], payload_size: int) -> bytes:
-    """What goes before the payload in the record of a message; `times_ns` are those of logging and publishing."""
-    return MESSAGE_HEADER.pack(Opcode.MESSAGE, MESSAGE_FIELDS_SIZE + payload_size, number, sequence, *times_ns)
+def record_head(number: int, sequence: int, log_ns: int, publish_ns: int, payload_size: int) -> bytes:
+    """What goes before the payload in the record of a message."""
+    return _packed_head(_MESSAGE, MESSAGE_FIELDS_SIZE + payload_size, number, sequence, log_ns, publish_ns)
 
 
 def moved(view: memoryview, message: Message, shift_ns: int) -> bytes | memoryview:

@@ -2,6 +2,7 @@
 
 import hashlib
 import struct
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -47,15 +48,14 @@ def encode_episode(
         DatasetError: If samples are missing, do not all have the same outputs and their labels, or have numbers that
             no shard can hold.
     """
-    name = header.episode.episode_id
     if not samples or [sample.seq for sample in samples] != list(range(header.sample_count)):
-        raise DatasetError(f"Episode {name} has {header.sample_count} samples, got {len(samples)} to record.")
+        raise DatasetError(f"{_name(header)} has {header.sample_count} samples, got {len(samples)} to record.")
     for sample in samples:
         _check_alike(sample, samples[0], header)
     try:
         return _Encoder(header, samples, place).encoded(attempt)
     except (struct.error, ValueError, OverflowError, TypeError, LookupError) as error:
-        raise DatasetError(f"Episode {name} cannot be recorded: {error}.") from error
+        raise DatasetError(f"{_name(header)} cannot be recorded: {error}.") from error
 
 
 def outputs_of(header: EpisodeHeader, sample: Sample) -> tuple[str, ...]:
@@ -78,7 +78,9 @@ class _Records:
     def __init__(self, canonical_ns: int, start_ns: int) -> None:
         self.canonical_ns, self.start_ns = canonical_ns, start_ns
         self.parts: list[bytes] = []
-        self.offsets: dict[int, list[tuple[int, int]]] = {channel.number: [] for channel in schemas.CHANNELS}
+        self.offsets: defaultdict[int, list[tuple[int, int]]] = defaultdict(
+            list, {channel.number: [] for channel in schemas.CHANNELS}
+        )
         """(log time [ns], offset) of the messages of each channel."""
         self.size = 0
         """Bytes written so far."""
@@ -99,24 +101,27 @@ class _Records:
         if timed is Timed.NOWHERE:
             self.hash(channel.number, sequence, parts)
             return self.write(channel.number, sequence, parts)
+        if timed is Timed.FIRST:
+            self.hash(channel.number, sequence, (self._canonical_stamp, *parts))
+            return self.write(channel.number, sequence, (self.stamp, *parts))
         self.hash(channel.number, sequence, content.at(self._canonical_stamp))
         return self.write(channel.number, sequence, content.at(self.stamp))
 
     def hash(self, number: int, sequence: int, payload: tuple[bytes, ...]) -> None:
         """Hash a message of the canonical form, its payload in pieces."""
         time_ns = self._canonical_ns
-        self._unhashed += (record_head(number, sequence, (time_ns, time_ns), sum(map(len, payload))), *payload)
+        self._unhashed.append(record_head(number, sequence, time_ns, time_ns, sum(map(len, payload))))
+        self._unhashed += payload
 
     def write(self, number: int, sequence: int, payload: tuple[bytes, ...]) -> int:
         """Write a message, its payload in pieces; where the payload begins."""
-        size, offset, time_ns = sum(map(len, payload)), self.size, self._time_ns
-        self.parts += (record_head(number, sequence, (time_ns, time_ns), size), *payload)
-        offsets = self.offsets.get(number)
-        if offsets is None:
-            offsets = self.offsets[number] = []
-        offsets.append((time_ns, offset))
-        self.size = offset + MESSAGE_HEADER.size + size
-        return offset + MESSAGE_HEADER.size
+        time_ns, size, offset = self._time_ns, sum(map(len, payload)), self.size
+        self.parts.append(record_head(number, sequence, time_ns, time_ns, size))
+        self.parts += payload
+        self.offsets[number].append((time_ns, offset))
+        begin = offset + MESSAGE_HEADER.size
+        self.size = begin + size
+        return begin
 
     def digest(self) -> str:
         """SHA-256 of what was hashed."""
@@ -246,30 +251,34 @@ def _rows(samples: Sequence[Sample]) -> npt.NDArray[np.void]:
 
 def _check_alike(sample: Sample, first: Sample, header: EpisodeHeader) -> None:
     """Raise DatasetError unless a sample has all that its header and the episode's first sample have, and no more."""
-    name, taken = header.episode.episode_id, sample.seq % header.image_every == 0
+    taken = sample.seq % header.image_every == 0
     if bool(sample.image) != taken:
         raise DatasetError(
-            f"Episode {name} has images at every {header.image_every}. sample, but sample {sample.seq} has "
+            f"{_name(header)} has images at every {header.image_every}. sample, but sample {sample.seq} has "
             f"{'none' if taken else 'one'}."
         )
     wanted = first.outputs.keys() if sample.seq == 0 else first.outputs.keys() - {GOAL_IMAGE}
     if sample.outputs.keys() != (wanted if taken else set()):
         raise DatasetError(
-            f"Episode {name} has the outputs {sorted(first.outputs)} at sample 0, but "
+            f"{_name(header)} has the outputs {sorted(first.outputs)} at sample 0, but "
             f"{sorted(sample.outputs)} at sample {sample.seq}."
         )
     if sample.seq == 0 and set(schemas.further_cameras(sample.outputs)) != {camera.name for camera in header.cameras}:
         raise DatasetError(
-            f"Episode {name} has images of the further cameras {sorted(schemas.further_cameras(sample.outputs))}, its "
+            f"{_name(header)} has images of the further cameras {sorted(schemas.further_cameras(sample.outputs))}, its "
             f"header names {sorted(camera.name for camera in header.cameras)}."
         )
     if len(sample.labels) != (len(sample.humans_xyzyaw) if header.labels else 0):
         raise DatasetError(
-            f"Episode {name} has {len(sample.labels)} labels for {len(sample.humans_xyzyaw)} humans at sample "
+            f"{_name(header)} has {len(sample.labels)} labels for {len(sample.humans_xyzyaw)} humans at sample "
             f"{sample.seq}; its header says {'all' if header.labels else 'none'} are labelled."
         )
     if len(sample.expert_commands) != (len(first.expert_commands) if taken else 0):
         raise DatasetError(
-            f"Episode {name} has {len(first.expert_commands)} commands of the expert at sample 0, but "
+            f"{_name(header)} has {len(first.expert_commands)} commands of the expert at sample 0, but "
             f"{len(sample.expert_commands)} at sample {sample.seq}."
         )
+
+
+def _name(header: EpisodeHeader) -> str:
+    return f"Episode {header.episode.episode_id}"

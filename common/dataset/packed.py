@@ -59,14 +59,20 @@ class Content(NamedTuple):
             return (time, *self.parts)
         if self.timed is Timed.NOWHERE:
             return self.parts
-        return tuple([field(self.timed.value, time + part) for part in self.parts])
+        number = self.timed.value
+        return tuple([field(number, time + part) for part in self.parts])
 
 
 def stamp(time_ns: int) -> bytes:
     """The field with a time [ns]."""
     seconds, nanos = divmod(time_ns, schemas.NS_PER_S)
-    content = (b"\x08" + varint(seconds) if seconds else b"") + (b"\x10" + varint(nanos) if nanos else b"")
-    return field(1, content)
+    return field(1, _number(b"\x08", seconds) + _number(b"\x10", nanos))
+
+
+@functools.lru_cache(maxsize=1 << 12)
+def _number(tag: bytes, value: int) -> bytes:
+    """A field that is a whole number; nothing if it is zero."""
+    return tag + varint(value) if value else b""
 
 
 def varint(value: int) -> bytes:
@@ -83,18 +89,23 @@ def varint(value: int) -> bytes:
 
 def field(number: int, content: bytes) -> bytes:
     """A field below 16 that is a message or bytes."""
-    return _BYTES[number << 3 | _LENGTH] + varint(len(content)) + content
+    return _field_head(number, len(content)) + content
+
+
+@functools.lru_cache(maxsize=1 << 12)
+def _field_head(number: int, size: int) -> bytes:
+    return _BYTES[number << 3 | _LENGTH] + varint(size)
 
 
 def doubles(*values: float) -> bytes:
     """The numbers of a message in its first fields; those that are zero are left out."""
-    return b"".join(
-        [
-            _TAGGED_DOUBLE.pack(tag, value)
-            for tag, value in zip(_DOUBLE_TAGS, values, strict=False)
-            if value or math.copysign(1.0, value) < 0.0
-        ]
-    )
+    if len(values) == 2 and values[0] and values[1]:
+        return _TWO_DOUBLES.pack(9, values[0], 17, values[1])
+    out = b""
+    for tag, value in zip(_DOUBLE_TAGS, values, strict=False):
+        if value or math.copysign(1.0, value) < 0.0:
+            out += _TAGGED_DOUBLE.pack(tag, value)
+    return out
 
 
 def vector(x: float, y: float, z: float) -> bytes:
@@ -158,7 +169,7 @@ def _known_images(cameras: tuple[str, ...]) -> dict[str, schemas.Channel]:
 
 
 def _image(channel: schemas.Channel, image: bytes, image_format: str, camera: str = "") -> Content:
-    head = _BYTES[2 << 3 | _LENGTH] + varint(len(image)) if image else b""
+    head = _field_head(2, len(image)) if image else b""
     return Content(channel, Timed.FIRST, (head, image, _image_end(image_format, camera)))
 
 

@@ -643,6 +643,6 @@ def _check_unique(episodes: Sequence[EpisodeEntry]) -> None:
         if entry.sha256 in seen:
             raise DatasetError(
                 f"Episode {entry.episode.episode_id} is there twice, in {seen[entry.sha256].shard} and {entry.shard}; "
-                "give every folder once."
+                "give every folder once, or have `readygo recover` leave one of two in a folder."
             )
         seen[entry.sha256] = entry

@@ -50,7 +50,7 @@ class Stage:
         for message in messages_of(view):
             time_ns = message.log_time_ns - chunk.start_time_ns + start_ns
             for number, payload in stage._messages(view, message, chunk, start_ns, with_map):
-                parts += (record_head(number, message.sequence, (time_ns, time_ns), len(payload)), payload)
+                parts += (record_head(number, message.sequence, time_ns, time_ns, len(payload)), payload)
         return read_chunk(b"".join(parts), sha256=chunk.sha256)
 
     def surroundings(

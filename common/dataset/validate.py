@@ -179,7 +179,11 @@ class _FolderCheck:
         if checks.episode is not None:
             if checks.episode in self._seen:
                 first = self._seen[checks.episode]
-                self._add(shard, "duplicate", f"episode {checks.episode.episode_id} is in {first} already")
+                self._add(
+                    shard,
+                    "duplicate",
+                    f"episode {checks.episode.episode_id} is in {first} already; see `readygo recover`",
+                )
             self._seen.setdefault(checks.episode, shard.name)
 
     def _summary(self, shard: Path, view: memoryview) -> None:

@@ -12,11 +12,11 @@ import struct
 import zlib
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from itertools import chain
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-import numpy as np
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
@@ -336,7 +336,7 @@ def _chunk_record(chunk: EpisodeChunk, offset: int) -> tuple[tuple[bytes | memor
 
 def _message_index(number: int, records: Sequence[tuple[int, int]]) -> bytes:
     """The record of a channel's message index."""
-    entries = np.array(records, dtype="<u8").tobytes()
+    entries = struct.pack(f"<{2 * len(records)}Q", *chain.from_iterable(records))
     return _MESSAGE_INDEX.pack(Opcode.MESSAGE_INDEX, 6 + len(entries), number, len(entries)) + entries
 
 

@@ -169,7 +169,7 @@ def render(renderer: str) -> Topic[RenderRequest, RenderReply]:
 
 
 def presence(role: str, name: str) -> str:
-    """The liveliness token of a worker; "*" stands for any role or name."""
+    """The liveliness token of a worker; "*" stands for any role or name. Below it is the one who has the name."""
     return f"alive/{role}/{name}"
 
 

@@ -1,14 +1,14 @@
 """What a recorder finds in its folder when it starts: finished shards, and open ones that a crash left behind."""
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from mcap.opcode import Opcode
 
 from readygo.common.dataset import EpisodeChunk, Provenance, ShardWriter, read_chunk, shard_name
-from readygo.common.dataset.index import load_index, mapped, read_provenance
+from readygo.common.dataset.index import index_path, load_index, mapped, read_provenance
 from readygo.common.dataset.records import MAGIC, chunk_span, is_intact, iter_records
 from readygo.common.dataset.stage import PAUSE_NS, Stage
 from readygo.common.dataset.writer import PART_SUFFIX, sync_folder
@@ -116,6 +116,42 @@ def publish(
     Raises:
         OSError: If the disk refused; the open shard is still there then.
     """
+    next_ns = _written(shard, chunks, target, stage=stage, start_ns=start_ns, fsync=fsync)
+    shard.path.unlink()
+    if fsync:
+        sync_folder(target.parent)
+    return next_ns
+
+
+def drop_episodes(path: Path, rows: Collection[int], stage: Stage) -> bool:
+    """Leave episodes of a finished shard out: another one takes its place, whole, and begins when it began.
+
+    Args:
+        path: The shard.
+        rows: Of `ShardIndex.episodes`: what is left out.
+        stage: What viewers show around the samples.
+
+    Returns:
+        False if nothing is left of the shard, and it was removed.
+
+    Raises:
+        OSError: If the disk refused; the shard is as it was then.
+    """
+    shard = read_open_shard(path)
+    kept = [chunk for row, chunk in enumerate(shard.chunks) if row not in rows]
+    if kept:
+        _written(shard, kept, path, stage=stage, start_ns=shard.chunks[0].start_time_ns, fsync=True)
+    else:
+        path.unlink()
+        index_path(path).unlink(missing_ok=True)
+        sync_folder(path.parent)
+    return bool(kept)
+
+
+def _written(
+    shard: OpenShard, chunks: Sequence[EpisodeChunk], target: Path, *, stage: Stage, start_ns: int, fsync: bool
+) -> int:
+    """Write episodes of a shard as the finished shard `target`; when the next one begins [ns]."""
     outputs = chunks[0].outputs if chunks else ()
     provenance = shard.provenance or Provenance()
     writer = ShardWriter(
@@ -134,9 +170,6 @@ def publish(
     except BaseException:
         writer.abandon()
         raise
-    shard.path.unlink()
-    if fsync:
-        sync_folder(target.parent)
     return writer.next_start_ns
 
 

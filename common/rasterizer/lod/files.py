@@ -18,7 +18,7 @@ from readygo.common.files import unfinished_folder
 from readygo.common.rasterizer.lod.avatar import AvatarTree, build_avatar_tree
 from readygo.common.rasterizer.lod.tree import ChunkTree, build_tree
 from readygo.common.rasterizer.packed.avatar import JOINTS, PackedAvatar, pack_avatar
-from readygo.common.rasterizer.packed.scene import BLOCKS, PackedScene, load_packed, save_packed
+from readygo.common.rasterizer.packed.scene import BLOCKS, PackedScene, load_packed, map_array, save_packed
 
 T = TypeVar("T")
 Arrays = dict[str, npt.NDArray[Any]]
@@ -147,7 +147,7 @@ def _load(folder: Path, names: tuple[str, ...]) -> tuple[PackedScene, Arrays] | 
         if json.loads((folder / "lod.json").read_text()) != {"format": FORMAT}:
             return None
         scene = load_packed(folder / "chunks")
-        arrays = {name: np.load(folder / f"{name}.npy", mmap_mode="r", allow_pickle=False) for name in names}
+        arrays = {name: map_array(folder / f"{name}.npy") for name in names}
     except (OSError, ValueError, EOFError):
         return None
     return None if scene is None else (scene, arrays)

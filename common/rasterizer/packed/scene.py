@@ -8,6 +8,7 @@ import dataclasses
 import functools
 import json
 import math
+import mmap
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,6 +33,8 @@ PIECE = 1 << 17
 BLOCKS = CHUNK // 16
 GEOMETRY_ROWS = 11
 """Mean (3), covariance xx xy xz yy yz zz (6), log2 opacity, squared reach in sigmas (negative: padding)."""
+POPULATED_BYTES_MAX = 1 << 28
+_MADV_POPULATE_READ = 22
 _NORMAL_FILE = "normal.npy"
 NORMAL_STEP = 1.0 / 32767.0
 """Value of one step of a packed normal."""
@@ -293,13 +296,30 @@ def save_packed(scene: PackedScene, folder: str | Path) -> None:
         (part / "packed.json").write_text(json.dumps({"format": FORMAT}))
 
 
+def map_array(path: Path) -> npt.NDArray[Any]:
+    """Map an array's file read-only, with all its pages unless it is larger than `POPULATED_BYTES_MAX`.
+
+    A page that only one process has looked at so far counts as its own, and to look at them one by one costs a fault
+    for each.
+
+    Raises:
+        OSError: If the file cannot be read; ValueError or EOFError if it holds no array.
+    """
+    array: npt.NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
+    if isinstance(array.base, mmap.mmap) and array.nbytes <= POPULATED_BYTES_MAX:
+        # Kernels before 5.14 do not know it.
+        with contextlib.suppress(OSError):
+            array.base.madvise(_MADV_POPULATE_READ)
+    return array
+
+
 def load_packed(folder: str | Path) -> PackedScene | None:
     """Map a packed scene read-only; None if the folder holds no valid one."""
     folder = Path(folder)
     try:
         if json.loads((folder / "packed.json").read_text()) != {"format": FORMAT}:
             return None
-        arrays = {name: np.load(folder / f"{name}.npy", mmap_mode="r", allow_pickle=False) for name in _ARRAYS}
+        arrays = {name: map_array(folder / f"{name}.npy") for name in _ARRAYS}
     except (OSError, ValueError, EOFError):
         return None
     chunks = len(arrays["centre_m"])
@@ -319,7 +339,7 @@ def load_packed(folder: str | Path) -> PackedScene | None:
 def _load_normals(folder: Path, chunks: int) -> npt.NDArray[np.int16] | None:
     """Map the normals of a pack read-only; None if there are none."""
     try:
-        normal: npt.NDArray[np.int16] = np.load(folder / _NORMAL_FILE, mmap_mode="r", allow_pickle=False)
+        normal = map_array(folder / _NORMAL_FILE)
     except (OSError, ValueError, EOFError):
         return None
     return normal if normal.shape == (chunks, BLOCKS, 3, 16) and normal.dtype == np.int16 else None

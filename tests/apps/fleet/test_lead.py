@@ -1,21 +1,26 @@
 """A run whose workers and recorder share no files with its coordinator, over mTLS, one of them cut off for a while."""
 
 import contextlib
+import shutil
 import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
 pytest.importorskip("cryptography", reason="needs the extra tls")
 
 from readygo.apps.fleet import lead as leading
-from readygo.apps.fleet.access import join
+from readygo.apps.fleet import worker
+from readygo.apps.fleet.access import join, open_router
 from readygo.apps.fleet.lead import lead
-from readygo.apps.fleet.worker import make_recorder
+from readygo.apps.fleet.worker import make_recorder, take_the_lead
+from readygo.apps.observe.observer import Observer
+from readygo.apps.observe.settings import NOTHING
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.recovery import recover
 from readygo.apps.run.stages import stage_works
@@ -180,6 +185,38 @@ def test_coordinator_of_a_fleet_that_is_still_at_work_is_waited_for_and_refused(
         pytest.raises(RunError, match=f"Another coordinator is at work on {folder.path}"),
     ):
         lead(folder, free_endpoint())
+
+
+@pytest.mark.parametrize("late_s", [0.0, 1.0])
+def test_run_in_a_copied_folder_is_led_once_at_a_router(
+    late_s: float, tmp_path: Path, certs: Path, pool: ThreadPoolExecutor
+) -> None:
+    folder = make_folder(tmp_path / "data", [DRAW, FILM], wanted=2)
+    copied = RunFolder(Path(shutil.copytree(folder.path, tmp_path / "copied")))
+    listen = free_endpoint().replace("tcp/", "tls/")
+    router = open_router(["rec0"], listen, certs=certs, token="")
+    started = [pool.submit(lead, folder, listen, joins=True, certs=certs)]
+    time.sleep(late_s)
+    started.append(pool.submit(lead, copied, listen, joins=True, certs=certs))
+    refused = next(as_completed(started, timeout=30))
+    with pytest.raises(BusError, match="Run run-test is led already by another coordinator at this router, maybe in a"):
+        refused.result()
+    # The other one leads on.
+    _cancel(listen, certs)
+    started.remove(refused)
+    with pytest.raises(RunError, match="cancelled"):
+        started[0].result(timeout=60)
+    router.close()
+
+
+def test_coordinator_answers_nobody_before_it_leads(tmp_path: Path) -> None:
+    folder = make_folder(tmp_path / "data", [DRAW, FILM], wanted=2)
+    bus = Mock(announce=Mock(side_effect=BusError("taken")))
+    with pytest.raises(BusError, match="is led already"):
+        take_the_lead(bus, "run-test")
+    with pytest.raises(BusError, match="is led already"):
+        worker._coordinate(bus, folder, threading.Event(), Observer(NOTHING, run="", role="", name=""))
+    bus.serve.assert_not_called()
 
 
 def test_leader_prepares_disks_and_leaves_out_recorders_that_were_given_up(

@@ -67,6 +67,8 @@ class StandInBus:
 
     def subscribe(self, stream: object, handler: object) -> None: ...
 
+    def watch(self, changed: object) -> None: ...
+
     def request(self, topic: object, request: object, *, timeout_s: float) -> None:
         if self.deaf:
             raise BusError("nobody answers")
@@ -81,7 +83,7 @@ def plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Plan:
     monkeypatch.setattr(StandInBus, "commands", [])
     monkeypatch.setattr(crew_module, "Fleet", StandInFleet)
     monkeypatch.setattr(crew_module, "join", StandInBus)
-    monkeypatch.setattr(crew_module, "LEAVE_S", 0.0)
+    monkeypatch.setattr(crew_module, "LOOK_S", 0.0)
     monkeypatch.setattr(crew_module, "open_router", lambda *given, **named: SimpleNamespace(close=lambda: None))
     (tmp_path / "run").mkdir()
     settings, budget = learn_settings(None, None), Budget(minutes=1.0)
@@ -114,6 +116,31 @@ def test_workers_of_other_hosts_collect_and_are_told_when_it_is_over(plan: Plan,
         assert [fleet.names("all") for fleet in StandInFleet.made] == [[], [], []]
         assert {fleet.shown for fleet in StandInFleet.made} == {("tls/127.0.0.1:7447", tmp_path)}
     assert StandInBus.commands == [Command.CANCEL, Command.CANCEL]
+
+
+def test_guests_are_given_time_to_finish_their_episodes_unless_it_is_stopped(
+    plan: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    listening = partial(Crew, plan, Split(2, 1), Reach(listen="tls/lab1:7447", certs=Path("certs"), hosts=True))
+    place = plan.places[0].name
+    with listening() as crew:
+        crew._note_presence(place, "all", "all0", True)
+        crew._note_presence(place, "recorder", "rec0", True)
+    looks = iter(range(3))
+
+    def look(_: float) -> None:
+        if next(looks) == 2:
+            crew._note_presence(place, "all", "guest", False)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(crew_module.time, "sleep", look)
+        with listening() as crew:
+            crew._note_presence(place, "all", "guest", True)
+    assert next(looks, None) is None
+    monkeypatch.setattr(crew_module, "STOP_S", 0.0)
+    with pytest.raises(KeyboardInterrupt), listening() as crew:  # noqa: PT012
+        crew._note_presence(place, "all", "guest", True)
+        raise KeyboardInterrupt
 
 
 def test_numbers_are_those_of_all_scenes_and_of_samples_with_images(plan: Plan) -> None:

@@ -80,6 +80,40 @@ def test_run_needs_a_recorder_that_was_not_given_up(tmp_path: Path) -> None:
         _go_on(folder)
 
 
+@pytest.mark.parametrize("lost", ["ledger*", "ledger*, shards"])
+def test_recorder_that_was_given_up_is_not_forgotten_with_the_ledger(lost: str, tmp_path: Path) -> None:
+    folder, disk = _run(tmp_path / "data", tmp_path / "disk"), tmp_path / "disk"
+    before = Dataset(folder.path).content_hash
+    disk.rename(tmp_path / "gone")
+    requeue(folder, "east")
+    for path in [*folder.state.glob("ledger*"), *(folder.path.glob("shard*") if "shards" in lost else ())]:
+        path.unlink()
+    _go_on(folder)
+    assert not disk.exists()
+    assert {entry.shard.parent for entry in Dataset(folder.path).episodes} == {folder.path}
+    assert Dataset(folder.path).content_hash == before
+
+
+def test_ledger_of_an_earlier_day_learns_who_was_given_up_since(tmp_path: Path) -> None:
+    folder, disk = _run(tmp_path / "data", tmp_path / "disk"), tmp_path / "disk"
+    earlier = folder.ledger.read_bytes()
+    disk.rename(tmp_path / "gone")
+    requeue(folder, "east")
+    folder.ledger.write_bytes(earlier)
+    filmed: list[int] = []
+    _go_on(folder, filmed)
+    assert len(filmed) == 3
+
+
+def test_what_only_the_ledger_knows_of_those_given_up_is_noted_beside_it(tmp_path: Path) -> None:
+    folder, disk = _run(tmp_path / "data", tmp_path / "disk"), tmp_path / "disk"
+    disk.rename(tmp_path / "gone")
+    requeue(folder, "east")
+    folder.retired.unlink()
+    recover(folder)
+    assert folder.retired.read_text() == "east\n"
+
+
 @pytest.mark.parametrize("taken", [".readygo-recorder", "shard-east-00000.mcap"])
 def test_folder_of_another_recorder_is_refused(taken: str, tmp_path: Path) -> None:
     (tmp_path / "disk").mkdir()

@@ -1,7 +1,9 @@
+import errno
 import shutil
 import sqlite3
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 from unittest.mock import Mock
 
 import pytest
@@ -9,13 +11,16 @@ import pytest
 from readygo.apps.run import recovery
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.recovery import Witness, check_recorded, recover
-from readygo.common.dataset import Dataset, validate
+from readygo.common.dataset import Dataset, ShardWriter, validate
 from readygo.common.dataset.committed import episode_indices
 from readygo.common.dataset.index import load_index
+from readygo.common.dataset.places import MARK, note_folders
+from readygo.common.dataset.stage import Stage
 from readygo.common.errors import DiskError, RunError
 from readygo.services.coordinator import Ledger
 from readygo.services.recorder import RecorderConfig
 from tests.apps.fleet.toy_line import DRAW, FILM, in_process, make_folder
+from tests.common.dataset.forge import chunks_of
 
 LINE = (DRAW, FILM)
 EPISODES = 6
@@ -89,6 +94,24 @@ def _lose_episode(folder: RunFolder) -> None:
     _shard(folder, 0).unlink()
 
 
+def _copy_shard(folder: RunFolder) -> None:
+    shutil.copy(_shard(folder, 1), _shard(folder, 7))
+
+
+def _record_twice(folder: RunFolder, recorder: str = "east") -> None:
+    """Another recorder has the second episode of a shard as well, and the first one of the next."""
+    chunks = [*chunks_of(_shard(folder, 0))[1:], *chunks_of(_shard(folder, 1))[:1]]
+    provenance = load_index(_shard(folder)).provenance
+    with ShardWriter(folder.path / f"shard-{recorder}-00000.mcap", provenance, stage=Stage(), fsync=False) as writer:
+        for chunk in chunks:
+            writer.append(chunk)
+
+
+def _lose_ledger_and_record_twice(folder: RunFolder) -> None:
+    _lose_ledger(folder)
+    _record_twice(folder, "west")
+
+
 DAMAGES = {
     _lose_ledger: 0,
     _damage_ledger: 0,
@@ -97,6 +120,9 @@ DAMAGES = {
     _cut_shard: 1,
     _lose_ledger_and_damage_shard: 1,
     _lose_episode: 2,
+    _copy_shard: 0,
+    _record_twice: 0,
+    _lose_ledger_and_record_twice: 0,
 }
 """What is done to a run, and how many episodes it must record again for it."""
 
@@ -116,6 +142,92 @@ def test_run_is_whole_again_whatever_was_lost(
     assert Dataset(folder.path).content_hash == recorded[1]
     assert recover(folder).lines == []
     check_recorded(folder)
+
+
+def _indices(folder: RunFolder) -> dict[str, list[int]]:
+    """Indices of the episodes by shard."""
+    return {shard.name: [int(i) for i in load_index(shard).episodes["index"]] for shard in folder.path.glob("*.mcap")}
+
+
+def test_first_shard_by_name_keeps_its_copies_and_the_others_their_other_episodes(folder: RunFolder) -> None:
+    _record_twice(folder)
+    _copy_shard(folder)
+    lines = recover(folder).lines
+    assert _indices(folder) == {
+        "shard-east-00000.mcap": [1, 2],
+        "shard-rec0-00000.mcap": [0],
+        "shard-rec0-00001.mcap": [3],
+        "shard-rec0-00002.mcap": [4, 5],
+    }
+    assert [line.split(" that")[0] for line in lines] == [
+        "shard-rec0-00000.mcap had 1 episodes",
+        "shard-rec0-00001.mcap had 1 episodes",
+        "shard-rec0-00007.mcap had 2 episodes",
+    ]
+    assert not _shard(folder, 7).with_suffix(".index").exists()
+
+
+def test_copy_that_lies_where_its_recorder_does_not_write_is_the_one_that_goes(
+    folder: RunFolder, tmp_path: Path
+) -> None:
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    (disk / MARK).touch()
+    for number in range(3):
+        shutil.copy(_shard(folder, number), disk)
+    note_folders(folder.path, {"rec0": disk})
+    recover(folder)
+    assert _indices(folder) == {}
+    assert len(Dataset(folder.path).episodes) == EPISODES
+
+
+class _Killed(BaseException):
+    """Ends everything at once."""
+
+
+@pytest.mark.parametrize("step", range(4))
+def test_recovery_that_is_killed_at_a_double_loses_nothing(
+    recorded: tuple[Path, str], folder: RunFolder, step: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _record_twice(folder)
+    steps = 0
+
+    class Dying(ShardWriter):
+        def append(self, *args: Any, **how: Any) -> None:
+            _die_at(step)
+            super().append(*args, **how)
+
+        def close(self) -> Path | None:
+            _die_at(step)
+            return super().close()
+
+    def _die_at(number: int) -> None:
+        nonlocal steps
+        steps += 1
+        if steps > number:
+            raise _Killed
+
+    with monkeypatch.context() as patched:
+        patched.setattr("readygo.services.recorder.salvage.ShardWriter", Dying)
+        with pytest.raises(_Killed):
+            recover(folder)
+    assert {defect.kind for defect in validate(folder.path).defects} == {"duplicate"}
+    recover(folder)
+    assert validate(folder.path).ok
+    assert Dataset(folder.path).content_hash == recorded[1]
+
+
+def test_double_that_the_disk_does_not_let_go_is_said_in_one_line(
+    folder: RunFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _record_twice(folder)
+
+    def full(*args: object, **how: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(ShardWriter, "append", full)
+    with pytest.raises(RunError, match=r"shard-rec0-00000\.mcap cannot be written .*: No space left on device"):
+        recover(folder)
 
 
 def test_sound_run_is_left_alone_and_its_shards_are_read_once(
@@ -239,6 +351,8 @@ def test_ledger_that_is_half_made_anew_is_made_to_its_end(
 ) -> None:
     _lose_shard(folder)
     interrupted(folder, monkeypatch)
+    with pytest.raises(RunError, match="gather their shards"):
+        recover(folder, recorded_here=False)
     assert recover(folder).rebuilt
     assert in_process(folder, LINE).finished
     assert Dataset(folder.path).content_hash == recorded[1]

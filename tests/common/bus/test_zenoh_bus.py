@@ -1,7 +1,10 @@
 import dataclasses
+import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
+from readygo.common.bus import zenoh_bus
 from readygo.common.bus.zenoh_bus import _ASTRAY, Router, ZenohBus, free_endpoint
 from readygo.common.errors import BusError
 from readygo.common.messages import PendingReply, PendingRequest, StatusReply, topics
@@ -110,4 +113,42 @@ def test_message_of_another_version_is_one_line_and_no_obstacle(caplog: pytest.L
     assert "another version of readygo" in record.getMessage()
     assert record.exc_info is None
     for bus in (hearer, speaker, router):
+        bus.close()
+
+
+def test_name_that_several_want_at_once_gets_one_of_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(zenoh_bus, "_GONE_S", 1.0)
+    router = Router(free_endpoint())
+    buses = [ZenohBus(router.endpoint, "test") for _ in range(4)]
+    start = threading.Barrier(len(buses))
+
+    def announced(bus: ZenohBus) -> bool:
+        start.wait()
+        try:
+            bus.announce("renderer", "r1")
+        except BusError:
+            return False
+        return True
+
+    with ThreadPoolExecutor(len(buses)) as pool:
+        won = list(pool.map(announced, buses))
+    assert won.count(True) == 1
+    buses.pop(won.index(True)).close()
+    buses[0].announce("renderer", "r1")
+    for bus in (*buses, router):
+        bus.close()
+
+
+def test_who_does_not_get_a_name_is_not_seen_to_come_and_go() -> None:
+    router = Router(free_endpoint())
+    watcher, first, second = (ZenohBus(router.endpoint, "test") for _ in range(3))
+    seen: list[tuple[str, str, bool]] = []
+    watcher.watch(lambda *change: seen.append(change))
+    first.announce("renderer", "r1")
+    with pytest.raises(BusError, match="Another renderer of the run is called 'r1'"):
+        second.announce("renderer", "r1")
+    second.close()
+    wait_for(lambda: seen)
+    assert seen == [("renderer", "r1", True)]
+    for bus in (first, watcher, router):
         bus.close()

@@ -11,8 +11,9 @@ from readygo.common.dataset.records import Record, chunk_span, iter_messages, it
 from readygo.common.dataset.stage import Stage
 from readygo.common.errors import DatasetError
 from readygo.services.recorder import Recorder, RecorderConfig, handle_append
-from readygo.services.recorder.salvage import read_open_shard
+from readygo.services.recorder.salvage import drop_episodes, read_open_shard
 from tests.common.dataset.episodes import PROVENANCE, append_requests, make_episode, write_shard
+from tests.common.dataset.maps import make_maps
 from tests.services.recorder.coordinator import FakeCoordinator
 
 PART = "shard-r0-00000.mcap.part"
@@ -241,3 +242,14 @@ def test_outputs_survive_a_crash(tmp_path) -> None:
     assert dataset.outputs == ("rgb", "depth", "mask")
     assert dataset.output(7, "mask") == make_episode(1, 4, outputs=("mask",))[1][3].outputs["mask"]
     assert validate(tmp_path).defects == ()
+
+
+def test_shard_without_its_first_episode_begins_when_it_began_and_shows_the_map(tmp_path) -> None:
+    stage = Stage(maps=make_maps())  # type: ignore[arg-type]
+    shard = write_shard(tmp_path, (0, 1, 2), stage=stage)
+    want = write_shard(tmp_path / "want", (1, 2), stage=stage)
+    assert drop_episodes(shard, {0}, stage)
+    assert shard.read_bytes() == want.read_bytes()
+    assert validate(tmp_path).ok
+    assert not drop_episodes(shard, {0, 1}, stage)
+    assert [path.name for path in tmp_path.iterdir()] == ["want"]

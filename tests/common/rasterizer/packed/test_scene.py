@@ -1,3 +1,4 @@
+import re
 from pathlib import Path
 
 import numpy as np
@@ -5,6 +6,7 @@ import pytest
 
 from readygo.common.frames import matrix_from_quat
 from readygo.common.gaussians import GaussianCloud
+from readygo.common.rasterizer.packed import scene as packing
 from readygo.common.rasterizer.packed.scene import (
     CHUNK,
     PackedScene,
@@ -82,6 +84,26 @@ def test_stored_scene_comes_back_as_a_read_only_map(make_cloud, tmp_path: Path, 
     assert isinstance(loaded.geometry, np.memmap)
     assert not loaded.geometry.flags.writeable
     assert [path.name for path in tmp_path.iterdir()] == ["packed"]
+
+
+def _resident_bytes(path: Path) -> int:
+    """What this process has of its maps of a file."""
+    maps = Path("/proc/self/smaps").read_text().split(str(path))[1:]
+    return sum(1024 * int(found.group(1)) for each in maps if (found := re.search(r"\nRss:\s+(\d+) kB", each)))
+
+
+@pytest.mark.skipif(not Path("/proc/self/smaps").exists(), reason="needs Linux's list of a process's memory")
+@pytest.mark.parametrize(("limit_bytes", "share"), [(1 << 28, 1.0), (1 << 10, 0.2)])
+def test_pages_of_a_map_are_there_before_they_are_looked_at_unless_it_is_large(
+    limit_bytes: int, share: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(packing, "POPULATED_BYTES_MAX", limit_bytes)
+    path = tmp_path / "array.npy"
+    np.save(path, np.zeros(1 << 20, dtype=np.float32))
+    array = packing.map_array(path)
+    assert array.nbytes == 1 << 22
+    resident = _resident_bytes(path) / array.nbytes
+    assert resident >= share if share == 1.0 else resident <= share
 
 
 def test_good_cache_is_used_without_the_cloud(make_cloud, tmp_path: Path) -> None:
