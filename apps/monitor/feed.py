@@ -140,9 +140,7 @@ def _replayed(track: Track) -> Iterator[Moment]:
     before: Pictures = {}
     for state in track.states[::2]:
         images = track.images_at(state.time_ns / 1e9)
-        yield Moment(
-            state=state, images={} if images is before else images, image_format=track.image_format, way=way
-        )
+        yield Moment(state=state, images={} if images is before else images, image_format=track.image_format, way=way)
         before = images
 
 

@@ -36,7 +36,9 @@ def test_channels_frames_and_markers_are_those_of_shards(tmp_path: Path) -> None
     names = {(topic, schema) for topic, schema, _ in found}
     assert {(channel.topic, channel.message.DESCRIPTOR.full_name) for channel in expected} <= names
     images = [_parsed(schemas.IMAGE, message.data) for topic, _, message in found if topic == schemas.IMAGE.topic]
-    assert [image.data for image in images] == [image for _, image in [(t, seen["rgb"]) for t, seen in track.images[:3]]]
+    assert [image.data for image in images] == [
+        image for _, image in [(t, seen["rgb"]) for t, seen in track.images[:3]]
+    ]
     frames = [_parsed(schemas.TRANSFORMS, m.data) for topic, _, m in found if topic == schemas.TRANSFORMS.topic]
     assert [frame.child_frame_id for frame in frames[0].transforms] == [schemas.ROBOT_FRAME, schemas.CAMERA_FRAME]
     x, y, *_ = track.states[2].robot_xyzyaw

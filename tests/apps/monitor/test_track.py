@@ -10,7 +10,6 @@ from readygo.common.messages import CommittedEpisode
 from readygo.common.robot import RobotConfig
 from tests.common.dataset.episodes import LEFT, make_episode, with_left_camera
 
-
 TWO_CAMERAS = RobotConfig(cameras={"left": LEFT})
 
 
