@@ -182,7 +182,7 @@ class Pilot:
             arrived_ns: When it came [ns].
             name: Which one it is of those that the policy sees.
         """
-        words = words_of(name)
+        words = words_of(name, self._robot)
         stamp_ns, self._arrived_ns[words] = picture.stamp_ns or arrived_ns, arrived_ns
         self._jumped(self._clock.hear(words, stamp_ns, arrived_ns))
         if name not in self._waiting or stamp_ns <= self._newest_ns.get(name, stamp_ns - 1):
@@ -317,21 +317,31 @@ class Pilot:
 
     def _missing(self, now_ns: int) -> str:
         """What is not there, or too old; empty if all is."""
-        absent = [words_of(name) for name in self._waiting if name not in self._newest_ns]
+        absent = [words_of(name, self._robot) for name in self._waiting if name not in self._newest_ns]
         if self._pose is None:
             absent.append("odometry")
         if self._pose is None or absent:
             return f"no {' and no '.join(absent)}"
-        ages = {words_of(name): self._clock.age_s(stamp_ns, now_ns) for name, stamp_ns in self._newest_ns.items()}
-        ages["odometry"] = self._clock.age_s(self._pose.stamp_ns, now_ns)
-        worst = max(ages, key=lambda name: ages[name])
-        if ages[worst] > STALE_S:
-            if (now_ns - self._arrived_ns[worst]) / 1e9 > STALE_S:
-                return f"no new {worst}"
-            return f"{worst} are too old when they come, or the clocks of images and odometry differ"
+        stamps_ns = {words_of(name, self._robot): stamp_ns for name, stamp_ns in self._newest_ns.items()}
+        if old := self._too_old(stamps_ns | {"odometry": self._pose.stamp_ns}, now_ns):
+            return old
         if self._picture_ns is None or self._clock.age_s(self._picture_ns, now_ns) > STALE_S:
             return f"no images of one time: {self._apart()}"
         return ""
+
+    def _too_old(self, stamps_ns: Mapping[str, int], now_ns: int) -> str:
+        """What is too old of messages with these newest stamps, and how; empty if nothing is."""
+        ages = {words: self._clock.age_s(stamp_ns, now_ns) for words, stamp_ns in stamps_ns.items()}
+        old = {words: age_s for words, age_s in ages.items() if age_s > STALE_S}
+        if not old:
+            return ""
+        named = max(old, key=lambda words: old[words])
+        arrived_ns = self._arrived_ns[named]
+        if len(old) == len(self._waiting) > 1 and "odometry" not in old:
+            named, arrived_ns = "images", max(self._arrived_ns[words] for words in old)
+        if (now_ns - arrived_ns) / 1e9 > STALE_S:
+            return f"no new {named}"
+        return f"{named} are too old when they come, or the clocks of images and odometry differ"
 
     def _apart(self) -> str:
         """Which image is furthest in time from the first camera's, in words."""
@@ -342,7 +352,7 @@ class Pilot:
             for name, waiting in self._waiting.items()
         }
         worst = max(apart_s, key=lambda name: apart_s[name])
-        return f"{words_of(worst)} are {apart_s[worst]:.2f} s from the first camera's"
+        return f"{words_of(worst, self._robot)} are {apart_s[worst]:.2f} s from the first camera's"
 
     def _jumped(self, how: str) -> None:
         if how and self.started_ns is not None:
@@ -357,10 +367,10 @@ class Pilot:
         self.driven_m += way_m
 
 
-def words_of(name: str) -> str:
-    """What an image is called; the first camera's are just images and depths."""
-    what, camera = "images" if kind_of(name) == RGB else "depths", camera_of(name)
-    return f"{what} of {camera}" if camera else what
+def words_of(name: str, robot: RobotConfig) -> str:
+    """What an image is called; those of a robot with several cameras carry the camera's name."""
+    what = "images" if kind_of(name) == RGB else "depths"
+    return f"{what} of {camera_of(name) or robot.camera_name}" if robot.cameras else what
 
 
 def limited(robot: RobotConfig, config: DriveConfig) -> RobotConfig:

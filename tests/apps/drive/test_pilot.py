@@ -262,6 +262,13 @@ def test_cameras_that_take_their_images_at_other_times_are_seen_up_to_half_an_im
     assert slow.run(2.0, every_ns=2 * STEP_NS, taken_ns={"right.rgb": 45_000_000}).v_mps > 0
 
 
+def test_cameras_that_all_stay_away_are_not_named(fake_policy):
+    ride = ThreeCameraRide(fake_policy)
+    ride.run(1.0)
+    ride.run(0.5, without=ride.pilot.images)
+    assert ride.pilot.waiting_for == "no new images"
+
+
 def test_cameras_whose_clocks_differ_are_told(fake_policy):
     ride = ThreeCameraRide(fake_policy)
     assert ride.run(1.0, taken_ns={"left.rgb": 40_000_000}, every_ns=2 * STEP_NS) == Command()
@@ -269,7 +276,7 @@ def test_cameras_whose_clocks_differ_are_told(fake_policy):
 
 
 @pytest.mark.parametrize(
-    ("name", "words"), [("rgb", "images"), ("left.rgb", "images of left"), ("right.rgb", "images of right")]
+    ("name", "words"), [("rgb", "images of front"), ("left.rgb", "images of left"), ("right.rgb", "images of right")]
 )
 def test_robot_stands_without_one_of_its_cameras_and_goes_on_with_it(fake_policy, name, words):
     ride = ThreeCameraRide(fake_policy)
