@@ -114,4 +114,5 @@ def _captioned(picture: Picture, text: str, height_px: int) -> Picture:
 
 def _width_at(picture: Picture, height_px: int) -> int:
     """The width of a picture that is made so high [px]."""
-    return round(picture.shape[1] * height_px / len(picture))
+    width_px: int = picture.shape[1]
+    return round(width_px * height_px / len(picture))
