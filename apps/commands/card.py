@@ -4,12 +4,12 @@ from pathlib import Path
 
 from rich.console import Console
 
-from readygo.apps.coverage.card import CARD_FILE, FRAMES_FILE, VISITS_FILE, card_text
+from readygo.apps.coverage.card import CAMERAS_FILE, CARD_FILE, FRAMES_FILE, VISITS_FILE, card_text
 from readygo.apps.coverage.numbers import casts_of, measure
 from readygo.apps.coverage.page import heat_map
 from readygo.apps.coverage.report import gather
 from readygo.apps.coverage.summary import dataset_summary
-from readygo.apps.views.recorded import thumbnails
+from readygo.apps.views.recorded import camera_moments, thumbnails
 from readygo.common.dataset import Dataset
 from readygo.common.drawing.files import jpeg_bytes, write_png
 from readygo.common.files import write_whole
@@ -33,6 +33,8 @@ def card(data: Path, /, *, out: Path | None = None) -> None:
     facts = gather(data, dataset, casts, measured, "")
     text = card_text(name, dataset, dataset_summary(dataset, data), measured)
     write_whole(folder / FRAMES_FILE, jpeg_bytes(thumbnails(dataset, name)))
+    if (moments := camera_moments(dataset)) is not None:
+        write_whole(folder / CAMERAS_FILE, jpeg_bytes(moments))
     write_png(folder / VISITS_FILE, heat_map(measured.visits, facts.occupancy))
     write_whole(folder / CARD_FILE, text)
     Console(highlight=False, soft_wrap=True).print(f"Read {folder / CARD_FILE}.", markup=False)

@@ -13,6 +13,7 @@ from rich.progress import BarColumn, TaskProgressColumn, TextColumn
 
 from readygo.apps.commands.progress import SteadyProgress
 from readygo.apps.fleet.access import identity_for
+from readygo.apps.learn.config import GoalName
 from readygo.apps.learn.crew import Reach
 from readygo.apps.learn.learn import learn_policy, report_content
 from readygo.apps.learn.plan import Budget, Plan, learn_configs, make_plan
@@ -41,6 +42,7 @@ def learn(
     config: Path | None = None,
     inputs: str = "",
     cameras: str = "",
+    goal: GoalName | None = None,
     on: Literal["local", "hosts"] = "local",
     listen: str = "",
     certs: Path | None = None,
@@ -68,6 +70,8 @@ def learn(
         inputs: Images that the policy sees and that are recorded, separated by commas: rgb, and depth; rgb by default.
         cameras: Cameras of the robot that it sees with, by their names in robot.toml, the first one among them; that
             one alone by default.
+        goal: What the policy is told of its goal: where it is, "point", the default, what the robot would see there,
+            "image", or both.
         on: Where episodes are driven: "local" shares this machine's cores between driving and learning, "hosts" leaves
             them to learning, and all drivers are `readygo worker all` on other machines.
         listen: Endpoint of the fleet's router, for workers of other machines, such as tls/10.0.0.5:7447.
@@ -85,7 +89,7 @@ def learn(
     plan = make_plan(
         scenes,
         out,
-        *learn_configs(config, robot, inputs, cameras),
+        *learn_configs(config, robot, inputs, cameras, goal),
         Budget(minutes=minutes, samples=samples),
         avatars=avatars,
         seed=seed,

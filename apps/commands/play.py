@@ -11,17 +11,18 @@ from readygo.common.drawing.film import write_film
 from readygo.common.errors import DatasetError
 
 
-def play(data: Path, /, *, out: Path, episode: int = 0, every: int = 2) -> None:
-    """Write a recorded episode as a film: what the robot saw, beside its way and everybody's from above.
+def play(data: Path, /, *, out: Path, episode: int = 0, every: int = 2, camera: str = "") -> None:
+    """Write a recorded episode as a film: what the robot's cameras saw, beside its way and everybody's from above.
 
     Args:
         data: Data folder.
         out: Film to write, .mp4 or .webm.
         episode: Number of the episode in the folder, from 0; -1 is the last one.
         every: Samples from picture to picture, at the pace of the episode; 1 shows all of them.
+        camera: Name of the camera to show; all of them by default, side by side, with depths where they are recorded.
 
     Raises:
-        DatasetError: If there is no such episode.
+        DatasetError: If there is no such episode or camera.
         ReadygoError: If the film cannot be written.
     """
     dataset = Dataset([data])
@@ -32,7 +33,7 @@ def play(data: Path, /, *, out: Path, episode: int = 0, every: int = 2) -> None:
     if not 1 <= every <= rate_hz:
         raise DatasetError(f"--every must be 1..{rate_hz}, got {every}.")
     number = episode % count
-    frames = film_frames(recorded_film(dataset, number), background(dataset, number, data), step=every)
+    frames = film_frames(recorded_film(dataset, number, camera), background(dataset, number, data), step=every)
     write_film(out, frames, fps=max(1, round(rate_hz / every)))
     entry = dataset.episodes[number]
     words = f"{out}: {entry.episode.episode_id}, {entry.sample_count / rate_hz:.1f} s, {entry.outcome.value}"

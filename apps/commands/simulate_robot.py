@@ -89,7 +89,8 @@ def simulate_robot(
         camera_hz: Images per second: those of the robot's camera, divided by a whole number; all of them by default.
         compressed: Send JPEG, and depths as compressedDepth.
         rehearse: Let the policy drive here, as `readygo drive` would, in simulated time and without a network.
-        image: Topic of the images, /camera/image_raw by default; of further cameras --image NAME=/topic, once for each.
+        image: Topic of the images, /camera/image_raw by default; of further cameras --image NAME=/topic, once for each,
+            /NAME/image_raw by default.
         depth: Topic of depths beside the images (16UC1), such as /camera/depth, of further cameras NAME=/topic; a robot
             without a depth camera by default.
         odom: Topic of the Odometry.
@@ -107,12 +108,12 @@ def simulate_robot(
         raise ConfigError("A simulated robot is one robot: name it with --robot robot.toml, without [ranges].")
     settings = _without_latency(settings)
     manners.image_every(settings.robot.clock)
+    named = image_topics(image, depth, settings.robot, every_camera=True)
     people = avatars_of_policy(spec) if spec and avatars is None else avatars
     world = evaluation_world(scene, settings, avatars=people, seed=seed)
     evaluator = make_evaluator(world, renderer=world.renderer(), methods={})
     request = make_request(episodes, tasks, ("policy",), Split(split), seed)
     drawn, _ = evaluator.source().draw(seed=seed, split=request.split, count=episodes, tasks=request.tasks)
-    named = image_topics(image, depth, settings.robot)
     sees = spec.inputs.images if rehearse and spec is not None else tuple(named)
     eyes, rng = evaluator.eyes(sees), np.random.default_rng(seed)
     eyes.look([evaluator.simulation(drawn[0])])

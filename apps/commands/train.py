@@ -124,8 +124,6 @@ def train(
         _train_network(recipe, data, out, {k: v for k, v in settings.items() if k not in unused}, as_json=json)
         return
     if live:
-        if goal not in (None, "point"):
-            raise ConfigError("--live takes no --goal image: a fleet records with policies that are told where it is.")
         if cameras:
             raise ConfigError('--live takes no --cameras: say [network] images = ["rgb", "left.rgb"] in --config.')
         images = chosen_images(inputs, "", RobotConfig()) if inputs else None

@@ -6,9 +6,12 @@ from typing import Any
 
 from readygo.apps.coverage.numbers import Coverage
 from readygo.apps.coverage.summary import summary_lines
+from readygo.apps.pictures.side_by_side import has_several
 from readygo.common.dataset import Dataset
+from readygo.common.images.names import RGB
 
-CARD_FILE, FRAMES_FILE, VISITS_FILE = "README.md", "card/frames.jpg", "card/visits.png"
+CARD_FILE = "README.md"
+FRAMES_FILE, CAMERAS_FILE, VISITS_FILE = "card/frames.jpg", "card/cameras.jpg", "card/visits.png"
 _NOT_SHOWN = ("folder", "licenses", "content hash", "made by")
 """Lines of the summary that are told elsewhere on the card."""
 
@@ -25,34 +28,42 @@ def card_text(name: str, dataset: Dataset, summary: Mapping[str, Any], measured:
     facts = [(key, value) for key, value in summary_lines(summary).items() if key not in _NOT_SHOWN]
     parts = [
         ["---", "task_categories:", "- robotics", "tags:", "- navigation", "- readygo", "---"],
-        [f"# {name}", "", _first_sentence(measured), "", f"![Recorded pictures]({FRAMES_FILE})"],
-        ["## What it holds", "", *_table(("", ""), facts)],
+        [f"# {name}", "", _first_sentence(dataset, measured), "", f"![Recorded pictures]({FRAMES_FILE})"],
+        ["## What it holds", "", *_table(("", ""), facts), *_cameras(dataset)],
         ["## Balance", "", *_balance(dataset, measured), "", f"![Episodes by place]({VISITS_FILE})"],
         ["## Licenses", "", *_licenses(summary)],
         ["## How it was made", "", *_origin(summary)],
-        ["## How to read it", "", *_READING],
+        ["## How to read it", "", *_reading(dataset)],
     ]
     return "\n\n".join("\n".join(part) for part in parts) + "\n"
 
 
-_READING = [
-    "The shards are MCAP files: open one in Foxglove or Rerun, or all of them in Python:",
-    "",
-    "```python",
-    "from readygo import Dataset",
-    "",
-    'data = Dataset(".")',
-    "data.actions, data.goals_xy_m, data.decode(0)",
-    "```",
-    "",
-    "`readygo export . --to lerobot --out FOLDER` writes them for other programs.",
-]
+def _reading(dataset: Dataset) -> list[str]:
+    further = next((name for name in reversed(dataset.outputs) if name != RGB), None)
+    return [
+        "The shards are MCAP files: open one in Foxglove or Rerun, or all of them in Python:",
+        "",
+        "```python",
+        "from readygo import Dataset",
+        "",
+        'data = Dataset(".")',
+        "data.actions, data.goals_xy_m, data.decode(0)",
+        *([f'data.decode_output(0, "{further}")  # one of data.outputs'] if further else []),
+        "```",
+        "",
+        "`readygo export . --to lerobot --out FOLDER` writes them for other programs.",
+    ]
 
 
-def _first_sentence(measured: Coverage) -> str:
+def _cameras(dataset: Dataset) -> list[str]:
+    """The picture of all images of some moments, where there are several."""
+    return ["", f"![All cameras at some moments]({CAMERAS_FILE})"] if has_several(dataset) else []
+
+
+def _first_sentence(dataset: Dataset, measured: Coverage) -> str:
     return (
         f"{measured.episodes:,} episodes of a robot that drives to goals among people: {measured.samples:,} samples "
-        f"at 20 Hz, {measured.hours:.2f} h, {measured.distance_m / 1000:.2f} km."
+        f"at {dataset.clock.rate_hz} Hz, {measured.hours:.2f} h, {measured.distance_m / 1000:.2f} km."
     )
 
 

@@ -5,7 +5,10 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from readygo.apps.pictures.side_by_side import camera_name
 from readygo.common.dataset import Dataset, recorded_clarity
+from readygo.common.images.names import cameras_of
+from readygo.common.robot import RobotConfig
 
 
 def dataset_summary(dataset: Dataset, data: Path) -> dict[str, Any]:
@@ -33,6 +36,7 @@ def dataset_summary(dataset: Dataset, data: Path) -> dict[str, Any]:
         "image_height_px": dataset.height_px,
         "image_width_px": dataset.width_px,
         "outputs": list(dataset.outputs),
+        "cameras": _cameras(dataset),
         "labels": list(dataset.labels),
         "speed_mean_mps": round(float(dataset.actions[:, 0].mean()), 3),
         "human_visible_fraction": round(float(truth["human_visible"].mean()), 3),
@@ -58,7 +62,7 @@ def summary_lines(summary: Mapping[str, Any]) -> dict[str, str]:
         "folder": f"{summary['folder']}, {summary['shards']} shards, {summary['size_bytes'] / 1e6:.1f} MB",
         "episodes": f"{summary['episodes']:,} ({', '.join(summary['splits'])})",
         "samples": f"{summary['samples']:,}, {60 * summary['hours']:.1f} min",
-        "images": f"{summary['image_height_px']}x{summary['image_width_px']}, {', '.join(summary['outputs'])}{labels}",
+        "images": f"{_sizes(summary)}, {', '.join(summary['outputs'])}{labels}",
         "sharpness": f"median {clarity['sharpness_median']:.0f}, 5 % below {clarity['sharpness_5_percent']:.0f}; "
         f"{blurred} of {clarity['episodes_looked_at']} episodes blurred",
         "driving": f"{summary['speed_mean_mps']:.2f} m/s on average, {summary['replans']:,} replans",
@@ -79,14 +83,34 @@ def _licenses(parts: Iterable[Mapping[str, Any]]) -> str:
     return "; ".join(dict.fromkeys(str(part["license"]) or "not given" for part in parts))
 
 
+def _cameras(dataset: Dataset) -> dict[str, list[int]]:
+    """Height and width of the images of each camera [px], the first one first."""
+    robot = dataset.robot or RobotConfig()
+    seen = ((camera, dataset.calibration(0, camera)) for camera in cameras_of(dataset.outputs))
+    return {camera_name(camera, robot): [of.height_px, of.width_px] for camera, of in seen}
+
+
+def _sizes(summary: Mapping[str, Any]) -> str:
+    cameras = {name: f"{height}x{width}" for name, (height, width) in summary["cameras"].items()}
+    if len(cameras) == 1:
+        return "".join(cameras.values())
+    return ", ".join(f"{name} {size}" for name, size in cameras.items())
+
+
 def _robot_line(robot: Mapping[str, Any]) -> str:
-    camera = robot.get("camera", {})
     words = [f"{name} = {robot[name]:g}" for name in ("radius_m", "v_max_mps", "w_max_radps") if name in robot]
-    if "mount_height_m" in camera:
-        span_deg = camera.get("horizontal_fov_deg")
-        lens = f"{span_deg:g} deg" if span_deg else "intrinsics of its own"
-        words.append(f"camera at {camera['mount_height_m']:g} m with {lens}")
+    cameras = {robot.get("camera_name", ""): robot.get("camera", {}), **robot.get("cameras", {})}
+    for name, camera in cameras.items():
+        if "mount_height_m" in camera:
+            words.append(_camera_words(camera, f"camera {name}" if len(cameras) > 1 else "camera"))
     return ", ".join(words) or "not named"
+
+
+def _camera_words(camera: Mapping[str, Any], name: str) -> str:
+    span_deg, yaw_deg = camera.get("horizontal_fov_deg"), camera.get("mount_yaw_deg", 0.0)
+    lens = f"{span_deg:g} deg" if span_deg else "intrinsics of its own"
+    turned = f" that looks {abs(yaw_deg):g} deg to the {'left' if yaw_deg > 0 else 'right'}" if yaw_deg else ""
+    return f"{name} at {camera['mount_height_m']:g} m with {lens}{turned}"
 
 
 def _made_by(summary: Mapping[str, Any]) -> str:

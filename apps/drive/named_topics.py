@@ -10,22 +10,30 @@ DEFAULT_IMAGE = "/camera/image_raw"
 _OPTIONS: Mapping[str, str] = {RGB: "--image", DEPTH: "--depth"}
 
 
-def image_topics(image: Sequence[str], depth: Sequence[str], robot: RobotConfig) -> dict[str, str]:
+def image_topics(
+    image: Sequence[str], depth: Sequence[str], robot: RobotConfig, *, every_camera: bool = False
+) -> dict[str, str]:
     """Topics by the names of the images on them (`readygo.common.images.names`), the first camera's rgb first.
 
     Args:
         image: What is said of colours; the first camera's topic is `DEFAULT_IMAGE` where nothing is.
         depth: What is said of depths.
         robot: Whose cameras they are.
+        every_camera: True has colours of each further camera on /NAME/image_raw where nothing is said of them.
 
     Raises:
         ConfigError: If there is no such camera, or two are given for one image or one for two.
     """
     topics = {RGB: DEFAULT_IMAGE}
+    if every_camera:
+        topics |= {image_name(camera, RGB): f"/{camera}/image_raw" for camera in robot.cameras}
     given: set[str] = set()
     for kind, entries in ((RGB, image), (DEPTH, depth)):
         for entry in entries:
             camera, _, topic = entry.rpartition("=")
+            if not topic.strip("/") or entry in robot.all_cameras:
+                name = camera or (entry if entry in robot.all_cameras else robot.camera_name)
+                raise ConfigError(f"{_OPTIONS[kind]} {entry!r} names no topic: {name}=/{name}/image_raw is one.")
             if camera and camera not in robot.all_cameras:
                 raise ConfigError(
                     f"{_OPTIONS[kind]} {entry}: there is no camera {camera!r}; there are "

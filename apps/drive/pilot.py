@@ -23,9 +23,10 @@ from readygo.common.robot import RobotConfig, limit_command
 STALE_S = 0.3
 """A robot whose newest image or odometry is older stands [s]."""
 TOGETHER_S = 0.03
-"""Images that are further apart do not show the same moment [s]."""
-BESIDE_MAX = 8
-"""Images of each kind that wait for the first camera's image of their time at most."""
+"""Images that are further apart do not show the same moment, unless the cameras are so slow that half of the time
+between two images is longer [s]."""
+WAITING_MAX = 8
+"""Images of each camera that wait for the others' of their time at most."""
 GIVE_UP_S = 10.0
 """A trial whose images or odometry are missing for so long is over [s]."""
 LEAP_M = 0.5
@@ -111,10 +112,13 @@ class Pilot:
         """`goal` is in the odometry's frame, once that is known."""
         self._pose: Odometry | None = None
         self._yaw_rad = 0.0
-        self._beside = {name: deque[Picture](maxlen=BESIDE_MAX) for name in spec.inputs.images if name != RGB}
-        self._waiting: tuple[Picture, int] | None = None
+        self._together_ns = round(max(TOGETHER_S, 0.5 / spec.robot.camera_hz) * 1e9)
+        self._waiting = {name: deque[Picture](maxlen=WAITING_MAX) for name in spec.inputs.images}
+        """What has come of each image since the policy saw last."""
         self._picture_ns: int | None = None
-        self._beside_ns: dict[str, int] = {}
+        """Stamp of the first camera's image that the policy has seen last."""
+        self._newest_ns: dict[str, int] = {}
+        """Newest stamp of each image."""
         self._arrived_ns: dict[str, int] = {}
         self._wanted, self._sent = Command(), Command()
         self._sent_ns = self._decided_ns = 0
@@ -139,6 +143,11 @@ class Pilot:
         """Images that it has seen; where the policy sees others beside them, those that came with theirs."""
         self.seen_arrived_ns = 0
         """When the newest of them came [ns]."""
+
+    @property
+    def images(self) -> tuple[str, ...]:
+        """Names of the images that it sees."""
+        return self._policy.spec.inputs.images
 
     def end(self, ending: Ending, reason: str = "") -> None:
         """End the trial; the first reason counts."""
@@ -165,41 +174,51 @@ class Pilot:
         self.moving_mps = odometry.v_mps
         self._memory.move(stamp_ns, (odometry.x_m, odometry.y_m, self._yaw_rad))
 
-    def look(self, picture: Picture, arrived_ns: int) -> None:
-        """See an image, and decide anew if all is well."""
-        stamp_ns, self._arrived_ns["images"] = picture.stamp_ns or arrived_ns, arrived_ns
-        self._jumped(self._clock.hear("images", stamp_ns, arrived_ns))
-        if self._picture_ns is not None and stamp_ns <= self._picture_ns:
-            return
-        self._waiting = replace(picture, stamp_ns=stamp_ns), arrived_ns
-        self._see()
+    def look(self, picture: Picture, arrived_ns: int, name: str = RGB) -> None:
+        """See an image; once there is one of every kind of that time, decide anew if all is well.
 
-    def look_beside(self, name: str, picture: Picture, arrived_ns: int) -> None:
-        """See depths, or what another camera shows; with the first one's image of that time the policy sees them."""
-        words = words_of(name)
+        Args:
+            picture: The image.
+            arrived_ns: When it came [ns].
+            name: Which one it is of those that the policy sees.
+        """
+        words = words_of(name, self._robot)
         stamp_ns, self._arrived_ns[words] = picture.stamp_ns or arrived_ns, arrived_ns
         self._jumped(self._clock.hear(words, stamp_ns, arrived_ns))
-        if name not in self._beside or stamp_ns <= self._beside_ns.get(name, stamp_ns - 1):
+        if name not in self._waiting or stamp_ns <= self._newest_ns.get(name, stamp_ns - 1):
             return
-        self._beside_ns[name] = stamp_ns
-        self._beside[name].append(replace(picture, stamp_ns=stamp_ns))
-        self._see()
+        self._newest_ns[name] = stamp_ns
+        self._waiting[name].append(replace(picture, stamp_ns=stamp_ns))
+        together = self._together()
+        if together:
+            self._see(together, arrived_ns)
 
-    def _see(self) -> None:
-        """See the newest image, and decide, once all that belongs to it is there."""
-        if self._waiting is None:
-            return
-        picture, arrived_ns = self._waiting
-        together = {name: _nearest(waiting, picture.stamp_ns) for name, waiting in self._beside.items()}
-        if None in together.values():
-            return
-        self._waiting = None
+    def _together(self) -> dict[str, Picture]:
+        """The newest images of one time; empty if those that wait are of different times."""
+        for first in reversed(self._waiting[RGB]):
+            found = {name: self._nearest(waiting, first.stamp_ns) for name, waiting in self._waiting.items()}
+            together = {name: picture for name, picture in found.items() if picture is not None}
+            if len(together) == len(found):
+                return together
+        return {}
+
+    def _nearest(self, waiting: Iterable[Picture], stamp_ns: int) -> Picture | None:
+        """The image that was taken at a time; None while it is not there."""
+        nearest = min(waiting, key=lambda picture: abs(picture.stamp_ns - stamp_ns), default=None)
+        return None if nearest is None or abs(nearest.stamp_ns - stamp_ns) > self._together_ns else nearest
+
+    def _see(self, together: Mapping[str, Picture], arrived_ns: int) -> None:
+        """See images of one time, the last of which has come just now, and decide."""
+        for name, waiting in self._waiting.items():
+            while waiting and waiting[0].stamp_ns <= together[name].stamp_ns:
+                waiting.popleft()
         try:
-            seen = {name: self._brought(name, one) for name, one in {RGB: picture, **together}.items() if one}
+            seen = {name: self._brought(name, picture) for name, picture in together.items()}
             sight = side_by_side(seen, self._policy.spec.inputs.images)
         except ValueError as error:
             self.end(Ending.BROKEN_IMAGES, f"the robot sends {error}")
             return
+        picture = together[RGB]
         self._picture_ns = picture.stamp_ns
         self.frame_age_s = self._clock.age_s(picture.stamp_ns, arrived_ns)
         self.seen, self.seen_arrived_ns = self.seen + 1, arrived_ns
@@ -298,22 +317,42 @@ class Pilot:
 
     def _missing(self, now_ns: int) -> str:
         """What is not there, or too old; empty if all is."""
-        if unseen := [words_of(name) for name in self._beside if name not in self._beside_ns]:
-            return f"no {' and no '.join(unseen)}"
-        if self._pose is None or self._picture_ns is None:
-            absent = [name for name, there in (("images", self._picture_ns), ("odometry", self._pose)) if there is None]
+        absent = [words_of(name, self._robot) for name in self._waiting if name not in self._newest_ns]
+        if self._pose is None:
+            absent.append("odometry")
+        if self._pose is None or absent:
             return f"no {' and no '.join(absent)}"
-        ages = {
-            "images": self._clock.age_s(self._picture_ns, now_ns),
-            "odometry": self._clock.age_s(self._pose.stamp_ns, now_ns),
-        }
-        ages |= {words_of(name): self._clock.age_s(stamp_ns, now_ns) for name, stamp_ns in self._beside_ns.items()}
-        worst = max(ages, key=lambda name: ages[name])
-        if ages[worst] <= STALE_S:
+        stamps_ns = {words_of(name, self._robot): stamp_ns for name, stamp_ns in self._newest_ns.items()}
+        if old := self._too_old(stamps_ns | {"odometry": self._pose.stamp_ns}, now_ns):
+            return old
+        if self._picture_ns is None or self._clock.age_s(self._picture_ns, now_ns) > STALE_S:
+            return f"no images of one time: {self._apart()}"
+        return ""
+
+    def _too_old(self, stamps_ns: Mapping[str, int], now_ns: int) -> str:
+        """What is too old of messages with these newest stamps, and how; empty if nothing is."""
+        ages = {words: self._clock.age_s(stamp_ns, now_ns) for words, stamp_ns in stamps_ns.items()}
+        old = {words: age_s for words, age_s in ages.items() if age_s > STALE_S}
+        if not old:
             return ""
-        if (now_ns - self._arrived_ns[worst]) / 1e9 > STALE_S:
-            return f"no new {worst}"
-        return f"{worst} are too old when they come, or the clocks of images and odometry differ"
+        named = max(old, key=lambda words: old[words])
+        arrived_ns = self._arrived_ns[named]
+        if len(old) == len(self._waiting) > 1 and "odometry" not in old:
+            named, arrived_ns = "images", max(self._arrived_ns[words] for words in old)
+        if (now_ns - arrived_ns) / 1e9 > STALE_S:
+            return f"no new {named}"
+        return f"{named} are too old when they come, or the clocks of images and odometry differ"
+
+    def _apart(self) -> str:
+        """Which image is furthest in time from the first camera's, in words."""
+        first_ns = self._newest_ns[RGB]
+        apart_s = {
+            name: min((abs(one.stamp_ns - first_ns) for one in waiting), default=abs(self._newest_ns[name] - first_ns))
+            / 1e9
+            for name, waiting in self._waiting.items()
+        }
+        worst = max(apart_s, key=lambda name: apart_s[name])
+        return f"{words_of(worst, self._robot)} are {apart_s[worst]:.2f} s from the first camera's"
 
     def _jumped(self, how: str) -> None:
         if how and self.started_ns is not None:
@@ -328,16 +367,10 @@ class Pilot:
         self.driven_m += way_m
 
 
-def words_of(name: str) -> str:
-    """What an image besides the first camera's is called."""
-    what, camera = "images" if kind_of(name) == RGB else "depths", camera_of(name)
-    return f"{what} of {camera}" if camera else what
-
-
-def _nearest(waiting: Iterable[Picture], stamp_ns: int) -> Picture | None:
-    """The image that was taken at a time; None while it is not there."""
-    nearest = min(waiting, key=lambda picture: abs(picture.stamp_ns - stamp_ns), default=None)
-    return None if nearest is None or abs(nearest.stamp_ns - stamp_ns) > TOGETHER_S * 1e9 else nearest
+def words_of(name: str, robot: RobotConfig) -> str:
+    """What an image is called; those of a robot with several cameras carry the camera's name."""
+    what = "images" if kind_of(name) == RGB else "depths"
+    return f"{what} of {camera_of(name) or robot.camera_name}" if robot.cameras else what
 
 
 def limited(robot: RobotConfig, config: DriveConfig) -> RobotConfig:

@@ -10,7 +10,6 @@ from readygo.apps.drive.pilot import Pilot
 from readygo.apps.drive.simulated import Look, Manners, odometry_of, sent
 from readygo.apps.drive.trial import PATIENCE_S
 from readygo.common.episode import EpisodeSimulation
-from readygo.common.images.names import RGB
 from readygo.common.messages import Outcome
 
 _BEGIN_NS = 10**18
@@ -29,25 +28,26 @@ def rehearsed(
         manners: How late and how unreliably its images come.
         rng: Of that.
     """
-    on_their_way: list[tuple[int, int, dict[str, Picture]]] = []
-    now_ns, newest_ns, step = _BEGIN_NS, 0, 0
+    on_their_way: list[tuple[int, int, str, Picture]] = []
+    newest_ns: dict[str, int] = {}
+    now_ns, taken, step = _BEGIN_NS, 0, 0
     clock, every = simulation.clock, manners.image_every(simulation.clock)
     while simulation.outcome is None:
         pilot.hear(odometry_of(simulation, now_ns), now_ns)
-        if manners.sends(step, every, rng):
-            pictures = {
-                name: Picture(stamp_ns=now_ns, decode=partial(sent, image)) for name, image in look(simulation).items()
-            }
-            newest_ns = max(now_ns + round(manners.late_s(rng) * 1e9), newest_ns)
-            heapq.heappush(on_their_way, (newest_ns, step, pictures))
+        late_s = manners.sent(pilot.images, rng) if step % every == 0 else {}
+        images = look(simulation) if late_s else {}
+        for name, late in late_s.items():
+            newest_ns[name] = max(now_ns + round(late * 1e9), newest_ns.get(name, 0))
+            picture = Picture(stamp_ns=now_ns, decode=partial(sent, images[name]))
+            heapq.heappush(on_their_way, (newest_ns[name], taken, name, picture))
+            taken += 1
         end_ns = _BEGIN_NS + clock.time_ns(step + 1)
         while on_their_way and on_their_way[0][0] < end_ns:
-            arrived_ns, _, pictures = heapq.heappop(on_their_way)
-            for name, picture in pictures.items():
-                if name != RGB:
-                    pilot.look_beside(name, picture, arrived_ns)
-            pilot.look(pictures[RGB], arrived_ns)
-            pilot.command(arrived_ns)
+            arrived_ns, _, name, picture = heapq.heappop(on_their_way)
+            seen = pilot.seen
+            pilot.look(picture, arrived_ns, name)
+            if pilot.seen > seen:
+                pilot.command(arrived_ns)
         command = pilot.command(end_ns - 1)
         if pilot.started_ns is not None or step * clock.dt_s > PATIENCE_S:
             # What comes within a step counts for all of it, as a decision does in an evaluation.

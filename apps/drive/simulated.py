@@ -3,7 +3,7 @@
 import heapq
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -70,12 +70,16 @@ class Manners:
         """
         return DriverConfig(camera_hz=self.camera_hz).image_every(clock)
 
-    def sends(self, step: int, image_every: int, rng: np.random.Generator) -> bool:
-        """True if an image is taken at a step and is not lost."""
-        return step % image_every == 0 and rng.random() >= self.drop_share
+    def sent(self, names: Iterable[str], rng: np.random.Generator) -> dict[str, float]:
+        """The images of one time that are not lost, and how long each is on its way [s].
 
-    def late_s(self, rng: np.random.Generator) -> float:
-        """How long an image is on its way [s]."""
+        Args:
+            names: Of the images.
+            rng: Of the manners.
+        """
+        return {name: self._late_s(rng) for name in names if rng.random() >= self.drop_share}
+
+    def _late_s(self, rng: np.random.Generator) -> float:
         return max(self.latency_s + self.jitter_s * float(rng.standard_normal()), 0.0)
 
 
@@ -146,11 +150,12 @@ class SimulatedRobot:
         }
         self._lock = threading.Lock()
         self._command, self._heard_s = Command(), 0.0
-        self._due: list[tuple[float, int, dict[str, bytes]]] = []
-        self._taken, self._last_due_s, self._constant_s = 0, 0.0, 0.0
+        self._due: list[tuple[float, int, str, bytes]] = []
+        self._taken, self._constant_s = 0, 0.0
+        self._last_due_s = dict.fromkeys(self._images, 0.0)
         self.behind = 0
         """How often the steps were so late that they were counted anew."""
-        self._listen(session, wire, topics.command)
+        self._listen(session, wire, topics.command, len(kinds) + 1)
 
     def drive(self, simulation: EpisodeSimulation) -> Outcome:
         """Wait for somebody who drives, do as told until the episode ends, say how, and wait until they have gone."""
@@ -186,15 +191,18 @@ class SimulatedRobot:
             self._put(GOAL_TYPE, Goal(x_m=goal_x, y_m=goal_y), stamp_ns)
             for camera, publisher in self._infos.items():
                 publisher.put(publisher.write(self._cameras[camera], stamp_ns))
-        if not self._manners.sends(step, self._manners.image_every(simulation.clock), self._rng):
+        if step % self._manners.image_every(simulation.clock):
+            return
+        late_s = self._manners.sent(self._images, self._rng)
+        if not late_s:
             return
         images = self._look(simulation)
-        payloads = {name: of.write(sent(images[name]), stamp_ns) for name, of in self._images.items()}
-        late_s = self._manners.late_s(self._rng)
-        # Nothing overtakes on its way.
-        self._last_due_s = max(now_s + late_s, self._last_due_s)
-        self._taken += 1
-        heapq.heappush(self._due, (self._last_due_s, self._taken, payloads))
+        for name, late in late_s.items():
+            payload = self._images[name].write(sent(images[name]), stamp_ns)
+            # Nothing overtakes on its way.
+            self._last_due_s[name] = max(now_s + late, self._last_due_s[name])
+            self._taken += 1
+            heapq.heappush(self._due, (self._last_due_s[name], self._taken, name, payload))
 
     def _send_until(self, until_s: float) -> None:
         """Send images as they become due, until a time."""
@@ -203,9 +211,8 @@ class SimulatedRobot:
             time.sleep(max(min(due_s, until_s) - time.monotonic(), 0.0))
             if not self._due or due_s > until_s:
                 return
-            _, _, payloads = heapq.heappop(self._due)
-            for name in reversed(payloads):
-                self._images[name].put(payloads[name])
+            _, _, name, payload = heapq.heappop(self._due)
+            self._images[name].put(payload)
 
     def _put(self, kind: str, value: object, stamp_ns: int) -> None:
         publisher = self._publishers[kind]
@@ -221,9 +228,9 @@ class SimulatedRobot:
         with self._lock:
             return time.monotonic() - self._heard_s > LEFT_S
 
-    def _listen(self, session: ForeignSession, wire: Wire, topic: str) -> None:
+    def _listen(self, session: ForeignSession, wire: Wire, topic: str, number: int) -> None:
         types = (TWIST_TYPE, STAMPED_TWIST_TYPE)
-        wire.announce(session, topic, wire.address(session, topic, types, SUBSCRIBER), SUBSCRIBER, 9)
+        wire.announce(session, topic, wire.address(session, topic, types, SUBSCRIBER), SUBSCRIBER, number)
 
         def on_command(key: str, payload: bytes, attachment: bytes) -> None:
             command = wire.codec.read(wire.type_of(key, types[0]), payload)

@@ -102,8 +102,8 @@ def _step(robot: Robot, pilot: Pilot, measures: Measures, until_s: float) -> Non
     for odometry, arrived_ns in robot.odometry():
         pilot.hear(odometry, arrived_ns)
     seen = pilot.seen
-    for image in robot.beside():
-        pilot.look_beside(*image)
+    for name, picture, arrived_ns in robot.beside():
+        pilot.look(picture, arrived_ns, name)
     if newest is not None:
         pilot.look(*newest)
     saw = pilot.seen > seen

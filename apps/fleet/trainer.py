@@ -36,7 +36,7 @@ def train_beside(
         stop: Ends training.
 
     Raises:
-        RunError: If the fleets have different robots.
+        RunError: If the fleets have different robots, or do not record images of goals that are to be learned from.
         PolicyError: If torch is not installed, `out` belongs to another run, or the loss is not finite.
     """
     with torch_needed():
@@ -44,6 +44,7 @@ def train_beside(
         from readygo.services.trainer.train import training_threads
     specs = [bus.request(topics.SPEC, RunSpecRequest(), timeout_s=SPEC_TIMEOUT_S) for bus in buses.values()]
     robot, sensor = _camera(specs)
+    _check_goals(specs, config)
     reader = Reader({folder: run for run, folder in zip([*buses, *map(str, data[len(buses) :])], data, strict=False)})
 
     def offer(request: Any) -> Any:
@@ -84,6 +85,14 @@ class Reader:
             for episode in committed_episodes(folder, frozenset(known)):
                 known.add(episode.header.episode)
                 yield run, episode
+
+
+def _check_goals(specs: list[RunSpec], config: TrainConfig) -> None:
+    if config.network.goal != "point" and not all(World(spec).config.renderer.goal_image for spec in specs):
+        raise RunError(
+            f'The fleet records no images of goals, and goal "{config.network.goal}" learns from them: record with '
+            "goal_image = true under [renderer] of --config."
+        )
 
 
 def _camera(specs: list[RunSpec]) -> tuple[Any, Any]:

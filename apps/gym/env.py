@@ -10,6 +10,7 @@ from gymnasium import spaces
 
 from readygo.apps.gym.point_nav import PointNav, Ride
 from readygo.common.robot import RobotConfig
+from readygo.common.robot.kinematics import RATE_HZ
 
 FARTHEST_M = 1000.0
 """Bound of the space of goals [m]."""
@@ -41,11 +42,12 @@ class PointNavEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
     the `expert_command` for the next step.
     """
 
-    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 20}  # noqa: RUF012
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": RATE_HZ}  # noqa: RUF012
 
     def __init__(self, render_mode: str | None = None, **arguments: Any) -> None:
         self.render_mode = render_mode
         self._task = PointNav(**arguments)
+        self.metadata = {**self.metadata, "render_fps": self._task.robot.clock.rate_hz}
         self.observation_space = observation_space(self._task.robot)
         self.action_space = action_space(self._task.robot)
         self._ride: Ride | None = None

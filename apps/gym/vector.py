@@ -13,6 +13,7 @@ from gymnasium.vector.utils import batch_space
 from readygo.apps.gym.env import Observation, action_space, observation_space
 from readygo.apps.gym.point_nav import PointNav, Ride
 from readygo.common.errors import ConfigError
+from readygo.common.robot.kinematics import RATE_HZ
 
 Float64Array = npt.NDArray[np.float64]
 Bools = npt.NDArray[np.bool_]
@@ -27,7 +28,7 @@ class PointNavVectorEnv(VectorEnv[Observation, npt.NDArray[np.float32], npt.NDAr
 
     metadata: dict[str, Any] = {  # noqa: RUF012
         "render_modes": ["rgb_array"],
-        "render_fps": 20,
+        "render_fps": RATE_HZ,
         "autoreset_mode": AutoresetMode.NEXT_STEP,
     }
 
@@ -42,8 +43,9 @@ class PointNavVectorEnv(VectorEnv[Observation, npt.NDArray[np.float32], npt.NDAr
             raise ConfigError("Robots begin again by themselves: autoreset_mode is NEXT_STEP or SAME_STEP.")
         self.num_envs, self.render_mode = num_envs, render_mode
         self._same_step = autoreset_mode is AutoresetMode.SAME_STEP
-        self.metadata = {**self.metadata, "autoreset_mode": autoreset_mode}
         self._task = PointNav(**arguments)
+        fps = self._task.robot.clock.rate_hz
+        self.metadata = {**self.metadata, "autoreset_mode": autoreset_mode, "render_fps": fps}
         self.single_observation_space = observation_space(self._task.robot)
         self.single_action_space = action_space(self._task.robot)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -68,7 +70,7 @@ class PointNavVectorEnv(VectorEnv[Observation, npt.NDArray[np.float32], npt.NDAr
         return self._observe(), self._infos()
 
     def step(self, actions: npt.NDArray[np.float32]) -> tuple[Observation, Float64Array, Bools, Bools, dict[str, Any]]:
-        """Drive for 0.05 s."""
+        """Drive for a step of the robot's clock."""
         if not self._rides:
             raise gymnasium.error.ResetNeeded("call reset() before step().")
         rewards = np.zeros(self.num_envs)

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from readygo.apps.run.config import read_sections
 from readygo.common.config import Range, check_ranges, section_from_mapping
@@ -10,6 +10,7 @@ from readygo.common.errors import ConfigError
 from readygo.common.images.names import RGB
 from readygo.common.policy.sight import check_images
 
+GoalName = Literal["point", "image", "both"]
 Share = Annotated[float, Range(low=0.0, high=1.0)]
 
 
@@ -32,9 +33,14 @@ class LearnConfig:
     images: tuple[str, ...] = (RGB,)
     """What the policy sees, see `readygo.common.policy.sight`; these are recorded."""
 
+    goal: GoalName = "point"
+    """What it is told of the goal, see `NetworkConfig.goal`; images of goals are recorded where it sees them."""
+
     def __post_init__(self) -> None:
         check_ranges(self)
         check_images(self.images)
+        if self.goal != "point" and self.images != (RGB,):
+            raise ValueError(f'goal "{self.goal}" goes with the rgb of one camera, got images {list(self.images)}.')
 
 
 def load_learn_config(path: Path | None) -> LearnConfig:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from readygo.apps.learn.config import LearnConfig, load_learn_config
+from readygo.apps.learn.config import GoalName, LearnConfig, load_learn_config
 from readygo.apps.run.config import RunConfig, load_run_config
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.policy import with_offers
@@ -118,7 +118,9 @@ def learn_settings(config: Path | None, robot: Path | None) -> RunConfig:
     return load_run_config(config, own, base=base)
 
 
-def learn_configs(config: Path | None, robot: Path | None, inputs: str, cameras: str) -> tuple[RunConfig, LearnConfig]:
+def learn_configs(
+    config: Path | None, robot: Path | None, inputs: str, cameras: str, goal: GoalName | None = None
+) -> tuple[RunConfig, LearnConfig]:
     """The settings of the runs and of learning, with all that the policy is to see among what is recorded.
 
     Args:
@@ -126,19 +128,22 @@ def learn_configs(config: Path | None, robot: Path | None, inputs: str, cameras:
         robot: The robot's file.
         inputs: See `chosen_images`; as the section `[learn]` says if it is empty, as is the next.
         cameras: See there.
+        goal: What the policy is told of its goal; as `[learn]` says by default.
 
     Raises:
         ConfigError: If a file cannot be read or holds an unknown key or a wrong value, or there is no such image.
     """
     runs, learn = learn_settings(config, robot), load_learn_config(config)
-    if inputs or cameras:
-        learn = dataclasses.replace(learn, images=chosen_images(inputs, cameras, runs.robot))
+    images = chosen_images(inputs, cameras, runs.robot) if inputs or cameras else learn.images
     try:
+        learn = dataclasses.replace(learn, images=images, goal=goal or learn.goal)
         check_cameras(learn.images, runs.robot)
     except ValueError as error:
-        raise ConfigError(f"learn.images: {error}") from error
+        raise ConfigError(f"learn: {error}") from error
     outputs = tuple(dict.fromkeys((*runs.renderer.outputs, *map(kind_of, learn.images))))
-    return dataclasses.replace(runs, renderer=dataclasses.replace(runs.renderer, outputs=outputs)), learn
+    goal_image = runs.renderer.goal_image or learn.goal != "point"
+    renderer = dataclasses.replace(runs.renderer, outputs=outputs, goal_image=goal_image)
+    return dataclasses.replace(runs, renderer=renderer), learn
 
 
 def _pictures_hz(robot: RobotConfig) -> float:

@@ -16,10 +16,11 @@ from readygo.apps.learn.measure import Measured, Measuring
 from readygo.apps.learn.plan import Plan, read_state, write_state
 from readygo.apps.learn.training import Training, begin_decay, decay_share, forget_decay, read_training
 from readygo.apps.run.origin import note_origin, origin_of_runs
-from readygo.apps.run.policy import POLICY_FILES, policy_sha256
+from readygo.apps.run.policy import policy_sha256
 from readygo.common.config import section_to_mapping
 from readygo.common.errors import RunError
 from readygo.common.files import unfinished_folder, write_whole
+from readygo.common.policy import load_spec
 from readygo.common.policy.artifact import SPEC_FILE
 from readygo.services.evaluator import EpisodeRecord
 
@@ -254,7 +255,7 @@ class Supervisor:
     def _measure_last(self) -> None:
         """Measure what training ended with, and leave the best policy as the run's."""
         plan = self._plan
-        if not (plan.policy / POLICY_FILES[0]).exists():
+        if not (plan.policy / SPEC_FILE).exists():
             raise RunError(
                 f"Nothing was learned in {self.minutes:.1f} min: the trainer saw too few episodes; give more --minutes "
                 f"(its log: {plan.out / 'logs' / 'trainer.log'})."
@@ -281,7 +282,7 @@ class Supervisor:
             keep_policy(plan.policy, plan.best)
         # policy.toml is the last one: without it the folder is no policy.
         (plan.policy / SPEC_FILE).unlink(missing_ok=True)
-        for name in POLICY_FILES:
+        for name in load_spec(plan.best).files:
             write_whole(plan.policy / name, (plan.best / name).read_bytes(), raises=RunError)
         note_origin(plan.policy, origin_of_runs(place.spec for place in plan.places))
 
@@ -294,5 +295,5 @@ class Supervisor:
 def keep_policy(folder: Path, kept: Path) -> None:
     """Copy a policy; the copy is there whole, or the one before."""
     with unfinished_folder(kept, good=lambda: False, raises=RunError) as place:
-        for name in POLICY_FILES:
+        for name in load_spec(folder).files:
             shutil.copyfile(folder / name, place / name)

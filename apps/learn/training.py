@@ -107,6 +107,7 @@ def write_trainer_config(plan: Plan, threads: int) -> Path:
         f"offer_every_s = {max(OFFER_MIN_S, 60 * budget.minutes / OFFERS)!r}",
         "[network]",
         f"images = {json.dumps(plan.learn.images)}",
+        f'goal = "{plan.learn.goal}"',
     ]
     path = plan.out / "trainer.toml"
     write_whole(path, "\n".join(lines) + "\n", raises=RunError)

@@ -26,7 +26,8 @@ LIFT_M = 0.1
 """Above the floor, whose Gaussians would hide what lies on it."""
 TRAIL_STEP_M = 0.05
 HUMANS_MAX = 8
-_ON_ROBOT = ("body", "label", "view", "fan0", "fan1", "fan2")
+_ON_ROBOT = ("body", "label", "view", "fan")
+"""How the names of what goes with the robot begin."""
 Way = npt.NDArray[np.float64]
 
 
@@ -88,15 +89,15 @@ class Actor:
             self._line(f"way{number}", shown, HUMANS[number % len(HUMANS)], 0.022, 0.8)
         self._mark(replans)
 
-    def picture(self, rgb: npt.NDArray[np.uint8] | None) -> None:
-        """Hang the newest image in front of the camera."""
-        if "view" in self._nodes and rgb is not None:
-            self._nodes["view"].image = rgb
+    def picture(self, camera: str, rgb: npt.NDArray[np.uint8] | None) -> None:
+        """Hang the newest image in front of a camera; the first one is called ""."""
+        if f"view{camera}" in self._nodes and rgb is not None:
+            self._nodes[f"view{camera}"].image = rgb
 
     def hide(self) -> None:
         """Take everything away."""
         for name in list(self._nodes):
-            if name in _ON_ROBOT:
+            if name.startswith(_ON_ROBOT):
                 # They go with it.
                 del self._nodes[name]
             else:
@@ -137,19 +138,25 @@ class Actor:
         return base
 
     def _see(self, fov_rad: float) -> None:
-        """Draw the field of view; it fades with distance."""
+        """Draw the fields of view: that of the first camera is known of the episode."""
         self._fov_rad = fov_rad
+        self._see_with("", self._robot.camera, fov_rad)
+        for name, camera in self._robot.cameras.items():
+            self._see_with(name, camera, 2 * math.atan(camera.width_px / (2 * float(camera.K_px[0, 0]))))
+
+    def _see_with(self, name: str, camera: CameraConfig, fov_rad: float) -> None:
+        """Draw a camera's field of view; it fades with distance."""
         angle_rad = min(fov_rad, math.radians(179.0))
+        T_robot_camera = camera.T_world_camera(0.0, 0.0, 0.0, 0.0)
+        ahead = _yaw_wxyz(math.radians(camera.mount_yaw_deg))
         for number, (begin, end, opacity) in enumerate(((0.15, 0.45, 0.5), (0.45, 0.75, 0.34), (0.75, 1.0, 0.2))):
             ring = shapes.moved(shapes.fan(angle_rad, end * SIGHT_M, begin * SIGHT_M), 0.0, 0.0, LIFT_M)
-            self._nodes[f"fan{number}"] = self._mesh(
-                f"robot/fan{number}", ring, self._accent, opacity, cast_shadow=False
+            self._nodes[f"fan{name}{number}"] = self._mesh(
+                f"robot/fan{name}{number}", ring, self._accent, opacity, cast_shadow=False, wxyz=ahead
             )
-        camera = self._robot.camera
         aspect = camera.width_px / camera.height_px
-        T_robot_camera = camera.T_world_camera(0.0, 0.0, 0.0, 0.0)
-        self._nodes["view"] = self._scene.add_camera_frustum(
-            f"{self._name}/robot/body/view",
+        self._nodes[f"view{name}"] = self._scene.add_camera_frustum(
+            f"{self._name}/robot/body/view{name}",
             fov=2 * math.atan(math.tan(angle_rad / 2) / aspect),
             aspect=aspect,
             scale=0.22,

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.apps.monitor.subject import Subject
-from readygo.apps.monitor.track import Track, on_floor
+from readygo.apps.monitor.track import Pictures, Track, on_floor
 from readygo.common.errors import ReadygoError
 from readygo.common.messages import EpisodeKey
 from readygo.common.messages.live import LiveState
@@ -33,8 +33,8 @@ class Moment:
     """An episode at one time."""
 
     state: LiveState
-    image: bytes = b""
-    """The image that is new since the moment before; empty if none is."""
+    images: Pictures = dataclasses.field(default_factory=dict)
+    """The images that are new since the moment before."""
     image_format: str = "jpeg"
     way: npt.NDArray[np.float64] = dataclasses.field(default_factory=lambda: np.zeros((0, 4)))
     """The robot's whole way as far as it is known: x, y, z [m], yaw [rad], shape (N, 4)."""
@@ -101,16 +101,16 @@ class Feed:
                 moving = self._subject.watch.under_way()
                 episode = next((m for m in moving if m.episode == followed), moving[0] if moving else None)
                 newest = episode.states[-1][1] if episode else None
-                preview = episode.previews[-1] if episode and episode.previews else (-1, b"")
+                preview = episode.previews[-1] if episode and episode.previews else (-1, {})
             if newest is not None and episode is not None:
                 if episode.episode != followed:
                     followed, told_ns = episode.episode, (-1, -1)
                 if newest.time_ns != told_ns[0]:
-                    image = preview[1] if preview[0] != told_ns[1] else b""
+                    images = preview[1] if preview[0] != told_ns[1] else {}
                     told_ns, quiet_s = (newest.time_ns, preview[0]), 0.0
                     plan, z_m = episode.plan, newest.robot_xyzyaw[2]
                     way = _poses(plan.robot_xyyaw, z_m) if plan else np.array([newest.robot_xyzyaw])
-                    yield Moment(state=newest, image=image, image_format=episode.image_format, way=way)
+                    yield Moment(state=newest, images=images, image_format=episode.image_format, way=way)
             self._stop.wait(POLL_S)
             quiet_s += POLL_S
 
@@ -137,12 +137,11 @@ class Feed:
 def _replayed(track: Track) -> Iterator[Moment]:
     """Every second moment of an episode."""
     way = np.array([state.robot_xyzyaw for state in track.states])
-    image = b""
+    before: Pictures = {}
     for state in track.states[::2]:
-        newest = track.image_at(state.time_ns / 1e9)
-        new = newest if newest is not image else b""
-        image = newest
-        yield Moment(state=state, image=new, image_format=track.image_format, way=way)
+        images = track.images_at(state.time_ns / 1e9)
+        yield Moment(state=state, images={} if images is before else images, image_format=track.image_format, way=way)
+        before = images
 
 
 def _poses(xyyaw: npt.NDArray[np.float32], height_m: float) -> npt.NDArray[np.float64]:

@@ -6,6 +6,8 @@ The only place that imports the foxglove SDK.
 from typing import Any
 
 from readygo.apps.monitor.feed import Moment
+from readygo.apps.monitor.track import Pictures
+from readygo.common.camera.config import CameraConfig
 from readygo.common.dataset import markers, packed, schemas
 from readygo.common.dataset.canonical import HALF_PX, with_pixels_moved
 from readygo.common.dataset.scene_map import MapMessages
@@ -13,8 +15,9 @@ from readygo.common.dataset.schemas import Channel
 from readygo.common.errors import RunError
 from readygo.common.extras import install_command
 from readygo.common.frames import goal_in_robot_frame
+from readygo.common.images.names import RGB, camera_of
 from readygo.common.messages.live import LiveState
-from readygo.common.messages.samples import EpisodeHeader, Sample
+from readygo.common.messages.samples import EpisodeHeader, FurtherCamera, Sample
 from readygo.common.robot import RobotConfig
 
 MAP_EVERY = 5
@@ -60,6 +63,8 @@ class FoxgloveSink:
         calibration = with_pixels_moved(schemas.calibration_message(header, stamp_ns), -HALF_PX)
         self._log(schemas.EPISODE_START, schemas.start_message(header), stamp_ns)
         self._log(schemas.ROS_CALIBRATION, calibration, stamp_ns)
+        for content in packed.calibrations(header):
+            self._log(content.channel, b"".join(content.at(packed.stamp(stamp_ns))), stamp_ns)
         shown = (
             (schemas.MARKERS, markers.markers(moment.way, goal_xy_m, self._robot, stamp)),
             (schemas.PATH, markers.path_cloud(moment.way, goal_xy_m, stamp)),
@@ -76,7 +81,7 @@ class FoxgloveSink:
     def show(self, moment: Moment, stamp_ns: int) -> None:
         """See `Sink.show`."""
         state, stamp = moment.state, packed.stamp(stamp_ns)
-        contents = packed.contents(_sample(state, moment.image), _header(moment, self._robot))
+        contents = packed.contents(_sample(state, moment.images, self._robot), _header(moment, self._robot))
         contents.append(markers.frames(*packed.pose(state.robot_xyzyaw), self._cameras))
         contents.append(markers.bodies(human[:3] for human in state.humans_xyzyaw))
         for content in contents:
@@ -112,16 +117,23 @@ def _header(moment: Moment, robot: RobotConfig) -> EpisodeHeader:
         width_px=camera.width_px,
         K_px=tuple(camera.K_px.ravel().tolist()),
         driver=state.driver,
+        cameras=tuple(_further(name, further) for name, further in robot.cameras.items()),
     )
 
 
-def _sample(state: LiveState, image: bytes) -> Sample:
+def _further(name: str, camera: CameraConfig) -> FurtherCamera:
+    K_px = tuple(camera.K_px.ravel().tolist())
+    return FurtherCamera(name=name, height_px=camera.height_px, width_px=camera.width_px, K_px=K_px)
+
+
+def _sample(state: LiveState, images: Pictures, robot: RobotConfig) -> Sample:
     x_m, y_m, _, yaw_rad = state.robot_xyzyaw
+    known = ("", *robot.cameras)
     return Sample(
         seq=state.sample,
         crc32=0,
         time_ns=state.time_ns,
-        image=image,
+        image=images.get(RGB, b""),
         action_v_mps=state.v_mps,
         action_w_radps=state.w_radps,
         goal_xy_robot_m=goal_in_robot_frame(x_m, y_m, yaw_rad, state.goal_xy_m),
@@ -132,4 +144,5 @@ def _sample(state: LiveState, image: bytes) -> Sample:
         human_visible=state.human_visible,
         expert_cost=0.0,
         replanned=state.replanned,
+        outputs={name: image for name, image in images.items() if name != RGB and camera_of(name) in known},
     )

@@ -11,10 +11,11 @@ from readygo.apps.monitor import panels
 from readygo.apps.monitor.actors import ACCENTS, Actor, eye_of
 from readygo.apps.monitor.splats import DollsHouse, Splats
 from readygo.apps.monitor.subject import Subject
-from readygo.apps.monitor.track import Track, between, on_floor
+from readygo.apps.monitor.track import Pictures, Track, between, on_floor
 from readygo.apps.monitor.watch import Moving
 from readygo.common.dataset.reader import decode_image
 from readygo.common.errors import ReadygoError
+from readygo.common.images.names import RGB, camera_of, kind_of
 from readygo.common.messages import EpisodeKey, Outcome
 from readygo.common.messages.live import LiveState
 
@@ -56,7 +57,7 @@ class Page:
         self._free_fov: float | None = None
         self._house: DollsHouse | None = None
         self._splats: dict[str, Any] = {}
-        self._pictured: dict[str, bytes] = {}
+        self._pictured: dict[str, Pictures] = {}
         self._count, self._begun = 0, False
         with client.atomic():
             self._build()
@@ -214,7 +215,7 @@ class Page:
         ways = _human_ways(track)
         actor.plan(track.way, track.replans, ways, of=track.episode)
         actor.show(state, f"#{track.episode.index}", trail=False)
-        self._hang(actor, "0", track.image_at(self._time_s))
+        self._hang(actor, "0", track.images_at(self._time_s))
         return {"0": state}
 
     def _live(self, now_s: float) -> dict[str, LiveState]:
@@ -247,10 +248,12 @@ class Page:
         humans = tuple(on_floor(human, height_m) for human in plan.humans_xy_m)
         actor.plan(way, way[plan.replanned], humans, of=plan)
 
-    def _hang(self, actor: Actor, name: str, image: bytes) -> None:
-        if image and self._pictured.get(name) is not image:
-            self._pictured[name] = image
-            actor.picture(decode_image(image))
+    def _hang(self, actor: Actor, name: str, images: Pictures) -> None:
+        if images and self._pictured.get(name) is not images:
+            self._pictured[name] = images
+            for image_name, image in images.items():
+                if kind_of(image_name) == RGB:
+                    actor.picture(camera_of(image_name), decode_image(image))
 
     def _aim_camera(self, states: dict[str, LiveState], now_s: float) -> None:
         """Move a camera that goes along with a robot: with the same one for as long as there is news of it."""
@@ -303,7 +306,7 @@ class Page:
         if self._is_due("panels", now_s, PANELS_S):
             with watch.lock:
                 _put(self._head, panels.header(subject.name, watch, self._count, subject.note))
-                _put(self._cameras, panels.cameras(watch.workers.values()))
+                _put(self._cameras, panels.cameras(watch.workers.values(), subject.robot))
                 _put(self._workers, panels.workers(watch))
             self._tell_moment(states)
         if self._is_due("charts", now_s, CHARTS_S):
@@ -325,7 +328,7 @@ class Page:
             return
         kind = self._track.image_format if self._track else "jpeg"
         _put(self._moment, panels.moment(states[name], self._track, "" if self._track else name))
-        _put(self._picture, panels.picture(self._pictured.get(name, b""), kind))
+        _put(self._picture, panels.pictures(self._pictured.get(name, {}), kind, self._subject.robot))
 
     def _is_due(self, what: str, now_s: float, every_s: float) -> bool:
         if now_s - self._due_s.get(what, float("-inf")) < every_s:

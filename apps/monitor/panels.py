@@ -1,18 +1,25 @@
 """What the page says beside the scene, as HTML. Names, reasons and errors come from others: all of it is escaped."""
 
 import base64
+import functools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 
 import numpy as np
 
-from readygo.apps.monitor.track import Track, time_text
+from readygo.apps.monitor.track import Pictures, Track, pictures_of, time_text
 from readygo.apps.monitor.watch import RATE_WINDOW_S, Seen, Watch
 from readygo.apps.pages.charts import Curve, line_chart
+from readygo.apps.pictures.shades import shaded
+from readygo.apps.pictures.side_by_side import caption_of, shown_images
+from readygo.common.drawing.files import jpeg_bytes
 from readygo.common.drawing.ticks import number_text
+from readygo.common.images.files import decode_output
+from readygo.common.images.names import RGB, kind_of
 from readygo.common.messages import Outcome, RunSpec, StatusReply
 from readygo.common.messages.live import LiveState
+from readygo.common.robot import RobotConfig
 
 BAR_COLOURS = ("#29a1ff", "#ffae34", "#78dc78", "#d678ff", "#ff6b6b", "#8fa3b8")
 OUTCOME_COLOURS = {
@@ -51,7 +58,8 @@ CSS = """
 .rg .cams { display: grid; grid-template-columns: repeat(auto-fit, minmax(150px, 1fr)); gap: 8px; }
 .rg figure { margin: 0; } .rg img { display: block; width: 100%; border-radius: 8px; background: #111; }
 .rg figcaption { font-size: 11px; color: #94a0ad; margin-top: 2px; }
-.rg .big img { border-radius: 10px; }
+.rg .wide { display: grid; gap: 12px; }
+.rg .side { display: grid; gap: 4px; margin-top: 6px; }
 .rg .chart { display: block; width: 100%; height: auto; font-size: 13px; margin-top: 6px; }
 .rg .chart text { fill: #aeb8c3; } .rg .grid { stroke: #333a43; stroke-width: 1; }
 .rg .chart polyline, .rg .chart circle, .rg .chart rect { filter: brightness(1.45) saturate(0.9); }
@@ -144,30 +152,51 @@ def moment(state: LiveState, track: Track | None, worker: str = "") -> str:
     return html(f'<div class="head">{title}</div><div class="facts">{cells}</div>')
 
 
-def picture(image: bytes, kind: str, caption: str = "") -> str:
-    """One image over the whole width."""
-    return html(f'<div class="big">{_figure(image, kind, caption)}</div>') if image else ""
+def pictures(images: Pictures, kind: str, robot: RobotConfig) -> str:
+    """What all cameras show at one time, over the whole width."""
+    return html(_rows(images, kind, robot)) if images else ""
 
 
-def cameras(workers: Iterable[Seen]) -> str:
-    """The newest image of everybody who makes some."""
-    figures = [
-        _figure(
-            seen.preview.image,
-            seen.preview.format,
-            f"{seen.name} · {seen.preview.episode.episode_id} · {seen.preview.time_ns / 1e9:.1f} s",
-        )
+def cameras(workers: Iterable[Seen], robot: RobotConfig) -> str:
+    """The newest images of everybody who makes some."""
+    shown = [
+        f'<div>{_rows(pictures_of(seen.preview), seen.preview.format, robot)}<p class="soft">'
+        f"{escape(f'{seen.name} · {seen.preview.episode.episode_id} · {seen.preview.time_ns / 1e9:.1f} s')}</p></div>"
         for seen in workers
         if seen.preview is not None
     ]
     empty = '<p class="soft">Images appear as soon as an episode is rendered.</p>'
-    return html(f'<div class="cams">{"".join(figures)}</div>' if figures else empty)
+    # Several cameras of one robot side by side need the width.
+    grid = "cams" if not robot.cameras else "wide"
+    return html(f'<div class="{grid}">{"".join(shown)}</div>' if shown else empty)
 
 
-def _figure(image: bytes, kind: str, caption: str) -> str:
+def _rows(images: Pictures, kind: str, robot: RobotConfig) -> str:
+    """Images of one time: cameras from left to right, depths below; names where there are several."""
+    rows = shown_images(images, robot)
+    found = []
+    for row in rows:
+        figures = "".join(
+            _figure(images[name], kind, name, caption_of(name, robot) if len(images) > 1 else "") for name in row
+        )
+        found.append(f'<div class="side" style="grid-template-columns: repeat({len(row)}, 1fr)">{figures}</div>')
+    return "".join(found)
+
+
+def _figure(image: bytes, kind: str, name: str, caption: str) -> str:
+    if kind_of(name) != RGB:
+        image, kind = _shaded(name, image), "jpeg"
     kind = kind if kind in ("jpeg", "png") else "jpeg"
     source = f"data:image/{kind};base64,{base64.b64encode(image).decode()}"
-    return f'<figure><img src="{source}" alt="camera"><figcaption>{escape(caption)}</figcaption></figure>'
+    words = f"<figcaption>{escape(caption)}</figcaption>" if caption else ""
+    return f'<figure><img src="{source}" alt="camera">{words}</figure>'
+
+
+@functools.lru_cache(maxsize=64)
+def _shaded(name: str, image: bytes) -> bytes:
+    """Depths as browsers can show them; empty if they cannot be read."""
+    pixels = decode_output(kind_of(name), image)
+    return b"" if pixels is None else jpeg_bytes(shaded(pixels, name))
 
 
 def stages(status: StatusReply | None, spec: RunSpec | None) -> str:

@@ -8,10 +8,12 @@ import numpy as np
 from readygo.apps.monitor.feed import Moment
 from readygo.apps.monitor.splats import DollsHouse
 from readygo.common.dataset.markers import BODY_HEIGHT_M, BODY_RADIUS_M
+from readygo.common.dataset.schemas import camera_frame
 from readygo.common.drawing.plan_view import GOAL, HUMANS, ROBOT
 from readygo.common.errors import RunError
 from readygo.common.extras import install_command
 from readygo.common.frames import quat_from_matrix
+from readygo.common.images.names import RGB, camera_of, kind_of
 from readygo.common.robot import RobotConfig
 
 SPAWN = "spawn"
@@ -79,9 +81,13 @@ class RerunSink:
             colors=colours,
         )
         stream.log("world/humans", bodies)
-        if moment.image:
-            media = f"image/{moment.image_format}"
-            stream.log("world/robot/camera", rr.EncodedImage(contents=moment.image, media_type=media))
+        for name, image in moment.images.items():
+            entity = _entity(camera_of(name))
+            if kind_of(name) == RGB:
+                shown = rr.EncodedImage(contents=image, media_type=f"image/{moment.image_format}")
+                stream.log(entity, shown)
+            else:
+                stream.log(f"{entity}/{kind_of(name)}", rr.EncodedDepthImage(blob=image, meter=1e-3))
         numbers = {"speed_mps": state.v_mps, "turn_radps": state.w_radps, "human_distance_m": state.human_distance_m}
         for name, value in numbers.items():
             if math.isfinite(value):
@@ -93,15 +99,21 @@ class RerunSink:
         self._stream.disconnect()
 
     def _mount(self) -> None:
-        """The robot's body and camera in its own frame."""
-        rr, robot, camera = self._rr, self._robot, self._robot.camera
-        T_robot_camera = camera.T_world_camera(0.0, 0.0, 0.0, 0.0)
-        w, x, y, z = quat_from_matrix(T_robot_camera[:3, :3]).tolist()
-        place = rr.Transform3D(translation=T_robot_camera[:3, 3], quaternion=rr.Quaternion(xyzw=[x, y, z, w]))
-        lens = rr.Pinhole(image_from_camera=camera.K_px, resolution=[camera.width_px, camera.height_px])
+        """The robot's body and cameras in its own frame."""
+        rr, robot = self._rr, self._robot
         body = rr.Cylinders3D(
             lengths=[robot.height_m], radii=[robot.radius_m], centers=[(0.0, 0.0, robot.height_m / 2)], colors=[ROBOT]
         )
         self._stream.log("world/robot/body", body, static=True)
-        self._stream.log("world/robot/camera", place, static=True)
-        self._stream.log("world/robot/camera", lens, static=True)
+        for name, camera in {"": robot.camera, **robot.cameras}.items():
+            T_robot_camera = camera.T_world_camera(0.0, 0.0, 0.0, 0.0)
+            w, x, y, z = quat_from_matrix(T_robot_camera[:3, :3]).tolist()
+            place = rr.Transform3D(translation=T_robot_camera[:3, 3], quaternion=rr.Quaternion(xyzw=[x, y, z, w]))
+            lens = rr.Pinhole(image_from_camera=camera.K_px, resolution=[camera.width_px, camera.height_px])
+            self._stream.log(_entity(name), place, static=True)
+            self._stream.log(_entity(name), lens, static=True)
+
+
+def _entity(camera: str) -> str:
+    """Where a camera is; the first one is called ""."""
+    return f"world/robot/{camera_frame(camera)}"

@@ -3,18 +3,21 @@
 import bisect
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.fleet.shown import state_of
+from readygo.common.fleet.shown import is_shown, state_of
 from readygo.common.frames import wrap_angle
-from readygo.common.messages import CommittedEpisode, EpisodeKey, Outcome
-from readygo.common.messages.live import LivePlan, LiveState
+from readygo.common.images.names import RGB
+from readygo.common.messages import CommittedEpisode, EpisodeKey, Outcome, Sample
+from readygo.common.messages.live import LivePlan, LivePreview, LiveState
 
 NS_PER_S = 1_000_000_000
+Pictures = Mapping[str, bytes]
+"""Encoded images of one time by name, see `readygo.common.images.names`."""
 Pose = tuple[float, float, float, float]
 """On the floor: x, y, z [m], yaw [rad]."""
 
@@ -26,8 +29,8 @@ class Track:
     episode: EpisodeKey
     states: Sequence[LiveState]
     """At least one."""
-    images: Sequence[tuple[int, bytes]] = ()
-    """Simulated times [ns] and encoded images."""
+    images: Sequence[tuple[int, Pictures]] = ()
+    """Simulated times [ns], and what was seen then."""
     image_format: str = "jpeg"
     outcome: Outcome | None = None
     """None while it is being made."""
@@ -53,10 +56,10 @@ class Track:
         share = (time_s * NS_PER_S - before_ns) / max(after_ns - before_ns, 1)
         return between(self.states[after - 1], self.states[after], share)
 
-    def image_at(self, time_s: float) -> bytes:
-        """The newest image at a time; empty if there is none yet."""
+    def images_at(self, time_s: float) -> Pictures:
+        """The newest images at a time; none if there are none yet."""
         row = bisect.bisect_right([time_ns for time_ns, _ in self.images], time_s * NS_PER_S + 1)
-        return self.images[max(0, row - 1)][1] if self.images else b""
+        return self.images[max(0, row - 1)][1] if self.images else {}
 
     @property
     def way(self) -> npt.NDArray[np.float64]:
@@ -92,12 +95,17 @@ def track_of(committed: CommittedEpisode) -> Track:
     return Track(
         episode=header.episode,
         states=states,
-        images=[(sample.time_ns, sample.image) for sample in committed.samples if sample.image],
+        images=[(sample.time_ns, pictures_of(sample)) for sample in committed.samples if sample.image],
         image_format=header.image_format,
         outcome=header.outcome,
         policy=header.policy,
         replans=np.array(replans).reshape(-1, 3),
     )
+
+
+def pictures_of(seen: Sample | LivePreview) -> Pictures:
+    """All images that are shown of one time."""
+    return {RGB: seen.image} | {name: image for name, image in seen.outputs.items() if is_shown(name)}
 
 
 def on_floor(xy_m: npt.NDArray[np.float32], height_m: float) -> npt.NDArray[np.float64]:

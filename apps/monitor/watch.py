@@ -9,7 +9,7 @@ from functools import partial
 from typing import TypeVar
 
 from readygo.apps.monitor.history import History
-from readygo.apps.monitor.track import Track, replans_of
+from readygo.apps.monitor.track import Pictures, Track, pictures_of, replans_of
 from readygo.common.bus import Bus
 from readygo.common.messages import Driver, EpisodeKey, Outcome, RunSpec, StatusReply, topics
 from readygo.common.messages.live import (
@@ -25,7 +25,7 @@ from readygo.common.messages.live import (
 EPISODES_MAX = 12
 """Episodes whose states and images are kept; the one that was heard of longest ago gives way."""
 STATES_MAX, PREVIEWS_MAX = 600, 100
-"""Of an episode."""
+"""Of an episode; each camera's images count."""
 WORKERS_MAX = 256
 """Workers whose streams are heard; those that have left give way."""
 COMMITS_MAX = 500
@@ -70,7 +70,8 @@ class Moving:
     plan: LivePlan | None = None
     states: deque[tuple[float, LiveState]] = field(default_factory=lambda: deque(maxlen=STATES_MAX))
     """With the times at which they were heard [s]."""
-    previews: deque[tuple[int, bytes]] = field(default_factory=lambda: deque(maxlen=PREVIEWS_MAX))
+    previews: deque[tuple[int, Pictures]] = field(default_factory=deque)
+    """Simulated times [ns], and what was seen then."""
     image_format: str = "jpeg"
     heard_s: float = 0.0
     commit: LiveCommit | None = None
@@ -226,7 +227,10 @@ class Watch:
     def _on_preview(self, worker: tuple[str, str], preview: LivePreview) -> None:
         with self.lock:
             moving = self._episode(preview.episode)
-            moving.previews.append((preview.time_ns, preview.image))
+            pictures = pictures_of(preview)
+            moving.previews.append((preview.time_ns, pictures))
+            while len(moving.previews) > max(1, PREVIEWS_MAX // len(pictures)):
+                moving.previews.popleft()
             moving.image_format = preview.format
             if worker in self.workers:
                 self.workers[worker].preview = preview

@@ -41,6 +41,8 @@ class EpisodeFilm:
     """Shape (2,)."""
     camera: Iterable[Picture] | None = None
     """Images of the robot's camera, T of shape (H, W, 3); read once, in order, so that they may be drawn on the way."""
+    enlarged: bool = True
+    """Whether these are enlarged; False shows them as they are."""
     humans_xy_m: tuple[npt.NDArray[np.float64], ...] = ()
     """Ground positions of each human, shape (T_h, 2); the last row is held."""
     outcome: str = ""
@@ -89,13 +91,19 @@ def film_frames(
     background: TopView | None = None
     shown = 0
     for row, image in zip(rows, images, strict=False):
-        camera = None if image is None else _enlarged(image, camera_height_px)
+        camera = image if image is None or not film.enlarged else _enlarged(image, camera_height_px)
         if background is None:
-            background = plan_view.faded(_fitted(view, PLAN_HEIGHT_PX if camera is None else len(camera)), 0.25)
+            background = plan_view.faded(_fitted(view, _plan_height_px(film, camera)), 0.25)
         shown += 1
         yield _frame(film, background, row, camera)
     if shown < len(rows):
         raise ValueError(f"the camera has {shown} images for {len(rows)} rows.")
+
+
+def _plan_height_px(film: EpisodeFilm, camera: Picture | None) -> int:
+    if camera is None:
+        return PLAN_HEIGHT_PX
+    return len(camera) if film.enlarged else max(len(camera), CAMERA_HEIGHT_PX)
 
 
 def _enlarged(image: Picture, height_px: int) -> Picture:

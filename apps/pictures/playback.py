@@ -1,5 +1,6 @@
 """A recorded episode as a film, from what was recorded of it alone: poses, commands, images, humans."""
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -7,10 +8,13 @@ import numpy.typing as npt
 
 from readygo.apps.pictures.episode_film import EpisodeFilm
 from readygo.apps.pictures.recorded import latest_pictured, rows_of
+from readygo.apps.pictures.side_by_side import recorded_together, shown_images
 from readygo.apps.run.folder import RunFolder
 from readygo.common.dataset import Dataset
+from readygo.common.drawing.files import Picture
 from readygo.common.drawing.plan_view import map_window
 from readygo.common.errors import ReadygoError
+from readygo.common.images.names import RGB
 from readygo.common.maps import GridFrame, OccupancyMap
 from readygo.common.robot import RobotConfig
 from readygo.common.scenes import load_scene
@@ -18,23 +22,33 @@ from readygo.common.scenes.top_view import TopView, top_view
 
 MARGIN_M = 2.0
 PIXEL_M = 0.02
+CAMERAS_WIDTH_PX = 1200
+"""Width at which the images of several cameras are shown together, about."""
 _MAP_CELL_M = 0.25
 
 
-def recorded_film(dataset: Dataset, number: int) -> EpisodeFilm:
+def recorded_film(dataset: Dataset, number: int, camera: str = "") -> EpisodeFilm:
     """An episode as a film.
 
     Args:
         dataset: Recorded episodes.
         number: Row in `dataset.episodes`.
+        camera: Name of the only camera to show; empty for all.
+
+    Raises:
+        DatasetError: If there is no such camera.
     """
     entry = dataset.episodes[number]
     rows = rows_of(entry)
     poses = dataset.poses[rows][:, [0, 1, 3]]
     robot = dataset.robot or RobotConfig()
+    shown = shown_images(dataset.outputs, robot, camera)
+    pictures = (dataset.decode(sample) for sample in latest_pictured(dataset, rows))
+    alone = shown == ((RGB,),)
     return EpisodeFilm(
         title=entry.episode.episode_id,
-        camera=(dataset.decode(sample) for sample in latest_pictured(dataset, rows)),
+        camera=pictures if alone else _together(dataset, rows, shown, robot),
+        enlarged=alone,
         xyyaw=poses,
         actions=dataset.actions[rows].astype(np.float64),
         goal_xy_m=_goal(poses[0], dataset.goals_xy_m[rows.start]),
@@ -56,6 +70,17 @@ def background(dataset: Dataset, number: int, data: Path) -> TopView:
         return top_view(load_scene(Path(spec.scene_path)))
     except ReadygoError:
         return _empty_ground(dataset, number)
+
+
+def _together(
+    dataset: Dataset, rows: slice, shown: tuple[tuple[str, ...], ...], robot: RobotConfig
+) -> Iterator[Picture]:
+    """What several cameras show, sample by sample."""
+    before, picture = -1, np.zeros((0, 0, 3), np.uint8)
+    for sample in latest_pictured(dataset, rows).tolist():
+        if sample != before:
+            before, picture = sample, recorded_together(dataset, sample, shown, robot, width_px=CAMERAS_WIDTH_PX)
+        yield picture
 
 
 def _empty_ground(dataset: Dataset, number: int) -> TopView:

@@ -15,11 +15,7 @@ from readygo.common.errors import PolicyError
 from readygo.common.messages import FileRef, PolicyFile, PolicyRef, RunSpec
 from readygo.common.messages.stages import DRIVE_LINE
 from readygo.common.policy import check_policy_camera, load_policy, load_spec
-from readygo.common.policy.artifact import ENCODER_FILE, HEAD_FILE, SPEC_FILE
 from readygo.common.policy.robots import RANGED, known_as
-
-POLICY_FILES = (ENCODER_FILE, HEAD_FILE, SPEC_FILE)
-"""All that a policy is loaded from that was trained here."""
 
 
 def with_policy(spec: RunSpec, config: RunConfig, folder: Path, mix: float) -> RunSpec:
@@ -92,8 +88,6 @@ def check_policy(folder: Path, config: RunConfig) -> None:
         PolicyError: If it cannot be used, or was trained with another camera, sensor or robot.
     """
     trained = load_policy(folder).spec
-    if trained.wants_goal_image:
-        raise PolicyError("The policy wants images of its goals: it can be evaluated and driven, not recorded with.")
     check_policy_camera(trained, config.robot, config.renderer.sensor)
     known = known_as(trained.robot, config.robot, RANGED)
     for name, ours, theirs in section_differences(known, config.robot):

@@ -7,6 +7,7 @@ import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
+from readygo.apps.run.goals import goal_pose, goal_seen
 from readygo.apps.run.world import World
 from readygo.common.bus import Bus
 from readygo.common.episode.robot import robot_of_episode
@@ -122,7 +123,7 @@ def _render(world: World, bus: Bus) -> Work:
         scenario, motions = _scenario(inputs), _motions(inputs)
         trajectory = decode(RobotPlanReply, inputs[ROBOT_PLAN.name]).trajectory
         assert trajectory is not None
-        if reason := unclear(renderer, trajectory.xyyaw, world.config.episode):
+        if reason := unclear(renderer, scenario.episode, trajectory.xyyaw, world.config.episode):
             return StageResult(rejected=reason)
         header = episode_header(renderer, scenario, trajectory)
         samples = episode_samples(renderer, scenario, motions, trajectory)
@@ -151,13 +152,15 @@ def _drive(world: World, bus: Bus) -> Work:
         sees: tuple[str, ...] = (RGB,)
         if ref and driver is Driver.POLICY:
             loaded = world.policy(ref)
-            policy, sees = PolicyDriver(loaded, simulation.robot, every), loaded.spec.inputs.images
+            goal_image = goal_seen(loaded, renderer, simulation)
+            policy = PolicyDriver(loaded, simulation.robot, every, goal_image)
+            sees = loaded.spec.inputs.images
         elif disturbs(episode, config.driver.disturbed):
             disturbance = Disturbance(episode, config.driver, simulation.robot)
         camera = LiveCamera(renderer, simulation, sees)
         expert = planner.expert(scenario, motions)
         driven = drive(simulation, expert, camera, weigher, policy, disturbance, image_every=every)
-        if reason := unclear(renderer, driven.trajectory.xyyaw, config.episode):
+        if reason := unclear(renderer, episode, driven.trajectory.xyyaw, config.episode):
             return StageResult(rejected=reason)
         offered = claim.policy.sha256 if claim.policy and policy else ""
         header = dataclasses.replace(
@@ -181,14 +184,9 @@ def _with_goal(world: World, renderer: Renderer, scenario: Scenario, samples: It
     """Samples with an image of the goal, where that is recorded."""
     if not world.config.renderer.goal_image:
         return samples
-    # Workers that record no goals do without the evaluator.
-    from readygo.services.evaluator.baselines.goal_field import arrival_yaw_rad
-
-    goal_x, goal_y = scenario.goal_xy_m.tolist()
-    start_x, start_y, _ = scenario.start_xyyaw.tolist()
-    maps, radius_m = world.scene.maps, robot_of_episode(world.config.robot, scenario.episode).planning_radius_m
-    yaw_rad = arrival_yaw_rad(maps.robot, radius_m, (start_x, start_y), (goal_x, goal_y))
-    return with_goal_image(samples, goal_picture(renderer, scenario.episode, (goal_x, goal_y, yaw_rad)))
+    radius_m = robot_of_episode(world.config.robot, scenario.episode).planning_radius_m
+    pose = goal_pose(scenario, world.scene.maps.robot, radius_m)
+    return with_goal_image(samples, goal_picture(renderer, scenario.episode, pose))
 
 
 def _evaluate(world: World, bus: Bus) -> Work:

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from readygo.apps.run.config import RunConfig
+from readygo.apps.run.goals import goal_seen
 from readygo.common.avatars import Avatar
 from readygo.common.episode import EpisodeSimulation
 from readygo.common.errors import RunError
@@ -106,7 +107,8 @@ def policy_steer(policy: Policy, renderer: Renderer) -> Steer:
     def steer(simulation: EpisodeSimulation) -> tuple[float, float]:
         if not begun:
             camera = LiveCamera(renderer, simulation, policy.spec.inputs.images)
-            begun.append((PolicyDriver(policy, simulation.robot, clock.image_every), camera))
+            goal_image = goal_seen(policy, renderer, simulation)
+            begun.append((PolicyDriver(policy, simulation.robot, clock.image_every, goal_image), camera))
         driver, camera = begun[0]
         picture = camera.take() if simulation.step % clock.image_every == 0 else None
         return driver.command(simulation, picture)

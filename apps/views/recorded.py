@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from readygo.apps.pictures.side_by_side import has_several, recorded_together, shown_images
 from readygo.apps.views.pictures import (
     ALARM,
     COLUMNS,
@@ -18,7 +19,7 @@ from readygo.apps.views.pictures import (
 from readygo.common.dataset import Dataset, RecordedClarity, recorded_clarity
 from readygo.common.drawing.files import Picture
 from readygo.common.drawing.plan_view import INK, draw_disc, draw_scale_bar, map_window
-from readygo.common.drawing.sheet import sheet
+from readygo.common.drawing.sheet import sheet, stacked
 from readygo.common.errors import ReadygoError
 from readygo.common.images.clarity import COVERED_FROM, SHARP_FROM
 from readygo.common.maps import GridFrame, OccupancyMap
@@ -28,6 +29,7 @@ from readygo.common.scenes import load_scene
 from readygo.services.renderer import Renderer, RendererConfig, look_around
 
 THUMBNAILS = 24
+MOMENTS, MOMENT_WIDTH_PX = 3, 1200
 COVERAGE_LOOKS = 24
 NAMED = 3
 """Blurred episodes that a warning names."""
@@ -118,6 +120,29 @@ def thumbnails(dataset: Dataset, name: str) -> Picture:
     rows = [tiles[k : k + COLUMNS] for k in range(0, len(tiles), COLUMNS)]
     colour = ALARM if clarity.blurred else INK
     return sheet(rows, [(f"recorded in {name}", INK), (str(clarity), colour)], [])
+
+
+def camera_moments(dataset: Dataset) -> Picture | None:
+    """What all cameras showed at some moments, depths included; None where there is but one image at a time.
+
+    Args:
+        dataset: What was recorded.
+
+    Returns:
+        RGB.
+
+    Raises:
+        DatasetError: If a picture is damaged.
+    """
+    if not has_several(dataset):
+        return None
+    robot = dataset.robot or RobotConfig()
+    rows = shown_images(dataset.outputs, robot)
+    looked_at = recorded_clarity(dataset).samples
+    with_somebody = looked_at[dataset.truth["human_visible"][looked_at]]
+    chosen = with_somebody if len(with_somebody) else looked_at
+    shown = dict.fromkeys(chosen[(2 * np.arange(MOMENTS) + 1) * len(chosen) // (2 * MOMENTS)].tolist())
+    return stacked([recorded_together(dataset, sample, rows, robot, width_px=MOMENT_WIDTH_PX) for sample in shown])
 
 
 def recorded_map(dataset: Dataset, clarity: RecordedClarity, occupancy: OccupancyMap | None) -> Picture:

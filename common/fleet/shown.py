@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from readygo.common.bus import Bus
+from readygo.common.images.names import DEPTH, RGB, kind_of
 from readygo.common.messages import ClaimReply, EpisodeHeader, RobotTrajectory, Sample, Scenario, Stage, topics
 from readygo.common.messages.live import LivePlan, LivePreview, LiveState, LiveWork
 
@@ -24,9 +25,18 @@ def show_newest(bus: Bus, header: EpisodeHeader, samples: Sequence[Sample]) -> N
         bus.tell(
             topics.PREVIEW,
             lambda: LivePreview(
-                episode=header.episode, time_ns=pictured.time_ns, format=header.image_format, image=pictured.image
+                episode=header.episode,
+                time_ns=pictured.time_ns,
+                format=header.image_format,
+                image=pictured.image,
+                outputs={name: image for name, image in pictured.outputs.items() if is_shown(name)},
             ),
         )
+
+
+def is_shown(name: str) -> bool:
+    """True for images that are shown besides the first camera's colours: other cameras' ones, and depths."""
+    return kind_of(name) in (RGB, DEPTH)
 
 
 def state_of(header: EpisodeHeader, sample: Sample) -> LiveState:

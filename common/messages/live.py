@@ -3,19 +3,20 @@
 All of it is lossy, none of it is recorded, and nobody makes any of it while nobody listens.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
 from readygo.common.messages.checks import check_array
+from readygo.common.messages.codec import OMITTED_WHEN_DEFAULT
 from readygo.common.messages.episode import EpisodeKey
 from readygo.common.messages.plan import Driver, Outcome
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LivePreview:
-    """The newest image of an episode that is being made."""
+    """The newest images of an episode that is being made."""
 
     episode: EpisodeKey
     time_ns: int
@@ -23,6 +24,10 @@ class LivePreview:
     format: str
     """"jpeg" or "png"."""
     image: bytes
+    """The first camera's."""
+    outputs: dict[str, bytes] = field(default_factory=dict, hash=False, metadata=OMITTED_WHEN_DEFAULT)
+    """Those of the other cameras, in the same format, and depths, as PNG, by their names
+    (`readygo.common.images.names`)."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

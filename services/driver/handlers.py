@@ -84,7 +84,13 @@ class Camera(Protocol):
 class PolicyDriver:
     """A policy in one episode: it sees every picture as late as the robot's camera is."""
 
-    def __init__(self, policy: Policy, robot: RobotConfig, image_every: int) -> None:
+    def __init__(
+        self,
+        policy: Policy,
+        robot: RobotConfig,
+        image_every: int,
+        goal_image: npt.NDArray[np.uint8] | None = None,
+    ) -> None:
         """Begin an episode.
 
         Args:
@@ -92,8 +98,10 @@ class PolicyDriver:
             robot: What is driven: whose camera is so late, and which is commanded so often.
             image_every: Steps from picture to picture. Where these are more than the camera's, the policy decides only
                 when it has a new one.
+            goal_image: What the robot would see at its goal, where the policy wants to know: sRGB, shape (H, W, 3).
         """
         self._policy, self._memory, self._clock = policy, policy.start(robot), robot.clock
+        self._memory.kept.goal_image = goal_image
         self._command = (0.0, 0.0)
         self._late_steps = self._clock.steps(robot.camera.latency_s)
         self._image_every, self._thinned = image_every, image_every > self._clock.image_every

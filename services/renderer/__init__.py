@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from readygo.services.renderer.live import LiveCamera as LiveCamera
     from readygo.services.renderer.looks import Look as Look
     from readygo.services.renderer.looks import goal_picture as goal_picture
+    from readygo.services.renderer.looks import goal_view as goal_view
     from readygo.services.renderer.looks import look_around as look_around
     from readygo.services.renderer.looks import unclear as unclear
     from readygo.services.renderer.service import attach as attach
@@ -35,6 +36,7 @@ else:
         ".looks": (
             "Look",
             "goal_picture",
+            "goal_view",
             "look_around",
             "unclear",
         ),

@@ -33,17 +33,23 @@ class Look:
     coverage: float
 
 
-def look_around(renderer: Renderer, xyyaw: npt.NDArray[np.float64]) -> Iterator[Look]:
+def look_around(
+    renderer: Renderer, xyyaw: npt.NDArray[np.float64], episode: EpisodeKey | None = None
+) -> Iterator[Look]:
     """What the robot's camera shows, one pose after the other; equal poses look equal.
 
     Args:
         renderer: Scene and camera.
         xyyaw: Poses of the robot: x, y [m], yaw [rad], shape (N, 3).
+        episode: Whose camera looks; None takes one of no episode.
 
     Raises:
         RunError: If the renderer's backend makes no depths.
     """
-    camera = renderer.capture.camera_of(SensorStream.of_humans(""))
+    if episode is None:
+        camera = renderer.capture.camera_of(SensorStream.of_humans(""))
+    else:
+        camera = episode_camera(renderer, renderer.capture, episode)
     shots = (Shot(camera=camera, moment_at=_still(renderer, camera.config, pose), step=0) for pose in xyyaw)
     for pose, images in zip(xyyaw, renderer.capture.take(shots, CLARITY_OUTPUTS), strict=True):
         x_m, y_m, yaw_rad = (float(value) for value in pose)
@@ -59,8 +65,8 @@ def _still(renderer: Renderer, camera: CameraConfig, pose: npt.NDArray[np.float6
     return lambda _: moment
 
 
-def goal_picture(renderer: Renderer, episode: EpisodeKey, xyyaw: tuple[float, float, float]) -> bytes:
-    """What the first camera of an episode shows at its goal with nobody there, encoded as its images are.
+def goal_view(renderer: Renderer, episode: EpisodeKey, xyyaw: tuple[float, float, float]) -> npt.NDArray[np.uint8]:
+    """What the first camera of an episode shows at its goal with nobody there, sRGB, shape (H, W, 3).
 
     Args:
         renderer: Scene and camera.
@@ -70,23 +76,29 @@ def goal_picture(renderer: Renderer, episode: EpisodeKey, xyyaw: tuple[float, fl
     camera = episode_camera(renderer, renderer.capture, episode)
     shot = Shot(camera=camera, moment_at=_still(renderer, camera.config, np.array(xyyaw)), step=0)
     (images,) = renderer.capture.take((shot,))
-    return encode_image(images.rgb, renderer.config)
+    return images.rgb
 
 
-def unclear(renderer: Renderer, xyyaw: npt.NDArray[np.float64], config: EpisodeConfig) -> str:
+def goal_picture(renderer: Renderer, episode: EpisodeKey, xyyaw: tuple[float, float, float]) -> bytes:
+    """What `goal_view` shows, encoded as an episode's images are."""
+    return encode_image(goal_view(renderer, episode, xyyaw), renderer.config)
+
+
+def unclear(renderer: Renderer, episode: EpisodeKey, xyyaw: npt.NDArray[np.float64], config: EpisodeConfig) -> str:
     """Why an episode shows too little to be recorded; empty if it shows enough, or nobody asks.
 
     A few views, spread evenly over its steps, are drawn without people; their medians are compared.
 
     Args:
         renderer: Scene and camera.
+        episode: Whose camera looks.
         xyyaw: Where the robot goes: x, y [m], yaw [rad], shape (T, 3).
         config: With the limits.
     """
     if config.sharpness_min == config.coverage_min == 0.0:
         return ""
     steps = len(xyyaw) * (2 * np.arange(LOOKS_PER_EPISODE) + 1) // (2 * LOOKS_PER_EPISODE)
-    looks = list(look_around(renderer, xyyaw[steps]))
+    looks = list(look_around(renderer, xyyaw[steps], episode))
     if np.median([look.sharpness for look in looks]) < config.sharpness_min:
         return BLURRED
     return BARE if np.median([look.coverage for look in looks]) < config.coverage_min else ""

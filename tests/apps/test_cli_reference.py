@@ -29,7 +29,7 @@ def test_every_argument_is_explained() -> None:
 
 def test_a_command_has_its_arguments_with_value_and_default() -> None:
     rows = {parameter.flag: parameter for parameter in described(COMMANDS["play"]).parameters}
-    assert list(rows) == ["DATA", "--out", "--episode", "--every"]
+    assert list(rows) == ["DATA", "--out", "--episode", "--every", "--camera"]
     assert rows["--out"].value == "PATH"
     assert (rows["--episode"].value, rows["--episode"].default) == ("INT", "0")
 

@@ -5,6 +5,7 @@ import pytest
 
 from readygo.apps.commands.play import play
 from readygo.common.errors import DatasetError
+from tests.common.dataset.episodes import write_left_shard
 
 
 def test_film_has_the_episodes_pictures(data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -15,6 +16,14 @@ def test_film_has_the_episodes_pictures(data: Path, tmp_path: Path, capsys: pyte
     while film.read()[0]:
         count += 1
     assert count == 4
+
+
+def test_one_camera_of_several_is_shown(tmp_path: Path) -> None:
+    write_left_shard(tmp_path / "data", [0])
+    play(tmp_path / "data", out=tmp_path / "film.webm", camera="left", every=5)
+    assert cv2.VideoCapture(str(tmp_path / "film.webm")).read()[0]
+    with pytest.raises(DatasetError, match="no images of a camera 'rear'"):
+        play(tmp_path / "data", out=tmp_path / "film.webm", camera="rear")
 
 
 @pytest.mark.parametrize("episode", [3, -4])

@@ -12,6 +12,11 @@ def test_topics_are_named_by_the_images_on_them():
     found = image_topics(("/a", "left=/b/compressed"), ("left=/c",), ROBOT)
     assert found == {"rgb": "/a", "left.rgb": "/b/compressed", "left.depth": "/c"}
     assert image_topics(("front=/a",), (), ROBOT) == {"rgb": "/a"}
+    assert image_topics((), ("left=/c",), ROBOT, every_camera=True) == {
+        "rgb": "/camera/image_raw",
+        "left.rgb": "/left/image_raw",
+        "left.depth": "/c",
+    }
     assert info_topics(image_topics(("left=/left/image_raw/compressed",), (), ROBOT)) == {
         "": "/camera/camera_info",
         "left": "/left/camera_info",
@@ -25,6 +30,10 @@ def test_topics_are_named_by_the_images_on_them():
         (("/a", "front=/b"), (), "two topics of one camera: /a and /b"),
         (("/a", "left=/a"), (), "a topic of its own, got /a, /a"),
         ((), ("rear=/a",), "--depth rear=/a: there is no camera"),
+        (("left=/a", "left=/b"), (), "two topics of one camera: /a and /b"),
+        (("left",), (), "--image 'left' names no topic: left=/left/image_raw is one"),
+        (("left=",), (), "--image 'left=' names no topic: left=/left/image_raw is one"),
+        (("",), (), "--image '' names no topic: front=/front/image_raw is one"),
     ],
 )
 def test_topics_that_make_no_sense_are_refused(image, depth, words):

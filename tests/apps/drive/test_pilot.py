@@ -13,7 +13,7 @@ from readygo.common.policy import load_policy
 from readygo.common.policy.artifact import PolicyInputs
 from readygo.common.robot import RobotConfig, limit_command, step_unicycle
 from readygo.common.robot.kinematics import STEP_NS
-from tests.apps.drive.conftest import CAMERA, T0, odometry, picture
+from tests.apps.drive.conftest import CAMERA, T0, S, odometry, picture
 from tests.common.policy.artifacts import write_policy
 
 
@@ -192,7 +192,7 @@ class DepthRide:
             self.pilot.look(picture(stamp_ns), now_ns)
         if depth_m is not None:
             depths = np.full((8, 10), depth_m, np.float32)
-            self.pilot.look_beside("depth", Picture(stamp_ns=stamp_ns, decode=lambda: depths), now_ns + depth_late_ns)
+            self.pilot.look(Picture(stamp_ns=stamp_ns, decode=lambda: depths), now_ns + depth_late_ns, "depth")
         return self.pilot.command(now_ns + depth_late_ns)
 
 
@@ -212,4 +212,79 @@ def test_robot_whose_depths_stay_away_stands(fake_policy):
     for step in range(20):
         command = ride.tell(step * STEP_NS, depth_m=5.0 if step < 5 else None)
     assert command.v_mps == 0.0
-    assert "depths" in ride.pilot.waiting_for or "images" in ride.pilot.waiting_for
+    assert ride.pilot.waiting_for == "no new depths"
+
+
+class ThreeCameraRide:
+    """A pilot whose policy sees with three cameras, and a robot that stands and sends their images."""
+
+    def __init__(self, fake_policy, camera_hz=20):
+        self.policy = fake_policy((1.0, 0.0))
+        camera = self.policy.spec.robot.camera
+        robot = RobotConfig(camera=camera, camera_hz=camera_hz, cameras={"left": camera, "right": camera})
+        inputs = PolicyInputs(images=("rgb", "left.rgb", "right.rgb"))
+        self.policy.spec = dataclasses.replace(self.policy.spec, robot=robot, inputs=inputs)
+        rectify = dict.fromkeys(("", "left", "right"), Rectifier(camera, camera))
+        config = DriveConfig(v_max_mps=1.0, w_max_radps=1.2)
+        self.pilot = Pilot(self.policy, rectify, config, Goal(x_m=5.0, y_m=0.0))
+        self.due = []
+
+    def run(self, seconds, *, every_ns=STEP_NS, taken_ns=None, late_ns=None, without=()):
+        """Send images by name: taken so long after the first camera's, and so long on their way [ns]."""
+        begin_ns = self.due[-1][0] if self.due else 0
+        for now_ns in range(begin_ns, begin_ns + round(seconds * S), every_ns):
+            self.due.append((now_ns, None, now_ns))
+            for name in set(self.pilot.images) - set(without):
+                stamp_ns = now_ns + (taken_ns or {}).get(name, 0)
+                self.due.append((stamp_ns + (late_ns or {}).get(name, 0), name, stamp_ns))
+        self.due.sort(key=lambda each: each[0])
+        for now_ns, name, stamp_ns in self.due:
+            if name is None:
+                self.pilot.hear(odometry(T0 + stamp_ns), now_ns)
+            else:
+                self.pilot.look(picture(T0 + stamp_ns), now_ns, name)
+            command = self.pilot.command(now_ns)
+        self.due = self.due[-1:]
+        return command
+
+
+def test_images_of_a_camera_that_come_a_whole_image_later_are_seen_together(fake_policy):
+    ride = ThreeCameraRide(fake_policy)
+    assert ride.run(2.0, late_ns={"left.rgb": 120_000_000, "right.rgb": 30_000_000}).v_mps > 0
+    assert ride.pilot.seen >= 36
+    assert ride.policy.seen_ns[10] - T0 == 10 * STEP_NS, "the stamps are the first camera's"
+    assert ride.pilot.frame_age_s == pytest.approx(0.12, abs=1e-6)
+
+
+def test_cameras_that_take_their_images_at_other_times_are_seen_up_to_half_an_image_apart(fake_policy):
+    assert ThreeCameraRide(fake_policy).run(1.0, taken_ns={"left.rgb": 25_000_000}).v_mps > 0
+    slow = ThreeCameraRide(fake_policy, camera_hz=10)
+    assert slow.run(2.0, every_ns=2 * STEP_NS, taken_ns={"right.rgb": 45_000_000}).v_mps > 0
+
+
+def test_cameras_that_all_stay_away_are_not_named(fake_policy):
+    ride = ThreeCameraRide(fake_policy)
+    ride.run(1.0)
+    ride.run(0.5, without=ride.pilot.images)
+    assert ride.pilot.waiting_for == "no new images"
+
+
+def test_cameras_whose_clocks_differ_are_told(fake_policy):
+    ride = ThreeCameraRide(fake_policy)
+    assert ride.run(1.0, taken_ns={"left.rgb": 40_000_000}, every_ns=2 * STEP_NS) == Command()
+    assert ride.pilot.waiting_for == "no images of one time: images of left are 0.04 s from the first camera's"
+
+
+@pytest.mark.parametrize(
+    ("name", "words"), [("rgb", "images of front"), ("left.rgb", "images of left"), ("right.rgb", "images of right")]
+)
+def test_robot_stands_without_one_of_its_cameras_and_goes_on_with_it(fake_policy, name, words):
+    ride = ThreeCameraRide(fake_policy)
+    assert ride.run(0.5, without=(name,)) == Command()
+    assert ride.pilot.waiting_for == f"no {words}"
+    assert ride.run(1.0).v_mps > 0
+    assert ride.run(0.5, without=(name,)) == Command()
+    assert ride.pilot.waiting_for == f"no new {words}"
+    assert ride.run(1.0).v_mps > 0
+    ride.run(12.0, without=(name,))
+    assert (ride.pilot.ending, ride.pilot.reason) == (Ending.STALE, f"no new {words} for 10 s")

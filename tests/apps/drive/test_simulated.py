@@ -9,17 +9,24 @@ import numpy as np
 import pytest
 
 from readygo.apps.drive.calibration import Rectifier, camera_from_info, info_of
+from readygo.apps.drive.messages import Goal
+from readygo.apps.drive.named_topics import image_topics
 from readygo.apps.drive.pilot import DriveConfig, Ending, Pilot
 from readygo.apps.drive.plain_codec import PlainCodec
 from readygo.apps.drive.robot import Topics, connected
 from readygo.apps.drive.ros_codec import RosCodec
 from readygo.apps.drive.simulated import Manners, SimulatedRobot
-from readygo.apps.drive.trial import run_trial
+from readygo.apps.drive.trial import Measures, _step, run_trial
 from readygo.apps.drive.wires import RosWire, TopicWire
+from readygo.apps.run.config import RunConfig
+from readygo.apps.run.evaluation import evaluation_world, make_evaluator
 from readygo.common.bus.foreign import ForeignSession
 from readygo.common.bus.zenoh_bus import Router, free_endpoint
-from readygo.common.messages import Outcome
+from readygo.common.camera import CameraConfig
+from readygo.common.messages import Outcome, Split
 from readygo.common.policy.artifact import PolicyInputs
+from readygo.common.robot import RobotConfig
+from readygo.services.evaluator import Task
 from tests.apps.drive.conftest import CAMERA, FakePolicy, open_ground
 
 TOPICS = Topics(
@@ -87,6 +94,84 @@ def test_policy_drives_a_robot_to_its_goal_over_every_wire(kind, depth):
     assert run.v_mps <= 1.0
     assert policy.sights[-1][0, 0].tolist() == [0, 0, 0, *([128] if depth else [])]
     assert pilot.driven_m == pytest.approx(1.0, abs=0.3)
+
+
+SEEN = ("rgb", "depth", "left.rgb", "left.depth", "right.rgb", "right.depth")
+THREE_CAMERAS = RobotConfig(
+    camera=CameraConfig(height_px=24, width_px=40),
+    cameras={
+        "left": CameraConfig(height_px=24, width_px=40, mount_y_m=0.15, mount_yaw_deg=75.0),
+        "right": CameraConfig(height_px=24, width_px=40, mount_y_m=-0.15, mount_yaw_deg=-75.0),
+    },
+)
+
+
+@pytest.fixture(scope="module")
+def evaluator():
+    config = dataclasses.replace(RunConfig(), robot=THREE_CAMERAS)
+    world = evaluation_world("embedded", config, avatars=None, seed=0)
+    return make_evaluator(world, renderer=world.renderer(), methods={})
+
+
+class StillPolicy(StraightPolicy):
+    """Sees with three cameras, and stands."""
+
+    def __init__(self):
+        super().__init__()
+        self.answer = (0.0, 0.0)
+        self.spec = dataclasses.replace(self.spec, robot=THREE_CAMERAS, inputs=PolicyInputs(images=SEEN))
+
+
+@pytest.mark.parametrize(("compressed", "levels"), [(False, 0.0), (True, 4.0)])
+def test_policy_sees_over_the_network_what_it_sees_in_an_evaluation(evaluator, compressed, levels):
+    pytest.importorskip("rosbags", reason="rosbags (extra robot-logs) is not installed")
+    (episode,), _ = evaluator.source().draw(seed=0, split=Split.TEST, count=1, tasks=(Task.DYNAMIC,))
+    run, eyes = evaluator.simulation(episode), evaluator.eyes(SEEN)
+    expected = eyes.look([run])[0].astype(int)
+    endpoint = free_endpoint()
+    named = image_topics(
+        (), ("/camera/depth", "left=/left/depth", "right=/right/depth"), THREE_CAMERAS, every_camera=True
+    )
+    beside = {name: topic for name, topic in named.items() if name != "rgb"}
+    infos = {"left": "/left/camera_info", "right": "/right/camera_info"}
+    topics = dataclasses.replace(TOPICS, beside=beside, infos=infos)
+    cameras = {"": THREE_CAMERAS.camera, **THREE_CAMERAS.cameras}
+    with closing(Router(endpoint)), closing(ForeignSession(endpoint)) as session:
+        robot = SimulatedRobot(
+            session,
+            RosWire(7, "robot"),
+            topics,
+            {name: info_of(camera) for name, camera in cameras.items()},
+            lambda one: {name: images[0] for name, images in eyes.measured([one]).items()},
+            Manners(latency_s=0.01, jitter_s=0.005, drop_share=0.1, compressed=compressed, camera_hz=10.0),
+            np.random.default_rng(0),
+        )
+        over = threading.Event()
+        thread = threading.Thread(target=lambda: robot._during(run, over.is_set, move=False), daemon=True)
+        thread.start()
+        link = connected(endpoint, RosWire(7, "drive"), topics, dry=False)
+        until_s = time.monotonic() + 20.0
+        while set(link.cameras) != set(cameras):
+            assert time.monotonic() < until_s
+            time.sleep(0.01)
+        rectify = {
+            name: Rectifier(camera_from_info(camera, link.cameras[name]), camera) for name, camera in cameras.items()
+        }
+        policy = StillPolicy()
+        config = DriveConfig(v_max_mps=1.0, w_max_radps=1.2, time_limit_s=1.0)
+        pilot = Pilot(policy, rectify, config, Goal(x_m=5.0, y_m=0.0))
+        while not policy.sights:
+            assert time.monotonic() < until_s, pilot.waiting_for
+            _step(link, pilot, Measures(), time.monotonic() + 0.05)
+        link.close()
+        over.set()
+        thread.join(10.0)
+    seen = policy.sights[0].astype(int)
+    assert seen.shape == expected.shape == (24, 40, 12)
+    colours, depths = [0, 1, 2, 4, 5, 6, 8, 9, 10], [3, 7, 11]
+    assert np.abs(seen - expected)[..., colours].mean() <= levels
+    assert np.abs(seen - expected)[..., depths].max() <= 1, "millimetres are what a message has"
+    assert len({expected[..., channel].tobytes() for channel in range(12)}) == 12, "every camera sees something else"
 
 
 @pytest.mark.parametrize("wrong", [{"latency_s": -1.0}, {"drop_share": 1.0}])

@@ -70,6 +70,13 @@ def test_fleets_of_two_robots_are_refused(tmp_path):
         train_beside(buses, CONFIG, tmp_path, data=(), stop=threading.Event())
 
 
+def test_fleet_that_records_no_goals_is_refused_where_they_are_learned_from(tmp_path):
+    bus, _ = make_bus()
+    config = with_overrides(CONFIG, goal="both")
+    with pytest.raises(RunError, match="The fleet records no images of goals"):
+        train_beside({"a": bus}, config, tmp_path / "policy", data=(), stop=threading.Event())
+
+
 def test_reader_gives_every_episode_once(folder):
     reader = Reader({folder: "run"})
     assert [(run, message.header.episode.index) for run, message in reader.new_episodes()] == [

@@ -18,3 +18,14 @@ def test_environment_passes_gymnasiums_checker():
     second, other = env.reset()
     assert other["episode"] != info["episode"]
     assert not np.array_equal(second["goal"], observation["goal"])
+
+
+def test_pictures_come_as_often_as_the_robots_steps(tmp_path):
+    from readygo.apps.gym.env import PointNavEnv
+    from readygo.apps.gym.vector import PointNavVectorEnv
+
+    config = tmp_path / "run.toml"
+    config.write_text("[robot]\ncontrol_hz = 30\ncamera_hz = 10\n[robot.camera]\nheight_px = 24\nwidth_px = 32\n")
+    assert PointNavEnv(humans=0, config=config).metadata["render_fps"] == 30
+    assert PointNavVectorEnv(humans=0, config=config).metadata["render_fps"] == 30
+    assert PointNavEnv.metadata["render_fps"] == 20

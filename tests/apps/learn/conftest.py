@@ -8,7 +8,7 @@ import pytest
 from readygo.apps.fleet.run import run_in_process
 from readygo.apps.learn.config import LearnConfig
 from readygo.apps.learn.plan import Budget, Plan, learn_settings, make_plan
-from readygo.apps.run.policy import POLICY_FILES, file_ref
+from readygo.apps.run.policy import policy_refs
 from readygo.common.episode import EpisodeConfig
 from readygo.common.messages import PolicyRef
 from readygo.services.coordinator import BlobStore, Ledger
@@ -35,8 +35,8 @@ def tiny(tmp_path_factory: pytest.TempPathFactory) -> Plan:
 
 def _offer(policy: Path, ledger: Path, blobs: Path, plan: Plan) -> None:
     store, book = BlobStore(blobs), Ledger(ledger, plan.places[0].spec.stages)
-    for name in POLICY_FILES:
-        store.put((policy / name).read_bytes())
-    files = tuple(file_ref(policy, name) for name in POLICY_FILES)
+    files = policy_refs(policy)
+    for file in files:
+        store.put((policy / file.path).read_bytes())
     book.offer(PolicyRef(path="", files=files, mix=plan.learn.mix), 0)
     book.close()

@@ -5,10 +5,20 @@ from pathlib import Path
 import pytest
 
 from readygo.apps.learn.config import LearnConfig
-from readygo.apps.learn.plan import Budget, Plan, free_name, learn_settings, locked, make_plan, read_state, write_state
+from readygo.apps.learn.plan import (
+    Budget,
+    Plan,
+    free_name,
+    learn_configs,
+    learn_settings,
+    locked,
+    make_plan,
+    read_state,
+    write_state,
+)
 from readygo.apps.run.config import RunConfig
 from readygo.apps.run.scene_argument import open_scene
-from readygo.common.errors import ReadygoError, RunError, SceneError
+from readygo.common.errors import ConfigError, ReadygoError, RunError, SceneError
 from readygo.common.messages.stages import DRIVE_LINE
 from readygo.common.robot import CameraConfig
 
@@ -39,6 +49,17 @@ def test_what_nobody_names_is_as_learning_needs_it(tmp_path: Path) -> None:
     assert (named.renderer.detail, named.robot.v_max_mps, named.robot.camera.width_px) == ("exact", 0.5, 128)
     (tmp_path / "robot.toml").write_text("[camera]\nwidth_px = 256\nheight_px = 144\n")
     assert learn_settings(None, tmp_path / "robot.toml").robot.camera == CameraConfig(width_px=256, height_px=144)
+
+
+def test_images_of_goals_are_recorded_where_the_policy_sees_them(tmp_path: Path) -> None:
+    assert not learn_configs(None, None, "", "")[0].renderer.goal_image
+    runs, learn = learn_configs(None, None, "", "", "both")
+    assert (runs.renderer.goal_image, learn.goal) == (True, "both")
+    (tmp_path / "run.toml").write_text('[learn]\ngoal = "image"\n')
+    runs, learn = learn_configs(tmp_path / "run.toml", None, "", "")
+    assert (runs.renderer.goal_image, learn.goal) == (True, "image")
+    with pytest.raises(ConfigError, match='goal "image" goes with the rgb of one camera'):
+        learn_configs(tmp_path / "run.toml", None, "rgb,depth", "")
 
 
 def test_two_scenes_of_one_name_have_a_folder_each() -> None:

@@ -1,10 +1,12 @@
+import math
+
 import numpy as np
 
 from readygo.apps.monitor.actors import Actor, eye_of
 from readygo.apps.monitor.track import Track, track_of
 from readygo.common.robot import RobotConfig
 from tests.apps.monitor.fakes import Scene
-from tests.apps.monitor.test_track import recorded
+from tests.apps.monitor.test_track import TWO_CAMERAS, recorded, recorded_by_two
 
 ROBOT = RobotConfig()
 
@@ -28,6 +30,22 @@ def test_everybody_is_where_the_state_says() -> None:
     assert any(name.startswith("/robots/0/robot/fan") for name in scene.nodes), "the field of view"
     actor.hide()
     assert not [name for name in scene.nodes if "/robots/0/" in name and "body" not in name]
+
+
+def test_every_camera_has_its_field_of_view_and_its_picture() -> None:
+    track = track_of(recorded_by_two())
+    scene = Scene()
+    actor = Actor(scene, "/robots/0", TWO_CAMERAS, (1, 2, 3))
+    actor.show(track.states[0], "#0")
+    fans = {name: node.wxyz for name, node in scene.nodes.items() if "/robot/fan" in name}
+    assert len(fans) == 6
+    quarter_left = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
+    np.testing.assert_allclose(fans["/robots/0/robot/fanleft0"], quarter_left, atol=1e-12)
+    picture = np.ones((16, 20, 3), np.uint8)
+    actor.picture("left", picture)
+    assert scene.nodes["/robots/0/robot/body/viewleft"].image is picture
+    actor.hide()
+    actor.picture("left", picture)
 
 
 def test_who_looks_out_of_the_robot_does_not_see_it() -> None:

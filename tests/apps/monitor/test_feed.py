@@ -47,5 +47,5 @@ def test_recorded_episodes_are_shown_where_none_is_under_way(data: Path, monkeyp
     first, second = viewer.shown.get(timeout=20), viewer.shown.get(timeout=20)
     feed.close()
     assert (first.state.sample, second.state.sample) == (0, 2)
-    assert first.image
+    assert first.images
     assert len(first.way) == 20

@@ -1,11 +1,13 @@
 import dataclasses
+import re
 
 from readygo.apps.monitor import panels
 from readygo.apps.monitor.track import track_of
 from readygo.apps.monitor.watch import Seen, Watch
 from readygo.common.messages import Outcome
 from readygo.common.messages.live import LiveEvaluation, LivePreview
-from tests.apps.monitor.test_track import recorded
+from readygo.common.robot import RobotConfig
+from tests.apps.monitor.test_track import TWO_CAMERAS, recorded, recorded_by_two
 from tests.apps.monitor.watched import status
 
 EVIL = "<script>alert(1)</script>"
@@ -26,13 +28,27 @@ def test_what_others_say_is_text(spec) -> None:
         panels.header(EVIL, watch, 0, EVIL),
         panels.stages(watch.status, spec),
         panels.workers(watch),
-        panels.cameras(watch.workers.values()),
+        panels.cameras(watch.workers.values(), RobotConfig()),
         panels.evaluations(watch),
         panels.moment(track.states[0], track, EVIL),
-        panels.picture(b"1", EVIL, EVIL),
+        panels.pictures({"rgb": b"1", f"{EVIL}.rgb": b"1"}, EVIL, RobotConfig()),
     ]
     assert not any("<script" in text for text in shown)
     assert sum("&lt;script" in text for text in shown) >= 5
+
+
+def test_every_camera_of_a_renderer_is_shown_from_left_to_right_with_depths_below() -> None:
+    sample = recorded_by_two().samples[0]
+    preview = LivePreview(
+        episode=recorded().header.episode, time_ns=0, format="jpeg", image=sample.image, outputs=sample.outputs
+    )
+    seen = Seen(role="renderer", name="render0", preview=preview)
+    text = panels.cameras([seen], TWO_CAMERAS)
+    assert re.findall("<figcaption>(.*?)</figcaption>", text) == ["left", "front", "left depth"]
+    assert text.count("data:image/jpeg") == 3, "a browser would show the depths' own file all but black"
+    assert "<figcaption" not in panels.cameras(
+        [dataclasses.replace(seen, preview=dataclasses.replace(preview, outputs={}))], RobotConfig()
+    )
 
 
 def test_header_says_how_the_run_is() -> None:

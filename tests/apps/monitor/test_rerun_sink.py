@@ -8,9 +8,8 @@ import pytest
 from readygo.apps.monitor.feed import Moment
 from readygo.apps.monitor.track import track_of
 from readygo.common.errors import RunError
-from readygo.common.robot import RobotConfig
 from tests.apps.monitor.test_page import house
-from tests.apps.monitor.test_track import recorded
+from tests.apps.monitor.test_track import TWO_CAMERAS, recorded_by_two
 
 rerun = pytest.importorskip("rerun", reason="rerun-sdk is not installed: readygo[rerun]")
 
@@ -19,17 +18,19 @@ def test_a_recording_has_robot_humans_images_and_numbers(tmp_path: Path) -> None
     from readygo.apps.monitor.rerun_sink import RerunSink
 
     file = tmp_path / "seen.rrd"
-    sink = RerunSink(RobotConfig(), house(), str(file))
-    track = track_of(recorded())
+    sink = RerunSink(TWO_CAMERAS, house(), str(file))
+    track = track_of(recorded_by_two())
     way = np.array([state.robot_xyzyaw for state in track.states])
     for state in track.states[:3]:
-        moment = Moment(state=state, image=track.image_at(state.time_ns / 1e9), way=way)
+        moment = Moment(state=state, images=track.images_at(state.time_ns / 1e9), way=way)
         sink.begin(moment, state.time_ns)
         sink.show(moment, state.time_ns)
     sink.close()
     command = [sys.executable, "-m", "rerun", "rrd", "print", str(file)]
     printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    for entity in ("/world/scene", "/world/robot", "/world/robot/camera", "/world/humans", "/numbers/speed_mps"):
+    for entity in ("/world/scene", "/world/robot", "/world/humans", "/numbers/speed_mps"):
+        assert entity in printed, entity
+    for entity in ("/world/robot/camera", "/world/robot/camera_left", "/world/robot/camera_left/depth"):
         assert entity in printed, entity
 
 
@@ -37,4 +38,4 @@ def test_viewer_that_cannot_be_is_refused() -> None:
     from readygo.apps.monitor.rerun_sink import RerunSink
 
     with pytest.raises(RunError, match="--rerun nonsense"):
-        RerunSink(RobotConfig(), None, "nonsense")
+        RerunSink(TWO_CAMERAS, None, "nonsense")

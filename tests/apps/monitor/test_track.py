@@ -7,11 +7,20 @@ import pytest
 from readygo.apps.monitor.track import between, on_floor, time_text, track_of
 from readygo.common.fleet.shown import state_of
 from readygo.common.messages import CommittedEpisode
-from tests.common.dataset.episodes import make_episode
+from readygo.common.robot import RobotConfig
+from tests.common.dataset.episodes import LEFT, make_episode, with_left_camera
+
+TWO_CAMERAS = RobotConfig(cameras={"left": LEFT})
 
 
 def recorded(index: int = 0, count: int = 12) -> CommittedEpisode:
     header, samples = make_episode(index, count)
+    return CommittedEpisode(header=header, attempt=1, samples=samples)
+
+
+def recorded_by_two(count: int = 12) -> CommittedEpisode:
+    """An episode of `TWO_CAMERAS`."""
+    header, samples = with_left_camera(*make_episode(0, count))
     return CommittedEpisode(header=header, attempt=1, samples=samples)
 
 
@@ -21,10 +30,17 @@ def test_track_has_every_sample_and_its_image() -> None:
     assert track.duration_s == committed.samples[-1].time_ns / 1e9
     assert track.at(0.0).robot_xyzyaw == committed.samples[0].robot_xyzyaw
     assert track.at(1e9).sample == 11
-    assert track.image_at(0.0) == committed.samples[0].image
-    assert track.image_at(committed.samples[5].time_ns / 1e9) == committed.samples[5].image
+    assert track.images_at(0.0) == {"rgb": committed.samples[0].image}
+    assert track.images_at(committed.samples[5].time_ns / 1e9) == {"rgb": committed.samples[5].image}
     assert len(track.replans) == sum(sample.replanned for sample in committed.samples)
     assert track.way.shape == (12, 3)
+
+
+def test_track_has_the_images_of_all_cameras() -> None:
+    committed = recorded_by_two()
+    images = track_of(committed).images_at(0.0)
+    assert list(images) == ["rgb", "left.rgb", "left.depth"]
+    assert images["left.rgb"] == committed.samples[0].outputs["left.rgb"]
 
 
 def test_between_two_moments_everybody_is_on_the_way() -> None:

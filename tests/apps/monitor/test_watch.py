@@ -48,7 +48,7 @@ def test_episode_under_way_is_known_by_its_worker() -> None:
     assert (moving.worker, len(moving.states)) == ("render0", 4)
     track = moving.track()
     assert track is not None
-    assert (track.outcome, track.image_at(0.0)) == (None, b"jpeg")
+    assert (track.outcome, track.images_at(0.0)) == (None, {"rgb": b"jpeg"})
     worker.tell(topics.COMMIT, dataclasses.replace(commit(0), episode=key))
     wait_for(lambda: moving.commit)
     assert watch.under_way() == []
@@ -56,6 +56,21 @@ def test_episode_under_way_is_known_by_its_worker() -> None:
     worker.tell(topics.STATE, states()[0])
     wait_for(lambda: moving.commit is None)
     assert len(moving.states) == 1, "another attempt begins anew"
+
+
+def test_images_of_all_cameras_are_kept_in_bounded_number() -> None:
+    run, watch = watched()
+    worker = renderer(run, watch)
+    worker.tell(topics.STATE, states()[0])
+    key = states()[0].episode
+    outputs = {"left.rgb": b"left", "left.depth": b"depth", "mask": b"not shown"}
+    for number in range(watching.PREVIEWS_MAX):
+        preview = LivePreview(episode=key, time_ns=number, format="jpeg", image=b"jpeg", outputs=outputs)
+        worker.tell(topics.PREVIEW, preview)
+    wait_for(lambda: watch.moving[key].previews and watch.moving[key].previews[-1][0] == watching.PREVIEWS_MAX - 1)
+    kept = watch.moving[key].previews
+    assert kept[-1][1] == {"rgb": b"jpeg", "left.rgb": b"left", "left.depth": b"depth"}
+    assert 1 < len(kept) <= watching.PREVIEWS_MAX // 3
 
 
 def test_old_episodes_give_way() -> None:

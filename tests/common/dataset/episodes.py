@@ -210,6 +210,18 @@ def write_shard(
     return path
 
 
+def write_left_shard(folder: Path, indices: Iterable[int], sample_count: int = 12) -> Path:
+    """A shard of a robot that has the camera `LEFT` besides, with colours and depths of both."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / shard_name("r0", 0)
+    names = ("depth", "left.rgb", "left.depth")
+    with ShardWriter(path, provenance_with_robot(cameras={"left": LEFT}), outputs=names, fsync=False) as writer:
+        for index in indices:
+            header, samples = with_left_camera(*make_episode(index, sample_count, outputs=("depth",)))
+            writer.append(encode_episode(header, 1, samples))
+    return path
+
+
 def golden_episode() -> tuple[EpisodeHeader, list[Sample]]:
     """An episode whose bytes depend on no encoder and no mathematical library."""
     header, samples = make_episode(

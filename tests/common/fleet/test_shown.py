@@ -1,3 +1,4 @@
+import dataclasses
 import math
 import queue
 from typing import Any
@@ -8,9 +9,9 @@ from readygo.common.bus import InProcessBus
 from readygo.common.fleet.shown import plan_of, show_newest, show_work
 from readygo.common.messages import ClaimReply, ClaimStatus, Outcome, RobotTrajectory, Scenario, decode, encode, topics
 from readygo.common.messages.episode import HumanTrajectory
-from readygo.common.messages.live import LivePlan, LiveWork
+from readygo.common.messages.live import LivePlan, LivePreview, LiveWork
 from readygo.common.messages.stages import RENDER
-from tests.common.dataset.episodes import make_episode
+from tests.common.dataset.episodes import make_episode, with_left_camera
 
 
 def heard(live: Any) -> tuple[InProcessBus, "queue.SimpleQueue[Any]"]:
@@ -32,6 +33,18 @@ def test_newest_sample_and_newest_image_are_shown() -> None:
     bus, previews = heard(topics.PREVIEW)
     show_newest(bus, header, samples)
     assert previews.get(timeout=5).image == samples[11].image
+
+
+def test_preview_has_the_colours_and_depths_of_all_cameras() -> None:
+    header, samples = with_left_camera(*make_episode(0, 1))
+    bus, previews = heard(topics.PREVIEW)
+    (sample,) = samples
+    outputs = {**sample.outputs, "mask": b"png", "goal_image": b"jpeg"}
+    show_newest(bus, header, [dataclasses.replace(sample, outputs=outputs)])
+    preview = previews.get(timeout=5)
+    assert preview.outputs == sample.outputs
+    assert set(preview.outputs) == {"left.rgb", "left.depth"}
+    assert decode(LivePreview, encode(preview)) == preview
 
 
 def test_work_names_stage_and_reason() -> None:

@@ -7,6 +7,7 @@ import pytest
 from readygo.common.episode import EpisodeConfig, EpisodeSimulation
 from readygo.common.maps import GridFrame, OccupancyMap
 from readygo.common.messages import Driver, EpisodeKey, EpisodeMotions, Outcome, Scenario, Split
+from readygo.common.policy.memory import Kept
 from readygo.common.robot import CameraConfig, RobotConfig
 from readygo.services.driver import Disturbance, DriverConfig, PolicyDriver, drive, driver_of
 
@@ -40,6 +41,7 @@ class _Memory:
 
     def __init__(self) -> None:
         self.told: list[tuple[float, float]] = []
+        self.kept = Kept()
 
     def advance(self, command: np.ndarray) -> None:
         self.told.append(tuple(command.tolist()))
@@ -149,6 +151,12 @@ def test_policy_drives_and_the_expert_is_asked_all_the_same(make_simulation: Cal
     assert [previous for _, previous in policy.given[1:]] == [
         tuple(np.float32(row).tolist()) for row in driven.trajectory.actions[:-1]
     ]
+
+
+def test_policy_is_shown_its_goal_before_it_decides() -> None:
+    policy, shown = _Policy(), np.full((2, 2, 3), 7, np.uint8)
+    PolicyDriver(policy, late(0.0), 1, shown)
+    assert policy.memory.kept.goal_image is shown
 
 
 def test_policy_holds_its_command_between_pictures_and_the_expert_watches(
