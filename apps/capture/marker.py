@@ -1,8 +1,8 @@
 """A printed marker that lies on a scene's floor, drawn into what a rasterizer draws of the scene.
 
 Every pixel of the pinhole image is the mean over a grid of rays through it, in linear light: edges are where they are,
-to a few hundredths of a pixel. The scene hides the sheet where its surface, by the median depth, rises above it. That is
-the depth of a Gaussian's centre, which may lie before the place where a ray meets the floor, as far as it is large.
+to a few hundredths of a pixel. The scene hides the sheet where its surface, by the median depth, rises above it. That
+is the depth of a Gaussian's centre, which lies before where a ray meets the floor by as much as it is large.
 
 Legend: S = the sheet's frame, origin at the marker's centre, x right and y up as printed, z out of the paper.
 """
@@ -27,8 +27,8 @@ PAPER, INK = 0.72, 0.03
 THICKNESS_M = 0.003
 """The marker lies this far above the floor [m]."""
 _HIDES_FROM_M, _HIDES_OVER_M = 0.05, 0.04
-"""A scene that rises so far above the sheet begins to hide it: filmed floors are centimetres thick; and over so much more
-it comes to hide it all."""
+"""A scene that rises so far above the sheet begins to hide it, and so much farther hides it: filmed floors are
+centimetres thick."""
 _AROUND_M = 1.5
 _BESIDE_M, _REACH_SIGMAS, _REACH_SHARE = 0.5, 2.0, 0.95
 """Gaussians of the floor have their centres so near to the marker's, and this share of them reaches no farther than the

@@ -83,8 +83,8 @@ def floor_depth_m(marker: FloorMarker, T: np.ndarray, above_m: float) -> np.ndar
     rows, columns = np.mgrid[0:480, 0:640] + 0.5
     rays = np.stack([columns, rows, np.ones_like(rows)], axis=-1) @ np.linalg.inv(CAMERA.K_px).T @ T[:3, :3].T
     up = marker.T_world_sheet[:3, 2]
-    depth_m: np.ndarray = ((marker.T_world_sheet[:3, 3] + above_m * up - T[:3, 3]) @ up / (rays @ up)).astype(np.float32)
-    return depth_m
+    depth_m: np.ndarray = (marker.T_world_sheet[:3, 3] + above_m * up - T[:3, 3]) @ up / (rays @ up)
+    return depth_m.astype(np.float32)
 
 
 def test_floor_of_large_gaussians_whose_centres_are_nearer_than_itself_hides_no_marker() -> None:
