@@ -77,7 +77,9 @@ def plan_filming(scene: Scene, ground: Ground, config: CaptureConfig) -> Filming
     rng = np.random.Generator(np.random.Philox(config.seed))
     walk = plan_walk(scene, ground, config.seconds, rng)
     yaw_rad = float(rng.uniform(0.0, math.tau))
-    marker = None if sheet is None else lay_down(sheet, scene.maps.floor, ground.centres_m, walk.marker_xy_m, yaw_rad)
+    marker = None
+    if sheet is not None:
+        marker = lay_down(sheet, scene.cloud, scene.maps.floor, ground.centres_m, walk.marker_xy_m, yaw_rad)
     times_s = (np.arange(config.frames) + 0.5) / config.fps
     drift_ev = Sway(rng).slow(times_s, DRIFT_EV, 13.0)
     return Filming(

@@ -1,7 +1,8 @@
 """A printed marker that lies on a scene's floor, drawn into what a rasterizer draws of the scene.
 
 Every pixel of the pinhole image is the mean over a grid of rays through it, in linear light: edges are where they are,
-to a few hundredths of a pixel. The scene hides the sheet where its surface, by the median depth, rises above it.
+to a few hundredths of a pixel. The scene hides the sheet where its surface, by the median depth, rises above it. That
+is the depth of a Gaussian's centre, which lies before where a ray meets the floor by as much as it is large.
 
 Legend: S = the sheet's frame, origin at the marker's centre, x right and y up as printed, z out of the paper.
 """
@@ -12,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from readygo.common.gaussians import GaussianCloud
 from readygo.common.images.images import FIELDS, Images
 from readygo.common.maps import FloorMap
 from readygo.common.rasterizer.interface import PinholeCamera, Rasterizer, View
@@ -24,9 +26,13 @@ PAPER, INK = 0.72, 0.03
 """Linear light of white paper and of black ink, in parts of white."""
 THICKNESS_M = 0.003
 """The marker lies this far above the floor [m]."""
-_HIDES_FROM_M, _HIDES_ALL_M = 0.05, 0.09
-"""A scene that rises so far above the sheet begins to hide it, and hides it: filmed floors are centimetres thick."""
+_HIDES_FROM_M, _HIDES_OVER_M = 0.05, 0.04
+"""A scene that rises so far above the sheet begins to hide it, and so much farther hides it: filmed floors are
+centimetres thick."""
 _AROUND_M = 1.5
+_BESIDE_M, _REACH_SIGMAS, _REACH_SHARE = 0.5, 2.0, 0.95
+"""Gaussians of the floor have their centres so near to the marker's, and this share of them reaches no farther than the
+one does that is as large."""
 _SAMPLES = 4
 """Rays through a pixel along each axis."""
 _NEAR_M = 0.05
@@ -39,6 +45,8 @@ class FloorMarker:
     sheet: Sheet
     T_world_sheet: Floats
     """Pose of the marker's centre, shape (4, 4)."""
+    reach_m: float = 0.0
+    """How far the floor's Gaussians reach along it [m]."""
 
     @property
     def corners_m(self) -> Floats:
@@ -80,11 +88,14 @@ def _table(sheet: Sheet) -> tuple[Floats, Floats, npt.NDArray[np.bool_]]:
     return columns, rows, black
 
 
-def lay_down(sheet: Sheet, floor: FloorMap, ground_m: Floats, xy_m: tuple[float, float], yaw_rad: float) -> FloorMarker:
+def lay_down(
+    sheet: Sheet, cloud: GaussianCloud, floor: FloorMap, ground_m: Floats, xy_m: tuple[float, float], yaw_rad: float
+) -> FloorMarker:
     """A sheet on the floor at a place, as level as the ground around.
 
     Args:
         sheet: The printed page.
+        cloud: The scene.
         floor: The local floor.
         ground_m: Places to walk on, shape (N, 2): the slope of a filmed floor below the sheet alone is too noisy.
         xy_m: Where the marker's centre lies [m].
@@ -102,7 +113,14 @@ def lay_down(sheet: Sheet, floor: FloorMap, ground_m: Floats, xy_m: tuple[float,
     T = np.eye(4)
     T[:3, 0], T[:3, 1], T[:3, 2] = right, np.cross(up, right), up
     T[:3, 3] = np.array([*xy_m, height]) + THICKNESS_M * up
-    return FloorMarker(sheet=sheet, T_world_sheet=T)
+    return FloorMarker(sheet=sheet, T_world_sheet=T, reach_m=_reach_m(cloud, T[:3, 3]))
+
+
+def _reach_m(cloud: GaussianCloud, centre_m: Floats) -> float:
+    off_m = np.abs(cloud.means_m - centre_m)
+    near = (np.hypot(off_m[:, 0], off_m[:, 1]) < _BESIDE_M) & (off_m[:, 2] < _HIDES_FROM_M)
+    largest_m = cloud.scales_m[near].max(axis=1)
+    return _REACH_SIGMAS * float(np.quantile(largest_m, _REACH_SHARE)) if len(largest_m) else 0.0
 
 
 class MarkedRasterizer:
@@ -161,8 +179,10 @@ def draw_marker(
     inside &= np.isfinite(ahead)
     share = inside.mean(axis=(2, 3))
     paper = np.where(inside, light, 0.0).mean(axis=(2, 3))
-    rise_m = rays.mean(axis=(2, 3))[..., 2] * depth_m[top:bottom, left:right] + T_sheet_camera[2, 3]
-    hidden = np.clip((rise_m - _HIDES_FROM_M) / (_HIDES_ALL_M - _HIDES_FROM_M), 0.0, 1.0)
+    middle = rays.mean(axis=(2, 3))
+    rise_m = middle[..., 2] * depth_m[top:bottom, left:right] + T_sheet_camera[2, 3]
+    reach_m = marker.reach_m * np.abs(middle[..., 2]) / np.linalg.norm(middle, axis=-1)
+    hidden = np.clip((rise_m - np.maximum(_HIDES_FROM_M, reach_m)) / _HIDES_OVER_M, 0.0, 1.0)
     seen, kept = paper * (1.0 - hidden), 1.0 - share * (1.0 - hidden)
     part = rgb[top:bottom, left:right]
     drawn_light = kept[..., None] * (light_of_byte()[part] / LIGHT_ONE) + seen[..., None]

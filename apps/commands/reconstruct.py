@@ -147,7 +147,9 @@ def reconstruct_command(
     try:
         report = ask_worker(job, config, listen, lines) if listen else reconstruct(job, config, lines.say)
     except KeyboardInterrupt:
-        words = f"finished stages stay in {job.work}, run the same command again to go on."
+        # A job's folder goes where nothing in it is finished.
+        kept = f"finished stages stay in {job.work}" if job.work.exists() else "no stage is finished yet"
+        words = f"{kept}, run the same command again to go on."
         raise KeyboardInterrupt(words) from None
     if json:
         sys.stdout.write(json_module.dumps(report) + "\n")

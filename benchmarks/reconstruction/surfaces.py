@@ -25,6 +25,7 @@ from readygo.benchmarks.reconstruction.rows import print_row
 from readygo.common.camera import CameraConfig
 from readygo.common.errors import SceneError
 from readygo.common.gaussians import GaussianCloud
+from readygo.common.images.images import Images
 from readygo.common.maps.distance import clearance_m
 from readygo.common.maps.occupancy import OccupancyMap
 from readygo.common.rasterizer.interface import View
@@ -76,17 +77,28 @@ def depth_errors(filmed: Scene, found: Scene, pairs: list[tuple[Floats, Floats]]
             drawing.rasterizer.render([View(T_world_camera=T)], OUTPUTS)[0]
             for drawing, T in zip(drawings, there, strict=True)
         )
-        assert true.normal is not None
-        assert true.median_depth_m is not None
         assert ours.median_depth_m is not None
-        upward = true.normal @ there[0][2, :3]
-        near = true.median_depth_m < FAR_M
-        surfaces = {"floor": near & (upward > LEVEL), "wall": near & (np.abs(upward) < UPRIGHT)}
         for kind, depth_m in (("", plane_depths(found.cloud, there[1], camera)), ("_centre", ours.median_depth_m)):
-            for name, shown in surfaces.items():
-                both = shown & np.isfinite(depth_m)
-                off[name + kind].append(np.abs(depth_m[both] - true.median_depth_m[both]).astype(np.float64))
+            for name, off_m in off_surfaces(true, there[0], depth_m).items():
+                off[name + kind].append(off_m)
     return {name: np.concatenate(parts) for name, parts in off.items()}
+
+
+def off_surfaces(true: Images, T_world_camera: Floats, depth_m: npt.NDArray[np.float32]) -> dict[str, Floats]:
+    """How far depths are from those of the filmed scene at its floor and its walls [m].
+
+    Args:
+        true: An image of the filmed scene with median depths and normals.
+        T_world_camera: Its pose, shape (4, 4).
+        depth_m: The other depths, shape (H, W); those that are not finite are left out.
+    """
+    assert true.normal is not None
+    assert true.median_depth_m is not None
+    upward = true.normal @ T_world_camera[2, :3]
+    known = (true.median_depth_m < FAR_M) & np.isfinite(depth_m)
+    shown = {"floor": known & (upward > LEVEL), "wall": known & (np.abs(upward) < UPRIGHT)}
+    off_m = np.abs(depth_m - true.median_depth_m)
+    return {name: off_m[where].astype(np.float64) for name, where in shown.items()}
 
 
 def plane_depths(cloud: GaussianCloud, T_world_camera: Floats, camera: CameraConfig) -> npt.NDArray[np.float32]:

@@ -29,6 +29,8 @@ class PosesConfig:
 
     features_max: Annotated[int, Range(low=256)] = 4096
     """Features of an image."""
+    features_min: Annotated[int, Range(low=0)] = 600
+    """Where the median image of a video has fewer, fainter ones are taken too, of all images."""
     overlap: Annotated[int, Range(low=2)] = 10
     """An image of a video is matched with this many that follow it, and with some that are far away."""
     exhaustive_max: Annotated[int, Range(low=2)] = 120

@@ -128,7 +128,8 @@ def find_poses_in(stages: Stages, given: Source, config: ReconstructorConfig) ->
         seen = stages.run(MARKERS, wanted, partial(make_markers, folder, frames, config))["sightings"]
     sightings = [MarkerSighting(**{**each, "corners_px": np.array(each["corners_px"])}) for each in seen]
     if given.kind != "colmap":
-        stages.run(FEATURES, _some(poses, "features_max"), partial(make_features, folder, frames, sightings, config))
+        looked_for = _some(poses, "features_max", "features_min")
+        stages.run(FEATURES, looked_for, partial(make_features, folder, frames, sightings, given.kind, config))
         compared = _some(poses, "overlap", "exhaustive_max", "seed")
         stages.run(MATCHES, compared, partial(make_matches, out, frames, sightings, given.kind, config))
     made = stages.run(MAP, {**poses, "tags": bool(sightings)}, partial(make_map, out, given, frames, sightings, config))
@@ -211,12 +212,21 @@ def make_markers(
 
 
 def make_features(
-    images: Path, frames: Mapping[str, Any], sightings: list[MarkerSighting], config: ReconstructorConfig, folder: Path
+    images: Path,
+    frames: Mapping[str, Any],
+    sightings: list[MarkerSighting],
+    kind: str,
+    config: ReconstructorConfig,
+    folder: Path,
 ) -> Mapping[str, Any]:
-    """The database of features; the focal length is EXIF's, else that which makes markers square."""
+    """The database of features; the focal length is EXIF's, else that which makes markers square.
+
+    Faint features are looked for in videos alone: large photos of bare surfaces have thousands of them.
+    """
     focal_px = float(frames.get("focal_px") or 0.0) or _focal_of_tags(frames, sightings)
     database, names, size_px = folder / DATABASE_FILE, list(frames["names"]), frames["size_px"]
-    apart(colmap.extract_features, database, images, names, config.poses, focal_px=focal_px, size_px=size_px)
+    poses = config.poses if kind == "video" else replace(config.poses, features_min=0)
+    apart(colmap.extract_features, database, images, names, poses, focal_px=focal_px, size_px=size_px)
     return {"focal_px": focal_px}
 
 

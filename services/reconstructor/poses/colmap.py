@@ -28,6 +28,8 @@ _ADJUSTMENTS = 3
 """Times that points are made of matches, and all is adjusted, where poses are known roughly."""
 _MANY_IMAGES = 30
 """So many images of one camera determine a lens of four parameters."""
+_PEAK, _FAINT_PEAK = 0.02 / 3, 0.0015
+"""Thresholds of SIFT's differences of Gaussians: COLMAP's own, and that for places with little texture."""
 
 
 def pycolmap() -> Any:
@@ -59,10 +61,10 @@ def find_model(folder: Path) -> Path | None:
 def extract_features(
     database: Path, images: Path, names: Sequence[str], config: PosesConfig, *, focal_px: float, size_px: Any
 ) -> None:
-    """Write the images' features to a database; images that are in it already are left alone.
+    """Write the images' features to a new database; where they are few, again with fainter ones.
 
     Args:
-        database: SQLite file, made where it is missing.
+        database: SQLite file, made here.
         images: Folder of the images.
         names: Relative to that.
         config: How.
@@ -82,7 +84,17 @@ def extract_features(
     options.num_threads, options.use_gpu = config.threads or -1, False
     options.sift.max_num_features = config.features_max
     mode = colmap.CameraMode.SINGLE if one_camera else colmap.CameraMode.PER_FOLDER
-    colmap.extract_features(database, images, list(names), mode, reader, options)
+    for peak in (_PEAK, _FAINT_PEAK):
+        options.sift.peak_threshold = peak
+        database.unlink(missing_ok=True)
+        colmap.extract_features(database, images, list(names), mode, reader, options)
+        if _median_features(colmap, database) >= config.features_min:
+            break
+
+
+def _median_features(colmap: Any, database: Path) -> float:
+    with colmap.Database.open(database) as db:
+        return float(np.median([db.num_keypoints_for_image(image.image_id) for image in db.read_all_images()]))
 
 
 def match_features(database: Path, pairs: Sequence[tuple[str, str]], config: PosesConfig) -> None:

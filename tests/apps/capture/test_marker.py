@@ -5,6 +5,7 @@ import pytest
 from readygo.apps.capture.marker import FloorMarker, MarkedRasterizer, draw_marker, lay_down
 from readygo.apps.capture.walk import camera_pose
 from readygo.common.camera import CameraConfig
+from readygo.common.gaussians import GaussianCloud
 from readygo.common.images.images import Images
 from readygo.common.maps import FloorMap, GridFrame
 from readygo.common.rasterizer.interface import View
@@ -17,12 +18,22 @@ SLOPE = 0.02
 
 @pytest.fixture(scope="module")
 def marker() -> FloorMarker:
+    return on_floor_of(0.02)
+
+
+def on_floor_of(scale_m: float) -> FloorMarker:
     frame = GridFrame(origin_x_m=-2.0, origin_y_m=-2.0, resolution_m=0.1)
     height = np.broadcast_to(SLOPE * (np.arange(40) * 0.1 - 1.95), (40, 40)).astype(np.float32)
     ground_m = np.random.default_rng(0).uniform(-1.8, 1.8, (400, 2))
-    return lay_down(
-        marker_sheet("4X4_50", 7, 0.2, "A3"), FloorMap(frame=frame, height_m=height), ground_m, (0.3, 0.1), 0.7
+    sheet, floor = marker_sheet("4X4_50", 7, 0.2, "A3"), FloorMap(frame=frame, height_m=height)
+    cloud = GaussianCloud(
+        means_m=np.column_stack([ground_m, SLOPE * ground_m[:, 0]]).astype(np.float32),
+        quats_wxyz=np.tile(np.float32([1, 0, 0, 0]), (400, 1)),
+        scales_m=np.tile(np.float32([scale_m, scale_m, 0.001]), (400, 1)),
+        opacities=np.full(400, 0.9, np.float32),
+        sh=np.zeros((400, 1, 3), np.float32),
     )
+    return lay_down(sheet, cloud, floor, ground_m, (0.3, 0.1), 0.7)
 
 
 def grey(depth_m: float = np.inf) -> tuple[np.ndarray, np.ndarray]:
@@ -62,13 +73,29 @@ def test_what_stands_before_the_marker_hides_it_and_the_floor_does_not(marker: F
     floor, _ = grey()
     draw_marker(rgb, np.full((480, 640), np.inf, np.float32), marker, T, CAMERA.K_px)
     draw_marker(table, np.full((480, 640), 0.8, np.float32), marker, T, CAMERA.K_px)
+    draw_marker(floor, floor_depth_m(marker, T, 0.04), marker, T, CAMERA.K_px)
+    assert (table == 120).all()
+    np.testing.assert_array_equal(floor, rgb)
+
+
+def floor_depth_m(marker: FloorMarker, T: np.ndarray, above_m: float) -> np.ndarray:
+    """Depths of a plane above the marker's, shape (480, 640)."""
     rows, columns = np.mgrid[0:480, 0:640] + 0.5
     rays = np.stack([columns, rows, np.ones_like(rows)], axis=-1) @ np.linalg.inv(CAMERA.K_px).T @ T[:3, :3].T
     up = marker.T_world_sheet[:3, 2]
-    thick = ((marker.T_world_sheet[:3, 3] + 0.04 * up - T[:3, 3]) @ up / (rays @ up)).astype(np.float32)
-    draw_marker(floor, thick, marker, T, CAMERA.K_px)
-    assert (table == 120).all()
-    np.testing.assert_array_equal(floor, rgb)
+    depth_m: np.ndarray = (marker.T_world_sheet[:3, 3] + above_m * up - T[:3, 3]) @ up / (rays @ up)
+    return depth_m.astype(np.float32)
+
+
+def test_floor_of_large_gaussians_whose_centres_are_nearer_than_itself_hides_no_marker() -> None:
+    T = camera_pose(np.array([-0.9, 0.1, 1.5]), 0.0, -0.85, 0.0)
+    shown = {}
+    for scale_m in (0.02, 0.15):
+        marker = on_floor_of(scale_m)
+        shown[scale_m], _ = grey()
+        draw_marker(shown[scale_m], floor_depth_m(marker, T, 0.15), marker, T, CAMERA.K_px)
+    assert (shown[0.02] == 120).all()
+    assert (shown[0.15] != 120).any()
 
 
 def test_camera_that_looks_away_or_from_below_sees_none(marker: FloorMarker) -> None:

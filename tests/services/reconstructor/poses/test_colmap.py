@@ -1,10 +1,17 @@
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 from readygo.services.reconstructor.config import PosesConfig
-from readygo.services.reconstructor.poses.colmap import build_maps, find_model, read_map, write_undistorted
+from readygo.services.reconstructor.poses.colmap import (
+    build_maps,
+    extract_features,
+    find_model,
+    read_map,
+    write_undistorted,
+)
 from tests.services.reconstructor.synthetic import some_similarity, synthetic_database
 
 pycolmap = pytest.importorskip("pycolmap", reason="pycolmap is not installed")
@@ -33,3 +40,25 @@ def test_map_is_found_from_matches(tmp_path: Path) -> None:
     synthetic_database(tmp_path)
     models = build_maps(tmp_path / "database.db", tmp_path / "images", tmp_path, PosesConfig(threads=1), count=5)
     assert len(read_map(models[0]).names) == 5
+
+
+@pytest.mark.parametrize(
+    ("contrast", "features_min", "fainter"), [(4.0, 100, True), (4.0, 0, False), (60.0, 100, False)]
+)
+def test_fainter_features_are_taken_where_there_are_few(
+    tmp_path: Path, contrast: float, features_min: int, fainter: bool
+) -> None:
+    noise = cv2.GaussianBlur(np.random.default_rng(0).normal(size=(240, 320)), (0, 0), 2.5)
+    for name in ("a.png", "b.png"):
+        cv2.imwrite(str(tmp_path / name), (128 + contrast * noise / noise.std()).clip(0, 255).astype(np.uint8))
+    counts = [_feature_count(tmp_path, config) for config in (0, features_min)]
+    assert (counts[1] > 2 * counts[0] + 50) == fainter
+    assert fainter or counts[0] == counts[1]
+
+
+def _feature_count(folder: Path, features_min: int) -> int:
+    config = PosesConfig(threads=1, features_min=features_min)
+    database = folder / "features.db"
+    extract_features(database, folder, ["a.png", "b.png"], config, focal_px=0.0, size_px=[320, 240])
+    with pycolmap.Database.open(database) as db:
+        return int(db.num_keypoints_for_image(db.read_all_images()[0].image_id))
