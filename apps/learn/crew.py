@@ -34,11 +34,12 @@ PACE_S = 5.0
 """Time after which a coordinator is told again whether to collect [s]."""
 FAREWELL_S = 30.0
 """Time that workers of other machines have to finish their episodes when the run is over, and to leave [s]."""
+STOP_S = 2.0
+"""The same when it is stopped [s]."""
 LOOK_S = 0.1
 """How often it is looked whether they have left [s]."""
 COLLECTORS = frozenset({ALL, *(stage.role for stage in STAGES)})
-STOP_S = 2.0
-"""The same when it is stopped [s]."""
+"""Roles of those who make episodes."""
 DEAF_MAX = 6
 """Commands in a row that a coordinator may leave unanswered before it is started anew."""
 
