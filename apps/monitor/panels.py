@@ -196,7 +196,7 @@ def _figure(image: bytes, kind: str, name: str, caption: str) -> str:
 def _shaded(name: str, image: bytes) -> bytes:
     """Depths as browsers can show them; empty if they cannot be read."""
     pixels = decode_output(kind_of(name), image)
-    return b"" if pixels is None else jpeg_bytes(shaded(pixels, name))
+    return b"" if pixels is None else jpeg_bytes(shaded(pixels))
 
 
 def stages(status: StatusReply | None, spec: RunSpec | None) -> str:

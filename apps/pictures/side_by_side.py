@@ -11,12 +11,10 @@ from readygo.common.drawing import plan_view
 from readygo.common.drawing.files import Picture
 from readygo.common.drawing.plan_view import INK, WHITE
 from readygo.common.errors import DatasetError
-from readygo.common.images.names import DEPTH, RGB, camera_of, cameras_of, image_name, kind_of
+from readygo.common.images.names import RGB, SHOWN_KINDS, camera_of, cameras_of, image_name, kind_of
 from readygo.common.robot import RobotConfig
 
 GAP_PX, CAPTION_PX = 4, 20
-SHOWN = (RGB, DEPTH)
-"""Kinds of images that are shown, row by row."""
 
 
 def shown_images(names: Iterable[str], robot: RobotConfig, camera: str = "") -> tuple[tuple[str, ...], ...]:
@@ -38,7 +36,7 @@ def shown_images(names: Iterable[str], robot: RobotConfig, camera: str = "") -> 
         if camera not in called:
             raise DatasetError(f"There are no images of a camera {camera!r}; there are those of {', '.join(called)}.")
         cameras = [called[camera]]
-    rows = ([image_name(name, kind) for name in cameras] for kind in SHOWN)
+    rows = ([image_name(name, kind) for name in cameras] for kind in SHOWN_KINDS)
     return tuple(kept for row in rows if (kept := tuple(name for name in row if name in found)))
 
 
@@ -67,7 +65,8 @@ def recorded_together(
         DatasetError: If an image is damaged.
     """
     names = [name for row in rows for name in row]
-    images = {name: shaded(dataset.decode_output(sample, name), name) for name in names}
+    decoded = {name: dataset.decode_output(sample, name) for name in names}
+    images = {name: image if kind_of(name) == RGB else shaded(image) for name, image in decoded.items()}
     return side_by_side(images, rows, robot, width_px=width_px)
 
 

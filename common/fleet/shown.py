@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from readygo.common.bus import Bus
-from readygo.common.images.names import DEPTH, RGB, kind_of
+from readygo.common.images.names import SHOWN_KINDS, kind_of
 from readygo.common.messages import ClaimReply, EpisodeHeader, RobotTrajectory, Sample, Scenario, Stage, topics
 from readygo.common.messages.live import LivePlan, LivePreview, LiveState, LiveWork
 
@@ -36,7 +36,7 @@ def show_newest(bus: Bus, header: EpisodeHeader, samples: Sequence[Sample]) -> N
 
 def is_shown(name: str) -> bool:
     """True for images that are shown besides the first camera's colours: other cameras' ones, and depths."""
-    return kind_of(name) in (RGB, DEPTH)
+    return kind_of(name) in SHOWN_KINDS
 
 
 def state_of(header: EpisodeHeader, sample: Sample) -> LiveState:

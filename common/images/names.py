@@ -5,6 +5,8 @@ from collections.abc import Iterable, Sequence
 RGB, DEPTH = "rgb", "depth"
 GOAL_IMAGE = "goal_image"
 """What the first camera shows at the goal; an episode has one."""
+SHOWN_KINDS = (RGB, DEPTH)
+"""Kinds of images that people are shown."""
 
 
 def image_name(camera: str, kind: str) -> str:
