@@ -61,16 +61,16 @@ def test_episode_under_way_is_known_by_its_worker() -> None:
 def test_images_of_all_cameras_are_kept_in_bounded_number() -> None:
     run, watch = watched()
     worker = renderer(run, watch)
-    worker.tell(topics.STATE, states()[0])
-    key = states()[0].episode
+    seen, key = watch.workers["renderer", "render0"], states()[0].episode
     outputs = {"left.rgb": b"left", "left.depth": b"depth", "mask": b"not shown"}
     for number in range(watching.PREVIEWS_MAX):
         preview = LivePreview(episode=key, time_ns=number, format="jpeg", image=b"jpeg", outputs=outputs)
         worker.tell(topics.PREVIEW, preview)
-    wait_for(lambda: watch.moving[key].previews and watch.moving[key].previews[-1][0] == watching.PREVIEWS_MAX - 1)
+        # One after the other: of many at once the oldest make room.
+        wait_for(lambda number=number: seen.preview and seen.preview.time_ns == number)
     kept = watch.moving[key].previews
-    assert kept[-1][1] == {"rgb": b"jpeg", "left.rgb": b"left", "left.depth": b"depth"}
-    assert 1 < len(kept) <= watching.PREVIEWS_MAX // 3
+    assert kept[-1] == (watching.PREVIEWS_MAX - 1, {"rgb": b"jpeg", "left.rgb": b"left", "left.depth": b"depth"})
+    assert len(kept) == watching.PREVIEWS_MAX // 3
 
 
 def test_old_episodes_give_way() -> None:
