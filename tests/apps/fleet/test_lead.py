@@ -198,7 +198,7 @@ def test_run_in_a_copied_folder_is_led_once_at_a_router(
     started = [pool.submit(lead, folder, listen, joins=True, certs=certs)]
     time.sleep(late_s)
     started.append(pool.submit(lead, copied, listen, joins=True, certs=certs))
-    refused = next(as_completed(started, timeout=30))
+    refused = next(as_completed(started, timeout=60))
     with pytest.raises(BusError, match="Run run-test is led already by another coordinator at this router, maybe in a"):
         refused.result()
     # The other one leads on.
