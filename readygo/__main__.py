@@ -14,8 +14,12 @@ def main() -> None:
         signal.signal(signal.SIGINT, _stop_at_once)
     from readygo.apps.cli import run_command
     from readygo.commands import COMMANDS
+    from readygo.common.left_open import close_all
 
-    run_command(COMMANDS, sys.argv[1:])
+    try:
+        run_command(COMMANDS, sys.argv[1:])
+    finally:
+        close_all()
 
 
 def _stop_at_once(signal_number: int, frame: FrameType | None) -> None:

@@ -20,6 +20,7 @@ from pathlib import Path
 import readygo
 from readygo.apps.cli import Command, run_command
 from readygo.common.errors import RunError
+from readygo.common.left_open import close_all
 
 WORKER = Command("readygo.apps.fleet.worker:worker", "join a fleet as one worker")
 PATIENCE_S = 120.0
@@ -182,7 +183,10 @@ def main() -> None:
     words = _serve(socket.socket(fileno=os.dup(0)))
     if words is not None:
         sys.argv = ["readygo", *words]
-        run_command({"worker": WORKER}, words)
+        try:
+            run_command({"worker": WORKER}, words)
+        finally:
+            close_all()
 
 
 def _load() -> None:

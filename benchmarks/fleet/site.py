@@ -22,6 +22,8 @@ LAUNCHER = "launcher"
 """The process that the user starts: it holds the router and the fleet."""
 HUNG_S = 900.0
 """A run of which nothing becomes durable for so long hangs [s]."""
+END_S = 120.0
+"""So does a launcher that takes longer to end when it is told to [s]."""
 
 
 class Site:
@@ -39,7 +41,7 @@ class Site:
         self.reruns: list[str] = []
         """Last words of every time that the command ended before it should, without those that were told to end."""
         self.hung = 0
-        """How often nothing became durable for `HUNG_S`."""
+        """How often nothing became durable for `HUNG_S`, or the command did not end when it was told to."""
         self._command = [sys.executable, "-m", "readygo", *command]
         self._log = log
         self._token = new_token()
@@ -70,11 +72,16 @@ class Site:
         return False
 
     def end(self, number: signal.Signals) -> None:
-        """Send the launcher a signal that ends it; `keep_up` starts it again."""
+        """Send the launcher a signal that ends it; `keep_up` starts it again. One that does not end hangs."""
         assert self._process is not None
         self._told_to_end = True
         self._process.send_signal(number)
-        self._process.wait()
+        try:
+            self._process.wait(timeout=END_S)
+        except subprocess.TimeoutExpired:
+            self.hung += 1
+            self._process.kill()
+            self._process.wait()
 
     def processes(self) -> dict[str, int]:
         """Process numbers of launcher and workers, by name."""

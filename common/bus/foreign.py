@@ -9,6 +9,7 @@ import zenoh
 
 from readygo.common.bus.zenoh_bus import _config, _first_words
 from readygo.common.errors import BusError
+from readygo.common.left_open import note_open
 
 Hear = Callable[[str, bytes, bytes], None]
 """Gets key, payload and attachment, on a thread of Zenoh's: it leaves them somewhere and returns."""
@@ -31,6 +32,7 @@ class ForeignSession:
         except zenoh.ZError as error:
             raise BusError(f"No Zenoh router answers at {connect}: {_first_words(error)}.") from error
         self._declared: list[Any] = []
+        note_open(self)
 
     @property
     def name(self) -> str:

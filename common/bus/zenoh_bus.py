@@ -26,6 +26,7 @@ from readygo.common.bus.inbox import Inbox, Mailbox
 from readygo.common.bus.rights import refusal
 from readygo.common.bus.teller import Teller
 from readygo.common.errors import BusError, CertificateError, MessageError, PeerError, ReadygoError, reason
+from readygo.common.left_open import note_open
 from readygo.common.messages.codec import MESSAGE_BYTES_MAX, decode, encode
 from readygo.common.messages.topics import Live, Stream, Topic, presence
 
@@ -177,6 +178,7 @@ class ZenohBus:
         self._publishers: dict[str, zenoh.Publisher] = {}
         self._not_understood: set[str] = set()
         self._teller = Teller(self)
+        note_open(self)
 
     def serve(
         self, topic: Topic[Request, Reply], handler: Callable[[Request], Reply], *, by: Collection[str] = ()
