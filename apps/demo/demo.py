@@ -10,6 +10,8 @@ from pathlib import Path
 from rich.console import Console
 
 from readygo.apps.commands.learn import live_line
+from readygo.apps.commands.reconstruct import Lines
+from readygo.apps.demo.reconstruction import demo_reconstruction
 from readygo.apps.learn.config import LearnConfig
 from readygo.apps.learn.learn import Learned, learn_policy, report_content
 from readygo.apps.learn.plan import Budget, learn_settings, make_plan
@@ -17,6 +19,7 @@ from readygo.apps.learn.report import write_report
 from readygo.apps.learn.report_content import Command
 from readygo.apps.pictures.episode_film import film_frames
 from readygo.apps.pictures.recorded import RecordedEpisodes
+from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.run.warm import warm_all
 from readygo.apps.run.world import World
 from readygo.common.dataset import Dataset, validate
@@ -24,6 +27,7 @@ from readygo.common.drawing.film import write_film
 from readygo.common.errors import DatasetError, RunError
 from readygo.common.scenes.top_view import top_view
 from readygo.services.evaluator import summary_table
+from readygo.services.reconstructor.reconstruct import STAGES
 
 MARKER = ".readygo-demo"
 """File that says that a folder is a demo's, and may be replaced."""
@@ -41,22 +45,29 @@ class _Timer:
         self.console.print(f"[bold]{time.monotonic() - self.begin_s:5.0f} s[/bold]  {text}")
 
 
-def demo(*, out: Path = Path("demo"), minutes: float = 4.5, episodes: int = 10) -> None:
+def demo(*, out: Path = Path("demo"), minutes: float = 4.5, episodes: int = 10, reconstruct: bool = False) -> None:
     """Learn a policy in the embedded scene, try it, and write a report and a film.
 
     Args:
         out: Folder for report.html, episode.webm and what they are made from; an earlier demo in it is replaced.
         minutes: Time of recording and learning [min].
         episodes: Matched test episodes per task.
+        reconstruct: Show the other half instead: film a room of the scene, reconstruct it from the film alone, record
+            in what comes of it, and compare it with the truth, in reconstruction.html.
 
     Raises:
-        RunError: If `out` holds files of something else.
+        ReadygoError: If `out` holds files of something else, or something cannot be made.
     """
     console = Console(stderr=True, highlight=False, soft_wrap=True)
     timer = _Timer(console=console, begin_s=time.monotonic())
     _clear(out)
     timer.say("compiling kernels (once per machine) and building the embedded scene")
     warm_all()
+    if reconstruct:
+        path = demo_reconstruction(open_scene(SCENE), out, timer.say, Lines(STAGES).say)
+        timer.say("done")
+        sys.stdout.write(f"Open {path}.\nNext, your own place: readygo marker --out marker.pdf, docs/own-place.md\n")
+        return
     budget = Budget(minutes=minutes)
     plan = make_plan((SCENE,), out / "run", learn_settings(None, None), LearnConfig(), budget, avatars=None, seed=0)
     timer.say(f"recording and learning side by side for {minutes:g} min, then {episodes} test episodes per task")

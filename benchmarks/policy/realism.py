@@ -1,14 +1,14 @@
 """What photoreal people and people who move are worth in training: policies of equal budget, tried among unseen people.
 
-    python -m readygo.benchmarks.policy.realism SCENE --out FOLDER [--episodes 200] [--samples 400000] [--test 100]
+    python -m readygo.benchmarks.policy.realism SCENE --out FOLDER [--samples 400000] [--test 100]
         [--methods straight-line gnm]
 
-Each arm is recorded and trained alike, by the commands of `readygo`. The same command goes on where it was stopped; in
-a folder of another scene, other people or another budget it ends in a line:
+Each arm learns by `readygo learn`, with its own states in its data, from as many samples as the others. The same
+command goes on where it was stopped; in a folder of another scene, other people or another budget it ends in a line:
 
-- photoreal: data among six avatars as they are
-- mesh: the same episodes, people as simple assets of a game engine ([renderer] human_look = "mesh"), as in Vid2Sim
-- static: data without people
+- photoreal: among six avatars as they are
+- mesh: people as simple assets of a game engine ([renderer] human_look = "mesh"), as in Vid2Sim
+- static: without people
 
 All of them are tried in the same episodes of the split test, among photoreal people of whom no data have one
 (`--unseen avatars`), beside the expert and what else `--methods` names: gnm, vint and nomad are trained on the data of
@@ -31,18 +31,17 @@ from readygo.benchmarks.rasterizer.render import machine
 from readygo.common.episode import EpisodeConfig
 from readygo.common.errors import ReadygoError, RunError
 from readygo.common.files import write_whole
-from readygo.common.policy.artifact import METRICS_FILE
 from readygo.services.evaluator import EXPERT, POLICY, EpisodeRecord
 from readygo.services.evaluator.records import record_of_mapping
 from readygo.services.evaluator.results import RECORDS_FILE
 from readygo.services.evaluator.scores import compare_all, comparison_mapping, score_mapping, scores_of
 
-ARMS: Mapping[str, tuple[str, ...]] = {
-    "photoreal": ("--avatars", "{avatars}:train"),
-    "mesh": ("--avatars", "{avatars}:train"),
-    "static": ("--static",),
+ARMS: Mapping[str, str] = {
+    "photoreal": '[renderer]\nhuman_look = "photoreal"\n',
+    "mesh": '[renderer]\nhuman_look = "mesh"\n',
+    "static": "[human_planner]\nabsent = 1.0\n",
 }
-"""What `readygo generate` is told, by arm."""
+"""Settings of `readygo learn`, by arm."""
 TASKS = ("static", "dynamic")
 JOB_FILE = "comparison.json"
 
@@ -55,10 +54,8 @@ class Job:
     out: Path
     avatars: str
     """Folder of avatars, or "embedded"."""
-    episodes: int
-    """To learn from, per arm."""
     samples: int
-    """That each policy is shown."""
+    """That each policy is shown, some of them more than once."""
     test: int
     """Episodes per task."""
     test_scenes: Sequence[str]
@@ -78,34 +75,33 @@ def prepare(job: Job) -> None:
         RunError: If the folder is that of another comparison.
     """
     path = job.out / JOB_FILE
-    found = {name: str(getattr(job, name)) for name in ("scene", "avatars", "episodes", "samples", "seed")}
+    found = {name: str(getattr(job, name)) for name in ("scene", "avatars", "samples", "seed")}
     before = json.loads(path.read_text()) if path.is_file() else found
     if changed := [f"{name} {before.get(name)}" for name in found if before.get(name) != found[name]]:
         raise RunError(f"{job.out} was begun with {', '.join(changed)}; give another --out.")
     write_whole(path, json.dumps(found, indent=1) + "\n")
-    for look in ("photoreal", "mesh"):
-        text = f'[robot.camera]\nheight_px = 72\nwidth_px = 128\n\n[renderer]\nhuman_look = "{look}"\ndetail = "lod"\n'
-        write_whole(job.out / f"{look}.toml", text)
+    for arm, settings in ARMS.items():
+        write_whole(_settings_file(job, arm), settings)
+
+
+def _settings_file(job: Job, arm: str) -> Path:
+    return job.out / f"{arm}.toml"
 
 
 def make_policy(job: Job, arm: str) -> None:
-    """Record an arm's data and train its policy, unless that is done."""
-    config = job.out / ("mesh.toml" if arm == "mesh" else "photoreal.toml")
-    people = [argument.format(avatars=job.avatars) for argument in ARMS[arm]]
-    data, policy = job.out / f"{arm}-data", job.out / f"{arm}-policy"
-    if (policy / METRICS_FILE).is_file():
-        return
-    numbers = ["--episodes", job.episodes, "--seed", job.seed, "--workers", job.workers]
-    _readygo("generate", job.scene, "--out", data, "--config", config, "--disturb", *numbers, *people)
-    _readygo("train", data, "--out", policy, "--samples", job.samples, "--seed", job.seed, "--recipe", "best")
+    """Learn an arm's policy, or go on; nothing is done where it has learned."""
+    budget = ("--samples", job.samples, "--seed", job.seed, "--episodes", 0)
+    people = ("--avatars", f"{job.avatars}:train")
+    _readygo("learn", job.scene, "--out", job.out / arm, "--config", _settings_file(job, arm), *people, *budget)
 
 
 def train_networks(job: Job) -> None:
-    """Train the published networks that are asked for on the data of the arm photoreal, unless that is done."""
+    """Train the networks that are asked for on what the expert drove for the arm photoreal, unless that is done."""
+    data = next((job.out / "photoreal" / "data").iterdir())
     for network in (name for name in job.methods if name in NETWORKS):
         if not (job.out / CHECKPOINTS / NETWORKS[network]).is_file():
             budget = ("--samples", job.network_samples, "--seed", job.seed)
-            _readygo("train", job.out / "photoreal-data", "--recipe", network, "--out", job.out / CHECKPOINTS, *budget)
+            _readygo("train", data, "--recipe", network, "--out", job.out / CHECKPOINTS, *budget)
 
 
 def evaluate(job: Job, arm: str, scene: str) -> list[EpisodeRecord]:
@@ -113,8 +109,17 @@ def evaluate(job: Job, arm: str, scene: str) -> list[EpisodeRecord]:
     out = job.out / f"{arm}-in-{Path(scene).name.replace(':', '-')}"
     methods = (POLICY, EXPERT, *job.methods) if arm == "photoreal" else (POLICY,)
     _readygo(
-        *("evaluate", scene, job.out / f"{arm}-policy", "--out", out, "--episodes", job.test, "--tasks", *TASKS),
-        *("--methods", *methods, "--config", job.out / "photoreal.toml", "--seed", job.seed, "--workers", job.workers),
+        *("evaluate", scene, job.out / arm / "policy", "--out", out, "--episodes", job.test, "--tasks", *TASKS),
+        *(
+            "--methods",
+            *methods,
+            "--config",
+            _settings_file(job, "photoreal"),
+            "--seed",
+            job.seed,
+            "--workers",
+            job.workers,
+        ),
         *("--avatars", f"{job.avatars}:test", "--unseen", "avatars", "--checkpoints", job.out / CHECKPOINTS),
     )
     lines = (out / RECORDS_FILE).read_text().splitlines()
@@ -165,7 +170,6 @@ def main() -> None:
     parser.add_argument("scene")
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--avatars", default="embedded")
-    parser.add_argument("--episodes", type=int, default=200)
     parser.add_argument("--samples", type=int, default=400_000)
     parser.add_argument("--test", type=int, default=100)
     parser.add_argument("--test-scenes", nargs="*", default=[])
@@ -185,7 +189,7 @@ def main() -> None:
         # The command has said why.
         sys.exit(error.returncode)
     if file is not None:
-        budget = {name: getattr(job, name) for name in ("episodes", "samples", "network_samples", "test", "seed")}
+        budget = {name: getattr(job, name) for name in ("samples", "network_samples", "test", "seed")}
         command = f"python -m readygo.benchmarks.policy.realism {Path(job.scene).name}"
         kept = {"machine": machine(), "command": command, **budget, "scenes": found}
         write_whole(file, json.dumps(kept, indent=1) + "\n")

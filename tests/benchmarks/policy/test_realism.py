@@ -1,11 +1,11 @@
 """What policies of equal budget are told to do, and how they are put side by side."""
 
 import dataclasses
-import tomllib
 from pathlib import Path
 
 import pytest
 
+from readygo.apps.learn.plan import learn_settings
 from readygo.benchmarks.policy import realism
 from readygo.common.episode.metrics import EpisodeResult
 from readygo.common.errors import RunError
@@ -19,7 +19,6 @@ def job(tmp_path: Path) -> realism.Job:
         scene="embedded",
         out=tmp_path,
         avatars="embedded",
-        episodes=5,
         samples=100,
         test=2,
         test_scenes=(),
@@ -49,28 +48,24 @@ def test_arms_differ_in_nothing_but_who_is_there(job, monkeypatch) -> None:
     realism.prepare(job)
     for arm in realism.ARMS:
         realism.make_policy(job, arm)
-    looks = [
-        tomllib.loads(Path(line[line.index("--config") + 1]).read_text()) for line in said if line[0] == "generate"
+    configs = [learn_settings(Path(line.pop(line.index("--config") + 1)), None) for line in said]
+    assert [config.renderer.human_look for config in configs] == ["photoreal", "mesh", "photoreal"]
+    assert [config.human_planner.absent for config in configs] == [0.3, 0.3, 1.0]
+    alike = [
+        dataclasses.replace(config, human_planner=configs[0].human_planner, renderer=configs[0].renderer)
+        for config in configs
     ]
-    assert [look["renderer"].pop("human_look") for look in looks] == ["photoreal", "mesh", "photoreal"]
-    assert looks[0] == looks[1] == looks[2]
-    assert ["--static" in line for line in said if line[0] == "generate"] == [False, False, True]
-    assert ["embedded:train" in line for line in said if line[0] == "generate"] == [True, True, False]
-    trained = [line[line.index("--samples") :] for line in said if line[0] == "train"]
-    assert trained[0] == trained[1] == trained[2]
+    assert alike[1] == alike[2] == configs[0]
+    outs = [line.pop(line.index("--out") + 1) for line in said]
+    assert outs == [str(job.out / arm) for arm in realism.ARMS]
+    assert said[0] == said[1] == said[2]
+    assert said[0][:2] == ["learn", "embedded"]
+    assert " ".join(said[0]).endswith("--avatars embedded:train --samples 100 --seed 0 --episodes 0")
 
 
-def test_what_is_done_is_not_done_again_and_a_folder_of_another_budget_is_refused(job, monkeypatch) -> None:
-    said = []
-    monkeypatch.setattr(realism, "_readygo", lambda *arguments: said.append(arguments[0]))
+def test_a_folder_of_another_budget_is_refused(job) -> None:
     realism.prepare(job)
-    (job.out / "mesh-policy").mkdir()
-    (job.out / "mesh-policy" / "metrics.json").write_text("{}")
-    realism.make_policy(job, "mesh")
-    assert said == []
     realism.prepare(job)
-    realism.make_policy(job, "photoreal")
-    assert said == ["generate", "train"]
     with pytest.raises(RunError, match="begun with samples 100"):
         realism.prepare(dataclasses.replace(job, samples=200))
 
@@ -83,10 +78,12 @@ def test_networks_that_are_asked_for_learn_from_the_photoreal_arm_once(job, monk
         (job.out / "checkpoints").mkdir()
         (job.out / "checkpoints" / "gnm_large.pth").touch()
 
+    data = job.out / "photoreal" / "data" / "embedded"
+    data.mkdir(parents=True)
     monkeypatch.setattr(realism, "_readygo", run)
     realism.train_networks(job)
     realism.train_networks(job)
-    assert [line.split(" --out")[0] for line in said] == [f"train {job.out / 'photoreal-data'} --recipe gnm"]
+    assert [line.split(" --out")[0] for line in said] == [f"train {data} --recipe gnm"]
     assert said[0].endswith("--samples 50 --seed 0")
 
 
