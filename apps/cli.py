@@ -10,6 +10,7 @@ import io
 import os
 import signal
 import sys
+import threading
 import types
 import typing
 from collections.abc import Callable, Mapping, Sequence
@@ -25,6 +26,7 @@ INTERRUPTED = 128 + signal.SIGINT
 TERMINATED = 128 + signal.SIGTERM
 READER_GONE = 128 + signal.SIGPIPE
 HELP = ("-h", "--help")
+AGAIN_S = 0.05
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
 """Errors of a write: they name no file, yet the user can mend them."""
 
@@ -94,6 +96,17 @@ def _terminate(number: int, frame: object) -> None:
     """End as at Ctrl-C, so that whatever the command has started ends with it; once begun, nothing disturbs that."""
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     raise KeyboardInterrupt
+
+
+def stop_later(lost: "sys.UnraisableHookArgs") -> None:
+    """As `sys.unraisablehook`: who is told to stop where nothing can be raised, as in a destructor, is told again."""
+    if not isinstance(lost.exc_value, KeyboardInterrupt):
+        sys.__unraisablehook__(lost)
+        return
+    number = signal.SIGTERM if _terminated() else signal.SIGINT
+    if number == signal.SIGTERM:
+        signal.signal(number, _terminate)
+    threading.Timer(AGAIN_S, os.kill, (os.getpid(), number)).start()
 
 
 def _terminated() -> bool:

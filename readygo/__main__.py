@@ -12,10 +12,11 @@ def main() -> None:
     """Run the command that the arguments name."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _stop_at_once)
-    from readygo.apps.cli import run_command
+    from readygo.apps.cli import run_command, stop_later
     from readygo.commands import COMMANDS
     from readygo.common.left_open import close_all
 
+    sys.unraisablehook = stop_later
     try:
         run_command(COMMANDS, sys.argv[1:])
     finally:

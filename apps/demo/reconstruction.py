@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import cv2
+import numpy as np
 
 from readygo.apps.capture.compare import PoseErrors, pose_errors
 from readygo.apps.capture.config import CaptureConfig
@@ -176,8 +177,7 @@ def photo_and_image(path: Path) -> Picture:
         raise RunError(f"{path} cannot be read.")
     both = cv2.cvtColor(bgr[:, : bgr.shape[1] // 3 * 2], cv2.COLOR_BGR2RGB)
     factor = max(1, _PICTURE_PX // both.shape[1] + 1)
-    larger: Picture = cv2.resize(both, None, fx=factor, fy=factor, interpolation=cv2.INTER_CUBIC)
-    return larger
+    return np.asarray(cv2.resize(both, None, fx=factor, fy=factor, interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
 
 
 def _from_above(made: Reconstructed) -> str:

@@ -154,6 +154,33 @@ def test_sigterm_ends_a_command_as_ctrl_c_does(capsys: pytest.CaptureFixture[str
     assert capsys.readouterr().err.startswith("ended in peace\nreadygo: stopped; ")
 
 
+STOPPED_IN_A_DESTRUCTOR = """
+import os, signal, sys, time
+from readygo.apps import cli
+
+class Last:
+    def __del__(self):
+        os.kill(os.getpid(), signal.{name})
+        time.sleep(5.0)
+
+def wait():
+    last = Last()
+    del last
+    time.sleep(60.0)
+
+sys.modules["waits"] = sys.modules["__main__"]
+sys.unraisablehook = cli.stop_later
+cli.run_command({{"wait": cli.Command("waits:wait", "waits")}}, ["wait"])
+"""
+
+
+@pytest.mark.parametrize(("name", "code"), [("SIGTERM", 143), ("SIGINT", 130)])
+def test_a_command_that_is_stopped_in_a_destructor_ends_all_the_same(name: str, code: int) -> None:
+    text = STOPPED_IN_A_DESTRUCTOR.format(name=name)
+    ended = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, timeout=30, check=False)
+    assert (ended.returncode, ended.stderr.split(";")[0]) == (code, "readygo: stopped")
+
+
 def test_error_of_the_system_that_names_no_file_is_a_bug() -> None:
     with pytest.raises(OSError, match="Bad file descriptor"):
         run_command(FAIL, ["fail", "bug"])
