@@ -31,7 +31,7 @@ from readygo.common.scenes import Scene, load_scene
 from readygo.common.scenes.scene import REPORT_FILE
 from readygo.common.scenes.top_view import top_view
 from readygo.services.reconstructor.config import MetricConfig, ReconstructorConfig
-from readygo.services.reconstructor.reconstruct import GAUSSIANS, Job, reconstruct
+from readygo.services.reconstructor.reconstruct import GAUSSIANS, Job, check_installed, reconstruct
 from readygo.services.reconstructor.stages import Say
 from readygo.services.reconstructor.training.config import GaussiansConfig, preset
 
@@ -74,6 +74,7 @@ def demo_reconstruction(scene: Scene, out: Path, say: Callable[[str], None], sta
     Raises:
         ReadygoError: If something of it cannot be made.
     """
+    check_installed()
     begin_s = time.monotonic()
     run = out / "run"
     run.mkdir(parents=True, exist_ok=True)

@@ -1,5 +1,6 @@
 """From a video or photos to a scene bundle: poses, Gaussians, maps, in stages on disk, without a bus."""
 
+import importlib.util
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -56,7 +57,7 @@ def reconstruct(job: Job, config: ReconstructorConfig, say: Say) -> dict[str, An
         ReadygoError: If it cannot be made; the message says why, and finished stages stay.
     """
     _check_out(job)
-    _check_torch()
+    check_installed()
     with open_job(job.source, job.work, config, say) as (stages, source):
         report = find_poses_in(stages, source, config)
         trained = stages.run(
@@ -81,11 +82,14 @@ def _check_out(job: Job) -> None:
         raise SceneError(f"{job.out} exists already; choose another folder, or remove it.")
 
 
-def _check_torch() -> None:
-    try:
-        import torch  # noqa: F401
-    except ImportError as error:
-        raise ConfigError(f"Gaussians are trained with torch; run: {install_command('reconstruct')}") from error
+def check_installed() -> None:
+    """Before minutes of work, not after them.
+
+    Raises:
+        ConfigError: If a package is missing.
+    """
+    if any(importlib.util.find_spec(name) is None for name in ("pycolmap", "torch")):
+        raise ConfigError(f"Reconstructing needs pycolmap and torch; run: {install_command('reconstruct')}")
 
 
 def _training(work: Path, config: ReconstructorConfig, say: Say) -> Callable[[Path], dict[str, Any]]:

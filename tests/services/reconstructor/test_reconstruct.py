@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from readygo.common.camera.captured import CapturedViews
-from readygo.common.errors import SceneError
+from readygo.common.errors import ConfigError, SceneError
 from readygo.common.gaussians import concatenate, save_ply
 from readygo.services.reconstructor import reconstruct as module
 from readygo.services.reconstructor.config import MetricConfig, ReconstructorConfig
@@ -86,3 +86,11 @@ def test_what_is_there_already_is_not_touched(tmp_path: Path, trained: list[str]
         reconstruct(job, CONFIG, lambda progress: None)
     assert not trained
     assert not list(job.out.iterdir())
+
+
+def test_missing_package_is_told_before_anything_is_done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module.importlib.util, "find_spec", lambda name: None if name == "pycolmap" else name)
+    job = Job(source=tmp_path / "walk.mp4", out=tmp_path / "lobby", work=tmp_path / "work")
+    with pytest.raises(ConfigError, match=r"needs pycolmap and torch; run: .*reconstruct"):
+        reconstruct(job, CONFIG, lambda _: None)
+    assert not job.work.exists()
