@@ -18,7 +18,7 @@ from readygo.apps.capture.truth import read_truth
 from readygo.apps.fleet.run import record
 from readygo.apps.pages.page import Column, figure, film_figure, page, png_source, table
 from readygo.apps.pictures.recorded import RecordedEpisodes
-from readygo.apps.run.config import load_run_config
+from readygo.apps.run.config import RunConfig, load_run_config
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.spec import make_spec
 from readygo.apps.run.world import World
@@ -38,7 +38,7 @@ from readygo.services.reconstructor.training.config import GaussiansConfig, pres
 ROOM_M = (-5.2, 0.6, 0.5, 4.8)
 """x0, y0, x1, y1 of the flat's living room [m]."""
 MARKER_M = 0.2
-EPISODES = 4
+EPISODES = 8
 _WALK = CaptureConfig(seconds=60.0, fps=2, marker_size_m=MARKER_M)
 _STEPS, _SIDE_PX = 600, 200
 _SHOWN = 4
@@ -92,7 +92,7 @@ def demo_reconstruction(scene: Scene, out: Path, say: Callable[[str], None], sta
     errors = pose_errors(truth, dict(zip(found.views.images, found.views.T_world_camera, strict=True)))
     say(f"recording {EPISODES} episodes in the reconstruction")
     data = run / "data"
-    spec = make_spec(found, None, load_run_config(None, None), seed=0, split=Split.TRAIN, static=False)
+    spec = make_spec(found, None, narrow(load_run_config(None, None)), seed=0, split=Split.TRAIN, static=False)
     record(spec, data, episodes=EPISODES, workers=0)
     made = Reconstructed(
         report=report,
@@ -104,6 +104,23 @@ def demo_reconstruction(scene: Scene, out: Path, say: Callable[[str], None], sta
         seconds=time.monotonic() - begin_s,
     )
     return _write_page(out, made)
+
+
+def narrow(settings: RunConfig) -> RunConfig:
+    """The settings for a furnished room: short ways, one human, who passes close by furniture."""
+    return replace(
+        settings,
+        episode=replace(settings.episode, goal_distance_min_m=1.5, goal_distance_max_m=4.0, human_count_max=1),
+        human_planner=replace(
+            settings.human_planner,
+            clearance_m=0.26,
+            route_clearance_m=0.28,
+            preferred_clearance_m=0.4,
+            start_distance_min_m=1.0,
+            parked_distance_min_m=0.8,
+            start_peace_s=1.0,
+        ),
+    )
 
 
 def training() -> GaussiansConfig:

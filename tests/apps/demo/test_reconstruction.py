@@ -8,7 +8,8 @@ import pytest
 from readygo.apps.capture.compare import PoseErrors
 from readygo.apps.cli import run_command
 from readygo.apps.demo import demo
-from readygo.apps.demo.reconstruction import ROOM_M, Reconstructed, photo_and_image, tiles, training
+from readygo.apps.demo.reconstruction import ROOM_M, Reconstructed, narrow, photo_and_image, tiles, training
+from readygo.apps.run.config import load_run_config
 from readygo.commands import COMMANDS
 from readygo.common.drawing.files import write_png
 from readygo.common.errors import RunError
@@ -22,6 +23,12 @@ def test_room_is_one_of_the_flat() -> None:
 def test_training_is_short_and_makes_surfaces() -> None:
     assert training().steps < 1000
     assert training().geometry.enabled
+
+
+def test_settings_of_a_room_are_sound_and_shorter() -> None:
+    usual = load_run_config(None, None)
+    assert narrow(usual).episode.goal_distance_min_m < usual.episode.goal_distance_min_m
+    assert narrow(usual).robot == usual.robot
 
 
 def test_preview_loses_its_difference_and_grows(tmp_path: Path) -> None:
