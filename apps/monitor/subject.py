@@ -64,6 +64,11 @@ class Subject:
         if data is not None and (RunFolder(data).state / "spec.msgpack").exists():
             self.watch.spec = RunFolder(data).load()[0]
 
+    @property
+    def notes(self) -> str:
+        """What of it is not shown, and why."""
+        return " ".join(filter(None, (self.note, self.recorded.absent if self.recorded else "")))
+
     @cached_property
     def robot(self) -> RobotConfig:
         """The run's robot."""
