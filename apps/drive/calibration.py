@@ -150,7 +150,7 @@ def info_of(camera: CameraConfig) -> LogCamera:
         width_px=camera.width_px,
         K_px=tuple(K.reshape(-1).tolist()),
         model="equidistant" if camera.distortion == "fisheye" else "plumb_bob",
-        distortion=tuple(getattr(camera, name) for name in camera.coefficient_names),
+        distortion=camera.coefficients,
     )
 
 

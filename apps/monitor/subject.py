@@ -18,6 +18,7 @@ from readygo.apps.pages.charts import Curve
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.run.world import World
+from readygo.common.camera import SensorConfig
 from readygo.common.dataset.index import load_index
 from readygo.common.dataset.provenance import Provenance
 from readygo.common.dataset.reader import find_shards
@@ -73,6 +74,11 @@ class Subject:
     def robot(self) -> RobotConfig:
         """The run's robot."""
         return self._provenance.robot or RobotConfig()
+
+    @cached_property
+    def sensor(self) -> SensorConfig:
+        """What varies of its cameras from episode to episode."""
+        return self._provenance.sensor
 
     def start(self) -> None:
         """Join the run, and read its scene in the background."""
