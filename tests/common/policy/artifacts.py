@@ -11,6 +11,7 @@ from onnx import TensorProto, helper, numpy_helper
 from readygo.common.images.names import RGB
 from readygo.common.policy import PolicySpec, save_spec
 from readygo.common.policy.artifact import PolicyInputs
+from readygo.common.policy.graph import GRAPH_FILE, Given, GraphSpec
 from readygo.common.policy.sight import channels_of, graph_input
 from readygo.common.robot import CameraConfig, RobotConfig
 
@@ -56,4 +57,28 @@ def write_policy(folder: Path, images: tuple[str, ...] = (RGB,)) -> Path:
     linear_graph(folder / "encoder.onnx", seen, TensorProto.UINT8, "latent", encoder)
     linear_graph(folder / "head.onnx", {"features": (70,)}, TensorProto.FLOAT, "action", head)
     save_spec(PolicySpec(robot=ROBOT, inputs=PolicyInputs(images=images)), folder)
+    return folder
+
+
+def write_goal_policy(folder: Path) -> Path:
+    """A policy of one graph that drives the faster, and turns the more, the brighter its goal is in the image of it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    shape = [1, 3, CAMERA.height_px, CAMERA.width_px]
+    nodes = [
+        helper.make_node("Flatten", ["pixels"], ["seen"], axis=1),
+        helper.make_node("Flatten", ["there"], ["goal"], axis=1),
+        helper.make_node("Concat", ["seen", "goal"], ["both"], axis=1),
+        helper.make_node("MatMul", ["both", "weight"], ["action"]),
+    ]
+    pixels = math.prod(shape)
+    weight = np.repeat([[0.0, -2.0], [1.0, 2.0]], pixels, axis=0).astype(np.float32) / pixels
+    value = helper.make_tensor_value_info
+    inputs = [value(name, TensorProto.FLOAT, shape) for name in ("pixels", "there")]
+    outputs = [value("action", TensorProto.FLOAT, [1, 2])]
+    graph = helper.make_graph(nodes, "to_goal", inputs, outputs, [numpy_helper.from_array(weight, "weight")])
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)])
+    model.ir_version = 8
+    (folder / GRAPH_FILE).write_bytes(model.SerializeToString())
+    spec = GraphSpec(inputs={"pixels": Given.RGB, "there": Given.GOAL_IMAGE})
+    save_spec(PolicySpec(robot=ROBOT, inputs=PolicyInputs(frame_count=1), graph=spec), folder)
     return folder
