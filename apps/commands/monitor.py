@@ -86,7 +86,7 @@ def _feed(opened: contextlib.ExitStack, subject: Subject, foxglove: int | None, 
     """Show a run in other viewers."""
     subject.read_scene()
     if foxglove is not None:
-        server = FoxgloveSink(subject.robot, subject.maps, foxglove)
+        server = FoxgloveSink(subject.robot, subject.maps, foxglove, subject.sensor)
         opened.callback(Feed(subject, server).close)
         _say(f"Foxglove: Open connection, Foxglove WebSocket, ws://127.0.0.1:{server.port} (Ctrl-C ends it)")
     if rerun is not None:

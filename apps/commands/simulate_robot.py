@@ -1,7 +1,7 @@
 """`readygo simulate-robot`: a robot to try policies with."""
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +19,7 @@ from readygo.apps.drive.pilot import DriveConfig, Pilot
 from readygo.apps.drive.rehearsal import rehearsed
 from readygo.apps.drive.robot import Topics
 from readygo.apps.drive.simulated import Look, Manners, SimulatedRobot
-from readygo.apps.drive.wires import WireName, make_wire
+from readygo.apps.drive.wires import COMPRESSED_DEPTH_SUFFIX, COMPRESSED_SUFFIX, WireName, make_wire
 from readygo.apps.run.config import RunConfig
 from readygo.apps.run.evaluation import (
     evaluation_config,
@@ -87,7 +87,7 @@ def simulate_robot(
         jitter_s: Standard deviation of that [s].
         drop_share: Share of images that are lost.
         camera_hz: Images per second: those of the robot's camera, divided by a whole number; all of them by default.
-        compressed: Send JPEG, and depths as compressedDepth.
+        compressed: Send CompressedImage: JPEG, and depths as compressedDepth.
         rehearse: Let the policy drive here, as `readygo drive` would, in simulated time and without a network.
         image: Topic of the images, /camera/image_raw by default; of further cameras --image NAME=/topic, once for each,
             /NAME/image_raw by default.
@@ -109,6 +109,8 @@ def simulate_robot(
     settings = _without_latency(settings)
     manners.image_every(settings.robot.clock)
     named = image_topics(image, depth, settings.robot, every_camera=True)
+    if compressed and wire == "bridge":
+        _check_suffixes(named.values())
     people = avatars_of_policy(spec) if spec and avatars is None else avatars
     world = evaluation_world(scene, settings, avatars=people, seed=seed)
     evaluator = make_evaluator(world, renderer=world.renderer(), methods={})
@@ -207,6 +209,16 @@ def _topics(named: Mapping[str, str], odom: str, cmd_vel: str) -> Topics:
         beside={name: topic for name, topic in named.items() if name != RGB},
         infos=infos,
     )
+
+
+def _check_suffixes(topics: Iterable[str]) -> None:
+    """Raise ConfigError unless topics say that their images are compressed, as behind a bridge nobody else does."""
+    for topic in topics:
+        if not topic.endswith((COMPRESSED_SUFFIX, COMPRESSED_DEPTH_SUFFIX)):
+            raise ConfigError(
+                f"Behind a bridge topics of compressed images end in {COMPRESSED_SUFFIX} or {COMPRESSED_DEPTH_SUFFIX}, "
+                f"got {topic}."
+            )
 
 
 def _manners(

@@ -80,7 +80,7 @@ class Rectifier:
             first, second = self._maps
             large = cv2.remap(bgr, first, second, cv2.INTER_LINEAR)
             bgr = cv2.resize(large, self._policy_size, interpolation=cv2.INTER_AREA).astype(np.uint8)
-        return np.ascontiguousarray(bgr[..., ::-1])
+        return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8)
 
     def depth(self, depth_m: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
         """Depths that the policy's camera would have measured.
@@ -150,7 +150,7 @@ def info_of(camera: CameraConfig) -> LogCamera:
         width_px=camera.width_px,
         K_px=tuple(K.reshape(-1).tolist()),
         model="equidistant" if camera.distortion == "fisheye" else "plumb_bob",
-        distortion=tuple(getattr(camera, name) for name in camera.coefficient_names),
+        distortion=camera.coefficients,
     )
 
 

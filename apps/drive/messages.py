@@ -2,11 +2,21 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
+import numpy as np
 import numpy.typing as npt
 
 from readygo.apps.robot_logs.reader import LogCamera
+
+
+class Encoded(NamedTuple):
+    """An image as a compressed one comes."""
+
+    data: npt.NDArray[np.uint8]
+    """JPEG, PNG, or what ROS's compressedDepth is, shape (N,)."""
+    format: str
+    """What CompressedImage says of it: "jpeg", "16UC1; compressedDepth png"."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -18,6 +28,8 @@ class Picture:
     decode: Callable[[], npt.NDArray[Any]] = field(repr=False)
     """Its pixels, blue, green, red, uint8, shape (H, W, 3); of a depth camera depths [m], inf where nothing was
     measured, float32, shape (H, W); ValueError if they cannot be read."""
+    encoded: Encoded | None = field(default=None, repr=False)
+    """As it came, where it came compressed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,7 +81,7 @@ class Codec(Protocol):
 
         Args:
             type_name: One of `ros_codec`'s types.
-            value: A `Value`; in place of a picture its pixels, see `Picture.decode`.
+            value: A `Value`; in place of a picture its pixels, see `Picture.decode`, or what it was `Encoded` as.
             stamp_ns: Time of the message [ns].
         """
         ...

@@ -9,7 +9,7 @@ import msgpack
 import numpy as np
 import numpy.typing as npt
 
-from readygo.apps.drive.messages import Command, Goal, Odometry, Picture, Value
+from readygo.apps.drive.messages import Command, Encoded, Goal, Odometry, Picture, Value
 from readygo.apps.drive.ros_codec import (
     COMPRESSED_TYPE,
     GOAL_TYPE,
@@ -77,7 +77,10 @@ def _fields(type_name: str, value: Any) -> dict[str, Any]:
 
 def _value(type_name: str, fields: Mapping[str, Any]) -> Value:
     if type_name in (IMAGE_TYPE, COMPRESSED_TYPE):
-        return Picture(stamp_ns=int(fields.get("stamp_ns", 0)), decode=partial(_pixels, fields))
+        encoding, encoded = str(fields["encoding"]), None
+        if encoding in _ENCODED or is_compressed_depth(encoding):
+            encoded = Encoded(np.frombuffer(fields["data"], np.uint8), encoding)
+        return Picture(stamp_ns=int(fields.get("stamp_ns", 0)), decode=partial(_pixels, fields), encoded=encoded)
     if type_name == INFO_TYPE:
         return LogCamera(
             height_px=int(fields["height_px"]),

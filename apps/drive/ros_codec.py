@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from readygo.apps.drive.messages import Command, Goal, Odometry, Picture, Value
+from readygo.apps.drive.messages import Command, Encoded, Goal, Odometry, Picture, Value
 from readygo.apps.robot_logs.pixels import (
     compressed_depth,
     compressed_depth_of,
@@ -93,13 +93,8 @@ class RosCodec:
             data=data,
         )
 
-    def _compressed(self, pixels: npt.NDArray[Any], stamp_ns: int) -> Any:
-        if pixels.ndim == 3:
-            file = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1].tobytes()
-            image_format = "jpeg"
-        else:
-            file, image_format = compressed_depth(pixels)
-        data = np.frombuffer(file, np.uint8)
+    def _compressed(self, image: npt.NDArray[Any] | Encoded, stamp_ns: int) -> Any:
+        data, image_format = image if isinstance(image, Encoded) else _encoded(image)
         return self._types[COMPRESSED_TYPE](header=self._header(stamp_ns, "camera"), format=image_format, data=data)
 
     def _pose(self, x_m: float, y_m: float, yaw_rad: float) -> Any:
@@ -151,6 +146,13 @@ class RosCodec:
         )
 
 
+def _encoded(pixels: npt.NDArray[Any]) -> Encoded:
+    if pixels.ndim == 3:
+        return Encoded(cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1], "jpeg")
+    file, image_format = compressed_depth(pixels)
+    return Encoded(np.frombuffer(file, np.uint8), image_format)
+
+
 def _value(type_name: str, message: Any) -> Value:
     if type_name == OUTCOME_TYPE:
         return str(message.data)
@@ -165,7 +167,8 @@ def _value(type_name: str, message: Any) -> Value:
     stamp_ns = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
     if type_name == ODOMETRY_TYPE:
         return _odometry_of(message, stamp_ns)
-    return Picture(stamp_ns=stamp_ns, decode=partial(_pixels, type_name, message))
+    encoded = Encoded(message.data, message.format) if type_name == COMPRESSED_TYPE else None
+    return Picture(stamp_ns=stamp_ns, decode=partial(_pixels, type_name, message), encoded=encoded)
 
 
 def _odometry_of(message: Any, stamp_ns: int) -> Odometry:

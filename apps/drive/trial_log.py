@@ -6,9 +6,12 @@ import threading
 from pathlib import Path
 from typing import Any
 
-from readygo.apps.drive.messages import Picture
+import numpy.typing as npt
+
+from readygo.apps.drive.messages import Encoded, Picture
 from readygo.apps.drive.ros_codec import COMPRESSED_TYPE, IMAGE_TYPE, RosCodec
-from readygo.apps.drive.wires import COMPRESSED_SUFFIX
+from readygo.apps.drive.wires import COMPRESSED_DEPTH_SUFFIX, COMPRESSED_SUFFIX
+from readygo.apps.robot_logs.pixels import is_compressed_depth
 from readygo.common.dataset.ros_log import RosLogWriter
 
 RECORD = "readygo-trial"
@@ -20,7 +23,10 @@ log = logging.getLogger(__name__)
 
 
 class TrialLog:
-    """Keeps messages as ROS has them, whatever the robot speaks; raw images are compressed. Nobody waits for it."""
+    """Keeps messages as ROS has them, whatever the robot speaks. Nobody waits for it.
+
+    Raw images of colours are compressed; what came compressed stays as it came.
+    """
 
     def __init__(self, path: Path) -> None:
         """Begin it.
@@ -78,9 +84,17 @@ class TrialLog:
     def _write(self, topic: str, type_name: str, value: Any, time_ns: int) -> None:
         stamp_ns = getattr(value, "stamp_ns", 0) or time_ns
         if isinstance(value, Picture):
-            value = value.decode()
-        if type_name == IMAGE_TYPE and value.ndim == 3:
-            topic, type_name = topic.removesuffix(COMPRESSED_SUFFIX) + COMPRESSED_SUFFIX, COMPRESSED_TYPE
+            # To decode and encode again what came compressed would take a robot's processor more than the policy does.
+            value = value.decode() if value.encoded is None else value.encoded
+        if type_name == IMAGE_TYPE and (suffix := _suffix(value)):
+            topic, type_name = topic.removesuffix(suffix) + suffix, COMPRESSED_TYPE
         payload = self._codec.write(type_name, value, stamp_ns)
         self._writer.add_topic(topic, type_name, self._codec.definition(type_name))
         self._writer.write(topic, payload, time_ns)
+
+
+def _suffix(image: npt.NDArray[Any] | Encoded) -> str:
+    """What the topic of an image ends in that is kept compressed; empty for raw depths, which stay as they are."""
+    if isinstance(image, Encoded):
+        return COMPRESSED_DEPTH_SUFFIX if is_compressed_depth(image.format) else COMPRESSED_SUFFIX
+    return COMPRESSED_SUFFIX if image.ndim == 3 else ""

@@ -17,7 +17,8 @@ from readygo.apps.learn.training import read_history
 from readygo.apps.pages.charts import Curve
 from readygo.apps.pages.page import percent
 from readygo.apps.pages.scores import Score
-from readygo.apps.pictures.recorded import RecordedEpisodes, latest_pictured, rows_of
+from readygo.apps.pictures.playback import latest_pictured, rows_of
+from readygo.apps.pictures.recorded import RecordedEpisodes
 from readygo.apps.run.world import World
 from readygo.common.dataset import Dataset, EpisodeEntry
 from readygo.common.messages import Driver, Outcome

@@ -7,11 +7,12 @@ from typing import Any
 
 from readygo.apps.monitor.feed import Moment
 from readygo.apps.monitor.track import Pictures
-from readygo.common.camera.config import CameraConfig
+from readygo.common.camera import SensorConfig
 from readygo.common.dataset import markers, packed, schemas
 from readygo.common.dataset.canonical import HALF_PX, with_pixels_moved
 from readygo.common.dataset.scene_map import MapMessages
 from readygo.common.dataset.schemas import Channel
+from readygo.common.episode.robot import robot_of_episode
 from readygo.common.errors import RunError
 from readygo.common.extras import install_command
 from readygo.common.frames import goal_in_robot_frame
@@ -19,7 +20,9 @@ from readygo.common.images.names import RGB, camera_of
 from readygo.common.messages.live import LiveState
 from readygo.common.messages.samples import EpisodeHeader, FurtherCamera, Sample
 from readygo.common.robot import RobotConfig
+from readygo.services.renderer import calibrations
 
+NO_SENSOR = SensorConfig()
 MAP_EVERY = 5
 """The map is large: it comes with every so many of the other surroundings."""
 
@@ -27,13 +30,16 @@ MAP_EVERY = 5
 class FoxgloveSink:
     """A server that Foxglove connects to: Open connection, Foxglove WebSocket."""
 
-    def __init__(self, robot: RobotConfig, maps: MapMessages | None, port: int) -> None:
+    def __init__(
+        self, robot: RobotConfig, maps: MapMessages | None, port: int, sensor: SensorConfig = NO_SENSOR
+    ) -> None:
         """Listen.
 
         Args:
-            robot: Size and camera.
+            robot: Size and cameras, with its ranges.
             maps: The map of the scene; None without one.
             port: On the loopback address, as the protocol asks nobody who they are; 0 takes a free one.
+            sensor: What varies of the cameras from episode to episode.
 
         Raises:
             RunError: If the SDK is not installed, or nobody can listen there.
@@ -43,10 +49,13 @@ class FoxgloveSink:
         except ImportError as error:
             command = install_command("foxglove")
             raise RunError(f"--foxglove needs foxglove-sdk; install it with: {command}") from error
-        self._foxglove, self._robot, self._maps = foxglove, robot, maps
+        self._foxglove, self._robot, self._sensor, self._maps = foxglove, robot, sensor, maps
         self.context = foxglove.Context()
         """What is shown goes through this; a test records it."""
-        self._cameras = markers.camera_frames(robot)
+        self._frames: tuple[bytes, ...] = ()
+        """Of the cameras, where the episode's robot has them."""
+        self._cameras: tuple[FurtherCamera, ...] = ()
+        """All of them as they are in the episode, the first one before the others."""
         self._channels: dict[int, Any] = {}
         self._begun = 0
         try:
@@ -58,7 +67,11 @@ class FoxgloveSink:
 
     def begin(self, moment: Moment, stamp_ns: int) -> None:
         """See `Sink.begin`."""
-        header, stamp = _header(moment, self._robot), schemas.timestamp(stamp_ns)
+        episode, stamp = moment.state.episode, schemas.timestamp(stamp_ns)
+        robot = robot_of_episode(self._robot, episode)
+        self._frames = markers.camera_frames(robot)
+        self._cameras = calibrations(self._robot, self._sensor, episode)
+        header = _header(moment, self._cameras)
         goal_xy_m = moment.state.goal_xy_m
         calibration = with_pixels_moved(schemas.calibration_message(header, stamp_ns), -HALF_PX)
         self._log(schemas.EPISODE_START, schemas.start_message(header), stamp_ns)
@@ -66,9 +79,9 @@ class FoxgloveSink:
         for content in packed.calibrations(header):
             self._log(content.channel, b"".join(content.at(packed.stamp(stamp_ns))), stamp_ns)
         shown = (
-            (schemas.MARKERS, markers.markers(moment.way, goal_xy_m, self._robot, stamp)),
+            (schemas.MARKERS, markers.markers(moment.way, goal_xy_m, robot, stamp)),
             (schemas.PATH, markers.path_cloud(moment.way, goal_xy_m, stamp)),
-            (schemas.ROBOT_OUTLINE, markers.robot_outline(self._robot, stamp)),
+            (schemas.ROBOT_OUTLINE, markers.robot_outline(robot, stamp)),
         )
         for channel, message in shown:
             self._log(channel, schemas.serialized(message), stamp_ns)
@@ -81,8 +94,8 @@ class FoxgloveSink:
     def show(self, moment: Moment, stamp_ns: int) -> None:
         """See `Sink.show`."""
         state, stamp = moment.state, packed.stamp(stamp_ns)
-        contents = packed.contents(_sample(state, moment.images, self._robot), _header(moment, self._robot))
-        contents.append(markers.frames(*packed.pose(state.robot_xyzyaw), self._cameras))
+        contents = packed.contents(_sample(state, moment.images, self._robot), _header(moment, self._cameras))
+        contents.append(markers.frames(*packed.pose(state.robot_xyzyaw), self._frames))
         contents.append(markers.bodies(human[:3] for human in state.humans_xyzyaw))
         for content in contents:
             self._log(content.channel, b"".join(content.at(stamp)), stamp_ns)
@@ -101,9 +114,9 @@ class FoxgloveSink:
         self._channels[channel.number].log(payload, log_time=stamp_ns)
 
 
-def _header(moment: Moment, robot: RobotConfig) -> EpisodeHeader:
+def _header(moment: Moment, cameras: tuple[FurtherCamera, ...]) -> EpisodeHeader:
     """What is constant over an episode, as far as its states say."""
-    state, camera = moment.state, robot.camera
+    state, (first, *further) = moment.state, cameras
     x_m, y_m, _, yaw_rad = moment.way[0].tolist()
     return EpisodeHeader(
         episode=state.episode,
@@ -113,17 +126,14 @@ def _header(moment: Moment, robot: RobotConfig) -> EpisodeHeader:
         avatars=(),
         encounters=(),
         image_format=moment.image_format,
-        height_px=camera.height_px,
-        width_px=camera.width_px,
-        K_px=tuple(camera.K_px.ravel().tolist()),
+        height_px=first.height_px,
+        width_px=first.width_px,
+        K_px=first.K_px,
+        distortion_model=first.distortion_model,
+        distortion=first.distortion,
         driver=state.driver,
-        cameras=tuple(_further(name, further) for name, further in robot.cameras.items()),
+        cameras=tuple(further),
     )
-
-
-def _further(name: str, camera: CameraConfig) -> FurtherCamera:
-    K_px = tuple(camera.K_px.ravel().tolist())
-    return FurtherCamera(name=name, height_px=camera.height_px, width_px=camera.width_px, K_px=K_px)
 
 
 def _sample(state: LiveState, images: Pictures, robot: RobotConfig) -> Sample:

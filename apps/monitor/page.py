@@ -305,7 +305,7 @@ class Page:
         subject, watch = self._subject, self._subject.watch
         if self._is_due("panels", now_s, PANELS_S):
             with watch.lock:
-                _put(self._head, panels.header(subject.name, watch, self._count, subject.note))
+                _put(self._head, panels.header(subject.name, watch, self._count, subject.notes))
                 _put(self._cameras, panels.cameras(watch.workers.values(), subject.robot))
                 _put(self._workers, panels.workers(watch))
             self._tell_moment(states)

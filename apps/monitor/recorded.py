@@ -7,6 +7,8 @@ from pathlib import Path
 from readygo.apps.monitor.track import Track, track_of
 from readygo.common.dataset.committed import committed_episode, episode_keys
 from readygo.common.dataset.index import index_path, read_index
+from readygo.common.dataset.places import absent, present_folders
+from readygo.common.errors import DatasetError
 from readygo.common.messages import EpisodeKey, Outcome
 
 TRACKS_MAX = 4
@@ -18,19 +20,23 @@ class Recorded:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
+        self.absent = ""
+        """Which of its shards cannot be shown, and why; empty if all can."""
         self._listing, self._reading = threading.Lock(), threading.Lock()
-        self._shards: dict[str, dict[EpisodeKey, Outcome | None]] = {}
+        self._shards: dict[Path, dict[EpisodeKey, Outcome | None]] = {}
         """Of finished shards, which do not change any more."""
         self._tracks: OrderedDict[EpisodeKey, Track] = OrderedDict()
 
     def episodes(self) -> dict[EpisodeKey, Outcome | None]:
         """Every durable episode, in order, and how it ended where that is known without reading it."""
         with self._listing:
-            found = dict(entry for part in self.folder.glob("shard-*.mcap.part") for entry in _listed(part).items())
-            for shard in self.folder.glob("shard-*.mcap"):
-                if shard.name not in self._shards:
-                    self._shards[shard.name] = _listed(shard)
-                found.update(self._shards[shard.name])
+            folders = self._folders()
+            parts = (part for folder in folders for part in folder.glob("shard-*.mcap.part"))
+            found = dict(entry for part in parts for entry in _listed(part).items())
+            for shard in (shard for folder in folders for shard in folder.glob("shard-*.mcap")):
+                if shard not in self._shards:
+                    self._shards[shard] = _listed(shard)
+                found.update(self._shards[shard])
         return dict(sorted(found.items(), key=lambda entry: _rank(entry[0])))
 
     def track(self, episode: EpisodeKey) -> Track | None:
@@ -41,7 +47,7 @@ class Recorded:
         """
         with self._reading:
             if episode not in self._tracks:
-                committed = committed_episode(self.folder, episode)
+                committed = committed_episode(self._folders(), episode)
                 if committed is None or not committed.samples:
                     return None
                 self._tracks[episode] = track_of(committed)
@@ -49,6 +55,14 @@ class Recorded:
                     self._tracks.popitem(last=False)
             self._tracks.move_to_end(episode)
             return self._tracks[episode]
+
+    def _folders(self) -> list[Path]:
+        """Those that are there now: recorders with a disk of their own come and go."""
+        try:
+            self.absent, folders = absent(self.folder), present_folders(self.folder)
+        except DatasetError as error:
+            self.absent, folders = str(error), [self.folder]
+        return folders
 
 
 def _listed(shard: Path) -> dict[EpisodeKey, Outcome | None]:

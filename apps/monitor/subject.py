@@ -18,6 +18,7 @@ from readygo.apps.pages.charts import Curve
 from readygo.apps.run.folder import RunFolder
 from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.run.world import World
+from readygo.common.camera import SensorConfig
 from readygo.common.dataset.index import load_index
 from readygo.common.dataset.provenance import Provenance
 from readygo.common.dataset.reader import find_shards
@@ -64,10 +65,20 @@ class Subject:
         if data is not None and (RunFolder(data).state / "spec.msgpack").exists():
             self.watch.spec = RunFolder(data).load()[0]
 
+    @property
+    def notes(self) -> str:
+        """What of it is not shown, and why."""
+        return " ".join(filter(None, (self.note, self.recorded.absent if self.recorded else "")))
+
     @cached_property
     def robot(self) -> RobotConfig:
         """The run's robot."""
         return self._provenance.robot or RobotConfig()
+
+    @cached_property
+    def sensor(self) -> SensorConfig:
+        """What varies of its cameras from episode to episode."""
+        return self._provenance.sensor
 
     def start(self) -> None:
         """Join the run, and read its scene in the background."""

@@ -80,7 +80,8 @@ def film_frames(
     Args:
         film: The episode.
         view: The scene from above.
-        camera_height_px: Height of the robot's view [px], about: it is enlarged by a whole factor.
+        camera_height_px: Height of the robot's view [px], about: it is enlarged by a whole factor; where it is shown as
+            it is, that of the view from above at least.
         step: Rows from picture to picture.
 
     Raises:
@@ -93,17 +94,17 @@ def film_frames(
     for row, image in zip(rows, images, strict=False):
         camera = image if image is None or not film.enlarged else _enlarged(image, camera_height_px)
         if background is None:
-            background = plan_view.faded(_fitted(view, _plan_height_px(film, camera)), 0.25)
+            background = plan_view.faded(_fitted(view, _plan_height_px(film, camera, camera_height_px)), 0.25)
         shown += 1
         yield _frame(film, background, row, camera)
     if shown < len(rows):
         raise ValueError(f"the camera has {shown} images for {len(rows)} rows.")
 
 
-def _plan_height_px(film: EpisodeFilm, camera: Picture | None) -> int:
+def _plan_height_px(film: EpisodeFilm, camera: Picture | None, camera_height_px: int) -> int:
     if camera is None:
         return PLAN_HEIGHT_PX
-    return len(camera) if film.enlarged else max(len(camera), CAMERA_HEIGHT_PX)
+    return len(camera) if film.enlarged else max(len(camera), camera_height_px)
 
 
 def _enlarged(image: Picture, height_px: int) -> Picture:

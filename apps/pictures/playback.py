@@ -1,16 +1,15 @@
 """A recorded episode as a film, from what was recorded of it alone: poses, commands, images, humans."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from readygo.apps.pictures.episode_film import EpisodeFilm
-from readygo.apps.pictures.recorded import latest_pictured, rows_of
 from readygo.apps.pictures.side_by_side import recorded_together, shown_images
 from readygo.apps.run.folder import RunFolder
-from readygo.common.dataset import Dataset
+from readygo.common.dataset import Dataset, EpisodeEntry
 from readygo.common.drawing.files import Picture
 from readygo.common.drawing.plan_view import map_window
 from readygo.common.errors import ReadygoError
@@ -26,14 +25,25 @@ CAMERAS_WIDTH_PX = 1200
 """Width at which the images of several cameras are shown together, about."""
 _MAP_CELL_M = 0.25
 
+Way = npt.NDArray[np.float64]
 
-def recorded_film(dataset: Dataset, number: int, camera: str = "") -> EpisodeFilm:
+
+def recorded_film(
+    dataset: Dataset,
+    number: int,
+    camera: str = "",
+    *,
+    humans_xy_m: Sequence[Way] | None = None,
+    width_px: int = CAMERAS_WIDTH_PX,
+) -> EpisodeFilm:
     """An episode as a film.
 
     Args:
         dataset: Recorded episodes.
         number: Row in `dataset.episodes`.
         camera: Name of the only camera to show; empty for all.
+        humans_xy_m: Where each human is at each sample, shape (T, 2), for who knows it; else the whole shard is read.
+        width_px: Width at which the images of several cameras are shown together, about.
 
     Raises:
         DatasetError: If there is no such camera.
@@ -47,12 +57,12 @@ def recorded_film(dataset: Dataset, number: int, camera: str = "") -> EpisodeFil
     alone = shown == ((RGB,),)
     return EpisodeFilm(
         title=entry.episode.episode_id,
-        camera=pictures if alone else _together(dataset, rows, shown, robot),
+        camera=pictures if alone else _together(dataset, rows, shown, robot, width_px),
         enlarged=alone,
         xyyaw=poses,
         actions=dataset.actions[rows].astype(np.float64),
         goal_xy_m=_goal(poses[0], dataset.goals_xy_m[rows.start]),
-        humans_xy_m=_ways(dataset.humans_of(number)),
+        humans_xy_m=tuple(_ways(dataset.humans_of(number)) if humans_xy_m is None else humans_xy_m),
         human_visible=dataset.truth["human_visible"][rows],
         replanned=dataset.truth["replanned"][rows],
         outcome=entry.outcome.value.replace("_", " "),
@@ -72,14 +82,25 @@ def background(dataset: Dataset, number: int, data: Path) -> TopView:
         return _empty_ground(dataset, number)
 
 
+def latest_pictured(dataset: Dataset, rows: slice) -> npt.NDArray[np.int64]:
+    """The sample of the newest image at each sample of an episode, shape (T,)."""
+    numbers = np.arange(rows.start, rows.stop)
+    return np.maximum.accumulate(np.where(dataset.pictured[rows], numbers, rows.start))
+
+
+def rows_of(entry: EpisodeEntry) -> slice:
+    """The samples of an episode."""
+    return slice(entry.first_sample, entry.first_sample + entry.sample_count)
+
+
 def _together(
-    dataset: Dataset, rows: slice, shown: tuple[tuple[str, ...], ...], robot: RobotConfig
+    dataset: Dataset, rows: slice, shown: tuple[tuple[str, ...], ...], robot: RobotConfig, width_px: int
 ) -> Iterator[Picture]:
     """What several cameras show, sample by sample."""
     before, picture = -1, np.zeros((0, 0, 3), np.uint8)
     for sample in latest_pictured(dataset, rows).tolist():
         if sample != before:
-            before, picture = sample, recorded_together(dataset, sample, shown, robot, width_px=CAMERAS_WIDTH_PX)
+            before, picture = sample, recorded_together(dataset, sample, shown, robot, width_px=width_px)
         yield picture
 
 
@@ -100,6 +121,6 @@ def _goal(pose: npt.NDArray[np.float64], goal_xy_robot_m: npt.NDArray[np.float32
     return np.array([x + cos * forward - sin * left, y + sin * forward + cos * left])
 
 
-def _ways(humans: tuple[npt.NDArray[np.float64], ...]) -> tuple[npt.NDArray[np.float64], ...]:
+def _ways(humans: tuple[npt.NDArray[np.float64], ...]) -> tuple[Way, ...]:
     """The way of each human, shape (T, 2), from everybody at each sample."""
     return tuple(np.array([row[human, :2] for row in humans]) for human in range(len(humans[0])))

@@ -7,6 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.apps.pictures.episode_film import EpisodeFilm, film_frames
+from readygo.apps.pictures.playback import CAMERAS_WIDTH_PX, Way, recorded_film, rows_of
 from readygo.apps.run.world import World
 from readygo.common.dataset import Dataset, EpisodeEntry
 from readygo.common.drawing.film import write_film
@@ -23,10 +24,10 @@ BEST_DISTANCE_M = 2.5
 """A human this far away is shown best [m]."""
 PAGE_HEIGHT_PX, PAGE_HZ = 288, 10
 """Height of the robot's view in a page's film, about, and pictures per second."""
+PAGE_WIDTH_PX = 800
+"""Width of the views of several cameras together, about."""
 PAGE_PICTURES_MAX = 120
 """Longer episodes are shown faster: a page holds several films, some 20 kB a picture."""
-
-Way = npt.NDArray[np.float64]
 
 
 class RecordedEpisodes:
@@ -62,27 +63,16 @@ class RecordedEpisodes:
             humans_xy_m=tuple(xy[: entry.sample_count] for xy in humans),
         )
 
-    def film(self, entry: EpisodeEntry) -> EpisodeFilm:
-        """An episode as a film."""
-        scenario, humans = self.humans(entry)
-        rows, dataset = rows_of(entry), self.dataset
-        return EpisodeFilm(
-            title=entry.episode.episode_id,
-            camera=(dataset.decode(sample) for sample in latest_pictured(dataset, rows)),
-            xyyaw=dataset.poses[rows][:, [0, 1, 3]].astype(np.float64),
-            actions=dataset.actions[rows].astype(np.float64),
-            goal_xy_m=scenario.goal_xy_m,
-            humans_xy_m=humans,
-            human_visible=dataset.truth["human_visible"][rows],
-            replanned=dataset.truth["replanned"][rows],
-            outcome=entry.outcome.value.replace("_", " "),
-            rate_hz=dataset.clock.rate_hz,
-        )
+    def film(self, entry: EpisodeEntry, *, width_px: int = CAMERAS_WIDTH_PX) -> EpisodeFilm:
+        """An episode as a film; see `recorded_film`."""
+        number = int(self.dataset.episode_of_sample[entry.first_sample])
+        _, humans = self.humans(entry)
+        return recorded_film(self.dataset, number, humans_xy_m=humans, width_px=width_px)
 
     def write_film(self, path: Path, entry: EpisodeEntry, view: TopView) -> None:
         """Write an episode as a small film for pages, at its pace or faster; its pictures say the time."""
         step = max(self.dataset.clock.rate_hz // PAGE_HZ, math.ceil(entry.sample_count / PAGE_PICTURES_MAX))
-        frames = film_frames(self.film(entry), view, camera_height_px=PAGE_HEIGHT_PX, step=step)
+        frames = film_frames(self.film(entry, width_px=PAGE_WIDTH_PX), view, camera_height_px=PAGE_HEIGHT_PX, step=step)
         write_film(path, frames, fps=PAGE_HZ)
 
     def nearness(self, entry: EpisodeEntry) -> npt.NDArray[np.float64]:
@@ -106,14 +96,3 @@ class RecordedEpisodes:
         steps = max(2, int(np.hypot(*offset_m) / self._map.frame.resolution_m))
         cells = [self._map.frame.cell(*(xy_m + offset_m * share)) for share in np.linspace(0.0, 1.0, steps)]
         return not any(self._map.occupied[cell] for cell in cells)
-
-
-def latest_pictured(dataset: Dataset, rows: slice) -> npt.NDArray[np.int64]:
-    """The sample of the newest image at each sample of an episode, shape (T,)."""
-    numbers = np.arange(rows.start, rows.stop)
-    return np.maximum.accumulate(np.where(dataset.pictured[rows], numbers, rows.start))
-
-
-def rows_of(entry: EpisodeEntry) -> slice:
-    """The samples of an episode."""
-    return slice(entry.first_sample, entry.first_sample + entry.sample_count)

@@ -23,12 +23,11 @@ DRIFT_MAX_M = 0.3
 """A drive that leaves its odometry further is not this robot's."""
 _LENSES = {
     "plumb_bob": ("brown_conrady", ("k1", "k2", "p1", "p2", "k3")),
+    "rational_polynomial": ("brown_conrady", ("k1", "k2", "p1", "p2", "k3")),
     "equidistant": ("fisheye", ("k1", "k2", "k3", "k4")),
     "fisheye": ("fisheye", ("k1", "k2", "k3", "k4")),
 }
-"""Lens models of ROS, ours, and the names of the coefficients in ROS's order."""
-_MODELS = {"none": "", "brown_conrady": "plumb_bob", "fisheye": "kannala_brandt"}
-"""Our lens models as shards name them."""
+"""Lens models of ROS, ours, and the names of the coefficients in ROS's order; further ones must be 0."""
 Progress = Callable[[int, int], None]
 
 
@@ -110,6 +109,11 @@ def camera_of(camera: CameraConfig, seen: LogCamera) -> CameraConfig:
                 f"The lens model {seen.model!r} is not known; rectify the images, or use {list(_LENSES)}."
             )
         distortion, order = _LENSES[seen.model]
+        if any(seen.distortion[len(order) :]):
+            raise ConfigError(
+                f"The lens model {seen.model!r} is known with {len(order)} coefficients, and further ones of the log's "
+                "are not 0; rectify the images, or calibrate with plumb_bob or equidistant."
+            )
         names = dict(zip(order, seen.distortion, strict=False))
     fx, _, cx, _, fy, cy, *_ = seen.K_px
     plain = {f"k{n}": 0.0 for n in range(1, 5)} | {"p1": 0.0, "p2": 0.0}
@@ -184,8 +188,8 @@ def _header(index: int, drive: Drive, camera: CameraConfig, image: bytes) -> Epi
         height_px=camera.height_px,
         width_px=camera.width_px,
         K_px=tuple(camera.K_px.reshape(-1).tolist()),
-        distortion_model=_MODELS[camera.distortion],
-        distortion=tuple(getattr(camera, name) for name in camera.coefficient_names),
+        distortion_model=camera.distortion_model,
+        distortion=camera.coefficients,
     )
 
 

@@ -22,6 +22,7 @@ LENS_COEFFICIENTS: Mapping[str, tuple[str, ...]] = {
     "fisheye": ("k1", "k2", "k3", "k4"),
 }
 """Coefficients of each lens model, in OpenCV's order."""
+_FOXGLOVE_MODELS: Mapping[str, str] = {"none": "", "brown_conrady": "plumb_bob", "fisheye": "kannala_brandt"}
 SENSOR_LIMITS: Mapping[str, tuple[float, float]] = {
     "exposure_ev": (-8.0, 8.0),
     "red_gain": (0.1, 10.0),
@@ -174,6 +175,16 @@ class CameraConfig:
     def coefficient_names(self) -> tuple[str, ...]:
         """Coefficients of the lens model, in OpenCV's order."""
         return LENS_COEFFICIENTS[self.distortion]
+
+    @property
+    def coefficients(self) -> tuple[float, ...]:
+        """Of the lens model, in OpenCV's order."""
+        return tuple(getattr(self, name) for name in self.coefficient_names)
+
+    @property
+    def distortion_model(self) -> str:
+        """The lens as shards and Foxglove name it: "plumb_bob", "kannala_brandt", or empty for a pinhole."""
+        return _FOXGLOVE_MODELS[self.distortion]
 
     @property
     def radial(self) -> tuple[float, float, float, float]:

@@ -94,7 +94,7 @@ def make_lens(camera: CameraConfig) -> Lens:
         height_px=camera.height_px,
         width_px=camera.width_px,
         distortion=camera.distortion,
-        coefficients=tuple(getattr(camera, name) for name in camera.coefficient_names),
+        coefficients=camera.coefficients,
     )
     if lens.distortion != "none" and np.isnan(lens.rays(_border(camera.height_px, camera.width_px))).any():
         raise ConfigError(_folds(camera, "the image's corners are beyond that"))

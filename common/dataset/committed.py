@@ -5,7 +5,7 @@ Files are read, not mapped: a recorder may cut an open one.
 
 import os
 import struct
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -50,30 +50,30 @@ def committed_episodes(folder: Path, known: Collection[EpisodeKey] = ()) -> Iter
         DatasetError: If a finished shard is damaged or cut off; it names the file. Open shards end where they end.
     """
     seen = set(known)
-    for path in _shards(folder):
+    for path in _shards(shard_folders(folder)):
         for chunk in _chunks(path, lambda key: key not in seen):
             seen.add(chunk.episode)
             yield _episode(chunk)
 
 
-def committed_episode(folder: Path, wanted: EpisodeKey) -> CommittedEpisode | None:
-    """A durable episode of a data folder, also of one that is being recorded; None where it is not there.
+def committed_episode(folders: Iterable[Path], wanted: EpisodeKey) -> CommittedEpisode | None:
+    """A durable episode of a run, also of one that is being recorded; None where it is not there.
 
     Args:
-        folder: The data folder of one run.
+        folders: Those with its shards, see `readygo.common.dataset.places`.
         wanted: Which episode.
 
     Raises:
         DatasetError: See `committed_episodes`.
     """
-    chunks = (chunk for path in _shards(folder) for chunk in _chunks(path, lambda key: key == wanted))
+    chunks = (chunk for path in _shards(folders) for chunk in _chunks(path, lambda key: key == wanted))
     return next(map(_episode, chunks), None)
 
 
-def _shards(folder: Path) -> list[Path]:
+def _shards(folders: Iterable[Path]) -> list[Path]:
     """Finished ones, then open ones."""
     patterns = ("shard-*.mcap", f"shard-*.mcap{PART_SUFFIX}")
-    places = shard_folders(folder)
+    places = list(folders)
     return [path for pattern in patterns for place in places for path in sorted(place.glob(pattern))]
 
 

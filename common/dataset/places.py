@@ -46,11 +46,30 @@ def shard_folders(folder: Path) -> list[Path]:
     Raises:
         DatasetError: If one is not there; the message says what to do.
     """
-    own = own_folders(folder)
-    for name, place in own.items():
+    if missing := absent(folder):
+        raise DatasetError(missing)
+    return present_folders(folder)
+
+
+def present_folders(folder: Path) -> list[Path]:
+    """Those of `shard_folders` that are there.
+
+    Raises:
+        DatasetError: See `own_folders`.
+    """
+    return [folder, *filter(is_there, own_folders(folder).values())]
+
+
+def absent(folder: Path) -> str:
+    """Which of `shard_folders` is not there, and what to do; empty if all are.
+
+    Raises:
+        DatasetError: See `own_folders`.
+    """
+    for name, place in own_folders(folder).items():
         if not is_there(place):
-            raise DatasetError(
+            return (
                 f"The folder of recorder {name}, {place}, is not there: mount its disk, or have its episodes recorded "
                 f"again: `readygo requeue {folder} --recorder {name}`."
             )
-    return [folder, *own.values()]
+    return ""

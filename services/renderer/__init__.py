@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from readygo.common.lazy import lazy_names
 
 if TYPE_CHECKING:
+    from readygo.services.renderer.calibration import calibrations as calibrations
     from readygo.services.renderer.config import RendererConfig as RendererConfig
     from readygo.services.renderer.handlers import NO_PICTURE as NO_PICTURE
     from readygo.services.renderer.handlers import Renderer as Renderer
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from readygo.services.renderer.service import attach as attach
 else:
     _NAMES = {
+        ".calibration": ("calibrations",),
         ".config": ("RendererConfig",),
         ".handlers": (
             "NO_PICTURE",

@@ -7,7 +7,6 @@ import dataclasses
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from itertools import tee
 from typing import Any
 
@@ -50,11 +49,6 @@ class EpisodeCamera:
     stream: SensorStream
     K_px: Floats | None = None
     """Intrinsics [px] where they are not those of the pinhole camera that the rasterizer draws, shape (3, 3)."""
-
-    @cached_property
-    def distortion_model(self) -> str:
-        """Foxglove's name of the lens: "plumb_bob", "kannala_brandt", or empty for a pinhole."""
-        return {"none": "", "brown_conrady": "plumb_bob", "fisheye": "kannala_brandt"}[self.lens.distortion]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

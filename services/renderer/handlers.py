@@ -20,7 +20,6 @@ from readygo.common.messages import (
     EpisodeHeader,
     EpisodeKey,
     EpisodeMotions,
-    FurtherCamera,
     HumanLabels,
     HumanMotion,
     Humans,
@@ -35,6 +34,7 @@ from readygo.common.messages import (
 from readygo.common.policy.sight import camera_on
 from readygo.common.robot import RobotConfig
 from readygo.common.scenes import Scene
+from readygo.services.renderer.calibration import calibrations
 from readygo.services.renderer.capture import Capture, EpisodeCamera, MomentAt, Shot, pinhole_of
 from readygo.services.renderer.config import RendererConfig
 from readygo.services.renderer.drawing import make_drawing
@@ -223,7 +223,7 @@ def episode_header(
     renderer: Renderer, scenario: Scenario, trajectory: RobotTrajectory, driver: Driver = Driver.EXPERT
 ) -> EpisodeHeader:
     """What is constant over an episode's samples."""
-    first, *further = (_described(renderer, capture, scenario) for capture in renderer.captures.values())
+    first, *further = calibrations(renderer.robot, renderer.config.sensor, scenario.episode)
     x_m, y_m, yaw_rad = (float(value) for value in scenario.start_xyyaw)
     return EpisodeHeader(
         episode=scenario.episode,
@@ -244,19 +244,6 @@ def episode_header(
         image_every=renderer.robot.clock.image_every,
         drawn=drawn_of_episode(renderer.robot, scenario.episode),
         cameras=tuple(further),
-    )
-
-
-def _described(renderer: Renderer, capture: Capture, scenario: Scenario) -> FurtherCamera:
-    """What is constant of a camera over an episode."""
-    camera = episode_camera(renderer, capture, scenario.episode)
-    return FurtherCamera(
-        name=capture.name,
-        height_px=camera.lens.height_px,
-        width_px=camera.lens.width_px,
-        K_px=tuple(float(value) for value in camera.lens.K_px.ravel()),
-        distortion_model=camera.distortion_model,
-        distortion=camera.lens.coefficients,
     )
 
 

@@ -1,13 +1,72 @@
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
 import pytest
+from mcap.reader import make_reader
 
 from readygo.apps.commands.simulate_robot import simulate_robot
+from readygo.apps.drive.trial import OUTCOMES
+from readygo.apps.drive.trial_log import RECORD
+from readygo.common.bus.zenoh_bus import free_endpoint
+from readygo.common.dataset.ros_log import read_record
 from readygo.common.errors import ConfigError
+from tests.common.policy.artifacts import write_policy
+
+COMPRESSED = "sensor_msgs/msg/CompressedImage"
 
 
 @pytest.mark.parametrize(
     ("options", "words"),
-    [({"camera_hz": 30.0}, "20 Hz divided by a whole number, got 30"), ({"drop_share": 1.5}, "share of lost images")],
+    [
+        ({"camera_hz": 30.0}, "20 Hz divided by a whole number, got 30"),
+        ({"drop_share": 1.5}, "share of lost images"),
+        ({"compressed": True, "wire": "bridge"}, r"end in /compressed or /compressedDepth, got /camera/image_raw\."),
+    ],
 )
 def test_manners_that_no_robot_has_are_refused_before_anything_is_loaded(options, words):
     with pytest.raises(ConfigError, match=words):
         simulate_robot("no such scene", **options)
+
+
+def begin(*words: str) -> "subprocess.Popen[str]":
+    command = [sys.executable, "-m", "readygo", *words]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+@pytest.mark.parametrize("wire", ["ros2", "bridge"])
+def test_two_programs_drive_by_compressed_images_and_depths(tmp_path: Path, wire: str) -> None:
+    pytest.importorskip("rosbags", reason="rosbags (extra robot-logs) is not installed")
+    policy = str(write_policy(tmp_path / "policy", ("rgb", "depth")))
+    endpoint, log = free_endpoint(), tmp_path / "trial.mcap"
+    settings = tmp_path / "run.toml"
+    settings.write_text("[episode]\ntime_limit_s = 2.0\n")
+    images = ("--image", "/camera/image_raw/compressed", "--depth", "/camera/depth/image_raw/compressedDepth")
+    both = (*images, "--wire", wire)
+    robot = begin(
+        *("simulate-robot", "embedded", policy, "--compressed", "--config", str(settings), "--listen", endpoint), *both
+    )
+    try:
+        assert robot.stdout is not None
+        assert "a robot waits" in robot.stdout.readline()
+        goal = ("--goal-topic", "/goal_pose", "--outcome-topic", "/outcome")
+        drive = begin("drive", policy, *goal, "--connect", endpoint, "--log", str(log), *both)
+        said, wrong = drive.communicate(timeout=60.0)
+        assert drive.returncode == 0, wrong
+        assert "image to command" in said
+        simulated, wrong = robot.communicate(timeout=60.0)
+        assert robot.returncode == 0, wrong
+        (outcome,) = re.findall(r"static test-0-0*: (\w+) after", simulated)
+    finally:
+        robot.send_signal(signal.SIGINT)
+        robot.communicate()
+    with log.open("rb") as file:
+        reader = make_reader(file)
+        summary = reader.get_summary()
+        assert summary is not None
+        types = {channel.topic: summary.schemas[channel.schema_id].name for channel in summary.channels.values()}
+    assert {topic for topic, type_name in types.items() if type_name == COMPRESSED} == {images[1], images[3]}
+    record = read_record(log, RECORD)
+    assert (record["ending"], record["left_out"]) == (OUTCOMES[outcome].name.lower(), 0)

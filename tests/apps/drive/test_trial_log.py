@@ -1,8 +1,10 @@
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 
 from readygo.apps.drive.messages import Command, Picture
-from readygo.apps.drive.ros_codec import IMAGE_TYPE, TWIST_TYPE
+from readygo.apps.drive.plain_codec import PlainCodec
+from readygo.apps.drive.ros_codec import COMPRESSED_TYPE, IMAGE_TYPE, TWIST_TYPE, RosCodec
 from readygo.apps.drive.trial_log import RECORD, TrialLog
 from readygo.apps.robot_logs.reader import ODOMETRY_TYPE, opened
 from readygo.common.dataset.ros_log import read_record
@@ -26,6 +28,29 @@ def test_log_is_read_as_that_of_any_ros_robot(tmp_path):
         images = list(robot_log.images("/camera/image_raw/compressed", T0, T0 + 9))
     assert len(images) == 5
     assert images[0][1].startswith(b"\xff\xd8")
+
+
+@pytest.mark.parametrize(("codec", "type_name"), [(RosCodec(), COMPRESSED_TYPE), (PlainCodec(), IMAGE_TYPE)])
+def test_what_came_compressed_is_kept_as_it_came(codec, type_name, tmp_path):
+    noisy = np.random.default_rng(0).integers(0, 256, (8, 10, 3), np.uint8)
+    pictures = {
+        "/camera/image_raw/compressed": codec.read(type_name, codec.write(COMPRESSED_TYPE, noisy, T0)),
+        "/camera/depth/compressedDepth": codec.read(
+            type_name, codec.write(COMPRESSED_TYPE, np.full((8, 10), 2.0, np.float32), T0)
+        ),
+    }
+    log = TrialLog(tmp_path / "trial.mcap")
+    for topic, picture in pictures.items():
+        # Keys of robots without ROS do not say what they carry.
+        log.put(topic if type_name == COMPRESSED_TYPE else topic.rpartition("/")[0], type_name, picture, T0)
+    log.close({})
+    with (tmp_path / "trial.mcap").open("rb") as file:
+        kept = {channel.topic: message.data for _, channel, message in make_reader(file).iter_messages()}
+    assert set(kept) == set(pictures)
+    for topic, picture in pictures.items():
+        message = RosCodec().read(COMPRESSED_TYPE, kept[topic])
+        assert (message.stamp_ns, message.encoded.format) == (T0, picture.encoded.format)
+        assert np.array_equal(message.encoded.data, picture.encoded.data)
 
 
 def test_message_that_cannot_be_kept_is_counted_and_hinders_nobody(tmp_path):

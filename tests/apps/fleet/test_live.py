@@ -1,8 +1,9 @@
 """A run that learns: policies come while it goes on, and what is recorded can be made again."""
 
+import dataclasses
 import queue
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -44,7 +45,8 @@ from readygo.services import coordinator as coordination
 from readygo.services.coordinator import Ledger
 from readygo.services.driver import DriverConfig
 from readygo.services.recorder import attach as attach_recorder
-from tests.common.policy.artifacts import ROBOT, write_policy
+from readygo.services.renderer import RendererConfig
+from tests.common.policy.artifacts import ROBOT, write_goal_policy, write_policy
 
 EPISODES = 9
 CONFIG = RunConfig(
@@ -59,19 +61,25 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> str:
     return str(ensure_embedded_scene(tmp_path_factory.mktemp("scenes") / "embedded").path)
 
 
-@pytest.fixture
-def folder(scene: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> RunFolder:
+def _folder(scene: str, path: Path, config: RunConfig) -> RunFolder:
     """Of a run that takes policies."""
-    spec = make_spec(open_scene(scene), None, CONFIG, seed=0, split=Split.TRAIN, static=True)
-    folder = RunFolder(tmp_path / "data")
+    spec = make_spec(open_scene(scene), None, config, seed=0, split=Split.TRAIN, static=True)
+    folder = RunFolder(path)
     with folder.locked():
-        folder.save(with_offers(spec, CONFIG, 0.5), EPISODES)
+        folder.save(with_offers(spec, config, 0.5), EPISODES)
     return folder
 
 
-def _offer(bus: Bus, folder: Path, note: str, **changes: str) -> OfferReply:
+@pytest.fixture
+def folder(scene: str, tmp_path: Path) -> RunFolder:
+    return _folder(scene, tmp_path / "data", CONFIG)
+
+
+def _offer(
+    bus: Bus, folder: Path, note: str, write: Callable[[Path], Path] = write_policy, **changes: str
+) -> OfferReply:
     """Offer a policy that differs from others by its note."""
-    spec = write_policy(folder / note) / "policy.toml"
+    spec = write(folder / note) / "policy.toml"
     text = spec.read_text()
     for old, new in changes.items():
         text = text.replace(old, new)
@@ -135,6 +143,28 @@ def test_policies_drive_the_episodes_after_their_offer_and_the_run_can_be_made_a
     generate(again=folder.path, out=tmp_path / "again", workers=0, json=True)
     assert Dataset(tmp_path / "again").content_hash == Dataset(folder.path).content_hash
     assert _policies(RunFolder(tmp_path / "again")) == _policies(folder)
+
+
+def test_policies_that_are_shown_their_goals_drive_from_their_offers_on_and_the_run_can_be_made_again(
+    scene: str, tmp_path: Path
+) -> None:
+    config = dataclasses.replace(CONFIG, renderer=RendererConfig(goal_image=True))
+    folder = _folder(scene, tmp_path / "data", config)
+    with _in_process(folder) as (bus, worker):
+        _work_until(bus, worker, 2)
+        first = _offer(bus, tmp_path, "first", write_goal_policy)
+        _work_until(bus, worker, 5)
+        second = _offer(bus, tmp_path, "second")
+        _work_until(bus, worker, 7)
+        third = _offer(bus, tmp_path, "third", write_goal_policy)
+        _work_until(bus, worker, EPISODES)
+    dataset = Dataset(folder.path)
+    drove = [entry.policy for entry in dataset.episodes]
+    assert [first.sha256 in drove[2:5], second.sha256 in drove[5:7], third.sha256 in drove[7:]] == [True, True, True]
+    assert len(set(drove) - {""}) == 3
+    assert dataset.has_goal_images
+    generate(again=folder.path, out=tmp_path / "again", workers=0, json=True)
+    assert Dataset(tmp_path / "again").content_hash == dataset.content_hash
 
 
 def test_stopped_run_is_made_again_as_far_as_it_came(folder: RunFolder, tmp_path: Path) -> None:

@@ -4,11 +4,22 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
+from readygo.apps.fleet.run import record
 from readygo.apps.monitor.feed import Moment
+from readygo.apps.monitor.recorded import Recorded
+from readygo.apps.monitor.subject import subjects_of
 from readygo.apps.monitor.track import track_of
-from readygo.common.dataset import schemas
+from readygo.apps.run.config import RunConfig
+from readygo.apps.run.scene_argument import open_scene
+from readygo.apps.run.spec import make_spec
+from readygo.common.camera import CameraConfig, SensorConfig
+from readygo.common.dataset import Dataset, schemas
 from readygo.common.dataset.schemas import Channel
+from readygo.common.episode import EpisodeConfig
+from readygo.common.messages import Split
 from readygo.common.robot import RobotConfig
+from readygo.common.robot.ranges import RobotRanges
+from readygo.services.renderer import RendererConfig
 from tests.apps.monitor.test_track import TWO_CAMERAS, recorded, recorded_by_two
 
 foxglove = pytest.importorskip("foxglove", reason="foxglove-sdk is not installed: readygo[foxglove]")
@@ -63,6 +74,38 @@ def test_every_camera_has_channels_of_its_own(tmp_path: Path) -> None:
     assert _parsed(schemas.IMAGE, found["/camera/left/depth"]).data == track.images_at(0.0)["left.depth"]
     assert _parsed(schemas.ROS_CALIBRATION, found["/camera/left/calibration"]).width == 20
     assert not any("elsewhere" in topic for topic in found)
+
+
+def test_calibrations_are_those_of_the_shard_lens_and_all(tmp_path: Path) -> None:
+    from readygo.apps.monitor.foxglove_sink import FoxgloveSink
+
+    wide = CameraConfig(height_px=24, width_px=40, distortion="fisheye", k1=0.1)
+    left = CameraConfig(height_px=24, width_px=40, distortion="brown_conrady", k1=-0.1, p1=0.01, mount_yaw_deg=75.0)
+    ranges = RobotRanges(horizontal_fov_deg=(80.0, 110.0))
+    config = RunConfig(
+        robot=RobotConfig(camera=wide, cameras={"left": left}, ranges=ranges),
+        episode=EpisodeConfig(goal_distance_max_m=4.0),
+        renderer=RendererConfig(sensor=SensorConfig(k1=(-0.05, 0.05))),
+    )
+    spec = make_spec(open_scene("embedded"), None, config, seed=0, split=Split.TRAIN, static=True)
+    record(spec, tmp_path / "data", episodes=1, workers=0)
+    (subject,) = subjects_of(tmp_path / "data")
+    recorded, dataset = Recorded(tmp_path / "data"), Dataset(tmp_path / "data")
+    track = recorded.track(dataset.episodes[0].episode)
+    assert track is not None
+    sink = FoxgloveSink(subject.robot, None, 0, subject.sensor)
+    with foxglove.open_mcap(tmp_path / "seen.mcap", context=sink.context):
+        sink.begin(Moment(state=track.states[0], way=np.array([track.states[0].robot_xyzyaw])), 1_000)
+    sink.close()
+    with (tmp_path / "seen.mcap").open("rb") as stream:
+        live = {channel.topic: message.data for _, channel, message in make_reader(stream).iter_messages()}
+    assert dataset.calibration(0).distortion_model == "kannala_brandt"
+    assert dataset.calibration(0, "left").distortion_model == "plumb_bob"
+    for name, topic in (("", "/camera/calibration"), ("left", "/camera/left/calibration")):
+        told, ours = _parsed(schemas.ROS_CALIBRATION, live[topic]), dataset.calibration(0, name)
+        assert (told.distortion_model, tuple(told.D)) == (ours.distortion_model, ours.distortion)
+        at_integers = ours.K_px - [[0, 0, 0.5], [0, 0, 0.5], [0, 0, 0]]
+        np.testing.assert_array_equal(np.reshape(told.K, (3, 3)), at_integers)
 
 
 def _parsed(channel: Channel, payload: bytes):

@@ -8,6 +8,7 @@ from readygo.apps.monitor.link import Address
 from readygo.apps.monitor.subject import Subject, subject_at, subjects_of
 from readygo.apps.run.folder import RunFolder
 from readygo.common.bus.zenoh_bus import free_endpoint
+from readygo.common.dataset.places import note_folders
 from readygo.common.errors import BusError, DatasetError, RunError
 
 
@@ -38,6 +39,10 @@ def test_scene_that_is_gone_is_noted_and_the_rest_is_shown(data: Path, spec) -> 
     subject.read_scene()
     assert subject.house is None
     assert "/nowhere" in subject.note or "No fleet" in subject.note
+    assert subject.recorded is not None
+    note_folders(data, {"r1": data / "disk"})
+    subject.recorded.episodes()
+    assert subject.notes == f"{subject.note} {subject.recorded.absent}"
 
 
 def test_a_run_that_learns_shows_its_curves(data: Path, tmp_path: Path, spec) -> None:

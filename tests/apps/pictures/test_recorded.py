@@ -1,3 +1,4 @@
+import dataclasses
 from pathlib import Path
 
 import cv2
@@ -6,7 +7,8 @@ import pytest
 
 from readygo.apps.fleet.run import record
 from readygo.apps.pictures.episode_film import film_frames
-from readygo.apps.pictures.recorded import RecordedEpisodes, rows_of
+from readygo.apps.pictures.playback import recorded_film, rows_of
+from readygo.apps.pictures.recorded import PAGE_WIDTH_PX, RecordedEpisodes
 from readygo.apps.run.config import RunConfig
 from readygo.apps.run.scene_argument import open_scene
 from readygo.apps.run.spec import make_spec
@@ -14,17 +16,21 @@ from readygo.apps.run.world import World
 from readygo.common.dataset import Dataset
 from readygo.common.episode import EpisodeConfig
 from readygo.common.messages import Split
+from readygo.common.robot import RobotConfig
 from readygo.common.scenes.top_view import top_view
 from tests.common.policy.artifacts import ROBOT
 
 
+def record_with(robot: RobotConfig, episodes: int, out: Path) -> RecordedEpisodes:
+    config = RunConfig(robot=robot, episode=EpisodeConfig(goal_distance_max_m=4.0))
+    spec = make_spec(open_scene("embedded"), None, config, seed=1, split=Split.TRAIN, static=False)
+    record(spec, out, episodes=episodes, workers=0)
+    return RecordedEpisodes(Dataset(out), World(spec))
+
+
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> RecordedEpisodes:
-    config = RunConfig(robot=ROBOT, episode=EpisodeConfig(goal_distance_max_m=4.0))
-    spec = make_spec(open_scene("embedded"), None, config, seed=1, split=Split.TRAIN, static=False)
-    out = tmp_path_factory.mktemp("recorded") / "data"
-    record(spec, out, episodes=2, workers=0)
-    return RecordedEpisodes(Dataset(out), World(spec))
+    return record_with(ROBOT, 2, tmp_path_factory.mktemp("recorded") / "data")
 
 
 def test_humans_are_where_they_were_recorded(recorded: RecordedEpisodes) -> None:
@@ -51,6 +57,21 @@ def test_film_has_a_picture_for_every_row(recorded: RecordedEpisodes, tmp_path: 
     step = max(2, -(-entry.sample_count // 120))
     assert count == -(-entry.sample_count // step) <= 120
     assert capture.get(cv2.CAP_PROP_FPS) == pytest.approx(10.0)
+
+
+def test_films_show_all_cameras_side_by_side(tmp_path: Path) -> None:
+    left = dataclasses.replace(ROBOT.camera, mount_yaw_deg=75.0)
+    recorded = record_with(dataclasses.replace(ROBOT, cameras={"left": left}), 1, tmp_path / "data")
+    entry, view = recorded.dataset.episodes[0], top_view(recorded.world.scene)
+    film = recorded.film(entry, width_px=PAGE_WIDTH_PX)
+    together = next(iter(film.camera or ()))
+    played = next(iter(recorded_film(recorded.dataset, 0, width_px=PAGE_WIDTH_PX).camera or ()))
+    np.testing.assert_array_equal(together, played)
+    recorded.write_film(tmp_path / "film.webm", entry, view)
+    shown, first = cv2.VideoCapture(str(tmp_path / "film.webm")).read()
+    assert shown
+    corner = first[8 : 8 + len(together), 8 : 8 + together.shape[1], ::-1]
+    assert np.abs(corner.astype(int) - together).mean() < 5
 
 
 def test_best_encounter_shows_a_human_for_longest(recorded: RecordedEpisodes) -> None:

@@ -1,3 +1,4 @@
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -64,3 +65,7 @@ def test_camera_of_the_log_keeps_the_mount() -> None:
     assert (camera.mount_height_m, camera.cx_px, camera.distortion, camera.k1) == (0.7, 128.0, "brown_conrady", 0.1)
     with pytest.raises(ConfigError, match="lens model 'thin_prism'"):
         camera_of(CameraConfig(), LogCamera(height_px=1, width_px=1, K_px=k, model="thin_prism", distortion=(1.0,)))
+    eight = dataclasses.replace(seen, model="rational_polynomial", distortion=(*seen.distortion, 0.0, 0.0, 0.0))
+    assert camera_of(CameraConfig(), eight) == camera_of(CameraConfig(), seen)
+    with pytest.raises(ConfigError, match="known with 5 coefficients, and further ones of the log's are not 0"):
+        camera_of(CameraConfig(), dataclasses.replace(eight, distortion=(0.1,) * 8))

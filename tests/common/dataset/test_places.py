@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from readygo.common.dataset.places import MARK, NOTE, note_folders, own_folders, shard_folders
+from readygo.common.dataset.places import MARK, NOTE, absent, note_folders, own_folders, present_folders, shard_folders
 from readygo.common.errors import DatasetError
 
 
@@ -17,9 +17,12 @@ def test_folders_of_recorders_follow(tmp_path: Path) -> None:
     note_folders(tmp_path, {"east": disk})
     with pytest.raises(DatasetError, match=r"The folder of recorder east, .*disk, is not there"):
         shard_folders(tmp_path)
+    assert present_folders(tmp_path) == [tmp_path]
+    assert "recorder east" in absent(tmp_path)
     disk.mkdir()
     (disk / MARK).touch()
-    assert shard_folders(tmp_path) == [tmp_path, disk]
+    assert shard_folders(tmp_path) == present_folders(tmp_path) == [tmp_path, disk]
+    assert absent(tmp_path) == ""
     note_folders(tmp_path, {})
     assert own_folders(tmp_path) == {}
 

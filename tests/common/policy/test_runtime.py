@@ -58,7 +58,7 @@ def test_head_sees_latents_then_motion_then_goal(folder):
 def test_policy_of_the_first_format_is_given_the_previous_action(tmp_path):
     folder = write_policy(tmp_path)
     head = np.random.default_rng(1).normal(0, 0.1, (64, 2)).astype(np.float32)
-    linear_graph(folder / "head.onnx", "features", TensorProto.FLOAT, (64,), "action", head)
+    linear_graph(folder / "head.onnx", {"features": (64,)}, TensorProto.FLOAT, "action", head)
     text = (folder / "policy.toml").read_text().replace("readygo-policy/2", "readygo-policy/1")
     (folder / "policy.toml").write_text(text)
     policy, seen = load_policy(folder), images(1)
