@@ -9,7 +9,8 @@ from readygo.apps.run.store import hand_over
 def store(data: Path, url: str, /, *, check: bool = False) -> None:
     """Copy the finished shards of a data folder to an object store, and read them back: size and SHA-256 must match.
 
-    Run it again, also while a fleet records: only what is new is copied. Nothing is removed here.
+    Run it again, also while a fleet records: only what is new is copied. Nothing is removed here; shards leave the
+    store whose episodes `readygo recover` has left in others.
 
     Args:
         data: Data folder.

@@ -4,6 +4,7 @@ import contextlib
 import logging
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 from readygo.apps.fleet.access import join, open_router, reached_here
@@ -46,8 +47,8 @@ def lead(
         observer: What this process shows of itself.
 
     Raises:
-        RunError: If another process works on the folder, the run is of another version, its ledger is lost, or it
-            cannot be finished.
+        RunError: If another process works on the folder, the run is of another version, its ledger is lost, it cannot
+            be finished, or another coordinator has taken the lead while this one was cut off.
         CertificateError: If the certificates cannot be used.
         BusError: If the endpoint cannot be opened, no router answers there, or somebody leads the run there already.
     """
@@ -69,15 +70,15 @@ def lead(
                 opened.callback(open_router(coordinator.recorders, endpoint, certs=certs, token=token).close)
             bus = watched.bus(join(here, spec.run, COORDINATOR, certs=certs, token=token))
             opened.callback(bus.close)
-            take_the_lead(bus, spec.run)
+            lead_on = take_the_lead(bus, coordinator)
             opened.enter_context(folder.reachable(here, token))
             health = showing_health(bus, COORDINATOR, COORDINATOR, data=folder.path, metrics=watched.metrics_at)
             opened.enter_context(health)
             folder.elsewhere.touch()
-            return _until_over(bus, coordinator)
+            return _until_over(bus, coordinator, lead_on)
 
 
-def _until_over(bus: Bus, coordinator: coordination.Coordinator) -> StatusReply:
+def _until_over(bus: Bus, coordinator: coordination.Coordinator, lead_on: Callable[[], None]) -> StatusReply:
     present: set[tuple[str, str]] = set()
 
     def changed(role: str, name: str, alive: bool) -> None:
@@ -90,6 +91,7 @@ def _until_over(bus: Bus, coordinator: coordination.Coordinator) -> StatusReply:
     clock = threading.Event()
     while not over_s or (len(present) > 1 and time.monotonic() - over_s < FAREWELL_S):
         clock.wait(TICK_S)
+        lead_on()
         coordination.tick(bus, coordinator)
         if coordinator.over and not over_s:
             over_s = time.monotonic()

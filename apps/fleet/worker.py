@@ -256,19 +256,35 @@ def make_coordinator(folder: RunFolder, *, recorded_here: bool = True) -> coordi
     )
 
 
-def take_the_lead(bus: Bus, run: str) -> None:
+def take_the_lead(bus: Bus, coordinator: coordination.Coordinator) -> Callable[[], None]:
     """Say that a run is led, before anything is answered: two that lead one run would give its episodes out twice.
+
+    Returns:
+        To be called before each tick: it raises RunError when this process was cut off, another one has taken the lead
+        meanwhile, and both are there now. The one that has taken it later leads on: by the clocks, and by the ledger in
+        which all who led the run in this folder, or in a copy of it, have counted.
 
     Raises:
         BusError: If another process leads it, in whatever folder.
     """
+    run, replaced = coordinator.spec.run, threading.Event()
+    turn = coordinator.ledger.next_turn(time.time_ns())
+
+    def lead_on() -> None:
+        if replaced.is_set():
+            raise RunError(
+                f"Run {run} is led by a coordinator that was started later, while this one was cut off: this one "
+                f"stops. What it knows ({coordinator.ledger.path}) is out of date; go on in the other one's folder."
+            )
+
     try:
-        bus.announce(COORDINATOR, COORDINATOR)
+        bus.announce(COORDINATOR, COORDINATOR, turn=turn, replaced=replaced.set)
     except BusError as error:
         raise BusError(
             f"Run {run} is led already by another coordinator at this router, maybe in a copy of its folder: stop that "
             "one, or, for a second run of the same scene and settings, choose another --seed."
         ) from error
+    return lead_on
 
 
 def make_recorder(bus: Bus, name: str, folder: RunFolder, world: "World") -> Recorder:
@@ -320,9 +336,10 @@ def _coordinate(bus: Bus, folder: RunFolder, stop: threading.Event, observer: Ob
     with folder.coordinated(patience_s=2 * LATE_S):
         coordinator = make_coordinator(folder)
         observer.coordinator(coordinator)
-        take_the_lead(bus, coordinator.spec.run)
+        lead_on = take_the_lead(bus, coordinator)
         coordination.attach(bus, coordinator)
         while not stop.wait(TICK_S):
+            lead_on()
             coordination.tick(bus, coordinator)
         return coordinator.over
 

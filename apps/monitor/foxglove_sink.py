@@ -5,10 +5,12 @@ The only place that imports the foxglove SDK.
 
 from typing import Any
 
+import numpy as np
+
 from readygo.apps.monitor.feed import Moment
 from readygo.apps.monitor.track import Pictures
 from readygo.common.camera import SensorConfig
-from readygo.common.dataset import markers, packed, schemas
+from readygo.common.dataset import columns, markers, packed, schemas
 from readygo.common.dataset.canonical import HALF_PX, with_pixels_moved
 from readygo.common.dataset.scene_map import MapMessages
 from readygo.common.dataset.schemas import Channel
@@ -76,8 +78,8 @@ class FoxgloveSink:
         calibration = with_pixels_moved(schemas.calibration_message(header, stamp_ns), -HALF_PX)
         self._log(schemas.EPISODE_START, schemas.start_message(header), stamp_ns)
         self._log(schemas.ROS_CALIBRATION, calibration, stamp_ns)
-        for content in packed.calibrations(header):
-            self._log(content.channel, b"".join(content.at(packed.stamp(stamp_ns))), stamp_ns)
+        for channel, payload in packed.calibrations(header):
+            self._log(channel, packed.stamp(stamp_ns) + payload, stamp_ns)
         shown = (
             (schemas.MARKERS, markers.markers(moment.way, goal_xy_m, robot, stamp)),
             (schemas.PATH, markers.path_cloud(moment.way, goal_xy_m, stamp)),
@@ -93,12 +95,12 @@ class FoxgloveSink:
 
     def show(self, moment: Moment, stamp_ns: int) -> None:
         """See `Sink.show`."""
-        state, stamp = moment.state, packed.stamp(stamp_ns)
-        contents = packed.contents(_sample(state, moment.images, self._robot), _header(moment, self._cameras))
-        contents.append(markers.frames(*packed.pose(state.robot_xyzyaw), self._frames))
-        contents.append(markers.bodies(human[:3] for human in state.humans_xyzyaw))
-        for content in contents:
-            self._log(content.channel, b"".join(content.at(stamp)), stamp_ns)
+        state, stamps = moment.state, columns.stamps(np.array([stamp_ns], dtype=np.uint64))
+        messages = packed.messages([_sample(state, moment.images, self._robot)], _header(moment, self._cameras))
+        messages.append(markers.frames(*packed.pose(np.array([state.robot_xyzyaw])), self._frames))
+        messages.append(markers.bodies(*packed.people([state.humans_xyzyaw])))
+        for each in messages:
+            self._log(each.channel, b"".join(columns.bytes_of(each.at(stamps))), stamp_ns)
 
     def close(self) -> None:
         """See `Sink.close`."""

@@ -72,9 +72,9 @@ class WatchedBus:
         """See `Bus.subscribe`."""
         self._bus.subscribe(stream, handler)
 
-    def announce(self, role: str, name: str) -> None:
+    def announce(self, role: str, name: str, *, turn: int = 0, replaced: Callable[[], object] | None = None) -> None:
         """See `Bus.announce`."""
-        self._bus.announce(role, name)
+        self._bus.announce(role, name, turn=turn, replaced=replaced)
 
     def watch(self, changed: Callable[[str, str, bool], None]) -> None:
         """See `Bus.watch`."""

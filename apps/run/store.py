@@ -2,11 +2,12 @@
 
 import hashlib
 import json
+import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from readygo.common.dataset.index import index_path
+from readygo.common.dataset.index import index_path, load_index, read_index
 from readygo.common.dataset.reader import find_shards
 from readygo.common.errors import RunError
 from readygo.common.extras import install_command
@@ -20,6 +21,9 @@ Told = Callable[[str, str], object]
 
 def hand_over(data: Path, url: str, *, every_byte: bool = False, told: Told = lambda name, done: None) -> int:
     """Copy the finished shards of a data folder, and their indexes, to a store that may have some of them already.
+
+    A shard that the store has and the folder has not leaves the store if all its episodes are in shards of the folder:
+    recovery has dropped it, or saved it under another name. Others stay, whoever has handed them over.
 
     Args:
         data: Data folder.
@@ -40,7 +44,9 @@ def hand_over(data: Path, url: str, *, every_byte: bool = False, told: Told = la
         raise RunError(f"{data} has two shards called {min(double)}: they cannot be in one store.")
     system, folder = _opened(url)
     try:
-        return _copied(system, folder, files, every_byte=every_byte, told=told)
+        count = _copied(system, folder, files, every_byte=every_byte, told=told)
+        _drop_replaced(system, folder, shards, told)
+        return count
     except (OSError, ValueError) as error:
         raise RunError(f"The store {url} cannot be used: {error}.") from error
 
@@ -71,10 +77,44 @@ def _copied(system: Any, folder: str, files: list[Path], *, every_byte: bool, to
             raise RunError(f"{place} is not what was written: {stored}, not {entry}; nothing was removed here.")
         listed[file.name] = entry
         # After every file: who is interrupted goes on behind it.
-        system.pipe_file(f"{folder}/{LIST}", json.dumps(listed, indent=1).encode())
+        _write_list(system, folder, listed)
         told(file.name, "copied")
         count += 1
     return count
+
+
+def _drop_replaced(system: Any, folder: str, shards: list[Path], told: Told) -> None:
+    """Remove the shards from a store whose episodes are all in other shards of the data folder."""
+    listed, here = _listed(system, f"{folder}/{LIST}"), {shard.name for shard in shards}
+    gone = [name for name in listed if name.endswith(".mcap") and name not in here]
+    if not gone:
+        return
+    kept = {sha256 for shard in shards for sha256 in load_index(shard).episodes["sha256"].tolist()}
+    for name in gone:
+        if not (held := _episodes(system, folder, name)) or held - kept:
+            continue
+        names = (name, index_path(Path(name)).name)
+        listed = {other: entry for other, entry in listed.items() if other not in names}
+        # The list goes first: what it names is there.
+        _write_list(system, folder, listed)
+        for place in (f"{folder}/{each}" for each in names):
+            system.rm_file(place)
+        told(name, "removed: its episodes are in other shards")
+
+
+def _episodes(system: Any, folder: str, shard: str) -> set[bytes]:
+    """SHA-256 of the episodes in a shard of a store, by its index; none if there is no such index."""
+    name = index_path(Path(shard)).name
+    if not system.exists(f"{folder}/{name}"):
+        return set()
+    with tempfile.TemporaryDirectory() as place:
+        system.get_file(f"{folder}/{name}", str(Path(place, name)))
+        index = read_index(Path(place, name))
+    return set() if index is None else set(index.episodes["sha256"].tolist())
+
+
+def _write_list(system: Any, folder: str, listed: dict[str, Any]) -> None:
+    system.pipe_file(f"{folder}/{LIST}", json.dumps(listed, indent=1).encode())
 
 
 def _listed(system: Any, place: str) -> dict[str, Any]:

@@ -77,8 +77,8 @@ class InProcessBus:
         """Hear `stream`; see `Bus.subscribe`."""
         self._add(self._room.mailboxes, (stream.name, Mailbox(self._inbox, handler)))
 
-    def announce(self, role: str, name: str) -> None:
-        """Say that a worker is alive; see `Bus.announce`."""
+    def announce(self, role: str, name: str, *, turn: int = 0, replaced: Callable[[], object] | None = None) -> None:
+        """Say that a worker is alive; see `Bus.announce`. Nobody can be cut off."""
         self._teller.me = role, name
         self._room.present.append((role, name))
         self._tell(role, name, True)

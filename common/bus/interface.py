@@ -61,8 +61,15 @@ class Bus(Protocol):
         """
         ...
 
-    def announce(self, role: str, name: str) -> None:
+    def announce(self, role: str, name: str, *, turn: int = 0, replaced: Callable[[], object] | None = None) -> None:
         """Say that worker `name` of `role` is alive, until the bus is closed or the process dies.
+
+        Args:
+            role: What it does.
+            name: Its name.
+            turn: Of those who have the name one after the other, the later one has the higher.
+            replaced: Called, on any thread, when one of a higher turn is there: this one was cut off, taken for dead,
+                and is reached again.
 
         Raises:
             BusError: If another process has the name.

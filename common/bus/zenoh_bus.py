@@ -255,10 +255,12 @@ class ZenohBus:
             return
         handler(message)
 
-    def announce(self, role: str, name: str) -> None:
+    def announce(self, role: str, name: str, *, turn: int = 0, replaced: Callable[[], object] | None = None) -> None:
         """Say that a worker is alive; see `Bus.announce`. One that has just died may still seem to be there."""
         key = self._prefix + presence(role, name)
         self._claim(key, f"Another {role} of the run is called {name!r}: choose another --name.")
+        if replaced is not None:
+            self._watch_for_successors(key, turn, replaced)
         self._teller.me = role, name
         self._declared.append(self._session.liveliness().declare_token(key))
         # Once this question is answered, the router knows the token: whoever asks from now on sees it.
@@ -277,6 +279,17 @@ class ZenohBus:
             if time.monotonic() > deadline_s:
                 raise BusError(taken)
             time.sleep(random.uniform(1.0, 3.0) * _RETRY_S)
+
+    def _watch_for_successors(self, key: str, turn: int, replaced: Callable[[], object]) -> None:
+        """Show the turn of the one who has won `key`, and hear of those who have won it later."""
+        own = f"{key}/turn/{turn:020d}"
+        self._declared.append(self._session.liveliness().declare_token(own))
+
+        def on_sample(sample: zenoh.Sample) -> None:
+            if sample.kind == zenoh.SampleKind.PUT and str(sample.key_expr) > own:
+                replaced()
+
+        self._declared.append(self._session.liveliness().declare_subscriber(f"{key}/turn/*", on_sample, history=True))
 
     def _tokens(self, keys: str) -> set[str]:
         """Keys of the liveliness tokens that the router knows."""

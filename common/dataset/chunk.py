@@ -66,8 +66,8 @@ class EpisodeChunk:
     distortion_model: str
     distortion: tuple[float, ...]
     """Coefficients of the distortion model, at most 8."""
-    message_offsets: dict[int, list[tuple[int, int]]]
-    """(log time [ns], offset in `data`) of the messages of each channel."""
+    message_offsets: dict[int, npt.NDArray[np.uint64]]
+    """Rows of (log time [ns], offset in `data`) of the messages of each channel, shape (M, 2)."""
     samples: npt.NDArray[np.void]
     """Rows of `SAMPLE_DTYPE`; `image_offset` counts from the beginning of `data`."""
     ending: schemas.Ending
@@ -132,7 +132,7 @@ def read_chunk(data: bytes | memoryview, *, sha256: str = "") -> EpisodeChunk:
         end_time_ns=commit_message.log_time_ns,
         **constants(start, calibration, calibration_channel),
         message_offsets={
-            number: [(message.log_time_ns, message.offset) for message in messages]
+            number: np.array([(message.log_time_ns, message.offset) for message in messages], dtype=np.uint64)
             for number, messages in by_channel.items()
             if messages
         },

@@ -1,25 +1,28 @@
-"""Samples to an episode's chunk, in one pass: what is written and what is hashed are made side by side."""
+"""Samples to an episode's chunk: what is written and what is hashed are made of the same columns."""
 
 import hashlib
 import struct
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence, Set
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from readygo.common.dataset import markers, packed, schemas
+from readygo.common.dataset import columns, markers, packed, schemas
 from readygo.common.dataset.canonical import EPISODE_SLOT_NS, HALF_PX, record_head, with_pixels_moved
 from readygo.common.dataset.chunk import OUTPUT_DTYPE, SAMPLE_DTYPE, EpisodeChunk, constants
-from readygo.common.dataset.packed import Content, Timed
+from readygo.common.dataset.columns import Column, Counts, Part
+from readygo.common.dataset.packed import Messages
 from readygo.common.dataset.poses import stored_yaw_rad
 from readygo.common.dataset.records import MESSAGE_HEADER
 from readygo.common.dataset.stage import Stage
 from readygo.common.errors import DatasetError
 from readygo.common.images.names import GOAL_IMAGE
 from readygo.common.messages.samples import EpisodeHeader, Sample
+
+HASHED_TOGETHER = 64
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,180 +76,170 @@ def _optional_channels(header: EpisodeHeader) -> dict[str, schemas.Channel]:
 
 
 class _Records:
-    """Message records in a row: those of the shard, and the hash of those of the canonical form."""
+    """Message records in a row."""
 
-    def __init__(self, canonical_ns: int, start_ns: int) -> None:
-        self.canonical_ns, self.start_ns = canonical_ns, start_ns
-        self.parts: list[bytes] = []
-        self.offsets: defaultdict[int, list[tuple[int, int]]] = defaultdict(
+    def __init__(self, start_ns: int) -> None:
+        self.start_ns = start_ns
+        self.parts: list[bytes | memoryview] = []
+        self.offsets: defaultdict[int, list[npt.NDArray[np.uint64]]] = defaultdict(
             list, {channel.number: [] for channel in schemas.CHANNELS}
         )
-        """(log time [ns], offset) of the messages of each channel."""
+        """Rows of (log time [ns], offset) of the messages of each channel."""
         self.size = 0
-        """Bytes written so far."""
-        self._sha256 = hashlib.sha256()
-        self._unhashed: list[bytes] = []
-        self.at(0)
+        """Bytes so far."""
 
-    def at(self, time_ns: int) -> None:
-        """What follows is of a time since the episode began."""
-        self._sha256.update(b"".join(self._unhashed))
-        self._unhashed.clear()
-        self._canonical_ns, self._time_ns = self.canonical_ns + time_ns, self.start_ns + time_ns
-        self._canonical_stamp, self.stamp = packed.stamp(self._canonical_ns), packed.stamp(self._time_ns)
+    def add(self, channel: schemas.Channel, payload: bytes, time_ns: int = 0) -> None:
+        """Add a message of a time since the episode began."""
+        log_ns = self.start_ns + time_ns
+        self.parts += (record_head(channel.number, 0, log_ns, log_ns, len(payload)), payload)
+        self.offsets[channel.number].append(np.array([[log_ns, self.size]], dtype=np.uint64))
+        self.size += MESSAGE_HEADER.size + len(payload)
 
-    def add(self, content: Content, sequence: int) -> int:
-        """Write and hash a message; where its payload begins."""
-        channel, timed, parts = content
-        if timed is Timed.NOWHERE:
-            self.hash(channel.number, sequence, parts)
-            return self.write(channel.number, sequence, parts)
-        if timed is Timed.FIRST:
-            self.hash(channel.number, sequence, (self._canonical_stamp, *parts))
-            return self.write(channel.number, sequence, (self.stamp, *parts))
-        self.hash(channel.number, sequence, content.at(self._canonical_stamp))
-        return self.write(channel.number, sequence, content.at(self.stamp))
+    def add_samples(
+        self, messages: Sequence[Messages], times_ns: Sequence[int]
+    ) -> dict[schemas.Channel, npt.NDArray[np.void]]:
+        """Add the messages of samples at their times since the episode began; where each channel has its contents.
 
-    def hash(self, number: int, sequence: int, payload: tuple[bytes, ...]) -> None:
-        """Hash a message of the canonical form, its payload in pieces."""
-        time_ns = self._canonical_ns
-        self._unhashed.append(record_head(number, sequence, time_ns, time_ns, sum(map(len, payload))))
-        self._unhashed += payload
+        These are images' files or else whole messages, rows of `OUTPUT_DTYPE`.
+        """
+        log_ns = np.array([self.start_ns + time_ns for time_ns in times_ns], dtype=np.uint64)
+        stamps = columns.stamps(log_ns)
+        parts: list[Part] = []
+        sizes = []
+        for each in messages:
+            payload = each.at(stamps)
+            head = columns.record_heads(each.channel.number, columns.sizes_of(payload), log_ns).where(each.there)
+            parts += (head, *payload)
+            sizes.append(columns.sizes_of((head, *payload)))
+        table = np.stack(sizes, axis=1)
+        ends = self.size + table.cumsum().reshape(table.shape)
+        self.parts += columns.bytes_of(parts)
+        self.size = int(ends[-1, -1])
+        found = {}
+        for each, begin, end in zip(messages, (ends - table).T, ends.T, strict=True):
+            rows = np.stack([log_ns, begin.astype(np.uint64)], axis=1)
+            self.offsets[each.channel.number].append(rows if each.there is None else rows[each.there])
+            found[each.channel] = _places(each, stamps, begin + MESSAGE_HEADER.size, end)
+        return found
 
-    def write(self, number: int, sequence: int, payload: tuple[bytes, ...]) -> int:
-        """Write a message, its payload in pieces; where the payload begins."""
-        time_ns, size, offset = self._time_ns, sum(map(len, payload)), self.size
-        self.parts.append(record_head(number, sequence, time_ns, time_ns, size))
-        self.parts += payload
-        self.offsets[number].append((time_ns, offset))
-        begin = offset + MESSAGE_HEADER.size
-        self.size = begin + size
-        return begin
 
-    def digest(self) -> str:
-        """SHA-256 of what was hashed."""
-        self.at(0)
-        return self._sha256.hexdigest()
+def _places(messages: Messages, stamps: Column, begin: Counts, end: Counts) -> npt.NDArray[np.void]:
+    """Where the images' files are, or else the whole messages, which go from `begin` to `end`."""
+    places = np.zeros(len(begin), dtype=OUTPUT_DTYPE)
+    if messages.channel.number in schemas.IMAGE_NUMBERS:
+        head, files, _ = messages.groups[0]
+        places["length"] = files.sizes
+        places["offset"] = np.where(files.sizes > 0, begin + stamps.sizes + head.sizes, end)
+    else:
+        places["offset"], places["length"] = begin, end - begin
+    if messages.there is not None:
+        places[~messages.there] = 0
+    return places
 
 
 class _Encoder:
     """Makes an episode's chunk."""
 
     def __init__(self, header: EpisodeHeader, samples: Sequence[Sample], place: Place | None) -> None:
-        base_ns = header.episode.index * EPISODE_SLOT_NS
-        self._header, self._samples = header, samples
-        self._stage = place.stage.of(header.drawn) if place else None
-        self._records = _Records(base_ns, place.start_ns if place else base_ns)
-        self._rows = _rows(samples)
-        self._places: dict[int, npt.NDArray[np.void]] = {}
-        self._described = self._begin(place)
-
-    def _begin(self, place: Place | None) -> dict[str, Any]:
-        """Write what an episode has once; the fields of its chunk that it tells."""
-        records, header = self._records, self._header
-        start = schemas.start_message(header)
-        records.add(Content(schemas.EPISODE_START, Timed.NOWHERE, (start,)), 0)
-        calibration, channel = schemas.calibration_message(header, records.canonical_ns), schemas.CALIBRATION
-        records.hash(channel.number, 0, (calibration,))
-        if place:
-            channel = schemas.ROS_CALIBRATION
-            calibration = with_pixels_moved(schemas.calibration_message(header, place.start_ns), -HALF_PX)
-        records.write(channel.number, 0, (calibration,))
-        started = schemas.EPISODE_START.message.FromString(start)
-        described = constants(started, channel.message.FromString(calibration), channel)
-        if place and self._stage:
-            poses, goal_xy_m = self._rows["pose"], header.goal_xy_m
-            for beside, payload in self._stage.surroundings(poses, goal_xy_m, place.start_ns, with_map=place.with_map):
-                records.write(beside.number, 0, (payload,))
-        for content in packed.calibrations(header):
-            records.add(content, 0)
-        return {**described, "cameras": header.cameras}
+        self._header, self._samples, self._place = header, samples, place
+        self._numbers = packed.numbers_of(samples)
+        self._rows = _rows(samples, self._numbers)
+        self._canonical = _Records(header.episode.index * EPISODE_SLOT_NS)
+        self._records = _Records(place.start_ns) if place else self._canonical
+        """Those of the shard."""
 
     def encoded(self, attempt: int) -> EpisodeChunk:
         """The whole chunk."""
-        records, header, samples = self._records, self._header, self._samples
-        for sample in samples:
-            self._add(sample)
-        sha256 = records.digest()
-        records.at(samples[-1].time_ns)
+        header, records, samples = self._header, self._records, self._samples
+        described = self._begin()
+        places = self._add_samples()
+        sha256 = _sha256(self._canonical.parts)
         commit = schemas.commit_message(header.episode, attempt, len(samples), sha256)
-        records.write(schemas.EPISODE_COMMIT.number, 0, (commit,))
-        images = self._places.pop(schemas.IMAGE.number)
+        records.add(schemas.EPISODE_COMMIT, commit, samples[-1].time_ns)
+        images = places[schemas.IMAGE]
         self._rows["image_offset"], self._rows["image_length"] = images["offset"], images["length"]
-        asked = schemas.EXPERT_CHANNELS[schemas.EXPERT].number in self._places
+        asked = schemas.EXPERT_CHANNELS[schemas.EXPERT] in places
         return EpisodeChunk(
-            **self._described,
+            **described,
             attempt=attempt,
             sha256=sha256,
             data=b"".join(records.parts),
             start_time_ns=records.start_ns,
             end_time_ns=records.start_ns + samples[-1].time_ns,
-            message_offsets={number: offsets for number, offsets in records.offsets.items() if offsets},
+            message_offsets={number: np.concatenate(rows) for number, rows in records.offsets.items() if rows},
             samples=self._rows,
             ending=schemas.Ending(header.outcome, header.driver, header.policy) if asked else schemas.Ending(),
             image_every=header.image_every,
+            cameras=header.cameras,
             drawn=header.drawn,
             outputs={
-                name: self._places[channel.number]
-                for name, channel in _optional_channels(header).items()
-                if channel.number in self._places
+                name: places[channel] for name, channel in _optional_channels(header).items() if channel in places
             },
         )
 
-    def _add(self, sample: Sample) -> None:
-        """Write the messages of a sample, and what viewers need beside them."""
-        records = self._records
-        records.at(sample.time_ns)
-        for content in packed.contents(sample, self._header):
-            body, channel = records.add(content, sample.seq), content.channel
-            if channel.number in _PLACED:
-                self._note_place(content, sample.seq, body)
-            elif self._stage is None:
-                continue
-            elif channel is schemas.ROBOT_POSE:
-                self._show(self._stage.frames(*packed.pose(sample.robot_xyzyaw)), sample.seq)
-            elif channel is schemas.HUMANS and not self._header.labels:
-                self._show(markers.bodies(human[:3] for human in sample.humans_xyzyaw), sample.seq)
+    def _begin(self) -> dict[str, Any]:
+        """Add what an episode has once; the fields of its chunk that it tells."""
+        header, place, canonical = self._header, self._place, self._canonical
+        start = schemas.start_message(header)
+        calibration, channel = schemas.calibration_message(header, canonical.start_ns), schemas.CALIBRATION
+        further = packed.calibrations(header)
+        _add_once(canonical, [(schemas.EPISODE_START, start), (channel, calibration)], further)
+        if place:
+            calibration = with_pixels_moved(schemas.calibration_message(header, place.start_ns), -HALF_PX)
+            channel = schemas.ROS_CALIBRATION
+            around = place.stage.of(header.drawn).surroundings(
+                self._rows["pose"], header.goal_xy_m, place.start_ns, with_map=place.with_map
+            )
+            _add_once(self._records, [(schemas.EPISODE_START, start), (channel, calibration), *around], further)
+        started = schemas.EPISODE_START.message.FromString(start)
+        return constants(started, channel.message.FromString(calibration), channel)
 
-    def _show(self, content: Content, sequence: int) -> None:
-        self._records.write(content.channel.number, sequence, content.at(self._records.stamp))
+    def _add_samples(self) -> dict[schemas.Channel, npt.NDArray[np.void]]:
+        """Add the messages of the samples, and what viewers need beside them; see `_Records.add_samples`."""
+        messages = packed.messages(self._samples, self._header, self._numbers)
+        times_ns = [sample.time_ns for sample in self._samples]
+        places = self._canonical.add_samples(messages, times_ns)
+        if self._place:
+            stage = self._place.stage.of(self._header.drawn)
+            places = self._records.add_samples(list(self._shown(messages, stage)), times_ns)
+        return places
 
-    def _note_place(self, content: Content, sequence: int, body: int) -> None:
-        """Note where an image's file is, or else the whole message."""
-        places = self._places.get(content.channel.number)
-        if places is None:
-            places = self._places[content.channel.number] = np.zeros(len(self._samples), dtype=OUTPUT_DTYPE)
-        end = self._records.size
-        if content.channel.number in schemas.IMAGE_NUMBERS:
-            head, image, _ = content.parts
-            offset = body + len(self._records.stamp) + len(head) if image else end
-            places[sequence] = (offset, len(image))
-        else:
-            places[sequence] = (body, end - body)
+    def _shown(self, messages: Sequence[Messages], stage: Stage) -> Iterator[Messages]:
+        """The messages of samples and those that viewers need beside them."""
+        for each in messages:
+            yield each
+            if each.channel is schemas.ROBOT_POSE:
+                yield stage.frames(*packed.pose(self._numbers["pose"]))
+            elif each.channel is schemas.HUMANS and not self._header.labels:
+                yield markers.bodies(*packed.people([sample.humans_xyzyaw for sample in self._samples]))
 
 
-_PLACED = schemas.IMAGE_NUMBERS | frozenset(channel.number for channel in schemas.OPTIONAL_CHANNELS.values())
+def _add_once(
+    records: _Records, own: Iterable[tuple[schemas.Channel, bytes]], further: Iterable[tuple[schemas.Channel, bytes]]
+) -> None:
+    """Add messages of an episode's beginning, and the calibrations of further cameras, which lack their times."""
+    for channel, payload in own:
+        records.add(channel, payload)
+    for channel, payload in further:
+        records.add(channel, packed.stamp(records.start_ns) + payload)
 
 
-def _rows(samples: Sequence[Sample]) -> npt.NDArray[np.void]:
+def _sha256(parts: Sequence[bytes | memoryview]) -> str:
+    """SHA-256 of many pieces, some of them put together at a time: to copy costs less than a call for each."""
+    sha256 = hashlib.sha256()
+    for first in range(0, len(parts), HASHED_TOGETHER):
+        sha256.update(b"".join(parts[first : first + HASHED_TOGETHER]))
+    return sha256.hexdigest()
+
+
+def _rows(samples: Sequence[Sample], numbers: npt.NDArray[np.void]) -> npt.NDArray[np.void]:
     """Rows of `SAMPLE_DTYPE` but for the places of images."""
-    rows = [
-        (
-            sample.time_ns,
-            0,
-            0,
-            (sample.action_v_mps, sample.action_w_radps),
-            sample.goal_xy_robot_m,
-            (*sample.robot_xyzyaw[:3], stored_yaw_rad(sample.robot_xyzyaw[3])),
-            sample.human_distance_m,
-            sample.time_to_collision_s,
-            sample.expert_cost,
-            sample.human_visible,
-            sample.replanned,
-        )
-        for sample in samples
-    ]
-    return np.array(rows, dtype=SAMPLE_DTYPE)
+    rows = np.zeros(len(samples), dtype=SAMPLE_DTYPE)
+    for name in packed.NUMBERS_DTYPE.names or ():
+        rows[name] = numbers[name]
+    rows["time_ns"] = [sample.time_ns for sample in samples]
+    rows["pose"][:, 3] = [stored_yaw_rad(sample.robot_xyzyaw[3]) for sample in samples]
+    return rows
 
 
 def _check_alike(sample: Sample, first: Sample, header: EpisodeHeader) -> None:
@@ -257,8 +250,7 @@ def _check_alike(sample: Sample, first: Sample, header: EpisodeHeader) -> None:
             f"{_name(header)} has images at every {header.image_every}. sample, but sample {sample.seq} has "
             f"{'none' if taken else 'one'}."
         )
-    wanted = first.outputs.keys() if sample.seq == 0 else first.outputs.keys() - {GOAL_IMAGE}
-    if sample.outputs.keys() != (wanted if taken else set()):
+    if (sample.outputs or first.outputs) and sample.outputs.keys() != _wanted(first, sample.seq, taken):
         raise DatasetError(
             f"{_name(header)} has the outputs {sorted(first.outputs)} at sample 0, but "
             f"{sorted(sample.outputs)} at sample {sample.seq}."
@@ -278,6 +270,13 @@ def _check_alike(sample: Sample, first: Sample, header: EpisodeHeader) -> None:
             f"{_name(header)} has {len(first.expert_commands)} commands of the expert at sample 0, but "
             f"{len(sample.expert_commands)} at sample {sample.seq}."
         )
+
+
+def _wanted(first: Sample, seq: int, taken: bool) -> Set[str]:
+    """The outputs of a sample."""
+    if not taken:
+        return frozenset()
+    return first.outputs.keys() - {GOAL_IMAGE} if seq else first.outputs.keys()
 
 
 def _name(header: EpisodeHeader) -> str:

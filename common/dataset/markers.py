@@ -5,7 +5,7 @@ Foxglove shows all of it. Rerun shows frames and point clouds, no scenes and no 
 
 import functools
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -25,7 +25,8 @@ from google.protobuf.duration_pb2 import Duration
 
 from readygo.common.camera.config import CameraConfig
 from readygo.common.dataset import labels, schemas
-from readygo.common.dataset.packed import Content, Timed, field, vector
+from readygo.common.dataset.columns import Mask, Part, constant, doubles, field, field_head, joined, nothing
+from readygo.common.dataset.packed import Messages, Timed
 from readygo.common.dataset.poses import pose_of
 from readygo.common.frames import quat_from_matrix
 from readygo.common.robot.config import RobotConfig
@@ -74,16 +75,19 @@ def camera_frame(camera: CameraConfig, name: str = "") -> bytes:
     )
 
 
-def frames(position: bytes, orientation: bytes, cameras: Sequence[bytes]) -> Content:
-    """The message on /tf: the robot's frame in the world, and its cameras'.
+def frames(position: Part, orientation: Part, cameras: Sequence[bytes]) -> Messages:
+    """The messages on /tf: the robot's frame in the world, and its cameras'.
 
     Args:
-        position: Of the robot on the floor, a foxglove.Vector3.
-        orientation: Of the robot, a foxglove.Quaternion.
+        position: Of the robot on the floor, foxglove.Vector3s.
+        orientation: Of the robot, foxglove.Quaternions.
         cameras: See `camera_frames`.
     """
-    robot = _ROBOT_IN_WORLD + field(4, position) + field(5, orientation)
-    return Content(schemas.TRANSFORMS, Timed.IN_TRANSFORMS, (robot, *cameras))
+    count = len(position.rows)
+    turned = (position, field_head(5, orientation), orientation)
+    robot: list[Part] = [constant(_ROBOT_IN_WORLD, count), field_head(4, position), *turned]
+    carried: list[list[Part]] = [[constant(camera, count)] for camera in cameras]
+    return Messages(channel=schemas.TRANSFORMS, timed=Timed.IN_TRANSFORMS, groups=[robot, *carried])
 
 
 def markers(poses_xyzyaw: Poses, goal_xy_m: Sequence[float], robot: RobotConfig | None, stamp: Any) -> Any:
@@ -111,17 +115,22 @@ def markers(poses_xyzyaw: Poses, goal_xy_m: Sequence[float], robot: RobotConfig 
     return SceneUpdate(entities=entities)
 
 
-def bodies(feet_m: Iterable[tuple[float, float, float]]) -> Content:
-    """The message on /humans/bodies: everybody as a cylinder; viewers drop it when no later sample moves it.
+def bodies(xyzyaw: Poses, there: Mask) -> Messages:
+    """The messages on /humans/bodies: everybody as a cylinder; viewers drop it when no later sample moves it.
 
     Args:
-        feet_m: Where everybody stands: x, y, z [m].
+        xyzyaw: Where everybody stands: x, y, z [m], yaw [rad], shape (N, H, 4).
+        there: Who is there, shape (N, H).
     """
-    parts = []
-    for number, (x_m, y_m, z_m) in enumerate(feet_m):
-        pose = field(1, vector(x_m, y_m, z_m + 0.5 * BODY_HEIGHT_M)) + _UPRIGHT
-        parts.append(_body_entity(number) + field(10, field(1, pose) + _BODY))
-    return Content(schemas.BODIES, Timed.IN_ENTITIES, tuple(parts))
+    count = len(xyzyaw)
+    groups = []
+    for number in range(there.shape[1]):
+        x_m, y_m, z_m, _ = xyzyaw[:, number].T
+        position = field(1, doubles(1, x_m, y_m, z_m + 0.5 * BODY_HEIGHT_M))
+        cylinder = joined(field(1, joined(position, constant(_UPRIGHT, count))), constant(_BODY, count))
+        entity = joined(constant(_body_entity(number), count), field(10, cylinder))
+        groups.append([entity.where(there[:, number])])
+    return Messages(channel=schemas.BODIES, timed=Timed.IN_ENTITIES, groups=groups or [[nothing(count)]])
 
 
 def path_cloud(poses_xyzyaw: Poses, goal_xy_m: Sequence[float], stamp: Any) -> Any:

@@ -4,11 +4,13 @@ The mcap package's readers stop at the first damaged byte and give no file offse
 both. Source of the layout: the MCAP file format specification, https://mcap.dev/spec.
 """
 
+import functools
 import struct
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
 from mcap.opcode import Opcode
 
 from readygo.common.errors import DatasetError
@@ -17,6 +19,17 @@ MAGIC = b"\x89MCAP0\r\n"
 RECORD_HEADER = struct.Struct("<BQ")
 MESSAGE_HEADER = struct.Struct("<BQHIQQ")
 """Opcode, length, channel, sequence, log time [ns], publish time [ns]; the payload follows."""
+MESSAGE_DTYPE = np.dtype(
+    [
+        ("opcode", "u1"),
+        ("length", "<u8"),
+        ("channel", "<u2"),
+        ("sequence", "<u4"),
+        ("log_time_ns", "<u8"),
+        ("publish_time_ns", "<u8"),
+    ]
+)
+"""`MESSAGE_HEADER` of many messages."""
 MESSAGE_FIELDS_SIZE = MESSAGE_HEADER.size - RECORD_HEADER.size
 CHUNK_FIELDS = struct.Struct("<QQQI")
 """First time [ns], last time [ns], uncompressed size, CRC-32; compression and data follow, each with its length."""
@@ -158,3 +171,39 @@ def _varint(buffer: memoryview, offset: int, end: int) -> tuple[int, int]:
             return value, offset
         shift += 7
     raise DatasetError(f"the message before byte {offset} is no protobuf message")
+
+
+_CRC32_POLYNOMIAL = 0xEDB88320
+_CRC32_ONE = 1 << 31
+"""The polynomial 1: the highest bit is the lowest power."""
+
+
+def joined_crc32(first: int, second: int, second_size: int) -> int:
+    """CRC-32 of two pieces of bytes one after the other, of their CRC-32s and the size of the second one.
+
+    Source: crc32_combine of zlib, https://github.com/madler/zlib/blob/v1.3.1/crc32.c.
+    """
+    for bit in range(second_size.bit_length()):
+        if second_size >> bit & 1:
+            first = _crc32_product(_crc32_shift(bit), first)
+    return first ^ second
+
+
+@functools.cache
+def _crc32_shift(bit: int) -> int:
+    """What 2 ** bit bytes of zeros multiply a CRC-32 by."""
+    if bit == 0:
+        return _CRC32_ONE >> 8
+    half = _crc32_shift(bit - 1)
+    return _crc32_product(half, half)
+
+
+def _crc32_product(a: int, b: int) -> int:
+    """Product of two polynomials modulo that of CRC-32."""
+    product = 0
+    while a:
+        if a & _CRC32_ONE:
+            product ^= b
+        a = a << 1 & 0xFFFFFFFF
+        b = b >> 1 ^ (_CRC32_POLYNOMIAL if b & 1 else 0)
+    return product

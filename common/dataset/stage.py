@@ -3,12 +3,16 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from readygo.common.dataset import markers, packed, schemas
+import numpy as np
+
+from readygo.common.dataset import columns, markers, packed, schemas
 from readygo.common.dataset.canonical import HALF_PX, moved, record_head, with_pixels_moved
 from readygo.common.dataset.chunk import EpisodeChunk, messages_of, parse, read_chunk
-from readygo.common.dataset.packed import Content
+from readygo.common.dataset.columns import Part, Pieces
+from readygo.common.dataset.packed import Messages
+from readygo.common.dataset.poses import pose_xyzyaw
 from readygo.common.dataset.records import Message
 from readygo.common.dataset.scene_map import MapMessages, map_messages
 from readygo.common.dataset.schemas import Channel
@@ -45,12 +49,20 @@ class Stage:
         Raises:
             SceneError: If the map cannot be read.
         """
-        view, stage = memoryview(chunk.data), self.of(chunk.drawn)
+        view, stage, shift_ns = memoryview(chunk.data), self.of(chunk.drawn), start_ns - chunk.start_time_ns
+        messages = messages_of(view)
+        beside = stage._beside(view, messages, chunk, shift_ns)
         parts: list[bytes | memoryview] = []
-        for message in messages_of(view):
-            time_ns = message.log_time_ns - chunk.start_time_ns + start_ns
-            for number, payload in stage._messages(view, message, chunk, start_ns, with_map):
-                parts += (record_head(number, message.sequence, time_ns, time_ns, len(payload)), payload)
+        for message in messages:
+            time_ns = message.log_time_ns + shift_ns
+            number, payload = message.channel, moved(view, message, shift_ns)
+            followers = [(other, next(rows)) for other, rows in beside.get(number, ())]
+            if number == schemas.CALIBRATION.number:
+                number, payload = schemas.ROS_CALIBRATION.number, with_pixels_moved(payload, -HALF_PX)
+                around = stage.surroundings(chunk.samples["pose"], chunk.goal_xy_m, start_ns, with_map=with_map)
+                followers = [(channel.number, content) for channel, content in around]
+            for each, content in ((number, payload), *followers):
+                parts += (record_head(each, message.sequence, time_ns, time_ns, len(content)), content)
         return read_chunk(b"".join(parts), sha256=chunk.sha256)
 
     def surroundings(
@@ -77,8 +89,8 @@ class Stage:
             found += zip((schemas.MAP, schemas.MAP_POINTS), self._map, strict=True)
         return [(channel, schemas.serialized(content)) for channel, content in found]
 
-    def frames(self, position: bytes, orientation: bytes) -> Content:
-        """The message that goes with a robot's pose; see `markers.frames`."""
+    def frames(self, position: Part, orientation: Part) -> Messages:
+        """The messages that go with a robot's poses; see `markers.frames`."""
         return markers.frames(position, orientation, self._cameras)
 
     @cached_property
@@ -89,23 +101,25 @@ class Stage:
     def _cameras(self) -> tuple[bytes, ...]:
         return () if self.robot is None else markers.camera_frames(self.robot)
 
-    def _messages(
-        self, view: memoryview, message: Message, chunk: EpisodeChunk, start_ns: int, with_map: bool
-    ) -> Iterator[tuple[int, bytes | memoryview]]:
-        """A message at its time in the shard, and what goes with it, each after its channel's number."""
-        payload = moved(view, message, start_ns - chunk.start_time_ns)
-        if message.channel == schemas.CALIBRATION.number:
-            yield schemas.ROS_CALIBRATION.number, with_pixels_moved(payload, -HALF_PX)
-            around = self.surroundings(chunk.samples["pose"], chunk.goal_xy_m, start_ns, with_map=with_map)
-            yield from ((channel.number, content) for channel, content in around)
-            return
-        yield message.channel, payload
-        stamp = packed.stamp(message.log_time_ns - chunk.start_time_ns + start_ns)
-        if message.channel == schemas.ROBOT_POSE.number:
-            pose = parse(schemas.ROBOT_POSE, memoryview(payload)).pose
-            frames = self.frames(schemas.serialized(pose.position), schemas.serialized(pose.orientation))
-            yield schemas.TRANSFORMS.number, b"".join(frames.at(stamp))
-        if message.channel == schemas.HUMANS.number and "boxes" not in chunk.outputs:
-            poses = parse(schemas.HUMANS, memoryview(payload)).poses
-            bodies = markers.bodies((pose.position.x, pose.position.y, pose.position.z) for pose in poses)
-            yield schemas.BODIES.number, b"".join(bodies.at(stamp))
+    def _beside(
+        self, view: memoryview, messages: Sequence[Message], chunk: EpisodeChunk, shift_ns: int
+    ) -> dict[int, list[tuple[int, Iterator[bytes]]]]:
+        """What follows each message of a channel, by its number: other channels' numbers and their messages."""
+
+        def parsed(channel: Channel) -> list[Any]:
+            return [parse(channel, view[m.body : m.end]) for m in messages if m.channel == channel.number]
+
+        times_ns = [m.log_time_ns + shift_ns for m in messages if m.channel == schemas.ROBOT_POSE.number]
+        stamps = columns.stamps(np.array(times_ns, dtype=np.uint64))
+        poses = [message.pose for message in parsed(schemas.ROBOT_POSE)]
+        position, orientation = (
+            Pieces([schemas.serialized(getattr(pose, name)) for pose in poses]) for name in ("position", "orientation")
+        )
+        shown = {schemas.ROBOT_POSE: self.frames(position, orientation)}
+        if "boxes" not in chunk.outputs:
+            humans = [[pose_xyzyaw(pose) for pose in message.poses] for message in parsed(schemas.HUMANS)]
+            shown[schemas.HUMANS] = markers.bodies(*packed.people(humans))
+        return {
+            channel.number: [(each.channel.number, iter(columns.rows_of(each.at(stamps))))]
+            for channel, each in shown.items()
+        }

@@ -12,11 +12,12 @@ import struct
 import zlib
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from itertools import chain
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
@@ -36,7 +37,7 @@ from readygo.common.dataset import schemas
 from readygo.common.dataset.chunk import EpisodeChunk, canonical
 from readygo.common.dataset.index import IndexRows, index_path, write_index
 from readygo.common.dataset.provenance import RECORD_NAME, Provenance, provenance_to_strings
-from readygo.common.dataset.records import CHUNK_FIELDS, MAGIC, RECORD_HEADER
+from readygo.common.dataset.records import CHUNK_FIELDS, MAGIC, RECORD_HEADER, joined_crc32
 from readygo.common.dataset.stage import PAUSE_NS, Stage
 from readygo.common.errors import DatasetError
 
@@ -156,10 +157,11 @@ class ShardWriter:
             )
         if self._stage is not None and not placed:
             chunk = self._stage.staged(canonical(chunk), self.next_start_ns, with_map=not self._chunk_indexes)
-        parts, index = _chunk_record(chunk, self._offset)
-        self._write(*parts)
-        for part in parts:
-            self._data_crc32 = zlib.crc32(part, self._data_crc32)
+        crc32 = zlib.crc32(chunk.data)
+        head, indexes, index = _chunk_record(chunk, crc32, self._offset)
+        self._write(head, chunk.data, indexes)
+        data_crc32 = joined_crc32(zlib.crc32(head, self._data_crc32), crc32, len(chunk.data))
+        self._data_crc32 = zlib.crc32(indexes, data_crc32)
         self._rows.add(chunk, index.chunk_start_offset + _CHUNK_HEADER_SIZE)
         self._chunk_indexes.append(index)
         self.next_start_ns = chunk.end_time_ns + PAUSE_NS
@@ -306,11 +308,14 @@ def _channel_records(channels: Sequence[schemas.Channel]) -> list[Channel]:
     ]
 
 
-def _chunk_record(chunk: EpisodeChunk, offset: int) -> tuple[tuple[bytes | memoryview, ...], ChunkIndex]:
-    """A chunk's record and message indexes in parts, to be written at `offset`, and its entry in the summary."""
+def _chunk_record(chunk: EpisodeChunk, crc32: int, offset: int) -> tuple[bytes, bytes, ChunkIndex]:
+    """What goes before a chunk's data, the message indexes behind them, and the chunk's entry in the summary.
+
+    The first of them is written at `offset`.
+    """
     size = len(chunk.data)
     header = RECORD_HEADER.pack(Opcode.CHUNK, _CHUNK_HEADER_SIZE - RECORD_HEADER.size + size) + CHUNK_FIELDS.pack(
-        chunk.start_time_ns, chunk.end_time_ns, size, zlib.crc32(chunk.data)
+        chunk.start_time_ns, chunk.end_time_ns, size, crc32
     )
     header += bytes(4) + size.to_bytes(8, "little")
     position = offset + len(header) + size
@@ -331,12 +336,12 @@ def _chunk_record(chunk: EpisodeChunk, offset: int) -> tuple[tuple[bytes | memor
         message_start_time=chunk.start_time_ns,
         uncompressed_size=size,
     )
-    return (header, chunk.data, b"".join(indexes)), index
+    return header, b"".join(indexes), index
 
 
-def _message_index(number: int, records: Sequence[tuple[int, int]]) -> bytes:
+def _message_index(number: int, records: npt.NDArray[np.uint64]) -> bytes:
     """The record of a channel's message index."""
-    entries = struct.pack(f"<{2 * len(records)}Q", *chain.from_iterable(records))
+    entries = records.astype("<u8").tobytes()
     return _MESSAGE_INDEX.pack(Opcode.MESSAGE_INDEX, 6 + len(entries), number, len(entries)) + entries
 
 

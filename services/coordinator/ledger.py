@@ -53,6 +53,7 @@ _FORGOTTEN = "rejected before the ledger was made anew"
 _REBUILDING = "rebuilding"
 _REBUILT = "rebuilt"
 """Key of the length that a run was to have when its ledger was made anew."""
+_TURN = "turn"
 _RETIRED = "retired/"
 """Begins the key of a recorder that was given up."""
 _DISK_CODES = (
@@ -106,6 +107,13 @@ class Ledger:
             self._run("INSERT OR REPLACE INTO run VALUES (?, ?)", key, value)
         row = self._one("SELECT value FROM run WHERE key = ?", key)
         return str(row[0]) if row else ""
+
+    def next_turn(self, least: int) -> int:
+        """The number of those who have led the run one after the other, higher than all before and at least `least`."""
+        with self.together():
+            turn = max(least, int(self.note(_TURN) or 0) + 1)
+            self.note(_TURN, str(turn))
+        return turn
 
     def open_episodes(self, wanted: int) -> int:
         """Open indices until `wanted` of them are not rejected; returns how many were opened."""

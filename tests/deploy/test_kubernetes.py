@@ -24,6 +24,7 @@ VERSION = "1.31"
 FOREIGN = {"Certificate", "Issuer", "ScaledObject", "PodMonitor"}
 """Kinds of cert-manager, KEDA and the Prometheus operator, whose schemas are not at hand."""
 Document = dict[str, Any]
+RELEASE = {"Name": "lab", "Namespace": "readygo"}
 needs_kubectl = pytest.mark.skipif(shutil.which("kubectl") is None, reason="kubectl is not installed")
 
 
@@ -41,7 +42,7 @@ def _helm(tmp_path: Path) -> list[Document]:
     values["scaling"]["enabled"] = True
     values["run"]["arguments"] = ["--seed=1"]
     given = {"apiVersion": "v1", "kind": "ConfigMap", "metadata": {"name": "values"}}
-    (tmp_path / "values.json").write_text(json.dumps({**given, "Values": values, "Release": {"Name": "lab"}}))
+    (tmp_path / "values.json").write_text(json.dumps({**given, "Values": values, "Release": RELEASE}))
     helpers = (CHART / "templates" / "_helpers.tpl").read_text()
     documents = []
     for template in sorted((CHART / "templates").glob("*.yaml")):
@@ -99,6 +100,12 @@ def _check_certificates(documents: list[Document]) -> None:
         assert [item["path"] for item in secret["items"]] == [f"{name}.pem", f"{name}.key", "ca.pem"]
 
 
+def _asked(scaled: Document) -> set[str]:
+    """Of which episodes a ScaledObject asks: those of its own run."""
+    (trigger,) = scaled["spec"]["triggers"]
+    return set(re.findall(r"{(.*?)}", trigger["metadata"]["query"]))
+
+
 def test_base_and_overlay_as_they_are_written() -> None:
     _check(_plain())
 
@@ -108,6 +115,8 @@ def test_overlay() -> None:
     documents = _kustomized()
     _check(documents)
     assert {doc["metadata"].get("namespace") for doc in documents if doc["kind"] != "Namespace"} == {"readygo"}
+    (scaled,) = [doc for doc in documents if doc["kind"] == "ScaledObject"]
+    assert _asked(scaled) == {'stage="render",namespace="readygo"'}
     images = {spec["containers"][0]["image"] for spec in _pods(documents)}
     assert images == {"images.lab.example/readygo-core:0.1.0", "images.lab.example/readygo-worker:0.1.0"}
 
@@ -120,6 +129,7 @@ def test_chart(tmp_path: Path) -> None:
     name = scaled["spec"]["scaleTargetRef"]["name"]
     (renderer,) = [doc for doc in documents if (doc["kind"], doc["metadata"]["name"]) == ("Deployment", name)]
     assert "replicas" not in renderer["spec"]
+    assert _asked(scaled) == {'stage="render",namespace="readygo",pod="lab-coordinator-0"'}
 
 
 @pytest.mark.skipif(shutil.which("helm") is None, reason="helm is not installed")
@@ -133,8 +143,10 @@ def test_compose_file() -> None:
     for name, service in compose["services"].items():
         _check_command(service["command"])
         assert (service["read_only"], service["cap_drop"]) == (True, ["ALL"]), name
-        volumes = {volume.split(":")[0] for volume in service["volumes"]}
-        assert volumes <= compose["volumes"].keys()
+        assert service["restart"] == "on-failure", f"{name} ends with the run"
+        # What is of the host is only read.
+        own = [volume for volume in service["volumes"] if not volume.endswith(":ro")]
+        assert {volume.split(":")[0] for volume in own} <= compose["volumes"].keys()
     targets = re.findall(r"^FROM .* AS (\w+)$", (DEPLOY / "docker" / "Dockerfile").read_text(), re.MULTILINE)
     assert {service["build"]["target"] for service in compose["services"].values() if "build" in service} <= {*targets}
 
@@ -145,3 +157,10 @@ def test_systemd_units() -> None:
     done = subprocess.run(["systemd-analyze", "verify", *units], capture_output=True, text=True, check=False)
     ours = [line for line in done.stderr.splitlines() if "readygo" in line]
     assert (done.returncode, ours) == (0, [])
+
+
+@pytest.mark.parametrize(("unit", "ending"), [("coordinator", "2 78"), ("recorder@", "78"), ("worker@", "78")])
+def test_workers_that_nobody_answers_are_started_again(unit: str, ending: str) -> None:
+    text = (DEPLOY / "systemd" / f"readygo-{unit}.service").read_text()
+    assert f"\nRestartPreventExitStatus={ending}\n" in text
+    assert ("\nStartLimitIntervalSec=0\n" in text) == (ending == "78")

@@ -18,7 +18,7 @@ from readygo.apps.fleet import lead as leading
 from readygo.apps.fleet import worker
 from readygo.apps.fleet.access import join, open_router
 from readygo.apps.fleet.lead import lead
-from readygo.apps.fleet.worker import make_recorder, take_the_lead
+from readygo.apps.fleet.worker import make_coordinator, make_recorder, take_the_lead
 from readygo.apps.observe.observer import Observer
 from readygo.apps.observe.settings import NOTHING
 from readygo.apps.run.folder import RunFolder
@@ -209,11 +209,45 @@ def test_run_in_a_copied_folder_is_led_once_at_a_router(
     router.close()
 
 
+def test_coordinator_that_was_replaced_while_it_was_cut_off_stops_when_it_is_back(
+    tmp_path: Path, certs: Path, pool: ThreadPoolExecutor
+) -> None:
+    folder = make_folder(tmp_path / "data", [DRAW, FILM], wanted=2)
+    listen = free_endpoint().replace("tcp/", "tls/")
+    router = open_router(["rec0"], listen, certs=certs, token="")
+    cable = Cable(listen)
+    bus = join(listen, RUN, "operator", certs=certs)
+    there: list[bool] = []
+    bus.watch(lambda role, name, alive: there.append(alive))
+    first = pool.submit(lead, folder, cable.endpoint, joins=True, certs=certs)
+    wait_for(lambda: there == [True])
+    cable.whole.clear()
+    wait_for(lambda: there == [True, False])
+    copied = RunFolder(Path(shutil.copytree(folder.path, tmp_path / "copied")))
+    second = pool.submit(lead, copied, listen, joins=True, certs=certs)
+    wait_for(lambda: there == [True, False, True])
+    cable.whole.set()
+    with pytest.raises(RunError, match="led by a coordinator that was started later, while this one was cut off"):
+        first.result(timeout=60)
+    assert not second.done()
+    _cancel(listen, certs)
+    with pytest.raises(RunError, match="cancelled"):
+        second.result(timeout=60)
+    # Nobody saw the run without a coordinator in between.
+    wait_for(lambda: not there[-1])
+    assert there.count(False) == 2
+    cable.close()
+    bus.close()
+    router.close()
+
+
 def test_coordinator_answers_nobody_before_it_leads(tmp_path: Path) -> None:
     folder = make_folder(tmp_path / "data", [DRAW, FILM], wanted=2)
     bus = Mock(announce=Mock(side_effect=BusError("taken")))
+    coordinator = make_coordinator(folder)
     with pytest.raises(BusError, match="is led already"):
-        take_the_lead(bus, "run-test")
+        take_the_lead(bus, coordinator)
+    coordinator.ledger.close()
     with pytest.raises(BusError, match="is led already"):
         worker._coordinate(bus, folder, threading.Event(), Observer(NOTHING, run="", role="", name=""))
     bus.serve.assert_not_called()

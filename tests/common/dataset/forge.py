@@ -5,6 +5,7 @@ import hashlib
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 from mcap.opcode import Opcode
 
 from readygo.common.dataset import ShardWriter, read_chunk, schemas
@@ -59,4 +60,8 @@ def _changed(chunk: EpisodeChunk, change: Change, rehash: bool) -> EpisodeChunk:
         times = (record.log_time_ns, record.log_time_ns)
         data += MESSAGE_HEADER.pack(Opcode.MESSAGE, 22 + len(payload), record.channel.number, record.sequence, *times)
         data += payload
-    return dataclasses.replace(chunk, data=bytes(data), message_offsets=offsets)
+    return dataclasses.replace(
+        chunk,
+        data=bytes(data),
+        message_offsets={number: np.array(rows, dtype=np.uint64) for number, rows in offsets.items()},
+    )

@@ -33,10 +33,15 @@ def with_expert(header: Any, samples: list[Any]) -> tuple[Any, list[Any]]:
     ]
 
 
+def without_people(header: Any, samples: list[Any]) -> tuple[Any, list[Any]]:
+    return header, [dataclasses.replace(sample, humans_xyzyaw=(), labels=()) for sample in samples]
+
+
 def fields(chunk: EpisodeChunk) -> dict[str, Any]:
     """All of a chunk, arrays as bytes."""
     found = {field.name: getattr(chunk, field.name) for field in dataclasses.fields(chunk)}
-    found["outputs"] = {name: places.tobytes() for name, places in chunk.outputs.items()}
+    for name in ("outputs", "message_offsets"):
+        found[name] = {key: rows.tobytes() for key, rows in found[name].items()}
     return {**found, "data": bytes(chunk.data), "samples": chunk.samples.tobytes()}
 
 
@@ -47,6 +52,7 @@ EPISODES = {
     "expert": with_expert(*episode(outputs=("depth",))),
     "drawn": episode(drawn={"radius_m": 0.4, "mount_height_m": 0.3}),
     "cameras": with_left_camera(*episode(outputs=("depth",), labels=True)),
+    "nobody": without_people(*episode(labels=True)),
     "goal": with_goal_image(*with_left_camera(*episode())),
 }
 

@@ -5,8 +5,7 @@ import pytest
 from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 
 from readygo.common.camera import CameraConfig
-from readygo.common.dataset import markers, schemas
-from readygo.common.dataset.packed import stamp
+from readygo.common.dataset import columns, markers, schemas
 from readygo.common.frames import matrix_from_quat
 from readygo.common.robot import RobotConfig
 
@@ -49,8 +48,11 @@ def test_outline_has_the_robots_size_in_its_own_frame() -> None:
 
 
 def test_bodies_stand_on_their_poses() -> None:
-    content = markers.bodies([(1.0, 2.0, 0.5), (3.0, 4.0, 0.0)])
-    update = content.channel.message.FromString(b"".join(content.at(stamp(1_500_000_000))))
-    assert [entity.id for entity in update.entities] == ["0", "1"]
-    cylinder = update.entities[0].cylinders[0]
+    somebody, other = (1.0, 2.0, 0.5, 0.0), (3.0, 4.0, 0.0, 0.0)
+    bodies = markers.bodies(np.array([[somebody, other], [other, somebody]]), np.array([[True, True], [True, False]]))
+    stamps = columns.stamps(np.array([1_500_000_000, 1_550_000_000], dtype=np.uint64))
+    both, alone = (bodies.channel.message.FromString(row) for row in columns.rows_of(bodies.at(stamps)))
+    assert [[entity.id for entity in update.entities] for update in (both, alone)] == [["0", "1"], ["0"]]
+    assert alone.entities[0].timestamp.ToNanoseconds() == 1_550_000_000
+    cylinder = both.entities[0].cylinders[0]
     assert cylinder.pose.position.z - 0.5 * cylinder.size.z == pytest.approx(0.5)

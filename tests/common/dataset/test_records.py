@@ -14,6 +14,7 @@ from readygo.common.dataset.records import (
     is_intact,
     iter_messages,
     iter_records,
+    joined_crc32,
 )
 from readygo.common.errors import DatasetError
 
@@ -116,3 +117,9 @@ def test_field_of_a_protobuf_message_is_found_behind_others() -> None:
 def test_bytes_that_are_no_protobuf_message_are_refused(data: bytes) -> None:
     with pytest.raises(DatasetError, match="no protobuf message"):
         field_span(memoryview(data), 0, len(data), 5)
+
+
+@pytest.mark.parametrize("first", [b"", b"abc", b"q" * 1000])
+@pytest.mark.parametrize("second", [b"", b"x", b"w" * 123_457])
+def test_crc32_of_two_pieces_is_that_of_both_together(first: bytes, second: bytes) -> None:
+    assert joined_crc32(zlib.crc32(first), zlib.crc32(second), len(second)) == zlib.crc32(first + second)

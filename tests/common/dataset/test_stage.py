@@ -11,9 +11,10 @@ import pytest
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from mcap.reader import NonSeekingReader, make_reader
 
-from readygo.common.dataset import Dataset, validate
+from readygo.common.dataset import Dataset, columns, validate
 from readygo.common.dataset import schemas as s
-from readygo.common.dataset.packed import Content
+from readygo.common.dataset.columns import Part, Pieces
+from readygo.common.dataset.packed import Messages
 from readygo.common.dataset.stage import PAUSE_NS, Stage
 from readygo.common.frames import matrix_from_quat
 from readygo.common.robot.kinematics import STEP_NS
@@ -132,13 +133,12 @@ def test_without_robot_and_maps_there_are_frames_and_ways_only(tmp_path) -> None
 
 
 def test_a_frame_that_is_not_at_the_pose_is_a_defect(tmp_path, monkeypatch) -> None:
-    def misplaced(self: Stage, position: bytes, orientation: bytes) -> Content:
-        seqs.append(len(seqs))
-        moved = Vector3.FromString(position)
-        moved.x += 0.01 if seqs[-1] in (4, 6) else 0.0
-        return frames(self, moved.SerializeToString(), orientation)
+    def misplaced(self: Stage, position: Part, orientation: Part) -> Messages:
+        positions = [Vector3.FromString(row) for row in columns.rows_of([position])]
+        for seq in (4, 6):
+            positions[seq].x += 0.01
+        return frames(self, Pieces([moved.SerializeToString() for moved in positions]), orientation)
 
-    seqs: list[int] = []
     frames = Stage.frames
     monkeypatch.setattr(Stage, "frames", misplaced)
     write_shard(tmp_path, [1], stage=STAGE)

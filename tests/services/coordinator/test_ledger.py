@@ -126,6 +126,10 @@ def test_ledger_made_anew_opens_what_is_unknown_unless_all_was_recorded(
     ledger.close()
 
 
+def test_turns_rise_whatever_the_clock_says(ledger: Ledger) -> None:
+    assert [ledger.next_turn(least) for least in (70, 50, 90)] == [70, 71, 90]
+
+
 def test_damaged_ledger_is_found(tmp_path: Path) -> None:
     path = tmp_path / "ledger.sqlite"
     ledger = Ledger(path)
