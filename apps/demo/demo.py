@@ -45,7 +45,7 @@ class _Timer:
         self.console.print(f"[bold]{time.monotonic() - self.begin_s:5.0f} s[/bold]  {text}")
 
 
-def demo(*, out: Path = Path("demo"), minutes: float = 4.5, episodes: int = 10, reconstruct: bool = False) -> None:
+def demo(*, out: Path = Path("demo"), minutes: float = 3.5, episodes: int = 10, reconstruct: bool = False) -> None:
     """Learn a policy in the embedded scene, try it, and write a report and a film.
 
     Args:

@@ -30,7 +30,7 @@ from readygo.common.messages import Split
 from readygo.common.scenes import Scene, load_scene
 from readygo.common.scenes.scene import REPORT_FILE
 from readygo.common.scenes.top_view import top_view
-from readygo.services.reconstructor.config import MetricConfig, ReconstructorConfig
+from readygo.services.reconstructor.config import MetricConfig, PosesConfig, ReconstructorConfig
 from readygo.services.reconstructor.reconstruct import GAUSSIANS, Job, check_installed, reconstruct
 from readygo.services.reconstructor.stages import Say
 from readygo.services.reconstructor.training.config import GaussiansConfig, preset
@@ -40,7 +40,7 @@ ROOM_M = (-5.2, 0.6, 0.5, 4.8)
 MARKER_M = 0.2
 EPISODES = 8
 _WALK = CaptureConfig(seconds=60.0, fps=2, marker_size_m=MARKER_M)
-_STEPS, _SIDE_PX = 600, 200
+_STEPS, _SIDE_PX = 1500, 320
 _SHOWN = 4
 _PICTURE_PX = 720
 
@@ -85,7 +85,9 @@ def demo_reconstruction(scene: Scene, out: Path, say: Callable[[str], None], sta
     say("finding where it was filmed from, and training Gaussians")
     job = Job(source=video, out=run / "room", work=run / "room.work", license=scene.license)
     metric = MetricConfig(marker_size_m=MARKER_M)
-    report = reconstruct(job, ReconstructorConfig(metric=metric, gaussians=training()), stages)
+    # One thread makes the same map each time.
+    config = ReconstructorConfig(poses=PosesConfig(threads=1), metric=metric, gaussians=training())
+    report = reconstruct(job, config, stages)
     found = load_scene(job.out)
     if found.views is None:
         raise RunError(f"{job.out} has no cameras.")

@@ -14,6 +14,7 @@ from readygo.commands import COMMANDS
 from readygo.common.drawing.files import write_png
 from readygo.common.errors import RunError
 from readygo.common.scenes.embedded.plan import ROOMS
+from readygo.services.reconstructor.training.config import preset
 
 
 def test_room_is_one_of_the_flat() -> None:
@@ -21,7 +22,7 @@ def test_room_is_one_of_the_flat() -> None:
 
 
 def test_training_is_short_and_makes_surfaces() -> None:
-    assert training().steps < 1000
+    assert training().steps < preset("draft").steps
     assert training().geometry.enabled
 
 
