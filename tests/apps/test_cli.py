@@ -169,6 +169,8 @@ def wait():
     time.sleep(60.0)
 
 sys.modules["waits"] = sys.modules["__main__"]
+# Whoever runs the tests in the background has it ignored.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 sys.unraisablehook = cli.stop_later
 cli.run_command({{"wait": cli.Command("waits:wait", "waits")}}, ["wait"])
 """
