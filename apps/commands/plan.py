@@ -5,7 +5,7 @@ import json as json_module
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from rich.console import Console
 from rich.table import Table
@@ -32,6 +32,9 @@ from readygo.services.planner.humans.mixes import MixName
 from readygo.services.planner.humans.scenario_file import load_scenarios, save_scenarios
 from readygo.services.renderer import Renderer
 from readygo.services.renderer.sensor.recipes import SensorName
+
+if TYPE_CHECKING:
+    from readygo.apps.pictures.plan_film import RobotView
 
 
 def plan(
@@ -153,14 +156,14 @@ def _renderer(scene: Scene, avatars: dict[str, Avatar], config: RunConfig) -> Re
     return Renderer(scene=scene, avatars=avatars, robot=config.robot, config=only_rgb)
 
 
-def _look(take: Take, renderer: Renderer | None) -> Look | None:
-    """What the robot's camera sees; None without a renderer or a run."""
-    from readygo.apps.pictures.plan_film import robot_view
+def _look(take: Take, renderer: Renderer | None) -> "RobotView | None":
+    """What the robot's cameras see; None without a renderer or a run."""
+    from readygo.apps.pictures.plan_film import RobotView
 
     run = take.run
     if renderer is None or run is None:
         return None
-    return robot_view(renderer, run.scenario, run.motions, run.trajectory)
+    return RobotView(renderer, run.scenario, run.motions, run.trajectory)
 
 
 def _picture(take: Take, planner: RobotPlanner, look: Look | None) -> Picture:
@@ -169,7 +172,7 @@ def _picture(take: Take, planner: RobotPlanner, look: Look | None) -> Picture:
     return draw_episode(planner.maps.robot, take.scenario, robot=planner.robot, episode_config=planner.episode_config)
 
 
-def _write_video(path: Path, take: Take, planner: RobotPlanner, look: Look | None) -> None:
+def _write_video(path: Path, take: Take, planner: RobotPlanner, look: "RobotView | None") -> None:
     """Film the run.
 
     Raises:

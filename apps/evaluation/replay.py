@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from readygo.apps.pictures.plan_film import robot_view, run_film
+from readygo.apps.pictures.plan_film import RobotView, run_film
 from readygo.apps.run.world import World
 from readygo.common.drawing import plan_view
 from readygo.common.drawing.files import Picture
@@ -24,6 +24,8 @@ from readygo.services.renderer import Renderer
 
 MAP_PX = (460, 330)
 """Largest width and height of an episode's map on a page."""
+STRIP_PX = 480
+"""Width of several cameras' images together in a strip, about."""
 BEFORE_END_S = (4.0, 3.0, 2.0, 1.0, 0.5, 0.0)
 """The strip of a collision shows what the robot saw this long before [s]."""
 
@@ -105,7 +107,7 @@ class Replays:
     def strip(self, record: EpisodeRecord, trajectory: RobotTrajectory) -> list[StripImage]:
         """What the robot saw: before the collision, or all the time."""
         episode = self.episode(record)
-        look = robot_view(self._renderer, episode.scenario, episode.motions, trajectory)
+        look = RobotView(self._renderer, episode.scenario, episode.motions, trajectory, width_px=STRIP_PX)
         return [StripImage(time_s=step * trajectory.dt_s, rgb=look(step)) for step in strip_steps(trajectory)]
 
     def film(self, path: Path, record: EpisodeRecord) -> None:
@@ -126,7 +128,7 @@ class Replays:
                 planner, scenario, motions, lambda simulation: self._steer(record, simulation), record.method
             )
         trajectory = self._checked(record, run.trajectory)
-        write_film(path, run_film(planner, run, robot_view(self._renderer, scenario, motions, trajectory)))
+        write_film(path, run_film(planner, run, RobotView(self._renderer, scenario, motions, trajectory)))
 
     @cached_property
     def _renderer(self) -> Renderer:

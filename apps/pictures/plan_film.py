@@ -4,29 +4,72 @@ from collections.abc import Iterator
 from functools import partial
 
 from readygo.apps.pictures.episode_film import EpisodeFilm, film_frames
+from readygo.apps.pictures.side_by_side import ALONE, CAMERAS_WIDTH_PX, shown_images, side_by_side
 from readygo.common.drawing.files import Picture
 from readygo.common.drawing.plan_view import draw_scale_bar
 from readygo.common.messages import EpisodeMotions, RobotTrajectory, Scenario
 from readygo.common.scenes.top_view import TopView
 from readygo.services.planner import RobotPlanner
 from readygo.services.planner.explain.journal import DrivenRun
-from readygo.services.planner.explain.picture import Look, episode_view
+from readygo.services.planner.explain.picture import episode_view
 from readygo.services.planner.explain.picture_layers import draw_knowledge, draw_superseded
 from readygo.services.renderer import Renderer
-from readygo.services.renderer.handlers import episode_shots
+from readygo.services.renderer.handlers import episode_shots, recorded_images, robot_views, view_image
 
 PIXELS_PER_M = 80
 GIVEN_UP_S = 1.0
 """A plan that was given up stays in the film for this long [s]."""
 
 
-def run_film(planner: RobotPlanner, run: DrivenRun, look: Look | None = None) -> Iterator[Picture]:
+class RobotView:
+    """What the robot's cameras show at a run's steps: the images that `readygo generate` records, before JPEG."""
+
+    def __init__(
+        self,
+        renderer: Renderer,
+        scenario: Scenario,
+        motions: EpisodeMotions,
+        trajectory: RobotTrajectory,
+        *,
+        width_px: int = CAMERAS_WIDTH_PX,
+    ) -> None:
+        """Put the cameras onto the robot.
+
+        Args:
+            renderer: Whose cameras look.
+            scenario: Of the run.
+            motions: How its humans move.
+            trajectory: What the robot did.
+            width_px: Width at which several images are shown together, about.
+
+        Raises:
+            AvatarError: If a human wears an avatar that is not loaded.
+        """
+        self._renderer, self._names, self._width_px = renderer, recorded_images(renderer), width_px
+        self._rows = shown_images(self._names, renderer.robot)
+        self._shots = {
+            name: episode_shots(renderer, scenario, motions, trajectory, capture)
+            for name, capture in renderer.captures.items()
+        }
+        self.alone = self._rows == ALONE
+        """Whether it is one image as the camera takes it; several are enlarged and have names."""
+
+    def __call__(self, step: int) -> Picture:
+        """Draw a step."""
+        (views,) = robot_views(self._renderer, lambda capture: (self._shots[capture.name](step),), self._names)
+        if self.alone:
+            return views[""].rgb
+        images = {name: view_image(views, name) for row in self._rows for name in row}
+        return side_by_side(images, self._rows, self._renderer.robot, width_px=self._width_px)
+
+
+def run_film(planner: RobotPlanner, run: DrivenRun, look: RobotView | None = None) -> Iterator[Picture]:
     """Pictures of a run, 20 a second.
 
     Args:
         planner: Whose map, robot and settings the run had.
         run: The episode with its journal.
-        look: What the robot's camera shows, beside the map.
+        look: What the robot's cameras show, beside the map.
     """
     trajectory, scenario = run.trajectory, run.scenario
     view = episode_view(planner.maps.robot, scenario, trajectory, motions=run.motions, pixels_per_m=PIXELS_PER_M)
@@ -36,6 +79,7 @@ def run_film(planner: RobotPlanner, run: DrivenRun, look: Look | None = None) ->
         actions=trajectory.actions,
         goal_xy_m=scenario.goal_xy_m,
         camera=None if look is None else map(look, range(len(trajectory.xyyaw))),
+        enlarged=look is None or look.alone,
         humans_xy_m=tuple(run.human_xy_m(k) for k in range(len(scenario.humans))),
         outcome=trajectory.outcome.value.replace("_", " "),
         underlay=partial(_underlay, planner, run),
@@ -55,18 +99,3 @@ def _underlay(planner: RobotPlanner, run: DrivenRun, picture: Picture, view: Top
     draw_knowledge(picture, view, planner, run, step)
     draw_superseded(picture, view, run, range(step - planner.robot.clock.steps(GIVEN_UP_S), step + 1))
     draw_scale_bar(picture, view)
-
-
-def robot_view(renderer: Renderer, scenario: Scenario, motions: EpisodeMotions, trajectory: RobotTrajectory) -> Look:
-    """What the robot's camera shows at a run's steps: the images that `readygo generate` records, before JPEG.
-
-    Raises:
-        AvatarError: If a human wears an avatar that is not loaded.
-    """
-    shot_at = episode_shots(renderer, scenario, motions, trajectory)
-
-    def look(step: int) -> Picture:
-        (images,) = renderer.capture.take((shot_at(step),))
-        return images.rgb
-
-    return look

@@ -7,13 +7,12 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.apps.pictures.episode_film import EpisodeFilm
-from readygo.apps.pictures.side_by_side import recorded_together, shown_images
+from readygo.apps.pictures.side_by_side import ALONE, CAMERAS_WIDTH_PX, recorded_together, shown_images
 from readygo.apps.run.folder import RunFolder
 from readygo.common.dataset import Dataset, EpisodeEntry
 from readygo.common.drawing.files import Picture
 from readygo.common.drawing.plan_view import map_window
 from readygo.common.errors import ReadygoError
-from readygo.common.images.names import RGB
 from readygo.common.maps import GridFrame, OccupancyMap
 from readygo.common.robot import RobotConfig
 from readygo.common.scenes import load_scene
@@ -21,8 +20,6 @@ from readygo.common.scenes.top_view import TopView, top_view
 
 MARGIN_M = 2.0
 PIXEL_M = 0.02
-CAMERAS_WIDTH_PX = 1200
-"""Width at which the images of several cameras are shown together, about."""
 _MAP_CELL_M = 0.25
 
 Way = npt.NDArray[np.float64]
@@ -54,7 +51,7 @@ def recorded_film(
     robot = dataset.robot or RobotConfig()
     shown = shown_images(dataset.outputs, robot, camera)
     pictures = (dataset.decode(sample) for sample in latest_pictured(dataset, rows))
-    alone = shown == ((RGB,),)
+    alone = shown == ALONE
     return EpisodeFilm(
         title=entry.episode.episode_id,
         camera=pictures if alone else _together(dataset, rows, shown, robot, width_px),

@@ -7,7 +7,8 @@ import numpy as np
 import numpy.typing as npt
 
 from readygo.apps.pictures.episode_film import EpisodeFilm, film_frames
-from readygo.apps.pictures.playback import CAMERAS_WIDTH_PX, Way, recorded_film, rows_of
+from readygo.apps.pictures.playback import Way, recorded_film, rows_of
+from readygo.apps.pictures.side_by_side import CAMERAS_WIDTH_PX
 from readygo.apps.run.world import World
 from readygo.common.dataset import Dataset, EpisodeEntry
 from readygo.common.drawing.film import write_film

@@ -1,9 +1,11 @@
 """What the cameras of a robot show at one time as one picture: cameras from left to right, depths below colours."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from readygo.apps.pictures.shades import shaded
 from readygo.common.dataset import Dataset
@@ -15,6 +17,10 @@ from readygo.common.images.names import RGB, SHOWN_KINDS, camera_of, cameras_of,
 from readygo.common.robot import RobotConfig
 
 GAP_PX, CAPTION_PX = 4, 20
+CAMERAS_WIDTH_PX = 1200
+"""Width at which the images of several cameras are shown together, about."""
+ALONE = ((RGB,),)
+"""What `shown_images` finds of one camera without depth: shown as it is, without a name."""
 
 
 def shown_images(names: Iterable[str], robot: RobotConfig, camera: str = "") -> tuple[tuple[str, ...], ...]:
@@ -42,7 +48,7 @@ def shown_images(names: Iterable[str], robot: RobotConfig, camera: str = "") -> 
 
 def has_several(dataset: Dataset) -> bool:
     """True if there are several images to show of one time."""
-    return shown_images(dataset.outputs, dataset.robot or RobotConfig()) != ((RGB,),)
+    return shown_images(dataset.outputs, dataset.robot or RobotConfig()) != ALONE
 
 
 def camera_name(camera: str, robot: RobotConfig) -> str:
@@ -66,17 +72,16 @@ def recorded_together(
     """
     names = [name for row in rows for name in row]
     decoded = {name: dataset.decode_output(sample, name) for name in names}
-    images = {name: image if kind_of(name) == RGB else shaded(image) for name, image in decoded.items()}
-    return side_by_side(images, rows, robot, width_px=width_px)
+    return side_by_side(decoded, rows, robot, width_px=width_px)
 
 
 def side_by_side(
-    images: Mapping[str, Picture], rows: Sequence[Sequence[str]], robot: RobotConfig, *, width_px: int
+    images: Mapping[str, npt.NDArray[Any]], rows: Sequence[Sequence[str]], robot: RobotConfig, *, width_px: int
 ) -> Picture:
     """Pictures in rows, all of one height, with names below.
 
     Args:
-        images: In colours, by name, shape (H, W, 3) each.
+        images: By name, in colours, shape (H, W, 3), or depths [m], shape (H, W), which are shaded.
         rows: Of `shown_images`.
         robot: Whose cameras they are of.
         width_px: Of the whole, about: pictures are enlarged by a whole factor, or made smaller.
@@ -84,10 +89,11 @@ def side_by_side(
     Returns:
         sRGB.
     """
-    height_px = max(len(images[row[0]]) for row in rows)
-    widest_px = max(sum(_width_at(images[name], height_px) for name in row) for row in rows)
+    pictures = {name: images[name] if kind_of(name) == RGB else shaded(images[name]) for row in rows for name in row}
+    height_px = max(len(pictures[row[0]]) for row in rows)
+    widest_px = max(sum(_width_at(pictures[name], height_px) for name in row) for row in rows)
     scale = max(1, width_px // widest_px) if widest_px <= width_px else width_px / widest_px
-    strips = [_strip(row, images, robot, round(scale * height_px)) for row in rows]
+    strips = [_strip(row, pictures, robot, round(scale * height_px)) for row in rows]
     whole = np.full((sum(map(len, strips)), max(strip.shape[1] for strip in strips), 3), WHITE, np.uint8)
     top = 0
     for strip in strips:

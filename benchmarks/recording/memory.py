@@ -63,7 +63,7 @@ def _watched(run: subprocess.Popen[bytes]) -> dict[str, Reading]:
     readings: dict[str, Reading] = {}
     while run.poll() is None:
         for pid, name in workers_below(run.pid):
-            reading = _reading(pid)
+            reading = reading_of(pid)
             if reading is not None:
                 most_mb = max(reading["private_mb"], readings.get(name, {}).get("most_mb", 0.0))
                 readings[name] = {**reading, "most_mb": most_mb}
@@ -89,7 +89,7 @@ def workers_below(ancestor: int) -> list[tuple[int, str]]:
     return [(pid, name) for pid, name in workers if ancestor in (parents[pid], parents.get(parents[pid]))]
 
 
-def _reading(pid: int) -> Reading | None:
+def reading_of(pid: int) -> Reading | None:
     """Memory of a process [MB]; None once it has ended."""
     try:
         lines = Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines()[1:]

@@ -1,8 +1,19 @@
+import dataclasses
+
 import numpy as np
 import pytest
 
 from readygo.apps.pictures import plan_film
-from readygo.apps.pictures.plan_film import GIVEN_UP_S, run_film
+from readygo.apps.pictures.plan_film import GIVEN_UP_S, RobotView, run_film
+from readygo.apps.pictures.side_by_side import CAPTION_PX, GAP_PX
+from readygo.apps.run.config import RunConfig
+from readygo.apps.run.scene_argument import open_scene
+from readygo.apps.run.spec import make_spec
+from readygo.apps.run.world import World
+from readygo.common.avatars import load_avatars
+from readygo.common.messages import Split
+from readygo.services.renderer import Renderer, RendererConfig
+from tests.common.policy.artifacts import ROBOT
 from tests.services.planner.runs import STEPS, WAY, make_journal, make_run
 from tests.services.planner.worlds import make_robot_planner
 
@@ -25,3 +36,41 @@ def test_plan_that_was_given_up_fades_after_a_second(planner, monkeypatch: pytes
     paths = [(WAY if k < 25 else WAY + np.array([0.0, 0.6]))[k:] for k in range(STEPS)]
     list(run_film(planner, make_run(journal=make_journal(paths, searches=(0, 25)))))
     assert [k for k, steps in enumerate(shown) if 25 in steps] == list(range(25, 25 + round(GIVEN_UP_S * 20) + 1))
+
+
+@pytest.fixture(scope="module")
+def two_cameras() -> Renderer:
+    left = dataclasses.replace(ROBOT.camera, mount_yaw_deg=75.0)
+    config = RunConfig(
+        robot=dataclasses.replace(ROBOT, cameras={"left": left}), renderer=RendererConfig(outputs=("rgb", "depth"))
+    )
+    spec = make_spec(open_scene("embedded"), None, config, seed=1, split=Split.TRAIN, static=False)
+    return World(spec).renderer()
+
+
+def test_all_cameras_and_depths_are_shown_together_and_one_alone_as_it_is(two_cameras: Renderer) -> None:
+    run, camera = make_run(), ROBOT.camera
+    view = RobotView(two_cameras, run.scenario, run.motions, run.trajectory, width_px=200)
+    scale = 200 // (2 * camera.width_px)
+    height, width = 2 * (scale * camera.height_px + CAPTION_PX), 2 * scale * camera.width_px + GAP_PX
+    assert not view.alone
+    assert view(3).shape == (height, width, 3)
+    assert not np.array_equal(view(3), view(40))
+    only = Renderer(two_cameras.scene, load_avatars(), ROBOT, RendererConfig())
+    alone = RobotView(only, run.scenario, run.motions, run.trajectory)
+    assert alone.alone
+    assert alone(3).shape == (camera.height_px, camera.width_px, 3)
+
+
+def test_film_shows_several_cameras_as_they_are(planner, two_cameras: Renderer) -> None:
+    run = make_run()
+    view = RobotView(two_cameras, run.scenario, run.motions, run.trajectory, width_px=600)
+    together = view(0)
+    frame = next(iter(run_film(planner, run, view)))
+    places = [
+        (top, side)
+        for top in range(20)
+        for side in range(20)
+        if np.array_equal(frame[top:, side:][: len(together), : together.shape[1]], together)
+    ]
+    assert len(places) == 1

@@ -31,9 +31,9 @@ def test_workers_of_a_fork_server_are_found_as_well(worker) -> None:
 
 
 def test_memory_is_read_in_megabytes_until_the_process_ends() -> None:
-    reading = memory._reading(os.getpid())
+    reading = memory.reading_of(os.getpid())
     assert 5 < reading["private_mb"] <= reading["resident_mb"] < 10_000
-    assert memory._reading(2**22 + 1) is None
+    assert memory.reading_of(2**22 + 1) is None
 
 
 def test_most_is_kept_of_all_readings(monkeypatch) -> None:
@@ -41,6 +41,6 @@ def test_most_is_kept_of_all_readings(monkeypatch) -> None:
     sizes = iter([10.0, 30.0, 20.0])
     monkeypatch.setattr(memory, "PERIOD_S", 0.0)
     monkeypatch.setattr(memory, "workers_below", lambda pid: [(1, "r0")])
-    monkeypatch.setattr(memory, "_reading", lambda pid: {"private_mb": next(sizes), "resident_mb": 40.0})
+    monkeypatch.setattr(memory, "reading_of", lambda pid: {"private_mb": next(sizes), "resident_mb": 40.0})
     run = type("Run", (), {"pid": 1, "poll": lambda self: next(polls)})()
     assert memory._watched(run) == {"r0": {"private_mb": 20.0, "resident_mb": 40.0, "most_mb": 30.0}}
