@@ -195,7 +195,8 @@ def evaluate(
         summary = summarize(reply, request, evaluator) | _settings_said(run_config, identity)
         if results is not None:
             results.finish(summary)
-            replays = Replays(world, results, reply.episodes, renderer, evaluator.simulation)
+            sees = loaded.spec.inputs.images if loaded else ()
+            replays = Replays(world, results, reply.episodes, renderer, evaluator.simulation, sees=sees)
             write_films(replays, request, reply, video)
             options = {
                 "policy": policy,

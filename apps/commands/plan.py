@@ -111,7 +111,8 @@ def plan(
     renderer = _renderer(bundle, humans, run_config) if camera and bundle else None
     steer = policy_steer(driving, renderer) if driving and renderer else None
     take = takes.take(EpisodeKey(seed=seed, split=Split(split), index=index), static=static, steer=steer)
-    look, planner = _look(take, renderer), takes.robot_planner.of(take.scenario.episode)
+    sees = driving.spec.inputs.images if driving else ()
+    look, planner = _look(take, renderer, sees), takes.robot_planner.of(take.scenario.episode)
     if picture is not None:
         write_png(picture, _picture(take, planner, look))
     if video is not None:
@@ -156,14 +157,14 @@ def _renderer(scene: Scene, avatars: dict[str, Avatar], config: RunConfig) -> Re
     return Renderer(scene=scene, avatars=avatars, robot=config.robot, config=only_rgb)
 
 
-def _look(take: Take, renderer: Renderer | None) -> "RobotView | None":
+def _look(take: Take, renderer: Renderer | None, sees: Sequence[str]) -> "RobotView | None":
     """What the robot's cameras see; None without a renderer or a run."""
     from readygo.apps.pictures.plan_film import RobotView
 
     run = take.run
     if renderer is None or run is None:
         return None
-    return RobotView(renderer, run.scenario, run.motions, run.trajectory)
+    return RobotView(renderer, run.scenario, run.motions, run.trajectory, sees=sees)
 
 
 def _picture(take: Take, planner: RobotPlanner, look: Look | None) -> Picture:

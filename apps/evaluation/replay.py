@@ -49,6 +49,8 @@ class Replays:
         episodes: Sequence[MatchedEpisode],
         renderer: Renderer | None,
         simulate: Simulate,
+        *,
+        sees: Sequence[str] = (),
     ) -> None:
         """Prepare the place.
 
@@ -58,12 +60,13 @@ class Replays:
             episodes: Those that were driven.
             renderer: Of the world; made when it is needed if there is none yet.
             simulate: Starts an episode, as in the evaluation.
+            sees: Images by which the policy drives; they are shown beside those that are recorded.
         """
         self.world, self.folder, self._results = world, results.folder, results
         self._episodes: Mapping[tuple[Task, EpisodeKey], MatchedEpisode] = {
             (episode.task, episode.scenario.episode): episode for episode in episodes
         }
-        self._made_renderer, self._simulate = renderer, simulate
+        self._made_renderer, self._simulate, self._sees = renderer, simulate, sees
         self._walked: dict[RecordKey, EpisodeMotions] = {}
         """What humans did who decided as they went."""
         self._actions: dict[RecordKey, npt.NDArray[np.float64]] = {}
@@ -107,7 +110,9 @@ class Replays:
     def strip(self, record: EpisodeRecord, trajectory: RobotTrajectory) -> list[StripImage]:
         """What the robot saw: before the collision, or all the time."""
         episode = self.episode(record)
-        look = RobotView(self._renderer, episode.scenario, episode.motions, trajectory, width_px=STRIP_PX)
+        look = RobotView(
+            self._renderer, episode.scenario, episode.motions, trajectory, sees=self._sees, width_px=STRIP_PX
+        )
         return [StripImage(time_s=step * trajectory.dt_s, rgb=look(step)) for step in strip_steps(trajectory)]
 
     def film(self, path: Path, record: EpisodeRecord) -> None:
@@ -128,7 +133,8 @@ class Replays:
                 planner, scenario, motions, lambda simulation: self._steer(record, simulation), record.method
             )
         trajectory = self._checked(record, run.trajectory)
-        write_film(path, run_film(planner, run, RobotView(self._renderer, scenario, motions, trajectory)))
+        view = RobotView(self._renderer, scenario, motions, trajectory, sees=self._sees)
+        write_film(path, run_film(planner, run, view))
 
     @cached_property
     def _renderer(self) -> Renderer:

@@ -126,7 +126,12 @@ class Measuring:
                 replies[place.name] = handle_evaluate(driven, request, report=report, results=results)
                 results.finish(summarize(replies[place.name], request, driven))
                 replays = Replays(
-                    self._worlds[row], results, replies[place.name].episodes, self._renderers[row], driven.simulation
+                    self._worlds[row],
+                    results,
+                    replies[place.name].episodes,
+                    self._renderers[row],
+                    driven.simulation,
+                    sees=policy.spec.inputs.images,
                 )
                 write_pages(
                     replays,

@@ -1,6 +1,6 @@
 """The film of a run: where everybody is, what the expert sees, expects and intends, and what the camera shows."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 
 from readygo.apps.pictures.episode_film import EpisodeFilm, film_frames
@@ -31,6 +31,7 @@ class RobotView:
         motions: EpisodeMotions,
         trajectory: RobotTrajectory,
         *,
+        sees: Sequence[str] = (),
         width_px: int = CAMERAS_WIDTH_PX,
     ) -> None:
         """Put the cameras onto the robot.
@@ -40,12 +41,14 @@ class RobotView:
             scenario: Of the run.
             motions: How its humans move.
             trajectory: What the robot did.
+            sees: Images that are shown beside those that are recorded, such as depths that a policy drives by.
             width_px: Width at which several images are shown together, about.
 
         Raises:
             AvatarError: If a human wears an avatar that is not loaded.
         """
-        self._renderer, self._names, self._width_px = renderer, recorded_images(renderer), width_px
+        self._names = tuple(dict.fromkeys((*recorded_images(renderer), *sees)))
+        self._renderer, self._width_px = renderer, width_px
         self._rows = shown_images(self._names, renderer.robot)
         self._shots = {
             name: episode_shots(renderer, scenario, motions, trajectory, capture)

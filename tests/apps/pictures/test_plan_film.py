@@ -62,6 +62,14 @@ def test_all_cameras_and_depths_are_shown_together_and_one_alone_as_it_is(two_ca
     assert alone(3).shape == (camera.height_px, camera.width_px, 3)
 
 
+def test_depths_that_a_policy_drives_by_are_shown_below(two_cameras: Renderer) -> None:
+    run, camera = make_run(), ROBOT.camera
+    only = Renderer(two_cameras.scene, load_avatars(), ROBOT, RendererConfig())
+    view = RobotView(only, run.scenario, run.motions, run.trajectory, sees=("rgb", "depth"), width_px=camera.width_px)
+    assert not view.alone
+    assert view(3).shape == (2 * (camera.height_px + CAPTION_PX), camera.width_px, 3)
+
+
 def test_film_shows_several_cameras_as_they_are(planner, two_cameras: Renderer) -> None:
     run = make_run()
     view = RobotView(two_cameras, run.scenario, run.motions, run.trajectory, width_px=600)
