@@ -63,6 +63,8 @@ class HumanPlannerConfig:
     """Families of encounters (paper: crossing or parallel)."""
     absent: float = 0.0
     """Share of the episodes in which nobody walks, 0..1; start and goal are the same as with humans."""
+    absent_first: int = 0
+    """Nor does anybody walk in the episodes of a smaller index: who learns meets the place first, then people."""
     reactive: bool = False
     """True lets humans yield to the robot that they see: planned against the expert, see the README."""
     reactive_cone_deg: float = 200.0
@@ -128,6 +130,8 @@ class HumanPlannerConfig:
             raise ValueError("clearances must be 0 < clearance_m <= route_clearance_m <= preferred_clearance_m.")
         if not 0 <= self.absent <= 1:
             raise ValueError(f"absent must be 0..1, got {self.absent}.")
+        if self.absent_first < 0:
+            raise ValueError(f"absent_first must be at least 0, got {self.absent_first}.")
         if not (0 <= self.goal_snap_m <= 5 and self.slope_max >= 0):
             raise ValueError("goal_snap_m must be 0..5 m and slope_max at least 0.")
         if not (0 < self.reactive_cone_deg <= 360 and self.reactive_range_m > 0):

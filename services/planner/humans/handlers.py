@@ -102,7 +102,7 @@ def handle_human_plan(planner: HumanPlanner, request: HumanPlanRequest) -> Human
     """Draw the scenario of an episode, or play the file's; what cannot take place is rejected with a short reason."""
     planner = planner.of(request.episode)
     rng = episode_rng(request.episode, Purpose.SCENARIO)
-    static = request.static or bool(episode_rng(request.episode, Purpose.ABSENCE).random() < planner.config.absent)
+    static = request.static or _nobody_walks(request.episode, planner.config)
     try:
         if planner.script is None:
             scenario = planner.sampler.draw(request.episode, rng, planner.avatar_names, static=static)
@@ -113,6 +113,11 @@ def handle_human_plan(planner: HumanPlanner, request: HumanPlanRequest) -> Human
     except RejectedError as reason:
         return HumanPlanReply(episode=request.episode, rejected=str(reason))
     return HumanPlanReply(episode=request.episode, scenario=scenario)
+
+
+def _nobody_walks(episode: EpisodeKey, config: HumanPlannerConfig) -> bool:
+    drawn = episode_rng(episode, Purpose.ABSENCE).random()
+    return episode.index < config.absent_first or bool(drawn < config.absent)
 
 
 def let_react(planner: HumanPlanner, scenario: Scenario, reacts: Sequence[bool]) -> Scenario:
