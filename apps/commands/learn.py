@@ -89,7 +89,7 @@ def learn(
     plan = make_plan(
         scenes,
         out,
-        *learn_configs(config, robot, inputs, cameras, goal),
+        *learn_configs(config, robot, inputs, cameras, goal, scene_count=max(len(scenes), 1)),
         Budget(minutes=minutes, samples=samples),
         avatars=avatars,
         seed=seed,

@@ -36,6 +36,8 @@ SMALL_CAMERA = CameraConfig(height_px=72, width_px=128)
 """What a policy sees where nobody names a camera: half the usual size, learned from three times as fast."""
 ABSENT = 0.3
 """Share of the episodes without humans."""
+ABSENT_FIRST = 600
+"""Episodes without humans at the beginning, over all scenes: the place is learned first, then people."""
 DISTURBED = 0.5
 """Share of the expert's episodes in which it is disturbed."""
 IMAGE_EVERY_S = 0.25
@@ -98,11 +100,16 @@ class Plan:
         return self.out / "curve.json"
 
 
-def learn_settings(config: Path | None, robot: Path | None) -> RunConfig:
+def learn_settings(config: Path | None, robot: Path | None, *, scene_count: int = 1) -> RunConfig:
     """The settings of the runs: what nobody names is as learning needs it, instead of as in `readygo generate`.
 
-    Small images with levels of detail and no labels beside them, few a second, episodes without humans among those
-    with them, an expert that is disturbed.
+    Small images with levels of detail and no labels beside them, few a second, episodes without humans first and then
+    among those with them, an expert that is disturbed.
+
+    Args:
+        config: TOML file with sections of settings.
+        robot: The robot's file.
+        scene_count: How many scenes share the first episodes.
 
     Raises:
         ConfigError: If a file cannot be read or holds an unknown key or a wrong value.
@@ -111,7 +118,7 @@ def learn_settings(config: Path | None, robot: Path | None) -> RunConfig:
     own = load_robot(robot, cameras_of=usual) if robot else None
     base = RunConfig(
         robot=usual,
-        human_planner=HumanPlannerConfig(absent=ABSENT),
+        human_planner=HumanPlannerConfig(absent=ABSENT, absent_first=-(-ABSENT_FIRST // scene_count)),
         driver=DriverConfig(disturbed=DISTURBED, camera_hz=_pictures_hz(own or RobotConfig())),
         renderer=RendererConfig(detail="lod", labels=False),
     )
@@ -119,7 +126,13 @@ def learn_settings(config: Path | None, robot: Path | None) -> RunConfig:
 
 
 def learn_configs(
-    config: Path | None, robot: Path | None, inputs: str, cameras: str, goal: GoalName | None = None
+    config: Path | None,
+    robot: Path | None,
+    inputs: str,
+    cameras: str,
+    goal: GoalName | None = None,
+    *,
+    scene_count: int = 1,
 ) -> tuple[RunConfig, LearnConfig]:
     """The settings of the runs and of learning, with all that the policy is to see among what is recorded.
 
@@ -129,11 +142,12 @@ def learn_configs(
         inputs: See `chosen_images`; as the section `[learn]` says if it is empty, as is the next.
         cameras: See there.
         goal: What the policy is told of its goal; as `[learn]` says by default.
+        scene_count: How many scenes share the first episodes.
 
     Raises:
         ConfigError: If a file cannot be read or holds an unknown key or a wrong value, or there is no such image.
     """
-    runs, learn = learn_settings(config, robot), load_learn_config(config)
+    runs, learn = learn_settings(config, robot, scene_count=scene_count), load_learn_config(config)
     images = chosen_images(inputs, cameras, runs.robot) if inputs or cameras else learn.images
     try:
         learn = dataclasses.replace(learn, images=images, goal=goal or learn.goal)
@@ -252,7 +266,7 @@ def _check_folder(plan: Plan) -> None:
 def _check_room(place: Place) -> None:
     """Raise SceneError unless humans find room beside the robot in some of the first scenarios."""
     world = World(place.spec)
-    config = dataclasses.replace(world.config.human_planner, absent=0.0)
+    config = dataclasses.replace(world.config.human_planner, absent=0.0, absent_first=0)
     world.config = dataclasses.replace(world.config, human_planner=config)
     planner, reason = world.human_planner(), ""
     for index in range(DRAWS):

@@ -133,21 +133,13 @@ def make_evaluator_config(lockstep: int) -> EvaluatorConfig:
 def evaluation_world(
     scene: str, config: RunConfig, *, avatars: Path | None, seed: int, scenarios: Path | None = None
 ) -> World:
-    """The place of an evaluation; people come to each of its episodes, see `with_people`.
+    """The place of an evaluation.
 
     Raises:
         ReadygoError: If scene, avatars or scenarios cannot be used.
     """
-    tried = with_people(config)
     return World(
-        make_spec(open_scene(scene), avatars, tried, seed=seed, split=Split.TEST, static=False, scenarios=scenarios)
-    )
-
-
-def with_people(config: RunConfig) -> RunConfig:
-    """Settings in which somebody walks in every episode, as the task "dynamic" says, whoever was absent in the data."""
-    return dataclasses.replace(
-        config, human_planner=dataclasses.replace(config.human_planner, absent=0.0, absent_first=0)
+        make_spec(open_scene(scene), avatars, config, seed=seed, split=Split.TEST, static=False, scenarios=scenarios)
     )
 
 

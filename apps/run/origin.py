@@ -25,7 +25,7 @@ _RENDERED = ("detail", "contact_shadow", "feet_on_floor", "human_light", "human_
 """Settings of the renderer that change what a robot sees; the sensor is the policy's own to say."""
 _HUMANS = ("episode", "human_planner")
 """Sections that a recipe of humans takes the place of."""
-_OF_DATA_ONLY = {"human_planner": ("absent",)}
+_OF_DATA_ONLY = {"human_planner": ("absent", "absent_first")}
 """Settings of a section that shape data, but not the tasks that a policy is tried in."""
 
 

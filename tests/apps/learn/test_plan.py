@@ -51,6 +51,15 @@ def test_what_nobody_names_is_as_learning_needs_it(tmp_path: Path) -> None:
     assert learn_settings(None, tmp_path / "robot.toml").robot.camera == CameraConfig(width_px=256, height_px=144)
 
 
+def test_nobody_walks_in_the_first_episodes_which_scenes_share_unless_the_file_says_otherwise(tmp_path: Path) -> None:
+    first = [
+        learn_configs(None, None, "", "", scene_count=count)[0].human_planner.absent_first for count in (1, 2, 3, 7)
+    ]
+    assert first == [600, 300, 200, 86]
+    (tmp_path / "run.toml").write_text("[human_planner]\nabsent_first = 5\n")
+    assert learn_settings(tmp_path / "run.toml", None, scene_count=2).human_planner.absent_first == 5
+
+
 def test_images_of_goals_are_recorded_where_the_policy_sees_them(tmp_path: Path) -> None:
     assert not learn_configs(None, None, "", "")[0].renderer.goal_image
     runs, learn = learn_configs(None, None, "", "", "both")

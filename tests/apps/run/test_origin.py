@@ -25,6 +25,7 @@ from readygo.common.errors import PolicyError
 from readygo.common.messages import RunSpec, Split
 from readygo.common.policy import PolicySpec, load_spec, save_spec
 from readygo.common.robot import RobotConfig
+from readygo.services.planner.humans.config import HumanPlannerConfig
 
 SPEC = PolicySpec(robot=RobotConfig(height_m=0.8), sensor=SensorConfig(k1=(0.0, 0.02)), training={"seed": 3})
 
@@ -146,3 +147,9 @@ def test_what_a_policy_has_seen_is_refused_as_unseen(casts: dict[str, RunSpec], 
     few = with_origin(SPEC, origin_of_runs([casts["test"]]))
     with pytest.raises(PolicyError, match="needs 6 or more avatars"):
         check_unseen(few, casts["train"], ["avatars"])
+
+
+def test_who_is_absent_in_the_data_comes_to_the_tests_of_the_policy() -> None:
+    config = RunConfig(human_planner=HumanPlannerConfig(absent=0.4, absent_first=300, parallel_offset_m=0.7))
+    tried = settings_of_policy(with_origin(SPEC, origin_of_runs([run_of(config, None)]))).human_planner
+    assert (tried.absent, tried.absent_first, tried.parallel_offset_m) == (0.0, 0, 0.7)

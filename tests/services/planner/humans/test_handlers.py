@@ -53,3 +53,15 @@ def test_nobody_walks_in_a_share_of_the_episodes_and_all_others_stay_what_they_a
     assert 2 <= empty <= 10
     with pytest.raises(ValueError, match=r"absent must be 0\.\.1, got 1\.5"):
         HumanPlannerConfig(absent=1.5)
+
+
+def test_nobody_walks_in_the_first_episodes_and_all_others_stay_what_they_are():
+    requests = [HumanPlanRequest(episode=key(index)) for index in range(8)]
+    everybody = [handle_human_plan(make_human_planner(), request).scenario for request in requests]
+    later = make_human_planner(config=HumanPlannerConfig(absent_first=4))
+    scenarios = [handle_human_plan(later, request).scenario for request in requests]
+    assert all(scenario is not None and scenario.humans == () for scenario in scenarios[:4])
+    assert [encode(scenario) for scenario in scenarios[4:]] == [encode(scenario) for scenario in everybody[4:]]
+    assert any(scenario is not None and scenario.humans for scenario in scenarios[4:])
+    with pytest.raises(ValueError, match="absent_first must be at least 0, got -1"):
+        HumanPlannerConfig(absent_first=-1)
