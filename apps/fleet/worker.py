@@ -268,7 +268,7 @@ def take_the_lead(bus: Bus, coordinator: coordination.Coordinator) -> Callable[[
         BusError: If another process leads it, in whatever folder.
     """
     run, replaced = coordinator.spec.run, threading.Event()
-    turn = coordinator.ledger.next_turn(time.time_ns())
+    turn = coordinator.ledger.notes.next_turn(time.time_ns())
 
     def lead_on() -> None:
         if replaced.is_set():

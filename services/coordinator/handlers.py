@@ -111,7 +111,7 @@ class Coordinator:
         self.secret = secrets.token_bytes(32)
         """What leases are proved by; they end with the process."""
         self.failed = ""
-        self.paused = ledger.note("paused") == "yes"
+        self.paused = ledger.notes.get("paused") == "yes"
         self.cancelled = False
         self.troubles: dict[str, str] = {}
         """What somebody must mend before the run goes on, by whom it keeps from work."""
@@ -121,16 +121,18 @@ class Coordinator:
         """Leases that each of them got since the process began."""
         self._check_recorders()
         if self.numeric_class:
-            self.numeric_class = ledger.agree("numeric_class", self.numeric_class)
+            self.numeric_class = ledger.notes.agree("numeric_class", self.numeric_class)
         ledger.requeue_all()
         ledger.drop_episodes(wanted)
-        blobs.keep_only(ledger.results() | {file.sha256 for policy in ledger.policies() for file in policy.files})
+        blobs.keep_only(
+            ledger.census.results() | {file.sha256 for policy in ledger.policies.all() for file in policy.files}
+        )
         ledger.open_episodes(wanted)
 
     @property
     def finished(self) -> bool:
         """True when all wanted episodes are durable."""
-        return self.ledger.committed()[0] >= self.wanted
+        return self.ledger.census.committed()[0] >= self.wanted
 
     @property
     def over(self) -> bool:
@@ -142,7 +144,7 @@ class Coordinator:
 
         Of equal ones it is the one that got the fewest so far.
         """
-        loads = self.ledger.loads()
+        loads = self.ledger.census.loads()
         return min(self._able() or self.recorders, key=lambda name: (loads.get(name, 0), self.given[name]))
 
     def _able(self) -> list[str]:
@@ -159,7 +161,7 @@ class Coordinator:
 
     def note_recorder(self, name: str, *, alive: bool) -> None:
         """A recorder came, or is gone: what was granted to it waits for it, and so do its senders."""
-        granted = 0 if alive else len(self.ledger.granted(name))
+        granted = 0 if alive else len(self.ledger.census.granted(name))
         gone = (
             f"Recorder {name} is gone and holds {granted} episodes; `readygo worker recorder --name {name}` starts it."
         )
@@ -172,7 +174,7 @@ class Coordinator:
                 f"All recorders of this run were given up ({', '.join(self.config.recorders)}): name another one in "
                 "[coordinator] recorders."
             )
-        if missing := sorted(self.ledger.granted_recorders() - set(self.config.recorders)):
+        if missing := sorted(self.ledger.census.granted_recorders() - set(self.config.recorders)):
             raise RunError(
                 f"Recorder {missing[0]!r} was given episodes of this run; name it in [coordinator] recorders again."
             )
@@ -222,7 +224,7 @@ def _completed(coordinator: Coordinator, stage: Stage, request: CompleteRequest)
     ledger = coordinator.ledger
     if other := _held_by_another(coordinator, request):
         return other
-    ledger.add(f"cpu_s/{stage.name}", request.cpu_s)
+    ledger.notes.add(f"cpu_s/{stage.name}", request.cpu_s)
     rejected = request.rejected[:REASON_MAX]
     if request.failed:
         failures = ledger.fail(stage, request.index, request.attempt)
@@ -264,7 +266,7 @@ def handle_expect(coordinator: Coordinator, request: ExpectRequest) -> Verdict:
         return Verdict(status=VerdictStatus.STALE, reason=reason)
     if wrong := _of_another_recorder(coordinator, request.recorder, key.index):
         return wrong
-    status = coordinator.ledger.expected(key.index, request.attempt)
+    status = coordinator.ledger.census.expected(key.index, request.attempt)
     if status is VerdictStatus.OK and not _proves_lease(coordinator, request.lease, key.index, request.attempt):
         return _not_the_holder(key.index, request.attempt)
     late = status is VerdictStatus.STALE
@@ -314,7 +316,7 @@ def handle_trouble(coordinator: Coordinator, request: TroubleRequest) -> Verdict
 
 def handle_pending(coordinator: Coordinator, request: PendingRequest) -> PendingReply:
     """Which grants does the recorder hold?"""
-    return PendingReply(indices=coordinator.ledger.granted(request.recorder))
+    return PendingReply(indices=coordinator.ledger.census.granted(request.recorder))
 
 
 def handle_blob(coordinator: Coordinator, request: BlobRequest) -> BlobReply:
@@ -338,8 +340,8 @@ def handle_offer(coordinator: Coordinator, request: OfferRequest) -> OfferReply:
     files = tuple(
         FileRef(path=file.name, sha256=coordinator.blobs.put(file.data), size=len(file.data)) for file in request.files
     )
-    offered = coordinator.ledger.offer(PolicyRef(path="", files=files, mix=own.mix), time.time_ns())
-    for sha256 in coordinator.ledger.idle_policy_files():
+    offered = coordinator.ledger.policies.offer(PolicyRef(path="", files=files, mix=own.mix), time.time_ns())
+    for sha256 in coordinator.ledger.policies.idle_files():
         coordinator.blobs.drop(sha256)
     return OfferReply(version=offered.version, sha256=offered.sha256)
 
@@ -347,7 +349,7 @@ def handle_offer(coordinator: Coordinator, request: OfferRequest) -> OfferReply:
 def handle_control(coordinator: Coordinator, request: ControlRequest) -> Verdict:
     """Pause, resume or cancel the run."""
     coordinator.paused = request.command is Command.PAUSE
-    coordinator.ledger.note("paused", "yes" if coordinator.paused else "no")
+    coordinator.ledger.notes.put("paused", "yes" if coordinator.paused else "no")
     coordinator.cancelled = coordinator.cancelled or request.command is Command.CANCEL
     return Verdict(status=VerdictStatus.OK)
 
@@ -355,22 +357,22 @@ def handle_control(coordinator: Coordinator, request: ControlRequest) -> Verdict
 def handle_status(coordinator: Coordinator, request: StatusRequest) -> StatusReply:
     """How far the run is."""
     ledger = coordinator.ledger
-    committed, samples = ledger.committed()
-    counters = ledger.counters()
+    committed, samples = ledger.census.committed()
+    counters = ledger.notes.counters()
     prefix = "cpu_s/"
     return StatusReply(
         wanted=coordinator.wanted,
         committed=committed,
         samples=samples,
-        waiting=ledger.waiting(),
-        leased=ledger.leased(),
-        rejected=ledger.rejections(),
+        waiting=ledger.census.waiting(),
+        leased=ledger.census.leased(),
+        rejected=ledger.census.rejections(),
         requeued=int(counters.get("requeued", 0)),
         cpu_s={name.removeprefix(prefix): value for name, value in counters.items() if name.startswith(prefix)},
         finished=coordinator.finished,
         failed=coordinator.failed or (CANCELLED if coordinator.cancelled and not coordinator.finished else ""),
-        kept=ledger.kept(),
-        policies=len(ledger.policies()),
+        kept=ledger.census.kept(),
+        policies=len(ledger.policies.all()),
         trouble=" ".join(coordinator.troubles.values()),
         paused=coordinator.paused,
         run=coordinator.spec.run,
@@ -382,7 +384,7 @@ def handle_fleet(coordinator: Coordinator, request: FleetRequest | None = None) 
     """Who works on the run."""
     return FleetReply(
         stages=tuple(stage.name for stage in coordinator.spec.stages),
-        workers=coordinator.roster.workers(coordinator.ledger.leases()),
+        workers=coordinator.roster.workers(coordinator.ledger.census.leases()),
         done_per_minute=coordinator.roster.done_per_minute(),
     )
 
@@ -390,7 +392,7 @@ def handle_fleet(coordinator: Coordinator, request: FleetRequest | None = None) 
 def note_absent(coordinator: Coordinator) -> None:
     """Tell of stages that episodes wait for, and that nobody who is there does; call it now and then."""
     for stage in coordinator.spec.stages:
-        waiting = coordinator.ledger.waiting_at(stage)
+        waiting = coordinator.ledger.census.waiting_at(stage)
         absent_s = coordinator.roster.absent_s(stage.name, stage.role, needed=waiting > 0)
         words = (
             f"{waiting} episodes wait for stage {stage.name}, and no {stage.role} is there; "
@@ -408,7 +410,7 @@ def requeue_lost(coordinator: Coordinator, *, worker: str | None = None) -> bool
         ended = _requeue_expired(coordinator) if worker is None else _requeue_worker(coordinator, worker)
         # Nothing but a write tells that the disk takes writes again.
         if ended or _LEDGER in coordinator.troubles:
-            coordinator.ledger.add("requeued", ended)
+            coordinator.ledger.notes.add("requeued", ended)
     except DiskError as error:
         _trouble(coordinator, _LEDGER, str(error))
         return False
@@ -434,7 +436,7 @@ def _set_aside(coordinator: Coordinator, index: int, reason: str) -> None:
     data = {stage: coordinator.blobs.get(sha256) or b"" for stage, sha256 in results.items()}
     where = coordinator.set_aside(index, reason, data)
     log.warning("episode %d is set aside: %s%s", index, reason, where)
-    aside, committed = coordinator.ledger.aside(), coordinator.ledger.committed()[0]
+    aside, committed = coordinator.ledger.census.aside(), coordinator.ledger.census.committed()[0]
     if aside >= coordinator.config.aside_max and aside > committed:
         coordinator.failed = f"{aside} episodes were set aside, the last one is {index}: {reason}{where}"
         return
@@ -450,7 +452,7 @@ def _trouble(coordinator: Coordinator, who: str, reason: str) -> None:
 
 def _held_by_another(coordinator: Coordinator, request: RenewRequest | CompleteRequest) -> Verdict | None:
     """What is said to somebody who speaks for a lease that another worker holds."""
-    holder = coordinator.ledger.holder(request.index, request.attempt)
+    holder = coordinator.ledger.census.holder(request.index, request.attempt)
     if not holder:
         return None
     proved = _proves_lease(coordinator, request.lease, request.index, request.attempt)
@@ -474,7 +476,7 @@ def _proves_lease(coordinator: Coordinator, proof: str, index: int, attempt: int
 
 def _of_another_recorder(coordinator: Coordinator, recorder: str, index: int) -> Verdict | None:
     """What is said to a recorder that is not the one of an episode."""
-    chosen = coordinator.ledger.recorder_of(index)
+    chosen = coordinator.ledger.census.recorder_of(index)
     if unknown := _unknown_recorder(coordinator, recorder):
         return unknown
     if chosen in ("", recorder):
@@ -500,13 +502,13 @@ def _verdict(held: bool) -> Verdict:
 
 def _same_numeric_class(coordinator: Coordinator, numeric_class: str) -> bool:
     if numeric_class and not coordinator.numeric_class:
-        coordinator.numeric_class = coordinator.ledger.agree("numeric_class", numeric_class)
+        coordinator.numeric_class = coordinator.ledger.notes.agree("numeric_class", numeric_class)
     return bool(numeric_class) and coordinator.numeric_class == numeric_class
 
 
 def _planned_ahead(coordinator: Coordinator) -> bool:
     ahead = max(coordinator.config.plan_ahead, AHEAD_PER_PROCESS * coordinator.roster.size)
-    return coordinator.ledger.begun() >= ahead
+    return coordinator.ledger.census.begun() >= ahead
 
 
 def _inputs(coordinator: Coordinator, lease: Lease) -> tuple[Blob, ...] | None:
@@ -539,15 +541,17 @@ def _leased_policy(coordinator: Coordinator, lease: Lease) -> PolicyRef | None:
     own = coordinator.spec.policy
     if own is None or not lease.policy:
         return None
-    (offered,) = (policy for policy in coordinator.ledger.policies() if policy.sha256 == lease.policy)
+    (offered,) = (policy for policy in coordinator.ledger.policies.all() if policy.sha256 == lease.policy)
     return PolicyRef(path="", files=offered.files, mix=own.mix)
 
 
 def _after_rejection(coordinator: Coordinator) -> None:
-    rejected = sum(coordinator.ledger.rejections().values())
-    accepted = coordinator.ledger.committed()[0] + coordinator.ledger.waiting_at(coordinator.spec.stages[-1])
+    rejected = sum(coordinator.ledger.census.rejections().values())
+    accepted = coordinator.ledger.census.committed()[0] + coordinator.ledger.census.waiting_at(
+        coordinator.spec.stages[-1]
+    )
     if rejected >= coordinator.config.rejections_max and rejected > 20 * accepted:
-        reasons = ", ".join(f"{reason} ({count})" for reason, count in coordinator.ledger.rejections().items())
+        reasons = ", ".join(f"{reason} ({count})" for reason, count in coordinator.ledger.census.rejections().items())
         coordinator.failed = f"{rejected} indices were rejected and {accepted} accepted: {reasons}."
         return
     coordinator.ledger.open_episodes(coordinator.wanted)

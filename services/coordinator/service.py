@@ -119,7 +119,12 @@ def tick(bus: Bus, coordinator: Coordinator) -> None:
     if requeue_lost(coordinator):
         bus.publish(topics.WAKE, Wake())
     now_s = coordinator.clock()
-    of_note = coordinator.ledger.committed()[0], coordinator.over, coordinator.paused, tuple(coordinator.troubles)
+    of_note = (
+        coordinator.ledger.census.committed()[0],
+        coordinator.over,
+        coordinator.paused,
+        tuple(coordinator.troubles),
+    )
     if of_note != coordinator.told or now_s - coordinator.told_s >= TELL_S:
         coordinator.told, coordinator.told_s = of_note, now_s
         handlers.note_absent(coordinator)

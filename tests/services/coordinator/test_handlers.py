@@ -261,7 +261,7 @@ def test_full_disk_of_the_ledger_is_waited_for(line: Line, monkeypatch: pytest.M
 
     ledger = line.coordinator.ledger
     monkeypatch.setattr(ledger, "claim", full)
-    monkeypatch.setattr(ledger, "add", full)
+    monkeypatch.setattr(ledger.notes, "add", full)
     assert line.claim(HUMAN_PLAN).status is ClaimStatus.WAIT
     requeue_lost(line.coordinator)
     assert "disk full" in line.status().trouble
@@ -307,7 +307,7 @@ def test_episodes_are_dealt_out_to_the_recorders_in_turn(tmp_path: Path) -> None
 def test_results_that_nobody_needs_are_gone_after_a_restart(tmp_path: Path) -> None:
     first = Line(tmp_path)
     first.plan()
-    needed = set(first.coordinator.ledger.results())
+    needed = set(first.coordinator.ledger.census.results())
     left_over = first.coordinator.blobs.put(b"of a crash")
     first.coordinator.ledger.close()
     second = Line(tmp_path)
@@ -512,8 +512,8 @@ def test_newest_policy_comes_with_the_episodes_that_are_leased_after_its_offer(l
     driven.append(_driven(live))
     assert driven == ["", first.sha256, second.sha256]
     assert (first.version, second.version, live.status().policies) == (1, 2, 2)
-    assert live.coordinator.ledger.driven_by() == dict(enumerate(driven))
-    assert [policy.samples for policy in live.coordinator.ledger.policies()] == [10, 20]
+    assert live.coordinator.ledger.census.driven_by() == dict(enumerate(driven))
+    assert [policy.samples for policy in live.coordinator.ledger.policies.all()] == [10, 20]
 
 
 def _held(line: Line) -> set[bytes]:
