@@ -13,7 +13,7 @@ from readygo.services.planner.explain.journal import DrivenRun
 from readygo.services.planner.explain.picture import Look, episode_view
 from readygo.services.planner.explain.picture_layers import draw_knowledge, draw_superseded
 from readygo.services.renderer import Renderer
-from readygo.services.renderer.handlers import episode_shots
+from readygo.services.renderer.samples import episode_shots
 
 PIXELS_PER_M = 80
 GIVEN_UP_S = 1.0
